@@ -1,0 +1,104 @@
+"""Figures and tables of docs/frontier.md: error against run time of every method on six scenes.
+
+    python bench/frontier.py            all of them, a few minutes
+    python bench/frontier.py chain      one of them
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from granular import Hertz, LinearDashpot, ViscoelasticHertz, cases, scenes, until
+from granular.workprecision import Frontier, frontier
+from granular.workprecision.table import duration
+
+DOCS = Path(__file__).parents[1] / "docs"
+PAGE = DOCS / "frontier.md"
+GOALS = (1e-3, 1e-6, 1e-9, 1e-12)
+FLOOR = until.contact(pair=0, nth=2)
+APART = until.separated()
+
+
+def three_balls(restitution: float) -> Frontier:
+    """The paper's scene with a clipped dashpot."""
+    scene = scenes.three_balls()
+    law = [LinearDashpot.from_restitution(restitution, k=5e7, pair=pair) for pair in scene.pairs]
+    return frontier(scene, law, until=FLOOR)
+
+
+def viscoelastic() -> Frontier:
+    """The paper's scene with viscoelastic spheres, ε = 0.7 at the speed of impact."""
+    scene = scenes.three_balls()
+    law = [ViscoelasticHertz.from_restitution(0.7, speed=3.13, k=1e9, pair=pair) for pair in scene.pairs]
+    return frontier(scene, law, until=FLOOR)
+
+
+def column() -> Frontier:
+    """Ten balls in a column that falls on the floor, ε = 0.9."""
+    case = cases.make("column", n=10)
+    return frontier(case.scene, case.law, until=case.until)
+
+
+SCENES: dict[str, tuple[str, Callable[[], Frontier]]] = {
+    "three-balls": ("Three balls, ε = 0.7", lambda: three_balls(0.7)),
+    "three-balls-elastic": ("Three balls, ε = 1", lambda: three_balls(1.0)),
+    "three-balls-viscoelastic": ("Three balls, viscoelastic, ε(v) = 0.7", viscoelastic),
+    "cradle": ("Cradle of 5 touching Hertz balls",
+               lambda: frontier(scenes.newtons_cradle(5), Hertz(2e10), until=APART)),
+    "column": ("Column of 10 balls, ε = 0.9", column),
+    "chain": ("Chain of 20 touching Hertz balls", lambda: frontier(scenes.chain(20), Hertz(2e10), until=APART)),
+}  # fmt: skip
+
+
+def section(name: str, title: str, report: Frontier) -> str:
+    """The part of the page about one scene."""
+    truth = report.reference
+    lines = [
+        f"## {title}", "", f"![Error against run time: {title}](figures/frontier-{name}.png)", "",
+        f"{len(truth.contacts)} contacts. Reference: {truth.solver}, error {truth.velocity_error:.0e} of the impact "
+        f"speed; rounding of the scene's own numbers: {report.rounding_level:.0e}.", "",
+        "| error below | located | fastest other | ratio |", "|---|---|---|---|",
+    ]  # fmt: skip
+    alone = tuple(method for method in report.methods if method != "located")
+    for goal in GOALS:
+        mine, other = report.fastest(goal, without=alone), report.fastest(goal, without=("located",))
+        ratio = f"{other.seconds / mine.seconds:.2g}" if mine and other else "–"
+        shown = [duration(mine.seconds) if mine else "–"]
+        shown += [f"{other.method}, {duration(other.seconds)}" if other else "none reaches it", ratio]
+        lines.append(f"| {goal:.0e} | {' | '.join(shown)} |")
+    lines += ["", "| method | order measured | min(p, 1+s) | textbook p | smallest error | contacts wrong |",
+              "|---|---|---|---|---|---|"]  # fmt: skip
+    return "\n".join([*lines, *(_method_line(report, method) for method in report.methods), ""])
+
+
+def _method_line(report: Frontier, method: str) -> str:
+    rows = report.of(method)
+    textbook, expected = report.orders.get(method, (math.nan, math.nan))
+    order = [f"{x:.2f}" if math.isfinite(x) else "–" for x in (report.order(method), expected, textbook)]
+    if order[0] != "–":
+        order[0] += f" in {report.dials[method]}"
+    least = min((row.velocity_error for row in rows if row.good), default=math.nan)
+    wrong = sum(row.wrong_count for row in rows)
+    return f"| {method} | {' | '.join(order)} | {least:.0e} | {wrong} of {len(rows)} |"
+
+
+def main(names: list[str]) -> None:
+    """Measure, draw, and put the tables into the page."""
+    for name in names or list(SCENES):
+        title, measure = SCENES[name]
+        report = measure()
+        print(f"{title}\n\n{report}\n", flush=True)
+        (DOCS / "figures").mkdir(exist_ok=True)
+        report.plot(DOCS / "figures" / f"frontier-{name}.png")
+        text = PAGE.read_text(encoding="utf-8")
+        place = re.compile(rf"(<!-- {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+        filled = section(name, title, report)
+        PAGE.write_text(place.sub(lambda m, s=filled: m[1] + s + m[2], text), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,153 @@
+"""How the documentation is built: ``sphinx-build -W --keep-going -b html docs docs/_build``.
+
+Nothing is fetched: no fonts, scripts or formulas from elsewhere, so the pages work from ``file://``.
+"""
+
+import re
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parent))
+
+import granular  # noqa: E402
+
+project = "granular"
+author = "the authors of granular"
+copyright = "the authors of granular, MIT licence"
+version = release = granular.__version__
+
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
+EXAMPLES = HERE.parent / "examples"
+STAGE = HERE / "_examples"  # the examples again, dressed for the gallery: with a header, and their first line as title
+if scripts := sorted(EXAMPLES.glob("*.py")):
+    extensions.append("sphinx_gallery.gen_gallery")
+    STAGE.mkdir(exist_ok=True)
+    (STAGE / "GALLERY_HEADER.rst").write_text("Examples\n========\n\nA few lines each, with what they print.\n")
+    for old in {path.name for path in STAGE.glob("*.py")} - {path.name for path in scripts}:
+        (STAGE / old).unlink()
+    for script in scripts:
+        source = script.read_text(encoding="utf-8")
+        heading = re.match(r'"""(.*?)(?:"""|\n)', source)
+        if heading:
+            end = heading.end(1)
+            source = f'"""\n{source[3:end].rstrip(".")}\n{"=" * (end - 3)}\n{source[end:]}'
+        staged = STAGE / script.name
+        if not staged.exists() or staged.read_text(encoding="utf-8") != source:
+            staged.write_text(source, encoding="utf-8")
+
+
+
+def is_documentable(page: Path) -> bool:
+    """Whether the modules that a page of the reference describes can be imported."""
+    try:
+        for name in re.findall(r"automodule:: (\S+)", page.read_text(encoding="utf-8")):
+            import_module(name)
+    except ImportError:
+        return False
+    return True
+
+
+exclude_patterns = ["_build", "_examples", "jupyter_execute", "gallery/*.ipynb", "**/.ipynb_checkpoints"]
+exclude_patterns += ["sg_execution_times.rst", "gallery/sg_execution_times.rst"]
+exclude_patterns += [f"api/{page.name}" for page in (HERE / "api").glob("*.md") if not is_documentable(page)]
+myst_enable_extensions = ["colon_fence", "deflist"]
+myst_heading_anchors = 3
+suppress_warnings = ["config.cache"]  # sphinx-gallery keeps functions in its settings
+
+nb_execution_mode = "off"  # notebooks are stored with their outputs; tests/test_notebooks.py runs them
+nb_ipywidgets_js: dict[str, dict[str, str]] = {}
+
+default_role = "py:obj"
+add_module_names = False
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"  # the docstrings say types, shapes and units
+autodoc_default_options = {"members": True}
+napoleon_google_docstring = False
+napoleon_use_ivar = True
+napoleon_use_rtype = False
+toc_object_entries_show_parents = "hide"
+
+sphinx_gallery_conf = {
+    "examples_dirs": [str(STAGE)],
+    "gallery_dirs": ["gallery"],
+    "filename_pattern": r"[\\/](?!sweep_on)\w+\.py$",  # pools of processes are shown, not run
+    "ignore_pattern": r"(__init__|conftest)\.py",
+    "download_all_examples": False,
+    "show_memory": False,
+    "show_signature": False,
+    "plot_gallery": not tags.has("quick"),  # noqa: F821  (sphinx-build -t quick lays examples out without running them)
+    "min_reported_time": 10,
+}
+
+html_theme = "pydata_sphinx_theme"
+html_title = "granular"
+html_static_path = ["_static"]
+html_css_files = ["granular.css"]
+html_show_sourcelink = False
+html_copy_source = False
+html_theme_options = {
+    "navbar_align": "left",
+    "navbar_end": ["theme-switcher"],
+    "navbar_persistent": ["search-button"],
+    "header_links_before_dropdown": 7,
+    "show_toc_level": 2,
+    "secondary_sidebar_items": ["page-toc"],
+    "footer_start": ["copyright"],
+    "footer_end": [],
+    "pygments_light_style": "default",
+    "pygments_dark_style": "github-dark",
+}
+html_sidebars = {"index": [], "defence-of-design": []}
+
+PLANNED = ("frontier", "stability", "paper", "page", "adiabatic", "gallery/index")
+"""Pages that may not have been written (or generated) yet: links to them become plain text until they are."""
+
+
+def leave_out_planned(app: Any, docname: str, source: list[str]) -> None:
+    """Take pages that do not exist out of lists of contents and links."""
+    for page in PLANNED:
+        if page not in app.env.found_docs and page != docname:
+            source[0] = re.sub(rf"^{page}\n", "", source[0], flags=re.MULTILINE)
+            source[0] = re.sub(rf"\[([^\]]+)\]\((?:\.\./)?{page}(?:\.md)?(?:#[^)]*)?\)", r"\1", source[0])
+
+
+EMPHASIS = re.compile(r"(``.*?``|`[^`]+`|(?<![\w*])\*\w[^*|]*\*(?![\w*]))")
+
+
+def spell_for_sphinx(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Docstrings are written for reading: formulas stay as they are set, |v| and x** are no markup."""
+    done: list[str] = []
+    before, depth, formula, names = "", 0, False, False
+    for line in lines:
+        if re.match(r"\s*-{3,}$", line):
+            names = before.strip() == "Attributes"
+        elif names and re.match(r"\s*\w+, .* : ", line):
+            line = re.sub(r", (?=.* : )", ",", line)  # "a, b : float" describes two
+        indent = len(line) - len(line.lstrip())
+        if line.strip():
+            if formula and indent <= depth:
+                formula = False
+            if not formula and done and not done[-1].strip() and indent >= depth + 4:
+                formula = True
+                if not before.endswith("::"):
+                    done += [" " * depth + "::", ""]
+            if not formula:
+                before, depth = line.rstrip(), indent
+        done.append(line if formula else _escaped(line))
+    lines[:] = done
+
+
+def _escaped(line: str) -> str:
+    bullet = re.match(r"\s*\* |", line).group()
+    parts = EMPHASIS.split(line[len(bullet) :])
+    parts[::2] = [re.sub(r"([|*])", r"\\\1", part) for part in parts[::2]]
+    return bullet + "".join(parts)
+
+
+def setup(app: Any) -> None:
+    """Connect the two helpers above."""
+    app.connect("source-read", leave_out_planned)
+    app.connect("autodoc-process-docstring", spell_for_sphinx, priority=400)

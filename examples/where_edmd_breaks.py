@@ -1,0 +1,12 @@
+"""The gap at which two balls dropped on a floor may no longer be event-driven, over their restitution."""
+
+import numpy as np
+
+import granular as gr
+
+eps = [0.5, 0.7, 0.9, 1.0]
+data = gr.sweep("three-balls", {"restitution": eps, "gap": np.geomspace(1e-5, 1e-2, 61)}, "eps_ratio")
+wrong = np.abs(data["eps_ratio"] - 1.0) > 0.01
+for e in eps:
+    widest = float(data["gap"][wrong.sel(restitution=e)].max())
+    print(f"ε = {e}: gaps below {widest * 1e3:.2f} mm give an ε_eff that is wrong by more than 1 %")

@@ -1,0 +1,14 @@
+"""A restitution of your own: any function of impact speed and pair. Here ε falls with speed, as of a soft metal."""
+
+import granular as gr
+
+
+def soft_metal(speed, pair):
+    return min(1.0, 0.8 * max(speed, 1e-9) ** -0.25)
+
+
+scene = gr.scenes.bouncing_ball(height=1.0)
+run = gr.edmd.simulate(scene, soft_metal, t_end=3.0)
+for row in run.of(0)[:6]:
+    before, after = -row["v_in"][1], row["v_out"][1]
+    print(f"t = {row['t_begin']:.4f} s: {before:.4f} m/s in, {after:.4f} m/s out, ε = {after / before:.3f}")

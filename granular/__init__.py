@@ -1,0 +1,85 @@
+"""Balls on a line as hard spheres and as soft spheres: may these collisions be treated as instantaneous?
+
+>>> import granular as gr
+>>> scene = gr.scenes.three_balls()
+>>> law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=p) for p in scene.pairs]
+>>> report = gr.compare(scene, law, until=gr.until.contact(pair=0, nth=2))
+>>> report.pairs[1].hard_contacts, report.pairs[1].soft_contacts
+(1, 4)
+"""
+
+from typing import TYPE_CHECKING, Any
+
+from granular import until
+from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz, WaltonBraun
+from granular.rules import ConstantRestitution, TabulatedRestitution, ThorntonRestitution
+from granular.scene import Pair, Scene
+from granular.trajectory import Status, Trajectory
+
+if TYPE_CHECKING:
+    from granular import adiabatic, binary, cases, edmd, md, measures, scenes, theory
+    from granular.binary import restitution_of
+    from granular.comparison import Comparison, compare
+    from granular.stress import stability
+    from granular.sweeps import sweep
+    from granular.workprecision import frontier
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Comparison",
+    "ConstantRestitution",
+    "Hertz",
+    "LinearDashpot",
+    "Pair",
+    "PowerLaw",
+    "Scene",
+    "Status",
+    "TabulatedRestitution",
+    "ThorntonRestitution",
+    "Trajectory",
+    "TsujiHertz",
+    "ViscoelasticHertz",
+    "WaltonBraun",
+    "adiabatic",
+    "binary",
+    "cases",
+    "compare",
+    "edmd",
+    "frontier",
+    "md",
+    "measures",
+    "restitution_of",
+    "scenes",
+    "stability",
+    "sweep",
+    "theory",
+    "until",
+]
+
+_UPPER_FLOORS = {
+    "Comparison": "comparison",
+    "compare": "comparison",
+    "restitution_of": "binary",
+    "frontier": "workprecision",
+    "stability": "stress",
+    "sweep": "sweeps",
+    "adiabatic": "",
+    "binary": "",
+    "cases": "",
+    "edmd": "",
+    "md": "",
+    "measures": "",
+    "scenes": "",
+    "theory": "",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Load engines and upper floors when they are first asked for: a run of one engine does not need the rest."""
+    from importlib import import_module
+
+    if name not in _UPPER_FLOORS:
+        raise AttributeError(f"module 'granular' has no attribute {name!r}")
+    module = import_module(f"granular.{_UPPER_FLOORS[name] or name}")
+    return getattr(module, name) if _UPPER_FLOORS[name] else module

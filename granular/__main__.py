@@ -1,0 +1,6 @@
+"""``python -m granular`` is the `granular` command."""
+
+from granular.cli import main
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,110 @@
+"""Argument checks: each returns the clean value or raises one sentence.
+
+Every message gives the name, the value got, what is needed and, where there is one, the usual fix.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def number(
+    name: str,
+    value: Any,
+    *,
+    above: float = -math.inf,
+    at_least: float = -math.inf,
+    at_most: float = math.inf,
+    finite: bool = True,
+    fix: str = "",
+) -> float:
+    """Return `value` as a float within ``(above, …)`` and ``[at_least, at_most]``; nan never passes."""
+    if isinstance(value, (bool, str, bytes)) or np.ndim(value) != 0:
+        raise TypeError(_sentence(name, value, "a single number is needed", fix))
+    try:
+        x = float(value)
+    except (TypeError, ValueError):
+        raise TypeError(_sentence(name, value, "a single number is needed", fix)) from None
+    if not (above < x and at_least <= x <= at_most) or (finite and math.isinf(x)):
+        raise ValueError(_sentence(name, value, _range(above, at_least, at_most, finite), fix))
+    return x
+
+
+def whole(name: str, value: Any, *, at_least: int = 0, at_most: float = math.inf, fix: str = "") -> int:
+    """Return `value` as an int within ``[at_least, at_most]``."""
+    x = number(name, value, fix=fix)
+    if x != math.floor(x) or not at_least <= x <= at_most:
+        top = "" if at_most == math.inf else f" and at most {at_most}"
+        raise ValueError(_sentence(name, value, f"a whole number of at least {at_least}{top} is needed", fix))
+    return int(x)
+
+
+def array(name: str, value: Any, shape: tuple[int, ...] | None = None, *, fix: str = "") -> Array:
+    """Return a read-only float64 copy of `value` with the given `shape` (any length if None)."""
+    try:
+        out = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(_sentence(name, value, "an array of numbers is needed", fix)) from None
+    if shape is None and out.ndim != 1:
+        raise ValueError(_sentence(f"shape of {name}", out.shape, "one dimension is needed", fix))
+    if shape is not None and out.shape != shape:
+        raise ValueError(_sentence(f"shape of {name}", out.shape, f"{shape} is needed", fix))
+    out.flags.writeable = False
+    return out
+
+
+def every(name: str, values: Array, good: NDArray[np.bool_], need: str, fix: str = "") -> None:
+    """Raise for the first entry of `values` whose `good` is false, naming its index."""
+    if not good.all():
+        i = int(np.flatnonzero(~good)[0])
+        raise ValueError(_sentence(f"{name}[{i}]", float(values[i]), need, fix))
+
+
+def choice(name: str, value: Any, options: Sequence[str]) -> str:
+    """Return `value` if it is one of `options`."""
+    if value not in options:
+        raise ValueError(_sentence(name, value, f"one of {', '.join(options)} is needed", suggestion(value, options)))
+    return str(value)
+
+
+def suggestion(word: Any, options: Iterable[str]) -> str:
+    """Return "did you mean …?" for the option closest to `word`, or nothing."""
+    from difflib import get_close_matches
+
+    near = get_close_matches(str(word), list(options), n=1)
+    return f"did you mean {near[0]}?" if near else ""
+
+
+def per_pair(name: str, value: Any, n_pairs: int) -> tuple[Any, ...]:
+    """Spread one law or rule over all pairs, or check that a list has one per pair."""
+    if not isinstance(value, (list, tuple)):
+        return (value,) * n_pairs
+    if len(value) != n_pairs:
+        fix = "give one for all pairs, or one per pair from the bottom up"
+        raise ValueError(_sentence(f"length of {name}", len(value), f"{n_pairs} (the number of pairs) is needed", fix))
+    return tuple(value)
+
+
+def _range(above: float, at_least: float, at_most: float, finite: bool) -> str:
+    parts = []
+    if above > -math.inf:
+        parts.append(f"above {above:g}")
+    if at_least > -math.inf:
+        parts.append(f"of at least {at_least:g}")
+    if at_most < math.inf:
+        parts.append(f"at most {at_most:g}")
+    return f"a {'finite ' if finite else ''}number {' and '.join(parts)}".rstrip() + " is needed"
+
+
+def _sentence(name: str, value: Any, need: str, fix: str = "") -> str:
+    shown = repr(value)
+    if len(shown) > 60:
+        shown = shown[:57] + "..."
+    return f"{name} is {shown}: {need}" + (f"; {fix}" if fix else "") + ("" if fix.endswith("?") else ".")

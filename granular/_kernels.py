@@ -1,0 +1,107 @@
+"""Compile or interpret: one source for both.
+
+A kernel is a Python function of floats, lists or arrays in the subset numba compiles. Run as it stands it is the
+plain engine; `compiled` returns its numba twin, in which every kernel it calls is compiled too. Only + - * /,
+`math.sqrt`, `math.pow`, `exp`, `log` and the like are used (no ``**``, `hypot`, `sum`, no fast-math), so both give
+the same bits.
+"""
+
+from __future__ import annotations
+
+import sys
+import types
+from collections.abc import Callable
+from functools import cache
+from importlib.util import find_spec
+from typing import Any, TypeVar
+from zlib import crc32
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def kernel(function: F) -> F:
+    """Mark `function` as a kernel: it runs as it is, and `compiled` knows that its callers compile it too."""
+    function.__granular_kernel__ = True  # type: ignore[attr-defined]
+    return function
+
+
+def rare(function: F) -> F:
+    """Mark a kernel as called too seldom to pay for the compilation time of inlining it."""
+    function.__granular_rare__ = True  # type: ignore[attr-defined]
+    return function
+
+
+def have_numba() -> bool:
+    """Return whether numba (the extra ``fast``) can be loaded, without loading it."""
+    return sys.modules.get("numba", True) is not None and find_spec("numba") is not None
+
+
+def load_numba() -> Any:
+    """Return the module numba, or raise `ImportError` that says how to install it."""
+    if not have_numba():
+        raise ImportError("engine 'compiled' needs numba, which is not installed: pip install 'granular[fast]'.")
+    import numba
+
+    return numba
+
+
+def in_memory(function: Callable[..., Any]) -> bool:
+    """Return whether machine code of a kernel is loaded already, so that going over to it costs nothing."""
+    return "numba" in sys.modules and have_numba() and bool(compiled(function).signatures)  # type: ignore[attr-defined]
+
+
+@cache
+def compiled(function: Callable[..., Any], signature: Any = None, inline: bool = False) -> Callable[..., Any]:
+    """Return the compiled twin of a kernel, with the kernels it calls compiled as well.
+
+    The machine code is cached on disk beside the source, so that a second process starts computing at once, under a
+    name that changes with the code of the kernel and of all it calls.
+
+    Parameters
+    ----------
+    signature : tuple of numba types, optional
+        Types of the arguments. A kernel that takes a function (a force) needs one, so that every force of that
+        type runs the same machine code; other kernels are compiled for the types they are called with.
+    inline : bool
+        Put the kernels it calls, but for the `rare` ones, into its body, and leave out the counting of references to
+        arrays: several times as fast where they are short and take arrays, at the price of a longer compilation.
+        Such a kernel cannot make arrays.
+
+    Raises
+    ------
+    ImportError
+        If numba is not installed.
+    """
+    return _twin(function, signature, inline, False)
+
+
+@cache
+def _twin(function: Callable[..., Any], signature: Any, inline: bool, within: bool) -> Callable[..., Any]:
+    """Return the compiled twin of a kernel; `within` one that is inlined, it is no machine code of its own."""
+    called = {name: _twin(callee, None, inline, inline) for name, callee in _callees(function).items()}
+    scope = function.__globals__ | called
+    twin = types.FunctionType(
+        function.__code__, scope, function.__name__, function.__defaults__, function.__closure__
+    )
+    twin.__module__ = function.__module__
+    twin.__qualname__ = f"{function.__qualname__}_{_checksum(function):08x}{'i' * inline}"
+    inlined = within and not getattr(function, "__granular_rare__", False)
+    how = {"inline": "always"} if inlined else {"cache": True}
+    result: Callable[..., Any] = load_numba().njit(signature, error_model="numpy", _nrt=not inline, **how)(twin)
+    return result
+
+
+def _callees(function: Callable[..., Any]) -> dict[str, Callable[..., Any]]:
+    """Return the kernels that `function` calls, by name."""
+    scope, names = function.__globals__, function.__code__.co_names
+    return {name: scope[name] for name in names if getattr(scope.get(name), "__granular_kernel__", False)}
+
+
+@cache
+def _checksum(function: Callable[..., Any]) -> int:
+    """Return a checksum of the code of a kernel, of the constants it reads, and of all kernels it calls."""
+    code, scope = function.__code__, function.__globals__
+    constants = [x for x in code.co_consts if x != function.__doc__ and not isinstance(x, types.CodeType)]
+    read = [scope[name] for name in code.co_names if isinstance(scope.get(name), (int, float, str, tuple))]
+    below = [_checksum(callee) for callee in _callees(function).values()]
+    return crc32(repr((constants, code.co_names, read, below)).encode(), crc32(code.co_code))

@@ -1,0 +1,184 @@
+"""One isolated contact under a force law: restitution, duration, peaks; the inverse; the rule made from a law.
+
+Two bodies of effective mass m_eff meet at speed v and see nothing else: m_eff ξ̈ = -max(0, F(ξ, ξ̇)), ξ(0) = 0,
+ξ̇(0) = v, until F returns to zero. This is all that event-driven simulation knows of a force law.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+from granular import _check, md
+from granular.laws import dashpot, traits
+from granular.md.stability import expected_overlap
+from granular.rules import ConstantRestitution, Rule
+from granular.scene import Pair, Scene
+
+
+@dataclass(frozen=True)
+class Collision:
+    """What one isolated contact does.
+
+    Attributes
+    ----------
+    restitution : float
+        ε = separation speed / approach speed.
+    duration : float
+        t_c in s, from ξ = 0 to F = 0.
+    xi_max, force_max : float
+        Largest overlap in m and largest force in N.
+    xi_end : float
+        Overlap in m at which the force vanishes: 0 for elastic laws, positive with damping.
+    """
+
+    restitution: float
+    duration: float
+    xi_max: float
+    force_max: float
+    xi_end: float
+
+
+def collision(law: Any, pair: Pair, speed: float) -> Collision:
+    """Return the isolated contact of `pair` under `law` at impact speed `speed` in m/s.
+
+    Closed forms for linear laws (any damping), undamped powers and the restitution of damped powers
+    F = k ξ^p + γ ξ^((p-1)/2) ξ̇, which map onto the dashpot with ζ = γ / √(2 (p+1) k m_eff) (Tsuji: α/√5); else the
+    contact is run by the event-located method.
+
+    Raises
+    ------
+    ValueError
+        If `speed` is not positive, or the contact never ends (ε = 0).
+    """
+    v = _check.number("speed", speed, above=0.0)
+    form = None if getattr(law, "memory", False) else traits.power_form(law, pair)
+    if form is not None and form[1] == 1.0 and form[3] == 0.0:
+        return _dashpot(form[0], form[2], pair, v)
+    if form is not None and form[2] == 0.0:
+        return _elastic_power(form[0], form[1], pair, v)
+    return _integrated(law, pair, v)
+
+
+def restitution(law: Any, pair: Pair, speed: float) -> float:
+    """ε of an isolated contact of `pair` under `law` at impact speed `speed` in m/s; see `collision`."""
+    form = None if getattr(law, "memory", False) else traits.power_form(law, pair)
+    if form is None:
+        return 1.0 if speed <= 0.0 else _integrated(law, pair, speed).restitution
+    k, p, gamma, d = form
+    if gamma == 0.0:
+        return 1.0
+    if d == 0.5 * (p - 1.0):
+        return dashpot.restitution(gamma / math.sqrt(2.0 * (p + 1.0) * k * pair.m_eff))
+    if p == 1.5 and d == 0.5:
+        from granular.laws import viscoelastic_restitution
+
+        return float(viscoelastic_restitution.restitution(gamma * k**-0.6 * pair.m_eff**-0.4 * speed**0.2))
+    return _integrated(law, pair, speed).restitution if speed > 0.0 else 1.0
+
+
+@dataclass(frozen=True)
+class LawRestitution:
+    """The collision rule made from force laws: ε as a function of impact speed and pair.
+
+    Attributes
+    ----------
+    laws : tuple
+        One law for all pairs, or one per pair from the bottom up.
+    """
+
+    laws: tuple[Any, ...]
+
+    def __call__(self, speed: float, pair: Pair) -> float:
+        """Restitution at impact speed `speed` in m/s."""
+        law = self.laws[0] if len(self.laws) == 1 else self.laws[pair.index]
+        return restitution(law, pair, speed)
+
+
+def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule:
+    """Return the collision rule of a force law, or of a list with one law per pair.
+
+    Given the scene, it is a `ConstantRestitution` where ε depends on no speed: faster, and exact about collapse.
+    """
+    laws = tuple(law) if isinstance(law, (list, tuple)) else (law,)
+    if scene is not None:
+        pairs = [(laws[0] if len(laws) == 1 else laws[pair.index], pair) for pair in scene.pairs]
+        if all(_constant(one, pair) for one, pair in pairs):
+            return ConstantRestitution([restitution(one, pair, 1.0) for one, pair in pairs])
+    return LawRestitution(laws)
+
+
+def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, field: str = "gamma") -> Any:
+    """Return a copy of `law` whose `field` is chosen so that an isolated contact has restitution `target`.
+
+    The inverse of `restitution`, for any law whose ε falls as `field` grows (damping). `speed` in m/s matters only
+    for laws whose ε depends on it.
+
+    Raises
+    ------
+    ValueError
+        If `law` has no such field, or no value of it gives the target.
+    """
+    from scipy.optimize import brentq
+
+    goal = _check.number("target", target, above=0.0, at_most=1.0)
+    if not hasattr(law, field):
+        raise ValueError(f"field is {field!r}: {type(law).__name__} has no such field; name the damping of the law.")
+    if goal == 1.0:
+        return replace(law, **{field: 0.0})
+
+    def miss(log_value: float) -> float:
+        return restitution(replace(law, **{field: math.exp(log_value)}), pair, speed) - goal
+
+    stiffness = traits.tangent(law, expected_overlap(law, pair, speed), pair)[0]
+    low = high = 0.5 * math.log(stiffness * pair.m_eff)  # a dashpot of this strength is near critical
+    while miss(low) < 0.0 and low > -300.0:
+        low, high = low - 4.0, low
+    while miss(high) > 0.0 and high < 300.0:
+        low, high = high, high + 4.0
+    if not miss(low) >= 0.0 >= miss(high):
+        raise ValueError(f"target is {target!r}: no value of {field} gives this restitution at {speed} m/s.")
+    return replace(law, **{field: math.exp(float(brentq(miss, low, high, xtol=1e-14, rtol=1e-14)))})
+
+
+def _constant(law: Any, pair: Pair) -> bool:
+    """Whether ε of the law is known not to depend on speed."""
+    form = None if getattr(law, "memory", False) else traits.power_form(law, pair)
+    return form is not None and (form[2] == 0.0 or form[3] == 0.5 * (form[1] - 1.0))
+
+
+def _dashpot(k: float, gamma: float, pair: Pair, v: float) -> Collision:
+    """All of a linear contact, with phase α = acos ζ: ξ peaks at ω₀t = f, F at ωt = 3α - π or, for ζ ≥ ½, at touch."""
+    omega, zeta = math.sqrt(k / pair.m_eff), 0.5 * gamma / math.sqrt(k * pair.m_eff)
+    eps, t_c = dashpot.restitution(zeta), dashpot.duration(zeta)
+    peak = 2.0 * zeta
+    if zeta < 0.5:
+        root = math.sqrt((1.0 - zeta) * (1.0 + zeta))
+        peak = math.exp(-zeta * (3.0 * math.acos(zeta) - math.pi) / root)
+    deepest = v / omega * math.exp(-0.5 * zeta * t_c)
+    return Collision(eps, t_c / omega, deepest, peak * pair.m_eff * omega * v, 2.0 * zeta * eps * v / omega)
+
+
+def _elastic_power(k: float, p: float, pair: Pair, v: float) -> Collision:
+    """ξ_max = ((p+1) m v² / (2k))^(1/(p+1)); t_c v / ξ_max = 2 √π Γ(1 + 1/(p+1)) / Γ(½ + 1/(p+1))."""
+    deepest = math.pow(0.5 * (p + 1.0) * pair.m_eff * v * v / k, 1.0 / (p + 1.0))
+    shape = 2.0 * math.sqrt(math.pi) * math.gamma(1.0 + 1.0 / (p + 1.0)) / math.gamma(0.5 + 1.0 / (p + 1.0))
+    return Collision(1.0, shape * deepest / v, deepest, k * math.pow(deepest, p), 0.0)
+
+
+@lru_cache(maxsize=4096)
+def _integrated(law: Any, pair: Pair, v: float) -> Collision:
+    """Let a ball of mass m_eff meet a wall, by the event-located method."""
+    scene = Scene([math.inf, pair.m_eff], [0.0, min(pair.r_eff, 1.0)], [0.0], [0.0, -v])
+    scene.__dict__["pairs"] = (pair,)  # the law sees the very pair that was asked about
+    run = md.simulate(scene, law, max_events=2)
+    contact = run.contacts[0]
+    if math.isnan(contact["t_end"]):
+        raise ValueError(f"law is {law!r}: a contact at {v!r} m/s does not end; weaker damping is needed.")
+    at_end = md.simulate(scene, law, t_end=float(contact["t_end"]), log=False)
+    peaks = float(contact["xi_max"]), float(contact["force_max"])
+    separation = float(contact["v_out"][1])
+    return Collision(separation / v, float(contact["duration"]), *peaks, max(0.0, -float(at_end.gap[-1][0])))

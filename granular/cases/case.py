@@ -1,0 +1,98 @@
+"""What a run needs, in one value."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from granular import _check
+from granular.cases.options import unknown
+from granular.scene import Scene
+from granular.trajectory import Trajectory
+from granular.until import Until
+
+ENGINES = ("edmd", "md")
+HELD = {"t_end", "until", "on_event", "on_progress"}
+"""Arguments of `simulate` that a `Case` holds itself, or that are no data."""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A scene, how its balls touch, and when to stop: the same question to both engines.
+
+    Attributes
+    ----------
+    scene : Scene
+        Where it starts.
+    law : sequence of force laws or None
+        One per pair, for `granular.md`; None if the case is about hard spheres only.
+    rule : collision rule, sequence of them, or None
+        For `granular.edmd`; None takes the restitution that the force laws have.
+    until, t_end : stop condition or None, float or None
+        When to stop; the earlier of the two.
+    run : mapping
+        Further options of ``edmd.simulate`` or ``md.simulate`` (method, dt, samples, ties, …). An engine reads those
+        it knows.
+    about : str
+        One line for people.
+    """
+
+    scene: Scene
+    law: tuple[Any, ...] | None
+    rule: Any = None
+    until: Until | None = None
+    t_end: float | None = None
+    run: Mapping[str, Any] = field(default_factory=dict)
+    about: str = ""
+
+    def simulate(self, engine: str, **changes: Any) -> Trajectory:
+        """Run the case on one engine.
+
+        Parameters
+        ----------
+        engine : {"edmd", "md"}
+            Hard or soft spheres.
+        **changes
+            Options of that engine's ``simulate`` in place of the case's own.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For misuse: among others an option the engine does not know, or ``"md"`` for a case without force law.
+        """
+        simulate = engine_named(engine)
+        known = keyword_options(simulate)
+        if wrong := unknown(changes, known | HELD, f"option of {engine}.simulate"):
+            raise TypeError(wrong)
+        chosen = {name: value for name, value in self.run.items() if name in known}
+        options = {"t_end": self.t_end, "until": self.until} | chosen | changes
+        trajectory: Trajectory = simulate(self.scene, self.physics(engine), **options)
+        return trajectory
+
+    def physics(self, engine: str) -> Any:
+        """The force laws for ``"md"``, the collision rule for ``"edmd"``."""
+        if engine == "edmd" and self.rule is not None:
+            return self.rule
+        if self.law is None:
+            raise ValueError(f"law is missing: {engine} needs a force law, such as LinearDashpot(k=5e7).")
+        if engine == "md":
+            return self.law
+        from granular.binary import restitution_of
+
+        return restitution_of(self.law)
+
+
+def engine_named(engine: str) -> Callable[..., Trajectory]:
+    """Return the `simulate` of one engine."""
+    from granular import edmd, md
+
+    functions: dict[str, Callable[..., Trajectory]] = {"edmd": edmd.simulate, "md": md.simulate}
+    return functions[_check.choice("engine", engine, ENGINES)]
+
+
+def keyword_options(run: Callable[..., Any]) -> set[str]:
+    """Names of the keyword options that a function such as `simulate` takes besides those in `HELD`."""
+    parameters = inspect.signature(run).parameters.values()
+    return {p.name for p in parameters if p.kind is p.KEYWORD_ONLY} - HELD

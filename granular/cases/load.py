@@ -1,0 +1,154 @@
+"""Read a case from a TOML file with the tables [scene], [law], [rule] and [run]."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from granular import _check, until
+from granular.cases import build, ready
+from granular.cases.build import place
+from granular.cases.case import ENGINES, Case, engine_named, keyword_options
+from granular.cases.options import unknown
+from granular.scene import Scene
+
+TABLES = ("scene", "law", "rule", "run", "about")
+
+
+def load(path: str | PathLike[str]) -> Case:
+    """Read a case from a TOML file.
+
+    Parameters
+    ----------
+    path : path
+        A file such as::
+
+            about = "two steel balls"
+
+            [scene]                      # mass in kg, radius, gap and origin in m, velocity in m/s, gravity in m/s²
+            mass = [inf, 4.0, 0.004]     # inf: a floor; or: name = "three-balls" and that scene's parameters
+            radius = [0.0, 0.10, 0.01]
+            gap = [0.5, 1e-4]            # or: position, of centres and walls
+            velocity = [0.0, 0.0, 0.0]
+            gravity = 9.81
+
+            [law]                        # one for all pairs, or [[law]] once per pair, bottom to top
+            type = "LinearDashpot"
+            restitution = 0.7            # or: gamma; the keys are those of the law and of its from_… constructors
+            k = 5e7
+
+            [rule]                       # may be left out: then hard spheres get the restitution of the laws
+            type = "ConstantRestitution"
+            restitution = 0.7
+
+            [run]
+            until = { pair = 0, nth = 2 }    # or: "separated"
+            t_end = 10.0
+            dt = 1e-7                    # and other options of md.simulate and edmd.simulate
+
+    Returns
+    -------
+    Case
+        A ready-made scene without [law], [rule] or `until` gets its usual ones.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    TypeError, ValueError
+        For a wrong key, a missing one or a bad value: with the file, the table and what is needed.
+    """
+    file = Path(path)
+    with place(file.name):
+        tables = _parsed(file)
+        for key in tables:
+            _check.choice("table or key", key, TABLES)
+        return _case(tables)
+
+
+def _parsed(file: Path) -> dict[str, Any]:
+    with open(file, "rb") as stream:
+        try:
+            return tomllib.load(stream)
+        except UnicodeDecodeError:
+            raise ValueError("is no text in UTF-8, as TOML must be.") from None
+        except tomllib.TOMLDecodeError as error:
+            raise ValueError(f"is not valid TOML: {error}.") from None
+
+
+def _case(tables: Mapping[str, Any]) -> Case:
+    if "scene" not in tables:
+        raise ValueError("table [scene] is missing: it names a ready-made scene or gives mass, radius, gap, velocity.")
+    with place("[scene]"):
+        base = _base(_table(tables["scene"]))
+    n_pairs = base.scene.n - 1
+    law, rule = base.law, base.rule
+    if "law" in tables:
+        law = tuple(_laws(tables["law"], base.scene))
+        rule = None
+    if "rule" in tables:
+        with place("[rule]"):
+            rule = _rules(tables["rule"], n_pairs)
+    if law is None and rule is None:
+        raise ValueError("table [law] is missing: give a force law, or at least a [rule] for hard spheres.")
+    with place("[run]"):
+        run = dict(_table(tables.get("run", {})))
+        end = run.pop("t_end", base.t_end)
+        t_end = None if end is None else _check.number("t_end", end)
+        stop = until.checked(_until(run.pop("until")), n_pairs) if "until" in run else base.until
+        _check_run(run)
+    about = tables.get("about", base.about)
+    if not isinstance(about, str):
+        raise TypeError(f"about is {about!r}: a text in quotes is needed.")
+    return Case(base.scene, law, rule, stop, t_end, run, about)
+
+
+def _base(table: Mapping[str, Any]) -> Case:
+    """The ready-made case that [scene] names, or a bare one around its arrays."""
+    if "name" not in table:
+        return Case(build.call([Scene, Scene.from_positions], table), None)
+    parameters = {key: value for key, value in table.items() if key != "name"}
+    name = _check.choice("name", table["name"], ready.names())
+    return ready.around(name, build.call([ready.READY[name].make], parameters))
+
+
+def _laws(tables: Any, scene: Scene) -> list[Any]:
+    """One law per pair: from one table for all, or one table each."""
+    spread = _check.per_pair("[[law]]", tables, scene.n - 1)
+    laws = []
+    for table, pair in zip(spread, scene.pairs, strict=True):
+        with place(f"[[law]] of pair {pair.index}" if isinstance(tables, list) else "[law]"):
+            laws.append(build.law(_table(table), pair))
+    return laws
+
+
+def _rules(tables: Any, n_pairs: int) -> Any:
+    if not isinstance(tables, list):
+        return build.rule(_table(tables))
+    return tuple(build.rule(_table(table)) for table in _check.per_pair("[[rule]]", tables, n_pairs))
+
+
+def _until(value: Any) -> until.Until:
+    if value == "separated":
+        return until.separated()
+    if not isinstance(value, Mapping):
+        raise TypeError(f'until is {value!r}: "separated" or a table such as {{ pair = 0, nth = 2 }} is needed.')
+    with place("until"):
+        stop: until.Until = build.call([until.contact], value)
+    return stop
+
+
+def _check_run(run: Mapping[str, Any]) -> None:
+    known = {"t_end", "until"}.union(*(keyword_options(engine_named(engine)) for engine in ENGINES))
+    if wrong := unknown(run, known, "key"):
+        raise ValueError(wrong)
+
+
+def _table(value: Any) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{value!r} is no table: write it in [brackets] on a line of its own, then one key per line.")
+    return value
+

@@ -1,0 +1,73 @@
+"""The parameters of a documented function as data: name, type, default, and what its docstring says.
+
+So that the command line and its help are written once, where the function is.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from granular import _check
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """One parameter of a function.
+
+    Attributes
+    ----------
+    name, kind, about : str
+        The parameter, its annotation as written ("float", "Sequence[float] | None", …), and its description.
+    default : object
+        Its default value.
+    """
+
+    name: str
+    kind: str
+    default: Any
+    about: str
+
+
+def options_of(function: Callable[..., Any]) -> list[Option]:
+    """Return the parameters of `function` that have a default, in order, with their NumPy-style documentation."""
+    about = descriptions(function)
+    parameters = inspect.signature(function).parameters.values()
+    return [
+        Option(p.name, str(p.annotation), p.default, about.get(p.name, ""))
+        for p in parameters
+        if p.default is not p.empty
+    ]
+
+
+def descriptions(function: Callable[..., Any]) -> dict[str, str]:
+    """Return what the Parameters section of a NumPy-style docstring says of each parameter, on one line each.
+
+    A type that lists choices, such as ``{"left", "right"}``, comes first.
+    """
+    text = inspect.getdoc(function) or ""
+    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+\n|\Z)", text, re.MULTILINE | re.DOTALL)
+    entry_of_names = r"^(\w[\w, ]*) : (.*)\n((?:[ \t]+.*\n?|\n)*)"
+    found: dict[str, str] = {}
+    for entry in re.finditer(entry_of_names, section[1] if section else "", re.MULTILINE):
+        kind = entry[2].partition("}")[0] + "}: " if entry[2].startswith("{") else ""
+        for name in entry[1].split(", "):
+            found[name] = kind + " ".join(entry[3].split())
+    return found
+
+
+def summary(function: Callable[..., Any]) -> str:
+    """Return the first paragraph of a docstring on one line."""
+    return " ".join((inspect.getdoc(function) or "").split("\n\n")[0].split())
+
+
+def unknown(given: Iterable[str], known: Collection[str], what: str) -> str:
+    """Return the sentence about the first name that is not known, or nothing."""
+    for name in given:
+        if name not in known:
+            hint = _check.suggestion(name, known)
+            return f"{name!r} is no {what}; {hint}" if hint else f"{name!r} is no {what}: {', '.join(sorted(known))}."
+    return ""

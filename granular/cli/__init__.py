@@ -1,0 +1,54 @@
+"""The `granular` command. Mistakes of the user end in one line on stderr, never in a traceback."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+
+OK, MISUSE, ABNORMAL, INTERRUPTED = 0, 2, 3, 130
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command with the arguments `argv` (default: those of the process) and return its exit code.
+
+    0 done · 2 misuse, or a file that cannot be read or written · 3 the run did not come to a proper end (status
+    ``unstable`` or ``max_events``) · 130 interrupted.
+    """
+    from granular.cli import commands, parser
+
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("default")
+            warnings.showwarning = _show_warning
+            code = commands.run(parser.parse(arguments))
+        sys.stdout.flush()
+        return code
+    except SystemExit as leaving:  # --help and --version
+        return int(leaving.code or OK)
+    except KeyboardInterrupt:
+        print("granular: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of a pipe, such as `head`, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return OK
+    except (ValueError, TypeError, OSError, ImportError) as error:
+        if "--traceback" in arguments:
+            raise
+        print(f"granular: {_sentence(error)}", file=sys.stderr)
+        return MISUSE
+
+
+def _sentence(error: Exception) -> str:
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{error.filename}: {error.strerror}"
+    return " ".join(str(error).split())
+
+
+def _show_warning(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int,
+    file: object = None, line: object = None,
+) -> None:
+    print(f"granular: warning: {message}", file=sys.stderr)

@@ -1,0 +1,35 @@
+"""`granular figure`: the paper's figures."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what the command takes."""
+    from granular.paper import FIGURES
+
+    rows = [f"  {figure.number:>2}  {name:22} {figure.about}" for name, figure in FIGURES.items()]
+    parser.epilog = "figures, by number in the paper or by name:\n" + "\n".join(rows)
+    parser.add_argument("name", metavar="NAME", help="which figure; or all")
+    parser.add_argument("-o", "--output", metavar="DIR", default=".", help="folder for drawing and data [.]")
+    parser.add_argument("--points", type=int, metavar="N", help="points along the longest axis [those for print]")
+
+
+def run(found: argparse.Namespace) -> None:
+    """Write the figures that are asked for, and say where."""
+    from granular.paper import FIGURES, make
+
+    folder = Path(found.output)
+    if not folder.is_dir():
+        raise ValueError(f"{found.output}: there is no such directory; make it first.")
+    names = list(FIGURES) if found.name == "all" else [found.name]
+    for name in names:
+        if len(names) > 1 and sys.stderr.isatty():
+            print(f"\r\x1b[K{name} …", end="", file=sys.stderr, flush=True)
+        files = make(name, folder, points=found.points)
+        if len(names) > 1 and sys.stderr.isatty():
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+        print("  ".join(str(file) for file in files))

@@ -1,0 +1,29 @@
+"""The command `frontier`: error against run time of one scene."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's own options."""
+    from granular.workprecision.run import METHODS
+
+    parser.add_argument("--plot", metavar="FILE.png", help="draw error over run time")
+    parser.add_argument("--json", metavar="FILE.json", help="write every number, with the machine and all versions")
+    parser.add_argument("--methods", nargs="+", metavar="WORD", help=f"some of {', '.join(METHODS)} [all]")
+    parser.add_argument("--repeats", type=int, default=3, metavar="N", help="runs of which the fastest counts [3]")
+
+
+def run(case: Any, given: argparse.Namespace) -> None:
+    """Measure, print, and write what was asked for."""
+    from granular.workprecision import frontier
+
+    end = {"until": case.until, "t_end": given.run.get("t_end", case.t_end)}
+    report = frontier(case.scene, case.physics("md"), **end, methods=given.methods, repeats=given.repeats)
+    print(report)
+    if given.plot is not None:
+        report.plot(given.plot)
+    if given.json is not None:
+        report.to_json(given.json)

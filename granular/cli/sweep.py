@@ -1,0 +1,120 @@
+"""`granular sweep`: parameter maps."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import nullcontext
+from typing import Any, TextIO
+
+from granular.cli.progress import INTERVAL, PATIENCE, clock
+
+WORTH_POOL = 20_000
+"""Cells from which on several processes are started."""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what the command takes besides the parameters of the scene."""
+    from granular.sweeps.results import RESULTS
+
+    group = parser.add_argument_group("sweep")
+    group.add_argument("--over", action="append", metavar="NAME=FIRST:LAST:COUNT[:log]", default=[],
+                       help="vary a parameter; or NAME=VALUE,VALUE,...; may be given several times")
+    group.add_argument("--result", action="append", choices=list(RESULTS), metavar="NAME", default=[],
+                       help=f"what to keep of every cell, may be given several times: {', '.join(RESULTS)}")
+    group.add_argument("--refine", metavar="NAME", help="bisect the jumps of contact counts along this parameter")
+    group.add_argument("--precision", type=float, default=1e-6, metavar="X", help="relative, of --refine [1e-06]")
+    group.add_argument("--save", metavar="FILE.nc", help="write a netCDF file; if it is there, go on from it")
+    group.add_argument("--workers", type=int, metavar="N", help="number of processes [one per core in large sweeps]")
+
+
+def run(found: argparse.Namespace) -> Any:
+    """Do the sweep and print what came out of it."""
+    from granular.sweeps import axis, sweep
+    from granular.sweeps.run import DEFAULT
+
+    if not found.over:
+        raise ValueError("sweep needs --over NAME=FIRST:LAST:COUNT, such as --over restitution=0.5:1:101.")
+    over = dict(axis(text) for text in found.over)
+    if len(over) < len(found.over):
+        raise ValueError("--over names a parameter twice: one axis per parameter is needed.")
+    cells = 1
+    for values in over.values():
+        cells *= len(values)
+    workers = found.workers or ((os.cpu_count() or 1) if cells >= WORTH_POOL else 1)
+    pool: Any = ProcessPoolExecutor(workers) if workers > 1 else nullcontext()
+    with pool as executor, Bar() as bar:
+        given: Executor | None = executor
+        data = sweep(found.target, over, found.result or DEFAULT, refine=found.refine, precision=found.precision,
+                     save=found.save, executor=given, on_progress=bar, **found.given, **found.run)
+    print(summary(data))
+    return data
+
+
+def summary(data: Any) -> str:
+    """Axes, results with their ranges, statuses and jumps, in words."""
+    import numpy as np
+
+    from granular.sweeps.results import STATUS
+
+    shape = " × ".join(str(data.sizes[name]) for name in data["status"].dims)
+    lines = [f"{data.attrs['title']}: {shape} cells"]
+    for name, array in {**data.coords, **data.data_vars}.items():
+        values = array.values[~np.isnan(array.values)] if array.dtype.kind == "f" else array.values
+        if name == "status" or str(name).startswith("edge") or array.dtype.kind not in "iuf":
+            continue
+        text = f"{values.min():.6g} … {values.max():.6g}" if values.size else "no value"
+        lines.append(f"  {name!s:16} {text:28} {array.attrs.get('long_name', '')}")
+    codes, counts = np.unique(data["status"].values, return_counts=True)
+    lines.append("  status           " + ", ".join(f"{STATUS[int(c)]} {n}" for c, n in zip(codes, counts, strict=True)))
+    if "refusal" in data.attrs:
+        lines.append(f"  refused          {data.attrs['refusal']}")
+    if "edge" in data:
+        lines += _jumps(data)
+    return "\n".join(lines)
+
+
+def _jumps(data: Any, most: int = 40) -> list[str]:
+    others = [str(name) for name in data if str(name).startswith("edge_") and name != "edge_contacts"]
+    lines = [f"  {data.sizes['jump']} jumps of the contact counts:"]
+    for i in range(min(most, data.sizes["jump"])):
+        low, high = data["edge"].values[i]
+        before, after = (tuple(counts.tolist()) for counts in data["edge_contacts"].values[i])
+        where = "".join(f", {name[5:]} = {data[name].values[i]:g}" for name in others)
+        lines.append(f"    {low:.10g} … {high:.10g}: {before} to {after}{where}")
+    return lines if data.sizes["jump"] <= most else [*lines, "    …"]
+
+
+class Bar:
+    """Callback that shows how many cells are done, and when all will be, if a person watches."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self.stream = sys.stderr if stream is None else stream
+        self.start = time.monotonic()
+        self.next, self.first, self.shown = self.start + PATIENCE, -1, False
+
+    def __call__(self, done: int, total: int) -> None:
+        """Take note that `done` of `total` cells are solved."""
+        now = time.monotonic()
+        if self.first < 0:
+            self.first = done
+        if not self.stream.isatty() or now < self.next:
+            return
+        self.next, self.shown = now + INTERVAL, True
+        share, spent = done / total, now - self.start
+        left = spent * (total - done) / max(1, done - self.first)
+        bar = "█" * round(30 * share) + "·" * (30 - round(30 * share))
+        self.stream.write(f"\r\x1b[K{bar} {done} of {total} cells, {clock(spent)} so far, {clock(left)} to go")
+        self.stream.flush()
+
+    def __enter__(self) -> Bar:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Clear the line, however the sweep has ended."""
+        if self.shown:
+            self.stream.write("\r\x1b[K")
+            self.stream.flush()

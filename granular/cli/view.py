@@ -1,0 +1,25 @@
+"""`granular view`: write a page that plays recorded runs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's options to its parser."""
+    parser.add_argument("runs", nargs="+", metavar="RUN.npz", help="one or two files of Trajectory.save or run --save")
+    parser.add_argument("-o", "--output", metavar="FILE.html", help="[the first file's name with .html]")
+    parser.add_argument("--open", action="store_true", help="open it in the browser")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Read the runs, write the page and say where it is."""
+    from granular.cli.page import told
+    from granular.page import player_page
+    from granular.trajectory import Trajectory
+
+    files = [Path(name) for name in arguments.runs]
+    output = arguments.output or str(files[0].with_suffix(".html"))
+    player_page(output, [Trajectory.load(file) for file in files], [file.stem for file in files])
+    told(output, arguments.open)

@@ -1,0 +1,281 @@
+"""One scene under both engines: `compare(scene, law) -> Comparison`. May this scene be event-driven?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from granular import edmd, md, measures, theory
+from granular import until as stop
+from granular.binary import restitution_of
+from granular.laws import traits
+from granular.measures import Overlap
+from granular.pair_outcome import PairOutcome, last_separation, pair_outcome
+from granular.rules import ConstantRestitution
+from granular.scene import Scene
+from granular.trajectory import Trajectory
+
+SAME = 0.01
+"""Outcomes closer than this share of the impact speed are called the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """The discrepancy between hard and soft spheres for one scene; print it, `plot` it, save it with `to_json`.
+
+    Attributes
+    ----------
+    scene : Scene
+        The common start.
+    law, rule : tuple, Any
+        Force law per pair, and collision rule (the law's own restitution unless one was given).
+    hard, soft : Trajectory
+        The event-driven and the soft-sphere run.
+    pairs : tuple of PairOutcome
+        Contacts and separation speeds, pair by pair.
+    twin : Trajectory
+        EDMD from gaps shifted by 1e-12 of themselves: how far the scene can be predicted at all.
+    soft_options : mapping
+        Method, time step and engine of the soft run, with which details are drawn.
+    """
+
+    scene: Scene
+    law: tuple[Any, ...]
+    rule: Any
+    until: stop.Until | None
+    t_end: float | None
+    hard: Trajectory
+    soft: Trajectory
+    twin: Trajectory
+    pairs: tuple[PairOutcome, ...]
+    soft_options: Mapping[str, Any]
+
+    @cached_property
+    def impact_speed(self) -> float:
+        """Speed in m/s of the first collision; nan without contacts."""
+        if not len(self.hard.contacts):
+            return math.nan
+        first = self.hard.contacts[0]["v_in"]
+        return float(abs(first[0] - first[1]))
+
+    @cached_property
+    def overlaps(self) -> tuple[Overlap, ...]:
+        """Contacts of neighbouring pairs that share a span of time in the soft run: why the engines differ."""
+        return measures.overlapping(self.soft)
+
+    @cached_property
+    def measures(self) -> dict[str, float]:
+        """The measures of `granular.measures` for these two runs."""
+        hard_cm, soft_cm = (measures.mass_centre_restitution(run) for run in (self.hard, self.soft))
+        return {
+            "shared_impulse": measures.shared_impulse(self.soft),
+            "crowding": measures.crowding(self.hard, self.law),
+            "occupation": measures.occupation(self.soft),
+            "distance": measures.distance(self.soft, self.hard),
+            "predictability": measures.distance(self.twin, self.hard),
+            "mass_centre_ratio": soft_cm / hard_cm if hard_cm else math.nan,
+            "lag": float(self.soft.time[-1] - self.hard.time[-1]),
+        }
+
+    @cached_property
+    def groups(self) -> dict[str, float]:
+        """Dimensionless groups of the scene at the speed of its first collision."""
+        return measures.groups(self.scene, self.law, self.impact_speed)
+
+    @cached_property
+    def restitution_spec(self) -> tuple[float, ...]:
+        """ε of each pair's isolated contact at the speed of the first collision."""
+        speed = self.impact_speed if self.impact_speed > 0.0 else 1.0
+        rules = self.rule if isinstance(self.rule, (list, tuple)) else [self.rule] * len(self.pairs)
+        return tuple(float(rule(speed, pair)) for rule, pair in zip(rules, self.scene.pairs, strict=True))
+
+    @cached_property
+    def restitution_ratio(self) -> float:
+        """ε_eff/ε_spec for floor and two balls of one ε, from the closed form of the paper; nan for other scenes."""
+        eps = self.restitution_spec
+        if not self._is_two_ball_drop() or max(eps) - min(eps) > 1e-9 or not self.impact_speed > 0.0:
+            return math.nan
+        v_rel = self.pairs[1].soft_v_rel
+        if math.isnan(v_rel):
+            return math.nan
+        return theory.effective_restitution(v_rel, self.impact_speed) / eps[0]
+
+    def effective_restitution(
+        self, observable: Callable[[Trajectory], float] | None = None, resolution: int = 41
+    ) -> tuple[float, ...]:
+        """All common ε in [0, 1] with which EDMD gives the soft run's value of an observable.
+
+        Parameters
+        ----------
+        observable : callable, optional
+            Trajectory → float; default: the top pair's separation speed after its last contact.
+        resolution : int
+            Number of ε at which EDMD is run to find changes of sign.
+
+        Returns
+        -------
+        tuple of float
+            Empty: no ε does it. Several: it is not unique. EDMD is not continuous in ε where the number of
+            collisions changes; a jump across the value is not a root and is left out.
+        """
+        measure = observable or (lambda run: last_separation(run, self.scene.n - 2)[0])
+        target = measure(self.soft) if observable else self.pairs[-1].soft_v_rel
+
+        def miss(eps: float) -> float:
+            run = edmd.simulate(self.scene, ConstantRestitution(eps), until=self.until, t_end=self.t_end)
+            return measure(run) - target
+
+        grid = np.linspace(0.0, 1.0, resolution)[1:]
+        values = [miss(float(eps)) for eps in grid]
+        roots = [float(eps) for eps, value in zip(grid, values, strict=True) if value == 0.0]
+        for a, b, fa, fb in zip(grid[:-1], grid[1:], values[:-1], values[1:], strict=True):
+            if fa * fb < 0.0:
+                roots += _root(miss, float(a), float(b), abs(target) + abs(fa) + abs(fb))
+        return tuple(sorted(roots))
+
+    @cached_property
+    def error(self) -> float:
+        """Largest difference of a final velocity (brought to a common time by free fall), in first impact speeds.
+
+        For floor and two balls, and while a soft contact is still running, the largest difference of separation
+        speeds over the pairs instead: the observable of the paper.
+        """
+        if self.judged_by_separation:
+            parts = [abs(p.soft_v_rel - p.hard_v_rel) for p in self.pairs]
+        else:
+            parts = measures.velocity_differences(self.soft, self.hard).tolist()
+        known = [x for x in parts if not math.isnan(x)]
+        return max(known, default=0.0) / self.impact_speed if self.impact_speed > 0.0 else 0.0
+
+    @property
+    def judged_by_separation(self) -> bool:
+        """Whether `error` compares separation speeds rather than final velocities."""
+        return self._is_two_ball_drop() or any(p.ongoing for p in self.pairs)
+
+    @cached_property
+    def only_timing(self) -> bool:
+        """Whether counts differ only by contacts that fall on the other side of `t_end`.
+
+        Soft spheres lag by about t_c per collision; so contacts that began within that lag of the end do not count.
+        """
+        return measures.same_but_for_timing(self.soft, self.hard)
+
+    @property
+    def verdict(self) -> str:
+        """One line: may this scene be event-driven?"""
+        from granular.report import verdict
+
+        return verdict(self)
+
+    def __str__(self) -> str:
+        from granular.report import table
+
+        return table(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """All numbers with provenance, ready for JSON (nan becomes None)."""
+        from granular.report import as_dict
+
+        return as_dict(self)
+
+    def to_json(self, path: str | PathLike[str]) -> None:
+        """Write `to_dict` to a file, whole or not at all."""
+        from granular.report import write_json
+
+        write_json(self, path)
+
+    def plot(self, path: str | PathLike[str] | None = None) -> Any:
+        """Draw contact timelines of both engines, forces and world lines; return the figure, or save it to `path`."""
+        from granular.plot import comparison_figure
+
+        return comparison_figure(self, path)
+
+    def animate(self, path: str | PathLike[str], seconds: float = 9.0, fps: int = 25) -> None:
+        """Write a film of both engines in slow motion, `seconds` long: ``.gif``, or ``.mp4`` where ffmpeg is there."""
+        from granular.animation import animate
+
+        animate(self, path, seconds=seconds, fps=fps)
+
+    def _is_two_ball_drop(self) -> bool:
+        scene = self.scene
+        return scene.n == 3 and bool(scene.is_wall[0]) and scene.velocity[1] == scene.velocity[2]
+
+
+def compare(
+    scene: Scene,
+    law: Any,
+    rule: Any = None,
+    *,
+    until: stop.Until | None = None,
+    t_end: float | None = None,
+    max_events: int = 1_000_000,
+    ties: str = "left",
+    seed: int = 0,
+    method: str | None = None,
+    dt: float | None = None,
+    engine: str = "auto",
+    on_progress: Callable[[float, int], object] | None = None,
+) -> Comparison:
+    """Run one scene as hard and as soft spheres and report where and why they part ways.
+
+    Parameters
+    ----------
+    scene : Scene
+        The common start; no overlaps.
+    law : force law or sequence of them
+        For the soft spheres, one or one per pair.
+    rule : collision rule or sequence of them, optional
+        For the hard spheres; default the law's own ε as a function of impact speed and pair.
+    until, t_end : stop condition, float, optional
+        When both engines stop; without either they run until nothing can follow.
+    max_events : int
+        Limit on the contacts of each run.
+    ties : str
+        What simultaneous hard-sphere collisions do; see `granular.edmd.simulate`.
+    seed : int
+        For ``ties="random"``.
+    method : str, optional
+        How Newton's equation is solved: "located" (every event to rounding, the default) or a fixed-step integrator.
+    dt : float, optional
+        Time step in s of a fixed-step integrator.
+    engine : str
+        "auto", "plain" or "compiled", of the soft spheres.
+    on_progress : callable, optional
+        Passed to both engines.
+
+    Returns
+    -------
+    Comparison
+    """
+    laws = traits.checked(law, scene)
+    used = restitution_of(laws, scene) if rule is None else rule
+    end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
+    event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed}
+    hard = edmd.simulate(scene, used, **event_driven, on_progress=on_progress)
+    twin = edmd.simulate(_nudged(scene), used, **event_driven)
+    options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
+    soft = md.simulate(scene, laws, **end, **options, on_progress=on_progress)
+    outcomes = tuple(pair_outcome(hard, soft, c, options) for c in range(scene.n - 1))
+    return Comparison(scene, laws, used, until, t_end, hard, soft, twin, outcomes, options)
+
+
+def _nudged(scene: Scene) -> Scene:
+    """Gaps shifted by 1e-12 of themselves (touching pairs by 1e-12 of the mean gap), with changing sign."""
+    typical = float(scene.gap.mean()) or 1.0
+    sign = np.where(np.arange(scene.n - 1) % 2, -1.0, 1.0)
+    shift = 1e-12 * np.where(scene.gap > 0.0, scene.gap * sign, typical)
+    return scene.replace(gap=scene.gap + shift)
+
+
+def _root(miss: Callable[[float], float], a: float, b: float, scale: float) -> list[float]:
+    """The root of `miss` between a and b as a list; empty if it jumps across zero instead."""
+    from scipy.optimize import brentq
+
+    root = float(brentq(miss, a, b, xtol=1e-14))
+    return [root] if abs(miss(root)) < 1e-6 * scale else []

@@ -1,0 +1,14 @@
+"""Hard spheres: event-driven dynamics of balls on a line, with instantaneous collisions.
+
+`simulate` runs a scene, `resume` goes on with it. How it works, from the bottom up: `motion` (what one pair does),
+`ties`, `groups` and `touching` (simultaneous collisions: one by one, or a touching group as a whole), `merge` (balls
+that stay together), `event` (one collision), `state` (all that changes, with its re-based clock), `model` (all that
+does not), `sorted_queue` and `tree_queue` (the event loop, plain and compiled), `blocks` (the compiled one for
+large scenes), `zoom` and `collapse` (a
+closer look at what may be an inelastic collapse, and the verdict), `readout` (rows of output), `run` (all of it
+together), `options`, `engines` and `simulation` (the public face), `outcome` (the closing sentence).
+"""
+
+from granular.edmd.simulation import resume, simulate
+
+__all__ = ["resume", "simulate"]

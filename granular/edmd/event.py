@@ -1,0 +1,68 @@
+"""One collision: everything that happens to the bodies, for both queues."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from granular._kernels import kernel
+from granular.edmd.merge import ORDINARY, WEAK, absorb, kind, strike
+from granular.edmd.model import restitution
+from granular.edmd.motion import Bodies, Ints, Physics, approach, carry, collide, stick
+
+SUSPICIOUS = 8
+"""Streak that calls for a closer look."""
+
+
+@kernel
+def event(
+    c: int, now: float, bodies: Bodies, physics: Physics, rule: Any, watch: tuple[float, float], tally: Ints, row: Any
+) -> tuple[int, int]:
+    """Let pair `c` collide at time `now`; return the first and the last pair to predict anew.
+
+    `watch` is the scale of the speeds (m/s; negative: do not watch) and the interval (s) that look like a collapse;
+    `tally` counts clamps and merged collisions; `row` takes the row of the log: pair, time, velocities of the lower
+    and the upper body before and after, impulse.
+    """
+    u, falls, gap, at, pull, hits, last, streaks = bodies
+    low, high, m_eff, mass, eps, tc, elastic_below, merge_below, g = physics
+    w = approach(c, u, gap, at, pull)
+    e = restitution(c, -w, now, eps, rule, last, tc, elastic_below)
+    if row is not None:
+        row[0], row[1] = c, now
+        row[2], row[3] = u[c] - falls[c] * (g * now), u[c + 1] - falls[c + 1] * (g * now)
+    jump = (1.0 + e) * w
+    exchanged = -jump * m_eff[c]
+    what = ORDINARY
+    if merge_below > 0.0 or g > 0.0:
+        what = kind(c, w, e, merge_below, mass, falls, pull)
+    if what == ORDINARY:
+        start, end = max(c - 1, 0), min(c + 1, len(gap) - 1)
+        if c > 0:
+            tally[0] += carry(c - 1, now, u, gap, at, pull)
+        if end > c:
+            tally[0] += carry(end, now, u, gap, at, pull)
+        collide(c, now, jump, u, gap, at, low, high)
+    elif what == WEAK:
+        tally[1] += 1
+        start, end, exchanged = absorb(c, now, w, g, mass, u, falls, gap, at, pull)
+    else:
+        start, end = strike(c, now, jump, g, mass, u, falls, gap, at, pull, low, high)
+    if e == 0.0 and what != WEAK:
+        stick(c, now, u, pull, low)
+    if row is not None:
+        row[4], row[5] = u[c] - falls[c] * (g * now), u[c + 1] - falls[c + 1] * (g * now)
+        row[6] = exchanged
+    hits[c] += 1
+    streaks[c] = streak(streaks[c], -w, now - last[c], e, watch[0], watch[1])
+    last[c] = now
+    return start, end
+
+
+@kernel
+def streak(count: int, speed: float, interval: float, e: float, slow: float, short: float) -> int:
+    """Return how often in a row (before: `count`) a pair collided slowly, which counts thrice, or at once again."""
+    if e == 1.0:
+        return 0
+    if speed < slow:
+        return count + 3
+    return count + 1 if interval <= short else 0

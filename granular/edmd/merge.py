@@ -1,0 +1,136 @@
+"""Balls that stay together: clusters without cluster objects.
+
+A *closed* pair has gap 0, rate 0 and no pull, all in bits; it never collides by itself and needs no flag. A ball that
+rests on a wall, directly or on a pile, has ``falls = 0`` and the velocity of the wall; the next ball then sees a floor.
+A hit on a cluster is an ordinary collision of the body hit; what it starts runs through the cluster by collisions at
+the same time.
+"""
+
+from __future__ import annotations
+
+import math
+
+from granular._kernels import kernel, rare
+from granular.edmd.motion import Floats, carry, collide
+
+
+@kernel
+def is_closed(c: int, u: Floats, gap: Floats, at: Floats, pull: Floats) -> bool:
+    """Return whether the bodies of pair `c` move as one."""
+    return gap[c] == 0.0 and pull[c] == 0.0 and u[c + 1] == u[c]  # type: ignore[no-any-return]
+
+
+ORDINARY, WEAK, RESTING = range(3)
+
+
+@kernel
+def kind(c: int, w: float, e: float, below: float, mass: Floats, falls: Floats, pull: Floats) -> int:
+    """Return what a collision of pair `c` at rate `w` is: weak, so that it merges; one with a ball at rest; or neither.
+
+    A ceiling cannot carry.
+    """
+    if e < 1.0 and -w < below and pull[c] >= 0.0:
+        return WEAK
+    if (falls[c] == 0.0 and mass[c] < math.inf) or (falls[c + 1] == 0.0 and mass[c + 1] < math.inf):
+        return RESTING
+    return ORDINARY
+
+
+@rare
+@kernel
+def absorb(
+    c: int, now: float, w: float, g: float, mass: Floats, u: Floats, falls: Floats, gap: Floats, at: Floats,
+    pull: Floats,
+) -> tuple[int, int, float]:
+    """Let the bodies of pair `c`, which close at rate `w`, and all that is closed with them, move as one from now on.
+
+    With the wall or the pile if one side belongs to it, else with their common momentum. Returns the first and the
+    last pair to predict anew, and the momentum exchanged by pair `c` in kg m/s.
+    """
+    b, e = c, c + 1  # the lowest and the highest body
+    while b > 0 and mass[b] < math.inf and is_closed(b - 1, u, gap, at, pull):
+        b -= 1
+    while e < len(gap) and mass[e] < math.inf and is_closed(e, u, gap, at, pull):
+        e += 1
+    first, last = max(b - 1, 0), min(e, len(gap) - 1)
+    for k in range(first, last + 1):
+        carry(k, now, u, gap, at, pull)
+    gap[c] = 0.0
+    lower = math.inf if falls[c] == 0.0 else total(b, c, mass)
+    upper = math.inf if falls[c + 1] == 0.0 else total(c + 1, e, mass)
+    if lower == math.inf:
+        common, exchanged = u[c], -upper * w
+    elif upper == math.inf:
+        common, exchanged = u[c + 1], -lower * w
+    else:
+        share = upper / (lower + upper)
+        common, exchanged = u[c] + share * w, -(lower * share) * w
+    rests = lower == math.inf or upper == math.inf
+    for i in range(b, e + 1):
+        u[i] = common
+        if rests:
+            falls[i] = 0.0
+    repull(first, last, g, falls, pull)
+    return first, last, exchanged
+
+
+@rare
+@kernel
+def strike(
+    c: int, now: float, jump: float, g: float, mass: Floats, u: Floats, falls: Floats, gap: Floats, at: Floats,
+    pull: Floats, low: Floats, high: Floats,
+) -> tuple[int, int]:
+    """Let pair `c` collide; its bodies, and those that rested upon them, fall again.
+
+    Returns the first and the last pair to predict anew.
+    """
+    top = c + 1
+    while top < len(gap) and falls[top] == 0.0 and mass[top] < math.inf and is_closed(top, u, gap, at, pull):
+        top += 1
+    first, last = max(c - 1, 0), min(top, len(gap) - 1)
+    for k in range(first, last + 1):
+        carry(k, now, u, gap, at, pull)
+    for i in range(c, top + 1):
+        if falls[i] == 0.0 and mass[i] < math.inf:
+            falls[i] = 1.0
+            u[i] += g * now
+    collide(c, now, jump, u, gap, at, low, high)
+    repull(first, last, g, falls, pull)
+    return first, last
+
+
+@kernel
+def total(b: int, e: int, mass: Floats) -> float:
+    """Return the mass of bodies `b` … `e`."""
+    mass_sum = 0.0
+    for i in range(b, e + 1):
+        mass_sum += mass[i]
+    return mass_sum
+
+
+@kernel
+def is_at_rest(c: int, time: float, pull: Floats) -> bool:
+    """Return whether the upper body of pair `c`, predicted to collide at `time`, has come to rest on the lower.
+
+    A pulled pair always collides again, unless it has gap and rate 0.
+    """
+    return time == math.inf and bool(pull[c] > 0.0)
+
+
+@rare
+@kernel
+def rest(c: int, g: float, u: Floats, falls: Floats, gap: Floats, at: Floats, pull: Floats) -> None:
+    """Let the upper body of pair `c` rest on the wall, or on the pile on it."""
+    top = min(c + 1, len(gap) - 1)
+    if top > c:
+        carry(top, at[c], u, gap, at, pull)
+    falls[c + 1] = 0.0
+    u[c + 1] = u[c]
+    repull(c, top, g, falls, pull)
+
+
+@kernel
+def repull(first: int, last: int, g: float, falls: Floats, pull: Floats) -> None:
+    """Set gravity's closing acceleration of pairs `first` … `last` from which of their bodies fall."""
+    for c in range(first, last + 1):
+        pull[c] = g * (falls[c + 1] - falls[c])

@@ -1,0 +1,98 @@
+"""What a pair does: predict its contact, be carried along, collide. Both queues use these same expressions.
+
+State of pair c: `gap[c]` (m, never negative) as it was at time `at[c]`, and the free-fall velocities `u` (m/s) of its
+bodies, which change only at impacts: body i moves with ``u[i] - g·tau`` if it falls. `pull[c]` is gravity's closing
+acceleration of the gap (g at a floor, 0 between balls, -g at a ceiling). Times are counted from the last re-basing.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from granular._flight import gap_after, rate_at_contact, time_to_contact
+from granular._kernels import kernel
+
+Floats = Any
+"""A list of floats (plain) or a float64 array (compiled)."""
+Ints = Any
+"""A list of ints (plain) or an int64 array (compiled)."""
+
+Bodies = tuple[Floats, Floats, Floats, Floats, Floats, Ints, Floats, Ints]
+"""u, falls, gap, at, pull, hits, last, streak of a `State`."""
+Physics = tuple[Floats, Floats, Floats, Floats, Floats, float, float, float, float]
+"""low, high, m_eff, mass, eps, tc, elastic_below, merge_below, gravity of a `Model`."""
+
+
+@kernel
+def predicted(c: int, u: Floats, gap: Floats, at: Floats, pull: Floats) -> float:
+    """Return the time at which pair `c` collides if nothing happens before, inf if it never does.
+
+    A pair that touches and approaches collides now.
+    """
+    a = pull[c]
+    return at[c] + time_to_contact(gap[c], (u[c + 1] - u[c]) - a * at[c], a)  # type: ignore[no-any-return]
+
+
+@kernel
+def approach(c: int, u: Floats, gap: Floats, at: Floats, pull: Floats) -> float:
+    """Return the rate (m/s, ≤ 0) with which pair `c` closes at its predicted contact."""
+    a = pull[c]
+    return rate_at_contact(gap[c], (u[c + 1] - u[c]) - a * at[c], a)
+
+
+@kernel
+def carry(c: int, now: float, u: Floats, gap: Floats, at: Floats, pull: Floats) -> int:
+    """Move the gap of pair `c` to time `now`; return 1 if rounding made it negative and it was clamped at 0."""
+    a = pull[c]
+    d = gap_after(gap[c], (u[c + 1] - u[c]) - a * at[c], a, now - at[c])
+    at[c] = now
+    gap[c] = d if d > 0.0 else 0.0
+    return 1 if d < 0.0 else 0
+
+
+@kernel
+def collide(c: int, now: float, jump: float, u: Floats, gap: Floats, at: Floats, low: Floats, high: Floats) -> None:
+    """Let pair `c` collide at time `now` with a relative velocity that changes by -`jump`, `jump` = (1 + ε)·rate ≤ 0.
+
+    The shares of its bodies, `low` + `high` = 1 exactly, keep momentum and energy to rounding over 1e8 events.
+    """
+    u[c] += low[c] * jump
+    u[c + 1] -= high[c] * jump
+    gap[c] = 0.0
+    at[c] = now
+
+
+@kernel
+def stick(c: int, now: float, u: Floats, pull: Floats, low: Floats) -> None:
+    """Make the rate of pair `c`, which has just collided with ε = 0, exactly 0, or rounding lets it collide again."""
+    if low[c] <= 0.5:
+        u[c + 1] = u[c] + pull[c] * now
+    else:
+        u[c] = u[c + 1] - pull[c] * now
+
+
+@kernel
+def approaching(first: int, now: float, u: Floats, pull: Floats) -> int:
+    """Return a pair that approaches at time `now`, looking at pair `first` first; -1 if none does."""
+    n = len(pull)
+    for k in range(n):
+        c = first + k if first + k < n else first + k - n
+        if (u[c + 1] - u[c]) - pull[c] * now < 0.0:
+            return c
+    return -1
+
+
+@kernel
+def rebase(
+    shift: float, g: float, u: Floats, falls: Floats, gap: Floats, at: Floats, pull: Floats, last: Floats
+) -> int:
+    """Move all gaps to time `shift` and make that the new zero of time; return the number of clamps."""
+    clamps = 0
+    for c in range(len(gap)):
+        clamps += carry(c, shift, u, gap, at, pull)
+        at[c] = 0.0
+        last[c] -= shift
+    if g != 0.0:
+        for i in range(len(u)):
+            u[i] -= falls[i] * (g * shift)
+    return clamps

@@ -1,0 +1,62 @@
+"""How a run ended, in one sentence with its numbers, and the account of the work done."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from granular.edmd.run import Run
+from granular.trajectory import Status
+
+
+def message(run: Run, status: Status) -> str:
+    """Return the sentence to print."""
+    when = f"t = {run.time():.12g} s after {_count(run.state.events, 'collision')}"
+    if status is Status.collapse:
+        return _collapse(run, when)
+    if status is Status.max_events:
+        return _work(run, when)
+    end = "; no collision can follow" if status is Status.time and run.queue.soonest() == float("inf") else ""
+    return f"{status.value}: {when}{end}"
+
+
+def stats(run: Run) -> dict[str, Any]:
+    """Return the counters of a run: collisions, gaps clamped at 0, re-basings of the clock, closer looks and the
+    collisions in them, and how a collapse was decided."""
+    s, verdict = run.state, run.verdict
+    counters: dict[str, Any] = {
+        "engine": run.queue.name, "events": s.events, "clamps": int(s.tally[0]), "rebases": s.rebases, "zooms": s.zooms,
+        "zoomed": s.zoomed,
+    }  # fmt: skip
+    if run.model.merge_below > 0.0:
+        counters |= {"merge_below": run.model.merge_below, "merged": int(s.tally[1])}
+    if verdict is not None:
+        counters |= {"verdict": verdict.kind, "pairs": (verdict.first, verdict.last), "bound": verdict.bound}
+    return counters
+
+
+def _collapse(run: Run, when: str) -> str:
+    verdict = run.verdict
+    assert verdict is not None
+    pairs = f"pair {verdict.first}" if verdict.first == verdict.last else f"pairs {verdict.first} to {verdict.last}"
+    if verdict.kind == "exact":
+        body = f"exact: body {verdict.first + 1} comes to rest on the wall after infinitely many bounces"
+    elif verdict.kind == "proved":
+        body = f"proved: the two pairs collide in turn for ever; rates left: {verdict.bound:.2g} m/s"
+    else:
+        body = f"bounded: unless hit from outside, none of their bodies will be faster than {verdict.bound:.2g} m/s"
+    return f"inelastic collapse of {pairs} at {when} ({body})"
+
+
+def _work(run: Run, when: str) -> str:
+    sentence = f"{Status.max_events.value}: max_events reached at {when}"
+    events, t = run.pace
+    if run.state.events > events and run.model.may_collapse and run.time() - t < 0.1 * (t - run.state.start):
+        sentence += (
+            f"; the last {run.state.events - events} of them took only {run.time() - t:.3g} s: the balls cluster and "
+            "slow down, perhaps without end. Remedies by name: collapse='merge', tc=, elastic_below="
+        )
+    return sentence
+
+
+def _count(n: int, noun: str) -> str:
+    return f"{n} {noun}" + "s" * (n != 1)

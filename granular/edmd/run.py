@@ -1,0 +1,194 @@
+"""One run: advance the queue to the next thing that matters, and deal with it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from granular import until as conditions
+from granular._check import Array
+from granular.edmd import readout
+from granular.edmd.collapse import Verdict, Zoom
+from granular.edmd.model import Model
+from granular.edmd.motion import approaching
+from granular.edmd.sorted_queue import APART, NEVER, Pause, Rows, SortedQueue
+from granular.edmd.state import State
+from granular.edmd.tree_queue import TreeQueue
+from granular.edmd.zoom import BUDGET, LIMIT, OUTSIDE, QUIET, RESTS, SPENT, UNTIL, write_back
+from granular.trajectory import CONTACT, Status
+
+Queue = SortedQueue | TreeQueue
+LONG = 100_000
+"""Work (in collisions) after which loading the machine code pays."""
+REPORT = 4096
+"""Events between two reports of progress."""
+GOES_ON = {LIMIT: Pause.limit, UNTIL: Pause.until, BUDGET: Pause.budget}
+
+
+class Run:
+    """A run in progress.
+
+    Parameters
+    ----------
+    state, model : State, Model
+        What moves, and how; `state` is changed in place.
+    zoom : Zoom or None
+        A closer look that was interrupted.
+    queue : pair of classes
+        The queue to begin with, and the one to go over to after `LONG` collisions (or None).
+    until : condition or None
+        When to stop.
+    max_events : int
+        How many collisions of this run at most.
+    log : bool
+        Whether to keep the contacts.
+    on_event, on_progress : callable or None
+        Called with each contact; with time and number of events now and then.
+    """
+
+    def __init__(
+        self,
+        state: State,
+        model: Model,
+        zoom: Zoom | None,
+        queue: tuple[type[Queue], type[Queue] | None],
+        until: conditions.Until | None,
+        max_events: int,
+        log: bool,
+        on_event: Callable[[Any], object] | None,
+        on_progress: Callable[[float, int], object] | None,
+    ) -> None:
+        stop = (until.pair, until.nth - 1) if isinstance(until, conditions.Contact) else (NEVER, 0)
+        if isinstance(until, conditions.Separated):
+            stop = (APART, 0)
+        self.state, self.model, self.zoom = state, model, zoom
+        self.queue, self.faster = queue[0](state, model, stop), queue[1]
+        self.change_at = work(state) + LONG
+        if zoom is not None:
+            zoom.keep(self.queue.column)
+        self.last_event = state.events + max_events
+        self.keep, self.on_event, self.on_progress = log, on_event, on_progress
+        self.contacts: list[np.ndarray[tuple[int], np.dtype[np.void]]] = []
+        self.reported = state.events
+        self.pace = (state.events, state.time(state.now))
+        self.verdict: Verdict | None = None
+
+    def to(self, time: float) -> Status | None:
+        """Advance to `time` (s; may be inf); return why the run is over, None if `time` was reached."""
+        state = self.state
+        while True:
+            limit = state.tau(time)
+            budget = max(0, min(self.queue.chunk, self.last_event - state.events))
+            log: Rows | None = [] if self.keep or self.on_event is not None else None
+            pause: Pause | None
+            if self.faster is not None and work(state) >= self.change_at:
+                self._go_over(self.faster)
+            if self.zoom is None:
+                pause = self.queue.advance(limit, budget, log)
+            else:
+                pause = self._look_closer(limit, budget, log)
+            self._record(log)
+            if pause is Pause.limit:
+                if time == math.inf:
+                    return Status.quiet
+                state.now = limit
+                return None
+            if self.verdict is not None:
+                return Status.collapse
+            if pause is Pause.until:
+                return Status.until
+            if pause is Pause.window:
+                state.shift_to(self.queue.soonest(), self.model.scene.gravity, self.queue.kernel)
+                self.queue.rebuild()
+            elif pause is Pause.suspect:
+                self.zoom = Zoom.on(state, self.queue.suspect, self.queue.column)
+            elif pause is Pause.budget and state.events >= self.last_event:
+                return Status.max_events
+            if state.events - self.pace[0] > 2 * (self.last_event - state.events) > 0:
+                self.pace = (state.events, self.time())
+            self._report()
+
+    def _look_closer(self, limit: float, budget: int, log: Rows | None) -> Pause | None:
+        """Go on with the zoom; close it when it ends, with or without a verdict, and return None."""
+        zoom, state, model = self.zoom, self.state, self.model
+        assert zoom is not None
+        end, j = zoom.advance(state, model, self.queue, limit, budget, log)
+        if end in GOES_ON:
+            return GOES_ON[end]
+        if end == RESTS:
+            self.verdict = zoom.settle(state, model, j)
+        elif end not in (OUTSIDE, QUIET):
+            verdict = zoom.verdict(state, model, j)
+            if verdict is not None and (end != SPENT or verdict.bound < 1e-9 * state.speed):
+                self.verdict = verdict
+            else:
+                state.short = math.ldexp(state.short, -4)
+                state.allowance *= 2
+        zoom.close(state, self.queue)
+        self.zoom = None
+        if self.queue.stop[0] == APART and approaching(0, state.now, state.u, state.pull) < 0:
+            return Pause.until
+        return None
+
+    def _go_over(self, queue: type[Queue]) -> None:
+        """Go on with another queue, whatever is going on."""
+        self.queue, self.faster = queue(self.state, self.model, self.queue.stop), None
+        if self.zoom is not None:
+            self.zoom.keep(self.queue.column)
+
+    def _record(self, log: Rows | None) -> None:
+        """Keep and stream the contacts of `log`, which were seen since the last re-basing."""
+        if not log:
+            return
+        raw = np.concatenate(log) if isinstance(log[0], np.ndarray) else np.array(log)
+        rows = np.zeros(len(raw), CONTACT)
+        rows["pair"] = raw[:, 0]
+        rows["t_begin"] = rows["t_end"] = self.state.epoch + (self.state.epoch_low + raw[:, 1])
+        rows["v_in"], rows["v_out"] = raw[:, 2:4], raw[:, 4:6]
+        rows["force_max"] = np.nan
+        rows["impulse"] = raw[:, 6]
+        if self.keep:
+            self.contacts.append(rows)
+        if self.on_event is not None:
+            for row in rows:
+                self.on_event(row)
+
+    def _report(self) -> None:
+        if self.on_progress is not None and self.state.events - self.reported >= REPORT:
+            self.reported = self.state.events
+            self.on_progress(self.time(), self.state.events)
+
+    def log(self) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+        """Return all contacts kept."""
+        return np.concatenate(self.contacts) if self.contacts else np.zeros(0, CONTACT)
+
+    def time(self) -> float:
+        """Return the time in s up to which the run has got."""
+        return self.state.time(self.state.now)
+
+    def row(self) -> tuple[float, Array, Array]:
+        """Return the time since the start of the run (s), velocities and gaps now."""
+        state = self.state
+        if self.zoom is not None and self.zoom.dial[1] > 0.0:
+            state = dataclasses.replace(
+                state, u=state.u.copy(), gap=state.gap.copy(), at=state.at.copy(), streak=state.streak.copy()
+            )
+            zoom = self.zoom
+            tau = zoom.base + zoom.dial[0]
+            write_back(zoom.first, zoom.gap, zoom.rate, tau, self.model.mass, state.u, state.gap, state.at,
+                       state.pull, state.streak)  # fmt: skip
+        velocity = readout.velocities(state, state.now, self.model.scene.gravity)
+        return readout.elapsed(state, state.now), velocity, readout.gaps(state, state.now)
+
+    def checkpoint(self) -> dict[str, Any]:
+        """Return all that is needed to go on."""
+        return self.state.checkpoint() | (self.zoom.checkpoint() if self.zoom is not None else {})
+
+
+def work(state: State) -> int:
+    """Return the work done so far in collisions; one looked at closely costs as much as eight."""
+    return state.events + 7 * state.zoomed

@@ -1,0 +1,213 @@
+"""The public face of the hard-sphere engine: check the arguments, run, and say how it ended."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from granular import _check, rules
+from granular import until as conditions
+from granular._check import Array
+from granular.edmd import engines, options, outcome
+from granular.edmd.collapse import Zoom
+from granular.edmd.run import Run
+from granular.edmd.state import State
+from granular.edmd.ties import PAIR
+from granular.rules import Rule
+from granular.scene import Scene, positions
+from granular.trajectory import Status, Trajectory
+
+
+def simulate(
+    scene: Scene,
+    rule: Rule | list[Rule] | tuple[Rule, ...],
+    *,
+    t_end: float | None = None,
+    until: conditions.Until | None = None,
+    t_start: float = 0.0,
+    samples: int | ArrayLike | None = None,
+    log: bool = True,
+    max_events: int = 1_000_000,
+    on_event: Callable[[Any], object] | None = None,
+    on_progress: Callable[[float, int], object] | None = None,
+    engine: str = "auto",
+    ties: str = "left",
+    seed: int = 0,
+    collapse: str = "stop",
+    merge_below: float | None = None,
+    tc: float = 0.0,
+    elastic_below: float = 0.0,
+) -> Trajectory:
+    """Run `scene` as hard spheres: free flight and instantaneous collisions with a coefficient of restitution.
+
+    Parameters
+    ----------
+    scene : Scene
+        Initial state; no gap may be negative.
+    rule : callable or list of callables
+        Coefficient of restitution ``rule(speed, pair)`` in [0, 1], such as `granular.ConstantRestitution`; one for
+        all pairs, or one per pair from the bottom up. 0 for all pairs means balls that stick (0 for some of them is
+        refused): they move on as one, are hit, and rest on the floor.
+    t_end : float, optional
+        End time in s; collisions at that time still act. Without `t_end` and `until` the run goes on until no
+        collision can follow, until an inelastic collapse, or until `max_events`.
+    until : condition, optional
+        From `granular.until`; whichever comes first, this or `t_end`.
+    t_start : float
+        Time of the initial state in s.
+    samples : None, int or array
+        Rows to keep: None for the first and the last, an int for that many spread evenly from `t_start` to `t_end`,
+        an array for those times (s, increasing). Rows are right-continuous: a collision at that time has acted
+        (the row at `t_start` is the initial state). A run that ends before the last of them has one more row, at
+        its end.
+    log : bool
+        Whether to keep one row per collision in ``contacts``.
+    max_events : int
+        Collisions at most; reaching it is the status `max_events`.
+    on_event : callable, optional
+        ``on_event(row)`` after each collision, with its row of the log.
+    on_progress : callable, optional
+        ``on_progress(t, events)`` now and then.
+    engine : str
+        "sorted" (the reference), "compiled" (numba; the same results bit for bit; constant restitution and sequential
+        ties only), or "auto": begins with the reference and goes over to compiled in a run long enough to pay for it.
+    ties : str
+        What simultaneous collisions do. One after the other: "left" (the lowest pair first), "right", or "random"
+        (reproducible by `seed`). A touching group as a whole: "newton" and "reflect" (one constant restitution for
+        all pairs), "poisson" (any). No rule is right by nature: touching hard spheres have no unique answer.
+    seed : int
+        For ``ties="random"``.
+    collapse : str
+        What to do about an inelastic collapse: "stop", or "merge": pairs that collide at less than `merge_below` move
+        on as one, so that no collapse can happen.
+    merge_below : float, optional
+        Speed in m/s for ``collapse="merge"``; 1/100 of the scene's own speed scale if not given. The result depends
+        on it (it is in ``stats``).
+    tc : float
+        Contact duration in s of the TC model: a collision is elastic if one of its bodies has collided less than `tc`
+        before (Luding & McNamara, Granular Matter 1, 113 (1998)). 0: not used.
+    elastic_below : float
+        Collisions at less than this speed (m/s) are elastic. 0: not used.
+
+    Returns
+    -------
+    Trajectory
+        With status `time`, `until`, `quiet`, `collapse` or `max_events`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments that do not fit, with a sentence. What goes wrong in the physics is a status.
+
+    Notes
+    -----
+    One collision costs O(log n). The state is gaps, not positions, so balls never change order; the clock is re-based,
+    so late times cost no digits. A collapse is a verdict, never an impression: see `granular.edmd.collapse`.
+    """
+    _check_scene(scene)
+    start = _check.number("t_start", t_start)
+    state = State.of(scene, start)
+    model = options.model(
+        scene, rules.checked(rule, scene.pairs), state.speed, ties=ties, seed=seed, collapse=collapse,
+        merge_below=merge_below, tc=tc, elastic_below=elastic_below,
+    )  # fmt: skip
+    times, end = _span(start, t_end, samples)
+    condition = conditions.checked(until, scene.n - 1)
+    limit = _check.whole("max_events", max_events)
+    queue = engines.choose(engine, model)
+    run = Run(state, model, None, queue, condition, limit, log, on_event, on_progress)
+    return _trajectory(run, times, start, end)
+
+
+def resume(
+    trajectory: Trajectory,
+    *,
+    t_end: float | None = None,
+    until: conditions.Until | None = None,
+    samples: int | ArrayLike | None = None,
+    log: bool = True,
+    max_events: int = 1_000_000,
+    on_event: Callable[[Any], object] | None = None,
+    on_progress: Callable[[float, int], object] | None = None,
+    engine: str = "auto",
+) -> Trajectory:
+    """Go on from the end of a run of `simulate`; both together equal the uninterrupted run bit for bit.
+
+    Takes rules and options from `trajectory`. The contact log begins anew; collisions of a pair are counted from the
+    beginning (``until.contact(0, 7)`` is still the seventh), `max_events` from here. See `simulate` for the parameters.
+
+    Raises
+    ------
+    ValueError
+        If `trajectory` is no hard-sphere run, or ended in a collapse.
+    """
+    if trajectory.rule is None or "ties" not in trajectory.state:
+        raise ValueError("trajectory is no hard-sphere run: one from granular.edmd is needed.")
+    if trajectory.status is Status.collapse:
+        raise ValueError("trajectory ended in a collapse: nothing follows it; run again with collapse='merge' or tc=.")
+    scene, saved = trajectory.scene, trajectory.state
+    state = State.restored(saved)
+    model = options.restored(scene, trajectory.rule, saved)
+    start = state.time(state.now)
+    times, end = _span(start, t_end, samples)
+    condition = conditions.checked(until, scene.n - 1)
+    limit = _check.whole("max_events", max_events)
+    queue = engines.choose(engine, model)
+    run = Run(state, model, Zoom.restored(saved), queue, condition, limit, log, on_event, on_progress)
+    return _trajectory(run, times, start, end)
+
+
+def _check_scene(scene: Any) -> None:
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene is {type(scene).__name__}: a granular.Scene is needed.")
+    fix = "hard spheres cannot overlap; set the gap to 0, or use granular.md"
+    _check.every("gap", scene.gap, scene.gap >= 0.0, "a gap must not be negative", fix)
+    if scene.n - 1 > PAIR:
+        raise ValueError(f"scene has {scene.n} bodies: at most {PAIR + 1} are possible.")
+
+
+def _span(start: float, t_end: float | None, samples: int | ArrayLike | None) -> tuple[Array | None, float]:
+    """Return the times of the rows (None for the first and the last) and the end time."""
+    end = math.inf if t_end is None else _check.number("t_end", t_end, at_least=start, fix="t_start is the earliest")
+    if samples is None:
+        return None, end
+    if np.ndim(samples) == 0:
+        count = _check.whole("samples", samples, at_least=2, fix="give None for the first and the last row")
+        if t_end is None:
+            raise ValueError(f"samples is {count}: a number of rows needs t_end; give t_end, or the times themselves.")
+        return np.linspace(start, end, count), end
+    times = _check.array("samples", samples)
+    if len(times) == 0:
+        raise ValueError("samples is empty: at least one time is needed; give None for the first and the last row.")
+    inside = (times >= start) & (times <= end) & np.isfinite(times)
+    _check.every("samples", times, inside, f"a time from {start:g} to {end:g} s is needed")
+    _check.every("samples", times[1:], np.diff(times) >= 0.0, "times must not decrease")
+    return times, end
+
+
+def _trajectory(run: Run, times: Array | None, start: float, end: float) -> Trajectory:
+    """Run through all sample times to the end and collect the rows."""
+    rows: list[tuple[float, float, Array, Array]] = []
+    status = None
+    for time in [start] if times is None else times.tolist():
+        status = run.to(time) if time > start else None
+        if status is not None:
+            break
+        rows.append((time, *run.row()))
+    ended_early = status is not None
+    if not ended_early:
+        status = run.to(end)
+    if ended_early or times is None:
+        rows.append((end if status is None else run.time(), *run.row()))
+    time, elapsed, velocity, gap = (np.array(column) for column in zip(*rows, strict=True))
+    status = status or Status.time
+    return Trajectory(
+        scene=run.model.scene, law=None, rule=run.model.rules, time=time,
+        position=positions(run.model.scene, gap, elapsed), velocity=velocity, gap=gap, force=None,
+        contacts=run.log(), status=status, message=outcome.message(run, status),
+        stats=outcome.stats(run), state=run.checkpoint() | options.saved(run.model),
+    )  # fmt: skip

@@ -1,0 +1,162 @@
+"""The reference queue: pairs in a `SortedList` of (time, rank)."""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+from typing import Any
+
+from sortedcontainers import SortedList
+
+from granular.edmd import touching
+from granular.edmd.event import SUSPICIOUS, event
+from granular.edmd.merge import is_at_rest, rest
+from granular.edmd.model import Model
+from granular.edmd.motion import Floats, approaching, predicted
+from granular.edmd.state import State
+from granular.edmd.ties import PAIR, RANDOM, rank
+
+NEVER, APART = -1, -2
+Rows = list[Any]
+"""Rows of the log: pair, tau, velocities before (lower, upper), velocities after, impulse."""
+
+
+class Pause(Enum):
+    """Why a queue hands control back."""
+
+    limit = "the next event is later than asked for, or never"
+    window = "the next event lies in a later window"
+    budget = "as many events as asked for have acted"
+    until = "the next event is the contact to stop at, or all pairs recede"
+    suspect = "the last collisions look like a collapse"
+
+
+class SortedQueue:
+    """Advance a `State` event by event.
+
+    Parameters
+    ----------
+    state : State
+        Changed in place.
+    model : Model
+        The physics.
+    stop : (int, int)
+        Pause before pair ``stop[0]`` collides when it has collided ``stop[1]`` times; pair `NEVER`: do not; pair
+        `APART`: pause after a collision that leaves no pair approaching.
+    """
+
+    name = "sorted"
+    chunk = 4096
+    kernel = staticmethod(lambda function: function)
+    rows = staticmethod(lambda n: [[0.0] * 7 for _ in range(n)])
+
+    def __init__(self, state: State, model: Model, stop: tuple[int, int] = (NEVER, 0)) -> None:
+        self.state = state
+        self.model = model
+        self.stop = stop
+        self.suspect = -1
+        self.tie = model.tie
+        self.physics = model.physics()
+        self.rebuild()
+
+    @staticmethod
+    def column(values: list[float]) -> Floats:
+        """Return `values` as this queue keeps them."""
+        return values
+
+    def rebuild(self) -> None:
+        """Predict all pairs anew."""
+        pairs = range(len(self.state.gap))
+        self.entry = [(math.inf, self._rank(c)) for c in pairs]
+        self.queue: SortedList[tuple[float, int]] = SortedList([(math.inf, PAIR)])  # never empty
+        self.refresh(0, len(pairs) - 1)
+
+    def refresh(self, first: int, last: int) -> None:
+        """Predict pairs `first` … `last` anew. Pairs that never collide are not in the queue."""
+        s, queue, entry = self.state, self.queue, self.entry
+        u, gap, at, pull = s.u, s.gap, s.at, s.pull
+        c = first
+        while c <= last:
+            time, old = predicted(c, u, gap, at, pull), entry[c]
+            if time != old[0]:
+                if old[0] < math.inf:
+                    queue.remove(old)
+                entry[c] = new = (time, old[1])
+                if time < math.inf:
+                    queue.add(new)
+            if is_at_rest(c, time, pull):
+                rest(c, self.model.scene.gravity, u, s.falls, gap, at, pull)
+                last = max(last, min(c + 1, len(gap) - 1))
+            c += 1
+
+    def soonest(self, first: int = 0, last: int = -1) -> float:
+        """Return the time of the next event of any pair outside `first` … `last`."""
+        return float(next(time for time, key in self.queue if not first <= (key & PAIR) <= last))
+
+    def advance(self, limit: float, budget: int, log: Rows | None) -> Pause:
+        """Let events up to and including time `limit` act, at most `budget` of them, appending them to `log`."""
+        s, m = self.state, self.model
+        queue, entry, hits, random = self.queue, self.entry, s.hits, m.order == RANDOM
+        bodies, physics, rule, watch, tally = s.bodies(), self.physics, m.rule, s.watch(m.may_collapse), s.tally
+        stop_pair, stop_hits = self.stop
+        edge = min(limit, math.nextafter(s.window, 0.0))
+        until_event, witness = s.events + budget, 0
+        while True:
+            now, key = queue[0]
+            if now > edge:
+                return Pause.limit if now > limit or now == math.inf else Pause.window
+            c = key & PAIR
+            if c == stop_pair and hits[c] >= stop_hits:
+                s.now = now
+                return Pause.until
+            if s.events >= until_event:
+                return Pause.budget
+            s.now = now
+            if m.solver is not None:
+                first, last = touching.group(c, now, s)
+                if first < last:
+                    if not self._solve(c, first, last, log) or self._apart():
+                        return Pause.until
+                    continue
+            row = None if log is None else [0.0] * 7
+            first, last = event(c, now, bodies, physics, rule, watch, tally, row)
+            s.events += 1
+            if log is not None and row is not None:
+                log.append(row)
+            queue.pop(0)
+            entry[c] = (math.inf, self._rank(c) if random else key)
+            self.refresh(first, last)
+            if stop_pair == APART:
+                witness = approaching(witness, now, s.u, s.pull)
+                if witness < 0:
+                    return Pause.until
+            if s.streak[c] >= SUSPICIOUS:
+                self.suspect = c
+                return Pause.suspect
+
+    def _solve(self, c: int, first: int, last: int, log: Rows | None) -> bool:
+        """Let the touching group of pairs `first` … `last` collide as a whole, unless it is to stop before that."""
+        s, m = self.state, self.model
+        p = touching.impulses(c, first, last, s.now, s, m)
+        hit = [k for k in range(first, last + 1) if p[k - first] > 0.0]
+        stop_pair, stop_hits = self.stop
+        if stop_pair in hit and s.hits[stop_pair] >= stop_hits:
+            return False
+        before = touching.velocities(first, last, s.now, s, m)
+        touching.apply(first, last, p, s.now, s, m)
+        after = touching.velocities(first, last, s.now, s, m)
+        for k in hit:
+            s.hits[k] += 1
+            s.last[k] = s.now
+            if log is not None:
+                i = k - first
+                log.append([k, s.now, before[i], before[i + 1], after[i], after[i + 1], p[i]])
+        s.events += len(hit)
+        self.refresh(max(first - 1, 0), min(last + 1, len(s.gap) - 1))
+        return True
+
+    def _apart(self) -> bool:
+        return self.stop[0] == APART and approaching(0, self.state.now, self.state.u, self.state.pull) < 0
+
+    def _rank(self, c: int) -> int:
+        return rank(c, self.model.order, self.model.seed, self.state.hits[c])

@@ -1,0 +1,8 @@
+"""Force laws of soft contacts; F ≥ 0 repels. The engine, never the law, clips F at zero and gates it on ξ > 0."""
+
+from granular.laws.dashpot import LinearDashpot
+from granular.laws.hertz import Hertz, TsujiHertz, ViscoelasticHertz
+from granular.laws.power import PowerLaw
+from granular.laws.walton_braun import WaltonBraun
+
+__all__ = ["Hertz", "LinearDashpot", "PowerLaw", "TsujiHertz", "ViscoelasticHertz", "WaltonBraun"]

@@ -1,0 +1,180 @@
+"""Spheres: Hertz contact without damping, with viscoelastic damping, and with Tsuji's.
+
+Three rivals often confused: **viscoelastic** damping γ √ξ ξ̇ follows from the bulk viscosity of the spheres
+(Kuwabara & Kono 1987; Brilliantov, Spahn, Hertzsch & Pöschel 1996) and makes ε fall with speed; **Tsuji** damping
+α √(m_eff k) ξ^¼ ξ̇ (Tsuji, Tanaka & Ishida 1992) was chosen so that ε does *not* depend on speed; a **linear
+dashpot** (`LinearDashpot`) is neither.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from granular import _check
+from granular.laws.dashpot import damping_ratio
+from granular.scene import Pair
+
+
+@dataclass(frozen=True)
+class Hertz:
+    """F = k ξ^(3/2), elastic.
+
+    Parameters
+    ----------
+    k : float
+        Stiffness in N/m^(3/2), positive: (4/3) E* √r_eff.
+    """
+
+    k: float
+
+    exponent = 1.5
+    rate_dependent = False
+
+    def __post_init__(self) -> None:
+        _check.number("k", self.k, above=0.0)
+
+    @classmethod
+    def from_material(cls, young: float, poisson: float, pair: Pair) -> Hertz:
+        """Return the contact of two bodies of one material: Young's modulus in Pa and Poisson's ratio."""
+        return cls(hertz_stiffness(young, poisson, pair))
+
+    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
+        """Force in N at overlap `xi` in m."""
+        return self.k * xi * math.sqrt(xi)
+
+    def power(self, pair: Pair) -> tuple[float, float, float, float]:
+        """Stiffness and exponent, damping and exponent: F = k ξ^(3/2)."""
+        return self.k, 1.5, 0.0, 0.0
+
+    def potential(self, xi: float, pair: Pair) -> float:
+        """Elastic energy (2/5) k ξ^(5/2) in J."""
+        return 0.4 * self.k * xi * xi * math.sqrt(xi)
+
+
+@dataclass(frozen=True)
+class ViscoelasticHertz:
+    """F = k ξ^(3/2) + γ √ξ ξ̇, the paper's law for spheres.
+
+    Parameters
+    ----------
+    k : float
+        Stiffness in N/m^(3/2), positive.
+    gamma : float
+        Damping γ = (3/2) A k in kg/(s √m), not negative, with the dissipative constant A in s. (The paper
+        divides both by m_eff.)
+    """
+
+    k: float
+    gamma: float
+
+    exponent = 1.5
+
+    def __post_init__(self) -> None:
+        _check.number("k", self.k, above=0.0)
+        _check.number("gamma", self.gamma, at_least=0.0)
+
+    @classmethod
+    def from_material(cls, young: float, poisson: float, dissipation: float, pair: Pair) -> ViscoelasticHertz:
+        """Return the contact of two bodies of one material.
+
+        Parameters
+        ----------
+        young, poisson : float
+            Young's modulus in Pa, Poisson's ratio.
+        dissipation : float
+            Dissipative constant A in s: F = k (ξ^(3/2) + (3/2) A √ξ ξ̇).
+        """
+        k = hertz_stiffness(young, poisson, pair)
+        return cls(k, 1.5 * _check.number("dissipation", dissipation, at_least=0.0) * k)
+
+    @classmethod
+    def from_restitution(cls, restitution: float, speed: float, k: float, pair: Pair) -> ViscoelasticHertz:
+        """Return the law of stiffness `k` with the given restitution in (0, 1] *at impact speed* `speed` in m/s."""
+        from granular.laws.viscoelastic_restitution import damping
+
+        v = _check.number("speed", speed, above=0.0)
+        b = damping(_check.number("restitution", restitution, above=0.0, at_most=1.0))
+        return cls(k, b * k**0.6 * pair.m_eff**0.4 / v**0.2)
+
+    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
+        """Force in N at overlap `xi` in m and overlap rate `xi_dot` in m/s, before the engine clips it at 0."""
+        return math.sqrt(xi) * (self.k * xi + self.gamma * xi_dot)
+
+    def power(self, pair: Pair) -> tuple[float, float, float, float]:
+        """Stiffness and exponent, damping and exponent: F = k ξ^(3/2) + γ ξ^(1/2) ξ̇."""
+        return self.k, 1.5, self.gamma, 0.5
+
+    @property
+    def rate_dependent(self) -> bool:
+        """Whether ξ̇ enters the force."""
+        return self.gamma != 0.0
+
+    def potential(self, xi: float, pair: Pair) -> float:
+        """Elastic energy (2/5) k ξ^(5/2) in J."""
+        return 0.4 * self.k * xi * xi * math.sqrt(xi)
+
+
+@dataclass(frozen=True)
+class TsujiHertz:
+    """F = k ξ^(3/2) + α √(m_eff k) ξ^(1/4) ξ̇, whose restitution does not depend on speed.
+
+    An isolated contact maps exactly onto the clipped linear dashpot with damping ratio ζ = α / √5.
+
+    Parameters
+    ----------
+    k : float
+        Stiffness in N/m^(3/2), positive.
+    alpha : float
+        Damping, dimensionless, not negative.
+    """
+
+    k: float
+    alpha: float
+
+    exponent = 1.5
+
+    def __post_init__(self) -> None:
+        _check.number("k", self.k, above=0.0)
+        _check.number("alpha", self.alpha, at_least=0.0)
+
+    @classmethod
+    def from_restitution(cls, restitution: float, k: float) -> TsujiHertz:
+        """Return the law of stiffness `k` with the given restitution in (0, 1], at any speed."""
+        return cls(k, math.sqrt(5.0) * damping_ratio(restitution))
+
+    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
+        """Force in N at overlap `xi` in m and overlap rate `xi_dot` in m/s, before the engine clips it at 0."""
+        root = math.sqrt(xi)
+        return self.k * xi * root + self.alpha * math.sqrt(pair.m_eff * self.k) * math.sqrt(root) * xi_dot
+
+    def power(self, pair: Pair) -> tuple[float, float, float, float]:
+        """Stiffness and exponent, damping and exponent: F = k ξ^(3/2) + γ ξ^(1/4) ξ̇, γ = α √(m_eff k)."""
+        return self.k, 1.5, self.alpha * math.sqrt(pair.m_eff * self.k), 0.25
+
+    @property
+    def rate_dependent(self) -> bool:
+        """Whether ξ̇ enters the force."""
+        return self.alpha != 0.0
+
+    def potential(self, xi: float, pair: Pair) -> float:
+        """Elastic energy (2/5) k ξ^(5/2) in J."""
+        return 0.4 * self.k * xi * xi * math.sqrt(xi)
+
+
+def hertz_stiffness(young: float, poisson: float, pair: Pair) -> float:
+    """(2/3) Y √r_eff / (1 - ν²) in N/m^(3/2): the contact of two bodies of one material.
+
+    Parameters
+    ----------
+    young : float
+        Young's modulus Y in Pa, positive.
+    poisson : float
+        Poisson's ratio ν in [0, 0.5].
+    pair : Pair
+        Supplies r_eff in m, which must be finite and positive.
+    """
+    modulus = _check.number("young", young, above=0.0)
+    nu = _check.number("poisson", poisson, at_least=0.0, at_most=0.5)
+    r_eff = _check.number(f"r_eff of pair {pair.index}", pair.r_eff, above=0.0, fix="point particles have no curvature")
+    return 2.0 / 3.0 * modulus * math.sqrt(r_eff) / (1.0 - nu * nu)

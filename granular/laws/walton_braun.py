@@ -1,0 +1,52 @@
+"""Different stiffness in loading and unloading (Walton & Braun 1986): plastic loss without a rate."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from granular import _check
+from granular.scene import Pair
+
+
+@dataclass(frozen=True)
+class WaltonBraun:
+    """F = min(k_load ξ, k_load ξ_max - k_unload (ξ_max - ξ)).
+
+    Loading follows k_load ξ; unloading and reloading follow the steeper line through the largest overlap ξ_max so
+    far, until ξ exceeds it. An isolated contact ends at ξ = (1 - k_load/k_unload) ξ_max with restitution
+    ε = √(k_load/k_unload) after t_c = (π/2) (√(m_eff/k_load) + √(m_eff/k_unload)).
+
+    Parameters
+    ----------
+    k_load, k_unload : float
+        Stiffness in N/m while loading and while unloading, 0 < k_load ≤ k_unload.
+    """
+
+    k_load: float
+    k_unload: float
+
+    memory = True
+    exponent = 1.0
+    rate_dependent = False
+
+    def __post_init__(self) -> None:
+        _check.number("k_load", self.k_load, above=0.0)
+        _check.number("k_unload", self.k_unload, at_least=self.k_load,
+                      fix="unloading must be at least as stiff as loading, or energy would be created")
+
+    @classmethod
+    def from_restitution(cls, restitution: float, k_load: float) -> WaltonBraun:
+        """Return the law with loading stiffness `k_load` and the given restitution in (0, 1]: k_load / ε²."""
+        eps = _check.number("restitution", restitution, above=0.0, at_most=1.0)
+        return cls(k_load, k_load / (eps * eps))
+
+    def force(self, xi: float, xi_dot: float, pair: Pair, xi_max: float) -> float:
+        """Force in N at overlap `xi` in m, given the largest overlap `xi_max` ≥ `xi` since the bodies last parted."""
+        loading = self.k_load * xi
+        unloading = self.k_load * xi_max - self.k_unload * (xi_max - xi)
+        return min(loading, unloading)
+
+    def restitution(self) -> float:
+        """√(k_load / k_unload)."""
+        return math.sqrt(self.k_load / self.k_unload)

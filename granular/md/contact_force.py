@@ -1,0 +1,141 @@
+"""Make force laws callable from a kernel: as they stand when interpreted, as one C function when compiled.
+
+A kernel calls ``force(laws[c], xi, xi_dot, xi_max, pairs[c])``. Interpreted, `laws` holds the law objects. Compiled,
+it holds records of their fields, and `force` is the law's own method compiled with such a record in place of `self`:
+the same source, hence the same bits. The function has one fixed type whatever the law, so kernels that take it are
+compiled once and cached, and a new law costs only its own few lines.
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from granular._kernels import load_numba
+from granular.laws import traits
+from granular.scene import Pair
+
+WIDTH = 12
+LAW = np.dtype([("kind", np.int64), ("field", np.float64, (WIDTH,))])
+PAIR = np.dtype([("m_eff", np.float64), ("r_eff", np.float64), ("index", np.int64)])
+
+
+class NotCompilableError(TypeError):
+    """A law that cannot be compiled, with the reason."""
+
+
+def interpreted(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Pair) -> float:
+    """Call a law as it stands."""
+    return float(law.force(xi, xi_dot, pair))
+
+
+def interpreted_with_memory(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Pair) -> float:
+    """Call a law that may have memory as it stands."""
+    return traits.evaluate(law, xi, xi_dot, pair, xi_max)
+
+
+def plain_force(laws: Sequence[Any]) -> Callable[..., float]:
+    """Return the interpreted force for `laws`."""
+    return interpreted_with_memory if any(getattr(law, "memory", False) for law in laws) else interpreted
+
+
+def law_records(laws: Sequence[Any]) -> np.ndarray[Any, Any]:
+    """Fields of each law as a record array, with the number of its class; shape (n_pairs,).
+
+    Raises
+    ------
+    NotCompilableError
+        If a law is not a dataclass of at most `WIDTH` numbers.
+    """
+    kinds = _kinds(laws)
+    records = np.zeros(len(laws), LAW)
+    for record, law in zip(records, laws, strict=True):
+        try:
+            values = [float(getattr(law, f.name)) for f in fields(law)]
+        except (TypeError, ValueError) as error:
+            raise NotCompilableError(f"{type(law).__name__} is not a dataclass of numbers ({error})") from None
+        if len(values) > WIDTH:
+            raise NotCompilableError(f"{type(law).__name__} has {len(values)} fields, more than {WIDTH}")
+        record["kind"] = kinds.index(type(law))
+        record["field"][: len(values)] = values
+    return records
+
+
+def pair_records(pairs: Sequence[Pair]) -> np.ndarray[Any, Any]:
+    """Pairs as a record array, shape (n_pairs,)."""
+    return np.array([(p.m_eff, p.r_eff, p.index) for p in pairs], PAIR)
+
+
+def compiled_force(laws: Sequence[Any]) -> Any:
+    """Return the compiled force for `laws`, of the type `force_type()`.
+
+    Raises
+    ------
+    NotCompilableError
+        With the compiler's reason.
+    """
+    return _compiled_kinds(tuple(_kinds(laws)))
+
+
+@cache
+def force_type() -> Any:
+    """The numba type of a compiled force, the same for every law."""
+    import numba
+    from numba import types
+
+    real = types.float64
+    return types.FunctionType(real(numba.from_dtype(LAW), real, real, real, numba.from_dtype(PAIR)))
+
+
+def _kinds(laws: Sequence[Any]) -> list[type]:
+    return list(dict.fromkeys(type(law) for law in laws))
+
+
+@cache
+def _compiled_kinds(kinds: tuple[type, ...]) -> Any:
+    numba = load_numba()
+    try:
+        force = _one_kind(kinds[-1])
+        for number in reversed(range(len(kinds) - 1)):
+            force = _either(number, _one_kind(kinds[number]), force)
+        return numba.njit(force_type().signature)(force.py_func)
+    except numba.core.errors.NumbaError as error:
+        reason = str(error).strip().splitlines()[-1]
+        raise NotCompilableError(f"{kinds[0].__name__}.force does not compile: {reason}") from error
+
+
+def _one_kind(kind: Any) -> Any:
+    """The method of one class, with a tuple of its fields for `self`."""
+    import numba
+    from numba.np.unsafe.ndarray import to_fixed_tuple
+
+    names = [f.name for f in fields(kind)]
+    record, count = namedtuple("record", names), len(names)
+    force = numba.njit(kind.force)
+    if getattr(kind, "memory", False):
+
+        def call(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Any) -> Any:
+            return force(record(*to_fixed_tuple(law.field, count)), xi, xi_dot, pair, xi_max)
+    else:
+
+        def call(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Any) -> Any:
+            return force(record(*to_fixed_tuple(law.field, count)), xi, xi_dot, pair)
+
+    return numba.njit(call)
+
+
+def _either(number: int, this: Any, others: Any) -> Any:
+    """Choose by the record's kind between one class and the rest."""
+    import numba
+
+    def call(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Any) -> Any:
+        if law.kind == number:
+            return this(law, xi, xi_dot, xi_max, pair)
+        return others(law, xi, xi_dot, xi_max, pair)
+
+    return numba.njit(call)

@@ -1,0 +1,108 @@
+"""Run a scene with a fixed time step and report honestly how far the step could be trusted."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from granular import until as stop
+from granular._check import Array
+from granular.md.stability import LIMIT, WARN, sharpest_rate
+from granular.md.stepper import Row, Stepper
+from granular.md.steps import EVALUATIONS
+from granular.scene import Scene, positions
+from granular.trajectory import Status, Trajectory
+
+
+def run(
+    scene: Scene,
+    laws: tuple[Any, ...],
+    *,
+    method: str,
+    dt: float,
+    t_start: float,
+    t_end: float,
+    until: stop.Until | None,
+    samples: Array | None,
+    log: bool,
+    max_events: int,
+    max_steps: int,
+    on_event: Callable[[Any], object] | None,
+    on_progress: Callable[[float, int], object] | None,
+    engine: str,
+) -> Trajectory:
+    """Run checked arguments; see `granular.md.simulate`."""
+    stepper = Stepper(scene, laws, method, dt, t_start, engine, log)
+    rows: list[Row] = [stepper.row(t_start)] if samples is None else []
+    wanted = [] if samples is None else samples.tolist()
+    status = Status.until if stepper.halts_at_start(until) else None
+    told = taken = 0
+    last_step = math.floor((t_end - t_start) / dt) if t_end < math.inf else math.inf
+    while status is None:
+        target = wanted[taken] if taken < len(wanted) else t_end
+        limit = math.floor((target - t_start) / dt) if target < math.inf else math.inf
+        if stepper.k < limit:
+            status = stepper.advance(limit, last_step, until, max_events)
+        elif taken < len(wanted):
+            rows.append(stepper.row(target))
+            taken += 1
+        else:
+            status = Status.time
+        if not all(math.isfinite(v) for v in stepper.s.v):
+            status = Status.unstable
+        if status is None and stepper.steps >= max_steps:
+            status = Status.max_events
+        if on_event is not None and len(stepper.rows) > told:
+            for contact in stepper.logged(stepper.rows[told:]):
+                on_event(contact)
+            told = len(stepper.rows)
+        if on_progress is not None:
+            on_progress(stepper.time(), stepper.contacts)
+    last = stepper.last_row(status, t_end)
+    if samples is None or not rows or rows[-1][0] < last[0]:
+        rows.append(last)
+    return _trajectory(stepper, rows, status, last[0])
+
+
+def _trajectory(stepper: Stepper, rows: list[Row], status: Status, t_stop: float) -> Trajectory:
+    scene, dt = stepper.scene, stepper.dt
+    status, message, trust = _judge(stepper, status, t_stop)
+    time = np.array([row[0] for row in rows])
+    gap = -np.array([row[1] for row in rows])
+    stats = {
+        "method": stepper.name,
+        "dt": dt,
+        "dt_lambda": trust,
+        "steps": stepper.steps,
+        "flights": stepper.flights,
+        "evaluations": stepper.steps * EVALUATIONS[stepper.method],
+        "contacts": stepper.contacts,
+        "shared_impulse": float(sum(stepper.now.shared)),
+        "engine": "compiled" if stepper.compiled else "plain",
+    } | ({"note": stepper.note} if stepper.note else {})
+    return Trajectory(
+        scene, stepper.laws, None, time, positions(scene, gap, time - stepper.t_start),
+        np.array([row[2] for row in rows]), gap, np.array([row[3] for row in rows]),
+        stepper.contact_log(t_stop), status, message, stats, stepper.checkpoint(),
+    )  # fmt: skip
+
+
+def _judge(stepper: Stepper, status: Status, t_stop: float) -> tuple[Status, str, float]:
+    """Status, message and dt·λ of the contacts that took place, and a warning if the step was too long."""
+    scene, dt = stepper.scene, stepper.dt
+    trust = dt * sharpest_rate(scene, stepper.laws, stepper.now.deepest, stepper.now.beside)
+    gain = stepper.energy_gain()
+    limit = f"dt = {dt:.3g} s is {trust:.3g} times the inverse of the sharpest rate of the contacts that took place"
+    if trust > LIMIT or status is Status.unstable or gain > 0.5:
+        grown = f" and the energy grew {gain + 1.0:.3g}-fold" if gain > 0.5 else ""
+        return Status.unstable, f"{limit}, the limit is {LIMIT:g}{grown}: take dt ≤ {WARN * dt / trust:.2g} s.", trust
+    if trust > WARN:
+        warnings.warn(f"{limit}; above {WARN} expect visible errors.", RuntimeWarning, stacklevel=5)
+    if status is Status.max_events:
+        work = f"{stepper.contacts} contacts, {stepper.steps} steps"
+        return status, f"{status.value}: {work} by t = {t_stop:.6g} s.", trust
+    return status, f"{status.value} at t = {t_stop:.6g} s.", trust

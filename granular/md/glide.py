@@ -1,0 +1,39 @@
+"""Free flight of the whole scene: while no pair is closed, the balls fly analytically."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from granular._flight import gap_after, time_to_contact
+from granular._kernels import kernel
+
+
+@kernel
+def time_to_touch(xi: Any, v: Any, pull: Any) -> float:
+    """Time until the first gap closes; inf if none ever does."""
+    first = math.inf
+    for c in range(len(xi)):
+        rate = v[c + 1] - v[c]
+        if xi[c] == 0.0 and rate == 0.0 and pull[c] > 0.0:
+            return 0.0  # a soft ball placed on the floor sinks in
+        t = time_to_contact(-xi[c], rate, pull[c])
+        if t < first:
+            first = t
+    return first
+
+
+@kernel
+def glide(s: Any, pull: Any, fall: Any, dt: float) -> None:
+    """Advance the open scene `s` by `dt`; rounding never makes a gap negative."""
+    for c in range(len(s.xi)):
+        gap = gap_after(-s.xi[c], s.v[c + 1] - s.v[c], pull[c], dt)
+        s.xi[c] = -gap if gap > 0.0 else 0.0
+        s.raw[c] = 0.0
+        s.force[c] = 0.0
+        s.top[c] = 0.0
+    for i in range(len(s.v)):
+        s.v[i] += fall[i] * dt
+        s.acc[i] = fall[i]
+        s.jerk[i] = 0.0
+        s.snap[i] = 0.0

@@ -1,0 +1,105 @@
+"""From a scene and its laws to the records of a run."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from granular.laws import traits
+from granular.md.located.records import (
+    ACTIVE,
+    DAMPED,
+    ELASTIC,
+    GENERAL,
+    LINEAR,
+    OPEN,
+    RESIDUAL,
+    System,
+    new_system,
+)
+from granular.scene import Pair, Scene
+
+LARGEST_Q = 4
+STEEPEST = 16.0
+"""Largest q·p of a power law that a start series of order 20 can show; others are run as general laws."""
+
+
+def build(scene: Scene, laws: tuple[Any, ...], t: float) -> System:
+    """Return the records of `scene` at time `t`, its pairs open, overlapping or (ACTIVE) about to begin a contact."""
+    s = new_system(scene.n - 1)
+    pairs, bodies = s.pairs[:-1], s.bodies
+    bodies["inverse_mass"], bodies["v"], bodies["t"] = scene.inverse_mass, scene.velocity, t
+    bodies["fall"] = np.where(scene.is_wall, 0.0, scene.gravity)
+    pairs["lower"], pairs["upper"] = scene.inverse_mass[:-1], scene.inverse_mass[1:]
+    pairs["inverse"] = pairs["lower"] + pairs["upper"]
+    pairs["pull"], pairs["xi"], pairs["eta"], pairs["t"] = scene.pull, -scene.gap, -np.diff(scene.velocity), t
+    for record, law, pair in zip(pairs, laws, scene.pairs, strict=True):
+        _describe(record, law, pair)
+    if (pairs["kind"] == GENERAL).any():  # one law beyond powers, and every law is evaluated as it stands
+        pairs["kind"], pairs["s"] = GENERAL, 0.0
+    for record, law, pair in zip(pairs, laws, scene.pairs, strict=True):
+        record["mode"] = _first_mode(law, float(record["xi"]), float(record["eta"]), pair)
+    s.run[0]["pairs"], s.run[0]["t"] = scene.n - 1, t
+    return s
+
+
+def _describe(record: Any, law: Any, pair: Pair) -> None:
+    """Note what kind of law a pair has, and its coefficients."""
+    record["m_eff"], record["r_eff"], record["index"] = pair.m_eff, pair.r_eff, pair.index
+    record["memory"] = int(getattr(law, "memory", False))
+    form = power_law(law, pair)
+    record["kind"], record["q"] = (GENERAL, 2) if form is None else kind_and_q(*form)
+    record["loading"] = 1
+    k, p, gamma, d = _rough_form(law, pair) if form is None else form
+    d = factor(p, gamma, d)
+    for name, value in (("k", k), ("p", p), ("gamma", gamma), ("d", d), ("s", p - d)):
+        record[name] = value
+
+
+def power_law(law: Any, pair: Pair) -> tuple[float, float, float, float] | None:
+    """Return (k, p, γ, d) of F = k ξ^p + γ ξ^d ξ̇ if a power series can follow it, else None."""
+    form = None if getattr(law, "memory", False) else traits.power_form(law, pair)
+    return form if form is not None and kind_and_q(*form)[0] != GENERAL else None
+
+
+def _rough_form(law: Any, pair: Pair) -> tuple[float, float, float, float]:
+    """Return an elastic power law of about the size of `law`, which sets the scale of first steps."""
+    p = float(getattr(law, "exponent", 1.5))
+    xi = 1e-3 * pair.r_eff if 0.0 < pair.r_eff < math.inf else 1e-3
+    k = abs(traits.evaluate(law, xi, 0.0, pair, xi)) / xi**p
+    return (k if 0.0 < k < math.inf else 1.0), p, 0.0, 0.0
+
+
+def kind_and_q(k: float, p: float, gamma: float, d: float) -> tuple[int, int]:
+    """Return the kind of the law F = k ξ^p + γ ξ^d ξ̇, and the q of the clock its contacts start on."""
+    if p == 1.0 and (gamma == 0.0 or d == 0.0):
+        return LINEAR, 1
+    q = _denominator(p) if gamma == 0.0 else math.lcm(_denominator(p), _denominator(d))
+    if k > 0.0 and q <= LARGEST_Q and q * p <= STEEPEST and (gamma == 0.0 or 0.0 <= d < p):
+        return (ELASTIC if gamma == 0.0 else DAMPED), q
+    return GENERAL, min(q, LARGEST_Q)
+
+
+def factor(p: float, gamma: float, d: float) -> float:
+    """Return the d of F = ξ^d (k ξ^(p-d) + γ ξ̇); without damping it is free: ½ for Hertz's law, else 0."""
+    if gamma == 0.0:
+        return 0.5 if p == 1.5 else 0.0
+    return d
+
+
+def _denominator(exponent: float) -> int:
+    """Return the smallest q with q·exponent whole, or one that is too large."""
+    for q in range(1, LARGEST_Q + 1):
+        if abs(q * exponent - round(q * exponent)) < 1e-12:
+            return q
+    return LARGEST_Q + 1
+
+
+def _first_mode(law: Any, xi: float, eta: float, pair: Pair) -> int:
+    if xi < 0.0 or (xi == 0.0 and eta <= 0.0):
+        return OPEN
+    if xi == 0.0:
+        return ACTIVE
+    return ACTIVE if traits.evaluate(law, xi, eta, pair, xi) > 0.0 else RESIDUAL

@@ -1,0 +1,141 @@
+"""The step of laws that are no powers: the same polynomial pieces, found by collocation instead of recurrences.
+
+The forces are evaluated at 16 Gauss points of the step and interpolated; the polynomials of rate and overlap follow by
+exact integration, and the forces are evaluated anew there until nothing changes (Picard). The interpolant's last
+Legendre coefficients say whether the step resolves the force; if not, it is halved. This part is interpreted only.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import legendre, polynomial
+
+from granular._check import Array
+from granular.laws import traits
+from granular.md.located.records import ACTIVE, DORMANT, OPEN, ORDER
+from granular.scene import Pair
+
+POINTS = 16
+SWEEPS = 40
+SMALLEST = 2e-15
+"""The tolerance cannot be smaller: interpolated forces carry their rounding."""
+HYSTERESIS = 1e-13
+"""A force counts as zero only this part of its largest value in the piece below it, for interpolation leaves noise."""
+
+
+def _shifted_legendre() -> Array:
+    """Coefficients in τ of the Legendre polynomials in 2τ - 1, one per row."""
+    rows = np.zeros((POINTS, POINTS))
+    for k in range(POINTS):
+        power = legendre.leg2poly([0.0] * k + [1.0])
+        out = np.zeros(1)
+        for c in power[::-1]:
+            out = polynomial.polyadd(polynomial.polymul(out, [-1.0, 2.0]), [c])
+        rows[k, : k + 1] = np.round(out[: k + 1])
+    return rows
+
+
+_X, _WEIGHT = legendre.leggauss(POINTS)
+NODES = 0.5 * (_X + 1.0)
+TO_LEGENDRE = legendre.legvander(_X, POINTS - 1).T * _WEIGHT * (np.arange(POINTS)[:, None] + 0.5)
+TO_POWERS = _shifted_legendre()
+_PRIMITIVE = np.array([legendre.legint([0.0] * k + [0.5], lbnd=-1) @ legendre.legvander(_X, k + 1).T
+                       for k in range(POINTS)])
+INTEGRATE = _PRIMITIVE.T @ TO_LEGENDRE
+"""Integrals from 0 to each node of what is given at the nodes."""
+
+
+class Collocation:
+    """Forces of a scene as its laws give them, and the steps they make."""
+
+    def __init__(self, laws: tuple[Any, ...], pairs: tuple[Pair, ...]) -> None:
+        self.laws, self.pairs = laws, pairs
+        self.evaluations = 0
+
+    def force(self, c: int, xi: float, eta: float, top: float, loading: int) -> float:
+        """Unclipped force in N of pair `c`, continued beyond ξ = 0 as -F(-ξ, -η), for interpolation only."""
+        law, pair = self.laws[c], self.pairs[c]
+        self.evaluations += 1
+        if getattr(law, "memory", False):
+            xi = max(0.0, xi)
+            return traits.evaluate(law, xi, eta, pair, max(top, xi) if loading else top)
+        if xi < 0.0:
+            return -traits.evaluate(law, -xi, -eta, pair, -xi)
+        return traits.evaluate(law, xi, eta, pair, xi)
+
+    def fill(self, records: Any, lo: int, hi: int, tol: float) -> float:
+        """Compute the piece of the block lo … hi-1 on τ in [0, 1], set its h and clock; return its truncation error."""
+        block, pairs = records[lo], records[lo:hi]
+        block.clock = 2 if any(p.mode == ACTIVE and p.xi == 0.0 and p.p != 1.0 for p in pairs) else 1
+        reach = 0.2 * block.length / block.speed if block.speed > 0.0 else 1.0
+        if block.stride > 0.0 and block.clock == 1:
+            reach = block.stride
+        allowed = max(tol, SMALLEST) * block.speed
+        while True:
+            block.h = reach if block.clock == 1 else math.sqrt(reach)
+            force, miss = self._iterate(pairs, lo, block.h, block.clock)
+            if miss <= allowed or reach < 1e-12 * block.length / block.speed:
+                break
+            reach *= 0.5
+        growth = (allowed / miss) ** (1.0 / POINTS) if miss > 0.0 else 2.0
+        block.stride = reach * min(2.0, 0.9 * growth)
+        self._write(pairs, force, block.h, block.clock)
+        return miss / block.speed if block.speed > 0.0 else 0.0
+
+    def _iterate(self, pairs: list[Any], lo: int, h: float, q: int) -> tuple[Array, float]:
+        """Return the forces (pairs, nodes) at the nodes, and the error they leave in the rates; inf if they diverge."""
+        lower, own, upper, pull, xi0, eta0 = np.array(
+            [(p.lower, p.inverse, p.upper, p.pull, p.xi, p.eta) for p in pairs]
+        ).T[:, :, None]
+        pace = q * h**q * NODES ** (q - 1)
+        eta = eta0 + pull * (h * NODES) ** q
+        xi = xi0 + (0.5 * (eta0 + eta)) * (h * NODES) ** q
+        force, worst = np.zeros_like(eta), math.inf
+        for _ in range(SWEEPS):
+            new = self._forces(pairs, lo, xi, eta)
+            change, force = float(abs(new - force).max()), new
+            if not change < 1e300 or change > 1e3 * worst:
+                return force, math.inf
+            acting = np.where(np.array([p.mode == ACTIVE for p in pairs])[:, None], force, 0.0)
+            below, above = np.zeros_like(acting), np.zeros_like(acting)
+            below[1:], above[:-1] = acting[:-1], acting[1:]
+            push = pull + lower * below - own * acting + upper * above
+            eta = eta0 + (push * pace) @ INTEGRATE.T
+            xi = xi0 + (eta * pace) @ INTEGRATE.T
+            if change <= 4e-16 * float(abs(force).max()) or (change < 1e-13 * abs(force).max() and change >= worst):
+                tail = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1)
+                return force, float((tail * own[:, 0]).max()) * h**q / POINTS
+            worst = change
+        return force, math.inf
+
+    def _forces(self, pairs: list[Any], lo: int, xi: Array, eta: Array) -> Array:
+        """Forces at the nodes of all pairs that overlap; those of residual pairs do not act."""
+        force = np.zeros_like(xi)
+        for i, p in enumerate(pairs):
+            if p.mode != OPEN and p.mode != DORMANT:
+                at = zip(xi[i].tolist(), eta[i].tolist(), strict=True)
+                force[i] = [self.force(lo + i, x, e, p.top, p.loading) for x, e in at]
+        return force
+
+    def _write(self, pairs: list[Any], force: Array, h: float, q: int) -> None:
+        """Write the rows: forces from their interpolants, rates and overlaps by integration, g = F ± hysteresis."""
+        rows = (force @ TO_LEGENDRE.T) @ TO_POWERS
+        doubt = np.maximum(HYSTERESIS * abs(force).max(axis=1), 8.0 * abs(force @ TO_LEGENDRE[-2:].T).max(axis=1))
+        sigma = q * h**q
+        for p, row, noise in zip(pairs, rows.tolist(), doubt.tolist(), strict=True):
+            series = row + [0.0] * (ORDER + 1 - POINTS)
+            p.f = series if p.mode == ACTIVE else [0.0] * (ORDER + 1)
+            p.g = list(series)
+            p.g[0] += noise if p.mode == ACTIVE else -noise
+        for i, p in enumerate(pairs):
+            below = pairs[i - 1].f if i > 0 else [0.0] * POINTS
+            above = pairs[i + 1].f if i + 1 < len(pairs) else [0.0] * POINTS
+            p.x, p.e = [p.xi] + [0.0] * ORDER, [p.eta] + [0.0] * ORDER
+            for n in range(POINTS):
+                push = p.lower * below[n] - p.inverse * p.f[n] + p.upper * above[n] + (p.pull if n == 0 else 0.0)
+                p.e[n + q] = sigma * push / (n + q)
+            for n in range(POINTS + q):
+                p.x[n + q] = sigma * p.e[n] / (n + q)

@@ -1,0 +1,98 @@
+"""Events of a pair: which of them comes first within a piece, located as the first root of a polynomial.
+
+| mode     | event                                  | goes through zero |
+|----------|----------------------------------------|-------------------|
+| open     | BEGIN, the balls touch                 | ξ upwards         |
+| active   | END, the force falls to zero           | φ downwards       |
+|          | PART (elastic), the balls part         | ξ downwards       |
+| residual | BEGIN, the force rises again           | φ upwards         |
+|          | PART, the balls part                   | ξ downwards       |
+| active, with memory | TURN, unloading begins | ξ̇ downwards |
+|          | RELOAD, the old maximum is passed      | ξ - top upwards   |
+| dormant  | BEGIN, the force is no longer rounding | ξ - wake upwards  |
+|          | PART, the balls part                   | ξ downwards       |
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from granular._kernels import kernel
+from granular._roots import first_up_crossing
+from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, GENERAL, LINEAR, OPEN
+
+NOTHING, BEGIN, END, PART, TURN, RELOAD = range(6)
+
+
+@kernel
+def locate(pairs: Any, lo: int, hi: int, span: float, work: Any) -> None:
+    """Find the event that ends the piece of block lo … hi-1 on τ in [0, span]; it ends at `span` if there is none."""
+    block = pairs[lo]
+    block.tau, block.fired, block.what = span, -1, NOTHING
+    for c in range(lo, hi):
+        tau, what = next_event(pairs[c], block.tau, work)
+        if tau <= block.tau and what != NOTHING:
+            block.tau, block.fired, block.what = tau, c, what
+            if tau == 0.0:
+                return
+
+
+@kernel
+def next_event(pair: Any, span: float, work: Any) -> tuple[float, int]:
+    """Return the τ of the first event of a pair within [0, span], and which it is."""
+    if pair.mode == OPEN:
+        return named(first_up_crossing(pair.x, span, work), span, BEGIN)
+    if pair.mode == ACTIVE and pair.kind == GENERAL:
+        return next_of_general(pair, span, work)
+    if pair.mode == ACTIVE:
+        if pair.kind == ELASTIC or (pair.kind == LINEAR and pair.gamma == 0.0):
+            return named(first_up_crossing(pair.x, span, work, -1.0), span, PART)
+        phi = pair.f if pair.kind == LINEAR else pair.g
+        return named(first_up_crossing(phi, span, work, -1.0), span, END)
+    if pair.mode == DORMANT:
+        return next_of_dormant(pair, span, work)
+    tau, what = named(first_up_crossing(pair.x, span, work, -1.0), span, PART)
+    again, begin = named(first_up_crossing(pair.g, tau, work), tau, BEGIN)
+    return (again, begin) if begin == BEGIN else (tau, what)
+
+
+@kernel
+def next_of_dormant(pair: Any, span: float, work: Any) -> tuple[float, int]:
+    """Return when a pair that touches at rest has been pressed enough to wake, or parts. (Linear ones never sleep.)"""
+    if pair.kind == LINEAR:
+        return span, NOTHING
+    xi, slack = pair.x[0], pair.wake if pair.kind == GENERAL else 0.0  # interpolated forces may err to either side
+    pair.x[0] = xi + slack
+    tau, what = named(first_up_crossing(pair.x, span, work, -1.0), span, PART)
+    pair.x[0] = xi - pair.wake
+    again, begin = named(first_up_crossing(pair.x, tau, work), tau, BEGIN)
+    pair.x[0] = xi
+    return (again, begin) if begin == BEGIN else (tau, what)
+
+
+@kernel
+def next_of_general(pair: Any, span: float, work: Any) -> tuple[float, int]:
+    """Return the first event of an active pair whose law may do anything: lose its force, part, or change branch."""
+    first, what = named(first_up_crossing(pair.x, span, work, -1.0), span, PART)
+    tau, found = named(first_up_crossing(pair.g, first, work, -1.0), first, END)
+    if found == END:
+        first, what = tau, found
+    if pair.memory and pair.loading:
+        tau, found = named(first_up_crossing(pair.e, first, work, -1.0), first, TURN)
+    elif pair.memory:
+        pair.x[0] -= pair.top
+        tau, found = named(first_up_crossing(pair.x, first, work), first, RELOAD)
+        pair.x[0] += pair.top
+    else:
+        return first, what
+    if found != NOTHING:
+        first, what = tau, found
+    return first, what
+
+
+@kernel
+def named(tau: float, span: float, what: int) -> tuple[float, int]:
+    """Return the event if it lies within the piece."""
+    if tau <= span:
+        return tau, what
+    return span, NOTHING

@@ -1,0 +1,61 @@
+"""Pairs in free flight: no force of their own and none on their bodies, so that everything is a closed form."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from granular._flight import gap_after, rate_at_contact, time_to_contact
+from granular._kernels import kernel
+from granular.md.located.clock import tick
+from granular.md.located.events import BEGIN, PART
+from granular.md.located.records import FREE, OPEN, RESIDUAL
+
+
+@kernel
+def flies(pair: Any) -> bool:
+    """Return whether the pair itself is ballistic in closed form: open, or clipped with φ = kξ + γη."""
+    return bool(pair.mode == OPEN or (pair.mode == RESIDUAL and pair.s == 1.0))
+
+
+@kernel
+def predict(pairs: Any, c: int) -> None:
+    """Plan the flight of the free pair `c`, a block of its own, to its next event."""
+    pair = pairs[c]
+    pair.clock, pair.hi, pair.fired = FREE, c + 1, c
+    wait, what = time_to_contact(max(0.0, -pair.xi), -pair.eta, pair.pull), BEGIN
+    if pair.mode == RESIDUAL:
+        wait, what = time_to_contact(pair.xi, pair.eta, -pair.pull), PART
+        again = force_returns(pair)
+        if again < wait:
+            wait, what = again, BEGIN
+    pair.wait, pair.what = wait, what
+    pair.due = pair.t + (wait + pair.tail)
+
+
+@kernel
+def force_returns(pair: Any) -> float:
+    """Return the time until φ = kξ + γη of a clipped pair rises to zero: -φ falls like a gap."""
+    phi = 0.0 if pair.exact else pair.k * pair.xi + pair.gamma * pair.eta
+    rise = pair.k * pair.eta + pair.gamma * pair.pull
+    return time_to_contact(max(0.0, -phi), -rise, pair.k * pair.pull)
+
+
+@kernel
+def glide(pair: Any, dt: float) -> None:
+    """Advance a free pair by `dt`."""
+    pair.xi = -gap_after(-pair.xi, -pair.eta, pair.pull, dt)
+    pair.eta += pair.pull * dt
+    if dt > 0.0:
+        pair.exact = 0
+    tick(pair, dt)
+
+
+@kernel
+def arrive(pair: Any) -> None:
+    """Advance a free pair to its event: exactly there, with the rate it has from the state, not from the time."""
+    if pair.mode == OPEN:
+        pair.eta = -rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull)
+        pair.xi = 0.0
+        tick(pair, pair.wait)
+    else:
+        glide(pair, pair.wait)

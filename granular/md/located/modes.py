@@ -1,0 +1,123 @@
+"""What an event does to a pair, and what becomes of pairs that touch at rest."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from granular._kernels import kernel
+from granular.md.located.contacts import begin_contact, end_contact
+from granular.md.located.events import BEGIN, END, RELOAD, TURN
+from granular.md.located.records import ACTIVE, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL
+
+
+@kernel
+def act(run: Any, pairs: Any, bodies: Any, log: Any, c: int, what: int, block: Any) -> bool:
+    """Let an event of pair `c` happen at the time of `block`; false if it meets the stop condition instead."""
+    pair = pairs[c]
+    if what == BEGIN:
+        if pair.mode == OPEN:
+            pair.xi = 0.0
+            if pair.eta <= 0.0:  # grazed, or touching at rest
+                return True
+        return activate(run, pairs, bodies, c, block)
+    run.events += 1
+    if what == TURN:
+        pair.loading, pair.top = 0, pair.xi
+        return True
+    if what == RELOAD:
+        pair.loading, pair.xi = 1, pair.top
+        return True
+    if pair.begun == 1:
+        end_contact(run, pairs, bodies, log, c, block)
+    if what == END:
+        pair.mode, pair.exact = RESIDUAL, 1
+    else:
+        if pair.mode != DORMANT or pair.kind != GENERAL:
+            pair.xi = 0.0
+        pair.mode, pair.exact, pair.top, pair.loading = OPEN, 0, 0.0, 1
+    return True
+
+
+@kernel
+def activate(run: Any, pairs: Any, bodies: Any, c: int, block: Any) -> bool:
+    """Begin the contact of pair `c`; false if the run is to stop just before."""
+    pair = pairs[c]
+    if pair.begun == 1:  # only slept for a moment
+        pair.mode = ACTIVE
+        return True
+    if c == run.until_pair and pair.count + 1 == run.until_nth:
+        return False
+    if pair.mode != DORMANT:  # else it has been under way since it was touched
+        begin_contact(pairs, bodies, c, block)
+    pair.exact = 1 if pair.mode == RESIDUAL else 0
+    pair.mode, pair.begun = ACTIVE, 1
+    pair.count += 1
+    run.events += 1
+    run.begun += 1
+    return True
+
+
+@kernel
+def pushes(pair: Any) -> bool:
+    """Return whether the pair needs a power series: a force, or a bracket that is no quadratic."""
+    return bool(pair.mode == ACTIVE or pair.mode == DORMANT or (pair.mode == RESIDUAL and pair.s != 1.0))
+
+
+@kernel
+def touches(pair: Any) -> bool:
+    """Return whether the balls of an open pair touch at rest."""
+    return bool(pair.mode == OPEN and pair.xi == 0.0 and pair.eta == 0.0)
+
+
+@kernel
+def engage(pairs: Any, bodies: Any, lo: int, hi: int) -> bool:
+    """Make pairs dormant that touch at rest beside a force or under their own weight; return whether there were any."""
+    found = False
+    for sweep in range(2):
+        for i in range(hi - lo):
+            c = lo + i if sweep == 0 else hi - 1 - i
+            if touches(pairs[c]) and (
+                pairs[c].pull > 0.0 or (c > lo and pushes(pairs[c - 1])) or (c + 1 < hi and pushes(pairs[c + 1]))
+            ):
+                begin_contact(pairs, bodies, c, pairs[lo])
+                pairs[c].mode = DORMANT
+                found = True
+    return found
+
+
+@kernel
+def judge(pairs: Any, lo: int, hi: int) -> bool:
+    """Open pairs that the computed series pulls apart from rest, close those it presses; return whether any changed."""
+    changed = False
+    for c in range(lo, hi):
+        pair = pairs[c]
+        if pair.kind != GENERAL and pair.xi == 0.0 and pair.eta == 0.0 and (pair.mode == DORMANT or pair.mode == OPEN):
+            way = direction(pair.x)
+            if way < 0.0 and pair.mode == DORMANT:
+                pair.mode = OPEN
+                changed = True
+            elif way > 0.0 and pair.mode == OPEN:
+                pair.mode = DORMANT
+                changed = True
+    return changed
+
+
+@kernel
+def direction(x: Any) -> float:
+    """Return the first coefficient that is not zero: where a pair at rest goes. (The last may vanish by parity.)"""
+    for j in range(1, ORDER + 1):
+        if x[j] != 0.0:
+            first: float = x[j]
+            return first
+    return 0.0
+
+
+@kernel
+def confirm(run: Any, pairs: Any, bodies: Any, lo: int, hi: int) -> bool:
+    """Begin the linear contacts the series presses together from rest; false if the run is to stop just before."""
+    for c in range(lo, hi):
+        pair = pairs[c]
+        presses = pair.mode == DORMANT and pair.kind == LINEAR and direction(pair.x) > 0.0
+        if presses and not activate(run, pairs, bodies, c, pairs[lo]):
+            return False
+    return True

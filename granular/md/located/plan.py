@@ -1,0 +1,59 @@
+"""Computing the next piece of an island: its clock, its series, how far they hold, and the event that ends it.
+
+`laws` is None when every law is a power form; else it is the `Collocation` that knows them, and the run is
+interpreted.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from granular._kernels import kernel
+from granular.md.located.clock import elapsed
+from granular.md.located.events import locate
+from granular.md.located.linear import expand_linear
+from granular.md.located.modes import confirm, judge
+from granular.md.located.series import expand
+from granular.md.located.steps import REACH, choose_clock, fastest_rate, is_linear, left_out, measure, scale, trusted
+
+
+@kernel
+def plan(run: Any, pairs: Any, bodies: Any, work: Any, lo: int, hi: int, laws: Any) -> bool:
+    """Compute the next piece of the island lo … hi-1 and when it ends; false if the run is to stop at its start."""
+    block = pairs[lo]
+    run.steps += 1
+    if is_linear(pairs, lo, hi):
+        block.clock, block.h, block.linear, span = 1, REACH / fastest_rate(pairs, lo, hi), 1, 1.0
+        settle_series(pairs, lo, hi, laws, run)
+    else:
+        measure(pairs, lo, hi)
+        block.clock, block.linear = choose_clock(pairs, lo, hi), 0
+        block.h = scale(block, block.clock)
+        settle_series(pairs, lo, hi, laws, run)
+        span = 1.0
+        if laws is None:
+            span = trusted(pairs, lo, hi, run.tol)
+            run.error += left_out(pairs, lo, hi, span)
+            if block.clock == 1:
+                block.stride = block.h * span
+    if not confirm(run, pairs, bodies, lo, hi):
+        return False
+    locate(pairs, lo, hi, span, work)
+    block.wait = elapsed(block.h, block.clock, block.tau)
+    block.due = block.t + (block.wait + block.tail)
+    return True
+
+
+@kernel
+def settle_series(pairs: Any, lo: int, hi: int, laws: Any, run: Any) -> None:
+    """Compute the series; where pairs touch at rest, until it agrees with who is taken to push."""
+    block = pairs[lo]
+    for _ in range(2 * (hi - lo) + 2):
+        if laws is not None:
+            run.error += laws.fill(pairs, lo, hi, run.tol)
+        elif block.linear == 1:
+            expand_linear(pairs, lo, hi, block.h)
+        else:
+            expand(pairs, lo, hi, block.h, block.clock)
+        if not judge(pairs, lo, hi):
+            break

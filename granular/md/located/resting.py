@@ -1,0 +1,148 @@
+"""When a pile rests for good: a proof by energy that no contact can ever open again.
+
+If every ball is in contact from the floor up, the energy about the static equilibrium (overlaps ξ°, forces F° > 0),
+
+    E = Σ ½ m v² + Σ U(ξ) - U(ξ°) - F° (ξ - ξ°) ,
+
+never grows. The force of pair c can only vanish where kξ^s + γη = 0, and the relative motion alone then has ½ m_eff η²,
+so that it needs at least the least value on 0 ≤ ξ ≤ ξ° of
+
+    U(ξ) - U(ξ°) - F° (ξ - ξ°) + ½ m_eff (k ξ^s / γ)² ,
+
+F°²/(2 (k + γ²/m_eff)) for a dashpot; for γ = 0 it has to part, ξ = 0. Less energy than that in every contact: no force
+vanishes for ever after, hence nothing opens, hence nothing else can happen.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from granular._kernels import kernel
+from granular.md.located.powers import power
+from granular.md.located.records import ACTIVE, ELASTIC, GENERAL, LINEAR, OPEN
+
+NOT_YET, RESTS, BOUND = range(3)
+"""Verdicts: nothing proved; rests, with damping in every contact; bound for ever, but not damped in every contact."""
+
+
+@kernel
+def verdict(run: Any, pairs: Any, bodies: Any, hi: int) -> int:
+    """Return what is proved of the block of pairs 0 … hi-1; notes energy and barrier in the run's record."""
+    piled = pile(pairs, bodies, run.pairs, hi)
+    if piled == 0:
+        return NOT_YET
+    top = squeeze(pairs, bodies, piled) if bodies[piled].inverse_mass == 0.0 else 0.0
+    energy, barrier, damped = kinetic(pairs, bodies, piled), math.inf, True
+    load = top
+    for c in range(piled - 1, -1, -1):
+        load += weight(bodies[c + 1])
+        rest = overlap_under(pairs[c], load)
+        energy += excess(pairs[c], pairs[c].xi, rest, load)
+        barrier = min(barrier, excess(pairs[c], 0.0, rest, load))
+        damped = damped and pairs[c].gamma > 0.0
+    if energy >= barrier:
+        return NOT_YET
+    load = top
+    for c in range(piled - 1, -1, -1):
+        load += weight(bodies[c + 1])
+        barrier = min(barrier, hurdle(pairs[c], load))
+    run.energy, run.barrier = energy, barrier
+    if energy >= (1.0 - 1e-9) * barrier:
+        return NOT_YET
+    return RESTS if damped else BOUND
+
+
+@kernel
+def pile(pairs: Any, bodies: Any, n: int, hi: int) -> int:
+    """Return how many pairs from a floor up form a pile that holds every ball; 0 if they do not.
+
+    Above it there may be a ceiling, out of reach and not coming down.
+    """
+    if bodies[0].inverse_mass > 0.0:
+        return 0
+    piled, reach = 0, 0.0
+    while piled < hi and pairs[piled].mode == ACTIVE and pairs[piled].kind != GENERAL:
+        reach += pairs[piled].xi
+        piled += 1
+    if piled == n:
+        still = bodies[n].inverse_mass > 0.0 or bodies[n].v == bodies[0].v
+        return n if still else 0
+    if piled < n - 1 or pairs[n - 1].mode != OPEN or bodies[n].inverse_mass > 0.0:
+        return 0
+    return piled if -pairs[n - 1].xi > reach and bodies[n].v >= bodies[0].v else 0
+
+
+@kernel
+def weight(body: Any) -> float:
+    """Return the weight of a ball in N, 0 for a wall."""
+    return body.fall / body.inverse_mass if body.inverse_mass > 0.0 else 0.0
+
+
+@kernel
+def kinetic(pairs: Any, bodies: Any, piled: int) -> float:
+    """Return the kinetic energy in J relative to the floor."""
+    v, energy = 0.0, 0.0
+    for c in range(piled):
+        v -= pairs[c].eta
+        if bodies[c + 1].inverse_mass > 0.0:
+            energy += 0.5 * v * v / bodies[c + 1].inverse_mass
+    return energy
+
+
+@kernel
+def squeeze(pairs: Any, bodies: Any, piled: int) -> float:
+    """Return the force in N on the ceiling that closes a pile: the static overlaps must add up to those there are."""
+    total = 0.0
+    for c in range(piled):
+        total += pairs[c].xi
+    low, high = 0.0, 0.0
+    for c in range(piled):
+        high = max(high, pairs[c].k * power(total, pairs[c].p))
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        load, room = middle, total
+        for c in range(piled - 1, -1, -1):
+            load += weight(bodies[c + 1])
+            room -= overlap_under(pairs[c], load)
+        if room > 0.0:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@kernel
+def overlap_under(pair: Any, load: float) -> float:
+    """Return the static overlap in m under a load in N."""
+    return power(load / pair.k, 1.0 / pair.p)
+
+
+@kernel
+def excess(pair: Any, xi: float, rest: float, load: float) -> float:
+    """Return U(ξ) - U(ξ°) - F° (ξ - ξ°) in J."""
+    if pair.kind == LINEAR:
+        linear: float = 0.5 * pair.k * (xi - rest) * (xi - rest)
+        return linear
+    stored = xi * power(xi, pair.p) - rest * power(rest, pair.p) if xi > 0.0 else -rest * power(rest, pair.p)
+    out: float = pair.k * stored / (pair.p + 1.0) - load * (xi - rest)
+    return out
+
+
+@kernel
+def hurdle(pair: Any, load: float) -> float:
+    """Return the least energy in J with which the force of a pair can vanish."""
+    rest = overlap_under(pair, load)
+    if pair.kind == ELASTIC or pair.gamma == 0.0:
+        return excess(pair, 0.0, rest, load)
+    stiff = pair.k / pair.gamma / math.sqrt(pair.inverse)
+    low, high = 0.0, rest
+    for _ in range(60):  # the sum is convex: halve by the sign of its slope
+        xi = 0.5 * (low + high)
+        slope = pair.k * power(xi, pair.p) - load + stiff * stiff * pair.s * power(xi, 2.0 * pair.s - 1.0)
+        if slope < 0.0:
+            low = xi
+        else:
+            high = xi
+    least: float = excess(pair, high, rest, load) + 0.5 * stiff * stiff * power(low, 2.0 * pair.s)
+    return least

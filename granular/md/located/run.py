@@ -1,0 +1,262 @@
+"""`run`: one scene from start to end, with samples, log and status."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from granular import until as stop
+from granular._check import Array
+from granular._kernels import compiled, have_numba, in_memory
+from granular.md.located import loop
+from granular.md.located.build import build, power_law
+from granular.md.located.collocation import Collocation
+from granular.md.located.creep import LARGEST, creeps_to_rest, slowest_decay
+from granular.md.located.readout import look, velocities
+from granular.md.located.records import ACTIVE, BODY, GENERAL, LOG_ROW, PAIR, RUN, packed, plain, to_compiled, to_plain
+from granular.scene import Scene, positions
+from granular.trajectory import CONTACT, Status, Trajectory
+
+PLAIN_CHUNK, COMPILED_CHUNK = 100, 20_000
+"""Pieces between two looks at progress and log."""
+FIRST_LOOK = 256
+"""Pieces after which the run first looks whether the scene creeps to rest."""
+WORTH_COMPILING = 50_000
+"""Pieces times pairs after which ``engine="auto"`` goes on compiled if the machine code is not in memory already; to
+make it takes longer than these."""
+
+
+def run(
+    scene: Scene,
+    laws: tuple[Any, ...],
+    *,
+    t_start: float = 0.0,
+    t_end: float = math.inf,
+    until: stop.Until | None = None,
+    samples: Array | None = None,
+    log: bool = True,
+    max_events: int = 1_000_000,
+    max_steps: int = 20_000_000,
+    on_event: Callable[[Any], object] | None = None,
+    on_progress: Callable[[float, int], object] | None = None,
+    engine: str = "auto",
+    tol: float = 1e-16,
+) -> Trajectory:
+    """Run `scene` by located events; arguments as checked by `granular.md.simulate`, one law per pair.
+
+    Parameters
+    ----------
+    tol : float
+        Truncation error of a step of nonlinear laws, as a part of the speed and the overlap of the moment. Linear
+        laws are always run to rounding.
+    """
+    one = Run(scene, laws, t_start, engine, on_event, on_progress)
+    one.limit(max_events, max_steps, until, log or on_event is not None, tol)
+    one.prepare()
+    span = t_end - t_start
+    times = [span] if samples is None else [*(samples - t_start).tolist(), span]
+    keep = [False] if samples is None else [True] * len(samples) + [False]
+    status = one.launch()
+    if samples is None:
+        one.sample(0.0)
+    for t, wanted in zip(times, keep, strict=True):
+        status = status or one.advance(t)
+        if status is not None:
+            break
+        if wanted:
+            one.sample(t)
+    return one.result(status or Status.time, span, samples, log)
+
+
+class Run:
+    """One run under way; its own clock starts at 0, so that a late `t_start` costs no digits."""
+
+    def __init__(
+        self, scene: Scene, laws: tuple[Any, ...], t_start: float, engine: str,
+        on_event: Callable[[Any], object] | None, on_progress: Callable[[float, int], object] | None,
+    ) -> None:  # fmt: skip
+        self.scene, self.laws, self.engine, self.t_start = scene, laws, engine, t_start
+        self.on_event, self.on_progress = on_event, on_progress
+        self.rows: list[list[float]] = []
+        self.samples: list[tuple[Any, ...]] = []
+        self.reported, self.proved = 0, False
+        self.s: Any = build(scene, laws, 0.0)
+        self.collocation = Collocation(laws, scene.pairs) if self.s.pairs["kind"][0] == GENERAL else None
+        self.kernels: Callable[[Any], Any] = lambda kernel: kernel
+
+    @property
+    def counters(self) -> Any:
+        """The record of counters and limits."""
+        return plain(self.s.run)[0] if self.engine == "compiled" else self.s.run[0]
+
+    def limit(self, max_events: int, max_steps: int, until: stop.Until | None, log: bool, tol: float) -> None:
+        """Set what ends the run, and what it keeps."""
+        r = self.s.run[0]
+        r["max_events"], r["max_steps"], r["log"], r["tol"] = max_events, max_steps, 2 * int(log), tol
+        r["until_pair"], r["pause"] = -1, FIRST_LOOK
+        if isinstance(until, stop.Contact):
+            r["until_pair"], r["until_nth"] = until.pair, until.nth
+        r["separated"] = int(isinstance(until, stop.Separated))
+
+    def prepare(self) -> None:
+        """Choose between interpreted and compiled for the begin of the run."""
+        known = self.collocation is None
+        if self.engine == "compiled" or (self.engine == "auto" and known and in_memory(loop.advance)):
+            self.compile()
+        else:
+            self.s = to_plain(self.s)
+
+    def compile(self) -> None:
+        """Go on compiled from the present state: same source, same bits."""
+        compiled(loop.advance)  # fails before anything is changed
+        if self.collocation is not None:
+            odd = next(law for law, p in zip(self.laws, self.scene.pairs, strict=True) if power_law(law, p) is None)
+            raise TypeError(
+                f"engine 'compiled' knows laws of the form k ξ^p + γ ξ^d ξ̇ only, and {odd!r} is none of them; "
+                "engine 'auto' or 'plain' runs it."
+            )
+        if isinstance(self.s.pairs, list):
+            self.s = to_compiled(self.s)
+        self.kernels, self.engine = compiled, "compiled"
+
+    def launch(self) -> Status | None:
+        """Begin the contacts that are there at the start."""
+        return None if self.kernels(loop.launch)(self.s, self.collocation) else Status.until
+
+    def advance(self, limit: float) -> Status | None:
+        """Go on to time `limit`; return why the run ends before, or None."""
+        while True:
+            chunk = COMPILED_CHUNK if self.engine == "compiled" else PLAIN_CHUNK
+            why = self.kernels(loop.advance)(self.s, limit, chunk, self.collocation)
+            self.flush()
+            if why == loop.REACHED or (why == loop.QUIET and limit < math.inf):
+                return None
+            if why != loop.MORE:
+                return self.end(why)
+            if self.counters.steps >= self.counters.pause:
+                if self.creeps():
+                    return Status.resting
+                self.kernels(loop.pause_later)(self.s)
+            if self.engine == "auto":
+                self._compile_if_worth_it()
+
+    def creeps(self) -> bool:
+        """Return whether the scene is proved to creep to rest; looked at after 256, 512, 1024 … pieces."""
+        n = self.scene.n
+        if not self.scene.is_wall[0] or n - 1 > LARGEST:
+            return False
+        bodies = plain(self.s.bodies) if self.engine == "compiled" else self.s.bodies
+        self.proved = creeps_to_rest(self.records(list(range(n - 1))), bodies)
+        return self.proved
+
+    def end(self, why: int) -> Status:
+        """Note and return the status in which the loop ended."""
+        status = {
+            loop.STOPPED: Status.until, loop.QUIET: Status.quiet, loop.WORK: Status.max_events,
+            loop.REST: Status.resting, loop.BINDING: Status.quiet,
+        }[why]  # fmt: skip
+        self.proved = why in (loop.REST, loop.BINDING)
+        return status
+
+    def _compile_if_worth_it(self) -> None:
+        if self.counters.steps * self.counters.pairs > WORTH_COMPILING:
+            if have_numba() and self.collocation is None:
+                self.compile()
+            else:
+                self.engine = "plain"
+
+    def flush(self) -> None:
+        """Take the log rows out of the buffer, and tell who wants to know."""
+        r = self.counters
+        new = [list(map(float, row)) for row in self.s.log[: r.rows]]
+        self.kernels(loop.clear_log)(self.s)
+        self.rows += new
+        if self.on_event is not None:
+            for row in contact_rows(new, self.t_start):
+                self.on_event(row)
+        if self.on_progress is not None and r.steps > self.reported:
+            self.reported = int(r.steps)
+            self.on_progress(self.t_start + float(r.t), int(r.begun))
+
+    def sample(self, t: float) -> None:
+        """Keep a row a time `t` after the start."""
+        n = self.scene.n - 1
+        rows = [[0.0] * n for _ in range(3)] if self.engine != "compiled" else np.zeros((3, n))
+        self.kernels(look)(self.s.pairs, n, t, rows[0], rows[1], rows[2])
+        self.samples.append((t, *map(list, rows)))
+
+    def result(self, status: Status, span: float, samples: Array | None, log: bool) -> Trajectory:
+        """Return the trajectory up to where the run has come."""
+        r = self.counters
+        end = span if status is Status.time else float(r.t)
+        self.kernels(loop.gather)(self.s, end, self.collocation)
+        if samples is None or status is not Status.time:
+            self.sample(end)
+        rows = contact_rows(self.rows + self.still_open() if log else [], self.t_start)
+        elapsed, xi, eta, force = (np.array(column, np.float64) for column in zip(*self.samples, strict=True))
+        position, velocity = positions(self.scene, -xi, elapsed), velocities(self.scene, -eta, elapsed)
+        time = self.t_start + elapsed if samples is None else np.append(samples, self.t_start + end)[: len(elapsed)]
+        return Trajectory(
+            self.scene, self.laws, None, time, position, velocity, -xi, force,
+            rows[np.lexsort((rows["pair"], rows["t_begin"]))], status, self.message(status, r, self.t_start + end),
+            {
+                "engine": "compiled" if self.engine == "compiled" else "plain",
+                "steps": int(r.steps), "events": int(r.events), "contacts": int(r.begun),
+                "error_estimate": float(r.error),
+                "shared_impulse": math.fsum(self.column("shared")),
+            },
+            {"pairs": packed(self.s.pairs, PAIR), "bodies": packed(self.s.bodies, BODY), "run": packed(self.s.run, RUN)}
+            if self.engine != "compiled"
+            else {"pairs": self.s.pairs, "bodies": self.s.bodies, "run": self.s.run},
+        )  # fmt: skip
+
+    def message(self, status: Status, r: Any, t: float) -> str:
+        """Return the sentence of a status with its numbers."""
+        sentence = f"{status.value} (t = {t:.6g} s, {r.begun} contacts, {r.steps} steps)"
+        if not self.proved:
+            return sentence
+        piled = [c for c, mode in enumerate(self.column("mode")) if mode == ACTIVE]
+        decay = slowest_decay(self.records(piled))
+        if r.energy < r.barrier:
+            energies = f"{r.energy:.3g} J, is less than the {r.barrier:.3g} J that"
+            why = f"the energy about the equilibrium, {energies} the first contact needs to open"
+        else:
+            why = "about the equilibrium, no sum of decaying modes takes a contact force to zero"
+        return f"{sentence}: {why}; the slowest motion decays in {decay:.3g} s"
+
+    def column(self, name: str) -> list[Any]:
+        """Return one field of all pairs."""
+        n = self.scene.n - 1
+        if self.engine == "compiled":
+            return list(self.s.pairs[name][:n].tolist())
+        return [getattr(p, name) for p in self.s.pairs[:n]]
+
+    def records(self, which: list[int]) -> list[Any]:
+        """Return the records of some pairs as plain objects."""
+        return plain(self.s.pairs[which]) if self.engine == "compiled" else [self.s.pairs[c] for c in which]
+
+    def still_open(self) -> list[list[float]]:
+        """Log rows of contacts that go on at the end."""
+        nan = math.nan
+        going = [c for c, begun in enumerate(self.column("begun")) if begun]
+        return [
+            [c, p.begin, nan, p.lasted, p.lower_in, p.upper_in, nan, nan, p.xi_max, p.force_max, p.impulse]
+            for c, p in zip(going, self.records(going), strict=True)
+        ]
+
+
+def contact_rows(rows: list[list[float]], t_start: float) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+    """Return rows of the log buffer as `granular.trajectory.CONTACT`."""
+    out = np.zeros(len(rows), CONTACT)
+    flat = np.array(rows, np.float64).reshape(len(rows), LOG_ROW)
+    for i, name in enumerate(("pair", "t_begin", "t_end", "duration")):
+        out[name] = flat[:, i]
+    out["t_begin"] += t_start
+    out["t_end"] += t_start
+    out["v_in"], out["v_out"] = flat[:, 4:6], flat[:, 6:8]
+    for i, name in enumerate(("xi_max", "force_max", "impulse")):
+        out[name] = flat[:, 8 + i]
+    return out

@@ -1,0 +1,146 @@
+"""The power series of a step: overlaps, rates and forces of a block of pairs as polynomials in τ.
+
+    dξ/dt = η ,  η̇_c = G_c + w_c F_(c-1) - (w_c + w_(c+1)) F_c + w_(c+1) F_(c+1) ,  t = (hτ)^q
+
+with inverse masses w and G the pull of gravity. With σ = q h^q, n+q times the coefficient n+q of ξ is σ η_n, of η
+σ η̇_n. q = 1 is the plain clock; q > 1 makes the begin of a contact regular, where F starts like a fractional
+power of t: a pair just touched has ξ = τ^q y with y_0 > 0, and ξ^α = τ^(qα) y^α is a power series again.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from granular._kernels import kernel
+from granular.md.located.clock import elapsed
+from granular.md.located.powers import clear, convolution, power_term, product_term, root_term
+from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, RESIDUAL
+
+
+@kernel
+def expand(pairs: Any, lo: int, hi: int, h: float, q: int) -> None:
+    """Fill the rows x, e, f of pairs lo … hi-1 from their state, and g, the bracket φ, of those not open."""
+    for c in range(lo, hi):
+        prepare(pairs[c], q)
+    scale = q * elapsed(h, q, 1.0)
+    for n in range(ORDER - q + 1):
+        step, below = scale / (n + q), 0.0
+        for c in range(lo, hi):
+            pair = pairs[c]
+            pair.x[n + q] = step * pair.e[n]
+            if pair.mode != OPEN:
+                force_term(pair, n, q)
+        for c in range(lo, hi):
+            pair = pairs[c]
+            force = pair.f[n]
+            above = pairs[c + 1].f[n] if c + 1 < hi else 0.0
+            push = pair.lower * below - pair.inverse * force + pair.upper * above
+            if n == 0:
+                push += pair.pull
+            pair.e[n + q] = step * push
+            below = force
+    for c in range(lo, hi):
+        complete(pairs[c], q)
+
+
+@kernel
+def prepare(pair: Any, q: int) -> None:
+    """Write the lowest orders, and zeros where no term will be computed."""
+    pair.x[0], pair.e[0] = pair.xi, pair.eta
+    for n in range(1, q):
+        pair.x[n], pair.e[n] = 0.0, 0.0
+    first = 0 if pair.mode != ACTIVE else ORDER - q + 1
+    for n in range(first, ORDER + 1):
+        pair.f[n], pair.g[n] = 0.0, 0.0
+    if pair.kind != LINEAR and pair.mode != OPEN:
+        clear(pair.r, pair.rm)
+        clear(pair.z, pair.zm)
+        for n in range(MIRROR):
+            pair.gm[n] = 0.0
+
+
+@kernel
+def force_term(pair: Any, n: int, q: int) -> None:
+    """Add order n of the force (and of φ) of a pair that is not open; x is known to order n+q, e to order n."""
+    if pair.kind == LINEAR:
+        phi = bracket(pair, n)
+        if pair.mode == RESIDUAL:
+            pair.g[n] = phi
+        else:
+            pair.f[n] = phi
+        return
+    if pair.mode == DORMANT:
+        return
+    if pair.x[0] <= 0.0 and pair.e[0] < 0.0:  # opens now, together with another pair
+        pair.f[n], pair.g[n] = 0.0, pair.gamma * pair.e[0] if n == 0 else 0.0
+        return
+    offset = q if pair.x[0] == 0.0 else 0
+    if pair.kind == ELASTIC and pair.p != 1.5:
+        power_term(pair.x, pair.r, pair.p, n, offset)
+        pair.f[n] = pair.k * pair.r[n]
+        return
+    if pair.d == 0.25:
+        root_term(pair.x, pair.z, pair.zm, n + offset // 4, offset)  # the next root starts half as late
+        root_term(pair.z, pair.r, pair.rm, n, offset // 2)
+    elif pair.d == 0.5:
+        root_term(pair.x, pair.r, pair.rm, n, offset)
+    else:
+        power_term(pair.x, pair.r, pair.d, n, offset)
+    phi = bracket(pair, n) if pair.s == 1.0 else bent_bracket(pair, n, offset)
+    pair.g[n], pair.gm[ORDER - n] = phi, phi
+    if pair.mode == ACTIVE:
+        pair.f[n] = product_term(pair.r, pair.gm, n)
+
+
+@kernel
+def older_sums(pair: Any, n: int, first: int) -> tuple[float, float]:
+    """Return Σ r_j r_(n+first-j) and Σ r_j φ_(n-j) over the terms that are in their rows, as `product_term` would."""
+    r, rm, gm = pair.r, pair.rm, pair.gm
+    s0, s1, s2, s3, p0, p1, p2, p3 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for block in range((n + first) // 8 + 1):
+        j = (8 * block) & 31
+        i, k = (ORDER - n - first + j) & 63, (ORDER - n + j) & 63
+        s0 += r[j] * rm[i] + r[j + 4] * rm[i + 4]
+        s1 += r[j + 1] * rm[i + 1] + r[j + 5] * rm[i + 5]
+        s2 += r[j + 2] * rm[i + 2] + r[j + 6] * rm[i + 6]
+        s3 += r[j + 3] * rm[i + 3] + r[j + 7] * rm[i + 7]
+        p0 += r[j] * gm[k] + r[j + 4] * gm[k + 4]
+        p1 += r[j + 1] * gm[k + 1] + r[j + 5] * gm[k + 5]
+        p2 += r[j + 2] * gm[k + 2] + r[j + 6] * gm[k + 6]
+        p3 += r[j + 3] * gm[k + 3] + r[j + 7] * gm[k + 7]
+    return (s0 + s2) + (s1 + s3), (p0 + p2) + (p1 + p3)
+
+
+@kernel
+def bracket(pair: Any, n: int) -> float:
+    """Return order n of φ = kξ + γη, exactly 0 at the event that found it so."""
+    if n == 0 and pair.exact:
+        return 0.0
+    phi: float = pair.k * pair.x[n] + pair.gamma * pair.e[n]
+    return phi
+
+
+@kernel
+def bent_bracket(pair: Any, n: int, offset: int) -> float:
+    """Return order n of φ = kξ^s + γη; for Tsuji's law ξ^(5/4) is ξ·ξ^(1/4)."""
+    if pair.s == 1.25 and pair.d == 0.25:
+        bent = convolution(pair.x, pair.r, n)
+    else:
+        power_term(pair.x, pair.z, pair.s, n, offset)
+        bent = pair.z[n]
+    if n == 0 and pair.exact:
+        return 0.0
+    phi: float = pair.k * bent + pair.gamma * pair.e[n]
+    return phi
+
+
+@kernel
+def complete(pair: Any, q: int) -> None:
+    """Take the event function φ = kξ + γη to full order; it needs no neighbours."""
+    if pair.mode == OPEN or pair.s != 1.0 or (pair.mode == DORMANT and pair.kind != LINEAR):
+        return
+    for n in range(ORDER - q + 1, ORDER + 1):
+        if pair.kind == LINEAR and pair.mode != RESIDUAL:
+            pair.f[n] = bracket(pair, n)
+        else:
+            pair.g[n] = bracket(pair, n)

@@ -1,0 +1,135 @@
+"""How long a step is, and on which clock.
+
+*Linear blocks*: the series of the step converges like that of exp(λh), λ = ½ (b + √(b² + 4a)) with a, b the largest
+absolute row sums of M⁻¹K and M⁻¹C over the touching pairs; λh = `REACH` leaves (λh)^(N+1)/(N+1)! = 1e-17.
+
+*Others*: h is only a scale. The coefficients themselves say how far they may be trusted,
+θ = tol^(1/N) / max_j A_j^(1/j) over the last six, with A_j the largest |ξ_j|/X, |η_j|/V of the block. (Fewer than six
+are fooled by lacunary series: an isolated Hertz contact starts with every fifth power of √t only.)
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from granular._kernels import kernel
+from granular.md.located.clock import elapsed, root
+from granular.md.located.powers import power
+from granular.md.located.records import ACTIVE, DORMANT, LINEAR, OPEN, ORDER, RESIDUAL
+
+REACH = (math.factorial(ORDER + 1) * 1e-17) ** (1.0 / (ORDER + 1))
+FURTHEST = 8.0
+"""A step reaches at most this many times the scale it was computed with."""
+JUST = 1e-25
+"""Overlap, as a part of the block's, below which a closing pair has only just touched: far below rounding."""
+DORMANCY = 1e-13
+"""A pair that touches at rest sleeps up to this part of the typical overlap."""
+
+
+@kernel
+def is_linear(pairs: Any, lo: int, hi: int) -> bool:
+    """Return whether no other than linear laws are at work in the block."""
+    for c in range(lo, hi):
+        if pairs[c].mode != OPEN and pairs[c].kind != LINEAR:
+            return False
+    return True
+
+
+@kernel
+def fastest_rate(pairs: Any, lo: int, hi: int) -> float:
+    """Return λ in 1/s, a bound of all rates of the touching pairs of a linear block."""
+    a, b, k0, g0 = 0.0, 0.0, 0.0, 0.0
+    for c in range(lo, hi):
+        pair = pairs[c]
+        if pair.mode == OPEN or pair.mode == RESIDUAL:
+            k0, g0 = 0.0, 0.0
+            continue
+        k1, g1 = 0.0, 0.0
+        if c + 1 < hi and (pairs[c + 1].mode == ACTIVE or pairs[c + 1].mode == DORMANT):
+            k1, g1 = pairs[c + 1].k, pairs[c + 1].gamma
+        a = max(a, pair.lower * k0 + pair.inverse * pair.k + pair.upper * k1)
+        b = max(b, pair.lower * g0 + pair.inverse * pair.gamma + pair.upper * g1)
+        k0, g0 = pair.k, pair.gamma
+    return 0.5 * (b + math.sqrt(b * b + 4.0 * a))
+
+
+@kernel
+def measure(pairs: Any, lo: int, hi: int) -> None:
+    """Set the block's `speed` V and `length` X: what its energy amounts to as a rate and as an overlap.
+
+    V² is the largest η² + 2 w k ξ^(p+1)/(p+1), X the largest ((p+1) V² / (2 k w))^(1/(p+1)), w the inverse m_eff.
+    A ball at rest on a floor counts with its static overlap.
+    """
+    square, length = 0.0, 0.0
+    for c in range(lo, hi):
+        pair = pairs[c]
+        stored = 0.0
+        if pair.xi > 0.0:
+            stored = 2.0 * pair.inverse * pair.k * pair.xi * power(pair.xi, pair.p) / (pair.p + 1.0)
+        elif pair.pull > 0.0 and pair.mode == DORMANT:
+            stored = 2.0 * pair.pull * power(pair.pull / (pair.k * pair.inverse), 1.0 / pair.p)
+        square = max(square, pair.eta * pair.eta + stored)
+    for c in range(lo, hi):
+        pair = pairs[c]
+        if pair.mode != OPEN:
+            length = max(length, amplitude(pair, square))
+    pairs[lo].speed, pairs[lo].length = math.sqrt(square), length
+
+
+@kernel
+def amplitude(pair: Any, square: float) -> float:
+    """Return the overlap in m at which the pair alone would stop from a squared rate `square` in m²/s²."""
+    return power((pair.p + 1.0) * square / (2.0 * pair.k * pair.inverse), 1.0 / (pair.p + 1.0))
+
+
+@kernel
+def choose_clock(pairs: Any, lo: int, hi: int) -> int:
+    """Return q of the clock t = (hτ)^q: 1, or that of pairs just touched; those it does not suit go dormant."""
+    q = 1
+    for c in range(lo, hi):
+        pair = pairs[c]
+        if pair.mode == ACTIVE and pair.kind != LINEAR and pair.eta > 0.0 and pair.xi < JUST * pairs[lo].length:
+            pair.xi = 0.0
+        if pair.mode == ACTIVE and pair.kind != LINEAR and pair.xi == 0.0 and q % pair.q != 0:
+            if pair.q % q == 0:
+                q = pair.q
+            else:
+                pair.mode = DORMANT
+        if pair.mode == DORMANT:
+            pair.wake = DORMANCY * amplitude(pair, pairs[lo].speed * pairs[lo].speed)
+    return q
+
+
+@kernel
+def scale(block: Any, q: int) -> float:
+    """Return the h with which the coefficients of a nonlinear block are computed."""
+    if q == 1 and block.stride > 0.0:
+        h: float = block.stride
+        return h
+    return root(0.2 * block.length / block.speed, q) if block.speed > 0.0 else 1.0
+
+
+@kernel
+def trusted(pairs: Any, lo: int, hi: int, tol: float) -> float:
+    """Return the θ up to which the computed coefficients hold to `tol`."""
+    block = pairs[lo]
+    worst = 0.0
+    for j in range(ORDER - 5, ORDER + 1):
+        largest = 0.0
+        for c in range(lo, hi):
+            largest = max(largest, abs(pairs[c].x[j]) / block.length, abs(pairs[c].e[j]) / block.speed)
+        if largest > 0.0:
+            worst = max(worst, math.pow(largest, 1.0 / j))
+    reach = math.pow(tol, 1.0 / ORDER)
+    return min(FURTHEST, reach / worst) if worst > 0.0 else FURTHEST
+
+
+@kernel
+def left_out(pairs: Any, lo: int, hi: int, tau: float) -> float:
+    """Estimate the truncation error of the piece as a part of its speed: the last term of the rates."""
+    largest = 0.0
+    for c in range(lo, hi):
+        largest = max(largest, abs(pairs[c].e[ORDER]), abs(pairs[c].e[ORDER - 1] * tau))
+    speed = pairs[lo].speed
+    return largest * elapsed(tau, ORDER, 1.0) / speed if speed > 0.0 else 0.0

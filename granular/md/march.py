@@ -1,0 +1,145 @@
+"""The loop of the fixed-step methods: step, notice contacts that begin and end, log them.
+
+Times are counted in whole steps plus a fraction, so late times cost no digits. A contact begins between two steps
+where the interpolated overlap (or, inside an overlap, the interpolated force) crosses zero, and ends likewise.
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+from typing import Any
+
+from granular._kernels import kernel
+from granular.md.steps import step
+
+DONE, FLIGHT, FULL, UNTIL = range(4)
+"""Why `march` returned: steps used up, every pair open, log buffer full, stop condition."""
+
+Old = namedtuple("Old", "xi v raw force")
+"""State at the start of the current step, from which begins, ends and samples are interpolated."""
+Open = namedtuple("Open", "step part lower upper xi_max force_max impulse count deepest beside shared")
+"""Per pair: begin of the running contact (step, fraction), velocities then, peaks and impulse so far; number of
+contacts begun; largest overlap of the whole run; whether it was ever closed together with the next pair; impulse
+exchanged while a neighbouring pair was active."""
+
+COUNTED = ("step", "count", "beside")
+"""Fields of `Open` that hold whole numbers."""
+
+ROW = 12
+"""A log row: pair, begin step, begin fraction, end step, end fraction, v_in (2), v_out (2), ξ_max, F_max, impulse."""
+
+
+@kernel
+def _keep(old: Any, s: Any) -> None:
+    for c in range(len(s.xi)):
+        old.xi[c] = s.xi[c]
+        old.raw[c] = s.raw[c]
+        old.force[c] = s.force[c]
+    for i in range(len(s.v)):
+        old.v[i] = s.v[i]
+
+
+@kernel
+def begin_part(c: int, old: Any, s: Any) -> float:
+    """Fraction of the step at which the contact of pair `c` began."""
+    part: float = -old.raw[c] / (s.raw[c] - old.raw[c])
+    if old.xi[c] <= 0.0:
+        part = -old.xi[c] / (s.xi[c] - old.xi[c])
+    return part
+
+
+@kernel
+def end_part(c: int, old: Any, s: Any) -> float:
+    """Fraction of the step at which the contact of pair `c` ended."""
+    part: float = old.raw[c] / (old.raw[c] - s.raw[c])
+    if s.xi[c] <= 0.0:
+        part = old.xi[c] / (old.xi[c] - s.xi[c])
+    return part
+
+
+@kernel
+def _begin(c: int, k: int, old: Any, s: Any, now: Any) -> None:
+    part = begin_part(c, old, s)
+    now.step[c] = k
+    now.part[c] = part
+    now.lower[c] = old.v[c] + part * (s.v[c] - old.v[c])
+    now.upper[c] = old.v[c + 1] + part * (s.v[c + 1] - old.v[c + 1])
+    now.xi_max[c] = 0.0
+    now.force_max[c] = 0.0
+    now.impulse[c] = 0.0
+    now.count[c] += 1
+
+
+@kernel
+def _end(c: int, k: int, old: Any, s: Any, now: Any, row: Any) -> None:
+    part = end_part(c, old, s)
+    row[0] = c
+    row[1] = now.step[c]
+    row[2] = now.part[c]
+    row[3] = k
+    row[4] = part
+    row[5] = now.lower[c]
+    row[6] = now.upper[c]
+    row[7] = old.v[c] + part * (s.v[c] - old.v[c])
+    row[8] = old.v[c + 1] + part * (s.v[c + 1] - old.v[c + 1])
+    row[9] = now.xi_max[c]
+    row[10] = now.force_max[c]
+    row[11] = now.impulse[c]
+
+
+@kernel
+def _follow(c: int, dt: float, old: Any, s: Any, now: Any) -> None:
+    impulse = 0.5 * dt * (old.force[c] + s.force[c])
+    now.impulse[c] += impulse
+    if (c > 0 and s.force[c - 1] > 0.0) or (c + 1 < len(s.xi) and s.force[c + 1] > 0.0):
+        now.shared[c] += impulse
+    if s.xi[c] > now.xi_max[c]:
+        now.xi_max[c] = s.xi[c]
+    if s.xi[c] > now.deepest[c]:
+        now.deepest[c] = s.xi[c]
+    if s.force[c] > now.force_max[c]:
+        now.force_max[c] = s.force[c]
+    if c + 1 < len(s.xi) and s.xi[c + 1] > 0.0:
+        now.beside[c] = 1
+
+
+@kernel
+def march(
+    method: int, force: Any, laws: Any, pairs: Any, w: Any, fall: Any, dt: float, start: int, steps: int,
+    s: Any, work: Any, old: Any, now: Any, log: Any, until_pair: int, until_nth: int,
+) -> tuple[int, int, int]:  # fmt: skip
+    """Take up to `steps` steps from step number `start`.
+
+    Returns
+    -------
+    why, k, rows : int
+        One of `DONE`, `FLIGHT`, `FULL`, `UNTIL`; the step number reached; rows written to `log`. After `UNTIL`
+        the contact begins between the states `old` (step k) and `s` (step k + 1).
+    """
+    rows, pairs_n = 0, len(s.xi)
+    for k in range(start, start + steps):
+        if rows + pairs_n > len(log):
+            return 2, k, rows
+        _keep(old, s)
+        step(method, force, laws, pairs, w, fall, dt, s, work)
+        if (
+            until_pair >= 0
+            and old.force[until_pair] <= 0.0 < s.force[until_pair]
+            and now.count[until_pair] + 1 == until_nth
+        ):
+            return 3, k, rows
+        closed = False
+        for c in range(pairs_n):
+            before, after = old.force[c] > 0.0, s.force[c] > 0.0
+            if after and not before:
+                _begin(c, k, old, s, now)
+            if before or after:
+                _follow(c, dt, old, s, now)
+            if before and not after:
+                _end(c, k, old, s, now, log[rows])
+                rows += 1
+            if s.xi[c] > 0.0:
+                closed = True
+        if not closed:
+            return 1, k + 1, rows
+    return 0, start + steps, rows

@@ -1,0 +1,271 @@
+"""A scene under a fixed time step, as DEM codes do it: step while pairs are closed, jump while all are open."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from granular import until as stop
+from granular._kernels import compiled
+from granular.md import march as loop
+from granular.md.contact_force import (
+    NotCompilableError,
+    compiled_force,
+    force_type,
+    law_records,
+    pair_records,
+    plain_force,
+)
+from granular.md.glide import glide, time_to_touch
+from granular.md.steps import METHODS, Motion, Stages, accelerations, contact_forces, step
+from granular.scene import Scene, positions
+from granular.trajectory import CONTACT, Status, stored_energy
+
+Row = tuple[float, list[float], list[float], list[float]]
+"""Time, overlaps, velocities, forces."""
+
+CHUNK = 1 << 15
+"""Steps between two looks at the clock (progress, switch to compiled code)."""
+WORTH_COMPILING = 200_000
+"""Pair-steps after which ``engine="auto"`` goes on compiled; loading numba costs about as much as these."""
+
+
+class Stepper:
+    """The state of one run and its motion; interpreted at first, perhaps compiled later with the same bits."""
+
+    def __init__(
+        self, scene: Scene, laws: tuple[Any, ...], method: str, dt: float, t_start: float, engine: str, log: bool
+    ) -> None:
+        self.scene, self.laws, self.dt, self.t_start = scene, laws, dt, t_start
+        self.name, self.method, self.engine, self.keep_log = method, METHODS[method], engine, log
+        n, p = scene.n, scene.n - 1
+        self.k = self.steps = self.flights = self.contacts = 0
+        self.note = ""
+        self.halted_at: int | None = None
+        self.take_off: tuple[int, Any] = (0, ())
+        self.w: Any = scene.inverse_mass.tolist()
+        self.fall: Any = np.where(scene.is_wall, 0.0, -scene.gravity).tolist()
+        self.pull: Any = scene.pull.tolist()
+        self.s: Any = Motion((-scene.gap).tolist(), scene.velocity.tolist(), *(_zeros(m) for m in (n, p, p, p, n, n)))
+        self.work: Any = Stages(*(_zeros(m) for m in (p, n, p, n, p, p)))
+        self.old: Any = loop.Old(*(_zeros(m) for m in (p, n, p, p)))
+        self.now: Any = loop.Open(*([0] * p if name in loop.COUNTED else _zeros(p) for name in loop.Open._fields))
+        self.buffer: Any = [[0.0] * loop.ROW for _ in range(max(64, 4 * p))]
+        self.rows: list[Any] = []
+        self.force: Any = plain_force(laws)
+        self.law_rows: Any = laws
+        self.pair_rows: Any = scene.pairs
+        self.march: Callable[..., tuple[int, int, int]] = loop.march
+        self.glide: Callable[..., None] = glide
+        self.time_to_touch: Callable[..., float] = time_to_touch
+        self.compiled = False
+        if engine == "compiled":
+            self.compile()
+        self._start()
+
+    # -- state ----------------------------------------------------------------------------------------------------
+
+    def _start(self) -> None:
+        s = self.s
+        contact_forces(plain_force(self.laws), self.laws, self.scene.pairs, s.xi, s.v, s.top, s.raw, s.force)
+        accelerations(s.force, self.w, self.fall, s.acc)
+        for c, force in enumerate(s.force):
+            if force > 0.0:  # overlapping from the start
+                now = self.now
+                now.lower[c], now.upper[c], now.count[c] = s.v[c], s.v[c + 1], 1
+                now.xi_max[c], now.force_max[c] = s.xi[c], force
+
+    def halts_at_start(self, until: stop.Until | None) -> bool:
+        """Whether the very contact at which to stop is there from the start; then it does not act."""
+        if not isinstance(until, stop.Contact) or self.now.count[until.pair] < until.nth:
+            return False
+        self.now.count[until.pair], self.s.force[until.pair] = 0, 0.0
+        return True
+
+    def compile(self) -> None:
+        """Go on with compiled code from the present state: same source, same bits.
+
+        Raises
+        ------
+        ImportError, NotCompilableError
+            If numba is missing or a law does not compile.
+        """
+        laws, force = law_records(self.laws), compiled_force(self.laws)  # may fail: before anything changes
+        self.glide, self.time_to_touch = compiled(glide), compiled(time_to_touch)
+        self.force, self.law_rows = force, laws
+        self.pair_rows = pair_records(self.scene.pairs)
+        self.w, self.fall, self.pull = (np.array(x, np.float64) for x in (self.w, self.fall, self.pull))
+        self.s, self.work, self.old, self.now = (
+            type(group)(*map(np.array, group)) for group in (self.s, self.work, self.old, self.now)
+        )
+        self.buffer = np.array(self.buffer)
+        self.march = compiled(loop.march, _types(self._arguments(0, self.buffer, None)))
+        self.compiled = True
+
+    def _arguments(self, steps: int, log: Any, until: stop.Until | None) -> tuple[Any, ...]:
+        pair, nth = (until.pair, until.nth) if isinstance(until, stop.Contact) else (-1, 0)
+        physics = (self.method, self.force, self.law_rows, self.pair_rows, self.w, self.fall)
+        return (*physics, self.dt, self.k, steps, self.s, self.work, self.old, self.now, log, pair, nth)
+
+    def time(self) -> float:
+        """Time in s of the present step."""
+        return self.t_start + self.k * self.dt
+
+    def row(self, t: float) -> Row:
+        """Time, overlaps, velocities and forces at `t`, at most one step ahead: one shorter step on a copy.
+
+        A time that lies behind, in the free flight just made, is read off that flight.
+        """
+        flown = t < self.time()
+        k, state = self.take_off if flown else (self.k, self.s)
+        s = Motion(*(list(map(float, group)) for group in state))
+        h = t - (self.t_start + k * self.dt)
+        if flown:
+            glide(s, list(map(float, self.pull)), list(map(float, self.fall)), h)
+        elif h > 0.0:
+            work = Stages(*(_zeros(len(group)) for group in self.work))
+            w, fall = list(map(float, self.w)), list(map(float, self.fall))
+            step(self.method, plain_force(self.laws), self.laws, self.scene.pairs, w, fall, h, s, work)
+        return t, s.xi, s.v, s.force
+
+    def last_row(self, status: Status, t_end: float) -> Row:
+        """Where the run ended: at `t_end`, at the begin of a contact that must not act, or at the present step."""
+        if status is Status.time:
+            return self.row(t_end)
+        if status is not Status.until or self.halted_at is None:
+            return self.row(self.time())
+        part = loop.begin_part(self.halted_at, self.old, self.s)
+        between = [
+            [float(a + part * (b - a)) for a, b in zip(old, new, strict=True)]
+            for old, new in ((self.old.xi, self.s.xi), (self.old.v, self.s.v), (self.old.force, self.s.force))
+        ]
+        return self.t_start + (self.k + part) * self.dt, between[0], between[1], between[2]
+
+    def energy_gain(self) -> float:
+        """Growth of kinetic energy beyond what gravity gave, relative to the largest supply; 0 with moving walls."""
+        scene, balls = self.scene, ~self.scene.is_wall
+        if scene.velocity[~balls].any():
+            return 0.0
+        m, v0, v = scene.mass[balls], scene.velocity[balls], np.array(self.s.v)[balls]
+        x0 = scene.position[balls]
+        x = positions(scene, -np.array([self.s.xi]), np.array([self.k * self.dt]))[0][balls]
+        before = 0.5 * m @ v0**2 + sum(
+            stored_energy(law, -float(gap), pair)
+            for law, gap, pair in zip(self.laws, scene.gap, scene.pairs, strict=True)
+            if gap < 0.0
+        )
+        supply = before + scene.gravity * max(0.0, m @ (x0 - x))
+        with np.errstate(all="ignore"):
+            return float(0.5 * m @ v**2 / supply - 1.0) if supply > 0.0 else 0.0
+
+    def checkpoint(self) -> dict[str, Any]:
+        """The raw state: step number, and every array by name."""
+        groups = {"motion": self.s, "open": self.now}
+        arrays = {f"{g}.{f}": np.array(x) for g, group in groups.items() for f, x in group._asdict().items()}
+        return {"k": self.k, "dt": self.dt, "t_start": self.t_start} | arrays
+
+    # -- motion ---------------------------------------------------------------------------------------------------
+
+    def advance(self, limit: float, last: float, until: stop.Until | None, max_events: float) -> Status | None:
+        """Take steps until step number `limit`, an event worth a look, or the end of a chunk.
+
+        A free flight goes on to the next touch or to step number `last`: samples do not cut it, so they change no bit.
+        """
+        if not any(x > 0.0 for x in self.s.xi):
+            if isinstance(until, stop.Separated) and self.contacts and self._receding():
+                return Status.until
+            if self._settled():
+                if self._fly(last):
+                    return Status.quiet
+                if self.k >= limit:
+                    return None
+        steps = int(min(CHUNK, limit - self.k))
+        room = int(min(len(self.buffer), max(0, max_events - self.contacts - 1) + len(self.s.xi)))
+        why, k, rows = self.march(*self._arguments(steps, self.buffer[:room], until))
+        self.steps += k - self.k
+        self.k = int(k)
+        self.contacts += rows
+        if self.keep_log:
+            self.rows += [list(row) for row in self.buffer[:rows]]
+        if why == loop.UNTIL and isinstance(until, stop.Contact):
+            self.halted_at = until.pair
+            return Status.until
+        if self.contacts >= max_events:
+            return Status.max_events
+        if self.engine == "auto" and self.steps * len(self.s.xi) > WORTH_COMPILING:
+            self._try_to_compile()
+        return None
+
+    def _fly(self, last: float) -> bool:
+        """Jump whole steps while nothing touches; true if nothing ever will and no end is set."""
+        touch = self.time_to_touch(self.s.xi, self.s.v, self.pull)
+        if touch == last == math.inf:
+            return True
+        jump = min(touch // self.dt, last - self.k)
+        if jump > 0.0:
+            self.take_off = self.k, Motion(*(list(map(float, group)) for group in self.s))
+            self.glide(self.s, self.pull, self.fall, jump * self.dt)
+            self.k += int(jump)
+            self.flights += 1
+        return False
+
+    def _settled(self) -> bool:
+        """Whether the higher derivatives that Gear's method remembers no longer change any velocity."""
+        s, still = self.s, 1e-17 * max(map(abs, self.s.v))
+        return all(
+            self.dt * abs(a - f) <= still and self.dt * self.dt * abs(j) <= still
+            for a, f, j in zip(s.acc, self.fall, s.jerk, strict=True)
+        )
+
+    def _receding(self) -> bool:
+        v = self.s.v
+        return all(v[c + 1] >= v[c] for c in range(len(v) - 1))
+
+    def _try_to_compile(self) -> None:
+        self.engine = "plain"
+        try:
+            self.compile()
+        except ImportError:
+            self.note = "numba is not installed"
+        except NotCompilableError as reason:
+            self.note = str(reason)
+
+    # -- results --------------------------------------------------------------------------------------------------
+
+    def contact_log(self, t_stop: float) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+        """Closed contacts and those still open at the end, sorted by their begin."""
+        now, nan = self.now, math.nan
+        present = self.s.force if self.halted_at is None else self.old.force
+        open_pairs = [c for c in range(len(present)) if present[c] > 0.0] if self.keep_log else []
+        rows = [
+            [c, now.step[c], now.part[c], nan, nan, now.lower[c], now.upper[c], nan, nan,
+             now.xi_max[c], now.force_max[c], now.impulse[c]]
+            for c in open_pairs
+        ]  # fmt: skip
+        log = self.logged(self.rows + rows)
+        running = np.isnan(log["t_end"])
+        log["duration"][running] = t_stop - log["t_begin"][running]
+        return log[np.lexsort((log["pair"], log["t_begin"]))]
+
+    def logged(self, rows: list[Any]) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+        """Rows of the kernel as a contact log, in their order."""
+        log = np.zeros(len(rows), CONTACT)
+        for i, (c, k0, part0, k1, part1, *rest) in enumerate(rows):
+            lasted = ((k1 - k0) + (part1 - part0)) * self.dt
+            begin, finish = (self.t_start + (k + part) * self.dt for k, part in ((k0, part0), (k1, part1)))
+            log[i] = (c, begin, finish, lasted, rest[0:2], rest[2:4], *rest[4:])
+        return log
+
+
+def _zeros(length: int) -> list[float]:
+    return [0.0] * length
+
+
+def _types(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Numba types of a kernel's arguments; a force counts as its common function type."""
+    import numba
+
+    return tuple(force_type() if callable(a) else numba.typeof(a) for a in arguments)

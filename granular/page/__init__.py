@@ -1,0 +1,11 @@
+"""The teaching page and the player: one HTML file each that needs no network, no server and no framework.
+
+`assemble` puts a file together from the parts shipped beside it: ``shell`` (frame, style, time bar, charts),
+``physics`` (both engines for linear contacts, event-located, in JavaScript), ``live`` (the teaching page), ``player``
+(the page without physics that shows recorded runs). `write` writes them; `recording` makes a recorded run small enough
+to embed.
+"""
+
+from granular.page.write import live_page, player_page
+
+__all__ = ["live_page", "player_page"]

@@ -1,0 +1,103 @@
+"""Put a page together: one HTML file from the shipped parts, nothing to load, nothing to run but what is inside."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from granular import _files
+
+IMPORT = re.compile(r'^import \{[^}]*\} from "([^"]+)";\n', re.MULTILINE)
+EXPORT = re.compile(r"^export (?=(?:const|function\*?|class) ([\w$]+))", re.MULTILINE)
+LIVE = ("live/live.html", "live/main.mjs")
+PLAYER = ("player/player.html", "player/main.mjs")
+
+
+def page(parts: tuple[str, str], title: str, start: str = "", data: Mapping[str, Any] | None = None) -> str:
+    """Return the HTML of a page.
+
+    Parameters
+    ----------
+    parts : (str, str)
+        Body and main module: `LIVE` or `PLAYER`.
+    title : str
+        Of the window.
+    start : str
+        State the page opens with if its link has none: ``scene=three-balls&eps=0.7``.
+    data : mapping, optional
+        What the page finds as JSON in its element ``#data``.
+    """
+    body, main = parts
+    slots = {
+        "title": escaped(title),
+        "version": _version(),
+        "style": shipped("shell/page.css"),
+        "body": shipped(body).replace("{{transport}}", shipped("shell/transport.html")),
+        "data": "" if data is None else f'<script type="application/json" id="data">{embedded(data)}</script>',
+        "script": bundle(main),
+    }
+    html = shipped("shell/shell.html").replace("<body>", f'<body data-start="{escaped(start)}">')
+    slots["body"] = slots["body"].replace("{{version}}", slots["version"])
+    return re.sub(r"\{\{(\w+)\}\}", lambda slot: slots[slot[1]], html)
+
+
+@cache
+def shipped(name: str) -> str:
+    """Return the text of a file of this package."""
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+@cache
+def bundle(main: str) -> str:
+    """Return one script: the module `main` after all it imports, each once and in a scope of its own.
+
+    A module becomes ``const { its, exports } = (() => { … })();``, so only exported names must differ.
+    """
+    done: list[str] = []
+    _visit(main, done)
+    return "\n".join(_scoped(shipped(name)) for name in done)
+
+
+def _visit(name: str, done: list[str]) -> None:
+    for path in IMPORT.findall(shipped(name)):
+        needed = _resolved(name, path)
+        if needed not in done:
+            _visit(needed, done)
+    if name not in done:
+        done.append(name)
+
+
+def _resolved(importer: str, path: str) -> str:
+    parts = importer.split("/")[:-1]
+    for step in path.split("/"):
+        if step == "..":
+            parts.pop()
+        elif step != ".":
+            parts.append(step)
+    return "/".join(parts)
+
+
+def _scoped(source: str) -> str:
+    names = ", ".join(EXPORT.findall(source))
+    body = EXPORT.sub("", IMPORT.sub("", source)).replace("</script", "<\\/script")
+    return f"const {{ {names} }} = (() => {{\n{body}return {{ {names} }};\n}})();" if names else body
+
+
+def embedded(data: Mapping[str, Any]) -> str:
+    """Return JSON that may stand inside a script element."""
+    return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
+
+
+def escaped(text: str) -> str:
+    """Return `text` as it may stand in an attribute or an element."""
+    from html import escape
+
+    return escape(text)
+
+
+def _version() -> str:
+    return str(_files.provenance()["versions"]["granular"] or "")

@@ -1,0 +1,132 @@
+// Results in numbers: three big figures, rise heights (or velocities), tie rules, tables, CSV.
+import { Chart, tickName, ticks } from "../shell/axes.mjs";
+import { $, csv, h, marked, text } from "../shell/dom.mjs";
+import { digits } from "../shell/format.mjs";
+import { hardFinals, softFinals } from "../physics/outcome.mjs";
+import { simulateHard, TIES } from "../physics/hard.mjs";
+import { shortName } from "./charts.mjs";
+
+export class Panels {
+  constructor() {
+    $(".contacts-box").addEventListener("toggle", () => this.listContacts());
+    this.rises = new Chart($(".rises"), { height: 310, label: "rise heights" });
+  }
+
+  loadFigures(report, setup) {
+    this.finals = { hard: hardFinals(report.hard), soft: softFinals(report.soft) };
+    figures(report, setup, this.finals);
+  }
+
+  load(report) {
+    const { finals } = this;
+    if (report.scene.gravity) drawRises(this.rises, report, finals);
+    else drawSpeeds(this.rises, report, finals);
+    text($(".rises-title"), report.scene.gravity ? "Rise heights, to scale" : "Velocities after the last contact");
+    tieRules(report);
+    finalsTable(report, finals);
+    this.report = report;
+    this.listContacts();
+  }
+
+  // Hundreds of rows, filled in only while they are to be seen.
+  listContacts() {
+    if (!$(".contacts-box").open) return;
+    const rows = contactRows(this.report).slice(0, LISTED).map((row) =>
+      h("tr", { class: row[0] }, ...row.map((value) => td(typeof value === "number" ? digits(value, 7) : value))));
+    $(".contacts").replaceChildren(head(CONTACT_HEAD), h("tbody", {}, ...rows));
+  }
+}
+
+const LISTED = 400;
+
+const isNoEnd = (run) => ["collapse", "endless", "unfinished"].includes(run.status);
+
+function figures({ scene, hard, soft, pairs, eps }, setup, finals) {
+  const top = pairs[pairs.length - 1], last = scene.mass.length - 1, measure = setup.measure(eps);
+  const big = (title, a, b, detail = "") =>
+    h("div", { class: "figure" }, h("h2", {}, ...marked(title)), h("p", { class: "hard" }, a), h("p", { class: "soft" }, b), h("small", {}, detail));
+  const number = (run) => (isNoEnd(run) ? "–" : digits(measure(run), 3));
+  const count = (run) => (isNoEnd(run) ? `${run.contacts.length}+` : String(run.contacts.length));
+  const shared = soft.impulse > 0 ? Math.round((100 * soft.shared) / soft.impulse) : 0;
+  const parts = [
+    big("contacts in all", count(hard), count(soft), `of the top pair: ${top.hard.contacts} and ${top.soft.contacts}`.replace("top", scene.gravity ? "top" : "last")),
+    big(setup.measureName, number(hard), number(soft), `ε = ${digits(eps, 3)} in every contact`),
+  ];
+  if (scene.gravity) {
+    const metres = (engine) => `${digits(finals[engine][last].rise, 3)} m`;
+    parts.push(big("top ball rises", metres("hard"), metres("soft"), `dropped from ${digits(scene.drop, 3)} m`));
+  }
+  parts.push(big("impulse shared with a neighbour", "0 %", `${shared} %`, "0 %: every contact is binary"));
+  $(".figures").replaceChildren(...parts);
+}
+
+function bars(chart, rows, n, names) {
+  rows.forEach(([engine, values], e) => values.forEach((value, i) => {
+    const width = Math.min(26, (0.34 * (chart.x(1) - chart.x(0)))), x = chart.x(i) + (e ? 1 : -width - 1), y0 = chart.y(0), y = chart.y(value);
+    chart.add("rect", { class: `${engine}-bar`, x: x.toFixed(1), width: width.toFixed(1), y: Math.min(y, y0).toFixed(1), height: Math.max(0.8, Math.abs(y - y0)).toFixed(1) });
+    const label = { x: (chart.x(i) + (e ? 2 : -2)).toFixed(1), y: (Math.min(y, y0) - 5).toFixed(1), "text-anchor": e ? "start" : "end", class: `bar-value ${engine}` };
+    if (chart.x(1) - chart.x(0) >= 62) chart.note(digits(value, 2), label);
+  }));
+  chart.xTicks([...Array(n).keys()], names);
+}
+
+function drawRises(chart, { scene }, finals) {
+  const n = scene.mass.length - 1, rows = ["hard", "soft"].map((e) => [e, finals[e].slice(1).map((f) => f.rise)]);
+  const top = Math.max(scene.drop, ...rows.flatMap(([, v]) => v));
+  chart.scales([-0.6, n - 0.4], [0, 1.14 * top]);
+  chart.yTicks(ticks([0, top], 4), tickName, "m");
+  bars(chart, rows, n, (i) => `ball ${i + 1}`);
+  chart.line([[-0.6, scene.drop], [n - 0.4, scene.drop]], { class: "drop-line" });
+  chart.note("drop height", { x: chart.left + 6, y: chart.y(scene.drop) - 5, class: "axis-name" });
+  const said = rows.map(([e, v]) => `${e}: ${v.map((x) => digits(x, 3)).join(", ")} m`).join("; ");
+  chart.svg.setAttribute("aria-label", `rise heights of the balls from below, ${said}`);
+}
+
+function drawSpeeds(chart, { scene }, finals) {
+  const n = scene.mass.length, rows = ["hard", "soft"].map((e) => [e, finals[e].map((f) => f.velocity / scene.impact)]);
+  const all = rows.flatMap(([, v]) => v), [low, high] = [Math.min(0, ...all), Math.max(1, ...all)];
+  chart.scales([-0.6, n - 0.4], [low - 0.1 * (high - low), 1.12 * high]);
+  chart.yTicks(ticks([low, high], 4), tickName, "in arrival speeds");
+  bars(chart, rows, n, (i) => String(i + 1));
+  const said = rows.map(([e, v]) => `${e}: ${v.map((x) => digits(x, 3)).join(", ")}`).join("; ");
+  chart.svg.setAttribute("aria-label", `velocities of the balls from the left in arrival speeds, ${said}`);
+}
+
+function tieRules({ scene, eps, soft }) {
+  const isCradle = scene.gravity === 0;
+  $(".ties-box").hidden = !isCradle;
+  if (!isCradle) return;
+  const row = (name, engine, velocity) => h("tr", { class: engine }, h("th", { scope: "row" }, name), ...velocity.map((v) => td(digits(v / scene.impact, 3))));
+  const rows = TIES.map((ties) => {
+    const run = simulateHard(scene, eps, { ties, maxEvents: 1000 });
+    return row(RULES[ties], "hard", isNoEnd(run) ? run.velocity.map(() => NaN) : run.velocity);
+  });
+  $(".ties").replaceChildren(
+    head(["rule", ...scene.mass.map((_, i) => `ball ${i + 1}`)]), h("tbody", {}, ...rows, row("soft spheres", "soft", soft.velocity)),
+  );
+}
+
+const RULES = {
+  left: "one by one, from the left", right: "one by one, from the right", random: "one by one, at random",
+  newton: "at once, Newton", poisson: "at once, Poisson", reflect: "at once, reflections",
+};
+const td = (content) => h("td", {}, content);
+const head = (names) => h("thead", {}, h("tr", {}, ...names.map((name) => h("th", { scope: "col" }, name))));
+
+function finalsTable(report, finals) {
+  const { scene } = report, first = scene.gravity ? 1 : 0;
+  const body = scene.mass.map((m, i) => [i, m]).slice(first).map(([i, m]) =>
+    h("tr", {}, h("th", { scope: "row" }, `ball ${i + 1 - first}`), td(digits(m, 3)), td(digits(2e3 * scene.radius[i], 3)),
+      ...["hard", "soft"].flatMap((e) => [td(digits(finals[e][i].velocity, 5)), ...(first ? [td(digits(finals[e][i].rise, 4))] : [])])));
+  const rises = (e) => [`v′ ${e}, m/s`, ...(first ? [`rise ${e}, m`] : [])];
+  $(".finals").replaceChildren(head(["", "mass, kg", "diameter, mm", ...rises("hard"), ...rises("soft")]), h("tbody", {}, ...body));
+}
+
+const CONTACT_HEAD = ["engine", "pair", "begin, s", "end, s", "v lower before, m/s", "v upper before, m/s", "v lower after, m/s", "v upper after, m/s"];
+
+function contactRows({ scene, hard, soft }) {
+  return [["hard", hard], ["soft", soft]].flatMap(([engine, run]) =>
+    run.contacts.map((c) => [engine, shortName(scene, c.pair), c.begin, c.end, ...c.vIn, ...c.vOut]));
+}
+
+export const contactsCsv = (report) => csv([CONTACT_HEAD, ...contactRows(report)]);

@@ -1,0 +1,119 @@
+"""A recorded run made small enough to embed in a page: thinned out evenly, and told by how much.
+
+Rows and contacts beyond the limits are left out one in so many, never merged or smoothed; the map of contacts over
+pairs and time counts every contact. Numbers are kept as 32-bit floats, positions with the radii taken out, where equal
+means touching.
+"""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from granular._check import Array
+from granular.scene import positions
+from granular.trajectory import Trajectory
+
+NUMBERS = 400_000
+"""Most positions of bodies kept: rows times bodies."""
+ROWS, BODIES, CONTACTS = 2000, 1024, 20_000
+"""Most rows, bodies and single contacts kept."""
+MAP = (600, 250)
+"""Most columns (time) and rows (pairs) of the map of contacts."""
+
+
+def recorded(run: Trajectory, name: str) -> dict[str, Any]:
+    """Return what the player shows of a run, as JSON-ready values.
+
+    Parameters
+    ----------
+    run : Trajectory
+        Of any scene, engine and length.
+    name : str
+        What to call it.
+    """
+    bodies = evenly(run.scene.n, BODIES)
+    rows = evenly(len(run.time), min(ROWS, max(2, NUMBERS // len(bodies))))
+    kept = evenly(len(run.contacts), CONTACTS)
+    thin = part(run, rows)
+    return {
+        "name": name,
+        "engine": "soft" if run.rule is None else "hard",
+        "scene": repr(run.scene),
+        "status": run.status.name,
+        "message": run.message,
+        "bodies": packed(bodies),
+        "n": run.scene.n,
+        "radius": packed(run.scene.radius[bodies]),
+        "walls": np.flatnonzero(run.scene.is_wall).tolist(),
+        "time": packed(thin.time, np.float64),
+        "span": [float(run.time[0]), float(run.time[-1])],
+        "offset": packed((run.position[0] - without_radii(part(run, rows[:1]))[0])[bodies]),
+        "path": packed(without_radii(thin)[:, bodies]),
+        "energy": packed(np.nan_to_num(thin.energy(), nan=0.0), np.float64),
+        "contacts": contacts(run, kept),
+        "map": contact_map(run),
+        "whole": {"rows": len(run.time), "contacts": len(run.contacts), "bodies": run.scene.n},
+    }
+
+
+def evenly(n: int, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """Return at most `most` of the numbers 0 … n-1, evenly spread, with the first and the last."""
+    if n <= most:
+        return np.arange(n)
+    return np.unique(np.round(np.linspace(0, n - 1, most)).astype(np.int64))
+
+
+def part(run: Trajectory, rows: np.ndarray[Any, np.dtype[np.int64]]) -> Trajectory:
+    """Return the run with only some of its rows."""
+    arrays = {name: getattr(run, name)[rows] for name in ("time", "position", "velocity", "gap")}
+    return replace(run, **arrays, force=None if run.force is None else run.force[rows])
+
+
+def without_radii(run: Trajectory) -> Array:
+    """Return positions of the same balls as points: where two touch they are the same."""
+    points = run.scene.replace(radius=np.zeros(run.scene.n), origin=0.0)
+    return positions(points, run.gap, run.time - run.time[0])
+
+
+def contacts(run: Trajectory, kept: np.ndarray[Any, np.dtype[np.int64]]) -> dict[str, Any]:
+    """Return the log of the contacts kept, column by column; a contact still open ends with the run."""
+    log = run.contacts[kept]
+    end = np.where(np.isnan(log["t_end"]), run.time[-1], log["t_end"])
+    before = log["v_in"][:, 1] - log["v_in"][:, 0]
+    after = log["v_out"][:, 1] - log["v_out"][:, 0]
+    return {
+        "pair": packed(log["pair"]),
+        "begin": packed(log["t_begin"], np.float64),
+        "end": packed(end, np.float64),
+        "before": packed(before),
+        "after": packed(np.nan_to_num(after, nan=0.0)),
+        "impulse": packed(log["impulse"]),
+    }
+
+
+def contact_map(run: Trajectory) -> dict[str, Any]:
+    """Return how many contacts were under way in each cell of a grid of time and pairs; all are counted."""
+    start, span = float(run.time[0]), float(run.time[-1] - run.time[0]) or 1.0
+    columns, lanes = MAP[0], min(MAP[1], run.scene.n - 1)
+    lane = run.contacts["pair"].astype(np.int64) * lanes // (run.scene.n - 1)
+    end = np.where(np.isnan(run.contacts["t_end"]), run.time[-1], run.contacts["t_end"])
+    first, last = (
+        np.clip(((t - start) / span * columns).astype(np.int64), 0, columns - 1) for t in (run.contacts["t_begin"], end)
+    )
+    change = np.zeros((columns + 1, lanes), np.int64)
+    np.add.at(change, (first, lane), 1)
+    np.add.at(change, (last + 1, lane), -1)
+    counts = np.cumsum(change, axis=0)[:columns]
+    return {"columns": columns, "lanes": lanes, "counts": packed(np.minimum(counts, 65535), np.uint16)}
+
+
+def packed(values: Any, kind: Any = None) -> str:
+    """Return an array as base64: whole numbers as int32, others as float32 unless `kind` says otherwise."""
+    array = np.asarray(values)
+    kind = kind or (np.int32 if array.dtype.kind in "iu" else np.float32)
+    little = np.dtype(kind).newbyteorder("<")
+    return base64.b64encode(np.ascontiguousarray(array, dtype=little).tobytes()).decode("ascii")

@@ -1,0 +1,107 @@
+// A chart: an SVG in its own pixels, redrawn when its width changes, with ticks, grid lines and a plot area.
+import { marked, set, svg } from "./dom.mjs";
+import { digits, superscript } from "./format.mjs";
+
+const MARGIN = { left: 56, right: 14, top: 8, bottom: 38 };
+
+export class Chart {
+  constructor(host, { height, label, bottom = true, top = MARGIN.top }) {
+    Object.assign(this, { host, height, top, left: MARGIN.left, bottomMargin: bottom ? MARGIN.bottom : 6 });
+    this.grid = svg("g", { class: "grid" });
+    this.body = svg("g", { class: "body" });
+    this.head = svg("line", { class: "playhead", y1: 2, y2: height - this.bottomMargin, visibility: "hidden" });
+    this.svg = svg("svg", { role: "img", "aria-label": label, height, class: "chart" }, this.grid, this.body, this.head);
+    host.append(this.svg);
+    this.measure();
+  }
+
+  // Asking for a width makes the browser lay out the page: only at the start and when the window changes.
+  measure() {
+    this.width = Math.max(200, this.host.clientWidth || this.width || 600);
+    this.resize(this.height);
+  }
+
+  resize(height) {
+    this.height = height;
+    set(this.svg, { width: this.width, height, viewBox: `0 0 ${this.width} ${height}` });
+    set(this.head, { y2: height - this.bottomMargin });
+  }
+
+  // Scales from data to pixels; `log` takes the axis in decades.
+  scales([x0, x1], [y0, y1]) {
+    const [l, r, t, b] = [this.left, this.width - MARGIN.right, this.top, this.height - this.bottomMargin];
+    this.x = (v) => l + ((v - x0) / (x1 - x0)) * (r - l);
+    this.y = (v) => b - ((v - y0) / (y1 - y0)) * (b - t);
+    this.back = (px) => x0 + ((px - l) / (r - l)) * (x1 - x0);
+    [this.xs, this.ys] = [[x0, x1], [y0, y1]];
+    this.grid.replaceChildren();
+    this.body.replaceChildren();
+  }
+
+  xTicks(values, format, name) {
+    const b = this.height - this.bottomMargin;
+    for (const v of values) {
+      const x = this.x(v).toFixed(1);
+      this.grid.append(svg("line", { x1: x, x2: x, y1: this.top, y2: b }));
+      if (format) this.grid.append(label(format(v), { x, y: b + 14, "text-anchor": "middle" }));
+    }
+    if (name) this.grid.append(label(name, { x: this.width - MARGIN.right, y: b + 31, "text-anchor": "end", class: "axis-name" }));
+  }
+
+  yTicks(values, format, name) {
+    for (const v of values) {
+      const y = this.y(v).toFixed(1);
+      this.grid.append(svg("line", { x1: this.left, x2: this.width - MARGIN.right, y1: y, y2: y }));
+      this.grid.append(label(format(v), { x: this.left - 6, y: Number(y) + 4, "text-anchor": "end" }));
+    }
+    if (name) this.grid.append(label(name, { x: this.left + 6, y: this.top + 10, class: "axis-name" }));
+  }
+
+  add(tag, attributes) {
+    this.body.append(svg(tag, attributes));
+  }
+
+  note(content, attributes) {
+    this.body.append(label(content, attributes));
+  }
+
+  // A path through [x, y] data; a break where y is not a number.
+  line(points, attributes) {
+    let d = "", pen = "M";
+    for (const [px, py] of points) {
+      if (Number.isNaN(py)) pen = "M";
+      else {
+        d += `${pen}${this.x(px).toFixed(1)} ${this.y(py).toFixed(1)}`;
+        pen = "L";
+      }
+    }
+    this.add("path", { d, fill: "none", ...attributes });
+  }
+
+  playhead(value) {
+    const x = this.x(value).toFixed(1), hidden = value < this.xs[0] || value > this.xs[1];
+    set(this.head, { x1: x, x2: x, visibility: hidden ? "hidden" : "visible" });
+  }
+}
+
+function label(content, attributes) {
+  const element = svg("text", attributes);
+  element.append(...marked(content, true));
+  return element;
+}
+
+// Round tick values, about `count` of them.
+export function ticks([low, high], count = 5) {
+  const raw = (high - low) / count, base = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].map((m) => m * base).find((s) => s >= raw * 0.999), found = [];
+  for (let v = Math.ceil(low / step - 1e-9) * step; v <= high + 1e-9 * step; v += step) found.push(Math.abs(v) < 1e-12 * step ? 0 : v);
+  return found;
+}
+
+export const decades = ([low, high]) => {
+  const found = [];
+  for (let e = Math.ceil(low - 1e-9); e <= high + 1e-9; e++) found.push(e);
+  return found;
+};
+export const decadeName = (e) => `10${superscript(String(e))}`;
+export const tickName = (v) => digits(v, 4);

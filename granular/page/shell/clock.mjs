@@ -1,0 +1,111 @@
+// Transport: play, pause, step, restart, scrub; by buttons, by the time bar, by keys. It owns the time shown.
+import { $, set, text } from "./dom.mjs";
+import { quantity } from "./format.mjs";
+
+const SKIP = 0.01;
+
+export class Clock {
+  constructor(root, { show, stops = () => [], locked = () => false, duration = 9 }) {
+    Object.assign(this, { root, show, stops, locked, duration, playing: false, share: 0, span: [0, 1], last: 0 });
+    this.bar = $(".time-bar", root);
+    this.button = $(".play", root);
+    this.readout = $(".time-now", root);
+    this.bar.addEventListener("input", () => this.pause() || this.go(this.bar.value / this.bar.max));
+    this.button.addEventListener("click", () => this.toggle());
+    $(".restart", root).addEventListener("click", () => this.restart());
+    $(".back", root).addEventListener("click", () => this.step(-1));
+    $(".forward", root).addEventListener("click", () => this.step(1));
+    const pace = $(".pace", root);
+    pace.addEventListener("change", () => this.setDuration(Number(pace.value)));
+    document.addEventListener("keydown", (event) => this.key(event));
+  }
+
+  setSpan(span) {
+    this.span = span;
+    this.setDuration(this.duration);
+    this.go(this.share);
+  }
+
+  setDuration(seconds) {
+    this.duration = seconds;
+    const slower = seconds / (this.span[1] - this.span[0]);
+    const pace = slower >= 1 ? `slowed ${Math.round(slower).toLocaleString("en").replaceAll(",", " ")} ×` : `${(1 / slower).toPrecision(2)} × faster than life`;
+    text($(".slowdown", this.root), pace);
+  }
+
+  get time() {
+    return this.span[0] + this.share * (this.span[1] - this.span[0]);
+  }
+
+  go(share) {
+    this.share = this.locked() ? 0 : Math.min(1, Math.max(0, share));
+    const now = quantity(this.time - this.span[0], "s", 4), whole = quantity(this.span[1] - this.span[0], "s", 3);
+    this.bar.value = Math.round(this.share * this.bar.max);
+    set(this.bar, { "aria-valuetext": `${now} of ${whole}` });
+    text(this.readout, now);
+    this.show(this.time);
+  }
+
+  play() {
+    if (this.playing || this.locked()) return;
+    if (this.share >= 1) this.go(0);
+    this.playing = true;
+    this.mark();
+    this.last = performance.now();
+    requestAnimationFrame((now) => this.frame(now));
+  }
+
+  frame(now) {
+    if (!this.playing) return;
+    this.go(this.share + Math.max(0, now - this.last) / 1000 / this.duration);
+    this.last = now;
+    if (this.share >= 1) this.pause();
+    else requestAnimationFrame((next) => this.frame(next));
+  }
+
+  pause() {
+    this.playing = false;
+    this.mark();
+  }
+
+  mark() {
+    set(this.button, { "aria-label": this.playing ? "pause" : "play", "aria-pressed": String(this.playing) });
+  }
+
+  toggle() {
+    if (this.playing) this.pause();
+    else this.play();
+  }
+
+  restart() {
+    this.pause();
+    this.go(0);
+  }
+
+  step(way) {
+    this.pause();
+    this.go(this.share + way * SKIP);
+  }
+
+  // To the next or the last begin or end of a contact.
+  leap(way) {
+    this.pause();
+    const shares = this.stops().map((t) => (t - this.span[0]) / (this.span[1] - this.span[0]));
+    const ahead = shares.filter((s) => (way > 0 ? s > this.share + 1e-9 : s < this.share - 1e-9));
+    if (ahead.length) this.go(way > 0 ? Math.min(...ahead) : Math.max(...ahead));
+  }
+
+  key(event) {
+    const focus = event.target, typing = focus.matches("input, select, textarea") && focus !== this.bar;
+    if (this.locked() || typing || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.key === " " && focus.matches("button, summary, a") && focus !== this.button) return;
+    const actions = {
+      " ": () => this.toggle(), ArrowRight: () => (event.shiftKey ? this.leap(1) : this.step(1)),
+      ArrowLeft: () => (event.shiftKey ? this.leap(-1) : this.step(-1)), Home: () => this.restart(), r: () => this.restart(),
+      End: () => this.pause() || this.go(1),
+    };
+    if (!(event.key in actions)) return;
+    event.preventDefault();
+    actions[event.key]();
+  }
+}

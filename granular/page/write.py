@@ -1,0 +1,54 @@
+"""Write the pages: `live_page` with its own physics, `player_page` with recorded runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlencode
+
+from granular import _check, _files
+from granular.page import assemble
+
+if TYPE_CHECKING:
+    from granular.trajectory import Trajectory
+
+SCENES = ("three-balls", "ball-stack", "newtons-cradle")
+"""Scenes the page can run itself."""
+
+
+def live_page(path: str | PathLike[str], scene: str = "three-balls", values: Mapping[str, float] | None = None) -> None:
+    """Write the teaching page, opening with one of `SCENES`.
+
+    Parameters
+    ----------
+    path : str or path
+        The HTML file.
+    scene : str
+        "three-balls", "ball-stack" or "newtons-cradle".
+    values : mapping, optional
+        Slider values to start with, as they stand in the page's link: eps, gap (m), k (N/m), ….
+    """
+    state = {"scene": _check.choice("scene", scene, SCENES)} | dict(values or {})
+    _files.write_text(path, assemble.page(assemble.LIVE, "granular: hard or soft?", start=urlencode(state)))
+
+
+def player_page(path: str | PathLike[str], runs: Sequence[Trajectory], names: Sequence[str] | None = None) -> None:
+    """Write a page that plays one recorded run, or two of one scene side by side.
+
+    Parameters
+    ----------
+    path : str or path
+        The HTML file.
+    runs : one or two trajectories
+        Of any scene, engine and length; long ones are thinned out, and the page says by how much.
+    names : sequence of str, optional
+        What to call them.
+    """
+    from granular.page.recording import recorded
+
+    if not 1 <= len(runs) <= 2:
+        raise ValueError(f"runs are {len(runs)}: one or two trajectories are needed.")
+    called = list(names or [f"run {i + 1}" for i in range(len(runs))])
+    data: dict[str, Any] = {"runs": [recorded(run, name) for run, name in zip(runs, called, strict=True)]}
+    _files.write_text(path, assemble.page(assemble.PLAYER, "granular: " + ", ".join(called), data=data))

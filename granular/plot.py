@@ -1,0 +1,165 @@
+"""Figures of a comparison: contact timelines, forces and world lines of both engines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from granular import _files, edmd, md
+from granular._check import Array
+from granular.scene import positions
+from granular.trajectory import Status, Trajectory
+
+if TYPE_CHECKING:
+    from granular.comparison import Comparison
+
+HARD, SOFT = "#c1440e", "#1f4e79"
+"""Colours of hard and soft spheres, told apart also in grey print."""
+FEW = 6
+"""Up to this many pairs forces are drawn as curves, beyond as a map over pairs and time."""
+
+
+def comparison_figure(report: Comparison, path: str | PathLike[str] | None = None) -> Any:
+    """Draw a comparison; return the matplotlib figure, or save it (format by the file's ending) and return None."""
+    figure_class = _matplotlib()
+    begin, end = window(report)
+    soft = _resolved(report, "soft", begin, end)
+    unit, name = time_unit(end - begin)
+    n = report.scene.n - 1
+    heights = [0.22 * min(n, 12) + 0.5, *([0.9] * n if n <= FEW else [0.25 * min(n, 12) + 1.2]), 2.8]
+    figure = figure_class(figsize=(7.0, sum(heights) + 1.4), layout="constrained")
+    axes = figure.subplots(len(heights), 1, sharex=True, gridspec_kw={"height_ratios": heights})
+    figure.suptitle("\n".join(_wrapped(report.verdict)), fontsize=9, ha="left", x=0.02)
+    clock = (soft.time - begin) / unit
+    _timeline(axes[0], report, begin, end, unit)
+    if n <= FEW:
+        for axis, c in zip(axes[1 : n + 1], reversed(range(n)), strict=True):
+            _force_curve(axis, clock, soft, c)
+    else:
+        _force_map(figure, axes[1], clock, soft)
+    _world_lines(axes[-1], report, soft, begin, end, unit)
+    axes[-1].set_xlabel(f"time since t = {begin:.6g} s, {name}")
+    axes[-1].set_xlim(0.0, (end - begin) / unit)
+    figure.align_ylabels(axes)
+    if path is None:
+        return figure
+    _files.write(path, lambda draft: figure.savefig(draft, dpi=200))
+    return None
+
+
+def window(report: Comparison) -> tuple[float, float]:
+    """Span of time in s worth drawing: from the first contact to the last end of one, with a margin."""
+    logs = [run.contacts for run in (report.hard, report.soft)]
+    begins = np.concatenate([log["t_begin"] for log in logs])
+    if not len(begins):
+        return float(report.soft.time[0]), max(float(report.soft.time[-1]), float(report.soft.time[0]) + 1.0)
+    ends = np.concatenate([[p.hard_t_f, p.soft_t_f] for p in report.pairs] + [log["t_end"] for log in logs])
+    first, last = float(begins.min()), float(np.nanmax(np.append(ends, begins)))
+    margin = 0.06 * (last - first) or 1e-3 * abs(first) or 1.0
+    return first - margin, last + margin
+
+
+def time_unit(span: float) -> tuple[float, str]:
+    """The unit in s that writes `span` with few digits, and its name."""
+    for unit, name in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns")):
+        if span >= 2.0 * unit:
+            return unit, name
+    return 1e-9, "ns"
+
+
+def _resolved(report: Comparison, engine: str, begin: float, end: float) -> Trajectory:
+    """One of the two runs again, with rows close enough to draw."""
+    run = getattr(report, engine)
+    stop = end if run.status is Status.quiet else min(end, float(run.time[-1]))
+    times = np.linspace(max(begin, float(run.time[0])), stop, 1500)
+    if engine == "hard":
+        return edmd.simulate(report.scene, report.rule, t_end=stop, samples=times, log=False)
+    return md.simulate(report.scene, report.law, t_end=stop, samples=times, log=False, **report.soft_options)
+
+
+def _timeline(axis: Any, report: Comparison, begin: float, end: float, unit: float) -> None:
+    """Bars where soft contacts last, marks where hard collisions happen; one line a pair."""
+    soft, hard = report.soft.contacts, report.hard.contacts
+    finish = np.where(np.isnan(soft["t_end"]), end, soft["t_end"])
+    start = (soft["t_begin"] - begin) / unit
+    axis.barh(soft["pair"] - 0.16, (finish - soft["t_begin"]) / unit, left=start, height=0.3, color=SOFT, label="soft")
+    axis.scatter((hard["t_begin"] - begin) / unit, hard["pair"] + 0.22, marker="|", s=60, color=HARD, label="hard")
+    n = report.scene.n - 1
+    axis.set_ylim(-0.6, n - 0.3)
+    axis.set_yticks(range(n) if n <= 12 else np.linspace(0, n - 1, 6).astype(int))
+    axis.set_ylabel("contacts\nof pair")
+    axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
+
+
+def _force_curve(axis: Any, clock: Array, soft: Trajectory, c: int) -> None:
+    assert soft.force is not None
+    unit, name = _force_unit(float(soft.force[:, c].max(initial=0.0)))
+    axis.fill_between(clock, soft.force[:, c] / unit, color=SOFT, alpha=0.25, lw=0)
+    axis.plot(clock, soft.force[:, c] / unit, color=SOFT, lw=1.0)
+    axis.set_ylim(bottom=0.0)
+    axis.set_ylabel(f"$F_{{{c},{c + 1}}}$, {name}")
+
+
+def _force_map(figure: Any, axis: Any, clock: Array, soft: Trajectory) -> None:
+    assert soft.force is not None
+    unit, name = _force_unit(float(soft.force.max(initial=0.0)))
+    n = soft.force.shape[1]
+    image = axis.imshow(
+        soft.force.T / unit, origin="lower", aspect="auto", cmap="Blues", interpolation="nearest",
+        extent=(clock[0], clock[-1], -0.5, n - 0.5),
+    )  # fmt: skip
+    figure.colorbar(image, ax=axis, label=f"force, {name}", pad=0.01)
+    axis.set_ylabel("pair")
+
+
+def _world_lines(axis: Any, report: Comparison, soft: Trajectory, begin: float, end: float, unit: float) -> None:
+    """Positions with the radii taken out, so that lines meet where balls touch and cross where they overlap."""
+    runs = {"soft": (soft, SOFT, "-")}
+    if len(report.hard.contacts) < 100_000:
+        runs["hard"] = (_resolved(report, "hard", begin, end), HARD, "--")
+    lines = {label: (run.time, _without_radii(run), colour, dash) for label, (run, colour, dash) in runs.items()}
+    size, name = length_unit(max(float(np.ptp(lines["soft"][1])), 1e-300))
+    for label, (t, height, colour, dash) in lines.items():
+        axis.plot((t - begin) / unit, height / size, color=colour, ls=dash, lw=1.0)
+        axis.plot([], [], color=colour, ls=dash, label=label)
+    axis.set_ylabel(f"position, radii taken out, {name}")
+    axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
+
+
+def _without_radii(run: Trajectory) -> Array:
+    points = run.scene.replace(radius=np.zeros(run.scene.n), origin=0.0)
+    return positions(points, run.gap, run.time)
+
+
+def length_unit(span: float) -> tuple[float, str]:
+    """The unit in m that writes `span` with few digits, and its name."""
+    for unit, name in ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"), (1e-9, "nm")):
+        if span >= 2.0 * unit:
+            return unit, name
+    return 1e-9, "nm"
+
+
+def _force_unit(peak: float) -> tuple[float, str]:
+    for unit, name in ((1e6, "MN"), (1e3, "kN"), (1.0, "N"), (1e-3, "mN")):
+        if peak >= 2.0 * unit:
+            return unit, name
+    return (1e-6, "µN") if peak > 0.0 else (1.0, "N")
+
+
+def _wrapped(text: str) -> Sequence[str]:
+    from textwrap import wrap
+
+    return wrap(text, 110)
+
+
+def _matplotlib() -> Any:
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise ImportError("plot needs matplotlib, which is not installed: pip install 'granular[plot]'.") from None
+    return Figure
+
+

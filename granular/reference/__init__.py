@@ -1,0 +1,99 @@
+"""An independent solution of a scene, against which engines are judged, with an estimate of its own error.
+
+Power laws F = k ξ^p + γ ξ^d ξ̇ are solved by Taylor series in 34 digits (needs mpmath), any other law by scipy's
+DOP853 restarted at events. Neither shares code with `granular.md`'s methods. Each scene is solved twice, the second
+time with fewer digits or a wider tolerance: the difference is the error that is reported.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from granular import _check
+from granular import until as stop
+from granular.laws import traits
+from granular.reference.log import Reference, ReferenceContact, distance
+from granular.scene import Scene
+
+__all__ = ["Reference", "ReferenceContact", "solve"]
+
+FEWER = 10
+"""Digits by which the second solution has fewer."""
+TOLERANCES = (3e-14, 1e-12)
+"""Relative tolerances of the two solutions by DOP853."""
+
+
+def solve(
+    scene: Scene, law: Any, *, until: stop.Until | None = None, t_end: float | None = None, digits: int = 34
+) -> Reference:
+    """Solve a scene of soft spheres independently of the engines, and estimate the error of that.
+
+    Parameters
+    ----------
+    scene : Scene
+        Where it starts.
+    law : force law or sequence of them
+        One for all pairs, or one per pair from the bottom up.
+    until, t_end : stop condition, float, optional
+        When to stop; a scene that never comes to an end needs one of them.
+    digits : int
+        Working digits for power laws. Cost grows about as their cube.
+
+    Returns
+    -------
+    Reference
+        Contacts as mpmath numbers (floats from DOP853), with estimated errors.
+
+    Raises
+    ------
+    ImportError
+        If mpmath is missing for a power law.
+    ValueError
+        If the scene does not come to an end.
+    """
+    laws = traits.checked(law, scene)
+    stop.checked(until, scene.n - 1)
+    end = None if t_end is None else _check.number("t_end", t_end, at_least=0.0)
+    whole = _check.whole("digits", digits, at_least=20, at_most=200)
+    forms = [power_series(one, pair) for one, pair in zip(laws, scene.pairs, strict=True)]
+    if all(form is not None for form in forms):
+        return _by_series(scene, forms, until, end, whole)
+    return _restarted(scene, laws, until, end)
+
+
+def power_series(law: Any, pair: Any) -> tuple[float, float, float, float] | None:
+    """(k, p, γ, d) of a law whose force has a power series in a root of ξ, else None."""
+    from granular.reference.motion import fraction
+
+    form = None if getattr(law, "memory", False) else traits.power_form(law, pair)
+    if form is None:
+        return None
+    try:
+        fraction(form[1]), fraction(form[3])
+    except ValueError:
+        return None
+    return form
+
+
+def _by_series(scene: Scene, forms: Any, until: stop.Until | None, t_end: float | None, digits: int) -> Reference:
+    try:
+        from mpmath import MPContext
+    except ImportError:
+        advice = "pip install 'granular[peers]'"
+        raise ImportError(f"the reference needs mpmath, which is not installed: {advice}.") from None
+    from granular.reference import events
+
+    fine, coarse = (events.solve(scene, forms, until, t_end, d) for d in (digits, digits - FEWER))
+    many = MPContext()
+    many.dps = digits + FEWER
+    v_error, t_error = distance(fine, coarse, many.mpf)
+    return replace(fine, velocity_error=v_error, time_error=t_error)
+
+
+def _restarted(scene: Scene, laws: Any, until: stop.Until | None, t_end: float | None) -> Reference:
+    from granular.reference import restarted
+
+    fine, coarse = (restarted.solve(scene, laws, until, t_end, "DOP853", rtol)[0] for rtol in TOLERANCES)
+    v_error, t_error = distance(fine, coarse)
+    return replace(fine, velocity_error=v_error, time_error=t_error)

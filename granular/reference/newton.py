@@ -1,0 +1,100 @@
+"""Newton's equation in overlaps and their rates, for a general-purpose solver such as those of scipy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from granular._check import Array
+from granular.laws import traits
+from granular.md.stability import expected_overlap, speed_scale
+from granular.scene import Scene
+
+
+class Newton:
+    """The right-hand side d(ξ, ξ̇)/dt of all pairs, as a user of a solver would write it.
+
+    Parameters
+    ----------
+    scene : Scene
+        Where it starts.
+    laws : sequence of force laws
+        One per pair.
+    most : int
+        Number of evaluations after which `TooMuchWork` is raised.
+
+    Attributes
+    ----------
+    evaluations : int
+        So far; each costs one force per closed pair.
+    smooth : list of bool
+        Pairs in contact: their force is not clipped, so that an event is seen as a change of its sign.
+    clipped : list of bool
+        Pairs whose force is known to be zero.
+    top : list of float
+        Largest overlap in m of the present contact, for laws with memory.
+    """
+
+    def __init__(self, scene: Scene, laws: Sequence[Any], most: int = 2_000_000) -> None:
+        self.scene, self.laws, self.pairs = scene, laws, scene.n - 1
+        self.w: list[float] = scene.inverse_mass.tolist()
+        self.pull: list[float] = scene.pull.tolist()
+        self.smooth, self.clipped = [False] * self.pairs, [False] * self.pairs
+        self.top = np.maximum(-scene.gap, 0.0).tolist()
+        self.evaluations, self.most = 0, most
+
+    def start(self) -> Array:
+        """The state at the begin: overlaps in m (negative: gaps), rates in m/s."""
+        return np.concatenate([-self.scene.gap, -np.diff(self.scene.velocity)])
+
+    def scales(self) -> Array:
+        """What overlaps and rates are about, in m and m/s: those of an impact at the scene's largest speed."""
+        speed = speed_scale(self.scene) or 1.0
+        depth = [expected_overlap(law, pair, speed) for law, pair in zip(self.laws, self.scene.pairs, strict=True)]
+        return np.concatenate([depth, np.full(self.pairs, speed)])
+
+    def bracket(self, c: int, xi: float, eta: float) -> float:
+        """Force of pair c in N before it is clipped."""
+        xi = max(xi, 0.0)
+        return traits.evaluate(self.laws[c], xi, eta, self.scene.pairs[c], max(self.top[c], xi))
+
+    def force(self, c: int, xi: float, eta: float) -> float:
+        """Force of pair c in N, clipped unless the pair is known to be in contact."""
+        if self.smooth[c]:
+            return self.bracket(c, xi, eta)
+        if xi <= 0.0 or self.clipped[c]:
+            return 0.0
+        return max(0.0, self.bracket(c, xi, eta))
+
+    def __call__(self, t: float, y: Array) -> Array:
+        """The rates of change of the state `y`."""
+        self.evaluations += 1
+        if self.evaluations > self.most:
+            raise TooMuchWork
+        n, w = self.pairs, self.w
+        state = y.tolist()
+        force = [self.force(c, state[c], state[n + c]) for c in range(n)]
+        out = state[n:] + self.pull
+        for c, f in enumerate(force):
+            out[n + c] -= (w[c] + w[c + 1]) * f
+            if c > 0:
+                out[n + c] += w[c] * force[c - 1]
+            if c + 1 < n:
+                out[n + c] += w[c + 1] * force[c + 1]
+        return np.array(out)
+
+    def velocities(self, y: Array, t: float) -> Array:
+        """Velocities of the bodies in m/s at time `t` after the start, from a wall's or the mass centre's."""
+        scene = self.scene
+        offset = np.concatenate([[0.0], -np.cumsum(y[self.pairs :])])
+        walls = np.flatnonzero(scene.is_wall)
+        if len(walls):
+            return np.asarray(scene.velocity[walls[0]] + offset - offset[walls[0]])
+        share = scene.mass / scene.mass.sum()
+        return np.asarray(share @ scene.velocity - scene.gravity * t + offset - share @ offset)
+
+
+class TooMuchWork(RuntimeError):
+    """A solver was stopped because it needed too many evaluations."""

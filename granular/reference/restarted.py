@@ -1,0 +1,175 @@
+"""A scene solved by scipy, restarted at every event: for laws without a power series, and as an alternative to judge.
+
+Between two contacts everything flies on parabolas and is moved there in closed form.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from granular import until as stop
+from granular._check import Array
+from granular.laws import traits
+from granular.reference.log import Logbook, Reference
+from granular.reference.modes import ACTIVE, DORMANT, OPEN, RESIDUAL, disturbed
+from granular.reference.newton import Newton, TooMuchWork
+from granular.reference.series import first_rise_of_parabola
+from granular.scene import Scene
+
+SLEEP = 1e-13
+"""A pair that touches at rest counts as open up to this part of the overlap of an impact."""
+Watch = tuple[Callable[[float, Array], float], int, str]
+"""Function of (t, y), the direction in which its zero counts, and what then happens."""
+
+
+def solve(
+    scene: Scene, laws: Sequence[Any], until: stop.Until | None, t_end: float | None, method: str, rtol: float,
+    most: int = 2_000_000,
+) -> tuple[Reference, int]:
+    """Solve a scene with a method of `scipy.integrate.solve_ivp`; return it and the number of evaluations.
+
+    Raises
+    ------
+    TooMuchWork
+        After `most` evaluations.
+    """  # fmt: skip
+    run = Run(scene, laws, until, math.inf if t_end is None else t_end, method, rtol, most)
+    status = run.go()
+    name = f"{method}, restarted at events, rtol {rtol:g}"
+    return Reference(run.log.contacts(), run.t, status, name), run.newton.evaluations
+
+
+class Run:
+    """One run under way."""
+
+    def __init__(
+        self, scene: Scene, laws: Sequence[Any], until: Any, t_end: float, method: str, rtol: float, most: int
+    ) -> None:
+        self.newton, self.log, self.t, self.t_end = Newton(scene, laws, most), Logbook(until), 0.0, t_end
+        self.y, self.scales, self.n = self.newton.start(), self.newton.scales(), scene.n - 1
+        self.options = {"method": method, "rtol": rtol, "atol": rtol * self.scales}
+        self.mode = [OPEN] * self.n
+        self.memory = [bool(getattr(law, "memory", False)) for law in laws]
+        self.loading = [True] * self.n
+        self.elastic = [
+            not traits.rate_dependent(law) and not memory for law, memory in zip(laws, self.memory, strict=True)
+        ]
+        self.since: dict[int, tuple[float, tuple[float, float]]] = {}
+        """When the rest of dormant pairs was disturbed, and the velocities then: where their contacts begin."""
+
+    def go(self) -> str:
+        """Run to the end; return why it ended."""
+        for c in range(self.n):
+            xi, eta = float(self.y[c]), float(self.y[self.n + c])
+            if xi > 0.0:
+                self.mode[c] = RESIDUAL
+                if self.newton.bracket(c, xi, eta) > 0.0 and self.act(c, "begin"):
+                    return "until"
+            elif xi == 0.0 and eta == 0.0:
+                self.mode[c] = DORMANT
+        while True:
+            status = self.step()
+            if status:
+                return status
+            rates = self.y[self.n :].tolist()
+            if self.log.separated(rates, any(mode in (ACTIVE, RESIDUAL) for mode in self.mode)):
+                return "until"
+
+    def step(self) -> str:
+        """Go on to the next event; return why there is none, or ""."""
+        moved = disturbed(self.mode, self.newton.pull)
+        for c, mode in enumerate(self.mode):
+            self.newton.smooth[c], self.newton.clipped[c] = mode == ACTIVE, mode in (OPEN, RESIDUAL)
+            if mode == DORMANT and not moved[c]:
+                self.since.pop(c, None)
+            elif mode == DORMANT:
+                self.since.setdefault(c, (self.t, self.bodies(c)))
+        if all(mode == OPEN or (mode == DORMANT and not moved[c]) for c, mode in enumerate(self.mode)):
+            return self.fly()
+        from scipy.integrate import solve_ivp
+
+        watches = [(c, watch) for c in range(self.n) for watch in self.watches(c)]
+        events = [_event(function, direction) for _, (function, direction, _) in watches]
+        done = solve_ivp(self.newton, (0.0, self.t_end - self.t), self.y, events=events, **self.options)
+        if done.status < 0:
+            raise TooMuchWork
+        self.t, self.y = self.t + float(done.t[-1]), done.y[:, -1]
+        if done.status == 0:
+            return "time"  # the end of the span
+        fired = next(k for k, times in enumerate(done.t_events) if len(times))
+        c, (_, _, what) = watches[fired]
+        return "until" if self.act(c, what) else ""
+
+    def fly(self) -> str:
+        """Move on parabolas to the next touch."""
+        n, pull = self.n, self.newton.pull
+        p = [(float(self.y[c]), float(self.y[n + c]), 0.5 * pull[c]) for c in range(n)]
+        when = {c: first_rise_of_parabola(math, p[c]) for c in range(n) if self.mode[c] == OPEN}
+        touches = {x: c for c, x in when.items() if x is not None}
+        dt = min(touches, default=math.inf)
+        if dt == self.t_end == math.inf:
+            return "quiet"
+        if self.t + dt >= self.t_end:
+            self.t = self.t_end
+            return "time"
+        self.t += dt
+        for c in range(n):
+            self.y[c], self.y[n + c] = p[c][0] + dt * (p[c][1] + dt * p[c][2]), p[c][1] + 2.0 * dt * p[c][2]
+        return "until" if self.act(touches[dt], "touch") else ""
+
+    def watches(self, c: int) -> list[Watch]:
+        """What may happen to pair c."""
+        n, bracket, line = self.n, self.newton.bracket, SLEEP * self.scales[c]
+
+        def overlap(t: float, y: Array) -> float:
+            return float(y[c])
+
+        def push(t: float, y: Array) -> float:
+            return bracket(c, float(y[c]), float(y[n + c]))
+
+        if self.mode[c] == OPEN:
+            return [(overlap, 1, "touch")]
+        if self.mode[c] == DORMANT:
+            return [(lambda t, y: y[c] - line, 1, "begin"), (lambda t, y: y[c] + line, -1, "part")]
+        if self.mode[c] == RESIDUAL:
+            return [(push, 1, "begin"), (overlap, -1, "part")]
+        end = (overlap, -1, "part") if self.elastic[c] else (push, -1, "release")
+        if not self.memory[c]:
+            return [end]
+        top = self.newton.top[c]
+        return [end, (lambda t, y: y[n + c], -1, "turn") if self.loading[c] else (lambda t, y: y[c] - top, 1, "turn")]
+
+    def act(self, c: int, what: str) -> bool:
+        """Apply an event to pair c; return whether it ends the run."""
+        if what in ("touch", "part") and self.mode[c] != DORMANT:
+            self.y[c] = 0.0
+        if what == "turn":
+            self.newton.top[c], self.loading[c] = max(self.newton.top[c], float(self.y[c])), not self.loading[c]
+        elif what in ("touch", "begin"):
+            if self.log.begin(c, *(self.since.pop(c, None) or (self.t, self.bodies(c)))):
+                return True
+            self.mode[c], self.loading[c] = ACTIVE, True
+        else:
+            if self.mode[c] == ACTIVE:
+                self.log.end(c, self.t, self.bodies(c))
+            self.mode[c] = RESIDUAL if what == "release" else OPEN
+            if what == "part":
+                self.newton.top[c] = 0.0
+        return False
+
+    def bodies(self, c: int) -> tuple[float, float]:
+        """Velocities of the bodies of pair c in m/s."""
+        v = self.newton.velocities(self.y, self.t)
+        return float(v[c]), float(v[c + 1])
+
+
+def _event(function: Callable[[float, Array], float], direction: int) -> Any:
+    """A terminal event in scipy's form: a function with attributes."""
+
+    def event(t: float, y: Array) -> float:
+        return float(function(t, y))
+
+    vars(event).update(terminal=True, direction=direction)
+    return event

@@ -1,0 +1,125 @@
+"""Power series as lists of mpmath numbers, and the first root of a polynomial, certified."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+Number = Any
+"""An mpmath number of the context that computes."""
+
+
+def product_term(mp: Any, a: Sequence[Number], b: Sequence[Number], n: int) -> Number:
+    """Coefficient `n` of the product of two series; each may be known to lower order (shorter) than `n`."""
+    low, high = max(0, n + 1 - len(b)), min(n + 1, len(a))
+    return mp.fdot(a[low:high], b[n - high + 1 : n - low + 1][::-1]) if high > low else mp.zero
+
+
+class Power:
+    """The series ξ^α, order by order as those of ξ become known.
+
+    ξ = τ^m y with y(0) ≠ 0, so that ξ^α = τ^(αm) y^α; αm must be whole. From f = y^α follows y f' = α y' f, hence
+    n y_0 f_n = Σ_(j=1..n) ((α+1) j - n) y_j f_(n-j).
+    """
+
+    def __init__(self, mp: Any, x: list[Number], alpha: Number, m: int) -> None:
+        self.mp, self.x, self.alpha, self.m = mp, x, alpha, m
+        self.offset = int(mp.nint(alpha * m))
+        self.y: list[Number] = []
+        self.jy: list[Number] = []
+        self.f: list[Number] = []
+
+    def term(self, n: int) -> Number:
+        """Coefficient `n` of ξ^α, after all lower ones."""
+        mp, j = self.mp, n - self.offset
+        if j < 0:
+            return mp.zero
+        self.y.append(self.x[self.m + j])
+        self.jy.append(j * self.y[-1])
+        if j == 0:
+            self.f.append(mp.power(self.y[0], self.alpha))
+        else:
+            back = self.f[::-1]
+            total = (self.alpha + 1) * mp.fdot(self.jy[1:], back) - j * mp.fdot(self.y[1:], back)
+            self.f.append(total / (j * self.y[0]))
+        return self.f[-1]
+
+
+def value(mp: Any, p: Sequence[Number], x: Number) -> Number:
+    """The polynomial Σ p_j x^j."""
+    total = mp.zero
+    for a in reversed(p):
+        total = total * x + a
+    return total
+
+
+def first_rise(mp: Any, p: Sequence[Number], end: Number) -> Number | None:
+    """First x in [0, end] at which a polynomial comes from below zero to zero, or None.
+
+    Exact zeros at the front are a root already dealt with and are divided out. Certified: an interval [a, b] of centre
+    c and half width r is dismissed only if p(c) + |p'(c)| r + M r²/2 < 0 with M ≥ |p''| on [0, b], and searched only
+    where p provably rises. A hump that stays below zero to working precision is no root.
+    """
+    lead = next((j for j, a in enumerate(p) if a != 0), None)
+    if lead is None:
+        return None
+    p = p[lead:]
+    if p[0] > 0:
+        return mp.zero
+    if p[0] + value(mp, [mp.zero, *(max(a, mp.zero) for a in p[1:])], end) < 0:
+        return None
+    slope = [j * a for j, a in enumerate(p)][1:]
+    bends = [abs(j * a) for j, a in enumerate(slope)][1:]
+    tiny = mp.eps * value(mp, [abs(a) for a in p], end)
+    stack = [(mp.zero, end)]
+    while stack:
+        a, b = stack.pop()
+        c, r = (a + b) / 2, (b - a) / 2
+        at, rate, bend = value(mp, p, c), value(mp, slope, c), value(mp, bends, b)
+        rest = bend * r * r / 2
+        if at + abs(rate) * r + rest < 0:
+            continue
+        if rate > bend * r:
+            if value(mp, p, a) >= 0:
+                return a
+            if value(mp, p, b) >= 0:
+                return _newton(mp, lambda x: value(mp, p, x), lambda x: value(mp, slope, x), a, b)
+        elif -rate > bend * r or at - abs(rate) * r - rest > 0:
+            if value(mp, p, a) >= 0:
+                return a
+        elif rest > tiny:
+            stack += [(c, b), (a, c)]
+    return None
+
+
+def _newton(
+    mp: Any, f: Callable[[Number], Number], slope: Callable[[Number], Number], a: Number, b: Number
+) -> Number:
+    """The root of a rising function between `a` and `b`, by Newton's method kept within the bracket."""
+    x = (a + b) / 2
+    for _ in range(10 * mp.prec):
+        y = f(x)
+        a, b = (x, b) if y < 0 else (a, x)
+        new = x - y / slope(x)
+        new = new if a < new < b else (a + b) / 2
+        if abs(new - x) <= 4 * mp.eps * abs(new):
+            return new
+        x = new
+    return x
+
+
+def first_rise_of_parabola(mp: Any, p: Sequence[Number]) -> Number | None:
+    """First x ≥ 0, however late, at which p_0 + p_1 x + p_2 x² comes from below zero to zero, or None.
+
+    `mp` is an mpmath context, or `math` for floats.
+    """
+    c, b, a = p
+    if c == 0 and b < 0:  # the root at 0 has been dealt with
+        return -b / a if a > 0 else None
+    if c > 0 or (c == 0 and (b > 0 or a > 0)):
+        return 0 * c
+    square = b * b - 4 * a * c
+    if c == 0 or square < 0 or (b <= 0 and a <= 0):
+        return None
+    root = mp.sqrt(square)
+    return 2 * c / (-b - root) if b > 0 else (root - b) / (2 * a)

@@ -1,0 +1,199 @@
+"""Collision rules for hard spheres: the coefficient of restitution as a number, a table, a formula or any callable.
+
+A rule is called as ``rule(speed, pair)`` with the impact speed in m/s (positive) and the `Pair`, and returns the
+coefficient of restitution ε in [0, 1], minus the ratio of the relative velocities after and before the impact.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from granular import _check
+from granular._check import Array
+from granular.scene import Pair
+
+Rule = Callable[[float, Pair], float]
+
+
+@dataclass(frozen=True)
+class ConstantRestitution:
+    """The same coefficient of restitution at every speed.
+
+    Parameters
+    ----------
+    restitution : float or sequence of float
+        ε in [0, 1]: one for all pairs, or one per pair from the bottom up. 1 is elastic; 0 for all pairs means
+        balls that stick.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a value that is no number in [0, 1].
+    """
+
+    restitution: float | tuple[float, ...]
+
+    def __init__(self, restitution: float | Sequence[float]) -> None:
+        fix = "1 is elastic, 0 sticks"
+        value: float | tuple[float, ...]
+        if np.ndim(restitution) == 0:
+            value = _check.number("restitution", restitution, at_least=0.0, at_most=1.0, fix=fix)
+        else:
+            values = _check.array("restitution", restitution)
+            _check.every("restitution", values, (values >= 0.0) & (values <= 1.0), "a number in [0, 1] is needed", fix)
+            value = tuple(values.tolist())
+        object.__setattr__(self, "restitution", value)
+
+    def __call__(self, speed: float, pair: Pair) -> float:
+        """Return ε of `pair`; the speed does not matter."""
+        return self.restitution if isinstance(self.restitution, float) else self.restitution[pair.index]
+
+
+@dataclass(frozen=True, eq=False)
+class TabulatedRestitution:
+    """A table of restitution over impact speed, from experiment or from a force law.
+
+    Linear in speed between the entries; below the first and above the last entry the end value is held (a table
+    says nothing there, so give it the range you need).
+
+    Parameters
+    ----------
+    speed : (k,) array
+        Impact speeds in m/s, not negative, strictly increasing; k ≥ 2.
+    restitution : (k,) array
+        ε at those speeds, each in [0, 1].
+
+    Raises
+    ------
+    TypeError, ValueError
+        With the entry that is wrong.
+    """
+
+    speed: Array
+    restitution: Array
+
+    def __init__(self, speed: Any, restitution: Any) -> None:
+        v = _check.array("speed", speed)
+        if len(v) < 2:
+            raise ValueError(f"speed has {len(v)} entries: at least 2 are needed; for one use ConstantRestitution.")
+        _check.every("speed", v, np.isfinite(v) & (v >= 0.0), "a speed must be finite and not negative")
+        _check.every("speed", v[1:], np.diff(v) > 0.0, "speeds must increase from entry to entry")
+        e = _check.array("restitution", restitution, v.shape, fix="one per speed")
+        _check.every("restitution", e, (e >= 0.0) & (e <= 1.0), "a number in [0, 1] is needed")
+        object.__setattr__(self, "speed", v)
+        object.__setattr__(self, "restitution", e)
+        object.__setattr__(self, "_rows", (v.tolist(), e.tolist()))
+
+    def __call__(self, speed: float, pair: Pair) -> float:
+        """Return ε at impact `speed` (m/s); the same for every pair."""
+        v, e = self.__dict__["_rows"]
+        if speed <= v[0]:
+            return float(e[0])
+        if speed >= v[-1]:
+            return float(e[-1])
+        k = bisect_right(v, speed)
+        return float(e[k - 1] + (e[k] - e[k - 1]) * ((speed - v[k - 1]) / (v[k] - v[k - 1])))
+
+
+@dataclass(frozen=True)
+class ThorntonRestitution:
+    """Spheres that are elastic up to a limiting contact pressure and yield beyond it, without rate effects.
+
+    Hertz contact up to the yield speed; above it the pressure stays at its limit p_y while the contact grows, so the
+    force rises linearly, and the flattened contact unloads as a Hertz contact of larger radius. With r = v_y/v:
+
+        ε² = (6/5) (1 - r²/6) / √s,      s = 1/3 + (2/3) √(6/5 - r²/5) / r      for v > v_y, else ε = 1,
+
+    where s is the largest overlap in units of that at first yield. The same as Thornton's (1997)
+    ε = (6√3/5)^½ (1 - r²/6)^½ [r / (r + 2 √(6/5 - r²/5))]^¼; for fast impacts ε → 1.1850 (v_y/v)^¼.
+
+    Parameters
+    ----------
+    yield_speed : float
+        v_y in m/s, positive: the impact speed from which on the material yields.
+
+    References
+    ----------
+    C. Thornton, J. Appl. Mech. 64, 383 (1997).
+    """
+
+    yield_speed: float
+
+    def __post_init__(self) -> None:
+        _check.number("yield_speed", self.yield_speed, above=0.0)
+
+    @classmethod
+    def from_material(cls, young: float, poisson: float, yield_pressure: float, pair: Pair) -> ThorntonRestitution:
+        """Return the rule of `pair` for two bodies of one material.
+
+        v_y = (π / (2 E*))² √(8 π r_eff³ / (15 m_eff)) p_y^(5/2), E* = Y / (2 (1 - ν²)): the speed at which the largest
+        pressure of a Hertz contact, 2 E* √(ξ/r_eff) / π, just reaches p_y.
+
+        Parameters
+        ----------
+        young, poisson : float
+            Young's modulus Y in Pa, Poisson's ratio ν in [0, 0.5].
+        yield_pressure : float
+            Limiting contact pressure p_y in Pa; ductile metals first yield at 1.6 times their yield stress.
+        pair : Pair
+            Supplies m_eff and r_eff.
+        """
+        nu = _check.number("poisson", poisson, at_least=0.0, at_most=0.5)
+        modulus = _check.number("young", young, above=0.0) / (2.0 * (1.0 - nu * nu))
+        pressure = _check.number("yield_pressure", yield_pressure, above=0.0)
+        r_eff = _check.number(f"r_eff of pair {pair.index}", pair.r_eff, above=0.0, fix="point particles cannot yield")
+        shape = math.sqrt(8.0 * math.pi / 15.0 * r_eff**3 * pressure / pair.m_eff)
+        return cls((0.5 * math.pi * pressure / modulus) ** 2 * shape)
+
+    def __call__(self, speed: float, pair: Pair) -> float:
+        """Return ε at impact `speed` (m/s); the same for every pair."""
+        if speed <= self.yield_speed:
+            return 1.0
+        r = self.yield_speed / speed
+        depth = (r + 2.0 * math.sqrt(1.2 - 0.2 * r * r)) / (3.0 * r) if r > 0.0 else math.inf
+        return math.sqrt(1.2 * (1.0 - r * r / 6.0) / math.sqrt(depth))
+
+
+def restitution_at(rule: Rule, speed: float, pair: Pair) -> float:
+    """Return ``rule(speed, pair)`` as a float, or raise the sentence that says what is wrong with it."""
+    value = rule(speed, pair)
+    try:
+        e = float(value)
+    except (TypeError, ValueError):
+        e = float("nan")
+    if not 0.0 <= e <= 1.0:
+        raise ValueError(
+            f"the rule of pair {pair.index} returned {value!r} at impact speed {speed:g} m/s: "
+            f"a coefficient of restitution in [0, 1] is needed."
+        )
+    return e
+
+
+def checked(rule: Any, pairs: Sequence[Pair]) -> tuple[Rule, ...]:
+    """Spread one rule over all `pairs`, or check a list with one per pair; raise if it does not fit."""
+    rules = _check.per_pair("rule", rule, len(pairs))
+    for one in dict(zip(map(id, rules), rules, strict=True)).values():
+        if not callable(one):
+            fix = "granular.ConstantRestitution(0.7) is one" if not isinstance(one, (int, float)) else (
+                f"write granular.ConstantRestitution({one})")
+            raise TypeError(f"rule is {one!r}: a callable of (speed, pair) is needed; {fix}.")
+        if isinstance(one, ConstantRestitution) and isinstance(one.restitution, tuple):
+            _check.per_pair("restitution", one.restitution, len(pairs))
+    return rules
+
+
+def constants(rules: Sequence[Rule], pairs: Sequence[Pair]) -> list[float] | None:
+    """Return ε per pair if every rule is constant, else None."""
+    different = dict(zip(map(id, rules), rules, strict=True)).values()
+    if not all(isinstance(rule, ConstantRestitution) for rule in different):
+        return None
+    if len(different) == 1:
+        value = rules[0].restitution  # type: ignore[attr-defined]
+        return [value] * len(pairs) if isinstance(value, float) else list(value)
+    return [rule(0.0, pair) for rule, pair in zip(rules, pairs, strict=True)]

@@ -1,0 +1,207 @@
+"""What is simulated: balls on a line, perhaps walls, perhaps gravity. Both engines read the same `Scene`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from granular import _check
+from granular._check import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Two neighbours for good: pair ``index`` joins bodies ``index`` and ``index + 1``.
+
+    Attributes
+    ----------
+    m_eff : float
+        Effective mass m_a m_b / (m_a + m_b) in kg; the ball's own mass against a wall.
+    r_eff : float
+        Effective radius 1 / (κ_a + κ_b) in m, with curvature κ = 1/R of a ball and 0 of a flat wall,
+        so that a ball of radius R against a wall has r_eff = R.
+    index : int
+        Number of the pair from the bottom (left).
+    """
+
+    m_eff: float
+    r_eff: float
+    index: int
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Balls on a line at one instant, numbered bottom to top (left to right); x grows upwards.
+
+    Parameters
+    ----------
+    mass : (n,) array
+        Masses in kg, all positive. ``inf`` makes a body a wall (floor, ceiling); only the first and the
+        last body can be walls. A wall does not fall and may move at constant speed.
+    radius : (n,) array
+        Radii in m; 0 for a wall (flat, no offset) and allowed for a ball (point particle).
+    gap : (n-1,) array
+        Distances between the surfaces of neighbours in m. Negative means initial overlap: fine for
+        `granular.md`, refused by `granular.edmd`.
+    velocity : (n,) array
+        Velocities in m/s, upwards positive.
+    gravity : float
+        g ≥ 0 in m/s², pulling down (towards smaller x).
+    origin : float
+        Position of body 0 in m: its centre if it is a ball, its surface if it is a wall.
+
+    Raises
+    ------
+    TypeError, ValueError
+        With a sentence that names the argument, its value and what is needed.
+
+    Notes
+    -----
+    The state is gaps, not positions: a gap of 1e-4 m at a height of 1 m would lose four digits as a
+    difference of positions.
+    """
+
+    mass: Array
+    radius: Array
+    gap: Array
+    velocity: Array
+    gravity: float = 0.0
+    origin: float = 0.0
+
+    def __init__(
+        self,
+        mass: ArrayLike,
+        radius: ArrayLike,
+        gap: ArrayLike,
+        velocity: ArrayLike,
+        gravity: float = 0.0,
+        origin: float = 0.0,
+    ) -> None:
+        m = _check.array("mass", mass)
+        n = len(m)
+        if n < 2:
+            raise ValueError(f"mass has {n} entries: at least 2 bodies are needed; a floor counts as one (mass inf).")
+        _check.every("mass", m, m > 0.0, "a mass must be positive", "use math.inf for a wall")
+        walls = np.isinf(m)
+        _check.every("mass", m, ~walls | _ends(n), "only the first and the last body can be walls",
+                     "a wall in the middle makes two separate scenes")
+        if walls.all():
+            raise ValueError("mass is inf for every body: at least one ball of finite mass is needed.")
+        r = _check.array("radius", radius, (n,))
+        _check.every("radius", r, np.isfinite(r) & (r >= 0.0), "a radius must be finite and not negative")
+        _check.every("radius", r, ~walls | (r == 0.0), "a wall is flat and has radius 0")
+        d = _check.array("gap", gap, (n - 1,), fix="one gap per pair of neighbours")
+        _check.every("gap", d, np.isfinite(d), "a gap must be finite")
+        v = _check.array("velocity", velocity, (n,))
+        _check.every("velocity", v, np.isfinite(v), "a velocity must be finite")
+        g = _check.number("gravity", gravity, at_least=0.0, fix="gravity pulls down, its sign is built in")
+        x0 = _check.number("origin", origin)
+        for name, value in zip(("mass", "radius", "gap", "velocity", "gravity", "origin"), (m, r, d, v, g, x0),
+                               strict=True):
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_positions(
+        cls,
+        mass: ArrayLike,
+        radius: ArrayLike,
+        position: ArrayLike,
+        velocity: ArrayLike,
+        gravity: float = 0.0,
+    ) -> Scene:
+        """Make a scene from positions of centres (of surfaces for walls) in m, bottom to top.
+
+        The gaps are differences of positions and carry their rounding: about 1e-16 of the largest position.
+        """
+        m = _check.array("mass", mass)
+        r = _check.array("radius", radius, m.shape)
+        x = _check.array("position", position, m.shape)
+        _check.every("position", x, np.isfinite(x), "a position must be finite")
+        rising = np.diff(x, prepend=-np.inf) >= 0.0
+        _check.every("position", x, rising, "positions must not decrease", "number bodies bottom to top")
+        return cls(m, r, np.diff(x) - r[:-1] - r[1:], velocity, gravity, float(x[0]) if len(x) else 0.0)
+
+    def replace(self, **changes: Any) -> Scene:
+        """Return a copy with some fields changed, checked anew."""
+        return Scene(**({f.name: getattr(self, f.name) for f in fields(self)} | changes))
+
+    @property
+    def n(self) -> int:
+        """Number of bodies, walls included."""
+        return len(self.mass)
+
+    @cached_property
+    def inverse_mass(self) -> Array:
+        """1/m in 1/kg, shape (n,); 0 for a wall."""
+        return 1.0 / self.mass
+
+    @cached_property
+    def is_wall(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """True for bodies of infinite mass, shape (n,)."""
+        return np.isinf(self.mass)
+
+    @cached_property
+    def pairs(self) -> tuple[Pair, ...]:
+        """All pairs of neighbours, bottom to top."""
+        light, heavy = np.minimum(self.mass[:-1], self.mass[1:]), np.maximum(self.mass[:-1], self.mass[1:])
+        with np.errstate(divide="ignore"):
+            curvature = np.where(self.is_wall, 0.0, 1.0 / self.radius)
+            r_eff = 1.0 / (curvature[:-1] + curvature[1:])
+        m_eff = light / (1.0 + light / heavy)
+        return tuple(map(Pair, m_eff.tolist(), r_eff.tolist(), range(self.n - 1)))
+
+    @cached_property
+    def pull(self) -> Array:
+        """Gravity's closing acceleration of each gap in m/s², shape (n-1,): g at a floor, 0 between balls, -g at a
+        ceiling. Uniform gravity cancels between two balls."""
+        falls = np.where(self.is_wall, 0.0, 1.0)
+        return self.gravity * np.diff(falls)
+
+    @property
+    def position(self) -> Array:
+        """Positions in m, shape (n,): centres of balls, surfaces of walls."""
+        step = self.radius[:-1] + self.gap + self.radius[1:]
+        position: Array = self.origin + np.concatenate([[0.0], np.cumsum(step)])
+        return position
+
+    def momentum(self) -> float:
+        """Total momentum of the balls in kg m/s."""
+        return float(self.mass[~self.is_wall] @ self.velocity[~self.is_wall])
+
+    def __repr__(self) -> str:
+        walls = {(True, True): ", floor and ceiling", (True, False): ", floor", (False, True): ", ceiling"}
+        ends = (bool(self.is_wall[0]), bool(self.is_wall[-1]))
+        balls = int((~self.is_wall).sum())
+        pull = f", g = {self.gravity:g} m/s²" if self.gravity else ""
+        return f"Scene({balls} ball{'s' * (balls != 1)}{walls.get(ends, '')}{pull})"
+
+
+def positions(scene: Scene, gap: Array, elapsed: Array) -> Array:
+    """Positions (T, n) in m from gaps (T, n-1) a time `elapsed` (T,) in s after the scene's instant.
+
+    A cumulative sum from one anchor: a wall, which moves at constant speed, or else the centre of mass, which falls
+    freely. With no negative gap the order of positions holds by construction.
+    """
+    step = scene.radius[:-1] + gap + scene.radius[1:]
+    offset = np.concatenate([np.zeros((len(gap), 1)), np.cumsum(step, axis=-1)], axis=-1)
+    start = scene.position
+    walls = np.flatnonzero(scene.is_wall)
+    if len(walls):
+        i = int(walls[0])
+        anchor = start[i] + scene.velocity[i] * elapsed - offset[:, i]
+    else:
+        share = scene.mass / scene.mass.sum()
+        fall = (share @ scene.velocity - 0.5 * scene.gravity * elapsed) * elapsed
+        anchor = share @ start + fall - offset @ share
+    position: Array = anchor[:, None] + offset
+    return position
+
+
+def _ends(n: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    ends = np.zeros(n, dtype=np.bool_)
+    ends[[0, -1]] = True
+    return ends

@@ -1,0 +1,101 @@
+"""A cell of the table: what is run, what truth it is judged by, and to what tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any
+
+from granular.scene import Scene
+from granular.trajectory import Trajectory
+
+FIXED = ("verlet", "symplectic-euler", "rk4", "gear5")
+SOFT = ("located", *FIXED)
+METHODS = ("located", "edmd", *FIXED)
+
+Again = Callable[..., Trajectory]
+"""``again(scene=..., law=..., **options)``: the cell once more by the same method, with these changes."""
+
+
+class Verdict(Enum):
+    """How a cell ended; the value is the sentence that explains it."""
+
+    right = "within the tolerance"
+    flagged = "wrong or unfinished, and a status or a warning says so"
+    wrong = "wrong, and nothing says so"
+    crashed = "ended in an error that is not a sentence about its arguments"
+    limit = "did not end within the wall-clock limit"
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What a run is judged by.
+
+    Attributes
+    ----------
+    words : str
+        What it is compared with.
+    error : callable
+        ``error(trajectory, again)``: the error, dimensionless; nan counts as wrong.
+    """
+
+    words: str
+    error: Callable[[Trajectory, Again], float]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One case of one axis, for one or several methods.
+
+    Attributes
+    ----------
+    axis, case : str
+        The row of the table, and what is special here.
+    scene : Scene
+        What is run.
+    truth : Truth
+        What it is judged by.
+    law, rule : force law(s), collision rule
+        For soft and for hard spheres; None where they do not take part.
+    tolerance : float
+        Largest error that is right for "located" and "edmd".
+    loose : float
+        The same for methods with a fixed step, at their default dt unless `options` names one.
+    options : mapping
+        Keyword arguments of ``simulate``.
+    methods : tuple of str
+        Who takes part.
+    slow : bool
+        Left out of a quick study.
+    cut : bool
+        Whether reaching `max_events` is what was asked for, and no flag.
+    """
+
+    axis: str
+    case: str
+    scene: Scene
+    truth: Truth
+    law: Any = None
+    rule: Any = None
+    tolerance: float = 1e-12
+    loose: float = 0.01
+    options: Mapping[str, Any] = field(default_factory=dict)
+    methods: tuple[str, ...] = ("located",)
+    slow: bool = False
+    cut: bool = False
+
+
+@dataclass(frozen=True)
+class Result:
+    """A judged cell: the error (dimensionless, nan if there is none), its tolerance and what the run said."""
+
+    axis: str
+    case: str
+    method: str
+    truth: str
+    verdict: Verdict
+    error: float
+    tolerance: float
+    said: str
+    seconds: float

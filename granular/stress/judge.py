@@ -1,0 +1,118 @@
+"""Run one cell by one method, within a wall-clock limit, and give the verdict."""
+
+from __future__ import annotations
+
+import math
+import signal
+import threading
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from granular import edmd, md
+from granular._kernels import have_numba
+from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz
+from granular.rules import ConstantRestitution
+from granular.scene import Scene
+from granular.stress.cell import FIXED, SOFT, Again, Cell, Result, Verdict
+from granular.trajectory import Status, Trajectory
+
+ABNORMAL = (Status.max_events, Status.unstable, Status.collapse)
+"""Statuses that say: this is not the run that was asked for."""
+
+SHORT = 5_000
+"""Steps at most of an interpreted run."""
+
+
+class OutOfTime(Exception):
+    """The wall-clock limit was reached."""
+
+
+def judge(cell: Cell, method: str, seconds: float, plain: bool = False) -> Result:
+    """Return the verdict on `cell` run by `method`, in at most about `seconds`; `plain`: interpreted, and short."""
+    tolerance = cell.loose if method in FIXED else cell.tolerance
+    error, said, verdict, start = math.nan, "", Verdict.right, time.perf_counter()
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        try:
+            with deadline(seconds):
+                again = repeat(cell, method, plain)
+                trajectory = again()
+                error = float(cell.truth.error(trajectory, again))
+            said = f"{trajectory.status.name}: {trajectory.message}"
+            asked = cell.cut and trajectory.status is Status.max_events
+            warned = any(w.category is RuntimeWarning for w in heard)
+            flagged = (trajectory.status in ABNORMAL and not asked) or warned
+            verdict = verdict_on(error, tolerance, flagged)
+        except OutOfTime:
+            verdict, said = Verdict.limit, f"no end within {seconds:g} s"
+        except Exception as failure:
+            told = type(failure) is ValueError and " is " in str(failure)  # a sentence: name, value, what is needed
+            verdict, said = (Verdict.flagged if told else Verdict.crashed), f"{type(failure).__name__}: {failure}"
+    said = "; ".join([said, *sorted({str(w.message) for w in heard})])
+    taken = time.perf_counter() - start
+    return Result(cell.axis, cell.case, method, cell.truth.words, verdict, error, tolerance, said, taken)
+
+
+def verdict_on(error: float, tolerance: float, flagged: bool) -> Verdict:
+    """Return the verdict on an error, nan included."""
+    if error <= tolerance:
+        return Verdict.right
+    return Verdict.flagged if flagged else Verdict.wrong
+
+
+def repeat(cell: Cell, method: str, plain: bool = False) -> Again:
+    """Return the function that runs `cell` by `method`, with changes if asked for; `plain`: interpreted, and short."""
+
+    def again(**changes: Any) -> Trajectory:
+        options = {"scene": cell.scene, "law": cell.law} | dict(cell.options) | changes
+        scene, law = options.pop("scene"), options.pop("law")
+        if plain:
+            options["engine"] = "sorted" if method == "edmd" else "plain"
+        if method == "edmd":
+            options.pop("max_steps", None)
+            return edmd.simulate(scene, cell.rule, **options)
+        if plain:
+            options["max_steps"] = min(SHORT, options.get("max_steps", SHORT))
+        if method != "located":
+            options["method"] = method
+            options.setdefault("engine", "compiled" if have_numba() else "plain")
+        return md.simulate(scene, law, **options)
+
+    return again
+
+
+def warm_up() -> None:
+    """Compile the engines beforehand: a wall-clock limit must interrupt neither an import nor a compiler."""
+    if not have_numba():
+        return
+    scene = Scene([1.0, 1.0, 1.0], [0.1, 0.1, 0.1], [0.0, 0.1], [1.0, 0.0, -1.0])
+    edmd.simulate(scene, ConstantRestitution(0.5), engine="compiled")
+    for method in SOFT:
+        for law in (LinearDashpot(1e4, 1.0), Hertz(1e4), TsujiHertz(1e4, 0.1), PowerLaw(1e4, 2.0)):
+            md.simulate(scene, law, t_end=0.005, method=method, engine="compiled")
+
+
+@contextmanager
+def deadline(seconds: float) -> Iterator[None]:
+    """Raise `OutOfTime` inside the block after `seconds`.
+
+    By the interval timer of the process: in its main thread and where there is one. Elsewhere the limits on the
+    amount of work (``max_events``, ``max_steps``) are all that ends a run.
+    """
+    if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(*_: object) -> None:
+        raise OutOfTime
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)

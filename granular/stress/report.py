@@ -1,0 +1,133 @@
+"""`StabilityReport`: the table, in words, in JSON and in Markdown."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from os import PathLike
+from typing import Any
+
+from granular import _files
+from granular.stress.cell import Result, Verdict
+from granular.stress.long import Drift
+from granular.stress.timestep import StabilityLimit
+
+BAD = (Verdict.wrong, Verdict.crashed, Verdict.limit)
+SHOWN = 20
+"""Bad cells that the printed report lists."""
+
+
+@dataclass(frozen=True)
+class StabilityReport:
+    """What `granular.stability` found.
+
+    Attributes
+    ----------
+    cells : tuple of Result
+        Every cell with its verdict, error and tolerance.
+    limits : tuple of StabilityLimit
+        Largest stable time steps, measured and by theory.
+    drifts : tuple of Drift
+        Energy and reversibility against the number of contacts.
+    quick : bool
+        Whether only a part of the cells was run.
+    """
+
+    cells: tuple[Result, ...]
+    limits: tuple[StabilityLimit, ...]
+    drifts: tuple[Drift, ...]
+    quick: bool = False
+
+    def count(self, method: str | None = None, axis: str | None = None) -> Counter[Verdict]:
+        """Number of cells of each verdict, of one method and one axis if named."""
+        return Counter(
+            cell.verdict for cell in self.cells if method in (None, cell.method) and axis in (None, cell.axis)
+        )
+
+    def of(self, *verdicts: Verdict, method: str | None = None) -> list[Result]:
+        """Cells that ended in one of the `verdicts`, of one method if named."""
+        return [cell for cell in self.cells if cell.verdict in verdicts and method in (None, cell.method)]
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Methods that took part."""
+        return tuple(dict.fromkeys(cell.method for cell in self.cells))
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Axes that took part."""
+        return tuple(dict.fromkeys(cell.axis for cell in self.cells))
+
+    def tables(self) -> dict[str, list[list[str]]]:
+        """Return all tables as rows of words, the first row the heads."""
+        heads = ["right", "flagged", "silently wrong", "crashed", "limit"]
+        found = {"cells": [["method", "cells", *heads]]}
+        for method in self.methods:
+            counts = self.count(method)
+            found["cells"].append([method, str(counts.total()), *(str(counts[verdict]) for verdict in Verdict)])
+        found["silently wrong / all cells"] = [["axis", *self.methods]]
+        for axis in self.axes:
+            row = [self.count(method, axis) for method in self.methods]
+            words = [f"{counts[Verdict.wrong]} / {counts.total()}" if counts else "" for counts in row]
+            found["silently wrong / all cells"].append([axis, *words])
+        found["stability limit, dt √(k/m)"] = [["method", "balls", "measured", "theory", "reported from"]] + [
+            [row.method, str(row.balls), f"{row.measured:.3f}", _number(row.theory, ".3f"), f"{row.reported:.3f}"]
+            for row in self.limits
+        ]
+        found["drift over contacts"] = [["method", "law", "contacts", "energy", "reversal"]] + [
+            [row.method, row.law, f"{row.contacts}", f"{row.energy:.1e}", f"{row.reversal:.1e}"] for row in self.drifts
+        ]
+        return {title: rows for title, rows in found.items() if len(rows) > 1}
+
+    def markdown(self) -> str:
+        """Return the tables as Markdown."""
+        parts = []
+        for title, rows in self.tables().items():
+            lines = ["| " + " | ".join(row) + " |" for row in rows]
+            lines.insert(1, "|" + "---|" * len(rows[0]))
+            parts.append(f"**{title}**\n\n" + "\n".join(lines))
+        return "\n\n".join(parts) + "\n"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain values, with provenance; nan and inf become None."""
+        cells = [asdict(cell) | {"verdict": cell.verdict.name} for cell in self.cells]
+        plain: dict[str, Any] = _finite({
+            "quick": self.quick, "cells": cells, "limits": [asdict(row) for row in self.limits],
+            "drifts": [asdict(row) for row in self.drifts], "provenance": _files.provenance(),
+        })  # fmt: skip
+        return plain
+
+    def to_json(self, path: str | PathLike[str]) -> None:
+        """Write `to_dict` to a file, whole or not at all."""
+        _files.write_text(path, json.dumps(self.to_dict(), indent=1, ensure_ascii=False) + "\n")
+
+    def __str__(self) -> str:
+        parts = [f"{title}\n{_aligned(rows)}" for title, rows in self.tables().items()]
+        bad = self.of(*BAD, method=None)
+        own = [cell for cell in bad if cell.method in ("located", "edmd")] or bad
+        if own:
+            lines = [f"  {c.verdict.name:8} {c.method:17} {c.axis}: {c.case} [{c.truth}] error {c.error:.2g} > "
+                     f"{c.tolerance:.2g}; {c.said}"[:240] for c in own[:SHOWN]]  # fmt: skip
+            more = f"\n  … and {len(own) - SHOWN} more (see cells, or the JSON file)" if len(own) > SHOWN else ""
+            parts.append("not right and not flagged\n" + "\n".join(lines) + more)
+        return "\n\n".join(parts)
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> str:
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return "\n".join("  " + "  ".join(word.rjust(w) for word, w in zip(row, widths, strict=True)) for row in rows)
+
+
+def _number(value: float, form: str) -> str:
+    return format(value, form) if math.isfinite(value) else "–"
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _finite(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

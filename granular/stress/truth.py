@@ -1,0 +1,156 @@
+"""Truths that need no other engine: closed forms, invariants, and symmetries of Newton's equation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from granular._check import Array
+from granular.scene import Scene
+from granular.stress.cell import Again, Truth
+from granular.trajectory import Status, Trajectory
+
+LATE = 2.0**40
+"""A start time in s at which one float resolves 0.24 ms; 1.1e12."""
+NUDGE = 1e-11
+"""Relative change of velocities and gaps by which a condition number is measured."""
+
+
+def restitution(eps: float, speed: float) -> Truth:
+    """One contact, which returns `eps` of the approach speed in m/s."""
+
+    def error(run: Trajectory, again: Again) -> float:
+        if len(run.contacts) != 1:
+            return math.inf
+        return float(abs((run.velocity[-1, 1] - run.velocity[-1, 0]) / speed - eps))
+
+    return Truth("closed form of one contact, counted once", error)
+
+
+def velocities(expected: Sequence[float] | Array, scale: float = 1.0, words: str = "closed form") -> Truth:
+    """Final velocities in m/s; the error is a part of the speed `scale`."""
+
+    def error(run: Trajectory, again: Again) -> float:
+        return float(np.abs(run.velocity[-1] - np.asarray(expected, np.float64)).max()) / scale
+
+    return Truth(words, error)
+
+
+def comes_to_rest(time: float, words: str) -> Truth:
+    """At `time` in s, all lie still: in a collapse, or, where the last bounces are too small for a float, quietly."""
+
+    def error(run: Trajectory, again: Again) -> float:
+        still = run.status in (Status.collapse, Status.quiet) and not run.velocity[-1].any() and not run.gap[-1].any()
+        return abs(run.time[-1] / time - 1.0) if still else math.inf
+
+    return Truth(words, error)
+
+
+def energy(loses: bool = False) -> Truth:
+    """Energy is kept; with `loses`, it does not grow. Part of the energy at the start."""
+
+    def error(run: Trajectory, again: Again) -> float:
+        e = run.energy()
+        return float((e[-1] - e[0]) / abs(e[0])) if loses else float(abs(e[-1] - e[0]) / abs(e[0]))
+
+    return Truth("energy does not grow" if loses else "energy is kept", error)
+
+
+def momentum() -> Truth:
+    """Total momentum is kept, as a part of Σ m |v| of the start."""
+
+    def error(run: Trajectory, again: Again) -> float:
+        p = run.momentum()
+        return float(abs(p[-1] - p[0]) / (run.scene.mass @ np.abs(run.scene.velocity)))
+
+    return Truth("momentum is kept", error)
+
+
+def reversal() -> Truth:
+    """Elastic motion, turned round at the end, returns to where it began."""
+
+    def error(run: Trajectory, again: Again) -> float:
+        span = run.time[-1] - run.time[0]
+        turned = run.scene.replace(gap=run.gap[-1], velocity=-run.velocity[-1])
+        back = again(scene=turned, t_end=span, until=None, max_events=10**8)
+        return float(np.abs(back.velocity[-1] + run.scene.velocity).max()) / speed_of(run)
+
+    return Truth("turned round, it returns to its start", error)
+
+
+def scaled() -> Truth:
+    """Lengths times 2^s, s = 5: velocities times 2^s and the same bits. Only for g = 0 and linear laws, or edmd."""
+
+    def error(run: Trajectory, again: Again) -> float:
+        s = run.scene
+        other = again(scene=s.replace(gap=s.gap * 32.0, velocity=s.velocity * 32.0))
+        return float(np.abs(other.velocity[-1] / 32.0 - run.velocity[-1]).max()) / speed_of(run)
+
+    return Truth("scaled by a power of two it is the same", error)
+
+
+def mirrored() -> Truth:
+    """Left and right exchanged. Divided by the condition number."""
+
+    def error(run: Trajectory, again: Again) -> float:
+        s = run.scene
+        changes: dict[str, Any] = {"scene": mirror(s)}
+        if run.law is not None:
+            changes["law"] = run.law[::-1]
+        other = again(**changes)
+        return same(run, -other.velocity[-1][::-1], other, again)
+
+    return Truth("mirror image", error)
+
+
+def late(span: float) -> Truth:
+    """Begun at t = 2^40 s in place of 0, for `span` in s. Divided by the condition number."""
+
+    def error(run: Trajectory, again: Again) -> float:
+        other = again(t_start=LATE, t_end=LATE + span)
+        return same(run, other.velocity[-1], other, again)
+
+    return Truth("the same at a late start", error)
+
+
+def beside(scene: Scene, law: Any = None) -> Truth:
+    """The same outcome as a scene that differs by less than rounding. Divided by the condition number."""
+
+    def error(run: Trajectory, again: Again) -> float:
+        other = again(scene=scene)
+        return same(run, other.velocity[-1], other, again)
+
+    return Truth("a gap below rounding is no gap", error)
+
+
+def same(run: Trajectory, velocity: Array, other: Trajectory, again: Again) -> float:
+    """Return how much the velocities differ, per speed of the scene and condition number; status must be equal."""
+    if run.status is not other.status:
+        return math.inf
+    difference = float(np.abs(velocity - run.velocity[-1]).max()) / speed_of(run)
+    return difference if difference <= 1e-14 else difference / max(1.0, condition(run, again))
+
+
+def condition(run: Trajectory, again: Again) -> float:
+    """Return the condition number of the final velocities: their change over that of the start, of two nudges."""
+    s = run.scene
+    worst = 0.0
+    for seed in (1, 2):
+        sign = np.random.default_rng(seed).choice([-NUDGE, NUDGE], (2, s.n))
+        nudged = s.replace(velocity=s.velocity * (1.0 + sign[0]), gap=s.gap * (1.0 + sign[1, :-1]))
+        change = np.abs(again(scene=nudged).velocity[-1] - run.velocity[-1]).max() / speed_of(run)
+        worst = max(worst, float(change) / NUDGE)
+    return worst
+
+
+def mirror(scene: Scene) -> Scene:
+    """Return the scene with left and right exchanged (no gravity)."""
+    return Scene(scene.mass[::-1], scene.radius[::-1], scene.gap[::-1], 0.0 - scene.velocity[::-1])
+
+
+def speed_of(run: Trajectory) -> float:
+    """Return the largest speed in m/s at the start or the end."""
+    return float(max(np.abs(run.velocity[0]).max(), np.abs(run.velocity[-1]).max()))

@@ -1,0 +1,19 @@
+"""`sweep`: any parameter of a scene × any other × any result, as an `xarray.Dataset`.
+
+=============  =====================================================================================================
+`axes`         what is varied: names, values, and their text form ``0.3:1:300:log``
+`plan`         what is asked of every cell, as a value that travels to other processes
+`results`      what can be asked, with dimensions and units
+`cells`        many cells solved in a row: the compiled way where it is open, else one run after the other
+`compiled`     the compiled way
+`schedule`     batches, on this process or on any ``concurrent.futures.Executor``
+`store`        the data set, its file, and how an interrupted sweep goes on
+`refine`       boundaries between contact counts, by bisection
+`run`          `sweep` itself
+=============  =====================================================================================================
+"""
+
+from granular.sweeps.axes import axis
+from granular.sweeps.run import sweep
+
+__all__ = ["axis", "sweep"]

@@ -1,0 +1,154 @@
+"""What can be asked of every cell, with its dimensions and units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from granular._flight import rate_at_contact
+from granular.binary import restitution
+from granular.cases import Case
+from granular.cases.case import keyword_options
+from granular.comparison import Comparison, compare
+from granular.scene import Scene
+from granular.trajectory import Status, Trajectory
+
+NOT_RUN, MISUSE = -1, len(Status)
+STATUS = {NOT_RUN: "not_run", **{code: status.name for code, status in enumerate(Status)}, MISUSE: "misuse"}
+"""Status codes of cells; ``misuse``: the cell's parameters were refused, or its run raised."""
+CODE = {name: code for code, name in STATUS.items()}
+
+
+@dataclass(frozen=True)
+class Result:
+    """One quantity of every cell.
+
+    Attributes
+    ----------
+    dim : str
+        "pair" or "body" if there is one per pair or body, else empty.
+    units, about : str
+        SI units, and what it is.
+    of : callable
+        Its value for an `Answer`.
+    fill : float or int
+        Where there is no value; decides the type.
+    """
+
+    dim: str
+    units: str
+    about: str
+    of: Callable[[Answer], Any]
+    fill: Any = math.nan
+
+
+class Answer:
+    """One case on both engines; runs happen when they are asked for."""
+
+    def __init__(self, case: Case) -> None:
+        self.case = case
+
+    @cached_property
+    def soft(self) -> Trajectory:
+        """The soft-sphere run."""
+        return self.case.simulate("md")
+
+    @cached_property
+    def hard(self) -> Trajectory:
+        """The event-driven run."""
+        return self.case.simulate("edmd")
+
+    @cached_property
+    def report(self) -> Comparison:
+        """The comparison of both."""
+        case = self.case
+        options = {name: value for name, value in case.run.items() if name in keyword_options(compare)}
+        return compare(case.scene, case.physics("md"), case.rule, until=case.until, t_end=case.t_end, **options)
+
+    @cached_property
+    def pairs(self) -> tuple[Any, ...]:
+        """Outcome of each pair, contacts still running at the end followed to theirs."""
+        return self.report.pairs
+
+    def last(self, run: Trajectory, field: str) -> list[Any]:
+        """A field of the log for the last contact of each pair; nan without one."""
+        logs = [run.of(c) for c in range(run.scene.n - 1)]
+        return [log[field][-1] if len(log) else math.nan for log in logs]
+
+    def v_rel(self) -> list[float]:
+        """Separation speeds of the soft run in m/s."""
+        logs = [self.soft.of(c) for c in range(self.soft.scene.n - 1)]
+        if any(len(log) and math.isnan(log["t_end"][-1]) for log in logs):
+            return [pair.soft_v_rel for pair in self.pairs]
+        return [float(log["v_out"][-1][1] - log["v_out"][-1][0]) if len(log) else math.nan for log in logs]
+
+    def longest(self) -> list[float]:
+        """Longest completed contact of each pair in s."""
+        logs = [self.soft.of(c) for c in range(self.soft.scene.n - 1)]
+        return [max((float(d) for d in log["duration"][~np.isnan(log["t_end"])]), default=math.nan) for log in logs]
+
+    def eps_eff(self) -> float:
+        """ε_eff of floor and two balls."""
+        return float(effective(np.array(self.v_rel()[-1:]), np.array([impact_speed(self.case.scene)]))[0])
+
+    def eps_ratio(self) -> float:
+        """ε_eff/ε_spec of floor and two balls."""
+        return self.eps_eff() / specified(self.case.scene, self.case.physics("md"))
+
+
+def impact_speed(scene: Scene) -> float:
+    """|v10| in m/s with which two balls dropped as one meet the floor; nan for other scenes."""
+    if scene.n != 3 or not scene.is_wall[0] or scene.is_wall[2] or scene.velocity[1] != scene.velocity[2]:
+        return math.nan
+    rate = float(scene.velocity[1] - scene.velocity[0])
+    return -rate_at_contact(float(scene.gap[0]), rate, scene.gravity)
+
+
+def effective(v_rel: Any, impact: Any) -> Any:
+    """ε_eff = (√(1 + 4x) - 1)/2, x = v_r′/|v10|, of arrays; nan where the balls still approach."""
+    x = np.where(v_rel >= 0.0, v_rel, math.nan) / impact
+    return 2.0 * x / (1.0 + np.sqrt(1.0 + 4.0 * x))
+
+
+def specified(scene: Scene, laws: Any) -> float:
+    """The common ε of both contacts, isolated, at the impact speed; nan if they differ or for other scenes."""
+    speed = impact_speed(scene)
+    if not speed > 0.0:
+        return math.nan
+    eps = [restitution(law, pair, speed) for law, pair in zip(laws, scene.pairs, strict=True)]
+    return eps[0] if max(eps) - min(eps) <= 1e-9 else math.nan
+
+
+def _measure(name: str, about: str, units: str = "1") -> Result:
+    return Result("", units, about, lambda answer: answer.report.measures[name])
+
+
+RESULTS = {
+    "contacts": Result("pair", "1", "contacts, soft spheres", lambda a: [p.count(c) for p in [a.soft]
+                       for c in range(p.scene.n - 1)], -1),
+    "v_rel": Result("pair", "m s-1", "separation speed after the pair's last contact, soft", lambda a: a.v_rel()),
+    "t_f": Result("pair", "s", "end of the pair's last contact, soft", lambda a: a.last(a.soft, "t_end")),
+    "duration": Result("pair", "s", "longest contact, soft", lambda a: a.longest()),
+    "v_final": Result("body", "m s-1", "velocity at the end, soft", lambda a: a.soft.velocity[-1]),
+    "time": Result("", "s", "end of the run, soft", lambda a: a.soft.time[-1]),
+    "eps_eff": Result("", "1", "ε with which independent collisions give v_rel", lambda a: a.eps_eff()),
+    "eps_ratio": Result("", "1", "ε_eff/ε_spec, floor and two balls", lambda a: a.eps_ratio()),
+    "hard_contacts": Result("pair", "1", "contacts, hard spheres", lambda a: [a.hard.count(c) for c in
+                            range(a.hard.scene.n - 1)], -1),
+    "hard_v_final": Result("body", "m s-1", "velocity at the end, hard", lambda a: a.hard.velocity[-1]),
+    "hard_status": Result("", "1", "status of the hard run", lambda a: CODE[a.hard.status.name], NOT_RUN),
+    "error": Result("", "1", "largest difference of separation speeds, hard to soft, per impact speed",
+                    lambda a: a.report.error),
+    "shared_impulse": _measure("shared_impulse", "φ: share of impulse exchanged while a neighbour is in contact"),
+    "crowding": _measure("crowding", "p: share of hard collisions with a neighbour's within t_c"),
+    "occupation": _measure("occupation", "Λ: share of time a pair is in contact"),
+    "distance": _measure("distance", "D between the engines"),
+    "predictability": _measure("predictability", "D of hard spheres to themselves, gaps shifted by 1e-12"),
+    "mass_centre_ratio": _measure("mass_centre_ratio", "K_cm: soft over hard restitution of the centre of mass"),
+    "lag": _measure("lag", "how much later the soft run ends", "s"),
+}

@@ -1,0 +1,72 @@
+"""Batches of cells, on this process or on any ``concurrent.futures.Executor``."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, as_completed
+from typing import Any
+
+import numpy as np
+
+from granular.sweeps.axes import Values
+from granular.sweeps.cells import Block, solve
+from granular.sweeps.plan import Plan
+
+PILOT = 16
+"""Cells, spread over the sweep, that are solved first to see how long one takes."""
+SHORTEST, LONGEST = 0.25, 2.0
+"""Seconds that a batch should take: some milliseconds of scheduling are then below 5 %, and progress is seen."""
+SHARE = 64
+"""A sweep is cut into at least that many batches if they are not shorter than that."""
+
+Batch = tuple[Values, Block]
+
+
+def batches(plan: Plan, columns: Sequence[Values], bodies: int, cells: Values, executor: Executor | None) \
+        -> Iterator[Batch]:
+    """Solve `cells`, rows of `columns`, and yield them batch by batch as they are done, with their places.
+
+    What a cell gives depends on nothing but its parameters, so neither cuts nor executor change a bit.
+    """
+    if not len(cells):
+        return
+    chosen = np.unique(np.linspace(0, len(cells) - 1, min(PILOT, len(cells))).astype(np.int64))
+    pilot = cells[chosen]
+    yield pilot[:1], _solve(plan, columns, bodies, pilot[:1])  # loads and compiles what is needed
+    start = time.perf_counter()
+    if len(pilot) > 1:
+        yield pilot[1:], _solve(plan, columns, bodies, pilot[1:])
+    each = (time.perf_counter() - start) / max(1, len(pilot) - 1)
+    rest = np.delete(cells, chosen)
+    parts = _cut(rest, each)
+    if executor is None:
+        for part in parts:
+            yield part, _solve(plan, columns, bodies, part)
+    else:
+        yield from _spread(plan, columns, bodies, parts, executor)
+
+
+def _spread(
+    plan: Plan, columns: Sequence[Values], bodies: int, parts: list[Values], executor: Executor
+) -> Iterator[Batch]:
+    futures: dict[Any, Values] = {}
+    try:
+        for part in parts:
+            futures[executor.submit(solve, plan, [column[part] for column in columns], bodies)] = part
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+def _solve(plan: Plan, columns: Sequence[Values], bodies: int, cells: Values) -> Block:
+    return solve(plan, [column[cells] for column in columns], bodies)
+
+
+def _cut(cells: Values, each: float) -> list[Values]:
+    """Cut into batches of consecutive cells, `each` seconds a cell."""
+    seconds = min(max(each * len(cells) / SHARE, SHORTEST), LONGEST)
+    size = max(1, round(seconds / max(each, 1e-9)))
+    return [cells[i : i + size] for i in range(0, len(cells), size)]

@@ -1,0 +1,89 @@
+"""The data set of a sweep, its file, and how an interrupted sweep goes on."""
+
+from __future__ import annotations
+
+import json
+import os
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from granular import _files
+from granular.sweeps import axes
+from granular.sweeps.axes import Values
+from granular.sweeps.plan import Plan
+from granular.sweeps.results import STATUS
+
+if TYPE_CHECKING:
+    import xarray
+
+
+def xarray_() -> Any:
+    """Return the module xarray, or raise `ImportError` that says how to install it."""
+    try:
+        import xarray
+    except ImportError:
+        raise ImportError("sweep needs xarray, which is not installed: pip install 'granular[sweep]'.") from None
+    return xarray
+
+
+def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: dict[str, Any]) -> xarray.Dataset:
+    """Return the data set: one dimension per axis, then pair or body; units and provenance as attributes."""
+    xr = xarray_()
+    shape = tuple(len(array) for array in over.values())
+    coordinates = {name: (name, array, axes.attributes(name, plan.options)) for name, array in over.items()}
+    codes = list(STATUS)
+    status = {"long_name": "how the run of the cell ended", "flag_values": codes,
+              "flag_meanings": " ".join(STATUS.values())}
+    variables = {"status": (tuple(over), values["status"].astype(np.int8).reshape(shape), status)}
+    for name, result in plan.results.items():
+        array = values[name]
+        dims = (*over, result.dim) if result.dim else tuple(over)
+        whole = array.astype(np.int32) if array.dtype.kind == "i" else array
+        variables[name] = (dims, whole.reshape(*shape, *array.shape[1:]),
+                           {"units": result.units, "long_name": result.about})
+    about = {"title": f"granular sweep of {plan.title}", "question": question(plan),
+             "provenance": json.dumps(_files.provenance())}
+    data: xarray.Dataset = xr.Dataset(variables, coordinates, about | notes)
+    return data
+
+
+def question(plan: Plan) -> str:
+    """What is asked, as text: two sweeps with the same question and axes have the same answers."""
+    words = {"scene": plan.title, "fixed": plan.fixed, "over": plan.names, "results": list(plan.results),
+             "run": plan.run}
+    return json.dumps(words, default=repr, sort_keys=True)
+
+
+def write(data: xarray.Dataset, path: str | PathLike[str]) -> None:
+    """Write a data set to a netCDF file, whole or not at all."""
+    try:
+        import netCDF4  # noqa: F401
+    except ImportError:
+        raise ImportError("a netCDF file needs netCDF4, which is not installed: pip install 'granular[sweep]'.") \
+            from None
+    _files.write(path, lambda draft: data.to_netcdf(draft, engine="netcdf4"))
+
+
+def resume(path: str | PathLike[str], plan: Plan, over: dict[str, Values], values: dict[str, Any]) -> dict[str, str]:
+    """Fill `values` with what the file already has, if it is there; return its notes.
+
+    Raises
+    ------
+    ValueError
+        If the file holds the answers to another question.
+    """
+    if not os.path.exists(path):
+        return {}
+    xr = xarray_()
+    with xr.open_dataset(path, engine="netcdf4", decode_cf=False) as stored:
+        data = stored.load()
+    same = data.attrs.get("question") == question(plan) and all(
+        name in data and np.array_equal(data[name].values.astype(array.dtype), array) for name, array in over.items()
+    )
+    if not same:
+        raise ValueError(f"save is {os.fspath(path)!r}: it holds another sweep; give another name, or remove it.")
+    for name, array in values.items():
+        array[...] = data[name].values.reshape(array.shape)
+    return {key: value for key, value in data.attrs.items() if key == "refusal"}

@@ -1,0 +1,269 @@
+"""Closed forms: what independent, instantaneous collisions predict.
+
+The *independent-collision model* (ICM) of Müller & Pöschel (PRE 83, 041304, 2011): two balls fall on a floor; the lower
+one bounces first and then meets the upper one, and no two collisions overlap in time. Then stacks, tapered chains and
+the bouncing ball in the same spirit. Velocities are positive upwards. Every form is free of cancellation except
+where its value itself goes through zero.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from granular import _check
+from granular._check import Array
+
+
+@dataclass(frozen=True, slots=True)
+class TwoBallDrop:
+    """Two balls dropped on a floor as the independent-collision model sees them; made by `two_ball_drop`.
+
+    Attributes
+    ----------
+    t10, v10 : float
+        Time in s and velocity in m/s (negative) with which the lower ball meets the floor; the upper ball is as fast.
+    v10_after : float
+        Velocity of the lower ball after it, ε01 |v10|.
+    t12, delay : float
+        Time of the collision of the two balls in s, and ``t12 - t10`` with all its digits.
+    v1, v2 : float
+        Velocities of the lower and the upper ball just before it in m/s.
+    v1_after, v2_after : float
+        Velocities v1′, v2′ just after it in m/s.
+    v_rel_after : float
+        v_r′ = v2′ - v1′ = ε12 (1 + ε01) |v10|, whatever the gap, g and the masses.
+    """
+
+    t10: float
+    v10: float
+    v10_after: float
+    t12: float
+    delay: float
+    v1: float
+    v2: float
+    v1_after: float
+    v2_after: float
+    v_rel_after: float
+
+
+def two_ball_drop(
+    mass_ratio: float,
+    restitution: float | Sequence[float],
+    drop: float,
+    gap: float,
+    gravity: float = 9.81,
+    speed: float = 0.0,
+) -> TwoBallDrop:
+    """Return the independent-collision model of two balls dropped on a floor.
+
+    Parameters
+    ----------
+    mass_ratio : float
+        μ = m2/m1, upper over lower mass; 0 is the limit of a light upper ball.
+    restitution : float or two floats
+        ε in [0, 1] of both contacts, or (ε01, ε12): floor first.
+    drop : float
+        Height of the lowest point of the lower ball above the floor in m.
+    gap : float
+        Distance Δh between the surfaces of the balls in m.
+    gravity : float
+        g ≥ 0 in m/s².
+    speed : float
+        Speed in m/s with which both are thrown down.
+
+    Notes
+    -----
+    |v10| = √(speed² + 2 g drop), t12 - t10 = Δh / ((1 + ε01) |v10|), and with μ = m2/m1
+
+        v1′ = |v10| (ε01 - μ (1 + ε12 + ε01 ε12)) / (1 + μ) - g (t12 - t10)
+        v2′ = |v10| (ε01 + ε12 + ε01 ε12 - μ) / (1 + μ) - g (t12 - t10).
+    """
+    mu = _check.number("mass_ratio", mass_ratio, at_least=0.0)
+    e01, e12 = _two_restitutions(restitution)
+    g = _check.number("gravity", gravity, at_least=0.0)
+    h = _check.number("drop", drop, at_least=0.0)
+    v0 = _check.number("speed", speed, at_least=0.0, fix="downwards is built in")
+    impact = math.sqrt(v0 * v0 + 2.0 * g * h)
+    if impact == 0.0:
+        raise ValueError(f"drop is {drop!r} and speed is {speed!r} with gravity {gravity!r}: the balls never meet the "
+                         "floor; one of drop (with gravity) and speed must be positive.")
+    t10 = 2.0 * h / (v0 + impact)
+    delay = _check.number("gap", gap, at_least=0.0) / ((1.0 + e01) * impact)
+    fall = g * delay
+    return TwoBallDrop(
+        t10=t10,
+        v10=-impact,
+        v10_after=e01 * impact,
+        t12=t10 + delay,
+        delay=delay,
+        v1=e01 * impact - fall,
+        v2=-impact - fall,
+        v1_after=impact * (e01 - mu * (1.0 + e12 + e01 * e12)) / (1.0 + mu) - fall,
+        v2_after=impact * (e01 + e12 + e01 * e12 - mu) / (1.0 + mu) - fall,
+        v_rel_after=e12 * (1.0 + e01) * impact,
+    )
+
+
+def effective_restitution(v_rel_after: float, impact_speed: float) -> float:
+    """Return ε_eff, the common ε with which the independent-collision model gives the relative velocity v_r′.
+
+    ε_eff = (√(1 + 4x) - 1)/2 = 2x / (1 + √(1 + 4x)) with x = v_r′/|v10|, the inverse of v_r′ = ε (1 + ε) |v10|: exact
+    whatever the gap, g and the masses.
+
+    Parameters
+    ----------
+    v_rel_after : float
+        v_r′ = v2′ - v1′ ≥ 0 in m/s.
+    impact_speed : float
+        |v10| > 0 in m/s.
+    """
+    v10 = _check.number("impact_speed", impact_speed, above=0.0)
+    x = _check.number("v_rel_after", v_rel_after, at_least=0.0, fix="balls that still approach have no ε_eff") / v10
+    return 2.0 * x / (1.0 + math.sqrt(1.0 + 4.0 * x))
+
+
+def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) -> Array:
+    """Return the velocity of each ball of a stack right after the ball below (the floor) has hit it.
+
+    In units of the speed at which the stack meets the floor; the last entry is the top ball's launch:
+
+        v_N = (1 + ε)^N / Π (1 + m[k+1]/m[k]) - 1        (ε → 1, light upper balls: 2^N - 1).
+
+    Holds for tiny gaps, without gravity, as long as no ball is hit a second time from below before it has hit the ball
+    above: for m[k+1]/m[k] = μ everywhere that is μ ≤ ε (Harter 1971, Kerwin 1972; re-derived).
+
+    Parameters
+    ----------
+    masses : (N,) array
+        Masses in kg, bottom to top.
+    restitution : float or (N,) array
+        ε in [0, 1], one for all contacts or one per contact, floor first.
+    """
+    m = _masses(masses)
+    eps = _restitutions(restitution, len(m))
+    w = [float(eps[0])]
+    for mu, e in zip(m[1:] / m[:-1], eps[1:], strict=True):
+        w.append(float((w[-1] * (1.0 + e) + e - mu) / (1.0 + mu)))
+    return np.array(w)
+
+
+def stack_limit(n: int, restitution: float = 1.0) -> float:
+    """Return v_N/v of a stack of `n` balls, each far lighter than the one below: (1 + ε)^N - 1, at most 2^N - 1."""
+    count = _check.whole("n", n, at_least=1)
+    growth: float = (1.0 + _check.number("restitution", restitution, at_least=0.0, at_most=1.0)) ** count
+    return growth - 1.0
+
+
+def rise(velocity_ratio: float) -> float:
+    """Return how high a ball rises in units of the drop height h: (v′/v)², 0 if it does not rise.
+
+    A ball that leaves at 3 v rises to 9 h, one at 7 v to 49 h: the limits of stacks of two and three balls.
+    """
+    ratio = max(0.0, _check.number("velocity_ratio", velocity_ratio))
+    return ratio * ratio
+
+
+def chain_velocity(masses: ArrayLike, restitution: float = 1.0) -> float:
+    """Return the velocity of the last ball of a chain at rest, per striker velocity, by one collision after another.
+
+    Π (1 + ε)/(1 + m[k+1]/m[k]), for a geometric taper ((1 + ε)/(1 + μ))^(N-1).
+
+    Parameters
+    ----------
+    masses : (N,) array
+        Masses in kg, the striker first.
+    restitution : float
+        ε in [0, 1] of all contacts.
+    """
+    m = _masses(masses)
+    eps = _check.number("restitution", restitution, at_least=0.0, at_most=1.0)
+    return float(np.prod((1.0 + eps) / (1.0 + m[1:] / m[:-1])))
+
+
+def best_masses(first: float, last: float, n: int) -> Array:
+    """Return the `n` masses from `first` to `last` in kg that make the last ball fastest: a geometric progression.
+
+    True of stacks and of chains at rest, for every ε: each factor 1/(1 + m[k+1]/m[k]) is log-concave in ln m.
+    """
+    a = _check.number("first", first, above=0.0)
+    b = _check.number("last", last, above=0.0)
+    count = _check.whole("n", n, at_least=2)
+    step = (b / a) ** (1.0 / (count - 1))
+    masses: Array = a * np.power(step, np.arange(count, dtype=np.float64))
+    masses[-1] = b
+    return masses
+
+
+def best_chain(total_ratio: float, restitution: float) -> tuple[int, float]:
+    """Return (number of collisions, v_N/v) of the geometric chain that makes the last ball fastest.
+
+    More balls between the two ends transfer better until their losses outweigh it; for ε = 1 there is no best number
+    and the velocity tends to √R, the bound set by energy.
+
+    Parameters
+    ----------
+    total_ratio : float
+        R = (striker's mass)/(last mass) > 1.
+    restitution : float
+        ε in (0, 1) of all contacts.
+    """
+    log_r = math.log(_check.number("total_ratio", total_ratio, above=1.0))
+    eps = _check.number("restitution", restitution, above=0.0, at_most=1.0)
+    if eps == 1.0:
+        raise ValueError("restitution is 1.0: a value below 1 is needed; the velocity grows with every ball, to √R.")
+
+    def speed(collisions: int) -> float:
+        return math.exp(collisions * (math.log1p(eps) - math.log1p(math.exp(-log_r / collisions))))
+
+    n = 1
+    while speed(n + 1) > speed(n):
+        n += 1
+    return n, speed(n)
+
+
+def bouncing_ball(height: float, restitution: float, gravity: float = 9.81) -> tuple[float, float]:
+    """Return (time in s, path in m) until a ball dropped from `height` in m has come to rest on hard ground.
+
+    T = √(2h/g) (1 + ε)/(1 - ε), path = h (1 + ε²)/(1 - ε²): infinitely many bounces in finite time, for ε in [0, 1).
+    """
+    h = _check.number("height", height, at_least=0.0)
+    g = _check.number("gravity", gravity, above=0.0)
+    eps = _check.number("restitution", restitution, at_least=0.0, at_most=1.0)
+    if eps == 1.0:
+        raise ValueError("restitution is 1.0: a value below 1 is needed; an elastic ball bounces for ever.")
+    return math.sqrt(2.0 * h / g) * (1.0 + eps) / (1.0 - eps), h * (1.0 + eps * eps) / ((1.0 - eps) * (1.0 + eps))
+
+
+def most_collisions(masses: Sequence[float]) -> int:
+    """Return the largest number of collisions of three elastic balls on a line, masses in kg left to right.
+
+    ⌈π/θ⌉ with tan θ = √(m2 (m1 + m2 + m3) / (m1 m3)): a billiard in a wedge of angle θ (Galperin 1981).
+    """
+    m1, m2, m3 = (float(m) for m in _check.array("masses", masses, (3,)))
+    _masses((m1, m2, m3))
+    turns = math.pi / math.atan(math.sqrt(m2 / m1 * ((m1 + m2 + m3) / m3)))
+    return round(turns) if abs(turns - round(turns)) < 1e-12 * turns else math.ceil(turns)
+
+
+def _two_restitutions(restitution: float | Sequence[float]) -> tuple[float, float]:
+    e01, e12 = _restitutions(restitution, 2)
+    return float(e01), float(e12)
+
+
+def _restitutions(restitution: float | Sequence[float], n: int) -> Array:
+    eps = _check.array("restitution", np.full(n, restitution) if np.ndim(restitution) == 0 else restitution, (n,))
+    _check.every("restitution", eps, (eps >= 0.0) & (eps <= 1.0), "a restitution lies in [0, 1]")
+    return eps
+
+
+def _masses(masses: ArrayLike) -> Array:
+    m = _check.array("masses", masses)
+    _check.every("masses", m, np.isfinite(m) & (m > 0.0), "a mass must be positive and finite")
+    if len(m) == 0:
+        raise ValueError("masses is empty: at least one mass is needed.")
+    return m

@@ -1,0 +1,228 @@
+"""What a run returns: one frozen `Trajectory` for both engines, with its status and its log of contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from granular import _check, _files
+from granular._check import Array
+from granular._describe import from_json, to_json
+from granular.scene import Pair, Scene
+
+CONTACT = np.dtype(
+    [
+        ("pair", np.int64),
+        ("t_begin", np.float64),
+        ("t_end", np.float64),
+        ("duration", np.float64),
+        ("v_in", np.float64, (2,)),
+        ("v_out", np.float64, (2,)),
+        ("xi_max", np.float64),
+        ("force_max", np.float64),
+        ("impulse", np.float64),
+    ]
+)
+"""One row per contact, sorted by `t_begin`. SI units: pair number; begin and end in s (equal in EDMD); duration in s,
+accumulated from the begin so that late times cost no digits; velocities of the lower and the upper body in m/s before
+and after; largest overlap in m; largest force in N (nan in EDMD, where it is infinite); impulse in N s. A contact still
+open when the run ends has `t_end` and `v_out` nan, and its duration, peaks and impulse so far."""
+
+
+ARRAYS = ("time", "position", "velocity", "gap", "force", "contacts")
+SCENE = ("mass", "radius", "gap", "velocity", "gravity", "origin")
+
+
+class Status(Enum):
+    """Why a run ended; the value is the sentence to print."""
+
+    time = "the end time was reached"
+    until = "the stop condition was met"
+    quiet = "no contact can follow"
+    resting = "the balls rest on each other; no contact can open or begin"
+    collapse = "inelastic collapse: infinitely many collisions in finite time"
+    max_events = "the limit on the amount of work was reached"
+    unstable = "the time step is beyond the stability limit; the numbers mean nothing"
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """What happened: samples, contact log, and how it ended.
+
+    Attributes
+    ----------
+    scene : Scene
+        The initial state, untouched.
+    law, rule : tuple or None
+        One force law per pair (md) or one collision rule per pair (edmd); the other is None.
+    time : (T,) array
+        Sample times in s; first and last instant if ``samples=None``.
+    position, velocity : (T, n) arrays
+        In m and m/s, upwards positive; right-continuous at collisions.
+    gap : (T, n-1) array
+        Distances between surfaces in m, negative while balls overlap.
+    force : (T, n-1) array or None
+        Contact forces in N, ≥ 0 for repulsion (md only).
+    contacts : structured array
+        The contact log, see `granular.trajectory.CONTACT`; empty if ``log=False``.
+    status, message : Status, str
+        Why the run ended, and the sentence with its numbers.
+    stats : dict
+        Amount of work and notes of the engine.
+    state : dict
+        The raw state at the end, from which a run is resumed.
+    """
+
+    scene: Scene
+    law: tuple[Any, ...] | None
+    rule: tuple[Any, ...] | None
+    time: Array
+    position: Array
+    velocity: Array
+    gap: Array
+    force: Array | None
+    contacts: np.ndarray[tuple[int], np.dtype[np.void]]
+    status: Status
+    message: str
+    stats: Mapping[str, Any] = field(default_factory=dict)
+    state: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for array in (self.time, self.position, self.velocity, self.gap, self.force, self.contacts):
+            if array is not None:
+                array.flags.writeable = False
+
+    def of(self, pair: int) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+        """Rows of the contact log that belong to `pair`."""
+        rows: np.ndarray[tuple[int], np.dtype[np.void]] = self.contacts[self.contacts["pair"] == pair]
+        return rows
+
+    def count(self, pair: int) -> int:
+        """Number of contacts of `pair` that began."""
+        return int((self.contacts["pair"] == pair).sum())
+
+    def momentum(self) -> Array:
+        """Total momentum of the balls (walls excluded) in kg m/s, shape (T,)."""
+        balls = ~self.scene.is_wall
+        momentum: Array = self.velocity[:, balls] @ self.scene.mass[balls]
+        return momentum
+
+    def energy(self) -> Array:
+        """Energy in J, shape (T,): Σ ½ m v² + Σ m g x + Σ U(ξ) over balls and overlaps.
+
+        The elastic energy U(ξ) counts wherever ξ > 0, also while the force is clipped at zero. It is nan at samples
+        with a closed contact of a law with memory, whose recoverable energy the overlap alone does not determine.
+        """
+        balls = ~self.scene.is_wall
+        m, v, x = self.scene.mass[balls], self.velocity[:, balls], self.position[:, balls]
+        energy: Array = 0.5 * (v * v) @ m + self.scene.gravity * (x @ m)
+        if self.law is not None:
+            for pair, law in zip(self.scene.pairs, self.law, strict=True):
+                overlap = np.maximum(0.0, -self.gap[:, pair.index])
+                energy += [stored_energy(law, float(xi), pair) for xi in overlap]
+        return energy
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write everything to one ``.npz`` file, whole or not at all; `load` reads it back.
+
+        Force laws and rules of this package are stored with their numbers; your own by name only.
+        """
+        import json
+
+        arrays = {name: getattr(self, name) for name in ARRAYS if getattr(self, name) is not None}
+        arrays |= {f"scene.{name}": getattr(self.scene, name) for name in SCENE}
+        arrays |= {f"state.{name}": np.asarray(value) for name, value in self.state.items()}
+        words = {
+            "status": self.status.name,
+            "message": self.message,
+            "stats": {name: value for name, value in self.stats.items() if isinstance(value, (bool, int, float, str))},
+            "law": None if self.law is None else [to_json(law) for law in self.law],
+            "rule": None if self.rule is None else [to_json(rule) for rule in self.rule],
+        }
+
+        def fill(draft: str) -> None:
+            with open(draft, "wb") as file:
+                np.savez_compressed(file, words=np.array(json.dumps(words)), **arrays)
+
+        _files.write(path, fill)
+
+    @classmethod
+    def load(cls, path: str | PathLike[str], law: Any = None, rule: Any = None) -> Trajectory:
+        """Read a trajectory that `save` wrote.
+
+        Parameters
+        ----------
+        path : str or path
+            The ``.npz`` file.
+        law, rule : optional
+            In place of the stored ones; needed where they were your own.
+
+        Raises
+        ------
+        OSError, ValueError
+            If the file cannot be read or is not a trajectory; if it holds a law or rule of your own and none is given.
+        """
+        import json
+
+        try:
+            with np.load(path) as file:
+                stored = {name: file[name] for name in file.files}
+            words = json.loads(str(stored.pop("words")))
+        except (KeyError, ValueError, EOFError) as error:
+            raise ValueError(f"path is {str(path)!r}: a file written by Trajectory.save is needed ({error}).") from None
+        scene = Scene(**{name: _plain(stored[f"scene.{name}"]) for name in SCENE})
+        state = {name[6:]: _plain(value) for name, value in stored.items() if name.startswith("state.")}
+        arrays: dict[str, Any] = {name: stored.get(name) for name in ARRAYS}
+        return cls(
+            scene=scene,
+            law=_revived("law", words["law"], law, scene),
+            rule=_revived("rule", words["rule"], rule, scene),
+            status=Status[words["status"]],
+            message=words["message"],
+            stats=words["stats"],
+            state=state,
+            **arrays,
+        )
+
+    def __repr__(self) -> str:
+        engine = "md" if self.rule is None else "edmd"
+        return (
+            f"Trajectory({engine}, {self.scene!r}, t = {self.time[0]:g} … {self.time[-1]:.6g} s, "
+            f"{len(self.contacts)} contacts, {self.status.name}: {self.message})"
+        )
+
+
+def stored_energy(law: Any, xi: float, pair: Pair) -> float:
+    """Elastic energy U(ξ) = ∫₀^ξ F(s, 0) ds in J, by the law's own `potential` or by Gauss quadrature."""
+    if xi <= 0.0:
+        return 0.0
+    if getattr(law, "memory", False):
+        return float("nan")
+    if hasattr(law, "potential"):
+        return float(law.potential(xi, pair))
+    node, weight = np.polynomial.legendre.leggauss(40)
+    u = 0.5 * (node + 1.0)  # s = ξ u² smooths forces that start like a root of ξ
+    return float(sum(w * u_ * xi * law.force(xi * u_ * u_, 0.0, pair) for u_, w in zip(u, weight, strict=True)))
+
+
+def _revived(name: str, stored: Any, given: Any, scene: Scene) -> tuple[Any, ...] | None:
+    """The given or the stored laws (rules), one per pair; None if the run had none."""
+    if stored is None:
+        return None
+    if given is not None:
+        return _check.per_pair(name, given, scene.n - 1)
+    try:
+        return tuple(from_json(one) for one in stored)
+    except LookupError as own:
+        fix = f"your own {name} is not stored; pass load(path, {name}=...)"
+        raise ValueError(f"{name} in the file is {own}: {fix}.") from None
+
+
+def _plain(value: Any) -> Any:
+    """A number or word instead of an array of no dimension."""
+    return value.item() if value.ndim == 0 else value

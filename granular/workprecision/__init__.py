@@ -1,0 +1,6 @@
+"""Error against run time for one scene: `frontier(scene, law) -> Frontier`, the work-precision diagram."""
+
+from granular.workprecision.result import Frontier, Row
+from granular.workprecision.run import frontier
+
+__all__ = ["Frontier", "Row", "frontier"]

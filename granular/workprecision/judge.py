@@ -1,0 +1,61 @@
+"""The error of a run against the reference: velocities, contact times, number of contacts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from granular.reference import Reference, ReferenceContact
+from granular.trajectory import Trajectory
+
+
+def contacts_of(run: Trajectory) -> tuple[ReferenceContact, ...]:
+    """The contact log of a trajectory in the form of the reference's."""
+    rows = []
+    for row in run.contacts:
+        ended = not math.isnan(float(row["v_out"][0]))
+        v_in, v_out = ((float(v[0]), float(v[1])) for v in (row["v_in"], row["v_out"]))
+        out = (float(row["t_end"]), v_out) if ended else (None, None)
+        rows.append(ReferenceContact(int(row["pair"]), float(row["t_begin"]), v_in, *out))
+    return tuple(rows)
+
+
+def errors(truth: Reference, contacts: Sequence[ReferenceContact], pairs: int) -> tuple[float, float, bool]:
+    """Error of velocities, error of times, and whether a number of contacts is wrong; see `Row`."""
+    velocity, time, wrong = 0.0, 0.0, False
+    for c in range(pairs):
+        true, got = truth.of(c), [row for row in contacts if row.pair == c]
+        velocity = _largest(velocity, _velocity_error(_last_ended(true), _last_ended(got)))
+        if len(true) != len(got):
+            wrong = True
+            continue
+        time = _largest(time, *(_time_error(a, b) for a, b in zip(true, got, strict=True)))
+    longest = max(truth.durations, default=math.nan)
+    return velocity / truth.impact_speed, math.nan if wrong else time / longest, wrong
+
+
+def _largest(*values: float) -> float:
+    return math.nan if any(map(math.isnan, values)) else max(values)
+
+
+def _last_ended(rows: Sequence[ReferenceContact]) -> ReferenceContact | None:
+    return next((row for row in reversed(rows) if row.t_end is not None), None)
+
+
+def _velocity_error(true: ReferenceContact | None, got: ReferenceContact | None) -> float:
+    if true is None or got is None:
+        return 0.0 if true is got else math.nan
+    return max(float(abs(a - b)) for a, b in zip(_out(true), _out(got), strict=True))
+
+
+def _out(row: ReferenceContact) -> tuple[Any, Any]:
+    assert row.v_out is not None
+    return row.v_out
+
+
+def _time_error(true: ReferenceContact, got: ReferenceContact) -> float:
+    begin = float(abs(true.t_begin - got.t_begin))
+    if true.t_end is None or got.t_end is None:
+        return begin
+    return max(begin, float(abs(true.t_end - got.t_end)))

@@ -1,0 +1,112 @@
+"""What a user would write with scipy: the same equations, clipped forces, with and without events."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from granular._check import Array
+from granular.laws import traits
+from granular.reference import ReferenceContact, restarted
+from granular.reference.log import Logbook
+from granular.reference.newton import Newton, TooMuchWork
+from granular.workprecision.methods import Method, Outcome, Task
+
+SOLVERS = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}
+NAMES = (*(f"{name}+events" for name in SOLVERS), *SOLVERS)
+TOLERANCES = {"DOP853": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-14), "LSODA": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12),
+              "Radau": (1e-4, 1e-6, 1e-8, 1e-10)}  # fmt: skip
+MOST = 60_000
+"""Evaluations after which a solver is stopped."""
+LOOKS = 8
+"""Looks for a contact in each step of a solver without events."""
+BEYOND = 0.05
+"""A solver without events goes on for this part of the longest contact, to see the last one end."""
+
+
+def peers(task: Task, names: Sequence[str]) -> list[Method]:
+    """The methods of scipy among `names`."""
+    found = []
+    for name in (name for name in names if name in NAMES):
+        solver = SOLVERS[name.partition("+")[0]]
+        plain = "+" not in name
+        if plain and any(getattr(law, "memory", False) for law in task.laws):
+            continue  # the largest overlap cannot be known inside a step
+        found.append(_without_events(task, name, solver) if plain else _with_events(task, name, solver))
+    return found
+
+
+def _with_events(task: Task, name: str, solver: str) -> Method:
+    def run(rtol: float) -> Outcome:
+        try:
+            done, work = restarted.solve(task.scene, task.laws, task.until, task.t_end, solver, rtol, MOST)
+        except TooMuchWork:
+            return _stopped()
+        return Outcome(lambda: done.contacts, work, "evaluations", done.status)
+
+    return Method(name, "rtol", TOLERANCES[solver], run)
+
+
+def _without_events(task: Task, name: str, solver: str) -> Method:
+    end = task.truth.t_stop
+    if task.truth.status != "time":
+        end += BEYOND * max(task.truth.durations)
+
+    def run(rtol: float) -> Outcome:
+        from scipy.integrate import solve_ivp
+
+        newton = Newton(task.scene, task.laws, MOST)
+        options: dict[str, Any] = {"method": solver, "rtol": rtol, "atol": rtol * newton.scales()}
+        try:
+            done = solve_ivp(newton, (0.0, end), newton.start(), dense_output=True, **options)
+        except TooMuchWork:
+            return _stopped()
+        work = newton.evaluations
+        return Outcome(lambda: _read(task, newton, done), work, "evaluations", "time" if done.success else "failed")
+
+    return Method(name, "rtol", TOLERANCES[solver], run)
+
+
+def _stopped() -> Outcome:
+    return Outcome(tuple, MOST, "evaluations", "stopped")
+
+
+def _read(task: Task, newton: Newton, done: Any) -> tuple[ReferenceContact, ...]:
+    """Contacts from a continuous solution: changes of the clipped force between looks, then its zeros."""
+    knots = np.unique(np.linspace(done.t[:-1], done.t[1:], LOOKS + 1))
+    states, log = done.sol(knots), Logbook(task.until)
+    changes = []
+    for c in range(newton.pairs):
+        on = [newton.force(c, float(y[c]), float(y[newton.pairs + c])) > 0.0 for y in states.T]
+        changes += [(_zero(task, newton, done.sol, c, knots[i], knots[i + 1]), c, on[i + 1])
+                    for i in range(len(on) - 1) if on[i] != on[i + 1]]  # fmt: skip
+        if on[0]:
+            changes.append((0.0, c, True))
+    for t, c, begins in sorted(changes):
+        v = newton.velocities(done.sol(t), t)
+        speeds = (float(v[c]), float(v[c + 1]))
+        if begins and log.begin(c, t, speeds):
+            break
+        if not begins:
+            log.end(c, t, speeds)
+    return log.contacts()
+
+
+def _zero(task: Task, newton: Newton, state: Any, c: int, a: float, b: float) -> float:
+    """When the force of pair c begins or ends between times `a` and `b`."""
+    from scipy.optimize import brentq
+
+    def overlap(t: float) -> float:
+        return float(state(t)[c])
+
+    def push(t: float) -> float:
+        y: Array = state(t)
+        return newton.bracket(c, float(y[c]), float(y[newton.pairs + c]))
+
+    crosses = (overlap(a) > 0.0) != (overlap(b) > 0.0)
+    function = overlap if crosses or not traits.rate_dependent(task.laws[c]) else push
+    if (function(a) > 0.0) == (function(b) > 0.0):
+        return a
+    return float(brentq(function, a, b, xtol=1e-300, rtol=1e-15))

@@ -1,0 +1,155 @@
+"""What `frontier` returns: rows of error and run time, and what follows from them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from granular import until as stop
+from granular.reference import Reference
+from granular.scene import Scene
+
+FEWEST = 3
+"""Points from which an order is measured."""
+NEAR = 8.0
+"""Errors up to this many times the rounding level are called rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One method at one setting.
+
+    Attributes
+    ----------
+    method : str
+        Its name.
+    setting : float
+        Value of what its accuracy depends on; nan if on nothing.
+    velocity_error : float
+        Largest error of the velocities of both bodies at the end of each pair's last contact, in units of the impact
+        speed; nan if a pair has no contact that ended.
+    time_error : float
+        Largest error of begin or end of a contact, in units of the longest contact; nan if contacts differ in number.
+    wrong_count : bool
+        Some pair has more or fewer contacts than it should.
+    rounding : bool
+        The error of velocities is what one unit in the last digit of the scene's numbers would make.
+    seconds : float
+        Shortest processor time of the repeated runs, after a first run that does not count.
+    work, unit : int, str
+        How much work that was, in "steps", "evaluations" or "events".
+    status : str
+        How it ended.
+    """
+
+    method: str
+    setting: float
+    velocity_error: float
+    time_error: float
+    wrong_count: bool
+    rounding: bool
+    seconds: float
+    work: int
+    unit: str
+    status: str
+
+    @property
+    def good(self) -> bool:
+        """Whether the right contacts took place."""
+        return not self.wrong_count and math.isfinite(self.velocity_error)
+
+
+@dataclass(frozen=True)
+class Frontier:
+    """Error against run time; print it, `plot` it, save it with `to_json`.
+
+    Attributes
+    ----------
+    scene, law, until, t_end
+        What was solved.
+    reference : Reference
+        What is taken for true, with its own error.
+    rows : tuple of Row
+        Method by method, from coarse to fine settings.
+    dials : mapping
+        What the setting of each method is: "dt" in s, "tol", "rtol", or "".
+    orders : mapping
+        For fixed-step methods: textbook order p, and min(p, 1+s) for a force that begins like t^s.
+    rounding_level : float
+        Change of velocities when the scene's gaps and velocities change in their last digit, in impact speeds.
+    machine : mapping
+        Where run times were measured.
+    """
+
+    scene: Scene
+    law: tuple[Any, ...]
+    until: stop.Until | None
+    t_end: float | None
+    reference: Reference
+    rows: tuple[Row, ...]
+    dials: Mapping[str, str]
+    orders: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    rounding_level: float = 0.0
+    machine: Mapping[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def clock_digit(self) -> float:
+        """One unit in the last digit of the end time, in units of the longest contact: no log of times is better."""
+        return math.ulp(self.reference.t_stop) / max(self.reference.durations)
+
+    @cached_property
+    def methods(self) -> tuple[str, ...]:
+        """Names of the methods, in order."""
+        return tuple(dict.fromkeys(row.method for row in self.rows))
+
+    def of(self, method: str) -> tuple[Row, ...]:
+        """The rows of one method."""
+        return tuple(row for row in self.rows if row.method == method)
+
+    def order(self, method: str) -> float:
+        """Measured order: the slope of log(error of velocities) over log(setting), by regression; nan if unknown.
+
+        Points at rounding level and points with wrong contacts are left out, and so is the coarsest quarter.
+        """
+        rows = [row for row in self.of(method) if row.good and not row.rounding and row.velocity_error > 0.0]
+        rows = rows[len(rows) // 4 :] if len(rows) > FEWEST else rows
+        if len(rows) < FEWEST or math.isnan(rows[0].setting):
+            return math.nan
+        setting, error = (np.log([getattr(row, name) for row in rows]) for name in ("setting", "velocity_error"))
+        return float(np.polyfit(setting, error, 1)[0])
+
+    def fastest(self, error: float, *, without: tuple[str, ...] = ()) -> Row | None:
+        """The row with the shortest run time of those with right contacts and an error of at most `error`."""
+        rows = [row for row in self.rows if row.good and row.velocity_error <= error and row.method not in without]
+        return min(rows, key=lambda row: row.seconds, default=None)
+
+    def __str__(self) -> str:
+        from granular.workprecision.table import table
+
+        return table(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """All numbers with provenance, ready for JSON (nan and inf become None)."""
+        from granular.workprecision.table import as_dict
+
+        return as_dict(self)
+
+    def to_json(self, path: str | PathLike[str]) -> None:
+        """Write `to_dict` to a file, whole or not at all."""
+        import json
+
+        from granular import _files
+
+        _files.write_text(path, json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+    def plot(self, path: str | PathLike[str] | None = None) -> Any:
+        """Draw errors over run time; return the figure, or save it to `path` (format by the file's ending)."""
+        from granular.workprecision.figure import frontier_figure
+
+        return frontier_figure(self, path)

@@ -1,0 +1,129 @@
+"""`frontier`: solve one scene by many methods at many settings, and measure error and run time."""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from granular import _check, md, reference
+from granular import until as stop
+from granular.laws import traits
+from granular.md.steps import METHODS as FIXED
+from granular.reference import Reference
+from granular.scene import Scene
+from granular.workprecision import methods as ours
+from granular.workprecision.judge import contacts_of, errors
+from granular.workprecision.machine import machine
+from granular.workprecision.methods import Method, Task
+from granular.workprecision.peers import NAMES as PEERS
+from granular.workprecision.peers import peers
+from granular.workprecision.result import NEAR, Frontier, Row
+
+METHODS = ("located", *FIXED, "edmd", *PEERS)
+LONG = 0.2
+"""Seconds after which a run is not repeated any more."""
+
+
+def frontier(
+    scene: Scene,
+    law: Any,
+    *,
+    until: stop.Until | None = None,
+    t_end: float | None = None,
+    methods: Sequence[str] | None = None,
+    repeats: int = 3,
+    reference: Reference | None = None,
+) -> Frontier:
+    """Measure error against run time of every method on one scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        Where it starts.
+    law : force law or sequence of them
+        One for all pairs, or one per pair from the bottom up.
+    until, t_end : stop condition, float, optional
+        When to stop, as in `granular.md.simulate`.
+    methods : sequence of str, optional
+        Some of located, verlet, symplectic-euler, rk4, gear5, edmd, dop853, lsoda, radau, dop853+events,
+        lsoda+events, radau+events; default all. The last six are scipy's.
+    repeats : int
+        Runs of which the fastest counts, after one that warms up; a run of more than 0.2 s is not repeated.
+    reference : Reference, optional
+        What `granular.reference.solve` gave for the same scene, law and stop condition; computed if not given.
+
+    Returns
+    -------
+    Frontier
+
+    Raises
+    ------
+    TypeError, ValueError
+        For misuse; and for a scene in which no contact ends, since there is nothing to measure.
+
+    Notes
+    -----
+    Errors are the same, to the last digit, each time; run times (of the processor, on one core) are not. Number and
+    place of the settings follow from the reference, not from the clock.
+    """
+    laws = traits.checked(law, scene)
+    stop.checked(until, scene.n - 1)
+    chosen = METHODS if methods is None else tuple(_check.choice("methods", name, METHODS) for name in methods)
+    count = _check.whole("repeats", repeats, at_least=1)
+    truth = reference or _solve(scene, laws, until, t_end)
+    if not truth.durations:
+        raise ValueError(f"scene is {scene!r}: in this time no contact ends, and there is nothing to compare.")
+    task = Task(scene, laws, until, t_end, truth)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # coarse steps and wide tolerances are tried on purpose
+        level = _rounding_level(task)
+        tried = sorted([*ours.own(task, chosen), *peers(task, chosen)], key=lambda method: chosen.index(method.name))
+        rows = [_row(task, method, setting, count, level) for method in tried for setting in method.settings]
+    return Frontier(
+        scene, laws, until, t_end, truth, tuple(rows), {method.name: method.dial for method in tried},
+        {name: ours.expected_order(task, name) for name in chosen if name in FIXED}, level, machine(),
+    )  # fmt: skip
+
+
+def _solve(scene: Scene, laws: Sequence[Any], until: stop.Until | None, t_end: float | None) -> Reference:
+    return reference.solve(scene, laws, until=until, t_end=t_end)
+
+
+def _row(task: Task, method: Method, setting: float, repeats: int, level: float) -> Row:
+    """Run one method at one setting, first to warm up."""
+    outcome = method.run(setting)
+    best = math.inf
+    for _ in range(repeats):
+        begin = time.process_time()
+        method.run(setting)
+        last = time.process_time() - begin
+        best = min(best, last)
+        if last > LONG:
+            break
+    velocity, times, wrong = errors(task.truth, outcome.contacts(), task.scene.n - 1)
+    rounding = velocity <= NEAR * level and not wrong
+    return Row(method.name, setting, velocity, times, wrong, rounding, best, outcome.work, outcome.unit, outcome.status)
+
+
+def _rounding_level(task: Task) -> float:
+    """How far velocities move, in impact speeds, when gaps and velocities move by one unit in the last digit."""
+    runs = [md.simulate(scene, task.laws, until=task.until, t_end=task.t_end) for scene in _nudged(task.scene)]
+    plain = Reference(contacts_of(runs[0]), task.truth.t_stop, "", "")
+    moved = [errors(plain, contacts_of(run), task.scene.n - 1)[0] for run in runs[1:]]
+    return max(float(np.finfo(float).eps), *(change for change in moved if not math.isnan(change)))
+
+
+def _nudged(scene: Scene) -> list[Scene]:
+    """The scene, and two in which gaps and velocities are the next larger or smaller numbers, in turn."""
+    scenes = [scene]
+    for first in (1.0, -1.0):
+        sign = np.where(np.arange(scene.n) % 2, -first, first) * math.inf
+        gap = np.where(scene.gap == 0.0, 0.0, np.nextafter(scene.gap, sign[:-1]))
+        velocity = np.where(scene.velocity == 0.0, 0.0, np.nextafter(scene.velocity, sign))
+        scenes.append(scene.replace(gap=gap, velocity=velocity))
+    return scenes

@@ -1,0 +1,78 @@
+"""Measure the teaching page in a headless Chromium: time to ready, slider to redraw, pictures per second.
+
+    python tests/page/measure.py
+"""
+
+import tempfile
+from itertools import pairwise
+from pathlib import Path
+
+from browser import Browser
+
+from granular.page import live_page
+
+DRAG = """
+(async () => {
+  const slider = document.querySelector('[data-name=NAME]'), spent = [];
+  const top = Number(slider.max), low = Number(slider.min);
+  for (let i = 0; i < 40; i++) {
+    slider.value = Math.round(low + (top - low) * (0.5 + 0.5 * Math.sin(i * 0.7)));
+    const start = performance.now();
+    slider.dispatchEvent(new Event('input', {bubbles: true}));
+    await new Promise((done) => requestAnimationFrame(() => setTimeout(done, 0)));  // run, then painted
+    spent.push(performance.now() - start);
+    await new Promise((done) => setTimeout(done, 30));
+  }
+  return spent.sort((a, b) => a - b);
+})()
+"""
+PLAY = """
+(async () => {
+  document.querySelector('.restart').click();
+  document.querySelector('.play').click();
+  const times = [];
+  const start = performance.now();
+  while (performance.now() - start < 3000) times.push(await new Promise(requestAnimationFrame));
+  document.querySelector('.restart').click();
+  return times;
+})()
+"""
+SCENES = {
+    "three-balls": ("gap", "eps", "ratio", "k"),
+    "ball-stack&n=5": ("gap", "eps", "n"),
+    "newtons-cradle&n=9": ("gap", "eps", "n"),
+}
+
+
+def main():
+    with tempfile.TemporaryDirectory() as folder, Browser() as tab:
+        path = Path(folder) / "page.html"
+        live_page(path)
+        print(f"size {path.stat().st_size / 1000:.1f} kB")
+        for throttle in (1, 6):
+            tab.call("Emulation.setCPUThrottlingRate", rate=throttle)
+            for scene, sliders in SCENES.items():
+                measure(tab, path.as_uri(), scene, sliders, throttle)
+
+
+def measure(tab, url, scene, sliders, throttle):
+    ready = []
+    for _ in range(3):
+        tab.open("about:blank")
+        tab.open(f"{url}#scene={scene}")
+        tab.wait("performance.getEntriesByName('drawn').length > 0", 30)
+        ready.append(tab.run("performance.getEntriesByName('drawn')[0].startTime"))
+    spent = sorted(x for name in sliders for x in tab.run(DRAG.replace("NAME", name)))
+    tab.run("new Promise((done) => setTimeout(done, 1500))")
+    times = tab.run(PLAY)
+    steps = sorted(b - a for a, b in pairwise(times))
+    rate = 1000 * (len(times) - 1) / (times[-1] - times[0])
+    print(
+        f"CPU / {throttle}  {scene:20} ready {min(ready):4.0f} … {max(ready):4.0f} ms   slider to redraw p50 "
+        f"{spent[len(spent) // 2]:4.0f}, p95 {spent[int(0.95 * len(spent))]:4.0f} ms   {rate:.0f} pictures/s, "
+        f"p95 {steps[int(0.95 * len(steps))]:.1f} ms"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,118 @@
+"""One isolated contact: closed forms, integration, the inverse, the rule made from a law."""
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+import granular as gr
+from granular import binary
+
+ROWS = json.loads((Path(__file__).parent / "reference/catalogue.json").read_text())["rows"]
+UNIT = gr.Pair(m_eff=1.0, r_eff=1.0, index=0)
+
+
+@pytest.mark.parametrize(("zeta", "eps"), [(float(z), e) for z, e in ROWS["C1"]["numbers"].items()])
+def test_dashpot_restitution(zeta, eps):
+    law = gr.LinearDashpot(4.0, 4.0 * zeta)  # ω0 = 2
+    assert binary.collision(law, UNIT, 3.0).restitution == pytest.approx(eps, rel=1e-12)
+    assert binary.restitution(law, UNIT, 3.0) == pytest.approx(eps, rel=1e-12)
+
+
+@pytest.mark.parametrize(("zeta", "t_c"), [(0.1, 2.9560753247), (0.5, 2.4183991523), (1.5, 1.7216357639)])
+def test_dashpot_duration(zeta, t_c):
+    contact = binary.collision(gr.LinearDashpot(4.0, 4.0 * zeta), UNIT, 3.0)
+    assert 2.0 * contact.duration == pytest.approx(t_c, abs=1e-10)
+
+
+@pytest.mark.parametrize(("eps", "zeta"), [(0.9, "z(.9)"), (0.7, "z(.7)"), (0.5, "z(.5)")])
+def test_clamped_damping_of_given_restitution(eps, zeta):
+    law = gr.LinearDashpot.from_restitution(eps, 1.0, UNIT)
+    assert 0.5 * law.gamma == pytest.approx(ROWS["C1b"]["numbers"][zeta], rel=1e-12)
+
+
+def test_hertz_closed_form():
+    contact, numbers = binary.collision(gr.Hertz(1.0), UNIT, 1.0), ROWS["C2"]["numbers"]
+    assert contact.duration == pytest.approx(numbers["tc_pref"], rel=1e-12)
+    assert contact.xi_max == pytest.approx(numbers["xmax_pref"], rel=1e-12)
+    assert contact.duration / contact.xi_max == pytest.approx(numbers["tcv_over_x"], rel=1e-12)
+    assert binary.collision(gr.Hertz(1.0), UNIT, 32.0).duration == pytest.approx(0.5 * contact.duration, rel=1e-12)
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_power_law_closed_form(n):
+    contact = binary.collision(gr.PowerLaw(1.0, float(n)), UNIT, 1.0)
+    assert contact.duration / contact.xi_max == pytest.approx(ROWS["C2b"]["numbers"][f"n{n}"], rel=1e-12)
+    assert contact.xi_max == pytest.approx((0.5 * (n + 1)) ** (1.0 / (n + 1)), rel=1e-12)
+
+
+def test_walton_braun():
+    contact = binary.collision(gr.WaltonBraun(1.0, 4.0), UNIT, 1.0)
+    assert contact.restitution == pytest.approx(ROWS["C6"]["numbers"]["eps4"], rel=1e-11)
+    assert contact.duration == pytest.approx(ROWS["C6"]["numbers"]["tc4"], rel=1e-11)
+
+
+@pytest.mark.parametrize(
+    "law", [gr.LinearDashpot(2.0, 0.3), gr.LinearDashpot(2.0, 5.0), gr.Hertz(3.0), gr.PowerLaw(1.0, 2.0)], ids=repr
+)
+def test_integration_agrees_with_closed_forms(law):
+    closed, integrated = binary.collision(law, UNIT, 1.5), binary._integrated(law, UNIT, 1.5)
+    for name in ("restitution", "duration", "xi_max"):
+        assert getattr(integrated, name) == pytest.approx(getattr(closed, name), rel=1e-13)
+    assert integrated.force_max == pytest.approx(closed.force_max, rel=1e-12)
+    assert integrated.xi_end == pytest.approx(closed.xi_end, abs=1e-13)
+
+
+@pytest.mark.parametrize(("law", "eps"), [(gr.ViscoelasticHertz(1.0, 0.5), 0.5952515011351346),
+                                          (gr.ViscoelasticHertz(1.0, 1.0), 0.39393060322987294)])
+def test_viscoelastic_restitution_by_both_ways(law, eps):
+    assert binary.collision(law, UNIT, 1.0).restitution == pytest.approx(eps, rel=1e-13)
+    assert binary.restitution(law, UNIT, 1.0) == pytest.approx(eps, rel=1e-13)
+
+
+def test_tsuji_maps_onto_the_dashpot():
+    for alpha in (0.05, 0.5, 3.0):
+        mapped = binary.restitution(gr.TsujiHertz(1e3, alpha), UNIT, 0.7)
+        assert binary.collision(gr.TsujiHertz(1e3, alpha), UNIT, 0.7).restitution == pytest.approx(mapped, rel=1e-13)
+
+
+def test_inverse_for_every_law_with_damping():
+    @dataclass(frozen=True)
+    class Own:
+        k: float
+        gamma: float
+
+        def force(self, xi, xi_dot, pair):
+            return self.k * xi + self.gamma * math.sqrt(xi) * xi_dot
+
+    for law, speed in ((gr.LinearDashpot(5e7), 1.0), (gr.ViscoelasticHertz(1e7, 0.0), 3.0), (Own(5e4, 1.0), 2.0)):
+        fitted = binary.with_restitution(law, 0.7, UNIT, speed)
+        assert binary.restitution(fitted, UNIT, speed) == pytest.approx(0.7, rel=1e-9)
+    assert binary.with_restitution(gr.LinearDashpot(5e7), 0.7, UNIT).gamma == pytest.approx(
+        gr.LinearDashpot.from_restitution(0.7, 5e7, UNIT).gamma, rel=1e-12
+    )
+
+
+def test_inverse_refuses_what_cannot_be():
+    with pytest.raises(ValueError, match=r"field is 'zeta'.*no such field"):
+        binary.with_restitution(gr.LinearDashpot(1.0), 0.5, UNIT, field="zeta")
+    with pytest.raises(ValueError, match=r"target is 1\.2.*at most 1"):
+        binary.with_restitution(gr.LinearDashpot(1.0), 1.2, UNIT)
+
+
+def test_rule_of_a_law():
+    scene = gr.scenes.three_balls()
+    laws = [gr.LinearDashpot.from_restitution(0.7, 5e7, pair) for pair in scene.pairs]
+    rule = gr.restitution_of(laws)
+    assert [rule(2.0, pair) for pair in scene.pairs] == pytest.approx([0.7, 0.7], rel=1e-14)
+    assert isinstance(gr.restitution_of(laws, scene), gr.ConstantRestitution)
+    slower = gr.restitution_of(gr.ViscoelasticHertz(1e7, 5e2), scene)
+    assert slower(0.1, scene.pairs[0]) > slower(10.0, scene.pairs[0])
+
+
+@pytest.mark.parametrize("speed", [0.0, -1.0, math.nan])
+def test_impact_speed_must_be_positive(speed):
+    with pytest.raises(ValueError, match=r"speed is .*above 0"):
+        binary.collision(gr.Hertz(1.0), UNIT, speed)

@@ -1,0 +1,312 @@
+"""Cases by name and from TOML files."""
+
+import math
+import os
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from granular import cases, scenes, until
+from granular.cases.options import descriptions, options_of, summary
+from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz, WaltonBraun
+from granular.rules import ConstantRestitution, TabulatedRestitution
+from granular.scene import Scene
+from granular.trajectory import Status
+
+OWN = """
+[scene]
+mass = [inf, 4.0, "inf"]
+radius = [0.0, 0.1, 0.0]
+gap = [0.5, 0.25]
+velocity = [0.0, -1.0, 0.0]
+"""
+LAW = """
+[law]
+type = "LinearDashpot"
+k = 1e6
+"""
+
+
+@pytest.fixture
+def read(tmp_path):
+    def from_text(text: str) -> cases.Case:
+        path = tmp_path / "own.toml"
+        path.write_text(text, encoding="utf-8")
+        return cases.load(path)
+
+    return from_text
+
+
+def assert_same_scene(a: Scene, b: Scene) -> None:
+    for name in ("mass", "radius", "gap", "velocity"):
+        assert getattr(a, name).tobytes() == getattr(b, name).tobytes(), name
+    assert (a.gravity, a.origin) == (b.gravity, b.origin)
+
+
+KINDS = ("float", "int", "bool", "str", "Sequence[float]", "float | None", "Sequence[float] | None",
+         "float | Sequence[float]")
+"""What the command line can read."""
+
+
+# by name
+
+@pytest.mark.parametrize("name", cases.names())
+def test_every_name_gives_a_whole_case_and_every_option_is_documented(name):
+    case = cases.make(name)
+    assert len(case.law) == case.scene.n - 1
+    assert isinstance(case.rule, ConstantRestitution)
+    assert case.until is not None or case.t_end > 0.0
+    assert case.about == cases.about(name) != ""
+    for option in cases.options(name):
+        assert option.about, f"{option.name} has no description"
+        assert option.kind in KINDS
+
+
+def test_the_paper_s_case():
+    case = cases.make("three-balls")
+    assert_same_scene(case.scene, scenes.three_balls())
+    assert case.law == tuple(LinearDashpot.from_restitution(0.7, 5e7, pair) for pair in case.scene.pairs)
+    assert case.rule == ConstantRestitution(0.7)
+    assert case.until == until.contact(0, 2)
+    assert case.t_end == pytest.approx(10.0 * math.sqrt(2.0 * 0.5 / 9.81))
+
+
+def test_options_reach_the_scene_the_laws_and_the_rule():
+    case = cases.make("three-balls", gap=1e-3, restitution=[0.9, 0.5], stiffness=1e6, law="WaltonBraun", t_end=2.0)
+    assert case.scene.gap[1] == 1e-3
+    assert case.law == (WaltonBraun.from_restitution(0.9, 1e6), WaltonBraun.from_restitution(0.5, 1e6))
+    assert [case.rule(1.0, pair) for pair in case.scene.pairs] == [0.9, 0.5]
+    assert case.t_end == 2.0
+
+
+def test_a_law_whose_restitution_falls_with_speed_gives_the_rule_itself():
+    case = cases.make("bouncing-ball", law="ViscoelasticHertz", restitution=0.8)
+    speed, pair = math.sqrt(2.0 * 9.81), case.scene.pairs[0]
+    assert case.law == (ViscoelasticHertz.from_restitution(0.8, speed, 5e7, pair),)
+    assert case.rule is None
+    rule = case.physics("edmd")
+    assert rule(speed, pair) == pytest.approx(0.8, rel=1e-9)
+    assert rule(0.1 * speed, pair) > 0.8
+
+
+def test_steel_cradle_is_elastic_hertz_unless_told_otherwise():
+    law = cases.make("newtons-cradle").law[0]
+    assert isinstance(law, TsujiHertz)
+    assert law.force(1e-6, 0.3, cases.make("newtons-cradle").scene.pairs[0]) == Hertz(2e10).force(1e-6, 0.3, None)
+    assert cases.make("newtons-cradle", restitution=0.9).law[0].alpha > 0.0
+
+
+def test_gravity_sets_the_end_where_it_is_needed():
+    assert cases.make("column").t_end is None
+    assert cases.make("column", gravity=9.81).t_end > 0.0
+    assert cases.make("ball-stack", speed=2.0).t_end == pytest.approx(20.0 / 9.81)
+    assert cases.make("gas", temperature=0.0).t_end is None
+
+
+@pytest.mark.parametrize("engine", ["edmd", "md"])
+def test_both_engines_run_a_case(engine):
+    run = cases.make("three-balls").simulate(engine)
+    assert run.status is Status.until
+    assert run.count(0) == 1
+    assert run.count(1) == {"edmd": 1, "md": 4}[engine]
+
+
+@pytest.mark.parametrize(("call", "sentence"), [
+    (lambda: cases.make("three-bals"), r"scene is 'three-bals': one of .* is needed; did you mean three-balls\?"),
+    (lambda: cases.make("gas", paking=0.2), r"'paking' is no option of gas; did you mean packing\?"),
+    (lambda: cases.make("gas", zzz=0.2), r"'zzz' is no option of gas: law, length, mass"),
+    (lambda: cases.make("gas", law="Hertz"), r"law is 'Hertz': one of LinearDashpot, .* did you mean TsujiHertz\?"),
+    (lambda: cases.make("gas", restitution=1.2), r"restitution is 1\.2: .*at most 1 is needed"),
+    (lambda: cases.make("three-balls", restitution=[0.7]), r"length of restitution is 1: 2 \(the number of pairs\)"),
+    (lambda: cases.make("gas", stiffness=-1.0), r"stiffness is -1\.0: .*above 0 is needed"),
+    (lambda: cases.make("gas", t_end=-1.0), r"t_end is -1\.0: .*at least 0 is needed"),
+    (lambda: cases.make("gas").simulate("mdd"), r"engine is 'mdd': one of edmd, md is needed; did you mean"),
+    (lambda: cases.make("gas").simulate("edmd", dt=1e-7), r"'dt' is no option of edmd\.simulate"),
+    (lambda: cases.Case(scenes.gas(), None).simulate("md"), r"law is missing: md needs a force law"),
+    (lambda: cases.Case(scenes.gas(), None).simulate("edmd"), r"law is missing: edmd needs a force law"),
+])
+def test_misuse_of_names_and_options_is_a_sentence(call, sentence):
+    with pytest.raises((ValueError, TypeError), match=sentence):
+        call()
+
+
+# TOML
+
+@pytest.mark.parametrize("name", cases.names())
+def test_saved_and_loaded_is_equal_bit_for_bit(name, tmp_path):
+    case = cases.make(name, run={"samples": [0.0, 0.1], "method": "rk4", "dt": 1e-7, "ties": "right"})
+    cases.save(case, tmp_path / "case.toml")
+    again = cases.load(tmp_path / "case.toml")
+    assert_same_scene(again.scene, case.scene)
+    assert (again.law, again.rule, again.until, again.t_end, again.about) == (
+        case.law, case.rule, case.until, case.t_end, case.about)
+    assert again.run == case.run
+    assert [p.name for p in tmp_path.iterdir()] == ["case.toml"]
+
+
+def test_a_table_and_one_rule_per_pair_survive_too(tmp_path):
+    scene = scenes.three_balls()
+    table = TabulatedRestitution([0.0, 1.0, 2.0], [1.0, 0.9, 0.8])
+    case = cases.Case(scene, (Hertz(1e9), WaltonBraun(1e6, 2e6)), (ConstantRestitution(0.5), table))
+    cases.save(case, tmp_path / "case.toml")
+    again = cases.load(tmp_path / "case.toml")
+    assert again.law == case.law
+    assert again.rule[0] == ConstantRestitution(0.5)
+    assert again.rule[1].speed.tolist() == [0.0, 1.0, 2.0]
+    assert (again.until, again.t_end) == (None, None)
+
+
+def test_arrays_of_one_s_own_with_walls_as_words_or_numbers(read):
+    case = read(OWN + LAW + '[run]\nuntil = "separated"\nt_end = 1\n')
+    assert np.isinf(case.scene.mass[[0, 2]]).all()
+    assert case.law == (LinearDashpot(1e6), LinearDashpot(1e6))
+    assert case.rule is None
+    assert (case.until, case.t_end) == (until.separated(), 1.0)
+
+
+def test_positions_in_place_of_gaps(read):
+    case = read(LAW + "[scene]\nmass = [1, 1]\nradius = [0.5, 0.5]\nposition = [2, 5]\nvelocity = [1, 0]\n")
+    assert case.scene.gap.tolist() == [2.0]
+    assert case.scene.origin == 2.0
+
+
+def test_a_ready_made_scene_keeps_its_law_rule_and_stop(read):
+    case = read('[scene]\nname = "three-balls"\ngap = 1e-3\n')
+    assert case.scene.gap[1] == 1e-3
+    assert case.law == cases.make("three-balls").law
+    assert case.until == until.contact(0, 2)
+
+
+def test_an_own_law_replaces_the_rule_too(read):
+    case = read('[scene]\nname = "three-balls"\n[law]\ntype = "LinearDashpot"\nrestitution = 0.5\nk = 1e6\n')
+    assert case.law == tuple(LinearDashpot.from_restitution(0.5, 1e6, pair) for pair in case.scene.pairs)
+    assert case.rule is None
+
+
+def test_laws_from_what_people_know(read):
+    case = read('[scene]\nname = "three-balls"\n'
+                '[[law]]\ntype = "ViscoelasticHertz"\nyoung = 5e7\npoisson = 0.45\ndissipation = 1e-5\n'
+                '[[law]]\ntype = "ViscoelasticHertz"\nrestitution = 0.8\nspeed = 3\nk = 1e7\n')
+    floor, balls = case.scene.pairs
+    assert case.law == (ViscoelasticHertz.from_material(5e7, 0.45, 1e-5, floor),
+                        ViscoelasticHertz.from_restitution(0.8, 3.0, 1e7, balls))
+
+
+def test_hard_spheres_alone_need_no_law(read):
+    case = read(OWN + '[rule]\ntype = "ConstantRestitution"\nrestitution = [0.5, 1.0]\n[run]\nt_end = 2.0\n')
+    assert case.law is None
+    assert case.simulate("edmd").status is Status.time
+
+
+READY = '[scene]\nname = "three-balls"\n'
+
+
+@pytest.mark.parametrize(("text", "sentence"), [
+    ("[scene\n", r"own\.toml: is not valid TOML: .*line 1"),
+    ("[scen]\n", r"own\.toml: table or key is 'scen': one of scene, law, .* did you mean scene\?"),
+    ("[law]\n", r"own\.toml: table \[scene\] is missing"),
+    ("scene = 3\n", r"own\.toml: \[scene\]: 3 is no table: write it in \[brackets\]"),
+    ('[scene]\nname = "three-ball"\n', r"own\.toml: \[scene\]: name is 'three-ball': .* did you mean three-balls\?"),
+    (READY + "gapp = 1\n", r"own\.toml: \[scene\]: 'gapp' is no key; did you mean gap\?"),
+    (READY + "gravity = -1\n", r"own\.toml: \[scene\]: gravity is -1: .*at least 0 is needed"),
+    ("[scene]\nmass = [1, 1]\nradius = [0, 0]\ngap = [1]\n",
+     r"\[scene\]: the keys given are \(mass, radius, gap\): \(mass, radius, gap, velocity\) or \(mass, .* is needed"),
+    ("[scene]\nmas = [1, 1]\n", r"own\.toml: \[scene\]: 'mas' is no key; did you mean mass\?"),
+    (OWN.replace("4.0", "-4.0"), r"own\.toml: \[scene\]: mass\[1\] is -4\.0: a mass must be positive"),
+    (OWN.replace("4.0", '"four"'), r"own\.toml: \[scene\]: mass is .*: an array of numbers is needed"),
+    (OWN.replace("0.25", ""), r"own\.toml: \[scene\]: shape of gap is \(1,\): \(2,\) is needed"),
+    (OWN, r"own\.toml: table \[law\] is missing: give a force law, or at least a \[rule\]"),
+    (READY + "[law]\nk = 1.0\n", r"own\.toml: \[law\]: key 'type' is missing; needed is one of Hertz, LinearDashpot"),
+    (READY + '[law]\ntype = "Herz"\n', r"own\.toml: \[law\]: type is 'Herz': one of .* did you mean Hertz\?"),
+    (READY + '[law]\ntype = "Hertz"\nkk = 1\n', r"own\.toml: \[law\]: 'kk' is no key; did you mean k\?"),
+    (READY + '[law]\ntype = "LinearDashpot"\nrestitution = 0.5\n',
+     r"\[law\]: the keys given are \(restitution\): \(k\) or \(restitution, k\) is needed"),
+    (READY + '[law]\ntype = "LinearDashpot"\nrestitution = 1.2\nk = 1\n', r"\[law\]: restitution is 1\.2: .*at most 1"),
+    (READY + '[law]\ntype = "LinearDashpot"\nk = "stiff"\n', r"\[law\]: k is 'stiff': a single number is needed"),
+    (READY + '[[law]]\ntype = "Hertz"\nk = 1\n', r"length of \[\[law\]\] is 1: 2 \(the number of pairs\) is needed"),
+    (READY + '[[law]]\ntype = "Hertz"\nk = 1\n[[law]]\ntype = "Hertz"\nk = -1\n', r"\[\[law\]\] of pair 1: k is -1: "),
+    (READY + '[rule]\ntype = "ConstantRestitution"\n', r"\[rule\]: the keys given are \(\): \(restitution\) is needed"),
+    (READY + '[rule]\ntype = "ConstantRestitution"\nrestitution = 2\n', r"\[rule\]: restitution is 2: .*at most 1"),
+    (READY + '[rule]\ntype = "TabulatedRestitution"\nspeed = [1, 0]\nrestitution = [1, 1]\n', r"\[rule\]: speed\["),
+    (READY + "[run]\ndtt = 1e-7\n", r"own\.toml: \[run\]: 'dtt' is no key; did you mean dt\?"),
+    (READY + '[run]\nt_end = "soon"\n', r"own\.toml: \[run\]: t_end is 'soon': a single number is needed"),
+    (READY + '[run]\nuntil = "sepparated"\n', r"\[run\]: until is 'sepparated': \"separated\" or a table such as"),
+    (READY + "[run]\nuntil = { pair = 7 }\n", r"\[run\]: pair of until\.contact is 7: .*at most 1 is needed"),
+    (READY + "[run]\nuntil = { pair = 0, nht = 2 }\n", r"\[run\]: until: 'nht' is no key; did you mean nth\?"),
+    (READY + "[run]\nuntil = { nth = 2 }\n", r"\[run\]: until: the keys given are \(nth\): \(pair\) is needed"),
+    ("about = 3\n" + READY, r"own\.toml: about is 3: a text in quotes is needed"),
+])
+def test_every_mistake_in_a_file_is_named_with_its_place(read, text, sentence):
+    with pytest.raises((ValueError, TypeError), match=sentence):
+        read(text)
+
+
+def test_a_file_that_is_not_there_or_not_text(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        cases.load(tmp_path / "none.toml")
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ValueError, match=r"binary\.toml: is no text in UTF-8"):
+        cases.load(tmp_path / "binary.toml")
+
+
+def test_a_law_of_one_s_own_cannot_be_saved(tmp_path):
+    @dataclass(frozen=True)
+    class Mine:
+        k: float
+
+    case = cases.Case(scenes.bouncing_ball(), (Mine(1.0),))
+    with pytest.raises(TypeError, match=r"law is .*Mine\(k=1\.0\): only Hertz, .* can be written to TOML"):
+        cases.save(case, tmp_path / "case.toml")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failed_save_leaves_the_old_file(tmp_path, monkeypatch):
+    path = tmp_path / "case.toml"
+    path.write_text("old")
+
+    def full(*names):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(OSError, match="No space left"):
+        cases.save(cases.make("gas"), path)
+    assert path.read_text() == "old"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_text_keeps_its_quotes_and_letters(tmp_path):
+    case = cases.make("gas")
+    odd = cases.Case(case.scene, case.law, about='ε = 0.7, "hard"\tand \\ soft')
+    cases.save(odd, tmp_path / "case.toml")
+    assert cases.load(tmp_path / "case.toml").about == odd.about
+
+
+# parameters as data
+
+def test_a_docstring_is_read_parameter_by_parameter():
+    def function(a, b=1.0, c="x", *, d=None):
+        """Do something
+        useful.
+
+        And more.
+
+        Parameters
+        ----------
+        a, b : float
+            Two numbers,
+            in m.
+        c : {"x", "y"}
+            A choice.
+
+        Returns
+        -------
+        e : float
+            Not a parameter.
+        """
+
+    both = "Two numbers, in m."
+    assert descriptions(function) == {"a": both, "b": both, "c": '{"x", "y"}: A choice.'}
+    assert summary(function) == "Do something useful."
+    assert [(o.name, o.default, o.about) for o in options_of(function)] == [
+        ("b", 1.0, "Two numbers, in m."), ("c", "x", '{"x", "y"}: A choice.'), ("d", None, "")]

@@ -1,0 +1,238 @@
+"""Inelastic collapse: recognised where it is, not claimed where it is not."""
+
+import math
+
+import numpy as np
+import pytest
+
+from granular import edmd
+from granular.edmd import collapse as collapses
+from granular.rules import ConstantRestitution
+from granular.scene import Scene
+from granular.trajectory import Status
+from granular.until import separated
+
+
+def cluster(n, mass=None):
+    """Balls that rush together from both sides."""
+    return Scene(mass or [1.0] * n, [0.0] * n, [1.0] * (n - 1), np.linspace(1.0, -1.0, n))
+
+
+def column(n, seed=1):
+    gap = np.random.default_rng(seed).uniform(0.5, 1.5, n)
+    return Scene([math.inf] + [1.0] * n, [0.0] * (n + 1), gap, [0.0] * (n + 1), gravity=1.0)
+
+
+def run(scene, eps, **options):
+    return edmd.simulate(scene, ConstantRestitution(eps), **options)
+
+
+@pytest.mark.parametrize("eps", [0.05, 0.0715, 0.0717])
+def test_three_balls_below_the_threshold_collapse_for_certain(eps) -> None:
+    end = run(cluster(3), eps)
+    assert end.status is Status.collapse
+    assert end.stats["verdict"] == "proved"
+    assert end.stats["pairs"] == (0, 1)
+    assert end.stats["bound"] < 1e-59
+    assert "pairs 0 to 1" in end.message
+
+
+@pytest.mark.parametrize(("eps", "collisions"), [(0.0719, 89), (0.0722, 45), (0.1, 6)])
+def test_three_balls_above_the_threshold_part_after_finitely_many(eps, collisions) -> None:
+    end = run(cluster(3), eps)
+    assert end.status is Status.quiet
+    assert end.stats["events"] == collisions
+
+
+def test_just_above_the_threshold_nothing_is_claimed_but_a_bound() -> None:
+    end = run(cluster(3), 0.0718)  # 7 - 4 √3 = 0.071797
+    assert end.status is Status.collapse
+    assert end.stats["verdict"] == "bounded"
+    assert end.stats["bound"] < 1e-59
+
+
+@pytest.mark.parametrize(("n", "eps"), [(4, 0.05), (5, 0.1), (6, 0.3), (8, 0.1), (20, 0.3)])
+def test_larger_clusters_collapse_in_a_part(n, eps) -> None:
+    gap = np.random.default_rng(n).uniform(0.5, 1.5, n - 1)
+    end = run(cluster(n).replace(gap=gap), eps)
+    assert end.status is Status.collapse
+    assert end.stats["bound"] < 1e-50
+
+
+@pytest.mark.parametrize("n", [3, 10, 30, 100, 1000])
+@pytest.mark.parametrize("eps", [0.9, 0.5])
+def test_columns_collapse_on_the_floor(n, eps) -> None:
+    end = run(column(n), eps)
+    assert end.status is Status.collapse
+    assert end.stats["pairs"][0] == 0
+    assert (end.gap[-1] >= 0.0).all()
+    assert end.stats["events"] < 5000
+
+
+def test_a_restitution_of_speed_that_tends_to_one_collapses_within_a_bound() -> None:
+    scene = Scene([math.inf, 1.0], [0.0, 0.0], [1.0], [0.0, 0.0], gravity=9.81)
+    end = edmd.simulate(scene, lambda v, pair: 1.0 / (1.0 + 0.05 * v**0.2))
+    assert end.status is Status.collapse
+    assert end.stats["verdict"] == "bounded"
+    assert end.stats["bound"] < 1e-9
+
+
+@pytest.mark.parametrize("gravity", [0.0, 1.0])
+def test_elastic_scenes_never_look_suspicious(gravity) -> None:
+    random = np.random.default_rng(4)
+    scene = Scene([math.inf] + [1.0] * 20, np.zeros(21), random.uniform(0, 1e-3, 20), random.normal(size=21), gravity)
+    end = run(scene, 1.0, max_events=20_000)
+    assert end.stats["zooms"] == 0
+    touching = scene.replace(gap=np.zeros(20))
+    assert run(touching, 1.0, max_events=20_000).stats["zooms"] == 0
+
+
+def test_a_cooling_gas_that_does_not_collapse_goes_on() -> None:
+    random = np.random.default_rng(6)
+    scene = Scene(np.ones(50), np.zeros(50), random.uniform(0.5, 1.5, 49), random.normal(size=50))
+    end = run(scene, 0.99)
+    assert end.status is Status.quiet
+    assert end.stats["zooms"] == 0
+
+
+def test_a_gas_that_slows_down_without_end_says_so() -> None:
+    random = np.random.default_rng(3)
+    n = 100
+    scene = Scene([math.inf] + [1.0] * n + [math.inf], np.zeros(n + 2), random.uniform(0.5, 1.5, n + 1),
+                  [0.0, *random.normal(size=n), 0.0])  # fmt: skip
+    end = run(scene, 0.9, max_events=30_000, log=False)
+    assert end.status in (Status.max_events, Status.collapse)
+    assert end.status is Status.collapse or "Remedies by name" in end.message
+
+
+def test_forced_closer_looks_change_nothing(monkeypatch) -> None:
+    """A zoom is the same physics: looked at all the time, a gas comes out the same but for rounding."""
+    random = np.random.default_rng(8)
+    n = 30
+    scene = Scene([math.inf] + [1.0] * n, np.zeros(n + 1), random.uniform(0.5, 1.5, n), random.normal(size=n + 1))
+    plain = run(scene, 0.97, t_end=6.0)
+    monkeypatch.setattr("granular.edmd.sorted_queue.SUSPICIOUS", 1)
+    monkeypatch.setattr("granular.edmd.event.streak", lambda *_: 1)
+    monkeypatch.setattr(collapses, "REACH", 5)
+    forced = run(scene, 0.97, t_end=6.0)
+    assert forced.stats["zooms"] > 40
+    assert forced.stats["zoomed"] > 20
+    assert forced.contacts["pair"].tolist() == plain.contacts["pair"].tolist()
+    np.testing.assert_allclose(forced.gap[-1], plain.gap[-1], atol=1e-10)
+    np.testing.assert_allclose(forced.contacts["t_begin"], plain.contacts["t_begin"], atol=1e-10)
+    assert (np.diff(forced.contacts["t_begin"]) >= 0.0).all()
+
+
+def test_the_work_is_bounded_and_the_limit_is_exact() -> None:
+    end = run(column(10), 0.9, max_events=100)
+    assert end.status is Status.max_events
+    assert end.stats["events"] == len(end.contacts) == 100
+    assert "100 collisions" in end.message
+    assert run(column(10), 0.9, max_events=0).stats["events"] == 0
+
+
+def test_merging_brings_a_column_to_rest() -> None:
+    end = run(column(10), 0.9, collapse="merge", merge_below=1e-3)
+    assert end.status is Status.quiet
+    assert not end.gap[-1].any()
+    assert not end.velocity[-1].any()
+    assert end.stats["merge_below"] == 1e-3
+    assert end.stats["merged"] >= 10
+    energy = run(column(10), 0.9, collapse="merge", t_end=20.0, samples=200).energy()
+    assert (np.diff(energy) <= 1e-12).all()
+
+
+def test_the_tc_model_runs_on_through_a_collapse() -> None:
+    end = run(column(20), 0.9, tc=1e-2, t_end=20.0)
+    assert end.status is Status.time
+    assert end.stats["zooms"] == 0
+
+
+def test_elastic_below_a_speed_a_ball_bounces_for_ever() -> None:
+    scene = Scene([math.inf, 1.0], [0.0, 0.0], [1.0], [0.0, 0.0], gravity=9.81)
+    end = run(scene, 0.5, elastic_below=0.1, max_events=200)
+    assert end.status is Status.max_events
+    v = end.contacts["v_out"][-1, 1]
+    assert 0.05 < v < 0.1
+    assert end.contacts["v_out"][50, 1] == pytest.approx(v, rel=1e-12)
+
+
+def pool_adjacent(mass, position, velocity, t):
+    """Positions at t of free sticky balls: the pool-adjacent-violators solution of x + v t (obviously right)."""
+    blocks = []
+    for m, x, v in zip(mass, position, velocity, strict=True):
+        block = [m, m * (x + v * t), 1]
+        while blocks and blocks[-1][1] / blocks[-1][0] >= block[1] / block[0]:
+            last = blocks.pop()
+            block = [block[0] + last[0], block[1] + last[1], block[2] + last[2]]
+        blocks.append(block)
+    return np.concatenate([[p / m] * k for m, p, k in blocks])
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_balls_that_stick_move_as_clusters(seed) -> None:
+    random = np.random.default_rng(seed)
+    n = int(random.integers(2, 60))
+    mass = np.exp(random.uniform(-2, 2, n))
+    gap, v = random.uniform(0.1, 1.0, n - 1), random.normal(size=n)
+    gravity = float(random.choice([0.0, 1.0]))
+    end = run(Scene(mass, np.zeros(n), gap, v, gravity), 0.0, t_end=3.0)
+    x = np.concatenate([[0.0], np.cumsum(gap)])
+    want = pool_adjacent(mass, x, v, 3.0) - 4.5 * gravity
+    np.testing.assert_allclose(end.position[-1], want, atol=1e-12)
+    assert end.momentum()[-1] == pytest.approx(end.momentum()[0] - 3.0 * gravity * mass.sum(), abs=1e-11)
+    assert end.stats["events"] <= n - 1
+
+
+def test_balls_that_stick_come_to_rest_on_the_floor() -> None:
+    end = run(column(50), 0.0)
+    assert end.status is Status.quiet
+    assert end.stats["events"] == 50
+    assert not end.velocity[-1].any()
+    height = math.fsum(column(50).gap.tolist())
+    assert end.time[-1] == pytest.approx(math.sqrt(2 * height), rel=1e-14)
+    assert end.contacts["impulse"][0] == pytest.approx(math.sqrt(2 * column(50).gap[0]), rel=1e-14)
+
+
+def test_a_pile_at_rest_stays_until_it_is_hit() -> None:
+    scene = Scene([math.inf, 1.0, 1.0, 1.0], [0.0, 0.1, 0.1, 0.1], [0.0, 0.0, 2.0], [0.0] * 4, gravity=1.0)
+    before = run(scene, 1.0, t_end=1.5, samples=4)
+    np.testing.assert_array_equal(before.velocity[:, 1:3], 0.0)
+    assert not np.ptp(before.position[:, 1:3], axis=0).any()
+    after = run(scene, 1.0, t_end=3.0, samples=7)
+    assert after.contacts["t_begin"][0] == 2.0
+    assert after.contacts["pair"].tolist() == [2, 1, 0, 1, 2]  # the push runs down, comes back, and throws the ball up
+    np.testing.assert_allclose(after.energy(), after.energy()[0], rtol=1e-14)
+    assert after.velocity[-1, 3] == pytest.approx(1.0, rel=1e-14)
+
+
+def test_a_rule_that_returns_zero_at_low_speed_lets_a_ball_rest() -> None:
+    scene = Scene([math.inf, 1.0], [0.0, 0.0], [1.0], [0.0, 0.0], gravity=9.81)
+    end = edmd.simulate(scene, lambda v, pair: 0.5 if v > 0.1 else 0.0, t_end=10.0)
+    assert end.status is Status.time
+    assert end.gap[-1, 0] == 0.0
+    assert end.velocity[-1, 1] == 0.0
+    assert end.stats["events"] == 7
+
+
+def falling_block(n):
+    """Touching balls but for small gaps, falling together on a floor."""
+    return Scene([math.inf] + [1.0] * n, [0.0] * (n + 1), [1e-3] * n, [0.0] + [-1.0] * n)
+
+
+@pytest.mark.parametrize(("eps", "last"), [(0.5, 4), (0.7, 8)])
+def test_the_foot_of_a_falling_block_collapses_whatever_it_is_run_until(eps, last) -> None:
+    ends = [run(falling_block(100), eps, until=until) for until in (None, separated())]
+    assert {end.status for end in ends} == {Status.collapse}
+    assert ends[0].contacts.tobytes() == ends[1].contacts.tobytes()
+    assert ends[0].stats["pairs"] == (0, last)
+    assert ends[0].stats["bound"] < 1e-50
+
+
+def test_a_closer_look_without_a_decision_lasts_longer_the_next_time() -> None:
+    pytest.importorskip("numba")
+    end = run(falling_block(100), 0.8, until=separated(), log=False)
+    assert end.status is Status.collapse
+    assert end.stats["bound"] < 1e-15
+    assert end.stats["engine"] == "compiled"  # though it began with closer looks, in the reference queue
+    assert end.state["allowance"] == 80_000

@@ -1,0 +1,140 @@
+"""The compiled queue gives the bits of the reference queue, and engines are chosen as said."""
+
+import math
+import subprocess
+import sys
+import types
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from granular import edmd
+from granular._kernels import compiled, kernel
+from granular.rules import ConstantRestitution
+from granular.scene import Scene
+from granular.trajectory import Status
+
+pytest.importorskip("numba")
+
+
+def scene_of(seed, n, gravity, floor, ceiling, moving, tiny):
+    random = np.random.default_rng(seed)
+    mass = np.exp(random.uniform(-3, 3, n))
+    mass = np.concatenate([[math.inf] * floor, mass, [math.inf] * ceiling])
+    gap = random.uniform(0.1, 1.0, len(mass) - 1) * np.where(random.random(len(mass) - 1) < tiny, 1e-9, 1.0)
+    v = random.normal(size=len(mass))
+    v[np.isinf(mass)] = 0.0
+    if moving and floor and not ceiling:
+        v[0] = 0.3
+    return Scene(mass, np.zeros(len(mass)), gap, v, gravity)
+
+
+def same(a, b):
+    assert a.status is b.status
+    assert a.contacts.tobytes() == b.contacts.tobytes()
+    assert a.time.tobytes() == b.time.tobytes()
+    for name in ("position", "velocity", "gap"):
+        assert getattr(a, name).tobytes() == getattr(b, name).tobytes(), name
+    assert a.state.keys() == b.state.keys()
+    for key, value in a.state.items():
+        assert np.array_equal(value, b.state[key], equal_nan=not isinstance(value, str)), key
+
+
+@given(
+    seed=st.integers(0, 10**6), n=st.integers(1, 30), gravity=st.sampled_from([0.0, 1.0, 9.81]),
+    floor=st.booleans(), ceiling=st.booleans(), moving=st.booleans(), tiny=st.sampled_from([0.0, 0.5]),
+    eps=st.sampled_from([1.0, 0.9, 0.5, "mixed"]), ties=st.sampled_from(["left", "right", "random"]),
+    extra=st.sampled_from([{}, {}, {"tc": 1e-2}, {"elastic_below": 0.05}, {"collapse": "merge"}]),
+)  # fmt: skip
+@settings(max_examples=200, deadline=None)
+def test_both_queues_give_the_same_bits(seed, n, gravity, floor, ceiling, moving, tiny, eps, ties, extra) -> None:
+    if n + floor + ceiling < 2:
+        floor = True
+    scene = scene_of(seed, n, gravity, floor, ceiling, moving, tiny)
+    values = [(0.5, 0.9, 1.0)[c % 3] for c in range(scene.n - 1)] if eps == "mixed" else eps
+    rule, options = ConstantRestitution(values), {"ties": ties, "seed": seed, "max_events": 400, **extra}
+    plain = edmd.simulate(scene, rule, t_end=3.0, samples=5, engine="sorted", **options)
+    fast = edmd.simulate(scene, rule, t_end=3.0, samples=5, engine="compiled", **options)
+    same(plain, fast)
+    if plain.status is Status.max_events:
+        crossed = ((plain, "compiled"), (fast, "sorted"))
+        same(*(edmd.resume(run, t_end=3.0, max_events=100, engine=e) for run, e in crossed))
+
+
+@pytest.mark.parametrize("eps", [0.0, 0.0717, 0.0719, 0.3])
+def test_collapses_and_sticking_are_the_same(eps) -> None:
+    for n, g in ((3, 0.0), (6, 0.0), (20, 1.0)):
+        scene = Scene([math.inf] * (g > 0) + [1.0] * n, np.zeros(n + (g > 0)), np.ones(n - (g == 0)),
+                      [0.0] * (g > 0) + np.linspace(1, -1, n).tolist(), g)  # fmt: skip
+        plain, fast = (edmd.simulate(scene, ConstantRestitution(eps), engine=e) for e in ("sorted", "compiled"))
+        same(plain, fast)
+        assert plain.message == fast.message
+
+
+def test_auto_takes_the_compiled_queue_when_it_pays() -> None:
+    scene = scene_of(1, 200, 0.0, True, True, False, 0.0)
+    one = ConstantRestitution(1.0)
+    short = {"max_events": 120_000, "log": False}
+    a, b = (edmd.simulate(scene, one, engine=engine, samples=[1.0, 9.0], **short) for engine in ("auto", "sorted"))
+    assert (a.stats["engine"], b.stats["engine"]) == ("compiled", "sorted")
+    assert a.velocity.tobytes() == b.velocity.tobytes()
+    assert a.state["gap"].tobytes() == b.state["gap"].tobytes()
+    assert edmd.simulate(scene, one, max_events=100).stats["engine"] == "sorted"
+    long = edmd.simulate(scene, one, t_end=2000.0, log=False)
+    assert long.stats["engine"] == "compiled"
+    assert long.energy()[-1] == pytest.approx(long.energy()[0], rel=1e-13)
+
+
+@kernel
+def one_more(x):
+    return x + 1
+
+
+@kernel
+def two_more(x):
+    return x + 2
+
+
+@kernel
+def above(x):
+    return 10 * below(x)
+
+
+below = one_more
+
+
+def test_machine_code_is_cached_under_a_name_that_changes_with_all_it_calls() -> None:
+    names = []
+    for called in (one_more, two_more):
+        caller = kernel(types.FunctionType(above.__code__, globals() | {"below": called}))
+        twin = compiled(caller, inline=True)
+        assert twin(1) == 10 * called(1)
+        names.append(twin.__qualname__)
+    assert names[0] != names[1]
+    assert names[0] == compiled(above, inline=True).__qualname__
+
+
+def test_what_does_not_compile_says_so() -> None:
+    scene = scene_of(1, 3, 0.0, True, True, False, 0.0)
+    with pytest.raises(ValueError, match="engine is 'compiled': every rule must be a ConstantRest"):
+        edmd.simulate(scene, lambda v, pair: 0.5, engine="compiled")
+    with pytest.raises(ValueError, match="engine is 'compiled': ties='poisson' runs interpreted only"):
+        edmd.simulate(scene, ConstantRestitution(0.5), ties="poisson", engine="compiled")
+
+
+def test_without_numba_the_reference_runs_and_compiled_says_what_to_install(monkeypatch) -> None:
+    scene = scene_of(1, 200, 0.0, True, True, False, 0.0)
+    monkeypatch.setattr("granular.edmd.engines.have_numba", lambda: False)
+    run = edmd.simulate(scene, ConstantRestitution(1.0), t_end=1e6, max_events=110_000, log=False)
+    assert run.stats["engine"] == "sorted"
+    with pytest.raises(ImportError, match="engine is 'compiled': numba is not installed: pip install"):
+        edmd.simulate(scene, ConstantRestitution(1.0), engine="compiled")
+
+
+def test_the_engine_loads_neither_scipy_nor_numba() -> None:
+    heavy = "'numba', 'scipy', 'matplotlib', 'xarray'"
+    code = f"import sys, granular.edmd; print([m for m in ({heavy}) if m in sys.modules])"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "[]"

@@ -1,0 +1,124 @@
+"""A run in pieces equals the run in one, bit for bit."""
+
+import math
+
+import numpy as np
+import pytest
+
+from granular import edmd, until
+from granular.rules import ConstantRestitution, TabulatedRestitution
+from granular.scene import Scene
+from granular.trajectory import Status
+
+
+def box(seed, n=12, gravity=0.0, ceiling=True, tiny=False):
+    random = np.random.default_rng(seed)
+    mass = [math.inf, *np.exp(random.uniform(-3, 3, n))] + [math.inf] * ceiling
+    gap = random.uniform(0.1, 1.0, len(mass) - 1) * (1e-9 if tiny else 1.0)
+    gap[0] = 0.5
+    v = random.normal(size=len(mass))
+    v[0] = 0.1 * (not ceiling)
+    v[-1] = v[-1] * (not ceiling)
+    return Scene(mass, np.zeros(len(mass)), gap, v, gravity)
+
+
+def same_end(a, b):
+    assert a.velocity[-1].tobytes() == b.velocity[-1].tobytes()
+    assert a.gap[-1].tobytes() == b.gap[-1].tobytes()
+    assert a.position[-1].tobytes() == b.position[-1].tobytes()
+    assert a.time[-1] == b.time[-1]
+    assert a.stats["events"] == b.stats["events"]
+
+
+TABLE = TabulatedRestitution([0, 1], [0.9, 0.6])
+RULES = {"elastic": ConstantRestitution(1.0), "mixed": [0.5, 0.9, 1.0], "table": TABLE}
+
+
+def rules_of(name, scene):
+    if name != "mixed":
+        return RULES[name]
+    return [ConstantRestitution(RULES["mixed"][c % 3]) for c in range(scene.n - 1)]
+
+
+@pytest.mark.parametrize("gravity", [0.0, 1.0])
+@pytest.mark.parametrize("name", ["elastic", "mixed", "table"])
+@pytest.mark.parametrize("seed", range(4))
+def test_cut_at_times_and_at_numbers_of_events(seed, name, gravity) -> None:
+    scene = box(seed, gravity=gravity, ceiling=seed % 2 == 0, tiny=seed == 3)
+    rule = rules_of(name, scene)
+    whole = edmd.simulate(scene, rule, t_end=4.0)
+    if whole.status is Status.collapse:
+        whole = edmd.simulate(scene, rule, t_end=0.9 * float(whole.time[-1]))
+    end = float(whole.time[-1])
+    part = edmd.simulate(scene, rule, t_end=0.0)
+    pieces = [part.contacts]
+    for t in np.linspace(0.0, end, 7)[1:].tolist():
+        part = edmd.resume(part, t_end=t)
+        pieces.append(part.contacts)
+    same_end(whole, part)
+    assert np.concatenate(pieces).tobytes() == whole.contacts.tobytes()
+
+    part = edmd.simulate(scene, rule, t_end=end, max_events=7)
+    while part.status is Status.max_events:
+        part = edmd.resume(part, t_end=end, max_events=13)
+    same_end(whole, part)
+
+
+def test_cut_within_a_closer_look() -> None:
+    scene = Scene([1.0] * 3, [0.0] * 3, [1.0, 1.0], [1.0, 0.0, -1.0])
+    rule = ConstantRestitution(0.0717)
+    whole = edmd.simulate(scene, rule)
+    for step in (1, 10, 33):
+        part = edmd.simulate(scene, rule, max_events=step)
+        while part.status is Status.max_events:
+            part = edmd.resume(part, max_events=step)
+        same_end(whole, part)
+        assert part.status is Status.collapse
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"collapse": "merge", "merge_below": 0.05}, {"tc": 0.01}, {"elastic_below": 0.05}, {"ties": "random", "seed": 5}],
+)
+def test_options_are_kept(options) -> None:
+    scene = box(1, gravity=1.0, ceiling=False)
+    rule = ConstantRestitution(0.7)
+    whole = edmd.simulate(scene, rule, t_end=3.0, **options)
+    part = edmd.resume(edmd.simulate(scene, rule, t_end=0.8, **options), t_end=3.0)
+    same_end(whole, part)
+    assert whole.state.keys() == part.state.keys()
+    for key, value in whole.state.items():
+        assert np.array_equal(value, part.state[key]), key
+
+
+def test_conditions_count_from_the_beginning() -> None:
+    scene = Scene([math.inf, 1.0], [0.0, 0.0], [1.0], [0.0, 0.0], gravity=1.0)
+    part = edmd.simulate(scene, ConstantRestitution(0.9), until=until.contact(0, 3))
+    assert part.count(0) == 2
+    more = edmd.resume(part, until=until.contact(0, 5))
+    assert more.count(0) == 2
+    whole = edmd.simulate(scene, ConstantRestitution(0.9), until=until.contact(0, 5))
+    same_end(whole, more)
+
+
+def test_late_times_cost_no_digits() -> None:
+    scene = box(2, n=10)
+    early = edmd.simulate(scene, ConstantRestitution(1.0), t_end=50.0)
+    late = edmd.simulate(scene, ConstantRestitution(1.0), t_start=2.0**40, t_end=2.0**40 + 50.0)
+    assert early.contacts["pair"].tolist() == late.contacts["pair"].tolist()
+    assert early.velocity[-1].tobytes() == late.velocity[-1].tobytes()
+    assert early.position[-1].tobytes() == late.position[-1].tobytes()
+
+
+def test_what_cannot_be_resumed_says_why() -> None:
+    scene = Scene([math.inf, 1.0], [0.0, 0.0], [1.0], [0.0, 0.0], gravity=1.0)
+    run = edmd.simulate(scene, ConstantRestitution(0.5))
+    with pytest.raises(ValueError, match="trajectory ended in a collapse: nothing follows it"):
+        edmd.resume(run)
+    import dataclasses
+
+    with pytest.raises(ValueError, match="trajectory is no hard-sphere run"):
+        edmd.resume(dataclasses.replace(run, rule=None))
+    part = edmd.simulate(scene, ConstantRestitution(0.5), t_end=1.0)
+    with pytest.raises(ValueError, match=r"t_end is 0.5: a finite number of at least 1 is needed"):
+        edmd.resume(part, t_end=0.5)

@@ -1,0 +1,74 @@
+"""Corners of the event-located method: simultaneous ends, gaps below rounding, late starts, cold starts."""
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import granular as gr
+
+SEPARATED = gr.until.separated()
+LAWS = [
+    gr.LinearDashpot(1e6, 100.0), gr.Hertz(1e6), gr.ViscoelasticHertz(1e6, 1e3), gr.TsujiHertz(1e6, 0.5),
+    gr.PowerLaw(1e6, 2.0),
+]  # fmt: skip
+
+
+def three(gap, velocity):
+    return gr.Scene([1.0] * 3, [0.1] * 3, gap, velocity)
+
+
+@pytest.mark.parametrize("engine", ["plain", "compiled"])
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
+def test_two_contacts_that_end_at_once(law, engine):
+    run = gr.md.simulate(three([0.0, 0.0], [1.0, 0.0, -1.0]), law, until=SEPARATED, engine=engine, max_steps=1000)
+    assert run.status is gr.Status.until
+    np.testing.assert_allclose(run.velocity[-1], -run.velocity[-1][::-1], atol=1e-14)
+    assert run.count(0) == run.count(1) == 1
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
+@pytest.mark.parametrize("velocity", [[1.0, 0.0, 0.0], [1.0, 0.0, -1.0]], ids=["struck", "squeezed"])
+def test_a_gap_below_rounding_is_a_touch(law, velocity):
+    touching = gr.md.simulate(three([0.0, 0.0], velocity), law, until=SEPARATED, engine="plain")
+    for gap in (5e-324, 1e-200, 1e-60, 1e-30, 1e-20):
+        run = gr.md.simulate(three([0.0, gap], velocity), law, until=SEPARATED, engine="plain", max_steps=3000)
+        assert run.status is gr.Status.until
+        np.testing.assert_allclose(run.velocity[-1], touching.velocity[-1], atol=1e-12)
+
+
+def test_a_late_start_costs_no_digits():
+    scene = three([3e-5, 1e-5], [1.0, 0.0, -1.0])
+    early, late = (gr.md.simulate(scene, gr.LinearDashpot(1e10), until=SEPARATED, t_start=t) for t in (0.0, 2.0**40))
+    assert early.velocity[-1].tobytes() == late.velocity[-1].tobytes()
+    np.testing.assert_array_equal(np.sort(early.contacts["duration"]), np.sort(late.contacts["duration"]))
+    assert late.time[0] == 2.0**40
+
+
+def test_rows_of_a_bound_elastic_scene_are_delivered():
+    scene = gr.Scene([math.inf, 1.0], [0.0, 0.1], [-1e-3], [0.0, 0.001], 9.81)
+    run = gr.md.simulate(scene, gr.LinearDashpot(1e4), t_end=1.0, samples=5)
+    np.testing.assert_array_equal(run.time, [0.0, 0.25, 0.5, 0.75, 1.0])
+    np.testing.assert_allclose(run.energy(), run.energy()[0], rtol=1e-13)
+
+
+def test_a_newcomer_does_not_wait_for_a_compiler():
+    code = (
+        "import sys, granular as gr; s = gr.scenes.column(n=20, gap=1e-3); "
+        "law = [gr.LinearDashpot.from_restitution(.9, k=1e7, pair=p) for p in s.pairs]; "
+        "run = gr.md.simulate(s, law, until=gr.until.separated()); print(run.stats['engine'], 'numba' in sys.modules)"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert out.split() == ["plain", "False"]
+
+
+def test_a_stop_while_another_contact_is_under_way_gives_the_state_of_that_time():
+    scene = gr.scenes.three_balls(radii=(0.1, 0.17), gap=2.13e-3, height=1.0373730950628357)
+    law = [gr.LinearDashpot.from_restitution(0.98, 4.9e8, pair) for pair in scene.pairs]
+    stopped = gr.md.simulate(scene, law, until=gr.until.contact(0, 2))
+    assert np.isnan(stopped.contacts["t_end"]).any()
+    reached = gr.md.simulate(scene, law, t_end=float(stopped.time[-1]))
+    np.testing.assert_allclose(stopped.velocity[-1], reached.velocity[-1], rtol=1e-9)
+    np.testing.assert_allclose(stopped.gap[-1], reached.gap[-1], atol=1e-15)

@@ -1,0 +1,149 @@
+"""What must hold in every scene: momentum, energy, mirror images, powers of two, reversal, islands."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from granular import until
+from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz
+from granular.md.located import run
+from granular.scene import Scene
+from granular.trajectory import Status, Trajectory
+
+QUICK = settings(max_examples=25, deadline=None)
+LAWS = {
+    "spring": lambda k: LinearDashpot(k),
+    "dashpot": lambda k: LinearDashpot(k, 0.2 * math.sqrt(k)),
+    "hertz": lambda k: Hertz(k),
+    "viscoelastic": lambda k: ViscoelasticHertz(k, 0.2 * k**0.6),
+    "tsuji": lambda k: TsujiHertz(k, 0.5),
+}
+
+
+@st.composite
+def scenes(draw: Any, names: tuple[str, ...] = tuple(LAWS), walls: bool = True) -> tuple[Scene, tuple[Any, ...]]:
+    """Two to four balls, perhaps on a floor, with gaps from none to wide, each pair with a law of its own."""
+    n = draw(st.integers(2, 4))
+    floor = walls and draw(st.booleans())
+    number = st.floats(-1.0, 1.0, allow_subnormal=False)
+    mass = [10.0 ** draw(number) for _ in range(n)]
+    velocity = [round(draw(number), 3) for _ in range(n)]
+    gap = [draw(st.sampled_from([0.0, 1e-6, 1e-3, 0.1])) for _ in range(n - 1 + floor)]
+    name = draw(st.sampled_from(names))
+    laws = tuple(LAWS[name](10.0 ** draw(st.floats(2.0, 6.0))) for _ in gap)
+    gravity = 9.81 if floor and draw(st.booleans()) else 0.0
+    return Scene([math.inf] * floor + mass, [0.0] * floor + [0.1] * n, gap, [0.0] * floor + velocity, gravity), laws
+
+
+def go(scene: Scene, laws: tuple[Any, ...], **more: Any) -> Trajectory:
+    return run(scene, laws, **{"t_end": 1.0, "engine": "plain", "max_events": 60, "max_steps": 1500} | more)
+
+
+@QUICK
+@given(scenes())
+def test_momentum_and_energy(given_scene: tuple[Scene, tuple[Any, ...]]) -> None:
+    """Momentum is kept without walls, energy never grows; the log agrees with the motion."""
+    scene, laws = given_scene
+    soft = go(scene, laws, samples=np.linspace(0.0, 1.0, 9))
+    balls = ~scene.is_wall
+    scale = 0.5 * float((scene.mass[balls] * scene.velocity[balls] ** 2).sum()) + 1e-12
+    energy = soft.energy()
+    assert np.all(np.diff(energy) <= 1e-12 * (scale + abs(energy[0])))
+    if not scene.is_wall.any():
+        assert abs(soft.momentum() - soft.momentum()[0]).max() <= 1e-13 * float(scene.mass.sum())
+    for row in soft.contacts[~np.isnan(soft.contacts["t_end"])]:
+        lower, upper = scene.mass[row["pair"]], scene.mass[row["pair"] + 1]
+        assert row["impulse"] >= 0.0
+        assert row["xi_max"] > 0.0
+        assert row["duration"] >= 0.0
+        assert lower > 0.0
+        assert upper > 0.0
+
+
+@QUICK
+@given(scenes(walls=False))
+def test_mirror(given_scene: tuple[Scene, tuple[Any, ...]]) -> None:
+    """The mirror image of a scene gives the mirror image of its motion."""
+    scene, laws = given_scene
+    image = Scene(scene.mass[::-1], scene.radius[::-1], scene.gap[::-1], -scene.velocity[::-1])
+    one, other = go(scene, laws), go(image, laws[::-1])
+    assert len(one.contacts) == len(other.contacts) or min(len(one.contacts), len(other.contacts)) > 3
+    if len(one.contacts) == len(other.contacts) < 10:
+        speed = abs(scene.velocity).max() + 1e-9
+        assert np.allclose(one.velocity[-1], -other.velocity[-1][::-1], rtol=0, atol=1e-9 * speed)
+
+
+@QUICK
+@given(scenes(names=("spring", "dashpot")), st.integers(-8, 8))
+def test_powers_of_two(given_scene: tuple[Scene, tuple[Any, ...]], n: int) -> None:
+    """k s², γ s, gaps / s, g s, times / s: the same bits for every power of two s, as promised."""
+    scene, laws = given_scene
+    s = 2.0**n
+    faster = Scene(scene.mass, scene.radius, scene.gap / s, scene.velocity, scene.gravity * s)
+    stiffer = tuple(LinearDashpot(law.k * s * s, law.gamma * s) for law in laws)
+    one, other = go(scene, laws), go(faster, stiffer, t_end=1.0 / s)
+    assert one.velocity[-1].tobytes() == other.velocity[-1].tobytes()
+    assert (one.contacts["t_begin"] / s).tobytes() == other.contacts["t_begin"].tobytes()
+    assert one.contacts["xi_max"].tobytes() == (other.contacts["xi_max"] * s).tobytes()
+
+
+@QUICK
+@given(scenes(names=("spring", "hertz"), walls=False))
+def test_reversal(given_scene: tuple[Scene, tuple[Any, ...]]) -> None:
+    """Elastic motion, turned round at its end, runs back to where it began."""
+    scene, laws = given_scene
+    there = go(scene, laws, t_end=0.5)
+    if there.status is Status.max_events or len(there.contacts) > 8:
+        return
+    turned = Scene(scene.mass, scene.radius, there.gap[-1], -there.velocity[-1])
+    back = go(turned, laws, t_end=0.5)
+    speed = abs(scene.velocity).max() + 1e-9
+    assert np.allclose(-back.velocity[-1], scene.velocity, rtol=0, atol=1e-8 * speed)
+
+
+def test_elastic_energy_is_constant() -> None:
+    """1e-14 in the elastic two-ball scene; a few ulp per contact through hundreds of them."""
+    balls = Scene([math.inf, 3.77, 0.00377], [0.0, 0.1, 0.01], [0.0, 1e-4], [0.0, -3.0, -3.0], 9.81)
+    soft = go(balls, (LinearDashpot(5e7),) * 2, t_end=0.01)
+    assert len(soft.contacts) == 4
+    assert soft.energy()[-1] == pytest.approx(soft.energy()[0], rel=1e-14)
+    scene = Scene([math.inf, 1.0, 0.3, 0.1, math.inf], [0, 0.1, 0.1, 0.1, 0], [0.01] * 4, [0, -1.0, 0.5, 2.0, 0])
+    soft = go(scene, (LinearDashpot(1e5),) * 4, t_end=2.0, max_events=10_000, max_steps=100_000)
+    assert len(soft.contacts) > 250
+    assert soft.energy()[-1] == pytest.approx(soft.energy()[0], rel=5e-15 * len(soft.contacts))
+
+
+def test_unequal_islands_do_not_disturb_each_other() -> None:
+    """Two groups far apart give the bits that each gives alone, though their clocks differ."""
+    law = LinearDashpot(1e5, 20.0)
+    left = Scene([1.0, 2.0, 1.5], [0.1] * 3, [0.01, 0.02], [1.0, 0.0, -0.5])
+    right = Scene([0.5, 0.1], [0.1] * 2, [0.0301], [0.7, -0.9])
+    both = Scene([*left.mass, *right.mass], [0.1] * 5, [*left.gap, 50.0, *right.gap], [*left.velocity, *right.velocity])
+    alone = [go(scene, (law,) * (scene.n - 1), t_end=0.1) for scene in (left, right)]
+    together = go(both, (law,) * 4, t_end=0.1)
+    for part, first in zip(alone, (0, 3), strict=True):
+        for pair in range(part.scene.n - 1):
+            expected, found = part.of(pair), together.of(pair + first)
+            for name in ("t_begin", "t_end", "duration", "v_in", "v_out", "xi_max", "force_max", "impulse"):
+                assert expected[name].tobytes() == found[name].tobytes()
+
+
+def test_until_and_limits() -> None:
+    """`separated`, `contact` and the limit on events end a run, with their statuses."""
+    scene = Scene([1.0, 1.0, 1.0], [0.1] * 3, [0.1, 0.1], [1.0, 0.0, 0.0])
+    law = (LinearDashpot(1e4),) * 2
+    assert run(scene, law, until=until.separated(), engine="plain").status is Status.until
+    stopped = run(scene, law, until=until.contact(1, 1), engine="plain")
+    assert stopped.status is Status.until
+    assert stopped.gap[-1, 1] == 0.0
+    assert stopped.count(1) == 0
+    assert run(scene, law, engine="plain").status is Status.quiet
+    assert run(scene, law, max_events=1, engine="plain").status is Status.max_events
+    assert run(scene, law, max_steps=2, engine="plain").status is Status.max_events
+    assert run(scene, law, t_end=0.01, engine="plain").status is Status.time

@@ -1,0 +1,171 @@
+"""Any other law on the located engine: a user's own, with memory, without traits; and laws mixed in one scene."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granular import until
+from granular.laws import Hertz, LinearDashpot, ViscoelasticHertz, WaltonBraun
+from granular.md.located import run
+from granular.scene import Pair, Scene
+from granular.trajectory import Status
+
+
+@dataclass(frozen=True)
+class MyDashpot:
+    """A dashpot that does not say it is linear."""
+
+    k: float
+    gamma: float
+
+    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
+        return self.k * xi + self.gamma * xi_dot
+
+
+@dataclass(frozen=True)
+class MyViscoelastic:
+    """A viscoelastic law that does not say it is a power law."""
+
+    k: float
+    gamma: float
+    exponent = 1.5
+
+    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
+        return math.sqrt(xi) * (self.k * xi + self.gamma * xi_dot)
+
+
+@dataclass(frozen=True)
+class MyHertz:
+    """Hertz's law without traits."""
+
+    k: float
+
+    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
+        return float(self.k * xi**1.5)
+
+
+def three_balls(gap: float = 1e-4) -> Scene:
+    return Scene([math.inf, 3.77, 0.00377], [0.0, 0.1, 0.01], [0.0, gap], [0.0, -3.0, -3.0], 9.81)
+
+
+@pytest.mark.parametrize(
+    ("known", "mine"),
+    [
+        (LinearDashpot(5e7, 1500.0), MyDashpot(5e7, 1500.0)),
+        (ViscoelasticHertz(1e7, 2e3), MyViscoelastic(1e7, 2e3)),
+        (Hertz(1e7), MyHertz(1e7)),
+    ],
+)
+def test_a_law_without_traits_gives_the_same_motion(known: Any, mine: Any) -> None:
+    """Collocation against power series: every column of the log, to 1e-12."""
+    one = run(three_balls(), (known,) * 2, until=until.contact(0, 2), engine="plain")
+    other = run(three_balls(), (mine,) * 2, until=until.contact(0, 2), engine="plain")
+    assert one.contacts["pair"].tolist() == other.contacts["pair"].tolist()
+    for name in ("t_begin", "t_end", "duration", "v_in", "v_out", "xi_max", "force_max", "impulse"):
+        scale = abs(one.contacts[name]).max()
+        assert other.contacts[name] == pytest.approx(one.contacts[name], abs=1e-11 * scale, rel=0), name
+
+
+def test_touching_chain_of_a_law_without_traits() -> None:
+    """Pairs that touch at rest wake one after the other."""
+    scene = Scene([1.0] * 5, [0.1] * 5, [0.0] * 4, [1.0, 0, 0, 0, 0])
+    one = run(scene, (Hertz(1e6),) * 4, until=until.separated(), engine="plain")
+    other = run(scene, (MyHertz(1e6),) * 4, until=until.separated(), engine="plain")
+    assert other.velocity[-1] == pytest.approx(one.velocity[-1], abs=1e-12)
+
+
+def test_laws_with_memory_lose_energy_and_stay_in_order() -> None:
+    """Walton-Braun between floor and balls: loading, unloading, reloading."""
+    soft = run(three_balls(), (WaltonBraun(5e7, 8e7),) * 2, until=until.contact(0, 2), engine="plain")
+    assert soft.status is Status.until
+    assert soft.count(1) >= 2
+    kinetic = [(row["v_out"][1] - row["v_out"][0]) / (row["v_in"][0] - row["v_in"][1]) for row in soft.of(1)]
+    assert all(ratio > 0.0 for ratio in kinetic)
+
+
+def test_different_laws_in_one_scene() -> None:
+    """A linear, a Hertz and a damped pair share one island; momentum is kept."""
+    scene = Scene([1.0, 2.0, 0.5, 1.0], [0.1] * 4, [1e-3, 0.0, 1e-4], [1.0, 0.0, 0.0, -1.0])
+    laws = (LinearDashpot(1e5, 10.0), Hertz(1e7), ViscoelasticHertz(1e7, 1e3))
+    soft = run(scene, laws, until=until.separated(), engine="plain")
+    assert soft.status is Status.until
+    assert abs(soft.momentum()[-1] - soft.momentum()[0]) < 1e-14
+    finer = run(scene, laws, until=until.separated(), engine="plain", tol=1e-18)
+    assert soft.velocity[-1] == pytest.approx(finer.velocity[-1], abs=1e-13)
+
+
+def test_engine_compiled_refuses_general_laws() -> None:
+    """With a sentence that names the law."""
+    pytest.importorskip("numba")
+    with pytest.raises(TypeError, match="MyViscoelastic"):
+        run(three_balls(), (MyViscoelastic(1e7, 0.0),) * 2, engine="compiled")
+
+
+def test_exceptions_of_the_law_pass_through() -> None:
+    """The user's own error, unwrapped."""
+
+    @dataclass(frozen=True)
+    class Broken:
+        def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
+            if xi > 1e-4:
+                raise KeyError("mine")
+            return 1e6 * xi
+
+    with pytest.raises(KeyError, match="mine"):
+        run(three_balls(), (Broken(),) * 2, engine="plain")
+
+
+@pytest.mark.parametrize(
+    ("law", "rests"),
+    [(LinearDashpot(1e6, 100.0), True), (ViscoelasticHertz(1e7, 1e5), True), (LinearDashpot(1e6), False)],
+)
+def test_a_ball_comes_to_rest_on_the_floor(law: Any, rests: bool) -> None:
+    """`resting` once no contact can open; without damping the ball is bound for ever, `quiet`, or bounces."""
+    lying = 9.81 / 1e6
+    scene = Scene([math.inf, 1.0], [0.0, 0.1], [-0.99 * lying if not rests else 1e-3], [0.0, 0.0], 9.81)
+    soft = run(scene, (law,), engine="plain", max_steps=20_000)
+    assert soft.status is (Status.resting if rests else Status.quiet)
+    assert "equilibrium" in soft.message
+
+
+def test_rest_is_not_claimed_while_a_ball_may_arrive() -> None:
+    """The lower ball lies still long before the upper one comes down on it."""
+    scene = Scene([math.inf, 1.0, 1.0], [0.0, 0.1, 0.1], [1e-5, 0.5], [0.0, 0.0, 0.0], 9.81)
+    soft = run(scene, (LinearDashpot(1e6, 500.0),) * 2, engine="plain", max_steps=50_000)
+    assert soft.status is Status.resting
+    assert soft.of(1)["t_begin"][0] == pytest.approx(math.sqrt(2 * 0.5 / 9.81), rel=1e-3)
+
+
+@pytest.mark.parametrize("zeta", [5.0, 50.0, 1e3, 1e5])
+@pytest.mark.parametrize("engine", ["plain", "compiled"])
+def test_a_strongly_damped_pile_creeps_to_rest(zeta: float, engine: str) -> None:
+    """Proved by its modes after a few hundred steps; millions would be needed to follow it."""
+    if engine == "compiled":
+        pytest.importorskip("numba")
+    scene = three_balls(gap=0.0)
+    laws = tuple(LinearDashpot(5e7, 2.0 * zeta * math.sqrt(5e7 * pair.m_eff)) for pair in scene.pairs)
+    soft = run(scene, laws, until=until.contact(0, 2), engine=engine, max_steps=2000)
+    assert soft.status is Status.resting
+    assert "equilibrium" in soft.message
+
+
+def test_pile_between_walls_rests_by_its_squeeze() -> None:
+    """Floor and ceiling press two balls together, without gravity."""
+    scene = Scene([math.inf, 1.0, 2.0, math.inf], [0, 0.1, 0.1, 0], [-1e-3, -2e-3, -1e-4], [0.0] * 4)
+    soft = run(scene, (LinearDashpot(1e5, 300.0),) * 3, engine="plain", max_steps=20_000)
+    assert soft.status is Status.resting
+
+
+def test_a_start_inside_an_overlap() -> None:
+    """Overlap at the start: the contact begins at once; one that recedes faster than its force waits as residual."""
+    law = (LinearDashpot(1e4, 50.0),)
+    pressed = run(Scene([1.0, 1.0], [0.1] * 2, [-1e-3], [0.0, 0.0]), law, engine="plain")
+    assert pressed.contacts["t_begin"][0] == 0.0
+    parting = run(Scene([1.0, 1.0], [0.1] * 2, [-1e-3], [0.0, 5.0]), law, engine="plain")
+    assert len(parting.contacts) == 0
+    assert np.diff(parting.velocity[-1])[0] == 5.0

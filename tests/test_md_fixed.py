@@ -1,0 +1,277 @@
+"""Fixed-step methods: one source for plain and compiled, measured orders, statuses, bookkeeping."""
+
+import math
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.md.steps import METHODS
+
+ALL = tuple(METHODS)
+verlet = partial(gr.md.simulate, method="verlet")
+EPS = 0.9
+
+
+def pair_scene(gap=0.0, speed=1.0):
+    """Two free balls with m_eff = 1 that close at `speed`."""
+    return gr.Scene([2.0, 2.0], [0.5, 0.5], [gap], [speed, 0.0])
+
+
+def restitution(run):
+    return (run.velocity[-1][1] - run.velocity[-1][0]) / (run.velocity[0][0] - run.velocity[0][1])
+
+
+def three_balls(**options):
+    scene = gr.scenes.three_balls(**options)
+    return scene, [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=p) for p in scene.pairs]
+
+
+@dataclass(frozen=True)
+class OwnDashpot:
+    k: float
+    gamma: float
+
+    def force(self, xi, xi_dot, pair):
+        return self.k * xi + self.gamma * xi_dot
+
+
+def same_bits(one, other):
+    for name in ("time", "position", "velocity", "gap", "force"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    assert one.contacts.tobytes() == other.contacts.tobytes()
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_own_law_gives_the_bits_of_the_built_in_plain_and_compiled(method):
+    scene, law = three_balls()
+    own = [OwnDashpot(one.k, one.gamma) for one in law]
+    options = {"until": gr.until.contact(0, 2), "method": method, "dt": 2e-7}
+    runs = [verlet(scene, x, engine=engine, **options) for x in (law, own) for engine in ("plain", "compiled")]
+    assert runs[0].count(1) == 4
+    for run in runs[1:]:
+        same_bits(runs[0], run)
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_plain_and_compiled_give_the_same_bits_for_every_law(method):
+    scene = gr.scenes.newtons_cradle(7)
+    laws = [
+        gr.LinearDashpot(1e6, 50.0), gr.Hertz(1e9), gr.ViscoelasticHertz(1e9, 1e5), gr.TsujiHertz(1e9, 0.1),
+        gr.PowerLaw(1e9, 1.75), gr.WaltonBraun(1e6, 2e6),
+    ]  # fmt: skip
+    plain, compiled = (verlet(scene, laws, t_end=0.02, dt=2e-5, method=method, engine=e)
+                       for e in ("plain", "compiled"))
+    assert compiled.stats["engine"] == "compiled"
+    same_bits(plain, compiled)
+
+
+def test_auto_goes_on_compiled_in_the_middle_of_a_run(monkeypatch):
+    from granular.md import stepper
+
+    monkeypatch.setattr(stepper, "WORTH_COMPILING", 1000)
+    monkeypatch.setattr(stepper, "CHUNK", 500)
+    scene, law = three_balls()
+    options = {"until": gr.until.contact(0, 2), "dt": 1e-7}
+    auto, plain = (verlet(scene, law, engine=e, **options) for e in ("auto", "plain"))
+    assert (auto.stats["engine"], plain.stats["engine"]) == ("compiled", "plain")
+    same_bits(auto, plain)
+
+
+def test_a_law_that_does_not_compile_runs_plain_and_says_why(monkeypatch):
+    from granular.md import stepper
+
+    @dataclass(frozen=True)
+    class Wordy:
+        k: float
+        name: str
+
+        def force(self, xi, xi_dot, pair):
+            return self.k * xi
+
+    monkeypatch.setattr(stepper, "WORTH_COMPILING", 10)
+    monkeypatch.setattr(stepper, "CHUNK", 50)
+    run = verlet(pair_scene(), Wordy(1.0, "spring"), dt=1e-2)
+    assert run.stats["engine"] == "plain"
+    assert "Wordy" in run.stats["note"]
+    with pytest.raises(TypeError, match="Wordy is not a dataclass of numbers"):
+        verlet(pair_scene(), Wordy(1.0, "spring"), dt=1e-2, engine="compiled")
+
+
+@pytest.mark.parametrize(
+    ("method", "worst"), [("verlet", (1.60e-5, 2.0e-6)), ("symplectic-euler", (1.60e-5, 2.0e-6)),
+                          ("rk4", (2.4e-7, 1.4e-8)), ("gear5", (5.3e-7, 2.8e-8))]
+)
+def test_restitution_error_of_a_spring(method, worst):
+    """Catalogue G1: worst of the sub-step phases at 50 and 100 steps a contact."""
+    for n, expected in zip((50, 100), worst, strict=True):
+        dt = math.pi / n
+        errors = [
+            abs(restitution(verlet(pair_scene(dt * j / 50), gr.LinearDashpot(1.0), dt=dt, method=method)) - 1.0)
+            for j in range(50)
+        ]
+        assert expected / 1.25 < max(errors) < 1.25 * expected
+
+
+def order(law, method, steps, exact):
+    """Slope of log(worst error over phases) against log(dt)."""
+    t_c = gr.binary.collision(law, pair_scene().pairs[0], 1.0).duration
+    worst = []
+    for n in steps:
+        dt = t_c / n
+        runs = [verlet(pair_scene(dt * j / 16), law, dt=dt, method=method) for j in range(16)]
+        worst.append(max(abs(restitution(run) - exact) for run in runs))
+    return -np.polyfit(np.log(steps), np.log(worst), 1)[0]
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_force_jump_reduces_every_method_to_order_one(method):
+    law = gr.LinearDashpot.from_restitution(EPS, 1.0, pair_scene().pairs[0])
+    assert order(law, method, (50, 100, 200, 400), EPS) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("method", ["verlet", "rk4"])
+def test_hertz_converges_with_order_two_and_a_half(method):
+    assert order(gr.Hertz(1.0), method, (50, 100, 200, 400), 1.0) == pytest.approx(2.5, abs=0.25)
+
+
+def test_damped_error_of_the_catalogue():
+    """Catalogue G2, n = 100: 9.6e-4 (Verlet)."""
+    law = gr.LinearDashpot.from_restitution(EPS, 1.0, pair_scene().pairs[0])
+    dt = gr.binary.collision(law, pair_scene().pairs[0], 1.0).duration / 100
+    runs = [verlet(pair_scene(dt * j / 50), law, dt=dt) for j in range(50)]
+    assert max(abs(restitution(run) - EPS) for run in runs) == pytest.approx(9.6e-4, rel=0.2)
+
+
+def test_stability_limit_of_a_pair():
+    """Catalogue G4: dt < 2/ω0 for a pair, here a ball that keeps oscillating on the floor (ω0 = 1)."""
+    scene = gr.Scene([math.inf, 1.0], [0.0, 0.5], [-1.1], [0.0, 0.0], gravity=1.0)
+    with pytest.warns(RuntimeWarning, match=r"times the inverse of the sharpest rate.*above 0\.2"):
+        below = verlet(scene, gr.LinearDashpot(1.0), dt=1.99, t_end=1000.0)
+    above = verlet(scene, gr.LinearDashpot(1.0), dt=2.01, t_end=1000.0)
+    assert below.status is gr.Status.time
+    assert above.status is gr.Status.unstable
+    assert "the limit is 2" in above.message
+    assert "take dt ≤" in above.message
+
+
+def test_energy_made_by_a_long_step_is_noticed():
+    run = verlet(pair_scene(), gr.LinearDashpot(1.0), dt=1.9)
+    assert run.status is gr.Status.unstable
+    assert "energy grew" in run.message
+
+
+def test_stability_limit_inside_a_chain():
+    """Catalogue G4: √(m/k) inside a chain of equal balls; pre-compressed, so that every contact stays closed."""
+    n, m, k = 30, 1.0, 1.0
+    compressed = gr.Scene([math.inf, *[m] * n, math.inf], [0.0, *[0.5] * n, 0.0], [-0.5] * (n + 1), [0.0] * (n + 2))
+    kicked = compressed.replace(velocity=np.where(np.arange(n + 2) == 5, 0.01, 0.0))
+    above = verlet(kicked, gr.LinearDashpot(k), t_end=400.0, dt=1.01 * math.sqrt(m / k))
+    with pytest.warns(RuntimeWarning):
+        below = verlet(kicked, gr.LinearDashpot(k), t_end=400.0, dt=0.99 * math.sqrt(m / k))
+    assert above.status is gr.Status.unstable
+    assert below.status is gr.Status.time
+    assert np.abs(below.velocity[-1]).max() < 0.1
+
+
+def test_samples_do_not_change_the_trajectory():
+    scene, law = three_balls()
+    options = {"until": gr.until.contact(0, 2), "dt": 1e-7}
+    bare = verlet(scene, law, **options)
+    times = np.linspace(0.3191, 0.3202, 57)
+    rich = verlet(scene, law, samples=times, **options)
+    assert rich.contacts.tobytes() == bare.contacts.tobytes()
+    np.testing.assert_array_equal(rich.time[:-1], times)
+    np.testing.assert_array_equal(rich.velocity[-1], bare.velocity[-1])
+    assert rich.force.max() > 3e4
+
+
+def test_free_flight_is_exact_and_costs_no_steps():
+    scene = gr.scenes.bouncing_ball(height=1.0)
+    run = verlet(scene, gr.LinearDashpot(1e6), samples=[0.1, 0.2, 0.4], t_end=0.4)
+    np.testing.assert_allclose(run.velocity[:, 1], -9.81 * np.array([0.1, 0.2, 0.4]), rtol=1e-13)
+    np.testing.assert_allclose(run.gap[:, 0], 1.0 - 0.5 * 9.81 * np.array([0.1, 0.2, 0.4]) ** 2, rtol=1e-13)
+    assert run.stats["steps"] < 5
+
+
+def test_log_of_an_initial_overlap():
+    run = verlet(pair_scene(gap=-0.1, speed=0.0), gr.LinearDashpot(1.0), dt=1e-3)
+    (row,) = run.contacts
+    assert row["t_begin"] == 0.0
+    assert row["xi_max"] == pytest.approx(0.1, rel=1e-6)
+    assert row["duration"] == pytest.approx(0.5 * math.pi, rel=1e-5)
+    assert run.energy()[-1] == pytest.approx(0.5 * 0.1**2, rel=1e-5)
+
+
+def test_until_a_contact_that_is_there_from_the_start():
+    run = verlet(pair_scene(gap=-0.1), gr.LinearDashpot(1.0), until=gr.until.contact(0, 1), dt=1e-3)
+    assert run.status is gr.Status.until
+    assert run.time[-1] == 0.0
+    assert len(run.contacts) == 0
+
+
+def test_momentum_and_impulse():
+    scene = gr.scenes.newtons_cradle(5)
+    run = verlet(scene, gr.Hertz(1e9), until=gr.until.separated())
+    assert run.status is gr.Status.until
+    np.testing.assert_allclose(run.momentum(), scene.momentum(), rtol=1e-13)
+    first = run.of(0)[0]
+    assert first["impulse"] == pytest.approx(scene.mass[0] * (first["v_in"][0] - first["v_out"][0]), rel=1e-5)
+
+
+def test_mirror():
+    scene = gr.Scene([1.0, 2.0, 0.5], [0.1] * 3, [0.3, 0.2], [1.0, 0.25, -0.5])
+    other = gr.Scene(scene.mass[::-1], [0.1] * 3, scene.gap[::-1], -scene.velocity[::-1])
+    law = gr.LinearDashpot(1e4, 10.0)
+    one, two = (verlet(x, law, t_end=1.0, dt=2.0**-12) for x in (scene, other))
+    np.testing.assert_allclose(one.velocity[-1], -two.velocity[-1][::-1], rtol=1e-12)
+
+
+def test_scaling_by_powers_of_two_keeps_the_bits():
+    scene = gr.Scene([math.inf, 1.0, 0.5], [0.0, 0.1, 0.1], [0.25, 0.1], [0.0, -1.0, -0.5], gravity=8.0)
+    faster = scene.replace(velocity=scene.velocity * 4.0, gravity=8.0 * 16.0)  # time / 4
+    law = gr.LinearDashpot(1e4, 10.0)
+    one = verlet(scene, law, t_end=1.0, dt=2.0**-12)
+    two = verlet(faster, gr.LinearDashpot(16e4, 40.0), t_end=0.25, dt=2.0**-14)
+    np.testing.assert_array_equal(4.0 * one.velocity, two.velocity)
+    np.testing.assert_array_equal(one.gap, two.gap)
+
+
+def test_contacts_and_steps_are_limited():
+    scene = gr.scenes.gas(n=10, seed=3)
+    run = verlet(scene, gr.LinearDashpot(1e5), max_events=7)
+    assert run.status is gr.Status.max_events
+    assert len(run.contacts[~np.isnan(run.contacts["t_end"])]) == 7
+    rests = gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.0], [0.0, 0.0], gravity=9.81)
+    assert verlet(rests, gr.LinearDashpot(1e5, 1e3), max_steps=100).status is gr.Status.max_events
+
+
+def test_callbacks():
+    scene, law = three_balls()
+    rows, seen = [], []
+    run = verlet(scene, law, until=gr.until.contact(0, 2), on_event=rows.append,
+                         on_progress=lambda t, n: seen.append((t, n)))
+    assert [int(row["pair"]) for row in rows] == [1, 1, 1, 1, 0]
+    assert rows == sorted(rows, key=lambda row: row["t_end"])
+    assert seen[-1][1] == len(run.contacts)
+
+    def stop(row):
+        raise KeyError("mine")
+
+    with pytest.raises(KeyError, match="mine"):
+        verlet(scene, law, until=gr.until.contact(0, 2), on_event=stop)
+
+
+def test_memory_of_walton_braun():
+    run = verlet(pair_scene(), gr.WaltonBraun.from_restitution(0.5, 1.0), dt=1e-3)
+    assert restitution(run) == pytest.approx(0.5, abs=2e-6)
+    assert run.contacts[0]["duration"] == pytest.approx(0.75 * math.pi, rel=1e-5)
+
+
+def test_moving_wall_pushes_without_energy_alarm():
+    piston = gr.Scene([math.inf, 1.0], [0.0, 0.1], [1.0], [2.0, 0.0])
+    run = verlet(piston, gr.LinearDashpot(1e4), dt=1e-4)
+    assert run.status is gr.Status.quiet
+    assert run.velocity[-1][1] == pytest.approx(4.0, rel=1e-5)

@@ -1,0 +1,176 @@
+"""Every kind of misuse of the public face ends in one clear sentence: the name, the value got, what is needed."""
+
+import math
+import re
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from granular import binary, cases, edmd, laws, md, rules, scenes, theory, until
+from granular.comparison import compare
+from granular.scene import Scene
+
+STACK = scenes.three_balls()
+PAIR = STACK.pairs[1]
+SOFT = laws.LinearDashpot(5e7, 100.0)
+HARD = rules.ConstantRestitution(0.7)
+OVERLAP = Scene([1.0, 1.0], [0.1, 0.1], [-0.01], [0.0, 0.0])
+
+
+def scene(**changes):
+    values = {"mass": [math.inf, 2.0, 1.0], "radius": [0.0, 0.1, 0.2], "gap": [0.5, 1e-3], "velocity": [0.0, -1.0, 2.0]}
+    return Scene(**(values | changes))
+
+
+def soft(*arguments, **options):
+    return md.simulate(*(arguments or (STACK, SOFT)), **({"t_end": 0.01} | options))
+
+
+def hard(*arguments, **options):
+    return edmd.simulate(*(arguments or (STACK, HARD)), **({"t_end": 0.01} | options))
+
+
+@dataclass(frozen=True)
+class Forceless:
+    k: float = 1.0
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """Its force and its trait disagree."""
+
+    k: float = 1.0
+
+    def force(self, xi, xi_dot, pair):
+        return self.k * xi
+
+    def linear(self, pair):
+        return 2.0 * self.k, 0.0
+
+
+SCENES = {
+    "negative mass": (lambda: scene(mass=[math.inf, -2.0, 1.0]), r"mass\[1\] is -2\.0: a mass must be positive"),
+    "massless ball": (lambda: scene(mass=[math.inf, 0.0, 1.0]), r"mass\[1\] is 0\.0: a mass must be positive"),
+    "mass is nan": (lambda: scene(mass=[math.inf, math.nan, 1.0]), r"mass\[1\] is nan: a mass must be positive"),
+    "wall in the middle": (lambda: scene(mass=[1.0, math.inf, 1.0]), r"mass\[1\] is inf: only the first and the last"),
+    "walls only": (
+        lambda: Scene([math.inf] * 2, [0, 0], [1], [0, 0]),
+        r"mass is inf for every body: at least one ball"),
+    "one body": (lambda: Scene([1.0], [0.1], [], [0.0]), r"mass has 1 entries: at least 2 bodies are needed"),
+    "mass is a word": (lambda: scene(mass="heavy"), r"mass is 'heavy': an array of numbers is needed"),
+    "mass is a matrix": (lambda: scene(mass=np.ones((2, 2))), r"shape of mass is \(2, 2\): one dimension is needed"),
+    "negative radius": (lambda: scene(radius=[0, -0.1, 0.2]), r"radius\[1\] is -0\.1: a radius must be finite and not"),
+    "thick wall": (lambda: scene(radius=[0.1, 0.1, 0.2]), r"radius\[0\] is 0\.1: a wall is flat and has radius 0"),
+    "too few radii": (lambda: scene(radius=[0, 0.1]), r"shape of radius is \(2,\): \(3,\) is needed"),
+    "one gap per body": (
+        lambda: scene(gap=[0.5, 0.1, 0.1]),
+        r"shape of gap is \(3,\): \(2,\) is needed; one gap per pair"),
+    "endless gap": (lambda: scene(gap=[0.5, math.inf]), r"gap\[1\] is inf: a gap must be finite"),
+    "velocity is nan": (lambda: scene(velocity=[0, 0, math.nan]), r"velocity\[2\] is nan: a velocity must be finite"),
+    "gravity upwards": (lambda: scene(gravity=-9.81), r"gravity is -9\.81: .*at least 0 is needed; gravity pulls down"),
+    "gravity as a vector": (lambda: scene(gravity=[0, -9.81]), r"gravity is \[0, -9\.81\]: a single number is needed"),
+    "positions fall": (
+        lambda: Scene.from_positions([1, 1], [0, 0], [1, 0], [0, 0]),
+        r"position\[\d\] is .*not decrease"),
+    "three radii": (lambda: scenes.three_balls((1, 1, 1)), r"shape of radii is \(3,\): \(2,\) is needed"),
+    "ball in the floor": (lambda: scenes.three_balls(height=0.01), r"height is 0\.01: .*at least 0\.1 is needed"),
+    "stack of nothing": (lambda: scenes.ball_stack(0), r"n is 0: a whole number of at least 1 is needed"),
+    "dropped and thrown": (
+        lambda: scenes.ball_stack(height=1, speed=1),
+        r"height is 1 and speed is 1: give one of the"),
+    "all balls arrive": (lambda: scenes.newtons_cradle(3, moving=3), r"moving is 3: .*at most 2 is needed"),
+    "overfull gas": (lambda: scenes.gas(packing=1.5), r"packing is 1\.5: a share of the length below 1 is needed"),
+    "unknown speeds": (lambda: scenes.gas(speeds="maxwel"), r"speeds is 'maxwel': .*did you mean maxwell\?"),
+}
+
+LAWS = {
+    "restitution above 1": (
+        lambda: laws.LinearDashpot.from_restitution(1.2, 1e6, PAIR),
+        r"restitution is 1\.2: .*at most 1"),
+    "dashpot that sticks": (
+        lambda: laws.LinearDashpot.from_restitution(0.0, 1e6, PAIR),
+        r"restitution is 0\.0: .*above 0"),
+    "no stiffness": (lambda: laws.Hertz(0.0), r"k is 0\.0: a finite number above 0 is needed"),
+    "driving dashpot": (lambda: laws.LinearDashpot(1e6, -1.0), r"gamma is -1\.0: .*at least 0 is needed"),
+    "stiffness is nan": (lambda: laws.TsujiHertz(math.nan, 0.1), r"k is nan: a finite number above 0 is needed"),
+    "too soft a power": (lambda: laws.PowerLaw(1.0, 0.5), r"exponent is 0\.5: .*at least 1 is needed"),
+    "softer unloading": (
+        lambda: laws.WaltonBraun(2.0, 1.0),
+        r"k_unload is 1\.0: .*at least 2 is needed; unloading must"),
+    "Poisson's ratio 0.6": (
+        lambda: laws.Hertz.from_material(1e9, 0.6, PAIR),
+        r"poisson is 0\.6: .*at most 0\.5 is needed"),
+    "rule above 1": (lambda: rules.ConstantRestitution(1.2), r"restitution is 1\.2: .*at most 1 is needed"),
+    "rule is a word": (lambda: rules.ConstantRestitution("hard"), r"restitution is 'hard': a single number is needed"),
+    "table that falls back": (
+        lambda: rules.TabulatedRestitution([0, 2, 1], [1, 1, 1]),
+        r"speed\[\d\] is .*must increase"),
+    "table of one": (lambda: rules.TabulatedRestitution([1], [1]), r"speed has 1 entries: at least 2 are needed"),
+    "standing collision": (lambda: binary.collision(SOFT, PAIR, 0.0), r"speed is 0\.0: .*above 0 is needed"),
+    "separating balls": (lambda: theory.effective_restitution(-1, 3), r"v_rel_after is -1: .*at least 0 is needed"),
+}
+
+RUNS = {
+    "law without force": (
+        lambda: soft(STACK, Forceless()),
+        r"law of pair 0 is .*Forceless.*: an object with force\(self"),
+    "law is a number": (lambda: soft(STACK, 5e7), r"law of pair 0 is 50000000\.0: an object with force\(self"),
+    "law that contradicts itself": (
+        lambda: soft(STACK, Contradiction()),
+        r"law of pair 0 is .*force\(0\.25, 0\.5\) gives"),
+    "too few laws": (lambda: soft(STACK, [SOFT]), r"length of law is 1: 2 \(the number of pairs\) is needed"),
+    "unknown method": (lambda: soft(method="verlett"), r"method is 'verlett': one of .* did you mean verlet\?"),
+    "no time step": (lambda: soft(dt=0.0), r"dt is 0\.0: a finite number above 0 is needed"),
+    "md into the past": (lambda: soft(t_end=-1.0), r"t_end is -1\.0: .*at least 0 is needed"),
+    "md of a word": (lambda: soft("three-balls", SOFT), r"scene is 'three-balls': a .*Scene is needed"),
+    "md until no pair": (lambda: soft(until=until.contact(7)), r"pair of until\.contact is 7: .*at most 1 is needed"),
+    "until is a word": (lambda: soft(until="separated"), r"until is 'separated': a condition from granular\.until"),
+    "md samples outside": (lambda: soft(samples=[0.0, 0.5]), r"samples\[1\] is 0\.5: "),
+    "zeroth contact": (lambda: until.contact(0, nth=0), r"nth is 0: a whole number of at least 1 is needed"),
+    "overlap in edmd": (lambda: hard(OVERLAP, HARD), r"gap\[0\] is -0\.01: "),
+    "rule is a bare number": (
+        lambda: hard(STACK, 0.7),
+        r"rule is 0\.7: a callable .* write granular\.ConstantRestitution"),
+    "law as a rule": (lambda: hard(STACK, SOFT), r"rule is LinearDashpot.*: a callable of \(speed, pair\) is needed"),
+    "rule out of range": (
+        lambda: hard(STACK, lambda v, p: 1.5, t_end=1.0),
+        r"returned 1\.5 at impact speed .*\[0, 1\]"),
+    "too few restitutions": (
+        lambda: hard(STACK, rules.ConstantRestitution([0.7])),
+        r"length of restitution is 1: 2 \(the"),
+    "edmd until no pair": (lambda: hard(until=until.contact(7)), r"pair of until\.contact is 7: .*at most 1 is needed"),
+    "edmd into the past": (lambda: hard(t_end=-1.0), r"t_end is -1\.0: "),
+    "edmd samples outside": (lambda: hard(samples=[0.0, 0.5]), r"samples\[1\] is 0\.5: "),
+    "unknown tie rule": (lambda: hard(ties="lefft"), r"ties is 'lefft': one of .* did you mean left\?"),
+    "unknown remedy": (lambda: hard(collapse="stopp"), r"collapse is 'stopp': "),
+    "unknown engine": (lambda: hard(engine="fast"), r"engine is 'fast': one of "),
+    "overlap in compare": (lambda: compare(OVERLAP, SOFT, t_end=1.0), r"gap\[0\] is -0\.01: "),
+    "compare without force": (lambda: compare(STACK, Forceless(), t_end=1.0), r"law of pair 0 is .*Forceless"),
+    "compare into the past": (lambda: compare(STACK, SOFT, t_end=-1.0), r"t_end is -1\.0: "),
+    "unknown case": (lambda: cases.make("three-bals"), r"scene is 'three-bals': .*did you mean three-balls\?"),
+    "unknown option": (lambda: cases.make("gas", sead=1), r"'sead' is no option of gas; did you mean seed\?"),
+    "option of the other engine": (lambda: cases.make("gas").simulate("edmd", dt=1), r"'dt' is no option of edmd"),
+}
+
+
+@pytest.mark.parametrize(("call", "sentence"), [
+    pytest.param(*row, id=name) for table in (SCENES, LAWS, RUNS) for name, row in table.items()])
+def test_misuse_is_one_clear_sentence(call, sentence):
+    with pytest.raises((ValueError, TypeError)) as caught:
+        call()
+    message = str(caught.value)
+    assert re.search(sentence, message), message
+    assert message[-1] in ".?"
+    assert "\n" not in message
+
+
+def test_a_user_s_own_exception_passes_through_unwrapped():
+    class Own(Exception):
+        pass
+
+    def raising(speed, pair):
+        raise Own("mine")
+
+    with pytest.raises(Own, match="mine"):
+        hard(STACK, raising, t_end=1.0)

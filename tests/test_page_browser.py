@@ -1,0 +1,237 @@
+"""The real pages in a headless Chromium."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+import granular as gr
+from granular.page import assemble, live_page, player_page
+
+HERE = Path(__file__).parent / "page"
+sys.path.insert(0, str(HERE))
+
+import browser as chromium  # noqa: E402
+
+pytestmark = pytest.mark.skipif(
+    chromium.found() is None, reason="no Chromium or Chrome is installed: the pages are not driven here"
+)
+
+
+@pytest.fixture(scope="module")
+def tab():
+    with chromium.Browser() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def live(tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "live.html"
+    live_page(path)
+    return path.as_uri()
+
+
+@pytest.fixture
+def page(tab, live):
+    """The teaching page, freshly opened; afterwards nothing may have been complained about or asked for."""
+    fresh(tab, live)
+    yield tab
+    assert tab.complaints == []
+    assert all(url.startswith(("file:", "data:", "blob:", "about:")) for url in tab.requests)
+
+
+def fresh(tab, url):
+    tab.size(1280, 900)
+    tab.open("about:blank")
+    tab.complaints.clear()
+    tab.requests.clear()
+    tab.open(url)
+    tab.wait("performance.getEntriesByName('drawn').length > 0")
+
+
+def slide(tab, name, value):
+    """Move a slider of the page as a hand would."""
+    tab.run(
+        f"{{ const s = document.querySelector('[data-name={name}]'); s.value = {value};"
+        " s.dispatchEvent(new Event('input', {bubbles: true})); }"
+    )
+    tab.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def text(tab, selector):
+    return tab.run(f"document.querySelector({selector!r}).textContent")
+
+
+def click(tab, selector):
+    tab.run(f"document.querySelector({selector!r}).click()")
+    tab.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def named(tab, label):
+    tab.run(f"[...document.querySelectorAll('button')].find((b) => b.textContent === {label!r}).click()")
+    tab.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def time_bar(tab):
+    return tab.run("Number(document.querySelector('.time-bar').value)")
+
+
+def test_the_paper_is_what_the_page_opens_with(page) -> None:
+    assert text(page, ".verdict") == "No: balls 1 and 2 have 4 contacts, not 1, and part at 0.177 instead of 3.73 m/s."
+    assert page.run("document.querySelectorAll('.stage svg .ball').length") == 4
+
+
+def test_golden_data_in_the_browser(tab, tmp_path) -> None:
+    check = assemble.EXPORT.sub("", assemble.IMPORT.sub("", (HERE / "golden.mjs").read_text(encoding="utf-8")))
+    cases = (HERE / "golden.json").read_text(encoding="utf-8")
+    script = assemble.bundle("physics/outcome.mjs") + check + f"const cases = {cases};\n"
+    script += "window.tried = cases.length; window.faults = cases.flatMap((c) => check(c));"
+    (tmp_path / "golden.html").write_text(f'<script type="module">{script}</script>', encoding="utf-8")
+    tab.open((tmp_path / "golden.html").as_uri())
+    tab.wait("window.faults !== undefined", 30)
+    assert tab.run("[window.tried, window.faults]") == [500, []]
+
+
+def test_sliders_change_everything_at_once(page) -> None:
+    curve = page.run("document.querySelector('.curve .soft-line').getAttribute('d')")
+    slide(page, "eps", 1000)
+    assert page.run("document.querySelector('output[for=slider-eps]').textContent") == "1"
+    slide(page, "gap", 1000)
+    assert text(page, ".verdict").startswith("Yes")
+    assert page.run("document.querySelector('[data-name=gap]').getAttribute('aria-valuetext')") == "10 mm"
+    page.wait(f"document.querySelector('.curve .soft-line')?.getAttribute('d') !== {curve!r}")
+
+
+def test_presets(page) -> None:
+    named(page, "touching")
+    assert text(page, "output[for=slider-gap]") == "0, touching"
+    assert text(page, ".presets [aria-pressed=true]") == "touching"
+    named(page, "the paper")
+    assert text(page, "output[for=slider-gap]") == "100 µm"
+
+
+def test_scrubbing_moves_the_balls(page) -> None:
+    at = "document.querySelector('.stage .soft .ball').getAttribute('transform')"
+    before = page.run(at)
+    page.run("{ const b = document.querySelector('.time-bar'); b.value = 900; b.dispatchEvent(new Event('input')); }")
+    assert page.run(at) != before
+    assert page.run("document.querySelector('.forces .playhead').getAttribute('visibility')") == "visible"
+    assert "of" in page.run("document.querySelector('.time-bar').getAttribute('aria-valuetext')")
+
+
+def test_keyboard(page) -> None:
+    page.key("ArrowRight")
+    page.key("ArrowRight")
+    assert time_bar(page) == 40
+    page.key("ArrowLeft")
+    assert time_bar(page) == 20
+    page.key("ArrowRight", shift=True)
+    first = page.run("document.querySelector('.time-now').textContent")
+    assert first == "48.14 µs"  # the floor is touched
+    page.key(" ")
+    assert page.run("document.querySelector('.play').getAttribute('aria-label')") == "pause"
+    page.wait(f"document.querySelector('.time-now').textContent !== {first!r}")
+    page.key(" ")
+    assert page.run("document.querySelector('.play').getAttribute('aria-label')") == "play"
+    page.key("r")
+    assert time_bar(page) == 0
+    page.run("document.querySelector('[data-name=eps]').focus()")
+    page.key("ArrowRight")
+    assert time_bar(page) == 0  # arrows belong to the slider that has the focus
+
+
+def test_the_link_brings_everything_back(page, live) -> None:
+    click(page, "[data-scene=newtons-cradle]")
+    slide(page, "n", 7)
+    slide(page, "gap", 300)
+    page.key("ArrowRight")
+    page.wait("location.hash.includes('n=7') && location.hash.includes('at=0.01')")
+    link, told = page.run("location.hash"), text(page, ".verdict")
+    fresh(page, live + link)
+    assert text(page, ".verdict") == told
+    assert (text(page, "output[for=slider-n]"), time_bar(page)) == ("7", 20)
+    page.run("location.hash = '#scene=ball-stack&n=99&eps=nonsense'")
+    page.wait("document.querySelector('output[for=slider-massRatio]') !== null")
+    assert text(page, "output[for=slider-n]") == "8"
+    assert text(page, "output[for=slider-eps]") == "0.9"
+
+
+def test_contacts_as_csv(page) -> None:
+    page.run("URL.createObjectURL = (blob) => { blob.text().then((t) => { window.saved = t; }); return 'data:,'; }")
+    click(page, ".csv")
+    page.wait("window.saved !== undefined")
+    head, *rows = [line.split(",") for line in page.run("window.saved").replace('"', "").strip().split("\r\n")]
+    assert head[0] == "engine"
+    assert [row[0] for row in rows].count("soft") == 5
+    scene = gr.scenes.three_balls()
+    law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=p) for p in scene.pairs]
+    log = gr.md.simulate(scene, law, until=gr.until.contact(0, 2)).contacts
+    assert [float(row[2]) for row in rows if row[0] == "soft"] == pytest.approx(log["t_begin"], rel=1e-12)
+
+
+def test_predict_first(page) -> None:
+    click(page, ".predict-button")
+    assert page.run("getComputedStyle(document.querySelector('.verdict')).display") == "none"
+    page.key("ArrowRight")
+    page.key(" ")
+    assert time_bar(page) == 0  # nothing is given away
+    page.run("{ const g = document.querySelector('.guess'); g.value = 120; g.dispatchEvent(new Event('input')); }")
+    click(page, ".run")
+    told = text(page, ".told")
+    assert told.startswith("You guessed 1.2. Hard spheres say 1.19, soft spheres 0.0566.")
+    assert told.endswith("That the engines disagree you had foreseen.")
+    assert page.run("getComputedStyle(document.querySelector('.verdict')).display") != "none"
+    page.wait("Number(document.querySelector('.time-bar').value) > 0")
+
+
+def test_all_tie_rules_beside_the_soft_spheres(page, live) -> None:
+    fresh(page, live + "#scene=newtons-cradle&n=3&gap=0&eps=1")
+    cells = "[...document.querySelectorAll('.ties tbody tr')].map((r) => [...r.children].map((c) => c.textContent))"
+    rows = page.run(cells)
+    assert len(rows) == 7
+    assert rows[0][1:] == ["0", "0", "1"]
+    assert rows[4][1:] == ["−0.333", "0.667", "0.667"]
+    assert rows[6][0] == "soft spheres"
+
+
+def test_everything_has_a_name_for_those_who_listen(page) -> None:
+    nameless = page.run(
+        "[...document.querySelectorAll('button, input, select, svg[role=img], section')].filter((e) =>"
+        " !(e.getAttribute('aria-label') || e.textContent.trim() || e.labels?.length)).map((e) => e.outerHTML)"
+    )
+    assert nameless == []
+    assert page.run("document.querySelector('.verdict').getAttribute('role')") == "status"
+
+
+def test_print_style(page) -> None:
+    page.media("print")
+    shown = page.run("getComputedStyle(document.querySelector('.transport')).display")
+    page.media()
+    assert shown == "none"
+
+
+@pytest.mark.parametrize("scene", ["three-balls", "ball-stack&n=8", "newtons-cradle&n=9"])
+def test_nothing_sticks_out_on_a_small_phone(page, live, scene) -> None:
+    page.size(360, 740, mobile=True)
+    page.open("about:blank")
+    page.open(f"{live}#scene={scene}")
+    page.wait("performance.getEntriesByName('drawn').length > 0")
+    assert page.run("document.documentElement.scrollWidth") <= 360
+
+
+def test_the_player_manages_a_thousand_balls(tab, tmp_path) -> None:
+    scene = gr.scenes.gas(n=1000)
+    run = gr.edmd.simulate(
+        scene, gr.ConstantRestitution(0.9), t_end=5 * float(scene.gap.mean()), samples=500, engine="sorted"
+    )
+    player_page(tmp_path / "gas.html", [run, run], ["gas", "twin"])
+    fresh(tab, (tmp_path / "gas.html").as_uri())
+    assert "of 500 rows" in text(tab, ".honest")
+    assert tab.run("document.querySelectorAll('canvas').length") == 6
+    tab.key("End")
+    assert time_bar(tab) == 2000
+    tab.size(360, 740, mobile=True)
+    assert tab.run("document.documentElement.scrollWidth") <= 360
+    assert tab.complaints == []
+    assert json.dumps(sorted(set(tab.requests))).count("http") == 0

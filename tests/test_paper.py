@@ -1,0 +1,153 @@
+"""The paper: every reference point on its figure, and each claim decided by the program."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular import adiabatic, paper, theory
+from granular.paper import forces, sequence, setting, viscoelastic
+
+pytest.importorskip("xarray")
+pytest.importorskip("matplotlib")
+REFERENCE = json.loads((Path(__file__).parent / "reference" / "paper_points.json").read_text(encoding="utf-8"))
+END = gr.until.contact(pair=0, nth=2)
+
+
+def cell(results, **parameters):
+    """One cell of a sweep."""
+    return gr.sweep("three-balls", {"gap": [parameters.pop("gap", 1e-4)]}, results, **parameters).isel(gap=0)
+
+
+def parameters(inputs):
+    """What the scene calls the inputs of a reference point."""
+    names = {"gap": "dh", "height": "z1", "density": "rho", "gravity": "g", "stiffness": "k", "restitution": "eps_spec"}
+    return {"radii": (inputs["R1"], inputs["R2"]), **{name: inputs[letter] for name, letter in names.items()}}
+
+
+@pytest.mark.parametrize("point", REFERENCE["linear"], ids=lambda point: point["id"])
+def test_every_reference_point(point):
+    found = cell(("contacts", "v_rel", "eps_ratio"), **parameters(point["inputs"]))
+    assert int(found["contacts"][1]) == point["n"]
+    good = 1e-13 * max(1.0, point["condition"]) * abs(point["v10"])
+    assert float(found["v_rel"][1]) == pytest.approx(point["vr"], rel=0.0, abs=good)
+    eps = point["inputs"]["eps_spec"]
+    assert float(found["eps_ratio"]) == pytest.approx(point["eps_ratio"], rel=0.0, abs=4e-13 / eps * max(1.0, good))
+
+
+def test_figure_2_has_the_reference_forces():
+    scene, samples = setting.drop(), REFERENCE["forces"]
+    start = setting.first_touch(scene)
+    times = start + np.array(samples["t"])
+    run = gr.md.simulate(scene, setting.dashpots(scene, forces.RESTITUTION), t_end=1.0, samples=times)
+    for pair, name in enumerate(("F01", "F12")):
+        steep = np.gradient(samples[name], samples["t"]).max()
+        assert run.force[:, pair] == pytest.approx(samples[name], rel=1e-10, abs=10 * steep * np.spacing(start))
+
+
+@pytest.mark.parametrize("point", REFERENCE["viscoelastic"], ids=lambda point: point["id"])
+def test_figures_7_and_8_have_the_reference_points(point):
+    inputs = point["inputs"]
+    universal = inputs["eps"] is not None
+    law = (viscoelastic.with_restitution(float(inputs["eps"])) if universal
+           else viscoelastic.with_constant(float(inputs["A"])))
+    run = setting.until_second_floor_contact(viscoelastic.scene(), law)
+    assert run.count(1) == point["n"]
+    assert setting.intervals(run) == pytest.approx(np.array(point["contacts"]), rel=1e-9, abs=0.0)
+    assert run.of(1)["v_out"][-1] == pytest.approx([point["v1"], point["v2"]], rel=0.0, abs=1e-10)
+
+
+def test_claim_contacts_and_spikes_over_restitution():
+    grid = np.linspace(0.3, 1.0, 71)
+    found = sequence.follow(sequence._numerical, grid)
+    assert len(found[-1]["contacts"]) == 3  # at ε = 1
+    assert max(len(stretch["contacts"]) for stretch in found) == 7
+    most = np.concatenate([stretch["parameter"] for stretch in found if len(stretch["contacts"]) == 7])
+    assert [most[0], most[-1]] == pytest.approx([0.60426, 0.61245], abs=1e-5)
+    windows = sequence.spikes(found)
+    for low, high, count in REFERENCE["spike_windows"]:
+        near = min(windows, key=lambda window: abs(window[1] - high))
+        assert near == [pytest.approx(low, abs=1e-6), pytest.approx(high, abs=1e-6), count]
+
+
+def test_claim_one_maximum_of_contacts_over_restitution():
+    base = gr.sweep("three-balls", {"restitution": np.linspace(0.1, 1.0, 181)}, "contacts")["contacts"].values[:, 1]
+    turns = np.diff(base[np.append(True, np.diff(base) != 0)])
+    assert (np.diff(np.sign(turns)) <= 0).all()  # true of the base case
+    other = gr.sweep("three-balls", {"restitution": [0.642, 0.645, 0.648]}, "contacts", radii=(0.115, 0.01))
+    assert other["contacts"].values[:, 1].tolist() == [8, 7, 8]  # refuted in general
+
+
+def test_claim_more_contacts_with_growing_ratio():
+    ratio = gr.sweep("three-balls", {"radii[0]": 0.01 * np.linspace(1.0, 20.0, 60)}, "contacts", restitution=0.8)
+    assert (np.diff(ratio["contacts"].values[:, 1]) >= 0).all()
+    assert ratio["contacts"].values[-1, 1] == 9
+
+
+def test_claim_limit_at_large_gap_is_above_one():
+    limit = float(cell("eps_ratio", gap=0.05, restitution=0.9)["eps_ratio"])
+    assert limit == pytest.approx(1.0009257655540613, abs=1e-12)
+    weightless = gr.scenes.three_balls(gap=0.05, gravity=0.0, height=0.1).replace(velocity=[0.0, -3.0, -3.0])
+    run = gr.md.simulate(weightless, setting.dashpots(weightless, 0.9), until=gr.until.separated())
+    v_rel = np.diff(run.of(1)["v_out"][-1])[0]
+    assert theory.effective_restitution(v_rel, 3.0) == pytest.approx(0.9, abs=1e-12)  # gravity is the reason
+
+
+def test_claim_peak_over_the_ratio_of_radii():
+    ratio = np.linspace(1.39, 1.396, 61)
+    data = gr.sweep("three-balls", {"radii[0]": 0.01 * ratio}, "eps_ratio", restitution=0.8)["eps_ratio"].values
+    assert ratio[data.argmax()] == pytest.approx(1.39323, abs=1e-4)
+    assert data.max() == pytest.approx(1.0023030, abs=1e-7)
+
+
+@pytest.mark.parametrize(("ratio", "within"), [(10.0, 5e-3), (5.0, 1.5e-2)])
+def test_claim_adiabatic_solution_agrees(ratio, within):
+    scene, worst, differing = setting.drop(radii=(0.01 * ratio, 0.01)), 0.0, 0
+    for eps in np.linspace(0.3, 1.0, 29):
+        law = setting.dashpots(scene, float(eps))
+        run, theirs = setting.until_second_floor_contact(scene, law), adiabatic.contacts(scene, law)
+        differing += run.count(1) != theirs.count
+        worst = max(worst, abs(run.of(1)["v_out"][-1][1] - theirs.v2) / abs(theirs.v10))
+    assert worst < within
+    assert differing == (0 if ratio == 10.0 else 1)
+
+
+def test_independent_collisions_give_one_form_of_v_rel():
+    for mass_ratio, gap, gravity in ((0.0, 1e-4, 9.81), (0.3, 1e-2, 1.0), (2.0, 0.0, 20.0)):
+        drop = theory.two_ball_drop(mass_ratio, 0.7, 0.5, gap, gravity)
+        assert drop.v_rel_after == pytest.approx(0.7 * 1.7 * abs(drop.v10), rel=1e-15)
+        assert theory.effective_restitution(drop.v_rel_after, abs(drop.v10)) == pytest.approx(0.7, rel=1e-15)
+
+
+def test_stacks_follow_the_closed_formula_only_with_gaps():
+    wide, touching = (gr.scenes.ball_stack(3, 1.0 / 3.0, speed=3.0, gap=gap, gravity=0.0) for gap in (1e-2, 1e-6))
+    formula = 3.0 * theory.stack_velocities(wide.mass[1:], 1.0)[-1]
+    for scene, right in ((wide, True), (touching, False)):
+        law = setting.dashpots(scene, 1.0)
+        top = gr.md.simulate(scene, law, until=gr.until.separated()).velocity[-1][-1]
+        assert (abs(top / formula - 1.0) < 1e-9) == right
+        assert right or top < 0.8 * formula
+
+
+@pytest.mark.parametrize("name", paper.FIGURES)
+def test_every_figure_is_drawn_with_its_data(name, tmp_path):
+    few = {"sketch": 1, "forces": 100, "breakdown": 3, "predictors": 2, "validity": 6, "counts": 6}.get(name, 9)
+    picture, numbers = paper.make(name, tmp_path, points=few)
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    assert numbers.stat().st_size > 50
+    if numbers.suffix == ".json":
+        assert json.loads(numbers.read_text(encoding="utf-8"))["versions"]["granular"]
+
+
+def test_the_command_lists_and_draws(tmp_path):
+    run = [sys.executable, "-m", "granular", "figure"]
+    drawn = subprocess.run([*run, "1", "-o", str(tmp_path)], capture_output=True, text=True, check=False)
+    assert drawn.returncode == 0
+    assert (tmp_path / "paper-sketch.png").exists()
+    wrong = subprocess.run([*run, "sequense"], capture_output=True, text=True, check=False)
+    assert wrong.returncode == 2
+    assert "did you mean sequence?" in wrong.stderr

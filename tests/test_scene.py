@@ -1,0 +1,104 @@
+"""The scene itself: checks, pairs, walls, gravity."""
+
+import math
+
+import numpy as np
+import pytest
+
+from granular.scene import Pair, Scene, positions
+
+INF = math.inf
+
+
+def floor_and_two(**changes) -> Scene:
+    values = {"mass": [INF, 2.0, 1.0], "radius": [0.0, 0.1, 0.2], "gap": [0.5, 1e-3], "velocity": [0.0, -1.0, 2.0],
+              "gravity": 9.81}
+    return Scene(**(values | changes))
+
+
+def test_pairs_know_their_effective_mass_and_radius():
+    floor, balls = floor_and_two().pairs
+    assert floor == Pair(2.0, 0.1, 0)
+    assert balls.m_eff == pytest.approx(2.0 / 3.0, rel=1e-15)
+    assert balls.r_eff == pytest.approx(0.1 * 0.2 / 0.3, rel=1e-15)
+    assert balls.index == 1
+
+
+def test_effective_mass_of_extreme_ratios_neither_overflows_nor_cancels():
+    assert Scene([1e300, 1e-300], [0.0, 0.0], [1.0], [0.0, 0.0]).pairs[0].m_eff == 1e-300
+    assert Scene([1e300, 1e300], [0.0, 0.0], [1.0], [0.0, 0.0]).pairs[0].m_eff == 0.5e300
+
+
+def test_gravity_pulls_gaps_at_walls_only():
+    scene = Scene([INF, 1.0, 1.0, INF], [0.0] * 4, [1.0] * 3, [0.0] * 4, gravity=9.81)
+    assert scene.pull.tolist() == [9.81, 0.0, -9.81]
+    assert Scene([1.0, 1.0], [0.0] * 2, [1.0], [0.0] * 2, gravity=9.81).pull.tolist() == [0.0]
+
+
+def test_positions_are_centres_of_balls_and_surfaces_of_walls():
+    scene = floor_and_two(origin=10.0)
+    assert scene.position == pytest.approx([10.0, 10.6, 10.901])
+    rows = positions(scene, np.array([[0.5, 1e-3], [0.0, 0.0]]), np.zeros(2))
+    assert rows == pytest.approx(np.array([[10.0, 10.6, 10.901], [10.0, 10.1, 10.4]]))
+
+
+def test_from_positions_finds_the_gaps():
+    scene = floor_and_two()
+    again = Scene.from_positions(scene.mass, scene.radius, scene.position, scene.velocity, scene.gravity)
+    assert again.gap == pytest.approx(scene.gap, abs=1e-15)
+    assert again.origin == scene.origin
+
+
+def test_a_scene_cannot_be_changed_only_replaced():
+    scene = floor_and_two()
+    with pytest.raises(ValueError, match="read-only"):
+        scene.mass[1] = 3.0
+    with pytest.raises(AttributeError):
+        scene.gravity = 1.0
+    lunar = scene.replace(gravity=1.62)
+    assert (lunar.gravity, scene.gravity) == (1.62, 9.81)
+    assert (lunar.mass == scene.mass).all()
+
+
+def test_a_scene_keeps_its_own_copy():
+    gap = np.array([0.5, 1e-3])
+    scene = floor_and_two(gap=gap)
+    gap[0] = 7.0
+    assert scene.gap[0] == 0.5
+
+
+def test_momentum_and_name_leave_out_the_walls():
+    scene = floor_and_two(velocity=[3.0, -1.0, 2.0])
+    assert scene.momentum() == 0.0
+    assert repr(scene) == "Scene(2 balls, floor, g = 9.81 m/s²)"
+    assert repr(Scene([1.0, INF], [0.0, 0.0], [1.0], [0.0, 0.0])) == "Scene(1 ball, ceiling)"
+
+
+@pytest.mark.parametrize(("changes", "sentence"), [
+    ({"mass": [INF, -2.0, 1.0]}, r"mass\[1\] is -2\.0: a mass must be positive; use math\.inf for a wall"),
+    ({"mass": [INF, math.nan, 1.0]}, r"mass\[1\] is nan: a mass must be positive"),
+    ({"mass": [1.0, INF, 1.0]}, r"mass\[1\] is inf: only the first and the last body can be walls"),
+    ({"mass": [1.0]}, r"mass has 1 entries: at least 2 bodies are needed"),
+    ({"mass": [INF, INF], "radius": [0, 0], "gap": [1], "velocity": [0, 0]}, r"mass is inf for every body"),
+    ({"mass": [[1.0, 2.0]]}, r"shape of mass is \(1, 2\): one dimension is needed"),
+    ({"radius": [0.0, -0.1, 0.2]}, r"radius\[1\] is -0\.1: a radius must be finite and not negative"),
+    ({"radius": [0.1, 0.1, 0.2]}, r"radius\[0\] is 0\.1: a wall is flat and has radius 0"),
+    ({"gap": [0.5]}, r"shape of gap is \(1,\): \(2,\) is needed; one gap per pair"),
+    ({"gap": [0.5, math.nan]}, r"gap\[1\] is nan: a gap must be finite"),
+    ({"velocity": [0.0, INF, 0.0]}, r"velocity\[1\] is inf: a velocity must be finite"),
+    ({"gravity": -9.81}, r"gravity is -9\.81: .*at least 0 is needed; gravity pulls down"),
+    ({"origin": INF}, r"origin is inf: a finite number is needed"),
+])
+def test_misuse_is_a_sentence(changes, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        floor_and_two(**changes)
+
+
+def test_words_are_not_numbers():
+    with pytest.raises(TypeError, match=r"mass is \['a', 'b'\]: an array of numbers is needed"):
+        Scene(["a", "b"], [0.0, 0.0], [1.0], [0.0, 0.0])
+
+
+def test_positions_must_rise():
+    with pytest.raises(ValueError, match=r"position\[\d\] is 0\.0: positions must not decrease; number bodies"):
+        Scene.from_positions([1.0, 1.0], [0.0, 0.0], [1.0, 0.0], [0.0, 0.0])

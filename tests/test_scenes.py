@@ -1,0 +1,126 @@
+"""Ready-made scenes: what they contain, and the sentence that answers misuse."""
+
+import inspect
+import math
+
+import numpy as np
+import pytest
+
+from granular import scenes
+from granular.scene import Scene
+
+READY = [scenes.three_balls, scenes.ball_stack, scenes.newtons_cradle, scenes.chain, scenes.column, scenes.gas,
+         scenes.bouncing_ball]
+
+
+@pytest.mark.parametrize("make", READY, ids=lambda make: make.__name__)
+def test_every_scene_stands_by_itself_and_documents_each_parameter(make):
+    assert isinstance(make(), Scene)
+    assert (make().gap >= 0.0).all()
+    for name in inspect.signature(make).parameters:
+        assert f"\n    {name} : " in make.__doc__, f"{name} is not documented"
+
+
+def test_three_balls_is_the_paper_s_scene():
+    scene = scenes.three_balls()
+    assert scene.n == 3
+    assert math.isinf(scene.mass[0])
+    assert scene.mass[1:] == pytest.approx([3.7699111843077517, 0.0037699111843077517], rel=1e-15)
+    assert scene.gap.tolist() == [0.5, 1e-4]
+    assert scene.position[1] == pytest.approx(0.6)
+    assert scene.gravity == 9.81
+    assert scene.pairs[0].m_eff == scene.mass[1]
+    assert scene.pairs[0].r_eff == 0.1
+
+
+def test_a_stack_is_dropped_or_meets_the_floor_with_a_speed():
+    dropped = scenes.ball_stack(4, 0.5, height=2.0)
+    thrown = scenes.ball_stack(masses=[3.0, 1.0], speed=2.0, gravity=0.0)
+    assert dropped.mass[1:].tolist() == [1.0, 0.5, 0.25, 0.125]
+    assert dropped.gap.tolist() == [2.0, 1e-4, 1e-4, 1e-4]
+    assert not dropped.velocity.any()
+    assert thrown.mass[1:].tolist() == [3.0, 1.0]
+    assert thrown.gap.tolist() == [0.0, 1e-4]
+    assert thrown.velocity.tolist() == [0.0, -2.0, -2.0]
+
+
+def test_a_cradle_moves_from_the_left():
+    scene = scenes.newtons_cradle(4, moving=2, gap=[0.0, 1e-3, 0.0], speed=3.0)
+    assert scene.velocity.tolist() == [3.0, 3.0, 0.0, 0.0]
+    assert scene.gap.tolist() == [0.0, 1e-3, 0.0]
+    assert scene.gravity == 0.0
+
+
+def test_a_chain_is_uniform_tapered_or_of_two_masses():
+    assert scenes.chain(3, striker=5.0).mass.tolist() == [5.0, 1.0, 1.0]
+    assert scenes.chain(4, mass_ratio=0.5).mass.tolist() == [1.0, 0.5, 0.25, 0.125]
+    assert scenes.chain(4, dimer=0.25, mass=2.0).mass.tolist() == [2.0, 0.5, 2.0, 0.5]
+    assert scenes.chain(4).velocity.tolist() == [1.0, 0.0, 0.0, 0.0]
+
+
+def test_a_column_takes_the_floor_s_gap_first():
+    scene = scenes.column(3, gap=[0.5, 1e-3, 2e-3], speed=2.0)
+    assert scene.gap.tolist() == [0.5, 1e-3, 2e-3]
+    assert scene.velocity.tolist() == [0.0, -2.0, -2.0, -2.0]
+    assert scenes.column(1).n == 2
+
+
+def test_a_gas_fills_its_line_and_has_its_temperature():
+    scene = scenes.gas(4000, length=80.0, packing=0.25, temperature=3.0, mass=2.0, mass_spread=10.0)
+    r, m, v = scene.radius[1:-1], scene.mass[1:-1], scene.velocity[1:-1]
+    assert 2.0 * r.sum() == pytest.approx(20.0)
+    assert scene.position[-1] - scene.position[0] == pytest.approx(80.0)
+    assert (m * v**2).mean() == pytest.approx(3.0, rel=0.1)
+    assert m.max() / m.min() <= 10.0
+    assert m.max() / m.min() > 9.0
+    assert np.exp(np.log(m).mean()) == pytest.approx(2.0, rel=0.05)
+    assert r**3 / m == pytest.approx(r[0] ** 3 / m[0])
+
+
+@pytest.mark.parametrize("speeds", ["maxwell", "uniform", "two"])
+def test_every_speed_distribution_has_the_temperature(speeds):
+    scene = scenes.gas(4000, speeds=speeds, temperature=2.0, walls=False)
+    assert (scene.mass * scene.velocity**2).mean() == pytest.approx(2.0, rel=0.1)
+
+
+def test_a_gas_is_the_same_for_the_same_seed_only():
+    assert (scenes.gas(seed=3).gap == scenes.gas(seed=3).gap).all()
+    assert (scenes.gas(seed=3).gap != scenes.gas(seed=4).gap).any()
+
+
+def test_a_gas_without_walls_lies_where_the_one_with_walls_does():
+    free, walled = scenes.gas(7, walls=False), scenes.gas(7)
+    assert free.n == 7
+    assert free.position == pytest.approx(walled.position[1:-1])
+    assert (free.velocity == walled.velocity[1:-1]).all()
+
+
+def test_a_bouncing_ball_starts_with_its_lowest_point_at_the_drop_height():
+    scene = scenes.bouncing_ball(height=2.0, radius=0.1, speed=1.0)
+    assert scene.gap.tolist() == [2.0]
+    assert scene.velocity.tolist() == [0.0, -1.0]
+    assert not np.signbit(scenes.bouncing_ball().velocity).any()
+
+
+@pytest.mark.parametrize(("call", "sentence"), [
+    (lambda: scenes.three_balls((0.1,)), r"shape of radii is \(1,\): \(2,\) is needed; give the lower and the upper"),
+    (lambda: scenes.three_balls((0.1, -0.01)), r"radii\[1\] is -0\.01: a radius must be positive"),
+    (lambda: scenes.three_balls(height=0.05), r"height is 0\.05: .*at least 0\.1 is needed; it is .*centre"),
+    (lambda: scenes.three_balls(density=0.0), r"density is 0\.0: .*above 0 is needed"),
+    (lambda: scenes.three_balls(gravity=-9.81), r"gravity is -9\.81: .*its sign is built in"),
+    (lambda: scenes.ball_stack(height=1.0, speed=1.0), r"height is 1\.0 and speed is 1\.0: give one of the two"),
+    (lambda: scenes.ball_stack(masses=[1.0, math.inf]), r"masses\[1\] is inf: .*the floor is built in"),
+    (lambda: scenes.ball_stack(n=2.5), r"n is 2\.5: a whole number of at least 1 is needed"),
+    (lambda: scenes.ball_stack(3, gap=[1e-4]), r"shape of gap is \(1,\): \(2,\) is needed; one gap for all"),
+    (lambda: scenes.newtons_cradle(3, moving=3), r"moving is 3: .*at most 2 is needed; at least one ball waits"),
+    (lambda: scenes.chain(1), r"n is 1: a whole number of at least 2 is needed"),
+    (lambda: scenes.chain(striker=0.0), r"striker is 0\.0: .*above 0 is needed"),
+    (lambda: scenes.column(speed=-1.0), r"speed is -1\.0: .*downwards is built in"),
+    (lambda: scenes.gas(packing=1.0), r"packing is 1\.0: a share of the length below 1 is needed"),
+    (lambda: scenes.gas(speeds="maxwel"), r"speeds is 'maxwel': one of .* is needed; did you mean maxwell"),
+    (lambda: scenes.gas(mass_spread=0.5), r"mass_spread is 0\.5: .*at least 1 is needed"),
+    (lambda: scenes.gas(seed=-1), r"seed is -1: a whole number of at least 0 is needed"),
+])
+def test_misuse_is_a_sentence(call, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        call()

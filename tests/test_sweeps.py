@@ -1,0 +1,190 @@
+"""Sweeps: the compiled way and one by one give the same bits, on any executor, in one go or resumed."""
+
+import json
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.cases import Case, make
+from granular.sweeps import axis, schedule
+from granular.sweeps.compiled import FAST
+from granular.sweeps.results import CODE, RESULTS
+
+xr = pytest.importorskip("xarray")
+REFERENCE = json.loads((Path(__file__).parent / "reference" / "paper_points.json").read_text(encoding="utf-8"))
+ONE_BY_ONE = {"engine": "plain"}
+
+
+def drop(gap: float = 1e-4, restitution: float = 0.7) -> Case:
+    return make("three-balls", gap=gap, restitution=restitution)
+
+
+def energy_left(case: Case) -> float:
+    """Energy at the end over energy at the start."""
+    energy = case.simulate("md").energy()
+    return energy[-1] / energy[0]
+
+
+@pytest.mark.parametrize(("text", "values"), [
+    ("gap=1:3:3", [1.0, 2.0, 3.0]),
+    ("gap=1e-2:1:3:log", [0.01, 0.1, 1.0]),
+    ("n=2,3", [2, 3]),
+    ("walls=True,False", [True, False]),
+    ("law=LinearDashpot,TsujiHertz", ["LinearDashpot", "TsujiHertz"]),
+])  # fmt: skip
+def test_axes_from_text(text, values):
+    name, found = axis(text)
+    assert name == text.partition("=")[0]
+    assert found.tolist() == (values if isinstance(values[0], (str, int)) else pytest.approx(values, rel=1e-15))
+
+
+@pytest.mark.parametrize(("scene", "over", "fixed"), [
+    ("three-balls", ["restitution=0.005:1:8", "gap=1e-7:1e-2:5:log"], {}),
+    ("three-balls", ["radii[0]=0.009:0.2:6:log"], {"restitution": 0.8}),  # the first are ongoing at the end
+    ("three-balls", ["law=LinearDashpot,TsujiHertz,ViscoelasticHertz,WaltonBraun", "restitution=0.5,1"], {}),
+    ("ball-stack", ["n=2,4", "gap=0,1e-3"], {}),
+    ("newtons-cradle", ["gap=0,1e-6,1e-3"], {}),
+    ("gas", ["seed=1,2"], {"n": 8, "walls": False, "length": 8.0}),
+    ("bouncing-ball", ["t_end=0.1,2,20"], {}),
+])  # fmt: skip
+def test_compiled_is_one_by_one_bit_for_bit(scene, over, fixed):
+    fast = gr.sweep(scene, over, sorted(FAST), **fixed)
+    slow = gr.sweep(scene, over, sorted(FAST), run=ONE_BY_ONE, **fixed)
+    for name in fast:
+        assert np.array_equal(fast[name].values, slow[name].values, equal_nan=True), name
+    assert fast["contacts"].values.max() >= 1
+
+
+def test_a_cell_is_what_compare_says():
+    scene = gr.scenes.three_balls(gap=3e-4)
+    law = [gr.LinearDashpot.from_restitution(0.8, k=5e7, pair=pair) for pair in scene.pairs]
+    report = gr.compare(scene, law, until=gr.until.contact(pair=0, nth=2))
+    cell = gr.sweep("three-balls", {"gap": [3e-4]}, list(RESULTS), restitution=0.8).isel(gap=0)
+    assert cell["contacts"].values.tolist() == [pair.soft_contacts for pair in report.pairs]
+    assert cell["hard_contacts"].values.tolist() == [pair.hard_contacts for pair in report.pairs]
+    assert cell["v_rel"].values.tolist() == [pair.soft_v_rel for pair in report.pairs]
+    assert float(cell["eps_ratio"]) == pytest.approx(report.restitution_ratio, rel=1e-15)
+    assert float(cell["shared_impulse"]) == pytest.approx(report.measures["shared_impulse"], rel=1e-12)
+    assert float(cell["error"]) == report.error
+
+
+def test_units_and_provenance():
+    data = gr.sweep("three-balls", "height=0.5,0.6", ("v_final", "duration"))
+    assert data["height"].attrs["units"] == "m"
+    assert data["v_final"].attrs["units"] == "m s-1"
+    assert data["duration"].dims == ("height", "pair")
+    assert "granular" in json.loads(data.attrs["provenance"])["versions"]
+    assert data["status"].attrs["flag_meanings"].split()[2] == "until"
+
+
+def test_failing_cells_carry_their_status():
+    data = gr.sweep("three-balls", {"height": [0.05, 0.6]}, ("contacts", "hard_status"))
+    assert data["status"].values.tolist() == [CODE["misuse"], CODE["until"]]
+    assert data["contacts"].values.tolist() == [[-1, -1], [1, 4]]
+    assert data.attrs["refusal"].startswith("height is 0.05")
+    heavy = gr.sweep("three-balls", "restitution=0.005,0.7", "contacts")
+    assert heavy["status"].values.tolist() == [CODE["resting"], CODE["until"]]
+
+
+def test_cases_and_results_of_ones_own():
+    data = gr.sweep(drop, {"restitution": [0.5, 1.0]}, ["contacts", energy_left], gap=1e-3)
+    assert data["contacts"].values[:, 1].tolist() == [1, 1]
+    assert data["energy_left"].values[0] < data["energy_left"].values[1] == pytest.approx(1.0, abs=1e-12)
+    assert data["energy_left"].attrs["long_name"] == "Energy at the end over energy at the start."
+    same = gr.sweep(drop, {"restitution": [0.5, 1.0]}, sorted(FAST), gap=1e-3)
+    named = gr.sweep("three-balls", {"restitution": [0.5, 1.0]}, sorted(FAST), gap=1e-3)
+    assert all(np.array_equal(same[name].values, named[name].values, equal_nan=True) for name in same)
+
+
+def test_any_executor_gives_the_same_bits(monkeypatch):
+    monkeypatch.setattr(schedule, "SHORTEST", 0.005)
+    over = ["restitution=0.3:1:20", "gap=1e-7:1e-2:20:log"]
+    here = gr.sweep("three-balls", over, sorted(FAST))
+    with ProcessPoolExecutor(2) as pool:
+        assert here.identical(gr.sweep("three-balls", over, sorted(FAST), executor=pool))
+
+
+def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
+    monkeypatch.setattr(schedule, "SHORTEST", 0.002)
+    over, file = ["restitution=0.3:1:20", "gap=1e-6:1e-3:20:log"], tmp_path / "map.nc"
+    seen = []
+
+    def watch(done, total):
+        seen.append(done)
+        if done > 100 and len(seen) > 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        gr.sweep("three-balls", over, save=file, on_progress=watch)
+    stopped = xr.load_dataset(file)
+    left = int((stopped["status"] == CODE["not_run"]).sum())
+    assert 0 < left < 400
+    again = []
+    data = gr.sweep("three-balls", over, save=file, on_progress=lambda done, total: again.append(done))
+    assert again[0] == 400 - left + 1
+    assert again[-1] == 400
+    assert data.identical(gr.sweep("three-balls", over))
+    stored = xr.load_dataset(file)
+    assert all(np.array_equal(stored[name].values, data[name].values, equal_nan=True) for name in data)
+    with pytest.raises(ValueError, match="holds another sweep"):
+        gr.sweep("three-balls", over, save=file, height=0.7)
+
+
+def test_boundaries_are_bisected():
+    data = gr.sweep("three-balls", {"restitution": np.arange(0.5, 1.0, 0.005)}, refine="restitution", precision=1e-7)
+    ends, counts = data["edge"].values, data["edge_contacts"].values[:, :, 1]
+    assert counts.tolist() == [[4, 5], [5, 6], [6, 7], [7, 6], [6, 5], [5, 4], [4, 3]]
+    assert (np.diff(ends, axis=1) < 1e-7).all()
+    for _, end, count in REFERENCE["spike_windows"]:
+        jump = ends[counts[:, 0] == count][-1]
+        assert abs(jump - end).max() < 1e-6
+
+
+def test_a_third_count_between_two_cells_is_found():
+    data = gr.sweep("three-balls", {"gap": [1e-4], "restitution": [0.55, 1.0]}, refine="restitution")
+    assert data["edge_contacts"].values[:, :, 1].tolist() == [[4, 3]]
+    data = gr.sweep("three-balls", {"gap": [1e-4], "restitution": [0.55, 0.61, 1.0]}, refine="restitution")
+    assert data["edge_contacts"].values[0, 0, 1] == 4
+    assert data["edge_contacts"].values[:, :, 1].max() == 7
+    assert data["edge_gap"].values.tolist() == [1e-4] * data.sizes["jump"]
+
+
+@pytest.mark.parametrize(("arguments", "sentence"), [
+    ({"scene": "three-bals", "over": "gap=1,2"}, "did you mean three-balls"),
+    ({"over": "gab=1,2"}, "'gab' is no parameter of three-balls; did you mean gap"),
+    ({"over": "height[0]=1,2"}, "height is a single value"),
+    ({"over": "radii[2]=1,2"}, "radii has 2 entries"),
+    ({"over": "gap=1:2:0"}, "count of gap is 0"),
+    ({"over": "gap=-1:2:3:log"}, "positive ends"),
+    ({"over": "gap=1:2:3:lin"}, "only ':log' may follow"),
+    ({"over": "gap"}, "name=first:last:count"),
+    ({"over": {}}, "over is empty"),
+    ({"over": {"gap": [1e-4, 1e-4]}}, "not all different"),
+    ({"over": {"gap": [[1e-4]]}}, "a list of numbers or words is needed"),
+    ({"over": ["gap=1,2", "gap=3,4"]}, "gap is given twice"),
+    ({"over": "gap=1,2", "gap": 3.0}, "both varied and fixed"),
+    ({"over": "gap=1,2", "results": "contact"}, "did you mean contacts"),
+    ({"over": "gap=1,2", "refine": "height"}, "refine is 'height'"),
+    ({"over": "gap=1,2", "results": "time", "refine": "gap"}, "result to refine by"),
+    ({"over": "restitution=-1,-2"}, "restitution is -1"),
+])  # fmt: skip
+def test_misuse_in_one_sentence(arguments, sentence):
+    with pytest.raises((TypeError, ValueError), match=sentence.replace("[", r"\[")):
+        gr.sweep(**({"scene": "three-balls"} | arguments))
+
+
+def test_the_command(tmp_path, capsys):
+    from granular.cli import main
+
+    file = tmp_path / "map.nc"
+    assert main(["sweep", "three-balls", "--over", "restitution=0.76:0.82:5", "--refine", "restitution", "--save",
+                 str(file), "--gap", "1e-4", "--workers", "1"]) == 0  # fmt: skip
+    out = capsys.readouterr().out
+    assert "status           until 5" in out
+    assert "(1, 4) to (1, 3)" in out
+    assert xr.load_dataset(file).attrs["title"] == "granular sweep of three-balls"
+    assert main(["sweep", "three-balls"]) == 2
+    assert "--over" in capsys.readouterr().err

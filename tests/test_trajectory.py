@@ -1,0 +1,83 @@
+"""Results: energy, momentum, counting, files."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import granular as gr
+
+
+@dataclass(frozen=True)
+class OwnSpring:
+    k: float
+
+    def force(self, xi, xi_dot, pair):
+        return self.k * xi
+
+
+@pytest.fixture
+def soft():
+    return gr.md.simulate(gr.scenes.newtons_cradle(4), gr.Hertz(1e9), t_end=1e-3, samples=20)
+
+
+def test_energy_counts_overlaps(soft):
+    np.testing.assert_allclose(soft.energy(), 0.5 * soft.scene.mass[0], rtol=1e-5)
+    assert soft.gap.min() < 0.0
+
+
+def test_energy_of_own_law_by_quadrature():
+    run = gr.md.simulate(gr.scenes.newtons_cradle(3), OwnSpring(1e6), t_end=2e-3, samples=20)
+    np.testing.assert_allclose(run.energy(), run.energy()[0], rtol=1e-4)
+
+
+def test_energy_of_a_law_with_memory_is_not_invented():
+    run = gr.md.simulate(gr.scenes.newtons_cradle(3), gr.WaltonBraun(1e6, 2e6), t_end=1e-3)
+    assert math.isnan(run.energy()[-1])
+
+
+def test_arrays_are_read_only(soft):
+    with pytest.raises(ValueError, match="read-only"):
+        soft.velocity[0, 0] = 1.0
+
+
+def test_counts_and_rows(soft):
+    assert soft.count(0) == len(soft.of(0)) == 1
+
+
+@pytest.mark.parametrize("engine", ["md", "edmd"])
+def test_saved_and_loaded_is_the_same(engine, tmp_path):
+    scene = gr.scenes.three_balls()
+    law = [gr.LinearDashpot.from_restitution(0.7, 5e7, pair) for pair in scene.pairs]
+    end = gr.until.contact(0, 2)
+    physics = law if engine == "md" else gr.restitution_of(law)
+    run = getattr(gr, engine).simulate(scene, physics, until=end)
+    run.save(tmp_path / "run.npz")
+    back = gr.Trajectory.load(tmp_path / "run.npz")
+    assert (back.status, back.message, back.law, back.rule) == (run.status, run.message, run.law, run.rule)
+    for name in ("time", "position", "velocity", "gap", "contacts"):
+        assert getattr(back, name).tobytes() == getattr(run, name).tobytes()
+    assert set(back.state) == set(run.state)
+    np.testing.assert_array_equal(back.energy(), run.energy())
+
+
+def test_own_law_must_be_given_again(tmp_path):
+    run = gr.md.simulate(gr.scenes.newtons_cradle(3), OwnSpring(1e6), t_end=1e-4)
+    run.save(tmp_path / "run.npz")
+    with pytest.raises(ValueError, match=r"law in the file is .*OwnSpring.*pass load\(path, law=...\)"):
+        gr.Trajectory.load(tmp_path / "run.npz")
+    assert gr.Trajectory.load(tmp_path / "run.npz", law=OwnSpring(1e6)).law == (OwnSpring(1e6),) * 2
+
+
+def test_unreadable_files_are_named(tmp_path):
+    (tmp_path / "bad.npz").write_bytes(b"no archive")
+    with pytest.raises(ValueError, match=r"bad\.npz.*written by Trajectory\.save"):
+        gr.Trajectory.load(tmp_path / "bad.npz")
+    with pytest.raises(OSError, match="none"):
+        gr.Trajectory.load(tmp_path / "none.npz")
+
+
+def test_repr_tells_the_outcome(soft):
+    assert "Trajectory(md, Scene(4 balls)" in repr(soft)
+    assert "time" in repr(soft)
