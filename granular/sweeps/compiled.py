@@ -13,7 +13,7 @@ from granular import md
 from granular import until as stop
 from granular._check import Array
 from granular._kernels import compiled, have_numba, kernel
-from granular.md.located.batch import _table, reset
+from granular.md.located.batch import bench, reset, rows
 from granular.md.located.build import power_law
 from granular.md.located.loop import (
     BINDING,
@@ -29,7 +29,6 @@ from granular.md.located.loop import (
     launch,
 )
 from granular.md.located.readout import look, velocities
-from granular.md.located.records import new_system
 from granular.scene import Scene
 from granular.sweeps.results import CODE, effective
 
@@ -65,15 +64,8 @@ def solve(scenes: Sequence[Scene], which: Any, law: Array, until: stop.Until | N
     mass, gap, velocity, gravity = (
         np.array([getattr(s, name) for s in scenes])[which] for name in ("mass", "gap", "velocity", "gravity")
     )
-    table, n = _table(mass, gap, velocity, law, gravity)
-    s = new_system(n - 1)
-    s.run["log"] = 1
-    for name in ("max_events", "max_steps", "tol"):
-        s.run[name] = DEFAULTS[name]
-    s.run["until_pair"], s.run["until_nth"] = (
-        (until.pair, until.nth) if isinstance(until, stop.Contact) else (-1, 0)
-    )
-    s.run["separated"] = int(isinstance(until, stop.Separated))
+    table, n = rows(mass, gap, velocity, law, gravity)
+    s = bench(n, until, *(DEFAULTS[name] for name in ("tol", "max_events", "max_steps")))
     out = np.zeros((len(table), HEAD + PER_PAIR * (n - 1)))
     compiled(solve_cells)(s, table, t_end, out, np.zeros((3, n - 1)))
     return out

@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 from granular import until as stop
 from granular._check import Array
 from granular._kernels import compiled, kernel
-from granular.md.located.build import kind_and_q
+from granular.md.located.build import kind_and_q, limit
 from granular.md.located.loop import REACHED, advance, launch
 from granular.md.located.powers import power
-from granular.md.located.records import ACTIVE, OPEN, RESIDUAL, new_system, to_plain
+from granular.md.located.records import ACTIVE, OPEN, RESIDUAL, System, new_system, to_plain
 
 PER_PAIR = 7
 RESULT = 6
@@ -71,11 +71,8 @@ def solve_many(
     engine : {"compiled", "plain"}
         Compiled by numba, or interpreted.
     """
-    table, n = _table(mass, gap, velocity, law, gravity)
-    s = new_system(n - 1)
-    s.run["max_events"], s.run["max_steps"], s.run["tol"], s.run["log"] = max_events, max_steps, tol, 1
-    s.run["pause"] = max_steps + 1
-    s.run["until_pair"], s.run["until_nth"] = (until.pair, until.nth) if until is not None else (-1, 0)
+    table, n = rows(mass, gap, velocity, law, gravity)
+    s = bench(n, until, tol, max_events, max_steps)
     out = np.zeros((len(table), RESULT + n - 1))
     if engine == "plain":
         plain_out = out.tolist()
@@ -89,8 +86,15 @@ def solve_many(
     )  # fmt: skip
 
 
-def _table(mass: Any, gap: Any, velocity: Any, law: Any, gravity: Any) -> tuple[Array, int]:
-    """One row per scene: gravity, then 1/m and v of every body, then ξ, k, p, γ, d, kind, q of every pair."""
+def bench(n: int, until: stop.Until | None, tol: float, max_events: int, max_steps: int) -> System:
+    """Return the workspace in which scenes of `n` bodies are solved one after the other."""
+    s = new_system(n - 1)
+    limit(s, until, tol, max_events, max_steps, 1)
+    return s
+
+
+def rows(mass: Any, gap: Any, velocity: Any, law: Any, gravity: Any) -> tuple[Array, int]:
+    """One row per scene, and the number of bodies: gravity, then 1/m and v of every body, then ξ, k, p, γ, d, kind, q of every pair."""
     m, x, v, f, g = (np.asarray(a, np.float64) for a in (mass, gap, velocity, law, gravity))
     n = m.shape[-1]
     size = np.broadcast_shapes(m.shape[:-1], x.shape[:-1], v.shape[:-1], f.shape[:-2], g.shape, (1,))

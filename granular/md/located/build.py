@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from granular import until as stop
 from granular.laws import traits
 from granular.md.located.records import (
     ACTIVE,
@@ -43,6 +44,15 @@ def build(scene: Scene, laws: tuple[Any, ...], t: float) -> System:
         record["mode"] = _first_mode(law, float(record["xi"]), float(record["eta"]), pair)
     s.run[0]["pairs"], s.run[0]["t"] = scene.n - 1, t
     return s
+
+
+def limit(s: System, until: stop.Until | None, tol: float, max_events: int, max_steps: int, log: int) -> None:
+    """Set what ends a run, its tolerance, and what it logs: nothing (0), contacts (1), their peaks too (2)."""
+    r = s.run[0]
+    r["max_events"], r["max_steps"], r["tol"], r["log"], r["until_pair"] = max_events, max_steps, tol, log, -1
+    if isinstance(until, stop.Contact):
+        r["until_pair"], r["until_nth"] = until.pair, until.nth
+    r["separated"] = int(isinstance(until, stop.Separated))
 
 
 def _describe(record: Any, law: Any, pair: Pair) -> None:

@@ -81,6 +81,9 @@ RUN = np.dtype(
 )  # fmt: skip
 """Counters, limits and stop conditions of one run."""
 
+NO_PAUSE = np.iinfo(np.int64).max
+"""`pause` of a run that need not stop on its way to be looked at."""
+
 LOG_ROW = 11
 """A row of the log: pair, t_begin, t_end, duration, v_in (2), v_out (2), ξ_max, F_max, impulse."""
 LOG_ROWS = 256
@@ -124,7 +127,9 @@ def new_system(n_pairs: int) -> System:
     pairs["due"] = math.inf
     bodies = np.zeros(n_pairs + 1, BODY)
     log = np.zeros((max(LOG_ROWS, 2 * n_pairs), LOG_ROW))
-    return System(np.zeros(1, RUN), pairs, bodies, queue, log, np.array(workspace(ORDER)))
+    run = np.zeros(1, RUN)
+    run["pause"] = NO_PAUSE
+    return System(run, pairs, bodies, queue, log, np.array(workspace(ORDER)))
 
 
 @cache

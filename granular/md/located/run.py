@@ -12,7 +12,7 @@ from granular import until as stop
 from granular._check import Array
 from granular._kernels import compiled, have_numba, in_memory
 from granular.md.located import loop
-from granular.md.located.build import build, power_law
+from granular.md.located.build import build, limit, power_law
 from granular.md.located.collocation import Collocation
 from granular.md.located.creep import LARGEST, creeps_to_rest, slowest_decay
 from granular.md.located.readout import look, velocities
@@ -54,7 +54,8 @@ def run(
         laws are always run to rounding.
     """
     one = Run(scene, laws, t_start, engine, on_event, on_progress)
-    one.limit(max_events, max_steps, until, log or on_event is not None, tol)
+    limit(one.s, until, tol, max_events, max_steps, 2 * int(log or on_event is not None))
+    one.s.run["pause"] = FIRST_LOOK
     one.prepare()
     span = t_end - t_start
     times = [span] if samples is None else [*(samples - t_start).tolist(), span]
@@ -91,15 +92,6 @@ class Run:
     def counters(self) -> Any:
         """The record of counters and limits."""
         return plain(self.s.run)[0] if self.engine == "compiled" else self.s.run[0]
-
-    def limit(self, max_events: int, max_steps: int, until: stop.Until | None, log: bool, tol: float) -> None:
-        """Set what ends the run, and what it keeps."""
-        r = self.s.run[0]
-        r["max_events"], r["max_steps"], r["log"], r["tol"] = max_events, max_steps, 2 * int(log), tol
-        r["until_pair"], r["pause"] = -1, FIRST_LOOK
-        if isinstance(until, stop.Contact):
-            r["until_pair"], r["until_nth"] = until.pair, until.nth
-        r["separated"] = int(isinstance(until, stop.Separated))
 
     def prepare(self) -> None:
         """Choose between interpreted and compiled for the begin of the run."""
