@@ -94,7 +94,7 @@ def bench(n: int, until: stop.Until | None, tol: float, max_events: int, max_ste
 
 
 def rows(mass: Any, gap: Any, velocity: Any, law: Any, gravity: Any) -> tuple[Array, int]:
-    """One row per scene, and the number of bodies: gravity, then 1/m and v of every body, then ξ, k, p, γ, d, kind, q of every pair."""
+    """One row per scene (g; 1/m and v of every body; ξ, k, p, γ, d, kind, q of every pair), and the count of bodies."""
     m, x, v, f, g = (np.asarray(a, np.float64) for a in (mass, gap, velocity, law, gravity))
     n = m.shape[-1]
     size = np.broadcast_shapes(m.shape[:-1], x.shape[:-1], v.shape[:-1], f.shape[:-2], g.shape, (1,))
