@@ -7,7 +7,7 @@ from typing import Any
 from granular._kernels import kernel
 from granular.edmd.merge import ORDINARY, WEAK, absorb, kind, strike
 from granular.edmd.model import restitution
-from granular.edmd.motion import Bodies, Ints, Physics, approach, carry, collide, stick
+from granular.edmd.motion import Bodies, Ints, Physics, approach, carry, collide
 
 SUSPICIOUS = 8
 """Streak that calls for a closer look."""
@@ -30,8 +30,7 @@ def event(
     if row is not None:
         row[0], row[1] = c, now
         row[2], row[3] = u[c] - falls[c] * (g * now), u[c + 1] - falls[c + 1] * (g * now)
-    jump = (1.0 + e) * w
-    exchanged = -jump * m_eff[c]
+    exchanged = -((1.0 + e) * w) * m_eff[c]
     what = ORDINARY
     if merge_below > 0.0 or g > 0.0:
         what = kind(c, w, e, merge_below, mass, falls, pull)
@@ -41,14 +40,12 @@ def event(
             tally[0] += carry(c - 1, now, u, gap, at, pull)
         if end > c:
             tally[0] += carry(end, now, u, gap, at, pull)
-        collide(c, now, jump, u, gap, at, low, high)
+        collide(c, now, w, e, u, gap, at, pull, low, high)
     elif what == WEAK:
         tally[1] += 1
         start, end, exchanged = absorb(c, now, w, g, mass, u, falls, gap, at, pull)
     else:
-        start, end = strike(c, now, jump, g, mass, u, falls, gap, at, pull, low, high)
-    if e == 0.0 and what != WEAK:
-        stick(c, now, u, pull, low)
+        start, end = strike(c, now, w, e, g, mass, u, falls, gap, at, pull, low, high)
     if row is not None:
         row[4], row[5] = u[c] - falls[c] * (g * now), u[c + 1] - falls[c + 1] * (g * now)
         row[6] = exchanged

@@ -77,10 +77,10 @@ def absorb(
 @rare
 @kernel
 def strike(
-    c: int, now: float, jump: float, g: float, mass: Floats, u: Floats, falls: Floats, gap: Floats, at: Floats,
+    c: int, now: float, w: float, e: float, g: float, mass: Floats, u: Floats, falls: Floats, gap: Floats, at: Floats,
     pull: Floats, low: Floats, high: Floats,
 ) -> tuple[int, int]:
-    """Let pair `c` collide; its bodies, and those that rested upon them, fall again.
+    """Let pair `c` collide at rate `w` with restitution `e`; its bodies, and those that rested upon them, fall again.
 
     Returns the first and the last pair to predict anew.
     """
@@ -94,8 +94,8 @@ def strike(
         if falls[i] == 0.0 and mass[i] < math.inf:
             falls[i] = 1.0
             u[i] += g * now
-    collide(c, now, jump, u, gap, at, low, high)
     repull(first, last, g, falls, pull)
+    collide(c, now, w, e, u, gap, at, pull, low, high)
     return first, last
 
 

@@ -51,24 +51,24 @@ def carry(c: int, now: float, u: Floats, gap: Floats, at: Floats, pull: Floats) 
 
 
 @kernel
-def collide(c: int, now: float, jump: float, u: Floats, gap: Floats, at: Floats, low: Floats, high: Floats) -> None:
-    """Let pair `c` collide at time `now` with a relative velocity that changes by -`jump`, `jump` = (1 + ε)·rate ≤ 0.
+def collide(
+    c: int, now: float, w: float, e: float, u: Floats, gap: Floats, at: Floats, pull: Floats, low: Floats, high: Floats
+) -> None:
+    """Let pair `c` collide at time `now` with rate `w` ≤ 0, and part with -ε·w.
 
-    The shares of its bodies, `low` + `high` = 1 exactly, keep momentum and energy to rounding over 1e8 events.
+    The heavier body takes its share of the change, the lighter one follows at the new rate. So no rounding of the
+    shares adds up (with two shares that are 1 together but for 2^-54, the energy drifts by 4e-12 in 4e7 collisions),
+    and with ε = 0 the pair moves as one in all bits.
     """
-    u[c] += low[c] * jump
-    u[c + 1] -= high[c] * jump
+    part = pull[c] * now - e * w
+    if low[c] <= 0.5:
+        u[c] += low[c] * ((1.0 + e) * w)
+        u[c + 1] = u[c] + part
+    else:
+        u[c + 1] -= high[c] * ((1.0 + e) * w)
+        u[c] = u[c + 1] - part
     gap[c] = 0.0
     at[c] = now
-
-
-@kernel
-def stick(c: int, now: float, u: Floats, pull: Floats, low: Floats) -> None:
-    """Make the rate of pair `c`, which has just collided with ε = 0, exactly 0, or rounding lets it collide again."""
-    if low[c] <= 0.5:
-        u[c + 1] = u[c] + pull[c] * now
-    else:
-        u[c] = u[c + 1] - pull[c] * now
 
 
 @kernel

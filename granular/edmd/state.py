@@ -115,7 +115,7 @@ class State:
 
     def shift_to(self, tau: float, gravity: float, compiler: Callable[[Any], Any]) -> None:
         """Move the epoch on by whole windows, so that `tau` comes to lie in the first one."""
-        shift = math.floor(tau / self.window) * self.window
+        shift = tau - math.fmod(tau, self.window)
         self.tally[0] += compiler(rebase)(
             shift, gravity, self.u, self.falls, self.gap, self.at, self.pull, self.last
         )
