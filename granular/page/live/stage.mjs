@@ -16,7 +16,7 @@ export class Stage {
     const upright = report.scene.gravity > 0, both = this.heightsIn(span);
     set(this.host, { class: `stage ${upright ? "upright" : "lying"}` });
     for (const view of this.views) view.layout(report.scene, upright, both);
-    this.forceMax = largestForce(report.soft.pieces);
+    this.forceMax = largestForce(report.soft);
     text($(".scale-note"), `Paths and overlaps are drawn ${digits(this.views[0].magnification, 2)} times larger than the balls.`);
   }
 
@@ -45,10 +45,8 @@ export class Stage {
   }
 }
 
-function largestForce(pieces) {
-  let most = 1e-300;
-  for (const { f } of pieces) for (const row of f) if (row && row[0] > most) most = row[0];
-  return most;
+function largestForce(run) {
+  return run.pieces.reduce((most, { t }) => Math.max(most, ...softForces(run, t)), 1e-300);
 }
 
 class View {

@@ -1,7 +1,6 @@
 // Reading runs at any time: gaps and forces of soft spheres from their pieces, gaps of hard spheres from their flights.
 import { gapAfter } from "./flight.mjs";
 import { heights } from "./scenes.mjs";
-import { valueAt } from "./soft.mjs";
 
 function lastBefore(list, t) {
   let low = 0, high = list.length - 1;
@@ -13,20 +12,23 @@ function lastBefore(list, t) {
   return list[low];
 }
 
-export function softGaps({ pieces }, t) {
-  const piece = lastBefore(pieces, t), tau = (Math.min(t, piece.end) - piece.t) / piece.h;
-  return piece.x.map((row) => -valueAt(row, tau));
+function recalled({ series, pieces }, t) {
+  const piece = lastBefore(pieces, t);
+  series.recall(piece);
+  return (Math.min(t, piece.end) - piece.t) / piece.h;
 }
 
-export function softForces({ pieces }, t) {
-  const piece = lastBefore(pieces, t), tau = (Math.min(t, piece.end) - piece.t) / piece.h;
-  return piece.f.map((row) => (row ? Math.max(0, valueAt(row, tau)) : 0));
+export function softGaps(run, t) {
+  const tau = recalled(run, t);
+  return run.scene.gap.map((_, c) => -run.series.at("x", c, tau));
 }
 
-export function softForce({ pieces }, c, t) {
-  const piece = lastBefore(pieces, t), row = piece.f[c];
-  return row ? Math.max(0, valueAt(row, (Math.min(t, piece.end) - piece.t) / piece.h)) : 0;
+export function softForce(run, c, t) {
+  const tau = recalled(run, t);
+  return Math.max(0, run.series.at("f", c, tau));
 }
+
+export const softForces = (run, t) => run.scene.gap.map((_, c) => softForce(run, c, t));
 
 export function hardGaps({ scene, flights }, t) {
   const flight = lastBefore(flights, t), dt = Math.max(0, t - flight.t);

@@ -1,0 +1,101 @@
+// What a soft pair can be, and what events make of it: open (ξ ≤ 0), active (F > 0), residual (ξ > 0, F clipped at 0) or
+// dormant (touching at rest beside a force: who wins is read off the series).
+import { EXACT, ORDER, PUSHES } from "./series.mjs";
+import { pairsOf, velocities } from "./scenes.mjs";
+
+export const [OPEN, ACTIVE, RESIDUAL, DORMANT] = [0, 1, 2, 3];
+export const [NOTHING, BEGIN, END, PART] = [0, 1, 2, 3];
+
+export const softPairs = (scene, eps, k) => pairsOf(scene, eps, k).map((p) => new SoftPair(p));
+
+class SoftPair {
+  constructor({ gap, rate, lower, upper, k, gamma, pull, duration }) {
+    Object.assign(this, { lower, upper, k, gamma, pull, duration });
+    this.inverse = lower + upper;
+    this.xi = -gap;
+    this.eta = -rate;
+    this.mode = OPEN;
+    this.exact = false; // φ is exactly 0: a clipped force, or one that has just come back
+    this.count = 0;
+    this.open = null; // the contact under way
+  }
+}
+
+export const pushes = (p) => p.mode === ACTIVE || p.mode === DORMANT;
+export const recedes = (p) => !pushes(p) && p.xi <= 0 && p.eta <= 0;
+const touches = (p) => p.mode === OPEN && p.xi === 0 && p.eta === 0;
+
+export function handOver(pairs, { state }) {
+  const m = pairs.length;
+  for (let c = 0; c < m; c++) {
+    const p = pairs[c];
+    state[c] = p.xi;
+    state[m + c] = p.eta;
+    state[2 * m + c] = (pushes(p) ? PUSHES : 0) + (p.exact ? EXACT : 0);
+  }
+}
+
+// An event happens to pair c; false if the run is to stop just before.
+export function act(run, c, what) {
+  const p = run.pairs[c];
+  if (what === BEGIN) {
+    if (p.mode === OPEN) {
+      p.xi = 0;
+      if (p.eta <= 0) return true;
+    }
+    return activate(run, c);
+  }
+  if (p.open) endContact(run, c);
+  if (what === END) [p.mode, p.exact] = [RESIDUAL, true];
+  else [p.mode, p.exact, p.xi] = [OPEN, false, 0];
+  return true;
+}
+
+// Begin a contact; false if the run is to stop just before.
+export function activate(run, c) {
+  const p = run.pairs[c], { until } = run;
+  if (until && until.pair === c && p.count + 1 === until.nth) return false;
+  p.open = { pair: c, begin: run.t, end: NaN, vIn: pairVelocities(run, c), vOut: [NaN, NaN], done: false };
+  run.contacts.push(p.open);
+  p.exact = p.mode === RESIDUAL;
+  p.mode = ACTIVE;
+  p.count++;
+  return true;
+}
+
+function endContact(run, c) {
+  const contact = run.pairs[c].open;
+  [contact.end, contact.vOut, contact.done] = [run.t, pairVelocities(run, c), true];
+  run.pairs[c].open = null;
+}
+
+const pairVelocities = (run, c) => velocities(run.scene, run.pairs.map((p) => -p.eta)).slice(c, c + 2);
+
+// Pairs that touch at rest beside a force, or under their own weight, may be pressed: see what the series says.
+export function engage(pairs) {
+  const last = pairs.length - 1;
+  for (let i = 0; i <= 2 * last + 1; i++) {
+    const c = i <= last ? i : 2 * last + 1 - i, p = pairs[c];
+    if (!touches(p)) continue;
+    if (p.pull > 0 || (c > 0 && pushes(pairs[c - 1])) || (c < last && pushes(pairs[c + 1]))) p.mode = DORMANT;
+  }
+}
+
+// Open pairs that the series pulls apart from rest, close those it presses; true if any changed.
+export function judge({ pairs, rows }) {
+  let changed = false;
+  for (let c = 0; c < pairs.length; c++) {
+    const p = pairs[c];
+    if (p.xi !== 0 || p.eta !== 0 || (p.mode !== DORMANT && p.mode !== OPEN)) continue;
+    const way = direction(rows.x[c]), mode = way < 0 ? OPEN : way > 0 ? DORMANT : p.mode;
+    changed ||= mode !== p.mode;
+    p.mode = mode;
+  }
+  return changed;
+}
+
+// The first coefficient that is not zero; the last may vanish by parity.
+export function direction(x) {
+  for (let j = 1; j <= ORDER; j++) if (x[j] !== 0) return x[j];
+  return 0;
+}
