@@ -299,3 +299,18 @@ def test_walls_may_move() -> None:
     run = final(scene, 1.0, t_end=3.0)
     assert run.velocity[-1].tolist() == [1.0, 2.0]
     assert run.position[-1].tolist() == [3.0, 5.0]
+
+
+@pytest.mark.parametrize(("eps", "end"), [(1e-6, 525.8736796815914), (1e-12, None), (1e-100, None)])
+def test_rates_far_below_the_velocities_are_not_lost(eps, end) -> None:
+    """Two pairs collide in turn for ever, their rates shrinking by ε each time; their velocities are equal soon."""
+    mass = [0.3642479594038528, 7.436239814034007e-07, 0.03820219111308472, 0.5509859578714925, 326221605.9008801]
+    v = [-0.24879696929334982, 0.984756275824729, -0.5057857886655219, -0.9725729003002135, -0.8388367801340211]
+    scene = Scene(mass, [0.1] * 5, [1.0, 1e3, 1e-300, 1e-16], v)
+    run = final(scene, eps)
+    assert run.status is Status.collapse
+    assert run.stats["verdict"] == "proved"
+    assert run.stats["pairs"] == (1, 2)
+    log, *_ = exact(scene, eps, 18)
+    assert run.contacts["pair"].tolist()[:18] == [c for c, _ in log]
+    assert run.time[-1] == pytest.approx(end or float(log[-1][1]), rel=1e-9)

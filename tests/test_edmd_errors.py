@@ -67,6 +67,33 @@ def test_hard_spheres_cannot_overlap() -> None:
         edmd.simulate(scene, RULE)
 
 
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"velocity": [0.0, 1e308, -1e308]}, r"velocity\[1\] is 1e\+308: 0 or a size from 1e-75 to 1e\+75 is"),
+        ({"velocity": [0.0, 0.0, -5e-324]}, r"velocity\[2\] is -5e-324: 0 or a size from 1e-75"),
+        ({"gap": [1e300, 1.0]}, r"gap\[0\] is 1e\+300"),
+        ({"mass": [math.inf, 1e-300, 1e300]}, r"mass\[2\] is 1e\+300"),
+        ({"gravity": 1e-320}, r"gravity\[0\] is 1e-320"),
+    ],
+)
+def test_numbers_whose_squares_are_none(change, sentence) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        edmd.simulate(SCENE.replace(**change), RULE)
+
+
+@pytest.mark.parametrize("v", [1e75, 1e-75])
+@pytest.mark.parametrize("gravity", [0.0, 1e75, 1e-75])
+def test_the_largest_and_the_smallest_numbers_run(v, gravity) -> None:
+    scene = Scene([math.inf, 1e-75, 1e75], [0.0] * 3, [1e75, 1e-300], [0.0, v, -v], gravity)
+    for eps in (1.0, 0.5):
+        end = edmd.simulate(scene, ConstantRestitution(eps), max_events=300)
+        for values in (end.velocity, end.gap, end.position, end.time):
+            assert np.isfinite(values).all()
+        assert (end.gap >= 0.0).all()
+        assert (np.diff(end.contacts["t_begin"]) >= 0.0).all()
+
+
 def test_sticking_for_some_pairs_only_is_refused() -> None:
     with pytest.raises(ValueError, match=r"restitution of pair 1 is 0.0 but not of all pairs"):
         edmd.simulate(SCENE, ConstantRestitution([0.5, 0.0]))

@@ -91,9 +91,9 @@ class BlockQueue(TreeQueue):
         size = 1 << max(0, high - low - 1).bit_length()
         slot, tree = np.full(size, math.inf), np.full(2 * size, size - 1, dtype=self.tree.dtype)
         tree[size:] = np.arange(size)
-        tally, fastest = np.zeros(2, dtype=np.int64), np.zeros(1)
+        tally, fastest = np.zeros(3, dtype=np.int64), np.zeros(1)
         self.kernel(refresh)(0, high - low - 1, part, m.scene.gravity, slot, tree, self.tie)
-        pause, _, _, _ = self.kernel(loop)(
+        pause, _, _, _, _ = self.kernel(loop)(
             edge, edge, 1 << 40, self.stop, part, physics, None, s.watch(m.may_collapse), tally, slot, tree, self.tie,
             None, fastest,
         )  # fmt: skip

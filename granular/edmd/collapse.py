@@ -52,8 +52,9 @@ class Zoom:
     dial: Floats
 
     @classmethod
-    def on(cls, state: State, c: int, column: Callable[[Any], Floats]) -> Zoom:
-        """Return a zoom on the neighbourhood of pair `c`, which has just collided."""
+    def on(cls, state: State, queue: Any) -> Zoom:
+        """Return a zoom on the neighbourhood of the suspect of `queue`, which has just collided."""
+        c = queue.suspect
         first, end = max(0, c - REACH), min(len(state.gap), c + REACH + 1)
         u = np.array(state.u[first : end + 1])
         gap, at, pull = (np.array(a[first:end]) for a in (state.gap, state.at, state.pull))
@@ -61,8 +62,9 @@ class Zoom:
         moved = np.where(pull == 0.0, gap + rate * dt, gap + dt * (rate - 0.5 * pull * dt))
         state.zooms += 1
         moved, rate = np.maximum(0.0, moved), rate - pull * dt
+        rate[c - first] = queue.rebound
         zoom = cls(first, state.now, moved.tolist(), rate.tolist(), [0.0] * 4)
-        zoom.keep(column)
+        zoom.keep(queue.column)
         return zoom
 
     @classmethod
@@ -107,10 +109,18 @@ class Zoom:
                 self.first, self.gap, self.rate, self.base + self.dial[0], queue.physics[3], state.u, state.gap,
                 state.at, state.pull, state.streak,
             )  # fmt: skip
+            state.tally[2] += self._lost(state)
             queue.refresh(self.first, self.first + len(self.gap) - 1)
         state.tally[0] += int(self.dial[3])
         for c in range(self.first, self.first + len(self.gap)):
             state.streak[c] = 0
+
+    def _lost(self, state: State) -> int:
+        """Return how many of the rates just put back the velocities cannot hold."""
+        first, end = self.first, self.first + len(self.gap)
+        u, rate = np.array(state.u[first : end + 1]), np.asarray(self.rate)
+        held = np.diff(u) - np.asarray(state.pull[first:end]) * np.asarray(state.at[first:end])
+        return int((np.abs(held - rate) > 0.5 * np.abs(rate)).sum())
 
     def settle(self, state: State, model: Model, j: int) -> Verdict:
         """Let the ball above the wall of pair `j` (in the slice) come to rest; the bounces until then are summed."""

@@ -11,17 +11,19 @@ from granular.edmd.motion import Bodies, Ints, Physics, approach, carry, collide
 
 SUSPICIOUS = 8
 """Streak that calls for a closer look."""
+FAINT = 2.0**-26
+"""Rate, in units of the velocities it is the difference of, that calls for one at once: half its digits are gone."""
 
 
 @kernel
 def event(
     c: int, now: float, bodies: Bodies, physics: Physics, rule: Any, watch: tuple[float, float], tally: Ints, row: Any
-) -> tuple[int, int]:
-    """Let pair `c` collide at time `now`; return the first and the last pair to predict anew.
+) -> tuple[int, int, float]:
+    """Let pair `c` collide at time `now`; return the first and the last pair to predict anew, and the rate after.
 
     `watch` is the scale of the speeds (m/s; negative: do not watch) and the interval (s) that look like a collapse;
-    `tally` counts clamps and merged collisions; `row` takes the row of the log: pair, time, velocities of the lower
-    and the upper body before and after, impulse.
+    `tally` counts clamps and merged collisions; `row` takes the row of the log: pair, time, velocities of the lower and
+    the upper body before and after, impulse.
     """
     u, falls, gap, at, pull, hits, last, streaks = bodies
     low, high, m_eff, mass, eps, tc, elastic_below, merge_below, g = physics
@@ -50,16 +52,22 @@ def event(
         row[4], row[5] = u[c] - falls[c] * (g * now), u[c + 1] - falls[c + 1] * (g * now)
         row[6] = exchanged
     hits[c] += 1
-    streaks[c] = streak(streaks[c], -w, now - last[c], e, watch[0], watch[1])
+    faint = FAINT * max(abs(u[c]), abs(u[c + 1]))
+    streaks[c] = streak(streaks[c], -w, now - last[c], e, faint, watch[0], watch[1])
     last[c] = now
-    return start, end
+    return start, end, -e * w
 
 
 @kernel
-def streak(count: int, speed: float, interval: float, e: float, slow: float, short: float) -> int:
-    """Return how often in a row (before: `count`) a pair collided slowly, which counts thrice, or at once again."""
+def streak(count: int, speed: float, interval: float, e: float, faint: float, slow: float, short: float) -> int:
+    """Return how often in a row (before: `count`) a pair collided slowly, which counts thrice, or at once again.
+
+    A rebound so `faint` that velocities can hardly tell it calls for a closer look at once.
+    """
     if e == 1.0:
         return 0
+    if slow >= 0.0 and 0.0 < e * speed < faint:
+        return SUSPICIOUS
     if speed < slow:
         return count + 3
     return count + 1 if interval <= short else 0

@@ -16,16 +16,16 @@ def message(run: Run, status: Status) -> str:
     if status is Status.max_events:
         return _work(run, when)
     end = "; no collision can follow" if status is Status.time and run.queue.soonest() == float("inf") else ""
-    return f"{status.value}: {when}{end}"
+    return f"{status.value}: {when}{end}{_lost(run)}"
 
 
 def stats(run: Run) -> dict[str, Any]:
     """Return the counters of a run: collisions, gaps clamped at 0, re-basings of the clock, closer looks and the
-    collisions in them, and how a collapse was decided."""
+    collisions in them, rates that velocities could not hold after them, and how a collapse was decided."""
     s, verdict = run.state, run.verdict
     counters: dict[str, Any] = {
         "engine": run.queue.name, "events": s.events, "clamps": int(s.tally[0]), "rebases": s.rebases, "zooms": s.zooms,
-        "zoomed": s.zoomed,
+        "zoomed": s.zoomed, "lost": int(s.tally[2]),
     }  # fmt: skip
     if run.model.merge_below > 0.0:
         counters |= {"merge_below": run.model.merge_below, "merged": int(s.tally[1])}
@@ -55,8 +55,16 @@ def _work(run: Run, when: str) -> str:
             f"; the last {run.state.events - events} of them took only {run.time() - t:.3g} s: the balls cluster and "
             "slow down, perhaps without end. Remedies by name: collapse='merge', tc=, elastic_below="
         )
-    return sentence
+    return sentence + _lost(run)
+
+
+def _lost(run: Run) -> str:
+    lost = int(run.state.tally[2])
+    if lost == 0:
+        return ""
+    return f"; {_count(lost, 'relative velocity')} fell below rounding, and what follows from them is not certain"
 
 
 def _count(n: int, noun: str) -> str:
-    return f"{n} {noun}" + "s" * (n != 1)
+    plural = noun[:-1] + "ies" if noun.endswith("y") else noun + "s"
+    return f"{n} {noun if n == 1 else plural}"

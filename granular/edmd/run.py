@@ -105,7 +105,7 @@ class Run:
                 state.shift_to(self.queue.soonest(), self.model.scene.gravity, self.queue.kernel)
                 self.queue.rebuild()
             elif pause is Pause.suspect:
-                self.zoom = Zoom.on(state, self.queue.suspect, self.queue.column)
+                self.zoom = Zoom.on(state, self.queue)
             elif pause is Pause.budget and state.events >= self.last_event:
                 return Status.max_events
             if state.events - self.pace[0] > 2 * (self.last_event - state.events) > 0:

@@ -161,13 +161,27 @@ def resume(
     return _trajectory(run, times, start, end)
 
 
+SMALLEST, LARGEST = 1e-75, 1e75
+"""Smallest speed and largest number in a scene: their squares, products and ratios are numbers."""
+
+
 def _check_scene(scene: Any) -> None:
     if not isinstance(scene, Scene):
         raise TypeError(f"scene is {type(scene).__name__}: a granular.Scene is needed.")
     fix = "hard spheres cannot overlap; set the gap to 0, or use granular.md"
     _check.every("gap", scene.gap, scene.gap >= 0.0, "a gap must not be negative", fix)
+    _check_size("mass", np.where(scene.is_wall, 1.0, scene.mass), 0.0)
+    _check_size("gap", scene.gap, 0.0)
+    _check_size("velocity", scene.velocity, SMALLEST)
+    _check_size("gravity", np.array([scene.gravity]), SMALLEST)
     if scene.n - 1 > PAIR:
         raise ValueError(f"scene has {scene.n} bodies: at most {PAIR + 1} are possible.")
+
+
+def _check_size(name: str, values: Array, least: float) -> None:
+    size = np.abs(values)
+    good = (size == 0.0) | ((size >= least) & (size <= LARGEST))
+    _check.every(name, values, good, f"0 or a size from {least:g} to {LARGEST:g} is needed", "use other units")
 
 
 def _span(start: float, t_end: float | None, samples: int | ArrayLike | None) -> tuple[Array | None, float]:

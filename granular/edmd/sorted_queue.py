@@ -54,7 +54,7 @@ class SortedQueue:
         self.state = state
         self.model = model
         self.stop = stop
-        self.suspect = -1
+        self.suspect, self.rebound = -1, 0.0
         self.tie = model.tie
         self.physics = model.physics()
         self.rebuild()
@@ -119,7 +119,7 @@ class SortedQueue:
                         return Pause.until
                     continue
             row = None if log is None else [0.0] * 7
-            first, last = event(c, now, bodies, physics, rule, watch, tally, row)
+            first, last, self.rebound = event(c, now, bodies, physics, rule, watch, tally, row)
             s.events += 1
             if log is not None and row is not None:
                 log.append(row)

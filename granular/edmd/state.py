@@ -46,7 +46,7 @@ class State:
     short: float  # s, an interval that looks like a collapse
     now: float  # s, tau of the last event
     # counters
-    tally: Ints  # gaps clamped at 0, collisions merged
+    tally: Ints  # gaps clamped at 0, collisions merged, rates lost to rounding
     events: int = 0
     rebases: int = 0
     zooms: int = 0
@@ -77,7 +77,7 @@ class State:
             fall=fall,
             short=math.ldexp(window, -30),
             now=0.0,
-            tally=[0, 0],
+            tally=[0, 0, 0],
         )
 
     @classmethod

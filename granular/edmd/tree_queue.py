@@ -38,7 +38,7 @@ class TreeQueue:
         self.state = state
         self.model = model
         self.stop = stop
-        self.suspect = -1
+        self.suspect, self.rebound = -1, 0.0
         self.tie = model.tie
         self.physics = arrays(model.physics())
         size = 1
@@ -76,7 +76,7 @@ class TreeQueue:
         s, m = self.state, self.model
         rows = None if log is None else self.rows(budget)
         edge = min(limit, math.nextafter(s.window, 0.0))
-        pause, c, now, done = self.kernel(loop)(
+        pause, c, now, done, self.rebound = self.kernel(loop)(
             limit, edge, budget, self.stop, s.bodies(), self.physics, None, s.watch(m.may_collapse), s.tally,
             self.slot, self.tree, self.tie, rows, None,
         )  # fmt: skip
@@ -100,24 +100,24 @@ def loop(
     limit: float, edge: float, budget: int, stop: tuple[int, int], bodies: Bodies, physics: Physics, rule: Any,
     watch: tuple[float, float], tally: Ints, slot: Floats, tree: Ints, tie: tuple[int, int], rows: Any,
     fastest: Any,
-) -> tuple[int, int, float, int]:
-    """Let events act; return why it pauses, the last pair, its time, and the number of events.
+) -> tuple[int, int, float, int, float]:
+    """Let events act; return why it pauses, the last pair, its time, the number of events, and the last rate after one.
 
     `fastest`, if it is an array, takes the largest speed after a collision.
     """
     hits, streaks, g = bodies[5], bodies[7], physics[8]
-    acted, done, witness = 0.0, 0, 0
+    acted, done, witness, rebound = 0.0, 0, 0, 0.0
     while True:
         c = int(tree[1])
         now = slot[c]
         if now > edge:
-            return LIMIT if now > limit or now == math.inf else WINDOW, c, acted, done
+            return LIMIT if now > limit or now == math.inf else WINDOW, c, acted, done, rebound
         if c == stop[0] and hits[c] >= stop[1]:
-            return UNTIL, c, now, done
+            return UNTIL, c, now, done, rebound
         if done >= budget:
-            return BUDGET, c, acted, done
+            return BUDGET, c, acted, done, rebound
         row = None if rows is None else rows[done]
-        first, last = event(c, now, bodies, physics, rule, watch, tally, row)
+        first, last, rebound = event(c, now, bodies, physics, rule, watch, tally, row)
         acted = now
         done += 1
         if fastest is not None:
@@ -127,9 +127,9 @@ def loop(
         if stop[0] == APART:
             witness = approaching(witness, now, bodies[0], bodies[4])
             if witness < 0:
-                return UNTIL, c, now, done
+                return UNTIL, c, now, done, rebound
         if streaks[c] >= SUSPICIOUS:
-            return SUSPECT, c, acted, done
+            return SUSPECT, c, acted, done, rebound
 
 
 @kernel
