@@ -13,7 +13,7 @@ export class Series {
     const m = pairs.length, constants = ["lower", "inverse", "upper", "k", "gamma", "pull"];
     for (const name of constants) this[name] = Float64Array.from(pairs, (p) => p[name]);
     for (const name of ["x", "e", "f"]) this[name] = new Float64Array(m * WIDTH);
-    Object.assign(this, { m, state: new Float64Array(3 * m), held: null });
+    Object.assign(this, { m, state: new Float64Array(3 * m), weight: new Float64Array(m), held: null });
   }
 
   row(name, c) {
@@ -41,37 +41,31 @@ export class Series {
   }
 
   expand(h) {
-    const { m, x, e, state, pull } = this;
+    const { m, x, e, f, k, gamma, lower, inverse, upper, state, pull, weight } = this;
     this.held = null;
     for (let c = 0; c < m; c++) [x[c * WIDTH], e[c * WIDTH]] = [state[c], state[m + c]];
-    this.push(0);
-    this.move(0, h);
-    for (let c = 0; c < m; c++) e[c * WIDTH + 1] += h * pull[c];
-    for (let n = 1; n < ORDER; n++) {
-      this.push(n);
-      this.move(n, h / (n + 1));
+    for (let n = 0; n <= ORDER; n++) {
+      if (n < 2) this.weigh(n);
+      const share = h / (n + 1);
+      let i = n, below = 0, force = weight[0] * (k[0] * x[i] + gamma[0] * e[i]);
+      for (let c = 0; c < m; c++, i += WIDTH) {
+        const j = i + WIDTH, above = c + 1 < m ? weight[c + 1] * (k[c + 1] * x[j] + gamma[c + 1] * e[j]) : 0;
+        f[i] = force;
+        if (n < ORDER) {
+          x[i + 1] = share * e[i];
+          e[i + 1] = share * (lower[c] * below - inverse[c] * force + upper[c] * above);
+        }
+        below = force;
+        force = above;
+      }
+      if (n === 0) for (let c = 0; c < m; c++) e[c * WIDTH + 1] += h * pull[c];
     }
-    this.push(ORDER);
   }
 
-  push(n) {
-    const { m, x, e, f, k, gamma, state } = this;
-    for (let c = 0, i = n; c < m; c++, i += WIDTH) {
-      const kind = state[2 * m + c];
-      f[i] = kind === PUSHES || (kind === 3 && n > 0) ? k[c] * x[i] + gamma[c] * e[i] : 0;
-    }
-  }
-
-  move(n, share) {
-    const { m, x, e, f, lower, inverse, upper } = this;
-    let below = 0, force = f[n];
-    for (let c = 0, i = n; c < m; c++, i += WIDTH) {
-      const above = c + 1 < m ? f[i + WIDTH] : 0;
-      x[i + 1] = share * e[i];
-      e[i + 1] = share * (lower[c] * below - inverse[c] * force + upper[c] * above);
-      below = force;
-      force = above;
-    }
+  // 1 for pairs whose φ is a force, 0 for the others, and at order 0 for those whose φ begins at exactly 0.
+  weigh(n) {
+    const { m, state, weight } = this;
+    for (let c = 0; c < m; c++) weight[c] = state[2 * m + c] === PUSHES || (n > 0 && this.pushes(c)) ? 1 : 0;
   }
 
   // Coefficients of φ of a pair that does not push.
