@@ -46,6 +46,7 @@ export class TimeCharts {
       const x = chart.x(this.clock(begin)).toFixed(1), y = chart.y(pair);
       chart.add("line", { class: "hard-mark", x1: x, x2: x, y1: y - 9, y2: y - 1 });
     }
+    chart.finish();
     chart.svg.setAttribute("aria-label", `contact timeline: ${pairs.map((p) => `${shortName(scene, p.pair)}: hard ${p.hard.contacts}, soft ${p.soft.contacts}`).join("; ")}`);
   }
 
@@ -65,6 +66,7 @@ export class TimeCharts {
       }
       if (peak > 0) chart.note(quantity(peak, "N", 2), { x: chart.width - 16, y: (chart.y(c + 1) + 13).toFixed(1), "text-anchor": "end", class: "axis-name" });
     }
+    chart.finish();
   }
 
   forceCurve({ pair, begin, end }) {
@@ -89,6 +91,7 @@ export class TimeCharts {
         chart.line(rows.map((row, j) => [this.clock(times[j]), row[i] / unit]), { class: `${engine}-line` });
       }
     }
+    chart.finish();
   }
 
   pathTimes() {

@@ -1,10 +1,12 @@
 // The breakdown curve over the gap: a first sketch at once, refined in the time that is left over. A tap sets the gap.
 import { Chart, decadeName, decades, tickName, ticks } from "../shell/axes.mjs";
 import { $, h, marked } from "../shell/dom.mjs";
-import { breakdown } from "../physics/breakdown.mjs";
+import { breakdown, SKETCH } from "../physics/breakdown.mjs";
 import { sceneOf, SETUPS } from "../physics/setups.mjs";
 
-const FIRST = 5, SLICE = 6, PATIENCE = 100, GAPS = [1e-7, 1e-2]; // ms: first sketch, later slices, quiet before them
+const AT_ONCE = 4, SLICE = 6, PATIENCE = 120, GAPS = [1e-7, 1e-2]; // ms: in the picture of a move, in idle time, quiet before that
+
+const whenIdle = window.requestIdleCallback ?? ((work) => setTimeout(work, 30));
 
 export class Curve {
   constructor(pick) {
@@ -13,41 +15,54 @@ export class Curve {
       const box = this.chart.svg.getBoundingClientRect();
       pick(10 ** this.chart.back(((event.clientX - box.left) * this.chart.width) / box.width));
     });
-    this.job = 0;
   }
 
+  // The curve does not depend on the gap the page shows: moving that leaves it, and its refinement, as they are.
   load(name, values) {
-    const setup = SETUPS[name];
-    Object.assign(this, { name, values, setup, drawn: -Infinity });
-    const { eps, k } = values, make = (gap) => sceneOf(name, { ...values, gap });
-    this.work = breakdown({ make, observable: setup.measure(eps), eps, k, gaps: GAPS });
-    this.points = [];
+    const { gap, ...others } = values, key = JSON.stringify([name, others]);
+    this.gap = gap;
+    if (key !== this.key) this.begin(name, values, key);
+    this.draw();
+  }
+
+  begin(name, values, key) {
+    const setup = SETUPS[name], { eps, k } = values, points = [];
+    const make = (gap) => sceneOf(name, { ...values, gap });
+    const work = breakdown({ make, observable: setup.measure(eps), eps, k, gaps: GAPS, points });
+    Object.assign(this, { key, points, work });
+    if (setup !== this.setup) this.title(setup);
+    this.advance(AT_ONCE, SKETCH);
+    clearTimeout(this.job);
+    this.job = setTimeout(() => this.refine(work), PATIENCE);
+  }
+
+  title(setup) {
+    this.setup = setup;
     $(".curve-key").replaceChildren(
       ...marked(setup.measureName), " over the gap ", h("span", { class: "hard" }, "╌ hard"), " ", h("span", { class: "soft" }, "─ soft"),
       " dots: where the number of contacts jumps; tap to set the gap",
     );
-    clearTimeout(this.job);
-    this.advance(FIRST);
   }
 
-  advance(budget) {
+  // True when the curve is finished.
+  advance(budget, atLeast = 1) {
     const stop = performance.now() + budget;
-    let step = { done: false };
-    while (!step.done && (performance.now() < stop || this.points.length < 5)) {
-      step = this.work.next();
-      if (!step.done) this.points = step.value;
-    }
-    const now = performance.now();
-    if (step.done || now - this.drawn > 120) {
-      this.draw();
-      this.drawn = now;
-    }
-    if (!step.done) this.job = setTimeout(() => this.advance(SLICE), budget === FIRST ? PATIENCE : 24);
-    this.chart.svg.classList.toggle("done", Boolean(step.done));
+    let done = false;
+    for (let i = 0; !done && (i < atLeast || performance.now() < stop); i++) done = this.work.next().done;
+    this.chart.svg.classList.toggle("done", done);
+    return done;
+  }
+
+  // In idle time, given up when another curve is wanted; drawn anew when there is a third more to see.
+  refine(work) {
+    if (work !== this.work) return;
+    const done = this.advance(SLICE);
+    if (done || this.points.length > 1.34 * this.drawn) this.draw();
+    if (!done) whenIdle(() => this.refine(work));
   }
 
   draw() {
-    const { chart, points, values } = this, xs = GAPS.map(Math.log10);
+    const { chart, points, gap } = this, xs = GAPS.map(Math.log10);
     const finite = points.flatMap((p) => [p.soft, p.hard]).filter(Number.isFinite), top = Math.max(1, ...finite), bottom = Math.min(0, ...finite);
     chart.scales(xs, [bottom - 0.02 * top, 1.12 * top]);
     chart.xTicks(decades(xs), decadeName, "gap Δh in m");
@@ -55,8 +70,9 @@ export class Curve {
     chart.line(points.map((p) => [p.x, p.hard]), { class: "hard-line" });
     for (const run of steady(points)) chart.line(run.map((p) => [p.x, p.soft]), { class: "soft-line strong" });
     this.drawJumps();
-    const here = values.gap > 0 ? Math.max(xs[0], Math.log10(values.gap)) : xs[0];
-    chart.playhead(here);
+    chart.finish();
+    chart.playhead(gap > 0 ? Math.max(xs[0], Math.log10(gap)) : xs[0]);
+    this.drawn = points.length;
   }
 
   drawJumps() {

@@ -71,10 +71,6 @@ class Page {
     this.controls.load(name, values);
     this.report = compareEngines(sceneOf(name, values), values.eps, values.k);
     this.draw(setup);
-    clearTimeout(this.later);
-    if (this.drawn) this.later = setTimeout(() => this.drawRest());
-    else this.drawRest();
-    this.drawn = true;
     this.predict.load(this.report, setup);
     this.speak();
     follow(() => this.current());
@@ -85,13 +81,8 @@ class Page {
     const span = spanOf(this.report.soft, this.report.hard);
     this.stage.load(this.report, span);
     this.charts.load(this.report, span);
-    this.panels.loadFigures(this.report, setup);
+    this.panels.load(this.report, setup);
     this.clock.setSpan(span);
-  }
-
-  // After the picture that answers a move is on the screen.
-  drawRest() {
-    this.panels.load(this.report);
     this.curve.load(this.state.name, this.state.values);
   }
 
@@ -131,7 +122,6 @@ class Page {
       this.width = innerWidth;
       for (const chart of [...this.charts.all, this.panels.rises, this.curve.chart]) chart.measure();
       this.draw(SETUPS[this.state.name]);
-      this.drawRest();
     }, 80);
   }
 

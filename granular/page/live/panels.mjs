@@ -1,6 +1,6 @@
 // Results in numbers: three big figures, rise heights (or velocities), tie rules, tables, CSV.
 import { Chart, tickName, ticks } from "../shell/axes.mjs";
-import { $, csv, h, marked, text } from "../shell/dom.mjs";
+import { $, csv, fillTable, h, marked, text } from "../shell/dom.mjs";
 import { digits } from "../shell/format.mjs";
 import { hardFinals, softFinals } from "../physics/outcome.mjs";
 import { simulateHard, TIES } from "../physics/hard.mjs";
@@ -12,13 +12,9 @@ export class Panels {
     this.rises = new Chart($(".rises"), { height: 310, label: "rise heights" });
   }
 
-  loadFigures(report, setup) {
-    this.finals = { hard: hardFinals(report.hard), soft: softFinals(report.soft) };
-    figures(report, setup, this.finals);
-  }
-
-  load(report) {
-    const { finals } = this;
+  load(report, setup) {
+    const finals = { hard: hardFinals(report.hard), soft: softFinals(report.soft) };
+    figures(report, setup, finals);
     if (report.scene.gravity) drawRises(this.rises, report, finals);
     else drawSpeeds(this.rises, report, finals);
     text($(".rises-title"), report.scene.gravity ? "Rise heights, to scale" : "Velocities after the last contact");
@@ -31,9 +27,8 @@ export class Panels {
   // Hundreds of rows, filled in only while they are to be seen.
   listContacts() {
     if (!$(".contacts-box").open) return;
-    const rows = contactRows(this.report).slice(0, LISTED).map((row) =>
-      h("tr", { class: row[0] }, ...row.map((value) => td(typeof value === "number" ? digits(value, 7) : value))));
-    $(".contacts").replaceChildren(head(CONTACT_HEAD), h("tbody", {}, ...rows));
+    const rows = contactRows(this.report).slice(0, LISTED).map(([engine, pair, ...values]) => [engine, engine, pair, ...values.map((x) => digits(x, 7))]);
+    fillTable($(".contacts"), CONTACT_HEAD, rows);
   }
 }
 
@@ -78,6 +73,7 @@ function drawRises(chart, { scene }, finals) {
   bars(chart, rows, n, (i) => `ball ${i + 1}`);
   chart.line([[-0.6, scene.drop], [n - 0.4, scene.drop]], { class: "drop-line" });
   chart.note("drop height", { x: chart.left + 6, y: chart.y(scene.drop) - 5, class: "axis-name" });
+  chart.finish();
   const said = rows.map(([e, v]) => `${e}: ${v.map((x) => digits(x, 3)).join(", ")} m`).join("; ");
   chart.svg.setAttribute("aria-label", `rise heights of the balls from below, ${said}`);
 }
@@ -88,38 +84,33 @@ function drawSpeeds(chart, { scene }, finals) {
   chart.scales([-0.6, n - 0.4], [low - 0.1 * (high - low), 1.12 * high]);
   chart.yTicks(ticks([low, high], 4), tickName, "in arrival speeds");
   bars(chart, rows, n, (i) => String(i + 1));
+  chart.finish();
   const said = rows.map(([e, v]) => `${e}: ${v.map((x) => digits(x, 3)).join(", ")}`).join("; ");
   chart.svg.setAttribute("aria-label", `velocities of the balls from the left in arrival speeds, ${said}`);
 }
 
-function tieRules({ scene, eps, soft }) {
+function tieRules({ scene, eps, soft, hard }) {
   const isCradle = scene.gravity === 0;
   $(".ties-box").hidden = !isCradle;
   if (!isCradle) return;
-  const row = (name, engine, velocity) => h("tr", { class: engine }, h("th", { scope: "row" }, name), ...velocity.map((v) => td(digits(v / scene.impact, 3))));
+  const row = (engine, name, velocity) => [engine, name, ...velocity.map((v) => digits(v / scene.impact, 3))];
   const rows = TIES.map((ties) => {
-    const run = simulateHard(scene, eps, { ties, maxEvents: 1000 });
-    return row(RULES[ties], "hard", isNoEnd(run) ? run.velocity.map(() => NaN) : run.velocity);
+    const run = ties === "left" ? hard : simulateHard(scene, eps, { ties, maxEvents: 1000 });
+    return row("hard", RULES[ties], isNoEnd(run) ? run.velocity.map(() => NaN) : run.velocity);
   });
-  $(".ties").replaceChildren(
-    head(["rule", ...scene.mass.map((_, i) => `ball ${i + 1}`)]), h("tbody", {}, ...rows, row("soft spheres", "soft", soft.velocity)),
-  );
+  fillTable($(".ties"), ["rule", ...scene.mass.map((_, i) => `ball ${i + 1}`)], [...rows, row("soft", "soft spheres", soft.velocity)]);
 }
 
 const RULES = {
   left: "one by one, from the left", right: "one by one, from the right", random: "one by one, at random",
   newton: "at once, Newton", poisson: "at once, Poisson", reflect: "at once, reflections",
 };
-const td = (content) => h("td", {}, content);
-const head = (names) => h("thead", {}, h("tr", {}, ...names.map((name) => h("th", { scope: "col" }, name))));
-
-function finalsTable(report, finals) {
-  const { scene } = report, first = scene.gravity ? 1 : 0;
-  const body = scene.mass.map((m, i) => [i, m]).slice(first).map(([i, m]) =>
-    h("tr", {}, h("th", { scope: "row" }, `ball ${i + 1 - first}`), td(digits(m, 3)), td(digits(2e3 * scene.radius[i], 3)),
-      ...["hard", "soft"].flatMap((e) => [td(digits(finals[e][i].velocity, 5)), ...(first ? [td(digits(finals[e][i].rise, 4))] : [])])));
-  const rises = (e) => [`v′ ${e}, m/s`, ...(first ? [`rise ${e}, m`] : [])];
-  $(".finals").replaceChildren(head(["", "mass, kg", "diameter, mm", ...rises("hard"), ...rises("soft")]), h("tbody", {}, ...body));
+function finalsTable({ scene }, finals) {
+  const first = scene.gravity ? 1 : 0, engines = ["hard", "soft"];
+  const results = (i) => engines.flatMap((e) => [digits(finals[e][i].velocity, 5), ...(first ? [digits(finals[e][i].rise, 4)] : [])]);
+  const rows = scene.mass.map((m, i) => ["", `ball ${i + 1 - first}`, digits(m, 3), digits(2e3 * scene.radius[i], 3), ...results(i)]);
+  const heads = engines.flatMap((e) => [`v′ ${e}, m/s`, ...(first ? [`rise ${e}, m`] : [])]);
+  fillTable($(".finals"), ["", "mass, kg", "diameter, mm", ...heads], rows.slice(first));
 }
 
 const CONTACT_HEAD = ["engine", "pair", "begin, s", "end, s", "v lower before, m/s", "v upper before, m/s", "v lower after, m/s", "v upper after, m/s"];

@@ -71,6 +71,9 @@ class View {
   }
 
   draw(scene, upright) {
+    const shape = JSON.stringify([upright, this.radii]);
+    if (shape === this.shape) return;
+    this.shape = shape;
     set(this.svg, { viewBox: `0 0 ${this.w} ${this.tall}` });
     const name = svg("text", { x: upright ? 8 : 10, y: 20, class: "stage-name" });
     text(name, this.name);

@@ -1,33 +1,44 @@
-// The breakdown curve: what both engines say over the gap. Coarse first, in an order that fills evenly; then refined
-// where the number of soft contacts jumps or the curve bends. A generator, so that a page can do it in slices of time.
+// The breakdown curve: what both engines say over the gap. A sketch first, in an order that fills evenly and without long
+// runs; then those, and more where the number of soft contacts jumps or the curve bends. A generator, so that a page can
+// do it in slices of time, one point each.
 import { simulateHard } from "./hard.mjs";
 import { simulateSoft } from "./soft.mjs";
 
-const COARSE = 33, FINEST = 0.004, MOST = 220;
+export const SKETCH = 9;
+const COARSE = 33, FINEST = 0.004, MOST = 220, SHORT = 250, LONG = 2000; // steps
 
-export function* breakdown({ make, observable, eps, k, gaps: [low, high] }) {
-  const a = Math.log10(low), width = Math.log10(high) - a, points = [];
-  const point = (x) => {
-    const scene = make(10 ** x), soft = simulateSoft(scene, eps, k, { maxSteps: 2000 }), hard = simulateHard(scene, eps);
-    const done = soft.status !== "unfinished", ended = !["collapse", "endless"].includes(hard.status);
-    const at = points.findIndex((p) => p.x > x);
-    const made = {
-      x, gap: 10 ** x, contacts: done ? soft.contacts.length : NaN,
-      soft: done ? observable(soft) : NaN, hard: ended ? observable(hard) : NaN,
+export function* breakdown({ make, observable, eps, k, gaps: [low, high], points }) {
+  const a = Math.log10(low), width = Math.log10(high) - a;
+  const point = (x, maxSteps) => {
+    const scene = make(10 ** x), soft = simulateSoft(scene, eps, k, { maxSteps });
+    const isDone = soft.status !== "unfinished";
+    if (!isDone && maxSteps < LONG) return null;
+    const hard = simulateHard(scene, eps), ended = !["collapse", "endless"].includes(hard.status);
+    return {
+      x, gap: 10 ** x, contacts: isDone ? soft.contacts.length : NaN,
+      soft: isDone ? observable(soft) : NaN, hard: ended ? observable(hard) : NaN,
     };
-    points.splice(at < 0 ? points.length : at, 0, made);
   };
+  const late = [];
   for (const share of evenly(COARSE)) {
-    point(a + share * width);
-    yield points;
+    const x = a + share * width, made = point(x, SHORT);
+    if (made) insert(points, made);
+    else late.push(x);
+    yield;
   }
-  while (points.length < MOST) {
-    const next = worstInterval(points);
-    if (next === null) return points;
-    point(next);
-    yield points;
+  for (const x of late) {
+    insert(points, point(x, LONG));
+    yield;
   }
-  return points;
+  for (let x = worstInterval(points); x !== null && points.length < MOST; x = worstInterval(points)) {
+    insert(points, point(x, LONG));
+    yield;
+  }
+}
+
+function insert(points, point) {
+  const at = points.findIndex((p) => p.x > point.x);
+  points.splice(at < 0 ? points.length : at, 0, point);
 }
 
 // 0, 1, ½, ¼, ¾, ⅛, … up to n points with both ends.
@@ -37,6 +48,7 @@ function* evenly(n) {
   for (let parts = 2; parts < n; parts *= 2) for (let i = 1; i < parts; i += 2) yield i / parts;
 }
 
+// The middle of the interval that most needs a point, or null.
 function worstInterval(points) {
   let best = null, worst = 0;
   for (let i = 1; i < points.length; i++) {

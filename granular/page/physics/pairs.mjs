@@ -3,8 +3,15 @@
 import { EXACT, ORDER, PUSHES } from "./series.mjs";
 import { pairsOf, velocities } from "./scenes.mjs";
 
-export const [OPEN, ACTIVE, RESIDUAL, DORMANT] = [0, 1, 2, 3];
-export const [NOTHING, BEGIN, END, PART] = [0, 1, 2, 3];
+export const OPEN = 0;
+export const ACTIVE = 1;
+export const RESIDUAL = 2;
+export const DORMANT = 3;
+
+export const NOTHING = 0;
+export const BEGIN = 1;
+export const END = 2;
+export const PART = 3;
 
 export const softPairs = (scene, eps, k) => pairsOf(scene, eps, k).map((p) => new SoftPair(p));
 

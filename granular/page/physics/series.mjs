@@ -6,7 +6,8 @@
 // and 1 if it pushes, 2 if its φ = kξ + γη is exactly 0, 3 if both. From it any step can be expanded again.
 export const ORDER = 20;
 const WIDTH = ORDER + 1, REACH = (51090942171709440000 * 1e-17) ** (1 / 21); // 21!
-export const [PUSHES, EXACT] = [1, 2];
+export const PUSHES = 1;
+export const EXACT = 2;
 
 export class Series {
   constructor(pairs) {

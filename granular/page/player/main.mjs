@@ -57,6 +57,7 @@ class Player {
     chart.xTicks(ticks(chart.xs, 6), tickName, `time in ${name}`);
     chart.yTicks(ticks(chart.ys, 4), tickName, joule);
     for (const run of this.runs) chart.line([...run.time].map((t, i) => [x(t), run.energy[i] / factor]), { class: `${run.engine}-line` });
+    chart.finish();
     $(".energy-key").replaceChildren(...this.runs.map((r) => h("span", { class: r.engine }, `${r.engine === "hard" ? "╌" : "─"} ${r.name} `)));
     this.toClock = x;
   }

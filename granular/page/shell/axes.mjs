@@ -1,5 +1,6 @@
-// A chart: an SVG in its own pixels, redrawn when its width changes, with ticks, grid lines and a plot area.
-import { marked, set, svg } from "./dom.mjs";
+// A chart: an SVG in its own pixels, redrawn when its width changes, with ticks, grid lines and a plot area. What is drawn
+// is written down first; `finish` hands the browser only what has changed.
+import { markup, set, svg } from "./dom.mjs";
 import { digits, superscript } from "./format.mjs";
 
 const MARGIN = { left: 56, right: 14, top: 8, bottom: 38 };
@@ -34,35 +35,40 @@ export class Chart {
     this.y = (v) => b - ((v - y0) / (y1 - y0)) * (b - t);
     this.back = (px) => x0 + ((px - l) / (r - l)) * (x1 - x0);
     [this.xs, this.ys] = [[x0, x1], [y0, y1]];
-    this.grid.replaceChildren();
-    this.body.replaceChildren();
+    [this.frame, this.marks] = ["", ""];
+  }
+
+  finish() {
+    for (const [group, written] of [[this.grid, this.frame], [this.body, this.marks]]) {
+      if (group.written !== written) group.innerHTML = group.written = written;
+    }
   }
 
   xTicks(values, format, name) {
     const b = this.height - this.bottomMargin;
     for (const v of values) {
       const x = this.x(v).toFixed(1);
-      this.grid.append(svg("line", { x1: x, x2: x, y1: this.top, y2: b }));
-      if (format) this.grid.append(label(format(v), { x, y: b + 14, "text-anchor": "middle" }));
+      this.frame += markup("line", { x1: x, x2: x, y1: this.top, y2: b });
+      if (format) this.frame += markup("text", { x, y: b + 14, "text-anchor": "middle" }, format(v));
     }
-    if (name) this.grid.append(label(name, { x: this.width - MARGIN.right, y: b + 31, "text-anchor": "end", class: "axis-name" }));
+    if (name) this.frame += markup("text", { x: this.width - MARGIN.right, y: b + 31, "text-anchor": "end", class: "axis-name" }, name);
   }
 
   yTicks(values, format, name) {
     for (const v of values) {
       const y = this.y(v).toFixed(1);
-      this.grid.append(svg("line", { x1: this.left, x2: this.width - MARGIN.right, y1: y, y2: y }));
-      this.grid.append(label(format(v), { x: this.left - 6, y: Number(y) + 4, "text-anchor": "end" }));
+      this.frame += markup("line", { x1: this.left, x2: this.width - MARGIN.right, y1: y, y2: y });
+      this.frame += markup("text", { x: this.left - 6, y: Number(y) + 4, "text-anchor": "end" }, format(v));
     }
-    if (name) this.grid.append(label(name, { x: this.left + 6, y: this.top + 10, class: "axis-name" }));
+    if (name) this.frame += markup("text", { x: this.left + 6, y: this.top + 10, class: "axis-name" }, name);
   }
 
   add(tag, attributes) {
-    this.body.append(svg(tag, attributes));
+    this.marks += markup(tag, attributes);
   }
 
   note(content, attributes) {
-    this.body.append(label(content, attributes));
+    this.marks += markup("text", attributes, content);
   }
 
   // A path through [x, y] data; a break where y is not a number.
@@ -82,12 +88,6 @@ export class Chart {
     const x = this.x(value).toFixed(1), hidden = value < this.xs[0] || value > this.xs[1];
     set(this.head, { x1: x, x2: x, visibility: hidden ? "hidden" : "visible" });
   }
-}
-
-function label(content, attributes) {
-  const element = svg("text", attributes);
-  element.append(...marked(content, true));
-  return element;
 }
 
 // Round tick values, about `count` of them.
