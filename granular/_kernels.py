@@ -18,6 +18,9 @@ from zlib import crc32
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+MANNER = {"error_model": "numpy", "_nrt": False}
+"""How numba compiles: 1/0 is inf, and references to arrays are not counted (which would take half of the time)."""
+
 
 def kernel(function: F) -> F:
     """Mark `function` as a kernel: it runs as it is, and `compiled` knows that its callers compile it too."""
@@ -55,7 +58,7 @@ def compiled(function: Callable[..., Any], signature: Any = None, inline: bool =
     """Return the compiled twin of a kernel, with the kernels it calls compiled as well.
 
     The machine code is cached on disk beside the source, so that a second process starts computing at once, under a
-    name that changes with the code of the kernel and of all it calls.
+    name that changes with the code of the kernel and of all it calls. A kernel cannot make arrays.
 
     Parameters
     ----------
@@ -63,9 +66,8 @@ def compiled(function: Callable[..., Any], signature: Any = None, inline: bool =
         Types of the arguments. A kernel that takes a function (a force) needs one, so that every force of that
         type runs the same machine code; other kernels are compiled for the types they are called with.
     inline : bool
-        Put the kernels it calls, but for the `rare` ones, into its body, and leave out the counting of references to
-        arrays: several times as fast where they are short and take arrays, at the price of a longer compilation.
-        Such a kernel cannot make arrays.
+        Put the kernels it calls, but for the `rare` ones, into its body: faster where they are short and many, at the
+        price of a longer compilation.
 
     Raises
     ------
@@ -87,7 +89,7 @@ def _twin(function: Callable[..., Any], signature: Any, inline: bool, within: bo
     twin.__qualname__ = f"{function.__qualname__}_{_checksum(function):08x}{'i' * inline}"
     inlined = within and not getattr(function, "__granular_rare__", False)
     how = {"inline": "always"} if inlined else {"cache": True}
-    result: Callable[..., Any] = load_numba().njit(signature, error_model="numpy", _nrt=not inline, **how)(twin)
+    result: Callable[..., Any] = load_numba().njit(signature, **MANNER, **how)(twin)
     return result
 
 
@@ -104,4 +106,4 @@ def _checksum(function: Callable[..., Any]) -> int:
     constants = [x for x in code.co_consts if x != function.__doc__ and not isinstance(x, types.CodeType)]
     read = [scope[name] for name in code.co_names if isinstance(scope.get(name), (int, float, str, tuple))]
     below = [_checksum(callee) for callee in _callees(function).values()]
-    return crc32(repr((constants, code.co_names, read, below)).encode(), crc32(code.co_code))
+    return crc32(repr((constants, code.co_names, read, below, MANNER)).encode(), crc32(code.co_code))
