@@ -9,6 +9,7 @@ from granular import edmd
 from granular.edmd import collapse as collapses
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
+from granular.scenes import newtons_cradle
 from granular.trajectory import Status
 from granular.until import separated
 
@@ -42,6 +43,13 @@ def test_three_balls_above_the_threshold_part_after_finitely_many(eps, collision
     end = run(cluster(3), eps)
     assert end.status is Status.quiet
     assert end.stats["events"] == collisions
+
+
+def test_a_cradle_with_gaps_just_above_the_threshold_takes_89_collisions() -> None:
+    end = run(newtons_cradle(n=3, gap=1.0), 0.0719)
+    assert end.status is Status.quiet
+    assert end.stats["events"] == len(end.contacts) == 89
+    assert "2 relative velocities fell below rounding" in end.message
 
 
 def test_just_above_the_threshold_nothing_is_claimed_but_a_bound() -> None:

@@ -62,7 +62,7 @@ def _lost(run: Run) -> str:
     lost = int(run.state.tally[2])
     if lost == 0:
         return ""
-    return f"; {_count(lost, 'relative velocity')} fell below rounding, and what follows from them is not certain"
+    return f"; {_count(lost, 'relative velocity')} fell below rounding: collisions that depend on them are uncertain"
 
 
 def _count(n: int, noun: str) -> str:

@@ -1,0 +1,39 @@
+"""Columns that fall on a floor: when they collapse, how long it takes to find out, and how they go on with a remedy."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+
+import granular as gr
+
+RULE = gr.ConstantRestitution(0.9)
+
+
+def column(n: int) -> gr.Scene:
+    """Return `n` balls dropped from rest at random distances, g = 1."""
+    gap = np.random.default_rng(1).uniform(0.5, 1.5, n)
+    return gr.Scene([math.inf] + [1.0] * n, [0.0] * (n + 1), gap, [0.0] * (n + 1), gravity=1.0)
+
+
+def report(name: str, n: int, **options: object) -> None:
+    """Run a column and print how it ended and how long that took."""
+    begin = time.perf_counter()
+    run = gr.edmd.simulate(column(n), RULE, log=False, **options)  # type: ignore[arg-type]
+    print(f"{name}, N = {n}: {time.perf_counter() - begin:.2f} s, {run.stats['engine']}: {run.message}", flush=True)
+
+
+def main() -> None:
+    """Print all lines."""
+    for n in (100, 1000, 10_000, 100_000):
+        report("collapse='stop'", n)
+    for n in (100, 1000):
+        report("collapse='merge'", n, collapse="merge", t_end=60.0, max_events=10**8)
+    report("tc=1e-2", 1000, tc=1e-2, t_end=60.0, max_events=10**8)
+    report("tc=1e-2, again", 1000, tc=1e-2, t_end=60.0, max_events=10**8)
+
+
+if __name__ == "__main__":
+    main()
