@@ -78,7 +78,7 @@ def _solve_compiled(plan: Plan, columns: Sequence[Values], values: dict[str, Any
     for size in {scene.n for scene in setup.scenes if scene is not None}:
         fits = np.array([scene is not None and scene.n == size for scene in setup.scenes])[setup.scene_of]
         rows = np.flatnonzero(fits & np.array([law is not None for law in setup.laws])[setup.law_of])
-        for until in {setup.untils[i] for i in setup.scene_of[rows]}:
+        for until in {setup.untils[i] for i in np.unique(setup.scene_of[rows])}:
             same = rows[np.array([setup.untils[i] == until for i in range(len(setup.scenes))])[setup.scene_of[rows]]]
             _fill(setup, same, until, values, left)
     return np.flatnonzero(left)

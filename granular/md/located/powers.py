@@ -29,10 +29,8 @@ def clear(row: Any, mirror: Any) -> None:
 def product_term(a: Any, mirror: Any, n: int) -> float:
     """Return order n of the product of two series, Σ a_j b_(n-j), the second backwards: b_i = mirror[ORDER - i]."""
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
-    at = ORDER - n
     for block in range(n // 8 + 1):
-        j = 8 * block
-        i = at + j
+        j, i = (8 * block) & 31, (ORDER - n + 8 * block) & 63  # masks tell a compiler that no index is negative
         s0 += a[j] * mirror[i] + a[j + 4] * mirror[i + 4]
         s1 += a[j + 1] * mirror[i + 1] + a[j + 5] * mirror[i + 5]
         s2 += a[j + 2] * mirror[i + 2] + a[j + 6] * mirror[i + 6]

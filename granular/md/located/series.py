@@ -93,25 +93,6 @@ def force_term(pair: Any, n: int, q: int) -> None:
 
 
 @kernel
-def older_sums(pair: Any, n: int, first: int) -> tuple[float, float]:
-    """Return Σ r_j r_(n+first-j) and Σ r_j φ_(n-j) over the terms that are in their rows, as `product_term` would."""
-    r, rm, gm = pair.r, pair.rm, pair.gm
-    s0, s1, s2, s3, p0, p1, p2, p3 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for block in range((n + first) // 8 + 1):
-        j = (8 * block) & 31
-        i, k = (ORDER - n - first + j) & 63, (ORDER - n + j) & 63
-        s0 += r[j] * rm[i] + r[j + 4] * rm[i + 4]
-        s1 += r[j + 1] * rm[i + 1] + r[j + 5] * rm[i + 5]
-        s2 += r[j + 2] * rm[i + 2] + r[j + 6] * rm[i + 6]
-        s3 += r[j + 3] * rm[i + 3] + r[j + 7] * rm[i + 7]
-        p0 += r[j] * gm[k] + r[j + 4] * gm[k + 4]
-        p1 += r[j + 1] * gm[k + 1] + r[j + 5] * gm[k + 5]
-        p2 += r[j + 2] * gm[k + 2] + r[j + 6] * gm[k + 6]
-        p3 += r[j + 3] * gm[k + 3] + r[j + 7] * gm[k + 7]
-    return (s0 + s2) + (s1 + s3), (p0 + p2) + (p1 + p3)
-
-
-@kernel
 def bracket(pair: Any, n: int) -> float:
     """Return order n of φ = kξ + γη, exactly 0 at the event that found it so."""
     if n == 0 and pair.exact:

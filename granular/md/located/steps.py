@@ -114,15 +114,14 @@ def scale(block: Any, q: int) -> float:
 def trusted(pairs: Any, lo: int, hi: int, tol: float) -> float:
     """Return the θ up to which the computed coefficients hold to `tol`."""
     block = pairs[lo]
-    worst = 0.0
+    worst = -math.inf
     for j in range(ORDER - 5, ORDER + 1):
         largest = 0.0
         for c in range(lo, hi):
             largest = max(largest, abs(pairs[c].x[j]) / block.length, abs(pairs[c].e[j]) / block.speed)
         if largest > 0.0:
-            worst = max(worst, math.pow(largest, 1.0 / j))
-    reach = math.pow(tol, 1.0 / ORDER)
-    return min(FURTHEST, reach / worst) if worst > 0.0 else FURTHEST
+            worst = max(worst, math.log(largest) / j)
+    return math.exp(min(math.log(FURTHEST), math.log(tol) / ORDER - worst))
 
 
 @kernel
