@@ -48,13 +48,14 @@ def absorb(
     last pair to predict anew, and the momentum exchanged by pair `c` in kg m/s.
     """
     b, e = c, c + 1  # the lowest and the highest body
-    while b > 0 and mass[b] < math.inf and is_closed(b - 1, u, gap, at, pull):
+    while b > 0 and falls[b] > 0.0 and is_closed(b - 1, u, gap, at, pull):  # what rests stays as it is
         b -= 1
-    while e < len(gap) and mass[e] < math.inf and is_closed(e, u, gap, at, pull):
+    while e < len(gap) and falls[e] > 0.0 and is_closed(e, u, gap, at, pull):
         e += 1
     first, last = max(b - 1, 0), min(e, len(gap) - 1)
-    for k in range(first, last + 1):
-        carry(k, now, u, gap, at, pull)
+    carry(first, now, u, gap, at, pull)  # all pairs between but for c are closed
+    carry(c, now, u, gap, at, pull)
+    carry(last, now, u, gap, at, pull)
     gap[c] = 0.0
     lower = math.inf if falls[c] == 0.0 else total(b, c, mass)
     upper = math.inf if falls[c + 1] == 0.0 else total(c + 1, e, mass)
