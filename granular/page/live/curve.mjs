@@ -68,7 +68,7 @@ export class Curve {
     chart.xTicks(decades(xs), decadeName, "gap Δh in m");
     chart.yTicks(ticks([bottom, 1.1 * top], 5), tickName);
     chart.line(points.map((p) => [p.x, p.hard]), { class: "hard-line" });
-    for (const run of steady(points)) chart.line(run.map((p) => [p.x, p.soft]), { class: "soft-line strong" });
+    chart.lines(steady(points).map((run) => run.map((p) => [p.x, p.soft])), { class: "soft-line strong" });
     this.drawJumps();
     chart.finish();
     chart.playhead(gap > 0 ? Math.max(xs[0], Math.log10(gap)) : xs[0]);
@@ -76,11 +76,12 @@ export class Curve {
   }
 
   drawJumps() {
-    const { chart, points } = this;
+    const { chart, points } = this, runs = steady(points);
+    const dots = runs.slice(1).filter(([p]) => !Number.isNaN(p.soft)).map(([p]) => `M${chart.x(p.x).toFixed(1)} ${chart.y(p.soft).toFixed(1)}h0`);
+    chart.add("path", { class: "jump", d: dots.join("") });
     let lastX = -Infinity;
-    for (const run of steady(points)) {
+    for (const run of runs) {
       const middle = (chart.x(run[0].x) + chart.x(run[run.length - 1].x)) / 2;
-      if (run[0] !== points[0]) chart.add("circle", { class: "jump", cx: chart.x(run[0].x).toFixed(1), cy: chart.y(run[0].soft).toFixed(1), r: 2.5 });
       if (middle - lastX < 26 || Number.isNaN(run[0].contacts)) continue;
       chart.note(String(run[0].contacts), { x: middle.toFixed(1), y: 16, "text-anchor": "middle", class: "count" });
       lastX = middle;

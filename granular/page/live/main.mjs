@@ -3,7 +3,7 @@ import { $, save, text } from "../shell/dom.mjs";
 import { Clock } from "../shell/clock.mjs";
 import { compareEngines } from "../physics/outcome.mjs";
 import { cleaned, sceneOf, SETUPS } from "../physics/setups.mjs";
-import { spanOf } from "../physics/traces.mjs";
+import { samplesOf, spanOf } from "../physics/traces.mjs";
 import { TimeCharts } from "./charts.mjs";
 import { Controls } from "./controls.mjs";
 import { Curve } from "./curve.mjs";
@@ -79,8 +79,9 @@ class Page {
 
   draw(setup) {
     const span = spanOf(this.report.soft, this.report.hard);
-    this.stage.load(this.report, span);
-    this.charts.load(this.report, span);
+    const samples = samplesOf(this.report, span);
+    this.stage.load(this.report, span, samples);
+    this.charts.load(this.report, span, samples);
     this.panels.load(this.report, setup);
     this.clock.setSpan(span);
     this.curve.load(this.state.name, this.state.values);

@@ -38,21 +38,29 @@ const isNoEnd = (run) => ["collapse", "endless", "unfinished"].includes(run.stat
 
 function figures({ scene, hard, soft, pairs, eps }, setup, finals) {
   const top = pairs[pairs.length - 1], last = scene.mass.length - 1, measure = setup.measure(eps);
-  const big = (title, a, b, detail = "") =>
-    h("div", { class: "figure" }, h("h2", {}, ...marked(title)), h("p", { class: "hard" }, a), h("p", { class: "soft" }, b), h("small", {}, detail));
   const number = (run) => (isNoEnd(run) ? "–" : digits(measure(run), 3));
   const count = (run) => (isNoEnd(run) ? `${run.contacts.length}+` : String(run.contacts.length));
   const shared = soft.impulse > 0 ? Math.round((100 * soft.shared) / soft.impulse) : 0;
   const parts = [
-    big("contacts in all", count(hard), count(soft), `of the top pair: ${top.hard.contacts} and ${top.soft.contacts}`.replace("top", scene.gravity ? "top" : "last")),
-    big(setup.measureName, number(hard), number(soft), `ε = ${digits(eps, 3)} in every contact`),
+    ["contacts in all", count(hard), count(soft), `of the top pair: ${top.hard.contacts} and ${top.soft.contacts}`.replace("top", scene.gravity ? "top" : "last")],
+    [setup.measureName, number(hard), number(soft), `ε = ${digits(eps, 3)} in every contact`],
   ];
   if (scene.gravity) {
     const metres = (engine) => `${digits(finals[engine][last].rise, 3)} m`;
-    parts.push(big("top ball rises", metres("hard"), metres("soft"), `dropped from ${digits(scene.drop, 3)} m`));
+    parts.push(["top ball rises", metres("hard"), metres("soft"), `dropped from ${digits(scene.drop, 3)} m`]);
   }
-  parts.push(big("impulse shared with a neighbour", "0 %", `${shared} %`, "0 %: every contact is binary"));
-  $(".figures").replaceChildren(...parts);
+  parts.push(["impulse shared with a neighbour", "0 %", `${shared} %`, "0 %: every contact is binary"]);
+  showFigures($(".figures"), parts);
+}
+
+function showFigures(host, parts) {
+  const titles = parts.map(([title]) => title).join();
+  if (host.titles !== titles) {
+    host.titles = titles;
+    host.replaceChildren(...parts.map(([title]) =>
+      h("div", { class: "figure" }, h("h2", {}, ...marked(title)), h("p", { class: "hard" }), h("p", { class: "soft" }), h("small"))));
+  }
+  parts.forEach(([, ...contents], i) => contents.forEach((content, j) => text(host.children[i].children[j + 1], content)));
 }
 
 function bars(chart, rows, n, names) {

@@ -1,7 +1,7 @@
 // The two scenes side by side. Balls are drawn far smaller against their paths than they are: gaps would be invisible.
 import { $, set, svg, text } from "../shell/dom.mjs";
 import { digits } from "../shell/format.mjs";
-import { hardHeights, softForces, softHeights } from "../physics/traces.mjs";
+import { hardHeights, largestForce, softForces, softHeights } from "../physics/traces.mjs";
 
 const FLASH = 0.02; // share of the span for which a hard collision stays visible
 
@@ -11,26 +11,13 @@ export class Stage {
     this.views = ["hard", "soft"].map((engine) => new View(host, engine));
   }
 
-  load(report, span) {
+  load(report, span, samples) {
     Object.assign(this, { report, span });
-    const upright = report.scene.gravity > 0, both = this.heightsIn(span);
+    const upright = report.scene.gravity > 0, extent = { ...samples, depth: depthIn(samples.soft, report.scene) };
     set(this.host, { class: `stage ${upright ? "upright" : "lying"}` });
-    for (const view of this.views) view.layout(report.scene, upright, both);
+    for (const view of this.views) view.layout(report.scene, upright, extent);
     this.forceMax = largestForce(report.soft);
     text($(".scale-note"), `Paths and overlaps are drawn ${digits(this.views[0].magnification, 2)} times larger than the balls.`);
-  }
-
-  // The lowest and the highest point there is, and how deep each pair sinks in.
-  heightsIn([begin, end]) {
-    const { soft, hard, scene } = this.report, depth = scene.gap.map(() => 0);
-    let low = Infinity, high = -Infinity;
-    for (let i = 0; i <= 40; i++) {
-      const t = begin + (i / 40) * (end - begin), y = softHeights(soft, t);
-      depth.forEach((d, c) => (depth[c] = Math.max(d, y[c] - y[c + 1])));
-      low = Math.min(low, ...y, ...hardHeights(hard, t));
-      high = Math.max(high, ...y, ...hardHeights(hard, t));
-    }
-    return { low, high: Math.max(high, low + 1e-9), depth };
   }
 
   show(t) {
@@ -45,9 +32,8 @@ export class Stage {
   }
 }
 
-function largestForce(run) {
-  return run.pieces.reduce((most, { t }) => Math.max(most, ...softForces(run, t)), 1e-300);
-}
+// How deep each pair sinks in.
+const depthIn = (rows, scene) => scene.gap.map((_, c) => rows.reduce((most, y) => Math.max(most, y[c] - y[c + 1]), 0));
 
 class View {
   constructor(host, engine) {

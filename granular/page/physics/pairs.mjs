@@ -1,6 +1,6 @@
 // What a soft pair can be, and what events make of it: open (ξ ≤ 0), active (F > 0), residual (ξ > 0, F clipped at 0) or
 // dormant (touching at rest beside a force: who wins is read off the series).
-import { EXACT, ORDER, PUSHES } from "./series.mjs";
+import { EXACT, PUSHES, WIDTH } from "./series.mjs";
 import { pairsOf, velocities } from "./scenes.mjs";
 
 export const OPEN = 0;
@@ -89,12 +89,12 @@ export function engage(pairs) {
 }
 
 // Open pairs that the series pulls apart from rest, close those it presses; true if any changed.
-export function judge({ pairs, rows }) {
+export function judge({ pairs, series }) {
   let changed = false;
   for (let c = 0; c < pairs.length; c++) {
     const p = pairs[c];
     if (p.xi !== 0 || p.eta !== 0 || (p.mode !== DORMANT && p.mode !== OPEN)) continue;
-    const way = direction(rows.x[c]), mode = way < 0 ? OPEN : way > 0 ? DORMANT : p.mode;
+    const way = direction(series.x, c), mode = way < 0 ? OPEN : way > 0 ? DORMANT : p.mode;
     changed ||= mode !== p.mode;
     p.mode = mode;
   }
@@ -102,7 +102,7 @@ export function judge({ pairs, rows }) {
 }
 
 // The first coefficient that is not zero; the last may vanish by parity.
-export function direction(x) {
-  for (let j = 1; j <= ORDER; j++) if (x[j] !== 0) return x[j];
+export function direction(x, c) {
+  for (let i = c * WIDTH + 1; i < (c + 1) * WIDTH; i++) if (x[i] !== 0) return x[i];
   return 0;
 }

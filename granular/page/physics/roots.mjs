@@ -9,14 +9,14 @@ const DEEPEST = 60;
 export const workspace = (degree) => Array.from({ length: DEEPEST + 1 }, () => new Float64Array(degree + 2));
 
 // The first τ in [0, θ] where sign·p goes from - to +, or Infinity. Exact zeros at the front are divided out: a root
-// just left, written as p[0] = 0, is not found again.
-export function firstUpCrossing(p, theta, work, sign = 1) {
-  const size = p.length, s = work[0];
+// just left, written as p[0] = 0, is not found again. The coefficients of p stand in `table` from `offset` on.
+export function firstUpCrossing(table, offset, theta, work, sign = 1) {
+  const s = work[0], size = s.length - 1;
   let first = 0, power = sign, rise = 0;
-  while (first < size - 1 && p[first] === 0) first++;
-  if (sign * p[first] > 0) return 0;
+  while (first < size - 1 && table[offset + first] === 0) first++;
+  if (sign * table[offset + first] > 0) return 0;
   for (let j = first; j < size; j++) {
-    const c = p[j] * power;
+    const c = table[offset + j] * power;
     s[j - first] = c;
     power *= theta;
     if (c > 0) rise += c;

@@ -5,20 +5,29 @@
 // Rows: x of the overlap ξ, e of its rate η, f of the force. The state a step starts from is kept apart: per pair ξ, η
 // and 1 if it pushes, 2 if its φ = kξ + γη is exactly 0, 3 if both. From it any step can be expanded again.
 export const ORDER = 20;
-const WIDTH = ORDER + 1, REACH = (51090942171709440000 * 1e-17) ** (1 / 21); // 21!
+export const WIDTH = ORDER + 1;
+const REACH = (51090942171709440000 * 1e-17) ** (1 / 21); // 21!
 export const PUSHES = 1;
 export const EXACT = 2;
 
+// All series of so many pairs share their tables: one is at work at a time, and none needs what it had.
+const tables = new Map();
+
+function tablesFor(m) {
+  if (!tables.has(m)) {
+    const [x, e, f, state, weight] = [m * WIDTH, m * WIDTH, m * WIDTH, 3 * m, m].map((size) => new Float64Array(size));
+    tables.set(m, { x, e, f, state, weight, held: null });
+  }
+  return tables.get(m);
+}
+
 export class Series {
   constructor(pairs) {
-    const m = pairs.length, constants = ["lower", "inverse", "upper", "k", "gamma", "pull"];
+    const constants = ["lower", "inverse", "upper", "k", "gamma", "pull"];
     for (const name of constants) this[name] = Float64Array.from(pairs, (p) => p[name]);
-    for (const name of ["x", "e", "f"]) this[name] = new Float64Array(m * WIDTH);
-    Object.assign(this, { m, state: new Float64Array(3 * m), weight: new Float64Array(m), held: null });
-  }
-
-  row(name, c) {
-    return this[name].subarray(c * WIDTH, (c + 1) * WIDTH);
+    this.m = pairs.length;
+    this.tables = tablesFor(this.m);
+    Object.assign(this, this.tables);
   }
 
   pushes(c) {
@@ -43,7 +52,7 @@ export class Series {
 
   expand(h) {
     const { m, x, e, f, k, gamma, lower, inverse, upper, state, pull, weight } = this;
-    this.held = null;
+    this.tables.held = null;
     for (let c = 0; c < m; c++) [x[c * WIDTH], e[c * WIDTH]] = [state[c], state[m + c]];
     for (let n = 0; n <= ORDER; n++) {
       if (n < 2) this.weigh(n);
@@ -77,6 +86,11 @@ export class Series {
     return row;
   }
 
+  // The force that pair c has where a kept step begins.
+  firstForce({ state }, c) {
+    return state[2 * this.m + c] === PUSHES ? this.k[c] * state[c] + this.gamma[c] * state[this.m + c] : 0;
+  }
+
   at(name, c, tau) {
     const rows = this[name];
     let total = 0;
@@ -92,9 +106,9 @@ export class Series {
 
   // For drawing: a step that has been kept, expanded once more unless it is the one held.
   recall(piece) {
-    if (this.held === piece) return;
+    if (this.tables.held === piece) return;
     this.state.set(piece.state);
     this.expand(piece.h);
-    this.held = piece;
+    this.tables.held = piece;
   }
 }

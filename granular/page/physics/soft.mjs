@@ -7,7 +7,7 @@ import { act, activate, ACTIVE, BEGIN, direction, DORMANT, END, engage, handOver
 import { provedToRest } from "./rest.mjs";
 import { firstUpCrossing, workspace } from "./roots.mjs";
 import { velocities } from "./scenes.mjs";
-import { ORDER, Series } from "./series.mjs";
+import { ORDER, Series, WIDTH } from "./series.mjs";
 
 const work = workspace(ORDER), clipped = new Float64Array(ORDER + 1);
 
@@ -27,10 +27,9 @@ export function simulateSoft(scene, eps, k, { record = false, maxSteps = 20000 }
 }
 
 function start(scene, eps, k, record, maxSteps) {
-  const pairs = softPairs(scene, eps, k), series = new Series(pairs), rows = {};
-  for (const name of ["x", "f"]) rows[name] = pairs.map((_, c) => series.row(name, c));
+  const pairs = softPairs(scene, eps, k), series = new Series(pairs);
   return {
-    scene, pairs, series, rows, t: 0, until: scene.until, status: "", contacts: [], pieces: record ? [] : null,
+    scene, pairs, series, t: 0, until: scene.until, status: "", contacts: [], pieces: record ? [] : null,
     steps: 0, maxSteps, shared: 0, impulse: 0, fired: -1, what: NOTHING, tau: 0,
   };
 }
@@ -121,7 +120,7 @@ function step(run) {
     handOver(pairs, series);
   }
   for (let c = 0; c < pairs.length; c++) {
-    if (pairs[c].mode === DORMANT && direction(run.rows.x[c]) > 0 && !activate(run, c)) return stop(run, "until");
+    if (pairs[c].mode === DORMANT && direction(series.x, c) > 0 && !activate(run, c)) return stop(run, "until");
   }
   locate(run);
   const room = (run.scene.tEnd - run.t) / h, late = run.tau > room;
@@ -132,22 +131,22 @@ function step(run) {
 
 // The first event of all pairs on τ in [0, 1], else the end of the step.
 function locate(run) {
-  const { pairs, series, rows } = run;
+  const { pairs, series } = run, { x, f } = series;
   run.tau = 1;
-  for (let c = 0; c < pairs.length && run.tau > 0; c++) {
+  for (let c = 0, row = 0; c < pairs.length && run.tau > 0; c++, row += WIDTH) {
     const p = pairs[c];
-    if (p.mode === OPEN) look(run, c, rows.x[c], 1, BEGIN);
-    else if (p.mode === ACTIVE && p.gamma === 0) look(run, c, rows.x[c], -1, PART);
-    else if (p.mode === ACTIVE) look(run, c, rows.f[c], -1, END);
+    if (p.mode === OPEN) look(run, c, x, row, 1, BEGIN);
+    else if (p.mode === ACTIVE && p.gamma === 0) look(run, c, x, row, -1, PART);
+    else if (p.mode === ACTIVE) look(run, c, f, row, -1, END);
     else if (p.mode === RESIDUAL) {
-      look(run, c, rows.x[c], -1, PART);
-      look(run, c, series.phi(c, clipped), 1, BEGIN);
+      look(run, c, x, row, -1, PART);
+      look(run, c, series.phi(c, clipped), 0, 1, BEGIN);
     }
   }
 }
 
-function look(run, c, row, sign, what) {
-  const tau = firstUpCrossing(row, run.tau, work, sign);
+function look(run, c, table, row, sign, what) {
+  const tau = firstUpCrossing(table, row, run.tau, work, sign);
   if (tau > run.tau) return;
   run.tau = tau;
   run.fired = c;

@@ -41,6 +41,24 @@ export function hardGaps({ scene, flights }, t) {
 export const softHeights = (run, t) => heights(run.scene, softGaps(run, t), t);
 export const hardHeights = (run, t) => heights(run.scene, hardGaps(run, t), t);
 
+export function largestForce({ series, pieces }) {
+  let most = 1e-300;
+  for (const piece of pieces) for (let c = 0; c < series.m; c++) most = Math.max(most, series.firstForce(piece, c));
+  return most;
+}
+
+// Both runs over a span: evenly in time and at the kinks that hard collisions make. Lowest and highest point with it.
+export function samplesOf({ soft, hard }, [begin, end]) {
+  const even = Array.from({ length: 121 }, (_, i) => begin + (i / 120) * (end - begin));
+  const times = [...even, ...hard.contacts.slice(0, 100).map((c) => c.begin)].sort((a, b) => a - b);
+  const rows = { soft: times.map((t) => softHeights(soft, t)), hard: times.map((t) => hardHeights(hard, t)) };
+  let low = Infinity, high = -Infinity;
+  for (const row of [...rows.soft, ...rows.hard]) {
+    for (const y of row) [low, high] = [Math.min(low, y), Math.max(high, y)];
+  }
+  return { times, ...rows, low, high: Math.max(high, low + 1e-9) };
+}
+
 // The span of time worth watching: from the first contact to the last end of one, with a margin.
 export function spanOf(...runs) {
   const contacts = runs.flatMap((run) => run.contacts);

@@ -71,17 +71,24 @@ export class Chart {
     this.marks += markup("text", attributes, content);
   }
 
-  // A path through [x, y] data; a break where y is not a number.
-  line(points, attributes) {
-    let d = "", pen = "M";
-    for (const [px, py] of points) {
-      if (Number.isNaN(py)) pen = "M";
-      else {
-        d += `${pen}${this.x(px).toFixed(1)} ${this.y(py).toFixed(1)}`;
-        pen = "L";
+  // Lines through [x, y] data, all in one element; a break where y is not a number.
+  lines(many, attributes) {
+    let d = "";
+    for (const points of many) {
+      let pen = "M";
+      for (const [px, py] of points) {
+        if (Number.isNaN(py)) pen = "M";
+        else {
+          d += `${pen}${this.x(px).toFixed(1)} ${this.y(py).toFixed(1)}`;
+          pen = "L";
+        }
       }
     }
-    this.add("path", { d, fill: "none", ...attributes });
+    this.add("path", { fill: "none", ...attributes, d });
+  }
+
+  line(points, attributes) {
+    this.lines([points], attributes);
   }
 
   playhead(value) {

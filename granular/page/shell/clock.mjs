@@ -29,7 +29,7 @@ export class Clock {
   setDuration(seconds) {
     this.duration = seconds;
     const slower = seconds / (this.span[1] - this.span[0]);
-    const pace = slower >= 1 ? `slowed ${Math.round(slower).toLocaleString("en").replaceAll(",", " ")} ×` : `${(1 / slower).toPrecision(2)} × faster than life`;
+    const pace = slower >= 1 ? `slowed ${String(Math.round(slower)).replace(/\B(?=(\d{3})+$)/g, " ")} ×` : `${(1 / slower).toPrecision(2)} × faster than life`;
     text($(".slowdown", this.root), pace);
   }
 
