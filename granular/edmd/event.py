@@ -6,7 +6,7 @@ from typing import Any
 
 from granular._kernels import kernel
 from granular.edmd.merge import ORDINARY, WEAK, absorb, kind, strike
-from granular.edmd.model import restitution
+from granular.edmd.model import remedied
 from granular.edmd.motion import Bodies, Ints, Physics, approach, carry, collide
 
 SUSPICIOUS = 8
@@ -28,19 +28,22 @@ def event(
     u, falls, gap, at, pull, hits, last, streaks = bodies
     low, high, m_eff, mass, eps, tc, elastic_below, merge_below, g = physics
     w = approach(c, u, gap, at, pull)
-    e = restitution(c, -w, now, eps, rule, last, tc, elastic_below)
+    e = eps[c] if rule is None else rule(c, -w)
+    if tc > 0.0 or elastic_below > 0.0:
+        e = remedied(c, -w, e, now, last, tc, elastic_below)
     if row is not None:
         row[0], row[1] = c, now
         row[2], row[3] = u[c] - falls[c] * (g * now), u[c + 1] - falls[c + 1] * (g * now)
-    exchanged = -((1.0 + e) * w) * m_eff[c]
-    what = ORDINARY
+    what, exchanged = ORDINARY, 0.0
     if merge_below > 0.0 or g > 0.0:
         what = kind(c, w, e, merge_below, mass, falls, pull)
     if what == ORDINARY:
-        start, end = max(c - 1, 0), min(c + 1, len(gap) - 1)
+        start = end = c
         if c > 0:
-            tally[0] += carry(c - 1, now, u, gap, at, pull)
-        if end > c:
+            start = c - 1
+            tally[0] += carry(start, now, u, gap, at, pull)
+        if c + 1 < len(gap):
+            end = c + 1
             tally[0] += carry(end, now, u, gap, at, pull)
         collide(c, now, w, e, u, gap, at, pull, low, high)
     elif what == WEAK:
@@ -50,23 +53,24 @@ def event(
         start, end = strike(c, now, w, e, g, mass, u, falls, gap, at, pull, low, high)
     if row is not None:
         row[4], row[5] = u[c] - falls[c] * (g * now), u[c + 1] - falls[c + 1] * (g * now)
-        row[6] = exchanged
+        row[6] = exchanged if what == WEAK else -((1.0 + e) * w) * m_eff[c]
     hits[c] += 1
-    faint = FAINT * max(abs(u[c]), abs(u[c + 1]))
-    streaks[c] = streak(streaks[c], -w, now - last[c], e, faint, watch[0], watch[1])
+    if e < 1.0:
+        size = max(abs(u[c]), abs(u[c + 1]))
+        streaks[c] = streak(streaks[c], -w, now - last[c], e, size, watch[0], watch[1])
+    else:
+        streaks[c] = 0
     last[c] = now
     return start, end, -e * w
 
 
 @kernel
-def streak(count: int, speed: float, interval: float, e: float, faint: float, slow: float, short: float) -> int:
+def streak(count: int, speed: float, interval: float, e: float, size: float, slow: float, short: float) -> int:
     """Return how often in a row (before: `count`) a pair collided slowly, which counts thrice, or at once again.
 
-    A rebound so `faint` that velocities can hardly tell it calls for a closer look at once.
+    A rebound that velocities of that `size` can hardly hold calls for a closer look at once.
     """
-    if e == 1.0:
-        return 0
-    if slow >= 0.0 and 0.0 < e * speed < faint:
+    if slow >= 0.0 and 0.0 < e * speed < FAINT * size:
         return SUSPICIOUS
     if speed < slow:
         return count + 3

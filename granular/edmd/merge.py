@@ -109,19 +109,13 @@ def total(b: int, e: int, mass: Floats) -> float:
     return mass_sum
 
 
-@kernel
-def is_at_rest(c: int, time: float, pull: Floats) -> bool:
-    """Return whether the upper body of pair `c`, predicted to collide at `time`, has come to rest on the lower.
-
-    A pulled pair always collides again, unless it has gap and rate 0.
-    """
-    return time == math.inf and bool(pull[c] > 0.0)
-
-
 @rare
 @kernel
 def rest(c: int, g: float, u: Floats, falls: Floats, gap: Floats, at: Floats, pull: Floats) -> None:
-    """Let the upper body of pair `c` rest on the wall, or on the pile on it."""
+    """Let the upper body of pair `c` rest on the wall, or on the pile on it.
+
+    For a pulled pair that never collides again: it has gap and rate 0.
+    """
     top = min(c + 1, len(gap) - 1)
     if top > c:
         carry(top, at[c], u, gap, at, pull)

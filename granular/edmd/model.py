@@ -98,31 +98,17 @@ def shares(scene: Scene) -> tuple[list[float], list[float]]:
 
 
 @kernel
-def restitution(
-    c: int,
-    speed: float,
-    now: float,
-    eps: Floats,
-    rule: Restitution | None,
-    last: Floats,
-    tc: float,
-    elastic_below: float,
-) -> float:
-    """Return ε of an impact of pair `c` with `speed` at time `now`.
+def remedied(c: int, speed: float, e: float, now: float, last: Floats, tc: float, elastic_below: float) -> float:
+    """Return ε of an impact of pair `c` with `speed` at time `now` where its rule says `e`.
 
     Elastic below a speed of `elastic_below`, and if one of its two bodies has collided less than `tc` ago (the TC
     model of Luding & McNamara, Granular Matter 1, 113 (1998)).
     """
     if speed < elastic_below:
         return 1.0
-    if tc > 0.0:
-        recent = last[c]
-        if c > 0 and last[c - 1] > recent:
-            recent = last[c - 1]
-        if c + 1 < len(last) and last[c + 1] > recent:
-            recent = last[c + 1]
-        if now - recent < tc:
-            return 1.0
-    if rule is None:
-        return eps[c]  # type: ignore[no-any-return]
-    return rule(c, speed)
+    recent = last[c]
+    if c > 0 and last[c - 1] > recent:
+        recent = last[c - 1]
+    if c + 1 < len(last) and last[c + 1] > recent:
+        recent = last[c + 1]
+    return 1.0 if now - recent < tc else e

@@ -7,6 +7,7 @@ acceleration of the gap (g at a floor, 0 between balls, -g at a ceiling). Times 
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from granular._flight import gap_after, rate_at_contact, time_to_contact
@@ -30,7 +31,10 @@ def predicted(c: int, u: Floats, gap: Floats, at: Floats, pull: Floats) -> float
     A pair that touches and approaches collides now.
     """
     a = pull[c]
-    return at[c] + time_to_contact(gap[c], (u[c + 1] - u[c]) - a * at[c], a)  # type: ignore[no-any-return]
+    rate = (u[c + 1] - u[c]) - a * at[c]
+    if rate >= 0.0 and a <= 0.0:
+        return math.inf
+    return at[c] + time_to_contact(gap[c], rate, a)  # type: ignore[no-any-return]
 
 
 @kernel

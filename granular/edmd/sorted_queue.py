@@ -10,13 +10,13 @@ from sortedcontainers import SortedList
 
 from granular.edmd import touching
 from granular.edmd.event import SUSPICIOUS, event
-from granular.edmd.merge import is_at_rest, rest
+from granular.edmd.merge import rest
 from granular.edmd.model import Model
 from granular.edmd.motion import Floats, approaching, predicted
 from granular.edmd.state import State
 from granular.edmd.ties import PAIR, RANDOM, rank
 
-NEVER, APART = -1, -2
+NEVER, APART, INF = -1, -2, math.inf
 Rows = list[Any]
 """Rows of the log: pair, tau, velocities before (lower, upper), velocities after, impulse."""
 
@@ -77,14 +77,15 @@ class SortedQueue:
         u, gap, at, pull = s.u, s.gap, s.at, s.pull
         c = first
         while c <= last:
-            time, old = predicted(c, u, gap, at, pull), entry[c]
-            if time != old[0]:
-                if old[0] < math.inf:
-                    queue.remove(old)
-                entry[c] = new = (time, old[1])
-                if time < math.inf:
+            old, key = entry[c]
+            time = predicted(c, u, gap, at, pull)
+            if time != old:
+                if old < INF:
+                    queue.remove((old, key))
+                entry[c] = new = (time, key)
+                if time < INF:
                     queue.add(new)
-            if is_at_rest(c, time, pull):
+            if time == INF and pull[c] > 0.0:
                 rest(c, self.model.scene.gravity, u, s.falls, gap, at, pull)
                 last = max(last, min(c + 1, len(gap) - 1))
             c += 1
@@ -100,22 +101,22 @@ class SortedQueue:
         bodies, physics, rule, watch, tally = s.bodies(), self.physics, m.rule, s.watch(m.may_collapse), s.tally
         stop_pair, stop_hits = self.stop
         edge = min(limit, math.nextafter(s.window, 0.0))
-        until_event, witness = s.events + budget, 0
+        until_event, witness, groups = s.events + budget, 0, m.solver is not None
         while True:
-            now, key = queue[0]
-            if now > edge:
-                return Pause.limit if now > limit or now == math.inf else Pause.window
+            now, key = first_entry = queue.pop(0)
             c = key & PAIR
-            if c == stop_pair and hits[c] >= stop_hits:
-                s.now = now
-                return Pause.until
-            if s.events >= until_event:
-                return Pause.budget
+            if now > edge or s.events >= until_event or (c == stop_pair and hits[c] >= stop_hits):
+                queue.add(first_entry)
+                return self._pause(now, c, edge, limit)
+            entry[c] = (math.inf, key)
             s.now = now
-            if m.solver is not None:
+            if groups:
                 first, last = touching.group(c, now, s)
                 if first < last:
-                    if not self._solve(c, first, last, log) or self._apart():
+                    if not self._solve(c, first, last, log):
+                        self.refresh(c, c)
+                        return Pause.until
+                    if self._apart():
                         return Pause.until
                     continue
             row = None if log is None else [0.0] * 7
@@ -123,8 +124,8 @@ class SortedQueue:
             s.events += 1
             if log is not None and row is not None:
                 log.append(row)
-            queue.pop(0)
-            entry[c] = (math.inf, self._rank(c) if random else key)
+            if random:
+                entry[c] = (math.inf, self._rank(c))
             self.refresh(first, last)
             if stop_pair == APART:
                 witness = approaching(witness, now, s.u, s.pull)
@@ -133,6 +134,15 @@ class SortedQueue:
             if s.streak[c] >= SUSPICIOUS:
                 self.suspect = c
                 return Pause.suspect
+
+    def _pause(self, now: float, c: int, edge: float, limit: float) -> Pause:
+        """Return why pair `c`, the next to collide, does not at time `now`."""
+        if now > edge:
+            return Pause.limit if now > limit or now == math.inf else Pause.window
+        if c == self.stop[0] and self.state.hits[c] >= self.stop[1]:
+            self.state.now = now
+            return Pause.until
+        return Pause.budget
 
     def _solve(self, c: int, first: int, last: int, log: Rows | None) -> bool:
         """Let the touching group of pairs `first` … `last` collide as a whole, unless it is to stop before that."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from granular._kernels import compiled, kernel
 from granular.edmd.event import SUSPICIOUS, event
-from granular.edmd.merge import is_at_rest, rest
+from granular.edmd.merge import rest
 from granular.edmd.model import Model
 from granular.edmd.motion import Bodies, Floats, Ints, Physics, approaching, predicted
 from granular.edmd.sorted_queue import APART, NEVER, Pause, Rows
@@ -141,7 +141,7 @@ def refresh(
     c = first
     while c <= last:
         slot[c] = predicted(c, u, gap, at, pull)
-        if is_at_rest(c, slot[c], pull):
+        if slot[c] == math.inf and pull[c] > 0.0:
             rest(c, g, u, falls, gap, at, pull)
             last = max(last, min(c + 1, len(gap) - 1))
         c += 1
