@@ -4,7 +4,7 @@ import { $, h, marked } from "../shell/dom.mjs";
 import { breakdown, SKETCH } from "../physics/breakdown.mjs";
 import { sceneOf, SETUPS } from "../physics/setups.mjs";
 
-const AT_ONCE = 4, SLICE = 6, PATIENCE = 120, GAPS = [1e-7, 1e-2]; // ms: in the picture of a move, in idle time, quiet before that
+const AT_ONCE = 2, SLICE = 6, PATIENCE = 120, GAPS = [1e-7, 1e-2]; // ms: in the picture of a move, in idle time, quiet before that
 
 const whenIdle = window.requestIdleCallback ?? ((work) => setTimeout(work, 30));
 
