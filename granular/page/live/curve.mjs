@@ -1,12 +1,10 @@
 // The breakdown curve over the gap: a first sketch at once, refined in the time that is left over. A tap sets the gap.
 import { Chart, decadeName, decades, tickName, ticks } from "../shell/axes.mjs";
-import { $, h, marked } from "../shell/dom.mjs";
+import { $, h, marked, whenIdle } from "../shell/dom.mjs";
 import { breakdown, SKETCH } from "../physics/breakdown.mjs";
 import { sceneOf, SETUPS } from "../physics/setups.mjs";
 
 const AT_ONCE = 2, SLICE = 6, PATIENCE = 120, GAPS = [1e-7, 1e-2]; // ms: in the picture of a move, in idle time, quiet before that
-
-const whenIdle = window.requestIdleCallback ?? ((work) => setTimeout(work, 30));
 
 export class Curve {
   constructor(pick) {

@@ -1,6 +1,6 @@
 // Results in numbers: three big figures, rise heights (or velocities), tie rules, tables, CSV.
 import { Chart, tickName, ticks } from "../shell/axes.mjs";
-import { $, csv, fillTable, h, marked, text } from "../shell/dom.mjs";
+import { $, csv, fillTable, h, marked, text, whenIdle } from "../shell/dom.mjs";
 import { digits } from "../shell/format.mjs";
 import { hardFinals, softFinals } from "../physics/outcome.mjs";
 import { simulateHard, TIES } from "../physics/hard.mjs";
@@ -18,7 +18,8 @@ export class Panels {
     if (report.scene.gravity) drawRises(this.rises, report, finals);
     else drawSpeeds(this.rises, report, finals);
     text($(".rises-title"), report.scene.gravity ? "Rise heights, to scale" : "Velocities after the last contact");
-    tieRules(report);
+    $(".ties-box").hidden = report.scene.gravity > 0;
+    if (report.scene.gravity === 0) whenIdle(() => this.report === report && tieRules(report)); // six more runs
     finalsTable(report, finals);
     this.report = report;
     this.listContacts();
@@ -98,9 +99,6 @@ function drawSpeeds(chart, { scene }, finals) {
 }
 
 function tieRules({ scene, eps, soft, hard }) {
-  const isCradle = scene.gravity === 0;
-  $(".ties-box").hidden = !isCradle;
-  if (!isCradle) return;
   const row = (engine, name, velocity) => [engine, name, ...velocity.map((v) => digits(v / scene.impact, 3))];
   const rows = TIES.map((ties) => {
     const run = ties === "left" ? hard : simulateHard(scene, eps, { ties, maxEvents: 1000 });

@@ -4,8 +4,8 @@
 import { simulateHard } from "./hard.mjs";
 import { simulateSoft } from "./soft.mjs";
 
-export const SKETCH = 9;
-const COARSE = 33, FINEST = 0.004, MOST = 220, SHORT = 150, LONG = 2000; // steps
+export const SKETCH = 5;
+const COARSE = 33, FINEST = 0.004, MOST = 220, SHORT = 100, LONG = 2000; // steps
 
 export function* breakdown({ make, observable, eps, k, gaps: [low, high], points }) {
   const a = Math.log10(low), width = Math.log10(high) - a;

@@ -9,8 +9,8 @@ const GROUPS = { newton: newtonRule, poisson: poissonRule, reflect: reflectRule 
 const DEAD = 1e-10, STREAK = 8;
 export const TIES = ["left", "right", "random", "newton", "poisson", "reflect"];
 
-export function simulateHard(scene, eps, { ties = "left", seed = 0, maxEvents = 3000 } = {}) {
-  const run = start(scene, eps, ties, seed);
+export function simulateHard(scene, eps, { ties = "left", seed = 0, maxEvents = 3000, record = false } = {}) {
+  const run = start(scene, eps, ties, seed, record);
   while (!run.status) {
     if (run.contacts.length >= maxEvents) run.status = "endless";
     else advance(run);
@@ -20,10 +20,10 @@ export function simulateHard(scene, eps, { ties = "left", seed = 0, maxEvents = 
   return { scene, contacts: run.contacts, flights: run.flights, time: run.t, velocity, status: run.status };
 }
 
-function start(scene, eps, ties, seed) {
+function start(scene, eps, ties, seed, record) {
   const pairs = pairsOf(scene, eps, 1).map((p) => ({ ...p, at: 0, hits: 0, due: Infinity }));
   const falls = scene.mass.map((m) => (m === Infinity ? 0 : 1));
-  const run = { scene, eps, ties, seed, pairs, falls, u: [...scene.velocity], t: 0, status: "", contacts: [], flights: [], dead: 0 };
+  const run = { scene, eps, ties, seed, pairs, falls, u: [...scene.velocity], t: 0, status: "", contacts: [], flights: record ? [] : null, dead: 0 };
   pairs.forEach((_, c) => predict(run, c));
   keepFlight(run);
   return run;
@@ -149,6 +149,7 @@ function dropNoise(run, group) {
 
 // For drawing: gaps and rates right after each event, valid until the next.
 function keepFlight(run) {
+  if (!run.flights) return;
   const gap = run.pairs.map((p, c) => Math.max(0, gapAfter(p.gap, rateOf(run, c, p.at), p.pull, run.t - p.at)));
   run.flights.push({ t: run.t, gap, rate: run.pairs.map((_, c) => rateOf(run, c, run.t)) });
 }

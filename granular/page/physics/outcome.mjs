@@ -7,7 +7,7 @@ const SAME = 0.01;
 
 export function compareEngines(scene, eps, k) {
   const soft = simulateSoft(scene, eps, k, { record: true, maxSteps: 6000 });
-  const hard = simulateHard(scene, eps);
+  const hard = simulateHard(scene, eps, { record: true });
   const pairs = scene.gap.map((_, c) => ({ pair: c, soft: pairOutcome(soft, c), hard: pairOutcome(hard, c) }));
   const report = { scene, eps, k, soft, hard, pairs, error: largestError(pairs, scene.impact) };
   return { ...report, verdict: verdict(report) };

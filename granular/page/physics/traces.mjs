@@ -47,10 +47,12 @@ export function largestForce({ series, pieces }) {
   return most;
 }
 
-// Both runs over a span: evenly in time and at the kinks that hard collisions make. Lowest and highest point with it.
+// Both runs over a span: evenly in time and at the kinks that hard collisions make, as far as they can be told apart.
+// Lowest and highest point with it.
 export function samplesOf({ soft, hard }, [begin, end]) {
   const even = Array.from({ length: 121 }, (_, i) => begin + (i / 120) * (end - begin));
-  const times = [...even, ...hard.contacts.slice(0, 100).map((c) => c.begin)].sort((a, b) => a - b);
+  const finest = (end - begin) / 800, kinks = hard.contacts.map((c) => c.begin).filter((t, i, all) => i === 0 || t - all[i - 1] > finest);
+  const times = [...even, ...kinks.slice(0, 100)].sort((a, b) => a - b);
   const rows = { soft: times.map((t) => softHeights(soft, t)), hard: times.map((t) => hardHeights(hard, t)) };
   let low = Infinity, high = -Infinity;
   for (const row of [...rows.soft, ...rows.hard]) {

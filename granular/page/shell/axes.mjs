@@ -79,7 +79,7 @@ export class Chart {
       for (const [px, py] of points) {
         if (Number.isNaN(py)) pen = "M";
         else {
-          d += `${pen}${this.x(px).toFixed(1)} ${this.y(py).toFixed(1)}`;
+          d += `${pen}${tenths(this.x(px))} ${tenths(this.y(py))}`;
           pen = "L";
         }
       }
@@ -96,6 +96,9 @@ export class Chart {
     set(this.head, { x1: x, x2: x, visibility: hidden ? "hidden" : "visible" });
   }
 }
+
+// Pixels to a tenth: far quicker than toFixed, and there are thousands.
+const tenths = (x) => Math.round(10 * x) / 10;
 
 // Round tick values, about `count` of them.
 export function ticks([low, high], count = 5) {

@@ -59,6 +59,8 @@ export function fillTable(table, head, rows) {
   });
 }
 
+export const whenIdle = window.requestIdleCallback ?? ((work) => setTimeout(work, 30));
+
 export function save(name, type, content) {
   const url = URL.createObjectURL(new Blob([content], { type }));
   h("a", { href: url, download: name }).click();
