@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from granular import edmd
 from granular.edmd import collapse as collapses
@@ -148,6 +150,35 @@ def test_merging_brings_a_column_to_rest() -> None:
     assert end.stats["merged"] >= 10
     energy = run(column(10), 0.9, collapse="merge", t_end=20.0, samples=200).energy()
     assert (np.diff(energy) <= 1e-12).all()
+
+
+@given(
+    seed=st.integers(0, 10**6), n=st.integers(1, 12), floor=st.sampled_from([-0.5, 0.0, 0.3, 2.0]),
+    gravity=st.sampled_from([0.0, 1.0]), eps=st.sampled_from([0.0, 0.3, 0.9]), below=st.sampled_from([1e-3, 0.1, 10.0]),
+)  # fmt: skip
+@settings(max_examples=100, deadline=None)
+def test_merging_on_a_moving_floor(seed, n, floor, gravity, eps, below) -> None:
+    """Seen from the floor it is a floor at rest: same collisions, and no energy gained."""
+    random = np.random.default_rng(seed)
+    mass = [math.inf, *np.exp(random.uniform(-2, 2, n))]
+    gap, v = random.uniform(0.01, 1.0, n), random.integers(-64, 65, n + 1) / 64.0
+    options = {"t_end": 4.0, "max_events": 20_000, "samples": 9} | (
+        {} if eps == 0.0 else {"collapse": "merge", "merge_below": below}
+    )
+    v[0] = 0.0
+    still = run(Scene(mass, np.zeros(n + 1), gap, v, gravity), eps, **options)
+    moved = run(Scene(mass, np.zeros(n + 1), gap, v + floor, gravity), eps, **options)
+    assert (moved.gap >= 0.0).all()
+    seen = moved.velocity - floor
+    energy = (0.5 * seen[:, 1:] ** 2 + gravity * np.cumsum(moved.gap, axis=1)) @ moved.scene.mass[1:]
+    assert (np.diff(energy) <= 1e-12 * energy[0] + 1e-13).all()
+    closed = moved.gap[-1] == 0.0
+    assert (np.diff(moved.velocity[-1])[closed] >= 0.0).all()
+    if len(still.contacts) < 60:
+        assert moved.contacts["pair"].tolist() == still.contacts["pair"].tolist()
+        assert moved.stats["merged"] == still.stats["merged"]
+        np.testing.assert_allclose(seen[-1], still.velocity[-1], atol=1e-9)
+        np.testing.assert_allclose(moved.gap[-1], still.gap[-1], atol=1e-9)
 
 
 def test_the_tc_model_runs_on_through_a_collapse() -> None:

@@ -8,7 +8,7 @@ import pytest
 from granular import edmd, until
 from granular.rules import ConstantRestitution, TabulatedRestitution
 from granular.scene import Scene
-from granular.trajectory import Status
+from granular.trajectory import Status, Trajectory
 
 
 def box(seed, n=12, gravity=0.0, ceiling=True, tiny=False):
@@ -62,6 +62,32 @@ def test_cut_at_times_and_at_numbers_of_events(seed, name, gravity) -> None:
     while part.status is Status.max_events:
         part = edmd.resume(part, t_end=end, max_events=13)
     same_end(whole, part)
+
+
+@pytest.mark.parametrize("ties", ["left", "right", "random"])
+@pytest.mark.parametrize("engine", ["sorted", "compiled"])
+def test_saved_loaded_and_resumed_at_the_very_time_of_simultaneous_collisions(tmp_path, ties, engine) -> None:
+    if engine == "compiled":
+        pytest.importorskip("numba")
+    v = [0.0, 1.0, -1.0, 1.0, -1.0, 1.0, 0.0]  # all but the end pairs collide at 1, 2, ...: two by two at one time
+    scene = Scene([math.inf, *[1.0] * 5, math.inf], [0.0] * 7, [1.0, 2.0, 2.0, 2.0, 2.0, 1.0], v)
+    options = {"ties": ties, "seed": 3, "engine": engine}
+    whole = edmd.simulate(scene, ConstantRestitution(1.0), t_end=6.0, **options)
+    times, counts = np.unique(whole.contacts["t_begin"], return_counts=True)
+    assert counts.max() > 1
+    pieces = []
+    part = edmd.simulate(scene, ConstantRestitution(1.0), t_end=float(times[0]), max_events=1, **options)
+    while True:
+        pieces.append(part.contacts)
+        if part.time[-1] == 6.0 and part.status is Status.time:
+            break
+        part.save(tmp_path / "part.npz")
+        part = Trajectory.load(tmp_path / "part.npz")
+        later = times[times > part.time[-1]]
+        end = float(part.time[-1] if part.status is Status.max_events else later[0] if len(later) else 6.0)
+        part = edmd.resume(part, t_end=end, max_events=1, engine=engine)
+    same_end(whole, part)
+    assert np.concatenate(pieces).tobytes() == whole.contacts.tobytes()
 
 
 def test_cut_within_a_closer_look() -> None:
