@@ -30,7 +30,7 @@ class Player {
     const balls = new Picture(box, few ? 90 : 44, "balls now");
     box.append(h("p", { class: "key lines-key" }, ""));
     const lines = new Picture(box, 260, "space–time diagram");
-    box.append(h("p", { class: "key" }, "contact network over time: pairs from below (left), darker where more contacts are under way; all are counted"));
+    box.append(h("p", { class: "key" }, "contact network over time: pairs from below (left), stronger where more contacts are under way; all are counted"));
     const map = new Picture(box, Math.min(200, Math.max(60, 12 * run.map.lanes)), "contact map over pairs and time");
     $(".runs").append(box);
     return { run, box, balls, lines, map };
@@ -53,7 +53,7 @@ class Player {
     const whole = extent(this.runs.flatMap((r) => [...r.energy])), top = Math.max(whole[1], 1e-300), [factor, joule] = unitFor(top, "J");
     const x = (t) => (t - span[0]) / unit;
     chart.measure();
-    chart.scales([0, x(span[1])], [Math.min(0, whole[0]) / factor, (1.08 * top) / factor]);
+    chart.scales([0, x(span[1])], [Math.min(0, whole[0]) / factor, (1.22 * top) / factor]);
     chart.xTicks(ticks(chart.xs, 6), tickName, `time in ${name}`);
     chart.yTicks(ticks(chart.ys, 4), tickName, joule);
     for (const run of this.runs) chart.line([...run.time].map((t, i) => [x(t), run.energy[i] / factor]), { class: `${run.engine}-line` });
