@@ -68,8 +68,8 @@ function bars(chart, rows, n, names) {
   rows.forEach(([engine, values], e) => values.forEach((value, i) => {
     const width = Math.min(26, (0.34 * (chart.x(1) - chart.x(0)))), x = chart.x(i) + (e ? 1 : -width - 1), y0 = chart.y(0), y = chart.y(value);
     chart.add("rect", { class: `${engine}-bar`, x: x.toFixed(1), width: width.toFixed(1), y: Math.min(y, y0).toFixed(1), height: Math.max(0.8, Math.abs(y - y0)).toFixed(1) });
-    const label = { x: (chart.x(i) + (e ? 2 : -2)).toFixed(1), y: (Math.min(y, y0) - 5).toFixed(1), "text-anchor": e ? "start" : "end", class: `bar-value ${engine}` };
-    if (chart.x(1) - chart.x(0) >= 62) chart.note(digits(value, 2), label);
+    const label = { x: (chart.x(i) + (e ? 2 : -2)).toFixed(1), y: (value < 0 ? y + 13 : y - 5).toFixed(1), "text-anchor": e ? "start" : "end", class: `bar-value ${engine}` };
+    if (chart.x(1) - chart.x(0) >= 88) chart.note(digits(value, 2), label);
   }));
   chart.xTicks([...Array(n).keys()], names);
 }
@@ -81,7 +81,7 @@ function drawRises(chart, { scene }, finals) {
   chart.yTicks(ticks([0, top], 4), tickName, "m");
   bars(chart, rows, n, (i) => `ball ${i + 1}`);
   chart.line([[-0.6, scene.drop], [n - 0.4, scene.drop]], { class: "drop-line" });
-  chart.note("drop height", { x: chart.left + 6, y: chart.y(scene.drop) - 5, class: "axis-name" });
+  if (chart.y(0) - chart.y(scene.drop) > 30) chart.note("drop height", { x: chart.left + 6, y: chart.y(scene.drop) - 5, class: "axis-name" });
   chart.finish();
   const said = rows.map(([e, v]) => `${e}: ${v.map((x) => digits(x, 3)).join(", ")} m`).join("; ");
   chart.svg.setAttribute("aria-label", `rise heights of the balls from below, ${said}`);

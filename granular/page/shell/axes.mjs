@@ -3,7 +3,7 @@
 import { markup, set, svg } from "./dom.mjs";
 import { digits, superscript } from "./format.mjs";
 
-const MARGIN = { left: 56, right: 14, top: 8, bottom: 38 };
+const MARGIN = { left: 56, right: 18, top: 8, bottom: 38 };
 
 export class Chart {
   constructor(host, { height, label, bottom = true, top = MARGIN.top }) {
