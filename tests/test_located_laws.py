@@ -88,6 +88,16 @@ def test_laws_with_memory_lose_energy_and_stay_in_order() -> None:
     assert all(ratio > 0.0 for ratio in kinetic)
 
 
+@pytest.mark.parametrize("eps", [0.03, 0.01, 1e-3])
+def test_a_very_stiff_unloading_is_no_more_work(eps: float) -> None:
+    """Its force carries the rounding of the overlap times k_unload, which smaller steps cannot mend."""
+    scene = Scene([1.0, 1.0], [0.1, 0.1], [0.0], [1.0, 0.0])
+    soft = run(scene, (WaltonBraun(1.0, 1.0 / eps**2),), until=until.separated(), engine="plain")
+    v = soft.velocity[-1]
+    assert v[1] - v[0] == pytest.approx(eps, abs=1e-15 / eps)
+    assert soft.stats["steps"] < 200
+
+
 def test_different_laws_in_one_scene() -> None:
     """A linear, a Hertz and a damped pair share one island; momentum is kept."""
     scene = Scene([1.0, 2.0, 0.5, 1.0], [0.1] * 4, [1e-3, 0.0, 1e-4], [1.0, 0.0, 0.0, -1.0])

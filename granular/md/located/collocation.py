@@ -22,6 +22,7 @@ POINTS = 16
 SWEEPS = 40
 SMALLEST = 2e-15
 """The tolerance cannot be smaller: interpolated forces carry their rounding."""
+ULP = 2.0**-52
 HYSTERESIS = 1e-13
 """A force counts as zero only this part of its largest value in the piece below it, for interpolation leaves noise."""
 
@@ -94,22 +95,35 @@ class Collocation:
         eta = eta0 + pull * (h * NODES) ** q
         xi = xi0 + (0.5 * (eta0 + eta)) * (h * NODES) ** q
         force, worst = np.zeros_like(eta), math.inf
+        acts = np.array([p.mode == ACTIVE for p in pairs])
+        grain = self._grain(pairs, lo, xi, eta)
         for _ in range(SWEEPS):
             new = self._forces(pairs, lo, xi, eta)
             change, force = float(abs(new - force).max()), new
             if not change < 1e300 or change > 1e3 * worst:
                 return force, math.inf
-            acting = np.where(np.array([p.mode == ACTIVE for p in pairs])[:, None], force, 0.0)
+            acting = np.where(acts[:, None], force, 0.0)
             below, above = np.zeros_like(acting), np.zeros_like(acting)
             below[1:], above[:-1] = acting[:-1], acting[1:]
             push = pull + lower * below - own * acting + upper * above
             eta = eta0 + (push * pace) @ INTEGRATE.T
             xi = xi0 + (eta * pace) @ INTEGRATE.T
-            if change <= 4e-16 * float(abs(force).max()) or (change < 1e-13 * abs(force).max() and change >= worst):
+            largest = float(abs(force).max())
+            settled = change <= max(4e-16 * largest, float(grain.max()))
+            if settled or (change < 1e-13 * largest and change >= worst):
                 tail = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1)
+                noise = np.maximum(4.0 * grain, np.where(acts, 0.0, HYSTERESIS * abs(force).max(axis=1)))
+                tail = np.where(tail > noise, tail, 0.0)
                 return force, float((tail * own[:, 0]).max()) * h**q / POINTS
             worst = change
         return force, math.inf
+
+    def _grain(self, pairs: list[Any], lo: int, xi: Array, eta: Array) -> Array:
+        """How much of each force one rounding of its overlap moves, where that is far more than the force's own."""
+        here = self._forces(pairs, lo, xi, eta)
+        moved = abs(self._forces(pairs, lo, xi * (1.0 + ULP), eta) - here).max(axis=1)
+        steep: Array = np.where(moved > 16.0 * ULP * abs(here).max(axis=1), moved, 0.0)
+        return steep
 
     def _forces(self, pairs: list[Any], lo: int, xi: Array, eta: Array) -> Array:
         """Forces at the nodes of all pairs that overlap; those of residual pairs do not act."""
