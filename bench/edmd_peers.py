@@ -1,4 +1,4 @@
-"""Bare loops to measure the engines against: gaps, elastic equal balls, no gravity, no log, no checks, no re-basing.
+"""Bare loops to measure the engines against: gaps, elastic balls, no gravity, no log, no checks, no re-basing.
 
 `bare_sorted` is the shortest loop on a `SortedList`, `bare_tree` the shortest on a compiled winner tree. What they
 leave out is what the engines add; their ratio to the engines in one run is what a figure from another machine means.
@@ -13,7 +13,7 @@ import numpy as np
 from sortedcontainers import SortedList
 
 
-def bare_sorted(gap: list[float], u: list[float], events: int) -> float:
+def bare_sorted(gap: list[float], u: list[float], low: list[float], high: list[float], events: int) -> float:
     """Let `events` collisions happen; return the time of the last."""
     n = len(gap)
     at, slot, now = [0.0] * n, [math.inf] * n, 0.0
@@ -30,7 +30,9 @@ def bare_sorted(gap: list[float], u: list[float], events: int) -> float:
             gap[k] = max(0.0, gap[k] + (u[k + 1] - u[k]) * (now - at[k]))
             at[k] = now
         gap[c] = 0.0
-        u[c], u[c + 1] = u[c + 1], u[c]
+        jump = 2.0 * (u[c + 1] - u[c])
+        u[c] += low[c] * jump
+        u[c + 1] -= high[c] * jump
         for k in range(first, last + 1):
             rate = u[k + 1] - u[k]
             t = now + gap[k] / -rate if rate < 0.0 else math.inf

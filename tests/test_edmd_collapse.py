@@ -115,6 +115,18 @@ def test_a_gas_that_slows_down_without_end_says_so() -> None:
     assert end.status is Status.collapse or "Remedies by name" in end.message
 
 
+@pytest.mark.parametrize("engine", ["sorted", "compiled"])
+def test_a_gas_that_merely_cools_is_not_said_to_cluster(engine) -> None:
+    if engine == "compiled":
+        pytest.importorskip("numba")
+    random = np.random.default_rng(1)
+    scene = Scene([math.inf] + [1.0] * 50 + [math.inf], np.zeros(52), random.uniform(0.5, 1.5, 51),
+                  [0.0, *random.normal(size=50), 0.0])  # fmt: skip
+    end = run(scene, 0.999, max_events=20_000, log=False, engine=engine)
+    assert end.status is Status.max_events
+    assert end.message.endswith("after 20000 collisions")
+
+
 def test_forced_closer_looks_change_nothing(monkeypatch) -> None:
     """A zoom is the same physics: looked at all the time, a gas comes out the same but for rounding."""
     random = np.random.default_rng(8)

@@ -49,12 +49,14 @@ def _collapse(run: Run, when: str) -> str:
 
 def _work(run: Run, when: str) -> str:
     sentence = f"{Status.max_events.value}: max_events reached at {when}"
-    events, t = run.pace
-    if run.state.events > events and run.model.may_collapse and run.time() - t < 0.1 * (t - run.state.start):
-        sentence += (
-            f"; the last {run.state.events - events} of them took only {run.time() - t:.3g} s: the balls cluster and "
-            "slow down, perhaps without end. Remedies by name: collapse='merge', tc=, elastic_below="
-        )
+    if run.model.may_collapse and len(run.pace) == 2:
+        (begin, start), (tail, t) = run.pace
+        last, took = run.state.events - tail, run.time() - t
+        if took * (tail - begin) < 0.1 * last * (t - start):
+            sentence += (
+                f"; the last {last} of them took only {took:.3g} s: the balls cluster and slow down, perhaps without "
+                "end. Remedies by name: collapse='merge', tc=, elastic_below="
+            )
     return sentence + _lost(run)
 
 

@@ -24,6 +24,8 @@ from granular.trajectory import CONTACT, Status
 Queue = SortedQueue | TreeQueue
 LONG = 100_000
 """Work (in collisions) after which loading the machine code pays."""
+TAIL = 8
+"""The last of so many parts of a run that ends at `max_events` tells whether it has slowed down."""
 REPORT = 4096
 """Events between two reports of progress."""
 GOES_ON = {LIMIT: Pause.limit, UNTIL: Pause.until, BUDGET: Pause.budget}
@@ -74,7 +76,8 @@ class Run:
         self.keep, self.on_event, self.on_progress = log, on_event, on_progress
         self.contacts: list[np.ndarray[tuple[int], np.dtype[np.void]]] = []
         self.reported = state.events
-        self.pace = (state.events, state.time(state.now))
+        self.tail = self.last_event - max_events // TAIL
+        self.pace = [(state.events, state.time(state.now))]  # at the beginning and where the tail begins
         self.verdict: Verdict | None = None
 
     def to(self, time: float) -> Status | None:
@@ -82,7 +85,8 @@ class Run:
         state = self.state
         while True:
             limit = state.tau(time)
-            budget = max(0, min(self.queue.chunk, self.last_event - state.events))
+            goal = self.tail if state.events < self.tail else self.last_event
+            budget = max(0, min(self.queue.chunk, goal - state.events))
             log: Rows | None = [] if self.keep or self.on_event is not None else None
             pause: Pause | None
             if self.faster is not None and work(state) >= self.change_at:
@@ -92,6 +96,8 @@ class Run:
             else:
                 pause = self._look_closer(limit, budget, log)
             self._record(log)
+            if len(self.pace) == 1 and state.events >= self.tail:
+                self.pace.append((state.events, self.time()))
             if pause is Pause.limit:
                 if time == math.inf:
                     return Status.quiet
@@ -108,8 +114,6 @@ class Run:
                 self.zoom = Zoom.on(state, self.queue)
             elif pause is Pause.budget and state.events >= self.last_event:
                 return Status.max_events
-            if state.events - self.pace[0] > 2 * (self.last_event - state.events) > 0:
-                self.pace = (state.events, self.time())
             self._report()
 
     def _look_closer(self, limit: float, budget: int, log: Rows | None) -> Pause | None:
