@@ -131,7 +131,7 @@ def compare(seed: int) -> None:
     expected = sorted((float(b), c, float(e), float(rate)) for c, b, e, rate in twin.log if e is not None)
     found = soft.contacts[~np.isnan(soft.contacts["t_end"])]
     assert [row[1] for row in expected] == found["pair"].tolist()
-    speed, duration = abs(float(scene.velocity[1])), found["duration"][found["pair"] == 0][0]
+    speed, duration = abs(float(scene.velocity[1])), math.pi * math.sqrt(float(scene.mass[1]) / laws[0].k)
     ill = 1e3 if len(expected) > 8 else 1e2  # many contacts of a light ball multiply every rounding
     assert found["t_begin"] == pytest.approx([row[0] for row in expected], abs=ill * 1e-14 * duration, rel=0)
     assert found["t_end"] == pytest.approx([row[2] for row in expected], abs=ill * 1e-14 * duration, rel=0)
