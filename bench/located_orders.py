@@ -52,8 +52,8 @@ def solve(count: int, gap_factor: float = 1.0) -> dict[str, Any]:
     return {"counts": many.counts, "v": np.column_stack([many.v_lower, many.v_upper]) / speed[:, None], "why": many.why}
 
 
-def other_order(count: int) -> dict[str, Any]:
-    """The same by a copy of the package at order 24."""
+def at_order_24(call: str) -> dict[str, Any]:
+    """What a function of a bench script, such as ``located_orders.solve(10)``, gives in a copy at order 24."""
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "granular"
         shutil.copytree(HERE.parent.parent / "granular", copy, ignore=shutil.ignore_patterns("__pycache__"))
@@ -64,8 +64,8 @@ def other_order(count: int) -> dict[str, Any]:
         out = Path(folder) / "out.npz"
         code = (
             f"import sys; sys.path[:0] = [{folder!r}, {str(HERE.parent)!r}]\n"
-            "import numpy, located_orders, granular.md.located.records as records\n"
-            f"assert records.ORDER == 24\nnumpy.savez({str(out)!r}, **located_orders.solve({count}))\n"
+            f"import numpy, {call.partition('.')[0]}, granular.md.located.records as records\n"
+            f"assert records.ORDER == 24\nnumpy.savez({str(out)!r}, **{call})\n"
         )
         subprocess.run([sys.executable, "-c", code], check=True)
         with np.load(out) as data:
@@ -73,7 +73,7 @@ def other_order(count: int) -> dict[str, Any]:
 
 
 def main(count: int) -> None:
-    here, there = solve(count), other_order(count)
+    here, there = solve(count), at_order_24(f"located_orders.solve({count})")
     near = [solve(count, 1.0 + sign * 4 * 2.0**-52) for sign in (1, -1)]
     sensitive = np.maximum(*(np.abs(one["v"] - here["v"]).max(axis=1) for one in near))
     moved = np.abs(there["v"] - here["v"]).max(axis=1)
