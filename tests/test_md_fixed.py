@@ -157,6 +157,26 @@ def test_stability_limit_of_a_pair():
     assert "take dt ≤" in above.message
 
 
+def spectral_radius_of_gear(dt_omega):
+    """Of the amplification matrix of the five values on x'' = -ω² x, with corrector 19/90, 3/4, 1, 1/2, 1/12."""
+    predict = np.array([[math.comb(j, i) for j in range(5)] for i in range(5)], float)
+    miss = -0.5 * dt_omega**2 * predict[0] - predict[2]
+    corrected = predict + np.outer([19 / 90, 3 / 4, 1, 1 / 2, 1 / 12], miss)
+    return np.abs(np.linalg.eigvals(corrected)).max()
+
+
+def test_stability_limit_of_gear():
+    """A compressed ball on the floor (ω = 1) grows as the spectral radius says; `unstable` begins where it turns up."""
+    scene = gr.Scene([math.inf, 1.0], [0.0, 0.5], [-1.1], [0.0, 0.0], gravity=1.0)
+    assert spectral_radius_of_gear(1.0) < 1.011 < 1.03 < spectral_radius_of_gear(1.065)
+    with pytest.warns(RuntimeWarning):
+        below = gr.md.simulate(scene, gr.LinearDashpot(1.0), method="gear5", dt=1.04, t_end=40.0)
+    above = gr.md.simulate(scene, gr.LinearDashpot(1.0), method="gear5", dt=1.06, t_end=40.0)
+    assert below.status is gr.Status.time
+    assert above.status is gr.Status.unstable
+    assert "the limit is 1.05" in above.message
+
+
 def test_energy_made_by_a_long_step_is_noticed():
     run = verlet(pair_scene(), gr.LinearDashpot(1.0), dt=1.9)
     assert run.status is gr.Status.unstable

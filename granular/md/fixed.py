@@ -97,9 +97,10 @@ def _judge(stepper: Stepper, status: Status, t_stop: float) -> tuple[Status, str
     trust = dt * sharpest_rate(scene, stepper.laws, stepper.now.deepest, stepper.now.beside)
     gain = stepper.energy_gain()
     limit = f"dt = {dt:.3g} s is {trust:.3g} times the inverse of the sharpest rate of the contacts that took place"
-    if trust > LIMIT or status is Status.unstable or gain > 0.5:
+    most = LIMIT[stepper.name]
+    if trust > most or status is Status.unstable or gain > 0.5:
         grown = f" and the energy grew {gain + 1.0:.3g}-fold" if gain > 0.5 else ""
-        return Status.unstable, f"{limit}, the limit is {LIMIT:g}{grown}: take dt ≤ {WARN * dt / trust:.2g} s.", trust
+        return Status.unstable, f"{limit}, the limit is {most:g}{grown}: take dt ≤ {WARN * dt / trust:.2g} s.", trust
     if trust > WARN:
         warnings.warn(f"{limit}; above {WARN} expect visible errors.", RuntimeWarning, stacklevel=5)
     if status is Status.max_events:

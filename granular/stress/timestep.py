@@ -12,7 +12,7 @@ import numpy as np
 
 from granular import binary, md
 from granular.laws import LinearDashpot
-from granular.md.stability import sharpest_rate
+from granular.md.stability import LIMIT, sharpest_rate
 from granular.scene import Scene
 from granular.stress.cell import FIXED, Cell
 from granular.stress.contact import LAWS, meeting
@@ -60,7 +60,8 @@ def limits(balls: tuple[int, ...] = (1, 2, 20)) -> list[StabilityLimit]:
         fastest = 2.0 * math.cos(0.5 * math.pi / (n + 1))
         scene = _held(n)
         bound = sharpest_rate(scene, [LinearDashpot(1.0)] * (n + 1), [1.0] * (n + 1))
-        rows.append(StabilityLimit(method, n, _bisect(scene, method), IMAGINARY[method] / fastest, 2.0 / bound))
+        theory, reported = IMAGINARY[method] / fastest, LIMIT[method] / bound
+        rows.append(StabilityLimit(method, n, _bisect(scene, method), theory, reported))
     return rows
 
 
