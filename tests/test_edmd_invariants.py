@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from granular import edmd
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
-from granular.trajectory import Status
 
 reals = st.floats(-1.0, 1.0, allow_subnormal=False).map(lambda x: round(x, 6))
 
@@ -57,14 +56,16 @@ def test_order_momentum_and_energy(scene, eps) -> None:
 def test_mirrored_scenes_run_mirrored(scene, eps) -> None:
     mirror = Scene(scene.mass[::-1], scene.radius, scene.gap[::-1], -scene.velocity[::-1])
     a, b = run(scene, eps), run(mirror, eps, ties="right")
-    logs = a.contacts["pair"], scene.n - 2 - b.contacts["pair"]
+    faint = [np.flatnonzero(x.contacts["v_in"] @ [1.0, -1.0] < 1e-9) for x in (a, b)]
+    sure = min(int(x[0]) if len(x) else 300 for x in faint)  # from a collision on that rounding may bring about or not
+    logs = a.contacts["pair"][:sure], scene.n - 2 - b.contacts["pair"][:sure]
     assert len(logs[0]) == len(logs[1])
     for c in range(scene.n - 2):  # the order of collisions of one ball; that of balls apart is free
         words = [log[(log == c) | (log == c + 1)].tolist() for log in logs]
-        length = min(map(len, words)) if a.status is Status.max_events else None
+        length = min(map(len, words)) if len(logs[0]) == sure else None
         assert words[0][:length] == words[1][:length]
-    np.testing.assert_allclose(np.sort(a.contacts["t_begin"]), b.contacts["t_begin"], rtol=1e-9)
-    if a.status is not Status.max_events:
+    np.testing.assert_allclose(a.contacts["t_begin"][:sure], b.contacts["t_begin"][:sure], rtol=1e-9)
+    if len(logs[0]) < sure:
         np.testing.assert_allclose(a.velocity[-1], -b.velocity[-1][::-1], atol=1e-9)
 
 
