@@ -7,6 +7,7 @@
 export const ORDER = 20;
 export const WIDTH = ORDER + 1;
 const REACH = (51090942171709440000 * 1e-17) ** (1 / 21); // 21!
+const SHARES = Float64Array.from({ length: WIDTH }, (_, j) => 1 / (j + 1));
 export const PUSHES = 1;
 export const EXACT = 2;
 
@@ -27,6 +28,7 @@ export class Series {
     for (const name of constants) this[name] = Float64Array.from(pairs, (p) => p[name]);
     this.m = pairs.length;
     this.tables = tablesFor(this.m);
+    [this.kept, this.used] = [new Float64Array(0), 0];
     Object.assign(this, this.tables);
   }
 
@@ -87,8 +89,9 @@ export class Series {
   }
 
   // The force that pair c has where a kept step begins.
-  firstForce({ state }, c) {
-    return state[2 * this.m + c] === PUSHES ? this.k[c] * state[c] + this.gamma[c] * state[this.m + c] : 0;
+  firstForce({ at }, c) {
+    const { kept, m } = this;
+    return kept[at + 2 * m + c] === PUSHES ? this.k[c] * kept[at + c] + this.gamma[c] * kept[at + m + c] : 0;
   }
 
   at(name, c, tau) {
@@ -100,14 +103,27 @@ export class Series {
 
   impulse(c, h, tau) {
     let total = 0;
-    for (let j = ORDER, i = c * WIDTH + ORDER; j >= 0; j--, i--) total = total * tau + this.f[i] / (j + 1);
+    for (let j = ORDER, i = c * WIDTH + ORDER; j >= 0; j--, i--) total = total * tau + this.f[i] * SHARES[j];
     return h * total * tau;
   }
 
-  // For drawing: a step that has been kept, expanded once more unless it is the one held.
+  // For drawing: the state a step starts from is kept, all in one growing table; returns where.
+  keep() {
+    const { state, used } = this;
+    if (used + state.length > this.kept.length) {
+      const larger = new Float64Array(2 * this.kept.length + 64 * state.length);
+      larger.set(this.kept);
+      this.kept = larger;
+    }
+    this.kept.set(state, used);
+    this.used += state.length;
+    return used;
+  }
+
+  // A step that has been kept, expanded once more unless it is the one held.
   recall(piece) {
     if (this.tables.held === piece) return;
-    this.state.set(piece.state);
+    this.state.set(this.kept.subarray(piece.at, piece.at + this.state.length));
     this.expand(piece.h);
     this.tables.held = piece;
   }

@@ -60,7 +60,7 @@ function stop(run, why) {
 
 // For drawing: where a flight or a step starts; `h` is the unit of its time.
 function keep(run, h, time) {
-  run.pieces.push({ t: run.t, h, end: run.t + time, state: run.series.state.slice() });
+  run.pieces.push({ t: run.t, h, end: run.t + time, at: run.series.keep() });
 }
 
 // ---- flight: every pair in closed form -------------------------------------------------------------------------------
