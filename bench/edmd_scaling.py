@@ -1,0 +1,155 @@
+"""Cost of a collision: both queues and blocks against the number of balls, and what each thing left out saves.
+
+Run with ``python bench/edmd_scaling.py``; writes docs/figures/edmd-scaling.png and prints the tables. Each figure is
+the best of several runs, in turns, so that another load on the machine disturbs all of them alike.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from edmd_peers import bare_sorted, bare_tree
+
+import granular as gr
+from granular.edmd import engines
+
+FIGURE = Path(__file__).parent.parent / "docs" / "figures" / "edmd-scaling.png"
+ELASTIC = gr.ConstantRestitution(1.0)
+Timer = Callable[[float], tuple[int, float]]
+"""Runs something until a time; returns collisions and seconds of the processor."""
+LARGE = engines.LARGE
+
+
+def gas(n: int, gravity: float = 0.0, walls: bool = True) -> gr.Scene:
+    """Return `n` equal balls in a box, in equilibrium."""
+    random = np.random.default_rng(n)
+    end = [math.inf] if walls else [1e9]
+    v = [0.0, *random.normal(size=n), 0.0]
+    return gr.Scene([*end, *np.ones(n), *end], np.zeros(n + 2), random.exponential(1.0, n + 1), v, gravity)
+
+
+def engine(scene: gr.Scene, name: str, rule: object = ELASTIC, one: bool = False, **options: object) -> Timer:
+    """Return a timer of the engine until a time, `one` block or not; the state is warm."""
+    physics = {k: v for k, v in options.items() if k in ("tc", "collapse", "merge_below", "ties")}
+    more = {k: v for k, v in options.items() if k not in physics}
+    start = gr.edmd.simulate(scene, rule, engine=name, max_events=0, log=False, **physics)  # type: ignore[arg-type]
+
+    def timed(t_end: float) -> tuple[int, float]:
+        engines.LARGE = 1 << 60 if one else LARGE
+        stamps = [(0, time.process_time())]
+        seen = {"on_progress": lambda _, events: stamps.append((events, time.process_time()))}
+        seen = seen if name == "sorted" else {}  # which takes longer to set up than to measure, at a million balls
+        run = gr.edmd.resume(start, engine=name, t_end=t_end, max_events=1 << 60, **{"log": False, **more, **seen})
+        stamps.append((run.stats["events"], time.process_time()))
+        (first, begin), (last, end) = stamps[1 : -1 : len(stamps) - 3] if seen else stamps
+        return last - first, end - begin
+
+    return timed
+
+
+def bare(scene: gr.Scene, loop: Callable[..., float]) -> Timer:
+    """Return a timer of a bare loop, which is told the time as the number of collisions to expect until then."""
+
+    def timed(t_end: float) -> tuple[int, float]:
+        events = int(t_end * len(scene.gap) / math.sqrt(math.pi))
+        gap, u = scene.gap.copy(), scene.velocity.copy()
+        low = np.full(len(gap), 0.5)
+        low[[0, -1]] = 0.0, 1.0
+        arrays = (gap, u, low, 1.0 - low)
+        arguments = [a.tolist() for a in arrays] if loop is bare_sorted else arrays
+        begin = time.process_time()
+        loop(*arguments, events)
+        return events, time.process_time() - begin
+
+    return timed
+
+
+def costs(timers: dict[str, Timer], events: dict[str, float], n: int, turns: int = 5) -> dict[str, float]:
+    """Return ns per collision of each timer: what doubling a run that has begun adds, the best of several turns.
+
+    `events` is about how many collisions that is.
+    """
+    best: dict[str, list[float]] = {name: [math.inf, math.inf] for name in timers}
+    done: dict[str, list[int]] = {name: [0, 0] for name in timers}
+    for _ in range(turns):
+        for name, timed in timers.items():
+            for k in (0, 1):
+                count, seconds = timed((k + 1) * events[name] / n * math.sqrt(math.pi))
+                done[name][k], best[name][k] = count, min(best[name][k], seconds)
+    return {name: (best[name][1] - best[name][0]) / (done[name][1] - done[name][0]) * 1e9 for name in timers}
+
+
+def scaling() -> dict[str, dict[int, float]]:
+    """Return ns per collision over the number of balls, of both queues, of blocks and of the bare loops."""
+    table: dict[str, dict[int, float]] = {}
+    for n in (100, 1000, 10_000, 100_000, 1_000_000):
+        scene = gas(n)
+        timers = {"compiled": engine(scene, "compiled", one=True), "bare winner tree": bare(scene, bare_tree)}
+        events = dict.fromkeys(timers, 1e6 if n < 100_000 else 5.0 * n)
+        if n >= LARGE:
+            timers["compiled, in blocks"] = engine(scene, "compiled")
+            events["compiled, in blocks"] = 16.0 * n if n < 1_000_000 else 5.0 * n
+        timers |= {"SortedList": engine(scene, "sorted"), "bare SortedList loop": bare(scene, bare_sorted)}
+        events |= {"SortedList": 3e4, "bare SortedList loop": 3e4}
+        for name, cost in costs(timers, events, n, 5 if n < 1_000_000 else 1).items():
+            table.setdefault(name, {})[n] = cost
+            print(f"{n:9d} balls, {name:22s} {cost:7.0f} ns, {1e3 / cost:6.2f} M/s", flush=True)
+    return table
+
+
+def draw(table: dict[str, dict[int, float]]) -> None:
+    """Plot cost against the number of balls."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(7.0, 4.4), layout="constrained")
+    for name, line in table.items():
+        style = {"ls": "--", "color": "0.55"} if name.startswith("bare") else {"marker": "o"}
+        axes.loglog(list(line), list(line.values()), label=name, **style)
+        below = name.startswith("bare") or name.endswith("blocks")
+        axes.annotate(name, next(iter(line.items())), (0, -15 if below else 8), textcoords="offset points")
+    axes.set(xlabel="balls", ylabel="ns per collision", xlim=(70, 2e6), ylim=(40, 5e4))
+    axes.grid(True, which="major", color="0.9")
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.savefig(FIGURE, dpi=150)
+
+
+def leaving_out() -> None:
+    """Print what each thing that can be left out costs where it is not, at 1000 balls."""
+    n, table = 1000, gr.TabulatedRestitution([0.0, 20.0], [1.0, 1.0])
+    scene, walls = gas(n), "walls at the ends"
+    nearly = gr.ConstantRestitution(1.0 - 2.0**-40)
+    timers = {
+        "everything left out": engine(scene, "compiled"), "with gravity": engine(gas(n, 0.001), "compiled"),
+        "with the log": engine(scene, "compiled", log=True),
+        "with dissipation (watched for a collapse)": engine(scene, "compiled", nearly),
+        "with tc=": engine(scene, "compiled", nearly, tc=1e-6),
+        "with collapse='merge'": engine(scene, "compiled", nearly, collapse="merge", merge_below=1e-9),
+        f"without {walls}": engine(gas(n, walls=False), "compiled"),
+    }  # fmt: skip
+    plain = {
+        "everything left out": engine(scene, "sorted"), "with gravity": engine(gas(n, 0.001), "sorted"),
+        "with the log": engine(scene, "sorted", log=True),
+        "with on_event": engine(scene, "sorted", on_event=lambda row: None),
+        "with dissipation (watched for a collapse)": engine(scene, "sorted", nearly),
+        "with a table ε(v)": engine(scene, "sorted", table),
+        "with a function ε(v)": engine(scene, "sorted", lambda speed, pair: 1.0),
+        "with ties='poisson'": engine(scene, "sorted", ties="poisson"),
+        f"without {walls}": engine(gas(n, walls=False), "sorted"),
+    }  # fmt: skip
+    for queue, kinds, events in (("compiled", timers, 1e6), ("SortedList", plain, 3e4)):
+        for name, cost in costs(kinds, dict.fromkeys(kinds, events), n, 7).items():
+            print(f"| {queue} | {name} | {cost:.0f} | {1e3 / cost:.2f} |", flush=True)
+
+
+if __name__ == "__main__":
+    if "plot" not in sys.argv:
+        leaving_out()
+    draw(scaling())
