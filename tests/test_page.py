@@ -159,6 +159,14 @@ def test_a_film(tmp_path, cradle) -> None:
         assert np.abs(np.asarray(film.convert("RGB"), int) - first).max() > 100
 
 
+def test_a_film_for_slides(tmp_path, cradle) -> None:
+    pytest.importorskip("matplotlib")
+    if shutil.which("ffmpeg") is None:
+        pytest.skip("ffmpeg is not installed: no .mp4 is made here")
+    cradle.animate(tmp_path / "film.mp4", seconds=0.5, fps=10)
+    assert (tmp_path / "film.mp4").read_bytes()[4:8] == b"ftyp"
+
+
 def test_films_refuse_what_they_cannot_do(tmp_path, cradle, monkeypatch) -> None:
     with pytest.raises(ValueError, match=r"ending of film.avi is '.avi': one of .gif, .mp4 is needed"):
         cradle.animate(tmp_path / "film.avi")
