@@ -33,8 +33,21 @@ def settle(run: Any, pairs: Any, bodies: Any, work: Any, lo: int, tau: float, dt
         pair = pairs[c]
         move(pair, tau)
         pair.exact = 0
+    if bodies[lo].inverse_mass == 0.0 and bodies[block.hi].inverse_mass == 0.0:
+        hold_walls(pairs, lo, block.hi, bodies[lo].v - bodies[block.hi].v)
     tick(block, dt)
     block.tau = 0.0  # the piece is used up
+
+
+@kernel
+def hold_walls(pairs: Any, lo: int, hi: int, closing: float) -> None:
+    """Let the rates between two walls sum up to that of the walls: roundings would wander, and squeeze or free them."""
+    excess, largest = -closing, lo
+    for c in range(lo, hi):
+        excess += pairs[c].eta
+        if abs(pairs[c].eta) > abs(pairs[largest].eta):
+            largest = c
+    pairs[largest].eta -= excess
 
 
 @kernel

@@ -37,7 +37,8 @@ def look(pairs: Any, n: int, t: float, xi: Any, eta: Any, force: Any) -> None:
 def velocities(scene: Scene, rate: Array, elapsed: Array) -> Array:
     """Velocities (T, n) in m/s from the rates (T, n-1) of the gaps a time `elapsed` (T,) in s after the start.
 
-    A cumulative sum from a wall, or else from the centre of mass: differences are the rates to the last digit.
+    A cumulative sum from a wall, or else from the centre of mass: differences are the rates to the last digit. The
+    second look at the centre of mass matters in long chains, where the rounding of the first moves every ball.
     """
     offset = np.concatenate([np.zeros((len(rate), 1)), np.cumsum(rate, axis=-1)], axis=-1)
     walls = np.flatnonzero(scene.is_wall)
@@ -46,6 +47,9 @@ def velocities(scene: Scene, rate: Array, elapsed: Array) -> Array:
         anchor = scene.velocity[i] - offset[:, i]
     else:
         share = scene.mass / scene.mass.sum()
-        anchor = share @ scene.velocity - scene.gravity * elapsed - offset @ share
+        centre = (share * scene.velocity).sum() - scene.gravity * elapsed
+        anchor = centre - (offset * share).sum(axis=-1)
+        offset = anchor[:, None] + offset
+        anchor = centre - (offset * share).sum(axis=-1)
     out: Array = anchor[:, None] + offset
     return out
