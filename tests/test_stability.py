@@ -35,13 +35,9 @@ def test_quick_study_of_every_axis_and_method(quick: StabilityReport) -> None:
     assert len(quick.cells) > 200
 
 
-OPEN = ("touching", "start time", "exact sequence", "chains")
-"""Axes with known defects of the default methods, see docs/stability.md; the soak test demands that none is left."""
-
-
 def test_default_methods_are_never_silently_wrong(quick: StabilityReport) -> None:
     for method in ("located", "edmd"):
-        wrong = [(c.axis, c.case, c.error) for c in quick.of(Verdict.wrong, method=method) if c.axis not in OPEN]
+        wrong = [(c.axis, c.case, c.error) for c in quick.of(Verdict.wrong, method=method)]
         assert wrong == []
 
 
