@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from granular import _check, rules
 from granular import until as conditions
 from granular._check import Array
+from granular._sampling import sample_times
 from granular.edmd import engines, options, outcome
 from granular.edmd.collapse import Zoom
 from granular.edmd.run import Run
@@ -187,20 +188,7 @@ def _check_size(name: str, values: Array, least: float) -> None:
 def _span(start: float, t_end: float | None, samples: int | ArrayLike | None) -> tuple[Array | None, float]:
     """Return the times of the rows (None for the first and the last) and the end time."""
     end = math.inf if t_end is None else _check.number("t_end", t_end, at_least=start, fix="t_start is the earliest")
-    if samples is None:
-        return None, end
-    if np.ndim(samples) == 0:
-        count = _check.whole("samples", samples, at_least=2, fix="give None for the first and the last row")
-        if t_end is None:
-            raise ValueError(f"samples is {count}: a number of rows needs t_end; give t_end, or the times themselves.")
-        return np.linspace(start, end, count), end
-    times = _check.array("samples", samples)
-    if len(times) == 0:
-        raise ValueError("samples is empty: at least one time is needed; give None for the first and the last row.")
-    inside = (times >= start) & (times <= end) & np.isfinite(times)
-    _check.every("samples", times, inside, f"a time from {start:g} to {end:g} s is needed")
-    _check.every("samples", times[1:], np.diff(times) >= 0.0, "times must not decrease")
-    return times, end
+    return sample_times(samples, start, end), end
 
 
 def _trajectory(run: Run, times: Array | None, start: float, end: float) -> Trajectory:

@@ -6,12 +6,11 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from granular import _check
 from granular import until as stop
-from granular._check import Array
+from granular._sampling import sample_times
 from granular.laws import traits
 from granular.md import fixed, located
 from granular.md.stability import expected_rate
@@ -121,22 +120,6 @@ def simulate(
     if start + step == start:
         raise ValueError(f"dt is {step!r}: at t_start = {start!r} a larger step is needed to advance the clock at all.")
     return fixed.run(scene, laws, **common, method=method, dt=step)
-
-
-def sample_times(samples: int | ArrayLike | None, start: float, end: float) -> Array | None:
-    """Times in s at which rows are kept, or None for first and last."""
-    if samples is None:
-        return None
-    if isinstance(samples, (int, np.integer)):
-        count = _check.whole("samples", samples, at_least=2)
-        if end == math.inf:
-            raise ValueError(f"samples is {count}: t_end is needed to spread rows; or give an array of times.")
-        return np.linspace(start, end, count)
-    times = _check.array("samples", samples)
-    good = (times >= start) & (times <= end)
-    _check.every("samples", times, good, f"a time within [{start:g}, {end:g}] s is needed")
-    _check.every("samples", times, np.diff(times, prepend=-np.inf) >= 0.0, "times must not decrease", "sort them")
-    return times
 
 
 def _check_scene(scene: Any) -> Scene:
