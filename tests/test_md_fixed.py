@@ -295,3 +295,107 @@ def test_moving_wall_pushes_without_energy_alarm():
     run = verlet(piston, gr.LinearDashpot(1e4), dt=1e-4)
     assert run.status is gr.Status.quiet
     assert run.velocity[-1][1] == pytest.approx(4.0, rel=1e-5)
+
+
+def some_chain(seed):
+    """A random chain, some of it touching or overlapping, of one block or several, and laws that go in bulk."""
+    random = np.random.default_rng(seed)
+    n = int(random.choice([2, 3, 7, 40, 390, 900]))
+    mass = np.exp(random.uniform(-1.0, 1.0, n))
+    mass[0] = random.choice([mass[0], math.inf])
+    v = np.where(np.isinf(mass), 0.0, random.normal(size=n) * (random.random(n) < 0.5))
+    gap = random.choice([0.0, -2e-4, 1e-3, 1e-2], n - 1) * random.uniform(0.5, 1.0, n - 1)
+    gravity = random.choice([0.0, 9.81]) * np.isinf(mass[0])
+    scene = gr.Scene(mass, np.where(np.isinf(mass), 0.0, 0.1), gap, v, gravity)
+    gamma = random.choice([0.0, 30.0])
+    build = [
+        lambda k: gr.Hertz(k), lambda k: gr.LinearDashpot(k, gamma), lambda k: gr.ViscoelasticHertz(k, gamma),
+        lambda k: OwnDashpot(k, gamma),
+    ][seed % 4]  # fmt: skip
+    return scene, [build(1e6)] * (n - 1) if seed % 3 else [build(k) for k in 1e6 * np.exp(random.normal(size=n - 1))]
+
+
+def without_bulk(patch):
+    patch.setattr("granular.md.stepper.power_rows", lambda laws, pairs: None)
+
+
+def interpret_bulk(patch):
+    """Let a plain run go in bulk too (it would not, as it gains nothing)."""
+    from granular.md import stepper, unlogged
+
+    start = stepper.Stepper._start
+
+    def start_with_bulk(self):
+        rows = unlogged.power_rows(self.laws, self.scene.pairs)
+        self.bulk = unlogged.bulk(rows, self.method, self.dt, self.w, self.fall, self.s, self.now, list)
+        start(self)
+
+    patch.setattr(stepper.Stepper, "_start", start_with_bulk)
+
+
+def same_run(one, other):
+    """Same bits, also in what is judged from notes made on the way."""
+    same_bits(one, other)
+    for name in ("dt_lambda", "steps", "flights", "contacts", "shared_impulse"):
+        assert one.stats[name] == other.stats[name], name
+    assert (one.status, one.message) == (other.status, other.message)
+
+
+@pytest.mark.filterwarnings("ignore:dt = ")
+@pytest.mark.parametrize("method", ["verlet", "symplectic-euler"])
+@pytest.mark.parametrize("seed", range(24))
+def test_bulk_gives_the_bits_of_single_steps(method, seed, monkeypatch):
+    scene, law = some_chain(seed)
+    few = {"max_events": 1 + 5 * scene.n} if seed % 5 == 0 else {}
+    options = {"method": method, "t_end": 0.02, "dt": 1e-4, "log": False, "samples": 3} | few
+    from granular.md import stepper
+
+    monkeypatch.setattr(stepper, "MANY", 1)
+    runs = [verlet(scene, law, engine="compiled", **options)]
+    if scene.n < 100:
+        with monkeypatch.context() as patch:
+            interpret_bulk(patch)
+            runs.append(verlet(scene, law, engine="plain", **options))
+    without_bulk(monkeypatch)
+    runs.append(verlet(scene, law, engine="compiled", **options))
+    for run in runs[1:]:
+        same_run(runs[0], run)
+    logged = verlet(scene, law, engine="compiled", **options | {"log": True})
+    np.testing.assert_array_equal(logged.velocity, runs[0].velocity)
+    assert (~np.isnan(logged.contacts["t_end"])).sum() == logged.stats["contacts"] == runs[0].stats["contacts"]
+
+
+def test_bulk_stops_at_max_events_as_single_steps_do(monkeypatch):
+    scene = gr.scenes.newtons_cradle(40)
+    for few in (1, 2, 17, 37):
+        with monkeypatch.context() as patch:
+            options = {"max_events": few, "log": False, "dt": 2e-5, "engine": "compiled"}
+            bulk = verlet(scene, gr.Hertz(1e9), **options)
+            without_bulk(patch)
+            same_run(bulk, verlet(scene, gr.Hertz(1e9), **options))
+
+
+def test_only_laws_that_compute_like_their_power_form_go_in_bulk():
+    from granular.md.unlogged import power_rows
+
+    @dataclass(frozen=True)
+    class Swapped(OwnDashpot):
+        """The same force, rounded otherwise."""
+
+        def force(self, xi, xi_dot, pair):
+            return (xi + self.gamma / self.k * xi_dot) * self.k
+
+    pairs = gr.scenes.newtons_cradle(3).pairs
+    for good in (gr.Hertz(3.3), gr.LinearDashpot(3.3, 0.7), gr.ViscoelasticHertz(3.3, 0.7), OwnDashpot(3.3, 0.7)):
+        assert power_rows([good, good], pairs) is not None
+    for bad in (gr.TsujiHertz(3.3, 0.7), gr.PowerLaw(3.3, 1.75), gr.WaltonBraun(1.0, 2.0), Swapped(3.3, 0.7)):
+        assert power_rows([bad, bad], pairs) is None
+    assert power_rows([gr.Hertz(1.0), gr.LinearDashpot(1.0)], pairs) is None
+
+
+def test_rows_are_told_also_when_no_log_is_kept():
+    scene, law = three_balls()
+    rows = []
+    run = verlet(scene, law, until=gr.until.contact(0, 2), log=False, on_event=rows.append)
+    assert len(rows) == run.stats["contacts"] == 5
+    assert len(run.contacts) == 0

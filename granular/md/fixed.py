@@ -11,11 +11,12 @@ import numpy as np
 
 from granular import until as stop
 from granular._check import Array
+from granular.md.log_rows import contact_log, logged
 from granular.md.stability import LIMIT, WARN, sharpest_rate
 from granular.md.stepper import Row, Stepper
 from granular.md.steps import EVALUATIONS
 from granular.scene import Scene, positions
-from granular.trajectory import Status, Trajectory
+from granular.trajectory import Status, Trajectory, stored_energy
 
 
 def run(
@@ -36,7 +37,7 @@ def run(
     engine: str,
 ) -> Trajectory:
     """Run checked arguments; see `granular.md.simulate`."""
-    stepper = Stepper(scene, laws, method, dt, t_start, engine, log)
+    stepper = Stepper(scene, laws, method, dt, t_start, engine, log or on_event is not None)
     rows: list[Row] = [stepper.row(t_start)] if samples is None else []
     wanted = [] if samples is None else samples.tolist()
     status = Status.until if stepper.halts_at_start(until) else None
@@ -57,7 +58,7 @@ def run(
         if status is None and stepper.steps >= max_steps:
             status = Status.max_events
         if on_event is not None and len(stepper.rows) > told:
-            for contact in stepper.logged(stepper.rows[told:]):
+            for contact in logged(stepper, stepper.rows[told:]):
                 on_event(contact)
             told = len(stepper.rows)
         if on_progress is not None:
@@ -65,10 +66,10 @@ def run(
     last = stepper.last_row(status, t_end)
     if samples is None or not rows or rows[-1][0] < last[0]:
         rows.append(last)
-    return _trajectory(stepper, rows, status, last[0])
+    return _trajectory(stepper, rows, status, last[0], log)
 
 
-def _trajectory(stepper: Stepper, rows: list[Row], status: Status, t_stop: float) -> Trajectory:
+def _trajectory(stepper: Stepper, rows: list[Row], status: Status, t_stop: float, log: bool) -> Trajectory:
     scene, dt = stepper.scene, stepper.dt
     status, message, trust = _judge(stepper, status, t_stop)
     time = np.array([row[0] for row in rows])
@@ -81,13 +82,13 @@ def _trajectory(stepper: Stepper, rows: list[Row], status: Status, t_stop: float
         "flights": stepper.flights,
         "evaluations": stepper.steps * EVALUATIONS[stepper.method],
         "contacts": stepper.contacts,
-        "shared_impulse": float(sum(stepper.now.shared)),
+        "shared_impulse": math.fsum(stepper.now.shared),
         "engine": "compiled" if stepper.compiled else "plain",
     } | ({"note": stepper.note} if stepper.note else {})
     return Trajectory(
         scene, stepper.laws, None, time, positions(scene, gap, time - stepper.t_start),
         np.array([row[2] for row in rows]), gap, np.array([row[3] for row in rows]),
-        stepper.contact_log(t_stop), status, message, stats, stepper.checkpoint(),
+        contact_log(stepper, t_stop) if log else logged(stepper, []), status, message, stats, stepper.checkpoint(),
     )  # fmt: skip
 
 
@@ -95,7 +96,7 @@ def _judge(stepper: Stepper, status: Status, t_stop: float) -> tuple[Status, str
     """Status, message and dt·λ of the contacts that took place, and a warning if the step was too long."""
     scene, dt = stepper.scene, stepper.dt
     trust = dt * sharpest_rate(scene, stepper.laws, stepper.now.deepest, stepper.now.beside)
-    gain = stepper.energy_gain()
+    gain = _energy_gain(stepper)
     limit = f"dt = {dt:.3g} s is {trust:.3g} times the inverse of the sharpest rate of the contacts that took place"
     most = LIMIT[stepper.name]
     if trust > most or status is Status.unstable or gain > 0.5:
@@ -107,3 +108,21 @@ def _judge(stepper: Stepper, status: Status, t_stop: float) -> tuple[Status, str
         work = f"{stepper.contacts} contacts, {stepper.steps} steps"
         return status, f"{status.value}: {work} by t = {t_stop:.6g} s.", trust
     return status, f"{status.value} at t = {t_stop:.6g} s.", trust
+
+
+def _energy_gain(stepper: Stepper) -> float:
+    """Growth of kinetic energy beyond what gravity gave, relative to the largest supply; 0 with moving walls."""
+    scene, balls = stepper.scene, ~stepper.scene.is_wall
+    if scene.velocity[~balls].any():
+        return 0.0
+    m, v0, v = scene.mass[balls], scene.velocity[balls], np.array(stepper.s.v)[balls]
+    x0 = scene.position[balls]
+    x = positions(scene, -np.array([stepper.s.xi]), np.array([stepper.k * stepper.dt]))[0][balls]
+    before = 0.5 * m @ v0**2 + sum(
+        stored_energy(law, -float(gap), pair)
+        for law, gap, pair in zip(stepper.laws, scene.gap, scene.pairs, strict=True)
+        if gap < 0.0
+    )
+    supply = before + scene.gravity * max(0.0, m @ (x0 - x))
+    with np.errstate(all="ignore"):
+        return float(0.5 * m @ v**2 / supply - 1.0) if supply > 0.0 else 0.0

@@ -31,6 +31,7 @@ def glide(s: Any, pull: Any, fall: Any, dt: float) -> None:
         s.xi[c] = -gap if gap > 0.0 else 0.0
         s.raw[c] = 0.0
         s.force[c] = 0.0
+    for c in range(len(s.top)):
         s.top[c] = 0.0
     for i in range(len(s.v)):
         s.v[i] += fall[i] * dt

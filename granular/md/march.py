@@ -19,10 +19,10 @@ Old = namedtuple("Old", "xi v raw force")
 """State at the start of the current step, from which begins, ends and samples are interpolated."""
 Open = namedtuple("Open", "step part lower upper xi_max force_max impulse count deepest beside shared")
 """Per pair: begin of the running contact (step, fraction), velocities then, peaks and impulse so far; number of
-contacts begun; largest overlap of the whole run; whether it was ever closed together with the next pair; impulse
+contacts begun; over the whole run: largest overlap, largest overlap of the pair and the next one together, impulse
 exchanged while a neighbouring pair was active."""
 
-COUNTED = ("step", "count", "beside")
+COUNTED = ("step", "count")
 """Fields of `Open` that hold whole numbers."""
 
 ROW = 12
@@ -95,20 +95,26 @@ def _follow(c: int, dt: float, old: Any, s: Any, now: Any) -> None:
         now.shared[c] += impulse
     if s.xi[c] > now.xi_max[c]:
         now.xi_max[c] = s.xi[c]
-    if s.xi[c] > now.deepest[c]:
-        now.deepest[c] = s.xi[c]
     if s.force[c] > now.force_max[c]:
         now.force_max[c] = s.force[c]
-    if c + 1 < len(s.xi) and s.xi[c + 1] > 0.0:
-        now.beside[c] = 1
+
+
+@kernel
+def _watch(c: int, s: Any, now: Any) -> None:
+    if s.xi[c] > now.deepest[c]:
+        now.deepest[c] = s.xi[c]
+    if c + 1 < len(s.xi):
+        both = s.xi[c] if s.xi[c] < s.xi[c + 1] else s.xi[c + 1]
+        if both > now.beside[c]:
+            now.beside[c] = both
 
 
 @kernel
 def march(
     method: int, force: Any, laws: Any, pairs: Any, w: Any, fall: Any, dt: float, start: int, steps: int,
-    s: Any, work: Any, old: Any, now: Any, log: Any, until_pair: int, until_nth: int,
+    room: int, s: Any, work: Any, old: Any, now: Any, log: Any, until_pair: int, until_nth: int,
 ) -> tuple[int, int, int]:  # fmt: skip
-    """Take up to `steps` steps from step number `start`.
+    """Take up to `steps` steps from step number `start`, until more than `room` contacts have ended.
 
     Returns
     -------
@@ -118,7 +124,7 @@ def march(
     """
     rows, pairs_n = 0, len(s.xi)
     for k in range(start, start + steps):
-        if rows + pairs_n > len(log):
+        if rows > room or rows + pairs_n > len(log):
             return 2, k, rows
         _keep(old, s)
         step(method, force, laws, pairs, w, fall, dt, s, work)
@@ -140,6 +146,7 @@ def march(
                 rows += 1
             if s.xi[c] > 0.0:
                 closed = True
+                _watch(c, s, now)
         if not closed:
             return 1, k + 1, rows
     return 0, start + steps, rows

@@ -20,9 +20,10 @@ from granular.md.contact_force import (
     plain_force,
 )
 from granular.md.glide import glide, time_to_touch
-from granular.md.steps import METHODS, Motion, Stages, accelerations, contact_forces, step
-from granular.scene import Scene, positions
-from granular.trajectory import CONTACT, Status, stored_energy
+from granular.md.steps import EULER, METHODS, VERLET, Motion, Stages, accelerations, contact_forces, step
+from granular.md.unlogged import MANY, bulk, hurry, power_rows
+from granular.scene import Scene
+from granular.trajectory import Status
 
 Row = tuple[float, list[float], list[float], list[float]]
 """Time, overlaps, velocities, forces."""
@@ -49,7 +50,8 @@ class Stepper:
         self.w: Any = scene.inverse_mass.tolist()
         self.fall: Any = np.where(scene.is_wall, 0.0, -scene.gravity).tolist()
         self.pull: Any = scene.pull.tolist()
-        self.s: Any = Motion((-scene.gap).tolist(), scene.velocity.tolist(), *(_zeros(m) for m in (n, p, p, p, n, n)))
+        top = p if any(getattr(law, "memory", False) for law in laws) else 0
+        self.s: Any = Motion((-scene.gap).tolist(), scene.velocity.tolist(), *(_zeros(m) for m in (n, p, p, top, n, n)))
         self.work: Any = Stages(*(_zeros(m) for m in (p, n, p, n, p, p)))
         self.old: Any = loop.Old(*(_zeros(m) for m in (p, n, p, p)))
         self.now: Any = loop.Open(*([0] * p if name in loop.COUNTED else _zeros(p) for name in loop.Open._fields))
@@ -58,7 +60,9 @@ class Stepper:
         self.force: Any = plain_force(laws)
         self.law_rows: Any = laws
         self.pair_rows: Any = scene.pairs
+        self.bulk: Any = None
         self.march: Callable[..., tuple[int, int, int]] = loop.march
+        self.hurry: Callable[..., tuple[int, int, int]] = hurry
         self.glide: Callable[..., None] = glide
         self.time_to_touch: Callable[..., float] = time_to_touch
         self.compiled = False
@@ -102,13 +106,18 @@ class Stepper:
             type(group)(*map(np.array, group)) for group in (self.s, self.work, self.old, self.now)
         )
         self.buffer = np.array(self.buffer)
-        self.march = compiled(loop.march, _types(self._arguments(0, self.buffer, None)))
+        arguments = self._arguments(0, 0)
+        self.march = compiled(loop.march, _types((*arguments, -1, 0)))
+        if not self.keep_log and self.method in (VERLET, EULER) and len(self.laws) >= MANY:
+            rows = power_rows(self.laws, self.scene.pairs)
+            self.bulk = rows and bulk(rows, self.method, self.dt, self.w, self.fall, self.s, self.now)
+        if self.bulk:
+            self.hurry = compiled(hurry, _types((*arguments, self.bulk)))
         self.compiled = True
 
-    def _arguments(self, steps: int, log: Any, until: stop.Until | None) -> tuple[Any, ...]:
-        pair, nth = (until.pair, until.nth) if isinstance(until, stop.Contact) else (-1, 0)
+    def _arguments(self, steps: int, room: int) -> tuple[Any, ...]:
         physics = (self.method, self.force, self.law_rows, self.pair_rows, self.w, self.fall)
-        return (*physics, self.dt, self.k, steps, self.s, self.work, self.old, self.now, log, pair, nth)
+        return (*physics, self.dt, self.k, steps, room, self.s, self.work, self.old, self.now, self.buffer)
 
     def time(self) -> float:
         """Time in s of the present step."""
@@ -144,23 +153,6 @@ class Stepper:
         ]
         return self.t_start + (self.k + part) * self.dt, between[0], between[1], between[2]
 
-    def energy_gain(self) -> float:
-        """Growth of kinetic energy beyond what gravity gave, relative to the largest supply; 0 with moving walls."""
-        scene, balls = self.scene, ~self.scene.is_wall
-        if scene.velocity[~balls].any():
-            return 0.0
-        m, v0, v = scene.mass[balls], scene.velocity[balls], np.array(self.s.v)[balls]
-        x0 = scene.position[balls]
-        x = positions(scene, -np.array([self.s.xi]), np.array([self.k * self.dt]))[0][balls]
-        before = 0.5 * m @ v0**2 + sum(
-            stored_energy(law, -float(gap), pair)
-            for law, gap, pair in zip(self.laws, scene.gap, scene.pairs, strict=True)
-            if gap < 0.0
-        )
-        supply = before + scene.gravity * max(0.0, m @ (x0 - x))
-        with np.errstate(all="ignore"):
-            return float(0.5 * m @ v**2 / supply - 1.0) if supply > 0.0 else 0.0
-
     def checkpoint(self) -> dict[str, Any]:
         """The raw state: step number, and every array by name."""
         groups = {"motion": self.s, "open": self.now}
@@ -183,8 +175,12 @@ class Stepper:
                 if self.k >= limit:
                     return None
         steps = int(min(CHUNK, limit - self.k))
-        room = int(min(len(self.buffer), max(0, max_events - self.contacts - 1) + len(self.s.xi)))
-        why, k, rows = self.march(*self._arguments(steps, self.buffer[:room], until))
+        arguments = self._arguments(steps, int(min(max_events - self.contacts - 1, 1 << 60)))
+        if self.bulk and not isinstance(until, stop.Contact):
+            why, k, rows = self.hurry(*arguments, self.bulk)
+        else:
+            pair, nth = (until.pair, until.nth) if isinstance(until, stop.Contact) else (-1, 0)
+            why, k, rows = self.march(*arguments, pair, nth)
         self.steps += k - self.k
         self.k = int(k)
         self.contacts += rows
@@ -232,32 +228,6 @@ class Stepper:
             self.note = "numba is not installed"
         except NotCompilableError as reason:
             self.note = str(reason)
-
-    # -- results --------------------------------------------------------------------------------------------------
-
-    def contact_log(self, t_stop: float) -> np.ndarray[tuple[int], np.dtype[np.void]]:
-        """Closed contacts and those still open at the end, sorted by their begin."""
-        now, nan = self.now, math.nan
-        present = self.s.force if self.halted_at is None else self.old.force
-        open_pairs = [c for c in range(len(present)) if present[c] > 0.0] if self.keep_log else []
-        rows = [
-            [c, now.step[c], now.part[c], nan, nan, now.lower[c], now.upper[c], nan, nan,
-             now.xi_max[c], now.force_max[c], now.impulse[c]]
-            for c in open_pairs
-        ]  # fmt: skip
-        log = self.logged(self.rows + rows)
-        running = np.isnan(log["t_end"])
-        log["duration"][running] = t_stop - log["t_begin"][running]
-        return log[np.lexsort((log["pair"], log["t_begin"]))]
-
-    def logged(self, rows: list[Any]) -> np.ndarray[tuple[int], np.dtype[np.void]]:
-        """Rows of the kernel as a contact log, in their order."""
-        log = np.zeros(len(rows), CONTACT)
-        for i, (c, k0, part0, k1, part1, *rest) in enumerate(rows):
-            lasted = ((k1 - k0) + (part1 - part0)) * self.dt
-            begin, finish = (self.t_start + (k + part) * self.dt for k, part in ((k0, part0), (k1, part1)))
-            log[i] = (c, begin, finish, lasted, rest[0:2], rest[2:4], *rest[4:])
-        return log
 
 
 def _zeros(length: int) -> list[float]:

@@ -17,7 +17,8 @@ METHODS = {"verlet": VERLET, "symplectic-euler": EULER, "rk4": RK4, "gear5": GEA
 EVALUATIONS = {VERLET: 1, EULER: 1, RK4: 4, GEAR5: 1}
 
 Motion = namedtuple("Motion", "xi v acc raw force top jerk snap")
-"""State: overlap (P,), velocity, acceleration (n,), forces, largest overlap (P,), Gear's higher derivatives (n,)."""
+"""State: overlap (P,), velocity, acceleration (n,), forces, largest overlap of the running contact (P,; no values if no
+law has memory), Gear's higher derivatives (n,)."""
 Stages = namedtuple("Stages", "xi v rate acc raw force")
 """Work space of Runge-Kutta and of the predictors."""
 
@@ -28,7 +29,7 @@ def contact_forces(force: Any, laws: Any, pairs: Any, xi: Any, v: Any, top: Any,
     for c in range(len(xi)):
         x = xi[c]
         if x > 0.0:
-            f = force(laws[c], x, v[c] - v[c + 1], top[c] if top[c] > x else x, pairs[c])
+            f = force(laws[c], x, v[c] - v[c + 1], top[c] if c < len(top) and top[c] > x else x, pairs[c])
             raw[c] = f
             out[c] = f if f > 0.0 else 0.0
         else:
@@ -144,7 +145,7 @@ def step(method: int, force: Any, laws: Any, pairs: Any, w: Any, fall: Any, dt: 
         rk4(force, laws, pairs, w, fall, dt, s, work)
     else:
         gear5(force, laws, pairs, w, fall, dt, s, work)
-    for c in range(len(s.xi)):
+    for c in range(len(s.top)):
         if s.xi[c] <= 0.0:
             s.top[c] = 0.0
         elif s.xi[c] > s.top[c]:

@@ -1,0 +1,126 @@
+"""Fixed steps of a run that keeps no log: in bulk where its laws allow, and as `march` does where they do not reach."""
+
+from __future__ import annotations
+
+import math
+from collections import namedtuple
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from granular._kernels import kernel
+from granular.laws import traits
+from granular.md.bulk import LENGTH, REACH, ROWS, Chain, Given, leap
+from granular.md.march import march
+from granular.md.steps import VERLET, accelerations
+from granular.scene import Pair
+
+Bulk = namedtuple("Bulk", "given old new work")
+"""What `leap` needs; `old` is the state of the run itself."""
+
+MANY = 32
+"""Pairs from which compiled code gains from steps in bulk; interpreted code never does."""
+PROBES = ((0.3, 0.7), (1.7e-3, -2.9), (5.3e-7, 0.011), (41.0, -0.13))
+"""Overlaps and rates at which a law must give the very number of its power form."""
+
+
+def power_rows(laws: Sequence[Any], pairs: Sequence[Pair]) -> tuple[list[float], list[float], bool] | None:
+    """Return k and γ of each pair, and whether √ξ is a factor, if all laws are √ξ (k ξ + γ ξ̇) or all k ξ + γ ξ̇."""
+    if any(getattr(law, "memory", False) for law in laws):
+        return None
+    forms, seen = [], set()
+    for law, pair in zip(laws, pairs, strict=True):
+        form = traits.power_form(law, pair)
+        if form is None or (form[1], form[3] if form[2] else form[1] - 1.0) not in ((1.5, 0.5), (1.0, 0.0)):
+            return None
+        if (id(law), form) not in seen and not _to_the_bit(law, pair, form):
+            return None
+        seen.add((id(law), form))
+        forms.append(form)
+    if len({form[1] for form in forms}) != 1:
+        return None
+    return [form[0] for form in forms], [form[2] for form in forms], forms[0][1] == 1.5
+
+
+def _to_the_bit(law: Any, pair: Pair, form: tuple[float, float, float, float]) -> bool:
+    """Whether a law computes just as its form is computed in bulk, tried at a few points."""
+    k, p, gamma, _ = form
+    return all(
+        law.force(xi, rate, pair) == (math.sqrt(xi) if p == 1.5 else 1.0) * (k * xi + gamma * rate)
+        for xi, rate in PROBES
+    )
+
+
+def bulk(
+    rows: tuple[list[float], list[float], bool], method: int, dt: float, w: Any, fall: Any, s: Any, now: Any,
+    make: Callable[[Any], Any] = np.array,
+) -> Bulk:  # fmt: skip
+    """Gather what `leap` needs, for a state `s` and the notes `now` of a run; `make` says of what it is made."""
+    k, gamma, root = make(rows[0]), make(rows[1]), rows[2]
+    half = 0.5 * dt
+    before, after = (half, half) if method == VERLET else (dt, 0.0)
+    given = Given(w, fall, k, gamma, root, dt, before, after)
+    old = Chain(s.xi, s.v, s.raw, now.deepest, now.beside, now.shared)
+    return Bulk(given, old, Chain(*map(make, old)), make([0.0] * (ROWS * LENGTH)))
+
+
+@kernel
+def _deepest(xi: Any) -> int:
+    best = 0
+    for c in range(len(xi)):
+        if xi[c] > xi[best]:
+            best = c
+    return best
+
+
+@kernel
+def _accept(new: Any, old: Any) -> None:
+    for c in range(len(old.xi)):
+        old.xi[c], old.raw[c], old.shared[c] = new.xi[c], new.raw[c], new.shared[c]
+        old.deepest[c], old.beside[c] = new.deepest[c], new.beside[c]
+    for i in range(len(old.v)):
+        old.v[i] = new.v[i]
+
+
+@kernel
+def _settle(s: Any, w: Any, fall: Any) -> None:
+    """Let forces and accelerations follow from the unclipped forces."""
+    for c in range(len(s.xi)):
+        s.force[c] = s.raw[c] if s.raw[c] > 0.0 else 0.0
+    accelerations(s.force, w, fall, s.acc)
+
+
+@kernel
+def hurry(
+    method: int, force: Any, laws: Any, pairs: Any, w: Any, fall: Any, dt: float, start: int, steps: int,
+    room: int, s: Any, work: Any, old: Any, now: Any, log: Any, bulk: Any,
+) -> tuple[int, int, int]:  # fmt: skip
+    """Take up to `steps` steps as `march` would, bit for bit, but leave nothing in `log`.
+
+    Steps are taken in bulk while the pair now deepest stays closed (so there is no free flight to be made) and fewer
+    than `room` contacts end; if not, these few steps are forgotten and taken one by one.
+    """
+    k, contacts = start, 0
+    while k < start + steps:
+        reach, before = min(REACH, start + steps - k), k
+        witness = _deepest(s.xi)
+        while reach > 0 and s.xi[witness] > 0.0:
+            ended = leap(reach, witness, bulk.given, bulk.old, bulk.new, bulk.work)
+            if ended < 0 or contacts + ended > room:
+                break
+            _accept(bulk.new, bulk.old)
+            k += reach
+            contacts += ended
+            reach = min(REACH, start + steps - k)
+            witness = _deepest(s.xi)
+        if k > before:
+            _settle(s, w, fall)
+        if reach > 0:
+            why, k, rows = march(
+                method, force, laws, pairs, w, fall, dt, k, reach, room - contacts, s, work, old, now, log, -1, 0
+            )
+            contacts += rows
+            if why == 1 or contacts > room:
+                return why, k, contacts
+    return 0, k, contacts
