@@ -399,3 +399,20 @@ def test_rows_are_told_also_when_no_log_is_kept():
     run = verlet(scene, law, until=gr.until.contact(0, 2), log=False, on_event=rows.append)
     assert len(rows) == run.stats["contacts"] == 5
     assert len(run.contacts) == 0
+
+
+@pytest.mark.parametrize("method", ALL)
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("gap", [0.0, 3.3e-3, -1e-3])
+def test_a_touching_row_begins_when_it_is_hit(method, way, gap):
+    """As "located" logs it, although the push is too weak for a number at the far end of the row at first."""
+    n, dt = 20, 2e-5
+    gaps, speeds = [gap] + [0.0] * (n - 2), [1.0] + [0.0] * (n - 1)
+    scene = gr.Scene([1.0] * n, [0.5] * n, gaps[::way], [way * v for v in speeds[::way]])
+    fixed = verlet(scene, gr.Hertz(1e6), t_end=0.12, dt=dt, method=method)
+    located = gr.md.simulate(scene, gr.Hertz(1e6), t_end=0.12)
+    assert len(fixed.contacts) == len(located.contacts) == n - 1
+    for c in range(n - 1):
+        assert fixed.of(c)["t_begin"][0] == pytest.approx(located.of(c)["t_begin"][0], abs=dt)
+    far = fixed.of(n - 2 if way > 0 else 0)[0]
+    np.testing.assert_array_equal(far["v_in"], 0.0)

@@ -1,7 +1,8 @@
 """The loop of the fixed-step methods: step, notice contacts that begin and end, log them.
 
 Times are counted in whole steps plus a fraction, so late times cost no digits. A contact begins between two steps
-where the interpolated overlap (or, inside an overlap, the interpolated force) crosses zero, and ends likewise.
+where the interpolated overlap (or, inside an overlap, the interpolated force) crosses zero, and ends likewise. Pairs
+that touch at rest in a row begin when the row is hit, however many steps the push needs to be felt at its other end.
 """
 
 from __future__ import annotations
@@ -17,12 +18,13 @@ DONE, FLIGHT, FULL, UNTIL = range(4)
 
 Old = namedtuple("Old", "xi v raw force")
 """State at the start of the current step, from which begins, ends and samples are interpolated."""
-Open = namedtuple("Open", "step part lower upper xi_max force_max impulse count deepest beside shared")
+Open = namedtuple("Open", "step part lower upper xi_max force_max impulse count touched deepest beside shared")
 """Per pair: begin of the running contact (step, fraction), velocities then, peaks and impulse so far; number of
-contacts begun; over the whole run: largest overlap, largest overlap of the pair and the next one together, impulse
-exchanged while a neighbouring pair was active."""
+contacts begun; whether the begin is noted of a contact that is still without force; over the whole run: largest
+overlap, largest overlap of the pair and the next one together, impulse exchanged while a neighbouring pair was active.
+"""
 
-COUNTED = ("step", "count")
+COUNTED = ("step", "count", "touched")
 """Fields of `Open` that hold whole numbers."""
 
 ROW = 12
@@ -58,12 +60,47 @@ def end_part(c: int, old: Any, s: Any) -> float:
 
 
 @kernel
-def _begin(c: int, k: int, old: Any, s: Any, now: Any) -> None:
-    part = begin_part(c, old, s)
+def _touch(c: int, k: int, part: float, old: Any, s: Any, now: Any) -> None:
     now.step[c] = k
     now.part[c] = part
     now.lower[c] = old.v[c] + part * (s.v[c] - old.v[c])
     now.upper[c] = old.v[c + 1] + part * (s.v[c + 1] - old.v[c + 1])
+
+
+@kernel
+def spread(c: int, k: int, part: float, old: Any, s: Any, now: Any) -> None:
+    """Note that the pairs that touch at rest in a row beside pair `c` are touched when it is."""
+    for way in (-1, 1):
+        d = c + way
+        while (
+            0 <= d < len(s.xi)
+            and old.xi[d] == 0.0
+            and old.v[d] == old.v[d + 1]
+            and old.force[d] <= 0.0
+            and now.touched[d] == 0
+        ):
+            _touch(d, k, part, old, s, now)
+            now.touched[d] = 1
+            d += way
+
+
+@kernel
+def _forget(c: int, s: Any, now: Any) -> None:
+    """The contact of pair `c` is over: pairs of its row that felt nothing of it are as before."""
+    for way in (-1, 1):
+        d = c + way
+        while 0 <= d < len(s.xi) and now.touched[d] == 1:
+            now.touched[d] = 0
+            d += way
+
+
+@kernel
+def _begin(c: int, k: int, old: Any, s: Any, now: Any) -> None:
+    if now.touched[c] == 0 or old.xi[c] < 0.0:
+        part = begin_part(c, old, s)
+        _touch(c, k, part, old, s, now)
+        spread(c, k, part, old, s, now)
+    now.touched[c] = 0
     now.xi_max[c] = 0.0
     now.force_max[c] = 0.0
     now.impulse[c] = 0.0
@@ -143,6 +180,7 @@ def march(
                 _follow(c, dt, old, s, now)
             if before and not after:
                 _end(c, k, old, s, now, log[rows])
+                _forget(c, s, now)
                 rows += 1
             if s.xi[c] > 0.0:
                 closed = True

@@ -81,6 +81,7 @@ class Stepper:
                 now = self.now
                 now.lower[c], now.upper[c], now.count[c] = s.v[c], s.v[c + 1], 1
                 now.xi_max[c], now.force_max[c] = s.xi[c], force
+                loop.spread(c, 0, 0.0, s, s, now)
 
     def halts_at_start(self, until: stop.Until | None) -> bool:
         """Whether the very contact at which to stop is there from the start; then it does not act."""
