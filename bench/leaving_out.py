@@ -1,0 +1,106 @@
+"""What leaving something out of a run saves: the same run with it and without it, in turns.
+
+Run as a script: ``python bench/leaving_out.py [ROUNDS]`` prints a table. CPU time per run, the least of the rounds.
+`test_leaving_out.py` hands the same pairs to pytest-benchmark.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+
+import granular as gr
+
+Run = Callable[[], object]
+N, DT = 1000, 1e-3
+
+
+def nothing(_row: object) -> None:
+    """Hear of an event."""
+
+
+def compressed(gravity: float = 0.0, floor: bool = False) -> gr.Scene:
+    """Return a chain whose contacts stay closed."""
+    random = np.random.default_rng(1)
+    mass, radius, speed = np.ones(N), np.full(N, 0.5), random.uniform(-1e-3, 1e-3, N)
+    if floor:
+        mass[0], radius[0], speed[0] = math.inf, 0.0, 0.0
+    return gr.Scene(mass, radius, np.full(N - 1, -1e-3), speed, gravity)
+
+
+def gas(n: int, gravity: float = 0.0, walls: bool = True) -> gr.Scene:
+    """Return equal balls between two walls, or between two balls so heavy that they do as well."""
+    random = np.random.default_rng(n)
+    end = [math.inf] if walls else [1e9]
+    v = [0.0, *random.normal(size=n), 0.0]
+    return gr.Scene([*end, *np.ones(n), *end], np.zeros(n + 2), random.exponential(1.0, n + 1), v, gravity)
+
+
+def fixed() -> Iterator[tuple[str, Run, Run]]:
+    """Verlet, compiled: 1000 balls, 10 000 steps, all contacts closed, and neither log nor anything else."""
+    go = partial(gr.md.simulate, t_end=10_000 * DT, dt=DT, engine="compiled", log=False)
+    hertz, scene = gr.Hertz(1e4), compressed()
+    bare = partial(go, scene, hertz)
+    yield "gravity", bare, partial(go, compressed(gravity=1e-6), hertz)
+    yield "floor", bare, partial(go, compressed(floor=True), hertz)
+    yield "damping", bare, partial(go, scene, gr.ViscoelasticHertz(1e4, 0.1))
+    yield "a law not of the form √ξ(kξ+γξ')", bare, partial(go, scene, gr.TsujiHertz(1e4, 0.1))
+    yield "memory", bare, partial(go, scene, gr.WaltonBraun(1e2, 2e2))
+    yield "log", bare, partial(go, scene, hertz, log=True)
+    yield "samples (20)", bare, partial(go, scene, hertz, samples=20)
+    yield "on_event", bare, partial(go, scene, hertz, on_event=nothing)
+
+
+def located() -> Iterator[tuple[str, Run, Run]]:
+    """The located engine, compiled: a soft gas of 100 balls, some 1600 contacts."""
+    go = partial(gr.md.simulate, t_end=30.0, engine="compiled", log=False)
+    spring, scene = gr.LinearDashpot(1e6, 0.0), gas(100)
+    bare = partial(go, scene, spring)
+    yield "gravity", bare, partial(go, gas(100, gravity=1e-6), spring)
+    yield "walls", partial(go, gas(100, walls=False), spring), bare
+    yield "damping", bare, partial(go, scene, gr.LinearDashpot(1e6, 1e-6))
+    yield "exponent 3/2", bare, partial(go, scene, gr.Hertz(1e7))
+    yield "log", bare, partial(go, scene, spring, log=True)
+    yield "samples (100)", bare, partial(go, scene, spring, samples=100)
+    yield "on_event", bare, partial(go, scene, spring, on_event=nothing)
+
+
+def edmd() -> Iterator[tuple[str, Run, Run]]:
+    """Hard spheres, compiled: a gas of 1000 balls, 20 000 collisions."""
+    go = partial(gr.edmd.simulate, max_events=20_000, engine="compiled", log=False)
+    elastic, scene = gr.ConstantRestitution(1.0), gas(N)
+    bare = partial(go, scene, elastic)
+    yield "gravity", bare, partial(go, gas(N, gravity=1e-6), elastic)
+    yield "walls", partial(go, gas(N, walls=False), elastic), bare
+    yield "dissipation", bare, partial(go, scene, gr.ConstantRestitution(1.0 - 2.0**-40))
+    yield "log", bare, partial(go, scene, elastic, log=True)
+    yield "on_event", bare, partial(go, scene, elastic, on_event=nothing)
+
+
+ENGINES = {"fixed": fixed, "located": located, "edmd": edmd}
+PAIRS = {f"{engine}: {what}": (lean, rich) for engine, all_of in ENGINES.items() for what, lean, rich in all_of()}
+"""Engine and what is left out, with the run without it and with it."""
+
+
+def main(rounds: int = 7) -> None:
+    """Print the table."""
+    print("| what is there or not | without, ms | with, ms | ratio |\n|---|---|---|---|")
+    for name, pair in PAIRS.items():
+        times: list[list[float]] = [[], []]
+        for turn in range(rounds + 1):
+            for run, seen in zip(pair, times, strict=True):
+                begin = time.process_time()
+                run()
+                if turn:  # the first compiles
+                    seen.append(time.process_time() - begin)
+        lean, rich = (1e3 * min(seen) for seen in times)
+        print(f"| {name} | {lean:.2f} | {rich:.2f} | {rich / lean:.2f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:]))
