@@ -88,8 +88,8 @@ def main() -> None:
     table = {
         "three balls, dashpot, eps = 0.7": three_balls(dashpot(0.7), 10_000),
         "three balls, spring": three_balls(dashpot(1.0), 10_000),
-        "three balls, viscoelastic": three_balls(visco, 1_000, 1e-15, 5.890486225480862e-05, 3.0),
-        "20 touching Hertz balls, 1e-13": hertz_chain(20, 20, 1e-14),
+        "three balls, viscoelastic, error 5e-13": three_balls(visco, 1_000, 1e-14, 5.890486225480862e-05, 3.0),
+        "20 touching Hertz balls, error 1e-13": hertz_chain(20, 20, 1e-14),
         "three balls, dashpot, interpreted": interpreted(0.7),
         "three balls, dashpot, scipy DOP853 with events": dop853(0.7),
     }
