@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from granular.edmd.run import Run
@@ -36,7 +37,8 @@ def stats(run: Run) -> dict[str, Any]:
 
 def _collapse(run: Run, when: str) -> str:
     verdict = run.verdict
-    assert verdict is not None
+    if verdict is None:
+        return f"{_walls(run)} and leave no way out: stopped at {when}, when no space was left{_lost(run)}"
     pairs = f"pair {verdict.first}" if verdict.first == verdict.last else f"pairs {verdict.first} to {verdict.last}"
     if verdict.kind == "exact":
         body = f"exact: body {verdict.first + 1} comes to rest on the wall after infinitely many bounces"
@@ -49,7 +51,9 @@ def _collapse(run: Run, when: str) -> str:
 
 def _work(run: Run, when: str) -> str:
     sentence = f"{Status.max_events.value}: max_events reached at {when}"
-    if run.model.may_collapse and len(run.pace) == 2:
+    if math.isfinite(run.horizon):
+        sentence += f"; {_walls(run)}, and collisions become ever more frequent until then"
+    elif run.model.may_collapse and len(run.pace) == 2:
         (begin, start), (tail, t) = run.pace
         last, took = run.state.events - tail, run.time() - t
         if took * (tail - begin) < 0.1 * last * (t - start):
@@ -58,6 +62,10 @@ def _work(run: Run, when: str) -> str:
                 "end. Remedies by name: collapse='merge', tc=, elastic_below="
             )
     return sentence + _lost(run)
+
+
+def _walls(run: Run) -> str:
+    return f"the walls close at t = {run.state.start + run.close_after:.12g} s"
 
 
 def _lost(run: Run) -> str:

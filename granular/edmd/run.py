@@ -11,6 +11,7 @@ import numpy as np
 
 from granular import until as conditions
 from granular._check import Array
+from granular._walls import close_after
 from granular.edmd import readout
 from granular.edmd.collapse import Verdict, Zoom
 from granular.edmd.model import Model
@@ -28,6 +29,9 @@ TAIL = 8
 """The last of so many parts of a run that ends at `max_events` tells whether it has slowed down."""
 REPORT = 4096
 """Events between two reports of progress."""
+MARGIN = 2.0**-30
+"""Closing walls end a run when this part of the free length between them is left: balls that bounce between them at
+2/(1 - ε) times the speed of the walls make their sum of gaps uncertain by not much less."""
 GOES_ON = {LIMIT: Pause.limit, UNTIL: Pause.until, BUDGET: Pause.budget}
 
 
@@ -79,13 +83,17 @@ class Run:
         self.tail = self.last_event - max_events // TAIL
         self.pace = [(state.events, state.time(state.now))]  # at the beginning and where the tail begins
         self.verdict: Verdict | None = None
+        self.close_after = close_after(model.scene)
+        self.horizon = state.start + (1.0 - MARGIN) * self.close_after  # s, the last time with room between the walls
 
     def to(self, time: float) -> Status | None:
         """Advance to `time` (s; may be inf); return why the run is over, None if `time` was reached."""
         state = self.state
         while True:
-            limit = state.tau(time)
+            limit = state.tau(min(time, self.horizon))
             goal = self.tail if state.events < self.tail else self.last_event
+            if time >= self.horizon and limit <= state.now:
+                return Status.collapse
             budget = max(0, min(self.queue.chunk, goal - state.events))
             log: Rows | None = [] if self.keep or self.on_event is not None else None
             pause: Pause | None
@@ -99,10 +107,10 @@ class Run:
             if len(self.pace) == 1 and state.events >= self.tail:
                 self.pace.append((state.events, self.time()))
             if pause is Pause.limit:
-                if time == math.inf:
+                if time == self.horizon == math.inf:
                     return Status.quiet
                 state.now = limit
-                return None
+                return None if time <= self.horizon else Status.collapse
             if self.verdict is not None:
                 return Status.collapse
             if pause is Pause.until:

@@ -222,7 +222,7 @@ def write_back(
     for j in range(n):
         c = first + j
         gap[c], at[c], streak[c] = new_gap[j], tau, 0
-        if known == first:
+        if known == first and mass[c + 1] != math.inf:
             u[c + 1] = u[c] + (rate[j] + pull[c] * tau)
     if known == top:
         for j in range(n - 1, -1, -1):
