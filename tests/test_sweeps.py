@@ -9,8 +9,9 @@ import pytest
 
 import granular as gr
 from granular.cases import Case, make
-from granular.sweeps import axis, schedule
+from granular.sweeps import axis, compiled, schedule
 from granular.sweeps.compiled import FAST
+from granular.sweeps.compiled import solve as known
 from granular.sweeps.results import CODE, RESULTS
 
 xr = pytest.importorskip("xarray")
@@ -50,12 +51,24 @@ def test_axes_from_text(text, values):
     ("gas", ["seed=1,2"], {"n": 8, "walls": False, "length": 8.0}),
     ("bouncing-ball", ["t_end=0.1,2,20"], {}),
 ])  # fmt: skip
-def test_compiled_is_one_by_one_bit_for_bit(scene, over, fixed):
+def test_compiled_is_one_by_one_bit_for_bit(scene, over, fixed, monkeypatch):
+    monkeypatch.setattr(schedule, "FEW", 0)
     fast = gr.sweep(scene, over, sorted(FAST), **fixed)
     slow = gr.sweep(scene, over, sorted(FAST), run=ONE_BY_ONE, **fixed)
     for name in fast:
         assert np.array_equal(fast[name].values, slow[name].values, equal_nan=True), name
     assert fast["contacts"].values.max() >= 1
+
+
+@pytest.mark.parametrize("few", [4, 5])
+def test_a_few_cells_do_not_wait_for_a_compiler(few, monkeypatch):
+    """Four cells are compiled, or run one by one if fewer than `FEW` and no machine code is at hand."""
+    solved = []
+    monkeypatch.setattr(schedule, "FEW", few)
+    monkeypatch.setattr(compiled, "at_hand", lambda: False)
+    monkeypatch.setattr(compiled, "solve", lambda *given: solved.append(0) or known(*given))
+    gr.sweep("three-balls", ["gap=1e-7:1e-2:4:log"], "contacts")
+    assert bool(solved) == (few == 4)
 
 
 def test_a_cell_is_what_compare_says():

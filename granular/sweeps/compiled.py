@@ -12,7 +12,7 @@ import numpy as np
 from granular import md
 from granular import until as stop
 from granular._check import Array
-from granular._kernels import compiled, have_numba, kernel
+from granular._kernels import compiled, have_numba, in_memory, kernel
 from granular.md.located.batch import bench, reset, rows
 from granular.md.located.build import power_law
 from granular.md.located.loop import (
@@ -45,6 +45,11 @@ COUNT, ONGOING, T_F, LOWER, UPPER, LONGEST, RATE, PER_PAIR = range(8)
 def open_to(asked: Sequence[Any], run: Any) -> bool:
     """Whether the compiled way gives all that is asked."""
     return have_numba() and not run and all(isinstance(ask, str) and ask in FAST for ask in asked)
+
+
+def at_hand() -> bool:
+    """Whether the machine code is in memory."""
+    return in_memory(solve_cells)
 
 
 def coefficients(scene: Scene, laws: Sequence[Any]) -> list[list[float]] | None:

@@ -5,14 +5,18 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, as_completed
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from granular.sweeps import compiled
 from granular.sweeps.axes import Values
 from granular.sweeps.cells import Block, solve
 from granular.sweeps.plan import Plan
 
+FEW = 100
+"""Cells that are solved one by one, rather than wait for machine code to be made or loaded."""
 PILOT = 16
 """Cells, spread over the sweep, that are solved first to see how long one takes."""
 SHORTEST, LONGEST = 0.25, 2.0
@@ -31,6 +35,8 @@ def batches(plan: Plan, columns: Sequence[Values], bodies: int, cells: Values, e
     """
     if not len(cells):
         return
+    if len(cells) < FEW and not compiled.at_hand():
+        plan = replace(plan, run=plan.run or {"engine": "auto"})  # one by one: the same bits, no wait for a compiler
     chosen = np.unique(np.linspace(0, len(cells) - 1, min(PILOT, len(cells))).astype(np.int64))
     pilot = cells[chosen]
     yield pilot[:1], _solve(plan, columns, bodies, pilot[:1])  # loads and compiles what is needed
