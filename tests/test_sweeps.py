@@ -1,6 +1,7 @@
 """Sweeps: the compiled way and one by one give the same bits, on any executor, in one go or resumed."""
 
 import json
+import re
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
@@ -174,6 +175,9 @@ def test_a_third_count_between_two_cells_is_found():
     ({"over": "gap=-1:2:3:log"}, "positive ends"),
     ({"over": "gap=1:2:3:lin"}, "only ':log' may follow"),
     ({"over": "gap"}, "name=first:last:count"),
+    ({"over": "gap=1:2"}, "such as gap=0.5:1:101"),
+    ({"over": "gap=1:2:1e9:log"}, "count of gap is 1000000000.0"),
+    ({"over": ["gap=1e-4:1:20000", "height=0.5:1:20000"]}, "over has 4e+08 cells: at most 1e+08 fit"),
     ({"over": {}}, "over is empty"),
     ({"over": {"gap": [1e-4, 1e-4]}}, "not all different"),
     ({"over": {"gap": [[1e-4]]}}, "a list of numbers or words is needed"),
@@ -185,7 +189,7 @@ def test_a_third_count_between_two_cells_is_found():
     ({"over": "restitution=-1,-2"}, "restitution is -1"),
 ])  # fmt: skip
 def test_misuse_in_one_sentence(arguments, sentence):
-    with pytest.raises((TypeError, ValueError), match=sentence.replace("[", r"\[")):
+    with pytest.raises((TypeError, ValueError), match=re.escape(sentence)):
         gr.sweep(**({"scene": "three-balls"} | arguments))
 
 

@@ -44,6 +44,8 @@ def run(found: argparse.Namespace) -> Any:
     cells = 1
     for values in over.values():
         cells *= len(values)
+    if found.workers is not None and found.workers < 1:
+        raise ValueError(f"workers is {found.workers}: a number of processes of at least 1 is needed.")
     workers = found.workers or ((os.cpu_count() or 1) if cells >= WORTH_POOL else 1)
     pool: Any = ProcessPoolExecutor(workers) if workers > 1 else nullcontext()
     with pool as executor, Bar() as bar:
@@ -64,6 +66,8 @@ def summary(data: Any) -> str:
     lines = [f"{data.attrs['title']}: {shape} cells"]
     for name, array in {**data.coords, **data.data_vars}.items():
         values = array.values[~np.isnan(array.values)] if array.dtype.kind == "f" else array.values
+        if array.dtype.kind == "i" and name in data.data_vars:
+            values = values[values >= 0]  # -1 stands where there is no such pair, or no result
         if name == "status" or str(name).startswith("edge") or array.dtype.kind not in "iuf":
             continue
         text = f"{values.min():.6g} … {values.max():.6g}" if values.size else "no value"

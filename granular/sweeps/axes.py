@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from typing import Any
@@ -12,6 +13,9 @@ from granular import _check
 from granular.cases.options import Option, unknown
 
 Values = np.ndarray[Any, np.dtype[Any]]
+
+MOST = 10**8
+"""Cells that a sweep may have: their results must fit into memory."""
 
 _NAME = re.compile(r"(\w+)(?:\[(\d+)\])?")
 _UNIT = re.compile(r"\bin (kg/m³|m/s²|m/s|N/m|kg|m|s|J)(?![\w/])")
@@ -28,9 +32,11 @@ def axis(text: str) -> tuple[str, Values]:
         raise ValueError(f"axis is {text!r}: name=first:last:count[:log] or name=value,value,… is needed.")
     if ":" not in values:
         return name, np.array([_value(word) for word in values.split(",")])
-    first, last, count, *scale = values.split(":")[:5] + [""] * max(0, 2 - values.count(":"))
+    if values.count(":") not in (2, 3):
+        raise ValueError(f"axis is {text!r}: name=first:last:count[:log] is needed, such as {name}=0.5:1:101.")
+    first, last, count, *scale = values.split(":")
     a, b = (_check.number(f"{what} of {name}", _value(word)) for what, word in (("first", first), ("last", last)))
-    n = _check.whole(f"count of {name}", _value(count), at_least=1)
+    n = _check.whole(f"count of {name}", _value(count), at_least=1, at_most=MOST)
     if scale not in ([], ["log"]):
         raise ValueError(f"axis is {text!r}: after first:last:count only ':log' may follow.")
     if not scale:
@@ -57,6 +63,9 @@ def checked(over: Any) -> dict[str, Values]:
         axes[name] = array
     if not axes:
         raise ValueError("over is empty: at least one parameter with its values is needed.")
+    cells = math.prod(len(array) for array in axes.values())
+    if cells > MOST:
+        raise ValueError(f"over has {cells:.3g} cells: at most {MOST:.0e} fit; take fewer values, or several sweeps.")
     return axes
 
 
