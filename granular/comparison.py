@@ -13,16 +13,13 @@ import numpy as np
 
 from granular import edmd, md, measures, theory
 from granular import until as stop
-from granular.binary import restitution_of
+from granular.binary import LawRestitution, restitution_of
 from granular.laws import traits
-from granular.measures import Overlap
+from granular.measures import SAME, Overlap
 from granular.pair_outcome import PairOutcome, last_separation, pair_outcome
 from granular.rules import ConstantRestitution
-from granular.scene import Scene
+from granular.scene import Pair, Scene
 from granular.trajectory import Trajectory
-
-SAME = 0.01
-"""Outcomes closer than this share of the impact speed are called the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +62,11 @@ class Comparison:
         return float(abs(first[0] - first[1]))
 
     @cached_property
+    def counted(self) -> tuple[Trajectory, Trajectory]:
+        """The hard and the soft run without contacts that are rounding (`granular.measures.without_rounding`)."""
+        return _counted(self.hard, self.soft)
+
+    @cached_property
     def overlaps(self) -> tuple[Overlap, ...]:
         """Contacts of neighbouring pairs that share a span of time in the soft run: why the engines differ."""
         return measures.overlapping(self.soft)
@@ -78,7 +80,7 @@ class Comparison:
             "crowding": measures.crowding(self.hard, self.law),
             "occupation": measures.occupation(self.soft),
             "distance": measures.distance(self.soft, self.hard),
-            "predictability": measures.distance(self.twin, self.hard),
+            "predictability": measures.predictability(self.twin, self.hard),
             "mass_centre_ratio": soft_cm / hard_cm if hard_cm else math.nan,
             "lag": float(self.soft.time[-1] - self.hard.time[-1]),
         }
@@ -124,7 +126,7 @@ class Comparison:
             Empty: no ε does it. Several: it is not unique. EDMD is not continuous in ε where the number of
             collisions changes; a jump across the value is not a root and is left out.
         """
-        measure = observable or (lambda run: last_separation(run, self.scene.n - 2)[0])
+        measure = observable or (lambda run: last_separation(_counted(run, self.soft)[0], self.scene.n - 2)[0])
         target = measure(self.soft) if observable else self.pairs[-1].soft_v_rel
 
         def miss(eps: float) -> float:
@@ -164,7 +166,8 @@ class Comparison:
 
         Soft spheres lag by about t_c per collision; so contacts that began within that lag of the end do not count.
         """
-        return measures.same_but_for_timing(self.soft, self.hard)
+        hard, soft = self.counted
+        return measures.same_but_for_timing(soft, hard, SAME * measures.fastest_approach(hard))
 
     @property
     def verdict(self) -> str:
@@ -253,16 +256,48 @@ def compare(
     -------
     Comparison
     """
-    laws = traits.checked(law, scene)
-    used = restitution_of(laws, scene) if rule is None else rule
+    laws = traits.checked(law, _check_scene(scene))
+    used = _rule_of(laws, scene) if rule is None else rule
     end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
     event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed}
     hard = edmd.simulate(scene, used, **event_driven, on_progress=on_progress)
     twin = edmd.simulate(_nudged(scene), used, **event_driven)
     options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
     soft = md.simulate(scene, laws, **end, **options, on_progress=on_progress)
-    outcomes = tuple(pair_outcome(hard, soft, c, options) for c in range(scene.n - 1))
+    counted = _counted(hard, soft)
+    outcomes = tuple(pair_outcome(counted[0], counted[1], c, options) for c in range(scene.n - 1))
     return Comparison(scene, laws, used, until, t_end, hard, soft, twin, outcomes, options)
+
+
+class _LawRule(LawRestitution):
+    """The rule that a comparison makes out of force laws: it speaks of the law where that gives no ε in [0, 1]."""
+
+    def __call__(self, speed: float, pair: Pair) -> float:
+        eps = super().__call__(speed, pair)
+        if not 0.0 <= eps <= 1.0 + 1e-9:  # rounding is the engine's business
+            law = self.laws[pair.index]
+            raise ValueError(
+                f"law of pair {pair.index} is {law!r}: its restitution at {speed:g} m/s is {eps:.6g}, so no hard-sphere"
+                " rule can be made of it; a law that repels and gives no energy is needed, or a rule of yours, rule=..."
+            )
+        return eps
+
+
+def _rule_of(laws: tuple[Any, ...], scene: Scene) -> Any:
+    rule = restitution_of(laws, scene)
+    return _LawRule(laws) if isinstance(rule, LawRestitution) else rule
+
+
+def _counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]:
+    """Both runs without contacts that are rounding beside the fastest of either."""
+    fastest = measures.fastest_approach(hard, soft)
+    return measures.without_rounding(hard, fastest), measures.without_rounding(soft, fastest)
+
+
+def _check_scene(scene: Any) -> Scene:
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene is {scene!r}: a granular.Scene is needed, such as granular.scenes.three_balls().")
+    return scene
 
 
 def _nudged(scene: Scene) -> Scene:

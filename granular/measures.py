@@ -12,7 +12,7 @@ K_cm       ratio (soft / hard) of the restitution of the centre of mass, scenes 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -24,6 +24,13 @@ from granular.laws import traits
 from granular.md.stability import expected_overlap
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
+
+SAME = 0.01
+"""Outcomes closer than this share of the impact speed are called the same."""
+SMALL = 0.1
+"""Up to this share of a run, or of the time between contacts, a contact or a lag is called short."""
+ROUNDING = 1e-12
+"""Impacts weaker than this share of the fastest are rounding: a contact leaves some 1e-15, a thousand leave this."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +119,14 @@ def distance(one: Trajectory, other: Trajectory) -> float:
     return math.sqrt(float(m @ dv**2) / scale) if scale > 0.0 else math.nan
 
 
+def predictability(twin: Trajectory, hard: Trajectory) -> float:
+    """D of hard spheres against themselves; cut at an end time, just before it, lest a contact there decide."""
+    if not twin.status is hard.status is Status.time:
+        return distance(twin, hard)
+    before = hard.time[-1] - 1e-9 * (hard.time[-1] - hard.time[0])
+    return distance(_rolled_back(twin, before), _rolled_back(hard, before))
+
+
 def velocity_differences(one: Trajectory, other: Trajectory) -> Array:
     """Differences in m/s of the balls' final velocities, brought to a common time by free fall."""
     balls = ~one.scene.is_wall
@@ -120,19 +135,41 @@ def velocity_differences(one: Trajectory, other: Trajectory) -> Array:
     return difference
 
 
-def same_but_for_timing(soft: Trajectory, hard: Trajectory) -> bool:
-    """Whether both runs were cut at one end time and had the same contacts up to the lag of soft spheres before it."""
-    if not soft.status is hard.status is Status.time or not len(soft.contacts):
+def without_rounding(run: Trajectory, fastest: float) -> Trajectory:
+    """The run with only those contacts in its log whose impact is more than rounding beside one at `fastest` m/s.
+
+    Balls that an engine leaves with a relative speed of 1e-16 m/s meet again after some 1e12 s. Such contacts count
+    for nothing. Touching balls begin at rest, so an impact is judged by approach and by impulse / m_eff.
+    """
+    log = run.contacts
+    m_eff = np.array([pair.m_eff for pair in run.scene.pairs])[log["pair"]]
+    strength = np.maximum(_approach(log), log["impulse"] / m_eff)
+    return replace(run, contacts=log[strength > ROUNDING * fastest])
+
+
+def fastest_approach(*runs: Trajectory) -> float:
+    """Largest speed in m/s at which a contact of these runs begins; 0 without contacts."""
+    return max(float(_approach(run.contacts).max(initial=0.0)) for run in runs)
+
+
+def same_but_for_timing(soft: Trajectory, hard: Trajectory, tolerance: float) -> bool:
+    """Whether two runs cut at one end time differ only by contacts within the lag of soft spheres before it.
+
+    The lag is one duration per collision of the busiest pair, and must be small beside the time between its contacts.
+    The contacts that both runs have must part at the same speeds, within `tolerance` in m/s.
+    """
+    if not soft.status is hard.status is Status.time:
         return False
-    n = soft.scene.n - 1
-    counts = [np.bincount(run.contacts["pair"], minlength=n) for run in (soft, hard)]
-    lag = float(soft.contacts["duration"].max()) * (1.0 + float(max(counts[0].max(), counts[1].max())))
-    early = [
-        np.bincount(run.contacts["pair"][run.contacts["t_begin"] < soft.time[-1] - lag], minlength=n)
-        for run in (soft, hard)
-    ]
+    end, span = float(soft.time[-1]), float(soft.time[-1] - soft.time[0])
+    counts = [_counts(run, math.inf) for run in (soft, hard)]
+    busiest = max(int(count.max()) for count in counts)
+    lag = _longest(soft, hard) * (1.0 + busiest)
+    if lag * busiest > SMALL * span:
+        return False
+    early = [_counts(run, end - lag) for run in (soft, hard)]
     more, fewer = np.maximum(*counts), np.minimum(*counts)
-    return bool((more > fewer).any() and (np.maximum(*early) <= fewer).all())
+    only_late = (more > fewer).any() and (np.maximum(*early) <= fewer).all()
+    return bool(only_late) and _same_partings(soft, hard, tolerance)
 
 
 def impact_velocities(scene: Scene, run: Trajectory) -> Array:
@@ -178,6 +215,46 @@ def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float
         "gap_omega_over_speed": max(gaps, default=math.nan),
         "gravity_over_omega_speed": scene.gravity / (min(omega) * speed) if speed > 0.0 else math.nan,
     }
+
+
+def _approach(log: Any) -> Array:
+    """Approach speeds in m/s at the begin of contacts."""
+    speed: Array = log["v_in"][:, 0] - log["v_in"][:, 1]
+    return speed
+
+
+def _counts(run: Trajectory, time: float) -> Any:
+    """Number of contacts of each pair that began before `time`."""
+    log = run.contacts
+    return np.bincount(log["pair"][log["t_begin"] < time], minlength=run.scene.n - 1)
+
+
+def _longest(soft: Trajectory, hard: Trajectory) -> float:
+    """Longest contact in s: of those of the soft run, and of those of the hard run had they been isolated."""
+    assert soft.law is not None
+    isolated = [durations(hard, soft.law, c).max() for c in range(hard.scene.n - 1) if hard.count(c)]
+    return max([float(soft.contacts["duration"].max(initial=0.0)), *map(float, isolated)])
+
+
+def _same_partings(one: Trajectory, other: Trajectory, tolerance: float) -> bool:
+    """Whether all contacts that both runs have, and that are over, end at the same separation speeds."""
+    for c in range(one.scene.n - 1):
+        a, b = one.of(c)["v_out"], other.of(c)["v_out"]
+        n = min(len(a), len(b))
+        miss = np.abs((a[:n, 1] - a[:n, 0]) - (b[:n, 1] - b[:n, 0]))
+        if (miss > tolerance).any():
+            return False
+    return True
+
+
+def _rolled_back(run: Trajectory, time: float) -> Trajectory:
+    """The run with the final velocities it had just before `time`, undoing the collisions (hard spheres) since."""
+    scene, velocity, clock = run.scene, run.velocity.copy(), np.full(run.scene.n, run.time[-1])
+    for row in run.contacts[np.searchsorted(run.contacts["t_begin"], time) :][::-1]:
+        pair = [row["pair"], row["pair"] + 1]
+        velocity[-1, pair], clock[pair] = row["v_in"], row["t_begin"]
+    velocity[-1] += np.where(scene.is_wall, 0.0, scene.gravity * (clock - time))
+    return replace(run, velocity=velocity, time=np.append(run.time[:-1], time))
 
 
 def _distance(times: Array, others: Array) -> Array:

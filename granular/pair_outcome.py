@@ -22,7 +22,7 @@ class PairOutcome:
     pair : int
         Number of the pair.
     hard_contacts, soft_contacts : int
-        Number of contacts.
+        Number of contacts, without those that are rounding (`granular.measures.without_rounding`).
     hard_v_rel, soft_v_rel : float
         Separation speed v[c+1] - v[c] in m/s at the end of the pair's last contact; nan without contacts.
     hard_t_f, soft_t_f : float
@@ -66,9 +66,7 @@ def _followed(soft: Trajectory, c: int, options: Mapping[str, Any]) -> tuple[flo
     assert law is not None
     if any(getattr(one, "memory", False) for one in law):
         return math.nan, math.nan
-    rest = Scene(
-        scene.mass, scene.radius, soft.gap[-1], soft.velocity[-1], scene.gravity, float(soft.position[-1][0])
-    )
+    rest = Scene(scene.mass, scene.radius, soft.gap[-1], soft.velocity[-1], scene.gravity, float(soft.position[-1][0]))
     start = float(soft.time[-1])
     row = soft.of(c)[-1]
     patience = 20.0 * collision(law[c], scene.pairs[c], max(abs(row["v_in"][0] - row["v_in"][1]), 1e-300)).duration

@@ -7,7 +7,11 @@ import math
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from granular import _files
+from granular.measures import ROUNDING, SAME, SMALL
+from granular.pair_outcome import PairOutcome
 from granular.scene import Scene
 from granular.trajectory import Status
 
@@ -23,14 +27,21 @@ def verdict(report: Comparison) -> str:
         if run.status in TROUBLE:
             return f"No verdict on all of it: the {name} run ended with {run.status.name} ({run.message})"
     m = report.measures
-    if not len(report.soft.contacts):
-        return "Yes, trivially: nothing collides."
+    hard, soft = report.counted
+    if not len(hard.contacts):
+        if not len(soft.contacts):
+            return "Yes, trivially: nothing collides."
+        if (hard.gap[-1][soft.contacts["pair"]] == 0.0).all():
+            return _settling(report)
+    if endless := _endless(report):
+        return endless
     wrong = [p.pair for p in report.pairs if p.hard_contacts != p.soft_contacts]
     if m["predictability"] > 0.01 and (report.scene.gap == 0.0).any():
         return "Not uniquely: touching balls have no one hard-sphere answer; here it hangs on the tie rule (ties=)."
     if m["predictability"] > 0.01:
         share = 100.0 * m["shared_impulse"]
-        return f"Not ball by ball: beyond predictability (compare ensembles); {share:.2g} % of the impulse is shared."
+        shared = "" if math.isnan(share) else f"; {share:.2g} % of the impulse is shared"
+        return f"Not ball by ball: beyond predictability (compare ensembles){shared}."
     if wrong and report.only_timing:
         return (
             f"Yes, but for timing: the contacts are the same, yet {len(wrong)} of {len(report.pairs)} pairs have one "
@@ -39,17 +50,45 @@ def verdict(report: Comparison) -> str:
     if wrong:
         p = report.pairs[wrong[-1]]
         many = f"{len(wrong)} of {len(report.pairs)} pairs differ in contacts; " if len(wrong) > 1 else ""
-        return (
-            f"No: {many}pair {p.pair} has {_contacts(p.soft_contacts)}, not {p.hard_contacts}, and parts at "
-            f"{p.soft_v_rel:.4g} instead of {p.hard_v_rel:.4g} m/s."
-        )
-    if report.error > 0.01:
+        return f"No: {many}pair {p.pair} has {_contacts(p.soft_contacts)}, not {p.hard_contacts}{_parting(p)}."
+    if report.error > SAME:
         what = "separation speeds" if report.judged_by_separation else "velocities"
         return f"No: {what} are off by {report.error:.2g} of the impact speed."
     if m["shared_impulse"] > 0.0:
         return f"Yes, within {report.error:.1g} of the impact speed, though contacts overlap in time."
     error = max(report.error, 1e-16)
     return f"Yes: every contact is binary, and outcomes agree within {error:.1g} of the impact speed."
+
+
+def _settling(report: Comparison) -> str:
+    """The verdict where hard spheres rest on each other, and soft ones only sink under their weight."""
+    depth = float(report.soft.contacts["xi_max"].max())
+    radius = min((float(r) for r in report.scene.radius if r > 0.0), default=math.inf)
+    if depth > SAME * radius:
+        return f"No: nothing collides, but soft spheres sink by {depth / radius:.2g} of a radius under their weight."
+    return f"Yes, trivially: nothing collides; soft spheres settle by {depth:.3g} m under their weight."
+
+
+def _endless(report: Comparison) -> str:
+    """The verdict where a soft contact fills much of the run, while hard spheres have bounced; else nothing."""
+    span = float(report.soft.time[-1] - report.soft.time[0])
+    for p in report.pairs:
+        lasted = float(report.counted[1].of(p.pair)["duration"][-1]) if p.ongoing else 0.0
+        moving = abs(float(np.diff(report.hard.velocity[-1])[p.pair])) > SAME * report.impact_speed
+        if lasted > SMALL * span and moving:
+            return (
+                f"No: a soft contact of pair {p.pair} has lasted {lasted:.3g} of the {span:.3g} s of the run and is "
+                "not over; hard spheres part at once."
+            )
+    return ""
+
+
+def _parting(p: PairOutcome) -> str:
+    """How a pair parts in the soft run; nothing where there is no speed to tell."""
+    if math.isnan(p.soft_v_rel):
+        return ", and is still in contact" if p.ongoing else ""
+    hard = "" if math.isnan(p.hard_v_rel) else f" instead of {p.hard_v_rel:.4g}"
+    return f", and parts at {p.soft_v_rel:.4g}{hard} m/s"
 
 
 def table(report: Comparison) -> str:
@@ -88,6 +127,7 @@ def as_dict(report: Comparison) -> dict[str, Any]:
             "until": repr(report.until),
             "t_end": report.t_end,
             "pairs": [asdict(p) for p in report.pairs],
+            "rounding_contacts": dict(zip(("hard", "soft"), _left_out(report), strict=True)),
             "impact_speed": report.impact_speed,
             "restitution": list(report.restitution_spec),
             "restitution_ratio": report.restitution_ratio,
@@ -125,16 +165,29 @@ def _outcome_lines(report: Comparison) -> list[str]:
     for p in shown:
         mark = "  still in contact at the stop" if p.ongoing else ""
         lines.append(f"{f'contacts of pair {p.pair}':22}{p.hard_contacts:>16}{p.soft_contacts:>16}")
-        lines.append(f"{f'v_rel′ pair {p.pair}, m/s':22}{p.hard_v_rel:>16.6g}{p.soft_v_rel:>16.6g}{mark}")
+        lines.append(f"{f'v_rel′ pair {p.pair}, m/s':22}{_speed(p.hard_v_rel)}{_speed(p.soft_v_rel)}{mark}")
     if len(shown) < len(report.pairs):
         lines.append(f"({len(report.pairs) - len(shown)} pairs in between not shown; all are in the JSON)")
     hard, soft = report.hard, report.soft
     lines.append(f"{'all contacts':22}{len(hard.contacts):>16}{len(soft.contacts):>16}")
+    if any(_left_out(report)):
+        left = "".join(f"{n:>16}" for n in _left_out(report))
+        lines.append(f"{'left out as rounding':22}{left}  slower than {ROUNDING:g} of the fastest impact")
     lines.append(f"{'ended at t, s':22}{hard.time[-1]:>16.9g}{soft.time[-1]:>16.9g}")
     lines.append(f"{'because':22}{hard.status.name:>16}{soft.status.name:>16}")
     if not math.isnan(ratio := report.restitution_ratio):
         lines.append(f"{'ε_eff / ε_spec':22}{1.0:>16.6g}{ratio:>16.6g}")
     return lines
+
+
+def _left_out(report: Comparison) -> list[int]:
+    """How many contacts of the hard and of the soft run are rounding, and count for nothing."""
+    runs = zip((report.hard, report.soft), report.counted, strict=True)
+    return [len(run.contacts) - len(counted.contacts) for run, counted in runs]
+
+
+def _speed(v: float) -> str:
+    return f"{'–':>16}" if math.isnan(v) else f"{v:>16.6g}"
 
 
 def _why_lines(report: Comparison) -> list[str]:

@@ -2,7 +2,7 @@
 
 import json
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -132,3 +132,102 @@ def test_timing_at_the_end_time_is_not_an_error_of_outcome():
     cut = gr.compare(scene, law, t_end=float(hit) + 1e-6)
     assert [p.hard_contacts - p.soft_contacts for p in cut.pairs] == [1]
     assert cut.verdict.startswith("Yes, but for timing")
+
+
+@pytest.mark.parametrize("t_end", [1.0, 2.0])
+def test_soft_ball_below_the_floor_is_no_matter_of_timing(t_end):
+    sunk = gr.compare(gr.scenes.bouncing_ball(1.0, 0.01), gr.LinearDashpot(1e-3), t_end=t_end)
+    assert sunk.soft.position[-1][1] < -3.0
+    assert sunk.verdict.startswith("No: a soft contact of pair 0 has lasted")
+
+
+@pytest.mark.parametrize(("scene", "k"), [(gr.scenes.three_balls(gap=1e-3), 1.0),
+                                          (gr.scenes.column(3, gap=0.1, gravity=9.81), 0.1)])  # fmt: skip
+def test_contact_longer_than_the_time_between_contacts_is_no_matter_of_timing(scene, k):
+    assert gr.compare(scene, gr.LinearDashpot(k), t_end=1.0).verdict.startswith("No: a soft contact of pair 0")
+
+
+def test_lag_must_be_short_and_outcomes_the_same_for_a_matter_of_timing():
+    scene = gr.scenes.bouncing_ball(height=1.0)
+    hard = gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), t_end=3.0)
+    for k in (1.0, 1e3):  # contacts of seconds, and a lag that is not short beside the time between contacts
+        soft = gr.md.simulate(scene, gr.LinearDashpot(k), t_end=3.0)
+        assert not measures.same_but_for_timing(soft, hard, tolerance=math.inf)
+    hit = float(hard.contacts[1]["t_begin"])
+    hard = gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), t_end=hit + 1e-6)
+    soft = gr.md.simulate(scene, gr.LinearDashpot(1e6), t_end=hit + 1e-6)
+    assert measures.same_but_for_timing(soft, hard, tolerance=0.05)
+    assert not measures.same_but_for_timing(soft, hard, tolerance=1e-20)
+
+
+@pytest.mark.parametrize("n", [3, 5, 30])
+def test_contacts_at_the_speed_of_rounding_do_not_count(n):
+    cradle = gr.compare(gr.scenes.newtons_cradle(n, gap=1e-3), gr.Hertz(1e9))
+    assert len(cradle.soft.contacts) > n - 1 == len(cradle.counted[1].contacts)
+    assert cradle.verdict.startswith("Yes: every contact is binary")
+    assert all((p.hard_contacts, p.soft_contacts) == (1, 1) for p in cradle.pairs)
+    assert all(p.soft_v_rel == pytest.approx(1.0, abs=1e-12) for p in cradle.pairs)
+    assert "left out as rounding" in str(cradle)
+    assert cradle.to_dict()["rounding_contacts"] == {"hard": 0, "soft": len(cradle.soft.contacts) - n + 1}
+
+
+def test_contacts_of_touching_balls_are_not_taken_for_rounding():
+    cradle = gr.compare(gr.scenes.newtons_cradle(3), gr.Hertz(1e9))
+    assert cradle.soft.contacts["v_in"][1].tolist() == [0.0, 0.0]
+    assert len(cradle.counted[1].contacts) == len(cradle.soft.contacts)
+
+
+@pytest.mark.parametrize(("k", "verdict"), [
+    (1e6, "Yes, trivially: nothing collides; soft spheres settle by 5.67e-05 m under their weight."),
+    (1e2, "No: nothing collides, but soft spheres sink"),
+])  # fmt: skip
+def test_weight_without_impact_has_its_own_verdict(k, verdict):
+    stack = gr.Scene([math.inf, 1.0, 1.0, 1.0], [0.0, 0.1, 0.1, 0.1], [0.0] * 3, [0.0] * 4, gravity=9.81)
+    assert gr.compare(stack, gr.LinearDashpot(k, 50.0), t_end=1.0).verdict.startswith(verdict)
+
+
+def test_no_verdict_says_nan():
+    scene = gr.scenes.three_balls()
+    law = [gr.LinearDashpot.from_restitution(0.7, k=1e-10, pair=p) for p in scene.pairs]
+    soft = gr.compare(scene, law, until=gr.until.contact(0, 2), t_end=3.2)
+    assert soft.verdict.startswith("No: a soft contact of pair 0 has lasted")
+    pair = replace(soft.pairs[1], soft_contacts=0, soft_v_rel=math.nan)
+    untouched = replace(soft, pairs=(replace(soft.pairs[0], ongoing=False), pair))
+    assert untouched.verdict == "No: pair 1 has 0 contacts, not 1."
+    lasting = replace(untouched, pairs=(untouched.pairs[0], replace(pair, ongoing=False, hard_contacts=2)))
+    assert "nan" not in lasting.verdict
+
+
+def test_contact_exactly_at_the_end_time_is_predictable():
+    late = gr.compare(gr.scenes.newtons_cradle(2, 1.0, 0.5, speed=0.5), gr.Hertz(1e8), t_end=1.0)
+    assert late.hard.count(0) == 1
+    assert late.measures["predictability"] < 1e-11
+    assert late.verdict.startswith("Yes: every contact is binary")
+
+
+def test_contact_of_hard_spheres_alone_is_not_called_nothing():
+    scene = gr.scenes.newtons_cradle(2, 1.0, 0.5, speed=0.5)
+    hit = gr.compare(scene, gr.Hertz(1e8), t_end=1.0)
+    pair = replace(hit.pairs[0], soft_contacts=0, soft_v_rel=math.nan, ongoing=False)
+    missed = replace(hit, soft=gr.md.simulate(scene, gr.Hertz(1e8), t_end=1.0 - 1e-15), pairs=(pair,))
+    assert not len(missed.soft.contacts)
+    assert missed.verdict.startswith("Yes, but for timing")
+
+
+def test_what_is_no_scene_is_refused_as_md_does():
+    with pytest.raises(TypeError, match=r"scene is None: a granular\.Scene is needed, such as"):
+        gr.compare(None, gr.Hertz(1e8))
+
+
+@dataclass(frozen=True)
+class Active:
+    k: float = 1e6
+
+    def force(self, xi, xi_dot, pair):
+        return (self.k - 5e4 * xi_dot) * xi
+
+
+def test_law_that_gives_no_rule_is_named_rather_than_a_rule():
+    scene = gr.scenes.newtons_cradle(2, 1.0, 0.5, speed=0.5)
+    with pytest.raises(ValueError, match=r"law of pair 0 is Active.*restitution at 0\.5 m/s is 1\.01695, so no hard"):
+        gr.compare(scene, Active(), t_end=2.0)
