@@ -269,7 +269,7 @@ def compare(
     return Comparison(scene, laws, used, until, t_end, hard, soft, twin, outcomes, options)
 
 
-class _LawRule(LawRestitution):
+class LawRule(LawRestitution):
     """The rule that a comparison makes out of force laws: it speaks of the law where that gives no ε in [0, 1]."""
 
     def __call__(self, speed: float, pair: Pair) -> float:
@@ -285,7 +285,7 @@ class _LawRule(LawRestitution):
 
 def _rule_of(laws: tuple[Any, ...], scene: Scene) -> Any:
     rule = restitution_of(laws, scene)
-    return _LawRule(laws) if isinstance(rule, LawRestitution) else rule
+    return LawRule(laws) if isinstance(rule, LawRestitution) else rule
 
 
 def _counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]:

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 HARD, SOFT = "#c1440e", "#1f4e79"
 """Colours of hard and soft spheres, told apart also in grey print."""
+THIN = 1.5
+"""Least width in points of what marks a contact, however short it is beside the span that is drawn."""
+COLUMNS = 300
+"""Number of spans of time in a force map; each shows the largest force in it, so that no contact is lost."""
 FEW = 6
 """Up to this many pairs forces are drawn as curves, beyond as a map over pairs and time."""
 
@@ -39,9 +43,9 @@ def comparison_figure(report: Comparison, path: str | PathLike[str] | None = Non
         for axis, c in zip(axes[1 : n + 1], reversed(range(n)), strict=True):
             _force_curve(axis, clock, soft, c)
     else:
-        _force_map(figure, axes[1], clock, soft)
+        _force_map(figure, axes[1], clock, soft, (end - begin) / unit)
     _world_lines(axes[-1], report, soft, begin, end, unit)
-    axes[-1].set_xlabel(f"time since t = {begin:.6g} s, {name}")
+    axes[-1].set_xlabel(f"time since t = {begin:.6g} s, {name}" if begin else f"time, {name}")
     axes[-1].set_xlim(0.0, (end - begin) / unit)
     figure.align_ylabels(axes)
     if path is None:
@@ -51,15 +55,17 @@ def comparison_figure(report: Comparison, path: str | PathLike[str] | None = Non
 
 
 def window(report: Comparison) -> tuple[float, float]:
-    """Span of time in s worth drawing: from the first contact to the last end of one, with a margin."""
-    logs = [run.contacts for run in (report.hard, report.soft)]
+    """Span of time in s worth drawing: from the first contact that counts to the end of the last, with a margin."""
+    logs, start = [run.contacts for run in report.counted], float(report.soft.time[0])
     begins = np.concatenate([log["t_begin"] for log in logs])
     if not len(begins):
-        return float(report.soft.time[0]), max(float(report.soft.time[-1]), float(report.soft.time[0]) + 1.0)
+        return start, max(float(report.soft.time[-1]), start + 1.0)
     ends = np.concatenate([[p.hard_t_f, p.soft_t_f] for p in report.pairs] + [log["t_end"] for log in logs])
     first, last = float(begins.min()), float(np.nanmax(np.append(ends, begins)))
+    if np.isnan(logs[1]["t_end"]).any():
+        last = max(last, float(report.soft.time[-1]))
     margin = 0.06 * (last - first) or 1e-3 * abs(first) or 1.0
-    return first - margin, last + margin
+    return max(first - margin, start), last + margin
 
 
 def time_unit(span: float) -> tuple[float, str]:
@@ -74,18 +80,30 @@ def _resolved(report: Comparison, engine: str, begin: float, end: float) -> Traj
     """One of the two runs again, with rows close enough to draw."""
     run = getattr(report, engine)
     stop = end if run.status is Status.quiet else min(end, float(run.time[-1]))
-    times = np.linspace(max(begin, float(run.time[0])), stop, 1500)
+    times = _moments(report, begin, stop)
     if engine == "hard":
         return edmd.simulate(report.scene, report.rule, t_end=stop, samples=times, log=False)
     return md.simulate(report.scene, report.law, t_end=stop, samples=times, log=False, **report.soft_options)
 
 
+def _moments(report: Comparison, begin: float, end: float) -> Array:
+    """Times in s to draw at: evenly spread, and within each soft contact (of very many, evenly chosen ones)."""
+    log = report.counted[1].contacts
+    log = log[:: max(1, len(log) // 1000)]
+    finish = np.where(np.isnan(log["t_end"]), end, log["t_end"])
+    within = np.linspace(log["t_begin"], finish, 17).ravel()
+    times: Array = np.union1d(np.linspace(begin, end, 1500), within[(within >= begin) & (within <= end)])
+    return times
+
+
 def _timeline(axis: Any, report: Comparison, begin: float, end: float, unit: float) -> None:
     """Bars where soft contacts last, marks where hard collisions happen; one line a pair."""
-    soft, hard = report.soft.contacts, report.hard.contacts
+    hard, soft = (run.contacts for run in report.counted)
     finish = np.where(np.isnan(soft["t_end"]), end, soft["t_end"])
     start = (soft["t_begin"] - begin) / unit
-    axis.barh(soft["pair"] - 0.16, (finish - soft["t_begin"]) / unit, left=start, height=0.3, color=SOFT, label="soft")
+    width = (finish - soft["t_begin"]) / unit
+    axis.barh(soft["pair"] - 0.16, width, left=start, height=0.3, color=SOFT, label="soft")
+    axis.vlines(start + 0.5 * width, soft["pair"] - 0.31, soft["pair"] - 0.01, color=SOFT, lw=THIN)
     axis.scatter((hard["t_begin"] - begin) / unit, hard["pair"] + 0.22, marker="|", s=60, color=HARD, label="hard")
     n = report.scene.n - 1
     axis.set_ylim(-0.6, n - 0.3)
@@ -103,13 +121,16 @@ def _force_curve(axis: Any, clock: Array, soft: Trajectory, c: int) -> None:
     axis.set_ylabel(f"$F_{{{c},{c + 1}}}$, {name}")
 
 
-def _force_map(figure: Any, axis: Any, clock: Array, soft: Trajectory) -> None:
+def _force_map(figure: Any, axis: Any, clock: Array, soft: Trajectory, span: float) -> None:
     assert soft.force is not None
-    unit, name = _force_unit(float(soft.force.max(initial=0.0)))
+    peak = float(soft.force.max(initial=0.0))
+    unit, name = _force_unit(peak)
     n = soft.force.shape[1]
+    largest = np.zeros((COLUMNS, n))
+    np.maximum.at(largest, np.clip((clock * (COLUMNS / span)).astype(int), 0, COLUMNS - 1), soft.force)
     image = axis.imshow(
-        soft.force.T / unit, origin="lower", aspect="auto", cmap="Blues", interpolation="nearest",
-        extent=(clock[0], clock[-1], -0.5, n - 0.5),
+        largest.T / unit, origin="lower", aspect="auto", cmap="Blues", interpolation="nearest",
+        extent=(0.0, span, -0.5, n - 0.5), vmin=0.0, vmax=peak / unit or 1.0,
     )  # fmt: skip
     figure.colorbar(image, ax=axis, label=f"force, {name}", pad=0.01)
     axis.set_ylabel("pair")
@@ -161,5 +182,3 @@ def _matplotlib() -> Any:
     except ImportError:
         raise ImportError("plot needs matplotlib, which is not installed: pip install 'granular[plot]'.") from None
     return Figure
-
-

@@ -231,3 +231,38 @@ def test_law_that_gives_no_rule_is_named_rather_than_a_rule():
     scene = gr.scenes.newtons_cradle(2, 1.0, 0.5, speed=0.5)
     with pytest.raises(ValueError, match=r"law of pair 0 is Active.*restitution at 0\.5 m/s is 1\.01695, so no hard"):
         gr.compare(scene, Active(), t_end=2.0)
+
+
+@pytest.fixture(scope="module")
+def gas():
+    scene = gr.scenes.gas(6)
+    law = [gr.LinearDashpot.from_restitution(0.9, k=5e7, pair=p) for p in scene.pairs]
+    return gr.compare(scene, law, t_end=150.0)
+
+
+def test_figure_shows_contacts_however_short_beside_its_span(gas):
+    timeline, forces = gas.plot().axes[:2]
+    (ticks,) = (c for c in timeline.collections if hasattr(c, "get_segments"))
+    assert ticks.get_linewidths()[0] >= 1.5
+    assert len(ticks.get_segments()) == len(gas.soft.contacts)
+    low, high = forces.images[0].get_clim()
+    assert low == 0.0
+    assert forces.images[0].get_array().max() == high > 0.0
+    assert high * 1e3 == pytest.approx(gas.soft.contacts["force_max"].max(), rel=0.02)  # in kN
+
+
+def test_time_axis_begins_with_the_run_at_the_earliest(gas):
+    assert {axis.get_xlabel() for axis in gas.plot().axes} == {"", "time, s"}
+
+
+def test_force_curve_meets_contacts_shorter_than_its_samples():
+    ball = gr.compare(gr.scenes.bouncing_ball(height=1.0), gr.LinearDashpot(1e12), t_end=3.0)
+    curve = ball.plot().axes[1].lines[0].get_ydata()
+    assert np.count_nonzero(np.diff((curve > 0.0).astype(int)) == 1) == len(ball.soft.contacts)
+
+
+def test_time_axis_ends_with_the_last_contact_that_counts():
+    from granular.plot import window
+
+    begin, end = window(gr.compare(gr.scenes.newtons_cradle(5, gap=1e-3), gr.Hertz(1e9)))
+    assert 0.0 <= begin < end < 0.1
