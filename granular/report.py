@@ -54,7 +54,7 @@ def verdict(report: Comparison) -> str:
     if report.error > SAME:
         what = "separation speeds" if report.judged_by_separation else "velocities"
         return f"No: {what} are off by {report.error:.2g} of the impact speed."
-    if m["shared_impulse"] > 0.0:
+    if m["shared_impulse"] > ROUNDING:
         return f"Yes, within {report.error:.1g} of the impact speed, though contacts overlap in time."
     error = max(report.error, 1e-16)
     return f"Yes: every contact is binary, and outcomes agree within {error:.1g} of the impact speed."

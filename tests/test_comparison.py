@@ -171,6 +171,12 @@ def test_contacts_at_the_speed_of_rounding_do_not_count(n):
     assert cradle.to_dict()["rounding_contacts"] == {"hard": 0, "soft": len(cradle.soft.contacts) - n + 1}
 
 
+def test_impulse_shared_at_the_speed_of_rounding_does_not_count():
+    cradle = gr.compare(gr.scenes.newtons_cradle(5, gap=1e-2), gr.LinearDashpot(1e9))
+    assert 0.0 < cradle.measures["shared_impulse"] < 1e-14
+    assert cradle.verdict.startswith("Yes: every contact is binary")
+
+
 def test_contacts_of_touching_balls_are_not_taken_for_rounding():
     cradle = gr.compare(gr.scenes.newtons_cradle(3), gr.Hertz(1e9))
     assert cradle.soft.contacts["v_in"][1].tolist() == [0.0, 0.0]
