@@ -18,6 +18,9 @@ from granular.md.stability import expected_overlap
 from granular.rules import ConstantRestitution, Rule
 from granular.scene import Pair, Scene
 
+MAX_STEPS = 20_000
+"""Steps after which a contact is taken to go on for ever."""
+
 
 @dataclass(frozen=True)
 class Collision:
@@ -52,8 +55,9 @@ def collision(law: Any, pair: Pair, speed: float) -> Collision:
     Raises
     ------
     ValueError
-        If `speed` is not positive, or the contact never ends (ε = 0).
+        If `speed` is not positive, or the contact never ends (ε = 0, or the law does not repel).
     """
+    traits.instance("law", law)
     v = _check.number("speed", speed, above=0.0)
     form = None if getattr(law, "memory", False) else traits.power_form(law, pair)
     if form is not None and form[1] == 1.0 and form[3] == 0.0:
@@ -104,6 +108,8 @@ def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule
     Given the scene, it is a `ConstantRestitution` where ε depends on no speed: faster, and exact about collapse.
     """
     laws = tuple(law) if isinstance(law, (list, tuple)) else (law,)
+    for one in laws:
+        traits.instance("law", one)
     if scene is not None:
         pairs = [(laws[0] if len(laws) == 1 else laws[pair.index], pair) for pair in scene.pairs]
         if all(_constant(one, pair) for one, pair in pairs):
@@ -169,16 +175,24 @@ def _elastic_power(k: float, p: float, pair: Pair, v: float) -> Collision:
     return Collision(1.0, shape * deepest / v, deepest, k * math.pow(deepest, p), 0.0)
 
 
+def at_most_elastic(eps: float) -> float:
+    """Return `eps`, or 1 where it exceeds 1 by rounding only."""
+    return 1.0 if 1.0 < eps <= 1.0 + 1e-9 else eps
+
+
 @lru_cache(maxsize=4096)
 def _integrated(law: Any, pair: Pair, v: float) -> Collision:
     """Let a ball of mass m_eff meet a wall, by the event-located method."""
     scene = Scene([math.inf, pair.m_eff], [0.0, min(pair.r_eff, 1.0)], [0.0], [0.0, -v])
     scene.__dict__["pairs"] = (pair,)  # the law sees the very pair that was asked about
-    run = md.simulate(scene, law, max_events=2)
+    run = md.simulate(scene, law, max_events=2, max_steps=MAX_STEPS)
     contact = run.contacts[0]
+    if contact["force_max"] == 0.0:
+        raise ValueError(f"law is {law!r}: it does not repel at {v!r} m/s; the bodies pass through each other, and "
+                         "there is no restitution.")  # fmt: skip
     if math.isnan(contact["t_end"]):
         raise ValueError(f"law is {law!r}: a contact at {v!r} m/s does not end; weaker damping is needed.")
     at_end = md.simulate(scene, law, t_end=float(contact["t_end"]), log=False)
     peaks = float(contact["xi_max"]), float(contact["force_max"])
-    separation = float(contact["v_out"][1])
-    return Collision(separation / v, float(contact["duration"]), *peaks, max(0.0, -float(at_end.gap[-1][0])))
+    eps = at_most_elastic(float(contact["v_out"][1]) / v)
+    return Collision(eps, float(contact["duration"]), *peaks, max(0.0, -float(at_end.gap[-1][0])))

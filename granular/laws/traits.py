@@ -16,20 +16,58 @@ from typing import Any
 from granular.laws.linearity import traced
 from granular.scene import Pair, Scene
 
+RUNG = 4.0
+"""Ratio of the overlaps at which a law is tried before a run."""
+
 
 def checked(law: Any, scene: Scene) -> tuple[Any, ...]:
-    """Return one law per pair, or raise: every law must have `force`, and traits that agree with it."""
+    """Return one law per pair, or raise: each must have `force`, give finite numbers, and traits that agree with it."""
     from granular._check import per_pair
+    from granular.md.stability import speed_scale
 
     laws = per_pair("law", law, scene.n - 1)
+    speed = speed_scale(scene)
     for one, pair in zip(laws, scene.pairs, strict=True):
+        instance(f"law of pair {pair.index}", one)
         if not callable(getattr(one, "force", None)):
             raise TypeError(
                 f"law of pair {pair.index} is {one!r}: an object with force(self, xi, xi_dot, pair) is needed; "
                 "for hard spheres use granular.edmd."
             )
+        deepest = _probed(one, pair, speed)
         _agree(one, pair)
+        if hasattr(one, "potential") and not getattr(one, "memory", False):
+            _agree_energy(one, pair, deepest)
     return laws
+
+
+def instance(name: str, law: Any) -> None:
+    """Raise if `law` is a class."""
+    if isinstance(law, type):
+        known = getattr(law, "__dataclass_fields__", {})
+        values = ", ".join(f"{field}=..." for field in known)
+        raise TypeError(f"{name} is the class {law.__name__}: an instance is needed, such as {law.__name__}({values}).")
+
+
+def finite(law: Any, xi: float, xi_dot: float, pair: Pair) -> float:
+    """Return `evaluate(law, xi, xi_dot, pair, xi)`, or raise the sentence that says what is wrong with it."""
+    memory = (xi,) if getattr(law, "memory", False) else ()
+    value = law.force(xi, xi_dot, pair, *memory)
+    try:
+        force = math.nan if isinstance(value, (str, bytes)) else float(value)
+    except (TypeError, ValueError):
+        force = math.nan
+    if not math.isfinite(force):
+        raise no_number(law, xi, xi_dot, pair, value)
+    return force
+
+
+def no_number(law: Any, xi: float, xi_dot: float, pair: Pair, value: Any) -> ValueError:
+    """Return the error of a force that is no finite number."""
+    return ValueError(
+        f"law of pair {pair.index} is {law!r}: its force at overlap ξ = {xi:.6g} m and rate ξ̇ = {xi_dot:.6g} m/s is "
+        f"{value!r}; a finite number in N is needed."
+    )
 
 
 def evaluate(law: Any, xi: float, xi_dot: float, pair: Pair, xi_max: float) -> float:
@@ -69,6 +107,40 @@ def tangent(law: Any, xi: float, pair: Pair) -> tuple[float, float]:
         return abs(k), 0.0
     rate = xi * math.sqrt(abs(k) / pair.m_eff)
     return abs(k), abs(evaluate(law, xi, rate, pair, xi) - here) / rate if rate else 0.0
+
+
+def _probed(law: Any, pair: Pair, speed: float) -> float:
+    """Evaluate the force up to overlaps (m) that an impact at `speed` is sure to reach, and return the last of them."""
+    xi = 1e-10 * (pair.r_eff if 0.0 < pair.r_eff < math.inf else 1.0)
+    top, energy = 1e10 * xi, 0.5 * pair.m_eff * speed * speed
+    while True:
+        force = finite(law, xi, 0.0, pair)
+        for rate in (speed, -speed):
+            moving = finite(law, xi, rate, pair)
+            if not rate_dependent(law) and abs(moving - force) > 1e-9 * abs(force):
+                raise ValueError(
+                    f"law of pair {pair.index} is {law!r}: force({xi:.6g}, 0.0) gives {force!r} but force({xi:.6g}, "
+                    f"{rate:.6g}) gives {moving!r}, although rate_dependent is False; mend the trait or leave it out."
+                )
+        if 0.5 * RUNG * RUNG * xi * force > energy or RUNG * xi > top:
+            return xi
+        xi *= RUNG
+
+
+def _agree_energy(law: Any, pair: Pair, xi: float) -> None:
+    """Raise if the potential of a law is not the integral of its force from 0 to `xi`."""
+    said, form = float(law.potential(xi, pair)), power_form(law, pair)
+    if form is not None:
+        got, doubt = form[0] * math.pow(xi, form[1] + 1.0) / (form[1] + 1.0), 0.0
+    else:
+        from scipy.integrate import quad
+
+        got, doubt = quad(lambda x: evaluate(law, x, 0.0, pair, x), 0.0, xi, limit=200)
+    if not abs(got - said) <= 1e-6 * abs(got) + 10.0 * doubt:
+        raise ValueError(
+            f"law of pair {pair.index} is {law!r}: its potential at overlap {xi:.6g} m is {said!r} J but the integral "
+            f"of its force is {got!r} J; mend the trait or leave it out."
+        )
 
 
 def _agree(law: Any, pair: Pair) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from granular import _check
 from granular import until as stop
 from granular._sampling import sample_times
+from granular._walls import close_after
 from granular.laws import traits
 from granular.md import fixed, located
 from granular.md.stability import expected_rate
@@ -97,6 +98,7 @@ def simulate(
     laws = traits.checked(law, _check_scene(scene))
     start = _check.number("t_start", t_start)
     end = math.inf if t_end is None else _check.number("t_end", t_end, at_least=start)
+    _check_walls(scene, start, end)
     if method is None:
         method = "located" if dt is None else "verlet"
     _check.choice("method", method, ("located", *METHODS))
@@ -128,5 +130,19 @@ def _check_scene(scene: Any) -> Scene:
     return scene
 
 
+def _check_walls(scene: Scene, start: float, end: float) -> None:
+    """Raise if walls that move towards each other meet before the end."""
+    meet = start + close_after(scene, flattened=True)
+    if meet <= end and meet < math.inf:
+        given = "None" if end == math.inf else repr(end)
+        raise ValueError(f"t_end is {given}: the walls meet at t = {meet:.12g} s; give a t_end before that.")
+
+
 def _default_step(scene: Scene, laws: tuple[Any, ...]) -> float:
-    return math.pi / expected_rate(scene, laws) / STEPS_PER_CONTACT
+    try:
+        rate = expected_rate(scene, laws)
+    except ArithmeticError:  # of a law, at an overlap far beyond those it is made for
+        rate = math.nan
+    if not 0.0 < rate < math.inf:
+        raise ValueError(f"dt is None: the duration of a contact cannot be told from {laws[0]!r}; give dt in s.")
+    return math.pi / rate / STEPS_PER_CONTACT

@@ -78,8 +78,16 @@ def _rough_form(law: Any, pair: Pair) -> tuple[float, float, float, float]:
     """Return an elastic power law of about the size of `law`, which sets the scale of first steps."""
     p = float(getattr(law, "exponent", 1.5))
     xi = 1e-3 * pair.r_eff if 0.0 < pair.r_eff < math.inf else 1e-3
-    k = abs(traits.evaluate(law, xi, 0.0, pair, xi)) / xi**p
+    k = abs(_bounded(law, xi, pair)) / xi**p
     return (k if 0.0 < k < math.inf else 1.0), p, 0.0, 0.0
+
+
+def _bounded(law: Any, xi: float, pair: Pair) -> float:
+    """Return the force at rest at overlap `xi`, 0 if it is too large for a number."""
+    try:
+        return traits.evaluate(law, xi, 0.0, pair, xi)
+    except OverflowError:
+        return 0.0
 
 
 def kind_and_q(k: float, p: float, gamma: float, d: float) -> tuple[int, int]:

@@ -60,6 +60,13 @@ class Collocation:
         """Unclipped force in N of pair `c`, continued beyond ξ = 0 as -F(-ξ, -η), for interpolation only."""
         law, pair = self.laws[c], self.pairs[c]
         self.evaluations += 1
+        try:
+            return self._evaluate(law, pair, xi, eta, top, loading)
+        except OverflowError:  # the trial step is too long
+            return math.inf
+
+    @staticmethod
+    def _evaluate(law: Any, pair: Pair, xi: float, eta: float, top: float, loading: int) -> float:
         if getattr(law, "memory", False):
             xi = max(0.0, xi)
             return traits.evaluate(law, xi, eta, pair, max(top, xi) if loading else top)
@@ -75,16 +82,43 @@ class Collocation:
         if block.stride > 0.0 and block.clock == 1:
             reach = block.stride
         allowed = max(tol, SMALLEST) * block.speed
+        shortest = 1e-12 * block.length / block.speed if block.speed > 0.0 else 0.0
+        self._check_start(pairs, lo)
         while True:
             block.h = reach if block.clock == 1 else math.sqrt(reach)
             force, miss = self._iterate(pairs, lo, block.h, block.clock)
-            if miss <= allowed or reach < 1e-12 * block.length / block.speed:
+            if miss <= allowed or not reach > shortest:
                 break
             reach *= 0.5
+        if not miss < math.inf:
+            self._check_nodes(pairs, lo, block.h, block.clock)
         growth = (allowed / miss) ** (1.0 / POINTS) if miss > 0.0 else 2.0
         block.stride = reach * min(2.0, 0.9 * growth)
         self._write(pairs, force, block.h, block.clock)
         return miss / block.speed if block.speed > 0.0 else 0.0
+
+    def _check_start(self, pairs: list[Any], lo: int) -> None:
+        """Raise if a force at the start of the step is no number, or if nothing stops an overlap."""
+        for c, p in enumerate(pairs, lo):
+            if p.xi > 1e150:
+                raise ValueError(
+                    f"law of pair {c} is {self.laws[c]!r}: it lets the bodies pass through each other, and their "
+                    f"overlap grows for ever; a law that stops them is needed, or a t_end."
+                )
+            if p.xi > 0.0 and p.mode != OPEN and p.mode != DORMANT:
+                self._check(c, p, p.xi, p.eta)
+
+    def _check_nodes(self, pairs: list[Any], lo: int, h: float, q: int) -> None:
+        """Raise if a force in the shortest of steps from here, by free flight, is no number."""
+        for c, p in enumerate(pairs, lo):
+            if p.mode != OPEN and p.mode != DORMANT:
+                for t in ((h * NODES) ** q).tolist():
+                    self._check(c, p, p.xi + (p.eta + 0.5 * p.pull * t) * t, p.eta + p.pull * t)
+
+    def _check(self, c: int, p: Any, xi: float, eta: float) -> None:
+        force = self.force(c, xi, eta, p.top, p.loading)
+        if not math.isfinite(force):
+            raise traits.no_number(self.laws[c], xi, eta, self.pairs[c], force)
 
     def _iterate(self, pairs: list[Any], lo: int, h: float, q: int) -> tuple[Array, float]:
         """Return the forces (pairs, nodes) at the nodes, and the error they leave in the rates; inf if they diverge."""

@@ -1,0 +1,151 @@
+"""A law of one's own that gives no numbers, stops nothing or contradicts its traits: a sentence, no endless run."""
+
+import math
+import re
+from dataclasses import dataclass
+
+import pytest
+
+from granular import binary, md
+from granular.laws import Hertz
+from granular.scene import Scene
+from granular.scenes import three_balls
+
+STACK = three_balls(gap=1e-3)
+PAIR = STACK.pairs[1]
+
+
+def law(force, **traits):
+    """Return a law with this force and these traits."""
+    members = {"force": lambda self, xi, xi_dot, pair: force(xi, xi_dot), "__repr__": lambda self: "Own()"}
+    return type("Own", (), members | traits)()
+
+
+RUNS = {
+    "located": lambda one: md.simulate(STACK, one, t_end=0.1),
+    "fixed": lambda one: md.simulate(STACK, one, t_end=0.1, dt=1e-4),
+    "default step": lambda one: md.simulate(STACK, one, t_end=0.1, method="verlet"),
+    "binary": lambda one: binary.collision(one, PAIR, 1.0),
+    "rule": lambda one: binary.restitution_of(one)(1.0, PAIR),
+}
+
+NO_NUMBERS = {
+    "nan": (lambda xi, v: math.nan, "nan"),
+    "inf": (lambda xi, v: math.inf, "inf"),
+    "nothing": (lambda xi, v: None, "None"),
+    "word": (lambda xi, v: "a", "'a'"),
+    "list": (lambda xi, v: [1.0], r"\[1\.0\]"),
+    "nan when deep": (lambda xi, v: 1e8 * xi**1.5 if xi < 1e-5 else math.nan, "nan"),
+    "nan when parting": (lambda xi, v: 1e8 * xi**1.5 if v >= 0.0 else math.nan, "nan"),
+}
+
+
+@pytest.mark.parametrize("run", RUNS)
+@pytest.mark.parametrize("case", NO_NUMBERS)
+def test_force_that_is_no_number(case, run) -> None:
+    force, shown = NO_NUMBERS[case]
+    sentence = rf"law of pair \d is Own\(\): its force at overlap ξ = \S+ m and rate ξ̇ = \S+ m/s is {shown}; a finite"
+    with pytest.raises(ValueError, match=sentence):
+        RUNS[run](law(force))
+
+
+@pytest.mark.parametrize("depth", [0.5, 0.8, 0.99])
+def test_force_that_is_no_number_only_at_the_deepest(depth) -> None:
+    deepest = depth * binary.collision(Hertz(1e8), PAIR, 1.0).xi_max
+    own = law(lambda xi, v: 1e8 * math.pow(xi, 1.5) if xi < deepest else math.nan)
+    with pytest.raises(ValueError, match=r"its force at overlap ξ = \S+ m and rate ξ̇ = \S+ m/s is nan"):
+        binary.collision(own, PAIR, 1.0)
+
+
+@pytest.mark.parametrize("force", [lambda xi, v: 0.0 if xi > -1.0 else 1.0, lambda xi, v: -1e6 * xi * xi])
+def test_law_that_stops_nothing(force) -> None:
+    with pytest.raises(ValueError, match="pass through each other"):
+        binary.collision(law(force), PAIR, 1.0)
+
+
+def test_law_of_limited_reach_is_not_refused() -> None:
+    exponential = law(lambda xi, v: 1e5 * math.expm1(xi / 1e-6))
+    assert binary.collision(exponential, PAIR, 1.0).restitution == pytest.approx(1.0, abs=1e-14)
+
+
+def test_class_instead_of_law() -> None:
+    for act in (*RUNS.values(), lambda one: md.simulate(STACK, [Hertz(1e8), one])):
+        with pytest.raises(TypeError, match=r"is the class Hertz: an instance is needed, such as Hertz\(k=\.\.\.\)"):
+            act(Hertz)
+
+
+def test_rounding_makes_no_restitution_above_one() -> None:
+    assert binary.at_most_elastic(1.0 + 4e-16) == 1.0
+    assert binary.at_most_elastic(1.0 + 1e-8) == 1.0 + 1e-8
+    stiffening = law(lambda xi, v: 1e8 * xi * (1.0 + 1e4 * xi * xi))
+    for k in range(1, 20):
+        assert binary.restitution_of(stiffening)(0.37 * k, PAIR) <= 1.0
+
+
+def test_default_step_of_a_law_without_slope() -> None:
+    constant = law(lambda xi, v: 1e3 if xi > 0.0 else 0.0)
+    with pytest.raises(ValueError, match=r"dt is None: .* Own\(\); give dt"):
+        md.simulate(STACK, constant, t_end=0.1, method="verlet")
+
+
+@pytest.mark.parametrize("t_end", [None, 1.1, 3.0])
+@pytest.mark.parametrize("dt", [None, 1e-5])
+def test_soft_spheres_between_walls_that_meet(t_end, dt) -> None:
+    press = Scene([math.inf, 1.0, math.inf], [0.0, 0.1, 0.0], [1.0, 1.0], [1.0, 0.0, -1.0])
+    with pytest.raises(ValueError, match=rf"t_end is {t_end}: the walls meet at t = 1\.1 s; give a t_end before"):
+        md.simulate(press, Hertz(1e8), t_end=t_end, dt=dt)
+    assert md.simulate(press, Hertz(1e8), t_end=1.05, dt=dt).gap[-1] == pytest.approx([-0.05, -0.05])
+
+
+@dataclass(frozen=True)
+class Quadratic:
+    """F = k ξ², with a potential that may be wrong."""
+
+    k: float = 1e9
+    factor: float = 1.0
+
+    def force(self, xi, xi_dot, pair):
+        return self.k * xi * xi
+
+    def potential(self, xi, pair):
+        return self.factor * self.k * xi**3 / 3.0
+
+
+def test_potential_that_contradicts_the_force() -> None:
+    md.simulate(STACK, Quadratic(), t_end=0.01)
+    with pytest.raises(ValueError, match=r"its potential at overlap \S+ m is \S+ J but the integral of its force is"):
+        md.simulate(STACK, Quadratic(factor=1.00001), t_end=0.01)
+    with pytest.raises(ValueError, match="its potential at overlap"):
+        md.simulate(STACK, WrongSpring(1e7), t_end=0.01)
+
+
+@dataclass(frozen=True)
+class WrongSpring:
+    """A spring with twice its energy."""
+
+    k: float
+
+    def force(self, xi, xi_dot, pair):
+        return self.k * xi
+
+    def potential(self, xi, pair):
+        return self.k * xi * xi
+
+
+def test_potential_of_a_law_with_a_kink() -> None:
+    kink = 3e-6
+
+    def force(xi, v):
+        return 1e8 * xi + 1e9 * max(0.0, xi - kink)
+
+    def potential(self, xi, pair):
+        return 0.5e8 * xi * xi + 0.5e9 * max(0.0, xi - kink) ** 2
+
+    md.simulate(STACK, law(force, potential=potential), t_end=0.01)
+
+
+def test_rate_that_is_denied_and_enters() -> None:
+    damped = law(lambda xi, v: 1e9 * xi * xi * (1.0 + 0.1 * v), rate_dependent=False)
+    sentence = re.escape("although rate_dependent is False; mend the trait or leave it out.")
+    with pytest.raises(ValueError, match=sentence):
+        md.simulate(STACK, damped, t_end=0.01)
