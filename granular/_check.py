@@ -49,6 +49,7 @@ def whole(name: str, value: Any, *, at_least: int = 0, at_most: float = math.inf
 def array(name: str, value: Any, shape: tuple[int, ...] | None = None, *, fix: str = "") -> Array:
     """Return a read-only float64 copy of `value` with the given `shape` (any length if None)."""
     try:
+        _refuse_words(value)
         out = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise TypeError(_sentence(name, value, "an array of numbers is needed", fix)) from None
@@ -58,6 +59,21 @@ def array(name: str, value: Any, shape: tuple[int, ...] | None = None, *, fix: s
         raise ValueError(_sentence(f"shape of {name}", out.shape, f"{shape} is needed", fix))
     out.flags.writeable = False
     return out
+
+
+def _refuse_words(value: Any) -> None:
+    """Raise `TypeError` for strings, truth values and None among numbers, which numpy would convert."""
+    raw = np.asarray(value)
+    if raw.dtype.kind in "USb" or (raw.dtype.kind == "O" and any(isinstance(x, (str, bytes, bool, type(None)))
+                                                                 for x in raw.flat)):  # fmt: skip
+        raise TypeError
+
+
+def callback(name: str, value: Any) -> Any:
+    """Return `value` if it can be called or is None."""
+    if value is not None and not callable(value):
+        raise TypeError(_sentence(name, value, "a function, or None, is needed"))
+    return value
 
 
 def every(name: str, values: Array, good: NDArray[np.bool_], need: str, fix: str = "") -> None:

@@ -46,6 +46,8 @@ class ConstantRestitution:
             value = _check.number("restitution", restitution, at_least=0.0, at_most=1.0, fix=fix)
         else:
             values = _check.array("restitution", restitution)
+            if len(values) == 0:
+                raise ValueError("restitution is empty: one number for all pairs, or one per pair, is needed.")
             _check.every("restitution", values, (values >= 0.0) & (values <= 1.0), "a number in [0, 1] is needed", fix)
             value = tuple(values.tolist())
         object.__setattr__(self, "restitution", value)

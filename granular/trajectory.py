@@ -75,7 +75,8 @@ class Trajectory:
     stats : dict
         Amount of work and notes of the engine.
     state : dict
-        The raw state at the end, from which a run is resumed.
+        The raw state at the end of a run of `granular.edmd`, from which `granular.edmd.resume` goes on; empty for
+        `granular.md`, whose runs cannot be resumed.
     """
 
     scene: Scene
@@ -167,14 +168,7 @@ class Trajectory:
         OSError, ValueError
             If the file cannot be read or is not a trajectory; if it holds a law or rule of your own and none is given.
         """
-        import json
-
-        try:
-            with np.load(path) as file:
-                stored = {name: file[name] for name in file.files}
-            words = json.loads(str(stored.pop("words")))
-        except (KeyError, ValueError, EOFError) as error:
-            raise ValueError(f"path is {str(path)!r}: a file written by Trajectory.save is needed ({error}).") from None
+        words, stored = _read(path)
         scene = Scene(**{name: _plain(stored[f"scene.{name}"]) for name in SCENE})
         state = {name[6:]: _plain(value) for name, value in stored.items() if name.startswith("state.")}
         arrays: dict[str, Any] = {name: stored.get(name) for name in ARRAYS}
@@ -208,6 +202,32 @@ def stored_energy(law: Any, xi: float, pair: Pair) -> float:
     node, weight = np.polynomial.legendre.leggauss(40)
     u = 0.5 * (node + 1.0)  # s = ξ u² smooths forces that start like a root of ξ
     return float(sum(w * u_ * xi * law.force(xi * u_ * u_, 0.0, pair) for u_, w in zip(u, weight, strict=True)))
+
+
+WORDS = {"status", "message", "stats", "law", "rule"}
+NEEDED = {*ARRAYS, *(f"scene.{name}" for name in SCENE)} - {"force"}
+"""What a saved run holds at least."""
+
+
+def _read(path: str | PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The words and the arrays of a file that `Trajectory.save` wrote, or a sentence."""
+    import json
+    import zlib
+    from zipfile import BadZipFile
+
+    try:
+        with open(path, "rb") as raw, np.load(raw, allow_pickle=False) as file:
+            stored = {name: file[name] for name in file.files}
+        words = json.loads(str(stored.pop("words")))
+        complete = words.keys() >= WORDS and stored.keys() >= NEEDED
+    except (KeyError, ValueError, EOFError, TypeError, AttributeError, NotImplementedError, BadZipFile, zlib.error):
+        complete = False
+    if not complete:
+        raise ValueError(
+            f"path is {str(path)!r}: it is not a run saved by granular, or is cut short; "
+            "a file written by Trajectory.save is needed."
+        )
+    return words, stored
 
 
 def _revived(name: str, stored: Any, given: Any, scene: Scene) -> tuple[Any, ...] | None:

@@ -57,6 +57,14 @@ def test_force_that_is_no_number_only_at_the_deepest(depth) -> None:
         binary.collision(own, PAIR, 1.0)
 
 
+def test_force_that_is_no_number_beyond_what_was_expected() -> None:
+    scene = Scene([1.0, 1.0], [0.1, 0.1], [1e-4], [1.0, -1.0])
+    deepest = 0.9 * md.simulate(scene, Hertz(1e8), t_end=0.02, dt=1e-6).contacts["xi_max"].max()
+    own = law(lambda xi, v: 1e8 * math.pow(xi, 1.5) if xi < deepest else math.nan)
+    with pytest.raises(ValueError, match=r"its force at overlap ξ = \S+ m and rate ξ̇ = 0 m/s is nan"):
+        md.simulate(scene, own, t_end=0.02, dt=1e-6)
+
+
 @pytest.mark.parametrize("force", [lambda xi, v: 0.0 if xi > -1.0 else 1.0, lambda xi, v: -1e6 * xi * xi])
 def test_law_that_stops_nothing(force) -> None:
     with pytest.raises(ValueError, match="pass through each other"):

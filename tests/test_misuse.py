@@ -50,6 +50,8 @@ class Contradiction:
 
 
 SCENES = {
+    "masses are words": (lambda: scene(mass=["1", "2", "3"]), r"mass is \['1', '2', '3'\]: an array of numbers"),
+    "a mass is missing": (lambda: scene(mass=[1.0, None, 1.0]), r"mass is \[1\.0, None, 1\.0\]: an array of numbers"),
     "negative mass": (lambda: scene(mass=[math.inf, -2.0, 1.0]), r"mass\[1\] is -2\.0: a mass must be positive"),
     "massless ball": (lambda: scene(mass=[math.inf, 0.0, 1.0]), r"mass\[1\] is 0\.0: a mass must be positive"),
     "mass is nan": (lambda: scene(mass=[math.inf, math.nan, 1.0]), r"mass\[1\] is nan: a mass must be positive"),
@@ -103,6 +105,8 @@ LAWS = {
         r"poisson is 0\.6: .*at most 0\.5 is needed"),
     "rule above 1": (lambda: rules.ConstantRestitution(1.2), r"restitution is 1\.2: .*at most 1 is needed"),
     "rule is a word": (lambda: rules.ConstantRestitution("hard"), r"restitution is 'hard': a single number is needed"),
+    "rule of nothing": (lambda: rules.ConstantRestitution([]), r"restitution is empty: one number for all pairs"),
+    "rule of words": (lambda: rules.ConstantRestitution(["1"]), r"restitution is \['1'\]: an array of numbers"),
     "table that falls back": (
         lambda: rules.TabulatedRestitution([0, 2, 1], [1, 1, 1]),
         r"speed\[\d\] is .*must increase"),
@@ -115,6 +119,13 @@ RUNS = {
     "law without force": (
         lambda: soft(STACK, Forceless()),
         r"law of pair 0 is .*Forceless.*: an object with force\(self"),
+    "law is a class": (
+        lambda: soft(STACK, laws.Hertz),
+        r"law of pair 0 is the class Hertz: an instance is needed, such as Hertz\(k="),
+    "md calls a number": (lambda: soft(on_event=3), r"on_event is 3: a function, or None, is needed"),
+    "edmd calls a number": (lambda: hard(on_progress=3), r"on_progress is 3: a function, or None, is needed"),
+    "md without rows": (lambda: soft(samples=[]), r"samples is empty: at least one time is needed"),
+    "edmd without rows": (lambda: hard(samples=[]), r"samples is empty: at least one time is needed"),
     "law is a number": (lambda: soft(STACK, 5e7), r"law of pair 0 is 50000000\.0: an object with force\(self"),
     "law that contradicts itself": (
         lambda: soft(STACK, Contradiction()),

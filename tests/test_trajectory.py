@@ -81,3 +81,21 @@ def test_unreadable_files_are_named(tmp_path):
 def test_repr_tells_the_outcome(soft):
     assert "Trajectory(md, Scene(4 balls)" in repr(soft)
     assert "time" in repr(soft)
+
+
+def test_files_cut_short_or_foreign_are_named(tmp_path):
+    path = tmp_path / "run.npz"
+    gr.edmd.simulate(gr.scenes.three_balls(), gr.ConstantRestitution(0.7), t_end=0.1).save(path)
+    whole = path.read_bytes()
+    np.savez(tmp_path / "other.npz", a=1.0)
+    np.savez(tmp_path / "words.npz", words=np.array("[1]"))
+    np.save(tmp_path / "array.npy", np.arange(3))
+    files = [tmp_path / name for name in ("other.npz", "words.npz", "array.npy")]
+    for name, bytes_ in {"half": whole[: len(whole) // 2], "empty": b"", "text": b"hello",
+                         "damaged": whole[:300] + bytes(6) + whole[306:]}.items():
+        files.append(tmp_path / name)
+        files[-1].write_bytes(bytes_)
+    for file in files:
+        with pytest.raises(ValueError, match="it is not a run saved by granular, or is cut short") as caught:
+            gr.Trajectory.load(file)
+        assert "pickle" not in str(caught.value)

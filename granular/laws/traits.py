@@ -62,6 +62,14 @@ def finite(law: Any, xi: float, xi_dot: float, pair: Pair) -> float:
     return force
 
 
+def check_deepest(laws: tuple[Any, ...], scene: Scene, contacts: Any) -> None:
+    """Raise if a force is no number at the largest overlap in a contact log: fixed steps take that for no force."""
+    for law, pair in zip(laws, scene.pairs, strict=True):
+        xi = float(contacts["xi_max"][contacts["pair"] == pair.index].max(initial=0.0))
+        if xi > 0.0:
+            finite(law, xi, 0.0, pair)
+
+
 def no_number(law: Any, xi: float, xi_dot: float, pair: Pair, value: Any) -> ValueError:
     """Return the error of a force that is no finite number."""
     return ValueError(

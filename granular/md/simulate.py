@@ -17,7 +17,7 @@ from granular.md import fixed, located
 from granular.md.stability import expected_rate
 from granular.md.steps import METHODS
 from granular.scene import Scene
-from granular.trajectory import Trajectory
+from granular.trajectory import Status, Trajectory
 
 STEPS_PER_CONTACT = 500
 """Default resolution of the shortest contact; halving an order-1 error costs twice as many."""
@@ -110,8 +110,8 @@ def simulate(
         "log": bool(log),
         "max_events": _check.whole("max_events", max_events, at_least=1),
         "max_steps": _check.whole("max_steps", max_steps, at_least=1),
-        "on_event": on_event,
-        "on_progress": on_progress,
+        "on_event": _check.callback("on_event", on_event),
+        "on_progress": _check.callback("on_progress", on_progress),
         "engine": _check.choice("engine", engine, ("auto", "plain", "compiled")),
     }
     if method == "located":
@@ -121,7 +121,10 @@ def simulate(
     step = _default_step(scene, laws) if dt is None else _check.number("dt", dt, above=0.0)
     if start + step == start:
         raise ValueError(f"dt is {step!r}: at t_start = {start!r} a larger step is needed to advance the clock at all.")
-    return fixed.run(scene, laws, **common, method=method, dt=step)
+    run = fixed.run(scene, laws, **common, method=method, dt=step)
+    if run.status is not Status.unstable:
+        traits.check_deepest(laws, scene, run.contacts)
+    return run
 
 
 def _check_scene(scene: Any) -> Scene:
