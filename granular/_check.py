@@ -62,11 +62,14 @@ def array(name: str, value: Any, shape: tuple[int, ...] | None = None, *, fix: s
 
 
 def _refuse_words(value: Any) -> None:
-    """Raise `TypeError` for strings, truth values and None among numbers, which numpy would convert."""
-    raw = np.asarray(value)
-    if raw.dtype.kind in "USb" or (raw.dtype.kind == "O" and any(isinstance(x, (str, bytes, bool, type(None)))
-                                                                 for x in raw.flat)):  # fmt: skip
+    """Raise `TypeError` for words (but "inf"), truth values and None among numbers, which numpy would convert."""
+    kind = np.asarray(value).dtype.kind
+    if kind == "b":
         raise TypeError
+    if kind in "USO":
+        entries = np.asarray(value, dtype=object).flat
+        if any(isinstance(x, (str, bytes, bool, type(None))) and x != "inf" for x in entries):
+            raise TypeError
 
 
 def callback(name: str, value: Any) -> Any:

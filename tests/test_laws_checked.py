@@ -154,6 +154,8 @@ def test_potential_of_a_law_with_a_kink() -> None:
 
 def test_rate_that_is_denied_and_enters() -> None:
     damped = law(lambda xi, v: 1e9 * xi * xi * (1.0 + 0.1 * v), rate_dependent=False)
+    dashpot = law(lambda xi, v: 1e7 * xi + 5.0 * v, rate_dependent=False)
     sentence = re.escape("although rate_dependent is False; mend the trait or leave it out.")
-    with pytest.raises(ValueError, match=sentence):
-        md.simulate(STACK, damped, t_end=0.01)
+    for one in (damped, dashpot):
+        with pytest.raises(ValueError, match=sentence):
+            md.simulate(STACK, one, t_end=0.01)
