@@ -43,7 +43,7 @@ def comparison_figure(report: Comparison, path: str | PathLike[str] | None = Non
         for axis, c in zip(axes[1 : n + 1], reversed(range(n)), strict=True):
             _force_curve(axis, clock, soft, c)
     else:
-        _force_map(figure, axes[1], clock, soft, (end - begin) / unit)
+        _force_map(figure, axes[1], _largest_forces(report, soft, begin, end), (end - begin) / unit)
     _world_lines(axes[-1], report, soft, begin, end, unit)
     axes[-1].set_xlabel(f"time since t = {begin:.6g} s, {name}" if begin else f"time, {name}")
     axes[-1].set_xlim(0.0, (end - begin) / unit)
@@ -89,7 +89,7 @@ def _resolved(report: Comparison, engine: str, begin: float, end: float) -> Traj
 def _moments(report: Comparison, begin: float, end: float) -> Array:
     """Times in s to draw at: evenly spread, and within each soft contact (of very many, evenly chosen ones)."""
     log = report.counted[1].contacts
-    log = log[:: max(1, len(log) // 1000)]
+    log = log[:: max(1, len(log) // 500)]
     finish = np.where(np.isnan(log["t_end"]), end, log["t_end"])
     within = np.linspace(log["t_begin"], finish, 17).ravel()
     times: Array = np.union1d(np.linspace(begin, end, 1500), within[(within >= begin) & (within <= end)])
@@ -102,10 +102,12 @@ def _timeline(axis: Any, report: Comparison, begin: float, end: float, unit: flo
     finish = np.where(np.isnan(soft["t_end"]), end, soft["t_end"])
     start = (soft["t_begin"] - begin) / unit
     width = (finish - soft["t_begin"]) / unit
-    axis.barh(soft["pair"] - 0.16, width, left=start, height=0.3, color=SOFT, label="soft")
+    n = report.scene.n - 1
+    for c in range(n):
+        bars = np.column_stack([start, width])[soft["pair"] == c]
+        axis.broken_barh(bars, (c - 0.31, 0.3), color=SOFT, lw=0, label="" if c else "soft")
     axis.vlines(start + 0.5 * width, soft["pair"] - 0.31, soft["pair"] - 0.01, color=SOFT, lw=THIN)
     axis.scatter((hard["t_begin"] - begin) / unit, hard["pair"] + 0.22, marker="|", s=60, color=HARD, label="hard")
-    n = report.scene.n - 1
     axis.set_ylim(-0.6, n - 0.3)
     axis.set_yticks(range(n) if n <= 12 else np.linspace(0, n - 1, 6).astype(int))
     axis.set_ylabel("contacts\nof pair")
@@ -121,13 +123,24 @@ def _force_curve(axis: Any, clock: Array, soft: Trajectory, c: int) -> None:
     axis.set_ylabel(f"$F_{{{c},{c + 1}}}$, {name}")
 
 
-def _force_map(figure: Any, axis: Any, clock: Array, soft: Trajectory, span: float) -> None:
+def _largest_forces(report: Comparison, soft: Trajectory, begin: float, end: float) -> Array:
+    """Largest force in N in each column of a map and on each pair: from samples, and from the log of short contacts."""
     assert soft.force is not None
-    peak = float(soft.force.max(initial=0.0))
+    largest = np.zeros((COLUMNS, report.scene.n - 1))
+
+    def columns(times: Array) -> Any:
+        return np.clip(((times - begin) * (COLUMNS / (end - begin))).astype(int), 0, COLUMNS - 1)
+
+    np.maximum.at(largest, columns(soft.time), soft.force)
+    log = report.counted[1].contacts
+    log = log[log["duration"] * COLUMNS < end - begin]
+    np.maximum.at(largest, (columns(log["t_begin"]), log["pair"]), log["force_max"])
+    return largest
+
+
+def _force_map(figure: Any, axis: Any, largest: Array, span: float) -> None:
+    peak, n = float(largest.max()), largest.shape[1]
     unit, name = _force_unit(peak)
-    n = soft.force.shape[1]
-    largest = np.zeros((COLUMNS, n))
-    np.maximum.at(largest, np.clip((clock * (COLUMNS / span)).astype(int), 0, COLUMNS - 1), soft.force)
     image = axis.imshow(
         largest.T / unit, origin="lower", aspect="auto", cmap="Blues", interpolation="nearest",
         extent=(0.0, span, -0.5, n - 0.5), vmin=0.0, vmax=peak / unit or 1.0,

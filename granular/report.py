@@ -66,7 +66,7 @@ def _settling(report: Comparison) -> str:
     radius = min((float(r) for r in report.scene.radius if r > 0.0), default=math.inf)
     if depth > SAME * radius:
         return f"No: nothing collides, but soft spheres sink by {depth / radius:.2g} of a radius under their weight."
-    return f"Yes, trivially: nothing collides; soft spheres settle by {depth:.3g} m under their weight."
+    return f"Yes, trivially: nothing collides; soft spheres overlap by {depth:.3g} m under their weight."
 
 
 def _endless(report: Comparison) -> str:

@@ -184,7 +184,7 @@ def test_contacts_of_touching_balls_are_not_taken_for_rounding():
 
 
 @pytest.mark.parametrize(("k", "verdict"), [
-    (1e6, "Yes, trivially: nothing collides; soft spheres settle by 5.67e-05 m under their weight."),
+    (1e6, "Yes, trivially: nothing collides; soft spheres overlap by 5.67e-05 m under their weight."),
     (1e2, "No: nothing collides, but soft spheres sink"),
 ])  # fmt: skip
 def test_weight_without_impact_has_its_own_verdict(k, verdict):
@@ -254,7 +254,14 @@ def test_figure_shows_contacts_however_short_beside_its_span(gas):
     low, high = forces.images[0].get_clim()
     assert low == 0.0
     assert forces.images[0].get_array().max() == high > 0.0
-    assert high * 1e3 == pytest.approx(gas.soft.contacts["force_max"].max(), rel=0.02)  # in kN
+    assert high * 1e3 == pytest.approx(gas.soft.contacts["force_max"].max(), rel=1e-12)  # in kN
+
+
+def test_force_map_loses_no_contact_of_very_many():
+    busy = gr.compare(gr.scenes.gas(50), gr.LinearDashpot(1e8), t_end=60.0)
+    assert len(busy.soft.contacts) > 1000
+    shown = np.asarray(busy.plot().axes[1].images[0].get_array())
+    assert np.count_nonzero(shown) > 0.8 * len(busy.soft.contacts)
 
 
 def test_time_axis_begins_with_the_run_at_the_earliest(gas):
