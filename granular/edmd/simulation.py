@@ -97,7 +97,8 @@ def simulate(
     Returns
     -------
     Trajectory
-        With status `time`, `until`, `quiet`, `collapse` or `max_events`.
+        With status `time`, `until`, `quiet`, `collapse` or `max_events`. Walls that close on the balls end the run as
+        a `collapse` when no space is left between them; the message says when.
 
     Raises
     ------

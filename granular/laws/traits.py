@@ -6,6 +6,8 @@ A law is a frozen dataclass of floats with ``force(self, xi, xi_dot, pair)``. Op
 * ``power(pair) -> (k, p, gamma, d)``: F = k ξ^p + γ ξ^d ξ̇;
 * ``exponent``: the power of ξ with which F begins; ``rate_dependent``: whether ξ̇ enters (true if not said);
 * ``potential(xi, pair)``: the elastic energy; ``memory = True``: `force` also takes ``xi_max``.
+
+Before a run each law is tried: a force that is no number, or a trait that contradicts the force, is refused.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from granular.laws.linearity import traced
-from granular.scene import Pair, Scene
+from granular.scene import Pair, Scene, speed_scale
 
 RUNG = 4.0
 """Ratio of the overlaps at which a law is tried before a run."""
@@ -28,7 +30,6 @@ TRIED = 256
 def checked(law: Any, scene: Scene) -> tuple[Any, ...]:
     """Return one law per pair, or raise: each must have `force`, give finite numbers, and traits that agree with it."""
     from granular._check import per_pair
-    from granular.md.stability import speed_scale
 
     laws = per_pair("law", law, scene.n - 1)
     speed = speed_scale(scene)

@@ -51,7 +51,7 @@ def simulate(
         One for all pairs, or one per pair from the bottom up.
     t_end, until : float, stop condition, optional
         End time in s, and a condition from `granular.until`. Without either the run goes on until nothing can
-        follow, or to the limits below.
+        follow, or to the limits below. Walls that move towards each other need a `t_end` before they meet.
     t_start : float
         Time in s of the scene's instant.
     samples : None, int or array
