@@ -205,3 +205,10 @@ def _ends(n: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     ends = np.zeros(n, dtype=np.bool_)
     ends[[0, -1]] = True
     return ends
+
+
+def speed_scale(scene: Scene) -> float:
+    """Largest speed in m/s at which a pair may first close: present differences and the fall through the gaps."""
+    v = scene.velocity
+    reach = float(scene.gap.clip(min=0.0).sum())
+    return float(v.max() - v.min()) + (2.0 * scene.gravity * reach) ** 0.5

@@ -13,20 +13,13 @@ from collections.abc import Sequence
 from typing import Any
 
 from granular.laws import traits
-from granular.scene import Pair, Scene
+from granular.scene import Pair, Scene, speed_scale
 from granular.trajectory import stored_energy
 
 WARN = 0.2
 """dt·λ from which results are doubtful."""
 LIMIT = {"verlet": 2.0, "symplectic-euler": 2.0, "rk4": 2.0, "gear5": 1.05}
 """dt·λ from which results mean nothing. (RK4 grows only from 2√2, but at 2 it damps by a quarter a step.)"""
-
-
-def speed_scale(scene: Scene) -> float:
-    """Largest speed in m/s at which a pair may first close: present differences and the fall through the gaps."""
-    v = scene.velocity
-    reach = float(scene.gap.clip(min=0.0).sum())
-    return float(v.max() - v.min()) + math.sqrt(2.0 * scene.gravity * reach)
 
 
 def expected_overlap(law: Any, pair: Pair, speed: float) -> float:

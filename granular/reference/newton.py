@@ -9,8 +9,8 @@ import numpy as np
 
 from granular._check import Array
 from granular.laws import traits
-from granular.md.stability import expected_overlap, speed_scale
-from granular.scene import Scene
+from granular.md.stability import expected_overlap
+from granular.scene import Scene, speed_scale
 
 
 class Newton:
