@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
@@ -211,4 +212,4 @@ def speed_scale(scene: Scene) -> float:
     """Largest speed in m/s at which a pair may first close: present differences and the fall through the gaps."""
     v = scene.velocity
     reach = float(scene.gap.clip(min=0.0).sum())
-    return float(v.max() - v.min()) + (2.0 * scene.gravity * reach) ** 0.5
+    return float(v.max() - v.min()) + math.sqrt(2.0 * scene.gravity * reach)
