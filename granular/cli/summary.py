@@ -18,7 +18,7 @@ def summary(case: Case, trajectory: Trajectory) -> str:
     lines += [*_contacts(trajectory), "", *_bodies(trajectory)]
     energy = trajectory.energy()
     if energy[0] > 0.0 and not math.isnan(energy[-1]):
-        lines += ["", f"energy left: {energy[-1] / energy[0]:.6g} of {energy[0]:.6g} J"]
+        lines += ["", f"energy left: {100.0 * energy[-1] / energy[0]:.6g} % of {energy[0]:.6g} J"]
     return "\n".join(lines)
 
 
