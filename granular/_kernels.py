@@ -42,7 +42,7 @@ def have_numba() -> bool:
 def load_numba() -> Any:
     """Return the module numba, or raise `ImportError` that says how to install it."""
     if not have_numba():
-        raise ImportError("engine 'compiled' needs numba, which is not installed: pip install 'granular[fast]'.")
+        raise ImportError("engine 'compiled' needs numba, which is not installed: pip install numba.")
     import numba
 
     return numba

@@ -205,7 +205,7 @@ def _require(ending: str) -> None:
     from shutil import which
 
     if find_spec("matplotlib") is None:
-        raise ImportError("animate needs matplotlib, which is not installed: pip install 'granular[plot]'.")
+        raise ImportError("animate needs matplotlib, which is not installed: pip install matplotlib.")
     if ending == ".mp4" and which("ffmpeg") is None:
         raise ValueError("ending is '.mp4': ffmpeg is needed and not installed; .gif works without it.")
 

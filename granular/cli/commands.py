@@ -149,6 +149,6 @@ def _check_drawable(name: str | None) -> None:
     try:
         from matplotlib.backend_bases import FigureCanvasBase
     except ImportError:
-        raise ValueError("--plot needs matplotlib, which is not installed: pip install 'granular[plot]'.") from None
+        raise ValueError("--plot needs matplotlib, which is not installed: pip install matplotlib.") from None
     endings = sorted(FigureCanvasBase.get_supported_filetypes())
     _check.choice(f"ending of {name}", Path(name).suffix[1:].lower(), endings)

@@ -27,7 +27,7 @@ def choose(engine: str, model: Model) -> tuple[type[Queue], type[Queue] | None]:
     if why:
         raise ValueError(f"engine is 'compiled': {why}; use engine='sorted' or 'auto'.")
     if not have_numba():
-        raise ImportError("engine is 'compiled': numba is not installed: pip install 'granular[fast]'.")
+        raise ImportError("engine is 'compiled': numba is not installed: pip install numba.")
     return fast, None
 
 

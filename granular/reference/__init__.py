@@ -80,7 +80,7 @@ def _by_series(scene: Scene, forms: Any, until: stop.Until | None, t_end: float 
     try:
         from mpmath import MPContext
     except ImportError:
-        advice = "pip install 'granular[peers]'"
+        advice = "pip install mpmath"
         raise ImportError(f"the reference needs mpmath, which is not installed: {advice}.") from None
     from granular.reference import events
 

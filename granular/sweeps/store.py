@@ -24,7 +24,7 @@ def xarray_() -> Any:
     try:
         import xarray
     except ImportError:
-        raise ImportError("sweep needs xarray, which is not installed: pip install 'granular[sweep]'.") from None
+        raise ImportError("sweep needs xarray, which is not installed: pip install xarray netCDF4.") from None
     return xarray
 
 
@@ -61,7 +61,7 @@ def write(data: xarray.Dataset, path: str | PathLike[str]) -> None:
     try:
         import netCDF4  # noqa: F401
     except ImportError:
-        raise ImportError("a netCDF file needs netCDF4, which is not installed: pip install 'granular[sweep]'.") \
+        raise ImportError("a netCDF file needs netCDF4, which is not installed: pip install xarray netCDF4.") \
             from None
     _files.write(path, lambda draft: data.to_netcdf(draft, engine="netcdf4"))
 

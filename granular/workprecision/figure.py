@@ -133,5 +133,5 @@ def _matplotlib() -> Any:
     try:
         from matplotlib.figure import Figure
     except ImportError:
-        raise ImportError("plot needs matplotlib, which is not installed: pip install 'granular[plot]'.") from None
+        raise ImportError("plot needs matplotlib, which is not installed: pip install matplotlib.") from None
     return Figure
