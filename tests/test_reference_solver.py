@@ -183,5 +183,5 @@ def test_misuse_is_one_sentence(monkeypatch):
     with pytest.raises(ValueError, match="t_end is missing: after 3 steps"):
         reference.solve(scene, law)
     monkeypatch.setitem(sys.modules, "mpmath", None)
-    with pytest.raises(ImportError, match=r"pip install 'granular\[peers\]'"):
+    with pytest.raises(ImportError, match=r"pip install mpmath"):
         reference.solve(scene, law)
