@@ -177,6 +177,21 @@ def test_stability_limit_of_gear():
     assert "the limit is 1.05" in above.message
 
 
+@pytest.mark.parametrize("method", ALL)
+def test_a_contact_jumped_over_in_one_step_is_judged(method):
+    """dt = t_c: at the ends of steps nothing overlaps any more, and still the run is called unstable."""
+    contact = math.pi
+    run = gr.md.simulate(pair_scene(), gr.LinearDashpot(1.0), method=method, dt=contact, t_end=20 * contact)
+    assert run.status is gr.Status.unstable
+    assert "take dt ≤" in run.message
+
+
+def test_more_steps_than_can_be_counted_are_refused():
+    scene = gr.Scene([1.0, 1e-9], [0.1, 0.1], [1000.0], [1e-9, 0.0])
+    with pytest.raises(ValueError, match=r"dt is 1e-08: step .* is more than can be counted"):
+        verlet(scene, gr.LinearDashpot(1.0), dt=1e-8, t_end=1e13)
+
+
 def test_energy_made_by_a_long_step_is_noticed():
     run = verlet(pair_scene(), gr.LinearDashpot(1.0), dt=1.9)
     assert run.status is gr.Status.unstable

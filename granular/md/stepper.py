@@ -34,6 +34,10 @@ WORTH_COMPILING = 200_000
 """Pair-steps after which ``engine="auto"`` goes on compiled; loading numba costs about as much as these."""
 
 
+MOST_STEPS = 1 << 62
+"""Number of the last step that compiled code can count to."""
+
+
 class Stepper:
     """The state of one run and its motion; interpreted at first, perhaps compiled later with the same bits."""
 
@@ -175,6 +179,9 @@ class Stepper:
                     return Status.quiet
                 if self.k >= limit:
                     return None
+        if self.k > MOST_STEPS:
+            raise ValueError(f"dt is {self.dt:g}: step {self.k:.3g} is more than can be counted; take a longer step, "
+                             "or the method 'located'.")  # fmt: skip
         steps = int(min(CHUNK, limit - self.k))
         arguments = self._arguments(steps, int(min(max_events - self.contacts - 1, 1 << 60)))
         if self.bulk and not isinstance(until, stop.Contact):

@@ -51,6 +51,8 @@ def judge(cell: Cell, method: str, seconds: float, plain: bool = False) -> Resul
         except Exception as failure:
             told = type(failure) is ValueError and " is " in str(failure)  # a sentence: name, value, what is needed
             verdict, said = (Verdict.flagged if told else Verdict.crashed), f"{type(failure).__name__}: {failure}"
+            if time.perf_counter() - start >= seconds:  # the bell, heard inside a callback that made it its own error
+                verdict, said = Verdict.limit, f"no end within {seconds:g} s"
     said = "; ".join([said, *sorted({str(w.message) for w in heard})])
     taken = time.perf_counter() - start
     return Result(cell.axis, cell.case, method, cell.truth.words, verdict, error, tolerance, said, taken)
