@@ -71,17 +71,17 @@ def own(task: Task, names: Sequence[str]) -> list[Method]:
 
 
 def _located(task: Task) -> Method:
-    linear = all(hasattr(law, "linear") for law in task.laws)
+    linear, engine = all(hasattr(law, "linear") for law in task.laws), _engine(task, "located")
 
     def run(tol: float) -> Outcome:
-        options: dict[str, Any] = {} if linear else {"tol": tol}
+        options: dict[str, Any] = {"engine": engine} | ({} if linear else {"tol": tol})
         return _outcome(md.simulate(task.scene, task.laws, until=task.until, t_end=task.t_end, **options), "steps")
 
     return Method("located", "" if linear else "tol", (math.nan,) if linear else TOLERANCES, run)
 
 
 def _fixed(task: Task, name: str) -> Method:
-    engine = _engine(task, name)
+    engine = _engine(task, name, dt=min(task.truth.durations))
     shortest, contact = min(task.truth.durations), _closed_time(task.truth)
     steps = [COARSEST * FINER**k for k in range(POINTS)]
     settings = tuple(shortest / n for n in steps if n * contact / shortest <= MOST_STEPS[engine])
@@ -95,10 +95,10 @@ def _fixed(task: Task, name: str) -> Method:
     return Method(name, "dt", settings, run)
 
 
-def _engine(task: Task, name: str) -> str:
+def _engine(task: Task, name: str, **options: Any) -> str:
     """ "compiled" if that is possible, else "plain"."""
     try:
-        md.simulate(task.scene, task.laws, t_end=0.0, method=name, dt=min(task.truth.durations), engine="compiled")
+        md.simulate(task.scene, task.laws, t_end=0.0, method=name, engine="compiled", **options)
     except (ImportError, TypeError):
         return "plain"
     return "compiled"
