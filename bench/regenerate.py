@@ -1,0 +1,26 @@
+"""Measure every table and figure of the docs anew, one after the other: ``python bench/regenerate.py`` (about an hour).
+
+The paper's figures come from ``granular figure all``. `edmd_long`, `leaving_out` and the like print their tables.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+SCRIPTS = (
+    "frontier", "stability", "edmd_scaling", "edmd_columns", "edmd_long", "leaving_out", "fixed_speed",
+    "located_speed", "located_extremes", "located_orders", "map_orders",
+)  # fmt: skip
+
+
+def main() -> None:
+    for name in SCRIPTS:
+        print(f"\n{name}\n{'=' * len(name)}", flush=True)
+        subprocess.run([sys.executable, str(HERE / f"{name}.py")], check=True)
+
+
+if __name__ == "__main__":
+    main()
