@@ -13,7 +13,7 @@ from granular import md
 from granular import until as stop
 from granular._check import Array
 from granular._kernels import compiled, have_numba, in_memory, kernel
-from granular.md.located.batch import bench, reset, rows
+from granular.md.located.batch import reset, scene_rows, workspace
 from granular.md.located.build import power_law
 from granular.md.located.loop import (
     BINDING,
@@ -69,8 +69,8 @@ def solve(scenes: Sequence[Scene], which: Any, law: Array, until: stop.Until | N
     mass, gap, velocity, gravity = (
         np.array([getattr(s, name) for s in scenes])[which] for name in ("mass", "gap", "velocity", "gravity")
     )
-    table, n = rows(mass, gap, velocity, law, gravity)
-    s = bench(n, until, *(DEFAULTS[name] for name in ("tol", "max_events", "max_steps")))
+    table, n = scene_rows(mass, gap, velocity, law, gravity)
+    s = workspace(n, until, *(DEFAULTS[name] for name in ("tol", "max_events", "max_steps")))
     out = np.zeros((len(table), HEAD + PER_PAIR * (n - 1)))
     compiled(solve_cells)(s, table, t_end, out, np.zeros((3, n - 1)))
     return out

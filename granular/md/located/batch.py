@@ -71,8 +71,8 @@ def solve_many(
     engine : {"compiled", "plain"}
         Compiled by numba, or interpreted.
     """
-    table, n = rows(mass, gap, velocity, law, gravity)
-    s = bench(n, until, tol, max_events, max_steps)
+    table, n = scene_rows(mass, gap, velocity, law, gravity)
+    s = workspace(n, until, tol, max_events, max_steps)
     out = np.zeros((len(table), RESULT + n - 1))
     if engine == "plain":
         plain_out = out.tolist()
@@ -86,14 +86,14 @@ def solve_many(
     )  # fmt: skip
 
 
-def bench(n: int, until: stop.Until | None, tol: float, max_events: int, max_steps: int) -> System:
+def workspace(n: int, until: stop.Until | None, tol: float, max_events: int, max_steps: int) -> System:
     """Return the workspace in which scenes of `n` bodies are solved one after the other."""
     s = new_system(n - 1)
     limit(s, until, tol, max_events, max_steps, 1)
     return s
 
 
-def rows(mass: Any, gap: Any, velocity: Any, law: Any, gravity: Any) -> tuple[Array, int]:
+def scene_rows(mass: Any, gap: Any, velocity: Any, law: Any, gravity: Any) -> tuple[Array, int]:
     """One row per scene (g; 1/m and v of every body; ξ, k, p, γ, d, kind, q of every pair), and the count of bodies."""
     m, x, v, f, g = (np.asarray(a, np.float64) for a in (mass, gap, velocity, law, gravity))
     n = m.shape[-1]
