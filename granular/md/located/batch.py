@@ -141,7 +141,7 @@ def reset(s: Any, row: Any) -> None:
         pair.k, pair.p, pair.gamma, pair.d = row[at + 1], row[at + 2], row[at + 3], row[at + 4]
         pair.s, pair.kind, pair.q = pair.p - pair.d, int(row[at + 5]), int(row[at + 6])
         pair.mode, pair.exact, pair.begun, pair.count = first_mode(pair), 0, 0, 0
-        pair.t, pair.tail, pair.stride = 0.0, 0.0, 0.0
+        pair.t, pair.tail, pair.stride, pair.noise = 0.0, 0.0, 0.0, 0.0
 
 
 @kernel

@@ -17,14 +17,13 @@ from granular.md.located.records import (
     LINEAR,
     OPEN,
     RESIDUAL,
+    STEEPEST,
     System,
     new_system,
 )
 from granular.scene import Pair, Scene
 
 LARGEST_Q = 4
-STEEPEST = 16.0
-"""Largest q·p of a power law that a start series of order 20 can show; others are run as general laws."""
 
 
 def build(scene: Scene, laws: tuple[Any, ...], t: float) -> System:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from granular._flight import gap_after, rate_at_contact, time_to_contact
@@ -11,21 +12,25 @@ from granular.md.located.events import BEGIN, PART
 from granular.md.located.records import FREE, OPEN, RESIDUAL
 
 
-@kernel
-def flies(pair: Any) -> bool:
-    """Return whether the pair itself is ballistic in closed form: open, or clipped with φ = kξ + γη."""
-    return bool(pair.mode == OPEN or (pair.mode == RESIDUAL and pair.s == 1.0))
+DRIFT = 4.0
+"""Balls that close at less than this many times the noise of their rate are taken to drift along side by side."""
 
 
 @kernel
 def predict(pairs: Any, c: int) -> None:
-    """Plan the flight of the free pair `c`, a block of its own, to its next event."""
+    """Plan the flight of the free pair `c`, a block of its own, to its next event.
+
+    Contacts leave rates of rounding where the exact ones are zero: balls that stay together would meet again after
+    some 1e12 s.
+    """
     pair = pairs[c]
+    if pair.mode == OPEN and pair.pull == 0.0 and 0.0 < pair.eta <= DRIFT * pair.noise:
+        pair.eta = 0.0
     pair.clock, pair.hi, pair.fired = FREE, c + 1, c
     wait, what = time_to_contact(max(0.0, -pair.xi), -pair.eta, pair.pull), BEGIN
     if pair.mode == RESIDUAL:
         wait, what = time_to_contact(pair.xi, pair.eta, -pair.pull), PART
-        again = force_returns(pair)
+        again = force_returns(pair) if pair.s == 1.0 else math.inf
         if again < wait:
             wait, what = again, BEGIN
     pair.wait, pair.what = wait, what

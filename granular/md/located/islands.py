@@ -20,6 +20,8 @@ from granular.md.located.plan import plan
 from granular.md.located.queue import play
 from granular.md.located.records import FREE, OPEN
 
+ULP = 2.0**-52
+
 
 @kernel
 def settle(run: Any, pairs: Any, bodies: Any, work: Any, lo: int, tau: float, dt: float) -> None:
@@ -33,6 +35,13 @@ def settle(run: Any, pairs: Any, bodies: Any, work: Any, lo: int, tau: float, dt
         pair = pairs[c]
         move(pair, tau)
         pair.exact = 0
+    for c in range(lo, block.hi):
+        largest = abs(pairs[c].eta)
+        if c > lo:
+            largest = max(largest, abs(pairs[c - 1].eta))
+        if c + 1 < block.hi:
+            largest = max(largest, abs(pairs[c + 1].eta))
+        pairs[c].noise += ULP * largest
     if bodies[lo].inverse_mass == 0.0 and bodies[block.hi].inverse_mass == 0.0:
         hold_walls(pairs, lo, block.hi, bodies[lo].v - bodies[block.hi].v)
     tick(block, dt)

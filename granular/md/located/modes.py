@@ -59,8 +59,22 @@ def activate(run: Any, pairs: Any, bodies: Any, c: int, block: Any) -> bool:
 
 @kernel
 def pushes(pair: Any) -> bool:
-    """Return whether the pair needs a power series: a force, or a bracket that is no quadratic."""
-    return bool(pair.mode == ACTIVE or pair.mode == DORMANT or (pair.mode == RESIDUAL and pair.s != 1.0))
+    """Return whether the pair needs a power series: a force, or one that may return, by a bracket that is no quadratic."""
+    return bool(pair.mode == ACTIVE or pair.mode == DORMANT or (pair.mode == RESIDUAL and not flies(pair)))
+
+
+@kernel
+def flies(pair: Any) -> bool:
+    """Return whether the pair itself is ballistic in closed form: open, clipped with φ = kξ + γη, or sure to part.
+
+    In free flight φ = k ξ^s + γη is convex for s ≥ 1 and a pull that is not negative; clipped now, and again when ξ = 0
+    is reached, it is clipped in between.
+    """
+    if pair.mode == OPEN or (pair.mode == RESIDUAL and pair.s == 1.0):
+        return True
+    if pair.mode != RESIDUAL or pair.s < 1.0 or pair.pull < 0.0 or pair.kind == GENERAL:
+        return False
+    return bool(pair.eta < 0.0 and pair.eta * pair.eta > 2.0 * pair.pull * pair.xi)
 
 
 @kernel

@@ -6,6 +6,7 @@ interpreted.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from granular._kernels import kernel
@@ -14,13 +15,23 @@ from granular.md.located.events import locate
 from granular.md.located.linear import expand_linear
 from granular.md.located.modes import confirm, judge
 from granular.md.located.series import expand
-from granular.md.located.steps import REACH, choose_clock, fastest_rate, is_linear, left_out, measure, scale, trusted
+from granular.md.located.steps import (
+    REACH,
+    choose_clock,
+    fastest_rate,
+    growth,
+    is_linear,
+    left_out,
+    measure,
+    scale,
+    trusted,
+)
 
 
 @kernel
 def plan(run: Any, pairs: Any, bodies: Any, work: Any, lo: int, hi: int, laws: Any) -> bool:
     """Compute the next piece of the island lo … hi-1 and when it ends; false if the run is to stop at its start."""
-    block = pairs[lo]
+    block, worst = pairs[lo], -math.inf
     run.steps += 1
     if is_linear(pairs, lo, hi):
         block.clock, block.h, block.linear, span = 1, REACH / fastest_rate(pairs, lo, hi), 1, 1.0
@@ -32,13 +43,14 @@ def plan(run: Any, pairs: Any, bodies: Any, work: Any, lo: int, hi: int, laws: A
         settle_series(pairs, lo, hi, laws, run)
         span = 1.0
         if laws is None:
-            span = trusted(pairs, lo, hi, run.tol)
-            run.error += left_out(pairs, lo, hi, span)
+            worst = growth(pairs, lo, hi, run.tol)
+            span = trusted(worst, run.tol)
             if block.clock == 1:
                 block.stride = block.h * span
     if not confirm(run, pairs, bodies, lo, hi):
         return False
     locate(pairs, lo, hi, span, work)
+    run.error += left_out(worst, block.tau)
     block.wait = elapsed(block.h, block.clock, block.tau)
     block.due = block.t + (block.wait + block.tail)
     return True

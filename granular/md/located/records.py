@@ -29,6 +29,9 @@ OPEN, ACTIVE, RESIDUAL, DORMANT = range(4)
 LINEAR, ELASTIC, DAMPED, GENERAL = range(4)
 """Kinds of law: kξ + γη; kξ^p; ξ^d (kξ^s + γη); any other, as a function."""
 
+STEEPEST = 16.0
+"""Largest q·p of a power law that a start series of order 20 can show."""
+
 FREE = 0
 """Clock of a pair in free flight; a block of touching pairs has the clock t = (hτ)^q with its q = 1, 2, 3 or 4."""
 
@@ -42,6 +45,7 @@ _LAW = [
 _STATE = [
     ("xi", float), ("eta", float),  # overlap (negative: gap), m, and its rate, m/s
     ("mode", int),
+    ("noise", float),  # what the rounding of steps may have left in the rate so far, m/s
     ("exact", int),  # an event has just found φ = 0: keep it exactly so
     ("wake", float),  # overlap at which a dormant pair becomes active
     ("top", float), ("loading", int),  # largest overlap so far, for laws with memory

@@ -190,7 +190,10 @@ class Run:
         rows = contact_rows(self.rows + self.still_open() if log else [], self.t_start)
         elapsed, xi, eta, force = (np.array(column, np.float64) for column in zip(*self.samples, strict=True))
         position, velocity = positions(self.scene, -xi, elapsed), velocities(self.scene, -eta, elapsed)
-        time = self.t_start + elapsed if samples is None else np.append(samples, self.t_start + end)[: len(elapsed)]
+        time = self.t_start + elapsed
+        if samples is not None:  # as asked for, to the last digit
+            asked = len(elapsed) - (status is not Status.time)
+            time[:asked] = samples[:asked]
         return Trajectory(
             self.scene, self.laws, None, time, position, velocity, -xi, force,
             rows[np.lexsort((rows["pair"], rows["t_begin"]))], status, self.message(status, r, self.t_start + end),

@@ -3,9 +3,10 @@
 *Linear blocks*: the series of the step converges like that of exp(λh), λ = ½ (b + √(b² + 4a)) with a, b the largest
 absolute row sums of M⁻¹K and M⁻¹C over the touching pairs; λh = `REACH` leaves (λh)^(N+1)/(N+1)! = 1e-17.
 
-*Others*: h is only a scale. The coefficients themselves say how far they may be trusted,
-θ = tol^(1/N) / max_j A_j^(1/j) over the last six, with A_j the largest |ξ_j|/X, |η_j|/V of the block. (Fewer than six
-are fooled by lacunary series: an isolated Hertz contact starts with every fifth power of √t only.)
+*Others*: h is only a scale. The coefficients themselves say how far they may be trusted, θ = tol^(1/N) / a with
+a = max_j A_j^(1/j) and A_j the largest |ξ_j|/X, |η_j|/V, and of clipped pairs |φ_j|/(k X^s), of the block. The maximum is
+over the last six orders j, and over more where a contact begins: its series is lacunary, F = k ξ^p has terms of orders
+q(p+1), 2q(p+1), … only, and the last of them must be seen. What is left out is less than (aτ)^(N+1) / (1 - aτ).
 """
 
 from __future__ import annotations
@@ -16,13 +17,14 @@ from typing import Any
 from granular._kernels import kernel
 from granular.md.located.clock import elapsed, root
 from granular.md.located.powers import power
-from granular.md.located.records import ACTIVE, DORMANT, LINEAR, OPEN, ORDER, RESIDUAL
+from granular.md.located.records import ACTIVE, DORMANT, LINEAR, OPEN, ORDER, RESIDUAL, STEEPEST
 
 REACH = (math.factorial(ORDER + 1) * 1e-17) ** (1.0 / (ORDER + 1))
 FURTHEST = 8.0
 """A step reaches at most this many times the scale it was computed with."""
-JUST = 1e-25
-"""Overlap, as a part of the block's, below which a closing pair has only just touched: far below rounding."""
+JUST = 1e-15
+"""Overlap, as a part of the block's, below which a closing pair has only just touched: what an event elsewhere in the
+block, located to rounding, leaves of a touch at the same instant."""
 DORMANCY = 1e-13
 """A pair that touches at rest sleeps up to this part of the typical overlap."""
 
@@ -96,6 +98,10 @@ def choose_clock(pairs: Any, lo: int, hi: int) -> int:
                 q = pair.q
             else:
                 pair.mode = DORMANT
+    for c in range(lo, hi):
+        pair = pairs[c]
+        if pair.mode == ACTIVE and pair.kind != LINEAR and pair.xi == 0.0 and q * pair.p > STEEPEST:
+            pair.mode = DORMANT
         if pair.mode == DORMANT:
             pair.wake = DORMANCY * amplitude(pair, pairs[lo].speed * pairs[lo].speed)
     return q
@@ -111,24 +117,68 @@ def scale(block: Any, q: int) -> float:
 
 
 @kernel
-def trusted(pairs: Any, lo: int, hi: int, tol: float) -> float:
-    """Return the θ up to which the computed coefficients hold to `tol`."""
-    block = pairs[lo]
-    worst = -math.inf
-    for j in range(ORDER - 5, ORDER + 1):
+def growth(pairs: Any, lo: int, hi: int, tol: float) -> float:
+    """Return ln a, the growth of the computed coefficients per order; -inf if there are none."""
+    block, first, worst = pairs[lo], ORDER - 5, -math.inf
+    for c in range(lo, hi):
+        first = min(first, last_sure_order(pairs[c], block.clock))
+    for j in range(first, ORDER + 1):
         largest = 0.0
         for c in range(lo, hi):
-            largest = max(largest, abs(pairs[c].x[j]) / block.length, abs(pairs[c].e[j]) / block.speed)
+            pair = pairs[c]
+            largest = max(largest, abs(pair.x[j]) / block.length, abs(pair.e[j]) / block.speed)
         if largest > 0.0:
             worst = max(worst, math.log(largest) / j)
+    for c in range(lo, hi):
+        pair = pairs[c]
+        if pair.mode == RESIDUAL and pair.s != 1.0:
+            if stays_clipped(pair, trusted(worst, tol)):
+                pair.g[0] = -1.0
+                for j in range(1, ORDER + 1):
+                    pair.g[j] = 0.0
+            else:
+                worst = max(worst, growth_of_bracket(pair, block.length))
+    return worst
+
+
+@kernel
+def growth_of_bracket(pair: Any, length: float) -> float:
+    """Return ln a of the coefficients of φ = k ξ^s + γη."""
+    worst, size = -math.inf, pair.k * power(length, pair.s)
+    for j in range(ORDER - 5, ORDER + 1):
+        if pair.g[j] != 0.0:
+            worst = max(worst, math.log(abs(pair.g[j]) / size) / j)
+    return worst
+
+
+@kernel
+def stays_clipped(pair: Any, theta: float) -> bool:
+    """Return whether φ = k ξ^s + γη is negative up to θ: by bounds of ξ and η, for φ is singular where ξ goes to zero."""
+    xi, eta, t = pair.x[0], pair.e[0], 1.0
+    for j in range(1, ORDER + 1):
+        t *= theta
+        xi += max(0.0, pair.x[j] * t)
+        eta += max(0.0, pair.e[j] * t)
+    return bool(pair.k * power(xi, pair.s) + pair.gamma * eta < 0.0)
+
+
+@kernel
+def last_sure_order(pair: Any, q: int) -> int:
+    """Return the highest order that the rate of a contact just touched is sure to have."""
+    if pair.mode != ACTIVE or pair.x[0] != 0.0 or pair.kind == LINEAR:
+        return ORDER
+    period = int(q * (pair.p + 1.0) + 0.5)
+    return ORDER // period * period
+
+
+@kernel
+def trusted(worst: float, tol: float) -> float:
+    """Return the θ up to which coefficients that grow by ln a = `worst` hold to `tol`."""
     return math.exp(min(math.log(FURTHEST), math.log(tol) / ORDER - worst))
 
 
 @kernel
-def left_out(pairs: Any, lo: int, hi: int, tau: float) -> float:
-    """Estimate the truncation error of the piece as a part of its speed: the last term of the rates."""
-    largest = 0.0
-    for c in range(lo, hi):
-        largest = max(largest, abs(pairs[c].e[ORDER]), abs(pairs[c].e[ORDER - 1] * tau))
-    speed = pairs[lo].speed
-    return largest * elapsed(tau, ORDER, 1.0) / speed if speed > 0.0 else 0.0
+def left_out(worst: float, tau: float) -> float:
+    """Return what the piece leaves out up to τ, as a part of its speed."""
+    ratio = tau * math.exp(worst)
+    return elapsed(ratio, ORDER + 1, 1.0) / max(0.5, 1.0 - ratio)
