@@ -58,11 +58,14 @@ def next_event(pair: Any, span: float, work: Any) -> tuple[float, int]:
 
 @kernel
 def next_of_dormant(pair: Any, span: float, work: Any) -> tuple[float, int]:
-    """Return when a pair that touches at rest has been pressed enough to wake, or parts. (Linear ones never sleep.)"""
+    """Return when a pair that touches at rest has been pressed enough to wake, or parts. (Linear ones never sleep.)
+
+    The first forces beside it, far below rounding, may err to either side.
+    """
     if pair.kind == LINEAR:
         return span, NOTHING
-    xi, slack = pair.x[0], pair.wake if pair.kind == GENERAL else 0.0  # interpolated forces may err to either side
-    pair.x[0] = xi + slack
+    xi = pair.x[0]
+    pair.x[0] = xi + pair.wake
     tau, what = named(first_up_crossing(pair.x, span, work, -1.0), span, PART)
     pair.x[0] = xi - pair.wake
     again, begin = named(first_up_crossing(pair.x, tau, work), tau, BEGIN)

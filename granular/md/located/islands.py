@@ -14,7 +14,7 @@ from granular._kernels import kernel
 from granular.md.located.clock import elapsed, since, tau_at, tick
 from granular.md.located.contacts import follow
 from granular.md.located.flight import arrive, glide, predict
-from granular.md.located.modes import engage, pushes
+from granular.md.located.modes import AWAITED, NONE, engage, pushes
 from granular.md.located.piece import move
 from granular.md.located.plan import plan
 from granular.md.located.queue import play
@@ -94,7 +94,10 @@ def regroup(run: Any, pairs: Any, bodies: Any, queue: Any, work: Any, lo: int, l
             absorb(run, pairs, bodies, queue, work, hi, t, tail)
             hi = pairs[hi].hi
         pairs[lo].t, pairs[lo].tail = t, tail
-        if not engage(pairs, bodies, lo, hi):
+        found = engage(run, pairs, bodies, lo, hi)
+        if found == AWAITED:
+            return False
+        if found == NONE:
             break
     a = lo
     for c in range(lo + 1, hi + 1):

@@ -32,7 +32,7 @@ def act(run: Any, pairs: Any, bodies: Any, log: Any, c: int, what: int, block: A
     if what == END:
         pair.mode, pair.exact = RESIDUAL, 1
     else:
-        if pair.mode != DORMANT or pair.kind != GENERAL:
+        if pair.mode != DORMANT:
             pair.xi = 0.0
         pair.mode, pair.exact, pair.top, pair.loading = OPEN, 0, 0.0, 1
     return True
@@ -83,19 +83,28 @@ def touches(pair: Any) -> bool:
     return bool(pair.mode == OPEN and pair.xi == 0.0 and pair.eta == 0.0)
 
 
+NONE, SOME, AWAITED = range(3)
+"""What `engage` has found: no pair that touches at rest, some, or the contact at which the run is to stop."""
+
+
 @kernel
-def engage(pairs: Any, bodies: Any, lo: int, hi: int) -> bool:
-    """Make pairs dormant that touch at rest beside a force or under their own weight; return whether there were any."""
-    found = False
+def engage(run: Any, pairs: Any, bodies: Any, lo: int, hi: int) -> int:
+    """Make pairs dormant that touch at rest beside a force or under their own weight; return whether there were any.
+
+    Forces only push, so that such a contact is sure to begin at once, if no gravity pulls the pair apart.
+    """
+    found = NONE
     for sweep in range(2):
         for i in range(hi - lo):
             c = lo + i if sweep == 0 else hi - 1 - i
             if touches(pairs[c]) and (
                 pairs[c].pull > 0.0 or (c > lo and pushes(pairs[c - 1])) or (c + 1 < hi and pushes(pairs[c + 1]))
             ):
+                if c == run.until_pair and pairs[c].count + 1 == run.until_nth and pairs[c].pull >= 0.0:
+                    return AWAITED
                 begin_contact(pairs, bodies, c, pairs[lo])
                 pairs[c].mode = DORMANT
-                found = True
+                found = SOME
     return found
 
 
