@@ -128,6 +128,7 @@ def reset(s: Any, row: Any) -> None:
     run = s.run[0]
     n = len(s.pairs) - 1
     run.pairs, run.events, run.steps, run.begun, run.rows, run.error, run.t = n, 0, 0, 0, 0, 0.0, 0.0
+    run.piled, run.rests = 0, 0
     for b in range(n + 1):
         body = s.bodies[b]
         body.inverse_mass, body.v, body.t, body.tail = row[1 + 2 * b], row[2 + 2 * b], 0.0, 0.0

@@ -1,4 +1,4 @@
-"""Proof by modes that a linear pile rests: what energy cannot see in a strongly damped pile that creeps to its place.
+"""Piles of linear contacts by modes: a proof that one rests, which energy cannot see while it creeps, and its motion.
 
 A pile of linear contacts moves about its equilibrium as y = (ξ - ξ°, η) = Σ c_m V_m e^(λ_m t); the force of pair c is
 
@@ -6,11 +6,12 @@ A pile of linear contacts moves about its equilibrium as y = (ξ - ξ°, η) = �
 
 and with Re λ_m ≤ 0 it never falls below F°_c + Σ min(0, a_cm) over real λ_m - Σ |a_cm| over complex ones. If that is
 positive for every pair, no force ever vanishes, hence nothing else can happen. A creeping mode has a large amplitude,
-hence energy, but moves no force: k ξ and γ η cancel.
+hence energy, but moves no force: k ξ and γ η cancel. From then on y(t) = e^(At) y(0), at any time in one step.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ from granular.md.located.resting import pile, weight
 
 LARGEST = 100
 """Pairs beyond which the proof is not tried: it costs their number cubed."""
+SMOOTH = 1e-13
+"""Part of the static force up to which what swings is rounding: the rest creeps, and a series would take long."""
 SURE = 1e-6
 """Part of the static force by which the bound must be positive, against rounding in the modes."""
 
@@ -39,29 +42,82 @@ def matrices(pairs: list[Any]) -> Array:
     return out
 
 
-def creeps_to_rest(pairs: list[Any], bodies: list[Any]) -> bool:
-    """Return whether the scene is a pile on a floor whose contact forces are proved positive for ever."""
+def swinging(pairs: list[Any], bodies: list[Any]) -> float:
+    """Return what part of a contact force still swings, if the scene is a pile on a floor whose forces are proved positive
+    forever; inf if that is not proved."""
     n = len(bodies) - 1
     piled = pile(pairs, bodies, n, n)
     damped = all(p.kind == LINEAR and p.gamma > 0.0 for p in pairs[:piled])
     if piled == 0 or bodies[piled].inverse_mass == 0.0 or not damped:
-        return False
+        return math.inf
     static = np.cumsum([weight(body) for body in bodies[piled:0:-1]])[::-1]
     k, gamma = (np.array([getattr(p, name) for p in pairs[:piled]]) for name in ("k", "gamma"))
     y = np.array([p.xi for p in pairs[:piled]] + [p.eta for p in pairs[:piled]])
     y[:piled] -= static / k
     rates, modes = np.linalg.eig(matrices(pairs[:piled]))
     if np.linalg.cond(modes) > 1e12 or rates.real.max() > 0.0:
-        return False
+        return math.inf
     part = np.linalg.solve(modes, y.astype(complex))
     force = (k[:, None] * modes[:piled] + gamma[:, None] * modes[piled:]) * part
     lowest = np.where(rates.imag == 0.0, np.minimum(0.0, force.real), -abs(force)).sum(axis=1)
-    return bool(np.all(static + lowest > SURE * static))
+    if not np.all(static + lowest > SURE * static):
+        return math.inf
+    return float((np.where(rates.imag == 0.0, 0.0, abs(force)).sum(axis=1) / static).max())
 
 
-def slowest_decay(pairs: list[Any]) -> float:
-    """Return the time in s in which the slowest motion about the present state of a pile falls by e (inf: never)."""
-    rates = np.linalg.eigvals(matrices(pairs))
-    moving = rates[abs(rates) > 1e-9 * abs(rates).max()].real  # between two walls the sum of overlaps cannot move
-    slowest = -float(moving.max())
+def slowest_decay(pairs: list[Any], closed: bool) -> float:
+    """Return the time in s in which the slowest motion about the current state of a pile falls by e (inf: never).
+
+    Between two walls (`closed`) the sum of overlaps is fixed: no motion changes it.
+    """
+    a, n = matrices(pairs), len(pairs)
+    if closed:
+        free = np.linalg.qr(np.column_stack([np.ones(n), np.eye(n)[:, 1:]]))[0][:, 1:]
+        moving = np.kron(np.eye(2), free)
+        a = moving.T @ a @ moving
+    slowest = -float(np.linalg.eigvals(a).real.max())
     return 1.0 / slowest if slowest > 0.0 else float("inf")
+
+
+class Creep:
+    """The motion of a pile of linear contacts that stay closed forever, from an instant on."""
+
+    def __init__(self, pairs: list[Any], bodies: list[Any], elapsed: float) -> None:
+        """Start from the records of a pile on a floor, a time `elapsed` in s into the run."""
+        self.start, self.matrix = elapsed, matrices(pairs)
+        self.k, self.gamma, self.xi, eta = (
+            np.array([getattr(p, name) for p in pairs]) for name in ("k", "gamma", "xi", "eta")
+        )
+        self.load = np.cumsum([weight(body) for body in bodies[:0:-1]])[::-1]
+        self.y = np.concatenate([self.xi - self.load / self.k, eta])
+
+    def after(self, elapsed: float) -> tuple[Array, Array, Array, Array]:
+        """Overlaps (m), rates (m/s), forces (N), and impulses (N s) since the start, a time into the run."""
+        n, dt = len(self.k), elapsed - self.start
+        change = exponential_minus_one(self.matrix, dt) @ self.y
+        y = self.y + change
+        push = np.linalg.solve(self.matrix[n:, :n] / self.k, change[n:])  # A_21 = -WK, and -W∫(F - F°) dt = Δη
+        return y[:n] + self.load / self.k, y[n:], self.load + self.k * y[:n] + self.gamma * y[n:], self.load * dt + push
+
+    def highest(self, elapsed: float) -> tuple[Array, Array]:
+        """Largest overlaps and forces up to a time into the run: a creeping pile has them at its ends, or nearly so."""
+        looks = [self.after(self.start + (elapsed - self.start) * 0.5**i)[:3:2] for i in range(60)]
+        xi, force = (np.array(rows).max(axis=0) for rows in zip(*looks, strict=True))
+        return xi, force
+
+
+def exponential_minus_one(a: Array, dt: float) -> Array:
+    """Return e^(a dt) - 1 by its Taylor series and repeated squaring, E ← 2E + E², which keeps what is slow."""
+    n = len(a) // 2
+    size = np.repeat([math.sqrt(abs(a[n:, :n]).max()), 1.0], n)  # overlaps as rates
+    scaled = a * dt * size[:, None] / size
+    halvings = max(0, math.ceil(math.log2(max(abs(scaled).sum(axis=1).max(), 1e-300))) + 1)
+    step = scaled * 0.5**halvings
+    out = term = step
+    for j in range(2, 19):
+        term = term @ step / j
+        out = out + term
+    for _ in range(halvings):
+        out = 2.0 * out + out @ out
+    change: Array = out * size / size[:, None]
+    return change

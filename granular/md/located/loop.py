@@ -11,7 +11,7 @@ from granular.md.located.modes import act, activate
 from granular.md.located.plan import settle_series
 from granular.md.located.queue import play
 from granular.md.located.records import ACTIVE, FREE, OPEN
-from granular.md.located.resting import NOT_YET, RESTS, verdict
+from granular.md.located.resting import NOT_YET, RESTS, is_still, lie, verdict
 
 REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING = range(7)
 """Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
@@ -39,9 +39,12 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
             return STOPPED
         if block.fired < 0:
             proved = verdict(run, pairs, bodies, block.hi) if lo == 0 else NOT_YET
-            if proved == RESTS or (proved != NOT_YET and limit == math.inf):
+            if proved != NOT_YET and limit == math.inf:
                 return REST if proved == RESTS else BINDING
-            if not go_on(run, pairs, bodies, queue, work, lo, laws):
+            if proved == RESTS and is_still(pairs, run.piled):
+                lie(pairs, run.piled, block.hi)
+                play(queue, pairs, lo)
+            elif not go_on(run, pairs, bodies, queue, work, lo, laws):
                 return STOPPED
         elif not regroup(run, pairs, bodies, queue, work, lo, laws):
             return STOPPED
@@ -95,7 +98,7 @@ def gather(s: Any, t: float, laws: Any) -> None:
     while c < s.run[0].pairs:
         block = s.pairs[c]
         bring(s.run[0], s.pairs, s.bodies, s.work, c, t, 0.0)
-        if block.clock != FREE:
+        if block.clock != FREE and block.due < math.inf:
             settle_series(s.pairs, c, block.hi, laws, s.run[0])
         c = block.hi
 

@@ -48,6 +48,7 @@ _STATE = [
     ("noise", float),  # what the rounding of steps may have left in the rate so far, m/s
     ("exact", int),  # an event has just found φ = 0: keep it exactly so
     ("wake", float),  # overlap at which a dormant pair becomes active
+    ("load", float), ("rest", float),  # force in N and overlap in m in the static equilibrium of a pile
     ("top", float), ("loading", int),  # largest overlap so far, for laws with memory
 ]  # fmt: skip
 _BLOCK = [  # of the block that starts with this pair; `first` is the start of the block a pair is in
@@ -79,7 +80,8 @@ RUN = np.dtype(
         ("pairs", int), ("tol", float), ("t", float),
         ("events", int), ("steps", int), ("max_events", int), ("max_steps", int), ("pause", int), ("error", float),
         ("until_pair", int), ("until_nth", int), ("separated", int),
-        ("log", int), ("rows", int), ("begun", int), ("energy", float), ("barrier", float),
+        ("log", int), ("rows", int), ("begun", int),
+        ("piled", int), ("energy", float), ("opening", float), ("barrier", float), ("rests", int),
     ],
     align=True,
 )  # fmt: skip

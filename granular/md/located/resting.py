@@ -10,7 +10,8 @@ so that it needs at least the least value on 0 ≤ ξ ≤ ξ° of
     U(ξ) - U(ξ°) - F° (ξ - ξ°) + ½ m_eff (k ξ^s / γ)² ,
 
 F°²/(2 (k + γ²/m_eff)) for a dashpot; for γ = 0 it has to part, ξ = 0. Less energy than that in every contact: no force
-vanishes for ever after, hence nothing opens, hence nothing else can happen.
+vanishes forever after, hence nothing opens, hence nothing else can happen. The equilibrium is the same at every look:
+loads are weights, and between two walls at rest the overlaps have a constant sum.
 """
 
 from __future__ import annotations
@@ -20,37 +21,85 @@ from typing import Any
 
 from granular._kernels import kernel
 from granular.md.located.powers import power
-from granular.md.located.records import ACTIVE, ELASTIC, GENERAL, LINEAR, OPEN
+from granular.md.located.records import ACTIVE, ELASTIC, GENERAL, LINEAR, OPEN, ORDER
 
 NOT_YET, RESTS, BOUND = range(3)
-"""Verdicts: nothing proved; rests, with damping in every contact; bound for ever, but not damped in every contact."""
+"""Verdicts: nothing proved; rests, with damping in every contact; bound forever, but not damped in every contact."""
+STILL = 1e-14
+"""Part of the static overlaps, and of their natural rates, up to which a pile that rests is taken to be still."""
+LONG = 2.0**300
+"""Scale in s of the piece of a pile that is still: longer than any run."""
 
 
 @kernel
 def verdict(run: Any, pairs: Any, bodies: Any, hi: int) -> int:
     """Return what is proved of the block of pairs 0 … hi-1; notes energy and barrier in the run's record."""
+    if run.rests == 1:
+        return RESTS
     piled = pile(pairs, bodies, run.pairs, hi)
     if piled == 0:
         return NOT_YET
-    top = squeeze(pairs, bodies, piled) if bodies[piled].inverse_mass == 0.0 else 0.0
-    energy, barrier, damped = kinetic(pairs, bodies, piled), math.inf, True
-    load = top
+    if piled != run.piled:
+        find_equilibrium(run, pairs, bodies, piled)
+    energy = kinetic(pairs, bodies, piled)
+    if energy >= run.opening:
+        return NOT_YET
     for c in range(piled - 1, -1, -1):
-        load += weight(bodies[c + 1])
-        rest = overlap_under(pairs[c], load)
-        energy += excess(pairs[c], pairs[c].xi, rest, load)
-        barrier = min(barrier, excess(pairs[c], 0.0, rest, load))
+        energy += excess(pairs[c], pairs[c].xi, pairs[c].rest, pairs[c].load)
+    if energy >= run.opening:
+        return NOT_YET
+    damped = True
+    for c in range(piled):
         damped = damped and pairs[c].gamma > 0.0
-    if energy >= barrier:
+    if run.barrier == math.inf:
+        run.barrier = run.opening
+        for c in range(piled - 1, -1, -1):
+            run.barrier = min(run.barrier, hurdle(pairs[c], pairs[c].load))
+    run.energy = energy
+    if energy >= (1.0 - 1e-9) * run.barrier:
         return NOT_YET
-    load = top
+    run.rests = 1 if damped else 0
+    return RESTS if damped else BOUND
+
+
+@kernel
+def find_equilibrium(run: Any, pairs: Any, bodies: Any, piled: int) -> None:
+    """Set the static load and overlap of every pair of a pile, and the least energy in J with which one of them opens."""
+    load = squeeze(pairs, bodies, piled) if bodies[piled].inverse_mass == 0.0 else 0.0
+    run.piled, run.opening, run.barrier = piled, math.inf, math.inf
     for c in range(piled - 1, -1, -1):
         load += weight(bodies[c + 1])
-        barrier = min(barrier, hurdle(pairs[c], load))
-    run.energy, run.barrier = energy, barrier
-    if energy >= (1.0 - 1e-9) * barrier:
-        return NOT_YET
-    return RESTS if damped else BOUND
+        pairs[c].load, pairs[c].rest = load, overlap_under(pairs[c], load)
+        run.opening = min(run.opening, excess(pairs[c], 0.0, pairs[c].rest, load))
+
+
+@kernel
+def is_still(pairs: Any, piled: int) -> bool:
+    """Return whether a pile has come so near to its equilibrium that the difference is rounding."""
+    for c in range(piled):
+        pair = pairs[c]
+        rate = math.sqrt(pair.k * pair.p * power(pair.rest, pair.p) / pair.rest * pair.inverse)
+        if abs(pair.xi - pair.rest) > STILL * pair.rest or abs(pair.eta) > STILL * pair.rest * rate:
+            return False
+    return True
+
+
+@kernel
+def lie(pairs: Any, piled: int, hi: int) -> None:
+    """Put a pile that is still into its equilibrium, with a piece that has no end."""
+    block = pairs[0]
+    block.clock, block.h, block.tau, block.fired = 1, LONG, math.inf, -1
+    block.wait, block.due = math.inf, math.inf
+    for c in range(hi):
+        pair = pairs[c]
+        if c < piled:
+            pair.xi = pair.rest
+        pair.eta = 0.0
+        for j in range(ORDER + 1):
+            pair.x[j], pair.e[j], pair.f[j], pair.g[j] = 0.0, 0.0, 0.0, 0.0
+        pair.x[0] = pair.xi
+        if c < piled:
+            pair.f[0], pair.g[0] = pair.load, pair.load
 
 
 @kernel

@@ -14,7 +14,7 @@ from granular._kernels import compiled, have_numba, in_memory
 from granular.md.located import loop
 from granular.md.located.build import build, limit, power_law
 from granular.md.located.collocation import Collocation
-from granular.md.located.creep import LARGEST, creeps_to_rest, slowest_decay
+from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
 from granular.md.located.readout import look, velocities
 from granular.md.located.records import ACTIVE, BODY, GENERAL, LOG_ROW, PAIR, RUN, packed, plain, to_compiled, to_plain
 from granular.scene import Scene, positions
@@ -83,7 +83,8 @@ class Run:
         self.on_event, self.on_progress = on_event, on_progress
         self.rows: list[list[float]] = []
         self.samples: list[tuple[Any, ...]] = []
-        self.reported, self.proved = 0, False
+        self.reported, self.bound = 0, False
+        self.creep: Creep | None = None
         self.s: Any = build(scene, laws, 0.0)
         self.collocation = Collocation(laws, scene.pairs) if self.s.pairs["kind"][0] == GENERAL else None
         self.kernels: Callable[[Any], Any] = lambda kernel: kernel
@@ -120,7 +121,7 @@ class Run:
 
     def advance(self, limit: float) -> Status | None:
         """Go on to time `limit`; return why the run ends before, or None."""
-        while True:
+        while self.creep is None:
             chunk = COMPILED_CHUNK if self.engine == "compiled" else PLAIN_CHUNK
             why = self.kernels(loop.advance)(self.s, limit, chunk, self.collocation)
             self.flush()
@@ -129,29 +130,38 @@ class Run:
             if why != loop.MORE:
                 return self.end(why)
             if self.counters.steps >= self.counters.pause:
-                if self.creeps():
+                if self.rests(limit):
                     return Status.resting
                 self.kernels(loop.pause_later)(self.s)
             if self.engine == "auto":
                 self._compile_if_worth_it()
+        return Status.resting if limit == math.inf else None
 
-    def creeps(self) -> bool:
-        """Return whether the scene is proved to creep to rest; looked at after 256, 512, 1024 … pieces."""
+    def rests(self, limit: float) -> bool:
+        """Return whether the scene is proved to come to rest, which ends a run without limit; else, if it creeps, let it.
+
+        Looked at after 256, 512, 1024 … pieces.
+        """
         n = self.scene.n
         if not self.scene.is_wall[0] or n - 1 > LARGEST:
             return False
         bodies = plain(self.s.bodies) if self.engine == "compiled" else self.s.bodies
-        self.proved = creeps_to_rest(self.records(list(range(n - 1))), bodies)
-        return self.proved
+        pairs = self.records(list(range(n - 1)))
+        part = swinging(pairs, bodies)
+        if part < (math.inf if limit == math.inf else SMOOTH):
+            piled = sum(p.mode == ACTIVE for p in pairs)
+            self.creep = Creep(pairs[:piled], bodies[: piled + 1], float(pairs[0].t))
+        return limit == math.inf and self.creep is not None
 
     def end(self, why: int) -> Status:
         """Note and return the status in which the loop ended."""
-        status = {
+        self.bound = why == loop.BINDING
+        if why == loop.QUIET and self.counters.rests:
+            return Status.resting
+        return {
             loop.STOPPED: Status.until, loop.QUIET: Status.quiet, loop.WORK: Status.max_events,
             loop.REST: Status.resting, loop.BINDING: Status.quiet,
         }[why]  # fmt: skip
-        self.proved = why in (loop.REST, loop.BINDING)
-        return status
 
     def _compile_if_worth_it(self) -> None:
         if self.counters.steps * self.counters.pairs > WORTH_COMPILING:
@@ -178,16 +188,31 @@ class Run:
         n = self.scene.n - 1
         rows = [[0.0] * n for _ in range(3)] if self.engine != "compiled" else np.zeros((3, n))
         self.kernels(look)(self.s.pairs, n, t, rows[0], rows[1], rows[2])
+        if self.creep is not None:
+            self.follow_creep(t, rows)
         self.samples.append((t, *map(list, rows)))
+
+    def follow_creep(self, t: float, rows: Any) -> None:
+        """Put a pile that creeps into `rows` as it is a time `t` after the start; a gap above it grows as it sinks."""
+        assert self.creep is not None
+        xi, eta, force = self.creep.after(t)[:3]
+        piled = len(xi)
+        for row, values in zip(rows, (xi, eta, force), strict=True):
+            row[:piled] = values
+        if piled < self.scene.n - 1:
+            rows[0][piled] -= float((xi - self.creep.xi).sum())
+            rows[1][piled] = -float(eta.sum())
 
     def result(self, status: Status, span: float, samples: Array | None, log: bool) -> Trajectory:
         """Return the trajectory up to where the run has come."""
         r = self.counters
-        end = span if status is Status.time else float(r.t)
-        self.kernels(loop.gather)(self.s, end, self.collocation)
+        begun = float(r.t) if self.creep is None else self.creep.start
+        end = span if status is Status.time else max([begun, *(row[0] for row in self.samples[-1:])])
+        if self.creep is None:
+            self.kernels(loop.gather)(self.s, end, self.collocation)
         if samples is None or status is not Status.time:
             self.sample(end)
-        rows = contact_rows(self.rows + self.still_open() if log else [], self.t_start)
+        rows = contact_rows(self.rows + self.still_open(end) if log else [], self.t_start)
         elapsed, xi, eta, force = (np.array(column, np.float64) for column in zip(*self.samples, strict=True))
         position, velocity = positions(self.scene, -xi, elapsed), velocities(self.scene, -eta, elapsed)
         time = self.t_start + elapsed
@@ -200,8 +225,8 @@ class Run:
             {
                 "engine": "compiled" if self.engine == "compiled" else "plain",
                 "steps": int(r.steps), "events": int(r.events), "contacts": int(r.begun),
-                "error_estimate": float(r.error),
-                "shared_impulse": math.fsum(self.column("shared")),
+                "error_estimate": float(r.error), "resting": bool(r.rests) or self.creep is not None,
+                "shared_impulse": math.fsum([*self.column("shared"), self.crept(end)[1] if log else 0.0]),
             },
             {"pairs": packed(self.s.pairs, PAIR), "bodies": packed(self.s.bodies, BODY), "run": packed(self.s.run, RUN)}
             if self.engine != "compiled"
@@ -211,11 +236,13 @@ class Run:
     def message(self, status: Status, r: Any, t: float) -> str:
         """Return the sentence of a status with its numbers."""
         sentence = f"{status.value} (t = {t:.6g} s, {r.begun} contacts, {r.steps} steps)"
-        if not self.proved:
+        if not (r.rests or self.bound or self.creep):
             return sentence
+        if status is Status.time:
+            sentence += "; the balls rest on each other"
         piled = [c for c, mode in enumerate(self.column("mode")) if mode == ACTIVE]
-        decay = slowest_decay(self.records(piled))
-        if r.energy < r.barrier:
+        decay = slowest_decay(self.records(piled), bool(self.scene.is_wall[[0, piled[-1] + 1]].all()))
+        if self.creep is None:
             energies = f"{r.energy:.3g} J, is less than the {r.barrier:.3g} J that"
             why = f"the energy about the equilibrium, {energies} the first contact needs to open"
         else:
@@ -233,14 +260,27 @@ class Run:
         """Return the records of some pairs as plain objects."""
         return plain(self.s.pairs[which]) if self.engine == "compiled" else [self.s.pairs[c] for c in which]
 
-    def still_open(self) -> list[list[float]]:
+    def still_open(self, end: float) -> list[list[float]]:
         """Log rows of contacts that go on at the end."""
         nan = math.nan
         going = [c for c, begun in enumerate(self.column("begun")) if begun]
-        return [
+        rows = [
             [c, p.begin, nan, p.lasted, p.lower_in, p.upper_in, nan, nan, p.xi_max, p.force_max, p.impulse]
             for c, p in zip(going, self.records(going), strict=True)
         ]
+        if self.creep is not None:
+            impulse, _ = self.crept(end)
+            for row, xi, force, more in zip(rows, *self.creep.highest(end), impulse, strict=True):
+                row[3] += end - self.creep.start
+                row[8], row[9], row[10] = max(row[8], xi), max(row[9], force), row[10] + more
+        return rows
+
+    def crept(self, end: float) -> tuple[list[float], float]:
+        """Impulse of each pair since it creeps, and how much of it neighbours share."""
+        if self.creep is None:
+            return [], 0.0
+        impulse = self.creep.after(end)[3].tolist()
+        return impulse, math.fsum(impulse) if len(impulse) > 1 else 0.0
 
 
 def contact_rows(rows: list[list[float]], t_start: float) -> np.ndarray[tuple[int], np.dtype[np.void]]:
