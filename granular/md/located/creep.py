@@ -43,8 +43,7 @@ def matrices(pairs: list[Any]) -> Array:
 
 
 def swinging(pairs: list[Any], bodies: list[Any]) -> float:
-    """Return what part of a contact force still swings, if the scene is a pile on a floor whose forces are proved positive
-    forever; inf if that is not proved."""
+    """Return what part of a static contact force still swings; inf if the forces are not proved positive forever."""
     n = len(bodies) - 1
     piled = pile(pairs, bodies, n, n)
     damped = all(p.kind == LINEAR and p.gamma > 0.0 for p in pairs[:piled])

@@ -11,7 +11,6 @@ from granular.md.located.clock import tick
 from granular.md.located.events import BEGIN, PART
 from granular.md.located.records import FREE, OPEN, RESIDUAL
 
-
 DRIFT = 4.0
 """Balls that close at less than this many times the noise of their rate are taken to drift along side by side."""
 

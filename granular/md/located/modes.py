@@ -59,7 +59,7 @@ def activate(run: Any, pairs: Any, bodies: Any, c: int, block: Any) -> bool:
 
 @kernel
 def pushes(pair: Any) -> bool:
-    """Return whether the pair needs a power series: a force, or one that may return, by a bracket that is no quadratic."""
+    """Return whether the pair needs a power series: a force, or one that may return by a bracket that is no quadratic."""
     return bool(pair.mode == ACTIVE or pair.mode == DORMANT or (pair.mode == RESIDUAL and not flies(pair)))
 
 

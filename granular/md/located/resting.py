@@ -64,7 +64,10 @@ def verdict(run: Any, pairs: Any, bodies: Any, hi: int) -> int:
 
 @kernel
 def find_equilibrium(run: Any, pairs: Any, bodies: Any, piled: int) -> None:
-    """Set the static load and overlap of every pair of a pile, and the least energy in J with which one of them opens."""
+    """Set the static load and overlap of every pair of a pile, and the least energy in J with which one of them opens.
+
+    That is without damping, where it has to part; a `hurdle` is lower.
+    """
     load = squeeze(pairs, bodies, piled) if bodies[piled].inverse_mass == 0.0 else 0.0
     run.piled, run.opening, run.barrier = piled, math.inf, math.inf
     for c in range(piled - 1, -1, -1):

@@ -138,7 +138,7 @@ class Run:
         return Status.resting if limit == math.inf else None
 
     def rests(self, limit: float) -> bool:
-        """Return whether the scene is proved to come to rest, which ends a run without limit; else, if it creeps, let it.
+        """Return whether the scene is proved to come to rest, which ends a run without limit; if it creeps, let it.
 
         Looked at after 256, 512, 1024 … pieces.
         """

@@ -4,9 +4,9 @@
 absolute row sums of M⁻¹K and M⁻¹C over the touching pairs; λh = `REACH` leaves (λh)^(N+1)/(N+1)! = 1e-17.
 
 *Others*: h is only a scale. The coefficients themselves say how far they may be trusted, θ = tol^(1/N) / a with
-a = max_j A_j^(1/j) and A_j the largest |ξ_j|/X, |η_j|/V, and of clipped pairs |φ_j|/(k X^s), of the block. The maximum is
-over the last six orders j, and over more where a contact begins: its series is lacunary, F = k ξ^p has terms of orders
-q(p+1), 2q(p+1), … only, and the last of them must be seen. What is left out is less than (aτ)^(N+1) / (1 - aτ).
+a = max_j A_j^(1/j) and A_j the largest |ξ_j|/X, |η_j|/V, and of clipped pairs |φ_j|/(k X^s), of the block. The maximum
+is over the last six orders j, and over more where a contact begins: its series is lacunary, F = k ξ^p has terms of
+orders q(p+1), 2q(p+1), … only, and the last of them must be seen. Left out is less than (aτ)^(N+1) / (1 - aτ).
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ def growth_of_bracket(pair: Any, length: float) -> float:
 
 @kernel
 def stays_clipped(pair: Any, theta: float) -> bool:
-    """Return whether φ = k ξ^s + γη is negative up to θ: by bounds of ξ and η, for φ is singular where ξ goes to zero."""
+    """Return whether φ = k ξ^s + γη is negative up to θ: by bounds of ξ and η, for φ is singular where ξ is zero."""
     xi, eta, t = pair.x[0], pair.e[0], 1.0
     for j in range(1, ORDER + 1):
         t *= theta
