@@ -21,7 +21,7 @@ from granular.md.located.records import (
     System,
     new_system,
 )
-from granular.scene import Pair, Scene
+from granular.scene import Pair, Scene, speed_scale
 
 LARGEST_Q = 4
 
@@ -35,8 +35,9 @@ def build(scene: Scene, laws: tuple[Any, ...], t: float) -> System:
     pairs["lower"], pairs["upper"] = scene.inverse_mass[:-1], scene.inverse_mass[1:]
     pairs["inverse"] = pairs["lower"] + pairs["upper"]
     pairs["pull"], pairs["xi"], pairs["eta"], pairs["t"] = scene.pull, -scene.gap, -np.diff(scene.velocity), t
+    speed = speed_scale(scene)
     for record, law, pair in zip(pairs, laws, scene.pairs, strict=True):
-        _describe(record, law, pair)
+        _describe(record, law, pair, speed)
     if (pairs["kind"] == GENERAL).any():  # one law beyond powers, and every law is evaluated as it stands
         pairs["kind"], pairs["s"] = GENERAL, 0.0
     for record, law, pair in zip(pairs, laws, scene.pairs, strict=True):
@@ -54,14 +55,18 @@ def limit(s: System, until: stop.Until | None, tol: float, max_events: int, max_
     r["separated"] = int(isinstance(until, stop.Separated))
 
 
-def _describe(record: Any, law: Any, pair: Pair) -> None:
+def _describe(record: Any, law: Any, pair: Pair, speed: float) -> None:
     """Note what kind of law a pair has, and its coefficients."""
     record["m_eff"], record["r_eff"], record["index"] = pair.m_eff, pair.r_eff, pair.index
     record["memory"] = int(getattr(law, "memory", False))
     form = power_law(law, pair)
-    record["kind"], record["q"] = (GENERAL, 2) if form is None else kind_and_q(*form)
     record["loading"] = 1
-    k, p, gamma, d = _rough_form(law, pair) if form is None else form
+    if form is None:
+        k, p, record["q"] = _rough_form(law, pair, speed)
+        record["kind"], form = GENERAL, (k, p, 0.0, 0.0)
+    else:
+        record["kind"], record["q"] = kind_and_q(*form)
+    k, p, gamma, d = form
     d = factor(p, gamma, d)
     for name, value in (("k", k), ("p", p), ("gamma", gamma), ("d", d), ("s", p - d)):
         record[name] = value
@@ -73,12 +78,28 @@ def power_law(law: Any, pair: Pair) -> tuple[float, float, float, float] | None:
     return form if form is not None and kind_and_q(*form)[0] != GENERAL else None
 
 
-def _rough_form(law: Any, pair: Pair) -> tuple[float, float, float, float]:
-    """Return an elastic power law of about the size of `law`, which sets the scale of first steps."""
-    p = float(getattr(law, "exponent", 1.5))
+def _rough_form(law: Any, pair: Pair, speed: float) -> tuple[float, float, int]:
+    """Return k and p of a power law of about the size of `law`, and 1 if its force begins smoothly in time, else 2.
+
+    It sets scales, as of first steps; matched at the overlap that an impact at `speed` reaches.
+    """
     xi = 1e-3 * pair.r_eff if 0.0 < pair.r_eff < math.inf else 1e-3
-    k = abs(_bounded(law, xi, pair)) / xi**p
-    return (k if 0.0 < k < math.inf else 1.0), p, 0.0, 0.0
+    energy = pair.m_eff * speed * speed
+    for factor in (4.0, 0.25):
+        while 1e-100 < xi < 1e100 and energy > 0.0 and (abs(_bounded(law, xi, pair)) * xi < energy) == (factor > 1.0):
+            xi *= factor
+    p, onset = (_slope(law, x, pair) for x in (xi, 1e-6 * xi))
+    k = abs(_bounded(law, xi, pair)) / math.pow(xi, p)
+    smooth = abs(onset - round(onset)) < 1e-3
+    return (k if 0.0 < k < math.inf else 1.0), p, (1 if smooth else 2)
+
+
+def _slope(law: Any, xi: float, pair: Pair) -> float:
+    """Return d ln F / d ln ξ at rest at overlap `xi`, within [1, 16]; 1.5 where it cannot be told."""
+    near, far = abs(_bounded(law, xi, pair)), abs(_bounded(law, 1.01 * xi, pair))
+    if not 0.0 < near < math.inf or not 0.0 < far < math.inf:
+        return 1.5
+    return min(max(1.0, math.log(far / near) / math.log(1.01)), STEEPEST)
 
 
 def _bounded(law: Any, xi: float, pair: Pair) -> float:

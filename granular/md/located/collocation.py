@@ -2,12 +2,14 @@
 
 The forces are evaluated at 16 Gauss points of the step and interpolated; the polynomials of rate and overlap follow by
 exact integration, and the forces are evaluated anew there until nothing changes (Picard). The interpolant's last
-Legendre coefficients say whether the step resolves the force; if not, it is halved. This part is interpreted only.
+Legendre coefficients say whether the step resolves the force, and so does the law itself at both ends, for a kink
+between an end and the outermost node shows at no node; if not, it is halved. This part is interpreted only.
 """
 
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +17,11 @@ from numpy.polynomial import legendre, polynomial
 
 from granular._check import Array
 from granular.laws import traits
+from granular.md.located.events import NOTHING
+from granular.md.located.piece import value
 from granular.md.located.records import ACTIVE, DORMANT, OPEN, ORDER
+from granular.md.located.signs import next_event
+from granular.md.located.steps import amplitude
 from granular.scene import Pair
 
 POINTS = 16
@@ -24,7 +30,7 @@ SMALLEST = 2e-15
 """The tolerance cannot be smaller: interpolated forces carry their rounding."""
 ULP = 2.0**-52
 HYSTERESIS = 1e-13
-"""A force counts as zero only this part of its largest value in the piece below it, for interpolation leaves noise."""
+"""Where an interpolated force is within this part of its largest value in the piece, its sign is in doubt."""
 
 
 def _shifted_legendre() -> Array:
@@ -43,6 +49,10 @@ _X, _WEIGHT = legendre.leggauss(POINTS)
 NODES = 0.5 * (_X + 1.0)
 TO_LEGENDRE = legendre.legvander(_X, POINTS - 1).T * _WEIGHT * (np.arange(POINTS)[:, None] + 0.5)
 TO_POWERS = _shifted_legendre()
+TO_ENDS = np.array([(-1.0) ** np.arange(POINTS), np.ones(POINTS)]) @ TO_LEGENDRE
+"""Values at both ends of what is given at the nodes."""
+WHOLE = 0.5 * _WEIGHT[:, None]
+"""Integral over the step of what is given at the nodes."""
 _PRIMITIVE = np.array([legendre.legint([0.0] * k + [0.5], lbnd=-1) @ legendre.legvander(_X, k + 1).T
                        for k in range(POINTS)])
 INTEGRATE = _PRIMITIVE.T @ TO_LEGENDRE
@@ -54,12 +64,14 @@ class Collocation:
 
     def __init__(self, laws: tuple[Any, ...], pairs: tuple[Pair, ...]) -> None:
         self.laws, self.pairs = laws, pairs
-        self.evaluations = 0
+        self.doubt = [0.0] * len(laws)  # N, of the interpolated forces of the current pieces
 
     def force(self, c: int, xi: float, eta: float, top: float, loading: int) -> float:
-        """Unclipped force in N of pair `c`, continued beyond ξ = 0 as -F(-ξ, -η), for interpolation only."""
+        """Unclipped force in N of pair `c`; beyond ξ = 0, or the largest overlap while unloading, a mirror image of it.
+
+        Images serve interpolation only; they keep value and slope, so that the law's own branches end at events.
+        """
         law, pair = self.laws[c], self.pairs[c]
-        self.evaluations += 1
         try:
             return self._evaluate(law, pair, xi, eta, top, loading)
         except OverflowError:  # the trial step is too long
@@ -67,17 +79,24 @@ class Collocation:
 
     @staticmethod
     def _evaluate(law: Any, pair: Pair, xi: float, eta: float, top: float, loading: int) -> float:
-        if getattr(law, "memory", False):
-            xi = max(0.0, xi)
+        if not getattr(law, "memory", False):
+            if xi < 0.0:
+                return -traits.evaluate(law, -xi, -eta, pair, -xi)
+            return traits.evaluate(law, xi, eta, pair, xi)
+
+        def branch(xi: float, eta: float) -> float:
             return traits.evaluate(law, xi, eta, pair, max(top, xi) if loading else top)
+
         if xi < 0.0:
-            return -traits.evaluate(law, -xi, -eta, pair, -xi)
-        return traits.evaluate(law, xi, eta, pair, xi)
+            return branch(0.0, eta) + branch(0.0, -eta) - branch(min(-xi, top) if not loading else -xi, -eta)
+        if not loading and xi > top:
+            return branch(top, eta) + branch(top, -eta) - branch(max(0.0, 2.0 * top - xi), -eta)
+        return branch(xi, eta)
 
     def fill(self, records: Any, lo: int, hi: int, tol: float) -> float:
         """Compute the piece of the block lo … hi-1 on τ in [0, 1], set its h and clock; return its truncation error."""
         block, pairs = records[lo], records[lo:hi]
-        block.clock = 2 if any(p.mode == ACTIVE and p.xi == 0.0 and p.p != 1.0 for p in pairs) else 1
+        block.clock = 2 if any(p.mode == ACTIVE and p.xi == 0.0 and p.q > 1 for p in pairs) else 1
         reach = 0.2 * block.length / block.speed if block.speed > 0.0 else 1.0
         if block.stride > 0.0 and block.clock == 1:
             reach = block.stride
@@ -94,8 +113,31 @@ class Collocation:
             self._check_nodes(pairs, lo, block.h, block.clock)
         growth = (allowed / miss) ** (1.0 / POINTS) if miss > 0.0 else 2.0
         block.stride = reach * min(2.0, 0.9 * growth)
-        self._write(pairs, force, block.h, block.clock)
+        self._write(pairs, lo, force, block.h, block.clock)
         return miss / block.speed if block.speed > 0.0 else 0.0
+
+    def locate(self, records: Any, lo: int, hi: int, work: Any) -> None:
+        """Find the event that ends the piece of block lo … hi-1; it ends at τ = 1 if there is none."""
+        block = records[lo]
+        block.tau, block.fired, block.what = 1.0, -1, NOTHING
+        for c in range(lo, hi):
+            p = records[c]
+            pushes = partial(self._pushes, c, p, 1e-3 * block.length)
+            tau, what = next_event(p, pushes, self.doubt[c], block.tau, work)
+            if tau <= block.tau and what != NOTHING:
+                block.tau, block.fired, block.what = tau, c, what
+
+    def pushes_at_touch(self, c: int, p: Any) -> bool:
+        """Return whether pair `c`, which has just closed at a rate > 0, is pushed apart at once, and not only later."""
+        depth = amplitude(p, p.eta * p.eta)
+        force = self.force(c, 1e-9 * depth, p.eta, 0.0, 1)
+        return force > 0.0 or (force == 0.0 and self.force(c, 1e-3 * depth, p.eta, 0.0, 1) > 0.0)
+
+    def _pushes(self, c: int, p: Any, shallow: float, tau: float) -> bool:
+        """Return whether the law of pair `c` pushes at τ; up to a `shallow` overlap its force may be 0 by underflow."""
+        xi = value(p.x, tau)
+        force = self.force(c, xi, value(p.e, tau), p.top, p.loading)
+        return force > 0.0 or (force == 0.0 and xi < shallow)
 
     def _check_start(self, pairs: list[Any], lo: int) -> None:
         """Raise if a force at the start of the step is no number, or if nothing stops an overlap."""
@@ -147,10 +189,18 @@ class Collocation:
             if settled or (change < 1e-13 * largest and change >= worst):
                 tail = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1)
                 noise = np.maximum(4.0 * grain, np.where(acts, 0.0, HYSTERESIS * abs(force).max(axis=1)))
-                tail = np.where(tail > noise, tail, 0.0)
-                return force, float((tail * own[:, 0]).max()) * h**q / POINTS
+                tail = np.where(tail > noise, tail, 0.0) / POINTS
+                last = xi0 + (eta * pace) @ WHOLE, eta0 + (push * pace) @ WHOLE
+                ends = self._miss_at_ends(pairs, lo, force, (np.hstack([xi0, last[0]]), np.hstack([eta0, last[1]])))
+                beyond = np.where(ends > noise, ends, 0.0) * (1.0 - NODES[-1])
+                return force, float((np.maximum(tail, beyond) * own[:, 0]).max()) * h**q
             worst = change
         return force, math.inf
+
+    def _miss_at_ends(self, pairs: list[Any], lo: int, force: Array, ends: tuple[Array, Array]) -> Array:
+        """How far the interpolated forces in N are from the laws at both `ends` (overlaps, rates) of the step."""
+        miss: Array = abs(force @ TO_ENDS.T - self._forces(pairs, lo, *ends)).max(axis=1)
+        return miss
 
     def _grain(self, pairs: list[Any], lo: int, xi: Array, eta: Array) -> Array:
         """How much of each force one rounding of its overlap moves, where that is far more than the force's own."""
@@ -168,16 +218,16 @@ class Collocation:
                 force[i] = [self.force(lo + i, x, e, p.top, p.loading) for x, e in at]
         return force
 
-    def _write(self, pairs: list[Any], force: Array, h: float, q: int) -> None:
-        """Write the rows: forces from their interpolants, rates and overlaps by integration, g = F ± hysteresis."""
+    def _write(self, pairs: list[Any], lo: int, force: Array, h: float, q: int) -> None:
+        """Write the rows: forces from their interpolants (in g clipped ones too), rates and overlaps by integration."""
         rows = (force @ TO_LEGENDRE.T) @ TO_POWERS
         doubt = np.maximum(HYSTERESIS * abs(force).max(axis=1), 8.0 * abs(force @ TO_LEGENDRE[-2:].T).max(axis=1))
+        self.doubt[lo : lo + len(pairs)] = doubt.tolist()
         sigma = q * h**q
-        for p, row, noise in zip(pairs, rows.tolist(), doubt.tolist(), strict=True):
+        for p, row in zip(pairs, rows.tolist(), strict=True):
             series = row + [0.0] * (ORDER + 1 - POINTS)
             p.f = series if p.mode == ACTIVE else [0.0] * (ORDER + 1)
             p.g = list(series)
-            p.g[0] += noise if p.mode == ACTIVE else -noise
         for i, p in enumerate(pairs):
             below = pairs[i - 1].f if i > 0 else [0.0] * POINTS
             above = pairs[i + 1].f if i + 1 < len(pairs) else [0.0] * POINTS

@@ -19,7 +19,7 @@ from typing import Any
 
 from granular._kernels import kernel
 from granular._roots import first_up_crossing
-from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, GENERAL, LINEAR, OPEN
+from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, OPEN
 
 NOTHING, BEGIN, END, PART, TURN, RELOAD = range(6)
 
@@ -42,8 +42,6 @@ def next_event(pair: Any, span: float, work: Any) -> tuple[float, int]:
     """Return the τ of the first event of a pair within [0, span], and which it is."""
     if pair.mode == OPEN:
         return named(first_up_crossing(pair.x, span, work), span, BEGIN)
-    if pair.mode == ACTIVE and pair.kind == GENERAL:
-        return next_of_general(pair, span, work)
     if pair.mode == ACTIVE:
         if pair.kind == ELASTIC or (pair.kind == LINEAR and pair.gamma == 0.0):
             return named(first_up_crossing(pair.x, span, work, -1.0), span, PART)
@@ -71,26 +69,6 @@ def next_of_dormant(pair: Any, span: float, work: Any) -> tuple[float, int]:
     again, begin = named(first_up_crossing(pair.x, tau, work), tau, BEGIN)
     pair.x[0] = xi
     return (again, begin) if begin == BEGIN else (tau, what)
-
-
-@kernel
-def next_of_general(pair: Any, span: float, work: Any) -> tuple[float, int]:
-    """Return the first event of an active pair whose law may do anything: lose its force, part, or change branch."""
-    first, what = named(first_up_crossing(pair.x, span, work, -1.0), span, PART)
-    tau, found = named(first_up_crossing(pair.g, first, work, -1.0), first, END)
-    if found == END:
-        first, what = tau, found
-    if pair.memory and pair.loading:
-        tau, found = named(first_up_crossing(pair.e, first, work, -1.0), first, TURN)
-    elif pair.memory:
-        pair.x[0] -= pair.top
-        tau, found = named(first_up_crossing(pair.x, first, work), first, RELOAD)
-        pair.x[0] += pair.top
-    else:
-        return first, what
-    if found != NOTHING:
-        first, what = tau, found
-    return first, what
 
 
 @kernel

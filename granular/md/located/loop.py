@@ -35,7 +35,7 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
             return MORE
         finish_piece(run, pairs, bodies, work, lo)
         run.t = block.t
-        if block.fired >= 0 and not act(run, pairs, bodies, log, block.fired, block.what, block):
+        if block.fired >= 0 and not act(run, pairs, bodies, log, block.fired, block.what, block, laws):
             return STOPPED
         if block.fired < 0:
             proved = verdict(run, pairs, bodies, block.hi) if lo == 0 else NOT_YET

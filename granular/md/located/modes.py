@@ -11,7 +11,7 @@ from granular.md.located.records import ACTIVE, DORMANT, GENERAL, LINEAR, OPEN, 
 
 
 @kernel
-def act(run: Any, pairs: Any, bodies: Any, log: Any, c: int, what: int, block: Any) -> bool:
+def act(run: Any, pairs: Any, bodies: Any, log: Any, c: int, what: int, block: Any, laws: Any) -> bool:
     """Let an event of pair `c` happen at the time of `block`; false if it meets the stop condition instead."""
     pair = pairs[c]
     if what == BEGIN:
@@ -19,10 +19,14 @@ def act(run: Any, pairs: Any, bodies: Any, log: Any, c: int, what: int, block: A
             pair.xi = 0.0
             if pair.eta <= 0.0:  # grazed, or touching at rest
                 return True
+            if laws is not None:
+                pair.mode = OPEN if laws.pushes_at_touch(c, pair) else RESIDUAL
+                if pair.mode == RESIDUAL:
+                    return True
         return activate(run, pairs, bodies, c, block)
     run.events += 1
     if what == TURN:
-        pair.loading, pair.top = 0, pair.xi
+        pair.loading, pair.top, pair.eta = 0, pair.xi, 0.0
         return True
     if what == RELOAD:
         pair.loading, pair.xi = 1, pair.top
@@ -59,7 +63,7 @@ def activate(run: Any, pairs: Any, bodies: Any, c: int, block: Any) -> bool:
 
 @kernel
 def pushes(pair: Any) -> bool:
-    """Return whether the pair needs a power series: a force, or one that may return by a bracket that is no quadratic."""
+    """Return whether the pair needs a power series: for its force, or to see its force return."""
     return bool(pair.mode == ACTIVE or pair.mode == DORMANT or (pair.mode == RESIDUAL and not flies(pair)))
 
 

@@ -49,7 +49,10 @@ def plan(run: Any, pairs: Any, bodies: Any, work: Any, lo: int, hi: int, laws: A
                 block.stride = block.h * span
     if not confirm(run, pairs, bodies, lo, hi):
         return False
-    locate(pairs, lo, hi, span, work)
+    if laws is None:
+        locate(pairs, lo, hi, span, work)
+    else:
+        laws.locate(pairs, lo, hi, work)
     run.error += left_out(worst, block.tau)
     block.wait = elapsed(block.h, block.clock, block.tau)
     block.due = block.t + (block.wait + block.tail)

@@ -1,0 +1,119 @@
+"""Events of laws that are functions: the force vanishes or returns where the law itself changes sign.
+
+An interpolant says where to look, but near ξ = 0, where every force is small, it errs to either side; so the law is
+asked, and the place is found by bisection. A pair whose force stays positive up to ξ = 0 parts there and nowhere else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from granular._roots import first_up_crossing
+from granular.md.located.events import (
+    BEGIN,
+    END,
+    NOTHING,
+    PART,
+    RELOAD,
+    TURN,
+    named,
+    next_of_dormant,
+)
+from granular.md.located.piece import value
+from granular.md.located.records import ACTIVE, DORMANT, OPEN
+
+Sign = Callable[[float], bool]
+"""Whether the law pushes at τ."""
+LOOKS = 26
+"""Places at which a law is tried before its pair parts, each a quarter as far from there as the last: 4⁻²⁶ = 2⁻⁵²."""
+PARTS = 16
+"""Places at which a law is tried before its force returns."""
+
+
+def next_event(pair: Any, pushes: Sign, doubt: float, span: float, work: Any) -> tuple[float, int]:
+    """Return the τ of the first event of a pair within [0, span], and which it is; `doubt` in N is that of g."""
+    if pair.mode == OPEN:
+        return named(first_up_crossing(pair.x, span, work), span, BEGIN)
+    if pair.mode == DORMANT:
+        return next_of_dormant(pair, span, work)
+    tau, what = named(first_up_crossing(pair.x, span, work, -1.0), span, PART)
+    if pair.mode != ACTIVE:
+        again = regains(pair, pushes, doubt, tau, work)
+        return (tau, what) if again is None else (again, BEGIN)
+    end = loses(pair, pushes, doubt, tau, what == PART, work)
+    if end is not None:
+        tau, what = end, END
+    found = NOTHING
+    if pair.memory and pair.loading:
+        first, found = named(first_up_crossing(pair.e, tau, work, -1.0), tau, TURN)
+    elif pair.memory:
+        pair.x[0] -= pair.top
+        first, found = named(first_up_crossing(pair.x, tau, work), tau, RELOAD)
+        pair.x[0] += pair.top
+    return (first, found) if found != NOTHING else (tau, what)
+
+
+def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, work: Any) -> float | None:
+    """Return the first τ up to `span` where the law no longer pushes; None if it always does.
+
+    Just before the pair `parts` its force is smaller than any doubt; there the law is tried at ever smaller distances.
+    """
+    before = 0.0
+    found = crossing(pair, -1.0, doubt, span, work)
+    if found is not None and not pushes(found):
+        return bisected(pushes, *last_push(pushes, found))
+    for j in range(LOOKS if parts else 0):
+        tau = span * (1.0 - 0.25**j)
+        if j > 0 and value(pair.x, tau) > 0.0:
+            if not pushes(tau):
+                return bisected(pushes, before, tau)
+            before = tau
+    return None
+
+
+def last_push(pushes: Sign, tau: float) -> tuple[float, float]:
+    """Return an interval that ends at or before `tau` in which the law stops to push; (0, 0) if it never did."""
+    low, high = 0.0, tau
+    for _ in range(LOOKS):
+        if pushes(low):
+            return low, high
+        high *= 0.25  # a contact that begins has no force at its first instant
+        if pushes(high):
+            return high, 4.0 * high
+    return 0.0, 0.0
+
+
+def regains(pair: Any, pushes: Sign, doubt: float, span: float, work: Any) -> float | None:
+    """Return the first τ up to `span` where a clipped law pushes again; None if it does not."""
+    found = crossing(pair, 1.0, doubt, span, work)
+    if found is None or not pushes(found):
+        return None
+    high = found
+    for j in range(PARTS - 1, 0, -1):
+        low = found * j / PARTS
+        if not pushes(low):
+            return bisected(lambda tau: not pushes(tau), low, high)
+        high = low
+    return 0.0 if pushes(0.0) else bisected(lambda tau: not pushes(tau), 0.0, high)
+
+
+def crossing(pair: Any, way: float, doubt: float, span: float, work: Any) -> float | None:
+    """Return where the interpolated force is beyond doubt above (`way` 1) or below (-1) zero first; None if nowhere."""
+    zero = pair.g[0]
+    pair.g[0] = zero - way * doubt
+    tau = first_up_crossing(pair.g, span, work, way)
+    pair.g[0] = zero
+    return tau if tau <= span else None
+
+
+def bisected(holds: Sign, low: float, high: float) -> float:
+    """Return where what holds at `low` ceases to hold, before `high`."""
+    while True:
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            return high
+        if holds(middle):
+            low = middle
+        else:
+            high = middle
