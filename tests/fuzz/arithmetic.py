@@ -55,18 +55,19 @@ class Arithmetic:
         """An array of zeros."""
         return self.array([0.0] * math.prod(shape)).reshape(shape)
 
-    @property
-    def functions(self) -> dict[str, Any]:
-        """The elementary functions the formulas use."""
-        if self.name == "double":
-            return {"power": math.pow, "exp": math.exp, "tanh": math.tanh, "root": math.sqrt}
-        if self.name == "long":
-            return {"power": np.power, "exp": np.exp, "tanh": np.tanh, "root": np.sqrt}
-        mp = _mp()
-        return {"power": mp.power, "exp": mp.exp, "tanh": mp.tanh, "root": mp.sqrt}
+
+def functions(name: str) -> dict[str, Any]:
+    """The elementary functions of an arithmetic."""
+    if name == "double":
+        return {"power": math.pow, "exp": math.exp, "tanh": math.tanh, "root": math.sqrt}
+    if name == "long":
+        return {"power": np.power, "exp": np.exp, "tanh": np.tanh, "root": np.sqrt}
+    mp = _mp()
+    return {"power": mp.power, "exp": mp.exp, "tanh": mp.tanh, "root": mp.sqrt}
 
 
 DOUBLE = Arithmetic("double", 7, 2.0**-53, 2e-15)
+LOOSE = Arithmetic("double", 6, 2.0**-53, 2e-14)
 LONG = Arithmetic("long", 9, 2.0**-64, 1e-18)
 DIGITS = Arithmetic("digits", 14, 1e-40, 1e-33)
 
@@ -80,19 +81,24 @@ def _mp() -> Any:
     return mp
 
 
-@cache
 def build(function: Any, arithmetic: Arithmetic, compiled: bool = True) -> Any:
     """Return `function` with the formulas and elementary functions it uses bound to an arithmetic."""
+    return _bound(function, arithmetic.name, compiled)
+
+
+@cache
+def _bound(function: Any, name: str, compiled: bool) -> Any:
+    elementary = functions(name)
     scope = dict(function.__globals__)
-    for name in _names(function):
-        if getattr(scope.get(name), "__formula__", False):
-            scope[name] = build(scope[name], arithmetic, compiled)
-        elif name in arithmetic.functions:
-            scope[name] = arithmetic.functions[name]
+    for called in _names(function):
+        if getattr(scope.get(called), "__formula__", False):
+            scope[called] = _bound(scope[called], name, compiled)
+        elif called in elementary:
+            scope[called] = elementary[called]
     bound = types.FunctionType(function.__code__, scope, function.__name__, function.__defaults__)
     bound.__module__ = function.__module__
     bound.__qualname__ = f"{function.__name__}_{_checksum(function):08x}"
-    if arithmetic.name != "double" or not compiled:
+    if name != "double" or not compiled:
         return bound
     import numba
 

@@ -4,11 +4,27 @@ from __future__ import annotations
 
 from typing import Any
 
-from fuzz.arithmetic import exp, formula, power, tanh
+from fuzz.arithmetic import exp, formula, power, root, tanh
 
 POWER, TWO_STIFF, TWO_DAMP, STIFFEN, EXPO, BRAUN, HYSTERESIS, SATURATED = range(8)
 """k ξ^p + γ ξ^d η (p, d any) · stiffness k up to ξ₁, then k₂ · damping γ₁ in loading, γ₂ in unloading · k ξ + k₃ ξ³ + γ η
 · A (exp(ξ/L) - 1) · Walton and Braun · k ξ^p loading, unloading to c ξ_max · k ξ + γ v tanh(η/v)."""
+
+
+@formula
+def raised(x: Any, p: Any) -> Any:
+    """x^p, by roots where that is quicker."""
+    if p == 1.0:
+        return x
+    if p == 1.5:
+        return x * root(x)
+    if p == 0.0:
+        return 1.0 + 0.0 * x
+    if p == 0.5:
+        return root(x)
+    if p == 0.25:
+        return root(root(x))
+    return power(x, p)
 
 
 @formula
@@ -18,10 +34,10 @@ def force(kind: int, a: Any, xi: Any, eta: Any, top: Any, branch: int) -> Any:
         p, d = a[1], a[3]
         if xi <= 0.0 and (p != int(p) or d != 0.0):
             return 0.0 * xi
-        elastic = a[0] * xi if p == 1.0 else a[0] * power(xi, p)
+        elastic = a[0] * raised(xi, p)
         if a[2] == 0.0:
             return elastic
-        return elastic + a[2] * eta * (1.0 if d == 0.0 else power(xi, d))
+        return elastic + a[2] * eta * raised(xi, d)
     if kind == TWO_STIFF:
         if branch == 0:
             return a[0] * xi + a[3] * eta
@@ -31,8 +47,7 @@ def force(kind: int, a: Any, xi: Any, eta: Any, top: Any, branch: int) -> Any:
         if xi <= 0.0 and (p != int(p) or d != 0.0):
             return 0.0 * xi
         gamma = a[2] if branch == 1 else a[3]
-        elastic = a[0] * xi if p == 1.0 else a[0] * power(xi, p)
-        return elastic + gamma * eta * (1.0 if d == 0.0 else power(xi, d))
+        return a[0] * raised(xi, p) + gamma * eta * raised(xi, d)
     if kind == STIFFEN:
         return a[0] * xi + a[1] * xi * xi * xi + a[2] * eta
     if kind == EXPO:
@@ -142,6 +157,21 @@ def elastic(kind: int, a: Any, branch: int) -> bool:
     if kind == HYSTERESIS:
         return a[2] == 0.0
     return False
+
+
+@formula
+def roughness(kind: int, a: Any) -> Any:
+    """The lowest broken power of the time in the acceleration after a touch; 0 if it is smooth."""
+    if kind == POWER:
+        p, d = a[1], a[3]
+        if a[2] != 0.0 and d != int(d):
+            return d
+        return p if p != int(p) else 0.0 * p
+    if kind == TWO_DAMP:
+        return a[4]
+    if kind == HYSTERESIS:
+        return a[1] if a[1] != int(a[1]) else 0.0 * a[1]
+    return 0.0 * a[0]
 
 
 @formula

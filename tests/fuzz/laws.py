@@ -191,6 +191,8 @@ class Hysteresis:
         if xi >= xi_max:
             return float(self.k * xi**self.p)
         left = self.rest * xi_max
+        if self.p == 1.0:
+            return self.k * xi_max * (xi - left) / (xi_max - left)
         if xi <= left:
             return 0.0
         return float(self.k * xi_max**self.p * ((xi - left) / (xi_max - left)) ** self.p)

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from fuzz.arithmetic import formula, root
-from fuzz.forces import bracket, duration_scale, elastic, force, has_kink, remembers
+from fuzz.arithmetic import formula, power, root
+from fuzz.forces import bracket, duration_scale, elastic, force, has_kink, remembers, roughness
 from fuzz.steps import (
-    ACTIVE, BRACKET, KINK, OPEN, OVERLAP, RESIDUAL, RESTING, event, locate, noise, rates, slope_of_event, step,
+    ACTIVE, BRACKET, KINK, OPEN, OVERLAP, RESIDUAL, RESTING, event, locate, nearby, noise, rates, step,
 )  # fmt: skip
 
-System = namedtuple("System", "kind law w pull fall mode branch top armed count contact number")
+System = namedtuple("System", "kind law w pull fall mode branch top armed count contact number work")
 """Laws, inverse masses, gravity; per pair its mode, branch, largest overlap, whether its bracket has left 0, contacts
 so far, and the contact that goes on: time of touch (nan: none), duration, v_in (2), ξ_max, F_max."""
 
@@ -111,7 +111,15 @@ def onset(s: Any, y: Any, c: int) -> None:
     """Set the first, tiny step after a touch: the force may begin like any root of the time."""
     n = len(s.kind)
     speed = y[n + c]
-    tiny = s.number[TOL] * duration_scale(s.kind[c], s.law[c], 1.0 / (s.w[c] + s.w[c + 1]), speed)
+    tiny = duration_scale(s.kind[c], s.law[c], 1.0 / (s.w[c] + s.w[c + 1]), speed)
+    power_of_time = roughness(s.kind[c], s.law[c])
+    for k in range(n):
+        rough = roughness(s.kind[k], s.law[k])
+        if s.mode[k] == RESTING and rough > 0.0 and (power_of_time == 0.0 or rough < power_of_time):
+            power_of_time = rough
+    tiny = 0.01 * tiny
+    if power_of_time > 0.0:
+        tiny = tiny * power(s.number[TOL], 1.0 / (1.0 + power_of_time))
     s.number[V] = max(s.number[V], speed)
     if s.number[H] == 0.0 or tiny < s.number[H]:
         s.number[H] = tiny
@@ -376,7 +384,10 @@ def try_step(s: Any, y: Any, columns: int, left: Any, new: Any) -> Any:
 @formula
 def hump(s: Any, y: Any, h: Any, new: Any) -> bool:
     """Whether an event function may rise above 0 and fall again within the step, by its cubic."""
-    delta = s.number[DELTA]
+    ahead, before = s.work[5], s.work[6]
+    dt = s.number[DELTA] * h
+    nearby(s, y, dt, ahead)
+    nearby(s, new, -dt, before)
     for c in range(len(s.kind)):
         for which in range(3):
             p0, p1 = event(s, y, c, which), event(s, new, c, which)
@@ -385,18 +396,17 @@ def hump(s: Any, y: Any, h: Any, new: Any) -> bool:
                     return True
                 continue
             if p0 <= 0.0 and p1 <= 0.0 and not (p0 == -1.0 and p1 == -1.0):
-                d1 = h * slope_of_event(s, new, c, which, h, -delta)
-                if d1 < 0.0:
-                    d0 = h * slope_of_event(s, y, c, which, h, delta)
-                    if d0 > 0.0:
-                        high, low = p0, min(p0, p1)
-                        for i in range(1, 16):
-                            u = i / 16.0
-                            v = 1.0 - u
-                            p = v * v * ((1.0 + 2.0 * u) * p0 + u * d0) + u * u * ((1.0 + 2.0 * v) * p1 - v * d1)
-                            high = max(high, p)
-                        if high > -0.1 * (high - low):
-                            return True
+                d0 = (event(s, ahead, c, which) - p0) / s.number[DELTA]
+                d1 = (p1 - event(s, before, c, which)) / s.number[DELTA]
+                if d0 > 0.0 and d1 < 0.0:
+                    high, low = p0, min(p0, p1)
+                    for i in range(1, 16):
+                        u = i / 16.0
+                        v = 1.0 - u
+                        p = v * v * ((1.0 + 2.0 * u) * p0 + u * d0) + u * u * ((1.0 + 2.0 * v) * p1 - v * d1)
+                        high = max(high, p)
+                    if high > -0.1 * (high - low):
+                        return True
     return False
 
 
@@ -437,54 +447,74 @@ def force_now(s: Any, y: Any, c: int) -> Any:
 
 
 @formula
-def rise_of_force(s: Any, y: Any, c: int, dt: Any) -> Any:
-    """Change of the force of pair `c` along the motion from -dt to dt."""
-    ahead, back = np.zeros_like(y), np.zeros_like(y)
-    rates(s, y, ahead)
-    for i in range(len(y)):
-        d = dt * ahead[i]
-        ahead[i], back[i] = y[i] + d, y[i] - d
-    return force_now(s, ahead, c) - force_now(s, back, c)
+def rise_of_force(s: Any, y: Any, dt: Any, out: Any) -> None:
+    """Write the change of all forces along the motion from -dt to dt."""
+    ahead, before = s.work[5], s.work[6]
+    nearby(s, y, dt, ahead)
+    nearby(s, y, -dt, before)
+    for c in range(len(s.kind)):
+        if s.mode[c] == ACTIVE:
+            out[c] = force_now(s, ahead, c) - force_now(s, before, c)
 
 
 @formula
 def peaks(s: Any, y: Any, h: Any, columns: int, new: Any, trial: Any) -> None:
     """Raise largest overlap and force of the contacts to those of the step."""
-    n, speed = len(s.kind), s.number[V]
+    n, damped = len(s.kind), False
     dt = s.number[DELTA] * h
-    near = root(s.number[EPS])
     for c in range(n):
-        if s.mode[c] != ACTIVE and s.mode[c] != RESTING:
-            continue
-        mine = s.contact[c]
-        for what in range(2):
-            if what == 1 and (s.mode[c] == RESTING or elastic(s.kind[c], s.law[c], s.branch[c])):
-                continue
-            mine[4] = max(mine[4], new[c])
-            mine[5] = max(mine[5], force_now(s, new, c))
-            lo, hi = 0.0 * h, h
-            p_lo = y[n + c] if what == 0 else rise_of_force(s, y, c, dt)
-            p_hi = new[n + c] if what == 0 else rise_of_force(s, new, c, dt)
-            if not (p_lo > 0.0 and p_hi < 0.0):
-                continue
-            for _ in range(60):
-                x = (lo * p_hi - hi * p_lo) / (p_hi - p_lo)
-                if not (lo < x < hi):
-                    break
-                step(s, y, x, columns, speed, trial)
-                mine[4] = max(mine[4], trial[c])
-                mine[5] = max(mine[5], force_now(s, trial, c))
-                p = trial[n + c] if what == 0 else rise_of_force(s, trial, c, dt)
-                if p > 0.0:
-                    moved = x - lo
-                    lo, p_lo = x, p
-                    p_hi = 0.5 * p_hi
-                else:
-                    moved = hi - x
-                    hi, p_hi = x, p
-                    p_lo = 0.5 * p_lo
-                if moved < near * h or p == 0.0:
-                    break
+        if s.mode[c] == ACTIVE or s.mode[c] == RESTING:
+            raise_peaks(s, new, c)
+            if y[n + c] > 0.0 and new[n + c] < 0.0:
+                peak(s, y, h, c, columns, False, y[n + c], new[n + c], trial)
+        damped = damped or (s.mode[c] == ACTIVE and not elastic(s.kind[c], s.law[c], s.branch[c]))
+    if damped:
+        start_slope, end_slope = s.work[7], s.work[8]
+        rise_of_force(s, y, dt, start_slope)
+        rise_of_force(s, new, dt, end_slope)
+        for c in range(n):
+            if s.mode[c] == ACTIVE and start_slope[c] > 0.0 and end_slope[c] < 0.0:
+                peak(s, y, h, c, columns, True, start_slope[c], end_slope[c], trial)
+
+
+@formula
+def raise_peaks(s: Any, y: Any, c: int) -> None:
+    """Raise largest overlap and force of the contact of pair `c` to those at y."""
+    s.contact[c][4] = max(s.contact[c][4], y[c])
+    if y[c] > 0.0:
+        s.contact[c][5] = max(s.contact[c][5], force_now(s, y, c))
+
+
+@formula
+def peak(s: Any, y: Any, h: Any, c: int, columns: int, of_force: bool, p_lo: Any, p_hi: Any, trial: Any) -> None:
+    """Find the peak of overlap or force within a step, at whose start and end its slope is p_lo > 0 and p_hi < 0."""
+    n, lo, hi, side = len(s.kind), 0.0 * h, h, 0
+    near = root(s.number[EPS]) * h
+    for turn in range(60):
+        x = (lo * p_hi - hi * p_lo) / (p_hi - p_lo)
+        if turn % 8 == 7 or not (lo < x < hi):
+            x = 0.5 * (lo + hi)
+        step(s, y, x, columns, s.number[V], trial)
+        raise_peaks(s, trial, c)
+        p = trial[n + c]
+        if of_force:
+            rise_of_force(s, trial, s.number[DELTA] * h, s.work[9])
+            p = s.work[9][c]
+        if p == 0.0:
+            break
+        moved = x - lo if p > 0.0 else hi - x
+        if p > 0.0:
+            lo, p_lo = x, p
+            if side == 1:
+                p_hi = 0.5 * p_hi
+            side = 1
+        else:
+            hi, p_hi = x, p
+            if side == -1:
+                p_lo = 0.5 * p_lo
+            side = -1
+        if moved < near or hi - lo < near:
+            break
 
 
 @formula

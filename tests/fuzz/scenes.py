@@ -16,7 +16,7 @@ import granular as gr
 from fuzz.laws import Spec
 from fuzz.solver import solve
 
-STEPS = 4000
+STEPS = 2000
 """Steps of the solver after which a scene is cut off."""
 
 

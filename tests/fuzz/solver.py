@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fuzz import motion
-from fuzz.arithmetic import DOUBLE, Arithmetic, build
+from fuzz.arithmetic import DOUBLE, Arithmetic, build, functions
 
 WHY = ("time", "until", "quiet", "touch", "tired")
 ROWS = 2000
@@ -43,7 +43,7 @@ def solve(
     g = A.number(case.gravity)
     fall = A.array([0.0 * g if x == 0 else g for x in w])
     kinds, law = [], A.zeros(n, 6)
-    root = A.functions["root"]
+    root = functions(A.name)["root"]
     for c, one in enumerate(case.laws):
         kind, numbers = one.by_number(A.number, root, 1 / (w[c] + w[c + 1]))
         kinds.append(kind)
@@ -56,7 +56,7 @@ def solve(
     contact[:, 0] = A.number(float("nan"))
     s = motion.System(
         np.array(kinds), law, w, fall[1:] - fall[:-1], fall, np.zeros(n, np.int64), np.zeros(n, np.int64), A.zeros(n),
-        np.zeros(n, np.int64), np.zeros(n, np.int64), contact, number,
+        np.zeros(n, np.int64), np.zeros(n, np.int64), contact, number, A.zeros(10, 4 * n + 1),
     )  # fmt: skip
     y = A.zeros(3 * n + n + 1)
     y[:n], y[n : 2 * n], y[3 * n :] = -gap, v[:-1] - v[1:], v

@@ -18,7 +18,7 @@ OVERLAP, BRACKET, KINK = range(3)
 
 @formula
 def rates(s: Any, y: Any, out: Any) -> None:
-    """d/dt of y = (ξ, η, impulse) per pair, then velocity per body."""
+    """d/dt of (ξ, η, impulse) per pair."""
     n = len(s.kind)
     for c in range(n):
         push = 0.0 * y[c]
@@ -34,22 +34,17 @@ def rates(s: Any, y: Any, out: Any) -> None:
         if c + 1 < n:
             a = a + s.w[c + 1] * out[2 * n + c + 1]
         out[c], out[n + c] = y[n + c], a
-    for b in range(n + 1):
-        a = -s.fall[b]
-        if b > 0:
-            a = a + s.w[b] * out[2 * n + b - 1]
-        if b < n:
-            a = a - s.w[b] * out[2 * n + b]
-        out[3 * n + b] = a
 
 
 @formula
 def step(s: Any, y: Any, h: Any, columns: int, speed: Any, end: Any) -> Any:
-    """Write y after `h` to `end`; return the error of the rates over `speed` (difference of the last two columns)."""
-    n, size = len(s.kind), len(y)
+    """Write y after `h` to `end`; return the error of the rates over `speed` (difference of the last two columns).
+
+    y is (ξ, η, impulse) per pair, then the velocity per body, which follows from the impulses.
+    """
+    n, size = len(s.kind), 3 * len(s.kind)
     table = np.zeros((columns, size), y.dtype)
-    slope, last, here, at = np.zeros_like(y), np.zeros_like(y), np.zeros_like(y), np.zeros_like(y)
-    first, error = np.zeros_like(y), 0.0 * h
+    slope, last, here, at, first = s.work[0], s.work[1], s.work[2], s.work[3], s.work[4]
     rates(s, y, first)
     for j in range(columns):
         m = 2 * (j + 1)
@@ -58,7 +53,7 @@ def step(s: Any, y: Any, h: Any, columns: int, speed: Any, end: Any) -> Any:
             last[i] = 0.0 * y[i]
             here[i] = dt * first[i]
         for _ in range(m - 1):
-            for i in range(size):
+            for i in range(2 * n):
                 at[i] = y[i] + here[i]
             rates(s, at, slope)
             for i in range(size):
@@ -72,13 +67,30 @@ def step(s: Any, y: Any, h: Any, columns: int, speed: Any, end: Any) -> Any:
             ratio = (0.0 * h + m * m) / (0.0 * h + below * below) - 1.0
             for i in range(size):
                 table[k, i] = table[k + 1, i] + (table[k + 1, i] - table[k, i]) / ratio
-    for i in range(size):
-        end[i] = y[i] + table[0, i]
+    error = 0.0 * h
     for c in range(n):
         difference = abs(table[1, n + c] - table[0, n + c])
         if not difference <= error:
             error = difference
+    for i in range(size):
+        end[i] = y[i] + table[0, i]
+    for b in range(n + 1):
+        push = 0.0 * h
+        if b > 0:
+            push = push + table[0, 2 * n + b - 1]
+        if b < n:
+            push = push - table[0, 2 * n + b]
+        end[size + b] = y[size + b] + (s.w[b] * push - s.fall[b] * h)
     return error / speed
+
+
+@formula
+def nearby(s: Any, y: Any, dt: Any, out: Any) -> None:
+    """Where the overlaps and rates are about to be, or were, by their slopes."""
+    slope = s.work[0]
+    rates(s, y, slope)
+    for i in range(2 * len(s.kind)):
+        out[i] = y[i] + dt * slope[i]
 
 
 @formula
@@ -108,17 +120,6 @@ def noise(s: Any, y: Any, c: int, which: int, eps: Any) -> Any:
     if which == BRACKET:
         return 256.0 * eps * weight(s.kind[c], s.law[c], y[c], s.top[c])
     return 0.0 * y[c]
-
-
-@formula
-def slope_of_event(s: Any, y: Any, c: int, which: int, h: Any, delta: Any) -> Any:
-    """Rate of an event function along the motion, by a difference over delta h."""
-    ahead = np.zeros_like(y)
-    rates(s, y, ahead)
-    dt = delta * h
-    for i in range(len(y)):
-        ahead[i] = y[i] + dt * ahead[i]
-    return (event(s, ahead, c, which) - event(s, y, c, which)) / dt
 
 
 @formula
