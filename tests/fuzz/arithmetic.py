@@ -41,19 +41,22 @@ class Arithmetic:
 
     def number(self, x: Any) -> Any:
         """One number, exactly."""
-        return {"double": float, "long": np.longdouble, "digits": _mp().mpf}[self.name](x)
+        if self.name == "double":
+            return float(x)
+        return np.longdouble(x) if self.name == "long" else _mp().mpf(x)
 
     def array(self, values: Any) -> Any:
         """An array of numbers."""
-        kind = {"double": np.float64, "long": np.longdouble, "digits": object}[self.name]
-        out = np.empty(len(values), kind)
+        out = self.zeros(len(values))
         for i, x in enumerate(values):
             out[i] = self.number(x)
         return out
 
     def zeros(self, *shape: int) -> Any:
         """An array of zeros."""
-        return self.array([0.0] * math.prod(shape)).reshape(shape)
+        out = np.empty(shape, {"double": np.float64, "long": np.longdouble, "digits": object}[self.name])
+        out.fill(self.number(0.0))
+        return out
 
 
 def functions(name: str) -> dict[str, Any]:
