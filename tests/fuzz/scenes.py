@@ -232,16 +232,20 @@ def _finished(rng: Any, case: Case) -> Case | None:
     tried = solve(case.replace(t_end=_longest(case)), rows=contacts, most=STEPS)
     if len(tried.rows) == 0:
         return None
-    bound = case.gravity > 0.0 or tried.status != "quiet" or _longest(case) is not None
-    times = sorted({float(t) for row in tried.rows for t in (row[1], row[2]) if not math.isnan(t)})
-    last = float(tried.time)
-    times = [t for t in times if t <= last]
+    first = _first_of_rounding(case, tried.rows)
+    rows = [row for row in tried.rows if not first or float(row[1]) < first]
+    if not rows:
+        return None
+    last = min(float(tried.time), first or math.inf)
+    times = sorted({float(t) for row in rows for t in (row[1], row[2]) if t <= last})
+    bound = case.gravity > 0.0 or tried.status != "quiet" or _longest(case) is not None or first is not None
     if bound or rng.random() < 0.4:
         case = case.replace(t_end=_between(rng, times, last))
     way = rng.random()
-    if way < 0.15:
-        row = tried.rows[int(rng.integers(len(tried.rows)))]
-        nth = sum(1 for one in tried.rows if one[0] == row[0] and one[1] <= row[1])
+    alone = _alone(rows)
+    if way < 0.15 and alone:
+        row = alone[int(rng.integers(len(alone)))]
+        nth = sum(1 for one in rows if one[0] == row[0] and one[1] <= row[1])
         case = case.replace(until=(int(row[0]), nth))
     elif way < 0.2 and case.gravity == 0.0:
         case = case.replace(until="separated")
@@ -249,6 +253,26 @@ def _finished(rng: Any, case: Case) -> Case | None:
         inside = sorted(float(x) for x in rng.uniform(0.0, case.t_end, int(rng.integers(1, 6))))
         case = case.replace(samples=(*inside, case.t_end))
     return case
+
+
+def _first_of_rounding(case: Case, rows: Any) -> float | None:
+    """When the first contact begins that is no more than a rounding error of what should have been none, if any."""
+    speed = max(abs(float(v)) for row in rows for v in (row[5] - row[4], row[7] - row[6]) if not math.isnan(v))
+    begins = [math.inf]
+    for row in rows:
+        c = int(row[0])
+        mass = 1.0 / (1.0 / case.mass[c] + 1.0 / case.mass[c + 1])
+        if abs(row[5] - row[4]) < 1e-9 * speed and row[10] < 1e-9 * mass * speed and not math.isnan(row[2]):
+            begins.append(float(row[1]))
+    return min(begins) if min(begins) < math.inf else None
+
+
+def _alone(rows: Any) -> list[Any]:
+    """Contacts that begin well apart from all others: which of two at once is counted first is not defined."""
+    return [
+        row for i, row in enumerate(rows)
+        if row[1] > 0.0 and all(i == k or abs(row[1] - one[1]) > 1e-9 * row[1] for k, one in enumerate(rows))
+    ]  # fmt: skip
 
 
 def _longest(case: Case) -> float | None:
