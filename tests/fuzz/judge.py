@@ -1,0 +1,237 @@
+"""The judge: what a run of the engine says, beside the independent solver, in units of the scene's condition.
+
+Each number compared has a scale: speeds the largest impact speed V, forces the largest force, and so on. An error is
+|difference| / max(scale · max(1, κ), response), where κ is the largest response of a velocity over V, and `response`
+that of this number itself, per unit relative change of gaps, velocities and masses (moved by 1e-11).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+import granular as gr
+from fuzz.arithmetic import DIGITS, DOUBLE, LONG, LOOSE, Arithmetic
+from fuzz.scenes import Case
+from fuzz.solver import Solution, solve
+
+SHIFT = 1e-11
+SHIFTS = 3
+FALLS_SHORT = 1e-12
+STEPS = 40_000
+
+
+@dataclass
+class Verdict:
+    """What became of a case: ok, short (falls short), refused, or unjudged (ill-conditioned); why, and by how much."""
+
+    kind: str
+    why: str = ""
+    error: float = 0.0
+    condition: float = math.nan
+    tier: str = "double"
+    estimate: float = math.nan
+    final: float = math.nan
+    notes: list[str] = field(default_factory=list)
+
+
+@dataclass
+class Truth:
+    """What is compared: sequence of contacts, numbers by name, the scale of each, and how much each responds."""
+
+    status: str
+    pairs: list[int]
+    numbers: dict[str, Any]
+    scale: dict[str, Any]
+    response: dict[str, Any]
+    condition: float
+
+
+def truth(case: Case, arithmetic: Arithmetic = DOUBLE) -> Truth | None:
+    """Solve a case and find its condition; None if a shift changes the sequence of contacts."""
+    solution = solve(case, arithmetic, most=STEPS)
+    if solution.status == "tired":
+        return None
+    pairs, numbers = observed(case, solution)
+    scale = scales(case, numbers)
+    response = {name: np.zeros_like(x) for name, x in numbers.items()}
+    rng = np.random.default_rng(1)
+    base = numbers if arithmetic is DOUBLE else observed(case, solve(case, most=STEPS))[1]
+    for _ in range(SHIFTS):
+        other = solve(case, LOOSE, shift(case, rng), most=STEPS)
+        if other.status != solution.status:
+            return None
+        pairs_too, moved = observed(case, other)
+        if pairs_too != pairs or any(moved[k].shape != base[k].shape for k in moved):
+            return None
+        for name, x in moved.items():
+            response[name] = np.fmax(response[name], abs(x - base[name]) / SHIFT)
+    speeds = [response[name] / scale[name] for name in ("velocity", "v_in", "v_out")]
+    condition = max([float(np.nanmax(x)) for x in speeds if x.size and not np.isnan(x).all()], default=0.0)
+    return Truth(solution.status, pairs, numbers, scale, response, condition)
+
+
+def shift(case: Case, rng: Any) -> Any:
+    """Relative changes of gaps, velocities and masses; balls that touch and move together go on doing so."""
+    n = len(case.mass)
+    signs = [rng.choice([-1.0, 1.0], k) * SHIFT for k in (n - 1, n, n)]
+    for c in range(n - 1):
+        if case.velocity[c] == case.velocity[c + 1] and case.gap[c] <= 0.0:
+            signs[1][c + 1] = signs[1][c]
+    return signs
+
+
+def observed(case: Case, run: Solution | gr.Trajectory) -> tuple[list[int], dict[str, Any]]:
+    """Pair of each contact, sorted by pair and time, and all numbers that are compared, as doubles."""
+    if isinstance(run, Solution):
+        table = np.array([[float(x) for x in row] for row in run.rows]).reshape(-1, 11)
+        samples = [(t, row) for t, row in zip(case.samples or (), run.samples, strict=True) if t < float(run.time)]
+        n = len(case.gap)
+        ends = [(float(run.time), np.concatenate([run.overlap, run.rate, run.rate, run.velocity]))]
+        rows = samples + ends if case.samples is not None else ends
+        time = np.array([float(t) for t, _ in rows])
+        gap = np.array([[-float(x) for x in row[:n]] for _, row in rows])
+        velocity = np.array([[float(x) for x in row[3 * n :]] for _, row in rows])
+    else:
+        c = run.contacts
+        table = np.column_stack([c["pair"], c["t_begin"], c["t_end"], c["duration"], c["v_in"], c["v_out"],
+                                 c["xi_max"], c["force_max"], c["impulse"]])  # fmt: skip
+        some = slice(None) if case.samples is not None else slice(-1, None)
+        time, gap, velocity = run.time[some], run.gap[some], run.velocity[some]
+    table = table[np.lexsort((table[:, 1], table[:, 0]))]
+    numbers = {"velocity": velocity, "v_in": table[:, 4:6], "v_out": table[:, 6:8], "time": time, "gap": gap}
+    for i, name in ((1, "t_begin"), (2, "t_end"), (3, "duration"), (8, "xi_max"), (9, "force_max"), (10, "impulse")):
+        numbers[name] = table[:, i]
+    if case.t_end is None and case.until is None:  # quiet: nothing happens any more, it may end at any time
+        del numbers["time"], numbers["gap"]
+    return table[:, 0].astype(int).tolist(), numbers
+
+
+def scales(case: Case, numbers: dict[str, Any]) -> dict[str, Any]:
+    """The size each number is compared with."""
+    closing = abs(np.concatenate([numbers["v_in"], numbers["v_out"]]) @ [1.0, -1.0])
+    speed = float(np.nanmax(closing, initial=0.0)) or float(abs(numbers["velocity"]).max()) or 1.0
+    longest = float(np.nanmax(numbers["duration"], initial=0.0)) or 1.0
+    out: dict[str, Any] = {"velocity": speed, "v_in": speed, "v_out": speed}
+    for name in ("duration", "xi_max", "force_max", "impulse"):
+        out[name] = float(np.nanmax(numbers[name], initial=0.0)) or 1.0
+    for name in ("t_begin", "t_end", "time"):
+        if name in numbers:
+            out[name] = np.fmax(abs(numbers[name]), longest)
+    if "gap" in numbers:
+        out["gap"] = max(float(abs(numbers["gap"]).max()), out["xi_max"], speed * float(numbers["time"].max()))
+    return out
+
+
+def distance(one: Truth, pairs: list[int], numbers: dict[str, Any], slack: float = 1.0) -> tuple[str, float]:
+    """The worst number and its error."""
+    if pairs != one.pairs:
+        return f"contacts {_counts(pairs)} for {_counts(one.pairs)}", math.inf
+    worst = ("", 0.0)
+    for name, wanted in one.numbers.items():
+        got = numbers[name]
+        if got.shape != wanted.shape:
+            return f"{name} has {got.shape} for {wanted.shape}", math.inf
+        if (np.isnan(got) != np.isnan(wanted)).any():
+            return f"{name} nan", math.inf
+        allowed = np.fmax(one.scale[name] * max(1.0, one.condition), one.response[name])
+        errors = np.nan_to_num(abs(got - wanted) / allowed, nan=0.0)
+        error = errors.max(initial=0.0)
+        if error > worst[1]:
+            at = "" if name in ("velocity", "time", "gap") else f" of pair {pairs[int(errors.argmax()) * len(errors) // errors.size]}"
+            worst = (name + at, float(error))
+    return worst
+
+
+def _counts(pairs: list[int]) -> list[int]:
+    return np.bincount(pairs).tolist() if pairs else []
+
+
+def engine(case: Case, **options: Any) -> gr.Trajectory:
+    """Run the engine on a case."""
+    until = case.until
+    if isinstance(until, tuple):
+        until = gr.until.contact(*until)
+    elif until == "separated":
+        until = gr.until.separated()
+    laws = [one.law() for one in case.laws]
+    options = {"samples": case.samples, "t_end": case.t_end, "until": until} | options
+    return gr.md.simulate(case.scene(), laws, **options)
+
+
+def judge(
+    case: Case, long: float = math.inf, digits: float = 0.0, tol: float = 1e-16, name: str = "auto"
+) -> Verdict:
+    """Run engine and solver on a case, and compare; errors below `long` and `digits` are judged again in those tiers."""
+    one = truth(case)
+    if one is None:
+        return Verdict("unjudged", "ill-conditioned")
+    try:
+        run = engine(case, tol=tol, engine=name, max_steps=300_000)
+    except ValueError as refusal:
+        return Verdict("refused", str(refusal))
+    verdict = compare(case, one, run)
+    for tier, wanted in ((LONG, long), (DIGITS, digits)):
+        if verdict.kind == "short" and verdict.error < wanted:
+            better = truth(case, tier)
+            if better is None:
+                return Verdict("unjudged", "ill-conditioned")
+            verdict = compare(case, better, run)
+            verdict.tier = tier.name
+    return verdict
+
+
+def compare(case: Case, one: Truth, run: gr.Trajectory) -> Verdict:
+    """Judge a run by the truth."""
+    pairs, numbers = observed(case, run)
+    status = run.status.name
+    estimate = float(run.stats["error_estimate"])
+    verdict = Verdict("ok", condition=one.condition, estimate=estimate)
+    if status != one.status:
+        if status == "resting" and one.status == "time":
+            return _resting(case, one, run, pairs, numbers, verdict)
+        verdict.kind, verdict.why, verdict.error = "short", f"status {status} for {one.status}", math.inf
+        return verdict
+    verdict.why, verdict.error = distance(one, pairs, numbers)
+    if verdict.error > FALLS_SHORT:
+        verdict.kind = "short"
+    else:
+        verdict.final = float(abs(numbers["velocity"][-1] - one.numbers["velocity"][-1]).max()) / one.scale["velocity"]
+    if (unbalanced := momentum_error(case, run)) > 1e-12:
+        verdict.kind, verdict.why, verdict.error = "short", "momentum of the log", unbalanced
+    return verdict
+
+
+def _resting(case: Case, one: Truth, run: gr.Trajectory, pairs: list[int], numbers: dict[str, Any],
+             verdict: Verdict) -> Verdict:  # fmt: skip
+    """A run that ends early at rest is right if the truth has no event after its end."""
+    stop = float(run.time[-1])
+    events = np.concatenate([one.numbers["t_begin"], one.numbers["t_end"]])
+    if pairs != one.pairs or (np.nan_to_num(events, nan=0.0) > stop * (1.0 + 1e-9)).any():
+        verdict.kind, verdict.why, verdict.error = "short", "resting, but contacts follow", math.inf
+        return verdict
+    same = {k: v for k, v in one.numbers.items() if k in ("t_begin", "v_in", "t_end", "v_out")}
+    verdict.why, verdict.error = distance(
+        Truth(one.status, one.pairs, same, one.scale, one.response, one.condition), pairs, numbers
+    )
+    verdict.kind = "short" if verdict.error > FALLS_SHORT else "ok"
+    verdict.notes.append("resting before t_end")
+    return verdict
+
+
+def momentum_error(case: Case, run: gr.Trajectory) -> float:
+    """Worst imbalance of a ball's momentum with the logged impulses and its weight, over their sizes."""
+    mass, worst = np.array(case.mass), 0.0
+    impulse = np.zeros(len(case.gap))
+    np.add.at(impulse, run.contacts["pair"], run.contacts["impulse"])
+    t = float(run.time[-1])
+    for b, m in enumerate(mass):
+        if math.isfinite(m):
+            below, above = impulse[b - 1] if b > 0 else 0.0, impulse[b] if b < len(impulse) else 0.0
+            gain = m * (run.velocity[-1, b] - case.velocity[b] + case.gravity * t)
+            size = max(below, above, m * abs(run.velocity[-1]).max(), m * abs(case.velocity[b]), m * case.gravity * t)
+            worst = max(worst, abs(gain - below + above) / (size or 1.0))
+    return float(worst)
