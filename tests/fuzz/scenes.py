@@ -232,13 +232,16 @@ def _finished(rng: Any, case: Case) -> Case | None:
     tried = solve(case.replace(t_end=_longest(case)), rows=contacts, most=STEPS)
     if len(tried.rows) == 0:
         return None
-    first = _first_of_rounding(case, tried.rows)
-    rows = [row for row in tried.rows if not first or float(row[1]) < first]
+    speed = _speed(case, tried.rows)
+    if speed < 1e-6 * max(abs(float(v)) for row in tried.rows for v in row[4:6]):
+        return None
+    first = _first_doubtful(case, tried.rows, speed)
+    rows = [row for row in tried.rows if float(row[1]) < first]
     if not rows:
         return None
-    last = min(float(tried.time), first or math.inf)
-    times = sorted({float(t) for row in rows for t in (row[1], row[2]) if t <= last})
-    bound = case.gravity > 0.0 or tried.status != "quiet" or _longest(case) is not None or first is not None
+    times = sorted({float(t) for row in rows for t in (row[1], row[2]) if t <= min(float(tried.time), first)})
+    last = min(float(tried.time), first, max(10.0 * times[-1], 0.0) or math.inf)
+    bound = case.gravity > 0.0 or tried.status != "quiet" or _longest(case) is not None or first < math.inf
     if bound or rng.random() < 0.4:
         case = case.replace(t_end=_between(rng, times, last))
     way = rng.random()
@@ -255,16 +258,23 @@ def _finished(rng: Any, case: Case) -> Case | None:
     return case
 
 
-def _first_of_rounding(case: Case, rows: Any) -> float | None:
-    """When the first contact begins that is no more than a rounding error of what should have been none, if any."""
-    speed = max(abs(float(v)) for row in rows for v in (row[5] - row[4], row[7] - row[6]) if not math.isnan(v))
-    begins = [math.inf]
-    for row in rows:
+def _speed(case: Case, rows: Any) -> float:
+    """The largest change of a relative speed by a contact."""
+    return max(float(row[10]) * (1.0 / case.mass[int(row[0])] + 1.0 / case.mass[int(row[0]) + 1]) for row in rows)
+
+
+def _first_doubtful(case: Case, rows: Any, speed: float) -> float:
+    """When the first contact begins or ends so slowly that rounding decides whether it does; inf if none."""
+    times, seen = [math.inf], set()
+    for row in sorted(rows, key=lambda row: float(row[1])):
         c = int(row[0])
-        mass = 1.0 / (1.0 / case.mass[c] + 1.0 / case.mass[c + 1])
-        if abs(row[5] - row[4]) < 1e-9 * speed and row[10] < 1e-9 * mass * speed and not math.isnan(row[2]):
-            begins.append(float(row[1]))
-    return min(begins) if min(begins) < math.inf else None
+        woken = case.gap[c] <= 0.0 and c not in seen  # begins at rest, but there is no doubt
+        seen.add(c)
+        if abs(row[5] - row[4]) < 1e-6 * speed and not woken:
+            times.append(float(row[1]))
+        if abs(row[7] - row[6]) < 1e-6 * speed:
+            times.append(float(row[2]))
+    return min(times)
 
 
 def _alone(rows: Any) -> list[Any]:
