@@ -19,7 +19,7 @@ from granular._check import Array
 from granular.laws import traits
 from granular.md.located.events import NOTHING
 from granular.md.located.piece import value
-from granular.md.located.records import ACTIVE, DORMANT, OPEN, ORDER
+from granular.md.located.records import ACTIVE, DORMANT, OPEN, ORDER, RESIDUAL
 from granular.md.located.signs import next_event
 from granular.md.located.steps import amplitude
 from granular.scene import Pair
@@ -29,6 +29,8 @@ SWEEPS = 40
 SMALLEST = 2e-15
 """The tolerance cannot be smaller: interpolated forces carry their rounding."""
 ULP = 2.0**-52
+PRECISE = 2e-13
+"""Error of forces, as a part of the largest: a kink in a short step moves the rates by less, but peaks are read there."""
 HYSTERESIS = 1e-13
 """Where an interpolated force is within this part of its largest value in the piece, its sign is in doubt."""
 
@@ -105,8 +107,8 @@ class Collocation:
         self._check_start(pairs, lo)
         while True:
             block.h = reach if block.clock == 1 else math.sqrt(reach)
-            force, miss = self._iterate(pairs, lo, block.h, block.clock)
-            if miss <= allowed or not reach > shortest:
+            force, miss, rough = self._iterate(pairs, lo, block.h, block.clock)
+            if (miss <= allowed and rough <= PRECISE) or not reach > shortest:
                 break
             reach *= 0.5
         if not miss < math.inf:
@@ -162,8 +164,10 @@ class Collocation:
         if not math.isfinite(force):
             raise traits.no_number(self.laws[c], xi, eta, self.pairs[c], force)
 
-    def _iterate(self, pairs: list[Any], lo: int, h: float, q: int) -> tuple[Array, float]:
-        """Return the forces (pairs, nodes) at the nodes, and the error they leave in the rates; inf if they diverge."""
+    def _iterate(self, pairs: list[Any], lo: int, h: float, q: int) -> tuple[Array, float, float]:
+        """Return the forces (pairs, nodes) at the nodes, and errors, inf if they diverge: of rates, and of forces as a part
+        of the largest forces of contacts at the block's speed.
+        """
         lower, own, upper, pull, xi0, eta0 = np.array(
             [(p.lower, p.inverse, p.upper, p.pull, p.xi, p.eta) for p in pairs]
         ).T[:, :, None]
@@ -172,12 +176,14 @@ class Collocation:
         xi = xi0 + (0.5 * (eta0 + eta)) * (h * NODES) ** q
         force, worst = np.zeros_like(eta), math.inf
         acts = np.array([p.mode == ACTIVE for p in pairs])
+        square = pairs[0].speed * pairs[0].speed
+        strength = np.array([square / (p.inverse * amplitude(p, square)) if square > 0.0 else 1.0 for p in pairs])
         grain = self._grain(pairs, lo, xi, eta)
         for _ in range(SWEEPS):
             new = self._forces(pairs, lo, xi, eta)
             change, force = float(abs(new - force).max()), new
             if not change < 1e300 or change > 1e3 * worst:
-                return force, math.inf
+                return force, math.inf, math.inf
             acting = np.where(acts[:, None], force, 0.0)
             below, above = np.zeros_like(acting), np.zeros_like(acting)
             below[1:], above[:-1] = acting[:-1], acting[1:]
@@ -189,13 +195,14 @@ class Collocation:
             if settled or (change < 1e-13 * largest and change >= worst):
                 tail = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1)
                 noise = np.maximum(4.0 * grain, np.where(acts, 0.0, HYSTERESIS * abs(force).max(axis=1)))
-                tail = np.where(tail > noise, tail, 0.0) / POINTS
+                tail = np.where(tail > noise, tail, 0.0)
                 last = xi0 + (eta * pace) @ WHOLE, eta0 + (push * pace) @ WHOLE
                 ends = self._miss_at_ends(pairs, lo, force, (np.hstack([xi0, last[0]]), np.hstack([eta0, last[1]])))
-                beyond = np.where(ends > noise, ends, 0.0) * (1.0 - NODES[-1])
-                return force, float((np.maximum(tail, beyond) * own[:, 0]).max()) * h**q
+                ends = np.where(ends > noise, ends, 0.0)
+                miss = np.maximum(tail / POINTS, ends * (1.0 - NODES[-1])) * own[:, 0]
+                return force, float(miss.max()) * h**q, float((np.maximum(tail, ends) * acts / strength).max())
             worst = change
-        return force, math.inf
+        return force, math.inf, math.inf
 
     def _miss_at_ends(self, pairs: list[Any], lo: int, force: Array, ends: tuple[Array, Array]) -> Array:
         """How far the interpolated forces in N are from the laws at both `ends` (overlaps, rates) of the step."""
@@ -222,7 +229,9 @@ class Collocation:
         """Write the rows: forces from their interpolants (in g clipped ones too), rates and overlaps by integration."""
         rows = (force @ TO_LEGENDRE.T) @ TO_POWERS
         doubt = np.maximum(HYSTERESIS * abs(force).max(axis=1), 8.0 * abs(force @ TO_LEGENDRE[-2:].T).max(axis=1))
-        self.doubt[lo : lo + len(pairs)] = doubt.tolist()
+        for c, (p, noise) in enumerate(zip(pairs, doubt.tolist(), strict=True), lo):
+            clipped = p.mode == RESIDUAL and p.xi > 0.0
+            self.doubt[c] = max(noise, 16.0 * ULP * abs(self.force(c, p.xi, 0.0, p.top, p.loading))) if clipped else noise
         sigma = q * h**q
         for p, row in zip(pairs, rows.tolist(), strict=True):
             series = row + [0.0] * (ORDER + 1 - POINTS)

@@ -7,8 +7,8 @@ from typing import Any
 from granular._kernels import kernel
 from granular._roots import first_up_crossing
 from granular.md.located.clock import elapsed, since, tick
-from granular.md.located.piece import integral, slope, value
-from granular.md.located.records import ACTIVE, DORMANT
+from granular.md.located.piece import integral, shift, slope, value
+from granular.md.located.records import ACTIVE, DORMANT, ORDER
 
 
 @kernel
@@ -74,15 +74,26 @@ def push(body: Any, block: Any, dt: float, impulse: float) -> None:
 
 @kernel
 def peaks(pair: Any, tau: float, work: Any) -> None:
-    """Raise the largest overlap and force to those of the piece: at its ends, or where the rate changes sign."""
-    pair.xi_max = max(pair.xi_max, value(pair.x, tau))
-    pair.force_max = max(pair.force_max, max(pair.f[0], value(pair.f, tau)))
-    if pair.e[0] > 0.0:
-        top = first_up_crossing(pair.e, tau, work, -1.0)
-        if top < tau:
-            pair.xi_max = max(pair.xi_max, value(pair.x, top))
-    slope(pair.f, pair.g)  # φ has done its duty
-    if pair.g[0] > 0.0:
-        top = first_up_crossing(pair.g, tau, work, -1.0)
-        if top < tau:
-            pair.force_max = max(pair.force_max, value(pair.f, top))
+    """Raise the largest overlap and force to those of the piece; its g is scratch, for φ has done its duty."""
+    for j in range(ORDER + 1):
+        pair.g[j] = pair.e[j]
+    pair.xi_max = max(pair.xi_max, highest(pair.x, pair.g, tau, work))
+    slope(pair.f, pair.g)
+    pair.force_max = max(pair.force_max, highest(pair.f, pair.g, tau, work))
+
+
+@kernel
+def highest(row: Any, rate: Any, tau: float, work: Any) -> float:
+    """Return the largest value of a row on [0, τ]; `rate`, of the sign of its slope, is used up."""
+    best, at = max(row[0], value(row, tau)), 0.0
+    way = -1.0 if rate[0] > 0.0 else 1.0
+    for _ in range(ORDER):
+        step = first_up_crossing(rate, tau - at, work, way)
+        if not at + step < tau:
+            break
+        at += step
+        if way < 0.0:
+            best = max(best, value(row, at))
+        shift(rate, step)
+        rate[0], way = 0.0, -way
+    return best

@@ -56,3 +56,11 @@ def slope(row: Any, out: Any) -> None:
     for j in range(ORDER):
         out[j] = (j + 1) * row[j + 1]
     out[ORDER] = 0.0
+
+
+@kernel
+def shift(row: Any, tau: float) -> None:
+    """Let a row begin at τ: Horner's scheme, once for each coefficient."""
+    for first in range(ORDER):
+        for j in range(ORDER - 1, first - 1, -1):
+            row[j] += row[j + 1] * tau

@@ -79,7 +79,7 @@ def force_term(pair: Any, n: int, q: int) -> None:
         power_term(pair.x, pair.r, pair.p, n, offset)
         pair.f[n] = pair.k * pair.r[n]
         return
-    if pair.d == 0.25:
+    if pair.d == 0.25 and (pair.s == 1.0 or pair.s == 1.25):  # else z is needed for ξ^s
         root_term(pair.x, pair.z, pair.zm, n + offset // 4, offset)  # the next root starts half as late
         root_term(pair.z, pair.r, pair.rm, n, offset // 2)
     elif pair.d == 0.5:

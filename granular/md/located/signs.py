@@ -59,8 +59,9 @@ def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, work:
 
     Just before the pair `parts` its force is smaller than any doubt; there the law is tried at ever smaller distances.
     """
-    before = 0.0
-    found = crossing(pair, -1.0, doubt, span, work)
+    before, found = 0.0, crossing(pair, -1.0, doubt, span, work)
+    if found is None and not parts:
+        found = span  # a force that is zero from some overlap on never crosses zero
     if found is not None and not pushes(found):
         return bisected(pushes, *last_push(pushes, found))
     for j in range(LOOKS if parts else 0):
