@@ -30,7 +30,7 @@ SMALLEST = 2e-15
 """The tolerance cannot be smaller: interpolated forces carry their rounding."""
 ULP = 2.0**-52
 PRECISE = 2e-13
-"""Error of forces, as a part of the largest: a kink in a short step moves the rates by less, but peaks are read there."""
+"""Error of forces, as a part of the largest: a kink in a short step hardly moves the rates, but peaks are read there."""
 HYSTERESIS = 1e-13
 """Where an interpolated force is within this part of its largest value in the piece, its sign is in doubt."""
 
@@ -165,8 +165,9 @@ class Collocation:
             raise traits.no_number(self.laws[c], xi, eta, self.pairs[c], force)
 
     def _iterate(self, pairs: list[Any], lo: int, h: float, q: int) -> tuple[Array, float, float]:
-        """Return the forces (pairs, nodes) at the nodes, and errors, inf if they diverge: of rates, and of forces as a part
-        of the largest forces of contacts at the block's speed.
+        """Return the forces (pairs, nodes) at the nodes, and errors, inf if they diverge: of rates, and of forces.
+
+        The latter as a part of the largest force of a contact at the block's speed.
         """
         lower, own, upper, pull, xi0, eta0 = np.array(
             [(p.lower, p.inverse, p.upper, p.pull, p.xi, p.eta) for p in pairs]
@@ -230,8 +231,9 @@ class Collocation:
         rows = (force @ TO_LEGENDRE.T) @ TO_POWERS
         doubt = np.maximum(HYSTERESIS * abs(force).max(axis=1), 8.0 * abs(force @ TO_LEGENDRE[-2:].T).max(axis=1))
         for c, (p, noise) in enumerate(zip(pairs, doubt.tolist(), strict=True), lo):
-            clipped = p.mode == RESIDUAL and p.xi > 0.0
-            self.doubt[c] = max(noise, 16.0 * ULP * abs(self.force(c, p.xi, 0.0, p.top, p.loading))) if clipped else noise
+            self.doubt[c] = noise
+            if p.mode == RESIDUAL and p.xi > 0.0:  # its force is a small difference
+                self.doubt[c] = max(noise, 16.0 * ULP * abs(self.force(c, p.xi, 0.0, p.top, p.loading)))
         sigma = q * h**q
         for p, row in zip(pairs, rows.tolist(), strict=True):
             series = row + [0.0] * (ORDER + 1 - POINTS)
