@@ -30,7 +30,7 @@ SMALLEST = 2e-15
 """The tolerance cannot be smaller: interpolated forces carry their rounding."""
 ULP = 2.0**-52
 PRECISE = 2e-13
-"""Error of forces, as a part of the largest: a kink in a short step hardly moves the rates, but peaks are read there."""
+"""Error of forces, as a part of the largest: a kink in a short step hardly moves rates, but peaks are read there."""
 HYSTERESIS = 1e-13
 """Where an interpolated force is within this part of its largest value in the piece, its sign is in doubt."""
 
