@@ -26,7 +26,7 @@ def act(run: Any, pairs: Any, bodies: Any, log: Any, c: int, what: int, block: A
         return activate(run, pairs, bodies, c, block)
     run.events += 1
     if what == TURN:
-        pair.loading, pair.top, pair.eta = 0, pair.xi, 0.0
+        pair.loading, pair.top, pair.eta = 0, pair.xi, min(0.0, pair.eta)
         return True
     if what == RELOAD:
         pair.loading, pair.xi = 1, pair.top
