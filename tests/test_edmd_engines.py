@@ -138,7 +138,7 @@ def test_what_does_not_compile_says_so() -> None:
 
 def test_without_numba_the_reference_runs_and_compiled_says_what_to_install(monkeypatch) -> None:
     scene = scene_of(1, 200, 0.0, True, True, False, 0.0)
-    monkeypatch.setattr("granular.edmd.engines.have_numba", lambda: False)
+    monkeypatch.setitem(sys.modules, "numba", None)
     run = edmd.simulate(scene, ConstantRestitution(1.0), t_end=1e6, max_events=110_000, log=False)
     assert run.stats["engine"] == "sorted"
     with pytest.raises(ImportError, match="engine is 'compiled': numba is not installed: pip install"):
