@@ -47,7 +47,7 @@ def test_options_that_do_not_fit(options, sentence) -> None:
 @pytest.mark.parametrize(
     ("scene", "rule", "options", "sentence"),
     [
-        ("three-balls", RULE, {}, "scene is str: a granular.Scene is needed"),
+        ("three-balls", RULE, {}, "scene is .three-balls.: a granular.Scene is needed, such as"),
         (SCENE, 0.5, {}, "rule is 0.5: a callable"),
         (SCENE, RULE, {"until": 3.0}, "until is 3.0: a condition from granular.until is needed"),
         (SCENE, RULE, {"t_end": "late"}, "t_end is 'late': a single number is needed"),

@@ -61,7 +61,9 @@ class Zoom:
         rate, dt = np.diff(u) - pull * at, state.now - at
         moved = np.where(pull == 0.0, gap + rate * dt, gap + dt * (rate - 0.5 * pull * dt))
         state.zooms += 1
-        moved, rate = np.maximum(0.0, moved), rate - pull * dt
+        noise = np.array(state.noise[first : end + 1])
+        rounding = (pull == 0.0) & (rate < 0.0) & (rate * rate < noise[:-1] + noise[1:])
+        moved, rate = np.maximum(0.0, moved), np.where(rounding, 0.0, rate - pull * dt)
         rate[c - first] = queue.rebound
         zoom = cls(first, state.now, moved.tolist(), rate.tolist(), [0.0] * 4)
         zoom.keep(queue.column)
@@ -106,8 +108,8 @@ class Zoom:
         """Put the slice back into the state."""
         if self.dial[1] > 0.0:
             queue.kernel(zoomed.write_back)(
-                self.first, self.gap, self.rate, self.base + self.dial[0], queue.physics[3], state.u, state.gap,
-                state.at, state.pull, state.streak,
+                self.first, self.gap, self.rate, self.base + self.dial[0], queue.physics[3], state.u,
+                state.noise, state.gap, state.at, state.pull, state.streak,
             )  # fmt: skip
             state.tally[2] += self._lost(state)
             queue.refresh(self.first, self.first + len(self.gap) - 1)

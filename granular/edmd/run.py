@@ -142,7 +142,7 @@ class Run:
                 state.allowance *= 2
         zoom.close(state, self.queue)
         self.zoom = None
-        if self.queue.stop[0] == APART and approaching(0, state.now, state.u, state.pull) < 0:
+        if self.queue.stop[0] == APART and approaching(0, state.now, state.u, state.pull, state.noise) < 0:
             return Pause.until
         return None
 
@@ -187,12 +187,13 @@ class Run:
         state = self.state
         if self.zoom is not None and self.zoom.dial[1] > 0.0:
             state = dataclasses.replace(
-                state, u=state.u.copy(), gap=state.gap.copy(), at=state.at.copy(), streak=state.streak.copy()
-            )
+                state, u=state.u.copy(), noise=state.noise.copy(), gap=state.gap.copy(), at=state.at.copy(),
+                streak=state.streak.copy(),
+            )  # fmt: skip
             zoom = self.zoom
             tau = zoom.base + zoom.dial[0]
-            write_back(zoom.first, zoom.gap, zoom.rate, tau, self.model.mass, state.u, state.gap, state.at,
-                       state.pull, state.streak)  # fmt: skip
+            write_back(zoom.first, zoom.gap, zoom.rate, tau, self.model.mass, state.u, state.noise, state.gap,
+                       state.at, state.pull, state.streak)  # fmt: skip
         velocity = readout.velocities(state, state.now, self.model.scene.gravity)
         return readout.elapsed(state, state.now), velocity, readout.gaps(state, state.now)
 

@@ -28,6 +28,7 @@ class State:
     # per body
     u: Floats  # free-fall velocity of the epoch, m/s
     falls: Floats  # 1 falls; 0 a wall, or a ball that rests on a wall
+    noise: Floats  # (m/s)², square of what rounding may have left in u
     # per pair
     gap: Floats  # m, at time `at`
     at: Floats  # s, since the epoch
@@ -62,6 +63,7 @@ class State:
         return cls(
             u=scene.velocity.tolist(),
             falls=np.where(scene.is_wall, 0.0, 1.0).tolist(),
+            noise=[0.0] * scene.n,
             gap=scene.gap.tolist(),
             at=[0.0] * pairs,
             pull=scene.pull.tolist(),
@@ -99,7 +101,7 @@ class State:
 
     def bodies(self) -> Bodies:
         """Return what a collision changes."""
-        return self.u, self.falls, self.gap, self.at, self.pull, self.hits, self.last, self.streak
+        return self.u, self.falls, self.gap, self.at, self.pull, self.hits, self.last, self.streak, self.noise
 
     def watch(self, may_collapse: bool) -> tuple[float, float]:
         """Return the speed (m/s) and the interval (s) below which a collision looks like part of a collapse."""

@@ -8,7 +8,7 @@ from granular._flight import gap_after
 from granular.edmd.groups import Row
 from granular.edmd.merge import repull
 from granular.edmd.model import Model
-from granular.edmd.motion import carry
+from granular.edmd.motion import NOISE, carry
 from granular.edmd.state import State
 
 
@@ -67,7 +67,11 @@ def apply(first: int, last: int, p: Row, now: float, s: State, m: Model) -> None
         s.gap[c] = 0.0
         s.u[c] -= p[c - first] / m.mass[c]
         s.u[c + 1] += p[c - first] / m.mass[c + 1]
-    noise = max(abs(v) for v in s.u[first : last + 2]) * 2.0**-40
+    fastest = max(abs(v) for v in s.u[first : last + 2])
+    doubt = max(s.noise[first : last + 2]) + NOISE * (fastest * fastest)
+    for i in range(first, last + 2):
+        s.noise[i] = doubt
+    noise = fastest * 2.0**-40
     for c in range(first, last + 1):
         if m.mass[c] >= m.mass[c + 1] and _is_noise(c, now, s, noise):
             s.u[c + 1] = s.u[c] + s.pull[c] * now

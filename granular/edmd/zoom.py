@@ -206,13 +206,13 @@ def settle(j: int, first: int, end: float, gap: Floats, rate: Floats, u: Floats,
 
 @kernel
 def write_back(
-    first: int, new_gap: Floats, rate: Floats, tau: float, mass: Floats, u: Floats, gap: Floats, at: Floats,
-    pull: Floats, streak: Ints,
+    first: int, new_gap: Floats, rate: Floats, tau: float, mass: Floats, u: Floats, noise: Floats, gap: Floats,
+    at: Floats, pull: Floats, streak: Ints,
 ) -> None:
     """Put the slice back: gaps as they are, velocities as sums of rates from a body that is known.
 
     That is an end body of the slice which is a wall or belongs to pairs outside too (it has not collided), else the
-    centre of mass.
+    centre of mass. The rates are exact, so velocities have no noise but what they cannot hold of them.
     """
     n = len(new_gap)
     top = first + n
@@ -224,10 +224,12 @@ def write_back(
         gap[c], at[c], streak[c] = new_gap[j], tau, 0
         if known == first and mass[c + 1] != math.inf:
             u[c + 1] = u[c] + (rate[j] + pull[c] * tau)
+            noise[c + 1] = 0.0
     if known == top:
         for j in range(n - 1, -1, -1):
             c = first + j
             u[c] = u[c + 1] - (rate[j] + pull[c] * tau)
+            noise[c] = 0.0
     if free:
         total = 0.0
         for i in range(first, top + 1):
