@@ -42,13 +42,12 @@ def have_numba() -> bool:
 
 def no_compiler() -> str:
     """Return why kernels cannot be compiled, or nothing."""
-    numba = sys.modules.get("numba", True)
-    if numba is None or find_spec("numba") is None:
+    if sys.modules.get("numba", True) is None or find_spec("numba") is None:
         return "numba is not installed: pip install numba"
-    if numba is True:
-        disabled = os.environ.get("NUMBA_DISABLE_JIT", "0").strip() not in ("", "0")
+    if "numba" in sys.modules:
+        disabled = bool(sys.modules["numba"].config.DISABLE_JIT)
     else:
-        disabled = bool(numba.config.DISABLE_JIT)
+        disabled = os.environ.get("NUMBA_DISABLE_JIT", "0").strip() not in ("", "0")
     return "NUMBA_DISABLE_JIT is set, so numba compiles nothing: unset it" if disabled else ""
 
 

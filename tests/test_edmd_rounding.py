@@ -54,3 +54,53 @@ def test_collisions_are_those_of_exact_arithmetic(kind, engine) -> None:
         assert run.status is Status.quiet, seed
         assert run.contacts["pair"].tolist() == pairs, seed
         assert float(run.time[-1]) == pytest.approx(last, rel=1e-6), seed
+
+
+def test_light_balls_on_a_heavy_one_that_hand_on_all_they_have_collide_once_each() -> None:
+    """Masses 2/(k(k+1)): all but the top one are left at rest, but for rounding."""
+    for n in (4, 5, 8, 12):
+        mass = [math.inf, *(2.0 / (k * (k + 1)) for k in range(1, n + 1))]
+        for gap in (0.0, 1e-30, 1e-9, 1.0):
+            scene = Scene(mass, [0.0] * (n + 1), [1.0] + [gap] * (n - 1), [0.0] + [-1.0] * n)
+            run = edmd.simulate(scene, ELASTIC)
+            assert run.contacts["pair"].tolist() == list(range(n))
+            assert float(run.time[-1]) < 4.0
+            apart = edmd.simulate(scene, ELASTIC, until=until.separated())
+            assert apart.status is Status.until
+            assert apart.contacts.tobytes() == run.contacts.tobytes()
+            assert edmd.simulate(scene, ELASTIC, until=until.contact(1, 2)).status is Status.quiet
+            part = edmd.resume(edmd.simulate(scene, ELASTIC, max_events=2))
+            assert part.stats["events"] == n
+
+
+def test_a_slow_approach_that_was_given_is_no_rounding() -> None:
+    """Also beside faster balls, and after the slow ones have collided among themselves."""
+    slow = 1e-17
+    scene = Scene([1.0, 2.0, 1.0, 1.0], [0.0] * 4, [1.0] * 3, [slow, 0.0, 0.5, -0.5])
+    run = edmd.simulate(scene, ELASTIC)
+    pairs, last = exactly(scene)
+    assert run.contacts["pair"].tolist() == pairs
+    assert float(run.time[-1]) == pytest.approx(last)
+    nearly = Scene([1.0, 1.0], [0.0] * 2, [1.0], [1.0, math.nextafter(1.0, 0.0)])
+    assert edmd.simulate(nearly, ELASTIC).count(0) == 1
+
+
+def test_balls_that_fall_freely_collide_as_they_do_without_gravity() -> None:
+    """Nothing is lost to the speed of the fall, 500 m/s at the last collision."""
+    scene = Scene([1.0, 2.0, 3.0], [0.1] * 3, [6.0, 20.0], [0.03, 0.01, -0.013])
+    falling = scene.replace(gravity=9.81)
+    rule = ConstantRestitution(0.75)
+    for engine in ENGINES:
+        weightless = edmd.simulate(scene, rule, t_start=2.0, engine=engine)
+        run = edmd.simulate(falling, rule, t_start=2.0, engine=engine)
+        assert len(run.contacts) == 3
+        for name in ("pair", "t_begin", "impulse"):
+            assert run.contacts[name].tobytes() == weightless.contacts[name].tobytes()
+        assert run.gap.tobytes() == weightless.gap.tobytes()
+        fallen = 9.81 * (run.contacts["t_begin"] - 2.0)[:, None]
+        np.testing.assert_allclose(run.contacts["v_in"], weightless.contacts["v_in"] - fallen, rtol=1e-15)
+        np.testing.assert_allclose(run.contacts["v_out"], weightless.contacts["v_out"] - fallen, rtol=1e-15)
+        end = 9.81 * (run.time[-1] - 2.0)
+        np.testing.assert_allclose(run.velocity[-1], weightless.velocity[-1] - end, rtol=1e-15)
+        later = edmd.resume(edmd.simulate(falling, rule, t_start=2.0, t_end=400.0, engine=engine), engine=engine)
+        assert later.velocity[-1].tobytes() == run.velocity[-1].tobytes()

@@ -95,7 +95,7 @@ class Zoom:
             self.first, self.gap, self.rate, self.dial, min(outside, state.window) - self.base, limit - self.base,
             state.allowance, budget, state.watch(True), queue.stop, state.pull, low, high, m_eff, eps, model.rule,
             queue.tie, state.hits, state.u, state.falls, self.base,
-            model.scene.gravity, rows,
+            model.gravity, rows,
         )  # fmt: skip
         if log is not None and rows is not None:
             log.extend(rows[:done]) if isinstance(rows, list) else log.append(rows[:done])
@@ -169,9 +169,9 @@ def largest_speed(model: Model, first: int, gap: Sequence[float], rate: Sequence
         height = np.zeros_like(height)  # they fall together
     elif ball[0]:
         velocity -= velocity[-1]
-        if model.scene.gravity > 0.0:
+        if model.gravity > 0.0:
             return math.inf  # they fall off the ceiling
-    energy = 0.5 * mass[ball] @ velocity[ball] ** 2 + model.scene.gravity * (mass[ball] @ height[ball])
+    energy = 0.5 * mass[ball] @ velocity[ball] ** 2 + model.gravity * (mass[ball] @ height[ball])
     return math.sqrt(2.0 * float(energy) / float(mass[ball].min()))
 
 

@@ -83,6 +83,7 @@ class Run:
         self.tail = self.last_event - max_events // TAIL
         self.pace = [(state.events, state.time(state.now))]  # at the beginning and where the tail begins
         self.verdict: Verdict | None = None
+        self.fall = model.scene.gravity - model.gravity  # m/s², with which the frame of the run falls
         self.close_after = close_after(model.scene)
         self.horizon = state.start + (1.0 - MARGIN) * self.close_after  # s, the last time with room between the walls
 
@@ -116,7 +117,7 @@ class Run:
             if pause is Pause.until:
                 return Status.until
             if pause is Pause.window:
-                state.shift_to(self.queue.soonest(), self.model.scene.gravity, self.queue.kernel)
+                state.shift_to(self.queue.soonest(), self.model.gravity, self.queue.kernel)
                 self.queue.rebuild()
             elif pause is Pause.suspect:
                 self.zoom = Zoom.on(state, self.queue)
@@ -161,6 +162,10 @@ class Run:
         rows["pair"] = raw[:, 0]
         rows["t_begin"] = rows["t_end"] = self.state.epoch + (self.state.epoch_low + raw[:, 1])
         rows["v_in"], rows["v_out"] = raw[:, 2:4], raw[:, 4:6]
+        if self.fall > 0.0:
+            fallen = self.fall * readout.elapsed(self.state, raw[:, 1:2])
+            rows["v_in"] -= fallen
+            rows["v_out"] -= fallen
         rows["force_max"] = np.nan
         rows["impulse"] = raw[:, 6]
         if self.keep:
@@ -194,8 +199,9 @@ class Run:
             tau = zoom.base + zoom.dial[0]
             write_back(zoom.first, zoom.gap, zoom.rate, tau, self.model.mass, state.u, state.noise, state.gap,
                        state.at, state.pull, state.streak)  # fmt: skip
-        velocity = readout.velocities(state, state.now, self.model.scene.gravity)
-        return readout.elapsed(state, state.now), velocity, readout.gaps(state, state.now)
+        velocity = readout.velocities(state, state.now, self.model.gravity)
+        elapsed = readout.elapsed(state, state.now)
+        return elapsed, velocity - self.fall * elapsed, readout.gaps(state, state.now)
 
     def checkpoint(self) -> dict[str, Any]:
         """Return all that is needed to go on."""

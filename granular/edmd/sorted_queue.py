@@ -86,7 +86,7 @@ class SortedQueue:
                 if time < INF:
                     queue.add(new)
             if time == INF and pull[c] > 0.0:
-                rest(c, self.model.scene.gravity, u, s.falls, gap, at, pull)
+                rest(c, self.model.gravity, u, s.falls, gap, at, pull)
                 last = max(last, min(c + 1, len(gap) - 1))
             c += 1
 
@@ -166,7 +166,8 @@ class SortedQueue:
         return True
 
     def _apart(self) -> bool:
-        return self.stop[0] == APART and approaching(0, self.state.now, self.state.u, self.state.pull, self.state.noise) < 0
+        s = self.state
+        return self.stop[0] == APART and approaching(0, s.now, s.u, s.pull, s.noise) < 0
 
     def _rank(self, c: int) -> int:
         return rank(c, self.model.order, self.model.seed, self.state.hits[c])

@@ -59,7 +59,7 @@ class State:
         """Return the state at the start of a run of `scene`."""
         pairs = scene.n - 1
         speed, fall, length = scales(scene)
-        window = span(length, speed, scene.gravity)
+        window = span(length, speed, felt_gravity(scene))
         return cls(
             u=scene.velocity.tolist(),
             falls=np.where(scene.is_wall, 0.0, 1.0).tolist(),
@@ -132,10 +132,15 @@ class State:
             self.window = max(self.window, span(self.length, self.speed, gravity))
 
 
+def felt_gravity(scene: Scene) -> float:
+    """Return gravity (m/s²) in the frame of a run: without a wall that frame falls too, and velocities keep digits."""
+    return scene.gravity if scene.is_wall.any() else 0.0
+
+
 def scales(scene: Scene) -> tuple[float, float, float]:
     """Return the speed scale (m/s), the speed of falling through the mean gap, and the mean gap (m) of a scene."""
     length = float(np.mean(scene.gap)) or float(np.mean(scene.radius))
-    fall = math.sqrt(2.0 * scene.gravity * length)
+    fall = math.sqrt(2.0 * felt_gravity(scene) * length)
     return max(float(np.abs(np.diff(scene.velocity)).max()), fall), fall, length
 
 

@@ -29,7 +29,7 @@ def _touches(c: int, now: float, s: State) -> bool:
 
 def release(first: int, last: int, now: float, s: State, m: Model) -> None:
     """Let the balls of the group that are at rest fall again."""
-    g = m.scene.gravity
+    g = m.gravity
     for i in range(first, last + 2):
         if s.falls[i] == 0.0 and m.mass[i] < math.inf:
             s.falls[i] = 1.0
@@ -39,7 +39,7 @@ def release(first: int, last: int, now: float, s: State, m: Model) -> None:
 
 def velocities(first: int, last: int, now: float, s: State, m: Model) -> Row:
     """Return the velocities (m/s) of the bodies of the group at time `now`."""
-    return [s.u[i] - s.falls[i] * (m.scene.gravity * now) for i in range(first, last + 2)]
+    return [s.u[i] - s.falls[i] * (m.gravity * now) for i in range(first, last + 2)]
 
 
 def impulses(c: int, first: int, last: int, now: float, s: State, m: Model) -> Row:

@@ -61,7 +61,7 @@ class TreeQueue:
     def refresh(self, first: int, last: int) -> None:
         """Predict pairs `first` … `last` anew."""
         self.kernel(refresh)(
-            first, last, self.state.bodies(), self.model.scene.gravity, self.slot, self.tree, self.tie
+            first, last, self.state.bodies(), self.model.gravity, self.slot, self.tree, self.tie
         )  # fmt: skip
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
