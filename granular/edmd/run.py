@@ -72,7 +72,7 @@ class Run:
         if isinstance(until, conditions.Separated):
             stop = (APART, 0)
         self.state, self.model, self.zoom = state, model, zoom
-        self.queue, self.faster = queue[0](state, model, stop), queue[1]
+        self.queue, self.faster = self._made(queue[0], stop), queue[1]
         self.change_at = work(state) + LONG
         if zoom is not None:
             zoom.keep(self.queue.column)
@@ -138,6 +138,10 @@ class Run:
             verdict = zoom.verdict(state, model, j)
             if verdict is not None and (end != SPENT or verdict.bound < 1e-9 * state.speed):
                 self.verdict = verdict
+            elif end == SPENT and zoom.patience_ends(state):
+                self.verdict = zoom.faint(state, model, j)
+                if self.verdict is None:
+                    return None
             else:
                 state.short = math.ldexp(state.short, -4)
                 state.allowance *= 2
@@ -147,9 +151,19 @@ class Run:
             return Pause.until
         return None
 
+    def _made(self, queue: type[Queue], stop: tuple[int, int]) -> Queue:
+        """Return a new queue; to what is looked at closely, whose gaps in the state are old, it does nothing."""
+        state = self.state
+        before = [list(x) for x in (state.u, state.falls, state.gap, state.at, state.pull)]
+        made = queue(state, self.model, stop)
+        if self.zoom is not None:
+            for now, old in zip((state.u, state.falls, state.gap, state.at, state.pull), before, strict=True):
+                now[:] = old
+        return made
+
     def _go_over(self, queue: type[Queue]) -> None:
         """Go on with another queue, whatever is going on."""
-        self.queue, self.faster = queue(self.state, self.model, self.queue.stop), None
+        self.queue, self.faster = self._made(queue, self.queue.stop), None
         if self.zoom is not None:
             self.zoom.keep(self.queue.column)
 
@@ -178,6 +192,14 @@ class Run:
         if self.on_progress is not None and self.state.events - self.reported >= REPORT:
             self.reported = self.state.events
             self.on_progress(self.time(), self.state.events)
+
+    def bound(self) -> Verdict | None:
+        """Return what can be said of the slow pairs of a closer look that is not over."""
+        if self.zoom is None or self.zoom.dial[1] == 0.0:
+            return None
+        collided = int(np.argmin(self.zoom.gap))
+        verdict = self.zoom.verdict(self.state, self.model, collided)
+        return verdict if verdict is not None and math.isfinite(verdict.bound) else None
 
     def log(self) -> np.ndarray[tuple[int], np.dtype[np.void]]:
         """Return all contacts kept."""

@@ -49,9 +49,9 @@ def zoom(
 ) -> tuple[int, int, int]:
     """Advance the slice; return how it ended, the number (in the slice) of the last pair, and events done.
 
-    `dial` holds the time since `base`, the events so far, how many in a row did not look like a collapse, and the
-    number of clamps; `room` is the time until something outside happens, `limit` until when to go, `scale` the speed
-    and the interval that look like a collapse.
+    `dial` holds the time since `base`, the events so far, how many in a row did not look like a collapse, the number of
+    clamps, and how often in a row its speeds were found to count for nothing; `room` is the time until something
+    outside happens, `limit` until when to go, `scale` the speed and the interval that look like a collapse.
     """
     n = len(gap)
     done, last = 0, 0
