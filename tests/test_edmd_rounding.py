@@ -42,18 +42,23 @@ def free(seed, kind):
     return Scene(np.exp(random.uniform(-3, 3, n)), np.zeros(n), gap, random.normal(size=n))
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("kind", ["whole", "any"])
-def test_collisions_are_those_of_exact_arithmetic(kind, engine) -> None:
-    if engine == "compiled":
-        pytest.importorskip("numba")
-    for seed in range(150):
+@pytest.mark.parametrize(("kind", "seeds"), [("whole", [*range(100), 481, 553]), ("any", range(40))])
+def test_collisions_are_those_of_exact_arithmetic(kind, seeds) -> None:
+    """Seeds 51, 481 and 553 had contacts that were but rounding, the last at a gap of 0."""
+    for seed in seeds:
         scene = free(seed, kind)
         pairs, last = exactly(scene)
-        run = edmd.simulate(scene, ELASTIC, engine=engine)
+        run = edmd.simulate(scene, ELASTIC)
         assert run.status is Status.quiet, seed
         assert run.contacts["pair"].tolist() == pairs, seed
-        assert float(run.time[-1]) == pytest.approx(last, rel=1e-6), seed
+        assert float(run.time[-1]) == pytest.approx(last, rel=1e-9), seed
+
+
+def test_a_ball_that_slows_down_between_walls_is_never_taken_for_rounding() -> None:
+    scene = Scene([math.inf, 1.0, math.inf], [0.0] * 3, [1.0, 1.0], [0.0, 1.0, 0.0])
+    run = edmd.simulate(scene, ConstantRestitution(0.1), until=until.contact(0, 50))
+    assert run.status is Status.until
+    assert float(run.velocity[-1, 1]) == pytest.approx(-1e-99, rel=1e-12)
 
 
 def test_light_balls_on_a_heavy_one_that_hand_on_all_they_have_collide_once_each() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 from granular._kernels import kernel
 from granular.edmd.merge import ORDINARY, WEAK, absorb, kind, strike
 from granular.edmd.model import remedied
-from granular.edmd.motion import NOISE, Bodies, Ints, Physics, approach, carry, collide
+from granular.edmd.motion import Bodies, Ints, Physics, approach, blur, carry, collide
 
 SUSPICIOUS = 8
 """Streak that calls for a closer look."""
@@ -54,12 +54,10 @@ def event(
     if row is not None:
         row[4], row[5] = u[c] - falls[c] * (g * now), u[c + 1] - falls[c + 1] * (g * now)
         row[6] = exchanged if what == WEAK else -((1.0 + e) * w) * m_eff[c]
-    lower, upper = u[c], u[c + 1]
-    before = noise[c] if noise[c] > noise[c + 1] else noise[c + 1]
-    noise[c] = noise[c + 1] = before + NOISE * (lower * lower + upper * upper + w * w)
+    blur(c, w, e, u, noise, low, high)
     hits[c] += 1
     if e < 1.0:
-        size = max(abs(lower), abs(upper))
+        size = max(abs(u[c]), abs(u[c + 1]))
         streaks[c] = streak(streaks[c], -w, now - last[c], e, size, watch[0], watch[1])
     else:
         streaks[c] = 0

@@ -5,8 +5,8 @@ bodies, which change only at impacts: body i moves with ``u[i] - g·tau`` if it 
 acceleration of the gap (g at a floor, 0 between balls, -g at a ceiling). Times are counted from the last re-basing.
 
 What collisions leave of a velocity is rounded. `noise[i]` (m²/s²) is the square of what that may amount to in ``u[i]``,
-with a margin: after a collision both bodies have the larger of theirs, and what the collision added. Two balls that
-close more slowly than that are not known to close at all, and do not collide; velocities that were given are exact.
+with a margin: a collision passes it on as it does velocities, and adds its own. Two balls that close more slowly than
+that are not known to close at all, and do not collide; velocities that were given are exact.
 """
 
 from __future__ import annotations
@@ -84,6 +84,22 @@ def collide(
         u[c] = u[c + 1] - part
     gap[c] = 0.0
     at[c] = now
+
+
+@kernel
+def blur(c: int, w: float, e: float, u: Floats, noise: Floats, low: Floats, high: Floats) -> None:
+    """Pass the noise of the bodies of pair `c`, which has just collided at rate `w`, on to each other, and add to it.
+
+    In squares, so m₁ noise₁ + m₂ noise₂ is kept if ε = 1, and falls if ε < 1, as the energy does. A wall has none.
+    """
+    a, b = low[c] * (1.0 + e), high[c] * (1.0 + e)
+    lower, upper = noise[c], noise[c + 1]
+    if a > 0.0:
+        x, y = u[c], a * w
+        noise[c] = (1.0 - a) * (1.0 - a) * lower + a * a * upper + NOISE * (x * x + y * y)
+    if b > 0.0:
+        x, y = u[c + 1], b * w
+        noise[c + 1] = b * b * lower + (1.0 - b) * (1.0 - b) * upper + NOISE * (x * x + y * y)
 
 
 @kernel
