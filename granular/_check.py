@@ -30,6 +30,8 @@ def number(
         raise TypeError(_sentence(name, value, "a single number is needed", fix))
     try:
         x = float(value)
+    except OverflowError:
+        x = math.inf if value > 0 else -math.inf  # a whole number that no float can hold
     except (TypeError, ValueError):
         raise TypeError(_sentence(name, value, "a single number is needed", fix)) from None
     if not (above < x and at_least <= x <= at_most) or (finite and math.isinf(x)):

@@ -8,6 +8,7 @@ the same bits.
 
 from __future__ import annotations
 
+import os
 import sys
 import types
 from collections.abc import Callable
@@ -35,14 +36,26 @@ def rare(function: F) -> F:
 
 
 def have_numba() -> bool:
-    """Return whether numba (the extra ``fast``) can be loaded, without loading it."""
-    return sys.modules.get("numba", True) is not None and find_spec("numba") is not None
+    """Return whether numba (the extra ``fast``) can be loaded and compiles, without loading it."""
+    return not no_compiler()
+
+
+def no_compiler() -> str:
+    """Return why kernels cannot be compiled, or nothing."""
+    if sys.modules.get("numba", True) is None or find_spec("numba") is None:
+        return "numba is not installed: pip install numba"
+    if "numba" in sys.modules:
+        disabled = bool(sys.modules["numba"].config.DISABLE_JIT)
+    else:
+        disabled = os.environ.get("NUMBA_DISABLE_JIT", "0").strip() not in ("", "0")
+    return "NUMBA_DISABLE_JIT is set, so numba compiles nothing: unset it" if disabled else ""
 
 
 def load_numba() -> Any:
-    """Return the module numba, or raise `ImportError` that says how to install it."""
-    if not have_numba():
-        raise ImportError("engine 'compiled' needs numba, which is not installed: pip install numba.")
+    """Return the module numba, or raise `ImportError` that says what is missing."""
+    why = no_compiler()
+    if why:
+        raise ImportError(f"engine is 'compiled': {why}.")
     import numba
 
     return numba
@@ -72,7 +85,7 @@ def compiled(function: Callable[..., Any], signature: Any = None, inline: bool =
     Raises
     ------
     ImportError
-        If numba is not installed.
+        If numba is not installed, or told not to compile.
     """
     return _twin(function, signature, inline, False)
 

@@ -45,7 +45,7 @@ class Status(Enum):
     until = "the stop condition was met"
     quiet = "no contact can follow"
     resting = "the balls rest on each other; no contact can open or begin"
-    collapse = "inelastic collapse: infinitely many collisions in finite time"
+    collapse = "inelastic collapse: collisions pile up, infinitely many or down to the bound in the message"
     max_events = "the limit on the amount of work was reached"
     unstable = "the time step is beyond the stability limit; the numbers mean nothing"
 

@@ -226,6 +226,19 @@ def test_rows_at_times_are_right_continuous() -> None:
     assert short.time.tolist() == [0.25, 1.0]
 
 
+def test_a_run_that_ends_otherwise_than_at_its_end_time_keeps_its_end() -> None:
+    """Also when it ends after the last sample."""
+    scene = Scene([math.inf, 1.0], [0.0, 0.0], [1.0], [0.0, -1.0])
+    rule, times = ConstantRestitution(1.0), [0.25, 0.5]
+    for options, end in (({"until": until.contact(0)}, 1.0), ({}, 1.0), ({"max_events": 1, "t_end": 3.0}, None)):
+        run = edmd.simulate(scene, rule, samples=times, **options)
+        assert run.time.tolist() == ([*times, end] if end else times)
+    assert edmd.simulate(scene, rule, samples=times, t_end=3.0).time.tolist() == times
+    assert edmd.simulate(scene, rule, samples=[0.25, 1.0], until=until.contact(0)).time.tolist() == [0.25, 1.0]
+    part = edmd.simulate(scene, rule, t_end=0.1)
+    assert edmd.resume(part, samples=times, until=until.contact(0)).time.tolist() == [*times, 1.0]
+
+
 def test_samples_do_not_change_the_run() -> None:
     random = np.random.default_rng(5)
     scene = Scene([math.inf] + [1.0] * 20, np.zeros(21), random.uniform(0.1, 1.0, 20), np.zeros(21), gravity=1.0)

@@ -11,6 +11,7 @@ from granular import edmd
 from granular.edmd import collapse as collapses
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
+from granular.scenes import column as scene_column
 from granular.scenes import newtons_cradle
 from granular.trajectory import Status
 from granular.until import separated
@@ -150,7 +151,6 @@ def test_the_work_is_bounded_and_the_limit_is_exact() -> None:
     assert end.status is Status.max_events
     assert end.stats["events"] == len(end.contacts) == 100
     assert "100 collisions" in end.message
-    assert run(column(10), 0.9, max_events=0).stats["events"] == 0
 
 
 def test_merging_brings_a_column_to_rest() -> None:
@@ -287,3 +287,24 @@ def test_a_closer_look_without_a_decision_lasts_longer_the_next_time() -> None:
     assert end.stats["bound"] < 1e-15
     assert end.stats["engine"] == "compiled"  # though it began with closer looks, in the reference queue
     assert end.state["allowance"] == 80_000
+
+
+def test_the_ready_made_column_gets_its_verdict() -> None:
+    """Closer looks without end on some 30 balls at the floor, which the next ones hit ever again."""
+    pytest.importorskip("numba")
+    end = run(scene_column(n=100), 0.9, log=False, max_events=2_000_000)
+    assert end.status is Status.collapse
+    assert end.stats["verdict"] == "bounded"
+    assert end.stats["bound"] < 1e-12
+    assert end.stats["pairs"][0] == 0
+    undecided = run(scene_column(n=100), 0.9, log=False, max_events=200_000)
+    assert undecided.status is Status.max_events
+    assert "unless hit from outside, no body of pairs 0 to " in undecided.message
+
+
+@pytest.mark.parametrize(("n", "collisions"), [(30, 62_750), (32, 269_265)])
+def test_finite_sequences_of_a_column_are_followed_to_their_end(n, collisions) -> None:
+    pytest.importorskip("numba")
+    end = run(scene_column(n=n), 0.9, log=False)
+    assert end.status is Status.quiet
+    assert end.stats["events"] == collisions

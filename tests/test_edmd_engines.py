@@ -1,6 +1,7 @@
 """The compiled queue gives the bits of the reference queue, and engines are chosen as said."""
 
 import math
+import os
 import subprocess
 import sys
 import types
@@ -138,7 +139,7 @@ def test_what_does_not_compile_says_so() -> None:
 
 def test_without_numba_the_reference_runs_and_compiled_says_what_to_install(monkeypatch) -> None:
     scene = scene_of(1, 200, 0.0, True, True, False, 0.0)
-    monkeypatch.setattr("granular.edmd.engines.have_numba", lambda: False)
+    monkeypatch.setitem(sys.modules, "numba", None)
     run = edmd.simulate(scene, ConstantRestitution(1.0), t_end=1e6, max_events=110_000, log=False)
     assert run.stats["engine"] == "sorted"
     with pytest.raises(ImportError, match="engine is 'compiled': numba is not installed: pip install"):
@@ -150,3 +151,27 @@ def test_the_engine_loads_neither_scipy_nor_numba() -> None:
     code = f"import sys, granular.edmd; print([m for m in ({heavy}) if m in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"
+
+
+def test_numba_told_not_to_compile_is_as_if_it_were_not_there() -> None:
+    code = (
+        "import granular as gr\n"
+        "scene, rule = gr.scenes.column(), gr.ConstantRestitution(0.9)\n"
+        "print(gr.edmd.simulate(scene, rule).stats['engine'])\n"
+        "law = gr.LinearDashpot(1e6, 1.0)\n"
+        "print(gr.md.simulate(scene, law, t_end=0.01).status.name)\n"
+        "for run in (lambda: gr.edmd.simulate(scene, rule, engine='compiled'),\n"
+        "            lambda: gr.md.simulate(scene, law, t_end=0.01, engine='compiled')):\n"
+        "    try:\n"
+        "        run()\n"
+        "    except ImportError as why:\n"
+        "        print(why)\n"
+    )
+    for before, variable in (("", {"NUMBA_DISABLE_JIT": "1"}), ("import numba; numba.config.DISABLE_JIT = 1\n", {})):
+        if before:
+            pytest.importorskip("numba")
+        out = subprocess.run(
+            [sys.executable, "-c", before + code], capture_output=True, text=True, check=True, env=os.environ | variable
+        )
+        why = "engine is 'compiled': NUMBA_DISABLE_JIT is set, so numba compiles nothing: unset it."
+        assert out.stdout.splitlines() == ["sorted", "time", why, why]

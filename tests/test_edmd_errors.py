@@ -25,7 +25,8 @@ RULE = ConstantRestitution(0.5)
         ({"samples": [0.5, 2.0], "t_end": 1.0}, r"samples\[1\] is 2.0: a time from 0 to 1 s is needed"),
         ({"samples": [0.5, 0.2], "t_end": 1.0}, r"samples\[0\] is 0.2: times must not decrease"),
         ({"samples": [], "t_end": 1.0}, "samples is empty: at least one time is needed"),
-        ({"max_events": -1}, "max_events is -1: a whole number of at least 0"),
+        ({"max_events": 0}, "max_events is 0: a whole number of at least 1"),
+        ({"max_events": 10**400}, "max_events is 1000+...: a finite number is needed"),
         ({"max_events": 1.5}, "max_events is 1.5"),
         ({"engine": "fast"}, "engine is 'fast': one of auto, sorted, compiled is needed"),
         ({"ties": "lft"}, "ties is 'lft': .* did you mean left"),
@@ -47,7 +48,7 @@ def test_options_that_do_not_fit(options, sentence) -> None:
 @pytest.mark.parametrize(
     ("scene", "rule", "options", "sentence"),
     [
-        ("three-balls", RULE, {}, "scene is str: a granular.Scene is needed"),
+        ("three-balls", RULE, {}, "scene is .three-balls.: a granular.Scene is needed, such as"),
         (SCENE, 0.5, {}, "rule is 0.5: a callable"),
         (SCENE, RULE, {"until": 3.0}, "until is 3.0: a condition from granular.until is needed"),
         (SCENE, RULE, {"t_end": "late"}, "t_end is 'late': a single number is needed"),

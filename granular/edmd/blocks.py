@@ -56,7 +56,7 @@ class BlockQueue(TreeQueue):
 
     def _sweep(self, edge: float, budget: int) -> bool:
         """Run all blocks to time `edge`; return whether that was exact, with the state unchanged if not."""
-        s, g = self.state, self.model.scene.gravity
+        s, g = self.state, self.model.gravity
         start = max(s.now, 0.0)
         rest = edge - start
         speed = MARGIN * (float(np.abs(readout.velocities(s, start, g)).max()) + 2.0 * g * rest)
@@ -92,7 +92,7 @@ class BlockQueue(TreeQueue):
         slot, tree = np.full(size, math.inf), np.full(2 * size, size - 1, dtype=self.tree.dtype)
         tree[size:] = np.arange(size)
         tally, fastest = np.zeros(3, dtype=np.int64), np.zeros(1)
-        self.kernel(refresh)(0, high - low - 1, part, m.scene.gravity, slot, tree, self.tie)
+        self.kernel(refresh)(0, high - low - 1, part, m.gravity, slot, tree, self.tie)
         pause, _, _, _, _ = self.kernel(loop)(
             edge, edge, 1 << 40, self.stop, part, physics, None, s.watch(m.may_collapse), tally, slot, tree, self.tie,
             None, fastest,

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from granular._flight import time_to_contact
 from granular.edmd import zoom as zoomed
 from granular.edmd.model import Model
 from granular.edmd.motion import Floats
@@ -17,6 +18,15 @@ from granular.edmd.state import State
 
 REACH = 64
 """Pairs looked at on each side of a suspect."""
+SLOW = 2.0**-20
+"""Rates below this, in units of the scale, make a pair part of a collapse."""
+ROUNDING = 1e-12
+"""Speeds below this, in units of the scale, count for nothing."""
+ALONE = 64.0
+"""Such a run is judged while nothing outside collides for so many times the wait for its own next collision."""
+PATIENCE, STEP = 64, 16_384
+"""Collisions looked at closely, in units of the square of the pairs looked at, before a run may be judged by that; and
+how many lie between two such judgements."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +71,13 @@ class Zoom:
         rate, dt = np.diff(u) - pull * at, state.now - at
         moved = np.where(pull == 0.0, gap + rate * dt, gap + dt * (rate - 0.5 * pull * dt))
         state.zooms += 1
-        moved, rate = np.maximum(0.0, moved), rate - pull * dt
+        if state.zoomed >= PATIENCE * (end - first) ** 2:
+            state.allowance = STEP
+        noise = np.array(state.noise[first : end + 1])
+        rounding = (pull == 0.0) & (rate < 0.0) & (rate * rate < noise[:-1] + noise[1:])
+        moved, rate = np.maximum(0.0, moved), np.where(rounding, 0.0, rate - pull * dt)
         rate[c - first] = queue.rebound
-        zoom = cls(first, state.now, moved.tolist(), rate.tolist(), [0.0] * 4)
+        zoom = cls(first, state.now, moved.tolist(), rate.tolist(), [0.0] * 5)
         zoom.keep(queue.column)
         return zoom
 
@@ -93,7 +107,7 @@ class Zoom:
             self.first, self.gap, self.rate, self.dial, min(outside, state.window) - self.base, limit - self.base,
             state.allowance, budget, state.watch(True), queue.stop, state.pull, low, high, m_eff, eps, model.rule,
             queue.tie, state.hits, state.u, state.falls, self.base,
-            model.scene.gravity, rows,
+            model.gravity, rows,
         )  # fmt: skip
         if log is not None and rows is not None:
             log.extend(rows[:done]) if isinstance(rows, list) else log.append(rows[:done])
@@ -106,8 +120,8 @@ class Zoom:
         """Put the slice back into the state."""
         if self.dial[1] > 0.0:
             queue.kernel(zoomed.write_back)(
-                self.first, self.gap, self.rate, self.base + self.dial[0], queue.physics[3], state.u, state.gap,
-                state.at, state.pull, state.streak,
+                self.first, self.gap, self.rate, self.base + self.dial[0], queue.physics[3], state.u,
+                state.noise, state.gap, state.at, state.pull, state.streak,
             )  # fmt: skip
             state.tally[2] += self._lost(state)
             queue.refresh(self.first, self.first + len(self.gap) - 1)
@@ -131,12 +145,45 @@ class Zoom:
         state.now = float(self.base + self.dial[0])
         return Verdict("exact", c, c, 0.0)
 
-    def verdict(self, state: State, model: Model, j: int) -> Verdict | None:
-        """Return what can be said of the slow neighbours of pair `j` (in the slice): proved, bounded, or nothing."""
+    def patience_ends(self, state: State) -> bool:
+        """Return whether so much has been looked at closely that `faint` is due; then it is due again after a while."""
+        if state.zoomed < PATIENCE * len(self.gap) ** 2:
+            return False
+        state.allowance = int(self.dial[1]) + STEP
+        return True
+
+    def faint(self, state: State, model: Model, j: int) -> Verdict | None:
+        """Return the verdict on the longest run about pair `j` whose speeds will count for nothing, if there is one.
+
+        It must be so twice in a row, or the end of a finite sequence would be taken for a collapse.
+        """
+        for k in range(0, 40, 4):
+            verdict = self.verdict(state, model, j, SLOW * 2.0**-k)
+            if verdict is None:
+                break
+            if verdict.bound < ROUNDING * state.speed and self._is_alone(state, verdict):
+                self.dial[4] += 1.0
+                return verdict if self.dial[4] >= 2.0 else None
+        self.dial[4] = 0.0
+        return None
+
+    def _is_alone(self, state: State, run: Verdict) -> bool:
+        """Return whether no pair outside `run` collides before it has had time for many collisions of its own."""
+        wait = [time_to_contact(d, r, state.pull[self.first + i])
+                for i, (d, r) in enumerate(zip(self.gap, self.rate, strict=True))]  # fmt: skip
+        first, end = run.first - self.first, run.last + 1 - self.first
+        return min(wait[:first] + wait[end:], default=math.inf) > ALONE * min(wait[first:end])
+
+    def verdict(self, state: State, model: Model, j: int, share: float = SLOW) -> Verdict | None:
+        """Return what can be said of the neighbours of pair `j` (in the slice) with rates below `share` of the scale.
+
+        Proved, bounded, or nothing.
+        """
         low, high = j, j
-        while low > 0 and self._is_slow(state, low - 1):
+        tiny = state.speed * share
+        while low > 0 and self._is_slow(state, low - 1, tiny):
             low -= 1
-        while high + 1 < len(self.gap) and self._is_slow(state, high + 1):
+        while high + 1 < len(self.gap) and self._is_slow(state, high + 1, tiny):
             high += 1
         first, last = self.first + low, self.first + high
         pulled = any(state.pull[c] > 0.0 for c in (first, last))
@@ -147,8 +194,7 @@ class Zoom:
             return Verdict("proved", first, last, bound)
         return Verdict("bounded", first, last, bound)
 
-    def _is_slow(self, state: State, i: int) -> bool:
-        tiny = state.speed * 2.0**-20
+    def _is_slow(self, state: State, i: int, tiny: float) -> bool:
         return bool(abs(self.rate[i]) < tiny and self.gap[i] < tiny * state.window)
 
 
@@ -167,9 +213,9 @@ def largest_speed(model: Model, first: int, gap: Sequence[float], rate: Sequence
         height = np.zeros_like(height)  # they fall together
     elif ball[0]:
         velocity -= velocity[-1]
-        if model.scene.gravity > 0.0:
+        if model.gravity > 0.0:
             return math.inf  # they fall off the ceiling
-    energy = 0.5 * mass[ball] @ velocity[ball] ** 2 + model.scene.gravity * (mass[ball] @ height[ball])
+    energy = 0.5 * mass[ball] @ velocity[ball] ** 2 + model.gravity * (mass[ball] @ height[ball])
     return math.sqrt(2.0 * float(energy) / float(mass[ball].min()))
 
 

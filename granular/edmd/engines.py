@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from granular import _check
-from granular._kernels import have_numba
+from granular._kernels import no_compiler
 from granular.edmd.blocks import BlockQueue
 from granular.edmd.model import Model
 from granular.edmd.run import Queue
@@ -23,11 +23,12 @@ def choose(engine: str, model: Model) -> tuple[type[Queue], type[Queue] | None]:
         return SortedQueue, None
     why = obstacle(model)
     if name == "auto":
-        return SortedQueue, None if why or not have_numba() else fast
+        return SortedQueue, None if why or no_compiler() else fast
     if why:
         raise ValueError(f"engine is 'compiled': {why}; use engine='sorted' or 'auto'.")
-    if not have_numba():
-        raise ImportError("engine is 'compiled': numba is not installed: pip install numba.")
+    missing = no_compiler()
+    if missing:
+        raise ImportError(f"engine is 'compiled': {missing}.")
     return fast, None
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from granular._kernels import kernel
 from granular.edmd.merge import ORDINARY, WEAK, absorb, kind, strike
 from granular.edmd.model import remedied
-from granular.edmd.motion import Bodies, Ints, Physics, approach, carry, collide
+from granular.edmd.motion import Bodies, Ints, Physics, approach, blur, carry, collide
 
 SUSPICIOUS = 8
 """Streak that calls for a closer look."""
@@ -25,7 +25,7 @@ def event(
     `tally` counts clamps and merged collisions; `row` takes the row of the log: pair, time, velocities of the lower and
     the upper body before and after, impulse.
     """
-    u, falls, gap, at, pull, hits, last, streaks = bodies
+    u, falls, gap, at, pull, hits, last, streaks, noise = bodies
     low, high, m_eff, mass, eps, tc, elastic_below, merge_below, g = physics
     w = approach(c, u, gap, at, pull)
     e = eps[c] if rule is None else rule(c, -w)
@@ -54,6 +54,7 @@ def event(
     if row is not None:
         row[4], row[5] = u[c] - falls[c] * (g * now), u[c + 1] - falls[c + 1] * (g * now)
         row[6] = exchanged if what == WEAK else -((1.0 + e) * w) * m_eff[c]
+    blur(c, w, e, u, noise, low, high)
     hits[c] += 1
     if e < 1.0:
         size = max(abs(u[c]), abs(u[c + 1]))

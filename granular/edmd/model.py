@@ -11,6 +11,7 @@ import numpy as np
 from granular._kernels import kernel
 from granular.edmd.groups import RULES, Solver
 from granular.edmd.motion import Floats, Physics
+from granular.edmd.state import felt_gravity
 from granular.edmd.ties import ORDER
 from granular.rules import Rule, constants, restitution_at
 from granular.scene import Scene
@@ -54,9 +55,13 @@ class Model:
 
     def physics(self) -> Physics:
         """Return what a collision needs to know."""
-        g = self.scene.gravity
         lists = (self.low, self.high, self.m_eff, self.mass, self.eps)
-        return (*lists, self.tc, self.elastic_below, self.merge_below, g)
+        return (*lists, self.tc, self.elastic_below, self.merge_below, self.gravity)
+
+    @cached_property
+    def gravity(self) -> float:
+        """Gravity that the run feels in m/s²."""
+        return felt_gravity(self.scene)
 
     @property
     def tie(self) -> tuple[int, int]:

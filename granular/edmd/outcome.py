@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from granular.edmd.collapse import Verdict
 from granular.edmd.run import Run
 from granular.trajectory import Status
 
@@ -39,7 +40,7 @@ def _collapse(run: Run, when: str) -> str:
     verdict = run.verdict
     if verdict is None:
         return f"{_walls(run)} and leave no way out: stopped at {when}, when no space was left{_lost(run)}"
-    pairs = f"pair {verdict.first}" if verdict.first == verdict.last else f"pairs {verdict.first} to {verdict.last}"
+    pairs = _pairs(verdict)
     if verdict.kind == "exact":
         body = f"exact: body {verdict.first + 1} comes to rest on the wall after infinitely many bounces"
     elif verdict.kind == "proved":
@@ -47,6 +48,10 @@ def _collapse(run: Run, when: str) -> str:
     else:
         body = f"bounded: unless hit from outside, none of their bodies will be faster than {verdict.bound:.2g} m/s"
     return f"inelastic collapse of {pairs} at {when} ({body})"
+
+
+def _pairs(verdict: Verdict) -> str:
+    return f"pair {verdict.first}" if verdict.first == verdict.last else f"pairs {verdict.first} to {verdict.last}"
 
 
 def _work(run: Run, when: str) -> str:
@@ -61,6 +66,9 @@ def _work(run: Run, when: str) -> str:
                 f"; the last {last} of them took only {took:.3g} s: the balls cluster and slow down, perhaps without "
                 "end. Remedies by name: collapse='merge', tc=, elastic_below="
             )
+        bound = run.bound()
+        if bound is not None:
+            sentence += f"; unless hit from outside, no body of {_pairs(bound)} will exceed {bound.bound:.2g} m/s"
     return sentence + _lost(run)
 
 

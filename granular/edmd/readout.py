@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 
 from granular._check import Array
 from granular.edmd.state import State
+
+FloatOrArray = TypeVar("FloatOrArray", float, Array)
 
 
 def gaps(state: State, tau: float) -> Array:
@@ -23,6 +27,6 @@ def velocities(state: State, tau: float, gravity: float) -> Array:
     return velocity
 
 
-def elapsed(state: State, tau: float) -> float:
+def elapsed(state: State, tau: FloatOrArray) -> FloatOrArray:
     """Return the time in s from the start of the run to `tau`; it has all its digits however late the start."""
     return ((state.epoch - state.start) + state.epoch_low) + tau

@@ -72,7 +72,7 @@ class Run:
         if isinstance(until, conditions.Separated):
             stop = (APART, 0)
         self.state, self.model, self.zoom = state, model, zoom
-        self.queue, self.faster = queue[0](state, model, stop), queue[1]
+        self.queue, self.faster = self._made(queue[0], stop), queue[1]
         self.change_at = work(state) + LONG
         if zoom is not None:
             zoom.keep(self.queue.column)
@@ -83,6 +83,7 @@ class Run:
         self.tail = self.last_event - max_events // TAIL
         self.pace = [(state.events, state.time(state.now))]  # at the beginning and where the tail begins
         self.verdict: Verdict | None = None
+        self.fall = model.scene.gravity - model.gravity  # m/s², with which the frame of the run falls
         self.close_after = close_after(model.scene)
         self.horizon = state.start + (1.0 - MARGIN) * self.close_after  # s, the last time with room between the walls
 
@@ -116,7 +117,7 @@ class Run:
             if pause is Pause.until:
                 return Status.until
             if pause is Pause.window:
-                state.shift_to(self.queue.soonest(), self.model.scene.gravity, self.queue.kernel)
+                state.shift_to(self.queue.soonest(), self.model.gravity, self.queue.kernel)
                 self.queue.rebuild()
             elif pause is Pause.suspect:
                 self.zoom = Zoom.on(state, self.queue)
@@ -137,18 +138,32 @@ class Run:
             verdict = zoom.verdict(state, model, j)
             if verdict is not None and (end != SPENT or verdict.bound < 1e-9 * state.speed):
                 self.verdict = verdict
+            elif end == SPENT and zoom.patience_ends(state):
+                self.verdict = zoom.faint(state, model, j)
+                if self.verdict is None:
+                    return None
             else:
                 state.short = math.ldexp(state.short, -4)
                 state.allowance *= 2
         zoom.close(state, self.queue)
         self.zoom = None
-        if self.queue.stop[0] == APART and approaching(0, state.now, state.u, state.pull) < 0:
+        if self.queue.stop[0] == APART and approaching(0, state.now, state.u, state.pull, state.noise) < 0:
             return Pause.until
         return None
 
+    def _made(self, queue: type[Queue], stop: tuple[int, int]) -> Queue:
+        """Return a new queue; to what is looked at closely, whose gaps in the state are old, it does nothing."""
+        state = self.state
+        before = [list(x) for x in (state.u, state.falls, state.gap, state.at, state.pull)]
+        made = queue(state, self.model, stop)
+        if self.zoom is not None:
+            for now, old in zip((state.u, state.falls, state.gap, state.at, state.pull), before, strict=True):
+                now[:] = old
+        return made
+
     def _go_over(self, queue: type[Queue]) -> None:
         """Go on with another queue, whatever is going on."""
-        self.queue, self.faster = queue(self.state, self.model, self.queue.stop), None
+        self.queue, self.faster = self._made(queue, self.queue.stop), None
         if self.zoom is not None:
             self.zoom.keep(self.queue.column)
 
@@ -161,6 +176,10 @@ class Run:
         rows["pair"] = raw[:, 0]
         rows["t_begin"] = rows["t_end"] = self.state.epoch + (self.state.epoch_low + raw[:, 1])
         rows["v_in"], rows["v_out"] = raw[:, 2:4], raw[:, 4:6]
+        if self.fall > 0.0:
+            fallen = self.fall * readout.elapsed(self.state, raw[:, 1:2])
+            rows["v_in"] -= fallen
+            rows["v_out"] -= fallen
         rows["force_max"] = np.nan
         rows["impulse"] = raw[:, 6]
         if self.keep:
@@ -173,6 +192,14 @@ class Run:
         if self.on_progress is not None and self.state.events - self.reported >= REPORT:
             self.reported = self.state.events
             self.on_progress(self.time(), self.state.events)
+
+    def bound(self) -> Verdict | None:
+        """Return what can be said of the slow pairs of a closer look that is not over."""
+        if self.zoom is None or self.zoom.dial[1] == 0.0:
+            return None
+        collided = int(np.argmin(self.zoom.gap))
+        verdict = self.zoom.verdict(self.state, self.model, collided)
+        return verdict if verdict is not None and math.isfinite(verdict.bound) else None
 
     def log(self) -> np.ndarray[tuple[int], np.dtype[np.void]]:
         """Return all contacts kept."""
@@ -187,14 +214,16 @@ class Run:
         state = self.state
         if self.zoom is not None and self.zoom.dial[1] > 0.0:
             state = dataclasses.replace(
-                state, u=state.u.copy(), gap=state.gap.copy(), at=state.at.copy(), streak=state.streak.copy()
-            )
+                state, u=state.u.copy(), noise=state.noise.copy(), gap=state.gap.copy(), at=state.at.copy(),
+                streak=state.streak.copy(),
+            )  # fmt: skip
             zoom = self.zoom
             tau = zoom.base + zoom.dial[0]
-            write_back(zoom.first, zoom.gap, zoom.rate, tau, self.model.mass, state.u, state.gap, state.at,
-                       state.pull, state.streak)  # fmt: skip
-        velocity = readout.velocities(state, state.now, self.model.scene.gravity)
-        return readout.elapsed(state, state.now), velocity, readout.gaps(state, state.now)
+            write_back(zoom.first, zoom.gap, zoom.rate, tau, self.model.mass, state.u, state.noise, state.gap,
+                       state.at, state.pull, state.streak)  # fmt: skip
+        velocity = readout.velocities(state, state.now, self.model.gravity)
+        elapsed = readout.elapsed(state, state.now)
+        return elapsed, velocity - self.fall * elapsed, readout.gaps(state, state.now)
 
     def checkpoint(self) -> dict[str, Any]:
         """Return all that is needed to go on."""

@@ -63,7 +63,7 @@ def simulate(
     samples : None, int or array
         Rows to keep: None for the first and the last, an int for that many spread evenly from `t_start` to `t_end`,
         an array for those times (s, increasing). Rows are right-continuous: a collision at that time has acted
-        (the row at `t_start` is the initial state). A run that ends before the last of them has one more row, at
+        (the row at `t_start` is the initial state). A run that ends otherwise than at `t_end` has one more row, at
         its end.
     log : bool
         Whether to keep one row per collision in ``contacts``.
@@ -119,7 +119,7 @@ def simulate(
     )  # fmt: skip
     times, end = _span(start, t_end, samples)
     condition = conditions.checked(until, scene.n - 1)
-    limit = _check.whole("max_events", max_events)
+    limit = _check.whole("max_events", max_events, at_least=1)
     _check.callback("on_event", on_event)
     _check.callback("on_progress", on_progress)
     queue = engines.choose(engine, model)
@@ -159,7 +159,7 @@ def resume(
     start = state.time(state.now)
     times, end = _span(start, t_end, samples)
     condition = conditions.checked(until, scene.n - 1)
-    limit = _check.whole("max_events", max_events)
+    limit = _check.whole("max_events", max_events, at_least=1)
     _check.callback("on_event", on_event)
     _check.callback("on_progress", on_progress)
     queue = engines.choose(engine, model)
@@ -173,7 +173,7 @@ SMALLEST, LARGEST = 1e-75, 1e75
 
 def _check_scene(scene: Any) -> None:
     if not isinstance(scene, Scene):
-        raise TypeError(f"scene is {type(scene).__name__}: a granular.Scene is needed.")
+        raise TypeError(f"scene is {scene!r}: a granular.Scene is needed, such as granular.scenes.three_balls().")
     fix = "hard spheres cannot overlap; set the gap to 0, or use granular.md"
     _check.every("gap", scene.gap, scene.gap >= 0.0, "a gap must not be negative", fix)
     _check_size("mass", np.where(scene.is_wall, 1.0, scene.mass), 0.0)
@@ -205,11 +205,10 @@ def _trajectory(run: Run, times: Array | None, start: float, end: float) -> Traj
         if status is not None:
             break
         rows.append((time, *run.row()))
-    ended_early = status is not None
-    if not ended_early:
-        status = run.to(end)
-    if ended_early or times is None:
-        rows.append((end if status is None else run.time(), *run.row()))
+    status = status or run.to(end)
+    stop = end if status is None else run.time()
+    if times is None or not rows or (status is not None and stop > rows[-1][0]):
+        rows.append((stop, *run.row()))
     time, elapsed, velocity, gap = (np.array(column) for column in zip(*rows, strict=True))
     status = status or Status.time
     return Trajectory(

@@ -74,11 +74,11 @@ class SortedQueue:
     def refresh(self, first: int, last: int) -> None:
         """Predict pairs `first` … `last` anew. Pairs that never collide are not in the queue."""
         s, queue, entry = self.state, self.queue, self.entry
-        u, gap, at, pull = s.u, s.gap, s.at, s.pull
+        u, gap, at, pull, noise = s.u, s.gap, s.at, s.pull, s.noise
         c = first
         while c <= last:
             old, key = entry[c]
-            time = predicted(c, u, gap, at, pull)
+            time = predicted(c, u, gap, at, pull, noise)
             if time != old:
                 if old < INF:
                     queue.remove((old, key))
@@ -86,7 +86,7 @@ class SortedQueue:
                 if time < INF:
                     queue.add(new)
             if time == INF and pull[c] > 0.0:
-                rest(c, self.model.scene.gravity, u, s.falls, gap, at, pull)
+                rest(c, self.model.gravity, u, s.falls, gap, at, pull)
                 last = max(last, min(c + 1, len(gap) - 1))
             c += 1
 
@@ -128,7 +128,7 @@ class SortedQueue:
                 entry[c] = (math.inf, self._rank(c))
             self.refresh(first, last)
             if stop_pair == APART:
-                witness = approaching(witness, now, s.u, s.pull)
+                witness = approaching(witness, now, s.u, s.pull, s.noise)
                 if witness < 0:
                     return Pause.until
             if s.streak[c] >= SUSPICIOUS:
@@ -166,7 +166,8 @@ class SortedQueue:
         return True
 
     def _apart(self) -> bool:
-        return self.stop[0] == APART and approaching(0, self.state.now, self.state.u, self.state.pull) < 0
+        s = self.state
+        return self.stop[0] == APART and approaching(0, s.now, s.u, s.pull, s.noise) < 0
 
     def _rank(self, c: int) -> int:
         return rank(c, self.model.order, self.model.seed, self.state.hits[c])

@@ -28,6 +28,7 @@ class State:
     # per body
     u: Floats  # free-fall velocity of the epoch, m/s
     falls: Floats  # 1 falls; 0 a wall, or a ball that rests on a wall
+    noise: Floats  # (m/s)², square of what rounding may have left in u
     # per pair
     gap: Floats  # m, at time `at`
     at: Floats  # s, since the epoch
@@ -58,10 +59,11 @@ class State:
         """Return the state at the start of a run of `scene`."""
         pairs = scene.n - 1
         speed, fall, length = scales(scene)
-        window = span(length, speed, scene.gravity)
+        window = span(length, speed, felt_gravity(scene))
         return cls(
             u=scene.velocity.tolist(),
             falls=np.where(scene.is_wall, 0.0, 1.0).tolist(),
+            noise=[0.0] * scene.n,
             gap=scene.gap.tolist(),
             at=[0.0] * pairs,
             pull=scene.pull.tolist(),
@@ -99,7 +101,7 @@ class State:
 
     def bodies(self) -> Bodies:
         """Return what a collision changes."""
-        return self.u, self.falls, self.gap, self.at, self.pull, self.hits, self.last, self.streak
+        return self.u, self.falls, self.gap, self.at, self.pull, self.hits, self.last, self.streak, self.noise
 
     def watch(self, may_collapse: bool) -> tuple[float, float]:
         """Return the speed (m/s) and the interval (s) below which a collision looks like part of a collapse."""
@@ -130,10 +132,15 @@ class State:
             self.window = max(self.window, span(self.length, self.speed, gravity))
 
 
+def felt_gravity(scene: Scene) -> float:
+    """Return gravity (m/s²) in the frame of a run: without a wall that frame falls too, and velocities keep digits."""
+    return scene.gravity if scene.is_wall.any() else 0.0
+
+
 def scales(scene: Scene) -> tuple[float, float, float]:
     """Return the speed scale (m/s), the speed of falling through the mean gap, and the mean gap (m) of a scene."""
     length = float(np.mean(scene.gap)) or float(np.mean(scene.radius))
-    fall = math.sqrt(2.0 * scene.gravity * length)
+    fall = math.sqrt(2.0 * felt_gravity(scene) * length)
     return max(float(np.abs(np.diff(scene.velocity)).max()), fall), fall, length
 
 

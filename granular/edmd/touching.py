@@ -8,7 +8,7 @@ from granular._flight import gap_after
 from granular.edmd.groups import Row
 from granular.edmd.merge import repull
 from granular.edmd.model import Model
-from granular.edmd.motion import carry
+from granular.edmd.motion import NOISE, carry
 from granular.edmd.state import State
 
 
@@ -29,7 +29,7 @@ def _touches(c: int, now: float, s: State) -> bool:
 
 def release(first: int, last: int, now: float, s: State, m: Model) -> None:
     """Let the balls of the group that are at rest fall again."""
-    g = m.scene.gravity
+    g = m.gravity
     for i in range(first, last + 2):
         if s.falls[i] == 0.0 and m.mass[i] < math.inf:
             s.falls[i] = 1.0
@@ -39,7 +39,7 @@ def release(first: int, last: int, now: float, s: State, m: Model) -> None:
 
 def velocities(first: int, last: int, now: float, s: State, m: Model) -> Row:
     """Return the velocities (m/s) of the bodies of the group at time `now`."""
-    return [s.u[i] - s.falls[i] * (m.scene.gravity * now) for i in range(first, last + 2)]
+    return [s.u[i] - s.falls[i] * (m.gravity * now) for i in range(first, last + 2)]
 
 
 def impulses(c: int, first: int, last: int, now: float, s: State, m: Model) -> Row:
@@ -67,7 +67,11 @@ def apply(first: int, last: int, p: Row, now: float, s: State, m: Model) -> None
         s.gap[c] = 0.0
         s.u[c] -= p[c - first] / m.mass[c]
         s.u[c + 1] += p[c - first] / m.mass[c + 1]
-    noise = max(abs(v) for v in s.u[first : last + 2]) * 2.0**-40
+    fastest = max(abs(v) for v in s.u[first : last + 2])
+    doubt = max(s.noise[first : last + 2]) + NOISE * (fastest * fastest)
+    for i in range(first, last + 2):
+        s.noise[i] = doubt
+    noise = fastest * 2.0**-40
     for c in range(first, last + 1):
         if m.mass[c] >= m.mass[c + 1] and _is_noise(c, now, s, noise):
             s.u[c + 1] = s.u[c] + s.pull[c] * now

@@ -61,7 +61,7 @@ class TreeQueue:
     def refresh(self, first: int, last: int) -> None:
         """Predict pairs `first` … `last` anew."""
         self.kernel(refresh)(
-            first, last, self.state.bodies(), self.model.scene.gravity, self.slot, self.tree, self.tie
+            first, last, self.state.bodies(), self.model.gravity, self.slot, self.tree, self.tie
         )  # fmt: skip
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
@@ -125,7 +125,7 @@ def loop(
             fastest[0] = max(fastest[0], speeds[0], speeds[1])
         refresh(first, last, bodies, g, slot, tree, tie)
         if stop[0] == APART:
-            witness = approaching(witness, now, bodies[0], bodies[4])
+            witness = approaching(witness, now, bodies[0], bodies[4], bodies[8])
             if witness < 0:
                 return UNTIL, c, now, done, rebound
         if streaks[c] >= SUSPICIOUS:
@@ -137,10 +137,10 @@ def refresh(
     first: int, last: int, bodies: Bodies, g: float, slot: Floats, tree: Ints, tie: tuple[int, int]
 ) -> None:
     """Predict pairs `first` … `last` anew and decide the matches above them again."""
-    u, falls, gap, at, pull, hits = bodies[0], bodies[1], bodies[2], bodies[3], bodies[4], bodies[5]
+    u, falls, gap, at, pull, hits, _, _, noise = bodies
     c = first
     while c <= last:
-        slot[c] = predicted(c, u, gap, at, pull)
+        slot[c] = predicted(c, u, gap, at, pull, noise)
         if slot[c] == math.inf and pull[c] > 0.0:
             rest(c, g, u, falls, gap, at, pull)
             last = max(last, min(c + 1, len(gap) - 1))

@@ -49,9 +49,9 @@ def zoom(
 ) -> tuple[int, int, int]:
     """Advance the slice; return how it ended, the number (in the slice) of the last pair, and events done.
 
-    `dial` holds the time since `base`, the events so far, how many in a row did not look like a collapse, and the
-    number of clamps; `room` is the time until something outside happens, `limit` until when to go, `scale` the speed
-    and the interval that look like a collapse.
+    `dial` holds the time since `base`, the events so far, how many in a row did not look like a collapse, the number of
+    clamps, and how often in a row its speeds were found to count for nothing; `room` is the time until something
+    outside happens, `limit` until when to go, `scale` the speed and the interval that look like a collapse.
     """
     n = len(gap)
     done, last = 0, 0
@@ -206,13 +206,13 @@ def settle(j: int, first: int, end: float, gap: Floats, rate: Floats, u: Floats,
 
 @kernel
 def write_back(
-    first: int, new_gap: Floats, rate: Floats, tau: float, mass: Floats, u: Floats, gap: Floats, at: Floats,
-    pull: Floats, streak: Ints,
+    first: int, new_gap: Floats, rate: Floats, tau: float, mass: Floats, u: Floats, noise: Floats, gap: Floats,
+    at: Floats, pull: Floats, streak: Ints,
 ) -> None:
     """Put the slice back: gaps as they are, velocities as sums of rates from a body that is known.
 
     That is an end body of the slice which is a wall or belongs to pairs outside too (it has not collided), else the
-    centre of mass.
+    centre of mass. The rates are exact, so velocities have no noise but what they cannot hold of them.
     """
     n = len(new_gap)
     top = first + n
@@ -224,10 +224,12 @@ def write_back(
         gap[c], at[c], streak[c] = new_gap[j], tau, 0
         if known == first and mass[c + 1] != math.inf:
             u[c + 1] = u[c] + (rate[j] + pull[c] * tau)
+            noise[c + 1] = 0.0
     if known == top:
         for j in range(n - 1, -1, -1):
             c = first + j
             u[c] = u[c + 1] - (rate[j] + pull[c] * tau)
+            noise[c] = 0.0
     if free:
         total = 0.0
         for i in range(first, top + 1):
