@@ -13,6 +13,7 @@ from typing import Any, NoReturn
 from granular import _check, cases
 from granular.cases.case import ENGINES, engine_named
 from granular.cases.options import Option, options_of, unknown
+from granular.cli.output import json_file
 
 ABOUT = """\
 Balls on a line as hard spheres (edmd: event-driven, instantaneous collisions) and as soft spheres (md: Newton's
@@ -165,7 +166,8 @@ def _compare(parser: Parser) -> list[Option]:
     from granular.comparison import compare
 
     parser.add_argument("--plot", metavar="FILE.png", help="draw contacts, forces and world lines of both engines")
-    parser.add_argument("--json", metavar="FILE.json", help="write every number of the report")
+    parser.add_argument("--json", metavar="FILE.json", type=json_file,
+                        help="write every number of the report; - for standard output")
     return [o for o in options_of(compare) if o.name not in HIDDEN | {"rule"}]
 
 
