@@ -14,6 +14,10 @@ from granular import _check
 from granular._check import Array
 
 
+LIGHTEST = 1e-300
+"""kg; masses and their inverses are numbers then, with room for products."""
+
+
 @dataclass(frozen=True, slots=True)
 class Pair:
     """Two neighbours for good: pair ``index`` joins bodies ``index`` and ``index + 1``.
@@ -33,6 +37,11 @@ class Pair:
     r_eff: float
     index: int
 
+    def __post_init__(self) -> None:
+        if not (type(self.m_eff) is type(self.r_eff) is float and 0.0 < self.m_eff < math.inf and self.r_eff >= 0.0):
+            _check.number("m_eff", self.m_eff, above=0.0)
+            _check.number("r_eff", self.r_eff, at_least=0.0, finite=False)
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
@@ -46,8 +55,8 @@ class Scene:
     radius : (n,) array
         Radii in m; 0 for a wall (flat, no offset) and allowed for a ball (point particle).
     gap : (n-1,) array
-        Distances between the surfaces of neighbours in m. Negative means initial overlap: fine for
-        `granular.md`, refused by `granular.edmd`.
+        Distances between the surfaces of neighbours in m. Negative means initial overlap, not deeper than both radii
+        together (any depth between point particles): fine for `granular.md`, refused by `granular.edmd`.
     velocity : (n,) array
         Velocities in m/s, upwards positive.
     gravity : float
@@ -63,7 +72,7 @@ class Scene:
     Notes
     -----
     The state is gaps, not positions: a gap of 1e-4 m at a height of 1 m would lose four digits as a
-    difference of positions.
+    difference of positions. Scenes are equal, and have the same hash, if all their numbers are.
     """
 
     mass: Array
@@ -87,6 +96,8 @@ class Scene:
         if n < 2:
             raise ValueError(f"mass has {n} entries: at least 2 bodies are needed; a floor counts as one (mass inf).")
         _check.every("mass", m, m > 0.0, "a mass must be positive", "use math.inf for a wall")
+        _check.every("mass", m, m >= LIGHTEST, f"a mass must be at least {LIGHTEST:g} kg",
+                     "the inverse of a smaller one is no number")
         walls = np.isinf(m)
         _check.every("mass", m, ~walls | _ends(n), "only the first and the last body can be walls",
                      "a wall in the middle makes two separate scenes")
@@ -97,6 +108,10 @@ class Scene:
         _check.every("radius", r, ~walls | (r == 0.0), "a wall is flat and has radius 0")
         d = _check.array("gap", gap, (n - 1,), fix="one gap per pair of neighbours")
         _check.every("gap", d, np.isfinite(d), "a gap must be finite")
+        reach = r[:-1] + r[1:]
+        _check.every("gap", d, (d >= -reach * (1.0 + 1e-12)) | (reach == 0.0),
+                     "an overlap cannot be deeper than both radii together",
+                     "beyond that the centres have changed places")
         v = _check.array("velocity", velocity, (n,))
         _check.every("velocity", v, np.isfinite(v), "a velocity must be finite")
         g = _check.number("gravity", gravity, at_least=0.0, fix="gravity pulls down, its sign is built in")
@@ -125,6 +140,18 @@ class Scene:
         rising = np.diff(x, prepend=-np.inf) >= 0.0
         _check.every("position", x, rising, "positions must not decrease", "number bodies bottom to top")
         return cls(m, r, np.diff(x) - r[:-1] - r[1:], velocity, gravity, float(x[0]) if len(x) else 0.0)
+
+    @cached_property
+    def _key(self) -> tuple[Any, ...]:
+        """All numbers as one value; -0.0 is 0.0."""
+        arrays = self.mass, self.radius, self.gap, self.velocity
+        return (*((array + 0.0).tobytes() for array in arrays), self.gravity, self.origin)
+
+    def __eq__(self, other: object) -> bool:
+        return self._key == other._key if isinstance(other, Scene) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._key)
 
     def replace(self, **changes: Any) -> Scene:
         """Return a copy with some fields changed, checked anew."""
@@ -213,3 +240,17 @@ def speed_scale(scene: Scene) -> float:
     v = scene.velocity
     reach = float(scene.gap.clip(min=0.0).sum())
     return float(v.max() - v.min()) + math.sqrt(2.0 * scene.gravity * reach)
+
+
+def checked(scene: Any) -> Scene:
+    """Return `scene` if it is one, else raise."""
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene is {scene!r}: a granular.Scene is needed, such as granular.scenes.three_balls().")
+    return scene
+
+
+def checked_pair(pair: Any) -> Pair:
+    """Return `pair` if it is one, else raise."""
+    if not isinstance(pair, Pair):
+        raise TypeError(f"pair is {pair!r}: a Pair is needed, such as scene.pairs[0].")
+    return pair
