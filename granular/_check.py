@@ -53,6 +53,8 @@ def whole(name: str, value: Any, *, at_least: int = 0, at_most: int = LARGEST, f
 
 def array(name: str, value: Any, shape: tuple[int, ...] | None = None, *, fix: str = "") -> Array:
     """Return a read-only float64 copy of `value` with the given `shape` (any length if None)."""
+    if isinstance(value, np.ma.MaskedArray):
+        raise TypeError(_sentence(name, value, "an array without a mask is needed", fix or "leave out what is masked"))
     try:
         _refuse_words(value)
         out = np.array(value, dtype=np.float64)
@@ -68,9 +70,7 @@ def array(name: str, value: Any, shape: tuple[int, ...] | None = None, *, fix: s
 
 def _refuse_words(value: Any) -> None:
     """Raise `TypeError` for what numpy would convert or leave out without a word: words (but "inf"), truth values and
-    None among numbers, complex numbers, dates, and masks."""
-    if isinstance(value, np.ma.MaskedArray):
-        raise TypeError
+    None among numbers, complex numbers and dates."""
     kind = np.asarray(value).dtype.kind
     if kind not in "iufUSO":
         raise TypeError
@@ -132,7 +132,7 @@ def _range(above: float, at_least: float, at_most: float, finite: bool) -> str:
 
 def _sentence(name: str, value: Any, need: str, fix: str = "") -> str:
     try:
-        shown = repr(value)
+        shown = " ".join(repr(value).split())
     except ValueError:  # a whole number of thousands of digits
         shown = f"a number of {type(value).__name__} with thousands of digits"
     if len(shown) > 60:

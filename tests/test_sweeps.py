@@ -12,7 +12,6 @@ import granular as gr
 from granular.cases import Case, make
 from granular.sweeps import axis, compiled, schedule
 from granular.sweeps.compiled import FAST
-from granular.sweeps.compiled import solve as known
 from granular.sweeps.results import CODE, RESULTS
 
 xr = pytest.importorskip("xarray")
@@ -53,7 +52,7 @@ def test_axes_from_text(text, values):
     ("bouncing-ball", ["t_end=0.1,2,20"], {}),
 ])  # fmt: skip
 def test_compiled_is_one_by_one_bit_for_bit(scene, over, fixed, monkeypatch):
-    monkeypatch.setattr(schedule, "FEW", 0)
+    monkeypatch.setattr(compiled, "at_hand", lambda: True)
     fast = gr.sweep(scene, over, sorted(FAST), **fixed)
     slow = gr.sweep(scene, over, sorted(FAST), run=ONE_BY_ONE, **fixed)
     for name in fast:
@@ -61,15 +60,17 @@ def test_compiled_is_one_by_one_bit_for_bit(scene, over, fixed, monkeypatch):
     assert fast["contacts"].values.max() >= 1
 
 
-@pytest.mark.parametrize("few", [4, 5])
-def test_a_few_cells_do_not_wait_for_a_compiler(few, monkeypatch):
-    """Four cells are compiled, or run one by one if fewer than `FEW` and no machine code is at hand."""
-    solved = []
-    monkeypatch.setattr(schedule, "FEW", few)
+@pytest.mark.parametrize("making", [1e-3, 10.0])
+def test_cells_do_not_wait_for_a_compiler_unless_they_take_longer(making, monkeypatch):
+    """After 16 cells the others are compiled if one by one they would take longer than making the machine code."""
+    solved, known = [], compiled.solve
+    monkeypatch.setattr(schedule, "LOADING", making)
+    monkeypatch.setattr(schedule, "MAKING", making)
     monkeypatch.setattr(compiled, "at_hand", lambda: False)
-    monkeypatch.setattr(compiled, "solve", lambda *given: solved.append(0) or known(*given))
-    gr.sweep("three-balls", ["gap=1e-7:1e-2:4:log"], "contacts")
-    assert bool(solved) == (few == 4)
+    monkeypatch.setattr(compiled, "solve", lambda *given: solved.append(len(given[1])) or known(*given))
+    data = gr.sweep("three-balls", ["gap=1e-7:1e-2:40:log"], "contacts")
+    assert sum(solved) == (24 if making < 1.0 else 0)
+    assert (data["status"].values >= 0).all()
 
 
 def test_a_cell_is_what_compare_says():

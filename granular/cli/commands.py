@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import warnings
 from typing import Any
 
 from granular import cases
@@ -56,6 +57,8 @@ def _compare(arguments: argparse.Namespace) -> int:
     known = keyword_options(compare)
     options: dict[str, Any] = {"until": case.until, "t_end": case.t_end}
     options |= {name: value for name, value in case.run.items() if name in known} | arguments.run
+    if unused := [name for name in case.run if name not in known]:
+        warnings.warn(f"compare makes no use of {', '.join(unused)} in [run].", stacklevel=1)
     with Progress(options["t_end"]) as progress:
         report = compare(case.scene, case.physics("md"), case.rule, **options, on_progress=progress)
     show(report, arguments.json)

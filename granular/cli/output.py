@@ -24,7 +24,7 @@ def show(report: Any, json: str | None) -> None:
 def check_writable(*names: str | None) -> None:
     """Raise `ValueError` if a file cannot be written."""
     for name in names:
-        if name is None or _files.is_stream(name) and os.access(name, os.W_OK) and not Path(name).is_dir():
+        if name is None or (_files.is_stream(name) and os.access(name, os.W_OK) and not Path(name).is_dir()):
             continue
         path = Path(os.path.realpath(name))
         if path.is_dir():

@@ -6,6 +6,7 @@ So ``granular compare gas --help`` lists the parameters of `granular.scenes.gas`
 from __future__ import annotations
 
 import argparse
+import os
 import re
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NoReturn
@@ -119,8 +120,9 @@ def _top() -> Parser:
 def _target(rest: Sequence[str]) -> tuple[str | None, list[str]]:
     """Split off the scene's name or TOML file: the first argument, else the first that looks like one."""
     for k, argument in enumerate(rest):
-        if argument in cases.names() or argument.endswith(".toml") or (k == 0 and not argument.startswith("-")):
-            if not argument.endswith(".toml"):
+        toml = argument.lower().endswith(".toml")
+        if argument in cases.names() or toml or (k == 0 and not argument.startswith("-")):
+            if not toml and not os.path.exists(argument):
                 _check.choice("scene", argument, cases.names())
             return argument, [*rest[:k], *rest[k + 1 :]]
     return None, list(rest)

@@ -38,11 +38,6 @@ def checked(law: Any, scene: Scene) -> tuple[Any, ...]:
     tried: dict[Any, tuple[Any, Pair]] = {}
     for one, pair in zip(laws, scene.pairs, strict=True):
         instance(f"law of pair {pair.index}", one)
-        if not callable(getattr(one, "force", None)):
-            raise TypeError(
-                f"law of pair {pair.index} is {one!r}: an object with force(self, xi, xi_dot, pair) is needed; "
-                "for hard spheres use granular.edmd."
-            )
         _agree(one, pair)
         tried.setdefault((id(one), pair.m_eff, pair.r_eff), (one, pair))
     for one, pair in islice(tried.values(), TRIED):
@@ -51,11 +46,16 @@ def checked(law: Any, scene: Scene) -> tuple[Any, ...]:
 
 
 def instance(name: str, law: Any) -> None:
-    """Raise if `law` is a class."""
+    """Raise if `law` is a class, or has no `force`."""
     if isinstance(law, type):
         known = getattr(law, "__dataclass_fields__", {})
         values = ", ".join(f"{field}=..." for field in known)
         raise TypeError(f"{name} is the class {law.__name__}: an instance is needed, such as {law.__name__}({values}).")
+    if not callable(getattr(law, "force", None)):
+        raise TypeError(
+            f"{name} is {law!r}: an object with force(self, xi, xi_dot, pair) is needed; for hard spheres use "
+            "granular.edmd."
+        )
 
 
 def finite(law: Any, xi: float, xi_dot: float, pair: Pair) -> float:
