@@ -14,7 +14,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     rows = [f"  {figure.number:>2}  {name:22} {figure.about}" for name, figure in FIGURES.items()]
     parser.epilog = "figures, by number in the paper or by name:\n" + "\n".join(rows)
     parser.add_argument("name", metavar="NAME", help="which figure; or all")
-    parser.add_argument("-o", "--output", metavar="DIR", default=".", help="folder for drawing and data, made if need be [.]")
+    parser.add_argument("-o", "--output", metavar="DIR", default=".",
+                        help="folder for drawing and data, made if need be [.]")
     parser.add_argument("--points", type=int, metavar="N", help="points along the longest axis [those for print]")
 
 
