@@ -22,6 +22,13 @@ from granular.md.stability import expected_overlap
 from granular.rules import ConstantRestitution, Rule
 from granular.scene import Pair, Scene, checked_pair
 
+__all__ = ["Collision", "LawRestitution", "collision", "restitution", "restitution_of", "with_restitution"]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 MAX_STEPS = 20_000
 """Steps after which a contact is taken to go on for ever."""
 SLOWEST, FASTEST = 1e-50, 1e50

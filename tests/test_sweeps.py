@@ -206,3 +206,15 @@ def test_the_command(tmp_path, capsys):
     assert xr.load_dataset(file).attrs["title"] == "granular sweep of three-balls"
     assert main(["sweep", "three-balls"]) == 2
     assert "--over" in capsys.readouterr().err
+
+
+def test_executor_by_name_is_refused():
+    with pytest.raises(TypeError, match=r"executor is 'dask': an object with submit\(\) is needed"):
+        gr.sweep("three-balls", "gap=1e-4,1e-3", executor="dask")
+
+
+def test_labels_are_short_and_pairs_have_numbers():
+    data = gr.sweep("three-balls", "restitution=0.5,0.6", "contacts")
+    assert data["restitution"].attrs["long_name"] == "restitution"
+    assert data["restitution"].attrs["comment"].startswith("Coefficient of restitution in (0, 1]")
+    assert data["pair"].values.tolist() == [0, 1]

@@ -32,6 +32,7 @@ def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: 
     """Return the data set: one dimension per axis, then pair or body; units and provenance as attributes."""
     xr = xarray_()
     shape = tuple(len(array) for array in over.values())
+    coordinates: dict[str, Any]
     coordinates = {name: (name, array, axes.attributes(name, plan.options)) for name, array in over.items()}
     sizes = {result.dim: values[name].shape[1] for name, result in plan.results.items() if result.dim}
     about = "counted from the bottom"
