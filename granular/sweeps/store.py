@@ -35,8 +35,8 @@ def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: 
     coordinates: dict[str, Any]
     coordinates = {name: (name, array, axes.attributes(name, plan.options)) for name, array in over.items()}
     sizes = {result.dim: values[name].shape[1] for name, result in plan.results.items() if result.dim}
-    about = "counted from the bottom"
-    coordinates |= {dim: (dim, np.arange(size), {"comment": about}) for dim, size in sizes.items()}
+    counted = {"comment": "counted from the bottom"}
+    coordinates |= {dim: (dim, np.arange(size), counted) for dim, size in sizes.items()}
     codes = list(STATUS)
     status = {"long_name": "how the run of the cell ended", "flag_values": codes,
               "flag_meanings": " ".join(STATUS.values())}
