@@ -16,7 +16,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", metavar="NAME", help="which figure; or all")
     parser.add_argument("-o", "--output", metavar="DIR", default=".",
                         help="folder for drawing and data, made if need be [.]")
-    parser.add_argument("--points", type=int, metavar="N", help="points along the longest axis [those for print]")
+    parser.add_argument("--points", type=int, metavar="N",
+                        help="points along the longest axis; what is finer than these is not resolved [as in print]")
 
 
 def run(found: argparse.Namespace) -> None:
