@@ -12,6 +12,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import docs_data
+
 from granular import Hertz, LinearDashpot, ViscoelasticHertz, cases, scenes, until
 from granular.workprecision import Frontier, frontier
 from granular.workprecision.table import duration
@@ -94,6 +96,8 @@ def main(names: list[str]) -> None:
         print(f"{title}\n\n{report}\n", flush=True)
         (DOCS / "figures").mkdir(exist_ok=True)
         report.plot(DOCS / "figures" / f"frontier-{name}.png")
+        if f"frontier-{name}" in docs_data.ENTRIES:
+            docs_data.store(f"frontier-{name}", docs_data.errors(report))
         text = PAGE.read_text(encoding="utf-8")
         place = re.compile(rf"(<!-- {name} -->\n).*?(<!-- end -->)", re.DOTALL)
         filled = section(name, title, report)

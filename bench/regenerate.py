@@ -1,6 +1,7 @@
 """Measure every table and figure of the docs anew, one after the other: ``python bench/regenerate.py`` (about an hour).
 
-The paper's figures come from ``granular figure all``. `edmd_long`, `leaving_out` and the like print their tables.
+The paper's figures come from ``granular figure all``; their data is stored last. `edmd_long`, `leaving_out` and the
+like print their tables.
 """
 
 from __future__ import annotations
@@ -8,6 +9,8 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+
+import docs_data
 
 HERE = Path(__file__).parent
 SCRIPTS = (
@@ -20,6 +23,10 @@ def main() -> None:
     for name in SCRIPTS:
         print(f"\n{name}\n{'=' * len(name)}", flush=True)
         subprocess.run([sys.executable, str(HERE / f"{name}.py")], check=True)
+    folder = HERE.parent / "docs" / "figures"
+    subprocess.run([sys.executable, "-m", "granular", "figure", "all", "-o", str(folder)], check=True)
+    papers = [name for name in docs_data.ENTRIES if name.startswith("paper-")]
+    subprocess.run([sys.executable, str(HERE / "docs_data.py"), *papers], check=True)
 
 
 if __name__ == "__main__":

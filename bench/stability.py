@@ -10,6 +10,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import docs_data
+
 import granular as gr
 from granular.stress.cell import FIXED
 from granular.stress.report import BAD
@@ -45,6 +47,8 @@ def main(paths: list[str]) -> None:
     page = PAGE.read_text(encoding="utf-8")
     filled = re.sub(r"(<!-- tables -->\n).*?(<!-- end -->)", lambda m: f"{m[1]}{text}\n{m[2]}", page, flags=re.DOTALL)
     PAGE.write_text(filled, encoding="utf-8")
+    for name in ("stability", "stability-others"):
+        docs_data.store(name)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+LARGEST = 2**63 - 1
+"""The largest whole number that arrays hold."""
 
 
 def number(
@@ -26,34 +28,39 @@ def number(
     fix: str = "",
 ) -> float:
     """Return `value` as a float within ``(above, …)`` and ``[at_least, at_most]``; nan never passes."""
-    if isinstance(value, (bool, str, bytes)) or np.ndim(value) != 0:
-        raise TypeError(_sentence(name, value, "a single number is needed", fix))
     try:
+        if isinstance(value, (bool, np.bool_, str, bytes, np.ma.MaskedArray)) or np.ndim(value) != 0:
+            raise TypeError
         x = float(value)
     except OverflowError:
         x = math.inf if value > 0 else -math.inf  # a whole number that no float can hold
     except (TypeError, ValueError):
         raise TypeError(_sentence(name, value, "a single number is needed", fix)) from None
+    except OverflowError:  # a whole number beyond the floats
+        x = math.inf if value > 0 else -math.inf
     if not (above < x and at_least <= x <= at_most) or (finite and math.isinf(x)):
         raise ValueError(_sentence(name, value, _range(above, at_least, at_most, finite), fix))
     return x
 
 
-def whole(name: str, value: Any, *, at_least: int = 0, at_most: float = math.inf, fix: str = "") -> int:
+def whole(name: str, value: Any, *, at_least: int = 0, at_most: int = LARGEST, fix: str = "") -> int:
     """Return `value` as an int within ``[at_least, at_most]``."""
-    x = number(name, value, fix=fix)
-    if x != math.floor(x) or not at_least <= x <= at_most:
-        top = "" if at_most == math.inf else f" and at most {at_most}"
+    exact = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    x = value if exact else number(name, value, fix=fix)
+    if x != x // 1 or not at_least <= x <= at_most:
+        top = "" if at_most == LARGEST and x < LARGEST else f" and at most {at_most}"
         raise ValueError(_sentence(name, value, f"a whole number of at least {at_least}{top} is needed", fix))
     return int(x)
 
 
 def array(name: str, value: Any, shape: tuple[int, ...] | None = None, *, fix: str = "") -> Array:
     """Return a read-only float64 copy of `value` with the given `shape` (any length if None)."""
+    if isinstance(value, np.ma.MaskedArray):
+        raise TypeError(_sentence(name, value, "an array without a mask is needed", fix or "leave out what is masked"))
     try:
         _refuse_words(value)
         out = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise TypeError(_sentence(name, value, "an array of numbers is needed", fix)) from None
     if shape is None and out.ndim != 1:
         raise ValueError(_sentence(f"shape of {name}", out.shape, "one dimension is needed", fix))
@@ -64,9 +71,10 @@ def array(name: str, value: Any, shape: tuple[int, ...] | None = None, *, fix: s
 
 
 def _refuse_words(value: Any) -> None:
-    """Raise `TypeError` for words (but "inf"), truth values and None among numbers, which numpy would convert."""
+    """Raise `TypeError` for what numpy would convert or leave out without a word: words (but "inf"), truth values and
+    None among numbers, complex numbers and dates."""
     kind = np.asarray(value).dtype.kind
-    if kind == "b":
+    if kind not in "iufUSO":
         raise TypeError
     if kind in "USO":
         entries = np.asarray(value, dtype=object).flat
@@ -125,7 +133,10 @@ def _range(above: float, at_least: float, at_most: float, finite: bool) -> str:
 
 
 def _sentence(name: str, value: Any, need: str, fix: str = "") -> str:
-    shown = repr(value)
+    try:
+        shown = " ".join(repr(value).split())
+    except ValueError:  # a whole number of thousands of digits
+        shown = f"a number of {type(value).__name__} with thousands of digits"
     if len(shown) > 60:
         shown = shown[:57] + "..."
     return f"{name} is {shown}: {need}" + (f"; {fix}" if fix else "") + ("" if fix.endswith("?") else ".")

@@ -3,41 +3,86 @@
 from __future__ import annotations
 
 import os
+import stat
+import sys
 from collections.abc import Callable
 from os import PathLike
 from typing import Any
 
+STDOUT = "/dev/stdout"
 
 def write(path: str | PathLike[str], fill: Callable[[str], object]) -> None:
-    """Let `fill` write a temporary file beside `path`, then move it into place; on failure nothing is left behind.
+    """Let `fill` write a draft, then make it the file `path`; on failure nothing is left behind.
+
+    The draft of a plain file stands beside it and is moved into its place, with the mode of the file that was there; a
+    link stays a link, to a new file. Into devices, pipes and open files (``/dev/stdout``, ``/dev/fd/3``) the draft is
+    copied: they are never replaced.
 
     Raises
     ------
     OSError
         With the path and the reason if it cannot be written.
     """
-    import tempfile
-
-    target = os.path.abspath(os.fspath(path))
-    folder, name = os.path.split(target)
-    stem, ending = os.path.splitext(name)
-    if os.path.isdir(target):
+    given = os.path.abspath(os.fspath(path))
+    if os.path.isdir(given):
         raise IsADirectoryError(f"output path is {os.fspath(path)!r}: a file name is needed, this is a folder.")
     try:
-        handle, draft = tempfile.mkstemp(prefix=f".{stem}-", suffix=ending, dir=folder)
+        if is_stream(given):
+            _pour(given, fill)
+        else:
+            _replace(os.path.realpath(given), fill)
     except OSError as error:
+        if error.errno is None:
+            raise
         reason = error.strerror or str(error)
         raise type(error)(f"output path is {os.fspath(path)!r}: a writable place is needed ({reason}).") from None
-    os.close(handle)
+
+
+def is_stream(path: str | PathLike[str]) -> bool:
+    """Whether `path` is there and no plain file, or names an open file of a process: to be written into as it is."""
+    if os.path.exists(path) and not os.path.isfile(path):
+        return True
+    step = os.path.abspath(os.fspath(path))
+    for _ in range(40):  # as many links as the system follows
+        folder, name = os.path.split(step)
+        folder = os.path.realpath(folder)
+        if folder.startswith("/proc/"):
+            return True
+        step = os.path.join(folder, name)
+        if not os.path.islink(step):
+            break
+        step = os.path.join(folder, os.readlink(step))
+    return False
+
+
+def _replace(target: str, fill: Callable[[str], object]) -> None:
+    """Move a draft onto the plain file `target`."""
+    folder, name = os.path.split(target)
+    stem, ending = os.path.splitext(name)
+    draft = os.path.join(folder, f".{stem[:100]}-{os.urandom(6).hex()}{ending}")
+    os.close(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     try:
         fill(draft)
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(draft, 0o666 & ~umask)
+        if os.path.exists(target):
+            os.chmod(draft, stat.S_IMODE(os.stat(target).st_mode))
         os.replace(draft, target)
     except BaseException:
         os.unlink(draft)
         raise
+
+
+def _pour(stream: str, fill: Callable[[str], object]) -> None:
+    """Copy a draft into a device, a pipe or an open file."""
+    import shutil
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        draft = os.path.join(folder, "draft" + os.path.splitext(stream)[1])
+        fill(draft)
+        if stream == STDOUT and sys.stdout is not None:
+            sys.stdout.flush()  # what was printed before comes first
+        with open(draft, "rb") as source, open(os.dup(1) if stream == STDOUT else stream, "ab") as sink:
+            shutil.copyfileobj(source, sink)
 
 
 def write_text(path: str | PathLike[str], text: str) -> None:
@@ -48,6 +93,28 @@ def write_text(path: str | PathLike[str], text: str) -> None:
             file.write(text)
 
     write(path, fill)
+
+
+def write_figure(path: str | PathLike[str], figure: Any, dpi: int) -> None:
+    """Save a matplotlib figure in the format of the file's ending, whole or not at all.
+
+    Raises
+    ------
+    OSError, ValueError
+        If the file cannot be written, or has no ending that matplotlib knows.
+    """
+    check_picture(path)
+    write(path, lambda draft: figure.savefig(draft, dpi=dpi))
+
+
+def check_picture(path: str | PathLike[str]) -> None:
+    """Raise `ValueError` unless the ending of `path` is a format that matplotlib writes."""
+    from matplotlib.backend_bases import FigureCanvasBase
+
+    ending = os.path.splitext(path)[1][1:]
+    known = sorted(FigureCanvasBase.get_supported_filetypes())
+    if ending.lower() not in known:
+        raise ValueError(f"ending of {os.fspath(path)} is {ending!r}: one of {', '.join(known)} is needed.")
 
 
 def provenance() -> dict[str, Any]:

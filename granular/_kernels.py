@@ -19,6 +19,8 @@ from zlib import crc32
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+on_making: list[Callable[[], object]] = []
+"""Who wants to know, once, that machine code is about to be made, which takes a while."""
 MANNER = {"error_model": "numpy", "_nrt": False}
 """How numba compiles: 1/0 is inf, and references to arrays are not counted (which would take half of the time)."""
 
@@ -61,9 +63,41 @@ def load_numba() -> Any:
     return numba
 
 
-def in_memory(function: Callable[..., Any]) -> bool:
+def in_memory(function: Callable[..., Any], inline: bool = False) -> bool:
     """Return whether machine code of a kernel is loaded already, so that going over to it costs nothing."""
-    return "numba" in sys.modules and have_numba() and bool(compiled(function).signatures)  # type: ignore[attr-defined]
+    if "numba" not in sys.modules or not have_numba():
+        return False
+    return bool(_twin(function, None, inline, False).signatures)  # type: ignore[attr-defined]
+
+
+@cache
+def on_disk(function: Callable[..., Any], inline: bool = False) -> bool:
+    """Return whether machine code of a kernel lies in numba's cache: to load it takes a second, to make it up to 20.
+
+    Loads numba. What another process makes in the meantime is not seen.
+    """
+    if not have_numba():
+        return False
+    try:
+        index = _twin(function, None, inline, False)._cache._cache_file  # type: ignore[attr-defined]
+        return bool(index._load_index())
+    except (AttributeError, OSError):  # another numba, or no place to keep a cache
+        return False
+
+
+def worth(function: Callable[..., Any], work: float, warm: float, cold: float, inline: bool = False) -> bool:
+    """Return whether `work` pays for going over to the machine code of a kernel.
+
+    Parameters
+    ----------
+    work : float
+        What is left to do, or what was done so far where nobody knows what is left; in any unit.
+    warm, cold : float
+        The work in that unit that takes as long as loading the code from the disk, and as making it.
+    """
+    if work < warm or not have_numba():
+        return False
+    return work >= cold or in_memory(function, inline) or on_disk(function, inline)
 
 
 @cache
@@ -87,6 +121,8 @@ def compiled(function: Callable[..., Any], signature: Any = None, inline: bool =
     ImportError
         If numba is not installed, or told not to compile.
     """
+    if on_making and not on_disk(function, inline):
+        on_making.pop()()
     return _twin(function, signature, inline, False)
 
 

@@ -33,6 +33,13 @@ from granular.laws import traits
 from granular.scene import Scene
 from granular.trajectory import Status
 
+__all__ = ["AdiabaticSolution", "contacts"]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 DEGREE = 20
 """Degree of a piece: over a step of 1/(ω + 2β) the first term left out is 1/21! = 2e-20."""
 

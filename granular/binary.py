@@ -10,16 +10,29 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from granular import _check, md
+from granular._check import Array
 from granular.laws import dashpot, traits
 from granular.md.stability import expected_overlap
 from granular.rules import ConstantRestitution, Rule
-from granular.scene import Pair, Scene
+from granular.scene import Pair, Scene, checked_pair
+
+__all__ = ["Collision", "LawRestitution", "collision", "restitution", "restitution_of", "with_restitution"]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
 
 MAX_STEPS = 20_000
 """Steps after which a contact is taken to go on for ever."""
+SLOWEST, FASTEST = 1e-50, 1e50
+"""Impact speeds in m/s between which a contact is run: beyond, its overlaps, forces and energies are no numbers."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +67,13 @@ def collision(law: Any, pair: Pair, speed: float) -> Collision:
 
     Raises
     ------
-    ValueError
-        If `speed` is not positive, or the contact never ends (ε = 0, or the law does not repel).
+    TypeError, ValueError
+        If `speed` is not positive; if the contact never ends (ε = 0, or the law does not repel), gains energy, or its
+        overlap or force is beyond the range of numbers (speeds below 1e-50 or above 1e50 m/s, but for linear laws).
     """
     traits.instance("law", law)
-    v = _check.number("speed", speed, above=0.0)
+    checked_pair(pair)
+    v = _speed(speed)
     form = None if getattr(law, "memory", False) else traits.power_form(law, pair)
     if form is not None and form[1] == 1.0 and form[3] == 0.0:
         return _dashpot(form[0], form[2], pair, v)
@@ -67,11 +82,32 @@ def collision(law: Any, pair: Pair, speed: float) -> Collision:
     return _integrated(law, pair, v)
 
 
-def restitution(law: Any, pair: Pair, speed: float) -> float:
-    """ε of an isolated contact of `pair` under `law` at impact speed `speed` in m/s; see `collision`."""
+@overload
+def restitution(law: Any, pair: Pair, speed: float) -> float: ...
+
+
+@overload
+def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | Array: ...
+
+
+def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | Array:
+    """ε of an isolated contact of `pair` under `law` at impact speed `speed` in m/s; see `collision`.
+
+    For an array of speeds, an array of the same shape.
+    """
+    traits.instance("law", law)
+    checked_pair(pair)
+    if np.ndim(speed) == 0:
+        return at_speed(law, pair, _speed(speed))
+    speeds = _check.array("speed", speed, np.shape(speed))
+    return np.array([at_speed(law, pair, _speed(v)) for v in speeds.flat]).reshape(speeds.shape)
+
+
+def at_speed(law: Any, pair: Pair, speed: float) -> float:
+    """`restitution` at one speed, whatever it is: ε at rest is 1, or the limit for slow impacts."""
     form = None if getattr(law, "memory", False) else traits.power_form(law, pair)
     if form is None:
-        return 1.0 if speed <= 0.0 else _integrated(law, pair, speed).restitution
+        return 1.0 if speed <= 0.0 else _integrated(law, pair, max(speed, SLOWEST)).restitution
     k, p, gamma, d = form
     if gamma == 0.0:
         return 1.0
@@ -81,7 +117,7 @@ def restitution(law: Any, pair: Pair, speed: float) -> float:
         from granular.laws import viscoelastic_restitution
 
         return float(viscoelastic_restitution.restitution(gamma * k**-0.6 * pair.m_eff**-0.4 * speed**0.2))
-    return _integrated(law, pair, speed).restitution if speed > 0.0 else 1.0
+    return _integrated(law, pair, max(speed, SLOWEST)).restitution if speed > 0.0 else 1.0
 
 
 @dataclass(frozen=True)
@@ -99,7 +135,7 @@ class LawRestitution:
     def __call__(self, speed: float, pair: Pair) -> float:
         """Restitution at impact speed `speed` in m/s."""
         law = self.laws[0] if len(self.laws) == 1 else self.laws[pair.index]
-        return restitution(law, pair, speed)
+        return at_speed(law, pair, speed)
 
 
 def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule:
@@ -131,15 +167,18 @@ def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, fi
     from scipy.optimize import brentq
 
     goal = _check.number("target", target, above=0.0, at_most=1.0)
+    traits.instance("law", law)
+    checked_pair(pair)
+    v = _speed(speed)
     if not hasattr(law, field):
         raise ValueError(f"field is {field!r}: {type(law).__name__} has no such field; name the damping of the law.")
     if goal == 1.0:
         return replace(law, **{field: 0.0})
 
     def miss(log_value: float) -> float:
-        return restitution(replace(law, **{field: math.exp(log_value)}), pair, speed) - goal
+        return at_speed(replace(law, **{field: math.exp(log_value)}), pair, v) - goal
 
-    stiffness = traits.tangent(law, expected_overlap(law, pair, speed), pair)[0]
+    stiffness = traits.tangent(law, expected_overlap(law, pair, v), pair)[0]
     low = high = 0.5 * math.log(stiffness * pair.m_eff)  # a dashpot of this strength is near critical
     while miss(low) < 0.0 and low > -300.0:
         low, high = low - 4.0, low
@@ -148,6 +187,10 @@ def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, fi
     if not miss(low) >= 0.0 >= miss(high):
         raise ValueError(f"target is {target!r}: no value of {field} gives this restitution at {speed} m/s.")
     return replace(law, **{field: math.exp(float(brentq(miss, low, high, xtol=1e-14, rtol=1e-14)))})
+
+
+def _speed(value: Any) -> float:
+    return _check.number("speed", value, above=0.0)
 
 
 def _constant(law: Any, pair: Pair) -> bool:
@@ -165,14 +208,17 @@ def _dashpot(k: float, gamma: float, pair: Pair, v: float) -> Collision:
         root = math.sqrt((1.0 - zeta) * (1.0 + zeta))
         peak = math.exp(-zeta * (3.0 * math.acos(zeta) - math.pi) / root)
     deepest = v / omega * math.exp(-0.5 * zeta * t_c)
-    return Collision(eps, t_c / omega, deepest, peak * pair.m_eff * omega * v, 2.0 * zeta * eps * v / omega)
+    force = peak * pair.m_eff * omega * v
+    return _in_range(Collision(eps, t_c / omega, deepest, force, 2.0 * zeta * eps * v / omega), v)
 
 
 def _elastic_power(k: float, p: float, pair: Pair, v: float) -> Collision:
     """ξ_max = ((p+1) m v² / (2k))^(1/(p+1)); t_c v / ξ_max = 2 √π Γ(1 + 1/(p+1)) / Γ(½ + 1/(p+1))."""
+    if not SLOWEST <= v <= FASTEST:
+        raise no_numbers(v)
     deepest = math.pow(0.5 * (p + 1.0) * pair.m_eff * v * v / k, 1.0 / (p + 1.0))
     shape = 2.0 * math.sqrt(math.pi) * math.gamma(1.0 + 1.0 / (p + 1.0)) / math.gamma(0.5 + 1.0 / (p + 1.0))
-    return Collision(1.0, shape * deepest / v, deepest, k * math.pow(deepest, p), 0.0)
+    return _in_range(Collision(1.0, shape * deepest / v, deepest, k * math.pow(deepest, p), 0.0), v)
 
 
 def at_most_elastic(eps: float) -> float:
@@ -180,14 +226,43 @@ def at_most_elastic(eps: float) -> float:
     return 1.0 if 1.0 < eps <= 1.0 + 1e-9 else eps
 
 
-@lru_cache(maxsize=4096)
 def _integrated(law: Any, pair: Pair, v: float) -> Collision:
-    """Let a ball of mass m_eff meet a wall, by the event-located method."""
+    """The contact by the event-located method; remembered for laws that cannot change."""
+    return (_remembered if _unchanging(law) else _run)(law, pair, v)
+
+
+def _unchanging(law: Any) -> bool:
+    """Whether the law is a frozen dataclass of values that are frozen too."""
+    made = getattr(type(law), "__dataclass_params__", None)
+    if made is None or not made.frozen:
+        return False
+    try:
+        hash(law)
+    except TypeError:
+        return False
+    return True
+
+
+@lru_cache(maxsize=4096)
+def _remembered(law: Any, pair: Pair, v: float) -> Collision:
+    return _run(law, pair, v)
+
+
+def _run(law: Any, pair: Pair, v: float) -> Collision:
+    """Let a ball of mass m_eff meet a wall.
+
+    Where the force sets in late, the touch before counts in the log as a contact without force: the contact with the
+    largest impulse is meant.
+    """
+    if not SLOWEST <= v <= FASTEST:
+        raise no_numbers(v)
     scene = Scene([math.inf, pair.m_eff], [0.0, min(pair.r_eff, 1.0)], [0.0], [0.0, -v])
     scene.__dict__["pairs"] = (pair,)  # the law sees the very pair that was asked about
-    run = md.simulate(scene, law, max_events=2, max_steps=MAX_STEPS)
-    contact = run.contacts[0]
-    if contact["force_max"] == 0.0:
+    run = md.simulate(scene, law, max_events=8, max_steps=MAX_STEPS)
+    contact = run.contacts[int(np.argmax(run.contacts["impulse"]))]
+    if not math.isfinite(contact["force_max"]):
+        raise no_numbers(v)
+    if contact["force_max"] == 0.0 or contact["v_out"][1] < 0.0:
         raise ValueError(f"law is {law!r}: it does not repel at {v!r} m/s; the bodies pass through each other, and "
                          "there is no restitution.")  # fmt: skip
     if math.isnan(contact["t_end"]):
@@ -195,4 +270,22 @@ def _integrated(law: Any, pair: Pair, v: float) -> Collision:
     at_end = md.simulate(scene, law, t_end=float(contact["t_end"]), log=False)
     peaks = float(contact["xi_max"]), float(contact["force_max"])
     eps = at_most_elastic(float(contact["v_out"][1]) / v)
-    return Collision(eps, float(contact["duration"]), *peaks, max(0.0, -float(at_end.gap[-1][0])))
+    if eps > 1.0:
+        raise ValueError(f"law is {law!r}: a contact at {v!r} m/s gains energy, its restitution is {eps!r}; a force "
+                         "that is no larger while the bodies part than while they approach is needed.")  # fmt: skip
+    return _in_range(
+        Collision(eps, float(contact["duration"]), *peaks, max(0.0, -float(at_end.gap[-1][0]))), v
+    )
+
+
+def _in_range(found: Collision, v: float) -> Collision:
+    """Return what was found, or raise if some of it is beyond the range of numbers."""
+    if not (0.0 < found.duration < math.inf and 0.0 < found.xi_max < math.inf and 0.0 < found.force_max < math.inf):
+        raise no_numbers(v)
+    return found
+
+
+def no_numbers(v: float) -> ValueError:
+    """Return the error of a contact whose overlap, force or duration is beyond the range of numbers."""
+    return ValueError(f"speed is {v!r}: overlap, force or duration of the contact is beyond the range of numbers; "
+                      "usual units (SI) and a usual speed are needed.")  # fmt: skip

@@ -69,7 +69,10 @@ def _followed(soft: Trajectory, c: int, options: Mapping[str, Any]) -> tuple[flo
     rest = Scene(scene.mass, scene.radius, soft.gap[-1], soft.velocity[-1], scene.gravity, float(soft.position[-1][0]))
     start = float(soft.time[-1])
     row = soft.of(c)[-1]
-    patience = 20.0 * collision(law[c], scene.pairs[c], max(abs(row["v_in"][0] - row["v_in"][1]), 1e-300)).duration
+    try:
+        patience = 20.0 * collision(law[c], scene.pairs[c], max(abs(row["v_in"][0] - row["v_in"][1]), 1e-300)).duration
+    except ValueError:  # begun at rest, or never to end: there is no such contact alone
+        patience = 0.0
     if row["duration"] > patience:
         return math.nan, math.nan
     run = md.simulate(rest, law, t_end=patience, **options)

@@ -50,7 +50,7 @@ def comparison_figure(report: Comparison, path: str | PathLike[str] | None = Non
     figure.align_ylabels(axes)
     if path is None:
         return figure
-    _files.write(path, lambda draft: figure.savefig(draft, dpi=200))
+    _files.write_figure(path, figure, dpi=200)
     return None
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from granular import _check
 from granular._check import Array
-from granular.scene import Pair
+from granular.scene import Pair, checked_pair
 
 Rule = Callable[[float, Pair], float]
 
@@ -149,7 +149,8 @@ class ThorntonRestitution:
         nu = _check.number("poisson", poisson, at_least=0.0, at_most=0.5)
         modulus = _check.number("young", young, above=0.0) / (2.0 * (1.0 - nu * nu))
         pressure = _check.number("yield_pressure", yield_pressure, above=0.0)
-        r_eff = _check.number(f"r_eff of pair {pair.index}", pair.r_eff, above=0.0, fix="point particles cannot yield")
+        at = f"r_eff of pair {checked_pair(pair).index}"
+        r_eff = _check.number(at, pair.r_eff, above=0.0, fix="point particles cannot yield")
         shape = math.sqrt(8.0 * math.pi / 15.0 * r_eff**3 * pressure / pair.m_eff)
         return cls((0.5 * math.pi * pressure / modulus) ** 2 * shape)
 

@@ -33,6 +33,11 @@ class Pair:
     r_eff: float
     index: int
 
+    def __post_init__(self) -> None:
+        if not (type(self.m_eff) is type(self.r_eff) is float and 0.0 < self.m_eff < math.inf and self.r_eff >= 0.0):
+            _check.number("m_eff", self.m_eff, above=0.0)
+            _check.number("r_eff", self.r_eff, at_least=0.0, finite=False)
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
@@ -63,7 +68,7 @@ class Scene:
     Notes
     -----
     The state is gaps, not positions: a gap of 1e-4 m at a height of 1 m would lose four digits as a
-    difference of positions.
+    difference of positions. Scenes are equal, and have the same hash, if all their numbers are.
     """
 
     mass: Array
@@ -126,6 +131,18 @@ class Scene:
         _check.every("position", x, rising, "positions must not decrease", "number bodies bottom to top")
         return cls(m, r, np.diff(x) - r[:-1] - r[1:], velocity, gravity, float(x[0]) if len(x) else 0.0)
 
+    @cached_property
+    def _key(self) -> tuple[Any, ...]:
+        """All numbers as one value; -0.0 is 0.0."""
+        arrays = self.mass, self.radius, self.gap, self.velocity
+        return (*((array + 0.0).tobytes() for array in arrays), self.gravity, self.origin)
+
+    def __eq__(self, other: object) -> bool:
+        return self._key == other._key if isinstance(other, Scene) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
     def replace(self, **changes: Any) -> Scene:
         """Return a copy with some fields changed, checked anew."""
         return Scene(**({f.name: getattr(self, f.name) for f in fields(self)} | changes))
@@ -138,7 +155,8 @@ class Scene:
     @cached_property
     def inverse_mass(self) -> Array:
         """1/m in 1/kg, shape (n,); 0 for a wall."""
-        return 1.0 / self.mass
+        with np.errstate(over="ignore"):
+            return 1.0 / self.mass
 
     @cached_property
     def is_wall(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
@@ -213,3 +231,25 @@ def speed_scale(scene: Scene) -> float:
     v = scene.velocity
     reach = float(scene.gap.clip(min=0.0).sum())
     return float(v.max() - v.min()) + math.sqrt(2.0 * scene.gravity * reach)
+
+
+def in_order(scene: Scene) -> Scene:
+    """Return `scene` if no overlap is so deep that two centres have changed places; point particles may."""
+    reach = scene.radius[:-1] + scene.radius[1:]
+    _check.every("gap", scene.gap, (scene.gap >= -reach * (1.0 + 1e-12)) | (reach == 0.0),
+                 "an overlap cannot be deeper than both radii together", "deeper, the centres have changed places")
+    return scene
+
+
+def checked(scene: Any) -> Scene:
+    """Return `scene` if it is one, else raise."""
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene is {scene!r}: a granular.Scene is needed, such as granular.scenes.three_balls().")
+    return scene
+
+
+def checked_pair(pair: Any) -> Pair:
+    """Return `pair` if it is one, else raise."""
+    if not isinstance(pair, Pair):
+        raise TypeError(f"pair is {pair!r}: a Pair is needed, such as scene.pairs[0].")
+    return pair

@@ -13,7 +13,13 @@ import numpy as np
 
 from granular import _check
 from granular._check import Array
-from granular.scene import Scene
+from granular.scene import Scene, in_order
+
+__all__ = ["ball_stack", "bouncing_ball", "chain", "column", "gas", "newtons_cradle", "three_balls"]
+
+
+def __dir__() -> list[str]:
+    return __all__
 
 
 def three_balls(
@@ -110,7 +116,7 @@ def newtons_cradle(
     m = np.full(count, _check.number("mass", mass, above=0.0))
     v = np.zeros(count)
     v[:arriving] = _check.number("speed", speed, above=0.0)
-    return Scene(m, _radius(m, density), _gaps(gap, count - 1), v)
+    return in_order(Scene(m, _radius(m, density), _gaps(gap, count - 1), v))
 
 
 def chain(
@@ -146,7 +152,7 @@ def chain(
         m[0] = _check.number("striker", striker, above=0.0)
     v = np.zeros(len(m))
     v[0] = _check.number("speed", speed, above=0.0)
-    return Scene(m, _radius(m, density), _gaps(gap, len(m) - 1), v)
+    return in_order(Scene(m, _radius(m, density), _gaps(gap, len(m) - 1), v))
 
 
 def column(
@@ -255,7 +261,7 @@ def _above_floor(
     """Balls that all move down at `speed`, the lowest point of the lowest at height `drop` above a floor."""
     n = len(mass)
     velocity = [0.0] + [0.0 - speed] * n  # not -speed, which makes -0.0 of rest
-    return Scene([math.inf, *mass], [0.0, *radius], [drop, *_gaps(gap, n - 1)], velocity, gravity)
+    return in_order(Scene([math.inf, *mass], [0.0, *radius], [drop, *_gaps(gap, n - 1)], velocity, gravity))
 
 
 def _gaps(gap: float | Sequence[float], n_pairs: int) -> Array:

@@ -18,6 +18,24 @@ from numpy.typing import ArrayLike
 from granular import _check
 from granular._check import Array
 
+__all__ = [
+    "TwoBallDrop",
+    "best_chain",
+    "best_masses",
+    "bouncing_ball",
+    "chain_velocity",
+    "effective_restitution",
+    "most_collisions",
+    "rise",
+    "stack_limit",
+    "stack_velocities",
+    "two_ball_drop",
+]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
 
 @dataclass(frozen=True, slots=True)
 class TwoBallDrop:

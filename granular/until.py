@@ -6,6 +6,12 @@ from dataclasses import dataclass
 
 from granular import _check
 
+__all__ = ["Contact", "Separated", "contact", "separated"]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
 
 @dataclass(frozen=True, slots=True)
 class Contact:

@@ -1,10 +1,12 @@
 """One isolated contact: closed forms, integration, the inverse, the rule made from a law."""
 
+import contextlib
 import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import granular as gr
@@ -116,3 +118,37 @@ def test_rule_of_a_law():
 def test_impact_speed_must_be_positive(speed):
     with pytest.raises(ValueError, match=r"speed is .*above 0"):
         binary.collision(gr.Hertz(1.0), UNIT, speed)
+
+
+@pytest.mark.parametrize("law", [gr.LinearDashpot(1e5, 30.0), gr.ViscoelasticHertz(1e7, 1e3), gr.WaltonBraun(1e5, 2e5)])
+def test_restitution_of_many_speeds_is_that_of_each(law):
+    speeds = np.geomspace(1e-3, 1e2, 6).reshape(2, 3)
+    many = binary.restitution(law, UNIT, speeds)
+    assert many.shape == speeds.shape
+    assert many.tolist() == [[binary.restitution(law, UNIT, v) for v in row] for row in speeds.tolist()]
+    assert isinstance(binary.restitution(law, UNIT, 1.0), float)
+
+
+@pytest.mark.parametrize("law", [
+    gr.ViscoelasticHertz(1e9, 1e3), gr.TsujiHertz(1e9, 0.3), gr.Hertz(1e9), gr.WaltonBraun(1e7, 2e7),
+    gr.LinearDashpot(1e7, 10.0),
+])
+def test_restitution_never_exceeds_one_whatever_the_speed(law):
+    for exponent in range(-300, 301, 60):
+        for ask in (lambda v: binary.collision(law, UNIT, v).restitution, lambda v: binary.restitution(law, UNIT, v)):
+            with contextlib.suppress(OutOfRange):
+                assert 0.0 < sentence(ask, 10.0**exponent) <= 1.0
+
+
+class OutOfRange(Exception):
+    pass
+
+
+def sentence(ask, speed):
+    """What `ask` gives, or `OutOfRange` if it says that numbers end there; any other error is one."""
+    try:
+        return ask(speed)
+    except ValueError as refused:
+        if "beyond the range of numbers" in str(refused):
+            raise OutOfRange from None
+        raise

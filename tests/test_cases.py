@@ -310,3 +310,53 @@ def test_a_docstring_is_read_parameter_by_parameter():
     assert summary(function) == "Do something useful."
     assert [(o.name, o.default, o.about) for o in options_of(function)] == [
         ("b", 1.0, "Two numbers, in m."), ("c", "x", '{"x", "y"}: A choice.'), ("d", None, "")]
+
+
+# odd files
+
+@pytest.mark.parametrize(("text", "sentence"), [
+    ("k = " + "9" * 400, r"own\.toml: \[law\]: k is 9999.*: a finite number above 0 is needed"),
+    ("k = " + "9" * 9000, r"own\.toml: is not valid TOML: Exceeds the limit"),
+    ("k = " + "[" * 900 + "]" * 900, r"own\.toml: is not a case: lists or tables are nested too deeply"),
+    (".".join("a" * 50_000) + " = 1", r"own\.toml: is not a case: a key of more than 50 parts"),
+    ("k = 1 # " + "x" * 33_000_000, r"own\.toml: is larger than 32 MB; build such a scene in Python"),
+], ids=["400 digits", "9000 digits", "nested", "dots", "large"])
+def test_a_file_that_would_eat_the_machine_is_refused(read, text, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        read('[scene]\nname = "three-balls"\n[law]\ntype = "LinearDashpot"\n' + text)
+
+
+def test_a_long_array_is_no_long_key():
+    masses = ", ".join(["1.5"] * 400)
+    zeros = ", ".join(["0.0"] * 400)
+    gaps = ", ".join(["0.1"] * 399)
+    text = f"[scene]\nmass = [{masses}]\nradius = [{zeros}]\nvelocity = [{zeros}]\ngap = [\n{gaps}\n]\n{LAW}"
+    assert cases.loads(text).scene.n == 400
+
+
+def test_a_file_saved_by_an_editor_on_windows_is_read(tmp_path):
+    path = tmp_path / "own.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + (OWN + LAW).replace("\n", "\r\n").encode())
+    assert cases.load(path).scene == cases.loads(OWN + LAW).scene
+
+
+def test_text_reads_back_what_dumps_wrote():
+    case = cases.make("gas", n=5)
+    back = cases.loads(cases.dumps(case))
+    assert back.scene == case.scene
+    assert back.law == case.law
+    with pytest.raises(TypeError, match="text is None: the text of a TOML file is needed; for a file use load"):
+        cases.loads(None)
+
+
+def test_overlap_beyond_the_radii_in_a_file_is_refused(read):
+    with pytest.raises(ValueError, match=r"\[scene\]: gap\[0\] is -0\.5: an overlap cannot be deeper"):
+        read(OWN.replace("[0.5, 0.25]", "[-0.5, 0.25]") + LAW)
+
+
+def test_modules_show_what_is_theirs():
+    from granular import adiabatic, binary, theory, until
+
+    for module in (adiabatic, binary, scenes, theory, until):
+        assert dir(module) == module.__all__
+        assert all(getattr(module, name).__module__ == module.__name__ for name in module.__all__)

@@ -290,3 +290,71 @@ def test_a_reader_that_stops_reading_is_no_error():
 def test_every_option_of_the_engines_is_documented():
     for option in options_of(md.simulate):
         assert option.about, option.name
+
+
+def test_options_of_a_file_that_compare_ignores_are_named(granular, tmp_path):
+    _, text, _ = granular("scenes bouncing-ball")
+    (tmp_path / "mine.toml").write_text(text + "samples = 300\nt_start = 1.0\n", encoding="utf-8")
+    code, _, err = granular("compare mine.toml")
+    assert code == 0
+    assert "granular: warning: compare makes no use of samples, t_start in [run]." in err
+
+
+@pytest.mark.parametrize("name", ["mine", "MINE.TOML", "./mine.txt"])
+def test_a_file_of_any_name_is_a_scene(granular, tmp_path, name):
+    _, text, _ = granular("scenes bouncing-ball")
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    assert granular(f"run {name} --engine edmd") == granular("run bouncing-ball --engine edmd")
+
+
+@pytest.mark.parametrize(("line", "sentence"), [
+    ("run three-balls --samples 1e15", "the memory of this machine is too small for that"),
+    ("compare three-balls --stiffness 1e-300", "beyond the range of numbers"),
+])
+def test_what_is_beyond_machine_or_numbers_is_one_sentence(granular, line, sentence):
+    code, _, err = granular(line)
+    assert code == cli.MISUSE
+    assert sentence in err
+    assert err.count("\n") == 1
+
+
+def test_closed_standard_output_is_no_traceback(monkeypatch):
+    monkeypatch.setattr(sys, "stdout", None)
+    assert cli.main(["run", "bouncing-ball", "--engine", "edmd"]) == 0
+
+
+def test_a_folder_for_figures_is_made(granular, tmp_path):
+    pytest.importorskip("matplotlib")
+    assert granular("figure sketch -o new/folder")[0] == 0
+    assert (tmp_path / "new" / "folder" / "paper-sketch.png").stat().st_size > 1000
+
+
+def test_who_watches_is_told_once_that_machine_code_is_made(monkeypatch):
+    from granular import _kernels
+    from granular._roots import first_up_crossing
+
+    pytest.importorskip("numba")
+    said = io.StringIO()
+    said.isatty = lambda: True
+    monkeypatch.setattr(sys, "stderr", said)
+    monkeypatch.setattr(_kernels, "on_making", [cli._say_compiling])
+    _kernels.compiled.cache_clear()
+    for known in (True, False, False):
+        monkeypatch.setattr(_kernels, "on_disk", lambda function, inline, known=known: known)
+        _kernels.compiled(first_up_crossing)
+        assert bool(said.getvalue()) is not known
+        _kernels.compiled.cache_clear()
+    assert said.getvalue().count("compiling, once") == 1
+
+
+@pytest.mark.parametrize(("work", "memory", "disk", "pays"), [
+    (10, True, True, False), (100, False, False, False), (100, False, True, True), (100, True, False, True),
+    (1000, False, False, True),
+])
+def test_machine_code_must_pay(work, memory, disk, pays, monkeypatch):
+    from granular import _kernels
+
+    monkeypatch.setattr(_kernels, "have_numba", lambda: True)
+    monkeypatch.setattr(_kernels, "in_memory", lambda function, inline: memory)
+    monkeypatch.setattr(_kernels, "on_disk", lambda function, inline: disk)
+    assert _kernels.worth(_kernels.kernel, work, 50, 500) is pays

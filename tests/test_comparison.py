@@ -235,7 +235,7 @@ class Active:
 
 def test_law_that_gives_no_rule_is_named_rather_than_a_rule():
     scene = gr.scenes.newtons_cradle(2, 1.0, 0.5, speed=0.5)
-    with pytest.raises(ValueError, match=r"law of pair 0 is Active.*restitution at 0\.5 m/s is 1\.01695, so no hard"):
+    with pytest.raises(ValueError, match=r"law of pair 0 is Active.*and so gains energy"):
         gr.compare(scene, Active(), t_end=2.0)
 
 

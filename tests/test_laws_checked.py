@@ -5,6 +5,7 @@ import re
 from dataclasses import dataclass
 
 import pytest
+from scipy.integrate import quad
 
 from granular import binary, md
 from granular.laws import Hertz
@@ -69,6 +70,54 @@ def test_force_that_is_no_number_beyond_what_was_expected() -> None:
 def test_law_that_stops_nothing(force) -> None:
     with pytest.raises(ValueError, match="pass through each other"):
         binary.collision(law(force), PAIR, 1.0)
+
+
+GAINS = {
+    "negative dashpot": lambda xi, v: 5e7 * xi - 100.0 * v,
+    "harder on the way out": lambda xi, v: 5e7 * xi * (1.0 if v > 0.0 else 1.5),
+    "negative damping of a sphere": lambda xi, v: math.sqrt(xi) * (1e9 * xi - 10.0 * v),
+}
+
+
+@pytest.mark.parametrize("run", RUNS)
+@pytest.mark.parametrize("case", GAINS)
+def test_law_that_gains_energy(case, run) -> None:
+    sentence = r"law of pair \d is Own\(\): at overlap ξ = \S+ m it pushes with \S+ N while the bodies part and with "
+    with pytest.raises(ValueError, match=sentence):
+        RUNS[run](law(GAINS[case]))
+
+
+def test_trait_that_says_negative_damping() -> None:
+    negative = law(lambda xi, v: 5e7 * xi - 100.0 * v, linear=lambda self, pair: (5e7, -100.0))
+    with pytest.raises(ValueError, match="and so gains energy; damping that is not negative is needed"):
+        md.simulate(STACK, negative, t_end=0.1)
+
+
+@pytest.mark.parametrize("force", [
+    lambda xi, v: 5e7 * (xi - 1e-5),  # sets in late
+    lambda xi, v: 5e7 * xi**1.5 - 100.0 * math.sqrt(xi),  # would pull at first
+])
+def test_force_that_sets_in_late_is_elastic_all_the_same(force) -> None:
+    found = binary.collision(law(force), PAIR, 1.0)
+    assert found.restitution == pytest.approx(1.0, abs=1e-12)
+    assert 0.5 * PAIR.m_eff == pytest.approx(  # the energy goes into the spring
+        quad(lambda xi: max(0.0, force(xi, 0.0)), 0.0, found.xi_max, points=[1e-5], limit=200)[0], rel=1e-6)
+    assert binary.restitution_of(law(force))(1.0, PAIR) == pytest.approx(1.0, abs=1e-12)
+
+
+@dataclass
+class Changing:
+    k: float
+
+    def force(self, xi, xi_dot, pair):
+        return self.k * xi * (1.0 + xi) + 10.0 * xi_dot
+
+
+def test_law_that_can_change_is_not_remembered() -> None:
+    one = Changing(1e6)
+    before = binary.restitution(one, PAIR, 1.0)
+    one.k = 1e4
+    assert binary.restitution(one, PAIR, 1.0) == binary.restitution(Changing(1e4), PAIR, 1.0) < before
 
 
 def test_law_of_limited_reach_is_not_refused() -> None:

@@ -71,7 +71,8 @@ def test_plain_and_compiled_give_the_same_bits_for_every_law(method):
 def test_auto_goes_on_compiled_in_the_middle_of_a_run(monkeypatch):
     from granular.md import stepper
 
-    monkeypatch.setattr(stepper, "WORTH_COMPILING", 1000)
+    monkeypatch.setattr(stepper, "WORTH_LOADING", 1000)
+    monkeypatch.setattr(stepper, "worth", lambda *_: True)
     monkeypatch.setattr(stepper, "CHUNK", 500)
     scene, law = three_balls()
     options = {"until": gr.until.contact(0, 2), "dt": 1e-7}
@@ -91,7 +92,8 @@ def test_a_law_that_does_not_compile_runs_plain_and_says_why(monkeypatch):
         def force(self, xi, xi_dot, pair):
             return self.k * xi
 
-    monkeypatch.setattr(stepper, "WORTH_COMPILING", 10)
+    monkeypatch.setattr(stepper, "WORTH_LOADING", 10)
+    monkeypatch.setattr(stepper, "worth", lambda *_: True)
     monkeypatch.setattr(stepper, "CHUNK", 50)
     run = verlet(pair_scene(), Wordy(1.0, "spring"), dt=1e-2)
     assert run.stats["engine"] == "plain"

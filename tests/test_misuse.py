@@ -9,7 +9,7 @@ import pytest
 
 from granular import binary, cases, edmd, laws, md, rules, scenes, theory, until
 from granular.comparison import compare
-from granular.scene import Scene
+from granular.scene import Pair, Scene
 
 STACK = scenes.three_balls()
 PAIR = STACK.pairs[1]
@@ -83,6 +83,19 @@ SCENES = {
         r"height is 1 and speed is 1: give one of the"),
     "all balls arrive": (lambda: scenes.newtons_cradle(3, moving=3), r"moving is 3: .*at most 2 is needed"),
     "overfull gas": (lambda: scenes.gas(packing=1.5), r"packing is 1\.5: a share of the length below 1 is needed"),
+    "masked masses": (
+        lambda: scene(mass=np.ma.array([1.0, 2.0, 3.0], mask=[0, 1, 0])),
+        r"mass is masked_array.*: an array without a mask is needed; leave out what is masked"),
+    "complex masses": (lambda: scene(mass=np.array([1, 2, 1 + 1j])), r"mass is array.*: an array of numbers is needed"),
+    "velocity of dates": (
+        lambda: scene(velocity=np.array(["2020"] * 3, "datetime64")),
+        r"velocity is array.*: an array of numbers is needed"),
+    "a gap beyond the floats": (lambda: scene(gap=[0.5, 10**400]), r"gap is .*: an array of numbers is needed"),
+    "gravity beyond the floats": (lambda: scene(gravity=10**400), r"gravity is 1000.*: a finite number"),
+    "gravity of 9000 digits": (lambda: scene(gravity=10**9000), r"gravity is a number of .* digits: a finite number"),
+    "ball within a ball": (lambda: scenes.three_balls(gap=-1), r"gap\[1\] is -1\.0: an overlap cannot be deeper"),
+    "cradle turned over": (lambda: scenes.newtons_cradle(3, gap=-1), r"gap\[0\] is -1\.0: an overlap cannot be deeper"),
+    "seed beyond count": (lambda: scenes.gas(seed=2**70), r"seed is 118059162\d*: .*at most 9223372036854775807"),
     "unknown speeds": (lambda: scenes.gas(speeds="maxwel"), r"speeds is 'maxwel': .*did you mean maxwell\?"),
 }
 
@@ -93,6 +106,34 @@ LAWS = {
     "dashpot that sticks": (
         lambda: laws.LinearDashpot.from_restitution(0.0, 1e6, PAIR),
         r"restitution is 0\.0: .*above 0"),
+    "dashpot of no pair": (
+        lambda: laws.LinearDashpot.from_restitution(0.7, k=5e7, pair=0),
+        r"pair is 0: a Pair is needed, such as scene\.pairs\[0\]"),
+    "viscoelastic law of no pair": (
+        lambda: laws.ViscoelasticHertz.from_restitution(0.7, 1.0, 5e7, None), r"pair is None: a Pair is needed"),
+    "material of no pair": (lambda: laws.Hertz.from_material(1e9, 0.3, None), r"pair is None: a Pair is needed"),
+    "rule of no pair": (
+        lambda: rules.ThorntonRestitution.from_material(1e9, 0.3, 1e6, 1), r"pair is 1: a Pair is needed"),
+    "collision of no pair": (lambda: binary.collision(SOFT, 0, 1.0), r"pair is 0: a Pair is needed"),
+    "collision of no law": (
+        lambda: binary.collision([1, 2], PAIR, 1.0), r"law is \[1, 2\]: an object with force\(self, xi"),
+    "restoring stiffness": (
+        lambda: laws.LinearDashpot.from_restitution(0.7, k=-1, pair=PAIR), r"k is -1: a finite number above 0"),
+    "stiffness in words": (
+        lambda: laws.ViscoelasticHertz.from_restitution(0.7, 1.0, "1e7", PAIR), r"k is '1e7': a single number"),
+    "plastic stiffness in words": (
+        lambda: laws.WaltonBraun.from_restitution(0.7, "1e7"), r"k_load is '1e7': a single number is needed"),
+    "weightless pair": (lambda: Pair(0.0, 1.0, 0), r"m_eff is 0\.0: a finite number above 0 is needed"),
+    "restitution at rest": (lambda: binary.restitution(SOFT, PAIR, 0.0), r"speed is 0\.0: .*above 0 is needed"),
+    "restitution of parting balls": (lambda: binary.restitution(SOFT, PAIR, -1), r"speed is -1: .*above 0 is needed"),
+    "restitution of some parting balls": (
+        lambda: binary.restitution(SOFT, PAIR, [1.0, -1.0]), r"speed is .*-1\.0.*: .*above 0 is needed"),
+    "restitution at nan": (lambda: binary.restitution(SOFT, PAIR, math.nan), r"speed is nan: .*above 0 is needed"),
+    "collision slower than numbers": (
+        lambda: binary.collision(laws.ViscoelasticHertz(1e9, 1e3), PAIR, 1e-300),
+        r"speed is 1e-300: overlap, force or duration of the contact is beyond the range"),
+    "collision faster than numbers": (
+        lambda: binary.collision(laws.Hertz(1e9), PAIR, 1e300), r"speed is 1e\+300: overlap, force or duration"),
     "no stiffness": (lambda: laws.Hertz(0.0), r"k is 0\.0: a finite number above 0 is needed"),
     "driving dashpot": (lambda: laws.LinearDashpot(1e6, -1.0), r"gamma is -1\.0: .*at least 0 is needed"),
     "stiffness is nan": (lambda: laws.TsujiHertz(math.nan, 0.1), r"k is nan: a finite number above 0 is needed"),
@@ -130,6 +171,16 @@ RUNS = {
     "law that contradicts itself": (
         lambda: soft(STACK, Contradiction()),
         r"law of pair 0 is .*force\(0\.25, 0\.5\) gives"),
+    "contacts beyond count": (
+        lambda: soft(max_events=10**400), r"max_events is 1000.*: a whole number of at least 0 and at most 922"),
+    "steps beyond count": (lambda: soft(max_steps=10**30), r"max_steps is 1000.*: a whole number of at least 1 and at"),
+    "finer than rounding": (
+        lambda: soft(tol=1e-300), r"tol is 1e-300: a finite number of at least 1e-17 and at most 0\.001"),
+    "mass beyond the floats": (
+        lambda: soft(Scene([1e-320, 1.0], [0.1, 0.1], [1e-3], [1.0, 0.0]), SOFT, t_end=1.0),
+        r"law is LinearDashpot.*: rates or overlaps of its contacts in this scene are beyond the range of numbers"),
+    "a power beyond the floats": (
+        lambda: soft(STACK, laws.PowerLaw(1e7, 100.0)), r"law is PowerLaw.*beyond the range of numbers"),
     "too few laws": (lambda: soft(STACK, [SOFT]), r"length of law is 1: 2 \(the number of pairs\) is needed"),
     "unknown method": (lambda: soft(method="verlett"), r"method is 'verlett': one of .* did you mean verlet\?"),
     "no time step": (lambda: soft(dt=0.0), r"dt is 0\.0: a finite number above 0 is needed"),

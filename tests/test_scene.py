@@ -1,10 +1,12 @@
 """The scene itself: checks, pairs, walls, gravity."""
 
 import math
+import pickle
 
 import numpy as np
 import pytest
 
+from granular import scenes
 from granular.scene import Pair, Scene, positions
 
 INF = math.inf
@@ -102,3 +104,19 @@ def test_words_are_not_numbers():
 def test_positions_must_rise():
     with pytest.raises(ValueError, match=r"position\[\d\] is 0\.0: positions must not decrease; number bodies"):
         Scene.from_positions([1.0, 1.0], [0.0, 0.0], [1.0, 0.0], [0.0, 0.0])
+
+
+def test_scenes_with_the_same_numbers_are_equal():
+    one, same, other = (scenes.three_balls(gap=gap) for gap in (1e-3, 1e-3, 1e-4))
+    assert one == same
+    assert hash(one) == hash(same)
+    assert one != other
+    assert one != "three-balls"
+    assert {one: 1}[pickle.loads(pickle.dumps(same))] == 1
+    still = one.replace(velocity=[0.0, -0.0, 0.0])
+    assert still == one
+    assert hash(still) == hash(one)
+
+
+def test_point_particles_may_have_changed_places():
+    assert scenes.gas(3, packing=0.0).replace(gap=[-1.0] * 4).gap[0] == -1.0

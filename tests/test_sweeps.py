@@ -12,7 +12,6 @@ import granular as gr
 from granular.cases import Case, make
 from granular.sweeps import axis, compiled, schedule
 from granular.sweeps.compiled import FAST
-from granular.sweeps.compiled import solve as known
 from granular.sweeps.results import CODE, RESULTS
 
 xr = pytest.importorskip("xarray")
@@ -53,7 +52,7 @@ def test_axes_from_text(text, values):
     ("bouncing-ball", ["t_end=0.1,2,20"], {}),
 ])  # fmt: skip
 def test_compiled_is_one_by_one_bit_for_bit(scene, over, fixed, monkeypatch):
-    monkeypatch.setattr(schedule, "FEW", 0)
+    monkeypatch.setattr(compiled, "at_hand", lambda: True)
     fast = gr.sweep(scene, over, sorted(FAST), **fixed)
     slow = gr.sweep(scene, over, sorted(FAST), run=ONE_BY_ONE, **fixed)
     for name in fast:
@@ -61,15 +60,17 @@ def test_compiled_is_one_by_one_bit_for_bit(scene, over, fixed, monkeypatch):
     assert fast["contacts"].values.max() >= 1
 
 
-@pytest.mark.parametrize("few", [4, 5])
-def test_a_few_cells_do_not_wait_for_a_compiler(few, monkeypatch):
-    """Four cells are compiled, or run one by one if fewer than `FEW` and no machine code is at hand."""
-    solved = []
-    monkeypatch.setattr(schedule, "FEW", few)
+@pytest.mark.parametrize("making", [1e-3, 10.0])
+def test_cells_do_not_wait_for_a_compiler_unless_they_take_longer(making, monkeypatch):
+    """After 16 cells the others are compiled if one by one they would take longer than making the machine code."""
+    solved, known = [], compiled.solve
+    monkeypatch.setattr(schedule, "LOADING", making)
+    monkeypatch.setattr(schedule, "MAKING", making)
     monkeypatch.setattr(compiled, "at_hand", lambda: False)
-    monkeypatch.setattr(compiled, "solve", lambda *given: solved.append(0) or known(*given))
-    gr.sweep("three-balls", ["gap=1e-7:1e-2:4:log"], "contacts")
-    assert bool(solved) == (few == 4)
+    monkeypatch.setattr(compiled, "solve", lambda *given: solved.append(len(given[1])) or known(*given))
+    data = gr.sweep("three-balls", ["gap=1e-7:1e-2:40:log"], "contacts")
+    assert sum(solved) == (24 if making < 1.0 else 0)
+    assert (data["status"].values >= 0).all()
 
 
 def test_a_cell_is_what_compare_says():
@@ -205,3 +206,15 @@ def test_the_command(tmp_path, capsys):
     assert xr.load_dataset(file).attrs["title"] == "granular sweep of three-balls"
     assert main(["sweep", "three-balls"]) == 2
     assert "--over" in capsys.readouterr().err
+
+
+def test_executor_by_name_is_refused():
+    with pytest.raises(TypeError, match=r"executor is 'dask': an object with submit\(\) is needed"):
+        gr.sweep("three-balls", "gap=1e-4,1e-3", executor="dask")
+
+
+def test_labels_are_short_and_pairs_have_numbers():
+    data = gr.sweep("three-balls", "restitution=0.5,0.6", "contacts")
+    assert data["restitution"].attrs["long_name"] == "restitution"
+    assert data["restitution"].attrs["comment"].startswith("Coefficient of restitution in (0, 1]")
+    assert data["pair"].values.tolist() == [0, 1]

@@ -1,8 +1,8 @@
 """Cases: a scene with its law, rule and stop condition, by name or from a TOML file."""
 
 from granular.cases.case import Case
-from granular.cases.load import load
+from granular.cases.load import load, loads
 from granular.cases.ready import about, make, names, options
 from granular.cases.save import dumps, save
 
-__all__ = ["Case", "about", "dumps", "load", "make", "names", "options", "save"]
+__all__ = ["Case", "about", "dumps", "load", "loads", "make", "names", "options", "save"]

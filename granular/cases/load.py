@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from os import PathLike
@@ -13,9 +14,13 @@ from granular.cases import build, ready
 from granular.cases.build import place
 from granular.cases.case import ENGINES, Case, engine_named, keyword_options
 from granular.cases.options import unknown
-from granular.scene import Scene
+from granular.scene import Scene, in_order
 
 TABLES = ("scene", "law", "rule", "run", "about")
+MOST_BYTES = 32_000_000
+"""Size of a file that is read: a scene of 300 000 balls."""
+LONG_KEY = re.compile(r"""(?<![\w"'-])(?:[\w"'-]+\s*\.\s*){50}""")
+"""A key of 50 parts: tomllib needs gigabytes for one of thousands."""
 
 
 def load(path: str | PathLike[str]) -> Case:
@@ -63,20 +68,40 @@ def load(path: str | PathLike[str]) -> Case:
     """
     file = Path(path)
     with place(file.name):
-        tables = _parsed(file)
-        for key in tables:
-            _check.choice("table or key", key, TABLES)
-        return _case(tables)
+        return loads(_text(file))
 
 
-def _parsed(file: Path) -> dict[str, Any]:
+def loads(text: str) -> Case:
+    """Read a case from the text of a TOML file; see `load`."""
+    if not isinstance(text, str):
+        raise TypeError(f"text is {text!r}: the text of a TOML file is needed; for a file use load.")
+    tables = _parsed(text)
+    for key in tables:
+        _check.choice("table or key", key, TABLES)
+    return _case(tables)
+
+
+def _text(file: Path) -> str:
+    """The text of a file, with or without the mark that editors on Windows put first."""
     with open(file, "rb") as stream:
-        try:
-            return tomllib.load(stream)
-        except UnicodeDecodeError:
-            raise ValueError("is no text in UTF-8, as TOML must be.") from None
-        except tomllib.TOMLDecodeError as error:
-            raise ValueError(f"is not valid TOML: {error}.") from None
+        content = stream.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise ValueError(f"is larger than {MOST_BYTES // 1_000_000} MB; build such a scene in Python.")
+    try:
+        return content.decode("utf-8-sig").replace("\r\n", "\n")
+    except UnicodeDecodeError:
+        raise ValueError("is no text in UTF-8, as TOML must be.") from None
+
+
+def _parsed(text: str) -> dict[str, Any]:
+    if LONG_KEY.search(text):
+        raise ValueError("is not a case: a key of more than 50 parts; keys such as scene.mass have two.")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("is not a case: lists or tables are nested too deeply.") from None
+    except ValueError as error:
+        raise ValueError(f"is not valid TOML: {error}.") from None
 
 
 def _case(tables: Mapping[str, Any]) -> Case:
@@ -109,7 +134,7 @@ def _case(tables: Mapping[str, Any]) -> Case:
 def _base(table: Mapping[str, Any]) -> Case:
     """The ready-made case that [scene] names, or a bare one around its arrays."""
     if "name" not in table:
-        return Case(build.call([Scene, Scene.from_positions], table), None)
+        return Case(in_order(build.call([Scene, Scene.from_positions], table)), None)
     parameters = {key: value for key, value in table.items() if key != "name"}
     name = _check.choice("name", table["name"], ready.names())
     return ready.around(name, build.call([ready.READY[name].make], parameters))

@@ -7,6 +7,8 @@ import sys
 import warnings
 from collections.abc import Sequence
 
+from granular._kernels import on_making
+
 OK, MISUSE, ABNORMAL, INTERRUPTED = 0, 2, 3, 130
 
 
@@ -23,8 +25,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         with warnings.catch_warnings():
             warnings.simplefilter("default")
             warnings.showwarning = _show_warning
+            on_making[:] = [_say_compiling]
             code = commands.run(parser.parse(arguments))
-        sys.stdout.flush()
+        if sys.stdout is not None:  # closed by the shell's >&-
+            sys.stdout.flush()
         return code
     except SystemExit as leaving:  # --help and --version
         return int(leaving.code or OK)
@@ -34,14 +38,24 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of a pipe, such as `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
-    except (ValueError, TypeError, OSError, ImportError) as error:
+    except (ValueError, TypeError, OSError, ImportError, MemoryError, ArithmeticError, RecursionError) as error:
         if "--traceback" in arguments:
             raise
         print(f"granular: {_sentence(error)}", file=sys.stderr)
         return MISUSE
 
 
+def _say_compiling() -> None:
+    """Tell who watches why nothing is to be seen for a while."""
+    if sys.stderr is not None and sys.stderr.isatty():
+        print("granular: compiling, once, for up to half a minute; later runs start at once …", file=sys.stderr)
+
+
 def _sentence(error: Exception) -> str:
+    if isinstance(error, MemoryError):
+        return "the memory of this machine is too small for that; ask for fewer samples, balls or cells."
+    if isinstance(error, (ArithmeticError, RecursionError)):
+        return f"the numbers of this run are beyond the range of floating-point numbers ({error})."
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {error.strerror}"
     return " ".join(str(error).split())

@@ -14,8 +14,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     rows = [f"  {figure.number:>2}  {name:22} {figure.about}" for name, figure in FIGURES.items()]
     parser.epilog = "figures, by number in the paper or by name:\n" + "\n".join(rows)
     parser.add_argument("name", metavar="NAME", help="which figure; or all")
-    parser.add_argument("-o", "--output", metavar="DIR", default=".", help="folder for drawing and data [.]")
-    parser.add_argument("--points", type=int, metavar="N", help="points along the longest axis [those for print]")
+    parser.add_argument("-o", "--output", metavar="DIR", default=".",
+                        help="folder for drawing and data, made if need be [.]")
+    parser.add_argument("--points", type=int, metavar="N",
+                        help="points along the longest axis; what is finer than these is not resolved [as in print]")
 
 
 def run(found: argparse.Namespace) -> None:
@@ -23,8 +25,7 @@ def run(found: argparse.Namespace) -> None:
     from granular.paper import FIGURES, make
 
     folder = Path(found.output)
-    if not folder.is_dir():
-        raise ValueError(f"{found.output}: there is no such directory; make it first.")
+    folder.mkdir(parents=True, exist_ok=True)
     names = list(FIGURES) if found.name == "all" else [found.name]
     for name in names:
         if len(names) > 1 and sys.stderr.isatty():

@@ -6,6 +6,7 @@ So ``granular compare gas --help`` lists the parameters of `granular.scenes.gas`
 from __future__ import annotations
 
 import argparse
+import os
 import re
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NoReturn
@@ -13,6 +14,7 @@ from typing import Any, NoReturn
 from granular import _check, cases
 from granular.cases.case import ENGINES, engine_named
 from granular.cases.options import Option, options_of, unknown
+from granular.cli.output import json_file
 
 ABOUT = """\
 Balls on a line as hard spheres (edmd: event-driven, instantaneous collisions) and as soft spheres (md: Newton's
@@ -118,8 +120,9 @@ def _top() -> Parser:
 def _target(rest: Sequence[str]) -> tuple[str | None, list[str]]:
     """Split off the scene's name or TOML file: the first argument, else the first that looks like one."""
     for k, argument in enumerate(rest):
-        if argument in cases.names() or argument.endswith(".toml") or (k == 0 and not argument.startswith("-")):
-            if not argument.endswith(".toml"):
+        toml = argument.lower().endswith(".toml")
+        if argument in cases.names() or toml or (k == 0 and not argument.startswith("-")):
+            if not toml and not os.path.exists(argument):
                 _check.choice("scene", argument, cases.names())
             return argument, [*rest[:k], *rest[k + 1 :]]
     return None, list(rest)
@@ -165,7 +168,8 @@ def _compare(parser: Parser) -> list[Option]:
     from granular.comparison import compare
 
     parser.add_argument("--plot", metavar="FILE.png", help="draw contacts, forces and world lines of both engines")
-    parser.add_argument("--json", metavar="FILE.json", help="write every number of the report")
+    parser.add_argument("--json", metavar="FILE.json", type=json_file,
+                        help="write every number of the report; - for standard output")
     return [o for o in options_of(compare) if o.name not in HIDDEN | {"rule"}]
 
 

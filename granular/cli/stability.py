@@ -7,6 +7,7 @@ import sys
 import time
 from typing import TextIO
 
+from granular.cli.output import json_file, show
 from granular.cli.progress import INTERVAL, PATIENCE, clock
 from granular.stress import AXES, stability
 from granular.stress.cell import METHODS
@@ -21,14 +22,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
                        help=f"from {', '.join(AXES)} (names with a space in quotes) [all]")
     group.add_argument("--quick", action="store_true", help="a few cells of every axis, in less than 20 s")
     group.add_argument("--seconds", type=float, default=20.0, metavar="X", help="wall-clock limit of a cell in s [20]")
-    group.add_argument("--json", metavar="FILE.json", help="write every cell")
+    group.add_argument("--json", metavar="FILE.json", type=json_file, help="write every cell; - for standard output")
 
 
 def run(found: argparse.Namespace) -> None:
     """Do the study and print its tables."""
     with Line() as line:
         report = stability(found.methods, found.axes, quick=found.quick, seconds=found.seconds, on_progress=line)
-    print(report)
+    show(report, found.json)
     if found.json is not None:
         report.to_json(found.json)
 

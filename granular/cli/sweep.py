@@ -68,10 +68,11 @@ def summary(data: Any) -> str:
         values = array.values[~np.isnan(array.values)] if array.dtype.kind == "f" else array.values
         if array.dtype.kind == "i" and name in data.data_vars:
             values = values[values >= 0]  # -1 stands where there is no such pair, or no result
-        if name == "status" or str(name).startswith("edge") or array.dtype.kind not in "iuf":
+        if name in ("status", "pair", "body") or str(name).startswith("edge") or array.dtype.kind not in "iuf":
             continue
         text = f"{values.min():.6g} … {values.max():.6g}" if values.size else "no value"
-        lines.append(f"  {name!s:16} {text:28} {array.attrs.get('long_name', '')}")
+        about = array.attrs.get("comment") or array.attrs.get("long_name", "")
+        lines.append(f"  {name!s:16} {text:28} {about}")
     codes, counts = np.unique(data["status"].values, return_counts=True)
     lines.append("  status           " + ", ".join(f"{STATUS[int(c)]} {n}" for c, n in zip(codes, counts, strict=True)))
     if "refusal" in data.attrs:

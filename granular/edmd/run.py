@@ -11,6 +11,7 @@ import numpy as np
 
 from granular import until as conditions
 from granular._check import Array
+from granular._kernels import worth
 from granular._walls import close_after
 from granular.edmd import readout
 from granular.edmd.collapse import Verdict, Zoom
@@ -18,13 +19,13 @@ from granular.edmd.model import Model
 from granular.edmd.motion import approaching
 from granular.edmd.sorted_queue import APART, NEVER, Pause, Rows, SortedQueue
 from granular.edmd.state import State
-from granular.edmd.tree_queue import TreeQueue
+from granular.edmd.tree_queue import TreeQueue, loop
 from granular.edmd.zoom import BUDGET, LIMIT, OUTSIDE, QUIET, RESTS, SPENT, UNTIL, write_back
 from granular.trajectory import CONTACT, Status
 
 Queue = SortedQueue | TreeQueue
-LONG = 100_000
-"""Work (in collisions) after which loading the machine code pays."""
+LONG, VERY_LONG = 100_000, 1_000_000
+"""Work (in collisions) after which it pays to load the machine code, and to make it if it is not on the disk."""
 TAIL = 8
 """The last of so many parts of a run that ends at `max_events` tells whether it has slowed down."""
 REPORT = 4096
@@ -73,7 +74,7 @@ class Run:
             stop = (APART, 0)
         self.state, self.model, self.zoom = state, model, zoom
         self.queue, self.faster = self._made(queue[0], stop), queue[1]
-        self.change_at = work(state) + LONG
+        self.worked = work(state)
         if zoom is not None:
             zoom.keep(self.queue.column)
         self.last_event = state.events + max_events
@@ -98,7 +99,7 @@ class Run:
             budget = max(0, min(self.queue.chunk, goal - state.events))
             log: Rows | None = [] if self.keep or self.on_event is not None else None
             pause: Pause | None
-            if self.faster is not None and work(state) >= self.change_at:
+            if self.faster is not None and worth(loop, work(state) - self.worked, LONG, VERY_LONG, inline=True):
                 self._go_over(self.faster)
             if self.zoom is None:
                 pause = self.queue.advance(limit, budget, log)

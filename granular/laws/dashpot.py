@@ -17,7 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from granular import _check
-from granular.scene import Pair
+from granular.scene import Pair, checked_pair
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,8 @@ class LinearDashpot:
     @classmethod
     def from_restitution(cls, restitution: float, k: float, pair: Pair) -> LinearDashpot:
         """Return the law of stiffness `k` whose isolated contact in `pair` has the given restitution in (0, 1]."""
-        return cls(k, 2.0 * damping_ratio(restitution) * math.sqrt(k * pair.m_eff))
+        zeta, stiffness = damping_ratio(restitution), _check.number("k", k, above=0.0)
+        return cls(k, 2.0 * zeta * math.sqrt(stiffness * checked_pair(pair).m_eff))
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
         """Force in N at overlap `xi` in m and overlap rate `xi_dot` in m/s, before the engine clips it at 0."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from granular import _check
 from granular.laws.dashpot import damping_ratio
-from granular.scene import Pair
+from granular.scene import Pair, checked_pair
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,8 @@ class ViscoelasticHertz:
 
         v = _check.number("speed", speed, above=0.0)
         b = damping(_check.number("restitution", restitution, above=0.0, at_most=1.0))
-        return cls(k, b * k**0.6 * pair.m_eff**0.4 / v**0.2)
+        stiffness = _check.number("k", k, above=0.0)
+        return cls(k, b * stiffness**0.6 * checked_pair(pair).m_eff**0.4 / v**0.2)
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
         """Force in N at overlap `xi` in m and overlap rate `xi_dot` in m/s, before the engine clips it at 0."""
@@ -176,5 +177,6 @@ def hertz_stiffness(young: float, poisson: float, pair: Pair) -> float:
     """
     modulus = _check.number("young", young, above=0.0)
     nu = _check.number("poisson", poisson, at_least=0.0, at_most=0.5)
-    r_eff = _check.number(f"r_eff of pair {pair.index}", pair.r_eff, above=0.0, fix="point particles have no curvature")
+    at = f"r_eff of pair {checked_pair(pair).index}"
+    r_eff = _check.number(at, pair.r_eff, above=0.0, fix="point particles have no curvature")
     return 2.0 / 3.0 * modulus * math.sqrt(r_eff) / (1.0 - nu * nu)

@@ -7,7 +7,9 @@ A law is a frozen dataclass of floats with ``force(self, xi, xi_dot, pair)``. Op
 * ``exponent``: the power of ξ with which F begins; ``rate_dependent``: whether ξ̇ enters (true if not said);
 * ``potential(xi, pair)``: the elastic energy; ``memory = True``: `force` also takes ``xi_max``.
 
-Before a run each law is tried: a force that is no number, or a trait that contradicts the force, is refused.
+Before a run each law is tried: a force that is no number, a trait that contradicts the force, or negative damping (a
+harder push while bodies part than while they approach, at the same overlap) is refused. What pulls is legal, and so is
+a force that sets in late (F = k (ξ - ξ₀)): the engine takes both for no force.
 """
 
 from __future__ import annotations
@@ -36,11 +38,6 @@ def checked(law: Any, scene: Scene) -> tuple[Any, ...]:
     tried: dict[Any, tuple[Any, Pair]] = {}
     for one, pair in zip(laws, scene.pairs, strict=True):
         instance(f"law of pair {pair.index}", one)
-        if not callable(getattr(one, "force", None)):
-            raise TypeError(
-                f"law of pair {pair.index} is {one!r}: an object with force(self, xi, xi_dot, pair) is needed; "
-                "for hard spheres use granular.edmd."
-            )
         _agree(one, pair)
         tried.setdefault((id(one), pair.m_eff, pair.r_eff), (one, pair))
     for one, pair in islice(tried.values(), TRIED):
@@ -49,11 +46,16 @@ def checked(law: Any, scene: Scene) -> tuple[Any, ...]:
 
 
 def instance(name: str, law: Any) -> None:
-    """Raise if `law` is a class."""
+    """Raise if `law` is a class, or has no `force`."""
     if isinstance(law, type):
         known = getattr(law, "__dataclass_fields__", {})
         values = ", ".join(f"{field}=..." for field in known)
         raise TypeError(f"{name} is the class {law.__name__}: an instance is needed, such as {law.__name__}({values}).")
+    if not callable(getattr(law, "force", None)):
+        raise TypeError(
+            f"{name} is {law!r}: an object with force(self, xi, xi_dot, pair) is needed; for hard spheres use "
+            "granular.edmd."
+        )
 
 
 def finite(law: Any, xi: float, xi_dot: float, pair: Pair) -> float:
@@ -129,6 +131,8 @@ def _try(law: Any, pair: Pair, speed: float) -> None:
     """Raise if the force of a law gives no numbers, or contradicts `rate_dependent` or `potential`."""
     form = None if getattr(law, "memory", False) else power_form(law, pair)
     xi = _probed(law, pair, speed) if form is None else 0.5
+    if form is not None and form[2] < 0.0:
+        raise _gains(law, pair, xi, 1.0)
     if form is not None and form[2] != 0.0 and not rate_dependent(law):
         raise _denied(law, pair, xi, (0.0, 1.0), (evaluate(law, xi, 0.0, pair, xi), evaluate(law, xi, 1.0, pair, xi)))
     if hasattr(law, "potential") and not getattr(law, "memory", False):
@@ -141,10 +145,12 @@ def _probed(law: Any, pair: Pair, speed: float) -> float:
     top, energy = 1e10 * xi, 0.5 * pair.m_eff * speed * speed
     while True:
         force = finite(law, xi, 0.0, pair)
-        for rate in (speed, -speed):
-            moving = finite(law, xi, rate, pair)
+        closing, parting = (finite(law, xi, rate, pair) for rate in (speed, -speed))
+        for rate, moving in ((speed, closing), (-speed, parting)):
             if not rate_dependent(law) and abs(moving - force) > 1e-9 * abs(force):
                 raise _denied(law, pair, xi, (0.0, rate), (force, moving))
+        if parting > max(0.0, closing) + 1e-9 * abs(closing):
+            raise _gains(law, pair, xi, speed)
         if 0.5 * RUNG * RUNG * xi * force > energy or RUNG * xi > top:
             return xi
         xi *= RUNG
@@ -156,6 +162,16 @@ def _denied(law: Any, pair: Pair, xi: float, rate: tuple[float, float], force: t
         f"law of pair {pair.index} is {law!r}: force({xi:.6g}, {rate[0]:.6g}) gives {force[0]!r} but "
         f"force({xi:.6g}, {rate[1]:.6g}) gives {force[1]!r}, although rate_dependent is False; mend the trait or leave "
         "it out."
+    )
+
+
+def _gains(law: Any, pair: Pair, xi: float, speed: float) -> ValueError:
+    """Return the error of a law that pushes harder while bodies part than while they approach."""
+    closing, parting = (max(0.0, evaluate(law, xi, rate, pair, xi)) for rate in (speed, -speed))
+    return ValueError(
+        f"law of pair {pair.index} is {law!r}: at overlap ξ = {xi:.6g} m it pushes with {parting:.6g} N while the "
+        f"bodies part and with {closing:.6g} N while they approach at {speed:.6g} m/s, and so gains energy; damping "
+        "that is not negative is needed."
     )
 
 

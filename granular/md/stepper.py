@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from granular import until as stop
-from granular._kernels import compiled
+from granular._kernels import compiled, have_numba, worth
 from granular.md import march as loop
 from granular.md.contact_force import (
     NotCompilableError,
@@ -30,8 +30,9 @@ Row = tuple[float, list[float], list[float], list[float]]
 
 CHUNK = 1 << 15
 """Steps between two looks at the clock (progress, switch to compiled code)."""
-WORTH_COMPILING = 200_000
-"""Pair-steps after which ``engine="auto"`` goes on compiled; loading numba costs about as much as these."""
+WORTH_LOADING, WORTH_MAKING = 200_000, 2_000_000
+"""Pair-steps after which ``engine="auto"`` goes on compiled if the machine code is there already, and if not: what is
+left may be as much as was done, and loading or making the code takes as long as these."""
 
 
 MOST_STEPS = 1 << 62
@@ -199,7 +200,10 @@ class Stepper:
             return Status.until
         if self.contacts >= max_events:
             return Status.max_events
-        if self.engine == "auto" and self.steps * len(self.s.xi) > WORTH_COMPILING:
+        done = self.steps * len(self.s.xi)
+        if self.engine == "auto" and done > WORTH_LOADING and (
+            not have_numba() or worth(loop.march, done, WORTH_LOADING, WORTH_MAKING)
+        ):
             self._try_to_compile()
         return None
 

@@ -95,7 +95,7 @@ def make(name: str, folder: str | PathLike[str] = ".", *, points: int | None = N
     with style():
         drawn = figure.draw(data)
         picture = Path(folder, f"paper-{name}.png")
-        _files.write(picture, lambda draft: drawn.savefig(draft, dpi=300))
+        _files.write_figure(picture, drawn, dpi=300)
     numbers = picture.with_suffix(".json" if isinstance(data, dict) else ".nc")
     if isinstance(data, dict):
         _files.write_text(numbers, json.dumps({"figure": figure.about, **_plain(data), **_files.provenance()}) + "\n")

@@ -98,6 +98,6 @@ def _join(**parts: Any) -> Any:
 
     named = []
     for prefix, data in parts.items():
-        names = {name: f"{prefix}_{name}" for name in [*data.coords, *data.data_vars]}
-        named.append(data.rename(names))
+        names = {name: f"{prefix}_{name}" for name in data.variables if name not in ("pair", "body")}
+        named.append(data.drop_vars(["pair", "body"], errors="ignore").rename(names))
     return xarray_().merge(named, combine_attrs="drop_conflicts")

@@ -102,10 +102,11 @@ def put(parameters: dict[str, Any], name: str, value: Any) -> None:
 
 
 def attributes(name: str, options: list[Option]) -> dict[str, str]:
-    """Unit and description of a parameter, from the docstring that has them."""
+    """Unit, label for plots and description of a parameter, from the docstring that has them."""
     about = {option.name: option.about for option in options}.get(split(name)[0], "")
     unit = _UNIT.search(about)
-    return {"units": unit[1] if unit else "s" if name == "t_end" else "1", "long_name": about.partition(". ")[0]}
+    units = unit[1] if unit else "s" if name == "t_end" else "1"
+    return {"units": units, "long_name": name.replace("_", " "), "comment": about.partition(". ")[0]}
 
 
 def _value(text: str) -> Any:

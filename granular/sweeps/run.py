@@ -83,6 +83,9 @@ def sweep(
     TypeError, ValueError
         For an unknown parameter or result; for a sweep all of whose cells are refused.
     """
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise TypeError(f"executor is {executor!r}: an object with submit() is needed, such as a ProcessPoolExecutor "
+                        "or client.get_executor() of dask.")  # fmt: skip
     store.xarray_()
     varied = axes.checked(over)
     asked = (results,) if isinstance(results, str) or callable(results) else tuple(results)

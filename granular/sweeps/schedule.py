@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from granular._kernels import worth
 from granular.sweeps import compiled
 from granular.sweeps.axes import Values
 from granular.sweeps.cells import Block, solve
 from granular.sweeps.plan import Plan
 
-FEW = 100
-"""Cells that are solved one by one, rather than wait for machine code to be made or loaded."""
+LOADING, MAKING = 1.5, 20.0
+"""Seconds that it takes to load the machine code from the disk, and to make it."""
 PILOT = 16
-"""Cells, spread over the sweep, that are solved first to see how long one takes."""
+"""Cells, spread over those to be solved, that are solved first to see how long one takes."""
 SHORTEST, LONGEST = 0.25, 2.0
 """Seconds that a batch should take: some milliseconds of scheduling are then below 5 %, and progress is seen."""
 SHARE = 64
@@ -35,22 +36,32 @@ def batches(plan: Plan, columns: Sequence[Values], bodies: int, cells: Values, e
     """
     if not len(cells):
         return
-    if len(cells) < FEW and not compiled.at_hand():
-        plan = replace(plan, run=plan.run or {"engine": "auto"})  # one by one: the same bits, no wait for a compiler
+    way = plan
+    if compiled.open_to(plan.asked, plan.run) and not compiled.at_hand():
+        way = replace(plan, run={"engine": "auto"})  # one by one: the same bits, no wait for a compiler
+    rest, each = yield from _pilot(way, columns, bodies, cells)
+    if way is not plan and worth(compiled.solve_cells, each * len(rest), LOADING, MAKING):
+        way = plan
+        rest, each = yield from _pilot(way, columns, bodies, rest)
+    parts = _cut(rest, each)
+    if executor is None:
+        for part in parts:
+            yield part, _solve(way, columns, bodies, part)
+    else:
+        yield from _spread(way, columns, bodies, parts, executor)
+
+
+def _pilot(
+    plan: Plan, columns: Sequence[Values], bodies: int, cells: Values
+) -> Generator[Batch, None, tuple[Values, float]]:
+    """Solve a few cells and yield them; return the others and the seconds that a cell takes."""
     chosen = np.unique(np.linspace(0, len(cells) - 1, min(PILOT, len(cells))).astype(np.int64))
     pilot = cells[chosen]
     yield pilot[:1], _solve(plan, columns, bodies, pilot[:1])  # loads and compiles what is needed
     start = time.perf_counter()
     if len(pilot) > 1:
         yield pilot[1:], _solve(plan, columns, bodies, pilot[1:])
-    each = (time.perf_counter() - start) / max(1, len(pilot) - 1)
-    rest = np.delete(cells, chosen)
-    parts = _cut(rest, each)
-    if executor is None:
-        for part in parts:
-            yield part, _solve(plan, columns, bodies, part)
-    else:
-        yield from _spread(plan, columns, bodies, parts, executor)
+    return np.delete(cells, chosen), (time.perf_counter() - start) / max(1, len(pilot) - 1)
 
 
 def _spread(

@@ -32,7 +32,11 @@ def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: 
     """Return the data set: one dimension per axis, then pair or body; units and provenance as attributes."""
     xr = xarray_()
     shape = tuple(len(array) for array in over.values())
+    coordinates: dict[str, Any]
     coordinates = {name: (name, array, axes.attributes(name, plan.options)) for name, array in over.items()}
+    sizes = {result.dim: values[name].shape[1] for name, result in plan.results.items() if result.dim}
+    counted = {"comment": "counted from the bottom"}
+    coordinates |= {dim: (dim, np.arange(size), counted) for dim, size in sizes.items()}
     codes = list(STATUS)
     status = {"long_name": "how the run of the cell ended", "flag_values": codes,
               "flag_meanings": " ".join(STATUS.values())}

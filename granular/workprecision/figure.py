@@ -59,7 +59,7 @@ def frontier_figure(report: Frontier, path: str | PathLike[str] | None = None) -
     figure.suptitle(_title(report), fontsize=8, x=0.01, ha="left")
     if path is None:
         return figure
-    _files.write(path, lambda draft: figure.savefig(draft, dpi=130))
+    _files.write_figure(path, figure, dpi=130)
     return None
 
 

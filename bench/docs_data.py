@@ -1,0 +1,124 @@
+"""The data behind the figures and tables of the docs, at few points, so that none goes stale unseen.
+
+    python bench/docs_data.py             store all of it anew in docs/figures/data (some minutes)
+    python bench/docs_data.py paper-gap   some of it
+
+tests/test_docs_figures.py computes it again and compares. Where it differs, draw the figure anew (bench/regenerate.py,
+which stores the data too) and look at it. A new figure needs a line in `FEW` or `ENTRIES`.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+DATA = Path(__file__).parents[1] / "docs" / "figures" / "data"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One figure or table.
+
+    Attributes
+    ----------
+    compute : callable
+        Its data at few points: numbers, words, and lists and dicts of them.
+    quick : bool
+        Whether that takes less than 3 s, and is done in CI.
+    relative, absolute : float
+        How far numbers may be from the stored ones; the larger of the two counts.
+    """
+
+    compute: Callable[[], Any]
+    quick: bool = True
+    relative: float = 1e-6
+    absolute: float = 1e-9
+
+
+def paper(name: str, points: int) -> Any:
+    """Data of a figure of the paper with `points` points along its longest axis."""
+    from granular.paper import FIGURES
+
+    data = FIGURES[name].compute(points)
+    return plain(data if isinstance(data, dict) else {key: array.values for key, array in data.variables.items()})
+
+
+def frontier(name: str) -> Any:
+    """Setting, error and whether a contact is missed of every run of a scene of docs/frontier.md; no times."""
+    from frontier import SCENES
+
+    return errors(SCENES[name][1]())
+
+
+def errors(report: Any) -> Any:
+    """The same of a `Frontier` that is measured already."""
+    return {
+        method: [[plain(row.setting), plain(row.velocity_error), bool(row.wrong_count)] for row in report.of(method)]
+        for method in report.methods
+    }
+
+
+def stability(axes: tuple[str, ...]) -> Any:
+    """Verdicts of the default methods on some cells of some axes of docs/stability.md."""
+    import granular as gr
+
+    report = gr.stability(methods=("located", "edmd"), axes=axes, quick=True)
+    return [[cell.axis, cell.case, cell.method, cell.truth, cell.verdict.name] for cell in report.cells]
+
+
+def plain(value: Any) -> Any:
+    """The same for JSON: lists for arrays, None for what is no finite number."""
+    if isinstance(value, dict):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [plain(entry) for entry in value]
+    return None if isinstance(value, float) and not abs(value) < float("inf") else value
+
+
+FEW = {"sketch": 1, "forces": 20, "sequence": 3, "counts": 4, "gap": 12, "radii": 12, "validity": 5, "material": 4,
+       "viscoelastic": 5, "viscoelastic-material": 5}  # fmt: skip
+SLOW = {"viscoelastic", "viscoelastic-material"}
+SCENES = ("three-balls", "three-balls-elastic", "cradle", "column")
+ENTRIES = {f"paper-{name}": Entry(partial(paper, name, few), name not in SLOW) for name, few in FEW.items()}
+ENTRIES |= {f"frontier-{name}": Entry(partial(frontier, name), False, 0.1, 1e-12) for name in SCENES}
+EXTREMES = ("stiffness", "damping", "mass ratio", "gap", "speed", "start time", "exponent", "corners", "collapse")
+OTHERS = ("touching", "chains", "symmetry", "exact sequence", "ties", "float edges", "long runs")
+ENTRIES |= {"stability": Entry(partial(stability, EXTREMES)),
+            "stability-others": Entry(partial(stability, OTHERS), False)}  # fmt: skip
+AWAITED = {"paper-breakdown", "paper-predictors", "frontier-three-balls-viscoelastic", "frontier-chain"}
+"""Figures whose data is not stored yet: enter them in `FEW` or `SCENES` and run this program with their names."""
+TIMES_ONLY = {"edmd-scaling"}
+"""Figures of run times, which differ from machine to machine."""
+
+
+def store(name: str, data: Any = None) -> None:
+    """Write the data of one figure or table, computed here if it is not given."""
+    text = json.dumps(ENTRIES[name].compute() if data is None else data, ensure_ascii=False, allow_nan=False)
+    DATA.mkdir(exist_ok=True)
+    (DATA / f"{name}.json").write_text(text + "\n", encoding="utf-8")
+
+
+def differences(stored: Any, fresh: Any, entry: Entry, where: str = "") -> list[str]:
+    """Places where two sets of data are not the same, in words."""
+    if isinstance(stored, dict) and isinstance(fresh, dict) and stored.keys() == fresh.keys():
+        return [d for key in stored for d in differences(stored[key], fresh[key], entry, f"{where}.{key}")]
+    if isinstance(stored, list) and isinstance(fresh, list) and len(stored) == len(fresh):
+        pairs = enumerate(zip(stored, fresh, strict=True))
+        return [d for i, (a, b) in pairs for d in differences(a, b, entry, f"{where}[{i}]")]
+    numbers = all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in (stored, fresh))
+    if numbers and abs(stored - fresh) <= max(entry.absolute, entry.relative * abs(stored)):
+        return []
+    return [] if not numbers and stored == fresh else [f"{where}: {str(stored)[:80]} is now {str(fresh)[:80]}"]
+
+
+if __name__ == "__main__":
+    for each in sys.argv[1:] or ENTRIES:
+        print(each, flush=True)
+        store(each)

@@ -1,0 +1,118 @@
+"""Files are written whole or not at all; links, devices and pipes are written into, never replaced."""
+
+import json
+import os
+import stat
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular import _files
+
+SCENE = gr.scenes.bouncing_ball()
+
+
+@pytest.fixture(scope="module")
+def report():
+    return gr.compare(SCENE, gr.LinearDashpot(1e6, 10.0), t_end=0.5)
+
+
+def test_a_link_stays_a_link_and_its_file_keeps_its_mode(tmp_path, report):
+    real, link = tmp_path / "real.json", tmp_path / "link.json"
+    real.write_text("old")
+    real.chmod(0o640)
+    link.symlink_to(real.name)
+    report.to_json(link)
+    assert link.is_symlink()
+    assert json.loads(real.read_text())["verdict"] == report.verdict
+    assert stat.S_IMODE(real.stat().st_mode) == 0o640
+    assert sorted(os.listdir(tmp_path)) == ["link.json", "real.json"]
+
+
+def test_a_new_file_has_the_usual_mode(tmp_path):
+    before = os.umask(0o027)
+    try:
+        _files.write_text(tmp_path / "new", "text")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "new").stat().st_mode) == 0o640
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
+def test_a_pipe_is_written_into(tmp_path):
+    pipe, got = tmp_path / "pipe", []
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: got.append(pipe.read_text()), daemon=True)
+    reader.start()
+    _files.write_text(pipe, "all of it")
+    reader.join(10.0)
+    assert got == ["all of it"]
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="the system has no /dev/full")
+def test_devices_are_written_into_and_stay():
+    gr.edmd.simulate(SCENE, gr.ConstantRestitution(0.5)).save("/dev/null")
+    with pytest.raises(OSError, match=r"output path is '/dev/full': a writable place is needed \(No space"):
+        _files.write_text("/dev/full", "text")
+    for device in ("/dev/null", "/dev/full"):
+        assert stat.S_ISCHR(os.stat(device).st_mode)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/stdout"), reason="the system has no /dev/stdout")
+@pytest.mark.parametrize("name", ["-", "/dev/stdout"])
+def test_json_on_standard_output_is_all_there_is_on_it(tmp_path, name):
+    command = [sys.executable, "-m", "granular", "compare", "bouncing-ball", "--json", name]
+    for redirected in (False, True):
+        with open(tmp_path / "out", "w+") as file:
+            out = file if redirected else subprocess.PIPE
+            done = subprocess.run(command, stdout=out, stderr=subprocess.PIPE, text=True, check=True)
+        text = (tmp_path / "out").read_text() if redirected else done.stdout
+        assert json.loads(text)["verdict"] in done.stderr
+
+
+@pytest.mark.parametrize(("name", "ending"), [("picture", "''"), ("picture.foo", "'foo'")])
+def test_a_picture_without_a_format_is_refused_and_leaves_nothing(tmp_path, report, name, ending, monkeypatch):
+    pytest.importorskip("matplotlib")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ValueError, match=rf"ending of {name} is {ending}: one of .*png.* is needed\."):
+        report.plot(name)
+    assert os.listdir(tmp_path) == []
+
+
+def test_what_fails_under_way_leaves_the_old_file_and_nothing_else(tmp_path):
+    (tmp_path / "old").write_text("old")
+
+    def fill(draft):
+        with open(draft, "w") as file:
+            file.write("half")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        _files.write(tmp_path / "old", fill)
+    assert os.listdir(tmp_path) == ["old"]
+    assert (tmp_path / "old").read_text() == "old"
+
+
+def test_threads_that_write_leave_the_mask_of_the_process_alone(tmp_path):
+    mask = os.umask(0o022)
+    os.umask(mask)
+    threads = [threading.Thread(target=_files.write_text, args=(tmp_path / str(i % 3), str(i))) for i in range(24)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert os.umask(mask) == mask
+    assert sorted(os.listdir(tmp_path)) == ["0", "1", "2"]
+
+
+def test_a_run_comes_back_from_a_file_with_an_equal_scene(tmp_path):
+    run = gr.edmd.simulate(SCENE, gr.ConstantRestitution(0.5))
+    run.save(tmp_path / "run.npz")
+    back = gr.Trajectory.load(tmp_path / "run.npz")
+    assert back.scene == run.scene
+    assert np.array_equal(back.position, run.position)
