@@ -126,7 +126,7 @@ def distance(one: Trajectory, other: Trajectory) -> float:
 
 
 def before_the_end(twin: Trajectory, hard: Trajectory) -> tuple[Trajectory, Trajectory]:
-    """Both runs without what happens just at a common end time, where a shift by rounding decides what is still seen."""
+    """Both runs without what happens just at a common end time, where rounding decides what is still seen."""
     if not twin.status is hard.status is Status.time:
         return twin, hard
     before = hard.time[-1] - 1e-9 * (hard.time[-1] - hard.time[0])
