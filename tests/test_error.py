@@ -145,6 +145,15 @@ def test_contact_that_never_ends_is_left_out_of_the_error_but_not_of_the_verdict
     assert stuck.verdict.startswith("No: a soft contact of pair 0 has lasted")
 
 
+def test_contact_of_a_law_with_memory_that_is_cut_is_not_called_endless():
+    ball = gr.scenes.bouncing_ball(height=1.0)
+    law = gr.WaltonBraun.from_restitution(0.9, 1e7)
+    hit = gr.compare(ball, law, t_end=0.5).soft.contacts["t_begin"][0]
+    cut = gr.compare(ball, law, t_end=float(hit) + 3e-5)
+    assert cut.pairs[0].ongoing
+    assert not cut.verdict.startswith("No: a soft contact")
+
+
 def test_nothing_is_claimed_of_a_run_that_ended_early():
     short = gr.compare(gr.scenes.newtons_cradle(5, gap=1e-3), gr.Hertz(1e9), max_events=2)
     assert math.isnan(short.error)
