@@ -7,7 +7,7 @@ import { samplesOf, spanOf } from "../physics/traces.mjs";
 import { TimeCharts } from "./charts.mjs";
 import { Controls } from "./controls.mjs";
 import { Curve } from "./curve.mjs";
-import { follow, read, write, written } from "./link.mjs";
+import { follow, hasLink, read, write, written } from "./link.mjs";
 import { contactsCsv, Panels } from "./panels.mjs";
 import { Predict } from "./predict.mjs";
 import { Stage } from "./stage.mjs";
@@ -40,13 +40,14 @@ class Page {
 
   change(values) {
     this.state.values = cleaned(this.state.name, { ...this.state.values, ...values });
+    this.state.told = "";
     this.runSoon();
   }
 
   choose(name) {
     const { eps, gap, k } = this.state.values;
     this.state.values = name === this.state.name ? this.state.values : cleaned(name, { eps, gap, k });
-    this.state.name = name;
+    Object.assign(this.state, { name, told: "" });
     this.clock.restart();
     this.runSoon();
   }
@@ -69,6 +70,7 @@ class Page {
     this.pending = false;
     const { name, values } = this.state, setup = SETUPS[name];
     this.controls.load(name, values);
+    text($(".notice"), this.state.told);
     this.report = compareEngines(sceneOf(name, values), values.eps, values.k);
     this.draw(setup);
     this.predict.load(this.report, setup);
@@ -132,6 +134,7 @@ class Page {
 
   async copyLink() {
     write(this.current());
+    if (!hasLink()) return text($(".link-button"), "No link: open the page itself");
     const done = await navigator.clipboard?.writeText(location.href).then(() => true, () => false);
     text($(".link-button"), done ? "Copied" : "It is in the address bar");
     setTimeout(() => text($(".link-button"), "Copy link"), 1600);
