@@ -6,7 +6,7 @@ import { verdict } from "./verdict.mjs";
 
 const MAX_STEPS = 6000;
 export const AT_ONCE = 100; // steps and events past the stop in search of the apexes, while a slider moves
-export const AT_LEISURE = 4000;
+export const AT_LEISURE = 20000;
 
 // `soft` and `hard` are without contacts that are rounding; those open at the stop are followed to their ends.
 export function compareEngines(scene, eps, k, { ties = "left", follow = AT_ONCE } = {}) {
@@ -16,7 +16,7 @@ export function compareEngines(scene, eps, k, { ties = "left", follow = AT_ONCE 
   const others = early ? [] : otherAnswers(hard, eps, ties).map(([name, other]) => [name, counted(other, soft)]);
   const far = (one, other) => largestDifference(one, other) / scene.impact;
   const report = {
-    scene, eps, k, soft, hard, twin, ties: others, finals: { hard: finals(hard), soft: finals(soft) },
+    scene, eps, k, soft, hard, twin, rule: ties, ties: others, finals: { hard: finals(hard), soft: finals(soft) },
     pairs: scene.gap.map((_, c) => outcomeOf(soft, hard, c)), error: early ? NaN : far(soft, hard),
     tieErrors: others.map(([name, other]) => [name, far(other, hard)]), predictable: early ? NaN : predictability(hard, twin),
   };

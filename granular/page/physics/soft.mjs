@@ -120,7 +120,7 @@ const isFree = (run, i) => [run.pairs[i - 1], run.pairs[i]].every((p) => !p || p
 
 function passApexes(run, dt) {
   const known = { v: null }, velocityOf = (i) => (known.v ??= softVelocities(run))[i];
-  const heightsNow = () => heights(run.scene, run.pairs.map((p) => Math.max(0, -p.xi)), run.t);
+  const heightsNow = () => heights(run.scene, run.pairs.map((p) => -p.xi), run.t);
   noteApexes(run, dt, velocityOf, heightsNow, (i) => isFree(run, i));
 }
 

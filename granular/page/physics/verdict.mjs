@@ -35,11 +35,11 @@ function endless({ scene, pairs, soft, hard }) {
 }
 
 // Balls that touch or collide at once, where tie rules differ: no hard-sphere answer is the right one.
-function notUnique({ scene, tieErrors, predictable }) {
+function notUnique({ scene, rule, tieErrors, predictable }) {
   const [error, worst] = tieErrors.reduce((most, [name, e]) => (e > most[0] ? [e, name] : most), [0, ""]);
   if (error > SAME) {
     return ["not uniquely", "Not uniquely: balls that touch have no one hard-sphere answer; here it hangs on the tie rule: "
-      + `left and ${worst} differ by ${digits(error, 2)} of the impact speed.`];
+      + `${rule} and ${worst} differ by ${digits(error, 2)} of the impact speed.`];
   }
   if (predictable > SAME && scene.gap.includes(0)) {
     return ["not uniquely", "Not uniquely: balls that touch have no one hard-sphere answer; here it hangs on the tie rule."];
