@@ -11,15 +11,19 @@ from typing import Any
 
 import numpy as np
 
-from granular import edmd, md, measures, theory
+from granular import edmd, md, measures, outcome, theory, tie_rules, timing
 from granular import until as stop
-from granular.binary import LawRestitution, restitution_of
+from granular.binary import LawRestitution, restitution, restitution_of
 from granular.laws import traits
-from granular.measures import SAME, Overlap
-from granular.pair_outcome import PairOutcome, last_separation, pair_outcome
+from granular.laws.kinds import kinds
+from granular.measures import Overlap
+from granular.outcome import SAME, PairOutcome
 from granular.rules import ConstantRestitution
 from granular.scene import Pair, Scene
-from granular.trajectory import Trajectory
+from granular.trajectory import Status, Trajectory
+
+EARLY = (Status.collapse, Status.max_events, Status.unstable)
+"""Statuses of runs that did not get to their end: nothing is claimed of what they would have come to."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +42,10 @@ class Comparison:
         Contacts and separation speeds, pair by pair.
     twin : Trajectory
         EDMD from gaps shifted by 1e-12 of themselves: how far the scene can be predicted at all.
-    soft_options : mapping
-        Method, time step and engine of the soft run, with which details are drawn.
+    followed : Trajectory
+        The soft run without contacts that are rounding, those still running at its end followed to theirs.
+    hard_options, soft_options : mapping
+        Options of `granular.edmd.simulate` and `granular.md.simulate` with which the runs are made again, for details.
     """
 
     scene: Scene
@@ -51,15 +57,15 @@ class Comparison:
     soft: Trajectory
     twin: Trajectory
     pairs: tuple[PairOutcome, ...]
+    followed: Trajectory
+    hard_options: Mapping[str, Any]
     soft_options: Mapping[str, Any]
 
     @cached_property
     def impact_speed(self) -> float:
-        """Speed in m/s of the first collision; nan without contacts."""
-        if not len(self.hard.contacts):
-            return math.nan
-        first = self.hard.contacts[0]["v_in"]
-        return float(abs(first[0] - first[1]))
+        """v₁ in m/s, the speed of the first collision of the hard spheres; nan without one."""
+        log = self.counted[0].contacts
+        return float(abs(log["v_in"][0, 0] - log["v_in"][0, 1])) if len(log) else math.nan
 
     @cached_property
     def counted(self) -> tuple[Trajectory, Trajectory]:
@@ -67,20 +73,26 @@ class Comparison:
         return _counted(self.hard, self.soft)
 
     @cached_property
+    def counted_twin(self) -> Trajectory:
+        """The twin without contacts that are rounding."""
+        return _counted(self.twin, self.soft)[0]
+
+    @cached_property
     def overlaps(self) -> tuple[Overlap, ...]:
         """Contacts of neighbouring pairs that share a span of time in the soft run: why the engines differ."""
-        return measures.overlapping(self.soft)
+        return measures.overlapping(self.counted[1])
 
     @cached_property
     def measures(self) -> dict[str, float]:
         """The measures of `granular.measures` for these two runs."""
-        hard_cm, soft_cm = (measures.mass_centre_restitution(run) for run in (self.hard, self.soft))
+        hard, soft = self.counted
+        hard_cm, soft_cm = (measures.mass_centre_restitution(run) for run in (hard, soft))
         return {
             "shared_impulse": measures.shared_impulse(self.soft),
-            "crowding": measures.crowding(self.hard, self.law),
-            "occupation": measures.occupation(self.soft),
-            "distance": measures.distance(self.soft, self.hard),
-            "predictability": measures.predictability(self.twin, self.hard),
+            "crowding": measures.crowding(hard, self.law),
+            "occupation": measures.occupation(soft),
+            "distance": measures.distance(self.followed, hard),
+            "predictability": measures.predictability(self.counted_twin, hard),
             "mass_centre_ratio": soft_cm / hard_cm if hard_cm else math.nan,
             "lag": float(self.soft.time[-1] - self.hard.time[-1]),
         }
@@ -92,10 +104,21 @@ class Comparison:
 
     @cached_property
     def restitution_spec(self) -> tuple[float, ...]:
-        """ε of each pair's isolated contact at the speed of the first collision."""
-        speed = self.impact_speed if self.impact_speed > 0.0 else 1.0
+        """ε with which the hard balls of each pair collide, by the rule, at the speed of the first collision."""
+        if isinstance(self.rule, LawRule) and self.rule.laws is self.law:
+            return self.law_restitution
         rules = self.rule if isinstance(self.rule, (list, tuple)) else [self.rule] * len(self.pairs)
-        return tuple(float(rule(speed, pair)) for rule, pair in zip(rules, self.scene.pairs, strict=True))
+        return tuple(float(rule(self._speed, pair)) for rule, pair in zip(rules, self.scene.pairs, strict=True))
+
+    @cached_property
+    def law_restitution(self) -> tuple[float, ...]:
+        """ε that the force law of each pair gives an isolated contact at the speed of the first collision.
+
+        nan where such a contact does not end.
+        """
+        kind, each = kinds(self.law, self.scene.pairs)
+        eps = [_restitution(law, pair, self._speed) for law, pair in each]
+        return tuple(eps[k] for k in kind.tolist())
 
     @cached_property
     def restitution_ratio(self) -> float:
@@ -126,12 +149,11 @@ class Comparison:
             Empty: no ε does it. Several: it is not unique. EDMD is not continuous in ε where the number of
             collisions changes; a jump across the value is not a root and is left out.
         """
-        measure = observable or (lambda run: last_separation(_counted(run, self.soft)[0], self.scene.n - 2)[0])
+        measure = observable or (lambda run: float(outcome.separations(_counted(run, self.soft)[0])[0][-1]))
         target = measure(self.soft) if observable else self.pairs[-1].soft_v_rel
 
         def miss(eps: float) -> float:
-            run = edmd.simulate(self.scene, ConstantRestitution(eps), until=self.until, t_end=self.t_end)
-            return measure(run) - target
+            return measure(edmd.simulate(self.scene, ConstantRestitution(eps), **self.hard_options)) - target
 
         grid = np.linspace(0.0, 1.0, resolution)[1:]
         values = [miss(float(eps)) for eps in grid]
@@ -143,22 +165,35 @@ class Comparison:
 
     @cached_property
     def error(self) -> float:
-        """Largest difference of a final velocity (brought to a common time by free fall), in first impact speeds.
+        """How far hard spheres are off, in speeds of the first collision: the one number that the verdict judges.
 
-        For floor and two balls, and while a soft contact is still running, the largest difference of separation
-        speeds over the pairs instead: the observable of the paper.
+        error = max( max_i |u_i(soft) - u_i(hard)|, max_c |v′_c(soft) - v′_c(hard)| ) / v₁
+
+        over all balls i, walls left out, and all pairs c. u_i is the velocity with which ball i leaves the last of its
+        contacts that ends, the initial one without contacts; v′_c is the separation speed of pair c at the end of its
+        last contact. A soft contact still running at the end of the run is followed to its own end, a contact that is
+        rounding does not count, and what has no value, such as v′ of a contact that never ends, is left out. v₁ is
+        `impact_speed`. Free fall and the lag of soft spheres do not enter.
+
+        0 where nothing collides; nan where a run did not get to its end, for nothing is claimed of it.
         """
-        if self.judged_by_separation:
-            parts = [abs(p.soft_v_rel - p.hard_v_rel) for p in self.pairs]
-        else:
-            parts = measures.velocity_differences(self.soft, self.hard).tolist()
-        known = [x for x in parts if not math.isnan(x)]
-        return max(known, default=0.0) / self.impact_speed if self.impact_speed > 0.0 else 0.0
+        if self.hard.status in EARLY or self.soft.status in EARLY:
+            return math.nan
+        return self._in_impact_speeds(outcome.largest_difference(self.followed, self.counted[0]))
 
-    @property
-    def judged_by_separation(self) -> bool:
-        """Whether `error` compares separation speeds rather than final velocities."""
-        return self._is_two_ball_drop() or any(p.ongoing for p in self.pairs)
+    @cached_property
+    def tie_errors(self) -> dict[str, float]:
+        """How far the answer of each other tie rule is from the hard run, as `error` says; empty without ties."""
+        hard = self.counted[0]
+        return {name: self._in_impact_speeds(outcome.largest_difference(run, hard))
+                for name, run in self._other_answers.items()}  # fmt: skip
+
+    @cached_property
+    def unsettled_counts(self) -> Any:
+        """Whether each pair collides another number of times under another tie rule, or from shifted gaps, (n-1,)."""
+        usual = outcome.counts(self.counted[0])
+        others = [outcome.counts(run) for run in (self.counted_twin, *self._other_answers.values())]
+        return (np.array(others) != usual).any(axis=0)
 
     @cached_property
     def only_timing(self) -> bool:
@@ -167,12 +202,12 @@ class Comparison:
         Soft spheres lag by about t_c per collision; so contacts that began within that lag of the end do not count.
         """
         hard, soft = self.counted
-        return measures.same_but_for_timing(soft, hard, SAME * measures.fastest_approach(hard))
+        return timing.same_but_for_timing(soft, hard, SAME * measures.fastest_approach(hard))
 
     @property
     def verdict(self) -> str:
         """One line: may this scene be event-driven?"""
-        from granular.report import verdict
+        from granular.verdict import verdict
 
         return verdict(self)
 
@@ -204,6 +239,19 @@ class Comparison:
         from granular.animation import animate
 
         animate(self, path, seconds=seconds, fps=fps)
+
+    @property
+    def _speed(self) -> float:
+        """A speed in m/s at which ε can be asked for."""
+        return self.impact_speed if self.impact_speed > 0.0 else 1.0
+
+    @cached_property
+    def _other_answers(self) -> dict[str, Trajectory]:
+        runs = tie_rules.other_answers(self.hard, self.rule, self.hard_options)
+        return {name: _counted(run, self.soft)[0] for name, run in runs.items()}
+
+    def _in_impact_speeds(self, difference: float) -> float:
+        return difference / self.impact_speed if self.impact_speed > 0.0 else 0.0
 
     def _is_two_ball_drop(self) -> bool:
         scene = self.scene
@@ -265,8 +313,9 @@ def compare(
     options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
     soft = md.simulate(scene, laws, **end, **options, on_progress=on_progress)
     counted = _counted(hard, soft)
-    outcomes = tuple(pair_outcome(counted[0], counted[1], c, options) for c in range(scene.n - 1))
-    return Comparison(scene, laws, used, until, t_end, hard, soft, twin, outcomes, options)
+    followed = outcome.followed(counted[1], options)
+    pairs = outcome.pair_outcomes(*counted, followed)
+    return Comparison(scene, laws, used, until, t_end, hard, soft, twin, pairs, followed, event_driven, options)
 
 
 class LawRule(LawRestitution):
@@ -292,6 +341,14 @@ def _counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory
     """Both runs without contacts that are rounding beside the fastest of either."""
     fastest = measures.fastest_approach(hard, soft)
     return measures.without_rounding(hard, fastest), measures.without_rounding(soft, fastest)
+
+
+def _restitution(law: Any, pair: Pair, speed: float) -> float:
+    """ε of an isolated contact; nan if it does not end."""
+    try:
+        return restitution(law, pair, speed)
+    except (ValueError, ArithmeticError):
+        return math.nan
 
 
 def _check_scene(scene: Any) -> Scene:

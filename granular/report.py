@@ -1,4 +1,4 @@
-"""A comparison in words and numbers: the table, the one-line verdict, and JSON with provenance."""
+"""A comparison in words and numbers: the table that a person reads, and JSON with provenance."""
 
 from __future__ import annotations
 
@@ -9,86 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular import _files
-from granular.measures import ROUNDING, SAME, SMALL
-from granular.pair_outcome import PairOutcome
+from granular import _files, outcome
+from granular.measures import ROUNDING
 from granular.scene import Scene
-from granular.trajectory import Status
 
 if TYPE_CHECKING:
     from granular.comparison import Comparison
 
-TROUBLE = (Status.collapse, Status.max_events, Status.unstable)
-
-
-def verdict(report: Comparison) -> str:
-    """One line: may this scene be event-driven?"""
-    for name, run in (("soft-sphere", report.soft), ("event-driven", report.hard)):
-        if run.status in TROUBLE:
-            return f"No verdict on all of it: the {name} run ended with {run.status.name} ({run.message})"
-    m = report.measures
-    hard, soft = report.counted
-    if not len(hard.contacts):
-        if not len(soft.contacts):
-            return "Yes, trivially: nothing collides."
-        if (hard.gap[-1][soft.contacts["pair"]] == 0.0).all():
-            return _settling(report)
-    if endless := _endless(report):
-        return endless
-    wrong = [p.pair for p in report.pairs if p.hard_contacts != p.soft_contacts]
-    if m["predictability"] > 0.01 and (report.scene.gap == 0.0).any():
-        return "Not uniquely: touching balls have no one hard-sphere answer; here it hangs on the tie rule (ties=)."
-    if m["predictability"] > 0.01:
-        share = 100.0 * m["shared_impulse"]
-        shared = "" if math.isnan(share) else f"; {share:.2g} % of the impulse is shared"
-        return f"Not ball by ball: beyond predictability (compare ensembles){shared}."
-    if wrong and report.only_timing:
-        return (
-            f"Yes, but for timing: the contacts are the same, yet {len(wrong)} of {len(report.pairs)} pairs have one "
-            "on the other side of t_end."
-        )
-    if wrong:
-        p = report.pairs[wrong[-1]]
-        many = f"{len(wrong)} of {len(report.pairs)} pairs differ in contacts; " if len(wrong) > 1 else ""
-        return f"No: {many}pair {p.pair} has {_contacts(p.soft_contacts)}, not {p.hard_contacts}{_parting(p)}."
-    if report.error > SAME:
-        what = "separation speeds" if report.judged_by_separation else "velocities"
-        return f"No: {what} are off by {report.error:.2g} of the impact speed."
-    if m["shared_impulse"] > ROUNDING:
-        return f"Yes, within {report.error:.1g} of the impact speed, though contacts overlap in time."
-    error = max(report.error, 1e-16)
-    return f"Yes: every contact is binary, and outcomes agree within {error:.1g} of the impact speed."
-
-
-def _settling(report: Comparison) -> str:
-    """The verdict where hard spheres rest on each other, and soft ones only sink under their weight."""
-    depth = float(report.soft.contacts["xi_max"].max())
-    radius = min((float(r) for r in report.scene.radius if r > 0.0), default=math.inf)
-    if depth > SAME * radius:
-        return f"No: nothing collides, but soft spheres sink by {depth / radius:.2g} of a radius under their weight."
-    return f"Yes, trivially: nothing collides; soft spheres overlap by {depth:.3g} m under their weight."
-
-
-def _endless(report: Comparison) -> str:
-    """The verdict where a soft contact fills much of the run, while hard spheres have bounced; else nothing."""
-    span = float(report.soft.time[-1] - report.soft.time[0])
-    for p in report.pairs:
-        lasted = float(report.counted[1].of(p.pair)["duration"][-1]) if p.ongoing else 0.0
-        moving = abs(float(np.diff(report.hard.velocity[-1])[p.pair])) > SAME * report.impact_speed
-        if lasted > SMALL * span and moving:
-            return (
-                f"No: a soft contact of pair {p.pair} has lasted {lasted:.3g} of the {span:.3g} s of the run and is "
-                "not over; hard spheres part at once."
-            )
-    return ""
-
-
-def _parting(p: PairOutcome) -> str:
-    """How a pair parts in the soft run; nothing where there is no speed to tell."""
-    if math.isnan(p.soft_v_rel):
-        return ", and is still in contact" if p.ongoing else ""
-    hard = "" if math.isnan(p.hard_v_rel) else f" instead of {p.hard_v_rel:.4g}"
-    return f", and parts at {p.soft_v_rel:.4g}{hard} m/s"
+MANY = 8
+"""Up to this many laws or pairs are shown one by one."""
+SAME_RESTITUTION = 1e-9
+"""Values of ε closer than this are the same."""
 
 
 def table(report: Comparison) -> str:
@@ -99,18 +30,38 @@ def table(report: Comparison) -> str:
 
 
 def warnings(report: Comparison) -> list[str]:
-    """What the model itself would not bear: deep overlaps, speeds near the speed of sound."""
-    found, scene, log = [], report.scene, report.soft.contacts
-    for pair in scene.pairs:
-        rows = log[log["pair"] == pair.index]
-        radius = min((r for r in scene.radius[pair.index : pair.index + 2] if r > 0.0), default=math.inf)
-        if len(rows) and (depth := float(rows["xi_max"].max()) / radius) > 0.1:
-            found.append(f"pair {pair.index} overlaps by {depth:.2g} of the smaller radius; force laws end near 0.1")
-        speed = float(abs(rows["v_in"][:, 0] - rows["v_in"][:, 1]).max()) if len(rows) else 0.0
-        if len(rows) and math.isfinite(radius):
-            sound = 2.0 * radius * math.pi / float(rows["duration"].min() or math.nan)
-            if speed / sound > 0.1:
-                found.append(f"pair {pair.index} meets at {speed / sound:.2g} of the speed of contact waves")
+    """What to mind: a rule that is not that of the laws, and what no force law would bear."""
+    return [*_two_restitutions(report), *_extremes(report)]
+
+
+def _two_restitutions(report: Comparison) -> list[str]:
+    """Pairs whose hard spheres collide with another ε than their force law has."""
+    hard, law = np.array(report.restitution_spec), np.array(report.law_restitution)
+    differ = np.flatnonzero(np.abs(hard - law) > SAME_RESTITUTION)
+    if not len(differ):
+        return []
+    c = int(differ[0])
+    more = f" (so do {len(differ) - 1} more pairs)" if len(differ) > 1 else ""
+    return [f"hard spheres of pair {c} run with ε = {hard[c]:.6g}, their force law has {law[c]:.6g}{more}"]
+
+
+def _extremes(report: Comparison) -> list[str]:
+    """Deep overlaps, and speeds near the speed of sound."""
+    found, scene, log = [], report.scene, report.counted[1].contacts
+    depth, speed, shortest = np.zeros(scene.n - 1), np.zeros(scene.n - 1), np.full(scene.n - 1, math.inf)
+    met = outcome.counts(report.counted[1]) > 0
+    np.maximum.at(depth, log["pair"], log["xi_max"])
+    np.maximum.at(speed, log["pair"], np.abs(log["v_in"][:, 0] - log["v_in"][:, 1]))
+    np.minimum.at(shortest, log["pair"], log["duration"])
+    radius = np.where(scene.radius > 0.0, scene.radius, math.inf)
+    radius = np.minimum(radius[:-1], radius[1:])
+    depth = depth / radius
+    speed[met] *= shortest[met] / (2.0 * math.pi * radius[met])  # in the speed of sound, 2 π R / t_c
+    for c in np.flatnonzero((depth > 0.1) | (speed > 0.1)).tolist():
+        if depth[c] > 0.1:
+            found.append(f"pair {c} overlaps by {depth[c]:.2g} of the smaller radius; force laws end near 0.1")
+        if speed[c] > 0.1:
+            found.append(f"pair {c} meets at {speed[c]:.2g} of the speed of contact waves")
     return found
 
 
@@ -130,6 +81,7 @@ def as_dict(report: Comparison) -> dict[str, Any]:
             "rounding_contacts": dict(zip(("hard", "soft"), _left_out(report), strict=True)),
             "impact_speed": report.impact_speed,
             "restitution": list(report.restitution_spec),
+            "law_restitution": list(report.law_restitution),
             "restitution_ratio": report.restitution_ratio,
             "measures": report.measures,
             "groups": report.groups,
@@ -149,13 +101,30 @@ def write_json(report: Comparison, path: str | PathLike[str]) -> None:
 
 
 def _law_lines(report: Comparison) -> list[str]:
-    eps, same = report.restitution_spec, len({repr(law) for law in report.law}) == 1
-    shown = report.law[:1] if same or len(report.law) > 8 else report.law
-    lines = [
-        f"{'all pairs' if len(shown) < len(report.law) else f'pair {c}':<9} {law!r}   ε = {eps[c]:.6g}"
-        for c, law in enumerate(shown)
-    ]
-    return lines
+    """Each different law, or each pair's, with its own ε; then the rule of the hard spheres with its own."""
+    eps, pairs = np.array(report.law_restitution), np.arange(len(report.law))
+    of_law: dict[str, list[int]] = {}
+    for c, law in enumerate(report.law):
+        of_law.setdefault(repr(law), []).append(c)
+    few = len(of_law) > 1 and len(pairs) <= MANY
+    rows = [(repr(law), [c]) for c, law in enumerate(report.law)] if few else list(of_law.items())
+    lines = [f"{_which(some, len(pairs)):<9} {_short(law)}   {_eps(eps[some])}" for law, some in rows[:MANY]]
+    if len(rows) > MANY:
+        lines.append(f"({len(rows) - MANY} more laws not shown)")
+    return [*lines, f"{'rule':<9} {_short(repr(report.rule))}   {_eps(np.array(report.restitution_spec))}"]
+
+
+def _which(pairs: list[int], n: int) -> str:
+    return f"pair {pairs[0]}" if len(pairs) == 1 else "all pairs" if len(pairs) == n else f"{len(pairs)} pairs"
+
+
+def _eps(values: Any) -> str:
+    low, high = float(values.min()), float(values.max())
+    return f"ε = {low:.6g}" + (f" … {high:.6g}" if high - low > SAME_RESTITUTION else "")
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 80 else f"{text[:77]}…"
 
 
 def _outcome_lines(report: Comparison) -> list[str]:
@@ -194,7 +163,7 @@ def _why_lines(report: Comparison) -> list[str]:
     shared = report.overlaps
     if not shared:
         return ["Why: no two contacts of neighbouring pairs overlap in time; only the finite durations differ."]
-    log = report.soft.contacts
+    log = report.counted[1].contacts
     lines = [f"Why: {_contacts(len(shared), 'overlap')} in time with a contact of a neighbouring pair, first of all:"]
     for o in shared[:4]:
         below, above = log[o.lower], log[o.upper]
@@ -206,17 +175,25 @@ def _why_lines(report: Comparison) -> list[str]:
 
 
 def _measure_lines(report: Comparison) -> list[str]:
+    """Lines of the measures that have a value for this scene."""
     m, g = report.measures, report.groups
-    return [
-        f"impulse shared with a neighbour      φ   = {m['shared_impulse']:.4g}",
-        f"events with a neighbour within t_c   p   = {m['crowding']:.4g}",
-        f"share of time in contact             Λ   = {m['occupation']:.3g}",
-        f"distance of final velocities         D   = {m['distance']:.3g}"
-        f"   (hard spheres from gaps shifted by 1e-12: {m['predictability']:.1g})",
-        f"restitution of the mass centre, soft / hard = {m['mass_centre_ratio']:.4g}",
-        f"groups: mass ratio {g['mass_ratio']:.4g}, stiffness ratio {g['stiffness_ratio']:.4g}, "
-        f"Δh ω₀/v {g['gap_omega_over_speed']:.3g}, g/(ω₀v) {g['gravity_over_omega_speed']:.2g}",
+    lines = [
+        (report.error, f"largest error of a velocity, in impact speeds = {report.error:.3g}"),
+        (m["shared_impulse"], f"impulse shared with a neighbour      φ   = {m['shared_impulse']:.4g}"),
+        (m["crowding"], f"events with a neighbour within t_c   p   = {m['crowding']:.4g}"),
+        (m["occupation"], f"share of time in contact             Λ   = {m['occupation']:.3g}"),
+        (m["distance"], f"distance of leaving velocities       D   = {m['distance']:.3g}"
+                        f"   (hard spheres from gaps shifted by 1e-12: {m['predictability']:.1g})"),
+        (m["mass_centre_ratio"], f"restitution of the mass centre, soft / hard = {m['mass_centre_ratio']:.4g}"),
+    ]  # fmt: skip
+    parts = [
+        (g["mass_ratio"], f"mass ratio {g['mass_ratio']:.4g}"),
+        (g["stiffness_ratio"], f"stiffness ratio {g['stiffness_ratio']:.4g}"),
+        (g["gap_omega_over_speed"], f"Δh ω₀/v {g['gap_omega_over_speed']:.3g}"),
+        (g["gravity_over_omega_speed"], f"g/(ω₀v) {g['gravity_over_omega_speed']:.2g}"),
     ]
+    groups = ", ".join(text for value, text in parts if not math.isnan(value))
+    return [text for value, text in lines if not math.isnan(value)] + [f"groups: {groups}"]
 
 
 def _contacts(n: int, verb: str = "") -> str:

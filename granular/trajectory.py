@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
 from os import PathLike
 from typing import Any
 
@@ -98,14 +99,24 @@ class Trajectory:
             if array is not None:
                 array.flags.writeable = False
 
+    @cached_property
+    def by_pair(self) -> tuple[Any, Any]:
+        """Numbers of the rows of the contact log, pair by pair in order of time, and where those of each pair begin."""
+        return grouped(self.contacts["pair"], len(self.scene.gap))
+
+    def rows(self, pair: int) -> Any:
+        """Numbers of the rows of the contact log that belong to `pair`."""
+        order, edge = self.by_pair
+        return order[edge[pair] : edge[pair + 1]] if 0 <= pair < len(edge) - 1 else order[:0]
+
     def of(self, pair: int) -> np.ndarray[tuple[int], np.dtype[np.void]]:
         """Rows of the contact log that belong to `pair`."""
-        rows: np.ndarray[tuple[int], np.dtype[np.void]] = self.contacts[self.contacts["pair"] == pair]
+        rows: np.ndarray[tuple[int], np.dtype[np.void]] = self.contacts[self.rows(pair)]
         return rows
 
     def count(self, pair: int) -> int:
         """Number of contacts of `pair` that began."""
-        return int((self.contacts["pair"] == pair).sum())
+        return len(self.rows(pair))
 
     def momentum(self) -> Array:
         """Total momentum of the balls (walls excluded) in kg m/s, shape (T,)."""
@@ -189,6 +200,12 @@ class Trajectory:
             f"Trajectory({engine}, {self.scene!r}, t = {self.time[0]:g} … {self.time[-1]:.6g} s, "
             f"{len(self.contacts)} contacts, {self.status.name}: {self.message})"
         )
+
+
+def grouped(key: Any, n: int) -> tuple[Any, Any]:
+    """Positions in the array `key` of whole numbers, ordered by key, and where in that each key 0 … n-1 begins."""
+    order = np.argsort(key, kind="stable")
+    return order, np.searchsorted(key[order], np.arange(n + 1))
 
 
 def stored_energy(law: Any, xi: float, pair: Pair) -> float:

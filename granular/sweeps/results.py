@@ -142,8 +142,8 @@ RESULTS = {
                             range(a.hard.scene.n - 1)], -1),
     "hard_v_final": Result("body", "m s-1", "velocity at the end, hard", lambda a: a.hard.velocity[-1]),
     "hard_status": Result("", "1", "status of the hard run", lambda a: CODE[a.hard.status.name], NOT_RUN),
-    "error": Result("", "1", "largest difference of separation speeds, hard to soft, per impact speed",
-                    lambda a: a.report.error),
+    "error": Result("", "1", "largest difference of a leaving velocity or separation speed, hard to soft, per impact "
+                    "speed", lambda a: a.report.error),
     "shared_impulse": _measure("shared_impulse", "φ: share of impulse exchanged while a neighbour is in contact"),
     "crowding": _measure("crowding", "p: share of hard collisions with a neighbour's within t_c"),
     "occupation": _measure("occupation", "Λ: share of time a pair is in contact"),

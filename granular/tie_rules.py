@@ -1,0 +1,57 @@
+"""What hard spheres do that touch, or collide at once: the answers of the other tie rules.
+
+Newton's equation decides such a collision by its force law. Hard spheres have no law, so a rule has to decide, and
+where two rules differ no answer is the right one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from granular import edmd
+from granular.scene import Scene
+from granular.trajectory import Status, Trajectory
+
+RULES = ("left", "right", "poisson", "reflect")
+"""Two of each kind: one collision after the other, and a touching group as a whole."""
+FEW = 100
+"""Scenes of more bodies are not tried with rules that solve a touching group as a whole: its cost grows fast."""
+PATIENCE = 10
+"""Another rule is given up after so many times the collisions of the first."""
+ENDED = (Status.time, Status.until, Status.quiet)
+
+
+def ties(run: Trajectory) -> bool:
+    """Whether balls touch at the start, or a ball takes part in two collisions at once."""
+    pair, time = run.contacts["pair"], run.contacts["t_begin"]
+    order = np.lexsort([pair, time])
+    at_once = (np.diff(time[order]) == 0.0) & (np.abs(np.diff(pair[order])) == 1)
+    return bool((run.scene.gap == 0.0).any() or at_once.any())
+
+
+def other_answers(hard: Trajectory, rule: Any, options: Mapping[str, Any]) -> dict[str, Trajectory]:
+    """Runs under the other tie rules, by rule, if there are `ties`; without those that refuse the scene or end early.
+
+    `options` are those of `granular.edmd.simulate` with which the run `hard` was made.
+    """
+    found: dict[str, Trajectory] = {}
+    if hard.scene.n < 3 or not ties(hard):
+        return found
+    limit = min(options["max_events"], PATIENCE * (len(hard.contacts) + hard.scene.n))
+    for name in RULES[: len(RULES) if hard.scene.n <= FEW else 2]:
+        other = dict(options) | {"ties": name, "max_events": limit}
+        run = None if name == options["ties"] else _run(hard.scene, rule, other)
+        if run is not None and run.status in ENDED:
+            found[name] = run
+    return found
+
+
+def _run(scene: Scene, rule: Any, options: Mapping[str, Any]) -> Trajectory | None:
+    """The run, or nothing where the tie rule has no answer, such as reflections for unequal ε."""
+    try:
+        return edmd.simulate(scene, rule, **options)
+    except (ValueError, ArithmeticError):
+        return None

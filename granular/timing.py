@@ -1,0 +1,58 @@
+"""Whether two runs cut at one end time differ only by contacts that fall on the other side of it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from granular.measures import durations
+from granular.outcome import counts
+from granular.trajectory import Status, Trajectory
+
+SMALL = 0.1
+"""Up to this share of a run, or of the time between contacts, a contact or a lag is called short."""
+
+def same_but_for_timing(soft: Trajectory, hard: Trajectory, tolerance: float) -> bool:
+    """Whether two runs cut at one end time differ only by contacts within the lag of soft spheres before it.
+
+    The lag is one duration per collision of the busiest pair, and must be small beside the time between its contacts.
+    From the contacts that both runs have the balls must leave at the same velocities, within `tolerance` in m/s.
+    """
+    if not soft.status is hard.status is Status.time:
+        return False
+    end, span = float(soft.time[-1]), float(soft.time[-1] - soft.time[0])
+    all_ = [_counts(run, math.inf) for run in (soft, hard)]
+    busiest = max(int(count.max()) for count in all_)
+    lag = _longest(soft, hard) * (1.0 + busiest)
+    if lag * busiest > SMALL * span:
+        return False
+    early = [_counts(run, end - lag) for run in (soft, hard)]
+    more, fewer = np.maximum(*all_), np.minimum(*all_)
+    only_late = (more > fewer).any() and (np.maximum(*early) <= fewer).all()
+    return bool(only_late) and _same_velocities(soft, hard, tolerance)
+
+
+def _counts(run: Trajectory, time: float) -> Any:
+    """Number of contacts of each pair that began before `time`."""
+    log = run.contacts
+    return np.bincount(log["pair"][log["t_begin"] < time], minlength=len(run.scene.gap))
+
+
+def _longest(soft: Trajectory, hard: Trajectory) -> float:
+    """Longest contact in s: of those of the soft run, and of those of the hard run had they been isolated."""
+    assert soft.law is not None
+    isolated = durations(hard, soft.law)
+    return max(float(soft.contacts["duration"].max(initial=0.0)), float(isolated.max(initial=0.0)))
+
+
+def _same_velocities(one: Trajectory, other: Trajectory, tolerance: float) -> bool:
+    """Whether from all contacts that both runs have, and that are over, balls leave at the same velocities."""
+    common = np.minimum(counts(one), counts(other))
+    nth = np.concatenate([np.arange(n) for n in common])
+    left = []
+    for run in (one, other):
+        order, edge = run.by_pair
+        left.append(run.contacts["v_out"][order[np.repeat(edge[:-1], common) + nth]])
+    return not bool((np.abs(left[0] - left[1]) > tolerance).any())
