@@ -1,7 +1,7 @@
 // The teaching page: one state (scene and values), one report, everything else drawn from it.
 import { $, save, text } from "../shell/dom.mjs";
 import { Clock } from "../shell/clock.mjs";
-import { compareEngines } from "../physics/outcome.mjs";
+import { AT_LEISURE, AT_ONCE, compareEngines } from "../physics/outcome.mjs";
 import { cleaned, sceneOf, SETUPS } from "../physics/setups.mjs";
 import { samplesOf, spanOf } from "../physics/traces.mjs";
 import { TimeCharts } from "./charts.mjs";
@@ -68,15 +68,23 @@ class Page {
 
   run() {
     this.pending = false;
-    const { name, values } = this.state, setup = SETUPS[name];
+    const { name, values } = this.state;
     this.controls.load(name, values);
     text($(".notice"), this.state.told);
-    this.report = compareEngines(sceneOf(name, values), values.eps, values.k);
-    this.draw(setup);
-    this.predict.load(this.report, setup);
-    this.speak();
+    this.compare(AT_ONCE);
+    clearTimeout(this.seeking);
+    if (this.report.isHasty) this.seeking = setTimeout(() => this.compare(AT_LEISURE), REST);
     follow(() => this.current());
     performance.mark("drawn");
+  }
+
+  compare(patience) {
+    const { name, values } = this.state, setup = SETUPS[name];
+    this.report = compareEngines(sceneOf(name, values), values.eps, values.k, { patience });
+    this.draw(setup);
+    if (patience === AT_ONCE) this.predict.load(this.report, setup);
+    else this.predict.report = this.report;
+    this.speak();
   }
 
   draw(setup) {

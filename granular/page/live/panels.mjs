@@ -4,7 +4,6 @@ import { $, csv, fillTable, h, marked, text, whenIdle } from "../shell/dom.mjs";
 import { digits, quantity } from "../shell/format.mjs";
 import { simulateHard, TIES } from "../physics/hard.mjs";
 import { isEarly, SAME } from "../physics/measures.mjs";
-import { patientRises } from "../physics/outcome.mjs";
 import { shortName } from "./charts.mjs";
 
 export class Panels {
@@ -15,29 +14,16 @@ export class Panels {
 
   load(report, setup) {
     this.report = report;
-    this.showFinals(report, setup);
-    text($(".rises-title"), report.scene.gravity ? "Rise heights, to scale" : "Velocities after the last contact");
-    const touching = report.scene.gravity === 0 && report.scene.gap.includes(0);
-    $(".ties-box").hidden = !touching;
-    if (touching) whenIdle(() => this.report === report && tieRules(report)); // six more runs
-    this.listContacts();
-    clearTimeout(this.waiting);
-    if (undecided(report).length) this.waiting = setTimeout(() => this.seekRises(report, setup), PATIENCE);
-  }
-
-  showFinals(report, setup) {
     figures(report, setup);
     if (report.scene.gravity) drawRises(this.rises, report);
     else drawSpeeds(this.rises, report);
     finalsTable(report);
     text($(".finals-note"), endNotes(report));
-  }
-
-  // Rises that are not decided while a slider moves, when it rests.
-  seekRises(report, setup) {
-    const rises = patientRises(report);
-    for (const engine of undecided(report)) report.finals[engine].forEach((one, i) => (one.rise = rises[engine][i]));
-    this.showFinals(report, setup);
+    text($(".rises-title"), report.scene.gravity ? "Rise heights, to scale" : "Velocities after the last contact");
+    const touching = report.scene.gravity === 0 && report.scene.gap.includes(0);
+    $(".ties-box").hidden = !touching;
+    if (touching) whenIdle(() => this.report === report && tieRules(report)); // six more runs
+    this.listContacts();
   }
 
   // Hundreds of rows, filled in only while they are to be seen.
@@ -48,10 +34,7 @@ export class Panels {
   }
 }
 
-const LISTED = 400, PATIENCE = 300; // rows, ms
-
-const undecided = ({ scene, soft, hard, finals }) => [["soft", soft], ["hard", hard]]
-  .filter(([engine, run]) => scene.gravity && !isEarly(run) && finals[engine].some(({ rise }) => Number.isNaN(rise))).map(([engine]) => engine);
+const LISTED = 400;
 
 // What is shown of a run that did not get to its end, in a sentence.
 const endNotes = ({ soft, hard }) => [

@@ -4,13 +4,17 @@ import { counted, isEarly, largestDifference, leavingVelocities, otherAnswers, p
 import { simulateSoft } from "./soft.mjs";
 import { verdict } from "./verdict.mjs";
 
-const MAX_STEPS = 6000;
-export const AT_ONCE = 100; // steps and events past the stop in search of the apexes, while a slider moves
-export const AT_LEISURE = 20000;
+// Steps of the soft spheres, and steps and events past the stop in search of the apexes: while a slider moves, and when it
+// rests and the first were not enough.
+export const AT_ONCE = { maxSteps: 3000, follow: 100 };
+export const AT_LEISURE = { maxSteps: 60000, follow: 20000 };
 
 // `soft` and `hard` are without contacts that are rounding; those open at the stop are followed to their ends.
-export function compareEngines(scene, eps, k, { ties = "left", follow = AT_ONCE } = {}) {
-  const run = { soft: simulateSoft(scene, eps, k, { record: true, maxSteps: MAX_STEPS, follow }), hard: simulateHard(scene, eps, { ties, record: true, follow }) };
+export function compareEngines(scene, eps, k, { ties = "left", patience = AT_LEISURE } = {}) {
+  const { maxSteps, follow } = patience, run = {
+    soft: simulateSoft(scene, eps, k, { record: true, maxSteps, follow }),
+    hard: simulateHard(scene, eps, { ties, record: true, follow }),
+  };
   const soft = counted(run.soft, run.hard), hard = counted(run.hard, run.soft), early = isEarly(soft) || isEarly(hard);
   const twin = early ? hard : counted(simulateHard(shifted(scene), eps, { ties }), soft);
   const others = early ? [] : otherAnswers(hard, eps, ties).map(([name, other]) => [name, counted(other, soft)]);
@@ -20,8 +24,11 @@ export function compareEngines(scene, eps, k, { ties = "left", follow = AT_ONCE 
     pairs: scene.gap.map((_, c) => outcomeOf(soft, hard, c)), error: early ? NaN : far(soft, hard),
     tieErrors: others.map(([name, other]) => [name, far(other, hard)]), predictable: early ? NaN : predictability(hard, twin),
   };
-  return { ...report, ...verdict(report) };
+  return { ...report, isHasty: patience === AT_ONCE && isOpen(report), ...verdict({ ...report, patience }) };
 }
+
+const isOpen = ({ scene, soft, hard }) =>
+  soft.status === "unfinished" || (scene.gravity > 0 && [soft, hard].some((run) => !isEarly(run) && run.apex.some(Number.isNaN)));
 
 function outcomeOf(soft, hard, c) {
   const [s, h] = [pairOutcome(soft, c), pairOutcome(hard, c)];
@@ -32,12 +39,6 @@ function outcomeOf(soft, hard, c) {
 function finals(run) {
   const none = isEarly(run), u = leavingVelocities(run);
   return u.map((velocity, i) => ({ velocity: none ? NaN : velocity, rise: none ? NaN : run.apex[i] }));
-}
-
-// Rises that were not decided at once, sought with more patience.
-export function patientRises({ scene, eps, k }, ties = "left") {
-  const soft = simulateSoft(scene, eps, k, { maxSteps: MAX_STEPS, follow: AT_LEISURE }), hard = simulateHard(scene, eps, { ties, follow: AT_LEISURE });
-  return { soft: soft.apex, hard: hard.apex };
 }
 
 // ε_eff of floor and two balls in closed form: the inverse of v_r′ = ε (1 + ε) v.

@@ -3,6 +3,8 @@ import { digits, plural, quantity } from "../shell/format.mjs";
 import { counts, isEarly, SAME, sameButForTiming, SMALL } from "./measures.mjs";
 import { ROUNDING } from "./scenes.mjs";
 
+const PATIENT = 10000; // steps
+
 export const pairName = (scene, c) =>
   scene.mass[0] === Infinity ? (c === 0 ? "floor and ball 1" : `balls ${c} and ${c + 1}`) : `balls ${c + 1} and ${c + 2}`;
 
@@ -14,7 +16,8 @@ export function verdict(report) {
 }
 
 // Nothing is claimed of a run that did not get to its end.
-function unfinished({ soft, hard }) {
+function unfinished({ soft, hard, patience }) {
+  if (soft.status === "unfinished" && patience.maxSteps < PATIENT) return ["no verdict", "No verdict yet: the soft spheres are stiff and take many steps."];
   if (soft.status === "unfinished") return ["no verdict", "No verdict: too stiff to follow in this page; granular compare runs it."];
   if (!isEarly(hard)) return null;
   return ["no verdict", "No verdict: hard spheres collide ever faster and come to no end (inelastic collapse); soft spheres have "
