@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular import _check, _files, edmd, md
+from granular import _check, _files
 from granular._check import Array
-from granular.plot import HARD, SOFT, time_unit, window
+from granular.plot import HARD, SOFT, resolved, time_unit, window
 from granular.scene import Scene, positions
-from granular.trajectory import Status, Trajectory
+from granular.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from granular.comparison import Comparison
@@ -100,13 +100,8 @@ class Film:
 
     def _again(self, engine: str) -> Trajectory:
         """One of the runs again, with a row for every picture and more; a run that ended before stays as it was."""
-        report, run = self.report, getattr(self.report, engine)
-        stop = float(self.time[-1]) if run.status is Status.quiet else min(float(self.time[-1]), float(run.time[-1]))
-        times = np.minimum(np.maximum(self.time, float(run.time[0])), stop)
-        rows = np.unique(np.append(times, np.linspace(times[0], stop, FINE)))
-        if engine == "hard":
-            return edmd.simulate(report.scene, report.rule, t_end=stop, samples=rows, log=False)
-        return md.simulate(report.scene, report.law, t_end=stop, samples=rows, log=False, **report.soft_options)
+        times = np.maximum(self.time, float(getattr(self.report, engine).time[0]))
+        return resolved(self.report, engine, np.unique(np.append(times, np.linspace(times[0], times[-1], FINE))))
 
     def _axis(self, place: Any, name: str) -> Any:
         axis = self.figure.add_subplot(place, facecolor=PAPER)

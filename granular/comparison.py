@@ -73,11 +73,6 @@ class Comparison:
         return _counted(self.hard, self.soft)
 
     @cached_property
-    def counted_twin(self) -> Trajectory:
-        """The twin without contacts that are rounding."""
-        return _counted(self.twin, self.soft)[0]
-
-    @cached_property
     def overlaps(self) -> tuple[Overlap, ...]:
         """Contacts of neighbouring pairs that share a span of time in the soft run: why the engines differ."""
         return measures.overlapping(self.counted[1])
@@ -92,7 +87,7 @@ class Comparison:
             "crowding": measures.crowding(hard, self.law),
             "occupation": measures.occupation(soft),
             "distance": measures.distance(self.followed, hard),
-            "predictability": measures.predictability(self.counted_twin, hard),
+            "predictability": measures.distance(*self._shifted),
             "mass_centre_ratio": soft_cm / hard_cm if hard_cm else math.nan,
             "lag": float(self.soft.time[-1] - self.hard.time[-1]),
         }
@@ -189,11 +184,16 @@ class Comparison:
                 for name, run in self._other_answers.items()}  # fmt: skip
 
     @cached_property
+    def shift_error(self) -> float:
+        """How far hard spheres from gaps shifted by 1e-12 of themselves are from the hard run, as `error` says."""
+        return self._in_impact_speeds(outcome.largest_difference(*self._shifted))
+
+    @cached_property
     def unsettled_counts(self) -> Any:
         """Whether each pair collides another number of times under another tie rule, or from shifted gaps, (n-1,)."""
-        usual = outcome.counts(self.counted[0])
-        others = [outcome.counts(run) for run in (self.counted_twin, *self._other_answers.values())]
-        return (np.array(others) != usual).any(axis=0)
+        twin, usual = (outcome.counts(run) for run in self._shifted)
+        others = [outcome.counts(run) != outcome.counts(self.counted[0]) for run in self._other_answers.values()]
+        return np.array([twin != usual, *others]).any(axis=0)
 
     @cached_property
     def only_timing(self) -> bool:
@@ -244,6 +244,11 @@ class Comparison:
     def _speed(self) -> float:
         """A speed in m/s at which ε can be asked for."""
         return self.impact_speed if self.impact_speed > 0.0 else 1.0
+
+    @cached_property
+    def _shifted(self) -> tuple[Trajectory, Trajectory]:
+        """The twin and the hard run, without contacts that are rounding or just at the end time."""
+        return measures.before_the_end(_counted(self.twin, self.soft)[0], self.counted[0])
 
     @cached_property
     def _other_answers(self) -> dict[str, Trajectory]:

@@ -125,13 +125,13 @@ def distance(one: Trajectory, other: Trajectory) -> float:
     return math.sqrt(float(m[known] @ du[known] ** 2) / scale) if scale > 0.0 else math.nan
 
 
-def predictability(twin: Trajectory, hard: Trajectory) -> float:
-    """D of hard spheres against themselves; without what happens just at an end time, lest that decide."""
+def before_the_end(twin: Trajectory, hard: Trajectory) -> tuple[Trajectory, Trajectory]:
+    """Both runs without what happens just at a common end time, where rounding decides what is still seen."""
     if not twin.status is hard.status is Status.time:
-        return distance(twin, hard)
+        return twin, hard
     before = hard.time[-1] - 1e-9 * (hard.time[-1] - hard.time[0])
-    cut = [replace(run, contacts=run.contacts[run.contacts["t_begin"] < before]) for run in (twin, hard)]
-    return distance(*cut)
+    first, second = (replace(run, contacts=run.contacts[run.contacts["t_begin"] < before]) for run in (twin, hard))
+    return first, second
 
 
 def without_rounding(run: Trajectory, fastest: float) -> Trajectory:

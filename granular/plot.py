@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ from granular import _files, edmd, md
 from granular._check import Array
 from granular.scene import positions
 from granular.trajectory import Status, Trajectory
+from granular.until import Separated
 
 if TYPE_CHECKING:
     from granular.comparison import Comparison
@@ -22,6 +24,10 @@ THIN = 1.5
 """Least width in points of what marks a contact, however short it is beside the span that is drawn."""
 COLUMNS = 300
 """Number of spans of time in a force map; each shows the largest force in it, so that no contact is lost."""
+PAD = 0.015
+"""Share of the time axis that is left free at its ends, lest a mark there be cut."""
+LONE = 0.01
+"""Late contacts with up to this share of the impulse may be left out of the time axis, and are told of at its edge."""
 FEW = 6
 """Up to this many pairs forces are drawn as curves, beyond as a map over pairs and time."""
 
@@ -30,7 +36,7 @@ def comparison_figure(report: Comparison, path: str | PathLike[str] | None = Non
     """Draw a comparison; return the matplotlib figure, or save it (format by the file's ending) and return None."""
     figure_class = _matplotlib()
     begin, end = window(report)
-    soft = _resolved(report, "soft", begin, end)
+    soft = resolved(report, "soft", _moments(report, begin, end))
     unit, name = time_unit(end - begin)
     n = report.scene.n - 1
     heights = [0.22 * min(n, 12) + 0.5, *([0.9] * n if n <= FEW else [0.25 * min(n, 12) + 1.2]), 2.8]
@@ -46,7 +52,7 @@ def comparison_figure(report: Comparison, path: str | PathLike[str] | None = Non
         _force_map(figure, axes[1], _largest_forces(report, soft, begin, end), (end - begin) / unit)
     _world_lines(axes[-1], report, soft, begin, end, unit)
     axes[-1].set_xlabel(f"time since t = {begin:.6g} s, {name}" if begin else f"time, {name}")
-    axes[-1].set_xlim(0.0, (end - begin) / unit)
+    axes[-1].set_xlim(-PAD * (end - begin) / unit, (1.0 + PAD) * (end - begin) / unit)
     figure.align_ylabels(axes)
     if path is None:
         return figure
@@ -55,17 +61,34 @@ def comparison_figure(report: Comparison, path: str | PathLike[str] | None = Non
 
 
 def window(report: Comparison) -> tuple[float, float]:
-    """Span of time in s worth drawing: from the first contact that counts to the end of the last, with a margin."""
-    logs, start = [run.contacts for run in report.counted], float(report.soft.time[0])
-    begins = np.concatenate([log["t_begin"] for log in logs])
-    if not len(begins):
+    """Span of time in s worth drawing: from the first contact that counts to the end of the last, with a margin.
+
+    A few late contacts of next to no impulse are left out if the others would fill less than a third of the span.
+    """
+    start = float(report.soft.time[0])
+    if not any(len(run.contacts) for run in report.counted):
         return start, max(float(report.soft.time[-1]), start + 1.0)
-    ends = np.concatenate([[p.hard_t_f, p.soft_t_f] for p in report.pairs] + [log["t_end"] for log in logs])
-    first, last = float(begins.min()), float(np.nanmax(np.append(ends, begins)))
-    if np.isnan(logs[1]["t_end"]).any():
-        last = max(last, float(report.soft.time[-1]))
+    ends, share = _ends(report)
+    first = float(min(run.contacts["t_begin"].min(initial=math.inf) for run in report.counted))
+    last = float(ends.max())
+    while True:
+        bulk = ends[3.0 * (ends - first) < last - first]
+        if not len(bulk) or share[ends > bulk.max()].sum() > LONE:
+            break
+        last = float(bulk.max())
     margin = 0.06 * (last - first) or 1e-3 * abs(first) or 1.0
     return max(first - margin, start), last + margin
+
+
+def _ends(report: Comparison) -> tuple[Array, Array]:
+    """When contacts of both runs end in s, and the share of the impulse of its run that each has."""
+    ends, shares = [], []
+    for run in (report.counted[0], report.followed):
+        log = run.contacts
+        over = np.where(np.isnan(log["t_end"]), np.maximum(log["t_begin"], float(run.time[-1])), log["t_end"])
+        ends.append(over)
+        shares.append(log["impulse"] / (float(log["impulse"].sum()) or 1.0))
+    return np.concatenate(ends), np.concatenate(shares)
 
 
 def time_unit(span: float) -> tuple[float, str]:
@@ -76,14 +99,16 @@ def time_unit(span: float) -> tuple[float, str]:
     return 1e-9, "ns"
 
 
-def _resolved(report: Comparison, engine: str, begin: float, end: float) -> Trajectory:
-    """One of the two runs again, with rows close enough to draw."""
-    run = getattr(report, engine)
-    stop = end if run.status is Status.quiet else min(end, float(run.time[-1]))
-    times = _moments(report, begin, stop)
+def resolved(report: Comparison, engine: str, times: Array) -> Trajectory:
+    """One of the two runs again with rows at `times` in s, sorted; beyond its end too if free flight follows."""
+    run = report.hard if engine == "hard" else report.soft
+    free = run.status is Status.quiet or (run.status is Status.until and (
+        engine == "hard" or isinstance(report.until, Separated)))  # fmt: skip
+    stop = float(times[-1]) if free else min(float(times[-1]), float(run.time[-1]))
+    rows: dict[str, Any] = {"t_end": stop, "samples": np.unique(np.minimum(times, stop)), "log": False}
     if engine == "hard":
-        return edmd.simulate(report.scene, report.rule, t_end=stop, samples=times, log=False)
-    return md.simulate(report.scene, report.law, t_end=stop, samples=times, log=False, **report.soft_options)
+        return edmd.simulate(report.scene, report.rule, **(dict(report.hard_options) | rows | {"until": None}))
+    return md.simulate(report.scene, report.law, **report.soft_options, **rows)
 
 
 def _moments(report: Comparison, begin: float, end: float) -> Array:
@@ -108,10 +133,24 @@ def _timeline(axis: Any, report: Comparison, begin: float, end: float, unit: flo
         axis.broken_barh(bars, (c - 0.31, 0.3), color=SOFT, lw=0, label="" if c else "soft")
     axis.vlines(start + 0.5 * width, soft["pair"] - 0.31, soft["pair"] - 0.01, color=SOFT, lw=THIN)
     axis.scatter((hard["t_begin"] - begin) / unit, hard["pair"] + 0.22, marker="|", s=60, color=HARD, label="hard")
+    _tell_of_later(axis, report, end, (end - begin) / unit)
     axis.set_ylim(-0.6, n - 0.3)
     axis.set_yticks(range(n) if n <= 12 else np.linspace(0, n - 1, 6).astype(int))
     axis.set_ylabel("contacts\nof pair")
     axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
+
+
+def _tell_of_later(axis: Any, report: Comparison, end: float, right: float) -> None:
+    """Say how many contacts come after the end of the axis, and mark their pairs."""
+    later = [run.contacts[run.contacts["t_begin"] > end] for run in report.counted]
+    pairs, count = np.unique(np.concatenate([log["pair"] for log in later])), sum(map(len, later))
+    if not count:
+        return
+    last = float(np.nanmax(np.concatenate([np.append(log["t_end"], log["t_begin"]) for log in later])))
+    unit, name = time_unit(last)
+    axis.plot(np.full(len(pairs), right), pairs, ls="", marker=">", ms=5, color=SOFT, clip_on=False)
+    axis.set_title(f"{count} later contact{'s' * (count > 1)}, the last at t = {last / unit:.4g} {name} ▸", fontsize=8,
+                   loc="right")  # fmt: skip
 
 
 def _force_curve(axis: Any, clock: Array, soft: Trajectory, c: int) -> None:
@@ -153,12 +192,16 @@ def _world_lines(axis: Any, report: Comparison, soft: Trajectory, begin: float, 
     """Positions with the radii taken out, so that lines meet where balls touch and cross where they overlap."""
     runs = {"soft": (soft, SOFT, "-")}
     if len(report.hard.contacts) < 100_000:
-        runs["hard"] = (_resolved(report, "hard", begin, end), HARD, "--")
+        runs["hard"] = (resolved(report, "hard", _moments(report, begin, end)), HARD, "--")
     lines = {label: (run.time, _without_radii(run), colour, dash) for label, (run, colour, dash) in runs.items()}
     size, name = length_unit(max(float(np.ptp(lines["soft"][1])), 1e-300))
     for label, (t, height, colour, dash) in lines.items():
         axis.plot((t - begin) / unit, height / size, color=colour, ls=dash, lw=1.0)
         axis.plot([], [], color=colour, ls=dash, label=label)
+    low, high = lines["soft"][1].min() / size, lines["soft"][1].max() / size
+    bottom, top = axis.get_ylim()
+    room = 0.5 * (high - low)  # for hard balls; faster ones may leave the picture
+    axis.set_ylim(max(bottom, low - room), min(top, high + room))
     axis.set_ylabel(f"position, radii taken out, {name}")
     axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
 

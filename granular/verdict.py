@@ -76,6 +76,11 @@ def _not_unique(report: Comparison) -> str:
         )
     if report.measures["predictability"] > SAME and (report.scene.gap == 0.0).any():
         return "Not uniquely: touching balls have no one hard-sphere answer; here it hangs on the tie rule (ties=)."
+    if report.measures["predictability"] <= SAME < report.shift_error:
+        return (
+            "Not uniquely: hard spheres from gaps shifted by 1e-12 of themselves, as where balls collide almost at "
+            f"once, differ by {report.shift_error:.2g} of the impact speed."
+        )
     return ""
 
 

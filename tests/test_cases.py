@@ -2,12 +2,13 @@
 
 import math
 import os
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
-from granular import cases, scenes, until
+from granular import binary, cases, scenes, until
 from granular.cases.options import descriptions, options_of, summary
 from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz, WaltonBraun
 from granular.rules import ConstantRestitution, TabulatedRestitution
@@ -134,6 +135,32 @@ def test_misuse_of_names_and_options_is_a_sentence(call, sentence):
 # TOML
 
 @pytest.mark.parametrize("name", cases.names())
+def test_a_template_has_one_restitution_which_law_and_rule_follow(name, read):
+    text = cases.dumps(cases.make(name))
+    assert "[rule]" not in text
+    assert "gamma" not in text
+    assert text.count("restitution = ") == 1
+    eps = 0.6
+    edited = read(re.sub("restitution = .*", f"restitution = {eps}", re.sub("k = .*", "k = 123456.0", text)))
+    assert edited.rule == ConstantRestitution(eps)
+    for law, pair in zip(edited.law, edited.scene.pairs, strict=True):
+        assert binary.restitution(law, pair, 1.0) == pytest.approx(eps, rel=1e-12)
+
+
+@pytest.mark.parametrize("case", [
+    cases.make("three-balls", restitution=[0.9, 0.5], law="WaltonBraun"),
+    cases.make("chain", n=4, dimer=0.4, restitution=0.9),
+    cases.make("three-balls", law="ViscoelasticHertz"),
+    replace(cases.make("three-balls"), rule=ConstantRestitution(0.6)),
+    replace(cases.make("three-balls"), law=(LinearDashpot(1e6, 1.0),) * 2),
+    cases.Case(scenes.three_balls(), None, ConstantRestitution(0.6)),
+], ids=str)
+def test_every_case_comes_back_as_it_was(case, read):
+    again = read(cases.dumps(case))
+    assert (again.law, again.rule) == (case.law, case.rule)
+
+
+@pytest.mark.parametrize("name", cases.names())
 def test_saved_and_loaded_is_equal_bit_for_bit(name, tmp_path):
     case = cases.make(name, run={"samples": [0.0, 0.1], "method": "rk4", "dt": 1e-7, "ties": "right"})
     cases.save(case, tmp_path / "case.toml")
@@ -181,7 +208,9 @@ def test_a_ready_made_scene_keeps_its_law_rule_and_stop(read):
 def test_an_own_law_replaces_the_rule_too(read):
     case = read('[scene]\nname = "three-balls"\n[law]\ntype = "LinearDashpot"\nrestitution = 0.5\nk = 1e6\n')
     assert case.law == tuple(LinearDashpot.from_restitution(0.5, 1e6, pair) for pair in case.scene.pairs)
-    assert case.rule is None
+    assert case.rule == ConstantRestitution(0.5)
+    damped = read('[scene]\nname = "three-balls"\n[law]\ntype = "LinearDashpot"\ngamma = 10.0\nk = 1e6\n')
+    assert damped.rule is None
 
 
 def test_laws_from_what_people_know(read):

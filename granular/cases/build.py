@@ -22,6 +22,14 @@ def law(table: Mapping[str, Any], pair: Pair) -> Any:
     return _of_type(LAWS, table, pair=pair)
 
 
+def rule_of(tables: Sequence[Mapping[str, Any]]) -> Any:
+    """The rule of laws that are all given by an ε that depends on no speed: that very ε; else none."""
+    if any("restitution" not in table or "speed" in table for table in tables):
+        return None
+    eps = [float(table["restitution"]) for table in tables]
+    return rules.ConstantRestitution(eps[0] if len(set(eps)) == 1 else eps)
+
+
 def rule(table: Mapping[str, Any]) -> Any:
     """Make a collision rule: ``type`` and its values."""
     return _of_type(RULES, table)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -37,10 +37,10 @@ def load(path: str | PathLike[str]) -> Case:
 
             [law]                        # one for all pairs, or [[law]] once per pair, bottom to top
             type = "LinearDashpot"
-            restitution = 0.7            # or: gamma; the keys are those of the law and of its from_… constructors
+            restitution = 0.7            # also of hard spheres; or: gamma; keys are those of the law and its from_…
             k = 5e7
 
-            [rule]                       # may be left out: then hard spheres get the restitution of the laws
+            [rule]                       # best left out: then hard spheres get the restitution of the laws
             type = "ConstantRestitution"
             restitution = 0.7
 
@@ -87,8 +87,9 @@ def _case(tables: Mapping[str, Any]) -> Case:
     n_pairs = base.scene.n - 1
     law, rule = base.law, base.rule
     if "law" in tables:
-        law = tuple(_laws(tables["law"], base.scene))
-        rule = None
+        tables_of_law = _check.per_pair("[[law]]", tables["law"], n_pairs)
+        law = tuple(_laws(tables_of_law, base.scene, isinstance(tables["law"], list)))
+        rule = build.rule_of(tables_of_law)
     if "rule" in tables:
         with place("[rule]"):
             rule = _rules(tables["rule"], n_pairs)
@@ -115,12 +116,11 @@ def _base(table: Mapping[str, Any]) -> Case:
     return ready.around(name, build.call([ready.READY[name].make], parameters))
 
 
-def _laws(tables: Any, scene: Scene) -> list[Any]:
-    """One law per pair: from one table for all, or one table each."""
-    spread = _check.per_pair("[[law]]", tables, scene.n - 1)
+def _laws(tables: Sequence[Any], scene: Scene, each: bool) -> list[Any]:
+    """One law per pair: from its own table, or from one for all."""
     laws = []
-    for table, pair in zip(spread, scene.pairs, strict=True):
-        with place(f"[[law]] of pair {pair.index}" if isinstance(tables, list) else "[law]"):
+    for table, pair in zip(tables, scene.pairs, strict=True):
+        with place(f"[[law]] of pair {pair.index}" if each else "[law]"):
             laws.append(build.law(_table(table), pair))
     return laws
 

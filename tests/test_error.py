@@ -1,0 +1,268 @@
+"""The one error of a comparison: every ball and every pair counts, in both signs; no Yes where one is off."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular import cases, measures, outcome
+
+
+def compared(name, stop=None, **options):
+    case = cases.make(name, **options)
+    return gr.compare(case.scene, case.law, case.rule, until=stop or case.until, t_end=case.t_end)
+
+
+def mirrored(scene):
+    """Left and right exchanged, without gravity."""
+    return gr.Scene(scene.mass[::-1], scene.radius[::-1], scene.gap[::-1], -scene.velocity[::-1])
+
+
+def by_hand(report):
+    """The error from the contacts of the two runs, ball by ball and pair by pair, by loops that know no numpy.
+
+    Contacts that are rounding, or still running at the end, must not occur.
+    """
+    ends = []
+    for run in (report.soft, report.hard):
+        balls, pairs = {i: (-math.inf, float(run.scene.velocity[i])) for i in range(run.scene.n)}, {}
+        for row in run.contacts:
+            assert math.isfinite(row["t_end"])
+            c, lower, upper = int(row["pair"]), float(row["v_out"][0]), float(row["v_out"][1])
+            pairs[c] = upper - lower
+            for i, v in ((c, lower), (c + 1, upper)):
+                if row["t_end"] >= balls[i][0]:
+                    balls[i] = (float(row["t_end"]), v)
+        ends.append((balls, pairs))
+    (soft, soft_pairs), (hard, hard_pairs) = ends
+    walls = np.isinf(report.scene.mass)
+    parts = [abs(soft[i][1] - hard[i][1]) for i in soft if not walls[i]]
+    parts += [abs(soft_pairs[c] - hard_pairs[c]) for c in soft_pairs if c in hard_pairs]
+    return parts
+
+
+def random_scene(rng):
+    n = int(rng.integers(2, 7))
+    mass, radius = 10.0 ** rng.uniform(-1.0, 1.0, n), np.full(n, 0.1)
+    floor = rng.random() < 0.4
+    if floor:
+        mass[0], radius[0] = math.inf, 0.0
+    gap = 10.0 ** rng.uniform(-6.0, -2.0, n - 1)
+    velocity = np.sort(rng.uniform(-1.0, 1.0, n))[::-1] * (1.0 if not floor else 0.5)
+    if floor:
+        velocity[0], velocity[1:] = 0.0, -np.abs(velocity[1:]) - 0.1
+    return gr.Scene(mass, radius, gap, velocity)
+
+
+def random_report(seed):
+    rng = np.random.default_rng(seed)
+    scene, eps, k = random_scene(rng), float(rng.uniform(0.6, 1.0)), 10.0 ** rng.uniform(5.0, 9.0)
+    law = [gr.LinearDashpot.from_restitution(eps, k=k, pair=p) for p in scene.pairs]
+    return gr.compare(scene, law, gr.ConstantRestitution(eps), until=gr.until.separated(), max_events=2000)
+
+
+@pytest.fixture(scope="module")
+def reports():
+    """Random scenes whose runs get to their end, without contacts that are rounding."""
+    found = [random_report(seed) for seed in range(60)]
+    whole = [r for r in found if not math.isnan(r.error) and not np.isnan(r.soft.contacts["t_end"]).any()]
+    whole = [r for r in whole if [len(run.contacts) for run in r.counted] == [len(r.hard.contacts), len(r.soft.contacts)]]
+    assert len(whole) > 40
+    return whole
+
+
+def test_error_is_the_written_formula(reports):
+    for report in reports:
+        first = report.hard.contacts["v_in"][0]
+        assert report.error == max(by_hand(report)) / (first[0] - first[1])
+
+
+def test_every_ball_counts_whatever_the_sign(reports):
+    for report in reports:
+        if report.scene.is_wall.any():
+            continue
+        scene, speed = mirrored(report.scene), report.impact_speed
+        mirror = gr.compare(scene, report.law[::-1], report.rule, until=report.until, ties="right", max_events=2000)
+        assert mirror.error == pytest.approx(report.error, rel=1e-6, abs=1e-9 * speed)
+
+
+def test_powers_of_two_change_no_bit_of_the_error(reports):
+    for report in reports[:20]:
+        s = report.scene
+        slow = gr.Scene(4.0 * s.mass, s.radius, s.gap, 0.5 * s.velocity)  # t → 2 t, v → v/2, k → k m/t² = k
+        law = [gr.LinearDashpot(one.k, 2.0 * one.gamma) for one in report.law]
+        again = gr.compare(slow, law, report.rule, until=report.until, max_events=2000)
+        assert again.error == report.error
+
+
+def test_yes_is_never_said_where_a_ball_or_a_pair_is_off(reports):
+    verdicts = {True: 0, False: 0}
+    for report in reports:
+        off = max(by_hand(report)) > 0.01 * report.impact_speed
+        yes = report.verdict.startswith("Yes")
+        verdicts[yes] += 1
+        assert not (yes and off), report.verdict
+    assert min(verdicts.values()) > 3
+
+
+def test_ball_that_soft_spheres_leave_slower_counts():
+    assert compared("ball-stack").error == pytest.approx(3.61, abs=0.01)
+    stack = compared("ball-stack", n=7, mass_ratio=1.0 / 3.0, gap=1e-5, height=0.459, restitution=0.95)
+    assert stack.error > 12.0
+    false_yes = compared("ball-stack", gr.until.separated(), n=4, mass_ratio=0.5923, gap=0.002362, height=0.645,
+                         restitution=0.7684, stiffness=1.351e7)  # fmt: skip
+    assert false_yes.verdict.startswith("No: outcomes are off by 0.012")
+
+
+@pytest.mark.parametrize("k", [1e6, 1e7])
+def test_free_fall_during_a_contact_is_no_error(k):
+    scene = gr.Scene([math.inf, 1.0], [0.0, 0.05], [0.1], [0.0, 0.0], gravity=9.81)
+    law = gr.LinearDashpot.from_restitution(0.8, k, scene.pairs[0])
+    bounces = gr.compare(scene, law, until=gr.until.contact(0, 3))
+    assert bounces.error < 0.003
+    assert bounces.verdict.startswith("Yes: every contact is binary")
+
+
+def test_contact_still_running_is_followed_to_its_end_for_the_balls_too():
+    scene = gr.Scene([1.0, 2.0], [0.1, 0.1], [0.1], [1.0, 0.0])
+    law = gr.LinearDashpot(1e4, 5.0)
+    whole = gr.compare(scene, law)
+    cut = gr.compare(scene, law, t_end=0.1 + 1e-3)
+    assert cut.pairs[0].ongoing
+    assert cut.error == pytest.approx(whole.error, abs=1e-12)
+    assert outcome.leaving_velocities(cut.followed) == pytest.approx(whole.soft.velocity[-1], abs=1e-13)
+    assert cut.pairs[0].soft_t_f == pytest.approx(whole.pairs[0].soft_t_f, rel=1e-12)
+
+
+def test_contact_that_never_ends_is_left_out_of_the_error_but_not_of_the_verdict():
+    scene = gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.1], [0.0, -1.0], gravity=9.81)
+    law = gr.LinearDashpot(1e6, 4e3)  # overdamped: creeps, and is held by its weight
+    stuck = gr.compare(scene, law, gr.ConstantRestitution(0.5), t_end=0.12)
+    assert stuck.pairs[0].ongoing
+    assert math.isnan(stuck.pairs[0].soft_v_rel)
+    assert stuck.verdict.startswith("No: a soft contact of pair 0 has lasted")
+
+
+def test_nothing_is_claimed_of_a_run_that_ended_early():
+    short = gr.compare(gr.scenes.newtons_cradle(5, gap=1e-3), gr.Hertz(1e9), max_events=2)
+    assert math.isnan(short.error)
+    assert short.verdict.startswith("No verdict: the soft-sphere run did not get to its end; max_events")
+    assert "nan" not in str(short)
+
+
+@pytest.mark.parametrize("name", ["newtons-cradle", "chain"])
+@pytest.mark.parametrize("restitution", [0.9, 1.0])
+def test_touching_balls_are_named_the_same_in_every_scene(name, restitution):
+    touching = compared(name, n=5, restitution=restitution)
+    assert touching.verdict.startswith("Not uniquely")
+    assert "the tie rule: left and " in touching.verdict
+    assert max(touching.tie_errors.values()) > 0.1
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e-15])
+def test_balls_that_meet_at_once_do_not_contradict_themselves(shift):
+    scene = gr.Scene([1.0] * 3, [0.5] * 3, [0.25, 0.25 * (1.0 + shift)], [1.0, 0.0, -1.0])
+    meet = gr.compare(scene, gr.LinearDashpot(1e7))
+    assert [(p.hard_contacts, p.soft_contacts) for p in meet.pairs] == [(2, 1), (1, 1)]
+    assert meet.verdict.startswith("Not uniquely")
+
+
+def test_counts_that_hang_on_the_order_alone_do_not_make_a_no():
+    report = random_report(0)
+    pairs = tuple(replace(p, soft_contacts=p.hard_contacts + 1) for p in report.pairs)
+    tied = replace(report, pairs=pairs)
+    tied.__dict__.update(error=1e-3, tie_errors={}, shift_error=0.0)
+    assert ", though outcomes agree within 0.001 of the impact speed." in tied.verdict
+    assert tied.verdict.startswith("No: ")
+    tied.__dict__["unsettled_counts"] = np.full(len(pairs), True)
+    assert tied.verdict.startswith("Yes: outcomes agree within 0.001 of the impact speed, though pair")
+
+
+def test_scenes_without_ties_are_run_once():
+    assert compared("three-balls").tie_errors == {}
+    assert compared("gas").tie_errors == {}
+
+
+def test_restitution_of_law_and_rule_are_told_apart():
+    scene = gr.Scene([1.0, 0.5], [0.1, 0.1], [0.1], [1.0, 0.0])
+    law = gr.LinearDashpot(1e7, 100.0)
+    two = gr.compare(scene, law, gr.ConstantRestitution(0.7))
+    eps = gr.binary.restitution(law, scene.pairs[0], 1.0)
+    assert (two.law_restitution, two.restitution_spec) == ((eps,), (0.7,))
+    text = str(two)
+    assert f"LinearDashpot(k=10000000.0, gamma=100.0)   ε = {eps:.6g}" in text
+    assert "ConstantRestitution(restitution=0.7)   ε = 0.7" in text
+    assert f"warning: hard spheres of pair 0 run with ε = 0.7, their force law has {eps:.6g}" in text
+    assert two.to_dict()["law_restitution"] == [eps]
+    assert "their force law" not in str(gr.compare(scene, law))
+    assert "their force law" not in str(compared("three-balls"))
+
+
+@pytest.mark.parametrize("name", cases.names())
+def test_no_line_of_a_report_is_nan(name):
+    assert "nan" not in str(compared(name))
+
+
+@dataclass(frozen=True, eq=False)
+class Own:
+    """A law that is no power, and cannot be told from another by its numbers."""
+
+    k: float
+
+    def force(self, xi, xi_dot, pair):
+        return self.k * xi * math.sqrt(xi)
+
+
+def test_log_by_pair_is_the_log_of_each_pair():
+    run = gr.edmd.simulate(gr.scenes.gas(30), gr.ConstantRestitution(0.9), t_end=3.0)
+    for c in range(-1, run.scene.n):
+        rows = run.contacts[run.contacts["pair"] == c]
+        assert run.count(c) == len(rows)
+        assert run.of(c).tobytes() == rows.tobytes()
+
+
+def test_laws_alike_are_computed_once_and_give_what_each_gives():
+    from granular.laws.kinds import kinds
+
+    scene = gr.scenes.gas(12)
+    law = [Own(1e9), *[gr.LinearDashpot.from_restitution(0.9, k=5e7, pair=p) for p in scene.pairs[1:]]]
+    kind, each = kinds(law, scene.pairs)
+    assert len(each) == 3
+    assert [each[k][0] for k in kind] == law
+    report = gr.compare(scene, law, gr.ConstantRestitution(0.9), t_end=1.0)
+    speed = report.impact_speed
+    assert report.law_restitution == tuple(map(gr.binary.restitution, law, scene.pairs, [speed] * len(law)))
+    for t, row in zip(measures.durations(report.hard, report.law), report.hard.contacts, strict=True):
+        c, speed = int(row["pair"]), float(row["v_in"][0] - row["v_in"][1])
+        assert t == pytest.approx(gr.binary.collision(law[c], scene.pairs[c], speed).duration, rel=1e-6)
+
+
+
+def test_contacts_running_at_the_end_are_followed_in_one_run(monkeypatch):
+    scene = gr.scenes.gas(40)
+    law = [gr.LinearDashpot.from_restitution(0.9, k=1e3, pair=p) for p in scene.pairs]
+    runs = []
+    simulate = outcome.md.simulate
+    monkeypatch.setattr(outcome.md, "simulate", lambda *given, **options: runs.append(0) or simulate(*given, **options))
+    report = gr.compare(scene, law, gr.ConstantRestitution(0.9), t_end=1.0)
+    assert sum(p.ongoing for p in report.pairs) > 2
+    assert len(runs) <= 3  # the run itself, then all that is left of it, at most twice
+
+
+def test_time_of_a_comparison_is_linear_in_the_number_of_balls():
+    """Rows of the log that are looked at, counted by numpy's own words: no pair looks at those of all others."""
+    looked = []
+
+    class Log(np.ndarray):
+        def __getitem__(self, key):
+            looked.append(len(self) if isinstance(key, np.ndarray) and key.dtype == bool else 0)
+            return super().__getitem__(key)
+
+    run = gr.edmd.simulate(gr.scenes.gas(300), gr.ConstantRestitution(0.9), t_end=3.0)
+    watched = replace(run, contacts=run.contacts.view(Log))
+    measures.crowding(watched, (gr.LinearDashpot(1e7),) * (run.scene.n - 1))
+    measures.overlapping(watched)
+    outcome.separations(watched)
+    assert sum(looked) <= 10 * len(run.contacts)
