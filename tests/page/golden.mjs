@@ -11,6 +11,13 @@ export function check({ scene: name, values, ties, kind, said, error, soft, hard
   return [...runs, ...judged(report, kind, said, error)];
 }
 
+// Whether a golden rise is one that the page does not decide, with all its patience.
+export function isUndecided({ scene: name, values, ties, soft, hard }) {
+  if (soft.rise === null && hard.rise === null) return false;
+  const report = compareEngines(sceneOf(name, values), values.eps, values.k, { ties });
+  return [[soft, report.soft], [hard, report.hard]].some(([golden, run]) => golden.rise !== null && Number.isNaN(run.apex.at(-1)));
+}
+
 function judged(report, kind, said, error) {
   const faults = [];
   if (kind !== null && report.kind !== kind) faults.push(`verdict: ${report.kind} (${report.verdict}), not ${kind}`);
@@ -34,7 +41,7 @@ function compare(engine, run, golden, { impact, gravity }) {
   const last = Math.max(...run.contacts.flatMap((c) => [c.begin, ...(c.ongoing || Number.isNaN(c.end) ? [] : [c.end])]));
   if (!(Math.abs(last - golden.span) < TOLERANCE)) faults.push(`${engine}: last contact at ${last}, not ${golden.span}`);
   const rise = run.apex[run.apex.length - 1];
-  if (gravity && golden.rise !== null && !(Math.abs(rise - golden.rise) < 1e-6 * Math.max(1, rise))) faults.push(`${engine}: rises ${rise}, not ${golden.rise}`);
+  if (gravity && golden.rise !== null && !Number.isNaN(rise) && !(Math.abs(rise - golden.rise) < 1e-6 * Math.max(1, rise))) faults.push(`${engine}: rises ${rise}, not ${golden.rise}`);
   return faults;
 }
 

@@ -72,11 +72,10 @@ def flights(run, log, ball, end):
     rows = log[(log["pair"] == ball - 1) | (log["pair"] == ball)]
     rows = rows[np.argsort(rows["t_end"], kind="stable")]
     found = []
-    for row in rows[~np.isnan(rows["t_end"])]:
+    for k, row in enumerate(rows[~np.isnan(rows["t_end"])]):
         t, v = float(row["t_end"]), float(row["v_out"][ball - row["pair"]])
         pressed = ((rows["t_begin"] < t) & ~(rows["t_end"] <= t)).any()
-        later = rows["t_begin"][rows["t_begin"] >= t]
-        later = later[later > t] if row["t_begin"] == t else later
+        later = rows["t_begin"][k + 1 :][rows["t_begin"][k + 1 :] >= t]
         if not pressed:
             found.append((t, v, float(later.min(initial=end)) - t))
     return found
