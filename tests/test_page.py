@@ -57,8 +57,9 @@ def test_numerics_by_node(name) -> None:
     assert run.returncode == 0, run.stdout
 
 
-def test_golden_data_are_what_python_says() -> None:
-    from page.make_golden import case
+def test_golden_data_are_what_python_says(monkeypatch) -> None:
+    monkeypatch.syspath_prepend(HERE)
+    from make_golden import case
 
     cases = json.loads((HERE / "golden.json").read_text(encoding="utf-8"))
     assert len(cases) == 500

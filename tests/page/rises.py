@@ -1,7 +1,7 @@
 """How high the top ball rises, by the Python engines; the definition is that of granular/page/physics/apex.mjs.
 
-It is the first apex of the ball in free flight after it has been touched, all hits before that included, a run that stops
-earlier being carried on. A ball that comes to rest instead rises 0.
+It is the first apex of the ball in free flight after it has been touched, all hits before that included, a run that
+stops earlier being carried on. A ball that comes to rest instead rises 0.
 """
 
 import numpy as np

@@ -5,7 +5,7 @@ import { ROUNDING } from "./scenes.mjs";
 
 const PATIENT = 10000; // steps
 
-export const pairName = (scene, c) =>
+const pairName = (scene, c) =>
   scene.mass[0] === Infinity ? (c === 0 ? "floor and ball 1" : `balls ${c} and ${c + 1}`) : `balls ${c + 1} and ${c + 2}`;
 
 export function verdict(report) {
