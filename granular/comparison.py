@@ -18,7 +18,6 @@ from granular.laws import traits
 from granular.laws.kinds import kinds
 from granular.measures import Overlap
 from granular.outcome import SAME, PairOutcome
-from granular.rules import ConstantRestitution
 from granular.scene import Pair, Scene
 from granular.trajectory import Status, Trajectory
 
@@ -70,7 +69,7 @@ class Comparison:
     @cached_property
     def counted(self) -> tuple[Trajectory, Trajectory]:
         """The hard and the soft run without contacts that are rounding (`granular.measures.without_rounding`)."""
-        return _counted(self.hard, self.soft)
+        return measures.counted(self.hard, self.soft)
 
     @cached_property
     def overlaps(self) -> tuple[Overlap, ...]:
@@ -144,19 +143,9 @@ class Comparison:
             Empty: no ε does it. Several: it is not unique. EDMD is not continuous in ε where the number of
             collisions changes; a jump across the value is not a root and is left out.
         """
-        measure = observable or (lambda run: float(outcome.separations(_counted(run, self.soft)[0])[0][-1]))
-        target = measure(self.soft) if observable else self.pairs[-1].soft_v_rel
+        from granular.effective import effective_restitution
 
-        def miss(eps: float) -> float:
-            return measure(edmd.simulate(self.scene, ConstantRestitution(eps), **self.hard_options)) - target
-
-        grid = np.linspace(0.0, 1.0, resolution)[1:]
-        values = [miss(float(eps)) for eps in grid]
-        roots = [float(eps) for eps, value in zip(grid, values, strict=True) if value == 0.0]
-        for a, b, fa, fb in zip(grid[:-1], grid[1:], values[:-1], values[1:], strict=True):
-            if fa * fb < 0.0:
-                roots += _root(miss, float(a), float(b), abs(target) + abs(fa) + abs(fb))
-        return tuple(sorted(roots))
+        return effective_restitution(self, observable, resolution)
 
     @cached_property
     def error(self) -> float:
@@ -248,12 +237,12 @@ class Comparison:
     @cached_property
     def _shifted(self) -> tuple[Trajectory, Trajectory]:
         """The twin and the hard run, without contacts that are rounding or just at the end time."""
-        return measures.before_the_end(_counted(self.twin, self.soft)[0], self.counted[0])
+        return measures.before_the_end(measures.counted(self.twin, self.soft)[0], self.counted[0])
 
     @cached_property
     def _other_answers(self) -> dict[str, Trajectory]:
         runs = tie_rules.other_answers(self.hard, self.rule, self.hard_options)
-        return {name: _counted(run, self.soft)[0] for name, run in runs.items()}
+        return {name: measures.counted(run, self.soft)[0] for name, run in runs.items()}
 
     def _in_impact_speeds(self, difference: float) -> float:
         return difference / self.impact_speed if self.impact_speed > 0.0 else 0.0
@@ -317,7 +306,7 @@ def compare(
     twin = edmd.simulate(_nudged(scene), used, **event_driven)
     options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
     soft = md.simulate(scene, laws, **end, **options, on_progress=on_progress)
-    counted = _counted(hard, soft)
+    counted = measures.counted(hard, soft)
     followed = outcome.followed(counted[1], options)
     pairs = outcome.pair_outcomes(*counted, followed)
     return Comparison(scene, laws, used, until, t_end, hard, soft, twin, pairs, followed, event_driven, options)
@@ -342,12 +331,6 @@ def _rule_of(laws: tuple[Any, ...], scene: Scene) -> Any:
     return LawRule(laws) if isinstance(rule, LawRestitution) else rule
 
 
-def _counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]:
-    """Both runs without contacts that are rounding beside the fastest of either."""
-    fastest = measures.fastest_approach(hard, soft)
-    return measures.without_rounding(hard, fastest), measures.without_rounding(soft, fastest)
-
-
 def _restitution(law: Any, pair: Pair, speed: float) -> float:
     """ε of an isolated contact; nan if it does not end."""
     try:
@@ -368,11 +351,3 @@ def _nudged(scene: Scene) -> Scene:
     sign = np.where(np.arange(scene.n - 1) % 2, -1.0, 1.0)
     shift = 1e-12 * np.where(scene.gap > 0.0, scene.gap * sign, typical)
     return scene.replace(gap=scene.gap + shift)
-
-
-def _root(miss: Callable[[float], float], a: float, b: float, scale: float) -> list[float]:
-    """The root of `miss` between a and b as a list; empty if it jumps across zero instead."""
-    from scipy.optimize import brentq
-
-    root = float(brentq(miss, a, b, xtol=1e-14))
-    return [root] if abs(miss(root)) < 1e-6 * scale else []

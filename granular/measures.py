@@ -143,6 +143,12 @@ def without_rounding(run: Trajectory, fastest: float) -> Trajectory:
     return replace(run, contacts=run.contacts[strengths(run) > ROUNDING * fastest])
 
 
+def counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]:
+    """Both runs without contacts that are rounding beside the fastest of either."""
+    fastest = fastest_approach(hard, soft)
+    return without_rounding(hard, fastest), without_rounding(soft, fastest)
+
+
 def fastest_approach(*runs: Trajectory) -> float:
     """Largest speed in m/s at which a contact of these runs begins; 0 without contacts."""
     return max(float(_approach(run.contacts).max(initial=0.0)) for run in runs)

@@ -111,8 +111,7 @@ def followed(soft: Trajectory, options: Mapping[str, Any]) -> Trajectory:
     """
     assert soft.law is not None
     running = np.flatnonzero(np.isnan(soft.contacts["t_end"]))
-    memory = any(getattr(law, "memory", False) for law in soft.law)
-    if not len(running) or memory or soft.status not in (Status.until, Status.time):
+    if not len(running) or has_memory(soft) or soft.status not in (Status.until, Status.time):
         return soft
     log = soft.contacts.copy()
     patience = PATIENCE * _durations(soft, running)
@@ -125,6 +124,11 @@ def followed(soft: Trajectory, options: Mapping[str, Any]) -> Trajectory:
             ended = _end(log, left, later, patience, float(soft.time[-1]))
             left, patience = left[~ended], patience[~ended]
     return replace(soft, contacts=log)
+
+
+def has_memory(soft: Trajectory) -> bool:
+    """Whether a law of a soft-sphere run has memory, so that its last state does not tell how it goes on."""
+    return any(getattr(law, "memory", False) for law in soft.law or ())
 
 
 def _end(log: Any, rows: Any, later: Trajectory, patience: Array, start: float) -> Any:

@@ -146,7 +146,7 @@ def _tell_of_later(axis: Any, report: Comparison, end: float, right: float) -> N
     pairs, count = np.unique(np.concatenate([log["pair"] for log in later])), sum(map(len, later))
     if not count:
         return
-    last = float(np.nanmax(np.concatenate([np.append(log["t_end"], log["t_begin"]) for log in later])))
+    last = max(float(log["t_begin"].max(initial=end)) for log in later)
     unit, name = time_unit(last)
     axis.plot(np.full(len(pairs), right), pairs, ls="", marker=">", ms=5, color=SOFT, clip_on=False)
     axis.set_title(f"{count} later contact{'s' * (count > 1)}, the last at t = {last / unit:.4g} {name} ▸", fontsize=8,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from granular.measures import ROUNDING
-from granular.outcome import SAME, PairOutcome
+from granular.outcome import SAME, PairOutcome, has_memory
 from granular.timing import SMALL
 from granular.trajectory import Status
 
@@ -57,7 +57,7 @@ def _endless(report: Comparison) -> str:
             continue
         lasted = float(soft.of(p.pair)["duration"][-1])
         moving = max(abs(float(parting[p.pair])), abs(p.hard_v_rel)) > SAME * report.impact_speed
-        if moving and (lasted > SMALL * span or math.isnan(p.soft_v_rel)):
+        if moving and (lasted > SMALL * span or (math.isnan(p.soft_v_rel) and not has_memory(soft))):
             return (
                 f"No: a soft contact of pair {p.pair} has lasted {lasted:.3g} of the {span:.3g} s of the run and is "
                 "not over; hard spheres part at once."

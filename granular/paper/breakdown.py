@@ -32,8 +32,8 @@ def draw(data: Any) -> Any:
     from matplotlib.colors import LogNorm
 
     figure, axes = canvas(PAGE, 4.6, 2, 2)
-    _curves(axes[0, 0], data, "stack", "n", "error", "balls", r"error  $|\Delta v_r'|/v$")
-    _curves(axes[0, 1], data, "cradle", "exponent", "error", "$F\\sim\\xi^p$, $p$", r"error  $|\Delta v_r'|/v$")
+    _curves(axes[0, 0], data, "stack", "n", "error", "balls", longer.ERROR)
+    _curves(axes[0, 1], data, "cradle", "exponent", "error", "$F\\sim\\xi^p$, $p$", longer.ERROR)
     _curves(axes[1, 0], data, "column", "n", "mass_centre_ratio", "balls", "bounce of the whole, soft/hard")
     gas = data["gas_shared_impulse"]
     axis = axes[1, 1]

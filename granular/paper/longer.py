@@ -11,6 +11,8 @@ from granular.rules import ConstantRestitution
 from granular.scene import Scene
 
 STIFFNESS = 5e7
+ERROR = r"error  $\max(|\Delta u_i|,\,|\Delta v_c'|)\,/\,v_1$"
+"""Label of `granular.Comparison.error`: largest difference of a leaving velocity u or a separation speed v′."""
 
 
 def stack(n: int = 3, gap: float = 1e-3, restitution: float = 0.95) -> Case:

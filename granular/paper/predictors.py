@@ -63,7 +63,7 @@ def draw(data: dict[str, Any]) -> Any:
         letter(axis, f"({'abcdef'[k]})  rank correlation {data['rank_correlation'][name]:.2f}")
         axis.set_ylim(0.5 * FLOOR, 30.0)
     for axis in axes[:, 0]:
-        axis.set_ylabel(r"error  $|\Delta v_r'|/v$")
+        axis.set_ylabel(longer.ERROR)
     figure.legend(*axes.flat[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=8)
     return figure
 
