@@ -88,11 +88,11 @@ def test_the_paper_is_what_the_page_opens_with(page) -> None:
 def test_golden_data_in_the_browser(tab, tmp_path) -> None:
     check = assemble.EXPORT.sub("", assemble.IMPORT.sub("", (HERE / "golden.mjs").read_text(encoding="utf-8")))
     cases = (HERE / "golden.json").read_text(encoding="utf-8")
-    script = assemble.bundle("physics/outcome.mjs") + check + f"const cases = {cases};\n"
+    script = assemble.bundle("physics/setups.mjs") + check + f"const cases = {cases};\n"
     script += "window.tried = cases.length; window.faults = cases.flatMap((c) => check(c, 100));"
     (tmp_path / "golden.html").write_text(f'<script type="module">{script}</script>', encoding="utf-8")
     tab.open((tmp_path / "golden.html").as_uri())
-    tab.wait("window.faults !== undefined", 60)
+    tab.wait("window.faults !== undefined", 30)
     assert tab.run("[window.tried, window.faults]") == [500, []]
 
 

@@ -2,7 +2,7 @@
 import { Chart, tickName, ticks } from "../shell/axes.mjs";
 import { $, csv, fillTable, h, marked, text, whenIdle } from "../shell/dom.mjs";
 import { digits, quantity } from "../shell/format.mjs";
-import { simulateHard, TIES } from "../physics/hard.mjs";
+import { RULES, simulateHard, TIES } from "../physics/hard.mjs";
 import { isEarly, SAME } from "../physics/measures.mjs";
 import { shortName } from "./charts.mjs";
 
@@ -118,10 +118,6 @@ function tieRules({ scene, eps, hard, finals, tieErrors }) {
   text($(".ties-title"), tieErrors.some(([, error]) => error > SAME) ? "No unique hard-sphere answer" : "Touching balls: six rules, one answer");
 }
 
-const RULES = {
-  left: "one by one, from the left", right: "one by one, from the right", random: "one by one, at random",
-  newton: "at once, Newton", poisson: "at once, Poisson", reflect: "at once, reflections",
-};
 function finalsTable({ scene, finals }) {
   const first = scene.gravity ? 1 : 0, engines = ["hard", "soft"];
   const results = (i) => engines.flatMap((e) => [digits(finals[e][i].velocity, 5), ...(first ? [digits(finals[e][i].rise, 4)] : [])]);

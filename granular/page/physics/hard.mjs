@@ -9,7 +9,11 @@ import { heights, isNoise, pairsOf } from "./scenes.mjs";
 const GROUPS = { newton: newtonRule, poisson: poissonRule, reflect: reflectRule };
 const TINY = 2 ** -100, SLOW = 1e-6, MERGED = 1e-4; // of the impact speed
 const DRAWN = 2000; // flights between events
-export const TIES = ["left", "right", "random", "newton", "poisson", "reflect"];
+export const RULES = {
+  left: "one by one, from the left", right: "one by one, from the right", random: "one by one, at random",
+  newton: "at once, Newton", poisson: "at once, Poisson", reflect: "at once, reflections",
+};
+export const TIES = Object.keys(RULES);
 
 export function simulateHard(scene, eps, { ties = "left", seed = 0, maxEvents = 20000, record = false, follow = 0 } = {}) {
   const run = start(scene, eps, ties, seed, record, maxEvents);

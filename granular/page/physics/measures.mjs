@@ -2,7 +2,8 @@
 import { simulateHard, TIES } from "./hard.mjs";
 import { pairsOf, ROUNDING } from "./scenes.mjs";
 
-export const SAME = 0.01, SMALL = 0.1;
+export const SAME = 0.01; // of the impact speed
+export const SMALL = 0.1; // of a run
 const SHIFT = 1e-12;
 
 export const isEarly = (run) => ["collapse", "endless", "unfinished"].includes(run.status);

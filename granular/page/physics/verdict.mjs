@@ -1,5 +1,6 @@
 // May this scene be event-driven? The answer in one line, with its kind: that of granular/verdict.py, in fewer words.
 import { digits, plural, quantity } from "../shell/format.mjs";
+import { RULES } from "./hard.mjs";
 import { counts, isEarly, SAME, sameButForTiming, SMALL } from "./measures.mjs";
 import { ROUNDING } from "./scenes.mjs";
 
@@ -42,7 +43,7 @@ function notUnique({ scene, rule, tieErrors, predictable }) {
   const [error, worst] = tieErrors.reduce((most, [name, e]) => (e > most[0] ? [e, name] : most), [0, ""]);
   if (error > SAME) {
     return ["not uniquely", "Not uniquely: balls that touch have no one hard-sphere answer; here it hangs on the tie rule: "
-      + `${rule} and ${worst} differ by ${digits(error, 2)} of the impact speed.`];
+      + `“${RULES[rule]}” and “${RULES[worst]}” differ by ${digits(error, 2)} of the impact speed.`];
   }
   if (predictable > SAME && scene.gap.includes(0)) {
     return ["not uniquely", "Not uniquely: balls that touch have no one hard-sphere answer; here it hangs on the tie rule."];
