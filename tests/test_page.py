@@ -43,6 +43,15 @@ def test_modules_are_bundled_each_once_after_what_they_need() -> None:
     assert script.index("function firstUpCrossing(") < script.index("function simulateSoft(")
 
 
+def test_every_name_a_module_imports_reaches_the_bundle() -> None:
+    folder = Path(assemble.__file__).parent
+    imports = re.compile(r'^import \{([^}]*)\} from "([^"]+)"', re.MULTILINE)
+    for module in folder.rglob("*.mjs"):
+        for names, path in imports.findall(module.read_text(encoding="utf-8")):
+            given = assemble.EXPORT.findall((module.parent / path).read_text(encoding="utf-8"))
+            assert {name.strip() for name in names.split(",")} <= set(given), f"{module.name} imports from {path}"
+
+
 def test_text_cannot_break_out_of_the_page(tmp_path) -> None:
     assert "</script" not in assemble.embedded({"name": "</script><b>"})
     assert assemble.escaped('"><b>') == "&quot;&gt;&lt;b&gt;"
