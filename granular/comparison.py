@@ -85,9 +85,9 @@ class Comparison:
             "shared_impulse": measures.shared_impulse(self.soft),
             "crowding": measures.crowding(hard, self.law),
             "occupation": measures.occupation(soft),
-            "distance": measures.distance(self.followed, hard),
+            "distance": math.nan if self._early else measures.distance(self.followed, hard),
             "predictability": measures.distance(*self._shifted),
-            "mass_centre_ratio": soft_cm / hard_cm if hard_cm else math.nan,
+            "mass_centre_ratio": soft_cm / hard_cm if hard_cm and not self._early else math.nan,
             "lag": float(self.soft.time[-1] - self.hard.time[-1]),
         }
 
@@ -159,9 +159,10 @@ class Comparison:
         rounding does not count, and what has no value, such as v′ of a contact that never ends, is left out. v₁ is
         `impact_speed`. Free fall and the lag of soft spheres do not enter.
 
-        0 where nothing collides; nan where a run did not get to its end, for nothing is claimed of it.
+        0 where nothing collides; nan where no contact comes to its end, and where a run did not get to its end, for
+        nothing is claimed of it.
         """
-        if self.hard.status in EARLY or self.soft.status in EARLY:
+        if self._early:
             return math.nan
         return self._in_impact_speeds(outcome.largest_difference(self.followed, self.counted[0]))
 
@@ -228,6 +229,10 @@ class Comparison:
         from granular.animation import animate
 
         animate(self, path, seconds=seconds, fps=fps)
+
+    @property
+    def _early(self) -> bool:
+        return self.hard.status in EARLY or self.soft.status in EARLY
 
     @property
     def _speed(self) -> float:

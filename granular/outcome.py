@@ -87,14 +87,16 @@ def leaving_velocities(run: Trajectory) -> Array:
 
 
 def largest_difference(one: Trajectory, other: Trajectory) -> float:
-    """Largest difference in m/s of a leaving velocity of a ball, or of a separation speed of a pair; nan is left out.
+    """Largest difference in m/s of a leaving velocity of a ball, or of a separation speed of a pair.
 
-    max( max_i |u_i - u_i*|, max_c |v′_c - v′_c*| ) over balls i, without walls, and pairs c.
+    max( max_i |u_i - u_i*|, max_c |v′_c - v′_c*| ) over balls i, without walls, and pairs c. What is nan is left out;
+    nan if that is all.
     """
     balls = np.abs(leaving_velocities(one) - leaving_velocities(other))[~one.scene.is_wall]
     pairs = np.abs(separations(one)[0] - separations(other)[0])
-    differences = np.concatenate([balls, pairs])
-    return float(differences[~np.isnan(differences)].max(initial=0.0))
+    known = np.concatenate([balls, pairs])
+    known = known[~np.isnan(known)]
+    return float(known.max()) if len(known) else math.nan
 
 
 def followed(soft: Trajectory, options: Mapping[str, Any]) -> Trajectory:

@@ -106,7 +106,7 @@ def _counts(report: Comparison) -> str:
     p = max(reversed(wrong), key=_miss)
     said = f"pair {p.pair} has {_contacts(p.soft_contacts)}, not {p.hard_contacts}"
     many = f"{len(wrong)} of {len(report.pairs)} pairs differ in contacts; " if len(wrong) > 1 else ""
-    if report.error > SAME:
+    if not report.error <= SAME:
         return f"No: {many}{said}{_parting(p, report)}."
     same = f"outcomes agree within {max(report.error, 1e-16):.1g} of the impact speed"
     if all(report.unsettled_counts[p.pair] for p in wrong):
@@ -115,6 +115,8 @@ def _counts(report: Comparison) -> str:
 
 
 def _outcomes(report: Comparison) -> str:
+    if math.isnan(report.error):
+        return "No verdict: no contact has come to its end."
     if report.error > SAME:
         return f"No: outcomes are off by {report.error:.2g} of the impact speed."
     if report.measures["shared_impulse"] > ROUNDING:
@@ -135,7 +137,7 @@ def _parting(p: PairOutcome, report: Comparison) -> str:
         return ", and is still in contact"
     if _miss(p) > SAME * report.impact_speed:
         return f", and parts at {p.soft_v_rel:.4g} instead of {p.hard_v_rel:.4g} m/s"
-    return f", and outcomes are off by {report.error:.2g} of the impact speed"
+    return "" if math.isnan(report.error) else f", and outcomes are off by {report.error:.2g} of the impact speed"
 
 
 def _contacts(n: int) -> str:

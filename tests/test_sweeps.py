@@ -85,6 +85,19 @@ def test_a_cell_is_what_compare_says():
     assert float(cell["error"]) == report.error
 
 
+@pytest.mark.parametrize(("name", "over"), [
+    ("ball-stack", {"gap": [1e-5, 1e-2]}), ("newtons-cradle", {"gap": [0.0, 1e-6]}), ("gas", {"t_end": [0.5, 3.0]}),
+    ("three-balls", {"t_end": [0.3197, 0.32]}), ("column", {"restitution": [0.1, 0.9]}),
+])  # fmt: skip
+def test_the_error_of_a_cell_is_that_of_the_comparison(name, over):
+    ((parameter, values),) = over.items()
+    data = gr.sweep(name, over, "error")["error"].values
+    for value, error in zip(values, data, strict=True):
+        case = gr.cases.make(name, **{parameter: value})
+        report = gr.compare(case.scene, case.law, case.rule, until=case.until, t_end=case.t_end)
+        assert np.array_equal(error, report.error, equal_nan=True)
+
+
 def test_units_and_provenance():
     data = gr.sweep("three-balls", "height=0.5,0.6", ("v_final", "duration"))
     assert data["height"].attrs["units"] == "m"

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from granular.cases import Case
 from granular.scene import Scene
 from granular.trajectory import Trajectory
+
+MOST = 20
+"""Rows of a table at most."""
 
 
 def summary(case: Case, trajectory: Trajectory) -> str:
@@ -23,25 +27,27 @@ def summary(case: Case, trajectory: Trajectory) -> str:
 
 
 def _contacts(trajectory: Trajectory) -> list[str]:
-    rows = [f"{'pair':>12} {'contacts':>9} {'first begins / s':>18} {'last begins / s':>18} {'max overlap / m':>16}"]
-    for pair in range(trajectory.scene.n - 1):
-        log = trajectory.of(pair)
-        label = f"{_label(trajectory.scene, pair)}–{_label(trajectory.scene, pair + 1)}"
-        if len(log):
-            deepest = 0.0 if trajectory.law is None else float(log["xi_max"].max())
-            rows.append(f"{label:>12} {len(log):9d} {log['t_begin'][0]:18.12g} {log['t_begin'][-1]:18.12g} "
-                        f"{deepest:16.4g}")
-        else:
-            rows.append(f"{label:>12} {0:9d}")
-    return _shortened(rows)
+    head = f"{'pair':>12} {'contacts':>9} {'first begins / s':>18} {'last begins / s':>18} {'max overlap / m':>16}"
+    return [head, *_shortened(lambda pair: _pair(trajectory, pair), len(trajectory.scene.gap))]
+
+
+def _pair(trajectory: Trajectory, pair: int) -> str:
+    log, scene = trajectory.of(pair), trajectory.scene
+    row = f"{f'{_label(scene, pair)}–{_label(scene, pair + 1)}':>12} {len(log):9d}"
+    if not len(log):
+        return row
+    deepest = 0.0 if trajectory.law is None else float(log["xi_max"].max())
+    return f"{row} {log['t_begin'][0]:18.12g} {log['t_begin'][-1]:18.12g} {deepest:16.4g}"
 
 
 def _bodies(trajectory: Trajectory) -> list[str]:
-    rows = [f"{'body':>12} {'mass / kg':>12} {'position / m':>18} {'velocity / (m/s)':>20}"]
-    for i, mass in enumerate(trajectory.scene.mass):
-        x, v = trajectory.position[-1, i], trajectory.velocity[-1, i]
-        rows.append(f"{_label(trajectory.scene, i):>12} {mass:12.6g} {x:18.12g} {v:20.12g}")
-    return _shortened(rows)
+    head = f"{'body':>12} {'mass / kg':>12} {'position / m':>18} {'velocity / (m/s)':>20}"
+    return [head, *_shortened(lambda body: _body(trajectory, body), trajectory.scene.n)]
+
+
+def _body(trajectory: Trajectory, i: int) -> str:
+    mass, x, v = trajectory.scene.mass[i], trajectory.position[-1, i], trajectory.velocity[-1, i]
+    return f"{_label(trajectory.scene, i):>12} {mass:12.6g} {x:18.12g} {v:20.12g}"
 
 
 def _label(scene: Scene, body: int) -> str:
@@ -50,5 +56,8 @@ def _label(scene: Scene, body: int) -> str:
     return "floor" if body == 0 else "ceiling"
 
 
-def _shortened(rows: list[str], most: int = 21) -> list[str]:
-    return rows if len(rows) <= most else [*rows[: most - 2], f"{'…':>12} ({len(rows) - most + 1} more)", rows[-1]]
+def _shortened(row: Callable[[int], str], n: int) -> list[str]:
+    """The rows of `n` pairs or bodies, of many only the first and the last."""
+    if n <= MOST:
+        return [row(i) for i in range(n)]
+    return [*(row(i) for i in range(MOST - 2)), f"{'…':>12} ({n - MOST + 1} more)", row(n - 1)]
