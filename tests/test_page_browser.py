@@ -2,7 +2,10 @@
 
 import json
 import sys
+from html import escape
 from pathlib import Path
+from urllib.parse import urlparse
+from urllib.request import url2pathname
 
 import pytest
 
@@ -85,8 +88,8 @@ def test_the_paper_is_what_the_page_opens_with(page) -> None:
 def test_golden_data_in_the_browser(tab, tmp_path) -> None:
     check = assemble.EXPORT.sub("", assemble.IMPORT.sub("", (HERE / "golden.mjs").read_text(encoding="utf-8")))
     cases = (HERE / "golden.json").read_text(encoding="utf-8")
-    script = assemble.bundle("physics/outcome.mjs") + check + f"const cases = {cases};\n"
-    script += "window.tried = cases.length; window.faults = cases.flatMap((c) => check(c));"
+    script = assemble.bundle("physics/setups.mjs") + check + f"const cases = {cases};\n"
+    script += "window.tried = cases.length; window.faults = cases.flatMap((c) => check(c, 100));"
     (tmp_path / "golden.html").write_text(f'<script type="module">{script}</script>', encoding="utf-8")
     tab.open((tmp_path / "golden.html").as_uri())
     tab.wait("window.faults !== undefined", 30)
@@ -155,6 +158,48 @@ def test_the_link_brings_everything_back(page, live) -> None:
     page.wait("document.querySelector('output[for=slider-massRatio]') !== null")
     assert text(page, "output[for=slider-n]") == "8"
     assert text(page, "output[for=slider-eps]") == "0.9"
+    assert text(page, ".notice").startswith("ε cannot be nonsense here (0.1 to 1): 0.9 is shown. N cannot be 99")
+
+
+@pytest.mark.parametrize("name", ["constructor", "toString", "__proto__"])
+def test_a_scene_that_is_none_is_told(page, live, name) -> None:
+    fresh(page, f"{live}#scene={name}")
+    assert text(page, ".notice") == f"There is no scene “{name}” here."
+    assert text(page, ".verdict").startswith("No: balls 1 and 2 have 4 contacts")
+
+
+def test_a_value_that_cannot_be_is_told_until_something_changes(page, live) -> None:
+    fresh(page, live + "#gap=-1")
+    assert text(page, ".notice") == "Δh cannot be -1 here (0 or 100 nm to 10 mm): 0 m is shown."
+    slide(page, "gap", 500)
+    assert text(page, ".notice") == ""
+
+
+HOST = """<!doctype html><title>host</title><p>The host's page</p><iframe ATTRIBUTES width=900 height=700></iframe>"""
+
+
+@pytest.mark.parametrize("sandbox", ["", "sandbox='allow-scripts'"])
+@pytest.mark.parametrize("way", ["src", "srcdoc"])
+def test_inside_an_iframe_it_stays_what_it_is(tab, live, tmp_path, way, sandbox) -> None:
+    """It once replaced itself by the host's page, as about:srcdoc has the host's address for its base."""
+    content = live if way == "src" else escape(Path(url2pathname(urlparse(live).path)).read_text(encoding="utf-8"))
+    host = HOST.replace("ATTRIBUTES", f'{way}="{content}" {sandbox}')
+    (tmp_path / "host.html").write_text(host, encoding="utf-8")
+    tab.open("about:blank")
+    tab.complaints.clear()
+    tab.open((tmp_path / "host.html").as_uri())
+    frame = tab.frame()
+    tab.wait_in(frame, "performance.getEntriesByName('drawn').length > 0")
+    tab.run_in(frame, MOVED)
+    tab.run("new Promise((done) => setTimeout(done, 700))")
+    after = tab.frame()
+    assert tab.run_in(after, "document.querySelector('h1').textContent") == "Hard or soft?"
+    assert tab.run_in(after, "document.querySelector('output[for=slider-eps]').textContent") == "1"
+    assert tab.run("document.querySelector('p').textContent") == "The host's page"
+    assert tab.complaints == []
+
+
+MOVED = "{ const s = document.querySelector('[data-name=eps]'); s.value = 1000; s.dispatchEvent(new Event('input')); }"
 
 
 def test_contacts_as_csv(page) -> None:
@@ -168,6 +213,40 @@ def test_contacts_as_csv(page) -> None:
     law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=p) for p in scene.pairs]
     log = gr.md.simulate(scene, law, until=gr.until.contact(0, 2)).contacts
     assert [float(row[2]) for row in rows if row[0] == "soft"] == pytest.approx(log["t_begin"], rel=1e-12)
+
+
+def test_a_collapse_shows_nothing_unfinished(page, live) -> None:
+    fresh(page, f"{live}#scene=newtons-cradle&eps=0.105&gap=0.0000881&n=8&moving=5&k=2290000&speed=0.549")
+    assert text(page, ".verdict").startswith("No verdict: hard spheres collide ever faster and come to no end")
+    final = "[...document.querySelectorAll('.finals tbody tr')].map((r) => r.cells[3].textContent)"
+    assert page.run(final) == ["–"] * 8
+    assert page.run("document.querySelectorAll('.rises .hard-bar').length") == 0
+    assert "no final velocities" in text(page, ".finals-note")
+    page.run("URL.createObjectURL = (blob) => { blob.text().then((t) => { window.saved = t; }); return 'data:,'; }")
+    click(page, ".csv")
+    page.wait("window.saved !== undefined")
+    assert page.run("window.saved.trim().split('\\r\\n').pop()").startswith('note,"Hard spheres collide without end')
+
+
+def test_elastic_balls_do_not_wait_for_rounding(page, live) -> None:
+    fresh(page, f"{live}#scene=newtons-cradle&eps=1&gap=0.000136&n=7&moving=5&k=25100000&speed=0.451")
+    assert text(page, ".verdict") == "Yes: every contact is binary, and the outcomes agree to rounding."
+    assert text(page, ".slowdown").startswith("slowed")
+
+
+def test_a_ball_at_rest_on_the_floor_takes_no_steps(page, live) -> None:
+    fresh(page, f"{live}#scene=ball-stack&eps=0.233&gap=0.0015&n=3&massRatio=0.203&k=394000000&height=1.62")
+    told = "No: 2 of 3 pairs differ in contacts; balls 2 and 3 have 2 contacts, not 1"
+    assert text(page, ".verdict").startswith(told)
+    rises = page.run("[...document.querySelectorAll('.finals tbody tr')].map((r) => r.cells[6].textContent)")
+    assert len(rises) == 3
+    assert not any("−" in rise for rise in rises)
+
+
+def test_a_heavy_ball_on_a_light_one_rises_in_both_pictures(page, live) -> None:
+    fresh(page, f"{live}#scene=three-balls&eps=1&gap=0.00000484&ratio=0.782&k=244000000&height=1.27")
+    assert text(page, ".figure:nth-child(3) .hard") == "1.71 m"
+    assert text(page, ".figure:nth-child(3) .soft") == "1.42 m"
 
 
 def test_predict_first(page) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array
-from granular.scene import positions
+from granular.scene import Scene, positions
 from granular.trajectory import Trajectory
 
 NUMBERS = 400_000
@@ -58,6 +58,17 @@ def recorded(run: Trajectory, name: str) -> dict[str, Any]:
         "map": contact_map(run),
         "whole": {"rows": len(run.time), "contacts": len(run.contacts), "bodies": run.scene.n},
     }
+
+
+def different_balls(one: Scene, other: Scene) -> str:
+    """Return in what two scenes differ other than gaps, velocities and place; nothing if they have the same balls."""
+    if one.n != other.n:
+        return f"{one.n} and {other.n} bodies"
+    if not np.array_equal(one.mass, other.mass):
+        return "masses"
+    if not np.array_equal(one.radius, other.radius):
+        return "radii"
+    return "" if one.gravity == other.gravity else f"gravity {one.gravity:g} and {other.gravity:g} m/s²"
 
 
 def evenly(n: int, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:

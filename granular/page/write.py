@@ -41,14 +41,22 @@ def player_page(path: str | PathLike[str], runs: Sequence[Trajectory], names: Se
     path : str or path
         The HTML file.
     runs : one or two trajectories
-        Of any scene, engine and length; long ones are thinned out, and the page says by how much.
+        Of any scene, engine and length, two of the same balls; long ones are thinned out, and the page says by how
+        much.
     names : sequence of str, optional
         What to call them.
+
+    Raises
+    ------
+    ValueError
+        If there are no runs or more than two, or two of different balls.
     """
-    from granular.page.recording import recorded
+    from granular.page import recording
 
     if not 1 <= len(runs) <= 2:
         raise ValueError(f"runs are {len(runs)}: one or two trajectories are needed.")
+    if other := recording.different_balls(runs[0].scene, runs[-1].scene):
+        raise ValueError(f"runs are of different scenes ({other}): one trajectory is needed, or two of the same balls.")
     called = list(names or [f"run {i + 1}" for i in range(len(runs))])
-    data: dict[str, Any] = {"runs": [recorded(run, name) for run, name in zip(runs, called, strict=True)]}
+    data: dict[str, Any] = {"runs": [recording.recorded(run, name) for run, name in zip(runs, called, strict=True)]}
     _files.write_text(path, assemble.page(assemble.PLAYER, "granular: " + ", ".join(called), data=data))

@@ -14,7 +14,8 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"
 FLAGS = (
     "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
     "--disable-component-update --disable-sync --disable-dev-shm-usage --hide-scrollbars --remote-debugging-pipe "
-    "--force-color-profile=srgb --disable-extensions --disable-default-apps --mute-audio"
+    "--force-color-profile=srgb --disable-extensions --disable-default-apps --mute-audio "
+    "--disable-features=IsolateSandboxedIframes"  # frames stay in the page's process, where `frame` finds them
 )
 KEYS = {" ": ("Space", 32), "ArrowRight": ("ArrowRight", 39), "ArrowLeft": ("ArrowLeft", 37), "Home": ("Home", 36),
         "End": ("End", 35), "r": ("KeyR", 82), "Tab": ("Tab", 9), "Enter": ("Enter", 13)}  # fmt: skip
@@ -119,6 +120,26 @@ class Browser:
         if "exceptionDetails" in answer:
             raise RuntimeError(answer["exceptionDetails"]["exception"].get("description"))
         return answer["result"].get("value")
+
+    def frame(self):
+        """Return the execution context of the first frame inside the page."""
+        inside = self.call("Page.getFrameTree")["frameTree"]["childFrames"][0]["frame"]["id"]
+        return self.call("Page.createIsolatedWorld", frameId=inside)["executionContextId"]
+
+    def run_in(self, context, expression):
+        """Evaluate JavaScript in an execution context; it shares the page's document, not its variables."""
+        answer = self.call("Runtime.evaluate", expression=expression, contextId=context, returnByValue=True)
+        if "exceptionDetails" in answer:
+            raise RuntimeError(answer["exceptionDetails"]["exception"].get("description"))
+        return answer["result"].get("value")
+
+    def wait_in(self, context, expression, seconds=10.0):
+        """Wait until JavaScript is true in an execution context."""
+        end = time.monotonic() + seconds
+        while not self.run_in(context, expression):
+            if time.monotonic() > end:
+                raise TimeoutError(f"never true: {expression}")
+            time.sleep(0.02)
 
     def wait(self, expression, seconds=10.0):
         """Wait until JavaScript is true."""

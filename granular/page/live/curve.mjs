@@ -38,7 +38,7 @@ export class Curve {
     this.setup = setup;
     $(".curve-key").replaceChildren(
       ...marked(setup.measureName), " over the gap ", h("span", { class: "hard" }, "╌ hard"), " ", h("span", { class: "soft" }, "─ soft"),
-      " dots: where the number of contacts jumps; tap to set the gap",
+      ` dots: where the number of contacts jumps; tap to set the gap${setup.one ?? ""}`,
     );
   }
 
@@ -68,9 +68,21 @@ export class Curve {
     chart.line(points.map((p) => [p.x, p.hard]), { class: "hard-line" });
     chart.lines(steady(points).map((run) => run.map((p) => [p.x, p.soft])), { class: "soft-line strong" });
     this.drawJumps();
+    this.drawHoles("hard", "no end", 0.5);
+    this.drawHoles("soft", "too stiff to follow", 0.35);
     chart.finish();
     chart.playhead(gap > 0 ? Math.max(xs[0], Math.log10(gap)) : xs[0]);
     this.drawn = points.length;
+  }
+
+  // Says why a line has a hole: along it, where there is room for the words.
+  drawHoles(engine, why, share) {
+    const { chart, points } = this;
+    const holes = grouped(points, (p) => Number.isNaN(p[engine])).filter(([p]) => Number.isNaN(p[engine]));
+    const widest = holes.map((run) => [chart.x(run[0].x), chart.x(run[run.length - 1].x)]).sort((a, b) => b[1] - b[0] - (a[1] - a[0]))[0];
+    if (!widest) return;
+    const middle = Math.min(chart.width - 80, Math.max(chart.left + 60, (widest[0] + widest[1]) / 2)), y = chart.y(chart.ys[0] + share * (chart.ys[1] - chart.ys[0]));
+    chart.note(`${engine}: ${why}`, { x: middle.toFixed(1), y: y.toFixed(1), "text-anchor": "middle", class: `bar-value ${engine}` });
   }
 
   drawJumps() {
@@ -89,11 +101,13 @@ export class Curve {
 }
 
 // Runs of neighbouring points with one number of contacts.
-function steady(points) {
+const steady = (points) => grouped(points, (p) => p.contacts);
+
+function grouped(points, of) {
   const runs = [];
   for (const point of points) {
     const last = runs[runs.length - 1];
-    if (last && last[0].contacts === point.contacts) last.push(point);
+    if (last && Object.is(of(last[0]), of(point))) last.push(point);
     else runs.push([point]);
   }
   return runs;

@@ -1,12 +1,13 @@
 // The state of the page in its link: #scene=three-balls&gap=0.0001&… , and back.
-import { cleaned, SETUPS } from "../physics/setups.mjs";
+import { cleaned, refused, SETUPS } from "../physics/setups.mjs";
 
 const QUIET = 250; // ms without a change before the link follows: browsers limit how often it may change
 
 export function read(hash) {
   const given = Object.fromEntries(new URLSearchParams(hash.replace(/^#/, "")));
-  const name = given.scene in SETUPS ? given.scene : Object.keys(SETUPS)[0];
-  return { name, values: cleaned(name, given), at: Math.min(1, Math.max(0, Number(given.at) || 0)), predict: given.predict === "1" };
+  const name = Object.hasOwn(SETUPS, given.scene ?? "") ? given.scene : Object.keys(SETUPS)[0];
+  const told = [...(given.scene === undefined || name === given.scene ? [] : [`There is no scene “${given.scene}” here.`]), ...refused(name, given)];
+  return { name, values: cleaned(name, given), told: told.join(" "), at: Math.min(1, Math.max(0, Number(given.at) || 0)), predict: given.predict === "1" };
 }
 
 export function written({ name, values, at, predict }) {
@@ -21,9 +22,12 @@ export function follow(state) {
   waiting = setTimeout(() => write(state()), QUIET);
 }
 
+// Inside an iframe's srcdoc there is no link of one's own: addresses are taken to be the host's.
+export const hasLink = () => location.protocol !== "about:";
+
 export function write(state) {
   const hash = written(state);
-  if (hash === location.hash) return;
+  if (hash === location.hash || !hasLink()) return;
   try {
     history.replaceState(null, "", hash);
   } catch {

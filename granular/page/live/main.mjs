@@ -1,13 +1,13 @@
 // The teaching page: one state (scene and values), one report, everything else drawn from it.
 import { $, save, text } from "../shell/dom.mjs";
 import { Clock } from "../shell/clock.mjs";
-import { compareEngines } from "../physics/outcome.mjs";
+import { AT_LEISURE, AT_ONCE, compareEngines } from "../physics/outcome.mjs";
 import { cleaned, sceneOf, SETUPS } from "../physics/setups.mjs";
 import { samplesOf, spanOf } from "../physics/traces.mjs";
 import { TimeCharts } from "./charts.mjs";
 import { Controls } from "./controls.mjs";
 import { Curve } from "./curve.mjs";
-import { follow, read, write, written } from "./link.mjs";
+import { follow, hasLink, read, write, written } from "./link.mjs";
 import { contactsCsv, Panels } from "./panels.mjs";
 import { Predict } from "./predict.mjs";
 import { Stage } from "./stage.mjs";
@@ -40,13 +40,14 @@ class Page {
 
   change(values) {
     this.state.values = cleaned(this.state.name, { ...this.state.values, ...values });
+    this.state.told = "";
     this.runSoon();
   }
 
   choose(name) {
     const { eps, gap, k } = this.state.values;
     this.state.values = name === this.state.name ? this.state.values : cleaned(name, { eps, gap, k });
-    this.state.name = name;
+    Object.assign(this.state, { name, told: "" });
     this.clock.restart();
     this.runSoon();
   }
@@ -67,14 +68,23 @@ class Page {
 
   run() {
     this.pending = false;
-    const { name, values } = this.state, setup = SETUPS[name];
+    const { name, values } = this.state;
     this.controls.load(name, values);
-    this.report = compareEngines(sceneOf(name, values), values.eps, values.k);
-    this.draw(setup);
-    this.predict.load(this.report, setup);
-    this.speak();
+    text($(".notice"), this.state.told);
+    this.compare(AT_ONCE);
+    clearTimeout(this.seeking);
+    if (this.report.isHasty) this.seeking = setTimeout(() => this.compare(AT_LEISURE), REST);
     follow(() => this.current());
     performance.mark("drawn");
+  }
+
+  compare(patience) {
+    const { name, values } = this.state, setup = SETUPS[name];
+    this.report = compareEngines(sceneOf(name, values), values.eps, values.k, { patience });
+    this.draw(setup);
+    if (patience === AT_ONCE) this.predict.load(this.report, setup);
+    else this.predict.report = this.report;
+    this.speak();
   }
 
   draw(setup) {
@@ -132,6 +142,7 @@ class Page {
 
   async copyLink() {
     write(this.current());
+    if (!hasLink()) return text($(".link-button"), "No link: open the page itself");
     const done = await navigator.clipboard?.writeText(location.href).then(() => true, () => false);
     text($(".link-button"), done ? "Copied" : "It is in the address bar");
     setTimeout(() => text($(".link-button"), "Copy link"), 1600);

@@ -2,22 +2,19 @@
 // runs; then those, and more where the number of soft contacts jumps or the curve bends. A generator, so that a page can
 // do it in slices of time, one point each.
 import { simulateHard } from "./hard.mjs";
+import { counted, isEarly } from "./measures.mjs";
 import { simulateSoft } from "./soft.mjs";
 
 export const SKETCH = 5;
-const COARSE = 33, FINEST = 0.004, MOST = 220, SHORT = 100, LONG = 2000; // steps
+const COARSE = 33, FINEST = 0.004, MOST = 220, SHORT = 100, LONG = 2000, EVENTS = 3000; // steps of soft, events of hard spheres
 
 export function* breakdown({ make, observable, eps, k, gaps: [low, high], points }) {
   const a = Math.log10(low), width = Math.log10(high) - a;
   const point = (x, maxSteps) => {
-    const scene = make(10 ** x), soft = simulateSoft(scene, eps, k, { maxSteps });
-    const isDone = soft.status !== "unfinished";
+    const scene = make(10 ** x), soft = simulateSoft(scene, eps, k, { maxSteps }), isDone = !isEarly(soft);
     if (!isDone && maxSteps < LONG) return null;
-    const hard = simulateHard(scene, eps), ended = !["collapse", "endless"].includes(hard.status);
-    return {
-      x, gap: 10 ** x, contacts: isDone ? soft.contacts.length : NaN,
-      soft: isDone ? observable(soft) : NaN, hard: ended ? observable(hard) : NaN,
-    };
+    const hard = simulateHard(scene, eps, { maxEvents: EVENTS }), value = (run, other) => (isEarly(run) ? NaN : observable(counted(run, other)));
+    return { x, gap: 10 ** x, contacts: isDone ? counted(soft, hard).contacts.length : NaN, soft: value(soft, hard), hard: value(hard, soft) };
   };
   const late = [];
   for (const share of evenly(COARSE)) {

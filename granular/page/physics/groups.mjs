@@ -67,6 +67,9 @@ function solve(w, right, active) {
 }
 
 function after(w, rate, p) {
-  const change = w.map((wi, i) => wi * ((p[i - 1] ?? 0) - (p[i] ?? 0)));
+  const change = velocityChanges(w, p);
   return rate.map((r, c) => r + (change[c + 1] - change[c]));
 }
+
+// What the impulses do to the velocity of each body.
+export const velocityChanges = (w, p) => w.map((wi, i) => wi * ((p[i - 1] ?? 0) - (p[i] ?? 0)));

@@ -1,67 +1,79 @@
-// Hard spheres, event-driven: one slot per pair, the next event is the smallest (time, rank), its neighbours are
-// predicted anew. Bodies carry the free-fall velocity u, so that v = u - g t between collisions (granular/edmd).
-// "collapse": eight dissipative collisions in a row slower than 1e-10 of the impact speed, the digits are used up.
+// Hard spheres, event-driven, in gaps and their rates: the next event is the smallest (wait, rank), and all pairs move on
+// to it. A rate is never the difference of two velocities, so it is exact however small it is (granular/edmd/zoom.py).
+// "collapse": infinitely many collisions, or rates below 2^-100 of the impact speed. "endless": more than `maxEvents`.
+import { comesToRest, noteApexes, startApexes } from "./apex.mjs";
 import { gapAfter, rateAtContact, timeToContact } from "./flight.mjs";
-import { newtonRule, poissonRule, reflectRule } from "./groups.mjs";
-import { pairsOf } from "./scenes.mjs";
+import { newtonRule, poissonRule, velocityChanges, reflectRule } from "./groups.mjs";
+import { heights, isNoise, pairsOf } from "./scenes.mjs";
 
 const GROUPS = { newton: newtonRule, poisson: poissonRule, reflect: reflectRule };
-const DEAD = 1e-10, STREAK = 8;
-export const TIES = ["left", "right", "random", "newton", "poisson", "reflect"];
+const TINY = 2 ** -100, SLOW = 1e-6, MERGED = 1e-4; // of the impact speed
+const DRAWN = 2000; // flights between events
+export const RULES = {
+  left: "one by one, from the left", right: "one by one, from the right", random: "one by one, at random",
+  newton: "at once, Newton", poisson: "at once, Poisson", reflect: "at once, reflections",
+};
+export const TIES = Object.keys(RULES);
 
-export function simulateHard(scene, eps, { ties = "left", seed = 0, maxEvents = 3000, record = false } = {}) {
-  const run = start(scene, eps, ties, seed, record);
-  while (!run.status) {
-    if (run.contacts.length >= maxEvents) run.status = "endless";
-    else advance(run);
-    if (run.dead >= STREAK) run.status = "collapse";
-  }
-  const velocity = run.u.map((u, i) => u - run.falls[i] * scene.gravity * run.t);
-  return { scene, contacts: run.contacts, flights: run.flights, time: run.t, velocity, status: run.status };
+export function simulateHard(scene, eps, { ties = "left", seed = 0, maxEvents = 20000, record = false, follow = 0 } = {}) {
+  const run = start(scene, eps, ties, seed, record, maxEvents);
+  while (!run.status) advance(run);
+  const { contacts, flights, t: time, status } = run, velocity = run.u.map((_, i) => velocityOf(run, i));
+  if (follow > 0) carryOn(run, follow);
+  return { scene, contacts, flights, time, velocity, status, apex: run.apex };
 }
 
-function start(scene, eps, ties, seed, record) {
-  const pairs = pairsOf(scene, eps, 1).map((p) => ({ ...p, at: 0, hits: 0, due: Infinity }));
-  const falls = scene.mass.map((m) => (m === Infinity ? 0 : 1));
-  const run = { scene, eps, ties, seed, pairs, falls, u: [...scene.velocity], t: 0, status: "", contacts: [], flights: record ? [] : null, dead: 0 };
-  pairs.forEach((_, c) => predict(run, c));
+function start(scene, eps, ties, seed, record, maxEvents) {
+  const pairs = pairsOf(scene, eps, 1).map((p) => ({ ...p, hits: 0 }));
+  const falls = scene.mass.map((m) => (m === Infinity ? 0 : 1)), { until, tEnd } = scene;
+  const run = {
+    scene, eps, ties, seed, pairs, falls, until, tEnd, maxEvents, u: [...scene.velocity], t: 0, status: "",
+    contacts: [], flights: record ? [] : null, events: 0, follows: false, ...startApexes(scene),
+  };
   keepFlight(run);
   return run;
 }
 
-const rateOf = (run, c, t) => run.u[c + 1] - run.u[c] - run.pairs[c].pull * t;
-
-function predict(run, c) {
-  const p = run.pairs[c];
-  p.due = p.at + timeToContact(p.gap, rateOf(run, c, p.at), p.pull);
+// Past the stop, until every ball has had its apex or lies on the floor, at most `most` events. Weak collisions are plastic
+// here: what has all but collapsed moves on with its momentum, or lies on the floor, until it is hit.
+function carryOn(run, most) {
+  if (run.scene.gravity === 0 || ["collapse", "endless"].includes(run.status)) return;
+  Object.assign(run, { until: null, tEnd: Infinity, status: "", contacts: [], flights: null, maxEvents: run.events + most, follows: true });
+  while (!run.status && run.apex.some(Number.isNaN)) advance(run);
 }
+
+const waitOf = (p) => timeToContact(p.gap, p.rate, p.pull);
 
 function advance(run) {
-  const { scene, pairs } = run, c = soonest(run), due = pairs[c].due;
-  if (due === Infinity || due > scene.tEnd) {
-    run.t = due === Infinity && scene.tEnd === Infinity ? run.t : scene.tEnd;
-    return void (run.status = scene.tEnd === Infinity ? "quiet" : "time");
+  const { pairs } = run, waits = pairs.map(waitOf), c = soonest(run, waits), room = run.tEnd - run.t;
+  if (run.events >= run.maxEvents) return void (run.status = "endless");
+  if (waits[c] === Infinity || waits[c] > room) {
+    run.status = room === Infinity ? "quiet" : "time";
+    return move(run, room);
   }
-  run.t = due;
-  const [first, last] = run.ties in GROUPS ? touchingGroup(run, c) : [c, c];
-  const acted = first < last ? collideGroup(run, first, last) : collide(run, c);
+  const p = pairs[c], w = rateAtContact(p.gap, p.rate, p.pull);
+  move(run, waits[c]);
+  const isWeak = run.follows && -w < MERGED * run.scene.impact;
+  const [first, last] = isWeak || run.ties in GROUPS ? touchingGroup(run, c, w, isWeak ? -w : Infinity) : [c, c];
+  const acted = first < last || isWeak ? collideGroup(run, first, last, isWeak) : collide(run, c, w);
   if (!acted) return void (run.status = "until");
   keepFlight(run);
-  if (scene.until === "separated" && pairs.every((_, i) => rateOf(run, i, run.t) >= 0)) run.status = "until";
+  if (run.until === "separated" && pairs.every((one) => one.rate >= 0 || isNoise(run, one.rate))) run.status = "until";
+  else if (run.eps < 1) watch(run, c, first < last ? Infinity : -w);
 }
 
-function soonest(run) {
+function soonest(run, waits) {
   let best = 0;
-  for (let c = 1; c < run.pairs.length; c++) if (isBefore(run, c, best)) best = c;
+  for (let c = 1; c < waits.length; c++) if (isBefore(run, waits, c, best)) best = c;
   return best;
 }
 
-function isBefore(run, c, other) {
-  const a = run.pairs[c], b = run.pairs[other];
-  if (a.due !== b.due) return a.due < b.due;
+function isBefore(run, waits, c, other) {
+  if (waits[c] !== waits[other]) return waits[c] < waits[other];
   if (run.ties === "right") return c > other;
   if (run.ties !== "random") return c < other;
-  return mixed(mixed(mixed(run.seed) ^ c) ^ a.hits) < mixed(mixed(mixed(run.seed) ^ other) ^ b.hits);
+  const rank = (i) => mixed(mixed(mixed(run.seed) ^ i) ^ run.pairs[i].hits);
+  return rank(c) < rank(other);
 }
 
 function mixed(x) {
@@ -70,86 +82,110 @@ function mixed(x) {
   return x ^ (x >> 16);
 }
 
-const velocityOf = (run, i) => run.u[i] - run.falls[i] * (run.scene.gravity * run.t);
-const isStop = ({ scene: { until }, pairs }, c) => until.pair === c && pairs[c].hits + 1 === until.nth;
+function move(run, dt) {
+  if (run.scene.gravity) noteApexes(run, dt, (i) => velocityOf(run, i), () => heights(run.scene, run.pairs.map((p) => p.gap), run.t));
+  if (dt === Infinity) return;
+  for (const p of run.pairs) {
+    p.gap = Math.max(0, gapAfter(p.gap, p.rate, p.pull, dt));
+    p.rate -= p.pull * dt;
+  }
+  run.t += dt;
+}
 
-function collide(run, c) {
-  const { pairs, u } = run, p = pairs[c];
+const velocityOf = (run, i) => run.u[i] - run.falls[i] * (run.scene.gravity * run.t);
+const isStop = ({ until, pairs }, c) => until !== null && until.pair === c && pairs[c].hits + 1 === until.nth;
+
+function collide(run, c, w) {
+  const { pairs, u } = run, p = pairs[c], jump = (1 + run.eps) * w;
   if (isStop(run, c)) return false;
-  const w = rateAtContact(p.gap, rateOf(run, c, p.at), p.pull), jump = (1 + run.eps) * w;
+  getUp(run, c);
   const vIn = [velocityOf(run, c), velocityOf(run, c + 1)];
-  watch(run, -w);
-  if (c > 0) carry(run, c - 1);
-  if (c + 1 < pairs.length) carry(run, c + 1);
+  [p.gap, p.rate] = [0, -run.eps * w];
+  if (c > 0) pairs[c - 1].rate += p.low * jump;
+  if (c + 1 < pairs.length) pairs[c + 1].rate += p.high * jump;
   u[c] += p.low * jump;
   u[c + 1] -= p.high * jump;
-  [p.gap, p.at] = [0, run.t];
-  keepContact(run, c, vIn);
-  for (let i = Math.max(c - 1, 0); i <= Math.min(c + 1, pairs.length - 1); i++) predict(run, i);
+  keepContact(run, c, vIn, -jump * p.mEff);
   return true;
 }
 
-function watch(run, speed) {
-  run.dead = run.eps < 1 && speed < DEAD * run.scene.impact ? run.dead + 1 : 0;
-}
-
-function carry(run, c) {
-  const p = run.pairs[c];
-  p.gap = Math.max(0, gapAfter(p.gap, rateOf(run, c, p.at), p.pull, run.t - p.at));
-  p.at = run.t;
-}
-
-function keepContact(run, c, vIn) {
+function keepContact(run, c, vIn, impulse) {
   run.pairs[c].hits++;
-  run.contacts.push({ pair: c, begin: run.t, end: run.t, vIn, vOut: [velocityOf(run, c), velocityOf(run, c + 1)] });
+  run.events++;
+  for (const i of [c, c + 1]) run.touched[i] = true;
+  const vOut = [velocityOf(run, c), velocityOf(run, c + 1)];
+  run.contacts.push({ pair: c, begin: run.t, end: run.t, vIn, vOut, impulse });
 }
 
-function touchingGroup(run, c) {
-  const touches = (i) => {
-    const p = run.pairs[i];
-    return p && gapAfter(p.gap, rateOf(run, i, p.at), p.pull, run.t - p.at) <= 0;
-  };
+function touchingGroup(run, c, w, fastest) {
+  const touches = (i) => run.pairs[i]?.gap === 0 && Math.abs(run.pairs[i].rate) <= fastest;
+  run.pairs[c].rate = w;
   let [first, last] = [c, c];
   while (touches(first - 1)) first--;
   while (touches(last + 1)) last++;
   return [first, last];
 }
 
-function collideGroup(run, first, last) {
-  const { pairs, u, scene } = run, group = pairs.map((_, c) => c).slice(first, last + 1);
-  for (let c = Math.max(first - 1, 0); c <= Math.min(last + 1, pairs.length - 1); c++) carry(run, c);
+function collideGroup(run, first, last, isPlastic) {
+  const { pairs, u, scene } = run, group = pairs.slice(first, last + 1), at = group.map((_, i) => first + i);
   const w = scene.mass.slice(first, last + 2).map((m) => 1 / m);
-  const p = GROUPS[run.ties](w, group.map((c) => rateOf(run, c, run.t)), run.eps);
-  const hit = group.filter((c) => p[c - first] > 0);
+  const rates = group.map((one) => one.rate), p = isPlastic ? newtonRule(w, rates, 0) : GROUPS[run.ties](w, rates, run.eps);
+  const hit = at.filter((c) => p[c - first] > 0);
   if (hit.some((c) => isStop(run, c))) return false;
-  watch(run, Math.max(...group.map((c) => -rateOf(run, c, run.t))));
-  const before = hit.map((c) => [velocityOf(run, c), velocityOf(run, c + 1)]);
-  for (const c of group) {
-    pairs[c].gap = 0;
-    u[c] -= p[c - first] / scene.mass[c];
-    u[c + 1] += p[c - first] / scene.mass[c + 1];
-  }
-  dropNoise(run, group);
-  hit.forEach((c, i) => keepContact(run, c, before[i]));
-  for (let c = Math.max(first - 1, 0); c <= Math.min(last + 1, pairs.length - 1); c++) predict(run, c);
+  getUp(run, last);
+  const before = hit.map((c) => [velocityOf(run, c), velocityOf(run, c + 1)]), change = velocityChanges(w, p);
+  change.forEach((dv, i) => (u[first + i] += dv));
+  group.forEach((one, i) => Object.assign(one, { gap: 0, rate: one.rate + (change[i + 1] - change[i]) }));
+  if (first > 0) pairs[first - 1].rate += change[0];
+  if (last + 1 < pairs.length) pairs[last + 1].rate -= change[group.length];
+  const noise = Math.max(...u.slice(first, last + 2).map(Math.abs)) * 2 ** -40;
+  for (const one of group) if (Math.abs(one.rate) <= noise) one.rate = 0; // only rounding, or it collides again
+  hit.forEach((c, i) => keepContact(run, c, before[i], p[c - first]));
   return true;
 }
 
-// Rates that are only rounding are made exactly 0, or their pairs collide again.
-function dropNoise(run, group) {
-  const { u, scene, pairs } = run, noise = Math.max(...group.map((c) => Math.max(Math.abs(u[c]), Math.abs(u[c + 1])))) * 2 ** -40;
-  const isNoise = (c) => Math.abs(rateOf(run, c, run.t)) <= noise;
-  for (const c of group) {
-    if (scene.mass[c] >= scene.mass[c + 1] && isNoise(c)) u[c + 1] = u[c] + pairs[c].pull * run.t;
+// ---- without end, and at rest ----------------------------------------------------------------------------------------
+
+function watch(run, c, speed) {
+  if (run.follows) lieDown(run);
+  else if (speed < TINY * run.scene.impact) run.status = "collapse";
+  else if (c === 0 && speed < SLOW * run.scene.impact && run.t + restTime(run) < run.tEnd) run.status = "collapse";
+}
+
+// How long the ball that just bounced on the floor takes to come to rest on it, alone: 2u/(g(1-ε)); Infinity if another
+// may meet it before. Its neighbour stays above the top of the first arc if it does so at both ends of that time.
+function restTime({ pairs, eps }) {
+  const [{ rate, pull }, next] = pairs;
+  if (!(pull > 0)) return Infinity;
+  const end = (2 * rate) / (pull * (1 - eps)), arc = (rate * rate) / (2 * pull);
+  if (pairs.some((p, c) => c > 1 && waitOf(p) <= end)) return Infinity;
+  if (next && Math.min(next.gap, gapAfter(next.gap, next.rate + rate, next.pull + pull, end)) <= arc) return Infinity;
+  return end;
+}
+
+// Balls without a gap or a rate to what lies below them lie as well: they do not fall.
+function lieDown(run) {
+  for (let c = 0; c < run.pairs.length && run.falls[c] === 0; c++) {
+    const { gap, rate } = run.pairs[c];
+    if (gap !== 0 || rate !== 0) break;
+    [run.falls[c + 1], run.u[c + 1]] = [0, 0];
+    comesToRest(run, c + 1);
   }
-  for (const c of [...group].reverse()) {
-    if (scene.mass[c] < scene.mass[c + 1] && isNoise(c)) u[c] = u[c + 1] - pairs[c].pull * run.t;
-  }
+  share(run);
+}
+
+// Ball c is hit: it and all below fall again.
+function getUp(run, c) {
+  if (c === 0 || run.falls[c] === 1) return;
+  for (let i = 1; i <= c; i++) [run.falls[i], run.u[i]] = [1, run.scene.gravity * run.t];
+  share(run);
+}
+
+function share({ pairs, falls, scene: { gravity } }) {
+  pairs.forEach((p, c) => (p.pull = gravity * (falls[c + 1] - falls[c])));
 }
 
 // For drawing: gaps and rates right after each event, valid until the next.
 function keepFlight(run) {
-  if (!run.flights) return;
-  const gap = run.pairs.map((p, c) => Math.max(0, gapAfter(p.gap, rateOf(run, c, p.at), p.pull, run.t - p.at)));
-  run.flights.push({ t: run.t, gap, rate: run.pairs.map((_, c) => rateOf(run, c, run.t)) });
+  if (run.flights?.length < DRAWN) run.flights.push({ t: run.t, gap: run.pairs.map((p) => p.gap), rate: run.pairs.map((p) => p.rate) });
 }

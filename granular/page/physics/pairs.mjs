@@ -1,12 +1,13 @@
-// What a soft pair can be, and what events make of it: open (ξ ≤ 0), active (F > 0), residual (ξ > 0, F clipped at 0) or
-// dormant (touching at rest beside a force: who wins is read off the series).
-import { EXACT, PUSHES, WIDTH } from "./series.mjs";
-import { pairsOf, velocities } from "./scenes.mjs";
+// What a soft pair can be, and what events make of it: open (ξ ≤ 0), active (F > 0), residual (ξ > 0, F clipped at 0),
+// dormant (touching at rest beside a force: who wins is read off the series) or at rest (in a pile on the floor).
+import { EXACT, HELD, PUSHES, WIDTH } from "./series.mjs";
+import { isNoise, pairsOf, velocities } from "./scenes.mjs";
 
 export const OPEN = 0;
 export const ACTIVE = 1;
 export const RESIDUAL = 2;
 export const DORMANT = 3;
+export const RESTING = 4;
 
 export const NOTHING = 0;
 export const BEGIN = 1;
@@ -16,8 +17,8 @@ export const PART = 3;
 export const softPairs = (scene, eps, k) => pairsOf(scene, eps, k).map((p) => new SoftPair(p));
 
 class SoftPair {
-  constructor({ gap, rate, lower, upper, k, gamma, pull, duration }) {
-    Object.assign(this, { lower, upper, k, gamma, pull, duration });
+  constructor({ gap, rate, lower, upper, mEff, k, gamma, pull, duration }) {
+    Object.assign(this, { lower, upper, mEff, k, gamma, pull, duration });
     this.inverse = lower + upper;
     this.xi = -gap;
     this.eta = -rate;
@@ -29,7 +30,7 @@ class SoftPair {
 }
 
 export const pushes = (p) => p.mode === ACTIVE || p.mode === DORMANT;
-export const recedes = (p) => !pushes(p) && p.xi <= 0 && p.eta <= 0;
+export const recedes = (run, p) => p.xi <= 0 && !pushes(p) && (p.eta <= 0 || isNoise(run, p.eta));
 const touches = (p) => p.mode === OPEN && p.xi === 0 && p.eta === 0;
 
 export function handOver(pairs, { state }) {
@@ -38,7 +39,7 @@ export function handOver(pairs, { state }) {
     const p = pairs[c];
     state[c] = p.xi;
     state[m + c] = p.eta;
-    state[2 * m + c] = (pushes(p) ? PUSHES : 0) + (p.exact ? EXACT : 0);
+    state[2 * m + c] = (pushes(p) ? PUSHES : p.mode === RESTING ? HELD : 0) + (p.exact ? EXACT : 0);
   }
 }
 
@@ -62,29 +63,43 @@ export function act(run, c, what) {
 export function activate(run, c) {
   const p = run.pairs[c], { until } = run;
   if (until && until.pair === c && p.count + 1 === until.nth) return false;
-  p.open = { pair: c, begin: run.t, end: NaN, vIn: pairVelocities(run, c), vOut: [NaN, NaN], done: false };
+  for (const i of [c, c + 1]) run.touched[i] = true;
+  p.open = { pair: c, begin: run.t, end: NaN, vIn: pairVelocities(run, c), vOut: [NaN, NaN], impulse: 0, ongoing: false };
   run.contacts.push(p.open);
   p.exact = p.mode === RESIDUAL;
   p.mode = ACTIVE;
+  wakePile(run, c);
   p.count++;
   return true;
 }
 
+// Pair c begins to press on what may be a pile held at rest.
+function wakePile({ scene, pairs }, c) {
+  if (c < 1 || pairs[c - 1].mode !== RESTING) return;
+  pairs[c].pull -= scene.gravity;
+  pairs[0].pull = scene.gravity;
+  for (const p of pairs.slice(0, c)) p.mode = ACTIVE;
+}
+
 function endContact(run, c) {
   const contact = run.pairs[c].open;
-  [contact.end, contact.vOut, contact.done] = [run.t, pairVelocities(run, c), true];
+  [contact.end, contact.vOut] = [run.t, pairVelocities(run, c)];
   run.pairs[c].open = null;
 }
 
-const pairVelocities = (run, c) => velocities(run.scene, run.pairs.map((p) => -p.eta)).slice(c, c + 2);
+export const softVelocities = ({ scene, pairs }) => velocities(scene, pairs.map((p) => -p.eta));
+const pairVelocities = (run, c) => softVelocities(run).slice(c, c + 2);
 
 // Pairs that touch at rest beside a force, or under their own weight, may be pressed: see what the series says.
-export function engage(pairs) {
-  const last = pairs.length - 1;
+export function engage(run) {
+  const { pairs } = run, last = pairs.length - 1;
   for (let i = 0; i <= 2 * last + 1; i++) {
     const c = i <= last ? i : 2 * last + 1 - i, p = pairs[c];
     if (!touches(p)) continue;
-    if (p.pull > 0 || (c > 0 && pushes(pairs[c - 1])) || (c < last && pushes(pairs[c + 1]))) p.mode = DORMANT;
+    if (p.pull > 0 || (c > 0 && pushes(pairs[c - 1])) || (c < last && pushes(pairs[c + 1]))) {
+      p.mode = DORMANT;
+      wakePile(run, c);
+    }
   }
 }
 

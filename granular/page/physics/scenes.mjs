@@ -49,6 +49,10 @@ export function pairsOf(scene, eps, k) {
   });
 }
 
+// Elastic balls are left with relative speeds of 1e-16 of theirs, and meet again after 1e12 s: that is rounding.
+export const ROUNDING = 1e-12;
+export const isNoise = ({ scene, eps }, rate) => eps === 1 && Math.abs(rate) <= ROUNDING * scene.impact;
+
 // Velocities of the bodies from the rates of the gaps: counted from the floor, or from the centre of mass.
 export function velocities(scene, rates) {
   const v = [0];

@@ -3,13 +3,15 @@
 //   (n+1) ξ_(n+1) = h η_n,   (n+1) η_(n+1) = h (w_c F_(c-1) - (w_c + w_(c+1)) F_c + w_(c+1) F_(c+1))_n   (+ h pull at n = 0)
 //
 // Rows: x of the overlap ξ, e of its rate η, f of the force. The state a step starts from is kept apart: per pair ξ, η
-// and 1 if it pushes, 2 if its φ = kξ + γη is exactly 0, 3 if both. From it any step can be expanded again.
+// and the sum of PUSHES, EXACT (its φ = kξ + γη is exactly 0) and HELD (part of a pile at rest: ξ stays, and the ball
+// above falls towards it as towards a floor). From it any step can be expanded again.
 export const ORDER = 20;
 export const WIDTH = ORDER + 1;
 const REACH = (51090942171709440000 * 1e-17) ** (1 / 21); // 21!
 const SHARES = Float64Array.from({ length: WIDTH }, (_, j) => 1 / (j + 1));
 export const PUSHES = 1;
 export const EXACT = 2;
+export const HELD = 4;
 
 // All series of so many pairs share their tables: one is at work at a time, and none needs what it had.
 const tables = new Map();
@@ -53,7 +55,7 @@ export class Series {
   }
 
   expand(h) {
-    const { m, x, e, f, k, gamma, lower, inverse, upper, state, pull, weight } = this;
+    const { m, x, e, f, k, gamma, lower, inverse, upper, state, weight } = this;
     this.tables.held = null;
     for (let c = 0; c < m; c++) [x[c * WIDTH], e[c * WIDTH]] = [state[c], state[m + c]];
     for (let n = 0; n <= ORDER; n++) {
@@ -70,7 +72,19 @@ export class Series {
         below = force;
         force = above;
       }
-      if (n === 0) for (let c = 0; c < m; c++) e[c * WIDTH + 1] += h * pull[c];
+      if (n === 0) this.fall(h);
+    }
+  }
+
+  isHeld(c) {
+    return (this.state[2 * this.m + c] & HELD) > 0;
+  }
+
+  fall(h) {
+    const { m, k, x, e, f, pull } = this;
+    for (let c = 0; c < m; c++) {
+      if (this.isHeld(c)) f[c * WIDTH] = k[c] * x[c * WIDTH];
+      else e[c * WIDTH + 1] += h * (c > 0 && this.isHeld(c - 1) ? pull[0] : pull[c]);
     }
   }
 
@@ -91,7 +105,8 @@ export class Series {
   // The force that pair c has where a kept step begins.
   firstForce({ at }, c) {
     const { kept, m } = this;
-    return kept[at + 2 * m + c] === PUSHES ? this.k[c] * kept[at + c] + this.gamma[c] * kept[at + m + c] : 0;
+    const what = kept[at + 2 * m + c];
+    return what === PUSHES || what === HELD ? this.k[c] * kept[at + c] + this.gamma[c] * kept[at + m + c] : 0;
   }
 
   at(name, c, tau) {

@@ -1,5 +1,7 @@
 // What the page can run: three scenes with their sliders, presets, and the one number by which the engines are compared.
-import { effectiveRestitution, pairOutcome } from "./outcome.mjs";
+import { quantity } from "../shell/format.mjs";
+import { pairOutcome } from "./measures.mjs";
+import { effectiveRestitution } from "./outcome.mjs";
 import { ballStack, newtonsCradle, threeBalls } from "./scenes.mjs";
 
 const EPS = { name: "eps", symbol: "ε", label: "restitution", unit: "", min: 0.1, max: 1, scale: "linear" };
@@ -8,6 +10,7 @@ const K = { name: "k", symbol: "k", label: "stiffness", unit: "N/m", min: 1e5, m
 const HEIGHT = { name: "height", symbol: "h", label: "drop height", unit: "m", min: 0.15, max: 2, scale: "linear" };
 const COUNT = { name: "n", symbol: "N", label: "number of balls", unit: "", min: 2, max: 8, scale: "whole" };
 
+const ONE = "; this is one ball, the verdict judges all";
 const lastOf = (run) => run.scene.mass.length - 1;
 const exit = (run) => {
   const last = run.contacts.filter((c) => c.pair === lastOf(run) - 1 && !Number.isNaN(c.end)).pop();
@@ -36,7 +39,7 @@ export const SETUPS = {
       "far apart": { gap: 1e-2 }, touching: { gap: 0 },
     },
     measure: () => (run) => exit(run) / run.scene.impact,
-    measureName: "launch / impact speed", question: "How fast will the top ball leave, in units of the impact speed?",
+    measureName: "launch / impact speed", one: ONE, question: "How fast will the top ball leave, in units of the impact speed?",
     asked: (run) => exit(run) / run.scene.impact, most: 12,
   },
   "newtons-cradle": {
@@ -48,10 +51,21 @@ export const SETUPS = {
       "far apart": { gap: 1e-2 }, touching: { gap: 0, eps: 1 },
     },
     measure: () => (run) => exit(run) / run.scene.impact,
-    measureName: "last ball / arrival speed", question: "How fast will the last ball leave, in units of the arrival speed?",
+    measureName: "last ball / arrival speed", one: ONE, question: "How fast will the last ball leave, in units of the arrival speed?",
     asked: (run) => exit(run) / run.scene.impact, most: 2,
   },
 };
+
+// What was asked for and cannot be: in words.
+export function refused(name, given) {
+  const values = cleaned(name, given);
+  return SETUPS[name].sliders.flatMap(({ name: key, symbol, unit, min, max, zero }) => {
+    const asked = given[key], x = Number(asked ?? NaN), wide = 1e-9 * Math.abs(x);
+    if (asked === undefined || (zero && x === 0) || (asked !== "" && x >= min - wide && x <= max + wide && Math.abs(values[key] - x) <= wide)) return [];
+    const range = `${zero ? "0 or " : ""}${quantity(min, unit)} to ${quantity(max, unit)}`;
+    return [`${symbol} cannot be ${asked || "nothing"} here (${range}): ${quantity(values[key], unit)} is shown.`];
+  });
+}
 
 // Values of every slider, within its range; unknown names are dropped, missing ones are those of the first preset.
 export function cleaned(name, given) {

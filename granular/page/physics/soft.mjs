@@ -2,35 +2,58 @@
 //
 // Per pair: overlap ξ = -gap and its unclipped rate η. While nothing is in contact all gaps fly in closed form; else all
 // go one step of the series, or as far as the first event of any.
+import { comesToRest, noteApexes, startApexes } from "./apex.mjs";
 import { gapAfter, rateAtContact, timeToContact } from "./flight.mjs";
-import { act, activate, ACTIVE, BEGIN, direction, DORMANT, END, engage, handOver, judge, NOTHING, OPEN, PART, pushes, recedes, RESIDUAL, softPairs } from "./pairs.mjs";
-import { provedToRest } from "./rest.mjs";
+import { act, activate, ACTIVE, BEGIN, direction, DORMANT, END, engage, handOver, judge, NOTHING, OPEN, PART, pushes, recedes, RESIDUAL, RESTING, softPairs, softVelocities } from "./pairs.mjs";
+import { holdPile, provedToRest } from "./rest.mjs";
 import { firstUpCrossing, workspace } from "./roots.mjs";
-import { velocities } from "./scenes.mjs";
+import { heights } from "./scenes.mjs";
 import { ORDER, Series, WIDTH } from "./series.mjs";
 
 const work = workspace(ORDER), clipped = new Float64Array(ORDER + 1);
+const PATIENCE = 20; // isolated durations
 
-export function simulateSoft(scene, eps, k, { record = false, maxSteps = 20000 } = {}) {
+export function simulateSoft(scene, eps, k, { record = false, maxSteps = 20000, follow = 0 } = {}) {
   const run = start(scene, eps, k, record, maxSteps);
   launch(run);
   while (!run.status) advance(run);
-  const end = { time: run.t, velocity: velocities(scene, run.pairs.map((p) => -p.eta)), status: run.status };
-  const begun = run.contacts.length;
-  const open = run.pairs.map((p) => p.open).filter((contact) => contact && run.status === "until");
-  const patience = run.t + 20 * Math.max(...run.pairs.map((p) => p.duration));
-  if (open.length) Object.assign(run, { status: "", until: null });
-  while (!run.status && open.some((contact) => !contact.done) && run.t < patience) advance(run);
-  const contacts = run.contacts.slice(0, begun).sort((a, b) => a.begin - b.begin || a.pair - b.pair);
-  const { series, pieces, steps, shared, impulse } = run;
-  return { scene, contacts, series, pieces, steps, shared, impulse, ...end };
+  const { status, t: time, steps, shared, impulse, series, pieces } = run, velocity = softVelocities(run);
+  const contacts = [...run.contacts].sort((a, b) => a.begin - b.begin || a.pair - b.pair);
+  if (status === "until" || status === "time") followContacts(run);
+  if (follow > 0) carryOn(run, follow);
+  return { scene, contacts, series, pieces, steps, shared, impulse, time, velocity, status, apex: run.apex };
+}
+
+// Contacts still open at the stop go on to their ends, for so many of their isolated durations.
+function followContacts(run) {
+  const open = run.pairs.filter((p) => p.open && run.t - p.open.begin <= PATIENCE * p.duration);
+  for (const p of run.pairs) if (p.open) p.open.ongoing = true;
+  if (!open.length) return;
+  const ends = open.map((p) => [p.open, run.t + PATIENCE * p.duration]);
+  goOn(run);
+  while (!run.status && ends.some(([contact, latest]) => Number.isNaN(contact.end) && run.t < latest)) advance(run);
+  for (const [contact, latest] of ends) if (contact.end > latest) [contact.end, contact.vOut] = [NaN, [NaN, NaN]];
+}
+
+// Past the stop, until every ball has had its apex or rests, at most `budget` steps.
+function carryOn(run, budget) {
+  if (run.scene.gravity === 0 || run.status === "unfinished") return;
+  run.pieces = null;
+  if (run.status !== "resting") goOn(run);
+  const most = run.steps + budget;
+  while (!run.status && run.steps < most && run.apex.some(Number.isNaN)) advance(run);
+  if (run.status === "resting") run.apex.forEach((_, i) => comesToRest(run, i));
+}
+
+function goOn(run) {
+  Object.assign(run, { status: "", until: null, tEnd: Infinity, maxSteps: Infinity });
 }
 
 function start(scene, eps, k, record, maxSteps) {
-  const pairs = softPairs(scene, eps, k), series = new Series(pairs);
+  const pairs = softPairs(scene, eps, k), series = new Series(pairs), { until, tEnd } = scene;
   return {
-    scene, pairs, series, t: 0, until: scene.until, status: "", contacts: [], pieces: record ? [] : null,
-    steps: 0, maxSteps, shared: 0, impulse: 0, fired: -1, what: NOTHING, tau: 0,
+    scene, eps, pairs, series, t: 0, until, tEnd, status: "", contacts: [], pieces: record ? [] : null,
+    steps: 0, maxSteps, shared: 0, impulse: 0, fired: -1, what: NOTHING, tau: 0, ...startApexes(scene),
   };
 }
 
@@ -42,7 +65,7 @@ function launch(run) {
 
 function advance(run) {
   if (++run.steps > run.maxSteps) return stop(run, "unfinished");
-  engage(run.pairs);
+  engage(run);
   run.fired = -1;
   run.what = NOTHING;
   if (run.pairs.some(pushes)) step(run);
@@ -51,7 +74,8 @@ function advance(run) {
   if (run.what !== NOTHING) {
     if (!act(run, run.fired, run.what)) stop(run, "until");
   } else if (provedToRest(run)) stop(run, "resting");
-  if (!run.status && run.until === "separated" && run.contacts.length && run.pairs.every(recedes)) stop(run, "until");
+  else holdPile(run);
+  if (!run.status && run.until === "separated" && run.contacts.length && run.pairs.every((p) => recedes(run, p))) stop(run, "until");
 }
 
 function stop(run, why) {
@@ -66,9 +90,10 @@ function keep(run, h, time) {
 // ---- flight: every pair in closed form -------------------------------------------------------------------------------
 
 function fly(run) {
-  const room = run.scene.tEnd - run.t;
+  const room = run.tEnd - run.t;
   let dt = Infinity;
   run.pairs.forEach((p, c) => {
+    if (p.mode === RESTING) return;
     const wait = p.mode === OPEN ? timeToContact(Math.max(0, -p.xi), -p.eta, p.pull) : residualWait(p);
     if (wait >= dt) return;
     dt = wait;
@@ -80,12 +105,35 @@ function fly(run) {
   dt = Math.min(dt, room);
   handOver(run.pairs, run.series);
   if (run.pieces) keep(run, 1, dt);
+  if (run.scene.gravity) passApexes(run, dt);
   run.pairs.forEach((p, c) => {
+    if (p.mode === RESTING) return;
     if (c === first && p.mode === OPEN) arrive(p);
     else glide(p, dt);
   });
+  bear(run, dt);
   run.t += dt;
   if (first < 0) stop(run, "time");
+}
+
+const isFree = (run, i) => [run.pairs[i - 1], run.pairs[i]].every((p) => !p || p.mode === OPEN || p.mode === RESIDUAL);
+
+function passApexes(run, dt) {
+  const known = { v: null }, velocityOf = (i) => (known.v ??= softVelocities(run))[i];
+  const heightsNow = () => heights(run.scene, run.pairs.map((p) => -p.xi), run.t);
+  noteApexes(run, dt, velocityOf, heightsNow, (i) => isFree(run, i));
+}
+
+// A pile at rest hands on its weight.
+function bear(run, dt) {
+  run.pairs.forEach((p, c) => p.mode === RESTING && exchange(run, c, p.k * p.xi * dt));
+}
+
+function exchange(run, c, impulse) {
+  const pressing = (p) => p && (p.mode === ACTIVE || p.mode === RESTING), { pairs } = run;
+  run.impulse += impulse;
+  pairs[c].open.impulse += impulse;
+  if (pressing(pairs[c - 1]) || pressing(pairs[c + 1])) run.shared += impulse;
 }
 
 const timeToPart = (p) => timeToContact(p.xi, p.eta, -p.pull);
@@ -123,7 +171,7 @@ function step(run) {
     if (pairs[c].mode === DORMANT && direction(series.x, c) > 0 && !activate(run, c)) return stop(run, "until");
   }
   locate(run);
-  const room = (run.scene.tEnd - run.t) / h, late = run.tau > room;
+  const room = (run.tEnd - run.t) / h, late = run.tau > room;
   if (late) run.tau = room;
   if (run.tau > 0) settle(run, h, run.tau);
   if (late) stop(run, "time");
@@ -156,13 +204,12 @@ function look(run, c, table, row, sign, what) {
 function settle(run, h, tau) {
   const { pairs, series } = run;
   if (run.pieces) keep(run, h, h * tau);
+  if (run.scene.gravity) passApexes(run, h * tau);
+  bear(run, h * tau);
   for (let c = 0; c < pairs.length; c++) {
     const p = pairs[c];
-    if (p.mode === ACTIVE) {
-      const impulse = series.impulse(c, h, tau);
-      run.impulse += impulse;
-      if (pairs[c - 1]?.mode === ACTIVE || pairs[c + 1]?.mode === ACTIVE) run.shared += impulse;
-    }
+    if (p.mode === ACTIVE) exchange(run, c, series.impulse(c, h, tau));
+    if (p.mode === RESTING) continue;
     p.xi = series.at("x", c, tau);
     p.eta = series.at("e", c, tau);
     p.exact = false;

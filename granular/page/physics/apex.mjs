@@ -1,0 +1,23 @@
+// How high each ball rises: its first apex in free flight after it has been touched, all hits before that included.
+//
+// A run that stops earlier is carried on, hard and soft alike. The height a ball has in mind when the run stops is no
+// outcome: the ball below may be about to hit it again. A ball that comes to rest instead rises 0; one for which it cannot
+// be told within the patience of the engine has NaN. Heights have the radii taken out, and overlaps count as 0.
+
+export const startApexes = (scene) => ({
+  apex: scene.mass.map((m) => (m === Infinity ? 0 : NaN)), touched: scene.mass.map(() => false),
+});
+
+// Balls fly freely for dt, from velocities (and heights, if they are needed) that are asked for.
+export function noteApexes(run, dt, velocityOf, heightsNow, isFree = () => true) {
+  const { gravity } = run.scene;
+  for (let i = 1; i < run.apex.length; i++) {
+    if (!run.touched[i] || !Number.isNaN(run.apex[i]) || !isFree(i)) continue;
+    const v = velocityOf(i);
+    if (v > 0 && v <= gravity * dt) run.apex[i] = Math.max(0, heightsNow()[i] + (v * v) / (2 * gravity));
+  }
+}
+
+export function comesToRest(run, i) {
+  if (Number.isNaN(run.apex[i])) run.apex[i] = 0;
+}
