@@ -36,8 +36,6 @@ def number(
         x = math.inf if value > 0 else -math.inf  # a whole number that no float can hold
     except (TypeError, ValueError):
         raise TypeError(_sentence(name, value, "a single number is needed", fix)) from None
-    except OverflowError:  # a whole number beyond the floats
-        x = math.inf if value > 0 else -math.inf
     if not (above < x and at_least <= x <= at_most) or (finite and math.isinf(x)):
         raise ValueError(_sentence(name, value, _range(above, at_least, at_most, finite), fix))
     return x

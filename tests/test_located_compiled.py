@@ -41,6 +41,7 @@ def test_same_bits(law: Any, scene: Scene) -> None:
 def test_auto_changes_to_compiled_under_way(monkeypatch: pytest.MonkeyPatch) -> None:
     """`auto` starts interpreted and goes on compiled; nobody sees it in the numbers."""
     driver = sys.modules["granular.md.located.run"]
+    monkeypatch.setattr(driver, "WORTH_LOADING", 500)
     monkeypatch.setattr(driver, "WORTH_COMPILING", 500)
     monkeypatch.setattr(driver, "in_memory", lambda _: False)
     walls = Scene([math.inf, 1.0, 1.0, math.inf], [0.0] * 4, [0.01] * 3, [0.0, 1.0, -0.5, 0.0])

@@ -95,11 +95,11 @@ def _rough_form(law: Any, pair: Pair, speed: float) -> tuple[float, float, int]:
 
 
 def _slope(law: Any, xi: float, pair: Pair) -> float:
-    """Return d ln F / d ln ξ at rest at overlap `xi`, within [1, 16]; 1.5 where it cannot be told."""
+    """Return d ln F / d ln ξ at rest at overlap `xi`, within [1, 3]; 1.5 where it cannot be told."""
     near, far = abs(_bounded(law, xi, pair)), abs(_bounded(law, 1.01 * xi, pair))
     if not 0.0 < near < math.inf or not 0.0 < far < math.inf:
         return 1.5
-    return min(max(1.0, math.log(far / near) / math.log(1.01)), STEEPEST)
+    return min(max(1.0, math.log(far / near) / math.log(1.01)), 3.0)
 
 
 def _bounded(law: Any, xi: float, pair: Pair) -> float:

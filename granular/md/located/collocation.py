@@ -201,6 +201,7 @@ class Collocation:
                 ends = self._miss_at_ends(pairs, lo, force, (np.hstack([xi0, last[0]]), np.hstack([eta0, last[1]])))
                 ends = np.where(ends > noise, ends, 0.0)
                 miss = np.maximum(tail / POINTS, ends * (1.0 - NODES[-1])) * own[:, 0]
+                strength = np.maximum(strength, abs(force).max(axis=1))
                 return force, float(miss.max()) * h**q, float((np.maximum(tail, ends) * acts / strength).max())
             worst = change
         return force, math.inf, math.inf

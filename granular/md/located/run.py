@@ -10,7 +10,7 @@ import numpy as np
 
 from granular import until as stop
 from granular._check import Array
-from granular._kernels import compiled, have_numba, in_memory
+from granular._kernels import compiled, have_numba, in_memory, worth
 from granular.md.located import loop
 from granular.md.located.build import build, limit, power_law
 from granular.md.located.collocation import Collocation
@@ -24,9 +24,9 @@ PLAIN_CHUNK, COMPILED_CHUNK = 100, 20_000
 """Pieces between two looks at progress and log."""
 FIRST_LOOK = 256
 """Pieces after which the run first looks whether the scene creeps to rest."""
-WORTH_COMPILING = 50_000
-"""Pieces times pairs after which ``engine="auto"`` goes on compiled if the machine code is not in memory already; to
-make it takes longer than these."""
+WORTH_LOADING, WORTH_COMPILING = 50_000, 300_000
+"""Pieces times pairs after which ``engine="auto"`` goes on compiled if the machine code is on disk, and if it has to be
+made; they take about as long to work off interpreted."""
 
 
 def run(
@@ -164,11 +164,13 @@ class Run:
         }[why]  # fmt: skip
 
     def _compile_if_worth_it(self) -> None:
-        if self.counters.steps * self.counters.pairs > WORTH_COMPILING:
-            if have_numba() and self.collocation is None:
-                self.compile()
-            else:
-                self.engine = "plain"
+        work = self.counters.steps * self.counters.pairs
+        if work <= WORTH_LOADING:
+            return
+        if self.collocation is not None or not have_numba():
+            self.engine = "plain"
+        elif worth(loop.advance, work, WORTH_LOADING, WORTH_COMPILING):
+            self.compile()
 
     def flush(self) -> None:
         """Take the log rows out of the buffer, and tell who wants to know."""
