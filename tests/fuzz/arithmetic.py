@@ -69,9 +69,9 @@ def functions(name: str) -> dict[str, Any]:
     return {"power": mp.power, "exp": mp.exp, "tanh": mp.tanh, "root": mp.sqrt}
 
 
-DOUBLE = Arithmetic("double", 7, 2.0**-53, 2e-15)
-LOOSE = Arithmetic("double", 6, 2.0**-53, 2e-14)
-LONG = Arithmetic("long", 9, 2.0**-64, 1e-18)
+DOUBLE = Arithmetic("double", 6, 2.0**-53, 1e-16)
+LOOSE = Arithmetic("double", 6, 2.0**-53, 2e-15)
+LONG = Arithmetic("long", 8, 2.0**-64, 5e-20)
 DIGITS = Arithmetic("digits", 14, 1e-40, 1e-33)
 
 

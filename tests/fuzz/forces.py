@@ -7,8 +7,8 @@ from typing import Any
 from fuzz.arithmetic import exp, formula, power, root, tanh
 
 POWER, TWO_STIFF, TWO_DAMP, STIFFEN, EXPO, BRAUN, HYSTERESIS, SATURATED = range(8)
-"""k ξ^p + γ ξ^d η (p, d any) · stiffness k up to ξ₁, then k₂ · damping γ₁ in loading, γ₂ in unloading · k ξ + k₃ ξ³ + γ η
-· A (exp(ξ/L) - 1) · Walton and Braun · k ξ^p loading, unloading to c ξ_max · k ξ + γ v tanh(η/v)."""
+"""k ξ^p + γ ξ^d η (p, d any) · stiffness k up to ξ₁, then k₂ · k ξ^p + γ ξ^d η with γ₁ in loading and γ₂ in unloading ·
+k ξ + k₃ ξ³ + γ η · A (exp(ξ/L) - 1) · Walton and Braun · k ξ^p loading, unloading to c ξ_max · k ξ + γ v tanh(η/v)."""
 
 
 @formula
@@ -122,7 +122,7 @@ def kink(kind: int, a: Any, xi: Any, eta: Any, top: Any, branch: int) -> Any:
         return xi - a[2] if branch == 0 else a[2] - xi
     if kind == TWO_DAMP:
         return -eta if branch == 1 else eta
-    if kind == BRAUN or kind == HYSTERESIS:
+    if kind in (BRAUN, HYSTERESIS):
         return -eta if branch == 1 else xi - top
     return -1.0 + 0.0 * xi
 
@@ -130,13 +130,13 @@ def kink(kind: int, a: Any, xi: Any, eta: Any, top: Any, branch: int) -> Any:
 @formula
 def has_kink(kind: int) -> bool:
     """Whether the law has two branches."""
-    return kind == TWO_STIFF or kind == TWO_DAMP or kind == BRAUN or kind == HYSTERESIS
+    return kind in (TWO_STIFF, TWO_DAMP, BRAUN, HYSTERESIS)
 
 
 @formula
 def remembers(kind: int) -> bool:
     """Whether the law knows its largest overlap."""
-    return kind == BRAUN or kind == HYSTERESIS
+    return kind in (BRAUN, HYSTERESIS)
 
 
 @formula
@@ -176,7 +176,7 @@ def roughness(kind: int, a: Any) -> Any:
 
 @formula
 def duration_scale(kind: int, a: Any, inertia: Any, speed: Any) -> Any:
-    """About how long an isolated impact takes to stop: overlap at which the force has used up the energy, over speed."""
+    """About how long an isolated impact takes: the overlap at which the energy is used up, over the speed."""
     xi = 1e-40 / inertia * inertia
     energy = inertia * speed * speed
     for _ in range(600):

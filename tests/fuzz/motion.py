@@ -8,9 +8,21 @@ from typing import Any
 import numpy as np
 
 from fuzz.arithmetic import formula, power, root
-from fuzz.forces import bracket, duration_scale, elastic, force, has_kink, remembers, roughness
+from fuzz.forces import TWO_STIFF, bracket, duration_scale, elastic, force, remembers, roughness
 from fuzz.steps import (
-    ACTIVE, BRACKET, KINK, OPEN, OVERLAP, RESIDUAL, RESTING, event, locate, nearby, noise, rates, step,
+    ACTIVE,
+    BRACKET,
+    KINK,
+    OPEN,
+    OVERLAP,
+    RESIDUAL,
+    RESTING,
+    event,
+    locate,
+    nearby,
+    noise,
+    rates,
+    step,
 )  # fmt: skip
 
 System = namedtuple("System", "kind law w pull fall mode branch top armed count contact number work")
@@ -34,11 +46,11 @@ def start(s: Any, y: Any, until: Any) -> int:
             s.mode[c] = ACTIVE
             if remembers(s.kind[c]):
                 s.top[c] = y[c]
-            elif s.kind[c] == 1:
+            elif s.kind[c] == TWO_STIFF:
                 s.branch[c] = 1 if y[c] > s.law[c][2] else 0
         elif y[c] == 0.0 and y[n + c] == 0.0:
             s.mode[c] = RESTING
-            if s.kind[c] == 1:
+            if s.kind[c] == TWO_STIFF:
                 s.branch[c] = 0
         else:
             s.mode[c] = OPEN
@@ -47,7 +59,7 @@ def start(s: Any, y: Any, until: Any) -> int:
         rates(s, y, slope)
         for c in range(n):
             if s.mode[c] == ACTIVE or s.mode[c] == RESIDUAL:
-                if s.kind[c] != 1:
+                if s.kind[c] != TWO_STIFF:
                     way = y[n + c] if y[n + c] != 0.0 else slope[n + c]
                     s.branch[c] = 1 if way > 0.0 else 0
                 pushes = bracket(s.kind[c], s.law[c], y[c], y[n + c], s.top[c], s.branch[c]) > 0.0
@@ -171,7 +183,7 @@ def act(s: Any, y: Any, c: int, which: int, rows: Any, k: int, until: Any) -> in
         return 0 if begin(s, y, c, until) else -1
     y[c] = 0.0 * y[c]
     if mode == OPEN and y[len(s.kind) + c] > 0.0:
-        s.top[c], s.branch[c] = 0.0 * y[c], 0 if s.kind[c] == 1 else 1
+        s.top[c], s.branch[c] = 0.0 * y[c], 0 if s.kind[c] == TWO_STIFF else 1
         if not begin(s, y, c, until):
             return -1
         onset(s, y, c)
@@ -242,7 +254,6 @@ def parted(s: Any, y: Any) -> bool:
 @formula
 def keep_samples(s: Any, y: Any, h: Any, flying: bool, columns: int, times: Any, done: int, rows: Any) -> int:
     """Write the samples in [t, t + h) from the state at t; return how many are written in all."""
-    n = len(s.kind)
     at = np.zeros_like(y)
     while done < len(times) and (times[done] - s.number[T]) - s.number[LOST] < h:
         dt = (times[done] - s.number[T]) - s.number[LOST]
@@ -271,9 +282,9 @@ def march(
         if steps > most or k >= len(rows) - 1:
             return TIRED, k, done, steps
         for c in range(n):
-            if s.mode[c] == OPEN and y[c] >= 0.0 and y[n + c] > 0.0:
-                if act(s, y, c, OVERLAP, rows, k, until) < 0:
-                    return UNTIL, k, done, steps
+            closing = s.mode[c] == OPEN and y[c] >= 0.0 and y[n + c] > 0.0
+            if closing and act(s, y, c, OVERLAP, rows, k, until) < 0:
+                return UNTIL, k, done, steps
             if s.mode[c] == RESTING and s.pull[c] < 0.0 and not s.contact[c][0] >= 0.0:
                 s.mode[c] = OPEN
         if separated and parted(s, y):
@@ -301,7 +312,7 @@ def march(
                         touch(s, y, c)
             continue
         prepare(s, y)
-        h, error = try_step(s, y, columns, left if t_end >= 0.0 else -1.0 + 0.0 * left, new)
+        h = try_step(s, y, columns, left if t_end >= 0.0 else -1.0 + 0.0 * left, new)
         c, which = earliest(s, y, h, columns, new, trial)
         if c >= 0:
             h = locate_all(s, y, h, c, columns, new, trial)
@@ -335,7 +346,8 @@ def prepare(s: Any, y: Any) -> None:
             if s.mode[c] == RESTING and s.pull[c] > 0.0:
                 xi = 1e-40 + 0.0 * y[c]
                 mass = 1.0 / (s.w[c] + s.w[c + 1])
-                while force(s.kind[c], s.law[c], xi, 0.0 * xi, xi, 0 if s.kind[c] == 1 else 1) < mass * s.pull[c]:
+                branch = 0 if s.kind[c] == TWO_STIFF else 1
+                while force(s.kind[c], s.law[c], xi, 0.0 * xi, xi, branch) < mass * s.pull[c]:
                     xi = 2.0 * xi
                 t = root(xi / s.pull[c])
                 s.number[V] = max(s.number[V], s.pull[c] * t)
@@ -378,7 +390,7 @@ def try_step(s: Any, y: Any, columns: int, left: Any, new: Any) -> Any:
         growth = 1.0
     if not cut:
         s.number[H] = h * growth
-    return h, error
+    return h
 
 
 @formula
@@ -533,7 +545,7 @@ def settle(s: Any, y: Any, until: Any) -> bool:
                 return True
             s.mode[c], s.armed[c] = ACTIVE, 1
             s.count[c] += 1
-            if s.kind[c] == 1:
+            if s.kind[c] == TWO_STIFF:
                 s.branch[c] = 0
         elif y[c] < -1e-13 * largest or (largest == 0.0 and y[c] < 0.0):
             s.mode[c] = OPEN

@@ -18,8 +18,8 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2])]
 
-from fuzz.judge import Verdict, judge
-from fuzz.scenes import generate
+from fuzz.judge import Verdict, judge  # noqa: E402
+from fuzz.scenes import generate  # noqa: E402
 
 
 def main() -> None:
@@ -67,8 +67,7 @@ def report(found: dict[tuple[str, str, str], list[tuple[float, int]]], verdicts:
     print(f"\n{len(verdicts)} scenes in {took:.0f} s: " + ", ".join(
         f"{sum(v.kind == kind for v in verdicts)} {kind}" for kind in ("ok", "short", "refused", "unjudged")))
     fine = [v for v in verdicts if v.kind == "ok" and v.final == v.final]
-    low = [v for v in fine if v.final > (v.estimate + 2e-14) * max(1.0, v.condition)]
-    high = [v for v in fine if v.estimate * max(1.0, v.condition) > 1e3 * v.final + 1e-15]
+    low, high = [v for v in fine if v.below], [v for v in fine if v.beyond]
     print(f"error_estimate: below the error in {len(low)}, more than 1e3 times it (+ 1e-15) in {len(high)} "
           f"of {len(fine)}")
     for (kind, law, what), cases in sorted(found.items()):

@@ -108,7 +108,7 @@ def event(s: Any, y: Any, c: int, which: int) -> Any:
             return -bracket(s.kind[c], s.law[c], xi, eta, s.top[c], s.branch[c])
         if mode == RESIDUAL:
             return bracket(s.kind[c], s.law[c], xi, eta, s.top[c], s.branch[c])
-    elif (mode == ACTIVE or mode == RESIDUAL) and has_kink(s.kind[c]):
+    elif (mode in (ACTIVE, RESIDUAL)) and has_kink(s.kind[c]):
         return kink(s.kind[c], s.law[c], xi, eta, s.top[c], s.branch[c])
     return -1.0 + 0.0 * xi
 
@@ -116,7 +116,6 @@ def event(s: Any, y: Any, c: int, which: int) -> Any:
 @formula
 def noise(s: Any, y: Any, c: int, which: int, eps: Any) -> Any:
     """How well the value of an event function is known."""
-    n = len(s.kind)
     if which == BRACKET:
         return 256.0 * eps * weight(s.kind[c], s.law[c], y[c], s.top[c])
     return 0.0 * y[c]
@@ -130,10 +129,7 @@ def locate(s: Any, y: Any, h: Any, c: int, which: int, columns: int, speed: Any,
     p_hi = event(s, end, c, which)
     x, side = hi, 0
     for turn in range(100):
-        if p_lo < 0.0:
-            x = (lo * p_hi - hi * p_lo) / (p_hi - p_lo)
-        else:
-            x = 0.5 * (lo + hi)
+        x = (lo * p_hi - hi * p_lo) / (p_hi - p_lo) if p_lo < 0.0 else 0.5 * (lo + hi)
         if turn % 8 == 7 or not (lo < x < hi):
             x = 0.5 * (lo + hi)
         step(s, y, x, columns, speed, end)

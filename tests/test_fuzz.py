@@ -1,0 +1,196 @@
+"""Fuzz of soft scenes: the engine beside an independent solver, on stored truths, on live scenes, and (soak) on many.
+
+    pytest tests/test_fuzz.py                             300 stored truths and 10 live scenes
+    FUZZ_SCENES=20000 FUZZ_PROGRESS=fuzz.jsonl pytest -m soak tests/test_fuzz.py     resumes where it was stopped
+
+`python tests/fuzz/run.py --seeds 0:1000` prints what falls short.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fuzz import soak
+from fuzz.arithmetic import DIGITS, DOUBLE
+from fuzz.judge import Verdict, compare, distance, engine, from_json, judge, truth
+from fuzz.laws import Spec
+from fuzz.scenes import Case, generate
+from fuzz.solver import solve
+
+import granular as gr
+from granular._kernels import have_numba
+from granular.laws.dashpot import duration, restitution
+
+STORED = json.loads((Path(__file__).parent / "fuzz" / "truths.json").read_text())
+LIVE = range(1_000_000, 1_000_010)
+BATCH = 30
+MOST_STEPS = 5000
+"""The independent solver needs at most 250 for a stored scene."""
+
+
+@pytest.fixture(autouse=True, scope="module")
+def machine_code() -> None:
+    """Have the engine's machine code in memory, where it can be, so that it is used for the laws it knows."""
+    if have_numba():
+        gr.md.simulate(gr.Scene([1.0, 1.0], [0.0, 0.0], [0.1], [1.0, 0.0]), gr.Hertz(1.0), engine="compiled")
+
+
+@pytest.mark.parametrize("first", range(0, len(STORED), BATCH))
+def test_stored_truths(first: int) -> None:
+    """The engine gives the stored numbers to 1e-12 max(1, κ), or the scene is named."""
+    short = []
+    for stored in STORED[first : first + BATCH]:
+        case = Case.from_json(stored["case"])
+        verdict = compare(case, from_json(case, stored["truth"]), engine(case, max_steps=MOST_STEPS))
+        if verdict.kind != "ok":
+            short.append((stored["seed"], case.names, verdict.why, verdict.error))
+    assert not short
+
+
+@pytest.mark.parametrize("seed", LIVE)
+def test_live_scenes(seed: int) -> None:
+    """A new scene, solved on the spot by the independent solver, interpreted."""
+    case = generate(seed, small=True)
+    one = truth(case, shifts=1, compiled=False)
+    assert one is not None, "ill-conditioned"
+    verdict = compare(case, one, engine(case, max_steps=MOST_STEPS))
+    assert verdict.kind == "ok", (verdict.why, verdict.error, case)
+
+
+def test_samples_never_change_the_log() -> None:
+    """Rows are read off the pieces; the log has the same bits without them."""
+    sampled = [Case.from_json(one["case"]) for one in STORED if "samples" in one["case"]][:12]
+    for case in sampled:
+        with_rows, without = engine(case), engine(case, samples=None)
+        assert with_rows.contacts.tobytes() == without.contacts.tobytes(), case
+
+
+# the judge's own solver
+
+
+def isolated(law: Spec) -> Any:
+    """The one contact of masses 1 and 3 that meet at 1 m/s."""
+    solution = solve(Case((1.0, 3.0), (0.5,), (1.0, 0.0), 0.0, (law,)), DOUBLE, compiled=False)
+    assert (solution.status, len(solution.rows)) == ("quiet", 1)
+    return solution.rows[0]
+
+
+@pytest.mark.parametrize("zeta", [0.01, 1.0, 3.0])
+def test_solver_on_dashpot_and_tsuji(zeta: float) -> None:
+    row = isolated(Spec("LinearDashpot", (1e4, 2.0 * zeta * math.sqrt(0.75e4))))
+    assert row[7] - row[6] == pytest.approx(restitution(zeta), rel=1e-13)
+    assert row[3] == pytest.approx(duration(zeta) / math.sqrt(1e4 / 0.75), rel=1e-13)
+    if zeta <= 1.0:
+        row = isolated(Spec("TsujiHertz", (1e6, zeta * math.sqrt(5.0))))
+        assert row[7] - row[6] == pytest.approx(restitution(zeta), rel=1e-13)
+
+
+def test_solver_on_hertz() -> None:
+    """t_c = 2 · 1.25^(2/5) (2/5) B(2/5, 1/2) (m/k)^(2/5) v^(-1/5), and the peaks by energy."""
+    row, m, k = isolated(Spec("Hertz", (1e6,))), 0.75, 1e6
+    deepest = (1.25 * m / k) ** 0.4
+    beta = math.gamma(0.4) * math.gamma(0.5) / math.gamma(0.9)
+    assert row[3] == pytest.approx(0.8 * beta * deepest, rel=1e-13)
+    assert row[8] == pytest.approx(deepest, rel=1e-13)
+    assert row[9] == pytest.approx(k * deepest**1.5, rel=1e-13)
+    assert row[10] == pytest.approx(1.5, rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("law", "eps"),
+    [
+        (Spec("PowerLaw", (1e6, 13 / 12)), 1.0),
+        (Spec("PowerLaw", (1e6, 4.5)), 1.0),
+        (Spec("PowerLaw", (1e6, 16.0)), 1.0),
+        (Spec("WaltonBraun", (1e4, 2e4)), math.sqrt(0.5)),
+        (Spec("TwoStiffnesses", (1e4, 4e4, 1e-3)), 1.0),
+        (Spec("Stiffening", (1e4, 1e8, 0.0)), 1.0),
+        (Spec("Exponential", (1.0, 1e-3)), 1.0),
+        (Spec("Hysteresis", (1e4, 1.5, 0.3)), math.sqrt(0.7)),
+    ],
+    ids=lambda x: x.name if isinstance(x, Spec) else "",
+)
+def test_solver_on_laws_whose_energy_is_known(law: Spec, eps: float) -> None:
+    row = isolated(law)
+    assert row[7] - row[6] == pytest.approx(eps, rel=1e-13)
+
+
+def test_solver_and_engine_take_the_same_law() -> None:
+    """The formula by number is the law's own `force`, at random overlaps and rates."""
+    from fuzz.arithmetic import build
+    from fuzz.forces import force
+    from fuzz.laws import NUMBERS
+
+    rng, by_number = np.random.default_rng(0), build(force, DOUBLE, compiled=False)
+    seen = set()
+    for seed in range(400):
+        stored = STORED[seed % len(STORED)]
+        case = Case.from_json(stored["case"])
+        for spec, pair in zip(case.laws, case.scene().pairs, strict=True):
+            law, (kind, a) = spec.law(), spec.by_number(float, math.sqrt, pair.m_eff)
+            seen.add(spec.name)
+            x, v = float(rng.uniform(0.1, 1.0)), float(rng.normal())
+            if spec.name in ("WaltonBraun", "Hysteresis"):
+                for top, branch in ((x, 1), (1.3 * x, 0)):
+                    wanted = law.force(x, v, pair, top)
+                    assert max(0.0, by_number(kind, a, x, v, top, branch)) == pytest.approx(max(0.0, wanted), rel=1e-12)
+                continue
+            x = a[2] * x * 2.0 if spec.name == "TwoStiffnesses" else a[1] * x if spec.name == "Exponential" else x
+            branch = int(x > a[2]) if spec.name == "TwoStiffnesses" else int(v > 0.0)
+            size = abs(law.force(x, abs(v), pair))
+            got, wanted = by_number(kind, a, x, v, 0.0, branch), law.force(x, v, pair)
+            assert got == pytest.approx(wanted, rel=0, abs=1e-12 * size)
+    assert seen == NUMBERS.keys()
+
+
+def test_progress_is_kept_and_resumed(tmp_path: Path) -> None:
+    """A batch is written whole; what is written is not run again."""
+    asked: list[int] = []
+
+    def judged(seed: int) -> Verdict:
+        asked.append(seed)
+        if seed == 150:
+            raise KeyboardInterrupt
+        return Verdict("short", "v_out", 1.0) if seed == 7 else Verdict("ok", final=0.0, estimate=0.0)
+
+    progress = tmp_path / "progress.jsonl"
+    with pytest.raises(KeyboardInterrupt):
+        soak.run(progress, 0, 250, judged)
+    assert len(progress.read_text().splitlines()) == 1
+    asked.clear()
+    done = soak.run(progress, 0, 250, lambda seed: judged(seed) if seed != 150 else Verdict("unjudged"))
+    assert min(asked) == 100
+    assert (done.scenes, done.ok, done.unjudged, [one[0] for one in done.short]) == (250, 248, 1, [7])
+
+
+# the long run
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("seed", range(2_000_000, 2_000_020))
+def test_solver_in_doubles_against_34_digits(seed: int) -> None:
+    case = generate(seed, small=True)
+    one, better = truth(case), truth(case, DIGITS)
+    assert one is not None
+    assert better is not None
+    what, error = distance(better, one.pairs, one.numbers)
+    assert error < 1e-13, what
+
+
+@pytest.mark.soak
+def test_many_new_scenes() -> None:
+    """Batches of new seeds; 0 that fall short, at most 0.5 % refused or unjudged, and an honest `error_estimate`."""
+    scenes = int(os.environ.get("FUZZ_SCENES", "20000"))
+    first = int(os.environ.get("FUZZ_FIRST", "10000000"))
+    progress = Path(os.environ.get("FUZZ_PROGRESS", "fuzz-progress.jsonl"))
+    done = soak.run(progress, first, scenes, lambda seed: judge(generate(seed), digits=math.inf))
+    assert done.short == []
+    assert done.refused + done.unjudged <= 0.005 * scenes
+    assert done.below == []
+    assert done.beyond <= 0.01 * scenes
