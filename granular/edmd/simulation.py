@@ -119,7 +119,7 @@ def simulate(
     )  # fmt: skip
     times, end = _span(start, t_end, samples)
     condition = conditions.checked(until, scene.n - 1)
-    limit = _check.whole("max_events", max_events, at_least=1)
+    limit = _check.whole("max_events", max_events)
     _check.callback("on_event", on_event)
     _check.callback("on_progress", on_progress)
     queue = engines.choose(engine, model)
@@ -159,7 +159,7 @@ def resume(
     start = state.time(state.now)
     times, end = _span(start, t_end, samples)
     condition = conditions.checked(until, scene.n - 1)
-    limit = _check.whole("max_events", max_events, at_least=1)
+    limit = _check.whole("max_events", max_events)
     _check.callback("on_event", on_event)
     _check.callback("on_progress", on_progress)
     queue = engines.choose(engine, model)

@@ -34,6 +34,8 @@ def build(scene: Scene, laws: tuple[Any, ...], t: float) -> System:
     bodies["fall"] = np.where(scene.is_wall, 0.0, scene.gravity)
     pairs["lower"], pairs["upper"] = scene.inverse_mass[:-1], scene.inverse_mass[1:]
     pairs["inverse"] = pairs["lower"] + pairs["upper"]
+    if not np.isfinite(pairs["inverse"]).all():
+        raise OverflowError("the inverse of a mass")
     pairs["pull"], pairs["xi"], pairs["eta"], pairs["t"] = scene.pull, -scene.gap, -np.diff(scene.velocity), t
     speed = speed_scale(scene)
     for record, law, pair in zip(pairs, laws, scene.pairs, strict=True):

@@ -85,8 +85,7 @@ def peaks(pair: Any, tau: float, work: Any) -> None:
 @kernel
 def highest(row: Any, rate: Any, tau: float, work: Any) -> float:
     """Return the largest value of a row on [0, τ]; `rate`, of the sign of its slope, is used up."""
-    at, best = 0.0, value(row, tau)
-    best = max(best, row[0])
+    at, best = 0.0, max(float(row[0]), value(row, tau))
     way = -1.0 if rate[0] > 0.0 else 1.0
     for _ in range(ORDER):
         step = first_up_crossing(rate, tau - at, work, way)

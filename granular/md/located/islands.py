@@ -18,7 +18,7 @@ from granular.md.located.modes import AWAITED, NONE, engage, pushes
 from granular.md.located.piece import move
 from granular.md.located.plan import plan
 from granular.md.located.queue import play
-from granular.md.located.records import FREE, OPEN
+from granular.md.located.records import FREE, GENERAL, OPEN
 
 ULP = 2.0**-52
 
@@ -36,16 +36,25 @@ def settle(run: Any, pairs: Any, bodies: Any, work: Any, lo: int, tau: float, dt
         move(pair, tau)
         pair.exact = 0
     for c in range(lo, block.hi):
-        largest = abs(pairs[c].eta)
-        if c > lo:
-            largest = max(largest, abs(pairs[c - 1].eta))
-        if c + 1 < block.hi:
-            largest = max(largest, abs(pairs[c + 1].eta))
-        pairs[c].noise += ULP * largest
+        pairs[c].noise += rounding(run, pairs, c, lo, block.hi)
     if bodies[lo].inverse_mass == 0.0 and bodies[block.hi].inverse_mass == 0.0:
         hold_walls(pairs, lo, block.hi, bodies[lo].v - bodies[block.hi].v)
     tick(block, dt)
     block.tau = 0.0  # the piece is used up
+
+
+@kernel
+def rounding(run: Any, pairs: Any, c: int, lo: int, hi: int) -> float:
+    """Return what a step may leave in the rate of pair `c`: rounding of rates, or what a nonlinear step leaves out."""
+    if pairs[lo].linear == 0:
+        part: float = max(run.tol, ULP if pairs[c].kind != GENERAL else 8.0 * ULP) * pairs[lo].speed
+        return part
+    largest: float = abs(pairs[c].eta)
+    if c > lo:
+        largest = max(largest, abs(pairs[c - 1].eta))
+    if c + 1 < hi:
+        largest = max(largest, abs(pairs[c + 1].eta))
+    return ULP * largest
 
 
 @kernel

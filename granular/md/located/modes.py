@@ -7,6 +7,7 @@ from typing import Any
 from granular._kernels import kernel
 from granular.md.located.contacts import begin_contact, end_contact
 from granular.md.located.events import BEGIN, END, RELOAD, TURN
+from granular.md.located.flight import DRIFT
 from granular.md.located.records import ACTIVE, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL
 
 
@@ -17,7 +18,8 @@ def act(run: Any, pairs: Any, bodies: Any, log: Any, c: int, what: int, block: A
     if what == BEGIN:
         if pair.mode == OPEN:
             pair.xi = 0.0
-            if pair.eta <= 0.0:  # grazed, or touching at rest
+            if pair.eta <= DRIFT * pair.noise:  # grazed, or touching at rest
+                pair.eta = min(0.0, pair.eta)
                 return True
             if laws is not None:
                 pair.mode = OPEN if laws.pushes_at_touch(c, pair) else RESIDUAL

@@ -216,6 +216,8 @@ class Run:
             self.sample(end)
         rows = contact_rows(self.rows + self.still_open(end) if log else [], self.t_start)
         elapsed, xi, eta, force = (np.array(column, np.float64) for column in zip(*self.samples, strict=True))
+        if not (np.isfinite(xi).all() and np.isfinite(eta).all()):  # interpreted, it would have raised on the way
+            raise OverflowError("an overlap or its rate")
         position, velocity = positions(self.scene, -xi, elapsed), velocities(self.scene, -eta, elapsed)
         time = self.t_start + elapsed
         if samples is not None:  # as asked for, to the last digit

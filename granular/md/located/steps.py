@@ -17,16 +17,16 @@ from typing import Any
 from granular._kernels import kernel
 from granular.md.located.clock import elapsed, root
 from granular.md.located.powers import power
-from granular.md.located.records import ACTIVE, DORMANT, LINEAR, OPEN, ORDER, RESIDUAL, STEEPEST
+from granular.md.located.records import ACTIVE, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, STEEPEST
 
 REACH = (math.factorial(ORDER + 1) * 1e-17) ** (1.0 / (ORDER + 1))
 FURTHEST = 8.0
 """A step reaches at most this many times the scale it was computed with."""
 JUST = 1e-15
-"""Overlap, as a part of the block's, below which a closing pair has only just touched: what an event elsewhere in the
-block, located to rounding, leaves of a touch at the same instant."""
+"""Overlap, as a part of the typical one, below which a closing pair has only just touched: what an event elsewhere in
+the block, located to rounding, leaves of a touch at the same instant."""
 DORMANCY = 1e-13
-"""A pair that touches at rest sleeps up to this part of the typical overlap."""
+"""A pair that touches at rest, or on a clock that does not suit it, sleeps up to this part of the typical overlap."""
 
 
 @kernel
@@ -88,23 +88,33 @@ def amplitude(pair: Any, square: float) -> float:
 @kernel
 def choose_clock(pairs: Any, lo: int, hi: int) -> int:
     """Return q of the clock t = (hτ)^q: 1, or that of pairs just touched; those it does not suit go dormant."""
-    q = 1
+    q, square = 1, pairs[lo].speed * pairs[lo].speed
     for c in range(lo, hi):
         pair = pairs[c]
-        if pair.mode == ACTIVE and pair.kind != LINEAR and pair.eta > 0.0 and pair.xi < JUST * pairs[lo].length:
-            pair.xi = 0.0
-        if pair.mode == ACTIVE and pair.kind != LINEAR and pair.xi == 0.0 and q % pair.q != 0:
+        if needs_clock(pair) and q % pair.q != 0:
             if pair.q % q == 0:
                 q = pair.q
             else:
                 pair.mode = DORMANT
     for c in range(lo, hi):
         pair = pairs[c]
-        if pair.mode == ACTIVE and pair.kind != LINEAR and pair.xi == 0.0 and q * pair.p > STEEPEST:
+        if needs_clock(pair) and q * pair.p > STEEPEST:
             pair.mode = DORMANT
+        if pair.mode == ACTIVE and pair.kind != LINEAR and pair.kind != GENERAL and pair.eta > 0.0 and pair.xi > 0.0:
+            deepest = amplitude(pair, square)
+            if pair.xi < JUST * deepest and q % pair.q == 0 and q * pair.p <= STEEPEST:
+                pair.xi = 0.0
+            elif pair.xi < 0.5 * DORMANCY * deepest:
+                pair.mode = DORMANT
         if pair.mode == DORMANT:
-            pair.wake = DORMANCY * amplitude(pair, pairs[lo].speed * pairs[lo].speed)
+            pair.wake = DORMANCY * amplitude(pair, square)
     return q
+
+
+@kernel
+def needs_clock(pair: Any) -> bool:
+    """Return whether the pair has just been touched and its power series needs a clock of its own."""
+    return bool(pair.mode == ACTIVE and pair.xi == 0.0 and pair.kind != LINEAR and pair.kind != GENERAL)
 
 
 @kernel
