@@ -179,8 +179,6 @@ RUNS = {
     "mass beyond the floats": (
         lambda: soft(Scene([1e-320, 1.0], [0.1, 0.1], [1e-3], [1.0, 0.0]), SOFT, t_end=1.0),
         r"law is LinearDashpot.*: rates or overlaps of its contacts in this scene are beyond the range of numbers"),
-    "a power beyond the floats": (
-        lambda: soft(STACK, laws.PowerLaw(1e7, 100.0)), r"law is PowerLaw.*beyond the range of numbers"),
     "too few laws": (lambda: soft(STACK, [SOFT]), r"length of law is 1: 2 \(the number of pairs\) is needed"),
     "unknown method": (lambda: soft(method="verlett"), r"method is 'verlett': one of .* did you mean verlet\?"),
     "no time step": (lambda: soft(dt=0.0), r"dt is 0\.0: a finite number above 0 is needed"),

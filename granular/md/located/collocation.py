@@ -95,6 +95,7 @@ class Collocation:
             return branch(top, eta) + branch(top, -eta) - branch(max(0.0, 2.0 * top - xi), -eta)
         return branch(xi, eta)
 
+    @np.errstate(over="ignore", invalid="ignore")  # trial steps may be far too long
     def fill(self, records: Any, lo: int, hi: int, tol: float) -> float:
         """Compute the piece of the block lo … hi-1 on τ in [0, 1], set its h and clock; return its truncation error."""
         block, pairs = records[lo], records[lo:hi]
