@@ -147,7 +147,8 @@ def observed(case: Case, run: Solution | gr.Trajectory) -> tuple[list[int], dict
     table = table[np.lexsort((table[:, 1], table[:, 0]))]
     at_rest = abs(table[:, 4] - table[:, 5]) < 1e-12 * abs(table[:, 4:8]).max(initial=0.0, where=~np.isnan(table[:, 4:8]))
     faint = np.isnan(table[:, 2]) | at_rest  # woken at the very end, or rocked by rounding: has it begun? nobody knows
-    table = table[~(faint & (table[:, 10] < 1e-10 * table[:, 10].max(initial=0.0)))]
+    momentum = min(case.mass) * abs(table[:, 4] - table[:, 5]).max(initial=0.0)
+    table = table[~(faint & (table[:, 10] < 1e-10 * max(momentum, table[:, 10].max(initial=0.0))))]
     numbers = {"velocity": velocity, "v_in": table[:, 4:6], "v_out": table[:, 6:8], "time": time, "gap": gap}
     for i, name in ((1, "t_begin"), (2, "t_end"), (3, "duration"), (8, "xi_max"), (9, "force_max"), (10, "impulse")):
         numbers[name] = table[:, i]
