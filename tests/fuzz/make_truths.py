@@ -23,6 +23,8 @@ from fuzz.solver import solve  # noqa: E402
 STORE = Path(__file__).with_name("truths.json")
 SCENES = 300
 OF_ONE_KIND = {"mixed": 60}
+LEFT_OUT = {385}
+"""A row of balls in free fall over a floor too soft to feel: whether they press each other is a question of rounding."""
 STEPS = 250
 """Steps of the solver beyond which a scene takes the engine too long for every test run."""
 
@@ -33,6 +35,8 @@ def main() -> None:
     while len(kept) < SCENES:
         seed += 1
         case = generate(seed)
+        if seed in LEFT_OUT:
+            continue
         if kinds[case.names] >= OF_ONE_KIND.get(case.names, 16) or solve(case).steps > STEPS:
             continue
         one = truth(case)
