@@ -533,14 +533,16 @@ def peak(s: Any, y: Any, h: Any, c: int, columns: int, of_force: bool, p_lo: Any
 def settle(s: Any, y: Any, until: Any) -> bool:
     """Decide on pairs that touched at rest once they are pressed or parted; true if the run was to stop there."""
     n = len(s.kind)
-    largest = 0.0 * y[0]
+    largest, strongest = 0.0 * y[0], 0.0 * y[0]
     for c in range(n):
         if s.mode[c] != OPEN:
             largest = max(largest, y[c])
+        if s.mode[c] == ACTIVE or (s.mode[c] == RESTING and y[c] > 0.0):
+            strongest = max(strongest, force_now(s, y, c))
     for c in range(n):
         if s.mode[c] != RESTING:
             continue
-        if y[c] > 1e-13 * largest:
+        if y[c] > 1e-13 * largest or (y[c] > 0.0 and force_now(s, y, c) > 1e-10 * strongest):
             if c == until[0] and s.count[c] + 1 == until[1]:
                 return True
             s.mode[c], s.armed[c] = ACTIVE, 1
