@@ -277,6 +277,7 @@ def march(
     new, trial = np.zeros_like(y), np.zeros_like(y)
     if start(s, y, until) == UNTIL:
         return UNTIL, k, done, steps
+    last = s.number[T]
     while True:
         steps += 1
         if steps > most or k >= len(rows) - 1:
@@ -304,6 +305,7 @@ def march(
             y[:] = new
             advance_clock(s, h)
             if c >= 0:
+                last = s.number[T]
                 y[c] = 0.0 * h
                 if y[n + c] <= 0.0:
                     s.mode[c] = RESTING
@@ -312,6 +314,8 @@ def march(
                         touch(s, y, c)
             continue
         prepare(s, y)
+        if t_end < 0.0 and s.number[T] > 1e9 * last and last > 0.0:
+            return TIRED, k, done, steps  # at rest for ever
         h = try_step(s, y, columns, left if t_end >= 0.0 else -1.0 + 0.0 * left, new)
         c, which = earliest(s, y, h, columns, new, trial)
         if c >= 0:
@@ -326,6 +330,7 @@ def march(
             if s.armed[i] == 0 and event(s, y, i, BRACKET) < -noise(s, y, i, BRACKET, s.number[EPS]):
                 s.armed[i] = 1
         if c >= 0:
+            last = s.number[T]
             wrote = act(s, y, c, which, rows, k, until)
             if wrote < 0:
                 return UNTIL, k, done, steps
