@@ -131,10 +131,11 @@ def observed(case: Case, run: Solution | gr.Trajectory) -> tuple[list[int], dict
     """Pair of each contact, sorted by pair and time, and all numbers that are compared, as doubles."""
     if isinstance(run, Solution):
         table = np.array([[float(x) for x in row] for row in run.rows]).reshape(-1, 11)
-        samples = [(t, row) for t, row in zip(case.samples or (), run.samples, strict=True) if t < float(run.time)]
-        n = len(case.gap)
+        to_the_end, n = run.status == "time", len(case.gap)
+        kept = zip(case.samples or (), run.samples, strict=True)
+        samples = [(t, row) for t, row in kept if to_the_end or t < float(run.time)]
         ends = [(float(run.time), np.concatenate([run.overlap, run.rate, run.rate, run.velocity]))]
-        rows = samples + ends if case.samples is not None else ends
+        rows = samples if samples and to_the_end else samples + ends
         time = np.array([float(t) for t, _ in rows])
         gap = np.array([[-float(x) for x in row[:n]] for _, row in rows])
         velocity = np.array([[float(x) for x in row[3 * n :]] for _, row in rows])
@@ -165,6 +166,9 @@ def scales(case: Case, numbers: dict[str, Any]) -> dict[str, Any]:
     out: dict[str, Any] = {"velocity": speed, "v_in": speed, "v_out": speed}
     for name in ("duration", "xi_max", "force_max", "impulse"):
         out[name] = float(np.nanmax(numbers[name], initial=0.0)) or 1.0
+    momentum = min(case.mass) * speed  # what rounding of speeds amounts to, however weak the contacts are
+    out["impulse"] = max(out["impulse"], momentum)
+    out["force_max"] = max(out["force_max"], momentum / longest)
     for name in ("t_begin", "t_end", "time"):
         if name in numbers:
             out[name] = np.fmax(abs(numbers[name]), longest)

@@ -277,6 +277,7 @@ def march(
     new, trial = np.zeros_like(y), np.zeros_like(y)
     if start(s, y, until) == UNTIL:
         return UNTIL, k, done, steps
+    last = s.number[T]
     while True:
         steps += 1
         if steps > most or k >= len(rows) - 1:
@@ -304,6 +305,7 @@ def march(
             y[:] = new
             advance_clock(s, h)
             if c >= 0:
+                last = s.number[T]
                 y[c] = 0.0 * h
                 if y[n + c] <= 0.0:
                     s.mode[c] = RESTING
@@ -312,6 +314,8 @@ def march(
                         touch(s, y, c)
             continue
         prepare(s, y)
+        if t_end < 0.0 and s.number[T] > 1e9 * last and last > 0.0:
+            return TIRED, k, done, steps  # at rest for ever
         h = try_step(s, y, columns, left if t_end >= 0.0 else -1.0 + 0.0 * left, new)
         c, which = earliest(s, y, h, columns, new, trial)
         if c >= 0:
@@ -326,6 +330,7 @@ def march(
             if s.armed[i] == 0 and event(s, y, i, BRACKET) < -noise(s, y, i, BRACKET, s.number[EPS]):
                 s.armed[i] = 1
         if c >= 0:
+            last = s.number[T]
             wrote = act(s, y, c, which, rows, k, until)
             if wrote < 0:
                 return UNTIL, k, done, steps
@@ -533,14 +538,16 @@ def peak(s: Any, y: Any, h: Any, c: int, columns: int, of_force: bool, p_lo: Any
 def settle(s: Any, y: Any, until: Any) -> bool:
     """Decide on pairs that touched at rest once they are pressed or parted; true if the run was to stop there."""
     n = len(s.kind)
-    largest = 0.0 * y[0]
+    largest, strongest = 0.0 * y[0], 0.0 * y[0]
     for c in range(n):
         if s.mode[c] != OPEN:
             largest = max(largest, y[c])
+        if s.mode[c] == ACTIVE or (s.mode[c] == RESTING and y[c] > 0.0):
+            strongest = max(strongest, force_now(s, y, c))
     for c in range(n):
         if s.mode[c] != RESTING:
             continue
-        if y[c] > 1e-13 * largest:
+        if y[c] > 1e-13 * largest or (y[c] > 0.0 and force_now(s, y, c) > 1e-10 * strongest):
             if c == until[0] and s.count[c] + 1 == until[1]:
                 return True
             s.mode[c], s.armed[c] = ACTIVE, 1

@@ -66,7 +66,7 @@ def generate(seed: int, small: bool = False) -> Case:
     """Return the case of a seed; a `small` one has few balls and contacts, and is chosen by interpreted code."""
     for attempt in range(50):
         rng = np.random.default_rng([seed, attempt])
-        case = _finished(rng, _start(rng, 2 if small else 8), small)
+        case = _finished(rng, _start(rng, 3 if small else 8), small)
         if case is not None:
             return case
     raise AssertionError(f"seed {seed} gives no scene with a contact")
@@ -229,9 +229,9 @@ def _law(rng: Any, name: str, m: float, v: float, x: float) -> Spec:
 
 def _finished(rng: Any, case: Case, small: bool) -> Case | None:
     """The case with its end, stop condition and samples; None if nothing happens in it."""
-    contacts = int(rng.integers(2, 5 if small else 36))
+    contacts = int(rng.integers(2, 8 if small else 36))
     case = case.replace(t_end=_longest(case))
-    tried = solve(case, rows=contacts, most=100 if small else STEPS, compiled=not small)
+    tried = solve(case, rows=contacts, most=150 if small else STEPS, compiled=not small)
     case = case.replace(t_end=None)
     if len(tried.rows) == 0:
         return None
