@@ -62,9 +62,8 @@ class Comparison:
 
     @cached_property
     def impact_speed(self) -> float:
-        """v₁ in m/s, the speed of the first collision of the hard spheres; nan without one."""
-        log = self.counted[0].contacts
-        return float(abs(log["v_in"][0, 0] - log["v_in"][0, 1])) if len(log) else math.nan
+        """v₁ in m/s, the speed of the first collision of the hard spheres, `measures.impact_speed`; nan without."""
+        return measures.impact_speed(self.counted[0])
 
     @cached_property
     def counted(self) -> tuple[Trajectory, Trajectory]:

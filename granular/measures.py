@@ -154,6 +154,20 @@ def fastest_approach(*runs: Trajectory) -> float:
     return max(float(_approach(run.contacts).max(initial=0.0)) for run in runs)
 
 
+def impact_speed(run: Trajectory) -> float:
+    """v₁ in m/s: speed of the first collision of hard spheres; nan without contacts.
+
+    Where several pairs collide at that instant, the fastest approach among them before any of them has acted: a ball
+    has the velocity with which it enters the first of its rows. So it hangs neither on a tie rule nor on the order of
+    rows; in a touching group most pairs do not approach at all.
+    """
+    log = run.contacts[run.contacts["t_begin"] == run.contacts["t_begin"][:1]]
+    body = np.column_stack([log["pair"], log["pair"] + 1]).ravel()
+    _, first, which = np.unique(body, return_index=True, return_inverse=True)
+    before = log["v_in"].ravel()[first][which].reshape(-1, 2)
+    return float((before[:, 0] - before[:, 1]).max()) if len(log) else math.nan
+
+
 def impact_velocities(scene: Scene, run: Trajectory) -> Array:
     """Velocities in m/s just before the first contact of `run` (the initial ones without any)."""
     fall = float(run.contacts["t_begin"][0] - run.time[0]) if len(run.contacts) else 0.0

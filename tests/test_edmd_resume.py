@@ -1,6 +1,7 @@
 """A run in pieces equals the run in one, bit for bit."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ from granular import edmd, until
 from granular.rules import ConstantRestitution, TabulatedRestitution
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
+
+REFERENCE = Path(__file__).parent / "reference"
 
 
 def box(seed, n=12, gravity=0.0, ceiling=True, tiny=False):
@@ -166,3 +169,19 @@ def test_a_closer_look_resumed_leaves_what_it_looks_at_alone() -> None:
         pieces.append(part.contacts)
     same_end(whole, part)
     assert np.concatenate(pieces).tobytes() == whole.contacts.tobytes()
+
+
+@pytest.mark.parametrize("name", ["floor", "falling"])
+def test_run_saved_before_velocities_had_noise_goes_on(name) -> None:
+    """Above a floor, saved in the middle of a closer look; and in free fall, whose frame was another one then."""
+    saved = Trajectory.load(REFERENCE / f"older_{name}.npz")
+    assert "noise" not in saved.state
+    assert ("zoom_gap" in saved.state) is (name == "floor")
+    whole = edmd.simulate(saved.scene, saved.rule)
+    rest = edmd.resume(saved)
+    assert (rest.status, rest.stats["events"]) == (whole.status, whole.stats["events"])
+    np.testing.assert_allclose(rest.velocity[-1], whole.velocity[-1], rtol=1e-13)
+    np.testing.assert_allclose(rest.position[-1], whole.position[-1], rtol=1e-13, atol=1e-15)
+    both = np.concatenate([saved.contacts, rest.contacts])
+    assert both["pair"].tolist() == whole.contacts["pair"].tolist()
+    np.testing.assert_allclose(both["t_begin"], whole.contacts["t_begin"], rtol=1e-13)

@@ -79,6 +79,41 @@ def test_error_is_the_written_formula(reports):
         assert report.error == max(by_hand(report)) / (first[0] - first[1])
 
 
+def touching_balls(rng):
+    """A scene with touching groups in flight, and the speed at which its first pair, or pairs at once, close."""
+    n = int(rng.integers(3, 8))
+    velocity = np.sort(rng.integers(-3, 4, n))[::-1] * 0.25  # equal neighbours are common
+    gap = np.where(rng.random(n - 1) < 0.6, 0.0, rng.integers(1, 3, n - 1) * 2.0**-10)
+    mass = np.ones(n) if rng.random() < 0.5 else rng.uniform(0.2, 2.0, n)
+    closing = velocity[:-1] - velocity[1:]
+    when = [d / w if w > 0.0 else math.inf for d, w in zip(gap, closing, strict=True)]
+    return gr.Scene(mass, np.full(n, 0.1), gap, velocity), max(closing[np.array(when) == min(when)])
+
+
+@pytest.mark.parametrize("ties", ["left", "right", "random", "newton", "poisson", "reflect"])
+def test_impact_speed_is_that_of_the_scene_whatever_the_tie_rule(ties):
+    rng, seen = np.random.default_rng(5), 0
+    for _ in range(60):
+        scene, speed = touching_balls(rng)
+        if speed > 0.0:
+            hard = gr.edmd.simulate(scene, gr.ConstantRestitution(0.8), until=gr.until.separated(), ties=ties)
+            assert measures.impact_speed(hard) == pytest.approx(speed, rel=1e-13)
+            seen += 1
+    assert seen > 40
+
+
+@pytest.mark.parametrize(("balls", "eps", "k"), [((6, 3, 0.364), 1.0, 8.87e6), ((5, 4, 1.32), 0.444, 1e7)])
+@pytest.mark.parametrize("ties", ["left", "newton", "poisson", "reflect"])
+def test_group_whose_first_pair_does_not_approach_is_judged(balls, eps, k, ties):
+    n, moving, speed = balls
+    scene = gr.scenes.newtons_cradle(n, moving, gap=0.0, speed=speed)
+    law = [gr.LinearDashpot.from_restitution(eps, k=k, pair=p) for p in scene.pairs]
+    report = gr.compare(scene, law, gr.ConstantRestitution(eps), until=gr.until.separated(), ties=ties)
+    assert report.impact_speed == speed
+    assert report.error == max(by_hand(report)) / speed > 0.2
+    assert report.verdict.startswith("Not uniquely")
+
+
 def test_every_ball_counts_whatever_the_sign(reports):
     for report in reports:
         if report.scene.is_wall.any():

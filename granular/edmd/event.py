@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from granular._kernels import kernel
-from granular.edmd.merge import ORDINARY, WEAK, absorb, kind, strike
+from granular.edmd.merge import ORDINARY, WEAK, absorb, kind, share, strike
 from granular.edmd.model import remedied
 from granular.edmd.motion import Bodies, Ints, Physics, approach, blur, carry, collide
 
@@ -55,6 +55,8 @@ def event(
         row[4], row[5] = u[c] - falls[c] * (g * now), u[c + 1] - falls[c + 1] * (g * now)
         row[6] = exchanged if what == WEAK else -((1.0 + e) * w) * m_eff[c]
     blur(c, w, e, u, noise, low, high)
+    if what == WEAK:
+        share(c, start, end, falls, u, noise)
     hits[c] += 1
     if e < 1.0:
         size = max(abs(u[c]), abs(u[c + 1]))

@@ -25,9 +25,9 @@ def newton(inverse_mass: Sequence[float], rate: Sequence[float], eps: Sequence[f
 
     Only for one common ε: with different ones it can multiply the energy.
     """
-    total, now = [0.0] * len(rate), list(rate)
+    total, now, tiny = [0.0] * len(rate), list(rate), noise(rate)
     for _ in range(PASSES):
-        if min(now) >= -noise(rate):
+        if min(now) >= -tiny:
             return total
         p = complementary(inverse_mass, [(1.0 + e) * r for e, r in zip(eps, now, strict=True)])
         now = after(inverse_mass, now, p)
@@ -55,9 +55,9 @@ def reflect(inverse_mass: Sequence[float], rate: Sequence[float], eps: Sequence[
     Only for one common ε: ε times the elastic impulses plus 1 - ε times those that stop all approach. Never ends if
     the group is held by walls at both ends.
     """
-    total, now = [0.0] * len(rate), list(rate)
+    total, now, tiny = [0.0] * len(rate), list(rate), noise(rate)
     for _ in range(PASSES):
-        approaching = [r < -noise(rate) for r in now]
+        approaching = [r < -tiny for r in now]
         if not any(approaching):
             break
         p = solve(inverse_mass, [-2.0 * r for r in now], approaching)
@@ -130,4 +130,5 @@ def noise(rate: Sequence[float]) -> float:
 
 def gave_up(rule: str) -> ValueError:
     """Return the error of a rule that found no end."""
-    return ValueError(f"ties is {rule!r}: no end after {PASSES} passes on a touching group; use ties='poisson'.")
+    other = "left" if rule == "poisson" else "poisson"
+    return ValueError(f"ties is {rule!r}: no end after {PASSES} passes on a touching group; use ties={other!r}.")

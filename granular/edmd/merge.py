@@ -77,6 +77,19 @@ def absorb(
 
 @rare
 @kernel
+def share(c: int, first: int, last: int, falls: Floats, u: Floats, noise: Floats) -> None:
+    """Give all bodies that now move as one with pair `c`, among those of pairs `first` … `last`, the noise of the pair.
+
+    A wall has none.
+    """
+    common = max(noise[c], noise[c + 1])
+    for i in range(first, last + 2):
+        if u[i] == u[c] and falls[i] > 0.0:
+            noise[i] = max(noise[i], common)
+
+
+@rare
+@kernel
 def strike(
     c: int, now: float, w: float, e: float, g: float, mass: Floats, u: Floats, falls: Floats, gap: Floats, at: Floats,
     pull: Floats, low: Floats, high: Floats,

@@ -31,6 +31,8 @@ Physics = tuple[Floats, Floats, Floats, Floats, Floats, float, float, float, flo
 NOISE = 2.0**-96
 """What a collision adds to the noise, in units of the velocities squared: 16 units in the last place of velocities, of
 which rounding takes less than 3."""
+REBASED = 2.0**-104
+"""What re-basing under gravity adds to it, in the same units: one unit in the last place; rounding takes half of it."""
 
 
 @kernel
@@ -116,7 +118,7 @@ def approaching(first: int, now: float, u: Floats, pull: Floats, noise: Floats) 
 
 @kernel
 def rebase(
-    shift: float, g: float, u: Floats, falls: Floats, gap: Floats, at: Floats, pull: Floats, last: Floats
+    shift: float, g: float, u: Floats, falls: Floats, gap: Floats, at: Floats, pull: Floats, last: Floats, noise: Floats
 ) -> int:
     """Move all gaps to time `shift` and make that the new zero of time; return the number of clamps."""
     clamps = 0
@@ -127,4 +129,5 @@ def rebase(
     if g != 0.0:
         for i in range(len(u)):
             u[i] -= falls[i] * (g * shift)
+            noise[i] += falls[i] * REBASED * (u[i] * u[i])
     return clamps

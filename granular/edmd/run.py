@@ -90,13 +90,15 @@ class Run:
 
     def to(self, time: float) -> Status | None:
         """Advance to `time` (s; may be inf); return why the run is over, None if `time` was reached."""
-        state = self.state
+        state, idle = self.state, False
         while True:
             limit = state.tau(min(time, self.horizon))
             goal = self.tail if state.events < self.tail else self.last_event
             if time >= self.horizon and limit <= state.now:
                 return Status.collapse
-            budget = max(0, min(self.queue.chunk, goal - state.events))
+            left = self.last_event - state.events
+            budget = left if idle else max(0, min(self.queue.chunk, goal - state.events))
+            before = state.events
             log: Rows | None = [] if self.keep or self.on_event is not None else None
             pause: Pause | None
             if self.faster is not None and worth(loop, work(state) - self.worked, LONG, VERY_LONG, inline=True):
@@ -122,7 +124,8 @@ class Run:
                 self.queue.rebuild()
             elif pause is Pause.suspect:
                 self.zoom = Zoom.on(state, self.queue)
-            elif pause is Pause.budget and state.events >= self.last_event:
+            idle = pause is Pause.budget and state.events == before  # before a group larger than the budget
+            if pause is Pause.budget and (state.events >= self.last_event or (idle and budget == left)):
                 return Status.max_events
             self._report()
 

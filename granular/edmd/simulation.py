@@ -13,7 +13,7 @@ from granular import _check, rules
 from granular import until as conditions
 from granular._check import Array
 from granular._sampling import sample_times
-from granular.edmd import engines, options, outcome
+from granular.edmd import engines, older, options, outcome
 from granular.edmd.collapse import Zoom
 from granular.edmd.run import Run
 from granular.edmd.state import State
@@ -153,7 +153,7 @@ def resume(
         raise ValueError("trajectory is no hard-sphere run: one from granular.edmd is needed.")
     if trajectory.status is Status.collapse:
         raise ValueError("trajectory ended in a collapse: nothing follows it; run again with collapse='merge' or tc=.")
-    scene, saved = trajectory.scene, trajectory.state
+    scene, saved = trajectory.scene, older.updated(trajectory.state, trajectory.scene)
     state = State.restored(saved)
     model = options.restored(scene, trajectory.rule, saved)
     start = state.time(state.now)

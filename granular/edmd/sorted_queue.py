@@ -10,6 +10,7 @@ from sortedcontainers import SortedList
 
 from granular.edmd import touching
 from granular.edmd.event import SUSPICIOUS, event
+from granular.edmd.groups import gave_up
 from granular.edmd.merge import rest
 from granular.edmd.model import Model
 from granular.edmd.motion import Floats, approaching, predicted
@@ -26,7 +27,7 @@ class Pause(Enum):
 
     limit = "the next event is later than asked for, or never"
     window = "the next event lies in a later window"
-    budget = "as many events as asked for have acted"
+    budget = "as many events as asked for have acted, or a group that collides as a whole would make it more"
     until = "the next event is the contact to stop at, or all pairs recede"
     suspect = "the last collisions look like a collapse"
 
@@ -113,9 +114,10 @@ class SortedQueue:
             if groups:
                 first, last = touching.group(c, now, s)
                 if first < last:
-                    if not self._solve(c, first, last, log):
+                    pause = self._solve(c, first, last, until_event - s.events, log)
+                    if pause is not None:
                         self.refresh(c, c)
-                        return Pause.until
+                        return pause
                     if self._apart():
                         return Pause.until
                     continue
@@ -144,14 +146,16 @@ class SortedQueue:
             return Pause.until
         return Pause.budget
 
-    def _solve(self, c: int, first: int, last: int, log: Rows | None) -> bool:
-        """Let the touching group of pairs `first` … `last` collide as a whole, unless it is to stop before that."""
+    def _solve(self, c: int, first: int, last: int, budget: int, log: Rows | None) -> Pause | None:
+        """Let the touching group of pairs `first` … `last` collide as a whole, unless there is a reason not to."""
         s, m = self.state, self.model
         p = touching.impulses(c, first, last, s.now, s, m)
         hit = [k for k in range(first, last + 1) if p[k - first] > 0.0]
         stop_pair, stop_hits = self.stop
         if stop_pair in hit and s.hits[stop_pair] >= stop_hits:
-            return False
+            return Pause.until
+        if len(hit) > budget:
+            return Pause.budget
         before = touching.velocities(first, last, s.now, s, m)
         touching.apply(first, last, p, s.now, s, m)
         after = touching.velocities(first, last, s.now, s, m)
@@ -163,7 +167,9 @@ class SortedQueue:
                 log.append([k, s.now, before[i], before[i + 1], after[i], after[i + 1], p[i]])
         s.events += len(hit)
         self.refresh(max(first - 1, 0), min(last + 1, len(s.gap) - 1))
-        return True
+        if not hit and self.entry[c][0] <= s.now:
+            raise gave_up(m.ties)
+        return None
 
     def _apart(self) -> bool:
         s = self.state

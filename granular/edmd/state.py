@@ -119,7 +119,7 @@ class State:
         """Move the epoch on by whole windows, so that `tau` comes to lie in the first one."""
         shift = tau - math.fmod(tau, self.window)
         self.tally[0] += compiler(rebase)(
-            shift, gravity, self.u, self.falls, self.gap, self.at, self.pull, self.last
+            shift, gravity, self.u, self.falls, self.gap, self.at, self.pull, self.last, self.noise
         )
         total = self.epoch + shift
         back = total - self.epoch

@@ -71,14 +71,27 @@ def apply(first: int, last: int, p: Row, now: float, s: State, m: Model) -> None
     doubt = max(s.noise[first : last + 2]) + NOISE * (fastest * fastest)
     for i in range(first, last + 2):
         s.noise[i] = doubt
-    noise = fastest * 2.0**-40
-    for c in range(first, last + 1):
-        if m.mass[c] >= m.mass[c + 1] and _is_noise(c, now, s, noise):
-            s.u[c + 1] = s.u[c] + s.pull[c] * now
-    for c in range(last, first - 1, -1):
-        if m.mass[c] < m.mass[c + 1] and _is_noise(c, now, s, noise):
-            s.u[c] = s.u[c + 1] - s.pull[c] * now
+    noise, c = fastest * 2.0**-40, first
+    while c <= last:
+        end = c
+        while end <= last and _is_noise(end, now, s, noise):
+            end += 1
+        _go_together(c, end, now, s, m)
+        c = end + 1
 
 
 def _is_noise(c: int, now: float, s: State, noise: float) -> bool:
     return bool(abs((s.u[c + 1] - s.u[c]) - s.pull[c] * now) <= noise)
+
+
+def _go_together(first: int, last: int, now: float, s: State, m: Model) -> None:
+    """Give bodies `first` … `last` the velocity of the heaviest of them.
+
+    All of them that one: were it done pair by pair, a light ball between two heavy ones would leave the first it was
+    given to.
+    """
+    heaviest = max(range(first, last + 1), key=lambda i: m.mass[i])
+    for i in range(heaviest, last):
+        s.u[i + 1] = s.u[i] + s.pull[i] * now
+    for i in range(heaviest, first, -1):
+        s.u[i - 1] = s.u[i] - s.pull[i - 1] * now

@@ -22,6 +22,10 @@ from typing import Any
 from granular.reference.modes import ACTIVE, OPEN, RESIDUAL
 from granular.reference.series import Number, Power, product_term, value
 
+TERMS = 3
+"""Order of the series at least, in units of the window of last terms that sets the step: were the window most of the
+series, its low terms would have to be as small as the tolerance, and steps with them."""
+
 
 @dataclass
 class Touch:
@@ -78,7 +82,7 @@ class Motion:
     """The bodies under their forces: expands the present state into a `Piece` and moves along it."""
 
     def __init__(self, mp: Any, scene: Any, forms: Sequence[Any], order: int, tol: Number) -> None:
-        self.mp, self.order, self.tol = mp, order, tol
+        self.mp, self.tol = mp, tol
         self.w = [mp.zero if math.isinf(m) else 1 / mp.mpf(m) for m in scene.mass.tolist()]
         self.fall = [-mp.mpf(scene.gravity) if w else mp.zero for w in self.w]
         self.pull = [self.fall[c] - self.fall[c + 1] for c in range(len(self.fall) - 1)]
@@ -88,6 +92,7 @@ class Motion:
             for (k, p, gamma, d), gap in zip(forms, scene.gap.tolist(), strict=True)
         ]
         self.window = max(6, *(int(a.q * (1 + a.p)) for a in self.touches))
+        self.order = max(order, TERMS * self.window)
         self.speed = mp.zero
         self.past, self.root, self.last = mp.inf, 1, mp.zero
         """Time since the last singular begin, its q, and the duration of the last step."""

@@ -1,13 +1,13 @@
 // Hard spheres, event-driven, in gaps and their rates: the next event is the smallest (wait, rank), and all pairs move on
 // to it. A rate is never the difference of two velocities, so it is exact however small it is (granular/edmd/zoom.py).
-// "collapse": infinitely many collisions, or rates below 2^-100 of the impact speed. "endless": more than `maxEvents`.
+// "collapse": infinitely many collisions, or rates below 2^-200 of the impact speed. "endless": more than `maxEvents`.
 import { comesToRest, noteApexes, startApexes } from "./apex.mjs";
 import { gapAfter, rateAtContact, timeToContact } from "./flight.mjs";
 import { newtonRule, poissonRule, velocityChanges, reflectRule } from "./groups.mjs";
 import { heights, isNoise, pairsOf } from "./scenes.mjs";
 
 const GROUPS = { newton: newtonRule, poisson: poissonRule, reflect: reflectRule };
-const TINY = 2 ** -100, SLOW = 1e-6, MERGED = 1e-4; // of the impact speed
+const TINY = 2 ** -200, SLOW = 1e-6, MERGED = 1e-4; // of the impact speed
 const DRAWN = 2000; // flights between events
 export const RULES = {
   left: "one by one, from the left", right: "one by one, from the right", random: "one by one, at random",
