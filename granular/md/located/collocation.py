@@ -2,8 +2,8 @@
 
 The forces are evaluated at 16 Gauss points of the step and interpolated; the polynomials of rate and overlap follow by
 exact integration, and the forces are evaluated anew there until nothing changes (Picard). The interpolant's last
-Legendre coefficients say whether the step resolves the force, and so does the law itself at both ends, for a kink
-between an end and the outermost node shows at no node; if not, it is halved. This part is interpreted only.
+Legendre coefficients say whether the step resolves the force, and so does the law itself at both ends and between the
+nodes, for a kink between an end and the outermost node shows at no node; if not, it is halved. Interpreted only.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from granular.md.located.events import NOTHING
 from granular.md.located.piece import value
 from granular.md.located.records import ACTIVE, DORMANT, OPEN, ORDER, RESIDUAL
 from granular.md.located.signs import next_event
+from granular.md.located.still import lie_still
 from granular.md.located.steps import amplitude
 from granular.scene import Pair
 
@@ -29,6 +30,10 @@ SWEEPS = 40
 SMALLEST = 2e-15
 """The tolerance cannot be smaller: interpolated forces carry their rounding."""
 ULP = 2.0**-52
+EDGE = 1e-150
+"""Overlap in m of a touch: a law need not be defined at 0, and may have a force there."""
+SETTLED = 1024.0 * ULP
+"""Part of the largest force of a contact up to which a clipped force is rounding."""
 PRECISE = 2e-13
 """Error of forces, as a part of the largest: a kink in a short step hardly moves rates, but peaks are read there."""
 HYSTERESIS = 1e-13
@@ -51,14 +56,24 @@ _X, _WEIGHT = legendre.leggauss(POINTS)
 NODES = 0.5 * (_X + 1.0)
 TO_LEGENDRE = legendre.legvander(_X, POINTS - 1).T * _WEIGHT * (np.arange(POINTS)[:, None] + 0.5)
 TO_POWERS = _shifted_legendre()
-TO_ENDS = np.array([(-1.0) ** np.arange(POINTS), np.ones(POINTS)]) @ TO_LEGENDRE
-"""Values at both ends of what is given at the nodes."""
-WHOLE = 0.5 * _WEIGHT[:, None]
-"""Integral over the step of what is given at the nodes."""
-_PRIMITIVE = np.array([legendre.legint([0.0] * k + [0.5], lbnd=-1) @ legendre.legvander(_X, k + 1).T
-                       for k in range(POINTS)])
-INTEGRATE = _PRIMITIVE.T @ TO_LEGENDRE
-"""Integrals from 0 to each node of what is given at the nodes."""
+LOOKS = np.concatenate([[0.0], 0.5 * (NODES[1:] + NODES[:-1]), [1.0]])
+"""Where the law is asked whether the interpolant holds: both ends, and between the nodes."""
+TO_LOOKS = legendre.legvander(2.0 * LOOKS - 1.0, POINTS - 1) @ TO_LEGENDRE
+"""Values there of what is given at the nodes."""
+NEAR = np.array([1.0 - NODES[-1], *[1.0 / POINTS] * (POINTS - 1), 1.0 - NODES[-1]])
+"""Share of the step for which each of them stands."""
+
+
+def _integrals(places: Array) -> Array:
+    """Integrals from 0 to some places in [-1, 1] of what is given at the nodes."""
+    powers = [(legendre.legint([0.0] * k + [0.5], lbnd=-1), k + 1) for k in range(POINTS)]
+    primitive = [row @ legendre.legvander(places, degree).T for row, degree in powers]
+    out: Array = np.array(primitive).T @ TO_LEGENDRE
+    return out
+
+
+INTEGRATE, INTEGRATE_TO_LOOKS = _integrals(_X), _integrals(2.0 * LOOKS - 1.0)
+"""Integrals from 0 to each node, and to each look, of what is given at the nodes."""
 
 
 class Collocation:
@@ -67,6 +82,7 @@ class Collocation:
     def __init__(self, laws: tuple[Any, ...], pairs: tuple[Pair, ...]) -> None:
         self.laws, self.pairs = laws, pairs
         self.doubt = [0.0] * len(laws)  # N, of the interpolated forces of the current pieces
+        self.largest = [0.0] * len(laws)  # N, force since the balls of the pair last parted
 
     def force(self, c: int, xi: float, eta: float, top: float, loading: int) -> float:
         """Unclipped force in N of pair `c`; beyond ξ = 0, or the largest overlap while unloading, a mirror image of it.
@@ -81,17 +97,15 @@ class Collocation:
 
     @staticmethod
     def _evaluate(law: Any, pair: Pair, xi: float, eta: float, top: float, loading: int) -> float:
-        if not getattr(law, "memory", False):
-            if xi < 0.0:
-                return -traits.evaluate(law, -xi, -eta, pair, -xi)
-            return traits.evaluate(law, xi, eta, pair, xi)
+        memory = getattr(law, "memory", False)
 
         def branch(xi: float, eta: float) -> float:
-            return traits.evaluate(law, xi, eta, pair, max(top, xi) if loading else top)
+            return traits.evaluate(law, xi, eta, pair, top if memory and not loading else max(top, xi))
 
         if xi < 0.0:
-            return branch(0.0, eta) + branch(0.0, -eta) - branch(min(-xi, top) if not loading else -xi, -eta)
-        if not loading and xi > top:
+            image = branch(min(-xi, top) if memory and not loading else -xi, -eta)
+            return branch(EDGE, eta) + branch(EDGE, -eta) - image
+        if memory and not loading and xi > top:
             return branch(top, eta) + branch(top, -eta) - branch(max(0.0, 2.0 * top - xi), -eta)
         return branch(xi, eta)
 
@@ -104,8 +118,10 @@ class Collocation:
         if block.stride > 0.0 and block.clock == 1:
             reach = block.stride
         allowed = max(tol, SMALLEST) * block.speed
-        shortest = 1e-12 * block.length / block.speed if block.speed > 0.0 else 0.0
+        shortest = 1e-14 * block.length / block.speed if block.speed > 0.0 else 0.0
         self._check_start(pairs, lo)
+        if lie_still(pairs, partial(self._at_rest, pairs, lo)):
+            return 0.0
         while True:
             block.h = reach if block.clock == 1 else math.sqrt(reach)
             force, miss, rough = self._iterate(pairs, lo, block.h, block.clock)
@@ -117,7 +133,22 @@ class Collocation:
         growth = (allowed / miss) ** (1.0 / POINTS) if miss > 0.0 else 2.0
         block.stride = reach * min(2.0, 0.9 * growth)
         self._write(pairs, lo, force, block.h, block.clock)
+        if reach <= 1e3 * shortest:
+            self._write_jumps(pairs, lo)
         return miss / block.speed if block.speed > 0.0 else 0.0
+
+    def _at_rest(self, pairs: list[Any], lo: int, i: int, xi: float) -> float:
+        """Force in N of a pair at an overlap, at rest."""
+        return self.force(lo + i, xi, 0.0, pairs[i].top, pairs[i].loading)
+
+    def _write_jumps(self, pairs: list[Any], lo: int) -> None:
+        """Write forces as straight lines: in the shortest of steps, across a jump, an interpolant would overshoot."""
+        for c, p in enumerate(pairs, lo):
+            if p.mode == ACTIVE:
+                first = self.force(c, p.xi, p.eta, p.top, p.loading)
+                last = self.force(c, value(p.x, 1.0), value(p.e, 1.0), p.top, p.loading)
+                p.f = [first, last - first] + [0.0] * (ORDER - 1)
+                p.g = list(p.f)
 
     def locate(self, records: Any, lo: int, hi: int, work: Any) -> None:
         """Find the event that ends the piece of block lo … hi-1; it ends at τ = 1 if there is none."""
@@ -125,8 +156,8 @@ class Collocation:
         block.tau, block.fired, block.what = 1.0, -1, NOTHING
         for c in range(lo, hi):
             p = records[c]
-            pushes = partial(self._pushes, c, p, 1e-3 * block.length)
-            tau, what = next_event(p, pushes, self.doubt[c], block.tau, work)
+            ask = partial(self._pushes, c, p, 1e-3 * block.length)
+            tau, what = next_event(p, ask, self.doubt[c], block.tau, work)
             if tau <= block.tau and what != NOTHING:
                 block.tau, block.fired, block.what = tau, c, what
 
@@ -136,11 +167,15 @@ class Collocation:
         force = self.force(c, 1e-9 * depth, p.eta, 0.0, 1)
         return force > 0.0 or (force == 0.0 and self.force(c, 1e-3 * depth, p.eta, 0.0, 1) > 0.0)
 
-    def _pushes(self, c: int, p: Any, shallow: float, tau: float) -> bool:
-        """Return whether the law of pair `c` pushes at τ; up to a `shallow` overlap its force may be 0 by underflow."""
+    def _pushes(self, c: int, p: Any, shallow: float, tau: float, surely: bool = False) -> bool:
+        """Return whether the law of pair `c` pushes at τ (or `surely`: beyond what rounding may make of a contact's end).
+
+        Up to a `shallow` overlap the force of a contact may be 0 by underflow.
+        """
         xi = value(p.x, tau)
         force = self.force(c, xi, value(p.e, tau), p.top, p.loading)
-        return force > 0.0 or (force == 0.0 and xi < shallow)
+        floor = SETTLED * self.largest[c] if surely else 0.0
+        return force > floor or (p.mode == ACTIVE and force == 0.0 and xi < shallow)
 
     def _check_start(self, pairs: list[Any], lo: int) -> None:
         """Raise if a force at the start of the step is no number, or if nothing stops an overlap."""
@@ -198,19 +233,15 @@ class Collocation:
                 tail = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1)
                 noise = np.maximum(4.0 * grain, np.where(acts, 0.0, HYSTERESIS * abs(force).max(axis=1)))
                 tail = np.where(tail > noise, tail, 0.0)
-                last = xi0 + (eta * pace) @ WHOLE, eta0 + (push * pace) @ WHOLE
-                ends = self._miss_at_ends(pairs, lo, force, (np.hstack([xi0, last[0]]), np.hstack([eta0, last[1]])))
-                ends = np.where(ends > noise, ends, 0.0)
-                miss = np.maximum(tail / POINTS, ends * (1.0 - NODES[-1])) * own[:, 0]
+                between = xi0 + (eta * pace) @ INTEGRATE_TO_LOOKS.T, eta0 + (push * pace) @ INTEGRATE_TO_LOOKS.T
+                off = abs(force @ TO_LOOKS.T - self._forces(pairs, lo, *between))
+                off = np.where(off > noise[:, None], off, 0.0)
+                miss = np.maximum(tail / POINTS, (off * NEAR).max(axis=1)) * own[:, 0]
                 strength = np.maximum(strength, abs(force).max(axis=1))
-                return force, float(miss.max()) * h**q, float((np.maximum(tail, ends) * acts / strength).max())
+                rough = np.maximum(tail, off.max(axis=1)) * acts / strength
+                return force, float(miss.max()) * h**q, float(rough.max())
             worst = change
         return force, math.inf, math.inf
-
-    def _miss_at_ends(self, pairs: list[Any], lo: int, force: Array, ends: tuple[Array, Array]) -> Array:
-        """How far the interpolated forces in N are from the laws at both `ends` (overlaps, rates) of the step."""
-        miss: Array = abs(force @ TO_ENDS.T - self._forces(pairs, lo, *ends)).max(axis=1)
-        return miss
 
     def _grain(self, pairs: list[Any], lo: int, xi: Array, eta: Array) -> Array:
         """How much of each force one rounding of its overlap moves, where that is far more than the force's own."""
@@ -232,10 +263,10 @@ class Collocation:
         """Write the rows: forces from their interpolants (in g clipped ones too), rates and overlaps by integration."""
         rows = (force @ TO_LEGENDRE.T) @ TO_POWERS
         doubt = np.maximum(HYSTERESIS * abs(force).max(axis=1), 8.0 * abs(force @ TO_LEGENDRE[-2:].T).max(axis=1))
-        for c, (p, noise) in enumerate(zip(pairs, doubt.tolist(), strict=True), lo):
-            self.doubt[c] = noise
-            if p.mode == RESIDUAL and p.xi > 0.0:  # its force is a small difference
-                self.doubt[c] = max(noise, 16.0 * ULP * abs(self.force(c, p.xi, 0.0, p.top, p.loading)))
+        peaks = abs(force).max(axis=1).tolist()
+        for c, (p, noise, peak) in enumerate(zip(pairs, doubt.tolist(), peaks, strict=True), lo):
+            self.largest[c] = 0.0 if p.mode == OPEN else max(self.largest[c], peak)
+            self.doubt[c] = max(noise, SETTLED * self.largest[c]) if p.mode == RESIDUAL else noise
         sigma = q * h**q
         for p, row in zip(pairs, rows.tolist(), strict=True):
             series = row + [0.0] * (ORDER + 1 - POINTS)

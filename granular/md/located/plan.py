@@ -15,6 +15,7 @@ from granular.md.located.events import locate
 from granular.md.located.linear import expand_linear
 from granular.md.located.modes import confirm, judge
 from granular.md.located.series import expand
+from granular.md.located.resting import LONG
 from granular.md.located.steps import (
     REACH,
     choose_clock,
@@ -56,6 +57,10 @@ def plan(run: Any, pairs: Any, bodies: Any, work: Any, lo: int, hi: int, laws: A
     run.error += left_out(worst, block.tau)
     block.wait = elapsed(block.h, block.clock, block.tau)
     block.due = block.t + (block.wait + block.tail)
+    if block.h >= LONG:  # it lies still
+        block.due = math.inf
+        if lo == 0 and hi == run.pairs:
+            run.rests = 1
     return True
 
 

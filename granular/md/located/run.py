@@ -230,7 +230,7 @@ class Run:
                 "engine": "compiled" if self.engine == "compiled" else "plain",
                 "steps": int(r.steps), "events": int(r.events), "contacts": int(r.begun),
                 "error_estimate": float(r.error), "resting": bool(r.rests) or self.creep is not None,
-                "shared_impulse": math.fsum([*self.column("shared"), self.crept(end)[1] if log else 0.0]),
+                "shared_impulse": math.fsum([*self.column("shared"), self.crept(end)[1]]) if log else math.nan,
             },
             {"pairs": packed(self.s.pairs, PAIR), "bodies": packed(self.s.bodies, BODY), "run": packed(self.s.run, RUN)}
             if self.engine != "compiled"
@@ -244,6 +244,8 @@ class Run:
             return sentence
         if status is Status.time:
             sentence += "; the balls rest on each other"
+        if self.collocation is not None:
+            return f"{sentence}: every force balances to rounding"
         piled = [c for c, mode in enumerate(self.column("mode")) if mode == ACTIVE]
         decay = slowest_decay(self.records(piled), bool(self.scene.is_wall[[0, piled[-1] + 1]].all()))
         if self.creep is None:

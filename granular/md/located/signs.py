@@ -23,8 +23,8 @@ from granular.md.located.events import (
 from granular.md.located.piece import value
 from granular.md.located.records import ACTIVE, DORMANT, OPEN
 
-Sign = Callable[[float], bool]
-"""Whether the law pushes at τ."""
+Sign = Callable[..., bool]
+"""Whether the law pushes at τ; with a second argument true, surely so, beyond rounding."""
 LOOKS = 26
 """Places at which a law is tried before its pair parts, each a quarter as far from there as the last: 4⁻²⁶ = 2⁻⁵²."""
 PARTS = 16
@@ -60,7 +60,7 @@ def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, work:
     Just before the pair `parts` its force is smaller than any doubt; there the law is tried at ever smaller distances.
     """
     before, found = 0.0, crossing(pair, -1.0, doubt, span, work)
-    if found is None and not parts:
+    if (found is None or pushes(found)) and not parts:
         found = span  # a force that is zero from some overlap on never crosses zero
     if found is not None and not pushes(found):
         return bisected(pushes, *last_push(pushes, found))
@@ -86,17 +86,21 @@ def last_push(pushes: Sign, tau: float) -> tuple[float, float]:
 
 
 def regains(pair: Any, pushes: Sign, doubt: float, span: float, work: Any) -> float | None:
-    """Return the first τ up to `span` where a clipped law pushes again; None if it does not."""
-    found = crossing(pair, 1.0, doubt, span, work)
-    if found is None or not pushes(found):
+    """Return the first τ up to `span` where a clipped law pushes again, beyond rounding; None if it does not.
+
+    The law is tried at places spread up to where the interpolant says that it pushes; after a kink that may be too
+    early, so beyond it too.
+    """
+    found, low = crossing(pair, 1.0, doubt, span, work), 0.0
+    if found is None:
         return None
-    high = found
-    for j in range(PARTS - 1, 0, -1):
-        low = found * j / PARTS
-        if not pushes(low):
-            return bisected(lambda tau: not pushes(tau), low, high)
-        high = low
-    return 0.0 if pushes(0.0) else bisected(lambda tau: not pushes(tau), 0.0, high)
+    for first, last in ((0.0, found), (found, span)):
+        for j in range(PARTS + 1):
+            high = last if j == PARTS else first + (last - first) * j / PARTS
+            if pushes(high, True):
+                return high if pushes(low) else bisected(lambda tau: not pushes(tau), low, high)
+            low = high
+    return None
 
 
 def crossing(pair: Any, way: float, doubt: float, span: float, work: Any) -> float | None:
@@ -108,7 +112,7 @@ def crossing(pair: Any, way: float, doubt: float, span: float, work: Any) -> flo
     return tau if tau <= span else None
 
 
-def bisected(holds: Sign, low: float, high: float) -> float:
+def bisected(holds: Callable[[float], bool], low: float, high: float) -> float:
     """Return where what holds at `low` ceases to hold, before `high`."""
     while True:
         middle = 0.5 * (low + high)
