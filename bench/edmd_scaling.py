@@ -96,9 +96,11 @@ def scaling() -> dict[str, dict[int, float]]:
             events["compiled, in blocks"] = 16.0 * n if n < 1_000_000 else 5.0 * n
         timers |= {"SortedList": engine(scene, "sorted"), "bare SortedList loop": bare(scene, bare_sorted)}
         events |= {"SortedList": 3e4, "bare SortedList loop": 3e4}
-        for name, cost in costs(timers, events, n, 5 if n < 1_000_000 else 1).items():
+        found = costs(timers, events, n, 5 if n < 1_000_000 else 1)
+        for name, cost in found.items():
             table.setdefault(name, {})[n] = cost
-            print(f"{n:9d} balls, {name:22s} {cost:7.0f} ns, {1e3 / cost:6.2f} M/s", flush=True)
+            peer = found["bare SortedList loop" if "Sorted" in name else "bare winner tree"]
+            print(f"{n:9d} balls, {name:22s} {cost:7.0f} ns, {cost / peer:5.2f} times its bare loop", flush=True)
     return table
 
 
@@ -145,8 +147,10 @@ def leaving_out() -> None:
         f"without {walls}": engine(gas(n, walls=False), "sorted"),
     }  # fmt: skip
     for queue, kinds, events in (("compiled", timers, 1e6), ("SortedList", plain, 3e4)):
-        for name, cost in costs(kinds, dict.fromkeys(kinds, events), n, 7).items():
-            print(f"| {queue} | {name} | {cost:.0f} | {1e3 / cost:.2f} |", flush=True)
+        found = costs(kinds, dict.fromkeys(kinds, events), n, 7)
+        least = found["everything left out"]
+        for name, cost in found.items():
+            print(f"| {queue} | {name} | {cost / least:.2f} | {cost:.0f} ns |", flush=True)
 
 
 if __name__ == "__main__":
