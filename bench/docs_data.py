@@ -88,12 +88,11 @@ SLOW = {"viscoelastic", "viscoelastic-material", "breakdown", "predictors"}
 SCENES = ("three-balls", "three-balls-elastic", "three-balls-viscoelastic", "cradle", "column", "chain")
 ENTRIES = {f"paper-{name}": Entry(partial(paper, name, few), name not in SLOW) for name, few in FEW.items()}
 ENTRIES |= {f"frontier-{name}": Entry(partial(frontier, name), False, 0.1, 1e-12) for name in SCENES}
-EXTREMES = ("stiffness", "damping", "mass ratio", "gap", "speed", "start time", "exponent", "corners", "collapse")
-OTHERS = ("touching", "chains", "symmetry", "exact sequence", "ties", "float edges", "long runs")
+EXTREMES = ("stiffness", "damping", "mass ratio", "gap", "speed", "start time", "exponent", "powers", "own laws",
+            "corners", "counts", "last row", "collapse")  # fmt: skip
+OTHERS = ("touching", "chains", "recorded", "rest", "symmetry", "exact sequence", "ties", "float edges", "long runs")
 ENTRIES |= {"stability": Entry(partial(stability, EXTREMES)),
             "stability-others": Entry(partial(stability, OTHERS), False)}  # fmt: skip
-AWAITED = {"frontier-three-balls-viscoelastic", "frontier-chain"}
-"""Figures whose data is not stored yet: enter them in `FEW` or `SCENES` and run this program with their names."""
 TIMES_ONLY = {"edmd-scaling"}
 """Figures of run times, which differ from machine to machine."""
 

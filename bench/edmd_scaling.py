@@ -37,7 +37,7 @@ def engine(scene: gr.Scene, name: str, rule: object = ELASTIC, one: bool = False
     """Return a timer of the engine until a time, `one` block or not; the state is warm."""
     physics = {k: v for k, v in options.items() if k in ("tc", "collapse", "merge_below", "ties")}
     more = {k: v for k, v in options.items() if k not in physics}
-    start = gr.edmd.simulate(scene, rule, engine=name, max_events=0, log=False, **physics)  # type: ignore[arg-type]
+    start = gr.edmd.simulate(scene, rule, engine=name, max_events=1, log=False, **physics)  # type: ignore[arg-type]
 
     def timed(t_end: float) -> tuple[int, float]:
         engines.LARGE = 1 << 60 if one else LARGE

@@ -17,6 +17,8 @@ from granular.trajectory import Status, Trajectory
 
 G = 9.81
 ROWS = 11
+SHORT = 4
+"""Bodies up to which a cell takes part in a quick study."""
 
 
 def rests() -> Iterator[Cell]:
@@ -121,4 +123,5 @@ def unbalanced(run: Trajectory) -> float:
 
 
 def _cell(case: str, scene: Scene, law: Any, end: float, expected: Truth, tolerance: float = 1e-11) -> Cell:
-    return Cell("rest", case, scene, expected, law, tolerance=tolerance, options={"t_end": end, "samples": ROWS})
+    return Cell("rest", case, scene, expected, law, tolerance=tolerance, options={"t_end": end, "samples": ROWS},
+                slow=scene.n > SHORT)  # fmt: skip
