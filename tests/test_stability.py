@@ -203,6 +203,17 @@ def test_a_run_that_ends_at_rest_before_its_end_is_found() -> None:
     assert cell.truth.error(run, None) == math.inf
 
 
+@pytest.mark.parametrize("tol", [1e-4, 1e-9])
+def test_the_error_estimate_is_never_below_the_error(tol: float) -> None:
+    estimates = []
+    for one, cell in [*zip(recorded.stored(), recorded.scenes(), strict=True)][3:90:12]:
+        run = repeat(cell, "located", plain=True)(tol=tol)
+        estimates.append(run.stats["error_estimate"])
+        error = float(np.abs(run.velocity[-1] - one["final"]).max()) / one["unit"]["final"]
+        assert error <= estimates[-1] + 2e-14, cell.case
+    assert max(estimates) > 0.1 * tol
+
+
 def test_every_kind_of_recorded_scene_is_there() -> None:
     kinds = {one["kind"] for one in recorded.stored()}
     assert len(kinds) == 7

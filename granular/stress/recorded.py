@@ -60,6 +60,6 @@ def outcome(one: Mapping[str, Any]) -> Truth:
         if rows["pair"].tolist() != one["pair"]:
             return math.inf
         found = {"final": run.velocity[-1]} | {name: rows[name].ravel() for name in FIELDS}
-        return max(float(np.abs(found[name] - one[name]).max()) / one["unit"][name] for name in found)
+        return float(max(np.abs(found[name] - one[name]).max() / one["unit"][name] for name in found))
 
     return Truth("an independent solver in 18 digits", error)

@@ -37,7 +37,7 @@ def one_contact(eps: float, speed: float, **fields: float) -> Truth:
         if len(run.contacts) != 1:
             return math.inf
         errors = [abs(run.contacts[name][0] / value - 1.0) for name, value in fields.items()]
-        return float(max(errors + [abs(run.velocity[-1, 1] / speed - eps)]))
+        return float(max([*errors, abs(run.velocity[-1, 1] / speed - eps)]))
 
     return Truth("closed form of one contact and its row of the log", error)
 
