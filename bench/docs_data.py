@@ -83,17 +83,16 @@ def plain(value: Any) -> Any:
 
 
 FEW = {"sketch": 1, "forces": 20, "sequence": 3, "counts": 4, "gap": 12, "radii": 12, "validity": 5, "material": 4,
-       "viscoelastic": 5, "viscoelastic-material": 5}  # fmt: skip
-SLOW = {"viscoelastic", "viscoelastic-material"}
-SCENES = ("three-balls", "three-balls-elastic", "cradle", "column")
+       "viscoelastic": 5, "viscoelastic-material": 5, "breakdown": 2, "predictors": 2}  # fmt: skip
+SLOW = {"viscoelastic", "viscoelastic-material", "breakdown", "predictors"}
+SCENES = ("three-balls", "three-balls-elastic", "three-balls-viscoelastic", "cradle", "column", "chain")
 ENTRIES = {f"paper-{name}": Entry(partial(paper, name, few), name not in SLOW) for name, few in FEW.items()}
 ENTRIES |= {f"frontier-{name}": Entry(partial(frontier, name), False, 0.1, 1e-12) for name in SCENES}
-EXTREMES = ("stiffness", "damping", "mass ratio", "gap", "speed", "start time", "exponent", "corners", "collapse")
-OTHERS = ("touching", "chains", "symmetry", "exact sequence", "ties", "float edges", "long runs")
+EXTREMES = ("stiffness", "damping", "mass ratio", "gap", "speed", "start time", "exponent", "powers", "own laws",
+            "corners", "counts", "last row", "collapse")  # fmt: skip
+OTHERS = ("touching", "chains", "recorded", "rest", "symmetry", "exact sequence", "ties", "float edges", "long runs")
 ENTRIES |= {"stability": Entry(partial(stability, EXTREMES)),
             "stability-others": Entry(partial(stability, OTHERS), False)}  # fmt: skip
-AWAITED = {"paper-breakdown", "paper-predictors", "frontier-three-balls-viscoelastic", "frontier-chain"}
-"""Figures whose data is not stored yet: enter them in `FEW` or `SCENES` and run this program with their names."""
 TIMES_ONLY = {"edmd-scaling"}
 """Figures of run times, which differ from machine to machine."""
 

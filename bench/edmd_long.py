@@ -36,7 +36,7 @@ def energy(scene: gr.Scene, velocity: np.ndarray) -> float:
 
 def pieces(scene: gr.Scene, collisions: int, t_start: float = 0.0) -> Iterator[gr.Trajectory]:
     """Yield the run after each tenth of `collisions`."""
-    run = gr.edmd.simulate(scene, ELASTIC, engine="compiled", log=False, max_events=0, t_start=t_start)
+    run = gr.edmd.simulate(scene, ELASTIC, engine="compiled", log=False, max_events=1, t_start=t_start)
     for _ in range(10):
         run = gr.edmd.resume(run, engine="compiled", log=False, max_events=collisions // 10)
         yield run

@@ -37,7 +37,7 @@ def engine(scene: gr.Scene, name: str, rule: object = ELASTIC, one: bool = False
     """Return a timer of the engine until a time, `one` block or not; the state is warm."""
     physics = {k: v for k, v in options.items() if k in ("tc", "collapse", "merge_below", "ties")}
     more = {k: v for k, v in options.items() if k not in physics}
-    start = gr.edmd.simulate(scene, rule, engine=name, max_events=0, log=False, **physics)  # type: ignore[arg-type]
+    start = gr.edmd.simulate(scene, rule, engine=name, max_events=1, log=False, **physics)  # type: ignore[arg-type]
 
     def timed(t_end: float) -> tuple[int, float]:
         engines.LARGE = 1 << 60 if one else LARGE
@@ -96,9 +96,11 @@ def scaling() -> dict[str, dict[int, float]]:
             events["compiled, in blocks"] = 16.0 * n if n < 1_000_000 else 5.0 * n
         timers |= {"SortedList": engine(scene, "sorted"), "bare SortedList loop": bare(scene, bare_sorted)}
         events |= {"SortedList": 3e4, "bare SortedList loop": 3e4}
-        for name, cost in costs(timers, events, n, 5 if n < 1_000_000 else 1).items():
+        found = costs(timers, events, n, 5 if n < 1_000_000 else 1)
+        for name, cost in found.items():
             table.setdefault(name, {})[n] = cost
-            print(f"{n:9d} balls, {name:22s} {cost:7.0f} ns, {1e3 / cost:6.2f} M/s", flush=True)
+            peer = found["bare SortedList loop" if "Sorted" in name else "bare winner tree"]
+            print(f"{n:9d} balls, {name:22s} {cost:7.0f} ns, {cost / peer:5.2f} times its bare loop", flush=True)
     return table
 
 
@@ -145,8 +147,10 @@ def leaving_out() -> None:
         f"without {walls}": engine(gas(n, walls=False), "sorted"),
     }  # fmt: skip
     for queue, kinds, events in (("compiled", timers, 1e6), ("SortedList", plain, 3e4)):
-        for name, cost in costs(kinds, dict.fromkeys(kinds, events), n, 7).items():
-            print(f"| {queue} | {name} | {cost:.0f} | {1e3 / cost:.2f} |", flush=True)
+        found = costs(kinds, dict.fromkeys(kinds, events), n, 7)
+        least = found["everything left out"]
+        for name, cost in found.items():
+            print(f"| {queue} | {name} | {cost / least:.2f} | {cost:.0f} ns |", flush=True)
 
 
 if __name__ == "__main__":

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import math
 import time
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 import granular as gr
 from granular.cli import main
-from granular.stress import AXES, StabilityReport
+from granular.stress import AXES, StabilityReport, ends, own, recorded, rest
 from granular.stress.cell import FIXED, METHODS, Cell, Truth, Verdict
 from granular.stress.contact import meeting
 from granular.stress.hard import rational_run
-from granular.stress.judge import deadline
+from granular.stress.judge import deadline, repeat
 from granular.stress.judge import judge as judge_any
 from granular.stress.timestep import limits
+from granular.trajectory import Trajectory
 
 judge = partial(judge_any, plain=True)  # a deadline must not interrupt a compiler
 
@@ -133,6 +139,98 @@ def test_rational_runs_by_hand() -> None:
     pairs, velocity = rational_run(gr.scenes.newtons_cradle(3, gap=1.0), 1.0, 10)
     assert pairs == [0, 1]
     assert velocity.tolist() == [0.0, 0.0, 1.0]
+
+
+def shifted(name: str, by: float) -> Callable[[Trajectory], Trajectory]:
+    """The same run with the last row of an array moved."""
+
+    def change(run: Trajectory) -> Trajectory:
+        array = np.array(getattr(run, name))
+        array[-1] += by
+        return replace(run, **{name: array})
+
+    return change
+
+
+def logged(name: str, by: float) -> Callable[[Trajectory], Trajectory]:
+    """The same run with a number of its last contact changed by a part of itself."""
+
+    def change(run: Trajectory) -> Trajectory:
+        rows = run.contacts.copy()
+        rows[name][-1] *= 1.0 + by
+        return replace(run, contacts=rows)
+
+    return change
+
+
+def twice(run: Trajectory) -> Trajectory:
+    """The same run with a contact that is not there."""
+    return replace(run, contacts=np.concatenate([run.contacts, run.contacts[-1:]]))
+
+
+@pytest.mark.parametrize(("cells", "change"), [
+    (own.powers, shifted("velocity", 1e-9)), (own.powers, logged("duration", 1e-9)), (own.powers, twice),
+    (own.kinks, shifted("velocity", 1e-9)), (own.kinks, logged("xi_max", 1e-9)), (own.kinks, logged("impulse", 1e-9)),
+    (recorded.scenes, shifted("velocity", 1e-7)), (recorded.scenes, logged("force_max", 1e-7)),
+    (recorded.scenes, logged("t_begin", 1e-7)), (recorded.scenes, logged("v_out", 1e-7)), (recorded.scenes, twice),
+    (rest.rests, shifted("gap", 1e-9)), (rest.rests, shifted("velocity", 1e-9)), (rest.rests, shifted("time", 1e-9)),
+    (rest.rests, logged("impulse", 1e-9)),
+    (ends.counts, shifted("velocity", 1e-9)), (ends.counts, twice),
+    (ends.last_rows, shifted("time", 1e-9)),
+])  # fmt: skip
+def test_a_small_change_of_a_run_is_found(
+    cells: Callable[[], Any], change: Callable[[Trajectory], Trajectory]
+) -> None:
+    every = [cell for cell in cells() if not cell.slow and "max_events" not in cell.options]
+    for cell in every[:: 1 + len(every) // 4]:
+        run = repeat(cell, "located", plain=True)()
+        assert cell.truth.error(run, None) <= cell.tolerance
+        assert not cell.truth.error(change(run), None) <= cell.tolerance, cell.case
+
+
+def test_a_row_of_the_next_sample_is_found() -> None:
+    cell = next(cell for cell in ends.last_rows() if "10 rows" in cell.case)
+    run = repeat(cell, "edmd", plain=True)()
+    asked = np.linspace(0.0, 30.0, 10)
+    late = replace(run, time=asked[: len(run.time)])
+    assert cell.truth.error(run, None) <= cell.tolerance < cell.truth.error(late, None)
+
+
+def test_a_run_that_ends_at_rest_before_its_end_is_found() -> None:
+    cell = next(cell for cell in rest.rests() if "balls from" in cell.case)
+    run = repeat(replace(cell, options={}), "located", plain=True)()
+    assert run.status.name == "resting"
+    assert cell.truth.error(run, None) == math.inf
+
+
+@pytest.mark.parametrize("tol", [1e-4, 1e-9])
+def test_the_error_estimate_is_never_below_the_error(tol: float) -> None:
+    estimates = []
+    for one, cell in [*zip(recorded.stored(), recorded.scenes(), strict=True)][3:90:12]:
+        run = repeat(cell, "located", plain=True)(tol=tol)
+        estimates.append(run.stats["error_estimate"])
+        error = float(np.abs(run.velocity[-1] - one["final"]).max()) / one["unit"]["final"]
+        assert error <= estimates[-1] + 2e-14, cell.case
+    assert max(estimates) > 0.1 * tol
+
+
+def test_every_kind_of_recorded_scene_is_there() -> None:
+    kinds = {one["kind"] for one in recorded.stored()}
+    assert len(kinds) == 7
+    assert len(recorded.stored()) > 90
+    again = [one for one in recorded.stored() if one["kind"].startswith("second")]
+    assert all(any(b > 0.0 for b in one["t_begin"]) for one in again)
+
+
+@pytest.mark.soak
+def test_recorded_scenes_are_those_of_the_independent_solver(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(Path(__file__).parents[1] / "bench")
+    bench = importlib.import_module("stability_recorded")
+    for kind, one in bench.found():
+        fresh = bench.entry(kind, one)
+        stored = next(e for e in recorded.stored() if e["gap"] == fresh["gap"] and e["velocity"] == fresh["velocity"])
+        for name in ("pair", "final", *recorded.FIELDS):
+            assert fresh[name] == pytest.approx(stored[name], rel=1e-13)
 
 
 def test_misuse_is_one_sentence() -> None:

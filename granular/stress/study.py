@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from granular import _check
-from granular.stress import contact, hard, line, long, timestep
+from granular.stress import contact, ends, hard, line, long, own, recorded, rest, timestep
 from granular.stress.cell import FIXED, METHODS, Cell
 from granular.stress.judge import judge, warm_up
 from granular.stress.report import StabilityReport
@@ -18,10 +18,16 @@ AXES: dict[str, Callable[[], Iterator[Cell]]] = {
     "speed": contact.speeds,
     "start time": contact.starts,
     "exponent": contact.exponents,
+    "powers": own.powers,
+    "own laws": own.kinks,
     "corners": contact.corners,
     "time step": timestep.steps,
     "touching": line.touching,
     "chains": line.chains,
+    "recorded": recorded.scenes,
+    "rest": rest.rests,
+    "counts": ends.counts,
+    "last row": ends.last_rows,
     "symmetry": line.symmetries,
     "exact sequence": hard.exact_runs,
     "collapse": hard.collapse,

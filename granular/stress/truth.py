@@ -30,6 +30,18 @@ def restitution(eps: float, speed: float) -> Truth:
     return Truth("closed form of one contact, counted once", error)
 
 
+def one_contact(eps: float, speed: float, **fields: float) -> Truth:
+    """One contact on a wall at approach speed `speed` in m/s: restitution, and fields of its row of the log."""
+
+    def error(run: Trajectory, again: Again) -> float:
+        if len(run.contacts) != 1:
+            return math.inf
+        errors = [abs(run.contacts[name][0] / value - 1.0) for name, value in fields.items()]
+        return float(max([*errors, abs(run.velocity[-1, 1] / speed - eps)]))
+
+    return Truth("closed form of one contact and its row of the log", error)
+
+
 def velocities(expected: Sequence[float] | Array, scale: float = 1.0, words: str = "closed form") -> Truth:
     """Final velocities in m/s; the error is a part of the speed `scale`."""
 

@@ -1,0 +1,147 @@
+"""Make ``granular/stress/recorded.json`` anew: ``python bench/stability_recorded.py``; takes two minutes.
+
+Scenes drawn for what once went wrong, solved by the independent solver of tests/fuzz in long doubles. A number's unit
+is its scale times the condition number of the scene: its change over that of gaps, velocities and masses.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+import numpy as np
+from fuzz.arithmetic import LONG
+from fuzz.judge import Truth, truth
+from fuzz.laws import Spec
+from fuzz.scenes import Case
+
+from granular.stress.recorded import FIELDS
+
+FILE = Path(__file__).parents[1] / "granular" / "stress" / "recorded.json"
+DRAWS = 14
+MOST = 10
+"""Contacts of a scene."""
+
+
+def found() -> Iterator[tuple[str, Case]]:
+    """The scenes in which the defects were found."""
+    yield "second contact inside an overlap", case([1.0] * 3, [-0.1, 0.0], [-0.2497, 0.0, -1.0],
+                                                   [Spec("TsujiHertz", (1.0, 0.5))] * 2, 5.0)  # fmt: skip
+    yield "own law", case([1.0] * 3, [0.4, 0.5], [0.7, -0.1, -0.7],
+                          [Spec("WaltonBraun", (1.0, 2.0)), Spec("Hertz", (1.0,))])  # fmt: skip
+    yield "reloading", case([1.0] * 3, [0.9, 0.3], [0.5, 0.0, -0.5], [Spec("WaltonBraun", (1.0, 4.0))] * 2)
+    yield "touched at once", case([1.0] * 4, [0.06] * 3, np.linspace(1.0, -1.0, 4).tolist(), [
+        Spec("TsujiHertz", (1.0, 0.1)), Spec("PowerLaw", (1.0, 2.0)), Spec("Hertz", (1.0,))], 30.0)  # fmt: skip
+    yield "steep law", case([1.0] * 3, [0.3] * 2, [1.0, -0.1, -0.1], [Spec("PowerLaw", (1.0, 3.3))] * 2)
+
+
+def case(mass: list[float], gap: list[float], velocity: list[float], laws: list[Spec],
+         t_end: float | None = None) -> Case:  # fmt: skip
+    """A case without gravity."""
+    return Case(tuple(mass), tuple(gap), tuple(velocity), 0.0, tuple(laws), t_end)
+
+
+def drawn(kind: str, seed: int) -> Case:
+    """A scene of that kind: three to five balls that come together nearly at once."""
+    rng = np.random.default_rng([KINDS.index(kind), seed])
+    n = int(rng.integers(3, 6))
+    mass = [round(x, 2) for x in 10.0 ** rng.uniform(-0.5, 0.5, n)]
+    if rng.random() < 0.3:
+        mass[0] = math.inf
+    gap = [round(x, 3) for x in rng.uniform(0.02, 0.6, n - 1)]
+    velocity = [round(x, 2) for x in np.sort(rng.uniform(-1.0, 1.0, n))[::-1]]
+    if kind == "touched at once":
+        gap, velocity = [gap[0]] * (n - 1), np.linspace(1.0, -1.0, n).tolist()
+        mass = [1.0] * n
+    if mass[0] == math.inf:
+        velocity[0] = 0.0
+    if kind.startswith("second"):
+        return pulled_apart(rng, mass, gap, velocity)
+    return case(mass, gap, velocity, [law_of(kind, rng) for _ in gap])
+
+
+def pulled_apart(rng: Any, mass: list[float], gap: list[float], velocity: list[float]) -> Case:
+    """The lowest pair overlaps and parts so fast that its force is clipped; the next ball comes and pushes it again."""
+    k, alpha, overlap = 1.0, float(round(rng.uniform(0.3, 1.0), 2)), float(round(rng.uniform(0.05, 0.4), 2))
+    m_eff = 1.0 / (1.0 / mass[0] + 1.0 / mass[1])
+    bare = k * overlap**1.25 / (alpha * math.sqrt(m_eff * k))
+    velocity[0] = 0.0 if mass[0] == math.inf else velocity[0]
+    velocity[1] = velocity[0] + bare * float(rng.uniform(1.1, 3.0))
+    velocity[2:] = [velocity[1] - 1.0 - i for i in range(len(velocity) - 2)]
+    gap[0], gap[1] = -overlap, float(rng.choice([0.0, 0.02, 0.05]))
+    return case(mass, gap, velocity, [Spec("TsujiHertz", (k, alpha))] * len(gap))
+
+
+def law_of(kind: str, rng: Any) -> Spec:
+    """A law of contacts of about a second."""
+    k, zeta = float(round(10.0 ** rng.uniform(-0.5, 1.0), 2)), float(round(rng.uniform(0.02, 0.5), 2))
+    p = float(rng.choice([1.25, 2.2, 2.7, 3.3, 4.1, 4.5, 6.0]))
+    if kind == "reloading":
+        return Spec("WaltonBraun", (k, k * float(round(rng.uniform(1.2, 6.0), 1))))
+    if kind == "steep law":
+        return Spec(str(rng.choice(["PowerLaw", "PlainPower"])), (k, p))
+    if kind == "kinked law":
+        if rng.random() < 0.5:
+            return Spec("TwoStiffnesses", (k, k * float(round(10.0 ** rng.uniform(-1.0, 1.0), 2)), 0.1))
+        return Spec("TwoDampings", (k, zeta, 3.0 * zeta))
+    own = [Spec("PlainHertz", (k,)), Spec("PlainPower", (k, min(p, 3.3))), Spec("PlainDashpot", (k, zeta)),
+           Spec("PlainViscoelastic", (k, zeta))]  # fmt: skip
+    built_in = [Spec("TsujiHertz", (k, zeta)), Spec("Hertz", (k,)), Spec("PowerLaw", (k, 4.0 / 3.0)),
+                Spec("LinearDashpot", (k, zeta)), Spec("WaltonBraun", (k, 2.0 * k))]  # fmt: skip
+    some = own if kind == "own law" else built_in[:4] if kind == "touched at once" else own + built_in
+    return some[int(rng.integers(len(some)))]
+
+
+KINDS = ["second contact inside an overlap", "own law", "own laws beside built-in ones", "reloading",
+         "touched at once", "steep law", "kinked law"]  # fmt: skip
+
+
+def wanted(kind: str, one: Truth | None) -> bool:
+    """Whether a drawn scene is fit: well conditioned, ended, no contact of rounding, and of the kind."""
+    if one is None or one.status != "quiet" or len(one.pairs) > MOST or one.condition > 300.0:
+        return False
+    closing, parting = one.numbers["v_in"] @ [1.0, -1.0], one.numbers["v_out"] @ [-1.0, 1.0]
+    if min(abs(closing).min(), abs(parting).min()) < 1e-4:
+        return False
+    again = (closing < 0.0) & (one.numbers["t_begin"] > 0.0)
+    return bool(again.any()) if kind.startswith("second") else len(one.pairs) > 2
+
+
+def entry(kind: str, one: Case) -> dict[str, Any]:
+    """What the file holds of a case."""
+    exact = truth(one, LONG)
+    assert exact is not None
+    unit = {}
+    for name in ("velocity", *FIELDS):
+        allowed = np.fmax(exact.scale[name] * max(1.0, exact.condition), exact.response[name])
+        unit["final" if name == "velocity" else name] = float(f"{np.max(allowed):.3g}")
+    return {
+        "kind": kind, "mass": [None if m == math.inf else m for m in one.mass], "gap": list(one.gap),
+        "velocity": list(one.velocity), "laws": [[law.name, *law.numbers] for law in one.laws], "t_end": one.t_end,
+        "unit": unit, "final": exact.numbers["velocity"][-1].tolist(), "pair": exact.pairs,
+        **{name: exact.numbers[name].ravel().tolist() for name in FIELDS},
+    }  # fmt: skip
+
+
+def main() -> None:
+    entries = [entry(kind, one) for kind, one in found()]
+    for kind in KINDS:
+        made = seed = 0
+        while made < DRAWS:
+            one, seed = drawn(kind, seed), seed + 1
+            if wanted(kind, truth(one)):
+                entries.append(entry(kind, one))
+                made += 1
+                print(kind, seed, flush=True)
+    lines = ",\n".join(json.dumps(one, allow_nan=False) for one in entries)
+    FILE.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,65 @@
+"""Lines of balls whose outcome an independent solver found in long doubles (18 digits), stored in ``recorded.json``.
+
+The solver of tests/fuzz shares no code with the engines; ``python bench/stability_recorded.py`` makes the file anew.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz, WaltonBraun
+from granular.scene import Scene
+from granular.stress import own
+from granular.stress.cell import Again, Cell, Truth
+from granular.trajectory import Trajectory
+
+LAWS: dict[str, Any] = {
+    "LinearDashpot": LinearDashpot, "Hertz": Hertz, "ViscoelasticHertz": ViscoelasticHertz, "TsujiHertz": TsujiHertz,
+    "PowerLaw": PowerLaw, "WaltonBraun": WaltonBraun, "PlainHertz": own.PlainHertz, "PlainPower": own.PlainPower,
+    "PlainDashpot": own.PlainDashpot, "PlainViscoelastic": own.PlainViscoelastic, "TwoStiffnesses": own.TwoStiffnesses,
+    "TwoDampings": own.TwoDampings,
+}  # fmt: skip
+"""Laws by the names in the file; the plain ones are laws as users write them."""
+FIELDS = ("t_begin", "duration", "v_out", "xi_max", "force_max", "impulse")
+"""What is compared of each contact, besides its pair."""
+
+
+@cache
+def stored() -> tuple[dict[str, Any], ...]:
+    """Return the scenes of the file."""
+    return tuple(json.loads(Path(__file__).with_name("recorded.json").read_text("utf-8")))
+
+
+def scenes() -> Iterator[Cell]:
+    """Second contacts inside an overlap, own laws in chains, reloading, laws that touch at once, steep laws."""
+    for i, one in enumerate(stored()):
+        laws = [LAWS[name](*numbers) for name, *numbers in one["laws"]]
+        names = ", ".join(dict.fromkeys(name for name, *_ in one["laws"]))
+        options = {"t_end": one["t_end"], "max_steps": 50_000}
+        yield Cell("recorded", f"{one['kind']}, scene {i}: {names}", scene_of(one), outcome(one), laws, options=options)
+
+
+def scene_of(one: Mapping[str, Any]) -> Scene:
+    """Return the scene of an entry of the file."""
+    mass = [math.inf if m is None else m for m in one["mass"]]
+    return Scene(mass, [0.0 if m == math.inf else 0.5 for m in mass], one["gap"], one["velocity"])
+
+
+def outcome(one: Mapping[str, Any]) -> Truth:
+    """The same contacts, each number of them, and final velocities, in units of scale and condition number."""
+
+    def error(run: Trajectory, again: Again) -> float:
+        rows = np.sort(run.contacts, order=("pair", "t_begin"))
+        if rows["pair"].tolist() != one["pair"]:
+            return math.inf
+        found = {"final": run.velocity[-1]} | {name: rows[name].ravel() for name in FIELDS}
+        return float(max(np.abs(found[name] - one[name]).max() / one["unit"][name] for name in found))
+
+    return Truth("an independent solver in 18 digits", error)
