@@ -146,7 +146,8 @@ def observed(case: Case, run: Solution | gr.Trajectory) -> tuple[list[int], dict
         some = slice(None) if case.samples is not None else slice(-1, None)
         time, gap, velocity = run.time[some], run.gap[some], run.velocity[some]
     table = table[np.lexsort((table[:, 1], table[:, 0]))]
-    at_rest = abs(table[:, 4] - table[:, 5]) < 1e-12 * abs(table[:, 4:8]).max(initial=0.0, where=~np.isnan(table[:, 4:8]))
+    fastest = float(np.nanmax(abs(table[:, 4:8]), initial=0.0))
+    at_rest = abs(table[:, 4] - table[:, 5]) < 1e-12 * fastest
     faint = np.isnan(table[:, 2]) | at_rest  # woken at the very end, or rocked by rounding: has it begun? nobody knows
     momentum = min(case.mass) * abs(table[:, 4] - table[:, 5]).max(initial=0.0)
     table = table[~(faint & (table[:, 10] < 1e-10 * max(momentum, table[:, 10].max(initial=0.0))))]

@@ -24,7 +24,7 @@ STORE = Path(__file__).with_name("truths.json")
 SCENES = 300
 OF_ONE_KIND = {"mixed": 60}
 LEFT_OUT = {385}
-"""A row of balls in free fall over a floor too soft to feel: whether they press each other is a question of rounding."""
+"""A row of balls that falls on a floor too soft to feel: whether they press each other is a question of rounding."""
 STEPS = 250
 """Steps of the solver beyond which a scene takes the engine too long for every test run."""
 

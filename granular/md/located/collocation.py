@@ -21,8 +21,8 @@ from granular.md.located.events import NOTHING
 from granular.md.located.piece import value
 from granular.md.located.records import ACTIVE, DORMANT, OPEN, ORDER, RESIDUAL
 from granular.md.located.signs import next_event
-from granular.md.located.still import lie_still
 from granular.md.located.steps import amplitude
+from granular.md.located.still import lie_still
 from granular.scene import Pair
 
 POINTS = 16
@@ -168,7 +168,7 @@ class Collocation:
         return force > 0.0 or (force == 0.0 and self.force(c, 1e-3 * depth, p.eta, 0.0, 1) > 0.0)
 
     def _pushes(self, c: int, p: Any, shallow: float, tau: float, surely: bool = False) -> bool:
-        """Return whether the law of pair `c` pushes at τ (or `surely`: beyond what rounding may make of a contact's end).
+        """Return whether the law of pair `c` pushes at τ (`surely`: beyond what rounding makes of a contact's end).
 
         Up to a `shallow` overlap the force of a contact may be 0 by underflow.
         """

@@ -14,8 +14,8 @@ from granular.md.located.clock import elapsed
 from granular.md.located.events import locate
 from granular.md.located.linear import expand_linear
 from granular.md.located.modes import confirm, judge
-from granular.md.located.series import expand
 from granular.md.located.resting import LONG
+from granular.md.located.series import expand
 from granular.md.located.steps import (
     REACH,
     choose_clock,
