@@ -91,15 +91,17 @@ def regains(pair: Any, pushes: Sign, doubt: float, span: float, work: Any) -> fl
     The law is tried at places spread up to where the interpolant says that it pushes; after a kink that may be too
     early, so beyond it too.
     """
-    found, low = crossing(pair, 1.0, doubt, span, work), 0.0
+    found = crossing(pair, 1.0, doubt, span, work)
     if found is None:
         return None
+    clipped = None
     for first, last in ((0.0, found), (found, span)):
         for j in range(PARTS + 1):
-            high = last if j == PARTS else first + (last - first) * j / PARTS
-            if pushes(high, True):
-                return high if pushes(low) else bisected(lambda tau: not pushes(tau), low, high)
-            low = high
+            tau = last if j == PARTS else first + (last - first) * j / PARTS
+            if pushes(tau, True):
+                return 0.0 if clipped is None else bisected(lambda at: not pushes(at), clipped, tau)
+            if not pushes(tau):
+                clipped = tau
     return None
 
 
