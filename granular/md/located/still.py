@@ -18,8 +18,8 @@ AtRest = Callable[[int, float], float]
 """Force in N of a pair (numbered in the block) at an overlap in m."""
 TANGENT = 1e-6
 """Part of an overlap over which its stiffness is taken."""
-ROUNDING = 1e-13
-"""Part of the accelerations of a pair up to which their sum is rounding."""
+ROUNDING = 1e-11
+"""Part of the accelerations of a pair, and of its block's speed, up to which their sum, and its rate, is rounding."""
 
 
 def lie_still(pairs: list[Any], at_rest: AtRest) -> bool:
@@ -40,6 +40,7 @@ def lie_still(pairs: list[Any], at_rest: AtRest) -> bool:
         if p.mode == ACTIVE:
             p.eta, p.x, p.e = 0.0, [p.xi, *zeros], [0.0, *zeros]
         else:
+            p.eta = p.eta if abs(p.eta) > ROUNDING * block.speed else 0.0
             p.x = [p.xi, block.h * p.eta, 0.5 * block.h * block.h * a, *zeros[2:]]
             p.e = [p.eta, block.h * a, *zeros[1:]]
         p.f, p.g = [f, *zeros], [f, *zeros]
