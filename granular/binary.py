@@ -33,6 +33,8 @@ MAX_STEPS = 20_000
 """Steps after which a contact is taken to go on for ever."""
 SLOWEST, FASTEST = 1e-50, 1e50
 """Impact speeds in m/s between which a contact is run: beyond, its overlaps, forces and energies are no numbers."""
+STUCK = 1e-9
+"""Part of the impact speed that may be left, downwards, of a contact that takes all of it."""
 
 
 @dataclass(frozen=True)
@@ -120,6 +122,10 @@ def at_speed(law: Any, pair: Pair, speed: float) -> float:
     return _integrated(law, pair, max(speed, SLOWEST)).restitution if speed > 0.0 else 1.0
 
 
+class Stuck(ValueError):
+    """A contact damped so strongly that the bodies stop and do not part."""
+
+
 @dataclass(frozen=True)
 class LawRestitution:
     """The collision rule made from force laws: ε as a function of impact speed and pair.
@@ -133,9 +139,12 @@ class LawRestitution:
     laws: tuple[Any, ...]
 
     def __call__(self, speed: float, pair: Pair) -> float:
-        """Restitution at impact speed `speed` in m/s."""
+        """Restitution at impact speed `speed` in m/s; 0 where a contact takes all speed and does not end."""
         law = self.laws[0] if len(self.laws) == 1 else self.laws[pair.index]
-        return at_speed(law, pair, speed)
+        try:
+            return at_speed(law, pair, speed)
+        except Stuck:
+            return 0.0
 
 
 def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule:
@@ -262,6 +271,9 @@ def _run(law: Any, pair: Pair, v: float) -> Collision:
     contact = run.contacts[int(np.argmax(run.contacts["impulse"]))]
     if not math.isfinite(contact["force_max"]):
         raise no_numbers(v)
+    left = float(run.velocity[-1][1] if math.isnan(contact["t_end"]) else contact["v_out"][1])
+    if contact["impulse"] > 0.5 * pair.m_eff * v and abs(left) <= STUCK * v and not left > 0.0:
+        raise Stuck(f"law is {law!r}: a contact at {v!r} m/s takes all speed, does not end; weaker damping is needed.")
     if contact["force_max"] == 0.0 or contact["v_out"][1] < 0.0:
         raise ValueError(f"law is {law!r}: it does not repel at {v!r} m/s; the bodies pass through each other, and "
                          "there is no restitution.")  # fmt: skip

@@ -29,6 +29,10 @@ POINTS = 16
 SWEEPS = 40
 SMALLEST = 2e-15
 """The tolerance cannot be smaller: interpolated forces carry their rounding."""
+SHORTEST, HOPELESS = 1e-14, 1e-60
+"""Parts of a step to which it is halved at most: of one that converges, where the force jumps, and of any."""
+SHORT = 1e-9
+"""Part of a contact's time below which a step may cross a jump, and of its force from which it does."""
 ULP = 2.0**-52
 EDGE = 1e-150
 """Overlap in m of a touch: a law need not be defined at 0, and may have a force there."""
@@ -83,6 +87,7 @@ class Collocation:
         self.laws, self.pairs = laws, pairs
         self.doubt = [0.0] * len(laws)  # N, of the interpolated forces of the current pieces
         self.largest = [0.0] * len(laws)  # N, force since the balls of the pair last parted
+        self.deepest = [0.0] * len(laws)  # m, overlap since then
 
     def force(self, c: int, xi: float, eta: float, top: float, loading: int) -> float:
         """Unclipped force in N of pair `c`; beyond ξ = 0, or the largest overlap while unloading, a mirror image of it.
@@ -118,22 +123,24 @@ class Collocation:
         if block.stride > 0.0 and block.clock == 1:
             reach = block.stride
         allowed = max(tol, SMALLEST) * block.speed
-        shortest = 1e-14 * block.length / block.speed if block.speed > 0.0 else 0.0
         self._check_start(pairs, lo)
         if lie_still(pairs, partial(self._at_rest, pairs, lo)):
             return 0.0
+        shortest = HOPELESS * reach
         while True:
             block.h = reach if block.clock == 1 else math.sqrt(reach)
             force, miss, rough = self._iterate(pairs, lo, block.h, block.clock)
             if (miss <= allowed and rough <= PRECISE) or not reach > shortest:
                 break
+            if miss < math.inf:  # so long a step converges; a far shorter one crosses a jump
+                shortest = max(shortest, SHORTEST * reach)
             reach *= 0.5
         if not miss < math.inf:
             self._check_nodes(pairs, lo, block.h, block.clock)
         growth = (allowed / miss) ** (1.0 / POINTS) if miss > 0.0 else 2.0
         block.stride = reach * min(2.0, 0.9 * growth)
         self._write(pairs, lo, force, block.h, block.clock)
-        if reach <= 1e3 * shortest:
+        if reach * block.speed < SHORT * block.length:
             self._write_jumps(pairs, lo)
         return miss / block.speed if block.speed > 0.0 else 0.0
 
@@ -147,8 +154,10 @@ class Collocation:
             if p.mode == ACTIVE:
                 first = self.force(c, p.xi, p.eta, p.top, p.loading)
                 last = self.force(c, value(p.x, 1.0), value(p.e, 1.0), p.top, p.loading)
-                p.f = [first, last - first] + [0.0] * (ORDER - 1)
-                p.g = list(p.f)
+                off = max(abs(p.f[0] - first), abs(value(p.f, 1.0) - last))
+                if off > SHORT * self.largest[c]:
+                    p.f = [first, last - first] + [0.0] * (ORDER - 1)
+                    p.g = list(p.f)
 
     def locate(self, records: Any, lo: int, hi: int, work: Any) -> None:
         """Find the event that ends the piece of block lo … hi-1; it ends at τ = 1 if there is none."""
@@ -156,7 +165,8 @@ class Collocation:
         block.tau, block.fired, block.what = 1.0, -1, NOTHING
         for c in range(lo, hi):
             p = records[c]
-            ask = partial(self._pushes, c, p, 1e-3 * block.length)
+            deep = self.deepest[c] if self.largest[c] > 0.0 else amplitude(p, block.speed * block.speed)
+            ask = partial(self._pushes, c, p, 1e-3 * deep)
             tau, what = next_event(p, ask, self.doubt[c], block.tau, work)
             if tau <= block.tau and what != NOTHING:
                 block.tau, block.fired, block.what = tau, c, what
@@ -266,6 +276,7 @@ class Collocation:
         peaks = abs(force).max(axis=1).tolist()
         for c, (p, noise, peak) in enumerate(zip(pairs, doubt.tolist(), peaks, strict=True), lo):
             self.largest[c] = 0.0 if p.mode == OPEN else max(self.largest[c], peak)
+            self.deepest[c] = 0.0 if p.mode == OPEN else max(self.deepest[c], p.xi)
             self.doubt[c] = max(noise, SETTLED * self.largest[c]) if p.mode == RESIDUAL else noise
         sigma = q * h**q
         for p, row in zip(pairs, rows.tolist(), strict=True):

@@ -48,13 +48,14 @@ def lie_still(pairs: list[Any], at_rest: AtRest) -> bool:
 
 
 def accelerations(pairs: list[Any], force: list[float]) -> list[float]:
-    """Closing accelerations in m/s² of all pairs, 0 where they are rounding."""
+    """Closing accelerations in m/s² of all pairs, 0 where those of open ones are rounding."""
     out = []
     for i, p in enumerate(pairs):
         below, above = force[i - 1] if i > 0 else 0.0, force[i + 1] if i + 1 < len(force) else 0.0
         parts = (p.pull, p.lower * below, -p.inverse * force[i], p.upper * above)
         total = math.fsum(parts)
-        out.append(total if abs(total) > ROUNDING * max(map(abs, parts)) else 0.0)
+        rounding = p.mode == OPEN and abs(total) <= ROUNDING * max(map(abs, parts))
+        out.append(0.0 if rounding else total)
     return out
 
 

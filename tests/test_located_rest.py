@@ -1,0 +1,92 @@
+"""Rest is a remark about a run, not its end: t_end and every sample are kept, and the pile decays to its equilibrium."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import granular as gr
+
+DAMPED = {
+    "dashpot": gr.LinearDashpot(1e4, 50.0),
+    "strong dashpot": gr.LinearDashpot(1e4, 2000.0),
+    "creep": gr.LinearDashpot(1e4, 1e6),
+    "viscoelastic": gr.ViscoelasticHertz(1e6, 1e4),
+    "tsuji": gr.TsujiHertz(1e6, 0.5),
+}
+
+
+def drop(n):
+    return gr.Scene([math.inf] + [1.0] * n, [0.0] + [0.1] * n, [1e-3] * n, [0.0] * (n + 1), 9.81)
+
+
+@pytest.mark.parametrize("law", DAMPED.values(), ids=DAMPED)
+@pytest.mark.parametrize("n", [1, 3])
+def test_t_end_and_samples_are_kept(law, n):
+    run = gr.md.simulate(drop(n), law, t_end=3.0, samples=31)
+    np.testing.assert_array_equal(run.time, np.linspace(0.0, 3.0, 31))
+    assert run.status is gr.Status.time
+    for c in range(n):  # the log says what momentum the balls above pair c have been given
+        given = (run.velocity[-1, c + 1 :] + 9.81 * 3.0).sum()
+        assert run.contacts["impulse"][run.contacts["pair"] == c].sum() == pytest.approx(given, rel=1e-12)
+    lasting = run.contacts[np.isnan(run.contacts["t_end"])]
+    np.testing.assert_allclose(lasting["t_begin"] + lasting["duration"], 3.0, rtol=1e-14)
+
+
+@pytest.mark.parametrize("name", ["dashpot", "viscoelastic", "tsuji"])
+def test_the_end_of_the_decay_is_the_equilibrium(name):
+    run = gr.md.simulate(drop(2), DAMPED[name], t_end=100.0)
+    assert run.stats["resting"]
+    assert run.velocity[-1].tolist() == [0.0] * 3
+    np.testing.assert_allclose(run.force[-1], [2 * 9.81, 9.81], rtol=1e-13)
+    assert "rest on each other" in run.message
+
+
+def test_creep_is_exact_at_any_time():
+    """One overdamped ball: ξ - ξ° is a sum of two exponentials."""
+    law, m, g = DAMPED["strong dashpot"], 1.0, 9.81
+    run = gr.md.simulate(drop(1), law, t_end=3.0, samples=np.linspace(0.5, 3.0, 6))
+    half, start = 0.5 * law.gamma / m, float(run.contacts["t_begin"][0])
+    root = math.sqrt(half * half - law.k / m)
+    slow, fast = -(law.k / m) / (half + root), -(half + root)
+    rest, v = m * g / law.k, math.sqrt(2.0 * g * 1e-3)
+    a = (v + rest * fast) / (slow - fast)  # ξ = ξ° + a e^(slow t) + b e^(fast t), from 0 at the rate v
+    b = -rest - a
+    t = run.time - start
+    np.testing.assert_allclose(-run.gap[:, 0], rest + a * np.exp(slow * t) + b * np.exp(fast * t), rtol=1e-12)
+
+
+@pytest.mark.parametrize("law", [gr.LinearDashpot(1e4, 50.0), gr.ViscoelasticHertz(1e6, 1e4)], ids=["linear", "hertz"])
+def test_squeezed_between_two_walls(law):
+    scene = gr.Scene([math.inf, 1.0, 2.0, math.inf], [0, 0.1, 0.1, 0], [-1e-3, -2e-3, -3e-3], [0.0, 0.3, -0.2, 0.0])
+    run = gr.md.simulate(scene, law, t_end=10.0, samples=101)
+    assert len(run.time) == 101
+    np.testing.assert_allclose(run.gap.sum(axis=1), -6e-3, rtol=1e-12)
+    np.testing.assert_allclose(run.force[-1], run.force[-1, 0], rtol=1e-12)
+    assert "e+" not in run.message.partition("decays in")[2]
+    assert gr.md.simulate(scene, law).status is gr.Status.resting
+
+
+@pytest.mark.parametrize("engine", ["plain", "compiled"])
+def test_rest_is_the_same_compiled(engine):
+    pytest.importorskip("numba")
+    one = gr.md.simulate(drop(2), DAMPED["tsuji"], t_end=5.0, samples=7, engine="plain")
+    other = gr.md.simulate(drop(2), DAMPED["tsuji"], t_end=5.0, samples=7, engine=engine)
+    for name in ("time", "position", "velocity", "gap", "force", "contacts"):
+        assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
+
+
+@pytest.mark.parametrize("law", [gr.LinearDashpot(1e6), gr.Hertz(1e8)], ids=["spring", "hertz"])
+def test_a_run_ends_when_only_rounding_moves(law):
+    for n in (3, 8, 13):
+        run = gr.md.simulate(gr.scenes.newtons_cradle(n, gap=1e-3), law)
+        assert run.status is gr.Status.quiet
+        assert len(run.contacts) == n - 1
+        assert run.time[-1] < 1.0
+
+
+def test_a_slow_approach_that_is_given_is_no_rounding():
+    scene = gr.Scene([1.0] * 4, [0.1] * 4, [0.01, 1.0, 1e-18], [1.0, 0.0, 3.0, 3.0 - 4e-16])
+    assert gr.md.simulate(scene, gr.LinearDashpot(1e6)).count(2) == 1
