@@ -1,4 +1,4 @@
-"""Rest is a remark about a run, not its end: t_end and every sample are kept, and the pile decays to its equilibrium."""
+"""Rest is a remark about a run, not its end: t_end and every sample are kept, and piles decay to their equilibrium."""
 
 from __future__ import annotations
 
