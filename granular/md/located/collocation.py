@@ -140,16 +140,17 @@ class Collocation:
         growth = (allowed / miss) ** (1.0 / POINTS) if miss > 0.0 else 2.0
         block.stride = reach * min(2.0, 0.9 * growth)
         self._write(pairs, lo, force, block.h, block.clock)
-        if reach * block.speed < SHORT * block.length:
-            self._write_jumps(pairs, lo)
+        if reach * block.speed < SHORT * block.length and self._write_jumps(pairs, lo):
+            _integrate(pairs, block.h, block.clock)
         return miss / block.speed if block.speed > 0.0 else 0.0
 
     def _at_rest(self, pairs: list[Any], lo: int, i: int, xi: float) -> float:
         """Force in N of a pair at an overlap, at rest."""
         return self.force(lo + i, xi, 0.0, pairs[i].top, pairs[i].loading)
 
-    def _write_jumps(self, pairs: list[Any], lo: int) -> None:
-        """Write forces as straight lines: in the shortest of steps, across a jump, an interpolant would overshoot."""
+    def _write_jumps(self, pairs: list[Any], lo: int) -> bool:
+        """Write forces that jump within a short step as straight lines, lest they overshoot; return if there are any."""
+        found = False
         for c, p in enumerate(pairs, lo):
             if p.mode == ACTIVE:
                 first = self.force(c, p.xi, p.eta, p.top, p.loading)
@@ -157,7 +158,8 @@ class Collocation:
                 off = max(abs(p.f[0] - first), abs(value(p.f, 1.0) - last))
                 if off > SHORT * self.largest[c]:
                     p.f = [first, last - first] + [0.0] * (ORDER - 1)
-                    p.g = list(p.f)
+                    p.g, found = list(p.f), True
+        return found
 
     def locate(self, records: Any, lo: int, hi: int, work: Any) -> None:
         """Find the event that ends the piece of block lo … hi-1; it ends at τ = 1 if there is none."""
@@ -278,17 +280,22 @@ class Collocation:
             self.largest[c] = 0.0 if p.mode == OPEN else max(self.largest[c], peak)
             self.deepest[c] = 0.0 if p.mode == OPEN else max(self.deepest[c], p.xi)
             self.doubt[c] = max(noise, SETTLED * self.largest[c]) if p.mode == RESIDUAL else noise
-        sigma = q * h**q
         for p, row in zip(pairs, rows.tolist(), strict=True):
             series = row + [0.0] * (ORDER + 1 - POINTS)
             p.f = series if p.mode == ACTIVE else [0.0] * (ORDER + 1)
             p.g = list(series)
-        for i, p in enumerate(pairs):
-            below = pairs[i - 1].f if i > 0 else [0.0] * POINTS
-            above = pairs[i + 1].f if i + 1 < len(pairs) else [0.0] * POINTS
-            p.x, p.e = [p.xi] + [0.0] * ORDER, [p.eta] + [0.0] * ORDER
-            for n in range(POINTS):
-                push = p.lower * below[n] - p.inverse * p.f[n] + p.upper * above[n] + (p.pull if n == 0 else 0.0)
-                p.e[n + q] = sigma * push / (n + q)
-            for n in range(POINTS + q):
-                p.x[n + q] = sigma * p.e[n] / (n + q)
+        _integrate(pairs, h, q)
+
+
+def _integrate(pairs: list[Any], h: float, q: int) -> None:
+    """Write the rows of rates and overlaps from those of the forces."""
+    sigma, none = q * h**q, [0.0] * POINTS
+    for i, p in enumerate(pairs):
+        below = pairs[i - 1].f if i > 0 else none
+        above = pairs[i + 1].f if i + 1 < len(pairs) else none
+        p.x, p.e = [p.xi] + [0.0] * ORDER, [p.eta] + [0.0] * ORDER
+        for n in range(POINTS):
+            push = p.lower * below[n] - p.inverse * p.f[n] + p.upper * above[n] + (p.pull if n == 0 else 0.0)
+            p.e[n + q] = sigma * push / (n + q)
+        for n in range(POINTS + q):
+            p.x[n + q] = sigma * p.e[n] / (n + q)
