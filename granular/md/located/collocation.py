@@ -149,7 +149,7 @@ class Collocation:
         return self.force(lo + i, xi, 0.0, pairs[i].top, pairs[i].loading)
 
     def _write_jumps(self, pairs: list[Any], lo: int) -> bool:
-        """Write forces that jump within a short step as straight lines, lest they overshoot; return if there are any."""
+        """Write forces that jump within a short step as straight lines, not to overshoot; return if there are any."""
         found = False
         for c, p in enumerate(pairs, lo):
             if p.mode == ACTIVE:
