@@ -38,7 +38,7 @@ EDGE = 1e-150
 """Overlap in m of a touch: a law need not be defined at 0, and may have a force there."""
 SETTLED = 1024.0 * ULP
 """Part of the largest force of a contact up to which a clipped force is rounding."""
-PRECISE = 2e-13
+PRECISE = 3e-14
 """Error of forces, as a part of the largest: a kink in a short step hardly moves rates, but peaks are read there."""
 HYSTERESIS = 1e-13
 """Where an interpolated force is within this part of its largest value in the piece, its sign is in doubt."""
