@@ -81,9 +81,10 @@ def slowest_decay(pairs: list[Any], closed: bool) -> float:
 class Creep:
     """The motion of a pile of linear contacts that stay closed forever, from an instant on."""
 
-    def __init__(self, pairs: list[Any], bodies: list[Any], elapsed: float) -> None:
-        """Start from the records of a pile on a floor, a time `elapsed` in s into the run."""
-        self.start, self.matrix = elapsed, matrices(pairs)
+    def __init__(self, pairs: list[Any], bodies: list[Any], above: float, closing: float) -> None:
+        """Start from the records of a pile on a floor; the overlap (m) of the pair `above` it, and its walls' closing."""
+        self.start, self.matrix = float(pairs[0].t), matrices(pairs)
+        self.above, self.closing = above, closing
         self.k, self.gamma, self.xi, eta = (
             np.array([getattr(p, name) for p in pairs]) for name in ("k", "gamma", "xi", "eta")
         )
@@ -97,6 +98,12 @@ class Creep:
         y = self.y + change
         push = np.linalg.solve(self.matrix[n:, :n] / self.k, change[n:])  # A_21 = -WK, and -W∫(F - F°) dt = Δη
         return y[:n] + self.load / self.k, y[n:], self.load + self.k * y[:n] + self.gamma * y[n:], self.load * dt + push
+
+    def flank(self, elapsed: float) -> tuple[float, float]:
+        """Overlap (m) and rate (m/s) of the open pair above the pile, whose gap grows as the pile sinks."""
+        xi, eta = self.after(elapsed)[:2]
+        dt = elapsed - self.start
+        return self.above + self.closing * dt - float((xi - self.xi).sum()), self.closing - float(eta.sum())
 
     def highest(self, elapsed: float) -> tuple[Array, Array]:
         """Largest overlaps and forces up to a time into the run: a creeping pile has them at its ends, or nearly so."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from granular._kernels import kernel
 from granular.md.located.contacts import begin_contact, end_contact
-from granular.md.located.events import BEGIN, END, RELOAD, TURN
+from granular.md.located.events import BEGIN, END, PART, RELOAD, TURN
 from granular.md.located.flight import DRIFT
 from granular.md.located.records import ACTIVE, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL
 
@@ -33,6 +33,9 @@ def act(run: Any, pairs: Any, bodies: Any, log: Any, c: int, what: int, block: A
     if what == RELOAD:
         pair.loading, pair.xi = 1, pair.top
         return True
+    if what == PART and stays(pair, block):
+        pair.mode, pair.xi, pair.eta = DORMANT, 0.0, 0.0
+        return True
     if pair.begun == 1:
         end_contact(run, pairs, bodies, log, c, block)
     if what == END:
@@ -42,6 +45,13 @@ def act(run: Any, pairs: Any, bodies: Any, log: Any, c: int, what: int, block: A
             pair.xi = 0.0
         pair.mode, pair.exact, pair.top, pair.loading = OPEN, 0, 0.0, 1
     return True
+
+
+@kernel
+def stays(pair: Any, block: Any) -> bool:
+    """Return whether a ball that gravity holds comes up to where it touches with no more energy than rounding."""
+    held = pair.mode == ACTIVE and pair.kind != LINEAR and pair.pull > 0.0
+    return bool(held and pair.eta * pair.eta <= DRIFT * pair.noise * block.speed)
 
 
 @kernel

@@ -150,7 +150,8 @@ class Run:
         part = swinging(pairs, bodies)
         if part < (math.inf if limit == math.inf else SMOOTH):
             piled = sum(p.mode == ACTIVE for p in pairs)
-            self.creep = Creep(pairs[:piled], bodies[: piled + 1], float(pairs[0].t))
+            above = pairs[piled].xi if piled < n - 1 else 0.0
+            self.creep = Creep(pairs[:piled], bodies[: piled + 1], above, float(bodies[0].v - bodies[-1].v))
         return limit == math.inf and self.creep is not None
 
     def end(self, why: int) -> Status:
@@ -202,8 +203,7 @@ class Run:
         for row, values in zip(rows, (xi, eta, force), strict=True):
             row[:piled] = values
         if piled < self.scene.n - 1:
-            rows[0][piled] -= float((xi - self.creep.xi).sum())
-            rows[1][piled] = -float(eta.sum())
+            rows[0][piled], rows[1][piled] = self.creep.flank(t)
 
     def result(self, status: Status, span: float, samples: Array | None, log: bool) -> Trajectory:
         """Return the trajectory up to where the run has come."""

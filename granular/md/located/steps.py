@@ -17,7 +17,7 @@ from typing import Any
 from granular._kernels import kernel
 from granular.md.located.clock import elapsed, root
 from granular.md.located.powers import power
-from granular.md.located.records import ACTIVE, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, STEEPEST
+from granular.md.located.records import ACTIVE, DAMPED, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, STEEPEST
 
 REACH = (math.factorial(ORDER + 1) * 1e-17) ** (1.0 / (ORDER + 1))
 FURTHEST = 8.0
@@ -141,6 +141,10 @@ def growth(pairs: Any, lo: int, hi: int, tol: float) -> float:
             worst = max(worst, math.log(largest) / j)
     for c in range(lo, hi):
         pair = pairs[c]
+        if has_lone_term(pair, block.clock):
+            worst = max(worst, growth_of_power(pair, block.clock))
+        if pair.mode == ACTIVE and pair.kind == DAMPED and pair.s < 1.0 and pair.x[0] > 0.0:
+            worst = max(worst, growth_of_bracket(pair, block.length))
         if pair.mode == RESIDUAL and pair.s != 1.0:
             if stays_clipped(pair, trusted(worst, tol)):
                 pair.g[0] = -1.0
@@ -148,6 +152,26 @@ def growth(pairs: Any, lo: int, hi: int, tol: float) -> float:
                     pair.g[j] = 0.0
             else:
                 worst = max(worst, growth_of_bracket(pair, block.length))
+    return worst
+
+
+@kernel
+def has_lone_term(pair: Any, q: int) -> bool:
+    """Return whether no more than one order of the force of a contact just touched is in the series."""
+    just_touched = pair.mode == ACTIVE and pair.x[0] == 0.0 and pair.x[q] > 0.0 and pair.kind != LINEAR
+    return bool(just_touched and 2.0 * q * (pair.p + 1.0) > ORDER)
+
+
+@kernel
+def growth_of_power(pair: Any, q: int) -> float:
+    """Return ln a of y in ξ = τ^q y, relative to its first order: y^p is a power series up to where y is zero.
+
+    One order of the force cannot tell; a ball that touches almost at rest is soon moved by gravity alone.
+    """
+    worst = -math.inf
+    for j in range(1, ORDER + 1 - q):
+        if pair.x[q + j] != 0.0:
+            worst = max(worst, math.log(abs(pair.x[q + j]) / pair.x[q]) / j)
     return worst
 
 
