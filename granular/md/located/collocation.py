@@ -134,9 +134,9 @@ class Collocation:
                 break
             if miss < math.inf:  # so long a step converges; a far shorter one crosses a jump
                 shortest = max(shortest, SHORTEST * reach)
+            elif reach * block.speed < SHORT * block.length:
+                self._check_nodes(pairs, lo, block.h, block.clock)
             reach *= 0.5
-        if not miss < math.inf:
-            self._check_nodes(pairs, lo, block.h, block.clock)
         growth = (allowed / miss) ** (1.0 / POINTS) if miss > 0.0 else 2.0
         block.stride = reach * min(2.0, 0.9 * growth)
         self._write(pairs, lo, force, block.h, block.clock)

@@ -82,7 +82,7 @@ class Creep:
     """The motion of a pile of linear contacts that stay closed forever, from an instant on."""
 
     def __init__(self, pairs: list[Any], bodies: list[Any], above: float, closing: float) -> None:
-        """Start from the records of a pile on a floor; the overlap (m) of the pair `above` it, and its walls' closing."""
+        """Start from the records of a pile on a floor, the overlap in m `above` it, and the speed of its walls."""
         self.start, self.matrix = float(pairs[0].t), matrices(pairs)
         self.above, self.closing = above, closing
         self.k, self.gamma, self.xi, eta = (
