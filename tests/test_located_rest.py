@@ -90,3 +90,14 @@ def test_a_run_ends_when_only_rounding_moves(law):
 def test_a_slow_approach_that_is_given_is_no_rounding():
     scene = gr.Scene([1.0] * 4, [0.1] * 4, [0.01, 1.0, 1e-18], [1.0, 0.0, 3.0, 3.0 - 4e-16])
     assert gr.md.simulate(scene, gr.LinearDashpot(1e6)).count(2) == 1
+
+
+@pytest.mark.parametrize("engine", ["plain", "compiled"])
+@pytest.mark.parametrize("law", DAMPED.values(), ids=DAMPED)
+def test_walls_move_on_while_a_pile_rests(law, engine):
+    pytest.importorskip("numba")
+    scene = gr.Scene([math.inf, 1.0, 1.0, math.inf], [0, 0.1, 0.1, 0], [1e-3, 1e-3, 0.5], [-0.02, 0, 0, 0.01], 9.81)
+    run = gr.md.simulate(scene, law, t_end=100.0, samples=11, engine=engine)
+    np.testing.assert_allclose(run.velocity[:, 3], 0.01, rtol=1e-12)
+    np.testing.assert_allclose(run.gap.sum(axis=1), 0.502 + 0.03 * run.time, rtol=1e-12)
+    np.testing.assert_allclose(run.velocity[-1, 1:3], -0.02, rtol=1e-3)

@@ -42,7 +42,7 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
             if proved != NOT_YET and limit == math.inf:
                 return REST if proved == RESTS else BINDING
             if proved == RESTS and is_still(pairs, run.piled):
-                lie(pairs, run.piled, block.hi)
+                lie(pairs, run.piled, block.hi, bodies[0].v - bodies[block.hi].v)
                 play(queue, pairs, lo)
             elif not go_on(run, pairs, bodies, queue, work, lo, laws):
                 return STOPPED

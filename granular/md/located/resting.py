@@ -88,19 +88,19 @@ def is_still(pairs: Any, piled: int) -> bool:
 
 
 @kernel
-def lie(pairs: Any, piled: int, hi: int) -> None:
-    """Put a pile that is still into its equilibrium, with a piece that has no end."""
+def lie(pairs: Any, piled: int, hi: int, closing: float) -> None:
+    """Put a pile that is still into its equilibrium, with a piece that has no end; walls close at `closing` m/s."""
     block = pairs[0]
     block.clock, block.h, block.tau, block.fired = 1, LONG, math.inf, -1
     block.wait, block.due = math.inf, math.inf
     for c in range(hi):
         pair = pairs[c]
+        pair.eta = closing
         if c < piled:
-            pair.xi = pair.rest
-        pair.eta = 0.0
+            pair.xi, pair.eta = pair.rest, 0.0
         for j in range(ORDER + 1):
             pair.x[j], pair.e[j], pair.f[j], pair.g[j] = 0.0, 0.0, 0.0, 0.0
-        pair.x[0] = pair.xi
+        pair.x[0], pair.x[1], pair.e[0] = pair.xi, LONG * pair.eta, pair.eta
         if c < piled:
             pair.f[0], pair.g[0] = pair.load, pair.load
 
