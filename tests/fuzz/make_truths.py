@@ -2,8 +2,8 @@
 
     python tests/fuzz/make_truths.py
 
-A few of each law, of moderate size, and all that once fell short; each solved in doubles and again in long doubles, which must agree. The stored
-numbers are those of the long doubles, rounded to doubles.
+A few of each law, of moderate size, and scenes that once fell short; each solved in doubles and again in long doubles,
+which must agree. The stored numbers are those of the long doubles, rounded to doubles.
 """
 
 from __future__ import annotations
