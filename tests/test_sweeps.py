@@ -1,6 +1,7 @@
 """Sweeps: the compiled way and one by one give the same bits, on any executor, in one go or resumed."""
 
 import json
+import math
 import re
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -231,3 +232,18 @@ def test_labels_are_short_and_pairs_have_numbers():
     assert data["restitution"].attrs["long_name"] == "restitution"
     assert data["restitution"].attrs["comment"].startswith("Coefficient of restitution in (0, 1]")
     assert data["pair"].values.tolist() == [0, 1]
+
+
+def pile_that_creeps(gamma):
+    scene = gr.Scene([math.inf, 1.0, 0.1, 0.5], [0.0, 0.1, 0.1, 0.1], [0.0, 0.001, 0.002], [0.0] * 4, 9.81)
+    return Case(scene, gr.LinearDashpot(1e5, gamma), t_end=0.5)
+
+
+def test_a_pile_that_creeps_ends_as_it_does_alone():
+    """A run by itself goes on by the pile's modes, where steps would take millions."""
+    data = gr.sweep(pile_that_creeps, {"gamma": [1e3, 1e4]}, ("v_final", "contacts"))
+    for i, gamma in enumerate([1e3, 1e4]):
+        case = pile_that_creeps(gamma)
+        alone = gr.md.simulate(case.scene, case.law, t_end=0.5)
+        assert data.v_final.values[i].tobytes() == alone.velocity[-1].tobytes()
+        assert alone.stats["steps"] <= 2048
