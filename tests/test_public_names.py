@@ -41,7 +41,7 @@ def inside(thing):
 
 def runs():
     """One run of every engine."""
-    scene, law, rule = gr.scenes.three_balls(), gr.LinearDashpot(1e6, 10.0), gr.ConstantRestitution(0.5)
+    scene, law, rule = gr.scenes.three_balls(), gr.LinearDashpot(1e3, 0.1), gr.ConstantRestitution(0.5)
     yield "edmd", gr.edmd.simulate(scene, rule, t_end=0.4, engine="sorted")
     yield "edmd, merge", gr.edmd.simulate(scene, rule, t_end=0.4, engine="sorted", collapse="merge")
     yield "edmd, collapse", gr.edmd.simulate(scene, rule, engine="sorted")
