@@ -213,9 +213,9 @@ class Comparison:
 
     def to_json(self, path: str | PathLike[str]) -> None:
         """Write `to_dict` to a file, whole or not at all."""
-        from granular.report import write_json
+        from granular import _files
 
-        write_json(self, path)
+        _files.write_json(path, self.to_dict())
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
         """Draw contact timelines of both engines, forces and world lines; return the figure, or save it to `path`."""

@@ -161,6 +161,19 @@ def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
         gr.sweep("three-balls", over, save=file, height=0.7)
 
 
+def test_a_sweep_of_the_release_before_goes_on_and_a_later_one_is_refused(tmp_path):
+    file, over = tmp_path / "older.nc", {"gap": [1e-5, 1e-4], "restitution": [0.5, 0.9]}
+    file.write_bytes((Path(__file__).parent / "reference" / "older_sweep.nc").read_bytes())
+    solved = []
+    data = gr.sweep("three-balls", over, save=file, on_progress=lambda *so_far: solved.append(so_far))
+    assert not solved
+    np.testing.assert_allclose(data["v_rel"], gr.sweep("three-balls", over)["v_rel"], rtol=1e-12)
+    later = data.assign_attrs(provenance=json.dumps({"format": 99}))
+    later.to_netcdf(file, engine="netcdf4")
+    with pytest.raises(ValueError, match=r"format of .*older\.nc is 99"):
+        gr.sweep("three-balls", over, save=file)
+
+
 def test_boundaries_are_bisected():
     data = gr.sweep("three-balls", {"restitution": np.arange(0.5, 1.0, 0.005)}, refine="restitution", precision=1e-7)
     ends, counts = data["edge"].values, data["edge_contacts"].values[:, :, 1]

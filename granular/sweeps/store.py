@@ -76,13 +76,15 @@ def resume(path: str | PathLike[str], plan: Plan, over: dict[str, Values], value
     Raises
     ------
     ValueError
-        If the file holds the answers to another question.
+        If the file holds the answers to another question, or is of a later version.
     """
     if not os.path.exists(path):
         return {}
     xr = xarray_()
     with xr.open_dataset(path, engine="netcdf4", decode_cf=False) as stored:
         data = stored.load()
+    provenance = json.loads(data.attrs.get("provenance", "{}"))
+    _files.check_format(path, provenance.get("format", 1))
     same = data.attrs.get("question") == question(plan) and all(
         name in data and np.array_equal(data[name].values.astype(array.dtype), array) for name, array in over.items()
     )
