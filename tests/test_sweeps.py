@@ -140,8 +140,8 @@ def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
     over, file = ["restitution=0.3:1:20", "gap=1e-6:1e-3:20:log"], tmp_path / "map.nc"
     seen = []
 
-    def watch(done, total):
-        seen.append(done)
+    def watch(reached, done):
+        seen.append((reached, done))
         if done > 100 and len(seen) > 3:
             raise KeyboardInterrupt
 
@@ -151,9 +151,10 @@ def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
     left = int((stopped["status"] == CODE["not_run"]).sum())
     assert 0 < left < 400
     again = []
-    data = gr.sweep("three-balls", over, save=file, on_progress=lambda done, total: again.append(done))
-    assert again[0] == 400 - left + 1
-    assert again[-1] == 400
+    data = gr.sweep("three-balls", over, save=file, on_progress=lambda *so_far: again.append(so_far))
+    assert again[0] == (pytest.approx(1.0 / left), 400 - left + 1)
+    assert again[-1] == (1.0, 400)
+    assert [reached for reached, _ in seen] == [done / 400 for _, done in seen]
     assert data.identical(gr.sweep("three-balls", over))
     stored = xr.load_dataset(file)
     assert all(np.array_equal(stored[name].values, data[name].values, equal_nan=True) for name in data)
