@@ -19,10 +19,7 @@ from granular.laws.kinds import kinds
 from granular.measures import Overlap
 from granular.outcome import SAME, PairOutcome
 from granular.scene import Pair, Scene
-from granular.trajectory import Status, Trajectory
-
-EARLY = (Status.collapse, Status.max_events, Status.unstable)
-"""Statuses of runs that did not get to their end: nothing is claimed of what they would have come to."""
+from granular.trajectory import EARLY, Trajectory
 
 
 @dataclass(frozen=True, eq=False)

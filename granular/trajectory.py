@@ -14,7 +14,7 @@ import numpy as np
 from granular import _check, _files
 from granular._check import Array
 from granular._describe import from_json, to_json
-from granular.scene import Pair, Scene
+from granular.scene import Pair, Scene, positions
 
 CONTACT = np.dtype(
     [
@@ -203,6 +203,16 @@ class Trajectory:
             f"Trajectory({engine}, {self.scene!r}, t = {self.time[0]:g} … {self.time[-1]:.6g} s, "
             f"{len(self.contacts)} contacts, {self.status.name}: {self.message})"
         )
+
+
+EARLY = (Status.collapse, Status.max_events, Status.unstable)
+"""Statuses of runs that did not get to their end: nothing is claimed of what they would have come to."""
+
+
+def points(run: Trajectory) -> Array:
+    """Positions in m of the same bodies with their radii taken out, from 0 on, shape (T, n): touching ones coincide."""
+    scene = run.scene.replace(radius=np.zeros(run.scene.n), origin=0.0)
+    return positions(scene, run.gap, run.time - run.time[0])
 
 
 def grouped(key: Any, n: int) -> tuple[Any, Any]:
