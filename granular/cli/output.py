@@ -47,7 +47,7 @@ def check_drawable(name: str | None) -> None:
     if name is None:
         return
     try:
-        optional("matplotlib", "--plot")
+        optional("matplotlib.backend_bases", "--plot")
     except ImportError as missing:
         raise ValueError(str(missing)) from None
     _files.check_picture(name)
