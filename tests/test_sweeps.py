@@ -141,8 +141,8 @@ def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
     over, file = ["restitution=0.3:1:20", "gap=1e-6:1e-3:20:log"], tmp_path / "map.nc"
     seen = []
 
-    def watch(done, total):
-        seen.append(done)
+    def watch(reached, done):
+        seen.append((reached, done))
         if done > 100 and len(seen) > 3:
             raise KeyboardInterrupt
 
@@ -152,14 +152,28 @@ def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
     left = int((stopped["status"] == CODE["not_run"]).sum())
     assert 0 < left < 400
     again = []
-    data = gr.sweep("three-balls", over, save=file, on_progress=lambda done, total: again.append(done))
-    assert again[0] == 400 - left + 1
-    assert again[-1] == 400
+    data = gr.sweep("three-balls", over, save=file, on_progress=lambda *so_far: again.append(so_far))
+    assert again[0] == (pytest.approx(1.0 / left), 400 - left + 1)
+    assert again[-1] == (1.0, 400)
+    assert [reached for reached, _ in seen] == [done / 400 for _, done in seen]
     assert data.identical(gr.sweep("three-balls", over))
     stored = xr.load_dataset(file)
     assert all(np.array_equal(stored[name].values, data[name].values, equal_nan=True) for name in data)
     with pytest.raises(ValueError, match="holds another sweep"):
         gr.sweep("three-balls", over, save=file, height=0.7)
+
+
+def test_a_sweep_of_the_release_before_goes_on_and_a_later_one_is_refused(tmp_path):
+    file, over = tmp_path / "older.nc", {"gap": [1e-5, 1e-4], "restitution": [0.5, 0.9]}
+    file.write_bytes((Path(__file__).parent / "reference" / "older_sweep.nc").read_bytes())
+    solved = []
+    data = gr.sweep("three-balls", over, save=file, on_progress=lambda *so_far: solved.append(so_far))
+    assert not solved
+    np.testing.assert_allclose(data["v_rel"], gr.sweep("three-balls", over)["v_rel"], rtol=1e-12)
+    later = data.assign_attrs(provenance=json.dumps({"format": 99}))
+    later.to_netcdf(file, engine="netcdf4")
+    with pytest.raises(ValueError, match=r"format of .*older\.nc is 99"):
+        gr.sweep("three-balls", over, save=file)
 
 
 def test_boundaries_are_bisected():

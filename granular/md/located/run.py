@@ -16,7 +16,7 @@ from granular.md.located.build import build, limit, power_law
 from granular.md.located.collocation import Collocation
 from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
 from granular.md.located.readout import look, velocities
-from granular.md.located.records import ACTIVE, BODY, GENERAL, LOG_ROW, PAIR, RUN, packed, plain, to_compiled, to_plain
+from granular.md.located.records import ACTIVE, GENERAL, LOG_ROW, plain, to_compiled, to_plain
 from granular.scene import Scene, positions
 from granular.trajectory import CONTACT, Status, Trajectory
 
@@ -232,9 +232,6 @@ class Run:
                 "error_estimate": float(r.error), "resting": bool(r.rests) or self.creep is not None,
                 "shared_impulse": math.fsum([*self.column("shared"), self.crept(end)[1]]) if log else math.nan,
             },
-            {"pairs": packed(self.s.pairs, PAIR), "bodies": packed(self.s.bodies, BODY), "run": packed(self.s.run, RUN)}
-            if self.engine != "compiled"
-            else {"pairs": self.s.pairs, "bodies": self.s.bodies, "run": self.s.run},
         )  # fmt: skip
 
     def message(self, status: Status, r: Any, t: float) -> str:
