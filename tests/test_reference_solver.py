@@ -11,7 +11,7 @@ import pytest
 
 import granular as gr
 from granular import reference
-from granular.laws import traits
+from granular.laws import resolve
 from granular.reference import events, restarted
 from granular.reference.motion import fraction
 from granular.reference.series import Power, first_rise, first_rise_of_parabola, product_term, value
@@ -47,7 +47,7 @@ def final_velocities(scene, solved, t):
 @pytest.mark.parametrize("case", NUMBERS["chains"], ids=lambda case: case["id"])
 def test_chains_agree_with_two_other_solvers(case):
     scene, law, end = chain_of(case)
-    forms = [traits.power_form(one, pair) for one, pair in zip(law, scene.pairs, strict=True)]
+    forms = [resolve(one, pair).form for one, pair in zip(law, scene.pairs, strict=True)]
     solved = events.solve(scene, forms, end.get("until"), end.get("t_end"), 22)
     for pair, rows in case["contacts"].items():
         got = [(float(row.t_begin), float(row.t_end)) for row in solved.of(int(pair))]
