@@ -190,11 +190,11 @@ class Run:
     def sample(self, t: float) -> None:
         """Keep a row a time `t` after the start."""
         n = self.scene.n_pairs
-        rows = [[0.0] * n for _ in range(3)] if self.engine != "compiled" else np.zeros((3, n))
+        rows: Any = [[0.0] * n for _ in range(3)] if self.engine != "compiled" else np.zeros((3, n))
         self.kernels(look)(self.s.pairs, n, t, rows[0], rows[1], rows[2])
         if self.creep is not None:
             self.follow_creep(t, rows)
-        self.samples.append((t, *map(list, rows)))
+        self.samples.append((t, *rows))
 
     def follow_creep(self, t: float, rows: Any) -> None:
         """Put a pile that creeps into `rows` as it is a time `t` after the start; a gap above it grows as it sinks."""
