@@ -107,8 +107,7 @@ class Scene:
         _check.every("position", x, np.isfinite(x), "a position must be finite")
         rising = np.diff(x, prepend=-np.inf) >= 0.0
         _check.every("position", x, rising, "positions must not decrease", "number bodies bottom to top")
-        lower, upper = cls.sides(r)
-        return cls(m, r, cls.across(x) - lower - upper, velocity, gravity, float(x[0]) if len(x) else 0.0)
+        return cls(m, r, np.diff(x) - r[:-1] - r[1:], velocity, gravity, float(x[0]) if len(x) else 0.0)
 
     @cached_property
     def _key(self) -> tuple[Any, ...]:
@@ -147,20 +146,17 @@ class Scene:
         """Number of pairs of neighbours."""
         return len(self.gap)
 
-    @staticmethod
-    def bodies(pair: Any) -> tuple[Any, Any]:
+    def bodies(self, pair: Any) -> tuple[Any, Any]:
         """Numbers of the lower and the upper body of a pair, or of an array of pairs."""
         return pair, pair + 1
 
-    @staticmethod
-    def sides(of_bodies: Any) -> tuple[Any, Any]:
+    def sides(self, of_bodies: Any) -> tuple[Any, Any]:
         """What an array (…, n) says of bodies, for the lower and the upper body of every pair, shapes (…, n-1)."""
         return of_bodies[..., :-1], of_bodies[..., 1:]
 
-    @staticmethod
-    def across(of_bodies: Array) -> Array:
+    def across(self, of_bodies: Array) -> Array:
         """Differences (…, n-1), upper minus lower body of every pair, of an array (…, n): rates from velocities."""
-        lower, upper = Scene.sides(of_bodies)
+        lower, upper = self.sides(of_bodies)
         difference: Array = upper - lower
         return difference
 
@@ -197,15 +193,21 @@ class Scene:
         lower, upper = self.sides(self.radius)
         return _summed(lower + gap + upper)
 
-    def anchor(self, elapsed: Any) -> tuple[Any, Any]:
-        """Position in m and velocity in m/s, a time `elapsed` in s after, of what all bodies are measured from.
+    def anchor(self, elapsed: Any) -> Any:
+        """Position in m, a time `elapsed` in s after the scene's instant, of what all positions are measured from.
 
         That is a wall, which moves at constant speed, or else the centre of mass, which falls freely.
         """
         if self._wall is not None:
-            return self.position[self._wall] + self.velocity[self._wall] * elapsed, self.velocity[self._wall]
+            return self.position[self._wall] + self.velocity[self._wall] * elapsed
         fall = (self._share @ self.velocity - 0.5 * self.gravity * elapsed) * elapsed
-        return self._share @ self.position + fall, (self._share * self.velocity).sum() - self.gravity * elapsed
+        return self._share @ self.position + fall
+
+    def anchor_velocity(self, elapsed: Any) -> Any:
+        """Velocity of the anchor in m/s."""
+        if self._wall is not None:
+            return self.velocity[self._wall]
+        return (self._share * self.velocity).sum() - self.gravity * elapsed
 
     @cached_property
     def _wall(self) -> int | None:
@@ -237,7 +239,7 @@ def positions(scene: Scene, gap: Array, elapsed: Array) -> Array:
     """
     offset = scene.offsets(gap)
     at_anchor = offset @ scene._share if scene._wall is None else offset[:, scene._wall]
-    position: Array = (scene.anchor(elapsed)[0] - at_anchor)[:, None] + offset
+    position: Array = (scene.anchor(elapsed) - at_anchor)[:, None] + offset
     return position
 
 
@@ -247,7 +249,7 @@ def velocities(scene: Scene, rate: Array, elapsed: Array) -> Array:
     A cumulative sum from the anchor: differences are the rates to the last digit. The second look at the centre of
     mass matters in long chains, where the rounding of the first moves every ball.
     """
-    offset, anchor = _summed(rate), scene.anchor(elapsed)[1]
+    offset, anchor = _summed(rate), scene.anchor_velocity(elapsed)
     if scene._wall is not None:
         return np.asarray((anchor - offset[:, scene._wall])[:, None] + offset)
     offset = (anchor - (offset * scene._share).sum(axis=-1))[:, None] + offset

@@ -86,7 +86,8 @@ class Stepper:
         for c, force in enumerate(s.force):
             if force > 0.0:  # overlapping from the start
                 now = self.now
-                now.lower[c], now.upper[c], now.count[c] = s.v[c], s.v[c + 1], 1
+                lower, upper = self.scene.bodies(c)
+                now.lower[c], now.upper[c], now.count[c] = s.v[lower], s.v[upper], 1
                 now.xi_max[c], now.force_max[c] = s.xi[c], force
                 loop.spread(c, 0, 0.0, s, s, now)
 
@@ -231,8 +232,8 @@ class Stepper:
         )
 
     def _receding(self) -> bool:
-        v = self.s.v
-        return all(v[c + 1] >= v[c] for c in range(len(v) - 1))
+        lower, upper = self.scene.sides(np.asarray(self.s.v))
+        return bool((upper >= lower).all())
 
     def _try_to_compile(self) -> None:
         self.engine = "plain"

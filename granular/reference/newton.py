@@ -35,7 +35,7 @@ class Newton:
 
     def __init__(self, scene: Scene, laws: SceneLaws, most: int = 2_000_000) -> None:
         self.scene, self.laws, self.pairs = scene, laws, scene.n_pairs
-        self.each = list(laws)
+        self.each, self.neighbours = list(laws), np.transpose(scene.neighbours).tolist()
         self.w: list[float] = scene.inverse_mass.tolist()
         self.pull: list[float] = scene.pull.tolist()
         self.smooth, self.clipped = [False] * self.pairs, [False] * self.pairs
@@ -75,11 +75,12 @@ class Newton:
         force = [self.force(c, state[c], state[n + c]) for c in range(n)]
         out = state[n:] + self.pull
         for c, f in enumerate(force):
-            out[n + c] -= (w[c] + w[c + 1]) * f
-            if c > 0:
-                out[n + c] += w[c] * force[c - 1]
-            if c + 1 < n:
-                out[n + c] += w[c + 1] * force[c + 1]
+            lower, upper = self.scene.bodies(c)
+            out[n + c] -= (w[lower] + w[upper]) * f
+        for below, above in self.neighbours:
+            shared = w[self.scene.bodies(below)[1]]
+            out[n + above] += shared * force[below]
+            out[n + below] += shared * force[above]
         return np.array(out)
 
     def velocities(self, y: Array, t: float) -> Array:

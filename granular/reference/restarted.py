@@ -13,7 +13,7 @@ from granular import until as stop
 from granular._check import Array
 from granular.laws.kinds import SceneLaws
 from granular.reference.log import Logbook, Reference
-from granular.reference.modes import ACTIVE, DORMANT, OPEN, RESIDUAL, disturbed
+from granular.reference.modes import ACTIVE, DORMANT, OPEN, RESIDUAL, roused
 from granular.reference.newton import Newton, TooMuchWork
 from granular.reference.series import first_rise_of_parabola
 from granular.scene import Scene
@@ -55,7 +55,7 @@ class Run:
         self.loading = [True] * self.n
         self.elastic = [not law.rate_dependent and not law.memory for law in laws]
         self.since: dict[int, tuple[float, tuple[float, float]]] = {}
-        """When the rest of dormant pairs was disturbed, and the velocities then: where their contacts begin."""
+        """When a force reached dormant pairs, and the velocities then: where their contacts begin."""
 
     def go(self) -> str:
         """Run to the end; return why it ended."""
@@ -77,7 +77,7 @@ class Run:
 
     def step(self) -> str:
         """Go on to the next event; return why there is none, or ""."""
-        moved = disturbed(self.mode, self.newton.pull)
+        moved = roused(self.mode, self.newton.pull)
         for c, mode in enumerate(self.mode):
             self.newton.smooth[c], self.newton.clipped[c] = mode == ACTIVE, mode in (OPEN, RESIDUAL)
             if mode == DORMANT and not moved[c]:

@@ -70,10 +70,10 @@ def solve(scenes: Sequence[Scene], which: Any, law: Array, until: stop.Until | N
     mass, gap, velocity, gravity = (
         np.array([getattr(s, name) for s in scenes])[which] for name in ("mass", "gap", "velocity", "gravity")
     )
-    table, n = scene_rows(mass, gap, velocity, law, gravity)
-    s = workspace(n, until, *(DEFAULTS[name] for name in ("tol", "max_events", "max_steps")))
-    out = np.zeros((len(table), HEAD + PER_PAIR * (n - 1)))
-    compiled(solve_cells)(s, table, t_end, out, np.zeros((3, n - 1)))
+    table, p = scene_rows(mass, gap, velocity, law, gravity)
+    s = workspace(p, until, *(DEFAULTS[name] for name in ("tol", "max_events", "max_steps")))
+    out = np.zeros((len(table), HEAD + PER_PAIR * p))
+    compiled(solve_cells)(s, table, t_end, out, np.zeros((3, p)))
     return out
 
 
