@@ -12,6 +12,7 @@ import pytest
 import granular as gr
 from granular import reference
 from granular.laws import resolve
+from granular.laws.kinds import resolved
 from granular.reference import events, restarted
 from granular.reference.motion import fraction
 from granular.reference.series import Power, first_rise, first_rise_of_parabola, product_term, value
@@ -117,7 +118,7 @@ def test_a_law_without_series_is_solved_by_restarts():
 def test_restarts_agree_with_the_series(method):
     scene, law, end = three_balls(lambda pair: gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair))
     solved = reference.solve(scene, law, **end, digits=20)
-    again, evaluations = restarted.solve(scene, law, end["until"], None, method, 1e-9)
+    again, evaluations = restarted.solve(scene, resolved(law, scene), end["until"], None, method, 1e-9)
     assert max(reference.distance(again, solved)) < 1e-6
     assert evaluations > 100
 
