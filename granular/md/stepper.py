@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from granular import until as stop
 from granular._kernels import compiled, have_numba, worth
+from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws
 from granular.md import march as loop
 from granular.md.contact_force import (
@@ -61,12 +63,12 @@ class Stepper:
         self.work: Any = Stages(*(_zeros(m) for m in (p, n, p, n, p, p)))
         self.old: Any = loop.Old(*(_zeros(m) for m in (p, n, p, p)))
         self.now: Any = loop.Open(*([0] * p if name in loop.COUNTED else _zeros(p) for name in loop.Open._fields))
-        self.buffer: Any = [[0.0] * loop.ROW for _ in range(max(64, 4 * p))]
+        self.room = max(64, 4 * p)
+        self.buffer: Any = [] if engine == "compiled" else [[0.0] * loop.ROW for _ in range(self.room)]
         self.rows: list[Any] = []
         self.force: Any = interpreted
-        self.plain_laws: Any = list(laws)
-        self.law_rows: Any = self.plain_laws
-        self.pair_rows: Any = self.plain_laws
+        self.law_rows: Any = laws if engine == "compiled" else self.plain_laws
+        self.pair_rows: Any = self.law_rows
         self.bulk: Any = None
         self.march: Callable[..., tuple[int, int, int]] = loop.march
         self.hurry: Callable[..., tuple[int, int, int]] = hurry
@@ -77,11 +79,16 @@ class Stepper:
             self.compile()
         self._start()
 
+    @cached_property
+    def plain_laws(self) -> list[PairLaw]:
+        """The laws, ready for interpreted steps."""
+        return list(self.laws)
+
     # -- state ----------------------------------------------------------------------------------------------------
 
     def _start(self) -> None:
         s = self.s
-        contact_forces(interpreted, self.plain_laws, self.plain_laws, s.xi, s.v, s.top, s.raw, s.force)
+        contact_forces(interpreted, self.laws, self.laws, s.xi, s.v, s.top, s.raw, s.force)
         accelerations(s.force, self.w, self.fall, s.acc)
         for c, force in enumerate(s.force):
             if force > 0.0:  # overlapping from the start
@@ -114,7 +121,7 @@ class Stepper:
         self.s, self.work, self.old, self.now = (
             type(group)(*map(np.array, group)) for group in (self.s, self.work, self.old, self.now)
         )
-        self.buffer = np.array(self.buffer)
+        self.buffer = np.zeros((self.room, loop.ROW))
         arguments = self._arguments(0, 0)
         self.march = compiled(loop.march, _types((*arguments, -1, 0)))
         if not self.keep_log and self.method in (VERLET, EULER) and len(self.laws) >= MANY:
