@@ -136,7 +136,7 @@ class Trajectory:
         energy: Array = 0.5 * (v * v) @ m + self.scene.gravity * (x @ m)
         if self.law is not None:
             laws = resolved(self.law, self.scene)
-            for c in np.flatnonzero((self.gap < 0.0).any(axis=0)).tolist():
+            for c in np.flatnonzero(~(self.gap >= 0.0).all(axis=0)).tolist():
                 law = laws[c]
                 energy += [law.energy(-gap) for gap in self.gap[:, c].tolist()]
         return energy
