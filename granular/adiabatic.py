@@ -23,7 +23,8 @@ import numpy as np
 from granular import _check, md, until
 from granular._check import Array
 from granular._flight import rate_at_contact, time_to_contact
-from granular.laws import LinearDashpot, traits
+from granular.laws import LinearDashpot
+from granular.laws.check import checked
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 
@@ -143,11 +144,12 @@ def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
     if scene.n != 3 or scene.is_wall.tolist() != [True, False, False]:
         raise ValueError(f"scene is {scene!r}: a floor and two balls are needed, as in granular.scenes.three_balls().")
     laws = []
-    for one, pair, factor in zip(traits.checked(law, scene), scene.pairs, (1.0, LIGHTER), strict=True):
-        if not hasattr(one, "linear"):
-            raise ValueError(f"law of pair {pair.index} is {one!r}: a linear law is needed, such as LinearDashpot; "
+    for one, factor in zip(checked(law, scene), (1.0, LIGHTER), strict=True):
+        pair = one.pair
+        if one.form is None or not one.is_linear:
+            raise ValueError(f"law of pair {pair.index} is {one.law!r}: a linear law is needed, such as LinearDashpot; "
                              "for others use granular.md.")  # fmt: skip
-        k, gamma = one.linear(pair)
+        k, _, gamma, _ = one.form
         laws.append(LinearDashpot(_check.number(f"k of pair {pair.index}", k, above=0.0) * factor,
                                   _check.number(f"gamma of pair {pair.index}", gamma, at_least=0.0) * factor))
     return laws
@@ -156,7 +158,7 @@ def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
 def _first_touch(scene: Scene) -> tuple[float, Scene]:
     """Time in s to the first floor contact, and the scene there as the floor sees it, with an upper ball `LIGHTER`."""
     _check.every("gap", scene.gap, scene.gap >= 0.0, "balls that do not overlap yet are needed")
-    (floor, upper), (fall, follow) = scene.gap.tolist(), np.diff(scene.velocity).tolist()
+    (floor, upper), (fall, follow) = scene.gap.tolist(), scene.across(scene.velocity).tolist()
     t10 = time_to_contact(floor, fall, scene.gravity)
     if t10 == math.inf:
         raise ValueError(f"gap[0] is {floor!r}, closing at {-fall!r} m/s: the lower ball must fall on the floor.")
