@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from granular._kernels import kernel
-from granular._records import Records
+from granular._records import Record, Records
 
 NODE = np.dtype([("due", float), ("key", int)], align=True)
 LAST = 1 << 62
@@ -20,16 +20,17 @@ LAST = 1 << 62
 
 
 def tournament(n: int) -> np.ndarray[Any, Any]:
-    """Return the tree of `n` owners, none of which is ever due."""
+    """Return the tree of `n` owners with their numbers as keys, none of which is ever due."""
     leaves = 1 << max(0, n - 1).bit_length()
-    return np.full(2 * leaves, np.array((math.inf, LAST), NODE))
+    tree = np.full(2 * leaves, np.array((math.inf, LAST), NODE))
+    tree["key"][leaves : leaves + n] = np.arange(n)
+    return tree
 
 
 @kernel
-def enter(tree: Records, owner: int, due: float, key: int) -> None:
-    """Write time and key of an owner into its leaf; `replay` makes them count."""
-    leaf = tree[len(tree) // 2 + owner]
-    leaf.due, leaf.key = due, key
+def leaf(tree: Records, owner: int) -> Record:
+    """Return the leaf of an owner; a change of it counts once `replay` is called."""
+    return tree[len(tree) // 2 + owner]
 
 
 @kernel

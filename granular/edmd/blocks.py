@@ -21,7 +21,7 @@ from granular.edmd import readout
 from granular.edmd.model import Model
 from granular.edmd.sorted_queue import Pause, Rows
 from granular.edmd.state import NEVER, State
-from granular.edmd.tree_queue import LATER, TreeQueue, loop, refresh
+from granular.edmd.tree_queue import LATER, TreeQueue, label, loop, refresh
 
 BLOCK = 4096
 """Pairs kept of a block."""
@@ -86,6 +86,7 @@ class BlockQueue(TreeQueue):
         s, fastest = self.state, np.zeros(1)
         run, pairs, bodies = s.run.copy(), s.pairs[low:high].copy(), s.bodies[low : high + 1].copy()
         tree = tournament(high - low)
+        self.kernel(label)(run, pairs, tree, 0, high - low - 1)
         self.kernel(refresh)(run, pairs, bodies, tree, 0, high - low - 1)
         before = run.clamps
         pause, *_ = self.kernel(loop)(run, pairs, bodies, tree, edge, 1 << 40, None, fastest)

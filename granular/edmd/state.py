@@ -12,7 +12,7 @@ import numpy as np
 from granular import until as conditions
 from granular._check import Array
 from granular._kernels import kernel
-from granular._records import Record, Records, column, copied, one, packed, plain
+from granular._records import Record, Records, column, copied, one, packed, plain, twin
 from granular.edmd.model import Model, scales, shares
 from granular.edmd.motion import rebase
 
@@ -92,10 +92,11 @@ class State:
         bodies["u"], bodies["falls"], bodies["mass"] = scene.velocity, ~scene.is_wall, scene.mass
         speed, fall, length = scales(scene)
         window = span(length, speed, model.gravity)
-        run = plain(np.zeros(1, RUN))[0]
-        run.pairs, run.gravity, run.order, run.seed = len(pairs), model.gravity, model.order, model.seed & 0x7FFFFFFF
-        run.tc, run.elastic_below, run.merge_below = model.tc, model.elastic_below, model.merge_below
-        run.short, run.stop_pair = math.ldexp(window, -30), NEVER
+        run = twin(RUN)(
+            pairs=len(pairs), gravity=model.gravity, tc=model.tc, elastic_below=model.elastic_below,
+            merge_below=model.merge_below, order=model.order, seed=model.seed & 0x7FFFFFFF, stop_pair=NEVER,
+            stop_hits=0, slow=-1.0, short=math.ldexp(window, -30), clamps=0, merged=0, lost=0,
+        )  # fmt: skip
         state = cls(run, pairs, bodies, t_start, t_start, 0.0, length, window, speed, fall, 0.0)
         state.watch(model.may_collapse)
         return state

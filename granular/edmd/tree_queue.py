@@ -12,14 +12,14 @@ import numpy as np
 
 from granular._kernels import compiled, kernel
 from granular._records import Record, Records
-from granular._tournament import enter, replay, tournament
+from granular._tournament import leaf, replay, tournament
 from granular.edmd.event import ROW, SUSPICIOUS, event
 from granular.edmd.merge import rest
 from granular.edmd.model import Model
 from granular.edmd.motion import approaching, predicted, velocity
 from granular.edmd.sorted_queue import Pause, Rows
 from granular.edmd.state import APART, State
-from granular.edmd.ties import PAIR, rank
+from granular.edmd.ties import LEFT, PAIR, RANDOM, rank
 
 LATER, BUDGET, UNTIL, SUSPECT = range(4)
 PAUSES = {BUDGET: Pause.budget, UNTIL: Pause.until, SUSPECT: Pause.suspect}
@@ -47,6 +47,8 @@ class TreeQueue:
     def refresh(self, first: int, last: int) -> None:
         """Predict pairs `first` … `last` anew."""
         s = self.state
+        if s.run.order != LEFT:
+            self.kernel(label)(s.run, s.pairs, self.tree, first, last)
         self.kernel(refresh)(s.run, s.pairs, s.bodies, self.tree, first, last)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
@@ -100,6 +102,8 @@ def loop(
             g = run.gravity
             speeds = abs(velocity(bodies[c], g, now)), abs(velocity(bodies[c + 1], g, now))
             fastest[0] = max(fastest[0], speeds[0], speeds[1])
+        if run.order == RANDOM:
+            label(run, pairs, tree, c, c)
         refresh(run, pairs, bodies, tree, first, last)
         if run.stop_pair == APART:
             witness = approaching(pairs, bodies, witness, now)
@@ -110,13 +114,20 @@ def loop(
 
 
 @kernel
+def label(run: Record, pairs: Records, tree: Records, first: int, last: int) -> None:
+    """Give pairs `first` … `last` their ranks, for the next `refresh`."""
+    for c in range(first, last + 1):
+        leaf(tree, c).key = rank(c, run.order, run.seed, pairs[c].hits)
+
+
+@kernel
 def refresh(run: Record, pairs: Records, bodies: Records, tree: Records, first: int, last: int) -> None:
     """Predict pairs `first` … `last` anew and decide the matches above them again."""
     c = first
     while c <= last:
         pair = pairs[c]
         due = predicted(pair, bodies[c], bodies[c + 1])
-        enter(tree, c, due, rank(c, run.order, run.seed, pair.hits))
+        leaf(tree, c).due = due
         if due == math.inf and pair.pull > 0.0:
             rest(run, pairs, bodies, c)
             last = max(last, min(c + 1, len(pairs) - 1))
