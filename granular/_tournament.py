@@ -22,7 +22,8 @@ LAST = 1 << 62
 def tournament(n: int) -> np.ndarray[Any, Any]:
     """Return the tree of `n` owners with their numbers as keys, none of which is ever due."""
     leaves = 1 << max(0, n - 1).bit_length()
-    tree = np.full(2 * leaves, np.array((math.inf, LAST), NODE))
+    tree = np.empty(2 * leaves, NODE)
+    tree["due"], tree["key"] = math.inf, LAST
     tree["key"][leaves : leaves + n] = np.arange(n)
     return tree
 

@@ -164,19 +164,14 @@ class Scene:
         return np.isinf(self.mass)
 
     @cached_property
-    def m_eff(self) -> Array:
-        """Effective mass m_a m_b / (m_a + m_b) of each pair in kg, shape (n-1,)."""
-        light, heavy = np.minimum(self.mass[:-1], self.mass[1:]), np.maximum(self.mass[:-1], self.mass[1:])
-        m_eff: Array = light / (1.0 + light / heavy)
-        return m_eff
-
-    @cached_property
     def pairs(self) -> tuple[Pair, ...]:
         """All pairs of neighbours, bottom to top."""
+        light, heavy = np.minimum(self.mass[:-1], self.mass[1:]), np.maximum(self.mass[:-1], self.mass[1:])
         with np.errstate(divide="ignore"):
             curvature = np.where(self.is_wall, 0.0, 1.0 / self.radius)
             r_eff = 1.0 / (curvature[:-1] + curvature[1:])
-        return tuple(map(Pair, self.m_eff.tolist(), r_eff.tolist(), range(self.n - 1)))
+        m_eff = light / (1.0 + light / heavy)
+        return tuple(map(Pair, m_eff.tolist(), r_eff.tolist(), range(self.n - 1)))
 
     @cached_property
     def pull(self) -> Array:

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from granular._check import Array
-from granular._records import Records
+from granular._records import Records, copied, raw
 from granular._tournament import tournament
 from granular.edmd import readout
 from granular.edmd.model import Model
@@ -65,18 +65,18 @@ class BlockQueue(TreeQueue):
         ends = self._halos(gap, 2.0 * speed * rest)
         if ends is None:
             return False
-        pairs, bodies, hits = s.pairs.copy(), s.bodies.copy(), int(s.pairs["hits"].sum())
+        pairs, bodies = np.empty_like(s.pairs), np.empty_like(s.bodies)
         for first, last, low, high in ends:
             part = self._run(low, high, edge, speed - g * rest)
             if part is None:
                 return False
             top = last + (last == len(pairs))  # the upper body of the last pair belongs to the next block
-            pairs[first:last] = part[0][first - low : last - low]
-            bodies[first:top] = part[1][first - low : top - low]
-        done = int(pairs["hits"].sum()) - hits
+            raw(pairs)[first:last] = raw(part[0])[first - low : last - low]
+            raw(bodies)[first:top] = raw(part[1])[first - low : top - low]
+        done = int(pairs["hits"].sum()) - int(s.pairs["hits"].sum())
         if done > budget:
             return False
-        s.pairs[:], s.bodies[:] = pairs, bodies
+        s.pairs, s.bodies = pairs, bodies
         s.events += done
         s.now = max(s.now, float(pairs["last"].max()))
         return True
@@ -84,7 +84,7 @@ class BlockQueue(TreeQueue):
     def _run(self, low: int, high: int, edge: float, speed: float) -> tuple[Records, Records] | None:
         """Run pairs `low` … `high` - 1 alone; return what becomes of them, None if that may not be kept."""
         s, fastest = self.state, np.zeros(1)
-        run, pairs, bodies = s.run.copy(), s.pairs[low:high].copy(), s.bodies[low : high + 1].copy()
+        run, pairs, bodies = s.run.copy(), copied(s.pairs[low:high]), copied(s.bodies[low : high + 1])
         tree = tournament(high - low)
         self.kernel(label)(run, pairs, tree, 0, high - low - 1)
         self.kernel(refresh)(run, pairs, bodies, tree, 0, high - low - 1)

@@ -116,9 +116,7 @@ class Zoom:
         end = self.first + len(self.near)
         return state.pairs[self.first : end], state.bodies[self.first : end + 1]
 
-    def advance(
-        self, state: State, model: Model, queue: Any, limit: float, budget: int, log: Rows | None
-    ) -> int:
+    def advance(self, state: State, model: Model, queue: Any, limit: float, budget: int, log: Rows | None) -> int:
         """Go on until time `limit`; return how it ended."""
         look, before = self.look, int(self.look.events)
         rows = None if log is None else queue.rows(budget)
@@ -202,7 +200,7 @@ class Zoom:
         if low == high and not pulled:
             return None  # two free bodies collide once
         kind, bound = "bounded", largest_speed(bodies, gap[low:end], rate[low:end], model.gravity)
-        if high == low + 1 and not pulled and model.rule is None and alternates(pairs, *rate[low:end], j == low):
+        if high == low + 1 and not pulled and model.rule is None and alternates(pairs, rate[low], rate[high], j == low):
             kind = "proved"
         return Verdict(kind, self.first + low, self.first + high, bound)
 

@@ -42,9 +42,7 @@ def kind(run: Record, pair: Record, lower: Record, upper: Record, w: float, e: f
 
 @rare
 @kernel
-def absorb(
-    run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float
-) -> tuple[int, int, float]:
+def absorb(run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float) -> tuple[int, int, float]:
     """Let the bodies of pair `c`, which close at rate `w`, and all that is closed with them, move as one from now on.
 
     With the wall or the pile if one side belongs to it, else with their common momentum. Returns the first and the
@@ -94,9 +92,7 @@ def share(bodies: Records, c: int, first: int, last: int) -> None:
 
 @rare
 @kernel
-def strike(
-    run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float, e: float
-) -> tuple[int, int]:
+def strike(run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float, e: float) -> tuple[int, int]:
     """Let pair `c` collide at rate `w` with restitution `e`; its bodies, and those that rested upon them, fall again.
 
     Returns the first and the last pair to predict anew.

@@ -88,12 +88,14 @@ def scales(scene: Scene) -> tuple[float, float, float]:
     return max(float(np.abs(np.diff(scene.velocity)).max()), fall), fall, length
 
 
-def shares(scene: Scene) -> tuple[Array, Array]:
-    """Return the shares of the lower and the upper body of each pair in a change of its relative velocity.
+def shares(scene: Scene) -> tuple[Array, Array, Array]:
+    """Return m_eff/m_lower and m_eff/m_upper of each pair, and m_eff in kg.
 
-    They are m_eff/m_lower and m_eff/m_upper; the smaller is computed, the other is 1 minus it.
+    They are the shares of its two bodies in a change of its relative velocity; the smaller is computed, the other is 1
+    minus it.
     """
     a, b = scene.mass[:-1], scene.mass[1:]
-    ratio = np.minimum(a, b) / np.maximum(a, b)
+    light = np.minimum(a, b)
+    ratio = light / np.maximum(a, b)
     small = ratio / (1.0 + ratio)
-    return np.where(a >= b, small, 1.0 - small), np.where(a >= b, 1.0 - small, small)
+    return np.where(a >= b, small, 1.0 - small), np.where(a >= b, 1.0 - small, small), light / (1.0 + ratio)

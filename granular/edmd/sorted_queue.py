@@ -21,7 +21,7 @@ from granular.edmd.ties import PAIR, RANDOM, rank
 INF = math.inf
 Rows = list[Any]
 """The log: chunks of records `ROW`, as arrays or as lists of plain objects."""
-Row = twin(ROW)
+Row: Any = twin(ROW)
 SHORT = 256
 """Rows made for a closer look at a time."""
 

@@ -87,8 +87,8 @@ class State:
         scene = model.scene
         pairs, bodies = np.zeros(scene.n - 1, PAIR), np.zeros(scene.n, BODY)
         pairs["gap"], pairs["pull"], pairs["last"] = scene.gap, scene.pull, -math.inf
-        pairs["low"], pairs["high"] = shares(scene)
-        pairs["eps"], pairs["m_eff"] = model.eps, scene.m_eff
+        pairs["low"], pairs["high"], pairs["m_eff"] = shares(scene)
+        pairs["eps"] = model.eps
         bodies["u"], bodies["falls"], bodies["mass"] = scene.velocity, ~scene.is_wall, scene.mass
         speed, fall, length = scales(scene)
         window = span(length, speed, model.gravity)
