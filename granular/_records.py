@@ -65,4 +65,4 @@ def column(records: Records, name: str) -> np.ndarray[Any, Any]:
 def twin(dtype: np.dtype[Any]) -> Callable[..., Any]:
     """Return the class of plain objects with the fields of `dtype`."""
     assert dtype.names is not None
-    return make_dataclass("Record", dtype.names, namespace={"dtype": dtype}, slots=True)
+    return make_dataclass("Record", dtype.names, namespace={"dtype": dtype}, eq=False, slots=True)

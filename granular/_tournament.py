@@ -35,6 +35,13 @@ def leaf(tree: Records, owner: int) -> Record:
 
 
 @kernel
+def play(tree: Records, owner: int, due: float) -> None:
+    """Let an owner be due at another time, O(log n)."""
+    leaf(tree, owner).due = due
+    replay(tree, owner, owner)
+
+
+@kernel
 def replay(tree: Records, first: int, last: int) -> None:
     """Play the matches above the leaves of owners `first` … `last` again, O(log n) if they are few."""
     low, high = (len(tree) // 2 + first) >> 1, (len(tree) // 2 + last) >> 1

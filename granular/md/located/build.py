@@ -29,7 +29,7 @@ LARGEST_Q = 4
 def build(scene: Scene, laws: tuple[Any, ...], t: float) -> System:
     """Return the records of `scene` at time `t`, its pairs open, overlapping or (ACTIVE) about to begin a contact."""
     s = new_system(scene.n - 1)
-    pairs, bodies = s.pairs[:-1], s.bodies
+    pairs, bodies = s.pairs, s.bodies
     bodies["inverse_mass"], bodies["v"], bodies["t"] = scene.inverse_mass, scene.velocity, t
     bodies["fall"] = np.where(scene.is_wall, 0.0, scene.gravity)
     pairs["lower"], pairs["upper"] = scene.inverse_mass[:-1], scene.inverse_mass[1:]

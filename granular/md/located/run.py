@@ -11,12 +11,13 @@ import numpy as np
 from granular import until as stop
 from granular._check import Array
 from granular._kernels import compiled, have_numba, in_memory, worth
+from granular._records import packed, plain
 from granular.md.located import loop
 from granular.md.located.build import build, limit, power_law
 from granular.md.located.collocation import Collocation
 from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
 from granular.md.located.readout import look, velocities
-from granular.md.located.records import ACTIVE, BODY, GENERAL, LOG_ROW, PAIR, RUN, packed, plain, to_compiled, to_plain
+from granular.md.located.records import ACTIVE, BODY, GENERAL, LOG_ROW, PAIR, RUN, to_compiled, to_plain
 from granular.scene import Scene, positions
 from granular.trajectory import CONTACT, Status, Trajectory
 
