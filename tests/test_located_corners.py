@@ -72,3 +72,28 @@ def test_a_stop_while_another_contact_is_under_way_gives_the_state_of_that_time(
     reached = gr.md.simulate(scene, law, t_end=float(stopped.time[-1]))
     np.testing.assert_allclose(stopped.velocity[-1], reached.velocity[-1], rtol=1e-9)
     np.testing.assert_allclose(stopped.gap[-1], reached.gap[-1], atol=1e-15)
+
+
+class OwnHertz:
+    """Hertz as a user writes it: no more than the force."""
+
+    def force(self, xi, xi_dot, pair):
+        return 1e9 * xi**1.5
+
+
+@pytest.mark.parametrize(("law", "p"), [(gr.Hertz(1e9), 1.5), (gr.PowerLaw(1e9, 2.0), 2.0), (OwnHertz(), 1.5)])
+def test_a_slow_contact_beside_a_fast_ball_is_as_good_as_alone(law, p):
+    """Its peak by energy, ξ = ((p+1) m_eff v² / 2k)^(1/(p+1)), and what the fast ball leaves to the slow one."""
+    rng = np.random.default_rng(11)
+    for _ in range(5):
+        fast, slow = 10.0 ** rng.uniform(1, 4), 10.0 ** rng.uniform(-6, -3)
+        light, one, two = 10.0 ** rng.uniform([-4, -1, -1], [-2, 1, 1])
+        scene = gr.Scene([light, one, two], [0.0] * 3, [1.0, 1e-9], [-fast, slow, 0.0])
+        run = gr.md.simulate(scene, law)
+        (contact,) = run.contacts
+        m_eff = one * two / (one + two)
+        deepest = ((p + 1.0) * m_eff * slow * slow / 2e9) ** (1.0 / (p + 1.0))
+        assert contact["xi_max"] == pytest.approx(deepest, rel=2e-14)
+        out = slow * (one - two) / (one + two), 2.0 * slow * one / (one + two)
+        assert contact["v_out"][1] - contact["v_out"][0] == pytest.approx(slow, rel=1e-13)
+        assert contact["v_out"] == pytest.approx(out, abs=1e-13 * slow)

@@ -1,9 +1,9 @@
-"""Make the stored truths of 300 scenes, which every test run compares with.
+"""Make the stored truths of 310 scenes, which every test run compares with.
 
     python tests/fuzz/make_truths.py
 
-A few of each law, of moderate size; each solved in doubles and again in long doubles, which must agree. The stored
-numbers are those of the long doubles, rounded to doubles.
+A few of each law, of moderate size, and scenes that once fell short; each solved in doubles and again in long doubles,
+which must agree. The stored numbers are those of the long doubles, rounded to doubles.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import sys
 from collections import Counter
+from itertools import chain, count
 from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2])]
@@ -25,19 +26,25 @@ SCENES = 300
 OF_ONE_KIND = {"mixed": 60}
 LEFT_OUT = {385}
 """A row of balls that falls on a floor too soft to feel: whether they press each other is a question of rounding."""
+MENDED = (10000283, 40000796, 40000830, 51000013, 70000059, 80000760, 80001357, 80002049, 80002880, 80003176)
+"""Scenes in which the engine once fell short: a fast ball beside a slow contact, a force that is zero for an instant of
+a step, a pair pressed from rest beside one whose force begins, a wall that moves while a pile lies still."""
 STEPS = 250
 """Steps of the solver beyond which a scene takes the engine too long for every test run."""
 
 
 def main() -> None:
     """Collect scenes seed by seed until there are enough."""
-    kept, kinds, seed = [], Counter(), 0
-    while len(kept) < SCENES:
-        seed += 1
+    kept, kinds = [], Counter()
+    for seed in chain(MENDED, count(1)):
+        if len(kept) == SCENES + len(MENDED):
+            break
         case = generate(seed)
         if seed in LEFT_OUT:
             continue
-        if kinds[case.names] >= OF_ONE_KIND.get(case.names, 16) or solve(case).steps > STEPS:
+        if seed not in MENDED and (
+            kinds[case.names] >= OF_ONE_KIND.get(case.names, 16) or solve(case).steps > STEPS
+        ):
             continue
         one = truth(case)
         if one is None:
@@ -47,7 +54,7 @@ def main() -> None:
         if error > 1e-13:
             print(f"seed {seed}: doubles and long doubles differ by {error:.1e} in {what}")
             continue
-        kinds[case.names] += 1
+        kinds[case.names] += seed not in MENDED
         kept.append({"seed": seed, "case": case.to_json(), "truth": to_json(better)})
         print(f"{len(kept)} {seed} {case.names} {error:.1e}", flush=True)
     text = "[\n" + ",\n".join(json.dumps(one, separators=(",", ":")) for one in kept) + "\n]\n"

@@ -27,7 +27,7 @@ from granular.scene import Pair
 
 POINTS = 16
 SWEEPS = 40
-SMALLEST = 2e-15
+SMALLEST = 5e-16
 """The tolerance cannot be smaller: interpolated forces carry their rounding."""
 SHORTEST, HOPELESS = 1e-14, 1e-60
 """Parts of a step to which it is halved at most: of one that converges, where the force jumps, and of any."""
@@ -38,6 +38,8 @@ EDGE = 1e-150
 """Overlap in m of a touch: a law need not be defined at 0, and may have a force there."""
 SETTLED = 1024.0 * ULP
 """Part of the largest force of a contact up to which a clipped force is rounding."""
+FLAT = 1.0 - 1e-9
+"""Part of a clipped pair's overlap at which a force that is 0 there is 0 for good, as beyond a plastic overlap."""
 PRECISE = 3e-14
 """Error of forces, as a part of the largest: a kink in a short step hardly moves rates, but peaks are read there."""
 HYSTERESIS = 1e-13
@@ -122,7 +124,7 @@ class Collocation:
         reach = 0.2 * block.length / block.speed if block.speed > 0.0 else 1.0
         if block.stride > 0.0 and block.clock == 1:
             reach = block.stride
-        allowed = max(tol, SMALLEST) * block.speed
+        allowed = max(tol, SMALLEST)
         self._check_start(pairs, lo)
         if lie_still(pairs, partial(self._at_rest, pairs, lo)):
             return 0.0
@@ -142,7 +144,7 @@ class Collocation:
         self._write(pairs, lo, force, block.h, block.clock)
         if reach * block.speed < SHORT * block.length and self._write_jumps(pairs, lo):
             _integrate(pairs, block.h, block.clock)
-        return miss / block.speed if block.speed > 0.0 else 0.0
+        return miss
 
     def _at_rest(self, pairs: list[Any], lo: int, i: int, xi: float) -> float:
         """Force in N of a pair at an overlap, at rest."""
@@ -167,7 +169,7 @@ class Collocation:
         block.tau, block.fired, block.what = 1.0, -1, NOTHING
         for c in range(lo, hi):
             p = records[c]
-            deep = self.deepest[c] if self.largest[c] > 0.0 else amplitude(p, block.speed * block.speed)
+            deep = self.deepest[c] if self.largest[c] > 0.0 else p.own_length
             ask = partial(self._pushes, c, p, 1e-3 * deep)
             tau, what = next_event(p, ask, self.doubt[c], block.tau, work)
             if tau <= block.tau and what != NOTHING:
@@ -182,10 +184,11 @@ class Collocation:
     def _pushes(self, c: int, p: Any, shallow: float, tau: float, surely: bool = False) -> bool:
         """Return whether the law of pair `c` pushes at τ (`surely`: beyond what rounding makes of a contact's end).
 
-        Up to a `shallow` overlap the force of a contact may be 0 by underflow.
+        Up to a `shallow` overlap the force of a contact may be 0 by underflow. No rounding hides a force that is 0 all about.
         """
         xi = value(p.x, tau)
         force = self.force(c, xi, value(p.e, tau), p.top, p.loading)
+        surely = surely and self.force(c, FLAT * p.x[0], p.e[0], p.top, p.loading) != 0.0
         floor = SETTLED * self.largest[c] if surely else 0.0
         return force > floor or (p.mode == ACTIVE and force == 0.0 and xi < shallow)
 
@@ -215,7 +218,7 @@ class Collocation:
     def _iterate(self, pairs: list[Any], lo: int, h: float, q: int) -> tuple[Array, float, float]:
         """Return the forces (pairs, nodes) at the nodes, and errors, inf if they diverge: of rates, and of forces.
 
-        The latter as a part of the largest force of a contact at the block's speed.
+        As parts of each pair's own speed, and of the largest force of a contact at that speed.
         """
         lower, own, upper, pull, xi0, eta0 = np.array(
             [(p.lower, p.inverse, p.upper, p.pull, p.xi, p.eta) for p in pairs]
@@ -225,8 +228,8 @@ class Collocation:
         xi = xi0 + (0.5 * (eta0 + eta)) * (h * NODES) ** q
         force, worst = np.zeros_like(eta), math.inf
         acts = np.array([p.mode == ACTIVE for p in pairs])
-        square = pairs[0].speed * pairs[0].speed
-        strength = np.array([square / (p.inverse * amplitude(p, square)) if square > 0.0 else 1.0 for p in pairs])
+        speed = np.array([p.own_speed if p.own_speed > 0.0 else 1.0 for p in pairs])
+        strength = np.array([v * v / (p.inverse * amplitude(p, v * v)) for p, v in zip(pairs, speed, strict=True)])
         grain = self._grain(pairs, lo, xi, eta)
         for _ in range(SWEEPS):
             new = self._forces(pairs, lo, xi, eta)
@@ -248,7 +251,7 @@ class Collocation:
                 between = xi0 + (eta * pace) @ INTEGRATE_TO_LOOKS.T, eta0 + (push * pace) @ INTEGRATE_TO_LOOKS.T
                 off = abs(force @ TO_LOOKS.T - self._forces(pairs, lo, *between))
                 off = np.where(off > noise[:, None], off, 0.0)
-                miss = np.maximum(tail / POINTS, (off * NEAR).max(axis=1)) * own[:, 0]
+                miss = np.maximum(tail / POINTS, (off * NEAR).max(axis=1)) * own[:, 0] / speed
                 strength = np.maximum(strength, abs(force).max(axis=1))
                 rough = np.maximum(tail, off.max(axis=1)) * acts / strength
                 return force, float(miss.max()) * h**q, float(rough.max())

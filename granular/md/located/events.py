@@ -43,10 +43,12 @@ def next_event(pair: Any, span: float, work: Any) -> tuple[float, int]:
     if pair.mode == OPEN:
         return named(first_up_crossing(pair.x, span, work), span, BEGIN)
     if pair.mode == ACTIVE:
+        asleep = pair.wake if pair.xi <= pair.wake else 0.0
         if pair.kind == ELASTIC or (pair.kind == LINEAR and pair.gamma == 0.0):
-            return named(first_up_crossing(pair.x, span, work, -1.0), span, PART)
-        phi = pair.f if pair.kind == LINEAR else pair.g
-        return named(first_up_crossing(phi, span, work, -1.0), span, END)
+            return named(falls(pair.x, asleep, span, work), span, PART)
+        if pair.kind == LINEAR:
+            return named(falls(pair.f, pair.k * asleep, span, work), span, END)
+        return named(falls(pair.g, 0.0, span, work), span, END)
     if pair.mode == DORMANT:
         return next_of_dormant(pair, span, work)
     tau, what = named(first_up_crossing(pair.x, span, work, -1.0), span, PART)
@@ -63,12 +65,21 @@ def next_of_dormant(pair: Any, span: float, work: Any) -> tuple[float, int]:
     if pair.kind == LINEAR:
         return span, NOTHING
     xi = pair.x[0]
-    pair.x[0] = xi + pair.wake
-    tau, what = named(first_up_crossing(pair.x, span, work, -1.0), span, PART)
+    tau, what = named(falls(pair.x, pair.wake, span, work), span, PART)
     pair.x[0] = xi - pair.wake
     again, begin = named(first_up_crossing(pair.x, tau, work), tau, BEGIN)
     pair.x[0] = xi
     return (again, begin) if begin == BEGIN else (tau, what)
+
+
+@kernel
+def falls(row: Any, margin: float, span: float, work: Any) -> float:
+    """Return the first τ where a row, its sign in doubt by `margin`, goes from positive to negative."""
+    first = row[0]
+    row[0] = first + margin
+    tau: float = first_up_crossing(row, span, work, -1.0)
+    row[0] = first
+    return tau
 
 
 @kernel

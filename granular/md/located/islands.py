@@ -47,7 +47,7 @@ def settle(run: Any, pairs: Any, bodies: Any, work: Any, lo: int, tau: float, dt
 def rounding(run: Any, pairs: Any, c: int, lo: int, hi: int) -> float:
     """Return what a step may leave in the rate of pair `c`: rounding of rates, or what a nonlinear step leaves out."""
     if pairs[lo].linear == 0:
-        part: float = max(run.tol, ULP if pairs[c].kind != GENERAL else 8.0 * ULP) * pairs[lo].speed
+        part: float = max(run.tol, ULP if pairs[c].kind != GENERAL else 8.0 * ULP) * pairs[c].own_speed
         return part
     largest: float = abs(pairs[c].eta)
     if c > lo:

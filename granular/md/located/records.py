@@ -42,6 +42,7 @@ _STATE = [
     ("mode", int),
     ("noise", float),  # what the rounding of steps may have left in the rate so far, m/s
     ("exact", int),  # an event has just found φ = 0: keep it exactly so
+    ("own_speed", float), ("own_length", float),  # scales of its motion, m/s and m
     ("wake", float),  # overlap at which a dormant pair becomes active
     ("load", float), ("rest", float),  # force in N and overlap in m in the static equilibrium of a pile
     ("top", float), ("loading", int),  # largest overlap so far, for laws with memory

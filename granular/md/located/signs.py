@@ -59,11 +59,11 @@ def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, work:
 
     Just before the pair `parts` its force is smaller than any doubt; there the law is tried at ever smaller distances.
     """
-    before, found = 0.0, crossing(pair, -1.0, doubt, span, work)
-    if (found is None or pushes(found)) and not parts:
-        found = span  # a force that is zero from some overlap on never crosses zero
-    if found is not None and not pushes(found):
-        return bisected(pushes, *last_push(pushes, found))
+    before, least = 0.0, first_up_crossing(pair.e, span, work) if pair.e[0] < 0.0 else None
+    # a force that is zero up to some overlap never crosses zero: it is tried where the overlap is least
+    for tau in (crossing(pair, -1.0, doubt, span, work), least, None if parts else span):
+        if tau is not None and tau <= span and not pushes(tau):
+            return bisected(pushes, *last_push(pushes, tau))
     for j in range(LOOKS if parts else 0):
         tau = span * (1.0 - 0.25**j)
         if j > 0 and value(pair.x, tau) > 0.0:
@@ -92,9 +92,9 @@ def regains(pair: Any, pushes: Sign, doubt: float, span: float, work: Any) -> fl
     early, so beyond it too.
     """
     found = crossing(pair, 1.0, doubt, span, work)
-    if found is None:
+    if found is None and not pushes(span, True):
         return None
-    clipped = None
+    found, clipped = span if found is None else found, None
     for first, last in ((0.0, found), (found, span)):
         for j in range(PARTS + 1):
             tau = last if j == PARTS else first + (last - first) * j / PARTS

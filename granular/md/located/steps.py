@@ -4,7 +4,8 @@
 absolute row sums of M⁻¹K and M⁻¹C over the touching pairs; λh = `REACH` leaves (λh)^(N+1)/(N+1)! = 1e-17.
 
 *Others*: h is only a scale. The coefficients themselves say how far they may be trusted, θ = tol^(1/N) / a with
-a = max_j A_j^(1/j) and A_j the largest |ξ_j|/X, |η_j|/V, and of clipped pairs |φ_j|/(k X^s), of the block. The maximum
+a = max_j A_j^(1/j) and A_j the largest |ξ_j|/X, |η_j|/V, and of clipped pairs |φ_j|/(k X^s), of the block, with
+each pair's own X and V: a slow contact beside a fast one is to be as good. The maximum
 is over the last six orders j, and over more where a contact begins: its series is lacunary, F = k ξ^p has terms of
 orders q(p+1), 2q(p+1), … only, and the last of them must be seen. Left out is less than (aτ)^(N+1) / (1 - aτ).
 """
@@ -25,7 +26,7 @@ FURTHEST = 8.0
 JUST = 1e-15
 """Overlap, as a part of the typical one, below which a closing pair has only just touched: what an event elsewhere in
 the block, located to rounding, leaves of a touch at the same instant."""
-DORMANCY = 1e-13
+DORMANCY = 1e-15
 """A pair that touches at rest, or on a clock that does not suit it, sleeps up to this part of the typical overlap."""
 
 
@@ -58,12 +59,13 @@ def fastest_rate(pairs: Any, lo: int, hi: int) -> float:
 
 @kernel
 def measure(pairs: Any, lo: int, hi: int) -> None:
-    """Set the block's `speed` V and `length` X: what its energy amounts to as a rate and as an overlap.
+    """Set the block's `speed` V and `length` X, and each pair's own: what its energy amounts to as a rate and overlap.
 
     V² is the largest η² + 2 w k ξ^(p+1)/(p+1), X the largest ((p+1) V² / (2 k w))^(1/(p+1)), w the inverse m_eff.
-    A ball at rest on a floor counts with its static overlap.
+    A ball at rest on a floor counts with its static overlap. Open pairs do not count: beside a slow contact a fast
+    ball may fly.
     """
-    square, length = 0.0, 0.0
+    speed, length = 0.0, 0.0
     for c in range(lo, hi):
         pair = pairs[c]
         stored = 0.0
@@ -71,12 +73,31 @@ def measure(pairs: Any, lo: int, hi: int) -> None:
             stored = 2.0 * pair.inverse * pair.k * pair.xi * power(pair.xi, pair.p) / (pair.p + 1.0)
         elif pair.pull > 0.0 and pair.mode == DORMANT:
             stored = 2.0 * pair.pull * power(pair.pull / (pair.k * pair.inverse), 1.0 / pair.p)
-        square = max(square, pair.eta * pair.eta + stored)
+        pair.own_speed = math.sqrt(pair.eta * pair.eta + stored)
+        if pair.mode != OPEN:
+            speed = max(speed, pair.own_speed)
+    pass_on(pairs, lo, hi)
     for c in range(lo, hi):
         pair = pairs[c]
+        if pair.own_speed == 0.0:
+            pair.own_speed = speed
+        pair.own_length = amplitude(pair, pair.own_speed * pair.own_speed)
         if pair.mode != OPEN:
-            length = max(length, amplitude(pair, square))
-    pairs[lo].speed, pairs[lo].length = math.sqrt(square), length
+            length = max(length, amplitude(pair, speed * speed))
+    pairs[lo].speed, pairs[lo].length = speed, length
+
+
+@kernel
+def pass_on(pairs: Any, lo: int, hi: int) -> None:
+    """Let pairs count with the speed that a neighbour may give them: 2 m_eff/m of its own, m the ball between them."""
+    for c in range(lo + 1, hi):
+        pair, below = pairs[c], pairs[c - 1]
+        if below.mode != OPEN:
+            pair.own_speed = max(pair.own_speed, min(1.0, 2.0 * pair.lower / below.inverse) * below.own_speed)
+    for c in range(hi - 2, lo - 1, -1):
+        pair, above = pairs[c], pairs[c + 1]
+        if above.mode != OPEN:
+            pair.own_speed = max(pair.own_speed, min(1.0, 2.0 * pair.upper / above.inverse) * above.own_speed)
 
 
 @kernel
@@ -88,7 +109,7 @@ def amplitude(pair: Any, square: float) -> float:
 @kernel
 def choose_clock(pairs: Any, lo: int, hi: int) -> int:
     """Return q of the clock t = (hτ)^q: 1, or that of pairs just touched; those it does not suit go dormant."""
-    q, square = 1, pairs[lo].speed * pairs[lo].speed
+    q = 1
     for c in range(lo, hi):
         pair = pairs[c]
         if needs_clock(pair) and q % pair.q != 0:
@@ -101,13 +122,13 @@ def choose_clock(pairs: Any, lo: int, hi: int) -> int:
         if needs_clock(pair) and q * pair.p > STEEPEST:
             pair.mode = DORMANT
         if pair.mode == ACTIVE and pair.kind != LINEAR and pair.kind != GENERAL and pair.eta > 0.0 and pair.xi > 0.0:
-            deepest = amplitude(pair, square)
+            deepest = pair.own_length
             if pair.xi < JUST * deepest and q % pair.q == 0 and q * pair.p <= STEEPEST:
                 pair.xi = 0.0
             elif pair.xi < 0.5 * DORMANCY * deepest:
                 pair.mode = DORMANT
         if pair.mode == DORMANT:
-            pair.wake = DORMANCY * amplitude(pair, square)
+            pair.wake = DORMANCY * pair.own_length
     return q
 
 
@@ -136,7 +157,7 @@ def growth(pairs: Any, lo: int, hi: int, tol: float) -> float:
         largest = 0.0
         for c in range(lo, hi):
             pair = pairs[c]
-            largest = max(largest, abs(pair.x[j]) / block.length, abs(pair.e[j]) / block.speed)
+            largest = max(largest, abs(pair.x[j]) / pair.own_length, abs(pair.e[j]) / pair.own_speed)
         if largest > 0.0:
             worst = max(worst, math.log(largest) / j)
     for c in range(lo, hi):
@@ -144,14 +165,14 @@ def growth(pairs: Any, lo: int, hi: int, tol: float) -> float:
         if has_lone_term(pair, block.clock):
             worst = max(worst, growth_of_power(pair, block.clock))
         if pair.mode == ACTIVE and pair.kind == DAMPED and pair.s < 1.0 and pair.x[0] > 0.0:
-            worst = max(worst, growth_of_bracket(pair, block.length))
+            worst = max(worst, growth_of_bracket(pair))
         if pair.mode == RESIDUAL and pair.s != 1.0:
             if stays_clipped(pair, trusted(worst, tol)):
                 pair.g[0] = -1.0
                 for j in range(1, ORDER + 1):
                     pair.g[j] = 0.0
             else:
-                worst = max(worst, growth_of_bracket(pair, block.length))
+                worst = max(worst, growth_of_bracket(pair))
     return worst
 
 
@@ -176,9 +197,9 @@ def growth_of_power(pair: Any, q: int) -> float:
 
 
 @kernel
-def growth_of_bracket(pair: Any, length: float) -> float:
+def growth_of_bracket(pair: Any) -> float:
     """Return ln a of the coefficients of φ = k ξ^s + γη."""
-    worst, size = -math.inf, pair.k * power(length, pair.s)
+    worst, size = -math.inf, pair.k * power(pair.own_length, pair.s)
     for j in range(ORDER - 5, ORDER + 1):
         if pair.g[j] != 0.0:
             worst = max(worst, math.log(abs(pair.g[j]) / size) / j)
