@@ -21,6 +21,7 @@ from granular.edmd import readout
 from granular.edmd.model import Model
 from granular.edmd.sorted_queue import Pause, Rows
 from granular.edmd.state import NEVER, State
+from granular.edmd.ties import RANDOM
 from granular.edmd.tree_queue import LATER, TreeQueue, label, loop, refresh
 
 BLOCK = 4096
@@ -47,7 +48,9 @@ class BlockQueue(TreeQueue):
     def advance(self, limit: float, budget: int, log: Rows | None) -> Pause:
         """Let events up to and including time `limit` act, at most `budget` of them, appending them to `log`."""
         edge = min(limit, math.nextafter(self.state.window, 0.0))
-        if log is None and self.state.run.stop_pair == NEVER and edge > self.as_one and self.soonest() <= edge:
+        run = self.state.run
+        alone = log is None and run.stop_pair == NEVER and run.order != RANDOM  # nobody looks at single ones
+        if alone and edge > self.as_one and self.soonest() <= edge:
             if self._sweep(edge, budget):
                 self.swept += 1
                 super().rebuild()

@@ -15,6 +15,7 @@ import numpy as np
 from granular._flight import gap_after, rate_at_contact, time_to_contact
 from granular._kernels import kernel
 from granular._records import Record, Records
+from granular.edmd.merge import total
 from granular.edmd.model import Restitution
 from granular.edmd.motion import velocity
 from granular.edmd.ties import GROUP, rank
@@ -226,10 +227,7 @@ def write_back(run: Record, look: Record, near: Records, pairs: Records, bodies:
             bodies[j].u = bodies[j + 1].u - (near[j].rate + pairs[j].pull * tau)
             bodies[j].noise = 0.0
     if free:
-        mass = 0.0
-        for i in range(n + 1):
-            mass += bodies[i].mass
-        shift = (before - momentum(bodies)) / mass
+        shift = (before - momentum(bodies)) / total(bodies, 0, n)
         for i in range(n + 1):
             bodies[i].u += shift
 
@@ -237,7 +235,7 @@ def write_back(run: Record, look: Record, near: Records, pairs: Records, bodies:
 @kernel
 def momentum(bodies: Records) -> float:
     """Return Σ m u over the bodies of the slice."""
-    total = 0.0
+    p = 0.0
     for i in range(len(bodies)):
-        total += bodies[i].mass * bodies[i].u
-    return total
+        p += bodies[i].mass * bodies[i].u
+    return p
