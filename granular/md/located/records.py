@@ -1,20 +1,15 @@
-"""What the engine knows about each pair and body, as records with names.
-
-Compiled code reads one numpy record per pair, ``pairs[c].xi``; interpreted code reads plain objects with the same
-fields, so one source serves both. After the last pair comes a dummy that is never due, for the empty leaves of the
-queue.
-"""
+"""What the engine knows about each pair and body, as records with names: see `granular._records`."""
 
 from __future__ import annotations
 
 import math
 from collections import namedtuple
-from functools import cache
-from typing import Any
 
 import numpy as np
 
+from granular._records import packed, plain
 from granular._roots import workspace
+from granular._tournament import NODE, tournament
 
 ORDER = 20
 """Order of the power series of a step."""
@@ -99,54 +94,24 @@ System = namedtuple("System", "run pairs bodies queue log work")
 """All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder."""
 
 
-def plain(records: np.ndarray[Any, Any]) -> list[Any]:
-    """Return the records as plain objects with the same fields, for interpreted code."""
-    twin = _twin(records.dtype)
-    return [twin(record) for record in records]
-
-
-def packed(objects: list[Any], dtype: np.dtype[Any]) -> np.ndarray[Any, Any]:
-    """Return plain objects as an array of records again."""
-    assert dtype.names is not None
-    return np.array([tuple(getattr(one, name) for name in dtype.names) for one in objects], dtype)
-
-
 def to_plain(s: System) -> System:
     """Return the run for interpreted code."""
-    return System(plain(s.run), plain(s.pairs), plain(s.bodies), s.queue.tolist(), s.log.tolist(), workspace(ORDER))
+    return System(plain(s.run), plain(s.pairs), plain(s.bodies), plain(s.queue), s.log.tolist(), workspace(ORDER))
 
 
 def to_compiled(s: System) -> System:
     """Return the run for compiled code: same numbers, same bits."""
     return System(
-        packed(s.run, RUN), packed(s.pairs, PAIR), packed(s.bodies, BODY), np.array(s.queue, np.int64),
+        packed(s.run, RUN), packed(s.pairs, PAIR), packed(s.bodies, BODY), packed(s.queue, NODE),
         np.array(s.log), np.array(s.work),
     )  # fmt: skip
 
 
 def new_system(n_pairs: int) -> System:
-    """Return empty records for a scene of `n_pairs` pairs, with the dummy at their end."""
-    leaves = 1
-    while leaves < n_pairs:
-        leaves *= 2
-    queue = np.full(2 * leaves, n_pairs, np.int64)
-    pairs = np.zeros(n_pairs + 1, PAIR)
+    """Return empty records for a scene of `n_pairs` pairs."""
+    pairs, bodies = np.zeros(n_pairs, PAIR), np.zeros(n_pairs + 1, BODY)
     pairs["due"] = math.inf
-    bodies = np.zeros(n_pairs + 1, BODY)
     log = np.zeros((max(LOG_ROWS, 2 * n_pairs), LOG_ROW))
     run = np.zeros(1, RUN)
     run["pause"] = NO_PAUSE
-    return System(run, pairs, bodies, queue, log, np.array(workspace(ORDER)))
-
-
-@cache
-def _twin(dtype: np.dtype[Any]) -> type:
-    """A class of plain objects with the fields of `dtype`."""
-    names = dtype.names
-    assert names is not None
-
-    def __init__(self: Any, record: Any) -> None:
-        for name in names:
-            setattr(self, name, record[name].tolist())
-
-    return type("Record", (), {"__slots__": names, "__init__": __init__})
+    return System(run, pairs, bodies, tournament(n_pairs), log, np.array(workspace(ORDER)))

@@ -11,13 +11,14 @@ import numpy as np
 from granular import until as stop
 from granular._check import Array
 from granular._kernels import compiled, have_numba, in_memory, worth
+from granular._records import plain
 from granular.laws.kinds import SceneLaws, resolved
 from granular.md.located import loop
 from granular.md.located.build import build, limit, power_form
 from granular.md.located.collocation import Collocation
 from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
 from granular.md.located.readout import look
-from granular.md.located.records import ACTIVE, GENERAL, LOG_ROW, plain, to_compiled, to_plain
+from granular.md.located.records import ACTIVE, GENERAL, LOG_ROW, to_compiled, to_plain
 from granular.scene import Scene, positions, velocities
 from granular.trajectory import CONTACT, Status, Trajectory
 
