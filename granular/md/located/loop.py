@@ -100,6 +100,9 @@ def gather(s: Any, t: float, laws: Any) -> None:
         bring(s.run[0], s.pairs, s.bodies, s.work, c, t, 0.0)
         if block.clock != FREE and block.due < math.inf:
             settle_series(s.pairs, c, block.hi, laws, s.run[0])
+        elif block.clock != FREE:  # it lies still, and a wall may move on
+            for i in range(c, block.hi):
+                s.pairs[i].x[0], s.pairs[i].e[0] = s.pairs[i].xi, s.pairs[i].eta
         c = block.hi
 
 
