@@ -137,8 +137,7 @@ class Collocation:
             block.h = reach if block.clock == 1 else math.sqrt(reach)
             force, misses, rough = self._iterate(pairs, lo, block.h, block.clock)
             miss = float((misses / speeds).max())
-            resolved = miss <= allowed and rough <= PRECISE
-            if resolved or not reach > shortest:
+            if (miss <= allowed and rough <= PRECISE) or not reach > shortest:
                 break
             if miss < math.inf:  # so long a step converges; a far shorter one crosses a jump
                 shortest = max(shortest, SHORTEST * reach)
@@ -148,7 +147,7 @@ class Collocation:
         growth = (allowed / miss) ** (1.0 / POINTS) if miss > 0.0 else 2.0
         block.stride = reach * min(2.0, 0.9 * growth)
         self._write(pairs, lo, force, block.h, block.clock)
-        if not resolved and reach * block.speed < SHORT * block.length and self._write_jumps(pairs, lo):
+        if self._write_jumps(pairs, lo, reach):
             _integrate(pairs, block.h, block.clock)
         return float(misses.max()) / block.speed if block.speed > 0.0 else 0.0
 
@@ -156,11 +155,11 @@ class Collocation:
         """Force in N of a pair at an overlap, at rest."""
         return self.force(lo + i, xi, 0.0, pairs[i].top, pairs[i].loading)
 
-    def _write_jumps(self, pairs: list[Any], lo: int) -> bool:
+    def _write_jumps(self, pairs: list[Any], lo: int, reach: float) -> bool:
         """Write forces that jump within a short step as straight lines, not to overshoot; return if there are any."""
         found = False
         for c, p in enumerate(pairs, lo):
-            if p.mode == ACTIVE:
+            if p.mode == ACTIVE and reach * p.own_speed < SHORT * p.own_length:
                 first = self.force(c, p.xi, p.eta, p.top, p.loading)
                 last = self.force(c, value(p.x, 1.0), value(p.e, 1.0), p.top, p.loading)
                 off = max(abs(p.f[0] - first), abs(value(p.f, 1.0) - last))
