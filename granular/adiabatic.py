@@ -29,7 +29,7 @@ from granular import _check
 from granular._check import Array
 from granular._flight import rate_at_contact, time_to_contact
 from granular._roots import first_up_crossing, workspace
-from granular.laws import traits
+from granular.laws.check import checked
 from granular.scene import Scene
 from granular.trajectory import Status
 
@@ -316,12 +316,13 @@ def _linear_system(scene: Scene, law: Any) -> _System:
     if scene.n != 3 or scene.is_wall.tolist() != [True, False, False]:
         raise ValueError(f"scene is {scene!r}: a floor and two balls are needed, as in granular.scenes.three_balls().")
     square, damping = [], []
-    for one, pair in zip(traits.checked(law, scene), scene.pairs, strict=True):
-        if not hasattr(one, "linear"):
-            raise ValueError(f"law of pair {pair.index} is {one!r}: a linear law is needed, such as LinearDashpot; "
+    for one in checked(law, scene):
+        pair = one.pair
+        if one.form is None or not one.is_linear:
+            raise ValueError(f"law of pair {pair.index} is {one.law!r}: a linear law is needed, such as LinearDashpot; "
                              "for others use granular.md.")
-        k, gamma = one.linear(pair)
-        mass = float(scene.mass[pair.index + 1])
+        k, _, gamma, _ = one.form
+        mass = float(scene.mass[scene.bodies(pair.index)[1]])
         square.append(_check.number(f"k of pair {pair.index}", k, above=0.0) / mass)
         damping.append(_check.number(f"gamma of pair {pair.index}", gamma, at_least=0.0) / mass)
     return _System(scene.gravity, (square[0], square[1]), (damping[0], damping[1]))
@@ -330,7 +331,7 @@ def _linear_system(scene: Scene, law: Any) -> _System:
 def _first_touch(scene: Scene) -> tuple[float, Array]:
     """Time in s to the first floor contact, and the state z there."""
     _check.every("gap", scene.gap, scene.gap >= 0.0, "balls that do not overlap yet are needed")
-    (floor, upper), (fall, follow) = scene.gap.tolist(), np.diff(scene.velocity).tolist()
+    (floor, upper), (fall, follow) = scene.gap.tolist(), scene.across(scene.velocity).tolist()
     t10 = time_to_contact(floor, fall, scene.gravity)
     if t10 == math.inf:
         raise ValueError(f"gap[0] is {floor!r}, closing at {-fall!r} m/s: the lower ball must fall on the floor.")

@@ -118,8 +118,9 @@ class Film:
         left = (soft["t_begin"] - start) / self.unit
         axis.barh(soft["pair"] - 0.16, (end - soft["t_begin"]) / self.unit, left=left, height=0.3, color=SOFT)
         axis.scatter((hard["t_begin"] - start) / self.unit, hard["pair"] + 0.22, marker="|", s=60, color=HARD)
-        axis.set_ylim(-0.6, report.scene.n - 1.3)
-        axis.set_yticks(range(report.scene.n - 1) if report.scene.n < 8 else [0, report.scene.n - 2])
+        axis.set_ylim(-0.6, report.scene.n_pairs - 0.3)
+        n = report.scene.n_pairs
+        axis.set_yticks(range(n) if n < 7 else [0, n - 1])
         return _head(axis)
 
     def _forces(self, place: Any) -> Any:
@@ -153,9 +154,9 @@ class Stage:
         drawn = np.sqrt(np.where(scene.is_wall, 0.0, scene.radius) / scene.radius.max())
         self.radius = np.where(scene.is_wall, 0.0, np.maximum(0.16, drawn)) * min(0.09, 0.28 / max(drawn.sum(), 1e-9))
         room = 0.96 - 2.0 * float(self.radius.sum())
-        deepest = np.maximum(0.0, -np.diff(both, axis=1).min(axis=0))
+        deepest = np.maximum(0.0, -scene.across(both).min(axis=0))
         side = np.where(self.radius > 0.0, self.radius, np.inf)
-        sinks = float((deepest / (0.6 * np.minimum(side[:-1], side[1:]))).max())
+        sinks = float((deepest / (0.6 * np.minimum(*scene.sides(side)))).max())
         self.scale = min(room / max(float(both.max()) - self.low, 1e-300), 1.0 / max(sinks, 1e-300))
         self.stacked = np.cumsum(2.0 * self.radius) - self.radius
         axis.set_xlim(-0.16, 0.16)

@@ -38,7 +38,7 @@ def comparison_figure(report: Comparison, path: str | PathLike[str] | None = Non
     begin, end = window(report)
     soft = resolved(report, "soft", _moments(report, begin, end))
     unit, name = time_unit(end - begin)
-    n = report.scene.n - 1
+    n = report.scene.n_pairs
     heights = [0.22 * min(n, 12) + 0.5, *([0.9] * n if n <= FEW else [0.25 * min(n, 12) + 1.2]), 2.8]
     figure = figure_class(figsize=(7.0, sum(heights) + 1.4), layout="constrained")
     axes = figure.subplots(len(heights), 1, sharex=True, gridspec_kw={"height_ratios": heights})
@@ -127,7 +127,7 @@ def _timeline(axis: Any, report: Comparison, begin: float, end: float, unit: flo
     finish = np.where(np.isnan(soft["t_end"]), end, soft["t_end"])
     start = (soft["t_begin"] - begin) / unit
     width = (finish - soft["t_begin"]) / unit
-    n = report.scene.n - 1
+    n = report.scene.n_pairs
     for c in range(n):
         bars = np.column_stack([start, width])[soft["pair"] == c]
         axis.broken_barh(bars, (c - 0.31, 0.3), color=SOFT, lw=0, label="" if c else "soft")
@@ -159,13 +159,14 @@ def _force_curve(axis: Any, clock: Array, soft: Trajectory, c: int) -> None:
     axis.fill_between(clock, soft.force[:, c] / unit, color=SOFT, alpha=0.25, lw=0)
     axis.plot(clock, soft.force[:, c] / unit, color=SOFT, lw=1.0)
     axis.set_ylim(bottom=0.0)
-    axis.set_ylabel(f"$F_{{{c},{c + 1}}}$, {name}")
+    lower, upper = soft.scene.bodies(c)
+    axis.set_ylabel(f"$F_{{{lower},{upper}}}$, {name}")
 
 
 def _largest_forces(report: Comparison, soft: Trajectory, begin: float, end: float) -> Array:
     """Largest force in N in each column of a map and on each pair: from samples, and from the log of short contacts."""
     assert soft.force is not None
-    largest = np.zeros((COLUMNS, report.scene.n - 1))
+    largest = np.zeros((COLUMNS, report.scene.n_pairs))
 
     def columns(times: Array) -> Any:
         return np.clip(((times - begin) * (COLUMNS / (end - begin))).astype(int), 0, COLUMNS - 1)

@@ -48,13 +48,13 @@ def _two_restitutions(report: Comparison) -> list[str]:
 def _extremes(report: Comparison) -> list[str]:
     """Deep overlaps, and speeds near the speed of sound."""
     found, scene, log = [], report.scene, report.counted[1].contacts
-    depth, speed, shortest = np.zeros(scene.n - 1), np.zeros(scene.n - 1), np.full(scene.n - 1, math.inf)
+    depth, speed, shortest = np.zeros(scene.n_pairs), np.zeros(scene.n_pairs), np.full(scene.n_pairs, math.inf)
     met = outcome.counts(report.counted[1]) > 0
     np.maximum.at(depth, log["pair"], log["xi_max"])
     np.maximum.at(speed, log["pair"], np.abs(log["v_in"][:, 0] - log["v_in"][:, 1]))
     np.minimum.at(shortest, log["pair"], log["duration"])
     radius = np.where(scene.radius > 0.0, scene.radius, math.inf)
-    radius = np.minimum(radius[:-1], radius[1:])
+    radius = np.minimum(*scene.sides(radius))
     depth = depth / radius
     speed[met] *= shortest[met] / (2.0 * math.pi * radius[met])  # in the speed of sound, 2 π R / t_c
     for c in np.flatnonzero((depth > 0.1) | (speed > 0.1)).tolist():

@@ -14,7 +14,8 @@ import numpy as np
 from granular import _check, _files
 from granular._check import Array
 from granular._describe import from_json, to_json
-from granular.scene import Pair, Scene
+from granular.laws.kinds import resolved
+from granular.scene import Scene
 
 CONTACT = np.dtype(
     [
@@ -102,7 +103,7 @@ class Trajectory:
     @cached_property
     def by_pair(self) -> tuple[Any, Any]:
         """Numbers of the rows of the contact log, pair by pair in order of time, and where those of each pair begin."""
-        return grouped(self.contacts["pair"], len(self.scene.gap))
+        return grouped(self.contacts["pair"], self.scene.n_pairs)
 
     def rows(self, pair: int) -> Any:
         """Numbers of the rows of the contact log that belong to `pair`."""
@@ -134,9 +135,10 @@ class Trajectory:
         m, v, x = self.scene.mass[balls], self.velocity[:, balls], self.position[:, balls]
         energy: Array = 0.5 * (v * v) @ m + self.scene.gravity * (x @ m)
         if self.law is not None:
-            for pair, law in zip(self.scene.pairs, self.law, strict=True):
-                overlap = np.maximum(0.0, -self.gap[:, pair.index])
-                energy += [stored_energy(law, float(xi), pair) for xi in overlap]
+            laws = resolved(self.law, self.scene)
+            for c in np.flatnonzero((self.gap < 0.0).any(axis=0)).tolist():
+                law = laws[c]
+                energy += [law.energy(-gap) for gap in self.gap[:, c].tolist()]
         return energy
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -208,19 +210,6 @@ def grouped(key: Any, n: int) -> tuple[Any, Any]:
     return order, np.searchsorted(key[order], np.arange(n + 1))
 
 
-def stored_energy(law: Any, xi: float, pair: Pair) -> float:
-    """Elastic energy U(ξ) = ∫₀^ξ F(s, 0) ds in J, by the law's own `potential` or by Gauss quadrature."""
-    if xi <= 0.0:
-        return 0.0
-    if getattr(law, "memory", False):
-        return float("nan")
-    if hasattr(law, "potential"):
-        return float(law.potential(xi, pair))
-    node, weight = np.polynomial.legendre.leggauss(40)
-    u = 0.5 * (node + 1.0)  # s = ξ u² smooths forces that start like a root of ξ
-    return float(sum(w * u_ * xi * law.force(xi * u_ * u_, 0.0, pair) for u_, w in zip(u, weight, strict=True)))
-
-
 WORDS = {"status", "message", "stats", "law", "rule"}
 NEEDED = {*ARRAYS, *(f"scene.{name}" for name in SCENE)} - {"force"}
 """What a saved run holds at least."""
@@ -252,7 +241,7 @@ def _revived(name: str, stored: Any, given: Any, scene: Scene) -> tuple[Any, ...
     if stored is None:
         return None
     if given is not None:
-        return _check.per_pair(name, given, scene.n - 1)
+        return _check.per_pair(name, given, scene.n_pairs)
     try:
         return tuple(from_json(one) for one in stored)
     except LookupError as own:

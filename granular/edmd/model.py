@@ -41,17 +41,18 @@ class Model:
     m_eff: list[float] = field(init=False)
 
     def __post_init__(self) -> None:
-        pairs, rules = self.scene.pairs, self.rules
-        eps = constants(rules, pairs)
+        rules = self.rules
+        eps = constants(rules, self.scene.pairs)
+        pairs = () if eps else tuple(self.scene.pairs)
         low, high = shares(self.scene)
-        object.__setattr__(self, "eps", eps or [1.0] * len(pairs))
+        object.__setattr__(self, "eps", eps or [1.0] * len(rules))
         object.__setattr__(
             self, "rule", None if eps else lambda c, speed: restitution_at(rules[c], speed, pairs[c])
         )
         object.__setattr__(self, "low", low)
         object.__setattr__(self, "high", high)
         object.__setattr__(self, "mass", self.scene.mass.tolist())
-        object.__setattr__(self, "m_eff", [pair.m_eff for pair in pairs])
+        object.__setattr__(self, "m_eff", self.scene.pairs.m_eff.tolist())
 
     def physics(self) -> Physics:
         """Return what a collision needs to know."""
@@ -95,7 +96,7 @@ def shares(scene: Scene) -> tuple[list[float], list[float]]:
 
     They are m_eff/m_lower and m_eff/m_upper; the smaller is computed, the other is 1 minus it.
     """
-    a, b = scene.mass[:-1], scene.mass[1:]
+    a, b = scene.sides(scene.mass)
     ratio = np.minimum(a, b) / np.maximum(a, b)
     small = ratio / (1.0 + ratio)
     low, high = np.where(a >= b, small, 1.0 - small), np.where(a >= b, 1.0 - small, small)

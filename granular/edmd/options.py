@@ -74,7 +74,6 @@ def _check_remedies(model: Model) -> None:
     if len(named) > 1:
         names = " and ".join("sticking or collapse='merge'" if name == "merge_below" else name for name in named)
         raise ValueError(f"{names} are given together: one remedy at a time is needed.")
-    some = [c for c, e in enumerate(model.eps) if e == 0.0]
-    if some and not model.sticks:
-        raise ValueError(f"restitution of pair {some[0]} is 0.0 but not of all pairs: 0 means balls that stick, "
-                         "for all pairs or none; use a small number, such as 0.01.")  # fmt: skip
+    if 0.0 in model.eps and not model.sticks:
+        raise ValueError(f"restitution of pair {model.eps.index(0.0)} is 0.0 but not of all pairs: 0 means balls "
+                         "that stick, for all pairs or none; use a small number, such as 0.01.")  # fmt: skip

@@ -109,8 +109,8 @@ def contacts(run: Trajectory, kept: np.ndarray[Any, np.dtype[np.int64]]) -> dict
 def contact_map(run: Trajectory) -> dict[str, Any]:
     """Return how many contacts were under way in each cell of a grid of time and pairs; all are counted."""
     start, span = float(run.time[0]), float(run.time[-1] - run.time[0]) or 1.0
-    columns, lanes = MAP[0], min(MAP[1], run.scene.n - 1)
-    lane = run.contacts["pair"].astype(np.int64) * lanes // (run.scene.n - 1)
+    columns, lanes = MAP[0], min(MAP[1], run.scene.n_pairs)
+    lane = run.contacts["pair"].astype(np.int64) * lanes // run.scene.n_pairs
     end = np.where(np.isnan(run.contacts["t_end"]), run.time[-1], run.contacts["t_end"])
     first, last = (
         np.clip(((t - start) / span * columns).astype(np.int64), 0, columns - 1) for t in (run.contacts["t_begin"], end)

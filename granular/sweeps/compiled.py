@@ -13,8 +13,9 @@ from granular import md
 from granular import until as stop
 from granular._check import Array
 from granular._kernels import compiled, have_numba, in_memory, kernel
+from granular.laws.contact_law import resolve
 from granular.md.located.batch import reset, scene_rows, workspace
-from granular.md.located.build import power_law
+from granular.md.located.build import power_form
 from granular.md.located.loop import (
     BINDING,
     MORE,
@@ -28,8 +29,8 @@ from granular.md.located.loop import (
     gather,
     launch,
 )
-from granular.md.located.readout import look, velocities
-from granular.scene import Scene
+from granular.md.located.readout import look
+from granular.scene import Scene, velocities
 from granular.sweeps.results import CODE, effective
 
 FAST = {"contacts", "v_rel", "t_f", "duration", "v_final", "time", "eps_eff", "eps_ratio"}
@@ -54,7 +55,7 @@ def at_hand() -> bool:
 
 def coefficients(scene: Scene, laws: Sequence[Any]) -> list[list[float]] | None:
     """(k, p, γ, d) of every pair, or None if a law is no power law."""
-    forms = [power_law(law, pair) for law, pair in zip(laws, scene.pairs, strict=True)]
+    forms = [power_form(resolve(law, pair)) for law, pair in zip(laws, scene.pairs, strict=True)]
     return None if None in forms else [list(form) for form in forms if form is not None]
 
 
@@ -69,10 +70,10 @@ def solve(scenes: Sequence[Scene], which: Any, law: Array, until: stop.Until | N
     mass, gap, velocity, gravity = (
         np.array([getattr(s, name) for s in scenes])[which] for name in ("mass", "gap", "velocity", "gravity")
     )
-    table, n = scene_rows(mass, gap, velocity, law, gravity)
-    s = workspace(n, until, *(DEFAULTS[name] for name in ("tol", "max_events", "max_steps")))
-    out = np.zeros((len(table), HEAD + PER_PAIR * (n - 1)))
-    compiled(solve_cells)(s, table, t_end, out, np.zeros((3, n - 1)))
+    table, p = scene_rows(mass, gap, velocity, law, gravity)
+    s = workspace(p, until, *(DEFAULTS[name] for name in ("tol", "max_events", "max_steps")))
+    out = np.zeros((len(table), HEAD + PER_PAIR * p))
+    compiled(solve_cells)(s, table, t_end, out, np.zeros((3, p)))
     return out
 
 
@@ -106,7 +107,7 @@ def _status(out: Array, t_end: Array) -> Any:
 
 
 def _final_velocities(scenes: Sequence[Scene], which: Any, rate: Array, time: Array) -> Array:
-    """Velocities of all bodies, as `granular.md.located.readout.velocities` finds them."""
+    """Velocities of all bodies, as `granular.scene.velocities` finds them."""
     if all(scene.is_wall[0] for scene in scenes):
         floor = np.array([scene.velocity[0] for scene in scenes])[which]
         offset = np.concatenate([np.zeros((len(rate), 1)), np.cumsum(rate, axis=-1)], axis=-1)

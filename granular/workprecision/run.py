@@ -12,7 +12,7 @@ import numpy as np
 
 from granular import _check, md, reference
 from granular import until as stop
-from granular.laws import traits
+from granular.laws.check import checked
 from granular.md.steps import METHODS as FIXED
 from granular.reference import Reference
 from granular.scene import Scene
@@ -71,8 +71,8 @@ def frontier(
     Errors are the same, to the last digit, each time; run times (of the processor, on one core) are not. Number and
     place of the settings follow from the reference, not from the clock.
     """
-    laws = traits.checked(law, scene)
-    stop.checked(until, scene.n - 1)
+    laws = checked(law, scene).given
+    stop.checked(until, scene.n_pairs)
     chosen = METHODS if methods is None else tuple(_check.choice("methods", name, METHODS) for name in methods)
     count = _check.whole("repeats", repeats, at_least=1)
     truth = reference or _solve(scene, laws, until, t_end)
@@ -105,7 +105,7 @@ def _row(task: Task, method: Method, setting: float, repeats: int, level: float)
         best = min(best, last)
         if last > LONG:
             break
-    velocity, times, wrong = errors(task.truth, outcome.contacts(), task.scene.n - 1)
+    velocity, times, wrong = errors(task.truth, outcome.contacts(), task.scene.n_pairs)
     rounding = velocity <= NEAR * level and not wrong
     return Row(method.name, setting, velocity, times, wrong, rounding, best, outcome.work, outcome.unit, outcome.status)
 
@@ -114,7 +114,7 @@ def _rounding_level(task: Task) -> float:
     """How far velocities move, in impact speeds, when gaps and velocities move by one unit in the last digit."""
     runs = [md.simulate(scene, task.laws, until=task.until, t_end=task.t_end) for scene in _nudged(task.scene)]
     plain = Reference(contacts_of(runs[0]), task.truth.t_stop, "", "")
-    moved = [errors(plain, contacts_of(run), task.scene.n - 1)[0] for run in runs[1:]]
+    moved = [errors(plain, contacts_of(run), task.scene.n_pairs)[0] for run in runs[1:]]
     return max(float(np.finfo(float).eps), *(change for change in moved if not math.isnan(change)))
 
 
@@ -123,7 +123,7 @@ def _nudged(scene: Scene) -> list[Scene]:
     scenes = [scene]
     for first in (1.0, -1.0):
         sign = np.where(np.arange(scene.n) % 2, -first, first) * math.inf
-        gap = np.where(scene.gap == 0.0, 0.0, np.nextafter(scene.gap, sign[:-1]))
+        gap = np.where(scene.gap == 0.0, 0.0, np.nextafter(scene.gap, scene.sides(sign)[0]))
         velocity = np.where(scene.velocity == 0.0, 0.0, np.nextafter(scene.velocity, sign))
         scenes.append(scene.replace(gap=gap, velocity=velocity))
     return scenes

@@ -16,14 +16,15 @@ import numpy as np
 from numpy.polynomial import legendre, polynomial
 
 from granular._check import Array
-from granular.laws import traits
+from granular.laws.check import no_number
+from granular.laws.contact_law import PairLaw
+from granular.laws.kinds import SceneLaws
 from granular.md.located.events import NOTHING
 from granular.md.located.piece import value
 from granular.md.located.records import ACTIVE, DORMANT, OPEN, ORDER, RESIDUAL
 from granular.md.located.signs import next_event
 from granular.md.located.steps import amplitude
 from granular.md.located.still import lie_still
-from granular.scene import Pair
 
 POINTS = 16
 SWEEPS = 40
@@ -85,8 +86,8 @@ INTEGRATE, INTEGRATE_TO_LOOKS = _integrals(_X), _integrals(2.0 * LOOKS - 1.0)
 class Collocation:
     """Forces of a scene as its laws give them, and the steps they make."""
 
-    def __init__(self, laws: tuple[Any, ...], pairs: tuple[Pair, ...]) -> None:
-        self.laws, self.pairs = laws, pairs
+    def __init__(self, laws: SceneLaws) -> None:
+        self.laws = list(laws)
         self.doubt = [0.0] * len(laws)  # N, of the interpolated forces of the current pieces
         self.largest = [0.0] * len(laws)  # N, force since the balls of the pair last parted
         self.deepest = [0.0] * len(laws)  # m, overlap since then
@@ -96,23 +97,22 @@ class Collocation:
 
         Images serve interpolation only; they keep value and slope, so that the law's own branches end at events.
         """
-        law, pair = self.laws[c], self.pairs[c]
         try:
-            return self._evaluate(law, pair, xi, eta, top, loading)
+            return self._evaluate(self.laws[c], xi, eta, top, loading)
         except OverflowError:  # the trial step is too long
             return math.inf
 
     @staticmethod
-    def _evaluate(law: Any, pair: Pair, xi: float, eta: float, top: float, loading: int) -> float:
-        memory = getattr(law, "memory", False)
+    def _evaluate(law: PairLaw, xi: float, eta: float, top: float, loading: int) -> float:
+        unloading = law.memory and not loading
 
         def branch(xi: float, eta: float) -> float:
-            return traits.evaluate(law, xi, eta, pair, top if memory and not loading else max(top, xi))
+            return law.force(xi, eta, top if unloading else max(top, xi))
 
         if xi < 0.0:
-            image = branch(min(-xi, top) if memory and not loading else -xi, -eta)
+            image = branch(min(-xi, top) if unloading else -xi, -eta)
             return branch(EDGE, eta) + branch(EDGE, -eta) - image
-        if memory and not loading and xi > top:
+        if unloading and xi > top:
             return branch(top, eta) + branch(top, -eta) - branch(max(0.0, 2.0 * top - xi), -eta)
         return branch(xi, eta)
 
@@ -197,7 +197,7 @@ class Collocation:
         for c, p in enumerate(pairs, lo):
             if p.xi > 1e150:
                 raise ValueError(
-                    f"law of pair {c} is {self.laws[c]!r}: it lets the bodies pass through each other, and their "
+                    f"law of pair {c} is {self.laws[c].law!r}: it lets the bodies pass through each other, and their "
                     f"overlap grows for ever; a law that stops them is needed, or a t_end."
                 )
             if p.xi > 0.0 and p.mode != OPEN and p.mode != DORMANT:
@@ -213,7 +213,7 @@ class Collocation:
     def _check(self, c: int, p: Any, xi: float, eta: float) -> None:
         force = self.force(c, xi, eta, p.top, p.loading)
         if not math.isfinite(force):
-            raise traits.no_number(self.laws[c], xi, eta, self.pairs[c], force)
+            raise no_number(self.laws[c], xi, eta, force)
 
     def _iterate(self, pairs: list[Any], lo: int, h: float, q: int) -> tuple[Array, float, float]:
         """Return the forces (pairs, nodes) at the nodes, and errors, inf if they diverge: of rates, and of forces.
