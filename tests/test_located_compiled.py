@@ -11,7 +11,7 @@ import pytest
 
 from granular import until
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz
-from granular.md.located import run
+from granular.md import simulate as run
 from granular.md.located.batch import solve_many
 from granular.scene import Scene
 

@@ -145,10 +145,10 @@ def harvest(s: Any, row: Any) -> None:
     """Take what is asked out of the log."""
     for i in range(s.run[0].rows):
         contact = s.log[i]
-        at = HEAD + PER_PAIR * int(contact[0])
-        row[at + T_F], row[at + LOWER], row[at + UPPER] = contact[2], contact[6], contact[7]
-        if not row[at + LONGEST] >= contact[3]:
-            row[at + LONGEST] = contact[3]
+        at = HEAD + PER_PAIR * contact.pair
+        row[at + T_F], row[at + LOWER], row[at + UPPER] = contact.t_end, contact.lower_out, contact.upper_out
+        if not row[at + LONGEST] >= contact.duration:
+            row[at + LONGEST] = contact.duration
     clear_log(s)
 
 

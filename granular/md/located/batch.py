@@ -163,8 +163,8 @@ def report(s: Any, why: int, observe: int, t_end: float, out: Any) -> None:
     out[2], out[3], out[4] = math.nan, math.nan, math.nan
     for i in range(run.rows):
         row = s.log[i]
-        if row[0] == observe:
-            out[2], out[3], out[4] = row[2], row[6], row[7]
+        if row.pair == observe:
+            out[2], out[3], out[4] = row.t_end, row.lower_out, row.upper_out
     out[5] = s.pairs[observe].begun
     for c in range(run.pairs):
         out[6 + c] = s.pairs[c].count

@@ -29,10 +29,10 @@ def end_contact(run: Any, pairs: Any, bodies: Any, log: Any, c: int, block: Any)
         return
     row = log[run.rows]
     run.rows += 1
-    row[0], row[1], row[2], row[3] = c, pair.begin, block.t, pair.lasted
-    row[4], row[5] = pair.lower_in, pair.upper_in
-    row[6], row[7] = velocity_now(bodies[c], block), velocity_now(bodies[c + 1], block)
-    row[8], row[9], row[10] = pair.xi_max, pair.force_max, pair.impulse
+    row.pair, row.t_begin, row.t_end, row.duration = c, pair.begin, block.t, pair.lasted
+    row.lower_in, row.upper_in = pair.lower_in, pair.upper_in
+    row.lower_out, row.upper_out = velocity_now(bodies[c], block), velocity_now(bodies[c + 1], block)
+    row.xi_max, row.force_max, row.impulse = pair.xi_max, pair.force_max, pair.impulse
 
 
 @kernel

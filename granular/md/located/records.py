@@ -14,7 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from granular._records import packed as rows_packed
+from granular._records import plain as rows_plain
 from granular._roots import workspace
+from granular.md.rows import CONTACT_ROW
 
 ORDER = 20
 """Order of the power series of a step."""
@@ -91,8 +94,6 @@ RUN = np.dtype(
 NO_PAUSE = np.iinfo(np.int64).max
 """`pause` of a run that need not stop on its way to be looked at."""
 
-LOG_ROW = 11
-"""A row of the log: pair, t_begin, t_end, duration, v_in (2), v_out (2), ξ_max, F_max, impulse."""
 LOG_ROWS = 256
 
 System = namedtuple("System", "run pairs bodies queue log work")
@@ -113,14 +114,14 @@ def packed(objects: list[Any], dtype: np.dtype[Any]) -> np.ndarray[Any, Any]:
 
 def to_plain(s: System) -> System:
     """Return the run for interpreted code."""
-    return System(plain(s.run), plain(s.pairs), plain(s.bodies), s.queue.tolist(), s.log.tolist(), workspace(ORDER))
+    return System(plain(s.run), plain(s.pairs), plain(s.bodies), s.queue.tolist(), rows_plain(s.log), workspace(ORDER))
 
 
 def to_compiled(s: System) -> System:
     """Return the run for compiled code: same numbers, same bits."""
     return System(
         packed(s.run, RUN), packed(s.pairs, PAIR), packed(s.bodies, BODY), np.array(s.queue, np.int64),
-        np.array(s.log), np.array(s.work),
+        rows_packed(s.log, CONTACT_ROW), np.array(s.work),
     )  # fmt: skip
 
 
@@ -133,7 +134,7 @@ def new_system(n_pairs: int) -> System:
     pairs = np.zeros(n_pairs + 1, PAIR)
     pairs["due"] = math.inf
     bodies = np.zeros(n_pairs + 1, BODY)
-    log = np.zeros((max(LOG_ROWS, 2 * n_pairs), LOG_ROW))
+    log = np.zeros(max(LOG_ROWS, 2 * n_pairs), CONTACT_ROW)
     run = np.zeros(1, RUN)
     run["pause"] = NO_PAUSE
     return System(run, pairs, bodies, queue, log, np.array(workspace(ORDER)))

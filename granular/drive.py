@@ -1,0 +1,209 @@
+"""The driver of all runs: it goes from sample to sample, keeps rows and contacts, and tells who wants to know.
+
+An engine is a `Run`: it moves a scene on in time and says why it pauses. Everything else is done here, once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from granular import _check
+from granular import until as conditions
+from granular._check import Array
+from granular._sampling import sample_times
+from granular.scene import Scene, positions
+from granular.trajectory import CONTACT, Status, Trajectory
+
+Rows = np.ndarray[tuple[int], np.dtype[np.void]]
+"""Records with names: contacts as an engine keeps them, or as the public log shows them."""
+
+
+class Pause(Enum):
+    """Why a run pauses; the value is the status if it ends there."""
+
+    reached = Status.time
+    until = Status.until
+    quiet = Status.quiet
+    resting = Status.resting
+    collapse = Status.collapse
+    unstable = Status.unstable
+    work = Status.max_events
+    full = None
+    """A buffer is full, or a look at the run is due; it goes on."""
+
+
+class Row(NamedTuple):
+    """The scene at a time in s, `elapsed` seconds after the start: gaps in m, velocities in m/s, forces in N if any."""
+
+    time: float
+    elapsed: float
+    gap: Array
+    velocity: Array
+    force: Array | None = None
+
+
+@dataclass(frozen=True)
+class End:
+    """How a run ended.
+
+    Attributes
+    ----------
+    row : Row or None
+        The scene at the end; None where a sample shows it.
+    status, message, stats, state
+        As in `granular.Trajectory`.
+    running : records or None
+        Contacts still open.
+    """
+
+    row: Row | None
+    status: Status
+    message: str
+    stats: Mapping[str, Any]
+    state: Mapping[str, Any] = field(default_factory=dict)
+    running: Rows | None = None
+
+
+class Run(Protocol):
+    """One run under way.
+
+    Attributes
+    ----------
+    law, rule : tuple or None
+        As in `granular.Trajectory`.
+    in_order : bool
+        Contacts settle in the order of the log, else in the order in which they end.
+    """
+
+    scene: Scene
+    law: Any
+    rule: Any
+    in_order: bool
+
+    def to(self, time: float, last: bool) -> Pause:
+        """Go on towards `time` in s (`last`: no row is asked for later) and say why to pause."""
+
+    def row(self, time: float) -> Row:
+        """Return the scene at the start, or at the time just reached."""
+
+    def rows(self) -> Rows | None:
+        """Hand over the contacts settled since the last call: nothing can change them any more."""
+
+    def progress(self) -> tuple[float, int]:
+        """Return how far the run has come: time in s, and number of contacts."""
+
+    def end(self, pause: Pause, seen: float) -> End:
+        """Bring the run to its end; `seen` is the time of the last sample, -inf if a row is wanted in any case."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of a run by the options that all engines share; see `granular.md.simulate`."""
+
+    start: float
+    end: float
+    until: conditions.Until | None
+    samples: Array | None
+    log: bool
+    max_events: int
+    on_event: Callable[[Any], object] | None
+    on_progress: Callable[[float, int], object] | None
+    max_steps: int
+
+    @property
+    def rows(self) -> bool:
+        """Whether anybody wants the rows of contacts."""
+        return self.log or self.on_event is not None
+
+
+def asked(scene: Scene, start: float, t_end: float | None, *, max_steps: int = _check.LARGEST, **given: Any) -> Asked:
+    """Check the options that all engines share."""
+    end = math.inf if t_end is None else _check.number("t_end", t_end, at_least=start, fix="t_start is the earliest")
+    return Asked(
+        start=start,
+        end=end,
+        until=conditions.checked(given["until"], scene.n_pairs),
+        samples=sample_times(given["samples"], start, end),
+        log=bool(given["log"]),
+        max_events=_check.whole("max_events", given["max_events"]),
+        on_event=_check.callback("on_event", given["on_event"]),
+        on_progress=_check.callback("on_progress", given["on_progress"]),
+        max_steps=_check.whole("max_steps", max_steps, at_least=1),
+    )
+
+
+def drive(run: Run, wish: Asked) -> Trajectory:
+    """Take a run to its end."""
+    settled: list[Rows] = []
+    samples = [] if wish.samples is None else wish.samples.tolist()
+    kept = [run.row(wish.start)] if wish.samples is None else []
+    pause = Pause.reached
+    for time in samples:
+        pause = _follow(run, time, False, wish, settled)
+        if pause is not Pause.reached:
+            break
+        kept.append(run.row(time))
+    else:
+        pause = _follow(run, wish.end, True, wish, settled)
+    end = run.end(pause, kept[-1].time if samples and kept else -math.inf)
+    if end.row is not None:
+        kept.append(end.row)
+    if end.running is not None:
+        settled.append(end.running)
+    time, elapsed, gap, velocity = (np.array([row[i] for row in kept]) for i in range(4))
+    return Trajectory(
+        scene=run.scene, law=run.law, rule=run.rule, time=time, position=positions(run.scene, gap, elapsed),
+        velocity=velocity, gap=gap, force=None if kept[0].force is None else np.array([row.force for row in kept]),
+        contacts=_sorted(contacts(settled if wish.log else []), run.in_order), status=end.status, message=end.message,
+        stats=end.stats, state=end.state,
+    )  # fmt: skip
+
+
+def _follow(run: Run, time: float, last: bool, wish: Asked, settled: list[Rows]) -> Pause:
+    """Go on to `time`; take contacts as they settle and hand them on, tell of progress; return why that is the end."""
+    while True:
+        before = run.progress()
+        pause = run.to(time, last)
+        rows = run.rows()
+        if rows is not None and wish.log:
+            settled.append(rows)
+        if rows is not None and wish.on_event is not None:
+            for row in contacts([rows]):
+                wish.on_event(row)
+        if wish.on_progress is not None and before != (now := run.progress()):
+            wish.on_progress(*now)
+        if pause is not Pause.full:
+            return pause
+
+
+SIDES = {"lower_in": ("v_in", 0), "upper_in": ("v_in", 1), "lower_out": ("v_out", 0), "upper_out": ("v_out", 1)}
+
+
+def contacts(settled: list[Rows]) -> Rows:
+    """Return contacts, with the columns that an engine keeps, as the public log.
+
+    What has no end of its own is an instant, of infinite force.
+    """
+    log = np.zeros(sum(map(len, settled)), CONTACT)
+    stop = 0
+    for rows in settled:
+        part, stop = log[stop : stop + len(rows)], stop + len(rows)
+        names = rows.dtype.names or ()
+        if "t_end" not in names:
+            part["t_end"], part["force_max"] = rows["t_begin"], np.nan
+        for name in names:
+            column, side = SIDES.get(name, (name, None))
+            target = part[column] if side is None else part[column][:, side]
+            target[:] = rows[name]
+    return log
+
+
+def _sorted(log: Rows, in_order: bool) -> Rows:
+    """Sort a log by onset and pair, unless it is in order."""
+    return log if in_order else log[np.lexsort((log["pair"], log["t_begin"]))]
