@@ -68,12 +68,14 @@ def test_plain_and_compiled_give_the_same_bits_for_every_law(method):
     same_bits(plain, compiled)
 
 
-def test_auto_goes_on_compiled_in_the_middle_of_a_run(monkeypatch):
+@pytest.mark.parametrize("chunk", [500, 1 << 15])
+def test_auto_goes_on_compiled_in_the_middle_of_a_run(monkeypatch, chunk):
+    """Also right after a chunk in which contacts ended."""
     from granular.md import fixed
 
     monkeypatch.setattr(fixed, "WORTH_LOADING", 1000)
     monkeypatch.setattr(fixed, "worth", lambda *_: True)
-    monkeypatch.setattr(fixed, "CHUNK", 500)
+    monkeypatch.setattr(fixed, "CHUNK", chunk)
     scene, law = three_balls()
     options = {"until": gr.until.contact(0, 2), "dt": 1e-7}
     auto, plain = (verlet(scene, law, engine=e, **options) for e in ("auto", "plain"))

@@ -11,7 +11,7 @@ import numpy as np
 
 from granular import until as stop
 from granular._kernels import compiled
-from granular._records import plain
+from granular._records import packed, plain
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws
 from granular.md import march as loop
@@ -107,7 +107,7 @@ class Stepper:
         w, fall, self.pull = (np.array(x, np.float64) for x in (p.w, p.fall, self.pull))
         self.physics = Physics(p.method, force, laws, pair_records(self.scene.pairs), w, fall, p.dt)
         groups = (type(group)(*map(np.array, group)) for group in m[:-1])
-        self.memory = Memory._make([*groups, np.zeros(len(m.log), loop.STEP_ROW)])
+        self.memory = Memory._make([*groups, packed(m.log, loop.STEP_ROW) if isinstance(m.log, list) else m.log])
         arguments = (*self.physics, 0, 0, 0, *self.memory)
         code = {"march": compiled(loop.march, _types((*arguments, -1, 0)))}
         if not self.log and p.method in (VERLET, EULER) and len(self.laws) >= MANY:

@@ -120,7 +120,7 @@ def _final_velocities(scenes: Sequence[Scene], which: Any, rate: Array, time: Ar
 @kernel
 def solve_cells(s: Any, table: Any, t_end: Any, out: Any, scratch: Any) -> None:
     """Solve every scene of `table` in the workspace `s`, from start to end."""
-    n = len(s.pairs) - 1
+    n = len(s.pairs)
     for i in range(len(table)):
         reset(s, table[i])
         row = out[i]

@@ -126,7 +126,7 @@ def solve_rows(s: Any, table: Any, out: Any, observe: int, t_end: float) -> None
 def reset(s: Any, row: Any) -> None:
     """Put the scene of a table row into the workspace."""
     run = s.run[0]
-    n = len(s.pairs) - 1
+    n = len(s.pairs)
     run.pairs, run.events, run.steps, run.begun, run.rows, run.error, run.t = n, 0, 0, 0, 0, 0.0, 0.0
     run.piled, run.rests = 0, 0
     for b in range(n + 1):

@@ -32,7 +32,7 @@ LARGEST_Q = 4
 def build(scene: Scene, laws: SceneLaws, t: float) -> System:
     """Return the records of `scene` at time `t`, its pairs open, overlapping or (ACTIVE) about to begin a contact."""
     s = new_system(scene.n_pairs)
-    pairs, bodies = s.pairs[:-1], s.bodies
+    pairs, bodies = s.pairs, s.bodies
     bodies["inverse_mass"], bodies["v"], bodies["t"] = scene.inverse_mass, scene.velocity, t
     bodies["fall"] = np.where(scene.is_wall, 0.0, scene.gravity)
     pairs["lower"], pairs["upper"] = scene.sides(scene.inverse_mass)

@@ -11,13 +11,13 @@ import math
 from typing import Any
 
 from granular._kernels import kernel
+from granular._tournament import play
 from granular.md.located.clock import elapsed, since, tau_at, tick
 from granular.md.located.contacts import follow
 from granular.md.located.flight import arrive, glide, predict
 from granular.md.located.modes import AWAITED, NONE, engage, pushes
 from granular.md.located.piece import move
 from granular.md.located.plan import plan
-from granular.md.located.queue import play
 from granular.md.located.records import FREE, GENERAL, OPEN
 
 ULP = 2.0**-52
@@ -122,7 +122,7 @@ def absorb(run: Any, pairs: Any, bodies: Any, queue: Any, work: Any, lo: int, t:
     """Take the block that starts with pair `lo` out of the queue, advanced to the time t + tail."""
     bring(run, pairs, bodies, work, lo, t, tail)
     pairs[lo].due = math.inf
-    play(queue, pairs, lo)
+    play(queue, lo, pairs[lo].due)
 
 
 @kernel
@@ -137,14 +137,14 @@ def form(
         pairs[c].first = lo
         if c > lo and pairs[c].due < math.inf:
             pairs[c].due = math.inf
-            play(queue, pairs, c)
+            play(queue, c, pairs[c].due)
     if hi == lo + 1 and not pushes(block):
         if block.mode == OPEN and block.xi > 0.0:
             block.xi = 0.0
         predict(pairs, lo)
     else:
         going = plan(run, pairs, bodies, work, lo, hi, laws)
-    play(queue, pairs, lo)
+    play(queue, lo, pairs[lo].due)
     return going
 
 
@@ -152,5 +152,5 @@ def form(
 def go_on(run: Any, pairs: Any, bodies: Any, queue: Any, work: Any, lo: int, laws: Any) -> bool:
     """Plan the next piece of an island in which nothing has happened; false at the stop condition."""
     going = plan(run, pairs, bodies, work, lo, pairs[lo].hi, laws)
-    play(queue, pairs, lo)
+    play(queue, lo, pairs[lo].due)
     return going

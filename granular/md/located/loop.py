@@ -6,10 +6,10 @@ import math
 from typing import Any
 
 from granular._kernels import kernel
+from granular._tournament import play
 from granular.md.located.islands import bring, finish_piece, go_on, regroup
 from granular.md.located.modes import act, activate
 from granular.md.located.plan import settle_series
-from granular.md.located.queue import play
 from granular.md.located.records import ACTIVE, FREE, OPEN
 from granular.md.located.resting import NOT_YET, RESTS, is_still, lie, verdict
 
@@ -23,7 +23,7 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
     """Work off what is due up to time `limit`, at most `chunk` pieces."""
     run, pairs, bodies, queue, log, work = s.run[0], s.pairs, s.bodies, s.queue, s.log, s.work
     for _ in range(chunk):
-        lo = queue[1]
+        lo = queue[1].key
         block = pairs[lo]
         if block.due > limit:
             return REACHED
@@ -43,7 +43,7 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                 return REST if proved == RESTS else BINDING
             if proved == RESTS and is_still(pairs, run.piled):
                 lie(pairs, run.piled, block.hi, bodies[0].v - bodies[block.hi].v)
-                play(queue, pairs, lo)
+                play(queue, lo, pairs[lo].due)
             elif not go_on(run, pairs, bodies, queue, work, lo, laws):
                 return STOPPED
         elif not regroup(run, pairs, bodies, queue, work, lo, laws):
@@ -78,7 +78,7 @@ def launch(s: Any, laws: Any) -> bool:
     for c in range(n):
         pair = pairs[c]
         pair.hi, pair.first, pair.clock, pair.due = c + 1, c, FREE, math.inf
-        play(s.queue, pairs, c)
+        play(s.queue, c, pairs[c].due)
     for c in range(n):
         pair = pairs[c]
         if pair.mode == ACTIVE:

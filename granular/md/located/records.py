@@ -1,22 +1,15 @@
-"""What the engine knows about each pair and body, as records with names.
-
-Compiled code reads one numpy record per pair, ``pairs[c].xi``; interpreted code reads plain objects with the same
-fields, so one source serves both. After the last pair comes a dummy that is never due, for the empty leaves of the
-queue.
-"""
+"""What the engine knows about each pair and body, as records with names: see `granular._records`."""
 
 from __future__ import annotations
 
 import math
 from collections import namedtuple
-from functools import cache
-from typing import Any
 
 import numpy as np
 
-from granular._records import packed as rows_packed
-from granular._records import plain as rows_plain
+from granular._records import packed, plain
 from granular._roots import workspace
+from granular._tournament import NODE, tournament
 from granular.md.rows import CONTACT_ROW
 
 ORDER = 20
@@ -100,54 +93,24 @@ System = namedtuple("System", "run pairs bodies queue log work")
 """All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder."""
 
 
-def plain(records: np.ndarray[Any, Any]) -> list[Any]:
-    """Return the records as plain objects with the same fields, for interpreted code."""
-    twin = _twin(records.dtype)
-    return [twin(record) for record in records]
-
-
-def packed(objects: list[Any], dtype: np.dtype[Any]) -> np.ndarray[Any, Any]:
-    """Return plain objects as an array of records again."""
-    assert dtype.names is not None
-    return np.array([tuple(getattr(one, name) for name in dtype.names) for one in objects], dtype)
-
-
 def to_plain(s: System) -> System:
     """Return the run for interpreted code."""
-    return System(plain(s.run), plain(s.pairs), plain(s.bodies), s.queue.tolist(), rows_plain(s.log), workspace(ORDER))
+    return System._make([*map(plain, s[:-1]), workspace(ORDER)])
 
 
 def to_compiled(s: System) -> System:
     """Return the run for compiled code: same numbers, same bits."""
     return System(
-        packed(s.run, RUN), packed(s.pairs, PAIR), packed(s.bodies, BODY), np.array(s.queue, np.int64),
-        rows_packed(s.log, CONTACT_ROW), np.array(s.work),
+        packed(s.run, RUN), packed(s.pairs, PAIR), packed(s.bodies, BODY), packed(s.queue, NODE),
+        packed(s.log, CONTACT_ROW), np.array(s.work),
     )  # fmt: skip
 
 
 def new_system(n_pairs: int) -> System:
-    """Return empty records for a scene of `n_pairs` pairs, with the dummy at their end."""
-    leaves = 1
-    while leaves < n_pairs:
-        leaves *= 2
-    queue = np.full(2 * leaves, n_pairs, np.int64)
-    pairs = np.zeros(n_pairs + 1, PAIR)
+    """Return empty records for a scene of `n_pairs` pairs."""
+    pairs, bodies = np.zeros(n_pairs, PAIR), np.zeros(n_pairs + 1, BODY)
     pairs["due"] = math.inf
-    bodies = np.zeros(n_pairs + 1, BODY)
     log = np.zeros(max(LOG_ROWS, 2 * n_pairs), CONTACT_ROW)
     run = np.zeros(1, RUN)
     run["pause"] = NO_PAUSE
-    return System(run, pairs, bodies, queue, log, np.array(workspace(ORDER)))
-
-
-@cache
-def _twin(dtype: np.dtype[Any]) -> type:
-    """A class of plain objects with the fields of `dtype`."""
-    names = dtype.names
-    assert names is not None
-
-    def __init__(self: Any, record: Any) -> None:
-        for name in names:
-            setattr(self, name, record[name].tolist())
-
-    return type("Record", (), {"__slots__": names, "__init__": __init__})
+    return System(run, pairs, bodies, tournament(n_pairs), log, np.array(workspace(ORDER)))

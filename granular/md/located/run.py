@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from granular._kernels import compiled, have_numba, in_memory, worth
-from granular._records import packed
+from granular._records import packed, plain
 from granular.drive import Asked, End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md.located import loop
@@ -17,7 +17,7 @@ from granular.md.located.build import build, limit, power_form
 from granular.md.located.collocation import Collocation
 from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
 from granular.md.located.readout import look
-from granular.md.located.records import ACTIVE, GENERAL, plain, to_compiled, to_plain
+from granular.md.located.records import ACTIVE, GENERAL, to_compiled, to_plain
 from granular.md.rows import CONTACT_ROW
 from granular.scene import Scene, velocities
 from granular.trajectory import Status
