@@ -75,12 +75,15 @@ class Run(Protocol):
 
     Attributes
     ----------
+    wish : Asked
+        What is asked of it.
     law, rule : tuple or None
         As in `granular.Trajectory`.
     in_order : bool
         Contacts settle in the order of the log, else in the order in which they end.
     """
 
+    wish: Asked
     scene: Scene
     law: Any
     rule: Any
@@ -92,7 +95,7 @@ class Run(Protocol):
     def row(self, time: float) -> Row:
         """Return the scene at the start, or at the time just reached."""
 
-    def rows(self) -> Rows | None:
+    def rows(self) -> list[Rows]:
         """Hand over the contacts settled since the last call: nothing can change them any more."""
 
     def progress(self) -> tuple[float, int]:
@@ -138,19 +141,20 @@ def asked(scene: Scene, start: float, t_end: float | None, *, max_steps: int = _
     )
 
 
-def drive(run: Run, wish: Asked) -> Trajectory:
+def drive(run: Run) -> Trajectory:
     """Take a run to its end."""
+    wish = run.wish
     settled: list[Rows] = []
     samples = [] if wish.samples is None else wish.samples.tolist()
     kept = [run.row(wish.start)] if wish.samples is None else []
     pause = Pause.reached
     for time in samples:
-        pause = _follow(run, time, False, wish, settled)
+        pause = _follow(run, time, False, settled)
         if pause is not Pause.reached:
             break
         kept.append(run.row(time))
     else:
-        pause = _follow(run, wish.end, True, wish, settled)
+        pause = _follow(run, wish.end, True, settled)
     end = run.end(pause, kept[-1].time if samples and kept else -math.inf)
     if end.row is not None:
         kept.append(end.row)
@@ -165,16 +169,17 @@ def drive(run: Run, wish: Asked) -> Trajectory:
     )  # fmt: skip
 
 
-def _follow(run: Run, time: float, last: bool, wish: Asked, settled: list[Rows]) -> Pause:
+def _follow(run: Run, time: float, last: bool, settled: list[Rows]) -> Pause:
     """Go on to `time`; take contacts as they settle and hand them on, tell of progress; return why that is the end."""
+    wish = run.wish
     while True:
         before = run.progress()
         pause = run.to(time, last)
         rows = run.rows()
-        if rows is not None and wish.log:
-            settled.append(rows)
-        if rows is not None and wish.on_event is not None:
-            for row in contacts([rows]):
+        if wish.log:
+            settled += rows
+        if wish.on_event is not None:
+            for row in contacts(rows):
                 wish.on_event(row)
         if wish.on_progress is not None and before != (now := run.progress()):
             wish.on_progress(*now)

@@ -145,13 +145,13 @@ class Run:
         except NotCompilableError as reason:
             self.note = str(reason)
 
-    def rows(self) -> Rows | None:
+    def rows(self) -> list[Rows]:
         """Hand over the contacts that ended since the last call."""
         ended, self.ended = self.ended, 0
         if ended == 0 or not self.wish.rows:
-            return None
+            return []
         log = self.stepper.memory.log[:ended]
-        return self._settled(packed(log, loop.STEP_ROW) if isinstance(log, list) else log)
+        return [self._settled(packed(log, loop.STEP_ROW) if isinstance(log, list) else log)]
 
     def _settled(self, raw: Rows) -> Rows:
         """Steps become times."""

@@ -120,12 +120,12 @@ def simulate(
             raise ValueError(f"dt is {dt!r}: method 'located' has no fixed step; choose {', '.join(METHODS)}.")
         finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
         with _in_range(laws.given[0]):
-            return drive(located.Run(scene, laws, wish, engine, finest), wish)
+            return drive(located.Run(scene, laws, wish, engine, finest))
     step = _default_step(scene, laws) if dt is None else _check.number("dt", dt, above=0.0)
     if start + step == start:
         raise ValueError(f"dt is {step!r}: at t_start = {start!r} a larger step is needed to advance the clock at all.")
     stepped = fixed.Run(scene, laws, wish, method, step, engine)
-    run = drive(stepped, wish)
+    run = drive(stepped)
     if stepped.doubt:
         warnings.warn(stepped.doubt, RuntimeWarning, stacklevel=2)
     if run.status is not Status.unstable:

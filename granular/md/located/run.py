@@ -145,15 +145,15 @@ class Run:
         """Return time in s and number of contacts so far."""
         return self.wish.start + float(self.counters.t), int(self.counters.begun)
 
-    def rows(self) -> Rows | None:
+    def rows(self) -> list[Rows]:
         """Take the contacts that ended out of the buffer."""
         ended = int(self.counters.rows)
         if ended == 0:
-            return None
+            return []
         log = self.s.log[:ended]
         rows = packed(log, CONTACT_ROW) if isinstance(log, list) else log.copy()
         self.kernels(loop.clear_log)(self.s)
-        return self.dated(rows)
+        return [self.dated(rows)]
 
     def dated(self, rows: Rows) -> Rows:
         """Count times from where the caller's clock starts."""
