@@ -15,9 +15,10 @@ import numpy as np
 
 from granular import _check, _files
 from granular._check import Array
+from granular._optional import optional
 from granular.plot import HARD, SOFT, resolved, time_unit, window
-from granular.scene import Scene, positions
-from granular.trajectory import Trajectory
+from granular.scene import Scene
+from granular.trajectory import Trajectory, points
 
 if TYPE_CHECKING:
     from granular.comparison import Comparison
@@ -185,9 +186,8 @@ class Stage:
 
 def _points(run: Trajectory, time: Array) -> Array:
     """Positions (m) with the radii taken out at the times of the pictures; the last ones after the end of the run."""
-    points = run.scene.replace(radius=np.zeros(run.scene.n), origin=0.0)
     rows = np.clip(np.searchsorted(run.time, time, side="right") - 1, 0, len(run.time) - 1)
-    path: Array = positions(points, run.gap, run.time)[rows]
+    path: Array = points(run)[rows]
     return path
 
 
@@ -197,11 +197,9 @@ def _head(axis: Any) -> Any:
 
 def _require(ending: str) -> None:
     """Say what is missing before the work begins."""
-    from importlib.util import find_spec
     from shutil import which
 
-    if find_spec("matplotlib") is None:
-        raise ImportError("animate needs matplotlib, which is not installed: pip install matplotlib.")
+    optional("matplotlib", "animate")
     if ending == ".mp4" and which("ffmpeg") is None:
         raise ValueError("ending is '.mp4': ffmpeg is needed and not installed; .gif works without it.")
 

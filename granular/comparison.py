@@ -20,10 +20,7 @@ from granular.laws.kinds import resolved
 from granular.measures import Overlap
 from granular.outcome import SAME, PairOutcome
 from granular.scene import Pair, Scene
-from granular.trajectory import Status, Trajectory
-
-EARLY = (Status.collapse, Status.max_events, Status.unstable)
-"""Statuses of runs that did not get to their end: nothing is claimed of what they would have come to."""
+from granular.trajectory import EARLY, Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,9 +209,9 @@ class Comparison:
 
     def to_json(self, path: str | PathLike[str]) -> None:
         """Write `to_dict` to a file, whole or not at all."""
-        from granular.report import write_json
+        from granular import _files
 
-        write_json(self, path)
+        _files.write_json(path, self.to_dict())
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
         """Draw contact timelines of both engines, forces and world lines; return the figure, or save it to `path`."""
@@ -295,7 +292,7 @@ def compare(
     engine : str
         "auto", "plain" or "compiled", of the soft spheres.
     on_progress : callable, optional
-        Passed to both engines.
+        ``on_progress(reached, count)`` of both engines, one after the other: time in s, and contacts so far.
 
     Returns
     -------

@@ -11,8 +11,8 @@ import numpy as np
 
 from granular import _files, edmd, md
 from granular._check import Array
-from granular.scene import positions
-from granular.trajectory import Status, Trajectory
+from granular._optional import optional
+from granular.trajectory import Status, Trajectory, points
 from granular.until import Separated
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ FEW = 6
 
 def comparison_figure(report: Comparison, path: str | PathLike[str] | None = None) -> Any:
     """Draw a comparison; return the matplotlib figure, or save it (format by the file's ending) and return None."""
-    figure_class = _matplotlib()
+    figure_class = optional("matplotlib.figure", "plot").Figure
     begin, end = window(report)
     soft = resolved(report, "soft", _moments(report, begin, end))
     unit, name = time_unit(end - begin)
@@ -194,7 +194,7 @@ def _world_lines(axis: Any, report: Comparison, soft: Trajectory, begin: float, 
     runs = {"soft": (soft, SOFT, "-")}
     if len(report.hard.contacts) < 100_000:
         runs["hard"] = (resolved(report, "hard", _moments(report, begin, end)), HARD, "--")
-    lines = {label: (run.time, _without_radii(run), colour, dash) for label, (run, colour, dash) in runs.items()}
+    lines = {label: (run.time, points(run), colour, dash) for label, (run, colour, dash) in runs.items()}
     size, name = length_unit(max(float(np.ptp(lines["soft"][1])), 1e-300))
     for label, (t, height, colour, dash) in lines.items():
         axis.plot((t - begin) / unit, height / size, color=colour, ls=dash, lw=1.0)
@@ -205,11 +205,6 @@ def _world_lines(axis: Any, report: Comparison, soft: Trajectory, begin: float, 
     axis.set_ylim(max(bottom, low - room), min(top, high + room))
     axis.set_ylabel(f"position, radii taken out, {name}")
     axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
-
-
-def _without_radii(run: Trajectory) -> Array:
-    points = run.scene.replace(radius=np.zeros(run.scene.n), origin=0.0)
-    return positions(points, run.gap, run.time)
 
 
 def length_unit(span: float) -> tuple[float, str]:
@@ -231,11 +226,3 @@ def _wrapped(text: str) -> Sequence[str]:
     from textwrap import wrap
 
     return wrap(text, 110)
-
-
-def _matplotlib() -> Any:
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise ImportError("plot needs matplotlib, which is not installed: pip install matplotlib.") from None
-    return Figure

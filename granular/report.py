@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import math
-from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from granular import _files, outcome
+from granular._describe import scene_to_json
 from granular.measures import ROUNDING
-from granular.scene import Scene
 
 if TYPE_CHECKING:
     from granular.comparison import Comparison
@@ -69,10 +67,10 @@ def as_dict(report: Comparison) -> dict[str, Any]:
     """All numbers with provenance, ready for JSON (nan and inf become None)."""
     from dataclasses import asdict
 
-    numbers: dict[str, Any] = _clean(
+    numbers: dict[str, Any] = _files.plain(
         {
             "provenance": _files.provenance(),
-            "scene": _scene(report.scene),
+            "scene": scene_to_json(report.scene),
             "law": [repr(law) for law in report.law],
             "rule": repr(report.rule),
             "until": repr(report.until),
@@ -93,11 +91,6 @@ def as_dict(report: Comparison) -> dict[str, Any]:
         }
     )
     return numbers
-
-
-def write_json(report: Comparison, path: str | PathLike[str]) -> None:
-    """Write `as_dict` to a file, whole or not at all."""
-    _files.write_text(path, json.dumps(as_dict(report), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def _law_lines(report: Comparison) -> list[str]:
@@ -201,12 +194,6 @@ def _contacts(n: int, verb: str = "") -> str:
     return f"{n} {noun}" + (f" {verb}{'s' if n == 1 else ''}" if verb else "")
 
 
-def _scene(scene: Scene) -> dict[str, Any]:
-    arrays = {name: getattr(scene, name).tolist() for name in ("mass", "radius", "gap", "velocity")}
-    mass = ["inf" if math.isinf(m) else m for m in arrays["mass"]]
-    return arrays | {"mass": mass, "gravity": scene.gravity, "origin": scene.origin}
-
-
 def _run(run: Any) -> dict[str, Any]:
     log = run.contacts[:10_000]
     return {
@@ -219,13 +206,3 @@ def _run(run: Any) -> dict[str, Any]:
         "contacts": {name: log[name].tolist() for name in log.dtype.names},
         "contacts_left_out": len(run.contacts) - len(log),
     }
-
-
-def _clean(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: _clean(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_clean(v) for v in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -15,7 +15,7 @@ from granular import _check, _files
 from granular._check import Array
 from granular._describe import from_json, to_json
 from granular.laws.kinds import resolved
-from granular.scene import Scene
+from granular.scene import Scene, positions
 
 CONTACT = np.dtype(
     [
@@ -136,7 +136,7 @@ class Trajectory:
         energy: Array = 0.5 * (v * v) @ m + self.scene.gravity * (x @ m)
         if self.law is not None:
             laws = resolved(self.law, self.scene)
-            for c in np.flatnonzero((self.gap < 0.0).any(axis=0)).tolist():
+            for c in np.flatnonzero(~(self.gap >= 0.0).all(axis=0)).tolist():
                 law = laws[c]
                 energy += [law.energy(-gap) for gap in self.gap[:, c].tolist()]
         return energy
@@ -152,6 +152,7 @@ class Trajectory:
         arrays |= {f"scene.{name}": getattr(self.scene, name) for name in SCENE}
         arrays |= {f"state.{name}": np.asarray(value) for name, value in self.state.items()}
         words = {
+            "format": _files.FORMAT,
             "status": self.status.name,
             "message": self.message,
             "stats": {name: value for name, value in self.stats.items() if isinstance(value, (bool, int, float, str))},
@@ -179,11 +180,13 @@ class Trajectory:
         Raises
         ------
         OSError, ValueError
-            If the file cannot be read or is not a trajectory; if it holds a law or rule of your own and none is given.
+            If the file cannot be read, is not a trajectory, or one of a later version; if it holds a law or rule of
+            your own and none is given.
         """
         words, stored = _read(path)
         scene = Scene(**{name: _plain(stored[f"scene.{name}"]) for name in SCENE})
-        state = {name[6:]: _plain(value) for name, value in stored.items() if name.startswith("state.")}
+        resumable = words["rule"] is not None
+        state = {name[6:]: _plain(value) for name, value in stored.items() if name.startswith("state.") and resumable}
         arrays: dict[str, Any] = {name: stored.get(name) for name in ARRAYS}
         return cls(
             scene=scene,
@@ -204,6 +207,16 @@ class Trajectory:
         )
 
 
+EARLY = (Status.collapse, Status.max_events, Status.unstable)
+"""Statuses of runs that did not get to their end: nothing is claimed of what they would have come to."""
+
+
+def points(run: Trajectory) -> Array:
+    """Positions in m of the same bodies with their radii taken out, from 0 on, shape (T, n): touching ones coincide."""
+    scene = run.scene.replace(radius=np.zeros(run.scene.n), origin=0.0)
+    return positions(scene, run.gap, run.time - run.time[0])
+
+
 def grouped(key: Any, n: int) -> tuple[Any, Any]:
     """Positions in the array `key` of whole numbers, ordered by key, and where in that each key 0 … n-1 begins."""
     order = np.argsort(key, kind="stable")
@@ -212,7 +225,7 @@ def grouped(key: Any, n: int) -> tuple[Any, Any]:
 
 WORDS = {"status", "message", "stats", "law", "rule"}
 NEEDED = {*ARRAYS, *(f"scene.{name}" for name in SCENE)} - {"force"}
-"""What a saved run holds at least."""
+"""What a saved run holds at least; besides that the number of its format, forces and the state."""
 
 
 def _read(path: str | PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -233,6 +246,8 @@ def _read(path: str | PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
             f"path is {str(path)!r}: it is not a run saved by granular, or is cut short; "
             "a file written by Trajectory.save is needed."
         )
+    others = {name for name in stored if not name.startswith("state.")} - NEEDED - {"force"}
+    _files.check_format(path, words.get("format", 1), others | words.keys() - WORDS - {"format"})
     return words, stored
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from granular.scene import Pair, Pairs, Scene
 Ints = np.ndarray[tuple[int], np.dtype[np.int64]]
 
 
-class SceneLaws(Sequence[PairLaw]):
+class SceneLaws:
     """One `PairLaw` per pair, made when it is asked for.
 
     Attributes
@@ -29,21 +29,12 @@ class SceneLaws(Sequence[PairLaw]):
     """
 
     def __init__(self, given: tuple[Any, ...], pairs: Pairs, kind: Ints, each: list[PairLaw]) -> None:
-        self.given, self.kind, self.each = given, kind, each
-        self._pairs = pairs
+        self.given, self.kind, self.each, self._pairs = given, kind, each, pairs
 
     def __len__(self) -> int:
         return len(self.given)
 
-    @overload
-    def __getitem__(self, c: int) -> PairLaw: ...
-
-    @overload
-    def __getitem__(self, c: slice) -> list[PairLaw]: ...
-
-    def __getitem__(self, c: int | slice) -> PairLaw | list[PairLaw]:
-        if isinstance(c, slice):
-            return [self[i] for i in range(*c.indices(len(self)))]
+    def __getitem__(self, c: int) -> PairLaw:
         return _in_pair(self.each[self.kind[c]], self._pairs[c])
 
     def __iter__(self) -> Iterator[PairLaw]:

@@ -71,7 +71,7 @@ def simulate(
     on_event : callable, optional
         Called with each row of the contact log, in batches, in the order in which contacts end.
     on_progress : callable, optional
-        Called now and then with the time reached in s and the number of contacts so far.
+        ``on_progress(reached, count)`` now and then: the time reached in s, and the number of contacts so far.
     engine : {"auto", "plain", "compiled"}
         Interpreted or compiled by numba (extra ``fast``); the same bits. "auto" starts interpreted and goes on
         compiled once that is worth it and the law compiles; the reason is in `stats` if it does not.

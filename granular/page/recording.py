@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from granular._check import Array
-from granular.scene import Scene, positions
-from granular.trajectory import Trajectory
+from granular.scene import Scene
+from granular.trajectory import Trajectory, points
 
 NUMBERS = 400_000
 """Most positions of bodies kept: rows times bodies."""
@@ -51,8 +50,8 @@ def recorded(run: Trajectory, name: str) -> dict[str, Any]:
         "walls": np.flatnonzero(run.scene.is_wall).tolist(),
         "time": packed(thin.time, np.float64),
         "span": [float(run.time[0]), float(run.time[-1])],
-        "offset": packed((run.position[0] - without_radii(part(run, rows[:1]))[0])[bodies]),
-        "path": packed(without_radii(thin)[:, bodies]),
+        "offset": packed((run.position[0] - points(part(run, rows[:1]))[0])[bodies]),
+        "path": packed(points(thin)[:, bodies]),
         "energy": packed(np.nan_to_num(thin.energy(), nan=0.0), np.float64),
         "contacts": contacts(run, kept),
         "map": contact_map(run),
@@ -82,12 +81,6 @@ def part(run: Trajectory, rows: np.ndarray[Any, np.dtype[np.int64]]) -> Trajecto
     """Return the run with only some of its rows."""
     arrays = {name: getattr(run, name)[rows] for name in ("time", "position", "velocity", "gap")}
     return replace(run, **arrays, force=None if run.force is None else run.force[rows])
-
-
-def without_radii(run: Trajectory) -> Array:
-    """Return positions of the same balls as points: where two touch they are the same."""
-    points = run.scene.replace(radius=np.zeros(run.scene.n), origin=0.0)
-    return positions(points, run.gap, run.time - run.time[0])
 
 
 def contacts(run: Trajectory, kept: np.ndarray[Any, np.dtype[np.int64]]) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from typing import Any
 
 from granular import _check
 from granular import until as stop
+from granular._optional import optional
 from granular.laws.check import checked
 from granular.laws.contact_law import Form, PairLaw
 from granular.laws.kinds import SceneLaws
@@ -78,15 +79,11 @@ def power_series(law: PairLaw) -> Form | None:
 
 
 def _by_series(scene: Scene, forms: Any, until: stop.Until | None, t_end: float | None, digits: int) -> Reference:
-    try:
-        from mpmath import MPContext
-    except ImportError:
-        advice = "pip install mpmath"
-        raise ImportError(f"the reference needs mpmath, which is not installed: {advice}.") from None
+    mpmath = optional("mpmath", "the reference")
     from granular.reference import events
 
     fine, coarse = (events.solve(scene, forms, until, t_end, d) for d in (digits, digits - FEWER))
-    many = MPContext()
+    many = mpmath.MPContext()
     many.dps = digits + FEWER
     v_error, t_error = distance(fine, coarse, many.mpf)
     return replace(fine, velocity_error=v_error, time_error=t_error)

@@ -28,8 +28,11 @@ from granular.md.located.loop import (
     clear_log,
     gather,
     launch,
+    pause_later,
 )
 from granular.md.located.readout import look
+from granular.md.located.records import ACTIVE, LINEAR
+from granular.md.located.run import FIRST_LOOK
 from granular.scene import Scene, velocities
 from granular.sweeps.results import CODE, effective
 
@@ -78,7 +81,7 @@ def solve(scenes: Sequence[Scene], which: Any, law: Array, until: stop.Until | N
 
 
 def answers(out: Array, scenes: Sequence[Scene], which: Any, t_end: Array, impact: Array, eps: Array) -> dict[str, Any]:
-    """Results by name from the rows of `solve`, with impact speed and ε_spec of each cell; also ``ongoing``."""
+    """Results by name from the rows of `solve`, with impact speed and ε_spec of each cell; `ongoing`, `creeps`."""
     pairs = out[:, HEAD:].reshape(len(out), -1, PER_PAIR)
     ongoing = pairs[..., ONGOING] != 0.0
     v_rel = np.where(ongoing, math.nan, pairs[..., UPPER] - pairs[..., LOWER])
@@ -94,6 +97,7 @@ def answers(out: Array, scenes: Sequence[Scene], which: Any, t_end: Array, impac
         "eps_eff": eps_eff,
         "eps_ratio": eps_eff / eps,
         "ongoing": ongoing.any(axis=1),
+        "creeps": out[:, WHY] == MORE,
     }
 
 
@@ -132,12 +136,23 @@ def solve_cells(s: Any, table: Any, t_end: Any, out: Any, scratch: Any) -> None:
         if not launch(s, None):
             why, row[LAUNCHED] = STOPPED, 0.0
         harvest(s, row)
-        while why == MORE:
+        s.run[0].pause = FIRST_LOOK
+        while why == MORE and not may_creep(s):
+            if s.run[0].steps >= s.run[0].pause:
+                pause_later(s)
             why = advance(s, t_end[i], CHUNK, None)
             harvest(s, row)
         row[WHY] = why
         row[TIME] = t_end[i] if why == REACHED or (why == QUIET and t_end[i] < math.inf) else s.run[0].t
         finish(s, n, row, scratch)
+
+
+@kernel
+def may_creep(s: Any) -> bool:
+    """Return whether a run by itself would now look whether a pile creeps, and go on by its modes; left to that."""
+    first = s.pairs[0]
+    rests = s.bodies[0].inverse_mass == 0.0 and first.mode == ACTIVE and first.kind == LINEAR and first.gamma > 0.0
+    return bool(s.run[0].steps >= s.run[0].pause and rests)
 
 
 @kernel

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,7 @@ def frontier(
     methods: Sequence[str] | None = None,
     repeats: int = 3,
     reference: Reference | None = None,
+    on_progress: Callable[[float, int], object] | None = None,
 ) -> Frontier:
     """Measure error against run time of every method on one scene.
 
@@ -57,6 +58,9 @@ def frontier(
     reference : Reference, optional
         What `granular.reference.solve` gave for the same scene, law and stop condition; computed if not given.
 
+    on_progress : callable, optional
+        ``on_progress(reached, count)`` after each setting of a method: the share of them that is done, their number.
+
     Returns
     -------
     Frontier
@@ -74,6 +78,7 @@ def frontier(
     laws = checked(law, scene).given
     stop.checked(until, scene.n_pairs)
     chosen = METHODS if methods is None else tuple(_check.choice("methods", name, METHODS) for name in methods)
+    _check.callback("on_progress", on_progress)
     count = _check.whole("repeats", repeats, at_least=1)
     truth = reference or _solve(scene, laws, until, t_end)
     if not truth.durations:
@@ -83,7 +88,12 @@ def frontier(
         warnings.simplefilter("ignore")  # coarse steps and wide tolerances are tried on purpose
         level = _rounding_level(task)
         tried = sorted([*ours.own(task, chosen), *peers(task, chosen)], key=lambda method: chosen.index(method.name))
-        rows = [_row(task, method, setting, count, level) for method in tried for setting in method.settings]
+        todo = [(method, setting) for method in tried for setting in method.settings]
+        rows = []
+        for method, setting in todo:
+            rows.append(_row(task, method, setting, count, level))
+            if on_progress is not None:
+                on_progress(len(rows) / len(todo), len(rows))
     return Frontier(
         scene, laws, until, t_end, truth, tuple(rows), {method.name: method.dial for method in tried},
         {name: ours.expected_order(task, name) for name in chosen if name in FIXED}, level, machine(),
