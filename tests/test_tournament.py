@@ -31,7 +31,7 @@ def test_the_first_is_the_least_time_and_of_equal_times_the_least_key(n, engine)
         else:
             first, last = sorted(int(c) for c in random.integers(0, n, 2))
             for c in range(first, last + 1):
-                due[c], key[c] = float(random.integers(3)), int(random.permutation(1 << 20)[0]) * n + c
+                due[c], key[c] = float(random.integers(3)), int(random.integers(1 << 20)) * n + c
                 if engine == "plain":
                     node = leaf(tree, c)
                     node.due, node.key = due[c], key[c]
