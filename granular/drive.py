@@ -6,17 +6,15 @@ An engine is a `Run`: it moves a scene on in time and says why it pauses. Everyt
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from granular import _check
-from granular import until as conditions
 from granular._check import Array
-from granular._sampling import sample_times
+from granular.request import Request
 from granular.scene import Scene, positions
 from granular.trajectory import CONTACT, Status, Trajectory
 
@@ -75,7 +73,7 @@ class Run(Protocol):
 
     Attributes
     ----------
-    wish : Asked
+    request : Request
         What is asked of it.
     law, rule : tuple or None
         As in `granular.Trajectory`.
@@ -83,7 +81,7 @@ class Run(Protocol):
         Contacts settle in the order of the log, else in the order in which they end.
     """
 
-    wish: Asked
+    request: Request
     scene: Scene
     law: Any
     rule: Any
@@ -105,48 +103,12 @@ class Run(Protocol):
         """Bring the run to its end; `seen` is the time of the last sample, -inf if a row is wanted in any case."""
 
 
-@dataclass(frozen=True)
-class Asked:
-    """What is asked of a run by the options that all engines share; see `granular.md.simulate`."""
-
-    start: float
-    end: float
-    until: conditions.Until | None
-    samples: Array | None
-    log: bool
-    max_events: int
-    on_event: Callable[[Any], object] | None
-    on_progress: Callable[[float, int], object] | None
-    max_steps: int
-
-    @property
-    def rows(self) -> bool:
-        """Whether anybody wants the rows of contacts."""
-        return self.log or self.on_event is not None
-
-
-def asked(scene: Scene, start: float, t_end: float | None, *, max_steps: int = _check.LARGEST, **given: Any) -> Asked:
-    """Check the options that all engines share."""
-    end = math.inf if t_end is None else _check.number("t_end", t_end, at_least=start, fix="t_start is the earliest")
-    return Asked(
-        start=start,
-        end=end,
-        until=conditions.checked(given["until"], scene.n_pairs),
-        samples=sample_times(given["samples"], start, end),
-        log=bool(given["log"]),
-        max_events=_check.whole("max_events", given["max_events"]),
-        on_event=_check.callback("on_event", given["on_event"]),
-        on_progress=_check.callback("on_progress", given["on_progress"]),
-        max_steps=_check.whole("max_steps", max_steps, at_least=1),
-    )
-
-
 def drive(run: Run) -> Trajectory:
     """Take a run to its end."""
-    wish = run.wish
+    request = run.request
     settled: list[Rows] = []
-    samples = [] if wish.samples is None else wish.samples.tolist()
-    kept = [run.row(wish.start)] if wish.samples is None else []
+    samples = [] if request.samples is None else request.samples.tolist()
+    kept = [run.row(request.start)] if request.samples is None else []
     pause = Pause.reached
     for time in samples:
         pause = _follow(run, time, False, settled)
@@ -154,35 +116,35 @@ def drive(run: Run) -> Trajectory:
             break
         kept.append(run.row(time))
     else:
-        pause = _follow(run, wish.end, True, settled)
+        pause = _follow(run, request.end, True, settled)
     end = run.end(pause, kept[-1].time if samples and kept else -math.inf)
     if end.row is not None:
         kept.append(end.row)
     if end.running is not None:
         settled.append(end.running)
+    log = contacts(settled if request.log else [])
     time, elapsed, gap, velocity = (np.array([row[i] for row in kept]) for i in range(4))
     return Trajectory(
         scene=run.scene, law=run.law, rule=run.rule, time=time, position=positions(run.scene, gap, elapsed),
         velocity=velocity, gap=gap, force=None if kept[0].force is None else np.array([row.force for row in kept]),
-        contacts=_sorted(contacts(settled if wish.log else []), run.in_order), status=end.status, message=end.message,
-        stats=end.stats, state=end.state,
+        contacts=log if run.in_order else log[np.lexsort((log["pair"], log["t_begin"]))], status=end.status,
+        message=end.message, stats=end.stats, state=end.state,
     )  # fmt: skip
 
 
 def _follow(run: Run, time: float, last: bool, settled: list[Rows]) -> Pause:
     """Go on to `time`; take contacts as they settle and hand them on, tell of progress; return why that is the end."""
-    wish = run.wish
+    request = run.request
     while True:
-        before = run.progress()
         pause = run.to(time, last)
         rows = run.rows()
-        if wish.log:
+        if request.log:
             settled += rows
-        if wish.on_event is not None:
+        if request.on_event is not None:
             for row in contacts(rows):
-                wish.on_event(row)
-        if wish.on_progress is not None and before != (now := run.progress()):
-            wish.on_progress(*now)
+                request.on_event(row)
+        if request.on_progress is not None:
+            request.on_progress(*run.progress())
         if pause is not Pause.full:
             return pause
 
@@ -208,7 +170,3 @@ def contacts(settled: list[Rows]) -> Rows:
             target[:] = rows[name]
     return log
 
-
-def _sorted(log: Rows, in_order: bool) -> Rows:
-    """Sort a log by onset and pair, unless it is in order."""
-    return log if in_order else log[np.lexsort((log["pair"], log["t_begin"]))]

@@ -10,7 +10,7 @@ import numpy as np
 from granular._kernels import worth
 from granular._records import column, packed
 from granular._walls import close_after
-from granular.drive import Asked, End, Pause, Row, Rows
+from granular.drive import End, Pause, Row, Rows
 from granular.edmd import options, outcome, readout
 from granular.edmd.collapse import Verdict, Zoom
 from granular.edmd.event import ROW
@@ -20,6 +20,7 @@ from granular.edmd.sorted_queue import Halt, SortedQueue
 from granular.edmd.state import APART, State
 from granular.edmd.tree_queue import TreeQueue, loop
 from granular.edmd.zoom import BUDGET, LIMIT, OUTSIDE, QUIET, RESTS, SPENT, UNTIL
+from granular.request import Request
 from granular.trajectory import Status
 
 Queue = SortedQueue | TreeQueue
@@ -48,7 +49,7 @@ class Run:
         How it moves.
     queues : pair of classes
         The queue to begin with, and the one to go over to after `LONG` collisions (or None).
-    wish : Asked
+    request : Request
         What is asked of it.
     """
 
@@ -56,16 +57,17 @@ class Run:
     law = None
 
     def __init__(
-        self, state: State, zoom: Zoom | None, model: Model, queues: tuple[type[Queue], type[Queue] | None], wish: Asked
-    ) -> None:
-        self.state, self.zoom, self.model, self.wish = state, zoom, model, wish
+        self, state: State, zoom: Zoom | None, model: Model, queues: tuple[type[Queue], type[Queue] | None],
+        request: Request,
+    ) -> None:  # fmt: skip
+        self.state, self.zoom, self.model, self.request = state, zoom, model, request
         self.scene, self.rule = model.scene, model.rules
-        state.stop_at(wish.until)
+        state.stop_at(request.until)
         self._go_on_with(queues[0])
         self.faster = queues[1]
         self.worked = work(state)
-        self.last_event = state.events + wish.max_events
-        self.tail = self.last_event - wish.max_events // TAIL
+        self.last_event = state.events + request.max_events
+        self.tail = self.last_event - request.max_events // TAIL
         self.pace = [(state.events, state.time(state.now))]  # at the beginning and where the tail begins
         self.verdict: Verdict | None = None
         self.settled: list[Rows] = []
@@ -79,7 +81,7 @@ class Run:
         A row at the start shows the scene before anything acts.
         """
         state, idle, seen = self.state, False, self.state.events
-        while last or time > self.wish.start:
+        while last or time > self.request.start:
             limit = state.tau(min(time, self.horizon))
             goal = self.tail if state.events < self.tail else self.last_event
             if time >= self.horizon and limit <= state.now:
@@ -87,7 +89,7 @@ class Run:
             left = self.last_event - state.events
             budget = left if idle else max(0, min(self.queue.chunk, goal - state.events))
             before = state.events
-            rows: list[Any] | None = [] if self.wish.rows else None
+            rows: list[Any] | None = [] if self.request.rows else None
             halt = None
             if self.faster is not None and worth(loop, work(state) - self.worked, LONG, VERY_LONG, inline=True):
                 self._go_on_with(self.faster)
@@ -208,7 +210,7 @@ class Run:
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended, with all that is needed to go on."""
-        stop = self.wish.end if pause is Pause.reached else self.time()
+        stop = self.request.end if pause is Pause.reached else self.time()
         wanted = seen == -math.inf or (pause is not Pause.reached and stop > seen)
         saved = self.state.checkpoint() | (self.zoom.checkpoint() if self.zoom is not None else {})
         status: Status = pause.value

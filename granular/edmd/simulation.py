@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike
 from granular import _check, rules
 from granular import until as conditions
 from granular._check import Array
-from granular.drive import asked, drive
+from granular.drive import drive
 from granular.edmd import engines, older, options
 from granular.edmd.collapse import Zoom
 from granular.edmd.run import Run
 from granular.edmd.state import State
 from granular.edmd.ties import PAIR
+from granular.request import requested
 from granular.rules import Rule
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
@@ -115,11 +116,11 @@ def simulate(
         scene, rules.checked(rule, scene.pairs), ties=ties, seed=seed, collapse=collapse,
         merge_below=merge_below, tc=tc, elastic_below=elastic_below,
     )  # fmt: skip
-    wish = asked(
+    request = requested(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, on_event=on_event,
         on_progress=on_progress,
     )  # fmt: skip
-    return drive(Run(State.of(model, start), None, model, engines.choose(engine, model), wish))
+    return drive(Run(State.of(model, start), None, model, engines.choose(engine, model), request))
 
 
 def resume(
@@ -151,11 +152,11 @@ def resume(
     scene, saved = trajectory.scene, older.updated(trajectory.state, trajectory.scene)
     model = options.restored(scene, trajectory.rule, saved)
     state = State.restored(model, saved)
-    wish = asked(
+    request = requested(
         scene, state.time(state.now), t_end, until=until, samples=samples, log=log, max_events=max_events,
         on_event=on_event, on_progress=on_progress,
     )  # fmt: skip
-    return drive(Run(state, Zoom.restored(saved), model, engines.choose(engine, model), wish))
+    return drive(Run(state, Zoom.restored(saved), model, engines.choose(engine, model), request))
 
 
 SMALLEST, LARGEST = 1e-75, 1e75

@@ -13,7 +13,7 @@ import numpy as np
 from granular import until as stop
 from granular._kernels import have_numba, worth
 from granular._records import packed
-from granular.drive import Asked, End, Pause, Row, Rows
+from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md import march as loop
 from granular.md.contact_force import NotCompilableError
@@ -21,6 +21,7 @@ from granular.md.rows import COLUMNS, CONTACT_ROW
 from granular.md.stability import LIMIT, WARN, expected_rate, sharpest_rate
 from granular.md.stepper import Stepper
 from granular.md.steps import EVALUATIONS
+from granular.request import Request
 from granular.scene import Scene, positions
 from granular.trajectory import Status
 
@@ -39,9 +40,10 @@ class Run:
     in_order = False
     rule = None
 
-    def __init__(self, scene: Scene, laws: SceneLaws, wish: Asked, method: str, dt: float, engine: str) -> None:
-        self.scene, self.law, self.wish, self.method, self.dt, self.engine = scene, laws.given, wish, method, dt, engine
-        self.stepper = Stepper(scene, laws, method, dt, wish.rows, engine == "compiled")
+    def __init__(self, scene: Scene, laws: SceneLaws, request: Request, method: str, dt: float, engine: str) -> None:
+        self.scene, self.law, self.request = scene, laws.given, request
+        self.method, self.dt, self.engine = method, dt, engine
+        self.stepper = Stepper(scene, laws, method, dt, request.rows, engine == "compiled")
         self.k = self.steps = self.flights = self.contacts = self.ended = 0
         self.halted_at: int | None = None  # the pair at the onset of whose contact, between two steps, it stopped
         self.take_off: tuple[int, Any] = (0, ())
@@ -49,7 +51,7 @@ class Run:
 
     def time(self) -> float:
         """Time in s of the present step."""
-        return self.wish.start + self.k * self.dt
+        return self.request.start + self.k * self.dt
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of contacts so far."""
@@ -62,26 +64,26 @@ class Run:
         """
         flown = time < self.time()
         k, state = self.take_off if flown else (self.k, self.stepper.memory.s)
-        return self._row(time, self.stepper.after(state, time - (self.wish.start + k * self.dt), flown))
+        return self._row(time, self.stepper.after(state, time - (self.request.start + k * self.dt), flown))
 
     def _row(self, time: float, s: Any) -> Row:
-        return Row(time, time - self.wish.start, -np.array(s.xi), np.array(s.v), np.array(s.force))
+        return Row(time, time - self.request.start, -np.array(s.xi), np.array(s.v), np.array(s.force))
 
     def to(self, time: float, last: bool) -> Pause:
         """Take the steps up to `time`, of a chunk, or to an event worth a look."""
         if self.k == 0 and self._halts_at_start():
             return Pause.until
-        limit = math.floor((time - self.wish.start) / self.dt) if time < math.inf else math.inf
+        limit = math.floor((time - self.request.start) / self.dt) if time < math.inf else math.inf
         if self.k >= limit:
             return Pause.reached
         pause = self._advance(limit)
         if not all(math.isfinite(v) for v in self.stepper.memory.s.v):
             return Pause.unstable
-        return Pause.work if pause is Pause.full and self.steps >= self.wish.max_steps else pause
+        return Pause.work if pause is Pause.full and self.steps >= self.request.max_steps else pause
 
     def _halts_at_start(self) -> bool:
         """Whether the very contact at which to stop is there from the start; then it does not act."""
-        until, memory = self.wish.until, self.stepper.memory
+        until, memory = self.request.until, self.stepper.memory
         if not isinstance(until, stop.Contact) or memory.now.count[until.pair] < until.nth:
             return False
         memory.now.count[until.pair], memory.s.force[until.pair] = 0, 0.0
@@ -89,7 +91,7 @@ class Run:
 
     def _advance(self, limit: float) -> Pause:
         """Fly, then take steps until step number `limit`."""
-        stepper, until = self.stepper, self.wish.until
+        stepper, until = self.stepper, self.request.until
         if not any(x > 0.0 for x in stepper.memory.s.xi):
             if isinstance(until, stop.Separated) and self.contacts and stepper.receding():
                 return Pause.until
@@ -101,7 +103,7 @@ class Run:
         if self.k > MOST_STEPS:
             raise ValueError(f"dt is {self.dt:g}: step {self.k:.3g} is more than can be counted; take a longer step, "
                              "or the method 'located'.")  # fmt: skip
-        room = int(min(self.wish.max_events - self.contacts - 1, 1 << 60))
+        room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
         why, k, self.ended = stepper.march(self.k, int(min(CHUNK, limit - self.k)), room, until)
         self.steps += k - self.k
         self.k = int(k)
@@ -109,7 +111,7 @@ class Run:
         if why == loop.UNTIL and isinstance(until, stop.Contact):
             self.halted_at = until.pair
             return Pause.until
-        if self.contacts >= self.wish.max_events:
+        if self.contacts >= self.request.max_events:
             return Pause.work
         if self.engine == "auto":
             self._compile_if_worth_it()
@@ -120,7 +122,7 @@ class Run:
 
         A flight goes on to the next touch or to the end of the run: samples do not cut it, so they change no bit.
         """
-        span = self.wish.end - self.wish.start
+        span = self.request.end - self.request.start
         last = math.floor(span / self.dt) if span < math.inf else math.inf
         touch = self.stepper.time_to_touch()
         if touch == last == math.inf:
@@ -148,7 +150,7 @@ class Run:
     def rows(self) -> list[Rows]:
         """Hand over the contacts that ended since the last call."""
         ended, self.ended = self.ended, 0
-        if ended == 0 or not self.wish.rows:
+        if ended == 0 or not self.request.rows:
             return []
         log = self.stepper.memory.log[:ended]
         return [self._settled(packed(log, loop.STEP_ROW) if isinstance(log, list) else log)]
@@ -159,7 +161,7 @@ class Run:
         for name in ("pair", *(name for name, _ in COLUMNS)):
             rows[name] = raw[name]
         for name, side in (("t_begin", "in"), ("t_end", "out")):
-            rows[name] = self.wish.start + (raw[f"step_{side}"] + raw[f"part_{side}"]) * self.dt
+            rows[name] = self.request.start + (raw[f"step_{side}"] + raw[f"part_{side}"]) * self.dt
         rows["duration"] = ((raw["step_out"] - raw["step_in"]) + (raw["part_out"] - raw["part_in"])) * self.dt
         return rows
 
@@ -179,7 +181,7 @@ class Run:
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended: at its end time, at the onset of a contact that must not act, or at its step."""
         if self.halted_at is None:
-            row = self.row(self.wish.end if pause is Pause.reached else self.time())
+            row = self.row(self.request.end if pause is Pause.reached else self.time())
         else:
             row = self._onset(self.halted_at)
         status, message, trust = self._judge(pause.value, row.time)
@@ -204,7 +206,7 @@ class Run:
             name: [float(a + part * (b - a)) for a, b in zip(getattr(old, name), getattr(s, name), strict=True)]
             for name in ("xi", "v", "force")
         }
-        return self._row(self.wish.start + (self.k + part) * self.dt, loop.Old(**between, raw=None))
+        return self._row(self.request.start + (self.k + part) * self.dt, loop.Old(**between, raw=None))
 
     # -- judgement ------------------------------------------------------------------------------------------------
 

@@ -14,13 +14,14 @@ from numpy.typing import ArrayLike
 from granular import _check
 from granular import until as stop
 from granular._walls import close_after
-from granular.drive import asked, drive
+from granular.drive import drive
 from granular.laws.check import check_deepest
 from granular.laws.check import checked as checked_laws
 from granular.laws.kinds import SceneLaws
 from granular.md import fixed, located
 from granular.md.stability import expected_rate
 from granular.md.steps import METHODS
+from granular.request import requested
 from granular.scene import Scene, checked
 from granular.trajectory import Status, Trajectory
 
@@ -106,11 +107,11 @@ def simulate(
     """
     laws = checked_laws(law, checked(scene))
     start = _check.number("t_start", t_start)
-    wish = asked(
+    request = requested(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, max_steps=max_steps,
         on_event=on_event, on_progress=on_progress,
     )  # fmt: skip
-    _check_walls(scene, start, wish.end)
+    _check_walls(scene, start, request.end)
     _check.choice("engine", engine, ("auto", "plain", "compiled"))
     if method is None:
         method = "located" if dt is None else "verlet"
@@ -120,11 +121,11 @@ def simulate(
             raise ValueError(f"dt is {dt!r}: method 'located' has no fixed step; choose {', '.join(METHODS)}.")
         finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
         with _in_range(laws.given[0]):
-            return drive(located.Run(scene, laws, wish, engine, finest))
+            return drive(located.Run(scene, laws, request, engine, finest))
     step = _default_step(scene, laws) if dt is None else _check.number("dt", dt, above=0.0)
     if start + step == start:
         raise ValueError(f"dt is {step!r}: at t_start = {start!r} a larger step is needed to advance the clock at all.")
-    stepped = fixed.Run(scene, laws, wish, method, step, engine)
+    stepped = fixed.Run(scene, laws, request, method, step, engine)
     run = drive(stepped)
     if stepped.doubt:
         warnings.warn(stepped.doubt, RuntimeWarning, stacklevel=2)

@@ -10,7 +10,7 @@ import numpy as np
 
 from granular._kernels import compiled, have_numba, in_memory, worth
 from granular._records import packed, plain
-from granular.drive import Asked, End, Pause, Row, Rows
+from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md.located import loop
 from granular.md.located.build import build, limit, power_form
@@ -19,6 +19,7 @@ from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swi
 from granular.md.located.readout import look
 from granular.md.located.records import ACTIVE, GENERAL, to_compiled, to_plain
 from granular.md.rows import CONTACT_ROW
+from granular.request import Request
 from granular.scene import Scene, velocities
 from granular.trajectory import Status
 
@@ -42,7 +43,7 @@ class Run:
     ----------
     scene, laws : Scene, SceneLaws
         What moves.
-    wish : Asked
+    request : Request
         What is asked of it.
     engine : str
         "auto", "plain" or "compiled".
@@ -54,13 +55,13 @@ class Run:
     in_order = False
     rule = None
 
-    def __init__(self, scene: Scene, laws: SceneLaws, wish: Asked, engine: str, tol: float) -> None:
-        self.scene, self.laws, self.law, self.wish, self.engine = scene, laws, laws.given, wish, engine
+    def __init__(self, scene: Scene, laws: SceneLaws, request: Request, engine: str, tol: float) -> None:
+        self.scene, self.laws, self.law, self.request, self.engine = scene, laws, laws.given, request, engine
         self.seen = 0.0  # s, when a row was last read
         self.bound = False
         self.creep: Creep | None = None
         self.s: Any = build(scene, laws, 0.0)
-        limit(self.s, wish.until, tol, wish.max_events, wish.max_steps, 2 * int(wish.rows))
+        limit(self.s, request.until, tol, request.max_events, request.max_steps, 2 * int(request.rows))
         self.s.run["pause"] = FIRST_LOOK
         self.collocation = Collocation(laws) if self.s.pairs["kind"][0] == GENERAL else None
         self.kernels: Callable[[Any], Any] = lambda kernel: kernel
@@ -95,7 +96,7 @@ class Run:
 
     def to(self, time: float, last: bool) -> Pause:
         """Go on to `time`, or a chunk of pieces towards it."""
-        limit = time - self.wish.start
+        limit = time - self.request.start
         if not self.launched:
             return Pause.until
         if self.creep is not None:
@@ -143,7 +144,7 @@ class Run:
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of contacts so far."""
-        return self.wish.start + float(self.counters.t), int(self.counters.begun)
+        return self.request.start + float(self.counters.t), int(self.counters.begun)
 
     def rows(self) -> list[Rows]:
         """Take the contacts that ended out of the buffer."""
@@ -157,13 +158,13 @@ class Run:
 
     def dated(self, rows: Rows) -> Rows:
         """Count times from where the caller's clock starts."""
-        rows["t_begin"] += self.wish.start
-        rows["t_end"] += self.wish.start
+        rows["t_begin"] += self.request.start
+        rows["t_end"] += self.request.start
         return rows
 
     def row(self, time: float) -> Row:
         """Return the scene at `time`."""
-        return self.row_after(time - self.wish.start)._replace(time=time)
+        return self.row_after(time - self.request.start)._replace(time=time)
 
     def row_after(self, elapsed: float) -> Row:
         """Return the scene a time after the start."""
@@ -177,7 +178,7 @@ class Run:
             raise OverflowError("an overlap or its rate")
         self.seen = elapsed
         velocity = velocities(self.scene, -eta[None], np.array([elapsed]))[0]
-        return Row(self.wish.start + elapsed, elapsed, -xi, velocity, force)
+        return Row(self.request.start + elapsed, elapsed, -xi, velocity, force)
 
     def follow_creep(self, t: float, rows: Any) -> None:
         """Put a pile that creeps into `rows` as it is a time `t` after the start; a gap above it grows as it sinks."""
@@ -193,18 +194,18 @@ class Run:
         """Return how the run ended, and bring every pair to where it has come."""
         r, status = self.counters, pause.value
         begun = float(r.t) if self.creep is None else self.creep.start
-        end = self.wish.end - self.wish.start if pause is Pause.reached else max(begun, self.seen)
+        end = self.request.end - self.request.start if pause is Pause.reached else max(begun, self.seen)
         if self.creep is None:
             self.kernels(loop.gather)(self.s, end, self.collocation)
         stats = {
             "engine": "compiled" if self.engine == "compiled" else "plain",
             "steps": int(r.steps), "events": int(r.events), "contacts": int(r.begun),
             "error_estimate": float(r.error), "resting": bool(r.rests) or self.creep is not None,
-            "shared_impulse": math.fsum([*self.column("shared"), self.crept(end)[1]]) if self.wish.log else math.nan,
+            "shared_impulse": math.fsum([*self.column("shared"), self.crept(end)[1]]) if self.request.log else math.nan,
         }  # fmt: skip
         row = self.row_after(end) if pause is not Pause.reached or seen == -math.inf else None
-        running = self.dated(self.still_open(end)) if self.wish.log else None
-        return End(row, status, self.message(status, r, self.wish.start + end), stats, running=running)
+        running = self.dated(self.still_open(end)) if self.request.log else None
+        return End(row, status, self.message(status, r, self.request.start + end), stats, running=running)
 
     def message(self, status: Status, r: Any, t: float) -> str:
         """Return the sentence of a status with its numbers."""
