@@ -172,7 +172,7 @@ def _check_scene(scene: Any) -> None:
     _check_size("gap", scene.gap, 0.0)
     _check_size("velocity", scene.velocity, SMALLEST)
     _check_size("gravity", np.array([scene.gravity]), SMALLEST)
-    if scene.n - 1 > PAIR:
+    if scene.n_pairs > PAIR:
         raise ValueError(f"scene has {scene.n} bodies: at most {PAIR + 1} are possible.")
 
 

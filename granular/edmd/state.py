@@ -85,7 +85,7 @@ class State:
     def of(cls, model: Model, t_start: float) -> State:
         """Return the state at the start of a run."""
         scene = model.scene
-        pairs, bodies = np.zeros(scene.n - 1, PAIR), np.zeros(scene.n, BODY)
+        pairs, bodies = np.zeros(scene.n_pairs, PAIR), np.zeros(scene.n, BODY)
         pairs["gap"], pairs["pull"], pairs["last"] = scene.gap, scene.pull, -math.inf
         pairs["low"], pairs["high"], pairs["m_eff"] = shares(scene)
         pairs["eps"] = model.eps
