@@ -15,7 +15,7 @@ import numpy as np
 
 from granular._check import Array
 from granular.request import Request
-from granular.scene import Scene, positions
+from granular.scene import Scene, positions, velocities
 from granular.trajectory import CONTACT, Status, Trajectory
 
 Rows = np.ndarray[tuple[int], np.dtype[np.void]]
@@ -37,12 +37,14 @@ class Pause(Enum):
 
 
 class Row(NamedTuple):
-    """The scene at a time in s, `elapsed` seconds after the start: gaps in m, velocities in m/s, forces in N if any."""
+    """The scene at a time in s, `elapsed` seconds after the start: gaps in m; velocities of bodies or rates of gaps in
+    m/s, whatever the engine goes by; forces in N if there are any."""
 
     time: float
     elapsed: float
     gap: Array
-    velocity: Array
+    velocity: Array | None = None
+    rate: Array | None = None
     force: Array | None = None
 
 
@@ -123,10 +125,11 @@ def drive(run: Run) -> Trajectory:
     if end.running is not None:
         settled.append(end.running)
     log = contacts(settled if request.log else [])
-    time, elapsed, gap, velocity = (np.array([row[i] for row in kept]) for i in range(4))
+    columns: list[Any] = [None if column[0] is None else np.array(column) for column in zip(*kept, strict=True)]
+    time, elapsed, gap, velocity, rate, force = columns
     return Trajectory(
         scene=run.scene, law=run.law, rule=run.rule, time=time, position=positions(run.scene, gap, elapsed),
-        velocity=velocity, gap=gap, force=None if kept[0].force is None else np.array([row.force for row in kept]),
+        velocity=velocities(run.scene, rate, elapsed) if velocity is None else velocity, gap=gap, force=force,
         contacts=log if run.in_order else log[np.lexsort((log["pair"], log["t_begin"]))], status=end.status,
         message=end.message, stats=end.stats, state=end.state,
     )  # fmt: skip

@@ -254,7 +254,7 @@ def pile_that_creeps(gamma):
 
 
 def test_a_pile_that_creeps_ends_as_it_does_alone(monkeypatch):
-    """A run by itself goes on by the pile's modes, where steps would take millions; a case has one law for all pairs."""
+    """A run by itself goes on by the pile's modes, where steps would take millions; here with one law for all pairs."""
     monkeypatch.setattr("granular.sweeps.compiled.at_hand", lambda: True)
     data = gr.sweep(pile_that_creeps, {"gamma": [1e3, 1e4]}, ("v_final", "contacts"))
     for i, gamma in enumerate([1e3, 1e4]):

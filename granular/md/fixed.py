@@ -67,7 +67,7 @@ class Run:
         return self._row(time, self.stepper.after(state, time - (self.request.start + k * self.dt), flown))
 
     def _row(self, time: float, s: Any) -> Row:
-        return Row(time, time - self.request.start, -np.array(s.xi), np.array(s.v), np.array(s.force))
+        return Row(time, time - self.request.start, -np.array(s.xi), np.array(s.v), force=np.array(s.force))
 
     def to(self, time: float, last: bool) -> Pause:
         """Take the steps up to `time`, of a chunk, or to an event worth a look."""

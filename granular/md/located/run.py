@@ -20,7 +20,7 @@ from granular.md.located.readout import look
 from granular.md.located.records import ACTIVE, GENERAL, to_compiled, to_plain
 from granular.md.rows import CONTACT_ROW
 from granular.request import Request
-from granular.scene import Scene, velocities
+from granular.scene import Scene
 from granular.trajectory import Status
 
 PLAIN_CHUNK, COMPILED_CHUNK = 100, 20_000
@@ -164,21 +164,20 @@ class Run:
 
     def row(self, time: float) -> Row:
         """Return the scene at `time`."""
-        return self.row_after(time - self.request.start)._replace(time=time)
+        return self.row_after(time - self.request.start, time)
 
-    def row_after(self, elapsed: float) -> Row:
-        """Return the scene a time after the start."""
+    def row_after(self, elapsed: float, time: float) -> Row:
+        """Return the scene a time after the start, which is called `time`."""
         n = self.scene.n_pairs
         rows: Any = [[0.0] * n for _ in range(3)] if self.engine != "compiled" else np.zeros((3, n))
         self.kernels(look)(self.s.pairs, n, elapsed, rows[0], rows[1], rows[2])
         if self.creep is not None:
             self.follow_creep(elapsed, rows)
-        xi, eta, force = np.asarray(rows)
-        if not (np.isfinite(xi).all() and np.isfinite(eta).all()):  # interpreted, it would have raised on the way
+        xi, eta, force = made = np.asarray(rows)
+        if not np.isfinite(made[:2]).all():  # interpreted, it would have raised on the way
             raise OverflowError("an overlap or its rate")
         self.seen = elapsed
-        velocity = velocities(self.scene, -eta[None], np.array([elapsed]))[0]
-        return Row(self.request.start + elapsed, elapsed, -xi, velocity, force)
+        return Row(time, elapsed, -xi, None, -eta, force)
 
     def follow_creep(self, t: float, rows: Any) -> None:
         """Put a pile that creeps into `rows` as it is a time `t` after the start; a gap above it grows as it sinks."""
@@ -203,7 +202,7 @@ class Run:
             "error_estimate": float(r.error), "resting": bool(r.rests) or self.creep is not None,
             "shared_impulse": math.fsum([*self.column("shared"), self.crept(end)[1]]) if self.request.log else math.nan,
         }  # fmt: skip
-        row = self.row_after(end) if pause is not Pause.reached or seen == -math.inf else None
+        row = self.row_after(end, self.request.start + end) if pause is not Pause.reached or seen == -math.inf else None
         running = self.dated(self.still_open(end)) if self.request.log else None
         return End(row, status, self.message(status, r, self.request.start + end), stats, running=running)
 
