@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from granular._kernels import compiled, have_numba, in_memory, worth
-from granular._records import packed, plain
+from granular._records import column, packed, plain
 from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md.located import loop
@@ -196,11 +196,12 @@ class Run:
         end = self.request.end - self.request.start if pause is Pause.reached else max(begun, self.seen)
         if self.creep is None:
             self.kernels(loop.gather)(self.s, end, self.collocation)
+        shared = [*column(self.s.pairs, "shared"), self.crept(end)[1]] if self.request.log else [math.nan]
         stats = {
             "engine": "compiled" if self.engine == "compiled" else "plain",
             "steps": int(r.steps), "events": int(r.events), "contacts": int(r.begun),
             "error_estimate": float(r.error), "resting": bool(r.rests) or self.creep is not None,
-            "shared_impulse": math.fsum([*self.column("shared"), self.crept(end)[1]]) if self.request.log else math.nan,
+            "shared_impulse": math.fsum(shared),
         }  # fmt: skip
         row = self.row_after(end, self.request.start + end) if pause is not Pause.reached or seen == -math.inf else None
         running = self.dated(self.still_open(end)) if self.request.log else None
@@ -215,7 +216,7 @@ class Run:
             sentence += "; the balls rest on each other"
         if self.collocation is not None:
             return f"{sentence}: every force balances to rounding"
-        piled = [c for c, mode in enumerate(self.column("mode")) if mode == ACTIVE]
+        piled = np.flatnonzero(column(self.s.pairs, "mode") == ACTIVE).tolist()
         decay = slowest_decay(self.records(piled), bool(self.scene.is_wall[[0, piled[-1] + 1]].all()))
         if self.creep is None:
             energies = f"{r.energy:.3g} J, is less than the {r.barrier:.3g} J that"
@@ -224,25 +225,18 @@ class Run:
             why = "about the equilibrium, no sum of decaying modes takes a contact force to zero"
         return f"{sentence}: {why}; the slowest motion decays in {decay:.3g} s"
 
-    def column(self, name: str) -> list[Any]:
-        """Return one field of all pairs."""
-        n = self.scene.n_pairs
-        if self.engine == "compiled":
-            return list(self.s.pairs[name][:n].tolist())
-        return [getattr(p, name) for p in self.s.pairs[:n]]
-
     def records(self, which: list[int]) -> list[Any]:
         """Return the records of some pairs as plain objects."""
         return plain(self.s.pairs[which]) if self.engine == "compiled" else [self.s.pairs[c] for c in which]
 
     def still_open(self, end: float) -> Rows:
         """Return the contacts that go on at the end."""
-        going = [c for c, begun in enumerate(self.column("begun")) if begun]
+        going = np.flatnonzero(column(self.s.pairs, "begun"))
         rows = np.zeros(len(going), CONTACT_ROW)
         rows["pair"], rows["t_end"], rows["lower_out"], rows["upper_out"] = going, math.nan, math.nan, math.nan
         found = {"t_begin": "begin", "duration": "lasted"}
         for name in (*found, "lower_in", "upper_in", "xi_max", "force_max", "impulse"):
-            rows[name] = np.array(self.column(found.get(name, name)))[going]
+            rows[name] = column(self.s.pairs, found.get(name, name))[going]
         if self.creep is not None:
             highest, (impulse, _) = self.creep.highest(end), self.crept(end)
             rows["duration"] += end - self.creep.start
