@@ -281,9 +281,19 @@ class Collocation:
         force = np.zeros_like(xi)
         for i, p in enumerate(pairs):
             if p.mode != OPEN and p.mode != DORMANT:
-                at = zip(xi[i].tolist(), eta[i].tolist(), strict=True)
-                force[i] = [self.force(lo + i, x, e, p.top, p.loading) for x, e in at]
+                force[i] = self._along(lo + i, p, xi[i].tolist(), eta[i].tolist())
         return force
+
+    def _along(self, c: int, p: Any, xi: list[float], eta: list[float]) -> list[float]:
+        """Forces of pair `c` at some overlaps and rates, without detours where no image is among them."""
+        law, at = self.laws[c], zip(xi, eta, strict=True)
+        if not law.memory and min(xi) >= 0.0:
+            ask, pair = law.law.force, law.pair
+            try:
+                return [float(ask(x, e, pair)) for x, e in at]
+            except OverflowError:
+                at = zip(xi, eta, strict=True)
+        return [self.force(c, x, e, p.top, p.loading) for x, e in at]
 
     def _write(self, pairs: list[Any], lo: int, force: Array, h: float, q: int) -> None:
         """Write the rows: forces from their interpolants (in g clipped ones too), rates and overlaps by integration."""
