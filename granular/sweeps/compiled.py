@@ -26,6 +26,7 @@ from granular.md.located.loop import (
     advance,
     clear_log,
     gather,
+    is_begun,
     launch,
 )
 from granular.md.located.readout import look, velocities
@@ -156,8 +157,8 @@ def finish(s: Any, n: int, row: Any, scratch: Any) -> None:
     """Note counts, contacts still running and final rates."""
     t = row[TIME]
     gather(s, t, None)
-    look(s.pairs, n, t, scratch[0], scratch[1], scratch[2])
+    look(s, t, scratch[0], scratch[1], scratch[2])
     for c in range(n):
         at = HEAD + PER_PAIR * c
-        row[at + COUNT], row[at + ONGOING] = s.pairs[c].count, s.pairs[c].begun
+        row[at + COUNT], row[at + ONGOING] = s.pairs[c].count, is_begun(s, c)
         row[at + RATE] = -scratch[1, c]

@@ -17,6 +17,7 @@ from granular.md.located.records import (
     LINEAR,
     OPEN,
     RESIDUAL,
+    ROOM,
     STEEPEST,
     System,
     new_system,
@@ -28,20 +29,21 @@ LARGEST_Q = 4
 
 def build(scene: Scene, laws: tuple[Any, ...], t: float) -> System:
     """Return the records of `scene` at time `t`, its pairs open, overlapping or (ACTIVE) about to begin a contact."""
-    s = new_system(scene.n - 1)
+    at_start = np.pad(scene.gap <= 0.0, 1)
+    near = int((at_start[:-2] | at_start[1:-1] | at_start[2:]).sum())  # no more pairs than these join islands at once
+    s = new_system(scene.n - 1, scene.n - 1, near + ROOM)
     pairs, bodies = s.pairs[:-1], s.bodies
     bodies["inverse_mass"], bodies["v"], bodies["t"] = scene.inverse_mass, scene.velocity, t
     bodies["fall"] = np.where(scene.is_wall, 0.0, scene.gravity)
-    pairs["lower"], pairs["upper"] = scene.inverse_mass[:-1], scene.inverse_mass[1:]
-    pairs["inverse"] = pairs["lower"] + pairs["upper"]
-    if not np.isfinite(pairs["inverse"]).all():
+    if not np.isfinite(scene.inverse_mass[:-1] + scene.inverse_mass[1:]).all():
         raise OverflowError("the inverse of a mass")
     pairs["pull"], pairs["xi"], pairs["eta"], pairs["t"] = scene.pull, -scene.gap, -np.diff(scene.velocity), t
     speed = speed_scale(scene)
-    for record, law, pair in zip(pairs, laws, scene.pairs, strict=True):
+    pairs["kind_of"] = np.arange(scene.n - 1)
+    for record, law, pair in zip(s.kinds, laws, scene.pairs, strict=True):
         _describe(record, law, pair, speed)
-    if (pairs["kind"] == GENERAL).any():  # one law beyond powers, and every law is evaluated as it stands
-        pairs["kind"], pairs["s"] = GENERAL, 0.0
+    if (s.kinds["kind"] == GENERAL).any():  # one law beyond powers, and every law is evaluated as it stands
+        s.kinds["kind"], s.kinds["s"] = GENERAL, 0.0
     for record, law, pair in zip(pairs, laws, scene.pairs, strict=True):
         record["mode"] = _first_mode(law, float(record["xi"]), float(record["eta"]), pair)
     s.run[0]["pairs"], s.run[0]["t"] = scene.n - 1, t
@@ -58,11 +60,9 @@ def limit(s: System, until: stop.Until | None, tol: float, max_events: int, max_
 
 
 def _describe(record: Any, law: Any, pair: Pair, speed: float) -> None:
-    """Note what kind of law a pair has, and its coefficients."""
-    record["m_eff"], record["r_eff"], record["index"] = pair.m_eff, pair.r_eff, pair.index
+    """Note what kind of law it is, and its coefficients."""
     record["memory"] = int(getattr(law, "memory", False))
     form = power_law(law, pair)
-    record["loading"] = 1
     if form is None:
         k, p, record["q"] = _rough_form(law, pair, speed)
         record["kind"], form = GENERAL, (k, p, 0.0, 0.0)

@@ -12,9 +12,9 @@ from granular.md.located.records import ACTIVE, DORMANT, GENERAL, LINEAR, OPEN, 
 
 
 @kernel
-def act(run: Any, pairs: Any, bodies: Any, log: Any, c: int, what: int, block: Any, laws: Any) -> bool:
-    """Let an event of pair `c` happen at the time of `block`; false if it meets the stop condition instead."""
-    pair = pairs[c]
+def act(s: Any, c: int, what: int, speed: float, laws: Any) -> bool:
+    """Let an event of pair `c` happen, in a block of that speed; false if it meets the stop condition instead."""
+    pair = s.pool[s.pairs[c].slot]
     if what == BEGIN:
         if pair.mode == OPEN:
             pair.xi = 0.0
@@ -25,19 +25,19 @@ def act(run: Any, pairs: Any, bodies: Any, log: Any, c: int, what: int, block: A
                 pair.mode = OPEN if laws.pushes_at_touch(c, pair) else RESIDUAL
                 if pair.mode == RESIDUAL:
                     return True
-        return activate(run, pairs, bodies, c, block)
-    run.events += 1
+        return activate(s, c)
+    s.run[0].events += 1
     if what == TURN:
         pair.loading, pair.top, pair.eta = 0, pair.xi, min(0.0, pair.eta)
         return True
     if what == RELOAD:
         pair.loading, pair.xi = 1, pair.top
         return True
-    if what == PART and stays(pair, block):
+    if what == PART and stays(pair, speed):
         pair.mode, pair.xi, pair.eta = DORMANT, 0.0, 0.0
         return True
     if pair.begun == 1:
-        end_contact(run, pairs, bodies, log, c, block)
+        end_contact(s, c)
     if what == END:
         pair.mode, pair.exact = RESIDUAL, 1
     else:
@@ -48,29 +48,36 @@ def act(run: Any, pairs: Any, bodies: Any, log: Any, c: int, what: int, block: A
 
 
 @kernel
-def stays(pair: Any, block: Any) -> bool:
+def stays(pair: Any, speed: float) -> bool:
     """Return whether a ball that gravity holds comes up to where it touches with no more energy than rounding."""
     held = pair.mode == ACTIVE and pair.kind != LINEAR and pair.pull > 0.0
-    return bool(held and pair.eta * pair.eta <= DRIFT * pair.noise * block.speed)
+    return bool(held and pair.eta * pair.eta <= DRIFT * pair.noise * speed)
 
 
 @kernel
-def activate(run: Any, pairs: Any, bodies: Any, c: int, block: Any) -> bool:
+def activate(s: Any, c: int) -> bool:
     """Begin the contact of pair `c`; false if the run is to stop just before."""
-    pair = pairs[c]
+    run, pair = s.run[0], s.pool[s.pairs[c].slot]
     if pair.begun == 1:  # only slept for a moment
         pair.mode = ACTIVE
         return True
-    if c == run.until_pair and pair.count + 1 == run.until_nth:
+    if is_awaited(s, c):
         return False
     if pair.mode != DORMANT:  # else it has been under way since it was touched
-        begin_contact(pairs, bodies, c, block)
+        begin_contact(s, c)
     pair.exact = 1 if pair.mode == RESIDUAL else 0
     pair.mode, pair.begun = ACTIVE, 1
-    pair.count += 1
+    s.pairs[c].count += 1
     run.events += 1
     run.begun += 1
     return True
+
+
+@kernel
+def is_awaited(s: Any, c: int) -> bool:
+    """Return whether the run is to stop just before the next contact of pair `c`."""
+    run = s.run[0]
+    return bool(c == run.until_pair and s.pairs[c].count + 1 == run.until_nth)
 
 
 @kernel
@@ -104,32 +111,34 @@ NONE, SOME, AWAITED = range(3)
 
 
 @kernel
-def engage(run: Any, pairs: Any, bodies: Any, lo: int, hi: int) -> int:
+def engage(s: Any, lo: int, hi: int) -> int:
     """Make pairs dormant that touch at rest beside a force or under their own weight; return whether there were any.
 
     Forces only push, so that such a contact is sure to begin at once, if no gravity pulls the pair apart.
     """
-    found = NONE
+    found, pairs, pool = NONE, s.pairs, s.pool
     for sweep in range(2):
         for i in range(hi - lo):
             c = lo + i if sweep == 0 else hi - 1 - i
-            if touches(pairs[c]) and (
-                pairs[c].pull > 0.0 or (c > lo and pushes(pairs[c - 1])) or (c + 1 < hi and pushes(pairs[c + 1]))
+            pair = pool[pairs[c].slot]
+            if touches(pair) and (
+                pair.pull > 0.0
+                or (c > lo and pushes(pool[pairs[c - 1].slot]))
+                or (c + 1 < hi and pushes(pool[pairs[c + 1].slot]))
             ):
-                if c == run.until_pair and pairs[c].count + 1 == run.until_nth and pairs[c].pull >= 0.0:
+                if is_awaited(s, c) and pair.pull >= 0.0:
                     return AWAITED
-                begin_contact(pairs, bodies, c, pairs[lo])
-                pairs[c].mode = DORMANT
-                found = SOME
+                begin_contact(s, c)
+                pair.mode, found = DORMANT, SOME
     return found
 
 
 @kernel
-def judge(pairs: Any, lo: int, hi: int) -> bool:
+def judge(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
     """Open pairs that the computed series pulls apart from rest, close those it presses; return whether any changed."""
     changed = False
     for c in range(lo, hi):
-        pair = pairs[c]
+        pair = pool[pairs[c].slot]
         if pair.kind != GENERAL and pair.xi == 0.0 and pair.eta == 0.0 and (pair.mode == DORMANT or pair.mode == OPEN):
             way = direction(pair.x)
             if way < 0.0 and pair.mode == DORMANT:
@@ -152,11 +161,11 @@ def direction(x: Any) -> float:
 
 
 @kernel
-def confirm(run: Any, pairs: Any, bodies: Any, lo: int, hi: int) -> bool:
+def confirm(s: Any, lo: int, hi: int) -> bool:
     """Begin the linear contacts the series presses together from rest; false if the run is to stop just before."""
     for c in range(lo, hi):
-        pair = pairs[c]
+        pair = s.pool[s.pairs[c].slot]
         presses = pair.mode == DORMANT and pair.kind == LINEAR and direction(pair.x) > 0.0
-        if presses and not activate(run, pairs, bodies, c, pairs[lo]):
+        if presses and not activate(s, c):
             return False
     return True

@@ -30,50 +30,52 @@ from granular.md.located.steps import (
 
 
 @kernel
-def plan(run: Any, pairs: Any, bodies: Any, work: Any, lo: int, hi: int, laws: Any) -> bool:
+def plan(s: Any, lo: int, hi: int, laws: Any) -> bool:
     """Compute the next piece of the island lo … hi-1 and when it ends; false if the run is to stop at its start."""
-    block, worst = pairs[lo], -math.inf
+    run, pairs, pool, worst = s.run[0], s.pairs, s.pool, -math.inf
+    block = pool[pairs[lo].slot]
     run.steps += 1
-    if is_linear(pairs, lo, hi):
-        block.clock, block.h, block.linear, span = 1, REACH / fastest_rate(pairs, lo, hi), 1, 1.0
-        settle_series(pairs, lo, hi, laws, run)
+    if is_linear(pairs, pool, lo, hi):
+        block.clock, block.h, block.linear, span = 1, REACH / fastest_rate(pairs, pool, lo, hi), 1, 1.0
+        settle_series(s, lo, hi, laws)
     else:
-        measure(pairs, lo, hi)
-        block.clock, block.linear = choose_clock(pairs, lo, hi), 0
+        measure(pairs, pool, lo, hi)
+        block.clock, block.linear = choose_clock(pairs, pool, lo, hi), 0
         block.h = scale(block, block.clock)
-        settle_series(pairs, lo, hi, laws, run)
+        settle_series(s, lo, hi, laws)
         span = 1.0
         if laws is None:
-            worst = growth(pairs, lo, hi, run.tol)
+            worst = growth(pairs, pool, lo, hi, run.tol)
             span = trusted(worst, run.tol)
             if block.clock == 1:
                 block.stride = block.h * span
-    if not confirm(run, pairs, bodies, lo, hi):
+    if not confirm(s, lo, hi):
         return False
     if laws is None:
-        locate(pairs, lo, hi, span, work)
+        locate(pairs, pool, lo, hi, span, s.work)
     else:
-        laws.locate(pairs, lo, hi, work)
+        laws.locate(s, lo, hi)
     run.error += left_out(worst, block.tau)
     block.wait = elapsed(block.h, block.clock, block.tau)
-    block.due = block.t + (block.wait + block.tail)
+    pairs[lo].due = block.t + (block.wait + block.tail)
     if block.h >= LONG:  # it lies still
-        block.due = math.inf
+        pairs[lo].due = math.inf
         if lo == 0 and hi == run.pairs:
             run.rests = 1
     return True
 
 
 @kernel
-def settle_series(pairs: Any, lo: int, hi: int, laws: Any, run: Any) -> None:
+def settle_series(s: Any, lo: int, hi: int, laws: Any) -> None:
     """Compute the series; where pairs touch at rest, until it agrees with who is taken to push."""
-    block = pairs[lo]
+    pairs, pool = s.pairs, s.pool
+    block = pool[pairs[lo].slot]
     for _ in range(2 * (hi - lo) + 2):
         if laws is not None:
-            run.error += laws.fill(pairs, lo, hi, run.tol)
+            s.run[0].error += laws.fill(s, lo, hi)
         elif block.linear == 1:
-            expand_linear(pairs, lo, hi, block.h)
+            expand_linear(pairs, pool, lo, hi, block.h)
         else:
-            expand(pairs, lo, hi, block.h, block.clock)
-        if not judge(pairs, lo, hi):
+            expand(pairs, pool, lo, hi, block.h, block.clock)
+        if not judge(pairs, pool, lo, hi):
             break

@@ -16,7 +16,8 @@ from granular.md.located.build import build, limit, power_law
 from granular.md.located.collocation import Collocation
 from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
 from granular.md.located.readout import look, velocities
-from granular.md.located.records import ACTIVE, BODY, GENERAL, LOG_ROW, PAIR, RUN, packed, plain, to_compiled, to_plain
+from granular.md.located.records import ACTIVE, GENERAL, LOG_ROW, plain, to_compiled, to_plain, with_more_room
+from granular.md.located.resting import pile
 from granular.scene import Scene, positions
 from granular.trajectory import CONTACT, Status, Trajectory
 
@@ -86,7 +87,7 @@ class Run:
         self.reported, self.bound = 0, False
         self.creep: Creep | None = None
         self.s: Any = build(scene, laws, 0.0)
-        self.collocation = Collocation(laws, scene.pairs) if self.s.pairs["kind"][0] == GENERAL else None
+        self.collocation = Collocation(laws, scene.pairs) if self.s.kinds["kind"][0] == GENERAL else None
         self.kernels: Callable[[Any], Any] = lambda kernel: kernel
 
     @property
@@ -125,6 +126,9 @@ class Run:
             chunk = COMPILED_CHUNK if self.engine == "compiled" else PLAIN_CHUNK
             why = self.kernels(loop.advance)(self.s, limit, chunk, self.collocation)
             self.flush()
+            if why == loop.CRAMPED:
+                self.s = with_more_room(self.s)
+                continue
             if why == loop.REACHED or (why == loop.QUIET and limit < math.inf):
                 return None
             if why != loop.MORE:
@@ -145,11 +149,12 @@ class Run:
         n = self.scene.n
         if not self.scene.is_wall[0] or n - 1 > LARGEST:
             return False
-        bodies = plain(self.s.bodies) if self.engine == "compiled" else self.s.bodies
-        pairs = self.records(list(range(n - 1)))
-        part = swinging(pairs, bodies)
+        state = self.s.pairs, self.s.pool, self.s.bodies
+        records, pool, bodies = map(plain, state) if self.engine == "compiled" else state
+        piled = pile(records, pool, bodies, n - 1, n - 1)
+        pairs = [pool[record.slot] for record in records if record.slot >= 0]
+        part = swinging(pairs, piled, bodies)
         if part < (math.inf if limit == math.inf else SMOOTH):
-            piled = sum(p.mode == ACTIVE for p in pairs)
             above = pairs[piled].xi if piled < n - 1 else 0.0
             self.creep = Creep(pairs[:piled], bodies[: piled + 1], above, float(bodies[0].v - bodies[-1].v))
         return limit == math.inf and self.creep is not None
@@ -190,7 +195,7 @@ class Run:
         """Keep a row a time `t` after the start."""
         n = self.scene.n - 1
         rows = [[0.0] * n for _ in range(3)] if self.engine != "compiled" else np.zeros((3, n))
-        self.kernels(look)(self.s.pairs, n, t, rows[0], rows[1], rows[2])
+        self.kernels(look)(self.s, t, rows[0], rows[1], rows[2])
         if self.creep is not None:
             self.follow_creep(t, rows)
         self.samples.append((t, *map(list, rows)))
@@ -232,9 +237,6 @@ class Run:
                 "error_estimate": float(r.error), "resting": bool(r.rests) or self.creep is not None,
                 "shared_impulse": math.fsum([*self.column("shared"), self.crept(end)[1]]) if log else math.nan,
             },
-            {"pairs": packed(self.s.pairs, PAIR), "bodies": packed(self.s.bodies, BODY), "run": packed(self.s.run, RUN)}
-            if self.engine != "compiled"
-            else {"pairs": self.s.pairs, "bodies": self.s.bodies, "run": self.s.run},
         )  # fmt: skip
 
     def message(self, status: Status, r: Any, t: float) -> str:
@@ -246,8 +248,8 @@ class Run:
             sentence += "; the balls rest on each other"
         if self.collocation is not None:
             return f"{sentence}: every force balances to rounding"
-        piled = [c for c, mode in enumerate(self.column("mode")) if mode == ACTIVE]
-        decay = slowest_decay(self.records(piled), bool(self.scene.is_wall[[0, piled[-1] + 1]].all()))
+        piled = {c: p for c, p in self.members().items() if p.mode == ACTIVE}
+        decay = slowest_decay(list(piled.values()), bool(self.scene.is_wall[[0, max(piled) + 1]].all()))
         if self.creep is None:
             energies = f"{r.energy:.3g} J, is less than the {r.barrier:.3g} J that"
             why = f"the energy about the equilibrium, {energies} the first contact needs to open"
@@ -262,17 +264,20 @@ class Run:
             return list(self.s.pairs[name][:n].tolist())
         return [getattr(p, name) for p in self.s.pairs[:n]]
 
-    def records(self, which: list[int]) -> list[Any]:
-        """Return the records of some pairs as plain objects."""
-        return plain(self.s.pairs[which]) if self.engine == "compiled" else [self.s.pairs[c] for c in which]
+    def members(self) -> dict[int, Any]:
+        """Return the records of pairs in islands as plain objects, by the number of the pair."""
+        place = {c: slot for c, slot in enumerate(self.column("slot")) if slot >= 0}
+        slots = list(place.values())
+        records = plain(self.s.pool[slots]) if self.engine == "compiled" else [self.s.pool[slot] for slot in slots]
+        return dict(zip(place, records, strict=True))
 
     def still_open(self, end: float) -> list[list[float]]:
         """Log rows of contacts that go on at the end."""
         nan = math.nan
-        going = [c for c, begun in enumerate(self.column("begun")) if begun]
+        going = {c: p for c, p in self.members().items() if p.begun}
         rows = [
             [c, p.begin, nan, p.lasted, p.lower_in, p.upper_in, nan, nan, p.xi_max, p.force_max, p.impulse]
-            for c, p in zip(going, self.records(going), strict=True)
+            for c, p in going.items()
         ]
         if self.creep is not None:
             impulse, _ = self.crept(end)
