@@ -19,7 +19,7 @@ from granular._check import Array
 from granular.laws import traits
 from granular.md.located.events import NOTHING
 from granular.md.located.piece import value
-from granular.md.located.records import ACTIVE, DORMANT, OPEN, ORDER, RESIDUAL, System
+from granular.md.located.records import ACTIVE, DORMANT, OPEN, ORDER, RESIDUAL
 from granular.md.located.signs import next_event
 from granular.md.located.steps import amplitude
 from granular.md.located.still import lie_still
@@ -117,15 +117,15 @@ class Collocation:
         return branch(xi, eta)
 
     @np.errstate(over="ignore", invalid="ignore")  # trial steps may be far too long
-    def fill(self, s: System, lo: int, hi: int) -> float:
-        """Compute the piece of the block lo … hi-1 on τ in [0, 1], set its h and clock; return its truncation error."""
-        pairs = [s.pool[p.slot] for p in s.pairs[lo:hi]]
+    def fill(self, records: list[Any], pool: list[Any], lo: int, tol: float) -> float:
+        """Compute the piece of an island on τ in [0, 1], set its h and clock; return its truncation error."""
+        pairs = [pool[p.slot] for p in records[lo : records[lo].hi]]
         block = pairs[0]
         block.clock = 2 if any(p.mode == ACTIVE and p.xi == 0.0 and p.q > 1 for p in pairs) else 1
         reach = 0.2 * block.length / block.speed if block.speed > 0.0 else 1.0
         if block.stride > 0.0 and block.clock == 1:
             reach = block.stride
-        allowed = max(s.run[0].tol, SMALLEST)
+        allowed = max(tol, SMALLEST)
         self._check_start(pairs, lo)
         if lie_still(pairs, partial(self._at_rest, pairs, lo)):
             return 0.0
@@ -164,15 +164,15 @@ class Collocation:
                     p.g, found = list(p.f), True
         return found
 
-    def locate(self, s: System, lo: int, hi: int) -> None:
-        """Find the event that ends the piece of block lo … hi-1; it ends at τ = 1 if there is none."""
-        block = s.pool[s.pairs[lo].slot]
+    def locate(self, records: list[Any], pool: list[Any], lo: int, work: Any) -> None:
+        """Find the event that ends the piece of an island; it ends at τ = 1 if there is none."""
+        block = pool[records[lo].slot]
         block.tau, block.fired, block.what = 1.0, -1, NOTHING
-        for c in range(lo, hi):
-            p = s.pool[s.pairs[c].slot]
+        for c in range(lo, records[lo].hi):
+            p = pool[records[c].slot]
             deep = self.deepest[c] if self.largest[c] > 0.0 else p.own_length
             ask = partial(self._pushes, c, p, 1e-3 * deep)
-            tau, what = next_event(p, ask, self.doubt[c], block.tau, s.work)
+            tau, what = next_event(p, ask, self.doubt[c], block.tau, work)
             if tau <= block.tau and what != NOTHING:
                 block.tau, block.fired, block.what = tau, c, what
 

@@ -12,26 +12,26 @@ from granular.md.located.records import ACTIVE, DORMANT, ORDER
 
 
 @kernel
-def begin_contact(s: Any, c: int) -> None:
+def begin_contact(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> None:
     """Note the time and the velocities at which the contact of pair `c` begins (or might: it is dormant)."""
-    run, pair = s.run[0], s.pool[s.pairs[c].slot]
+    pair = pool[pairs[c].slot]
     pair.begin, pair.lasted, pair.impulse, pair.force_max, pair.xi_max = run.t, 0.0, 0.0, 0.0, pair.xi
-    pair.lower_in = velocity_now(s.bodies[c], run)
-    pair.upper_in = velocity_now(s.bodies[c + 1], run)
+    pair.lower_in = velocity_now(bodies[c], run)
+    pair.upper_in = velocity_now(bodies[c + 1], run)
 
 
 @kernel
-def end_contact(s: Any, c: int) -> None:
+def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) -> None:
     """Write the log row of the contact of pair `c` that ends now."""
-    run, pair = s.run[0], s.pool[s.pairs[c].slot]
+    pair = pool[pairs[c].slot]
     pair.begun = 0
     if run.log == 0:
         return
-    row = s.log[run.rows]
+    row = log[run.rows]
     run.rows += 1
     row[0], row[1], row[2], row[3] = c, pair.begin, run.t, pair.lasted
     row[4], row[5] = pair.lower_in, pair.upper_in
-    row[6], row[7] = velocity_now(s.bodies[c], run), velocity_now(s.bodies[c + 1], run)
+    row[6], row[7] = velocity_now(bodies[c], run), velocity_now(bodies[c + 1], run)
     row[8], row[9], row[10] = pair.xi_max, pair.force_max, pair.impulse
 
 
@@ -43,10 +43,9 @@ def velocity_now(body: Any, run: Any) -> float:
 
 
 @kernel
-def follow(s: Any, lo: int, hi: int, tau: float) -> None:
-    """Add the stretch [0, τ] of the piece of block lo … hi-1 to its contacts, and its impulses to its bodies."""
-    pairs, pool, bodies = s.pairs, s.pool, s.bodies
-    block = pool[pairs[lo].slot]
+def follow(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau: float) -> None:
+    """Add the stretch [0, τ] of the piece of the island that starts with `lo` to its contacts and its bodies."""
+    block, hi = pool[pairs[lo].slot], pairs[lo].hi
     h, q = block.h, block.clock
     dt, scale, below = elapsed(h, q, tau), elapsed(h, q, 1.0), 0.0
     for c in range(lo, hi):
@@ -56,8 +55,8 @@ def follow(s: Any, lo: int, hi: int, tau: float) -> None:
             pair.impulse += impulse
             if (c > lo and acts(pairs, pool, c - 1)) or (c + 1 < hi and acts(pairs, pool, c + 1)):
                 pairs[c].shared += impulse
-            if s.run[0].log == 2:
-                peaks(pair, tau, s.work)
+            if run.log == 2:
+                peaks(pair, tau, work)
         if pair.mode == ACTIVE or pair.mode == DORMANT:
             pair.lasted += dt
         push(bodies[c], block, dt, below - impulse)

@@ -11,9 +11,9 @@ import math
 from typing import Any
 
 from granular._kernels import kernel
-from granular.md.located.clock import elapsed, since, tau_at, tick
+from granular.md.located.clock import since, tau_at, tick
 from granular.md.located.contacts import follow
-from granular.md.located.flight import arrive, glide_to, predict
+from granular.md.located.flight import glide_to, predict
 from granular.md.located.modes import AWAITED, NONE, engage, pushes
 from granular.md.located.piece import move
 from granular.md.located.plan import plan
@@ -28,13 +28,13 @@ FORMED, STOP, FULL = range(3)
 
 
 @kernel
-def join(s: Any, c: int) -> None:
+def join(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> None:
     """Give pair `c`, which has been in free flight, its place in the pool."""
-    pair, law, pool = s.pairs[c], s.kinds[s.pairs[c].kind_of], s.pool
-    pair.slot = pool[s.run[0].members].spare
-    s.run[0].members += 1
+    pair, law = pairs[c], kinds[pairs[c].kind_of]
+    pair.slot = pool[run.members].spare
+    run.members += 1
     member = pool[pair.slot]
-    member.lower, member.upper = s.bodies[c].inverse_mass, s.bodies[c + 1].inverse_mass
+    member.lower, member.upper = bodies[c].inverse_mass, bodies[c + 1].inverse_mass
     member.inverse, member.pull = member.lower + member.upper, pair.pull
     member.kind, member.q, member.memory = law.kind, law.q, law.memory
     member.k, member.gamma, member.p, member.d, member.s = law.k, law.gamma, law.p, law.d, law.s
@@ -45,33 +45,19 @@ def join(s: Any, c: int) -> None:
 
 
 @kernel
-def leave(s: Any, c: int) -> None:
-    """Take back the place of pair `c`, which flies on from the time of the event under way."""
-    run, pair = s.run[0], s.pairs[c]
-    member = s.pool[pair.slot]
-    pair.xi, pair.eta, pair.mode, pair.noise = member.xi, member.eta, member.mode, member.noise
-    pair.exact, pair.wake = member.exact, member.wake
-    pair.t, pair.tail, pair.stride = run.t, run.tail, run.stride
-    run.members -= 1
-    s.pool[run.members].spare = pair.slot
-    pair.slot = -1
-
-
-@kernel
-def settle(s: Any, lo: int, tau: float, dt: float) -> None:
+def settle(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau: float, dt: float) -> None:
     """Advance the island that starts with pair `lo` to τ, a time `dt` into its piece."""
-    run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     block, hi = pool[pairs[lo].slot], pairs[lo].hi
     if tau <= 0.0:
         return
     if run.log > 0:
-        follow(s, lo, hi, tau)
+        follow(run, pairs, pool, bodies, work, lo, tau)
     for c in range(lo, hi):
         member = pool[pairs[c].slot]
         move(member, tau)
         member.exact = 0
     for c in range(lo, hi):
-        pool[pairs[c].slot].noise += rounding(s, c, lo, hi)
+        pool[pairs[c].slot].noise += rounding(run.tol, pairs, pool, c, lo)
     if bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0:
         hold_walls(pairs, pool, lo, hi, bodies[lo].v - bodies[hi].v)
     tick(block, dt)
@@ -79,17 +65,16 @@ def settle(s: Any, lo: int, tau: float, dt: float) -> None:
 
 
 @kernel
-def rounding(s: Any, c: int, lo: int, hi: int) -> float:
+def rounding(tol: float, pairs: Any, pool: Any, c: int, lo: int) -> float:
     """Return what a step may leave in the rate of pair `c`: rounding of rates, or what a nonlinear step leaves out."""
-    pairs, pool = s.pairs, s.pool
     member = pool[pairs[c].slot]
     if pool[pairs[lo].slot].linear == 0:
-        part: float = max(s.run[0].tol, ULP if member.kind != GENERAL else 8.0 * ULP) * member.own_speed
+        part: float = max(tol, ULP if member.kind != GENERAL else 8.0 * ULP) * member.own_speed
         return part
     largest: float = abs(member.eta)
     if c > lo:
         largest = max(largest, abs(pool[pairs[c - 1].slot].eta))
-    if c + 1 < hi:
+    if c + 1 < pairs[lo].hi:
         largest = max(largest, abs(pool[pairs[c + 1].slot].eta))
     return ULP * largest
 
@@ -107,45 +92,33 @@ def hold_walls(pairs: Any, pool: Any, lo: int, hi: int, closing: float) -> None:
 
 
 @kernel
-def finish_piece(s: Any, lo: int) -> None:
-    """Advance the block that starts with pair `lo` to the end of its piece, where a free pair joins the pool."""
-    pair = s.pairs[lo]
-    if pair.slot < 0:
-        arrive(pair)
-        join(s, lo)
-    else:
-        block = s.pool[pair.slot]
-        settle(s, lo, block.tau, elapsed(block.h, block.clock, block.tau))
-
-
-@kernel
-def bring(s: Any, lo: int, t: float, tail: float) -> None:
+def bring(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, t: float, tail: float) -> None:
     """Advance the block that starts with pair `lo` to the time t + tail, at most the end of its piece."""
-    pair = s.pairs[lo]
+    pair = pairs[lo]
     if pair.slot < 0:
         glide_to(pair, t, tail)
         return
-    block = s.pool[pair.slot]
+    block = pool[pair.slot]
     if block.clock == FREE:  # where the run has stopped, some have joined and found no island
         glide_to(block, t, tail)
         return
     dt = since(block, t, tail)
     if dt > 0.0:  # else it is there, but for what a single float cannot say
-        settle(s, lo, min(block.tau, tau_at(block.h, block.clock, dt)), dt)
+        settle(run, pairs, pool, bodies, work, lo, min(block.tau, tau_at(block.h, block.clock, dt)), dt)
 
 
 @kernel
 def regroup(s: Any, laws: Any) -> int:
     """Form the blocks anew that the event under way concerns, and plan them; where the pool is full, called again."""
-    run, pairs, pool = s.run[0], s.pairs, s.pool
+    run, pairs, pool, kinds, bodies, queue, work = s.run[0], s.pairs, s.pool, s.kinds, s.bodies, s.queue, s.work
     while True:
         while run.lo > 0 and pushes(pool[pairs[run.lo].slot]):
-            if not absorb(s, pairs[run.lo - 1].first):
+            if not absorb(run, pairs, pool, kinds, bodies, work, pairs[run.lo - 1].first):
                 return FULL
         while run.hi < run.pairs and pushes(pool[pairs[run.hi - 1].slot]):
-            if not absorb(s, run.hi):
+            if not absorb(run, pairs, pool, kinds, bodies, work, run.hi):
                 return FULL
-        found = engage(s, run.lo, run.hi)
+        found = engage(run, pairs, pool, bodies)
         if found == AWAITED:
             return STOP
         if found == NONE:
@@ -153,50 +126,49 @@ def regroup(s: Any, laws: Any) -> int:
     a, outcome = run.lo, FORMED
     for c in range(run.lo + 1, run.hi + 1):
         if c == run.hi or not (pushes(pool[pairs[c - 1].slot]) or pushes(pool[pairs[c].slot])):
-            if not form(s, a, c, laws):
+            form(run, pairs, pool, queue, a, c)
+            if c == a + 1 and not pushes(pool[pairs[a].slot]):
+                take_off(run, pairs, pool, kinds, a)
+            elif not plan(run, pairs, pool, bodies, work, a, laws):
                 outcome = STOP
+            play(queue, pairs, a)
             a = c
     return outcome
 
 
 @kernel
-def absorb(s: Any, lo: int) -> bool:
+def absorb(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, work: Any, lo: int) -> bool:
     """Let the event under way concern the block that starts with pair `lo` too; false if there is no room for it."""
-    run, pair = s.run[0], s.pairs[lo]
-    bring(s, lo, run.t, run.tail)
-    if pair.slot < 0:
-        if run.members == len(s.pool):
+    bring(run, pairs, pool, bodies, work, lo, run.t, run.tail)
+    if pairs[lo].slot < 0:
+        if run.members == len(pool):
             return False
-        join(s, lo)
-    run.lo, run.hi = min(run.lo, lo), max(run.hi, pair.hi)
+        join(run, pairs, pool, kinds, bodies, lo)
+    run.lo, run.hi = min(run.lo, lo), max(run.hi, pairs[lo].hi)
     return True
 
 
 @kernel
-def form(s: Any, lo: int, hi: int, laws: Any) -> bool:
-    """Make pairs lo … hi-1 a block and plan its next piece; false at the stop condition."""
-    run, pairs, going = s.run[0], s.pairs, True
-    block = s.pool[pairs[lo].slot]
-    block.t, block.tail, block.stride, pairs[lo].hi = run.t, run.tail, run.stride, hi
+def form(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
+    """Make pairs lo … hi-1 a block at the time of the event under way."""
+    block, pairs[lo].hi = pool[pairs[lo].slot], hi
+    block.t, block.tail, block.stride = run.t, run.tail, run.stride
     for c in range(lo, hi):
         pairs[c].first = lo
         if c > lo and pairs[c].due < math.inf:
             pairs[c].due = math.inf
-            play(s.queue, pairs, c)
-    if hi == lo + 1 and not pushes(block):
-        if block.mode == OPEN and block.xi > 0.0:
-            block.xi = 0.0
-        leave(s, lo)
-        predict(pairs[lo], s.kinds[pairs[lo].kind_of])
-    else:
-        going = plan(s, lo, hi, laws)
-    play(s.queue, pairs, lo)
-    return going
+            play(queue, pairs, c)
 
 
 @kernel
-def go_on(s: Any, lo: int, laws: Any) -> bool:
-    """Plan the next piece of an island in which nothing has happened; false at the stop condition."""
-    going = plan(s, lo, s.pairs[lo].hi, laws)
-    play(s.queue, s.pairs, lo)
-    return going
+def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int) -> None:
+    """Let pair `c`, a block of its own, fly on from the time of the event under way, and take back its place."""
+    pair, member = pairs[c], pool[pairs[c].slot]
+    pair.xi = 0.0 if member.mode == OPEN and member.xi > 0.0 else member.xi
+    pair.eta, pair.mode, pair.noise, pair.exact, pair.wake = (
+        member.eta, member.mode, member.noise, member.exact, member.wake
+    )  # fmt: skip
+    pair.t, pair.tail, pair.stride = run.t, run.tail, run.stride
+    run.members -= 1
+    pool[run.members].spare, pair.slot = pair.slot, -1
+    predict(pair, kinds[pair.kind_of])

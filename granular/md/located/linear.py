@@ -50,16 +50,17 @@ def expand_run(pairs: Any, pool: Any, lo: int, hi: int, h: float) -> None:
         if n == ORDER:
             break
         below, step = 0.0, h / (n + 1)
+        pair = pool[pairs[lo].slot]
         for c in range(lo, hi):
-            pair = pool[pairs[c].slot]
+            after = pool[pairs[c + 1].slot] if c + 1 < hi else pair
             force = pair.f[n]
-            above = pool[pairs[c + 1].slot].f[n] if c + 1 < hi else 0.0
+            above = after.f[n] if c + 1 < hi else 0.0
             push = pair.lower * below - pair.inverse * force + pair.upper * above
             if n == 0:
                 push += pair.pull
             pair.x[n + 1] = step * pair.e[n]
             pair.e[n + 1] = step * push
-            below = force
+            pair, below = after, force
 
 
 @kernel

@@ -6,9 +6,11 @@ import math
 from typing import Any
 
 from granular._kernels import kernel
-from granular.md.located.islands import FULL, STOP, bring, finish_piece, go_on, join, regroup
+from granular.md.located.clock import elapsed
+from granular.md.located.flight import arrive
+from granular.md.located.islands import FULL, STOP, bring, join, regroup, settle
 from granular.md.located.modes import act, activate
-from granular.md.located.plan import settle_series
+from granular.md.located.plan import plan, settle_series
 from granular.md.located.queue import play
 from granular.md.located.records import ACTIVE, FREE, OPEN
 from granular.md.located.resting import NOT_YET, RESTS, is_still, lie, verdict
@@ -21,59 +23,47 @@ every ball rests for good, every ball is bound in contact for ever, no room in t
 @kernel
 def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
     """Work off what is due up to time `limit`, at most `chunk` pieces."""
-    run = s.run[0]
-    if run.waits == 1:
-        why = spread(s, laws)
-        if why != MORE:
-            return why
+    run, pairs, pool, bodies, queue, log, work = s.run[0], s.pairs, s.pool, s.bodies, s.queue, s.log, s.work
     for _ in range(chunk):
-        lo = s.queue[1]
-        due = s.pairs[lo].due
-        if due > limit:
-            return REACHED
-        if due == math.inf:
-            return QUIET
-        if run.begun >= run.max_events or run.steps >= run.max_steps:
-            return WORK
-        if run.rows >= len(s.log) or run.steps >= run.pause:
-            return MORE
-        if s.pairs[lo].slot < 0 and run.members == len(s.pool):
+        if run.waits == 0:
+            lo = queue[1]
+            due = pairs[lo].due
+            if due > limit:
+                return REACHED
+            if due == math.inf:
+                return QUIET
+            if run.begun >= run.max_events or run.steps >= run.max_steps:
+                return WORK
+            if run.rows >= len(log) or run.steps >= run.pause:
+                return MORE
+            if pairs[lo].slot < 0:
+                if run.members == len(pool):
+                    return CRAMPED
+                arrive(pairs[lo])
+                join(run, pairs, pool, s.kinds, bodies, lo)
+            block, hi = pool[pairs[lo].slot], pairs[lo].hi
+            if block.clock != FREE:
+                settle(run, pairs, pool, bodies, work, lo, block.tau, elapsed(block.h, block.clock, block.tau))
+            run.t, run.tail, run.stride, run.lo, run.hi = block.t, block.tail, block.stride, lo, hi
+            if block.fired < 0:
+                proved = verdict(run, pairs, pool, bodies, hi) if lo == 0 else NOT_YET
+                if proved != NOT_YET and limit == math.inf:
+                    return REST if proved == RESTS else BINDING
+                if proved == RESTS and is_still(run, pairs, pool, bodies):
+                    lie(run, pairs, pool, bodies, hi, bodies[0].v - bodies[hi].v)
+                elif not plan(run, pairs, pool, bodies, work, lo, laws):
+                    return STOPPED
+                play(queue, pairs, lo)
+                continue
+            if not act(run, pairs, pool, bodies, log, block, laws):
+                return STOPPED
+        outcome = regroup(s, laws)
+        run.waits = 1 if outcome == FULL else 0
+        if outcome == FULL:
             return CRAMPED
-        finish_piece(s, lo)
-        why = end_piece(s, lo, limit == math.inf, laws)
-        if why != MORE:
-            return why
+        if outcome == STOP or (run.separated == 1 and run.begun > 0 and all_recede(pairs, run.pairs)):
+            return STOPPED
     return MORE
-
-
-@kernel
-def end_piece(s: Any, lo: int, may_rest: bool, laws: Any) -> int:
-    """Let the event happen that ends the piece of the block which starts with pair `lo`, or plan its next piece."""
-    run, pairs, bodies = s.run[0], s.pairs, s.bodies
-    block, hi = s.pool[pairs[lo].slot], pairs[lo].hi
-    run.t, run.tail, run.stride, run.lo, run.hi = block.t, block.tail, block.stride, lo, hi
-    if block.fired >= 0:
-        return spread(s, laws) if act(s, block.fired, block.what, block.speed, laws) else STOPPED
-    proved = verdict(s, hi) if lo == 0 else NOT_YET
-    if proved != NOT_YET and may_rest:
-        return REST if proved == RESTS else BINDING
-    if proved == RESTS and is_still(s):
-        lie(s, hi, bodies[0].v - bodies[hi].v)
-        play(s.queue, pairs, lo)
-        return MORE
-    return MORE if go_on(s, lo, laws) else STOPPED
-
-
-@kernel
-def spread(s: Any, laws: Any) -> int:
-    """Form the blocks anew that the event under way concerns."""
-    run = s.run[0]
-    outcome = regroup(s, laws)
-    run.waits = 1 if outcome == FULL else 0
-    if outcome == FULL:
-        return CRAMPED
-    done = run.separated == 1 and run.begun > 0 and all_recede(s.pairs, run.pairs)
-    return STOPPED if outcome == STOP or done else MORE
 
 
 @kernel
@@ -94,7 +84,7 @@ def all_recede(pairs: Any, n: int) -> bool:
 @kernel
 def launch(s: Any, laws: Any) -> bool:
     """Form the first blocks of a run from pairs that are open or overlap; false if it stops at once."""
-    run, pairs, pool = s.run[0], s.pairs, s.pool
+    run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     for c in range(run.pairs):
         pair = pairs[c]
         pair.hi, pair.first, pair.slot, pair.due = c + 1, c, -1, math.inf
@@ -102,13 +92,13 @@ def launch(s: Any, laws: Any) -> bool:
     for c in range(run.pairs):
         if pairs[c].mode == ACTIVE:
             pairs[c].mode = OPEN
-            join(s, c)
-            if not activate(s, c):
+            join(run, pairs, pool, s.kinds, bodies, c)
+            if not activate(run, pairs, pool, bodies, c):
                 return False
     for c in range(run.pairs):
         if pairs[c].first == c:
             if pairs[c].slot < 0:
-                join(s, c)
+                join(run, pairs, pool, s.kinds, bodies, c)
             run.lo, run.hi, run.stride = c, pairs[c].hi, pool[pairs[c].slot].stride
             if regroup(s, laws) == STOP:
                 return False
@@ -118,12 +108,13 @@ def launch(s: Any, laws: Any) -> bool:
 @kernel
 def gather(s: Any, t: float, laws: Any) -> None:
     """Advance every block to time t, the end of the run, with its series from there on."""
-    for c in range(s.run[0].pairs):
-        pair = s.pairs[c]
+    run, pairs, pool = s.run[0], s.pairs, s.pool
+    for c in range(run.pairs):
+        pair = pairs[c]
         if pair.first == c:
-            bring(s, c, t, 0.0)
-            if pair.slot >= 0 and s.pool[pair.slot].clock != FREE and pair.due < math.inf:
-                settle_series(s, c, pair.hi, laws)
+            bring(run, pairs, pool, s.bodies, s.work, c, t, 0.0)
+            if pair.slot >= 0 and pool[pair.slot].clock != FREE and pair.due < math.inf:
+                settle_series(run, pairs, pool, c, laws)
 
 
 @kernel

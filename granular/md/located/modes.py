@@ -12,9 +12,10 @@ from granular.md.located.records import ACTIVE, DORMANT, GENERAL, LINEAR, OPEN, 
 
 
 @kernel
-def act(s: Any, c: int, what: int, speed: float, laws: Any) -> bool:
-    """Let an event of pair `c` happen, in a block of that speed; false if it meets the stop condition instead."""
-    pair = s.pool[s.pairs[c].slot]
+def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws: Any) -> bool:
+    """Let the event happen that ends the piece of `block`; false if it meets the stop condition instead."""
+    c, what = block.fired, block.what
+    pair = pool[pairs[c].slot]
     if what == BEGIN:
         if pair.mode == OPEN:
             pair.xi = 0.0
@@ -25,19 +26,19 @@ def act(s: Any, c: int, what: int, speed: float, laws: Any) -> bool:
                 pair.mode = OPEN if laws.pushes_at_touch(c, pair) else RESIDUAL
                 if pair.mode == RESIDUAL:
                     return True
-        return activate(s, c)
-    s.run[0].events += 1
+        return activate(run, pairs, pool, bodies, c)
+    run.events += 1
     if what == TURN:
         pair.loading, pair.top, pair.eta = 0, pair.xi, min(0.0, pair.eta)
         return True
     if what == RELOAD:
         pair.loading, pair.xi = 1, pair.top
         return True
-    if what == PART and stays(pair, speed):
+    if what == PART and stays(pair, block):
         pair.mode, pair.xi, pair.eta = DORMANT, 0.0, 0.0
         return True
     if pair.begun == 1:
-        end_contact(s, c)
+        end_contact(run, pairs, pool, bodies, log, c)
     if what == END:
         pair.mode, pair.exact = RESIDUAL, 1
     else:
@@ -48,36 +49,35 @@ def act(s: Any, c: int, what: int, speed: float, laws: Any) -> bool:
 
 
 @kernel
-def stays(pair: Any, speed: float) -> bool:
+def stays(pair: Any, block: Any) -> bool:
     """Return whether a ball that gravity holds comes up to where it touches with no more energy than rounding."""
     held = pair.mode == ACTIVE and pair.kind != LINEAR and pair.pull > 0.0
-    return bool(held and pair.eta * pair.eta <= DRIFT * pair.noise * speed)
+    return bool(held and pair.eta * pair.eta <= DRIFT * pair.noise * block.speed)
 
 
 @kernel
-def activate(s: Any, c: int) -> bool:
+def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
     """Begin the contact of pair `c`; false if the run is to stop just before."""
-    run, pair = s.run[0], s.pool[s.pairs[c].slot]
+    pair = pool[pairs[c].slot]
     if pair.begun == 1:  # only slept for a moment
         pair.mode = ACTIVE
         return True
-    if is_awaited(s, c):
+    if is_awaited(run, pairs, c):
         return False
     if pair.mode != DORMANT:  # else it has been under way since it was touched
-        begin_contact(s, c)
+        begin_contact(run, pairs, pool, bodies, c)
     pair.exact = 1 if pair.mode == RESIDUAL else 0
     pair.mode, pair.begun = ACTIVE, 1
-    s.pairs[c].count += 1
+    pairs[c].count += 1
     run.events += 1
     run.begun += 1
     return True
 
 
 @kernel
-def is_awaited(s: Any, c: int) -> bool:
+def is_awaited(run: Any, pairs: Any, c: int) -> bool:
     """Return whether the run is to stop just before the next contact of pair `c`."""
-    run = s.run[0]
-    return bool(c == run.until_pair and s.pairs[c].count + 1 == run.until_nth)
+    return bool(c == run.until_pair and pairs[c].count + 1 == run.until_nth)
 
 
 @kernel
@@ -111,12 +111,12 @@ NONE, SOME, AWAITED = range(3)
 
 
 @kernel
-def engage(s: Any, lo: int, hi: int) -> int:
+def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
     """Make pairs dormant that touch at rest beside a force or under their own weight; return whether there were any.
 
     Forces only push, so that such a contact is sure to begin at once, if no gravity pulls the pair apart.
     """
-    found, pairs, pool = NONE, s.pairs, s.pool
+    found, lo, hi = NONE, run.lo, run.hi
     for sweep in range(2):
         for i in range(hi - lo):
             c = lo + i if sweep == 0 else hi - 1 - i
@@ -126,9 +126,9 @@ def engage(s: Any, lo: int, hi: int) -> int:
                 or (c > lo and pushes(pool[pairs[c - 1].slot]))
                 or (c + 1 < hi and pushes(pool[pairs[c + 1].slot]))
             ):
-                if is_awaited(s, c) and pair.pull >= 0.0:
+                if is_awaited(run, pairs, c) and pair.pull >= 0.0:
                     return AWAITED
-                begin_contact(s, c)
+                begin_contact(run, pairs, pool, bodies, c)
                 pair.mode, found = DORMANT, SOME
     return found
 
@@ -161,11 +161,11 @@ def direction(x: Any) -> float:
 
 
 @kernel
-def confirm(s: Any, lo: int, hi: int) -> bool:
+def confirm(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, hi: int) -> bool:
     """Begin the linear contacts the series presses together from rest; false if the run is to stop just before."""
     for c in range(lo, hi):
-        pair = s.pool[s.pairs[c].slot]
+        pair = pool[pairs[c].slot]
         presses = pair.mode == DORMANT and pair.kind == LINEAR and direction(pair.x) > 0.0
-        if presses and not activate(s, c):
+        if presses and not activate(run, pairs, pool, bodies, c):
             return False
     return True

@@ -30,31 +30,30 @@ from granular.md.located.steps import (
 
 
 @kernel
-def plan(s: Any, lo: int, hi: int, laws: Any) -> bool:
-    """Compute the next piece of the island lo … hi-1 and when it ends; false if the run is to stop at its start."""
-    run, pairs, pool, worst = s.run[0], s.pairs, s.pool, -math.inf
-    block = pool[pairs[lo].slot]
+def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws: Any) -> bool:
+    """Compute the next piece of the island that starts with `lo`, and its end; false if the run is to stop at once."""
+    block, hi, worst = pool[pairs[lo].slot], pairs[lo].hi, -math.inf
     run.steps += 1
     if is_linear(pairs, pool, lo, hi):
         block.clock, block.h, block.linear, span = 1, REACH / fastest_rate(pairs, pool, lo, hi), 1, 1.0
-        settle_series(s, lo, hi, laws)
+        settle_series(run, pairs, pool, lo, laws)
     else:
         measure(pairs, pool, lo, hi)
         block.clock, block.linear = choose_clock(pairs, pool, lo, hi), 0
         block.h = scale(block, block.clock)
-        settle_series(s, lo, hi, laws)
+        settle_series(run, pairs, pool, lo, laws)
         span = 1.0
         if laws is None:
             worst = growth(pairs, pool, lo, hi, run.tol)
             span = trusted(worst, run.tol)
             if block.clock == 1:
                 block.stride = block.h * span
-    if not confirm(s, lo, hi):
+    if not confirm(run, pairs, pool, bodies, lo, hi):
         return False
     if laws is None:
-        locate(pairs, pool, lo, hi, span, s.work)
+        locate(pairs, pool, lo, hi, span, work)
     else:
-        laws.locate(s, lo, hi)
+        laws.locate(pairs, pool, lo, work)
     run.error += left_out(worst, block.tau)
     block.wait = elapsed(block.h, block.clock, block.tau)
     pairs[lo].due = block.t + (block.wait + block.tail)
@@ -66,13 +65,12 @@ def plan(s: Any, lo: int, hi: int, laws: Any) -> bool:
 
 
 @kernel
-def settle_series(s: Any, lo: int, hi: int, laws: Any) -> None:
+def settle_series(run: Any, pairs: Any, pool: Any, lo: int, laws: Any) -> None:
     """Compute the series; where pairs touch at rest, until it agrees with who is taken to push."""
-    pairs, pool = s.pairs, s.pool
-    block = pool[pairs[lo].slot]
+    block, hi = pool[pairs[lo].slot], pairs[lo].hi
     for _ in range(2 * (hi - lo) + 2):
         if laws is not None:
-            s.run[0].error += laws.fill(s, lo, hi)
+            run.error += laws.fill(pairs, pool, lo, run.tol)
         elif block.linear == 1:
             expand_linear(pairs, pool, lo, hi, block.h)
         else:

@@ -32,16 +32,15 @@ LONG = 2.0**300
 
 
 @kernel
-def verdict(s: Any, hi: int) -> int:
+def verdict(run: Any, pairs: Any, pool: Any, bodies: Any, hi: int) -> int:
     """Return what is proved of the block of pairs 0 … hi-1; notes energy and barrier in the run's record."""
-    run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     if run.rests == 1:
         return RESTS
     piled = pile(pairs, pool, bodies, run.pairs, hi)
     if piled == 0:
         return NOT_YET
     if piled != run.piled:
-        find_equilibrium(s, piled)
+        find_equilibrium(run, pairs, pool, bodies, piled)
     energy = kinetic(pairs, pool, bodies, piled)
     if energy >= run.opening:
         return NOT_YET
@@ -66,12 +65,11 @@ def verdict(s: Any, hi: int) -> int:
 
 
 @kernel
-def find_equilibrium(s: Any, piled: int) -> None:
+def find_equilibrium(run: Any, pairs: Any, pool: Any, bodies: Any, piled: int) -> None:
     """Note a pile, the force in N on its ceiling, and the least energy in J with which one of its pairs opens.
 
     That is without damping, where it has to part; a `hurdle` is lower.
     """
-    run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     load = squeeze(pairs, pool, bodies, piled) if bodies[piled].inverse_mass == 0.0 else 0.0
     run.piled, run.load, run.opening, run.barrier = piled, load, math.inf, math.inf
     for c in range(piled - 1, -1, -1):
@@ -81,12 +79,12 @@ def find_equilibrium(s: Any, piled: int) -> None:
 
 
 @kernel
-def is_still(s: Any) -> bool:
+def is_still(run: Any, pairs: Any, pool: Any, bodies: Any) -> bool:
     """Return whether a pile has come so near to its equilibrium that the difference is rounding."""
-    load = s.run[0].load
-    for c in range(s.run[0].piled - 1, -1, -1):
-        pair = s.pool[s.pairs[c].slot]
-        load += weight(s.bodies[c + 1])
+    load = run.load
+    for c in range(run.piled - 1, -1, -1):
+        pair = pool[pairs[c].slot]
+        load += weight(bodies[c + 1])
         rest = overlap_under(pair, load)
         rate = math.sqrt(pair.k * pair.p * power(rest, pair.p) / rest * pair.inverse)
         if abs(pair.xi - rest) > STILL * rest or abs(pair.eta) > STILL * rest * rate:
@@ -95,18 +93,18 @@ def is_still(s: Any) -> bool:
 
 
 @kernel
-def lie(s: Any, hi: int, closing: float) -> None:
+def lie(run: Any, pairs: Any, pool: Any, bodies: Any, hi: int, closing: float) -> None:
     """Put a pile that is still into its equilibrium, with a piece that has no end; walls close at `closing` m/s."""
-    block, load = s.pool[s.pairs[0].slot], s.run[0].load
+    block, load = pool[pairs[0].slot], run.load
     block.clock, block.h, block.tau, block.fired = 1, LONG, math.inf, -1
-    block.wait, s.pairs[0].due = math.inf, math.inf
+    block.wait, pairs[0].due = math.inf, math.inf
     for c in range(hi - 1, -1, -1):
-        pair = s.pool[s.pairs[c].slot]
+        pair = pool[pairs[c].slot]
         for j in range(ORDER + 1):
             pair.x[j], pair.e[j], pair.f[j], pair.g[j] = 0.0, 0.0, 0.0, 0.0
         pair.eta = closing
-        if c < s.run[0].piled:
-            load += weight(s.bodies[c + 1])
+        if c < run.piled:
+            load += weight(bodies[c + 1])
             pair.xi, pair.eta, pair.f[0], pair.g[0] = overlap_under(pair, load), 0.0, load, load
         pair.x[0], pair.x[1], pair.e[0] = pair.xi, LONG * pair.eta, pair.eta
 

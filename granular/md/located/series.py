@@ -30,15 +30,16 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int) -> None:
             pair.x[n + q] = step * pair.e[n]
             if pair.mode != OPEN:
                 force_term(pair, n, q)
+        pair = pool[pairs[lo].slot]
         for c in range(lo, hi):
-            pair = pool[pairs[c].slot]
+            after = pool[pairs[c + 1].slot] if c + 1 < hi else pair
             force = pair.f[n]
-            above = pool[pairs[c + 1].slot].f[n] if c + 1 < hi else 0.0
+            above = after.f[n] if c + 1 < hi else 0.0
             push = pair.lower * below - pair.inverse * force + pair.upper * above
             if n == 0:
                 push += pair.pull
             pair.e[n + q] = step * push
-            below = force
+            pair, below = after, force
     for c in range(lo, hi):
         complete(pool[pairs[c].slot], q)
 
