@@ -1,4 +1,4 @@
-"""Force laws and collision rules as JSON and back: class and numbers, nothing that could run code from a file."""
+"""Force laws, collision rules and scenes as JSON: class and numbers, nothing that could run code from a file."""
 
 from __future__ import annotations
 
@@ -25,6 +25,13 @@ def _as_json(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [_as_json(one) for one in value]
     return to_json(value) if is_dataclass(value) else value
+
+
+def scene_to_json(scene: Any) -> dict[str, Any]:
+    """The numbers of a scene, with the word inf for the mass of a wall."""
+    values = {f.name: getattr(scene, f.name) for f in fields(scene)}
+    numbers = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()}
+    return numbers | {"mass": ["inf" if m == np.inf else m for m in numbers["mass"]]}
 
 
 def from_json(value: Any) -> Any:

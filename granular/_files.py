@@ -1,14 +1,19 @@
-"""Files written whole or not at all, and the provenance that goes into them."""
+"""Files written whole or not at all, with their format and their provenance; numbers as JSON has them."""
 
 from __future__ import annotations
 
+import math
 import os
 import stat
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from os import PathLike
 from typing import Any
 
+import numpy as np
+
+FORMAT = 2
+"""Number of the format that files are written in; those without one, of releases before it had a number, are 1."""
 STDOUT = "/dev/stdout"
 
 def write(path: str | PathLike[str], fill: Callable[[str], object]) -> None:
@@ -95,6 +100,24 @@ def write_text(path: str | PathLike[str], text: str) -> None:
     write(path, fill)
 
 
+def write_json(path: str | PathLike[str], values: Any, indent: int | None = 1) -> None:
+    """Write `values` as JSON, whole or not at all."""
+    import json
+
+    write_text(path, json.dumps(plain(values), indent=indent, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def plain(value: Any) -> Any:
+    """The same for JSON: lists for arrays and tuples, plain numbers for numpy's, None for nan and inf."""
+    if isinstance(value, dict):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [plain(entry) for entry in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 def write_figure(path: str | PathLike[str], figure: Any, dpi: int) -> None:
     """Save a matplotlib figure in the format of the file's ending, whole or not at all.
 
@@ -117,8 +140,17 @@ def check_picture(path: str | PathLike[str]) -> None:
         raise ValueError(f"ending of {os.fspath(path)} is {ending!r}: one of {', '.join(known)} is needed.")
 
 
+def check_format(path: str | PathLike[str], number: Any, unknown: Iterable[str] = ()) -> None:
+    """Raise `ValueError` for a file of a later format, or with contents that this version does not know."""
+    name = os.fspath(path)
+    if not number <= FORMAT:
+        raise ValueError(f"format of {name} is {number}: at most {FORMAT} is needed; a later granular reads it.")
+    if listed := ", ".join(sorted(unknown)):
+        raise ValueError(f"path is {name!r}: it holds {listed}, unknown to this version; a later granular reads it.")
+
+
 def provenance() -> dict[str, Any]:
-    """Versions and platform, so that a number can be traced."""
+    """Format of the file, versions and platform, so that a number can be traced."""
     import platform
     from importlib.metadata import PackageNotFoundError, version
 
@@ -129,4 +161,4 @@ def provenance() -> dict[str, Any]:
             return None
 
     packages = {name: known(name) for name in ("granular", "numpy", "scipy", "numba", "sortedcontainers")}
-    return {"versions": packages, "python": platform.python_version(), "machine": platform.machine()}
+    return {"format": FORMAT, "versions": packages, "python": platform.python_version(), "machine": platform.machine()}

@@ -44,13 +44,18 @@ def have_numba() -> bool:
 
 def no_compiler() -> str:
     """Return why kernels cannot be compiled, or nothing."""
-    if sys.modules.get("numba", True) is None or find_spec("numba") is None:
+    if sys.modules.get("numba", True) is None or not _is_installed("numba"):
         return "numba is not installed: pip install numba"
     if "numba" in sys.modules:
         disabled = bool(sys.modules["numba"].config.DISABLE_JIT)
     else:
         disabled = os.environ.get("NUMBA_DISABLE_JIT", "0").strip() not in ("", "0")
     return "NUMBA_DISABLE_JIT is set, so numba compiles nothing: unset it" if disabled else ""
+
+
+@cache
+def _is_installed(module: str) -> bool:
+    return find_spec(module) is not None
 
 
 def load_numba() -> Any:

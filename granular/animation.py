@@ -15,9 +15,10 @@ import numpy as np
 
 from granular import _check, _files
 from granular._check import Array
+from granular._optional import optional
 from granular.plot import HARD, SOFT, resolved, time_unit, window
-from granular.scene import Scene, positions
-from granular.trajectory import Trajectory
+from granular.scene import Scene
+from granular.trajectory import Trajectory, points
 
 if TYPE_CHECKING:
     from granular.comparison import Comparison
@@ -118,8 +119,9 @@ class Film:
         left = (soft["t_begin"] - start) / self.unit
         axis.barh(soft["pair"] - 0.16, (end - soft["t_begin"]) / self.unit, left=left, height=0.3, color=SOFT)
         axis.scatter((hard["t_begin"] - start) / self.unit, hard["pair"] + 0.22, marker="|", s=60, color=HARD)
-        axis.set_ylim(-0.6, report.scene.n - 1.3)
-        axis.set_yticks(range(report.scene.n - 1) if report.scene.n < 8 else [0, report.scene.n - 2])
+        axis.set_ylim(-0.6, report.scene.n_pairs - 0.3)
+        n = report.scene.n_pairs
+        axis.set_yticks(range(n) if n < 7 else [0, n - 1])
         return _head(axis)
 
     def _forces(self, place: Any) -> Any:
@@ -153,9 +155,9 @@ class Stage:
         drawn = np.sqrt(np.where(scene.is_wall, 0.0, scene.radius) / scene.radius.max())
         self.radius = np.where(scene.is_wall, 0.0, np.maximum(0.16, drawn)) * min(0.09, 0.28 / max(drawn.sum(), 1e-9))
         room = 0.96 - 2.0 * float(self.radius.sum())
-        deepest = np.maximum(0.0, -np.diff(both, axis=1).min(axis=0))
+        deepest = np.maximum(0.0, -scene.across(both).min(axis=0))
         side = np.where(self.radius > 0.0, self.radius, np.inf)
-        sinks = float((deepest / (0.6 * np.minimum(side[:-1], side[1:]))).max())
+        sinks = float((deepest / (0.6 * np.minimum(*scene.sides(side)))).max())
         self.scale = min(room / max(float(both.max()) - self.low, 1e-300), 1.0 / max(sinks, 1e-300))
         self.stacked = np.cumsum(2.0 * self.radius) - self.radius
         axis.set_xlim(-0.16, 0.16)
@@ -184,9 +186,8 @@ class Stage:
 
 def _points(run: Trajectory, time: Array) -> Array:
     """Positions (m) with the radii taken out at the times of the pictures; the last ones after the end of the run."""
-    points = run.scene.replace(radius=np.zeros(run.scene.n), origin=0.0)
     rows = np.clip(np.searchsorted(run.time, time, side="right") - 1, 0, len(run.time) - 1)
-    path: Array = positions(points, run.gap, run.time)[rows]
+    path: Array = points(run)[rows]
     return path
 
 
@@ -196,11 +197,9 @@ def _head(axis: Any) -> Any:
 
 def _require(ending: str) -> None:
     """Say what is missing before the work begins."""
-    from importlib.util import find_spec
     from shutil import which
 
-    if find_spec("matplotlib") is None:
-        raise ImportError("animate needs matplotlib, which is not installed: pip install matplotlib.")
+    optional("matplotlib", "animate")
     if ending == ".mp4" and which("ffmpeg") is None:
         raise ValueError("ending is '.mp4': ffmpeg is needed and not installed; .gif works without it.")
 

@@ -17,10 +17,11 @@ from numpy.typing import ArrayLike
 
 from granular import _check, md
 from granular._check import Array
-from granular.laws import dashpot, traits
-from granular.md.stability import expected_overlap
+from granular.laws import dashpot
+from granular.laws.contact_law import PairLaw, instance, resolve
+from granular.laws.kinds import resolved
 from granular.rules import ConstantRestitution, Rule
-from granular.scene import Pair, Scene, checked_pair
+from granular.scene import Pair, Pairs, Scene, checked_pair
 
 __all__ = ["Collision", "LawRestitution", "collision", "restitution", "restitution_of", "with_restitution"]
 
@@ -73,14 +74,11 @@ def collision(law: Any, pair: Pair, speed: float) -> Collision:
         If `speed` is not positive; if the contact never ends (ε = 0, or the law does not repel), gains energy, or its
         overlap or force is beyond the range of numbers (speeds below 1e-50 or above 1e50 m/s, but for linear laws).
     """
-    traits.instance("law", law)
-    checked_pair(pair)
-    v = _speed(speed)
-    form = None if getattr(law, "memory", False) else traits.power_form(law, pair)
-    if form is not None and form[1] == 1.0 and form[3] == 0.0:
-        return _dashpot(form[0], form[2], pair, v)
-    if form is not None and form[2] == 0.0:
-        return _elastic_power(form[0], form[1], pair, v)
+    known, v = _resolved(law, pair), _speed(speed)
+    if known.form is not None and known.is_linear:
+        return _dashpot(known.form[0], known.form[2], pair, v)
+    if known.form is not None and known.form[2] == 0.0:
+        return _elastic_power(known.form[0], known.form[1], pair, v)
     return _integrated(law, pair, v)
 
 
@@ -97,20 +95,19 @@ def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | Array:
 
     For an array of speeds, an array of the same shape.
     """
-    traits.instance("law", law)
-    checked_pair(pair)
+    known = _resolved(law, pair)
     if np.ndim(speed) == 0:
-        return at_speed(law, pair, _speed(speed))
+        return at_speed(known, _speed(speed))
     speeds = _check.array("speed", speed, np.shape(speed))
-    return np.array([at_speed(law, pair, _speed(v)) for v in speeds.flat]).reshape(speeds.shape)
+    return np.array([at_speed(known, _speed(v)) for v in speeds.flat]).reshape(speeds.shape)
 
 
-def at_speed(law: Any, pair: Pair, speed: float) -> float:
+def at_speed(known: PairLaw, speed: float) -> float:
     """`restitution` at one speed, whatever it is: ε at rest is 1, or the limit for slow impacts."""
-    form = None if getattr(law, "memory", False) else traits.power_form(law, pair)
-    if form is None:
+    law, pair = known.law, known.pair
+    if known.form is None:
         return 1.0 if speed <= 0.0 else _integrated(law, pair, max(speed, SLOWEST)).restitution
-    k, p, gamma, d = form
+    k, p, gamma, d = known.form
     if gamma == 0.0:
         return 1.0
     if d == 0.5 * (p - 1.0):
@@ -142,7 +139,7 @@ class LawRestitution:
         """Restitution at impact speed `speed` in m/s; 0 where a contact takes all speed and does not end."""
         law = self.laws[0] if len(self.laws) == 1 else self.laws[pair.index]
         try:
-            return at_speed(law, pair, speed)
+            return at_speed(resolve(law, pair), speed)
         except Stuck:
             return 0.0
 
@@ -154,11 +151,11 @@ def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule
     """
     laws = tuple(law) if isinstance(law, (list, tuple)) else (law,)
     for one in laws:
-        traits.instance("law", one)
+        instance("law", one)
     if scene is not None:
-        pairs = [(laws[0] if len(laws) == 1 else laws[pair.index], pair) for pair in scene.pairs]
-        if all(_constant(one, pair) for one, pair in pairs):
-            return ConstantRestitution([restitution(one, pair, 1.0) for one, pair in pairs])
+        known = resolved(_check.per_pair("law", laws if len(laws) > 1 else laws[0], scene.n_pairs), scene)
+        if all(_constant(one) for one in known.each):
+            return ConstantRestitution(known.column(lambda one: at_speed(one, 1.0)))
     return LawRestitution(laws)
 
 
@@ -176,18 +173,16 @@ def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, fi
     from scipy.optimize import brentq
 
     goal = _check.number("target", target, above=0.0, at_most=1.0)
-    traits.instance("law", law)
-    checked_pair(pair)
-    v = _speed(speed)
+    known, v = _resolved(law, pair), _speed(speed)
     if not hasattr(law, field):
         raise ValueError(f"field is {field!r}: {type(law).__name__} has no such field; name the damping of the law.")
     if goal == 1.0:
         return replace(law, **{field: 0.0})
 
     def miss(log_value: float) -> float:
-        return at_speed(replace(law, **{field: math.exp(log_value)}), pair, v) - goal
+        return at_speed(resolve(replace(law, **{field: math.exp(log_value)}), pair), v) - goal
 
-    stiffness = traits.tangent(law, expected_overlap(law, pair, v), pair)[0]
+    stiffness = known.tangent(known.overlap_at(v))[0]
     low = high = 0.5 * math.log(stiffness * pair.m_eff)  # a dashpot of this strength is near critical
     while miss(low) < 0.0 and low > -300.0:
         low, high = low - 4.0, low
@@ -202,9 +197,13 @@ def _speed(value: Any) -> float:
     return _check.number("speed", value, above=0.0)
 
 
-def _constant(law: Any, pair: Pair) -> bool:
+def _resolved(law: Any, pair: Pair) -> PairLaw:
+    return resolve(instance("law", law), checked_pair(pair))
+
+
+def _constant(law: PairLaw) -> bool:
     """Whether ε of the law is known not to depend on speed."""
-    form = None if getattr(law, "memory", False) else traits.power_form(law, pair)
+    form = law.form
     return form is not None and (form[2] == 0.0 or form[3] == 0.5 * (form[1] - 1.0))
 
 
@@ -266,7 +265,8 @@ def _run(law: Any, pair: Pair, v: float) -> Collision:
     if not SLOWEST <= v <= FASTEST:
         raise no_numbers(v)
     scene = Scene([math.inf, pair.m_eff], [0.0, min(pair.r_eff, 1.0)], [0.0], [0.0, -v])
-    scene.__dict__["pairs"] = (pair,)  # the law sees the very pair that was asked about
+    # the law sees the very pair that was asked about
+    scene.__dict__["pairs"] = Pairs(np.array([pair.m_eff]), np.array([pair.r_eff]), pair.index)
     run = md.simulate(scene, law, max_events=8, max_steps=MAX_STEPS)
     contact = run.contacts[int(np.argmax(run.contacts["impulse"]))]
     if not math.isfinite(contact["force_max"]):

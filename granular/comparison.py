@@ -13,16 +13,14 @@ import numpy as np
 
 from granular import edmd, md, measures, outcome, theory, tie_rules, timing
 from granular import until as stop
-from granular.binary import LawRestitution, restitution, restitution_of
-from granular.laws import traits
-from granular.laws.kinds import kinds
+from granular.binary import LawRestitution, at_speed, restitution_of
+from granular.laws.check import checked
+from granular.laws.contact_law import PairLaw
+from granular.laws.kinds import resolved
 from granular.measures import Overlap
 from granular.outcome import SAME, PairOutcome
 from granular.scene import Pair, Scene
-from granular.trajectory import Status, Trajectory
-
-EARLY = (Status.collapse, Status.max_events, Status.unstable)
-"""Statuses of runs that did not get to their end: nothing is claimed of what they would have come to."""
+from granular.trajectory import EARLY, Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,9 +107,7 @@ class Comparison:
 
         nan where such a contact does not end.
         """
-        kind, each = kinds(self.law, self.scene.pairs)
-        eps = [_restitution(law, pair, self._speed) for law, pair in each]
-        return tuple(eps[k] for k in kind.tolist())
+        return tuple(resolved(self.law, self.scene).column(lambda law: _restitution(law, self._speed)).tolist())
 
     @cached_property
     def restitution_ratio(self) -> float:
@@ -213,9 +209,9 @@ class Comparison:
 
     def to_json(self, path: str | PathLike[str]) -> None:
         """Write `to_dict` to a file, whole or not at all."""
-        from granular.report import write_json
+        from granular import _files
 
-        write_json(self, path)
+        _files.write_json(path, self.to_dict())
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
         """Draw contact timelines of both engines, forces and world lines; return the figure, or save it to `path`."""
@@ -296,13 +292,13 @@ def compare(
     engine : str
         "auto", "plain" or "compiled", of the soft spheres.
     on_progress : callable, optional
-        Passed to both engines.
+        ``on_progress(reached, count)`` of both engines, one after the other: time in s, and contacts so far.
 
     Returns
     -------
     Comparison
     """
-    laws = traits.checked(law, _check_scene(scene))
+    laws = checked(law, _check_scene(scene)).given
     used = _rule_of(laws, scene) if rule is None else rule
     end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
     event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed}
@@ -335,10 +331,10 @@ def _rule_of(laws: tuple[Any, ...], scene: Scene) -> Any:
     return LawRule(laws) if isinstance(rule, LawRestitution) else rule
 
 
-def _restitution(law: Any, pair: Pair, speed: float) -> float:
+def _restitution(law: PairLaw, speed: float) -> float:
     """ε of an isolated contact; nan if it does not end."""
     try:
-        return restitution(law, pair, speed)
+        return at_speed(law, speed)
     except (ValueError, ArithmeticError):
         return math.nan
 
@@ -352,6 +348,6 @@ def _check_scene(scene: Any) -> Scene:
 def _nudged(scene: Scene) -> Scene:
     """Gaps shifted by 1e-12 of themselves (touching pairs by 1e-12 of the mean gap), with changing sign."""
     typical = float(scene.gap.mean()) or 1.0
-    sign = np.where(np.arange(scene.n - 1) % 2, -1.0, 1.0)
+    sign = np.where(np.arange(scene.n_pairs) % 2, -1.0, 1.0)
     shift = 1e-12 * np.where(scene.gap > 0.0, scene.gap * sign, typical)
     return scene.replace(gap=scene.gap + shift)

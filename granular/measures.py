@@ -12,19 +12,18 @@ K_cm       ratio (soft / hard) of the restitution of the centre of mass, scenes 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from granular import binary
 from granular._check import Array
-from granular.laws import traits
-from granular.laws.kinds import kinds
-from granular.md.stability import expected_overlap
+from granular.laws.contact_law import PairLaw
+from granular.laws.kinds import resolved
 from granular.outcome import leaving_velocities, strengths
-from granular.scene import Pair, Scene
+from granular.scene import Scene
 from granular.trajectory import Status, Trajectory, grouped
 
 ROUNDING = 1e-12
@@ -53,7 +52,7 @@ def overlapping(run: Trajectory) -> tuple[Overlap, ...]:
     """All overlaps in time of contacts of neighbouring pairs, in order of time."""
     log, found = run.contacts, []
     begin, finish = log["t_begin"].copy(), np.where(np.isnan(log["t_end"]), run.time[-1], log["t_end"])
-    for below, above in pairwise([run.rows(c) for c in range(len(run.scene.gap))]):
+    for below, above in _beside(run):
         if not len(below) or not len(above):
             continue
         first = np.searchsorted(finish[above], begin[below], side="right")
@@ -77,7 +76,7 @@ def crowding(hard: Trajectory, laws: tuple[Any, ...]) -> float:
     if not len(begin):
         return math.nan
     crowded = np.zeros(len(begin), dtype=np.bool_)
-    for below, above in pairwise([hard.rows(c) for c in range(len(hard.scene.gap))]):
+    for below, above in _beside(hard):
         if len(below) and len(above):
             crowded[below] |= _distance(begin[below], begin[above]) < lasting[below]
             crowded[above] |= _distance(begin[above], begin[below]) < lasting[above]
@@ -88,24 +87,30 @@ def durations(hard: Trajectory, laws: tuple[Any, ...]) -> Array:
     """Durations in s that the EDMD events would have as isolated contacts under the laws of their pairs."""
     log = hard.contacts
     speed, lasting = np.abs(log["v_in"][:, 0] - log["v_in"][:, 1]), np.zeros(len(log))
-    kind, each = kinds(laws, hard.scene.pairs)
-    order, edge = grouped(kind[log["pair"]], len(each))
-    for k, (law, pair) in enumerate(each):
+    known = resolved(laws, hard.scene)
+    order, edge = grouped(known.kind[log["pair"]], len(known.each))
+    for k, law in enumerate(known.each):
         rows = order[edge[k] : edge[k + 1]]
         if len(rows):
-            lasting[rows] = _isolated(law, pair, speed[rows])
+            lasting[rows] = _isolated(law, speed[rows])
     return lasting
 
 
-def _isolated(law: Any, pair: Pair, speed: Array) -> Array:
+def _beside(run: Trajectory) -> Iterator[tuple[Any, Any]]:
+    """The rows of the contact log of every two neighbouring pairs."""
+    below, above = run.scene.neighbours
+    return zip(map(run.rows, below.tolist()), map(run.rows, above.tolist()), strict=True)
+
+
+def _isolated(law: PairLaw, speed: Array) -> Array:
     """Durations in s of isolated contacts at many speeds, interpolated in a table of a few."""
-    if hasattr(law, "linear"):
-        return np.full(len(speed), binary.collision(law, pair, 1.0).duration)
+    if law.is_linear:
+        return np.full(len(speed), binary.collision(law.law, law.pair, 1.0).duration)
     if not speed.max() > 0.0:
         return np.zeros(len(speed))
     speed = np.maximum(speed, 1e-9 * speed.max())
     grid = np.unique(np.geomspace(speed.min(), speed.max(), 17))
-    table = [binary.collision(law, pair, float(v)).duration for v in grid]
+    table = [binary.collision(law.law, law.pair, float(v)).duration for v in grid]
     lasting: Array = np.exp(np.interp(np.log(speed), np.log(grid), np.log(table)))
     return lasting
 
@@ -113,7 +118,7 @@ def _isolated(law: Any, pair: Pair, speed: Array) -> Array:
 def occupation(soft: Trajectory) -> float:
     """Λ: share of time a pair spends in contact, from the soft log; nan for an empty span."""
     span = float(soft.time[-1] - soft.time[0])
-    return float(soft.contacts["duration"].sum()) / (span * (soft.scene.n - 1)) if span > 0.0 else math.nan
+    return float(soft.contacts["duration"].sum()) / (span * soft.scene.n_pairs) if span > 0.0 else math.nan
 
 
 def distance(one: Trajectory, other: Trajectory) -> float:
@@ -162,7 +167,7 @@ def impact_speed(run: Trajectory) -> float:
     rows; in a touching group most pairs do not approach at all.
     """
     log = run.contacts[run.contacts["t_begin"] == run.contacts["t_begin"][:1]]
-    body = np.column_stack([log["pair"], log["pair"] + 1]).ravel()
+    body = np.column_stack(run.scene.bodies(log["pair"])).ravel()
     _, first, which = np.unique(body, return_index=True, return_inverse=True)
     before = log["v_in"].ravel()[first][which].reshape(-1, 2)
     return float((before[:, 0] - before[:, 1]).max()) if len(log) else math.nan
@@ -180,7 +185,7 @@ def mass_centre_restitution(run: Trajectory) -> float:
     scene, balls = run.scene, ~run.scene.is_wall
     if scene.is_wall.sum() != 1 or not len(run.contacts) or run.status is Status.collapse:
         return math.nan
-    if np.isnan(run.of(0 if scene.is_wall[0] else len(scene.gap) - 1)["t_end"]).any():
+    if np.isnan(run.of(0 if scene.is_wall[0] else scene.n_pairs - 1)["t_end"]).any():
         return math.nan
     m = scene.mass[balls]
     wall = float(scene.velocity[scene.is_wall][0])
@@ -199,14 +204,13 @@ def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float
     (gravity against the contact force), with ω₀ = √(∂F/∂ξ / m_eff) at the expected overlap.
     """
     m = scene.mass[~scene.is_wall]
-    kind, each = kinds(laws, scene.pairs)
-    depth = [expected_overlap(law, pair, speed) for law, pair in each]
-    slope = np.array([traits.tangent(law, xi, pair)[0] if xi > 0.0 else math.nan
-                      for (law, pair), xi in zip(each, depth, strict=True)])  # fmt: skip
-    omega = np.sqrt(slope / [pair.m_eff for _, pair in each])[kind]
-    around = np.concatenate([[math.inf], omega, [math.inf]])
-    slower = np.where(len(omega) > 1, np.minimum(around[:-2], around[2:]), omega)
-    inner = ~(scene.is_wall[:-1] | scene.is_wall[1:])
+    slope = resolved(laws, scene).column(lambda law: _stiffness(law, speed))
+    omega = np.sqrt(slope / scene.pairs.m_eff)
+    slower, (below, above) = np.full(scene.n_pairs, math.inf), scene.neighbours
+    slower[above] = omega[below]
+    slower[below] = np.minimum(slower[below], omega[above])
+    slower = slower if scene.n_pairs > 1 else omega
+    inner = ~np.logical_or(*scene.sides(scene.is_wall))
     gaps = scene.gap[inner] * slower[inner] / speed if speed > 0.0 else np.zeros(0)
     return {
         "mass_ratio": float(m.max() / m.min()),
@@ -214,6 +218,12 @@ def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float
         "gap_omega_over_speed": float(gaps.max()) if len(gaps) else math.nan,
         "gravity_over_omega_speed": scene.gravity / (float(omega.min()) * speed) if speed > 0.0 else math.nan,
     }
+
+
+def _stiffness(law: PairLaw, speed: float) -> float:
+    """∂F/∂ξ in N/m at the overlap that an impact at `speed` in m/s reaches; nan without one."""
+    xi = law.overlap_at(speed)
+    return law.tangent(xi)[0] if xi > 0.0 else math.nan
 
 
 def _approach(log: Any) -> Array:

@@ -12,6 +12,7 @@ import numpy as np
 from granular import md
 from granular._check import Array
 from granular.binary import collision
+from granular.laws.kinds import resolved
 from granular.trajectory import Status, Trajectory
 
 SAME = 0.01
@@ -50,7 +51,7 @@ class PairOutcome:
 
 def pair_outcomes(hard: Trajectory, soft: Trajectory, to_the_end: Trajectory) -> tuple[PairOutcome, ...]:
     """Outcome of every pair; `to_the_end` is the soft run with its running contacts `followed`."""
-    ongoing = np.zeros(len(soft.scene.gap), dtype=np.bool_)
+    ongoing = np.zeros(soft.scene.n_pairs, dtype=np.bool_)
     ongoing[soft.contacts["pair"][np.isnan(soft.contacts["t_end"])]] = True
     columns = [counts(hard), counts(soft), *separations(hard), *separations(to_the_end), ongoing]
     n_hard, n_soft, hard_v, hard_t, soft_v, soft_t, open_ = (column.tolist() for column in columns)
@@ -78,11 +79,11 @@ def leaving_velocities(run: Trajectory) -> Array:
     The initial velocity without contacts; nan where none has an end.
     """
     u, log = run.scene.velocity.copy(), run.contacts
-    u[np.concatenate([log["pair"], log["pair"] + 1])] = math.nan
+    u[np.concatenate(run.scene.bodies(log["pair"]))] = math.nan
     over = np.flatnonzero(~np.isnan(log["t_end"]))
     over = over[np.argsort(log["t_end"][over], kind="stable")]
-    below = log["pair"][over]
-    u[np.column_stack([below, below + 1]).ravel()] = log["v_out"][over].ravel()  # the last assignment stays
+    met = np.column_stack(run.scene.bodies(log["pair"][over])).ravel()
+    u[met] = log["v_out"][over].ravel()  # the last assignment stays
     return u
 
 
@@ -130,7 +131,7 @@ def followed(soft: Trajectory, options: Mapping[str, Any]) -> Trajectory:
 
 def has_memory(soft: Trajectory) -> bool:
     """Whether a law of a soft-sphere run has memory, so that its last state does not tell how it goes on."""
-    return any(getattr(law, "memory", False) for law in soft.law or ())
+    return soft.law is not None and any(law.memory for law in resolved(soft.law, soft.scene).each)
 
 
 def _end(log: Any, rows: Any, later: Trajectory, patience: Array, start: float) -> Any:
@@ -165,6 +166,6 @@ def _alone(soft: Trajectory, c: int, speed: float) -> float:
 def strengths(run: Trajectory) -> Array:
     """How hard each contact of the log is, in m/s: by approach, and by impulse / m_eff, as touching balls have none."""
     log = run.contacts
-    m_eff = np.array([pair.m_eff for pair in run.scene.pairs])[log["pair"]]
+    m_eff = run.scene.pairs.m_eff[log["pair"]]
     strength: Array = np.maximum(log["v_in"][:, 0] - log["v_in"][:, 1], log["impulse"] / m_eff)
     return strength

@@ -11,8 +11,8 @@ import numpy as np
 
 from granular import _files, edmd, md
 from granular._check import Array
-from granular.scene import positions
-from granular.trajectory import Status, Trajectory
+from granular._optional import optional
+from granular.trajectory import Status, Trajectory, points
 from granular.until import Separated
 
 if TYPE_CHECKING:
@@ -34,11 +34,11 @@ FEW = 6
 
 def comparison_figure(report: Comparison, path: str | PathLike[str] | None = None) -> Any:
     """Draw a comparison; return the matplotlib figure, or save it (format by the file's ending) and return None."""
-    figure_class = _matplotlib()
+    figure_class = optional("matplotlib.figure", "plot").Figure
     begin, end = window(report)
     soft = resolved(report, "soft", _moments(report, begin, end))
     unit, name = time_unit(end - begin)
-    n = report.scene.n - 1
+    n = report.scene.n_pairs
     heights = [0.22 * min(n, 12) + 0.5, *([0.9] * n if n <= FEW else [0.25 * min(n, 12) + 1.2]), 2.8]
     figure = figure_class(figsize=(7.0, sum(heights) + 1.4), layout="constrained")
     axes = figure.subplots(len(heights), 1, sharex=True, gridspec_kw={"height_ratios": heights})
@@ -127,7 +127,7 @@ def _timeline(axis: Any, report: Comparison, begin: float, end: float, unit: flo
     finish = np.where(np.isnan(soft["t_end"]), end, soft["t_end"])
     start = (soft["t_begin"] - begin) / unit
     width = (finish - soft["t_begin"]) / unit
-    n = report.scene.n - 1
+    n = report.scene.n_pairs
     for c in range(n):
         bars = np.column_stack([start, width])[soft["pair"] == c]
         axis.broken_barh(bars, (c - 0.31, 0.3), color=SOFT, lw=0, label="" if c else "soft")
@@ -159,13 +159,14 @@ def _force_curve(axis: Any, clock: Array, soft: Trajectory, c: int) -> None:
     axis.fill_between(clock, soft.force[:, c] / unit, color=SOFT, alpha=0.25, lw=0)
     axis.plot(clock, soft.force[:, c] / unit, color=SOFT, lw=1.0)
     axis.set_ylim(bottom=0.0)
-    axis.set_ylabel(f"$F_{{{c},{c + 1}}}$, {name}")
+    lower, upper = soft.scene.bodies(c)
+    axis.set_ylabel(f"$F_{{{lower},{upper}}}$, {name}")
 
 
 def _largest_forces(report: Comparison, soft: Trajectory, begin: float, end: float) -> Array:
     """Largest force in N in each column of a map and on each pair: from samples, and from the log of short contacts."""
     assert soft.force is not None
-    largest = np.zeros((COLUMNS, report.scene.n - 1))
+    largest = np.zeros((COLUMNS, report.scene.n_pairs))
 
     def columns(times: Array) -> Any:
         return np.clip(((times - begin) * (COLUMNS / (end - begin))).astype(int), 0, COLUMNS - 1)
@@ -193,7 +194,7 @@ def _world_lines(axis: Any, report: Comparison, soft: Trajectory, begin: float, 
     runs = {"soft": (soft, SOFT, "-")}
     if len(report.hard.contacts) < 100_000:
         runs["hard"] = (resolved(report, "hard", _moments(report, begin, end)), HARD, "--")
-    lines = {label: (run.time, _without_radii(run), colour, dash) for label, (run, colour, dash) in runs.items()}
+    lines = {label: (run.time, points(run), colour, dash) for label, (run, colour, dash) in runs.items()}
     size, name = length_unit(max(float(np.ptp(lines["soft"][1])), 1e-300))
     for label, (t, height, colour, dash) in lines.items():
         axis.plot((t - begin) / unit, height / size, color=colour, ls=dash, lw=1.0)
@@ -204,11 +205,6 @@ def _world_lines(axis: Any, report: Comparison, soft: Trajectory, begin: float, 
     axis.set_ylim(max(bottom, low - room), min(top, high + room))
     axis.set_ylabel(f"position, radii taken out, {name}")
     axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
-
-
-def _without_radii(run: Trajectory) -> Array:
-    points = run.scene.replace(radius=np.zeros(run.scene.n), origin=0.0)
-    return positions(points, run.gap, run.time)
 
 
 def length_unit(span: float) -> tuple[float, str]:
@@ -230,11 +226,3 @@ def _wrapped(text: str) -> Sequence[str]:
     from textwrap import wrap
 
     return wrap(text, 110)
-
-
-def _matplotlib() -> Any:
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise ImportError("plot needs matplotlib, which is not installed: pip install matplotlib.") from None
-    return Figure

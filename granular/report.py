@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import math
-from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from granular import _files, outcome
+from granular._describe import scene_to_json
 from granular.measures import ROUNDING
-from granular.scene import Scene
 
 if TYPE_CHECKING:
     from granular.comparison import Comparison
@@ -48,13 +46,13 @@ def _two_restitutions(report: Comparison) -> list[str]:
 def _extremes(report: Comparison) -> list[str]:
     """Deep overlaps, and speeds near the speed of sound."""
     found, scene, log = [], report.scene, report.counted[1].contacts
-    depth, speed, shortest = np.zeros(scene.n - 1), np.zeros(scene.n - 1), np.full(scene.n - 1, math.inf)
+    depth, speed, shortest = np.zeros(scene.n_pairs), np.zeros(scene.n_pairs), np.full(scene.n_pairs, math.inf)
     met = outcome.counts(report.counted[1]) > 0
     np.maximum.at(depth, log["pair"], log["xi_max"])
     np.maximum.at(speed, log["pair"], np.abs(log["v_in"][:, 0] - log["v_in"][:, 1]))
     np.minimum.at(shortest, log["pair"], log["duration"])
     radius = np.where(scene.radius > 0.0, scene.radius, math.inf)
-    radius = np.minimum(radius[:-1], radius[1:])
+    radius = np.minimum(*scene.sides(radius))
     depth = depth / radius
     speed[met] *= shortest[met] / (2.0 * math.pi * radius[met])  # in the speed of sound, 2 π R / t_c
     for c in np.flatnonzero((depth > 0.1) | (speed > 0.1)).tolist():
@@ -69,10 +67,10 @@ def as_dict(report: Comparison) -> dict[str, Any]:
     """All numbers with provenance, ready for JSON (nan and inf become None)."""
     from dataclasses import asdict
 
-    numbers: dict[str, Any] = _clean(
+    numbers: dict[str, Any] = _files.plain(
         {
             "provenance": _files.provenance(),
-            "scene": _scene(report.scene),
+            "scene": scene_to_json(report.scene),
             "law": [repr(law) for law in report.law],
             "rule": repr(report.rule),
             "until": repr(report.until),
@@ -93,11 +91,6 @@ def as_dict(report: Comparison) -> dict[str, Any]:
         }
     )
     return numbers
-
-
-def write_json(report: Comparison, path: str | PathLike[str]) -> None:
-    """Write `as_dict` to a file, whole or not at all."""
-    _files.write_text(path, json.dumps(as_dict(report), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def _law_lines(report: Comparison) -> list[str]:
@@ -201,12 +194,6 @@ def _contacts(n: int, verb: str = "") -> str:
     return f"{n} {noun}" + (f" {verb}{'s' if n == 1 else ''}" if verb else "")
 
 
-def _scene(scene: Scene) -> dict[str, Any]:
-    arrays = {name: getattr(scene, name).tolist() for name in ("mass", "radius", "gap", "velocity")}
-    mass = ["inf" if math.isinf(m) else m for m in arrays["mass"]]
-    return arrays | {"mass": mass, "gravity": scene.gravity, "origin": scene.origin}
-
-
 def _run(run: Any) -> dict[str, Any]:
     log = run.contacts[:10_000]
     return {
@@ -219,13 +206,3 @@ def _run(run: Any) -> dict[str, Any]:
         "contacts": {name: log[name].tolist() for name in log.dtype.names},
         "contacts_left_out": len(run.contacts) - len(log),
     }
-
-
-def _clean(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: _clean(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_clean(v) for v in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -181,7 +181,7 @@ def restitution_at(rule: Rule, speed: float, pair: Pair) -> float:
 def checked(rule: Any, pairs: Sequence[Pair]) -> tuple[Rule, ...]:
     """Spread one rule over all `pairs`, or check a list with one per pair; raise if it does not fit."""
     rules = _check.per_pair("rule", rule, len(pairs))
-    for one in dict(zip(map(id, rules), rules, strict=True)).values():
+    for one in different(rules):
         if not callable(one):
             fix = "granular.ConstantRestitution(0.7) is one" if not isinstance(one, (int, float)) else (
                 f"write granular.ConstantRestitution({one})")
@@ -191,12 +191,18 @@ def checked(rule: Any, pairs: Sequence[Pair]) -> tuple[Rule, ...]:
     return rules
 
 
+def different(rules: Sequence[Rule]) -> list[Rule]:
+    """Return the different ones of some rules."""
+    if len(set(map(id, rules))) == 1:
+        return [rules[0]]
+    return list(dict(zip(map(id, rules), rules, strict=True)).values())
+
+
 def constants(rules: Sequence[Rule], pairs: Sequence[Pair]) -> list[float] | None:
     """Return ε per pair if every rule is constant, else None."""
-    different = dict(zip(map(id, rules), rules, strict=True)).values()
-    if not all(isinstance(rule, ConstantRestitution) for rule in different):
+    if not all(isinstance(rule, ConstantRestitution) for rule in different(rules)):
         return None
-    if len(different) == 1:
+    if len(different(rules)) == 1:
         value = rules[0].restitution  # type: ignore[attr-defined]
         return [value] * len(pairs) if isinstance(value, float) else list(value)
     return [rule(0.0, pair) for rule, pair in zip(rules, pairs, strict=True)]

@@ -12,31 +12,9 @@ from numpy.typing import ArrayLike
 
 from granular import _check
 from granular._check import Array
+from granular.pair import Pair, Pairs, checked_pair
 
-
-@dataclass(frozen=True, slots=True)
-class Pair:
-    """Two neighbours for good: pair ``index`` joins bodies ``index`` and ``index + 1``.
-
-    Attributes
-    ----------
-    m_eff : float
-        Effective mass m_a m_b / (m_a + m_b) in kg; the ball's own mass against a wall.
-    r_eff : float
-        Effective radius 1 / (κ_a + κ_b) in m, with curvature κ = 1/R of a ball and 0 of a flat wall,
-        so that a ball of radius R against a wall has r_eff = R.
-    index : int
-        Number of the pair from the bottom (left).
-    """
-
-    m_eff: float
-    r_eff: float
-    index: int
-
-    def __post_init__(self) -> None:
-        if not (type(self.m_eff) is type(self.r_eff) is float and 0.0 < self.m_eff < math.inf and self.r_eff >= 0.0):
-            _check.number("m_eff", self.m_eff, above=0.0)
-            _check.number("r_eff", self.r_eff, at_least=0.0, finite=False)
+__all__ = ["Pair", "Pairs", "Scene", "checked", "checked_pair", "in_order", "positions", "speed_scale", "velocities"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,29 +141,84 @@ class Scene:
         """True for bodies of infinite mass, shape (n,)."""
         return np.isinf(self.mass)
 
+    @property
+    def n_pairs(self) -> int:
+        """Number of pairs of neighbours."""
+        return len(self.gap)
+
+    def bodies(self, pair: Any) -> tuple[Any, Any]:
+        """Numbers of the lower and the upper body of a pair, or of an array of pairs."""
+        return pair, pair + 1
+
+    def sides(self, of_bodies: Any) -> tuple[Any, Any]:
+        """What an array (…, n) says of bodies, for the lower and the upper body of every pair, shapes (…, n-1)."""
+        return of_bodies[..., :-1], of_bodies[..., 1:]
+
+    def across(self, of_bodies: Array) -> Array:
+        """Differences (…, n-1), upper minus lower body of every pair, of an array (…, n): rates from velocities."""
+        lower, upper = self.sides(of_bodies)
+        difference: Array = upper - lower
+        return difference
+
+    @property
+    def neighbours(self) -> tuple[Any, Any]:
+        """Numbers of the lower and of the upper one of every two pairs that share a ball, two arrays of int."""
+        number = np.arange(self.n_pairs)
+        return number[:-1], number[1:]
+
     @cached_property
-    def pairs(self) -> tuple[Pair, ...]:
+    def pairs(self) -> Pairs:
         """All pairs of neighbours, bottom to top."""
-        light, heavy = np.minimum(self.mass[:-1], self.mass[1:]), np.maximum(self.mass[:-1], self.mass[1:])
+        lower, upper = self.sides(self.mass)
+        light, heavy = np.minimum(lower, upper), np.maximum(lower, upper)
         with np.errstate(divide="ignore"):
             curvature = np.where(self.is_wall, 0.0, 1.0 / self.radius)
-            r_eff = 1.0 / (curvature[:-1] + curvature[1:])
-        m_eff = light / (1.0 + light / heavy)
-        return tuple(map(Pair, m_eff.tolist(), r_eff.tolist(), range(self.n - 1)))
+            r_eff = 1.0 / sum(self.sides(curvature))
+        return Pairs(light / (1.0 + light / heavy), r_eff)
 
     @cached_property
     def pull(self) -> Array:
         """Gravity's closing acceleration of each gap in m/s², shape (n-1,): g at a floor, 0 between balls, -g at a
         ceiling. Uniform gravity cancels between two balls."""
-        falls = np.where(self.is_wall, 0.0, 1.0)
-        return self.gravity * np.diff(falls)
+        return self.gravity * self.across(np.where(self.is_wall, 0.0, 1.0))
 
     @property
     def position(self) -> Array:
         """Positions in m, shape (n,): centres of balls, surfaces of walls."""
-        step = self.radius[:-1] + self.gap + self.radius[1:]
-        position: Array = self.origin + np.concatenate([[0.0], np.cumsum(step)])
+        position: Array = self.origin + self.offsets(self.gap)
         return position
+
+    def offsets(self, gap: Array) -> Array:
+        """Distances (…, n) in m from body 0, centres of balls and surfaces of walls, given the gaps (…, n-1)."""
+        lower, upper = self.sides(self.radius)
+        return _summed(lower + gap + upper)
+
+    def anchor(self, elapsed: Any) -> Any:
+        """Position in m, a time `elapsed` in s after the scene's instant, of what all positions are measured from.
+
+        That is a wall, which moves at constant speed, or else the centre of mass, which falls freely.
+        """
+        if self._wall is not None:
+            return self.position[self._wall] + self.velocity[self._wall] * elapsed
+        fall = (self._share @ self.velocity - 0.5 * self.gravity * elapsed) * elapsed
+        return self._share @ self.position + fall
+
+    def anchor_velocity(self, elapsed: Any) -> Any:
+        """Velocity of the anchor in m/s."""
+        if self._wall is not None:
+            return self.velocity[self._wall]
+        return (self._share * self.velocity).sum() - self.gravity * elapsed
+
+    @cached_property
+    def _wall(self) -> int | None:
+        """The wall that is the anchor; None without walls."""
+        return int(self.is_wall.argmax()) if self.is_wall.any() else None
+
+    @cached_property
+    def _share(self) -> Array:
+        """Share of each body in the mass of all, shape (n,), of a scene without walls."""
+        share: Array = self.mass / self.mass.sum()
+        return share
 
     def momentum(self) -> float:
         """Total momentum of the balls in kg m/s."""
@@ -202,22 +235,32 @@ class Scene:
 def positions(scene: Scene, gap: Array, elapsed: Array) -> Array:
     """Positions (T, n) in m from gaps (T, n-1) a time `elapsed` (T,) in s after the scene's instant.
 
-    A cumulative sum from one anchor: a wall, which moves at constant speed, or else the centre of mass, which falls
-    freely. With no negative gap the order of positions holds by construction.
+    A cumulative sum from the anchor. With no negative gap the order of positions holds by construction.
     """
-    step = scene.radius[:-1] + gap + scene.radius[1:]
-    offset = np.concatenate([np.zeros((len(gap), 1)), np.cumsum(step, axis=-1)], axis=-1)
-    start = scene.position
-    walls = np.flatnonzero(scene.is_wall)
-    if len(walls):
-        i = int(walls[0])
-        anchor = start[i] + scene.velocity[i] * elapsed - offset[:, i]
-    else:
-        share = scene.mass / scene.mass.sum()
-        fall = (share @ scene.velocity - 0.5 * scene.gravity * elapsed) * elapsed
-        anchor = share @ start + fall - offset @ share
-    position: Array = anchor[:, None] + offset
+    offset = scene.offsets(gap)
+    at_anchor = offset @ scene._share if scene._wall is None else offset[:, scene._wall]
+    position: Array = (scene.anchor(elapsed) - at_anchor)[:, None] + offset
     return position
+
+
+def velocities(scene: Scene, rate: Array, elapsed: Array) -> Array:
+    """Velocities (T, n) in m/s from the rates (T, n-1) of the gaps a time `elapsed` (T,) in s after the start.
+
+    A cumulative sum from the anchor: differences are the rates to the last digit. The second look at the centre of
+    mass matters in long chains, where the rounding of the first moves every ball.
+    """
+    offset, anchor = _summed(rate), scene.anchor_velocity(elapsed)
+    if scene._wall is not None:
+        return np.asarray((anchor - offset[:, scene._wall])[:, None] + offset)
+    offset = (anchor - (offset * scene._share).sum(axis=-1))[:, None] + offset
+    return np.asarray((anchor - (offset * scene._share).sum(axis=-1))[:, None] + offset)
+
+
+def _summed(steps: Array) -> Array:
+    """Sums (…, n) of the first 0, 1, 2, … of the steps (…, n-1) from body to body."""
+    out = np.zeros((*steps.shape[:-1], steps.shape[-1] + 1))
+    np.cumsum(steps, axis=-1, out=out[..., 1:])
+    return out
 
 
 def _ends(n: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
@@ -235,7 +278,7 @@ def speed_scale(scene: Scene) -> float:
 
 def in_order(scene: Scene) -> Scene:
     """Return `scene` if no overlap is so deep that two centres have changed places; point particles may."""
-    reach = scene.radius[:-1] + scene.radius[1:]
+    reach = sum(scene.sides(scene.radius))
     _check.every("gap", scene.gap, (scene.gap >= -reach * (1.0 + 1e-12)) | (reach == 0.0),
                  "an overlap cannot be deeper than both radii together", "deeper, the centres have changed places")
     return scene
@@ -247,9 +290,3 @@ def checked(scene: Any) -> Scene:
         raise TypeError(f"scene is {scene!r}: a granular.Scene is needed, such as granular.scenes.three_balls().")
     return scene
 
-
-def checked_pair(pair: Any) -> Pair:
-    """Return `pair` if it is one, else raise."""
-    if not isinstance(pair, Pair):
-        raise TypeError(f"pair is {pair!r}: a Pair is needed, such as scene.pairs[0].")
-    return pair

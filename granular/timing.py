@@ -37,7 +37,7 @@ def same_but_for_timing(soft: Trajectory, hard: Trajectory, tolerance: float) ->
 def _counts(run: Trajectory, time: float) -> Any:
     """Number of contacts of each pair that began before `time`."""
     log = run.contacts
-    return np.bincount(log["pair"][log["t_begin"] < time], minlength=len(run.scene.gap))
+    return np.bincount(log["pair"][log["t_begin"] < time], minlength=run.scene.n_pairs)
 
 
 def _longest(soft: Trajectory, hard: Trajectory) -> float:

@@ -14,7 +14,8 @@ import numpy as np
 from granular import _check, _files
 from granular._check import Array
 from granular._describe import from_json, to_json
-from granular.scene import Pair, Scene
+from granular.laws.kinds import resolved
+from granular.scene import Scene, positions
 
 CONTACT = np.dtype(
     [
@@ -102,7 +103,7 @@ class Trajectory:
     @cached_property
     def by_pair(self) -> tuple[Any, Any]:
         """Numbers of the rows of the contact log, pair by pair in order of time, and where those of each pair begin."""
-        return grouped(self.contacts["pair"], len(self.scene.gap))
+        return grouped(self.contacts["pair"], self.scene.n_pairs)
 
     def rows(self, pair: int) -> Any:
         """Numbers of the rows of the contact log that belong to `pair`."""
@@ -134,9 +135,10 @@ class Trajectory:
         m, v, x = self.scene.mass[balls], self.velocity[:, balls], self.position[:, balls]
         energy: Array = 0.5 * (v * v) @ m + self.scene.gravity * (x @ m)
         if self.law is not None:
-            for pair, law in zip(self.scene.pairs, self.law, strict=True):
-                overlap = np.maximum(0.0, -self.gap[:, pair.index])
-                energy += [stored_energy(law, float(xi), pair) for xi in overlap]
+            laws = resolved(self.law, self.scene)
+            for c in np.flatnonzero(~(self.gap >= 0.0).all(axis=0)).tolist():
+                law = laws[c]
+                energy += [law.energy(-gap) for gap in self.gap[:, c].tolist()]
         return energy
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -150,6 +152,7 @@ class Trajectory:
         arrays |= {f"scene.{name}": getattr(self.scene, name) for name in SCENE}
         arrays |= {f"state.{name}": np.asarray(value) for name, value in self.state.items()}
         words = {
+            "format": _files.FORMAT,
             "status": self.status.name,
             "message": self.message,
             "stats": {name: value for name, value in self.stats.items() if isinstance(value, (bool, int, float, str))},
@@ -177,11 +180,13 @@ class Trajectory:
         Raises
         ------
         OSError, ValueError
-            If the file cannot be read or is not a trajectory; if it holds a law or rule of your own and none is given.
+            If the file cannot be read, is not a trajectory, or one of a later version; if it holds a law or rule of
+            your own and none is given.
         """
         words, stored = _read(path)
         scene = Scene(**{name: _plain(stored[f"scene.{name}"]) for name in SCENE})
-        state = {name[6:]: _plain(value) for name, value in stored.items() if name.startswith("state.")}
+        resumable = words["rule"] is not None
+        state = {name[6:]: _plain(value) for name, value in stored.items() if name.startswith("state.") and resumable}
         arrays: dict[str, Any] = {name: stored.get(name) for name in ARRAYS}
         return cls(
             scene=scene,
@@ -202,28 +207,25 @@ class Trajectory:
         )
 
 
+EARLY = (Status.collapse, Status.max_events, Status.unstable)
+"""Statuses of runs that did not get to their end: nothing is claimed of what they would have come to."""
+
+
+def points(run: Trajectory) -> Array:
+    """Positions in m of the same bodies with their radii taken out, from 0 on, shape (T, n): touching ones coincide."""
+    scene = run.scene.replace(radius=np.zeros(run.scene.n), origin=0.0)
+    return positions(scene, run.gap, run.time - run.time[0])
+
+
 def grouped(key: Any, n: int) -> tuple[Any, Any]:
     """Positions in the array `key` of whole numbers, ordered by key, and where in that each key 0 … n-1 begins."""
     order = np.argsort(key, kind="stable")
     return order, np.searchsorted(key[order], np.arange(n + 1))
 
 
-def stored_energy(law: Any, xi: float, pair: Pair) -> float:
-    """Elastic energy U(ξ) = ∫₀^ξ F(s, 0) ds in J, by the law's own `potential` or by Gauss quadrature."""
-    if xi <= 0.0:
-        return 0.0
-    if getattr(law, "memory", False):
-        return float("nan")
-    if hasattr(law, "potential"):
-        return float(law.potential(xi, pair))
-    node, weight = np.polynomial.legendre.leggauss(40)
-    u = 0.5 * (node + 1.0)  # s = ξ u² smooths forces that start like a root of ξ
-    return float(sum(w * u_ * xi * law.force(xi * u_ * u_, 0.0, pair) for u_, w in zip(u, weight, strict=True)))
-
-
 WORDS = {"status", "message", "stats", "law", "rule"}
 NEEDED = {*ARRAYS, *(f"scene.{name}" for name in SCENE)} - {"force"}
-"""What a saved run holds at least."""
+"""What a saved run holds at least; besides that the number of its format, forces and the state."""
 
 
 def _read(path: str | PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -244,6 +246,8 @@ def _read(path: str | PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
             f"path is {str(path)!r}: it is not a run saved by granular, or is cut short; "
             "a file written by Trajectory.save is needed."
         )
+    others = {name for name in stored if not name.startswith("state.")} - NEEDED - {"force"}
+    _files.check_format(path, words.get("format", 1), others | words.keys() - WORDS - {"format"})
     return words, stored
 
 
@@ -252,7 +256,7 @@ def _revived(name: str, stored: Any, given: Any, scene: Scene) -> tuple[Any, ...
     if stored is None:
         return None
     if given is not None:
-        return _check.per_pair(name, given, scene.n - 1)
+        return _check.per_pair(name, given, scene.n_pairs)
     try:
         return tuple(from_json(one) for one in stored)
     except LookupError as own:

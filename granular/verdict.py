@@ -10,7 +10,7 @@ import numpy as np
 from granular.measures import ROUNDING
 from granular.outcome import SAME, PairOutcome, has_memory
 from granular.timing import SMALL
-from granular.trajectory import Status
+from granular.trajectory import EARLY
 
 if TYPE_CHECKING:
     from granular.comparison import Comparison
@@ -27,7 +27,7 @@ def verdict(report: Comparison) -> str:
 def _unfinished(report: Comparison) -> str:
     """Nothing is claimed of a run that did not get to its end."""
     for name, run in (("soft-sphere", report.soft), ("event-driven", report.hard)):
-        if run.status in (Status.collapse, Status.max_events, Status.unstable):
+        if run.status in EARLY:
             return f"No verdict: the {name} run did not get to its end; {run.status.name}: {run.message}"
     return ""
 

@@ -234,6 +234,8 @@ class Terminal(io.StringIO):
 def test_progress_says_how_long_a_run_will_take():
     progress = Progress(10.0, Terminal())
     assert progress.line(2.5, 7, 60.0) == "t = 2.5 s, 7 contacts, 1:00 so far, 25% of 10 s, at most 3:00 to go"
+    share = Progress(1.0, Terminal(), "cells")
+    assert share.line(0.25, 7, 60.0) == "7 cells, 1:00 so far, 25%, at most 3:00 to go"
     assert Progress(None, Terminal()).line(2.5, 7, 3700.0) == "t = 2.5 s, 7 contacts, 1:01:40 so far"
 
 

@@ -48,3 +48,16 @@ def test_a_limit_on_the_events_is_exact_in_blocks(monkeypatch) -> None:
     monkeypatch.setattr(engines, "LARGE", 100)
     end = edmd.simulate(gas(2000, 1.0, 0.0), ConstantRestitution(1.0), engine="compiled", log=False, max_events=30_001)
     assert end.stats["events"] == end.state["hits"].sum() == 30_001
+
+
+def test_ties_at_random_are_drawn_for_the_pairs_of_the_scene_not_of_a_block(monkeypatch) -> None:
+    """Balls on a lattice at whole speeds, which collide three at a time."""
+    monkeypatch.setattr(blocks, "BLOCK", 256)
+    random, n = np.random.default_rng(5), 2000
+    scene = Scene([math.inf, *[1.0] * n, math.inf], np.zeros(n + 2), np.ones(n + 1), [0, *random.integers(-2, 3, n), 0])
+    ends = []
+    for large in (10**9, 100):
+        monkeypatch.setattr(engines, "LARGE", large)
+        options = {"engine": "compiled", "log": False, "ties": "random", "seed": 3, "t_end": 4.0}
+        ends.append(edmd.simulate(scene, ConstantRestitution(0.9), **options))
+    assert ends[0].velocity[-1].tobytes() == ends[1].velocity[-1].tobytes()

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import granular as gr
-from granular.laws import dashpot, traits
-from granular.trajectory import stored_energy
+from granular.laws import dashpot, resolve
+from granular.laws.check import checked
 
 MAPPING = json.loads((Path(__file__).parent / "reference/restitution_mapping.json").read_text())
 PAIR = gr.Pair(m_eff=0.3, r_eff=0.02, index=0)
@@ -53,12 +53,12 @@ def test_attractive_end_is_another_law():
 def test_potential_is_the_integral_of_the_elastic_force(law):
     xi = 3e-4
     bare = type("bare", (), {"force": law.force})()
-    assert law.potential(xi, PAIR) == pytest.approx(stored_energy(bare, xi, PAIR), rel=1e-12)
+    assert law.potential(xi, PAIR) == pytest.approx(resolve(bare, PAIR).energy(xi), rel=1e-12)
 
 
 @pytest.mark.parametrize("law", LAWS[:5], ids=lambda law: type(law).__name__)
 def test_power_form_is_the_force(law):
-    k, p, gamma, d = traits.power_form(law, PAIR)
+    k, p, gamma, d = resolve(law, PAIR).form
     for xi, rate in ((1e-5, 0.2), (3e-3, -1.0)):
         assert law.force(xi, rate, PAIR) == pytest.approx(k * xi**p + gamma * xi**d * rate, rel=1e-14)
 
@@ -100,7 +100,7 @@ def test_a_trait_that_contradicts_the_force_is_refused():
             return self.k, 0.0
 
     with pytest.raises(ValueError, match=r"Wrong.*trait says.*mend the trait"):
-        traits.checked(Wrong(2.0), gr.scenes.three_balls())
+        checked(Wrong(2.0), gr.scenes.three_balls())
 
 
 def test_flat_wall_leaves_the_ball_its_own_radius_and_mass():

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fuzz.laws import DampedPower, Stiffening
 
 import granular as gr
 from granular.scene import Pair, Scene
@@ -17,34 +18,6 @@ from granular.trajectory import Status, Trajectory
 
 SEEDS = range(24)
 SPAN = 1.0
-
-
-@dataclass(frozen=True)
-class DampedPower:
-    """F = k ξ^p + γ ξ^d ξ̇, as it says."""
-
-    k: float
-    p: float
-    gamma: float
-    d: float
-
-    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
-        return self.k * math.pow(xi, self.p) + self.gamma * math.pow(xi, self.d) * xi_dot
-
-    def power(self, pair: Pair) -> tuple[float, float, float, float]:
-        return self.k, self.p, self.gamma, self.d
-
-
-@dataclass(frozen=True)
-class Stiffening:
-    """F = k ξ + k₃ ξ³ + γ ξ̇, without any trait."""
-
-    k: float
-    k3: float
-    gamma: float
-
-    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
-        return self.k * xi + self.k3 * xi * xi * xi + self.gamma * xi_dot
 
 
 @dataclass(frozen=True)

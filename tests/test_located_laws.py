@@ -13,18 +13,8 @@ from granular import until
 from granular.laws import Hertz, LinearDashpot, ViscoelasticHertz, WaltonBraun
 from granular.md.located import run
 from granular.scene import Pair, Scene
+from granular.stress.own import PlainDashpot, PlainHertz
 from granular.trajectory import Status
-
-
-@dataclass(frozen=True)
-class MyDashpot:
-    """A dashpot that does not say it is linear."""
-
-    k: float
-    gamma: float
-
-    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
-        return self.k * xi + self.gamma * xi_dot
 
 
 @dataclass(frozen=True)
@@ -39,16 +29,6 @@ class MyViscoelastic:
         return math.sqrt(xi) * (self.k * xi + self.gamma * xi_dot)
 
 
-@dataclass(frozen=True)
-class MyHertz:
-    """Hertz's law without traits."""
-
-    k: float
-
-    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
-        return float(self.k * xi**1.5)
-
-
 def three_balls(gap: float = 1e-4) -> Scene:
     return Scene([math.inf, 3.77, 0.00377], [0.0, 0.1, 0.01], [0.0, gap], [0.0, -3.0, -3.0], 9.81)
 
@@ -56,9 +36,9 @@ def three_balls(gap: float = 1e-4) -> Scene:
 @pytest.mark.parametrize(
     ("known", "mine"),
     [
-        (LinearDashpot(5e7, 1500.0), MyDashpot(5e7, 1500.0)),
+        (LinearDashpot(5e7, 1500.0), PlainDashpot(5e7, 1500.0)),
         (ViscoelasticHertz(1e7, 2e3), MyViscoelastic(1e7, 2e3)),
-        (Hertz(1e7), MyHertz(1e7)),
+        (Hertz(1e7), PlainHertz(1e7)),
     ],
 )
 def test_a_law_without_traits_gives_the_same_motion(known: Any, mine: Any) -> None:
@@ -75,7 +55,7 @@ def test_touching_chain_of_a_law_without_traits() -> None:
     """Pairs that touch at rest wake one after the other."""
     scene = Scene([1.0] * 5, [0.1] * 5, [0.0] * 4, [1.0, 0, 0, 0, 0])
     one = run(scene, (Hertz(1e6),) * 4, until=until.separated(), engine="plain")
-    other = run(scene, (MyHertz(1e6),) * 4, until=until.separated(), engine="plain")
+    other = run(scene, (PlainHertz(1e6),) * 4, until=until.separated(), engine="plain")
     assert other.velocity[-1] == pytest.approx(one.velocity[-1], abs=1e-12)
 
 

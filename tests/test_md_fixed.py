@@ -333,7 +333,7 @@ def some_chain(seed):
 
 
 def without_bulk(patch):
-    patch.setattr("granular.md.stepper.power_rows", lambda laws, pairs: None)
+    patch.setattr("granular.md.stepper.power_rows", lambda laws: None)
 
 
 def interpret_bulk(patch):
@@ -343,7 +343,7 @@ def interpret_bulk(patch):
     start = stepper.Stepper._start
 
     def start_with_bulk(self):
-        rows = unlogged.power_rows(self.laws, self.scene.pairs)
+        rows = unlogged.power_rows(self.laws)
         self.bulk = unlogged.bulk(rows, self.method, self.dt, self.w, self.fall, self.s, self.now, list)
         start(self)
 
@@ -393,6 +393,7 @@ def test_bulk_stops_at_max_events_as_single_steps_do(monkeypatch):
 
 
 def test_only_laws_that_compute_like_their_power_form_go_in_bulk():
+    from granular.laws.kinds import resolved
     from granular.md.unlogged import power_rows
 
     @dataclass(frozen=True)
@@ -402,12 +403,12 @@ def test_only_laws_that_compute_like_their_power_form_go_in_bulk():
         def force(self, xi, xi_dot, pair):
             return (xi + self.gamma / self.k * xi_dot) * self.k
 
-    pairs = gr.scenes.newtons_cradle(3).pairs
+    scene = gr.scenes.newtons_cradle(3)
     for good in (gr.Hertz(3.3), gr.LinearDashpot(3.3, 0.7), gr.ViscoelasticHertz(3.3, 0.7), OwnDashpot(3.3, 0.7)):
-        assert power_rows([good, good], pairs) is not None
+        assert power_rows(resolved([good, good], scene)) is not None
     for bad in (gr.TsujiHertz(3.3, 0.7), gr.PowerLaw(3.3, 1.75), gr.WaltonBraun(1.0, 2.0), Swapped(3.3, 0.7)):
-        assert power_rows([bad, bad], pairs) is None
-    assert power_rows([gr.Hertz(1.0), gr.LinearDashpot(1.0)], pairs) is None
+        assert power_rows(resolved([bad, bad], scene)) is None
+    assert power_rows(resolved([gr.Hertz(1.0), gr.LinearDashpot(1.0)], scene)) is None
 
 
 def test_rows_are_told_also_when_no_log_is_kept():

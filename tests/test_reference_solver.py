@@ -11,7 +11,8 @@ import pytest
 
 import granular as gr
 from granular import reference
-from granular.laws import traits
+from granular.laws import resolve
+from granular.laws.kinds import resolved
 from granular.reference import events, restarted
 from granular.reference.motion import fraction
 from granular.reference.series import Power, first_rise, first_rise_of_parabola, product_term, value
@@ -47,7 +48,7 @@ def final_velocities(scene, solved, t):
 @pytest.mark.parametrize("case", NUMBERS["chains"], ids=lambda case: case["id"])
 def test_chains_agree_with_two_other_solvers(case):
     scene, law, end = chain_of(case)
-    forms = [traits.power_form(one, pair) for one, pair in zip(law, scene.pairs, strict=True)]
+    forms = [resolve(one, pair).form for one, pair in zip(law, scene.pairs, strict=True)]
     solved = events.solve(scene, forms, end.get("until"), end.get("t_end"), 22)
     for pair, rows in case["contacts"].items():
         got = [(float(row.t_begin), float(row.t_end)) for row in solved.of(int(pair))]
@@ -117,7 +118,7 @@ def test_a_law_without_series_is_solved_by_restarts():
 def test_restarts_agree_with_the_series(method):
     scene, law, end = three_balls(lambda pair: gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair))
     solved = reference.solve(scene, law, **end, digits=20)
-    again, evaluations = restarted.solve(scene, law, end["until"], None, method, 1e-9)
+    again, evaluations = restarted.solve(scene, resolved(law, scene), end["until"], None, method, 1e-9)
     assert max(reference.distance(again, solved)) < 1e-6
     assert evaluations > 100
 

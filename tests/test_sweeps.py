@@ -1,6 +1,7 @@
 """Sweeps: the compiled way and one by one give the same bits, on any executor, in one go or resumed."""
 
 import json
+import math
 import re
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -140,8 +141,8 @@ def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
     over, file = ["restitution=0.3:1:20", "gap=1e-6:1e-3:20:log"], tmp_path / "map.nc"
     seen = []
 
-    def watch(done, total):
-        seen.append(done)
+    def watch(reached, done):
+        seen.append((reached, done))
         if done > 100 and len(seen) > 3:
             raise KeyboardInterrupt
 
@@ -151,14 +152,28 @@ def test_an_interrupted_sweep_goes_on(tmp_path, monkeypatch):
     left = int((stopped["status"] == CODE["not_run"]).sum())
     assert 0 < left < 400
     again = []
-    data = gr.sweep("three-balls", over, save=file, on_progress=lambda done, total: again.append(done))
-    assert again[0] == 400 - left + 1
-    assert again[-1] == 400
+    data = gr.sweep("three-balls", over, save=file, on_progress=lambda *so_far: again.append(so_far))
+    assert again[0] == (pytest.approx(1.0 / left), 400 - left + 1)
+    assert again[-1] == (1.0, 400)
+    assert [reached for reached, _ in seen] == [done / 400 for _, done in seen]
     assert data.identical(gr.sweep("three-balls", over))
     stored = xr.load_dataset(file)
     assert all(np.array_equal(stored[name].values, data[name].values, equal_nan=True) for name in data)
     with pytest.raises(ValueError, match="holds another sweep"):
         gr.sweep("three-balls", over, save=file, height=0.7)
+
+
+def test_a_sweep_of_the_release_before_goes_on_and_a_later_one_is_refused(tmp_path):
+    file, over = tmp_path / "older.nc", {"gap": [1e-5, 1e-4], "restitution": [0.5, 0.9]}
+    file.write_bytes((Path(__file__).parent / "reference" / "older_sweep.nc").read_bytes())
+    solved = []
+    data = gr.sweep("three-balls", over, save=file, on_progress=lambda *so_far: solved.append(so_far))
+    assert not solved
+    np.testing.assert_allclose(data["v_rel"], gr.sweep("three-balls", over)["v_rel"], rtol=1e-12)
+    later = data.assign_attrs(provenance=json.dumps({"format": 99}))
+    later.to_netcdf(file, engine="netcdf4")
+    with pytest.raises(ValueError, match=r"format of .*older\.nc is 99"):
+        gr.sweep("three-balls", over, save=file)
 
 
 def test_boundaries_are_bisected():
@@ -231,3 +246,18 @@ def test_labels_are_short_and_pairs_have_numbers():
     assert data["restitution"].attrs["long_name"] == "restitution"
     assert data["restitution"].attrs["comment"].startswith("Coefficient of restitution in (0, 1]")
     assert data["pair"].values.tolist() == [0, 1]
+
+
+def pile_that_creeps(gamma):
+    scene = gr.Scene([math.inf, 1.0, 0.1, 0.5], [0.0, 0.1, 0.1, 0.1], [0.0, 0.001, 0.002], [0.0] * 4, 9.81)
+    return Case(scene, gr.LinearDashpot(1e5, gamma), t_end=0.5)
+
+
+def test_a_pile_that_creeps_ends_as_it_does_alone():
+    """A run by itself goes on by the pile's modes, where steps would take millions."""
+    data = gr.sweep(pile_that_creeps, {"gamma": [1e3, 1e4]}, ("v_final", "contacts"))
+    for i, gamma in enumerate([1e3, 1e4]):
+        case = pile_that_creeps(gamma)
+        alone = gr.md.simulate(case.scene, case.law, t_end=0.5)
+        assert data.v_final.values[i].tobytes() == alone.velocity[-1].tobytes()
+        assert alone.stats["steps"] <= 2048

@@ -1,7 +1,9 @@
 """Results: energy, momentum, counting, files."""
 
+import json
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -99,3 +101,42 @@ def test_files_cut_short_or_foreign_are_named(tmp_path):
         with pytest.raises(ValueError, match="it is not a run saved by granular, or is cut short") as caught:
             gr.Trajectory.load(file)
         assert "pickle" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("name", "resumable"), [("hard", True), ("soft", False)])
+def test_files_without_a_number_of_their_format_load(name, resumable):
+    """Written by the release before the number."""
+    back = gr.Trajectory.load(Path(__file__).parent / "reference" / f"older_{name}.npz")
+    if resumable:
+        run = gr.edmd.simulate(back.scene, back.rule, t_end=0.4, samples=4)
+        onward, whole = gr.edmd.resume(back, t_end=0.8), gr.edmd.simulate(back.scene, back.rule, t_end=0.8)
+        np.testing.assert_allclose(onward.position[-1], whole.position[-1], rtol=1e-13)
+    else:
+        run = gr.md.simulate(back.scene, back.law, until=gr.until.contact(0, 2), engine="plain")
+        assert back.state == {}
+    assert (back.status, len(back.contacts)) == (run.status, len(run.contacts))
+    np.testing.assert_allclose(back.contacts["t_begin"], run.contacts["t_begin"], rtol=1e-13)
+    np.testing.assert_allclose(back.velocity, run.velocity, rtol=1e-12)
+
+
+def changed(path, arrays, **words):
+    """A saved run with more in it."""
+    with np.load(path) as file:
+        stored = {name: file[name] for name in file.files}
+    more = json.loads(str(stored.pop("words"))) | words
+    np.savez(path, words=np.array(json.dumps(more)), **stored, **arrays)
+    return path
+
+
+def test_files_of_a_later_version_are_refused_by_name(tmp_path, soft):
+    soft.save(tmp_path / "run.npz")
+    with pytest.raises(ValueError, match=r"format of .*run\.npz is 99: at most \d+ is needed; a later granular"):
+        gr.Trajectory.load(changed(tmp_path / "run.npz", {}, format=99))
+    soft.save(tmp_path / "run.npz")
+    path = changed(tmp_path / "run.npz", {"scene.external_force": np.zeros(4)}, watch=None)
+    with pytest.raises(ValueError, match=r"run\.npz': it holds scene\.external_force, watch, unknown to this version"):
+        gr.Trajectory.load(path)
+
+
+def test_a_soft_run_has_no_state(soft):
+    assert soft.state == {}

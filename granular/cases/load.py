@@ -109,7 +109,7 @@ def _case(tables: Mapping[str, Any]) -> Case:
         raise ValueError("table [scene] is missing: it names a ready-made scene or gives mass, radius, gap, velocity.")
     with place("[scene]"):
         base = _base(_table(tables["scene"]))
-    n_pairs = base.scene.n - 1
+    n_pairs = base.scene.n_pairs
     law, rule = base.law, base.rule
     if "law" in tables:
         tables_of_law = _check.per_pair("[[law]]", tables["law"], n_pairs)

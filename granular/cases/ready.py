@@ -140,7 +140,7 @@ def contact(
     eps = list(restitution) if isinstance(restitution, Sequence) else restitution
     laws = tuple(
         build.call([from_restitution], {"restitution": e} | values, pair=pair)
-        for e, pair in zip(_check.per_pair("restitution", eps, scene.n - 1), scene.pairs, strict=True)
+        for e, pair in zip(_check.per_pair("restitution", eps, scene.n_pairs), scene.pairs, strict=True)
     )
     return laws, None if "speed" in needs else ConstantRestitution(eps)
 
@@ -168,7 +168,7 @@ def _options(ready: Ready) -> list[Option]:
 
 def first_impact(scene: Scene) -> float:
     """Largest speed in m/s at which a pair would meet first if it were alone; 0 if none meets."""
-    closing = -np.diff(scene.velocity)
+    closing = -scene.across(scene.velocity)
     square = closing * np.abs(closing) + 2.0 * scene.pull * np.maximum(scene.gap, 0.0)
     return math.sqrt(max(0.0, float(square.max())))
 

@@ -8,8 +8,7 @@ import warnings
 from collections.abc import Sequence
 
 from granular._kernels import on_making
-
-OK, MISUSE, ABNORMAL, INTERRUPTED = 0, 2, 3, 130
+from granular.cli.codes import INTERRUPTED, MISUSE, OK
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -8,7 +8,7 @@ from typing import Any
 
 from granular import cases
 from granular.cases.case import keyword_options
-from granular.cli import ABNORMAL, OK
+from granular.cli.codes import ABNORMAL, OK
 from granular.cli.output import check_drawable, check_writable, show
 from granular.cli.progress import Progress
 from granular.cli.summary import summary

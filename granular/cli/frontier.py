@@ -6,6 +6,7 @@ import argparse
 from typing import Any
 
 from granular.cli.output import json_file, show
+from granular.cli.progress import Progress
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +25,9 @@ def run(case: Any, given: argparse.Namespace) -> None:
     from granular.workprecision import frontier
 
     end = {"until": case.until, "t_end": given.run.get("t_end", case.t_end)}
-    report = frontier(case.scene, case.physics("md"), **end, methods=given.methods, repeats=given.repeats)
+    with Progress(1.0, things="settings") as progress:
+        report = frontier(case.scene, case.physics("md"), **end, methods=given.methods, repeats=given.repeats,
+                          on_progress=progress)  # fmt: skip
     show(report, given.json)
     if given.plot is not None:
         report.plot(given.plot)

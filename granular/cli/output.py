@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from granular import _files
+from granular._optional import optional
 
 
 def json_file(name: str) -> str:
@@ -46,6 +47,7 @@ def check_drawable(name: str | None) -> None:
     if name is None:
         return
     try:
-        _files.check_picture(name)
-    except ImportError:
-        raise ValueError("--plot needs matplotlib, which is not installed: pip install matplotlib.") from None
+        optional("matplotlib.backend_bases", "--plot")
+    except ImportError as missing:
+        raise ValueError(str(missing)) from None
+    _files.check_picture(name)

@@ -15,35 +15,39 @@ class Progress:
 
     Parameters
     ----------
-    t_end : float or None
-        End time of the run in s; without it only the state is shown.
+    end : float or None
+        End time of the run in s; without it only the state is shown. 1 for work of which shares are told.
     stream : text stream
         Where to write; nothing is written unless it is a terminal.
+    things : str
+        What is counted: "contacts" of a run, or parts of some work, such as "cells".
     """
 
-    def __init__(self, t_end: float | None, stream: TextIO | None = None) -> None:
-        self.t_end = t_end
+    def __init__(self, end: float | None, stream: TextIO | None = None, things: str = "contacts") -> None:
+        self.end, self.things = end, things
         self.stream = sys.stderr if stream is None else stream
         self.watched = self.stream.isatty()
         self.start = time.monotonic()
         self.next = self.start + PATIENCE
         self.shown = False
 
-    def __call__(self, t: float, count: int) -> None:
-        """Take note that the run has reached time `t` in s with `count` contacts."""
+    def __call__(self, reached: float, count: int) -> None:
+        """Take note that a run has reached a time in s, or work a share of itself, with `count` things done."""
         now = time.monotonic()
         if not self.watched or now < self.next:
             return
         self.next, self.shown = now + INTERVAL, True
-        self.stream.write(f"\r\x1b[K{self.line(t, count, now - self.start)}")
+        self.stream.write(f"\r\x1b[K{self.line(reached, count, now - self.start)}")
         self.stream.flush()
 
-    def line(self, t: float, count: int, elapsed: float) -> str:
-        """The text for a run that has taken `elapsed` seconds so far."""
-        line = f"t = {t:.6g} s, {count} contacts, {clock(elapsed)} so far"
-        if self.t_end and t > 0.0:
-            share = min(1.0, t / self.t_end)
-            line += f", {share:.0%} of {self.t_end:.6g} s, at most {clock(elapsed * (1.0 / share - 1.0))} to go"
+    def line(self, reached: float, count: int, elapsed: float) -> str:
+        """The text for a run, or for other work, that has taken `elapsed` seconds so far."""
+        run = self.things == "contacts"
+        line = f"t = {reached:.6g} s, " * run + f"{count} {self.things}, {clock(elapsed)} so far"
+        if self.end and reached > 0.0:
+            share = min(1.0, reached / self.end)
+            line += f", {share:.0%}" + f" of {self.end:.6g} s" * run
+            line += f", at most {clock(elapsed * (1.0 / share - 1.0))} to go"
         return line
 
     def __enter__(self) -> Progress:

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import sys
-import time
-from typing import TextIO
 
 from granular.cli.output import json_file, show
-from granular.cli.progress import INTERVAL, PATIENCE, clock
+from granular.cli.progress import Progress
 from granular.stress import AXES, stability
 from granular.stress.cell import METHODS
 
@@ -27,34 +24,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(found: argparse.Namespace) -> None:
     """Do the study and print its tables."""
-    with Line() as line:
-        report = stability(found.methods, found.axes, quick=found.quick, seconds=found.seconds, on_progress=line)
+    with Progress(1.0, things="cells") as progress:
+        report = stability(found.methods, found.axes, quick=found.quick, seconds=found.seconds, on_progress=progress)
     show(report, found.json)
     if found.json is not None:
         report.to_json(found.json)
-
-
-class Line:
-    """A line of progress on a terminal."""
-
-    def __init__(self, stream: TextIO | None = None) -> None:
-        self.stream = sys.stderr if stream is None else stream
-        self.start = time.monotonic()
-        self.next, self.shown = self.start + PATIENCE, False
-
-    def __call__(self, axis: str, cells: int) -> None:
-        """Take note that `cells` cells are done, the last of them on `axis`."""
-        now = time.monotonic()
-        if self.stream.isatty() and now >= self.next:
-            self.next, self.shown = now + INTERVAL, True
-            self.stream.write(f"\r\x1b[K{axis}: {cells} cells, {clock(now - self.start)} so far")
-            self.stream.flush()
-
-    def __enter__(self) -> Line:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        """Clear the line, however the study has ended."""
-        if self.shown:
-            self.stream.write("\r\x1b[K")
-            self.stream.flush()

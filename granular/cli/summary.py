@@ -28,12 +28,12 @@ def summary(case: Case, trajectory: Trajectory) -> str:
 
 def _contacts(trajectory: Trajectory) -> list[str]:
     head = f"{'pair':>12} {'contacts':>9} {'first begins / s':>18} {'last begins / s':>18} {'max overlap / m':>16}"
-    return [head, *_shortened(lambda pair: _pair(trajectory, pair), len(trajectory.scene.gap))]
+    return [head, *_shortened(lambda pair: _pair(trajectory, pair), trajectory.scene.n_pairs)]
 
 
 def _pair(trajectory: Trajectory, pair: int) -> str:
     log, scene = trajectory.of(pair), trajectory.scene
-    row = f"{f'{_label(scene, pair)}–{_label(scene, pair + 1)}':>12} {len(log):9d}"
+    row = f"{'–'.join(_label(scene, body) for body in scene.bodies(pair)):>12} {len(log):9d}"
     if not len(log):
         return row
     deepest = 0.0 if trajectory.law is None else float(log["xi_max"].max())

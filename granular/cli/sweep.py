@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
-import time
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import nullcontext
-from typing import Any, TextIO
+from typing import Any
 
-from granular.cli.progress import INTERVAL, PATIENCE, clock
+from granular.cli.progress import Progress
 
 WORTH_POOL = 20_000
 """Cells from which on several processes are started."""
@@ -48,10 +46,10 @@ def run(found: argparse.Namespace) -> Any:
         raise ValueError(f"workers is {found.workers}: a number of processes of at least 1 is needed.")
     workers = found.workers or ((os.cpu_count() or 1) if cells >= WORTH_POOL else 1)
     pool: Any = ProcessPoolExecutor(workers) if workers > 1 else nullcontext()
-    with pool as executor, Bar() as bar:
+    with pool as executor, Progress(1.0, things="cells") as progress:
         given: Executor | None = executor
         data = sweep(found.target, over, found.result or DEFAULT, refine=found.refine, precision=found.precision,
-                     save=found.save, executor=given, on_progress=bar, **found.given, **found.run)
+                     save=found.save, executor=given, on_progress=progress, **found.given, **found.run)
     print(summary(data))
     return data
 
@@ -91,35 +89,3 @@ def _jumps(data: Any, most: int = 40) -> list[str]:
         where = "".join(f", {name[5:]} = {data[name].values[i]:g}" for name in others)
         lines.append(f"    {low:.10g} … {high:.10g}: {before} to {after}{where}")
     return lines if data.sizes["jump"] <= most else [*lines, "    …"]
-
-
-class Bar:
-    """Callback that shows how many cells are done, and when all will be, if a person watches."""
-
-    def __init__(self, stream: TextIO | None = None) -> None:
-        self.stream = sys.stderr if stream is None else stream
-        self.start = time.monotonic()
-        self.next, self.first, self.shown = self.start + PATIENCE, -1, False
-
-    def __call__(self, done: int, total: int) -> None:
-        """Take note that `done` of `total` cells are solved."""
-        now = time.monotonic()
-        if self.first < 0:
-            self.first = done
-        if not self.stream.isatty() or now < self.next:
-            return
-        self.next, self.shown = now + INTERVAL, True
-        share, spent = done / total, now - self.start
-        left = spent * (total - done) / max(1, done - self.first)
-        bar = "█" * round(30 * share) + "·" * (30 - round(30 * share))
-        self.stream.write(f"\r\x1b[K{bar} {done} of {total} cells, {clock(spent)} so far, {clock(left)} to go")
-        self.stream.flush()
-
-    def __enter__(self) -> Bar:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        """Clear the line, however the sweep has ended."""
-        if self.shown:
-            self.stream.write("\r\x1b[K")
-            self.stream.flush()

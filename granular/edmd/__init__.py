@@ -5,8 +5,8 @@
 that stay together), `event` (one collision), `state` (all that changes, with its re-based clock), `model` (all that
 does not), `sorted_queue` and `tree_queue` (the event loop, plain and compiled), `blocks` (the compiled one for
 large scenes), `zoom` and `collapse` (a
-closer look at what may be an inelastic collapse, and the verdict), `readout` (rows of output), `run` (all of it
-together), `options`, `engines` and `simulation` (the public face), `outcome` (the closing sentence).
+closer look at what may be an inelastic collapse, and the verdict), `readout` (rows of output), `log` (contacts), `run`
+(all of it together), `options`, `engines` and `simulation` (the public face), `outcome` (the closing sentence).
 """
 
 from granular.edmd.simulation import resume, simulate

@@ -11,16 +11,18 @@ suspected collapse, a clamped gap, too many events), is thrown away and the wind
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from granular._check import Array
+from granular._records import Records, copied, raw
+from granular._tournament import tournament
 from granular.edmd import readout
 from granular.edmd.model import Model
-from granular.edmd.sorted_queue import NEVER, Pause, Rows
-from granular.edmd.state import State
-from granular.edmd.tree_queue import LIMIT, WINDOW, TreeQueue, loop, refresh
+from granular.edmd.sorted_queue import Pause, Rows
+from granular.edmd.state import NEVER, State
+from granular.edmd.ties import RANDOM
+from granular.edmd.tree_queue import LATER, TreeQueue, label, loop, refresh
 
 BLOCK = 4096
 """Pairs kept of a block."""
@@ -33,8 +35,8 @@ class BlockQueue(TreeQueue):
 
     chunk = 1 << 40
 
-    def __init__(self, state: State, model: Model, stop: tuple[int, int] = (NEVER, 0)) -> None:
-        super().__init__(state, model, stop)
+    def __init__(self, state: State, model: Model) -> None:
+        super().__init__(state, model)
         self.swept = 0
         self.as_one = 0.0  # until then (tau) the present window is run as one
 
@@ -46,7 +48,9 @@ class BlockQueue(TreeQueue):
     def advance(self, limit: float, budget: int, log: Rows | None) -> Pause:
         """Let events up to and including time `limit` act, at most `budget` of them, appending them to `log`."""
         edge = min(limit, math.nextafter(self.state.window, 0.0))
-        if log is None and self.stop[0] == NEVER and edge > self.as_one and self.soonest() <= edge:
+        run = self.state.run
+        alone = log is None and run.stop_pair == NEVER and run.order != RANDOM  # nobody looks at single ones
+        if alone and edge > self.as_one and self.soonest() <= edge:
             if self._sweep(edge, budget):
                 self.swept += 1
                 super().rebuild()
@@ -59,45 +63,38 @@ class BlockQueue(TreeQueue):
         s, g = self.state, self.model.gravity
         start = max(s.now, 0.0)
         rest = edge - start
-        speed = MARGIN * (float(np.abs(readout.velocities(s, start, g)).max()) + 2.0 * g * rest)
-        ends = self._halos(readout.gaps(s, start), 2.0 * speed * rest)
+        velocity, gap = readout.row(s, start, g)
+        speed = MARGIN * (float(np.abs(velocity).max()) + 2.0 * g * rest)
+        ends = self._halos(gap, 2.0 * speed * rest)
         if ends is None:
             return False
-        new = tuple(a.copy() for a in s.bodies())
-        hits = int(s.hits.sum())
+        pairs, bodies = np.empty_like(s.pairs), np.empty_like(s.bodies)
         for first, last, low, high in ends:
-            part, ok = self._run(low, high, edge, speed - g * rest)
-            if not ok:
+            part = self._run(low, high, edge, speed - g * rest)
+            if part is None:
                 return False
-            for old, kept in zip(new, part, strict=True):
-                bodies = len(old) > len(s.gap)  # the upper body of the last pair belongs to the next block
-                end = last + 1 if bodies and last == len(s.gap) else last
-                old[first:end] = kept[first - low : end - low]
-        done = int(new[5].sum()) - hits
+            top = last + (last == len(pairs))  # the upper body of the last pair belongs to the next block
+            raw(pairs)[first:last] = raw(part[0])[first - low : last - low]
+            raw(bodies)[first:top] = raw(part[1])[first - low : top - low]
+        done = int(pairs["hits"].sum()) - int(s.pairs["hits"].sum())
         if done > budget:
             return False
-        for old, now in zip(s.bodies(), new, strict=True):
-            old[:] = now
+        s.pairs, s.bodies = pairs, bodies
         s.events += done
-        s.now = max(s.now, float(s.last.max()))
+        s.now = max(s.now, float(pairs["last"].max()))
         return True
 
-    def _run(self, low: int, high: int, edge: float, speed: float) -> tuple[tuple[Any, ...], bool]:
-        """Run pairs `low` … `high` - 1 alone; return what becomes of them and whether that may be kept."""
-        s, m = self.state, self.model
-        pairs = len(s.gap)
-        part = tuple(a[low : high + (len(a) > pairs)].copy() for a in s.bodies())
-        physics = tuple(a[low : high + (len(a) > pairs)] if isinstance(a, np.ndarray) else a for a in self.physics)
-        size = 1 << max(0, high - low - 1).bit_length()
-        slot, tree = np.full(size, math.inf), np.full(2 * size, size - 1, dtype=self.tree.dtype)
-        tree[size:] = np.arange(size)
-        tally, fastest = np.zeros(3, dtype=np.int64), np.zeros(1)
-        self.kernel(refresh)(0, high - low - 1, part, m.gravity, slot, tree, self.tie)
-        pause, _, _, _, _ = self.kernel(loop)(
-            edge, edge, 1 << 40, self.stop, part, physics, None, s.watch(m.may_collapse), tally, slot, tree, self.tie,
-            None, fastest,
-        )  # fmt: skip
-        return part, pause in (LIMIT, WINDOW) and tally[0] == 0 and fastest[0] <= speed
+    def _run(self, low: int, high: int, edge: float, speed: float) -> tuple[Records, Records] | None:
+        """Run pairs `low` … `high` - 1 alone; return what becomes of them, None if that may not be kept."""
+        s, fastest = self.state, np.zeros(1)
+        run, pairs, bodies = s.run.copy(), copied(s.pairs[low:high]), copied(s.bodies[low : high + 1])
+        tree = tournament(high - low)
+        self.kernel(label)(run, pairs, tree, 0, high - low - 1)
+        self.kernel(refresh)(run, pairs, bodies, tree, 0, high - low - 1)
+        before = run.clamps
+        pause, *_ = self.kernel(loop)(run, pairs, bodies, tree, edge, 1 << 40, None, fastest)
+        good = pause == LATER and run.clamps == before and fastest[0] <= speed
+        return (pairs, bodies) if good else None
 
     def _halos(self, gap: Array, reach: float) -> list[tuple[int, int, int, int]] | None:
         """Return first and end of each block, and with its halo; None if the halos are longer than the blocks."""

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from granular._check import Array
 from granular._flight import time_to_contact
-from granular.edmd import zoom as zoomed
+from granular._records import Record, Records, column, one, packed, plain
 from granular.edmd.model import Model
-from granular.edmd.motion import Floats
+from granular.edmd.readout import gaps
 from granular.edmd.sorted_queue import Rows
 from granular.edmd.state import State
+from granular.edmd.zoom import DIAL, LOOK, NEAR, write_back, zoom
 
 REACH = 64
 """Pairs looked at on each side of a suspect."""
@@ -53,32 +55,29 @@ class Verdict:
 
 @dataclass
 class Zoom:
-    """A slice of pairs being looked at closely, in relative state; its clock starts at `base` (tau, s)."""
+    """A slice of pairs being looked at closely, in relative state."""
 
     first: int
-    base: float
-    gap: Floats
-    rate: Floats
-    dial: Floats
+    look: Record
+    near: Records
 
     @classmethod
     def on(cls, state: State, queue: Any) -> Zoom:
         """Return a zoom on the neighbourhood of the suspect of `queue`, which has just collided."""
         c = queue.suspect
-        first, end = max(0, c - REACH), min(len(state.gap), c + REACH + 1)
-        u = np.array(state.u[first : end + 1])
-        gap, at, pull = (np.array(a[first:end]) for a in (state.gap, state.at, state.pull))
-        rate, dt = np.diff(u) - pull * at, state.now - at
-        moved = np.where(pull == 0.0, gap + rate * dt, gap + dt * (rate - 0.5 * pull * dt))
+        first, end = max(0, c - REACH), min(len(state.pairs), c + REACH + 1)
+        zoom = cls._made(first, state.now, end - first)
+        pairs, bodies = zoom.slices(state)
         state.zooms += 1
         if state.zoomed >= PATIENCE * (end - first) ** 2:
             state.allowance = STEP
-        noise = np.array(state.noise[first : end + 1])
+        u, pull, noise = column(bodies, "u"), column(pairs, "pull"), column(bodies, "noise")
+        at = column(pairs, "at")
+        rate = (np.diff(u) - pull * at) - pull * (state.now - at)
         rounding = (pull == 0.0) & (rate < 0.0) & (rate * rate < noise[:-1] + noise[1:])
-        moved, rate = np.maximum(0.0, moved), np.where(rounding, 0.0, rate - pull * dt)
-        rate[c - first] = queue.rebound
-        zoom = cls(first, state.now, moved.tolist(), rate.tolist(), [0.0] * 5)
-        zoom.keep(queue.column)
+        zoom.near["gap"] = gaps(pairs, u, state.now, state.run.gravity)
+        zoom.near["rate"] = np.where(rounding, 0.0, rate)
+        zoom.near["rate"][c - first] = queue.rebound
         return zoom
 
     @classmethod
@@ -86,70 +85,77 @@ class Zoom:
         """Return the zoom in progress that `checkpoint` saved, if any."""
         if "zoom_gap" not in saved:
             return None
-        return cls(**{f.name: np.asarray(saved["zoom_" + f.name]).tolist() for f in fields(cls)})
+        zoom = cls._made(int(saved["zoom_first"]), float(saved["zoom_base"]), len(saved["zoom_gap"]))
+        zoom.near["gap"], zoom.near["rate"] = saved["zoom_gap"], saved["zoom_rate"]
+        for name, value in zip(DIAL, saved["zoom_dial"], strict=True):
+            setattr(zoom.look, name, value)
+        return zoom
 
-    def keep(self, column: Callable[[Any], Floats]) -> None:
-        """Keep the slice as the queue keeps its lists."""
-        self.gap, self.rate, self.dial = column(self.gap), column(self.rate), column(self.dial)
+    @classmethod
+    def _made(cls, first: int, began: float, pairs: int) -> Zoom:
+        look = one(np.zeros(1, LOOK))
+        look.first, look.began = first, began
+        return cls(first, look, np.zeros(pairs, NEAR))
+
+    def keep_as(self, state: State) -> None:
+        """Keep the slice as the state keeps its records."""
+        if isinstance(state.pairs, list) and not isinstance(self.near, list):
+            self.look, self.near = plain(np.array([self.look], LOOK))[0], plain(self.near)
+        elif isinstance(self.near, list) and not isinstance(state.pairs, list):
+            self.look, self.near = one(packed([self.look], LOOK)), packed(self.near, NEAR)
 
     def checkpoint(self) -> dict[str, Any]:
         """Return everything as arrays and numbers."""
-        return {"zoom_" + f.name: np.array(getattr(self, f.name)) for f in fields(self)}
+        look = self.look
+        dial = np.array([getattr(look, name) for name in DIAL], dtype=np.float64)
+        near = {f"zoom_{name}": np.array(column(self.near, name)) for name in ("gap", "rate")}
+        return {"zoom_first": np.array(self.first), "zoom_base": np.array(look.began), "zoom_dial": dial} | near
 
-    def advance(
-        self, state: State, model: Model, queue: Any, limit: float, budget: int, log: Rows | None
-    ) -> tuple[int, int]:
-        """Go on until time `limit`; return how it ended and the last pair (numbered in the slice)."""
-        outside = queue.soonest(self.first, self.first + len(self.gap) - 1)
+    def slices(self, state: State) -> tuple[Records, Records]:
+        """Return the records of the pairs of the slice, and of their bodies."""
+        end = self.first + len(self.near)
+        return state.pairs[self.first : end], state.bodies[self.first : end + 1]
+
+    def advance(self, state: State, model: Model, queue: Any, limit: float, budget: int, log: Rows | None) -> int:
+        """Go on until time `limit`; return how it ended."""
+        look, before = self.look, int(self.look.events)
         rows = None if log is None else queue.rows(budget)
-        low, high, m_eff, _, eps = queue.physics[:5]
-        end, last, done = queue.kernel(zoomed.zoom)(
-            self.first, self.gap, self.rate, self.dial, min(outside, state.window) - self.base, limit - self.base,
-            state.allowance, budget, state.watch(True), queue.stop, state.pull, low, high, m_eff, eps, model.rule,
-            queue.tie, state.hits, state.u, state.falls, self.base,
-            model.gravity, rows,
-        )  # fmt: skip
+        outside = queue.soonest(self.first, self.first + len(self.near) - 1)
+        look.room, look.limit = min(outside, state.window) - look.began, limit - look.began
+        look.budget, look.allowance = budget if rows is None else len(rows), state.allowance
+        end: int = queue.kernel(zoom)(state.run, look, self.near, *self.slices(state), model.rule, rows)
+        done = int(look.events) - before
         if log is not None and rows is not None:
-            log.extend(rows[:done]) if isinstance(rows, list) else log.append(rows[:done])
-        state.now = float(self.base + self.dial[0])
+            log.append(rows[:done])
+        state.now = float(look.began + look.elapsed)
         state.events += done
         state.zoomed += done
-        return end, last
+        return end
 
     def close(self, state: State, queue: Any) -> None:
         """Put the slice back into the state."""
-        if self.dial[1] > 0.0:
-            queue.kernel(zoomed.write_back)(
-                self.first, self.gap, self.rate, self.base + self.dial[0], queue.physics[3], state.u,
-                state.noise, state.gap, state.at, state.pull, state.streak,
-            )  # fmt: skip
-            state.tally[2] += self._lost(state)
-            queue.refresh(self.first, self.first + len(self.gap) - 1)
-        state.tally[0] += int(self.dial[3])
-        for c in range(self.first, self.first + len(self.gap)):
-            state.streak[c] = 0
+        self.write_back(state, queue)
+        if self.look.events > 0:
+            state.run.lost += self._lost(state)
+            queue.refresh(self.first, self.first + len(self.near) - 1)
+        state.run.clamps += int(self.look.clamps)
+
+    def write_back(self, state: State, queue: Any) -> None:
+        """Put gaps and velocities of the slice back into the state."""
+        queue.kernel(write_back)(state.run, self.look, self.near, *self.slices(state))
 
     def _lost(self, state: State) -> int:
         """Return how many of the rates just put back the velocities cannot hold."""
-        first, end = self.first, self.first + len(self.gap)
-        u, rate = np.array(state.u[first : end + 1]), np.asarray(self.rate)
-        held = np.diff(u) - np.asarray(state.pull[first:end]) * np.asarray(state.at[first:end])
+        pairs, bodies = self.slices(state)
+        rate = column(self.near, "rate")
+        held = np.diff(column(bodies, "u")) - column(pairs, "pull") * column(pairs, "at")
         return int((np.abs(held - rate) > 0.5 * np.abs(rate)).sum())
-
-    def settle(self, state: State, model: Model, j: int) -> Verdict:
-        """Let the ball above the wall of pair `j` (in the slice) come to rest; the bounces until then are summed."""
-        c = self.first + j
-        end = zoomed.rest_time(j, self.first, self.gap, self.rate, state.pull, model.low, model.eps[c])
-        zoomed.settle(j, self.first, end, self.gap, self.rate, state.u, state.falls, state.pull)
-        self.dial[0] += end
-        state.now = float(self.base + self.dial[0])
-        return Verdict("exact", c, c, 0.0)
 
     def patience_ends(self, state: State) -> bool:
         """Return whether so much has been looked at closely that `faint` is due; then it is due again after a while."""
-        if state.zoomed < PATIENCE * len(self.gap) ** 2:
+        if state.zoomed < PATIENCE * len(self.near) ** 2:
             return False
-        state.allowance = int(self.dial[1]) + STEP
+        state.allowance = int(self.look.events) + STEP
         return True
 
     def faint(self, state: State, model: Model, j: int) -> Verdict | None:
@@ -162,15 +168,16 @@ class Zoom:
             if verdict is None:
                 break
             if verdict.bound < ROUNDING * state.speed and self._is_alone(state, verdict):
-                self.dial[4] += 1.0
-                return verdict if self.dial[4] >= 2.0 else None
-        self.dial[4] = 0.0
+                self.look.faint += 1
+                return verdict if self.look.faint >= 2 else None
+        self.look.faint = 0
         return None
 
     def _is_alone(self, state: State, run: Verdict) -> bool:
         """Return whether no pair outside `run` collides before it has had time for many collisions of its own."""
-        wait = [time_to_contact(d, r, state.pull[self.first + i])
-                for i, (d, r) in enumerate(zip(self.gap, self.rate, strict=True))]  # fmt: skip
+        pull = column(self.slices(state)[0], "pull").tolist()
+        near = zip(column(self.near, "gap").tolist(), column(self.near, "rate").tolist(), pull, strict=True)
+        wait = [time_to_contact(gap, rate, a) for gap, rate, a in near]
         first, end = run.first - self.first, run.last + 1 - self.first
         return min(wait[:first] + wait[end:], default=math.inf) > ALONE * min(wait[first:end])
 
@@ -179,32 +186,31 @@ class Zoom:
 
         Proved, bounded, or nothing.
         """
-        low, high = j, j
+        gap, rate = column(self.near, "gap"), column(self.near, "rate")
         tiny = state.speed * share
-        while low > 0 and self._is_slow(state, low - 1, tiny):
+        slow = (np.abs(rate) < tiny) & (gap < tiny * state.window)
+        low = high = j
+        while low > 0 and slow[low - 1]:
             low -= 1
-        while high + 1 < len(self.gap) and self._is_slow(state, high + 1, tiny):
+        while high + 1 < len(slow) and slow[high + 1]:
             high += 1
-        first, last = self.first + low, self.first + high
-        pulled = any(state.pull[c] > 0.0 for c in (first, last))
-        if first == last and not pulled:
+        (pairs, bodies), end = self.slices(state), high + 1
+        pairs, bodies = pairs[low:end], bodies[low : end + 1]
+        pulled = bool((column(pairs, "pull")[[0, -1]] > 0.0).any())
+        if low == high and not pulled:
             return None  # two free bodies collide once
-        bound = largest_speed(model, first, self.gap[low : high + 1], self.rate[low : high + 1])
-        if last == first + 1 and not pulled and alternates(model, first, self.rate[low], self.rate[high], j == low):
-            return Verdict("proved", first, last, bound)
-        return Verdict("bounded", first, last, bound)
-
-    def _is_slow(self, state: State, i: int, tiny: float) -> bool:
-        return bool(abs(self.rate[i]) < tiny and self.gap[i] < tiny * state.window)
+        kind, bound = "bounded", largest_speed(bodies, gap[low:end], rate[low:end], model.gravity)
+        if high == low + 1 and not pulled and model.rule is None and alternates(pairs, rate[low], rate[high], j == low):
+            kind = "proved"
+        return Verdict(kind, self.first + low, self.first + high, bound)
 
 
-def largest_speed(model: Model, first: int, gap: Sequence[float], rate: Sequence[float]) -> float:
+def largest_speed(bodies: Records, gap: Array, rate: Array, gravity: float) -> float:
     """Return √(2E/m_min) in m/s, which no body of a run of pairs exceeds while nobody hits the run.
 
     E is the energy of its bodies relative to the wall among them (with gravity), else to their centre of mass.
     """
-    top = first + len(gap)
-    mass = np.asarray(model.mass[first : top + 1])
+    mass = np.ascontiguousarray(column(bodies, "mass"))
     ball = np.isfinite(mass)
     velocity = np.concatenate([[0.0], np.cumsum(rate)])
     height = np.concatenate([[0.0], np.cumsum(gap)])
@@ -213,23 +219,21 @@ def largest_speed(model: Model, first: int, gap: Sequence[float], rate: Sequence
         height = np.zeros_like(height)  # they fall together
     elif ball[0]:
         velocity -= velocity[-1]
-        if model.gravity > 0.0:
+        if gravity > 0.0:
             return math.inf  # they fall off the ceiling
-    energy = 0.5 * mass[ball] @ velocity[ball] ** 2 + model.gravity * (mass[ball] @ height[ball])
+    energy = 0.5 * mass[ball] @ velocity[ball] ** 2 + gravity * (mass[ball] @ height[ball])
     return math.sqrt(2.0 * float(energy) / float(mass[ball].min()))
 
 
-def alternates(model: Model, first: int, rate_a: float, rate_b: float, lower_collided: bool) -> bool:
-    """Return whether pairs `first` and `first` + 1, free but for each other, collide in turn for ever.
+def alternates(pairs: Records, rate_a: float, rate_b: float, lower_collided: bool) -> bool:
+    """Return whether two pairs of constant restitution, free but for each other, collide in turn for ever.
 
     Two collisions map the ratio of the rates by a Möbius map; for ever means that its fixed points are real and the
     ratio lies on the right side of the unstable one.
     """
-    if model.rule is not None:
-        return False
-    e1, e2 = model.eps[first], model.eps[first + 1]
-    onto_lower = model.low[first + 1] * (1.0 + e2)  # what a collision of the upper pair gives the rate of the lower
-    onto_upper = model.high[first] * (1.0 + e1)
+    e1, e2 = column(pairs, "eps").tolist()
+    onto_lower = column(pairs, "low")[1] * (1.0 + e2)  # what a collision of the upper pair gives the rate of the lower
+    onto_upper = column(pairs, "high")[0] * (1.0 + e1)
     p, q, opening, closing = onto_lower, onto_upper, rate_a, -rate_b
     if not lower_collided:
         p, q, e1, e2, opening, closing = q, p, e2, e1, rate_b, -rate_a

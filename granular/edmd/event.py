@@ -2,79 +2,108 @@
 
 from __future__ import annotations
 
-from typing import Any
+import numpy as np
 
 from granular._kernels import kernel
+from granular._records import Record, Records
 from granular.edmd.merge import ORDINARY, WEAK, absorb, kind, share, strike
-from granular.edmd.model import remedied
-from granular.edmd.motion import Bodies, Ints, Physics, approach, blur, carry, collide
+from granular.edmd.model import Restitution
+from granular.edmd.motion import approach, blur, carry, collide, velocity
 
 SUSPICIOUS = 8
 """Streak that calls for a closer look."""
 FAINT = 2.0**-26
 """Rate, in units of the velocities it is the difference of, that calls for one at once: half its digits are gone."""
 
+ROW = np.dtype(
+    [
+        ("pair", int), ("time", float),
+        ("lower_in", float), ("upper_in", float), ("lower_out", float), ("upper_out", float),
+        ("impulse", float),
+    ],
+    align=True,
+)  # fmt: skip
+"""What is kept of a collision: pair, time in s since the epoch, velocities before and after in m/s, impulse in N s.
+
+The impulse is no function of the others: in a closer look velocities cannot hold the change, and balls that stick
+together pass on more than their own."""
+
 
 @kernel
 def event(
-    c: int, now: float, bodies: Bodies, physics: Physics, rule: Any, watch: tuple[float, float], tally: Ints, row: Any
+    run: Record, pairs: Records, bodies: Records, c: int, now: float, rule: Restitution | None, row: Record | None
 ) -> tuple[int, int, float]:
     """Let pair `c` collide at time `now`; return the first and the last pair to predict anew, and the rate after.
 
-    `watch` is the scale of the speeds (m/s; negative: do not watch) and the interval (s) that look like a collapse;
-    `tally` counts clamps and merged collisions; `row` takes the row of the log: pair, time, velocities of the lower and
-    the upper body before and after, impulse.
+    `row`, if there is one, takes what is kept of it.
     """
-    u, falls, gap, at, pull, hits, last, streaks, noise = bodies
-    low, high, m_eff, mass, eps, tc, elastic_below, merge_below, g = physics
-    w = approach(c, u, gap, at, pull)
-    e = eps[c] if rule is None else rule(c, -w)
-    if tc > 0.0 or elastic_below > 0.0:
-        e = remedied(c, -w, e, now, last, tc, elastic_below)
+    pair, lower, upper, g = pairs[c], bodies[c], bodies[c + 1], run.gravity
+    w = approach(pair, lower, upper)
+    e = pair.eps if rule is None else rule(c, -w)
+    if run.tc > 0.0 or run.elastic_below > 0.0:
+        e = remedied(run, pairs, c, -w, e, now)
     if row is not None:
-        row[0], row[1] = c, now
-        row[2], row[3] = u[c] - falls[c] * (g * now), u[c + 1] - falls[c + 1] * (g * now)
+        row.pair, row.time = c, now
+        row.lower_in, row.upper_in = velocity(lower, g, now), velocity(upper, g, now)
     what, exchanged = ORDINARY, 0.0
-    if merge_below > 0.0 or g > 0.0:
-        what = kind(c, w, e, merge_below, mass, falls, pull)
+    if run.merge_below > 0.0 or g > 0.0:
+        what = kind(run, pair, lower, upper, w, e)
     if what == ORDINARY:
         start = end = c
         if c > 0:
             start = c - 1
-            tally[0] += carry(start, now, u, gap, at, pull)
-        if c + 1 < len(gap):
+            run.clamps += carry(pairs[start], bodies[start], lower, now)
+        if c + 1 < len(pairs):
             end = c + 1
-            tally[0] += carry(end, now, u, gap, at, pull)
-        collide(c, now, w, e, u, gap, at, pull, low, high)
+            run.clamps += carry(pairs[end], upper, bodies[end + 1], now)
+        collide(pair, lower, upper, now, w, e)
     elif what == WEAK:
-        tally[1] += 1
-        start, end, exchanged = absorb(c, now, w, g, mass, u, falls, gap, at, pull)
+        start, end, exchanged = absorb(run, pairs, bodies, c, now, w)
     else:
-        start, end = strike(c, now, w, e, g, mass, u, falls, gap, at, pull, low, high)
+        start, end = strike(run, pairs, bodies, c, now, w, e)
     if row is not None:
-        row[4], row[5] = u[c] - falls[c] * (g * now), u[c + 1] - falls[c + 1] * (g * now)
-        row[6] = exchanged if what == WEAK else -((1.0 + e) * w) * m_eff[c]
-    blur(c, w, e, u, noise, low, high)
+        row.lower_out, row.upper_out = velocity(lower, g, now), velocity(upper, g, now)
+        row.impulse = exchanged if what == WEAK else -((1.0 + e) * w) * pair.m_eff
+    blur(pair, lower, upper, w, e)
     if what == WEAK:
-        share(c, start, end, falls, u, noise)
-    hits[c] += 1
+        share(bodies, c, start, end)
+    pair.hits += 1
     if e < 1.0:
-        size = max(abs(u[c]), abs(u[c + 1]))
-        streaks[c] = streak(streaks[c], -w, now - last[c], e, size, watch[0], watch[1])
+        size = max(abs(lower.u), abs(upper.u))
+        pair.streak = streak(run, pair.streak, -w, now - pair.last, e, size)
     else:
-        streaks[c] = 0
-    last[c] = now
+        pair.streak = 0
+    pair.last = now
     return start, end, -e * w
 
 
 @kernel
-def streak(count: int, speed: float, interval: float, e: float, size: float, slow: float, short: float) -> int:
+def remedied(run: Record, pairs: Records, c: int, speed: float, e: float, now: float) -> float:
+    """Return ε of an impact of pair `c` with `speed` at time `now` where its rule says `e`.
+
+    Elastic below a speed of `elastic_below`, and if one of its two bodies has collided less than `tc` ago (the TC
+    model of Luding & McNamara, Granular Matter 1, 113 (1998)).
+    """
+    if speed < run.elastic_below:
+        return 1.0
+    recent = pairs[c].last
+    if c > 0 and pairs[c - 1].last > recent:
+        recent = pairs[c - 1].last
+    if c + 1 < len(pairs) and pairs[c + 1].last > recent:
+        recent = pairs[c + 1].last
+    return 1.0 if now - recent < run.tc else e
+
+
+@kernel
+def streak(run: Record, count: int, speed: float, interval: float, e: float, size: float) -> int:
     """Return how often in a row (before: `count`) a pair collided slowly, which counts thrice, or at once again.
 
     A rebound that velocities of that `size` can hardly hold calls for a closer look at once.
     """
-    if slow >= 0.0 and 0.0 < e * speed < FAINT * size:
+    if run.slow < 0.0:
+        return 0
+    if 0.0 < e * speed < FAINT * size:
         return SUSPICIOUS
-    if speed < slow:
+    if speed < run.slow:
         return count + 3
-    return count + 1 if interval <= short else 0
+    return count + 1 if interval <= run.short else 0

@@ -11,134 +11,140 @@ from __future__ import annotations
 import math
 
 from granular._kernels import kernel, rare
-from granular.edmd.motion import Floats, carry, collide
-
-
-@kernel
-def is_closed(c: int, u: Floats, gap: Floats, at: Floats, pull: Floats) -> bool:
-    """Return whether the bodies of pair `c` move as one."""
-    return gap[c] == 0.0 and pull[c] == 0.0 and u[c + 1] == u[c]  # type: ignore[no-any-return]
-
+from granular._records import Record, Records
+from granular.edmd.motion import carry, collide
 
 ORDINARY, WEAK, RESTING = range(3)
 
 
 @kernel
-def kind(c: int, w: float, e: float, below: float, mass: Floats, falls: Floats, pull: Floats) -> int:
-    """Return what a collision of pair `c` at rate `w` is: weak, so that it merges; one with a ball at rest; or neither.
+def is_closed(pair: Record, lower: Record, upper: Record) -> bool:
+    """Return whether the bodies of a pair move as one."""
+    return pair.gap == 0.0 and pair.pull == 0.0 and upper.u == lower.u  # type: ignore[no-any-return]
+
+
+@kernel
+def at_rest(body: Record) -> bool:
+    """Return whether a ball rests on a wall, directly or on a pile."""
+    return body.falls == 0.0 and body.mass < math.inf  # type: ignore[no-any-return]
+
+
+@kernel
+def kind(run: Record, pair: Record, lower: Record, upper: Record, w: float, e: float) -> int:
+    """Return what a collision at rate `w` is: weak, so that it merges; one with a ball at rest; or neither.
 
     A ceiling cannot carry.
     """
-    if e < 1.0 and -w < below and pull[c] >= 0.0:
+    if e < 1.0 and -w < run.merge_below and pair.pull >= 0.0:
         return WEAK
-    if (falls[c] == 0.0 and mass[c] < math.inf) or (falls[c + 1] == 0.0 and mass[c + 1] < math.inf):
-        return RESTING
-    return ORDINARY
+    return RESTING if at_rest(lower) or at_rest(upper) else ORDINARY
 
 
 @rare
 @kernel
-def absorb(
-    c: int, now: float, w: float, g: float, mass: Floats, u: Floats, falls: Floats, gap: Floats, at: Floats,
-    pull: Floats,
-) -> tuple[int, int, float]:
+def absorb(run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float) -> tuple[int, int, float]:
     """Let the bodies of pair `c`, which close at rate `w`, and all that is closed with them, move as one from now on.
 
     With the wall or the pile if one side belongs to it, else with their common momentum. Returns the first and the
     last pair to predict anew, and the momentum exchanged by pair `c` in kg m/s.
     """
-    b, e = c, c + 1  # the lowest and the highest body
-    while b > 0 and falls[b] > 0.0 and is_closed(b - 1, u, gap, at, pull):  # what rests stays as it is
+    b, e = c, c + 1  # the lowest and the highest body; what rests stays as it is
+    while b > 0 and bodies[b].falls > 0.0 and is_closed(pairs[b - 1], bodies[b - 1], bodies[b]):
         b -= 1
-    while e < len(gap) and falls[e] > 0.0 and is_closed(e, u, gap, at, pull):
+    while e < len(pairs) and bodies[e].falls > 0.0 and is_closed(pairs[e], bodies[e], bodies[e + 1]):
         e += 1
-    first, last = max(b - 1, 0), min(e, len(gap) - 1)
-    carry(first, now, u, gap, at, pull)  # all pairs between but for c are closed
-    carry(c, now, u, gap, at, pull)
-    carry(last, now, u, gap, at, pull)
-    gap[c] = 0.0
-    lower = math.inf if falls[c] == 0.0 else total(b, c, mass)
-    upper = math.inf if falls[c + 1] == 0.0 else total(c + 1, e, mass)
+    first, last = max(b - 1, 0), min(e, len(pairs) - 1)
+    for k in (first, c, last):  # all others between are closed
+        carry(pairs[k], bodies[k], bodies[k + 1], now)
+    pairs[c].gap = 0.0
+    lower = math.inf if bodies[c].falls == 0.0 else total(bodies, b, c)
+    upper = math.inf if bodies[c + 1].falls == 0.0 else total(bodies, c + 1, e)
     if lower == math.inf:
-        common, exchanged = u[c], -upper * w
+        common, exchanged = bodies[c].u, -upper * w
     elif upper == math.inf:
-        common, exchanged = u[c + 1], -lower * w
+        common, exchanged = bodies[c + 1].u, -lower * w
     else:
         share = upper / (lower + upper)
-        common, exchanged = u[c] + share * w, -(lower * share) * w
+        common, exchanged = bodies[c].u + share * w, -(lower * share) * w
     rests = lower == math.inf or upper == math.inf
     for i in range(b, e + 1):
-        u[i] = common
+        bodies[i].u = common
         if rests:
-            falls[i] = 0.0
-    repull(first, last, g, falls, pull)
+            bodies[i].falls = 0.0
+    repull(run, pairs, bodies, first, last)
+    run.merged += 1
     return first, last, exchanged
 
 
 @rare
 @kernel
-def share(c: int, first: int, last: int, falls: Floats, u: Floats, noise: Floats) -> None:
+def share(bodies: Records, c: int, first: int, last: int) -> None:
     """Give all bodies that now move as one with pair `c`, among those of pairs `first` … `last`, the noise of the pair.
 
     A wall has none.
     """
-    common = max(noise[c], noise[c + 1])
+    common = max(bodies[c].noise, bodies[c + 1].noise)
     for i in range(first, last + 2):
-        if u[i] == u[c] and falls[i] > 0.0:
-            noise[i] = max(noise[i], common)
+        body = bodies[i]
+        if body.u == bodies[c].u and body.falls > 0.0:
+            body.noise = max(body.noise, common)
 
 
 @rare
 @kernel
-def strike(
-    c: int, now: float, w: float, e: float, g: float, mass: Floats, u: Floats, falls: Floats, gap: Floats, at: Floats,
-    pull: Floats, low: Floats, high: Floats,
-) -> tuple[int, int]:
+def strike(run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float, e: float) -> tuple[int, int]:
     """Let pair `c` collide at rate `w` with restitution `e`; its bodies, and those that rested upon them, fall again.
 
     Returns the first and the last pair to predict anew.
     """
     top = c + 1
-    while top < len(gap) and falls[top] == 0.0 and mass[top] < math.inf and is_closed(top, u, gap, at, pull):
+    while top < len(pairs) and at_rest(bodies[top]) and is_closed(pairs[top], bodies[top], bodies[top + 1]):
         top += 1
-    first, last = max(c - 1, 0), min(top, len(gap) - 1)
+    first, last = max(c - 1, 0), min(top, len(pairs) - 1)
     for k in range(first, last + 1):
-        carry(k, now, u, gap, at, pull)
-    for i in range(c, top + 1):
-        if falls[i] == 0.0 and mass[i] < math.inf:
-            falls[i] = 1.0
-            u[i] += g * now
-    repull(first, last, g, falls, pull)
-    collide(c, now, w, e, u, gap, at, pull, low, high)
+        carry(pairs[k], bodies[k], bodies[k + 1], now)
+    release(run, pairs, bodies, c, top, now)
+    collide(pairs[c], bodies[c], bodies[c + 1], now, w, e)
     return first, last
 
 
+@rare
 @kernel
-def total(b: int, e: int, mass: Floats) -> float:
+def release(run: Record, pairs: Records, bodies: Records, low: int, high: int, now: float) -> None:
+    """Let those of bodies `low` … `high` that are at rest fall again."""
+    for i in range(low, high + 1):
+        if at_rest(bodies[i]):
+            bodies[i].falls = 1.0
+            bodies[i].u += run.gravity * now
+    repull(run, pairs, bodies, max(low - 1, 0), min(high, len(pairs) - 1))
+
+
+@kernel
+def total(bodies: Records, b: int, e: int) -> float:
     """Return the mass of bodies `b` … `e`."""
     mass_sum = 0.0
     for i in range(b, e + 1):
-        mass_sum += mass[i]
+        mass_sum += bodies[i].mass
     return mass_sum
 
 
 @rare
 @kernel
-def rest(c: int, g: float, u: Floats, falls: Floats, gap: Floats, at: Floats, pull: Floats) -> None:
+def rest(run: Record, pairs: Records, bodies: Records, c: int) -> None:
     """Let the upper body of pair `c` rest on the wall, or on the pile on it.
 
     For a pulled pair that never collides again: it has gap and rate 0.
     """
-    top = min(c + 1, len(gap) - 1)
+    top = min(c + 1, len(pairs) - 1)
     if top > c:
-        carry(top, at[c], u, gap, at, pull)
-    falls[c + 1] = 0.0
-    u[c + 1] = u[c]
-    repull(c, top, g, falls, pull)
+        carry(pairs[top], bodies[top], bodies[top + 1], pairs[c].at)
+    bodies[c + 1].falls = 0.0
+    bodies[c + 1].u = bodies[c].u
+    repull(run, pairs, bodies, c, top)
 
 
 @kernel
-def repull(first: int, last: int, g: float, falls: Floats, pull: Floats) -> None:
+def repull(run: Record, pairs: Records, bodies: Records, first: int, last: int) -> None:
     """Set gravity's closing acceleration of pairs `first` … `last` from which of their bodies fall."""
     for c in range(first, last + 1):
-        pull[c] = g * (falls[c + 1] - falls[c])
+        pairs[c].pull = run.gravity * (bodies[c + 1].falls - bodies[c].falls)

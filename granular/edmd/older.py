@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from granular.edmd.state import felt_gravity
+from granular.edmd.model import felt_gravity
 from granular.scene import Scene
 
 

@@ -6,8 +6,10 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from granular import _check
-from granular.edmd.model import Model
+from granular.edmd.model import Model, scales
 from granular.edmd.ties import ORDER
 from granular.rules import Rule
 from granular.scene import Scene
@@ -18,7 +20,6 @@ REMEDIES = ("stop", "merge")
 def model(
     scene: Scene,
     rules: tuple[Rule, ...],
-    speed: float,
     *,
     ties: str,
     seed: int,
@@ -27,17 +28,20 @@ def model(
     tc: float,
     elastic_below: float,
 ) -> Model:
-    """Return the physics of a run, or raise what is wrong with an option; `speed` is the scene's scale in m/s."""
+    """Return the physics of a run, or raise what is wrong with an option."""
     merging = _check.choice("collapse", collapse, REMEDIES) == "merge"
     if merge_below is not None and not merging:
         raise ValueError(f"merge_below is {merge_below!r}: it needs collapse='merge'.")
-    below = 0.01 * speed if merge_below is None else _check.number("merge_below", merge_below, above=0.0)
+    below = 0.0
+    if merging:
+        known = merge_below is not None
+        below = _check.number("merge_below", merge_below, above=0.0) if known else 0.01 * scales(scene)[0]
     made = Model(
         scene,
         rules,
         _check.choice("ties", ties, tuple(ORDER)),
         _check.whole("seed", seed),
-        below if merging else 0.0,
+        below,
         _check.number("tc", tc, at_least=0.0),
         _check.number("elastic_below", elastic_below, at_least=0.0),
     )
@@ -60,7 +64,7 @@ def restored(scene: Scene, rules: tuple[Rule, ...], state: Mapping[str, Any]) ->
 
 
 def _check_ties(model: Model) -> None:
-    if model.ties in ("newton", "reflect") and (model.rule is not None or len(set(model.eps)) > 1):
+    if model.ties in ("newton", "reflect") and (model.rule is not None or model.eps.min() < model.eps.max()):
         why = "different ones can multiply the energy" if model.ties == "newton" else "others have no meaning"
         raise ValueError(f"ties is {model.ties!r}: one constant restitution for all pairs is needed ({why}); "
                          "use ties='poisson'.")  # fmt: skip
@@ -74,7 +78,7 @@ def _check_remedies(model: Model) -> None:
     if len(named) > 1:
         names = " and ".join("sticking or collapse='merge'" if name == "merge_below" else name for name in named)
         raise ValueError(f"{names} are given together: one remedy at a time is needed.")
-    some = [c for c, e in enumerate(model.eps) if e == 0.0]
-    if some and not model.sticks:
+    some = np.flatnonzero(model.eps == 0.0)
+    if len(some) and not model.sticks:
         raise ValueError(f"restitution of pair {some[0]} is 0.0 but not of all pairs: 0 means balls that stick, "
                          "for all pairs or none; use a small number, such as 0.01.")  # fmt: skip

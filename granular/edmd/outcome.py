@@ -7,6 +7,7 @@ from typing import Any
 
 from granular.edmd.collapse import Verdict
 from granular.edmd.run import Run
+from granular.edmd.state import TALLY
 from granular.trajectory import Status
 
 
@@ -25,12 +26,13 @@ def stats(run: Run) -> dict[str, Any]:
     """Return the counters of a run: collisions, gaps clamped at 0, re-basings of the clock, closer looks and the
     collisions in them, rates that velocities could not hold after them, and how a collapse was decided."""
     s, verdict = run.state, run.verdict
+    clamps, merged, lost = (int(getattr(s.run, name)) for name in TALLY)
     counters: dict[str, Any] = {
-        "engine": run.queue.name, "events": s.events, "clamps": int(s.tally[0]), "rebases": s.rebases, "zooms": s.zooms,
-        "zoomed": s.zoomed, "lost": int(s.tally[2]),
+        "engine": run.queue.name, "events": s.events, "clamps": clamps, "rebases": s.rebases, "zooms": s.zooms,
+        "zoomed": s.zoomed, "lost": lost,
     }  # fmt: skip
     if run.model.merge_below > 0.0:
-        counters |= {"merge_below": run.model.merge_below, "merged": int(s.tally[1])}
+        counters |= {"merge_below": run.model.merge_below, "merged": merged}
     if verdict is not None:
         counters |= {"verdict": verdict.kind, "pairs": (verdict.first, verdict.last), "bound": verdict.bound}
     return counters
@@ -77,7 +79,7 @@ def _walls(run: Run) -> str:
 
 
 def _lost(run: Run) -> str:
-    lost = int(run.state.tally[2])
+    lost = int(run.state.run.lost)
     if lost == 0:
         return ""
     return f"; {_count(lost, 'relative velocity')} fell below rounding: collisions that depend on them are uncertain"

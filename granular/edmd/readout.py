@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
-
 import numpy as np
 
 from granular._check import Array
-from granular.edmd.state import State
+from granular._records import Records, column
+from granular.edmd.state import FloatOrArray, State
 
-FloatOrArray = TypeVar("FloatOrArray", float, Array)
+
+def row(state: State, tau: float, gravity: float) -> tuple[Array, Array]:
+    """Return velocities in m/s, and gaps in m, never negative, at `tau`."""
+    velocity = np.array(column(state.bodies, "u"))
+    gap = gaps(state.pairs, velocity, tau, gravity)
+    if gravity > 0.0:
+        velocity -= column(state.bodies, "falls") * (gravity * tau)
+    return velocity, gap
 
 
-def gaps(state: State, tau: float) -> Array:
-    """Return the gaps in m at `tau`, never negative."""
-    u, gap, at, pull = (np.asarray(a, dtype=np.float64) for a in (state.u, state.gap, state.at, state.pull))
-    rate = np.diff(u) - pull * at
+def gaps(pairs: Records, u: Array, tau: float, gravity: float) -> Array:
+    """Return the gaps in m, never negative, at `tau` between bodies of free-fall velocities `u`."""
+    gap, at, rate = column(pairs, "gap"), column(pairs, "at"), np.diff(u)
     dt = tau - at
-    gap = np.where(pull == 0.0, gap + rate * dt, gap + dt * (rate - 0.5 * pull * dt))
+    if gravity > 0.0:
+        pull = column(pairs, "pull")
+        rate -= pull * at
+        gap = np.where(pull == 0.0, gap + rate * dt, gap + dt * (rate - 0.5 * pull * dt))
+    else:
+        gap = gap + rate * dt
     return np.maximum(0.0, gap)
-
-
-def velocities(state: State, tau: float, gravity: float) -> Array:
-    """Return the velocities in m/s at `tau`."""
-    velocity: Array = np.asarray(state.u) - np.asarray(state.falls) * (gravity * tau)
-    return velocity
 
 
 def elapsed(state: State, tau: FloatOrArray) -> FloatOrArray:

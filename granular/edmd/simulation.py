@@ -15,6 +15,7 @@ from granular._check import Array
 from granular._sampling import sample_times
 from granular.edmd import engines, older, options, outcome
 from granular.edmd.collapse import Zoom
+from granular.edmd.log import Log, contacts
 from granular.edmd.run import Run
 from granular.edmd.state import State
 from granular.edmd.ties import PAIR
@@ -112,18 +113,18 @@ def simulate(
     """
     _check_scene(scene)
     start = _check.number("t_start", t_start)
-    state = State.of(scene, start)
     model = options.model(
-        scene, rules.checked(rule, scene.pairs), state.speed, ties=ties, seed=seed, collapse=collapse,
+        scene, rules.checked(rule, scene.pairs), ties=ties, seed=seed, collapse=collapse,
         merge_below=merge_below, tc=tc, elastic_below=elastic_below,
     )  # fmt: skip
+    state = State.of(model, start)
     times, end = _span(start, t_end, samples)
-    condition = conditions.checked(until, scene.n - 1)
+    state.stop_at(conditions.checked(until, scene.n_pairs))
     limit = _check.whole("max_events", max_events)
     _check.callback("on_event", on_event)
     _check.callback("on_progress", on_progress)
     queue = engines.choose(engine, model)
-    run = Run(state, model, None, queue, condition, limit, log, on_event, on_progress)
+    run = Run(state, None, model, queue, limit, Log(log, on_event), on_progress)
     return _trajectory(run, times, start, end)
 
 
@@ -154,16 +155,16 @@ def resume(
     if trajectory.status is Status.collapse:
         raise ValueError("trajectory ended in a collapse: nothing follows it; run again with collapse='merge' or tc=.")
     scene, saved = trajectory.scene, older.updated(trajectory.state, trajectory.scene)
-    state = State.restored(saved)
     model = options.restored(scene, trajectory.rule, saved)
+    state = State.restored(model, saved)
     start = state.time(state.now)
     times, end = _span(start, t_end, samples)
-    condition = conditions.checked(until, scene.n - 1)
+    state.stop_at(conditions.checked(until, scene.n_pairs))
     limit = _check.whole("max_events", max_events)
     _check.callback("on_event", on_event)
     _check.callback("on_progress", on_progress)
     queue = engines.choose(engine, model)
-    run = Run(state, model, Zoom.restored(saved), queue, condition, limit, log, on_event, on_progress)
+    run = Run(state, Zoom.restored(saved), model, queue, limit, Log(log, on_event), on_progress)
     return _trajectory(run, times, start, end)
 
 
@@ -180,7 +181,7 @@ def _check_scene(scene: Any) -> None:
     _check_size("gap", scene.gap, 0.0)
     _check_size("velocity", scene.velocity, SMALLEST)
     _check_size("gravity", np.array([scene.gravity]), SMALLEST)
-    if scene.n - 1 > PAIR:
+    if scene.n_pairs > PAIR:
         raise ValueError(f"scene has {scene.n} bodies: at most {PAIR + 1} are possible.")
 
 
@@ -214,6 +215,6 @@ def _trajectory(run: Run, times: Array | None, start: float, end: float) -> Traj
     return Trajectory(
         scene=run.model.scene, law=None, rule=run.model.rules, time=time,
         position=positions(run.model.scene, gap, elapsed), velocity=velocity, gap=gap, force=None,
-        contacts=run.log(), status=status, message=outcome.message(run, status),
+        contacts=contacts(run.log.chunks), status=status, message=outcome.message(run, status),
         stats=outcome.stats(run), state=run.checkpoint() | options.saved(run.model),
     )  # fmt: skip

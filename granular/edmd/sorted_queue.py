@@ -8,18 +8,22 @@ from typing import Any
 
 from sortedcontainers import SortedList
 
+from granular._records import twin
 from granular.edmd import touching
-from granular.edmd.event import SUSPICIOUS, event
+from granular.edmd.event import ROW, SUSPICIOUS, event
 from granular.edmd.groups import gave_up
 from granular.edmd.merge import rest
 from granular.edmd.model import Model
-from granular.edmd.motion import Floats, approaching, predicted
-from granular.edmd.state import State
+from granular.edmd.motion import approaching, predicted
+from granular.edmd.state import APART, State
 from granular.edmd.ties import PAIR, RANDOM, rank
 
-NEVER, APART, INF = -1, -2, math.inf
+INF = math.inf
 Rows = list[Any]
-"""Rows of the log: pair, tau, velocities before (lower, upper), velocities after, impulse."""
+"""The log: chunks of records `ROW`, as arrays or as lists of plain objects."""
+Row: Any = twin(ROW)
+SHORT = 256
+"""Rows made for a closer look at a time."""
 
 
 class Pause(Enum):
@@ -41,54 +45,44 @@ class SortedQueue:
         Changed in place.
     model : Model
         The physics.
-    stop : (int, int)
-        Pause before pair ``stop[0]`` collides when it has collided ``stop[1]`` times; pair `NEVER`: do not; pair
-        `APART`: pause after a collision that leaves no pair approaching.
     """
 
     name = "sorted"
     chunk = 4096
     kernel = staticmethod(lambda function: function)
-    rows = staticmethod(lambda n: [[0.0] * 7 for _ in range(n)])
+    rows = staticmethod(lambda n: [object.__new__(Row) for _ in range(min(n, SHORT))])
 
-    def __init__(self, state: State, model: Model, stop: tuple[int, int] = (NEVER, 0)) -> None:
+    def __init__(self, state: State, model: Model) -> None:
+        state.to_plain()
         self.state = state
         self.model = model
-        self.stop = stop
         self.suspect, self.rebound = -1, 0.0
-        self.tie = model.tie
-        self.physics = model.physics()
-        self.rebuild()
-
-    @staticmethod
-    def column(values: list[float]) -> Floats:
-        """Return `values` as this queue keeps them."""
-        return values
 
     def rebuild(self) -> None:
         """Predict all pairs anew."""
-        pairs = range(len(self.state.gap))
-        self.entry = [(math.inf, self._rank(c)) for c in pairs]
-        self.queue: SortedList[tuple[float, int]] = SortedList([(math.inf, PAIR)])  # never empty
-        self.refresh(0, len(pairs) - 1)
+        s = self.state
+        self.entry = [(INF, rank(c, s.run.order, s.run.seed, pair.hits)) for c, pair in enumerate(s.pairs)]
+        self.queue: SortedList[tuple[float, int]] = SortedList([(INF, PAIR)])  # never empty
+        self.refresh(0, len(s.pairs) - 1)
 
     def refresh(self, first: int, last: int) -> None:
         """Predict pairs `first` … `last` anew. Pairs that never collide are not in the queue."""
         s, queue, entry = self.state, self.queue, self.entry
-        u, gap, at, pull, noise = s.u, s.gap, s.at, s.pull, s.noise
+        pairs, bodies, random = s.pairs, s.bodies, s.run.order == RANDOM
         c = first
         while c <= last:
-            old, key = entry[c]
-            time = predicted(c, u, gap, at, pull, noise)
-            if time != old:
-                if old < INF:
-                    queue.remove((old, key))
-                entry[c] = new = (time, key)
+            old, pair = entry[c], pairs[c]
+            time = predicted(pair, bodies[c], bodies[c + 1])
+            new = (time, rank(c, RANDOM, s.run.seed, pair.hits) if random else old[1])
+            if new != old:
+                if old[0] < INF:
+                    queue.remove(old)
+                entry[c] = new
                 if time < INF:
                     queue.add(new)
-            if time == INF and pull[c] > 0.0:
-                rest(c, self.model.gravity, u, s.falls, gap, at, pull)
-                last = max(last, min(c + 1, len(gap) - 1))
+            if time == INF and pair.pull > 0.0:
+                rest(s.run, pairs, bodies, c)
+                last = max(last, min(c + 1, len(pairs) - 1))
             c += 1
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
@@ -97,83 +91,68 @@ class SortedQueue:
 
     def advance(self, limit: float, budget: int, log: Rows | None) -> Pause:
         """Let events up to and including time `limit` act, at most `budget` of them, appending them to `log`."""
-        s, m = self.state, self.model
-        queue, entry, hits, random = self.queue, self.entry, s.hits, m.order == RANDOM
-        bodies, physics, rule, watch, tally = s.bodies(), self.physics, m.rule, s.watch(m.may_collapse), s.tally
-        stop_pair, stop_hits = self.stop
+        s, rule, groups = self.state, self.model.rule, self.model.solver is not None
+        queue, entry, run, pairs, bodies = self.queue, self.entry, s.run, s.pairs, s.bodies
         edge = min(limit, math.nextafter(s.window, 0.0))
-        until_event, witness, groups = s.events + budget, 0, m.solver is not None
+        until_event, witness, rows, row = s.events + budget, 0, Rows(), None
+        if log is not None:
+            log.append(rows)
         while True:
-            now, key = first_entry = queue.pop(0)
+            now, key = queue[0]
             c = key & PAIR
-            if now > edge or s.events >= until_event or (c == stop_pair and hits[c] >= stop_hits):
-                queue.add(first_entry)
-                return self._pause(now, c, edge, limit)
-            entry[c] = (math.inf, key)
+            if now > edge:
+                return Pause.limit if now > limit or now == INF else Pause.window
+            if c == run.stop_pair and pairs[c].hits >= run.stop_hits:
+                s.now = now
+                return Pause.until
+            if s.events >= until_event:
+                return Pause.budget
+            del queue[0]
+            entry[c] = (INF, key)
             s.now = now
             if groups:
                 first, last = touching.group(c, now, s)
                 if first < last:
-                    pause = self._solve(c, first, last, until_event - s.events, log)
+                    pause = self._solve(c, first, last, until_event - s.events, rows)
                     if pause is not None:
                         self.refresh(c, c)
                         return pause
-                    if self._apart():
+                    if run.stop_pair == APART and approaching(pairs, bodies, 0, now) < 0:
                         return Pause.until
                     continue
-            row = None if log is None else [0.0] * 7
-            first, last, self.rebound = event(c, now, bodies, physics, rule, watch, tally, row)
+            if log is not None:
+                row = object.__new__(Row)
+                rows.append(row)
+            first, last, self.rebound = event(run, pairs, bodies, c, now, rule, row)
             s.events += 1
-            if log is not None and row is not None:
-                log.append(row)
-            if random:
-                entry[c] = (math.inf, self._rank(c))
             self.refresh(first, last)
-            if stop_pair == APART:
-                witness = approaching(witness, now, s.u, s.pull, s.noise)
+            if run.stop_pair == APART:
+                witness = approaching(pairs, bodies, witness, now)
                 if witness < 0:
                     return Pause.until
-            if s.streak[c] >= SUSPICIOUS:
+            if pairs[c].streak >= SUSPICIOUS:
                 self.suspect = c
                 return Pause.suspect
 
-    def _pause(self, now: float, c: int, edge: float, limit: float) -> Pause:
-        """Return why pair `c`, the next to collide, does not at time `now`."""
-        if now > edge:
-            return Pause.limit if now > limit or now == math.inf else Pause.window
-        if c == self.stop[0] and self.state.hits[c] >= self.stop[1]:
-            self.state.now = now
-            return Pause.until
-        return Pause.budget
-
-    def _solve(self, c: int, first: int, last: int, budget: int, log: Rows | None) -> Pause | None:
+    def _solve(self, c: int, first: int, last: int, budget: int, rows: Rows) -> Pause | None:
         """Let the touching group of pairs `first` … `last` collide as a whole, unless there is a reason not to."""
-        s, m = self.state, self.model
-        p = touching.impulses(c, first, last, s.now, s, m)
+        s, now = self.state, self.state.now
+        p = touching.impulses(c, first, last, s, self.model)
         hit = [k for k in range(first, last + 1) if p[k - first] > 0.0]
-        stop_pair, stop_hits = self.stop
-        if stop_pair in hit and s.hits[stop_pair] >= stop_hits:
+        if s.run.stop_pair in hit and s.pairs[s.run.stop_pair].hits >= s.run.stop_hits:
             return Pause.until
         if len(hit) > budget:
             return Pause.budget
-        before = touching.velocities(first, last, s.now, s, m)
-        touching.apply(first, last, p, s.now, s, m)
-        after = touching.velocities(first, last, s.now, s, m)
+        before = touching.velocities(first, last, now, s)
+        touching.apply(first, last, p, s)
+        after = touching.velocities(first, last, now, s)
         for k in hit:
-            s.hits[k] += 1
-            s.last[k] = s.now
-            if log is not None:
-                i = k - first
-                log.append([k, s.now, before[i], before[i + 1], after[i], after[i + 1], p[i]])
+            s.pairs[k].hits += 1
+            s.pairs[k].last = now
+            i = k - first
+            rows.append(Row(k, now, before[i], before[i + 1], after[i], after[i + 1], p[i]))
         s.events += len(hit)
-        self.refresh(max(first - 1, 0), min(last + 1, len(s.gap) - 1))
-        if not hit and self.entry[c][0] <= s.now:
-            raise gave_up(m.ties)
+        self.refresh(max(first - 1, 0), min(last + 1, len(s.pairs) - 1))
+        if not hit and self.entry[c][0] <= now:
+            raise gave_up(self.model.ties)
         return None
-
-    def _apart(self) -> bool:
-        s = self.state
-        return self.stop[0] == APART and approaching(0, s.now, s.u, s.pull, s.noise) < 0
-
-    def _rank(self, c: int) -> int:
-        return rank(c, self.model.order, self.model.seed, self.state.hits[c])

@@ -4,38 +4,67 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
+from granular import until as conditions
+from granular._check import Array
 from granular._kernels import kernel
-from granular.edmd.motion import Bodies, Floats, Ints, rebase
-from granular.scene import Scene
+from granular._records import Record, Records, column, copied, one, packed, plain, twin
+from granular.edmd.model import Model, scales, shares
+from granular.edmd.motion import rebase
 
-COUNTS = ("hits", "streak", "tally")
+FloatOrArray = TypeVar("FloatOrArray", float, Array)
+PAIR = np.dtype(
+    [
+        ("gap", float), ("at", float),  # m, at that time in s since the epoch
+        ("pull", float),  # gravity's closing acceleration, m/s²
+        ("hits", int), ("last", float),  # collisions so far, and the time of the last one in s
+        ("streak", int),  # how often a collision in a row looked like a collapse
+        ("low", float), ("high", float),  # shares of the lower and the upper body in a change of the rate
+        ("eps", float), ("m_eff", float),  # ε where rules are constant; kg
+    ],
+    align=True,
+)  # fmt: skip
+BODY = np.dtype(
+    [
+        ("u", float),  # free-fall velocity of the epoch, m/s
+        ("falls", float),  # 1 falls; 0 a wall, or a ball that rests on a wall
+        ("noise", float),  # (m/s)², square of what rounding may have left in u
+        ("mass", float),
+    ],
+    align=True,
+)
+RUN = np.dtype(
+    [
+        ("pairs", int), ("gravity", float), ("tc", float), ("elastic_below", float), ("merge_below", float),
+        ("order", int), ("seed", int),  # of ties
+        ("stop_pair", int), ("stop_hits", int),  # pause before this pair, which has collided so often, collides again
+        ("slow", float), ("short", float),  # what looks like a collapse, m/s (< 0: nothing does) and s
+        ("clamps", int), ("merged", int), ("lost", int),  # gaps set to 0, collisions merged, rates lost to rounding
+    ],
+    align=True,
+)  # fmt: skip
+OF_PAIRS, OF_BODIES = ("gap", "at", "pull", "hits", "last", "streak"), ("u", "falls", "noise")
+"""What changes, by the names under which it is saved."""
+TALLY = ("clamps", "merged", "lost")
+NEVER, APART = -1, -2
+"""`stop_pair` of a run that does not stop at a contact, and of one that stops when no pair approaches."""
 
 
 @dataclass
 class State:
-    """Bodies, pairs, clock and counters of a run in progress.
+    """Records of bodies and pairs, clock and counters of a run in progress.
 
     The time is ``epoch + epoch_low + tau``: the epoch is kept in two parts and moved on in windows of a fixed length,
-    a power of two, so that late times cost no digits. Per-body and per-pair entries are lists (plain engine) or
-    arrays (compiled engine).
+    a power of two, so that late times cost no digits.
     """
 
-    # per body
-    u: Floats  # free-fall velocity of the epoch, m/s
-    falls: Floats  # 1 falls; 0 a wall, or a ball that rests on a wall
-    noise: Floats  # (m/s)², square of what rounding may have left in u
-    # per pair
-    gap: Floats  # m, at time `at`
-    at: Floats  # s, since the epoch
-    pull: Floats  # m/s²
-    hits: Ints  # collisions so far
-    last: Floats  # s, time of the last collision
-    streak: Ints  # how often a collision in a row looked like a collapse
+    run: Record
+    pairs: Records
+    bodies: Records
     # clock and scales
     start: float  # s, time of the first row
     epoch: float
@@ -44,10 +73,8 @@ class State:
     window: float  # s, a power of two; grows as the balls slow down
     speed: float  # m/s, scale of the relative velocities
     fall: float  # m/s, what falling through the mean gap gives: `speed` never gets smaller
-    short: float  # s, an interval that looks like a collapse
     now: float  # s, tau of the last event
     # counters
-    tally: Ints  # gaps clamped at 0, collisions merged, rates lost to rounding
     events: int = 0
     rebases: int = 0
     zooms: int = 0
@@ -55,59 +82,79 @@ class State:
     allowance: int = 20_000  # events of a closer look without a decision; doubled after each such
 
     @classmethod
-    def of(cls, scene: Scene, t_start: float) -> State:
-        """Return the state at the start of a run of `scene`."""
-        pairs = scene.n - 1
+    def of(cls, model: Model, t_start: float) -> State:
+        """Return the state at the start of a run."""
+        scene = model.scene
+        pairs, bodies = np.zeros(scene.n_pairs, PAIR), np.zeros(scene.n, BODY)
+        pairs["gap"], pairs["pull"], pairs["last"] = scene.gap, scene.pull, -math.inf
+        pairs["low"], pairs["high"], pairs["m_eff"] = shares(scene)
+        pairs["eps"] = model.eps
+        bodies["u"], bodies["falls"], bodies["mass"] = scene.velocity, ~scene.is_wall, scene.mass
         speed, fall, length = scales(scene)
-        window = span(length, speed, felt_gravity(scene))
-        return cls(
-            u=scene.velocity.tolist(),
-            falls=np.where(scene.is_wall, 0.0, 1.0).tolist(),
-            noise=[0.0] * scene.n,
-            gap=scene.gap.tolist(),
-            at=[0.0] * pairs,
-            pull=scene.pull.tolist(),
-            hits=[0] * pairs,
-            last=[-math.inf] * pairs,
-            streak=[0] * pairs,
-            start=t_start,
-            epoch=t_start,
-            epoch_low=0.0,
-            length=length,
-            window=window,
-            speed=speed,
-            fall=fall,
-            short=math.ldexp(window, -30),
-            now=0.0,
-            tally=[0, 0, 0],
-        )
+        window = span(length, speed, model.gravity)
+        run = twin(RUN)(
+            pairs=len(pairs), gravity=model.gravity, tc=model.tc, elastic_below=model.elastic_below,
+            merge_below=model.merge_below, order=model.order, seed=model.seed & 0x7FFFFFFF, stop_pair=NEVER,
+            stop_hits=0, slow=-1.0, short=math.ldexp(window, -30), clamps=0, merged=0, lost=0,
+        )  # fmt: skip
+        state = cls(run, pairs, bodies, t_start, t_start, 0.0, length, window, speed, fall, 0.0)
+        state.watch(model.may_collapse)
+        return state
 
     @classmethod
-    def restored(cls, saved: Mapping[str, Any]) -> State:
+    def restored(cls, model: Model, saved: Mapping[str, Any]) -> State:
         """Return the state that `checkpoint` saved."""
-        return cls(**{f.name: np.asarray(saved[f.name]).tolist() for f in fields(cls)})
+        state = cls.of(model, float(saved["start"]))
+        for name in OF_PAIRS:
+            state.pairs[name] = saved[name]
+        for name in OF_BODIES:
+            state.bodies[name] = saved[name]
+        for name in state._clock():
+            setattr(state, name, np.asarray(saved[name]).item())
+        state.run.short = float(saved["short"])
+        for name, count in zip(TALLY, saved["tally"], strict=True):
+            setattr(state.run, name, int(count))
+        state.watch(model.may_collapse)
+        return state
 
     def checkpoint(self) -> dict[str, Any]:
         """Return a copy of everything as arrays and numbers, for `Trajectory.state`."""
-        raw = {f.name: getattr(self, f.name) for f in fields(self)}
-        return {name: value if isinstance(value, (int, float)) else np.array(value) for name, value in raw.items()}
+        raw: dict[str, Any] = {name: np.array(column(self.bodies, name)) for name in OF_BODIES}
+        raw |= {name: np.array(column(self.pairs, name)) for name in OF_PAIRS}
+        raw |= {name: getattr(self, name) for name in self._clock()}
+        tally = np.array([getattr(self.run, name) for name in TALLY])
+        return raw | {"short": float(self.run.short), "tally": tally}
 
-    def to_arrays(self) -> None:
-        """Turn all lists into arrays."""
-        for f in fields(self):
-            value = getattr(self, f.name)
-            if isinstance(value, list):
-                setattr(self, f.name, np.array(value, dtype=np.int64 if f.name in COUNTS else np.float64))
+    def _clock(self) -> list[str]:
+        return [f.name for f in fields(self) if f.name not in ("run", "pairs", "bodies")]
 
-    def bodies(self) -> Bodies:
-        """Return what a collision changes."""
-        return self.u, self.falls, self.gap, self.at, self.pull, self.hits, self.last, self.streak, self.noise
+    def to_plain(self) -> None:
+        """Turn records into plain objects, for interpreted code."""
+        if isinstance(self.pairs, np.ndarray):
+            self.pairs, self.bodies = plain(self.pairs), plain(self.bodies)
 
-    def watch(self, may_collapse: bool) -> tuple[float, float]:
-        """Return the speed (m/s) and the interval (s) below which a collision looks like part of a collapse."""
-        return (math.ldexp(self.speed, -16), self.short) if may_collapse else (-1.0, -1.0)
+    def to_records(self) -> None:
+        """Turn plain objects into records, for compiled code: same numbers, same bits."""
+        self.run = one(packed([self.run], RUN))
+        if isinstance(self.pairs, list):
+            self.pairs, self.bodies = packed(self.pairs, PAIR), packed(self.bodies, BODY)
 
-    def time(self, tau: float) -> float:
+    def copied(self) -> State:
+        """Return a state whose bodies and pairs can be changed without changing these."""
+        return replace(self, pairs=copied(self.pairs), bodies=copied(self.bodies))
+
+    def stop_at(self, until: conditions.Until | None) -> None:
+        """Set what the run stops at, if anything."""
+        if isinstance(until, conditions.Contact):
+            self.run.stop_pair, self.run.stop_hits = until.pair, until.nth - 1
+        elif isinstance(until, conditions.Separated):
+            self.run.stop_pair = APART
+
+    def watch(self, may_collapse: bool) -> None:
+        """Set the speed below which a collision looks like part of a collapse."""
+        self.run.slow = math.ldexp(self.speed, -16) if may_collapse else -1.0
+
+    def time(self, tau: FloatOrArray) -> FloatOrArray:
         """Return the time in s that is `tau` after the epoch."""
         return self.epoch + (self.epoch_low + tau)
 
@@ -115,33 +162,20 @@ class State:
         """Return how long after the epoch `time` is."""
         return (time - self.epoch) - self.epoch_low
 
-    def shift_to(self, tau: float, gravity: float, compiler: Callable[[Any], Any]) -> None:
+    def shift_to(self, tau: float, model: Model, compiler: Callable[[Any], Any]) -> None:
         """Move the epoch on by whole windows, so that `tau` comes to lie in the first one."""
         shift = tau - math.fmod(tau, self.window)
-        self.tally[0] += compiler(rebase)(
-            shift, gravity, self.u, self.falls, self.gap, self.at, self.pull, self.last, self.noise
-        )
+        compiler(rebase)(self.run, self.pairs, self.bodies, shift)
         total = self.epoch + shift
         back = total - self.epoch
         self.epoch_low += (self.epoch - (total - back)) + (shift - back)
         self.epoch = total
         self.now -= shift
         self.rebases += 1
-        self.speed = max(compiler(largest_rate)(self.u), self.fall)
+        self.speed = max(compiler(largest_rate)(self.bodies), self.fall)
+        self.watch(model.may_collapse)
         if self.speed > 0.0:
-            self.window = max(self.window, span(self.length, self.speed, gravity))
-
-
-def felt_gravity(scene: Scene) -> float:
-    """Return gravity (m/s²) in the frame of a run: without a wall that frame falls too, and velocities keep digits."""
-    return scene.gravity if scene.is_wall.any() else 0.0
-
-
-def scales(scene: Scene) -> tuple[float, float, float]:
-    """Return the speed scale (m/s), the speed of falling through the mean gap, and the mean gap (m) of a scene."""
-    length = float(np.mean(scene.gap)) or float(np.mean(scene.radius))
-    fall = math.sqrt(2.0 * felt_gravity(scene) * length)
-    return max(float(np.abs(np.diff(scene.velocity)).max()), fall), fall, length
+            self.window = max(self.window, span(self.length, self.speed, model.gravity))
 
 
 def span(length: float, speed: float, g: float) -> float:
@@ -159,9 +193,9 @@ def span(length: float, speed: float, g: float) -> float:
 
 
 @kernel
-def largest_rate(u: Floats) -> float:
+def largest_rate(bodies: Records) -> float:
     """Return the largest relative velocity of neighbours (m/s)."""
     largest = 0.0
-    for c in range(len(u) - 1):
-        largest = max(largest, abs(u[c + 1] - u[c]))
+    for c in range(len(bodies) - 1):
+        largest = max(largest, abs(bodies[c + 1].u - bodies[c].u))
     return largest

@@ -1,5 +1,7 @@
 """Force laws of soft contacts; F ≥ 0 repels. The engine, never the law, clips F at zero and gates it on ξ > 0."""
 
+from granular.laws.contact_law import PairLaw as PairLaw
+from granular.laws.contact_law import resolve as resolve
 from granular.laws.dashpot import LinearDashpot
 from granular.laws.hertz import Hertz, TsujiHertz, ViscoelasticHertz
 from granular.laws.power import PowerLaw

@@ -9,7 +9,6 @@ compiled once and cached, and a new law costs only its own few lines.
 from __future__ import annotations
 
 from collections import namedtuple
-from collections.abc import Callable, Sequence
 from dataclasses import fields
 from functools import cache
 from typing import Any
@@ -17,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from granular._kernels import load_numba
-from granular.laws import traits
-from granular.scene import Pair
+from granular.laws.contact_law import PairLaw
+from granular.laws.kinds import SceneLaws
+from granular.scene import Pairs
 
 WIDTH = 12
 LAW = np.dtype([("kind", np.int64), ("field", np.float64, (WIDTH,))])
@@ -29,22 +29,12 @@ class NotCompilableError(TypeError):
     """A law that cannot be compiled, with the reason."""
 
 
-def interpreted(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Pair) -> float:
+def interpreted(law: PairLaw, xi: float, xi_dot: float, xi_max: float, pair: Any) -> float:
     """Call a law as it stands."""
-    return float(law.force(xi, xi_dot, pair))
+    return law.force(xi, xi_dot, xi_max)
 
 
-def interpreted_with_memory(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Pair) -> float:
-    """Call a law that may have memory as it stands."""
-    return traits.evaluate(law, xi, xi_dot, pair, xi_max)
-
-
-def plain_force(laws: Sequence[Any]) -> Callable[..., float]:
-    """Return the interpreted force for `laws`."""
-    return interpreted_with_memory if any(getattr(law, "memory", False) for law in laws) else interpreted
-
-
-def law_records(laws: Sequence[Any]) -> np.ndarray[Any, Any]:
+def law_records(laws: SceneLaws) -> np.ndarray[Any, Any]:
     """Fields of each law as a record array, with the number of its class; shape (n_pairs,).
 
     Raises
@@ -53,25 +43,28 @@ def law_records(laws: Sequence[Any]) -> np.ndarray[Any, Any]:
         If a law is not a dataclass of at most `WIDTH` numbers.
     """
     kinds = _kinds(laws)
-    records = np.zeros(len(laws), LAW)
-    for record, law in zip(records, laws, strict=True):
+    records = np.zeros(len(laws.each), LAW)
+    for record, one in zip(records, laws.each, strict=True):
+        law, name = one.law, type(one.law).__name__
         try:
             values = [float(getattr(law, f.name)) for f in fields(law)]
         except (TypeError, ValueError) as error:
-            raise NotCompilableError(f"{type(law).__name__} is not a dataclass of numbers ({error})") from None
+            raise NotCompilableError(f"{name} is not a dataclass of numbers ({error})") from None
         if len(values) > WIDTH:
-            raise NotCompilableError(f"{type(law).__name__} has {len(values)} fields, more than {WIDTH}")
-        record["kind"] = kinds.index(type(law))
+            raise NotCompilableError(f"{name} has {len(values)} fields, more than {WIDTH}")
+        record["kind"] = kinds.index((type(law), one.memory))
         record["field"][: len(values)] = values
+    return records[laws.kind]
+
+
+def pair_records(pairs: Pairs) -> np.ndarray[Any, Any]:
+    """Pairs as a record array, shape (n_pairs,)."""
+    records = np.zeros(len(pairs), PAIR)
+    records["m_eff"], records["r_eff"], records["index"] = pairs.m_eff, pairs.r_eff, np.arange(len(pairs))
     return records
 
 
-def pair_records(pairs: Sequence[Pair]) -> np.ndarray[Any, Any]:
-    """Pairs as a record array, shape (n_pairs,)."""
-    return np.array([(p.m_eff, p.r_eff, p.index) for p in pairs], PAIR)
-
-
-def compiled_force(laws: Sequence[Any]) -> Any:
+def compiled_force(laws: SceneLaws) -> Any:
     """Return the compiled force for `laws`, of the type `force_type()`.
 
     Raises
@@ -92,24 +85,25 @@ def force_type() -> Any:
     return types.FunctionType(real(numba.from_dtype(LAW), real, real, real, numba.from_dtype(PAIR)))
 
 
-def _kinds(laws: Sequence[Any]) -> list[type]:
-    return list(dict.fromkeys(type(law) for law in laws))
+def _kinds(laws: SceneLaws) -> list[tuple[type, bool]]:
+    """The different classes, and whether they have memory."""
+    return list(dict.fromkeys((type(one.law), one.memory) for one in laws.each))
 
 
 @cache
-def _compiled_kinds(kinds: tuple[type, ...]) -> Any:
+def _compiled_kinds(kinds: tuple[tuple[type, bool], ...]) -> Any:
     numba = load_numba()
     try:
-        force = _one_kind(kinds[-1])
+        force = _one_kind(*kinds[-1])
         for number in reversed(range(len(kinds) - 1)):
-            force = _either(number, _one_kind(kinds[number]), force)
+            force = _either(number, _one_kind(*kinds[number]), force)
         return numba.njit(force_type().signature)(force.py_func)
     except numba.core.errors.NumbaError as error:
         reason = str(error).strip().splitlines()[-1]
-        raise NotCompilableError(f"{kinds[0].__name__}.force does not compile: {reason}") from error
+        raise NotCompilableError(f"{kinds[0][0].__name__}.force does not compile: {reason}") from error
 
 
-def _one_kind(kind: Any) -> Any:
+def _one_kind(kind: Any, memory: bool) -> Any:
     """The method of one class, with a tuple of its fields for `self`."""
     import numba
     from numba.np.unsafe.ndarray import to_fixed_tuple
@@ -117,7 +111,7 @@ def _one_kind(kind: Any) -> Any:
     names = [f.name for f in fields(kind)]
     record, count = namedtuple("record", names), len(names)
     force = numba.njit(kind.force)
-    if getattr(kind, "memory", False):
+    if memory:
 
         def call(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Any) -> Any:
             return force(record(*to_fixed_tuple(law.field, count)), xi, xi_dot, pair, xi_max)

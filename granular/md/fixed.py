@@ -11,17 +11,18 @@ import numpy as np
 
 from granular import until as stop
 from granular._check import Array
+from granular.laws.kinds import SceneLaws
 from granular.md.log_rows import contact_log, logged
 from granular.md.stability import LIMIT, WARN, expected_rate, sharpest_rate
 from granular.md.stepper import Row, Stepper
 from granular.md.steps import EVALUATIONS
 from granular.scene import Scene, positions
-from granular.trajectory import Status, Trajectory, stored_energy
+from granular.trajectory import Status, Trajectory
 
 
 def run(
     scene: Scene,
-    laws: tuple[Any, ...],
+    laws: SceneLaws,
     *,
     method: str,
     dt: float,
@@ -86,7 +87,7 @@ def _trajectory(stepper: Stepper, rows: list[Row], status: Status, t_stop: float
         "engine": "compiled" if stepper.compiled else "plain",
     } | ({"note": stepper.note} if stepper.note else {})
     return Trajectory(
-        scene, stepper.laws, None, time, positions(scene, gap, time - stepper.t_start),
+        scene, stepper.laws.given, None, time, positions(scene, gap, time - stepper.t_start),
         np.array([row[2] for row in rows]), gap, np.array([row[3] for row in rows]),
         contact_log(stepper, t_stop) if log else logged(stepper, []), status, message, stats, stepper.checkpoint(),
     )  # fmt: skip
@@ -129,9 +130,7 @@ def _energy_gain(stepper: Stepper) -> float:
     x0 = scene.position[balls]
     x = positions(scene, -np.array([stepper.s.xi]), np.array([stepper.k * stepper.dt]))[0][balls]
     before = 0.5 * m @ v0**2 + sum(
-        stored_energy(law, -float(gap), pair)
-        for law, gap, pair in zip(stepper.laws, scene.gap, scene.pairs, strict=True)
-        if gap < 0.0
+        stepper.laws[c].energy(-float(scene.gap[c])) for c in np.flatnonzero(scene.gap < 0.0).tolist()
     )
     supply = before + scene.gravity * max(0.0, m @ (x0 - x))
     with np.errstate(all="ignore"):

@@ -14,7 +14,9 @@ from granular import _check
 from granular import until as stop
 from granular._sampling import sample_times
 from granular._walls import close_after
-from granular.laws import traits
+from granular.laws.check import check_deepest
+from granular.laws.check import checked as checked_laws
+from granular.laws.kinds import SceneLaws
 from granular.md import fixed, located
 from granular.md.stability import expected_rate
 from granular.md.steps import METHODS
@@ -68,7 +70,7 @@ def simulate(
     on_event : callable, optional
         Called with each row of the contact log, in batches, in the order in which contacts end.
     on_progress : callable, optional
-        Called now and then with the time reached in s and the number of contacts so far.
+        ``on_progress(reached, count)`` now and then: the time reached in s, and the number of contacts so far.
     engine : {"auto", "plain", "compiled"}
         Interpreted or compiled by numba (extra ``fast``); the same bits. "auto" starts interpreted and goes on
         compiled once that is worth it and the law compiles; the reason is in `stats` if it does not.
@@ -101,7 +103,7 @@ def simulate(
     for "symplectic-euler" under every damped law (2 without damping), 2 for "verlet". Time: of "located", O(contacts);
     of a fixed-step method, O(pairs) per step.
     """
-    laws = traits.checked(law, checked(scene))
+    laws = checked_laws(law, checked(scene))
     start = _check.number("t_start", t_start)
     end = math.inf if t_end is None else _check.number("t_end", t_end, at_least=start)
     _check_walls(scene, start, end)
@@ -111,7 +113,7 @@ def simulate(
     common: dict[str, Any] = {
         "t_start": start,
         "t_end": end,
-        "until": stop.checked(until, scene.n - 1),
+        "until": stop.checked(until, scene.n_pairs),
         "samples": sample_times(samples, start, end),
         "log": bool(log),
         "max_events": _check.whole("max_events", max_events),
@@ -124,19 +126,19 @@ def simulate(
         if dt is not None:
             raise ValueError(f"dt is {dt!r}: method 'located' has no fixed step; choose {', '.join(METHODS)}.")
         common["tol"] = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
-        with _in_range(laws):
+        with _in_range(laws.given[0]):
             return located.run(scene, laws, **common)
     step = _default_step(scene, laws) if dt is None else _check.number("dt", dt, above=0.0)
     if start + step == start:
         raise ValueError(f"dt is {step!r}: at t_start = {start!r} a larger step is needed to advance the clock at all.")
     run = fixed.run(scene, laws, **common, method=method, dt=step)
     if run.status is not Status.unstable:
-        traits.check_deepest(laws, scene, run.contacts)
+        check_deepest(laws, run.contacts)
     return run
 
 
 @contextmanager
-def _in_range(laws: tuple[Any, ...]) -> Iterator[None]:
+def _in_range(law: Any) -> Iterator[None]:
     """Say in a sentence that the engine's own numbers ran out of range; what a user's law raises passes through."""
     try:
         yield
@@ -148,7 +150,7 @@ def _in_range(laws: tuple[Any, ...]) -> Iterator[None]:
         if not module.startswith(("granular.", "numpy.")):
             raise
         raise ValueError(
-            f"law is {laws[0]!r}, …: rates or overlaps of its contacts in this scene are beyond the range of numbers "
+            f"law is {law!r}, …: rates or overlaps of its contacts in this scene are beyond the range of numbers "
             f"({error}); coefficients, masses and speeds in SI units and of usual size are needed."
         ) from error
 
@@ -161,11 +163,11 @@ def _check_walls(scene: Scene, start: float, end: float) -> None:
         raise ValueError(f"t_end is {given}: the walls meet at t = {meet:.12g} s; give a t_end before that.")
 
 
-def _default_step(scene: Scene, laws: tuple[Any, ...]) -> float:
+def _default_step(scene: Scene, laws: SceneLaws) -> float:
     try:
         rate = expected_rate(scene, laws)
     except ArithmeticError:  # of a law, at an overlap far beyond those it is made for
         rate = math.nan
     if not 0.0 < rate < math.inf:
-        raise ValueError(f"dt is None: the duration of a contact cannot be told from {laws[0]!r}; give dt in s.")
+        raise ValueError(f"dt is None: the duration of a contact cannot be told from {laws.given[0]!r}; give dt in s.")
     return math.pi / rate / STEPS_PER_CONTACT

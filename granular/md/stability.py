@@ -8,13 +8,13 @@ equal balls.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from typing import Any
 
-from granular.laws import traits
-from granular.scene import Pair, Scene, speed_scale
-from granular.trajectory import stored_energy
+import numpy as np
+
+from granular._check import Array
+from granular.laws.kinds import SceneLaws, alike
+from granular.scene import Scene, speed_scale
 
 WARN = 0.2
 """dt·λ from which results are doubtful."""
@@ -22,67 +22,32 @@ LIMIT = {"verlet": 2.0, "symplectic-euler": 2.0, "rk4": 2.0, "gear5": 1.05}
 """dt·λ from which results mean nothing. (RK4 grows only from 2√2, but at 2 it damps by a quarter a step.)"""
 
 
-def expected_overlap(law: Any, pair: Pair, speed: float) -> float:
-    """Overlap in m at which the elastic energy holds the kinetic energy ½ m_eff v² of an isolated contact."""
-    energy = 0.5 * pair.m_eff * speed * speed
-    plain = _without_memory(law)
-    if not energy > 0.0:
-        return 0.0
-    xi = 1.0
-    while stored_energy(plain, xi, pair) < energy and xi < 1e100:
-        xi *= 2.0
-    while stored_energy(plain, xi, pair) > energy and xi > 1e-100:
-        xi *= 0.5
-    lo, hi = xi, 2.0 * xi
-    for _ in range(20):
-        xi = math.sqrt(lo * hi)
-        lo, hi = (xi, hi) if stored_energy(plain, xi, pair) < energy else (lo, xi)
-    return xi
-
-
-def sharpest_rate(
-    scene: Scene, laws: Sequence[Any], overlap: Sequence[float], beside: Sequence[int] | None = None
-) -> float:
+def sharpest_rate(scene: Scene, laws: SceneLaws, overlap: Any, beside: Any = True) -> float:
     """Bound λ in 1/s over all pairs closed to the given overlaps in m (0: not closed).
 
-    `beside[c]` says whether pairs c and c+1 are ever closed together (all are if not given).
+    `beside` says of every pair whether it and the next one are ever closed together (all are if not given).
     """
-    w, n = scene.inverse_mass.tolist(), scene.n - 1
-    slope = [
-        traits.tangent(law, xi, pair) if xi > 0.0 else (0.0, 0.0)
-        for law, xi, pair in zip(laws, overlap, scene.pairs, strict=True)
-    ]
-    together = [True] * n if beside is None else [bool(x) for x in beside]
-    worst = 0.0
-    for c in range(n):
-        a, b = (x * (w[c] + w[c + 1]) for x in slope[c])
-        if c > 0 and together[c - 1]:
-            a, b = a + slope[c - 1][0] * w[c], b + slope[c - 1][1] * w[c]
-        if c + 1 < n and together[c]:
-            a, b = a + slope[c + 1][0] * w[c + 1], b + slope[c + 1][1] * w[c + 1]
-        worst = max(worst, 0.5 * (b + math.sqrt(b * b + 4.0 * a)))
-    return worst
+    slope = _slopes(laws, np.asarray(overlap, np.float64))
+    w, (below, above) = scene.inverse_mass, scene.neighbours
+    shared, together = w[scene.bodies(above)[0]], np.broadcast_to(np.asarray(beside, np.bool_), len(laws))[below]
+    with np.errstate(all="ignore"):
+        rate = slope * sum(scene.sides(w))
+        rate[:, above] += np.where(together, slope[:, below] * shared, 0.0)
+        rate[:, below] += np.where(together, slope[:, above] * shared, 0.0)
+        a, b = rate
+        return float(np.fmax.reduce(0.5 * (b + np.sqrt(b * b + 4.0 * a)), initial=0.0))
 
 
-def expected_rate(scene: Scene, laws: Sequence[Any]) -> float:
+def expected_rate(scene: Scene, laws: SceneLaws) -> float:
     """Sharpest rate λ in 1/s of any single contact, at the overlaps expected from the scene's speeds."""
     speed = speed_scale(scene)
-    depth = [
-        max(expected_overlap(law, pair, speed), -float(gap), 1e-30)
-        for law, pair, gap in zip(laws, scene.pairs, scene.gap, strict=True)
-    ]
-    return sharpest_rate(scene, laws, depth, [0] * (scene.n - 1))
+    depth = laws.column(lambda law: law.overlap_at(speed))
+    return sharpest_rate(scene, laws, np.maximum(np.maximum(depth, -scene.gap), 1e-30), False)
 
 
-class _Loading:
-    """A law with memory, as it is while loading."""
-
-    def __init__(self, law: Any) -> None:
-        self.law = law
-
-    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
-        return float(self.law.force(xi, xi_dot, pair, xi))
-
-
-def _without_memory(law: Any) -> Any:
-    return _Loading(law) if getattr(law, "memory", False) else law
+def _slopes(laws: SceneLaws, overlap: Array) -> Array:
+    """Stiffness in N/m and damping in kg/s of all pairs at their overlaps, shape (2, n-1); 0 of pairs not closed."""
+    kind, first = alike(laws.kind, overlap)
+    met = zip(first.tolist(), overlap[first].tolist(), strict=True)
+    each = [laws[c].tangent(xi) if xi > 0.0 else (0.0, 0.0) for c, xi in met]
+    return np.array(each).T[:, kind]

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from granular import until as stop
 from granular._kernels import compiled, have_numba, worth
+from granular.laws.contact_law import PairLaw
+from granular.laws.kinds import SceneLaws
 from granular.md import march as loop
 from granular.md.contact_force import (
     NotCompilableError,
     compiled_force,
     force_type,
+    interpreted,
     law_records,
     pair_records,
-    plain_force,
 )
 from granular.md.glide import glide, time_to_touch
 from granular.md.steps import EULER, METHODS, VERLET, Motion, Stages, accelerations, contact_forces, step
@@ -43,11 +46,11 @@ class Stepper:
     """The state of one run and its motion; interpreted at first, perhaps compiled later with the same bits."""
 
     def __init__(
-        self, scene: Scene, laws: tuple[Any, ...], method: str, dt: float, t_start: float, engine: str, log: bool
+        self, scene: Scene, laws: SceneLaws, method: str, dt: float, t_start: float, engine: str, log: bool
     ) -> None:
         self.scene, self.laws, self.dt, self.t_start = scene, laws, dt, t_start
         self.name, self.method, self.engine, self.keep_log = method, METHODS[method], engine, log
-        n, p = scene.n, scene.n - 1
+        n, p = scene.n, scene.n_pairs
         self.k = self.steps = self.flights = self.contacts = 0
         self.note = ""
         self.halted_at: int | None = None
@@ -55,16 +58,17 @@ class Stepper:
         self.w: Any = scene.inverse_mass.tolist()
         self.fall: Any = np.where(scene.is_wall, 0.0, -scene.gravity).tolist()
         self.pull: Any = scene.pull.tolist()
-        top = p if any(getattr(law, "memory", False) for law in laws) else 0
+        top = p if any(law.memory for law in laws.each) else 0
         self.s: Any = Motion((-scene.gap).tolist(), scene.velocity.tolist(), *(_zeros(m) for m in (n, p, p, top, n, n)))
         self.work: Any = Stages(*(_zeros(m) for m in (p, n, p, n, p, p)))
         self.old: Any = loop.Old(*(_zeros(m) for m in (p, n, p, p)))
         self.now: Any = loop.Open(*([0] * p if name in loop.COUNTED else _zeros(p) for name in loop.Open._fields))
-        self.buffer: Any = [[0.0] * loop.ROW for _ in range(max(64, 4 * p))]
+        self.room = max(64, 4 * p)
+        self.buffer: Any = [] if engine == "compiled" else [[0.0] * loop.ROW for _ in range(self.room)]
         self.rows: list[Any] = []
-        self.force: Any = plain_force(laws)
-        self.law_rows: Any = laws
-        self.pair_rows: Any = scene.pairs
+        self.force: Any = interpreted
+        self.law_rows: Any = laws if engine == "compiled" else self.plain_laws
+        self.pair_rows: Any = self.law_rows
         self.bulk: Any = None
         self.march: Callable[..., tuple[int, int, int]] = loop.march
         self.hurry: Callable[..., tuple[int, int, int]] = hurry
@@ -75,16 +79,22 @@ class Stepper:
             self.compile()
         self._start()
 
+    @cached_property
+    def plain_laws(self) -> list[PairLaw]:
+        """The laws, ready for interpreted steps."""
+        return list(self.laws)
+
     # -- state ----------------------------------------------------------------------------------------------------
 
     def _start(self) -> None:
         s = self.s
-        contact_forces(plain_force(self.laws), self.laws, self.scene.pairs, s.xi, s.v, s.top, s.raw, s.force)
+        contact_forces(interpreted, self.laws, self.laws, s.xi, s.v, s.top, s.raw, s.force)
         accelerations(s.force, self.w, self.fall, s.acc)
         for c, force in enumerate(s.force):
             if force > 0.0:  # overlapping from the start
                 now = self.now
-                now.lower[c], now.upper[c], now.count[c] = s.v[c], s.v[c + 1], 1
+                lower, upper = self.scene.bodies(c)
+                now.lower[c], now.upper[c], now.count[c] = s.v[lower], s.v[upper], 1
                 now.xi_max[c], now.force_max[c] = s.xi[c], force
                 loop.spread(c, 0, 0.0, s, s, now)
 
@@ -111,11 +121,11 @@ class Stepper:
         self.s, self.work, self.old, self.now = (
             type(group)(*map(np.array, group)) for group in (self.s, self.work, self.old, self.now)
         )
-        self.buffer = np.array(self.buffer)
+        self.buffer = np.zeros((self.room, loop.ROW))
         arguments = self._arguments(0, 0)
         self.march = compiled(loop.march, _types((*arguments, -1, 0)))
         if not self.keep_log and self.method in (VERLET, EULER) and len(self.laws) >= MANY:
-            rows = power_rows(self.laws, self.scene.pairs)
+            rows = power_rows(self.laws)
             self.bulk = rows and bulk(rows, self.method, self.dt, self.w, self.fall, self.s, self.now)
         if self.bulk:
             self.hurry = compiled(hurry, _types((*arguments, self.bulk)))
@@ -143,7 +153,7 @@ class Stepper:
         elif h > 0.0:
             work = Stages(*(_zeros(len(group)) for group in self.work))
             w, fall = list(map(float, self.w)), list(map(float, self.fall))
-            step(self.method, plain_force(self.laws), self.laws, self.scene.pairs, w, fall, h, s, work)
+            step(self.method, interpreted, self.plain_laws, self.plain_laws, w, fall, h, s, work)
         return t, s.xi, s.v, s.force
 
     def last_row(self, status: Status, t_end: float) -> Row:
@@ -229,8 +239,8 @@ class Stepper:
         )
 
     def _receding(self) -> bool:
-        v = self.s.v
-        return all(v[c + 1] >= v[c] for c in range(len(v) - 1))
+        lower, upper = self.scene.sides(np.asarray(self.s.v))
+        return bool((upper >= lower).all())
 
     def _try_to_compile(self) -> None:
         self.engine = "plain"

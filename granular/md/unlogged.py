@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from collections import namedtuple
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from granular._kernels import kernel
-from granular.laws import traits
+from granular.laws.contact_law import PairLaw
+from granular.laws.kinds import SceneLaws
 from granular.md.bulk import LENGTH, REACH, ROWS, Chain, Given, leap
 from granular.md.march import march
 from granular.md.steps import VERLET, accelerations
-from granular.scene import Pair
 
 Bulk = namedtuple("Bulk", "given old new work")
 """What `leap` needs; `old` is the state of the run itself."""
@@ -25,31 +25,26 @@ PROBES = ((0.3, 0.7), (1.7e-3, -2.9), (5.3e-7, 0.011), (41.0, -0.13))
 """Overlaps and rates at which a law must give the very number of its power form."""
 
 
-def power_rows(laws: Sequence[Any], pairs: Sequence[Pair]) -> tuple[list[float], list[float], bool] | None:
+def power_rows(laws: SceneLaws) -> tuple[list[float], list[float], bool] | None:
     """Return k and γ of each pair, and whether √ξ is a factor, if all laws are √ξ (k ξ + γ ξ̇) or all k ξ + γ ξ̇."""
-    if any(getattr(law, "memory", False) for law in laws):
+    roots = {_has_root(law) for law in laws.each}
+    if len(roots) != 1 or None in roots:
         return None
-    forms, seen = [], set()
-    for law, pair in zip(laws, pairs, strict=True):
-        form = traits.power_form(law, pair)
-        if form is None or (form[1], form[3] if form[2] else form[1] - 1.0) not in ((1.5, 0.5), (1.0, 0.0)):
-            return None
-        if (id(law), form) not in seen and not _to_the_bit(law, pair, form):
-            return None
-        seen.add((id(law), form))
-        forms.append(form)
-    if len({form[1] for form in forms}) != 1:
-        return None
-    return [form[0] for form in forms], [form[2] for form in forms], forms[0][1] == 1.5
+    k, _, gamma, _ = laws.column(lambda law: law.form).T.tolist()
+    return k, gamma, bool(roots.pop())
 
 
-def _to_the_bit(law: Any, pair: Pair, form: tuple[float, float, float, float]) -> bool:
-    """Whether a law computes just as its form is computed in bulk, tried at a few points."""
-    k, p, gamma, _ = form
-    return all(
-        law.force(xi, rate, pair) == (math.sqrt(xi) if p == 1.5 else 1.0) * (k * xi + gamma * rate)
-        for xi, rate in PROBES
+def _has_root(law: PairLaw) -> bool | None:
+    """Whether a law computes just as √ξ (k ξ + γ ξ̇), or as k ξ + γ ξ̇, tried at a few points; None if neither."""
+    if law.form is None:
+        return None
+    k, p, gamma, d = law.form
+    if (p, d if gamma else p - 1.0) not in ((1.5, 0.5), (1.0, 0.0)):
+        return None
+    alike = all(
+        law.given(xi, rate, xi) == (math.sqrt(xi) if p == 1.5 else 1.0) * (k * xi + gamma * rate) for xi, rate in PROBES
     )
+    return p == 1.5 if alike else None
 
 
 def bulk(

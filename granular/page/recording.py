@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from granular._check import Array
-from granular.scene import Scene, positions
-from granular.trajectory import Trajectory
+from granular.scene import Scene
+from granular.trajectory import Trajectory, points
 
 NUMBERS = 400_000
 """Most positions of bodies kept: rows times bodies."""
@@ -51,8 +50,8 @@ def recorded(run: Trajectory, name: str) -> dict[str, Any]:
         "walls": np.flatnonzero(run.scene.is_wall).tolist(),
         "time": packed(thin.time, np.float64),
         "span": [float(run.time[0]), float(run.time[-1])],
-        "offset": packed((run.position[0] - without_radii(part(run, rows[:1]))[0])[bodies]),
-        "path": packed(without_radii(thin)[:, bodies]),
+        "offset": packed((run.position[0] - points(part(run, rows[:1]))[0])[bodies]),
+        "path": packed(points(thin)[:, bodies]),
         "energy": packed(np.nan_to_num(thin.energy(), nan=0.0), np.float64),
         "contacts": contacts(run, kept),
         "map": contact_map(run),
@@ -84,12 +83,6 @@ def part(run: Trajectory, rows: np.ndarray[Any, np.dtype[np.int64]]) -> Trajecto
     return replace(run, **arrays, force=None if run.force is None else run.force[rows])
 
 
-def without_radii(run: Trajectory) -> Array:
-    """Return positions of the same balls as points: where two touch they are the same."""
-    points = run.scene.replace(radius=np.zeros(run.scene.n), origin=0.0)
-    return positions(points, run.gap, run.time - run.time[0])
-
-
 def contacts(run: Trajectory, kept: np.ndarray[Any, np.dtype[np.int64]]) -> dict[str, Any]:
     """Return the log of the contacts kept, column by column; a contact still open ends with the run."""
     log = run.contacts[kept]
@@ -109,8 +102,8 @@ def contacts(run: Trajectory, kept: np.ndarray[Any, np.dtype[np.int64]]) -> dict
 def contact_map(run: Trajectory) -> dict[str, Any]:
     """Return how many contacts were under way in each cell of a grid of time and pairs; all are counted."""
     start, span = float(run.time[0]), float(run.time[-1] - run.time[0]) or 1.0
-    columns, lanes = MAP[0], min(MAP[1], run.scene.n - 1)
-    lane = run.contacts["pair"].astype(np.int64) * lanes // (run.scene.n - 1)
+    columns, lanes = MAP[0], min(MAP[1], run.scene.n_pairs)
+    lane = run.contacts["pair"].astype(np.int64) * lanes // run.scene.n_pairs
     end = np.where(np.isnan(run.contacts["t_end"]), run.time[-1], run.contacts["t_end"])
     first, last = (
         np.clip(((t - start) / span * columns).astype(np.int64), 0, columns - 1) for t in (run.contacts["t_begin"], end)

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from granular.plot import HARD, SOFT, _matplotlib
+from granular._optional import optional
+from granular.plot import HARD, SOFT
 
 COLUMN, PAGE = 3.4, 7.0
 """Widths in inches."""
@@ -18,7 +19,7 @@ __all__ = ["COLUMN", "FLOOR", "GREY", "HARD", "PAGE", "SOFT", "canvas", "colours
 
 def style() -> AbstractContextManager[None]:
     """Settings of matplotlib within which a figure is drawn and saved."""
-    _matplotlib()
+    optional("matplotlib.figure", "plot")
     import matplotlib
 
     settings: dict[str, Any] = {
@@ -34,7 +35,7 @@ def style() -> AbstractContextManager[None]:
 
 def canvas(width: float, height: float, *shape: int, **options: Any) -> tuple[Any, Any]:
     """Return a figure of this size in inches, and its axes as an array of `shape`."""
-    figure = _matplotlib()(figsize=(width, height), layout="constrained")
+    figure = optional("matplotlib.figure", "plot").Figure(figsize=(width, height), layout="constrained")
     rows, columns = shape or (1, 1)
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 

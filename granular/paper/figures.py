@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from granular import _check, _files
 from granular.paper import breakdown, forces, maps, material, predictors, ratios, sequence, sketch, viscoelastic
@@ -98,18 +95,7 @@ def make(name: str, folder: str | PathLike[str] = ".", *, points: int | None = N
         _files.write_figure(picture, drawn, dpi=300)
     numbers = picture.with_suffix(".json" if isinstance(data, dict) else ".nc")
     if isinstance(data, dict):
-        _files.write_text(numbers, json.dumps({"figure": figure.about, **_plain(data), **_files.provenance()}) + "\n")
+        _files.write_json(numbers, {"figure": figure.about, **data, **_files.provenance()}, indent=None)
     else:
         store.write(data, numbers)
     return [picture, numbers]
-
-
-def _plain(value: Any) -> Any:
-    """The same for JSON: lists for arrays, None for nan."""
-    if isinstance(value, dict):
-        return {str(key): _plain(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and value != value else value

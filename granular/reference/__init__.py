@@ -12,7 +12,10 @@ from typing import Any
 
 from granular import _check
 from granular import until as stop
-from granular.laws import traits
+from granular._optional import optional
+from granular.laws.check import checked
+from granular.laws.contact_law import Form, PairLaw
+from granular.laws.kinds import SceneLaws
 from granular.reference.log import Reference, ReferenceContact, distance
 from granular.scene import Scene
 
@@ -52,46 +55,41 @@ def solve(
     ValueError
         If the scene does not come to an end.
     """
-    laws = traits.checked(law, scene)
-    stop.checked(until, scene.n - 1)
+    laws = checked(law, scene)
+    stop.checked(until, scene.n_pairs)
     end = None if t_end is None else _check.number("t_end", t_end, at_least=0.0)
     whole = _check.whole("digits", digits, at_least=20, at_most=200)
-    forms = [power_series(one, pair) for one, pair in zip(laws, scene.pairs, strict=True)]
+    forms = [power_series(one) for one in laws]
     if all(form is not None for form in forms):
         return _by_series(scene, forms, until, end, whole)
     return _restarted(scene, laws, until, end)
 
 
-def power_series(law: Any, pair: Any) -> tuple[float, float, float, float] | None:
+def power_series(law: PairLaw) -> Form | None:
     """(k, p, γ, d) of a law whose force has a power series in a root of ξ, else None."""
     from granular.reference.motion import fraction
 
-    form = None if getattr(law, "memory", False) else traits.power_form(law, pair)
-    if form is None:
+    if law.form is None:
         return None
     try:
-        fraction(form[1]), fraction(form[3])
+        fraction(law.form[1]), fraction(law.form[3])
     except ValueError:
         return None
-    return form
+    return law.form
 
 
 def _by_series(scene: Scene, forms: Any, until: stop.Until | None, t_end: float | None, digits: int) -> Reference:
-    try:
-        from mpmath import MPContext
-    except ImportError:
-        advice = "pip install mpmath"
-        raise ImportError(f"the reference needs mpmath, which is not installed: {advice}.") from None
+    mpmath = optional("mpmath", "the reference")
     from granular.reference import events
 
     fine, coarse = (events.solve(scene, forms, until, t_end, d) for d in (digits, digits - FEWER))
-    many = MPContext()
+    many = mpmath.MPContext()
     many.dps = digits + FEWER
     v_error, t_error = distance(fine, coarse, many.mpf)
     return replace(fine, velocity_error=v_error, time_error=t_error)
 
 
-def _restarted(scene: Scene, laws: Any, until: stop.Until | None, t_end: float | None) -> Reference:
+def _restarted(scene: Scene, laws: SceneLaws, until: stop.Until | None, t_end: float | None) -> Reference:
     from granular.reference import restarted
 
     fine, coarse = (restarted.solve(scene, laws, until, t_end, "DOP853", rtol)[0] for rtol in TOLERANCES)

@@ -7,7 +7,7 @@ from typing import Any
 
 from granular import until as stop
 from granular.reference.log import Logbook, Reference
-from granular.reference.modes import ACTIVE, DORMANT, OPEN, RESIDUAL, disturbed
+from granular.reference.modes import ACTIVE, DORMANT, OPEN, RESIDUAL, roused
 from granular.reference.motion import Clock, Motion, Piece
 from granular.reference.series import Number, Power, first_rise, first_rise_of_parabola
 
@@ -109,7 +109,7 @@ class Run:
     def note_rest(self) -> None:
         """Remember when pairs that touch at rest were reached by a force: there their contacts begin."""
         touches = self.motion.touches
-        moved = disturbed([a.mode for a in touches], self.motion.pull)
+        moved = roused([a.mode for a in touches], self.motion.pull)
         for c, a in enumerate(touches):
             if a.mode == DORMANT and a.xi == 0 and self.motion.rate(c) == 0 and not (moved[c] and a.since):
                 a.since = (self.t, self.speeds(c)) if moved[c] else None

@@ -9,7 +9,7 @@ OPEN, ACTIVE, RESIDUAL, DORMANT = "open", "active", "residual", "dormant"
 """No overlap · a force acts · overlap, but the force is clipped to zero · touching at rest."""
 
 
-def disturbed(modes: Sequence[str], pull: Sequence[Any]) -> list[bool]:
+def roused(modes: Sequence[str], pull: Sequence[Any]) -> list[bool]:
     """Whether each pair is reached by a force through neighbours that touch, or pressed together by gravity."""
     reached = [mode == ACTIVE or (mode == DORMANT and g > 0) for mode, g in zip(modes, pull, strict=True)]
     for order in (range(1, len(modes)), range(len(modes) - 2, -1, -1)):

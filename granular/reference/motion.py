@@ -40,7 +40,7 @@ class Touch:
     exact: bool = False
     """φ is exactly zero now: the event just dealt with."""
     since: tuple[Number, tuple[Number, Number]] | None = None
-    """When the rest of a dormant pair was disturbed, and the velocities then: where its contact begins."""
+    """When a force reached the dormant pair, and the velocities then: where its contact begins."""
 
     @property
     def q(self) -> int:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
 import numpy as np
 
 from granular._check import Array
-from granular.laws import traits
-from granular.md.stability import expected_overlap
-from granular.scene import Scene, speed_scale
+from granular.laws.kinds import SceneLaws
+from granular.scene import Scene, speed_scale, velocities
 
 
 class Newton:
@@ -20,7 +16,7 @@ class Newton:
     ----------
     scene : Scene
         Where it starts.
-    laws : sequence of force laws
+    laws : SceneLaws
         One per pair.
     most : int
         Number of evaluations after which `TooMuchWork` is raised.
@@ -37,8 +33,9 @@ class Newton:
         Largest overlap in m of the present contact, for laws with memory.
     """
 
-    def __init__(self, scene: Scene, laws: Sequence[Any], most: int = 2_000_000) -> None:
-        self.scene, self.laws, self.pairs = scene, laws, scene.n - 1
+    def __init__(self, scene: Scene, laws: SceneLaws, most: int = 2_000_000) -> None:
+        self.scene, self.laws, self.pairs = scene, laws, scene.n_pairs
+        self.each, self.neighbours = list(laws), np.transpose(scene.neighbours).tolist()
         self.w: list[float] = scene.inverse_mass.tolist()
         self.pull: list[float] = scene.pull.tolist()
         self.smooth, self.clipped = [False] * self.pairs, [False] * self.pairs
@@ -47,18 +44,18 @@ class Newton:
 
     def start(self) -> Array:
         """The state at the begin: overlaps in m (negative: gaps), rates in m/s."""
-        return np.concatenate([-self.scene.gap, -np.diff(self.scene.velocity)])
+        return np.concatenate([-self.scene.gap, -self.scene.across(self.scene.velocity)])
 
     def scales(self) -> Array:
         """What overlaps and rates are about, in m and m/s: those of an impact at the scene's largest speed."""
         speed = speed_scale(self.scene) or 1.0
-        depth = [expected_overlap(law, pair, speed) for law, pair in zip(self.laws, self.scene.pairs, strict=True)]
+        depth = self.laws.column(lambda law: law.overlap_at(speed))
         return np.concatenate([depth, np.full(self.pairs, speed)])
 
     def bracket(self, c: int, xi: float, eta: float) -> float:
         """Force of pair c in N before it is clipped."""
         xi = max(xi, 0.0)
-        return traits.evaluate(self.laws[c], xi, eta, self.scene.pairs[c], max(self.top[c], xi))
+        return self.each[c].force(xi, eta, max(self.top[c], xi))
 
     def force(self, c: int, xi: float, eta: float) -> float:
         """Force of pair c in N, clipped unless the pair is known to be in contact."""
@@ -78,22 +75,17 @@ class Newton:
         force = [self.force(c, state[c], state[n + c]) for c in range(n)]
         out = state[n:] + self.pull
         for c, f in enumerate(force):
-            out[n + c] -= (w[c] + w[c + 1]) * f
-            if c > 0:
-                out[n + c] += w[c] * force[c - 1]
-            if c + 1 < n:
-                out[n + c] += w[c + 1] * force[c + 1]
+            lower, upper = self.scene.bodies(c)
+            out[n + c] -= (w[lower] + w[upper]) * f
+        for below, above in self.neighbours:
+            shared = w[self.scene.bodies(below)[1]]
+            out[n + above] += shared * force[below]
+            out[n + below] += shared * force[above]
         return np.array(out)
 
     def velocities(self, y: Array, t: float) -> Array:
         """Velocities of the bodies in m/s at time `t` after the start, from a wall's or the mass centre's."""
-        scene = self.scene
-        offset = np.concatenate([[0.0], -np.cumsum(y[self.pairs :])])
-        walls = np.flatnonzero(scene.is_wall)
-        if len(walls):
-            return np.asarray(scene.velocity[walls[0]] + offset - offset[walls[0]])
-        share = scene.mass / scene.mass.sum()
-        return np.asarray(share @ scene.velocity - scene.gravity * t + offset - share @ offset)
+        return np.asarray(velocities(self.scene, -y[None, self.pairs :], np.array([t]))[0])
 
 
 class TooMuchWork(RuntimeError):

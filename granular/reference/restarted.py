@@ -6,14 +6,14 @@ Between two contacts everything flies on parabolas and is moved there in closed 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from granular import until as stop
 from granular._check import Array
-from granular.laws import traits
+from granular.laws.kinds import SceneLaws
 from granular.reference.log import Logbook, Reference
-from granular.reference.modes import ACTIVE, DORMANT, OPEN, RESIDUAL, disturbed
+from granular.reference.modes import ACTIVE, DORMANT, OPEN, RESIDUAL, roused
 from granular.reference.newton import Newton, TooMuchWork
 from granular.reference.series import first_rise_of_parabola
 from granular.scene import Scene
@@ -25,7 +25,7 @@ Watch = tuple[Callable[[float, Array], float], int, str]
 
 
 def solve(
-    scene: Scene, laws: Sequence[Any], until: stop.Until | None, t_end: float | None, method: str, rtol: float,
+    scene: Scene, laws: SceneLaws, until: stop.Until | None, t_end: float | None, method: str, rtol: float,
     most: int = 2_000_000,
 ) -> tuple[Reference, int]:
     """Solve a scene with a method of `scipy.integrate.solve_ivp`; return it and the number of evaluations.
@@ -45,19 +45,17 @@ class Run:
     """One run under way."""
 
     def __init__(
-        self, scene: Scene, laws: Sequence[Any], until: Any, t_end: float, method: str, rtol: float, most: int
+        self, scene: Scene, laws: SceneLaws, until: Any, t_end: float, method: str, rtol: float, most: int
     ) -> None:
         self.newton, self.log, self.t, self.t_end = Newton(scene, laws, most), Logbook(until), 0.0, t_end
-        self.y, self.scales, self.n = self.newton.start(), self.newton.scales(), scene.n - 1
+        self.y, self.scales, self.n = self.newton.start(), self.newton.scales(), scene.n_pairs
         self.options = {"method": method, "rtol": rtol, "atol": rtol * self.scales}
         self.mode = [OPEN] * self.n
-        self.memory = [bool(getattr(law, "memory", False)) for law in laws]
+        self.memory = [law.memory for law in laws]
         self.loading = [True] * self.n
-        self.elastic = [
-            not traits.rate_dependent(law) and not memory for law, memory in zip(laws, self.memory, strict=True)
-        ]
+        self.elastic = [not law.rate_dependent and not law.memory for law in laws]
         self.since: dict[int, tuple[float, tuple[float, float]]] = {}
-        """When the rest of dormant pairs was disturbed, and the velocities then: where their contacts begin."""
+        """When a force reached dormant pairs, and the velocities then: where their contacts begin."""
 
     def go(self) -> str:
         """Run to the end; return why it ended."""
@@ -79,7 +77,7 @@ class Run:
 
     def step(self) -> str:
         """Go on to the next event; return why there is none, or ""."""
-        moved = disturbed(self.mode, self.newton.pull)
+        moved = roused(self.mode, self.newton.pull)
         for c, mode in enumerate(self.mode):
             self.newton.smooth[c], self.newton.clipped[c] = mode == ACTIVE, mode in (OPEN, RESIDUAL)
             if mode == DORMANT and not moved[c]:
@@ -162,7 +160,8 @@ class Run:
     def bodies(self, c: int) -> tuple[float, float]:
         """Velocities of the bodies of pair c in m/s."""
         v = self.newton.velocities(self.y, self.t)
-        return float(v[c]), float(v[c + 1])
+        lower, upper = self.newton.scene.bodies(c)
+        return float(v[lower]), float(v[upper])
 
 
 def _event(function: Callable[[float, Array], float], direction: int) -> Any:

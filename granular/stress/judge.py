@@ -17,10 +17,7 @@ from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.stress.cell import FIXED, SOFT, Again, Cell, Result, Verdict
-from granular.trajectory import Status, Trajectory
-
-ABNORMAL = (Status.max_events, Status.unstable, Status.collapse)
-"""Statuses that say: this is not the run that was asked for."""
+from granular.trajectory import EARLY, Status, Trajectory
 
 SHORT = 5_000
 """Steps at most of an interpreted run."""
@@ -44,7 +41,7 @@ def judge(cell: Cell, method: str, seconds: float, plain: bool = False) -> Resul
             said = f"{trajectory.status.name}: {trajectory.message}"
             asked = cell.cut and trajectory.status is Status.max_events
             warned = any(w.category is RuntimeWarning for w in heard)
-            flagged = (trajectory.status in ABNORMAL and not asked) or warned
+            flagged = (trajectory.status in EARLY and not asked) or warned
             verdict = verdict_on(error, tolerance, flagged)
         except OutOfTime:
             verdict, said = Verdict.limit, f"no end within {seconds:g} s"

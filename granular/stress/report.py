@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from collections.abc import Sequence
@@ -94,7 +93,7 @@ class StabilityReport:
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain values, with provenance; nan and inf become None."""
         cells = [asdict(cell) | {"verdict": cell.verdict.name} for cell in self.cells]
-        plain: dict[str, Any] = _finite({
+        plain: dict[str, Any] = _files.plain({
             "quick": self.quick, "cells": cells, "limits": [asdict(row) for row in self.limits],
             "drifts": [asdict(row) for row in self.drifts], "provenance": _files.provenance(),
         })  # fmt: skip
@@ -102,7 +101,7 @@ class StabilityReport:
 
     def to_json(self, path: str | PathLike[str]) -> None:
         """Write `to_dict` to a file, whole or not at all."""
-        _files.write_text(path, json.dumps(self.to_dict(), indent=1, ensure_ascii=False) + "\n")
+        _files.write_json(path, self.to_dict())
 
     def __str__(self) -> str:
         parts = [f"{title}\n{_aligned(rows)}" for title, rows in self.tables().items()]
@@ -123,11 +122,3 @@ def _aligned(rows: Sequence[Sequence[str]]) -> str:
 
 def _number(value: float, form: str) -> str:
     return format(value, form) if math.isfinite(value) else "–"
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _finite(one) for name, one in value.items()}
-    if isinstance(value, list):
-        return [_finite(one) for one in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -115,12 +115,15 @@ def kept(run: Trajectory, end: float) -> bool:
 
 def unbalanced(run: Trajectory) -> float:
     """Return how far each ball's momentum is from the impulses of the log and its weight, as a part of the largest."""
-    impulse = np.zeros(len(run.scene.gap) + 2)
-    np.add.at(impulse, run.contacts["pair"] + 1, run.contacts["impulse"])
+    impulse, push = np.zeros(run.scene.n_pairs), np.zeros(run.scene.n)
+    np.add.at(impulse, run.contacts["pair"], run.contacts["impulse"])
+    lower, upper = run.scene.bodies(np.arange(run.scene.n_pairs))
+    push[upper] += impulse
+    push[lower] -= impulse
     balls = ~run.scene.is_wall
     time = run.time[-1] - run.time[0]
     gain = run.scene.mass[balls] * (run.velocity[-1] - run.velocity[0] + run.scene.gravity * time)[balls]
-    return float(np.abs(gain - (impulse[:-1] - impulse[1:])[balls]).max() / impulse.max())
+    return float(np.abs(gain - push[balls]).max() / impulse.max())
 
 
 def _cell(case: str, scene: Scene, law: Any, end: float, expected: Truth, tolerance: float = 1e-11) -> Cell:

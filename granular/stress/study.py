@@ -46,7 +46,7 @@ def stability(
     *,
     quick: bool = False,
     seconds: float = 20.0,
-    on_progress: Callable[[str, int], object] | None = None,
+    on_progress: Callable[[float, int], object] | None = None,
 ) -> StabilityReport:
     """Run stiff and extreme cases by every method: does it survive, and does it say so when it does not?
 
@@ -61,7 +61,7 @@ def stability(
     seconds : float
         Wall-clock limit of a cell in s; the verdict is then `limit`. It needs the main thread of a POSIX system.
     on_progress : callable, optional
-        ``on_progress(axis, cells)`` after each cell: where the study is, and how many cells are done.
+        ``on_progress(reached, count)`` after each cell: the share of the cells that is done, and their number.
 
     Returns
     -------
@@ -77,15 +77,16 @@ def stability(
     """
     who = _named("methods", methods, METHODS)
     where = _named("axes", axes, tuple(AXES))
+    _check.callback("on_progress", on_progress)
     limit = _check.number("seconds", seconds, above=0.0)
     results = []
     if not quick:
         warm_up()
-    for axis in where:
-        for cell, method in _chosen(AXES[axis](), who, quick):
-            results.append(judge(cell, method, limit, plain=quick))
-            if on_progress is not None:
-                on_progress(axis, len(results))
+    chosen = [pair for axis in where for pair in _chosen(AXES[axis](), who, quick)]
+    for cell, method in chosen:
+        results.append(judge(cell, method, limit, plain=quick))
+        if on_progress is not None:
+            on_progress(len(results) / len(chosen), len(results))
     steps = "time step" in where and any(method in FIXED for method in who)
     limits = [row for row in timestep.limits((1,) if quick else (1, 2, 20)) if row.method in who] if steps else []
     drifts = long.drifts(who, 10 if quick else 10_000) if "long runs" in where else []

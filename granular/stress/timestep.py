@@ -12,6 +12,7 @@ import numpy as np
 
 from granular import binary, md
 from granular.laws import LinearDashpot
+from granular.laws.kinds import resolved
 from granular.md.stability import LIMIT, sharpest_rate
 from granular.scene import Scene
 from granular.stress.cell import FIXED, Cell
@@ -59,7 +60,7 @@ def limits(balls: tuple[int, ...] = (1, 2, 20)) -> list[StabilityLimit]:
     for n, method in itertools.product(balls, FIXED):
         fastest = 2.0 * math.cos(0.5 * math.pi / (n + 1))
         scene = _held(n)
-        bound = sharpest_rate(scene, [LinearDashpot(1.0)] * (n + 1), [1.0] * (n + 1))
+        bound = sharpest_rate(scene, resolved([LinearDashpot(1.0)] * scene.n_pairs, scene), np.ones(scene.n_pairs))
         theory, reported = IMAGINARY[method] / fastest, LIMIT[method] / bound
         rows.append(StabilityLimit(method, n, _bisect(scene, method), theory, reported))
     return rows

@@ -128,7 +128,7 @@ def late(span: float) -> Truth:
     return Truth("the same at a late start", error)
 
 
-def beside(scene: Scene, law: Any = None) -> Truth:
+def beside(scene: Scene) -> Truth:
     """The same outcome as a scene that differs by less than rounding. Divided by the condition number."""
 
     def error(run: Trajectory, again: Again) -> float:

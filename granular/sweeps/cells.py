@@ -97,7 +97,7 @@ class _Setup(NamedTuple):
 
 
 def _fill(setup: _Setup, rows: Values, until: Any, values: dict[str, Any], left: Values) -> None:
-    """Solve the cells `rows`, of one size and one stop condition; contacts still running are left to the slow way."""
+    """Solve the cells `rows`, of one size and one stop condition; creeping piles, running contacts go the slow way."""
     used, which = np.unique(setup.scene_of[rows], return_inverse=True)
     scenes = [scene for scene in (setup.scenes[i] for i in used) if scene is not None]
     ends = np.array([math.inf if setup.t_ends[i] is None else setup.t_ends[i] for i in used], np.float64)
@@ -108,7 +108,7 @@ def _fill(setup: _Setup, rows: Values, until: Any, values: dict[str, Any], left:
     out = compiled.solve(scenes, which, law, until, ends[which])
     found = compiled.answers(out, scenes, which, ends[which], impact, eps)
     follow = {"v_rel", "eps_eff", "eps_ratio"} & values.keys()
-    done = ~found["ongoing"] if follow else np.ones(len(rows), np.bool_)
+    done = ~(found["creeps"] | (found["ongoing"] if follow else False))
     for name, array in values.items():
         fresh = found[name][done]
         array[(rows[done], *map(slice, fresh.shape[1:]))] = fresh

@@ -13,8 +13,9 @@ from granular import md
 from granular import until as stop
 from granular._check import Array
 from granular._kernels import compiled, have_numba, in_memory, kernel
+from granular.laws.contact_law import resolve
 from granular.md.located.batch import reset, scene_rows, workspace
-from granular.md.located.build import power_law
+from granular.md.located.build import power_form
 from granular.md.located.loop import (
     BINDING,
     MORE,
@@ -28,9 +29,12 @@ from granular.md.located.loop import (
     gather,
     is_begun,
     launch,
+    pause_later,
 )
-from granular.md.located.readout import look, velocities
-from granular.scene import Scene
+from granular.md.located.readout import look
+from granular.md.located.records import ACTIVE, LINEAR
+from granular.md.located.run import FIRST_LOOK
+from granular.scene import Scene, velocities
 from granular.sweeps.results import CODE, effective
 
 FAST = {"contacts", "v_rel", "t_f", "duration", "v_final", "time", "eps_eff", "eps_ratio"}
@@ -55,7 +59,7 @@ def at_hand() -> bool:
 
 def coefficients(scene: Scene, laws: Sequence[Any]) -> list[list[float]] | None:
     """(k, p, γ, d) of every pair, or None if a law is no power law."""
-    forms = [power_law(law, pair) for law, pair in zip(laws, scene.pairs, strict=True)]
+    forms = [power_form(resolve(law, pair)) for law, pair in zip(laws, scene.pairs, strict=True)]
     return None if None in forms else [list(form) for form in forms if form is not None]
 
 
@@ -70,15 +74,15 @@ def solve(scenes: Sequence[Scene], which: Any, law: Array, until: stop.Until | N
     mass, gap, velocity, gravity = (
         np.array([getattr(s, name) for s in scenes])[which] for name in ("mass", "gap", "velocity", "gravity")
     )
-    table, n = scene_rows(mass, gap, velocity, law, gravity)
-    s = workspace(n, until, *(DEFAULTS[name] for name in ("tol", "max_events", "max_steps")))
-    out = np.zeros((len(table), HEAD + PER_PAIR * (n - 1)))
-    compiled(solve_cells)(s, table, t_end, out, np.zeros((3, n - 1)))
+    table, p = scene_rows(mass, gap, velocity, law, gravity)
+    s = workspace(p, until, *(DEFAULTS[name] for name in ("tol", "max_events", "max_steps")))
+    out = np.zeros((len(table), HEAD + PER_PAIR * p))
+    compiled(solve_cells)(s, table, t_end, out, np.zeros((3, p)))
     return out
 
 
 def answers(out: Array, scenes: Sequence[Scene], which: Any, t_end: Array, impact: Array, eps: Array) -> dict[str, Any]:
-    """Results by name from the rows of `solve`, with impact speed and ε_spec of each cell; also ``ongoing``."""
+    """Results by name from the rows of `solve`, with impact speed and ε_spec of each cell; `ongoing`, `creeps`."""
     pairs = out[:, HEAD:].reshape(len(out), -1, PER_PAIR)
     ongoing = pairs[..., ONGOING] != 0.0
     v_rel = np.where(ongoing, math.nan, pairs[..., UPPER] - pairs[..., LOWER])
@@ -94,6 +98,7 @@ def answers(out: Array, scenes: Sequence[Scene], which: Any, t_end: Array, impac
         "eps_eff": eps_eff,
         "eps_ratio": eps_eff / eps,
         "ongoing": ongoing.any(axis=1),
+        "creeps": out[:, WHY] == MORE,
     }
 
 
@@ -107,7 +112,7 @@ def _status(out: Array, t_end: Array) -> Any:
 
 
 def _final_velocities(scenes: Sequence[Scene], which: Any, rate: Array, time: Array) -> Array:
-    """Velocities of all bodies, as `granular.md.located.readout.velocities` finds them."""
+    """Velocities of all bodies, as `granular.scene.velocities` finds them."""
     if all(scene.is_wall[0] for scene in scenes):
         floor = np.array([scene.velocity[0] for scene in scenes])[which]
         offset = np.concatenate([np.zeros((len(rate), 1)), np.cumsum(rate, axis=-1)], axis=-1)
@@ -120,7 +125,7 @@ def _final_velocities(scenes: Sequence[Scene], which: Any, rate: Array, time: Ar
 @kernel
 def solve_cells(s: Any, table: Any, t_end: Any, out: Any, scratch: Any) -> None:
     """Solve every scene of `table` in the workspace `s`, from start to end."""
-    n = len(s.pairs) - 1
+    n = len(s.pairs)
     for i in range(len(table)):
         reset(s, table[i])
         row = out[i]
@@ -132,12 +137,24 @@ def solve_cells(s: Any, table: Any, t_end: Any, out: Any, scratch: Any) -> None:
         if not launch(s, None):
             why, row[LAUNCHED] = STOPPED, 0.0
         harvest(s, row)
-        while why == MORE:
+        s.run[0].pause = FIRST_LOOK
+        while why == MORE and not may_creep(s):
+            if s.run[0].steps >= s.run[0].pause:
+                pause_later(s)
             why = advance(s, t_end[i], CHUNK, None)
             harvest(s, row)
         row[WHY] = why
         row[TIME] = t_end[i] if why == REACHED or (why == QUIET and t_end[i] < math.inf) else s.run[0].t
         finish(s, n, row, scratch)
+
+
+@kernel
+def may_creep(s: Any) -> bool:
+    """Return whether a run by itself would now look whether a pile creeps, and go on by its modes; left to that."""
+    if s.run[0].steps < s.run[0].pause or s.bodies[0].inverse_mass > 0.0 or s.pairs[0].slot < 0:
+        return False
+    first = s.pool[s.pairs[0].slot]
+    return bool(first.mode == ACTIVE and first.kind == LINEAR and first.gamma > 0.0)
 
 
 @kernel

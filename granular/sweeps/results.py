@@ -77,19 +77,19 @@ class Answer:
 
     def last(self, run: Trajectory, field: str) -> list[Any]:
         """A field of the log for the last contact of each pair; nan without one."""
-        logs = [run.of(c) for c in range(run.scene.n - 1)]
+        logs = [run.of(c) for c in range(run.scene.n_pairs)]
         return [log[field][-1] if len(log) else math.nan for log in logs]
 
     def v_rel(self) -> list[float]:
         """Separation speeds of the soft run in m/s."""
-        logs = [self.soft.of(c) for c in range(self.soft.scene.n - 1)]
+        logs = [self.soft.of(c) for c in range(self.soft.scene.n_pairs)]
         if any(len(log) and math.isnan(log["t_end"][-1]) for log in logs):
             return [pair.soft_v_rel for pair in self.pairs]
         return [float(log["v_out"][-1][1] - log["v_out"][-1][0]) if len(log) else math.nan for log in logs]
 
     def longest(self) -> list[float]:
         """Longest completed contact of each pair in s."""
-        logs = [self.soft.of(c) for c in range(self.soft.scene.n - 1)]
+        logs = [self.soft.of(c) for c in range(self.soft.scene.n_pairs)]
         return [max((float(d) for d in log["duration"][~np.isnan(log["t_end"])]), default=math.nan) for log in logs]
 
     def eps_eff(self) -> float:
@@ -130,7 +130,7 @@ def _measure(name: str, about: str, units: str = "1") -> Result:
 
 RESULTS = {
     "contacts": Result("pair", "1", "contacts, soft spheres", lambda a: [p.count(c) for p in [a.soft]
-                       for c in range(p.scene.n - 1)], -1),
+                       for c in range(p.scene.n_pairs)], -1),
     "v_rel": Result("pair", "m s-1", "separation speed after the pair's last contact, soft", lambda a: a.v_rel()),
     "t_f": Result("pair", "s", "end of the pair's last contact, soft", lambda a: a.last(a.soft, "t_end")),
     "duration": Result("pair", "s", "longest contact, soft", lambda a: a.longest()),
@@ -139,7 +139,7 @@ RESULTS = {
     "eps_eff": Result("", "1", "ε with which independent collisions give v_rel", lambda a: a.eps_eff()),
     "eps_ratio": Result("", "1", "ε_eff/ε_spec, floor and two balls", lambda a: a.eps_ratio()),
     "hard_contacts": Result("pair", "1", "contacts, hard spheres", lambda a: [a.hard.count(c) for c in
-                            range(a.hard.scene.n - 1)], -1),
+                            range(a.hard.scene.n_pairs)], -1),
     "hard_v_final": Result("body", "m s-1", "velocity at the end, hard", lambda a: a.hard.velocity[-1]),
     "hard_status": Result("", "1", "status of the hard run", lambda a: CODE[a.hard.status.name], NOT_RUN),
     "error": Result("", "1", "largest difference of a leaving velocity or separation speed, hard to soft, per impact "

@@ -38,7 +38,7 @@ def sweep(
     precision: float = 1e-6,
     save: str | PathLike[str] | None = None,
     executor: Executor | None = None,
-    on_progress: Callable[[int, int], object] | None = None,
+    on_progress: Callable[[float, int], object] | None = None,
     **fixed: Any,
 ) -> xarray.Dataset:
     """Solve a scene for every combination of some parameters.
@@ -68,7 +68,8 @@ def sweep(
         Where to run: a ``ProcessPoolExecutor``, ``client.get_executor()`` of dask, an ``MPIPoolExecutor``; default
         this process. The result is the same, bit for bit.
     on_progress : callable, optional
-        Called with the numbers of cells done and of all cells.
+        ``on_progress(reached, count)`` now and then: the share of this call's cells that is solved, and the number of
+        all cells that are, those of a file included.
     **fixed
         Parameters that all cells share.
 
@@ -86,6 +87,7 @@ def sweep(
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise TypeError(f"executor is {executor!r}: an object with submit() is needed, such as a ProcessPoolExecutor "
                         "or client.get_executor() of dask.")  # fmt: skip
+    _check.callback("on_progress", on_progress)
     store.xarray_()
     varied = axes.checked(over)
     asked = (results,) if isinstance(results, str) or callable(results) else tuple(results)
@@ -118,13 +120,13 @@ class _Job:
         missing = np.flatnonzero(self.values["status"] == NOT_RUN)
         if not len(missing):
             return
-        done = len(self.columns[0]) - len(missing)
+        known = done = len(self.columns[0]) - len(missing)
         try:
             for places, block in schedule.batches(self.plan, self.columns, self.bodies, missing, executor):
                 self.take(places, block)
                 done += len(places)
                 if self.on_progress is not None:
-                    self.on_progress(done, len(self.columns[0]))
+                    self.on_progress((done - known) / len(missing), done)
                 if self.save is not None and time.monotonic() > self.saved + SAVE_EVERY:
                     self.write()
         finally:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular import _files
+from granular._optional import optional
 from granular.sweeps import axes
 from granular.sweeps.axes import Values
 from granular.sweeps.plan import Plan
@@ -20,12 +21,8 @@ if TYPE_CHECKING:
 
 
 def xarray_() -> Any:
-    """Return the module xarray, or raise `ImportError` that says how to install it."""
-    try:
-        import xarray
-    except ImportError:
-        raise ImportError("sweep needs xarray, which is not installed: pip install xarray netCDF4.") from None
-    return xarray
+    """Return the module xarray."""
+    return optional("xarray", "sweep", "xarray netCDF4")
 
 
 def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: dict[str, Any]) -> xarray.Dataset:
@@ -62,11 +59,7 @@ def question(plan: Plan) -> str:
 
 def write(data: xarray.Dataset, path: str | PathLike[str]) -> None:
     """Write a data set to a netCDF file, whole or not at all."""
-    try:
-        import netCDF4  # noqa: F401
-    except ImportError:
-        raise ImportError("a netCDF file needs netCDF4, which is not installed: pip install xarray netCDF4.") \
-            from None
+    optional("netCDF4", "a netCDF file", "xarray netCDF4")
     _files.write(path, lambda draft: data.to_netcdf(draft, engine="netcdf4"))
 
 
@@ -76,13 +69,15 @@ def resume(path: str | PathLike[str], plan: Plan, over: dict[str, Values], value
     Raises
     ------
     ValueError
-        If the file holds the answers to another question.
+        If the file holds the answers to another question, or is of a later version.
     """
     if not os.path.exists(path):
         return {}
     xr = xarray_()
     with xr.open_dataset(path, engine="netcdf4", decode_cf=False) as stored:
         data = stored.load()
+    provenance = json.loads(data.attrs.get("provenance", "{}"))
+    _files.check_format(path, provenance.get("format", 1))
     same = data.attrs.get("question") == question(plan) and all(
         name in data and np.array_equal(data[name].values.astype(array.dtype), array) for name, array in over.items()
     )

@@ -7,6 +7,7 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from granular import _files
+from granular._optional import optional
 from granular.workprecision.result import NEAR
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ LEAST = 2e-17
 
 def frontier_figure(report: Frontier, path: str | PathLike[str] | None = None) -> Any:
     """Draw a frontier; return the matplotlib figure, or save it (format by the file's ending) and return None."""
-    figure_class = _matplotlib()
+    figure_class = optional("matplotlib.figure", "plot").Figure
     figure = figure_class(figsize=(7.1, 4.4), layout="constrained")
     axes = figure.subplots(1, 2, sharex=True, sharey=True)
     quantities = ("velocity_error", "time_error")
@@ -127,11 +128,3 @@ def _title(report: Frontier) -> str:
         f"{on.get('processor')}, one core; Python {on.get('python')}, NumPy {on.get('numpy')}, "
         f"SciPy {on.get('scipy')}, numba {on.get('numba')}"
     )
-
-
-def _matplotlib() -> Any:
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise ImportError("plot needs matplotlib, which is not installed: pip install matplotlib.") from None
-    return Figure

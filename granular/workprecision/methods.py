@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from granular import edmd, md
 from granular import until as stop
 from granular.binary import restitution_of
-from granular.laws import traits
+from granular.laws.kinds import SceneLaws, resolved
 from granular.md.steps import METHODS as FIXED
 from granular.reference import Reference, ReferenceContact
 from granular.scene import Scene
@@ -56,6 +57,11 @@ class Task:
     t_end: float | None
     truth: Reference
 
+    @cached_property
+    def resolved(self) -> SceneLaws:
+        """The laws, asked what they are."""
+        return resolved(self.laws, self.scene)
+
 
 def own(task: Task, names: Sequence[str]) -> list[Method]:
     """The methods of this package among `names`."""
@@ -71,7 +77,7 @@ def own(task: Task, names: Sequence[str]) -> list[Method]:
 
 
 def _located(task: Task) -> Method:
-    linear, engine = all(hasattr(law, "linear") for law in task.laws), _engine(task, "located")
+    linear, engine = all(law.is_linear for law in task.resolved.each), _engine(task, "located")
 
     def run(tol: float) -> Outcome:
         options: dict[str, Any] = {"engine": engine} | ({} if linear else {"tol": tol})
@@ -131,12 +137,12 @@ def _outcome(run: Trajectory, unit: str) -> Outcome:
 def expected_order(task: Task, name: str) -> tuple[float, float]:
     """Textbook order p of a fixed-step method, and min(p, 1+s), s the power of time with which forces begin."""
     starts = []
-    for law, pair in zip(task.laws, task.scene.pairs, strict=True):
-        form = traits.power_form(law, pair)
-        if form is None:
-            elastic = not traits.rate_dependent(law) and hasattr(law, "exponent")
-            starts.append(float(law.exponent) if elastic else math.nan)
+    for law in task.resolved.each:
+        if law.form is not None:
+            starts.append(law.form[3] if law.form[2] else law.form[1])
+        elif law.exponent is None or law.rate_dependent:
+            starts.append(math.nan)
         else:
-            starts.append(form[3] if form[2] else form[1])
+            starts.append(float(law.exponent))
     least = math.nan if any(map(math.isnan, starts)) else min(starts)
     return TEXTBOOK[name], min(TEXTBOOK[name], 1.0 + least) if not math.isnan(least) else math.nan

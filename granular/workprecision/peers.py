@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array
-from granular.laws import traits
 from granular.reference import ReferenceContact, restarted
 from granular.reference.log import Logbook
 from granular.reference.newton import Newton, TooMuchWork
@@ -32,7 +31,7 @@ def peers(task: Task, names: Sequence[str]) -> list[Method]:
     for name in (name for name in names if name in NAMES):
         solver = SOLVERS[name.partition("+")[0]]
         plain = "+" not in name
-        if plain and any(getattr(law, "memory", False) for law in task.laws):
+        if plain and any(law.memory for law in task.resolved.each):
             continue  # the largest overlap cannot be known inside a step
         found.append(_without_events(task, name, solver) if plain else _with_events(task, name, solver))
     return found
@@ -41,7 +40,7 @@ def peers(task: Task, names: Sequence[str]) -> list[Method]:
 def _with_events(task: Task, name: str, solver: str) -> Method:
     def run(rtol: float) -> Outcome:
         try:
-            done, work = restarted.solve(task.scene, task.laws, task.until, task.t_end, solver, rtol, MOST)
+            done, work = restarted.solve(task.scene, task.resolved, task.until, task.t_end, solver, rtol, MOST)
         except TooMuchWork:
             return _stopped()
         return Outcome(lambda: done.contacts, work, "evaluations", done.status)
@@ -57,7 +56,7 @@ def _without_events(task: Task, name: str, solver: str) -> Method:
     def run(rtol: float) -> Outcome:
         from scipy.integrate import solve_ivp
 
-        newton = Newton(task.scene, task.laws, MOST)
+        newton = Newton(task.scene, task.resolved, MOST)
         options: dict[str, Any] = {"method": solver, "rtol": rtol, "atol": rtol * newton.scales()}
         try:
             done = solve_ivp(newton, (0.0, end), newton.start(), dense_output=True, **options)
@@ -86,7 +85,8 @@ def _read(task: Task, newton: Newton, done: Any) -> tuple[ReferenceContact, ...]
             changes.append((0.0, c, True))
     for t, c, begins in sorted(changes):
         v = newton.velocities(done.sol(t), t)
-        speeds = (float(v[c]), float(v[c + 1]))
+        lower, upper = task.scene.bodies(c)
+        speeds = (float(v[lower]), float(v[upper]))
         if begins and log.begin(c, t, speeds):
             break
         if not begins:
@@ -106,7 +106,7 @@ def _zero(task: Task, newton: Newton, state: Any, c: int, a: float, b: float) ->
         return newton.bracket(c, float(y[c]), float(y[newton.pairs + c]))
 
     crosses = (overlap(a) > 0.0) != (overlap(b) > 0.0)
-    function = overlap if crosses or not traits.rate_dependent(task.laws[c]) else push
+    function = overlap if crosses or not task.resolved[c].rate_dependent else push
     if (function(a) > 0.0) == (function(b) > 0.0):
         return a
     return float(brentq(function, a, b, xtol=1e-300, rtol=1e-15))

@@ -142,11 +142,9 @@ class Frontier:
 
     def to_json(self, path: str | PathLike[str]) -> None:
         """Write `to_dict` to a file, whole or not at all."""
-        import json
-
         from granular import _files
 
-        _files.write_text(path, json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+        _files.write_json(path, self.to_dict())
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
         """Draw errors over run time; return the figure, or save it to `path` (format by the file's ending)."""

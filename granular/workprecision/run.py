@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from granular import _check, md, reference
 from granular import until as stop
-from granular.laws import traits
+from granular.laws.check import checked
 from granular.md.steps import METHODS as FIXED
 from granular.reference import Reference
 from granular.scene import Scene
@@ -38,6 +38,7 @@ def frontier(
     methods: Sequence[str] | None = None,
     repeats: int = 3,
     reference: Reference | None = None,
+    on_progress: Callable[[float, int], object] | None = None,
 ) -> Frontier:
     """Measure error against run time of every method on one scene.
 
@@ -57,6 +58,9 @@ def frontier(
     reference : Reference, optional
         What `granular.reference.solve` gave for the same scene, law and stop condition; computed if not given.
 
+    on_progress : callable, optional
+        ``on_progress(reached, count)`` after each setting of a method: the share of them that is done, their number.
+
     Returns
     -------
     Frontier
@@ -71,9 +75,10 @@ def frontier(
     Errors are the same, to the last digit, each time; run times (of the processor, on one core) are not. Number and
     place of the settings follow from the reference, not from the clock.
     """
-    laws = traits.checked(law, scene)
-    stop.checked(until, scene.n - 1)
+    laws = checked(law, scene).given
+    stop.checked(until, scene.n_pairs)
     chosen = METHODS if methods is None else tuple(_check.choice("methods", name, METHODS) for name in methods)
+    _check.callback("on_progress", on_progress)
     count = _check.whole("repeats", repeats, at_least=1)
     truth = reference or _solve(scene, laws, until, t_end)
     if not truth.durations:
@@ -83,7 +88,12 @@ def frontier(
         warnings.simplefilter("ignore")  # coarse steps and wide tolerances are tried on purpose
         level = _rounding_level(task)
         tried = sorted([*ours.own(task, chosen), *peers(task, chosen)], key=lambda method: chosen.index(method.name))
-        rows = [_row(task, method, setting, count, level) for method in tried for setting in method.settings]
+        todo = [(method, setting) for method in tried for setting in method.settings]
+        rows = []
+        for method, setting in todo:
+            rows.append(_row(task, method, setting, count, level))
+            if on_progress is not None:
+                on_progress(len(rows) / len(todo), len(rows))
     return Frontier(
         scene, laws, until, t_end, truth, tuple(rows), {method.name: method.dial for method in tried},
         {name: ours.expected_order(task, name) for name in chosen if name in FIXED}, level, machine(),
@@ -105,7 +115,7 @@ def _row(task: Task, method: Method, setting: float, repeats: int, level: float)
         best = min(best, last)
         if last > LONG:
             break
-    velocity, times, wrong = errors(task.truth, outcome.contacts(), task.scene.n - 1)
+    velocity, times, wrong = errors(task.truth, outcome.contacts(), task.scene.n_pairs)
     rounding = velocity <= NEAR * level and not wrong
     return Row(method.name, setting, velocity, times, wrong, rounding, best, outcome.work, outcome.unit, outcome.status)
 
@@ -114,7 +124,7 @@ def _rounding_level(task: Task) -> float:
     """How far velocities move, in impact speeds, when gaps and velocities move by one unit in the last digit."""
     runs = [md.simulate(scene, task.laws, until=task.until, t_end=task.t_end) for scene in _nudged(task.scene)]
     plain = Reference(contacts_of(runs[0]), task.truth.t_stop, "", "")
-    moved = [errors(plain, contacts_of(run), task.scene.n - 1)[0] for run in runs[1:]]
+    moved = [errors(plain, contacts_of(run), task.scene.n_pairs)[0] for run in runs[1:]]
     return max(float(np.finfo(float).eps), *(change for change in moved if not math.isnan(change)))
 
 
@@ -123,7 +133,7 @@ def _nudged(scene: Scene) -> list[Scene]:
     scenes = [scene]
     for first in (1.0, -1.0):
         sign = np.where(np.arange(scene.n) % 2, -first, first) * math.inf
-        gap = np.where(scene.gap == 0.0, 0.0, np.nextafter(scene.gap, sign[:-1]))
+        gap = np.where(scene.gap == 0.0, 0.0, np.nextafter(scene.gap, scene.sides(sign)[0]))
         velocity = np.where(scene.velocity == 0.0, 0.0, np.nextafter(scene.velocity, sign))
         scenes.append(scene.replace(gap=gap, velocity=velocity))
     return scenes

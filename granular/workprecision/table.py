@@ -7,6 +7,7 @@ from dataclasses import asdict, fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
 from granular import _files
+from granular._describe import scene_to_json
 from granular.workprecision.result import NEAR
 
 if TYPE_CHECKING:
@@ -34,11 +35,11 @@ def duration(seconds: float) -> str:
 def as_dict(report: Frontier) -> dict[str, Any]:
     """All numbers with provenance, ready for JSON (nan and inf become None)."""
     truth = report.reference
-    numbers: dict[str, Any] = _clean(
+    numbers: dict[str, Any] = _files.plain(
         {
             "provenance": _files.provenance() | {"run_on": dict(report.machine)},
             "seed": None,  # no random numbers are used; the scene is here in full
-            "scene": {f.name: _plain(getattr(report.scene, f.name)) for f in fields(report.scene)},
+            "scene": scene_to_json(report.scene),
             "law": [repr(law) for law in report.law],
             "until": repr(report.until),
             "t_end": report.t_end,
@@ -130,21 +131,11 @@ def _order(x: float) -> str:
 
 def _contact(row: Any) -> dict[str, Any]:
     numbers = {"t_begin": row.t_begin, "t_end": row.t_end, "v_in": row.v_in, "v_out": row.v_out}
-    return {"pair": row.pair} | {name: _plain(value) for name, value in numbers.items()}
+    return {"pair": row.pair} | {name: _digits(value) for name, value in numbers.items()}
 
 
-def _plain(value: Any) -> Any:
-    """Numbers as JSON has them; those of the reference with all their digits, as text."""
+def _digits(value: Any) -> Any:
+    """Numbers of the reference with all their digits, as text."""
     if isinstance(value, tuple):
-        return [_plain(v) for v in value]
-    if hasattr(value, "tolist"):
-        return ["inf" if v == math.inf else v for v in value.tolist()]
+        return [_digits(v) for v in value]
     return str(value) if hasattr(value, "_mpf_") else value
-
-
-def _clean(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: _clean(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_clean(v) for v in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -23,8 +23,8 @@ from fuzz.solver import Solution, solve
 SHIFT = 1e-11
 SHIFTS = 3
 FALLS_SHORT = 1e-12
-ROUNDING = 2e-14
-"""Of both programs, which no estimate of the truncation can know."""
+ROUNDING, OF_A_STEP = 2e-14, 3e-17
+"""Of both programs, which no estimate of the truncation can know; and what each step of the engine adds to it."""
 STEPS = 40_000
 
 
@@ -39,13 +39,14 @@ class Verdict:
     tier: str = "double"
     estimate: float = math.nan
     final: float = math.nan
+    rounding: float = ROUNDING
     spacing: float = 0.0
     notes: list[str] = field(default_factory=list)
 
     @property
     def below(self) -> bool:
         """Whether error_estimate is less than the error of the final velocities, rounding apart."""
-        return self.final - self.spacing > (self.estimate + ROUNDING) * max(1.0, self.condition)
+        return self.final - self.spacing > (self.estimate + self.rounding) * max(1.0, self.condition)
 
     @property
     def beyond(self) -> bool:
@@ -251,7 +252,8 @@ def compare(case: Case, one: Truth, run: gr.Trajectory) -> Verdict:
     pairs, numbers = observed(case, run)
     status = run.status.name
     estimate = float(run.stats["error_estimate"])
-    verdict = Verdict("ok", condition=one.condition, estimate=estimate)
+    rounding = ROUNDING + OF_A_STEP * run.stats["steps"]
+    verdict = Verdict("ok", condition=one.condition, estimate=estimate, rounding=rounding)
     if status != one.status:
         if status == "resting" and one.status == "time":
             return _resting(case, one, run, pairs, numbers, verdict)

@@ -12,6 +12,7 @@ from typing import Any
 import granular as gr
 from fuzz import forces
 from granular.scene import Pair
+from granular.stress import own
 
 NUMBERS = {
     "LinearDashpot": lambda n, root, m, k, gamma: (forces.POWER, (n(k), n(1), n(gamma), n(0))),
@@ -35,8 +36,6 @@ NUMBERS = {
 }
 """Kind and numbers of each law for the solver, from its own fields, in the arithmetic of `n`."""
 
-BUILT_IN = ("LinearDashpot", "Hertz", "ViscoelasticHertz", "TsujiHertz", "PowerLaw", "WaltonBraun")
-
 
 @dataclass(frozen=True)
 class Spec:
@@ -47,54 +46,11 @@ class Spec:
 
     def law(self) -> Any:
         """The law the engine gets."""
-        return (getattr(gr, self.name) if self.name in BUILT_IN else globals()[self.name])(*self.numbers)
+        return KINDS[self.name](*self.numbers)
 
     def by_number(self, number: Any, root: Any, m_eff: Any) -> tuple[int, tuple[Any, ...]]:
         """Kind and numbers for the solver."""
         return NUMBERS[self.name](number, root, m_eff, *self.numbers)
-
-
-@dataclass(frozen=True)
-class PlainHertz:
-    """F = k ξ^(3/2), without any trait."""
-
-    k: float
-
-    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
-        return self.k * xi * math.sqrt(xi)
-
-
-@dataclass(frozen=True)
-class PlainPower:
-    """F = k ξ^p, without any trait."""
-
-    k: float
-    exponent: float
-
-    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
-        return float(self.k * xi**self.exponent)
-
-
-@dataclass(frozen=True)
-class PlainDashpot:
-    """F = k ξ + γ ξ̇, without any trait."""
-
-    k: float
-    gamma: float
-
-    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
-        return self.k * xi + self.gamma * xi_dot
-
-
-@dataclass(frozen=True)
-class PlainViscoelastic:
-    """F = √ξ (k ξ + γ ξ̇), without any trait."""
-
-    k: float
-    gamma: float
-
-    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
-        return math.sqrt(xi) * (self.k * xi + self.gamma * xi_dot)
 
 
 @dataclass(frozen=True)
@@ -111,32 +67,6 @@ class DampedPower:
 
     def power(self, pair: Pair) -> tuple[float, float, float, float]:
         return self.k, self.p, self.gamma, self.d
-
-
-@dataclass(frozen=True)
-class TwoStiffnesses:
-    """A spring that is k2 instead of k beyond the overlap xi1: a kink."""
-
-    k: float
-    k2: float
-    xi1: float
-
-    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
-        if xi <= self.xi1:
-            return self.k * xi
-        return self.k * self.xi1 + self.k2 * (xi - self.xi1)
-
-
-@dataclass(frozen=True)
-class TwoDampings:
-    """A dashpot with one damping while loading and another while unloading: a kink in the rate."""
-
-    k: float
-    loading: float
-    unloading: float
-
-    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
-        return self.k * xi + (self.loading if xi_dot > 0.0 else self.unloading) * xi_dot
 
 
 @dataclass(frozen=True)
@@ -208,3 +138,11 @@ class Saturated:
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
         return self.k * xi + self.gamma * self.v * math.tanh(xi_dot / self.v)
+
+
+KINDS = {kind.__name__: kind for kind in (
+    gr.LinearDashpot, gr.Hertz, gr.ViscoelasticHertz, gr.TsujiHertz, gr.PowerLaw, gr.WaltonBraun, own.PlainPower,
+    own.PlainHertz, own.PlainDashpot, own.PlainViscoelastic, own.TwoStiffnesses, own.TwoDampings, DampedPower,
+    TwoViscosities, Stiffening, Exponential, Hysteresis, Saturated,
+)}  # fmt: skip
+"""Every law by its name."""

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from fuzz import motion
+from fuzz import contacts, motion, state
 from fuzz.arithmetic import DOUBLE, Arithmetic, build, functions
+from fuzz.steps import ACTIVE
 
 WHY = ("time", "until", "quiet", "touch", "tired")
 ROWS = 2000
@@ -16,7 +17,7 @@ ROWS = 2000
 
 @dataclass
 class Solution:
-    """Log rows as in `motion.end` (open contacts with nan), samples (ξ, η, -, v), state and time at the end."""
+    """Log rows as in `contacts.end` (open contacts with nan), samples (ξ, η, -, v), state and time at the end."""
 
     status: str
     time: Any
@@ -50,11 +51,11 @@ def solve(
         for i, x in enumerate(numbers):
             law[c, i] = x
     number = A.zeros(9)
-    number[motion.EPS], number[motion.TOL] = A.number(A.eps), A.number(A.tolerance)
-    number[motion.DELTA] = A.number(A.eps ** 0.25)
+    number[state.EPS], number[state.TOL] = A.number(A.eps), A.number(A.tolerance)
+    number[state.DELTA] = A.number(A.eps ** 0.25)
     contact = A.zeros(n, 6)
     contact[:, 0] = A.number(float("nan"))
-    s = motion.System(
+    s = state.System(
         np.array(kinds), law, w, fall[1:] - fall[:-1], fall, np.zeros(n, np.int64), np.zeros(n, np.int64), A.zeros(n),
         np.zeros(n, np.int64), np.zeros(n, np.int64), contact, number, A.zeros(10, 4 * n + 1),
     )  # fmt: skip
@@ -75,12 +76,12 @@ def solve(
     kept = list(log[:k])
     nan = A.number(float("nan"))
     for c in range(n):
-        if s.mode[c] == motion.ACTIVE:
+        if s.mode[c] == ACTIVE:
             m = s.contact[c]
             kept.append(A.array([c, m[0], nan, m[1], m[2], m[3], nan, nan, m[4], m[5], y[2 * n + c]]))
-    now = [build(motion.force_now, A, compiled)(s, y, c) if s.mode[c] == motion.ACTIVE else 0.0 for c in range(n)]
+    now = [build(contacts.force_now, A, compiled)(s, y, c) if s.mode[c] == ACTIVE else 0.0 for c in range(n)]
     status = WHY[why]
-    return Solution(status, number[motion.T], kept, sampled[:, :], y[:n], y[n : 2 * n], y[3 * n :], now, int(steps))
+    return Solution(status, number[state.T], kept, sampled[:, :], y[:n], y[n : 2 * n], y[3 * n :], now, int(steps))
 
 
 def _replaced(solution: Solution, status: str) -> Solution:

@@ -71,36 +71,36 @@ def solve_many(
     engine : {"compiled", "plain"}
         Compiled by numba, or interpreted.
     """
-    table, n = scene_rows(mass, gap, velocity, law, gravity)
-    s = workspace(n, until, tol, max_events, max_steps)
-    out = np.zeros((len(table), RESULT + n - 1))
+    table, p = scene_rows(mass, gap, velocity, law, gravity)
+    s = workspace(p, until, tol, max_events, max_steps)
+    out = np.zeros((len(table), RESULT + p))
     if engine == "plain":
         plain_out = out.tolist()
-        solve_rows(to_plain(s), table.tolist(), plain_out, observe % (n - 1), t_end)
+        solve_rows(to_plain(s), table.tolist(), plain_out, observe % p, t_end)
         out = np.array(plain_out)
     else:
-        compiled(solve_rows)(s, table, out, observe % (n - 1), t_end)
+        compiled(solve_rows)(s, table, out, observe % p, t_end)
     return Many(
         out[:, 0].astype(np.int64), out[:, 1], out[:, RESULT:].astype(np.int64), out[:, 2], out[:, 3], out[:, 4],
         out[:, 5] != 0.0,
     )  # fmt: skip
 
 
-def workspace(n: int, until: stop.Until | None, tol: float, max_events: int, max_steps: int) -> System:
-    """Return the workspace in which scenes of `n` bodies are solved one after the other."""
-    s = new_system(n - 1, n - 1, n - 1)
+def workspace(n_pairs: int, until: stop.Until | None, tol: float, max_events: int, max_steps: int) -> System:
+    """Return the workspace in which scenes of `n_pairs` pairs are solved one after the other."""
+    s = new_system(n_pairs, n_pairs, n_pairs)
     limit(s, until, tol, max_events, max_steps, 1)
     return s
 
 
 def scene_rows(mass: Any, gap: Any, velocity: Any, law: Any, gravity: Any) -> tuple[Array, int]:
-    """One row per scene (g; 1/m and v of every body; ξ, k, p, γ, d, kind, q of every pair), and the count of bodies."""
+    """One row per scene (g; 1/m and v of every body; ξ, k, p, γ, d, kind, q of every pair), and the count of pairs."""
     m, x, v, f, g = (np.asarray(a, np.float64) for a in (mass, gap, velocity, law, gravity))
-    n = m.shape[-1]
+    n, n_pairs = m.shape[-1], x.shape[-1]
     size = np.broadcast_shapes(m.shape[:-1], x.shape[:-1], v.shape[:-1], f.shape[:-2], g.shape, (1,))
-    table = np.zeros((*size, 1 + 2 * n + PER_PAIR * (n - 1)))
+    table = np.zeros((*size, 1 + 2 * n + PER_PAIR * n_pairs))
     bodies = table[:, 1 : 1 + 2 * n].reshape(*size, n, 2)
-    pairs = table[:, 1 + 2 * n :].reshape(*size, n - 1, PER_PAIR)
+    pairs = table[:, 1 + 2 * n :].reshape(*size, n_pairs, PER_PAIR)
     table[:, 0], bodies[..., 0], bodies[..., 1] = g, 1.0 / m, v
     pairs[..., 0], pairs[..., 1:5] = -x, f
     elastic = pairs[..., 3] == 0.0
@@ -110,7 +110,7 @@ def scene_rows(mass: Any, gap: Any, velocity: Any, law: Any, gravity: Any) -> tu
             these = (pairs[..., 2] == p) & (pairs[..., 4] == d)
             pairs[these & elastic, 5:7] = kind_and_q(1.0, p, 0.0, d)
             pairs[these & ~elastic, 5:7] = kind_and_q(1.0, p, 1.0, d)
-    return table, n
+    return table, n_pairs
 
 
 @kernel
@@ -126,7 +126,7 @@ def solve_rows(s: Any, table: Any, out: Any, observe: int, t_end: float) -> None
 def reset(s: Any, row: Any) -> None:
     """Put the scene of a table row into the workspace."""
     run = s.run[0]
-    n = len(s.pairs) - 1
+    n = len(s.pairs)
     run.pairs, run.events, run.steps, run.begun, run.rows, run.error, run.t = n, 0, 0, 0, 0, 0.0, 0.0
     run.piled, run.rests, run.members, run.waits, run.tail = 0, 0, 0, 0, 0.0
     for b in range(n + 1):

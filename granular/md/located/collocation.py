@@ -16,18 +16,19 @@ import numpy as np
 from numpy.polynomial import legendre, polynomial
 
 from granular._check import Array
-from granular.laws import traits
+from granular.laws.check import no_number
+from granular.laws.contact_law import PairLaw
+from granular.laws.kinds import SceneLaws
 from granular.md.located.events import NOTHING
 from granular.md.located.piece import value
 from granular.md.located.records import ACTIVE, DORMANT, OPEN, ORDER, RESIDUAL
 from granular.md.located.signs import next_event
 from granular.md.located.steps import amplitude
 from granular.md.located.still import lie_still
-from granular.scene import Pair
 
 POINTS = 16
 SWEEPS = 40
-SMALLEST = 5e-16
+SMALLEST = 2e-15
 """The tolerance cannot be smaller: interpolated forces carry their rounding."""
 SHORTEST, HOPELESS = 1e-14, 1e-60
 """Parts of a step to which it is halved at most: of one that converges, where the force jumps, and of any."""
@@ -39,7 +40,7 @@ EDGE = 1e-150
 SETTLED = 1024.0 * ULP
 """Part of the largest force of a contact up to which a clipped force is rounding."""
 FLAT = 1.0 - 1e-9
-"""Part of a clipped pair's overlap at which a force that is 0 there is 0 for good, as beyond a plastic overlap."""
+"""Part of an overlap at which a force that is 0, and 0 here, is 0 on the whole, as below a plastic overlap."""
 PRECISE = 3e-14
 """Error of forces, as a part of the largest: a kink in a short step hardly moves rates, but peaks are read there."""
 HYSTERESIS = 1e-13
@@ -82,11 +83,15 @@ INTEGRATE, INTEGRATE_TO_LOOKS = _integrals(_X), _integrals(2.0 * LOOKS - 1.0)
 """Integrals from 0 to each node, and to each look, of what is given at the nodes."""
 
 
+def _own_speeds(pairs: list[Any]) -> Array:
+    return np.array([p.own_speed if p.own_speed > 0.0 else 1.0 for p in pairs])
+
+
 class Collocation:
     """Forces of a scene as its laws give them, and the steps they make."""
 
-    def __init__(self, laws: tuple[Any, ...], pairs: tuple[Pair, ...]) -> None:
-        self.laws, self.pairs = laws, pairs
+    def __init__(self, laws: SceneLaws) -> None:
+        self.laws = list(laws)
         self.doubt = [0.0] * len(laws)  # N, of the interpolated forces of the current pieces
         self.largest = [0.0] * len(laws)  # N, force since the balls of the pair last parted
         self.deepest = [0.0] * len(laws)  # m, overlap since then
@@ -96,23 +101,22 @@ class Collocation:
 
         Images serve interpolation only; they keep value and slope, so that the law's own branches end at events.
         """
-        law, pair = self.laws[c], self.pairs[c]
         try:
-            return self._evaluate(law, pair, xi, eta, top, loading)
+            return self._evaluate(self.laws[c], xi, eta, top, loading)
         except OverflowError:  # the trial step is too long
             return math.inf
 
     @staticmethod
-    def _evaluate(law: Any, pair: Pair, xi: float, eta: float, top: float, loading: int) -> float:
-        memory = getattr(law, "memory", False)
+    def _evaluate(law: PairLaw, xi: float, eta: float, top: float, loading: int) -> float:
+        unloading = law.memory and not loading
 
         def branch(xi: float, eta: float) -> float:
-            return traits.evaluate(law, xi, eta, pair, top if memory and not loading else max(top, xi))
+            return law.force(xi, eta, top if unloading else max(top, xi))
 
         if xi < 0.0:
-            image = branch(min(-xi, top) if memory and not loading else -xi, -eta)
+            image = branch(min(-xi, top) if unloading else -xi, -eta)
             return branch(EDGE, eta) + branch(EDGE, -eta) - image
-        if memory and not loading and xi > top:
+        if unloading and xi > top:
             return branch(top, eta) + branch(top, -eta) - branch(max(0.0, 2.0 * top - xi), -eta)
         return branch(xi, eta)
 
@@ -125,14 +129,15 @@ class Collocation:
         reach = 0.2 * block.length / block.speed if block.speed > 0.0 else 1.0
         if block.stride > 0.0 and block.clock == 1:
             reach = block.stride
-        allowed = max(tol, SMALLEST)
+        allowed, speeds = max(tol, SMALLEST), _own_speeds(pairs)
         self._check_start(pairs, lo)
         if lie_still(pairs, partial(self._at_rest, pairs, lo)):
             return 0.0
         shortest = HOPELESS * reach
         while True:
             block.h = reach if block.clock == 1 else math.sqrt(reach)
-            force, miss, rough = self._iterate(pairs, lo, block.h, block.clock)
+            force, misses, rough = self._iterate(pairs, lo, block.h, block.clock)
+            miss = float((misses / speeds).max())
             if (miss <= allowed and rough <= PRECISE) or not reach > shortest:
                 break
             if miss < math.inf:  # so long a step converges; a far shorter one crosses a jump
@@ -145,7 +150,7 @@ class Collocation:
         self._write(pairs, lo, force, block.h, block.clock)
         if reach * block.speed < SHORT * block.length and self._write_jumps(pairs, lo):
             _integrate(pairs, block.h, block.clock)
-        return miss
+        return float(misses.max()) / block.speed if block.speed > 0.0 else 0.0
 
     def _at_rest(self, pairs: list[Any], lo: int, i: int, xi: float) -> float:
         """Force in N of a pair at an overlap, at rest."""
@@ -170,9 +175,9 @@ class Collocation:
         block.tau, block.fired, block.what = 1.0, -1, NOTHING
         for c in range(lo, records[lo].hi):
             p = pool[records[c].slot]
-            deep = self.deepest[c] if self.largest[c] > 0.0 else p.own_length
+            deep = self.deepest[c] or p.own_length
             ask = partial(self._pushes, c, p, 1e-3 * deep)
-            tau, what = next_event(p, ask, self.doubt[c], block.tau, work)
+            tau, what = next_event(p, ask, partial(self._idles, c, p), self.doubt[c], block.tau, work)
             if tau <= block.tau and what != NOTHING:
                 block.tau, block.fired, block.what = tau, c, what
 
@@ -185,7 +190,7 @@ class Collocation:
     def _pushes(self, c: int, p: Any, shallow: float, tau: float, surely: bool = False) -> bool:
         """Return whether the law of pair `c` pushes at τ (`surely`: beyond what rounding makes of a contact's end).
 
-        Up to a `shallow` overlap the force of a contact may be 0 by underflow. No rounding hides a force that is 0 all about.
+        Up to a `shallow` overlap the force of a contact may be 0 by underflow. Where it is 0 all about, any is sure.
         """
         xi = value(p.x, tau)
         force = self.force(c, xi, value(p.e, tau), p.top, p.loading)
@@ -193,12 +198,17 @@ class Collocation:
         floor = SETTLED * self.largest[c] if surely else 0.0
         return force > floor or (p.mode == ACTIVE and force == 0.0 and xi < shallow)
 
+    def _idles(self, c: int, p: Any, tau: float) -> bool:
+        """Return whether the law of pair `c` gives no force at τ, and none at slightly other overlaps."""
+        xi, eta = value(p.x, tau), value(p.e, tau)
+        return all(self.force(c, xi * part, eta, p.top, p.loading) == 0.0 for part in (FLAT, 1.0, 2.0 - FLAT))
+
     def _check_start(self, pairs: list[Any], lo: int) -> None:
         """Raise if a force at the start of the step is no number, or if nothing stops an overlap."""
         for c, p in enumerate(pairs, lo):
             if p.xi > 1e150:
                 raise ValueError(
-                    f"law of pair {c} is {self.laws[c]!r}: it lets the bodies pass through each other, and their "
+                    f"law of pair {c} is {self.laws[c].law!r}: it lets the bodies pass through each other, and their "
                     f"overlap grows for ever; a law that stops them is needed, or a t_end."
                 )
             if p.xi > 0.0 and p.mode != OPEN and p.mode != DORMANT:
@@ -214,12 +224,12 @@ class Collocation:
     def _check(self, c: int, p: Any, xi: float, eta: float) -> None:
         force = self.force(c, xi, eta, p.top, p.loading)
         if not math.isfinite(force):
-            raise traits.no_number(self.laws[c], xi, eta, self.pairs[c], force)
+            raise no_number(self.laws[c], xi, eta, force)
 
-    def _iterate(self, pairs: list[Any], lo: int, h: float, q: int) -> tuple[Array, float, float]:
-        """Return the forces (pairs, nodes) at the nodes, and errors, inf if they diverge: of rates, and of forces.
+    def _iterate(self, pairs: list[Any], lo: int, h: float, q: int) -> tuple[Array, Array, float]:
+        """Return the forces (pairs, nodes) at the nodes, and errors, inf if they diverge: of each rate, and of forces.
 
-        As parts of each pair's own speed, and of the largest force of a contact at that speed.
+        The latter as a part of the largest force of a contact at the pair's own speed.
         """
         lower, own, upper, pull, xi0, eta0 = np.array(
             [(p.lower, p.inverse, p.upper, p.pull, p.xi, p.eta) for p in pairs]
@@ -229,14 +239,14 @@ class Collocation:
         xi = xi0 + (0.5 * (eta0 + eta)) * (h * NODES) ** q
         force, worst = np.zeros_like(eta), math.inf
         acts = np.array([p.mode == ACTIVE for p in pairs])
-        speed = np.array([p.own_speed if p.own_speed > 0.0 else 1.0 for p in pairs])
-        strength = np.array([v * v / (p.inverse * amplitude(p, v * v)) for p, v in zip(pairs, speed, strict=True)])
+        speeds, diverged = _own_speeds(pairs), np.full(len(pairs), math.inf)
+        strength = np.array([v * v / (p.inverse * amplitude(p, v * v)) for p, v in zip(pairs, speeds, strict=True)])
         grain = self._grain(pairs, lo, xi, eta)
         for _ in range(SWEEPS):
             new = self._forces(pairs, lo, xi, eta)
             change, force = float(abs(new - force).max()), new
             if not change < 1e300 or change > 1e3 * worst:
-                return force, math.inf, math.inf
+                return force, diverged, math.inf
             acting = np.where(acts[:, None], force, 0.0)
             below, above = np.zeros_like(acting), np.zeros_like(acting)
             below[1:], above[:-1] = acting[:-1], acting[1:]
@@ -252,12 +262,12 @@ class Collocation:
                 between = xi0 + (eta * pace) @ INTEGRATE_TO_LOOKS.T, eta0 + (push * pace) @ INTEGRATE_TO_LOOKS.T
                 off = abs(force @ TO_LOOKS.T - self._forces(pairs, lo, *between))
                 off = np.where(off > noise[:, None], off, 0.0)
-                miss = np.maximum(tail / POINTS, (off * NEAR).max(axis=1)) * own[:, 0] / speed
+                miss = np.maximum(tail / POINTS, (off * NEAR).max(axis=1)) * own[:, 0]
                 strength = np.maximum(strength, abs(force).max(axis=1))
                 rough = np.maximum(tail, off.max(axis=1)) * acts / strength
-                return force, float(miss.max()) * h**q, float(rough.max())
+                return force, miss * h**q, float(rough.max())
             worst = change
-        return force, math.inf, math.inf
+        return force, diverged, math.inf
 
     def _grain(self, pairs: list[Any], lo: int, xi: Array, eta: Array) -> Array:
         """How much of each force one rounding of its overlap moves, where that is far more than the force's own."""

@@ -21,6 +21,9 @@ from granular._kernels import kernel
 from granular._roots import first_up_crossing
 from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, OPEN
 
+DOUBT = 1e4
+"""A pair at rest is taken to part at so many times the overlap at which it wakes: the first forces beside it, far below
+rounding, may err to either side."""
 NOTHING, BEGIN, END, PART, TURN, RELOAD = range(6)
 
 
@@ -43,7 +46,7 @@ def next_event(pair: Any, span: float, work: Any) -> tuple[float, int]:
     if pair.mode == OPEN:
         return named(first_up_crossing(pair.x, span, work), span, BEGIN)
     if pair.mode == ACTIVE:
-        asleep = pair.wake if pair.xi <= pair.wake else 0.0
+        asleep = DOUBT * pair.wake if pair.xi <= pair.wake and pair.kind == LINEAR else 0.0
         if pair.kind == ELASTIC or (pair.kind == LINEAR and pair.gamma == 0.0):
             return named(falls(pair.x, asleep, span, work), span, PART)
         if pair.kind == LINEAR:
@@ -58,14 +61,11 @@ def next_event(pair: Any, span: float, work: Any) -> tuple[float, int]:
 
 @kernel
 def next_of_dormant(pair: Any, span: float, work: Any) -> tuple[float, int]:
-    """Return when a pair that touches at rest has been pressed enough to wake, or parts. (Linear ones never sleep.)
-
-    The first forces beside it, far below rounding, may err to either side.
-    """
+    """Return when a pair that touches at rest has been pressed enough to wake, or parts. (Linear ones never sleep.)"""
     if pair.kind == LINEAR:
         return span, NOTHING
     xi = pair.x[0]
-    tau, what = named(falls(pair.x, pair.wake, span, work), span, PART)
+    tau, what = named(falls(pair.x, DOUBT * pair.wake, span, work), span, PART)
     pair.x[0] = xi - pair.wake
     again, begin = named(first_up_crossing(pair.x, tau, work), tau, BEGIN)
     pair.x[0] = xi

@@ -11,13 +11,13 @@ import math
 from typing import Any
 
 from granular._kernels import kernel
+from granular._tournament import play
 from granular.md.located.clock import since, tau_at, tick
 from granular.md.located.contacts import follow
 from granular.md.located.flight import glide_to, predict
 from granular.md.located.modes import AWAITED, NONE, engage, pushes
 from granular.md.located.piece import move
 from granular.md.located.plan import plan
-from granular.md.located.queue import play
 from granular.md.located.records import FREE, GENERAL, OPEN
 
 ULP = 2.0**-52
@@ -131,7 +131,7 @@ def regroup(s: Any, laws: Any) -> int:
                 take_off(run, pairs, pool, kinds, a)
             elif not plan(run, pairs, pool, bodies, work, a, laws):
                 outcome = STOP
-            play(queue, pairs, a)
+            play(queue, a, pairs[a].due)
             a = c
     return outcome
 
@@ -157,7 +157,7 @@ def form(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
         pairs[c].first = lo
         if c > lo and pairs[c].due < math.inf:
             pairs[c].due = math.inf
-            play(queue, pairs, c)
+            play(queue, c, math.inf)
 
 
 @kernel

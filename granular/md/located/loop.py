@@ -6,12 +6,12 @@ import math
 from typing import Any
 
 from granular._kernels import kernel
+from granular._tournament import leaf, play, replay
 from granular.md.located.clock import elapsed
 from granular.md.located.flight import arrive
 from granular.md.located.islands import FULL, STOP, bring, join, regroup, settle
 from granular.md.located.modes import act, activate
 from granular.md.located.plan import plan, settle_series
-from granular.md.located.queue import play
 from granular.md.located.records import ACTIVE, FREE, OPEN
 from granular.md.located.resting import NOT_YET, RESTS, is_still, lie, verdict
 
@@ -26,11 +26,10 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
     run, pairs, pool, bodies, queue, log, work = s.run[0], s.pairs, s.pool, s.bodies, s.queue, s.log, s.work
     for _ in range(chunk):
         if run.waits == 0:
-            lo = queue[1]
-            due = pairs[lo].due
-            if due > limit:
+            lo = queue[1].key
+            if queue[1].due > limit:
                 return REACHED
-            if due == math.inf:
+            if queue[1].due == math.inf:
                 return QUIET
             if run.begun >= run.max_events or run.steps >= run.max_steps:
                 return WORK
@@ -53,7 +52,7 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                     lie(run, pairs, pool, bodies, hi, bodies[0].v - bodies[hi].v)
                 elif not plan(run, pairs, pool, bodies, work, lo, laws):
                     return STOPPED
-                play(queue, pairs, lo)
+                play(queue, lo, pairs[lo].due)
                 continue
             if not act(run, pairs, pool, bodies, log, block, laws):
                 return STOPPED
@@ -88,7 +87,8 @@ def launch(s: Any, laws: Any) -> bool:
     for c in range(run.pairs):
         pair = pairs[c]
         pair.hi, pair.first, pair.slot, pair.due = c + 1, c, -1, math.inf
-        play(s.queue, pairs, c)
+        leaf(s.queue, c).due = math.inf
+    replay(s.queue, 0, run.pairs - 1)
     for c in range(run.pairs):
         if pairs[c].mode == ACTIVE:
             pairs[c].mode = OPEN

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
-from granular._check import Array
 from granular._flight import gap_after
 from granular._kernels import kernel
 from granular.md.located.clock import since, tau_at
 from granular.md.located.piece import value
 from granular.md.located.records import ACTIVE, FREE
-from granular.scene import Scene
 
 
 @kernel
@@ -42,24 +38,3 @@ def in_flight(pair: Any, t: float) -> tuple[float, float]:
     """Return overlap and rate at time `t` of a pair in free flight."""
     dt = max(0.0, since(pair, t, 0.0))
     return -gap_after(-pair.xi, -pair.eta, pair.pull, dt), pair.eta + pair.pull * dt
-
-
-def velocities(scene: Scene, rate: Array, elapsed: Array) -> Array:
-    """Velocities (T, n) in m/s from the rates (T, n-1) of the gaps a time `elapsed` (T,) in s after the start.
-
-    A cumulative sum from a wall, or else from the centre of mass: differences are the rates to the last digit. The
-    second look at the centre of mass matters in long chains, where the rounding of the first moves every ball.
-    """
-    offset = np.concatenate([np.zeros((len(rate), 1)), np.cumsum(rate, axis=-1)], axis=-1)
-    walls = np.flatnonzero(scene.is_wall)
-    if len(walls):
-        i = int(walls[0])
-        anchor = scene.velocity[i] - offset[:, i]
-    else:
-        share = scene.mass / scene.mass.sum()
-        centre = (share * scene.velocity).sum() - scene.gravity * elapsed
-        anchor = centre - (offset * share).sum(axis=-1)
-        offset = anchor[:, None] + offset
-        anchor = centre - (offset * share).sum(axis=-1)
-    out: Array = anchor[:, None] + offset
-    return out

@@ -3,20 +3,20 @@
 Compiled code reads one numpy record per pair, ``pairs[c].xi``; interpreted code reads plain objects with the same
 fields, so one source serves both. A pair in free flight needs little, and most pairs of a gas fly: what an island
 needs of a pair, above all its power series, is a record in the `pool`, taken when the pair joins the island and given
-back when it leaves, ``pool[pairs[c].slot]``. After the last pair comes a dummy that is never due, for the empty leaves
-of the queue.
+back when it leaves, ``pool[pairs[c].slot]``.
 """
 
 from __future__ import annotations
 
 import math
 from collections import namedtuple
-from functools import cache
 from typing import Any
 
 import numpy as np
 
+from granular._records import packed, plain
 from granular._roots import workspace
+from granular._tournament import NODE, tournament
 
 ORDER = 20
 """Order of the power series of a step."""
@@ -125,46 +125,26 @@ System = namedtuple("System", "run pairs pool kinds bodies queue log work")
 """All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder."""
 
 
-def plain(records: np.ndarray[Any, Any]) -> list[Any]:
-    """Return the records as plain objects with the same fields, for interpreted code."""
-    twin = _twin(records.dtype)
-    return [twin(record) for record in records]
-
-
-def packed(objects: list[Any], dtype: np.dtype[Any]) -> np.ndarray[Any, Any]:
-    """Return plain objects as an array of records again."""
-    assert dtype.names is not None
-    return np.array([tuple(getattr(one, name) for name in dtype.names) for one in objects], dtype)
-
-
 def to_plain(s: System) -> System:
     """Return the run for interpreted code."""
-    records = map(plain, (s.run, s.pairs, s.pool, s.kinds, s.bodies))
-    return System(*records, s.queue.tolist(), s.log.tolist(), workspace(ORDER))
+    return System._make([*map(plain, s[:6]), s.log.tolist(), workspace(ORDER)])
 
 
 def to_compiled(s: System) -> System:
     """Return the run for compiled code: same numbers, same bits."""
-    records = map(packed, (s.run, s.pairs, s.pool, s.kinds, s.bodies), (RUN, PAIR, MEMBER, KIND, BODY))
-    return System(*records, np.array(s.queue, np.int64), np.array(s.log), np.array(s.work))
+    records = map(packed, s[:6], (RUN, PAIR, MEMBER, KIND, BODY, NODE))
+    return System._make([*records, np.array(s.log), np.array(s.work)])
 
 
 def new_system(n_pairs: int, n_kinds: int, room: int) -> System:
-    """Return empty records for a scene, with the dummy at the end of its pairs and `room` places in the pool."""
-    leaves = 1
-    while leaves < n_pairs:
-        leaves *= 2
-    queue = np.full(2 * leaves, n_pairs, np.int64)
-    pairs = np.zeros(n_pairs + 1, PAIR)
+    """Return empty records for a scene, with `room` places in the pool at most."""
+    pairs, bodies, kinds = np.zeros(n_pairs, PAIR), np.zeros(n_pairs + 1, BODY), np.zeros(n_kinds, KIND)
     pairs["due"], pairs["slot"] = math.inf, -1
-    bodies = np.zeros(n_pairs + 1, BODY)
     log = np.zeros((min(max(LOG_ROWS, 2 * n_pairs), MOST_ROWS), LOG_ROW))
     run = np.zeros(1, RUN)
     run["pause"] = NO_PAUSE
-    return System(
-        run, pairs, empty_pool(min(room, n_pairs)), np.zeros(n_kinds, KIND), bodies, queue, log,
-        np.array(workspace(ORDER)),
-    )  # fmt: skip
+    pool, queue = empty_pool(min(room, n_pairs)), tournament(n_pairs)
+    return System(run, pairs, pool, kinds, bodies, queue, log, np.array(workspace(ORDER)))
 
 
 def empty_pool(room: int) -> np.ndarray[Any, Any]:
@@ -182,16 +162,3 @@ def with_more_room(s: System) -> System:
         return s._replace(pool=s.pool + plain(pool[taken:]))
     pool[:taken] = s.pool
     return s._replace(pool=pool)
-
-
-@cache
-def _twin(dtype: np.dtype[Any]) -> type:
-    """A class of plain objects with the fields of `dtype`."""
-    names = dtype.names
-    assert names is not None
-
-    def __init__(self: Any, record: Any) -> None:
-        for name in names:
-            setattr(self, name, record[name].tolist())
-
-    return type("Record", (), {"__slots__": names, "__init__": __init__})

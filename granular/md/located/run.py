@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,14 +11,16 @@ import numpy as np
 from granular import until as stop
 from granular._check import Array
 from granular._kernels import compiled, have_numba, in_memory, worth
+from granular._records import plain
+from granular.laws.kinds import SceneLaws, resolved
 from granular.md.located import loop
-from granular.md.located.build import build, limit, power_law
+from granular.md.located.build import build, limit, power_form
 from granular.md.located.collocation import Collocation
 from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
-from granular.md.located.readout import look, velocities
-from granular.md.located.records import ACTIVE, GENERAL, LOG_ROW, plain, to_compiled, to_plain, with_more_room
+from granular.md.located.readout import look
+from granular.md.located.records import ACTIVE, GENERAL, LOG_ROW, to_compiled, to_plain, with_more_room
 from granular.md.located.resting import pile
-from granular.scene import Scene, positions
+from granular.scene import Scene, positions, velocities
 from granular.trajectory import CONTACT, Status, Trajectory
 
 PLAIN_CHUNK, COMPILED_CHUNK = 100, 20_000
@@ -32,7 +34,7 @@ made; they take about as long to work off interpreted."""
 
 def run(
     scene: Scene,
-    laws: tuple[Any, ...],
+    laws: SceneLaws | Sequence[Any],
     *,
     t_start: float = 0.0,
     t_end: float = math.inf,
@@ -46,7 +48,7 @@ def run(
     engine: str = "auto",
     tol: float = 1e-16,
 ) -> Trajectory:
-    """Run `scene` by located events; arguments as checked by `granular.md.simulate`, one law per pair.
+    """Run `scene` by located events; arguments as checked by `granular.md.simulate`; laws are tried there only.
 
     Parameters
     ----------
@@ -54,7 +56,7 @@ def run(
         Truncation error of a step of nonlinear laws, as a part of the speed and the overlap of the moment. Linear
         laws are always run to rounding.
     """
-    one = Run(scene, laws, t_start, engine, on_event, on_progress)
+    one = Run(scene, resolved(laws, scene), t_start, engine, on_event, on_progress)
     limit(one.s, until, tol, max_events, max_steps, 2 * int(log or on_event is not None))
     one.s.run["pause"] = FIRST_LOOK
     one.prepare()
@@ -77,7 +79,7 @@ class Run:
     """One run under way; its own clock starts at 0, so that a late `t_start` costs no digits."""
 
     def __init__(
-        self, scene: Scene, laws: tuple[Any, ...], t_start: float, engine: str,
+        self, scene: Scene, laws: SceneLaws, t_start: float, engine: str,
         on_event: Callable[[Any], object] | None, on_progress: Callable[[float, int], object] | None,
     ) -> None:  # fmt: skip
         self.scene, self.laws, self.engine, self.t_start = scene, laws, engine, t_start
@@ -87,7 +89,7 @@ class Run:
         self.reported, self.bound = 0, False
         self.creep: Creep | None = None
         self.s: Any = build(scene, laws, 0.0)
-        self.collocation = Collocation(laws, scene.pairs) if self.s.kinds["kind"][0] == GENERAL else None
+        self.collocation = Collocation(laws) if self.s.kinds["kind"][0] == GENERAL else None
         self.kernels: Callable[[Any], Any] = lambda kernel: kernel
 
     @property
@@ -107,7 +109,7 @@ class Run:
         """Go on compiled from the present state: same source, same bits."""
         compiled(loop.advance)  # fails before anything is changed
         if self.collocation is not None:
-            odd = next(law for law, p in zip(self.laws, self.scene.pairs, strict=True) if power_law(law, p) is None)
+            odd = next(one.law for one in self.laws.each if power_form(one) is None)
             raise TypeError(
                 f"engine 'compiled' knows laws of the form k ξ^p + γ ξ^d ξ̇ only, and {odd!r} is none of them; "
                 "engine 'auto' or 'plain' runs it."
@@ -146,16 +148,16 @@ class Run:
 
         Looked at after 256, 512, 1024 … pieces.
         """
-        n = self.scene.n
-        if not self.scene.is_wall[0] or n - 1 > LARGEST:
+        n = self.scene.n_pairs
+        if not self.scene.is_wall[0] or n > LARGEST:
             return False
         state = self.s.pairs, self.s.pool, self.s.bodies
         records, pool, bodies = map(plain, state) if self.engine == "compiled" else state
-        piled = pile(records, pool, bodies, n - 1, n - 1)
+        piled = pile(records, pool, bodies, n, n)
         pairs = [pool[record.slot] for record in records if record.slot >= 0]
         part = swinging(pairs, piled, bodies)
         if part < (math.inf if limit == math.inf else SMOOTH):
-            above = pairs[piled].xi if piled < n - 1 else 0.0
+            above = pairs[piled].xi if piled < n else 0.0
             self.creep = Creep(pairs[:piled], bodies[: piled + 1], above, float(bodies[0].v - bodies[-1].v))
         return limit == math.inf and self.creep is not None
 
@@ -193,12 +195,12 @@ class Run:
 
     def sample(self, t: float) -> None:
         """Keep a row a time `t` after the start."""
-        n = self.scene.n - 1
-        rows = [[0.0] * n for _ in range(3)] if self.engine != "compiled" else np.zeros((3, n))
+        n = self.scene.n_pairs
+        rows: Any = [[0.0] * n for _ in range(3)] if self.engine != "compiled" else np.zeros((3, n))
         self.kernels(look)(self.s, t, rows[0], rows[1], rows[2])
         if self.creep is not None:
             self.follow_creep(t, rows)
-        self.samples.append((t, *map(list, rows)))
+        self.samples.append((t, *rows))
 
     def follow_creep(self, t: float, rows: Any) -> None:
         """Put a pile that creeps into `rows` as it is a time `t` after the start; a gap above it grows as it sinks."""
@@ -207,7 +209,7 @@ class Run:
         piled = len(xi)
         for row, values in zip(rows, (xi, eta, force), strict=True):
             row[:piled] = values
-        if piled < self.scene.n - 1:
+        if piled < self.scene.n_pairs:
             rows[0][piled], rows[1][piled] = self.creep.flank(t)
 
     def result(self, status: Status, span: float, samples: Array | None, log: bool) -> Trajectory:
@@ -229,7 +231,7 @@ class Run:
             asked = len(elapsed) - (status is not Status.time)
             time[:asked] = samples[:asked]
         return Trajectory(
-            self.scene, self.laws, None, time, position, velocity, -xi, force,
+            self.scene, self.laws.given, None, time, position, velocity, -xi, force,
             rows[np.lexsort((rows["pair"], rows["t_begin"]))], status, self.message(status, r, self.t_start + end),
             {
                 "engine": "compiled" if self.engine == "compiled" else "plain",
@@ -259,7 +261,7 @@ class Run:
 
     def column(self, name: str) -> list[Any]:
         """Return one field of all pairs."""
-        n = self.scene.n - 1
+        n = self.scene.n_pairs
         if self.engine == "compiled":
             return list(self.s.pairs[name][:n].tolist())
         return [getattr(p, name) for p in self.s.pairs[:n]]

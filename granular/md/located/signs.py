@@ -6,6 +6,7 @@ asked, and the place is found by bisection. A pair whose force stays positive up
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -31,8 +32,11 @@ PARTS = 16
 """Places at which a law is tried before its force returns."""
 
 
-def next_event(pair: Any, pushes: Sign, doubt: float, span: float, work: Any) -> tuple[float, int]:
-    """Return the τ of the first event of a pair within [0, span], and which it is; `doubt` in N is that of g."""
+def next_event(pair: Any, pushes: Sign, idles: Sign, doubt: float, span: float, work: Any) -> tuple[float, int]:
+    """Return the τ of the first event of a pair within [0, span], and which it is.
+
+    `idles` says whether the force is 0 at a τ and all about; `doubt` in N is that of g.
+    """
     if pair.mode == OPEN:
         return named(first_up_crossing(pair.x, span, work), span, BEGIN)
     if pair.mode == DORMANT:
@@ -42,6 +46,7 @@ def next_event(pair: Any, pushes: Sign, doubt: float, span: float, work: Any) ->
         again = regains(pair, pushes, doubt, tau, work)
         return (tau, what) if again is None else (again, BEGIN)
     end = loses(pair, pushes, doubt, tau, what == PART, work)
+    end = pauses(pair, pushes, idles, tau, work) if end is None else end
     if end is not None:
         tau, what = end, END
     found = NOTHING
@@ -59,11 +64,11 @@ def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, work:
 
     Just before the pair `parts` its force is smaller than any doubt; there the law is tried at ever smaller distances.
     """
-    before, least = 0.0, first_up_crossing(pair.e, span, work) if pair.e[0] < 0.0 else None
-    # a force that is zero up to some overlap never crosses zero: it is tried where the overlap is least
-    for tau in (crossing(pair, -1.0, doubt, span, work), least, None if parts else span):
-        if tau is not None and tau <= span and not pushes(tau):
-            return bisected(pushes, *last_push(pushes, tau))
+    before, found = 0.0, crossing(pair, -1.0, doubt, span, work)
+    if (found is None or pushes(found)) and not parts:
+        found = span  # a force that is zero from some overlap on never crosses zero
+    if found is not None and not pushes(found):
+        return bisected(pushes, *last_push(pushes, found))
     for j in range(LOOKS if parts else 0):
         tau = span * (1.0 - 0.25**j)
         if j > 0 and value(pair.x, tau) > 0.0:
@@ -71,6 +76,12 @@ def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, work:
                 return bisected(pushes, before, tau)
             before = tau
     return None
+
+
+def pauses(pair: Any, pushes: Sign, idles: Sign, span: float, work: Any) -> float | None:
+    """Return the first τ up to `span` where the law idles for an instant: tried where the overlap is least."""
+    least = first_up_crossing(pair.e, span, work) if pair.e[0] < 0.0 else math.inf
+    return bisected(pushes, *last_push(pushes, least)) if least <= span and idles(least) else None
 
 
 def last_push(pushes: Sign, tau: float) -> tuple[float, float]:

@@ -26,7 +26,7 @@ FURTHEST = 8.0
 JUST = 1e-15
 """Overlap, as a part of the typical one, below which a closing pair has only just touched: what an event elsewhere in
 the block, located to rounding, leaves of a touch at the same instant."""
-DORMANCY = 1e-15
+DORMANCY = 1e-17
 """A pair that touches at rest, or on a clock that does not suit it, sleeps up to this part of the typical overlap."""
 
 

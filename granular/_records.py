@@ -1,0 +1,68 @@
+"""State for two speeds: numpy records for compiled code, plain objects with the same fields for interpreted code.
+
+Kernels read ``pairs[c].gap`` from either, so one source serves both, with the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import make_dataclass
+from functools import cache
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+
+Records = Any
+"""An array of records (compiled), or a list of plain objects (interpreted)."""
+Record = Any
+"""One of them."""
+
+
+def plain(records: np.ndarray[Any, Any]) -> list[Any]:
+    """Return the records as plain objects with the same fields."""
+    assert records.dtype.names is not None
+    return list(map(twin(records.dtype), *(records[name].tolist() for name in records.dtype.names)))
+
+
+def packed(objects: Sequence[Any], dtype: np.dtype[Any]) -> np.ndarray[Any, Any]:
+    """Return plain objects as an array of records again."""
+    records = np.empty(len(objects), dtype)
+    assert dtype.names is not None
+    for name in dtype.names:
+        records[name] = list(map(attrgetter(name), objects))
+    return records
+
+
+def copied(records: Records) -> Records:
+    """Return a copy of records of either kind."""
+    return raw(records).copy().view(records.dtype) if isinstance(records, np.ndarray) else list(map(copy, records))
+
+
+def raw(records: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Return a view of the records as so many bytes each, which numpy copies at once and not field by field."""
+    return records.view(np.dtype((np.void, records.dtype.itemsize)))
+
+
+def one(records: np.ndarray[Any, Any]) -> Any:
+    """Return the only record of an array: compiled and interpreted code read and write its fields by name.
+
+    No field may have a name that records have for something else, such as ``base`` or ``size``.
+    """
+    assert not any(hasattr(np.record, name) for name in records.dtype.names or ())
+    return records.view(np.recarray)[0]
+
+
+def column(records: Records, name: str) -> np.ndarray[Any, Any]:
+    """Return one field of all records: a view of an array, a copy of what plain objects hold."""
+    if isinstance(records, np.ndarray):
+        return records[name]
+    return np.fromiter(map(attrgetter(name), records), type(records[0]).dtype[name], len(records))
+
+
+@cache
+def twin(dtype: np.dtype[Any]) -> Callable[..., Any]:
+    """Return the class of plain objects with the fields of `dtype`."""
+    assert dtype.names is not None
+    return make_dataclass("Record", dtype.names, namespace={"dtype": dtype}, eq=False, slots=True)

@@ -1,0 +1,134 @@
+"""Try each law before a run: a mistake in it is a sentence, not a wrong answer.
+
+A force that is no number, a trait that contradicts the force, or negative damping (a harder push while bodies part than
+while they approach, at the same overlap) is refused. What pulls is legal, and so is a force that sets in late
+(F = k (ξ - ξ₀)): the engine takes both for no force.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from granular._check import per_pair
+from granular.laws.contact_law import PairLaw
+from granular.laws.kinds import SceneLaws, resolved
+from granular.scene import Scene, speed_scale
+
+RUNG = 4.0
+"""Ratio of the overlaps at which a law is tried before a run."""
+TRIED = 256
+"""How many different pairs are tried."""
+
+
+def checked(law: Any, scene: Scene) -> SceneLaws:
+    """Return the laws of all pairs, or raise: each must give finite numbers, and traits that agree with its force."""
+    laws = resolved(per_pair("law", law, scene.n_pairs), scene)
+    for one in laws.each:
+        _check_form(one)
+    speed = speed_scale(scene)
+    for one in laws.each[:TRIED]:
+        _try(one, speed)
+    return laws
+
+
+def check_deepest(laws: SceneLaws, contacts: Any) -> None:
+    """Raise if a force is no number at the largest overlap in a contact log: fixed steps take that for no force."""
+    deepest = np.zeros(len(laws))
+    np.maximum.at(deepest, contacts["pair"], contacts["xi_max"])
+    for c in np.flatnonzero(deepest > 0.0).tolist():
+        finite(laws[c], float(deepest[c]), 0.0)
+
+
+def finite(law: PairLaw, xi: float, xi_dot: float) -> float:
+    """Return the force at an overlap that is the largest so far, or raise the sentence that says what is wrong."""
+    value = law.given(xi, xi_dot, xi)
+    try:
+        force = math.nan if isinstance(value, (str, bytes)) else float(value)
+    except (TypeError, ValueError):
+        force = math.nan
+    if not math.isfinite(force):
+        raise no_number(law, xi, xi_dot, value)
+    return force
+
+
+def no_number(law: PairLaw, xi: float, xi_dot: float, value: Any) -> ValueError:
+    """Return the error of a force that is no finite number."""
+    return _error(law, f"its force at overlap ξ = {xi:.6g} m and rate ξ̇ = {xi_dot:.6g} m/s is {value!r}; a finite "
+                       "number in N is needed.")  # fmt: skip
+
+
+def _try(law: PairLaw, speed: float) -> None:
+    """Raise if the force of a law gives no numbers, or contradicts `rate_dependent` or `potential`."""
+    xi = _probed(law, speed) if law.form is None else 0.5
+    if law.form is not None and law.form[2] < 0.0:
+        raise _gains(law, xi, 1.0)
+    if law.form is not None and law.form[2] != 0.0 and not law.rate_dependent:
+        raise _denied(law, xi, (0.0, 1.0), (law.force(xi, 0.0, xi), law.force(xi, 1.0, xi)))
+    if law.potential is not None and not law.memory:
+        _check_potential(law, float(law.potential(xi, law.pair)), xi)
+
+
+def _probed(law: PairLaw, speed: float) -> float:
+    """Evaluate the force up to overlaps (m) that an impact at `speed` is sure to reach, and return the last of them."""
+    pair = law.pair
+    xi = 1e-10 * (pair.r_eff if 0.0 < pair.r_eff < math.inf else 1.0)
+    top, energy = 1e10 * xi, 0.5 * pair.m_eff * speed * speed
+    while True:
+        force = finite(law, xi, 0.0)
+        closing, parting = (finite(law, xi, rate) for rate in (speed, -speed))
+        for rate, moving in ((speed, closing), (-speed, parting)):
+            if not law.rate_dependent and abs(moving - force) > 1e-9 * abs(force):
+                raise _denied(law, xi, (0.0, rate), (force, moving))
+        if parting > max(0.0, closing) + 1e-9 * abs(closing):
+            raise _gains(law, xi, speed)
+        if 0.5 * RUNG * RUNG * xi * force > energy or RUNG * xi > top:
+            return xi
+        xi *= RUNG
+
+
+def _check_potential(law: PairLaw, said: float, xi: float) -> None:
+    """Raise if the potential of a law is not the integral of its force from 0 to `xi`."""
+    if law.form is not None:
+        k, p = law.form[:2]
+        got, doubt = k * math.pow(xi, p + 1.0) / (p + 1.0), 0.0
+    else:
+        from scipy.integrate import quad
+
+        got, doubt = quad(lambda x: law.force(x, 0.0, x), 0.0, xi, limit=200)
+    if not abs(got - said) <= 1e-6 * abs(got) + 10.0 * doubt:
+        raise _error(law, f"its potential at overlap {xi:.6g} m is {said!r} J but the integral of its force is {got!r} "
+                          "J; mend the trait or leave it out.")  # fmt: skip
+
+
+def _check_form(law: PairLaw) -> None:
+    """Raise if the force of a law is not the form that it says."""
+    if law.form is None:
+        return
+    k, p, gamma, d = law.form
+    for xi, rate in ((0.25, 0.5), (0.5, -0.25)):
+        said = k * math.pow(xi, p) + gamma * math.pow(xi, d) * rate
+        got = law.force(xi, rate, xi)
+        if not abs(got - said) <= 1e-9 * (abs(k) + abs(gamma)):
+            raise _error(law, f"force({xi}, {rate}) gives {got!r} but its linear or power trait says {said!r}; mend "
+                              "the trait or leave it out.")  # fmt: skip
+
+
+def _denied(law: PairLaw, xi: float, rate: tuple[float, float], force: tuple[float, float]) -> ValueError:
+    """Return the error of a law whose force depends on the rate although it says that it does not."""
+    return _error(law, f"force({xi:.6g}, {rate[0]:.6g}) gives {force[0]!r} but force({xi:.6g}, {rate[1]:.6g}) gives "
+                       f"{force[1]!r}, although rate_dependent is False; mend the trait or leave it out.")  # fmt: skip
+
+
+def _gains(law: PairLaw, xi: float, speed: float) -> ValueError:
+    """Return the error of a law that pushes harder while bodies part than while they approach."""
+    closing, parting = (max(0.0, law.force(xi, rate, xi)) for rate in (speed, -speed))
+    return _error(law, f"at overlap ξ = {xi:.6g} m it pushes with {parting:.6g} N while the bodies part and with "
+                       f"{closing:.6g} N while they approach at {speed:.6g} m/s, and so gains energy; damping that is "
+                       "not negative is needed.")  # fmt: skip
+
+
+def _error(law: PairLaw, what: str) -> ValueError:
+    return ValueError(f"law of pair {law.pair.index} is {law.law!r}: {what}")

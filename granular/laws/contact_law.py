@@ -1,0 +1,162 @@
+"""What an engine may know of a force law beyond its `force`: traits, never the class.
+
+A law is a frozen dataclass of floats with ``force(self, xi, xi_dot, pair)``. Optional traits unlock more:
+
+* ``linear(pair) -> (k, gamma)``: F = k ξ + γ ξ̇;
+* ``power(pair) -> (k, p, gamma, d)``: F = k ξ^p + γ ξ^d ξ̇;
+* ``exponent``: the power of ξ with which F begins; ``rate_dependent``: whether ξ̇ enters (true if not said);
+* ``potential(xi, pair)``: the elastic energy; ``memory = True``: `force` also takes ``xi_max``.
+
+`resolve` alone asks a law what it is; everyone else reads the `PairLaw` that it returns.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from granular._check import Array
+from granular.laws.linearity import traced
+from granular.scene import Pair
+
+Form = tuple[float, float, float, float]
+"""(k, p, γ, d) of F = k ξ^p + γ ξ^d ξ̇."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairLaw:
+    """A force law in one pair, and what it is.
+
+    Attributes
+    ----------
+    law, pair : law, Pair
+        The law as it was given, and the pair.
+    form : (k, p, γ, d) or None
+        Coefficients of F = k ξ^p + γ ξ^d ξ̇, if the law says so by `power` or `linear`, or is seen to be linear.
+    memory : bool
+        Whether the force depends on the largest overlap since the bodies last parted.
+    rate_dependent : bool
+        Whether ξ̇ enters the force; true unless the law denies it.
+    exponent : float or None
+        The power of ξ with which F begins, if the law says so.
+    potential : callable or None
+        Elastic energy in J as a function of overlap and pair, if the law knows it.
+    """
+
+    law: Any
+    pair: Pair
+    form: Form | None
+    memory: bool
+    rate_dependent: bool
+    exponent: float | None
+    potential: Callable[[float, Pair], float] | None
+
+    def force(self, xi: float, xi_dot: float, xi_max: float) -> float:
+        """Force in N, not clipped, at overlap in m, its rate in m/s, and the largest overlap so far."""
+        return float(self.given(xi, xi_dot, xi_max))
+
+    def given(self, xi: float, xi_dot: float, xi_max: float) -> Any:
+        """What the law itself returns as its force, perhaps no number."""
+        if self.memory:
+            return self.law.force(xi, xi_dot, self.pair, xi_max)
+        return self.law.force(xi, xi_dot, self.pair)
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether F = k ξ + γ ξ̇."""
+        return self.form is not None and self.form[1] == 1.0 and self.form[3] == 0.0
+
+    def tangent(self, xi: float) -> tuple[float, float]:
+        """Stiffness ∂F/∂ξ in N/m and damping ∂F/∂ξ̇ in kg/s at overlap `xi` and rest, by differences."""
+        if self.form is not None and self.is_linear:
+            return self.form[0], self.form[2]
+        step, here = 1e-6 * xi, self.force(xi, 0.0, xi)
+        # backwards: the unloading branch of a law with memory is the stiffer one
+        k = (here - self.force(xi - step, 0.0, xi)) / step
+        if not self.rate_dependent:
+            return abs(k), 0.0
+        rate = xi * math.sqrt(abs(k) / self.pair.m_eff)
+        return abs(k), abs(self.force(xi, rate, xi) - here) / rate if rate else 0.0
+
+    def energy(self, xi: float) -> float:
+        """Elastic energy U(ξ) in J; nan of a law with memory, for the overlap alone does not determine it."""
+        if xi <= 0.0:
+            return 0.0
+        return math.nan if self.memory else self.work(xi)
+
+    def work(self, xi: float) -> float:
+        """∫₀^ξ F(s, 0) ds in J at first loading, by the law's own `potential` or by Gauss quadrature."""
+        if self.potential is not None and not self.memory:
+            return float(self.potential(xi, self.pair))
+        total = 0.0
+        for w, u in zip(*_quadrature(), strict=True):
+            s = xi * u * u  # smooths forces that start like a root of ξ
+            total += w * u * xi * self.given(s, 0.0, s)
+        return float(total)
+
+    def overlap_at(self, speed: float) -> float:
+        """Overlap in m at which `work` is the kinetic energy ½ m_eff v² of an isolated contact at `speed` in m/s."""
+        energy = 0.5 * self.pair.m_eff * speed * speed
+        if not energy > 0.0:
+            return 0.0
+        xi = 1.0
+        while self.work(xi) < energy and xi < 1e100:
+            xi *= 2.0
+        while self.work(xi) > energy and xi > 1e-100:
+            xi *= 0.5
+        low, high = xi, 2.0 * xi
+        for _ in range(20):
+            xi = math.sqrt(low * high)
+            low, high = (xi, high) if self.work(xi) < energy else (low, xi)
+        return xi
+
+
+def resolve(law: Any, pair: Pair) -> PairLaw:
+    """Ask a law what it is in a pair."""
+    memory = bool(getattr(law, "memory", False))
+    return PairLaw(
+        law=law,
+        pair=pair,
+        form=None if memory else _form(law, pair),
+        memory=memory,
+        rate_dependent=bool(getattr(law, "rate_dependent", True)),
+        exponent=getattr(law, "exponent", None),
+        potential=getattr(law, "potential", None),
+    )
+
+
+@cache
+def _quadrature() -> tuple[Array, Array]:
+    """Weights and nodes of Gauss on [0, 1]."""
+    node, weight = np.polynomial.legendre.leggauss(40)
+    return weight, 0.5 * (node + 1.0)
+
+
+def _form(law: Any, pair: Pair) -> Form | None:
+    if hasattr(law, "power"):
+        k, p, gamma, d = law.power(pair)
+        return float(k), float(p), float(gamma), float(d)
+    if hasattr(law, "linear"):
+        k, gamma = law.linear(pair)
+        return float(k), 1.0, float(gamma), 0.0
+    found = traced(law, pair)
+    return None if found is None else (found[0], 1.0, found[1], 0.0)
+
+
+def instance(name: str, law: Any) -> Any:
+    """Return `law`, or raise if it is a class, or has no `force`."""
+    if isinstance(law, type):
+        known = getattr(law, "__dataclass_fields__", {})
+        values = ", ".join(f"{field}=..." for field in known)
+        raise TypeError(f"{name} is the class {law.__name__}: an instance is needed, such as {law.__name__}({values}).")
+    if not callable(getattr(law, "force", None)):
+        raise TypeError(
+            f"{name} is {law!r}: an object with force(self, xi, xi_dot, pair) is needed; for hard spheres use "
+            "granular.edmd."
+        )
+    return law

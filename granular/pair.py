@@ -1,0 +1,92 @@
+"""Two neighbours for good: what a force law or a collision rule may know of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, overload
+
+import numpy as np
+
+from granular import _check
+from granular._check import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Two neighbours for good: pair ``index`` joins bodies ``index`` and ``index + 1``.
+
+    Attributes
+    ----------
+    m_eff : float
+        Effective mass m_a m_b / (m_a + m_b) in kg; the ball's own mass against a wall.
+    r_eff : float
+        Effective radius 1 / (κ_a + κ_b) in m, with curvature κ = 1/R of a ball and 0 of a flat wall,
+        so that a ball of radius R against a wall has r_eff = R.
+    index : int
+        Number of the pair from the bottom (left).
+    """
+
+    m_eff: float
+    r_eff: float
+    index: int
+
+    def __post_init__(self) -> None:
+        if not (type(self.m_eff) is type(self.r_eff) is float and 0.0 < self.m_eff < math.inf and self.r_eff >= 0.0):
+            _check.number("m_eff", self.m_eff, above=0.0)
+            _check.number("r_eff", self.r_eff, at_least=0.0, finite=False)
+
+
+class Pairs(Sequence[Pair]):
+    """The pairs of a scene as two columns; a `Pair` is made when it is asked for.
+
+    Parameters
+    ----------
+    m_eff, r_eff : (p,) arrays
+        Effective masses in kg and radii in m.
+    start : int
+        Number of the first pair.
+    """
+
+    __slots__ = ("m_eff", "r_eff", "start")
+
+    def __init__(self, m_eff: Array, r_eff: Array, start: int = 0) -> None:
+        self.m_eff, self.r_eff, self.start = m_eff, r_eff, start
+        wrong = np.flatnonzero(~((m_eff > 0.0) & np.isfinite(m_eff) & (r_eff >= 0.0)))
+        if len(wrong):
+            self[int(wrong[0])]  # raises
+
+    def __len__(self) -> int:
+        return len(self.m_eff)
+
+    @overload
+    def __getitem__(self, c: int) -> Pair: ...
+
+    @overload
+    def __getitem__(self, c: slice) -> tuple[Pair, ...]: ...
+
+    def __getitem__(self, c: int | slice) -> Pair | tuple[Pair, ...]:
+        if isinstance(c, slice):
+            return tuple(self[i] for i in range(*c.indices(len(self))))
+        i = range(len(self))[c]
+        return Pair(self.m_eff.item(i), self.r_eff.item(i), self.start + i)
+
+    def __iter__(self) -> Iterator[Pair]:
+        return map(Pair, self.m_eff.tolist(), self.r_eff.tolist(), range(self.start, self.start + len(self)))
+
+    def __eq__(self, other: object) -> bool:
+        return tuple(self) == tuple(other) if isinstance(other, (Pairs, tuple)) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(tuple(self))
+
+    def __repr__(self) -> str:
+        return repr(tuple(self))
+
+
+def checked_pair(pair: Any) -> Pair:
+    """Return `pair` if it is one, else raise."""
+    if not isinstance(pair, Pair):
+        raise TypeError(f"pair is {pair!r}: a Pair is needed, such as scene.pairs[0].")
+    return pair
