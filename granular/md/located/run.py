@@ -100,7 +100,10 @@ class Run:
     def prepare(self) -> None:
         """Choose between interpreted and compiled for the begin of the run."""
         known = self.collocation is None
-        if self.engine == "compiled" or (self.engine == "auto" and known and in_memory(loop.advance)):
+        large = self.scene.n_pairs, WORTH_LOADING, WORTH_COMPILING  # to launch is a piece of every pair
+        if self.engine == "compiled" or (
+            self.engine == "auto" and known and (in_memory(loop.advance) or worth(loop.advance, *large))
+        ):
             self.compile()
         else:
             self.s = to_plain(self.s)
@@ -222,6 +225,9 @@ class Run:
         if samples is None or status is not Status.time:
             self.sample(end)
         rows = contact_rows(self.rows + self.still_open(end) if log else [], self.t_start)
+        shared = math.fsum([*self.column("shared"), self.crept(end)[1]]) if log else math.nan
+        message = self.message(status, r, self.t_start + end)
+        rests, self.s = bool(r.rests) or self.creep is not None, None  # makes room for the rows
         elapsed, xi, eta, force = (np.array(column, np.float64) for column in zip(*self.samples, strict=True))
         if not (np.isfinite(xi).all() and np.isfinite(eta).all()):  # interpreted, it would have raised on the way
             raise OverflowError("an overlap or its rate")
@@ -232,12 +238,12 @@ class Run:
             time[:asked] = samples[:asked]
         return Trajectory(
             self.scene, self.laws.given, None, time, position, velocity, -xi, force,
-            rows[np.lexsort((rows["pair"], rows["t_begin"]))], status, self.message(status, r, self.t_start + end),
+            rows[np.lexsort((rows["pair"], rows["t_begin"]))], status, message,
             {
                 "engine": "compiled" if self.engine == "compiled" else "plain",
                 "steps": int(r.steps), "events": int(r.events), "contacts": int(r.begun),
-                "error_estimate": float(r.error), "resting": bool(r.rests) or self.creep is not None,
-                "shared_impulse": math.fsum([*self.column("shared"), self.crept(end)[1]]) if log else math.nan,
+                "error_estimate": float(r.error), "resting": rests,
+                "shared_impulse": shared,
             },
         )  # fmt: skip
 
