@@ -138,7 +138,8 @@ class Collocation:
             block.h = reach if block.clock == 1 else math.sqrt(reach)
             force, misses, rough = self._iterate(pairs, lo, block.h, block.clock)
             miss = float((misses / speeds).max())
-            if (miss <= allowed and rough <= PRECISE) or not reach > shortest:
+            resolved = miss <= allowed and rough <= PRECISE
+            if resolved or not reach > shortest:
                 break
             if miss < math.inf:  # so long a step converges; a far shorter one crosses a jump
                 shortest = max(shortest, SHORTEST * reach)
@@ -148,7 +149,7 @@ class Collocation:
         growth = (allowed / miss) ** (1.0 / POINTS) if miss > 0.0 else 2.0
         block.stride = reach * min(2.0, 0.9 * growth)
         self._write(pairs, lo, force, block.h, block.clock)
-        if reach * block.speed < SHORT * block.length and self._write_jumps(pairs, lo):
+        if not resolved and reach * block.speed < SHORT * block.length and self._write_jumps(pairs, lo):
             _integrate(pairs, block.h, block.clock)
         return float(misses.max()) / block.speed if block.speed > 0.0 else 0.0
 
