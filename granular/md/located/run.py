@@ -17,7 +17,8 @@ from granular.md.located.build import build, limit, power_form
 from granular.md.located.collocation import Collocation
 from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
 from granular.md.located.readout import look
-from granular.md.located.records import ACTIVE, GENERAL, to_compiled, to_plain
+from granular.md.located.records import ACTIVE, GENERAL, to_compiled, to_plain, with_more_room
+from granular.md.located.resting import pile
 from granular.md.rows import CONTACT_ROW
 from granular.request import Request
 from granular.scene import Scene
@@ -63,7 +64,7 @@ class Run:
         self.s: Any = build(scene, laws, 0.0)
         limit(self.s, request.until, tol, request.max_events, request.max_steps, 2 * int(request.rows))
         self.s.run["pause"] = FIRST_LOOK
-        self.collocation = Collocation(laws) if self.s.pairs["kind"][0] == GENERAL else None
+        self.collocation = Collocation(laws) if self.s.kinds["kind"][0] == GENERAL else None
         self.kernels: Callable[[Any], Any] = lambda kernel: kernel
         self.prepare()
         self.launched = self.kernels(loop.launch)(self.s, self.collocation)
@@ -76,7 +77,10 @@ class Run:
     def prepare(self) -> None:
         """Choose between interpreted and compiled for the begin of the run."""
         known = self.collocation is None
-        if self.engine == "compiled" or (self.engine == "auto" and known and in_memory(loop.advance)):
+        large = self.scene.n_pairs, WORTH_LOADING, WORTH_COMPILING  # to launch is a piece of every pair
+        if self.engine == "compiled" or (
+            self.engine == "auto" and known and (in_memory(loop.advance) or worth(loop.advance, *large))
+        ):
             self.compile()
         else:
             self.s = to_plain(self.s)
@@ -103,6 +107,9 @@ class Run:
             return Pause.resting if limit == math.inf else Pause.reached
         chunk = COMPILED_CHUNK if self.engine == "compiled" else PLAIN_CHUNK
         why = self.kernels(loop.advance)(self.s, limit, chunk, self.collocation)
+        if why == loop.CRAMPED:
+            self.s = with_more_room(self.s)
+            return Pause.full
         if why == loop.REACHED or (why == loop.QUIET and limit < math.inf):
             return Pause.reached
         if why != loop.MORE:
@@ -124,11 +131,12 @@ class Run:
         n = self.scene.n_pairs
         if not self.scene.is_wall[0] or n > LARGEST:
             return False
-        bodies = plain(self.s.bodies) if self.engine == "compiled" else self.s.bodies
-        pairs = self.records(list(range(n)))
-        part = swinging(pairs, bodies)
+        state = self.s.pairs, self.s.pool, self.s.bodies
+        records, pool, bodies = map(plain, state) if self.engine == "compiled" else state
+        piled = pile(records, pool, bodies, n, n)
+        pairs = [pool[record.slot] for record in records if record.slot >= 0]
+        part = swinging(pairs, piled, bodies)
         if part < (math.inf if limit == math.inf else SMOOTH):
-            piled = sum(p.mode == ACTIVE for p in pairs)
             above = pairs[piled].xi if piled < n else 0.0
             self.creep = Creep(pairs[:piled], bodies[: piled + 1], above, float(bodies[0].v - bodies[-1].v))
         return limit == math.inf and self.creep is not None
@@ -170,7 +178,7 @@ class Run:
         """Return the scene a time after the start, which is called `time`."""
         n = self.scene.n_pairs
         rows: Any = [[0.0] * n for _ in range(3)] if self.engine != "compiled" else np.zeros((3, n))
-        self.kernels(look)(self.s.pairs, n, elapsed, rows[0], rows[1], rows[2])
+        self.kernels(look)(self.s, elapsed, rows[0], rows[1], rows[2])
         if self.creep is not None:
             self.follow_creep(elapsed, rows)
         xi, eta, force = made = np.asarray(rows)
@@ -205,7 +213,8 @@ class Run:
         }  # fmt: skip
         row = self.row_after(end, self.request.start + end) if pause is not Pause.reached or seen == -math.inf else None
         running = self.dated(self.still_open(end)) if self.request.log else None
-        return End(row, status, self.message(status, r, self.request.start + end), stats, running=running)
+        message, self.s = self.message(status, r, self.request.start + end), None  # makes room for the log
+        return End(row, status, message, stats, running=running)
 
     def message(self, status: Status, r: Any, t: float) -> str:
         """Return the sentence of a status with its numbers."""
@@ -216,8 +225,8 @@ class Run:
             sentence += "; the balls rest on each other"
         if self.collocation is not None:
             return f"{sentence}: every force balances to rounding"
-        piled = np.flatnonzero(column(self.s.pairs, "mode") == ACTIVE).tolist()
-        decay = slowest_decay(self.records(piled), bool(self.scene.is_wall[[0, piled[-1] + 1]].all()))
+        piled = {c: p for c, p in self.members().items() if p.mode == ACTIVE}
+        decay = slowest_decay(list(piled.values()), bool(self.scene.is_wall[[0, max(piled) + 1]].all()))
         if self.creep is None:
             energies = f"{r.energy:.3g} J, is less than the {r.barrier:.3g} J that"
             why = f"the energy about the equilibrium, {energies} the first contact needs to open"
@@ -225,18 +234,22 @@ class Run:
             why = "about the equilibrium, no sum of decaying modes takes a contact force to zero"
         return f"{sentence}: {why}; the slowest motion decays in {decay:.3g} s"
 
-    def records(self, which: list[int]) -> list[Any]:
-        """Return the records of some pairs as plain objects."""
-        return plain(self.s.pairs[which]) if self.engine == "compiled" else [self.s.pairs[c] for c in which]
+    def members(self) -> dict[int, Any]:
+        """Return the records of pairs in islands as plain objects, by the number of the pair."""
+        slot = column(self.s.pairs, "slot")
+        place = np.flatnonzero(slot >= 0)
+        slots = slot[place].tolist()
+        records = plain(self.s.pool[slots]) if self.engine == "compiled" else [self.s.pool[i] for i in slots]
+        return dict(zip(place.tolist(), records, strict=True))
 
     def still_open(self, end: float) -> Rows:
         """Return the contacts that go on at the end."""
-        going = np.flatnonzero(column(self.s.pairs, "begun"))
+        going = {c: p for c, p in self.members().items() if p.begun}
         rows = np.zeros(len(going), CONTACT_ROW)
-        rows["pair"], rows["t_end"], rows["lower_out"], rows["upper_out"] = going, math.nan, math.nan, math.nan
+        rows["pair"], rows["t_end"], rows["lower_out"], rows["upper_out"] = list(going), math.nan, math.nan, math.nan
         found = {"t_begin": "begin", "duration": "lasted"}
         for name in (*found, "lower_in", "upper_in", "xi_max", "force_max", "impulse"):
-            rows[name] = column(self.s.pairs, found.get(name, name))[going]
+            rows[name] = [getattr(p, found.get(name, name)) for p in going.values()]
         if self.creep is not None:
             highest, (impulse, _) = self.creep.highest(end), self.crept(end)
             rows["duration"] += end - self.creep.start
