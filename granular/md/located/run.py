@@ -181,11 +181,12 @@ class Run:
         self.kernels(look)(self.s, elapsed, rows[0], rows[1], rows[2])
         if self.creep is not None:
             self.follow_creep(elapsed, rows)
-        xi, eta, force = made = np.asarray(rows)
+        gap, rate, force = made = np.asarray(rows)
         if not np.isfinite(made[:2]).all():  # interpreted, it would have raised on the way
             raise OverflowError("an overlap or its rate")
+        np.negative(made[:2], out=made[:2])  # of overlaps
         self.seen = elapsed
-        return Row(time, elapsed, -xi, None, -eta, force)
+        return Row(time, elapsed, gap, rate=rate, force=force)
 
     def follow_creep(self, t: float, rows: Any) -> None:
         """Put a pile that creeps into `rows` as it is a time `t` after the start; a gap above it grows as it sinks."""
