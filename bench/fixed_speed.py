@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 import granular as gr
-from granular.md import stepper
+from granular.md import fixed
 
 DT = 1e-3
 ROUNDS = 6
@@ -51,7 +51,7 @@ def bare_speed(n: int, steps: int) -> float:
 def speed(n: int, steps: int, law: Any, **options: Any) -> float:
     """Ball-steps per second of one run, which is looked at every so many steps."""
     stamps: list[float] = []
-    stepper.CHUNK = steps
+    fixed.CHUNK = steps
     options = {"engine": "compiled", "log": False, "dt": DT, "method": "verlet"} | options
     told = lambda _time, _contacts: stamps.append(time.process_time())  # noqa: E731
     gr.md.simulate(chain(n), law, t_end=ROUNDS * steps * DT, on_progress=told, **options)

@@ -13,7 +13,8 @@ import numpy as np
 
 from granular import until
 from granular.laws import LinearDashpot
-from granular.md.located import run, solve_many
+from granular.md import simulate as run
+from granular.md.located import solve_many
 from granular.scene import Scene
 
 M1, M2, SPEED = 3.7699111843077517, 0.0037699111843077517, 3.132091952673165

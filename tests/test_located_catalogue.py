@@ -10,7 +10,7 @@ import pytest
 from granular import until
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz, WaltonBraun
 from granular.laws.dashpot import duration, restitution
-from granular.md.located import run
+from granular.md import simulate as run
 from granular.scene import Scene
 from granular.trajectory import Trajectory
 

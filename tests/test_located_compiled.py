@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,11 @@ import pytest
 
 from granular import until
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz
-from granular.md.located import run
+from granular.md import simulate as run
 from granular.md.located.batch import solve_many
+from granular.md.located.records import PAIR
 from granular.scene import Scene
+from granular.scenes import gas
 
 pytest.importorskip("numba")
 
@@ -64,3 +67,34 @@ def test_solve_many_is_simulate_many_times(engine: str) -> None:
         assert many.time[i] == soft.time[-1]
         assert (many.t_end[i], many.v_lower[i], many.v_upper[i]) == (last["t_end"], *last["v_out"])
         assert not many.ongoing[i]
+
+
+ROW = Scene([1.0] * 60, [0.1] * 60, [0.3, *[0.0] * 58], [1.0, *[0.0] * 59])
+COUPLES = Scene([1.0] * 80, [0.1] * 80, [0.1, 1.0] * 39 + [0.1], [1.0, -1.0] * 40)
+
+
+@pytest.mark.parametrize("engine", ["plain", "compiled"])
+@pytest.mark.parametrize("scene", [ROW, COUPLES], ids=["one event, many pairs", "many islands"])
+def test_a_pool_that_grows_leaves_no_trace(scene: Scene, engine: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Room for one pair in an island, or for all of them from the start: the same bits."""
+    runs = []
+    for room in (1, scene.n):
+        monkeypatch.setattr(sys.modules["granular.md.located.build"], "ROOM", room)
+        runs.append(run(scene, (Hertz(1e6),) * (scene.n - 1), t_end=0.5, max_steps=250, engine=engine))
+    for name in ("position", "velocity", "gap", "force", "contacts"):
+        assert getattr(runs[0], name).tobytes() == getattr(runs[1], name).tobytes(), name
+    assert runs[0].stats == runs[1].stats
+    assert runs[0].stats["contacts"] >= 20
+
+
+def test_a_dilute_gas_is_small() -> None:
+    """A pair in free flight has 128 bytes; a run without log holds about 300 a ball, its results among them."""
+    assert PAIR.itemsize <= 128
+    scene, law = gas(n=20_000, length=20_000.0, seed=1), LinearDashpot(1e6)
+    assert scene.pairs is not None
+    run(scene, (law,) * (scene.n - 1), engine="compiled", log=False, max_events=10)
+    tracemalloc.start()
+    run(scene, (law,) * (scene.n - 1), engine="compiled", log=False, max_events=10)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 330 * scene.n

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from granular import until
 from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz
-from granular.md.located import run
+from granular.md import simulate as run
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 

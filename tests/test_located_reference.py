@@ -12,7 +12,7 @@ import pytest
 
 from granular import until
 from granular.laws import LinearDashpot, ViscoelasticHertz
-from granular.md.located import run
+from granular.md import simulate as run
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 

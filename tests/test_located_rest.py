@@ -101,3 +101,5 @@ def test_walls_move_on_while_a_pile_rests(law, engine):
     np.testing.assert_allclose(run.velocity[:, 3], 0.01, rtol=1e-12)
     np.testing.assert_allclose(run.gap.sum(axis=1), 0.502 + 0.03 * run.time, rtol=1e-12)
     np.testing.assert_allclose(run.velocity[-1, 1:3], -0.02, rtol=1e-3)
+    without = gr.md.simulate(scene, law, t_end=100.0, engine=engine)
+    np.testing.assert_allclose(without.gap[-1], run.gap[-1], rtol=1e-13)

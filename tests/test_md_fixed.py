@@ -68,12 +68,14 @@ def test_plain_and_compiled_give_the_same_bits_for_every_law(method):
     same_bits(plain, compiled)
 
 
-def test_auto_goes_on_compiled_in_the_middle_of_a_run(monkeypatch):
-    from granular.md import stepper
+@pytest.mark.parametrize("chunk", [500, 1 << 15])
+def test_auto_goes_on_compiled_in_the_middle_of_a_run(monkeypatch, chunk):
+    """Also right after a chunk in which contacts ended."""
+    from granular.md import fixed
 
-    monkeypatch.setattr(stepper, "WORTH_LOADING", 1000)
-    monkeypatch.setattr(stepper, "worth", lambda *_: True)
-    monkeypatch.setattr(stepper, "CHUNK", 500)
+    monkeypatch.setattr(fixed, "WORTH_LOADING", 1000)
+    monkeypatch.setattr(fixed, "worth", lambda *_: True)
+    monkeypatch.setattr(fixed, "CHUNK", chunk)
     scene, law = three_balls()
     options = {"until": gr.until.contact(0, 2), "dt": 1e-7}
     auto, plain = (verlet(scene, law, engine=e, **options) for e in ("auto", "plain"))
@@ -82,7 +84,7 @@ def test_auto_goes_on_compiled_in_the_middle_of_a_run(monkeypatch):
 
 
 def test_a_law_that_does_not_compile_runs_plain_and_says_why(monkeypatch):
-    from granular.md import stepper
+    from granular.md import fixed
 
     @dataclass(frozen=True)
     class Wordy:
@@ -92,9 +94,9 @@ def test_a_law_that_does_not_compile_runs_plain_and_says_why(monkeypatch):
         def force(self, xi, xi_dot, pair):
             return self.k * xi
 
-    monkeypatch.setattr(stepper, "WORTH_LOADING", 10)
-    monkeypatch.setattr(stepper, "worth", lambda *_: True)
-    monkeypatch.setattr(stepper, "CHUNK", 50)
+    monkeypatch.setattr(fixed, "WORTH_LOADING", 10)
+    monkeypatch.setattr(fixed, "worth", lambda *_: True)
+    monkeypatch.setattr(fixed, "CHUNK", 50)
     run = verlet(pair_scene(), Wordy(1.0, "spring"), dt=1e-2)
     assert run.stats["engine"] == "plain"
     assert "Wordy" in run.stats["note"]
@@ -344,7 +346,7 @@ def interpret_bulk(patch):
 
     def start_with_bulk(self):
         rows = unlogged.power_rows(self.laws)
-        self.bulk = unlogged.bulk(rows, self.method, self.dt, self.w, self.fall, self.s, self.now, list)
+        self.bulk = unlogged.bulk(rows, self.physics, self.memory, list)
         start(self)
 
     patch.setattr(stepper.Stepper, "_start", start_with_bulk)

@@ -19,7 +19,7 @@ from granular._records import Records, copied, raw
 from granular._tournament import tournament
 from granular.edmd import readout
 from granular.edmd.model import Model
-from granular.edmd.sorted_queue import Pause, Rows
+from granular.edmd.sorted_queue import Halt, Rows
 from granular.edmd.state import NEVER, State
 from granular.edmd.ties import RANDOM
 from granular.edmd.tree_queue import LATER, TreeQueue, label, loop, refresh
@@ -45,7 +45,7 @@ class BlockQueue(TreeQueue):
         self.as_one = 0.0
         super().rebuild()
 
-    def advance(self, limit: float, budget: int, log: Rows | None) -> Pause:
+    def advance(self, limit: float, budget: int, log: Rows | None) -> Halt:
         """Let events up to and including time `limit` act, at most `budget` of them, appending them to `log`."""
         edge = min(limit, math.nextafter(self.state.window, 0.0))
         run = self.state.run

@@ -17,7 +17,7 @@ FAINT = 2.0**-26
 
 ROW = np.dtype(
     [
-        ("pair", int), ("time", float),
+        ("pair", int), ("t_begin", float),
         ("lower_in", float), ("upper_in", float), ("lower_out", float), ("upper_out", float),
         ("impulse", float),
     ],
@@ -43,7 +43,7 @@ def event(
     if run.tc > 0.0 or run.elastic_below > 0.0:
         e = remedied(run, pairs, c, -w, e, now)
     if row is not None:
-        row.pair, row.time = c, now
+        row.pair, row.t_begin = c, now
         row.lower_in, row.upper_in = velocity(lower, g, now), velocity(upper, g, now)
     what, exchanged = ORDINARY, 0.0
     if run.merge_below > 0.0 or g > 0.0:

@@ -1,4 +1,4 @@
-"""How a run ended, in one sentence with its numbers, and the account of the work done."""
+"""How a run ended, in one sentence with its numbers, and the account of the work done; `run` is one of `edmd.run`."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ import math
 from typing import Any
 
 from granular.edmd.collapse import Verdict
-from granular.edmd.run import Run
 from granular.edmd.state import TALLY
 from granular.trajectory import Status
 
 
-def message(run: Run, status: Status) -> str:
+def message(run: Any, status: Status) -> str:
     """Return the sentence to print."""
     when = f"t = {run.time():.12g} s after {_count(run.state.events, 'collision')}"
     if status is Status.collapse:
@@ -22,7 +21,7 @@ def message(run: Run, status: Status) -> str:
     return f"{status.value}: {when}{end}{_lost(run)}"
 
 
-def stats(run: Run) -> dict[str, Any]:
+def stats(run: Any) -> dict[str, Any]:
     """Return the counters of a run: collisions, gaps clamped at 0, re-basings of the clock, closer looks and the
     collisions in them, rates that velocities could not hold after them, and how a collapse was decided."""
     s, verdict = run.state, run.verdict
@@ -38,7 +37,7 @@ def stats(run: Run) -> dict[str, Any]:
     return counters
 
 
-def _collapse(run: Run, when: str) -> str:
+def _collapse(run: Any, when: str) -> str:
     verdict = run.verdict
     if verdict is None:
         return f"{_walls(run)} and leave no way out: stopped at {when}, when no space was left{_lost(run)}"
@@ -56,7 +55,7 @@ def _pairs(verdict: Verdict) -> str:
     return f"pair {verdict.first}" if verdict.first == verdict.last else f"pairs {verdict.first} to {verdict.last}"
 
 
-def _work(run: Run, when: str) -> str:
+def _work(run: Any, when: str) -> str:
     sentence = f"{Status.max_events.value}: max_events reached at {when}"
     if math.isfinite(run.horizon):
         sentence += f"; {_walls(run)}, and collisions become ever more frequent until then"
@@ -74,11 +73,11 @@ def _work(run: Run, when: str) -> str:
     return sentence + _lost(run)
 
 
-def _walls(run: Run) -> str:
+def _walls(run: Any) -> str:
     return f"the walls close at t = {run.state.start + run.close_after:.12g} s"
 
 
-def _lost(run: Run) -> str:
+def _lost(run: Any) -> str:
     lost = int(run.state.run.lost)
     if lost == 0:
         return ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -12,15 +11,15 @@ from numpy.typing import ArrayLike
 from granular import _check, rules
 from granular import until as conditions
 from granular._check import Array
-from granular._sampling import sample_times
-from granular.edmd import engines, older, options, outcome
+from granular.drive import drive
+from granular.edmd import engines, older, options
 from granular.edmd.collapse import Zoom
-from granular.edmd.log import Log, contacts
 from granular.edmd.run import Run
 from granular.edmd.state import State
 from granular.edmd.ties import PAIR
+from granular.request import requested
 from granular.rules import Rule
-from granular.scene import Scene, positions
+from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 
 
@@ -117,15 +116,11 @@ def simulate(
         scene, rules.checked(rule, scene.pairs), ties=ties, seed=seed, collapse=collapse,
         merge_below=merge_below, tc=tc, elastic_below=elastic_below,
     )  # fmt: skip
-    state = State.of(model, start)
-    times, end = _span(start, t_end, samples)
-    state.stop_at(conditions.checked(until, scene.n_pairs))
-    limit = _check.whole("max_events", max_events)
-    _check.callback("on_event", on_event)
-    _check.callback("on_progress", on_progress)
-    queue = engines.choose(engine, model)
-    run = Run(state, None, model, queue, limit, Log(log, on_event), on_progress)
-    return _trajectory(run, times, start, end)
+    request = requested(
+        scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, on_event=on_event,
+        on_progress=on_progress,
+    )  # fmt: skip
+    return drive(Run(State.of(model, start), None, model, engines.choose(engine, model), request))
 
 
 def resume(
@@ -157,15 +152,11 @@ def resume(
     scene, saved = trajectory.scene, older.updated(trajectory.state, trajectory.scene)
     model = options.restored(scene, trajectory.rule, saved)
     state = State.restored(model, saved)
-    start = state.time(state.now)
-    times, end = _span(start, t_end, samples)
-    state.stop_at(conditions.checked(until, scene.n_pairs))
-    limit = _check.whole("max_events", max_events)
-    _check.callback("on_event", on_event)
-    _check.callback("on_progress", on_progress)
-    queue = engines.choose(engine, model)
-    run = Run(state, Zoom.restored(saved), model, queue, limit, Log(log, on_event), on_progress)
-    return _trajectory(run, times, start, end)
+    request = requested(
+        scene, state.time(state.now), t_end, until=until, samples=samples, log=log, max_events=max_events,
+        on_event=on_event, on_progress=on_progress,
+    )  # fmt: skip
+    return drive(Run(state, Zoom.restored(saved), model, engines.choose(engine, model), request))
 
 
 SMALLEST, LARGEST = 1e-75, 1e75
@@ -190,31 +181,3 @@ def _check_size(name: str, values: Array, least: float) -> None:
     good = (size == 0.0) | ((size >= least) & (size <= LARGEST))
     _check.every(name, values, good, f"0 or a size from {least:g} to {LARGEST:g} is needed", "use other units")
 
-
-def _span(start: float, t_end: float | None, samples: int | ArrayLike | None) -> tuple[Array | None, float]:
-    """Return the times of the rows (None for the first and the last) and the end time."""
-    end = math.inf if t_end is None else _check.number("t_end", t_end, at_least=start, fix="t_start is the earliest")
-    return sample_times(samples, start, end), end
-
-
-def _trajectory(run: Run, times: Array | None, start: float, end: float) -> Trajectory:
-    """Run through all sample times to the end and collect the rows."""
-    rows: list[tuple[float, float, Array, Array]] = []
-    status = None
-    for time in [start] if times is None else times.tolist():
-        status = run.to(time) if time > start else None
-        if status is not None:
-            break
-        rows.append((time, *run.row()))
-    status = status or run.to(end)
-    stop = end if status is None else run.time()
-    if times is None or not rows or (status is not None and stop > rows[-1][0]):
-        rows.append((stop, *run.row()))
-    time, elapsed, velocity, gap = (np.array(column) for column in zip(*rows, strict=True))
-    status = status or Status.time
-    return Trajectory(
-        scene=run.model.scene, law=None, rule=run.model.rules, time=time,
-        position=positions(run.model.scene, gap, elapsed), velocity=velocity, gap=gap, force=None,
-        contacts=contacts(run.log.chunks), status=status, message=outcome.message(run, status),
-        stats=outcome.stats(run), state=run.checkpoint() | options.saved(run.model),
-    )  # fmt: skip

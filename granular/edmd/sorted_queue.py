@@ -26,7 +26,7 @@ SHORT = 256
 """Rows made for a closer look at a time."""
 
 
-class Pause(Enum):
+class Halt(Enum):
     """Why a queue hands control back."""
 
     limit = "the next event is later than asked for, or never"
@@ -89,7 +89,7 @@ class SortedQueue:
         """Return the time of the next event of any pair outside `first` … `last`."""
         return float(next(time for time, key in self.queue if not first <= (key & PAIR) <= last))
 
-    def advance(self, limit: float, budget: int, log: Rows | None) -> Pause:
+    def advance(self, limit: float, budget: int, log: Rows | None) -> Halt:
         """Let events up to and including time `limit` act, at most `budget` of them, appending them to `log`."""
         s, rule, groups = self.state, self.model.rule, self.model.solver is not None
         queue, entry, run, pairs, bodies = self.queue, self.entry, s.run, s.pairs, s.bodies
@@ -101,12 +101,12 @@ class SortedQueue:
             now, key = queue[0]
             c = key & PAIR
             if now > edge:
-                return Pause.limit if now > limit or now == INF else Pause.window
+                return Halt.limit if now > limit or now == INF else Halt.window
             if c == run.stop_pair and pairs[c].hits >= run.stop_hits:
                 s.now = now
-                return Pause.until
+                return Halt.until
             if s.events >= until_event:
-                return Pause.budget
+                return Halt.budget
             del queue[0]
             entry[c] = (INF, key)
             s.now = now
@@ -118,7 +118,7 @@ class SortedQueue:
                         self.refresh(c, c)
                         return pause
                     if run.stop_pair == APART and approaching(pairs, bodies, 0, now) < 0:
-                        return Pause.until
+                        return Halt.until
                     continue
             if log is not None:
                 row = object.__new__(Row)
@@ -129,20 +129,20 @@ class SortedQueue:
             if run.stop_pair == APART:
                 witness = approaching(pairs, bodies, witness, now)
                 if witness < 0:
-                    return Pause.until
+                    return Halt.until
             if pairs[c].streak >= SUSPICIOUS:
                 self.suspect = c
-                return Pause.suspect
+                return Halt.suspect
 
-    def _solve(self, c: int, first: int, last: int, budget: int, rows: Rows) -> Pause | None:
+    def _solve(self, c: int, first: int, last: int, budget: int, rows: Rows) -> Halt | None:
         """Let the touching group of pairs `first` … `last` collide as a whole, unless there is a reason not to."""
         s, now = self.state, self.state.now
         p = touching.impulses(c, first, last, s, self.model)
         hit = [k for k in range(first, last + 1) if p[k - first] > 0.0]
         if s.run.stop_pair in hit and s.pairs[s.run.stop_pair].hits >= s.run.stop_hits:
-            return Pause.until
+            return Halt.until
         if len(hit) > budget:
-            return Pause.budget
+            return Halt.budget
         before = touching.velocities(first, last, now, s)
         touching.apply(first, last, p, s)
         after = touching.velocities(first, last, now, s)

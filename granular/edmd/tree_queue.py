@@ -17,12 +17,12 @@ from granular.edmd.event import ROW, SUSPICIOUS, event
 from granular.edmd.merge import rest
 from granular.edmd.model import Model
 from granular.edmd.motion import approaching, predicted, velocity
-from granular.edmd.sorted_queue import Pause, Rows
+from granular.edmd.sorted_queue import Halt, Rows
 from granular.edmd.state import APART, State
 from granular.edmd.ties import LEFT, PAIR, RANDOM, rank
 
 LATER, BUDGET, UNTIL, SUSPECT = range(4)
-PAUSES = {BUDGET: Pause.budget, UNTIL: Pause.until, SUSPECT: Pause.suspect}
+PAUSES = {BUDGET: Halt.budget, UNTIL: Halt.until, SUSPECT: Halt.suspect}
 
 
 class TreeQueue:
@@ -58,7 +58,7 @@ class TreeQueue:
         due = self.tree["due"][len(self.tree) // 2 :]
         return min(float(part.min()) if len(part) else math.inf for part in (due[:first], due[last + 1 :]))
 
-    def advance(self, limit: float, budget: int, log: Rows | None) -> Pause:
+    def advance(self, limit: float, budget: int, log: Rows | None) -> Halt:
         """Let events up to and including time `limit` act, at most `budget` of them, appending them to `log`."""
         s, rows = self.state, None if log is None else self.rows(budget)
         edge = min(limit, math.nextafter(s.window, 0.0))
@@ -73,7 +73,7 @@ class TreeQueue:
         self.suspect = c
         if pause == LATER:
             due = self.soonest()
-            return Pause.limit if due > limit or due == math.inf else Pause.window
+            return Halt.limit if due > limit or due == math.inf else Halt.window
         return PAUSES[pause]
 
 

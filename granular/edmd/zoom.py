@@ -78,7 +78,7 @@ def zoom(
         jump, tau = (1.0 + e) * w, look.began + look.elapsed
         if rows is not None:
             row = rows[done]
-            row.pair, row.time, row.impulse = c, tau, -jump * pair.m_eff
+            row.pair, row.t_begin, row.impulse = c, tau, -jump * pair.m_eff
             row.lower_in, row.upper_in = velocity(lower, run.gravity, tau), velocity(upper, run.gravity, tau)
         lower.u += pair.low * jump
         upper.u -= pair.high * jump

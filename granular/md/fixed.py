@@ -1,137 +1,251 @@
-"""Run a scene with a fixed time step and report honestly how far the step could be trusted."""
+"""A run with a fixed time step, as DEM codes do it: steps while pairs are closed, a jump while all are open.
+
+In the end it says honestly how far the step could be trusted.
+"""
 
 from __future__ import annotations
 
 import math
-import warnings
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from granular import until as stop
-from granular._check import Array
+from granular._kernels import have_numba, worth
+from granular._records import packed
+from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
-from granular.md.log_rows import contact_log, logged
+from granular.md import march as loop
+from granular.md.contact_force import NotCompilableError
+from granular.md.rows import COLUMNS, CONTACT_ROW
 from granular.md.stability import LIMIT, WARN, expected_rate, sharpest_rate
-from granular.md.stepper import Row, Stepper
+from granular.md.stepper import Stepper
 from granular.md.steps import EVALUATIONS
+from granular.request import Request
 from granular.scene import Scene, positions
-from granular.trajectory import Status, Trajectory
+from granular.trajectory import Status
+
+CHUNK = 1 << 15
+"""Steps between two looks at the clock (progress, switch to compiled code)."""
+WORTH_LOADING, WORTH_MAKING = 200_000, 2_000_000
+"""Pair-steps after which ``engine="auto"`` goes on compiled if the machine code is there already, and if not: what is
+left may be as much as was done, and loading or making the code takes as long as these."""
+MOST_STEPS = 1 << 62
+"""Number of the last step that compiled code can count to."""
 
 
-def run(
-    scene: Scene,
-    laws: SceneLaws,
-    *,
-    method: str,
-    dt: float,
-    t_start: float,
-    t_end: float,
-    until: stop.Until | None,
-    samples: Array | None,
-    log: bool,
-    max_events: int,
-    max_steps: int,
-    on_event: Callable[[Any], object] | None,
-    on_progress: Callable[[float, int], object] | None,
-    engine: str,
-) -> Trajectory:
-    """Run checked arguments; see `granular.md.simulate`."""
-    stepper = Stepper(scene, laws, method, dt, t_start, engine, log or on_event is not None)
-    rows: list[Row] = [stepper.row(t_start)] if samples is None else []
-    wanted = [] if samples is None else samples.tolist()
-    status = Status.until if stepper.halts_at_start(until) else None
-    told = taken = 0
-    last_step = math.floor((t_end - t_start) / dt) if t_end < math.inf else math.inf
-    while status is None:
-        target = wanted[taken] if taken < len(wanted) else t_end
-        limit = math.floor((target - t_start) / dt) if target < math.inf else math.inf
-        if stepper.k < limit:
-            status = stepper.advance(limit, last_step, until, max_events)
-        elif taken < len(wanted):
-            rows.append(stepper.row(target))
-            taken += 1
+class Run:
+    """One run under way, `k` steps after its start; its free flights are no `steps`."""
+
+    in_order = False
+    rule = None
+
+    def __init__(self, scene: Scene, laws: SceneLaws, request: Request, method: str, dt: float, engine: str) -> None:
+        self.scene, self.law, self.request = scene, laws.given, request
+        self.method, self.dt, self.engine = method, dt, engine
+        self.stepper = Stepper(scene, laws, method, dt, request.rows, engine == "compiled")
+        self.k = self.steps = self.flights = self.contacts = self.ended = 0
+        self.halted_at: int | None = None  # the pair at the onset of whose contact, between two steps, it stopped
+        self.take_off: tuple[int, Any] = (0, ())
+        self.note = self.doubt = ""
+
+    def time(self) -> float:
+        """Time in s of the present step."""
+        return self.request.start + self.k * self.dt
+
+    def progress(self) -> tuple[float, int]:
+        """Return time in s and number of contacts so far."""
+        return self.time(), self.contacts
+
+    def row(self, time: float) -> Row:
+        """Return the scene at most one step ahead: one shorter step on a copy.
+
+        A time that lies behind, in the free flight just made, is read off that flight.
+        """
+        flown = time < self.time()
+        k, state = self.take_off if flown else (self.k, self.stepper.memory.s)
+        return self._row(time, self.stepper.after(state, time - (self.request.start + k * self.dt), flown))
+
+    def _row(self, time: float, s: Any) -> Row:
+        return Row(time, time - self.request.start, -np.array(s.xi), np.array(s.v), force=np.array(s.force))
+
+    def to(self, time: float, last: bool) -> Pause:
+        """Take the steps up to `time`, of a chunk, or to an event worth a look."""
+        if self.k == 0 and self._halts_at_start():
+            return Pause.until
+        limit = math.floor((time - self.request.start) / self.dt) if time < math.inf else math.inf
+        if self.k >= limit:
+            return Pause.reached
+        pause = self._advance(limit)
+        if not all(math.isfinite(v) for v in self.stepper.memory.s.v):
+            return Pause.unstable
+        return Pause.work if pause is Pause.full and self.steps >= self.request.max_steps else pause
+
+    def _halts_at_start(self) -> bool:
+        """Whether the very contact at which to stop is there from the start; then it does not act."""
+        until, memory = self.request.until, self.stepper.memory
+        if not isinstance(until, stop.Contact) or memory.now.count[until.pair] < until.nth:
+            return False
+        memory.now.count[until.pair], memory.s.force[until.pair] = 0, 0.0
+        return True
+
+    def _advance(self, limit: float) -> Pause:
+        """Fly, then take steps until step number `limit`."""
+        stepper, until = self.stepper, self.request.until
+        if not any(x > 0.0 for x in stepper.memory.s.xi):
+            if isinstance(until, stop.Separated) and self.contacts and stepper.receding():
+                return Pause.until
+            if stepper.settled():
+                if self._fly():
+                    return Pause.quiet
+                if self.k >= limit:
+                    return Pause.full
+        if self.k > MOST_STEPS:
+            raise ValueError(f"dt is {self.dt:g}: step {self.k:.3g} is more than can be counted; take a longer step, "
+                             "or the method 'located'.")  # fmt: skip
+        room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
+        why, k, self.ended = stepper.march(self.k, int(min(CHUNK, limit - self.k)), room, until)
+        self.steps += k - self.k
+        self.k = int(k)
+        self.contacts += self.ended
+        if why == loop.UNTIL and isinstance(until, stop.Contact):
+            self.halted_at = until.pair
+            return Pause.until
+        if self.contacts >= self.request.max_events:
+            return Pause.work
+        if self.engine == "auto":
+            self._compile_if_worth_it()
+        return Pause.full
+
+    def _fly(self) -> bool:
+        """Jump whole steps while nothing touches; true if nothing ever will and no end is set.
+
+        A flight goes on to the next touch or to the end of the run: samples do not cut it, so they change no bit.
+        """
+        span = self.request.end - self.request.start
+        last = math.floor(span / self.dt) if span < math.inf else math.inf
+        touch = self.stepper.time_to_touch()
+        if touch == last == math.inf:
+            return True
+        jump = min(touch // self.dt, last - self.k)
+        if jump > 0.0:
+            self.take_off = self.k, self.stepper.after(self.stepper.memory.s)
+            self.stepper.glide(jump * self.dt)
+            self.k += int(jump)
+            self.flights += 1
+        return False
+
+    def _compile_if_worth_it(self) -> None:
+        done = self.steps * self.scene.n_pairs
+        if done <= WORTH_LOADING or (have_numba() and not worth(loop.march, done, WORTH_LOADING, WORTH_MAKING)):
+            return
+        self.engine = "plain"
+        try:
+            self.stepper.compile()
+        except ImportError:
+            self.note = "numba is not installed"
+        except NotCompilableError as reason:
+            self.note = str(reason)
+
+    def rows(self) -> list[Rows]:
+        """Hand over the contacts that ended since the last call."""
+        ended, self.ended = self.ended, 0
+        if ended == 0 or not self.request.rows:
+            return []
+        log = self.stepper.memory.log[:ended]
+        return [self._settled(packed(log, loop.STEP_ROW) if isinstance(log, list) else log)]
+
+    def _settled(self, raw: Rows) -> Rows:
+        """Steps become times."""
+        rows = np.zeros(len(raw), CONTACT_ROW)
+        for name in ("pair", *(name for name, _ in COLUMNS)):
+            rows[name] = raw[name]
+        for name, side in (("t_begin", "in"), ("t_end", "out")):
+            rows[name] = self.request.start + (raw[f"step_{side}"] + raw[f"part_{side}"]) * self.dt
+        rows["duration"] = ((raw["step_out"] - raw["step_in"]) + (raw["part_out"] - raw["part_in"])) * self.dt
+        return rows
+
+    def _running(self, end: float) -> Rows:
+        """Return the contacts that go on at the end."""
+        memory = self.stepper.memory
+        going = np.flatnonzero(np.asarray(memory.s.force if self.halted_at is None else memory.old.force) > 0.0)
+        raw = np.zeros(len(going), loop.STEP_ROW)
+        raw["pair"], raw["lower_out"], raw["upper_out"] = going, math.nan, math.nan
+        found = {"step_in": "step", "part_in": "part", "lower_in": "lower", "upper_in": "upper"}
+        for name in (*found, "xi_max", "force_max", "impulse"):
+            raw[name] = np.asarray(getattr(memory.now, found.get(name, name)))[going]
+        rows = self._settled(raw)
+        rows["t_end"], rows["duration"] = math.nan, end - rows["t_begin"]
+        return rows
+
+    def end(self, pause: Pause, seen: float) -> End:
+        """Return how the run ended: at its end time, at the onset of a contact that must not act, or at its step."""
+        if self.halted_at is None:
+            row = self.row(self.request.end if pause is Pause.reached else self.time())
         else:
-            status = Status.time
-        if not all(math.isfinite(v) for v in stepper.s.v):
-            status = Status.unstable
-        if status is None and stepper.steps >= max_steps:
-            status = Status.max_events
-        if on_event is not None and len(stepper.rows) > told:
-            for contact in logged(stepper, stepper.rows[told:]):
-                on_event(contact)
-            told = len(stepper.rows)
-        if on_progress is not None:
-            on_progress(stepper.time(), stepper.contacts)
-    last = stepper.last_row(status, t_end)
-    if samples is None or not rows or rows[-1][0] < last[0]:
-        rows.append(last)
-    return _trajectory(stepper, rows, status, last[0], log)
+            row = self._onset(self.halted_at)
+        status, message, trust = self._judge(pause.value, row.time)
+        stats = {
+            "method": self.method,
+            "dt": self.dt,
+            "dt_lambda": trust,
+            "steps": self.steps,
+            "flights": self.flights,
+            "evaluations": self.steps * EVALUATIONS[self.stepper.physics.method],
+            "contacts": self.contacts,
+            "shared_impulse": math.fsum(self.stepper.memory.now.shared),
+            "engine": "compiled" if self.stepper.compiled else "plain",
+        } | ({"note": self.note} if self.note else {})
+        return End(row if row.time > seen else None, status, message, stats, running=self._running(row.time))
 
+    def _onset(self, pair: int) -> Row:
+        """Return the scene between two steps, at the onset of the contact of `pair`."""
+        old, s = self.stepper.memory.old, self.stepper.memory.s
+        part = loop.begin_part(pair, old, s)
+        between = {
+            name: [float(a + part * (b - a)) for a, b in zip(getattr(old, name), getattr(s, name), strict=True)]
+            for name in ("xi", "v", "force")
+        }
+        return self._row(self.request.start + (self.k + part) * self.dt, loop.Old(**between, raw=None))
 
-def _trajectory(stepper: Stepper, rows: list[Row], status: Status, t_stop: float, log: bool) -> Trajectory:
-    scene, dt = stepper.scene, stepper.dt
-    status, message, trust = _judge(stepper, status, t_stop)
-    time = np.array([row[0] for row in rows])
-    gap = -np.array([row[1] for row in rows])
-    stats = {
-        "method": stepper.name,
-        "dt": dt,
-        "dt_lambda": trust,
-        "steps": stepper.steps,
-        "flights": stepper.flights,
-        "evaluations": stepper.steps * EVALUATIONS[stepper.method],
-        "contacts": stepper.contacts,
-        "shared_impulse": math.fsum(stepper.now.shared),
-        "engine": "compiled" if stepper.compiled else "plain",
-    } | ({"note": stepper.note} if stepper.note else {})
-    return Trajectory(
-        scene, stepper.laws.given, None, time, positions(scene, gap, time - stepper.t_start),
-        np.array([row[2] for row in rows]), gap, np.array([row[3] for row in rows]),
-        contact_log(stepper, t_stop) if log else logged(stepper, []), status, message, stats, stepper.checkpoint(),
-    )  # fmt: skip
+    # -- judgement ------------------------------------------------------------------------------------------------
 
+    def _judge(self, status: Status, end: float) -> tuple[Status, str, float]:
+        """Status, message and dt·λ of the contacts that took place; also a doubt if the step was too long."""
+        scene, dt, laws, now = self.scene, self.dt, self.stepper.laws, self.stepper.memory.now
+        trust = dt * sharpest_rate(scene, laws, now.deepest, now.beside)
+        if trust == 0.0 and self._deflected():  # contacts shorter than a step leave no overlap behind
+            trust = dt * expected_rate(scene, laws)
+        gain = self._energy_gain()
+        limit = f"dt = {dt:.3g} s is {trust:.3g} times the inverse of the sharpest rate of the contacts that took place"
+        most = LIMIT[self.method]
+        if trust > most or status is Status.unstable or gain > 0.5:
+            grown = f" and the energy grew {gain + 1.0:.3g}-fold" if gain > 0.5 else ""
+            message = f"{limit}, the limit is {most:g}{grown}: take dt ≤ {WARN * dt / trust:.2g} s."
+            return Status.unstable, message, trust
+        if trust > WARN:
+            self.doubt = f"{limit}; above {WARN} expect visible errors."
+        if status is Status.max_events:
+            work = f"{self.contacts} contacts, {self.steps} steps"
+            return status, f"{status.value}: {work} by t = {end:.6g} s.", trust
+        return status, f"{status.value} at t = {end:.6g} s.", trust
 
-def _judge(stepper: Stepper, status: Status, t_stop: float) -> tuple[Status, str, float]:
-    """Status, message and dt·λ of the contacts that took place, and a warning if the step was too long."""
-    scene, dt = stepper.scene, stepper.dt
-    trust = dt * sharpest_rate(scene, stepper.laws, stepper.now.deepest, stepper.now.beside)
-    if trust == 0.0 and _deflected(stepper):  # contacts shorter than a step leave no overlap behind
-        trust = dt * expected_rate(scene, stepper.laws)
-    gain = _energy_gain(stepper)
-    limit = f"dt = {dt:.3g} s is {trust:.3g} times the inverse of the sharpest rate of the contacts that took place"
-    most = LIMIT[stepper.name]
-    if trust > most or status is Status.unstable or gain > 0.5:
-        grown = f" and the energy grew {gain + 1.0:.3g}-fold" if gain > 0.5 else ""
-        return Status.unstable, f"{limit}, the limit is {most:g}{grown}: take dt ≤ {WARN * dt / trust:.2g} s.", trust
-    if trust > WARN:
-        warnings.warn(f"{limit}; above {WARN} expect visible errors.", RuntimeWarning, stacklevel=5)
-    if status is Status.max_events:
-        work = f"{stepper.contacts} contacts, {stepper.steps} steps"
-        return status, f"{status.value}: {work} by t = {t_stop:.6g} s.", trust
-    return status, f"{status.value} at t = {t_stop:.6g} s.", trust
+    def _deflected(self) -> bool:
+        """Whether any ball moves otherwise than it would have fallen freely."""
+        scene, v = self.scene, np.array(self.stepper.memory.s.v)
+        free = scene.velocity - np.where(scene.is_wall, 0.0, scene.gravity * self.k * self.dt)
+        scale = float(np.abs(free).max())
+        return not bool((np.abs(v - free) <= 1e-9 * scale).all())
 
-
-def _deflected(stepper: Stepper) -> bool:
-    """Whether any ball moves otherwise than it would have fallen freely."""
-    scene, v = stepper.scene, np.array(stepper.s.v)
-    free = scene.velocity - np.where(scene.is_wall, 0.0, scene.gravity * stepper.k * stepper.dt)
-    scale = float(np.abs(free).max())
-    return not bool((np.abs(v - free) <= 1e-9 * scale).all())
-
-
-def _energy_gain(stepper: Stepper) -> float:
-    """Growth of kinetic energy beyond what gravity gave, relative to the largest supply; 0 with moving walls."""
-    scene, balls = stepper.scene, ~stepper.scene.is_wall
-    if scene.velocity[~balls].any():
-        return 0.0
-    m, v0, v = scene.mass[balls], scene.velocity[balls], np.array(stepper.s.v)[balls]
-    x0 = scene.position[balls]
-    x = positions(scene, -np.array([stepper.s.xi]), np.array([stepper.k * stepper.dt]))[0][balls]
-    before = 0.5 * m @ v0**2 + sum(
-        stepper.laws[c].energy(-float(scene.gap[c])) for c in np.flatnonzero(scene.gap < 0.0).tolist()
-    )
-    supply = before + scene.gravity * max(0.0, m @ (x0 - x))
-    with np.errstate(all="ignore"):
-        return float(0.5 * m @ v**2 / supply - 1.0) if supply > 0.0 else 0.0
+    def _energy_gain(self) -> float:
+        """Growth of kinetic energy beyond what gravity gave, relative to the largest supply; 0 with moving walls."""
+        scene, s, balls = self.scene, self.stepper.memory.s, ~self.scene.is_wall
+        if scene.velocity[~balls].any():
+            return 0.0
+        m, v0, v = scene.mass[balls], scene.velocity[balls], np.array(s.v)[balls]
+        x0 = scene.position[balls]
+        x = positions(scene, -np.array([s.xi]), np.array([self.k * self.dt]))[0][balls]
+        stored = (self.stepper.laws[c].energy(-float(scene.gap[c])) for c in np.flatnonzero(scene.gap < 0.0).tolist())
+        supply = 0.5 * m @ v0**2 + sum(stored) + scene.gravity * max(0.0, m @ (x0 - x))
+        with np.errstate(all="ignore"):
+            return float(0.5 * m @ v**2 / supply - 1.0) if supply > 0.0 else 0.0

@@ -10,7 +10,10 @@ from __future__ import annotations
 from collections import namedtuple
 from typing import Any
 
+import numpy as np
+
 from granular._kernels import kernel
+from granular.md.rows import COLUMNS
 from granular.md.steps import step
 
 DONE, FLIGHT, FULL, UNTIL = range(4)
@@ -27,8 +30,10 @@ overlap, largest overlap of the pair and the next one together, impulse exchange
 COUNTED = ("step", "count", "touched")
 """Fields of `Open` that hold whole numbers."""
 
-ROW = 12
-"""A log row: pair, begin step, begin fraction, end step, end fraction, v_in (2), v_out (2), ξ_max, F_max, impulse."""
+STEP_ROW = np.dtype(
+    [("pair", int), ("step_in", int), ("part_in", float), ("step_out", int), ("part_out", float), *COLUMNS], align=True
+)
+"""A row of the log: a contact; onset and end as step numbers and fractions of a step."""
 
 
 @kernel
@@ -110,18 +115,13 @@ def _begin(c: int, k: int, old: Any, s: Any, now: Any) -> None:
 @kernel
 def _end(c: int, k: int, old: Any, s: Any, now: Any, row: Any) -> None:
     part = end_part(c, old, s)
-    row[0] = c
-    row[1] = now.step[c]
-    row[2] = now.part[c]
-    row[3] = k
-    row[4] = part
-    row[5] = now.lower[c]
-    row[6] = now.upper[c]
-    row[7] = old.v[c] + part * (s.v[c] - old.v[c])
-    row[8] = old.v[c + 1] + part * (s.v[c + 1] - old.v[c + 1])
-    row[9] = now.xi_max[c]
-    row[10] = now.force_max[c]
-    row[11] = now.impulse[c]
+    row.pair = c
+    row.step_in, row.part_in = now.step[c], now.part[c]
+    row.step_out, row.part_out = k, part
+    row.lower_in, row.upper_in = now.lower[c], now.upper[c]
+    row.lower_out = old.v[c] + part * (s.v[c] - old.v[c])
+    row.upper_out = old.v[c + 1] + part * (s.v[c + 1] - old.v[c + 1])
+    row.xi_max, row.force_max, row.impulse = now.xi_max[c], now.force_max[c], now.impulse[c]
 
 
 @kernel

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -12,14 +13,15 @@ from numpy.typing import ArrayLike
 
 from granular import _check
 from granular import until as stop
-from granular._sampling import sample_times
 from granular._walls import close_after
+from granular.drive import drive
 from granular.laws.check import check_deepest
 from granular.laws.check import checked as checked_laws
 from granular.laws.kinds import SceneLaws
 from granular.md import fixed, located
 from granular.md.stability import expected_rate
 from granular.md.steps import METHODS
+from granular.request import requested
 from granular.scene import Scene, checked
 from granular.trajectory import Status, Trajectory
 
@@ -105,33 +107,28 @@ def simulate(
     """
     laws = checked_laws(law, checked(scene))
     start = _check.number("t_start", t_start)
-    end = math.inf if t_end is None else _check.number("t_end", t_end, at_least=start)
-    _check_walls(scene, start, end)
+    request = requested(
+        scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, max_steps=max_steps,
+        on_event=on_event, on_progress=on_progress,
+    )  # fmt: skip
+    _check_walls(scene, start, request.end)
+    _check.choice("engine", engine, ("auto", "plain", "compiled"))
     if method is None:
         method = "located" if dt is None else "verlet"
     _check.choice("method", method, ("located", *METHODS))
-    common: dict[str, Any] = {
-        "t_start": start,
-        "t_end": end,
-        "until": stop.checked(until, scene.n_pairs),
-        "samples": sample_times(samples, start, end),
-        "log": bool(log),
-        "max_events": _check.whole("max_events", max_events),
-        "max_steps": _check.whole("max_steps", max_steps, at_least=1),
-        "on_event": _check.callback("on_event", on_event),
-        "on_progress": _check.callback("on_progress", on_progress),
-        "engine": _check.choice("engine", engine, ("auto", "plain", "compiled")),
-    }
     if method == "located":
         if dt is not None:
             raise ValueError(f"dt is {dt!r}: method 'located' has no fixed step; choose {', '.join(METHODS)}.")
-        common["tol"] = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
+        finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
         with _in_range(laws.given[0]):
-            return located.run(scene, laws, **common)
+            return drive(located.Run(scene, laws, request, engine, finest))
     step = _default_step(scene, laws) if dt is None else _check.number("dt", dt, above=0.0)
     if start + step == start:
         raise ValueError(f"dt is {step!r}: at t_start = {start!r} a larger step is needed to advance the clock at all.")
-    run = fixed.run(scene, laws, **common, method=method, dt=step)
+    stepped = fixed.Run(scene, laws, request, method, step, engine)
+    run = drive(stepped)
+    if stepped.doubt:
+        warnings.warn(stepped.doubt, RuntimeWarning, stacklevel=2)
     if run.status is not Status.unstable:
         check_deepest(laws, run.contacts)
     return run

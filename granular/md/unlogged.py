@@ -48,14 +48,13 @@ def _has_root(law: PairLaw) -> bool | None:
 
 
 def bulk(
-    rows: tuple[list[float], list[float], bool], method: int, dt: float, w: Any, fall: Any, s: Any, now: Any,
-    make: Callable[[Any], Any] = np.array,
-) -> Bulk:  # fmt: skip
-    """Gather what `leap` needs, for a state `s` and the notes `now` of a run; `make` says of what it is made."""
+    rows: tuple[list[float], list[float], bool], physics: Any, memory: Any, make: Callable[[Any], Any] = np.array
+) -> Bulk:
+    """Gather what `leap` needs of a run; `make` says of what it is made."""
     k, gamma, root = make(rows[0]), make(rows[1]), rows[2]
-    half = 0.5 * dt
-    before, after = (half, half) if method == VERLET else (dt, 0.0)
-    given = Given(w, fall, k, gamma, root, dt, before, after)
+    half, s, now = 0.5 * physics.dt, memory.s, memory.now
+    before, after = (half, half) if physics.method == VERLET else (physics.dt, 0.0)
+    given = Given(physics.w, physics.fall, k, gamma, root, physics.dt, before, after)
     old = Chain(s.xi, s.v, s.raw, now.deepest, now.beside, now.shared)
     return Bulk(given, old, Chain(*map(make, old)), make([0.0] * (ROWS * LENGTH)))
 

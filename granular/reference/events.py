@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from granular import until as stop
-from granular.reference.log import Logbook, Reference
+from granular.drive import Pause
+from granular.reference.log import Logbook, Reference, follow
 from granular.reference.modes import ACTIVE, DORMANT, OPEN, RESIDUAL, roused
 from granular.reference.motion import Clock, Motion, Piece
 from granular.reference.series import Number, Power, first_rise, first_rise_of_parabola
@@ -23,9 +24,7 @@ def solve(scene: Any, forms: Sequence[Any], until: stop.Until | None, t_end: flo
     mp = MPContext()
     mp.dps = digits + GUARD
     run = Run(mp, scene, forms, until, t_end, digits)
-    status = run.go()
-    solver = f"Taylor series of order {run.motion.order}, {digits} digits"
-    return Reference(run.log.contacts(), float(run.t), status, solver)
+    return follow(run, f"Taylor series of order {run.motion.order}, {digits} digits")
 
 
 class Run:
@@ -39,24 +38,25 @@ class Run:
         self.motion = Motion(mp, scene, forms, round(1.25 * digits), mp.mpf(10) ** (-digits - 2))
         least = [min(a.p, a.d + 1) if a.gamma else a.p for a in self.motion.touches]
         self.sleep = [mp.mpf(10) ** (-digits / float(power)) for power in least]
+        self.steps = 0
 
-    def go(self) -> str:
-        """Run to the end; return why it ended."""
+    def launch(self) -> Pause:
+        """Begin the contacts that are there at the start."""
         for c, a in enumerate(self.motion.touches):
             if a.xi > 0:
                 a.mode = RESIDUAL
                 if self.motion.bracket(c) > 0 and self.begin(c):
-                    return "until"
+                    return Pause.until
             elif a.xi == 0 and self.motion.rate(c) == 0:
                 a.mode = DORMANT
         self.motion.hurry()
-        for _ in range(MOST_STEPS):
-            if status := self.step():
-                return status
-        raise ValueError(f"t_end is missing: after {MOST_STEPS} steps the scene is at t = {float(self.t):.6g} s.")
+        return Pause.full
 
-    def step(self) -> str:
-        """Go on to the next event, or as far as the series hold; return why that is the end, or ""."""
+    def to(self, time: Number) -> Pause:
+        """Go on towards `time`: to the next event, or as far as the series hold."""
+        if self.steps == MOST_STEPS:
+            raise ValueError(f"t_end is missing: after {MOST_STEPS} steps the scene is at t = {float(self.t):.6g} s.")
+        self.steps += 1
         motion = self.motion
         self.note_rest()
         clock = motion.clock()
@@ -68,25 +68,25 @@ class Run:
                 if x is not None and (reach is None or x < reach):
                     reach, event = x, (act, c)
         if reach is None:
-            return self.to_the_end()
+            return self.reached(time)
         self.t += motion.move(piece, reach)
-        if self.t >= self.t_end:
-            return self.to_the_end()
+        if self.t >= time:
+            return self.reached(time)
         if event is None:
-            return ""
+            return Pause.full
         act, c = event
         done = act(c)
         motion.hurry()
         rates = [motion.rate(b) for b in range(len(motion.touches))]
         closed = any(a.mode in (ACTIVE, RESIDUAL) for a in motion.touches)
-        return "until" if done or self.log.separated(rates, closed) else ""
+        return Pause.until if done or self.log.separated(rates, closed) else Pause.full
 
-    def to_the_end(self) -> str:
-        """Nothing more happens before `t_end`, or ever."""
-        if self.t_end == self.mp.inf:
-            return "quiet"
-        self.t = self.t_end
-        return "time"
+    def reached(self, time: Number) -> Pause:
+        """Nothing more happens before `time`, or ever."""
+        if time == self.mp.inf:
+            return Pause.quiet
+        self.t = time
+        return Pause.reached
 
     def watched(self, piece: Piece, clock: Clock, c: int) -> list[tuple[Any, list[Number]]]:
         """What happens to pair c when a function of x rises through zero."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from granular import until as stop
+from granular.drive import Pause
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +106,14 @@ class Logbook:
     def contacts(self) -> tuple[ReferenceContact, ...]:
         """All contacts in the order in which they began."""
         return tuple(sorted(self.rows, key=lambda row: (row.t_begin, row.pair)))
+
+
+def follow(run: Any, solver: str) -> Reference:
+    """Take a run from event to event to its end."""
+    pause = run.launch()
+    while pause is Pause.full:
+        pause = run.to(run.t_end)
+    return Reference(run.log.contacts(), float(run.t), pause.value.name, solver)
 
 
 def distance(one: Reference, other: Reference, convert: Any = float) -> tuple[float, float]:

@@ -11,8 +11,9 @@ from typing import Any
 
 from granular import until as stop
 from granular._check import Array
+from granular.drive import Pause
 from granular.laws.kinds import SceneLaws
-from granular.reference.log import Logbook, Reference
+from granular.reference.log import Logbook, Reference, follow
 from granular.reference.modes import ACTIVE, DORMANT, OPEN, RESIDUAL, roused
 from granular.reference.newton import Newton, TooMuchWork
 from granular.reference.series import first_rise_of_parabola
@@ -36,9 +37,7 @@ def solve(
         After `most` evaluations.
     """  # fmt: skip
     run = Run(scene, laws, until, math.inf if t_end is None else t_end, method, rtol, most)
-    status = run.go()
-    name = f"{method}, restarted at events, rtol {rtol:g}"
-    return Reference(run.log.contacts(), run.t, status, name), run.newton.evaluations
+    return follow(run, f"{method}, restarted at events, rtol {rtol:g}"), run.newton.evaluations
 
 
 class Run:
@@ -57,26 +56,20 @@ class Run:
         self.since: dict[int, tuple[float, tuple[float, float]]] = {}
         """When a force reached dormant pairs, and the velocities then: where their contacts begin."""
 
-    def go(self) -> str:
-        """Run to the end; return why it ended."""
+    def launch(self) -> Pause:
+        """Begin the contacts that are there at the start."""
         for c in range(self.n):
             xi, eta = float(self.y[c]), float(self.y[self.n + c])
             if xi > 0.0:
                 self.mode[c] = RESIDUAL
                 if self.newton.bracket(c, xi, eta) > 0.0 and self.act(c, "begin"):
-                    return "until"
+                    return Pause.until
             elif xi == 0.0 and eta == 0.0:
                 self.mode[c] = DORMANT
-        while True:
-            status = self.step()
-            if status:
-                return status
-            rates = self.y[self.n :].tolist()
-            if self.log.separated(rates, any(mode in (ACTIVE, RESIDUAL) for mode in self.mode)):
-                return "until"
+        return Pause.full
 
-    def step(self) -> str:
-        """Go on to the next event; return why there is none, or ""."""
+    def to(self, time: float) -> Pause:
+        """Go on towards `time`: to the next event."""
         moved = roused(self.mode, self.newton.pull)
         for c, mode in enumerate(self.mode):
             self.newton.smooth[c], self.newton.clipped[c] = mode == ACTIVE, mode in (OPEN, RESIDUAL)
@@ -85,37 +78,43 @@ class Run:
             elif mode == DORMANT:
                 self.since.setdefault(c, (self.t, self.bodies(c)))
         if all(mode == OPEN or (mode == DORMANT and not moved[c]) for c, mode in enumerate(self.mode)):
-            return self.fly()
+            return self.fly(time)
         from scipy.integrate import solve_ivp
 
         watches = [(c, watch) for c in range(self.n) for watch in self.watches(c)]
         events = [_event(function, direction) for _, (function, direction, _) in watches]
-        done = solve_ivp(self.newton, (0.0, self.t_end - self.t), self.y, events=events, **self.options)
+        done = solve_ivp(self.newton, (0.0, time - self.t), self.y, events=events, **self.options)
         if done.status < 0:
             raise TooMuchWork
         self.t, self.y = self.t + float(done.t[-1]), done.y[:, -1]
         if done.status == 0:
-            return "time"  # the end of the span
+            return Pause.reached
         fired = next(k for k, times in enumerate(done.t_events) if len(times))
         c, (_, _, what) = watches[fired]
-        return "until" if self.act(c, what) else ""
+        return self.after(c, what)
 
-    def fly(self) -> str:
+    def fly(self, time: float) -> Pause:
         """Move on parabolas to the next touch."""
         n, pull = self.n, self.newton.pull
         p = [(float(self.y[c]), float(self.y[n + c]), 0.5 * pull[c]) for c in range(n)]
         when = {c: first_rise_of_parabola(math, p[c]) for c in range(n) if self.mode[c] == OPEN}
         touches = {x: c for c, x in when.items() if x is not None}
         dt = min(touches, default=math.inf)
-        if dt == self.t_end == math.inf:
-            return "quiet"
-        if self.t + dt >= self.t_end:
-            self.t = self.t_end
-            return "time"
+        if dt == time == math.inf:
+            return Pause.quiet
+        if self.t + dt >= time:
+            self.t = time
+            return Pause.reached
         self.t += dt
         for c in range(n):
             self.y[c], self.y[n + c] = p[c][0] + dt * (p[c][1] + dt * p[c][2]), p[c][1] + 2.0 * dt * p[c][2]
-        return "until" if self.act(touches[dt], "touch") else ""
+        return self.after(touches[dt], "touch")
+
+    def after(self, c: int, what: str) -> Pause:
+        """Apply an event to pair c; return whether the run goes on."""
+        done, rates = self.act(c, what), self.y[self.n :].tolist()
+        closed = any(mode in (ACTIVE, RESIDUAL) for mode in self.mode)
+        return Pause.until if done or self.log.separated(rates, closed) else Pause.full
 
     def watches(self, c: int) -> list[Watch]:
         """What may happen to pair c."""

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from granular import _check
 from granular import until as stop
 from granular.cases import ready
 from granular.scene import Scene
@@ -198,8 +199,9 @@ def _recall(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *argumen
 
 
 def _coefficients(scene: Scene, laws: Any) -> tuple[list[list[float]], float] | None:
-    forms = compiled.coefficients(scene, laws)
-    return None if forms is None else (forms, specified(scene, laws))
+    each = _check.per_pair("law", laws, scene.n_pairs)
+    forms = compiled.coefficients(scene, each)
+    return None if forms is None else (forms, specified(scene, each))
 
 
 def _distinct(rows: Values) -> tuple[Values, Values]:

@@ -27,6 +27,7 @@ from granular.md.located.loop import (
     advance,
     clear_log,
     gather,
+    is_begun,
     launch,
     pause_later,
 )
@@ -150,9 +151,10 @@ def solve_cells(s: Any, table: Any, t_end: Any, out: Any, scratch: Any) -> None:
 @kernel
 def may_creep(s: Any) -> bool:
     """Return whether a run by itself would now look whether a pile creeps, and go on by its modes; left to that."""
-    first = s.pairs[0]
-    rests = s.bodies[0].inverse_mass == 0.0 and first.mode == ACTIVE and first.kind == LINEAR and first.gamma > 0.0
-    return bool(s.run[0].steps >= s.run[0].pause and rests)
+    if s.run[0].steps < s.run[0].pause or s.bodies[0].inverse_mass > 0.0 or s.pairs[0].slot < 0:
+        return False
+    first = s.pool[s.pairs[0].slot]
+    return bool(first.mode == ACTIVE and first.kind == LINEAR and first.gamma > 0.0)
 
 
 @kernel
@@ -160,10 +162,10 @@ def harvest(s: Any, row: Any) -> None:
     """Take what is asked out of the log."""
     for i in range(s.run[0].rows):
         contact = s.log[i]
-        at = HEAD + PER_PAIR * int(contact[0])
-        row[at + T_F], row[at + LOWER], row[at + UPPER] = contact[2], contact[6], contact[7]
-        if not row[at + LONGEST] >= contact[3]:
-            row[at + LONGEST] = contact[3]
+        at = HEAD + PER_PAIR * contact.pair
+        row[at + T_F], row[at + LOWER], row[at + UPPER] = contact.t_end, contact.lower_out, contact.upper_out
+        if not row[at + LONGEST] >= contact.duration:
+            row[at + LONGEST] = contact.duration
     clear_log(s)
 
 
@@ -172,8 +174,8 @@ def finish(s: Any, n: int, row: Any, scratch: Any) -> None:
     """Note counts, contacts still running and final rates."""
     t = row[TIME]
     gather(s, t, None)
-    look(s.pairs, n, t, scratch[0], scratch[1], scratch[2])
+    look(s, t, scratch[0], scratch[1], scratch[2])
     for c in range(n):
         at = HEAD + PER_PAIR * c
-        row[at + COUNT], row[at + ONGOING] = s.pairs[c].count, s.pairs[c].begun
+        row[at + COUNT], row[at + ONGOING] = s.pairs[c].count, is_begun(s, c)
         row[at + RATE] = -scratch[1, c]

@@ -12,7 +12,7 @@ from granular import until as stop
 from granular._check import Array
 from granular._kernels import compiled, kernel
 from granular.md.located.build import kind_and_q, limit
-from granular.md.located.loop import REACHED, advance, launch
+from granular.md.located.loop import REACHED, advance, is_begun, launch
 from granular.md.located.powers import power
 from granular.md.located.records import ACTIVE, OPEN, RESIDUAL, System, new_system, to_plain
 
@@ -88,7 +88,7 @@ def solve_many(
 
 def workspace(n_pairs: int, until: stop.Until | None, tol: float, max_events: int, max_steps: int) -> System:
     """Return the workspace in which scenes of `n_pairs` pairs are solved one after the other."""
-    s = new_system(n_pairs)
+    s = new_system(n_pairs, n_pairs, n_pairs)
     limit(s, until, tol, max_events, max_steps, 1)
     return s
 
@@ -128,29 +128,28 @@ def reset(s: Any, row: Any) -> None:
     run = s.run[0]
     n = len(s.pairs)
     run.pairs, run.events, run.steps, run.begun, run.rows, run.error, run.t = n, 0, 0, 0, 0, 0.0, 0.0
-    run.piled, run.rests = 0, 0
+    run.piled, run.rests, run.members, run.waits, run.tail = 0, 0, 0, 0, 0.0
     for b in range(n + 1):
         body = s.bodies[b]
         body.inverse_mass, body.v, body.t, body.tail = row[1 + 2 * b], row[2 + 2 * b], 0.0, 0.0
         body.fall = row[0] if body.inverse_mass > 0.0 else 0.0
     for c in range(n):
         at = 1 + 2 * (n + 1) + 7 * c
-        pair = s.pairs[c]
-        pair.lower, pair.upper = s.bodies[c].inverse_mass, s.bodies[c + 1].inverse_mass
-        pair.inverse, pair.pull = pair.lower + pair.upper, s.bodies[c + 1].fall - s.bodies[c].fall
+        pair, law, s.pool[c].spare = s.pairs[c], s.kinds[c], c
+        law.k, law.p, law.gamma, law.d = row[at + 1], row[at + 2], row[at + 3], row[at + 4]
+        law.s, law.kind, law.q = law.p - law.d, int(row[at + 5]), int(row[at + 6])
+        pair.pull, pair.kind_of = s.bodies[c + 1].fall - s.bodies[c].fall, c
         pair.xi, pair.eta = row[at], s.bodies[c].v - s.bodies[c + 1].v
-        pair.k, pair.p, pair.gamma, pair.d = row[at + 1], row[at + 2], row[at + 3], row[at + 4]
-        pair.s, pair.kind, pair.q = pair.p - pair.d, int(row[at + 5]), int(row[at + 6])
-        pair.mode, pair.exact, pair.begun, pair.count = first_mode(pair), 0, 0, 0
-        pair.t, pair.tail, pair.stride, pair.noise = 0.0, 0.0, 0.0, 0.0
+        pair.mode, pair.exact, pair.count = first_mode(pair.xi, pair.eta, law), 0, 0
+        pair.t, pair.tail, pair.stride, pair.noise, pair.wake = 0.0, 0.0, 0.0, 0.0, 0.0
 
 
 @kernel
-def first_mode(pair: Any) -> int:
+def first_mode(xi: float, eta: float, law: Any) -> int:
     """Return the mode in which a pair starts."""
-    if pair.xi < 0.0 or (pair.xi == 0.0 and pair.eta <= 0.0):
+    if xi < 0.0 or (xi == 0.0 and eta <= 0.0):
         return OPEN
-    if pair.xi > 0.0 and pair.k * power(pair.xi, pair.s) + pair.gamma * pair.eta <= 0.0:
+    if xi > 0.0 and law.k * power(xi, law.s) + law.gamma * eta <= 0.0:
         return RESIDUAL
     return ACTIVE
 
@@ -163,8 +162,8 @@ def report(s: Any, why: int, observe: int, t_end: float, out: Any) -> None:
     out[2], out[3], out[4] = math.nan, math.nan, math.nan
     for i in range(run.rows):
         row = s.log[i]
-        if row[0] == observe:
-            out[2], out[3], out[4] = row[2], row[6], row[7]
-    out[5] = s.pairs[observe].begun
+        if row.pair == observe:
+            out[2], out[3], out[4] = row.t_end, row.lower_out, row.upper_out
+    out[5] = is_begun(s, observe)
     for c in range(run.pairs):
         out[6 + c] = s.pairs[c].count

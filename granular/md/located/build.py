@@ -18,8 +18,8 @@ from granular.md.located.records import (
     GENERAL,
     LINEAR,
     OPEN,
-    PAIR,
     RESIDUAL,
+    ROOM,
     STEEPEST,
     System,
     new_system,
@@ -31,24 +31,20 @@ LARGEST_Q = 4
 
 def build(scene: Scene, laws: SceneLaws, t: float) -> System:
     """Return the records of `scene` at time `t`, its pairs open, overlapping or (ACTIVE) about to begin a contact."""
-    s = new_system(scene.n_pairs)
+    at_start = np.pad(scene.gap <= 0.0, 1)
+    near = int((at_start[:-2] | at_start[1:-1] | at_start[2:]).sum())  # no more pairs than these join islands at once
+    s = new_system(scene.n_pairs, len(laws.each), near + ROOM)
     pairs, bodies = s.pairs, s.bodies
     bodies["inverse_mass"], bodies["v"], bodies["t"] = scene.inverse_mass, scene.velocity, t
     bodies["fall"] = np.where(scene.is_wall, 0.0, scene.gravity)
-    pairs["lower"], pairs["upper"] = scene.sides(scene.inverse_mass)
-    pairs["inverse"] = pairs["lower"] + pairs["upper"]
-    if not np.isfinite(pairs["inverse"]).all():
+    if not np.isfinite(sum(scene.sides(scene.inverse_mass))).all():
         raise OverflowError("the inverse of a mass")
     pairs["pull"], pairs["xi"], pairs["eta"], pairs["t"] = scene.pull, -scene.gap, -scene.across(scene.velocity), t
-    pairs["m_eff"], pairs["r_eff"], pairs["index"] = scene.pairs.m_eff, scene.pairs.r_eff, np.arange(len(pairs))
     speed = speed_scale(scene)
-    table = np.array([_described(law, speed) for law in laws.each], LAW)
-    if (table["kind"] == GENERAL).any():  # one law beyond powers, and every law is evaluated as it stands
-        table["kind"], table["s"] = GENERAL, 0.0
-    for name in LAW.names or ():
-        pairs[name] = table[name][laws.kind]
-    pairs["loading"] = 1
-    pairs["mode"] = _first_modes(laws, -scene.gap, pairs["eta"])
+    s.kinds[:] = [_described(law, speed) for law in laws.each]
+    if (s.kinds["kind"] == GENERAL).any():  # one law beyond powers, and every law is evaluated as it stands
+        s.kinds["kind"], s.kinds["s"] = GENERAL, 0.0
+    pairs["kind_of"], pairs["mode"] = laws.kind, _first_modes(laws, -scene.gap, pairs["eta"])
     s.run[0]["pairs"], s.run[0]["t"] = scene.n_pairs, t
     return s
 
@@ -62,12 +58,8 @@ def limit(s: System, until: stop.Until | None, tol: float, max_events: int, max_
     r["separated"] = int(isinstance(until, stop.Separated))
 
 
-LAW = np.dtype([(name, PAIR[name]) for name in ("memory", "kind", "q", "k", "p", "gamma", "d", "s")])
-"""What a record says of the law of its pair."""
-
-
 def _described(law: PairLaw, speed: float) -> tuple[float, ...]:
-    """What kind of law it is, and its coefficients: a row of `LAW`."""
+    """What kind of law it is, and its coefficients: a row of `KIND`."""
     form = power_form(law)
     if form is None:
         k, p, q = _rough_form(law, speed)
@@ -76,7 +68,7 @@ def _described(law: PairLaw, speed: float) -> tuple[float, ...]:
         kind, q = kind_and_q(*form)
     k, p, gamma, d = form
     d = factor(p, gamma, d)
-    return law.memory, kind, q, k, p, gamma, d, p - d
+    return kind, q, law.memory, k, gamma, p, d, p - d
 
 
 def power_form(law: PairLaw) -> Form | None:

@@ -121,9 +121,10 @@ class Collocation:
         return branch(xi, eta)
 
     @np.errstate(over="ignore", invalid="ignore")  # trial steps may be far too long
-    def fill(self, records: Any, lo: int, hi: int, tol: float) -> float:
-        """Compute the piece of the block lo … hi-1 on τ in [0, 1], set its h and clock; return its truncation error."""
-        block, pairs = records[lo], records[lo:hi]
+    def fill(self, records: list[Any], pool: list[Any], lo: int, tol: float) -> float:
+        """Compute the piece of an island on τ in [0, 1], set its h and clock; return its truncation error."""
+        pairs = [pool[p.slot] for p in records[lo : records[lo].hi]]
+        block = pairs[0]
         block.clock = 2 if any(p.mode == ACTIVE and p.xi == 0.0 and p.q > 1 for p in pairs) else 1
         reach = 0.2 * block.length / block.speed if block.speed > 0.0 else 1.0
         if block.stride > 0.0 and block.clock == 1:
@@ -168,12 +169,12 @@ class Collocation:
                     p.g, found = list(p.f), True
         return found
 
-    def locate(self, records: Any, lo: int, hi: int, work: Any) -> None:
-        """Find the event that ends the piece of block lo … hi-1; it ends at τ = 1 if there is none."""
-        block = records[lo]
+    def locate(self, records: list[Any], pool: list[Any], lo: int, work: Any) -> None:
+        """Find the event that ends the piece of an island; it ends at τ = 1 if there is none."""
+        block = pool[records[lo].slot]
         block.tau, block.fired, block.what = 1.0, -1, NOTHING
-        for c in range(lo, hi):
-            p = records[c]
+        for c in range(lo, records[lo].hi):
+            p = pool[records[c].slot]
             deep = self.deepest[c] or p.own_length
             ask = partial(self._pushes, c, p, 1e-3 * deep)
             tau, what = next_event(p, ask, partial(self._idles, c, p), self.doubt[c], block.tau, work)

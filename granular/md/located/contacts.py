@@ -12,56 +12,62 @@ from granular.md.located.records import ACTIVE, DORMANT, ORDER
 
 
 @kernel
-def begin_contact(pairs: Any, bodies: Any, c: int, block: Any) -> None:
+def begin_contact(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> None:
     """Note the time and the velocities at which the contact of pair `c` begins (or might: it is dormant)."""
-    pair = pairs[c]
-    pair.begin, pair.lasted, pair.impulse, pair.force_max, pair.xi_max = block.t, 0.0, 0.0, 0.0, pair.xi
-    pair.lower_in = velocity_now(bodies[c], block)
-    pair.upper_in = velocity_now(bodies[c + 1], block)
+    pair = pool[pairs[c].slot]
+    pair.begin, pair.lasted, pair.impulse, pair.force_max, pair.xi_max = run.t, 0.0, 0.0, 0.0, pair.xi
+    pair.lower_in = velocity_now(bodies[c], run)
+    pair.upper_in = velocity_now(bodies[c + 1], run)
 
 
 @kernel
-def end_contact(run: Any, pairs: Any, bodies: Any, log: Any, c: int, block: Any) -> None:
+def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) -> None:
     """Write the log row of the contact of pair `c` that ends now."""
-    pair = pairs[c]
+    pair = pool[pairs[c].slot]
     pair.begun = 0
     if run.log == 0:
         return
     row = log[run.rows]
     run.rows += 1
-    row[0], row[1], row[2], row[3] = c, pair.begin, block.t, pair.lasted
-    row[4], row[5] = pair.lower_in, pair.upper_in
-    row[6], row[7] = velocity_now(bodies[c], block), velocity_now(bodies[c + 1], block)
-    row[8], row[9], row[10] = pair.xi_max, pair.force_max, pair.impulse
+    row.pair, row.t_begin, row.t_end, row.duration = c, pair.begin, run.t, pair.lasted
+    row.lower_in, row.upper_in = pair.lower_in, pair.upper_in
+    row.lower_out, row.upper_out = velocity_now(bodies[c], run), velocity_now(bodies[c + 1], run)
+    row.xi_max, row.force_max, row.impulse = pair.xi_max, pair.force_max, pair.impulse
 
 
 @kernel
-def velocity_now(body: Any, block: Any) -> float:
-    """Return the velocity of a body at the time of a block."""
-    v: float = body.v - body.fall * since(body, block.t, block.tail)
+def velocity_now(body: Any, run: Any) -> float:
+    """Return the velocity of a body at the time of the event under way."""
+    v: float = body.v - body.fall * since(body, run.t, run.tail)
     return v
 
 
 @kernel
-def follow(pairs: Any, bodies: Any, lo: int, hi: int, tau: float, work: Any, with_peaks: bool) -> None:
-    """Add the stretch [0, τ] of the piece of block lo … hi-1 to its contacts, and its impulses to its bodies."""
-    block = pairs[lo]
+def follow(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau: float) -> None:
+    """Add the stretch [0, τ] of the piece of the island that starts with `lo` to its contacts and its bodies."""
+    block, hi = pool[pairs[lo].slot], pairs[lo].hi
     h, q = block.h, block.clock
     dt, scale, below = elapsed(h, q, tau), elapsed(h, q, 1.0), 0.0
     for c in range(lo, hi):
-        pair, impulse = pairs[c], 0.0
+        pair, impulse = pool[pairs[c].slot], 0.0
         if pair.mode == ACTIVE:
             impulse = scale * integral(pair.f, q, tau)
             pair.impulse += impulse
-            if (c > lo and pairs[c - 1].mode == ACTIVE) or (c + 1 < hi and pairs[c + 1].mode == ACTIVE):
-                pair.shared += impulse
-            if with_peaks:
+            if (c > lo and acts(pairs, pool, c - 1)) or (c + 1 < hi and acts(pairs, pool, c + 1)):
+                pairs[c].shared += impulse
+            if run.log == 2:
                 peaks(pair, tau, work)
         if pair.mode == ACTIVE or pair.mode == DORMANT:
             pair.lasted += dt
         push(bodies[c], block, dt, below - impulse)
         below = impulse
     push(bodies[hi], block, dt, below)
+
+
+@kernel
+def acts(pairs: Any, pool: Any, c: int) -> bool:
+    """Return whether a pair of an island exerts a force."""
+    return bool(pool[pairs[c].slot].mode == ACTIVE)
 
 
 @kernel

@@ -18,7 +18,7 @@ import numpy as np
 
 from granular._check import Array
 from granular.md.located.records import LINEAR
-from granular.md.located.resting import pile, weight
+from granular.md.located.resting import weight
 
 LARGEST = 100
 """Pairs beyond which the proof is not tried: it costs their number cubed."""
@@ -42,10 +42,8 @@ def matrices(pairs: list[Any]) -> Array:
     return out
 
 
-def swinging(pairs: list[Any], bodies: list[Any]) -> float:
+def swinging(pairs: list[Any], piled: int, bodies: list[Any]) -> float:
     """Return what part of a static contact force still swings; inf if the forces are not proved positive forever."""
-    n = len(bodies) - 1
-    piled = pile(pairs, bodies, n, n)
     damped = all(p.kind == LINEAR and p.gamma > 0.0 for p in pairs[:piled])
     if piled == 0 or bodies[piled].inverse_mass == 0.0 or not damped:
         return math.inf

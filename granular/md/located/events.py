@@ -28,12 +28,12 @@ NOTHING, BEGIN, END, PART, TURN, RELOAD = range(6)
 
 
 @kernel
-def locate(pairs: Any, lo: int, hi: int, span: float, work: Any) -> None:
+def locate(pairs: Any, pool: Any, lo: int, hi: int, span: float, work: Any) -> None:
     """Find the event that ends the piece of block lo … hi-1 on τ in [0, span]; it ends at `span` if there is none."""
-    block = pairs[lo]
+    block = pool[pairs[lo].slot]
     block.tau, block.fired, block.what = span, -1, NOTHING
     for c in range(lo, hi):
-        tau, what = next_event(pairs[c], block.tau, work)
+        tau, what = next_event(pool[pairs[c].slot], block.tau, work)
         if tau <= block.tau and what != NOTHING:
             block.tau, block.fired, block.what = tau, c, what
             if tau == 0.0:

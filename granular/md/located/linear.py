@@ -12,14 +12,14 @@ from granular.md.located.records import ACTIVE, DORMANT, ORDER, RESIDUAL
 
 
 @kernel
-def expand_linear(pairs: Any, lo: int, hi: int, h: float) -> None:
+def expand_linear(pairs: Any, pool: Any, lo: int, hi: int, h: float) -> None:
     """Fill the rows x, e, f (and g of residual pairs) of pairs lo … hi-1 from their state."""
     if hi == lo + 2:
-        expand_two(pairs[lo], pairs[lo + 1], h)
+        expand_two(pool[pairs[lo].slot], pool[pairs[lo + 1].slot], h)
     else:
-        expand_run(pairs, lo, hi, h)
+        expand_run(pairs, pool, lo, hi, h)
     for c in range(lo, hi):
-        pair = pairs[c]
+        pair = pool[pairs[c].slot]
         if pair.mode == RESIDUAL:
             for n in range(ORDER + 1):
                 pair.g[n] = pair.k * pair.x[n] + pair.gamma * pair.e[n]
@@ -34,14 +34,14 @@ def works(pair: Any) -> float:
 
 
 @kernel
-def expand_run(pairs: Any, lo: int, hi: int, h: float) -> None:
+def expand_run(pairs: Any, pool: Any, lo: int, hi: int, h: float) -> None:
     """Any number of pairs."""
     for c in range(lo, hi):
-        pair = pairs[c]
+        pair = pool[pairs[c].slot]
         pair.x[0], pair.e[0] = pair.xi, pair.eta
     for n in range(ORDER + 1):
         for c in range(lo, hi):
-            pair = pairs[c]
+            pair = pool[pairs[c].slot]
             pair.f[n] = 0.0
             if pair.mode == ACTIVE or pair.mode == DORMANT:
                 pair.f[n] = pair.k * pair.x[n] + pair.gamma * pair.e[n]
@@ -50,16 +50,17 @@ def expand_run(pairs: Any, lo: int, hi: int, h: float) -> None:
         if n == ORDER:
             break
         below, step = 0.0, h / (n + 1)
+        pair = pool[pairs[lo].slot]
         for c in range(lo, hi):
-            pair = pairs[c]
+            after = pool[pairs[c + 1].slot] if c + 1 < hi else pair
             force = pair.f[n]
-            above = pairs[c + 1].f[n] if c + 1 < hi else 0.0
+            above = after.f[n] if c + 1 < hi else 0.0
             push = pair.lower * below - pair.inverse * force + pair.upper * above
             if n == 0:
                 push += pair.pull
             pair.x[n + 1] = step * pair.e[n]
             pair.e[n + 1] = step * push
-            below = force
+            pair, below = after, force
 
 
 @kernel

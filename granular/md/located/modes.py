@@ -12,9 +12,10 @@ from granular.md.located.records import ACTIVE, DORMANT, GENERAL, LINEAR, OPEN, 
 
 
 @kernel
-def act(run: Any, pairs: Any, bodies: Any, log: Any, c: int, what: int, block: Any, laws: Any) -> bool:
-    """Let an event of pair `c` happen at the time of `block`; false if it meets the stop condition instead."""
-    pair = pairs[c]
+def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws: Any) -> bool:
+    """Let the event happen that ends the piece of `block`; false if it meets the stop condition instead."""
+    c, what = block.fired, block.what
+    pair = pool[pairs[c].slot]
     if what == BEGIN:
         if pair.mode == OPEN:
             pair.xi = 0.0
@@ -25,7 +26,7 @@ def act(run: Any, pairs: Any, bodies: Any, log: Any, c: int, what: int, block: A
                 pair.mode = OPEN if laws.pushes_at_touch(c, pair) else RESIDUAL
                 if pair.mode == RESIDUAL:
                     return True
-        return activate(run, pairs, bodies, c, block)
+        return activate(run, pairs, pool, bodies, c)
     run.events += 1
     if what == TURN:
         pair.loading, pair.top, pair.eta = 0, pair.xi, min(0.0, pair.eta)
@@ -37,7 +38,7 @@ def act(run: Any, pairs: Any, bodies: Any, log: Any, c: int, what: int, block: A
         pair.mode, pair.xi, pair.eta = DORMANT, 0.0, 0.0
         return True
     if pair.begun == 1:
-        end_contact(run, pairs, bodies, log, c, block)
+        end_contact(run, pairs, pool, bodies, log, c)
     if what == END:
         pair.mode, pair.exact = RESIDUAL, 1
     else:
@@ -55,22 +56,28 @@ def stays(pair: Any, block: Any) -> bool:
 
 
 @kernel
-def activate(run: Any, pairs: Any, bodies: Any, c: int, block: Any) -> bool:
+def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
     """Begin the contact of pair `c`; false if the run is to stop just before."""
-    pair = pairs[c]
+    pair = pool[pairs[c].slot]
     if pair.begun == 1:  # only slept for a moment
         pair.mode = ACTIVE
         return True
-    if c == run.until_pair and pair.count + 1 == run.until_nth:
+    if is_awaited(run, pairs, c):
         return False
     if pair.mode != DORMANT:  # else it has been under way since it was touched
-        begin_contact(pairs, bodies, c, block)
+        begin_contact(run, pairs, pool, bodies, c)
     pair.exact = 1 if pair.mode == RESIDUAL else 0
     pair.mode, pair.begun = ACTIVE, 1
-    pair.count += 1
+    pairs[c].count += 1
     run.events += 1
     run.begun += 1
     return True
+
+
+@kernel
+def is_awaited(run: Any, pairs: Any, c: int) -> bool:
+    """Return whether the run is to stop just before the next contact of pair `c`."""
+    return bool(c == run.until_pair and pairs[c].count + 1 == run.until_nth)
 
 
 @kernel
@@ -104,32 +111,34 @@ NONE, SOME, AWAITED = range(3)
 
 
 @kernel
-def engage(run: Any, pairs: Any, bodies: Any, lo: int, hi: int) -> int:
+def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
     """Make pairs dormant that touch at rest beside a force or under their own weight; return whether there were any.
 
     Forces only push, so that such a contact is sure to begin at once, if no gravity pulls the pair apart.
     """
-    found = NONE
+    found, lo, hi = NONE, run.lo, run.hi
     for sweep in range(2):
         for i in range(hi - lo):
             c = lo + i if sweep == 0 else hi - 1 - i
-            if touches(pairs[c]) and (
-                pairs[c].pull > 0.0 or (c > lo and pushes(pairs[c - 1])) or (c + 1 < hi and pushes(pairs[c + 1]))
+            pair = pool[pairs[c].slot]
+            if touches(pair) and (
+                pair.pull > 0.0
+                or (c > lo and pushes(pool[pairs[c - 1].slot]))
+                or (c + 1 < hi and pushes(pool[pairs[c + 1].slot]))
             ):
-                if c == run.until_pair and pairs[c].count + 1 == run.until_nth and pairs[c].pull >= 0.0:
+                if is_awaited(run, pairs, c) and pair.pull >= 0.0:
                     return AWAITED
-                begin_contact(pairs, bodies, c, pairs[lo])
-                pairs[c].mode = DORMANT
-                found = SOME
+                begin_contact(run, pairs, pool, bodies, c)
+                pair.mode, found = DORMANT, SOME
     return found
 
 
 @kernel
-def judge(pairs: Any, lo: int, hi: int) -> bool:
+def judge(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
     """Open pairs that the computed series pulls apart from rest, close those it presses; return whether any changed."""
     changed = False
     for c in range(lo, hi):
-        pair = pairs[c]
+        pair = pool[pairs[c].slot]
         if pair.kind != GENERAL and pair.xi == 0.0 and pair.eta == 0.0 and (pair.mode == DORMANT or pair.mode == OPEN):
             way = direction(pair.x)
             if way < 0.0 and pair.mode == DORMANT:
@@ -152,11 +161,11 @@ def direction(x: Any) -> float:
 
 
 @kernel
-def confirm(run: Any, pairs: Any, bodies: Any, lo: int, hi: int) -> bool:
+def confirm(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, hi: int) -> bool:
     """Begin the linear contacts the series presses together from rest; false if the run is to stop just before."""
     for c in range(lo, hi):
-        pair = pairs[c]
+        pair = pool[pairs[c].slot]
         presses = pair.mode == DORMANT and pair.kind == LINEAR and direction(pair.x) > 0.0
-        if presses and not activate(run, pairs, bodies, c, pairs[lo]):
+        if presses and not activate(run, pairs, pool, bodies, c):
             return False
     return True

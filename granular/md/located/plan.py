@@ -30,50 +30,50 @@ from granular.md.located.steps import (
 
 
 @kernel
-def plan(run: Any, pairs: Any, bodies: Any, work: Any, lo: int, hi: int, laws: Any) -> bool:
-    """Compute the next piece of the island lo … hi-1 and when it ends; false if the run is to stop at its start."""
-    block, worst = pairs[lo], -math.inf
+def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws: Any) -> bool:
+    """Compute the next piece of the island that starts with `lo`, and its end; false if the run is to stop at once."""
+    block, hi, worst = pool[pairs[lo].slot], pairs[lo].hi, -math.inf
     run.steps += 1
-    if is_linear(pairs, lo, hi):
-        block.clock, block.h, block.linear, span = 1, REACH / fastest_rate(pairs, lo, hi), 1, 1.0
-        settle_series(pairs, lo, hi, laws, run)
+    if is_linear(pairs, pool, lo, hi):
+        block.clock, block.h, block.linear, span = 1, REACH / fastest_rate(pairs, pool, lo, hi), 1, 1.0
+        settle_series(run, pairs, pool, lo, laws)
     else:
-        measure(pairs, lo, hi)
-        block.clock, block.linear = choose_clock(pairs, lo, hi), 0
+        measure(pairs, pool, lo, hi)
+        block.clock, block.linear = choose_clock(pairs, pool, lo, hi), 0
         block.h = scale(block, block.clock)
-        settle_series(pairs, lo, hi, laws, run)
+        settle_series(run, pairs, pool, lo, laws)
         span = 1.0
         if laws is None:
-            worst = growth(pairs, lo, hi, run.tol)
+            worst = growth(pairs, pool, lo, hi, run.tol)
             span = trusted(worst, run.tol)
             if block.clock == 1:
                 block.stride = block.h * span
-    if not confirm(run, pairs, bodies, lo, hi):
+    if not confirm(run, pairs, pool, bodies, lo, hi):
         return False
     if laws is None:
-        locate(pairs, lo, hi, span, work)
+        locate(pairs, pool, lo, hi, span, work)
     else:
-        laws.locate(pairs, lo, hi, work)
+        laws.locate(pairs, pool, lo, work)
     run.error += left_out(worst, block.tau)
     block.wait = elapsed(block.h, block.clock, block.tau)
-    block.due = block.t + (block.wait + block.tail)
+    pairs[lo].due = block.t + (block.wait + block.tail)
     if block.h >= LONG:  # it lies still
-        block.due = math.inf
+        pairs[lo].due = math.inf
         if lo == 0 and hi == run.pairs:
             run.rests = 1
     return True
 
 
 @kernel
-def settle_series(pairs: Any, lo: int, hi: int, laws: Any, run: Any) -> None:
+def settle_series(run: Any, pairs: Any, pool: Any, lo: int, laws: Any) -> None:
     """Compute the series; where pairs touch at rest, until it agrees with who is taken to push."""
-    block = pairs[lo]
+    block, hi = pool[pairs[lo].slot], pairs[lo].hi
     for _ in range(2 * (hi - lo) + 2):
         if laws is not None:
-            run.error += laws.fill(pairs, lo, hi, run.tol)
+            run.error += laws.fill(pairs, pool, lo, run.tol)
         elif block.linear == 1:
-            expand_linear(pairs, lo, hi, block.h)
+            expand_linear(pairs, pool, lo, hi, block.h)
         else:
-            expand(pairs, lo, hi, block.h, block.clock)
-        if not judge(pairs, lo, hi):
+            expand(pairs, pool, lo, hi, block.h, block.clock)
+        if not judge(pairs, pool, lo, hi):
             break

@@ -12,19 +12,29 @@ from granular.md.located.records import ACTIVE, FREE
 
 
 @kernel
-def look(pairs: Any, n: int, t: float, xi: Any, eta: Any, force: Any) -> None:
+def look(s: Any, t: float, xi: Any, eta: Any, force: Any) -> None:
     """Write overlap, rate and force of every pair at time `t`, which lies within the present pieces."""
-    c = 0
-    while c < n:
-        block = pairs[c]
-        dt, hi = max(0.0, since(block, t, 0.0)), block.hi
-        if block.clock == FREE:
-            xi[c] = -gap_after(-block.xi, -block.eta, block.pull, dt)
-            eta[c] = block.eta + block.pull * dt
+    pairs, pool, c = s.pairs, s.pool, 0
+    while c < s.run[0].pairs:
+        hi = pairs[c].hi
+        if pairs[c].slot < 0:
+            xi[c], eta[c] = in_flight(pairs[c], t)
+            force[c] = 0.0
+        elif pool[pairs[c].slot].clock == FREE:
+            xi[c], eta[c] = in_flight(pool[pairs[c].slot], t)
             force[c] = 0.0
         else:
-            tau = min(block.tau, tau_at(block.h, block.clock, dt))
+            block = pool[pairs[c].slot]
+            tau = min(block.tau, tau_at(block.h, block.clock, max(0.0, since(block, t, 0.0))))
             for i in range(c, hi):
-                xi[i], eta[i] = value(pairs[i].x, tau), value(pairs[i].e, tau)
-                force[i] = max(0.0, value(pairs[i].f, tau)) if pairs[i].mode == ACTIVE else 0.0
+                pair = pool[pairs[i].slot]
+                xi[i], eta[i] = value(pair.x, tau), value(pair.e, tau)
+                force[i] = max(0.0, value(pair.f, tau)) if pair.mode == ACTIVE else 0.0
         c = hi
+
+
+@kernel
+def in_flight(pair: Any, t: float) -> tuple[float, float]:
+    """Return overlap and rate at time `t` of a pair in free flight."""
+    dt = max(0.0, since(pair, t, 0.0))
+    return -gap_after(-pair.xi, -pair.eta, pair.pull, dt), pair.eta + pair.pull * dt

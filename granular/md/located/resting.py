@@ -32,29 +32,31 @@ LONG = 2.0**300
 
 
 @kernel
-def verdict(run: Any, pairs: Any, bodies: Any, hi: int) -> int:
+def verdict(run: Any, pairs: Any, pool: Any, bodies: Any, hi: int) -> int:
     """Return what is proved of the block of pairs 0 … hi-1; notes energy and barrier in the run's record."""
     if run.rests == 1:
         return RESTS
-    piled = pile(pairs, bodies, run.pairs, hi)
+    piled = pile(pairs, pool, bodies, run.pairs, hi)
     if piled == 0:
         return NOT_YET
     if piled != run.piled:
-        find_equilibrium(run, pairs, bodies, piled)
-    energy = kinetic(pairs, bodies, piled)
+        find_equilibrium(run, pairs, pool, bodies, piled)
+    energy = kinetic(pairs, pool, bodies, piled)
     if energy >= run.opening:
         return NOT_YET
+    load, damped = run.load, True
     for c in range(piled - 1, -1, -1):
-        energy += excess(pairs[c], pairs[c].xi, pairs[c].rest, pairs[c].load)
+        pair = pool[pairs[c].slot]
+        load += weight(bodies[c + 1])
+        energy += excess(pair, pair.xi, overlap_under(pair, load), load)
+        damped = damped and pair.gamma > 0.0
     if energy >= run.opening:
         return NOT_YET
-    damped = True
-    for c in range(piled):
-        damped = damped and pairs[c].gamma > 0.0
     if run.barrier == math.inf:
-        run.barrier = run.opening
+        run.barrier, load = run.opening, run.load
         for c in range(piled - 1, -1, -1):
-            run.barrier = min(run.barrier, hurdle(pairs[c], pairs[c].load))
+            load += weight(bodies[c + 1])
+            run.barrier = min(run.barrier, hurdle(pool[pairs[c].slot], load))
     run.energy = energy
     if energy >= (1.0 - 1e-9) * run.barrier:
         return NOT_YET
@@ -63,50 +65,52 @@ def verdict(run: Any, pairs: Any, bodies: Any, hi: int) -> int:
 
 
 @kernel
-def find_equilibrium(run: Any, pairs: Any, bodies: Any, piled: int) -> None:
-    """Set the static load and overlap of every pair of a pile, and the least energy in J with which one of them opens.
+def find_equilibrium(run: Any, pairs: Any, pool: Any, bodies: Any, piled: int) -> None:
+    """Note a pile, the force in N on its ceiling, and the least energy in J with which one of its pairs opens.
 
     That is without damping, where it has to part; a `hurdle` is lower.
     """
-    load = squeeze(pairs, bodies, piled) if bodies[piled].inverse_mass == 0.0 else 0.0
-    run.piled, run.opening, run.barrier = piled, math.inf, math.inf
+    load = squeeze(pairs, pool, bodies, piled) if bodies[piled].inverse_mass == 0.0 else 0.0
+    run.piled, run.load, run.opening, run.barrier = piled, load, math.inf, math.inf
     for c in range(piled - 1, -1, -1):
         load += weight(bodies[c + 1])
-        pairs[c].load, pairs[c].rest = load, overlap_under(pairs[c], load)
-        run.opening = min(run.opening, excess(pairs[c], 0.0, pairs[c].rest, load))
+        pair = pool[pairs[c].slot]
+        run.opening = min(run.opening, excess(pair, 0.0, overlap_under(pair, load), load))
 
 
 @kernel
-def is_still(pairs: Any, piled: int) -> bool:
+def is_still(run: Any, pairs: Any, pool: Any, bodies: Any) -> bool:
     """Return whether a pile has come so near to its equilibrium that the difference is rounding."""
-    for c in range(piled):
-        pair = pairs[c]
-        rate = math.sqrt(pair.k * pair.p * power(pair.rest, pair.p) / pair.rest * pair.inverse)
-        if abs(pair.xi - pair.rest) > STILL * pair.rest or abs(pair.eta) > STILL * pair.rest * rate:
+    load = run.load
+    for c in range(run.piled - 1, -1, -1):
+        pair = pool[pairs[c].slot]
+        load += weight(bodies[c + 1])
+        rest = overlap_under(pair, load)
+        rate = math.sqrt(pair.k * pair.p * power(rest, pair.p) / rest * pair.inverse)
+        if abs(pair.xi - rest) > STILL * rest or abs(pair.eta) > STILL * rest * rate:
             return False
     return True
 
 
 @kernel
-def lie(pairs: Any, piled: int, hi: int, closing: float) -> None:
+def lie(run: Any, pairs: Any, pool: Any, bodies: Any, hi: int, closing: float) -> None:
     """Put a pile that is still into its equilibrium, with a piece that has no end; walls close at `closing` m/s."""
-    block = pairs[0]
+    block, load = pool[pairs[0].slot], run.load
     block.clock, block.h, block.tau, block.fired = 1, LONG, math.inf, -1
-    block.wait, block.due = math.inf, math.inf
-    for c in range(hi):
-        pair = pairs[c]
-        pair.eta = closing
-        if c < piled:
-            pair.xi, pair.eta = pair.rest, 0.0
+    block.wait, pairs[0].due = math.inf, math.inf
+    for c in range(hi - 1, -1, -1):
+        pair = pool[pairs[c].slot]
         for j in range(ORDER + 1):
             pair.x[j], pair.e[j], pair.f[j], pair.g[j] = 0.0, 0.0, 0.0, 0.0
+        pair.eta = closing
+        if c < run.piled:
+            load += weight(bodies[c + 1])
+            pair.xi, pair.eta, pair.f[0], pair.g[0] = overlap_under(pair, load), 0.0, load, load
         pair.x[0], pair.x[1], pair.e[0] = pair.xi, LONG * pair.eta, pair.eta
-        if c < piled:
-            pair.f[0], pair.g[0] = pair.load, pair.load
 
 
 @kernel
-def pile(pairs: Any, bodies: Any, n: int, hi: int) -> int:
+def pile(pairs: Any, pool: Any, bodies: Any, n: int, hi: int) -> int:
     """Return how many pairs from a floor up form a pile that holds every ball; 0 if they do not.
 
     Above it there may be a ceiling, out of reach and not coming down.
@@ -114,15 +118,24 @@ def pile(pairs: Any, bodies: Any, n: int, hi: int) -> int:
     if bodies[0].inverse_mass > 0.0:
         return 0
     piled, reach = 0, 0.0
-    while piled < hi and pairs[piled].mode == ACTIVE and pairs[piled].kind != GENERAL:
-        reach += pairs[piled].xi
+    while piled < hi and bears(pairs[piled], pool):
+        reach += pool[pairs[piled].slot].xi
         piled += 1
     if piled == n:
         still = bodies[n].inverse_mass > 0.0 or bodies[n].v == bodies[0].v
         return n if still else 0
-    if piled < n - 1 or pairs[n - 1].mode != OPEN or bodies[n].inverse_mass > 0.0:
+    if piled == 0 or piled < n - 1 or bodies[n].inverse_mass > 0.0:
         return 0
-    return piled if -pairs[n - 1].xi > reach and bodies[n].v >= bodies[0].v else 0
+    above = pool[pairs[n - 1].slot]
+    if above.mode != OPEN:
+        return 0
+    return piled if -above.xi > reach and bodies[n].v >= bodies[0].v else 0
+
+
+@kernel
+def bears(pair: Any, pool: Any) -> bool:
+    """Return whether the force of a pair, a power law, can bear a ball now."""
+    return bool(pair.slot >= 0 and pool[pair.slot].mode == ACTIVE and pool[pair.slot].kind != GENERAL)
 
 
 @kernel
@@ -132,31 +145,32 @@ def weight(body: Any) -> float:
 
 
 @kernel
-def kinetic(pairs: Any, bodies: Any, piled: int) -> float:
+def kinetic(pairs: Any, pool: Any, bodies: Any, piled: int) -> float:
     """Return the kinetic energy in J relative to the floor."""
     v, energy = 0.0, 0.0
     for c in range(piled):
-        v -= pairs[c].eta
+        v -= pool[pairs[c].slot].eta
         if bodies[c + 1].inverse_mass > 0.0:
             energy += 0.5 * v * v / bodies[c + 1].inverse_mass
     return energy
 
 
 @kernel
-def squeeze(pairs: Any, bodies: Any, piled: int) -> float:
+def squeeze(pairs: Any, pool: Any, bodies: Any, piled: int) -> float:
     """Return the force in N on the ceiling that closes a pile: the static overlaps must add up to those there are."""
     total = 0.0
     for c in range(piled):
-        total += pairs[c].xi
+        total += pool[pairs[c].slot].xi
     low, high = 0.0, 0.0
     for c in range(piled):
-        high = max(high, pairs[c].k * power(total, pairs[c].p))
+        pair = pool[pairs[c].slot]
+        high = max(high, pair.k * power(total, pair.p))
     for _ in range(100):
         middle = 0.5 * (low + high)
         load, room = middle, total
         for c in range(piled - 1, -1, -1):
             load += weight(bodies[c + 1])
-            room -= overlap_under(pairs[c], load)
+            room -= overlap_under(pool[pairs[c].slot], load)
         if room > 0.0:
             low = middle
         else:

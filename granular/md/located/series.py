@@ -18,29 +18,30 @@ from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, MIRROR
 
 
 @kernel
-def expand(pairs: Any, lo: int, hi: int, h: float, q: int) -> None:
+def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int) -> None:
     """Fill the rows x, e, f of pairs lo … hi-1 from their state, and g, the bracket φ, of those not open."""
     for c in range(lo, hi):
-        prepare(pairs[c], q)
+        prepare(pool[pairs[c].slot], q)
     scale = q * elapsed(h, q, 1.0)
     for n in range(ORDER - q + 1):
         step, below = scale / (n + q), 0.0
         for c in range(lo, hi):
-            pair = pairs[c]
+            pair = pool[pairs[c].slot]
             pair.x[n + q] = step * pair.e[n]
             if pair.mode != OPEN:
                 force_term(pair, n, q)
+        pair = pool[pairs[lo].slot]
         for c in range(lo, hi):
-            pair = pairs[c]
+            after = pool[pairs[c + 1].slot] if c + 1 < hi else pair
             force = pair.f[n]
-            above = pairs[c + 1].f[n] if c + 1 < hi else 0.0
+            above = after.f[n] if c + 1 < hi else 0.0
             push = pair.lower * below - pair.inverse * force + pair.upper * above
             if n == 0:
                 push += pair.pull
             pair.e[n + q] = step * push
-            below = force
+            pair, below = after, force
     for c in range(lo, hi):
-        complete(pairs[c], q)
+        complete(pool[pairs[c].slot], q)
 
 
 @kernel

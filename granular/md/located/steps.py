@@ -31,26 +31,26 @@ DORMANCY = 1e-17
 
 
 @kernel
-def is_linear(pairs: Any, lo: int, hi: int) -> bool:
+def is_linear(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
     """Return whether no other than linear laws are at work in the block."""
     for c in range(lo, hi):
-        if pairs[c].mode != OPEN and pairs[c].kind != LINEAR:
+        if pool[pairs[c].slot].mode != OPEN and pool[pairs[c].slot].kind != LINEAR:
             return False
     return True
 
 
 @kernel
-def fastest_rate(pairs: Any, lo: int, hi: int) -> float:
+def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int) -> float:
     """Return λ in 1/s, a bound of all rates of the touching pairs of a linear block."""
     a, b, k0, g0 = 0.0, 0.0, 0.0, 0.0
     for c in range(lo, hi):
-        pair = pairs[c]
+        pair = pool[pairs[c].slot]
         if pair.mode == OPEN or pair.mode == RESIDUAL:
             k0, g0 = 0.0, 0.0
             continue
         k1, g1 = 0.0, 0.0
-        if c + 1 < hi and (pairs[c + 1].mode == ACTIVE or pairs[c + 1].mode == DORMANT):
-            k1, g1 = pairs[c + 1].k, pairs[c + 1].gamma
+        if c + 1 < hi and (pool[pairs[c + 1].slot].mode == ACTIVE or pool[pairs[c + 1].slot].mode == DORMANT):
+            k1, g1 = pool[pairs[c + 1].slot].k, pool[pairs[c + 1].slot].gamma
         a = max(a, pair.lower * k0 + pair.inverse * pair.k + pair.upper * k1)
         b = max(b, pair.lower * g0 + pair.inverse * pair.gamma + pair.upper * g1)
         k0, g0 = pair.k, pair.gamma
@@ -58,7 +58,7 @@ def fastest_rate(pairs: Any, lo: int, hi: int) -> float:
 
 
 @kernel
-def measure(pairs: Any, lo: int, hi: int) -> None:
+def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
     """Set the block's `speed` V and `length` X, and each pair's own: what its energy amounts to as a rate and overlap.
 
     V² is the largest η² + 2 w k ξ^(p+1)/(p+1), X the largest ((p+1) V² / (2 k w))^(1/(p+1)), w the inverse m_eff.
@@ -67,7 +67,7 @@ def measure(pairs: Any, lo: int, hi: int) -> None:
     """
     speed, length = 0.0, 0.0
     for c in range(lo, hi):
-        pair = pairs[c]
+        pair = pool[pairs[c].slot]
         stored = 0.0
         if pair.xi > 0.0:
             stored = 2.0 * pair.inverse * pair.k * pair.xi * power(pair.xi, pair.p) / (pair.p + 1.0)
@@ -76,26 +76,27 @@ def measure(pairs: Any, lo: int, hi: int) -> None:
         pair.own_speed = math.sqrt(pair.eta * pair.eta + stored)
         if pair.mode != OPEN:
             speed = max(speed, pair.own_speed)
-    pass_on(pairs, lo, hi)
+    pass_on(pairs, pool, lo, hi)
     for c in range(lo, hi):
-        pair = pairs[c]
+        pair = pool[pairs[c].slot]
         if pair.own_speed == 0.0:
             pair.own_speed = speed
         pair.own_length = amplitude(pair, pair.own_speed * pair.own_speed)
         if pair.mode != OPEN:
             length = max(length, amplitude(pair, speed * speed))
-    pairs[lo].speed, pairs[lo].length = speed, length
+    block = pool[pairs[lo].slot]
+    block.speed, block.length = speed, length
 
 
 @kernel
-def pass_on(pairs: Any, lo: int, hi: int) -> None:
+def pass_on(pairs: Any, pool: Any, lo: int, hi: int) -> None:
     """Let pairs count with the speed that a neighbour may give them: 2 m_eff/m of its own, m the ball between them."""
     for c in range(lo + 1, hi):
-        pair, below = pairs[c], pairs[c - 1]
+        pair, below = pool[pairs[c].slot], pool[pairs[c - 1].slot]
         if below.mode != OPEN:
             pair.own_speed = max(pair.own_speed, min(1.0, 2.0 * pair.lower / below.inverse) * below.own_speed)
     for c in range(hi - 2, lo - 1, -1):
-        pair, above = pairs[c], pairs[c + 1]
+        pair, above = pool[pairs[c].slot], pool[pairs[c + 1].slot]
         if above.mode != OPEN:
             pair.own_speed = max(pair.own_speed, min(1.0, 2.0 * pair.upper / above.inverse) * above.own_speed)
 
@@ -107,18 +108,18 @@ def amplitude(pair: Any, square: float) -> float:
 
 
 @kernel
-def choose_clock(pairs: Any, lo: int, hi: int) -> int:
+def choose_clock(pairs: Any, pool: Any, lo: int, hi: int) -> int:
     """Return q of the clock t = (hτ)^q: 1, or that of pairs just touched; those it does not suit go dormant."""
     q = 1
     for c in range(lo, hi):
-        pair = pairs[c]
+        pair = pool[pairs[c].slot]
         if needs_clock(pair) and q % pair.q != 0:
             if pair.q % q == 0:
                 q = pair.q
             else:
                 pair.mode = DORMANT
     for c in range(lo, hi):
-        pair = pairs[c]
+        pair = pool[pairs[c].slot]
         if needs_clock(pair) and q * pair.p > STEEPEST:
             pair.mode = DORMANT
         if pair.mode == ACTIVE and pair.kind != LINEAR and pair.kind != GENERAL and pair.eta > 0.0 and pair.xi > 0.0:
@@ -148,20 +149,20 @@ def scale(block: Any, q: int) -> float:
 
 
 @kernel
-def growth(pairs: Any, lo: int, hi: int, tol: float) -> float:
+def growth(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> float:
     """Return ln a, the growth of the computed coefficients per order; -inf if there are none."""
-    block, first, worst = pairs[lo], ORDER - 5, -math.inf
+    block, first, worst = pool[pairs[lo].slot], ORDER - 5, -math.inf
     for c in range(lo, hi):
-        first = min(first, last_sure_order(pairs[c], block.clock))
+        first = min(first, last_sure_order(pool[pairs[c].slot], block.clock))
     for j in range(first, ORDER + 1):
         largest = 0.0
         for c in range(lo, hi):
-            pair = pairs[c]
+            pair = pool[pairs[c].slot]
             largest = max(largest, abs(pair.x[j]) / pair.own_length, abs(pair.e[j]) / pair.own_speed)
         if largest > 0.0:
             worst = max(worst, math.log(largest) / j)
     for c in range(lo, hi):
-        pair = pairs[c]
+        pair = pool[pairs[c].slot]
         if has_lone_term(pair, block.clock):
             worst = max(worst, growth_of_power(pair, block.clock))
         if pair.mode == ACTIVE and pair.kind == DAMPED and pair.s < 1.0 and pair.x[0] > 0.0:

@@ -1,0 +1,175 @@
+"""The driver of all runs: it goes from sample to sample, keeps rows and contacts, and tells who wants to know.
+
+An engine is a `Run`: it moves a scene on in time and says why it pauses. Everything else is done here, once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from granular._check import Array
+from granular.request import Request
+from granular.scene import Scene, positions, velocities
+from granular.trajectory import CONTACT, Status, Trajectory
+
+Rows = np.ndarray[tuple[int], np.dtype[np.void]]
+"""Records with names: contacts as an engine keeps them, or as the public log shows them."""
+
+
+class Pause(Enum):
+    """Why a run pauses; the value is the status if it ends there."""
+
+    reached = Status.time
+    until = Status.until
+    quiet = Status.quiet
+    resting = Status.resting
+    collapse = Status.collapse
+    unstable = Status.unstable
+    work = Status.max_events
+    full = None
+    """A buffer is full, or a look at the run is due; it goes on."""
+
+
+class Row(NamedTuple):
+    """The scene at a time in s, `elapsed` seconds after the start: gaps in m; velocities of bodies or rates of gaps in
+    m/s, whatever the engine goes by; forces in N if there are any."""
+
+    time: float
+    elapsed: float
+    gap: Array
+    velocity: Array | None = None
+    rate: Array | None = None
+    force: Array | None = None
+
+
+@dataclass(frozen=True)
+class End:
+    """How a run ended.
+
+    Attributes
+    ----------
+    row : Row or None
+        The scene at the end; None where a sample shows it.
+    status, message, stats, state
+        As in `granular.Trajectory`.
+    running : records or None
+        Contacts still open.
+    """
+
+    row: Row | None
+    status: Status
+    message: str
+    stats: Mapping[str, Any]
+    state: Mapping[str, Any] = field(default_factory=dict)
+    running: Rows | None = None
+
+
+class Run(Protocol):
+    """One run under way.
+
+    Attributes
+    ----------
+    request : Request
+        What is asked of it.
+    law, rule : tuple or None
+        As in `granular.Trajectory`.
+    in_order : bool
+        Contacts settle in the order of the log, else in the order in which they end.
+    """
+
+    request: Request
+    scene: Scene
+    law: Any
+    rule: Any
+    in_order: bool
+
+    def to(self, time: float, last: bool) -> Pause:
+        """Go on towards `time` in s (`last`: no row is asked for later) and say why to pause."""
+
+    def row(self, time: float) -> Row:
+        """Return the scene at the start, or at the time just reached."""
+
+    def rows(self) -> list[Rows]:
+        """Hand over the contacts settled since the last call: nothing can change them any more."""
+
+    def progress(self) -> tuple[float, int]:
+        """Return how far the run has come: time in s, and number of contacts."""
+
+    def end(self, pause: Pause, seen: float) -> End:
+        """Bring the run to its end; `seen` is the time of the last sample, -inf if a row is wanted in any case."""
+
+
+def drive(run: Run) -> Trajectory:
+    """Take a run to its end."""
+    request = run.request
+    settled: list[Rows] = []
+    samples = [] if request.samples is None else request.samples.tolist()
+    kept = [run.row(request.start)] if request.samples is None else []
+    pause = Pause.reached
+    for time in samples:
+        pause = _follow(run, time, False, settled)
+        if pause is not Pause.reached:
+            break
+        kept.append(run.row(time))
+    else:
+        pause = _follow(run, request.end, True, settled)
+    end = run.end(pause, kept[-1].time if samples and kept else -math.inf)
+    if end.row is not None:
+        kept.append(end.row)
+    if end.running is not None:
+        settled.append(end.running)
+    log = contacts(settled if request.log else [])
+    columns: list[Any] = [None if column[0] is None else np.array(column) for column in zip(*kept, strict=True)]
+    time, elapsed, gap, velocity, rate, force = columns
+    return Trajectory(
+        scene=run.scene, law=run.law, rule=run.rule, time=time, position=positions(run.scene, gap, elapsed),
+        velocity=velocities(run.scene, rate, elapsed) if velocity is None else velocity, gap=gap, force=force,
+        contacts=log if run.in_order else log[np.lexsort((log["pair"], log["t_begin"]))], status=end.status,
+        message=end.message, stats=end.stats, state=end.state,
+    )  # fmt: skip
+
+
+def _follow(run: Run, time: float, last: bool, settled: list[Rows]) -> Pause:
+    """Go on to `time`; take contacts as they settle and hand them on, tell of progress; return why that is the end."""
+    request = run.request
+    while True:
+        pause = run.to(time, last)
+        rows = run.rows()
+        if request.log:
+            settled += rows
+        if request.on_event is not None:
+            for row in contacts(rows):
+                request.on_event(row)
+        if request.on_progress is not None:
+            request.on_progress(*run.progress())
+        if pause is not Pause.full:
+            return pause
+
+
+SIDES = {"lower_in": ("v_in", 0), "upper_in": ("v_in", 1), "lower_out": ("v_out", 0), "upper_out": ("v_out", 1)}
+
+
+def contacts(settled: list[Rows]) -> Rows:
+    """Return contacts, with the columns that an engine keeps, as the public log.
+
+    What has no end of its own is an instant, of infinite force.
+    """
+    log = np.zeros(sum(map(len, settled)), CONTACT)
+    stop = 0
+    for rows in settled:
+        part, stop = log[stop : stop + len(rows)], stop + len(rows)
+        names = rows.dtype.names or ()
+        if "t_end" not in names:
+            part["t_end"], part["force_max"] = rows["t_begin"], np.nan
+        for name in names:
+            column, side = SIDES.get(name, (name, None))
+            target = part[column] if side is None else part[column][:, side]
+            target[:] = rows[name]
+    return log
+
