@@ -97,3 +97,21 @@ def test_a_slow_contact_beside_a_fast_ball_is_as_good_as_alone(law, p):
         out = slow * (one - two) / (one + two), 2.0 * slow * one / (one + two)
         assert contact["v_out"][1] - contact["v_out"][0] == pytest.approx(slow, rel=1e-13)
         assert contact["v_out"] == pytest.approx(out, abs=1e-13 * slow)
+
+
+@pytest.mark.parametrize("engine", ["plain", "compiled"])
+@pytest.mark.parametrize("p", [1.25, 1.5, 7 / 3, 3.0, 4.5])
+def test_a_ball_dropped_from_a_touch_comes_back_to_it(p, engine):
+    """m g ξ = k ξ^(p+1)/(p+1) at the turn, every time; ξ is zero for an instant in between, which ends no contact."""
+    rng = np.random.default_rng(13)
+    for _ in range(3):
+        m, g, k = 10.0 ** rng.uniform([-2, -1, 3], [1, 1, 9])
+        deepest = ((p + 1.0) * m * g / k) ** (1.0 / p)
+        scene = gr.Scene([math.inf, m], [0.0, 0.1], [0.0], [0.0, 0.0], g)
+        law = gr.Hertz(k) if p == 1.5 else gr.PowerLaw(k, p)
+        run = gr.md.simulate(scene, law, t_end=40.0 * math.sqrt(deepest / g), samples=60, engine=engine)
+        (contact,) = run.contacts
+        assert contact["xi_max"] == pytest.approx(deepest, rel=3e-14)
+        xi = np.maximum(-run.gap[:, 0], 0.0)
+        energy = 0.5 * m * run.velocity[:, 1] ** 2 + k * xi ** (p + 1.0) / (p + 1.0) - m * g * -run.gap[:, 0]
+        assert abs(energy).max() < 2e-13 * m * g * deepest

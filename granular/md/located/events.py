@@ -19,11 +19,16 @@ from typing import Any
 
 from granular._kernels import kernel
 from granular._roots import first_up_crossing
+from granular.md.located.piece import value
 from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, OPEN
 
 DOUBT = 1e4
 """A pair at rest is taken to part at so many times the overlap at which it wakes: the first forces beside it, far below
 rounding, may err to either side."""
+SHALLOW = 0.1
+"""Part of its overlap at which a pair that turns round had all but parted."""
+GRAZE = 1e-15
+"""Part of the typical overlap at which it has parted, but for rounding."""
 NOTHING, BEGIN, END, PART, TURN, RELOAD = range(6)
 
 
@@ -38,6 +43,27 @@ def locate(pairs: Any, pool: Any, lo: int, hi: int, span: float, work: Any) -> N
             block.tau, block.fired, block.what = tau, c, what
             if tau == 0.0:
                 return
+        tau, what = rebound(pool[pairs[c].slot], block.tau, work)
+        if tau < block.tau:
+            block.tau, block.fired, block.what = tau, c if what == PART else -1, what
+
+
+@kernel
+def rebound(pair: Any, span: float, work: Any) -> tuple[float, int]:
+    """Return the τ at which a pair that all but parts turns round, or parts by rounding; `span` if it does neither.
+
+    There its series has to end: a ball that falls from a touch at rest comes back to it with ξ = g (t - t0)²/2, and
+    ξ^1.5 ∝ |t - t0|³ goes on as (t - t0)³, with no sign of it in the coefficients.
+    """
+    if pair.mode != ACTIVE or pair.kind == LINEAR or not (pair.e[0] < 0.0 < value(pair.e, span)):
+        return span, NOTHING
+    tau = first_up_crossing(pair.e, span, work)
+    if tau >= span:
+        return span, NOTHING
+    least = value(pair.x, tau)
+    if least <= GRAZE * pair.own_length:
+        return tau, PART
+    return (tau, NOTHING) if least < SHALLOW * pair.x[0] else (span, NOTHING)
 
 
 @kernel

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from granular._kernels import kernel
 from granular.md.located.contacts import begin_contact, end_contact
 from granular.md.located.events import BEGIN, END, PART, RELOAD, TURN
 from granular.md.located.flight import DRIFT
+from granular.md.located.powers import power
 from granular.md.located.records import ACTIVE, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL
 
 
@@ -51,8 +53,11 @@ def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws
 @kernel
 def stays(pair: Any, block: Any) -> bool:
     """Return whether a ball that gravity holds comes up to where it touches with no more energy than rounding."""
-    held = pair.mode == ACTIVE and pair.kind != LINEAR and pair.pull > 0.0
-    return bool(held and pair.eta * pair.eta <= DRIFT * pair.noise * block.speed)
+    if pair.mode != ACTIVE or pair.kind == LINEAR or pair.pull <= 0.0:
+        return False
+    static = power(pair.pull / (pair.k * pair.inverse), 1.0 / pair.p)
+    typical = max(block.speed, math.sqrt(2.0 * pair.pull * static))
+    return bool(pair.eta * pair.eta <= DRIFT * pair.noise * typical)
 
 
 @kernel
