@@ -115,3 +115,21 @@ def test_a_ball_dropped_from_a_touch_comes_back_to_it(p, engine):
         xi = np.maximum(-run.gap[:, 0], 0.0)
         energy = 0.5 * m * run.velocity[:, 1] ** 2 + k * xi ** (p + 1.0) / (p + 1.0) - m * g * -run.gap[:, 0]
         assert abs(energy).max() < 2e-13 * m * g * deepest
+
+
+def test_peaks_of_laws_that_begin_at_once_are_what_their_laws_allow():
+    """Their series need clocks that do not go together; F ≤ k ξ^1.5 + γ ξ^(1/4) |η| bounds what is read off them."""
+    rng = np.random.default_rng(17)
+    kinds = [gr.PowerLaw(3e7, 1.5), gr.PowerLaw(7.6e7, 4 / 3), gr.PowerLaw(1e8, 1.25), gr.TsujiHertz(4e7, 0.02)]
+    once_wrong = [0, 1, 3], [2.0, 0.0, -2.0]  # 16 times too large
+    others = [(rng.integers(0, 4, 3), rng.choice([-2.0, 0.0, 1.0, 2.0], 3)) for _ in range(12)]
+    for which, speeds in (once_wrong, *others):
+        laws = [kinds[i] for i in which]
+        scene = gr.Scene([math.inf, 1.8, 1.8, 1.8], [0.0, 0.1, 0.1, 0.1], [0.0] * 3, [0.0, *speeds], 9.81)
+        run = gr.md.simulate(scene, laws, t_end=0.2)
+        for row in run.contacts:
+            law, pair, xi = laws[row["pair"]], scene.pairs[row["pair"]], row["xi_max"]
+            if isinstance(law, gr.TsujiHertz):
+                assert row["force_max"] <= law.force(xi, 8.0, pair)
+            else:
+                assert row["force_max"] == pytest.approx(law.force(xi, 0.0, pair), rel=1e-11)

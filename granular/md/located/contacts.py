@@ -8,7 +8,8 @@ from granular._kernels import kernel
 from granular._roots import first_up_crossing
 from granular.md.located.clock import elapsed, since, tick
 from granular.md.located.piece import integral, shift, slope, value
-from granular.md.located.records import ACTIVE, DORMANT, ORDER
+from granular.md.located.powers import power
+from granular.md.located.records import ACTIVE, DAMPED, DORMANT, ELASTIC, ORDER
 
 
 @kernel
@@ -80,12 +81,20 @@ def push(body: Any, block: Any, dt: float, impulse: float) -> None:
 
 @kernel
 def peaks(pair: Any, tau: float, work: Any) -> None:
-    """Raise the largest overlap and force to those of the piece; its g is scratch, for φ has done its duty."""
+    """Raise the largest overlap and force to those of the piece; its g is scratch, for φ has done its duty.
+
+    In a piece so short that a force of ξ^(1/4) hardly counts its series need not hold: no more than the law allows.
+    """
     for j in range(ORDER + 1):
         pair.g[j] = pair.e[j]
-    pair.xi_max = max(pair.xi_max, highest(pair.x, pair.g, tau, work))
+    deepest = highest(pair.x, pair.g, tau, work)
+    pair.xi_max = max(pair.xi_max, deepest)
     slope(pair.f, pair.g)
-    pair.force_max = max(pair.force_max, highest(pair.f, pair.g, tau, work))
+    force = highest(pair.f, pair.g, tau, work)
+    if pair.kind == ELASTIC or pair.kind == DAMPED:
+        xi, rate = max(0.0, deepest), max(abs(pair.e[0]), abs(value(pair.e, tau)))
+        force = min(force, 2.0 * (pair.k * power(xi, pair.p) + pair.gamma * power(xi, pair.d) * rate))
+    pair.force_max = max(pair.force_max, force)
 
 
 @kernel
