@@ -133,3 +133,13 @@ def test_peaks_of_laws_that_begin_at_once_are_what_their_laws_allow():
                 assert row["force_max"] <= law.force(xi, 8.0, pair)
             else:
                 assert row["force_max"] == pytest.approx(law.force(xi, 0.0, pair), rel=1e-11)
+
+
+@pytest.mark.parametrize("engine", ["plain", "compiled"])
+def test_no_step_leaves_the_range_of_numbers(engine):
+    """A pair wakes 1e17 times less deep than it will be; powers of a step over that time once made the estimate nan."""
+    masses, speeds = [math.inf, 0.07070751476290486, math.inf], [0.0, 0.08717864939464268, 0.0]
+    scene = gr.Scene(masses, [0.0, 0.1, 0.0], [0.0, 0.0], speeds, 9.81)
+    laws = [gr.TsujiHertz(273643416.5451523, 0.0245764090442006), gr.TsujiHertz(301829304.494987, 2.0)]
+    run = gr.md.simulate(scene, laws, t_end=0.0118, engine=engine)
+    assert 0.0 < run.stats["error_estimate"] < 1e-13

@@ -26,6 +26,7 @@ from granular.md.located.steps import (
     measure,
     scale,
     trusted,
+    within_range,
 )
 
 
@@ -41,6 +42,8 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
         measure(pairs, pool, lo, hi)
         block.clock, block.linear = choose_clock(pairs, pool, lo, hi), 0
         block.h = scale(block, block.clock)
+        if block.clock == 1 and laws is None:
+            block.h = within_range(pairs, pool, lo, hi, block.h)
         settle_series(run, pairs, pool, lo, laws)
         span = 1.0
         if laws is None:

@@ -23,6 +23,8 @@ from granular.md.located.records import ACTIVE, DAMPED, DORMANT, GENERAL, LINEAR
 REACH = (math.factorial(ORDER + 1) * 1e-17) ** (1.0 / (ORDER + 1))
 FURTHEST = 8.0
 """A step reaches at most this many times the scale it was computed with."""
+FAR = 1e9
+"""The scale of a step is at most so many times the time for which a contact has lasted: 1e9^20 is a number."""
 JUST = 1e-15
 """Overlap, as a part of the typical one, below which a closing pair has only just touched: what an event elsewhere in
 the block, located to rounding, leaves of a touch at the same instant."""
@@ -146,6 +148,16 @@ def scale(block: Any, q: int) -> float:
         h: float = block.stride
         return h
     return root(0.2 * block.length / block.speed, q) if block.speed > 0.0 else 1.0
+
+
+@kernel
+def within_range(pairs: Any, pool: Any, lo: int, hi: int, h: float) -> float:
+    """Return h, or less if powers of h over the time ξ/|η| a contact has lasted would leave the range of numbers."""
+    for c in range(lo, hi):
+        pair = pool[pairs[c].slot]
+        if pair.mode == ACTIVE and pair.kind != LINEAR and pair.kind != GENERAL and pair.xi > 0.0 and pair.eta != 0.0:
+            h = min(h, FAR * pair.xi / abs(pair.eta))
+    return h
 
 
 @kernel
