@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from granular import until
-from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz
+from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz
 from granular.md import simulate as run
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
@@ -117,6 +117,27 @@ def test_elastic_energy_is_constant() -> None:
     soft = go(scene, (LinearDashpot(1e5),) * 4, t_end=2.0, max_events=10_000, max_steps=100_000)
     assert len(soft.contacts) > 250
     assert soft.energy()[-1] == pytest.approx(soft.energy()[0], rel=5e-15 * len(soft.contacts))
+
+
+def test_energy_of_piles_that_come_back_to_a_touch() -> None:
+    """Laws of any steepness, balls at rest and at a touch, many returns: the energy of all samples, positions too."""
+    rng, steps = np.random.default_rng(3), 0
+    for _ in range(150):
+        p, g, n = float(rng.choice([1.5, 2.5, *range(2, 17)])), rng.choice([9.81, 1e-3]), rng.integers(1, 4)
+        mass = np.array([math.inf, *rng.choice([1.0, 0.5, 2.0, 0.01], n)])
+        gap = np.array([rng.choice([0.0, 0.0, 1e-3]), *rng.choice([0.0, 0.1, 0.1], n - 1)])
+        scene = Scene(mass, [0.0] + [0.03] * n, gap, [0.0] * (n + 1), g)
+        k = 10.0 ** rng.uniform(2, 9)
+        static = ((p + 1.0) * mass[1] * g / k) ** (1.0 / p)
+        law = Hertz(k) if p == 1.5 else PowerLaw(k, p)
+        soft = run(scene, law, t_end=30.0 * math.sqrt(static / g), samples=20, max_steps=5_000, engine="compiled")
+        lifted = (mass[1:] * g * (soft.position - soft.position[0])[:, 1:]).sum(axis=1)
+        stored = (k * np.maximum(-soft.gap, 0.0) ** (p + 1.0) / (p + 1.0)).sum(axis=1)
+        moving = (0.5 * mass[1:] * soft.velocity[:, 1:] ** 2).sum(axis=1)
+        spread, largest = np.ptp(lifted + stored + moving), max(moving.max(), stored.max(), abs(lifted).max())
+        assert spread <= 5e-13 * largest + 1e-15 * g * mass[1:].sum() * scene.position.max()
+        steps += soft.stats["steps"]
+    assert steps > 20_000
 
 
 def test_unequal_islands_do_not_disturb_each_other() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from granular._kernels import kernel
 from granular.md.located.contacts import begin_contact, end_contact
-from granular.md.located.events import BEGIN, END, PART, RELOAD, TURN
+from granular.md.located.events import BEGIN, END, GRAZE, PART, RELOAD, TURN
 from granular.md.located.flight import DRIFT
 from granular.md.located.powers import power
 from granular.md.located.records import ACTIVE, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL
@@ -36,8 +36,9 @@ def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws
     if what == RELOAD:
         pair.loading, pair.xi = 1, pair.top
         return True
-    if what == PART and stays(pair, block):
-        pair.mode, pair.xi, pair.eta = DORMANT, 0.0, 0.0
+    if (what == PART or pair.xi <= GRAZE * pair.own_length) and (stays(pair, block) or is_rounding(pair)):
+        pair.mode, pair.xi = DORMANT, 0.0
+        halt(pairs, pool, bodies, c)
         return True
     if pair.begun == 1:
         end_contact(run, pairs, pool, bodies, log, c)
@@ -58,6 +59,32 @@ def stays(pair: Any, block: Any) -> bool:
     static = power(pair.pull / (pair.k * pair.inverse), 1.0 / pair.p)
     typical = max(block.speed, math.sqrt(2.0 * pair.pull * static))
     return bool(pair.eta * pair.eta <= DRIFT * pair.noise * typical)
+
+
+@kernel
+def halt(pairs: Any, pool: Any, bodies: Any, c: int) -> None:
+    """Take its rate from pair `c` of a block, by an impulse between its balls that their other neighbours feel too."""
+    pair = pool[pairs[c].slot]
+    impulse, lo = pair.eta / pair.inverse, pairs[c].first
+    pair.eta = 0.0
+    bodies[c].v -= pair.lower * impulse
+    bodies[c + 1].v += pair.upper * impulse
+    if c > lo:
+        pool[pairs[c - 1].slot].eta += pair.lower * impulse
+    if c + 1 < pairs[lo].hi:
+        pool[pairs[c + 1].slot].eta += pair.upper * impulse
+
+
+@kernel
+def is_rounding(pair: Any) -> bool:
+    """Return whether a pair that has touched at rest, and woke, shows no more than what rounding makes of its law."""
+    return bool(pair.mode == ACTIVE and pair.kind == GENERAL and pair.wake > 0.0 and drifts(pair))
+
+
+@kernel
+def drifts(pair: Any) -> bool:
+    """Return whether the rate of a pair is no more than the noise it may hold."""
+    return bool(abs(pair.eta) <= DRIFT * pair.noise)
 
 
 @kernel

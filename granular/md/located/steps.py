@@ -28,6 +28,8 @@ FAR = 1e9
 JUST = 1e-15
 """Overlap, as a part of the typical one, below which a closing pair has only just touched: what an event elsewhere in
 the block, located to rounding, leaves of a touch at the same instant."""
+SHALLOW = 0.1
+"""Part of its typical overlap below which a pair's force may be about to grow by many orders."""
 DORMANCY = 1e-17
 """A pair that touches at rest, or on a clock that does not suit it, sleeps up to this part of the typical overlap."""
 
@@ -177,6 +179,8 @@ def growth(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> float:
         pair = pool[pairs[c].slot]
         if has_lone_term(pair, block.clock):
             worst = max(worst, growth_of_power(pair, block.clock))
+        elif is_shallow(pair):
+            worst = max(worst, growth_of_overlap(pair))
         if pair.mode == ACTIVE and pair.kind == DAMPED and pair.s < 1.0 and pair.x[0] > 0.0:
             worst = max(worst, growth_of_bracket(pair))
         if pair.mode == RESIDUAL and pair.s != 1.0:
@@ -194,6 +198,26 @@ def has_lone_term(pair: Any, q: int) -> bool:
     """Return whether no more than one order of the force of a contact just touched is in the series."""
     just_touched = pair.mode == ACTIVE and pair.x[0] == 0.0 and pair.x[q] > 0.0 and pair.kind != LINEAR
     return bool(just_touched and 2.0 * q * (pair.p + 1.0) > ORDER)
+
+
+@kernel
+def is_shallow(pair: Any) -> bool:
+    """Return whether the orders that the force of a pair has now may lie far below those that it will soon have."""
+    lifts = pair.mode == ACTIVE and pair.kind != LINEAR and pair.kind != GENERAL
+    return bool(lifts and 0.0 < pair.x[0] < SHALLOW * pair.own_length)
+
+
+@kernel
+def growth_of_overlap(pair: Any) -> float:
+    """Return ln a of ξ/X in all its orders: then the products of orders that F = k ξ^p leaves out are left out rightly.
+
+    A pair that turns round with ξ = 0 and η = 0 goes on with ξ ∝ τ², and a force ∝ τ^(2p) that no order need show.
+    """
+    worst = -math.inf
+    for j in range(1, ORDER + 1):
+        if pair.x[j] != 0.0:
+            worst = max(worst, math.log(abs(pair.x[j]) / pair.own_length) / j)
+    return worst
 
 
 @kernel
