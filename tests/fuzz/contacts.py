@@ -48,7 +48,8 @@ def start(s: Any, y: Any, until: Any) -> int:
             pressed = force(s.kind[c], s.law[c], y[c], y[n + c], s.top[c], s.branch[c])
             speed = root(pressed * y[c] * (s.w[c] + s.w[c + 1]))
             s.number[V] = max(s.number[V], max(speed, abs(y[n + c])))
-            s.number[H] = 1e-3 * y[c] / max(speed, abs(y[n + c]))
+            first = 1e-3 * y[c] / max(speed, abs(y[n + c]))
+            s.number[H] = first if s.number[H] == 0.0 else min(first, s.number[H])
     for c in range(n):
         if s.mode[c] == RESTING and s.pull[c] > 0.0:
             touch(s, y, c)
@@ -96,9 +97,11 @@ def begin(s: Any, y: Any, c: int, until: Any) -> bool:
 
 @formula
 def onset(s: Any, y: Any, c: int) -> None:
-    """Set the first, tiny step after a touch: the force may begin like any root of the time."""
+    """Set the first, tiny step of a contact: the force may begin like any root of the time."""
     n = len(s.kind)
-    speed = y[n + c]
+    speed = abs(y[n + c])
+    if speed == 0.0:
+        return
     tiny = duration_scale(s.kind[c], s.law[c], 1.0 / (s.w[c] + s.w[c + 1]), speed)
     power_of_time = roughness(s.kind[c], s.law[c])
     for k in range(n):
@@ -144,7 +147,10 @@ def act(s: Any, y: Any, c: int, which: int, rows: Any, k: int, until: Any) -> in
             s.mode[c], s.armed[c] = RESIDUAL, 0
         return 1
     if which == BRACKET:
-        return 0 if begin(s, y, c, until) else -1
+        if not begin(s, y, c, until):
+            return -1
+        onset(s, y, c)  # until it is armed, a long step could pass over its end
+        return 0
     y[c] = 0.0 * y[c]
     if mode == OPEN and y[len(s.kind) + c] > 0.0:
         s.top[c], s.branch[c] = 0.0 * y[c], 0 if s.kind[c] == TWO_STIFF else 1

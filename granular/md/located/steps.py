@@ -154,11 +154,14 @@ def scale(block: Any, q: int) -> float:
 
 @kernel
 def within_range(pairs: Any, pool: Any, lo: int, hi: int, h: float) -> float:
-    """Return h, or less if powers of h over the time ξ/|η| a contact has lasted would leave the range of numbers."""
+    """Return h, or less if powers of h over the time a contact lasts at its rate or pull would leave the range."""
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
-        if pair.mode == ACTIVE and pair.kind != LINEAR and pair.kind != GENERAL and pair.xi > 0.0 and pair.eta != 0.0:
-            h = min(h, FAR * pair.xi / abs(pair.eta))
+        if pair.mode == ACTIVE and pair.kind != LINEAR and pair.kind != GENERAL and pair.xi > 0.0:
+            if pair.eta != 0.0:
+                h = min(h, FAR * pair.xi / abs(pair.eta))
+            if pair.pull != 0.0:
+                h = min(h, FAR * math.sqrt(pair.xi / abs(pair.pull)))
     return h
 
 
