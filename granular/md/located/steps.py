@@ -75,6 +75,8 @@ def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
         stored = 0.0
         if pair.xi > 0.0:
             stored = 2.0 * pair.inverse * pair.k * pair.xi * power(pair.xi, pair.p) / (pair.p + 1.0)
+            if pair.kind == GENERAL:  # matched where impacts reach, it may tell little of a ball that comes to rest
+                stored = max(stored, 2.0 * pair.pull * pair.xi)
         elif pair.pull > 0.0 and pair.mode == DORMANT:
             stored = 2.0 * pair.pull * power(pair.pull / (pair.k * pair.inverse), 1.0 / pair.p)
         pair.own_speed = math.sqrt(pair.eta * pair.eta + stored)
