@@ -97,7 +97,7 @@ class Collocation:
         self.deepest = [0.0] * len(laws)  # m, overlap since then
 
     def force(self, c: int, xi: float, eta: float, top: float, loading: int) -> float:
-        """Unclipped force in N of pair `c`; beyond ξ = 0, or the largest overlap while unloading, a mirror image of it.
+        """Unclipped force in N of pair `c`; beyond ξ = 0 or the largest overlap so far, on its branch, a mirror image.
 
         Images serve interpolation only; they keep value and slope, so that the law's own branches end at events.
         """
@@ -113,6 +113,8 @@ class Collocation:
         def branch(xi: float, eta: float) -> float:
             return law.force(xi, eta, top if unloading else max(top, xi))
 
+        if law.memory and loading and 0.0 < top and xi < top:  # loading goes on as it is above the old maximum
+            return branch(top, eta) + branch(top, -eta) - branch(2.0 * top - xi, -eta)
         if xi < 0.0:
             image = branch(min(-xi, top) if unloading else -xi, -eta)
             return branch(EDGE, eta) + branch(EDGE, -eta) - image
