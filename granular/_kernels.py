@@ -4,10 +4,14 @@ A kernel is a Python function of floats, lists or arrays in the subset numba com
 plain engine; `compiled` returns its numba twin, in which every kernel it calls is compiled too. Only + - * /,
 `math.sqrt`, `math.pow`, `exp`, `log` and the like are used (no ``**``, `hypot`, `sum`, no fast-math), so both give
 the same bits.
+
+A kernel is made to fit what a scene has by `specialised`: the same source with other constants, or with other kernels
+called by the same names.
 """
 
 from __future__ import annotations
 
+import dis
 import os
 import sys
 import types
@@ -35,6 +39,51 @@ def rare(function: F) -> F:
     """Mark a kernel as called too seldom to pay for the compilation time of inlining it."""
     function.__granular_rare__ = True  # type: ignore[attr-defined]
     return function
+
+
+def specialised(function: F, **instead: Any) -> F:
+    """Return a twin of a kernel in which globals, in it and in all kernels it calls, are replaced by their names.
+
+    ``specialised(march, step=verlet, force=spring)`` is the source of `march` with these two kernels called as `step`
+    and `force`; constants are replaced alike. Twins are kernels as others are: they run as they stand, `compiled` has
+    one machine code for each of them, on disk too. The same replacements give the same twin.
+
+    Parameters
+    ----------
+    function : kernel
+        What to make a twin of.
+    **instead : kernel, or number, string or tuple of them
+        What stands for each global name. A kernel put in place may itself read names that are replaced, but not its
+        own.
+
+    Raises
+    ------
+    TypeError
+        If neither the kernel nor any kernel it calls reads a global of that name.
+    """
+    given = tuple((name, value, repr(value)) for name, value in sorted(instead.items()))
+    for one in given:
+        if _specialised(function, (one,)) is function:
+            raise TypeError(f"{function.__name__} cannot be specialised for {one[0]}: no kernel in it reads that name.")
+    twin: F = _specialised(function, given)
+    return twin
+
+
+@cache
+def _specialised(function: Any, instead: tuple[tuple[str, Any, str], ...]) -> Any:
+    """Return the twin; what is replaced comes with its `repr`, for 1 and 1.0 are the same key and not the same code."""
+    scope, read = function.__globals__, _globals_read(function)
+    own = {name: value for name, value, _ in instead if name in read}
+    called = {name: callee for name, callee in (_callees(function) | own).items() if _is_kernel(callee)}
+    twins = own | {name: _specialised(callee, instead) for name, callee in called.items()}
+    if not own and all(twin is scope[name] for name, twin in twins.items()):
+        return function
+    twin = types.FunctionType(
+        function.__code__, scope | twins, function.__name__, function.__defaults__, function.__closure__
+    )
+    twin.__module__, twin.__doc__ = function.__module__, function.__doc__
+    twin.__dict__.update(function.__dict__)
+    return twin
 
 
 def have_numba() -> bool:
@@ -149,8 +198,17 @@ def _twin(function: Callable[..., Any], signature: Any, inline: bool, within: bo
 
 def _callees(function: Callable[..., Any]) -> dict[str, Callable[..., Any]]:
     """Return the kernels that `function` calls, by name."""
-    scope, names = function.__globals__, function.__code__.co_names
-    return {name: scope[name] for name in names if getattr(scope.get(name), "__granular_kernel__", False)}
+    scope = function.__globals__
+    return {name: scope[name] for name in _globals_read(function) if _is_kernel(scope.get(name))}
+
+
+def _is_kernel(value: Any) -> bool:
+    return bool(getattr(value, "__granular_kernel__", False))
+
+
+def _globals_read(function: Callable[..., Any]) -> list[str]:
+    """Return the names of the globals that `function` reads, each once."""
+    return list(dict.fromkeys(i.argval for i in dis.get_instructions(function) if i.opname == "LOAD_GLOBAL"))
 
 
 @cache
@@ -158,6 +216,6 @@ def _checksum(function: Callable[..., Any]) -> int:
     """Return a checksum of the code of a kernel, of the constants it reads, and of all kernels it calls."""
     code, scope = function.__code__, function.__globals__
     constants = [x for x in code.co_consts if x != function.__doc__ and not isinstance(x, types.CodeType)]
-    read = [scope[name] for name in code.co_names if isinstance(scope.get(name), (int, float, str, tuple))]
+    read = [scope[name] for name in _globals_read(function) if isinstance(scope.get(name), (int, float, str, tuple))]
     below = [_checksum(callee) for callee in _callees(function).values()]
     return crc32(repr((constants, code.co_names, read, below, MANNER)).encode(), crc32(code.co_code))

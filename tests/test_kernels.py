@@ -1,0 +1,70 @@
+"""Kernels made to fit: twins with other constants and other kernels, interpreted and compiled."""
+
+import random
+
+import pytest
+
+from granular._kernels import compiled, have_numba, kernel, specialised
+
+SCALE, SHIFT = 2.0, 1
+
+
+@kernel
+def inner(x):
+    return SCALE * x
+
+
+@kernel
+def middle(x):
+    return inner(x) + SHIFT
+
+
+@kernel
+def outer(x):
+    return middle(x) - inner(x)
+
+
+@kernel
+def half(x):
+    return x / (2.0 * SCALE)
+
+
+@kernel
+def nested(x):
+    return inner(inner(x))
+
+
+def ways(function):
+    """The kernel as it stands, and compiled where it can be."""
+    return [function, compiled(function)] if have_numba() else [function]
+
+
+def test_a_twin_has_other_constants_and_kernels_however_deep():
+    rng = random.Random(1)
+    for _ in range(5):
+        x, scale, shift = rng.random(), rng.random(), rng.randrange(9)
+        twin = specialised(outer, SCALE=scale, SHIFT=shift)
+        for run in ways(twin):
+            assert run(x) == (scale * x + shift) - scale * x
+        for run in ways(specialised(outer, inner=half, SCALE=scale)):
+            assert run(x) == (x / (2.0 * scale) + 1) - x / (2.0 * scale)
+        for run in ways(specialised(nested, inner=half)):
+            assert run(x) == x / 4.0 / 4.0
+    for run in ways(outer):
+        assert run(0.5) == 1.0  # the kernel itself is as before
+
+
+def test_the_same_replacements_give_the_same_twin_and_no_others():
+    assert specialised(outer, SCALE=3.0, SHIFT=2) is specialised(outer, SHIFT=2, SCALE=3.0)
+    ones = [specialised(middle, SHIFT=value) for value in (1, 1.0, True, -1)]
+    assert len(set(map(id, ones))) == 4
+    assert len({compiled(one).__qualname__ for one in ones}) == 4 if have_numba() else True
+
+
+def test_what_does_not_mention_the_name_is_not_copied():
+    assert specialised(outer, SHIFT=5).__globals__["inner"] is inner
+
+
+def test_a_name_that_nobody_reads_is_refused():
+    with pytest.raises(TypeError, match="outer cannot be specialised for SCALES: no kernel in it reads that name"):
+        specialised(outer, SCALES=1.0)
