@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.md.steps import METHODS
+from granular.md.integrators import INTEGRATORS
 
-ALL = tuple(METHODS)
+ALL = tuple(INTEGRATORS)
 verlet = partial(gr.md.simulate, method="verlet")
 EPS = 0.9
 
@@ -317,7 +317,7 @@ def test_moving_wall_pushes_without_energy_alarm():
 
 
 def some_chain(seed):
-    """A random chain, some of it touching or overlapping, of one block or several, and laws that go in bulk."""
+    """A random chain, some of it touching or overlapping, of one block or several, and laws that go in blocks."""
     random = np.random.default_rng(seed)
     n = int(random.choice([2, 3, 7, 40, 390, 900]))
     mass = np.exp(random.uniform(-1.0, 1.0, n))
@@ -334,22 +334,16 @@ def some_chain(seed):
     return scene, [build(1e6)] * (n - 1) if seed % 3 else [build(k) for k in 1e6 * np.exp(random.normal(size=n - 1))]
 
 
-def without_bulk(patch):
-    patch.setattr("granular.md.stepper.power_rows", lambda laws: None)
+def without_blocks(patch):
+    """Let all balls take each step together, with laws that are called as functions."""
+    patch.setattr("granular.md.stepper.columns", lambda laws: None)
 
 
-def interpret_bulk(patch):
-    """Let a plain run go in bulk too (it would not, as it gains nothing)."""
-    from granular.md import stepper, unlogged
+def interpret_blocks(patch):
+    """Let a plain run go in blocks with columns too (it would not, as it gains nothing)."""
+    from granular.md import stepper
 
-    start = stepper.Stepper._start
-
-    def start_with_bulk(self):
-        rows = unlogged.power_rows(self.laws)
-        self.bulk = unlogged.bulk(rows, self.physics, self.memory, list)
-        start(self)
-
-    patch.setattr(stepper.Stepper, "_start", start_with_bulk)
+    patch.setattr(stepper, "compiled", lambda function: function)
 
 
 def same_run(one, other):
@@ -363,7 +357,7 @@ def same_run(one, other):
 @pytest.mark.filterwarnings("ignore:dt = ")
 @pytest.mark.parametrize("method", ["verlet", "symplectic-euler"])
 @pytest.mark.parametrize("seed", range(24))
-def test_bulk_gives_the_bits_of_single_steps(method, seed, monkeypatch):
+def test_blocks_give_the_bits_of_single_steps(method, seed, monkeypatch):
     scene, law = some_chain(seed)
     few = {"max_events": 1 + 5 * scene.n} if seed % 5 == 0 else {}
     options = {"method": method, "t_end": 0.02, "dt": 1e-4, "log": False, "samples": 3} | few
@@ -373,9 +367,10 @@ def test_bulk_gives_the_bits_of_single_steps(method, seed, monkeypatch):
     runs = [verlet(scene, law, engine="compiled", **options)]
     if scene.n < 100:
         with monkeypatch.context() as patch:
-            interpret_bulk(patch)
-            runs.append(verlet(scene, law, engine="plain", **options))
-    without_bulk(monkeypatch)
+            interpret_blocks(patch)
+            runs.append(verlet(scene, law, engine="compiled", **options))
+        runs.append(verlet(scene, law, engine="plain", **options))
+    without_blocks(monkeypatch)
     runs.append(verlet(scene, law, engine="compiled", **options))
     for run in runs[1:]:
         same_run(runs[0], run)
@@ -384,19 +379,19 @@ def test_bulk_gives_the_bits_of_single_steps(method, seed, monkeypatch):
     assert (~np.isnan(logged.contacts["t_end"])).sum() == logged.stats["contacts"] == runs[0].stats["contacts"]
 
 
-def test_bulk_stops_at_max_events_as_single_steps_do(monkeypatch):
+def test_blocks_stop_at_max_events_as_single_steps_do(monkeypatch):
     scene = gr.scenes.newtons_cradle(40)
     for few in (1, 2, 17, 37):
         with monkeypatch.context() as patch:
             options = {"max_events": few, "log": False, "dt": 2e-5, "engine": "compiled"}
-            bulk = verlet(scene, gr.Hertz(1e9), **options)
-            without_bulk(patch)
-            same_run(bulk, verlet(scene, gr.Hertz(1e9), **options))
+            blocks = verlet(scene, gr.Hertz(1e9), **options)
+            without_blocks(patch)
+            same_run(blocks, verlet(scene, gr.Hertz(1e9), **options))
 
 
-def test_only_laws_that_compute_like_their_power_form_go_in_bulk():
+def test_only_laws_that_compute_like_their_power_form_become_columns():
     from granular.laws.kinds import resolved
-    from granular.md.unlogged import power_rows
+    from granular.md.contact_force import columns
 
     @dataclass(frozen=True)
     class Swapped(OwnDashpot):
@@ -407,10 +402,10 @@ def test_only_laws_that_compute_like_their_power_form_go_in_bulk():
 
     scene = gr.scenes.newtons_cradle(3)
     for good in (gr.Hertz(3.3), gr.LinearDashpot(3.3, 0.7), gr.ViscoelasticHertz(3.3, 0.7), OwnDashpot(3.3, 0.7)):
-        assert power_rows(resolved([good, good], scene)) is not None
+        assert columns(resolved([good, good], scene)) is not None
     for bad in (gr.TsujiHertz(3.3, 0.7), gr.PowerLaw(3.3, 1.75), gr.WaltonBraun(1.0, 2.0), Swapped(3.3, 0.7)):
-        assert power_rows(resolved([bad, bad], scene)) is None
-    assert power_rows(resolved([gr.Hertz(1.0), gr.LinearDashpot(1.0)], scene)) is None
+        assert columns(resolved([bad, bad], scene)) is None
+    assert columns(resolved([gr.Hertz(1.0), gr.LinearDashpot(1.0)], scene)) is None
 
 
 def test_rows_are_told_also_when_no_log_is_kept():

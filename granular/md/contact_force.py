@@ -1,21 +1,24 @@
-"""Make force laws callable from a kernel: as they stand when interpreted, as one C function when compiled.
+"""How a kernel asks for the force of a pair: kernels of one face, which a march is specialised for.
 
-A kernel calls ``force(laws[c], xi, xi_dot, xi_max, pairs[c])``. Interpreted, `laws` holds the law objects. Compiled,
-it holds records of their fields, and `force` is the law's own method compiled with such a record in place of `self`:
-the same source, hence the same bits. The function has one fixed type whatever the law, so kernels that take it are
+They are called as ``force(laws, c, xi, xi_dot, xi_max)``. Interpreted, `laws` holds the law objects, which are `asked`.
+Compiled, laws that compute as k ξ + γ ξ̇ or √ξ (k ξ + γ ξ̇) become part of the march itself. All others are
+`called` as one C function: the law's own method, compiled with a record of its fields in place of `self`. It
+is the same source, hence the same bits. The function has one fixed type whatever the law, so a march that takes it is
 compiled once and cached, and a new law costs only its own few lines.
 """
 
 from __future__ import annotations
 
+import math
 from collections import namedtuple
+from collections.abc import Callable
 from dataclasses import fields
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from granular._kernels import load_numba
+from granular._kernels import kernel, load_numba
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws
 from granular.scene import Pairs
@@ -23,15 +26,77 @@ from granular.scene import Pairs
 WIDTH = 12
 LAW = np.dtype([("kind", np.int64), ("field", np.float64, (WIDTH,))])
 PAIR = np.dtype([("m_eff", np.float64), ("r_eff", np.float64), ("index", np.int64)])
+PROBES = ((0.3, 0.7), (1.7e-3, -2.9), (5.3e-7, 0.011), (41.0, -0.13))
+"""Overlaps and rates at which a law must give the very number of its power form."""
+
+Called = namedtuple("Called", "function law pair")
+"""A compiled force, and records of laws and pairs that it takes."""
+Columns = namedtuple("Columns", "k gamma")
+"""Stiffness and damping of the pairs."""
+
+
+@kernel
+def asked(laws: Any, c: int, xi: float, xi_dot: float, xi_max: float) -> Any:
+    """Force of a law that is an object."""
+    return laws[c].force(xi, xi_dot, xi_max)
+
+
+@kernel
+def called(laws: Any, c: int, xi: float, xi_dot: float, xi_max: float) -> Any:
+    """Force of a law that is a C function of records; see `Called`."""
+    return laws.function(laws.law[c], xi, xi_dot, xi_max, laws.pair[c])
+
+
+@kernel
+def spring(laws: Any, c: int, xi: float, xi_dot: float, xi_max: float) -> Any:
+    """k ξ of `Columns`."""
+    return laws.k[c] * xi
+
+
+@kernel
+def dashpot(laws: Any, c: int, xi: float, xi_dot: float, xi_max: float) -> Any:
+    """k ξ + γ ξ̇ of `Columns`."""
+    return laws.k[c] * xi + laws.gamma[c] * xi_dot
+
+
+@kernel
+def hertz(laws: Any, c: int, xi: float, xi_dot: float, xi_max: float) -> Any:
+    """√ξ k ξ of `Columns`."""
+    return math.sqrt(xi) * (laws.k[c] * xi)
+
+
+@kernel
+def viscoelastic(laws: Any, c: int, xi: float, xi_dot: float, xi_max: float) -> Any:
+    """√ξ (k ξ + γ ξ̇) of `Columns`."""
+    return math.sqrt(xi) * (laws.k[c] * xi + laws.gamma[c] * xi_dot)
+
+
+FORCES = {(1.0, False): spring, (1.0, True): dashpot, (1.5, False): hertz, (1.5, True): viscoelastic}
+"""By the power of ξ, and whether there is damping."""
+
+
+def columns(laws: SceneLaws) -> tuple[Callable[..., Any], Columns] | None:
+    """Return one of `FORCES` and what it takes, if all laws compute just so."""
+    powers = {_power(law) for law in laws.each}
+    if len(powers) != 1 or None in powers:
+        return None
+    k, p, gamma, _ = laws.column(lambda law: law.form).T
+    return FORCES[p[0], bool(gamma.any())], Columns(k.copy(), gamma.copy())
+
+
+def _power(law: PairLaw) -> float | None:
+    """The power of ξ if a law computes just as its one of `FORCES`, tried at a few points; else None."""
+    if law.form is None:
+        return None
+    k, p, gamma, d = law.form
+    if (p, d if gamma else p - 1.0) not in ((1.5, 0.5), (1.0, 0.0)):
+        return None
+    force, one = FORCES[p, True], Columns([k], [gamma])
+    return p if all(law.given(xi, rate, xi) == force(one, 0, xi, rate, xi) for xi, rate in PROBES) else None
 
 
 class NotCompilableError(TypeError):
     """A law that cannot be compiled, with the reason."""
-
-
-def interpreted(law: PairLaw, xi: float, xi_dot: float, xi_max: float, pair: Any) -> float:
-    """Call a law as it stands."""
-    return law.force(xi, xi_dot, xi_max)
 
 
 def law_records(laws: SceneLaws) -> np.ndarray[Any, Any]:
@@ -65,7 +130,7 @@ def pair_records(pairs: Pairs) -> np.ndarray[Any, Any]:
 
 
 def compiled_force(laws: SceneLaws) -> Any:
-    """Return the compiled force for `laws`, of the type `force_type()`.
+    """Return the compiled force for `laws`, of one type whatever the laws.
 
     Raises
     ------
@@ -76,13 +141,13 @@ def compiled_force(laws: SceneLaws) -> Any:
 
 
 @cache
-def force_type() -> Any:
-    """The numba type of a compiled force, the same for every law."""
+def _signature() -> Any:
+    """The numba signature of a compiled force, the same for every law."""
     import numba
     from numba import types
 
     real = types.float64
-    return types.FunctionType(real(numba.from_dtype(LAW), real, real, real, numba.from_dtype(PAIR)))
+    return real(numba.from_dtype(LAW), real, real, real, numba.from_dtype(PAIR))
 
 
 def _kinds(laws: SceneLaws) -> list[tuple[type, bool]]:
@@ -97,10 +162,11 @@ def _compiled_kinds(kinds: tuple[tuple[type, bool], ...]) -> Any:
         force = _one_kind(*kinds[-1])
         for number in reversed(range(len(kinds) - 1)):
             force = _either(number, _one_kind(*kinds[number]), force)
-        return numba.njit(force_type().signature)(force.py_func)
+        compiled = numba.njit(_signature())(force.py_func)
     except numba.core.errors.NumbaError as error:
         reason = str(error).strip().splitlines()[-1]
         raise NotCompilableError(f"{kinds[0][0].__name__}.force does not compile: {reason}") from error
+    return numba.types.function_type.CompileResultWAP(compiled.get_compile_result(_signature()))
 
 
 def _one_kind(kind: Any, memory: bool) -> Any:

@@ -11,16 +11,17 @@ from typing import Any
 import numpy as np
 
 from granular import until as stop
+from granular._check import Array
 from granular._kernels import have_numba, worth
 from granular._records import packed
 from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md import march as loop
 from granular.md.contact_force import NotCompilableError
+from granular.md.integrators import INTEGRATORS
 from granular.md.rows import COLUMNS, CONTACT_ROW
-from granular.md.stability import LIMIT, WARN, expected_rate, sharpest_rate
+from granular.md.stability import WARN, expected_rate, sharpest_rate
 from granular.md.stepper import Stepper
-from granular.md.steps import EVALUATIONS
 from granular.request import Request
 from granular.scene import Scene, positions
 from granular.trajectory import Status
@@ -42,8 +43,8 @@ class Run:
 
     def __init__(self, scene: Scene, laws: SceneLaws, request: Request, method: str, dt: float, engine: str) -> None:
         self.scene, self.law, self.request = scene, laws.given, request
-        self.method, self.dt, self.engine = method, dt, engine
-        self.stepper = Stepper(scene, laws, method, dt, request.rows, engine == "compiled")
+        self.integrator, self.dt, self.engine = INTEGRATORS[method], dt, engine
+        self.stepper = Stepper(scene, laws, self.integrator, dt, request.until, request.rows, engine == "compiled")
         self.k = self.steps = self.flights = self.contacts = self.ended = 0
         self.halted_at: int | None = None  # the pair at the onset of whose contact, between two steps, it stopped
         self.take_off: tuple[int, Any] = (0, ())
@@ -67,7 +68,7 @@ class Run:
         return self._row(time, self.stepper.after(state, time - (self.request.start + k * self.dt), flown))
 
     def _row(self, time: float, s: Any) -> Row:
-        return Row(time, time - self.request.start, -np.array(s.xi), np.array(s.v), force=np.array(s.force))
+        return Row(time, time - self.request.start, -np.array(s.xi), np.array(s.v), force=_force(s))
 
     def to(self, time: float, last: bool) -> Pause:
         """Take the steps up to `time`, of a chunk, or to an event worth a look."""
@@ -77,7 +78,7 @@ class Run:
         if self.k >= limit:
             return Pause.reached
         pause = self._advance(limit)
-        if not all(math.isfinite(v) for v in self.stepper.memory.s.v):
+        if not self.stepper.finite():
             return Pause.unstable
         return Pause.work if pause is Pause.full and self.steps >= self.request.max_steps else pause
 
@@ -86,13 +87,13 @@ class Run:
         until, memory = self.request.until, self.stepper.memory
         if not isinstance(until, stop.Contact) or memory.now.count[until.pair] < until.nth:
             return False
-        memory.now.count[until.pair], memory.s.force[until.pair] = 0, 0.0
+        memory.now.count[until.pair], memory.s.raw[until.pair] = 0, 0.0
         return True
 
     def _advance(self, limit: float) -> Pause:
         """Fly, then take steps until step number `limit`."""
         stepper, until = self.stepper, self.request.until
-        if not any(x > 0.0 for x in stepper.memory.s.xi):
+        if not stepper.closed():
             if isinstance(until, stop.Separated) and self.contacts and stepper.receding():
                 return Pause.until
             if stepper.settled():
@@ -104,9 +105,9 @@ class Run:
             raise ValueError(f"dt is {self.dt:g}: step {self.k:.3g} is more than can be counted; take a longer step, "
                              "or the method 'located'.")  # fmt: skip
         room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
-        why, k, self.ended = stepper.march(self.k, int(min(CHUNK, limit - self.k)), room, until)
+        why, k, self.ended = stepper.march(self.k, int(min(CHUNK, limit - self.k)), room)
         self.steps += k - self.k
-        self.k = int(k)
+        self.k = k
         self.contacts += self.ended
         if why == loop.UNTIL and isinstance(until, stop.Contact):
             self.halted_at = until.pair
@@ -137,7 +138,9 @@ class Run:
 
     def _compile_if_worth_it(self) -> None:
         done = self.steps * self.scene.n_pairs
-        if done <= WORTH_LOADING or (have_numba() and not worth(loop.march, done, WORTH_LOADING, WORTH_MAKING)):
+        if done <= WORTH_LOADING:
+            return
+        if have_numba() and not worth(self.stepper.fit.march, done, WORTH_LOADING, WORTH_MAKING):
             return
         self.engine = "plain"
         try:
@@ -168,7 +171,7 @@ class Run:
     def _running(self, end: float) -> Rows:
         """Return the contacts that go on at the end."""
         memory = self.stepper.memory
-        going = np.flatnonzero(np.asarray(memory.s.force if self.halted_at is None else memory.old.force) > 0.0)
+        going = np.flatnonzero(_force(memory.s if self.halted_at is None else memory.old))
         raw = np.zeros(len(going), loop.STEP_ROW)
         raw["pair"], raw["lower_out"], raw["upper_out"] = going, math.nan, math.nan
         found = {"step_in": "step", "part_in": "part", "lower_in": "lower", "upper_in": "upper"}
@@ -186,12 +189,12 @@ class Run:
             row = self._onset(self.halted_at)
         status, message, trust = self._judge(pause.value, row.time)
         stats = {
-            "method": self.method,
+            "method": self.integrator.name,
             "dt": self.dt,
             "dt_lambda": trust,
             "steps": self.steps,
             "flights": self.flights,
-            "evaluations": self.steps * EVALUATIONS[self.stepper.physics.method],
+            "evaluations": self.steps * self.integrator.evaluations,
             "contacts": self.contacts,
             "shared_impulse": math.fsum(self.stepper.memory.now.shared),
             "engine": "compiled" if self.stepper.compiled else "plain",
@@ -202,11 +205,10 @@ class Run:
         """Return the scene between two steps, at the onset of the contact of `pair`."""
         old, s = self.stepper.memory.old, self.stepper.memory.s
         part = loop.begin_part(pair, old, s)
-        between = {
-            name: [float(a + part * (b - a)) for a, b in zip(getattr(old, name), getattr(s, name), strict=True)]
-            for name in ("xi", "v", "force")
-        }
-        return self._row(self.request.start + (self.k + part) * self.dt, loop.Old(**between, raw=None))
+        ends = ((np.array(x.xi), np.array(x.v), _force(x)) for x in (old, s))
+        xi, v, force = (a + part * (b - a) for a, b in zip(*ends, strict=True))
+        time = self.request.start + (self.k + part) * self.dt
+        return Row(time, time - self.request.start, -xi, v, force=force)
 
     # -- judgement ------------------------------------------------------------------------------------------------
 
@@ -218,7 +220,7 @@ class Run:
             trust = dt * expected_rate(scene, laws)
         gain = self._energy_gain()
         limit = f"dt = {dt:.3g} s is {trust:.3g} times the inverse of the sharpest rate of the contacts that took place"
-        most = LIMIT[self.method]
+        most = self.integrator.limit
         if trust > most or status is Status.unstable or gain > 0.5:
             grown = f" and the energy grew {gain + 1.0:.3g}-fold" if gain > 0.5 else ""
             message = f"{limit}, the limit is {most:g}{grown}: take dt ≤ {WARN * dt / trust:.2g} s."
@@ -249,3 +251,9 @@ class Run:
         supply = 0.5 * m @ v0**2 + sum(stored) + scene.gravity * max(0.0, m @ (x0 - x))
         with np.errstate(all="ignore"):
             return float(0.5 * m @ v**2 / supply - 1.0) if supply > 0.0 else 0.0
+
+
+def _force(s: Any) -> Array:
+    """Forces in N that act in a state."""
+    raw = np.asarray(s.raw)
+    return np.where(raw > 0.0, raw, 0.0)

@@ -30,11 +30,11 @@ def glide(s: Any, pull: Any, fall: Any, dt: float) -> None:
         gap = gap_after(-s.xi[c], s.v[c + 1] - s.v[c], pull[c], dt)
         s.xi[c] = -gap if gap > 0.0 else 0.0
         s.raw[c] = 0.0
-        s.force[c] = 0.0
     for c in range(len(s.top)):
         s.top[c] = 0.0
     for i in range(len(s.v)):
         s.v[i] += fall[i] * dt
         s.acc[i] = fall[i]
+    for i in range(len(s.jerk)):
         s.jerk[i] = 0.0
         s.snap[i] = 0.0

@@ -3,6 +3,9 @@
 Times are counted in whole steps plus a fraction, so late times cost no digits. A contact begins between two steps
 where the interpolated overlap (or, inside an overlap, the interpolated force) crosses zero, and ends likewise. Pairs
 that touch at rest in a row begin when the row is hit, however many steps the push needs to be felt at its other end.
+
+Two states take turns: one is read, the other written. What every step adds to the log's peaks and sums knows no
+branches; onsets and ends are looked for only in steps in which a force comes or goes.
 """
 
 from __future__ import annotations
@@ -13,37 +16,30 @@ from typing import Any
 import numpy as np
 
 from granular._kernels import kernel
+from granular.md.integrators import remember
+from granular.md.integrators import verlet as step
 from granular.md.rows import COLUMNS
-from granular.md.steps import step
 
 DONE, FLIGHT, FULL, UNTIL = range(4)
 """Why `march` returned: steps used up, every pair open, log buffer full, stop condition."""
 
-Old = namedtuple("Old", "xi v raw force")
-"""State at the start of the current step, from which begins, ends and samples are interpolated."""
-Open = namedtuple("Open", "step part lower upper xi_max force_max impulse count touched deepest beside shared")
+Memory = namedtuple("Memory", "s old work now log")
+"""What changes: state, state a step ago, scratch, contacts under way, rows of those that ended."""
+Notes = namedtuple("Notes", "step part lower upper xi_max force_max impulse count touched deepest beside shared")
 """Per pair: begin of the running contact (step, fraction), velocities then, peaks and impulse so far; number of
 contacts begun; whether the begin is noted of a contact that is still without force; over the whole run: largest
 overlap, largest overlap of the pair and the next one together, impulse exchanged while a neighbouring pair was active.
 """
 
+LOG = True
+"""Whether contacts are logged; a march specialised for False counts those that end and no more."""
 COUNTED = ("step", "count", "touched")
-"""Fields of `Open` that hold whole numbers."""
+"""Fields of `Notes` that hold whole numbers."""
 
 STEP_ROW = np.dtype(
     [("pair", int), ("step_in", int), ("part_in", float), ("step_out", int), ("part_out", float), *COLUMNS], align=True
 )
 """A row of the log: a contact; onset and end as step numbers and fractions of a step."""
-
-
-@kernel
-def _keep(old: Any, s: Any) -> None:
-    for c in range(len(s.xi)):
-        old.xi[c] = s.xi[c]
-        old.raw[c] = s.raw[c]
-        old.force[c] = s.force[c]
-    for i in range(len(s.v)):
-        old.v[i] = s.v[i]
 
 
 @kernel
@@ -81,7 +77,7 @@ def spread(c: int, k: int, part: float, old: Any, s: Any, now: Any) -> None:
             0 <= d < len(s.xi)
             and old.xi[d] == 0.0
             and old.v[d] == old.v[d + 1]
-            and old.force[d] <= 0.0
+            and not old.raw[d] > 0.0
             and now.touched[d] == 0
         ):
             _touch(d, k, part, old, s, now)
@@ -100,15 +96,15 @@ def _forget(c: int, s: Any, now: Any) -> None:
 
 
 @kernel
-def _begin(c: int, k: int, old: Any, s: Any, now: Any) -> None:
+def _begin(c: int, k: int, dt: float, old: Any, s: Any, now: Any) -> None:
     if now.touched[c] == 0 or old.xi[c] < 0.0:
         part = begin_part(c, old, s)
         _touch(c, k, part, old, s, now)
         spread(c, k, part, old, s, now)
     now.touched[c] = 0
-    now.xi_max[c] = 0.0
-    now.force_max[c] = 0.0
-    now.impulse[c] = 0.0
+    now.xi_max[c] = s.xi[c]
+    now.force_max[c] = s.raw[c]
+    now.impulse[c] = 0.5 * dt * s.raw[c]
     now.count[c] += 1
 
 
@@ -125,32 +121,119 @@ def _end(c: int, k: int, old: Any, s: Any, now: Any, row: Any) -> None:
 
 
 @kernel
-def _follow(c: int, dt: float, old: Any, s: Any, now: Any) -> None:
-    impulse = 0.5 * dt * (old.force[c] + s.force[c])
-    now.impulse[c] += impulse
-    if (c > 0 and s.force[c - 1] > 0.0) or (c + 1 < len(s.xi) and s.force[c + 1] > 0.0):
-        now.shared[c] += impulse
-    if s.xi[c] > now.xi_max[c]:
-        now.xi_max[c] = s.xi[c]
-    if s.force[c] > now.force_max[c]:
-        now.force_max[c] = s.force[c]
+def settle(k: int, dt: float, old: Any, s: Any, now: Any, log: Any, rows: int) -> int:
+    """Note the contacts that begin in this step, log those that end; return the number of rows."""
+    for c in range(len(s.xi)):
+        before, after = old.raw[c] > 0.0, s.raw[c] > 0.0
+        if after and not before:
+            _begin(c, k, dt, old, s, now)
+        if before and not after:
+            _end(c, k, old, s, now, log[rows])
+            _forget(c, s, now)
+            rows += 1
+    return rows
 
 
 @kernel
-def _watch(c: int, s: Any, now: Any) -> None:
-    if s.xi[c] > now.deepest[c]:
-        now.deepest[c] = s.xi[c]
-    if c + 1 < len(s.xi):
-        both = s.xi[c] if s.xi[c] < s.xi[c + 1] else s.xi[c + 1]
-        if both > now.beside[c]:
-            now.beside[c] = both
+def ends(first: int, stop: int, old: Any, s: Any) -> int:
+    """Count the contacts of some pairs that end in this step."""
+    count = 0
+    for c in range(first, stop):
+        count += 1 if old.raw[c] > 0.0 and not s.raw[c] > 0.0 else 0
+    return count
+
+
+@kernel
+def _push(c: int, half: float, beside: int, old: Any, s: Any, now: Any) -> int:
+    """Add the impulse of a step; return 1 if a contact begins or ends in it, else 0."""
+    before = old.raw[c] if old.raw[c] > 0.0 else 0.0
+    after = s.raw[c] if s.raw[c] > 0.0 else 0.0
+    impulse = half * (before + after)
+    if LOG:
+        now.impulse[c] += impulse
+    now.shared[c] += impulse if beside == 1 else 0.0
+    return (1 if before > 0.0 else 0) ^ (1 if after > 0.0 else 0)
+
+
+@kernel
+def pushes(half: float, old: Any, s: Any, now: Any) -> int:
+    """Add up the impulses of a step, also those beside an active neighbour; return 1 if any contact begins or ends."""
+    raw, last = s.raw, len(s.raw) - 1
+    changed = _push(0, half, 1 if last > 0 and raw[1] > 0.0 else 0, old, s, now)
+    for c in range(1, last):
+        beside = (1 if raw[c - 1] > 0.0 else 0) | (1 if raw[c + 1] > 0.0 else 0)
+        changed |= _push(c, half, beside, old, s, now)
+    if last > 0:
+        changed |= _push(last, half, 1 if raw[last - 1] > 0.0 else 0, old, s, now)
+    return changed
+
+
+@kernel
+def overlaps(xi: Any, now: Any) -> int:
+    """Note the largest overlaps; return 1 if any pair is closed."""
+    last, closed = len(xi) - 1, 0
+    for c in range(last):
+        x = xi[c] if xi[c] > 0.0 else 0.0
+        both = x if x < xi[c + 1] else xi[c + 1]
+        if LOG:
+            now.xi_max[c] = x if x > now.xi_max[c] else now.xi_max[c]
+        now.deepest[c] = x if x > now.deepest[c] else now.deepest[c]
+        now.beside[c] = both if both > now.beside[c] else now.beside[c]
+        closed |= 1 if x > 0.0 else 0
+    x = xi[last] if xi[last] > 0.0 else 0.0
+    now.xi_max[last] = x if x > now.xi_max[last] else now.xi_max[last]
+    now.deepest[last] = x if x > now.deepest[last] else now.deepest[last]
+    return closed | (1 if x > 0.0 else 0)
+
+
+@kernel
+def peaks(raw: Any, force_max: Any) -> None:
+    """Note the largest forces."""
+    for c in range(len(raw)):
+        force_max[c] = raw[c] if raw[c] > force_max[c] else force_max[c]
+
+
+@kernel
+def exchange(old: Any, s: Any) -> None:
+    """Let two states change places."""
+    for one, other in zip(old, s):  # noqa: B905
+        for a in range(len(one)):
+            one[a], other[a] = other[a], one[a]
+
+
+@kernel
+def _walk(
+    physics: Any, memory: Any, start: int, steps: int, room: int, until_pair: int, until_nth: int
+) -> tuple[int, int, int]:
+    rows, dt, now, log = 0, physics.dt, memory.now, memory.log
+    s, old, work = memory.s, memory.old, memory.work
+    for k in range(start, start + steps):
+        if rows > room or rows + len(s.xi) > len(log):
+            return 2, k, rows
+        old, s = s, old
+        step(physics, old, s, work)
+        remember(old, s)
+        if (
+            until_pair >= 0
+            and not old.raw[until_pair] > 0.0
+            and s.raw[until_pair] > 0.0
+            and now.count[until_pair] + 1 == until_nth
+        ):
+            return 3, k, rows
+        changed, closed = pushes(0.5 * dt, old, s, now), overlaps(s.xi, now)
+        if LOG:
+            peaks(s.raw, now.force_max)
+        if changed == 1:
+            rows = settle(k, dt, old, s, now, log, rows) if LOG else rows + ends(0, len(s.xi), old, s)
+        if closed == 0:
+            return 1, k + 1, rows
+    return 0, start + steps, rows
 
 
 @kernel
 def march(
-    method: int, force: Any, laws: Any, pairs: Any, w: Any, fall: Any, dt: float, start: int, steps: int,
-    room: int, s: Any, work: Any, old: Any, now: Any, log: Any, until_pair: int, until_nth: int,
-) -> tuple[int, int, int]:  # fmt: skip
+    physics: Any, memory: Any, start: int, steps: int, room: int, until_pair: int, until_nth: int
+) -> tuple[int, int, int]:
     """Take up to `steps` steps from step number `start`, until more than `room` contacts have ended.
 
     Returns
@@ -159,32 +242,8 @@ def march(
         One of `DONE`, `FLIGHT`, `FULL`, `UNTIL`; the step number reached; rows written to `log`. After `UNTIL`
         the contact begins between the states `old` (step k) and `s` (step k + 1).
     """
-    rows, pairs_n = 0, len(s.xi)
-    for k in range(start, start + steps):
-        if rows > room or rows + pairs_n > len(log):
-            return 2, k, rows
-        _keep(old, s)
-        step(method, force, laws, pairs, w, fall, dt, s, work)
-        if (
-            until_pair >= 0
-            and old.force[until_pair] <= 0.0 < s.force[until_pair]
-            and now.count[until_pair] + 1 == until_nth
-        ):
-            return 3, k, rows
-        closed = False
-        for c in range(pairs_n):
-            before, after = old.force[c] > 0.0, s.force[c] > 0.0
-            if after and not before:
-                _begin(c, k, old, s, now)
-            if before or after:
-                _follow(c, dt, old, s, now)
-            if before and not after:
-                _end(c, k, old, s, now, log[rows])
-                _forget(c, s, now)
-                rows += 1
-            if s.xi[c] > 0.0:
-                closed = True
-                _watch(c, s, now)
-        if not closed:
-            return 1, k + 1, rows
-    return 0, start + steps, rows
+    why, k, rows = _walk(physics, memory, start, steps, room, until_pair, until_nth)
+    taken = k - start + (1 if why == 3 else 0)
+    if taken % 2 == 1:
+        exchange(memory.old, memory.s)
+    return why, k, rows

@@ -19,8 +19,8 @@ from granular.laws.check import check_deepest
 from granular.laws.check import checked as checked_laws
 from granular.laws.kinds import SceneLaws
 from granular.md import fixed, located
+from granular.md.integrators import INTEGRATORS
 from granular.md.stability import expected_rate
-from granular.md.steps import METHODS
 from granular.request import requested
 from granular.scene import Scene, checked
 from granular.trajectory import Status, Trajectory
@@ -115,10 +115,10 @@ def simulate(
     _check.choice("engine", engine, ("auto", "plain", "compiled"))
     if method is None:
         method = "located" if dt is None else "verlet"
-    _check.choice("method", method, ("located", *METHODS))
+    _check.choice("method", method, ("located", *INTEGRATORS))
     if method == "located":
         if dt is not None:
-            raise ValueError(f"dt is {dt!r}: method 'located' has no fixed step; choose {', '.join(METHODS)}.")
+            raise ValueError(f"dt is {dt!r}: method 'located' has no fixed step; choose {', '.join(INTEGRATORS)}.")
         finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
         with _in_range(laws.given[0]):
             return drive(located.Run(scene, laws, request, engine, finest))

@@ -18,8 +18,6 @@ from granular.scene import Scene, speed_scale
 
 WARN = 0.2
 """dt·λ from which results are doubtful."""
-LIMIT = {"verlet": 2.0, "symplectic-euler": 2.0, "rk4": 2.0, "gear5": 1.05}
-"""dt·λ from which results mean nothing. (RK4 grows only from 2√2, but at 2 it damps by a quarter a step.)"""
 
 
 def sharpest_rate(scene: Scene, laws: SceneLaws, overlap: Any, beside: Any = True) -> float:

@@ -1,8 +1,7 @@
-"""A scene under a fixed time step, in arrays for the kernels: interpreted at first, perhaps compiled later."""
+"""A scene under a fixed time step, in columns for the kernels: interpreted at first, perhaps compiled later."""
 
 from __future__ import annotations
 
-from collections import namedtuple
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -10,43 +9,60 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from granular import until as stop
-from granular._kernels import compiled
+from granular._kernels import compiled, specialised
 from granular._records import packed, plain
-from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws
 from granular.md import march as loop
-from granular.md.contact_force import compiled_force, force_type, interpreted, law_records, pair_records
+from granular.md.blocks import march_in_blocks, window
+from granular.md.contact_force import (
+    Called,
+    Columns,
+    called,
+    columns,
+    compiled_force,
+    law_records,
+    pair_records,
+)  # fmt: skip
 from granular.md.glide import glide, time_to_touch
-from granular.md.steps import EULER, METHODS, VERLET, Motion, Stages, accelerations, contact_forces, step
-from granular.md.unlogged import MANY, bulk, hurry, power_rows
+from granular.md.integrators import Integrator, Physics, Scratch, State, accelerations, forces
 from granular.scene import Scene
 
-Physics = namedtuple("Physics", "method force laws pairs w fall dt")
-"""What does not change: the first arguments of the kernels. `w` are inverse masses, `fall` accelerations."""
-Memory = namedtuple("Memory", "s work old now log")
-"""What changes: state, scratch, state a step ago, contacts under way, rows of those that ended."""
+MANY = 32
+"""Pairs from which compiled code gains from a march that fits the law, and from blocks."""
+Kernel = Callable[..., Any]
 
 
 class Code(NamedTuple):
     """The kernels, as they stand or compiled."""
 
-    march: Callable[..., tuple[int, int, int]] = loop.march
-    hurry: Callable[..., tuple[int, int, int]] = hurry
-    glide: Callable[..., None] = glide
-    time_to_touch: Callable[..., float] = time_to_touch
+    march: Kernel
+    step: Kernel
+    glide: Kernel
+    time_to_touch: Kernel
+
+
+class Fit(NamedTuple):
+    """What is compiled for a run: a march for its step and force; columns of its laws if they are part of it."""
+
+    march: Kernel
+    step: Kernel
+    laws: Columns | None
+    blocks: bool
 
 
 class Stepper:
-    """The arrays of one run, and its motion.
+    """The columns of one run, and its motion.
 
     Parameters
     ----------
     scene, laws : Scene, SceneLaws
         What moves.
-    method : str
-        Name of the integrator.
+    integrator : Integrator
+        How it steps.
     dt : float
         Time step in s.
+    until : stop condition or None
+        Where to stop, if that is at a contact.
     log : bool
         Whether rows of contacts are wanted.
     compiled_at_once : bool
@@ -54,45 +70,53 @@ class Stepper:
     """
 
     def __init__(
-        self, scene: Scene, laws: SceneLaws, method: str, dt: float, log: bool, compiled_at_once: bool
-    ) -> None:
-        self.scene, self.laws, self.log = scene, laws, log
+        self, scene: Scene, laws: SceneLaws, integrator: Integrator, dt: float, until: stop.Until | None, log: bool,
+        compiled_at_once: bool,
+    ) -> None:  # fmt: skip
+        self.scene, self.laws, self.integrator = scene, laws, integrator
         n, p = scene.n, scene.n_pairs
         top = p if any(law.memory for law in laws.each) else 0
-        listed = laws if compiled_at_once else self.plain_laws
+        higher = n if integrator.name == "gear5" else 0
         fall = np.where(scene.is_wall, 0.0, -scene.gravity).tolist()
-        self.physics = Physics(METHODS[method], interpreted, listed, listed, scene.inverse_mass.tolist(), fall, dt)
-        self.memory = Memory(
-            Motion((-scene.gap).tolist(), scene.velocity.tolist(), *(_zeros(m) for m in (n, p, p, top, n, n))),
-            Stages(*(_zeros(m) for m in (p, n, p, n, p, p))),
-            loop.Old(*(_zeros(m) for m in (p, n, p, p))),
-            loop.Open(*([0] * p if name in loop.COUNTED else _zeros(p) for name in loop.Open._fields)),
-            np.zeros(max(64, 4 * p), loop.STEP_ROW),
+        given = laws if compiled_at_once else list(laws)
+        self.physics = Physics(given, scene.inverse_mass.tolist(), fall, dt)
+        sizes = (n, p, top, higher, higher)
+        rows: Any = np.zeros(max(64, 4 * p), loop.STEP_ROW)
+        self.memory = loop.Memory(
+            State((-scene.gap).tolist(), scene.velocity.tolist(), *map(_zeros, sizes)),
+            State(*map(_zeros, (p, n, *sizes))),
+            Scratch(*map(_zeros, (n, p, n))),
+            loop.Notes(*([0] * p if name in loop.COUNTED else _zeros(p) for name in loop.Notes._fields)),
+            rows if compiled_at_once else plain(rows),
         )
         self.pull: Any = scene.pull.tolist()
-        self.bulk: Any = None
-        self.code, self.compiled = Code(), False
+        self.counts = not log and not isinstance(until, stop.Contact)  # contacts are counted, and no more
+        self.rest: tuple[Any, ...] = (until.pair, until.nth) if isinstance(until, stop.Contact) else (-1, 0)
+        self.code = Code(specialised(loop.march, step=integrator.step), integrator.step, glide, time_to_touch)
+        self.compiled = False
+        self._start()
         if compiled_at_once:
             self.compile()
-        else:
-            self.memory = self.memory._replace(log=plain(self.memory.log))
-        self._start()
-
-    @cached_property
-    def plain_laws(self) -> list[PairLaw]:
-        """The laws, ready for interpreted steps."""
-        return list(self.laws)
 
     def _start(self) -> None:
-        s, now = self.memory.s, self.memory.now
-        contact_forces(interpreted, self.laws, self.laws, s.xi, s.v, s.top, s.raw, s.force)
-        accelerations(s.force, self.physics.w, self.physics.fall, s.acc)
-        for c, force in enumerate(s.force):
+        physics, s, now = self.physics, self.memory.s, self.memory.now
+        forces(physics.laws, s.xi, s.v, s.top, s.raw)
+        accelerations(s.raw, physics.w, physics.fall, s.acc)
+        for c, force in enumerate(s.raw):
             if force > 0.0:  # overlapping from the start
                 lower, upper = self.scene.bodies(c)
                 now.lower[c], now.upper[c], now.count[c] = s.v[lower], s.v[upper], 1
                 now.xi_max[c], now.force_max[c] = s.xi[c], force
                 loop.spread(c, 0, 0.0, s, s, now)
+
+    @cached_property
+    def fit(self) -> Fit:
+        """What would be compiled."""
+        force, laws = (columns(self.laws) if len(self.laws) >= MANY else None) or (called, None)
+        fits: dict[str, Any] = {"step": self.integrator.step, "force": force}
+        step, blocks = specialised(self.integrator.step, force=force), laws is not None and self.counts
+        march = specialised(march_in_blocks, **fits, LOG=False) if blocks else specialised(loop.march, **fits)
+        return Fit(march, step, laws, blocks)
 
     def compile(self) -> None:
         """Go on with compiled code from the present state: same source, same bits.
@@ -102,55 +126,54 @@ class Stepper:
         ImportError, NotCompilableError
             If numba is missing or a law does not compile.
         """
-        laws, force = law_records(self.laws), compiled_force(self.laws)  # may fail: before anything changes
+        records, fit = law_records(self.laws), self.fit  # may fail: before anything changes
+        laws = fit.laws or Called(compiled_force(self.laws), records, pair_records(self.scene.pairs))
         p, m = self.physics, self.memory
         w, fall, self.pull = (np.array(x, np.float64) for x in (p.w, p.fall, self.pull))
-        self.physics = Physics(p.method, force, laws, pair_records(self.scene.pairs), w, fall, p.dt)
         groups = (type(group)(*map(np.array, group)) for group in m[:-1])
-        self.memory = Memory._make([*groups, packed(m.log, loop.STEP_ROW) if isinstance(m.log, list) else m.log])
-        arguments = (*self.physics, 0, 0, 0, *self.memory)
-        code = {"march": compiled(loop.march, _types((*arguments, -1, 0)))}
-        if not self.log and p.method in (VERLET, EULER) and len(self.laws) >= MANY:
-            rows = power_rows(self.laws)
-            self.bulk = rows and bulk(rows, self.physics, self.memory)
-        if self.bulk:
-            code["hurry"] = compiled(hurry, _types((*arguments, self.bulk)))
-        self.code, self.compiled = Code(**code, glide=compiled(glide), time_to_touch=compiled(time_to_touch)), True
+        self.physics = Physics(laws, w, fall, p.dt)
+        log = packed(m.log, loop.STEP_ROW) if isinstance(m.log, list) else m.log
+        self.memory = loop.Memory._make([*groups, log])
+        if fit.blocks:
+            self.rest = (window(self.memory, self.integrator.evaluations),)
+        self.code, self.compiled = Code(*map(compiled, (fit.march, fit.step, glide, time_to_touch))), True
 
-    def march(self, k: int, steps: int, room: int, until: stop.Until | None) -> tuple[int, int, int]:
+    def march(self, k: int, steps: int, room: int) -> tuple[int, int, int]:
         """Take up to `steps` steps from step number `k`; see `granular.md.march.march`."""
-        arguments = (*self.physics, k, steps, room, *self.memory)
-        if isinstance(until, stop.Contact):
-            return self.code.march(*arguments, until.pair, until.nth)
-        return self.code.hurry(*arguments, self.bulk) if self.bulk else self.code.march(*arguments, -1, 0)
+        why, reached, rows = self.code.march(self.physics, self.memory, k, steps, room, *self.rest)
+        return why, int(reached), rows
 
     def time_to_touch(self) -> float:
         """Time in s until the first gap of the open scene closes."""
-        return self.code.time_to_touch(self.memory.s.xi, self.memory.s.v, self.pull)
+        return float(self.code.time_to_touch(self.memory.s.xi, self.memory.s.v, self.pull))
 
     def glide(self, dt: float) -> None:
         """Let the open scene fly for a time `dt` in s."""
         self.code.glide(self.memory.s, self.pull, self.physics.fall, dt)
 
-    def after(self, state: Any, dt: float = 0.0, flying: bool = False) -> Motion:
+    def after(self, state: Any, dt: float = 0.0, flying: bool = False) -> State:
         """Return a copy of a state a time `dt` in s later: one step on, or `flying`."""
-        s = Motion(*(list(map(float, group)) for group in state))
-        w, fall = list(map(float, self.physics.w)), list(map(float, self.physics.fall))
+        s = State(*(column.copy() for column in state))
         if flying:
-            glide(s, list(map(float, self.pull)), fall, dt)
+            self.code.glide(s, self.pull, self.physics.fall, dt)
         elif dt > 0.0:
-            work = Stages(*(_zeros(len(group)) for group in self.memory.work))
-            step(self.physics.method, interpreted, self.plain_laws, self.plain_laws, w, fall, dt, s, work)
+            self.code.step(self.physics._replace(dt=dt), state, s, self.memory.work)
         return s
+
+    def closed(self) -> bool:
+        """Whether any pair is."""
+        return bool((np.asarray(self.memory.s.xi) > 0.0).any())
+
+    def finite(self) -> bool:
+        """Whether all velocities are numbers."""
+        return bool(np.isfinite(self.memory.s.v).all())
 
     def settled(self) -> bool:
         """Whether the higher derivatives that Gear's method remembers no longer change any velocity."""
-        s, dt = self.memory.s, self.physics.dt
-        still = 1e-17 * max(map(abs, s.v))
-        return all(
-            dt * abs(a - f) <= still and dt * dt * abs(j) <= still
-            for a, f, j in zip(s.acc, self.physics.fall, s.jerk, strict=True)
-        )
+        s, dt = State(*map(np.asarray, self.memory.s)), self.physics.dt
+        still = 1e-17 * np.abs(s.v).max()
+        kept = dt * np.abs(s.acc - self.physics.fall) <= still
+        return bool(kept.all() and (dt * dt * np.abs(s.jerk) <= still).all())
 
     def receding(self) -> bool:
         """Whether no pair approaches."""
@@ -160,10 +183,3 @@ class Stepper:
 
 def _zeros(length: int) -> list[float]:
     return [0.0] * length
-
-
-def _types(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Numba types of a kernel's arguments; a force counts as its common function type."""
-    import numba
-
-    return tuple(force_type() if callable(a) else numba.typeof(a) for a in arguments)

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 
+from granular.md.integrators import INTEGRATORS
 from granular.scene import Scene
 from granular.trajectory import Trajectory
 
-FIXED = ("verlet", "symplectic-euler", "rk4", "gear5")
+FIXED = tuple(INTEGRATORS)
 SOFT = ("located", *FIXED)
 METHODS = ("located", "edmd", *FIXED)
 

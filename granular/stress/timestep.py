@@ -13,7 +13,8 @@ import numpy as np
 from granular import binary, md
 from granular.laws import LinearDashpot
 from granular.laws.kinds import resolved
-from granular.md.stability import LIMIT, sharpest_rate
+from granular.md.integrators import INTEGRATORS
+from granular.md.stability import sharpest_rate
 from granular.scene import Scene
 from granular.stress.cell import FIXED, Cell
 from granular.stress.contact import LAWS, meeting
@@ -61,7 +62,7 @@ def limits(balls: tuple[int, ...] = (1, 2, 20)) -> list[StabilityLimit]:
         fastest = 2.0 * math.cos(0.5 * math.pi / (n + 1))
         scene = _held(n)
         bound = sharpest_rate(scene, resolved([LinearDashpot(1.0)] * scene.n_pairs, scene), np.ones(scene.n_pairs))
-        theory, reported = IMAGINARY[method] / fastest, LIMIT[method] / bound
+        theory, reported = IMAGINARY[method] / fastest, INTEGRATORS[method].limit / bound
         rows.append(StabilityLimit(method, n, _bisect(scene, method), theory, reported))
     return rows
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from granular import _files
 from granular._optional import optional
+from granular.md.integrators import INTEGRATORS
 from granular.workprecision.result import NEAR
 
 if TYPE_CHECKING:
@@ -15,10 +16,7 @@ if TYPE_CHECKING:
 
 STYLE = {
     "located": ("#0b3c6f", "-", "*", "located (default)"),
-    "verlet": ("#c1440e", "--", "o", "velocity Verlet"),
-    "symplectic-euler": ("#c1440e", "--", "s", "symplectic Euler"),
-    "rk4": ("#c1440e", "--", "^", "Runge–Kutta 4"),
-    "gear5": ("#c1440e", "--", "D", "Gear, 5 values"),
+    **{x.name: ("#c1440e", "--", marker, x.label) for x, marker in zip(INTEGRATORS.values(), "os^D", strict=True)},
     "edmd": ("#000000", "none", "p", "event-driven (hard spheres)"),
     "dop853+events": ("#3f8f5f", "-", "v", "DOP853, events"),
     "lsoda+events": ("#3f8f5f", "-", "P", "LSODA, events"),
@@ -28,7 +26,7 @@ STYLE = {
     "radau": ("#8a8a8a", ":", "h", "Radau"),
 }
 """Colour, line, marker and name of each method: families by colour and line, members by marker."""
-GROUPS = {"fixed step (dt)": ("verlet", "symplectic-euler", "rk4", "gear5"),
+GROUPS = {"fixed step (dt)": tuple(INTEGRATORS),
           "SciPy, restarted at events (rtol)": ("dop853+events", "lsoda+events", "radau+events"),
           "SciPy, no events (rtol)": ("dop853", "lsoda", "radau")}  # fmt: skip
 LEAST = 2e-17

@@ -12,15 +12,13 @@ from granular import edmd, md
 from granular import until as stop
 from granular.binary import restitution_of
 from granular.laws.kinds import SceneLaws, resolved
-from granular.md.steps import METHODS as FIXED
+from granular.md.integrators import INTEGRATORS
 from granular.reference import Reference, ReferenceContact
 from granular.scene import Scene
 from granular.trajectory import Trajectory
 from granular.workprecision.judge import contacts_of
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
-TEXTBOOK = {"verlet": 2.0, "symplectic-euler": 1.0, "rk4": 4.0, "gear5": 4.0}
-"""Order of the fixed-step methods for smooth forces."""
 COARSEST, FINER, POINTS = 8, 4, 8
 """Steps in the shortest contact at first, how many times more at each next point, and number of points."""
 MOST_STEPS = {"compiled": 3_000_000, "plain": 100_000}
@@ -69,7 +67,7 @@ def own(task: Task, names: Sequence[str]) -> list[Method]:
     for name in names:
         if name == "located":
             found.append(_located(task))
-        elif name in FIXED:
+        elif name in INTEGRATORS:
             found.append(_fixed(task, name))
         elif name == "edmd":
             found.append(_edmd(task))
@@ -145,4 +143,5 @@ def expected_order(task: Task, name: str) -> tuple[float, float]:
         else:
             starts.append(float(law.exponent))
     least = math.nan if any(map(math.isnan, starts)) else min(starts)
-    return TEXTBOOK[name], min(TEXTBOOK[name], 1.0 + least) if not math.isnan(least) else math.nan
+    order = INTEGRATORS[name].order
+    return order, min(order, 1.0 + least) if not math.isnan(least) else math.nan

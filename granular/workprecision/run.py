@@ -13,7 +13,7 @@ import numpy as np
 from granular import _check, md, reference
 from granular import until as stop
 from granular.laws.check import checked
-from granular.md.steps import METHODS as FIXED
+from granular.md.integrators import INTEGRATORS as FIXED
 from granular.reference import Reference
 from granular.scene import Scene
 from granular.workprecision import methods as ours
