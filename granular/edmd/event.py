@@ -8,7 +8,7 @@ from granular._kernels import kernel
 from granular._records import Record, Records
 from granular.edmd.merge import ORDINARY, WEAK, absorb, kind, share, strike
 from granular.edmd.model import Restitution
-from granular.edmd.motion import approach, blur, carry, collide, velocity
+from granular.edmd.motion import approach, blur, carry, collide, effective_mass, velocity
 
 SUSPICIOUS = 8
 """Streak that calls for a closer look."""
@@ -43,8 +43,7 @@ def event(
     if run.tc > 0.0 or run.elastic_below > 0.0:
         e = remedied(run, pairs, c, -w, e, now)
     if row is not None:
-        row.pair, row.t_begin = c, now
-        row.lower_in, row.upper_in = velocity(lower, g, now), velocity(upper, g, now)
+        before(row, c, now, g, lower, upper)
     what, exchanged = ORDINARY, 0.0
     if run.merge_below > 0.0 or g > 0.0:
         what = kind(run, pair, lower, upper, w, e)
@@ -62,19 +61,30 @@ def event(
     else:
         start, end = strike(run, pairs, bodies, c, now, w, e)
     if row is not None:
-        row.lower_out, row.upper_out = velocity(lower, g, now), velocity(upper, g, now)
-        row.impulse = exchanged if what == WEAK else -((1.0 + e) * w) * pair.m_eff
+        after(row, g, lower, upper, (1.0 + e) * w)
+        if what == WEAK:
+            row.impulse = exchanged
     blur(pair, lower, upper, w, e)
     if what == WEAK:
         share(bodies, c, start, end)
     pair.hits += 1
-    if e < 1.0:
-        size = max(abs(lower.u), abs(upper.u))
-        pair.streak = streak(run, pair.streak, -w, now - pair.last, e, size)
-    else:
-        pair.streak = 0
+    pair.streak = streak(run, pair.streak, lower, upper, now - pair.last, -w, e) if e < 1.0 else 0
     pair.last = now
     return start, end, -e * w
+
+
+@kernel
+def before(row: Record, c: int, now: float, g: float, lower: Record, upper: Record) -> None:
+    """Begin the row of a collision of pair `c` at time `now`."""
+    row.pair, row.t_begin = c, now
+    row.lower_in, row.upper_in = velocity(lower, g, now), velocity(upper, g, now)
+
+
+@kernel
+def after(row: Record, g: float, lower: Record, upper: Record, jump: float) -> None:
+    """Complete it; the rate of the pair has become less by `jump` (m/s)."""
+    row.lower_out, row.upper_out = velocity(lower, g, row.t_begin), velocity(upper, g, row.t_begin)
+    row.impulse = -jump * effective_mass(lower, upper)
 
 
 @kernel
@@ -95,14 +105,14 @@ def remedied(run: Record, pairs: Records, c: int, speed: float, e: float, now: f
 
 
 @kernel
-def streak(run: Record, count: int, speed: float, interval: float, e: float, size: float) -> int:
+def streak(run: Record, count: int, lower: Record, upper: Record, interval: float, speed: float, e: float) -> int:
     """Return how often in a row (before: `count`) a pair collided slowly, which counts thrice, or at once again.
 
-    A rebound that velocities of that `size` can hardly hold calls for a closer look at once.
+    A rebound that velocities of their size can hardly hold calls for a closer look at once.
     """
     if run.slow < 0.0:
         return 0
-    if 0.0 < e * speed < FAINT * size:
+    if 0.0 < e * speed < FAINT * max(abs(lower.u), abs(upper.u)):
         return SUSPICIOUS
     if speed < run.slow:
         return count + 3

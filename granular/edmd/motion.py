@@ -83,6 +83,15 @@ def collide(pair: Record, lower: Record, upper: Record, now: float, w: float, e:
 
 
 @kernel
+def effective_mass(lower: Record, upper: Record) -> float:
+    """Return the effective mass of a pair in kg."""
+    light, heavy = lower.mass, upper.mass
+    if light > heavy:
+        light, heavy = heavy, light
+    return light / (1.0 + light / heavy)  # type: ignore[no-any-return]
+
+
+@kernel
 def blur(pair: Record, lower: Record, upper: Record, w: float, e: float) -> None:
     """Pass the noise of the bodies of a pair, which has just collided at rate `w`, on to each other, and add to it.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from granular._flight import gap_after
-from granular.edmd.groups import Row
+from granular.edmd.groups import RULES, Row
 from granular.edmd.merge import release
 from granular.edmd.model import Model
 from granular.edmd.motion import NOISE, carry, velocity
@@ -48,8 +48,7 @@ def impulses(c: int, first: int, last: int, s: State, m: Model) -> Row:
     if bodies[0].mass == math.inf == bodies[-1].mass and (m.ties == "reflect" or bodies[-1].u < bodies[0].u):
         why = "walls that close on them leave no way out" if m.ties != "reflect" else "use ties='poisson'"
         raise ValueError(f"ties is {m.ties!r}: balls wedged between two walls have no such collision; {why}.")
-    assert m.solver is not None
-    return m.solver([1.0 / body.mass for body in bodies], rate, eps)
+    return RULES[m.ties]([1.0 / body.mass for body in bodies], rate, eps)
 
 
 def apply(first: int, last: int, p: Row, s: State) -> None:
