@@ -5,10 +5,10 @@ from __future__ import annotations
 from granular import _check
 from granular._kernels import no_compiler
 from granular.edmd.blocks import BlockQueue
+from granular.edmd.groups import RULES
 from granular.edmd.model import Model
 from granular.edmd.run import Queue
 from granular.edmd.sorted_queue import SortedQueue
-from granular.edmd.ties import GROUP
 from granular.edmd.tree_queue import TreeQueue, pays
 
 LARGE = 100_000
@@ -25,7 +25,7 @@ def choose(engine: str, model: Model) -> tuple[type[Queue], type[Queue] | None]:
     name, why = _check.choice("engine", engine, ENGINES), ""
     if model.rule is not None:
         why = "every rule must be a ConstantRestitution"
-    elif model.order == GROUP:
+    elif model.ties in RULES:
         why = f"ties={model.ties!r} runs interpreted only"
     missing = no_compiler()
     if name == "sorted" or (name == "auto" and (why or missing)):

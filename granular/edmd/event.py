@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from granular._flight import rate_at_contact
 from granular._kernels import kernel
 from granular._records import Record, Records
 from granular.edmd.merge import ORDINARY, WEAK, absorb, kind, share, strike
 from granular.edmd.model import Restitution
-from granular.edmd.motion import approach, blur, carry, collide, effective_mass, velocity
+from granular.edmd.motion import blur, carry, collide, impulse, velocities
 
 SUSPICIOUS = 8
 """Streak that calls for a closer look."""
@@ -38,12 +39,13 @@ def event(
     `row`, if there is one, takes what is kept of it.
     """
     pair, lower, upper, g = pairs[c], bodies[c], bodies[c + 1], run.gravity
-    w = approach(pair, lower, upper)
+    w = rate_at_contact(pair.gap, (upper.u - lower.u) - pair.pull * pair.at, pair.pull)
     e = pair.eps if rule is None else rule(c, -w)
     if run.tc > 0.0 or run.elastic_below > 0.0:
         e = remedied(run, pairs, c, -w, e, now)
     if row is not None:
-        before(row, c, now, g, lower, upper)
+        row.pair, row.t_begin = c, now
+        row.lower_in, row.upper_in = velocities(lower, upper, g, now)
     what, exchanged = ORDINARY, 0.0
     if run.merge_below > 0.0 or g > 0.0:
         what = kind(run, pair, lower, upper, w, e)
@@ -61,9 +63,8 @@ def event(
     else:
         start, end = strike(run, pairs, bodies, c, now, w, e)
     if row is not None:
-        after(row, g, lower, upper, (1.0 + e) * w)
-        if what == WEAK:
-            row.impulse = exchanged
+        row.lower_out, row.upper_out = velocities(lower, upper, g, now)
+        row.impulse = exchanged if what == WEAK else impulse(lower, upper, (1.0 + e) * w)
     blur(pair, lower, upper, w, e)
     if what == WEAK:
         share(bodies, c, start, end)
@@ -71,20 +72,6 @@ def event(
     pair.streak = streak(run, pair.streak, lower, upper, now - pair.last, -w, e) if e < 1.0 else 0
     pair.last = now
     return start, end, -e * w
-
-
-@kernel
-def before(row: Record, c: int, now: float, g: float, lower: Record, upper: Record) -> None:
-    """Begin the row of a collision of pair `c` at time `now`."""
-    row.pair, row.t_begin = c, now
-    row.lower_in, row.upper_in = velocity(lower, g, now), velocity(upper, g, now)
-
-
-@kernel
-def after(row: Record, g: float, lower: Record, upper: Record, jump: float) -> None:
-    """Complete it; the rate of the pair has become less by `jump` (m/s)."""
-    row.lower_out, row.upper_out = velocity(lower, g, row.t_begin), velocity(upper, g, row.t_begin)
-    row.impulse = -jump * effective_mass(lower, upper)
 
 
 @kernel

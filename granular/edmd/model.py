@@ -11,7 +11,8 @@ import numpy as np
 
 from granular import _check
 from granular._check import Array
-from granular.edmd.ties import GROUP, ORDER
+from granular.edmd.groups import RULES
+from granular.edmd.ties import ORDER
 from granular.rules import Rule, constants, restitution_at
 from granular.scene import Scene
 
@@ -45,17 +46,6 @@ class Model:
             return None
         rules, pairs = self.rules, tuple(self.scene.pairs)
         return lambda c, speed: restitution_at(rules[c], speed, pairs[c])
-
-    @property
-    def order(self) -> int:
-        """Number of the tie rule."""
-        return ORDER[self.ties]
-
-    @property
-    def may_collapse(self) -> bool:
-        """Whether infinitely many collisions in finite time are possible at all."""
-        remedy = self.tc > 0.0 or self.elastic_below > 0.0 or self.merge_below > 0.0
-        return not remedy and self.eps.min() != 1.0
 
 
 def checked(
@@ -97,7 +87,7 @@ def _check_ties(model: Model) -> None:
         why = "different ones can multiply the energy" if model.ties == "newton" else "others have no meaning"
         raise ValueError(f"ties is {model.ties!r}: one constant restitution for all pairs is needed ({why}); "
                          "use ties='poisson'.")  # fmt: skip
-    if model.order == GROUP and (model.merge_below > 0.0 or model.tc > 0.0 or model.elastic_below > 0.0):
+    if model.ties in RULES and (model.merge_below > 0.0 or model.tc > 0.0 or model.elastic_below > 0.0):
         raise ValueError(f"ties is {model.ties!r}: groups solved as a whole do not go with sticking balls, "
                          "collapse='merge', tc= or elastic_below=; use ties='left'.")  # fmt: skip
 

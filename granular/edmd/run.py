@@ -61,7 +61,7 @@ class Run:
         first, self.faster = queues
         self._go_on_with(first)
         self.worked = state.work()
-        self.tail = state.run.stop_events - request.max_events // TAIL
+        self.tail = state.last_event - request.max_events // TAIL
         self.pace = [(state.events, state.time(state.now))]  # at the beginning and where the tail begins
         self.verdict: Verdict | None = None
         self.settled: list[Rows] = []
@@ -92,7 +92,7 @@ class Run:
                 self.queue.rebuild()
             elif why == SUSPECT:
                 self.zoom = Zoom.on(state, self.queue)
-            elif why == BUDGET and state.events in (before, state.run.stop_events):  # or a group that is too large
+            elif why == BUDGET and state.events in (before, state.last_event):  # or a group that is too large
                 return Pause.work
             if state.events - seen >= LOOK:
                 return Pause.full
@@ -111,7 +111,7 @@ class Run:
         if self.faster is not None and pays(state.work() - self.worked):
             self._go_on_with(self.faster)
             self.faster = None
-        goal = self.tail if state.events < self.tail else state.run.stop_events
+        goal = self.tail if state.events < self.tail else state.last_event
         budget = min(self.queue.chunk, goal - state.events)
         rows: list[Any] | None = [] if self.request.rows else None
         if self.zoom is None:

@@ -85,7 +85,7 @@ class SortedQueue:
 
         Returns why it pauses.
         """
-        s, rule, groups = self.state, self.model.rule, self.model.order == GROUP
+        s, rule, groups = self.state, self.model.rule, self.state.run.order == GROUP
         queue, entry, run, pairs, bodies = self.queue, self.entry, s.run, s.pairs, s.bodies
         enough, witness, rows, row = s.events + budget, 0, Rows(), None
         if log is not None:
@@ -133,7 +133,7 @@ class SortedQueue:
         p = touching.impulses(c, first, last, s, self.model)
         hit = [k for k in range(first, last + 1) if p[k - first] > 0.0]
         stops = s.run.stop_pair in hit and s.pairs[s.run.stop_pair].hits >= s.run.stop_hits
-        if stops or s.events + len(hit) > s.run.stop_events:
+        if stops or s.events + len(hit) > s.last_event:
             self.refresh(c, c)
             return UNTIL if stops else BUDGET
         before = touching.velocities(first, last, now, s)

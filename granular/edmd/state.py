@@ -10,11 +10,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from granular import until as conditions
-from granular._check import LARGEST, Array
-from granular._kernels import kernel
+from granular._check import Array
 from granular._records import Record, Records, column, copied, one, packed, twin
 from granular.edmd.model import Model, felt_gravity, scales, shares
 from granular.edmd.motion import rebase
+from granular.edmd.ties import ORDER
 
 FloatOrArray = TypeVar("FloatOrArray", float, Array)
 PAIR = np.dtype(
@@ -42,7 +42,6 @@ RUN = np.dtype(
         ("pairs", int), ("gravity", float), ("tc", float), ("elastic_below", float), ("merge_below", float),
         ("order", int), ("seed", int),  # of ties
         ("stop_pair", int), ("stop_hits", int),  # pause before this pair, which has collided so often, collides again
-        ("stop_events", int),  # collisions at which the run ends
         ("slow", float), ("short", float),  # what looks like a collapse, m/s (< 0: nothing does) and s
         ("clamps", int), ("merged", int), ("lost", int),  # gaps set to 0, collisions merged, rates lost to rounding
     ],
@@ -86,6 +85,7 @@ class State:
     zooms: int = 0
     zoomed: int = 0
     allowance: int = 20_000  # events of a closer look without a decision; doubled after each such
+    last_event: int = 0  # events at which the run ends
 
     @classmethod
     def of(cls, model: Model, t_start: float) -> State:
@@ -97,11 +97,12 @@ class State:
         pairs["pull"] = g * scene.across(bodies["falls"])
         pairs["low"], pairs["high"] = shares(scene)
         speed, fall, length = scales(scene)
-        window, slow = span(length, speed, g), math.ldexp(speed, -16) if model.may_collapse else -1.0
+        window, remedied = span(length, speed, g), max(model.tc, model.elastic_below, model.merge_below) > 0.0
+        slow = -1.0 if remedied or model.eps.min() == 1.0 else math.ldexp(speed, -16)  # else no collapse is possible
         run = twin(RUN)(
             pairs=len(pairs), gravity=g, tc=model.tc, elastic_below=model.elastic_below,
-            merge_below=model.merge_below, order=model.order, seed=model.seed & 0x7FFFFFFF, stop_pair=NEVER,
-            stop_hits=0, stop_events=0, slow=slow, short=math.ldexp(window, -30), clamps=0, merged=0, lost=0,
+            merge_below=model.merge_below, order=ORDER[model.ties], seed=model.seed & 0x7FFFFFFF, stop_pair=NEVER,
+            stop_hits=0, slow=slow, short=math.ldexp(window, -30), clamps=0, merged=0, lost=0,
         )  # fmt: skip
         return cls(run, pairs, bodies, t_start, t_start, 0.0, length, window, speed, fall, 0.0)
 
@@ -113,7 +114,7 @@ class State:
             state.pairs[name] = saved[name]
         for name in OF_BODIES:
             state.bodies[name] = saved[name]
-        for name in state._clock():
+        for name in CLOCK:
             setattr(state, name, np.asarray(saved[name]).item())
         state.run.short = float(saved["short"])
         for name, count in zip(TALLY, saved["tally"], strict=True):
@@ -125,12 +126,9 @@ class State:
         """Return everything as arrays and numbers, for `Trajectory.state`; nothing of it is copied."""
         raw: dict[str, Any] = {name: column(self.bodies, name) for name in OF_BODIES}
         raw |= {name: column(self.pairs, name) for name in OF_PAIRS}
-        raw |= {name: getattr(self, name) for name in self._clock()}
+        raw |= {name: getattr(self, name) for name in CLOCK}
         tally = np.array([getattr(self.run, name) for name in TALLY])
         return raw | {"short": float(self.run.short), "tally": tally}
-
-    def _clock(self) -> list[str]:
-        return [f.name for f in fields(self) if f.name not in ("run", "pairs", "bodies")]
 
     def keep(self, how: Callable[..., Any]) -> None:
         """Keep the records as plain objects for interpreted code, or `packed` for compiled code: the same bits."""
@@ -144,7 +142,7 @@ class State:
 
     def stop_at(self, until: conditions.Until | None, max_events: int) -> None:
         """Set what the run stops at, if anything, and after how many collisions from here."""
-        self.run.stop_events = min(self.events + max_events, LARGEST)
+        self.last_event = self.events + max_events
         if isinstance(until, conditions.Contact):
             self.run.stop_pair, self.run.stop_hits = until.pair, until.nth - 1
         elif isinstance(until, conditions.Separated):
@@ -175,14 +173,14 @@ class State:
     def shift_to(self, tau: float, compiler: Callable[[Any], Any]) -> None:
         """Move the epoch on by whole windows, so that `tau` comes to lie in the first one."""
         shift = tau - math.fmod(tau, self.window)
-        compiler(rebase)(self.run, self.pairs, self.bodies, shift)
+        speed = compiler(rebase)(self.run, self.pairs, self.bodies, shift)
         total = self.epoch + shift
         back = total - self.epoch
         self.epoch_low += (self.epoch - (total - back)) + (shift - back)
         self.epoch = total
         self.now -= shift
         self.rebases += 1
-        self.scale(max(compiler(largest_rate)(self.bodies), self.fall))
+        self.scale(max(speed, self.fall))
         if self.speed > 0.0:
             self.window = max(self.window, span(self.length, self.speed, self.run.gravity))
 
@@ -203,6 +201,10 @@ def gaps(pairs: Records, u: Array, tau: float) -> Array:
     return gap.clip(0.0)
 
 
+CLOCK = [one.name for one in fields(State) if one.name not in ("run", "pairs", "bodies", "last_event")]
+"""Clock, scales and counters: numbers that are saved under their names."""
+
+
 def span(length: float, speed: float, g: float) -> float:
     """Return the window (s): the power of two near 64 times the mean time to cross a gap, less if gravity is strong.
 
@@ -215,12 +217,3 @@ def span(length: float, speed: float, g: float) -> float:
     if g > 0.0:
         window = min(window, speed / g)
     return math.ldexp(1.0, math.frexp(window)[1])
-
-
-@kernel
-def largest_rate(bodies: Records) -> float:
-    """Return the largest relative velocity of neighbours (m/s)."""
-    largest = 0.0
-    for c in range(len(bodies) - 1):
-        largest = max(largest, abs(bodies[c + 1].u - bodies[c].u))
-    return largest

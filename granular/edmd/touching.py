@@ -8,7 +8,7 @@ from granular._flight import gap_after
 from granular.edmd.groups import RULES, Row
 from granular.edmd.merge import release
 from granular.edmd.model import Model
-from granular.edmd.motion import NOISE, carry, velocity
+from granular.edmd.motion import NOISE, carry
 from granular.edmd.state import State
 
 
@@ -30,7 +30,8 @@ def _touches(c: int, now: float, s: State) -> bool:
 
 def velocities(first: int, last: int, now: float, s: State) -> Row:
     """Return the velocities (m/s) of the bodies of the group at time `now`."""
-    return [velocity(body, s.run.gravity, now) for body in s.bodies[first : last + 2]]
+    fallen = s.run.gravity * now
+    return [body.u - body.falls * fallen for body in s.bodies[first : last + 2]]
 
 
 def impulses(c: int, first: int, last: int, s: State, m: Model) -> Row:

@@ -16,10 +16,10 @@ from granular._tournament import leaf, replay, tournament
 from granular.edmd.event import ROW, SUSPICIOUS, event
 from granular.edmd.merge import rest
 from granular.edmd.model import Model
-from granular.edmd.motion import approaching, predicted, velocity
+from granular.edmd.motion import approaching, predicted, velocities
 from granular.edmd.sorted_queue import Rows
 from granular.edmd.state import APART, BUDGET, LATER, SUSPECT, UNTIL, State
-from granular.edmd.ties import LEFT, PAIR, RANDOM, rank
+from granular.edmd.ties import PAIR, RANDOM, rank
 
 CHUNK = 65_536
 """Events after which the loop hands control back."""
@@ -50,7 +50,7 @@ class TreeQueue:
     def refresh(self, first: int, last: int) -> None:
         """Predict pairs `first` … `last` anew."""
         s = self.state
-        if s.run.order != LEFT:
+        if self.model.ties != "left":
             self.kernel(label)(s.run, s.pairs, self.tree, first, last)
         self.kernel(refresh)(s.run, s.pairs, s.bodies, self.tree, first, last)
 
@@ -105,9 +105,8 @@ def loop(
         acted = now
         done += 1
         if fastest is not None:
-            g = run.gravity
-            speeds = abs(velocity(bodies[c], g, now)), abs(velocity(bodies[c + 1], g, now))
-            fastest[0] = max(fastest[0], speeds[0], speeds[1])
+            below, above = velocities(bodies[c], bodies[c + 1], run.gravity, now)
+            fastest[0] = max(fastest[0], abs(below), abs(above))
         if run.order == RANDOM:
             label(run, pairs, tree, c, c)
         refresh(run, pairs, bodies, tree, first, last)

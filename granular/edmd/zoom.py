@@ -15,9 +15,9 @@ import numpy as np
 from granular._flight import gap_after, rate_at_contact, time_to_contact
 from granular._kernels import kernel
 from granular._records import Record, Records
-from granular.edmd.event import after, before
 from granular.edmd.merge import total
 from granular.edmd.model import Restitution
+from granular.edmd.motion import impulse, velocities
 from granular.edmd.state import BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL
 from granular.edmd.ties import GROUP, rank
 
@@ -63,10 +63,13 @@ def zoom(
         look.events += 1
         look.last = j
         if rows is not None:
-            before(rows[done], c, look.began + look.elapsed, run.gravity, lower, upper)
+            row, tau = rows[done], look.began + look.elapsed
+            row.pair, row.t_begin = c, tau
+            row.lower_in, row.upper_in = velocities(lower, upper, run.gravity, tau)
         bounce(near, pairs, bodies, j, w, e)
         if rows is not None:
-            after(rows[done], run.gravity, lower, upper, (1.0 + e) * w)
+            row.lower_out, row.upper_out = velocities(lower, upper, run.gravity, tau)
+            row.impulse = impulse(lower, upper, (1.0 + e) * w)
         done += 1
         wait = rest_time(near, pairs, j, e) if rule is None else math.inf
         if look.elapsed + wait < min(look.room, look.limit):
