@@ -69,8 +69,7 @@ class Zoom:
         state.zooms += 1
         if state.zoomed >= PATIENCE * (end - first) ** 2:
             state.allowance = STEP
-        u, pull, noise = column(bodies, "u"), column(pairs, "pull"), column(bodies, "noise")
-        at = column(pairs, "at")
+        u, noise, pull, at = column(bodies, "u"), column(bodies, "noise"), column(pairs, "pull"), column(pairs, "at")
         rate = (np.diff(u) - pull * at) - pull * (state.now - at)
         rounding = (pull == 0.0) & (rate < 0.0) & (rate * rate < noise[:-1] + noise[1:])
         zoom.near["gap"] = gaps(pairs, u, state.now)
@@ -81,7 +80,7 @@ class Zoom:
 
     @classmethod
     def restored(cls, saved: Mapping[str, Any]) -> Zoom | None:
-        """Return the zoom in progress that `checkpoint` saved, if any."""
+        """Return the zoom in progress that `checkpoint` saved, if any; an older one has less on its dial."""
         if "zoom_gap" not in saved:
             return None
         zoom = cls._made(saved["zoom_first"], saved["zoom_base"], len(saved["zoom_gap"]), saved["zoom_dial"].tolist())
@@ -108,10 +107,9 @@ class Zoom:
 
     def checkpoint(self) -> dict[str, Any]:
         """Return everything as arrays and numbers."""
-        look = self.look
-        dial = np.array([getattr(look, name) for name in DIAL], dtype=np.float64)
-        near = {f"zoom_{name}": np.array(column(self.near, name)) for name in ("gap", "rate")}
-        return {"zoom_first": np.array(self.first), "zoom_base": np.array(look.began), "zoom_dial": dial} | near
+        dial = np.array([getattr(self.look, name) for name in DIAL], dtype=np.float64)
+        near = {f"zoom_{name}": column(self.near, name) for name in ("gap", "rate")}
+        return {"zoom_first": np.array(self.first), "zoom_base": np.array(self.look.began), "zoom_dial": dial} | near
 
     def slices(self, state: State) -> tuple[Records, Records]:
         """Return the records of the pairs of the slice, and of their bodies."""

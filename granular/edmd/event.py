@@ -83,12 +83,10 @@ def remedied(run: Record, pairs: Records, c: int, speed: float, e: float, now: f
     """
     if speed < run.elastic_below:
         return 1.0
-    recent = pairs[c].last
-    if c > 0 and pairs[c - 1].last > recent:
-        recent = pairs[c - 1].last
-    if c + 1 < len(pairs) and pairs[c + 1].last > recent:
-        recent = pairs[c + 1].last
-    return 1.0 if now - recent < run.tc else e
+    for k in range(max(c - 1, 0), min(c + 2, len(pairs))):
+        if now - pairs[k].last < run.tc:
+            return 1.0
+    return e
 
 
 @kernel

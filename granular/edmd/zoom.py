@@ -50,9 +50,7 @@ def zoom(
     done, look.last = 0, 0
     while True:
         j, dt = soonest(run, look, near, pairs)
-        why = obstacle(run, look, near, pairs, j, dt)
-        if why == GOES_ON and done == look.budget:
-            why = BUDGET
+        why = obstacle(run, look, near, pairs, j, dt, done)
         if why != GOES_ON:
             return why
         own, pair, lower, upper, c = near[j], pairs[j], bodies[j], bodies[j + 1], look.first + j
@@ -86,8 +84,8 @@ def zoom(
 
 
 @kernel
-def obstacle(run: Record, look: Record, near: Records, pairs: Records, j: int, dt: float) -> int:
-    """Return why the slice may not go on to the collision of pair `j` after `dt`, or `GOES_ON`."""
+def obstacle(run: Record, look: Record, near: Records, pairs: Records, j: int, dt: float, done: int) -> int:
+    """Return why the slice may not go on to the collision of pair `j` after `dt` and `done` others, or `GOES_ON`."""
     if dt == math.inf:
         return QUIET
     n, c = len(near), look.first + j
@@ -102,7 +100,7 @@ def obstacle(run: Record, look: Record, near: Records, pairs: Records, j: int, d
     if c == run.stop_pair and pairs[j].hits >= run.stop_hits:
         look.elapsed += dt
         return UNTIL
-    return GOES_ON
+    return BUDGET if done == look.budget else GOES_ON
 
 
 @kernel
