@@ -75,7 +75,8 @@ def simulate(
         ``on_progress(t, events)`` now and then.
     engine : str
         "sorted" (the reference), "compiled" (numba; the same results bit for bit; constant restitution and sequential
-        ties only), or "auto": begins with the reference and goes over to compiled in a run long enough to pay for it.
+        ties only), or "auto": begins with the reference and goes over to compiled in a run long enough to pay for it,
+        which a large scene does at once.
     ties : str
         What simultaneous collisions do. One after the other: "left" (the lowest pair first), "right", or "random"
         (reproducible by `seed`). A touching group as a whole: "newton" and "reflect" (one constant restitution for

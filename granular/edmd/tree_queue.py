@@ -19,7 +19,7 @@ from granular.edmd.model import Model
 from granular.edmd.motion import approaching, predicted, velocities
 from granular.edmd.sorted_queue import Rows
 from granular.edmd.state import APART, BUDGET, LATER, SUSPECT, UNTIL, State
-from granular.edmd.ties import PAIR, RANDOM, rank
+from granular.edmd.ties import LEFT, PAIR, rank
 
 CHUNK = 65_536
 """Events after which the loop hands control back."""
@@ -50,8 +50,6 @@ class TreeQueue:
     def refresh(self, first: int, last: int) -> None:
         """Predict pairs `first` … `last` anew."""
         s = self.state
-        if self.model.ties != "left":
-            self.kernel(label)(s.run, s.pairs, self.tree, first, last)
         self.kernel(refresh)(s.run, s.pairs, s.bodies, self.tree, first, last)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
@@ -107,8 +105,6 @@ def loop(
         if fastest is not None:
             below, above = velocities(bodies[c], bodies[c + 1], run.gravity, now)
             fastest[0] = max(fastest[0], abs(below), abs(above))
-        if run.order == RANDOM:
-            label(run, pairs, tree, c, c)
         refresh(run, pairs, bodies, tree, first, last)
         if run.stop_pair == APART:
             witness = approaching(pairs, bodies, witness, now)
@@ -119,13 +115,6 @@ def loop(
 
 
 @kernel
-def label(run: Record, pairs: Records, tree: Records, first: int, last: int) -> None:
-    """Give pairs `first` … `last` their ranks, for the next `refresh`."""
-    for c in range(first, last + 1):
-        leaf(tree, c).key = rank(c, run.order, run.seed, pairs[c].hits)
-
-
-@kernel
 def refresh(run: Record, pairs: Records, bodies: Records, tree: Records, first: int, last: int) -> None:
     """Predict pairs `first` … `last` anew and decide the matches above them again."""
     c = first
@@ -133,6 +122,8 @@ def refresh(run: Record, pairs: Records, bodies: Records, tree: Records, first: 
         pair = pairs[c]
         due = predicted(pair, bodies[c], bodies[c + 1])
         leaf(tree, c).due = due
+        if run.order != LEFT:  # else its number, as the tree has it
+            leaf(tree, c).key = rank(c, run.order, run.seed, pair.hits)
         if due == math.inf and pair.pull > 0.0:
             rest(run, pairs, bodies, c)
             last = max(last, min(c + 1, len(pairs) - 1))
