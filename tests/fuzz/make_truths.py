@@ -50,10 +50,9 @@ def main() -> None:
             kinds[case.names] >= OF_ONE_KIND.get(case.names, 16) or solve(case).steps > STEPS
         ):
             continue
-        one = truth(case)
-        if one is None:
+        one, better = truth(case), truth(case, LONG)
+        if one is None or better is None:
             continue
-        better = truth(case, LONG)
         what, error = distance(better, one.pairs, one.numbers)
         if error > 1e-13:
             print(f"seed {seed}: doubles and long doubles differ by {error:.1e} in {what}")
