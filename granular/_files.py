@@ -118,16 +118,19 @@ def plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def write_figure(path: str | PathLike[str], figure: Any, dpi: int) -> None:
-    """Save a matplotlib figure in the format of the file's ending, whole or not at all.
+def write_figure(path: str | PathLike[str] | None, figure: Any, dpi: int) -> Any:
+    """Save a matplotlib figure in the format of the file's ending, whole or not at all; without a path, return it.
 
     Raises
     ------
     OSError, ValueError
         If the file cannot be written, or has no ending that matplotlib knows.
     """
+    if path is None:
+        return figure
     check_picture(path)
     write(path, lambda draft: figure.savefig(draft, dpi=dpi))
+    return None
 
 
 def check_picture(path: str | PathLike[str]) -> None:

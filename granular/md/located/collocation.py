@@ -113,7 +113,7 @@ class Collocation:
         def branch(xi: float, eta: float) -> float:
             return law.force(xi, eta, top if unloading else max(top, xi))
 
-        if law.memory and loading and 0.0 < top and xi < top:  # loading goes on as it is above the old maximum
+        if law.memory and loading and top > 0.0 and xi < top:  # loading goes on as it is above the old maximum
             return branch(top, eta) + branch(top, -eta) - branch(2.0 * top - xi, -eta)
         if xi < 0.0:
             image = branch(min(-xi, top) if unloading else -xi, -eta)

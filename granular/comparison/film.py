@@ -8,20 +8,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
-from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from textwrap import fill
+from typing import Any
 
 import numpy as np
 
 from granular import _check, _files
 from granular._check import Array
 from granular._optional import optional
-from granular.plot import HARD, SOFT, resolved, time_unit, window
+from granular.comparison.figure import HARD, SOFT, resolved, unit_of, window
+from granular.comparison.numbers import Compared
+from granular.comparison.verdict import verdict
 from granular.scene import Scene
 from granular.trajectory import Trajectory, points
-
-if TYPE_CHECKING:
-    from granular.comparison import Comparison
 
 ENDINGS = (".gif", ".mp4")
 PAPER, INK = "#fbfaf6", "#1d1c1a"
@@ -31,13 +30,11 @@ FINE = 1500
 """Rows of a run at least, so that forces are drawn smoothly."""
 
 
-def animate(report: Comparison, path: str | PathLike[str], seconds: float = 9.0, fps: int = 25) -> None:
-    """Write a film of a comparison.
+def animate(report: Compared, path: str | PathLike[str], seconds: float = 9.0, fps: int = 25) -> None:
+    """Write a film of both engines in slow motion; of at most 60 balls.
 
     Parameters
     ----------
-    report : Comparison
-        Of at most 60 balls.
     path : str or path
         A ``.gif`` file, or an ``.mp4`` file where ffmpeg is installed.
     seconds : float
@@ -59,19 +56,19 @@ def animate(report: Comparison, path: str | PathLike[str], seconds: float = 9.0,
 class Film:
     """The figure of a film, and what of it changes from picture to picture."""
 
-    def __init__(self, report: Comparison, frames: int) -> None:
+    def __init__(self, report: Compared, frames: int) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
         self.report, scene = report, report.scene
         begin, end = window(report)
         self.time = np.linspace(begin, end, frames)
-        self.unit, unit_name = time_unit(end - begin)
+        self.unit, unit_name = unit_of(end - begin, "s")
         self.clock = (self.time - begin) / self.unit
         self.runs = {"hard": self._again("hard"), "soft": self._again("soft")}
         self.paths = {name: _points(run, self.time) for name, run in self.runs.items()}
         self.figure = Figure(figsize=(9.6, 5.4), facecolor=PAPER, layout="constrained")
-        self.figure.suptitle("\n".join(wrap(report.verdict, 110)), fontsize=11, x=0.02, ha="left", color=INK)
+        self.figure.suptitle(fill(verdict(report), 110), fontsize=11, x=0.02, ha="left", color=INK)
         grid = self.figure.add_gridspec(3, 4, height_ratios=[1, 1.6, 1.6])
         self.stages = [
             Stage(self.figure.add_subplot(grid[:, i]), scene, self.paths, name, colour)

@@ -1,31 +1,30 @@
-"""One scene under both engines: `compare(scene, law) -> Comparison`. May this scene be event-driven?"""
+"""Both runs of a scene, and the numbers that tell them apart."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from os import PathLike
 from typing import Any
 
 import numpy as np
 
-from granular import edmd, md, measures, outcome, theory, tie_rules, timing
+from granular import measures, outcome, theory, tie_rules, timing
 from granular import until as stop
-from granular.binary import LawRestitution, at_speed, restitution_of
-from granular.laws.check import checked
+from granular.binary import at_speed
+from granular.comparison.law_rule import LawRule
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import resolved
 from granular.measures import Overlap
 from granular.outcome import SAME, PairOutcome
-from granular.scene import Pair, Scene
+from granular.scene import Scene
 from granular.trajectory import EARLY, Trajectory
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
-    """The discrepancy between hard and soft spheres for one scene; print it, `plot` it, save it with `to_json`.
+class Compared:
+    """One scene run as hard and as soft spheres, and the numbers that tell the two runs apart.
 
     Attributes
     ----------
@@ -120,28 +119,6 @@ class Comparison:
             return math.nan
         return theory.effective_restitution(v_rel, self.impact_speed) / eps[0]
 
-    def effective_restitution(
-        self, observable: Callable[[Trajectory], float] | None = None, resolution: int = 41
-    ) -> tuple[float, ...]:
-        """All common ε in [0, 1] with which EDMD gives the soft run's value of an observable.
-
-        Parameters
-        ----------
-        observable : callable, optional
-            Trajectory → float; default: the top pair's separation speed after its last contact.
-        resolution : int
-            Number of ε at which EDMD is run to find changes of sign.
-
-        Returns
-        -------
-        tuple of float
-            Empty: no ε does it. Several: it is not unique. EDMD is not continuous in ε where the number of
-            collisions changes; a jump across the value is not a root and is left out.
-        """
-        from granular.effective import effective_restitution
-
-        return effective_restitution(self, observable, resolution)
-
     @cached_property
     def error(self) -> float:
         """How far hard spheres are off, in speeds of the first collision: the one number that the verdict judges.
@@ -190,42 +167,6 @@ class Comparison:
         return timing.same_but_for_timing(soft, hard, SAME * measures.fastest_approach(hard))
 
     @property
-    def verdict(self) -> str:
-        """One line: may this scene be event-driven?"""
-        from granular.verdict import verdict
-
-        return verdict(self)
-
-    def __str__(self) -> str:
-        from granular.report import table
-
-        return table(self)
-
-    def to_dict(self) -> dict[str, Any]:
-        """All numbers with provenance, ready for JSON (nan becomes None)."""
-        from granular.report import as_dict
-
-        return as_dict(self)
-
-    def to_json(self, path: str | PathLike[str]) -> None:
-        """Write `to_dict` to a file, whole or not at all."""
-        from granular import _files
-
-        _files.write_json(path, self.to_dict())
-
-    def plot(self, path: str | PathLike[str] | None = None) -> Any:
-        """Draw contact timelines of both engines, forces and world lines; return the figure, or save it to `path`."""
-        from granular.plot import comparison_figure
-
-        return comparison_figure(self, path)
-
-    def animate(self, path: str | PathLike[str], seconds: float = 9.0, fps: int = 25) -> None:
-        """Write a film of both engines in slow motion, `seconds` long: ``.gif``, or ``.mp4`` where ffmpeg is there."""
-        from granular.animation import animate
-
-        animate(self, path, seconds=seconds, fps=fps)
-
-    @property
     def _early(self) -> bool:
         return self.hard.status in EARLY or self.soft.status in EARLY
 
@@ -252,102 +193,9 @@ class Comparison:
         return scene.n == 3 and bool(scene.is_wall[0]) and scene.velocity[1] == scene.velocity[2]
 
 
-def compare(
-    scene: Scene,
-    law: Any,
-    rule: Any = None,
-    *,
-    until: stop.Until | None = None,
-    t_end: float | None = None,
-    max_events: int = 1_000_000,
-    ties: str = "left",
-    seed: int = 0,
-    method: str | None = None,
-    dt: float | None = None,
-    engine: str = "auto",
-    on_progress: Callable[[float, int], object] | None = None,
-) -> Comparison:
-    """Run one scene as hard and as soft spheres and report where and why they part ways.
-
-    Parameters
-    ----------
-    scene : Scene
-        The common start; no overlaps.
-    law : force law or sequence of them
-        For the soft spheres, one or one per pair.
-    rule : collision rule or sequence of them, optional
-        For the hard spheres; default the law's own ε as a function of impact speed and pair.
-    until, t_end : stop condition, float, optional
-        When both engines stop; without either they run until nothing can follow.
-    max_events : int
-        Limit on the contacts of each run.
-    ties : str
-        What simultaneous hard-sphere collisions do; see `granular.edmd.simulate`.
-    seed : int
-        For ``ties="random"``.
-    method : str, optional
-        How Newton's equation is solved: "located" (every event to rounding, the default) or a fixed-step integrator.
-    dt : float, optional
-        Time step in s of a fixed-step integrator.
-    engine : str
-        "auto", "plain" or "compiled", of the soft spheres.
-    on_progress : callable, optional
-        ``on_progress(reached, count)`` of both engines, one after the other: time in s, and contacts so far.
-
-    Returns
-    -------
-    Comparison
-    """
-    laws = checked(law, _check_scene(scene)).given
-    used = _rule_of(laws, scene) if rule is None else rule
-    end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
-    event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed}
-    hard = edmd.simulate(scene, used, **event_driven, on_progress=on_progress)
-    twin = edmd.simulate(_nudged(scene), used, **event_driven)
-    options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
-    soft = md.simulate(scene, laws, **end, **options, on_progress=on_progress)
-    counted = measures.counted(hard, soft)
-    followed = outcome.followed(counted[1], options)
-    pairs = outcome.pair_outcomes(*counted, followed)
-    return Comparison(scene, laws, used, until, t_end, hard, soft, twin, pairs, followed, event_driven, options)
-
-
-class LawRule(LawRestitution):
-    """The rule that a comparison makes out of force laws: it speaks of the law where that gives no ε in [0, 1]."""
-
-    def __call__(self, speed: float, pair: Pair) -> float:
-        eps = super().__call__(speed, pair)
-        if not 0.0 <= eps <= 1.0 + 1e-9:  # rounding is the engine's business
-            law = self.laws[pair.index]
-            raise ValueError(
-                f"law of pair {pair.index} is {law!r}: its restitution at {speed:g} m/s is {eps:.6g}, so no hard-sphere"
-                " rule can be made of it; a law that repels and gives no energy is needed, or a rule of yours, rule=..."
-            )
-        return eps
-
-
-def _rule_of(laws: tuple[Any, ...], scene: Scene) -> Any:
-    rule = restitution_of(laws, scene)
-    return LawRule(laws) if isinstance(rule, LawRestitution) else rule
-
-
 def _restitution(law: PairLaw, speed: float) -> float:
     """ε of an isolated contact; nan if it does not end."""
     try:
         return at_speed(law, speed)
     except (ValueError, ArithmeticError):
         return math.nan
-
-
-def _check_scene(scene: Any) -> Scene:
-    if not isinstance(scene, Scene):
-        raise TypeError(f"scene is {scene!r}: a granular.Scene is needed, such as granular.scenes.three_balls().")
-    return scene
-
-
-def _nudged(scene: Scene) -> Scene:
-    """Gaps shifted by 1e-12 of themselves (touching pairs by 1e-12 of the mean gap), with changing sign."""
-    typical = float(scene.gap.mean()) or 1.0
-    sign = np.where(np.arange(scene.n_pairs) % 2, -1.0, 1.0)
-    shift = 1e-12 * np.where(scene.gap > 0.0, scene.gap * sign, typical)
-    return scene.replace(gap=scene.gap + shift)
