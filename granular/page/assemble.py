@@ -34,7 +34,7 @@ def page(parts: tuple[str, str], title: str, start: str = "", data: Mapping[str,
     body, main = parts
     slots = {
         "title": escaped(title),
-        "version": _version(),
+        "version": _files.version_of("granular") or "",
         "style": shipped("shell/page.css"),
         "body": shipped(body).replace("{{transport}}", shipped("shell/transport.html")),
         "data": "" if data is None else f'<script type="application/json" id="data">{embedded(data)}</script>',
@@ -97,7 +97,3 @@ def escaped(text: str) -> str:
     from html import escape
 
     return escape(text)
-
-
-def _version() -> str:
-    return str(_files.provenance()["versions"]["granular"] or "")

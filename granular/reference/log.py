@@ -29,7 +29,7 @@ class ReferenceContact:
     t_begin: Any
     v_in: tuple[Any, Any]
     t_end: Any = None
-    v_out: tuple[Any, Any] | None = None
+    v_out: Any = None
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 from granular.reference import Reference, ReferenceContact
 from granular.trajectory import Trajectory
@@ -46,12 +45,7 @@ def _last_ended(rows: Sequence[ReferenceContact]) -> ReferenceContact | None:
 def _velocity_error(true: ReferenceContact | None, got: ReferenceContact | None) -> float:
     if true is None or got is None:
         return 0.0 if true is got else math.nan
-    return max(float(abs(a - b)) for a, b in zip(_out(true), _out(got), strict=True))
-
-
-def _out(row: ReferenceContact) -> tuple[Any, Any]:
-    assert row.v_out is not None
-    return row.v_out
+    return max(float(abs(a - b)) for a, b in zip(true.v_out, got.v_out, strict=True))
 
 
 def _time_error(true: ReferenceContact, got: ReferenceContact) -> float:

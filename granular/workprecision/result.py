@@ -1,4 +1,4 @@
-"""What `frontier` returns: rows of error and run time, and what follows from them."""
+"""Rows of error and run time, and what follows from them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -66,8 +65,8 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Frontier:
-    """Error against run time; print it, `plot` it, save it with `to_json`.
+class Measured:
+    """Error against run time of many methods on one scene, and what follows from it.
 
     Attributes
     ----------
@@ -128,26 +127,3 @@ class Frontier:
         """The row with the shortest run time of those with right contacts and an error of at most `error`."""
         rows = [row for row in self.rows if row.good and row.velocity_error <= error and row.method not in without]
         return min(rows, key=lambda row: row.seconds, default=None)
-
-    def __str__(self) -> str:
-        from granular.workprecision.table import table
-
-        return table(self)
-
-    def to_dict(self) -> dict[str, Any]:
-        """All numbers with provenance, ready for JSON (nan and inf become None)."""
-        from granular.workprecision.table import as_dict
-
-        return as_dict(self)
-
-    def to_json(self, path: str | PathLike[str]) -> None:
-        """Write `to_dict` to a file, whole or not at all."""
-        from granular import _files
-
-        _files.write_json(path, self.to_dict())
-
-    def plot(self, path: str | PathLike[str] | None = None) -> Any:
-        """Draw errors over run time; return the figure, or save it to `path` (format by the file's ending)."""
-        from granular.workprecision.figure import frontier_figure
-
-        return frontier_figure(self, path)
