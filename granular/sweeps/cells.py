@@ -12,6 +12,7 @@ import numpy as np
 from granular import _check
 from granular import until as stop
 from granular.cases import ready
+from granular.laws.contact_law import Form
 from granular.scene import Scene
 from granular.sweeps import compiled
 from granular.sweeps.axes import Values
@@ -74,7 +75,7 @@ def _status(plan: Plan, answer: Answer) -> str:
 
 def _solve_compiled(plan: Plan, columns: Sequence[Values], values: dict[str, Any]) -> Values:
     """Fill in what the compiled way can do; return the cells that are left."""
-    setup = _named(plan, columns) if isinstance(plan.make, str) else _made(plan, columns)
+    setup = _by_name(plan, columns) if isinstance(plan.make, str) else _by_function(plan, columns)
     left = np.ones(len(columns[0]), np.bool_)
     for size in {scene.n for scene in setup.scenes if scene is not None}:
         fits = np.array([scene is not None and scene.n == size for scene in setup.scenes])[setup.scene_of]
@@ -106,17 +107,16 @@ def _fill(setup: _Setup, rows: Values, until: Any, values: dict[str, Any], left:
     law = np.array([setup.laws[i][0] for i in kinds])[law_of]
     eps = np.array([setup.laws[i][1] for i in kinds])[law_of]
     impact = np.array([setup.impacts[i] for i in used])[which]
-    out = compiled.solve(scenes, which, law, until, ends[which])
-    found = compiled.answers(out, scenes, which, ends[which], impact, eps)
+    found = compiled.answers(scenes, which, law, until, ends[which], impact, eps)
     follow = {"v_rel", "eps_eff", "eps_ratio"} & values.keys()
-    done = ~(found["creeps"] | (found["ongoing"] if follow else False))
+    done = (found["status"] >= 0) & ~(found["ongoing"] & bool(follow))
     for name, array in values.items():
         fresh = found[name][done]
         array[(rows[done], *map(slice, fresh.shape[1:]))] = fresh
     left[rows[done]] = False
 
 
-def _named(plan: Plan, columns: Sequence[Values]) -> _Setup:
+def _by_name(plan: Plan, columns: Sequence[Values]) -> _Setup:
     """Scenes and laws of a ready-made case: each made once, however many cells share it."""
     rows = np.stack([np.unique(column, return_inverse=True)[1] for column in columns], axis=1)
     shapes = [k for k, name in enumerate(plan.names) if name.partition("[")[0] in {*plan.of_scene, "t_end"}]
@@ -124,22 +124,22 @@ def _named(plan: Plan, columns: Sequence[Values]) -> _Setup:
     memory = _memory(repr(plan))
     points = [tuple(column[i].item() for column in columns) for i in first]
     made = [_recall(memory, tuple(p[k] for k in shapes), _scene, plan, p) for p in points]
-    alike = [one.likeness for one in made]
-    number = {likeness: k for k, likeness in enumerate(dict.fromkeys(alike))}
+    balls = [one.balls for one in made]
+    number = {each: k for k, each in enumerate(dict.fromkeys(balls))}
     others = [k for k in range(len(columns)) if k not in shapes]
-    look = np.array([number[likeness] for likeness in alike])[scene_of]
-    first, law_of = _distinct(np.column_stack([rows[:, others], look]))
+    kind = np.array([number[each] for each in balls])[scene_of]
+    first, law_of = _distinct(np.column_stack([rows[:, others], kind]))
     laws = []
     for i in first:
         point = tuple(column[i].item() for column in columns)
-        key = (alike[scene_of[i]], *(point[k] for k in others))
+        key = (balls[scene_of[i]], *(point[k] for k in others))
         laws.append(_recall(memory, key, _law, plan, made[scene_of[i]].scene, point))
     until = ready.READY[str(plan.make)].until
     scenes, t_ends, impacts = ([getattr(one, name) for one in made] for name in ("scene", "t_end", "impact"))
     return _Setup(scenes, t_ends, [until] * len(made), impacts, scene_of, laws, law_of)
 
 
-def _made(plan: Plan, columns: Sequence[Values]) -> _Setup:
+def _by_function(plan: Plan, columns: Sequence[Values]) -> _Setup:
     """Scenes and laws of cases that a user's function makes: one per cell."""
     scenes, ends, untils, impacts, laws = [], [], [], [], []
     for values in zip(*columns, strict=True):
@@ -157,23 +157,23 @@ def _made(plan: Plan, columns: Sequence[Values]) -> _Setup:
     return _Setup(scenes, ends, untils, impacts, each, laws, each)
 
 
-class _Made(NamedTuple):
-    """A scene with its end time, |v10|, and what its laws depend on: masses, radii, speed of the first impact."""
+class _Start(NamedTuple):
+    """A scene with its end time and |v10|; `balls` is what its laws depend on: masses, radii, first impact speed."""
 
     scene: Scene | None
     t_end: float | None
     impact: float
-    likeness: Any
+    balls: Any
 
 
-def _scene(plan: Plan, values: tuple[Any, ...]) -> _Made:
+def _scene(plan: Plan, values: tuple[Any, ...]) -> _Start:
     """The scene at these values; None if they are refused."""
     try:
         scene, t_end = plan.scene(values)
     except REFUSED:
-        return _Made(None, None, math.nan, None)
-    likeness = scene.mass.tobytes(), scene.radius.tobytes(), ready.first_impact(scene)
-    return _Made(scene, t_end, impact_speed(scene), likeness)
+        return _Start(None, None, math.nan, None)
+    balls = scene.mass.tobytes(), scene.radius.tobytes(), ready.first_impact(scene)
+    return _Start(scene, t_end, impact_speed(scene), balls)
 
 
 def _law(plan: Plan, scene: Scene | None, values: tuple[Any, ...]) -> Any:
@@ -198,7 +198,7 @@ def _recall(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *argumen
     return memory[key]
 
 
-def _coefficients(scene: Scene, laws: Any) -> tuple[list[list[float]], float] | None:
+def _coefficients(scene: Scene, laws: Any) -> tuple[list[Form], float] | None:
     each = _check.per_pair("law", laws, scene.n_pairs)
     forms = compiled.coefficients(scene, each)
     return None if forms is None else (forms, specified(scene, each))

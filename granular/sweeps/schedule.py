@@ -40,7 +40,7 @@ def batches(plan: Plan, columns: Sequence[Values], bodies: int, cells: Values, e
     if compiled.open_to(plan.asked, plan.run) and not compiled.at_hand():
         way = replace(plan, run={"engine": "auto"})  # one by one: the same bits, no wait for a compiler
     rest, each = yield from _pilot(way, columns, bodies, cells)
-    if way is not plan and worth(compiled.solve_cells, each * len(rest), LOADING, MAKING):
+    if way is not plan and worth(compiled.KERNEL, each * len(rest), LOADING, MAKING):
         way = plan
         rest, each = yield from _pilot(way, columns, bodies, rest)
     parts = _cut(rest, each)
