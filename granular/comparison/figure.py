@@ -54,8 +54,8 @@ def plot(report: Compared, path: str | PathLike[str] | None = None) -> Any:
     else:
         _force_map(figure, axes[1], _largest_forces(report, soft, begin, end), (end - begin) / unit)
     _world_lines(axes[-1], report, soft, begin, end, unit)
-    axes[-1].set_xlabel(f"time since t = {begin:.6g} s, {name}" if begin else f"time, {name}")
-    axes[-1].set_xlim(-PAD * (end - begin) / unit, (1.0 + PAD) * (end - begin) / unit)
+    axes[-1].set(xlabel=f"time since t = {begin:.6g} s, {name}" if begin else f"time, {name}",
+                 xlim=(-PAD * (end - begin) / unit, (1.0 + PAD) * (end - begin) / unit))
     figure.align_ylabels(axes)
     return _files.write_figure(path, figure, dpi=200)
 
@@ -132,9 +132,8 @@ def _timeline(axis: Any, report: Compared, begin: float, end: float, unit: float
     axis.vlines(start + 0.5 * width, soft["pair"] - 0.31, soft["pair"] - 0.01, color=SOFT, lw=THIN)
     axis.scatter((hard["t_begin"] - begin) / unit, hard["pair"] + 0.22, marker="|", s=60, color=HARD, label="hard")
     _tell_of_later(axis, report, end, (end - begin) / unit)
-    axis.set_ylim(-0.6, n - 0.3)
-    axis.set_yticks(range(n) if n <= 12 else np.linspace(0, n - 1, 6).astype(int))
-    axis.set_ylabel("contacts\nof pair")
+    axis.set(ylim=(-0.6, n - 0.3), yticks=range(n) if n <= 12 else np.linspace(0, n - 1, 6).astype(int),
+             ylabel="contacts\nof pair")
     axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
 
 
@@ -200,8 +199,7 @@ def _world_lines(axis: Any, report: Compared, soft: Trajectory, begin: float, en
     low, high = lines["soft"][1].min() / size, lines["soft"][1].max() / size
     bottom, top = axis.get_ylim()
     room = 0.5 * (high - low)  # for hard balls; faster ones may leave the picture
-    axis.set_ylim(max(bottom, low - room), min(top, high + room))
-    axis.set_ylabel(f"position, radii taken out, {name}")
+    axis.set(ylim=(max(bottom, low - room), min(top, high + room)), ylabel=f"position, radii taken out, {name}")
     axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
 
 

@@ -157,8 +157,7 @@ class Stage:
         sinks = float((deepest / (0.6 * np.minimum(*scene.sides(side)))).max())
         self.scale = min(room / max(float(both.max()) - self.low, 1e-300), 1.0 / max(sinks, 1e-300))
         self.stacked = np.cumsum(2.0 * self.radius) - self.radius
-        axis.set_xlim(-0.16, 0.16)
-        axis.set_ylim(-0.03, 1.0)
+        axis.set(xlim=(-0.16, 0.16), ylim=(-0.03, 1.0))
         axis.set_aspect("equal", adjustable="box")
         axis.set_axis_off()
         axis.set_title(f"{name} spheres", color=colour, fontsize=11)

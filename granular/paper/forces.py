@@ -41,13 +41,11 @@ def draw(data: dict[str, Any]) -> Any:
         axis.plot(clock, data[name] / unit, color=SOFT)
         for t in data["hard_s"][pair]:
             axis.axvline(t * 1e3, color=HARD, lw=0.9, ls="--")
-        axis.set_ylim(0.0, 1.12 * data[name].max() / unit)
-        axis.set_ylabel(label)
+        axis.set(ylim=(0.0, 1.12 * data[name].max() / unit), ylabel=label)
     letter(axes[0, 0], "(a)", x=0.94)
     letter(axes[1, 0], "(b)", x=0.94)
     axes[1, 0].plot([], [], color=HARD, ls="--", lw=0.9, label="hard spheres collide")
     axes[1, 0].legend(loc="upper right", bbox_to_anchor=(0.93, 1.0))
-    axes[1, 0].set_xlim(clock[0], clock[-1])
-    axes[1, 0].set_xlabel("$t-t_{10}$  (ms)")
+    axes[1, 0].set(xlim=(clock[0], clock[-1]), xlabel="$t-t_{10}$  (ms)")
     figure.align_ylabels(axes)
     return figure

@@ -57,11 +57,8 @@ def draw(data: dict[str, Any]) -> Any:
         for kind, columns in data["scenes"].items():
             x, y = (np.maximum(np.asarray(columns[key], float), FLOOR) for key in (name, "error"))
             axis.plot(x, y, MARKS[kind], ms=2.8, mew=0.6, mfc="none", label=kind)
-        axis.set_xscale("log")
-        axis.set_yscale("log")
-        axis.set_xlabel(title)
+        axis.set(xscale="log", yscale="log", xlabel=title, ylim=(0.5 * FLOOR, 30.0))
         letter(axis, f"({'abcdef'[k]})  rank correlation {data['rank_correlation'][name]:.2f}")
-        axis.set_ylim(0.5 * FLOOR, 30.0)
     for axis in axes[:, 0]:
         axis.set_ylabel(longer.ERROR)
     figure.legend(*axes.flat[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=8)

@@ -65,8 +65,7 @@ def draw_constant(data: dict[str, Any]) -> Any:
 def _draw(data: dict[str, Any], label: str, unit: float) -> Any:
     figure, ((axis,),) = canvas(COLUMN, 2.9)
     bands(axis, [stretch | {"parameter": stretch["parameter"] * unit} for stretch in data["numerical"]])
-    axis.set_xlabel(label)
-    axis.set_ylim(0.0, 10.0)
+    axis.set(xlabel=label, ylim=(0.0, 10.0))
     legend(axis)
     return figure
 

@@ -28,7 +28,7 @@ def steps() -> Iterator[Cell]:
     for law, eps, part, phase in itertools.product(LAWS, (1.0, 0.7, 0.1), PARTS, (0.0, 0.31, 0.83)):
         if law == "hertz" and eps < 1.0:
             continue
-        cell = meeting("time step", f"dt = {part:g} t_c, ε = {eps:g}, phase {phase:g}", law, eps=eps, methods=FIXED)
+        cell = meeting("time step", f"dt = {part:g} t_c, ε = {eps:g}, phase {phase:g}", law, eps=eps)
         dt = part * binary.collision(cell.law, cell.scene.pairs[0], 1.0).duration
         scene = cell.scene.replace(gap=[phase * dt])
         yield Cell(cell.axis, cell.case, scene, cell.truth, cell.law, loose=cell.loose, methods=FIXED,

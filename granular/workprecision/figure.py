@@ -45,14 +45,12 @@ def plot(report: Measured, path: str | PathLike[str] | None = None) -> Any:
     for axis, name, title, unit in zip(axes, quantities, titles, units, strict=True):
         for method in report.methods:
             _draw(axis, report.of(method), name)
-        axis.set_xscale("log")
-        axis.set_yscale("log")
+        axis.set(xscale="log", yscale="log", axisbelow=True)
         axis.set_xlabel("run time, ms", fontsize=8)
         axis.set_ylabel(f"error / {unit}", fontsize=8)
         axis.set_title(title, fontsize=8.5)
         axis.grid(which="major", color="0.9", lw=0.5)
         axis.tick_params(labelsize=7.5, which="both", labelleft=True)
-        axis.set_axisbelow(True)
     _rounding(axes[0], NEAR * report.rounding_level, "rounding")
     _rounding(axes[1], report.clock_digit, "last digit of the clock")
     _legend(figure, report)
