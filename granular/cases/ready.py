@@ -44,9 +44,7 @@ def falls(count: float) -> Callable[[Scene], float | None]:
     """End times of `count` falls: the time s/g in which gravity gives the speed s of the first impact on the floor."""
 
     def t_end(scene: Scene) -> float | None:
-        if scene.gravity == 0.0:
-            return None
-        return count * first_impact(scene) / scene.gravity or None
+        return (count * first_impact(scene) / scene.gravity or None) if scene.gravity else None
 
     return t_end
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from importlib import import_module
 from typing import Any, NoReturn
 
@@ -65,14 +65,11 @@ class Parser(argparse.ArgumentParser):
         spaced = [f" {a}" if re.match(r"-[\d.]", a) else a for a in arguments]
         found, extra = self.parse_known_args(spaced)
         if names := [a.partition("=")[0] for a in extra if a.startswith("-")]:
-            raise ValueError(unknown(names, self.flags(), f"option of {self.prog}"))
+            flags = sorted(set(re.findall(r"--[a-z][\w-]*", self.format_help())))
+            raise ValueError(unknown(names, flags, f"option of {self.prog}"))
         if extra:
             raise ValueError(f"{extra[0].strip()!r} is one argument too many; see {self.prog} --help")
         return found
-
-    def flags(self) -> list[str]:
-        """All long options, as the help lists them."""
-        return sorted(set(re.findall(r"--[a-z][\w-]*", self.format_help())))
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
@@ -156,15 +153,8 @@ def _add(parser: Parser, title: str, options: Iterable[Option]) -> None:
         elif "Sequence" in option.kind:
             group.add_argument(flag, type=_number, nargs="+", metavar="X", **settings)
         else:
-            group.add_argument(flag, type=_reader(option.kind), metavar=_metavar(option.kind), **settings)
-
-
-def _reader(kind: str) -> Callable[[str], Any]:
-    return {"int": _whole, "flo": _number}.get(kind[:3], str)
-
-
-def _metavar(kind: str) -> str:
-    return {"int": "N", "flo": "X"}.get(kind[:3], "WORD")
+            kind, metavar = {"int": (_whole, "N"), "flo": (_number, "X")}.get(option.kind[:3], (str, "WORD"))
+            group.add_argument(flag, type=kind, metavar=metavar, **settings)
 
 
 def _number(text: str) -> float:

@@ -7,8 +7,7 @@ from typing import Any
 
 from granular import until as stop
 from granular.drive import Pause
-from granular.reference.log import Logbook, Reference, follow
-from granular.reference.modes import ACTIVE, DORMANT, OPEN, RESIDUAL, roused
+from granular.reference.log import ACTIVE, DORMANT, OPEN, RESIDUAL, Logbook, Reference, follow, roused
 from granular.reference.motion import Clock, Motion, Piece
 from granular.reference.series import Number, Power, first_rise, first_rise_of_parabola
 
@@ -129,14 +128,13 @@ class Run:
         a.mode = ACTIVE
         return False
 
-    def release(self, c: int) -> bool:
+    def release(self, c: int) -> None:
         """A damped force falls to zero while there is still overlap."""
         a = self.motion.touches[c]
         a.mode, a.exact = RESIDUAL, True
         self.end(c)
-        return False
 
-    def part(self, c: int) -> bool:
+    def part(self, c: int) -> None:
         """The overlap falls to zero; an elastic force ends with it."""
         a = self.motion.touches[c]
         if a.mode == ACTIVE:
@@ -144,7 +142,6 @@ class Run:
         if a.mode != DORMANT:
             a.xi = self.mp.zero
         a.mode = OPEN
-        return False
 
     def end(self, c: int) -> None:
         """Write the end of a contact into the log."""

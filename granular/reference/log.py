@@ -10,6 +10,9 @@ from typing import Any
 from granular import until as stop
 from granular.drive import Pause
 
+OPEN, ACTIVE, RESIDUAL, DORMANT = "open", "active", "residual", "dormant"
+"""No overlap · a force acts · overlap, but the force is clipped to zero · touching at rest."""
+
 
 @dataclass(frozen=True, slots=True)
 class ReferenceContact:
@@ -106,6 +109,16 @@ class Logbook:
     def contacts(self) -> tuple[ReferenceContact, ...]:
         """All contacts in the order in which they began."""
         return tuple(sorted(self.rows, key=lambda row: (row.t_begin, row.pair)))
+
+
+def roused(modes: Sequence[str], pull: Sequence[Any]) -> list[bool]:
+    """Whether each pair is reached by a force through neighbours that touch, or pressed together by gravity."""
+    reached = [mode == ACTIVE or (mode == DORMANT and g > 0) for mode, g in zip(modes, pull, strict=True)]
+    for order in (range(1, len(modes)), range(len(modes) - 2, -1, -1)):
+        for c in order:
+            beside = c - 1 if order.step > 0 else c + 1
+            reached[c] = reached[c] or (modes[c] != OPEN and reached[beside])
+    return reached
 
 
 def follow(run: Any, solver: str) -> Reference:

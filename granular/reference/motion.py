@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
-from granular.reference.modes import ACTIVE, OPEN, RESIDUAL
+from granular.reference.log import ACTIVE, OPEN, RESIDUAL
 from granular.reference.series import Number, Power, product_term, value
 
 TERMS = 3

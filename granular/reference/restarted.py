@@ -13,8 +13,7 @@ from granular import until as stop
 from granular._check import Array
 from granular.drive import Pause
 from granular.laws.kinds import SceneLaws
-from granular.reference.log import Logbook, Reference, follow
-from granular.reference.modes import ACTIVE, DORMANT, OPEN, RESIDUAL, roused
+from granular.reference.log import ACTIVE, DORMANT, OPEN, RESIDUAL, Logbook, Reference, follow, roused
 from granular.reference.newton import Newton, TooMuchWork
 from granular.reference.series import first_rise_of_parabola
 from granular.scene import Scene
@@ -50,9 +49,7 @@ class Run:
         self.y, self.scales, self.n = self.newton.start(), self.newton.scales(), scene.n_pairs
         self.options = {"method": method, "rtol": rtol, "atol": rtol * self.scales}
         self.mode = [OPEN] * self.n
-        self.memory = [law.memory for law in laws]
         self.loading = [True] * self.n
-        self.elastic = [not law.rate_dependent and not law.memory for law in laws]
         self.since: dict[int, tuple[float, tuple[float, float]]] = {}
         """When a force reached dormant pairs, and the velocities then: where their contacts begin."""
 
@@ -132,11 +129,12 @@ class Run:
             return [(lambda t, y: y[c] - line, 1, "begin"), (lambda t, y: y[c] + line, -1, "part")]
         if self.mode[c] == RESIDUAL:
             return [(push, 1, "begin"), (overlap, -1, "part")]
-        end = (overlap, -1, "part") if self.elastic[c] else (push, -1, "release")
-        if not self.memory[c]:
-            return [end]
+        law = self.newton.each[c]
+        if not law.memory:
+            return [(push, -1, "release") if law.rate_dependent else (overlap, -1, "part")]
         top = self.newton.top[c]
-        return [end, (lambda t, y: y[n + c], -1, "turn") if self.loading[c] else (lambda t, y: y[c] - top, 1, "turn")]
+        turn = (lambda t, y: y[n + c], -1, "turn") if self.loading[c] else (lambda t, y: y[c] - top, 1, "turn")
+        return [(push, -1, "release"), turn]
 
     def act(self, c: int, what: str) -> bool:
         """Apply an event to pair c; return whether it ends the run."""

@@ -108,8 +108,8 @@ def _order_lines(report: Measured) -> list[str]:
     for name in report.methods:
         if math.isnan(order := report.order(name)):
             continue
-        textbook, expected = report.orders.get(name, (math.nan, math.nan))
-        lines.append(f"{name:17}{report.dials[name]:>8}{order:>10.2f}{_order(expected):>13}{_order(textbook):>12}")
+        textbook, expected = (_number(p, ".2f", "") for p in report.orders.get(name, (math.nan, math.nan)))
+        lines.append(f"{name:17}{report.dials[name]:>8}{order:>10.2f}{expected:>13}{textbook:>12}")
     return lines
 
 
@@ -124,12 +124,8 @@ def _goal_lines(report: Measured) -> list[str]:
     return lines
 
 
-def _number(x: float) -> str:
-    return "-" if math.isnan(x) else f"{x:.1e}"
-
-
-def _order(x: float) -> str:
-    return "" if math.isnan(x) else f"{x:.2f}"
+def _number(x: float, form: str = ".1e", none: str = "-") -> str:
+    return none if math.isnan(x) else format(x, form)
 
 
 def _contact(row: Any) -> dict[str, Any]:
