@@ -138,7 +138,7 @@ def _base(table: Mapping[str, Any]) -> Case:
         return Case(in_order(build.call([Scene, Scene.from_positions], table)), None)
     parameters = {key: value for key, value in table.items() if key != "name"}
     name = _check.choice("name", table["name"], ready.names())
-    return ready.around(name, build.call([ready.READY[name].make], parameters))
+    return ready.around(name, build.call([ready.TEMPLATES[name].make], parameters))
 
 
 def _laws(tables: Sequence[Any], scene: Scene, each: bool) -> list[Any]:

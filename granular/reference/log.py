@@ -25,7 +25,7 @@ class ReferenceContact:
     t_begin, t_end : number
         In s; `t_end` is None while the contact lasts.
     v_in, v_out : pair of numbers
-        Velocities of the lower and the upper body in m/s at begin and end; `v_out` is None while the contact lasts.
+        Velocities of the lower and the upper body in m/s at its onset and end; `v_out` is None while the contact lasts.
     """
 
     pair: int
@@ -121,7 +121,7 @@ def roused(modes: Sequence[str], pull: Sequence[Any]) -> list[bool]:
     return reached
 
 
-def follow(run: Any, solver: str) -> Reference:
+def run_to_end(run: Any, solver: str) -> Reference:
     """Take a run from event to event to its end."""
     pause = run.launch()
     while pause is Pause.full:

@@ -13,7 +13,7 @@ from granular import until as stop
 from granular._check import Array
 from granular.drive import Pause
 from granular.laws.kinds import SceneLaws
-from granular.reference.log import ACTIVE, DORMANT, OPEN, RESIDUAL, Logbook, Reference, follow, roused
+from granular.reference.log import ACTIVE, DORMANT, OPEN, RESIDUAL, Logbook, Reference, roused, run_to_end
 from granular.reference.newton import Newton, TooMuchWork
 from granular.reference.series import first_rise_of_parabola
 from granular.scene import Scene
@@ -36,7 +36,7 @@ def solve(
         After `most` evaluations.
     """  # fmt: skip
     run = Run(scene, laws, until, math.inf if t_end is None else t_end, method, rtol, most)
-    return follow(run, f"{method}, restarted at events, rtol {rtol:g}"), run.newton.evaluations
+    return run_to_end(run, f"{method}, restarted at events, rtol {rtol:g}"), run.newton.evaluations
 
 
 class Run:
@@ -132,8 +132,8 @@ class Run:
         law = self.newton.each[c]
         if not law.memory:
             return [(push, -1, "release") if law.rate_dependent else (overlap, -1, "part")]
-        top = self.newton.top[c]
-        turn = (lambda t, y: y[n + c], -1, "turn") if self.loading[c] else (lambda t, y: y[c] - top, 1, "turn")
+        deepest = self.newton.deepest[c]
+        turn = (lambda t, y: y[n + c], -1, "turn") if self.loading[c] else (lambda t, y: y[c] - deepest, 1, "turn")
         return [(push, -1, "release"), turn]
 
     def act(self, c: int, what: str) -> bool:
@@ -141,7 +141,7 @@ class Run:
         if what in ("touch", "part") and self.mode[c] != DORMANT:
             self.y[c] = 0.0
         if what == "turn":
-            self.newton.top[c], self.loading[c] = max(self.newton.top[c], float(self.y[c])), not self.loading[c]
+            self.newton.deepest[c], self.loading[c] = max(self.newton.deepest[c], float(self.y[c])), not self.loading[c]
         elif what in ("touch", "begin"):
             if self.log.begin(c, *(self.since.pop(c, None) or (self.t, self.bodies(c)))):
                 return True
@@ -151,7 +151,7 @@ class Run:
                 self.log.end(c, self.t, self.bodies(c))
             self.mode[c] = RESIDUAL if what == "release" else OPEN
             if what == "part":
-                self.newton.top[c] = 0.0
+                self.newton.deepest[c] = 0.0
         return False
 
     def bodies(self, c: int) -> tuple[float, float]:

@@ -30,7 +30,7 @@ class Block(NamedTuple):
     refusal: tuple[int, str] | None
 
 
-def solve(plan: Plan, columns: Sequence[Values], bodies: int) -> Block:
+def solve_cells(plan: Plan, columns: Sequence[Values], bodies: int) -> Block:
     """Solve the cells whose parameters are rows of `columns`; sizes are padded to those of `bodies`."""
     count = len(columns[0])
     values = empty(plan, count, bodies)
@@ -168,7 +168,7 @@ def _scene(plan: Plan, values: tuple[Any, ...]) -> _Start:
     except REFUSED:
         return _Start()
     balls = scene.mass.tobytes(), scene.radius.tobytes(), ready.first_impact(scene)
-    return _Start(scene, t_end, ready.READY[str(plan.make)].until, impact_speed(scene), balls)
+    return _Start(scene, t_end, ready.TEMPLATES[str(plan.make)].until, impact_speed(scene), balls)
 
 
 def _law(plan: Plan, scene: Scene | None, values: tuple[Any, ...]) -> Any:

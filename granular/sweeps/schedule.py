@@ -13,7 +13,7 @@ import numpy as np
 from granular._kernels import worth
 from granular.sweeps import compiled
 from granular.sweeps.axes import Values
-from granular.sweeps.cells import Block, solve
+from granular.sweeps.cells import Block, solve_cells
 from granular.sweeps.plan import Plan
 
 LOADING, MAKING = 1.5, 20.0
@@ -70,7 +70,7 @@ def _spread(
     futures: dict[Any, Values] = {}
     try:
         for part in parts:
-            futures[executor.submit(solve, plan, [column[part] for column in columns], bodies)] = part
+            futures[executor.submit(solve_cells, plan, [column[part] for column in columns], bodies)] = part
         for future in as_completed(futures):
             yield futures[future], future.result()
     finally:
@@ -79,7 +79,7 @@ def _spread(
 
 
 def _solve(plan: Plan, columns: Sequence[Values], bodies: int, cells: Values) -> Block:
-    return solve(plan, [column[cells] for column in columns], bodies)
+    return solve_cells(plan, [column[cells] for column in columns], bodies)
 
 
 def _cut(cells: Values, each: float) -> list[Values]:
