@@ -116,9 +116,8 @@ class Film:
         left = (soft["t_begin"] - start) / self.unit
         axis.barh(soft["pair"] - 0.16, (end - soft["t_begin"]) / self.unit, left=left, height=0.3, color=SOFT)
         axis.scatter((hard["t_begin"] - start) / self.unit, hard["pair"] + 0.22, marker="|", s=60, color=HARD)
-        axis.set_ylim(-0.6, report.scene.n_pairs - 0.3)
         n = report.scene.n_pairs
-        axis.set_yticks(range(n) if n < 7 else [0, n - 1])
+        axis.set(ylim=(-0.6, n - 0.3), yticks=range(n) if n < 7 else [0, n - 1])
         return _head(axis)
 
     def _forces(self, place: Any) -> Any:
@@ -161,14 +160,11 @@ class Stage:
         axis.set_aspect("equal", adjustable="box")
         axis.set_axis_off()
         axis.set_title(f"{name} spheres", color=colour, fontsize=11)
-        self.balls = []
-        for i in range(scene.n):
-            if scene.is_wall[i]:
-                (wall,) = axis.plot([-0.14, 0.14], [0.0, 0.0], color=INK, lw=2)
-                self.balls.append(wall)
-            else:
-                ball = Circle((0.0, 0.0), self.radius[i], facecolor=colour + "30", edgecolor=colour, lw=1.4)
-                self.balls.append(axis.add_patch(ball))
+        self.balls = [
+            axis.plot([-0.14, 0.14], [0.0, 0.0], color=INK, lw=2)[0] if wall
+            else axis.add_patch(Circle((0.0, 0.0), radius, facecolor=colour + "30", edgecolor=colour, lw=1.4))
+            for wall, radius in zip(scene.is_wall, self.radius, strict=True)
+        ]  # fmt: skip
 
     def show(self, k: int) -> None:
         """Put the balls where they are in picture `k`."""
@@ -183,8 +179,7 @@ class Stage:
 def _points(run: Trajectory, time: Array) -> Array:
     """Positions (m) with the radii taken out at the times of the pictures; the last ones after the end of the run."""
     rows = np.clip(np.searchsorted(run.time, time, side="right") - 1, 0, len(run.time) - 1)
-    path: Array = points(run)[rows]
-    return path
+    return np.asarray(points(run)[rows])
 
 
 def _head(axis: Any) -> Any:

@@ -24,25 +24,7 @@ from granular.trajectory import EARLY, Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """One scene run as hard and as soft spheres, and the numbers that tell the two runs apart.
-
-    Attributes
-    ----------
-    scene : Scene
-        The common start.
-    law, rule : tuple, Any
-        Force law per pair, and collision rule (the law's own restitution unless one was given).
-    hard, soft : Trajectory
-        The event-driven and the soft-sphere run.
-    pairs : tuple of PairOutcome
-        Contacts and separation speeds, pair by pair.
-    twin : Trajectory
-        EDMD from gaps shifted by 1e-12 of themselves: how far the scene can be predicted at all.
-    followed : Trajectory
-        The soft run without contacts that are rounding, those still running at its end followed to theirs.
-    hard_options, soft_options : mapping
-        Options of `granular.edmd.simulate` and `granular.md.simulate` with which the runs are made again, for details.
-    """
+    """One scene run as hard and as soft spheres, and the numbers that tell the two runs apart; see `Comparison`."""
 
     scene: Scene
     law: tuple[Any, ...]
@@ -111,8 +93,9 @@ class Compared:
     @cached_property
     def restitution_ratio(self) -> float:
         """ε_eff/ε_spec for floor and two balls of one ε, from the closed form of the paper; nan for other scenes."""
-        eps = self.restitution_spec
-        if not self._is_two_ball_drop() or max(eps) - min(eps) > 1e-9 or not self.impact_speed > 0.0:
+        scene, eps = self.scene, self.restitution_spec
+        dropped = scene.n == 3 and scene.is_wall[0] and scene.velocity[1] == scene.velocity[2]
+        if not dropped or max(eps) - min(eps) > 1e-9 or not self.impact_speed > 0.0:
             return math.nan
         v_rel = self.pairs[1].soft_v_rel
         if math.isnan(v_rel):
@@ -187,10 +170,6 @@ class Compared:
 
     def _in_impact_speeds(self, difference: float) -> float:
         return difference / self.impact_speed if self.impact_speed > 0.0 else 0.0
-
-    def _is_two_ball_drop(self) -> bool:
-        scene = self.scene
-        return scene.n == 3 and bool(scene.is_wall[0]) and scene.velocity[1] == scene.velocity[2]
 
 
 def _restitution(law: PairLaw, speed: float) -> float:

@@ -95,7 +95,7 @@ class Motion:
         self.order = max(order, TERMS * self.window)
         self.speed = mp.zero
         self.past, self.root, self.last = mp.inf, 1, mp.zero
-        """Time since the last singular begin, its q, and the duration of the last step."""
+        """Time since the last singular onset, its q, and the duration of the last step."""
 
     @property
     def free(self) -> bool:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from granular import until as stop
@@ -163,9 +164,6 @@ class Run:
 
 def _event(function: Callable[[float, Array], float], direction: int) -> Any:
     """A terminal event in scipy's form: a function with attributes."""
-
-    def event(t: float, y: Array) -> float:
-        return float(function(t, y))
-
+    event = partial(function)
     vars(event).update(terminal=True, direction=direction)
     return event

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -38,15 +38,14 @@ def meeting(
 def law_of(name: str, scene: Scene, eps: float, k: float, speed: float) -> Any:
     """Return the force law of that name with restitution `eps` at `speed` in m/s and stiffness `k`."""
     pair = scene.pairs[0]
-    if name == "linear":
-        return LinearDashpot.from_restitution(eps, k, pair)
-    if name == "hertz":
-        return Hertz(k)
-    if name == "tsuji":
-        return TsujiHertz.from_restitution(eps, k)
-    if name == "viscoelastic":
-        return ViscoelasticHertz.from_restitution(eps, speed, k, pair)
-    return WaltonBraun.from_restitution(eps, k)
+    laws: dict[str, Callable[[], Any]] = {
+        "linear": lambda: LinearDashpot.from_restitution(eps, k, pair),
+        "hertz": lambda: Hertz(k),
+        "tsuji": lambda: TsujiHertz.from_restitution(eps, k),
+        "viscoelastic": lambda: ViscoelasticHertz.from_restitution(eps, speed, k, pair),
+        "walton-braun": lambda: WaltonBraun.from_restitution(eps, k),
+    }
+    return laws[name]()
 
 
 LAWS = ("linear", "hertz", "viscoelastic", "tsuji")

@@ -82,7 +82,6 @@ def _final_velocities(scenes: Sequence[Scene], which: Any, rate: Array, time: Ar
     if all(scene.is_wall[0] for scene in scenes):
         floor = np.array([scene.velocity[0] for scene in scenes])[which]
         offset = np.concatenate([np.zeros((len(rate), 1)), np.cumsum(rate, axis=-1)], axis=-1)
-        anchored: Array = (floor - offset[:, 0])[:, None] + offset
-        return anchored
+        return np.asarray((floor - offset[:, 0])[:, None] + offset)
     rows = [velocities(scenes[i], r[None], t[None]) for i, r, t in zip(which, rate, time, strict=True)]
     return np.concatenate(rows)

@@ -144,5 +144,4 @@ def _result(ask: Ask) -> Result:
 
 def _spread(values: Values) -> Values:
     """A few of the values, among them both ends: sizes do not depend on this parameter, but some may be refused."""
-    few: Values = values[np.unique(np.linspace(0, len(values) - 1, 5).astype(int))]
-    return few
+    return np.asarray(values[np.unique(np.linspace(0, len(values) - 1, 5).astype(int))])

@@ -48,11 +48,11 @@ class Result:
     fill: Any = math.nan
 
 
+@dataclass
 class Answer:
     """One case on both engines; runs happen when they are asked for."""
 
-    def __init__(self, case: Case) -> None:
-        self.case = case
+    case: Case
 
     @cached_property
     def soft(self) -> Trajectory:

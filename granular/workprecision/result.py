@@ -34,7 +34,7 @@ class Row:
         Largest error of the velocities of both bodies at the end of each pair's last contact, in units of the impact
         speed; nan if a pair has no contact that ended.
     time_error : float
-        Largest error of begin or end of a contact, in units of the longest contact; nan if contacts differ in number.
+        Largest error of onset or end of a contact, in units of the longest contact; nan if contacts differ in number.
     wrong_count : bool
         Some pair has more or fewer contacts than it should.
     rounding : bool
@@ -66,25 +66,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Measured:
-    """Error against run time of many methods on one scene, and what follows from it.
-
-    Attributes
-    ----------
-    scene, law, until, t_end
-        What was solved.
-    reference : Reference
-        What is taken for true, with its own error.
-    rows : tuple of Row
-        Method by method, from coarse to fine settings.
-    dials : mapping
-        What the setting of each method is: "dt" in s, "tol", "rtol", or "".
-    orders : mapping
-        For fixed-step methods: textbook order p, and min(p, 1+s) for a force that begins like t^s.
-    rounding_level : float
-        Change of velocities when the scene's gaps and velocities change in their last digit, in impact speeds.
-    machine : mapping
-        Where run times were measured.
-    """
+    """Error against run time of many methods on one scene, and what follows from it; see `Frontier`."""
 
     scene: Scene
     law: tuple[Any, ...]

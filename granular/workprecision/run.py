@@ -13,6 +13,7 @@ import numpy as np
 
 from granular import _check, md
 from granular import until as stop
+from granular._check import Array
 from granular.laws.check import checked
 from granular.md.steps import METHODS as FIXED
 from granular.reference import Reference, solve
@@ -156,10 +157,12 @@ def _rounding_level(task: Task) -> float:
 
 def _nudged(scene: Scene) -> list[Scene]:
     """The scene, and two in which gaps and velocities are the next larger or smaller numbers, in turn."""
-    scenes = [scene]
-    for first in (1.0, -1.0):
-        sign = np.where(np.arange(scene.n) % 2, -first, first) * math.inf
-        gap = np.where(scene.gap == 0.0, 0.0, np.nextafter(scene.gap, scene.sides(sign)[0]))
-        velocity = np.where(scene.velocity == 0.0, 0.0, np.nextafter(scene.velocity, sign))
-        scenes.append(scene.replace(gap=gap, velocity=velocity))
-    return scenes
+    sign = np.where(np.arange(scene.n) % 2, -math.inf, math.inf)
+    sides = ((scene.sides(way)[0], way) for way in (sign, -sign))
+    return [scene, *(scene.replace(gap=_next(scene.gap, below), velocity=_next(scene.velocity, way))
+                     for below, way in sides)]  # fmt: skip
+
+
+def _next(numbers: Array, way: Array) -> Array:
+    """The next numbers upwards (inf) or downwards (-inf); 0 stays."""
+    return np.where(numbers == 0.0, 0.0, np.nextafter(numbers, way))
