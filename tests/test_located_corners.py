@@ -141,6 +141,17 @@ def test_a_ball_that_comes_back_to_a_touch_leaves_the_ball_above_in_free_fall(la
     np.testing.assert_allclose(run.velocity[:, 2], -0.1 * run.time, atol=1e-15)
 
 
+def test_a_run_may_stop_where_a_ball_arrives_at_one_that_lies_still():
+    """The piece of the ball at rest would end at once; it was refused as beyond the range of numbers."""
+    scene = gr.Scene([math.inf, 1.7, 1.7], [0.0, 0.1, 0.1], [1e-4, 0.05], [0.0, 0.1, 0.0], 14.0)
+    laws = [gr.LinearDashpot(1e9, 1.4e5), OwnPower(1e9, 1.5)]
+    run = gr.md.simulate(scene, laws, until=gr.until.contact(1))
+    assert run.status is gr.Status.until
+    assert run.gap[-1] == pytest.approx([-1.7 * 14.0 / 1e9, 0.0], rel=1e-9, abs=1e-15)
+    assert run.velocity[-1, 2] == pytest.approx(-math.sqrt(2.0 * 14.0 * 0.05), rel=1e-3)
+    assert run.velocity[-1, 1] == pytest.approx(0.0, abs=1e-12)
+
+
 def test_peaks_of_laws_that_begin_at_once_are_what_their_laws_allow():
     """Their series need clocks that do not go together; F ≤ k ξ^1.5 + γ ξ^(1/4) |η| bounds what is read off them."""
     rng = np.random.default_rng(17)
