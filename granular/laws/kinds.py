@@ -113,16 +113,16 @@ class _Numbered(Pair):
 
 
 def _whatever_number(law: Any, pair: Pair) -> PairLaw | None:
-    """What a law is in all pairs that are alike but for their number; None if it asks for that number."""
-    witness = _Numbered.like(pair)
+    """What a law is in all pairs that are alike except for their number; None if it asks for that number."""
+    probe = _Numbered.like(pair)
     xi = 1e-3 * pair.r_eff if 0.0 < pair.r_eff < math.inf else 1e-3
     try:
-        found = resolve(law, witness)
+        found = resolve(law, probe)
         if found.form is None:
             found.force(xi, 0.0, xi)
     except Exception:  # what is wrong with it is said where it is asked in earnest
         return None
-    return None if witness.asked else _in_pair(found, pair)
+    return None if probe.asked else _in_pair(found, pair)
 
 
 def _in_pair(law: PairLaw, pair: Pair) -> PairLaw:

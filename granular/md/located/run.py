@@ -75,7 +75,7 @@ class Run:
         return plain(self.s.run)[0] if self.engine == "compiled" else self.s.run[0]
 
     def prepare(self) -> None:
-        """Choose between interpreted and compiled for the begin of the run."""
+        """Choose between interpreted and compiled for the start of the run."""
         known = self.collocation is None
         large = self.scene.n_pairs, WORTH_LOADING, WORTH_COMPILING  # to launch is a piece of every pair
         if self.engine == "compiled" or (
@@ -86,7 +86,7 @@ class Run:
             self.s = to_plain(self.s)
 
     def compile(self) -> None:
-        """Go on compiled from the present state: same source, same bits."""
+        """Go on compiled from the current state: same source, same bits."""
         compiled(loop.advance)  # fails before anything is changed
         if self.collocation is not None:
             odd = next(one.law for one in self.laws.each if power_form(one) is None)
