@@ -177,7 +177,7 @@ def test_the_largest_force_of_an_elastic_contact_is_that_of_its_largest_overlap(
 
 @pytest.mark.parametrize("law", [gr.Hertz(5e7), gr.PowerLaw(5e7, 13 / 6), OwnPower(5e7, 1.5)])
 def test_a_ball_that_comes_back_to_a_touch_leaves_the_ball_above_in_free_fall(law):
-    """Where its rate, no more than rounding in energy, is set to zero, the gap above must see it too: 1e-11 m before."""
+    """Where its rate, no more than rounding in energy, is set to zero, the gap above must see it: 1e-11 m before."""
     scene = gr.Scene([math.inf, 0.5, 0.5], [0.0, 0.0791, 0.02404], [0.0, 0.1], [0.0] * 3, 0.1)
     run = gr.md.simulate(scene, law, t_end=0.4, samples=20)
     z = run.position[:, 2]

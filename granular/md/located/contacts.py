@@ -84,8 +84,8 @@ def peaks(pair: Any, tau: float, work: Any) -> None:
     """Raise the largest overlap and force to those of the piece; its g is scratch, for φ has done its duty.
 
     A force that does not depend on the rate is largest where the overlap is, and the law says it better than a series
-    far below the scale of its island. In a piece so short that a force of ξ^(1/4) hardly counts the series need not hold
-    either: no more than the law allows.
+    far below the scale of its island. In a piece so short that a force of ξ^(1/4) hardly counts no series need hold:
+    no more than the law allows.
     """
     for j in range(ORDER + 1):
         pair.g[j] = pair.e[j]
