@@ -43,13 +43,14 @@ def scenes(count: int) -> dict[str, Any]:
 def solve(count: int, gap_factor: float = 1.0) -> dict[str, Any]:
     """Counts, velocities of the last contact as parts of the speed, and how the runs ended."""
     from granular import until
-    from granular.md.located import solve_many
+    from granular.md.located import Scenes, solve_many
 
     given = scenes(count)
     given["gap"] *= gap_factor
-    many = solve_many(**given, until=until.contact(0, 2), t_end=math.inf)
+    many = solve_many(Scenes(**given), until=until.contact(0, 2), leave_piles=False)
     speed = np.abs(given["velocity"][:, 1])
-    return {"counts": many.counts, "v": np.column_stack([many.v_lower, many.v_upper]) / speed[:, None], "why": many.why}
+    v = np.column_stack([many.v_lower[:, -1], many.v_upper[:, -1]]) / speed[:, None]
+    return {"counts": many.counts, "v": v, "status": many.status}
 
 
 def at_order_24(call: str) -> dict[str, Any]:
@@ -80,7 +81,7 @@ def main(count: int) -> None:
     same = (there["counts"] == here["counts"]).all(axis=1)
     shaky = ~np.logical_and(*((one["counts"] == here["counts"]).all(axis=1) for one in near))
     excess = moved[same & ~shaky] / np.maximum(1e-13, sensitive[same & ~shaky])
-    print(f"{count} scenes; ended: {dict(zip(*np.unique(here['why'], return_counts=True), strict=True))}")
+    print(f"{count} scenes; ended: {dict(zip(*np.unique(here['status'], return_counts=True), strict=True))}")
     print(f"counts differ between order 20 and 24: {np.sum(~same)}; between gaps 4 ulp apart: {np.sum(shaky)}")
     print(f"differ between orders where 4 ulp do not matter: {np.sum(~same & ~shaky)}")
     print(f"|Δv|/v between orders, same counts: median {np.nanmedian(moved[same]):.1e}, "

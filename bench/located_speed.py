@@ -14,7 +14,7 @@ import numpy as np
 from granular import until
 from granular.laws import LinearDashpot
 from granular.md import simulate as run
-from granular.md.located import solve_many
+from granular.md.located import Scenes, solve_many
 from granular.scene import Scene
 
 M1, M2, SPEED = 3.7699111843077517, 0.0037699111843077517, 3.132091952673165
@@ -35,8 +35,8 @@ def least(solves: int, work: Any) -> float:
 def three_balls(law: list[list[float]], solves: int, tol: float = 1e-16, m2: float = M2, speed: float = SPEED) -> float:
     """Floor and two balls, to the second floor contact."""
     gap = np.column_stack([np.zeros(solves), np.full(solves, 1e-4)])
-    arguments = ([math.inf, M1, m2], gap, [0.0, -speed, -speed], law)
-    return least(solves, lambda: solve_many(*arguments, gravity=9.81, until=until.contact(0, 2), tol=tol))
+    scenes = Scenes([math.inf, M1, m2], gap, [0.0, -speed, -speed], law, 9.81)
+    return least(solves, lambda: solve_many(scenes, until=until.contact(0, 2), tol=tol, leave_piles=False))
 
 
 def dashpot(eps: float) -> list[list[float]]:
@@ -47,8 +47,8 @@ def dashpot(eps: float) -> list[list[float]]:
 
 def hertz_chain(n: int, solves: int, tol: float) -> float:
     """A touching chain of n equal balls, the first at speed 1, until the last has left."""
-    arguments = ([1.0] * n, np.zeros((solves, n - 1)), [1.0] + [0.0] * (n - 1), [[1.0, 1.5, 0.0, 0.0]] * (n - 1))
-    return least(solves, lambda: solve_many(*arguments, t_end=1.3 * n, tol=tol))
+    scenes = Scenes([1.0] * n, np.zeros((solves, n - 1)), [1.0] + [0.0] * (n - 1), [[1.0, 1.5, 0.0, 0.0]] * (n - 1))
+    return least(solves, lambda: solve_many(scenes, t_end=1.3 * n, tol=tol, leave_piles=False))
 
 
 def interpreted(eps: float) -> float:

@@ -118,16 +118,19 @@ def plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def write_figure(path: str | PathLike[str], figure: Any, dpi: int) -> None:
-    """Save a matplotlib figure in the format of the file's ending, whole or not at all.
+def write_figure(path: str | PathLike[str] | None, figure: Any, dpi: int) -> Any:
+    """Save a matplotlib figure in the format of the file's ending, whole or not at all; without a path, return it.
 
     Raises
     ------
     OSError, ValueError
         If the file cannot be written, or has no ending that matplotlib knows.
     """
+    if path is None:
+        return figure
     check_picture(path)
     write(path, lambda draft: figure.savefig(draft, dpi=dpi))
+    return None
 
 
 def check_picture(path: str | PathLike[str]) -> None:
@@ -149,16 +152,19 @@ def check_format(path: str | PathLike[str], number: Any, unknown: Iterable[str] 
         raise ValueError(f"path is {name!r}: it holds {listed}, unknown to this version; a later granular reads it.")
 
 
+def version_of(package: str) -> str | None:
+    """Version of an installed package."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
 def provenance() -> dict[str, Any]:
     """Format of the file, versions and platform, so that a number can be traced."""
     import platform
-    from importlib.metadata import PackageNotFoundError, version
 
-    def known(package: str) -> str | None:
-        try:
-            return version(package)
-        except PackageNotFoundError:
-            return None
-
-    packages = {name: known(name) for name in ("granular", "numpy", "scipy", "numba", "sortedcontainers")}
+    packages = {name: version_of(name) for name in ("granular", "numpy", "scipy", "numba", "sortedcontainers")}
     return {"format": FORMAT, "versions": packages, "python": platform.python_version(), "machine": platform.machine()}

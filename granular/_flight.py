@@ -41,7 +41,7 @@ def gap_after(gap: float, rate: float, a: float, dt: float) -> float:
 def rate_at_contact(gap: float, rate: float, a: float) -> float:
     """Return the (negative) rate with which the gap closes, from the state and not from the rounded time.
 
-    A bounce so low that the time of the next one rounds to the present one would otherwise seem to recede.
+    A bounce so low that the time of the next one rounds to the current one would otherwise seem to recede.
     """
     if a == 0.0:
         return rate

@@ -5,7 +5,7 @@ Kernels read ``pairs[c].gap`` from either, so one source serves both, with the s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from copy import copy
 from dataclasses import make_dataclass
 from functools import cache
@@ -20,17 +20,19 @@ Record = Any
 """One of them."""
 
 
-def plain(records: np.ndarray[Any, Any]) -> list[Any]:
-    """Return the records as plain objects with the same fields."""
-    assert records.dtype.names is not None
+def plain(records: Records) -> list[Any]:
+    """Return records as plain objects with the same fields; those that are plain stay."""
+    if isinstance(records, list):
+        return records
     return list(map(twin(records.dtype), *(records[name].tolist() for name in records.dtype.names)))
 
 
-def packed(objects: Sequence[Any], dtype: np.dtype[Any]) -> np.ndarray[Any, Any]:
-    """Return plain objects as an array of records again."""
-    records = np.empty(len(objects), dtype)
-    assert dtype.names is not None
-    for name in dtype.names:
+def packed(objects: Records, dtype: np.dtype[Any] | None = None) -> np.ndarray[Any, Any]:
+    """Return plain objects as an array of records (of `dtype`, if they do not say it); an array stays."""
+    if isinstance(objects, np.ndarray):
+        return objects
+    records = np.empty(len(objects), objects[0].dtype if dtype is None else dtype)
+    for name in records.dtype.names:
         records[name] = list(map(attrgetter(name), objects))
     return records
 

@@ -52,7 +52,7 @@ class AdiabaticSolution:
         Begin and end in s of every contact of the two balls that begins before the second floor contact; the end is
         inf for a contact that lasts forever, nan where the work limit cut it off.
     floor_end, floor_again : float
-        End of the first floor contact and begin of the second in s; inf for never, nan if beyond the work limit.
+        End of the first floor contact and onset of the second in s; inf for never, nan if beyond the work limit.
     t_f : float
         End of the last of `contacts` in s; nan if there is none.
     v1, v2 : float

@@ -31,7 +31,7 @@ def __dir__() -> list[str]:
 
 
 MAX_STEPS = 20_000
-"""Steps after which a contact is taken to go on for ever."""
+"""Steps after which a contact is taken to go on forever."""
 SLOWEST, FASTEST = 1e-50, 1e50
 """Impact speeds in m/s between which a contact is run: beyond, its overlaps, forces and energies are no numbers."""
 STUCK = 1e-9
@@ -72,7 +72,7 @@ def collision(law: Any, pair: Pair, speed: float) -> Collision:
     ------
     TypeError, ValueError
         If `speed` is not positive; if the contact never ends (ε = 0, or the law does not repel), gains energy, or its
-        overlap or force is beyond the range of numbers (speeds below 1e-50 or above 1e50 m/s, but for linear laws).
+        overlap or force is beyond the range of numbers (speeds below 1e-50 or above 1e50 m/s, except for linear laws).
     """
     known, v = _resolved(law, pair), _speed(speed)
     if known.form is not None and known.is_linear:

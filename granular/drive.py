@@ -126,6 +126,7 @@ def drive(run: Run) -> Trajectory:
         settled.append(end.running)
     log = contacts(settled if request.log else [])
     columns: list[Any] = [None if column[0] is None else np.array(column) for column in zip(*kept, strict=True)]
+    kept.clear()  # rows of a million balls are large
     time, elapsed, gap, velocity, rate, force = columns
     return Trajectory(
         scene=run.scene, law=run.law, rule=run.rule, time=time, position=positions(run.scene, gap, elapsed),

@@ -227,7 +227,7 @@ def _stiffness(law: PairLaw, speed: float) -> float:
 
 
 def _approach(log: Any) -> Array:
-    """Approach speeds in m/s at the begin of contacts."""
+    """Approach speeds in m/s at the onset of contacts."""
     speed: Array = log["v_in"][:, 0] - log["v_in"][:, 1]
     return speed
 

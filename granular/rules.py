@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Sized
 from dataclasses import dataclass
+from itertools import repeat
+from operator import is_
 from typing import Any
 
 import numpy as np
@@ -178,7 +180,7 @@ def restitution_at(rule: Rule, speed: float, pair: Pair) -> float:
     return e
 
 
-def checked(rule: Any, pairs: Sequence[Pair]) -> tuple[Rule, ...]:
+def checked(rule: Any, pairs: Sized) -> tuple[Rule, ...]:
     """Spread one rule over all `pairs`, or check a list with one per pair; raise if it does not fit."""
     rules = _check.per_pair("rule", rule, len(pairs))
     for one in different(rules):
@@ -193,16 +195,17 @@ def checked(rule: Any, pairs: Sequence[Pair]) -> tuple[Rule, ...]:
 
 def different(rules: Sequence[Rule]) -> list[Rule]:
     """Return the different ones of some rules."""
-    if len(set(map(id, rules))) == 1:
+    if all(map(is_, rules, repeat(rules[0]))):
         return [rules[0]]
     return list(dict(zip(map(id, rules), rules, strict=True)).values())
 
 
-def constants(rules: Sequence[Rule], pairs: Sequence[Pair]) -> list[float] | None:
+def constants(rules: Sequence[Rule], pairs: Sized) -> list[float] | None:
     """Return ε per pair if every rule is constant, else None."""
-    if not all(isinstance(rule, ConstantRestitution) for rule in different(rules)):
+    kinds = different(rules)
+    if not all(isinstance(rule, ConstantRestitution) for rule in kinds):
         return None
-    if len(different(rules)) == 1:
-        value = rules[0].restitution  # type: ignore[attr-defined]
-        return [value] * len(pairs) if isinstance(value, float) else list(value)
-    return [rule(0.0, pair) for rule, pair in zip(rules, pairs, strict=True)]
+    given = [rule.restitution for rule in (rules if len(kinds) > 1 else kinds)]  # type: ignore[attr-defined]
+    if len(kinds) == 1:
+        return [given[0]] * len(pairs) if isinstance(given[0], float) else list(given[0])
+    return [e if isinstance(e, float) else e[c] for c, e in enumerate(given)]

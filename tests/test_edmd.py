@@ -316,7 +316,7 @@ def test_walls_may_move() -> None:
 
 @pytest.mark.parametrize(("eps", "end"), [(1e-6, 525.8736796815914), (1e-12, None), (1e-100, None)])
 def test_rates_far_below_the_velocities_are_not_lost(eps, end) -> None:
-    """Two pairs collide in turn for ever, their rates shrinking by ε each time; their velocities are equal soon."""
+    """Two pairs collide in turn forever, their rates shrinking by ε each time; their velocities are equal soon."""
     mass = [0.3642479594038528, 7.436239814034007e-07, 0.03820219111308472, 0.5509859578714925, 326221605.9008801]
     v = [-0.24879696929334982, 0.984756275824729, -0.5057857886655219, -0.9725729003002135, -0.8388367801340211]
     scene = Scene(mass, [0.1] * 5, [1.0, 1e3, 1e-300, 1e-16], v)

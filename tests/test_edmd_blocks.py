@@ -1,6 +1,7 @@
 """Blocks within a causal halo give the bits of the scene run as one."""
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -61,3 +62,47 @@ def test_ties_at_random_are_drawn_for_the_pairs_of_the_scene_not_of_a_block(monk
         options = {"engine": "compiled", "log": False, "ties": "random", "seed": 3, "t_end": 4.0}
         ends.append(edmd.simulate(scene, ConstantRestitution(0.9), **options))
     assert ends[0].velocity[-1].tobytes() == ends[1].velocity[-1].tobytes()
+
+
+def test_blocks_are_given_up_as_soon_as_they_hold_too_many_events(monkeypatch) -> None:
+    """A run of one collision does not run the whole window first."""
+    tried = []
+    run = blocks.BlockQueue._run
+    monkeypatch.setattr(blocks.BlockQueue, "_run", lambda self, *a: tried.append(a) or run(self, *a))
+    monkeypatch.setattr(blocks, "BLOCK", 512)
+    monkeypatch.setattr(engines, "LARGE", 100)
+    end = edmd.simulate(gas(8000, 0.0, 0.0), ConstantRestitution(1.0), engine="compiled", log=False, max_events=1)
+    assert (end.stats["events"], len(tried)) == (1, 1)
+
+
+def test_a_large_scene_takes_250_bytes_a_ball() -> None:
+    """The state, one more while blocks run, and the rows: the most that Python and numpy hold at a time."""
+    n, rule = 130_000, ConstantRestitution(1.0)
+    options = {"engine": "compiled", "log": False, "max_events": 10**9, "t_end": 1.0}
+    edmd.simulate(gas(n, 0.0, 0.0), rule, **options)  # machine code is loaded
+    scene = gas(n, 0.0, 0.0)
+    tracemalloc.start()
+    try:
+        end = edmd.simulate(scene, rule, **options)
+        assert end.stats["events"] > 10_000
+        assert tracemalloc.get_traced_memory()[1] < 260 * n  # 10 of them for what a block takes, less in larger scenes
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_closer_look_in_a_large_scene_keeps_a_log_of_bounded_size(monkeypatch) -> None:
+    """Whatever `max_events`: the rows of all of them would not fit into any memory."""
+    monkeypatch.setattr(engines, "LARGE", 100)
+    scene = Scene([math.inf, *[1.0] * 120], np.zeros(121), np.linspace(1.0, 2.0, 120), np.zeros(121), 1.0)
+    ends = [edmd.simulate(scene, ConstantRestitution(0.5), engine=e, max_events=10**15) for e in ("sorted", "compiled")]
+    assert ends[0].status.name == "collapse"
+    assert ends[0].contacts.tobytes() == ends[1].contacts.tobytes()
+
+
+def test_auto_begins_compiled_where_setting_up_is_work_enough(monkeypatch) -> None:
+    """A scene of as many pairs as collisions that pay for the machine code."""
+    asked = []
+    monkeypatch.setattr(engines, "pays", lambda work: asked.append(work) or work >= 500)
+    for n, engine in ((100, "sorted"), (600, "compiled")):
+        assert edmd.simulate(gas(n, 0.0, 0.0), ConstantRestitution(1.0), max_events=1).stats["engine"] == engine
+    assert asked == [101, 601]

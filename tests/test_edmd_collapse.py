@@ -129,7 +129,7 @@ def test_a_gas_that_merely_cools_is_not_said_to_cluster(engine) -> None:
 
 
 def test_forced_closer_looks_change_nothing(monkeypatch) -> None:
-    """A zoom is the same physics: looked at all the time, a gas comes out the same but for rounding."""
+    """A zoom is the same physics: looked at all the time, a gas comes out the same except for rounding."""
     random = np.random.default_rng(8)
     n = 30
     scene = Scene([math.inf] + [1.0] * n, np.zeros(n + 1), random.uniform(0.5, 1.5, n), random.normal(size=n + 1))

@@ -62,7 +62,7 @@ def test_a_ball_that_slows_down_between_walls_is_never_taken_for_rounding() -> N
 
 
 def test_light_balls_on_a_heavy_one_that_hand_on_all_they_have_collide_once_each() -> None:
-    """Masses 2/(k(k+1)): all but the top one are left at rest, but for rounding."""
+    """Masses 2/(k(k+1)): all but the top one are left at rest, except for rounding."""
     for n in (4, 5, 8, 12):
         mass = [math.inf, *(2.0 / (k * (k + 1)) for k in range(1, n + 1))]
         for gap in (0.0, 1e-30, 1e-9, 1.0):

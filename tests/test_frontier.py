@@ -7,9 +7,9 @@ import pytest
 
 import granular as gr
 from granular import cli, reference
+from granular.workprecision import Frontier, Row
 from granular.workprecision.judge import contacts_of, errors
 from granular.workprecision.methods import Task, expected_order, own
-from granular.workprecision.result import Frontier, Row
 from granular.workprecision.run import METHODS
 from granular.workprecision.table import duration
 
@@ -112,7 +112,7 @@ def test_expected_orders_follow_from_how_forces_begin():
 def test_nonlinear_laws_have_a_tolerance_and_laws_with_memory_no_solver_without_events():
     scene, law, end = scene_and_law(lambda pair: gr.Hertz(1e9))
     truth = reference.Reference(contacts_of(gr.md.simulate(scene, law, **end)), 0.8, "until", "")
-    (method,) = own(Task(scene, tuple(law), end["until"], None, truth), ["located"])
+    method = own(Task(scene, tuple(law), end["until"], None, truth), "located")
     assert (method.dial, len(method.settings)) == ("tol", 7)
     scene, law, end = scene_and_law(lambda pair: gr.WaltonBraun(5e7, 1e8))
     report = gr.frontier(scene, law, **end, methods=("located", "dop853"), repeats=1)

@@ -1,6 +1,6 @@
 """Fuzz of soft scenes: the engine beside an independent solver, on stored truths, on live scenes, and (soak) on many.
 
-    pytest tests/test_fuzz.py                             310 stored truths and 10 live scenes
+    pytest tests/test_fuzz.py                             321 stored truths and 10 live scenes
     FUZZ_SCENES=20000 FUZZ_PROGRESS=fuzz.jsonl pytest -m soak tests/test_fuzz.py     resumes where it was stopped
 
 `python tests/fuzz/run.py --seeds 0:1000` prints what falls short.

@@ -13,10 +13,11 @@ import pytest
 from granular import until
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz
 from granular.md import simulate as run
-from granular.md.located.batch import solve_many
+from granular.md.located import Scenes, solve_many
 from granular.md.located.records import PAIR
 from granular.scene import Scene
 from granular.scenes import gas
+from granular.trajectory import Status
 
 pytest.importorskip("numba")
 
@@ -58,15 +59,18 @@ def test_solve_many_is_simulate_many_times(engine: str) -> None:
     """A map over the gap: counts, times and velocities are those of single runs, bit for bit."""
     gaps = np.array([[0.0, gap] for gap in (0.0, 1e-6, 1e-5, 1e-4, 1e-3)])
     law = LinearDashpot(5e7, 1500.0)
-    many = solve_many(SCENE.mass, gaps, SCENE.velocity, [[law.k, 1.0, law.gamma, 0.0]] * 2, gravity=9.81,
-                      until=until.contact(0, 2), engine=engine)
+    scenes = Scenes(SCENE.mass, gaps, SCENE.velocity, [[law.k, 1.0, law.gamma, 0.0]] * 2, 9.81)
+    many = solve_many(scenes, until=until.contact(0, 2), leave_piles=False, engine=engine)
     for i, gap in enumerate(gaps):
         soft = run(SCENE.replace(gap=gap), (law,) * 2, until=until.contact(0, 2), engine="plain")
         last = soft.of(1)[-1]
         assert many.counts[i].tolist() == [soft.count(0), soft.count(1)]
         assert many.time[i] == soft.time[-1]
-        assert (many.t_end[i], many.v_lower[i], many.v_upper[i]) == (last["t_end"], *last["v_out"])
-        assert not many.ongoing[i]
+        assert (many.t_end[i, 1], many.v_lower[i, 1], many.v_upper[i, 1]) == (last["t_end"], *last["v_out"])
+        assert many.longest[i, 1] == soft.of(1)["duration"].max()
+        assert np.cumsum(many.rate[i]).tolist() == soft.velocity[-1][1:].tolist()
+        assert not many.ongoing[i].any()
+        assert list(Status)[many.status[i]] is soft.status
 
 
 ROW = Scene([1.0] * 60, [0.1] * 60, [0.3, *[0.0] * 58], [1.0, *[0.0] * 59])

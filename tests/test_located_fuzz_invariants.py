@@ -185,7 +185,7 @@ def test_mirror_and_boost(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_run_in_two_parts_is_one_run(seed: int) -> None:
-    """Stopped anywhere, and gone on with from gaps and velocities: the same end, but for laws with memory."""
+    """Stopped anywhere, and gone on with from gaps and velocities: the same end, except for laws with memory."""
     scene, laws, run = drawn(seed)
     if any(getattr(one, "memory", False) for one in laws):
         return

@@ -115,7 +115,7 @@ def test_exceptions_of_the_law_pass_through() -> None:
     [(LinearDashpot(1e6, 100.0), True), (ViscoelasticHertz(1e7, 1e5), True), (LinearDashpot(1e6), False)],
 )
 def test_a_ball_comes_to_rest_on_the_floor(law: Any, rests: bool) -> None:
-    """`resting` once no contact can open; without damping the ball is bound for ever, `quiet`, or bounces."""
+    """`resting` once no contact can open; without damping the ball is bound forever, `quiet`, or bounces."""
     lying = 9.81 / 1e6
     scene = Scene([math.inf, 1.0], [0.0, 0.1], [-0.99 * lying if not rests else 1e-3], [0.0, 0.0], 9.81)
     soft = run(scene, (law,), engine="plain", max_steps=20_000)

@@ -40,7 +40,7 @@ class Twin:
         return [c for c in (0, 1) if self.pushes[c] != (y[c] > 0 and self.phi(y, c) > 0)]
 
     def series(self) -> list[list[Any]]:
-        """Taylor coefficients of the state in the present mode."""
+        """Taylor coefficients of the state in the current mode."""
         rows = [list(self.y)]
         for n in range(self.ORDER):
             y = rows[-1]
@@ -57,7 +57,7 @@ class Twin:
         return out
 
     def step(self) -> Any:
-        """A time short against the motion of the present mode; to the next change of mode if nothing pushes."""
+        """A time short against the motion of the current mode; to the next change of mode if nothing pushes."""
         rates = [self.w[1], self.w[1] + self.w[2]]
         fast = [mp.sqrt(rates[c] * self.k[c]) + rates[c] * self.gamma[c] for c in (0, 1) if self.pushes[c]]
         return 1 / (sum(fast) * self.FINE) if fast else min(self.flight(c) for c in (0, 1)) * (1 + mp.mpf(10) ** -35)

@@ -101,7 +101,7 @@ def test_a_limit_on_work_is_a_flag() -> None:
 
 
 def test_a_warning_is_a_flag() -> None:
-    cell = meeting("a", "b", "linear", methods=FIXED)
+    cell = replace(meeting("a", "b", "linear"), methods=FIXED)
     dt = 0.5 / math.sqrt(1e6)
     result = judge(replace(cell, options={"dt": dt, "t_end": 0.1}, loose=0.0), "verlet", 5.0)
     assert result.verdict is Verdict.flagged

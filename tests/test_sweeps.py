@@ -64,11 +64,11 @@ def test_compiled_is_one_by_one_bit_for_bit(scene, over, fixed, monkeypatch):
 @pytest.mark.parametrize("making", [1e-3, 10.0])
 def test_cells_do_not_wait_for_a_compiler_unless_they_take_longer(making, monkeypatch):
     """After 16 cells the others are compiled if one by one they would take longer than making the machine code."""
-    solved, known = [], compiled.solve
+    solved, known = [], compiled.answers
     monkeypatch.setattr(schedule, "LOADING", making)
     monkeypatch.setattr(schedule, "MAKING", making)
     monkeypatch.setattr(compiled, "at_hand", lambda: False)
-    monkeypatch.setattr(compiled, "solve", lambda *given: solved.append(len(given[1])) or known(*given))
+    monkeypatch.setattr(compiled, "answers", lambda *given: solved.append(len(given[1])) or known(*given))
     data = gr.sweep("three-balls", ["gap=1e-7:1e-2:40:log"], "contacts")
     assert sum(solved) == (24 if making < 1.0 else 0)
     assert (data["status"].values >= 0).all()

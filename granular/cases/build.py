@@ -53,10 +53,9 @@ def place(where: str) -> Iterator[None]:
     """Put a place, such as a file or a table, in front of the sentence of misuse raised within."""
     try:
         yield
-    except TypeError as error:
-        raise TypeError(f"{where}: {error}") from None
-    except ValueError as error:
-        raise ValueError(f"{where}: {error}") from None
+    except (TypeError, ValueError) as error:
+        kind = TypeError if isinstance(error, TypeError) else ValueError  # some kinds of them take other arguments
+        raise kind(f"{where}: {error}") from None
 
 
 def _of_type(types: Mapping[str, Any], table: Mapping[str, Any], **held: Any) -> Any:

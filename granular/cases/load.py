@@ -125,7 +125,8 @@ def _case(tables: Mapping[str, Any]) -> Case:
         end = run.pop("t_end", base.t_end)
         t_end = None if end is None else _check.number("t_end", end)
         stop = until.checked(_until(run.pop("until")), n_pairs) if "until" in run else base.until
-        _check_run(run)
+        if wrong := unknown(run, {"t_end", "until"}.union(*map(keyword_options, map(engine_named, ENGINES))), "key"):
+            raise ValueError(wrong)
     about = tables.get("about", base.about)
     if not isinstance(about, str):
         raise TypeError(f"about is {about!r}: a text in quotes is needed.")
@@ -138,7 +139,7 @@ def _base(table: Mapping[str, Any]) -> Case:
         return Case(in_order(build.call([Scene, Scene.from_positions], table)), None)
     parameters = {key: value for key, value in table.items() if key != "name"}
     name = _check.choice("name", table["name"], ready.names())
-    return ready.around(name, build.call([ready.READY[name].make], parameters))
+    return ready.around(name, build.call([ready.TEMPLATES[name].make], parameters))
 
 
 def _laws(tables: Sequence[Any], scene: Scene, each: bool) -> list[Any]:
@@ -164,12 +165,6 @@ def _until(value: Any) -> until.Until:
     with place("until"):
         stop: until.Until = build.call([until.contact], value)
     return stop
-
-
-def _check_run(run: Mapping[str, Any]) -> None:
-    known = {"t_end", "until"}.union(*(keyword_options(engine_named(engine)) for engine in ENGINES))
-    if wrong := unknown(run, known, "key"):
-        raise ValueError(wrong)
 
 
 def _table(value: Any) -> Mapping[str, Any]:

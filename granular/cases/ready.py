@@ -19,7 +19,7 @@ from granular.scene import Scene
 
 
 @dataclass(frozen=True)
-class Ready:
+class Template:
     """How a scene becomes a case.
 
     Attributes
@@ -44,9 +44,7 @@ def falls(count: float) -> Callable[[Scene], float | None]:
     """End times of `count` falls: the time s/g in which gravity gives the speed s of the first impact on the floor."""
 
     def t_end(scene: Scene) -> float | None:
-        if scene.gravity == 0.0:
-            return None
-        return count * first_impact(scene) / scene.gravity or None
+        return (count * first_impact(scene) / scene.gravity or None) if scene.gravity else None
 
     return t_end
 
@@ -64,14 +62,14 @@ def flights(count: float) -> Callable[[Scene], float | None]:
 STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
 """Elastic Hertz contacts of steel balls of 1 kg; below ε = 1 with Tsuji's damping."""
 
-READY = {
-    "three-balls": Ready(scenes.three_balls, until.contact(pair=0, nth=2), falls(10)),
-    "ball-stack": Ready(scenes.ball_stack, until.separated(), falls(10), {"restitution": 0.9}),
-    "newtons-cradle": Ready(scenes.newtons_cradle, until.separated(), contact=STEEL),
-    "chain": Ready(scenes.chain, until.separated(), contact=STEEL),
-    "column": Ready(scenes.column, until.separated(), falls(20), {"restitution": 0.9}),
-    "gas": Ready(scenes.gas, None, flights(10), {"restitution": 0.9}),
-    "bouncing-ball": Ready(scenes.bouncing_ball, None, falls(6)),  # at ε = 0.7 it rests after 17/3 falls
+TEMPLATES = {
+    "three-balls": Template(scenes.three_balls, until.contact(pair=0, nth=2), falls(10)),
+    "ball-stack": Template(scenes.ball_stack, until.separated(), falls(10), {"restitution": 0.9}),
+    "newtons-cradle": Template(scenes.newtons_cradle, until.separated(), contact=STEEL),
+    "chain": Template(scenes.chain, until.separated(), contact=STEEL),
+    "column": Template(scenes.column, until.separated(), falls(20), {"restitution": 0.9}),
+    "gas": Template(scenes.gas, None, flights(10), {"restitution": 0.9}),
+    "bouncing-ball": Template(scenes.bouncing_ball, None, falls(6)),  # at ε = 0.7 it rests after 17/3 falls
 }
 
 
@@ -94,21 +92,21 @@ def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None
     TypeError, ValueError
         For an unknown name or option (with a suggestion), or a bad value.
     """
-    ready = _named(name)
-    known = [option.name for option in _options(ready)]
+    template = _named(name)
+    known = [option.name for option in _options(template)]
     if wrong := unknown(options, known, f"option of {name}"):
         raise TypeError(wrong)
-    of_scene = {key: options.pop(key) for key in list(options) if key in inspect.signature(ready.make).parameters}
-    case = around(name, ready.make(**of_scene), **options)
+    of_scene = {key: options.pop(key) for key in list(options) if key in inspect.signature(template.make).parameters}
+    case = around(name, template.make(**of_scene), **options)
     end = case.t_end if t_end is None else _check.number("t_end", t_end, at_least=0.0)
     return replace(case, t_end=end, run=dict(run or {}))
 
 
 def around(name: str, scene: Scene, **of_contact: Any) -> Case:
     """Return the case of that name around a scene of its kind, with options of `contact`."""
-    ready = _named(name)
-    law, rule = contact(scene, **(dict(ready.contact) | of_contact))
-    return Case(scene, law, rule, ready.until, ready.t_end(scene), about=about(name))
+    template = _named(name)
+    law, rule = contact(scene, **(dict(template.contact) | of_contact))
+    return Case(scene, law, rule, template.until, template.t_end(scene), about=about(name))
 
 
 def contact(
@@ -147,7 +145,7 @@ def contact(
 
 def names() -> list[str]:
     """Names of the ready-made cases."""
-    return list(READY)
+    return list(TEMPLATES)
 
 
 def about(name: str) -> str:
@@ -160,10 +158,10 @@ def options(name: str) -> list[Option]:
     return _options(_named(name))
 
 
-def _options(ready: Ready) -> list[Option]:
+def _options(template: Template) -> list[Option]:
     """Options of the scene and of `contact`, with the defaults of this case."""
-    of_contact = [replace(o, default=ready.contact.get(o.name, o.default)) for o in options_of(contact)]
-    return options_of(ready.make) + of_contact
+    of_contact = [replace(o, default=template.contact.get(o.name, o.default)) for o in options_of(contact)]
+    return options_of(template.make) + of_contact
 
 
 def first_impact(scene: Scene) -> float:
@@ -173,5 +171,5 @@ def first_impact(scene: Scene) -> float:
     return math.sqrt(max(0.0, float(square.max())))
 
 
-def _named(name: str) -> Ready:
-    return READY[_check.choice("scene", name, names())]
+def _named(name: str) -> Template:
+    return TEMPLATES[_check.choice("scene", name, names())]

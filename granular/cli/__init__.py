@@ -17,7 +17,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     0 done · 2 misuse, or a file that cannot be read or written · 3 the run did not come to a proper end (status
     ``unstable`` or ``max_events``) · 130 interrupted.
     """
-    from granular.cli import commands, parser
+    from granular.cli import parser
 
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
@@ -25,7 +25,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             warnings.simplefilter("default")
             warnings.showwarning = _show_warning
             on_making[:] = [_say_compiling]
-            code = commands.run(parser.parse(arguments))
+            given = parser.parse(arguments)
+            code: int = given.act(given)
         if sys.stdout is not None:  # closed by the shell's >&-
             sys.stdout.flush()
         return code

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 import tempfile
@@ -17,9 +18,20 @@ def json_file(name: str) -> str:
     return _files.STDOUT if name == "-" else name
 
 
-def show(report: Any, json: str | None) -> None:
-    """Print a report, on stderr if stdout is to have nothing but JSON."""
-    print(report, file=sys.stderr if json == _files.STDOUT else sys.stdout)
+def check_outputs(given: argparse.Namespace) -> None:
+    """Raise `ValueError` if a report cannot be drawn or written as is asked."""
+    plot = getattr(given, "plot", None)
+    check_writable(plot, given.json)
+    check_drawable(plot)
+
+
+def deliver(report: Any, given: argparse.Namespace) -> None:
+    """Print a report, on stderr if stdout is to have nothing but JSON; draw and write it where that is asked."""
+    print(report, file=sys.stderr if given.json == _files.STDOUT else sys.stdout)
+    if getattr(given, "plot", None) is not None:
+        report.plot(given.plot)
+    if given.json is not None:
+        report.to_json(given.json)
 
 
 def check_writable(*names: str | None) -> None:

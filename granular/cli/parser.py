@@ -8,13 +8,12 @@ from __future__ import annotations
 import argparse
 import os
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
+from importlib import import_module
 from typing import Any, NoReturn
 
-from granular import _check, cases
-from granular.cases.case import ENGINES, engine_named
+from granular import _check, _files, cases
 from granular.cases.options import Option, options_of, unknown
-from granular.cli.output import json_file
 
 ABOUT = """\
 Balls on a line as hard spheres (edmd: event-driven, instantaneous collisions) and as soft spheres (md: Newton's
@@ -66,54 +65,55 @@ class Parser(argparse.ArgumentParser):
         spaced = [f" {a}" if re.match(r"-[\d.]", a) else a for a in arguments]
         found, extra = self.parse_known_args(spaced)
         if names := [a.partition("=")[0] for a in extra if a.startswith("-")]:
-            raise ValueError(unknown(names, self.flags(), f"option of {self.prog}"))
+            flags = sorted(set(re.findall(r"--[a-z][\w-]*", self.format_help())))
+            raise ValueError(unknown(names, flags, f"option of {self.prog}"))
         if extra:
             raise ValueError(f"{extra[0].strip()!r} is one argument too many; see {self.prog} --help")
         return found
 
-    def flags(self) -> list[str]:
-        """All long options, as the help lists them."""
-        return sorted(set(re.findall(r"--[a-z][\w-]*", self.format_help())))
-
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
-    """Return what the command line says: `command`, `target`, and `given`, `run` with the options given."""
+    """Return what the command line says: what to `act`, its `target`, and `given`, `run` with the options given.
+
+    A command is a module of its name: `USAGE`, `arguments(parser)`, which returns the options of a run if it offers
+    them, and `run(given)`, which returns the exit code. Its usage begins with SCENE if it takes one.
+    """
     command, *rest = arguments or ["--help"]
     if command.startswith("-"):
         return _top().all_of(arguments or ["--help"])
     if command not in COMMANDS:
-        raise ValueError(f"{unknown([command], list(COMMANDS), 'command')}")
-    if command == "figure":
-        return _figure(rest)
-    if command == "stability":
-        return _stability(rest)
-    if command in ("page", "view"):
-        return _page(command, rest)
-    target, others = _target(rest)
-    options, parser = _options(command, target)
-    found = parser.all_of(others)
-    if target is None and command != "scenes":
+        raise ValueError(unknown([command], list(COMMANDS), "command"))
+    module = import_module(f"granular.cli.{command}")
+    of_scene = module.USAGE.startswith("SCENE")
+    target, others = _target(rest) if of_scene else (None, rest)
+    parser = _parser(command, module.USAGE, target, of_scene)
+    parameters = cases.options(target) if target in cases.names() and command != "scenes" else []
+    if parameters:
+        parser.description = f"{cases.about(str(target))}\n\n{parser.description}"
+        _add(parser, f"scene {target}", parameters)
+    offered = module.arguments(parser)
+    if offered is not None:
+        taken = {option.name for option in parameters}
+        t_end = [option for option in options_of(cases.make) if option.name == "t_end"]
+        offered = t_end + [option for option in offered if option.name not in taken]
+        _add(parser, "run", offered)
+    values = vars(parser.all_of(others))
+    if offered is not None and target is None:
         raise ValueError(f"{command} needs a scene: one of {', '.join(cases.names())}, or a TOML file.")
-    values = vars(found)
-    for group, members in options.items():
-        chosen = {o.name: _collapsed(o, values.pop(o.name)) for o in members if o.name in values}
-        values[group] = chosen
-    return argparse.Namespace(command=command, target=target, **values)
+    for group, members in (("given", parameters), ("run", offered or [])):
+        values[group] = {o.name: _collapsed(o, values.pop(o.name)) for o in members if o.name in values}
+    return argparse.Namespace(act=module.run, target=target, **values)
 
 
-def _page(command: str, rest: Sequence[str]) -> argparse.Namespace:
-    from granular.cli import page, view
-
-    module, usage = {"page": (page, "[SCENE]"), "view": (view, "RUN.npz [RUN2.npz]")}[command]
-    usage = f"granular {command} {usage} [-o FILE.html] [--open]"
-    parser = Parser(prog=f"granular {command}", description=COMMANDS[command] + ".", usage=usage)
-    module.arguments(parser)
-    return argparse.Namespace(command=command, **vars(parser.all_of(rest)))
+def case_of(given: argparse.Namespace) -> cases.Case:
+    """The case that a command line names."""
+    return cases.make(given.target, **given.given) if given.target in cases.names() else cases.load(given.target)
 
 
 def _top() -> Parser:
     parser = Parser(prog="granular", description=ABOUT, usage=f"granular {{{', '.join(COMMANDS)}}} ... [--help]")
-    parser.add_argument("--version", action="version", version=f"granular {_version()}")
+    version = _files.version_of("granular") or "(not installed)"
+    parser.add_argument("--version", action="version", version=f"granular {version}")
     return parser
 
 
@@ -128,81 +128,17 @@ def _target(rest: Sequence[str]) -> tuple[str | None, list[str]]:
     return None, list(rest)
 
 
-def _options(command: str, target: str | None) -> tuple[dict[str, list[Option]], Parser]:
-    """The parser of a command with its scene, and the options it offers by group."""
-    name = target or ("SCENE" if command in ("scenes", "sweep") else "SCENE|FILE.toml")
-    settings = {"description": COMMANDS[command] + ". All numbers are in SI units."}
-    if target is None and command != "scenes":
+def _parser(command: str, usage: str, target: str | None, of_scene: bool) -> Parser:
+    settings = {"prog": f"granular {command}", "description": COMMANDS[command] + "." * (COMMANDS[command][-1] != "?")}
+    if of_scene:
+        settings["description"] += " All numbers are in SI units."
+    if target is not None:
+        settings["prog"] += f" {target}"
+        usage = " ".join([target, *usage.split()[1:]])
+    elif of_scene and command != "scenes":
         listed = ", ".join(cases.names())
         settings["epilog"] = f"scenes: {listed}\ngranular {command} SCENE --help lists the parameters of a scene."
-    parser = Parser(prog=f"granular {command}" + (f" {target}" if target else ""),
-                    usage=f"granular {command} {name}" + " [options]" * (command != "scenes"), **settings)
-    if command == "scenes":
-        return {}, parser
-    of_scene = cases.options(target) if target in cases.names() else []
-    if of_scene:
-        parser.description = f"{cases.about(str(target))}\n\n{parser.description}"
-    _add(parser, f"scene {target}", of_scene)
-    of_run = {"run": _run, "compare": _compare, "sweep": _sweep, "frontier": _frontier}[command](parser)
-    taken = {o.name for o in of_scene}
-    t_end = [o for o in options_of(cases.make) if o.name == "t_end"]
-    offered = t_end + [o for o in of_run if o.name not in taken]
-    _add(parser, "run", offered)
-    return {"given": of_scene, "run": offered}, parser
-
-
-def _run(parser: Parser) -> list[Option]:
-    parser.add_argument("--engine", choices=ENGINES, default="md", help="hard (edmd) or soft (md) spheres; default md")
-    parser.add_argument("--save", metavar="FILE.npz", help="write the trajectory and its contact log")
-    each = {engine: {o.name: o for o in options_of(engine_named(engine))} for engine in ENGINES}
-    merged = []
-    for name in dict.fromkeys(name for options in each.values() for name in options if name not in HIDDEN):
-        having = [engine for engine in ENGINES if name in each[engine]]
-        option = each[having[-1]][name]
-        only = "" if len(having) == len(ENGINES) else f"(--engine {having[0]} only) "
-        merged.append(Option(name, option.kind, option.default, only + option.about))
-    return merged
-
-
-def _compare(parser: Parser) -> list[Option]:
-    from granular.comparison import compare
-
-    parser.add_argument("--plot", metavar="FILE.png", help="draw contacts, forces and world lines of both engines")
-    parser.add_argument("--json", metavar="FILE.json", type=json_file,
-                        help="write every number of the report; - for standard output")
-    return [o for o in options_of(compare) if o.name not in HIDDEN | {"rule"}]
-
-
-def _sweep(parser: Parser) -> list[Option]:
-    from granular.cli import sweep
-
-    sweep.arguments(parser)
-    return []
-
-
-def _frontier(parser: Parser) -> list[Option]:
-    from granular.cli import frontier
-
-    frontier.arguments(parser)
-    return []
-
-
-def _figure(rest: Sequence[str]) -> argparse.Namespace:
-    from granular.cli import figure
-
-    usage = "granular figure NAME|all [-o DIR]"
-    parser = Parser(prog="granular figure", description=COMMANDS["figure"] + ".", usage=usage)
-    figure.arguments(parser)
-    return argparse.Namespace(command="figure", **vars(parser.all_of(rest)))
-
-
-def _stability(rest: Sequence[str]) -> argparse.Namespace:
-    from granular.cli import stability
-
-    usage = "granular stability [options]"
-    parser = Parser(prog="granular stability", description=COMMANDS["stability"], usage=usage)
-    stability.arguments(parser)
-    return argparse.Namespace(command="stability", **vars(parser.all_of(rest)))
+    return Parser(usage=f"granular {command} {usage}", **settings)
 
 
 def _add(parser: Parser, title: str, options: Iterable[Option]) -> None:
@@ -217,15 +153,8 @@ def _add(parser: Parser, title: str, options: Iterable[Option]) -> None:
         elif "Sequence" in option.kind:
             group.add_argument(flag, type=_number, nargs="+", metavar="X", **settings)
         else:
-            group.add_argument(flag, type=_reader(option.kind), metavar=_metavar(option.kind), **settings)
-
-
-def _reader(kind: str) -> Callable[[str], Any]:
-    return {"int": _whole, "flo": _number}.get(kind[:3], str)
-
-
-def _metavar(kind: str) -> str:
-    return {"int": "N", "flo": "X"}.get(kind[:3], "WORD")
+            kind, metavar = {"int": (_whole, "N"), "flo": (_number, "X")}.get(option.kind[:3], (str, "WORD"))
+            group.add_argument(flag, type=kind, metavar=metavar, **settings)
 
 
 def _number(text: str) -> float:
@@ -251,12 +180,3 @@ def _shown(default: Any) -> str:
     if isinstance(default, tuple):
         return " ".join(_shown(item) for item in default)
     return f"{default:g}" if isinstance(default, float) else str(default)
-
-
-def _version() -> str:
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version("granular")
-    except PackageNotFoundError:
-        return "(not installed)"

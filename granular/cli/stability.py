@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import argparse
 
-from granular.cli.output import json_file, show
+from granular.cli.codes import OK
+from granular.cli.output import check_outputs, deliver, json_file
 from granular.cli.progress import Progress
 from granular.stress import AXES, stability
 from granular.stress.cell import METHODS
+
+USAGE = "[options]"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,10 +25,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--json", metavar="FILE.json", type=json_file, help="write every cell; - for standard output")
 
 
-def run(found: argparse.Namespace) -> None:
+def run(given: argparse.Namespace) -> int:
     """Do the study and print its tables."""
+    check_outputs(given)
     with Progress(1.0, things="cells") as progress:
-        report = stability(found.methods, found.axes, quick=found.quick, seconds=found.seconds, on_progress=progress)
-    show(report, found.json)
-    if found.json is not None:
-        report.to_json(found.json)
+        report = stability(given.methods, given.axes, quick=given.quick, seconds=given.seconds, on_progress=progress)
+    deliver(report, given)
+    return OK

@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
 from typing import Any
 
+import numpy as np
+
+from granular.cases.options import Option
+from granular.cli.codes import OK
+from granular.cli.output import check_writable
 from granular.cli.progress import Progress
+from granular.sweeps import axis, sweep
+from granular.sweeps.results import RESULTS, STATUS
+from granular.sweeps.run import DEFAULT
+
+USAGE = "SCENE [options]"
 
 WORTH_POOL = 20_000
 """Cells from which on several processes are started."""
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
+def arguments(parser: argparse.ArgumentParser) -> list[Option]:
     """Add what the command takes besides the parameters of the scene."""
-    from granular.sweeps.results import RESULTS
-
     group = parser.add_argument_group("sweep")
     group.add_argument("--over", action="append", metavar="NAME=FIRST:LAST:COUNT[:log]", default=[],
                        help="vary a parameter; or NAME=VALUE,VALUE,...; may be given several times")
@@ -27,39 +36,31 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--precision", type=float, default=1e-6, metavar="X", help="relative, of --refine [1e-06]")
     group.add_argument("--save", metavar="FILE.nc", help="write a netCDF file; if it is there, go on from it")
     group.add_argument("--workers", type=int, metavar="N", help="number of processes [one per core in large sweeps]")
+    return []
 
 
-def run(found: argparse.Namespace) -> Any:
+def run(given: argparse.Namespace) -> int:
     """Do the sweep and print what came out of it."""
-    from granular.sweeps import axis, sweep
-    from granular.sweeps.run import DEFAULT
-
-    if not found.over:
+    check_writable(given.save)
+    if not given.over:
         raise ValueError("sweep needs --over NAME=FIRST:LAST:COUNT, such as --over restitution=0.5:1:101.")
-    over = dict(axis(text) for text in found.over)
-    if len(over) < len(found.over):
+    over = dict(axis(text) for text in given.over)
+    if len(over) < len(given.over):
         raise ValueError("--over names a parameter twice: one axis per parameter is needed.")
-    cells = 1
-    for values in over.values():
-        cells *= len(values)
-    if found.workers is not None and found.workers < 1:
-        raise ValueError(f"workers is {found.workers}: a number of processes of at least 1 is needed.")
-    workers = found.workers or ((os.cpu_count() or 1) if cells >= WORTH_POOL else 1)
+    cells = math.prod(map(len, over.values()))
+    if given.workers is not None and given.workers < 1:
+        raise ValueError(f"workers is {given.workers}: a number of processes of at least 1 is needed.")
+    workers = given.workers or ((os.cpu_count() or 1) if cells >= WORTH_POOL else 1)
     pool: Any = ProcessPoolExecutor(workers) if workers > 1 else nullcontext()
     with pool as executor, Progress(1.0, things="cells") as progress:
-        given: Executor | None = executor
-        data = sweep(found.target, over, found.result or DEFAULT, refine=found.refine, precision=found.precision,
-                     save=found.save, executor=given, on_progress=progress, **found.given, **found.run)
+        data = sweep(given.target, over, given.result or DEFAULT, refine=given.refine, precision=given.precision,
+                     save=given.save, executor=executor, on_progress=progress, **given.given, **given.run)
     print(summary(data))
-    return data
+    return OK
 
 
 def summary(data: Any) -> str:
     """Axes, results with their ranges, statuses and jumps, in words."""
-    import numpy as np
-
-    from granular.sweeps.results import STATUS
-
     shape = " × ".join(str(data.sizes[name]) for name in data["status"].dims)
     lines = [f"{data.attrs['title']}: {shape} cells"]
     for name, array in {**data.coords, **data.data_vars}.items():

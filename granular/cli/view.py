@@ -5,6 +5,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from granular.cli.page import announce
+from granular.page import player_page
+from granular.trajectory import Trajectory
+
+USAGE = "RUN.npz [RUN2.npz] [-o FILE.html] [--open]"
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options to its parser."""
@@ -13,13 +19,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--open", action="store_true", help="open it in the browser")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(given: argparse.Namespace) -> int:
     """Read the runs, write the page and say where it is."""
-    from granular.cli.page import told
-    from granular.page import player_page
-    from granular.trajectory import Trajectory
-
-    files = [Path(name) for name in arguments.runs]
-    output = arguments.output or str(files[0].with_suffix(".html"))
+    files = [Path(name) for name in given.runs]
+    output = given.output or str(files[0].with_suffix(".html"))
     player_page(output, [Trajectory.load(file) for file in files], [file.stem for file in files])
-    told(output, arguments.open)
+    return announce(output, given.open)

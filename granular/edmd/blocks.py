@@ -10,19 +10,16 @@ suspected collapse, a clamped gap, too many events), is thrown away and the wind
 
 from __future__ import annotations
 
-import math
+from dataclasses import replace
 
 import numpy as np
 
-from granular._check import Array
-from granular._records import Records, copied, raw
+from granular._records import copied, raw
 from granular._tournament import tournament
-from granular.edmd import readout
-from granular.edmd.model import Model
-from granular.edmd.sorted_queue import Halt, Rows
-from granular.edmd.state import NEVER, State
+from granular.edmd.sorted_queue import Rows
+from granular.edmd.state import LATER, NEVER, State
 from granular.edmd.ties import RANDOM
-from granular.edmd.tree_queue import LATER, TreeQueue, label, loop, refresh
+from granular.edmd.tree_queue import CHUNK, TreeQueue, loop
 
 BLOCK = 4096
 """Pairs kept of a block."""
@@ -34,77 +31,75 @@ class BlockQueue(TreeQueue):
     """A `TreeQueue` that advances whole windows in blocks where nobody looks at single events."""
 
     chunk = 1 << 40
-
-    def __init__(self, state: State, model: Model) -> None:
-        super().__init__(state, model)
-        self.swept = 0
-        self.as_one = 0.0  # until then (tau) the present window is run as one
+    as_one = 0.0  # until then (tau) the present window is run as one
 
     def rebuild(self) -> None:
         """Predict all pairs anew; this begins a window."""
         self.as_one = 0.0
+        self.tree = tournament(len(self.state.pairs))
         super().rebuild()
 
-    def advance(self, limit: float, budget: int, log: Rows | None) -> Halt:
-        """Let events up to and including time `limit` act, at most `budget` of them, appending them to `log`."""
-        edge = min(limit, math.nextafter(self.state.window, 0.0))
+    def advance(self, edge: float, budget: int, log: Rows | None) -> int:
+        """Let events up to and including time `edge` act, at most `budget` of them, appending them to `log`."""
         run = self.state.run
         alone = log is None and run.stop_pair == NEVER and run.order != RANDOM  # nobody looks at single ones
         if alone and edge > self.as_one and self.soonest() <= edge:
-            if self._sweep(edge, budget):
-                self.swept += 1
-                super().rebuild()
-            else:
+            swept = self._sweep(edge, budget)
+            self.rebuild()
+            if not swept:
                 self.as_one = edge
-        return super().advance(limit, min(budget, TreeQueue.chunk), log)
+        return super().advance(edge, min(budget, CHUNK), log)
 
     def _sweep(self, edge: float, budget: int) -> bool:
-        """Run all blocks to time `edge`; return whether that was exact, with the state unchanged if not."""
-        s, g = self.state, self.model.gravity
-        start = max(s.now, 0.0)
-        rest = edge - start
-        velocity, gap = readout.row(s, start, g)
-        speed = MARGIN * (float(np.abs(velocity).max()) + 2.0 * g * rest)
-        ends = self._halos(gap, 2.0 * speed * rest)
-        if ends is None:
+        """Run all blocks to time `edge`; return whether that was exact, with the state unchanged if not.
+
+        The tree is given up, for there are two states for a while.
+        """
+        s, done = self.state, 0
+        speed, ends = self._blocks(edge)
+        if not ends:
             return False
+        del self.tree
         pairs, bodies = np.empty_like(s.pairs), np.empty_like(s.bodies)
         for first, last, low, high in ends:
-            part = self._run(low, high, edge, speed - g * rest)
+            part = self._run(low, high, edge, speed)
             if part is None:
                 return False
             top = last + (last == len(pairs))  # the upper body of the last pair belongs to the next block
-            raw(pairs)[first:last] = raw(part[0])[first - low : last - low]
-            raw(bodies)[first:top] = raw(part[1])[first - low : top - low]
-        done = int(pairs["hits"].sum()) - int(s.pairs["hits"].sum())
-        if done > budget:
-            return False
+            raw(pairs)[first:last] = raw(part.pairs)[first - low : last - low]
+            raw(bodies)[first:top] = raw(part.bodies)[first - low : top - low]
+            done += int(pairs["hits"][first:last].sum() - s.pairs["hits"][first:last].sum())
+            if done > budget:
+                return False
         s.pairs, s.bodies = pairs, bodies
         s.events += done
         s.now = max(s.now, float(pairs["last"].max()))
         return True
 
-    def _run(self, low: int, high: int, edge: float, speed: float) -> tuple[Records, Records] | None:
+    def _run(self, low: int, high: int, edge: float, speed: float) -> State | None:
         """Run pairs `low` … `high` - 1 alone; return what becomes of them, None if that may not be kept."""
         s, fastest = self.state, np.zeros(1)
-        run, pairs, bodies = s.run.copy(), copied(s.pairs[low:high]), copied(s.bodies[low : high + 1])
-        tree = tournament(high - low)
-        self.kernel(label)(run, pairs, tree, 0, high - low - 1)
-        self.kernel(refresh)(run, pairs, bodies, tree, 0, high - low - 1)
-        before = run.clamps
-        pause, *_ = self.kernel(loop)(run, pairs, bodies, tree, edge, 1 << 40, None, fastest)
-        good = pause == LATER and run.clamps == before and fastest[0] <= speed
-        return (pairs, bodies) if good else None
+        part = replace(s, pairs=copied(s.pairs[low:high]), bodies=copied(s.bodies[low : high + 1]))
+        queue = TreeQueue(part, self.model)
+        queue.rebuild()
+        pause, *_ = self.kernel(loop)(part.run, part.pairs, part.bodies, queue.tree, edge, 1 << 40, None, fastest)
+        good = pause == LATER and part.run.clamps == s.run.clamps and fastest[0] <= speed
+        return part if good else None
 
-    def _halos(self, gap: Array, reach: float) -> list[tuple[int, int, int, int]] | None:
-        """Return first and end of each block, and with its halo; None if the halos are longer than the blocks."""
-        n = len(gap)
+    def _blocks(self, edge: float) -> tuple[float, list[tuple[int, int, int, int]]]:
+        """Return the speed allowed for, and first and end of each block, and with its halo; none if those are long."""
+        s = self.state
+        start, n, g = max(s.now, 0.0), len(s.pairs), s.run.gravity
+        rest = edge - start
+        velocity, gap = s.row(start)
+        speed = MARGIN * (float(np.abs(velocity).max()) + 2.0 * g * rest)
+        reach = 2.0 * speed * rest
         place = np.concatenate([[0.0], np.cumsum(gap)])
         first = np.arange(0, n, BLOCK)
         last = np.minimum(first + BLOCK, n)
         slack = reach * (1.0 + 1e-9) + 1e-9 * float(place[-1]) / n  # cumulative sums round
         low = np.maximum(np.searchsorted(place, place[first] - slack, side="right") - 2, 0)
         high = np.minimum(np.searchsorted(place, place[last] + slack, side="left") + 2, n)
-        if float(np.median(high - low)) > 3 * BLOCK:
-            return None
-        return list(zip(*(x.tolist() for x in (first, last, low, high)), strict=True))
+        longer = float(np.median(high - low)) > 3 * BLOCK
+        ends = [] if longer else list(zip(*(x.tolist() for x in (first, last, low, high)), strict=True))
+        return speed - g * rest, ends

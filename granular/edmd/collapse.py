@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,9 +13,8 @@ from granular._check import Array
 from granular._flight import time_to_contact
 from granular._records import Record, Records, column, one, packed, plain
 from granular.edmd.model import Model
-from granular.edmd.readout import gaps
 from granular.edmd.sorted_queue import Rows
-from granular.edmd.state import State
+from granular.edmd.state import State, gaps
 from granular.edmd.zoom import DIAL, LOOK, NEAR, write_back, zoom
 
 REACH = 64
@@ -57,7 +56,6 @@ class Verdict:
 class Zoom:
     """A slice of pairs being looked at closely, in relative state."""
 
-    first: int
     look: Record
     near: Records
 
@@ -71,45 +69,47 @@ class Zoom:
         state.zooms += 1
         if state.zoomed >= PATIENCE * (end - first) ** 2:
             state.allowance = STEP
-        u, pull, noise = column(bodies, "u"), column(pairs, "pull"), column(bodies, "noise")
-        at = column(pairs, "at")
+        u, noise, pull, at = column(bodies, "u"), column(bodies, "noise"), column(pairs, "pull"), column(pairs, "at")
         rate = (np.diff(u) - pull * at) - pull * (state.now - at)
         rounding = (pull == 0.0) & (rate < 0.0) & (rate * rate < noise[:-1] + noise[1:])
-        zoom.near["gap"] = gaps(pairs, u, state.now, state.run.gravity)
+        zoom.near["gap"] = gaps(pairs, u, state.now)
         zoom.near["rate"] = np.where(rounding, 0.0, rate)
         zoom.near["rate"][c - first] = queue.rebound
+        zoom.keep(queue.hold)
         return zoom
 
     @classmethod
     def restored(cls, saved: Mapping[str, Any]) -> Zoom | None:
-        """Return the zoom in progress that `checkpoint` saved, if any."""
+        """Return the zoom in progress that `checkpoint` saved, if any; an older one has less on its dial."""
         if "zoom_gap" not in saved:
             return None
-        zoom = cls._made(int(saved["zoom_first"]), float(saved["zoom_base"]), len(saved["zoom_gap"]))
+        zoom = cls._made(saved["zoom_first"], saved["zoom_base"], len(saved["zoom_gap"]), saved["zoom_dial"].tolist())
         zoom.near["gap"], zoom.near["rate"] = saved["zoom_gap"], saved["zoom_rate"]
-        for name, value in zip(DIAL, saved["zoom_dial"], strict=True):
-            setattr(zoom.look, name, value)
         return zoom
 
     @classmethod
-    def _made(cls, first: int, began: float, pairs: int) -> Zoom:
-        look = one(np.zeros(1, LOOK))
-        look.first, look.began = first, began
-        return cls(first, look, np.zeros(pairs, NEAR))
+    def _made(cls, first: int, began: float, pairs: int, dial: Iterable[float] = ()) -> Zoom:
+        look = np.zeros(1, LOOK)
+        for name, value in zip(("first", "began", *DIAL), (first, began, *dial), strict=False):
+            look[name] = value
+        return cls(plain(look)[0], np.zeros(pairs, NEAR))
 
-    def keep_as(self, state: State) -> None:
-        """Keep the slice as the state keeps its records."""
-        if isinstance(state.pairs, list) and not isinstance(self.near, list):
-            self.look, self.near = plain(np.array([self.look], LOOK))[0], plain(self.near)
-        elif isinstance(self.near, list) and not isinstance(state.pairs, list):
-            self.look, self.near = one(packed([self.look], LOOK)), packed(self.near, NEAR)
+    @property
+    def first(self) -> int:
+        """The lowest pair."""
+        return int(self.look.first)
+
+    def keep(self, how: Callable[..., Any]) -> None:
+        """Keep the slice as `State.keep` does its records."""
+        self.near = how(self.near)
+        if isinstance(self.near, np.ndarray):
+            self.look = one(packed([self.look], LOOK))
 
     def checkpoint(self) -> dict[str, Any]:
         """Return everything as arrays and numbers."""
-        look = self.look
-        dial = np.array([getattr(look, name) for name in DIAL], dtype=np.float64)
-        near = {f"zoom_{name}": np.array(column(self.near, name)) for name in ("gap", "rate")}
-        return {"zoom_first": np.array(self.first), "zoom_base": np.array(look.began), "zoom_dial": dial} | near
+        dial = np.array([getattr(self.look, name) for name in DIAL], dtype=np.float64)
+        near = {f"zoom_{name}": column(self.near, name) for name in ("gap", "rate")}
+        return {"zoom_first": np.array(self.first), "zoom_base": np.array(self.look.began), "zoom_dial": dial} | near
 
     def slices(self, state: State) -> tuple[Records, Records]:
         """Return the records of the pairs of the slice, and of their bodies."""
@@ -199,7 +199,7 @@ class Zoom:
         pulled = bool((column(pairs, "pull")[[0, -1]] > 0.0).any())
         if low == high and not pulled:
             return None  # two free bodies collide once
-        kind, bound = "bounded", largest_speed(bodies, gap[low:end], rate[low:end], model.gravity)
+        kind, bound = "bounded", largest_speed(bodies, gap[low:end], rate[low:end], state.run.gravity)
         if high == low + 1 and not pulled and model.rule is None and alternates(pairs, rate[low], rate[high], j == low):
             kind = "proved"
         return Verdict(kind, self.first + low, self.first + high, bound)

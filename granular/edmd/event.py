@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from granular._flight import rate_at_contact
 from granular._kernels import kernel
 from granular._records import Record, Records
 from granular.edmd.merge import ORDINARY, WEAK, absorb, kind, share, strike
 from granular.edmd.model import Restitution
-from granular.edmd.motion import approach, blur, carry, collide, velocity
+from granular.edmd.motion import blur, carry, collide, impulse, velocities
 
 SUSPICIOUS = 8
 """Streak that calls for a closer look."""
@@ -38,13 +39,13 @@ def event(
     `row`, if there is one, takes what is kept of it.
     """
     pair, lower, upper, g = pairs[c], bodies[c], bodies[c + 1], run.gravity
-    w = approach(pair, lower, upper)
+    w = rate_at_contact(pair.gap, (upper.u - lower.u) - pair.pull * pair.at, pair.pull)
     e = pair.eps if rule is None else rule(c, -w)
     if run.tc > 0.0 or run.elastic_below > 0.0:
         e = remedied(run, pairs, c, -w, e, now)
     if row is not None:
         row.pair, row.t_begin = c, now
-        row.lower_in, row.upper_in = velocity(lower, g, now), velocity(upper, g, now)
+        row.lower_in, row.upper_in = velocities(lower, upper, g, now)
     what, exchanged = ORDINARY, 0.0
     if run.merge_below > 0.0 or g > 0.0:
         what = kind(run, pair, lower, upper, w, e)
@@ -62,17 +63,13 @@ def event(
     else:
         start, end = strike(run, pairs, bodies, c, now, w, e)
     if row is not None:
-        row.lower_out, row.upper_out = velocity(lower, g, now), velocity(upper, g, now)
-        row.impulse = exchanged if what == WEAK else -((1.0 + e) * w) * pair.m_eff
+        row.lower_out, row.upper_out = velocities(lower, upper, g, now)
+        row.impulse = exchanged if what == WEAK else impulse(lower, upper, (1.0 + e) * w)
     blur(pair, lower, upper, w, e)
     if what == WEAK:
         share(bodies, c, start, end)
     pair.hits += 1
-    if e < 1.0:
-        size = max(abs(lower.u), abs(upper.u))
-        pair.streak = streak(run, pair.streak, -w, now - pair.last, e, size)
-    else:
-        pair.streak = 0
+    pair.streak = streak(run, pair.streak, lower, upper, now - pair.last, -w, e) if e < 1.0 else 0
     pair.last = now
     return start, end, -e * w
 
@@ -86,23 +83,21 @@ def remedied(run: Record, pairs: Records, c: int, speed: float, e: float, now: f
     """
     if speed < run.elastic_below:
         return 1.0
-    recent = pairs[c].last
-    if c > 0 and pairs[c - 1].last > recent:
-        recent = pairs[c - 1].last
-    if c + 1 < len(pairs) and pairs[c + 1].last > recent:
-        recent = pairs[c + 1].last
-    return 1.0 if now - recent < run.tc else e
+    for k in range(max(c - 1, 0), min(c + 2, len(pairs))):
+        if now - pairs[k].last < run.tc:
+            return 1.0
+    return e
 
 
 @kernel
-def streak(run: Record, count: int, speed: float, interval: float, e: float, size: float) -> int:
+def streak(run: Record, count: int, lower: Record, upper: Record, interval: float, speed: float, e: float) -> int:
     """Return how often in a row (before: `count`) a pair collided slowly, which counts thrice, or at once again.
 
-    A rebound that velocities of that `size` can hardly hold calls for a closer look at once.
+    A rebound that velocities of their size can hardly hold calls for a closer look at once.
     """
     if run.slow < 0.0:
         return 0
-    if 0.0 < e * speed < FAINT * size:
+    if 0.0 < e * speed < FAINT * max(abs(lower.u), abs(upper.u)):
         return SUSPICIOUS
     if speed < run.slow:
         return count + 3

@@ -66,10 +66,9 @@ def absorb(run: Record, pairs: Records, bodies: Records, c: int, now: float, w: 
     else:
         share = upper / (lower + upper)
         common, exchanged = bodies[c].u + share * w, -(lower * share) * w
-    rests = lower == math.inf or upper == math.inf
     for i in range(b, e + 1):
         bodies[i].u = common
-        if rests:
+        if lower == math.inf or upper == math.inf:
             bodies[i].falls = 0.0
     repull(run, pairs, bodies, first, last)
     run.merged += 1

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 
-from granular._flight import gap_after, rate_at_contact, time_to_contact
+from granular._flight import gap_after, time_to_contact
 from granular._kernels import kernel
 from granular._records import Record, Records
 
@@ -25,9 +25,10 @@ REBASED = 2.0**-104
 
 
 @kernel
-def velocity(body: Record, g: float, now: float) -> float:
-    """Return the velocity of a body (m/s) at time `now`."""
-    return body.u - body.falls * (g * now)  # type: ignore[no-any-return]
+def velocities(lower: Record, upper: Record, g: float, now: float) -> tuple[float, float]:
+    """Return the velocities of the bodies of a pair (m/s) at time `now`."""
+    fallen = g * now
+    return lower.u - lower.falls * fallen, upper.u - upper.falls * fallen
 
 
 @kernel
@@ -44,13 +45,6 @@ def predicted(pair: Record, lower: Record, upper: Record) -> float:
     if rate >= 0.0 and a < 0.0:
         return math.inf
     return pair.at + time_to_contact(pair.gap, rate, a)  # type: ignore[no-any-return]
-
-
-@kernel
-def approach(pair: Record, lower: Record, upper: Record) -> float:
-    """Return the rate (m/s, ≤ 0) with which a pair closes at its predicted contact."""
-    a = pair.pull
-    return rate_at_contact(pair.gap, (upper.u - lower.u) - a * pair.at, a)
 
 
 @kernel
@@ -83,6 +77,15 @@ def collide(pair: Record, lower: Record, upper: Record, now: float, w: float, e:
 
 
 @kernel
+def impulse(lower: Record, upper: Record, jump: float) -> float:
+    """Return the impulse in N s by which the rate of a pair becomes less by `jump` (m/s)."""
+    light, heavy = lower.mass, upper.mass
+    if light > heavy:
+        light, heavy = heavy, light
+    return -jump * (light / (1.0 + light / heavy))  # type: ignore[no-any-return]
+
+
+@kernel
 def blur(pair: Record, lower: Record, upper: Record, w: float, e: float) -> None:
     """Pass the noise of the bodies of a pair, which has just collided at rate `w`, on to each other, and add to it.
 
@@ -112,9 +115,9 @@ def approaching(pairs: Records, bodies: Records, first: int, now: float) -> int:
 
 
 @kernel
-def rebase(run: Record, pairs: Records, bodies: Records, shift: float) -> None:
-    """Move all gaps to time `shift` and make that the new zero of time."""
-    g = run.gravity
+def rebase(run: Record, pairs: Records, bodies: Records, shift: float) -> float:
+    """Move all gaps to time `shift`, the new zero of time; return the largest relative velocity of neighbours (m/s)."""
+    g, largest = run.gravity, 0.0
     for c in range(len(pairs)):
         pair = pairs[c]
         run.clamps += carry(pair, bodies[c], bodies[c + 1], shift)
@@ -125,3 +128,6 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float) -> None:
             body = bodies[i]
             body.u -= body.falls * (g * shift)
             body.noise += body.falls * REBASED * (body.u * body.u)
+    for c in range(len(pairs)):
+        largest = max(largest, abs(bodies[c + 1].u - bodies[c].u))
+    return largest

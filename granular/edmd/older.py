@@ -14,15 +14,11 @@ from granular.scene import Scene
 def updated(saved: Mapping[str, Any], scene: Scene) -> Mapping[str, Any]:
     """Return the state of a run of `scene` as it is saved now.
 
-    A state without `noise` is older: its velocities were taken to be exact, a closer look had one number less on its
-    dial, and free-fall velocities were those of the epoch in scenes without walls too, whose frame now falls from the
-    start on.
+    A state without `noise` is older: its velocities were taken to be exact, and free-fall velocities were those of the
+    epoch in scenes without walls too, whose frame now falls from the start on.
     """
     if "noise" in saved:
         return saved
     u = np.asarray(saved["u"])
     fallen = (scene.gravity - felt_gravity(scene)) * ((saved["epoch"] - saved["start"]) + saved["epoch_low"])
-    new: dict[str, Any] = {"u": u + fallen, "noise": np.zeros_like(u)}
-    if "zoom_dial" in saved:
-        new["zoom_dial"] = np.append(saved["zoom_dial"], 0.0)
-    return dict(saved) | new
+    return dict(saved) | {"u": u + fallen, "noise": np.zeros_like(u)}

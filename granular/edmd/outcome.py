@@ -59,7 +59,7 @@ def _work(run: Any, when: str) -> str:
     sentence = f"{Status.max_events.value}: max_events reached at {when}"
     if math.isfinite(run.horizon):
         sentence += f"; {_walls(run)}, and collisions become ever more frequent until then"
-    elif run.model.may_collapse and len(run.pace) == 2:
+    elif run.state.run.slow >= 0.0 and len(run.pace) == 2:
         (begin, start), (tail, t) = run.pace
         last, took = run.state.events - tail, run.time() - t
         if took * (tail - begin) < 0.1 * last * (t - start):

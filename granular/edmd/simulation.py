@@ -12,14 +12,14 @@ from granular import _check, rules
 from granular import until as conditions
 from granular._check import Array
 from granular.drive import drive
-from granular.edmd import engines, older, options
+from granular.edmd import engines, model, older
 from granular.edmd.collapse import Zoom
 from granular.edmd.run import Run
 from granular.edmd.state import State
 from granular.edmd.ties import PAIR
 from granular.request import requested
 from granular.rules import Rule
-from granular.scene import Scene
+from granular.scene import Scene, checked
 from granular.trajectory import Status, Trajectory
 
 
@@ -75,7 +75,8 @@ def simulate(
         ``on_progress(t, events)`` now and then.
     engine : str
         "sorted" (the reference), "compiled" (numba; the same results bit for bit; constant restitution and sequential
-        ties only), or "auto": begins with the reference and goes over to compiled in a run long enough to pay for it.
+        ties only), or "auto": begins with the reference and goes over to compiled in a run long enough to pay for it,
+        which a large scene does at once.
     ties : str
         What simultaneous collisions do. One after the other: "left" (the lowest pair first), "right", or "random"
         (reproducible by `seed`). A touching group as a whole: "newton" and "reflect" (one constant restitution for
@@ -112,15 +113,15 @@ def simulate(
     """
     _check_scene(scene)
     start = _check.number("t_start", t_start)
-    model = options.model(
-        scene, rules.checked(rule, scene.pairs), ties=ties, seed=seed, collapse=collapse,
+    physics = model.checked(
+        scene, rules.checked(rule, scene.gap), ties=ties, seed=seed, collapse=collapse,
         merge_below=merge_below, tc=tc, elastic_below=elastic_below,
     )  # fmt: skip
     request = requested(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, on_event=on_event,
         on_progress=on_progress,
     )  # fmt: skip
-    return drive(Run(State.of(model, start), None, model, engines.choose(engine, model), request))
+    return drive(Run(physics, State.of(physics, start), None, engines.choose(engine, physics), request))
 
 
 def resume(
@@ -150,13 +151,13 @@ def resume(
     if trajectory.status is Status.collapse:
         raise ValueError("trajectory ended in a collapse: nothing follows it; run again with collapse='merge' or tc=.")
     scene, saved = trajectory.scene, older.updated(trajectory.state, trajectory.scene)
-    model = options.restored(scene, trajectory.rule, saved)
-    state = State.restored(model, saved)
+    physics = model.Model(scene, trajectory.rule, *(saved[name] for name in model.OPTIONS))
+    state = State.restored(physics, saved)
     request = requested(
         scene, state.time(state.now), t_end, until=until, samples=samples, log=log, max_events=max_events,
         on_event=on_event, on_progress=on_progress,
     )  # fmt: skip
-    return drive(Run(state, Zoom.restored(saved), model, engines.choose(engine, model), request))
+    return drive(Run(physics, state, Zoom.restored(saved), engines.choose(engine, physics), request))
 
 
 SMALLEST, LARGEST = 1e-75, 1e75
@@ -164,8 +165,7 @@ SMALLEST, LARGEST = 1e-75, 1e75
 
 
 def _check_scene(scene: Any) -> None:
-    if not isinstance(scene, Scene):
-        raise TypeError(f"scene is {scene!r}: a granular.Scene is needed, such as granular.scenes.three_balls().")
+    checked(scene)
     fix = "hard spheres cannot overlap; set the gap to 0, or use granular.md"
     _check.every("gap", scene.gap, scene.gap >= 0.0, "a gap must not be negative", fix)
     _check_size("mass", np.where(scene.is_wall, 1.0, scene.mass), 0.0)

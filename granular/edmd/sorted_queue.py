@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-from enum import Enum
 from typing import Any
 
 from sortedcontainers import SortedList
 
-from granular._records import twin
+from granular._records import plain, twin
 from granular.edmd import touching
 from granular.edmd.event import ROW, SUSPICIOUS, event
 from granular.edmd.groups import gave_up
 from granular.edmd.merge import rest
 from granular.edmd.model import Model
 from granular.edmd.motion import approaching, predicted
-from granular.edmd.state import APART, State
-from granular.edmd.ties import PAIR, RANDOM, rank
+from granular.edmd.state import APART, BUDGET, LATER, SUSPECT, UNTIL, State
+from granular.edmd.ties import GROUP, PAIR, RANDOM, rank
 
 INF = math.inf
 Rows = list[Any]
@@ -25,15 +24,6 @@ Row: Any = twin(ROW)
 SHORT = 256
 """Rows made for a closer look at a time."""
 
-
-class Halt(Enum):
-    """Why a queue hands control back."""
-
-    limit = "the next event is later than asked for, or never"
-    window = "the next event lies in a later window"
-    budget = "as many events as asked for have acted, or a group that collides as a whole would make it more"
-    until = "the next event is the contact to stop at, or all pairs recede"
-    suspect = "the last collisions look like a collapse"
 
 
 class SortedQueue:
@@ -50,10 +40,11 @@ class SortedQueue:
     name = "sorted"
     chunk = 4096
     kernel = staticmethod(lambda function: function)
+    hold = staticmethod(plain)
     rows = staticmethod(lambda n: [object.__new__(Row) for _ in range(min(n, SHORT))])
 
     def __init__(self, state: State, model: Model) -> None:
-        state.to_plain()
+        state.keep(plain)
         self.state = state
         self.model = model
         self.suspect, self.rebound = -1, 0.0
@@ -89,36 +80,35 @@ class SortedQueue:
         """Return the time of the next event of any pair outside `first` … `last`."""
         return float(next(time for time, key in self.queue if not first <= (key & PAIR) <= last))
 
-    def advance(self, limit: float, budget: int, log: Rows | None) -> Halt:
-        """Let events up to and including time `limit` act, at most `budget` of them, appending them to `log`."""
-        s, rule, groups = self.state, self.model.rule, self.model.solver is not None
+    def advance(self, edge: float, budget: int, log: Rows | None) -> int:
+        """Let events up to and including time `edge` act, `budget` of them or one more group, appending them to `log`.
+
+        Returns why it pauses.
+        """
+        s, rule, groups = self.state, self.model.rule, self.state.run.order == GROUP
         queue, entry, run, pairs, bodies = self.queue, self.entry, s.run, s.pairs, s.bodies
-        edge = min(limit, math.nextafter(s.window, 0.0))
-        until_event, witness, rows, row = s.events + budget, 0, Rows(), None
+        enough, witness, rows, row = s.events + budget, 0, Rows(), None
         if log is not None:
             log.append(rows)
         while True:
             now, key = queue[0]
             c = key & PAIR
             if now > edge:
-                return Halt.limit if now > limit or now == INF else Halt.window
+                return LATER
             if c == run.stop_pair and pairs[c].hits >= run.stop_hits:
                 s.now = now
-                return Halt.until
-            if s.events >= until_event:
-                return Halt.budget
+                return UNTIL
+            if s.events >= enough:
+                return BUDGET
             del queue[0]
             entry[c] = (INF, key)
             s.now = now
             if groups:
                 first, last = touching.group(c, now, s)
                 if first < last:
-                    pause = self._solve(c, first, last, until_event - s.events, rows)
+                    pause = self._solve(c, first, last, rows)
                     if pause is not None:
-                        self.refresh(c, c)
                         return pause
-                    if run.stop_pair == APART and approaching(pairs, bodies, 0, now) < 0:
-                        return Halt.until
                     continue
             if log is not None:
                 row = object.__new__(Row)
@@ -129,20 +119,23 @@ class SortedQueue:
             if run.stop_pair == APART:
                 witness = approaching(pairs, bodies, witness, now)
                 if witness < 0:
-                    return Halt.until
+                    return UNTIL
             if pairs[c].streak >= SUSPICIOUS:
                 self.suspect = c
-                return Halt.suspect
+                return SUSPECT
 
-    def _solve(self, c: int, first: int, last: int, budget: int, rows: Rows) -> Halt | None:
-        """Let the touching group of pairs `first` … `last` collide as a whole, unless there is a reason not to."""
+    def _solve(self, c: int, first: int, last: int, rows: Rows) -> int | None:
+        """Let the touching group of pairs `first` … `last` collide as a whole; return why to pause, if so.
+
+        Before it: the contact to stop at is among its own, or they are more than the run may still have.
+        """
         s, now = self.state, self.state.now
         p = touching.impulses(c, first, last, s, self.model)
         hit = [k for k in range(first, last + 1) if p[k - first] > 0.0]
-        if s.run.stop_pair in hit and s.pairs[s.run.stop_pair].hits >= s.run.stop_hits:
-            return Halt.until
-        if len(hit) > budget:
-            return Halt.budget
+        stops = s.run.stop_pair in hit and s.pairs[s.run.stop_pair].hits >= s.run.stop_hits
+        if stops or s.events + len(hit) > s.last_event:
+            self.refresh(c, c)
+            return UNTIL if stops else BUDGET
         before = touching.velocities(first, last, now, s)
         touching.apply(first, last, p, s)
         after = touching.velocities(first, last, now, s)
@@ -155,4 +148,4 @@ class SortedQueue:
         self.refresh(max(first - 1, 0), min(last + 1, len(s.pairs) - 1))
         if not hit and self.entry[c][0] <= now:
             raise gave_up(self.model.ties)
-        return None
+        return UNTIL if s.run.stop_pair == APART and approaching(s.pairs, s.bodies, 0, now) < 0 else None

@@ -11,10 +11,10 @@ import numpy as np
 
 from granular import until as conditions
 from granular._check import Array
-from granular._kernels import kernel
-from granular._records import Record, Records, column, copied, one, packed, plain, twin
-from granular.edmd.model import Model, scales, shares
+from granular._records import Record, Records, column, copied, one, packed, twin
+from granular.edmd.model import Model, felt_gravity, scales, shares
 from granular.edmd.motion import rebase
+from granular.edmd.ties import ORDER
 
 FloatOrArray = TypeVar("FloatOrArray", float, Array)
 PAIR = np.dtype(
@@ -24,7 +24,7 @@ PAIR = np.dtype(
         ("hits", int), ("last", float),  # collisions so far, and the time of the last one in s
         ("streak", int),  # how often a collision in a row looked like a collapse
         ("low", float), ("high", float),  # shares of the lower and the upper body in a change of the rate
-        ("eps", float), ("m_eff", float),  # ε where rules are constant; kg
+        ("eps", float),  # where rules are constant
     ],
     align=True,
 )  # fmt: skip
@@ -52,6 +52,11 @@ OF_PAIRS, OF_BODIES = ("gap", "at", "pull", "hits", "last", "streak"), ("u", "fa
 TALLY = ("clamps", "merged", "lost")
 NEVER, APART = -1, -2
 """`stop_pair` of a run that does not stop at a contact, and of one that stops when no pair approaches."""
+LATER, UNTIL, BUDGET, SUSPECT, OUTSIDE, QUIET, RESTS, TINY, SPENT = range(9)
+"""Why a queue or a closer look hands control back. The next event is later than asked for; it is the contact to stop
+at, or all pairs recede; as many events as asked for have acted. Of a queue: the last collisions look like a collapse.
+Of a closer look, for good: something outside the slice comes next; no collapse; a ball has come to rest on a wall;
+rates below 2^-200 of the scale; no decision within the allowance."""
 
 
 @dataclass
@@ -80,26 +85,26 @@ class State:
     zooms: int = 0
     zoomed: int = 0
     allowance: int = 20_000  # events of a closer look without a decision; doubled after each such
+    last_event: int = 0  # events at which the run ends
 
     @classmethod
     def of(cls, model: Model, t_start: float) -> State:
         """Return the state at the start of a run."""
-        scene = model.scene
+        scene, g = model.scene, felt_gravity(model.scene)
         pairs, bodies = np.zeros(scene.n_pairs, PAIR), np.zeros(scene.n, BODY)
-        pairs["gap"], pairs["pull"], pairs["last"] = scene.gap, scene.pull, -math.inf
-        pairs["low"], pairs["high"], pairs["m_eff"] = shares(scene)
-        pairs["eps"] = model.eps
         bodies["u"], bodies["falls"], bodies["mass"] = scene.velocity, ~scene.is_wall, scene.mass
+        pairs["gap"], pairs["eps"], pairs["last"] = scene.gap, model.eps, -math.inf
+        pairs["pull"] = g * scene.across(bodies["falls"])
+        pairs["low"], pairs["high"] = shares(scene)
         speed, fall, length = scales(scene)
-        window = span(length, speed, model.gravity)
+        window, remedied = span(length, speed, g), max(model.tc, model.elastic_below, model.merge_below) > 0.0
+        slow = -1.0 if remedied or model.eps.min() == 1.0 else math.ldexp(speed, -16)  # else no collapse is possible
         run = twin(RUN)(
-            pairs=len(pairs), gravity=model.gravity, tc=model.tc, elastic_below=model.elastic_below,
-            merge_below=model.merge_below, order=model.order, seed=model.seed & 0x7FFFFFFF, stop_pair=NEVER,
-            stop_hits=0, slow=-1.0, short=math.ldexp(window, -30), clamps=0, merged=0, lost=0,
+            pairs=len(pairs), gravity=g, tc=model.tc, elastic_below=model.elastic_below,
+            merge_below=model.merge_below, order=ORDER[model.ties], seed=model.seed & 0x7FFFFFFF, stop_pair=NEVER,
+            stop_hits=0, slow=slow, short=math.ldexp(window, -30), clamps=0, merged=0, lost=0,
         )  # fmt: skip
-        state = cls(run, pairs, bodies, t_start, t_start, 0.0, length, window, speed, fall, 0.0)
-        state.watch(model.may_collapse)
-        return state
+        return cls(run, pairs, bodies, t_start, t_start, 0.0, length, window, speed, fall, 0.0)
 
     @classmethod
     def restored(cls, model: Model, saved: Mapping[str, Any]) -> State:
@@ -109,50 +114,49 @@ class State:
             state.pairs[name] = saved[name]
         for name in OF_BODIES:
             state.bodies[name] = saved[name]
-        for name in state._clock():
+        for name in CLOCK:
             setattr(state, name, np.asarray(saved[name]).item())
         state.run.short = float(saved["short"])
         for name, count in zip(TALLY, saved["tally"], strict=True):
             setattr(state.run, name, int(count))
-        state.watch(model.may_collapse)
+        state.scale(state.speed)
         return state
 
     def checkpoint(self) -> dict[str, Any]:
-        """Return a copy of everything as arrays and numbers, for `Trajectory.state`."""
-        raw: dict[str, Any] = {name: np.array(column(self.bodies, name)) for name in OF_BODIES}
-        raw |= {name: np.array(column(self.pairs, name)) for name in OF_PAIRS}
-        raw |= {name: getattr(self, name) for name in self._clock()}
+        """Return everything as arrays and numbers, for `Trajectory.state`; nothing of it is copied."""
+        raw: dict[str, Any] = {name: column(self.bodies, name) for name in OF_BODIES}
+        raw |= {name: column(self.pairs, name) for name in OF_PAIRS}
+        raw |= {name: getattr(self, name) for name in CLOCK}
         tally = np.array([getattr(self.run, name) for name in TALLY])
         return raw | {"short": float(self.run.short), "tally": tally}
 
-    def _clock(self) -> list[str]:
-        return [f.name for f in fields(self) if f.name not in ("run", "pairs", "bodies")]
-
-    def to_plain(self) -> None:
-        """Turn records into plain objects, for interpreted code."""
+    def keep(self, how: Callable[..., Any]) -> None:
+        """Keep the records as plain objects for interpreted code, or `packed` for compiled code: the same bits."""
+        self.pairs, self.bodies = how(self.pairs), how(self.bodies)
         if isinstance(self.pairs, np.ndarray):
-            self.pairs, self.bodies = plain(self.pairs), plain(self.bodies)
-
-    def to_records(self) -> None:
-        """Turn plain objects into records, for compiled code: same numbers, same bits."""
-        self.run = one(packed([self.run], RUN))
-        if isinstance(self.pairs, list):
-            self.pairs, self.bodies = packed(self.pairs, PAIR), packed(self.bodies, BODY)
+            self.run = one(packed([self.run], RUN))
 
     def copied(self) -> State:
         """Return a state whose bodies and pairs can be changed without changing these."""
         return replace(self, pairs=copied(self.pairs), bodies=copied(self.bodies))
 
-    def stop_at(self, until: conditions.Until | None) -> None:
-        """Set what the run stops at, if anything."""
+    def stop_at(self, until: conditions.Until | None, max_events: int) -> None:
+        """Set what the run stops at, if anything, and after how many collisions from here."""
+        self.last_event = self.events + max_events
         if isinstance(until, conditions.Contact):
             self.run.stop_pair, self.run.stop_hits = until.pair, until.nth - 1
         elif isinstance(until, conditions.Separated):
             self.run.stop_pair = APART
 
-    def watch(self, may_collapse: bool) -> None:
-        """Set the speed below which a collision looks like part of a collapse."""
-        self.run.slow = math.ldexp(self.speed, -16) if may_collapse else -1.0
+    def scale(self, speed: float) -> None:
+        """Set the scale of speeds (m/s), and with it, where one may come, what looks like part of a collapse."""
+        self.speed = speed
+        if self.run.slow >= 0.0:
+            self.run.slow = math.ldexp(speed, -16)
+
+    def work(self) -> int:
+        """Return the work done so far in collisions; one looked at closely costs as much as eight."""
+        return self.events + 7 * self.zoomed
 
     def time(self, tau: FloatOrArray) -> FloatOrArray:
         """Return the time in s that is `tau` after the epoch."""
@@ -162,20 +166,43 @@ class State:
         """Return how long after the epoch `time` is."""
         return (time - self.epoch) - self.epoch_low
 
-    def shift_to(self, tau: float, model: Model, compiler: Callable[[Any], Any]) -> None:
+    def elapsed(self, tau: FloatOrArray) -> FloatOrArray:
+        """Return the time in s from the start of the run to `tau`; it has all its digits however late the start."""
+        return ((self.epoch - self.start) + self.epoch_low) + tau
+
+    def shift_to(self, tau: float, compiler: Callable[[Any], Any]) -> None:
         """Move the epoch on by whole windows, so that `tau` comes to lie in the first one."""
         shift = tau - math.fmod(tau, self.window)
-        compiler(rebase)(self.run, self.pairs, self.bodies, shift)
+        speed = compiler(rebase)(self.run, self.pairs, self.bodies, shift)
         total = self.epoch + shift
         back = total - self.epoch
         self.epoch_low += (self.epoch - (total - back)) + (shift - back)
         self.epoch = total
         self.now -= shift
         self.rebases += 1
-        self.speed = max(compiler(largest_rate)(self.bodies), self.fall)
-        self.watch(model.may_collapse)
+        self.scale(max(speed, self.fall))
         if self.speed > 0.0:
-            self.window = max(self.window, span(self.length, self.speed, model.gravity))
+            self.window = max(self.window, span(self.length, self.speed, self.run.gravity))
+
+    def row(self, tau: float) -> tuple[Array, Array]:
+        """Return velocities in m/s, and gaps in m, never negative, at `tau`; nothing moves."""
+        g, velocity = self.run.gravity, np.array(column(self.bodies, "u"))
+        gap = gaps(self.pairs, velocity, tau)
+        if g > 0.0:
+            velocity -= column(self.bodies, "falls") * (g * tau)
+        return velocity, gap
+
+
+def gaps(pairs: Records, u: Array, tau: float) -> Array:
+    """Return the gaps in m, never negative, at `tau` between bodies of free-fall velocities `u`."""
+    pull, at = column(pairs, "pull"), column(pairs, "at")
+    rate, dt = np.diff(u) - pull * at, tau - at
+    gap: Array = column(pairs, "gap") + dt * (rate - 0.5 * pull * dt)
+    return gap.clip(0.0)
+
+
+CLOCK = [one.name for one in fields(State) if one.name not in ("run", "pairs", "bodies", "last_event")]
+"""Clock, scales and counters: numbers that are saved under their names."""
 
 
 def span(length: float, speed: float, g: float) -> float:
@@ -190,12 +217,3 @@ def span(length: float, speed: float, g: float) -> float:
     if g > 0.0:
         window = min(window, speed / g)
     return math.ldexp(1.0, math.frexp(window)[1])
-
-
-@kernel
-def largest_rate(bodies: Records) -> float:
-    """Return the largest relative velocity of neighbours (m/s)."""
-    largest = 0.0
-    for c in range(len(bodies) - 1):
-        largest = max(largest, abs(bodies[c + 1].u - bodies[c].u))
-    return largest

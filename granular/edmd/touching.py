@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from granular._flight import gap_after
-from granular.edmd.groups import Row
+from granular.edmd.groups import RULES, Row
 from granular.edmd.merge import release
 from granular.edmd.model import Model
-from granular.edmd.motion import NOISE, carry, velocity
+from granular.edmd.motion import NOISE, carry
 from granular.edmd.state import State
 
 
@@ -30,7 +30,8 @@ def _touches(c: int, now: float, s: State) -> bool:
 
 def velocities(first: int, last: int, now: float, s: State) -> Row:
     """Return the velocities (m/s) of the bodies of the group at time `now`."""
-    return [velocity(body, s.run.gravity, now) for body in s.bodies[first : last + 2]]
+    fallen = s.run.gravity * now
+    return [body.u - body.falls * fallen for body in s.bodies[first : last + 2]]
 
 
 def impulses(c: int, first: int, last: int, s: State, m: Model) -> Row:
@@ -48,8 +49,7 @@ def impulses(c: int, first: int, last: int, s: State, m: Model) -> Row:
     if bodies[0].mass == math.inf == bodies[-1].mass and (m.ties == "reflect" or bodies[-1].u < bodies[0].u):
         why = "walls that close on them leave no way out" if m.ties != "reflect" else "use ties='poisson'"
         raise ValueError(f"ties is {m.ties!r}: balls wedged between two walls have no such collision; {why}.")
-    assert m.solver is not None
-    return m.solver([1.0 / body.mass for body in bodies], rate, eps)
+    return RULES[m.ties]([1.0 / body.mass for body in bodies], rate, eps)
 
 
 def apply(first: int, last: int, p: Row, s: State) -> None:

@@ -10,31 +10,34 @@ from functools import partial
 
 import numpy as np
 
-from granular._kernels import compiled, kernel
-from granular._records import Record, Records
+from granular._kernels import compiled, kernel, worth
+from granular._records import Record, Records, packed
 from granular._tournament import leaf, replay, tournament
 from granular.edmd.event import ROW, SUSPICIOUS, event
 from granular.edmd.merge import rest
 from granular.edmd.model import Model
-from granular.edmd.motion import approaching, predicted, velocity
-from granular.edmd.sorted_queue import Halt, Rows
-from granular.edmd.state import APART, State
-from granular.edmd.ties import LEFT, PAIR, RANDOM, rank
+from granular.edmd.motion import approaching, predicted, velocities
+from granular.edmd.sorted_queue import Rows
+from granular.edmd.state import APART, BUDGET, LATER, SUSPECT, UNTIL, State
+from granular.edmd.ties import LEFT, PAIR, rank
 
-LATER, BUDGET, UNTIL, SUSPECT = range(4)
-PAUSES = {BUDGET: Halt.budget, UNTIL: Halt.until, SUSPECT: Halt.suspect}
+CHUNK = 65_536
+"""Events after which the loop hands control back."""
+LONG, VERY_LONG = 100_000, 1_000_000
+"""Work (in collisions) after which it pays to load the machine code, and to make it if it is not on the disk."""
 
 
 class TreeQueue:
     """Advance a `State` of records event by event, compiled. See `SortedQueue` for the parameters."""
 
     name = "compiled"
-    chunk = 65_536
+    chunk = CHUNK
     kernel = staticmethod(partial(compiled, inline=True))
-    rows = staticmethod(lambda n: np.zeros(n, ROW))
+    hold = staticmethod(packed)
+    rows = staticmethod(lambda n: np.zeros(min(n, CHUNK), ROW))
 
     def __init__(self, state: State, model: Model) -> None:
-        state.to_records()
+        state.keep(packed)
         self.state = state
         self.model = model
         self.suspect, self.rebound = -1, 0.0
@@ -47,8 +50,6 @@ class TreeQueue:
     def refresh(self, first: int, last: int) -> None:
         """Predict pairs `first` … `last` anew."""
         s = self.state
-        if s.run.order != LEFT:
-            self.kernel(label)(s.run, s.pairs, self.tree, first, last)
         self.kernel(refresh)(s.run, s.pairs, s.bodies, self.tree, first, last)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
@@ -58,11 +59,13 @@ class TreeQueue:
         due = self.tree["due"][len(self.tree) // 2 :]
         return min(float(part.min()) if len(part) else math.inf for part in (due[:first], due[last + 1 :]))
 
-    def advance(self, limit: float, budget: int, log: Rows | None) -> Halt:
-        """Let events up to and including time `limit` act, at most `budget` of them, appending them to `log`."""
+    def advance(self, edge: float, budget: int, log: Rows | None) -> int:
+        """Let events up to and including time `edge` act, at most `budget` of them, appending them to `log`.
+
+        Returns why it pauses.
+        """
         s, rows = self.state, None if log is None else self.rows(budget)
-        edge = min(limit, math.nextafter(s.window, 0.0))
-        pause, c, now, done, self.rebound = self.kernel(loop)(
+        pause, self.suspect, now, done, self.rebound = self.kernel(loop)(
             s.run, s.pairs, s.bodies, self.tree, edge, budget, rows, None
         )
         s.events += done
@@ -70,11 +73,12 @@ class TreeQueue:
             s.now = now
         if log is not None and rows is not None:
             log.append(rows[:done].copy())
-        self.suspect = c
-        if pause == LATER:
-            due = self.soonest()
-            return Halt.limit if due > limit or due == math.inf else Halt.window
-        return PAUSES[pause]
+        return pause  # type: ignore[no-any-return]
+
+
+def pays(work: int) -> bool:
+    """Return whether so much work, in collisions, is worth the machine code."""
+    return worth(loop, work, LONG, VERY_LONG, inline=True)
 
 
 @kernel
@@ -99,11 +103,8 @@ def loop(
         acted = now
         done += 1
         if fastest is not None:
-            g = run.gravity
-            speeds = abs(velocity(bodies[c], g, now)), abs(velocity(bodies[c + 1], g, now))
-            fastest[0] = max(fastest[0], speeds[0], speeds[1])
-        if run.order == RANDOM:
-            label(run, pairs, tree, c, c)
+            below, above = velocities(bodies[c], bodies[c + 1], run.gravity, now)
+            fastest[0] = max(fastest[0], abs(below), abs(above))
         refresh(run, pairs, bodies, tree, first, last)
         if run.stop_pair == APART:
             witness = approaching(pairs, bodies, witness, now)
@@ -114,13 +115,6 @@ def loop(
 
 
 @kernel
-def label(run: Record, pairs: Records, tree: Records, first: int, last: int) -> None:
-    """Give pairs `first` … `last` their ranks, for the next `refresh`."""
-    for c in range(first, last + 1):
-        leaf(tree, c).key = rank(c, run.order, run.seed, pairs[c].hits)
-
-
-@kernel
 def refresh(run: Record, pairs: Records, bodies: Records, tree: Records, first: int, last: int) -> None:
     """Predict pairs `first` … `last` anew and decide the matches above them again."""
     c = first
@@ -128,6 +122,8 @@ def refresh(run: Record, pairs: Records, bodies: Records, tree: Records, first: 
         pair = pairs[c]
         due = predicted(pair, bodies[c], bodies[c + 1])
         leaf(tree, c).due = due
+        if run.order != LEFT:  # else its number, as the tree has it
+            leaf(tree, c).key = rank(c, run.order, run.seed, pair.hits)
         if due == math.inf and pair.pull > 0.0:
             rest(run, pairs, bodies, c)
             last = max(last, min(c + 1, len(pairs) - 1))

@@ -17,7 +17,8 @@ from granular._kernels import kernel
 from granular._records import Record, Records
 from granular.edmd.merge import total
 from granular.edmd.model import Restitution
-from granular.edmd.motion import velocity
+from granular.edmd.motion import impulse, velocities
+from granular.edmd.state import BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL
 from granular.edmd.ties import GROUP, rank
 
 NEAR = np.dtype([("gap", float), ("rate", float)])
@@ -37,11 +38,7 @@ LOOK = np.dtype(
 )  # fmt: skip
 DIAL = ("elapsed", "events", "ordinary", "clamps", "faint")
 """What is saved of it as one array."""
-
-LIMIT, UNTIL, BUDGET, OUTSIDE, QUIET, RESTS, TINY, SPENT = range(8)
-"""Why a zoom returns. To go on when called again: the time or the number of events asked for is reached, or the contact
-to stop at is next. For good: something outside the slice comes next; no collapse; a ball has come to rest on a wall;
-rates below 2^-200 of the scale; no decision within the allowance."""
+GOES_ON = -1
 
 
 @kernel
@@ -50,43 +47,28 @@ def zoom(
     rows: Records | None,
 ) -> int:
     """Advance the slice; return how it ended."""
-    n, done, look.last = len(near), 0, 0
+    done, look.last = 0, 0
     while True:
         j, dt = soonest(run, look, near, pairs)
-        if dt == math.inf:
-            return QUIET
+        why = obstacle(run, look, near, pairs, j, dt, done)
+        if why != GOES_ON:
+            return why
         own, pair, lower, upper, c = near[j], pairs[j], bodies[j], bodies[j + 1], look.first + j
-        guard = (j == 0 and c > 0) or (j == n - 1 and c + 1 < run.pairs)
-        group = run.order == GROUP and touches(near, pairs, j, dt)
-        if guard or group or not look.elapsed + dt < look.room:
-            return OUTSIDE
-        if look.events >= look.allowance:
-            return SPENT
-        if look.elapsed + dt > look.limit:
-            return LIMIT
-        if c == run.stop_pair and pair.hits >= run.stop_hits:
-            look.elapsed += dt
-            return UNTIL
-        if done == look.budget:
-            return BUDGET
         w = rate_at_contact(own.gap, own.rate, pair.pull)
         e = pair.eps if rule is None else rule(c, -w)
         look.clamps += advance(near, pairs, dt)
         look.elapsed += dt
         look.events += 1
-        bounce(near, pair, j, w, e)
-        jump, tau = (1.0 + e) * w, look.began + look.elapsed
-        if rows is not None:
-            row = rows[done]
-            row.pair, row.t_begin, row.impulse = c, tau, -jump * pair.m_eff
-            row.lower_in, row.upper_in = velocity(lower, run.gravity, tau), velocity(upper, run.gravity, tau)
-        lower.u += pair.low * jump
-        upper.u -= pair.high * jump
-        if rows is not None:
-            row.lower_out, row.upper_out = velocity(lower, run.gravity, tau), velocity(upper, run.gravity, tau)
-        pair.hits += 1
-        done += 1
         look.last = j
+        if rows is not None:
+            row, tau = rows[done], look.began + look.elapsed
+            row.pair, row.t_begin = c, tau
+            row.lower_in, row.upper_in = velocities(lower, upper, run.gravity, tau)
+        bounce(near, pairs, bodies, j, w, e)
+        if rows is not None:
+            row.lower_out, row.upper_out = velocities(lower, upper, run.gravity, tau)
+            row.impulse = impulse(lower, upper, (1.0 + e) * w)
+        done += 1
         wait = rest_time(near, pairs, j, e) if rule is None else math.inf
         if look.elapsed + wait < min(look.room, look.limit):
             settle(near, pairs, bodies, j, wait)
@@ -97,8 +79,28 @@ def zoom(
         if e < 1.0 and -w < math.ldexp(run.slow, -184):
             return TINY
         look.ordinary = look.ordinary + 1 if -w >= run.slow and dt >= run.short else 0
-        if look.ordinary >= 4 * n:
+        if look.ordinary >= 4 * len(near):
             return QUIET
+
+
+@kernel
+def obstacle(run: Record, look: Record, near: Records, pairs: Records, j: int, dt: float, done: int) -> int:
+    """Return why the slice may not go on to the collision of pair `j` after `dt` and `done` others, or `GOES_ON`."""
+    if dt == math.inf:
+        return QUIET
+    n, c = len(near), look.first + j
+    guard = (j == 0 and c > 0) or (j == n - 1 and c + 1 < run.pairs)
+    group = run.order == GROUP and touches(near, pairs, j, dt)
+    if guard or group or not look.elapsed + dt < look.room:
+        return OUTSIDE
+    if look.events >= look.allowance:
+        return SPENT
+    if look.elapsed + dt > look.limit:
+        return LATER
+    if c == run.stop_pair and pairs[j].hits >= run.stop_hits:
+        look.elapsed += dt
+        return UNTIL
+    return BUDGET if done == look.budget else GOES_ON
 
 
 @kernel
@@ -150,15 +152,18 @@ def advance(near: Records, pairs: Records, dt: float) -> int:
 
 
 @kernel
-def bounce(near: Records, pair: Record, j: int, w: float, e: float) -> None:
+def bounce(near: Records, pairs: Records, bodies: Records, j: int, w: float, e: float) -> None:
     """Let pair `j` of the slice collide at rate `w`: its rate becomes exactly -ε w."""
-    jump = (1.0 + e) * w
+    pair, jump = pairs[j], (1.0 + e) * w
     near[j].gap = 0.0
     near[j].rate = -e * w
     if j > 0:
         near[j - 1].rate += pair.low * jump
     if j + 1 < len(near):
         near[j + 1].rate += pair.high * jump
+    bodies[j].u += pair.low * jump
+    bodies[j + 1].u -= pair.high * jump
+    pair.hits += 1
 
 
 @kernel

@@ -13,6 +13,7 @@ from granular.laws.contact_law import PairLaw, instance, resolve
 from granular.scene import Pair, Pairs, Scene
 
 Ints = np.ndarray[tuple[int], np.dtype[np.int64]]
+Kinds = np.ndarray[tuple[int], np.dtype[np.int32]]
 
 
 class SceneLaws:
@@ -28,7 +29,7 @@ class SceneLaws:
         The different ones, each in the first pair of its kind.
     """
 
-    def __init__(self, given: tuple[Any, ...], pairs: Pairs, kind: Ints, each: list[PairLaw]) -> None:
+    def __init__(self, given: tuple[Any, ...], pairs: Pairs, kind: Kinds, each: list[PairLaw]) -> None:
         self.given, self.kind, self.each, self._pairs = given, kind, each, pairs
 
     def __len__(self) -> int:
@@ -60,23 +61,23 @@ def resolved(laws: Sequence[Any] | SceneLaws, scene: Scene) -> SceneLaws:
     return SceneLaws(given, pairs, kind, each)
 
 
-def alike(*columns: Array | Ints) -> tuple[Ints, Ints]:
+def alike(*columns: Array | Ints | Kinds) -> tuple[Kinds, Ints]:
     """Number the different rows of some columns, in the order in which they come; return also where each is first."""
     if all((column == column[0]).all() for column in columns):
-        return np.zeros(len(columns[0]), np.int64), np.zeros(1, np.int64)
+        return np.zeros(len(columns[0]), np.int32), np.zeros(1, np.int64)
     first: dict[Any, int] = {}
     rows = zip(*(column.tolist() for column in columns), strict=True)
     like = [first.setdefault(row, c) for c, row in enumerate(rows)]
     where = np.fromiter(first.values(), np.int64, len(first))
-    return np.searchsorted(where, like), where
+    return np.searchsorted(where, like).astype(np.int32), where
 
 
-def _numbers(laws: tuple[Any, ...]) -> Ints:
+def _numbers(laws: tuple[Any, ...]) -> Kinds:
     """Number the different laws: those that are frozen are the same if all that they hold is."""
     kind, first = alike(np.fromiter(map(id, laws), np.int64, len(laws)))
     known: dict[Any, int] = {}
     number = [known.setdefault(_identity(instance(f"law of pair {c}", laws[c])), len(known)) for c in first.tolist()]
-    return np.array(number)[kind]
+    return np.array(number, np.int32)[kind]
 
 
 def _identity(law: Any) -> Any:
@@ -112,16 +113,16 @@ class _Numbered(Pair):
 
 
 def _whatever_number(law: Any, pair: Pair) -> PairLaw | None:
-    """What a law is in all pairs that are alike but for their number; None if it asks for that number."""
-    witness = _Numbered.like(pair)
+    """What a law is in all pairs that are alike except for their number; None if it asks for that number."""
+    probe = _Numbered.like(pair)
     xi = 1e-3 * pair.r_eff if 0.0 < pair.r_eff < math.inf else 1e-3
     try:
-        found = resolve(law, witness)
+        found = resolve(law, probe)
         if found.form is None:
             found.force(xi, 0.0, xi)
     except Exception:  # what is wrong with it is said where it is asked in earnest
         return None
-    return None if witness.asked else _in_pair(found, pair)
+    return None if probe.asked else _in_pair(found, pair)
 
 
 def _in_pair(law: PairLaw, pair: Pair) -> PairLaw:

@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Mapping
 from functools import cache
+from html import escape
 from importlib.resources import files
 from typing import Any
 
@@ -33,14 +34,14 @@ def page(parts: tuple[str, str], title: str, start: str = "", data: Mapping[str,
     """
     body, main = parts
     slots = {
-        "title": escaped(title),
-        "version": _version(),
+        "title": escape(title),
+        "version": _files.version_of("granular") or "",
         "style": shipped("shell/page.css"),
         "body": shipped(body).replace("{{transport}}", shipped("shell/transport.html")),
         "data": "" if data is None else f'<script type="application/json" id="data">{embedded(data)}</script>',
         "script": bundle(main),
     }
-    html = shipped("shell/shell.html").replace("<body>", f'<body data-start="{escaped(start)}">')
+    html = shipped("shell/shell.html").replace("<body>", f'<body data-start="{escape(start)}">')
     slots["body"] = slots["body"].replace("{{version}}", slots["version"])
     return re.sub(r"\{\{(\w+)\}\}", lambda slot: slots[slot[1]], html)
 
@@ -92,12 +93,3 @@ def embedded(data: Mapping[str, Any]) -> str:
     return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
 
 
-def escaped(text: str) -> str:
-    """Return `text` as it may stand in an attribute or an element."""
-    from html import escape
-
-    return escape(text)
-
-
-def _version() -> str:
-    return str(_files.provenance()["versions"]["granular"] or "")

@@ -87,8 +87,7 @@ def contacts(run: Trajectory, kept: np.ndarray[Any, np.dtype[np.int64]]) -> dict
     """Return the log of the contacts kept, column by column; a contact still open ends with the run."""
     log = run.contacts[kept]
     end = np.where(np.isnan(log["t_end"]), run.time[-1], log["t_end"])
-    before = log["v_in"][:, 1] - log["v_in"][:, 0]
-    after = log["v_out"][:, 1] - log["v_out"][:, 0]
+    before, after = (log[name][:, 1] - log[name][:, 0] for name in ("v_in", "v_out"))
     return {
         "pair": packed(log["pair"]),
         "begin": packed(log["t_begin"], np.float64),

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import urlencode
 
 from granular import _check, _files
-from granular.page import assemble
-
-if TYPE_CHECKING:
-    from granular.trajectory import Trajectory
+from granular.page import assemble, recording
+from granular.trajectory import Trajectory
 
 SCENES = ("three-balls", "ball-stack", "newtons-cradle")
 """Scenes the page can run itself."""
@@ -51,8 +49,6 @@ def player_page(path: str | PathLike[str], runs: Sequence[Trajectory], names: Se
     ValueError
         If there are no runs or more than two, or two of different balls.
     """
-    from granular.page import recording
-
     if not 1 <= len(runs) <= 2:
         raise ValueError(f"runs are {len(runs)}: one or two trajectories are needed.")
     if other := recording.different_balls(runs[0].scene, runs[-1].scene):

@@ -39,9 +39,7 @@ def draw(data: Any) -> Any:
     axis = axes[1, 1]
     image = axis.pcolormesh(gas["gas_duration"], gas["gas_packing"], np.maximum(gas.values, 1e-6), shading="nearest",
                             norm=LogNorm(1e-3, 1.0), cmap="cividis", rasterized=True)
-    axis.set_xscale("log")
-    axis.set_xlabel("$t_c$ (s), at thermal speed 1 m/s and 1 ball/m")
-    axis.set_ylabel("packing")
+    axis.set(xscale="log", xlabel="$t_c$ (s), at thermal speed 1 m/s and 1 ball/m", ylabel="packing")
     figure.colorbar(image, ax=axis, label=r"impulse not binary, $\varphi$", extend="min")
     for axis, tag in zip(axes.flat, "abcd", strict=True):
         letter(axis, f"({tag})", x=0.93, color="white" if tag == "d" else "black")
@@ -60,8 +58,6 @@ def _curves(axis: Any, data: Any, scene: str, parameter: str, measure: str, titl
         axis.plot(array[f"{scene}_gap"], row, color=shade, label=f"{value:g}", marker=".", ms=2.5, lw=0.7)
     axis.set_xscale("log")
     if measure == "error":
-        axis.set_yscale("log")
-        axis.set_ylim(1e-4, 30.0)
-    axis.set_xlabel("gap  (m)")
-    axis.set_ylabel(label)
+        axis.set(yscale="log", ylim=(1e-4, 30.0))
+    axis.set(xlabel="gap  (m)", ylabel=label)
     axis.legend(title=title, title_fontsize=7, fontsize=6.5, ncols=2, loc="best")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from granular._optional import optional
-from granular.plot import HARD, SOFT
+from granular.comparison.figure import HARD, SOFT
 
 COLUMN, PAGE = 3.4, 7.0
 """Widths in inches."""

@@ -34,20 +34,17 @@ def draw(data: dict[str, Any]) -> Any:
     """Two panels over one clock."""
     figure, axes = canvas(COLUMN, 3.2, 2, 1, sharex=True)
     clock = data["time_s"] * 1e3
-    for axis, name, unit, label, pair in zip(axes[:, 0], ("F01_N", "F12_N"), (1e3, 1.0),
-                                             ("$F_{01}$  (kN)", "$F_{12}$  (N)"), ("01", "12"), strict=True):
+    panels = (("F01_N", 1e3, "$F_{01}$  (kN)", "01", "(a)"), ("F12_N", 1.0, "$F_{12}$  (N)", "12", "(b)"))
+    for axis, (name, unit, label, pair, tag) in zip(axes[:, 0], panels, strict=True):
         for begin, end in data["contacts12_s"]:
             axis.axvspan(begin * 1e3, end * 1e3, color=SOFT, alpha=0.12, lw=0)
         axis.plot(clock, data[name] / unit, color=SOFT)
         for t in data["hard_s"][pair]:
             axis.axvline(t * 1e3, color=HARD, lw=0.9, ls="--")
-        axis.set_ylim(0.0, 1.12 * data[name].max() / unit)
-        axis.set_ylabel(label)
-    letter(axes[0, 0], "(a)", x=0.94)
-    letter(axes[1, 0], "(b)", x=0.94)
+        axis.set(ylim=(0.0, 1.12 * data[name].max() / unit), ylabel=label)
+        letter(axis, tag, x=0.94)
     axes[1, 0].plot([], [], color=HARD, ls="--", lw=0.9, label="hard spheres collide")
     axes[1, 0].legend(loc="upper right", bbox_to_anchor=(0.93, 1.0))
-    axes[1, 0].set_xlim(clock[0], clock[-1])
-    axes[1, 0].set_xlabel("$t-t_{10}$  (ms)")
+    axes[1, 0].set(xlim=(clock[0], clock[-1]), xlabel="$t-t_{10}$  (ms)")
     figure.align_ylabels(axes)
     return figure

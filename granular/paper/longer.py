@@ -6,11 +6,11 @@ import math
 
 from granular import cases, scenes, until
 from granular.cases import Case
-from granular.laws import LinearDashpot, PowerLaw
+from granular.laws import PowerLaw
+from granular.paper import setting
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 
-STIFFNESS = 5e7
 ERROR = r"error  $\max(|\Delta u_i|,\,|\Delta v_c'|)\,/\,v_1$"
 """Label of `granular.Comparison.error`: largest difference of a leaving velocity u or a separation speed v′."""
 
@@ -39,8 +39,8 @@ def gas(packing: float = 0.1, duration: float = 0.01, restitution: float = 0.9) 
     scene = scenes.gas(20, length=20.0, packing=packing)
     flight = (1.0 - packing) * 20.0 / 21.0
     stiffness = 0.5 * (math.pi / duration) ** 2
-    laws = tuple(LinearDashpot.from_restitution(restitution, k=stiffness, pair=pair) for pair in scene.pairs)
-    return Case(scene, laws, ConstantRestitution(restitution), None, 10.0 * flight)
+    laws = setting.dashpots(scene, restitution, stiffness)
+    return Case(scene, tuple(laws), ConstantRestitution(restitution), None, 10.0 * flight)
 
 
 def drop(gap: float = 1e-4, restitution: float = 0.7, ratio: float = 10.0) -> Case:
@@ -49,5 +49,5 @@ def drop(gap: float = 1e-4, restitution: float = 0.7, ratio: float = 10.0) -> Ca
 
 
 def _case(scene: Scene, restitution: float) -> Case:
-    laws = tuple(LinearDashpot.from_restitution(restitution, k=STIFFNESS, pair=pair) for pair in scene.pairs)
-    return Case(scene, laws, ConstantRestitution(restitution), until.separated(), 100.0)
+    laws = setting.dashpots(scene, restitution)
+    return Case(scene, tuple(laws), ConstantRestitution(restitution), until.separated(), 100.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from itertools import product
 from typing import Any
 
@@ -44,7 +44,8 @@ def compute(points: int) -> dict[str, Any]:
         data = sweep(make, over, MEASURES)
         columns = {name: data[name].values.ravel() for name in MEASURES}
         columns["mass_centre"] = np.abs(1.0 - columns.pop("mass_centre_ratio"))
-        columns["restitution"] = np.array([_restitution_off(make, values) for values in _cells(over)])
+        columns["restitution"] = np.array([_restitution_off(make(**dict(zip(over, values, strict=True))))
+                                           for values in product(*over.values())])
         found[kind] = columns
     return {"scenes": found, "rank_correlation": {name: _correlation(found, name) for name in CANDIDATES}}
 
@@ -57,24 +58,16 @@ def draw(data: dict[str, Any]) -> Any:
         for kind, columns in data["scenes"].items():
             x, y = (np.maximum(np.asarray(columns[key], float), FLOOR) for key in (name, "error"))
             axis.plot(x, y, MARKS[kind], ms=2.8, mew=0.6, mfc="none", label=kind)
-        axis.set_xscale("log")
-        axis.set_yscale("log")
-        axis.set_xlabel(title)
+        axis.set(xscale="log", yscale="log", xlabel=title, ylim=(0.5 * FLOOR, 30.0))
         letter(axis, f"({'abcdef'[k]})  rank correlation {data['rank_correlation'][name]:.2f}")
-        axis.set_ylim(0.5 * FLOOR, 30.0)
     for axis in axes[:, 0]:
         axis.set_ylabel(longer.ERROR)
     figure.legend(*axes.flat[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=8)
     return figure
 
 
-def _cells(over: Mapping[str, Sequence[float]]) -> list[dict[str, float]]:
-    return [dict(zip(over, values, strict=True)) for values in product(*over.values())]
-
-
-def _restitution_off(make: Callable[..., Case], values: Mapping[str, float]) -> float:
+def _restitution_off(case: Case) -> float:
     """|1 - ε_eff/ε|: how far ε must be changed for hard spheres to part as the soft do; 1 where none does it."""
-    case = make(**values)
     report = compare(case.scene, case.law, case.rule, until=case.until, t_end=case.t_end)
     if math.isnan(report.pairs[-1].soft_v_rel):
         return math.nan

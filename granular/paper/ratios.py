@@ -38,19 +38,14 @@ def draw_gap(data: dict[str, Any]) -> Any:
         axis.set_ylabel(RATIO)
         letter(axis, tag)
     top.set_ylim(-0.03, 1.2)
-    middle.set_yscale("log")
-    middle.set_ylim(5e-4, 2.0)
+    middle.set(yscale="log", ylim=(5e-4, 2.0))
     _steps(low, gap, data["contacts"])
     letter(low, "(c)")
-    low.set_xscale("log")
-    low.set_xlim(gap[0], gap[-1])
-    low.set_xlabel(r"$\Delta h$  (m)")
+    low.set(xscale="log", xlim=(gap[0], gap[-1]), xlabel=r"$\Delta h$  (m)")
     inset = top.inset_axes((0.16, 0.42, 0.34, 0.46))
     inset.plot(gap, ratio, color=SOFT)
     inset.axhline(ratio[-1], color=GREY, lw=0.5, ls="--")
-    inset.set_xscale("log")
-    inset.set_xlim(2e-3, 1e-1)
-    inset.set_ylim(0.9985, 1.0015)
+    inset.set(xscale="log", xlim=(2e-3, 1e-1), ylim=(0.9985, 1.0015))
     inset.set_yticks([0.999, 1.0, ratio[-1]], ["0.999", "1", f"{ratio[-1]:.6f}"])
     inset.tick_params(labelsize=6)
     figure.align_ylabels(axes)
@@ -64,8 +59,7 @@ def draw_radii(data: dict[str, Any]) -> Any:
     ratio, value = data["ratio"], data["eps_ratio"]
     top.axhline(1.0, color=GREY, lw=0.5, ls="--")
     top.plot(ratio, value, color=SOFT)
-    top.set_ylabel(RATIO)
-    top.set_ylim(-0.03, 1.12)
+    top.set(ylabel=RATIO, ylim=(-0.03, 1.12))
     letter(top, "(a)", x=0.94)
     inset = top.inset_axes((0.42, 0.34, 0.48, 0.56))
     inset.plot(ratio, value, color=SOFT)
@@ -74,23 +68,19 @@ def draw_radii(data: dict[str, Any]) -> Any:
     inset.plot(ratio[peak], value[peak], ".", color=SOFT, ms=4)
     inset.annotate(f"{value[peak]:.5f} at {ratio[peak]:.3f}", (ratio[peak], value[peak]), (0.44, 0.14),
                    textcoords="axes fraction", ha="center", fontsize=6.5)
-    inset.set_xlim(1.0, 1.6)
-    inset.set_ylim(0.9965, 1.0032)
+    inset.set(xlim=(1.0, 1.6), ylim=(0.9965, 1.0032))
     inset.tick_params(labelsize=6)
     _steps(low, ratio, data["contacts"])
     letter(low, "(b)")
-    low.set_xlim(ratio[0], ratio[-1])
-    low.set_xticks([1, 5, 10, 15, 20])
-    low.set_xlabel("$R_1/R_2$")
+    low.set(xlim=(ratio[0], ratio[-1]), xticks=[1, 5, 10, 15, 20], xlabel="$R_1/R_2$")
     figure.align_ylabels(axes)
     return figure
 
 
 def _steps(axis: Any, x: Any, contacts: Any) -> None:
     axis.step(x, contacts, where="mid", color=SOFT)
-    axis.set_ylabel("contacts")
-    axis.set_ylim(0.0, max(contacts) + 1.5)
-    axis.set_yticks(range(0, max(contacts) + 2, 2 if max(contacts) < 10 else 4))
+    axis.set(ylabel="contacts", ylim=(0.0, max(contacts) + 1.5),
+             yticks=range(0, max(contacts) + 2, 2 if max(contacts) < 10 else 4))
 
 
 def _of(data: Any) -> dict[str, Any]:

@@ -72,8 +72,7 @@ def draw(data: dict[str, Any]) -> Any:
             for line in (begin, end):
                 axis.plot(stretch["parameter"], line * 1e3, color=HARD, lw=0.6, ls=(0, (4, 2)))
     axis.plot([], [], color=HARD, lw=0.6, ls=(0, (4, 2)), label="adiabatic theory")
-    axis.set_xlabel(r"$\varepsilon$")
-    axis.set_ylim(0.0, 1.2)
+    axis.set(xlabel=r"$\varepsilon$", ylim=(0.0, 1.2))
     legend(axis)
     return figure
 
@@ -89,8 +88,7 @@ def bands(axis: Any, stretches: Sequence[dict[str, Any]]) -> None:
         axis.plot(x, stretch["floor_end"] * 1e3, color=FLOOR, lw=1.4)
     axis.fill_between([], [], facecolor=SOFT, alpha=0.3, edgecolor=SOFT, label="contacts 1–2")
     axis.plot([], [], color=FLOOR, lw=1.4, label="end of contact 0–1")
-    axis.set_xlim(stretches[0]["parameter"][0], stretches[-1]["parameter"][-1])
-    axis.set_ylabel("$t-t_{10}$  (ms)")
+    axis.set(xlim=(stretches[0]["parameter"][0], stretches[-1]["parameter"][-1]), ylabel="$t-t_{10}$  (ms)")
 
 
 def legend(axis: Any) -> None:

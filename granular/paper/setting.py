@@ -28,9 +28,9 @@ def drop(**parameters: Any) -> Scene:
     return scenes.three_balls(**parameters)
 
 
-def dashpots(scene: Scene, restitution: float) -> list[LinearDashpot]:
+def dashpots(scene: Scene, restitution: float, stiffness: float = STIFFNESS) -> list[LinearDashpot]:
     """Linear dashpots of one ε in all contacts."""
-    return [LinearDashpot.from_restitution(restitution, k=STIFFNESS, pair=pair) for pair in scene.pairs]
+    return [LinearDashpot.from_restitution(restitution, k=stiffness, pair=pair) for pair in scene.pairs]
 
 
 def first_touch(scene: Scene) -> float:

@@ -37,9 +37,7 @@ def draw(data: dict[str, Any]) -> Any:
         axis.plot(ends, [z, z], color=GREY, lw=0.5, ls=(0, (4, 3)))
     _arrow(axis, (-1.6, 2.6), (-1.6, 1.9))
     axis.text(-1.5, 2.2, "$g$", ha="left", va="center")
-    axis.set_xlim(-2.05, 2.25)
-    axis.set_ylim(-0.3, z2 + r2 + 0.1)
-    axis.set_aspect("equal")
+    axis.set(xlim=(-2.05, 2.25), ylim=(-0.3, z2 + r2 + 0.1), aspect="equal")
     axis.set_axis_off()
     return figure
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -52,23 +53,17 @@ def with_constant(a: float) -> list[ViscoelasticHertz]:
     return [ViscoelasticHertz(k, 1.5 * a * k) for k in stiffness]
 
 
-def draw_restitution(data: dict[str, Any]) -> Any:
-    """Time over ε."""
-    return _draw(data, r"$\varepsilon$ at 3 m/s of both contacts", 1.0)
-
-
-def draw_constant(data: dict[str, Any]) -> Any:
-    """Time over A."""
-    return _draw(data, r"$A$  ($\mu$s)", 1e6)
-
-
-def _draw(data: dict[str, Any], label: str, unit: float) -> Any:
+def draw(data: dict[str, Any], label: str, unit: float) -> Any:
+    """Time over a parameter in a unit."""
     figure, ((axis,),) = canvas(COLUMN, 2.9)
     bands(axis, [stretch | {"parameter": stretch["parameter"] * unit} for stretch in data["numerical"]])
-    axis.set_xlabel(label)
-    axis.set_ylim(0.0, 10.0)
+    axis.set(xlabel=label, ylim=(0.0, 10.0))
     legend(axis)
     return figure
+
+
+draw_restitution = partial(draw, label=r"$\varepsilon$ at 3 m/s of both contacts", unit=1.0)
+draw_constant = partial(draw, label=r"$A$  ($\mu$s)", unit=1e6)
 
 
 def _row(law: list[ViscoelasticHertz]) -> Row:

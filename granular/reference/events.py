@@ -7,8 +7,7 @@ from typing import Any
 
 from granular import until as stop
 from granular.drive import Pause
-from granular.reference.log import Logbook, Reference, follow
-from granular.reference.modes import ACTIVE, DORMANT, OPEN, RESIDUAL, roused
+from granular.reference.log import ACTIVE, DORMANT, OPEN, RESIDUAL, Logbook, Reference, roused, run_to_end
 from granular.reference.motion import Clock, Motion, Piece
 from granular.reference.series import Number, Power, first_rise, first_rise_of_parabola
 
@@ -24,7 +23,7 @@ def solve(scene: Any, forms: Sequence[Any], until: stop.Until | None, t_end: flo
     mp = MPContext()
     mp.dps = digits + GUARD
     run = Run(mp, scene, forms, until, t_end, digits)
-    return follow(run, f"Taylor series of order {run.motion.order}, {digits} digits")
+    return run_to_end(run, f"Taylor series of order {run.motion.order}, {digits} digits")
 
 
 class Run:
@@ -49,7 +48,7 @@ class Run:
                     return Pause.until
             elif a.xi == 0 and self.motion.rate(c) == 0:
                 a.mode = DORMANT
-        self.motion.hurry()
+        self.motion.remember_speed()
         return Pause.full
 
     def to(self, time: Number) -> Pause:
@@ -58,7 +57,7 @@ class Run:
             raise ValueError(f"t_end is missing: after {MOST_STEPS} steps the scene is at t = {float(self.t):.6g} s.")
         self.steps += 1
         motion = self.motion
-        self.note_rest()
+        self.remember_rest()
         clock = motion.clock()
         piece = motion.expand(clock)
         reach, event = piece.reach, None
@@ -76,7 +75,7 @@ class Run:
             return Pause.full
         act, c = event
         done = act(c)
-        motion.hurry()
+        motion.remember_speed()
         rates = [motion.rate(b) for b in range(len(motion.touches))]
         closed = any(a.mode in (ACTIVE, RESIDUAL) for a in motion.touches)
         return Pause.until if done or self.log.separated(rates, closed) else Pause.full
@@ -106,7 +105,7 @@ class Run:
             return [parting]
         return [parting] if a.mode == ACTIVE else [(self.begin, piece.phi[c]), parting]
 
-    def note_rest(self) -> None:
+    def remember_rest(self) -> None:
         """Remember when pairs that touch at rest were reached by a force: there their contacts begin."""
         touches = self.motion.touches
         moved = roused([a.mode for a in touches], self.motion.pull)
@@ -129,14 +128,13 @@ class Run:
         a.mode = ACTIVE
         return False
 
-    def release(self, c: int) -> bool:
+    def release(self, c: int) -> None:
         """A damped force falls to zero while there is still overlap."""
         a = self.motion.touches[c]
         a.mode, a.exact = RESIDUAL, True
         self.end(c)
-        return False
 
-    def part(self, c: int) -> bool:
+    def part(self, c: int) -> None:
         """The overlap falls to zero; an elastic force ends with it."""
         a = self.motion.touches[c]
         if a.mode == ACTIVE:
@@ -144,7 +142,6 @@ class Run:
         if a.mode != DORMANT:
             a.xi = self.mp.zero
         a.mode = OPEN
-        return False
 
     def end(self, c: int) -> None:
         """Write the end of a contact into the log."""

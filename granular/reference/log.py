@@ -10,6 +10,9 @@ from typing import Any
 from granular import until as stop
 from granular.drive import Pause
 
+OPEN, ACTIVE, RESIDUAL, DORMANT = "open", "active", "residual", "dormant"
+"""No overlap · a force acts · overlap, but the force is clipped to zero · touching at rest."""
+
 
 @dataclass(frozen=True, slots=True)
 class ReferenceContact:
@@ -22,14 +25,14 @@ class ReferenceContact:
     t_begin, t_end : number
         In s; `t_end` is None while the contact lasts.
     v_in, v_out : pair of numbers
-        Velocities of the lower and the upper body in m/s at begin and end; `v_out` is None while the contact lasts.
+        Velocities of the lower and the upper body in m/s at its onset and end; `v_out` is None while the contact lasts.
     """
 
     pair: int
     t_begin: Any
     v_in: tuple[Any, Any]
     t_end: Any = None
-    v_out: tuple[Any, Any] | None = None
+    v_out: Any = None
 
 
 @dataclass(frozen=True)
@@ -108,7 +111,17 @@ class Logbook:
         return tuple(sorted(self.rows, key=lambda row: (row.t_begin, row.pair)))
 
 
-def follow(run: Any, solver: str) -> Reference:
+def roused(modes: Sequence[str], pull: Sequence[Any]) -> list[bool]:
+    """Whether each pair is reached by a force through neighbours that touch, or pressed together by gravity."""
+    reached = [mode == ACTIVE or (mode == DORMANT and g > 0) for mode, g in zip(modes, pull, strict=True)]
+    for order in (range(1, len(modes)), range(len(modes) - 2, -1, -1)):
+        for c in order:
+            beside = c - 1 if order.step > 0 else c + 1
+            reached[c] = reached[c] or (modes[c] != OPEN and reached[beside])
+    return reached
+
+
+def run_to_end(run: Any, solver: str) -> Reference:
     """Take a run from event to event to its end."""
     pause = run.launch()
     while pause is Pause.full:

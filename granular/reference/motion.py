@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
-from granular.reference.modes import ACTIVE, OPEN, RESIDUAL
+from granular.reference.log import ACTIVE, OPEN, RESIDUAL
 from granular.reference.series import Number, Power, product_term, value
 
 TERMS = 3
@@ -69,7 +69,7 @@ class Clock:
 
 @dataclass
 class Piece:
-    """The series of a step: overlaps, velocities, time, brackets φ, and up to which x they hold (None: for ever)."""
+    """The series of a step: overlaps, velocities, time, brackets φ, and up to which x they hold (None: forever)."""
 
     x: list[list[Number]]
     v: list[list[Number]]
@@ -79,7 +79,7 @@ class Piece:
 
 
 class Motion:
-    """The bodies under their forces: expands the present state into a `Piece` and moves along it."""
+    """The bodies under their forces: expands the current state into a `Piece` and moves along it."""
 
     def __init__(self, mp: Any, scene: Any, forms: Sequence[Any], order: int, tol: Number) -> None:
         self.mp, self.tol = mp, tol
@@ -95,7 +95,7 @@ class Motion:
         self.order = max(order, TERMS * self.window)
         self.speed = mp.zero
         self.past, self.root, self.last = mp.inf, 1, mp.zero
-        """Time since the last singular begin, its q, and the duration of the last step."""
+        """Time since the last singular onset, its q, and the duration of the last step."""
 
     @property
     def free(self) -> bool:
@@ -126,7 +126,7 @@ class Motion:
         return self.mp.mpf(ratio.numerator) / ratio.denominator
 
     def clock(self) -> Clock:
-        """The clock that suits the present state."""
+        """The clock that suits the current state."""
         mp = self.mp
         if self.free:
             return Clock([mp.one])
@@ -145,7 +145,7 @@ class Motion:
         return Clock([mp.one])
 
     def expand(self, clock: Clock) -> Piece:
-        """The series of the present state under a clock."""
+        """The series of the current state under a clock."""
         mp, touches = self.mp, self.touches
         x, v = [[a.xi] for a in touches], [[b] for b in self.v]
         if clock.pair >= 0:
@@ -209,8 +209,8 @@ class Motion:
         self.past += self.last
         return self.last
 
-    def hurry(self) -> None:
-        """Note the largest speed so far, that of stored energy included: the scale of all tolerances."""
+    def remember_speed(self) -> None:
+        """Keep the largest speed so far, that of stored energy included: the scale of all tolerances."""
         mp = self.mp
         for c, a in enumerate(self.touches):
             w, stored, p = self.w[c] + self.w[c + 1], mp.zero, self.number(a.p)

@@ -29,8 +29,8 @@ class Newton:
         Pairs in contact: their force is not clipped, so that an event is seen as a change of its sign.
     clipped : list of bool
         Pairs whose force is known to be zero.
-    top : list of float
-        Largest overlap in m of the present contact, for laws with memory.
+    deepest : list of float
+        Largest overlap in m of the current contact, for laws with memory.
     """
 
     def __init__(self, scene: Scene, laws: SceneLaws, most: int = 2_000_000) -> None:
@@ -39,11 +39,11 @@ class Newton:
         self.w: list[float] = scene.inverse_mass.tolist()
         self.pull: list[float] = scene.pull.tolist()
         self.smooth, self.clipped = [False] * self.pairs, [False] * self.pairs
-        self.top = np.maximum(-scene.gap, 0.0).tolist()
+        self.deepest = np.maximum(-scene.gap, 0.0).tolist()
         self.evaluations, self.most = 0, most
 
     def start(self) -> Array:
-        """The state at the begin: overlaps in m (negative: gaps), rates in m/s."""
+        """The state at the start: overlaps in m (negative: gaps), rates in m/s."""
         return np.concatenate([-self.scene.gap, -self.scene.across(self.scene.velocity)])
 
     def scales(self) -> Array:
@@ -55,7 +55,7 @@ class Newton:
     def bracket(self, c: int, xi: float, eta: float) -> float:
         """Force of pair c in N before it is clipped."""
         xi = max(xi, 0.0)
-        return self.each[c].force(xi, eta, max(self.top[c], xi))
+        return self.each[c].force(xi, eta, max(self.deepest[c], xi))
 
     def force(self, c: int, xi: float, eta: float) -> float:
         """Force of pair c in N, clipped unless the pair is known to be in contact."""

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from granular import until as stop
 from granular._check import Array
 from granular.drive import Pause
 from granular.laws.kinds import SceneLaws
-from granular.reference.log import Logbook, Reference, follow
-from granular.reference.modes import ACTIVE, DORMANT, OPEN, RESIDUAL, roused
+from granular.reference.log import ACTIVE, DORMANT, OPEN, RESIDUAL, Logbook, Reference, roused, run_to_end
 from granular.reference.newton import Newton, TooMuchWork
 from granular.reference.series import first_rise_of_parabola
 from granular.scene import Scene
@@ -37,7 +37,7 @@ def solve(
         After `most` evaluations.
     """  # fmt: skip
     run = Run(scene, laws, until, math.inf if t_end is None else t_end, method, rtol, most)
-    return follow(run, f"{method}, restarted at events, rtol {rtol:g}"), run.newton.evaluations
+    return run_to_end(run, f"{method}, restarted at events, rtol {rtol:g}"), run.newton.evaluations
 
 
 class Run:
@@ -50,9 +50,7 @@ class Run:
         self.y, self.scales, self.n = self.newton.start(), self.newton.scales(), scene.n_pairs
         self.options = {"method": method, "rtol": rtol, "atol": rtol * self.scales}
         self.mode = [OPEN] * self.n
-        self.memory = [law.memory for law in laws]
         self.loading = [True] * self.n
-        self.elastic = [not law.rate_dependent and not law.memory for law in laws]
         self.since: dict[int, tuple[float, tuple[float, float]]] = {}
         """When a force reached dormant pairs, and the velocities then: where their contacts begin."""
 
@@ -132,18 +130,19 @@ class Run:
             return [(lambda t, y: y[c] - line, 1, "begin"), (lambda t, y: y[c] + line, -1, "part")]
         if self.mode[c] == RESIDUAL:
             return [(push, 1, "begin"), (overlap, -1, "part")]
-        end = (overlap, -1, "part") if self.elastic[c] else (push, -1, "release")
-        if not self.memory[c]:
-            return [end]
-        top = self.newton.top[c]
-        return [end, (lambda t, y: y[n + c], -1, "turn") if self.loading[c] else (lambda t, y: y[c] - top, 1, "turn")]
+        law = self.newton.each[c]
+        if not law.memory:
+            return [(push, -1, "release") if law.rate_dependent else (overlap, -1, "part")]
+        deepest = self.newton.deepest[c]
+        turn = (lambda t, y: y[n + c], -1, "turn") if self.loading[c] else (lambda t, y: y[c] - deepest, 1, "turn")
+        return [(push, -1, "release"), turn]
 
     def act(self, c: int, what: str) -> bool:
         """Apply an event to pair c; return whether it ends the run."""
         if what in ("touch", "part") and self.mode[c] != DORMANT:
             self.y[c] = 0.0
         if what == "turn":
-            self.newton.top[c], self.loading[c] = max(self.newton.top[c], float(self.y[c])), not self.loading[c]
+            self.newton.deepest[c], self.loading[c] = max(self.newton.deepest[c], float(self.y[c])), not self.loading[c]
         elif what in ("touch", "begin"):
             if self.log.begin(c, *(self.since.pop(c, None) or (self.t, self.bodies(c)))):
                 return True
@@ -153,7 +152,7 @@ class Run:
                 self.log.end(c, self.t, self.bodies(c))
             self.mode[c] = RESIDUAL if what == "release" else OPEN
             if what == "part":
-                self.newton.top[c] = 0.0
+                self.newton.deepest[c] = 0.0
         return False
 
     def bodies(self, c: int) -> tuple[float, float]:
@@ -165,9 +164,6 @@ class Run:
 
 def _event(function: Callable[[float, Array], float], direction: int) -> Any:
     """A terminal event in scipy's form: a function with attributes."""
-
-    def event(t: float, y: Array) -> float:
-        return float(function(t, y))
-
+    event = partial(function)
     vars(event).update(terminal=True, direction=direction)
     return event

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any
+from functools import wraps
+from typing import Any, Concatenate, ParamSpec
 
 from granular.md.integrators import INTEGRATORS
 from granular.scene import Scene
@@ -15,6 +16,7 @@ FIXED = tuple(INTEGRATORS)
 SOFT = ("located", *FIXED)
 METHODS = ("located", "edmd", *FIXED)
 
+P = ParamSpec("P")
 Again = Callable[..., Trajectory]
 """``again(scene=..., law=..., **options)``: the cell once more by the same method, with these changes."""
 
@@ -43,6 +45,19 @@ class Truth:
 
     words: str
     error: Callable[[Trajectory, Again], float]
+
+
+def judged_by(words: str) -> Callable[[Callable[Concatenate[Trajectory, Again, P], float]], Callable[P, Truth]]:
+    """Make ``error(run, again, *known)`` a function that returns the `Truth` for what is known."""
+
+    def made(error: Callable[Concatenate[Trajectory, Again, P], float]) -> Callable[P, Truth]:
+        @wraps(error)
+        def truth(*known: P.args, **named: P.kwargs) -> Truth:
+            return Truth(words, lambda run, again: error(run, again, *known, **named))
+
+        return truth
+
+    return made
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from granular._check import Array
 from granular.laws import Hertz, LinearDashpot
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
-from granular.stress.cell import Again, Cell, Truth
+from granular.stress.cell import Again, Cell, judged_by
 from granular.trajectory import Trajectory
 
 BOTH = ("located", "edmd")
@@ -49,15 +49,12 @@ def at_wall(gap: Array, velocity: Array) -> Scene:
     return Scene([math.inf, *np.ones(n)], [0.0, *np.full(n, 0.1)], gap, [0.0, *velocity])
 
 
-def exactly(many: int, velocity: Array) -> Truth:
+@judged_by("the number of contacts of balls that pass through each other")
+def exactly(run: Trajectory, again: Again, many: int, velocity: Array) -> float:
     """That many contacts in all, and these velocities in m/s at the end."""
-
-    def error(run: Trajectory, again: Again) -> float:
-        if len(run.contacts) != many:
-            return math.inf
-        return float(np.abs(run.velocity[-1] - velocity).max() / np.abs(velocity).max())
-
-    return Truth("the number of contacts of balls that pass through each other", error)
+    if len(run.contacts) != many:
+        return math.inf
+    return float(np.abs(run.velocity[-1] - velocity).max() / np.abs(velocity).max())
 
 
 def last_rows() -> Iterator[Cell]:
@@ -94,39 +91,32 @@ def last_rows() -> Iterator[Cell]:
                    options={"t_end": 30.0, "samples": rows, "until": until.contact(pair_, 1)})  # fmt: skip
 
 
-def ends_at(flown: float, pause: float, rows: int, velocity: list[float], gap: list[float]) -> Truth:
+@judged_by("free flight up to the contact that ends the run")
+def ends_at(
+    run: Trajectory, again: Again, flown: float, pause: float, rows: int, velocity: list[float], gap: list[float]
+) -> float:
     """The run ends after that much flight and, if soft, that much contact in s, with these velocities and gaps.
 
     Rows before are those asked for, spread over 30 s.
     """
-
-    def error(run: Trajectory, again: Again) -> float:
-        end = flown + (pause if run.law is not None else 0.0)
-        asked = np.linspace(0.0, 30.0, rows)
-        kept = asked[asked < end]
-        if len(run.time) != len(kept) + 1 or (run.time[:-1] != kept).any():
-            return math.inf
-        moved = np.abs(run.position[-1] - run.position[-2] - free(run, velocity)).max() if pause == 0.0 else 0.0
-        differences = (run.time[-1] / end - 1.0, run.velocity[-1] - velocity, run.gap[-1] - gap, moved)
-        return float(max(np.abs(d).max() for d in differences))
-
-    return Truth("free flight up to the contact that ends the run", error)
+    end = flown + (pause if run.law is not None else 0.0)
+    if not rows_kept(run, rows, 30.0, end):
+        return math.inf
+    way = np.array(velocity) * (run.time[-1] - run.time[-2])  # flown freely
+    moved = np.abs(run.position[-1] - run.position[-2] - way).max() if pause == 0.0 else 0.0
+    differences = (run.time[-1] / end - 1.0, run.velocity[-1] - velocity, run.gap[-1] - gap, moved)
+    return float(max(np.abs(d).max() for d in differences))
 
 
-def free(run: Trajectory, velocity: list[float]) -> Array:
-    """Return the way in m from the last but one row to the last, flown freely."""
-    way: Array = np.array(velocity) * (run.time[-1] - run.time[-2])
-    return way
-
-
-def in_order(rows: int, last: float) -> Truth:
+@judged_by("each row at its own time, with the energy of the start")
+def in_order(run: Trajectory, again: Again, rows: int, last: float) -> float:
     """The rows that were asked for, up to the end, and the end once, where the ball is by energy."""
+    if not rows_kept(run, rows, last, run.time[-1]):
+        return math.inf
+    return float(np.abs(run.energy() / run.energy()[0] - 1.0).max())
 
-    def error(run: Trajectory, again: Again) -> float:
-        asked = np.linspace(0.0, last, rows)
-        kept = asked[asked < run.time[-1]]
-        if len(run.time) != len(kept) + 1 or (run.time[:-1] != kept).any():
-            return math.inf
-        return float(np.abs(run.energy() / run.energy()[0] - 1.0).max())
 
-    return Truth("each row at its own time, with the energy of the start", error)
+def rows_kept(run: Trajectory, rows: int, last: float, end: float) -> bool:
+    """Return whether the run has the rows asked for up to `last` in s that are before `end`, and one more."""
+    asked = np.linspace(0.0, last, rows)
+    return bool(run.time[:-1].tolist() == asked[asked < end].tolist())

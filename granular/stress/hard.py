@@ -12,7 +12,7 @@ from granular import scenes, theory
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.stress import truth
-from granular.stress.cell import Again, Cell, Truth
+from granular.stress.cell import Again, Cell, Truth, judged_by
 from granular.trajectory import Status, Trajectory
 
 HARD = ("edmd",)
@@ -51,16 +51,13 @@ def sticky() -> Iterator[Cell]:
                    rule=ConstantRestitution(eps), options={"max_events": 25}, cut=True, methods=HARD)  # fmt: skip
 
 
-def rational(eps: float) -> Truth:
+@judged_by("rational arithmetic, collision by collision")
+def rational(run: Trajectory, again: Again, eps: float) -> float:
     """The same collisions in rational arithmetic: pairs in the same order, and velocities at the end."""
-
-    def error(run: Trajectory, again: Again) -> float:
-        pairs, velocity = rational_run(run.scene, eps, 25 if run.status is Status.quiet else len(run.contacts))
-        if pairs != run.contacts["pair"].tolist():
-            return math.inf
-        return float(np.abs(velocity - run.velocity[-1]).max()) / truth.speed_of(run)
-
-    return Truth("rational arithmetic, collision by collision", error)
+    pairs, velocity = rational_run(run.scene, eps, 25 if run.status is Status.quiet else len(run.contacts))
+    if pairs != run.contacts["pair"].tolist():
+        return math.inf
+    return float(np.abs(velocity - run.velocity[-1]).max()) / truth.speed_of(run)
 
 
 def rational_run(scene: Scene, eps: float, most: int) -> tuple[list[int], np.ndarray[tuple[int], np.dtype[np.float64]]]:

@@ -46,8 +46,8 @@ def judge(cell: Cell, method: str, seconds: float, plain: bool = False) -> Resul
         except OutOfTime:
             verdict, said = Verdict.limit, f"no end within {seconds:g} s"
         except Exception as failure:
-            told = type(failure) is ValueError and " is " in str(failure)  # a sentence: name, value, what is needed
-            verdict, said = (Verdict.flagged if told else Verdict.crashed), f"{type(failure).__name__}: {failure}"
+            a_sentence = type(failure) is ValueError and " is " in str(failure)  # name, value, what is needed
+            verdict, said = (Verdict.flagged if a_sentence else Verdict.crashed), f"{type(failure).__name__}: {failure}"
             if time.perf_counter() - start >= seconds:  # the bell, heard inside a callback that made it its own error
                 verdict, said = Verdict.limit, f"no end within {seconds:g} s"
     said = "; ".join([said, *sorted({str(w.message) for w in heard})])
@@ -57,9 +57,7 @@ def judge(cell: Cell, method: str, seconds: float, plain: bool = False) -> Resul
 
 def verdict_on(error: float, tolerance: float, flagged: bool) -> Verdict:
     """Return the verdict on an error, nan included."""
-    if error <= tolerance:
-        return Verdict.right
-    return Verdict.flagged if flagged else Verdict.wrong
+    return Verdict.right if error <= tolerance else Verdict.flagged if flagged else Verdict.wrong
 
 
 def repeat(cell: Cell, method: str, plain: bool = False) -> Again:

@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from granular import scenes, until
+from granular import md, scenes, until
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz
 from granular.rules import ConstantRestitution
 from granular.scene import Pair, Scene
 from granular.stress import truth
-from granular.stress.cell import FIXED, SOFT, Cell, Truth
+from granular.stress.cell import FIXED, SOFT, Again, Cell, judged_by
+from granular.trajectory import Trajectory
 
 BOTH = ("located", "edmd")
 
@@ -73,16 +74,11 @@ LAWS: tuple[Callable[[float, float, Pair], Any], ...] = (
 """What makes the law of a line, by its number."""
 
 
-def as_located() -> Truth:
+@judged_by("the located method")
+def as_located(run: Trajectory, again: Again) -> float:
     """The outcome of the located method, which its own cells judge. Divided by the condition number."""
-
-    def error(run: Any, again: Any) -> float:
-        from granular import md
-
-        exact = md.simulate(run.scene, run.law, t_end=4.0, max_events=200)
-        return truth.same(run, exact.velocity[-1], exact, again)
-
-    return Truth("the located method", error)
+    exact = md.simulate(run.scene, run.law, t_end=4.0, max_events=200)
+    return truth.same(run, exact.velocity[-1], exact, again)
 
 
 def touching() -> Iterator[Cell]:

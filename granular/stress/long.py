@@ -13,7 +13,7 @@ from granular.laws import Hertz, LinearDashpot
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.stress import truth
-from granular.stress.cell import METHODS, SOFT, Again, Cell, Truth
+from granular.stress.cell import METHODS, SOFT, Again, Cell, Truth, judged_by
 from granular.stress.judge import repeat
 from granular.trajectory import Trajectory
 
@@ -81,16 +81,13 @@ def _gas(free_times: float) -> Iterator[Cell]:
                    methods=("located", "edmd") if free_times < 1e3 else ("edmd",), slow=True)  # fmt: skip
 
 
-def speeds_kept() -> Truth:
+@judged_by("the set of speeds is kept (md: the energy)")
+def speeds_kept(run: Trajectory, again: Again) -> float:
     """Equal elastic hard balls only exchange velocities; soft ones keep their energy."""
-
-    def error(run: Trajectory, again: Again) -> float:
-        if run.rule is None:
-            return truth.energy().error(run, again)
-        sets = (np.sort(np.abs(run.velocity[row])) for row in (0, -1))
-        return float(np.abs(np.subtract(*sets)).max())
-
-    return Truth("the set of speeds is kept (md: the energy)", error)
+    if run.rule is None:
+        return truth.energy().error(run, again)
+    sets = (np.sort(np.abs(run.velocity[row])) for row in (0, -1))
+    return float(np.abs(np.subtract(*sets)).max())
 
 
 @dataclass(frozen=True)

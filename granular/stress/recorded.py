@@ -17,7 +17,7 @@ import numpy as np
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz, WaltonBraun
 from granular.scene import Scene
 from granular.stress import own
-from granular.stress.cell import Again, Cell, Truth
+from granular.stress.cell import Again, Cell, judged_by
 from granular.trajectory import Trajectory
 
 LAWS: dict[str, Any] = {
@@ -52,14 +52,11 @@ def scene_of(one: Mapping[str, Any]) -> Scene:
     return Scene(mass, [0.0 if m == math.inf else 0.5 for m in mass], one["gap"], one["velocity"])
 
 
-def outcome(one: Mapping[str, Any]) -> Truth:
+@judged_by("an independent solver in 18 digits")
+def outcome(run: Trajectory, again: Again, one: Mapping[str, Any]) -> float:
     """The same contacts, each number of them, and final velocities, in units of scale and condition number."""
-
-    def error(run: Trajectory, again: Again) -> float:
-        rows = np.sort(run.contacts, order=("pair", "t_begin"))
-        if rows["pair"].tolist() != one["pair"]:
-            return math.inf
-        found = {"final": run.velocity[-1]} | {name: rows[name].ravel() for name in FIELDS}
-        return float(max(np.abs(found[name] - one[name]).max() / one["unit"][name] for name in found))
-
-    return Truth("an independent solver in 18 digits", error)
+    rows = np.sort(run.contacts, order=("pair", "t_begin"))
+    if rows["pair"].tolist() != one["pair"]:
+        return math.inf
+    found = {"final": run.velocity[-1]} | {name: rows[name].ravel() for name in FIELDS}
+    return float(max(np.abs(found[name] - one[name]).max() / one["unit"][name] for name in found))

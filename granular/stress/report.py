@@ -63,22 +63,26 @@ class StabilityReport:
     def tables(self) -> dict[str, list[list[str]]]:
         """Return all tables as rows of words, the first row the heads."""
         heads = ["right", "flagged", "silently wrong", "crashed", "limit"]
-        found = {"cells": [["method", "cells", *heads]]}
-        for method in self.methods:
-            counts = self.count(method)
-            found["cells"].append([method, str(counts.total()), *(str(counts[verdict]) for verdict in Verdict)])
-        found["silently wrong / all cells"] = [["axis", *self.methods]]
-        for axis in self.axes:
-            row = [self.count(method, axis) for method in self.methods]
-            words = [f"{counts[Verdict.wrong]} / {counts.total()}" if counts else "" for counts in row]
-            found["silently wrong / all cells"].append([axis, *words])
-        found["stability limit, dt √(k/m)"] = [["method", "balls", "measured", "theory", "reported from"]] + [
-            [row.method, str(row.balls), f"{row.measured:.3f}", _number(row.theory, ".3f"), f"{row.reported:.3f}"]
-            for row in self.limits
-        ]
-        found["drift over contacts"] = [["method", "law", "contacts", "energy", "reversal"]] + [
-            [row.method, row.law, f"{row.contacts}", f"{row.energy:.1e}", f"{row.reversal:.1e}"] for row in self.drifts
-        ]
+        each = {method: self.count(method) for method in self.methods}
+        wrong = {axis: [self.count(method, axis) for method in self.methods] for axis in self.axes}
+        found = {
+            "cells": [["method", "cells", *heads]] + [
+                [method, str(counts.total()), *(str(counts[verdict]) for verdict in Verdict)]
+                for method, counts in each.items()
+            ],
+            "silently wrong / all cells": [["axis", *self.methods]] + [
+                [axis, *(f"{counts[Verdict.wrong]} / {counts.total()}" if counts else "" for counts in row)]
+                for axis, row in wrong.items()
+            ],
+            "stability limit, dt √(k/m)": [["method", "balls", "measured", "theory", "reported from"]] + [
+                [row.method, str(row.balls), f"{row.measured:.3f}", _number(row.theory, ".3f"), f"{row.reported:.3f}"]
+                for row in self.limits
+            ],
+            "drift over contacts": [["method", "law", "contacts", "energy", "reversal"]] + [
+                [row.method, row.law, f"{row.contacts}", f"{row.energy:.1e}", f"{row.reversal:.1e}"]
+                for row in self.drifts
+            ],
+        }  # fmt: skip
         return {title: rows for title, rows in found.items() if len(rows) > 1}
 
     def markdown(self) -> str:

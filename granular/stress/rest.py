@@ -12,7 +12,7 @@ import numpy as np
 from granular._check import Array
 from granular.laws import LinearDashpot, TsujiHertz, ViscoelasticHertz
 from granular.scene import Scene
-from granular.stress.cell import Again, Cell, Truth
+from granular.stress.cell import Again, Cell, Truth, judged_by
 from granular.trajectory import Status, Trajectory
 
 G = 9.81
@@ -89,23 +89,17 @@ def pressed(k: float, power: float, weight: Array, total: float) -> Array:
         return found
 
     while low < (middle := 0.5 * (low + high)) < high:
-        if overlaps(middle).sum() < total:
-            low = middle
-        else:
-            high = middle
+        low, high = (middle, high) if overlaps(middle).sum() < total else (low, middle)
     return overlaps(low)
 
 
-def lies(end: float, overlap: Sequence[float] | Array) -> Truth:
+@judged_by("the equilibrium of the pile, and momentum of the log")
+def lies(run: Trajectory, again: Again, end: float, overlap: Sequence[float] | Array) -> float:
     """At `end` in s all lie still at these overlaps in m; rows and momentum of the log are kept."""
-
-    def error(run: Trajectory, again: Again) -> float:
-        if not kept(run, end) or not run.stats["resting"]:
-            return math.inf
-        off = np.abs(-run.gap[-1] / np.asarray(overlap) - 1.0).max()
-        return float(max(off, np.abs(run.velocity[-1]).max(), unbalanced(run)))
-
-    return Truth("the equilibrium of the pile, and momentum of the log", error)
+    if not kept(run, end) or not run.stats["resting"]:
+        return math.inf
+    off = np.abs(-run.gap[-1] / np.asarray(overlap) - 1.0).max()
+    return float(max(off, np.abs(run.velocity[-1]).max(), unbalanced(run)))
 
 
 def kept(run: Trajectory, end: float) -> bool:

@@ -29,7 +29,7 @@ def steps() -> Iterator[Cell]:
     for law, eps, part, phase in itertools.product(LAWS, (1.0, 0.7, 0.1), PARTS, (0.0, 0.31, 0.83)):
         if law == "hertz" and eps < 1.0:
             continue
-        cell = meeting("time step", f"dt = {part:g} t_c, ε = {eps:g}, phase {phase:g}", law, eps=eps, methods=FIXED)
+        cell = meeting("time step", f"dt = {part:g} t_c, ε = {eps:g}, phase {phase:g}", law, eps=eps)
         dt = part * binary.collision(cell.law, cell.scene.pairs[0], 1.0).duration
         scene = cell.scene.replace(gap=[phase * dt])
         yield Cell(cell.axis, cell.case, scene, cell.truth, cell.law, loose=cell.loose, methods=FIXED,
@@ -57,14 +57,14 @@ def limits(balls: tuple[int, ...] = (1, 2, 20)) -> list[StabilityLimit]:
 
     One ball has ω = √(2k/m), a long chain 2√(k/m): hence dt < √(m/k) for Verlet inside a chain.
     """
-    rows = []
-    for n, method in itertools.product(balls, FIXED):
-        fastest = 2.0 * math.cos(0.5 * math.pi / (n + 1))
-        scene = _held(n)
-        bound = sharpest_rate(scene, resolved([LinearDashpot(1.0)] * scene.n_pairs, scene), np.ones(scene.n_pairs))
-        theory, reported = IMAGINARY[method] / fastest, INTEGRATORS[method].limit / bound
-        rows.append(StabilityLimit(method, n, _bisect(scene, method), theory, reported))
-    return rows
+    return [_limit(n, method) for n, method in itertools.product(balls, FIXED)]
+
+
+def _limit(n: int, method: str) -> StabilityLimit:
+    scene, fastest = _held(n), 2.0 * math.cos(0.5 * math.pi / (n + 1))
+    bound = sharpest_rate(scene, resolved([LinearDashpot(1.0)] * scene.n_pairs, scene), np.ones(scene.n_pairs))
+    theory, reported = IMAGINARY[method] / fastest, INTEGRATORS[method].limit / bound
+    return StabilityLimit(method, n, _bisect(scene, method), theory, reported)
 
 
 def _held(n: int) -> Scene:
@@ -78,10 +78,7 @@ def _bisect(scene: Scene, method: str) -> float:
     stable, grows = 0.05, 3.0
     while grows - stable > 2e-3 * stable:
         dt = 0.5 * (stable + grows)
-        if _grows(scene, method, dt):
-            grows = dt
-        else:
-            stable = dt
+        stable, grows = (stable, dt) if _grows(scene, method, dt) else (dt, grows)
     return stable
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from granular._check import Array
 from granular.scene import Scene
-from granular.stress.cell import Again, Truth
+from granular.stress.cell import Again, Truth, judged_by
 from granular.trajectory import Status, Trajectory
 
 LATE = 2.0**40
@@ -19,27 +19,21 @@ NUDGE = 1e-11
 """Relative change of velocities and gaps by which a condition number is measured."""
 
 
-def restitution(eps: float, speed: float) -> Truth:
+@judged_by("closed form of one contact, counted once")
+def restitution(run: Trajectory, again: Again, eps: float, speed: float) -> float:
     """One contact, which returns `eps` of the approach speed in m/s."""
-
-    def error(run: Trajectory, again: Again) -> float:
-        if len(run.contacts) != 1:
-            return math.inf
-        return float(abs((run.velocity[-1, 1] - run.velocity[-1, 0]) / speed - eps))
-
-    return Truth("closed form of one contact, counted once", error)
+    if len(run.contacts) != 1:
+        return math.inf
+    return float(abs((run.velocity[-1, 1] - run.velocity[-1, 0]) / speed - eps))
 
 
-def one_contact(eps: float, speed: float, **fields: float) -> Truth:
+@judged_by("closed form of one contact and its row of the log")
+def one_contact(run: Trajectory, again: Again, /, eps: float, speed: float, **fields: float) -> float:
     """One contact on a wall at approach speed `speed` in m/s: restitution, and fields of its row of the log."""
-
-    def error(run: Trajectory, again: Again) -> float:
-        if len(run.contacts) != 1:
-            return math.inf
-        errors = [abs(run.contacts[name][0] / value - 1.0) for name, value in fields.items()]
-        return float(max([*errors, abs(run.velocity[-1, 1] / speed - eps)]))
-
-    return Truth("closed form of one contact and its row of the log", error)
+    if len(run.contacts) != 1:
+        return math.inf
+    errors = [abs(run.contacts[name][0] / value - 1.0) for name, value in fields.items()]
+    return float(max([*errors, abs(run.velocity[-1, 1] / speed - eps)]))
 
 
 def velocities(expected: Sequence[float] | Array, scale: float = 1.0, words: str = "closed form") -> Truth:
@@ -71,71 +65,53 @@ def energy(loses: bool = False) -> Truth:
     return Truth("energy does not grow" if loses else "energy is kept", error)
 
 
-def momentum() -> Truth:
+@judged_by("momentum is kept")
+def momentum(run: Trajectory, again: Again) -> float:
     """Total momentum is kept, as a part of Σ m |v| of the start."""
-
-    def error(run: Trajectory, again: Again) -> float:
-        p = run.momentum()
-        return float(abs(p[-1] - p[0]) / (run.scene.mass @ np.abs(run.scene.velocity)))
-
-    return Truth("momentum is kept", error)
+    p = run.momentum()
+    return float(abs(p[-1] - p[0]) / (run.scene.mass @ np.abs(run.scene.velocity)))
 
 
-def reversal() -> Truth:
+@judged_by("turned round, it returns to its start")
+def reversal(run: Trajectory, again: Again) -> float:
     """Elastic motion, turned round at the end, returns to where it began."""
-
-    def error(run: Trajectory, again: Again) -> float:
-        span = run.time[-1] - run.time[0]
-        turned = run.scene.replace(gap=run.gap[-1], velocity=-run.velocity[-1])
-        back = again(scene=turned, t_end=span, until=None, max_events=10**8)
-        return float(np.abs(back.velocity[-1] + run.scene.velocity).max()) / speed_of(run)
-
-    return Truth("turned round, it returns to its start", error)
+    span = run.time[-1] - run.time[0]
+    turned = run.scene.replace(gap=run.gap[-1], velocity=-run.velocity[-1])
+    back = again(scene=turned, t_end=span, until=None, max_events=10**8)
+    return float(np.abs(back.velocity[-1] + run.scene.velocity).max()) / speed_of(run)
 
 
-def scaled() -> Truth:
+@judged_by("scaled by a power of two it is the same")
+def scaled(run: Trajectory, again: Again) -> float:
     """Lengths times 2^s, s = 5: velocities times 2^s and the same bits. Only for g = 0 and linear laws, or edmd."""
-
-    def error(run: Trajectory, again: Again) -> float:
-        s = run.scene
-        other = again(scene=s.replace(gap=s.gap * 32.0, velocity=s.velocity * 32.0))
-        return float(np.abs(other.velocity[-1] / 32.0 - run.velocity[-1]).max()) / speed_of(run)
-
-    return Truth("scaled by a power of two it is the same", error)
+    s = run.scene
+    other = again(scene=s.replace(gap=s.gap * 32.0, velocity=s.velocity * 32.0))
+    return float(np.abs(other.velocity[-1] / 32.0 - run.velocity[-1]).max()) / speed_of(run)
 
 
-def mirrored() -> Truth:
+@judged_by("mirror image")
+def mirrored(run: Trajectory, again: Again) -> float:
     """Left and right exchanged. Divided by the condition number."""
-
-    def error(run: Trajectory, again: Again) -> float:
-        s = run.scene
-        changes: dict[str, Any] = {"scene": mirror(s)}
-        if run.law is not None:
-            changes["law"] = run.law[::-1]
-        other = again(**changes)
-        return same(run, -other.velocity[-1][::-1], other, again)
-
-    return Truth("mirror image", error)
+    s = run.scene
+    changes: dict[str, Any] = {"scene": mirror(s)}
+    if run.law is not None:
+        changes["law"] = run.law[::-1]
+    other = again(**changes)
+    return same(run, -other.velocity[-1][::-1], other, again)
 
 
-def late(span: float) -> Truth:
+@judged_by("the same at a late start")
+def late(run: Trajectory, again: Again, span: float) -> float:
     """Begun at t = 2^40 s in place of 0, for `span` in s. Divided by the condition number."""
-
-    def error(run: Trajectory, again: Again) -> float:
-        other = again(t_start=LATE, t_end=LATE + span)
-        return same(run, other.velocity[-1], other, again)
-
-    return Truth("the same at a late start", error)
+    other = again(t_start=LATE, t_end=LATE + span)
+    return same(run, other.velocity[-1], other, again)
 
 
-def beside(scene: Scene) -> Truth:
+@judged_by("a gap below rounding is no gap")
+def beside(run: Trajectory, again: Again, scene: Scene) -> float:
     """The same outcome as a scene that differs by less than rounding. Divided by the condition number."""
-
-    def error(run: Trajectory, again: Again) -> float:
-        other = again(scene=scene)
-        return same(run, other.velocity[-1], other, again)
-
-    return Truth("a gap below rounding is no gap", error)
+    other = again(scene=scene)
+    return same(run, other.velocity[-1], other, again)
 
 
 def same(run: Trajectory, velocity: Array, other: Trajectory, again: Again) -> float:

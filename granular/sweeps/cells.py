@@ -12,6 +12,7 @@ import numpy as np
 from granular import _check
 from granular import until as stop
 from granular.cases import ready
+from granular.laws.contact_law import Form
 from granular.scene import Scene
 from granular.sweeps import compiled
 from granular.sweeps.axes import Values
@@ -29,7 +30,7 @@ class Block(NamedTuple):
     refusal: tuple[int, str] | None
 
 
-def solve(plan: Plan, columns: Sequence[Values], bodies: int) -> Block:
+def solve_cells(plan: Plan, columns: Sequence[Values], bodies: int) -> Block:
     """Solve the cells whose parameters are rows of `columns`; sizes are padded to those of `bodies`."""
     count = len(columns[0])
     values = empty(plan, count, bodies)
@@ -74,106 +75,100 @@ def _status(plan: Plan, answer: Answer) -> str:
 
 def _solve_compiled(plan: Plan, columns: Sequence[Values], values: dict[str, Any]) -> Values:
     """Fill in what the compiled way can do; return the cells that are left."""
-    setup = _named(plan, columns) if isinstance(plan.make, str) else _made(plan, columns)
+    setup = _by_name(plan, columns) if isinstance(plan.make, str) else _by_function(plan, columns)
     left = np.ones(len(columns[0]), np.bool_)
-    for size in {scene.n for scene in setup.scenes if scene is not None}:
-        fits = np.array([scene is not None and scene.n == size for scene in setup.scenes])[setup.scene_of]
-        rows = np.flatnonzero(fits & np.array([law is not None for law in setup.laws])[setup.law_of])
-        for until in {setup.untils[i] for i in np.unique(setup.scene_of[rows])}:
-            same = rows[np.array([setup.untils[i] == until for i in range(len(setup.scenes))])[setup.scene_of[rows]]]
-            _fill(setup, same, until, values, left)
+    kinds = [None if one.scene is None else (one.scene.n, one.until) for one in setup.starts]
+    known = np.array([law is not None for law in setup.laws])[setup.law_of]
+    for kind in {kind for kind in kinds if kind is not None}:
+        same = np.flatnonzero(known & np.array([kind == other for other in kinds])[setup.start_of])
+        if len(same):
+            _fill(setup, same, values, left)
     return np.flatnonzero(left)
 
 
-class _Setup(NamedTuple):
-    """Cells as indices into the scenes and laws that differ."""
+class _Start(NamedTuple):
+    """A scene, when it stops, and |v10|; `balls` is what its laws depend on: masses, radii, first impact speed."""
 
-    scenes: list[Scene | None]
-    t_ends: list[float | None]
-    untils: list[stop.Until | None]
-    impacts: list[float]
-    scene_of: Values
+    scene: Scene | None = None
+    t_end: float | None = None
+    until: stop.Until | None = None
+    impact: float = math.nan
+    balls: Any = None
+
+
+class _Setup(NamedTuple):
+    """Cells as indices into the starts and laws that differ."""
+
+    starts: list[_Start]
+    start_of: Values
     laws: list[Any]  # coefficients of every pair and ε_spec, or None
     law_of: Values
 
 
-def _fill(setup: _Setup, rows: Values, until: Any, values: dict[str, Any], left: Values) -> None:
+def _fill(setup: _Setup, rows: Values, values: dict[str, Any], left: Values) -> None:
     """Solve the cells `rows`, of one size and one stop condition; creeping piles, running contacts go the slow way."""
-    used, which = np.unique(setup.scene_of[rows], return_inverse=True)
-    scenes = [scene for scene in (setup.scenes[i] for i in used) if scene is not None]
-    ends = np.array([math.inf if setup.t_ends[i] is None else setup.t_ends[i] for i in used], np.float64)
+    used, which = np.unique(setup.start_of[rows], return_inverse=True)
+    starts = [setup.starts[i] for i in used]
+    scenes = [start.scene for start in starts if start.scene is not None]
+    ends = np.array([math.inf if start.t_end is None else start.t_end for start in starts], np.float64)[which]
     kinds, law_of = np.unique(setup.law_of[rows], return_inverse=True)
-    law = np.array([setup.laws[i][0] for i in kinds])[law_of]
-    eps = np.array([setup.laws[i][1] for i in kinds])[law_of]
-    impact = np.array([setup.impacts[i] for i in used])[which]
-    out = compiled.solve(scenes, which, law, until, ends[which])
-    found = compiled.answers(out, scenes, which, ends[which], impact, eps)
+    law, eps = (np.array([setup.laws[i][k] for i in kinds])[law_of] for k in (0, 1))
+    impact = np.array([start.impact for start in starts])[which]
+    found = compiled.answers(scenes, which, law, starts[0].until, ends, impact, eps)
     follow = {"v_rel", "eps_eff", "eps_ratio"} & values.keys()
-    done = ~(found["creeps"] | (found["ongoing"] if follow else False))
+    done = (found["status"] >= 0) & ~(found["ongoing"] & bool(follow))
     for name, array in values.items():
         fresh = found[name][done]
         array[(rows[done], *map(slice, fresh.shape[1:]))] = fresh
     left[rows[done]] = False
 
 
-def _named(plan: Plan, columns: Sequence[Values]) -> _Setup:
+def _by_name(plan: Plan, columns: Sequence[Values]) -> _Setup:
     """Scenes and laws of a ready-made case: each made once, however many cells share it."""
     rows = np.stack([np.unique(column, return_inverse=True)[1] for column in columns], axis=1)
     shapes = [k for k, name in enumerate(plan.names) if name.partition("[")[0] in {*plan.of_scene, "t_end"}]
-    first, scene_of = _distinct(rows[:, shapes])
+    first, start_of = _distinct(rows[:, shapes])
     memory = _memory(repr(plan))
     points = [tuple(column[i].item() for column in columns) for i in first]
     made = [_recall(memory, tuple(p[k] for k in shapes), _scene, plan, p) for p in points]
-    alike = [one.likeness for one in made]
-    number = {likeness: k for k, likeness in enumerate(dict.fromkeys(alike))}
+    balls = [one.balls for one in made]
+    number = {each: k for k, each in enumerate(dict.fromkeys(balls))}
     others = [k for k in range(len(columns)) if k not in shapes]
-    look = np.array([number[likeness] for likeness in alike])[scene_of]
-    first, law_of = _distinct(np.column_stack([rows[:, others], look]))
+    kind = np.array([number[each] for each in balls])[start_of]
+    first, law_of = _distinct(np.column_stack([rows[:, others], kind]))
     laws = []
     for i in first:
         point = tuple(column[i].item() for column in columns)
-        key = (alike[scene_of[i]], *(point[k] for k in others))
-        laws.append(_recall(memory, key, _law, plan, made[scene_of[i]].scene, point))
-    until = ready.READY[str(plan.make)].until
-    scenes, t_ends, impacts = ([getattr(one, name) for one in made] for name in ("scene", "t_end", "impact"))
-    return _Setup(scenes, t_ends, [until] * len(made), impacts, scene_of, laws, law_of)
+        key = (balls[start_of[i]], *(point[k] for k in others))
+        laws.append(_recall(memory, key, _law, plan, made[start_of[i]].scene, point))
+    return _Setup(made, start_of, laws, law_of)
 
 
-def _made(plan: Plan, columns: Sequence[Values]) -> _Setup:
+def _by_function(plan: Plan, columns: Sequence[Values]) -> _Setup:
     """Scenes and laws of cases that a user's function makes: one per cell."""
-    scenes, ends, untils, impacts, laws = [], [], [], [], []
-    for values in zip(*columns, strict=True):
-        try:
-            case = plan.case(values)
-            law = _coefficients(case.scene, case.physics("md")) if not case.run else None
-        except REFUSED:
-            case, law = None, None
-        scenes.append(None if case is None else case.scene)
-        ends.append(None if case is None else case.t_end)
-        untils.append(None if case is None else case.until)
-        impacts.append(math.nan if case is None else impact_speed(case.scene))
-        laws.append(law)
-    each = np.arange(len(scenes))
-    return _Setup(scenes, ends, untils, impacts, each, laws, each)
+    cells = [_cell(plan, values) for values in zip(*columns, strict=True)]
+    each = np.arange(len(cells))
+    return _Setup([start for start, _ in cells], each, [law for _, law in cells], each)
 
 
-class _Made(NamedTuple):
-    """A scene with its end time, |v10|, and what its laws depend on: masses, radii, speed of the first impact."""
+def _cell(plan: Plan, values: tuple[Any, ...]) -> tuple[_Start, Any]:
+    """Scene and law of the case at these values; none if they are refused."""
+    try:
+        case = plan.case(values)
+        law = _coefficients(case.scene, case.physics("md")) if not case.run else None
+    except REFUSED:
+        return _Start(), None
+    return _Start(case.scene, case.t_end, case.until, impact_speed(case.scene)), law
 
-    scene: Scene | None
-    t_end: float | None
-    impact: float
-    likeness: Any
 
-
-def _scene(plan: Plan, values: tuple[Any, ...]) -> _Made:
+def _scene(plan: Plan, values: tuple[Any, ...]) -> _Start:
     """The scene at these values; None if they are refused."""
     try:
         scene, t_end = plan.scene(values)
     except REFUSED:
-        return _Made(None, None, math.nan, None)
-    likeness = scene.mass.tobytes(), scene.radius.tobytes(), ready.first_impact(scene)
-    return _Made(scene, t_end, impact_speed(scene), likeness)
+        return _Start()
+    balls = scene.mass.tobytes(), scene.radius.tobytes(), ready.first_impact(scene)
+    return _Start(scene, t_end, ready.TEMPLATES[str(plan.make)].until, impact_speed(scene), balls)
 
 
 def _law(plan: Plan, scene: Scene | None, values: tuple[Any, ...]) -> Any:
@@ -198,7 +193,7 @@ def _recall(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *argumen
     return memory[key]
 
 
-def _coefficients(scene: Scene, laws: Any) -> tuple[list[list[float]], float] | None:
+def _coefficients(scene: Scene, laws: Any) -> tuple[list[Form], float] | None:
     each = _check.per_pair("law", laws, scene.n_pairs)
     forms = compiled.coefficients(scene, each)
     return None if forms is None else (forms, specified(scene, each))

@@ -82,7 +82,7 @@ class Plan:
     def scene(self, values: Sequence[Any]) -> tuple[Scene, float | None]:
         """Scene and end time of one cell of a ready-made case; its contacts are made apart, for they are shared."""
         parameters = self.parameters(values)
-        kind = ready.READY[str(self.make)]
+        kind = ready.TEMPLATES[str(self.make)]
         t_end = parameters.pop("t_end", None)
         scene = kind.make(**{key: parameters[key] for key in parameters if key in self.of_scene})
         return scene, kind.t_end(scene) if t_end is None else _check.number("t_end", t_end, at_least=0.0)
@@ -91,12 +91,12 @@ class Plan:
         """Force laws of one cell of a ready-made case."""
         parameters = self.parameters(values)
         chosen = {key: parameters[key] for key in parameters if key not in self.of_scene and key != "t_end"}
-        return ready.contact(scene, **(dict(ready.READY[str(self.make)].contact) | chosen))[0]
+        return ready.contact(scene, **(dict(ready.TEMPLATES[str(self.make)].contact) | chosen))[0]
 
     @cached_property
     def of_scene(self) -> set[str]:
         """Names of the parameters that shape the scene."""
-        return set(inspect.signature(ready.READY[str(self.make)].make).parameters)
+        return set(inspect.signature(ready.TEMPLATES[str(self.make)].make).parameters)
 
     def bodies(self, columns: Mapping[str, Values]) -> int:
         """Largest number of bodies of any cell, each axis looked at by itself."""
@@ -144,5 +144,4 @@ def _result(ask: Ask) -> Result:
 
 def _spread(values: Values) -> Values:
     """A few of the values, among them both ends: sizes do not depend on this parameter, but some may be refused."""
-    few: Values = values[np.unique(np.linspace(0, len(values) - 1, 5).astype(int))]
-    return few
+    return np.asarray(values[np.unique(np.linspace(0, len(values) - 1, 5).astype(int))])

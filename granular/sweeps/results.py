@@ -15,6 +15,7 @@ from granular.binary import restitution
 from granular.cases import Case
 from granular.cases.case import keyword_options
 from granular.comparison import Comparison, compare
+from granular.outcome import counts, separations
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 
@@ -47,11 +48,11 @@ class Result:
     fill: Any = math.nan
 
 
+@dataclass
 class Answer:
     """One case on both engines; runs happen when they are asked for."""
 
-    def __init__(self, case: Case) -> None:
-        self.case = case
+    case: Case
 
     @cached_property
     def soft(self) -> Trajectory:
@@ -70,31 +71,21 @@ class Answer:
         options = {name: value for name, value in case.run.items() if name in keyword_options(compare)}
         return compare(case.scene, case.physics("md"), case.rule, until=case.until, t_end=case.t_end, **options)
 
-    @cached_property
-    def pairs(self) -> tuple[Any, ...]:
-        """Outcome of each pair, contacts still running at the end followed to theirs."""
-        return self.report.pairs
+    def v_rel(self) -> Any:
+        """Separation speeds of the soft run in m/s, contacts still running at its end followed to theirs."""
+        if np.isnan(self.soft.contacts["t_end"]).any():
+            return [pair.soft_v_rel for pair in self.report.pairs]
+        return separations(self.soft)[0]
 
-    def last(self, run: Trajectory, field: str) -> list[Any]:
-        """A field of the log for the last contact of each pair; nan without one."""
-        logs = [run.of(c) for c in range(run.scene.n_pairs)]
-        return [log[field][-1] if len(log) else math.nan for log in logs]
-
-    def v_rel(self) -> list[float]:
-        """Separation speeds of the soft run in m/s."""
-        logs = [self.soft.of(c) for c in range(self.soft.scene.n_pairs)]
-        if any(len(log) and math.isnan(log["t_end"][-1]) for log in logs):
-            return [pair.soft_v_rel for pair in self.pairs]
-        return [float(log["v_out"][-1][1] - log["v_out"][-1][0]) if len(log) else math.nan for log in logs]
-
-    def longest(self) -> list[float]:
+    def longest(self) -> Any:
         """Longest completed contact of each pair in s."""
-        logs = [self.soft.of(c) for c in range(self.soft.scene.n_pairs)]
-        return [max((float(d) for d in log["duration"][~np.isnan(log["t_end"])]), default=math.nan) for log in logs]
+        log, longest = self.soft.contacts, np.full(self.soft.scene.n_pairs, math.nan)
+        np.fmax.at(longest, log["pair"], np.where(np.isnan(log["t_end"]), math.nan, log["duration"]))
+        return longest
 
     def eps_eff(self) -> float:
         """ε_eff of floor and two balls."""
-        return float(effective(np.array(self.v_rel()[-1:]), np.array([impact_speed(self.case.scene)]))[0])
+        return float(effective(self.v_rel()[-1], impact_speed(self.case.scene)))
 
     def eps_ratio(self) -> float:
         """ε_eff/ε_spec of floor and two balls."""
@@ -129,17 +120,15 @@ def _measure(name: str, about: str, units: str = "1") -> Result:
 
 
 RESULTS = {
-    "contacts": Result("pair", "1", "contacts, soft spheres", lambda a: [p.count(c) for p in [a.soft]
-                       for c in range(p.scene.n_pairs)], -1),
+    "contacts": Result("pair", "1", "contacts, soft spheres", lambda a: counts(a.soft), -1),
     "v_rel": Result("pair", "m s-1", "separation speed after the pair's last contact, soft", lambda a: a.v_rel()),
-    "t_f": Result("pair", "s", "end of the pair's last contact, soft", lambda a: a.last(a.soft, "t_end")),
+    "t_f": Result("pair", "s", "end of the pair's last contact, soft", lambda a: separations(a.soft)[1]),
     "duration": Result("pair", "s", "longest contact, soft", lambda a: a.longest()),
     "v_final": Result("body", "m s-1", "velocity at the end, soft", lambda a: a.soft.velocity[-1]),
     "time": Result("", "s", "end of the run, soft", lambda a: a.soft.time[-1]),
     "eps_eff": Result("", "1", "ε with which independent collisions give v_rel", lambda a: a.eps_eff()),
     "eps_ratio": Result("", "1", "ε_eff/ε_spec, floor and two balls", lambda a: a.eps_ratio()),
-    "hard_contacts": Result("pair", "1", "contacts, hard spheres", lambda a: [a.hard.count(c) for c in
-                            range(a.hard.scene.n_pairs)], -1),
+    "hard_contacts": Result("pair", "1", "contacts, hard spheres", lambda a: counts(a.hard), -1),
     "hard_v_final": Result("body", "m s-1", "velocity at the end, hard", lambda a: a.hard.velocity[-1]),
     "hard_status": Result("", "1", "status of the hard run", lambda a: CODE[a.hard.status.name], NOT_RUN),
     "error": Result("", "1", "largest difference of a leaving velocity or separation speed, hard to soft, per impact "

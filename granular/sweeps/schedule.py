@@ -13,7 +13,7 @@ import numpy as np
 from granular._kernels import worth
 from granular.sweeps import compiled
 from granular.sweeps.axes import Values
-from granular.sweeps.cells import Block, solve
+from granular.sweeps.cells import Block, solve_cells
 from granular.sweeps.plan import Plan
 
 LOADING, MAKING = 1.5, 20.0
@@ -40,7 +40,7 @@ def batches(plan: Plan, columns: Sequence[Values], bodies: int, cells: Values, e
     if compiled.open_to(plan.asked, plan.run) and not compiled.at_hand():
         way = replace(plan, run={"engine": "auto"})  # one by one: the same bits, no wait for a compiler
     rest, each = yield from _pilot(way, columns, bodies, cells)
-    if way is not plan and worth(compiled.solve_cells, each * len(rest), LOADING, MAKING):
+    if way is not plan and worth(compiled.KERNEL, each * len(rest), LOADING, MAKING):
         way = plan
         rest, each = yield from _pilot(way, columns, bodies, rest)
     parts = _cut(rest, each)
@@ -70,7 +70,7 @@ def _spread(
     futures: dict[Any, Values] = {}
     try:
         for part in parts:
-            futures[executor.submit(solve, plan, [column[part] for column in columns], bodies)] = part
+            futures[executor.submit(solve_cells, plan, [column[part] for column in columns], bodies)] = part
         for future in as_completed(futures):
             yield futures[future], future.result()
     finally:
@@ -79,7 +79,7 @@ def _spread(
 
 
 def _solve(plan: Plan, columns: Sequence[Values], bodies: int, cells: Values) -> Block:
-    return solve(plan, [column[cells] for column in columns], bodies)
+    return solve_cells(plan, [column[cells] for column in columns], bodies)
 
 
 def _cut(cells: Values, each: float) -> list[Values]:

@@ -1,6 +1,6 @@
 """Error against run time for one scene: `frontier(scene, law) -> Frontier`, the work-precision diagram."""
 
-from granular.workprecision.result import Frontier, Row
-from granular.workprecision.run import frontier
+from granular.workprecision.result import Row
+from granular.workprecision.run import Frontier, frontier
 
 __all__ = ["Frontier", "Row", "frontier"]

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from textwrap import fill
+from typing import Any
 
 from granular import _files
 from granular._optional import optional
 from granular.md.integrators import INTEGRATORS
-from granular.workprecision.result import NEAR
-
-if TYPE_CHECKING:
-    from granular.workprecision.result import Frontier, Row
+from granular.workprecision.result import NEAR, Measured, Row
+from granular.workprecision.table import laws
 
 STYLE = {
     "located": ("#0b3c6f", "-", "*", "located (default)"),
@@ -33,8 +32,8 @@ LEAST = 2e-17
 """Errors below are drawn here: a double has no more digits."""
 
 
-def frontier_figure(report: Frontier, path: str | PathLike[str] | None = None) -> Any:
-    """Draw a frontier; return the matplotlib figure, or save it (format by the file's ending) and return None."""
+def plot(report: Measured, path: str | PathLike[str] | None = None) -> Any:
+    """Draw errors over run time; return the figure, or save it to `path` (format by the file's ending)."""
     figure_class = optional("matplotlib.figure", "plot").Figure
     figure = figure_class(figsize=(7.1, 4.4), layout="constrained")
     axes = figure.subplots(1, 2, sharex=True, sharey=True)
@@ -44,22 +43,17 @@ def frontier_figure(report: Frontier, path: str | PathLike[str] | None = None) -
     for axis, name, title, unit in zip(axes, quantities, titles, units, strict=True):
         for method in report.methods:
             _draw(axis, report.of(method), name)
-        axis.set_xscale("log")
-        axis.set_yscale("log")
+        axis.set(xscale="log", yscale="log", axisbelow=True)
         axis.set_xlabel("run time, ms", fontsize=8)
         axis.set_ylabel(f"error / {unit}", fontsize=8)
         axis.set_title(title, fontsize=8.5)
         axis.grid(which="major", color="0.9", lw=0.5)
         axis.tick_params(labelsize=7.5, which="both", labelleft=True)
-        axis.set_axisbelow(True)
     _rounding(axes[0], NEAR * report.rounding_level, "rounding")
     _rounding(axes[1], report.clock_digit, "last digit of the clock")
     _legend(figure, report)
     figure.suptitle(_title(report), fontsize=8, x=0.01, ha="left")
-    if path is None:
-        return figure
-    _files.write_figure(path, figure, dpi=130)
-    return None
+    return _files.write_figure(path, figure, dpi=130)
 
 
 def _draw(axis: Any, rows: tuple[Row, ...], quantity: str) -> None:
@@ -89,7 +83,7 @@ def _rounding(axis: Any, top: float, name: str) -> None:
     axis.set_ylim(bottom=LEAST / 2.0)
 
 
-def _legend(figure: Any, report: Frontier) -> None:
+def _legend(figure: Any, report: Measured) -> None:
     """Methods by family, and what a cross means."""
     from matplotlib.lines import Line2D
 
@@ -114,11 +108,7 @@ def _legend(figure: Any, report: Frontier) -> None:
                   handlelength=2.4, columnspacing=1.0)  # fmt: skip
 
 
-def _title(report: Frontier) -> str:
-    from textwrap import fill
-
-    from granular.workprecision.table import laws
-
+def _title(report: Measured) -> str:
     on, truth = report.machine, report.reference
     return (
         f"{fill(f'{report.scene!r}; {laws(report)}', 110)}\n"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+
+import numpy as np
 
 from granular.reference import Reference, ReferenceContact
 from granular.trajectory import Trajectory
@@ -23,20 +24,12 @@ def contacts_of(run: Trajectory) -> tuple[ReferenceContact, ...]:
 
 def errors(truth: Reference, contacts: Sequence[ReferenceContact], pairs: int) -> tuple[float, float, bool]:
     """Error of velocities, error of times, and whether a number of contacts is wrong; see `Row`."""
-    velocity, time, wrong = 0.0, 0.0, False
-    for c in range(pairs):
-        true, got = truth.of(c), [row for row in contacts if row.pair == c]
-        velocity = _largest(velocity, _velocity_error(_last_ended(true), _last_ended(got)))
-        if len(true) != len(got):
-            wrong = True
-            continue
-        time = _largest(time, *(_time_error(a, b) for a, b in zip(true, got, strict=True)))
-    longest = max(truth.durations, default=math.nan)
-    return velocity / truth.impact_speed, math.nan if wrong else time / longest, wrong
-
-
-def _largest(*values: float) -> float:
-    return math.nan if any(map(math.isnan, values)) else max(values)
+    each = [(truth.of(c), [row for row in contacts if row.pair == c]) for c in range(pairs)]
+    velocity = float(np.max([_velocity_error(_last_ended(true), _last_ended(got)) for true, got in each]))  # nan if one
+    if any(len(true) != len(got) for true, got in each):
+        return velocity / truth.impact_speed, math.nan, True
+    time = max((_time_error(a, b) for true, got in each for a, b in zip(true, got, strict=True)), default=0.0)
+    return velocity / truth.impact_speed, time / max(truth.durations, default=math.nan), False
 
 
 def _last_ended(rows: Sequence[ReferenceContact]) -> ReferenceContact | None:
@@ -46,12 +39,7 @@ def _last_ended(rows: Sequence[ReferenceContact]) -> ReferenceContact | None:
 def _velocity_error(true: ReferenceContact | None, got: ReferenceContact | None) -> float:
     if true is None or got is None:
         return 0.0 if true is got else math.nan
-    return max(float(abs(a - b)) for a, b in zip(_out(true), _out(got), strict=True))
-
-
-def _out(row: ReferenceContact) -> tuple[Any, Any]:
-    assert row.v_out is not None
-    return row.v_out
+    return max(float(abs(a - b)) for a, b in zip(true.v_out, got.v_out, strict=True))
 
 
 def _time_error(true: ReferenceContact, got: ReferenceContact) -> float:

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+from granular._files import version_of
+
 
 def machine() -> dict[str, Any]:
     """Processor, number of its cores this process may use, system, and versions of what the numbers depend on."""
     import os
     import platform
-    from importlib.metadata import PackageNotFoundError, version
 
-    versions = {}
-    for name in ("granular", "numpy", "scipy", "numba", "mpmath"):
-        try:
-            versions[name] = version(name)
-        except PackageNotFoundError:
-            versions[name] = "not installed"
+    packages = ("granular", "numpy", "scipy", "numba", "mpmath")
+    versions = {name: version_of(name) or "not installed" for name in packages}
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     system = f"{platform.system()} {platform.machine()}"
     return {"processor": _processor(), "cores": cores, "system": system, "python": platform.python_version()} | versions

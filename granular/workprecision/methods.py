@@ -8,9 +8,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from granular import edmd, md
 from granular import until as stop
 from granular.binary import restitution_of
+from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws, resolved
 from granular.md.integrators import INTEGRATORS
 from granular.reference import Reference, ReferenceContact
@@ -61,42 +64,31 @@ class Task:
         return resolved(self.laws, self.scene)
 
 
-def own(task: Task, names: Sequence[str]) -> list[Method]:
-    """The methods of this package among `names`."""
-    found = []
-    for name in names:
-        if name == "located":
-            found.append(_located(task))
-        elif name in INTEGRATORS:
-            found.append(_fixed(task, name))
-        elif name == "edmd":
-            found.append(_edmd(task))
-    return found
+def own(task: Task, name: str) -> Method:
+    """The method of this package of that name."""
+    end: dict[str, Any] = {"until": task.until, "t_end": task.t_end}
+    if name == "edmd":
+        rule = restitution_of(task.laws, task.scene)
+        return Method(name, "", (math.nan,), lambda _: _outcome(edmd.simulate(task.scene, rule, **end), "events"))
+    if name in INTEGRATORS:
+        dial, unit, engine = "dt", "evaluations", _engine(task, name, dt=min(task.truth.durations))
+        settings = _steps(task.truth, MOST_STEPS[engine])
+    else:
+        linear, unit, engine = all(law.is_linear for law in task.resolved.each), "steps", _engine(task, name)
+        dial, settings = ("", (math.nan,)) if linear else ("tol", TOLERANCES)
+
+    def run(setting: float) -> Outcome:
+        options: dict[str, Any] = {"method": name, "engine": engine} | ({dial: setting} if dial else {})
+        return _outcome(md.simulate(task.scene, task.laws, **end, **options), unit)
+
+    return Method(name, dial, settings, run)
 
 
-def _located(task: Task) -> Method:
-    linear, engine = all(law.is_linear for law in task.resolved.each), _engine(task, "located")
-
-    def run(tol: float) -> Outcome:
-        options: dict[str, Any] = {"engine": engine} | ({} if linear else {"tol": tol})
-        return _outcome(md.simulate(task.scene, task.laws, until=task.until, t_end=task.t_end, **options), "steps")
-
-    return Method("located", "" if linear else "tol", (math.nan,) if linear else TOLERANCES, run)
-
-
-def _fixed(task: Task, name: str) -> Method:
-    engine = _engine(task, name, dt=min(task.truth.durations))
-    shortest, contact = min(task.truth.durations), _closed_time(task.truth)
+def _steps(truth: Reference, most: int) -> tuple[float, ...]:
+    """Fixed steps in s with which the contacts take at most so many steps."""
+    shortest, contact = min(truth.durations), _closed_time(truth)
     steps = [COARSEST * FINER**k for k in range(POINTS)]
-    settings = tuple(shortest / n for n in steps if n * contact / shortest <= MOST_STEPS[engine])
-
-    def run(dt: float) -> Outcome:
-        end: dict[str, Any] = {"until": task.until, "t_end": task.t_end}
-        return _outcome(
-            md.simulate(task.scene, task.laws, **end, method=name, dt=dt, engine=engine), "evaluations"
-        )
-
-    return Method(name, "dt", settings, run)
+    return tuple(shortest / n for n in steps if n * contact / shortest <= most)
 
 
 def _engine(task: Task, name: str, **options: Any) -> str:
@@ -118,15 +110,6 @@ def _closed_time(truth: Reference) -> float:
     return total
 
 
-def _edmd(task: Task) -> Method:
-    rule = restitution_of(task.laws, task.scene)
-
-    def run(setting: float) -> Outcome:
-        return _outcome(edmd.simulate(task.scene, rule, until=task.until, t_end=task.t_end), "events")
-
-    return Method("edmd", "", (math.nan,), run)
-
-
 def _outcome(run: Trajectory, unit: str) -> Outcome:
     work = run.stats.get(unit, run.stats.get("events", 0))
     return Outcome(lambda: contacts_of(run), int(work), unit, run.status.name)
@@ -134,14 +117,13 @@ def _outcome(run: Trajectory, unit: str) -> Outcome:
 
 def expected_order(task: Task, name: str) -> tuple[float, float]:
     """Textbook order p of a fixed-step method, and min(p, 1+s), s the power of time with which forces begin."""
-    starts = []
-    for law in task.resolved.each:
-        if law.form is not None:
-            starts.append(law.form[3] if law.form[2] else law.form[1])
-        elif law.exponent is None or law.rate_dependent:
-            starts.append(math.nan)
-        else:
-            starts.append(float(law.exponent))
-    least = math.nan if any(map(math.isnan, starts)) else min(starts)
+    least = np.min([_first_power(law) for law in task.resolved.each])  # nan if one is
     order = INTEGRATORS[name].order
-    return order, min(order, 1.0 + least) if not math.isnan(least) else math.nan
+    return order, float(np.minimum(order, 1.0 + least))
+
+
+def _first_power(law: PairLaw) -> float:
+    """The power of time with which the force of a contact begins; nan if unknown."""
+    if law.form is not None:
+        return law.form[3] if law.form[2] else law.form[1]
+    return math.nan if law.exponent is None or law.rate_dependent else float(law.exponent)

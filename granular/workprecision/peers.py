@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,51 +24,38 @@ BEYOND = 0.05
 """A solver without events goes on for this part of the longest contact, to see the last one end."""
 
 
-def peers(task: Task, names: Sequence[str]) -> list[Method]:
-    """The methods of scipy among `names`."""
-    found = []
-    for name in (name for name in names if name in NAMES):
-        solver = SOLVERS[name.partition("+")[0]]
-        plain = "+" not in name
-        if plain and any(law.memory for law in task.resolved.each):
-            continue  # the largest overlap cannot be known inside a step
-        found.append(_without_events(task, name, solver) if plain else _with_events(task, name, solver))
-    return found
+def peer(task: Task, name: str) -> Method | None:
+    """The method of scipy of that name; none for laws with memory without events: xi_max is unknown inside a step."""
+    solver, _, events = name.partition("+")
+    if not events and any(law.memory for law in task.resolved.each):
+        return None
+    way = _with_events if events else _without_events
 
-
-def _with_events(task: Task, name: str, solver: str) -> Method:
     def run(rtol: float) -> Outcome:
         try:
-            done, work = restarted.solve(task.scene, task.resolved, task.until, task.t_end, solver, rtol, MOST)
+            return way(task, SOLVERS[solver], rtol)
         except TooMuchWork:
-            return _stopped()
-        return Outcome(lambda: done.contacts, work, "evaluations", done.status)
+            return Outcome(tuple, MOST, "evaluations", "stopped")
 
-    return Method(name, "rtol", TOLERANCES[solver], run)
+    return Method(name, "rtol", TOLERANCES[SOLVERS[solver]], run)
 
 
-def _without_events(task: Task, name: str, solver: str) -> Method:
+def _with_events(task: Task, solver: str, rtol: float) -> Outcome:
+    done, work = restarted.solve(task.scene, task.resolved, task.until, task.t_end, solver, rtol, MOST)
+    return Outcome(lambda: done.contacts, work, "evaluations", done.status)
+
+
+def _without_events(task: Task, solver: str, rtol: float) -> Outcome:
+    from scipy.integrate import solve_ivp
+
     end = task.truth.t_stop
     if task.truth.status != "time":
         end += BEYOND * max(task.truth.durations)
-
-    def run(rtol: float) -> Outcome:
-        from scipy.integrate import solve_ivp
-
-        newton = Newton(task.scene, task.resolved, MOST)
-        options: dict[str, Any] = {"method": solver, "rtol": rtol, "atol": rtol * newton.scales()}
-        try:
-            done = solve_ivp(newton, (0.0, end), newton.start(), dense_output=True, **options)
-        except TooMuchWork:
-            return _stopped()
-        work = newton.evaluations
-        return Outcome(lambda: _read(task, newton, done), work, "evaluations", "time" if done.success else "failed")
-
-    return Method(name, "rtol", TOLERANCES[solver], run)
-
-
-def _stopped() -> Outcome:
-    return Outcome(tuple, MOST, "evaluations", "stopped")
+    newton = Newton(task.scene, task.resolved, MOST)
+    options: dict[str, Any] = {"method": solver, "rtol": rtol, "atol": rtol * newton.scales()}
+    done = solve_ivp(newton, (0.0, end), newton.start(), dense_output=True, **options)
+    status, work = "time" if done.success else "failed", newton.evaluations
+    return Outcome(lambda: _read(task, newton, done), work, "evaluations", status)
 
 
 def _read(task: Task, newton: Newton, done: Any) -> tuple[ReferenceContact, ...]:

@@ -1,4 +1,4 @@
-"""What `frontier` returns: rows of error and run time, and what follows from them."""
+"""Rows of error and run time, and what follows from them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -35,7 +34,7 @@ class Row:
         Largest error of the velocities of both bodies at the end of each pair's last contact, in units of the impact
         speed; nan if a pair has no contact that ended.
     time_error : float
-        Largest error of begin or end of a contact, in units of the longest contact; nan if contacts differ in number.
+        Largest error of onset or end of a contact, in units of the longest contact; nan if contacts differ in number.
     wrong_count : bool
         Some pair has more or fewer contacts than it should.
     rounding : bool
@@ -66,26 +65,8 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Frontier:
-    """Error against run time; print it, `plot` it, save it with `to_json`.
-
-    Attributes
-    ----------
-    scene, law, until, t_end
-        What was solved.
-    reference : Reference
-        What is taken for true, with its own error.
-    rows : tuple of Row
-        Method by method, from coarse to fine settings.
-    dials : mapping
-        What the setting of each method is: "dt" in s, "tol", "rtol", or "".
-    orders : mapping
-        For fixed-step methods: textbook order p, and min(p, 1+s) for a force that begins like t^s.
-    rounding_level : float
-        Change of velocities when the scene's gaps and velocities change in their last digit, in impact speeds.
-    machine : mapping
-        Where run times were measured.
-    """
+class Measured:
+    """Error against run time of many methods on one scene, and what follows from it; see `Frontier`."""
 
     scene: Scene
     law: tuple[Any, ...]
@@ -128,26 +109,3 @@ class Frontier:
         """The row with the shortest run time of those with right contacts and an error of at most `error`."""
         rows = [row for row in self.rows if row.good and row.velocity_error <= error and row.method not in without]
         return min(rows, key=lambda row: row.seconds, default=None)
-
-    def __str__(self) -> str:
-        from granular.workprecision.table import table
-
-        return table(self)
-
-    def to_dict(self) -> dict[str, Any]:
-        """All numbers with provenance, ready for JSON (nan and inf become None)."""
-        from granular.workprecision.table import as_dict
-
-        return as_dict(self)
-
-    def to_json(self, path: str | PathLike[str]) -> None:
-        """Write `to_dict` to a file, whole or not at all."""
-        from granular import _files
-
-        _files.write_json(path, self.to_dict())
-
-    def plot(self, path: str | PathLike[str] | None = None) -> Any:
-        """Draw errors over run time; return the figure, or save it to `path` (format by the file's ending)."""
-        from granular.workprecision.figure import frontier_figure
-
-        return frontier_figure(self, path)

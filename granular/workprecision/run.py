@@ -6,27 +6,57 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from granular import _check, md, reference
+from granular import _check, md
 from granular import until as stop
+from granular._check import Array
 from granular.laws.check import checked
 from granular.md.integrators import INTEGRATORS as FIXED
-from granular.reference import Reference
+from granular.reference import Reference, solve
 from granular.scene import Scene
-from granular.workprecision import methods as ours
+from granular.workprecision import figure, table
 from granular.workprecision.judge import contacts_of, errors
 from granular.workprecision.machine import machine
-from granular.workprecision.methods import Method, Task
+from granular.workprecision.methods import Method, Task, expected_order, own
 from granular.workprecision.peers import NAMES as PEERS
-from granular.workprecision.peers import peers
-from granular.workprecision.result import NEAR, Frontier, Row
+from granular.workprecision.peers import peer
+from granular.workprecision.result import NEAR, Measured, Row
 
 METHODS = ("located", *FIXED, "edmd", *PEERS)
 LONG = 0.2
 """Seconds after which a run is not repeated any more."""
+
+
+@dataclass(frozen=True)
+class Frontier(Measured):
+    """Error against run time; print it, `plot` it, save it with `to_json`.
+
+    Attributes
+    ----------
+    scene, law, until, t_end
+        What was solved.
+    reference : Reference
+        What is taken for true, with its own error.
+    rows : tuple of Row
+        Method by method, from coarse to fine settings.
+    dials : mapping
+        What the setting of each method is: "dt" in s, "tol", "rtol", or "".
+    orders : mapping
+        For fixed-step methods: textbook order p, and min(p, 1+s) for a force that begins like t^s.
+    rounding_level : float
+        Change of velocities when the scene's gaps and velocities change in their last digit, in impact speeds.
+    machine : mapping
+        Where run times were measured.
+    """
+
+    __str__ = table.table
+    to_dict = table.as_dict
+    to_json = table.to_json
+    plot = figure.plot
 
 
 def frontier(
@@ -80,14 +110,15 @@ def frontier(
     chosen = METHODS if methods is None else tuple(_check.choice("methods", name, METHODS) for name in methods)
     _check.callback("on_progress", on_progress)
     count = _check.whole("repeats", repeats, at_least=1)
-    truth = reference or _solve(scene, laws, until, t_end)
+    truth = reference or solve(scene, laws, until=until, t_end=t_end)
     if not truth.durations:
         raise ValueError(f"scene is {scene!r}: in this time no contact ends, and there is nothing to compare.")
     task = Task(scene, laws, until, t_end, truth)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # coarse steps and wide tolerances are tried on purpose
         level = _rounding_level(task)
-        tried = sorted([*ours.own(task, chosen), *peers(task, chosen)], key=lambda method: chosen.index(method.name))
+        ways = [peer(task, name) if name in PEERS else own(task, name) for name in chosen]
+        tried = [method for method in ways if method is not None]
         todo = [(method, setting) for method in tried for setting in method.settings]
         rows = []
         for method, setting in todo:
@@ -96,12 +127,8 @@ def frontier(
                 on_progress(len(rows) / len(todo), len(rows))
     return Frontier(
         scene, laws, until, t_end, truth, tuple(rows), {method.name: method.dial for method in tried},
-        {name: ours.expected_order(task, name) for name in chosen if name in FIXED}, level, machine(),
+        {name: expected_order(task, name) for name in chosen if name in FIXED}, level, machine(),
     )  # fmt: skip
-
-
-def _solve(scene: Scene, laws: Sequence[Any], until: stop.Until | None, t_end: float | None) -> Reference:
-    return reference.solve(scene, laws, until=until, t_end=t_end)
 
 
 def _row(task: Task, method: Method, setting: float, repeats: int, level: float) -> Row:
@@ -130,10 +157,12 @@ def _rounding_level(task: Task) -> float:
 
 def _nudged(scene: Scene) -> list[Scene]:
     """The scene, and two in which gaps and velocities are the next larger or smaller numbers, in turn."""
-    scenes = [scene]
-    for first in (1.0, -1.0):
-        sign = np.where(np.arange(scene.n) % 2, -first, first) * math.inf
-        gap = np.where(scene.gap == 0.0, 0.0, np.nextafter(scene.gap, scene.sides(sign)[0]))
-        velocity = np.where(scene.velocity == 0.0, 0.0, np.nextafter(scene.velocity, sign))
-        scenes.append(scene.replace(gap=gap, velocity=velocity))
-    return scenes
+    sign = np.where(np.arange(scene.n) % 2, -math.inf, math.inf)
+    sides = ((scene.sides(way)[0], way) for way in (sign, -sign))
+    return [scene, *(scene.replace(gap=_next(scene.gap, below), velocity=_next(scene.velocity, way))
+                     for below, way in sides)]  # fmt: skip
+
+
+def _next(numbers: Array, way: Array) -> Array:
+    """The next numbers upwards (inf) or downwards (-inf); 0 stays."""
+    return np.where(numbers == 0.0, 0.0, np.nextafter(numbers, way))

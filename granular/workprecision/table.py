@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, fields, is_dataclass
-from typing import TYPE_CHECKING, Any
+from os import PathLike
+from typing import Any
 
 from granular import _files
 from granular._describe import scene_to_json
-from granular.workprecision.result import NEAR
-
-if TYPE_CHECKING:
-    from granular.workprecision.result import Frontier, Row
+from granular.workprecision.result import NEAR, Measured, Row
 
 GOALS = (1e-3, 1e-6, 1e-9, 1e-12)
 """Errors for which the fastest methods are named."""
 
 
-def table(report: Frontier) -> str:
+def table(report: Measured) -> str:
     """The report a person reads."""
     lines = [f"{report.scene!r}, {laws(report)}", *_reference_lines(report), "", *_row_lines(report), ""]
     lines += [*_order_lines(report), "", *_goal_lines(report)]
@@ -32,7 +30,7 @@ def duration(seconds: float) -> str:
     return f"{seconds / 1e-9:.3g} ns"
 
 
-def as_dict(report: Frontier) -> dict[str, Any]:
+def as_dict(report: Measured) -> dict[str, Any]:
     """All numbers with provenance, ready for JSON (nan and inf become None)."""
     truth = report.reference
     numbers: dict[str, Any] = _files.plain(
@@ -60,7 +58,12 @@ def as_dict(report: Frontier) -> dict[str, Any]:
     return numbers
 
 
-def laws(report: Frontier) -> str:
+def to_json(report: Measured, path: str | PathLike[str]) -> None:
+    """Write `to_dict` to a file, whole or not at all."""
+    _files.write_json(path, as_dict(report))
+
+
+def laws(report: Measured) -> str:
     """The force laws in few words."""
     shown = list(dict.fromkeys(_short(law) for law in report.law))
     return shown[0] if len(shown) == 1 else f"{shown[0]} … {shown[-1]}"
@@ -73,7 +76,7 @@ def _short(law: Any) -> str:
     return f"{type(law).__name__}({', '.join(f'{f.name}={getattr(law, f.name):.4g}' for f in fields(law))})"
 
 
-def _reference_lines(report: Frontier) -> list[str]:
+def _reference_lines(report: Measured) -> list[str]:
     truth, on = report.reference, report.machine
     return [
         f"reference: {truth.solver}; its error {truth.velocity_error:.1g} of the impact speed, "
@@ -84,7 +87,7 @@ def _reference_lines(report: Frontier) -> list[str]:
     ]
 
 
-def _row_lines(report: Frontier) -> list[str]:
+def _row_lines(report: Measured) -> list[str]:
     head = f"{'method':17}{'setting':>14}{'error of v':>12}{'error of t':>12}  {'contacts':9}{'run time':>10}  work"
     return [head, *(_row_line(row, report.dials[row.method]) for row in report.rows)]
 
@@ -100,17 +103,17 @@ def _row_line(row: Row, dial: str) -> str:
     )
 
 
-def _order_lines(report: Frontier) -> list[str]:
+def _order_lines(report: Measured) -> list[str]:
     lines = [f"{'order in':17}{'':>8}{'measured':>10}{'min(p, 1+s)':>13}{'textbook p':>12}"]
     for name in report.methods:
         if math.isnan(order := report.order(name)):
             continue
-        textbook, expected = report.orders.get(name, (math.nan, math.nan))
-        lines.append(f"{name:17}{report.dials[name]:>8}{order:>10.2f}{_order(expected):>13}{_order(textbook):>12}")
+        textbook, expected = (_number(p, ".2f", "") for p in report.orders.get(name, (math.nan, math.nan)))
+        lines.append(f"{name:17}{report.dials[name]:>8}{order:>10.2f}{expected:>13}{textbook:>12}")
     return lines
 
 
-def _goal_lines(report: Frontier) -> list[str]:
+def _goal_lines(report: Measured) -> list[str]:
     lines = [f"{'error of v below':17}{'located':>10}   fastest other"]
     for goal in GOALS:
         mine = report.fastest(goal, without=tuple(m for m in report.methods if m != "located"))
@@ -121,12 +124,8 @@ def _goal_lines(report: Frontier) -> list[str]:
     return lines
 
 
-def _number(x: float) -> str:
-    return "-" if math.isnan(x) else f"{x:.1e}"
-
-
-def _order(x: float) -> str:
-    return "" if math.isnan(x) else f"{x:.2f}"
+def _number(x: float, form: str = ".1e", none: str = "-") -> str:
+    return none if math.isnan(x) else format(x, form)
 
 
 def _contact(row: Any) -> dict[str, Any]:

@@ -41,7 +41,7 @@ def build(scene: Scene, laws: SceneLaws, t: float) -> System:
         raise OverflowError("the inverse of a mass")
     pairs["pull"], pairs["xi"], pairs["eta"], pairs["t"] = scene.pull, -scene.gap, -scene.across(scene.velocity), t
     speed = speed_scale(scene)
-    s.kinds[:] = [_described(law, speed) for law in laws.each]
+    s.kinds[:] = [_described(law, speed, scene.gravity) for law in laws.each]
     if (s.kinds["kind"] == GENERAL).any():  # one law beyond powers, and every law is evaluated as it stands
         s.kinds["kind"], s.kinds["s"] = GENERAL, 0.0
     pairs["kind_of"], pairs["mode"] = laws.kind, _first_modes(laws, -scene.gap, pairs["eta"])
@@ -58,11 +58,11 @@ def limit(s: System, until: stop.Until | None, tol: float, max_events: int, max_
     r["separated"] = int(isinstance(until, stop.Separated))
 
 
-def _described(law: PairLaw, speed: float) -> tuple[float, ...]:
+def _described(law: PairLaw, speed: float, gravity: float) -> tuple[float, ...]:
     """What kind of law it is, and its coefficients: a row of `KIND`."""
     form = power_form(law)
     if form is None:
-        k, p, q = _rough_form(law, speed)
+        k, p, q = _rough_form(law, speed, gravity)
         kind, form = GENERAL, (k, p, 0.0, 0.0)
     else:
         kind, q = kind_and_q(*form)
@@ -76,16 +76,18 @@ def power_form(law: PairLaw) -> Form | None:
     return law.form if law.form is not None and kind_and_q(*law.form)[0] != GENERAL else None
 
 
-def _rough_form(law: PairLaw, speed: float) -> tuple[float, float, int]:
+def _rough_form(law: PairLaw, speed: float, gravity: float) -> tuple[float, float, int]:
     """Return k and p of a power law of about the size of `law`, and 1 if its force begins smoothly in time, else 2.
 
-    It sets scales, as of first steps; matched at the overlap that an impact at `speed` reaches.
+    It sets scales, as of first steps; matched at the overlap that an impact at `speed` reaches, or a weight at rest.
     """
     pair = law.pair
     xi = 1e-3 * pair.r_eff if 0.0 < pair.r_eff < math.inf else 1e-3
-    energy = pair.m_eff * speed * speed
     for factor in (4.0, 0.25):
-        while 1e-100 < xi < 1e100 and energy > 0.0 and (abs(_bounded(law, xi)) * xi < energy) == (factor > 1.0):
+        while 1e-100 < xi < 1e100 and speed + gravity > 0.0:
+            stops = abs(_bounded(law, xi)) * xi >= pair.m_eff * (speed * speed + gravity * xi)
+            if stops == (factor > 1.0):
+                break
             xi *= factor
     p, onset = (_slope(law, x) for x in (xi, 1e-6 * xi))
     k = abs(_bounded(law, xi)) / math.pow(xi, p)

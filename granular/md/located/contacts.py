@@ -33,7 +33,7 @@ def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) 
     row.pair, row.t_begin, row.t_end, row.duration = c, pair.begin, run.t, pair.lasted
     row.lower_in, row.upper_in = pair.lower_in, pair.upper_in
     row.lower_out, row.upper_out = velocity_now(bodies[c], run), velocity_now(bodies[c + 1], run)
-    row.xi_max, row.force_max, row.impulse = pair.xi_max, pair.force_max, pair.impulse
+    row.xi_max, row.force_max, row.impulse = pair.xi_max, pair.force_max, max(0.0, pair.impulse)
 
 
 @kernel
@@ -83,16 +83,22 @@ def push(body: Any, block: Any, dt: float, impulse: float) -> None:
 def peaks(pair: Any, tau: float, work: Any) -> None:
     """Raise the largest overlap and force to those of the piece; its g is scratch, for φ has done its duty.
 
-    In a piece so short that a force of ξ^(1/4) hardly counts its series need not hold: no more than the law allows.
+    A force that does not depend on the rate is largest where the overlap is, and the law says it better than a series
+    far below the scale of its island. In a piece so short that a force of ξ^(1/4) hardly counts no series need hold:
+    no more than the law allows.
     """
     for j in range(ORDER + 1):
         pair.g[j] = pair.e[j]
     deepest = highest(pair.x, pair.g, tau, work)
     pair.xi_max = max(pair.xi_max, deepest)
+    xi = max(0.0, deepest)
+    if pair.kind == ELASTIC:
+        pair.force_max = max(pair.force_max, pair.k * power(xi, pair.p))
+        return
     slope(pair.f, pair.g)
     force = highest(pair.f, pair.g, tau, work)
-    if pair.kind == ELASTIC or pair.kind == DAMPED:
-        xi, rate = max(0.0, deepest), max(abs(pair.e[0]), abs(value(pair.e, tau)))
+    if pair.kind == DAMPED:
+        rate = max(abs(pair.e[0]), abs(value(pair.e, tau)))
         force = min(force, 2.0 * (pair.k * power(xi, pair.p) + pair.gamma * power(xi, pair.d) * rate))
     pair.force_max = max(pair.force_max, force)
 

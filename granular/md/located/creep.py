@@ -29,7 +29,7 @@ SURE = 1e-6
 
 
 def matrices(pairs: list[Any]) -> Array:
-    """The matrix A of ẏ = A y for small motions y = (ξ, η) about the present overlaps of touching pairs."""
+    """The matrix A of ẏ = A y for small motions y = (ξ, η) about the current overlaps of touching pairs."""
     n = len(pairs)
     out = np.zeros((2 * n, 2 * n))
     out[:n, n:] = np.eye(n)

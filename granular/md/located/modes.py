@@ -21,8 +21,11 @@ def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws
     if what == BEGIN:
         if pair.mode == OPEN:
             pair.xi = 0.0
-            if pair.eta <= DRIFT * pair.noise:  # grazed, or touching at rest
+            if drifts(pair) or pair.eta < 0.0:  # grazed, or touching at rest
                 pair.eta = min(0.0, pair.eta)
+                return True
+            if turns(pairs, pool, block, c):
+                halt(pairs, pool, bodies, c)
                 return True
             if laws is not None:
                 pair.mode = OPEN if laws.pushes_at_touch(c, pair) else RESIDUAL
@@ -56,9 +59,27 @@ def stays(pair: Any, block: Any) -> bool:
     """Return whether a ball that gravity holds comes up to where it touches with no more energy than rounding."""
     if pair.mode != ACTIVE or pair.kind == LINEAR or pair.pull <= 0.0:
         return False
-    static = power(pair.pull / (pair.k * pair.inverse), 1.0 / pair.p)
-    typical = max(block.speed, math.sqrt(2.0 * pair.pull * static))
-    return bool(pair.eta * pair.eta <= DRIFT * pair.noise * typical)
+    return bool(pair.eta * pair.eta <= DRIFT * pair.noise * max(block.speed, speed_of_weight(pair)))
+
+
+@kernel
+def turns(pairs: Any, pool: Any, block: Any, c: int) -> bool:
+    """Return whether balls that gravity parts come up to where they touch with no more energy than rounding.
+
+    Alone in their flight they have no island that could feel it.
+    """
+    pair, lo, typical = pool[pairs[c].slot], pairs[c].first, block.speed
+    hi = pairs[lo].hi
+    for i in range(lo, hi):
+        typical = max(typical, speed_of_weight(pool[pairs[i].slot]))
+    return bool(pair.pull < 0.0 and hi - lo > 1 and pair.eta * pair.eta <= DRIFT * pair.noise * typical)
+
+
+@kernel
+def speed_of_weight(pair: Any) -> float:
+    """Return the speed in m/s that gravity gives the balls of a pair over the overlap at which their force balances."""
+    pull = abs(pair.pull)
+    return math.sqrt(2.0 * pull * power(pull / (pair.k * pair.inverse), 1.0 / pair.p))
 
 
 @kernel

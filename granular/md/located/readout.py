@@ -13,7 +13,7 @@ from granular.md.located.records import ACTIVE, FREE
 
 @kernel
 def look(s: Any, t: float, xi: Any, eta: Any, force: Any) -> None:
-    """Write overlap, rate and force of every pair at time `t`, which lies within the present pieces."""
+    """Write overlap, rate and force of every pair at time `t`, which lies within the current pieces."""
     pairs, pool, c = s.pairs, s.pool, 0
     while c < s.run[0].pairs:
         hi = pairs[c].hi

@@ -59,7 +59,7 @@ PAIR = np.dtype(
         ("wake", float),  # overlap at which it became active when it was last dormant
         ("stride", float),  # last step of its block on the plain clock
         ("shared", float),  # impulse of all contacts so far that was exchanged while a neighbouring pair was active
-        ("first", int), ("hi", int),  # first pair of the block it is in; end of the block that it starts
+        ("first", np.int32), ("hi", np.int32),  # first pair of the block it is in; end of the block that it starts
         ("slot", np.int32), ("kind_of", np.int32),  # its places in the pool, -1 in free flight, and among the kinds
         ("count", np.int32), ("mode", np.int8), ("exact", np.int8), ("what", np.int8),
     ],

@@ -17,7 +17,7 @@ from granular.md.located.build import build, limit, power_form
 from granular.md.located.collocation import Collocation
 from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
 from granular.md.located.readout import look
-from granular.md.located.records import ACTIVE, GENERAL, to_compiled, to_plain, with_more_room
+from granular.md.located.records import ACTIVE, DORMANT, GENERAL, to_compiled, to_plain, with_more_room
 from granular.md.located.resting import pile
 from granular.md.rows import CONTACT_ROW
 from granular.request import Request
@@ -75,7 +75,7 @@ class Run:
         return plain(self.s.run)[0] if self.engine == "compiled" else self.s.run[0]
 
     def prepare(self) -> None:
-        """Choose between interpreted and compiled for the begin of the run."""
+        """Choose between interpreted and compiled for the start of the run."""
         known = self.collocation is None
         large = self.scene.n_pairs, WORTH_LOADING, WORTH_COMPILING  # to launch is a piece of every pair
         if self.engine == "compiled" or (
@@ -86,7 +86,7 @@ class Run:
             self.s = to_plain(self.s)
 
     def compile(self) -> None:
-        """Go on compiled from the present state: same source, same bits."""
+        """Go on compiled from the current state: same source, same bits."""
         compiled(loop.advance)  # fails before anything is changed
         if self.collocation is not None:
             odd = next(one.law for one in self.laws.each if power_form(one) is None)
@@ -226,7 +226,7 @@ class Run:
             sentence += "; the balls rest on each other"
         if self.collocation is not None:
             return f"{sentence}: every force balances to rounding"
-        piled = {c: p for c, p in self.members().items() if p.mode == ACTIVE}
+        piled = {c: p for c, p in self.members().items() if p.mode == ACTIVE or p.mode == DORMANT}
         decay = slowest_decay(list(piled.values()), bool(self.scene.is_wall[[0, max(piled) + 1]].all()))
         if self.creep is None:
             energies = f"{r.energy:.3g} J, is less than the {r.barrier:.3g} J that"

@@ -3,7 +3,7 @@
     dξ/dt = η ,  η̇_c = G_c + w_c F_(c-1) - (w_c + w_(c+1)) F_c + w_(c+1) F_(c+1) ,  t = (hτ)^q
 
 with inverse masses w and G the pull of gravity. With σ = q h^q, n+q times the coefficient n+q of ξ is σ η_n, of η
-σ η̇_n. q = 1 is the plain clock; q > 1 makes the begin of a contact regular, where F starts like a fractional
+σ η̇_n. q = 1 is the plain clock; q > 1 makes the onset of a contact regular, where F starts like a fractional
 power of t: a pair just touched has ξ = τ^q y with y_0 > 0, and ξ^α = τ^(qα) y^α is a power series again.
 """
 

@@ -17,6 +17,7 @@ from typing import Any
 
 from granular._kernels import kernel
 from granular.md.located.clock import elapsed, root
+from granular.md.located.flight import DRIFT
 from granular.md.located.powers import power
 from granular.md.located.records import ACTIVE, DAMPED, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, STEEPEST
 
@@ -77,7 +78,7 @@ def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
             stored = 2.0 * pair.inverse * pair.k * pair.xi * power(pair.xi, pair.p) / (pair.p + 1.0)
             if pair.kind == GENERAL:  # matched where impacts reach, it may tell little of a ball that comes to rest
                 stored = max(stored, 2.0 * pair.pull * pair.xi)
-        elif pair.pull > 0.0 and pair.mode == DORMANT:
+        elif pair.pull > 0.0 and (pair.mode == DORMANT or (pair.mode == ACTIVE and pair.eta <= DRIFT * pair.noise)):
             stored = 2.0 * pair.pull * power(pair.pull / (pair.k * pair.inverse), 1.0 / pair.p)
         pair.own_speed = math.sqrt(pair.eta * pair.eta + stored)
         if pair.mode != OPEN:
@@ -126,7 +127,7 @@ def choose_clock(pairs: Any, pool: Any, lo: int, hi: int) -> int:
                 pair.mode = DORMANT
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
-        if needs_clock(pair) and q * pair.p > STEEPEST:
+        if needs_clock(pair) and (q * pair.p > STEEPEST or pair.eta <= DRIFT * pair.noise):
             pair.mode = DORMANT
         if pair.mode == ACTIVE and pair.kind != LINEAR and pair.kind != GENERAL and pair.eta > 0.0 and pair.xi > 0.0:
             deepest = pair.own_length

@@ -34,6 +34,8 @@ def lie_still(pairs: list[Any], at_rest: AtRest) -> bool:
     if not closed or not all(balances(pairs[i], push[i], force[i], deeper[i]) for i in closed):
         return False
     arrivals = [time_to_contact(max(0.0, -p.xi), -p.eta, a) for p, a in zip(pairs, push, strict=True) if p.mode == OPEN]
+    if 0.0 in arrivals:  # the run has stopped where a ball arrives
+        return False
     block.clock, block.h, block.stride = 1, min([LONG, *(2.0 * t for t in arrivals)]), 0.0
     zeros = [0.0] * ORDER
     for p, f, a in zip(pairs, force, push, strict=True):

@@ -1,4 +1,4 @@
-// One scene under both engines: what came out, where they part, and the answer in one line (granular/comparison.py).
+// One scene under both engines: what came out, where they part, and the answer in one line (granular/comparison).
 import { simulateHard } from "./hard.mjs";
 import { counted, isEarly, largestDifference, leavingVelocities, otherAnswers, pairOutcome, predictability, shifted } from "./measures.mjs";
 import { simulateSoft } from "./soft.mjs";

@@ -1,4 +1,4 @@
-// May this scene be event-driven? The answer in one line, with its kind: that of granular/verdict.py, in fewer words.
+// May this scene be event-driven? The answer in one line, with its kind: that of granular/comparison/verdict.py, in fewer words.
 import { digits, plural, quantity } from "../shell/format.mjs";
 import { RULES } from "./hard.mjs";
 import { counts, isEarly, SAME, sameButForTiming, SMALL } from "./measures.mjs";

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from dataclasses import asdict
+from os import PathLike
+from typing import Any
 
 import numpy as np
 
 from granular import _files, outcome
 from granular._describe import scene_to_json
+from granular.comparison.numbers import Compared
+from granular.comparison.verdict import contacts, verdict
 from granular.measures import ROUNDING
-
-if TYPE_CHECKING:
-    from granular.comparison import Comparison
 
 MANY = 8
 """Up to this many laws or pairs are shown one by one."""
@@ -20,19 +21,19 @@ SAME_RESTITUTION = 1e-9
 """Values of ε closer than this are the same."""
 
 
-def table(report: Comparison) -> str:
+def table(report: Compared) -> str:
     """The report a person reads."""
     lines = [f"{report.scene!r}", *_law_lines(report), "", *_outcome_lines(report), "", *_why_lines(report)]
-    lines += ["", *_measure_lines(report), *(f"warning: {w}" for w in warnings(report)), "", report.verdict]
+    lines += ["", *_measure_lines(report), *(f"warning: {w}" for w in warnings(report)), "", verdict(report)]
     return "\n".join(lines)
 
 
-def warnings(report: Comparison) -> list[str]:
+def warnings(report: Compared) -> list[str]:
     """What to mind: a rule that is not that of the laws, and what no force law would bear."""
     return [*_two_restitutions(report), *_extremes(report)]
 
 
-def _two_restitutions(report: Comparison) -> list[str]:
+def _two_restitutions(report: Compared) -> list[str]:
     """Pairs whose hard spheres collide with another ε than their force law has."""
     hard, law = np.array(report.restitution_spec), np.array(report.law_restitution)
     differ = np.flatnonzero(np.abs(hard - law) > SAME_RESTITUTION)
@@ -43,7 +44,7 @@ def _two_restitutions(report: Comparison) -> list[str]:
     return [f"hard spheres of pair {c} run with ε = {hard[c]:.6g}, their force law has {law[c]:.6g}{more}"]
 
 
-def _extremes(report: Comparison) -> list[str]:
+def _extremes(report: Compared) -> list[str]:
     """Deep overlaps, and speeds near the speed of sound."""
     found, scene, log = [], report.scene, report.counted[1].contacts
     depth, speed, shortest = np.zeros(scene.n_pairs), np.zeros(scene.n_pairs), np.full(scene.n_pairs, math.inf)
@@ -63,10 +64,8 @@ def _extremes(report: Comparison) -> list[str]:
     return found
 
 
-def as_dict(report: Comparison) -> dict[str, Any]:
+def as_dict(report: Compared) -> dict[str, Any]:
     """All numbers with provenance, ready for JSON (nan and inf become None)."""
-    from dataclasses import asdict
-
     numbers: dict[str, Any] = _files.plain(
         {
             "provenance": _files.provenance(),
@@ -84,7 +83,7 @@ def as_dict(report: Comparison) -> dict[str, Any]:
             "measures": report.measures,
             "groups": report.groups,
             "error": report.error,
-            "verdict": report.verdict,
+            "verdict": verdict(report),
             "warnings": warnings(report),
             "hard": _run(report.hard),
             "soft": _run(report.soft),
@@ -93,7 +92,12 @@ def as_dict(report: Comparison) -> dict[str, Any]:
     return numbers
 
 
-def _law_lines(report: Comparison) -> list[str]:
+def to_json(report: Compared, path: str | PathLike[str]) -> None:
+    """Write `to_dict` to a file, whole or not at all."""
+    _files.write_json(path, as_dict(report))
+
+
+def _law_lines(report: Compared) -> list[str]:
     """Each different law, or each pair's, with its own ε; then the rule of the hard spheres with its own."""
     eps, pairs = np.array(report.law_restitution), np.arange(len(report.law))
     of_law: dict[str, list[int]] = {}
@@ -120,7 +124,7 @@ def _short(text: str) -> str:
     return text if len(text) <= 80 else f"{text[:77]}…"
 
 
-def _outcome_lines(report: Comparison) -> list[str]:
+def _outcome_lines(report: Compared) -> list[str]:
     head = f"{'':22}{'hard spheres':>16}{'soft spheres':>16}"
     lines = [head, f"{'':22}{'(event-driven)':>16}{'(Newton)':>16}"]
     shown = report.pairs if len(report.pairs) <= 8 else report.pairs[:3] + report.pairs[-3:]
@@ -142,7 +146,7 @@ def _outcome_lines(report: Comparison) -> list[str]:
     return lines
 
 
-def _left_out(report: Comparison) -> list[int]:
+def _left_out(report: Compared) -> list[int]:
     """How many contacts of the hard and of the soft run are rounding, and count for nothing."""
     runs = zip((report.hard, report.soft), report.counted, strict=True)
     return [len(run.contacts) - len(counted.contacts) for run, counted in runs]
@@ -152,12 +156,12 @@ def _speed(v: float) -> str:
     return f"{'–':>16}" if math.isnan(v) else f"{v:>16.6g}"
 
 
-def _why_lines(report: Comparison) -> list[str]:
+def _why_lines(report: Compared) -> list[str]:
     shared = report.overlaps
     if not shared:
         return ["Why: no two contacts of neighbouring pairs overlap in time; only the finite durations differ."]
     log = report.counted[1].contacts
-    lines = [f"Why: {_contacts(len(shared), 'overlap')} in time with a contact of a neighbouring pair, first of all:"]
+    lines = [f"Why: {contacts(len(shared), 'overlap')} in time with a contact of a neighbouring pair, first of all:"]
     for o in shared[:4]:
         below, above = log[o.lower], log[o.upper]
         lines.append(
@@ -167,7 +171,7 @@ def _why_lines(report: Comparison) -> list[str]:
     return lines
 
 
-def _measure_lines(report: Comparison) -> list[str]:
+def _measure_lines(report: Compared) -> list[str]:
     """Lines of the measures that have a value for this scene."""
     m, g = report.measures, report.groups
     lines = [
@@ -187,11 +191,6 @@ def _measure_lines(report: Comparison) -> list[str]:
     ]
     groups = ", ".join(text for value, text in parts if not math.isnan(value))
     return [text for value, text in lines if not math.isnan(value)] + [f"groups: {groups}"]
-
-
-def _contacts(n: int, verb: str = "") -> str:
-    noun = "contact" if n == 1 else "contacts"
-    return f"{n} {noun}" + (f" {verb}{'s' if n == 1 else ''}" if verb else "")
 
 
 def _run(run: Any) -> dict[str, Any]:

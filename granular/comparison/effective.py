@@ -3,24 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from granular import edmd
+from granular.comparison.numbers import Compared
 from granular.measures import counted
 from granular.outcome import separations
 from granular.rules import ConstantRestitution
 from granular.trajectory import Trajectory
 
-if TYPE_CHECKING:
-    from granular.comparison import Comparison
-
 
 def effective_restitution(
-    report: Comparison, observable: Callable[[Trajectory], float] | None, resolution: int
+    report: Compared, observable: Callable[[Trajectory], float] | None = None, resolution: int = 41
 ) -> tuple[float, ...]:
-    """Roots in ε of the difference of an observable; see `granular.comparison.Comparison.effective_restitution`."""
+    """All common ε in [0, 1] with which EDMD gives the soft run's value of an observable.
+
+    Parameters
+    ----------
+    observable : callable, optional
+        Trajectory → float; default: the separation speed of the last pair after its last contact.
+    resolution : int
+        Number of ε at which EDMD is run to find changes of sign.
+
+    Returns
+    -------
+    tuple of float
+        Empty: no ε does it. Several: it is not unique. EDMD is not continuous in ε where the number of collisions
+        changes; a jump across the value is not a root and is left out.
+    """
     measure = observable or (lambda run: float(separations(counted(run, report.soft)[0])[0][-1]))
     target = measure(report.soft) if observable else report.pairs[-1].soft_v_rel
 

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from granular.comparison.numbers import Compared
 from granular.measures import ROUNDING
 from granular.outcome import SAME, PairOutcome, has_memory
 from granular.timing import SMALL
 from granular.trajectory import EARLY
 
-if TYPE_CHECKING:
-    from granular.comparison import Comparison
 
-
-def verdict(report: Comparison) -> str:
+def verdict(report: Compared) -> str:
     """One line: may this scene be event-driven?"""
     return (
         _unfinished(report) or _no_collision(report) or _endless(report) or _not_unique(report)
@@ -24,7 +21,7 @@ def verdict(report: Comparison) -> str:
     )  # fmt: skip
 
 
-def _unfinished(report: Comparison) -> str:
+def _unfinished(report: Compared) -> str:
     """Nothing is claimed of a run that did not get to its end."""
     for name, run in (("soft-sphere", report.soft), ("event-driven", report.hard)):
         if run.status in EARLY:
@@ -32,7 +29,7 @@ def _unfinished(report: Comparison) -> str:
     return ""
 
 
-def _no_collision(report: Comparison) -> str:
+def _no_collision(report: Compared) -> str:
     """Hard spheres that do not collide: soft ones do not either, or rest on each other and sink under their weight."""
     hard, soft = report.counted
     if len(hard.contacts):
@@ -48,7 +45,7 @@ def _no_collision(report: Comparison) -> str:
     return f"Yes, trivially: nothing collides; soft spheres overlap by {depth:.3g} m under their weight."
 
 
-def _endless(report: Comparison) -> str:
+def _endless(report: Compared) -> str:
     """A soft contact that fills much of the run, or has no end in sight, while the hard spheres have bounced."""
     span = float(report.soft.time[-1] - report.soft.time[0])
     parting, soft = np.diff(report.hard.velocity[-1]), report.counted[1]
@@ -65,7 +62,7 @@ def _endless(report: Comparison) -> str:
     return ""
 
 
-def _not_unique(report: Comparison) -> str:
+def _not_unique(report: Compared) -> str:
     """Balls that touch or collide at once, where tie rules differ: no hard-sphere answer is the right one."""
     errors = report.tie_errors
     worst = max(errors, key=lambda name: errors[name], default="")
@@ -84,7 +81,7 @@ def _not_unique(report: Comparison) -> str:
     return ""
 
 
-def _unpredictable(report: Comparison) -> str:
+def _unpredictable(report: Compared) -> str:
     m = report.measures
     if not m["predictability"] > SAME:
         return ""
@@ -93,7 +90,7 @@ def _unpredictable(report: Comparison) -> str:
     return f"Not ball by ball: beyond predictability (compare ensembles){shared}."
 
 
-def _counts(report: Comparison) -> str:
+def _counts(report: Compared) -> str:
     """Pairs with other numbers of contacts, unless only the tie rule or the end time decides that."""
     wrong = [p for p in report.pairs if p.hard_contacts != p.soft_contacts]
     if not wrong:
@@ -104,7 +101,7 @@ def _counts(report: Comparison) -> str:
             "on the other side of t_end."
         )
     p = max(reversed(wrong), key=_miss)
-    said = f"pair {p.pair} has {_contacts(p.soft_contacts)}, not {p.hard_contacts}"
+    said = f"pair {p.pair} has {contacts(p.soft_contacts)}, not {p.hard_contacts}"
     many = f"{len(wrong)} of {len(report.pairs)} pairs differ in contacts; " if len(wrong) > 1 else ""
     if not report.error <= SAME:
         return f"No: {many}{said}{_parting(p, report)}."
@@ -114,7 +111,7 @@ def _counts(report: Comparison) -> str:
     return f"No: {many}{said}, though {same}."
 
 
-def _outcomes(report: Comparison) -> str:
+def _outcomes(report: Compared) -> str:
     if math.isnan(report.error):
         return "No verdict: no contact has come to its end."
     if report.error > SAME:
@@ -131,7 +128,7 @@ def _miss(p: PairOutcome) -> float:
     return -1.0 if math.isnan(miss) else miss
 
 
-def _parting(p: PairOutcome, report: Comparison) -> str:
+def _parting(p: PairOutcome, report: Compared) -> str:
     """How a pair parts in the soft run, or how far others are off if that is not what is wrong."""
     if p.ongoing and math.isnan(p.soft_v_rel):
         return ", and is still in contact"
@@ -140,5 +137,7 @@ def _parting(p: PairOutcome, report: Comparison) -> str:
     return "" if math.isnan(report.error) else f", and outcomes are off by {report.error:.2g} of the impact speed"
 
 
-def _contacts(n: int) -> str:
-    return f"{n} contact" if n == 1 else f"{n} contacts"
+def contacts(n: int, verb: str = "") -> str:
+    """So many contacts, and what they do."""
+    noun = "contact" if n == 1 else "contacts"
+    return f"{n} {noun}" + (f" {verb}{'s' if n == 1 else ''}" if verb else "")

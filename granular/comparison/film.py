@@ -8,20 +8,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
-from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from textwrap import fill
+from typing import Any
 
 import numpy as np
 
 from granular import _check, _files
 from granular._check import Array
 from granular._optional import optional
-from granular.plot import HARD, SOFT, resolved, time_unit, window
+from granular.comparison.figure import HARD, SOFT, resolved, unit_of, window
+from granular.comparison.numbers import Compared
+from granular.comparison.verdict import verdict
 from granular.scene import Scene
 from granular.trajectory import Trajectory, points
-
-if TYPE_CHECKING:
-    from granular.comparison import Comparison
 
 ENDINGS = (".gif", ".mp4")
 PAPER, INK = "#fbfaf6", "#1d1c1a"
@@ -31,13 +30,11 @@ FINE = 1500
 """Rows of a run at least, so that forces are drawn smoothly."""
 
 
-def animate(report: Comparison, path: str | PathLike[str], seconds: float = 9.0, fps: int = 25) -> None:
-    """Write a film of a comparison.
+def animate(report: Compared, path: str | PathLike[str], seconds: float = 9.0, fps: int = 25) -> None:
+    """Write a film of both engines in slow motion; of at most 60 balls.
 
     Parameters
     ----------
-    report : Comparison
-        Of at most 60 balls.
     path : str or path
         A ``.gif`` file, or an ``.mp4`` file where ffmpeg is installed.
     seconds : float
@@ -59,19 +56,19 @@ def animate(report: Comparison, path: str | PathLike[str], seconds: float = 9.0,
 class Film:
     """The figure of a film, and what of it changes from picture to picture."""
 
-    def __init__(self, report: Comparison, frames: int) -> None:
+    def __init__(self, report: Compared, frames: int) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
         self.report, scene = report, report.scene
         begin, end = window(report)
         self.time = np.linspace(begin, end, frames)
-        self.unit, unit_name = time_unit(end - begin)
+        self.unit, unit_name = unit_of(end - begin, "s")
         self.clock = (self.time - begin) / self.unit
         self.runs = {"hard": self._again("hard"), "soft": self._again("soft")}
         self.paths = {name: _points(run, self.time) for name, run in self.runs.items()}
         self.figure = Figure(figsize=(9.6, 5.4), facecolor=PAPER, layout="constrained")
-        self.figure.suptitle("\n".join(wrap(report.verdict, 110)), fontsize=11, x=0.02, ha="left", color=INK)
+        self.figure.suptitle(fill(verdict(report), 110), fontsize=11, x=0.02, ha="left", color=INK)
         grid = self.figure.add_gridspec(3, 4, height_ratios=[1, 1.6, 1.6])
         self.stages = [
             Stage(self.figure.add_subplot(grid[:, i]), scene, self.paths, name, colour)
@@ -119,9 +116,8 @@ class Film:
         left = (soft["t_begin"] - start) / self.unit
         axis.barh(soft["pair"] - 0.16, (end - soft["t_begin"]) / self.unit, left=left, height=0.3, color=SOFT)
         axis.scatter((hard["t_begin"] - start) / self.unit, hard["pair"] + 0.22, marker="|", s=60, color=HARD)
-        axis.set_ylim(-0.6, report.scene.n_pairs - 0.3)
         n = report.scene.n_pairs
-        axis.set_yticks(range(n) if n < 7 else [0, n - 1])
+        axis.set(ylim=(-0.6, n - 0.3), yticks=range(n) if n < 7 else [0, n - 1])
         return _head(axis)
 
     def _forces(self, place: Any) -> Any:
@@ -160,19 +156,15 @@ class Stage:
         sinks = float((deepest / (0.6 * np.minimum(*scene.sides(side)))).max())
         self.scale = min(room / max(float(both.max()) - self.low, 1e-300), 1.0 / max(sinks, 1e-300))
         self.stacked = np.cumsum(2.0 * self.radius) - self.radius
-        axis.set_xlim(-0.16, 0.16)
-        axis.set_ylim(-0.03, 1.0)
+        axis.set(xlim=(-0.16, 0.16), ylim=(-0.03, 1.0))
         axis.set_aspect("equal", adjustable="box")
         axis.set_axis_off()
         axis.set_title(f"{name} spheres", color=colour, fontsize=11)
-        self.balls = []
-        for i in range(scene.n):
-            if scene.is_wall[i]:
-                (wall,) = axis.plot([-0.14, 0.14], [0.0, 0.0], color=INK, lw=2)
-                self.balls.append(wall)
-            else:
-                ball = Circle((0.0, 0.0), self.radius[i], facecolor=colour + "30", edgecolor=colour, lw=1.4)
-                self.balls.append(axis.add_patch(ball))
+        self.balls = [
+            axis.plot([-0.14, 0.14], [0.0, 0.0], color=INK, lw=2)[0] if wall
+            else axis.add_patch(Circle((0.0, 0.0), radius, facecolor=colour + "30", edgecolor=colour, lw=1.4))
+            for wall, radius in zip(scene.is_wall, self.radius, strict=True)
+        ]  # fmt: skip
 
     def show(self, k: int) -> None:
         """Put the balls where they are in picture `k`."""
@@ -187,8 +179,7 @@ class Stage:
 def _points(run: Trajectory, time: Array) -> Array:
     """Positions (m) with the radii taken out at the times of the pictures; the last ones after the end of the run."""
     rows = np.clip(np.searchsorted(run.time, time, side="right") - 1, 0, len(run.time) - 1)
-    path: Array = points(run)[rows]
-    return path
+    return np.asarray(points(run)[rows])
 
 
 def _head(axis: Any) -> Any:

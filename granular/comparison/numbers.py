@@ -1,0 +1,180 @@
+"""Both runs of a scene, and the numbers that tell them apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from granular import measures, outcome, theory, tie_rules, timing
+from granular import until as stop
+from granular.binary import at_speed
+from granular.comparison.law_rule import LawRule
+from granular.laws.contact_law import PairLaw
+from granular.laws.kinds import resolved
+from granular.measures import Overlap
+from granular.outcome import SAME, PairOutcome
+from granular.scene import Scene
+from granular.trajectory import EARLY, Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """One scene run as hard and as soft spheres, and the numbers that tell the two runs apart; see `Comparison`."""
+
+    scene: Scene
+    law: tuple[Any, ...]
+    rule: Any
+    until: stop.Until | None
+    t_end: float | None
+    hard: Trajectory
+    soft: Trajectory
+    twin: Trajectory
+    pairs: tuple[PairOutcome, ...]
+    followed: Trajectory
+    hard_options: Mapping[str, Any]
+    soft_options: Mapping[str, Any]
+
+    @cached_property
+    def impact_speed(self) -> float:
+        """v₁ in m/s, the speed of the first collision of the hard spheres, `measures.impact_speed`; nan without."""
+        return measures.impact_speed(self.counted[0])
+
+    @cached_property
+    def counted(self) -> tuple[Trajectory, Trajectory]:
+        """The hard and the soft run without contacts that are rounding (`granular.measures.without_rounding`)."""
+        return measures.counted(self.hard, self.soft)
+
+    @cached_property
+    def overlaps(self) -> tuple[Overlap, ...]:
+        """Contacts of neighbouring pairs that share a span of time in the soft run: why the engines differ."""
+        return measures.overlapping(self.counted[1])
+
+    @cached_property
+    def measures(self) -> dict[str, float]:
+        """The measures of `granular.measures` for these two runs."""
+        hard, soft = self.counted
+        hard_cm, soft_cm = (measures.mass_centre_restitution(run) for run in (hard, soft))
+        return {
+            "shared_impulse": measures.shared_impulse(self.soft),
+            "crowding": measures.crowding(hard, self.law),
+            "occupation": measures.occupation(soft),
+            "distance": math.nan if self._early else measures.distance(self.followed, hard),
+            "predictability": measures.distance(*self._shifted),
+            "mass_centre_ratio": soft_cm / hard_cm if hard_cm and not self._early else math.nan,
+            "lag": float(self.soft.time[-1] - self.hard.time[-1]),
+        }
+
+    @cached_property
+    def groups(self) -> dict[str, float]:
+        """Dimensionless groups of the scene at the speed of its first collision."""
+        return measures.groups(self.scene, self.law, self.impact_speed)
+
+    @cached_property
+    def restitution_spec(self) -> tuple[float, ...]:
+        """ε with which the hard balls of each pair collide, by the rule, at the speed of the first collision."""
+        if isinstance(self.rule, LawRule) and self.rule.laws is self.law:
+            return self.law_restitution
+        rules = self.rule if isinstance(self.rule, (list, tuple)) else [self.rule] * len(self.pairs)
+        return tuple(float(rule(self._speed, pair)) for rule, pair in zip(rules, self.scene.pairs, strict=True))
+
+    @cached_property
+    def law_restitution(self) -> tuple[float, ...]:
+        """ε that the force law of each pair gives an isolated contact at the speed of the first collision.
+
+        nan where such a contact does not end.
+        """
+        return tuple(resolved(self.law, self.scene).column(lambda law: _restitution(law, self._speed)).tolist())
+
+    @cached_property
+    def restitution_ratio(self) -> float:
+        """ε_eff/ε_spec for floor and two balls of one ε, from the closed form of the paper; nan for other scenes."""
+        scene, eps = self.scene, self.restitution_spec
+        dropped = scene.n == 3 and scene.is_wall[0] and scene.velocity[1] == scene.velocity[2]
+        if not dropped or max(eps) - min(eps) > 1e-9 or not self.impact_speed > 0.0:
+            return math.nan
+        v_rel = self.pairs[1].soft_v_rel
+        if math.isnan(v_rel):
+            return math.nan
+        return theory.effective_restitution(v_rel, self.impact_speed) / eps[0]
+
+    @cached_property
+    def error(self) -> float:
+        """How far hard spheres are off, in speeds of the first collision: the one number that the verdict judges.
+
+        error = max( max_i |u_i(soft) - u_i(hard)|, max_c |v′_c(soft) - v′_c(hard)| ) / v₁
+
+        over all balls i, walls left out, and all pairs c. u_i is the velocity with which ball i leaves the last of its
+        contacts that ends, the initial one without contacts; v′_c is the separation speed of pair c at the end of its
+        last contact. A soft contact still running at the end of the run is followed to its own end, a contact that is
+        rounding does not count, and what has no value, such as v′ of a contact that never ends, is left out. v₁ is
+        `impact_speed`. Free fall and the lag of soft spheres do not enter.
+
+        0 where nothing collides; nan where no contact comes to its end, and where a run did not get to its end, for
+        nothing is claimed of it.
+        """
+        if self._early:
+            return math.nan
+        return self._in_impact_speeds(outcome.largest_difference(self.followed, self.counted[0]))
+
+    @cached_property
+    def tie_errors(self) -> dict[str, float]:
+        """How far the answer of each other tie rule is from the hard run, as `error` says; empty without ties."""
+        hard = self.counted[0]
+        return {name: self._in_impact_speeds(outcome.largest_difference(run, hard))
+                for name, run in self._other_answers.items()}  # fmt: skip
+
+    @cached_property
+    def shift_error(self) -> float:
+        """How far hard spheres from gaps shifted by 1e-12 of themselves are from the hard run, as `error` says."""
+        return self._in_impact_speeds(outcome.largest_difference(*self._shifted))
+
+    @cached_property
+    def unsettled_counts(self) -> Any:
+        """Whether each pair collides another number of times under another tie rule, or from shifted gaps, (n-1,)."""
+        twin, usual = (outcome.counts(run) for run in self._shifted)
+        others = [outcome.counts(run) != outcome.counts(self.counted[0]) for run in self._other_answers.values()]
+        return np.array([twin != usual, *others]).any(axis=0)
+
+    @cached_property
+    def only_timing(self) -> bool:
+        """Whether counts differ only by contacts that fall on the other side of `t_end`.
+
+        Soft spheres lag by about t_c per collision; so contacts that began within that lag of the end do not count.
+        """
+        hard, soft = self.counted
+        return timing.same_but_for_timing(soft, hard, SAME * measures.fastest_approach(hard))
+
+    @property
+    def _early(self) -> bool:
+        return self.hard.status in EARLY or self.soft.status in EARLY
+
+    @property
+    def _speed(self) -> float:
+        """A speed in m/s at which ε can be asked for."""
+        return self.impact_speed if self.impact_speed > 0.0 else 1.0
+
+    @cached_property
+    def _shifted(self) -> tuple[Trajectory, Trajectory]:
+        """The twin and the hard run, without contacts that are rounding or just at the end time."""
+        return measures.before_the_end(measures.counted(self.twin, self.soft)[0], self.counted[0])
+
+    @cached_property
+    def _other_answers(self) -> dict[str, Trajectory]:
+        runs = tie_rules.other_answers(self.hard, self.rule, self.hard_options)
+        return {name: measures.counted(run, self.soft)[0] for name, run in runs.items()}
+
+    def _in_impact_speeds(self, difference: float) -> float:
+        return difference / self.impact_speed if self.impact_speed > 0.0 else 0.0
+
+
+def _restitution(law: PairLaw, speed: float) -> float:
+    """ε of an isolated contact; nan if it does not end."""
+    try:
+        return at_speed(law, speed)
+    except (ValueError, ArithmeticError):
+        return math.nan

@@ -1,0 +1,122 @@
+"""One scene under both engines: `compare(scene, law) -> Comparison`. May this scene be event-driven?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from granular import edmd, md, measures, outcome
+from granular import until as stop
+from granular.comparison import effective, figure, film, report, verdict
+from granular.comparison.law_rule import rule_of
+from granular.comparison.numbers import Compared
+from granular.laws.check import checked
+from granular.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison(Compared):
+    """The discrepancy between hard and soft spheres for one scene; print it, `plot` it, save it with `to_json`.
+
+    Attributes
+    ----------
+    scene : Scene
+        The common start.
+    law, rule : tuple, Any
+        Force law per pair, and collision rule (the law's own restitution unless one was given).
+    hard, soft : Trajectory
+        The event-driven and the soft-sphere run.
+    pairs : tuple of PairOutcome
+        Contacts and separation speeds, pair by pair.
+    twin : Trajectory
+        EDMD from gaps shifted by 1e-12 of themselves: how far the scene can be predicted at all.
+    followed : Trajectory
+        The soft run without contacts that are rounding, those still running at its end followed to theirs.
+    hard_options, soft_options : mapping
+        Options of `granular.edmd.simulate` and `granular.md.simulate` with which the runs are made again, for details.
+    """
+
+    __str__ = report.table
+    verdict = property(verdict.verdict)
+    effective_restitution = effective.effective_restitution
+    to_dict = report.as_dict
+    to_json = report.to_json
+    plot = figure.plot
+    animate = film.animate
+
+
+def compare(
+    scene: Scene,
+    law: Any,
+    rule: Any = None,
+    *,
+    until: stop.Until | None = None,
+    t_end: float | None = None,
+    max_events: int = 1_000_000,
+    ties: str = "left",
+    seed: int = 0,
+    method: str | None = None,
+    dt: float | None = None,
+    engine: str = "auto",
+    on_progress: Callable[[float, int], object] | None = None,
+) -> Comparison:
+    """Run one scene as hard and as soft spheres and report where and why they part ways.
+
+    Parameters
+    ----------
+    scene : Scene
+        The common start; no overlaps.
+    law : force law or sequence of them
+        For the soft spheres, one or one per pair.
+    rule : collision rule or sequence of them, optional
+        For the hard spheres; default the law's own ε as a function of impact speed and pair.
+    until, t_end : stop condition, float, optional
+        When both engines stop; without either they run until nothing can follow.
+    max_events : int
+        Limit on the contacts of each run.
+    ties : str
+        What simultaneous hard-sphere collisions do; see `granular.edmd.simulate`.
+    seed : int
+        For ``ties="random"``.
+    method : str, optional
+        How Newton's equation is solved: "located" (every event to rounding, the default) or a fixed-step integrator.
+    dt : float, optional
+        Time step in s of a fixed-step integrator.
+    engine : str
+        "auto", "plain" or "compiled", of the soft spheres.
+    on_progress : callable, optional
+        ``on_progress(reached, count)`` of both engines, one after the other: time in s, and contacts so far.
+
+    Returns
+    -------
+    Comparison
+    """
+    laws = checked(law, _check_scene(scene)).given
+    used = rule_of(laws, scene) if rule is None else rule
+    end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
+    event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed}
+    hard = edmd.simulate(scene, used, **event_driven, on_progress=on_progress)
+    twin = edmd.simulate(_nudged(scene), used, **event_driven)
+    options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
+    soft = md.simulate(scene, laws, **end, **options, on_progress=on_progress)
+    counted = measures.counted(hard, soft)
+    followed = outcome.followed(counted[1], options)
+    pairs = outcome.pair_outcomes(*counted, followed)
+    return Comparison(scene, laws, used, until, t_end, hard, soft, twin, pairs, followed, event_driven, options)
+
+
+def _check_scene(scene: Any) -> Scene:
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene is {scene!r}: a granular.Scene is needed, such as granular.scenes.three_balls().")
+    return scene
+
+
+def _nudged(scene: Scene) -> Scene:
+    """Gaps shifted by 1e-12 of themselves (touching pairs by 1e-12 of the mean gap), with changing sign."""
+    typical = float(scene.gap.mean()) or 1.0
+    sign = np.where(np.arange(scene.n_pairs) % 2, -1.0, 1.0)
+    shift = 1e-12 * np.where(scene.gap > 0.0, scene.gap * sign, typical)
+    return scene.replace(gap=scene.gap + shift)
