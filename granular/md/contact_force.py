@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections import namedtuple
-from collections.abc import Callable
 from dataclasses import fields
 from functools import cache
 from typing import Any
@@ -31,8 +30,8 @@ PROBES = ((0.3, 0.7), (1.7e-3, -2.9), (5.3e-7, 0.011), (41.0, -0.13))
 
 Called = namedtuple("Called", "function law pair")
 """A compiled force, and records of laws and pairs that it takes."""
-Columns = namedtuple("Columns", "k gamma")
-"""Stiffness and damping of the pairs."""
+Columns = namedtuple("Columns", "k gamma root")
+"""Stiffness and damping of the pairs; whether √ξ is a factor of the force."""
 
 
 @kernel
@@ -48,51 +47,31 @@ def called(laws: Any, c: int, xi: float, xi_dot: float, xi_max: float) -> Any:
 
 
 @kernel
-def spring(laws: Any, c: int, xi: float, xi_dot: float, xi_max: float) -> Any:
-    """k ξ of `Columns`."""
-    return laws.k[c] * xi
+def power(laws: Any, c: int, xi: float, xi_dot: float, xi_max: float) -> Any:
+    """k ξ + γ ξ̇ or √ξ (k ξ + γ ξ̇) of `Columns`."""
+    f = laws.k[c] * xi + laws.gamma[c] * xi_dot
+    return math.sqrt(xi) * f if laws.root else f
 
 
-@kernel
-def dashpot(laws: Any, c: int, xi: float, xi_dot: float, xi_max: float) -> Any:
-    """k ξ + γ ξ̇ of `Columns`."""
-    return laws.k[c] * xi + laws.gamma[c] * xi_dot
-
-
-@kernel
-def hertz(laws: Any, c: int, xi: float, xi_dot: float, xi_max: float) -> Any:
-    """√ξ k ξ of `Columns`."""
-    return math.sqrt(xi) * (laws.k[c] * xi)
-
-
-@kernel
-def viscoelastic(laws: Any, c: int, xi: float, xi_dot: float, xi_max: float) -> Any:
-    """√ξ (k ξ + γ ξ̇) of `Columns`."""
-    return math.sqrt(xi) * (laws.k[c] * xi + laws.gamma[c] * xi_dot)
-
-
-FORCES = {(1.0, False): spring, (1.0, True): dashpot, (1.5, False): hertz, (1.5, True): viscoelastic}
-"""By the power of ξ, and whether there is damping."""
-
-
-def columns(laws: SceneLaws) -> tuple[Callable[..., Any], Columns] | None:
-    """Return one of `FORCES` and what it takes, if all laws compute just so."""
-    powers = {_power(law) for law in laws.each}
-    if len(powers) != 1 or None in powers:
+def columns(laws: SceneLaws) -> Columns | None:
+    """Return what the force `power` takes, if all laws compute just so and all with √ξ or all without."""
+    roots = {_has_root(law) for law in laws.each}
+    if len(roots) != 1 or None in roots:
         return None
-    k, p, gamma, _ = laws.column(lambda law: law.form).T
-    return FORCES[p[0], bool(gamma.any())], Columns(k.copy(), gamma.copy())
+    k, _, gamma, _ = laws.column(lambda law: law.form).T
+    return Columns(k.copy(), gamma.copy(), roots == {True})
 
 
-def _power(law: PairLaw) -> float | None:
-    """The power of ξ if a law computes just as its one of `FORCES`, tried at a few points; else None."""
+def _has_root(law: PairLaw) -> bool | None:
+    """Whether a law computes just as `power` does with √ξ or without, tried at a few points; None if neither."""
     if law.form is None:
         return None
     k, p, gamma, d = law.form
     if (p, d if gamma else p - 1.0) not in ((1.5, 0.5), (1.0, 0.0)):
         return None
-    force, one = FORCES[p, True], Columns([k], [gamma])
-    return p if all(law.given(xi, rate, xi) == force(one, 0, xi, rate, xi) for xi, rate in PROBES) else None
+    one = Columns([k], [gamma], p == 1.5)
+    alike = all(law.given(xi, rate, xi) == power(one, 0, xi, rate, xi) for xi, rate in PROBES)
+    return one.root if alike else None
 
 
 class NotCompilableError(TypeError):

@@ -178,6 +178,8 @@ class Integrator(NamedTuple):
         2 it damps by a quarter a step.
     label : str
         Its full name.
+    kicks : tuple of float
+        Parts of a step for which each ball is kicked before and after the drift; none for methods of another kind.
     """
 
     name: str
@@ -186,13 +188,14 @@ class Integrator(NamedTuple):
     evaluations: int
     limit: float
     label: str
+    kicks: tuple[float, ...] = ()
 
 
 INTEGRATORS = {
     integrator.name: integrator
     for integrator in (
-        Integrator("verlet", verlet, 2.0, 1, 2.0, "velocity Verlet"),
-        Integrator("symplectic-euler", symplectic_euler, 1.0, 1, 2.0, "symplectic Euler"),
+        Integrator("verlet", verlet, 2.0, 1, 2.0, "velocity Verlet", (0.5, 0.5)),
+        Integrator("symplectic-euler", symplectic_euler, 1.0, 1, 2.0, "symplectic Euler", (1.0, 0.0)),
         Integrator("rk4", rk4, 4.0, 4, 2.0, "Runge–Kutta 4"),
         Integrator("gear5", gear5, 4.0, 1, 1.05, "Gear, 5 values"),
     )

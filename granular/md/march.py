@@ -31,8 +31,6 @@ contacts begun; whether the begin is noted of a contact that is still without fo
 overlap, largest overlap of the pair and the next one together, impulse exchanged while a neighbouring pair was active.
 """
 
-LOG = True
-"""Whether contacts are logged; a march specialised for False counts those that end and no more."""
 COUNTED = ("step", "count", "touched")
 """Fields of `Notes` that hold whole numbers."""
 
@@ -135,22 +133,12 @@ def settle(k: int, dt: float, old: Any, s: Any, now: Any, log: Any, rows: int) -
 
 
 @kernel
-def ends(first: int, stop: int, old: Any, s: Any) -> int:
-    """Count the contacts of some pairs that end in this step."""
-    count = 0
-    for c in range(first, stop):
-        count += 1 if old.raw[c] > 0.0 and not s.raw[c] > 0.0 else 0
-    return count
-
-
-@kernel
 def _push(c: int, half: float, beside: int, old: Any, s: Any, now: Any) -> int:
     """Add the impulse of a step; return 1 if a contact begins or ends in it, else 0."""
     before = old.raw[c] if old.raw[c] > 0.0 else 0.0
     after = s.raw[c] if s.raw[c] > 0.0 else 0.0
     impulse = half * (before + after)
-    if LOG:
-        now.impulse[c] += impulse
+    now.impulse[c] += impulse
     now.shared[c] += impulse if beside == 1 else 0.0
     return (1 if before > 0.0 else 0) ^ (1 if after > 0.0 else 0)
 
@@ -175,8 +163,7 @@ def overlaps(xi: Any, now: Any) -> int:
     for c in range(last):
         x = xi[c] if xi[c] > 0.0 else 0.0
         both = x if x < xi[c + 1] else xi[c + 1]
-        if LOG:
-            now.xi_max[c] = x if x > now.xi_max[c] else now.xi_max[c]
+        now.xi_max[c] = x if x > now.xi_max[c] else now.xi_max[c]
         now.deepest[c] = x if x > now.deepest[c] else now.deepest[c]
         now.beside[c] = both if both > now.beside[c] else now.beside[c]
         closed |= 1 if x > 0.0 else 0
@@ -202,35 +189,6 @@ def exchange(old: Any, s: Any) -> None:
 
 
 @kernel
-def _walk(
-    physics: Any, memory: Any, start: int, steps: int, room: int, until_pair: int, until_nth: int
-) -> tuple[int, int, int]:
-    rows, dt, now, log = 0, physics.dt, memory.now, memory.log
-    s, old, work = memory.s, memory.old, memory.work
-    for k in range(start, start + steps):
-        if rows > room or rows + len(s.xi) > len(log):
-            return 2, k, rows
-        old, s = s, old
-        step(physics, old, s, work)
-        remember(old, s)
-        if (
-            until_pair >= 0
-            and not old.raw[until_pair] > 0.0
-            and s.raw[until_pair] > 0.0
-            and now.count[until_pair] + 1 == until_nth
-        ):
-            return 3, k, rows
-        changed, closed = pushes(0.5 * dt, old, s, now), overlaps(s.xi, now)
-        if LOG:
-            peaks(s.raw, now.force_max)
-        if changed == 1:
-            rows = settle(k, dt, old, s, now, log, rows) if LOG else rows + ends(0, len(s.xi), old, s)
-        if closed == 0:
-            return 1, k + 1, rows
-    return 0, start + steps, rows
-
-
-@kernel
 def march(
     physics: Any, memory: Any, start: int, steps: int, room: int, until_pair: int, until_nth: int
 ) -> tuple[int, int, int]:
@@ -242,8 +200,28 @@ def march(
         One of `DONE`, `FLIGHT`, `FULL`, `UNTIL`; the step number reached; rows written to `log`. After `UNTIL`
         the contact begins between the states `old` (step k) and `s` (step k + 1).
     """
-    why, k, rows = _walk(physics, memory, start, steps, room, until_pair, until_nth)
-    taken = k - start + (1 if why == 3 else 0)
-    if taken % 2 == 1:
+    why, k, rows, turned = DONE, start, 0, False
+    dt, now, log, s, old = physics.dt, memory.now, memory.log, memory.s, memory.old
+    while why == DONE and k < start + steps:
+        if rows > room or rows + len(s.xi) > len(log):
+            why = FULL
+            break
+        old, s, turned = s, old, not turned
+        step(physics, old, s, memory.work)
+        remember(old, s)
+        if (
+            until_pair >= 0
+            and not old.raw[until_pair] > 0.0
+            and s.raw[until_pair] > 0.0
+            and now.count[until_pair] + 1 == until_nth
+        ):
+            why = UNTIL
+            break
+        changed, closed = pushes(0.5 * dt, old, s, now), overlaps(s.xi, now)
+        peaks(s.raw, now.force_max)
+        if changed == 1:
+            rows = settle(k, dt, old, s, now, log, rows)
+        why, k = DONE if closed == 1 else FLIGHT, k + 1
+    if turned:
         exchange(memory.old, memory.s)
     return why, k, rows

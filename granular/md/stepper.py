@@ -22,6 +22,7 @@ from granular.md.contact_force import (
     compiled_force,
     law_records,
     pair_records,
+    power,
 )  # fmt: skip
 from granular.md.glide import glide, time_to_touch
 from granular.md.integrators import Integrator, Physics, Scratch, State, accelerations, forces
@@ -112,11 +113,11 @@ class Stepper:
     @cached_property
     def fit(self) -> Fit:
         """What would be compiled."""
-        force, laws = (columns(self.laws) if len(self.laws) >= MANY else None) or (called, None)
-        fits: dict[str, Any] = {"step": self.integrator.step, "force": force}
-        step, blocks = specialised(self.integrator.step, force=force), laws is not None and self.counts
-        march = specialised(march_in_blocks, **fits, LOG=False) if blocks else specialised(loop.march, **fits)
-        return Fit(march, step, laws, blocks)
+        laws = columns(self.laws) if len(self.laws) >= MANY else None
+        fits: dict[str, Any] = {"step": self.integrator.step, "force": power if laws else called}
+        blocks = bool(laws and self.counts and self.integrator.kicks)
+        march = specialised(march_in_blocks if blocks else loop.march, **fits)
+        return Fit(march, specialised(fits["step"], force=fits["force"]), laws, blocks)
 
     def compile(self) -> None:
         """Go on with compiled code from the present state: same source, same bits.
@@ -135,7 +136,7 @@ class Stepper:
         log = packed(m.log, loop.STEP_ROW) if isinstance(m.log, list) else m.log
         self.memory = loop.Memory._make([*groups, log])
         if fit.blocks:
-            self.rest = (window(self.memory, self.integrator.evaluations),)
+            self.rest = (window(self.memory, self.integrator, p.dt),)
         self.code, self.compiled = Code(*map(compiled, (fit.march, fit.step, glide, time_to_touch))), True
 
     def march(self, k: int, steps: int, room: int) -> tuple[int, int, int]:
