@@ -366,15 +366,18 @@ def same_run(one, other):
 @pytest.mark.parametrize(("method", "seed"), [
     (method, seed) for method in ALL for seed in range(24 if INTEGRATORS[method].kicks else 6)])  # fmt: skip
 def test_blocks_and_columns_give_the_bits_of_single_steps_and_called_laws(method, seed, monkeypatch):
-    """Every force, damped and not; methods of other kinds than Verlet's go on without blocks."""
+    """Every force, damped and not; methods of other kinds than Verlet's go on without blocks.
+
+    Runge-Kutta takes its columns interpreted only, for it is long to compile.
+    """
     scene, law = some_chain(seed)
     few = {"max_events": 1 + 5 * scene.n} if seed % 5 == 0 else {}
     options = {"method": method, "t_end": 0.02, "dt": 1e-4, "log": False, "samples": 3} | few
     from granular.md import stepper
 
     monkeypatch.setattr(stepper, "MANY", 1)
-    runs = [verlet(scene, law, engine="compiled", **options)]
-    if scene.n < 100:
+    runs = [verlet(scene, law, engine="compiled", **options)] if method != "rk4" else []
+    if scene.n < 100 or not runs:
         with monkeypatch.context() as patch:
             interpret_blocks(patch)
             runs.append(verlet(scene, law, engine="compiled", **options))

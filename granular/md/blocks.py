@@ -32,14 +32,15 @@ XI, RAW, WAS, K, GAMMA, DEEPEST, BESIDE, SHARED, ENDED = range(4 * LENGTH + 1, 1
 """Where those of the pairs begin, behind a pair at -1: overlaps, unclipped forces now and a step ago, the law's
 coefficients; largest overlaps, also together with the next pair; impulse beside an active pair; contacts ended."""
 
-Window = namedtuple("Window", "rows then before after")
-"""The work space; what is noted of the whole chain after the steps; the two kicks of a step in s."""
+Window = namedtuple("Window", "rows then until before after")
+"""The work space; what is noted of the whole chain after the steps; that no pair
+is to be stopped at, as `march` is told; the two kicks of a step in s."""
 
 
 def window(memory: Memory, integrator: Integrator, dt: float) -> Window:
     """Return what a run needs beside its memory."""
     then = memory.now._replace(**{name: np.zeros(len(memory.s.xi)) for name in ("deepest", "beside", "shared")})
-    return Window(np.zeros(13 * LENGTH), then, *(part * dt for part in integrator.kicks))
+    return Window(np.zeros(13 * LENGTH), then, (-1, 0), *(part * dt for part in integrator.kicks))
 
 
 @kernel
@@ -156,12 +157,11 @@ def march_in_blocks(physics: Any, memory: Any, start: int, steps: int, room: int
             k += reach
         else:
             accelerations(here.s.raw, physics.w, physics.fall, here.s.acc)
-            why, k, ended = march(physics, here, k, reach, room - contacts, -1, 0)
+            why, k, ended = march(physics, here, k, reach, room - contacts, *window.until)
         contacts += ended
     accelerations(here.s.raw, physics.w, physics.fall, here.s.acc)
     if turned:
         exchange(memory.old, memory.s)
-        for c in range(len(memory.s.xi)):
-            memory.now.deepest[c] = window.then.deepest[c]
-            memory.now.beside[c], memory.now.shared[c] = window.then.beside[c], window.then.shared[c]
+        now, then = memory.now, window.then
+        exchange((now.deepest, now.beside, now.shared), (then.deepest, then.beside, then.shared))
     return why, k, contacts

@@ -138,9 +138,9 @@ class Run:
 
     def _compile_if_worth_it(self) -> None:
         done = self.steps * self.scene.n_pairs
-        if done <= WORTH_LOADING:
-            return
-        if have_numba() and not worth(self.stepper.fit.march, done, WORTH_LOADING, WORTH_MAKING):
+        if done <= WORTH_LOADING or (
+            have_numba() and not worth(self.stepper.fit.march, done, WORTH_LOADING, WORTH_MAKING)
+        ):
             return
         self.engine = "plain"
         try:
@@ -204,7 +204,7 @@ class Run:
     def _onset(self, pair: int) -> Row:
         """Return the scene between two steps, at the onset of the contact of `pair`."""
         old, s = self.stepper.memory.old, self.stepper.memory.s
-        part = loop.begin_part(pair, old, s)
+        part = loop.part_of_step(pair, old, s)
         ends = ((np.array(x.xi), np.array(x.v), _force(x)) for x in (old, s))
         xi, v, force = (a + part * (b - a) for a, b in zip(*ends, strict=True))
         time = self.request.start + (self.k + part) * self.dt

@@ -41,19 +41,10 @@ STEP_ROW = np.dtype(
 
 
 @kernel
-def begin_part(c: int, old: Any, s: Any) -> float:
-    """Fraction of the step at which the contact of pair `c` began."""
-    part: float = -old.raw[c] / (s.raw[c] - old.raw[c])
-    if old.xi[c] <= 0.0:
-        part = -old.xi[c] / (s.xi[c] - old.xi[c])
-    return part
-
-
-@kernel
-def end_part(c: int, old: Any, s: Any) -> float:
-    """Fraction of the step at which the contact of pair `c` ended."""
+def part_of_step(c: int, old: Any, s: Any) -> float:
+    """Fraction of the step at which the contact of pair `c` began or ended."""
     part: float = old.raw[c] / (old.raw[c] - s.raw[c])
-    if s.xi[c] <= 0.0:
+    if old.xi[c] <= 0.0 or s.xi[c] <= 0.0:
         part = old.xi[c] / (old.xi[c] - s.xi[c])
     return part
 
@@ -96,7 +87,7 @@ def _forget(c: int, s: Any, now: Any) -> None:
 @kernel
 def _begin(c: int, k: int, dt: float, old: Any, s: Any, now: Any) -> None:
     if now.touched[c] == 0 or old.xi[c] < 0.0:
-        part = begin_part(c, old, s)
+        part = part_of_step(c, old, s)
         _touch(c, k, part, old, s, now)
         spread(c, k, part, old, s, now)
     now.touched[c] = 0
@@ -108,7 +99,7 @@ def _begin(c: int, k: int, dt: float, old: Any, s: Any, now: Any) -> None:
 
 @kernel
 def _end(c: int, k: int, old: Any, s: Any, now: Any, row: Any) -> None:
-    part = end_part(c, old, s)
+    part = part_of_step(c, old, s)
     row.pair = c
     row.step_in, row.part_in = now.step[c], now.part[c]
     row.step_out, row.part_out = k, part

@@ -34,21 +34,12 @@ Kernel = Callable[..., Any]
 
 
 class Code(NamedTuple):
-    """The kernels, as they stand or compiled."""
+    """The kernels of a run, as they stand or compiled."""
 
     march: Kernel
     step: Kernel
     glide: Kernel
     time_to_touch: Kernel
-
-
-class Fit(NamedTuple):
-    """What is compiled for a run: a march for its step and force; columns of its laws if they are part of it."""
-
-    march: Kernel
-    step: Kernel
-    laws: Columns | None
-    blocks: bool
 
 
 class Stepper:
@@ -111,13 +102,21 @@ class Stepper:
                 loop.spread(c, 0, 0.0, s, s, now)
 
     @cached_property
-    def fit(self) -> Fit:
-        """What would be compiled."""
-        laws = columns(self.laws) if len(self.laws) >= MANY else None
-        fits: dict[str, Any] = {"step": self.integrator.step, "force": power if laws else called}
-        blocks = bool(laws and self.counts and self.integrator.kicks)
-        march = specialised(march_in_blocks if blocks else loop.march, **fits)
-        return Fit(march, specialised(fits["step"], force=fits["force"]), laws, blocks)
+    def columns(self) -> Columns | None:
+        """The laws, if they become part of the compiled march."""
+        return columns(self.laws) if len(self.laws) >= MANY else None
+
+    @cached_property
+    def blocks(self) -> bool:
+        """Whether compiled steps are taken in blocks."""
+        return bool(self.columns and self.counts and self.integrator.kicks)
+
+    @cached_property
+    def fit(self) -> Code:
+        """What is compiled: kernels for the step and the force of the run."""
+        force, step = power if self.columns else called, self.integrator.step
+        march = specialised(march_in_blocks if self.blocks else loop.march, step=step, force=force)
+        return Code(march, specialised(step, force=force), glide, time_to_touch)
 
     def compile(self) -> None:
         """Go on with compiled code from the present state: same source, same bits.
@@ -127,17 +126,17 @@ class Stepper:
         ImportError, NotCompilableError
             If numba is missing or a law does not compile.
         """
-        records, fit = law_records(self.laws), self.fit  # may fail: before anything changes
-        laws = fit.laws or Called(compiled_force(self.laws), records, pair_records(self.scene.pairs))
+        records = law_records(self.laws)  # may fail: before anything changes
+        laws = self.columns or Called(compiled_force(self.laws), records, pair_records(self.scene.pairs))
         p, m = self.physics, self.memory
         w, fall, self.pull = (np.array(x, np.float64) for x in (p.w, p.fall, self.pull))
         groups = (type(group)(*map(np.array, group)) for group in m[:-1])
         self.physics = Physics(laws, w, fall, p.dt)
         log = packed(m.log, loop.STEP_ROW) if isinstance(m.log, list) else m.log
         self.memory = loop.Memory._make([*groups, log])
-        if fit.blocks:
+        if self.blocks:
             self.rest = (window(self.memory, self.integrator, p.dt),)
-        self.code, self.compiled = Code(*map(compiled, (fit.march, fit.step, glide, time_to_touch))), True
+        self.code, self.compiled = Code(*map(compiled, self.fit)), True
 
     def march(self, k: int, steps: int, room: int) -> tuple[int, int, int]:
         """Take up to `steps` steps from step number `k`; see `granular.md.march.march`."""
