@@ -203,6 +203,7 @@ class Run:
         r, status = self.counters, pause.value
         begun = float(r.t) if self.creep is None else self.creep.start
         end = self.request.end - self.request.start if pause is Pause.reached else max(begun, self.seen)
+        self.s = self.s._replace(queue=self.s.queue[:1].copy())  # nothing is due any more
         if self.creep is None:
             self.kernels(loop.gather)(self.s, end, self.collocation)
         shared = [*column(self.s.pairs, "shared"), self.crept(end)[1]] if self.request.log else [math.nan]
