@@ -51,6 +51,7 @@ def works() -> dict[str, Work]:
     dashpot, hertz, damped = gr.LinearDashpot(1e7, 30.0), gr.Hertz(1e8), gr.ViscoelasticHertz(1e8, 1e3)
     few, many, most, three = gas(10), gas(1000), gas(100_000), stacked(2, 1e-4)
     fast: dict[str, Any] = {"engine": "compiled"}
+    over = {"restitution": np.linspace(0.5, 1.0, 30), "gap": np.geomspace(1e-5, 1e-3, 30)}
     steps: dict[str, Any] = {"method": "verlet", "dt": 1e-6, "t_end": 2e-3, "engine": "compiled"}
     return {
         "hard, 10 balls, interpreted": lambda: hard(few, elastic, max_events=1000, engine="sorted"),
@@ -71,7 +72,7 @@ def works() -> dict[str, Work]:
         "fixed, 1 000 balls, damped": lambda: soft(many, dashpot, log=False, **steps),
         "fixed, 10 balls, interpreted": lambda: soft(few, hertz, **steps | {"engine": "plain", "t_end": 1e-3}),
         "compare, 2 000 balls": lambda: gr.compare(gas(2000), dashpot, t_end=0.02),
-        "sweep, 900 cells": lambda: gr.sweep("three-ball", over={"restitution": (0.5, 1.0, 30), "gap": (1e-5, 1e-3, 30)}),
+        "sweep, 900 cells": lambda: gr.sweep("three-balls", over, "eps_ratio"),
     }
 
 
@@ -97,7 +98,8 @@ def server(tree: Path) -> subprocess.Popen[str]:
 
 def ask(process: subprocess.Popen[str], name: str) -> float:
     """Seconds of one run; nan if it cannot be run there."""
-    assert process.stdin is not None and process.stdout is not None
+    assert process.stdin is not None
+    assert process.stdout is not None
     process.stdin.write(name + "\n")
     process.stdin.flush()
     return float(process.stdout.readline().split()[0])
