@@ -24,7 +24,7 @@ DEEPEST = 60  # an interval 2⁻⁵⁵ wide is already decided by noise or by it
 
 
 def workspace(degree: int) -> list[list[float]]:
-    """Return scratch for polynomials up to `degree`; ``np.array(workspace(degree))`` for compiled code."""
+    """Return scratch for polynomials up to `degree`; compiled code takes an array of that shape."""
     return [[0.0] * (degree + 2) for _ in range(DEEPEST + 1)]
 
 

@@ -87,9 +87,9 @@ def durations(hard: Trajectory, laws: tuple[Any, ...]) -> Array:
     """Durations in s that the EDMD events would have as isolated contacts under the laws of their pairs."""
     log = hard.contacts
     speed, lasting = np.abs(log["v_in"][:, 0] - log["v_in"][:, 1]), np.zeros(len(log))
-    known = resolved(laws, hard.scene)
-    order, edge = grouped(known.kind[log["pair"]], len(known.each))
-    for k, law in enumerate(known.each):
+    kind, each = resolved(laws, hard.scene).in_pairs
+    order, edge = grouped(kind[log["pair"]], len(each))
+    for k, law in enumerate(each):
         rows = order[edge[k] : edge[k + 1]]
         if len(rows):
             lasting[rows] = _isolated(law, speed[rows])

@@ -176,7 +176,7 @@ class Scene:
             r_eff = 1.0 / sum(self.sides(curvature))
         return Pairs(light / (1.0 + light / heavy), r_eff)
 
-    @cached_property
+    @property
     def pull(self) -> Array:
         """Gravity's closing acceleration of each gap in m/s², shape (n-1,): g at a floor, 0 between balls, -g at a
         ceiling. Uniform gravity cancels between two balls."""

@@ -113,6 +113,33 @@ def test_a_law_is_asked_no_more_often_in_a_larger_gas_of_equal_balls():
     assert asked[1] == asked[0] < 100
 
 
+@dataclass(frozen=True)
+class Heavy:
+    """A law that says it is k ξ, and is so in one pair only."""
+
+    k: float
+
+    def linear(self, pair):
+        return self.k, 0.0
+
+    def force(self, xi, xi_dot, pair):
+        return self.k * xi * pair.m_eff
+
+
+def test_laws_that_do_not_look_at_their_pair_are_one_kind_among_unequal_balls():
+    random = np.random.default_rng(4)
+    n = 1000
+    scene = Scene(random.uniform(0.5, 2.0, n), random.uniform(0.1, 0.2, n), np.full(n - 1, 0.1), np.zeros(n))
+    for law, kinds in ((gr.LinearDashpot(1e6, 3.0), 1), (gr.Hertz(1e9), 1), (gr.TsujiHertz(1e9, 0.3), n - 1)):
+        known = resolved((law,) * (n - 1), scene)
+        assert len(known.each) == kinds
+        assert len(known.in_pairs[1]) == n - 1
+        assert known.column(lambda one: one.pair.m_eff).tolist() == scene.pairs.m_eff.tolist()
+    light = Scene([2.0, 2.0, 3.0], [0.1] * 3, [0.1, 0.1], [0.0] * 3)
+    with pytest.raises(ValueError, match="law of pair 1"):
+        gr.md.simulate(light, Heavy(1e6), t_end=0.0)
+
+
 def test_a_law_that_looks_at_the_number_of_its_pair_is_another_one_in_each():
     scene = Scene(np.ones(4), np.full(4, 0.1), np.full(3, 0.1), np.zeros(4))
     law = Numbered(1e5)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,8 @@ class SceneLaws:
     kind : (n-1,) array of int
         Which of `each` a pair is of.
     each : list of PairLaw
-        The different ones, each in the first pair of its kind.
+        The laws that say different things of themselves, each in the first pair of its kind: a form, memory, traits.
+        What follows from them may differ with the sizes of a pair, see `in_pairs`.
     """
 
     def __init__(self, given: tuple[Any, ...], pairs: Pairs, kind: Kinds, each: list[PairLaw]) -> None:
@@ -41,24 +43,30 @@ class SceneLaws:
     def __iter__(self) -> Iterator[PairLaw]:
         return map(_in_pair, map(self.each.__getitem__, self.kind.tolist()), self._pairs)
 
+    @cached_property
+    def in_pairs(self) -> tuple[Kinds, list[PairLaw]]:
+        """Which of some laws a pair has, and these laws: one for every law in pairs of equal sizes."""
+        kind, first = alike(self.kind, self._pairs.m_eff, self._pairs.r_eff)
+        return kind, [self[c] for c in first.tolist()]
+
     def column(self, value: Callable[[PairLaw], Any]) -> Any:
         """An array with the value of its law for every pair."""
-        return np.array([value(law) for law in self.each])[self.kind]
+        kind, each = self.in_pairs
+        return np.array([value(law) for law in each])[kind]
 
 
 def resolved(laws: Sequence[Any] | SceneLaws, scene: Scene) -> SceneLaws:
-    """Ask the laws of a scene, one per pair, what they are."""
+    """Ask the laws of a scene, one per pair, what they are; once where they do not ask for their pair."""
     if isinstance(laws, SceneLaws):
         return laws
     given, pairs = tuple(laws), scene.pairs
-    kind, first = alike(_numbers(given), pairs.m_eff, pairs.r_eff)
-    found = [_whatever_number(given[c], pairs[c]) for c in first.tolist()]
-    each = [law for law in found if law is not None]
-    if len(each) < len(found):
-        asks = np.array([law is None for law in found])[kind]
-        kind, first = alike(kind, np.where(asks, np.arange(len(given)), 0))
-        each = [resolve(given[c], pairs[c]) for c in first.tolist()]
-    return SceneLaws(given, pairs, kind, each)
+    kind, first = alike(_numbers(given))
+    asks = [_asks(given[c], pairs[c]) for c in first.tolist()]
+    if any(asks):
+        sizes, number = (np.array([name in ask for ask in asks])[kind] for name in ("size", "index"))
+        m_eff, r_eff = (np.where(sizes, column, 0.0) for column in (pairs.m_eff, pairs.r_eff))
+        kind, first = alike(kind, m_eff, r_eff, np.where(number, np.arange(len(given)), 0))
+    return SceneLaws(given, pairs, kind, [resolve(given[c], pairs[c]) for c in first.tolist()])
 
 
 def alike(*columns: Array | Ints | Kinds) -> tuple[Kinds, Ints]:
@@ -90,39 +98,48 @@ def _identity(law: Any) -> Any:
     return key if made is not None and made.frozen else id(law)
 
 
-class _Numbered(Pair):
-    """A pair that notes whether its number is asked for."""
+class _Noting(Pair):
+    """A pair that notes what of it is asked for: its "size" or its "index"."""
 
     __slots__ = ("asked",)
-    asked: bool
+    asked: set[str]
 
     @classmethod
-    def like(cls, pair: Pair) -> _Numbered:
+    def like(cls, pair: Pair) -> _Noting:
         """Return a copy of `pair`."""
         copy = cls.__new__(cls)
         for name in ("m_eff", "r_eff", "index"):
             vars(Pair)[name].__set__(copy, getattr(pair, name))
-        object.__setattr__(copy, "asked", False)
+        object.__setattr__(copy, "asked", set())
         return copy
 
     @property
+    def m_eff(self) -> float:
+        return float(self._noted("m_eff", "size"))
+
+    @property
+    def r_eff(self) -> float:
+        return float(self._noted("r_eff", "size"))
+
+    @property
     def index(self) -> int:
-        object.__setattr__(self, "asked", True)
-        number: int = vars(Pair)["index"].__get__(self)
-        return number
+        return int(self._noted("index", "index"))
+
+    def _noted(self, name: str, what: str) -> Any:
+        self.asked.add(what)
+        return vars(Pair)[name].__get__(self)
 
 
-def _whatever_number(law: Any, pair: Pair) -> PairLaw | None:
-    """What a law is in all pairs that are alike except for their number; None if it asks for that number."""
-    probe = _Numbered.like(pair)
+def _asks(law: Any, pair: Pair) -> set[str]:
+    """What a law asks of its pair to say what it is; one without a form is another one in pairs of other sizes."""
+    probe = _Noting.like(pair)
     xi = 1e-3 * pair.r_eff if 0.0 < pair.r_eff < math.inf else 1e-3
     try:
         found = resolve(law, probe)
-        if found.form is None:
-            found.force(xi, 0.0, xi)
+        found.force(xi, 0.0, xi)
     except Exception:  # what is wrong with it is said where it is asked in earnest
-        return None
-    return None if probe.asked else _in_pair(found, pair)
+        return {"size", "index"}
+    return probe.asked if found.form is not None else probe.asked | {"size"}
 
 
 def _in_pair(law: PairLaw, pair: Pair) -> PairLaw:

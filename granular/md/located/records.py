@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from granular._records import packed, plain
-from granular._roots import workspace
+from granular._roots import DEEPEST, workspace
 from granular._tournament import NODE, tournament
 from granular.md.rows import CONTACT_ROW
 
@@ -143,7 +143,7 @@ def new_system(n_pairs: int, n_kinds: int, room: int) -> System:
     run = np.zeros(1, RUN)
     run["pause"] = NO_PAUSE
     pool, queue = empty_pool(min(room, n_pairs)), tournament(n_pairs)
-    return System(run, pairs, pool, kinds, bodies, queue, log, np.array(workspace(ORDER)))
+    return System(run, pairs, pool, kinds, bodies, queue, log, np.zeros((DEEPEST + 1, ORDER + 2)))
 
 
 def empty_pool(room: int) -> np.ndarray[Any, Any]:

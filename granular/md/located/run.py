@@ -72,7 +72,7 @@ class Run:
     @property
     def counters(self) -> Any:
         """The record of counters and limits."""
-        return plain(self.s.run)[0] if self.engine == "compiled" else self.s.run[0]
+        return self.s.run.view(np.recarray)[0] if self.engine == "compiled" else self.s.run[0]
 
     def prepare(self) -> None:
         """Choose between interpreted and compiled for the start of the run."""
@@ -203,6 +203,7 @@ class Run:
         r, status = self.counters, pause.value
         begun = float(r.t) if self.creep is None else self.creep.start
         end = self.request.end - self.request.start if pause is Pause.reached else max(begun, self.seen)
+        self.s = self.s._replace(queue=self.s.queue[:1].copy())  # nothing is due any more
         if self.creep is None:
             self.kernels(loop.gather)(self.s, end, self.collocation)
         shared = [*column(self.s.pairs, "shared"), self.crept(end)[1]] if self.request.log else [math.nan]
@@ -245,7 +246,7 @@ class Run:
 
     def still_open(self, end: float) -> Rows:
         """Return the contacts that go on at the end."""
-        going = {c: p for c, p in self.members().items() if p.begun}
+        going = {c: p for c, p in self.members().items() if p.begun} if column(self.s.pool, "begun").any() else {}
         rows = np.zeros(len(going), CONTACT_ROW)
         rows["pair"], rows["t_end"], rows["lower_out"], rows["upper_out"] = list(going), math.nan, math.nan, math.nan
         found = {"t_begin": "begin", "duration": "lasted"}

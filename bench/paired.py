@@ -1,0 +1,128 @@
+"""Whether a version is slower than another: ``python bench/paired.py REF``; ratios of times, this tree over REF.
+
+Both trees run the same scenes through the public face, each in a process of its own that stays, in turns: one round of
+the one, one of the other. The table shows the least time of each and their ratio. Machine code is made before.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from same_bits import ROOT, unpacked
+
+import granular as gr
+
+ROUNDS = 9
+Work = Callable[[], Any]
+
+
+def gas(n: int, walls: bool = True) -> gr.Scene:
+    """Unequal balls with some room, between walls."""
+    rng = np.random.default_rng(n)
+    end = [math.inf] if walls else []
+    mass = [*end, *rng.uniform(0.5, 2.0, n), *end]
+    inside = np.isfinite(mass)
+    return gr.Scene(mass, 0.005 * inside, rng.uniform(0.001, 0.1, len(mass) - 1), rng.normal(size=len(mass)) * inside)
+
+
+def stacked(n: int, gap: float = 0.0) -> gr.Scene:
+    """Balls that fall on a floor."""
+    return gr.Scene([math.inf, *[1.0] * n], [0.0, *[0.05] * n], [0.0, *[gap] * (n - 1)], [0.0, *[-1.0] * n], 9.81)
+
+
+def row(n: int) -> gr.Scene:
+    """Balls that touch, the first of them moving."""
+    return gr.Scene([1.0] * n, [0.05] * n, [0.0] * (n - 1), [1.0] + [0.0] * (n - 1))
+
+
+def works() -> dict[str, Work]:
+    """What is timed, by name."""
+    hard, soft = gr.edmd.simulate, gr.md.simulate
+    elastic, lossy = gr.ConstantRestitution(1.0), gr.ConstantRestitution(0.9)
+    dashpot, hertz, damped = gr.LinearDashpot(1e7, 30.0), gr.Hertz(1e8), gr.ViscoelasticHertz(1e8, 1e3)
+    few, many, most, three = gas(10), gas(1000), gas(100_000), stacked(2, 1e-4)
+    fast: dict[str, Any] = {"engine": "compiled"}
+    over = {"restitution": np.linspace(0.5, 1.0, 30), "gap": np.geomspace(1e-5, 1e-3, 30)}
+    steps: dict[str, Any] = {"method": "verlet", "dt": 1e-6, "t_end": 2e-3, "engine": "compiled"}
+    return {
+        "hard, 10 balls, interpreted": lambda: hard(few, elastic, max_events=1000, engine="sorted"),
+        "hard, 1 000 balls": lambda: hard(many, elastic, max_events=50_000, log=False, **fast),
+        "hard, 1 000 balls, log": lambda: hard(many, elastic, max_events=50_000, **fast),
+        "hard, 100 000 balls": lambda: hard(most, elastic, max_events=200_000, log=False, **fast),
+        "hard, column that collapses": lambda: hard(stacked(30), lossy, max_events=50_000, **fast),
+        "located, 3 balls, interpreted": lambda: soft(three, dashpot, t_end=0.01, engine="plain"),
+        "located, 3 balls": lambda: soft(three, dashpot, t_end=0.01, **fast),
+        "located, row of 50, Hertz": lambda: soft(row(50), hertz, t_end=0.02, **fast),
+        "located, row of 50, dashpot": lambda: soft(row(50), dashpot, t_end=0.02, **fast),
+        "located, column of 12, viscoelastic": lambda: soft(stacked(12), damped, t_end=0.05, **fast),
+        "located, 1 000 balls, dashpot": lambda: soft(many, dashpot, t_end=0.2, **fast),
+        "located, 1 000 balls, Hertz": lambda: soft(many, hertz, t_end=0.05, **fast),
+        "located, 100 000 balls, dashpot": lambda: soft(most, dashpot, t_end=1e-3, log=False, **fast),
+        "fixed, 1 000 balls, log": lambda: soft(many, hertz, **steps),
+        "fixed, 1 000 balls": lambda: soft(many, hertz, log=False, **steps),
+        "fixed, 1 000 balls, damped": lambda: soft(many, dashpot, log=False, **steps),
+        "fixed, 10 balls, interpreted": lambda: soft(few, hertz, **steps | {"engine": "plain", "t_end": 1e-3}),
+        "compare, 2 000 balls": lambda: gr.compare(gas(2000), dashpot, t_end=0.02),
+        "sweep, 900 cells": lambda: gr.sweep("three-balls", over, "eps_ratio"),
+    }
+
+
+def serve() -> None:
+    """Run works by name as they are asked for, and answer with their seconds."""
+    known = works()
+    for line in sys.stdin:
+        work = known[line.strip()]
+        begin = time.process_time()
+        try:
+            work()
+            print(time.process_time() - begin, flush=True)
+        except Exception as error:  # REF may not know it
+            print(f"nan {error!r}".replace("\n", " "), flush=True)
+
+
+def server(tree: Path) -> subprocess.Popen[str]:
+    """Return a process that serves a tree."""
+    paths = {"PYTHONPATH": os.pathsep.join([str(tree), str(ROOT / "bench")]), "OMP_NUM_THREADS": "1"}
+    return subprocess.Popen([sys.executable, __file__, "--serve"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                            text=True, env=os.environ | paths, cwd=tree)  # fmt: skip
+
+
+def ask(process: subprocess.Popen[str], name: str) -> float:
+    """Seconds of one run; nan if it cannot be run there."""
+    assert process.stdin is not None
+    assert process.stdout is not None
+    process.stdin.write(name + "\n")
+    process.stdin.flush()
+    return float(process.stdout.readline().split()[0])
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("ref", nargs="?", help="commit to compare with")
+    parser.add_argument("--only", default="", help="works whose names contain this")
+    parser.add_argument("--rounds", type=int, default=ROUNDS)
+    parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.serve:
+        return serve()
+    here, there = server(ROOT), server(unpacked(given.ref))
+    print(f"{'':38}{given.ref[:10]:>12}{'this tree':>12}{'ratio':>8}")
+    for name in (one for one in works() if given.only in one):
+        ask(there, name), ask(here, name)  # compiles
+        times = [(ask(there, name), ask(here, name)) for _ in range(given.rounds)]
+        before, now = map(min, zip(*times, strict=True))
+        print(f"{name:38}{1e3 * before:9.2f} ms{1e3 * now:9.2f} ms{now / before:8.2f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
