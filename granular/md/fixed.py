@@ -204,7 +204,7 @@ class Run:
     def _onset(self, pair: int) -> Row:
         """Return the scene between two steps, at the onset of the contact of `pair`."""
         old, s = self.stepper.memory.old, self.stepper.memory.s
-        part = loop.part_of_step(pair, old, s)
+        part = loop.part_of_step(pair, old, old, s)
         ends = ((np.array(x.xi), np.array(x.v), _force(x)) for x in (old, s))
         xi, v, force = (a + part * (b - a) for a, b in zip(*ends, strict=True))
         time = self.request.start + (self.k + part) * self.dt

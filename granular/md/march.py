@@ -41,10 +41,10 @@ STEP_ROW = np.dtype(
 
 
 @kernel
-def part_of_step(c: int, old: Any, s: Any) -> float:
-    """Fraction of the step at which the contact of pair `c` began or ended."""
+def part_of_step(c: int, apart: Any, old: Any, s: Any) -> float:
+    """Fraction of the step at which the contact of pair `c` began or ended; `apart` is the state without it."""
     part: float = old.raw[c] / (old.raw[c] - s.raw[c])
-    if old.xi[c] <= 0.0 or s.xi[c] <= 0.0:
+    if apart.xi[c] <= 0.0:
         part = old.xi[c] / (old.xi[c] - s.xi[c])
     return part
 
@@ -87,7 +87,7 @@ def _forget(c: int, s: Any, now: Any) -> None:
 @kernel
 def _begin(c: int, k: int, dt: float, old: Any, s: Any, now: Any) -> None:
     if now.touched[c] == 0 or old.xi[c] < 0.0:
-        part = part_of_step(c, old, s)
+        part = part_of_step(c, old, old, s)
         _touch(c, k, part, old, s, now)
         spread(c, k, part, old, s, now)
     now.touched[c] = 0
@@ -99,7 +99,7 @@ def _begin(c: int, k: int, dt: float, old: Any, s: Any, now: Any) -> None:
 
 @kernel
 def _end(c: int, k: int, old: Any, s: Any, now: Any, row: Any) -> None:
-    part = part_of_step(c, old, s)
+    part = part_of_step(c, s, old, s)
     row.pair = c
     row.step_in, row.part_in = now.step[c], now.part[c]
     row.step_out, row.part_out = k, part
