@@ -125,11 +125,12 @@ def settle(k: int, dt: float, old: Any, s: Any, now: Any, log: Any, rows: int) -
 
 @kernel
 def _push(c: int, half: float, beside: int, old: Any, s: Any, now: Any) -> int:
-    """Add the impulse of a step; return 1 if a contact begins or ends in it, else 0."""
+    """Add the impulse of a step, note the largest force; return 1 if a contact begins or ends in it, else 0."""
     before = old.raw[c] if old.raw[c] > 0.0 else 0.0
     after = s.raw[c] if s.raw[c] > 0.0 else 0.0
     impulse = half * (before + after)
     now.impulse[c] += impulse
+    now.force_max[c] = after if after > now.force_max[c] else now.force_max[c]
     now.shared[c] += impulse if beside == 1 else 0.0
     return (1 if before > 0.0 else 0) ^ (1 if after > 0.0 else 0)
 
@@ -162,13 +163,6 @@ def overlaps(xi: Any, now: Any) -> int:
     now.xi_max[last] = x if x > now.xi_max[last] else now.xi_max[last]
     now.deepest[last] = x if x > now.deepest[last] else now.deepest[last]
     return closed | (1 if x > 0.0 else 0)
-
-
-@kernel
-def peaks(raw: Any, force_max: Any) -> None:
-    """Note the largest forces."""
-    for c in range(len(raw)):
-        force_max[c] = raw[c] if raw[c] > force_max[c] else force_max[c]
 
 
 @kernel
@@ -209,7 +203,6 @@ def march(
             why = UNTIL
             break
         changed, closed = pushes(0.5 * dt, old, s, now), overlaps(s.xi, now)
-        peaks(s.raw, now.force_max)
         if changed == 1:
             rows = settle(k, dt, old, s, now, log, rows)
         why, k = DONE if closed == 1 else FLIGHT, k + 1
