@@ -45,7 +45,9 @@ def expected_rate(scene: Scene, laws: SceneLaws) -> float:
 
 def _slopes(laws: SceneLaws, overlap: Array) -> Array:
     """Stiffness in N/m and damping in kg/s of all pairs at their overlaps, shape (2, n-1); 0 of pairs not closed."""
-    kind, first = alike(laws.in_pairs[0], overlap)
-    met = zip(first.tolist(), overlap[first].tolist(), strict=True)
-    each = [laws[c].tangent(xi) if xi > 0.0 else (0.0, 0.0) for c, xi in met]
-    return np.array(each).T[:, kind]
+    slope, closed = np.zeros((2, len(overlap))), np.flatnonzero(overlap > 0.0)
+    if len(closed):
+        kind, first = alike(laws.in_pairs[0][closed], overlap[closed])
+        each = [laws[c].tangent(float(overlap[c])) for c in closed[first].tolist()]
+        slope[:, closed] = np.array(each).T[:, kind]
+    return slope
