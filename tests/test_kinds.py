@@ -140,6 +140,58 @@ def test_laws_that_do_not_look_at_their_pair_are_one_kind_among_unequal_balls():
         gr.md.simulate(light, Heavy(1e6), t_end=0.0)
 
 
+class Plain:
+    """No slots."""
+
+
+@dataclass(frozen=True, slots=True)
+class Slotted(Plain):
+    """k ξ, held in a slot."""
+
+    k: float
+
+    def force(self, xi, xi_dot, pair):
+        return self.k * xi
+
+
+@dataclass(frozen=True)
+class Branching:
+    """A law whose stiffness hangs on the number of a pair where the pair is small."""
+
+    k: float
+
+    def linear(self, pair):
+        return (self.k if pair.r_eff > 0.07 else self.k * (1 + pair.index)), 0.0
+
+    def force(self, xi, xi_dot, pair):
+        return self.linear(pair)[0] * xi
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Another stiffness in one pair, found by comparison."""
+
+    k: float
+    pair: Pair
+
+    def force(self, xi, xi_dot, pair):
+        return (5.0 if pair == self.pair else 1.0) * self.k * xi
+
+
+def test_whatever_a_law_asks_of_its_pair_it_is_the_law_of_that_pair():
+    scene = Scene([math.inf, *[1.0] * 5], [0.0, *[0.1] * 5], [0.0] * 5, [0.0] * 5 + [-1.0])
+    for laws, stiffness in (
+        ([Slotted(k * 1e6) for k in range(1, 6)], [1e6, 2e6, 3e6, 4e6, 5e6]),
+        ([Branching(1e6)] * 5, [1e6, 2e6, 3e6, 4e6, 5e6]),
+        ([Chosen(1e6, scene.pairs[3])] * 5, [1e6, 1e6, 1e6, 5e6, 1e6]),
+    ):
+        assert resolved(laws, scene).column(lambda law: law.form[0]).tolist() == stiffness
+        one, other = (
+            gr.md.simulate(scene, given, t_end=0.01) for given in (laws, [gr.LinearDashpot(k) for k in stiffness])
+        )
+        np.testing.assert_allclose(one.velocity, other.velocity, atol=1e-13)
+
+
 def test_a_law_that_looks_at_the_number_of_its_pair_is_another_one_in_each():
     scene = Scene(np.ones(4), np.full(4, 0.1), np.full(3, 0.1), np.zeros(4))
     law = Numbered(1e5)

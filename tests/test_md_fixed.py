@@ -443,3 +443,18 @@ def test_a_touching_row_begins_when_it_is_hit(method, way, gap):
         assert fixed.of(c)["t_begin"][0] == pytest.approx(located.of(c)["t_begin"][0], abs=dt)
     far = fixed.of(n - 2 if way > 0 else 0)[0]
     np.testing.assert_array_equal(far["v_in"], 0.0)
+
+
+@pytest.mark.parametrize("engine", ["plain", "compiled"])
+def test_a_row_at_a_rounding_before_a_step_is_the_row_of_that_step(engine):
+    """66 · 5e-6 > 3.3e-4: the row was sought in a flight, of which there was none, or one long over."""
+    law, options = gr.LinearDashpot(1e6, 20.0), {"method": "verlet", "dt": 5e-6, "engine": engine}
+    touching = gr.Scene([1.0] * 3, [0.05] * 3, [-1e-5, 1e-3], [0.0] * 3)
+    flying = gr.Scene([1.0] * 3, [0.05] * 3, [1e-4, 1.0], [1.0, -1.0, 0.0])
+    for scene, t_end in ((touching, 3.3e-4), (flying, 1.75e-4)):
+        row, near = (gr.md.simulate(scene, law, t_end=t, **options) for t in (t_end, t_end * (1.0 + 1e-9)))
+        np.testing.assert_allclose(row.velocity[-1], near.velocity[-1], atol=1e-6)
+    times = np.array([float(f"{k * 5e-6:.9g}") for k in range(400)])
+    rows = gr.md.simulate(flying, law, samples=times, t_end=2e-3, **options)
+    beside = gr.md.simulate(flying, law, samples=times + 1e-12, t_end=2.1e-3, **options)
+    np.testing.assert_allclose(rows.velocity[:400], beside.velocity[:400], atol=1e-5)

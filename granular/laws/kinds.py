@@ -60,12 +60,17 @@ def resolved(laws: Sequence[Any] | SceneLaws, scene: Scene) -> SceneLaws:
     if isinstance(laws, SceneLaws):
         return laws
     given, pairs = tuple(laws), scene.pairs
-    kind, first = alike(_numbers(given))
-    asks = [_asks(given[c], pairs[c]) for c in first.tolist()]
-    if any(asks):
-        sizes, number = (np.array([name in ask for ask in asks])[kind] for name in ("size", "index"))
-        m_eff, r_eff = (np.where(sizes, column, 0.0) for column in (pairs.m_eff, pairs.r_eff))
-        kind, first = alike(kind, m_eff, r_eff, np.where(number, np.arange(len(given)), 0))
+    number, probed = _numbers(given), set[int]()
+    asks: dict[int, set[str]] = {}
+    kind, first = alike(number)
+    while new := [c for c in first.tolist() if c not in probed]:
+        for c in new:
+            asks.setdefault(int(number[c]), set()).update(_asks(given[c], pairs[c]))
+        probed.update(new)
+        if any(asks.values()):  # what they are may hang on it, and so may what they ask for
+            size, index = (np.array([what in asks[i] for i in range(len(asks))])[number] for what in ("size", "index"))
+            m_eff, r_eff = (np.where(size, column, 0.0) for column in (pairs.m_eff, pairs.r_eff))
+            kind, first = alike(number, m_eff, r_eff, np.where(index, np.arange(len(given)), 0))
     return SceneLaws(given, pairs, kind, [resolve(given[c], pairs[c]) for c in first.tolist()])
 
 
@@ -90,6 +95,8 @@ def _numbers(laws: tuple[Any, ...]) -> Kinds:
 
 def _identity(law: Any) -> Any:
     made = getattr(type(law), "__dataclass_params__", None)
+    if any("__slots__" in vars(one) for one in type(law).__mro__):  # not all that it holds is in its dict
+        return id(law)
     try:
         key = (type(law), *vars(law).items())
         hash(key)
@@ -124,6 +131,14 @@ class _Noting(Pair):
     @property
     def index(self) -> int:
         return int(self._noted("index", "index"))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Pair) and (self.m_eff, self.r_eff, self.index) == (
+            other.m_eff, other.r_eff, other.index
+        )  # fmt: skip
+
+    def __hash__(self) -> int:
+        return hash((self.m_eff, self.r_eff, self.index))
 
     def _noted(self, name: str, what: str) -> Any:
         self.asked.add(what)

@@ -124,7 +124,7 @@ def leap(physics: Any, here: Any, there: Any, reach: int, witness: int, window: 
             move(m, dt, physics.laws.root, a)
             note(m, 0.5 * dt, a)
             kick(m + 1, window.after, window.before if k + 1 < reach else 0.0, dt, a)
-            if first <= witness < stop and a[XI + witness - lo] <= 0.0:
+            if first <= witness < stop and not a[XI + witness - lo] > 0.0:  # or no number
                 return -1
         ended += store(lo, first, stop, a, there)
     return ended

@@ -47,7 +47,7 @@ class Run:
         self.stepper = Stepper(scene, laws, self.integrator, dt, request.until, request.rows, engine == "compiled")
         self.k = self.steps = self.flights = self.contacts = self.ended = 0
         self.halted_at: int | None = None  # the pair at the onset of whose contact, between two steps, it stopped
-        self.take_off: tuple[int, Any] = (0, ())
+        self.take_off: tuple[int, Any] | None = None  # step and state at which the flight began that ends here
         self.note = self.doubt = ""
 
     def time(self) -> float:
@@ -63,9 +63,10 @@ class Run:
 
         A time that lies behind, in the free flight just made, is read off that flight.
         """
-        flown = time < self.time()
-        k, state = self.take_off if flown else (self.k, self.stepper.memory.s)
-        return self._row(time, self.stepper.after(state, time - (self.request.start + k * self.dt), flown))
+        flown = self.take_off is not None and time < self.time()
+        k, state = self.take_off if flown and self.take_off else (self.k, self.stepper.memory.s)
+        ahead = max(0.0, time - (self.request.start + k * self.dt))  # k dt may be a rounding beyond
+        return self._row(time, self.stepper.after(state, ahead, flown))
 
     def _row(self, time: float, s: Any) -> Row:
         return Row(time, time - self.request.start, -np.array(s.xi), np.array(s.v), force=_force(s))
@@ -105,6 +106,7 @@ class Run:
             raise ValueError(f"dt is {self.dt:g}: step {self.k:.3g} is more than can be counted; take a longer step, "
                              "or the method 'located'.")  # fmt: skip
         room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
+        self.take_off = None
         why, k, self.ended = stepper.march(self.k, int(min(CHUNK, limit - self.k)), room)
         self.steps += k - self.k
         self.k = k
