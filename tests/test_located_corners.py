@@ -150,6 +150,44 @@ def test_a_ball_that_touches_floor_and_ceiling_comes_back_to_the_ceiling_without
         assert contact["force_max"] == pytest.approx(k * deepest**p, rel=1e-12)
 
 
+def test_steep_powers_may_start_in_overlap_at_rest():
+    """k ξ^(p+1)/(p+1) - m g ξ goes into speed, upwards or down; forces of any smallness were refused."""
+    rng = np.random.default_rng(2)
+    for _ in range(60):
+        p, m = float(rng.integers(2, 17)), rng.uniform(0.1, 10.0)
+        g, k, xi = (10.0 ** rng.uniform([-3, 0, -5], [2, 9, -2])).tolist()
+        scene = gr.Scene([m, math.inf], [0.1, 0.0], [-xi], [0.0, 0.0], g)  # under a ceiling: force and weight part them
+        run = gr.md.simulate(scene, gr.PowerLaw(k, p), t_end=10.0 * math.sqrt(xi / g), engine="compiled")
+        (contact,) = run.contacts
+        part = math.sqrt(2.0 * (k * xi ** (p + 1.0) / (p + 1.0) / m + g * xi))
+        assert contact["v_out"][0] == pytest.approx(-part, rel=1e-13)
+        assert contact["xi_max"] == xi
+
+
+class Stiffening:
+    """k ξ + k3 ξ³ + γ ξ̇ as a user writes it."""
+
+    def __init__(self, k, k3, gamma):
+        self.k, self.k3, self.gamma = k, k3, gamma
+
+    def force(self, xi, xi_dot, pair):
+        return self.k * xi + self.k3 * xi**3 + self.gamma * xi_dot
+
+
+def test_stiff_own_laws_come_to_rest_in_few_steps():
+    """Overdamped, a ball creeps down to m g = k ξ + k3 ξ³; steps shrank with its speed, 15 000 of them."""
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        m, g, k = (10.0 ** rng.uniform([-1, -1, 7], [1, 1, 9])).tolist()
+        static = m * g / k
+        law = Stiffening(k, k / static**2, 10.0 ** rng.uniform(0.8, 1.2) * math.sqrt(m * k))
+        scene = gr.Scene([math.inf, m], [0.0, 0.1], [static], [0.0, 0.0], g)
+        run = gr.md.simulate(scene, law, t_end=40.0 * law.gamma / k, max_steps=1500)
+        assert run.status is gr.Status.time
+        at = -run.gap[-1, 0]
+        assert law.force(at, 0.0, None) == pytest.approx(m * g, rel=1e-12)
+
+
 def test_own_laws_at_rest_have_scales_of_any_size():
     """Weights set them where nothing moves at first; a law far from usual sizes once let its ball fall through."""
     rng = np.random.default_rng(1)

@@ -33,8 +33,8 @@ XI, RAW, WAS, K, GAMMA, DEEPEST, BESIDE, SHARED, ENDED = range(4 * LENGTH + 1, 1
 coefficients; largest overlaps, also together with the next pair; impulse beside an active pair; contacts ended."""
 
 Window = namedtuple("Window", "rows then until before after")
-"""The work space; what is noted of the whole chain after the steps; that no pair
-is to be stopped at, as `march` is told; the two kicks of a step in s."""
+"""The work space; what is noted of the whole chain after the steps; that no pair is to be stopped at, as `march` takes
+it; the two kicks of a step in s."""
 
 
 def window(memory: Memory, integrator: Integrator, dt: float) -> Window:

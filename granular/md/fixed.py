@@ -63,8 +63,9 @@ class Run:
 
         A time that lies behind, in the free flight just made, is read off that flight.
         """
-        flown = self.take_off is not None and time < self.time()
-        k, state = self.take_off if flown and self.take_off else (self.k, self.stepper.memory.s)
+        k, state, flown = self.k, self.stepper.memory.s, False
+        if self.take_off is not None and time < self.time():
+            (k, state), flown = self.take_off, True
         ahead = max(0.0, time - (self.request.start + k * self.dt))  # k dt may be a rounding beyond
         return self._row(time, self.stepper.after(state, ahead, flown))
 

@@ -25,7 +25,7 @@ from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, OPEN
 DOUBT = 1e4
 """A pair at rest is taken to part at so many times the overlap at which it wakes: the first forces beside it, far below
 rounding, may err to either side."""
-SHALLOW = 0.1
+ALL_BUT = 0.1
 """Part of its overlap at which a pair that turns round had all but parted."""
 GRAZE = 1e-15
 """Part of the typical overlap at which it has parted, but for rounding."""
@@ -63,7 +63,7 @@ def rebound(pair: Any, span: float, work: Any) -> tuple[float, int]:
     least = value(pair.x, tau)
     if least <= GRAZE * pair.own_length:
         return tau, PART
-    return (tau, NOTHING) if least < SHALLOW * pair.x[0] else (span, NOTHING)
+    return (tau, NOTHING) if least < ALL_BUT * pair.x[0] else (span, NOTHING)
 
 
 @kernel
