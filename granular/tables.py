@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+import os
+import platform
+import re
 from collections.abc import Sequence
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 from granular import _files
@@ -36,6 +40,19 @@ def problem(report: Any) -> dict[str, Any]:
     """Return what was solved, for JSON: the scene in full, the laws, and when to stop."""
     return {"scene": scene_to_json(report.scene), "law": [repr(law) for law in report.law],
             "until": repr(report.until), "t_end": report.t_end}  # fmt: skip
+
+
+def machine() -> dict[str, Any]:
+    """Return where run times are measured: processor, cores this process may use, system, and versions."""
+    packages = ("granular", "numpy", "scipy", "numba", "mpmath")
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    told = Path("/proc/cpuinfo").read_text("utf-8") if os.access("/proc/cpuinfo", os.R_OK) else ""
+    named = re.search(r"^model name\s*:\s*(.+)$", told, re.MULTILINE)
+    return {
+        "processor": named[1] if named else platform.processor() or platform.machine(), "cores": cores,
+        "system": f"{platform.system()} {platform.machine()}", "python": platform.python_version(),
+        **{name: _files.version_of(name) or "not installed" for name in packages},
+    }  # fmt: skip
 
 
 def aligned(rows: Rows, sides: str = ">", indent: str = "") -> str:

@@ -25,25 +25,21 @@ def contacts_of(run: Trajectory) -> tuple[ReferenceContact, ...]:
 def errors(truth: Reference, contacts: Sequence[ReferenceContact], pairs: int) -> tuple[float, float, bool]:
     """Error of velocities, error of times, and whether a number of contacts is wrong; see `Row`."""
     each = [(truth.of(c), [row for row in contacts if row.pair == c]) for c in range(pairs)]
-    velocity = float(np.max([_velocity_error(_last_ended(true), _last_ended(got)) for true, got in each]))  # nan if one
+    velocity = float(np.max([_velocity_error(true, got) for true, got in each])) / truth.impact_speed  # nan if one is
     if any(len(true) != len(got) for true, got in each):
-        return velocity / truth.impact_speed, math.nan, True
+        return velocity, math.nan, True
     time = max((_time_error(a, b) for true, got in each for a, b in zip(true, got, strict=True)), default=0.0)
-    return velocity / truth.impact_speed, time / max(truth.durations, default=math.nan), False
+    return velocity, time / max(truth.durations, default=math.nan), False
 
 
-def _last_ended(rows: Sequence[ReferenceContact]) -> ReferenceContact | None:
-    return next((row for row in reversed(rows) if row.t_end is not None), None)
-
-
-def _velocity_error(true: ReferenceContact | None, got: ReferenceContact | None) -> float:
-    if true is None or got is None:
-        return 0.0 if true is got else math.nan
-    return max(float(abs(a - b)) for a, b in zip(true.v_out, got.v_out, strict=True))
+def _velocity_error(true: Sequence[ReferenceContact], got: Sequence[ReferenceContact]) -> float:
+    """Largest difference in m/s at the end of the last contact that ended; nan if only one of them has such."""
+    last = [next((row.v_out for row in reversed(rows) if row.v_out is not None), None) for rows in (true, got)]
+    if None in last:
+        return 0.0 if last[0] is last[1] else math.nan
+    return max(float(abs(a - b)) for a, b in zip(*last, strict=True))
 
 
 def _time_error(true: ReferenceContact, got: ReferenceContact) -> float:
-    begin = float(abs(true.t_begin - got.t_begin))
-    if true.t_end is None or got.t_end is None:
-        return begin
-    return max(begin, float(abs(true.t_end - got.t_end)))
+    times = ((true.t_begin, got.t_begin), (true.t_end, got.t_end))
+    return max(float(abs(a - b)) for a, b in times if a is not None and b is not None)

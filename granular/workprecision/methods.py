@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -70,44 +71,39 @@ def own(task: Task, name: str) -> Method:
     if name == "edmd":
         rule = restitution_of(task.laws, task.scene)
         return Method(name, "", (math.nan,), lambda _: _outcome(edmd.simulate(task.scene, rule, **end), "events"))
+    dial, unit, engine = "tol", "steps", _engine(task, name)
+    settings: tuple[float, ...] = TOLERANCES
     if name in INTEGRATORS:
-        dial, unit, engine = "dt", "evaluations", _engine(task, name, dt=min(task.truth.durations))
-        settings = _steps(task.truth, MOST_STEPS[engine])
-    else:
-        linear, unit, engine = all(law.is_linear for law in task.resolved.each), "steps", _engine(task, name)
-        dial, settings = ("", (math.nan,)) if linear else ("tol", TOLERANCES)
+        dial, unit, settings = "dt", "evaluations", _steps(task.truth, MOST_STEPS[engine])
+    elif all(law.is_linear for law in task.resolved.each):
+        dial, settings = "", (math.nan,)
 
     def run(setting: float) -> Outcome:
-        options: dict[str, Any] = {"method": name, "engine": engine} | ({dial: setting} if dial else {})
-        return _outcome(md.simulate(task.scene, task.laws, **end, **options), unit)
+        options: dict[str, Any] = {dial: setting} if dial else {}
+        return _outcome(md.simulate(task.scene, task.laws, **end, method=name, engine=engine, **options), unit)
 
     return Method(name, dial, settings, run)
 
 
 def _steps(truth: Reference, most: int) -> tuple[float, ...]:
-    """Fixed steps in s with which the contacts take at most so many steps."""
-    shortest, contact = min(truth.durations), _closed_time(truth)
+    """Fixed steps in s with which the time during which a pair is in contact takes at most so many steps."""
+    shortest = min(truth.durations)
+    ends = [truth.t_stop if row.t_end is None else float(row.t_end) for row in truth.contacts]
+    reached = accumulate([-math.inf, *ends], max)
+    closed = sum(max(0.0, end - max(float(row.t_begin), before))
+                 for row, end, before in zip(truth.contacts, ends, reached, strict=False))  # fmt: skip
     steps = [COARSEST * FINER**k for k in range(POINTS)]
-    return tuple(shortest / n for n in steps if n * contact / shortest <= most)
+    return tuple(shortest / n for n in steps if n * closed / shortest <= most)
 
 
-def _engine(task: Task, name: str, **options: Any) -> str:
+def _engine(task: Task, name: str) -> str:
     """ "compiled" if that is possible, else "plain"."""
+    options: dict[str, Any] = {"dt": min(task.truth.durations)} if name in INTEGRATORS else {}
     try:
         md.simulate(task.scene, task.laws, t_end=0.0, method=name, engine="compiled", **options)
     except (ImportError, TypeError):
         return "plain"
     return "compiled"
-
-
-def _closed_time(truth: Reference) -> float:
-    """Time in s during which at least one pair is in contact: that is what takes steps."""
-    total, reached = 0.0, -math.inf
-    for row in truth.contacts:
-        begin, end = float(row.t_begin), truth.t_stop if row.t_end is None else float(row.t_end)
-        total += max(0.0, end - max(begin, reached))
-        reached = max(reached, end)
-    return total
 
 
 def _outcome(run: Trajectory, unit: str) -> Outcome:

@@ -26,18 +26,18 @@ BEYOND = 0.05
 
 def peer(task: Task, name: str) -> Method | None:
     """The method of scipy of that name; none for laws with memory without events: xi_max is unknown inside a step."""
-    solver, _, events = name.partition("+")
+    short, _, events = name.partition("+")
     if not events and any(law.memory for law in task.resolved.each):
         return None
-    way = _with_events if events else _without_events
+    way, solver = _with_events if events else _without_events, SOLVERS[short]
 
     def run(rtol: float) -> Outcome:
         try:
-            return way(task, SOLVERS[solver], rtol)
+            return way(task, solver, rtol)
         except TooMuchWork:
             return Outcome(tuple, MOST, "evaluations", "stopped")
 
-    return Method(name, "rtol", TOLERANCES[SOLVERS[solver]], run)
+    return Method(name, "rtol", TOLERANCES[solver], run)
 
 
 def _with_events(task: Task, solver: str, rtol: float) -> Outcome:
@@ -48,14 +48,12 @@ def _with_events(task: Task, solver: str, rtol: float) -> Outcome:
 def _without_events(task: Task, solver: str, rtol: float) -> Outcome:
     from scipy.integrate import solve_ivp
 
-    end = task.truth.t_stop
-    if task.truth.status != "time":
-        end += BEYOND * max(task.truth.durations)
-    newton = Newton(task.scene, task.resolved, MOST)
-    options: dict[str, Any] = {"method": solver, "rtol": rtol, "atol": rtol * newton.scales()}
-    done = solve_ivp(newton, (0.0, end), newton.start(), dense_output=True, **options)
-    status, work = "time" if done.success else "failed", newton.evaluations
-    return Outcome(lambda: _read(task, newton, done), work, "evaluations", status)
+    truth, newton = task.truth, Newton(task.scene, task.resolved, MOST)
+    end = truth.t_stop + (0.0 if truth.status == "time" else BEYOND * max(truth.durations))
+    done = solve_ivp(newton, (0.0, end), newton.start(), dense_output=True, method=solver, rtol=rtol,
+                     atol=rtol * newton.scales())  # fmt: skip
+    work = newton.evaluations
+    return Outcome(lambda: _read(task, newton, done), work, "evaluations", "time" if done.success else "failed")
 
 
 def _read(task: Task, newton: Newton, done: Any) -> tuple[ReferenceContact, ...]:
@@ -64,11 +62,9 @@ def _read(task: Task, newton: Newton, done: Any) -> tuple[ReferenceContact, ...]
     states, log = done.sol(knots), Logbook(task.until)
     changes = []
     for c in range(newton.pairs):
-        on = [newton.force(c, float(y[c]), float(y[newton.pairs + c])) > 0.0 for y in states.T]
-        changes += [(_zero(task, newton, done.sol, c, knots[i], knots[i + 1]), c, on[i + 1])
-                    for i in range(len(on) - 1) if on[i] != on[i + 1]]  # fmt: skip
-        if on[0]:
-            changes.append((0.0, c, True))
+        on = [False] + [newton.force(c, float(y[c]), float(y[newton.pairs + c])) > 0.0 for y in states.T]
+        changes += [(_zero(task, newton, done.sol, c, knots[max(i - 1, 0)], knots[i]), c, on[i + 1])
+                    for i in range(len(knots)) if on[i] != on[i + 1]]  # fmt: skip
     for t, c, begins in sorted(changes):
         v = newton.velocities(done.sol(t), t)
         lower, upper = task.scene.bodies(c)
@@ -84,15 +80,12 @@ def _zero(task: Task, newton: Newton, state: Any, c: int, a: float, b: float) ->
     """When the force of pair c begins or ends between times `a` and `b`."""
     from scipy.optimize import brentq
 
-    def overlap(t: float) -> float:
-        return float(state(t)[c])
+    crosses = not task.resolved[c].rate_dependent or (state(a)[c] > 0.0) != (state(b)[c] > 0.0)
 
-    def push(t: float) -> float:
+    def function(t: float) -> float:
         y: Array = state(t)
-        return newton.bracket(c, float(y[c]), float(y[newton.pairs + c]))
+        return float(y[c]) if crosses else newton.bracket(c, float(y[c]), float(y[newton.pairs + c]))
 
-    crosses = (overlap(a) > 0.0) != (overlap(b) > 0.0)
-    function = overlap if crosses or not task.resolved[c].rate_dependent else push
     if (function(a) > 0.0) == (function(b) > 0.0):
         return a
     return float(brentq(function, a, b, xtol=1e-300, rtol=1e-15))

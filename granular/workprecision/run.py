@@ -18,10 +18,9 @@ from granular.laws.check import checked
 from granular.md.integrators import INTEGRATORS as FIXED
 from granular.reference import Reference, solve
 from granular.scene import Scene
-from granular.tables import Report
+from granular.tables import Report, machine
 from granular.workprecision import figure, table
 from granular.workprecision.judge import contacts_of, errors
-from granular.workprecision.machine import machine
 from granular.workprecision.methods import Method, Task, expected_order, own
 from granular.workprecision.peers import NAMES as PEERS
 from granular.workprecision.peers import peer
@@ -114,17 +113,17 @@ def frontier(
     if not truth.durations:
         raise ValueError(f"scene is {scene!r}: in this time no contact ends, and there is nothing to compare.")
     task = Task(scene, laws, until, t_end, truth)
+    tell = on_progress or (lambda reached, count: None)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # coarse steps and wide tolerances are tried on purpose
         level = _rounding_level(task)
         ways = [peer(task, name) if name in PEERS else own(task, name) for name in chosen]
         tried = [method for method in ways if method is not None]
         todo = [(method, setting) for method in tried for setting in method.settings]
-        rows = []
+        rows: list[Row] = []
         for method, setting in todo:
             rows.append(_row(task, method, setting, count, level))
-            if on_progress is not None:
-                on_progress(len(rows) / len(todo), len(rows))
+            tell(len(rows) / len(todo), len(rows))
     return Frontier(
         scene, laws, until, t_end, truth, tuple(rows), {method.name: method.dial for method in tried},
         {name: expected_order(task, name) for name in chosen if name in FIXED}, level, machine(),
@@ -133,26 +132,23 @@ def frontier(
 
 def _row(task: Task, method: Method, setting: float, repeats: int, level: float) -> Row:
     """Run one method at one setting, first to warm up."""
-    outcome = method.run(setting)
-    best = math.inf
-    for _ in range(repeats):
+    outcome, times = method.run(setting), [0.0]
+    while len(times) <= repeats and times[-1] <= LONG:
         begin = time.process_time()
         method.run(setting)
-        last = time.process_time() - begin
-        best = min(best, last)
-        if last > LONG:
-            break
-    velocity, times, wrong = errors(task.truth, outcome.contacts(), task.scene.n_pairs)
-    rounding = velocity <= NEAR * level and not wrong
-    return Row(method.name, setting, velocity, times, wrong, rounding, best, outcome.work, outcome.unit, outcome.status)
+        times.append(time.process_time() - begin)
+    v_error, t_error, wrong = errors(task.truth, outcome.contacts(), task.scene.n_pairs)
+    return Row(method.name, setting, v_error, t_error, wrong, v_error <= NEAR * level and not wrong, min(times[1:]),
+               outcome.work, outcome.unit, outcome.status)  # fmt: skip
 
 
 def _rounding_level(task: Task) -> float:
     """How far velocities move, in impact speeds, when gaps and velocities move by one unit in the last digit."""
-    runs = [md.simulate(scene, task.laws, until=task.until, t_end=task.t_end) for scene in _nudged(task.scene)]
-    plain = Reference(contacts_of(runs[0]), task.truth.t_stop, "", "")
-    moved = [errors(plain, contacts_of(run), task.scene.n_pairs)[0] for run in runs[1:]]
-    return max(float(np.finfo(float).eps), *(change for change in moved if not math.isnan(change)))
+    plain, *moved = (contacts_of(md.simulate(scene, task.laws, until=task.until, t_end=task.t_end))
+                     for scene in _nudged(task.scene))  # fmt: skip
+    truth = Reference(plain, task.truth.t_stop, "", "")
+    changes = (errors(truth, contacts, task.scene.n_pairs)[0] for contacts in moved)
+    return max([float(np.finfo(float).eps), *(change for change in changes if not math.isnan(change))])
 
 
 def _nudged(scene: Scene) -> list[Scene]:
