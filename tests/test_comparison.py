@@ -284,10 +284,10 @@ def test_force_curve_meets_contacts_shorter_than_its_samples():
 
 
 def test_time_axis_ends_with_the_last_contact_that_counts():
-    from granular.comparison.figure import window
+    from granular.comparison.view import window
 
-    begin, end = window(gr.compare(gr.scenes.newtons_cradle(5, gap=1e-3), gr.Hertz(1e9)))
-    assert 0.0 <= begin < end < 0.1
+    view = window(gr.compare(gr.scenes.newtons_cradle(5, gap=1e-3), gr.Hertz(1e9)))
+    assert 0.0 <= view.begin < view.end < 0.1
 
 
 def test_hard_balls_fly_on_to_the_end_of_the_axis():
@@ -303,27 +303,27 @@ def test_hard_balls_fly_on_to_the_end_of_the_axis():
 
 
 def test_hard_marks_at_the_start_are_not_cut():
-    from granular.comparison.figure import window
+    from granular.comparison.view import window
 
     cradle = gr.compare(gr.scenes.newtons_cradle(5), gr.Hertz(1e9), until=gr.until.separated())
-    assert window(cradle)[0] == 0.0 == cradle.hard.contacts["t_begin"].max()
+    assert window(cradle).begin == 0.0 == cradle.hard.contacts["t_begin"].max()
     assert cradle.plot().axes[0].get_xlim()[0] < 0.0
 
 
 def test_late_straggler_does_not_squeeze_the_picture():
-    from granular.comparison.figure import window
+    from granular.comparison.view import window
 
     scene = gr.scenes.chain(n=12, dimer=0.4)
     chain = gr.compare(scene, gr.TsujiHertz(2e10, 0.0), until=gr.until.separated())
     last = chain.soft.contacts["t_begin"].max()
-    end = window(chain)[1]
+    end = window(chain).end
     assert end < 0.2 * last
     assert chain.soft.of(0)["t_end"].max() < end
     assert chain.plot().axes[0].get_title(loc="right") == f"1 later contact, the last at t = {1e3 * last:.4g} ms ▸"
 
 
 def test_plot_shows_the_tie_rule_of_the_run():
-    from granular.comparison.figure import resolved
+    from granular.comparison.view import resolved
 
     cradle = gr.compare(gr.scenes.newtons_cradle(3), gr.Hertz(1e9), ties="poisson", until=gr.until.separated())
     again = resolved(cradle, "hard", np.linspace(0.0, 1e-3, 5))

@@ -10,7 +10,7 @@ import pytest
 
 import granular as gr
 from granular import adiabatic, paper, theory
-from granular.paper import forces, sequence, setting, viscoelastic
+from granular.paper import problem, sequence, setting
 
 pytest.importorskip("xarray")
 pytest.importorskip("matplotlib")
@@ -43,7 +43,7 @@ def test_figure_2_has_the_reference_forces():
     scene, samples = setting.drop(), REFERENCE["forces"]
     start = setting.first_touch(scene)
     times = start + np.array(samples["t"])
-    run = gr.md.simulate(scene, setting.dashpots(scene, forces.RESTITUTION), t_end=1.0, samples=times)
+    run = gr.md.simulate(scene, setting.dashpots(scene, problem.RESTITUTION), t_end=1.0, samples=times)
     for pair, name in enumerate(("F01", "F12")):
         steep = np.gradient(samples[name], samples["t"]).max()
         assert run.force[:, pair] == pytest.approx(samples[name], rel=1e-10, abs=10 * steep * np.spacing(start))
@@ -53,9 +53,9 @@ def test_figure_2_has_the_reference_forces():
 def test_figures_7_and_8_have_the_reference_points(point):
     inputs = point["inputs"]
     universal = inputs["eps"] is not None
-    law = (viscoelastic.with_restitution(float(inputs["eps"])) if universal
-           else viscoelastic.with_constant(float(inputs["A"])))
-    run = setting.until_second_floor_contact(viscoelastic.scene(), law)
+    law = (sequence.with_restitution(float(inputs["eps"])) if universal
+           else sequence.with_constant(float(inputs["A"])))
+    run = setting.until_second_floor_contact(sequence.viscoelastic_scene(), law)
     assert run.count(1) == point["n"]
     assert setting.intervals(run) == pytest.approx(np.array(point["contacts"]), rel=1e-9, abs=0.0)
     assert run.of(1)["v_out"][-1] == pytest.approx([point["v1"], point["v2"]], rel=0.0, abs=1e-10)
@@ -63,7 +63,7 @@ def test_figures_7_and_8_have_the_reference_points(point):
 
 def test_claim_contacts_and_spikes_over_restitution():
     grid = np.linspace(0.3, 1.0, 71)
-    found = sequence.follow(sequence._numerical, grid)
+    found = sequence.follow(sequence.dashpots, grid)
     assert len(found[-1]["contacts"]) == 3  # at ε = 1
     assert max(len(stretch["contacts"]) for stretch in found) == 7
     most = np.concatenate([stretch["parameter"] for stretch in found if len(stretch["contacts"]) == 7])

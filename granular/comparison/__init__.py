@@ -3,16 +3,16 @@
 =============  =====================================================================================================
 `run`          `compare`, and `Comparison` as people have it
 `numbers`      both runs, and the numbers that tell them apart
-`law_rule`     the collision rule that force laws make
+`restitution`  the collision rule that force laws make, and the ε that gives another outcome
 `verdict`      the answer in one line
-`report`       the table, and JSON
+`report`       the table, and what JSON has of it
+`view`         which span of time is drawn, and the runs with enough rows
 `figure`       timelines, forces and world lines
 `film`         both engines side by side in slow motion
-`effective`    the ε with which hard spheres give what soft spheres gave
 =============  =====================================================================================================
 """
 
-from granular.comparison.law_rule import LawRule
+from granular.comparison.restitution import LawRule
 from granular.comparison.run import Comparison, compare
 
 __all__ = ["Comparison", "LawRule", "compare"]

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from granular import measures, outcome, theory, tie_rules, timing
+from granular import edmd, measures, outcome, theory, tie_rules, timing
 from granular import until as stop
 from granular.binary import at_speed
-from granular.comparison.law_rule import LawRule
+from granular.comparison.restitution import LawRule, roots
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import resolved
 from granular.measures import Overlap
 from granular.outcome import SAME, PairOutcome
+from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import EARLY, Trajectory
 
@@ -101,6 +102,36 @@ class Compared:
         if math.isnan(v_rel):
             return math.nan
         return theory.effective_restitution(v_rel, self.impact_speed) / eps[0]
+
+    def effective_restitution(
+        self, observable: Callable[[Trajectory], float] | None = None, resolution: int = 41
+    ) -> tuple[float, ...]:
+        """All common ε in [0, 1] with which EDMD gives the soft run's value of an observable.
+
+        Parameters
+        ----------
+        observable : callable, optional
+            Trajectory → float; default: the separation speed of the last pair after its last contact.
+        resolution : int
+            Number of ε at which EDMD is run to find changes of sign.
+
+        Returns
+        -------
+        tuple of float
+            Empty: no ε does it. Several: it is not unique. EDMD is not continuous in ε where the number of collisions
+            changes; a jump across the value is not a root and is left out.
+        """
+        measure = observable or self._last_separation
+        target = observable(self.soft) if observable else self.pairs[-1].soft_v_rel
+
+        def miss(eps: float) -> float:
+            return measure(edmd.simulate(self.scene, ConstantRestitution(eps), **self.hard_options)) - target
+
+        return roots(miss, np.linspace(0.0, 1.0, resolution)[1:], abs(target))
+
+    def _last_separation(self, hard: Trajectory) -> float:
+        """Separation speed in m/s of the last pair after its last contact that is not rounding."""
+        return float(outcome.separations(measures.counted(hard, self.soft)[0])[0][-1])
 
     @cached_property
     def error(self) -> float:

@@ -10,15 +10,16 @@ import numpy as np
 
 from granular import edmd, md, measures, outcome
 from granular import until as stop
-from granular.comparison import effective, figure, film, report, verdict
-from granular.comparison.law_rule import rule_of
+from granular.comparison import figure, film, report, verdict
 from granular.comparison.numbers import Compared
+from granular.comparison.restitution import rule_of
 from granular.laws.check import checked
 from granular.scene import Scene
+from granular.tables import Report
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison(Compared):
+class Comparison(Compared, Report):
     """The discrepancy between hard and soft spheres for one scene; print it, `plot` it, save it with `to_json`.
 
     Attributes
@@ -41,9 +42,7 @@ class Comparison(Compared):
 
     __str__ = report.table
     verdict = property(verdict.verdict)
-    effective_restitution = effective.effective_restitution
-    to_dict = report.as_dict
-    to_json = report.to_json
+    _numbers = report.numbers
     plot = figure.plot
     animate = film.animate
 

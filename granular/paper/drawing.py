@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from granular._optional import optional
-from granular.comparison.figure import HARD, SOFT
+from granular.drawing import HARD, SOFT, canvas
 
 COLUMN, PAGE = 3.4, 7.0
 """Widths in inches."""
@@ -19,25 +19,14 @@ __all__ = ["COLUMN", "FLOOR", "GREY", "HARD", "PAGE", "SOFT", "canvas", "colours
 
 def style() -> AbstractContextManager[None]:
     """Settings of matplotlib within which a figure is drawn and saved."""
-    optional("matplotlib.figure", "plot")
-    import matplotlib
-
-    settings: dict[str, Any] = {
+    context: AbstractContextManager[None] = optional("matplotlib", "plot").rc_context({
         "font.size": 8.0, "axes.labelsize": 8.5, "axes.titlesize": 8.5, "legend.fontsize": 7.0,
         "xtick.labelsize": 7.5, "ytick.labelsize": 7.5, "mathtext.fontset": "stix", "font.family": "STIXGeneral",
         "axes.linewidth": 0.6, "lines.linewidth": 0.9, "xtick.direction": "in", "ytick.direction": "in",
         "xtick.top": True, "ytick.right": True, "legend.frameon": False, "savefig.dpi": 300,
         "xtick.major.width": 0.6, "ytick.major.width": 0.6, "xtick.minor.width": 0.4, "ytick.minor.width": 0.4,
-    }  # fmt: skip
-    context: AbstractContextManager[None] = matplotlib.rc_context(settings)  # type: ignore[arg-type]
+    })  # fmt: skip
     return context
-
-
-def canvas(width: float, height: float, *shape: int, **options: Any) -> tuple[Any, Any]:
-    """Return a figure of this size in inches, and its axes as an array of `shape`."""
-    figure = optional("matplotlib.figure", "plot").Figure(figsize=(width, height), layout="constrained")
-    rows, columns = shape or (1, 1)
-    return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
 def letter(axis: Any, text: str, x: float = 0.02, y: float = 0.97, **how: Any) -> None:

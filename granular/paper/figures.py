@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from granular import _check, _files
-from granular.paper import breakdown, forces, maps, material, predictors, ratios, sequence, sketch, viscoelastic
+from granular.paper import longer, maps, material, problem, sequence
 from granular.paper.drawing import style
 from granular.sweeps import store
 
@@ -40,24 +40,23 @@ class PaperFigure:
 
 
 FIGURES = {
-    "sketch": PaperFigure("1", "the problem and its notation", sketch.compute, sketch.draw, 1),
-    "forces": PaperFigure("2", "forces of both contacts over time, ε = 0.7", forces.compute, forces.draw, 2000),
-    "sequence": PaperFigure("3", "contact sequence over ε, numerical and adiabatic", sequence.compute, sequence.draw,
-                            400),
+    "sketch": PaperFigure("1", "the problem and its notation", problem.sketch, problem.draw_sketch, 1),
+    "forces": PaperFigure("2", "forces of both contacts over time, ε = 0.7", problem.forces, problem.draw_forces, 2000),
+    "sequence": PaperFigure("3", "contact sequence over ε, numerical and adiabatic", sequence.over_restitution,
+                            sequence.draw_restitution, 400),
     "counts": PaperFigure("4", "contacts over (ε, Δh) and (ε, R1/R2)", maps.counts, maps.draw_counts, 300),
-    "gap": PaperFigure("5", "ε_eff/ε_spec and contacts over Δh, ε = 0.9", ratios.over_gap, ratios.draw_gap, 1500),
-    "radii": PaperFigure("6", "ε_eff/ε_spec and contacts over R1/R2, ε = 0.8", ratios.over_radii, ratios.draw_radii,
-                         1500),
-    "viscoelastic": PaperFigure("7", "viscoelastic contact sequence over ε", viscoelastic.over_restitution,
-                                viscoelastic.draw_restitution, 300),
+    "gap": PaperFigure("5", "ε_eff/ε_spec and contacts over Δh, ε = 0.9", maps.over_gap, maps.draw_gap, 1500),
+    "radii": PaperFigure("6", "ε_eff/ε_spec and contacts over R1/R2, ε = 0.8", maps.over_radii, maps.draw_radii, 1500),
+    "viscoelastic": PaperFigure("7", "viscoelastic contact sequence over ε", sequence.over_viscoelastic_restitution,
+                                sequence.draw_viscoelastic_restitution, 300),
     "viscoelastic-material": PaperFigure("8", "viscoelastic contact sequence over A, one material",
-                                         viscoelastic.over_constant, viscoelastic.draw_constant, 300),
+                                         sequence.over_constant, sequence.draw_constant, 300),
     "validity": PaperFigure("", "ε_eff/ε_spec as maps, with the limit of event-driven simulation", maps.validity,
                             maps.draw_validity, 200),
     "breakdown": PaperFigure("", "where stacks, cradles, columns and gases leave event-driven simulation",
-                             breakdown.compute, breakdown.draw, 24),
-    "predictors": PaperFigure("", "which measure predicts the error of event-driven simulation", predictors.compute,
-                              predictors.draw, 24),
+                             longer.breakdown, longer.draw_breakdown, 24),
+    "predictors": PaperFigure("", "which measure predicts the error of event-driven simulation", longer.predictors,
+                              longer.draw_predictors, 24),
     "material": PaperFigure("", "same ε, same γ, same material: three choices side by side", material.compute,
                             material.draw, 200),
 }
@@ -89,12 +88,11 @@ def make(name: str, folder: str | PathLike[str] = ".", *, points: int | None = N
     name = named(name)
     figure = FIGURES[name]
     data = figure.compute(_check.whole("points", figure.points if points is None else points, at_least=1))
+    plain = isinstance(data, dict)
+    picture, numbers = (Path(folder, f"paper-{name}{ending}") for ending in (".png", ".json" if plain else ".nc"))
     with style():
-        drawn = figure.draw(data)
-        picture = Path(folder, f"paper-{name}.png")
-        _files.write_figure(picture, drawn, dpi=300)
-    numbers = picture.with_suffix(".json" if isinstance(data, dict) else ".nc")
-    if isinstance(data, dict):
+        _files.write_figure(picture, figure.draw(data), dpi=300)
+    if plain:
         _files.write_json(numbers, {"figure": figure.about, **data, **_files.provenance()}, indent=None)
     else:
         store.write(data, numbers)

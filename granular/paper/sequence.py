@@ -1,28 +1,49 @@
-"""Figure 3: when the two balls touch, over ε; numerical, and as the adiabatic theory has it."""
+"""Figures 3, 7 and 8: when the two balls touch, over ε or over a material; and as the adiabatic theory has it."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from granular import adiabatic
 from granular._check import Array
+from granular.laws import ViscoelasticHertz
+from granular.laws.hertz import hertz_stiffness
 from granular.paper import setting
 from granular.paper.drawing import COLUMN, FLOOR, HARD, SOFT, canvas
+from granular.scene import Scene
 
 Row = tuple[Array, float]
-"""Begin and end in s of every contact (count, 2), and the end of the floor contact in s."""
+"""Onset and end in s of every contact (count, 2), and the end of the floor contact in s."""
+SPEED = 3.0
+"""Of both viscoelastic balls as the lower one meets the floor, in m/s."""
+RADII, YOUNG, POISSON, DENSITY = (0.1, 0.0025), 5e7, 0.45, 900.0
 
 
-def compute(points: int) -> dict[str, Any]:
+def over_restitution(points: int) -> dict[str, Any]:
     """Contacts of both solutions over ε, closer and closer to where their number jumps."""
     grid = np.linspace(0.3, 1.0, points)
-    both = {}
-    for name, row in (("numerical", _numerical), ("adiabatic", _adiabatic)):
-        both[name] = follow(row, grid)
-    return {"restitution": grid, **both, "spikes": spikes(both["numerical"])}
+    stretches = follow(dashpots, grid)
+    return {"restitution": grid, "numerical": stretches, "adiabatic": follow(_adiabatic, grid),
+            "spikes": spikes(stretches)}  # fmt: skip
+
+
+def over_viscoelastic_restitution(points: int) -> dict[str, Any]:
+    """Contacts over an ε that both pairs have at 3 m/s."""
+    stretches = follow(lambda eps: _viscoelastic(with_restitution(eps)), np.linspace(0.3, 1.0, points))
+    return {"parameter": "restitution at 3 m/s", "numerical": stretches, "spikes": spikes(stretches)}
+
+
+def over_constant(points: int) -> dict[str, Any]:
+    """Contacts over the dissipative constant A in s that both pairs have."""
+    grid = np.concatenate([[0.0], np.geomspace(1e-7, 3e-5, points)])
+    stretches = follow(lambda a: _viscoelastic(with_constant(a)), grid)
+    return {"parameter": "A in s", "numerical": stretches, "spikes": spikes(stretches)}
 
 
 def follow(row: Callable[[float], Row], grid: Array, reach: int = 24) -> list[dict[str, Any]]:
@@ -31,69 +52,15 @@ def follow(row: Callable[[float], Row], grid: Array, reach: int = 24) -> list[di
     Of one kind are points with as many contacts, the last of which begins before, or after, the end of the floor
     contact. Between two points of different kinds the boundary is bisected; the points of the bisection are kept.
     """
-    known = {float(x): row(float(x)) for x in grid}
+    known = {x: row(x) for x in grid.tolist()}
     for low, high in zip(grid[:-1].tolist(), grid[1:].tolist(), strict=True):
         _bisect(row, known, low, high, reach)
-    stretches: list[list[float]] = []
-    for x in sorted(known):
-        if stretches and kind(known[x]) == kind(known[stretches[-1][-1]]):
-            stretches[-1].append(x)
-        else:
-            stretches.append([x])
+    alike = [list(xs) for _, xs in groupby(sorted(known), lambda x: kind(known[x]))]
     return [
         {"parameter": np.array(xs), "contacts": np.stack([known[x][0] for x in xs], axis=-1),
          "floor_end": np.array([known[x][1] for x in xs])}
-        for xs in stretches
+        for xs in alike
     ]  # fmt: skip
-
-
-def spikes(stretches: Sequence[dict[str, Any]]) -> list[list[float]]:
-    """[from, to, number] of ranges in which the last contact begins only after the floor contact has ended."""
-    found = []
-    for stretch in stretches:
-        x, contacts = stretch["parameter"], stretch["contacts"]
-        if len(contacts) > 1 and contacts[-1, 0, 0] > stretch["floor_end"][0]:
-            found.append([float(x[0]), float(x[-1]), len(contacts)])
-    return found
-
-
-def kind(row: Row) -> tuple[int, bool]:
-    """Number of contacts, and whether the last of them begins after the end of the floor contact."""
-    contacts, floor_end = row
-    return len(contacts), bool(len(contacts) and contacts[-1, 0] > floor_end)
-
-
-def draw(data: dict[str, Any]) -> Any:
-    """Time over ε: bands are contacts, lines their begins and ends as the adiabatic theory has them."""
-    figure, ((axis,),) = canvas(COLUMN, 2.9)
-    bands(axis, data["numerical"])
-    for stretch in data["adiabatic"]:
-        for begin, end in stretch["contacts"]:
-            for line in (begin, end):
-                axis.plot(stretch["parameter"], line * 1e3, color=HARD, lw=0.6, ls=(0, (4, 2)))
-    axis.plot([], [], color=HARD, lw=0.6, ls=(0, (4, 2)), label="adiabatic theory")
-    axis.set(xlabel=r"$\varepsilon$", ylim=(0.0, 1.2))
-    legend(axis)
-    return figure
-
-
-def bands(axis: Any, stretches: Sequence[dict[str, Any]]) -> None:
-    """Fill the contacts of the two balls, and draw the end of the floor contact."""
-    for stretch in stretches:
-        x = stretch["parameter"]
-        for begin, end in stretch["contacts"]:
-            axis.fill_between(x, begin * 1e3, end * 1e3, facecolor=SOFT, alpha=0.3, lw=0)
-            for line in (begin, end):
-                axis.plot(x, line * 1e3, color=SOFT, lw=0.5)
-        axis.plot(x, stretch["floor_end"] * 1e3, color=FLOOR, lw=1.4)
-    axis.fill_between([], [], facecolor=SOFT, alpha=0.3, edgecolor=SOFT, label="contacts 1–2")
-    axis.plot([], [], color=FLOOR, lw=1.4, label="end of contact 0–1")
-    axis.set(xlim=(stretches[0]["parameter"][0], stretches[-1]["parameter"][-1]), ylabel="$t-t_{10}$  (ms)")
-
-
-def legend(axis: Any) -> None:
-    """A legend above the frame, out of the way of the curves."""
-    axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, columnspacing=1.0, handlelength=1.6)
 
 
 def _bisect(row: Callable[[float], Row], known: dict[float, Row], low: float, high: float, depth: int) -> None:
@@ -105,7 +72,21 @@ def _bisect(row: Callable[[float], Row], known: dict[float, Row], low: float, hi
     _bisect(row, known, middle, high, depth - 1)
 
 
-def _numerical(restitution: float) -> Row:
+def kind(row: Row) -> tuple[int, bool]:
+    """Number of contacts, and whether the last of them begins after the end of the floor contact."""
+    contacts, floor_end = row
+    return len(contacts), bool(len(contacts) and contacts[-1, 0] > floor_end)
+
+
+def spikes(stretches: Sequence[dict[str, Any]]) -> list[list[float]]:
+    """[from, to, number] of ranges in which the last contact begins only after the floor contact has ended."""
+    kinds = [kind((stretch["contacts"][..., 0], stretch["floor_end"][0])) for stretch in stretches]
+    return [[float(stretch["parameter"][0]), float(stretch["parameter"][-1]), count]
+            for stretch, (count, late) in zip(stretches, kinds, strict=True) if count > 1 and late]  # fmt: skip
+
+
+def dashpots(restitution: float) -> Row:
+    """Contacts of linear dashpots of one ε."""
     scene = setting.drop()
     run = setting.until_second_floor_contact(scene, setting.dashpots(scene, restitution))
     return setting.intervals(run), float(run.of(0)["t_end"][0]) - setting.first_touch(scene)
@@ -115,3 +96,57 @@ def _adiabatic(restitution: float) -> Row:
     scene = setting.drop()
     solution = adiabatic.contacts(scene, setting.dashpots(scene, restitution))
     return solution.contacts, solution.floor_end
+
+
+def viscoelastic_scene() -> Scene:
+    """The lower ball meets the floor at t = 0; both balls have 3 m/s then."""
+    dropped = setting.drop(radii=RADII, height=RADII[0], density=DENSITY)
+    return dropped.replace(velocity=[0.0, -SPEED, -SPEED])
+
+
+def with_restitution(restitution: float) -> list[ViscoelasticHertz]:
+    """Laws of both pairs with one ε at 3 m/s; A then differs from pair to pair."""
+    return [
+        ViscoelasticHertz.from_restitution(restitution, k=hertz_stiffness(YOUNG, POISSON, pair), speed=SPEED, pair=pair)
+        for pair in viscoelastic_scene().pairs
+    ]
+
+
+def with_constant(a: float) -> list[ViscoelasticHertz]:
+    """Laws of both pairs for one material of dissipative constant `a` in s: γ = (3/2) A k."""
+    stiffness = [hertz_stiffness(YOUNG, POISSON, pair) for pair in viscoelastic_scene().pairs]
+    return [ViscoelasticHertz(k, 1.5 * a * k) for k in stiffness]
+
+
+def _viscoelastic(law: list[ViscoelasticHertz]) -> Row:
+    run = setting.until_second_floor_contact(viscoelastic_scene(), law)
+    floor = run.of(0)["t_end"]
+    return setting.intervals(run), float(floor[0]) if len(floor) else math.nan
+
+
+def draw(data: dict[str, Any], label: str, top: float, unit: float = 1.0) -> Any:
+    """Time over a parameter in a unit: bands are contacts, broken lines their ends as the adiabatic theory has them."""
+    figure, ((axis,),) = canvas(COLUMN, 2.9)
+    for stretch in data["numerical"]:
+        x = stretch["parameter"] * unit
+        for onset, end in stretch["contacts"] * 1e3:
+            axis.fill_between(x, onset, end, facecolor=SOFT, alpha=0.3, lw=0)
+            axis.plot(x, np.transpose([onset, end]), color=SOFT, lw=0.5)
+        axis.plot(x, stretch["floor_end"] * 1e3, color=FLOOR, lw=1.4)
+    axis.fill_between([], [], facecolor=SOFT, alpha=0.3, edgecolor=SOFT, label="contacts 1–2")
+    axis.plot([], [], color=FLOOR, lw=1.4, label="end of contact 0–1")
+    theory: dict[str, Any] = {"color": HARD, "lw": 0.6, "ls": (0, (4, 2))}
+    for stretch in data.get("adiabatic", ()):
+        axis.plot(stretch["parameter"], stretch["contacts"].reshape(-1, len(stretch["parameter"])).T * 1e3, **theory)
+    if "adiabatic" in data:
+        axis.plot([], [], label="adiabatic theory", **theory)
+    first, last = data["numerical"][0], data["numerical"][-1]
+    axis.set(xlabel=label, ylabel="$t-t_{10}$  (ms)", ylim=(0.0, top),
+             xlim=(first["parameter"][0] * unit, last["parameter"][-1] * unit))  # fmt: skip
+    axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, columnspacing=1.0, handlelength=1.6)
+    return figure
+
+
+draw_restitution = partial(draw, label=r"$\varepsilon$", top=1.2)
+draw_viscoelastic_restitution = partial(draw, label=r"$\varepsilon$ at 3 m/s of both contacts", top=10.0)
+draw_constant = partial(draw, label=r"$A$  ($\mu$s)", top=10.0, unit=1e6)

@@ -1,9 +1,13 @@
-"""The collision rule that force laws make: for the hard spheres of a comparison."""
+"""ε of a comparison: the collision rule that force laws make, and the ε that gives hard spheres another outcome."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
+from granular._check import Array
 from granular.binary import LawRestitution, restitution_of
 from granular.scene import Pair, Scene
 
@@ -23,5 +27,19 @@ class LawRule(LawRestitution):
 
 
 def rule_of(laws: tuple[Any, ...], scene: Scene) -> Any:
+    """The rule that the laws make."""
     rule = restitution_of(laws, scene)
     return LawRule(laws) if isinstance(rule, LawRestitution) else rule
+
+
+def roots(function: Callable[[float], float], grid: Array, scale: float) -> tuple[float, ...]:
+    """Where a function that may jump is zero: on the grid, or between two of its points; a jump across is left out."""
+    from scipy.optimize import brentq
+
+    values = [function(x) for x in grid.tolist()]
+    found = [float(x) for x, value in zip(grid, values, strict=True) if value == 0.0]
+    for k in np.flatnonzero(np.multiply(values[:-1], values[1:]) < 0.0):
+        root = float(brentq(function, grid[k], grid[k + 1], xtol=1e-14))
+        if abs(function(root)) < 1e-6 * (scale + abs(values[k]) + abs(values[k + 1])):
+            found.append(root)
+    return tuple(sorted(found))

@@ -1,0 +1,85 @@
+"""What is drawn of a comparison: which span of time, and both runs again with enough rows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from granular import edmd, md
+from granular._check import Array
+from granular.comparison.numbers import Compared
+from granular.tables import unit_of
+from granular.trajectory import Status, Trajectory
+from granular.until import Separated
+
+LONE = 0.01
+"""Late contacts with up to this share of the impulse may be left out of the time axis, and are told of at its edge."""
+
+
+@dataclass(frozen=True)
+class View:
+    """A comparison from `begin` to `end` in s, on a clock that starts at `begin` and goes in a unit of its own."""
+
+    report: Compared
+    begin: float
+    end: float
+
+    @cached_property
+    def unit(self) -> tuple[float, str]:
+        """The clock's unit in s, and its name."""
+        return unit_of(self.end - self.begin, "s")
+
+    @property
+    def span(self) -> float:
+        """What the clock shows at the end."""
+        return (self.end - self.begin) / self.unit[0]
+
+    def clock(self, time: Array) -> Array:
+        """What the clock shows at times in s."""
+        return (time - self.begin) / self.unit[0]
+
+    @cached_property
+    def moments(self) -> Array:
+        """Times in s to draw at: evenly spread, and within each soft contact (of very many, evenly chosen ones)."""
+        log = self.report.counted[1].contacts
+        log = log[:: max(1, len(log) // 500)]
+        within = np.linspace(log["t_begin"], np.nan_to_num(log["t_end"], nan=self.end), 17).ravel()
+        within = within[(within >= self.begin) & (within <= self.end)]
+        times: Array = np.union1d(np.linspace(self.begin, self.end, 1500), within)
+        return times
+
+
+def window(report: Compared) -> View:
+    """The span of time worth drawing: from the first contact that counts to the end of the last, with a margin.
+
+    A few late contacts of next to no impulse are left out if the others would fill less than a third of the span.
+    """
+    start = float(report.soft.time[0])
+    runs = report.counted[0], report.followed
+    if not any(len(run.contacts) for run in report.counted):
+        return View(report, start, max(float(report.soft.time[-1]), start + 1.0))
+    share = np.concatenate([run.contacts["impulse"] / (float(run.contacts["impulse"].sum()) or 1.0) for run in runs])
+    ends = np.concatenate([np.where(np.isnan(log["t_end"]), np.maximum(log["t_begin"], time), log["t_end"])
+                           for log, time in ((run.contacts, float(run.time[-1])) for run in runs)])  # fmt: skip
+    first = float(min(run.contacts["t_begin"].min(initial=math.inf) for run in report.counted))
+    last = float(ends.max())
+    while len(bulk := ends[3.0 * (ends - first) < last - first]) and share[ends > bulk.max()].sum() <= LONE:
+        last = float(bulk.max())
+    margin = 0.06 * (last - first) or 1e-3 * abs(first) or 1.0
+    return View(report, max(first - margin, start), last + margin)
+
+
+def resolved(report: Compared, engine: str, times: Array) -> Trajectory:
+    """One of the two runs again with rows at `times` in s, sorted; beyond its end too if free flight follows."""
+    hard = engine == "hard"
+    run = report.hard if hard else report.soft
+    free = run.status is Status.quiet or (run.status is Status.until and (hard or isinstance(report.until, Separated)))
+    stop = float(times[-1]) if free else min(float(times[-1]), float(run.time[-1]))
+    rows: dict[str, Any] = {"t_end": stop, "samples": np.unique(np.minimum(times, stop)), "log": False}
+    if hard:
+        return edmd.simulate(report.scene, report.rule, **(dict(report.hard_options) | rows | {"until": None}))
+    return md.simulate(report.scene, report.law, **report.soft_options, **rows)
