@@ -50,17 +50,13 @@ class Overlap:
 
 def overlapping(run: Trajectory) -> tuple[Overlap, ...]:
     """All overlaps in time of contacts of neighbouring pairs, in order of time."""
-    log, found = run.contacts, []
-    begin, finish = log["t_begin"].copy(), np.where(np.isnan(log["t_end"]), run.time[-1], log["t_end"])
+    begin, finish = run.contacts["t_begin"], np.nan_to_num(run.contacts["t_end"], nan=run.time[-1])
+    found = []
     for below, above in _beside(run):
-        if not len(below) or not len(above):
-            continue
         first = np.searchsorted(finish[above], begin[below], side="right")
         last = np.searchsorted(begin[above], finish[below], side="left")
-        for i, a, b in zip(below, first, last, strict=True):
-            for j in above[a:b]:
-                span = max(begin[i], begin[j]), min(finish[i], finish[j])
-                found.append(Overlap(int(i), int(j), float(span[0]), float(span[1])))
+        found += [Overlap(int(i), int(j), float(max(begin[i], begin[j])), float(min(finish[i], finish[j])))
+                  for i, a, b in zip(below, first, last, strict=True) for j in above[a:b]]  # fmt: skip
     return tuple(sorted(found, key=lambda o: o.begin))
 
 
@@ -73,26 +69,22 @@ def shared_impulse(run: Trajectory) -> float:
 def crowding(hard: Trajectory, laws: tuple[Any, ...]) -> float:
     """p in [0, 1]: share of EDMD events with an event of a neighbouring pair within t_c; nan without events."""
     begin, lasting = hard.contacts["t_begin"].copy(), durations(hard, laws)
-    if not len(begin):
-        return math.nan
     crowded = np.zeros(len(begin), dtype=np.bool_)
     for below, above in _beside(hard):
         if len(below) and len(above):
             crowded[below] |= _distance(begin[below], begin[above]) < lasting[below]
             crowded[above] |= _distance(begin[above], begin[below]) < lasting[above]
-    return float(crowded.mean())
+    return float(crowded.mean()) if len(begin) else math.nan
 
 
 def durations(hard: Trajectory, laws: tuple[Any, ...]) -> Array:
     """Durations in s that the EDMD events would have as isolated contacts under the laws of their pairs."""
-    log = hard.contacts
-    speed, lasting = np.abs(log["v_in"][:, 0] - log["v_in"][:, 1]), np.zeros(len(log))
+    speed, lasting = np.abs(_approach(hard)), np.zeros(len(hard.contacts))
     kind, each = resolved(laws, hard.scene).in_pairs
-    order, edge = grouped(kind[log["pair"]], len(each))
-    for k, law in enumerate(each):
+    order, edge = grouped(kind[hard.contacts["pair"]], len(each))
+    for k in np.flatnonzero(np.diff(edge)).tolist():
         rows = order[edge[k] : edge[k + 1]]
-        if len(rows):
-            lasting[rows] = _isolated(law, speed[rows])
+        lasting[rows] = _isolated(each[k], speed[rows])
     return lasting
 
 
@@ -111,8 +103,7 @@ def _isolated(law: PairLaw, speed: Array) -> Array:
     speed = np.maximum(speed, 1e-9 * speed.max())
     grid = np.unique(np.geomspace(speed.min(), speed.max(), 17))
     table = [binary.collision(law.law, law.pair, float(v)).duration for v in grid]
-    lasting: Array = np.exp(np.interp(np.log(speed), np.log(grid), np.log(table)))
-    return lasting
+    return np.asarray(np.exp(np.interp(np.log(speed), np.log(grid), np.log(table))))
 
 
 def occupation(soft: Trajectory) -> float:
@@ -135,8 +126,11 @@ def before_the_end(twin: Trajectory, hard: Trajectory) -> tuple[Trajectory, Traj
     if not twin.status is hard.status is Status.time:
         return twin, hard
     before = hard.time[-1] - 1e-9 * (hard.time[-1] - hard.time[0])
-    first, second = (replace(run, contacts=run.contacts[run.contacts["t_begin"] < before]) for run in (twin, hard))
-    return first, second
+    return _only(twin, twin.contacts["t_begin"] < before), _only(hard, hard.contacts["t_begin"] < before)
+
+
+def _only(run: Trajectory, kept: Any) -> Trajectory:
+    return replace(run, contacts=run.contacts[kept])
 
 
 def without_rounding(run: Trajectory, fastest: float) -> Trajectory:
@@ -145,7 +139,7 @@ def without_rounding(run: Trajectory, fastest: float) -> Trajectory:
     Balls that an engine leaves with a relative speed of 1e-16 m/s meet again after some 1e12 s. Such contacts count
     for nothing.
     """
-    return replace(run, contacts=run.contacts[strengths(run) > ROUNDING * fastest])
+    return _only(run, strengths(run) > ROUNDING * fastest)
 
 
 def counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]:
@@ -156,7 +150,7 @@ def counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]
 
 def fastest_approach(*runs: Trajectory) -> float:
     """Largest speed in m/s at which a contact of these runs begins; 0 without contacts."""
-    return max(float(_approach(run.contacts).max(initial=0.0)) for run in runs)
+    return max(float(_approach(run).max(initial=0.0)) for run in runs)
 
 
 def impact_speed(run: Trajectory) -> float:
@@ -176,21 +170,19 @@ def impact_speed(run: Trajectory) -> float:
 def impact_velocities(scene: Scene, run: Trajectory) -> Array:
     """Velocities in m/s just before the first contact of `run` (the initial ones without any)."""
     fall = float(run.contacts["t_begin"][0] - run.time[0]) if len(run.contacts) else 0.0
-    velocity: Array = scene.velocity - np.where(scene.is_wall, 0.0, scene.gravity * fall)
-    return velocity
+    return np.asarray(scene.velocity - np.where(scene.is_wall, 0.0, scene.gravity * fall))
 
 
 def mass_centre_restitution(run: Trajectory) -> float:
     """-V_cm after / V_cm before all contacts; nan unless the scene has exactly one wall, with contacts that end."""
-    scene, balls = run.scene, ~run.scene.is_wall
-    if scene.is_wall.sum() != 1 or not len(run.contacts) or run.status is Status.collapse:
+    scene, balls, log = run.scene, ~run.scene.is_wall, run.contacts
+    at_wall = run.of(0 if scene.is_wall[0] else scene.n_pairs - 1)
+    lasting = run.status is Status.collapse or np.isnan(at_wall["t_end"]).any()
+    if scene.is_wall.sum() != 1 or not len(log) or lasting:
         return math.nan
-    if np.isnan(run.of(0 if scene.is_wall[0] else scene.n_pairs - 1)["t_end"]).any():
-        return math.nan
-    m = scene.mass[balls]
-    wall = float(scene.velocity[scene.is_wall][0])
+    m, wall = scene.mass[balls], float(scene.velocity[scene.is_wall][0])
     before = float(m @ (impact_velocities(scene, run)[balls] - wall))
-    last = np.nanmax(np.append(run.contacts["t_end"], run.contacts["t_begin"]))
+    last = np.nanmax(np.append(log["t_end"], log["t_begin"]))
     fall = scene.gravity * float(run.time[-1] - last)
     after = float(m @ (run.velocity[-1][balls] + fall - wall))
     return -after / before if before != 0.0 else math.nan
@@ -203,19 +195,18 @@ def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float
     against the slower neighbouring contact, which is over before the gap has closed beyond about π) and g/(ω₀ v)
     (gravity against the contact force), with ω₀ = √(∂F/∂ξ / m_eff) at the expected overlap.
     """
-    m = scene.mass[~scene.is_wall]
+    m, (below, above) = scene.mass[~scene.is_wall], scene.neighbours
     slope = resolved(laws, scene).column(lambda law: _stiffness(law, speed))
     omega = np.sqrt(slope / scene.pairs.m_eff)
-    slower, (below, above) = np.full(scene.n_pairs, math.inf), scene.neighbours
+    slower = np.full(scene.n_pairs, math.inf) if len(below) else omega
     slower[above] = omega[below]
     slower[below] = np.minimum(slower[below], omega[above])
-    slower = slower if scene.n_pairs > 1 else omega
     inner = ~np.logical_or(*scene.sides(scene.is_wall))
-    gaps = scene.gap[inner] * slower[inner] / speed if speed > 0.0 else np.zeros(0)
+    gaps = scene.gap[inner] * slower[inner]
     return {
         "mass_ratio": float(m.max() / m.min()),
         "stiffness_ratio": float(slope.max() / slope.min()),
-        "gap_omega_over_speed": float(gaps.max()) if len(gaps) else math.nan,
+        "gap_omega_over_speed": float(gaps.max() / speed) if len(gaps) and speed > 0.0 else math.nan,
         "gravity_over_omega_speed": scene.gravity / (float(omega.min()) * speed) if speed > 0.0 else math.nan,
     }
 
@@ -226,10 +217,9 @@ def _stiffness(law: PairLaw, speed: float) -> float:
     return law.tangent(xi)[0] if xi > 0.0 else math.nan
 
 
-def _approach(log: Any) -> Array:
+def _approach(run: Trajectory) -> Array:
     """Approach speeds in m/s at the onset of contacts."""
-    speed: Array = log["v_in"][:, 0] - log["v_in"][:, 1]
-    return speed
+    return np.asarray(run.contacts["v_in"][:, 0] - run.contacts["v_in"][:, 1])
 
 
 def _distance(times: Array, others: Array) -> Array:

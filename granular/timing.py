@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from granular.trajectory import Status, Trajectory
 SMALL = 0.1
 """Up to this share of a run, or of the time between contacts, a contact or a lag is called short."""
 
+
 def same_but_for_timing(soft: Trajectory, hard: Trajectory, tolerance: float) -> bool:
     """Whether two runs cut at one end time differ only by contacts within the lag of soft spheres before it.
 
@@ -23,14 +23,11 @@ def same_but_for_timing(soft: Trajectory, hard: Trajectory, tolerance: float) ->
     if not soft.status is hard.status is Status.time:
         return False
     end, span = float(soft.time[-1]), float(soft.time[-1] - soft.time[0])
-    all_ = [_counts(run, math.inf) for run in (soft, hard)]
-    busiest = max(int(count.max()) for count in all_)
+    more, fewer = np.maximum(counts(soft), counts(hard)), np.minimum(counts(soft), counts(hard))
+    busiest = int(more.max())
     lag = _longest(soft, hard) * (1.0 + busiest)
-    if lag * busiest > SMALL * span:
-        return False
-    early = [_counts(run, end - lag) for run in (soft, hard)]
-    more, fewer = np.maximum(*all_), np.minimum(*all_)
-    only_late = (more > fewer).any() and (np.maximum(*early) <= fewer).all()
+    early = np.maximum(_counts(soft, end - lag), _counts(hard, end - lag))
+    only_late = lag * busiest <= SMALL * span and (more > fewer).any() and (early <= fewer).all()
     return bool(only_late) and _same_velocities(soft, hard, tolerance)
 
 
@@ -51,8 +48,6 @@ def _same_velocities(one: Trajectory, other: Trajectory, tolerance: float) -> bo
     """Whether from all contacts that both runs have, and that are over, balls leave at the same velocities."""
     common = np.minimum(counts(one), counts(other))
     nth = np.concatenate([np.arange(n) for n in common])
-    left = []
-    for run in (one, other):
-        order, edge = run.by_pair
-        left.append(run.contacts["v_out"][order[np.repeat(edge[:-1], common) + nth]])
-    return not bool((np.abs(left[0] - left[1]) > tolerance).any())
+    rows = [run.by_pair[0][np.repeat(run.by_pair[1][:-1], common) + nth] for run in (one, other)]
+    apart = np.abs(one.contacts["v_out"][rows[0]] - other.contacts["v_out"][rows[1]])
+    return not bool((apart > tolerance).any())

@@ -9,8 +9,8 @@ import granular as gr
 from granular import cli, reference
 from granular.tables import duration
 from granular.workprecision import Frontier, Row
-from granular.workprecision.judge import contacts_of, errors
 from granular.workprecision.methods import Task, expected_order, own
+from granular.workprecision.result import contacts_of, errors
 from granular.workprecision.run import METHODS
 
 pytest.importorskip("mpmath")

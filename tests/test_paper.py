@@ -40,7 +40,7 @@ def test_every_reference_point(point):
 
 
 def test_figure_2_has_the_reference_forces():
-    scene, samples = setting.drop(), REFERENCE["forces"]
+    scene, samples = gr.scenes.three_balls(), REFERENCE["forces"]
     start = setting.first_touch(scene)
     times = start + np.array(samples["t"])
     run = gr.md.simulate(scene, setting.dashpots(scene, problem.RESTITUTION), t_end=1.0, samples=times)
@@ -106,7 +106,7 @@ def test_claim_peak_over_the_ratio_of_radii():
 
 @pytest.mark.parametrize(("ratio", "within"), [(10.0, 5e-3), (5.0, 1.5e-2)])
 def test_claim_adiabatic_solution_agrees(ratio, within):
-    scene, worst, differing = setting.drop(radii=(0.01 * ratio, 0.01)), 0.0, 0
+    scene, worst, differing = gr.scenes.three_balls(radii=(0.01 * ratio, 0.01)), 0.0, 0
     for eps in np.linspace(0.3, 1.0, 29):
         law = setting.dashpots(scene, float(eps))
         run, theirs = setting.until_second_floor_contact(scene, law), adiabatic.contacts(scene, law)

@@ -26,6 +26,9 @@ from granular.trajectory import points
 
 ENDINGS = (".gif", ".mp4")
 PAPER, INK = "#fbfaf6", "#1d1c1a"
+PANELS = {"contacts": 1.0, "forces": 1.4, "paths": 1.8}
+"""Panels beside the balls, and their heights."""
+COLOURS = {"hard": HARD, "soft": SOFT}
 MOST_BALLS = 60
 """Beyond that many balls nothing could be told apart."""
 FINE = 1500
@@ -88,22 +91,21 @@ class Film:
         self.figure: Any = optional("matplotlib.figure", "animate").Figure((9.6, 5.4), 100, facecolor=PAPER,
                                                                            layout="constrained")
         self.figure.suptitle(fill(verdict(report), 110), fontsize=11, x=0.02, ha="left", color=INK)
-        grid = self.figure.add_gridspec(3, 4, height_ratios=[1, 1.4, 1.8])
-        self.stages = [Stage(self.figure.add_subplot(grid[:, i]), report.scene, paths, name, colour)
-                       for i, (name, colour) in enumerate((("hard", HARD), ("soft", SOFT)))]  # fmt: skip
-        panels = [self.figure.add_subplot(grid[i, 2:], facecolor=PAPER) for i in range(3)]
-        timeline(panels[0], view)
+        axes = self.figure.subplot_mosaic([["hard", "soft", name, name] for name in PANELS],
+                                          height_ratios=list(PANELS.values()))  # fmt: skip
+        self.stages = [Stage(axes[name], report.scene, paths, name, colour) for name, colour in COLOURS.items()]
+        timeline(axes["contacts"], view)
         for force in np.transpose(np.asarray(runs["soft"].force)):
-            force_curve(panels[1], view.clock(runs["soft"].time), force / (force.max() or 1.0))
-        panels[1].set(ylim=(0.0, 1.05), ylabel="force / its peak")
-        world_lines(panels[2], view, runs)
-        panels[2].set_xlabel(f"time, {view.unit[1]}")
-        for panel in panels:
-            panel.set_xlim(panels[0].get_xlim())
+            force_curve(axes["forces"], view.clock(runs["soft"].time), force / (force.max() or 1.0))
+        axes["forces"].set(ylim=(0.0, 1.05), ylabel="force / its peak")
+        world_lines(axes["paths"], view, runs)
+        axes["paths"].set_xlabel(f"time, {view.unit[1]}")
+        for panel in (axes[name] for name in PANELS):
+            panel.set(xlim=axes["contacts"].get_xlim(), facecolor=PAPER)
             panel.tick_params(labelsize=8)
             panel.yaxis.label.set_size(8)
             panel.spines[["top", "right"]].set_visible(False)
-        self.clock, self.heads = view.clock(time), [panel.axvline(0.0, color=INK, lw=1.0) for panel in panels]
+        self.clock, self.heads = view.clock(time), [axes[name].axvline(0.0, color=INK, lw=1.0) for name in PANELS]
 
     def save(self, draft: str, writer: Any) -> None:
         """Write every picture; only what moves is drawn anew."""
@@ -151,8 +153,7 @@ class Stage:
         sinks = deepest / (0.6 * np.minimum(*scene.sides(np.where(radius > 0.0, radius, np.inf))))
         scale = min(room / max(float(np.ptp(both)), 1e-300), 1.0 / max(float(sinks.max()), 1e-300))
         self.height = np.cumsum(2.0 * radius) - radius + (paths[name] - both.min()) * scale
-        axis.set(xlim=(-0.16, 0.16), ylim=(-0.03, 1.0))
-        axis.set_aspect("equal", adjustable="box")
+        axis.set(xlim=(-0.16, 0.16), ylim=(-0.03, 1.0), aspect="equal")
         axis.set_axis_off()
         axis.set_title(f"{name} spheres", color=colour, fontsize=11)
         self.balls = [

@@ -94,12 +94,9 @@ class Compared:
     @cached_property
     def restitution_ratio(self) -> float:
         """ε_eff/ε_spec for floor and two balls of one ε, from the closed form of the paper; nan for other scenes."""
-        scene, eps = self.scene, self.restitution_spec
+        scene, eps, v_rel = self.scene, self.restitution_spec, self.pairs[-1].soft_v_rel
         dropped = scene.n == 3 and scene.is_wall[0] and scene.velocity[1] == scene.velocity[2]
-        if not dropped or max(eps) - min(eps) > 1e-9 or not self.impact_speed > 0.0:
-            return math.nan
-        v_rel = self.pairs[1].soft_v_rel
-        if math.isnan(v_rel):
+        if not dropped or max(eps) - min(eps) > 1e-9 or not self.impact_speed > 0.0 or math.isnan(v_rel):
             return math.nan
         return theory.effective_restitution(v_rel, self.impact_speed) / eps[0]
 

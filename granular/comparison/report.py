@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from granular.comparison.numbers import Compared
-from granular.comparison.verdict import contacts, verdict
+from granular.comparison.verdict import verdict
 from granular.measures import ROUNDING
 from granular.tables import number, problem
 from granular.trajectory import Trajectory
@@ -169,7 +169,8 @@ def _why(report: Compared) -> Iterator[str]:
     if not shared:
         yield "Why: no two contacts of neighbouring pairs overlap in time; only the finite durations differ."
         return
-    yield f"Why: {contacts(len(shared), 'overlap')} in time with a contact of a neighbouring pair, first of all:"
+    some = f"{len(shared)} contacts overlap" if len(shared) > 1 else "1 contact overlaps"
+    yield f"Why: {some} in time with a contact of a neighbouring pair, first of all:"
     for o in shared[:4]:
         below, above = log[o.lower], log[o.upper]
         yield (

@@ -15,6 +15,7 @@ from granular.comparison.numbers import Compared
 from granular.comparison.restitution import rule_of
 from granular.laws.check import checked
 from granular.scene import Scene
+from granular.scene import checked as a_scene
 from granular.tables import Report
 
 
@@ -93,7 +94,7 @@ def compare(
     -------
     Comparison
     """
-    laws = checked(law, _check_scene(scene)).given
+    laws = checked(law, a_scene(scene)).given
     used = rule_of(laws, scene) if rule is None else rule
     end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
     event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed}
@@ -105,12 +106,6 @@ def compare(
     followed = outcome.followed(counted[1], options)
     pairs = outcome.pair_outcomes(*counted, followed)
     return Comparison(scene, laws, used, until, t_end, hard, soft, twin, pairs, followed, event_driven, options)
-
-
-def _check_scene(scene: Any) -> Scene:
-    if not isinstance(scene, Scene):
-        raise TypeError(f"scene is {scene!r}: a granular.Scene is needed, such as granular.scenes.three_balls().")
-    return scene
 
 
 def _nudged(scene: Scene) -> Scene:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
 from html import escape
 from importlib.resources import files
+from posixpath import dirname, normpath
 from typing import Any
 
 from granular import _files
@@ -32,18 +33,17 @@ def page(parts: tuple[str, str], title: str, start: str = "", data: Mapping[str,
     data : mapping, optional
         What the page finds as JSON in its element ``#data``.
     """
-    body, main = parts
     slots = {
         "title": escape(title),
+        "start": escape(start),
         "version": _files.version_of("granular") or "",
         "style": shipped("shell/page.css"),
-        "body": shipped(body).replace("{{transport}}", shipped("shell/transport.html")),
+        "transport": shipped("shell/transport.html"),
         "data": "" if data is None else f'<script type="application/json" id="data">{embedded(data)}</script>',
-        "script": bundle(main),
+        "script": bundle(parts[1]),
     }
-    html = shipped("shell/shell.html").replace("<body>", f'<body data-start="{escape(start)}">')
-    slots["body"] = slots["body"].replace("{{version}}", slots["version"])
-    return re.sub(r"\{\{(\w+)\}\}", lambda slot: slots[slot[1]], html)
+    html = shipped("shell/shell.html").replace("<body>", '<body data-start="{{start}}">')
+    return re.sub(r"\{\{(\w+)\}\}", lambda slot: slots[slot[1]], html.replace("{{body}}", shipped(parts[0])))
 
 
 @cache
@@ -58,28 +58,14 @@ def bundle(main: str) -> str:
 
     A module becomes ``const { its, exports } = (() => { … })();``, so only exported names must differ.
     """
-    done: list[str] = []
-    _visit(main, done)
-    return "\n".join(_scoped(shipped(name)) for name in done)
+    return "\n".join(_scoped(shipped(name)) for name in dict.fromkeys(_needed(main)))
 
 
-def _visit(name: str, done: list[str]) -> None:
+def _needed(name: str) -> Iterator[str]:
+    """Names of all that a module imports, directly or not, before its own."""
     for path in IMPORT.findall(shipped(name)):
-        needed = _resolved(name, path)
-        if needed not in done:
-            _visit(needed, done)
-    if name not in done:
-        done.append(name)
-
-
-def _resolved(importer: str, path: str) -> str:
-    parts = importer.split("/")[:-1]
-    for step in path.split("/"):
-        if step == "..":
-            parts.pop()
-        elif step != ".":
-            parts.append(step)
-    return "/".join(parts)
+        yield from _needed(normpath(f"{dirname(name)}/{path}"))
+    yield name
 
 
 def _scoped(source: str) -> str:
@@ -91,5 +77,3 @@ def _scoped(source: str) -> str:
 def embedded(data: Mapping[str, Any]) -> str:
     """Return JSON that may stand inside a script element."""
     return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
-
-

@@ -63,18 +63,15 @@ def different_balls(one: Scene, other: Scene) -> str:
     """Return in what two scenes differ other than gaps, velocities and place; nothing if they have the same balls."""
     if one.n != other.n:
         return f"{one.n} and {other.n} bodies"
-    if not np.array_equal(one.mass, other.mass):
-        return "masses"
-    if not np.array_equal(one.radius, other.radius):
-        return "radii"
-    return "" if one.gravity == other.gravity else f"gravity {one.gravity:g} and {other.gravity:g} m/s²"
+    heavy = f"gravity {one.gravity:g} and {other.gravity:g} m/s²"
+    differ = {"masses": (one.mass != other.mass).any(), "radii": (one.radius != other.radius).any(),
+              heavy: one.gravity != other.gravity}  # fmt: skip
+    return next((name for name, is_so in differ.items() if is_so), "")
 
 
 def evenly(n: int, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:
     """Return at most `most` of the numbers 0 … n-1, evenly spread, with the first and the last."""
-    if n <= most:
-        return np.arange(n)
-    return np.unique(np.round(np.linspace(0, n - 1, most)).astype(np.int64))
+    return np.unique(np.round(np.linspace(0, n - 1, min(n, most))).astype(np.int64))
 
 
 def part(run: Trajectory, rows: np.ndarray[Any, np.dtype[np.int64]]) -> Trajectory:
@@ -86,12 +83,11 @@ def part(run: Trajectory, rows: np.ndarray[Any, np.dtype[np.int64]]) -> Trajecto
 def contacts(run: Trajectory, kept: np.ndarray[Any, np.dtype[np.int64]]) -> dict[str, Any]:
     """Return the log of the contacts kept, column by column; a contact still open ends with the run."""
     log = run.contacts[kept]
-    end = np.where(np.isnan(log["t_end"]), run.time[-1], log["t_end"])
     before, after = (log[name][:, 1] - log[name][:, 0] for name in ("v_in", "v_out"))
     return {
         "pair": packed(log["pair"]),
         "begin": packed(log["t_begin"], np.float64),
-        "end": packed(end, np.float64),
+        "end": packed(np.nan_to_num(log["t_end"], nan=run.time[-1]), np.float64),
         "before": packed(before),
         "after": packed(np.nan_to_num(after, nan=0.0)),
         "impulse": packed(log["impulse"]),
@@ -102,11 +98,10 @@ def contact_map(run: Trajectory) -> dict[str, Any]:
     """Return how many contacts were under way in each cell of a grid of time and pairs; all are counted."""
     start, span = float(run.time[0]), float(run.time[-1] - run.time[0]) or 1.0
     columns, lanes = MAP[0], min(MAP[1], run.scene.n_pairs)
-    lane = run.contacts["pair"].astype(np.int64) * lanes // run.scene.n_pairs
-    end = np.where(np.isnan(run.contacts["t_end"]), run.time[-1], run.contacts["t_end"])
-    first, last = (
-        np.clip(((t - start) / span * columns).astype(np.int64), 0, columns - 1) for t in (run.contacts["t_begin"], end)
-    )
+    log, end = run.contacts, np.nan_to_num(run.contacts["t_end"], nan=run.time[-1])
+    lane = log["pair"].astype(np.int64) * lanes // run.scene.n_pairs
+    first, last = (np.clip(((t - start) / span * columns).astype(np.int64), 0, columns - 1)
+                   for t in (log["t_begin"], end))  # fmt: skip
     change = np.zeros((columns + 1, lanes), np.int64)
     np.add.at(change, (first, lane), 1)
     np.add.at(change, (last + 1, lane), -1)

@@ -63,11 +63,6 @@ FIGURES = {
 NUMBERS = {figure.number: name for name, figure in FIGURES.items() if figure.number}
 
 
-def named(name: str) -> str:
-    """Return the name of a figure given by name or number."""
-    return NUMBERS.get(name) or _check.choice("figure", name, [*FIGURES, *NUMBERS])
-
-
 def make(name: str, folder: str | PathLike[str] = ".", *, points: int | None = None) -> list[Path]:
     """Compute a figure, and write its data and its drawing.
 
@@ -85,7 +80,7 @@ def make(name: str, folder: str | PathLike[str] = ".", *, points: int | None = N
     list of Path
         The files: drawing and data.
     """
-    name = named(name)
+    name = NUMBERS.get(name) or _check.choice("figure", name, [*FIGURES, *NUMBERS])
     figure = FIGURES[name]
     data = figure.compute(_check.whole("points", figure.points if points is None else points, at_least=1))
     plain = isinstance(data, dict)

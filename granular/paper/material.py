@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from granular import edmd, md
+from granular import edmd, md, scenes
 from granular.binary import restitution, restitution_of
 from granular.laws import LinearDashpot, ViscoelasticHertz
-from granular.laws.hertz import hertz_stiffness
 from granular.paper import setting
 from granular.paper.drawing import HARD, PAGE, SOFT, canvas, letter
 from granular.scene import Scene
 from granular.sweeps.results import impact_speed
-
-YOUNG, POISSON = 5e7, 0.45
-
-
-def same_eps(scene: Scene, eps: float) -> list[Any]:
-    """Linear dashpots that give both contacts this ε."""
-    return list(setting.dashpots(scene, eps))
 
 
 def same_gamma(scene: Scene, eps: float) -> list[Any]:
@@ -31,26 +24,31 @@ def same_gamma(scene: Scene, eps: float) -> list[Any]:
 
 def same_material(scene: Scene, eps: float) -> list[Any]:
     """One viscoelastic material whose floor contact has this ε at impact."""
-    floor, upper = (hertz_stiffness(YOUNG, POISSON, pair) for pair in scene.pairs)
+    floor, upper = setting.hertz(scene)
     law = ViscoelasticHertz.from_restitution(eps, k=floor, speed=impact_speed(scene), pair=scene.pairs[0])
     return [law, ViscoelasticHertz(upper, law.gamma * upper / floor)]
 
 
-CHOICES = {same_eps: r"same $\varepsilon$", same_gamma: r"same $\gamma$", same_material: "same material"}
+CHOICES: dict[str, tuple[str, Callable[[Scene, float], Sequence[Any]]]] = {
+    "same_eps": (r"same $\varepsilon$", setting.dashpots),
+    "same_gamma": (r"same $\gamma$", same_gamma),
+    "same_material": ("same material", same_material),
+}
+"""Title of each choice, and the laws it makes for an ε of the floor contact."""
 
 
 def compute(points: int) -> dict[str, Any]:
     """Launch speed v2′/|v10| of the upper ball and contacts, over ε of the floor contact, soft and hard."""
-    scene, eps = setting.drop(), np.linspace(0.3, 1.0, points)
+    scene, eps = scenes.three_balls(), np.linspace(0.3, 1.0, points)
     names = ("soft", "hard", "contacts", "upper_restitution")
     found: dict[str, Any] = {"restitution": eps}
-    for choice in CHOICES:
-        columns = zip(*(_outcome(scene, choice(scene, e)) for e in eps.tolist()), strict=True)
-        found[choice.__name__] = dict(zip(names, map(np.array, columns), strict=True))
+    for choice, (_, laws) in CHOICES.items():
+        columns = zip(*(_outcome(scene, laws(scene, e)) for e in eps.tolist()), strict=True)
+        found[choice] = dict(zip(names, map(np.array, columns), strict=True))
     return found
 
 
-def _outcome(scene: Scene, law: list[Any]) -> tuple[float, float, int, float]:
+def _outcome(scene: Scene, law: Sequence[Any]) -> tuple[float, float, int, float]:
     """Soft and hard v2′/|v10| after the last contact before the second floor contact, contacts, ε of the upper pair."""
     speed, end = impact_speed(scene), setting.SECOND_FLOOR_CONTACT
     soft = md.simulate(scene, law, until=end)
@@ -63,8 +61,8 @@ def draw(data: dict[str, Any]) -> Any:
     """One column per choice: launch speed above, contacts below."""
     figure, axes = canvas(PAGE, 3.2, 2, 3, sharex=True, sharey="row", height_ratios=[1.5, 1.0])
     eps = data["restitution"]
-    for (top, low), tags, (choice, title) in zip(axes.T, ("ad", "be", "cf"), CHOICES.items(), strict=True):
-        rows = data[choice.__name__]
+    for (top, low), tags, (choice, (title, _)) in zip(axes.T, ("ad", "be", "cf"), CHOICES.items(), strict=True):
+        rows = data[choice]
         top.plot(eps, rows["hard"], color=HARD, ls="--", label="hard spheres")
         top.plot(eps, rows["soft"], color=SOFT, label="soft spheres")
         top.set_title(title)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import edmd, md
+from granular import edmd, md, scenes
 from granular.paper import setting
 from granular.paper.drawing import COLUMN, GREY, HARD, SOFT, canvas, letter
 from granular.rules import ConstantRestitution
@@ -25,23 +25,22 @@ def draw_sketch(data: dict[str, Any]) -> Any:
 
     figure, ((axis,),) = canvas(COLUMN, 3.6)
     r1, r2, gap, z1 = data["R1"], data["R2"], data["gap"], data["z1"]
-    z2 = z1 + r1 + gap + r2
+    top = z1 + r1 + gap
+    z2 = top + r2
     axis.fill_between([-2.0, 2.2], -0.28, 0.0, facecolor="white", hatch="////", edgecolor=GREY, lw=0)
     axis.plot([-2.0, 2.2], [0.0, 0.0], color="black", lw=1.2)
     for z, r, name in ((z1, r1, "1"), (z2, r2, "2")):
-        axis.add_patch(Circle((0.0, z), r, facecolor=SOFT, alpha=0.18, lw=0))
-        axis.add_patch(Circle((0.0, z), r, fill=False, edgecolor=SOFT, lw=1.0))
+        axis.add_patch(Circle((0.0, z), r, facecolor=SOFT + "2e", edgecolor=SOFT, lw=1.0))
         axis.plot([0.0], [z], ".", color="black", ms=3)
         axis.text(-0.08, z + 0.08, name, ha="right", va="bottom", fontsize=10)
         _arrow(axis, (0.0, z), (0.87 * r, z - 0.5 * r))
         axis.text(0.5 * r, z - 0.22 * r, f"$R_{name}$", ha="left", va="bottom")
-    for x, low, high, name in ((1.25, 0.0, z1, "$z_1$"), (1.75, 0.0, z2, "$z_2$"),
-                               (-0.75, z1 + r1, z1 + r1 + gap, r"$\Delta h$")):  # fmt: skip
+    spans = ((1.25, 0.0, z1, "$z_1$"), (1.75, 0.0, z2, "$z_2$"), (-0.75, z1 + r1, top, r"$\Delta h$"))
+    for x, low, high, name in spans:
         _arrow(axis, (x, low), (x, high), "<|-|>")
         axis.text(x + np.copysign(0.08, x), 0.5 * (low + high), name, ha="right" if x < 0.0 else "left", va="center")
-    left = (-0.85, 0.0)
-    for z, ends in ((z1, (r1 + 0.05, 1.35)), (z2, (r2 + 0.05, 1.85)), (z1 + r1, left), (z1 + r1 + gap, left)):
-        axis.plot(ends, [z, z], color=GREY, lw=0.5, ls=(0, (4, 3)))
+    for z, left, right in ((z1, r1 + 0.05, 1.35), (z2, r2 + 0.05, 1.85), (z1 + r1, -0.85, 0.0), (top, -0.85, 0.0)):
+        axis.plot([left, right], [z, z], color=GREY, lw=0.5, ls=(0, (4, 3)))
     _arrow(axis, (-1.6, 2.6), (-1.6, 1.9))
     axis.text(-1.5, 2.2, "$g$", ha="left", va="center")
     axis.text(-1.9, 0.06, "0 (floor)", ha="left", va="bottom")
@@ -57,7 +56,7 @@ def _arrow(axis: Any, start: tuple[float, float], end: tuple[float, float], head
 
 def forces(points: int) -> dict[str, Any]:
     """Forces in N at `points` times in s, contacts of both pairs, and the instants at which hard spheres collide."""
-    scene = setting.drop()
+    scene = scenes.three_balls()
     law, start = setting.dashpots(scene, RESTITUTION), setting.first_touch(scene)
     run = setting.until_second_floor_contact(scene, law)
     times = np.linspace(-2e-5, 9e-4, points)

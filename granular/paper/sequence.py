@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import groupby
@@ -10,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from granular import adiabatic
+from granular import adiabatic, scenes
 from granular._check import Array
 from granular.laws import ViscoelasticHertz
-from granular.laws.hertz import hertz_stiffness
 from granular.paper import setting
 from granular.paper.drawing import COLUMN, FLOOR, HARD, SOFT, canvas
 from granular.scene import Scene
@@ -22,28 +20,30 @@ Row = tuple[Array, float]
 """Onset and end in s of every contact (count, 2), and the end of the floor contact in s."""
 SPEED = 3.0
 """Of both viscoelastic balls as the lower one meets the floor, in m/s."""
-RADII, YOUNG, POISSON, DENSITY = (0.1, 0.0025), 5e7, 0.45, 900.0
+RADII, DENSITY = (0.1, 0.0025), 900.0
 
 
 def over_restitution(points: int) -> dict[str, Any]:
     """Contacts of both solutions over ε, closer and closer to where their number jumps."""
     grid = np.linspace(0.3, 1.0, points)
-    stretches = follow(dashpots, grid)
-    return {"restitution": grid, "numerical": stretches, "adiabatic": follow(_adiabatic, grid),
-            "spikes": spikes(stretches)}  # fmt: skip
+    return {"restitution": grid, **_numerical(dashpots, grid), "adiabatic": follow(_adiabatic, grid)}
 
 
 def over_viscoelastic_restitution(points: int) -> dict[str, Any]:
     """Contacts over an ε that both pairs have at 3 m/s."""
-    stretches = follow(lambda eps: _viscoelastic(with_restitution(eps)), np.linspace(0.3, 1.0, points))
-    return {"parameter": "restitution at 3 m/s", "numerical": stretches, "spikes": spikes(stretches)}
+    scene, grid = viscoelastic_scene(), np.linspace(0.3, 1.0, points)
+    return {"parameter": "restitution at 3 m/s", **_numerical(lambda eps: _row(scene, with_restitution(eps)), grid)}
 
 
 def over_constant(points: int) -> dict[str, Any]:
     """Contacts over the dissipative constant A in s that both pairs have."""
-    grid = np.concatenate([[0.0], np.geomspace(1e-7, 3e-5, points)])
-    stretches = follow(lambda a: _viscoelastic(with_constant(a)), grid)
-    return {"parameter": "A in s", "numerical": stretches, "spikes": spikes(stretches)}
+    scene, grid = viscoelastic_scene(), np.append(0.0, np.geomspace(1e-7, 3e-5, points))
+    return {"parameter": "A in s", **_numerical(lambda a: _row(scene, with_constant(a)), grid)}
+
+
+def _numerical(row: Callable[[float], Row], grid: Array) -> dict[str, Any]:
+    stretches = follow(row, grid)
+    return {"numerical": stretches, "spikes": spikes(stretches)}
 
 
 def follow(row: Callable[[float], Row], grid: Array, reach: int = 24) -> list[dict[str, Any]]:
@@ -87,41 +87,37 @@ def spikes(stretches: Sequence[dict[str, Any]]) -> list[list[float]]:
 
 def dashpots(restitution: float) -> Row:
     """Contacts of linear dashpots of one ε."""
-    scene = setting.drop()
-    run = setting.until_second_floor_contact(scene, setting.dashpots(scene, restitution))
-    return setting.intervals(run), float(run.of(0)["t_end"][0]) - setting.first_touch(scene)
+    scene = scenes.three_balls()
+    return _row(scene, setting.dashpots(scene, restitution))
 
 
 def _adiabatic(restitution: float) -> Row:
-    scene = setting.drop()
+    scene = scenes.three_balls()
     solution = adiabatic.contacts(scene, setting.dashpots(scene, restitution))
     return solution.contacts, solution.floor_end
 
 
+def _row(scene: Scene, law: Sequence[Any]) -> Row:
+    run = setting.until_second_floor_contact(scene, law)
+    return setting.intervals(run), float(run.of(0)["t_end"][0]) - setting.first_touch(scene)
+
+
 def viscoelastic_scene() -> Scene:
     """The lower ball meets the floor at t = 0; both balls have 3 m/s then."""
-    dropped = setting.drop(radii=RADII, height=RADII[0], density=DENSITY)
+    dropped = scenes.three_balls(radii=RADII, height=RADII[0], density=DENSITY)
     return dropped.replace(velocity=[0.0, -SPEED, -SPEED])
 
 
 def with_restitution(restitution: float) -> list[ViscoelasticHertz]:
     """Laws of both pairs with one ε at 3 m/s; A then differs from pair to pair."""
-    return [
-        ViscoelasticHertz.from_restitution(restitution, k=hertz_stiffness(YOUNG, POISSON, pair), speed=SPEED, pair=pair)
-        for pair in viscoelastic_scene().pairs
-    ]
+    scene = viscoelastic_scene()
+    return [ViscoelasticHertz.from_restitution(restitution, k=k, speed=SPEED, pair=pair)
+            for k, pair in zip(setting.hertz(scene), scene.pairs, strict=True)]  # fmt: skip
 
 
 def with_constant(a: float) -> list[ViscoelasticHertz]:
     """Laws of both pairs for one material of dissipative constant `a` in s: γ = (3/2) A k."""
-    stiffness = [hertz_stiffness(YOUNG, POISSON, pair) for pair in viscoelastic_scene().pairs]
-    return [ViscoelasticHertz(k, 1.5 * a * k) for k in stiffness]
-
-
-def _viscoelastic(law: list[ViscoelasticHertz]) -> Row:
-    run = setting.until_second_floor_contact(viscoelastic_scene(), law)
-    floor = run.of(0)["t_end"]
-    return setting.intervals(run), float(floor[0]) if len(floor) else math.nan
+    return [ViscoelasticHertz(k, 1.5 * a * k) for k in setting.hertz(viscoelastic_scene())]
 
 
 def draw(data: dict[str, Any], label: str, top: float, unit: float = 1.0) -> Any:

@@ -12,25 +12,28 @@ from typing import Any
 
 import numpy as np
 
-from granular import md, scenes, until
+from granular import md, until
 from granular._check import Array
 from granular._flight import time_to_contact
 from granular.laws import LinearDashpot
+from granular.laws.hertz import hertz_stiffness
 from granular.scene import Scene
 from granular.trajectory import Trajectory
 
 STIFFNESS = 5e7
 SECOND_FLOOR_CONTACT = until.contact(pair=0, nth=2)
+YOUNG, POISSON = 5e7, 0.45
+"""Of viscoelastic balls, the first in Pa."""
 
 
-def drop(**parameters: Any) -> Scene:
-    """The scene of the paper."""
-    return scenes.three_balls(**parameters)
-
-
-def dashpots(scene: Scene, restitution: float, stiffness: float = STIFFNESS) -> list[LinearDashpot]:
+def dashpots(scene: Scene, restitution: float) -> list[LinearDashpot]:
     """Linear dashpots of one ε in all contacts."""
-    return [LinearDashpot.from_restitution(restitution, k=stiffness, pair=pair) for pair in scene.pairs]
+    return [LinearDashpot.from_restitution(restitution, k=STIFFNESS, pair=pair) for pair in scene.pairs]
+
+
+def hertz(scene: Scene) -> list[float]:
+    """Stiffness of viscoelastic balls in N/m^(3/2) in all contacts."""
+    return [hertz_stiffness(YOUNG, POISSON, pair) for pair in scene.pairs]
 
 
 def first_touch(scene: Scene) -> float:
@@ -45,6 +48,6 @@ def until_second_floor_contact(scene: Scene, law: Sequence[Any]) -> Trajectory:
 
 
 def intervals(run: Trajectory) -> Array:
-    """Begin and end in s of the contacts of the two balls, from the first floor contact on; (count, 2)."""
+    """Onset and end in s of the contacts of the two balls, from the first floor contact on; (count, 2)."""
     log, start = run.of(1), first_touch(run.scene)
     return np.column_stack([log["t_begin"] - start, log["t_end"] - start])

@@ -20,7 +20,7 @@ from granular.md.integrators import INTEGRATORS
 from granular.reference import Reference, ReferenceContact
 from granular.scene import Scene
 from granular.trajectory import Trajectory
-from granular.workprecision.judge import contacts_of
+from granular.workprecision.result import contacts_of
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
 COARSEST, FINER, POINTS = 8, 4, 8

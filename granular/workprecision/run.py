@@ -20,11 +20,10 @@ from granular.reference import Reference, solve
 from granular.scene import Scene
 from granular.tables import Report, machine
 from granular.workprecision import figure, table
-from granular.workprecision.judge import contacts_of, errors
 from granular.workprecision.methods import Method, Task, expected_order, own
 from granular.workprecision.peers import NAMES as PEERS
 from granular.workprecision.peers import peer
-from granular.workprecision.result import NEAR, Measured, Row
+from granular.workprecision.result import NEAR, Measured, Row, contacts_of, errors
 
 METHODS = ("located", *FIXED, "edmd", *PEERS)
 LONG = 0.2
