@@ -25,10 +25,12 @@ PIECES = 10  # of equal length in q = sqrt(ln(1 + b)) ...
 Q_END = 5.0  # ... up to b = exp(25) = 7e10, beyond which the asymptotes hold to 3e-17
 SERIES_ORDER = 20
 
-ABOUT = """The isolated viscoelastic collision, tabulated by bench/make_viscoelastic_table.py: do not edit. Row i of a table \
-holds powers of z, highest first, on the i-th of the equal pieces of 0 <= q <= q_end, on which z runs from -1 to 1; \
-q = sqrt(ln(1 + b)). Zeros in front make all rows one length. exponent: -ln(eps) / q^2; stretched_duration: \
-(1 + b)^(2/3) t_c; series: h_k of eps = sum of h_k b^(k/2)."""
+ABOUT = (
+    "The isolated viscoelastic collision, tabulated by bench/make_viscoelastic_table.py: do not edit. Row i of a table "
+    "holds powers of z, highest first, on the i-th of the equal pieces of 0 <= q <= q_end, on which z runs from -1 to "
+    "1; q = sqrt(ln(1 + b)). Zeros in front make all rows one length. exponent: -ln(eps) / q^2; stretched_duration: "
+    "(1 + b)^(2/3) t_c; series: h_k of eps = sum of h_k b^(k/2)."
+)
 
 
 def taylor(u0: Any, v0: Any, b: Any, order: int) -> tuple[list[Any], list[Any]]:
