@@ -26,6 +26,7 @@ from granular._flight import rate_at_contact, time_to_contact
 from granular.laws import LinearDashpot
 from granular.laws.check import checked
 from granular.scene import Scene
+from granular.scene import checked as checked_scene
 from granular.trajectory import Status, Trajectory
 
 __all__ = ["AdiabaticSolution", "contacts"]
@@ -139,9 +140,7 @@ def contacts(scene: Scene, law: Any, *, max_steps: int = 200_000) -> AdiabaticSo
 
 def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
     """The linear laws of both contacts, the upper one for a ball `LIGHTER`; raise what does not fit."""
-    if not isinstance(scene, Scene):
-        raise TypeError(f"scene is {scene!r}: a granular.Scene is needed, such as granular.scenes.three_balls().")
-    if scene.n != 3 or scene.is_wall.tolist() != [True, False, False]:
+    if checked_scene(scene).n != 3 or scene.is_wall.tolist() != [True, False, False]:
         raise ValueError(f"scene is {scene!r}: a floor and two balls are needed, as in granular.scenes.three_balls().")
     laws = []
     for one, factor in zip(checked(law, scene), (1.0, LIGHTER), strict=True):
