@@ -24,11 +24,7 @@ from granular.rules import ConstantRestitution, Rule
 from granular.scene import Pair, Pairs, Scene, checked_pair
 
 __all__ = ["Collision", "LawRestitution", "collision", "restitution", "restitution_of", "with_restitution"]
-
-
-def __dir__() -> list[str]:
-    return __all__
-
+__dir__ = __all__.copy
 
 MAX_STEPS = 20_000
 """Steps after which a contact is taken to go on forever."""

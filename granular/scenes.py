@@ -16,11 +16,7 @@ from granular._check import Array
 from granular.scene import Scene, in_order
 
 __all__ = ["ball_stack", "bouncing_ball", "chain", "column", "gas", "newtons_cradle", "three_balls"]
-
-
-def __dir__() -> list[str]:
-    return __all__
-
+__dir__ = __all__.copy
 
 def three_balls(
     radii: Sequence[float] = (0.10, 0.01), gap: float = 1e-4, height: float = 0.6, density: float = 900.0,

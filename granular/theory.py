@@ -31,11 +31,7 @@ __all__ = [
     "stack_velocities",
     "two_ball_drop",
 ]
-
-
-def __dir__() -> list[str]:
-    return __all__
-
+__dir__ = __all__.copy
 
 @dataclass(frozen=True, slots=True)
 class TwoBallDrop:

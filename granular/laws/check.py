@@ -66,7 +66,7 @@ def _probed(law: PairLaw, speed: float) -> float:
     """Evaluate the force up to overlaps (m) that an impact at `speed` is sure to reach, and return the last of them."""
     pair = law.pair
     xi = 1e-10 * (pair.r_eff if 0.0 < pair.r_eff < math.inf else 1.0)
-    top, energy = 1e10 * xi, 0.5 * pair.m_eff * speed * speed
+    deepest, energy = 1e10 * xi, 0.5 * pair.m_eff * speed * speed
     while True:
         force, closing, parting = (finite(law, xi, rate) for rate in (0.0, speed, -speed))
         for rate, moving in ((speed, closing), (-speed, parting)):
@@ -74,7 +74,7 @@ def _probed(law: PairLaw, speed: float) -> float:
                 raise _denied(law, xi, rate)
         if parting > max(0.0, closing) + 1e-9 * abs(closing):
             raise _gains(law, xi, speed)
-        if 0.5 * RUNG * RUNG * xi * force > energy or RUNG * xi > top:
+        if 0.5 * RUNG * RUNG * xi * force > energy or RUNG * xi > deepest:
             return xi
         xi *= RUNG
 

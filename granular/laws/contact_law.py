@@ -78,9 +78,7 @@ class PairLaw:
         step, here = 1e-6 * xi, self.force(xi, 0.0, xi)
         # backwards: the unloading branch of a law with memory is the stiffer one
         k = (here - self.force(xi - step, 0.0, xi)) / step
-        if not self.rate_dependent:
-            return abs(k), 0.0
-        rate = xi * math.sqrt(abs(k) / self.pair.m_eff)
+        rate = xi * math.sqrt(abs(k) / self.pair.m_eff) if self.rate_dependent else 0.0
         return abs(k), abs(self.force(xi, rate, xi) - here) / rate if rate else 0.0
 
     def energy(self, xi: float) -> float:
