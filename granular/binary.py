@@ -226,15 +226,15 @@ def _elastic_power(k: float, p: float, pair: Pair, v: float) -> Collision:
 def _integrated(law: Any, pair: Pair, v: float) -> Collision:
     """The contact by the event-located method; remembered for laws that cannot change."""
     values = held(law)
-    return _run(law, pair, v) if values is None else _remembered(values, law, pair, v)
+    return _bounce(law, pair, v) if values is None else _remembered(values, law, pair, v)
 
 
 @lru_cache(maxsize=4096)
 def _remembered(values: tuple[Any, ...], law: Any, pair: Pair, v: float) -> Collision:
-    return _run(law, pair, v)
+    return _bounce(law, pair, v)
 
 
-def _run(law: Any, pair: Pair, v: float) -> Collision:
+def _bounce(law: Any, pair: Pair, v: float) -> Collision:
     """Let a ball of mass m_eff meet a wall.
 
     Where the force sets in late, the touch before counts in the log as a contact without force: the contact with the
