@@ -170,6 +170,6 @@ def hertz_stiffness(young: float, poisson: float, pair: Pair) -> float:
     """
     modulus = _check.number("young", young, above=0.0)
     nu = _check.number("poisson", poisson, at_least=0.0, at_most=0.5)
-    at = f"r_eff of pair {checked_pair(pair).index}"
-    r_eff = _check.number(at, pair.r_eff, above=0.0, fix="point particles have no curvature")
+    r_eff = _check.number(f"r_eff of pair {checked_pair(pair).index}", pair.r_eff, above=0.0,
+                          fix="point particles have no curvature")
     return 2.0 / 3.0 * modulus * math.sqrt(r_eff) / (1.0 - nu * nu)
