@@ -145,21 +145,17 @@ class Compared:
         0 where nothing collides; nan where no contact comes to its end, and where a run did not get to its end, for
         nothing is claimed of it.
         """
-        if self._early:
-            return math.nan
-        return self._in_impact_speeds(outcome.largest_difference(self.followed, self.counted[0]))
+        return math.nan if self._early else self._apart(self.followed, self.counted[0])
 
     @cached_property
     def tie_errors(self) -> dict[str, float]:
         """How far the answer of each other tie rule is from the hard run, as `error` says; empty without ties."""
-        hard = self.counted[0]
-        return {name: self._in_impact_speeds(outcome.largest_difference(run, hard))
-                for name, run in self._other_answers.items()}  # fmt: skip
+        return {name: self._apart(run, self.counted[0]) for name, run in self._other_answers.items()}
 
     @cached_property
     def shift_error(self) -> float:
         """How far hard spheres from gaps shifted by 1e-12 of themselves are from the hard run, as `error` says."""
-        return self._in_impact_speeds(outcome.largest_difference(*self._shifted))
+        return self._apart(*self._shifted)
 
     @cached_property
     def unsettled_counts(self) -> Any:
@@ -196,8 +192,9 @@ class Compared:
         runs = tie_rules.other_answers(self.hard, self.rule, self.hard_options)
         return {name: measures.counted(run, self.soft)[0] for name, run in runs.items()}
 
-    def _in_impact_speeds(self, difference: float) -> float:
-        return difference / self.impact_speed if self.impact_speed > 0.0 else 0.0
+    def _apart(self, one: Trajectory, other: Trajectory) -> float:
+        """Largest difference of two runs in impact speeds."""
+        return outcome.largest_difference(one, other) / self.impact_speed if self.impact_speed > 0.0 else 0.0
 
 
 def _restitution(law: PairLaw, speed: float) -> float:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from granular import _check, _files
+from granular.drawing import style
 from granular.paper import longer, maps, material, problem, sequence
-from granular.paper.drawing import style
 from granular.sweeps import store
 
 

@@ -12,8 +12,8 @@ import numpy as np
 from granular import cases, scenes, until
 from granular.cases import Case
 from granular.comparison import compare
+from granular.drawing import HARD, PAGE, canvas, letter, shades
 from granular.laws import PowerLaw
-from granular.paper.drawing import HARD, PAGE, canvas, letter
 from granular.paper.maps import WRONG, joined
 from granular.rules import ConstantRestitution
 from granular.sweeps import sweep
@@ -99,11 +99,9 @@ def draw_breakdown(data: Any) -> Any:
 
 def _curves(axis: Any, data: Any, name: str, measure: str, title: str) -> None:
     """A measure over the gap, one line a value of the parameter called `name`."""
-    import matplotlib
-
     kind, values = name.partition("_")[0], data[name].values
-    shades = matplotlib.colormaps["viridis"](np.linspace(0.9, 0.0, len(values)))
-    for value, row, shade in zip(values, data[f"{kind}_{measure}"].values, shades, strict=True):
+    colours = shades("viridis", len(values), 0.9)
+    for value, row, shade in zip(values, data[f"{kind}_{measure}"].values, colours, strict=True):
         axis.plot(data[f"{kind}_gap"], row, color=shade, label=f"{value:g}", marker=".", ms=2.5, lw=0.7)
     axis.set(xscale="log", xlabel="gap  (m)")
     axis.legend(title=title, title_fontsize=7, fontsize=6.5, ncols=2, loc="best")

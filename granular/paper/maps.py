@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from granular.paper.drawing import COLUMN, GREY, HARD, PAGE, SOFT, canvas, colours, letter
+from granular.drawing import COLUMN, GREY, HARD, PAGE, SOFT, canvas, letter, shades
 from granular.sweeps import sweep
 from granular.sweeps.store import xarray_
 
@@ -74,11 +74,14 @@ def joined(**parts: Any) -> Any:
 
 
 def draw_counts(data: Any) -> Any:
-    """Two maps with one scale of colours."""
+    """Two maps with one scale of colours, light to dark."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
     maps = [data[f"{name}_contacts"].isel(pair=1) for name in ("gap", "radii")]
-    shades, norm = colours(max(int(one.max()) for one in maps))
-    figure, bar = _maps(maps, "contacts of the two balls", cmap=shades, norm=norm)
-    bar.set_ticks(np.arange(1, shades.N + 1, 2))
+    most = max(int(one.max()) for one in maps)
+    figure, bar = _maps(maps, "contacts of the two balls", cmap=ListedColormap(shades("viridis", most)),
+                        norm=BoundaryNorm(np.arange(0.5, most + 1.0), most))  # fmt: skip
+    bar.set_ticks(np.arange(1, most + 1, 2))
     bar.ax.minorticks_off()
     return figure
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from granular import edmd, md, scenes
 from granular.binary import restitution, restitution_of
+from granular.drawing import HARD, PAGE, SOFT, canvas, letter
 from granular.laws import LinearDashpot, ViscoelasticHertz
 from granular.paper import setting
-from granular.paper.drawing import HARD, PAGE, SOFT, canvas, letter
 from granular.scene import Scene
 from granular.sweeps.results import impact_speed
 

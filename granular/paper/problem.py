@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from granular import edmd, md, scenes
+from granular.drawing import COLUMN, GREY, HARD, SOFT, canvas, letter
 from granular.paper import setting
-from granular.paper.drawing import COLUMN, GREY, HARD, SOFT, canvas, letter
 from granular.rules import ConstantRestitution
 
 RESTITUTION = 0.7

@@ -11,9 +11,9 @@ import numpy as np
 
 from granular import adiabatic, scenes
 from granular._check import Array
+from granular.drawing import COLUMN, FLOOR, HARD, SOFT, canvas
 from granular.laws import ViscoelasticHertz
 from granular.paper import setting
-from granular.paper.drawing import COLUMN, FLOOR, HARD, SOFT, canvas
 from granular.scene import Scene
 
 Row = tuple[Array, float]
