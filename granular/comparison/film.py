@@ -93,7 +93,7 @@ class Film:
         self.figure.suptitle(fill(verdict(report), 110), fontsize=11, x=0.02, ha="left", color=INK)
         axes = self.figure.subplot_mosaic([["hard", "soft", name, name] for name in PANELS],
                                           height_ratios=list(PANELS.values()))  # fmt: skip
-        self.stages = [Stage(axes[name], report.scene, paths, name, colour) for name, colour in COLOURS.items()]
+        self.moving = [one for name in COLOURS for one in _stage(axes[name], report.scene, paths, name)]
         timeline(axes["contacts"], view)
         for force in np.transpose(np.asarray(runs["soft"].force)):
             force_curve(axes["forces"], view.clock(runs["soft"].time), force / (force.max() or 1.0))
@@ -105,67 +105,55 @@ class Film:
             panel.tick_params(labelsize=8)
             panel.yaxis.label.set_size(8)
             panel.spines[["top", "right"]].set_visible(False)
-        self.clock, self.heads = view.clock(time), [axes[name].axvline(0.0, color=INK, lw=1.0) for name in PANELS]
+            self.moving.append((panel.axvline(0.0, color=INK, lw=1.0), np.column_stack([view.clock(time), 0.0 * time])))
 
     def save(self, draft: str, writer: Any) -> None:
         """Write every picture; only what moves is drawn anew."""
+        from matplotlib.artist import Artist
+        from matplotlib.transforms import Affine2D
+
         canvas = optional("matplotlib.backends.backend_agg", "animate").FigureCanvasAgg(self.figure)
-        moving = [*self.heads, *(ball for stage in self.stages for ball in stage.balls)]
-        for artist in moving:
+        for artist, _ in self.moving:
             artist.set_animated(True)
         canvas.draw()
         background = canvas.copy_from_bbox(self.figure.bbox)
+        places = [Artist.get_transform(artist) for artist, _ in self.moving]
 
         def picture(file: Any, **_: Any) -> None:
             canvas.restore_region(background)
-            for artist in moving:
+            for artist, _path in self.moving:
                 artist.axes.draw_artist(artist)
             file.write(canvas.buffer_rgba())
 
         self.figure.savefig = picture  # what a writer asks for each picture
         try:
             with writer.saving(self.figure, draft, self.figure.dpi):
-                for k in range(len(self.clock)):
-                    self.show(k)
+                for k in range(len(self.moving[0][1])):
+                    for (artist, path), place in zip(self.moving, places, strict=True):
+                        artist.set_transform(Affine2D().translate(*path[k]) + place)
                     writer.grab_frame()
         except CalledProcessError as error:
             raise OSError(f"ffmpeg could not write the film: {error.stderr or error}") from None
 
-    def show(self, k: int) -> None:
-        """Put everything where it is in picture `k`."""
-        for stage in self.stages:
-            stage.show(k)
-        for head in self.heads:
-            head.set_xdata([self.clock[k]] * 2)
 
+def _stage(axis: Any, scene: Scene, paths: dict[str, Array], name: str) -> list[tuple[Any, Array]]:
+    """The balls of one engine, bottom to top (left to right), each with its path in the drawing."""
+    from matplotlib.patches import Circle
 
-class Stage:
-    """The balls of one engine, bottom to top (left to right)."""
-
-    def __init__(self, axis: Any, scene: Scene, paths: dict[str, Array], name: str, colour: str) -> None:
-        from matplotlib.patches import Circle
-
-        both = np.concatenate(list(paths.values()))
-        drawn = np.sqrt(np.where(scene.is_wall, 0.0, scene.radius) / scene.radius.max())
-        radius = np.where(scene.is_wall, 0.0, np.maximum(0.16, drawn)) * min(0.09, 0.28 / max(drawn.sum(), 1e-9))
-        room = 0.96 - 2.0 * float(radius.sum())
-        deepest = np.maximum(0.0, -scene.across(both).min(axis=0))
-        sinks = deepest / (0.6 * np.minimum(*scene.sides(np.where(radius > 0.0, radius, np.inf))))
-        scale = min(room / max(float(np.ptp(both)), 1e-300), 1.0 / max(float(sinks.max()), 1e-300))
-        self.height = np.cumsum(2.0 * radius) - radius + (paths[name] - both.min()) * scale
-        axis.set(xlim=(-0.16, 0.16), ylim=(-0.03, 1.0), aspect="equal")
-        axis.set_axis_off()
-        axis.set_title(f"{name} spheres", color=colour, fontsize=11)
-        self.balls = [
-            axis.plot([-0.14, 0.14], [0.0, 0.0], color=INK, lw=2)[0] if wall
-            else axis.add_patch(Circle((0.0, 0.0), r, facecolor=colour + "30", edgecolor=colour, lw=1.4))
-            for wall, r in zip(scene.is_wall, radius, strict=True)
-        ]  # fmt: skip
-
-    def show(self, k: int) -> None:
-        """Put the balls where they are in picture `k`."""
-        for ball, y in zip(self.balls, self.height[k], strict=True):
-            if hasattr(ball, "set_center"):
-                ball.set_center((0.0, y))
-            else:
-                ball.set_ydata([y, y])
+    both, colour = np.concatenate(list(paths.values())), COLOURS[name]
+    drawn = np.sqrt(np.where(scene.is_wall, 0.0, scene.radius) / scene.radius.max())
+    radius = np.where(scene.is_wall, 0.0, np.maximum(0.16, drawn)) * min(0.09, 0.28 / max(drawn.sum(), 1e-9))
+    room = 0.96 - 2.0 * float(radius.sum())
+    deepest = np.maximum(0.0, -scene.across(both).min(axis=0))
+    sinks = deepest / (0.6 * np.minimum(*scene.sides(np.where(radius > 0.0, radius, np.inf))))
+    scale = min(room / max(float(np.ptp(both)), 1e-300), 1.0 / max(float(sinks.max()), 1e-300))
+    height = np.cumsum(2.0 * radius) - radius + (paths[name] - both.min()) * scale
+    axis.set(xlim=(-0.16, 0.16), ylim=(-0.03, 1.0), aspect="equal")
+    axis.set_axis_off()
+    axis.set_title(f"{name} spheres", color=colour, fontsize=11)
+    balls = [
+        axis.plot([-0.14, 0.14], [0.0, 0.0], color=INK, lw=2)[0] if wall
+        else axis.add_patch(Circle((0.0, 0.0), r, facecolor=colour + "30", edgecolor=colour, lw=1.4))
+        for wall, r in zip(scene.is_wall, radius, strict=True)
+    ]  # fmt: skip
+    return [(ball, np.column_stack([0.0 * y, y])) for ball, y in zip(balls, height.T, strict=True)]
