@@ -19,6 +19,7 @@ from granular.trajectory import Status, Trajectory
 if TYPE_CHECKING:
     from granular import adiabatic, binary, cases, edmd, md, measures, scenes, theory
     from granular.binary import restitution_of
+    from granular.cases import Case
     from granular.comparison import Comparison, compare
     from granular.stress import stability
     from granular.sweeps import sweep
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Case",
     "Comparison",
     "ConstantRestitution",
     "Hertz",
@@ -58,6 +60,7 @@ __all__ = [
 ]
 
 _UPPER_FLOORS = {
+    "Case": "cases",
     "Comparison": "comparison",
     "compare": "comparison",
     "restitution_of": "binary",

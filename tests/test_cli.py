@@ -125,8 +125,10 @@ def test_interrupt_is_exit_code_130(granular, monkeypatch):
 
 
 def test_traceback_on_request(granular):
-    with pytest.raises(ValueError, match="gravity is"):
-        granular("run three-balls --gravity -1 --traceback")
+    code, _, err = granular("run three-balls --gravity -1 --traceback")
+    assert code == 2
+    assert err.startswith("Traceback (most recent call last):")
+    assert err.splitlines()[-1].startswith("granular: gravity is -1.0: ")
 
 
 def test_a_bug_is_not_dressed_up_as_a_mistake_of_the_user(granular, monkeypatch):

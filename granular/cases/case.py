@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from granular import _check
-from granular.cases.options import unknown
 from granular.scene import Scene
 from granular.trajectory import Trajectory
 from granular.until import Until
@@ -26,8 +25,8 @@ class Case:
     ----------
     scene : Scene
         Where it starts.
-    law : sequence of force laws or None
-        One per pair, for `granular.md`; None if the case is about hard spheres only.
+    law : force law, sequence of them, or None
+        One for all pairs or one per pair, for `granular.md`; None if the case is about hard spheres only.
     rule : collision rule, sequence of them, or None
         For `granular.edmd`; None takes the restitution that the force laws have.
     until, t_end : stop condition or None, float or None
@@ -40,7 +39,7 @@ class Case:
     """
 
     scene: Scene
-    law: tuple[Any, ...] | None
+    law: Any
     rule: Any = None
     until: Until | None = None
     t_end: float | None = None
@@ -63,13 +62,15 @@ class Case:
             For misuse: among others an option the engine does not know, or ``"md"`` for a case without force law.
         """
         simulate = engine_named(engine)
-        known = keyword_options(simulate)
-        if wrong := unknown(changes, known | HELD, f"option of {engine}.simulate"):
-            raise TypeError(wrong)
-        chosen = {name: value for name, value in self.run.items() if name in known}
-        options = {"t_end": self.t_end, "until": self.until} | chosen | changes
+        _check.known(changes, keyword_options(simulate) | HELD, f"option of {engine}.simulate", TypeError)
+        options = self.options(simulate) | changes
         trajectory: Trajectory = simulate(self.scene, self.physics(engine), **options)
         return trajectory
+
+    def options(self, run: Callable[..., Any]) -> dict[str, Any]:
+        """Return when to stop, and of the further options those that a function such as `simulate` knows."""
+        known = keyword_options(run)
+        return {"until": self.until, "t_end": self.t_end} | {k: v for k, v in self.run.items() if k in known}
 
     def physics(self, engine: str) -> Any:
         """The force laws for ``"md"``, the collision rule for ``"edmd"``."""

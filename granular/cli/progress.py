@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from typing import TextIO
 
 PATIENCE, INTERVAL = 2.0, 0.5
 """Seconds before the first line, and between two."""
+CLEAR = "\r\x1b[K"
 
 
 class Progress:
@@ -24,21 +26,17 @@ class Progress:
     """
 
     def __init__(self, end: float | None, stream: TextIO | None = None, things: str = "contacts") -> None:
-        self.end, self.things = end, things
-        self.stream = sys.stderr if stream is None else stream
-        self.watched = self.stream.isatty()
-        self.start = time.monotonic()
-        self.next = self.start + PATIENCE
-        self.shown = False
+        self.end, self.things, self.stream = end, things, stream or sys.stderr
+        self.start, self.shown = time.monotonic(), ""
+        watched = self.stream is not None and self.stream.isatty()  # closed by the shell's 2>&-
+        self.next = self.start + PATIENCE if watched else math.inf
 
     def __call__(self, reached: float, count: int) -> None:
         """Take note that a run has reached a time in s, or work a share of itself, with `count` things done."""
         now = time.monotonic()
-        if not self.watched or now < self.next:
-            return
-        self.next, self.shown = now + INTERVAL, True
-        self.stream.write(f"\r\x1b[K{self.line(reached, count, now - self.start)}")
-        self.stream.flush()
+        if now >= self.next:
+            self.next, self.shown = now + INTERVAL, self.line(reached, count, now - self.start)
+            print(CLEAR + self.shown, end="", file=self.stream, flush=True)
 
     def line(self, reached: float, count: int, elapsed: float) -> str:
         """The text for a run, or for other work, that has taken `elapsed` seconds so far."""
@@ -56,8 +54,7 @@ class Progress:
     def __exit__(self, *error: object) -> None:
         """Clear the line, however the run has ended."""
         if self.shown:
-            self.stream.write("\r\x1b[K")
-            self.stream.flush()
+            print(CLEAR, end="", file=self.stream, flush=True)
 
 
 def clock(seconds: float) -> str:
