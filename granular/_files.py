@@ -8,6 +8,7 @@ import stat
 import sys
 from collections.abc import Callable, Iterable
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -92,12 +93,7 @@ def _pour(stream: str, fill: Callable[[str], object]) -> None:
 
 def write_text(path: str | PathLike[str], text: str) -> None:
     """Write `text` in UTF-8, whole or not at all."""
-
-    def fill(draft: str) -> None:
-        with open(draft, "w", encoding="utf-8") as file:
-            file.write(text)
-
-    write(path, fill)
+    write(path, lambda draft: Path(draft).write_text(text, encoding="utf-8"))
 
 
 def write_json(path: str | PathLike[str], values: Any, indent: int | None = 1) -> None:

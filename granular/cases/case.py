@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import Any
 
 from granular import _check
@@ -63,9 +64,7 @@ class Case:
         """
         simulate = engine_named(engine)
         _check.known(changes, keyword_options(simulate) | HELD, f"option of {engine}.simulate", TypeError)
-        options = self.options(simulate) | changes
-        trajectory: Trajectory = simulate(self.scene, self.physics(engine), **options)
-        return trajectory
+        return simulate(self.scene, self.physics(engine), **self.options(simulate) | changes)
 
     def options(self, run: Callable[..., Any]) -> dict[str, Any]:
         """Return when to stop, and of the further options those that a function such as `simulate` knows."""
@@ -87,10 +86,8 @@ class Case:
 
 def engine_named(engine: str) -> Callable[..., Trajectory]:
     """Return the `simulate` of one engine."""
-    from granular import edmd, md
-
-    functions: dict[str, Callable[..., Trajectory]] = {"edmd": edmd.simulate, "md": md.simulate}
-    return functions[_check.choice("engine", engine, ENGINES)]
+    simulate: Callable[..., Trajectory] = import_module(f"granular.{_check.choice('engine', engine, ENGINES)}").simulate
+    return simulate
 
 
 def keyword_options(run: Callable[..., Any]) -> set[str]:

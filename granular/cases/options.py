@@ -9,6 +9,7 @@ import inspect
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 
@@ -53,6 +54,7 @@ def descriptions(function: Callable[..., Any]) -> dict[str, str]:
     return found
 
 
+@cache
 def summary(function: Callable[..., Any]) -> str:
     """Return the first paragraph of a docstring on one line."""
     return " ".join((inspect.getdoc(function) or "").split("\n\n")[0].split())

@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import partial
 from os import PathLike
 from typing import Any
 
@@ -43,23 +43,15 @@ class Template:
     contact: Mapping[str, Any] = field(default_factory=dict)
 
 
-def falls(count: float) -> Callable[[Scene], float | None]:
-    """End times of `count` falls: the time s/g in which gravity gives the speed s of the first impact on the floor."""
-
-    def t_end(scene: Scene) -> float | None:
-        return (count * first_impact(scene) / scene.gravity or None) if scene.gravity else None
-
-    return t_end
+def falls(count: float, scene: Scene) -> float | None:
+    """End time of `count` falls: the time s/g in which gravity gives the speed s of the first impact on the floor."""
+    return (count * first_impact(scene) / scene.gravity or None) if scene.gravity else None
 
 
-def flights(count: float) -> Callable[[Scene], float | None]:
-    """End times in which a ball of a gas crosses `count` mean gaps."""
-
-    def t_end(scene: Scene) -> float | None:
-        rms = math.sqrt(float((scene.velocity**2).mean()))
-        return count * float(scene.gap.mean()) / rms if rms else None
-
-    return t_end
+def flights(count: float, scene: Scene) -> float | None:
+    """End time in which a ball of a gas crosses `count` mean gaps."""
+    rms = math.sqrt(float((scene.velocity**2).mean()))
+    return count * float(scene.gap.mean()) / rms if rms else None
 
 
 MOST_BALLS = 10_000_000
@@ -68,13 +60,13 @@ STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
 """Elastic Hertz contacts of steel balls of 1 kg; below ε = 1 with Tsuji's damping."""
 
 TEMPLATES = {
-    "three-balls": Template(scenes.three_balls, until.contact(pair=0, nth=2), falls(10)),
-    "ball-stack": Template(scenes.ball_stack, until.separated(), falls(10), {"restitution": 0.9}),
+    "three-balls": Template(scenes.three_balls, until.contact(pair=0, nth=2), partial(falls, 10)),
+    "ball-stack": Template(scenes.ball_stack, until.separated(), partial(falls, 10), {"restitution": 0.9}),
     "newtons-cradle": Template(scenes.newtons_cradle, until.separated(), contact=STEEL),
     "chain": Template(scenes.chain, until.separated(), contact=STEEL),
-    "column": Template(scenes.column, until.separated(), falls(20), {"restitution": 0.9}),
-    "gas": Template(scenes.gas, None, flights(10), {"restitution": 0.9}),
-    "bouncing-ball": Template(scenes.bouncing_ball, None, falls(6)),  # at ε = 0.7 it rests after 17/3 falls
+    "column": Template(scenes.column, until.separated(), partial(falls, 20), {"restitution": 0.9}),
+    "gas": Template(scenes.gas, None, partial(flights, 10), {"restitution": 0.9}),
+    "bouncing-ball": Template(scenes.bouncing_ball, None, partial(falls, 6)),  # at ε = 0.7 it rests after 17/3 falls
 }
 
 
@@ -176,7 +168,6 @@ def is_file(scene: Any) -> bool:
     return os.fspath(scene).lower().endswith(".toml") or os.path.exists(scene)
 
 
-@cache
 def about(name: str) -> str:
     """Return what a ready-made case is, in one line."""
     return summary(_named(name).make)

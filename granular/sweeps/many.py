@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,17 +26,14 @@ KERNEL = located.solve_rows
 """What has to be compiled for it."""
 
 
-@dataclass(frozen=True, eq=False)
-class Start:
-    """A case that cells begin from, |v10| in m/s, and what its laws depend on: masses, radii, first impact speed."""
+class Start(NamedTuple):
+    """What many cells share: a scene with its end, and what its laws depend on: masses, radii, first impact speed."""
 
     case: Case
-    impact: float
     balls: Hashable
 
 
-@dataclass(frozen=True, eq=False)
-class Law:
+class Law(NamedTuple):
     """(k, p, γ, d) of every pair, and ε_spec."""
 
     forms: list[Any]
@@ -71,23 +68,24 @@ def solve(plan: Plan, points: Sequence[tuple[Any, ...]], answers: Answers) -> li
     for i, (start, law) in enumerate(prepared):
         if law is not None:
             alike[start.case.scene.n, start.case.until].append(i)
-    left = np.ones(len(points), np.bool_)
+    left = set(range(len(points)))
     for places in alike.values():
-        rows = np.array(places)
-        done = _fill(plan, rows, [prepared[i] for i in places], answers)
-        left[rows[done]] = False
-    found: list[int] = np.flatnonzero(left).tolist()
-    return found
+        starts, laws = zip(*(prepared[i] for i in places), strict=True)
+        left -= set(_fill(plan, np.array(places), starts, laws, answers))
+    return sorted(left)
+
+
+@lru_cache(maxsize=4)
+def _memory(key: bytes) -> dict[Any, Any]:
+    """Starts and laws that earlier batches of the same plan have made in this process."""
+    return {}
 
 
 def _prepared(plan: Plan, point: tuple[Any, ...], memory: dict[Any, Any]) -> tuple[Any, Any]:
     """Start and law of one cell, each made once, however many cells share it; None where they are refused."""
-    shape = tuple(value for value, shapes in zip(point, plan.shaping, strict=True) if shapes)
+    shape, others = plan.parted(point)
     start = _recalled(memory, shape, _start, plan, point)
-    if start is None:
-        return None, None
-    others = tuple(value for value, shapes in zip(point, plan.shaping, strict=True) if not shapes)
-    return start, _recalled(memory, (start.balls, others), _law, plan, point, start)
+    return start, start and _recalled(memory, (start.balls, others), _law, plan, point, start)
 
 
 def _recalled(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *given: Any) -> Any:
@@ -99,17 +97,10 @@ def _recalled(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *given
     return memory[key]
 
 
-@lru_cache(maxsize=4)
-def _memory(key: bytes) -> dict[Any, Any]:
-    """Starts and laws that earlier batches of the same plan have made in this process."""
-    return {}
-
-
 def _start(plan: Plan, point: tuple[Any, ...]) -> Start | None:
     case = plan.start(point)
-    scene = case.scene
-    balls = (scene.mass.tobytes(), scene.radius.tobytes(), first_impact(scene)) if plan.subject.ready else point
-    return None if case.run else Start(case, impact_speed(scene), balls)
+    balls = case.scene.mass.tobytes(), case.scene.radius.tobytes(), first_impact(case.scene)
+    return None if case.run else Start(case, balls if plan.subject.ready else point)
 
 
 def _law(plan: Plan, point: tuple[Any, ...], start: Start) -> Law | None:
@@ -119,32 +110,33 @@ def _law(plan: Plan, point: tuple[Any, ...], start: Start) -> Law | None:
     return None if None in forms else Law(forms, specified(scene, laws))
 
 
-def _fill(plan: Plan, rows: Values, prepared: Sequence[tuple[Start, Law]], answers: Answers) -> Any:
-    """Solve cells of one size and one stop condition; return which of them are done."""
-    starts, which = _distinct([start for start, _ in prepared])
-    laws, law_of = _distinct([law for _, law in prepared])
-    scenes = [start.case.scene for start in starts]
+def _fill(plan: Plan, rows: Values, starts: Sequence[Start], laws: Sequence[Law], answers: Answers) -> list[int]:
+    """Solve cells of one size and one stop condition; return those that are done."""
+    begin, which = _distinct(starts)
+    law, law_of = _distinct(laws)
+    scenes = [start.case.scene for start in begin]
     mass, gap, velocity, gravity = (
         np.array([getattr(scene, name) for scene in scenes])[which] for name in ("mass", "gap", "velocity", "gravity"))
-    ends = np.array([math.inf if start.case.t_end is None else start.case.t_end for start in starts])[which]
-    forms = np.array([law.forms for law in laws])[law_of]
+    ends = np.array([math.inf if start.case.t_end is None else start.case.t_end for start in begin])[which]
+    forms, eps = (np.array(column)[law_of] for column in zip(*law, strict=True))
     found = located.solve_many(located.Scenes(mass, gap, velocity, forms, gravity),
-                                  until=starts[0].case.until, t_end=ends)
-    soft = Soft(found, np.array([start.impact for start in starts])[which], np.array([law.eps for law in laws])[law_of],
+                               until=starts[0].case.until, t_end=ends)
+    soft = Soft(found, np.array(list(map(impact_speed, scenes)))[which], eps,
                 _final_velocities(scenes, which, found.rate, found.time))
     done: Any = found.status >= 0
     if any(result.many == "ended" for result in plan.results.values()):
         done &= ~found.ongoing.any(axis=1)
     answers.put(rows[done], {"status": found.status[done]}
                 | {name: result.of(soft)[done] for name, result in plan.results.items()})
-    return done
+    solved: list[int] = rows[done].tolist()
+    return solved
 
 
 def _distinct(things: Sequence[Any]) -> tuple[list[Any], Values]:
     """Return what is different, and which of them each is."""
-    number: dict[Any, int] = {}
-    which = np.array([number.setdefault(thing, len(number)) for thing in things])
-    return list(number), which
+    number = {key: i for i, key in enumerate(dict.fromkeys(map(id, things)))}
+    which = np.array([number[id(thing)] for thing in things])
+    return list({id(thing): thing for thing in things}.values()), which
 
 
 def _final_velocities(scenes: Sequence[Scene], which: Values, rate: Array, time: Array) -> Array:

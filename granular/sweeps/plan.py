@@ -6,7 +6,7 @@ import inspect
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any
 
 from granular import _check
@@ -62,17 +62,12 @@ class Plan:
     @cached_property
     def root(self) -> Any:
         """The subject with what all cells share."""
-        root = self.subject.root
-        for name, value in self.fixed.items():
-            root = put(root, self.subject.way(name), value)
-        return root
+        fixed = ((self.subject.way(name), value) for name, value in self.fixed.items())
+        return reduce(lambda root, change: put(root, *change), fixed, self.subject.root)
 
     def parameters(self, values: Sequence[Any]) -> Any:
         """The root of the cell with these `values` of the parameters that vary."""
-        root = self.root
-        for way, value in zip(self.ways, values, strict=True):
-            root = put(root, way, value)
-        return root
+        return reduce(lambda root, change: put(root, *change), zip(self.ways, values, strict=True), self.root)
 
     def case(self, values: Sequence[Any]) -> Case:
         """The case of one cell."""
@@ -83,31 +78,36 @@ class Plan:
         """The case of one cell; of a ready-made one without its contacts, which many cells share."""
         if not self.subject.ready:
             return self.case(values)
-        parameters = self.parameters(values)
-        shapes = {name: parameters[name] for name in parameters if name in self.shapes}
-        return ready.bare(self.subject.ready, shapes, parameters.get("t_end"))
+        shapes, _ = self._sides(self.parameters(values))
+        return ready.bare(self.subject.ready, shapes, shapes.pop("t_end", None))
 
     def laws(self, start: Case, values: Sequence[Any]) -> Any:
         """Force laws of one cell."""
         if not self.subject.ready:
             return start.physics("md")
-        others = {name: value for name, value in self.parameters(values).items() if name not in {*self.shapes, "t_end"}}
-        return ready.touching(self.subject.ready, start, **others).law
+        return ready.touching(self.subject.ready, start, **self._sides(self.parameters(values))[1]).law
+
+    def parted(self, values: Sequence[Any]) -> tuple[Any, Any]:
+        """Part the values of a cell: what tells where and for how long it runs, and how its balls touch."""
+        if not self.subject.ready:
+            return values, ()
+        shapes, others = self._sides(dict(zip(self.names, values, strict=True)))
+        return tuple(shapes.values()), tuple(others.values())
+
+    def _sides(self, parameters: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+        sides: tuple[dict[str, Any], dict[str, Any]] = {}, {}
+        for name, value in parameters.items():
+            sides[name.partition("[")[0] not in self.shapes][name] = value
+        return sides
 
     @cached_property
     def shapes(self) -> set[str]:
-        """Names of the parameters of a ready-made case that shape its scene."""
-        return ready.shaping(self.subject.ready)
-
-    @cached_property
-    def shaping(self) -> list[bool]:
-        """Whether each parameter that varies tells where and for how long a cell runs, or else how its balls touch."""
-        return [not self.subject.ready or way[0] in {*self.shapes, "t_end"} for way in self.ways]
+        """Names of the parameters of a ready-made case that shape its scene, and its end."""
+        return ready.shaping(self.subject.ready) | {"t_end"}
 
 
 def planned(
-    scene: Any, over: Mapping[str, Values], asked: tuple[Ask, ...],
-    fixed: Mapping[str, Any], run: Mapping[str, Any],
+    scene: Any, over: Mapping[str, Values], asked: tuple[Ask, ...], fixed: Mapping[str, Any], run: Mapping[str, Any],
 ) -> Plan:
     """Return the plan, or raise for what no cell could do."""
     for ask in asked:

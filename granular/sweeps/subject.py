@@ -70,11 +70,10 @@ class Subject:
         way = tuple(int(index) if index else word for index, word in re.findall(r"\[(\d+)\]|(\w+)", name))
         if self.ready:
             _check.known([str(way[0])], self.about, f"parameter of {self.title}", TypeError)
-        if self.text == self.title or way[0] in {*PARTS, *_names(self.root)}:
+        if self.text == self.title or way[0] in {*PARTS, *_numbers(self.root)}:
             return way
-        holders = {part: _inner(self.root, part) for part in PARTS}
-        usual = "run" if way[0] == "t_end" else "scene"
-        return next((part for part, holder in holders.items() if way[0] in _names(holder)), usual), *way
+        parts = (part for part in PARTS if way[0] in _numbers(_numbers(self.root).get(part)))
+        return next(parts, "run" if way[0] == "t_end" else "scene"), *way
 
     def attributes(self, name: str) -> dict[str, str]:
         """Unit, label for plots and description of a parameter, from the docstring that has them."""
@@ -90,31 +89,29 @@ def subject_of(given: Any) -> Subject:
     case = Case(given, None) if isinstance(given, Scene) else given
     if isinstance(case, Case):
         text = vars(case) | {"scene": scene_to_json(case.scene)}
-        kinds = {part: _entries(_inner(case, part)) for part in ("law", "rule")}
-        about = {part: map(type, each) for part, each in kinds.items()}
-        return Subject(case.about or repr(case.scene), case, _itself, descriptions(Scene) | _of_parts(about), text)
+        about = _about([Scene], law=map(type, _entries(case.law)), rule=map(type, _entries(case.rule)))
+        return Subject(case.about or repr(case.scene), case, _itself, about, text)
     if callable(case):
         title = getattr(case, "__qualname__", repr(case))
-        return Subject(title, _lists(options_of(case)), partial(_call, case), _texts(options_of(case)), title)
+        return Subject(title, _lists(options_of(case)), partial(_call, case), descriptions(case), title)
     if ready.is_file(case):
         return _of_file(Path(case))
     name = _check.choice("scene", case, cases.names())
     options = cases.options(name)
-    return Subject(name, _lists(options), partial(_call, partial(cases.make, name)), _texts(options) | {"t_end": ""},
-                   name, name)
+    about = {option.name: option.about for option in options} | {"t_end": ""}
+    return Subject(name, _lists(options), partial(_call, partial(cases.make, name)), about, name, name)
 
 
 def _of_file(path: Path) -> Subject:
     with build.place(path.name):
         tables = tables_of(path)
         of_tables(tables)
-    scene = tables["scene"]
-    options = cases.options(scene["name"]) if "name" in scene else []
-    kinds = {"law": build.LAWS, "rule": build.RULES}
-    about = {part: [of[table["type"]] for table in _entries(tables.get(part))] for part, of in kinds.items()}
-    texts = descriptions(md.simulate) | descriptions(Scene) | _texts(options) | _of_parts(about)
-    root = tables | {"scene": _lists(options) | scene}
-    return Subject(str(tables.get("about", path.name)), root, of_tables, texts, tables)
+    scene, name = tables["scene"], tables["scene"].get("name")
+    law, rule = ([kinds[table["type"]] for table in _entries(tables.get(part))]
+                 for part, kinds in (("law", build.LAWS), ("rule", build.RULES)))
+    about = _about([md.simulate, Scene, *([ready.TEMPLATES[name].make] if name else [])], law=law, rule=rule)
+    root = tables | {"scene": _lists(cases.options(name) if name else []) | scene}
+    return Subject(str(tables.get("about", path.name)), root, of_tables, about, tables)
 
 
 def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
@@ -133,34 +130,28 @@ def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
         return [put(one, way, value) for one in holder]
     if isinstance(holder, Mapping):
         return {**holder, step: put(holder.get(step, {}), rest, value, step)}
-    _check.known([step], _names(holder), f"parameter of {holder!r}", TypeError)
+    _check.known([step], _numbers(holder), f"parameter of {holder!r}", TypeError)
     return replace(holder, **{step: put(getattr(holder, step), rest, value, step)})
 
 
-def _names(holder: Any) -> set[str]:
-    """Names of the numbers of a table, of a dataclass, or of the entries of a list."""
+def _numbers(holder: Any) -> dict[str, Any]:
+    """What a table, a dataclass, or the entries of a list of them hold, by name."""
     if isinstance(holder, (list, tuple)):
-        return {name for one in holder for name in _names(one)}
+        return {name: value for one in holder for name, value in _numbers(one).items()}
     if is_dataclass(holder):
-        return {f.name for f in fields(holder)}
-    return set(holder) if isinstance(holder, Mapping) else set()
-
-
-def _inner(holder: Any, name: str) -> Any:
-    return holder.get(name) if isinstance(holder, Mapping) else getattr(holder, name)
+        return {f.name: getattr(holder, f.name) for f in fields(holder)}
+    return dict(holder) if isinstance(holder, Mapping) else {}
 
 
 def _entries(given: Any) -> list[Any]:
     return list(given) if isinstance(given, (list, tuple)) else [] if given is None else [given]
 
 
-def _of_parts(kinds: Mapping[str, Any]) -> dict[str, str]:
-    return {f"{part}.{name}": text for part, each in kinds.items() for kind in each
+def _about(plain: Any, **parts: Any) -> dict[str, str]:
+    """What docstrings say of their parameters; those of laws and rules by paths."""
+    documented = [("", plain), *((f"{part}.", kinds) for part, kinds in parts.items())]
+    return {part + name: text for part, kinds in documented for kind in kinds
             for name, text in descriptions(kind).items()}
-
-
-def _texts(options: list[Any]) -> dict[str, str]:
-    return {option.name: option.about for option in options}
 
 
 def _lists(options: list[Any]) -> dict[str, Any]:
