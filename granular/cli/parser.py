@@ -48,6 +48,9 @@ class Parser(argparse.ArgumentParser):
         super().__init__(allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter, **settings)
         self.add_argument("--traceback", action="store_true", help="show where an error came from (to report a bug)")
 
+    def _print_message(self, message: str, file: object = None) -> None:
+        print(message, end="", flush=True)  # argparse itself passes over a full disk
+
     def error(self, message: str) -> NoReturn:
         raise ValueError(f"{message}; see {self.prog} --help")
 

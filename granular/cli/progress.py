@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+import threading
 import time
 from typing import TextIO
 
@@ -27,13 +28,14 @@ class Progress:
 
     def __init__(self, end: float | None, stream: TextIO | None = None, things: str = "contacts") -> None:
         self.end, self.things, self.stream = end, things, stream or sys.stderr
-        self.start, self.shown = time.monotonic(), ""
+        self.start, self.shown, self.last = time.monotonic(), "", (0.0, 0)
+        self.over = threading.Event()
         watched = self.stream is not None and self.stream.isatty()  # closed by the shell's 2>&-
         self.next = self.start + PATIENCE if watched else math.inf
 
     def __call__(self, reached: float, count: int) -> None:
         """Take note that a run has reached a time in s, or work a share of itself, with `count` things done."""
-        now = time.monotonic()
+        now, self.last = time.monotonic(), (reached, count)
         if now >= self.next:
             self.next, self.shown = now + INTERVAL, self.line(reached, count, now - self.start)
             print(CLEAR + self.shown, end="", file=self.stream, flush=True)
@@ -49,10 +51,21 @@ class Progress:
         return line
 
     def __enter__(self) -> Progress:
+        """Show the line also while nothing is told, as before the first step of a large scene."""
+        self.beat = threading.Thread(target=self._repeat, daemon=True)
+        if self.next < math.inf:
+            self.beat.start()
         return self
+
+    def _repeat(self) -> None:
+        while not self.over.wait(PATIENCE):
+            self(*self.last)
 
     def __exit__(self, *error: object) -> None:
         """Clear the line, however the run has ended."""
+        self.over.set()
+        if self.next < math.inf:
+            self.beat.join()
         if self.shown:
             print(CLEAR, end="", file=self.stream, flush=True)
 
