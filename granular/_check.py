@@ -128,14 +128,9 @@ def per_pair(name: str, value: Any, n_pairs: int) -> tuple[Any, ...]:
 
 
 def _range(above: float, at_least: float, at_most: float, finite: bool) -> str:
-    parts = []
-    if above > -math.inf:
-        parts.append(f"above {above:g}")
-    if at_least > -math.inf:
-        parts.append(f"of at least {at_least:g}")
-    if at_most < math.inf:
-        parts.append(f"at most {at_most:g}")
-    return f"a {'finite ' if finite else ''}number {' and '.join(parts)}".rstrip() + " is needed"
+    limits = {"above": above, "of at least": at_least, "at most": at_most}
+    parts = " and ".join(f"{word} {limit:g}" for word, limit in limits.items() if abs(limit) < math.inf)
+    return f"a {'finite ' if finite else ''}number {parts}".rstrip() + " is needed"
 
 
 def _sentence(name: str, value: Any, need: str, fix: str = "") -> str:

@@ -162,11 +162,13 @@ class _Job:
 
         jumps = edges(axis, self.columns, self.answers.columns["contacts"], shape, counts, precision)
         data = self.dataset()
-        data["edge"] = ("jump", "side"), jumps.ends, {"units": data[name].attrs["units"],
-                                                     "long_name": f"interval of {name} in which a count jumps"}
-        data["edge_contacts"] = ("jump", "side", "pair"), jumps.counts, data["contacts"].attrs
-        for other, column in zip(self.over, jumps.columns, strict=True):
+        ends = np.array([edge.ends for edge in jumps]).reshape(-1, 2)
+        about = {"units": data[name].attrs["units"], "long_name": f"interval of {name} in which a count jumps"}
+        data["edge"] = ("jump", "side"), ends, about
+        sides = np.array([edge.counts for edge in jumps], np.int64).reshape(-1, 2, data.sizes["pair"])
+        data["edge_contacts"] = ("jump", "side", "pair"), sides, data["contacts"].attrs
+        for other, column in zip(self.over, self.columns, strict=True):
             if other != name:
-                data[f"edge_{other}"] = "jump", column, data[other].attrs
+                data[f"edge_{other}"] = "jump", column[[edge.row for edge in jumps]], data[other].attrs
         self.write(data)
         return data
