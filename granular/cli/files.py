@@ -28,17 +28,14 @@ def _stdout(name: str) -> str:
 
 
 def check(given: argparse.Namespace) -> None:
-    """Raise `ValueError` if a file that is asked for cannot be written, or no figure be drawn in the format it has."""
+    """Raise if a file that is asked for cannot be written, or no figure be drawn in the format it has."""
     for option in ("plot", "json", "save"):
         name = getattr(given, option, None)
         if name is not None:
             _check_writable(name)
-        if name is not None and option == "plot":
-            try:
-                optional("matplotlib.backend_bases", "--plot")
-            except ImportError as missing:
-                raise ValueError(str(missing)) from None
-            _files.check_picture(name)
+    if getattr(given, "plot", None) is not None:
+        optional("matplotlib.backend_bases", "--plot")
+        _files.check_picture(given.plot)
 
 
 def deliver(report: Any, given: argparse.Namespace) -> None:

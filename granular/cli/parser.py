@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import Any, NoReturn
 
 from granular import _check, _files, cases
+from granular.cases.case import HELD
 from granular.cases.options import Option, options_of
 from granular.cases.ready import is_file
 
@@ -37,7 +38,7 @@ examples:
 
 exit codes: 0 done; 2 misuse, or a file that cannot be read or written; 3 the run came to no proper end (status
 unstable: the time step is too long; max_events: the limit on the amount of work); 130 interrupted"""
-HIDDEN = {"t_end", "until", "on_event", "on_progress", "engine", "log", "t_start"}
+HIDDEN = HELD | {"engine", "log", "t_start"}
 """Options of the engines that the command line does not offer; a TOML file's [run] does."""
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import sys
-import threading
 import time
+from threading import Event, Thread
 from typing import TextIO
 
 PATIENCE, INTERVAL = 2.0, 0.5
@@ -15,6 +14,8 @@ CLEAR = "\r\x1b[K"
 
 class Progress:
     """Callback for ``on_progress``: shows how far a run has come, and when it will have arrived.
+
+    The line is also there while nothing is told, as before the first step of a large scene.
 
     Parameters
     ----------
@@ -28,17 +29,12 @@ class Progress:
 
     def __init__(self, end: float | None, stream: TextIO | None = None, things: str = "contacts") -> None:
         self.end, self.things, self.stream = end, things, stream or sys.stderr
-        self.start, self.shown, self.last = time.monotonic(), "", (0.0, 0)
-        self.over = threading.Event()
-        watched = self.stream is not None and self.stream.isatty()  # closed by the shell's 2>&-
-        self.next = self.start + PATIENCE if watched else math.inf
+        self.last = (0.0, 0)
+        self.over, self.writer = Event(), Thread(target=self._show, daemon=True)
 
     def __call__(self, reached: float, count: int) -> None:
         """Take note that a run has reached a time in s, or work a share of itself, with `count` things done."""
-        now, self.last = time.monotonic(), (reached, count)
-        if now >= self.next:
-            self.next, self.shown = now + INTERVAL, self.line(reached, count, now - self.start)
-            print(CLEAR + self.shown, end="", file=self.stream, flush=True)
+        self.last = reached, count
 
     def line(self, reached: float, count: int, elapsed: float) -> str:
         """The text for a run, or for other work, that has taken `elapsed` seconds so far."""
@@ -50,24 +46,25 @@ class Progress:
             line += f", at most {clock(elapsed * (1.0 / share - 1.0))} to go"
         return line
 
-    def __enter__(self) -> Progress:
-        """Show the line also while nothing is told, as before the first step of a large scene."""
-        self.beat = threading.Thread(target=self._repeat, daemon=True)
-        if self.next < math.inf:
-            self.beat.start()
-        return self
+    def _show(self) -> None:
+        """Write the line now and then; clear it at the end."""
+        start, text = time.monotonic(), ""
+        while not self.over.wait(INTERVAL if text else PATIENCE):
+            text = self.line(*self.last, time.monotonic() - start)
+            print(CLEAR + text, end="", file=self.stream, flush=True)
+        if text:
+            print(CLEAR, end="", file=self.stream, flush=True)
 
-    def _repeat(self) -> None:
-        while not self.over.wait(PATIENCE):
-            self(*self.last)
+    def __enter__(self) -> Progress:
+        if self.stream is not None and self.stream.isatty():  # None: closed by the shell's 2>&-
+            self.writer.start()
+        return self
 
     def __exit__(self, *error: object) -> None:
         """Clear the line, however the run has ended."""
         self.over.set()
-        if self.next < math.inf:
-            self.beat.join()
-        if self.shown:
-            print(CLEAR, end="", file=self.stream, flush=True)
+        if self.writer.ident is not None:
+            self.writer.join()
 
 
 def clock(seconds: float) -> str:

@@ -48,6 +48,8 @@ def run(given: argparse.Namespace) -> None:
     usual = os.cpu_count() or 1 if math.prod(map(len, over.values())) >= WORTH_POOL else 1
     workers = usual if given.workers is None else _check.whole("workers", given.workers, at_least=1)
     pool: Any = ProcessPoolExecutor(workers) if workers > 1 else nullcontext()
+    if workers > 1:
+        pool.submit(int)  # processes start before there is a second thread
     with pool as executor, Progress(1.0, things="cells") as progress:
         data = sweep(given.target, over, given.result or DEFAULT, save=given.save, executor=executor,
                      on_progress=progress, **given.given, **given.run)

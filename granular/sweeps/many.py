@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,29 +31,6 @@ class Start(NamedTuple):
 
     case: Case
     balls: Hashable
-
-
-class Law(NamedTuple):
-    """(k, p, γ, d) of every pair, and ε_spec."""
-
-    forms: list[Any]
-    eps: float
-
-
-@dataclass(frozen=True)
-class Soft:
-    """Soft runs of many cells, read as `granular.sweeps.results.Answer` is; arrays have one more axis in front."""
-
-    found: Any
-    impact: Array
-    eps: Array
-    v_final: Array
-
-    contacts = property(lambda self: self.found.counts)
-    v_rel = property(lambda self: np.where(self.found.ongoing, math.nan, self.found.v_upper - self.found.v_lower))
-    t_f = property(lambda self: np.where(self.found.ongoing, math.nan, self.found.t_end))
-    longest = property(lambda self: self.found.longest)
-    time = property(lambda self: self.found.time)
 
 
 def solve(plan: Plan, points: Sequence[tuple[Any, ...]], answers: Answers) -> list[int]:
@@ -103,14 +80,15 @@ def _start(plan: Plan, point: tuple[Any, ...]) -> Start | None:
     return None if case.run else Start(case, balls if plan.subject.ready else point)
 
 
-def _law(plan: Plan, point: tuple[Any, ...], start: Start) -> Law | None:
+def _law(plan: Plan, point: tuple[Any, ...], start: Start) -> tuple[Any, float] | None:
+    """(k, p, γ, d) of every pair, and ε_spec; None if a law is no power law."""
     scene = start.case.scene
     laws = per_pair("law", plan.laws(start.case, point), scene.n_pairs)
     forms = [resolve(law, pair).form for law, pair in zip(laws, scene.pairs, strict=True)]
-    return None if None in forms else Law(forms, specified(scene, laws))
+    return None if None in forms else (forms, specified(scene, laws))
 
 
-def _fill(plan: Plan, rows: Values, starts: Sequence[Start], laws: Sequence[Law], answers: Answers) -> list[int]:
+def _fill(plan: Plan, rows: Values, starts: Sequence[Start], laws: Sequence[Any], answers: Answers) -> list[int]:
     """Solve cells of one size and one stop condition; return those that are done."""
     begin, which = _distinct(starts)
     law, law_of = _distinct(laws)
@@ -121,8 +99,11 @@ def _fill(plan: Plan, rows: Values, starts: Sequence[Start], laws: Sequence[Law]
     forms, eps = (np.array(column)[law_of] for column in zip(*law, strict=True))
     found = located.solve_many(located.Scenes(mass, gap, velocity, forms, gravity),
                                until=starts[0].case.until, t_end=ends)
-    soft = Soft(found, np.array(list(map(impact_speed, scenes)))[which], eps,
-                _final_velocities(scenes, which, found.rate, found.time))
+    soft = SimpleNamespace(
+        contacts=found.counts, v_rel=np.where(found.ongoing, math.nan, found.v_upper - found.v_lower),
+        t_f=np.where(found.ongoing, math.nan, found.t_end), longest=found.longest, time=found.time,
+        v_final=_final_velocities(scenes, which, found.rate, found.time),
+        impact=np.array(list(map(impact_speed, scenes)))[which], eps=eps)  # read as `granular.sweeps.results.Answer`
     done: Any = found.status >= 0
     if any(result.many == "ended" for result in plan.results.values()):
         done &= ~found.ongoing.any(axis=1)

@@ -90,7 +90,7 @@ def subject_of(given: Any) -> Subject:
     if isinstance(case, Case):
         text = vars(case) | {"scene": scene_to_json(case.scene)}
         about = _about([Scene], law=map(type, _entries(case.law)), rule=map(type, _entries(case.rule)))
-        return Subject(case.about or repr(case.scene), case, _itself, about, text)
+        return Subject(case.about or repr(case.scene), case, replace, about, text)
     if callable(case):
         title = getattr(case, "__qualname__", repr(case))
         return Subject(title, _lists(options_of(case)), partial(_call, case), descriptions(case), title)
@@ -161,7 +161,3 @@ def _lists(options: list[Any]) -> dict[str, Any]:
 
 def _call(function: Callable[..., Case], parameters: Mapping[str, Any]) -> Case:
     return function(**parameters)
-
-
-def _itself(case: Case) -> Case:
-    return case
