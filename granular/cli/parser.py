@@ -66,7 +66,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     commands = top.add_subparsers(title="commands, each with its own --help", metavar="COMMAND", required=True)
     if command.startswith("-"):
         for name in COMMANDS:
-            commands.add_parser(name, help=_about(import_module(f"granular.cli.{name}")))
+            commands.add_parser(name, help=_about(import_module(f"granular.cli.{name}")).rstrip("."))
         top.parse_args([command])
     _check.known([command], COMMANDS, "command")
     module = import_module(f"granular.cli.{command}")
@@ -78,9 +78,8 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     offered = [option for option in module.arguments(parser) or [] if option.name not in {p.name for p in parameters}]
     _add(parser, "run", offered)
     found, extra = top.parse_known_args([command, *rest])
-    if names := [word.partition("=")[0] for word in extra if word.startswith("-")]:
-        flags = sorted(set(re.findall(r"--[a-z][\w-]*", parser.format_help())))
-        _check.known(names, flags, f"option of {parser.prog}")
+    flags = sorted(set(re.findall(r"--[a-z][\w-]*", parser.format_help()))) if extra else []
+    _check.known([word.partition("=")[0] for word in extra if word[:1] == "-"], flags, f"option of {parser.prog}")
     if extra:
         raise ValueError(f"{extra[0].strip()!r} is one argument too many; see {parser.prog} --help")
     if of_scene and command != "scenes" and target is None:
@@ -115,13 +114,12 @@ def _target(rest: Sequence[str]) -> tuple[str | None, list[str]]:
 
 def _about(module: Any) -> str:
     """What a command does: its docstring behind its name."""
-    return str(module.__doc__).partition(": ")[2].partition("\n")[0].removesuffix(".")
+    return str(module.__doc__).partition(": ")[2].partition("\n")[0]
 
 
 def _settings(command: str, module: Any, target: str | None) -> dict[str, Any]:
     """Name, usage and description of a command, and of its scene."""
-    about, usage = _about(module), module.USAGE
-    description = about + "." * (about[-1] != "?")
+    description, usage = _about(module), module.USAGE
     settings = {"prog": f"granular {command}"}
     if usage.startswith("SCENE"):
         description += " All numbers are in SI units."

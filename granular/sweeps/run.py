@@ -129,10 +129,10 @@ class _Job:
                 if on_progress is not None:
                     on_progress((done - known) / len(missing), done)
                 if time.monotonic() > saved + SAVE_EVERY:
-                    self.write(self.dataset())
+                    self.written(self.dataset())
                     saved = time.monotonic()
         finally:
-            self.write(self.dataset())
+            self.written(self.dataset())
         if self.answers.refusal is not None and (self.answers.columns["status"] == MISUSE).all():
             raise ValueError(self.answers.refusal[1])
 
@@ -142,10 +142,11 @@ class _Job:
         notes = self.notes if refusal is None else {"refusal": refusal[1]}
         return store.dataset(self.plan, self.over, self.answers.columns, notes)
 
-    def write(self, data: xarray.Dataset) -> None:
-        """Write what is known so far."""
+    def written(self, data: xarray.Dataset) -> xarray.Dataset:
+        """Write what is known so far, if there is a file for it."""
         if self.save is not None:
             store.write(data, self.save)
+        return data
 
     def refined(self, name: str, precision: float, executor: Executor | None) -> xarray.Dataset:
         """Add the jumps of the contact counts along one parameter."""
@@ -170,5 +171,4 @@ class _Job:
         for other, column in zip(self.over, self.columns, strict=True):
             if other != name:
                 data[f"edge_{other}"] = "jump", column[[edge.row for edge in jumps]], data[other].attrs
-        self.write(data)
-        return data
+        return self.written(data)

@@ -70,7 +70,8 @@ class Subject:
         way = tuple(int(index) if index else word for index, word in re.findall(r"\[(\d+)\]|(\w+)", name))
         if self.ready:
             _check.known([str(way[0])], self.about, f"parameter of {self.title}", TypeError)
-        if self.text == self.title or way[0] in {*PARTS, *_numbers(self.root)}:
+        of_function = isinstance(self.text, str)
+        if of_function or way[0] in {*PARTS, *_numbers(self.root)}:
             return way
         parts = (part for part in PARTS if way[0] in _numbers(_numbers(self.root).get(part)))
         return next(parts, "run" if way[0] == "t_end" else "scene"), *way
