@@ -100,8 +100,9 @@ def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None
 def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> Case:
     """Return the case of that name without its contacts: a scene of these parameters, and when to stop."""
     template = _named(name)
-    if "n" in of_scene:
-        _check.whole("n", of_scene["n"], at_most=MOST_BALLS, fix="build larger scenes in Python")
+    n = of_scene.get("n", 0)
+    if isinstance(n, (int, float)) and n > MOST_BALLS:
+        _check.whole("n", n, at_least=1, at_most=MOST_BALLS, fix="build larger scenes in Python")
     scene = build.call([template.make], of_scene)
     end = template.t_end(scene) if t_end is None else _check.number("t_end", t_end, at_least=0.0)
     return Case(scene, None, None, template.until, end, about=about(name))
