@@ -13,8 +13,8 @@ import granular as gr
 from granular import reference
 from granular.laws import resolve
 from granular.laws.kinds import resolved
-from granular.reference import events, restarted
-from granular.reference.motion import fraction
+from granular.reference import restarted, taylor
+from granular.reference.taylor import fraction
 from granular.reference.series import Power, first_rise, first_rise_of_parabola, product_term, value
 
 mpmath = pytest.importorskip("mpmath")
@@ -49,7 +49,7 @@ def final_velocities(scene, solved, t):
 def test_chains_agree_with_two_other_solvers(case):
     scene, law, end = chain_of(case)
     forms = [resolve(one, pair).form for one, pair in zip(law, scene.pairs, strict=True)]
-    solved = events.solve(scene, forms, end.get("until"), end.get("t_end"), 22)
+    solved = taylor.solve(scene, forms, end.get("until"), end.get("t_end"), 22)
     for pair, rows in case["contacts"].items():
         got = [(float(row.t_begin), float(row.t_end)) for row in solved.of(int(pair))]
         np.testing.assert_allclose(got, rows, rtol=1e-15, atol=1e-18)
@@ -180,7 +180,7 @@ def test_misuse_is_one_sentence(monkeypatch):
     scene, law, _ = three_balls(lambda pair: gr.LinearDashpot(5e7))
     with pytest.raises(ValueError, match="digits is 5: a whole number of at least 20"):
         reference.solve(scene, law, digits=5)
-    monkeypatch.setattr("granular.reference.events.MOST_STEPS", 3)
+    monkeypatch.setattr("granular.reference.taylor.MOST_STEPS", 3)
     with pytest.raises(ValueError, match="t_end is missing: after 3 steps"):
         reference.solve(scene, law)
     monkeypatch.setitem(sys.modules, "mpmath", None)

@@ -25,10 +25,6 @@ class Newton:
     ----------
     evaluations : int
         So far; each costs one force per closed pair.
-    smooth : list of bool
-        Pairs in contact: their force is not clipped, so that an event is seen as a change of its sign.
-    clipped : list of bool
-        Pairs whose force is known to be zero.
     deepest : list of float
         Largest overlap in m of the current contact, for laws with memory.
     """
@@ -38,7 +34,6 @@ class Newton:
         self.each, self.neighbours = list(laws), np.transpose(scene.neighbours).tolist()
         self.w: list[float] = scene.inverse_mass.tolist()
         self.pull: list[float] = scene.pull.tolist()
-        self.smooth, self.clipped = [False] * self.pairs, [False] * self.pairs
         self.deepest = np.maximum(-scene.gap, 0.0).tolist()
         self.evaluations, self.most = 0, most
 
@@ -58,12 +53,8 @@ class Newton:
         return self.each[c].force(xi, eta, max(self.deepest[c], xi))
 
     def force(self, c: int, xi: float, eta: float) -> float:
-        """Force of pair c in N, clipped unless the pair is known to be in contact."""
-        if self.smooth[c]:
-            return self.bracket(c, xi, eta)
-        if xi <= 0.0 or self.clipped[c]:
-            return 0.0
-        return max(0.0, self.bracket(c, xi, eta))
+        """Force of pair c in N, clipped."""
+        return max(0.0, self.bracket(c, xi, eta)) if xi > 0.0 else 0.0
 
     def __call__(self, t: float, y: Array) -> Array:
         """The rates of change of the state `y`."""

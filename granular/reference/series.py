@@ -32,7 +32,9 @@ class Power:
     def term(self, n: int) -> Number:
         """Coefficient `n` of ξ^α, after all lower ones."""
         mp, j = self.mp, n - self.offset
-        if j < 0:
+        if self.alpha == 1:
+            return self.x[n]
+        if j < 0 or (j > 0 and self.alpha == 0):
             return mp.zero
         self.y.append(self.x[self.m + j])
         self.jy.append(j * self.y[-1])
@@ -47,10 +49,7 @@ class Power:
 
 def value(mp: Any, p: Sequence[Number], x: Number) -> Number:
     """The polynomial Σ p_j x^j."""
-    total = mp.zero
-    for a in reversed(p):
-        total = total * x + a
-    return total
+    return mp.polyval(p[::-1], x)
 
 
 def first_rise(mp: Any, p: Sequence[Number], end: Number) -> Number | None:
