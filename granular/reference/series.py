@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import reduce
 from typing import Any
 
 Number = Any
@@ -49,7 +50,7 @@ class Power:
 
 def value(mp: Any, p: Sequence[Number], x: Number) -> Number:
     """The polynomial Σ p_j x^j."""
-    return mp.polyval(p[::-1], x)
+    return reduce(lambda total, a: total * x + a, reversed(p), mp.zero)
 
 
 def first_rise(mp: Any, p: Sequence[Number], end: Number) -> Number | None:
