@@ -55,10 +55,11 @@ class Touch:
 
 @dataclass
 class Piece:
-    """The series of a step: overlaps, velocities, time, forces; u = ξ^(1/q) of the pair whose clock it is."""
+    """The series of a step: ξ, v, ξ̇, time, forces; u = ξ^(1/q) of the pair whose clock it is."""
 
     x: list[list[Number]]
     v: list[list[Number]]
+    rate: list[list[Number]]
     t: list[Number]
     force: dict[int, Force]
     pair: int
@@ -133,28 +134,34 @@ class Taylor:
 
     def expand(self) -> Piece:
         """The series of the current state."""
-        mp, touches, (pair, q) = self.mp, self.touches, self.clock()
-        u = [mp.root(touches[pair].xi, q) if pair >= 0 else mp.one]
+        mp, (pair, q) = self.mp, self.clock()
+        u = [mp.root(self.touches[pair].xi, q) if pair >= 0 else mp.one]
         ahead = 1 if u[0] else q  # orders by which velocities and overlaps are ahead of forces
-        x, v = ([[b, *[mp.zero] * (ahead - 1)] for b in start] for start in ([a.xi for a in touches], self.v))
-        piece = Piece(x, v, [mp.zero] * ahead, {}, pair, q, u)
+        x, v = ([[b, *[mp.zero] * (ahead - 1)] for b in start] for start in ([a.xi for a in self.touches], self.v))
+        rate = [[lower - upper for lower, upper in zip(v[c], v[c + 1], strict=True)] for c in range(len(x))]
+        piece = Piece(x, v, rate, [mp.zero] * ahead, {}, pair, q, u)
         piece.force = {c: Force(self, c, piece) for c, mode in enumerate(self.mode) if mode in CLOSED}
         power, rho = Power(mp, u, mp.mpf(q - 1), int(ahead > 1)), [] if pair >= 0 else u
-        a = [[] for _ in v]  # type: list[list[Number]]
         for m in range(ahead, self.order + 1):
             if pair >= 0:
-                u += [(v[pair][j - 1] - v[pair + 1][j - 1]) / (q * j) for j in range(len(u), m + 1)]
+                u += [rate[pair][j - 1] / (q * j) for j in range(len(u), m + 1)]
                 rho += [power.term(j) for j in range(len(rho), m)]
-            piece.t.append(rho[m - 1] / m if m <= len(rho) else mp.zero)
-            change = [product_term(mp, rho, b, m - 1) / m for b in v]
-            for c, series in enumerate(x):
-                series.append(change[c] - change[c + 1])
-            n = m - ahead
-            push = [mp.zero, *(f.term(n) if (f := piece.force.get(c)) else mp.zero for c in range(len(x))), mp.zero]
-            for b, series in enumerate(v):
-                a[b].append(self.w[b] * (push[b] - push[b + 1]) + (self.fall[b] if n == 0 else 0))
-                series.append(product_term(mp, rho, a[b], m - 1) / m)
+            self.extend(piece, rho, m, ahead)
         return piece
+
+    def extend(self, piece: Piece, rho: list[Number], m: int, ahead: int) -> None:
+        """Append coefficient `m` to the series, by the clock ρ = dt/dx."""
+        mp, impulse = self.mp, [self.mp.zero] * (len(piece.v) + 1)
+        piece.t.append(rho[m - 1] / m if m <= len(rho) else mp.zero)
+        for series, rate in zip(piece.x, piece.rate, strict=True):
+            series.append(product_term(mp, rho, rate, m - 1) / m)
+        for c, force in piece.force.items():
+            force.extend(m - ahead)
+            impulse[c + 1] = product_term(mp, rho, force.terms, m - 1) / m
+        for b, series in enumerate(piece.v):
+            series.append(self.w[b] * (impulse[b] - impulse[b + 1]) + self.fall[b] * piece.t[m])
+        for c, series in enumerate(piece.rate):
+            series.append(piece.v[c][m] - piece.v[c + 1][m])
 
     def reach(self, piece: Piece) -> Number:
         """Up to which x the series hold to the tolerance, from their last terms, and nothing is overlooked.
@@ -242,18 +249,17 @@ class Force:
         self.mp, self.a, self.active = motion.mp, motion.touches[c], motion.mode[c] == ACTIVE
         x, m = piece.x[c], 0 if self.a.xi else len(piece.x[c])
         self.elastic, self.front = (Power(self.mp, x, power, m) for power in (self.a.p - self.a.d, self.a.d))
-        self.bodies = piece.v[c], piece.v[c + 1]
-        self.phi, self.front_terms = list[Number](), list[Number]()
+        self.rate, self.phi, self.fronts, self.terms = piece.rate[c], list[Number](), list[Number](), list[Number]()
 
-    def term(self, n: int) -> Number:
-        """Coefficient `n` of the force; 0 of a clipped one, whose bracket alone goes on."""
-        a, (lower, upper) = self.a, self.bodies
-        self.phi.append(a.k * self.elastic.term(n) + a.gamma * (lower[n] - upper[n]))
-        if n == 0 and a.exact:
-            self.phi[0] = self.mp.zero
+    def extend(self, n: int) -> None:
+        """Append coefficient `n`; of a clipped force, whose bracket alone goes on, to that."""
+        a = self.a
+        bracket = a.k * self.elastic.term(n) + a.gamma * self.rate[n]
+        self.phi.append(self.mp.zero if n == 0 and a.exact else bracket)
         if n == 0 or a.d:
-            self.front_terms.append(self.front.term(n))
-        return product_term(self.mp, self.front_terms, self.phi, n) if self.active else self.mp.zero
+            self.fronts.append(self.front.term(n))
+        if self.active:
+            self.terms.append(product_term(self.mp, self.fronts, self.phi, n))
 
 
 def fraction(x: float) -> Fraction:
