@@ -18,7 +18,7 @@ import pytest
 
 import granular as gr
 from granular.cli import main
-from granular.stress import AXES, StabilityReport, ends, own, recorded, rest
+from granular.stress import AXES, StabilityReport, line, own, recorded, rest
 from granular.stress.cell import FIXED, METHODS, Cell, Truth, Verdict
 from granular.stress.contact import meeting
 from granular.stress.hard import rational_run
@@ -175,8 +175,8 @@ def twice(run: Trajectory) -> Trajectory:
     (recorded.scenes, logged("t_begin", 1e-7)), (recorded.scenes, logged("v_out", 1e-7)), (recorded.scenes, twice),
     (rest.rests, shifted("gap", 1e-9)), (rest.rests, shifted("velocity", 1e-9)), (rest.rests, shifted("time", 1e-9)),
     (rest.rests, logged("impulse", 1e-9)),
-    (ends.counts, shifted("velocity", 1e-9)), (ends.counts, twice),
-    (ends.last_rows, shifted("time", 1e-9)),
+    (line.counts, shifted("velocity", 1e-9)), (line.counts, twice),
+    (rest.last_rows, shifted("time", 1e-9)),
 ])  # fmt: skip
 def test_a_small_change_of_a_run_is_found(
     cells: Callable[[], Any], change: Callable[[Trajectory], Trajectory]
@@ -189,7 +189,7 @@ def test_a_small_change_of_a_run_is_found(
 
 
 def test_a_row_of_the_next_sample_is_found() -> None:
-    cell = next(cell for cell in ends.last_rows() if "10 rows" in cell.case)
+    cell = next(cell for cell in rest.last_rows() if "10 rows" in cell.case)
     run = repeat(cell, "edmd", plain=True)()
     asked = np.linspace(0.0, 30.0, 10)
     late = replace(run, time=asked[: len(run.time)])

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from functools import wraps
 from typing import Any, Concatenate, ParamSpec
 
+import numpy as np
+
 from granular.md.integrators import INTEGRATORS
+from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import Trajectory
 
 FIXED = tuple(INTEGRATORS)
 SOFT = ("located", *FIXED)
-METHODS = ("located", "edmd", *FIXED)
+BOTH = ("located", "edmd")
+METHODS = (*BOTH, *FIXED)
+ELASTIC = ConstantRestitution(1.0)
 
 P = ParamSpec("P")
 Again = Callable[..., Trajectory]
@@ -49,15 +54,7 @@ class Truth:
 
 def judged_by(words: str) -> Callable[[Callable[Concatenate[Trajectory, Again, P], float]], Callable[P, Truth]]:
     """Make ``error(run, again, *known)`` a function that returns the `Truth` for what is known."""
-
-    def made(error: Callable[Concatenate[Trajectory, Again, P], float]) -> Callable[P, Truth]:
-        @wraps(error)
-        def truth(*known: P.args, **named: P.kwargs) -> Truth:
-            return Truth(words, lambda run, again: error(run, again, *known, **named))
-
-        return truth
-
-    return made
+    return lambda error: lambda *known, **named: Truth(words, lambda run, again: error(run, again, *known, **named))
 
 
 @dataclass(frozen=True)
@@ -100,6 +97,12 @@ class Cell:
     methods: tuple[str, ...] = ("located",)
     slow: bool = False
     cut: bool = False
+
+
+def at_wall(gap: Any, velocity: Any, mass: Any = 1.0, gravity: float = 0.0) -> Scene:
+    """Return balls above a wall or floor at rest."""
+    n = len(gap)
+    return Scene([math.inf, *np.broadcast_to(mass, n)], [0.0, *np.full(n, 0.1)], gap, [0.0, *velocity], gravity)
 
 
 @dataclass(frozen=True)

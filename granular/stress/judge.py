@@ -30,34 +30,28 @@ class OutOfTime(Exception):
 def judge(cell: Cell, method: str, seconds: float, plain: bool = False) -> Result:
     """Return the verdict on `cell` run by `method`, in at most about `seconds`; `plain`: interpreted, and short."""
     tolerance = cell.loose if method in FIXED else cell.tolerance
-    error, said, verdict, start = math.nan, "", Verdict.right, time.perf_counter()
+    error, start, late = math.nan, time.perf_counter(), f"no end within {seconds:g} s"
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
         try:
             with deadline(seconds):
                 again = repeat(cell, method, plain)
-                trajectory = again()
-                error = float(cell.truth.error(trajectory, again))
-            said = f"{trajectory.status.name}: {trajectory.message}"
-            asked = cell.cut and trajectory.status is Status.max_events
-            warned = any(w.category is RuntimeWarning for w in heard)
-            flagged = (trajectory.status in EARLY and not asked) or warned
-            verdict = verdict_on(error, tolerance, flagged)
+                run = again()
+                error = float(cell.truth.error(run, again))
+            said = f"{run.status.name}: {run.message}"
+            early = run.status in EARLY and not (cell.cut and run.status is Status.max_events)
+            flagged = early or any(warning.category is RuntimeWarning for warning in heard)
+            verdict = Verdict.right if error <= tolerance else Verdict.flagged if flagged else Verdict.wrong
         except OutOfTime:
-            verdict, said = Verdict.limit, f"no end within {seconds:g} s"
+            verdict, said = Verdict.limit, late
         except Exception as failure:
             a_sentence = type(failure) is ValueError and " is " in str(failure)  # name, value, what is needed
             verdict, said = (Verdict.flagged if a_sentence else Verdict.crashed), f"{type(failure).__name__}: {failure}"
             if time.perf_counter() - start >= seconds:  # the bell, heard inside a callback that made it its own error
-                verdict, said = Verdict.limit, f"no end within {seconds:g} s"
-    said = "; ".join([said, *sorted({str(w.message) for w in heard})])
+                verdict, said = Verdict.limit, late
+    said = "; ".join([said, *sorted({str(warning.message) for warning in heard})])
     taken = time.perf_counter() - start
     return Result(cell.axis, cell.case, method, cell.truth.words, verdict, error, tolerance, said, taken)
-
-
-def verdict_on(error: float, tolerance: float, flagged: bool) -> Verdict:
-    """Return the verdict on an error, nan included."""
-    return Verdict.right if error <= tolerance else Verdict.flagged if flagged else Verdict.wrong
 
 
 def repeat(cell: Cell, method: str, plain: bool = False) -> Again:
@@ -65,17 +59,15 @@ def repeat(cell: Cell, method: str, plain: bool = False) -> Again:
 
     def again(**changes: Any) -> Trajectory:
         options = {"scene": cell.scene, "law": cell.law} | dict(cell.options) | changes
-        scene, law = options.pop("scene"), options.pop("law")
-        if plain:
-            options["engine"] = "sorted" if method == "edmd" else "plain"
+        scene, law, most = options.pop("scene"), options.pop("law"), options.pop("max_steps", None)
         if method == "edmd":
-            options.pop("max_steps", None)
-            return edmd.simulate(scene, cell.rule, **options)
+            return edmd.simulate(scene, cell.rule, **options | ({"engine": "sorted"} if plain else {}))
         if plain:
-            options["max_steps"] = min(SHORT, options.get("max_steps", SHORT))
+            options, most = options | {"engine": "plain"}, min(SHORT, most or SHORT)
+        if most is not None:
+            options["max_steps"] = most
         if method != "located":
-            options["method"] = method
-            options.setdefault("engine", "compiled" if have_numba() else "plain")
+            options = {"method": method, "engine": "compiled" if have_numba() else "plain"} | options
         return md.simulate(scene, law, **options)
 
     return again

@@ -14,19 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz, WaltonBraun
+from granular import laws
 from granular.scene import Scene
 from granular.stress import own
 from granular.stress.cell import Again, Cell, judged_by
 from granular.trajectory import Trajectory
 
-LAWS: dict[str, Any] = {
-    "LinearDashpot": LinearDashpot, "Hertz": Hertz, "ViscoelasticHertz": ViscoelasticHertz, "TsujiHertz": TsujiHertz,
-    "PowerLaw": PowerLaw, "WaltonBraun": WaltonBraun, "PlainHertz": own.PlainHertz, "PlainPower": own.PlainPower,
-    "PlainDashpot": own.PlainDashpot, "PlainViscoelastic": own.PlainViscoelastic, "TwoStiffnesses": own.TwoStiffnesses,
-    "TwoDampings": own.TwoDampings,
-}  # fmt: skip
-"""Laws by the names in the file; the plain ones are laws as users write them."""
 FIELDS = ("t_begin", "duration", "v_out", "xi_max", "force_max", "impulse")
 """What is compared of each contact, besides its pair."""
 
@@ -38,18 +31,18 @@ def stored() -> tuple[dict[str, Any], ...]:
 
 
 def scenes() -> Iterator[Cell]:
-    """Second contacts inside an overlap, own laws in chains, reloading, laws that touch at once, steep laws."""
+    """Second contacts inside an overlap, own laws in chains, reloading, laws that touch at once, steep laws.
+
+    The plain laws are laws as users write them.
+    """
+    known = vars(laws) | vars(own)
     for i, one in enumerate(stored()):
-        laws = [LAWS[name](*numbers) for name, *numbers in one["laws"]]
+        mass = [math.inf if m is None else m for m in one["mass"]]
+        scene = Scene(mass, [0.0 if m == math.inf else 0.5 for m in mass], one["gap"], one["velocity"])
         names = ", ".join(dict.fromkeys(name for name, *_ in one["laws"]))
-        options = {"t_end": one["t_end"], "max_steps": 50_000}
-        yield Cell("recorded", f"{one['kind']}, scene {i}: {names}", scene_of(one), outcome(one), laws, options=options)
-
-
-def scene_of(one: Mapping[str, Any]) -> Scene:
-    """Return the scene of an entry of the file."""
-    mass = [math.inf if m is None else m for m in one["mass"]]
-    return Scene(mass, [0.0 if m == math.inf else 0.5 for m in mass], one["gap"], one["velocity"])
+        yield Cell("recorded", f"{one['kind']}, scene {i}: {names}", scene, outcome(one),
+                   [known[name](*numbers) for name, *numbers in one["laws"]],
+                   options={"t_end": one["t_end"], "max_steps": 50_000})  # fmt: skip
 
 
 @judged_by("an independent solver in 18 digits")

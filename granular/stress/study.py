@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from granular import _check
-from granular.stress import contact, ends, hard, line, long, own, recorded, rest, timestep
-from granular.stress.cell import FIXED, METHODS, Cell
+from granular.stress import contact, hard, line, long, own, recorded, rest, timestep
+from granular.stress.cell import METHODS, Cell
 from granular.stress.judge import judge, warm_up
 from granular.stress.report import StabilityReport
 
 AXES: dict[str, Callable[[], Iterator[Cell]]] = {
     "stiffness": contact.stiffness,
     "damping": contact.damping,
-    "mass ratio": contact.masses,
+    "mass ratio": contact.mass_ratios,
     "gap": contact.gaps,
     "speed": contact.speeds,
     "start time": contact.starts,
@@ -21,13 +21,13 @@ AXES: dict[str, Callable[[], Iterator[Cell]]] = {
     "powers": own.powers,
     "own laws": own.kinks,
     "corners": contact.corners,
-    "time step": timestep.steps,
+    "time step": contact.steps,
     "touching": line.touching,
     "chains": line.chains,
     "recorded": recorded.scenes,
     "rest": rest.rests,
-    "counts": ends.counts,
-    "last row": ends.last_rows,
+    "counts": line.counts,
+    "last row": rest.last_rows,
     "symmetry": line.symmetries,
     "exact sequence": hard.exact_runs,
     "collapse": hard.collapse,
@@ -79,29 +79,26 @@ def stability(
     where = _named("axes", axes, tuple(AXES))
     _check.callback("on_progress", on_progress)
     limit = _check.number("seconds", seconds, above=0.0)
-    results = []
     if not quick:
         warm_up()
     chosen = [pair for axis in where for pair in _chosen(AXES[axis](), who, quick)]
-    for cell, method in chosen:
+    results = []
+    for done, (cell, method) in enumerate(chosen, 1):
         results.append(judge(cell, method, limit, plain=quick))
         if on_progress is not None:
-            on_progress(len(results) / len(chosen), len(results))
-    steps = "time step" in where and any(method in FIXED for method in who)
-    limits = [row for row in timestep.limits((1,) if quick else (1, 2, 20)) if row.method in who] if steps else []
+            on_progress(done / len(chosen), done)
+    limits = timestep.limits((1,) if quick else (1, 2, 20), who) if "time step" in where else []
     drifts = long.drifts(who, 10 if quick else 10_000) if "long runs" in where else []
     return StabilityReport(tuple(results), tuple(limits), tuple(drifts), quick)
 
 
-def _chosen(cells: Iterable[Cell], methods: Sequence[str], quick: bool) -> Iterator[tuple[Cell, str]]:
+def _chosen(cells: Iterable[Cell], methods: Sequence[str], quick: bool) -> list[tuple[Cell, str]]:
     """Pairs of cell and method; a quick study takes a few of each method, spread over the axis."""
     pairs = [(cell, method) for cell in cells for method in cell.methods if method in methods]
     if not quick:
-        yield from pairs
-        return
-    for method in methods:
-        mine = [pair for pair in pairs if pair[1] == method and not pair[0].slow]
-        yield from mine[:: 1 + len(mine) // QUICK]
+        return pairs
+    each = ([pair for pair in pairs if pair[1] == method and not pair[0].slow] for method in methods)
+    return [pair for mine in each for pair in mine[:: 1 + len(mine) // QUICK]]
 
 
 def _named(name: str, given: str | Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
