@@ -10,6 +10,8 @@ from typing import Any, Concatenate, ParamSpec
 
 import numpy as np
 
+from granular import edmd, md
+from granular._kernels import have_numba
 from granular.md.integrators import INTEGRATORS
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
@@ -118,3 +120,26 @@ class Result:
     tolerance: float
     said: str
     seconds: float
+
+
+SHORT = 5_000
+"""Steps at most of an interpreted run."""
+
+
+def repeat(cell: Cell, method: str, plain: bool = False) -> Again:
+    """Return the function that runs `cell` by `method`, with changes if asked for; `plain`: interpreted, and short."""
+
+    def again(**changes: Any) -> Trajectory:
+        options = {"scene": cell.scene, "law": cell.law} | dict(cell.options) | changes
+        scene, law, most = options.pop("scene"), options.pop("law"), options.pop("max_steps", None)
+        if method == "edmd":
+            return edmd.simulate(scene, cell.rule, **options | ({"engine": "sorted"} if plain else {}))
+        if plain:
+            options, most = options | {"engine": "plain"}, min(SHORT, most or SHORT)
+        if most is not None:
+            options["max_steps"] = most
+        if method != "located":
+            options = {"method": method, "engine": "compiled" if have_numba() else "plain"} | options
+        return md.simulate(scene, law, **options)
+
+    return again
