@@ -14,8 +14,9 @@ from granular import reference
 from granular.laws import resolve
 from granular.laws.kinds import resolved
 from granular.reference import restarted, taylor
-from granular.reference.taylor import fraction
+from granular.reference.events import Run
 from granular.reference.series import Power, first_rise, first_rise_of_parabola, product_term, value
+from granular.reference.taylor import fraction
 
 mpmath = pytest.importorskip("mpmath")
 NUMBERS = json.loads((Path(__file__).parent / "reference" / "chains.json").read_text())
@@ -135,6 +136,19 @@ def test_overlap_at_the_start_and_quiet_end():
     solved = reference.solve(scene, gr.LinearDashpot(1e6), digits=20)
     assert solved.status == "quiet"
     assert float(solved.contacts[0].t_end) == pytest.approx(0.5 * math.pi * math.sqrt(0.5 / 1e6), rel=1e-15)
+
+
+@pytest.mark.parametrize(("law", "eps", "rounding"), [
+    (gr.TsujiHertz.from_restitution(0.9, 1e9), 0.9, 1e-15), (gr.PowerLaw(1e8, 23 / 12), 1.0, 0.0),
+])  # fmt: skip
+@pytest.mark.parametrize("digits", [10, 20])
+def test_a_force_in_a_high_root_of_the_overlap_takes_few_steps(law, eps, rounding, digits):
+    scene = gr.Scene([1.0, 3.0], [0.0, 0.0], [1e-4], [1.0, 0.0])
+    motion = taylor.Taylor(scene, [resolve(law, scene.pairs[0]).form], digits)
+    solved = Run(motion, None, None).solve("")
+    assert motion.steps < 50
+    lower, upper = solved.contacts[0].v_out
+    assert abs(upper - lower - eps) < 10.0 ** (2 - digits) + rounding
 
 
 # series
