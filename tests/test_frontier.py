@@ -7,11 +7,11 @@ import pytest
 
 import granular as gr
 from granular import cli, reference
+from granular.tables import duration
 from granular.workprecision import Frontier, Row
 from granular.workprecision.judge import contacts_of, errors
 from granular.workprecision.methods import Task, expected_order, own
 from granular.workprecision.run import METHODS
-from granular.workprecision.table import duration
 
 pytest.importorskip("mpmath")
 QUICK = ("located", "verlet", "edmd", "dop853+events", "dop853")
