@@ -185,13 +185,13 @@ class OwnPlastic:
 
 @dataclass(frozen=True)
 class Softening:
-    """F = k ξ / (1 + ξ/x), without any trait."""
+    """F = k ξ (1 + x/(x + ξ)), without any trait."""
 
     k: float
     x: float
 
     def force(self, xi: float, xi_dot: float, pair: gr.Pair) -> float:
-        return self.k * xi / (1.0 + xi / self.x)
+        return self.k * xi * (1.0 + self.x / (self.x + xi))
 
 
 @dataclass(frozen=True)
