@@ -37,8 +37,13 @@ def scene(
     floor, ceiling, moving = (bool(rng.random() < chance) for chance in walls)
     floor = floor or (n == 1 and not ceiling)
     mass, velocity = walled(rng, masses(rng, n, decades), velocities(rng, n, 1.0), (floor, ceiling, moving), 1.0)
+    below, above = velocity[0], velocity[-1]
     pull = float(rng.choice(gravity)) if floor else 0.0
     gap, velocity = spaced(rng, len(mass) - 1, size, velocity, gaps)
+    if floor:
+        velocity[0] = min(below, above) if ceiling else below  # or the walls would meet
+    if ceiling:
+        velocity[-1] = max(below, above) if floor else above
     if "uneven" in gaps and rng.random() < 0.3:
         gap = [x * (1e-9 if rng.random() < 0.5 else 1.0) for x in gap]
     return built(mass, gap, velocity, pull)
