@@ -211,13 +211,15 @@ class Stiffening:
         return self.k * xi + self.k3 * xi**3 + self.gamma * xi_dot
 
 
+EXPONENTS = {0.02: 1.25, 0.2: 4.0 / 3.0, 1.0: 2.0}
+"""Powers instead of damping ratios."""
 LAWS: dict[str, Callable[[float, float, float], Any]] = {
     "spring": lambda k, zeta, m: gr.LinearDashpot(k),
     "dashpot": lambda k, zeta, m: gr.LinearDashpot(k, 2.0 * zeta * math.sqrt(k * m)),
     "Hertz": lambda k, zeta, m: gr.Hertz(k),
     "viscoelastic": lambda k, zeta, m: gr.ViscoelasticHertz(k, 2.0 * zeta * k**0.6 * m**0.4),
     "Tsuji": lambda k, zeta, m: gr.TsujiHertz(k, 2.0 * zeta),
-    "power": lambda k, zeta, m: gr.PowerLaw(k, 1.25 + zeta),
+    "power": lambda k, zeta, m: gr.PowerLaw(k, EXPONENTS.get(zeta, 3.0)),
     "Walton-Braun": lambda k, zeta, m: gr.WaltonBraun(k, 2.0 * k),
     "own Hertz": lambda k, zeta, m: OwnHertz(k),
     "own dashpot": lambda k, zeta, m: OwnDashpot(k, 2.0 * zeta * math.sqrt(k * m)),

@@ -16,6 +16,7 @@ SEEDS = range(24)
 SPAN = 1.0
 
 
+COMPILES = (gr.LinearDashpot, gr.Hertz, gr.ViscoelasticHertz, gr.TsujiHertz, gr.PowerLaw)
 OWN = ("Walton-Braun", "power", "stiffening", "softening", "own Hertz", "own with memory")
 
 
@@ -70,7 +71,7 @@ def test_until_stops_where_the_free_run_begins_a_contact(seed: int) -> None:
     """`until.contact(c, n)` ends at the t_begin of the nth row of pair c; what has ended before is the same."""
     _, _, run = drawn(seed)
     if not len(run.contacts):
-        return
+        pytest.skip("no contact")
     row = run.contacts[seed % len(run.contacts)]
     pair = int(row["pair"])
     nth = int(np.count_nonzero(run.of(pair)["t_begin"] <= row["t_begin"]))
@@ -86,11 +87,13 @@ def test_until_stops_where_the_free_run_begins_a_contact(seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_compiled_gives_the_bits_of_plain(seed: int) -> None:
     """The same state, log and estimate, where the laws can be compiled; a sentence where not."""
-    _, _, run = drawn(seed)
-    try:
+    _, laws, run = drawn(seed)
+    if all(isinstance(law, COMPILES) for law in laws):
         fast = again(seed, engine="compiled")
-    except TypeError as error:
-        assert "compiled" in str(error)  # noqa: PT017
+        assert fast.stats["engine"] == "compiled"
+    else:
+        with pytest.raises(TypeError, match="compiled"):
+            again(seed, engine="compiled")
         fast = again(seed, engine="auto")
     assert same_log(run, fast)
     assert (fast.velocity.tobytes(), fast.gap.tobytes()) == (run.velocity.tobytes(), run.gap.tobytes())
