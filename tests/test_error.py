@@ -197,6 +197,16 @@ def test_nothing_is_claimed_of_a_run_that_ended_early():
     assert "nan" not in str(short)
 
 
+def test_nothing_is_claimed_where_either_run_ended_early():
+    whole = gr.compare(gr.scenes.newtons_cradle(3, gap=1e-3), gr.LinearDashpot(1e7, 10.0))
+    assert whole.error >= 0.0
+    for engine in ("hard", "soft"):
+        cut = replace(whole, **{engine: replace(getattr(whole, engine), status=gr.Status.max_events)})
+        assert math.isnan(cut.error)
+        assert math.isnan(cut.measures["distance"])
+        assert cut.verdict.startswith("No verdict")
+
+
 @pytest.mark.parametrize("name", ["newtons-cradle", "chain"])
 @pytest.mark.parametrize("restitution", [0.9, 1.0])
 def test_touching_balls_are_named_the_same_in_every_scene(name, restitution):
