@@ -4,7 +4,6 @@ import math
 import os
 import subprocess
 import sys
-import types
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from hypothesis import strategies as st
 from scenes_at_random import HARD, gas, scenes
 
 from granular import edmd
-from granular._kernels import compiled, kernel
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import Status
@@ -84,35 +82,6 @@ def test_auto_takes_the_compiled_queue_when_it_pays() -> None:
     long = edmd.simulate(scene, one, t_end=2000.0, log=False)
     assert long.stats["engine"] == "compiled"
     assert long.energy()[-1] == pytest.approx(long.energy()[0], rel=1e-13)
-
-
-@kernel
-def one_more(x):
-    return x + 1
-
-
-@kernel
-def two_more(x):
-    return x + 2
-
-
-@kernel
-def above(x):
-    return 10 * below(x)
-
-
-below = one_more
-
-
-def test_machine_code_is_cached_under_a_name_that_changes_with_all_it_calls() -> None:
-    names = []
-    for called in (one_more, two_more):
-        caller = kernel(types.FunctionType(above.__code__, globals() | {"below": called}))
-        twin = compiled(caller, inline=True)
-        assert twin(1) == 10 * called(1)
-        names.append(twin.__qualname__)
-    assert names[0] != names[1]
-    assert names[0] == compiled(above, inline=True).__qualname__
 
 
 def test_what_does_not_compile_says_so() -> None:

@@ -279,13 +279,8 @@ def test_log_by_pair_is_the_log_of_each_pair():
 
 
 def test_laws_alike_are_computed_once_and_give_what_each_gives():
-    from granular.laws.kinds import resolved
-
     scene = gr.scenes.gas(12)
     law = [Own(1e9), *[gr.LinearDashpot.from_restitution(0.9, k=5e7, pair=p) for p in scene.pairs[1:]]]
-    known = resolved(law, scene)
-    assert len(known.each) == 3
-    assert [known.each[k].law for k in known.kind] == law
     report = gr.compare(scene, law, gr.ConstantRestitution(0.9), t_end=1.0)
     speed = report.impact_speed
     assert report.law_restitution == tuple(map(gr.binary.restitution, law, scene.pairs, [speed] * len(law)))
