@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes_at_random import HARD, gas, scenes
+from scenes_at_random import HARD, gas, scene, scenes
 
 from granular import edmd
 from granular.rules import ConstantRestitution
@@ -54,6 +54,16 @@ def test_scaling_by_powers_of_two_keeps_the_bits(scene, eps, length, time) -> No
     assert (a.contacts["t_begin"] * t).tobytes() == b.contacts["t_begin"].tobytes()
     assert (a.velocity * (s / t)).tobytes() == b.velocity.tobytes()
     assert (a.gap * s).tobytes() == b.gap.tobytes()
+
+
+def test_gaps_that_rounding_makes_negative_are_clamped_and_counted() -> None:
+    clamps, options = [], {"walls": (1.0, 0.5, 0.0), "gravity": (9.81,), "gaps": (*HARD, "uneven")}
+    for seed in (1, 91, 97, 166, 175, 237, 279):
+        end = run(scene(np.random.default_rng(seed), (2, 8), **options), 0.9)
+        assert (end.gap >= 0.0).all()
+        clamps.append(end.stats["clamps"])
+    assert clamps[0] == 0
+    assert 0 < sum(clamps) < 100
 
 
 @pytest.mark.parametrize("spread", [0.0, 9.0 * math.log(10.0)])
