@@ -221,7 +221,7 @@ def test_what_happens_just_at_the_end_time_tells_no_runs_apart():
     """Whichever of the two still sees it."""
     scene = gr.scenes.newtons_cradle(2, 1.0, 0.5, speed=0.5)
     seen, not_yet = (gr.edmd.simulate(scene.replace(gap=scene.gap * by), gr.ConstantRestitution(0.5), t_end=1.0)
-                     for by in (1.0, 1.0 + 1e-12))  # fmt: skip
+                     for by in (1.0 - 1e-12, 1.0 + 1e-12))  # fmt: skip
     assert (seen.count(0), not_yet.count(0)) == (1, 0)
     for runs in ((seen, not_yet), (not_yet, seen)):
         assert measures.distance(*runs) > 0.1

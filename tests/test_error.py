@@ -186,6 +186,17 @@ def test_nothing_is_claimed_of_a_run_that_ended_early():
     assert "nan" not in str(short)
 
 
+def test_a_ball_leaves_with_the_contact_that_ends_last_not_with_the_one_that_begins_last():
+    """The floor contact of the paper's scene is under way while the upper ball comes and goes."""
+    scene = gr.scenes.three_balls()
+    law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
+    run = gr.md.simulate(scene, law, until=gr.until.contact(0, 2))
+    floor, top = run.of(0)[-1], run.of(1)[-1]
+    assert floor["t_begin"] < top["t_begin"] < top["t_end"] < floor["t_end"]
+    assert outcome.leaving_velocities(run)[1:].tolist() == [floor["v_out"][1], top["v_out"][1]]
+    assert floor["v_out"][1] != top["v_out"][0]
+
+
 def test_nothing_is_claimed_where_either_run_ended_early():
     whole = gr.compare(gr.scenes.newtons_cradle(3, gap=1e-3), gr.LinearDashpot(1e7, 10.0))
     assert whole.error >= 0.0
