@@ -99,7 +99,7 @@ def test_hard_spheres_from_a_moving_train(scene: gr.Scene) -> None:
 
 
 @SOFT
-@quick(12)
+@quick(7)
 @given(soft_scenes(STEADY, walls=MOVING, gaps=ALL, **SMALL))
 def test_soft_spheres_from_a_moving_train(method: str, drawn: Any) -> None:
     """Walls that move at constant speed, and weight, look the same from there."""
@@ -136,7 +136,7 @@ def test_hard_spheres_in_a_mirror(scene: gr.Scene) -> None:
 
 
 @SOFT
-@quick(12)
+@quick(7)
 @given(soft_scenes(STEADY, walls=MOVING, gravity=(0.0,), gaps=ALL, **SMALL))
 def test_soft_spheres_in_a_mirror(method: str, drawn: Any) -> None:
     scene, laws = drawn
@@ -180,7 +180,7 @@ def in_other_units(scene: gr.Scene, laws: Any, method: str) -> gr.Trajectory:
 
 
 @SOFT
-@quick(12)
+@quick(7)
 @given(st.data())
 def test_soft_spheres_in_other_units(method: str, data: Any) -> None:
     """Powers of two change no bit of any number that is kept, but those of powers that are not whole."""
@@ -194,7 +194,7 @@ def test_soft_spheres_in_other_units(method: str, data: Any) -> None:
         assert (run.contacts[name] * unit).tobytes() == other.contacts[name].tobytes(), name
 
 
-@quick(12)
+@quick(7)
 @given(soft_scenes(("Hertz", "viscoelastic", "Tsuji", "Walton-Braun"), walls=MOVING, gaps=ALL, **SMALL))
 def test_located_soft_spheres_of_all_powers_in_other_units(drawn: Any) -> None:
     scene, laws = drawn
@@ -220,7 +220,7 @@ def test_elastic_hard_spheres_run_back(scene: gr.Scene) -> None:
     assert back.contacts["pair"].tolist() == there.contacts["pair"].tolist()[::-1]
 
 
-@quick(12)
+@quick(8)
 @given(soft_scenes(ELASTIC, walls=MOVING, gaps=("wide", "equal", "overlapping"), **SMALL))
 def test_elastic_soft_spheres_run_back(drawn: Any) -> None:
     """Also when they are turned round in the middle of a contact; none begins at rest, which √rounding would move."""
@@ -233,7 +233,7 @@ def test_elastic_soft_spheres_run_back(drawn: Any) -> None:
     assert np.allclose(back.gap[-1], scene.gap, rtol=0, atol=1e-9 * (size(there) + abs(scene.gap).max()))
 
 
-@quick(10)
+@quick(7)
 @given(soft_scenes(NO_MEMORY, gaps=ALL, **SMALL))
 def test_soft_spheres_in_two_parts(drawn: Any) -> None:
     """Stopped anywhere, and gone on with from gaps and velocities."""
