@@ -29,7 +29,8 @@ ABOUT = (
     "The isolated viscoelastic collision, tabulated by bench/make_viscoelastic_table.py: do not edit. Row i of a table "
     "holds powers of z, highest first, on the i-th of the equal pieces of 0 <= q <= q_end, on which z runs from -1 to "
     "1; q = sqrt(ln(1 + b)). Zeros in front make all rows one length. exponent: -ln(eps) / q^2; stretched_duration: "
-    "(1 + b)^(2/3) t_c; series: h_k of eps = sum of h_k b^(k/2)."
+    "(1 + b)^(2/3) t_c; deepest: (1 + b)^(2/3) xi_max / L; strongest: (1 + b)^(-2/3) F_max / (k L^1.5); series: h_k of "
+    "eps = sum of h_k b^(k/2)."
 )
 
 
@@ -86,6 +87,41 @@ def collide(x: Any, digits: int = 30) -> tuple[Any, Any]:
             t += at(ts, h)
 
 
+def largest(function: Callable[[Any], Any], slope: Callable[[Any], Any], high: Any) -> Any:
+    """Return a function where its slope falls through zero within a step of length `high`."""
+    low = mp.mpf(0)
+    for _ in range(30):
+        s = (low + high) / 2
+        low, high = (s, high) if slope(s) > 0 else (low, s)
+    return function(mp.findroot(slope, (low, high), tol=mp.mpf(10) ** (20 - 2 * mp.dps), verify=False))
+
+
+def peaks(x: Any, digits: int = 30) -> tuple[Any, Any]:
+    """Return (xi_max, F_max) for b = x^2, in L and k L^1.5; F = u (u^2 + b v)."""
+    with mp.workdps(int(digits + 15 + 8 * mp.log10(1 + abs(x)))):
+        b, order = x * x, mp.dps
+        u, v = mp.mpf(0), mp.mpf(1)
+        deepest = strongest = None
+        while deepest is None or strongest is None:
+            us, vs = taylor(u, v, b, order)
+
+            def state(s: Any, us: Any = us, vs: Any = vs) -> tuple[Any, Any, Any]:
+                u, v = at(us, s), at(vs, s)
+                return u, v, u * u + b * v
+
+            def rise(s: Any, state: Any = state) -> Any:
+                u, v, bracket = state(s)
+                return v * bracket / 2 + u * (u * v - b * u * u * bracket)
+
+            h = min((mp.eps / abs(c[n])) ** (mp.mpf(1) / n) for c in (us, vs) for n in (order - 1, order) if c[n]) / 2
+            if deepest is None and state(h)[1] <= 0:
+                deepest = largest(lambda s, state=state: state(s)[0] ** 2, lambda s, state=state: state(s)[1], h)
+            if strongest is None and rise(h) <= 0:
+                strongest = largest(lambda s, state=state: state(s)[0] * state(s)[2], rise, h)
+            u, v = at(us, h), at(vs, h)
+        return deepest, strongest
+
+
 def powers(function: Callable[[Any], Any], low: Any, high: Any, nodes: int, least: float) -> list[Any]:
     """Interpolate at Chebyshev nodes, drop terms below `least` of the first; return powers of z in [-1, 1]."""
     angles = [mp.pi * (2 * j + 1) / (2 * nodes) for j in range(nodes)]
@@ -110,25 +146,33 @@ def series() -> list[float]:
     return [float(mp.chop(c * 4**k, 1e-25)) for k, c in enumerate(h[: SERIES_ORDER + 1])]
 
 
-def table(function: Callable[[Any], Any]) -> list[list[float]]:
+def table(function: Callable[[Any], Any], nodes: int = 24, least: float = 3e-18) -> list[list[float]]:
     """Return one row of powers per piece, all of one length so that a compiler can take them as one type."""
     width = mp.mpf(Q_END) / PIECES
-    rows = [powers(function, i * width, (i + 1) * width, nodes=24, least=3e-18) for i in range(PIECES)]
+    rows = [powers(function, i * width, (i + 1) * width, nodes=nodes, least=least) for i in range(PIECES)]
     longest = max(map(len, rows))
     return [[0.0] * (longest - len(row)) + [float(c) for c in reversed(row)] for row in rows]
 
 
 def main() -> None:
     known: dict[Any, tuple[Any, Any]] = {}
+    tops: dict[Any, tuple[Any, Any]] = {}
 
     def solution(q: Any) -> tuple[Any, Any]:
         if q not in known:
             known[q] = collide(mp.sqrt(mp.expm1(q * q)))
         return known[q]
 
+    def top(q: Any) -> tuple[Any, Any]:
+        if q not in tops:
+            tops[q] = peaks(mp.sqrt(mp.expm1(q * q)))
+        return tops[q]
+
     TARGET.write_text(json.dumps({
         "about": ABOUT, "q_end": Q_END, "exponent": table(lambda q: -mp.log(solution(q)[0]) / (q * q)),
-        "stretched_duration": table(lambda q: solution(q)[1] * mp.exp(q * q * 2 / 3)), "series": series(),
+        "stretched_duration": table(lambda q: solution(q)[1] * mp.exp(q * q * 2 / 3)),
+        "deepest": table(lambda q: top(q)[0] * mp.exp(q * q * 2 / 3)),
+        "strongest": table(lambda q: top(q)[1] * mp.exp(-q * q * 2 / 3), nodes=44, least=1e-17), "series": series(),
     }, indent=1) + "\n", "utf-8")  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+import granular as gr
 from granular._kernels import compiled, have_numba
 from granular.laws.viscoelastic_restitution import (
     PADE_B4,
@@ -25,6 +26,7 @@ from granular.laws.viscoelastic_restitution import (
     SERIES,
     damping,
     duration,
+    peaks,
     restitution,
     restitution_pade,
     restitution_series,
@@ -165,3 +167,17 @@ def test_impossible_arguments_of_the_approximations() -> None:
         restitution_series(0.1, 21)
     with pytest.raises(ValueError, match=r"b is -1\.0: a finite number of at least 0 is needed"):
         restitution_pade(-1.0)
+
+
+def test_peaks_are_those_of_the_contact_itself():
+    """Largest overlap and force, beside the contact solved by pieces; and where the table ends."""
+    rng = random.Random(7)
+    pair = gr.Pair(m_eff=1.0, r_eff=1.0, index=0)
+    for _ in range(12):
+        b = 10.0 ** rng.uniform(-6, 0.5)
+        run = gr.binary.collision(gr.ViscoelasticHertz(1.0, b), pair, 1.0)
+        assert peaks(b) == pytest.approx((run.xi_max, run.force_max), rel=2e-13)
+    assert peaks(0.0) == pytest.approx((1.25**0.4, 1.25**0.6), rel=4e-16)
+    near, beyond = math.expm1(24.999), math.expm1(25.001)
+    ratio = (beyond / near) ** (2.0 / 3.0)
+    assert peaks(beyond) == pytest.approx((peaks(near)[0] / ratio, peaks(near)[1] * ratio), rel=1e-13)

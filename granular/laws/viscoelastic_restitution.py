@@ -10,7 +10,8 @@ for strong damping. `restitution` and `duration` come from a table of the soluti
 this one, made by ``bench/make_viscoelastic_table.py`` with 30 digits: in q = √ln(1 + b) both the effective exponent
 K(q) of ε = (1 + b)^(-K) and (1 + b)^(2/3) t_c are smooth from b = 0 (K = 1.1534) to infinity (K = 5/3).
 
-Both are kernels, so that compiled engines can call them, and leave b unchecked: b < 0 is a math domain error.
+`peaks` are tabled likewise. All are kernels, so that compiled engines can call them, and leave b unchecked: b < 0 is a
+math domain error.
 
 Two approximations from the literature go by their names: `restitution_series` and `restitution_pade`.
 """
@@ -25,13 +26,16 @@ from granular import _check
 from granular._kernels import kernel
 
 _TABLE = json.loads(Path(__file__).with_suffix(".json").read_text("utf-8"))
-EXPONENT, STRETCHED_DURATION = (tuple(map(tuple, _TABLE[name])) for name in ("exponent", "stretched_duration"))
+EXPONENT, STRETCHED_DURATION, DEEPEST, STRONGEST = (
+    tuple(map(tuple, _TABLE[name])) for name in ("exponent", "stretched_duration", "deepest", "strongest")
+)
 Q_END: float = _TABLE["q_end"]
 SERIES: tuple[float, ...] = tuple(_TABLE["series"])
 PIECES_PER_Q = len(EXPONENT) / Q_END
 LAST_PIECE = len(EXPONENT) - 1
 LOSS_END = Q_END * Q_END * math.fsum(EXPONENT[-1])  # -ln ε where the table ends
 TURNING = math.pow(1.5, 2.0 / 3.0)  # b^(2/3) y where strong damping stops the approach
+STRONGEST_END = 0.75 * math.pow(0.375, 1.0 / 3.0)  # b^(-2/3) F where the approach is still hardly stopped
 DRIFT = 1.5 * math.log(3.0) - math.log(1.5) / 3.0 - math.pi * math.sqrt(3.0) / 6.0
 
 H2, H4, H5 = SERIES[2], SERIES[4], SERIES[5]
@@ -67,6 +71,20 @@ def duration(b: float) -> float:
         return (10.0 / 3.0 * math.log(b) + DRIFT) / math.sqrt(TURNING) * math.pow(b, -2.0 / 3.0)
     piece, z = _place(q)
     return math.exp(-2.0 / 3.0 * log_b1) * _horner(STRETCHED_DURATION[piece], z)
+
+
+@kernel
+def peaks(b: float) -> tuple[float, float]:
+    """Return the largest overlap, in L, and the largest force, in k L^(3/2): 1.0934 and 1.1433 at b = 0.
+
+    Relative error: 2e-15 at most.
+    """
+    log_b1 = math.log1p(b)
+    q, scale = math.sqrt(log_b1), math.exp(2.0 / 3.0 * log_b1)
+    if not q < Q_END:
+        return TURNING / scale, STRONGEST_END * scale
+    piece, z = _place(q)
+    return _horner(DEEPEST[piece], z) / scale, _horner(STRONGEST[piece], z) * scale
 
 
 @kernel
