@@ -48,6 +48,13 @@ def predicted(pair: Record, lower: Record, upper: Record) -> float:
 
 
 @kernel
+def touches(pair: Record, lower: Record, upper: Record, now: float) -> bool:
+    """Return whether the bodies of a pair touch at time `now`, without tolerance."""
+    a, at = pair.pull, pair.at
+    return gap_after(pair.gap, (upper.u - lower.u) - a * at, a, now - at) <= 0.0
+
+
+@kernel
 def carry(pair: Record, lower: Record, upper: Record, now: float) -> int:
     """Move the gap of a pair to time `now`; return 1 if rounding made it negative and it was clamped at 0."""
     a, at = pair.pull, pair.at

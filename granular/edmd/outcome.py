@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from granular.edmd import collapse
 from granular.edmd.collapse import Verdict
-from granular.edmd.state import TALLY
 from granular.trajectory import Status
 
 
 def message(run: Any, status: Status) -> str:
     """Return the sentence to print."""
-    when = f"t = {run.time():.12g} s after {_count(run.state.events, 'collision')}"
+    when = f"t = {run.time():.12g} s after {_count(run.state.run.events, 'collision')}"
     if status is Status.collapse:
         return _collapse(run, when)
     if status is Status.max_events:
@@ -24,14 +24,10 @@ def message(run: Any, status: Status) -> str:
 def stats(run: Any) -> dict[str, Any]:
     """Return the counters of a run: collisions, gaps clamped at 0, re-basings of the clock, closer looks and the
     collisions in them, rates that velocities could not hold after them, and how a collapse was decided."""
-    s, verdict = run.state, run.verdict
-    clamps, merged, lost = (int(getattr(s.run, name)) for name in TALLY)
-    counters: dict[str, Any] = {
-        "engine": run.queue.name, "events": s.events, "clamps": clamps, "rebases": s.rebases, "zooms": s.zooms,
-        "zoomed": s.zoomed, "lost": lost,
-    }  # fmt: skip
-    if run.model.merge_below > 0.0:
-        counters |= {"merge_below": run.model.merge_below, "merged": merged}
+    numbers, verdict = run.state.numbers(), run.verdict
+    names = ["events", "clamps", "rebases", "zooms", "zoomed", "lost"]
+    names += ["merge_below", "merged"] if numbers["merge_below"] > 0.0 else []
+    counters: dict[str, Any] = {"engine": run.queue.name} | {name: numbers[name] for name in names}
     if verdict is not None:
         counters |= {"verdict": verdict.kind, "pairs": (verdict.first, verdict.last), "bound": verdict.bound}
     return counters
@@ -61,20 +57,20 @@ def _work(run: Any, when: str) -> str:
         sentence += f"; {_walls(run)}, and collisions become ever more frequent until then"
     elif run.state.run.slow >= 0.0 and len(run.pace) == 2:
         (begin, start), (tail, t) = run.pace
-        last, took = run.state.events - tail, run.time() - t
+        last, took = run.state.run.events - tail, run.time() - t
         if took * (tail - begin) < 0.1 * last * (t - start):
             sentence += (
                 f"; the last {last} of them took only {took:.3g} s: the balls cluster and slow down, perhaps without "
                 "end. Remedies by name: collapse='merge', tc=, elastic_below="
             )
-        bound = run.bound()
+        bound = collapse.bound(run.state, run.physics)
         if bound is not None:
             sentence += f"; unless hit from outside, no body of {_pairs(bound)} will exceed {bound.bound:.2g} m/s"
     return sentence + _lost(run)
 
 
 def _walls(run: Any) -> str:
-    return f"the walls close at t = {run.state.start + run.close_after:.12g} s"
+    return f"the walls close at t = {run.state.run.start + run.close_after:.12g} s"
 
 
 def _lost(run: Any) -> str:

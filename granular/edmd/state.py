@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from granular import until as conditions
 from granular._check import Array
-from granular._records import Record, Records, column, copied, one, packed, twin
-from granular.edmd.model import Model, felt_gravity, scales, shares
+from granular._records import Record, Records, column, copied, one, packed, plain
 from granular.edmd.motion import rebase
+from granular.edmd.physics import Physics, felt_gravity, scales, shares
 from granular.edmd.ties import ORDER
 
 FloatOrArray = TypeVar("FloatOrArray", float, Array)
@@ -37,102 +37,134 @@ BODY = np.dtype(
     ],
     align=True,
 )
+NEAR = np.dtype([("gap", float), ("rate", float)])
+"""Gap and rate of a pair that is looked at closely, m and m/s."""
 RUN = np.dtype(
     [
         ("pairs", int), ("gravity", float), ("tc", float), ("elastic_below", float), ("merge_below", float),
         ("order", int), ("seed", int),  # of ties
+        ("start", float), ("epoch", float), ("epoch_low", float), ("now", float),  # s: first row; clock; last event
+        ("length", float), ("window", float),  # m, the mean gap at the start; s, a power of two, grows as balls slow down
+        ("speed", float), ("fall", float),  # m/s, scale of relative velocities, never below what falling `length` gives
+        ("events", int), ("rebases", int), ("zooms", int), ("zoomed", int),  # collisions; in closer looks
+        ("clamps", int), ("merged", int), ("lost", int),  # gaps set to 0, collisions merged, rates lost to rounding
+        ("last_event", int),  # events at which the run ends
+        ("edge", float), ("enough", int),  # until when to go now, and how many events there are then at most
         ("stop_pair", int), ("stop_hits", int),  # pause before this pair, which has collided so often, collides again
         ("slow", float), ("short", float),  # what looks like a collapse, m/s (< 0: nothing does) and s
-        ("clamps", int), ("merged", int), ("lost", int),  # gaps set to 0, collisions merged, rates lost to rounding
+        ("suspect", int), ("rebound", float),  # the pair that collided last, in a closer look too; its rate after, m/s
+        # a closer look
+        ("first", int), ("began", float),  # the lowest pair; when it began, tau in s
+        ("elapsed", float), ("looked", int),  # s and collisions since then
+        ("ordinary", int),  # collisions in a row that did not look like a collapse
+        ("clamped", int),  # gaps set to 0
+        ("faint", int),  # how often in a row its speeds were found to count for nothing
+        ("room", float),  # s since it began: when something outside happens
+        ("allowance", int),  # collisions without a decision; doubled after each such look
     ],
     align=True,
 )  # fmt: skip
 OF_PAIRS, OF_BODIES = ("gap", "at", "pull", "hits", "last", "streak"), ("u", "falls", "noise")
 """What changes, by the names under which it is saved."""
-TALLY = ("clamps", "merged", "lost")
+CLOCK = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "now",
+         "events", "rebases", "zooms", "zoomed", "allowance", "short")  # fmt: skip
+TALLY, LOOK = ("clamps", "merged", "lost"), ("elapsed", "looked", "ordinary", "clamped", "faint")
+"""Numbers that are saved as arrays; of an older closer look, there are less."""
 NEVER, APART = -1, -2
 """`stop_pair` of a run that does not stop at a contact, and of one that stops when no pair approaches."""
-LATER, UNTIL, BUDGET, SUSPECT, OUTSIDE, QUIET, RESTS, TINY, SPENT = range(9)
+LATER, UNTIL, BUDGET, SUSPECT, TOUCHING, OUTSIDE, QUIET, RESTS, TINY, SPENT = range(10)
 """Why a queue or a closer look hands control back. The next event is later than asked for; it is the contact to stop
-at, or all pairs recede; as many events as asked for have acted. Of a queue: the last collisions look like a collapse.
-Of a closer look, for good: something outside the slice comes next; no collapse; a ball has come to rest on a wall;
-rates below 2^-200 of the scale; no decision within the allowance."""
+at, or all pairs recede; as many events as asked for have acted. Of a queue: the last collisions look like a collapse;
+a touching group is to collide as a whole. Of a closer look, for good: something outside the slice comes next; no
+collapse; a ball has come to rest on a wall; rates below 2^-200 of the scale; no decision within the allowance."""
 
 
 @dataclass
 class State:
-    """Records of bodies and pairs, clock and counters of a run in progress.
+    """Records of a run in progress: its numbers, its pairs and bodies, and the pairs looked at closely, if any are.
 
     The time is ``epoch + epoch_low + tau``: the epoch is kept in two parts and moved on in windows of a fixed length,
-    a power of two, so that late times cost no digits.
+    a power of two, so that late times cost no digits. While some pairs are looked at closely, what `pairs` and
+    `bodies` say of them is old.
     """
 
     run: Record
     pairs: Records
     bodies: Records
-    # clock and scales
-    start: float  # s, time of the first row
-    epoch: float
-    epoch_low: float
-    length: float  # m, the mean gap at the start
-    window: float  # s, a power of two; grows as the balls slow down
-    speed: float  # m/s, scale of the relative velocities
-    fall: float  # m/s, what falling through the mean gap gives: `speed` never gets smaller
-    now: float  # s, tau of the last event
-    # counters
-    events: int = 0
-    rebases: int = 0
-    zooms: int = 0
-    zoomed: int = 0
-    allowance: int = 20_000  # events of a closer look without a decision; doubled after each such
-    last_event: int = 0  # events at which the run ends
+    near: Records | None = None
 
     @classmethod
-    def of(cls, model: Model, t_start: float) -> State:
+    def of(cls, physics: Physics, t_start: float) -> State:
         """Return the state at the start of a run."""
-        scene, g = model.scene, felt_gravity(model.scene)
+        scene, options, g = physics.scene, physics.options, felt_gravity(physics.scene)
         pairs, bodies = np.zeros(scene.n_pairs, PAIR), np.zeros(scene.n, BODY)
         bodies["u"], bodies["falls"], bodies["mass"] = scene.velocity, ~scene.is_wall, scene.mass
-        pairs["gap"], pairs["eps"], pairs["last"] = scene.gap, model.eps, -math.inf
+        pairs["gap"], pairs["eps"], pairs["last"] = scene.gap, physics.eps, -math.inf
         pairs["pull"] = g * scene.across(bodies["falls"])
         pairs["low"], pairs["high"] = shares(scene)
         speed, fall, length = scales(scene)
-        window, remedied = span(length, speed, g), max(model.tc, model.elastic_below, model.merge_below) > 0.0
-        slow = -1.0 if remedied or model.eps.min() == 1.0 else math.ldexp(speed, -16)  # else no collapse is possible
-        run = twin(RUN)(
-            pairs=len(pairs), gravity=g, tc=model.tc, elastic_below=model.elastic_below,
-            merge_below=model.merge_below, order=ORDER[model.ties], seed=model.seed & 0x7FFFFFFF, stop_pair=NEVER,
-            stop_hits=0, slow=slow, short=math.ldexp(window, -30), clamps=0, merged=0, lost=0,
+        window, remedied = span(length, speed, g), any(options[x] > 0.0 for x in ("tc", "elastic_below", "merge_below"))
+        state = cls(plain(np.zeros(1, RUN))[0], pairs, bodies)
+        state.set(
+            pairs=len(pairs), gravity=g, tc=options["tc"], elastic_below=options["elastic_below"],
+            merge_below=options["merge_below"], order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
+            start=t_start, epoch=t_start, length=length, window=window, fall=fall, short=math.ldexp(window, -30),
+            stop_pair=NEVER, suspect=-1, allowance=20_000,
+            slow=-1.0 if remedied or physics.eps.min() == 1.0 else 0.0,  # no collapse is possible
         )  # fmt: skip
-        return cls(run, pairs, bodies, t_start, t_start, 0.0, length, window, speed, fall, 0.0)
+        state.scale(speed)
+        return state
 
     @classmethod
-    def restored(cls, model: Model, saved: Mapping[str, Any]) -> State:
-        """Return the state that `checkpoint` saved."""
-        state = cls.of(model, float(saved["start"]))
+    def restored(cls, physics: Physics, saved: Mapping[str, Any]) -> State:
+        """Return the state that `checkpoint` saved, also in a release before velocities had noise.
+
+        Velocities were taken to be exact then, and free-fall velocities were those of the epoch in scenes without walls
+        too, whose frame now falls from the start on.
+        """
+        state = cls.of(physics, float(saved["start"]))
         for name in OF_PAIRS:
             state.pairs[name] = saved[name]
         for name in OF_BODIES:
-            state.bodies[name] = saved[name]
-        for name in CLOCK:
-            setattr(state, name, np.asarray(saved[name]).item())
-        state.run.short = float(saved["short"])
-        for name, count in zip(TALLY, saved["tally"], strict=True):
-            setattr(state.run, name, int(count))
-        state.scale(state.speed)
+            state.bodies[name] = saved.get(name, 0.0)
+        state.set(**{name: np.asarray(saved[name]).item() for name in CLOCK})
+        state.set(**dict(zip(TALLY, saved["tally"].tolist(), strict=True)))
+        state.scale(state.run.speed)
+        if "noise" not in saved:
+            state.bodies["u"] += (physics.scene.gravity - state.run.gravity) * state.elapsed(0.0)
+        if "zoom_gap" in saved:
+            dial = {name: RUN[name].type(x).item() for name, x in zip(LOOK, saved["zoom_dial"], strict=False)}
+            state.set(first=int(saved["zoom_first"]), began=float(saved["zoom_base"]), **dial)
+            state.near = np.zeros(len(saved["zoom_gap"]), NEAR)
+            state.near["gap"], state.near["rate"] = saved["zoom_gap"], saved["zoom_rate"]
         return state
+
+    def set(self, **numbers: Any) -> None:
+        """Set numbers of the run."""
+        for name, value in numbers.items():
+            setattr(self.run, name, value)
+
+    def numbers(self) -> dict[str, Any]:
+        """Return the numbers of the run by name."""
+        assert RUN.names is not None
+        return dict(zip(RUN.names, packed([self.run], RUN).tolist()[0], strict=True))
 
     def checkpoint(self) -> dict[str, Any]:
         """Return everything as arrays and numbers, for `Trajectory.state`; nothing of it is copied."""
+        run = self.numbers()
         raw: dict[str, Any] = {name: column(self.bodies, name) for name in OF_BODIES}
         raw |= {name: column(self.pairs, name) for name in OF_PAIRS}
-        raw |= {name: getattr(self, name) for name in CLOCK}
-        tally = np.array([getattr(self.run, name) for name in TALLY])
-        return raw | {"short": float(self.run.short), "tally": tally}
+        raw |= {name: run[name] for name in CLOCK} | {"tally": np.array([run[name] for name in TALLY])}
+        if self.near is None:
+            return raw
+        raw |= {"zoom_first": np.array(run["first"]), "zoom_base": np.array(run["began"])}
+        raw |= {"zoom_dial": np.array([run[name] for name in LOOK], dtype=np.float64)}
+        return raw | {f"zoom_{name}": column(self.near, name) for name in ("gap", "rate")}
 
     def keep(self, how: Callable[..., Any]) -> None:
-        """Keep the records as plain objects for interpreted code, or `packed` for compiled code: the same bits."""
+        """Keep the records as `plain` objects for interpreted code, or `packed` for compiled code: the same bits."""
         self.pairs, self.bodies = how(self.pairs), how(self.bodies)
+        self.near = self.near if self.near is None else how(self.near)
         if isinstance(self.pairs, np.ndarray):
             self.run = one(packed([self.run], RUN))
 
@@ -140,9 +172,16 @@ class State:
         """Return a state whose bodies and pairs can be changed without changing these."""
         return replace(self, pairs=copied(self.pairs), bodies=copied(self.bodies))
 
+    def slices(self) -> tuple[Records, Records]:
+        """Return the records of the pairs that are looked at closely, and of their bodies."""
+        assert self.near is not None
+        first = int(self.run.first)
+        end = first + len(self.near)
+        return self.pairs[first:end], self.bodies[first : end + 1]
+
     def stop_at(self, until: conditions.Until | None, max_events: int) -> None:
         """Set what the run stops at, if anything, and after how many collisions from here."""
-        self.last_event = self.events + max_events
+        self.run.last_event = self.run.events + max_events
         if isinstance(until, conditions.Contact):
             self.run.stop_pair, self.run.stop_hits = until.pair, until.nth - 1
         elif isinstance(until, conditions.Separated):
@@ -150,39 +189,41 @@ class State:
 
     def scale(self, speed: float) -> None:
         """Set the scale of speeds (m/s), and with it, where one may come, what looks like part of a collapse."""
-        self.speed = speed
+        self.run.speed = speed
         if self.run.slow >= 0.0:
             self.run.slow = math.ldexp(speed, -16)
 
     def work(self) -> int:
         """Return the work done so far in collisions; one looked at closely costs as much as eight."""
-        return self.events + 7 * self.zoomed
+        return int(self.run.events + 7 * self.run.zoomed)
 
     def time(self, tau: FloatOrArray) -> FloatOrArray:
         """Return the time in s that is `tau` after the epoch."""
-        return self.epoch + (self.epoch_low + tau)
+        return self.run.epoch + (self.run.epoch_low + tau)  # type: ignore[no-any-return]
 
     def tau(self, time: float) -> float:
         """Return how long after the epoch `time` is."""
-        return (time - self.epoch) - self.epoch_low
+        return float((time - self.run.epoch) - self.run.epoch_low)
 
     def elapsed(self, tau: FloatOrArray) -> FloatOrArray:
         """Return the time in s from the start of the run to `tau`; it has all its digits however late the start."""
-        return ((self.epoch - self.start) + self.epoch_low) + tau
+        run = self.run
+        return ((run.epoch - run.start) + run.epoch_low) + tau  # type: ignore[no-any-return]
 
     def shift_to(self, tau: float, compiler: Callable[[Any], Any]) -> None:
         """Move the epoch on by whole windows, so that `tau` comes to lie in the first one."""
-        shift = tau - math.fmod(tau, self.window)
-        speed = compiler(rebase)(self.run, self.pairs, self.bodies, shift)
-        total = self.epoch + shift
-        back = total - self.epoch
-        self.epoch_low += (self.epoch - (total - back)) + (shift - back)
-        self.epoch = total
-        self.now -= shift
-        self.rebases += 1
-        self.scale(max(speed, self.fall))
-        if self.speed > 0.0:
-            self.window = max(self.window, span(self.length, self.speed, self.run.gravity))
+        run = self.run
+        shift = tau - math.fmod(tau, run.window)
+        speed = compiler(rebase)(run, self.pairs, self.bodies, shift)
+        total = run.epoch + shift
+        back = total - run.epoch
+        run.epoch_low += (run.epoch - (total - back)) + (shift - back)
+        run.epoch = total
+        run.now -= shift
+        run.rebases += 1
+        self.scale(max(speed, run.fall))
+        if run.speed > 0.0:
+            run.window = max(run.window, span(run.length, run.speed, run.gravity))
 
     def row(self, tau: float) -> tuple[Array, Array]:
         """Return velocities in m/s, and gaps in m, never negative, at `tau`; nothing moves."""
@@ -192,6 +233,18 @@ class State:
             velocity -= column(self.bodies, "falls") * (g * tau)
         return velocity, gap
 
+    def _check(self) -> None:
+        """Raise where the records cannot be those of a run, for tests: gaps, times, walls, pulls, and the order."""
+        pairs, bodies = (packed(records) for records in (self.pairs, self.bodies))
+        tau, wall = self.run.now, np.isinf(bodies["mass"])
+        assert len(bodies) == len(pairs) + 1 == self.run.pairs + 1
+        assert (pairs["gap"] >= 0.0).all()
+        assert (self.near is not None or pairs["at"].max() <= tau) and pairs["last"].max() <= tau
+        assert ((pairs["hits"] == 0) == (pairs["last"] == -math.inf)).all() and pairs["hits"].sum() == self.run.events
+        assert (bodies["falls"][wall] == 0.0).all() and (bodies["noise"][wall] == 0.0).all()
+        assert (pairs["pull"] == self.run.gravity * np.diff(bodies["falls"])).all()
+        assert math.frexp(self.run.window)[0] == 0.5 and 0.0 <= self.run.fall <= self.run.speed
+
 
 def gaps(pairs: Records, u: Array, tau: float) -> Array:
     """Return the gaps in m, never negative, at `tau` between bodies of free-fall velocities `u`."""
@@ -199,10 +252,6 @@ def gaps(pairs: Records, u: Array, tau: float) -> Array:
     rate, dt = np.diff(u) - pull * at, tau - at
     gap: Array = column(pairs, "gap") + dt * (rate - 0.5 * pull * dt)
     return gap.clip(0.0)
-
-
-CLOCK = [one.name for one in fields(State) if one.name not in ("run", "pairs", "bodies", "last_event")]
-"""Clock, scales and counters: numbers that are saved under their names."""
 
 
 def span(length: float, speed: float, g: float) -> float:
