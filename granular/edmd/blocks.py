@@ -100,3 +100,13 @@ class BlockQueue(TreeQueue):
         longer = float(np.median(high - low)) > 3 * BLOCK
         ends = [] if longer else list(zip(*(x.tolist() for x in (first, last, low, high)), strict=True))
         return speed - g * rest, ends
+
+    def _check(self) -> None:
+        super()._check()
+        edge, (gap, n) = self.state.run.window, (self.state.row(max(self.state.run.now, 0.0))[1], len(self.state.pairs))
+        speed, ends = self._blocks(edge)
+        reach = 2.0 * speed * (edge - max(self.state.run.now, 0.0))
+        assert not ends or [0, *(last for _, last, _, _ in ends)] == [*(first for first, _, _, _ in ends), n]
+        for first, last, low, high in ends:  # nothing outside is felt inside
+            assert low == 0 or gap[low + 1 : first].sum() >= reach
+            assert high == n or gap[last : high - 1].sum() >= reach

@@ -51,6 +51,10 @@ class Verdict:
     last: int
     bound: float
 
+    def __str__(self) -> str:
+        one = self.first == self.last
+        return f"pair {self.first}" if one else f"pairs {self.first} to {self.last}"
+
 
 def begin(state: State, queue: SortedQueue) -> None:
     """Look closely at the neighbourhood of the suspect, which has just collided, from now on."""

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Any
 
 from granular._kernels import kernel, rare
@@ -83,15 +84,11 @@ RULES: dict[str, Solver] = {"newton": newton, "poisson": poisson, "reflect": ref
 
 def complementary(inverse_mass: Floats, q: Floats) -> Row:
     """Solve 0 ≤ p ⟂ W p + q ≥ 0 by a growing set of active pairs."""
-    active = [x < 0.0 for x in q]
-    pinned = inverse_mass[0] == 0.0 and inverse_mass[-1] == 0.0
+    active, tiny, pinned = [x < 0.0 for x in q], noise(q), inverse_mass[0] == 0.0 and inverse_mass[-1] == 0.0
     while True:
         p = solve(inverse_mass, [-x for x in q], active)
-        residual = after(inverse_mass, q, p)
-        tiny = noise(q)
-        new = [not a and r < -tiny for a, r in zip(active, residual, strict=True)]
-        grown = [a or b for a, b in zip(active, new, strict=True)]
-        if not any(new) or (pinned and all(grown)):  # held at both ends the rates sum to 0: the last one is rounding
+        grown = [a or r < -tiny for a, r in zip(active, after(inverse_mass, q, p), strict=True)]
+        if grown == active or (pinned and all(grown)):  # held at both ends the rates sum to 0: the last is rounding
             return p
         active = grown
 
@@ -99,34 +96,29 @@ def complementary(inverse_mass: Floats, q: Floats) -> Row:
 def solve(inverse_mass: Floats, right: Floats, active: Sequence[bool]) -> Row:
     """Solve W p = right on the active pairs (p = 0 elsewhere) by elimination along each run of them."""
     m = len(right)
-    p, pivot, load = [0.0] * m, [0.0] * m, [0.0] * m
+    p, pivot, load = [0.0] * (m + 1), [0.0] * m, [0.0] * m
     for c in range(m):
         if active[c]:
             diagonal = inverse_mass[c] + inverse_mass[c + 1]
-            pivot[c], load[c] = diagonal, right[c]
-            if c > 0 and active[c - 1] and pivot[c - 1] > 0.0:
-                factor = inverse_mass[c] / pivot[c - 1]
-                pivot[c] -= factor * inverse_mass[c]
-                load[c] += factor * load[c - 1]
-            if pivot[c] < 1e-14 * diagonal:
-                pivot[c] = 0.0  # held at both ends: one impulse is free, and is none
+            factor = inverse_mass[c] / pivot[c - 1] if c > 0 and pivot[c - 1] > 0.0 else 0.0
+            left = diagonal - factor * inverse_mass[c]
+            pivot[c] = left if left >= 1e-14 * diagonal else 0.0  # held at both ends: one impulse is free, and is none
+            load[c] = right[c] + factor * load[c - 1]
     for c in range(m - 1, -1, -1):
-        if active[c] and pivot[c] > 0.0:
-            above = inverse_mass[c + 1] * p[c + 1] if c + 1 < m and active[c + 1] else 0.0
-            p[c] = (load[c] + above) / pivot[c]
-    return p
+        if pivot[c] > 0.0:
+            p[c] = (load[c] + inverse_mass[c + 1] * p[c + 1]) / pivot[c]
+    return p[:m]
 
 
 def after(inverse_mass: Floats, rate: Floats, p: Floats) -> Row:
     """Return the rates after impulses `p`: rate + W p."""
-    change = velocity_changes(inverse_mass, p)
-    return [r + (change[c + 1] - change[c]) for c, r in enumerate(rate)]
+    change = pairwise(velocity_changes(inverse_mass, p))
+    return [r + (upper - lower) for r, (lower, upper) in zip(rate, change, strict=True)]
 
 
 def velocity_changes(inverse_mass: Floats, p: Floats) -> Row:
     """Return the velocity changes (m/s) of the bodies by impulses `p` of the pairs."""
-    around = [0.0, *p, 0.0]
-    return [w * (around[i] - around[i + 1]) for i, w in enumerate(inverse_mass)]
+    return [w * (below - above) for w, (below, above) in zip(inverse_mass, pairwise([0.0, *p, 0.0]), strict=True)]
 
 
 def noise(rate: Floats) -> float:
@@ -212,14 +204,10 @@ def _apply(first: int, last: int, p: Row, s: State) -> None:
     fastest = max(abs(body.u) for body in bodies)
     doubt = max(body.noise for body in bodies) + NOISE * (fastest * fastest)
     for body in bodies:
-        body.noise = doubt
-    tiny, c = fastest * 2.0**-40, first
-    while c <= last:
-        end = c
-        while end <= last and abs(_rate(end, s)) <= tiny:
-            end += 1
-        _go_together(c, end, s)
-        c = end + 1
+        body.noise = doubt if body.mass < math.inf else 0.0
+    parted = [c + 1 for c in range(first, last + 1) if abs(_rate(c, s)) > fastest * 2.0**-40]
+    for low, high in pairwise([first, *parted, last + 2]):
+        _go_together(low, high - 1, s)
 
 
 def _rate(c: int, s: State) -> float:

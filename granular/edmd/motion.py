@@ -42,8 +42,6 @@ def predicted(pair: Record, lower: Record, upper: Record) -> float:
     if a == 0.0:
         known = rate < 0.0 and rate * rate >= lower.noise + upper.noise
         return pair.at + pair.gap / -rate if known else math.inf
-    if rate >= 0.0 and a < 0.0:
-        return math.inf
     return pair.at + time_to_contact(pair.gap, rate, a)  # type: ignore[no-any-return]
 
 
@@ -122,19 +120,15 @@ def approaching(pairs: Records, bodies: Records, first: int, now: float) -> int:
 
 
 @kernel
-def rebase(run: Record, pairs: Records, bodies: Records, shift: float) -> float:
-    """Move all gaps to time `shift`, the new zero of time; return the largest relative velocity of neighbours (m/s)."""
-    g, largest = run.gravity, 0.0
+def rebase(run: Record, pairs: Records, bodies: Records, shift: float) -> None:
+    """Move all gaps to time `shift`, the new zero of time."""
     for c in range(len(pairs)):
         pair = pairs[c]
         run.clamps += carry(pair, bodies[c], bodies[c + 1], shift)
         pair.at = 0.0
         pair.last -= shift
-    if g != 0.0:
+    if run.gravity != 0.0:
         for i in range(len(bodies)):
             body = bodies[i]
-            body.u -= body.falls * (g * shift)
+            body.u -= body.falls * (run.gravity * shift)
             body.noise += body.falls * REBASED * (body.u * body.u)
-    for c in range(len(pairs)):
-        largest = max(largest, abs(bodies[c + 1].u - bodies[c].u))
-    return largest

@@ -14,11 +14,12 @@ from granular.edmd import blocks, collapse, outcome
 from granular.edmd.collision import ROW
 from granular.edmd.physics import Physics
 from granular.edmd.sorted_queue import SortedQueue
-from granular.edmd.state import BUDGET, LATER, SUSPECT, UNTIL, State
+from granular.edmd.state import APART, BUDGET, LATER, NEVER, SUSPECT, UNTIL, State
 from granular.edmd.ties import GROUP, ORDER
 from granular.edmd.tree_queue import TreeQueue, pays
 from granular.request import Request
 from granular.trajectory import Status
+from granular.until import Contact
 
 TAIL = 8
 """The last of so many parts of a run that ends at `max_events` tells whether it has slowed down."""
@@ -69,8 +70,11 @@ class Run:
     def __init__(self, physics: Physics, state: State, engine: str, request: Request) -> None:
         self.physics, self.state, self.request = physics, state, request
         self.scene, self.rule = physics.scene, physics.rules
-        state.stop_at(request.until, request.max_events)
-        self.worked, self.began = state.work(), self.time()
+        pair, hits = NEVER if request.until is None else APART, 0
+        if isinstance(request.until, Contact):
+            pair, hits = request.until.pair, request.until.nth - 1
+        state.set(stop_pair=pair, stop_hits=hits, last_event=state.run.events + request.max_events)
+        self.began = self.time(), self._work()
         self.may_compile = engine == "auto"
         fast = engine == "compiled" or (self.may_compile and pays(min(LIKELY * self.scene.n_pairs, request.max_events)))
         self._go_on_with(self._compiled() if fast else SortedQueue)
@@ -150,9 +154,14 @@ class Run:
 
     def _expected(self) -> float:
         """Return the work in collisions that is likely to be left at the pace so far, or as much as was done."""
-        done, left = self.state.work() - self.worked, self.request.end - self.time()
-        ahead = 0.0 if done < TRIAL or left == math.inf else done * left / max(self.time() - self.began, 1e-300)
+        begin, worked = self.began
+        done, took, left = self._work() - worked, self.time() - begin, self.request.end - self.time()
+        ahead = done / took * left if done >= TRIAL and took > 0.0 and left < math.inf else 0.0
         return max(done, min(ahead, float(self.state.run.last_event - self.state.run.events)))
+
+    def _work(self) -> int:
+        """Return the work done so far in collisions; one looked at closely costs as much as eight."""
+        return int(self.state.run.events + 7 * self.state.run.zoomed)
 
     def _settle(self, written: list[Any]) -> None:
         """Take rows that were written since the last re-basing; the frame of the run may fall."""

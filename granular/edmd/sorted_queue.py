@@ -158,3 +158,16 @@ class SortedQueue:
                 why = UNTIL
             if why != TOUCHING:
                 return why
+
+    def _events(self) -> list[tuple[float, int]]:
+        """Return time and rank of the next event of every pair; raise where the queue is out of order."""
+        order, entry = self.queue
+        assert list(order) == sorted([*(one for one in entry if one[0] < math.inf), NOBODY])
+        return list(entry)
+
+    def _check(self) -> None:
+        """Raise where the queue is out of order, or an event not that of its pair but for rounding: for tests."""
+        run, pairs, bodies = self.state.run, *map(plain, (self.state.pairs, self.state.bodies))
+        for c, (time, key) in enumerate(self._events()):
+            assert math.isclose(time, predicted(pairs[c], bodies[c], bodies[c + 1]), rel_tol=1e-9, abs_tol=1e-12)
+            assert key == rank(c, run.order, run.seed, pairs[c].hits)

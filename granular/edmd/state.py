@@ -5,23 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
-from granular import until as conditions
 from granular._check import Array
 from granular._records import Record, Records, column, copied, one, packed, plain
 from granular.edmd.motion import rebase
 from granular.edmd.physics import Physics, felt_gravity, scales, shares
 from granular.edmd.ties import ORDER
 
-FloatOrArray = TypeVar("FloatOrArray", float, Array)
 PAIR = np.dtype(
     [
         ("gap", float), ("at", float),  # m, at that time in s since the epoch
         ("pull", float),  # gravity's closing acceleration, m/s²
-        ("hits", int), ("last", float),  # collisions so far, and the time of the last one in s
+        ("hits", int), ("last", float),  # collisions so far, and the time of the last one not looked at closely in s
         ("streak", int),  # how often a collision in a row looked like a collapse
         ("low", float), ("high", float),  # shares of the lower and the upper body in a change of the rate
         ("eps", float),  # where rules are constant
@@ -153,13 +151,13 @@ class State:
         """Return everything as arrays and numbers, for `Trajectory.state`; nothing of it is copied."""
         run = self.numbers()
         raw: dict[str, Any] = {name: column(self.bodies, name) for name in OF_BODIES}
-        raw |= {name: column(self.pairs, name) for name in OF_PAIRS}
-        raw |= {name: run[name] for name in CLOCK} | {"tally": np.array([run[name] for name in TALLY])}
-        if self.near is None:
-            return raw
-        raw |= {"zoom_first": np.array(run["first"]), "zoom_base": np.array(run["began"])}
-        raw |= {"zoom_dial": np.array([run[name] for name in LOOK], dtype=np.float64)}
-        return raw | {f"zoom_{name}": column(self.near, name) for name in ("gap", "rate")}
+        raw |= {name: column(self.pairs, name) for name in OF_PAIRS} | {name: run[name] for name in CLOCK}
+        raw["tally"] = np.array([run[name] for name in TALLY])
+        if self.near is not None:
+            raw |= {"zoom_first": np.array(run["first"]), "zoom_base": np.array(run["began"])}
+            raw["zoom_dial"] = np.array([run[name] for name in LOOK], dtype=np.float64)
+            raw |= {f"zoom_{name}": column(self.near, name) for name in ("gap", "rate")}
+        return raw
 
     def keep(self, how: Callable[..., Any]) -> None:
         """Keep the records as `plain` objects for interpreted code, or `packed` for compiled code: the same bits."""
@@ -179,49 +177,37 @@ class State:
         end = first + len(self.near)
         return self.pairs[first:end], self.bodies[first : end + 1]
 
-    def stop_at(self, until: conditions.Until | None, max_events: int) -> None:
-        """Set what the run stops at, if anything, and after how many collisions from here."""
-        self.run.last_event = self.run.events + max_events
-        if isinstance(until, conditions.Contact):
-            self.run.stop_pair, self.run.stop_hits = until.pair, until.nth - 1
-        elif isinstance(until, conditions.Separated):
-            self.run.stop_pair = APART
-
     def scale(self, speed: float) -> None:
         """Set the scale of speeds (m/s), and with it, where one may come, what looks like part of a collapse."""
         self.run.speed = speed
         if self.run.slow >= 0.0:
             self.run.slow = math.ldexp(speed, -16)
 
-    def work(self) -> int:
-        """Return the work done so far in collisions; one looked at closely costs as much as eight."""
-        return int(self.run.events + 7 * self.run.zoomed)
-
-    def time(self, tau: FloatOrArray) -> FloatOrArray:
+    def time(self, tau: Any) -> Any:
         """Return the time in s that is `tau` after the epoch."""
-        return self.run.epoch + (self.run.epoch_low + tau)  # type: ignore[no-any-return]
+        return self.run.epoch + (self.run.epoch_low + tau)
 
     def tau(self, time: float) -> float:
         """Return how long after the epoch `time` is."""
         return float((time - self.run.epoch) - self.run.epoch_low)
 
-    def elapsed(self, tau: FloatOrArray) -> FloatOrArray:
+    def elapsed(self, tau: Any) -> Any:
         """Return the time in s from the start of the run to `tau`; it has all its digits however late the start."""
         run = self.run
-        return ((run.epoch - run.start) + run.epoch_low) + tau  # type: ignore[no-any-return]
+        return ((run.epoch - run.start) + run.epoch_low) + tau
 
     def shift_to(self, tau: float, compiler: Callable[[Any], Any]) -> None:
         """Move the epoch on by whole windows, so that `tau` comes to lie in the first one."""
         run = self.run
         shift = tau - math.fmod(tau, run.window)
-        speed = compiler(rebase)(run, self.pairs, self.bodies, shift)
+        compiler(rebase)(run, self.pairs, self.bodies, shift)
         total = run.epoch + shift
         back = total - run.epoch
         run.epoch_low += (run.epoch - (total - back)) + (shift - back)
         run.epoch = total
         run.now -= shift
         run.rebases += 1
-        self.scale(max(speed, run.fall))
+        self.scale(max(float(np.abs(np.diff(column(self.bodies, "u"))).max()), run.fall))
         if run.speed > 0.0:
             run.window = max(run.window, span(run.length, run.speed, run.gravity))
 
@@ -234,16 +220,16 @@ class State:
         return velocity, gap
 
     def _check(self) -> None:
-        """Raise where the records cannot be those of a run, for tests: gaps, times, walls, pulls, and the order."""
-        pairs, bodies = (packed(records) for records in (self.pairs, self.bodies))
-        tau, wall = self.run.now, np.isinf(bodies["mass"])
-        assert len(bodies) == len(pairs) + 1 == self.run.pairs + 1
-        assert (pairs["gap"] >= 0.0).all()
-        assert (self.near is not None or pairs["at"].max() <= tau) and pairs["last"].max() <= tau
-        assert ((pairs["hits"] == 0) == (pairs["last"] == -math.inf)).all() and pairs["hits"].sum() == self.run.events
-        assert (bodies["falls"][wall] == 0.0).all() and (bodies["noise"][wall] == 0.0).all()
-        assert (pairs["pull"] == self.run.gravity * np.diff(bodies["falls"])).all()
-        assert math.frexp(self.run.window)[0] == 0.5 and 0.0 <= self.run.fall <= self.run.speed
+        """Raise where the records cannot be those of a run: for tests."""
+        run, pairs, bodies = self.run, *map(packed, (self.pairs, self.bodies))
+        wall, begun = np.isinf(bodies["mass"]), pairs["hits"] > 0
+        assert len(bodies) == len(pairs) + 1 == run.pairs + 1
+        assert (pairs["gap"] >= 0.0).all() and (pairs["at"] <= max(run.now, 0.0)).all()
+        assert (pairs["pull"] == run.gravity * np.diff(bodies["falls"])).all()
+        assert begun[np.isfinite(pairs["last"])].all() and pairs["hits"].sum() == run.events
+        assert (pairs["last"] <= run.now).all() or self.near is not None
+        assert not (bodies["falls"][wall].any() or bodies["noise"][wall].any()) and (bodies["noise"] >= 0.0).all()
+        assert math.frexp(run.window)[0] == 0.5 and 0.0 <= run.fall <= run.speed
 
 
 def gaps(pairs: Records, u: Array, tau: float) -> Array:

@@ -74,6 +74,12 @@ class TreeQueue(SortedQueue):
         due = self.queue["due"][len(self.queue) // 2 :]
         return min(float(part.min(initial=math.inf)) for part in (due[:first], due[last + 1 :]))
 
+    def _events(self) -> list[tuple[float, int]]:
+        tree, pairs, leaves = self.queue, len(self.state.pairs), len(self.queue) // 2
+        winner = [min(match) for match in tree[2:].reshape(-1, 2).tolist()]
+        assert tree[1:leaves].tolist() == winner and np.isinf(tree["due"][leaves + pairs :]).all()
+        return tree[leaves : leaves + pairs].tolist()  # type: ignore[no-any-return]
+
 
 def pays(work: float) -> bool:
     """Return whether so much work, in collisions, is worth the machine code."""

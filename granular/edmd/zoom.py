@@ -36,8 +36,7 @@ def zoom(
         own, pair, lower, upper = near[j], pairs[j], bodies[j], bodies[j + 1]
         w = rate_at_contact(own.gap, own.rate, pair.pull)
         e = pair.eps if rule is None else rule(run.first + j, -w)
-        run.clamped += advance(near, pairs, dt)
-        run.elapsed += dt
+        advance(run, near, pairs, dt)
         run.suspect = run.first + j
         if rows is not None:
             row, tau = rows[run.events - begin], run.began + run.elapsed
@@ -114,21 +113,15 @@ def touches(near: Records, pairs: Records, j: int, dt: float) -> bool:
 
 
 @kernel
-def advance(near: Records, pairs: Records, dt: float) -> int:
-    """Move all gaps and rates on by `dt`; return the number of gaps clamped at 0."""
-    clamps = 0
+def advance(run: Record, near: Records, pairs: Records, dt: float) -> None:
+    """Move all gaps and rates on by `dt`; count the gaps clamped at 0."""
     for j in range(len(near)):
         own, a = near[j], pairs[j].pull
-        if a == 0.0 and own.rate == 0.0:
-            continue
-        d = gap_after(own.gap, own.rate, a, dt)
-        if d < 0.0:
-            d = 0.0
-            clamps += 1
-        own.gap = d
-        if a != 0.0:
-            own.rate -= a * dt
-    return clamps
+        gap = gap_after(own.gap, own.rate, a, dt)
+        run.clamped += gap < 0.0
+        own.gap = gap if gap > 0.0 else 0.0
+        own.rate -= a * dt
+    run.elapsed += dt
 
 
 @kernel
