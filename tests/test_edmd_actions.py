@@ -40,7 +40,7 @@ class Acting:
         self.queue = queues[0](self.state, self.physics)
 
     def edge(self):
-        return math.nextafter(float(self.state.run.window), 0.0)
+        return math.nextafter(float(self.state.clock.window), 0.0)
 
     def one_more(self):
         """Let one more collision act, for only after one can be looked closely; return whether that was possible."""
@@ -133,7 +133,7 @@ def test_merges_are_counted_in_blocks_too(monkeypatch) -> None:
     scene = Scene(np.ones(2000), np.zeros(2000), random.uniform(0.5, 1.5, 1999), random.normal(size=2000))
     for large in (10**9, 100):
         monkeypatch.setattr(blocks, "LARGE", large)
-        options = {"collapse": "merge", "merge_below": 0.05, "engine": "compiled", "log": False, "t_end": 3.0}
+        options = {"collapse": "merge", "merge_below": 0.05, "engine": "compiled", "log": False, "t_end": 30.0}
         stats.append(edmd.simulate(scene, ConstantRestitution(0.7), **options).stats)
     assert stats[0] == stats[1]
     assert stats[0]["merged"] > 10

@@ -14,7 +14,7 @@ import numpy as np
 
 from granular._records import copied, one, packed, raw
 from granular.edmd.sorted_queue import Rows
-from granular.edmd.state import LATER, NEVER, RUN, TALLY, State
+from granular.edmd.state import LATER, NEVER, RUN, State
 from granular.edmd.ties import RANDOM
 from granular.edmd.tree_queue import TreeQueue
 
@@ -77,12 +77,12 @@ class BlockQueue(TreeQueue):
     def _run(self, low: int, high: int, edge: float, speed: float) -> State | None:
         """Run pairs `low` … `high` - 1 alone; return what becomes of them, None if that may not be kept."""
         s, fastest = self.state, np.zeros(1)
-        part = State(one(packed([s.run], RUN)), copied(s.pairs[low:high]), copied(s.bodies[low : high + 1]))
-        part.run.edge, part.run.enough = edge, 1 << 40
+        part = State(one(packed([s.run], RUN)), s.clock, copied(s.pairs[low:high]), copied(s.bodies[low : high + 1]))
+        part.run.edge, part.run.budget = edge, 1 << 40
         tree = TreeQueue(part, self.physics).queue
         pause = self.kernel(self.loop)(part.run, part.pairs, part.bodies, tree, None, None, fastest)
-        counted = all(getattr(part.run, name) == getattr(s.run, name) for name in TALLY)
-        return part if pause == LATER and counted and fastest[0] <= speed else None
+        same = (part.run.clamps, part.run.merged) == (s.run.clamps, s.run.merged)
+        return part if pause == LATER and same and fastest[0] <= speed else None
 
     def _blocks(self, edge: float) -> tuple[float, list[tuple[int, int, int, int]]]:
         """Return the speed allowed for, and first and end of each block, and with its halo; none if those are long."""
@@ -103,7 +103,7 @@ class BlockQueue(TreeQueue):
 
     def _check(self) -> None:
         super()._check()
-        edge, (gap, n) = self.state.run.window, (self.state.row(max(self.state.run.now, 0.0))[1], len(self.state.pairs))
+        edge, (gap, n) = self.state.clock.window, (self.state.row(max(self.state.run.now, 0.0))[1], len(self.state.pairs))
         speed, ends = self._blocks(edge)
         reach = 2.0 * speed * (edge - max(self.state.run.now, 0.0))
         assert not ends or [0, *(last for _, last, _, _ in ends)] == [*(first for first, _, _, _ in ends), n]

@@ -60,7 +60,7 @@ def begin(state: State, queue: SortedQueue) -> None:
     """Look closely at the neighbourhood of the suspect, which has just collided, from now on."""
     run, c = state.run, int(state.run.suspect)
     first, end = max(0, c - REACH), min(len(state.pairs), c + REACH + 1)
-    state.set(first=first, began=run.now, elapsed=0.0, looked=0, ordinary=0, clamped=0, faint=0, zooms=run.zooms + 1)
+    state.set(first=first, began=run.now, elapsed=0.0, looked=0, ordinary=0, clamped=0, faint=0, zooms=state.clock.zooms + 1)
     if run.zoomed >= PATIENCE * (end - first) ** 2:
         run.allowance = STEP
     state.near = near = np.zeros(end - first, NEAR)
@@ -80,8 +80,8 @@ def look(
     run, near, seen = state.run, state.near, state.run.events
     assert near is not None
     rows = None if log is None else queue.rows(budget)
-    run.room = min(queue.soonest(run.first, run.first + len(near) - 1), run.window) - run.began
-    run.edge, run.enough = limit, seen + (budget if rows is None else len(rows))
+    run.room = min(queue.soonest(run.first, run.first + len(near) - 1), state.clock.window) - run.began
+    run.edge, run.budget = limit, budget if rows is None else len(rows)
     end: int = queue.kernel(zoom)(run, near, *state.slices(), physics.rule, rows)
     run.now = run.began + run.elapsed
     if log is not None and rows is not None:
@@ -91,7 +91,7 @@ def look(
     verdict = Verdict("exact", int(run.suspect), int(run.suspect), 0.0) if end == RESTS else None
     if end in (TINY, SPENT):
         verdict = judged(state, physics)
-        if verdict is None or not (end == TINY or verdict.bound < 1e-9 * run.speed):
+        if verdict is None or not (end == TINY or verdict.bound < 1e-9 * state.clock.speed):
             verdict = None
             if end == SPENT and run.zoomed >= PATIENCE * len(near) ** 2:
                 run.allowance = run.looked + STEP
@@ -114,7 +114,7 @@ def finish(state: State, queue: SortedQueue) -> None:
     if run.looked > 0:
         (pairs, bodies), rate = state.slices(), column(near, "rate")
         held = np.diff(column(bodies, "u")) - column(pairs, "pull") * column(pairs, "at")
-        run.lost += int((np.abs(held - rate) > 0.5 * np.abs(rate)).sum())
+        state.clock.lost += int((np.abs(held - rate) > 0.5 * np.abs(rate)).sum())
         queue.refresh(run.first, run.first + len(near) - 1)
     run.clamps += run.clamped
     state.near = None
@@ -142,7 +142,7 @@ def _faint(state: State, physics: Physics) -> Verdict | None:
         verdict = judged(state, physics, SLOW * 2.0**-k)
         if verdict is None:
             break
-        if verdict.bound < ROUNDING * state.run.speed and _is_alone(state, verdict):
+        if verdict.bound < ROUNDING * state.clock.speed and _is_alone(state, verdict):
             state.run.faint += 1
             return verdict if state.run.faint >= 2 else None
     state.run.faint = 0
@@ -163,8 +163,8 @@ def judged(state: State, physics: Physics, share: float = SLOW, collided: int | 
     Proved, bounded, or nothing. `collided`, a pair of the slice, stands for the suspect if it is given.
     """
     run, gap, rate = state.run, column(state.near, "gap"), column(state.near, "rate")
-    tiny = run.speed * share
-    slow = (np.abs(rate) < tiny) & (gap < tiny * run.window)
+    tiny = state.clock.speed * share
+    slow = (np.abs(rate) < tiny) & (gap < tiny * state.clock.window)
     low = high = j = int(run.suspect - run.first) if collided is None else collided
     while low > 0 and slow[low - 1]:
         low -= 1

@@ -156,7 +156,7 @@ def collide_as_one(s: State, physics: Physics, log: list[Any] | None) -> tuple[i
     hit = [k for k in range(first, last + 1) if p[k - first] > 0.0]
     if run.stop_pair in hit and s.pairs[run.stop_pair].hits >= run.stop_hits:
         return UNTIL, c, c
-    if run.events + len(hit) > run.last_event:
+    if run.events + len(hit) > s.clock.last_event:
         return BUDGET, c, c
     before = _velocities(first, last, s)
     _apply(first, last, p, s)

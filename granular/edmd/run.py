@@ -74,17 +74,18 @@ class Run:
         if isinstance(request.until, Contact):
             pair, hits = request.until.pair, request.until.nth - 1
         state.set(stop_pair=pair, stop_hits=hits, last_event=state.run.events + request.max_events)
+        self.events = int(state.run.events)
         self.began = self.time(), self._work()
         self.may_compile = engine == "auto"
         fast = engine == "compiled" or (self.may_compile and pays(min(LIKELY * self.scene.n_pairs, request.max_events)))
         self._go_on_with(self._compiled() if fast else SortedQueue)
-        self.tail = state.run.last_event - request.max_events // TAIL
-        self.pace = [(state.run.events, self.time())]  # at the beginning and where the tail begins
+        self.tail = state.clock.last_event - request.max_events // TAIL
+        self.pace = [(self.events, self.time())]  # at the beginning and where the tail begins
         self.verdict: collapse.Verdict | None = None
         self.settled: list[Rows] = []
         self.fall = self.scene.gravity - float(state.run.gravity)  # m/s², with which the frame of the run falls
         self.close_after = close_after(self.scene)
-        self.horizon = float(state.run.start) + (1.0 - MARGIN) * self.close_after  # s, the last time with room for balls
+        self.horizon = float(state.clock.start) + (1.0 - MARGIN) * self.close_after  # s, the last time with room for balls
 
     def _compiled(self) -> type[TreeQueue]:
         self.may_compile = False
@@ -102,13 +103,12 @@ class Run:
 
         A row at the start shows the scene before anything acts.
         """
-        state, run, seen = self.state, self.state.run, self.state.run.events
+        state, seen = self.state, self.events
         while last or time > self.request.start:
-            limit, before = state.tau(min(time, self.horizon)), run.events
-            if time >= self.horizon and limit <= run.now:
+            limit, before = state.tau(min(time, self.horizon)), self.events
+            if time >= self.horizon and limit <= state.run.now:
                 return Pause.collapse
             why = self._advance(limit)
-            run = state.run
             if self.verdict is not None:
                 return Pause.collapse
             if why == UNTIL:
@@ -121,9 +121,9 @@ class Run:
                 self.queue.rebuild()
             elif why == SUSPECT:
                 collapse.begin(state, self.queue)
-            elif why == BUDGET and run.events in (before, run.last_event):  # or a group that is too large
+            elif why == BUDGET and self.events in (before, state.clock.last_event):  # or a group that is too large
                 return Pause.work
-            if run.events - seen >= LOOK:
+            if self.events - seen >= LOOK:
                 return Pause.full
         return Pause.reached
 
@@ -139,17 +139,17 @@ class Run:
         state = self.state
         if self.may_compile and pays(self._expected()):
             self._go_on_with(self._compiled())
-        run = state.run
-        goal = self.tail if run.events < self.tail else run.last_event
-        budget = min(self.queue.chunk, goal - run.events)
+        goal = self.tail if self.events < self.tail else state.clock.last_event
+        budget = min(self.queue.chunk, goal - self.events)
         rows: list[Any] | None = [] if self.request.rows else None
         if state.near is None:
-            why = self.queue.advance(min(limit, math.nextafter(run.window, 0.0)), budget, rows)
+            why = self.queue.advance(min(limit, math.nextafter(state.clock.window, 0.0)), budget, rows)
         else:
             why, self.verdict = collapse.look(state, self.physics, self.queue, limit, budget, rows)
+        self.events = int(state.run.events)
         self._settle(rows or [])
-        if len(self.pace) == 1 and run.events >= self.tail:
-            self.pace.append((run.events, self.time()))
+        if len(self.pace) == 1 and self.events >= self.tail:
+            self.pace.append((self.events, self.time()))
         return why
 
     def _expected(self) -> float:
@@ -157,7 +157,7 @@ class Run:
         begin, worked = self.began
         done, took, left = self._work() - worked, self.time() - begin, self.request.end - self.time()
         ahead = done / took * left if done >= TRIAL and took > 0.0 and left < math.inf else 0.0
-        return max(done, min(ahead, float(self.state.run.last_event - self.state.run.events)))
+        return max(done, min(ahead, float(self.state.clock.last_event - self.events)))
 
     def _work(self) -> int:
         """Return the work done so far in collisions; one looked at closely costs as much as eight."""
@@ -186,7 +186,7 @@ class Run:
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of collisions so far."""
-        return self.time(), int(self.state.run.events)
+        return self.time(), self.events
 
     def row(self, time: float) -> Row:
         """Return the scene now."""

@@ -28,11 +28,11 @@ def loop(
     run: Record, pairs: Records, bodies: Records, queue: Any, rule: Restitution | None, rows: Records | None,
     fastest: Records | None,
 ) -> int:
-    """Let events act until `run.edge` and until there are `run.enough`; return why it pauses.
+    """Let events act until `run.edge`, at most `run.budget` of them; return why it pauses.
 
     `rows` takes the log; `fastest`, if it is an array, the largest speed after a collision.
     """
-    begin, witness = run.events, 0
+    done, witness = 0, 0
     while True:
         now, c = head(queue)
         if now > run.edge:
@@ -40,17 +40,18 @@ def loop(
         if c == run.stop_pair and pairs[c].hits >= run.stop_hits:
             run.now = now
             return UNTIL
-        if run.events >= run.enough:
+        if done >= run.budget:
             return BUDGET
         run.now, run.suspect = now, c
         if run.order == GROUP:
             first, last = group(pairs, bodies, c, now)
             if first < last:
                 return TOUCHING
-        row = None if rows is None else rows[run.events - begin]
+        row = None if rows is None else rows[done]
         first, last, rebound = event(run, pairs, bodies, c, now, rule, row)
-        run.events += 1
         run.rebound = rebound
+        run.events += 1
+        done += 1
         if fastest is not None:
             below, above = velocities(bodies[c], bodies[c + 1], run.gravity, now)
             fastest[0] = max(fastest[0], abs(below), abs(above))
@@ -144,9 +145,11 @@ class SortedQueue:
         Returns why it pauses.
         """
         s, run = self.state, self.state.run
-        run.edge, run.enough = edge, run.events + budget
+        enough = run.events + budget
         while True:
-            rows, begin = None if log is None else self.rows(budget), run.events
+            begin = run.events
+            run.edge, run.budget = edge, enough - begin
+            rows = None if log is None else self.rows(enough - begin)
             why: int = self.kernel(self.loop)(run, s.pairs, s.bodies, self.queue, self.physics.rule, rows, None)
             if log is not None and rows is not None:
                 log.append(rows[: run.events - begin].copy())

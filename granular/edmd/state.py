@@ -41,13 +41,9 @@ RUN = np.dtype(
     [
         ("pairs", int), ("gravity", float), ("tc", float), ("elastic_below", float), ("merge_below", float),
         ("order", int), ("seed", int),  # of ties
-        ("start", float), ("epoch", float), ("epoch_low", float), ("now", float),  # s: first row; clock; last event
-        ("length", float), ("window", float),  # m, the mean gap at the start; s, a power of two, grows as balls slow down
-        ("speed", float), ("fall", float),  # m/s, scale of relative velocities, never below what falling `length` gives
-        ("events", int), ("rebases", int), ("zooms", int), ("zoomed", int),  # collisions; in closer looks
-        ("clamps", int), ("merged", int), ("lost", int),  # gaps set to 0, collisions merged, rates lost to rounding
-        ("last_event", int),  # events at which the run ends
-        ("edge", float), ("enough", int),  # until when to go now, and how many events there are then at most
+        ("now", float), ("events", int), ("zoomed", int),  # tau of the last event; collisions, those in closer looks
+        ("clamps", int), ("merged", int),  # gaps set to 0, collisions merged
+        ("edge", float), ("budget", int),  # until when to go now, and for how many events at most
         ("stop_pair", int), ("stop_hits", int),  # pause before this pair, which has collided so often, collides again
         ("slow", float), ("short", float),  # what looks like a collapse, m/s (< 0: nothing does) and s
         ("suspect", int), ("rebound", float),  # the pair that collided last, in a closer look too; its rate after, m/s
@@ -62,9 +58,20 @@ RUN = np.dtype(
     ],
     align=True,
 )  # fmt: skip
+"""Numbers that kernels know."""
+CLOCK = np.dtype(
+    [
+        ("start", float), ("epoch", float), ("epoch_low", float),  # s: the first row; the zero of tau
+        ("length", float), ("window", float),  # m, the mean gap at the start; s, a power of two, grows as balls slow down
+        ("speed", float), ("fall", float),  # m/s, scale of relative velocities, never below what falling `length` gives
+        ("rebases", int), ("zooms", int), ("lost", int),  # closer looks, and rates lost to rounding in them
+        ("last_event", int),  # events at which the run ends
+    ]
+)  # fmt: skip
+"""Numbers that they do not."""
 OF_PAIRS, OF_BODIES = ("gap", "at", "pull", "hits", "last", "streak"), ("u", "falls", "noise")
 """What changes, by the names under which it is saved."""
-CLOCK = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "now",
+SAVED = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "now",
          "events", "rebases", "zooms", "zoomed", "allowance", "short")  # fmt: skip
 TALLY, LOOK = ("clamps", "merged", "lost"), ("elapsed", "looked", "ordinary", "clamped", "faint")
 """Numbers that are saved as arrays; of an older closer look, there are less."""
@@ -87,6 +94,7 @@ class State:
     """
 
     run: Record
+    clock: Record
     pairs: Records
     bodies: Records
     near: Records | None = None
@@ -102,7 +110,7 @@ class State:
         pairs["low"], pairs["high"] = shares(scene)
         speed, fall, length = scales(scene)
         window, remedied = span(length, speed, g), any(options[x] > 0.0 for x in ("tc", "elastic_below", "merge_below"))
-        state = cls(plain(np.zeros(1, RUN))[0], pairs, bodies)
+        state = cls(*(plain(np.zeros(1, dtype))[0] for dtype in (RUN, CLOCK)), pairs, bodies)
         state.set(
             pairs=len(pairs), gravity=g, tc=options["tc"], elastic_below=options["elastic_below"],
             merge_below=options["merge_below"], order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
@@ -125,9 +133,9 @@ class State:
             state.pairs[name] = saved[name]
         for name in OF_BODIES:
             state.bodies[name] = saved.get(name, 0.0)
-        state.set(**{name: np.asarray(saved[name]).item() for name in CLOCK})
+        state.set(**{name: np.asarray(saved[name]).item() for name in SAVED})
         state.set(**dict(zip(TALLY, saved["tally"].tolist(), strict=True)))
-        state.scale(state.run.speed)
+        state.scale(state.clock.speed)
         if "noise" not in saved:
             state.bodies["u"] += (physics.scene.gravity - state.run.gravity) * state.elapsed(0.0)
         if "zoom_gap" in saved:
@@ -140,18 +148,19 @@ class State:
     def set(self, **numbers: Any) -> None:
         """Set numbers of the run."""
         for name, value in numbers.items():
-            setattr(self.run, name, value)
+            setattr(self.run if name in RUN.fields else self.clock, name, value)
 
     def numbers(self) -> dict[str, Any]:
         """Return the numbers of the run by name."""
-        assert RUN.names is not None
-        return dict(zip(RUN.names, packed([self.run], RUN).tolist()[0], strict=True))
+        run = self.run if isinstance(self.run, np.record) else packed([self.run], RUN)[0]
+        clock = packed([self.clock], CLOCK)[0]
+        return {name: value for x in (run, clock) for name, value in zip(x.dtype.names, x.tolist(), strict=True)}
 
     def checkpoint(self) -> dict[str, Any]:
         """Return everything as arrays and numbers, for `Trajectory.state`; nothing of it is copied."""
         run = self.numbers()
         raw: dict[str, Any] = {name: column(self.bodies, name) for name in OF_BODIES}
-        raw |= {name: column(self.pairs, name) for name in OF_PAIRS} | {name: run[name] for name in CLOCK}
+        raw |= {name: column(self.pairs, name) for name in OF_PAIRS} | {name: run[name] for name in SAVED}
         raw["tally"] = np.array([run[name] for name in TALLY])
         if self.near is not None:
             raw |= {"zoom_first": np.array(run["first"]), "zoom_base": np.array(run["began"])}
@@ -163,7 +172,7 @@ class State:
         """Keep the records as `plain` objects for interpreted code, or `packed` for compiled code: the same bits."""
         self.pairs, self.bodies = how(self.pairs), how(self.bodies)
         self.near = self.near if self.near is None else how(self.near)
-        if isinstance(self.pairs, np.ndarray):
+        if isinstance(self.pairs, np.ndarray) and not isinstance(self.run, np.record):
             self.run = one(packed([self.run], RUN))
 
     def copied(self) -> State:
@@ -179,37 +188,36 @@ class State:
 
     def scale(self, speed: float) -> None:
         """Set the scale of speeds (m/s), and with it, where one may come, what looks like part of a collapse."""
-        self.run.speed = speed
+        self.clock.speed = speed
         if self.run.slow >= 0.0:
             self.run.slow = math.ldexp(speed, -16)
 
     def time(self, tau: Any) -> Any:
         """Return the time in s that is `tau` after the epoch."""
-        return self.run.epoch + (self.run.epoch_low + tau)
+        return self.clock.epoch + (self.clock.epoch_low + tau)
 
     def tau(self, time: float) -> float:
         """Return how long after the epoch `time` is."""
-        return float((time - self.run.epoch) - self.run.epoch_low)
+        return float((time - self.clock.epoch) - self.clock.epoch_low)
 
     def elapsed(self, tau: Any) -> Any:
         """Return the time in s from the start of the run to `tau`; it has all its digits however late the start."""
-        run = self.run
-        return ((run.epoch - run.start) + run.epoch_low) + tau
+        return ((self.clock.epoch - self.clock.start) + self.clock.epoch_low) + tau
 
     def shift_to(self, tau: float, compiler: Callable[[Any], Any]) -> None:
         """Move the epoch on by whole windows, so that `tau` comes to lie in the first one."""
-        run = self.run
-        shift = tau - math.fmod(tau, run.window)
-        compiler(rebase)(run, self.pairs, self.bodies, shift)
-        total = run.epoch + shift
-        back = total - run.epoch
-        run.epoch_low += (run.epoch - (total - back)) + (shift - back)
-        run.epoch = total
-        run.now -= shift
-        run.rebases += 1
-        self.scale(max(float(np.abs(np.diff(column(self.bodies, "u"))).max()), run.fall))
-        if run.speed > 0.0:
-            run.window = max(run.window, span(run.length, run.speed, run.gravity))
+        clock = self.clock
+        shift = tau - math.fmod(tau, clock.window)
+        compiler(rebase)(self.run, self.pairs, self.bodies, shift)
+        total = clock.epoch + shift
+        back = total - clock.epoch
+        clock.epoch_low += (clock.epoch - (total - back)) + (shift - back)
+        clock.epoch = total
+        clock.rebases += 1
+        self.run.now -= shift
+        self.scale(max(float(np.abs(np.diff(column(self.bodies, "u"))).max()), clock.fall))
+        if clock.speed > 0.0:
+            clock.window = max(clock.window, span(clock.length, clock.speed, float(self.run.gravity)))
 
     def row(self, tau: float) -> tuple[Array, Array]:
         """Return velocities in m/s, and gaps in m, never negative, at `tau`; nothing moves."""
@@ -229,7 +237,7 @@ class State:
         assert begun[np.isfinite(pairs["last"])].all() and pairs["hits"].sum() == run.events
         assert (pairs["last"] <= run.now).all() or self.near is not None
         assert not (bodies["falls"][wall].any() or bodies["noise"][wall].any()) and (bodies["noise"] >= 0.0).all()
-        assert math.frexp(run.window)[0] == 0.5 and 0.0 <= run.fall <= run.speed
+        assert math.frexp(self.clock.window)[0] == 0.5 and 0.0 <= self.clock.fall <= self.clock.speed
 
 
 def gaps(pairs: Records, u: Array, tau: float) -> Array:

@@ -27,25 +27,26 @@ def zoom(
     run: Record, near: Records, pairs: Records, bodies: Records, rule: Restitution | None, rows: Records | None
 ) -> int:
     """Advance the slice; return how it ended."""
-    begin = run.events
+    done = 0
     while True:
         j, dt = soonest(run, near, pairs)
         why = obstacle(run, near, pairs, j, dt)
-        if why != GOES_ON:
-            return why
+        if why != GOES_ON or done == run.budget:
+            return BUDGET if why == GOES_ON else why
         own, pair, lower, upper = near[j], pairs[j], bodies[j], bodies[j + 1]
         w = rate_at_contact(own.gap, own.rate, pair.pull)
         e = pair.eps if rule is None else rule(run.first + j, -w)
         advance(run, near, pairs, dt)
         run.suspect = run.first + j
         if rows is not None:
-            row, tau = rows[run.events - begin], run.began + run.elapsed
+            row, tau = rows[done], run.began + run.elapsed
             row.pair, row.t_begin = run.suspect, tau
             row.lower_in, row.upper_in = velocities(lower, upper, run.gravity, tau)
         bounce(near, pairs, bodies, j, w, e)
         if rows is not None:
             row.lower_out, row.upper_out = velocities(lower, upper, run.gravity, tau)
             row.impulse = impulse(lower, upper, (1.0 + e) * w)
+        done += 1
         run.events += 1
         run.zoomed += 1
         run.looked += 1
@@ -80,7 +81,7 @@ def obstacle(run: Record, near: Records, pairs: Records, j: int, dt: float) -> i
     if c == run.stop_pair and pairs[j].hits >= run.stop_hits:
         run.elapsed += dt
         return UNTIL
-    return BUDGET if run.events >= run.enough else GOES_ON
+    return GOES_ON
 
 
 @kernel
