@@ -73,12 +73,16 @@ class Acting:
             self.state = State.restored(self.physics, {k: np.array(v) for k, v in s.checkpoint().items()})
             self.state.set(stop_pair=NEVER, last_event=10**9, suspect=-1)
             self.queue = type(self.queue)(self.state, self.physics)
+        self.check()
+
+    def check(self):
         self.state._check()
         self.queue._check()
 
 
 @given(
-    seed=st.integers(0, 10**6), n=st.integers(2, 80), gravity=st.sampled_from([0.0, 1.0]), eps=st.sampled_from([1.0, 0.7]),
+    seed=st.integers(0, 10**6), n=st.integers(2, 80), gravity=st.sampled_from([0.0, 1.0]),
+    eps=st.sampled_from([1.0, 0.7]),
     extra=st.sampled_from([{}, {"ties": "right"}, {"ties": "random"}, {"ties": "poisson"}, {"collapse": "merge"}]),
     actions=st.lists(st.sampled_from(ACTIONS), min_size=4, max_size=10),
 )  # fmt: skip
@@ -121,22 +125,25 @@ def test_damage_is_seen(damage) -> None:
     else:
         setattr(pair, damage, -1.0 if damage != "hits" else pair.hits + 1)
     with pytest.raises(AssertionError):
-        acting.state._check()
-        acting.queue._check()
+        acting.check()
 
 
 def test_merges_are_counted_in_blocks_too(monkeypatch) -> None:
     """Those of the whole scene, each once, though blocks overlap: they were lost."""
     pytest.importorskip("numba")
     monkeypatch.setattr(blocks, "BLOCK", 256)
+    swept, sweep = [], blocks.BlockQueue._sweep
+    monkeypatch.setattr(blocks.BlockQueue, "_sweep", lambda self, *a: swept.append(sweep(self, *a)) or swept[-1])
     random, stats = np.random.default_rng(5), []
     scene = Scene(np.ones(2000), np.zeros(2000), random.uniform(0.5, 1.5, 1999), random.normal(size=2000))
     for large in (10**9, 100):
         monkeypatch.setattr(blocks, "LARGE", large)
-        options = {"collapse": "merge", "merge_below": 0.05, "engine": "compiled", "log": False, "t_end": 30.0}
+        options = {"collapse": "merge", "merge_below": 0.05, "engine": "compiled", "log": False, "t_end": 30.0,
+                   "samples": 31}  # fmt: skip
         stats.append(edmd.simulate(scene, ConstantRestitution(0.7), **options).stats)
     assert stats[0] == stats[1]
     assert stats[0]["merged"] > 10
+    assert len(swept) > 10
 
 
 def test_walls_stay_exact_when_a_group_hits_them() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from granular._records import Records, column
 from granular.edmd.motion import approaching
 from granular.edmd.physics import Physics
 from granular.edmd.sorted_queue import Rows, SortedQueue
-from granular.edmd.state import APART, NEAR, RESTS, SPENT, TINY, UNTIL, BUDGET, LATER, State, gaps
+from granular.edmd.state import APART, BUDGET, LATER, NEAR, RESTS, SPENT, TINY, UNTIL, State, gaps
 from granular.edmd.zoom import write_back, zoom
 
 REACH = 64
@@ -60,7 +59,8 @@ def begin(state: State, queue: SortedQueue) -> None:
     """Look closely at the neighbourhood of the suspect, which has just collided, from now on."""
     run, c = state.run, int(state.run.suspect)
     first, end = max(0, c - REACH), min(len(state.pairs), c + REACH + 1)
-    state.set(first=first, began=run.now, elapsed=0.0, looked=0, ordinary=0, clamped=0, faint=0, zooms=state.clock.zooms + 1)
+    state.set(first=first, began=run.now, elapsed=0.0, looked=0, ordinary=0, clamped=0, faint=0)
+    state.clock.zooms += 1
     if run.zoomed >= PATIENCE * (end - first) ** 2:
         run.allowance = STEP
     state.near = near = np.zeros(end - first, NEAR)

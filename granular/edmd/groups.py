@@ -165,7 +165,7 @@ def collide_as_one(s: State, physics: Physics, log: list[Any] | None) -> tuple[i
         s.pairs[k].hits, s.pairs[k].last = s.pairs[k].hits + 1, now
     if log is not None:
         row: Any = twin(ROW)
-        log.append([row(first + i, now, *before[i : i + 2], *parted[i : i + 2], p[i]) for i in (k - first for k in hit)])
+        log.append([row(first + i, now, *before[i : i + 2], *parted[i : i + 2], x) for i, x in enumerate(p) if x > 0.0])
     run.events += len(hit)
     if not hit and predicted(s.pairs[c], s.bodies[c], s.bodies[c + 1]) <= now:
         raise gave_up(physics.options["ties"])

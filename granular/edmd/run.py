@@ -74,7 +74,7 @@ class Run:
         if isinstance(request.until, Contact):
             pair, hits = request.until.pair, request.until.nth - 1
         state.set(stop_pair=pair, stop_hits=hits, last_event=state.run.events + request.max_events)
-        self.events = int(state.run.events)
+        self.events = int(state.run["events"])
         self.began = self.time(), self._work()
         self.may_compile = engine == "auto"
         fast = engine == "compiled" or (self.may_compile and pays(min(LIKELY * self.scene.n_pairs, request.max_events)))
@@ -85,7 +85,7 @@ class Run:
         self.settled: list[Rows] = []
         self.fall = self.scene.gravity - float(state.run.gravity)  # m/s², with which the frame of the run falls
         self.close_after = close_after(self.scene)
-        self.horizon = float(state.clock.start) + (1.0 - MARGIN) * self.close_after  # s, the last time with room for balls
+        self.horizon = float(state.clock.start) + (1.0 - MARGIN) * self.close_after  # s: no room for balls later
 
     def _compiled(self) -> type[TreeQueue]:
         self.may_compile = False
@@ -131,7 +131,7 @@ class Run:
         """Stand at `time`, tau = `limit`, or where the walls leave no room, since nothing happens before."""
         if time == self.horizon == math.inf:
             return Pause.quiet
-        self.state.run.now = limit
+        self.state.run["now"] = limit
         return Pause.reached if time <= self.horizon else Pause.collapse
 
     def _advance(self, limit: float) -> int:
@@ -146,7 +146,7 @@ class Run:
             why = self.queue.advance(min(limit, math.nextafter(state.clock.window, 0.0)), budget, rows)
         else:
             why, self.verdict = collapse.look(state, self.physics, self.queue, limit, budget, rows)
-        self.events = int(state.run.events)
+        self.events = int(state.run["events"])
         self._settle(rows or [])
         if len(self.pace) == 1 and self.events >= self.tail:
             self.pace.append((self.events, self.time()))
@@ -182,7 +182,7 @@ class Run:
 
     def time(self) -> float:
         """Return the time in s up to which the run has got."""
-        return float(self.state.time(self.state.run.now))
+        return float(self.state.time(self.state.run["now"]))
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of collisions so far."""

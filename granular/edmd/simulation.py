@@ -71,7 +71,7 @@ def simulate(
         ``on_progress(t, events)`` now and then.
     engine : str
         "sorted" (the reference), "compiled" (numba; the same results bit for bit; constant restitution and sequential
-        ties only), or "auto": begins with the reference and goes over to compiled as soon as the collisions made so far,
+        ties only), or "auto": begins with the reference and goes over to compiled as soon as the collisions made,
         or those to expect until `t_end` or of a large scene, pay for it.
     ties : str
         What simultaneous collisions do. One after the other: "left" (the lowest pair first), "right", or "random"
@@ -108,8 +108,9 @@ def simulate(
     so late times cost no digits. A collapse is a verdict, never an impression: see `granular.edmd.collapse`.
     """
     physics = checked(
-        scene, rule, collapse=collapse, merge_below=merge_below, ties=ties, seed=seed, tc=tc, elastic_below=elastic_below
-    )
+        scene, rule, collapse=collapse, merge_below=merge_below, ties=ties, seed=seed, tc=tc,
+        elastic_below=elastic_below,
+    )  # fmt: skip
     start = _check.number("t_start", t_start)
     request = requested(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, on_event=on_event,

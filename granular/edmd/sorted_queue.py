@@ -111,7 +111,7 @@ class SortedQueue:
     kernel: Callable[[Any], Any] = staticmethod(lambda function: function)
     hold: Callable[[Records], Records] = staticmethod(plain)
     loop, predict = staticmethod(loop), staticmethod(refresh)
-    queue: Any
+    queue: Any = None
 
     def __init__(self, state: State, physics: Physics) -> None:
         state.keep(self.hold)
@@ -145,14 +145,14 @@ class SortedQueue:
         Returns why it pauses.
         """
         s, run = self.state, self.state.run
-        enough = run.events + budget
+        enough = run["events"] + budget
         while True:
-            begin = run.events
-            run.edge, run.budget = edge, enough - begin
+            begin = run["events"]
+            run["edge"], run["budget"] = edge, enough - begin
             rows = None if log is None else self.rows(enough - begin)
             why: int = self.kernel(self.loop)(run, s.pairs, s.bodies, self.queue, self.physics.rule, rows, None)
             if log is not None and rows is not None:
-                log.append(rows[: run.events - begin].copy())
+                log.append(rows[: run["events"] - begin].copy())
             if why != TOUCHING:
                 return why
             why, first, last = collide_as_one(s, self.physics, log)
@@ -170,7 +170,8 @@ class SortedQueue:
 
     def _check(self) -> None:
         """Raise where the queue is out of order, or an event not that of its pair but for rounding: for tests."""
-        run, pairs, bodies = self.state.run, *map(plain, (self.state.pairs, self.state.bodies))
+        run, pairs, bodies = self.state.run, plain(self.state.pairs), plain(self.state.bodies)
         for c, (time, key) in enumerate(self._events()):
-            assert math.isclose(time, predicted(pairs[c], bodies[c], bodies[c + 1]), rel_tol=1e-9, abs_tol=1e-12)
-            assert key == rank(c, run.order, run.seed, pairs[c].hits)
+            due = predicted(pairs[c], bodies[c], bodies[c + 1])
+            assert key == rank(c, run.order, run.seed, pairs[c].hits), c
+            assert math.isclose(time, due, rel_tol=1e-9, abs_tol=1e-12), (c, time, due)

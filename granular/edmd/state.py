@@ -62,7 +62,7 @@ RUN = np.dtype(
 CLOCK = np.dtype(
     [
         ("start", float), ("epoch", float), ("epoch_low", float),  # s: the first row; the zero of tau
-        ("length", float), ("window", float),  # m, the mean gap at the start; s, a power of two, grows as balls slow down
+        ("length", float), ("window", float),  # m, the mean gap at the start; s, 2^k, grows as balls slow down
         ("speed", float), ("fall", float),  # m/s, scale of relative velocities, never below what falling `length` gives
         ("rebases", int), ("zooms", int), ("lost", int),  # closer looks, and rates lost to rounding in them
         ("last_event", int),  # events at which the run ends
@@ -110,7 +110,7 @@ class State:
         pairs["low"], pairs["high"] = shares(scene)
         speed, fall, length = scales(scene)
         window, remedied = span(length, speed, g), any(options[x] > 0.0 for x in ("tc", "elastic_below", "merge_below"))
-        state = cls(*(plain(np.zeros(1, dtype))[0] for dtype in (RUN, CLOCK)), pairs, bodies)
+        state = cls(plain(np.zeros(1, RUN))[0], plain(np.zeros(1, CLOCK))[0], pairs, bodies)
         state.set(
             pairs=len(pairs), gravity=g, tc=options["tc"], elastic_below=options["elastic_below"],
             merge_below=options["merge_below"], order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
@@ -148,13 +148,13 @@ class State:
     def set(self, **numbers: Any) -> None:
         """Set numbers of the run."""
         for name, value in numbers.items():
-            setattr(self.run if name in RUN.fields else self.clock, name, value)
+            setattr(self.run if hasattr(self.run, name) else self.clock, name, value)
 
     def numbers(self) -> dict[str, Any]:
         """Return the numbers of the run by name."""
-        run = self.run if isinstance(self.run, np.record) else packed([self.run], RUN)[0]
-        clock = packed([self.clock], CLOCK)[0]
-        return {name: value for x in (run, clock) for name, value in zip(x.dtype.names, x.tolist(), strict=True)}
+        run = self.run if isinstance(self.run, np.record) else packed([self.run])[0]
+        both: list[Any] = [run, packed([self.clock])[0]]
+        return {name: value for x in both for name, value in zip(x.dtype.names, x.tolist(), strict=True)}
 
     def checkpoint(self) -> dict[str, Any]:
         """Return everything as arrays and numbers, for `Trajectory.state`; nothing of it is copied."""
@@ -189,8 +189,8 @@ class State:
     def scale(self, speed: float) -> None:
         """Set the scale of speeds (m/s), and with it, where one may come, what looks like part of a collapse."""
         self.clock.speed = speed
-        if self.run.slow >= 0.0:
-            self.run.slow = math.ldexp(speed, -16)
+        if self.run["slow"] >= 0.0:
+            self.run["slow"] = math.ldexp(speed, -16)
 
     def time(self, tau: Any) -> Any:
         """Return the time in s that is `tau` after the epoch."""
@@ -214,10 +214,10 @@ class State:
         clock.epoch_low += (clock.epoch - (total - back)) + (shift - back)
         clock.epoch = total
         clock.rebases += 1
-        self.run.now -= shift
+        self.run["now"] -= shift
         self.scale(max(float(np.abs(np.diff(column(self.bodies, "u"))).max()), clock.fall))
         if clock.speed > 0.0:
-            clock.window = max(clock.window, span(clock.length, clock.speed, float(self.run.gravity)))
+            clock.window = max(clock.window, span(clock.length, clock.speed, float(self.run["gravity"])))
 
     def row(self, tau: float) -> tuple[Array, Array]:
         """Return velocities in m/s, and gaps in m, never negative, at `tau`; nothing moves."""
@@ -229,15 +229,18 @@ class State:
 
     def _check(self) -> None:
         """Raise where the records cannot be those of a run: for tests."""
-        run, pairs, bodies = self.run, *map(packed, (self.pairs, self.bodies))
-        wall, begun = np.isinf(bodies["mass"]), pairs["hits"] > 0
-        assert len(bodies) == len(pairs) + 1 == run.pairs + 1
-        assert (pairs["gap"] >= 0.0).all() and (pairs["at"] <= max(run.now, 0.0)).all()
-        assert (pairs["pull"] == run.gravity * np.diff(bodies["falls"])).all()
-        assert begun[np.isfinite(pairs["last"])].all() and pairs["hits"].sum() == run.events
-        assert (pairs["last"] <= run.now).all() or self.near is not None
-        assert not (bodies["falls"][wall].any() or bodies["noise"][wall].any()) and (bodies["noise"] >= 0.0).all()
-        assert math.frexp(self.clock.window)[0] == 0.5 and 0.0 <= self.clock.fall <= self.clock.speed
+        run, clock, pairs, bodies = self.run, self.clock, packed(self.pairs), packed(self.bodies)
+        wall, hit, last = np.isinf(bodies["mass"]), pairs["hits"] > 0, pairs["last"]
+        whole = [
+            len(bodies) == len(pairs) + 1 == run.pairs + 1,
+            (pairs["gap"] >= 0.0).all(),
+            (pairs["at"] <= max(run.now, 0.0)).all(),
+            (pairs["pull"] == run.gravity * np.diff(bodies["falls"])).all(),
+            hit[np.isfinite(last)].all() and (last <= run.now).all() and pairs["hits"].sum() == run.events,
+            not bodies["falls"][wall].any() and not bodies["noise"][wall].any() and (bodies["noise"] >= 0.0).all(),
+            math.frexp(clock.window)[0] == 0.5 and 0.0 <= clock.fall <= clock.speed,
+        ]
+        assert all(whole), whole
 
 
 def gaps(pairs: Records, u: Array, tau: float) -> Array:

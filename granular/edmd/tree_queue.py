@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -24,26 +25,26 @@ LONG, VERY_LONG = 100_000, 1_000_000
 
 
 @kernel
-def head(tree: Records) -> tuple[float, int]:
+def head(queue: Any) -> tuple[float, int]:
     """Return the next event: its time and its pair."""
-    return tree[1].due, tree[1].key & PAIR
+    return queue[1].due, queue[1].key & PAIR
 
 
 @kernel
-def refresh(run: Record, pairs: Records, bodies: Records, tree: Records, first: int, last: int) -> None:
+def refresh(run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int) -> None:
     """Predict pairs `first` … `last` anew and decide the matches above them again."""
     c = first
     while c <= last:
         pair = pairs[c]
         due = predicted(pair, bodies[c], bodies[c + 1])
-        leaf(tree, c).due = due
+        leaf(queue, c).due = due
         if run.order != LEFT:  # else its number, as the tree has it
-            leaf(tree, c).key = rank(c, run.order, run.seed, pair.hits)
+            leaf(queue, c).key = rank(c, run.order, run.seed, pair.hits)
         if due == math.inf and pair.pull > 0.0:
             rest(run, pairs, bodies, c)
             last = max(last, min(c + 1, len(pairs) - 1))
         c += 1
-    replay(tree, first, last)
+    replay(queue, first, last)
 
 
 loop = specialised(sorted_queue.loop, head=head, refresh=refresh)
@@ -64,7 +65,7 @@ class TreeQueue(SortedQueue):
 
     def rebuild(self) -> None:
         """Predict all pairs anew."""
-        self.queue = tournament(len(self.state.pairs))
+        self.queue = tournament(len(self.state.pairs)) if self.queue is None else self.queue
         self.refresh(0, len(self.state.pairs) - 1)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
@@ -75,10 +76,10 @@ class TreeQueue(SortedQueue):
         return min(float(part.min(initial=math.inf)) for part in (due[:first], due[last + 1 :]))
 
     def _events(self) -> list[tuple[float, int]]:
-        tree, pairs, leaves = self.queue, len(self.state.pairs), len(self.queue) // 2
-        winner = [min(match) for match in tree[2:].reshape(-1, 2).tolist()]
-        assert tree[1:leaves].tolist() == winner and np.isinf(tree["due"][leaves + pairs :]).all()
-        return tree[leaves : leaves + pairs].tolist()  # type: ignore[no-any-return]
+        tree: list[tuple[float, int]] = self.queue.tolist()
+        leaves, pairs = len(tree) // 2, len(self.state.pairs)
+        assert tree[1:leaves] == list(map(min, tree[2::2], tree[3::2])), "matches are not decided"
+        return tree[leaves : leaves + pairs]
 
 
 def pays(work: float) -> bool:
