@@ -47,8 +47,9 @@ def replay(tree: Records, first: int, last: int) -> None:
     low, high = (len(tree) // 2 + first) >> 1, (len(tree) // 2 + last) >> 1
     while low < high:
         for node in range(low, high + 1):
-            one, other = tree[2 * node], tree[2 * node + 1]
-            winner = other if other.due < one.due or (other.due == one.due and other.key < one.key) else one
+            winner, rival = tree[2 * node], tree[2 * node + 1]
+            if rival.due < winner.due or (rival.due == winner.due and rival.key < winner.key):
+                winner = rival
             tree[node].due, tree[node].key = winner.due, winner.key
         low, high = low >> 1, high >> 1
     node = 2 * low
