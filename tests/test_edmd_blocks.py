@@ -108,3 +108,15 @@ def test_auto_begins_compiled_where_the_first_collisions_of_all_pairs_are_work_e
         run = edmd.simulate(gas(n, 0.0, 0.0), ConstantRestitution(1.0), max_events=most, t_end=1e-9)
         assert run.stats["engine"] == engine
     assert asked[0] == 101 * runs.LIKELY
+
+
+def test_auto_goes_over_as_soon_as_the_pace_tells_that_it_pays(monkeypatch) -> None:
+    """Not only when as much has been done; and never for what `max_events` does not leave."""
+    asked = []
+    monkeypatch.setattr(runs, "pays", lambda work: asked.append(work) or work >= 100_000)
+    scene, rule = gas(100, 0.0, 0.0), ConstantRestitution(1.0)
+    whole = edmd.simulate(scene, rule, t_end=2000.0, log=False, max_events=10**9)
+    assert whole.stats["engine"] == "compiled"
+    assert len(asked) < 16  # some thousand collisions, of 100 000
+    assert 0.5 < asked[-1] / whole.stats["events"] < 2.0
+    assert edmd.simulate(scene, rule, t_end=2000.0, log=False, max_events=20_000).stats["engine"] == "sorted"
