@@ -16,9 +16,9 @@ WHY = {
 """What a verdict says, by its kind."""
 
 
-def message(run: Any, status: Status) -> str:
-    """Return the sentence to print."""
-    s, verdict = run.state.numbers(), run.verdict
+def message(run: Any, status: Status, s: dict[str, Any]) -> str:
+    """Return the sentence to print; `s` are the numbers of the run."""
+    verdict = run.verdict
     when = f"t = {run.time():.12g} s after {s['events']} collision{'s' * (s['events'] != 1)}"
     if verdict is not None:
         why = WHY[verdict.kind].format(above=verdict.first + 1, bound=verdict.bound)
@@ -56,10 +56,10 @@ def _slowing(run: Any, events: int) -> str:
     return said
 
 
-def stats(run: Any) -> dict[str, Any]:
+def stats(run: Any, numbers: dict[str, Any]) -> dict[str, Any]:
     """Return the counters of a run: collisions, gaps clamped at 0, re-basings of the clock, closer looks and the
     collisions in them, rates that velocities could not hold after them, and how a collapse was decided."""
-    numbers, verdict = run.state.numbers(), run.verdict
+    verdict = run.verdict
     names = ["events", "clamps", "rebases", "zooms", "zoomed", "lost"]
     names += ["merge_below", "merged"] if numbers["merge_below"] > 0.0 else []
     counters: dict[str, Any] = {"engine": run.queue.name} | {name: numbers[name] for name in names}

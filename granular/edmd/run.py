@@ -194,8 +194,9 @@ class Run:
         if state.near is not None and state.run.looked > 0:
             state = state.copied()
             collapse.put_back(state, self.queue)
-        velocity, gap = state.row(state.run.now)
-        elapsed = float(state.elapsed(state.run.now))
+        now = float(state.run["now"])
+        velocity, gap = state.row(now)
+        elapsed = float(state.elapsed(now))
         return Row(time, elapsed, gap, velocity - self.fall * elapsed)
 
     def end(self, pause: Pause, seen: float) -> End:
@@ -203,5 +204,6 @@ class Run:
         stop = self.request.end if pause is Pause.reached else self.time()
         wanted = seen == -math.inf or (pause is not Pause.reached and stop > seen)
         status: Status = pause.value
-        row, stats = self.row(stop) if wanted else None, outcome.stats(self)
-        return End(row, status, outcome.message(self, status), stats, self.state.checkpoint() | self.physics.options)
+        row, numbers = self.row(stop) if wanted else None, self.state.numbers()
+        message, stats = outcome.message(self, status, numbers), outcome.stats(self, numbers)
+        return End(row, status, message, stats, self.state.checkpoint(numbers) | self.physics.options)

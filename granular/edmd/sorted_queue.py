@@ -32,35 +32,37 @@ def loop(
 
     `rows` takes the log; `fastest`, if it is an array, the largest speed after a collision.
     """
+    edge, budget, stop, together = run.edge, run.budget, run.stop_pair, run.order == GROUP
     done, witness = 0, 0
     while True:
         now, c = head(queue)
-        if now > run.edge:
+        if now > edge:
             return LATER
-        if c == run.stop_pair and pairs[c].hits >= run.stop_hits:
+        if c == stop and pairs[c].hits >= run.stop_hits:
             run.now = now
             return UNTIL
-        if done >= run.budget:
+        if done >= budget:
             return BUDGET
-        run.now, run.suspect = now, c
-        if run.order == GROUP:
+        run.now = now
+        if together:
+            run.suspect = c
             first, last = group(pairs, bodies, c, now)
             if first < last:
                 return TOUCHING
         row = None if rows is None else rows[done]
         first, last, rebound = event(run, pairs, bodies, c, now, rule, row)
-        run.rebound = rebound
         run.events += 1
         done += 1
         if fastest is not None:
             below, above = velocities(bodies[c], bodies[c + 1], run.gravity, now)
             fastest[0] = max(fastest[0], abs(below), abs(above))
         refresh(run, pairs, bodies, queue, first, last)
-        if run.stop_pair == APART:
+        if stop == APART:
             witness = approaching(pairs, bodies, witness, now)
             if witness < 0:
                 return UNTIL
         if pairs[c].streak >= SUSPICIOUS:
+            run.suspect, run.rebound = c, rebound
             return SUSPECT
 
 

@@ -156,9 +156,8 @@ class State:
         both: list[Any] = [run, packed([self.clock])[0]]
         return {name: value for x in both for name, value in zip(x.dtype.names, x.tolist(), strict=True)}
 
-    def checkpoint(self) -> dict[str, Any]:
-        """Return everything as arrays and numbers, for `Trajectory.state`; nothing of it is copied."""
-        run = self.numbers()
+    def checkpoint(self, run: dict[str, Any]) -> dict[str, Any]:
+        """Return everything, of which `run` are the `numbers`, for `Trajectory.state`; nothing of it is copied."""
         raw: dict[str, Any] = {name: column(self.bodies, name) for name in OF_BODIES}
         raw |= {name: column(self.pairs, name) for name in OF_PAIRS} | {name: run[name] for name in SAVED}
         raw["tally"] = np.array([run[name] for name in TALLY])
@@ -221,7 +220,7 @@ class State:
 
     def row(self, tau: float) -> tuple[Array, Array]:
         """Return velocities in m/s, and gaps in m, never negative, at `tau`; nothing moves."""
-        g, velocity = self.run.gravity, np.array(column(self.bodies, "u"))
+        g, velocity = float(self.run["gravity"]), np.array(column(self.bodies, "u"))
         gap = gaps(self.pairs, velocity, tau)
         if g > 0.0:
             velocity -= column(self.bodies, "falls") * (g * tau)
