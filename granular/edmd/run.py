@@ -8,7 +8,6 @@ from typing import Any
 from granular import _check
 from granular._kernels import no_compiler
 from granular._records import packed
-from granular._walls import close_after
 from granular.drive import End, Pause, Row, Rows
 from granular.edmd import blocks, collapse, outcome
 from granular.edmd.collision import ROW
@@ -18,6 +17,7 @@ from granular.edmd.state import APART, BUDGET, LATER, NEVER, SUSPECT, UNTIL, Sta
 from granular.edmd.ties import GROUP, ORDER
 from granular.edmd.tree_queue import TreeQueue, pays
 from granular.request import Request
+from granular.scene import close_after
 from granular.trajectory import Status
 from granular.until import Contact
 
