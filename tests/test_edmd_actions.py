@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from granular import edmd
+from granular._records import column
 from granular.edmd import blocks, collapse
 from granular.edmd.physics import checked
 from granular.edmd.sorted_queue import SortedQueue
@@ -43,10 +44,16 @@ class Acting:
         return math.nextafter(float(self.state.clock.window), 0.0)
 
     def one_more(self):
-        """Let one more collision act, for only after one can be looked closely; return whether that was possible."""
-        before = self.state.run.events
-        self.queue.advance(self.edge(), 1, [])
-        return self.state.run.events == before + 1
+        """Let one more collision act, and make its pair the suspect; return whether that was possible."""
+        s, log = self.state, []
+        before = s.run.events
+        self.queue.advance(self.edge(), 1, log)
+        if s.run.events != before + 1:
+            return False
+        c = int(column([rows for rows in log if len(rows)][-1], "pair")[-1])
+        u, pair = column(s.bodies, "u"), s.pairs[c]
+        s.set(suspect=c, rebound=float(u[c + 1] - u[c] - pair["pull"] * s.run.now))
+        return True
 
     def do(self, action):
         s, run = self.state, self.state.run
