@@ -30,7 +30,7 @@ class BlockQueue(TreeQueue):
     """A `TreeQueue` that advances whole windows in blocks where nobody looks at single events."""
 
     chunk = 1 << 40
-    as_one = 0.0  # until then (tau) the present window is run as one
+    as_one = 0.0  # until then (tau) the current window is run as one
 
     def rebuild(self) -> None:
         """Predict all pairs anew; this begins a window."""

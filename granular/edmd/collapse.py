@@ -202,7 +202,7 @@ def largest_speed(bodies: Records, gap: Array, rate: Array, gravity: float) -> f
 
 
 def alternates(pairs: Records, rate_a: float, rate_b: float, lower_collided: bool) -> bool:
-    """Return whether two pairs of constant restitution, free but for each other, collide in turn forever.
+    """Return whether two pairs of constant restitution, free except for each other, collide in turn forever.
 
     Two collisions map the ratio of the rates by a Möbius map; forever means that its fixed points are real and the
     ratio lies on the right side of the unstable one.

@@ -67,7 +67,7 @@ def collide(pair: Record, lower: Record, upper: Record, now: float, w: float, e:
     """Let a pair collide at time `now` with rate `w` ≤ 0, and part with -ε·w.
 
     The heavier body takes its share of the change, the lighter one follows at the new rate. So no rounding of the
-    shares adds up (with two shares that are 1 together but for 2^-54, the energy drifts by 4e-12 in 4e7 collisions),
+    shares adds up (with two shares that are 1 together except for 2^-54, the energy drifts by 4e-12 in 4e7 collisions),
     and with ε = 0 the pair moves as one in all bits.
     """
     part = pair.pull * now - e * w

@@ -150,8 +150,8 @@ class SortedQueue:
         enough = run["events"] + budget
         while True:
             begin = run["events"]
-            run["edge"], run["budget"] = edge, enough - begin
             rows = None if log is None else self.rows(enough - begin)
+            run["edge"], run["budget"] = edge, enough - begin if rows is None else len(rows)
             why: int = self.kernel(self.loop)(run, s.pairs, s.bodies, self.queue, self.physics.rule, rows, None)
             if log is not None and rows is not None:
                 log.append(rows[: run["events"] - begin].copy())
@@ -171,7 +171,7 @@ class SortedQueue:
         return list(entry)
 
     def _check(self) -> None:
-        """Raise where the queue is out of order, or an event not that of its pair but for rounding: for tests."""
+        """Raise where the queue is out of order, or an event not that of its pair except for rounding: for tests."""
         run, pairs, bodies = self.state.run, plain(self.state.pairs), plain(self.state.bodies)
         for c, (time, key) in enumerate(self._events()):
             due = predicted(pairs[c], bodies[c], bodies[c + 1])
