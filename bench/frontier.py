@@ -15,8 +15,8 @@ from pathlib import Path
 import docs_data
 
 from granular import Hertz, LinearDashpot, ViscoelasticHertz, cases, scenes, until
+from granular.tables import duration
 from granular.workprecision import Frontier, frontier
-from granular.workprecision.table import duration
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGE = DOCS / "frontier.md"

@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
+sys.path.append(str(ROOT / "tests"))
 ROUNDING = 1e-9
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?|nan|inf")
 LIMITS = {"max_events": 80, "max_steps": 3000}
@@ -40,28 +41,6 @@ Case = tuple[str, int, Callable[[], Any]]
 """Family, seed, and what to run."""
 
 
-@dataclass(frozen=True)
-class OwnHertz:
-    """F = k ξ^(3/2), as a user writes it."""
-
-    k: float
-
-    def force(self, xi: float, xi_dot: float, pair: Any) -> float:
-        return self.k * xi * math.sqrt(xi)
-
-
-@dataclass(frozen=True)
-class OwnPlastic:
-    """Loading k ξ; unloading straight to zero at half the largest overlap."""
-
-    k: float
-    memory = True
-    rate_dependent = False
-
-    def force(self, xi: float, xi_dot: float, pair: Any, xi_max: float) -> float:
-        return self.k * xi if xi >= xi_max else self.k * (2.0 * xi - xi_max)
-
-
 def own_rule(speed: float, pair: Any) -> float:
     """A rule as a user writes it."""
     return 1.0 / (1.0 + 0.3 * speed + 0.01 * float(pair.index))
@@ -72,36 +51,18 @@ def own_rule(speed: float, pair: Any) -> float:
 
 def drawn(rng: Any, *, overlaps: bool = False, walls: bool = True) -> Any:
     """A scene of one to six balls: ties, touching rows, piles, moving walls, gravity."""
-    import granular as gr
+    from scenes_at_random import ALL, HARD, scene
 
-    floor, ceiling = bool(rng.random() < 0.5), bool(walls and rng.random() < 0.2)
-    n = int(rng.integers(1 if floor or ceiling else 2, 7))
-    mass = np.ones(n) if rng.random() < 0.4 else 10.0 ** rng.uniform(-1.0, 1.0, n)
-    n_gaps = n - 1 + floor + ceiling
-    tied = rng.random() < 0.6
-    gap = rng.choice([0.0, 1e-6, 1e-3, 0.02, 0.1], n_gaps) if tied else 10.0 ** rng.uniform(-6.0, -1.0, n_gaps)
-    if overlaps and rng.random() < 0.2:
-        gap[0] = -1e-4
-    velocity = [0.0] * n if floor and rng.random() < 0.15 else np.round(rng.uniform(-1.0, 1.0, n), 3).tolist()
-    wall = [math.inf], [0.0], [round(float(rng.uniform(-0.3, 0.3)), 3) if walls and rng.random() < 0.3 else 0.0]
-    below, above = ([list(x) * there for x in wall] for there in (floor, ceiling))
-    gravity = 9.81 if floor and rng.random() < 0.6 else 0.0
-    return gr.Scene([*below[0], *mass, *above[0]], [*below[1], *[0.1] * n, *above[1]], gap,
-                    [*below[2], *velocity, *above[2]], gravity)  # fmt: skip
+    gaps = (*(ALL if overlaps else HARD), "uneven")
+    return scene(rng, (1, 6), walls=(0.5, 0.2, 0.3) if walls else (0.5, 0.0, 0.0), gaps=gaps)
 
 
 def soft_laws(rng: Any) -> dict[str, Any]:
     """One law of every kind, of stiffnesses from 1e2 to 1e6."""
-    import granular as gr
+    from scenes_at_random import LAWS, POWERS
 
-    k = float(10.0 ** rng.uniform(2.0, 6.0))
-    zeta = float(rng.choice([0.02, 0.2, 1.0, 3.0]))
-    return {
-        "spring": gr.LinearDashpot(k), "dashpot": gr.LinearDashpot(k, zeta * math.sqrt(k)), "Hertz": gr.Hertz(k),
-        "viscoelastic": gr.ViscoelasticHertz(k, 0.3 * zeta * k**0.6), "Tsuji": gr.TsujiHertz(k, 0.3 + 0.2 * zeta),
-        "power": gr.PowerLaw(k, float(rng.choice([1.25, 2.0, 3.0]))), "Walton-Braun": gr.WaltonBraun(k, 2.0 * k),
-        "own": OwnHertz(k), "own with memory": OwnPlastic(k),
-    }  # fmt: skip
+    k, zeta = float(10.0 ** rng.uniform(2.0, 6.0)), float(rng.choice([0.02, 0.2, 1.0]))
+    return {name: LAWS[name](k, zeta, 1.0) for name in (*POWERS, "Walton-Braun", "own Hertz", "own with memory")}
 
 
 def way(rng: Any, pairs: int) -> dict[str, Any]:

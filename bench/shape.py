@@ -7,13 +7,14 @@
 * rings: groups of modules that import each other, imports inside functions and for types alone counted.
 * hops: distinct functions of the package that one interpreted run calls, and files they stand in: three hard balls on
   a floor from their gaps to the collisions; two soft balls from their overlap to the contact log, under a built-in law
-  and under a law of one's own.
+  and under a law of one's own; the option ``--max-events`` of ``granular compare three-balls``.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import contextlib
 import io
 import json
 import os
@@ -45,7 +46,7 @@ def measure(tree: Path) -> dict[str, Any]:
     total = sum(text.count("\n") for text in files.values())
     faces = public_faces(tree)
     wide = {f"{name}:{node.name}": parameters(node) for name, node in functions if parameters(node) > MANY}
-    hard, soft, own = (hops(run, tree) for run in (hard_run, soft_run, own_law_run))
+    hard, soft, own, option = (hops(run, tree) for run in (hard_run, soft_run, own_law_run, command_run))
     return {
         "files": len(files),
         "lines": total,
@@ -63,6 +64,8 @@ def measure(tree: Path) -> dict[str, Any]:
         "  in their files": soft[1],
         "functions from an overlap to the log, own law": own[0],
         "  in the files": own[1],
+        "functions from an option to the report": option[0],
+        "  in files of theirs": option[1],
         "wide": {name + (" (public)" if name in faces else ""): n for name, n in wide.items()},
         "rings": [" ".join(sorted(ring)) for ring in rings],
     }
@@ -175,6 +178,17 @@ def soft_run() -> Any:
     scene = gr.Scene([float("inf"), 1.0, 0.5], [0.0, 0.1, 0.1], [0.1, 0.01], [0.0] * 3, 9.81)
     law = gr.ViscoelasticHertz(1e6, 100.0)
     return lambda: gr.md.simulate(scene, law, t_end=0.3, engine="plain").contacts
+
+
+def command_run() -> Any:
+    """An option of the command that both engines have."""
+    from granular.cli import main
+
+    def run() -> None:
+        with contextlib.redirect_stdout(io.StringIO()):
+            main(["compare", "three-balls", "--max-events", "100000"])
+
+    return run
 
 
 def own_law_run() -> Any:

@@ -21,7 +21,7 @@ from fuzz.judge import Truth, truth
 from fuzz.laws import Spec
 from fuzz.scenes import Case
 
-from granular.stress.recorded import FIELDS
+from granular.stress.line import FIELDS
 
 FILE = Path(__file__).parents[1] / "granular" / "stress" / "recorded.json"
 DRAWS = 14

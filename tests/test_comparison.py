@@ -217,6 +217,31 @@ def test_contact_exactly_at_the_end_time_is_predictable():
     assert late.verdict.startswith("Yes: every contact is binary")
 
 
+def test_what_happens_just_at_the_end_time_tells_no_runs_apart():
+    """Whichever of the two still sees it."""
+    scene = gr.scenes.newtons_cradle(2, 1.0, 0.5, speed=0.5)
+    seen, not_yet = (gr.edmd.simulate(scene.replace(gap=scene.gap * by), gr.ConstantRestitution(0.5), t_end=1.0)
+                     for by in (1.0 - 1e-12, 1.0 + 1e-12))  # fmt: skip
+    assert (seen.count(0), not_yet.count(0)) == (1, 0)
+    for runs in ((seen, not_yet), (not_yet, seen)):
+        assert measures.distance(*runs) > 0.1
+        assert measures.distance(*measures.before_the_end(*runs)) == 0.0
+
+
+def test_measures_do_not_hang_on_the_clock_nor_on_who_watches():
+    """Another start of time under gravity; a train that goes along, wall and all."""
+    drop = gr.scenes.three_balls()
+    for start in (0.0, 5.0):
+        run = gr.edmd.simulate(drop, gr.ConstantRestitution(0.8), t_start=start, until=gr.until.contact(0, 2))
+        assert measures.impact_velocities(drop, run)[1:] == pytest.approx(-math.sqrt(2.0 * 9.81 * 0.5), rel=1e-14)
+    thrown = gr.Scene([math.inf, 1.0, 0.5], [0.0, 0.1, 0.1], [0.1, 0.05], [0.0, -1.0, -1.2])
+    for train in (0.0, 0.5):
+        scene = thrown.replace(velocity=thrown.velocity + train)
+        run = gr.edmd.simulate(scene, gr.ConstantRestitution(0.8), until=gr.until.separated())
+        assert run.count(1) > 0
+        assert measures.mass_centre_restitution(run) == pytest.approx(0.575, rel=1e-13)
+
+
 def test_contact_of_hard_spheres_alone_is_not_called_nothing():
     scene = gr.scenes.newtons_cradle(2, 1.0, 0.5, speed=0.5)
     hit = gr.compare(scene, gr.Hertz(1e8), t_end=1.0)

@@ -5,6 +5,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from scenes_at_random import gas
 
 from granular import edmd
 from granular.edmd import blocks
@@ -13,13 +14,6 @@ from granular.rules import ConstantRestitution
 from granular.scene import Scene
 
 pytest.importorskip("numba")
-
-
-def gas(n, spread, gravity):
-    random = np.random.default_rng(n)
-    mass = np.exp(random.uniform(-spread, spread, n))
-    v = random.normal(size=n) / np.sqrt(mass)
-    return Scene([math.inf, *mass, math.inf], np.zeros(n + 2), random.uniform(0.5, 1.5, n + 1), [0, *v, 0], gravity)
 
 
 @pytest.mark.parametrize(
@@ -31,7 +25,7 @@ def test_blocks_give_the_bits_of_one(monkeypatch, spread, gravity, eps) -> None:
     sweep = blocks.BlockQueue._sweep
     monkeypatch.setattr(blocks.BlockQueue, "_sweep", lambda self, *a: swept.append(sweep(self, *a)) or swept[-1])
     monkeypatch.setattr(blocks, "BLOCK", 256)
-    scene, runs = gas(4000, spread, gravity), []
+    scene, runs = gas(4000, 4000, spread, gravity), []
     for large in (10**9, 100):
         monkeypatch.setattr(blocks, "LARGE", large)
         times = {"t_end": 20.0, "samples": [0.0, 3.3, 3.4, 20.0], "max_events": 10**9}
@@ -48,7 +42,8 @@ def test_blocks_give_the_bits_of_one(monkeypatch, spread, gravity, eps) -> None:
 def test_a_limit_on_the_events_is_exact_in_blocks(monkeypatch) -> None:
     monkeypatch.setattr(blocks, "BLOCK", 256)
     monkeypatch.setattr(blocks, "LARGE", 100)
-    end = edmd.simulate(gas(2000, 1.0, 0.0), ConstantRestitution(1.0), engine="compiled", log=False, max_events=30_001)
+    options = {"engine": "compiled", "log": False, "max_events": 30_001}
+    end = edmd.simulate(gas(2000, 2000, 1.0), ConstantRestitution(1.0), **options)
     assert end.stats["events"] == end.state["hits"].sum() == 30_001
 
 
@@ -72,7 +67,7 @@ def test_blocks_are_given_up_as_soon_as_they_hold_too_many_events(monkeypatch) -
     monkeypatch.setattr(blocks.BlockQueue, "_run", lambda self, *a: tried.append(a) or run(self, *a))
     monkeypatch.setattr(blocks, "BLOCK", 512)
     monkeypatch.setattr(blocks, "LARGE", 100)
-    end = edmd.simulate(gas(8000, 0.0, 0.0), ConstantRestitution(1.0), engine="compiled", log=False, max_events=1)
+    end = edmd.simulate(gas(8000, 8000), ConstantRestitution(1.0), engine="compiled", log=False, max_events=1)
     assert (end.stats["events"], len(tried)) == (1, 1)
 
 
@@ -80,8 +75,8 @@ def test_a_large_scene_takes_250_bytes_a_ball() -> None:
     """The state, one more while blocks run, and the rows: the most that Python and numpy hold at a time."""
     n, rule = 130_000, ConstantRestitution(1.0)
     options = {"engine": "compiled", "log": False, "max_events": 10**9, "t_end": 1.0}
-    edmd.simulate(gas(n, 0.0, 0.0), rule, **options)  # machine code is loaded
-    scene = gas(n, 0.0, 0.0)
+    edmd.simulate(gas(n, n), rule, **options)  # machine code is loaded
+    scene = gas(n, n)
     tracemalloc.start()
     try:
         end = edmd.simulate(scene, rule, **options)
@@ -105,7 +100,7 @@ def test_auto_begins_compiled_where_the_first_collisions_of_all_pairs_are_work_e
     asked = []
     monkeypatch.setattr(runs, "pays", lambda work: asked.append(work) or work >= 500 * runs.LIKELY)
     for n, most, engine in ((100, 10**6, "sorted"), (600, 10**6, "compiled"), (600, 1, "sorted")):
-        run = edmd.simulate(gas(n, 0.0, 0.0), ConstantRestitution(1.0), max_events=most, t_end=1e-9)
+        run = edmd.simulate(gas(n, n), ConstantRestitution(1.0), max_events=most, t_end=1e-9)
         assert run.stats["engine"] == engine
     assert asked[0] == 101 * runs.LIKELY
 
@@ -114,7 +109,7 @@ def test_auto_goes_over_as_soon_as_the_pace_tells_that_it_pays(monkeypatch) -> N
     """Not only when as much has been done; and never for what `max_events` does not leave."""
     asked = []
     monkeypatch.setattr(runs, "pays", lambda work: asked.append(work) or work >= 100_000)
-    scene, rule = gas(100, 0.0, 0.0), ConstantRestitution(1.0)
+    scene, rule = gas(100, 100), ConstantRestitution(1.0)
     whole = edmd.simulate(scene, rule, t_end=2000.0, log=False, max_events=10**9)
     assert whole.stats["engine"] == "compiled"
     assert len(asked) < 16  # some thousand collisions, of 100 000

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scenes_at_random import scene
 
 from granular import edmd
 from granular.edmd import collapse as collapses
@@ -112,8 +113,8 @@ def test_a_gas_that_slows_down_without_end_says_so() -> None:
     scene = Scene([math.inf] + [1.0] * n + [math.inf], np.zeros(n + 2), random.uniform(0.5, 1.5, n + 1),
                   [0.0, *random.normal(size=n), 0.0])  # fmt: skip
     end = run(scene, 0.9, max_events=30_000, log=False)
-    assert end.status in (Status.max_events, Status.collapse)
-    assert end.status is Status.collapse or "Remedies by name" in end.message
+    assert end.status is Status.max_events
+    assert "the balls cluster and slow down, perhaps without end. Remedies by name" in end.message
 
 
 @pytest.mark.parametrize("engine", ["sorted", "compiled"])
@@ -222,17 +223,14 @@ def pool_adjacent(mass, position, velocity, t):
 
 @pytest.mark.parametrize("seed", range(10))
 def test_balls_that_stick_move_as_clusters(seed) -> None:
-    random = np.random.default_rng(seed)
-    n = int(random.integers(2, 60))
-    mass = np.exp(random.uniform(-2, 2, n))
-    gap, v = random.uniform(0.1, 1.0, n - 1), random.normal(size=n)
-    gravity = float(random.choice([0.0, 1.0]))
-    end = run(Scene(mass, np.zeros(n), gap, v, gravity), 0.0, t_end=3.0)
-    x = np.concatenate([[0.0], np.cumsum(gap)])
-    want = pool_adjacent(mass, x, v, 3.0) - 4.5 * gravity
-    np.testing.assert_allclose(end.position[-1], want, atol=1e-12)
-    assert end.momentum()[-1] == pytest.approx(end.momentum()[0] - 3.0 * gravity * mass.sum(), abs=1e-11)
-    assert end.stats["events"] <= n - 1
+    one = scene(np.random.default_rng(seed), (2, 59), walls=(0.0, 0.0, 0.0), gaps=("wide",), size=0.1)
+    gravity = float(seed % 2)
+    end = run(one.replace(gravity=gravity), 0.0, t_end=3.0)
+    x = np.concatenate([[0.0], np.cumsum(one.gap)])
+    want = pool_adjacent(one.mass, x, one.velocity, 3.0) - 4.5 * gravity
+    np.testing.assert_allclose(end.position[-1] - np.arange(one.n), want, atol=1e-12 * x[-1])
+    assert end.momentum()[-1] == pytest.approx(end.momentum()[0] - 3.0 * gravity * one.mass.sum(), rel=1e-11)
+    assert end.stats["events"] <= one.n - 1
 
 
 def test_balls_that_stick_come_to_rest_on_the_floor() -> None:

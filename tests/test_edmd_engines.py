@@ -4,32 +4,19 @@ import math
 import os
 import subprocess
 import sys
-import types
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scenes_at_random import HARD, gas, scenes
 
 from granular import edmd
-from granular._kernels import compiled, kernel
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import Status
 
 pytest.importorskip("numba")
-
-
-def scene_of(seed, n, gravity, floor, ceiling, moving, tiny):
-    random = np.random.default_rng(seed)
-    mass = np.exp(random.uniform(-3, 3, n))
-    mass = np.concatenate([[math.inf] * floor, mass, [math.inf] * ceiling])
-    gap = random.uniform(0.1, 1.0, len(mass) - 1) * np.where(random.random(len(mass) - 1) < tiny, 1e-9, 1.0)
-    v = random.normal(size=len(mass))
-    v[np.isinf(mass)] = 0.0
-    if moving and floor and not ceiling:
-        v[0] = 0.3
-    return Scene(mass, np.zeros(len(mass)), gap, v, gravity)
 
 
 def same(a, b):
@@ -48,16 +35,13 @@ def same_state(a, b):
 
 
 @given(
-    seed=st.integers(0, 10**6), n=st.integers(1, 30), gravity=st.sampled_from([0.0, 1.0, 9.81]),
-    floor=st.booleans(), ceiling=st.booleans(), moving=st.booleans(), tiny=st.sampled_from([0.0, 0.5]),
-    eps=st.sampled_from([1.0, 0.9, 0.5, "mixed"]), ties=st.sampled_from(["left", "right", "random"]),
+    scene=scenes(balls=(1, 30), walls=(0.5, 0.4, 0.3), gravity=(0.0, 1.0, 9.81), gaps=(*HARD, "uneven"), size=1e-2),
+    seed=st.integers(0, 10**6), eps=st.sampled_from([1.0, 0.9, 0.5, "mixed"]),
+    ties=st.sampled_from(["left", "right", "random"]),
     extra=st.sampled_from([{}, {}, {"tc": 1e-2}, {"elastic_below": 0.05}, {"collapse": "merge"}]),
 )  # fmt: skip
 @settings(max_examples=200, deadline=None)
-def test_both_queues_give_the_same_bits(seed, n, gravity, floor, ceiling, moving, tiny, eps, ties, extra) -> None:
-    if n + floor + ceiling < 2:
-        floor = True
-    scene = scene_of(seed, n, gravity, floor, ceiling, moving, tiny)
+def test_both_queues_give_the_same_bits(scene, seed, eps, ties, extra) -> None:
     values = [(0.5, 0.9, 1.0)[c % 3] for c in range(scene.n - 1)] if eps == "mixed" else eps
     rule, options = ConstantRestitution(values), {"ties": ties, "seed": seed, "max_events": 400, **extra}
     plain = edmd.simulate(scene, rule, t_end=3.0, samples=5, engine="sorted", **options)
@@ -87,7 +71,7 @@ def test_collapses_and_sticking_are_the_same(eps) -> None:
 
 
 def test_auto_takes_the_compiled_queue_when_it_pays() -> None:
-    scene = scene_of(1, 200, 0.0, True, True, False, 0.0)
+    scene = gas(1, 200, 3.0)
     one = ConstantRestitution(1.0)
     short = {"max_events": 120_000, "log": False}
     a, b = (edmd.simulate(scene, one, engine=engine, samples=[1.0, 9.0], **short) for engine in ("auto", "sorted"))
@@ -100,37 +84,8 @@ def test_auto_takes_the_compiled_queue_when_it_pays() -> None:
     assert long.energy()[-1] == pytest.approx(long.energy()[0], rel=1e-13)
 
 
-@kernel
-def one_more(x):
-    return x + 1
-
-
-@kernel
-def two_more(x):
-    return x + 2
-
-
-@kernel
-def above(x):
-    return 10 * below(x)
-
-
-below = one_more
-
-
-def test_machine_code_is_cached_under_a_name_that_changes_with_all_it_calls() -> None:
-    names = []
-    for called in (one_more, two_more):
-        caller = kernel(types.FunctionType(above.__code__, globals() | {"below": called}))
-        twin = compiled(caller, inline=True)
-        assert twin(1) == 10 * called(1)
-        names.append(twin.__qualname__)
-    assert names[0] != names[1]
-    assert names[0] == compiled(above, inline=True).__qualname__
-
-
 def test_what_does_not_compile_says_so() -> None:
-    scene = scene_of(1, 3, 0.0, True, True, False, 0.0)
+    scene = gas(1, 3)
     with pytest.raises(ValueError, match="engine is 'compiled': every rule must be a ConstantRest"):
         edmd.simulate(scene, lambda v, pair: 0.5, engine="compiled")
     with pytest.raises(ValueError, match="engine is 'compiled': ties='poisson' runs interpreted only"):
@@ -138,7 +93,7 @@ def test_what_does_not_compile_says_so() -> None:
 
 
 def test_without_numba_the_reference_runs_and_compiled_says_what_to_install(monkeypatch) -> None:
-    scene = scene_of(1, 200, 0.0, True, True, False, 0.0)
+    scene = gas(1, 200, 3.0)
     monkeypatch.setitem(sys.modules, "numba", None)
     run = edmd.simulate(scene, ConstantRestitution(1.0), t_end=1e6, max_events=110_000, log=False)
     assert run.stats["engine"] == "sorted"

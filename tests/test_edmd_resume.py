@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scenes_at_random import gas
 
 from granular import edmd, until
 from granular.rules import ConstantRestitution, TabulatedRestitution
@@ -14,15 +15,11 @@ from granular.trajectory import Status, Trajectory
 REFERENCE = Path(__file__).parent / "reference"
 
 
-def box(seed, n=12, gravity=0.0, ceiling=True, tiny=False):
-    random = np.random.default_rng(seed)
-    mass = [math.inf, *np.exp(random.uniform(-3, 3, n))] + [math.inf] * ceiling
-    gap = random.uniform(0.1, 1.0, len(mass) - 1) * (1e-9 if tiny else 1.0)
-    gap[0] = 0.5
-    v = random.normal(size=len(mass))
-    v[0] = 0.1 * (not ceiling)
-    v[-1] = v[-1] * (not ceiling)
-    return Scene(mass, np.zeros(len(mass)), gap, v, gravity)
+def box(seed, gravity=0.0, ceiling=True, tiny=False):
+    """Balls between walls, or on a floor that moves; `tiny` gaps look like a collapse."""
+    one = gas(seed, 12, 3.0, gravity, ceiling)
+    floor = 0.1 * (not ceiling)
+    return one.replace(gap=one.gap * (1e-9 if tiny else 0.5), velocity=[floor, *one.velocity[1:]])
 
 
 def same_end(a, b):
@@ -47,7 +44,7 @@ def rules_of(name, scene):
 @pytest.mark.parametrize("name", ["elastic", "mixed", "table"])
 @pytest.mark.parametrize("seed", range(4))
 def test_cut_at_times_and_at_numbers_of_events(seed, name, gravity) -> None:
-    scene = box(seed, gravity=gravity, ceiling=seed % 2 == 0, tiny=seed == 3)
+    scene = box(seed, gravity, ceiling=seed % 2 == 0, tiny=seed == 3)
     rule = rules_of(name, scene)
     whole = edmd.simulate(scene, rule, t_end=4.0)
     if whole.status is Status.collapse:
@@ -110,9 +107,11 @@ def test_cut_within_a_closer_look() -> None:
     [{"collapse": "merge", "merge_below": 0.05}, {"tc": 0.01}, {"elastic_below": 0.05}, {"ties": "random", "seed": 5}],
 )
 def test_options_are_kept(options) -> None:
-    scene = box(1, gravity=1.0, ceiling=False)
+    scene = box(1, 1.0, ceiling=False)
     rule = ConstantRestitution(0.7)
     whole = edmd.simulate(scene, rule, t_end=3.0, **options)
+    if "ties" not in options:
+        assert whole.contacts.tobytes() != edmd.simulate(scene, rule, t_end=3.0).contacts.tobytes()
     part = edmd.resume(edmd.simulate(scene, rule, t_end=0.8, **options), t_end=3.0)
     same_end(whole, part)
     assert whole.state.keys() == part.state.keys()
@@ -131,7 +130,7 @@ def test_conditions_count_from_the_beginning() -> None:
 
 
 def test_late_times_cost_no_digits() -> None:
-    scene = box(2, n=10)
+    scene = box(2)
     early = edmd.simulate(scene, ConstantRestitution(1.0), t_end=50.0)
     late = edmd.simulate(scene, ConstantRestitution(1.0), t_start=2.0**40, t_end=2.0**40 + 50.0)
     assert early.contacts["pair"].tolist() == late.contacts["pair"].tolist()

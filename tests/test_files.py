@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import _files
 
 SCENE = gr.scenes.bouncing_ball()
 
@@ -33,32 +32,32 @@ def test_a_link_stays_a_link_and_its_file_keeps_its_mode(tmp_path, report):
     assert sorted(os.listdir(tmp_path)) == ["link.json", "real.json"]
 
 
-def test_a_new_file_has_the_usual_mode(tmp_path):
+def test_a_new_file_has_the_usual_mode(tmp_path, report):
     before = os.umask(0o027)
     try:
-        _files.write_text(tmp_path / "new", "text")
+        report.to_json(tmp_path / "new")
     finally:
         os.umask(before)
     assert stat.S_IMODE((tmp_path / "new").stat().st_mode) == 0o640
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
-def test_a_pipe_is_written_into(tmp_path):
+def test_a_pipe_is_written_into(tmp_path, report):
     pipe, got = tmp_path / "pipe", []
     os.mkfifo(pipe)
     reader = threading.Thread(target=lambda: got.append(pipe.read_text()), daemon=True)
     reader.start()
-    _files.write_text(pipe, "all of it")
+    report.to_json(pipe)
     reader.join(10.0)
-    assert got == ["all of it"]
+    assert json.loads(got[0])["verdict"] == report.verdict
     assert stat.S_ISFIFO(pipe.stat().st_mode)
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="the system has no /dev/full")
-def test_devices_are_written_into_and_stay():
+def test_devices_are_written_into_and_stay(report):
     gr.edmd.simulate(SCENE, gr.ConstantRestitution(0.5)).save("/dev/null")
     with pytest.raises(OSError, match=r"output path is '/dev/full': a writable place is needed \(No space"):
-        _files.write_text("/dev/full", "text")
+        report.to_json("/dev/full")
     for device in ("/dev/null", "/dev/full"):
         assert stat.S_ISCHR(os.stat(device).st_mode)
 
@@ -84,24 +83,24 @@ def test_a_picture_without_a_format_is_refused_and_leaves_nothing(tmp_path, repo
     assert os.listdir(tmp_path) == []
 
 
-def test_what_fails_under_way_leaves_the_old_file_and_nothing_else(tmp_path):
+def test_what_fails_under_way_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
     (tmp_path / "old").write_text("old")
 
-    def fill(draft):
-        with open(draft, "w") as file:
-            file.write("half")
+    def half(file, **arrays):
+        file.write(b"half")
         raise KeyboardInterrupt
 
+    monkeypatch.setattr(np, "savez_compressed", half)
     with pytest.raises(KeyboardInterrupt):
-        _files.write(tmp_path / "old", fill)
+        gr.edmd.simulate(SCENE, gr.ConstantRestitution(0.5)).save(tmp_path / "old")
     assert os.listdir(tmp_path) == ["old"]
     assert (tmp_path / "old").read_text() == "old"
 
 
-def test_threads_that_write_leave_the_mask_of_the_process_alone(tmp_path):
+def test_threads_that_write_leave_the_mask_of_the_process_alone(tmp_path, report):
     mask = os.umask(0o022)
     os.umask(mask)
-    threads = [threading.Thread(target=_files.write_text, args=(tmp_path / str(i % 3), str(i))) for i in range(24)]
+    threads = [threading.Thread(target=report.to_json, args=(tmp_path / str(i % 3),)) for i in range(24)]
     for thread in threads:
         thread.start()
     for thread in threads:

@@ -2,16 +2,17 @@
 
 import json
 import math
+from xml.etree import ElementTree
 
 import pytest
 
 import granular as gr
 from granular import cli, reference
+from granular.tables import duration
 from granular.workprecision import Frontier, Row
 from granular.workprecision.judge import contacts_of, errors
 from granular.workprecision.methods import Task, expected_order, own
 from granular.workprecision.run import METHODS
-from granular.workprecision.table import duration
 
 pytest.importorskip("mpmath")
 QUICK = ("located", "verlet", "edmd", "dop853+events", "dop853")
@@ -138,10 +139,12 @@ def test_json_has_provenance_and_every_digit(report, tmp_path):
         None if math.isnan(row.velocity_error) else row.velocity_error for row in report.rows]
 
 
-@pytest.mark.parametrize("ending", ["png", "svg"])
-def test_plot_writes_a_figure(report, tmp_path, ending):
-    report.plot(tmp_path / f"out.{ending}")
-    assert (tmp_path / f"out.{ending}").stat().st_size < 150_000 if ending == "png" else True
+def test_plot_writes_a_figure(report, tmp_path):
+    for ending in ("png", "svg"):
+        report.plot(tmp_path / f"out.{ending}")
+    assert (tmp_path / "out.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "out.png").stat().st_size < 150_000
+    assert ElementTree.parse(tmp_path / "out.svg").getroot().tag == "{http://www.w3.org/2000/svg}svg"
     figure = report.plot()
     assert [axis.get_xlabel() for axis in figure.axes] == ["run time, ms"] * 2
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import math
 import os
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,6 @@ from fuzz.scenes import Case, generate
 from fuzz.solver import solve
 
 import granular as gr
-from granular._kernels import have_numba
 from granular.laws.dashpot import duration, restitution
 
 STORED = json.loads((Path(__file__).parent / "fuzz" / "truths.json").read_text())
@@ -37,7 +37,7 @@ MOST_STEPS = 5000
 @pytest.fixture(autouse=True, scope="module")
 def machine_code() -> None:
     """Have the engine's machine code in memory, where it can be, so that it is used for the laws it knows."""
-    if have_numba():
+    if find_spec("numba"):
         gr.md.simulate(gr.Scene([1.0, 1.0], [0.0, 0.0], [0.1], [1.0, 0.0]), gr.Hertz(1.0), engine="compiled")
 
 

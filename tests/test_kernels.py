@@ -1,6 +1,7 @@
 """Kernels made to fit: twins with other constants and other kernels, interpreted and compiled."""
 
 import random
+import types
 
 import pytest
 
@@ -58,7 +59,8 @@ def test_the_same_replacements_give_the_same_twin_and_no_others():
     assert specialised(outer, SCALE=3.0, SHIFT=2) is specialised(outer, SHIFT=2, SCALE=3.0)
     ones = [specialised(middle, SHIFT=value) for value in (1, 1.0, True, -1)]
     assert len(set(map(id, ones))) == 4
-    assert len({compiled(one).__qualname__ for one in ones}) == 4 if have_numba() else True
+    if have_numba():
+        assert len({compiled(one).__qualname__ for one in ones}) == 4
 
 
 def test_what_does_not_mention_the_name_is_not_copied():
@@ -68,3 +70,28 @@ def test_what_does_not_mention_the_name_is_not_copied():
 def test_a_name_that_nobody_reads_is_refused():
     with pytest.raises(TypeError, match="outer cannot be specialised for SCALES: no kernel in it reads that name"):
         specialised(outer, SCALES=1.0)
+
+
+@pytest.mark.parametrize(("work", "memory", "disk", "pays"), [
+    (10, True, True, False), (100, False, False, False), (100, False, True, True), (100, True, False, True),
+    (1000, False, False, True),
+])
+def test_machine_code_must_pay(work, memory, disk, pays, monkeypatch):
+    from granular import _kernels
+
+    monkeypatch.setattr(_kernels, "have_numba", lambda: True)
+    monkeypatch.setattr(_kernels, "in_memory", lambda function, inline: memory)
+    monkeypatch.setattr(_kernels, "on_disk", lambda function, inline: disk)
+    assert _kernels.worth(_kernels.kernel, work, 50, 500) is pays
+
+
+@pytest.mark.skipif(not have_numba(), reason="numba is not installed")
+def test_machine_code_is_cached_under_a_name_that_changes_with_all_it_calls():
+    names = []
+    for called in (inner, half):
+        caller = kernel(types.FunctionType(nested.__code__, globals() | {"inner": called}))
+        twin = compiled(caller, inline=True)
+        assert twin(1.0) == called(called(1.0))
+        names.append(twin.__qualname__)
+    assert names[0] != names[1]
+    assert names[0] == compiled(nested, inline=True).__qualname__

@@ -245,6 +245,8 @@ def test_peaks_of_laws_that_begin_at_once_are_what_their_laws_allow():
         laws = [kinds[i] for i in which]
         scene = gr.Scene([math.inf, 1.8, 1.8, 1.8], [0.0, 0.1, 0.1, 0.1], [0.0] * 3, [0.0, *speeds], 9.81)
         run = gr.md.simulate(scene, laws, t_end=0.2)
+        end = np.where(np.isnan(run.contacts["t_end"]), run.time[-1], run.contacts["t_end"])
+        np.testing.assert_allclose(run.contacts["duration"], end - run.contacts["t_begin"], rtol=0, atol=1e-15)
         for row in run.contacts:
             law, pair, xi = laws[row["pair"]], scene.pairs[row["pair"]], row["xi_max"]
             if isinstance(law, gr.TsujiHertz):

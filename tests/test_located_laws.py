@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes_at_random import OwnDashpot, OwnHertz
 
 from granular import until
 from granular.laws import Hertz, LinearDashpot, ViscoelasticHertz, WaltonBraun
 from granular.md import simulate as run
 from granular.scene import Pair, Scene
-from granular.stress.own import PlainDashpot, PlainHertz
 from granular.trajectory import Status
 
 
@@ -36,9 +36,9 @@ def three_balls(gap: float = 1e-4) -> Scene:
 @pytest.mark.parametrize(
     ("known", "mine"),
     [
-        (LinearDashpot(5e7, 1500.0), PlainDashpot(5e7, 1500.0)),
+        (LinearDashpot(5e7, 1500.0), OwnDashpot(5e7, 1500.0)),
         (ViscoelasticHertz(1e7, 2e3), MyViscoelastic(1e7, 2e3)),
-        (Hertz(1e7), PlainHertz(1e7)),
+        (Hertz(1e7), OwnHertz(1e7)),
     ],
 )
 def test_a_law_without_traits_gives_the_same_motion(known: Any, mine: Any) -> None:
@@ -55,7 +55,7 @@ def test_touching_chain_of_a_law_without_traits() -> None:
     """Pairs that touch at rest wake one after the other."""
     scene = Scene([1.0] * 5, [0.1] * 5, [0.0] * 4, [1.0, 0, 0, 0, 0])
     one = run(scene, (Hertz(1e6),) * 4, until=until.separated(), engine="plain")
-    other = run(scene, (PlainHertz(1e6),) * 4, until=until.separated(), engine="plain")
+    other = run(scene, (OwnHertz(1e6),) * 4, until=until.separated(), engine="plain")
     assert other.velocity[-1] == pytest.approx(one.velocity[-1], abs=1e-12)
 
 

@@ -13,9 +13,10 @@ import granular as gr
 from granular import reference
 from granular.laws import resolve
 from granular.laws.kinds import resolved
-from granular.reference import events, restarted
-from granular.reference.motion import fraction
+from granular.reference import restarted, taylor
+from granular.reference.events import Run
 from granular.reference.series import Power, first_rise, first_rise_of_parabola, product_term, value
+from granular.reference.taylor import fraction
 
 mpmath = pytest.importorskip("mpmath")
 NUMBERS = json.loads((Path(__file__).parent / "reference" / "chains.json").read_text())
@@ -49,7 +50,7 @@ def final_velocities(scene, solved, t):
 def test_chains_agree_with_two_other_solvers(case):
     scene, law, end = chain_of(case)
     forms = [resolve(one, pair).form for one, pair in zip(law, scene.pairs, strict=True)]
-    solved = events.solve(scene, forms, end.get("until"), end.get("t_end"), 22)
+    solved = taylor.solve(scene, forms, end.get("until"), end.get("t_end"), 22)
     for pair, rows in case["contacts"].items():
         got = [(float(row.t_begin), float(row.t_end)) for row in solved.of(int(pair))]
         np.testing.assert_allclose(got, rows, rtol=1e-15, atol=1e-18)
@@ -137,6 +138,19 @@ def test_overlap_at_the_start_and_quiet_end():
     assert float(solved.contacts[0].t_end) == pytest.approx(0.5 * math.pi * math.sqrt(0.5 / 1e6), rel=1e-15)
 
 
+@pytest.mark.parametrize(("law", "eps", "rounding"), [
+    (gr.TsujiHertz.from_restitution(0.9, 1e9), 0.9, 1e-15), (gr.PowerLaw(1e8, 23 / 12), 1.0, 0.0),
+])  # fmt: skip
+@pytest.mark.parametrize("digits", [10, 20])
+def test_a_force_in_a_high_root_of_the_overlap_takes_few_steps(law, eps, rounding, digits):
+    scene = gr.Scene([1.0, 3.0], [0.0, 0.0], [1e-4], [1.0, 0.0])
+    motion = taylor.Taylor(scene, [resolve(law, scene.pairs[0]).form], digits)
+    solved = Run(motion, None, None).solve("")
+    assert motion.steps < 50
+    lower, upper = solved.contacts[0].v_out
+    assert abs(upper - lower - eps) < 10.0 ** (2 - digits) + rounding
+
+
 # series
 
 def test_powers_and_products_of_series():
@@ -180,7 +194,7 @@ def test_misuse_is_one_sentence(monkeypatch):
     scene, law, _ = three_balls(lambda pair: gr.LinearDashpot(5e7))
     with pytest.raises(ValueError, match="digits is 5: a whole number of at least 20"):
         reference.solve(scene, law, digits=5)
-    monkeypatch.setattr("granular.reference.events.MOST_STEPS", 3)
+    monkeypatch.setattr("granular.reference.taylor.MOST_STEPS", 3)
     with pytest.raises(ValueError, match="t_end is missing: after 3 steps"):
         reference.solve(scene, law)
     monkeypatch.setitem(sys.modules, "mpmath", None)

@@ -18,13 +18,13 @@ import pytest
 
 import granular as gr
 from granular.cli import main
-from granular.stress import AXES, StabilityReport, ends, own, recorded, rest
-from granular.stress.cell import FIXED, METHODS, Cell, Truth, Verdict
+from granular.stress import AXES, StabilityReport, contact, line, rest
+from granular.stress.cell import FIXED, METHODS, Cell, Truth, Verdict, repeat
 from granular.stress.contact import meeting
 from granular.stress.hard import rational_run
-from granular.stress.judge import deadline, repeat
-from granular.stress.judge import judge as judge_any
-from granular.stress.timestep import limits
+from granular.stress.long import limits
+from granular.stress.study import deadline
+from granular.stress.study import judge as judge_any
 from granular.trajectory import Trajectory
 
 judge = partial(judge_any, plain=True)  # a deadline must not interrupt a compiler
@@ -169,14 +169,15 @@ def twice(run: Trajectory) -> Trajectory:
 
 
 @pytest.mark.parametrize(("cells", "change"), [
-    (own.powers, shifted("velocity", 1e-9)), (own.powers, logged("duration", 1e-9)), (own.powers, twice),
-    (own.kinks, shifted("velocity", 1e-9)), (own.kinks, logged("xi_max", 1e-9)), (own.kinks, logged("impulse", 1e-9)),
-    (recorded.scenes, shifted("velocity", 1e-7)), (recorded.scenes, logged("force_max", 1e-7)),
-    (recorded.scenes, logged("t_begin", 1e-7)), (recorded.scenes, logged("v_out", 1e-7)), (recorded.scenes, twice),
+    (contact.powers, shifted("velocity", 1e-9)), (contact.powers, logged("duration", 1e-9)), (contact.powers, twice),
+    (contact.kinks, shifted("velocity", 1e-9)), (contact.kinks, logged("xi_max", 1e-9)),
+    (contact.kinks, logged("impulse", 1e-9)),
+    (line.recorded, shifted("velocity", 1e-7)), (line.recorded, logged("force_max", 1e-7)),
+    (line.recorded, logged("t_begin", 1e-7)), (line.recorded, logged("v_out", 1e-7)), (line.recorded, twice),
     (rest.rests, shifted("gap", 1e-9)), (rest.rests, shifted("velocity", 1e-9)), (rest.rests, shifted("time", 1e-9)),
     (rest.rests, logged("impulse", 1e-9)),
-    (ends.counts, shifted("velocity", 1e-9)), (ends.counts, twice),
-    (ends.last_rows, shifted("time", 1e-9)),
+    (line.counts, shifted("velocity", 1e-9)), (line.counts, twice),
+    (rest.last_rows, shifted("time", 1e-9)),
 ])  # fmt: skip
 def test_a_small_change_of_a_run_is_found(
     cells: Callable[[], Any], change: Callable[[Trajectory], Trajectory]
@@ -189,7 +190,7 @@ def test_a_small_change_of_a_run_is_found(
 
 
 def test_a_row_of_the_next_sample_is_found() -> None:
-    cell = next(cell for cell in ends.last_rows() if "10 rows" in cell.case)
+    cell = next(cell for cell in rest.last_rows() if "10 rows" in cell.case)
     run = repeat(cell, "edmd", plain=True)()
     asked = np.linspace(0.0, 30.0, 10)
     late = replace(run, time=asked[: len(run.time)])
@@ -206,7 +207,7 @@ def test_a_run_that_ends_at_rest_before_its_end_is_found() -> None:
 @pytest.mark.parametrize("tol", [1e-4, 1e-9])
 def test_the_error_estimate_is_never_below_the_error(tol: float) -> None:
     estimates = []
-    for one, cell in [*zip(recorded.stored(), recorded.scenes(), strict=True)][3:90:12]:
+    for one, cell in [*zip(line.stored(), line.recorded(), strict=True)][3:90:12]:
         run = repeat(cell, "located", plain=True)(tol=tol)
         estimates.append(run.stats["error_estimate"])
         error = float(np.abs(run.velocity[-1] - one["final"]).max()) / one["unit"]["final"]
@@ -215,10 +216,10 @@ def test_the_error_estimate_is_never_below_the_error(tol: float) -> None:
 
 
 def test_every_kind_of_recorded_scene_is_there() -> None:
-    kinds = {one["kind"] for one in recorded.stored()}
+    kinds = {one["kind"] for one in line.stored()}
     assert len(kinds) == 7
-    assert len(recorded.stored()) > 90
-    again = [one for one in recorded.stored() if one["kind"].startswith("second")]
+    assert len(line.stored()) > 90
+    again = [one for one in line.stored() if one["kind"].startswith("second")]
     assert all(any(b > 0.0 for b in one["t_begin"]) for one in again)
 
 
@@ -228,8 +229,8 @@ def test_recorded_scenes_are_those_of_the_independent_solver(monkeypatch: pytest
     bench = importlib.import_module("stability_recorded")
     for kind, one in bench.found():
         fresh = bench.entry(kind, one)
-        stored = next(e for e in recorded.stored() if e["gap"] == fresh["gap"] and e["velocity"] == fresh["velocity"])
-        for name in ("pair", "final", *recorded.FIELDS):
+        stored = next(e for e in line.stored() if e["gap"] == fresh["gap"] and e["velocity"] == fresh["velocity"])
+        for name in ("pair", "final", *line.FIELDS):
             assert fresh[name] == pytest.approx(stored[name], rel=1e-13)
 
 

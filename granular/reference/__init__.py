@@ -7,7 +7,6 @@ time with fewer digits or a wider tolerance: the difference is the error that is
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -16,10 +15,9 @@ from granular import until as stop
 from granular._optional import optional
 from granular.laws.check import checked
 from granular.laws.contact_law import Form, PairLaw
-from granular.laws.kinds import SceneLaws
-from granular.reference import events, restarted
+from granular.reference import restarted, taylor
 from granular.reference.log import Reference, ReferenceContact, distance
-from granular.reference.motion import fraction
+from granular.reference.taylor import fraction
 from granular.scene import Scene
 
 __all__ = ["Reference", "ReferenceContact", "solve"]
@@ -28,8 +26,6 @@ FEWER = 10
 """Digits by which the second solution has fewer."""
 TOLERANCES = (3e-14, 1e-12)
 """Relative tolerances of the two solutions by DOP853."""
-Solutions = tuple[Reference, Reference, Callable[[Any], Any]]
-"""Two solutions, the better one first, and the numbers in which they are compared."""
 
 
 def solve(
@@ -64,31 +60,20 @@ def solve(
     stop.checked(until, scene.n_pairs)
     end = None if t_end is None else _check.number("t_end", t_end, at_least=0.0)
     whole = _check.whole("digits", digits, at_least=20, at_most=200)
-    forms = [power_series(one) for one in laws]
-    powers = None not in forms
-    both = _by_series(scene, forms, until, end, whole) if powers else _restarted(scene, laws, until, end)
-    v_error, t_error = distance(*both)
-    return replace(both[0], velocity_error=v_error, time_error=t_error)
+    forms, convert = [power_series(one) for one in laws], float
+    if None in forms:
+        best, other = (restarted.solve(scene, laws, until, end, "DOP853", rtol)[0] for rtol in TOLERANCES)
+    else:
+        many = optional("mpmath", "the reference").MPContext()
+        many.dps, convert = whole + FEWER, many.mpf
+        best, other = (taylor.solve(scene, forms, until, end, few) for few in (whole, whole - FEWER))
+    v_error, t_error = distance(best, other, convert)
+    return replace(best, velocity_error=v_error, time_error=t_error)
 
 
 def power_series(law: PairLaw) -> Form | None:
     """(k, p, γ, d) of a law whose force has a power series in a root of ξ, else None."""
-    if law.form is None:
-        return None
     try:
-        fraction(law.form[1]), fraction(law.form[3])
+        return law.form if law.form and [fraction(power) for power in law.form[1::2]] else None
     except ValueError:
         return None
-    return law.form
-
-
-def _by_series(scene: Scene, forms: Any, until: stop.Until | None, t_end: float | None, digits: int) -> Solutions:
-    many = optional("mpmath", "the reference").MPContext()
-    many.dps = digits + FEWER
-    fine, coarse = (events.solve(scene, forms, until, t_end, d) for d in (digits, digits - FEWER))
-    return fine, coarse, many.mpf
-
-
-def _restarted(scene: Scene, laws: SceneLaws, until: stop.Until | None, t_end: float | None) -> Solutions:
-    fine, coarse = (restarted.solve(scene, laws, until, t_end, "DOP853", rtol)[0] for rtol in TOLERANCES)
-    return fine, coarse, float

@@ -1,152 +1,158 @@
-"""A scene of power laws from start to end in many digits: events, contacts, stop conditions."""
+"""A scene from event to event, whoever moves it: contacts begin and end, a stop condition holds, rest is rest.
+
+Between two contacts everything flies on parabolas and is moved there in closed form.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+import math
+from typing import Any, NamedTuple, Protocol
 
 from granular import until as stop
-from granular.drive import Pause
-from granular.reference.log import ACTIVE, DORMANT, OPEN, RESIDUAL, Logbook, Reference, roused, run_to_end
-from granular.reference.motion import Clock, Motion, Piece
-from granular.reference.series import Number, Power, first_rise, first_rise_of_parabola
-
-GUARD = 8
-"""Digits carried beyond those asked for."""
-MOST_STEPS = 20_000
+from granular.reference.log import ACTIVE, CLOSED, DORMANT, OPEN, RESIDUAL, Logbook, Reference, roused
+from granular.reference.series import Number, first_rise_of_parabola
 
 
-def solve(scene: Any, forms: Sequence[Any], until: stop.Until | None, t_end: float | None, digits: int) -> Reference:
-    """Solve a scene of laws F = k ξ^p + γ ξ^d ξ̇, given as (k, p, γ, d) per pair, to about that many digits."""
-    from mpmath import MPContext
+class Watch(NamedTuple):
+    """`what` happens to a pair when sign · (quantity - level) comes from below zero to zero."""
 
-    mp = MPContext()
-    mp.dps = digits + GUARD
-    run = Run(mp, scene, forms, until, t_end, digits)
-    return run_to_end(run, f"Taylor series of order {run.motion.order}, {digits} digits")
+    pair: int
+    what: str
+    quantity: str
+    sign: int = 1
+    level: Number = 0
+
+
+class Motion(Protocol):
+    """What moves a scene; numbers are those of `mp` (an mpmath context, or `math`: floats).
+
+    Attributes
+    ----------
+    t : number
+        In s.
+    mode : list of str
+        Of every pair; written by the events.
+    pull : sequence of numbers
+        Gravity's closing acceleration of every pair in m/s².
+    """
+
+    t: Number
+    mode: list[str]
+    pull: Any
+
+    @property
+    def mp(self) -> Any:
+        """Where its functions are."""
+
+    def now(self, c: int, quantity: str) -> Number:
+        """The overlap of pair c in m, its rate in m/s, or the bracket: what has the sign of the unclipped force."""
+
+    def bodies(self, c: int) -> tuple[Number, Number]:
+        """Velocities of the bodies of pair c in m/s."""
+
+    def asleep(self, c: int) -> Number:
+        """Overlap in m up to which a pair that touches at rest counts as open: nothing beside that of an impact."""
+
+    def ends(self, c: int) -> list[Watch]:
+        """What may happen to pair c while its force acts."""
+
+    def fly(self, dt: Number) -> None:
+        """Move on without forces."""
+
+    def go(self, watches: list[Watch], end: Number) -> Watch | None:
+        """Move on to the first event, to the time `end` in s, or as far as one step goes."""
+
+    def settle(self, c: int, what: str) -> None:
+        """Take note of an event of pair c, whose mode is still the old one."""
 
 
 class Run:
-    """One run under way: `motion` moves, `Run` deals with events."""
+    """One run under way: `motion` moves, the run deals with events."""
 
-    def __init__(
-        self, mp: Any, scene: Any, forms: Sequence[Any], until: stop.Until | None, t_end: float | None, digits: int
-    ) -> None:
-        self.mp, self.log = mp, Logbook(until)
-        self.t, self.t_end = mp.zero, mp.inf if t_end is None else mp.mpf(t_end)
-        self.motion = Motion(mp, scene, forms, round(1.25 * digits), mp.mpf(10) ** (-digits - 2))
-        least = [min(a.p, a.d + 1) if a.gamma else a.p for a in self.motion.touches]
-        self.sleep = [mp.mpf(10) ** (-digits / float(power)) for power in least]
-        self.steps = 0
+    def __init__(self, motion: Motion, until: stop.Until | None, t_end: float | None) -> None:
+        self.motion, self.log, self.t_end = motion, Logbook(until), math.inf if t_end is None else t_end
+        self.pairs = range(len(motion.mode))
+        self.since: dict[int, tuple[Number, tuple[Number, Number]]] = {}
+        """When a force reached dormant pairs, and the velocities then: where their contacts begin."""
 
-    def launch(self) -> Pause:
-        """Begin the contacts that are there at the start."""
-        for c, a in enumerate(self.motion.touches):
-            if a.xi > 0:
-                a.mode = RESIDUAL
-                if self.motion.bracket(c) > 0 and self.begin(c):
-                    return Pause.until
-            elif a.xi == 0 and self.motion.rate(c) == 0:
-                a.mode = DORMANT
-        self.motion.remember_speed()
-        return Pause.full
+    def solve(self, solver: str) -> Reference:
+        """Take the scene to its end; `solver` is how that is done, in words."""
+        status = "until" if any(self.launch(c) for c in self.pairs) else ""
+        while not status:
+            status = self.step()
+        return Reference(self.log.contacts(), float(self.motion.t), status, solver)
 
-    def to(self, time: Number) -> Pause:
-        """Go on towards `time`: to the next event, or as far as the series hold."""
-        if self.steps == MOST_STEPS:
-            raise ValueError(f"t_end is missing: after {MOST_STEPS} steps the scene is at t = {float(self.t):.6g} s.")
-        self.steps += 1
-        motion = self.motion
-        self.remember_rest()
-        clock = motion.clock()
-        piece = motion.expand(clock)
-        reach, event = piece.reach, None
-        for c in range(len(motion.touches)):
-            for act, p in self.watched(piece, clock, c):
-                x = first_rise_of_parabola(self.mp, p[:3]) if piece.reach is None else first_rise(self.mp, p, reach)
-                if x is not None and (reach is None or x < reach):
-                    reach, event = x, (act, c)
-        if reach is None:
-            return self.reached(time)
-        self.t += motion.move(piece, reach)
-        if self.t >= time:
-            return self.reached(time)
-        if event is None:
-            return Pause.full
-        act, c = event
-        done = act(c)
-        motion.remember_speed()
-        rates = [motion.rate(b) for b in range(len(motion.touches))]
-        closed = any(a.mode in (ACTIVE, RESIDUAL) for a in motion.touches)
-        return Pause.until if done or self.log.separated(rates, closed) else Pause.full
-
-    def reached(self, time: Number) -> Pause:
-        """Nothing more happens before `time`, or ever."""
-        if time == self.mp.inf:
-            return Pause.quiet
-        self.t = time
-        return Pause.reached
-
-    def watched(self, piece: Piece, clock: Clock, c: int) -> list[tuple[Any, list[Number]]]:
-        """What happens to pair c when a function of x rises through zero."""
-        a, x = self.motion.touches[c], piece.x[c]
-        if a.mode == OPEN:
-            return [(self.touch, x)]
-        if a.mode == DORMANT:
-            line = self.sleep[c] * self.motion.amplitude(c)
-            return [(self.begin, [x[0] - line, *x[1:]]), (self.part, [-x[0] - line, *(-u for u in x[1:])])]
-        if a.mode == ACTIVE and a.gamma:
-            return [(self.release, [-u for u in piece.phi[c]])]
-        if clock.pair == c:  # where ξ has a multiple zero, its root has a simple one
-            root = Power(self.mp, x, self.mp.one / a.q, 0)
-            x = [root.term(n) for n in range(len(x))]
-        parting = (self.part, [-u for u in x])
-        if a.bent_residual and self.motion.free:  # it parts ever faster: its bracket can only fall
-            return [parting]
-        return [parting] if a.mode == ACTIVE else [(self.begin, piece.phi[c]), parting]
-
-    def remember_rest(self) -> None:
-        """Remember when pairs that touch at rest were reached by a force: there their contacts begin."""
-        touches = self.motion.touches
-        moved = roused([a.mode for a in touches], self.motion.pull)
-        for c, a in enumerate(touches):
-            if a.mode == DORMANT and a.xi == 0 and self.motion.rate(c) == 0 and not (moved[c] and a.since):
-                a.since = (self.t, self.speeds(c)) if moved[c] else None
-
-    def touch(self, c: int) -> bool:
-        """The overlap of an open pair crosses zero."""
-        self.motion.touches[c].xi = self.mp.zero
-        return self.begin(c)
-
-    def begin(self, c: int) -> bool:
-        """A force sets in; return whether that ends the run, before it acts."""
-        a = self.motion.touches[c]
-        since = a.since if a.mode == DORMANT else None
-        if self.log.begin(c, *(since or (self.t, self.speeds(c)))):
-            return True
-        a.exact = a.mode == RESIDUAL and self.t > 0
-        a.mode = ACTIVE
+    def launch(self, c: int) -> bool:
+        """Begin the contact of pair c if it is there at the start; return whether that ends the run."""
+        motion, xi = self.motion, self.motion.now(c, "overlap")
+        if xi > 0:
+            motion.mode[c] = RESIDUAL
+            return bool(motion.now(c, "bracket") > 0) and self.act(c, "begin")
+        motion.mode[c] = DORMANT if xi == 0 and motion.now(c, "rate") == 0 else OPEN
         return False
 
-    def release(self, c: int) -> None:
-        """A damped force falls to zero while there is still overlap."""
-        a = self.motion.touches[c]
-        a.mode, a.exact = RESIDUAL, True
-        self.end(c)
+    def step(self) -> str:
+        """Go on to the next event, or as far as one step goes; return why that is the end, or nothing."""
+        motion = self.motion
+        self.rouse()
+        watches = [watch for c in self.pairs for watch in self.watches(c)]
+        closed = any(mode in CLOSED for mode in motion.mode)
+        event = motion.go(watches, self.t_end) if closed else self.fly(watches)
+        if motion.t >= self.t_end or not (closed or event):
+            if self.t_end == math.inf:
+                return "quiet"
+            motion.t = self.t_end
+            return "time"
+        if event is None:
+            return ""
+        done, rates = self.act(event.pair, event.what), [motion.now(c, "rate") for c in self.pairs]
+        closed = any(mode in CLOSED for mode in motion.mode)
+        return "until" if done or self.log.separated(rates, closed) else ""
 
-    def part(self, c: int) -> None:
-        """The overlap falls to zero; an elastic force ends with it."""
-        a = self.motion.touches[c]
-        if a.mode == ACTIVE:
-            self.end(c)
-        if a.mode != DORMANT:
-            a.xi = self.mp.zero
-        a.mode = OPEN
+    def rouse(self) -> None:
+        """Remember when pairs that touch at rest were reached by a force."""
+        moved = roused(self.motion.mode, self.motion.pull)
+        for c, mode in enumerate(self.motion.mode):
+            if mode == DORMANT and moved[c]:
+                self.since.setdefault(c, (self.motion.t, self.motion.bodies(c)))
+            else:
+                self.since.pop(c, None)
 
-    def end(self, c: int) -> None:
-        """Write the end of a contact into the log."""
-        self.log.end(c, self.t, self.speeds(c))
+    def watches(self, c: int) -> list[Watch]:
+        """What may happen to pair c."""
+        mode, line = self.motion.mode[c], self.motion.asleep(c)
+        if mode == OPEN:
+            return [Watch(c, "touch", "overlap")]
+        if mode == DORMANT:
+            return [Watch(c, "begin", "overlap", 1, line), Watch(c, "part", "overlap", -1, -line)]
+        if mode == RESIDUAL:
+            return [Watch(c, "begin", "bracket"), Watch(c, "part", "overlap", -1)]
+        return self.motion.ends(c)
 
-    def speeds(self, c: int) -> tuple[Number, Number]:
-        """Velocities of the bodies of pair c in m/s."""
-        return self.motion.v[c], self.motion.v[c + 1]
+    def fly(self, watches: list[Watch]) -> Watch | None:
+        """Move on parabolas to the first event, however late; nowhere if there is none before the end."""
+        motion, first, event = self.motion, math.inf, None
+        for watch in watches:
+            c, sign = watch.pair, watch.sign
+            p = motion.now(c, "overlap") - watch.level, motion.now(c, "rate"), motion.pull[c] / 2
+            x = first_rise_of_parabola(motion.mp, [sign * a for a in p])
+            if x is not None and x < first:
+                first, event = x, watch
+        if event is None or motion.t + first >= self.t_end:
+            return None
+        motion.fly(first)
+        return event
+
+    def act(self, c: int, what: str) -> bool:
+        """Apply an event to pair c; return whether it ends the run, before it acts."""
+        motion = self.motion
+        motion.settle(c, what)
+        if what in ("touch", "begin"):
+            if self.log.begin(c, *(self.since.pop(c, None) or (motion.t, motion.bodies(c)))):
+                return True
+            motion.mode[c] = ACTIVE
+        elif what != "turn":
+            if motion.mode[c] == ACTIVE:
+                self.log.end(c, motion.t, motion.bodies(c))
+            motion.mode[c] = RESIDUAL if what == "release" else OPEN
+        return False

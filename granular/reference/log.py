@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from granular import until as stop
-from granular.drive import Pause
 
 OPEN, ACTIVE, RESIDUAL, DORMANT = "open", "active", "residual", "dormant"
 """No overlap · a force acts · overlap, but the force is clipped to zero · touching at rest."""
+CLOSED = (ACTIVE, RESIDUAL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,32 +121,18 @@ def roused(modes: Sequence[str], pull: Sequence[Any]) -> list[bool]:
     return reached
 
 
-def run_to_end(run: Any, solver: str) -> Reference:
-    """Take a run from event to event to its end."""
-    pause = run.launch()
-    while pause is Pause.full:
-        pause = run.to(run.t_end)
-    return Reference(run.log.contacts(), float(run.t), pause.value.name, solver)
-
-
 def distance(one: Reference, other: Reference, convert: Any = float) -> tuple[float, float]:
     """Largest differences of velocities after each pair's last contact, and of contact times, as in `Reference`.
 
     Infinite if the contacts are not the same.
     """
-    if [row.pair for row in one.contacts] != [row.pair for row in other.contacts]:
+    if len({tuple((row.pair, row.t_end is None) for row in each.contacts) for each in (one, other)}) > 1:
         return math.inf, math.inf
-    speed, longest = one.impact_speed, max(one.durations, default=math.nan)
-    v_error, t_error = 0.0, 0.0
-
-    def apart(x: Any, y: Any) -> float:
-        return float(abs(convert(x) - convert(y)))
-
-    for a, b in zip(one.contacts, other.contacts, strict=True):
-        if (a.t_end is None) != (b.t_end is None):
-            return math.inf, math.inf
-        times = [(a.t_begin, b.t_begin)] + ([(a.t_end, b.t_end)] if a.t_end is not None else [])
-        t_error = max(t_error, *(apart(x, y) for x, y in times))
-        if a.v_out is not None and b.v_out is not None:
-            v_error = max(v_error, *(apart(x, y) for x, y in zip(a.v_out, b.v_out, strict=True)))
-    return v_error / speed, t_error / longest
+    both = [*zip(one.contacts, other.contacts, strict=True)]
+    ended = [(a, b) for a, b in both if a.t_end is not None]
+    times = [(a.t_begin, b.t_begin) for a, b in both] + [(a.t_end, b.t_end) for a, b in ended]
+    speeds = [pair for a, b in ended for pair in zip(a.v_out, b.v_out, strict=True)]
+    v_error, t_error = (
+        max((float(abs(convert(x) - convert(y))) for x, y in numbers), default=0.0) for numbers in (speeds, times)
+    )
+    return v_error / one.impact_speed, t_error / max(one.durations, default=math.nan)

@@ -1,28 +1,21 @@
-"""A scene solved by scipy, restarted at every event: for laws without a power series, and as an alternative to judge.
-
-Between two contacts everything flies on parabolas and is moved there in closed form.
-"""
+"""A scene solved by scipy, restarted at every event: for laws without a power series, and as one to be judged."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import partial
-from typing import Any
+
+import numpy as np
 
 from granular import until as stop
 from granular._check import Array
-from granular.drive import Pause
 from granular.laws.kinds import SceneLaws
-from granular.reference.log import ACTIVE, DORMANT, OPEN, RESIDUAL, Logbook, Reference, roused, run_to_end
-from granular.reference.newton import Newton, TooMuchWork
-from granular.reference.series import first_rise_of_parabola
-from granular.scene import Scene
+from granular.reference.events import Run, Watch
+from granular.reference.log import ACTIVE, DORMANT, OPEN, Reference
+from granular.scene import Scene, speed_scale, velocities
 
 SLEEP = 1e-13
 """A pair that touches at rest counts as open up to this part of the overlap of an impact."""
-Watch = tuple[Callable[[float, Array], float], int, str]
-"""Function of (t, y), the direction in which its zero counts, and what then happens."""
 
 
 def solve(
@@ -36,134 +29,159 @@ def solve(
     TooMuchWork
         After `most` evaluations.
     """  # fmt: skip
-    run = Run(scene, laws, until, math.inf if t_end is None else t_end, method, rtol, most)
-    return run_to_end(run, f"{method}, restarted at events, rtol {rtol:g}"), run.newton.evaluations
+    motion = Restarted(scene, laws, method, rtol, most)
+    return Run(motion, until, t_end).solve(f"{method}, restarted at events, rtol {rtol:g}"), motion.evaluations
 
 
-class Run:
-    """One run under way."""
+class Newton:
+    """The right-hand side d(ξ, ξ̇)/dt of all pairs, as a user of a solver would write it.
 
-    def __init__(
-        self, scene: Scene, laws: SceneLaws, until: Any, t_end: float, method: str, rtol: float, most: int
-    ) -> None:
-        self.newton, self.log, self.t, self.t_end = Newton(scene, laws, most), Logbook(until), 0.0, t_end
-        self.y, self.scales, self.n = self.newton.start(), self.newton.scales(), scene.n_pairs
-        self.options = {"method": method, "rtol": rtol, "atol": rtol * self.scales}
-        self.mode = [OPEN] * self.n
-        self.loading = [True] * self.n
-        self.since: dict[int, tuple[float, tuple[float, float]]] = {}
-        """When a force reached dormant pairs, and the velocities then: where their contacts begin."""
+    Parameters
+    ----------
+    scene : Scene
+        Where it starts.
+    laws : SceneLaws
+        One per pair.
+    most : int
+        Number of evaluations after which `TooMuchWork` is raised.
 
-    def launch(self) -> Pause:
-        """Begin the contacts that are there at the start."""
-        for c in range(self.n):
-            xi, eta = float(self.y[c]), float(self.y[self.n + c])
-            if xi > 0.0:
-                self.mode[c] = RESIDUAL
-                if self.newton.bracket(c, xi, eta) > 0.0 and self.act(c, "begin"):
-                    return Pause.until
-            elif xi == 0.0 and eta == 0.0:
-                self.mode[c] = DORMANT
-        return Pause.full
+    Attributes
+    ----------
+    evaluations : int
+        So far; each costs one force per closed pair.
+    deepest : list of float
+        Largest overlap in m of the current contact, for laws with memory.
+    """
 
-    def to(self, time: float) -> Pause:
-        """Go on towards `time`: to the next event."""
-        moved = roused(self.mode, self.newton.pull)
-        for c, mode in enumerate(self.mode):
-            self.newton.smooth[c], self.newton.clipped[c] = mode == ACTIVE, mode in (OPEN, RESIDUAL)
-            if mode == DORMANT and not moved[c]:
-                self.since.pop(c, None)
-            elif mode == DORMANT:
-                self.since.setdefault(c, (self.t, self.bodies(c)))
-        if all(mode == OPEN or (mode == DORMANT and not moved[c]) for c, mode in enumerate(self.mode)):
-            return self.fly(time)
-        from scipy.integrate import solve_ivp
+    def __init__(self, scene: Scene, laws: SceneLaws, most: int = 2_000_000) -> None:
+        self.scene, self.laws, self.pairs = scene, laws, scene.n_pairs
+        self.each, self.neighbours = list(laws), np.transpose(scene.neighbours).tolist()
+        self.w: list[float] = scene.inverse_mass.tolist()
+        self.pull: list[float] = scene.pull.tolist()
+        self.deepest = np.maximum(-scene.gap, 0.0).tolist()
+        self.evaluations, self.most = 0, most
 
-        watches = [(c, watch) for c in range(self.n) for watch in self.watches(c)]
-        events = [_event(function, direction) for _, (function, direction, _) in watches]
-        done = solve_ivp(self.newton, (0.0, time - self.t), self.y, events=events, **self.options)
-        if done.status < 0:
+    def start(self) -> Array:
+        """The state at the start: overlaps in m (negative: gaps), rates in m/s."""
+        return np.concatenate([-self.scene.gap, -self.scene.across(self.scene.velocity)])
+
+    def scales(self) -> Array:
+        """What overlaps and rates are about, in m and m/s: those of an impact at the scene's largest speed."""
+        speed = speed_scale(self.scene) or 1.0
+        depth = self.laws.column(lambda law: law.overlap_at(speed))
+        return np.concatenate([depth, np.full(self.pairs, speed)])
+
+    def bracket(self, c: int, xi: float, eta: float) -> float:
+        """Force of pair c in N before it is clipped."""
+        xi = max(xi, 0.0)
+        return self.each[c].force(xi, eta, max(self.deepest[c], xi))
+
+    def force(self, c: int, xi: float, eta: float) -> float:
+        """Force of pair c in N, clipped."""
+        return max(0.0, self.bracket(c, xi, eta)) if xi > 0.0 else 0.0
+
+    def __call__(self, t: float, y: Array) -> Array:
+        """The rates of change of the state `y`."""
+        self.evaluations += 1
+        if self.evaluations > self.most:
             raise TooMuchWork
-        self.t, self.y = self.t + float(done.t[-1]), done.y[:, -1]
-        if done.status == 0:
-            return Pause.reached
-        fired = next(k for k, times in enumerate(done.t_events) if len(times))
-        c, (_, _, what) = watches[fired]
-        return self.after(c, what)
+        n, w = self.pairs, self.w
+        state = y.tolist()
+        force = [self.force(c, state[c], state[n + c]) for c in range(n)]
+        out = state[n:] + self.pull
+        for c, f in enumerate(force):
+            lower, upper = self.scene.bodies(c)
+            out[n + c] -= (w[lower] + w[upper]) * f
+        for below, above in self.neighbours:
+            shared = w[self.scene.bodies(below)[1]]
+            out[n + above] += shared * force[below]
+            out[n + below] += shared * force[above]
+        return np.array(out)
 
-    def fly(self, time: float) -> Pause:
-        """Move on parabolas to the next touch."""
-        n, pull = self.n, self.newton.pull
-        p = [(float(self.y[c]), float(self.y[n + c]), 0.5 * pull[c]) for c in range(n)]
-        when = {c: first_rise_of_parabola(math, p[c]) for c in range(n) if self.mode[c] == OPEN}
-        touches = {x: c for c, x in when.items() if x is not None}
-        dt = min(touches, default=math.inf)
-        if dt == time == math.inf:
-            return Pause.quiet
-        if self.t + dt >= time:
-            self.t = time
-            return Pause.reached
-        self.t += dt
-        for c in range(n):
-            self.y[c], self.y[n + c] = p[c][0] + dt * (p[c][1] + dt * p[c][2]), p[c][1] + 2.0 * dt * p[c][2]
-        return self.after(touches[dt], "touch")
+    def velocities(self, y: Array, t: float) -> Array:
+        """Velocities of the bodies in m/s at time `t` after the start, from a wall's or the mass centre's."""
+        return np.asarray(velocities(self.scene, -y[None, self.pairs :], np.array([t]))[0])
 
-    def after(self, c: int, what: str) -> Pause:
-        """Apply an event to pair c; return whether the run goes on."""
-        done, rates = self.act(c, what), self.y[self.n :].tolist()
-        closed = any(mode in (ACTIVE, RESIDUAL) for mode in self.mode)
-        return Pause.until if done or self.log.separated(rates, closed) else Pause.full
 
-    def watches(self, c: int) -> list[Watch]:
-        """What may happen to pair c."""
-        n, bracket, line = self.n, self.newton.bracket, SLEEP * self.scales[c]
+class Restarted(Newton):
+    """The scene under way: its state `y` at the time `t` in s."""
 
-        def overlap(t: float, y: Array) -> float:
-            return float(y[c])
+    mp = math
 
-        def push(t: float, y: Array) -> float:
-            return bracket(c, float(y[c]), float(y[n + c]))
+    def __init__(self, scene: Scene, laws: SceneLaws, method: str, rtol: float, most: int) -> None:
+        super().__init__(scene, laws, most)
+        self.t, self.y, self.scale = 0.0, self.start(), self.scales()
+        self.mode, self.loading = [OPEN] * self.pairs, [True] * self.pairs
+        self.options = {"method": method, "rtol": rtol, "atol": rtol * self.scale}
 
-        if self.mode[c] == OPEN:
-            return [(overlap, 1, "touch")]
-        if self.mode[c] == DORMANT:
-            return [(lambda t, y: y[c] - line, 1, "begin"), (lambda t, y: y[c] + line, -1, "part")]
-        if self.mode[c] == RESIDUAL:
-            return [(push, 1, "begin"), (overlap, -1, "part")]
-        law = self.newton.each[c]
-        if not law.memory:
-            return [(push, -1, "release") if law.rate_dependent else (overlap, -1, "part")]
-        deepest = self.newton.deepest[c]
-        turn = (lambda t, y: y[n + c], -1, "turn") if self.loading[c] else (lambda t, y: y[c] - deepest, 1, "turn")
-        return [(push, -1, "release"), turn]
+    def force(self, c: int, xi: float, eta: float) -> float:
+        """Force of pair c in N by its mode, clipped only at rest: an event is seen as a change of its sign."""
+        if self.mode[c] == ACTIVE:
+            return self.bracket(c, xi, eta)
+        return super().force(c, xi, eta) if self.mode[c] == DORMANT else 0.0
 
-    def act(self, c: int, what: str) -> bool:
-        """Apply an event to pair c; return whether it ends the run."""
-        if what in ("touch", "part") and self.mode[c] != DORMANT:
-            self.y[c] = 0.0
-        if what == "turn":
-            self.newton.deepest[c], self.loading[c] = max(self.newton.deepest[c], float(self.y[c])), not self.loading[c]
-        elif what in ("touch", "begin"):
-            if self.log.begin(c, *(self.since.pop(c, None) or (self.t, self.bodies(c)))):
-                return True
-            self.mode[c], self.loading[c] = ACTIVE, True
-        else:
-            if self.mode[c] == ACTIVE:
-                self.log.end(c, self.t, self.bodies(c))
-            self.mode[c] = RESIDUAL if what == "release" else OPEN
-            if what == "part":
-                self.newton.deepest[c] = 0.0
-        return False
+    def read(self, y: Array, c: int, quantity: str) -> float:
+        """The quantity of pair c in the state `y`."""
+        xi, eta = float(y[c]), float(y[self.pairs + c])
+        return xi if quantity == "overlap" else eta if quantity == "rate" else self.bracket(c, xi, eta)
+
+    def now(self, c: int, quantity: str) -> float:
+        """The same at the current time."""
+        return self.read(self.y, c, quantity)
 
     def bodies(self, c: int) -> tuple[float, float]:
         """Velocities of the bodies of pair c in m/s."""
-        v = self.newton.velocities(self.y, self.t)
-        lower, upper = self.newton.scene.bodies(c)
-        return float(v[lower]), float(v[upper])
+        lower, upper = self.velocities(self.y, self.t)[list(self.scene.bodies(c))].tolist()
+        return lower, upper
+
+    def asleep(self, c: int) -> float:
+        """Overlap in m up to which pair c, touching at rest, counts as open."""
+        return SLEEP * float(self.scale[c])
+
+    def ends(self, c: int) -> list[Watch]:
+        """What may happen to pair c while its force acts."""
+        law = self.each[c]
+        over = Watch(c, "release", "bracket", -1) if law.rate_dependent else Watch(c, "part", "overlap", -1)
+        if not law.memory:
+            return [over]
+        turn = ("rate", -1) if self.loading[c] else ("overlap", 1, self.deepest[c])
+        return [Watch(c, "release", "bracket", -1), Watch(c, "turn", *turn)]
+
+    def fly(self, dt: float) -> None:
+        """Move on without forces for `dt` in s."""
+        for c, pull in enumerate(self.pull):
+            xi, eta = self.now(c, "overlap"), self.now(c, "rate")
+            self.y[c], self.y[self.pairs + c] = xi + dt * (eta + dt * 0.5 * pull), eta + dt * pull
+        self.t += dt
+
+    def go(self, watches: list[Watch], end: float) -> Watch | None:
+        """Move on to the first event, or to the time `end` in s."""
+        from scipy.integrate import solve_ivp
+
+        events = [partial(self.event, watch) for watch in watches]
+        for event in events:
+            vars(event).update(terminal=True, direction=1)
+        done = solve_ivp(self, (0.0, end - self.t), self.y, events=events, **self.options)
+        if done.status < 0:
+            raise TooMuchWork
+        self.t, self.y = end if done.status == 0 else self.t + float(done.t[-1]), done.y[:, -1]
+        return next((watch for watch, times in zip(watches, done.t_events, strict=True) if len(times)), None)
+
+    def event(self, watch: Watch, t: float, y: Array) -> float:
+        """What rises through zero when that happens."""
+        return float(watch.sign * (self.read(y, watch.pair, watch.quantity) - watch.level))
+
+    def settle(self, c: int, what: str) -> None:
+        """Take note of an event of pair c: of the overlap's zero, and of the deepest overlap of a law with memory."""
+        if what in ("touch", "part") and self.mode[c] != DORMANT:
+            self.y[c] = 0.0
+        if what == "turn":
+            self.deepest[c], self.loading[c] = max(self.deepest[c], self.now(c, "overlap")), not self.loading[c]
+        elif what == "part":
+            self.deepest[c] = 0.0
+        elif what != "release":
+            self.loading[c] = True
 
 
-def _event(function: Callable[[float, Array], float], direction: int) -> Any:
-    """A terminal event in scipy's form: a function with attributes."""
-    event = partial(function)
-    vars(event).update(terminal=True, direction=direction)
-    return event
+class TooMuchWork(RuntimeError):
+    """A solver was stopped because it needed too many evaluations."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import reduce
 from typing import Any
 
 Number = Any
@@ -32,7 +33,9 @@ class Power:
     def term(self, n: int) -> Number:
         """Coefficient `n` of ξ^α, after all lower ones."""
         mp, j = self.mp, n - self.offset
-        if j < 0:
+        if self.alpha == 1:
+            return self.x[n]
+        if j < 0 or (j > 0 and self.alpha == 0):
             return mp.zero
         self.y.append(self.x[self.m + j])
         self.jy.append(j * self.y[-1])
@@ -47,10 +50,7 @@ class Power:
 
 def value(mp: Any, p: Sequence[Number], x: Number) -> Number:
     """The polynomial Σ p_j x^j."""
-    total = mp.zero
-    for a in reversed(p):
-        total = total * x + a
-    return total
+    return reduce(lambda total, a: total * x + a, reversed(p), mp.zero)
 
 
 def first_rise(mp: Any, p: Sequence[Number], end: Number) -> Number | None:

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from functools import wraps
 from typing import Any, Concatenate, ParamSpec
 
+import numpy as np
+
+from granular import edmd, md
+from granular._kernels import have_numba
 from granular.md.integrators import INTEGRATORS
+from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import Trajectory
 
 FIXED = tuple(INTEGRATORS)
 SOFT = ("located", *FIXED)
-METHODS = ("located", "edmd", *FIXED)
+BOTH = ("located", "edmd")
+METHODS = (*BOTH, *FIXED)
+ELASTIC = ConstantRestitution(1.0)
 
 P = ParamSpec("P")
 Again = Callable[..., Trajectory]
@@ -49,15 +56,7 @@ class Truth:
 
 def judged_by(words: str) -> Callable[[Callable[Concatenate[Trajectory, Again, P], float]], Callable[P, Truth]]:
     """Make ``error(run, again, *known)`` a function that returns the `Truth` for what is known."""
-
-    def made(error: Callable[Concatenate[Trajectory, Again, P], float]) -> Callable[P, Truth]:
-        @wraps(error)
-        def truth(*known: P.args, **named: P.kwargs) -> Truth:
-            return Truth(words, lambda run, again: error(run, again, *known, **named))
-
-        return truth
-
-    return made
+    return lambda error: lambda *known, **named: Truth(words, lambda run, again: error(run, again, *known, **named))
 
 
 @dataclass(frozen=True)
@@ -102,6 +101,12 @@ class Cell:
     cut: bool = False
 
 
+def at_wall(gap: Any, velocity: Any, mass: Any = 1.0, gravity: float = 0.0) -> Scene:
+    """Return balls above a wall or floor at rest."""
+    n = len(gap)
+    return Scene([math.inf, *np.broadcast_to(mass, n)], [0.0, *np.full(n, 0.1)], gap, [0.0, *velocity], gravity)
+
+
 @dataclass(frozen=True)
 class Result:
     """A judged cell: the error (dimensionless, nan if there is none), its tolerance and what the run said."""
@@ -115,3 +120,26 @@ class Result:
     tolerance: float
     said: str
     seconds: float
+
+
+SHORT = 5_000
+"""Steps at most of an interpreted run."""
+
+
+def repeat(cell: Cell, method: str, plain: bool = False) -> Again:
+    """Return the function that runs `cell` by `method`, with changes if asked for; `plain`: interpreted, and short."""
+
+    def again(**changes: Any) -> Trajectory:
+        options = {"scene": cell.scene, "law": cell.law} | dict(cell.options) | changes
+        scene, law, most = options.pop("scene"), options.pop("law"), options.pop("max_steps", None)
+        if method == "edmd":
+            return edmd.simulate(scene, cell.rule, **options | ({"engine": "sorted"} if plain else {}))
+        if plain:
+            options, most = options | {"engine": "plain"}, min(SHORT, most or SHORT)
+        if most is not None:
+            options["max_steps"] = most
+        if method != "located":
+            options = {"method": method, "engine": "compiled" if have_numba() else "plain"} | options
+        return md.simulate(scene, law, **options)
+
+    return again

@@ -1,44 +1,49 @@
-"""Lines of balls: symmetries and invariants of Newton's equation where no closed form is at hand."""
+"""Lines of balls: symmetries and invariants of Newton's equation, and what is known of chains and of equal balls."""
 
 from __future__ import annotations
 
-import itertools
+import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import cache
+from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from granular import laws as built_in
 from granular import md, scenes, until
+from granular._check import Array
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz
 from granular.rules import ConstantRestitution
-from granular.scene import Pair, Scene
-from granular.stress import truth
-from granular.stress.cell import FIXED, SOFT, Again, Cell, judged_by
+from granular.scene import Scene
+from granular.stress import own, truth
+from granular.stress.cell import BOTH, ELASTIC, FIXED, METHODS, SOFT, Again, Cell, at_wall, judged_by
+from granular.stress.contact import MADE
 from granular.trajectory import Trajectory
 
-BOTH = ("located", "edmd")
+LAWS = ("linear", "linear", "viscoelastic", "tsuji", "hertz", "parabola")
+"""Laws of the random lines, one after the other."""
 
 
 def symmetries(seeds: int = 40) -> Iterator[Cell]:
     """Random lines of 2 to 6 balls, with masses, gaps and stiffness over many decades."""
     yield from close_in_time()
     for seed in range(seeds):
-        scene, laws, rule = random_line(seed)
-        common: dict[str, Any] = {"scene": scene, "law": laws, "rule": rule, "tolerance": 1e-11,
-                                  "options": {"t_end": 4.0, "max_events": 200}}  # fmt: skip
-        case = f"line {seed}: {scene.n} bodies, {type(laws[0]).__name__}"
-        yield Cell("symmetry", f"{case}, mirror", truth=truth.mirrored(), methods=BOTH, **common)
-        yield Cell("symmetry", f"{case}, late", truth=truth.late(4.0), methods=BOTH, **common)
-        grows = truth.energy(loses=True)
-        yield Cell("invariants", f"{case}, energy", truth=grows, methods=(*BOTH, *FIXED), **common)
-        yield Cell("symmetry", f"{case}, as located", truth=as_located(), methods=FIXED, **common)
+        scene, laws, eps = random_line(seed)
+        each = [("symmetry", "mirror", truth.mirrored(), BOTH), ("symmetry", "late", truth.late(4.0), BOTH),
+                ("invariants", "energy", truth.LOSS, METHODS),
+                ("symmetry", "as located", as_located(), FIXED)]  # fmt: skip
         if not scene.is_wall.any():
-            yield Cell("invariants", f"{case}, momentum", truth=truth.momentum(), methods=(*BOTH, *FIXED), **common)
+            each.append(("invariants", "momentum", truth.momentum(), METHODS))
         if isinstance(laws[0], LinearDashpot):
-            exact = common | {"tolerance": 0.0}
-            yield Cell("invariants", f"{case}, scaling", truth=truth.scaled(), methods=BOTH, **exact)
+            each.append(("invariants", "scaling", truth.scaled(), BOTH))
+        for axis, what, expected, methods in each:
+            case = f"line {seed}: {scene.n} bodies, {type(laws[0]).__name__}, {what}"
+            yield Cell(axis, case, scene, expected, laws, ConstantRestitution(eps), 0.0 if what == "scaling" else 1e-11,
+                       options={"t_end": 4.0, "max_events": 200}, methods=methods)  # fmt: skip
 
 
 def close_in_time() -> Iterator[Cell]:
@@ -48,30 +53,17 @@ def close_in_time() -> Iterator[Cell]:
                ConstantRestitution(0.5), options={"t_end": 1.0}, methods=BOTH)  # fmt: skip
 
 
-def random_line(seed: int) -> tuple[Scene, list[Any], ConstantRestitution]:
-    """Return a line without gravity, one law a pair, and a rule."""
+def random_line(seed: int) -> tuple[Scene, list[Any], float]:
+    """Return a line without gravity, one law a pair, and its restitution."""
     rng = np.random.default_rng(seed)
     n, decades = int(rng.integers(2, 7)), float(rng.choice([0.0, 0.5, 2.0]))
     mass = 10.0 ** rng.uniform(-decades, decades, n)
     radius, velocity = np.full(n, 0.1), rng.uniform(-1.0, 1.0, n)
     if rng.random() < 0.5:
         mass, radius, velocity = (np.insert(a, 0, x) for a, x in ((mass, math.inf), (radius, 0.0), (velocity, 0.0)))
-    gap = 10.0 ** rng.uniform(-12.0, 0.0, len(mass) - 1)
-    scene = Scene(mass, radius, gap, velocity)
+    scene = Scene(mass, radius, 10.0 ** rng.uniform(-12.0, 0.0, len(mass) - 1), velocity)
     k, eps = 10.0 ** rng.uniform(4.0, 14.0), float(rng.choice([1.0, 0.9, 0.3]))
-    law = LAWS[seed % len(LAWS)]
-    return scene, [law(eps, k, pair) for pair in scene.pairs], ConstantRestitution(eps)
-
-
-LAWS: tuple[Callable[[float, float, Pair], Any], ...] = (
-    lambda eps, k, pair: LinearDashpot.from_restitution(eps, k, pair),
-    lambda eps, k, pair: LinearDashpot.from_restitution(eps, k, pair),
-    lambda eps, k, pair: ViscoelasticHertz.from_restitution(eps, 1.0, k, pair),
-    lambda eps, k, pair: TsujiHertz.from_restitution(eps, k),
-    lambda eps, k, pair: Hertz(k),
-    lambda eps, k, pair: PowerLaw(k, 2.0),
-)
-"""What makes the law of a line, by its number."""
+    return scene, [MADE[LAWS[seed % len(LAWS)]](eps, k, 1.0, pair) for pair in scene.pairs], eps
 
 
 @judged_by("the located method")
@@ -85,46 +77,107 @@ def touching() -> Iterator[Cell]:
     """Three balls, hit from one or both sides, that touch to within less than rounding."""
     laws = (LinearDashpot(1e6, 10.0), Hertz(1e6), ViscoelasticHertz(1e6, 1e3), TsujiHertz(1e6, 0.5),
             PowerLaw(1e6, 2.0), PowerLaw(1e6, 1.7))  # fmt: skip
-    for law, last, gap in itertools.product(laws, (0.0, -1.0), (0.0, 5e-324, 1e-200, 1e-100, 1e-60, 1e-30, 1e-18)):
+    for law, last, gap in product(laws, (0.0, -1.0), (0.0, 5e-324, 1e-200, 1e-100, 1e-60, 1e-30, 1e-18)):
         scene = Scene(np.ones(3), np.full(3, 0.1), [0.0, gap], [1.0, 0.0, last])
         case = f"gaps 0 and {gap:g}, {'one side' if last == 0.0 else 'both sides'}, {law}"
-        options = {"until": until.separated(), "max_steps": 2_000}
-        yield Cell("touching", case, scene, truth.momentum(), law, options=options)
-        near = truth.beside(scene.replace(gap=[0.0, 0.0]))
-        yield Cell("touching", case, scene, near, law, options=options, tolerance=1e-11)
-
-
-def known() -> Iterator[Cell]:
-    """Outcomes computed elsewhere to more digits than are printed here."""
-    unit, end = LinearDashpot(1.0), {"until": until.separated()}
-    for n, expected in (
-        (3, (-0.1302616951, 0.1502295694, 0.9800321256)),
-        (5, (-0.1322794847, -0.0753291698, -0.0310108290, 0.2962177501, 0.9424017334)),
-    ):
-        target = truth.velocities(expected, words="piecewise exact solution, 10 digits")
-        cell = Cell("chains", f"{n} touching balls, linear", scenes.newtons_cradle(n), target, unit,
-                    tolerance=2e-10, options=end, methods=SOFT)  # fmt: skip
+        cell = Cell("touching", case, scene, truth.momentum(), law,
+                    options={"until": until.separated(), "max_steps": 2_000})  # fmt: skip
         yield cell
-        yield replace(cell, case=f"{cell.case}, k = 1e16", law=LinearDashpot(1e16))
-    law: LinearDashpot | Hertz
-    for law, expected in (
-        (unit, (-0.17089975, -0.04920079, 0.38202721, 0.66099500, 1.17707832)),
-        (Hertz(1.0), (-0.11261497, -0.04195950, 0.21448578, 0.80036667, 1.13972203)),
-    ):
-        target = truth.velocities(expected, words="another solver, 8 digits")
-        case = f"two of five touching balls arrive, {type(law).__name__}"
-        yield Cell("chains", case, scenes.newtons_cradle(5, 2), target, law, tolerance=2e-8, options=end, methods=SOFT)
+        yield replace(cell, truth=truth.beside(scene.replace(gap=[0.0, 0.0])), tolerance=1e-11)
+
+
+KNOWN: tuple[tuple[str, int, int, Any, tuple[float, ...], str, float], ...] = (
+    *((f"3 touching balls, linear{more}", 3, 1, LinearDashpot(k), (-0.1302616951, 0.1502295694, 0.9800321256),
+       "piecewise exact solution, 10 digits", 2e-10) for k, more in ((1.0, ""), (1e16, ", k = 1e16"))),
+    *((f"5 touching balls, linear{more}", 5, 1, LinearDashpot(k),
+       (-0.1322794847, -0.0753291698, -0.0310108290, 0.2962177501, 0.9424017334),
+       "piecewise exact solution, 10 digits", 2e-10) for k, more in ((1.0, ""), (1e16, ", k = 1e16"))),
+    ("two of five touching balls arrive, LinearDashpot", 5, 2, LinearDashpot(1.0),
+     (-0.17089975, -0.04920079, 0.38202721, 0.66099500, 1.17707832), "another solver, 8 digits", 2e-8),
+    ("two of five touching balls arrive, Hertz", 5, 2, Hertz(1.0),
+     (-0.11261497, -0.04195950, 0.21448578, 0.80036667, 1.13972203), "another solver, 8 digits", 2e-8),
+)  # fmt: skip
+"""Cradles: balls, how many arrive, their law; velocities in m/s computed elsewhere to more digits than are printed."""
 
 
 def chains() -> Iterator[Cell]:
-    """Chains of up to 1e5 balls."""
-    yield from known()
+    """Cradles, and chains of up to 1e5 balls."""
+    for case, n, arrive, law, after, words, tolerance in KNOWN:
+        yield Cell("chains", case, scenes.newtons_cradle(n, arrive), truth.velocities(after, words=words), law,
+                   tolerance=tolerance, options={"until": until.separated()}, methods=SOFT)  # fmt: skip
     for n in (10, 100, 1_000, 10_000, 100_000):
         passed = truth.velocities(np.arange(n) == n - 1, words="equal elastic balls hand the velocity on")
-        options = {"log": False, "max_events": 10 * n}
-        yield Cell("chains", f"{n} balls, gaps", scenes.chain(n, gap=1e-3), passed, rule=ConstantRestitution(1.0),
-                   tolerance=1e-12, options=options, methods=("edmd",), slow=n > 1_000)  # fmt: skip
-        soft = {"log": False, "t_end": 20.0, "max_steps": 200_000}
+        yield Cell("chains", f"{n} balls, gaps", scenes.chain(n, gap=1e-3), passed, rule=ELASTIC, slow=n > 1_000,
+                   options={"log": False, "max_events": 10 * n}, methods=("edmd",))  # fmt: skip
         for kept in (truth.energy(), truth.momentum()):
-            yield Cell("chains", f"{n} touching balls, Hertz, t = 20", scenes.chain(n), kept, Hertz(1.0),
-                       options=soft | {"samples": None}, methods=SOFT, slow=n > 10)  # fmt: skip
+            yield Cell("chains", f"{n} touching balls, Hertz, t = 20", scenes.chain(n), kept, Hertz(1.0), methods=SOFT,
+                       options={"log": False, "t_end": 20.0, "max_steps": 200_000, "samples": None},
+                       slow=n > 10)  # fmt: skip
+
+
+def counts(draws: int = 8) -> Iterator[Cell]:
+    """Equal elastic balls pass on velocities as if they went through each other; so the number of contacts is known.
+
+    Stiff ones: contacts, of 1e-7 s, do not overlap in time.
+    """
+    each: list[tuple[str, Scene, int, Array]] = []
+    for n, seed in product((2, 3, 4, 5, 8, 12), range(draws)):
+        rng = np.random.default_rng([n, seed])
+        v, gap = np.sort(rng.uniform(0.1, 1.0, n)), rng.uniform(0.1, 1.0, n)
+        back, free = np.insert(v, 0, 0.0), Scene(np.ones(n), np.full(n, 0.1), gap[1:], v[::-1])
+        each += [
+            (f"{n} balls, all meet once, draw {seed}", free, n * (n - 1) // 2, v),
+            (f"{n} balls, slower ones first to the wall, draw {seed}", at_wall(gap, -v), n * n, back),
+            (f"{n} balls, faster ones first to the wall, draw {seed}", at_wall(gap, -v[::-1]), n * (n + 1) // 2, back),
+        ]
+    for n in range(2, 13):
+        scene = at_wall(np.full(n, 0.1), [-1.0] * n, [2.0 / (k * (k + 1.0)) for k in range(1, n + 1)])
+        each.append((f"each of {n} falling balls hands on all it has", scene, n, n * (np.arange(n + 1.0) == n)))
+    for case, scene, many, after in each:
+        yield Cell("counts", case, scene, exactly(many, after), LinearDashpot(1e14), ELASTIC,
+                   options={"max_steps": 50_000}, methods=BOTH)  # fmt: skip
+
+
+@judged_by("the number of contacts of balls that pass through each other")
+def exactly(run: Trajectory, again: Again, many: int, velocity: Array) -> float:
+    """That many contacts in all, and these velocities in m/s at the end."""
+    off = float(np.abs(run.velocity[-1] - velocity).max() / np.abs(velocity).max())
+    return off if len(run.contacts) == many else math.inf
+
+
+FIELDS = ("t_begin", "duration", "v_out", "xi_max", "force_max", "impulse")
+"""What is compared of each contact, besides its pair."""
+
+
+@cache
+def stored() -> tuple[dict[str, Any], ...]:
+    """Lines whose outcome the independent solver of tests/fuzz found in long doubles (18 digits).
+
+    It shares no code with the engines; ``python bench/stability_recorded.py`` makes the file anew.
+    """
+    return tuple(json.loads(Path(__file__).with_name("recorded.json").read_text("utf-8")))
+
+
+def recorded() -> Iterator[Cell]:
+    """Second contacts inside an overlap, own laws in chains, reloading, laws that touch at once, steep laws.
+
+    The plain laws are laws as users write them.
+    """
+    known = vars(built_in) | vars(own)
+    for i, one in enumerate(stored()):
+        mass = [math.inf if m is None else m for m in one["mass"]]
+        scene = Scene(mass, [0.0 if m == math.inf else 0.5 for m in mass], one["gap"], one["velocity"])
+        names = ", ".join(dict.fromkeys(name for name, *_ in one["laws"]))
+        yield Cell("recorded", f"{one['kind']}, scene {i}: {names}", scene, outcome(one),
+                   [known[name](*numbers) for name, *numbers in one["laws"]],
+                   options={"t_end": one["t_end"], "max_steps": 50_000})  # fmt: skip
+
+
+@judged_by("an independent solver in 18 digits")
+def outcome(run: Trajectory, again: Again, one: Mapping[str, Any]) -> float:
+    """The same contacts, each number of them, and final velocities, in units of scale and condition number."""
+    rows = np.sort(run.contacts, order=("pair", "t_begin"))
+    if rows["pair"].tolist() != one["pair"]:
+        return math.inf
+    found = {"final": run.velocity[-1]} | {name: rows[name].ravel() for name in FIELDS}
+    return float(max(np.abs(found[name] - one[name]).max() / one["unit"][name] for name in found))

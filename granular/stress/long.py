@@ -1,37 +1,43 @@
-"""Long runs: what is left of energy and reversibility after many contacts."""
+"""Long runs and long steps: what is left of energy and reversibility after many contacts; which dt is stable."""
 
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
-from granular import scenes
+from granular import md, scenes
 from granular.laws import Hertz, LinearDashpot
-from granular.rules import ConstantRestitution
+from granular.laws.kinds import resolved
+from granular.md.integrators import INTEGRATORS
+from granular.md.stability import sharpest_rate
 from granular.scene import Scene
 from granular.stress import truth
-from granular.stress.cell import METHODS, SOFT, Again, Cell, Truth, judged_by
-from granular.stress.judge import repeat
-from granular.trajectory import Trajectory
-
-ELASTIC = ConstantRestitution(1.0)
+from granular.stress.cell import BOTH, ELASTIC, FIXED, METHODS, SOFT, Again, Cell, judged_by, repeat
+from granular.trajectory import Status, Trajectory
 
 
 def runs() -> Iterator[Cell]:
     """Bounces, drops from 1 km, oscillations, gases."""
     for e in range(1, 8):
-        methods = METHODS if e <= 4 else ("located", "edmd") if e <= 5 else ("edmd",)
+        methods = METHODS if e <= 4 else BOTH if e <= 5 else ("edmd",)
         yield replace(bounces(10**e), methods=methods, slow=e > 2)
-    for n in (1, 100, 10_000, 100_000):
-        for height in (1e-6, 1.0, 1e3):
-            yield _drops(n, height)
+    for n, height in product((1, 100, 10_000, 100_000), (1e-6, 1.0, 1e3)):
+        options = {"max_events": n + 1, "t_end": math.sqrt(2.0 * height / 9.81) * 2.0 * n, "log": False}
+        yield Cell("long runs", f"{n} bounces from {height:g} m", scenes.bouncing_ball(height), back_at(height),
+                   rule=ELASTIC, tolerance=1e-13 * (1 + n), options=options, methods=("edmd",),
+                   slow=n > 10)  # fmt: skip
     for e in range(2, 7):
-        yield from _oscillations(10**e)
-    for free in (1e2, 1e4, 1e6):
-        yield from _gas(free)
+        yield from oscillations(10**e)
+    for free, spread in product((1e2, 1e4, 1e6), (1.0, 100.0)):
+        yield Cell("long runs", f"gas over {free:g} mean free times, masses 1 : {spread:g}",
+                   scenes.gas(10, mass_spread=spread, packing=0.1), truth.energy() if spread > 1.0 else speeds_kept(),
+                   Hertz(1e8), ELASTIC, tolerance=1e-11, methods=BOTH if free < 1e3 else ("edmd",), slow=True,
+                   options={"t_end": 4.5 * free, "log": False, "max_events": 10**8})  # fmt: skip
 
 
 def bounces(n: int, law: LinearDashpot | Hertz | None = None) -> Cell:
@@ -42,43 +48,23 @@ def bounces(n: int, law: LinearDashpot | Hertz | None = None) -> Cell:
                 tolerance=1e-14 + 1e-15 * n, options=options, methods=METHODS)  # fmt: skip
 
 
-def _drops(n: int, height: float) -> Cell:
+@judged_by("back at its height after n bounces")
+def back_at(run: Trajectory, again: Again, height: float) -> float:
     """An elastic ball on a floor: its n-th bounce is known in closed form."""
-    time = math.sqrt(2.0 * height / 9.81) * 2.0 * n
-    options = {"max_events": n + 1, "t_end": time, "log": False}
-
-    def error(run: Trajectory, again: Again) -> float:
-        return float(abs(run.gap[-1, 0] / height - 1.0))
-
-    return Cell("long runs", f"{n} bounces from {height:g} m", scenes.bouncing_ball(height),
-                Truth("back at its height after n bounces", error), rule=ELASTIC, tolerance=1e-13 * (1 + n),
-                options=options, methods=("edmd",), slow=n > 10)  # fmt: skip
+    return float(abs(run.gap[-1, 0] / height - 1.0))
 
 
-def _oscillations(n: int) -> Iterator[Cell]:
+def oscillations(n: int) -> Iterator[Cell]:
     """Three pre-compressed balls between walls; shaken gently (all contacts stay closed) and violently (they open)."""
-    for name, speed in (("closed", 1e-3), ("opening", 3.0)):
+    methods = SOFT if n <= 1_000 else ("located", "verlet") if n <= 100_000 else ("verlet",)
+    fast = ((LinearDashpot(1e6), math.sqrt(2e6)), (Hertz(1e8), math.sqrt(2 * 1.5e8 * math.sqrt(1e-3))))
+    for (name, speed), (law, omega) in product((("closed", 1e-3), ("opening", 3.0)), fast):
         scene = Scene([math.inf, 1.0, 2.0, 1.0, math.inf], [0.0, 1.0, 1.0, 1.0, 0.0], -np.full(4, 1e-3),
                       [0.0, speed, 0.0, -0.5 * speed, 0.0])  # fmt: skip
-        for law in (LinearDashpot(1e6), Hertz(1e8)):
-            omega = math.sqrt(2e6) if isinstance(law, LinearDashpot) else math.sqrt(2 * 1.5e8 * math.sqrt(1e-3))
-            options = {"t_end": 2.0 * math.pi * n / omega, "log": False, "max_events": 10**8, "max_steps": 10**8}
-            methods = SOFT if n <= 1_000 else ("located", "verlet") if n <= 100_000 else ("verlet",)
-            options |= {"dt": 0.05 / omega} if methods == ("verlet",) else {}
-            yield Cell("long runs", f"{n} oscillations, contacts {name}, {type(law).__name__}", scene, truth.energy(),
-                       law, tolerance=1e-12 + 1e-15 * n, options=options, methods=methods,
-                       slow=n > 10)  # fmt: skip
-
-
-def _gas(free_times: float) -> Iterator[Cell]:
-    """Gases of 10 balls between walls over that many mean free times: equal balls only exchange velocities."""
-    for spread in (1.0, 100.0):
-        scene = scenes.gas(10, mass_spread=spread, packing=0.1)
-        options = {"t_end": 4.5 * free_times, "log": False, "max_events": 10**8}
-        kept = truth.energy() if spread > 1.0 else speeds_kept()
-        yield Cell("long runs", f"gas over {free_times:g} mean free times, masses 1 : {spread:g}", scene, kept,
-                   Hertz(1e8), ELASTIC, tolerance=1e-11, options=options,
-                   methods=("located", "edmd") if free_times < 1e3 else ("edmd",), slow=True)  # fmt: skip
+        options = {"t_end": 2.0 * math.pi * n / omega, "log": False, "max_events": 10**8, "max_steps": 10**8}
+        options |= {"dt": 0.05 / omega} if methods == ("verlet",) else {}
+        yield Cell("long runs", f"{n} oscillations, contacts {name}, {type(law).__name__}", scene, truth.energy(), law,
+                   tolerance=1e-12 + 1e-15 * n, options=options, methods=methods, slow=n > 10)  # fmt: skip
 
 
 @judged_by("the set of speeds is kept (md: the energy)")
@@ -86,8 +72,8 @@ def speeds_kept(run: Trajectory, again: Again) -> float:
     """Equal elastic hard balls only exchange velocities; soft ones keep their energy."""
     if run.rule is None:
         return truth.energy().error(run, again)
-    sets = (np.sort(np.abs(run.velocity[row])) for row in (0, -1))
-    return float(np.abs(np.subtract(*sets)).max())
+    first, last = np.sort(np.abs(run.velocity[[0, -1]]))
+    return float(np.abs(first - last).max())
 
 
 @dataclass(frozen=True)
@@ -104,18 +90,65 @@ class Drift:
 
 def drifts(methods: Sequence[str] = METHODS, most: int = 10_000) -> list[Drift]:
     """Measure drift of energy and loss of reversibility by powers of ten up to `most` contacts."""
-    rows = []
-    for method in methods:
-        for law in (LinearDashpot(1e6), Hertz(1e8)):
-            if method == "edmd" and isinstance(law, Hertz):
-                continue
-            for n in (10**e for e in range(1, 1 + round(math.log10(most)))):
-                cell = bounces(n, law)
-                again = repeat(replace(cell, options=dict(cell.options) | {"max_events": n + 10}), method)
-                run = again()
-                kept, returns = (t.error(run, again) for t in (truth.energy(), truth.reversal()))
-                name = "" if method == "edmd" else type(law).__name__
-                rows.append(Drift(method, name, n, kept, returns))
-    return rows
+    laws: tuple[LinearDashpot | Hertz, ...] = (LinearDashpot(1e6), Hertz(1e8))
+    each = product(methods, laws, range(1, 1 + round(math.log10(most))))
+    return [drift(method, law, 10**e) for method, law, e in each if method != "edmd" or isinstance(law, LinearDashpot)]
 
 
+def drift(method: str, law: LinearDashpot | Hertz, n: int) -> Drift:
+    """Measure it after `n` contacts."""
+    cell = bounces(n, law)
+    again = repeat(replace(cell, options=dict(cell.options) | {"max_events": n + 10}), method)
+    run = again()
+    kept, returns = (target.error(run, again) for target in (truth.energy(), truth.reversal()))
+    return Drift(method, "" if method == "edmd" else type(law).__name__, n, kept, returns)
+
+
+SPRING = LinearDashpot(1.0)
+
+
+@dataclass(frozen=True)
+class StabilityLimit:
+    """The largest stable dt in units of √(m/k), measured by bisection, beside the method's theory, and beside the
+    step from which `granular.md` says `unstable` (all dimensionless)."""
+
+    method: str
+    balls: int
+    measured: float
+    theory: float
+    reported: float
+
+
+IMAGINARY = {"verlet": 2.0, "symplectic-euler": 2.0, "rk4": 2.0 * math.sqrt(2.0), "gear5": math.nan}
+"""Largest stable dt·ω of an undamped oscillator; no textbook number is quoted for the P(EC) form of Gear's method."""
+
+
+def limits(balls: Sequence[int] = (1, 2, 20), methods: Sequence[str] = FIXED) -> list[StabilityLimit]:
+    """Measure the stability limit of balls held between two walls by compressed springs, for each method.
+
+    One ball has ω = √(2k/m), a long chain 2√(k/m): hence dt < √(m/k) for Verlet inside a chain.
+    """
+    return [limit(n, method) for n, method in product(balls, FIXED) if method in methods]
+
+
+def limit(n: int, method: str) -> StabilityLimit:
+    """Measure that of `n` balls of 1 kg, with overlaps of 1 m, shaken a little, by bisection."""
+    shaken = 1e-6 * np.random.default_rng(n).uniform(-1.0, 1.0, n)
+    scene = Scene([math.inf, *np.ones(n), math.inf], [0.0, *np.full(n, 10.0), 0.0], -np.ones(n + 1),
+                  [0.0, *shaken, 0.0])  # fmt: skip
+    stable, unstable = 0.05, 3.0
+    while unstable - stable > 2e-3 * stable:
+        dt = 0.5 * (stable + unstable)
+        stable, unstable = (stable, dt) if grows(scene, method, dt) else (dt, unstable)
+    bound = sharpest_rate(scene, resolved([SPRING] * scene.n_pairs, scene), np.ones(scene.n_pairs))
+    theory = IMAGINARY[method] / (2.0 * math.cos(0.5 * math.pi / (n + 1)))
+    return StabilityLimit(method, n, stable, theory, INTEGRATORS[method].limit / bound)
+
+
+def grows(scene: Scene, method: str, dt: float) -> bool:
+    """Whether the shaking, 1e-6 m/s, has grown a thousandfold after 200 steps."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        run = md.simulate(scene, SPRING, method=method, dt=dt, t_end=200 * dt, log=False)
+    speed = np.abs(run.velocity[-1]).max()
+    return bool(not speed < 1e-3) or (run.status is Status.unstable and not math.isfinite(speed))

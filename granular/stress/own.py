@@ -1,18 +1,11 @@
-"""Force laws as users write them, without traits; one contact of each on a wall is known in closed form."""
+"""Force laws as users write them, without traits."""
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
-from granular import until
-from granular.laws import PowerLaw
-from granular.scene import Pair, Scene
-from granular.stress import truth
-from granular.stress.cell import Cell, Truth
+from granular.scene import Pair
 
 
 @dataclass(frozen=True)
@@ -98,72 +91,3 @@ class Hysteresis:
         if xi >= xi_max:
             return self.k * xi
         return self.k * (xi - self.rest * xi_max) / (1.0 - self.rest)
-
-
-def hits(axis: str, case: str, law: Any, expected: Truth, speed: float = 1.0, mass: float = 1.0) -> Cell:
-    """Return the cell of one ball that hits a wall."""
-    scene = Scene([math.inf, mass], [0.0, 0.5], [0.1], [0.0, -speed])
-    return Cell(axis, case, scene, expected, law, options={"until": until.separated(), "max_steps": 50_000})
-
-
-def powers() -> Iterator[Cell]:
-    """Elastic powers n/12 from 1 to 16, with traits and without."""
-    for n in range(12, 193):
-        expected = power_contact(1.0, n / 12.0)
-        for law in (PowerLaw(1.0, n / 12.0), PlainPower(1.0, n / 12.0)):
-            yield hits("powers", f"ξ^({n}/12), {type(law).__name__}", law, expected)
-
-
-def power_contact(k: float, p: float) -> Truth:
-    """One contact of 1 kg at 1 m/s under F = k ξ^p: depth from energy, duration by the Gamma function."""
-    depth = ((p + 1.0) / (2.0 * k)) ** (1.0 / (p + 1.0))
-    a = 1.0 / (p + 1.0)
-    duration = 2.0 * math.sqrt(math.pi) * math.gamma(1.0 + a) / math.gamma(0.5 + a) * depth
-    return truth.one_contact(1.0, 1.0, duration=duration, xi_max=depth, force_max=k * depth**p, impulse=2.0)
-
-
-def kinks() -> Iterator[Cell]:
-    """Laws with a kink in the overlap, in the rate, or at the turn of a loading cycle."""
-    for ratio, part, speed in itertools.product(
-        (0.1, 0.5, 3.0, 30.0), (0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99), (1.0, 0.37)
-    ):
-        law = TwoStiffnesses(1e4, 1e4 * ratio, part * speed / 100.0)
-        yield hits("own laws", f"stiffness times {ratio:g} at {part:g} of the depth, v = {speed:g}", law,
-                   bent_contact(law, speed), speed)  # fmt: skip
-    for first, then in itertools.product((0.0, 1e-3, 0.1, 0.5, 0.9), repeat=2):
-        law_2 = TwoDampings(1e4, 200.0 * first, 200.0 * then)
-        yield hits("own laws", f"ζ = {first:g} loading, {then:g} unloading", law_2, damped_contact(law_2))
-    for rest, k in itertools.product((0.01, 0.1, 0.3, 0.5, 0.8, 0.99), (1.0, 1e4, 1e8)):
-        law_3 = Hysteresis(k, rest)
-        yield hits("own laws", f"unloading to {rest:g} of the depth, k = {k:.0e}", law_3, plastic_contact(law_3))
-
-
-def bent_contact(law: TwoStiffnesses, v: float) -> Truth:
-    """1 kg at `v` in m/s against a spring in two pieces: arcs of two sines."""
-    w1, w2 = math.sqrt(law.k), math.sqrt(law.k2)
-    at_kink = math.sqrt((v - w1 * law.xi1) * (v + w1 * law.xi1))
-    shift = law.k * law.xi1 / law.k2
-    amplitude = math.hypot(shift, at_kink / w2)
-    duration = 2.0 * (math.asin(w1 * law.xi1 / v) / w1 + math.atan2(at_kink / w2, shift) / w2)
-    depth = law.xi1 + (at_kink / w2) ** 2 / (amplitude + shift)
-    return truth.one_contact(1.0, v, duration=duration, xi_max=depth, force_max=law.k2 * amplitude, impulse=2.0 * v)
-
-
-def damped_contact(law: TwoDampings) -> Truth:
-    """1 kg at 1 m/s: damped oscillation to the peak, and from rest there to F = 0 with the other damping."""
-    w = math.sqrt(law.k)
-    logs, times = [], []
-    for gamma in (law.loading, law.unloading):
-        zeta = 0.5 * gamma / w
-        root = math.sqrt((1.0 - zeta) * (1.0 + zeta))
-        logs.append(zeta * math.acos(zeta) / root)
-        times.append(math.acos(zeta) / (w * root))
-    eps = math.exp(-sum(logs))
-    return truth.one_contact(eps, 1.0, duration=sum(times), xi_max=math.exp(-logs[0]) / w, impulse=1.0 + eps)
-
-
-def plastic_contact(law: Hysteresis) -> Truth:
-    """1 kg at 1 m/s: two quarters of oscillations; what unloading gives back is 1 - rest of the energy."""
-    w, left = math.sqrt(law.k), math.sqrt(1.0 - law.rest)
-    return truth.one_contact(left, 1.0, duration=0.5 * math.pi * (1.0 + left) / w, xi_max=1.0 / w, force_max=w,
-                             impulse=1.0 + left)  # fmt: skip

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from os import PathLike
 from typing import Any
 
-from granular import _files
-from granular.stress.cell import Result, Verdict
-from granular.stress.long import Drift
-from granular.stress.timestep import StabilityLimit
+from granular.stress.cell import BOTH, Result, Verdict
+from granular.stress.long import Drift, StabilityLimit
+from granular.tables import Report, aligned, markdown, number
 
 BAD = (Verdict.wrong, Verdict.crashed, Verdict.limit)
 SHOWN = 20
@@ -20,7 +16,7 @@ SHOWN = 20
 
 
 @dataclass(frozen=True)
-class StabilityReport:
+class StabilityReport(Report):
     """What `granular.stability` found.
 
     Attributes
@@ -62,11 +58,10 @@ class StabilityReport:
 
     def tables(self) -> dict[str, list[list[str]]]:
         """Return all tables as rows of words, the first row the heads."""
-        heads = ["right", "flagged", "silently wrong", "crashed", "limit"]
         each = {method: self.count(method) for method in self.methods}
         wrong = {axis: [self.count(method, axis) for method in self.methods] for axis in self.axes}
         found = {
-            "cells": [["method", "cells", *heads]] + [
+            "cells": [["method", "cells", "right", "flagged", "silently wrong", "crashed", "limit"]] + [
                 [method, str(counts.total()), *(str(counts[verdict]) for verdict in Verdict)]
                 for method, counts in each.items()
             ],
@@ -75,7 +70,7 @@ class StabilityReport:
                 for axis, row in wrong.items()
             ],
             "stability limit, dt √(k/m)": [["method", "balls", "measured", "theory", "reported from"]] + [
-                [row.method, str(row.balls), f"{row.measured:.3f}", _number(row.theory, ".3f"), f"{row.reported:.3f}"]
+                [row.method, str(row.balls), *(number(x, ".3f") for x in (row.measured, row.theory, row.reported))]
                 for row in self.limits
             ],
             "drift over contacts": [["method", "law", "contacts", "energy", "reversal"]] + [
@@ -87,42 +82,20 @@ class StabilityReport:
 
     def markdown(self) -> str:
         """Return the tables as Markdown."""
-        parts = []
-        for title, rows in self.tables().items():
-            lines = ["| " + " | ".join(row) + " |" for row in rows]
-            lines.insert(1, "|" + "---|" * len(rows[0]))
-            parts.append(f"**{title}**\n\n" + "\n".join(lines))
-        return "\n\n".join(parts) + "\n"
+        return "\n\n".join(f"**{title}**\n\n{markdown(rows)}" for title, rows in self.tables().items()) + "\n"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain values, with provenance; nan and inf become None."""
+    def _numbers(self) -> dict[str, Any]:
         cells = [asdict(cell) | {"verdict": cell.verdict.name} for cell in self.cells]
-        plain: dict[str, Any] = _files.plain({
-            "quick": self.quick, "cells": cells, "limits": [asdict(row) for row in self.limits],
-            "drifts": [asdict(row) for row in self.drifts], "provenance": _files.provenance(),
-        })  # fmt: skip
-        return plain
-
-    def to_json(self, path: str | PathLike[str]) -> None:
-        """Write `to_dict` to a file, whole or not at all."""
-        _files.write_json(path, self.to_dict())
+        return {"quick": self.quick, "cells": cells, "limits": [asdict(row) for row in self.limits],
+                "drifts": [asdict(row) for row in self.drifts]}  # fmt: skip
 
     def __str__(self) -> str:
-        parts = [f"{title}\n{_aligned(rows)}" for title, rows in self.tables().items()]
-        bad = self.of(*BAD, method=None)
-        own = [cell for cell in bad if cell.method in ("located", "edmd")] or bad
+        parts = [f"{title}\n{aligned(rows, indent='  ')}" for title, rows in self.tables().items()]
+        bad = self.of(*BAD)
+        own = [cell for cell in bad if cell.method in BOTH] or bad
         if own:
             lines = [f"  {c.verdict.name:8} {c.method:17} {c.axis}: {c.case} [{c.truth}] error {c.error:.2g} > "
                      f"{c.tolerance:.2g}; {c.said}"[:240] for c in own[:SHOWN]]  # fmt: skip
-            more = f"\n  … and {len(own) - SHOWN} more (see cells, or the JSON file)" if len(own) > SHOWN else ""
-            parts.append("not right and not flagged\n" + "\n".join(lines) + more)
+            more = [f"  … and {len(own) - SHOWN} more (see cells, or the JSON file)"] * (len(own) > SHOWN)
+            parts.append("\n".join(["not right and not flagged", *lines, *more]))
         return "\n\n".join(parts)
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> str:
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return "\n".join("  " + "  ".join(word.rjust(w) for word, w in zip(row, widths, strict=True)) for row in rows)
-
-
-def _number(value: float, form: str) -> str:
-    return format(value, form) if math.isfinite(value) else "–"

@@ -1,36 +1,25 @@
-"""Rest: a pile that has come to lie still goes on to the end time, with its samples, to its equilibrium."""
+"""How runs end: a pile that lies still goes on to the end time, to its equilibrium; others end before their samples."""
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from itertools import product
 from typing import Any
 
 import numpy as np
 
+from granular import scenes, until
 from granular._check import Array
-from granular.laws import LinearDashpot, TsujiHertz, ViscoelasticHertz
+from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz
 from granular.scene import Scene
-from granular.stress.cell import Again, Cell, Truth, judged_by
+from granular.stress.cell import BOTH, ELASTIC, Again, Cell, Truth, at_wall, judged_by
 from granular.trajectory import Status, Trajectory
 
-G = 9.81
+G, LONG = 9.81, 1e3
 ROWS = 11
 SHORT = 4
 """Bodies up to which a cell takes part in a quick study."""
-
-
-def rests() -> Iterator[Cell]:
-    """A ball that oscillates on the floor, piles on a floor, piles between two walls."""
-    for zeta, k, span in itertools.product((0.01, 0.1, 0.5, 0.9), (1e3, 1e6), (1.0, 1e3)):
-        yield _oscillating(zeta, k, span)
-    for n, law, drop in itertools.product((1, 2, 5), LAWS, (0.0, 1e-4, 1e-2)):
-        yield _piled(n, law, drop)
-    for n, law, gravity in itertools.product((1, 3, 6), LAWS, (0.0, G)):
-        yield _between_walls(n, law, gravity)
-
-
 LAWS: dict[str, tuple[Any, float]] = {
     "linear": (LinearDashpot(1e6, 500.0), 1.0),
     "viscoelastic": (ViscoelasticHertz(1e8, 3e4), 1.5),
@@ -39,87 +28,126 @@ LAWS: dict[str, tuple[Any, float]] = {
 """Law with its stiffness and damping, and the power of its force at rest."""
 
 
-def _oscillating(zeta: float, k: float, span: float) -> Cell:
+def rests() -> Iterator[Cell]:
+    """A ball that oscillates on the floor, piles on a floor, piles between two walls."""
+    for zeta, k, span in product((0.01, 0.1, 0.5, 0.9), (1e3, 1e6), (1.0, 1e3)):
+        w = math.sqrt(k)
+        end, scene = span * 2.0 / (zeta * w), at_wall([-1.5 * (G / k)], [0.0], gravity=G)
+        yield still(f"one ball oscillates, ζ = {zeta:g}, k = {k:.0e}, {span:g} decay times", scene,
+                    LinearDashpot(k, 2.0 * zeta * w), oscillates(end, zeta, k), end, 1e-12)  # fmt: skip
+    for n, (name, (law, power)), drop in product((1, 2, 5), LAWS.items(), (0.0, 1e-4, 1e-2)):
+        scene = at_wall([drop, *np.zeros(n - 1)], np.zeros(n), gravity=G)
+        lie = lies(LONG, (G * np.arange(n, 0, -1.0) / law.k) ** (1.0 / power))
+        yield still(f"{n} balls from {drop:g} m, {name}", scene, law, lie)
+    for n, (name, (law, power)), g in product((1, 3, 6), LAWS.items(), (0.0, G)):
+        press = 2e-3 * (1.0 + 0.3 * np.cos(np.arange(n + 1.0)))
+        scene = Scene([math.inf, *np.ones(n), math.inf], [0.0, *np.full(n, 0.1), 0.0], -press, np.zeros(n + 2), g)
+        lie = lies(LONG, pressed(law.k, power, g * np.arange(n, -1.0, -1.0), float(press.sum())))
+        yield still(f"{n} balls pressed between walls, g = {g:g}, {name}", scene, law, lie)
+
+
+def still(case: str, scene: Scene, law: Any, expected: Truth, end: float = LONG, tolerance: float = 1e-11) -> Cell:
+    """Return the cell of a scene that comes to rest before `end` in s."""
+    return Cell("rest", case, scene, expected, law, tolerance=tolerance, options={"t_end": end, "samples": ROWS},
+                slow=scene.n > SHORT)  # fmt: skip
+
+
+@judged_by("damped oscillation, and momentum of the log")
+def oscillates(run: Trajectory, again: Again, end: float, zeta: float, k: float) -> float:
     """1 kg that lies 1.5 times as deep as it will: a damped oscillation that never opens the contact."""
-    w = math.sqrt(k)
-    depth, end = G / k, span * 2.0 / (zeta * w)
-    scene = Scene([math.inf, 1.0], [0.0, 0.1], [-1.5 * depth], [0.0, 0.0], gravity=G)
-
-    def error(run: Trajectory, again: Again) -> float:
-        if not kept(run, end):
-            return math.inf
-        root = math.sqrt(1.0 - zeta * zeta)
-        decay, phase = np.exp(-zeta * w * run.time), root * w * run.time
-        xi = depth + 0.5 * depth * decay * (np.cos(phase) + zeta / root * np.sin(phase))
-        rate = -0.5 * depth * w / root * decay * np.sin(phase)
-        off, faster = np.abs(-run.gap[:, 0] / xi - 1.0), np.abs(-run.velocity[:, 1] - rate) / (w * depth)
-        return float(max(off.max(), faster.max(), unbalanced(run)))
-
-    return _cell(f"one ball oscillates, ζ = {zeta:g}, k = {k:.0e}, {span:g} decay times", scene,
-                 LinearDashpot(k, 2.0 * zeta * w), end, Truth("damped oscillation, and momentum of the log", error),
-                 1e-12)  # fmt: skip
+    w, depth, root = math.sqrt(k), G / k, math.sqrt(1.0 - zeta * zeta)
+    decay, phase = np.exp(-zeta * w * run.time), root * w * run.time
+    xi = depth + 0.5 * depth * decay * (np.cos(phase) + zeta / root * np.sin(phase))
+    rate = -0.5 * depth * w / root * decay * np.sin(phase)
+    return settled(run, end, -run.gap[:, 0] / xi - 1.0, (-run.velocity[:, 1] - rate) / (w * depth))
 
 
-def _piled(n: int, name: str, drop: float) -> Cell:
-    """Balls that are dropped on a floor from `drop` in m lie at last as deep as their weight asks."""
-    law, power = LAWS[name]
-    gap = [drop, *np.zeros(n - 1)]
-    scene = Scene([math.inf, *np.ones(n)], [0.0, *np.full(n, 0.1)], gap, np.zeros(n + 1), gravity=G)
-    weight = G * np.arange(n, 0, -1.0)
-    return _cell(f"{n} balls from {drop:g} m, {name}", scene, law, 1e3, lies(1e3, (weight / law.k) ** (1.0 / power)))
+@judged_by("the equilibrium of the pile, and momentum of the log")
+def lies(run: Trajectory, again: Again, end: float, overlap: Array) -> float:
+    """At `end` in s all lie still at these overlaps in m; rows and momentum of the log are kept."""
+    off = settled(run, end, -run.gap[-1] / overlap - 1.0, run.velocity[-1])
+    return off if run.stats["resting"] else math.inf
 
 
-def _between_walls(n: int, name: str, gravity: float) -> Cell:
-    """Balls pressed together by 2 mm a contact, unequally: forces differ by their weight alone in the end."""
-    law, power = LAWS[name]
-    press = 2e-3 * (1.0 + 0.3 * np.cos(np.arange(n + 1.0)))
-    scene = Scene([math.inf, *np.ones(n), math.inf], [0.0, *np.full(n, 0.1), 0.0], -press, np.zeros(n + 2),
-                  gravity=gravity)  # fmt: skip
-    weight = gravity * np.arange(n, -1.0, -1.0)
-    overlap = pressed(law.k, power, weight, float(press.sum()))
-    return _cell(f"{n} balls pressed between walls, g = {gravity:g}, {name}", scene, law, 1e3, lies(1e3, overlap))
+def settled(run: Trajectory, end: float, *errors: Array) -> float:
+    """Return the largest of the errors and of `unbalanced`, if the run went on to `end` and has the rows asked for."""
+    kept = run.status is Status.time and run.time.tolist() == np.linspace(0.0, end, ROWS).tolist()
+    return float(max([unbalanced(run), *(np.abs(error).max() for error in errors)])) if kept else math.inf
 
 
 def pressed(k: float, power: float, weight: Array, total: float) -> Array:
     """Return overlaps in m that sum up to `total`, of forces that differ by the weights in N: by halving."""
     low, high = 0.0, k * total**power
-
-    def overlaps(force: float) -> Array:
-        found: Array = ((force + weight) / k) ** (1.0 / power)
-        return found
-
     while low < (middle := 0.5 * (low + high)) < high:
-        low, high = (middle, high) if overlaps(middle).sum() < total else (low, middle)
-    return overlaps(low)
-
-
-@judged_by("the equilibrium of the pile, and momentum of the log")
-def lies(run: Trajectory, again: Again, end: float, overlap: Sequence[float] | Array) -> float:
-    """At `end` in s all lie still at these overlaps in m; rows and momentum of the log are kept."""
-    if not kept(run, end) or not run.stats["resting"]:
-        return math.inf
-    off = np.abs(-run.gap[-1] / np.asarray(overlap) - 1.0).max()
-    return float(max(off, np.abs(run.velocity[-1]).max(), unbalanced(run)))
-
-
-def kept(run: Trajectory, end: float) -> bool:
-    """Return whether the run went on to its end and kept the rows that were asked for."""
-    return run.status is Status.time and run.time.tolist() == np.linspace(0.0, end, ROWS).tolist()
+        enough = (((middle + weight) / k) ** (1.0 / power)).sum() >= total
+        low, high = (low, middle) if enough else (middle, high)
+    found: Array = ((low + weight) / k) ** (1.0 / power)
+    return found
 
 
 def unbalanced(run: Trajectory) -> float:
     """Return how far each ball's momentum is from the impulses of the log and its weight, as a part of the largest."""
-    impulse, push = np.zeros(run.scene.n_pairs), np.zeros(run.scene.n)
+    impulse, balls = np.zeros(run.scene.n_pairs), ~run.scene.is_wall
     np.add.at(impulse, run.contacts["pair"], run.contacts["impulse"])
-    lower, upper = run.scene.bodies(np.arange(run.scene.n_pairs))
-    push[upper] += impulse
-    push[lower] -= impulse
-    balls = ~run.scene.is_wall
-    time = run.time[-1] - run.time[0]
-    gain = run.scene.mass[balls] * (run.velocity[-1] - run.velocity[0] + run.scene.gravity * time)[balls]
+    push = -np.diff(impulse, prepend=0.0, append=0.0)
+    fallen = run.scene.gravity * (run.time[-1] - run.time[0])
+    gain = run.scene.mass[balls] * (run.velocity[-1] - run.velocity[0] + fallen)[balls]
     return float(np.abs(gain - push[balls]).max() / impulse.max())
 
 
-def _cell(case: str, scene: Scene, law: Any, end: float, expected: Truth, tolerance: float = 1e-11) -> Cell:
-    return Cell("rest", case, scene, expected, law, tolerance=tolerance, options={"t_end": end, "samples": ROWS},
-                slow=scene.n > SHORT)  # fmt: skip
+def last_rows() -> Iterator[Cell]:
+    """Runs that a condition ends before their last sample: the last row has the time and the state of the end."""
+    for k, rows in product((1e4, 1e8), (2, 3, 10, 301)):
+        walls = Scene([math.inf, 1.0, math.inf], [0.0, 0.1, 0.0], [0.25, 0.5], [0.0, -1.0, 0.0])
+        pair = Scene([1.0, 1.0], [0.1, 0.1], [0.5], [1.0, -1.0])
+        moving = Scene([math.inf, 1.0], [0.0, 0.1], [1.0], [0.5, -0.5])
+        lasts = math.pi / math.sqrt(k)
+        each = [
+            (f"before contact {nth} of a ball between walls", walls, 0.25 + 1.5 * (nth - 1), (2 * nth - 2) * lasts,
+             [0.0, -1.0, 0.0], [0.0, 0.75], until.contact(0, nth)) for nth in (1, 2, 3)
+        ]  # fmt: skip
+        parted = ("two balls that part", pair, 0.25, lasts / math.sqrt(2.0), [-1.0, 1.0], [0.0], until.separated())
+        hit = ("a wall that moves", moving, 1.0, 0.0, [0.5, -0.5], [0.0], until.contact(0, 1))
+        for case, scene, flown, pause, velocity, gap, stop in (*each, parted, hit):
+            yield Cell("last row", f"{case}, k = {k:.0e}, {rows} rows", scene,
+                       ends_at(flown, pause, rows, velocity, gap), LinearDashpot(k), ELASTIC, methods=BOTH,
+                       options={"t_end": 30.0, "samples": rows, "until": stop})  # fmt: skip
+    for method, rows in product(BOTH, (2, 10)):
+        end = 2.5 * math.sqrt(2.0)  # at rest above the floor in between: after one bounce of 1 m at g = 1 m/s²
+        yield Cell("last row", f"bounces counted by max_events, {rows} rows, {method}",
+                   scenes.bouncing_ball(1.0, gravity=1.0), in_order(rows, 10.0 * end), LinearDashpot(1e8), ELASTIC,
+                   options={"t_end": 10.0 * end, "samples": rows, "max_events": 2}, methods=(method,), cut=True,
+                   )  # fmt: skip
+    touching = Scene(np.ones(4), np.full(4, 0.5), [0.1, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])
+    for c, rows in product((0, 1, 2), (2, 10)):
+        yield Cell("last row", f"before the touch of row {c} of a chain at rest, {rows} rows", touching,
+                   ends_at(0.1, 0.0, rows, [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0]), Hertz(1.0),
+                   options={"t_end": 30.0, "samples": rows, "until": until.contact(c, 1)})  # fmt: skip
+
+
+@judged_by("free flight up to the contact that ends the run")
+def ends_at(
+    run: Trajectory, again: Again, flown: float, pause: float, rows: int, velocity: list[float], gap: list[float]
+) -> float:
+    """The run ends after that much flight and, if soft, that much contact in s, with these velocities and gaps.
+
+    Rows before are those asked for, spread over 30 s.
+    """
+    end = flown + (pause if run.law is not None else 0.0)
+    way = np.array(velocity) * (run.time[-1] - run.time[-2])  # flown freely
+    moved = np.abs(run.position[-1] - run.position[-2] - way).max() if pause == 0.0 else 0.0
+    differences = (run.time[-1] / end - 1.0, run.velocity[-1] - velocity, run.gap[-1] - gap, moved)
+    return float(max(np.abs(d).max() for d in differences)) if rows_kept(run, rows, 30.0, end) else math.inf
+
+
+@judged_by("each row at its own time, with the energy of the start")
+def in_order(run: Trajectory, again: Again, rows: int, last: float) -> float:
+    """The rows that were asked for, up to the end, and the end once, where the ball is by energy."""
+    off = float(np.abs(run.energy() / run.energy()[0] - 1.0).max())
+    return off if rows_kept(run, rows, last, run.time[-1]) else math.inf
+
+
+def rows_kept(run: Trajectory, rows: int, last: float, end: float) -> bool:
+    """Return whether the run has the rows asked for up to `last` in s that are before `end`, and one more."""
+    asked = np.linspace(0.0, last, rows)
+    return bool(run.time[:-1].tolist() == asked[asked < end].tolist())

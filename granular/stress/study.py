@@ -1,33 +1,43 @@
-"""`stability`: go through the cells of the chosen axes and methods."""
+"""`stability`: run the cells of the chosen axes and methods, each within a wall-clock limit, and give the verdicts."""
 
 from __future__ import annotations
 
+import math
+import signal
+import threading
+import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 
-from granular import _check
-from granular.stress import contact, ends, hard, line, long, own, recorded, rest, timestep
-from granular.stress.cell import FIXED, METHODS, Cell
-from granular.stress.judge import judge, warm_up
+from granular import _check, edmd, md
+from granular._kernels import have_numba
+from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz
+from granular.rules import ConstantRestitution
+from granular.scene import Scene
+from granular.stress import contact, hard, line, long, rest
+from granular.stress.cell import FIXED, METHODS, SOFT, Cell, Result, Verdict, repeat
 from granular.stress.report import StabilityReport
+from granular.trajectory import EARLY, Status
 
 AXES: dict[str, Callable[[], Iterator[Cell]]] = {
     "stiffness": contact.stiffness,
     "damping": contact.damping,
-    "mass ratio": contact.masses,
+    "mass ratio": contact.mass_ratios,
     "gap": contact.gaps,
     "speed": contact.speeds,
     "start time": contact.starts,
     "exponent": contact.exponents,
-    "powers": own.powers,
-    "own laws": own.kinks,
+    "powers": contact.powers,
+    "own laws": contact.kinks,
     "corners": contact.corners,
-    "time step": timestep.steps,
+    "time step": contact.steps,
     "touching": line.touching,
     "chains": line.chains,
-    "recorded": recorded.scenes,
+    "recorded": line.recorded,
     "rest": rest.rests,
-    "counts": ends.counts,
-    "last row": ends.last_rows,
+    "counts": line.counts,
+    "last row": rest.last_rows,
     "symmetry": line.symmetries,
     "exact sequence": hard.exact_runs,
     "collapse": hard.collapse,
@@ -79,29 +89,26 @@ def stability(
     where = _named("axes", axes, tuple(AXES))
     _check.callback("on_progress", on_progress)
     limit = _check.number("seconds", seconds, above=0.0)
-    results = []
     if not quick:
         warm_up()
     chosen = [pair for axis in where for pair in _chosen(AXES[axis](), who, quick)]
-    for cell, method in chosen:
+    results = []
+    for done, (cell, method) in enumerate(chosen, 1):
         results.append(judge(cell, method, limit, plain=quick))
         if on_progress is not None:
-            on_progress(len(results) / len(chosen), len(results))
-    steps = "time step" in where and any(method in FIXED for method in who)
-    limits = [row for row in timestep.limits((1,) if quick else (1, 2, 20)) if row.method in who] if steps else []
+            on_progress(done / len(chosen), done)
+    limits = long.limits((1,) if quick else (1, 2, 20), who) if "time step" in where else []
     drifts = long.drifts(who, 10 if quick else 10_000) if "long runs" in where else []
     return StabilityReport(tuple(results), tuple(limits), tuple(drifts), quick)
 
 
-def _chosen(cells: Iterable[Cell], methods: Sequence[str], quick: bool) -> Iterator[tuple[Cell, str]]:
+def _chosen(cells: Iterable[Cell], methods: Sequence[str], quick: bool) -> list[tuple[Cell, str]]:
     """Pairs of cell and method; a quick study takes a few of each method, spread over the axis."""
     pairs = [(cell, method) for cell in cells for method in cell.methods if method in methods]
     if not quick:
-        yield from pairs
-        return
-    for method in methods:
-        mine = [pair for pair in pairs if pair[1] == method and not pair[0].slow]
-        yield from mine[:: 1 + len(mine) // QUICK]
+        return pairs
+    each = ([pair for pair in pairs if pair[1] == method and not pair[0].slow] for method in methods)
+    return [pair for mine in each for pair in mine[:: 1 + len(mine) // QUICK]]
 
 
 def _named(name: str, given: str | Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
@@ -110,3 +117,68 @@ def _named(name: str, given: str | Sequence[str], known: Sequence[str]) -> tuple
     if not chosen:
         raise ValueError(f"{name} is empty: at least one of {', '.join(known)} is needed.")
     return tuple(dict.fromkeys(_check.choice(name, one, known) for one in chosen))
+
+
+class OutOfTime(Exception):
+    """The wall-clock limit was reached."""
+
+
+def judge(cell: Cell, method: str, seconds: float, plain: bool = False) -> Result:
+    """Return the verdict on `cell` run by `method`, in at most about `seconds`; `plain`: interpreted, and short."""
+    tolerance = cell.loose if method in FIXED else cell.tolerance
+    error, start, late = math.nan, time.perf_counter(), f"no end within {seconds:g} s"
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        try:
+            with deadline(seconds):
+                again = repeat(cell, method, plain)
+                run = again()
+                error = float(cell.truth.error(run, again))
+            said = f"{run.status.name}: {run.message}"
+            early = run.status in EARLY and not (cell.cut and run.status is Status.max_events)
+            flagged = early or any(warning.category is RuntimeWarning for warning in heard)
+            verdict = Verdict.right if error <= tolerance else Verdict.flagged if flagged else Verdict.wrong
+        except OutOfTime:
+            verdict, said = Verdict.limit, late
+        except Exception as failure:
+            a_sentence = type(failure) is ValueError and " is " in str(failure)  # name, value, what is needed
+            verdict, said = (Verdict.flagged if a_sentence else Verdict.crashed), f"{type(failure).__name__}: {failure}"
+            if time.perf_counter() - start >= seconds:  # the bell, heard inside a callback that made it its own error
+                verdict, said = Verdict.limit, late
+    said = "; ".join([said, *sorted({str(warning.message) for warning in heard})])
+    taken = time.perf_counter() - start
+    return Result(cell.axis, cell.case, method, cell.truth.words, verdict, error, tolerance, said, taken)
+
+
+def warm_up() -> None:
+    """Compile the engines beforehand: a wall-clock limit must interrupt neither an import nor a compiler."""
+    if not have_numba():
+        return
+    scene = Scene([1.0, 1.0, 1.0], [0.1, 0.1, 0.1], [0.0, 0.1], [1.0, 0.0, -1.0])
+    edmd.simulate(scene, ConstantRestitution(0.5), engine="compiled")
+    for method in SOFT:
+        for law in (LinearDashpot(1e4, 1.0), Hertz(1e4), TsujiHertz(1e4, 0.1), PowerLaw(1e4, 2.0)):
+            md.simulate(scene, law, t_end=0.005, method=method, engine="compiled")
+
+
+@contextmanager
+def deadline(seconds: float) -> Iterator[None]:
+    """Raise `OutOfTime` inside the block after `seconds`.
+
+    By the interval timer of the process: in its main thread and where there is one. Elsewhere the limits on the
+    amount of work (``max_events``, ``max_steps``) are all that ends a run.
+    """
+    if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(*_: object) -> None:
+        raise OutOfTime
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)  # again and again: a foreign callback may swallow it once
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)

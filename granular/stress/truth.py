@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -22,9 +21,8 @@ NUDGE = 1e-11
 @judged_by("closed form of one contact, counted once")
 def restitution(run: Trajectory, again: Again, eps: float, speed: float) -> float:
     """One contact, which returns `eps` of the approach speed in m/s."""
-    if len(run.contacts) != 1:
-        return math.inf
-    return float(abs((run.velocity[-1, 1] - run.velocity[-1, 0]) / speed - eps))
+    parting = run.velocity[-1, 1] - run.velocity[-1, 0]
+    return float(abs(parting / speed - eps)) if len(run.contacts) == 1 else math.inf
 
 
 @judged_by("closed form of one contact and its row of the log")
@@ -38,31 +36,29 @@ def one_contact(run: Trajectory, again: Again, /, eps: float, speed: float, **fi
 
 def velocities(expected: Sequence[float] | Array, scale: float = 1.0, words: str = "closed form") -> Truth:
     """Final velocities in m/s; the error is a part of the speed `scale`."""
-
-    def error(run: Trajectory, again: Again) -> float:
-        return float(np.abs(run.velocity[-1] - np.asarray(expected, np.float64)).max()) / scale
-
-    return Truth(words, error)
+    return Truth(words, lambda run, again: float(np.abs(run.velocity[-1] - expected).max()) / scale)
 
 
-def comes_to_rest(time: float, words: str) -> Truth:
+@judged_by("the sum of all bounces")
+def comes_to_rest(run: Trajectory, again: Again, time: float) -> float:
     """At `time` in s, all lie still: in a collapse, or, where the last bounces are too small for a float, quietly."""
-
-    def error(run: Trajectory, again: Again) -> float:
-        still = run.status in (Status.collapse, Status.quiet) and not run.velocity[-1].any() and not run.gap[-1].any()
-        return abs(run.time[-1] / time - 1.0) if still else math.inf
-
-    return Truth(words, error)
+    still = run.status in (Status.collapse, Status.quiet) and not run.velocity[-1].any() and not run.gap[-1].any()
+    return float(abs(run.time[-1] / time - 1.0)) if still else math.inf
 
 
-def energy(loses: bool = False) -> Truth:
-    """Energy is kept; with `loses`, it does not grow. Part of the energy at the start."""
+@judged_by("energy is kept")
+def energy(run: Trajectory, again: Again) -> float:
+    """Energy is kept. Part of the energy at the start."""
+    return abs(gain(run, again))
 
-    def error(run: Trajectory, again: Again) -> float:
-        e = run.energy()
-        return float((e[-1] - e[0]) / abs(e[0])) if loses else float(abs(e[-1] - e[0]) / abs(e[0]))
 
-    return Truth("energy does not grow" if loses else "energy is kept", error)
+def gain(run: Trajectory, again: Again) -> float:
+    """Return how much the energy grows, as a part of that at the start."""
+    e = run.energy()
+    return float((e[-1] - e[0]) / abs(e[0]))
+
+
+LOSS = Truth("energy does not grow", gain)
 
 
 @judged_by("momentum is kept")
@@ -75,9 +71,8 @@ def momentum(run: Trajectory, again: Again) -> float:
 @judged_by("turned round, it returns to its start")
 def reversal(run: Trajectory, again: Again) -> float:
     """Elastic motion, turned round at the end, returns to where it began."""
-    span = run.time[-1] - run.time[0]
     turned = run.scene.replace(gap=run.gap[-1], velocity=-run.velocity[-1])
-    back = again(scene=turned, t_end=span, until=None, max_events=10**8)
+    back = again(scene=turned, t_end=run.time[-1] - run.time[0], until=None, max_events=10**8)
     return float(np.abs(back.velocity[-1] + run.scene.velocity).max()) / speed_of(run)
 
 
@@ -91,12 +86,10 @@ def scaled(run: Trajectory, again: Again) -> float:
 
 @judged_by("mirror image")
 def mirrored(run: Trajectory, again: Again) -> float:
-    """Left and right exchanged. Divided by the condition number."""
+    """Left and right exchanged (no gravity). Divided by the condition number."""
     s = run.scene
-    changes: dict[str, Any] = {"scene": mirror(s)}
-    if run.law is not None:
-        changes["law"] = run.law[::-1]
-    other = again(**changes)
+    mirror = Scene(s.mass[::-1], s.radius[::-1], s.gap[::-1], 0.0 - s.velocity[::-1])
+    other = again(scene=mirror, **({} if run.law is None else {"law": run.law[::-1]}))
     return same(run, -other.velocity[-1][::-1], other, again)
 
 
@@ -124,21 +117,14 @@ def same(run: Trajectory, velocity: Array, other: Trajectory, again: Again) -> f
 
 def condition(run: Trajectory, again: Again) -> float:
     """Return the condition number of the final velocities: their change over that of the start, of two nudges."""
-    s = run.scene
-    worst = 0.0
+    s, changes = run.scene, [0.0]
     for seed in (1, 2):
         sign = np.random.default_rng(seed).choice([-NUDGE, NUDGE], (2, s.n))
-        nudged = s.replace(velocity=s.velocity * (1.0 + sign[0]), gap=s.gap * (1.0 + sign[1, :-1]))
-        change = np.abs(again(scene=nudged).velocity[-1] - run.velocity[-1]).max() / speed_of(run)
-        worst = max(worst, float(change) / NUDGE)
-    return worst
-
-
-def mirror(scene: Scene) -> Scene:
-    """Return the scene with left and right exchanged (no gravity)."""
-    return Scene(scene.mass[::-1], scene.radius[::-1], scene.gap[::-1], 0.0 - scene.velocity[::-1])
+        nudged = again(scene=s.replace(velocity=s.velocity * (1.0 + sign[0]), gap=s.gap * (1.0 + sign[1, :-1])))
+        changes.append(float(np.abs(nudged.velocity[-1] - run.velocity[-1]).max() / speed_of(run)) / NUDGE)
+    return max(changes)
 
 
 def speed_of(run: Trajectory) -> float:
     """Return the largest speed in m/s at the start or the end."""
-    return float(max(np.abs(run.velocity[0]).max(), np.abs(run.velocity[-1]).max()))
+    return float(np.abs(run.velocity[[0, -1]]).max())

@@ -9,7 +9,7 @@ import numpy as np
 from granular._check import Array
 from granular.reference import ReferenceContact, restarted
 from granular.reference.log import Logbook
-from granular.reference.newton import Newton, TooMuchWork
+from granular.reference.restarted import Newton, TooMuchWork
 from granular.workprecision.methods import Method, Outcome, Task
 
 SOLVERS = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}

@@ -18,6 +18,7 @@ from granular.laws.check import checked
 from granular.md.integrators import INTEGRATORS as FIXED
 from granular.reference import Reference, solve
 from granular.scene import Scene
+from granular.tables import Report
 from granular.workprecision import figure, table
 from granular.workprecision.judge import contacts_of, errors
 from granular.workprecision.machine import machine
@@ -32,7 +33,7 @@ LONG = 0.2
 
 
 @dataclass(frozen=True)
-class Frontier(Measured):
+class Frontier(Measured, Report):
     """Error against run time; print it, `plot` it, save it with `to_json`.
 
     Attributes
@@ -54,8 +55,7 @@ class Frontier(Measured):
     """
 
     __str__ = table.table
-    to_dict = table.as_dict
-    to_json = table.to_json
+    _numbers = table.numbers
     plot = figure.plot
 
 

@@ -1,66 +1,49 @@
-"""A frontier in words and numbers: the table in the terminal, and JSON with provenance."""
+"""A frontier in words and numbers: the table in the terminal, and what JSON has of it."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import asdict, fields, is_dataclass
-from os import PathLike
 from typing import Any
 
 from granular import _files
-from granular._describe import scene_to_json
+from granular.tables import aligned, duration, number, problem
 from granular.workprecision.result import NEAR, Measured, Row
 
 GOALS = (1e-3, 1e-6, 1e-9, 1e-12)
 """Errors for which the fastest methods are named."""
+OF_A_CONTACT = ("t_begin", "t_end", "v_in", "v_out")
 
 
 def table(report: Measured) -> str:
     """The report a person reads."""
-    lines = [f"{report.scene!r}, {laws(report)}", *_reference_lines(report), "", *_row_lines(report), ""]
-    lines += [*_order_lines(report), "", *_goal_lines(report)]
-    return "\n".join(lines)
+    return f"{report.scene!r}, {laws(report)}\n{_origin(report)}\n\n" + "\n\n".join([
+        aligned([["method", "setting", "error of v", "error of t", "contacts", "run time", "work"],
+                 *(_row(row, report.dials[row.method]) for row in report.rows)], "<>>><><"),
+        aligned([["order in", "", "measured", "min(p, 1+s)", "textbook p"], *_orders(report)], "<>"),
+        aligned([["error of v below", "located", "fastest other"], *(_goal(report, goal) for goal in GOALS)], "<><"),
+    ])  # fmt: skip
 
 
-def duration(seconds: float) -> str:
-    """A run time with three digits and its unit."""
-    for unit, name in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")):
-        if seconds >= unit:
-            return f"{seconds / unit:.3g} {name}"
-    return f"{seconds / 1e-9:.3g} ns"
-
-
-def as_dict(report: Measured) -> dict[str, Any]:
-    """All numbers with provenance, ready for JSON (nan and inf become None)."""
+def numbers(report: Measured) -> dict[str, Any]:
+    """All numbers, with the machine they were measured on."""
     truth = report.reference
-    numbers: dict[str, Any] = _files.plain(
-        {
-            "provenance": _files.provenance() | {"run_on": dict(report.machine)},
-            "seed": None,  # no random numbers are used; the scene is here in full
-            "scene": scene_to_json(report.scene),
-            "law": [repr(law) for law in report.law],
-            "until": repr(report.until),
-            "t_end": report.t_end,
-            "reference": {
-                "solver": truth.solver, "velocity_error": truth.velocity_error, "time_error": truth.time_error,
-                "impact_speed": truth.impact_speed, "status": truth.status, "t_stop": truth.t_stop,
-                "contacts": [_contact(row) for row in truth.contacts],
-            },
-            "rounding_level": report.rounding_level,
-            "rows": [asdict(row) | {"dial": report.dials[row.method]} for row in report.rows],
-            "orders": {
-                name: {"measured": report.order(name), "textbook": report.orders.get(name, (None, None))[0],
-                       "expected": report.orders.get(name, (None, None))[1]}
-                for name in report.methods
-            },
-        }
-    )  # fmt: skip
-    return numbers
-
-
-def to_json(report: Measured, path: str | PathLike[str]) -> None:
-    """Write `to_dict` to a file, whole or not at all."""
-    _files.write_json(path, as_dict(report))
+    return {
+        "provenance": _files.provenance() | {"run_on": dict(report.machine)},
+        "seed": None,  # no random numbers are used; the scene is here in full
+        **problem(report),
+        "reference": {
+            "solver": truth.solver, "velocity_error": truth.velocity_error, "time_error": truth.time_error,
+            "impact_speed": truth.impact_speed, "status": truth.status, "t_stop": truth.t_stop,
+            "contacts": [{"pair": row.pair} | {name: _digits(getattr(row, name)) for name in OF_A_CONTACT}
+                         for row in truth.contacts],
+        },
+        "rounding_level": report.rounding_level,
+        "rows": [asdict(row) | {"dial": report.dials[row.method]} for row in report.rows],
+        "orders": {name: dict(zip(("textbook", "expected"), report.orders.get(name, (None, None)), strict=True))
+                   | {"measured": report.order(name)} for name in report.methods},
+    }  # fmt: skip
 
 
 def laws(report: Measured) -> str:
@@ -76,61 +59,40 @@ def _short(law: Any) -> str:
     return f"{type(law).__name__}({', '.join(f'{f.name}={getattr(law, f.name):.4g}' for f in fields(law))})"
 
 
-def _reference_lines(report: Measured) -> list[str]:
+def _origin(report: Measured) -> str:
     truth, on = report.reference, report.machine
-    return [
-        f"reference: {truth.solver}; its error {truth.velocity_error:.1g} of the impact speed, "
-        f"{truth.time_error:.1g} of the longest contact; {len(truth.contacts)} contacts",
-        f"errors below {report.rounding_level:.1g} × {NEAR:g} are rounding: the scene's numbers have no more digits",
-        f"run on {on.get('processor')}, {on.get('cores')} cores, Python {on.get('python')}, numpy {on.get('numpy')}, "
-        f"scipy {on.get('scipy')}, numba {on.get('numba')}",
-    ]
-
-
-def _row_lines(report: Measured) -> list[str]:
-    head = f"{'method':17}{'setting':>14}{'error of v':>12}{'error of t':>12}  {'contacts':9}{'run time':>10}  work"
-    return [head, *(_row_line(row, report.dials[row.method]) for row in report.rows)]
-
-
-def _row_line(row: Row, dial: str) -> str:
-    setting = f"{dial} {row.setting:.1e}" if dial else "-"
-    count = "WRONG" if row.wrong_count else "right"
-    notes = [row.status] * (row.status in ("stopped", "failed", "unstable")) + ["rounding"] * row.rounding
-    note = f"  ({', '.join(notes)})" if notes else ""
     return (
-        f"{row.method:17}{setting:>14}{_number(row.velocity_error):>12}{_number(row.time_error):>12}  {count:9}"
-        f"{duration(row.seconds):>10}  {row.work} {row.unit}{note}"
+        f"reference: {truth.solver}; its error {truth.velocity_error:.1g} of the impact speed, "
+        f"{truth.time_error:.1g} of the longest contact; {len(truth.contacts)} contacts\n"
+        f"errors below {report.rounding_level:.1g} × {NEAR:g} are rounding: the scene's numbers have no more digits\n"
+        f"run on {on.get('processor')}, {on.get('cores')} cores, Python {on.get('python')}, numpy {on.get('numpy')}, "
+        f"scipy {on.get('scipy')}, numba {on.get('numba')}"
     )
 
 
-def _order_lines(report: Measured) -> list[str]:
-    lines = [f"{'order in':17}{'':>8}{'measured':>10}{'min(p, 1+s)':>13}{'textbook p':>12}"]
+def _row(row: Row, dial: str) -> list[str]:
+    notes = [row.status] * (row.status in ("stopped", "failed", "unstable")) + ["rounding"] * row.rounding
+    return [
+        row.method, f"{dial} {row.setting:.1e}" if dial else "-",
+        *(number(x, ".1e", "-") for x in (row.velocity_error, row.time_error)),
+        "WRONG" if row.wrong_count else "right", duration(row.seconds),
+        f"{row.work} {row.unit}" + (f"  ({', '.join(notes)})" if notes else ""),
+    ]  # fmt: skip
+
+
+def _orders(report: Measured) -> Iterator[list[str]]:
     for name in report.methods:
-        if math.isnan(order := report.order(name)):
-            continue
-        textbook, expected = (_number(p, ".2f", "") for p in report.orders.get(name, (math.nan, math.nan)))
-        lines.append(f"{name:17}{report.dials[name]:>8}{order:>10.2f}{expected:>13}{textbook:>12}")
-    return lines
+        textbook, expected = report.orders.get(name, (math.nan, math.nan))
+        if not math.isnan(order := report.order(name)):
+            yield [name, report.dials[name], *(number(p, ".2f", "") for p in (order, expected, textbook))]
 
 
-def _goal_lines(report: Measured) -> list[str]:
-    lines = [f"{'error of v below':17}{'located':>10}   fastest other"]
-    for goal in GOALS:
-        mine = report.fastest(goal, without=tuple(m for m in report.methods if m != "located"))
-        other = report.fastest(goal, without=("located",))
-        ratio = f" ({other.seconds / mine.seconds:.2g} × as long)" if mine and other else ""
-        shown = f"{other.method}: {duration(other.seconds)}{ratio}" if other else "none of those tried"
-        lines.append(f"{goal:<17.0e}{duration(mine.seconds) if mine else 'none':>10}   {shown}")
-    return lines
-
-
-def _number(x: float, form: str = ".1e", none: str = "-") -> str:
-    return none if math.isnan(x) else format(x, form)
-
-
-def _contact(row: Any) -> dict[str, Any]:
-    numbers = {"t_begin": row.t_begin, "t_end": row.t_end, "v_in": row.v_in, "v_out": row.v_out}
-    return {"pair": row.pair} | {name: _digits(value) for name, value in numbers.items()}
+def _goal(report: Measured, goal: float) -> list[str]:
+    mine = report.fastest(goal, without=tuple(m for m in report.methods if m != "located"))
+    other = report.fastest(goal, without=("located",))
+    ratio = f" ({other.seconds / mine.seconds:.2g} × as long)" if mine and other else ""
+    shown = f"{other.method}: {duration(other.seconds)}{ratio}" if other else "none of those tried"
+    return [f"{goal:.0e}", duration(mine.seconds) if mine else "none", shown]
 
 
 def _digits(value: Any) -> Any:

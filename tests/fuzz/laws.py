@@ -9,10 +9,11 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from scenes_at_random import OwnDashpot, OwnHertz, Stiffening
+
 import granular as gr
 from fuzz import forces
-from granular.scene import Pair
-from granular.stress import own
+from granular import Pair
 
 NUMBERS = {
     "LinearDashpot": lambda n, root, m, k, gamma: (forces.POWER, (n(k), n(1), n(gamma), n(0))),
@@ -54,6 +55,54 @@ class Spec:
 
 
 @dataclass(frozen=True)
+class PlainPower:
+    """F = k ξ^p."""
+
+    k: float
+    p: float
+
+    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
+        return self.k * math.pow(xi, self.p)
+
+
+@dataclass(frozen=True)
+class PlainViscoelastic:
+    """F = √ξ (k ξ + γ ξ̇)."""
+
+    k: float
+    gamma: float
+
+    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
+        return math.sqrt(xi) * (self.k * xi + self.gamma * xi_dot)
+
+
+@dataclass(frozen=True)
+class TwoStiffnesses:
+    """A spring that is k2 in place of k beyond the overlap xi1: a kink."""
+
+    k: float
+    k2: float
+    xi1: float
+
+    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
+        if xi <= self.xi1:
+            return self.k * xi
+        return self.k * self.xi1 + self.k2 * (xi - self.xi1)
+
+
+@dataclass(frozen=True)
+class TwoDampings:
+    """A dashpot that damps differently while loading and while unloading: a kink in the rate."""
+
+    k: float
+    loading: float
+    unloading: float
+
+    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
+        return self.k * xi + (self.loading if xi_dot > 0.0 else self.unloading) * xi_dot
+
+
+@dataclass(frozen=True)
 class DampedPower:
     """F = k ξ^p + γ ξ^d ξ̇ with its `power` said."""
 
@@ -79,18 +128,6 @@ class TwoViscosities:
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
         return math.sqrt(xi) * (self.k * xi + (self.loading if xi_dot > 0.0 else self.unloading) * xi_dot)
-
-
-@dataclass(frozen=True)
-class Stiffening:
-    """F = k ξ + k3 ξ³ + γ ξ̇."""
-
-    k: float
-    k3: float
-    gamma: float
-
-    def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
-        return self.k * xi + self.k3 * xi**3 + self.gamma * xi_dot
 
 
 @dataclass(frozen=True)
@@ -141,8 +178,8 @@ class Saturated:
 
 
 KINDS = {kind.__name__: kind for kind in (
-    gr.LinearDashpot, gr.Hertz, gr.ViscoelasticHertz, gr.TsujiHertz, gr.PowerLaw, gr.WaltonBraun, own.PlainPower,
-    own.PlainHertz, own.PlainDashpot, own.PlainViscoelastic, own.TwoStiffnesses, own.TwoDampings, DampedPower,
-    TwoViscosities, Stiffening, Exponential, Hysteresis, Saturated,
-)}  # fmt: skip
+    gr.LinearDashpot, gr.Hertz, gr.ViscoelasticHertz, gr.TsujiHertz, gr.PowerLaw, gr.WaltonBraun, PlainPower,
+    PlainViscoelastic, TwoStiffnesses, TwoDampings, DampedPower, TwoViscosities, Stiffening, Exponential, Hysteresis,
+    Saturated,
+)} | {"PlainHertz": OwnHertz, "PlainDashpot": OwnDashpot}  # fmt: skip
 """Every law by its name."""

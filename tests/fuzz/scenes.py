@@ -12,6 +12,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scenes_at_random import built, m_effs, masses, nice, spaced, velocities, walled
 
 import granular as gr
 from fuzz.laws import Spec
@@ -40,8 +41,7 @@ class Case:
 
     def scene(self) -> gr.Scene:
         """The scene the engine gets."""
-        radius = [0.0 if m == math.inf else 0.5 for m in self.mass]
-        return gr.Scene(self.mass, radius, self.gap, self.velocity, self.gravity)
+        return built(self.mass, self.gap, self.velocity, self.gravity)
 
     @property
     def names(self) -> str:
@@ -80,76 +80,20 @@ def _start(rng: Any, most: int) -> Case:
     balls = min(most, rng.choice([1, 2, 3, 4, 5, 6, 7, 8], p=[0.1, 0.18, 0.24, 0.18, 0.12, 0.08, 0.05, 0.05]).item())
     floor, ceiling = rng.random() < (0.5 if balls > 1 else 0.8), rng.random() < 0.2
     floor = floor or (balls == 1 and not ceiling)
-    mass = _masses(rng, balls)
-    speed = _nice(rng, 10.0 ** rng.uniform(-2.0, 1.0))
-    velocity = _velocities(rng, balls, speed)
+    mass = masses(rng, balls)
+    speed = nice(rng, 10.0 ** rng.uniform(-2.0, 1.0))
+    velocity = velocities(rng, balls, speed)
     gravity = 0.0
     if rng.random() < (0.5 if floor else 0.15):
-        gravity = 9.81 if rng.random() < 0.5 else _nice(rng, 10.0 ** rng.uniform(-1.0, 1.3))
+        gravity = 9.81 if rng.random() < 0.5 else nice(rng, 10.0 ** rng.uniform(-1.0, 1.3))
     moving = rng.random() < 0.3
-    if floor:
-        mass, velocity = [math.inf, *mass], [_wall_speed(rng, speed) if moving else 0.0, *velocity]
-    if ceiling:
-        mass, velocity = [*mass, math.inf], [*velocity, _wall_speed(rng, speed) if moving else 0.0]
-    w = [0.0 if m == math.inf else 1.0 / m for m in mass]
-    m_eff = [1.0 / (a + b) for a, b in pairwise(w)]
+    mass, velocity = walled(rng, mass, velocity, (floor, ceiling, moving), speed)
+    m_eff = m_effs(mass)
     k = 10.0 ** rng.uniform(0.0, 10.0)
     laws = _laws(rng, m_eff, speed, k)
     depth = speed * math.sqrt(max(min(m_eff), 1e-3 * max(m_eff)) / k)
-    gap, velocity = _gaps(rng, len(m_eff), depth, velocity)
+    gap, velocity = spaced(rng, len(m_eff), depth, velocity)
     return Case(tuple(mass), tuple(gap), tuple(velocity), gravity, laws)
-
-
-def _nice(rng: Any, x: float) -> float:
-    """Sometimes a number of few digits, as people give."""
-    return float(f"{x:.1g}") if rng.random() < 0.4 else float(x)
-
-
-def _masses(rng: Any, n: int) -> list[float]:
-    way = rng.random()
-    if way < 0.35:
-        return [_nice(rng, 10.0 ** rng.uniform(-2.0, 1.0))] * n
-    if way < 0.7:
-        return [_nice(rng, x) for x in rng.uniform(0.3, 3.0, n)]
-    decades = rng.uniform(0.0, 6.0)
-    return [_nice(rng, 10.0 ** (rng.uniform(-0.5, 0.5) * decades)) for _ in range(n)]
-
-
-def _velocities(rng: Any, n: int, speed: float) -> list[float]:
-    way = rng.random()
-    if way < 0.15:  # symmetric
-        return [float(x) for x in np.linspace(speed, -speed, n)] if n > 1 else [-speed]
-    if way < 0.3:  # one comes, the others rest
-        return [speed, *[0.0] * (n - 1)]
-    if way < 0.4:  # all fall together
-        return [-speed] * n
-    if way < 0.45:
-        return [0.0] * n
-    return [_nice(rng, x) if rng.random() < 0.9 else 0.0 for x in rng.uniform(-1.0, 1.0, n) * speed]
-
-
-def _wall_speed(rng: Any, speed: float) -> float:
-    return float(rng.uniform(-0.5, 0.5) * speed)
-
-
-def _gaps(rng: Any, n: int, depth: float, velocity: list[float]) -> tuple[list[float], list[float]]:
-    """Gaps of about the depth of a contact to a thousand times it; ties, touching rows, overlaps."""
-    way, size = rng.random(), _nice(rng, depth * 10.0 ** rng.uniform(-1.0, 3.0))
-    if way < 0.2:
-        return [size] * n, velocity
-    gap = [_nice(rng, size * x) for x in rng.uniform(0.02, 2.0, n)]
-    if way < 0.45:  # touching rows, as fast as each other
-        v = list(velocity)
-        for c in range(n):
-            if rng.random() < 0.6:
-                gap[c] = 0.0
-                if rng.random() < 0.8:
-                    v[c + 1] = v[c]
-        if any(v[c] != v[c + 1] or gap[c] > 0.0 for c in range(n)):
-            velocity = v
-    elif way < 0.6:
-        gap = [-depth * float(rng.uniform(0.05, 1.0)) if rng.random() < 0.4 else x for x in gap]
-    return gap, velocity
 
 
 # laws
@@ -183,19 +127,19 @@ def _law(rng: Any, name: str, m: float, v: float, x: float) -> Spec:
         x = 10.0 ** float(rng.uniform(-2.0, 0.3))
 
     def stiff(p: float) -> float:
-        return _nice(rng, m * v * v / x ** (p + 1.0) * 10.0 ** rng.uniform(-0.7, 0.7))
+        return nice(rng, m * v * v / x ** (p + 1.0) * 10.0 ** rng.uniform(-0.7, 0.7))
 
     def damp(d: float) -> float:
         return 2.0 * zeta * m * v / x ** (1.0 + d)
 
     if name == "LinearDashpot" or name == "PlainDashpot":
-        return Spec(name, (stiff(1.0), _nice(rng, damp(0.0))))
+        return Spec(name, (stiff(1.0), nice(rng, damp(0.0))))
     if name == "Hertz" or name == "PlainHertz":
         return Spec(name, (stiff(1.5),))
     if name == "ViscoelasticHertz" or name == "PlainViscoelastic":
-        return Spec(name, (stiff(1.5), _nice(rng, damp(0.5))))
+        return Spec(name, (stiff(1.5), nice(rng, damp(0.5))))
     if name == "TsujiHertz":
-        return Spec(name, (stiff(1.5), _nice(rng, 2.0 * zeta)))
+        return Spec(name, (stiff(1.5), nice(rng, 2.0 * zeta)))
     if name == "PowerLaw" or name == "PlainPower":
         return Spec(name, (stiff(p), p))
     if name == "DampedPower":

@@ -1,0 +1,276 @@
+"""Newton's equation by Taylor series in many digits: slow, and written without a look at the engines it judges.
+
+State: overlaps ξ of the pairs and velocities v of the bodies, as mpmath numbers in SI units. A step is a power series
+in x, the time by the clock of one pair: dt/dx = u^(q-1) with u = ξ^(1/q). Then du/dx = ξ̇/q: u goes through zero
+linearly, and a force like a fractional power of ξ is a power series in x, where it begins (there t ∼ x^q), where it
+ends, and between. The clock is that of the pair whose overlap is nearest to zero; to the zeros of others, steps shrink
+and grow like their distance. Without fractional powers x is the time.
+
+A pair that touches at rest sleeps until its overlap is a small part of that of an impact; what it leaves out is below
+the tolerance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from granular import until as stop
+from granular.reference.events import Run, Watch
+from granular.reference.log import ACTIVE, CLOSED, DORMANT, OPEN, Reference
+from granular.reference.series import Number, Power, first_rise, product_term, value
+
+GUARD = 8
+"""Digits carried beyond those asked for."""
+TERMS = 3
+"""Order of the series at least, in units of the window of last terms that sets the step: were the window most of the
+series, its low terms would have to be as small as the tolerance, and steps with them."""
+MOST_STEPS = 20_000
+
+
+def solve(scene: Any, forms: Sequence[Any], until: stop.Until | None, t_end: float | None, digits: int) -> Reference:
+    """Solve a scene of laws F = k ξ^p + γ ξ^d ξ̇, given as (k, p, γ, d) per pair, to about that many digits."""
+    motion = Taylor(scene, forms, digits)
+    return Run(motion, until, t_end).solve(f"Taylor series of order {motion.order}, {digits} digits")
+
+
+@dataclass
+class Touch:
+    """One pair: its law F = k ξ^p + γ ξ^d ξ̇ = ξ^d φ, the root `q` of ξ in which that is analytic, and its overlap."""
+
+    k: Number
+    p: Number
+    gamma: Number
+    d: Number
+    q: int
+    xi: Number
+    exact: bool = False
+    """φ is exactly zero now: the event just dealt with."""
+    woken: bool = False
+    """It was pushed open from a touch at rest, with a high power of time: no root of ξ is regular there."""
+
+
+@dataclass
+class Piece:
+    """The series of a step: ξ, v, ξ̇, time, forces; u = ξ^(1/q) of the pair whose clock it is."""
+
+    x: list[list[Number]]
+    v: list[list[Number]]
+    rate: list[list[Number]]
+    t: list[Number]
+    force: dict[int, Force]
+    pair: int
+    q: int
+    u: list[Number]
+
+
+class Taylor:
+    """The bodies under their forces: expands the current state into a `Piece` and moves along it."""
+
+    def __init__(self, scene: Any, forms: Sequence[Any], digits: int) -> None:
+        from mpmath import MPContext
+
+        self.mp = mp = MPContext()
+        mp.dps = digits + GUARD
+        self.t, self.steps, self.digits, self.tol = mp.zero, 0, digits, mp.mpf(10) ** (-digits - 2)
+        self.w = [mp.zero if math.isinf(m) else 1 / mp.mpf(m) for m in scene.mass.tolist()]
+        self.fall = [-mp.mpf(scene.gravity) if w else mp.zero for w in self.w]
+        self.pull = [lower - upper for lower, upper in zip(self.fall, self.fall[1:], strict=False)]
+        self.v = [mp.mpf(v) for v in scene.velocity.tolist()]
+        self.touches = [self.touch(form, gap) for form, gap in zip(forms, scene.gap.tolist(), strict=True)]
+        self.mode = [OPEN] * len(self.touches)
+        self.window = max(6, *(round(a.q * (1 + a.p)) for a in self.touches))
+        self.order = max(round(1.25 * digits), TERMS * self.window)
+        self.speed = mp.zero
+        self.remember_speed()
+
+    def touch(self, form: Sequence[float], gap: float) -> Touch:
+        """The pair of a law (k, p, γ, d) with its gap in m at the start."""
+        mp, (k, p, gamma, d) = self.mp, form
+        powers = [fraction(p), fraction(d) if gamma else Fraction(0)]
+        exact = [mp.mpf(power.numerator) / power.denominator for power in powers]
+        q = math.lcm(*(power.denominator for power in powers))
+        return Touch(mp.mpf(k), exact[0], mp.mpf(gamma), exact[1], q, -mp.mpf(gap))
+
+    def now(self, c: int, quantity: str) -> Number:
+        """The overlap of pair c in m, its rate in m/s, or its bracket φ, which has the sign of its force."""
+        a, rate = self.touches[c], self.v[c] - self.v[c + 1]
+        if quantity == "bracket":
+            return a.k * self.mp.power(a.xi, a.p - a.d) + a.gamma * rate
+        return a.xi if quantity == "overlap" else rate
+
+    def bodies(self, c: int) -> tuple[Number, Number]:
+        """Velocities of the bodies of pair c in m/s."""
+        return self.v[c], self.v[c + 1]
+
+    def asleep(self, c: int) -> Number:
+        """The part of the overlap at which pair c alone would stop from the largest speed that is below tolerance."""
+        mp, a, w = self.mp, self.touches[c], self.w[c] + self.w[c + 1]
+        depth = mp.power((a.p + 1) * self.speed**2 / (2 * a.k * w), 1 / (a.p + 1))
+        return mp.mpf(10) ** (-self.digits / (min(a.p, a.d + 1) if a.gamma else a.p)) * depth
+
+    def ends(self, c: int) -> list[Watch]:
+        """A damped force falls to zero while there is still overlap; an elastic one ends with it."""
+        return [Watch(c, "release", "bracket", -1) if self.touches[c].gamma else Watch(c, "part", "overlap", -1)]
+
+    def clock(self) -> tuple[int, int]:
+        """The pair whose overlap is nearest to zero, and q of those that are about as near; -1 and 1 without any."""
+        away = {
+            c: self.away(c) for c, a in enumerate(self.touches)
+            if a.q > 1 and self.mode[c] in CLOSED and not (a.woken and self.now(c, "rate") > 0)
+        }  # fmt: skip
+        if not away:
+            return -1, 1
+        pair = min(away, key=lambda c: away[c])
+        return pair, math.lcm(*(self.touches[c].q for c in away if away[c] <= 2 * away[pair]))
+
+    def away(self, c: int) -> Number:
+        """Time in s in which the overlap of pair c would go from or to zero at its present rate."""
+        xi, rate = self.touches[c].xi, self.now(c, "rate")
+        return abs(xi / rate) if rate else self.mp.inf
+
+    def expand(self) -> Piece:
+        """The series of the current state."""
+        mp, (pair, q) = self.mp, self.clock()
+        u = [mp.root(self.touches[pair].xi, q) if pair >= 0 else mp.one]
+        ahead = 1 if u[0] else q  # orders by which velocities and overlaps are ahead of forces
+        x, v = ([[b, *[mp.zero] * (ahead - 1)] for b in start] for start in ([a.xi for a in self.touches], self.v))
+        rate = [[lower - upper for lower, upper in zip(v[c], v[c + 1], strict=True)] for c in range(len(x))]
+        piece = Piece(x, v, rate, [mp.zero] * ahead, {}, pair, q, u)
+        piece.force = {c: Force(self, c, piece) for c, mode in enumerate(self.mode) if mode in CLOSED}
+        power, rho = Power(mp, u, mp.mpf(q - 1), int(ahead > 1)), [] if pair >= 0 else u
+        for m in range(ahead, self.order + 1):
+            if pair >= 0:
+                u += [rate[pair][j - 1] / (q * j) for j in range(len(u), m + 1)]
+                rho += [power.term(j) for j in range(len(rho), m)]
+            self.extend(piece, rho, m, ahead)
+        return piece
+
+    def extend(self, piece: Piece, rho: list[Number], m: int, ahead: int) -> None:
+        """Append coefficient `m` to the series, by the clock ρ = dt/dx."""
+        mp, impulse = self.mp, [self.mp.zero] * (len(piece.v) + 1)
+        piece.t.append(rho[m - 1] / m if m <= len(rho) else mp.zero)
+        for series, rate in zip(piece.x, piece.rate, strict=True):
+            series.append(product_term(mp, rho, rate, m - 1) / m)
+        for c, force in piece.force.items():
+            force.extend(m - ahead)
+            impulse[c + 1] = product_term(mp, rho, force.terms, m - 1) / m
+        for b, series in enumerate(piece.v):
+            series.append(self.w[b] * (impulse[b] - impulse[b + 1]) + self.fall[b] * piece.t[m])
+        for c, series in enumerate(piece.rate):
+            series.append(piece.v[c][m] - piece.v[c + 1][m])
+
+    def reach(self, piece: Piece) -> Number:
+        """Up to which x the series hold to the tolerance, from their last terms, and nothing is overlooked.
+
+        From as many as make sure that one is not zero: in a contact that has just begun only every (q + pq)-th is not.
+        Where no force acts, up to twice the way of the pairs that still overlap: they fly apart.
+        """
+        mp, limits = self.mp, []
+        watched = [(b, self.speed) for b in piece.v]
+        watched += [(f.phi, f.a.gamma * self.speed) for f in piece.force.values() if not f.active]
+        if piece.pair >= 0:
+            u = piece.u[int(piece.u[0] == 0) :]
+            watched.append((u, u[0]))
+        for series, scale in watched:
+            for j in range(max(2, len(series) - self.window), len(series)):
+                if series[j] != 0:
+                    limits.append(mp.root(self.tol * scale / abs(series[j]), j))
+        if ACTIVE not in self.mode:
+            limits.append(2 * piece.q * max(self.away(c) for c in piece.force) / piece.t[1])
+        return min(limits)
+
+    def go(self, watches: list[Watch], end: Number) -> Watch | None:
+        """Move on to the first event, or as far as the series hold."""
+        if self.steps == MOST_STEPS:
+            raise ValueError(f"t_end is missing: after {MOST_STEPS} steps the scene is at t = {float(self.t):.6g} s.")
+        self.steps += 1
+        piece = self.expand()
+        reach, event = self.reach(piece), None
+        for watch in watches:
+            x = first_rise(self.mp, self.series(piece, watch), reach)
+            if x is not None and x < reach:
+                reach, event = x, watch
+        self.move(piece, reach)
+        if event is not None and event.quantity == "bracket":
+            self.touches[event.pair].exact = True
+        return event
+
+    def series(self, piece: Piece, watch: Watch) -> list[Number]:
+        """What rises through zero when that happens: where ξ has a multiple zero, its root has a simple one."""
+        c, sign, level = watch.pair, watch.sign, watch.level
+        if watch.quantity == "bracket":
+            return [sign * a for a in piece.force[c].phi]
+        p = piece.u if c == piece.pair else piece.x[c]
+        return [sign * (p[0] - level), *(sign * a for a in p[1:])]
+
+    def move(self, piece: Piece, x: Number) -> None:
+        """Advance to x of the piece."""
+        if x == 0:
+            return
+        mp = self.mp
+        for a, series in zip(self.touches, piece.x, strict=True):
+            a.xi, a.exact = value(mp, series, x), False
+        self.v = [value(mp, series, x) for series in piece.v]
+        self.t += value(mp, piece.t, x)
+
+    def fly(self, dt: Number) -> None:
+        """Move on without forces for `dt` in s."""
+        for c, a in enumerate(self.touches):
+            a.xi += dt * (self.now(c, "rate") + dt * self.pull[c] / 2)
+        self.v = [v + g * dt for v, g in zip(self.v, self.fall, strict=True)]
+        self.t += dt
+
+    def settle(self, c: int, what: str) -> None:
+        """Take note of an event of pair c."""
+        if what in ("touch", "part") and self.mode[c] != DORMANT:
+            self.touches[c].xi = self.mp.zero
+        self.touches[c].woken = self.mode[c] == DORMANT
+        self.remember_speed()
+
+    def remember_speed(self) -> None:
+        """Keep the largest speed so far, that of stored energy included: the scale of all tolerances."""
+        mp = self.mp
+        for c, a in enumerate(self.touches):
+            w, g = self.w[c] + self.w[c + 1], self.pull[c]
+            stored = 2 * w * a.k * mp.power(max(a.xi, 0), a.p + 1) / (a.p + 1)
+            if a.xi == 0 and g > 0:
+                stored = 2 * g * mp.power(g / (a.k * w), 1 / a.p)
+            self.speed = max(self.speed, abs(self.now(c, "rate")), mp.sqrt(stored))
+
+
+class Force:
+    """The series of F = ξ^d φ, φ = k ξ^(p-d) + γ ξ̇, of one pair."""
+
+    def __init__(self, motion: Taylor, c: int, piece: Piece) -> None:
+        self.mp, self.a, self.active = motion.mp, motion.touches[c], motion.mode[c] == ACTIVE
+        x, m = piece.x[c], 0 if self.a.xi else len(piece.x[c])
+        self.elastic, self.front = (Power(self.mp, x, power, m) for power in (self.a.p - self.a.d, self.a.d))
+        self.rate, self.phi, self.fronts, self.terms = piece.rate[c], list[Number](), list[Number](), list[Number]()
+
+    def extend(self, n: int) -> None:
+        """Append coefficient `n`; of a clipped force, whose bracket alone goes on, to that."""
+        a = self.a
+        bracket = a.k * self.elastic.term(n) + a.gamma * self.rate[n]
+        self.phi.append(self.mp.zero if n == 0 and a.exact else bracket)
+        if n == 0 or a.d:
+            self.fronts.append(self.front.term(n))
+        if self.active:
+            self.terms.append(product_term(self.mp, self.fronts, self.phi, n))
+
+
+def fraction(x: float) -> Fraction:
+    """A law's exponent as a simple fraction.
+
+    Raises
+    ------
+    ValueError
+        If it is none with a denominator up to 12: such a force has no power series.
+    """
+    simple = Fraction(x).limit_denominator(12)
+    if float(simple) != x and abs(float(simple) - x) > 1e-15:
+        raise ValueError(f"exponent is {x!r}: a fraction with a denominator of at most 12 is needed.")
+    return simple

@@ -1,0 +1,72 @@
+"""What reports share: tables for the terminal and for Markdown, numbers with units, and JSON with provenance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from os import PathLike
+from typing import Any
+
+from granular import _files
+from granular._describe import scene_to_json
+
+Rows = Sequence[Sequence[str]]
+"""Rows of words, the first row the heads."""
+PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+"""Multiples of a unit such as the second or the metre."""
+
+
+class Report:
+    """What a study found: `_numbers` are all of it, `to_dict` makes them ready for JSON, `to_json` writes them."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all numbers with provenance, ready for JSON (nan and inf become None)."""
+        plain: dict[str, Any] = _files.plain({"provenance": _files.provenance(), **self._numbers()})
+        return plain
+
+    def to_json(self, path: str | PathLike[str]) -> None:
+        """Write `to_dict` to a file, whole or not at all."""
+        _files.write_json(path, self.to_dict())
+
+    def _numbers(self) -> dict[str, Any]:
+        raise NotImplementedError
+
+
+def problem(report: Any) -> dict[str, Any]:
+    """Return what was solved, for JSON: the scene in full, the laws, and when to stop."""
+    return {"scene": scene_to_json(report.scene), "law": [repr(law) for law in report.law],
+            "until": repr(report.until), "t_end": report.t_end}  # fmt: skip
+
+
+def aligned(rows: Rows, sides: str = ">", indent: str = "") -> str:
+    """Return a table for the terminal; `sides` has < or > for each column, the last of them for all that follow."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    sides = sides.ljust(len(widths), sides[-1])
+    lines = ("  ".join(f"{word:{side}{width}}" for word, side, width in zip(row, sides, widths, strict=True))
+             for row in rows)  # fmt: skip
+    return "\n".join((indent + line).rstrip() for line in lines)
+
+
+def markdown(rows: Rows) -> str:
+    """Return a table in Markdown."""
+    head, *others = ("| " + " | ".join(row) + " |" for row in rows)
+    return "\n".join([head, "|" + "---|" * len(rows[0]), *others])
+
+
+def number(value: float, form: str = ".6g", none: str = "–") -> str:
+    """Return a number in words; `none` if it is nan or infinite."""
+    return format(value, form) if math.isfinite(value) else none
+
+
+def unit_of(
+    value: float, si: str, least: float = 2.0, prefixes: Sequence[tuple[float, str]] = PREFIXES
+) -> tuple[float, str]:
+    """Return the largest multiple of the SI unit `si` of which `value` is at least so many, and its name."""
+    scale, prefix = next((one for one in prefixes if value >= least * one[0]), prefixes[-1])
+    return scale, prefix + si
+
+
+def duration(seconds: float) -> str:
+    """Return a time with three digits and its unit."""
+    scale, name = unit_of(seconds, "s", 1.0)
+    return f"{seconds / scale:.3g} {name}"
