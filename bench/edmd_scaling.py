@@ -16,13 +16,13 @@ import numpy as np
 from edmd_peers import bare_sorted, bare_tree
 
 import granular as gr
-from granular.edmd import engines
+from granular.edmd import blocks
 
 FIGURE = Path(__file__).parent.parent / "docs" / "figures" / "edmd-scaling.png"
 ELASTIC = gr.ConstantRestitution(1.0)
 Timer = Callable[[float], tuple[int, float]]
 """Runs something until a time; returns collisions and seconds of the processor."""
-LARGE = engines.LARGE
+LARGE = blocks.LARGE
 
 
 def gas(n: int, gravity: float = 0.0, walls: bool = True) -> gr.Scene:
@@ -40,7 +40,7 @@ def engine(scene: gr.Scene, name: str, rule: object = ELASTIC, one: bool = False
     start = gr.edmd.simulate(scene, rule, engine=name, max_events=1, log=False, **physics)  # type: ignore[arg-type]
 
     def timed(t_end: float) -> tuple[int, float]:
-        engines.LARGE = 1 << 60 if one else LARGE
+        blocks.LARGE = 1 << 60 if one else LARGE
         stamps = [(0, time.process_time())]
         seen = {"on_progress": lambda _, events: stamps.append((events, time.process_time()))}
         seen = seen if one or name == "sorted" else {}  # a million balls take longer to set up than to measure

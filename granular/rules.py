@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Sequence, Sized
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import repeat
 from operator import is_
@@ -42,17 +43,16 @@ class ConstantRestitution:
     restitution: float | tuple[float, ...]
 
     def __init__(self, restitution: float | Sequence[float]) -> None:
-        fix = "1 is elastic, 0 sticks"
-        value: float | tuple[float, ...]
+        name, fix = "restitution", "1 is elastic, 0 sticks"
+        value: Any = restitution
         if np.ndim(restitution) == 0:
-            value = _check.number("restitution", restitution, at_least=0.0, at_most=1.0, fix=fix)
+            value = _check.number(name, value, at_least=0.0, at_most=1.0, fix=fix)
         else:
-            values = _check.array("restitution", restitution)
+            values = _check.array(name, restitution)
             if len(values) == 0:
                 raise ValueError("restitution is empty: one number for all pairs, or one per pair, is needed.")
-            _check.every("restitution", values, (values >= 0.0) & (values <= 1.0), "a number in [0, 1] is needed", fix)
-            value = tuple(values.tolist())
-        object.__setattr__(self, "restitution", value)
+            value = tuple(_unit(values, fix).tolist())
+        object.__setattr__(self, name, value)
 
     def __call__(self, speed: float, pair: Pair) -> float:
         """Return ε of `pair`; the speed does not matter."""
@@ -88,20 +88,15 @@ class TabulatedRestitution:
             raise ValueError(f"speed has {len(v)} entries: at least 2 are needed; for one use ConstantRestitution.")
         _check.every("speed", v, np.isfinite(v) & (v >= 0.0), "a speed must be finite and not negative")
         _check.every("speed", v[1:], np.diff(v) > 0.0, "speeds must increase from entry to entry")
-        e = _check.array("restitution", restitution, v.shape, fix="one per speed")
-        _check.every("restitution", e, (e >= 0.0) & (e <= 1.0), "a number in [0, 1] is needed")
-        object.__setattr__(self, "speed", v)
-        object.__setattr__(self, "restitution", e)
-        object.__setattr__(self, "_rows", (v.tolist(), e.tolist()))
+        e = _unit(_check.array("restitution", restitution, v.shape, fix="one per speed"))
+        self.__dict__.update(speed=v, restitution=e, _rows=(v.tolist(), e.tolist()))
 
     def __call__(self, speed: float, pair: Pair) -> float:
         """Return ε at impact `speed` (m/s); the same for every pair."""
         v, e = self.__dict__["_rows"]
-        if speed <= v[0]:
-            return float(e[0])
-        if speed >= v[-1]:
-            return float(e[-1])
         k = bisect_right(v, speed)
+        if k == 0 or speed >= v[-1]:
+            return float(e[0] if k == 0 else e[-1])
         return float(e[k - 1] + (e[k] - e[k - 1]) * ((speed - v[k - 1]) / (v[k] - v[k - 1])))
 
 
@@ -165,13 +160,17 @@ class ThorntonRestitution:
         return math.sqrt(1.2 * (1.0 - r * r / 6.0) / math.sqrt(depth))
 
 
+def _unit(values: Array, fix: str = "") -> Array:
+    """Return coefficients of restitution if all of them are such, else raise."""
+    _check.every("restitution", values, (values >= 0.0) & (values <= 1.0), "a number in [0, 1] is needed", fix)
+    return values
+
+
 def restitution_at(rule: Rule, speed: float, pair: Pair) -> float:
     """Return ``rule(speed, pair)`` as a float, or raise the sentence that says what is wrong with it."""
-    value = rule(speed, pair)
-    try:
+    value, e = rule(speed, pair), math.nan
+    with suppress(TypeError, ValueError):
         e = float(value)
-    except (TypeError, ValueError):
-        e = float("nan")
     if not 0.0 <= e <= 1.0:
         raise ValueError(
             f"the rule of pair {pair.index} returned {value!r} at impact speed {speed:g} m/s: "

@@ -7,13 +7,13 @@ where two rules differ no answer is the right one.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from granular import edmd
-from granular.scene import Scene
-from granular.trajectory import Status, Trajectory
+from granular.trajectory import EARLY, Trajectory
 
 RULES = ("left", "right", "poisson")
 """One collision after the other in two orders, and a touching group as a whole, in the way that takes any ε."""
@@ -21,7 +21,6 @@ FEW = 1000
 """Scenes of more bodies are not tried with the last: the cost of a group grows with its square."""
 PATIENCE = 10
 """Another rule is given up after so many times the collisions of the first."""
-ENDED = (Status.time, Status.until, Status.quiet)
 
 
 def ties(run: Trajectory) -> bool:
@@ -42,16 +41,7 @@ def other_answers(hard: Trajectory, rule: Any, options: Mapping[str, Any]) -> di
         return found
     limit = min(options["max_events"], PATIENCE * (len(hard.contacts) + hard.scene.n))
     for name in RULES[: len(RULES) if hard.scene.n <= FEW else 2]:
-        other = dict(options) | {"ties": name, "max_events": limit}
-        run = None if name == options["ties"] else _run(hard.scene, rule, other)
-        if run is not None and run.status in ENDED:
-            found[name] = run
-    return found
-
-
-def _run(scene: Scene, rule: Any, options: Mapping[str, Any]) -> Trajectory | None:
-    """The run, or nothing where the tie rule has no answer, as for balls wedged between two walls."""
-    try:
-        return edmd.simulate(scene, rule, **options)
-    except (ValueError, ArithmeticError):
-        return None
+        if name != options["ties"]:
+            with suppress(ValueError, ArithmeticError):  # no answer, as for balls wedged between two walls
+                found[name] = edmd.simulate(hard.scene, rule, **{**options, "ties": name, "max_events": limit})
+    return {name: run for name, run in found.items() if run.status not in EARLY}

@@ -8,7 +8,8 @@ import pytest
 from scenes_at_random import gas
 
 from granular import edmd
-from granular.edmd import blocks, engines
+from granular.edmd import blocks
+from granular.edmd import run as runs
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 
@@ -26,7 +27,7 @@ def test_blocks_give_the_bits_of_one(monkeypatch, spread, gravity, eps) -> None:
     monkeypatch.setattr(blocks, "BLOCK", 256)
     scene, runs = gas(4000, 4000, spread, gravity), []
     for large in (10**9, 100):
-        monkeypatch.setattr(engines, "LARGE", large)
+        monkeypatch.setattr(blocks, "LARGE", large)
         times = {"t_end": 20.0, "samples": [0.0, 3.3, 3.4, 20.0], "max_events": 10**9}
         runs.append(edmd.simulate(scene, ConstantRestitution(eps), engine="compiled", log=False, **times))
     one, many = runs
@@ -40,7 +41,7 @@ def test_blocks_give_the_bits_of_one(monkeypatch, spread, gravity, eps) -> None:
 
 def test_a_limit_on_the_events_is_exact_in_blocks(monkeypatch) -> None:
     monkeypatch.setattr(blocks, "BLOCK", 256)
-    monkeypatch.setattr(engines, "LARGE", 100)
+    monkeypatch.setattr(blocks, "LARGE", 100)
     options = {"engine": "compiled", "log": False, "max_events": 30_001}
     end = edmd.simulate(gas(2000, 2000, 1.0), ConstantRestitution(1.0), **options)
     assert end.stats["events"] == end.state["hits"].sum() == 30_001
@@ -53,7 +54,7 @@ def test_ties_at_random_are_drawn_for_the_pairs_of_the_scene_not_of_a_block(monk
     scene = Scene([math.inf, *[1.0] * n, math.inf], np.zeros(n + 2), np.ones(n + 1), [0, *random.integers(-2, 3, n), 0])
     ends = []
     for large in (10**9, 100):
-        monkeypatch.setattr(engines, "LARGE", large)
+        monkeypatch.setattr(blocks, "LARGE", large)
         options = {"engine": "compiled", "log": False, "ties": "random", "seed": 3, "t_end": 4.0}
         ends.append(edmd.simulate(scene, ConstantRestitution(0.9), **options))
     assert ends[0].velocity[-1].tobytes() == ends[1].velocity[-1].tobytes()
@@ -65,7 +66,7 @@ def test_blocks_are_given_up_as_soon_as_they_hold_too_many_events(monkeypatch) -
     run = blocks.BlockQueue._run
     monkeypatch.setattr(blocks.BlockQueue, "_run", lambda self, *a: tried.append(a) or run(self, *a))
     monkeypatch.setattr(blocks, "BLOCK", 512)
-    monkeypatch.setattr(engines, "LARGE", 100)
+    monkeypatch.setattr(blocks, "LARGE", 100)
     end = edmd.simulate(gas(8000, 8000), ConstantRestitution(1.0), engine="compiled", log=False, max_events=1)
     assert (end.stats["events"], len(tried)) == (1, 1)
 
@@ -87,17 +88,30 @@ def test_a_large_scene_takes_250_bytes_a_ball() -> None:
 
 def test_a_closer_look_in_a_large_scene_keeps_a_log_of_bounded_size(monkeypatch) -> None:
     """Whatever `max_events`: the rows of all of them would not fit into any memory."""
-    monkeypatch.setattr(engines, "LARGE", 100)
+    monkeypatch.setattr(blocks, "LARGE", 100)
     scene = Scene([math.inf, *[1.0] * 120], np.zeros(121), np.linspace(1.0, 2.0, 120), np.zeros(121), 1.0)
     ends = [edmd.simulate(scene, ConstantRestitution(0.5), engine=e, max_events=10**15) for e in ("sorted", "compiled")]
     assert ends[0].status.name == "collapse"
     assert ends[0].contacts.tobytes() == ends[1].contacts.tobytes()
 
 
-def test_auto_begins_compiled_where_setting_up_is_work_enough(monkeypatch) -> None:
-    """A scene of as many pairs as collisions that pay for the machine code."""
+def test_auto_begins_compiled_where_the_first_collisions_of_all_pairs_are_work_enough(monkeypatch) -> None:
+    """Unless no more are asked for."""
     asked = []
-    monkeypatch.setattr(engines, "pays", lambda work: asked.append(work) or work >= 500)
-    for n, engine in ((100, "sorted"), (600, "compiled")):
-        assert edmd.simulate(gas(n, n), ConstantRestitution(1.0), max_events=1).stats["engine"] == engine
-    assert asked == [101, 601]
+    monkeypatch.setattr(runs, "pays", lambda work: asked.append(work) or work >= 500 * runs.LIKELY)
+    for n, most, engine in ((100, 10**6, "sorted"), (600, 10**6, "compiled"), (600, 1, "sorted")):
+        run = edmd.simulate(gas(n, n), ConstantRestitution(1.0), max_events=most, t_end=1e-9)
+        assert run.stats["engine"] == engine
+    assert asked[0] == 101 * runs.LIKELY
+
+
+def test_auto_goes_over_as_soon_as_the_pace_tells_that_it_pays(monkeypatch) -> None:
+    """Not only when as much has been done; and never for what `max_events` does not leave."""
+    asked = []
+    monkeypatch.setattr(runs, "pays", lambda work: asked.append(work) or work >= 100_000)
+    scene, rule = gas(100, 100), ConstantRestitution(1.0)
+    whole = edmd.simulate(scene, rule, t_end=2000.0, log=False, max_events=10**9)
+    assert whole.stats["engine"] == "compiled"
+    assert len(asked) < 16  # some thousand collisions, of 100 000
+    assert 0.5 < asked[-1] / whole.stats["events"] < 2.0
+    assert edmd.simulate(scene, rule, t_end=2000.0, log=False, max_events=20_000).stats["engine"] == "sorted"

@@ -10,17 +10,16 @@ suspected collapse, a clamped gap, too many events), is thrown away and the wind
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from granular._records import copied, raw
-from granular._tournament import tournament
+from granular._records import copied, one, packed, raw
 from granular.edmd.sorted_queue import Rows
-from granular.edmd.state import LATER, NEVER, State
+from granular.edmd.state import LATER, NEVER, RUN, State
 from granular.edmd.ties import RANDOM
-from granular.edmd.tree_queue import CHUNK, TreeQueue, loop
+from granular.edmd.tree_queue import TreeQueue
 
+LARGE = 100_000
+"""Bodies from which on working in blocks pays."""
 BLOCK = 4096
 """Pairs kept of a block."""
 MARGIN = 1.25
@@ -31,12 +30,11 @@ class BlockQueue(TreeQueue):
     """A `TreeQueue` that advances whole windows in blocks where nobody looks at single events."""
 
     chunk = 1 << 40
-    as_one = 0.0  # until then (tau) the present window is run as one
+    as_one = 0.0  # until then (tau) the current window is run as one
 
     def rebuild(self) -> None:
         """Predict all pairs anew; this begins a window."""
         self.as_one = 0.0
-        self.tree = tournament(len(self.state.pairs))
         super().rebuild()
 
     def advance(self, edge: float, budget: int, log: Rows | None) -> int:
@@ -48,7 +46,7 @@ class BlockQueue(TreeQueue):
             self.rebuild()
             if not swept:
                 self.as_one = edge
-        return super().advance(edge, min(budget, CHUNK), log)
+        return super().advance(edge, min(budget, TreeQueue.chunk), log)
 
     def _sweep(self, edge: float, budget: int) -> bool:
         """Run all blocks to time `edge`; return whether that was exact, with the state unchanged if not.
@@ -59,7 +57,7 @@ class BlockQueue(TreeQueue):
         speed, ends = self._blocks(edge)
         if not ends:
             return False
-        del self.tree
+        del self.queue
         pairs, bodies = np.empty_like(s.pairs), np.empty_like(s.bodies)
         for first, last, low, high in ends:
             part = self._run(low, high, edge, speed)
@@ -72,34 +70,45 @@ class BlockQueue(TreeQueue):
             if done > budget:
                 return False
         s.pairs, s.bodies = pairs, bodies
-        s.events += done
-        s.now = max(s.now, float(pairs["last"].max()))
+        s.run.events += done
+        s.run.now = max(s.run.now, float(pairs["last"].max()))
         return True
 
     def _run(self, low: int, high: int, edge: float, speed: float) -> State | None:
         """Run pairs `low` … `high` - 1 alone; return what becomes of them, None if that may not be kept."""
         s, fastest = self.state, np.zeros(1)
-        part = replace(s, pairs=copied(s.pairs[low:high]), bodies=copied(s.bodies[low : high + 1]))
-        queue = TreeQueue(part, self.model)
-        queue.rebuild()
-        pause, *_ = self.kernel(loop)(part.run, part.pairs, part.bodies, queue.tree, edge, 1 << 40, None, fastest)
-        good = pause == LATER and part.run.clamps == s.run.clamps and fastest[0] <= speed
-        return part if good else None
+        part = State(one(packed([s.run], RUN)), s.clock, copied(s.pairs[low:high]), copied(s.bodies[low : high + 1]))
+        part.run.edge, part.run.budget = edge, 1 << 40
+        tree = TreeQueue(part, self.physics).queue
+        pause = self.kernel(self.loop)(part.run, part.pairs, part.bodies, tree, None, None, fastest)
+        same = (part.run.clamps, part.run.merged) == (s.run.clamps, s.run.merged)
+        return part if pause == LATER and same and fastest[0] <= speed else None
 
     def _blocks(self, edge: float) -> tuple[float, list[tuple[int, int, int, int]]]:
         """Return the speed allowed for, and first and end of each block, and with its halo; none if those are long."""
         s = self.state
-        start, n, g = max(s.now, 0.0), len(s.pairs), s.run.gravity
+        start, n, g = max(s.run.now, 0.0), len(s.pairs), s.run.gravity
         rest = edge - start
         velocity, gap = s.row(start)
         speed = MARGIN * (float(np.abs(velocity).max()) + 2.0 * g * rest)
-        reach = 2.0 * speed * rest
         place = np.concatenate([[0.0], np.cumsum(gap)])
         first = np.arange(0, n, BLOCK)
         last = np.minimum(first + BLOCK, n)
-        slack = reach * (1.0 + 1e-9) + 1e-9 * float(place[-1]) / n  # cumulative sums round
+        slack = 2.0 * speed * rest * (1.0 + 1e-9) + 1e-9 * float(place[-1]) / n  # cumulative sums round
         low = np.maximum(np.searchsorted(place, place[first] - slack, side="right") - 2, 0)
         high = np.minimum(np.searchsorted(place, place[last] + slack, side="left") + 2, n)
         longer = float(np.median(high - low)) > 3 * BLOCK
         ends = [] if longer else list(zip(*(x.tolist() for x in (first, last, low, high)), strict=True))
         return speed - g * rest, ends
+
+    def _check(self) -> None:
+        """Raise, too, where blocks leave out or repeat a pair, or something outside a halo could be felt inside."""
+        super()._check()
+        s, start = self.state, max(self.state.run.now, 0.0)
+        speed, ends = self._blocks(s.clock.window)
+        gap, reach = s.row(start)[1], 2.0 * speed * (s.clock.window - start)
+        kept = [c for first, last, _, _ in ends for c in range(first, last)]
+        assert not ends or kept == list(range(len(s.pairs)))
+        for first, last, low, high in ends:
+            assert low == 0 or gap[low + 1 : first].sum() >= reach
+            assert high == len(s.pairs) or gap[last : high - 1].sum() >= reach

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from granular._check import Array
 from granular._flight import time_to_contact
-from granular._records import Record, Records, column, one, packed, plain
-from granular.edmd.model import Model
-from granular.edmd.sorted_queue import Rows
-from granular.edmd.state import State, gaps
-from granular.edmd.zoom import DIAL, LOOK, NEAR, write_back, zoom
+from granular._records import Records, column
+from granular.edmd.motion import approaching
+from granular.edmd.physics import Physics
+from granular.edmd.sorted_queue import Rows, SortedQueue
+from granular.edmd.state import APART, BUDGET, LATER, NEAR, RESTS, SPENT, TINY, UNTIL, State, gaps
+from granular.edmd.zoom import write_back, zoom
 
 REACH = 64
 """Pairs looked at on each side of a suspect."""
@@ -37,7 +36,7 @@ class Verdict:
     Attributes
     ----------
     kind : str
-        *exact*: infinitely many bounces of one ball on a wall, summed; *proved*: two pairs that alternate for ever;
+        *exact*: infinitely many bounces of one ball on a wall, summed; *proved*: two pairs that alternate forever;
         *bounded*: not claimed to be infinite, but no body involved will be faster than `bound`.
     first, last : int
         The pairs involved.
@@ -51,158 +50,135 @@ class Verdict:
     last: int
     bound: float
 
+    def __str__(self) -> str:
+        one = self.first == self.last
+        return f"pair {self.first}" if one else f"pairs {self.first} to {self.last}"
 
-@dataclass
-class Zoom:
-    """A slice of pairs being looked at closely, in relative state."""
 
-    look: Record
-    near: Records
+def begin(state: State, queue: SortedQueue) -> None:
+    """Look closely at the neighbourhood of the suspect, which has just collided, from now on."""
+    run, c = state.run, int(state.run.suspect)
+    first, end = max(0, c - REACH), min(len(state.pairs), c + REACH + 1)
+    state.set(first=first, began=run.now, elapsed=0.0, looked=0, ordinary=0, clamped=0, faint=0)
+    state.clock.zooms += 1
+    if run.zoomed >= PATIENCE * (end - first) ** 2:
+        run.allowance = STEP
+    state.near = near = np.zeros(end - first, NEAR)
+    pairs, bodies = state.slices()
+    u, noise, pull, at = column(bodies, "u"), column(bodies, "noise"), column(pairs, "pull"), column(pairs, "at")
+    rate = (np.diff(u) - pull * at) - pull * (run.now - at)
+    rounding = (pull == 0.0) & (rate < 0.0) & (rate * rate < noise[:-1] + noise[1:])
+    near["gap"], near["rate"] = gaps(pairs, u, run.now), np.where(rounding, 0.0, rate)
+    near["rate"][c - first] = run.rebound
+    state.near = queue.hold(near)
 
-    @classmethod
-    def on(cls, state: State, queue: Any) -> Zoom:
-        """Return a zoom on the neighbourhood of the suspect of `queue`, which has just collided."""
-        c = queue.suspect
-        first, end = max(0, c - REACH), min(len(state.pairs), c + REACH + 1)
-        zoom = cls._made(first, state.now, end - first)
-        pairs, bodies = zoom.slices(state)
-        state.zooms += 1
-        if state.zoomed >= PATIENCE * (end - first) ** 2:
-            state.allowance = STEP
-        u, noise, pull, at = column(bodies, "u"), column(bodies, "noise"), column(pairs, "pull"), column(pairs, "at")
-        rate = (np.diff(u) - pull * at) - pull * (state.now - at)
-        rounding = (pull == 0.0) & (rate < 0.0) & (rate * rate < noise[:-1] + noise[1:])
-        zoom.near["gap"] = gaps(pairs, u, state.now)
-        zoom.near["rate"] = np.where(rounding, 0.0, rate)
-        zoom.near["rate"][c - first] = queue.rebound
-        zoom.keep(queue.hold)
-        return zoom
 
-    @classmethod
-    def restored(cls, saved: Mapping[str, Any]) -> Zoom | None:
-        """Return the zoom in progress that `checkpoint` saved, if any; an older one has less on its dial."""
-        if "zoom_gap" not in saved:
-            return None
-        zoom = cls._made(saved["zoom_first"], saved["zoom_base"], len(saved["zoom_gap"]), saved["zoom_dial"].tolist())
-        zoom.near["gap"], zoom.near["rate"] = saved["zoom_gap"], saved["zoom_rate"]
-        return zoom
+def look(
+    state: State, physics: Physics, queue: SortedQueue, limit: float, budget: int, log: Rows | None
+) -> tuple[int, Verdict | None]:
+    """Go on with a closer look until time `limit`; return why it pauses, and the verdict if it ends with one."""
+    run, near, seen = state.run, state.near, state.run.events
+    assert near is not None
+    rows = None if log is None else queue.rows(budget)
+    run.room = min(queue.soonest(run.first, run.first + len(near) - 1), state.clock.window) - run.began
+    run.edge, run.budget = limit, budget if rows is None else len(rows)
+    end: int = queue.kernel(zoom)(run, near, *state.slices(), physics.rule, rows)
+    run.now = run.began + run.elapsed
+    if log is not None and rows is not None:
+        log.append(rows[: run.events - seen])
+    if end in (LATER, UNTIL, BUDGET):
+        return end, None
+    verdict = Verdict("exact", int(run.suspect), int(run.suspect), 0.0) if end == RESTS else None
+    if end in (TINY, SPENT):
+        verdict = judged(state, physics)
+        if verdict is None or not (end == TINY or verdict.bound < 1e-9 * state.clock.speed):
+            verdict = None
+            if end == SPENT and run.zoomed >= PATIENCE * len(near) ** 2:
+                run.allowance = run.looked + STEP
+                verdict = _faint(state, physics)
+                if verdict is None:
+                    return end, None
+            else:
+                run.short = math.ldexp(run.short, -4)
+                run.allowance *= 2
+    finish(state, queue)
+    apart = run.stop_pair == APART and queue.kernel(approaching)(state.pairs, state.bodies, 0, run.now) < 0
+    return UNTIL if apart else end, verdict
 
-    @classmethod
-    def _made(cls, first: int, began: float, pairs: int, dial: Iterable[float] = ()) -> Zoom:
-        look = np.zeros(1, LOOK)
-        for name, value in zip(("first", "began", *DIAL), (first, began, *dial), strict=False):
-            look[name] = value
-        return cls(plain(look)[0], np.zeros(pairs, NEAR))
 
-    @property
-    def first(self) -> int:
-        """The lowest pair."""
-        return int(self.look.first)
-
-    def keep(self, how: Callable[..., Any]) -> None:
-        """Keep the slice as `State.keep` does its records."""
-        self.near = how(self.near)
-        if isinstance(self.near, np.ndarray):
-            self.look = one(packed([self.look], LOOK))
-
-    def checkpoint(self) -> dict[str, Any]:
-        """Return everything as arrays and numbers."""
-        dial = np.array([getattr(self.look, name) for name in DIAL], dtype=np.float64)
-        near = {f"zoom_{name}": column(self.near, name) for name in ("gap", "rate")}
-        return {"zoom_first": np.array(self.first), "zoom_base": np.array(self.look.began), "zoom_dial": dial} | near
-
-    def slices(self, state: State) -> tuple[Records, Records]:
-        """Return the records of the pairs of the slice, and of their bodies."""
-        end = self.first + len(self.near)
-        return state.pairs[self.first : end], state.bodies[self.first : end + 1]
-
-    def advance(self, state: State, model: Model, queue: Any, limit: float, budget: int, log: Rows | None) -> int:
-        """Go on until time `limit`; return how it ended."""
-        look, before = self.look, int(self.look.events)
-        rows = None if log is None else queue.rows(budget)
-        outside = queue.soonest(self.first, self.first + len(self.near) - 1)
-        look.room, look.limit = min(outside, state.window) - look.began, limit - look.began
-        look.budget, look.allowance = budget if rows is None else len(rows), state.allowance
-        end: int = queue.kernel(zoom)(state.run, look, self.near, *self.slices(state), model.rule, rows)
-        done = int(look.events) - before
-        if log is not None and rows is not None:
-            log.append(rows[:done])
-        state.now = float(look.began + look.elapsed)
-        state.events += done
-        state.zoomed += done
-        return end
-
-    def close(self, state: State, queue: Any) -> None:
-        """Put the slice back into the state."""
-        self.write_back(state, queue)
-        if self.look.events > 0:
-            state.run.lost += self._lost(state)
-            queue.refresh(self.first, self.first + len(self.near) - 1)
-        state.run.clamps += int(self.look.clamps)
-
-    def write_back(self, state: State, queue: Any) -> None:
-        """Put gaps and velocities of the slice back into the state."""
-        queue.kernel(write_back)(state.run, self.look, self.near, *self.slices(state))
-
-    def _lost(self, state: State) -> int:
-        """Return how many of the rates just put back the velocities cannot hold."""
-        pairs, bodies = self.slices(state)
-        rate = column(self.near, "rate")
+def finish(state: State, queue: SortedQueue) -> None:
+    """End a closer look: put its pairs back into the state, and count the rates that velocities cannot hold."""
+    put_back(state, queue)
+    run, near = state.run, state.near
+    assert near is not None
+    if run.looked > 0:
+        (pairs, bodies), rate = state.slices(), column(near, "rate")
         held = np.diff(column(bodies, "u")) - column(pairs, "pull") * column(pairs, "at")
-        return int((np.abs(held - rate) > 0.5 * np.abs(rate)).sum())
+        state.clock.lost += int((np.abs(held - rate) > 0.5 * np.abs(rate)).sum())
+        queue.refresh(run.first, run.first + len(near) - 1)
+    run.clamps += run.clamped
+    state.near = None
 
-    def patience_ends(self, state: State) -> bool:
-        """Return whether so much has been looked at closely that `faint` is due; then it is due again after a while."""
-        if state.zoomed < PATIENCE * len(self.near) ** 2:
-            return False
-        state.allowance = int(self.look.events) + STEP
-        return True
 
-    def faint(self, state: State, model: Model, j: int) -> Verdict | None:
-        """Return the verdict on the longest run about pair `j` whose speeds will count for nothing, if there is one.
+def put_back(state: State, queue: SortedQueue) -> None:
+    """Put gaps and velocities of the pairs looked at back into the state."""
+    queue.kernel(write_back)(state.run, state.near, *state.slices())
 
-        It must be so twice in a row, or the end of a finite sequence would be taken for a collapse.
-        """
-        for k in range(0, 40, 4):
-            verdict = self.verdict(state, model, j, SLOW * 2.0**-k)
-            if verdict is None:
-                break
-            if verdict.bound < ROUNDING * state.speed and self._is_alone(state, verdict):
-                self.look.faint += 1
-                return verdict if self.look.faint >= 2 else None
-        self.look.faint = 0
+
+def bound(state: State, physics: Physics) -> Verdict | None:
+    """Return what can be said of the slow pairs of a closer look that is not over."""
+    if state.near is None or state.run.looked == 0:
         return None
+    verdict = judged(state, physics, collided=int(np.argmin(column(state.near, "gap"))))
+    return verdict if verdict is not None and math.isfinite(verdict.bound) else None
 
-    def _is_alone(self, state: State, run: Verdict) -> bool:
-        """Return whether no pair outside `run` collides before it has had time for many collisions of its own."""
-        pull = column(self.slices(state)[0], "pull").tolist()
-        near = zip(column(self.near, "gap").tolist(), column(self.near, "rate").tolist(), pull, strict=True)
-        wait = [time_to_contact(gap, rate, a) for gap, rate, a in near]
-        first, end = run.first - self.first, run.last + 1 - self.first
-        return min(wait[:first] + wait[end:], default=math.inf) > ALONE * min(wait[first:end])
 
-    def verdict(self, state: State, model: Model, j: int, share: float = SLOW) -> Verdict | None:
-        """Return what can be said of the neighbours of pair `j` (in the slice) with rates below `share` of the scale.
+def _faint(state: State, physics: Physics) -> Verdict | None:
+    """Return the verdict on the longest run about the suspect whose speeds will count for nothing, if there is one.
 
-        Proved, bounded, or nothing.
-        """
-        gap, rate = column(self.near, "gap"), column(self.near, "rate")
-        tiny = state.speed * share
-        slow = (np.abs(rate) < tiny) & (gap < tiny * state.window)
-        low = high = j
-        while low > 0 and slow[low - 1]:
-            low -= 1
-        while high + 1 < len(slow) and slow[high + 1]:
-            high += 1
-        (pairs, bodies), end = self.slices(state), high + 1
-        pairs, bodies = pairs[low:end], bodies[low : end + 1]
-        pulled = bool((column(pairs, "pull")[[0, -1]] > 0.0).any())
-        if low == high and not pulled:
-            return None  # two free bodies collide once
-        kind, bound = "bounded", largest_speed(bodies, gap[low:end], rate[low:end], state.run.gravity)
-        if high == low + 1 and not pulled and model.rule is None and alternates(pairs, rate[low], rate[high], j == low):
-            kind = "proved"
-        return Verdict(kind, self.first + low, self.first + high, bound)
+    It must be so twice in a row, or the end of a finite sequence would be taken for a collapse.
+    """
+    for k in range(0, 40, 4):
+        verdict = judged(state, physics, SLOW * 2.0**-k)
+        if verdict is None:
+            break
+        if verdict.bound < ROUNDING * state.clock.speed and _is_alone(state, verdict):
+            state.run.faint += 1
+            return verdict if state.run.faint >= 2 else None
+    state.run.faint = 0
+    return None
+
+
+def _is_alone(state: State, verdict: Verdict) -> bool:
+    """Return whether no pair outside a run collides before it has had time for many collisions of its own."""
+    columns = column(state.near, "gap"), column(state.near, "rate"), column(state.slices()[0], "pull")
+    wait = list(map(time_to_contact, *(x.tolist() for x in columns)))
+    first, end = verdict.first - state.run.first, verdict.last + 1 - state.run.first
+    return min(wait[:first] + wait[end:], default=math.inf) > ALONE * min(wait[first:end])
+
+
+def judged(state: State, physics: Physics, share: float = SLOW, collided: int | None = None) -> Verdict | None:
+    """Return what can be said of the neighbours of the suspect with rates below `share` of the scale.
+
+    Proved, bounded, or nothing. `collided`, a pair of the slice, stands for the suspect if it is given.
+    """
+    run, gap, rate = state.run, column(state.near, "gap"), column(state.near, "rate")
+    tiny = state.clock.speed * share
+    slow = (np.abs(rate) < tiny) & (gap < tiny * state.clock.window)
+    low = high = j = int(run.suspect - run.first) if collided is None else collided
+    while low > 0 and slow[low - 1]:
+        low -= 1
+    while high + 1 < len(slow) and slow[high + 1]:
+        high += 1
+    (pairs, bodies), end = state.slices(), high + 1
+    pairs, bodies = pairs[low:end], bodies[low : end + 1]
+    pulled = bool((column(pairs, "pull")[[0, -1]] > 0.0).any())
+    if low == high and not pulled:
+        return None  # two free bodies collide once
+    kind, speed = "bounded", largest_speed(bodies, gap[low:end], rate[low:end], run.gravity)
+    if high == low + 1 and not pulled and physics.rule is None and alternates(pairs, rate[low], rate[high], j == low):
+        kind = "proved"
+    return Verdict(kind, int(run.first) + low, int(run.first) + high, speed)
 
 
 def largest_speed(bodies: Records, gap: Array, rate: Array, gravity: float) -> float:
@@ -226,9 +202,9 @@ def largest_speed(bodies: Records, gap: Array, rate: Array, gravity: float) -> f
 
 
 def alternates(pairs: Records, rate_a: float, rate_b: float, lower_collided: bool) -> bool:
-    """Return whether two pairs of constant restitution, free but for each other, collide in turn for ever.
+    """Return whether two pairs of constant restitution, free except for each other, collide in turn forever.
 
-    Two collisions map the ratio of the rates by a Möbius map; for ever means that its fixed points are real and the
+    Two collisions map the ratio of the rates by a Möbius map; forever means that its fixed points are real and the
     ratio lies on the right side of the unstable one.
     """
     e1, e2 = column(pairs, "eps").tolist()

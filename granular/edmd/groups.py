@@ -1,9 +1,9 @@
 """Simultaneous collisions of a touching group, solved as a whole: Newton, Poisson and generalised reflections.
 
-Pure functions on the inverse masses (1/kg) of m + 1 bodies and the rates (m/s, negative: approaching) of their m
-touching pairs; they return the impulses p ≥ 0 (kg m/s) of the pairs. The Delassus matrix W is tridiagonal,
+The rules are pure functions on the inverse masses (1/kg) of m + 1 bodies and the rates (m/s, negative: approaching) of
+their m touching pairs; they return the impulses p ≥ 0 (kg m/s) of the pairs. The Delassus matrix W is tridiagonal,
 W_cc = 1/m_c + 1/m_{c+1}, W_{c,c+1} = -1/m_{c+1}, and an M-matrix: the set of active pairs of its complementarity
-problem only grows, so the solution is exact after at most m rounds.
+problem only grows, so the solution is exact after at most m rounds. `collide_as_one` applies them to a run.
 
 Sources: Moreau (1988) for Newton's rule; Glocker & Pfeiffer, Nonlinear Dyn. 7, 471 (1995) for Poisson's; Smith,
 Kaufman, Vouga, Tamstorf & Grinspun, ACM Trans. Graph. 31, 106 (2012) for reflections; Chandrasekaran (1970) for the
@@ -12,118 +12,116 @@ algorithm.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Any
+
+from granular._kernels import kernel, rare
+from granular._records import Records, twin
+from granular.edmd.collision import ROW, release
+from granular.edmd.motion import NOISE, carry, predicted, touches
+from granular.edmd.physics import Physics
+from granular.edmd.state import BUDGET, TOUCHING, UNTIL, State
 
 Row = list[float]
-Solver = Callable[[Sequence[float], Sequence[float], Sequence[float]], Row]
+Floats = Sequence[float]
+Solver = Callable[[Floats, Floats, Floats], Row]
 PASSES = 10_000
 """Repetitions of a rule before it is given up."""
 
 
-def newton(inverse_mass: Sequence[float], rate: Sequence[float], eps: Sequence[float]) -> Row:
+def newton(inverse_mass: Floats, rate: Floats, eps: Floats) -> Row:
     """Return the impulses of Newton's rule: post-rates ≥ -ε times the rates before, as long as pairs approach.
 
     Only for one common ε: with different ones it can multiply the energy.
     """
-    total, now, tiny = [0.0] * len(rate), list(rate), noise(rate)
-    for _ in range(PASSES):
-        if min(now) >= -tiny:
-            return total
-        p = complementary(inverse_mass, [(1.0 + e) * r for e, r in zip(eps, now, strict=True)])
-        now = after(inverse_mass, now, p)
-        total = [a + b for a, b in zip(total, p, strict=True)]
-    raise gave_up("newton")
+    return _repeated("newton", inverse_mass, rate, lambda now, _: complementary(
+        inverse_mass, [(1.0 + e) * r for e, r in zip(eps, now, strict=True)]))  # fmt: skip
 
 
-def poisson(inverse_mass: Sequence[float], rate: Sequence[float], eps: Sequence[float]) -> Row:
+def poisson(inverse_mass: Floats, rate: Floats, eps: Floats) -> Row:
     """Return the impulses of Poisson's rule: a compression that stops all approach, then ε times its impulses back.
 
     For any ε per pair; never gains energy.
     """
     compression = complementary(inverse_mass, rate)
-    stopped = [
-        0.0 if p > 0.0 else r for p, r in zip(compression, after(inverse_mass, rate, compression), strict=True)
-    ]
+    left = zip(compression, after(inverse_mass, rate, compression), strict=True)
     back = [e * p for e, p in zip(eps, compression, strict=True)]
-    more = complementary(inverse_mass, after(inverse_mass, stopped, back))
+    more = complementary(inverse_mass, after(inverse_mass, [0.0 if p > 0.0 else r for p, r in left], back))
     return [a + b + c for a, b, c in zip(compression, back, more, strict=True)]
 
 
-def reflect(inverse_mass: Sequence[float], rate: Sequence[float], eps: Sequence[float]) -> Row:
+def reflect(inverse_mass: Floats, rate: Floats, eps: Floats) -> Row:
     """Return the impulses of generalised reflections: all approaching pairs turn round at once, repeatedly.
 
     Only for one common ε: ε times the elastic impulses plus 1 - ε times those that stop all approach. Never ends if
     the group is held by walls at both ends.
     """
+    e = eps[0]
+    elastic = _repeated("reflect", inverse_mass, rate, lambda now, approaching: solve(
+        inverse_mass, [-2.0 * r for r in now], approaching))  # fmt: skip
+    if e == 1.0:
+        return elastic
+    return [e * a + (1.0 - e) * b for a, b in zip(elastic, complementary(inverse_mass, rate), strict=True)]
+
+
+def _repeated(name: str, inverse_mass: Floats, rate: Floats, impulses: Callable[[Row, list[bool]], Row]) -> Row:
+    """Return the sum of `impulses` of the rates and of which of them approach, applied until none does."""
     total, now, tiny = [0.0] * len(rate), list(rate), noise(rate)
     for _ in range(PASSES):
         approaching = [r < -tiny for r in now]
         if not any(approaching):
-            break
-        p = solve(inverse_mass, [-2.0 * r for r in now], approaching)
+            return total
+        p = impulses(now, approaching)
         now = after(inverse_mass, now, p)
         total = [a + b for a, b in zip(total, p, strict=True)]
-    else:
-        raise gave_up("reflect")
-    e = eps[0]
-    if e == 1.0:
-        return total
-    plastic = complementary(inverse_mass, rate)
-    return [e * a + (1.0 - e) * b for a, b in zip(total, plastic, strict=True)]
+    raise gave_up(name)
 
 
 RULES: dict[str, Solver] = {"newton": newton, "poisson": poisson, "reflect": reflect}
 
 
-def complementary(inverse_mass: Sequence[float], q: Sequence[float]) -> Row:
+def complementary(inverse_mass: Floats, q: Floats) -> Row:
     """Solve 0 ≤ p ⟂ W p + q ≥ 0 by a growing set of active pairs."""
-    active = [x < 0.0 for x in q]
-    pinned = inverse_mass[0] == 0.0 and inverse_mass[-1] == 0.0
+    active, tiny, pinned = [x < 0.0 for x in q], noise(q), inverse_mass[0] == 0.0 and inverse_mass[-1] == 0.0
     while True:
         p = solve(inverse_mass, [-x for x in q], active)
-        residual = after(inverse_mass, q, p)
-        tiny = noise(q)
-        new = [not a and r < -tiny for a, r in zip(active, residual, strict=True)]
-        grown = [a or b for a, b in zip(active, new, strict=True)]
-        if not any(new) or (pinned and all(grown)):  # held at both ends the rates sum to 0: the last one is rounding
+        grown = [a or r < -tiny for a, r in zip(active, after(inverse_mass, q, p), strict=True)]
+        if grown == active or (pinned and all(grown)):  # held at both ends the rates sum to 0: the last is rounding
             return p
         active = grown
 
 
-def solve(inverse_mass: Sequence[float], right: Sequence[float], active: Sequence[bool]) -> Row:
+def solve(inverse_mass: Floats, right: Floats, active: Sequence[bool]) -> Row:
     """Solve W p = right on the active pairs (p = 0 elsewhere) by elimination along each run of them."""
     m = len(right)
-    p, pivot, load = [0.0] * m, [0.0] * m, [0.0] * m
+    p, pivot, load = [0.0] * (m + 1), [0.0] * m, [0.0] * m
     for c in range(m):
         if active[c]:
             diagonal = inverse_mass[c] + inverse_mass[c + 1]
-            pivot[c], load[c] = diagonal, right[c]
-            if c > 0 and active[c - 1] and pivot[c - 1] > 0.0:
-                factor = inverse_mass[c] / pivot[c - 1]
-                pivot[c] -= factor * inverse_mass[c]
-                load[c] += factor * load[c - 1]
-            if pivot[c] < 1e-14 * diagonal:
-                pivot[c] = 0.0  # held at both ends: one impulse is free, and is none
+            factor = inverse_mass[c] / pivot[c - 1] if c > 0 and pivot[c - 1] > 0.0 else 0.0
+            left = diagonal - factor * inverse_mass[c]
+            pivot[c] = left if left >= 1e-14 * diagonal else 0.0  # held at both ends: one impulse is free, and is none
+            load[c] = right[c] + factor * load[c - 1]
     for c in range(m - 1, -1, -1):
-        if active[c] and pivot[c] > 0.0:
-            above = inverse_mass[c + 1] * p[c + 1] if c + 1 < m and active[c + 1] else 0.0
-            p[c] = (load[c] + above) / pivot[c]
-    return p
+        if pivot[c] > 0.0:
+            p[c] = (load[c] + inverse_mass[c + 1] * p[c + 1]) / pivot[c]
+    return p[:m]
 
 
-def after(inverse_mass: Sequence[float], rate: Sequence[float], p: Sequence[float]) -> Row:
+def after(inverse_mass: Floats, rate: Floats, p: Floats) -> Row:
     """Return the rates after impulses `p`: rate + W p."""
-    change = velocity_changes(inverse_mass, p)
-    return [r + (change[c + 1] - change[c]) for c, r in enumerate(rate)]
+    change = pairwise(velocity_changes(inverse_mass, p))
+    return [r + (upper - lower) for r, (lower, upper) in zip(rate, change, strict=True)]
 
 
-def velocity_changes(inverse_mass: Sequence[float], p: Sequence[float]) -> Row:
+def velocity_changes(inverse_mass: Floats, p: Floats) -> Row:
     """Return the velocity changes (m/s) of the bodies by impulses `p` of the pairs."""
-    around = [0.0, *p, 0.0]
-    return [w * (around[i] - around[i + 1]) for i, w in enumerate(inverse_mass)]
+    return [w * (below - above) for w, (below, above) in zip(inverse_mass, pairwise([0.0, *p, 0.0]), strict=True)]
 
 
-def noise(rate: Sequence[float]) -> float:
+def noise(rate: Floats) -> float:
     """Return what rounding may leave of rates of this size."""
     return max(abs(r) for r in rate) * 2.0**-46
 
@@ -132,3 +130,99 @@ def gave_up(rule: str) -> ValueError:
     """Return the error of a rule that found no end."""
     other = "left" if rule == "poisson" else "poisson"
     return ValueError(f"ties is {rule!r}: no end after {PASSES} passes on a touching group; use ties={other!r}.")
+
+
+@rare
+@kernel
+def group(pairs: Records, bodies: Records, c: int, now: float) -> tuple[int, int]:
+    """Return the first and the last pair of the group around pair `c` that touches at time `now`, without tolerance."""
+    first = last = c
+    while first > 0 and touches(pairs[first - 1], bodies[first - 1], bodies[first], now):
+        first -= 1
+    while last + 1 < len(pairs) and touches(pairs[last + 1], bodies[last + 1], bodies[last + 2], now):
+        last += 1
+    return first, last
+
+
+def collide_as_one(s: State, physics: Physics, log: list[Any] | None) -> tuple[int, int, int]:
+    """Let the group that touches the suspect now collide by the tie rule; return why to pause, else `TOUCHING`.
+
+    Before it: the contact to stop at is among its own, or they are more than the run may still have. Returns, too, the
+    first and the last pair to predict anew.
+    """
+    run, c, now = s.run, s.run.suspect, s.run.now
+    first, last = group(s.pairs, s.bodies, c, now)
+    p = _impulses(first, last, s, physics)
+    hit = [k for k in range(first, last + 1) if p[k - first] > 0.0]
+    if run.stop_pair in hit and s.pairs[run.stop_pair].hits >= run.stop_hits:
+        return UNTIL, c, c
+    if run.events + len(hit) > s.clock.last_event:
+        return BUDGET, c, c
+    before = _velocities(first, last, s)
+    _apply(first, last, p, s)
+    parted = _velocities(first, last, s)
+    for k in hit:
+        s.pairs[k].hits, s.pairs[k].last = s.pairs[k].hits + 1, now
+    if log is not None:
+        row: Any = twin(ROW)
+        log.append([row(first + i, now, *before[i : i + 2], *parted[i : i + 2], x) for i, x in enumerate(p) if x > 0.0])
+    run.events += len(hit)
+    if not hit and predicted(s.pairs[c], s.bodies[c], s.bodies[c + 1]) <= now:
+        raise gave_up(physics.options["ties"])
+    return TOUCHING, max(first - 1, 0), min(last + 1, len(s.pairs) - 1)
+
+
+def _impulses(first: int, last: int, s: State, physics: Physics) -> Row:
+    """Return the impulses (kg m/s) of pairs `first` … `last`, which touch now, by the tie rule."""
+    ties, rule, bodies = physics.options["ties"], physics.rule, s.bodies[first : last + 2]
+    for k in range(max(first - 1, 0), min(last + 2, len(s.pairs))):
+        s.run.clamps += carry(s.pairs[k], s.bodies[k], s.bodies[k + 1], s.run.now)
+    s.pairs[s.run.suspect].gap = 0.0
+    release(s.run, s.pairs, s.bodies, first, last + 1, s.run.now)
+    rate = [_rate(k, s) for k in range(first, last + 1)]
+    eps = [s.pairs[k].eps if rule is None else rule(k, max(0.0, -r)) for k, r in enumerate(rate, first)]
+    if bodies[0].mass == math.inf == bodies[-1].mass and (ties == "reflect" or bodies[-1].u < bodies[0].u):
+        why = "walls that close on them leave no way out" if ties != "reflect" else "use ties='poisson'"
+        raise ValueError(f"ties is {ties!r}: balls wedged between two walls have no such collision; {why}.")
+    return RULES[ties]([1.0 / body.mass for body in bodies], rate, eps)
+
+
+def _velocities(first: int, last: int, s: State) -> Row:
+    """Return the velocities (m/s) of the bodies of the group now."""
+    fallen = s.run.gravity * s.run.now
+    return [body.u - body.falls * fallen for body in s.bodies[first : last + 2]]
+
+
+def _apply(first: int, last: int, p: Row, s: State) -> None:
+    """Change the velocities by impulses `p`, and make rates that are only rounding exactly 0, or they collide again."""
+    for c in range(first, last + 1):
+        lower, upper = s.bodies[c], s.bodies[c + 1]
+        s.pairs[c].gap = 0.0
+        lower.u -= p[c - first] / lower.mass
+        upper.u += p[c - first] / upper.mass
+    bodies = s.bodies[first : last + 2]
+    fastest = max(abs(body.u) for body in bodies)
+    doubt = max(body.noise for body in bodies) + NOISE * (fastest * fastest)
+    for body in bodies:
+        body.noise = doubt if body.mass < math.inf else 0.0
+    parted = [c + 1 for c in range(first, last + 1) if abs(_rate(c, s)) > fastest * 2.0**-40]
+    for low, high in pairwise([first, *parted, last + 2]):
+        _go_together(low, high - 1, s)
+
+
+def _rate(c: int, s: State) -> float:
+    rate: float = (s.bodies[c + 1].u - s.bodies[c].u) - s.pairs[c].pull * s.run.now
+    return rate
+
+
+def _go_together(first: int, last: int, s: State) -> None:
+    """Give bodies `first` … `last` the velocity of the heaviest of them.
+
+    All of them that one: were it done pair by pair, a light ball between two heavy ones would leave the first it was
+    given to.
+    """
+    heaviest = max(range(first, last + 1), key=lambda i: s.bodies[i].mass)
+    for i in range(heaviest, last):
+        s.bodies[i + 1].u = s.bodies[i].u + s.pairs[i].pull * s.run.now
+    for i in range(heaviest, first, -1):
+        s.bodies[i - 1].u = s.bodies[i].u - s.pairs[i - 1].pull * s.run.now

@@ -42,9 +42,14 @@ def predicted(pair: Record, lower: Record, upper: Record) -> float:
     if a == 0.0:
         known = rate < 0.0 and rate * rate >= lower.noise + upper.noise
         return pair.at + pair.gap / -rate if known else math.inf
-    if rate >= 0.0 and a < 0.0:
-        return math.inf
     return pair.at + time_to_contact(pair.gap, rate, a)  # type: ignore[no-any-return]
+
+
+@kernel
+def touches(pair: Record, lower: Record, upper: Record, now: float) -> bool:
+    """Return whether the bodies of a pair touch at time `now`, without tolerance."""
+    a, at = pair.pull, pair.at
+    return gap_after(pair.gap, (upper.u - lower.u) - a * at, a, now - at) <= 0.0
 
 
 @kernel
@@ -62,7 +67,7 @@ def collide(pair: Record, lower: Record, upper: Record, now: float, w: float, e:
     """Let a pair collide at time `now` with rate `w` ≤ 0, and part with -ε·w.
 
     The heavier body takes its share of the change, the lighter one follows at the new rate. So no rounding of the
-    shares adds up (with two shares that are 1 together but for 2^-54, the energy drifts by 4e-12 in 4e7 collisions),
+    shares adds up (with two shares that are 1 together except for 2^-54, the energy drifts by 4e-12 in 4e7 collisions),
     and with ε = 0 the pair moves as one in all bits.
     """
     part = pair.pull * now - e * w
@@ -115,19 +120,15 @@ def approaching(pairs: Records, bodies: Records, first: int, now: float) -> int:
 
 
 @kernel
-def rebase(run: Record, pairs: Records, bodies: Records, shift: float) -> float:
-    """Move all gaps to time `shift`, the new zero of time; return the largest relative velocity of neighbours (m/s)."""
-    g, largest = run.gravity, 0.0
+def rebase(run: Record, pairs: Records, bodies: Records, shift: float) -> None:
+    """Move all gaps to time `shift`, the new zero of time."""
     for c in range(len(pairs)):
         pair = pairs[c]
         run.clamps += carry(pair, bodies[c], bodies[c + 1], shift)
         pair.at = 0.0
         pair.last -= shift
-    if g != 0.0:
+    if run.gravity != 0.0:
         for i in range(len(bodies)):
             body = bodies[i]
-            body.u -= body.falls * (g * shift)
+            body.u -= body.falls * (run.gravity * shift)
             body.noise += body.falls * REBASED * (body.u * body.u)
-    for c in range(len(pairs)):
-        largest = max(largest, abs(bodies[c + 1].u - bodies[c].u))
-    return largest

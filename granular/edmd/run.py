@@ -5,23 +5,22 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
-from granular._records import column, packed
+from granular import _check
+from granular._kernels import no_compiler
+from granular._records import packed
 from granular.drive import End, Pause, Row, Rows
-from granular.edmd import outcome
-from granular.edmd.collapse import Verdict, Zoom
-from granular.edmd.event import ROW
-from granular.edmd.model import OPTIONS, Model
-from granular.edmd.motion import approaching
+from granular.edmd import blocks, collapse, outcome
+from granular.edmd.collision import ROW
+from granular.edmd.physics import Physics
 from granular.edmd.sorted_queue import SortedQueue
-from granular.edmd.state import APART, BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, SUSPECT, UNTIL, State
+from granular.edmd.state import APART, BUDGET, LATER, NEVER, SUSPECT, UNTIL, State
+from granular.edmd.ties import GROUP, ORDER
 from granular.edmd.tree_queue import TreeQueue, pays
 from granular.request import Request
 from granular.scene import close_after
 from granular.trajectory import Status
+from granular.until import Contact
 
-Queue = SortedQueue | TreeQueue
 TAIL = 8
 """The last of so many parts of a run that ends at `max_events` tells whether it has slowed down."""
 LOOK = 4096
@@ -29,6 +28,25 @@ LOOK = 4096
 MARGIN = 2.0**-30
 """Closing walls end a run when this part of the free length between them is left: balls that bounce between them at
 2/(1 - ε) times the speed of the walls make their sum of gaps uncertain by not much less."""
+LIKELY = 25
+"""Collisions of a pair that a run is taken to have before anything is known of it."""
+TRIAL = 2048
+"""Work (in collisions) that tells how much more there will be until the end time."""
+ENGINES = ("auto", "sorted", "compiled")
+
+
+def checked_engine(engine: str, physics: Physics) -> str:
+    """Return how the queue is chosen, as asked for and as it can be: *auto* means that compiled is possible."""
+    name, why, missing = _check.choice("engine", engine, ENGINES), "", no_compiler()
+    if physics.rule is not None:
+        why = "every rule must be a ConstantRestitution"
+    elif ORDER[physics.options["ties"]] == GROUP:
+        why = f"ties={physics.options['ties']!r} runs interpreted only"
+    if name == "compiled" and why:
+        raise ValueError(f"engine is 'compiled': {why}; use engine='sorted' or 'auto'.")
+    if name == "compiled" and missing:
+        raise ImportError(f"engine is 'compiled': {missing}.")
+    return "sorted" if why or missing else name
 
 
 class Run:
@@ -36,14 +54,12 @@ class Run:
 
     Parameters
     ----------
-    model : Model
+    physics : Physics
         How it moves.
     state : State
         What moves; changed in place.
-    zoom : Zoom or None
-        A closer look that was interrupted.
-    queues : pair of classes
-        The queue to begin with, and the one to go over to in a long run (or None).
+    engine : str
+        As `checked_engine` says.
     request : Request
         What is asked of it.
     """
@@ -51,33 +67,46 @@ class Run:
     in_order = True
     law = None
 
-    def __init__(
-        self, model: Model, state: State, zoom: Zoom | None, queues: tuple[type[Queue], type[Queue] | None],
-        request: Request,
-    ) -> None:  # fmt: skip
-        self.model, self.state, self.zoom, self.request = model, state, zoom, request
-        self.scene, self.rule = model.scene, model.rules
-        state.stop_at(request.until, request.max_events)
-        first, self.faster = queues
-        self._go_on_with(first)
-        self.worked = state.work()
-        self.tail = state.last_event - request.max_events // TAIL
-        self.pace = [(state.events, state.time(state.now))]  # at the beginning and where the tail begins
-        self.verdict: Verdict | None = None
+    def __init__(self, physics: Physics, state: State, engine: str, request: Request) -> None:
+        self.physics, self.state, self.request = physics, state, request
+        self.scene, self.rule = physics.scene, physics.rules
+        pair, hits = NEVER if request.until is None else APART, 0
+        if isinstance(request.until, Contact):
+            pair, hits = request.until.pair, request.until.nth - 1
+        state.set(stop_pair=pair, stop_hits=hits, last_event=state.run.events + request.max_events)
+        self.events = int(state.run["events"])
+        self.began = self.time(), self._work()
+        self.may_compile = engine == "auto"
+        fast = engine == "compiled" or (self.may_compile and pays(min(LIKELY * self.scene.n_pairs, request.max_events)))
+        self._go_on_with(self._compiled() if fast else SortedQueue)
+        self.tail = state.clock.last_event - request.max_events // TAIL
+        self.pace = [(self.events, self.time())]  # at the beginning and where the tail begins
+        self.verdict: collapse.Verdict | None = None
         self.settled: list[Rows] = []
-        self.fall = self.scene.gravity - state.run.gravity  # m/s², with which the frame of the run falls
+        self.fall = self.scene.gravity - float(state.run.gravity)  # m/s², with which the frame of the run falls
         self.close_after = close_after(self.scene)
-        self.horizon = state.start + (1.0 - MARGIN) * self.close_after  # s, the last time with room between the walls
+        self.horizon = float(state.clock.start) + (1.0 - MARGIN) * self.close_after  # s: no room for balls later
+
+    def _compiled(self) -> type[TreeQueue]:
+        self.may_compile = False
+        return blocks.BlockQueue if self.scene.n > blocks.LARGE else TreeQueue
+
+    def _go_on_with(self, queue: type[SortedQueue]) -> None:
+        """Go on with another queue. What is looked at closely, whose gaps in the state are old, stays as it is."""
+        state = self.state
+        state.keep(queue.hold)
+        self.queue = queue(state if state.near is None else state.copied(), self.physics)
+        self.queue.state = state
 
     def to(self, time: float, last: bool) -> Pause:
         """Advance to `time`, some thousand events towards it, or to what ends the run.
 
         A row at the start shows the scene before anything acts.
         """
-        state, seen = self.state, self.state.events
+        state, seen = self.state, self.events
         while last or time > self.request.start:
-            limit, before = state.tau(min(time, self.horizon)), state.events
-            if time >= self.horizon and limit <= state.now:
+            limit, before = state.tau(min(time, self.horizon)), self.events
+            if time >= self.horizon and limit <= state.run.now:
                 return Pause.collapse
             why = self._advance(limit)
             if self.verdict is not None:
@@ -85,16 +114,16 @@ class Run:
             if why == UNTIL:
                 return Pause.until
             if why == LATER:
-                due = math.inf if self.zoom is not None else self.queue.soonest()
+                due = math.inf if state.near is not None else self.queue.soonest()
                 if due > limit or due == math.inf:
                     return self._reached(time, limit)
                 state.shift_to(due, self.queue.kernel)
                 self.queue.rebuild()
             elif why == SUSPECT:
-                self.zoom = Zoom.on(state, self.queue)
-            elif why == BUDGET and state.events in (before, state.last_event):  # or a group that is too large
+                collapse.begin(state, self.queue)
+            elif why == BUDGET and self.events in (before, state.clock.last_event):  # or a group that is too large
                 return Pause.work
-            if state.events - seen >= LOOK:
+            if self.events - seen >= LOOK:
                 return Pause.full
         return Pause.reached
 
@@ -102,26 +131,37 @@ class Run:
         """Stand at `time`, tau = `limit`, or where the walls leave no room, since nothing happens before."""
         if time == self.horizon == math.inf:
             return Pause.quiet
-        self.state.now = limit
+        self.state.run["now"] = limit
         return Pause.reached if time <= self.horizon else Pause.collapse
 
     def _advance(self, limit: float) -> int:
         """Go on towards tau = `limit` for a while, with the faster queue if that pays now; return why it pauses."""
         state = self.state
-        if self.faster is not None and pays(state.work() - self.worked):
-            self._go_on_with(self.faster)
-            self.faster = None
-        goal = self.tail if state.events < self.tail else state.last_event
-        budget = min(self.queue.chunk, goal - state.events)
+        if self.may_compile and pays(self._expected()):
+            self._go_on_with(self._compiled())
+        goal = self.tail if self.events < self.tail else state.clock.last_event
+        budget = min(self.queue.chunk, goal - self.events)
         rows: list[Any] | None = [] if self.request.rows else None
-        if self.zoom is None:
-            why = self.queue.advance(min(limit, math.nextafter(state.window, 0.0)), budget, rows)
+        if state.near is None:
+            why = self.queue.advance(min(limit, math.nextafter(state.clock.window, 0.0)), budget, rows)
         else:
-            why = self._look_closer(self.zoom, limit, budget, rows)
+            why, self.verdict = collapse.look(state, self.physics, self.queue, limit, budget, rows)
+        self.events = int(state.run["events"])
         self._settle(rows or [])
-        if len(self.pace) == 1 and state.events >= self.tail:
-            self.pace.append((state.events, self.time()))
+        if len(self.pace) == 1 and self.events >= self.tail:
+            self.pace.append((self.events, self.time()))
         return why
+
+    def _expected(self) -> float:
+        """Return the work in collisions that is likely to be left at the pace so far, or as much as was done."""
+        begin, worked = self.began
+        done, took, left = self._work() - worked, self.time() - begin, self.request.end - self.time()
+        ahead = done / took * left if done >= TRIAL and took > 0.0 and left < math.inf else 0.0
+        return max(done, min(ahead, float(self.state.clock.last_event - self.events)))
+
+    def _work(self) -> int:
+        """Return the work done so far in collisions; one looked at closely costs as much as eight."""
+        return int(self.state.run.events + 7 * self.state.run.zoomed)
 
     def _settle(self, written: list[Any]) -> None:
         """Take rows that were written since the last re-basing; the frame of the run may fall."""
@@ -140,79 +180,30 @@ class Run:
         settled, self.settled = self.settled, []
         return settled
 
-    def _look_closer(self, zoom: Zoom, limit: float, budget: int, rows: list[Any] | None) -> int:
-        """Go on with the zoom; close it when it ends, with or without a verdict."""
-        state, model = self.state, self.model
-        end = zoom.advance(state, model, self.queue, limit, budget, rows)
-        if end in (LATER, UNTIL, BUDGET):
-            return end
-        j = int(zoom.look.last)
-        if end == RESTS:
-            c = zoom.first + j
-            self.verdict = Verdict("exact", c, c, 0.0)
-        elif end not in (OUTSIDE, QUIET):
-            verdict = zoom.verdict(state, model, j)
-            if verdict is not None and (end != SPENT or verdict.bound < 1e-9 * state.speed):
-                self.verdict = verdict
-            elif end == SPENT and zoom.patience_ends(state):
-                self.verdict = zoom.faint(state, model, j)
-                if self.verdict is None:
-                    return end
-            else:
-                state.run.short = math.ldexp(state.run.short, -4)
-                state.allowance *= 2
-        zoom.close(state, self.queue)
-        self.zoom = None
-        if state.run.stop_pair != APART:
-            return end
-        witness = self.queue.kernel(approaching)(state.pairs, state.bodies, 0, state.now)
-        return UNTIL if witness < 0 else end
-
-    def _go_on_with(self, queue: type[Queue]) -> None:
-        """Go on with another queue, whatever is going on: what is looked at closely, whose gaps in the state are old,
-        stays as it is."""
-        self.queue = queue(self.state, self.model)
-        if self.zoom is None:
-            self.queue.rebuild()
-        else:
-            self.zoom.keep(self.queue.hold)
-            kept = self.state.copied()
-            self.queue.rebuild()
-            self.state.pairs, self.state.bodies = kept.pairs, kept.bodies
-
-    def bound(self) -> Verdict | None:
-        """Return what can be said of the slow pairs of a closer look that is not over."""
-        if self.zoom is None or self.zoom.look.events == 0:
-            return None
-        collided = int(np.argmin(column(self.zoom.near, "gap")))
-        verdict = self.zoom.verdict(self.state, self.model, collided)
-        return verdict if verdict is not None and math.isfinite(verdict.bound) else None
-
     def time(self) -> float:
         """Return the time in s up to which the run has got."""
-        return self.state.time(self.state.now)
+        return float(self.state.time(self.state.run["now"]))
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of collisions so far."""
-        return self.time(), self.state.events
+        return self.time(), self.events
 
     def row(self, time: float) -> Row:
         """Return the scene now."""
         state = self.state
-        if self.zoom is not None and self.zoom.look.events > 0:
+        if state.near is not None and state.run.looked > 0:
             state = state.copied()
-            self.zoom.write_back(state, self.queue)
-        velocity, gap = state.row(state.now)
-        elapsed = state.elapsed(state.now)
+            collapse.put_back(state, self.queue)
+        now = float(state.run["now"])
+        velocity, gap = state.row(now)
+        elapsed = float(state.elapsed(now))
         return Row(time, elapsed, gap, velocity - self.fall * elapsed)
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended, with all that is needed to go on."""
         stop = self.request.end if pause is Pause.reached else self.time()
         wanted = seen == -math.inf or (pause is not Pause.reached and stop > seen)
-        saved = self.state.checkpoint() | {name: getattr(self.model, name) for name in OPTIONS}
         status: Status = pause.value
-        return End(
-            self.row(stop) if wanted else None, status, outcome.message(self, status), outcome.stats(self),
-            saved | (self.zoom.checkpoint() if self.zoom is not None else {}),
-        )  # fmt: skip
+        row, numbers = self.row(stop) if wanted else None, self.state.numbers()
+        message, stats = outcome.message(self, status, numbers), outcome.stats(self, numbers)
+        return End(row, status, message, stats, self.state.checkpoint(numbers) | self.physics.options)

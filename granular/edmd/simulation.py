@@ -5,21 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from granular import _check, rules
+from granular import _check
 from granular import until as conditions
-from granular._check import Array
 from granular.drive import drive
-from granular.edmd import engines, model, older
-from granular.edmd.collapse import Zoom
-from granular.edmd.run import Run
+from granular.edmd.physics import OPTIONS, Physics, checked
+from granular.edmd.run import Run, checked_engine
 from granular.edmd.state import State
-from granular.edmd.ties import PAIR
 from granular.request import requested
 from granular.rules import Rule
-from granular.scene import Scene, checked
+from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 
 
@@ -75,8 +71,8 @@ def simulate(
         ``on_progress(t, events)`` now and then.
     engine : str
         "sorted" (the reference), "compiled" (numba; the same results bit for bit; constant restitution and sequential
-        ties only), or "auto": begins with the reference and goes over to compiled in a run long enough to pay for it,
-        which a large scene does at once.
+        ties only), or "auto": begins with the reference and goes over to compiled as soon as the collisions made,
+        or those to expect until `t_end` or of a large scene, pay for it.
     ties : str
         What simultaneous collisions do. One after the other: "left" (the lowest pair first), "right", or "random"
         (reproducible by `seed`). A touching group as a whole: "newton" and "reflect" (one constant restitution for
@@ -111,17 +107,16 @@ def simulate(
     One collision costs O(log n). The state is gaps, not positions, so balls never change order; the clock is re-based,
     so late times cost no digits. A collapse is a verdict, never an impression: see `granular.edmd.collapse`.
     """
-    _check_scene(scene)
-    start = _check.number("t_start", t_start)
-    physics = model.checked(
-        scene, rules.checked(rule, scene.gap), ties=ties, seed=seed, collapse=collapse,
-        merge_below=merge_below, tc=tc, elastic_below=elastic_below,
+    physics = checked(
+        scene, rule, collapse=collapse, merge_below=merge_below, ties=ties, seed=seed, tc=tc,
+        elastic_below=elastic_below,
     )  # fmt: skip
+    start = _check.number("t_start", t_start)
     request = requested(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, on_event=on_event,
         on_progress=on_progress,
     )  # fmt: skip
-    return drive(Run(physics, State.of(physics, start), None, engines.choose(engine, physics), request))
+    return drive(Run(physics, State.of(physics, start), checked_engine(engine, physics), request))
 
 
 def resume(
@@ -150,34 +145,11 @@ def resume(
         raise ValueError("trajectory is no hard-sphere run: one from granular.edmd is needed.")
     if trajectory.status is Status.collapse:
         raise ValueError("trajectory ended in a collapse: nothing follows it; run again with collapse='merge' or tc=.")
-    scene, saved = trajectory.scene, older.updated(trajectory.state, trajectory.scene)
-    physics = model.Model(scene, trajectory.rule, *(saved[name] for name in model.OPTIONS))
+    saved = trajectory.state
+    physics = Physics(trajectory.scene, trajectory.rule, {name: saved[name] for name in OPTIONS})
     state = State.restored(physics, saved)
     request = requested(
-        scene, state.time(state.now), t_end, until=until, samples=samples, log=log, max_events=max_events,
-        on_event=on_event, on_progress=on_progress,
+        trajectory.scene, state.time(state.run.now), t_end, until=until, samples=samples, log=log,
+        max_events=max_events, on_event=on_event, on_progress=on_progress,
     )  # fmt: skip
-    return drive(Run(physics, state, Zoom.restored(saved), engines.choose(engine, physics), request))
-
-
-SMALLEST, LARGEST = 1e-75, 1e75
-"""Smallest speed and largest number in a scene: their squares, products and ratios are numbers."""
-
-
-def _check_scene(scene: Any) -> None:
-    checked(scene)
-    fix = "hard spheres cannot overlap; set the gap to 0, or use granular.md"
-    _check.every("gap", scene.gap, scene.gap >= 0.0, "a gap must not be negative", fix)
-    _check_size("mass", np.where(scene.is_wall, 1.0, scene.mass), 0.0)
-    _check_size("gap", scene.gap, 0.0)
-    _check_size("velocity", scene.velocity, SMALLEST)
-    _check_size("gravity", np.array([scene.gravity]), SMALLEST)
-    if scene.n_pairs > PAIR:
-        raise ValueError(f"scene has {scene.n} bodies: at most {PAIR + 1} are possible.")
-
-
-def _check_size(name: str, values: Array, least: float) -> None:
-    size = np.abs(values)
-    good = (size == 0.0) | ((size >= least) & (size <= LARGEST))
-    _check.every(name, values, good, f"0 or a size from {least:g} to {LARGEST:g} is needed", "use other units")
-
+    return drive(Run(physics, state, checked_engine(engine, physics), request))

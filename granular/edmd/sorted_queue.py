@@ -1,29 +1,99 @@
-"""The reference queue: pairs in a `SortedList` of (time, rank)."""
+"""The event loop, and the reference queue under it: pairs in a `SortedList` of (time, rank)."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 from sortedcontainers import SortedList
 
-from granular._records import plain, twin
-from granular.edmd import touching
-from granular.edmd.event import ROW, SUSPICIOUS, event
-from granular.edmd.groups import gave_up
-from granular.edmd.merge import rest
-from granular.edmd.model import Model
-from granular.edmd.motion import approaching, predicted
-from granular.edmd.state import APART, BUDGET, LATER, SUSPECT, UNTIL, State
+from granular._kernels import kernel
+from granular._records import Record, Records, plain, twin
+from granular.edmd.collision import ROW, SUSPICIOUS, event, rest
+from granular.edmd.groups import collide_as_one, group
+from granular.edmd.motion import approaching, predicted, velocities
+from granular.edmd.physics import Physics, Restitution
+from granular.edmd.state import APART, BUDGET, LATER, SUSPECT, TOUCHING, UNTIL, State
 from granular.edmd.ties import GROUP, PAIR, RANDOM, rank
 
-INF = math.inf
 Rows = list[Any]
 """The log: chunks of records `ROW`, as arrays or as lists of plain objects."""
-Row: Any = twin(ROW)
-SHORT = 256
-"""Rows made for a closer look at a time."""
+NOBODY = (math.inf, PAIR)
+"""Last in every queue, so that none is empty."""
 
+
+@kernel
+def loop(
+    run: Record, pairs: Records, bodies: Records, queue: Any, rule: Restitution | None, rows: Records | None,
+    fastest: Records | None,
+) -> int:
+    """Let events act until `run.edge`, at most `run.budget` of them; return why it pauses.
+
+    `rows` takes the log; `fastest`, if it is an array, the largest speed after a collision.
+    """
+    edge, budget, stop, together = run.edge, run.budget, run.stop_pair, run.order == GROUP
+    done, witness = 0, 0
+    while True:
+        now, c = head(queue)
+        if now > edge:
+            return LATER
+        if c == stop and pairs[c].hits >= run.stop_hits:
+            run.now = now
+            return UNTIL
+        if done >= budget:
+            return BUDGET
+        run.now = now
+        if together:
+            run.suspect = c
+            first, last = group(pairs, bodies, c, now)
+            if first < last:
+                return TOUCHING
+        row = None if rows is None else rows[done]
+        first, last, rebound = event(run, pairs, bodies, c, now, rule, row)
+        run.events += 1
+        done += 1
+        if fastest is not None:
+            below, above = velocities(bodies[c], bodies[c + 1], run.gravity, now)
+            fastest[0] = max(fastest[0], abs(below), abs(above))
+        refresh(run, pairs, bodies, queue, first, last)
+        if stop == APART:
+            witness = approaching(pairs, bodies, witness, now)
+            if witness < 0:
+                return UNTIL
+        if pairs[c].streak >= SUSPICIOUS:
+            run.suspect, run.rebound = c, rebound
+            return SUSPECT
+
+
+@kernel
+def head(queue: Any) -> tuple[float, int]:
+    """Return the next event: its time and its pair."""
+    now, key = queue[0][0]
+    return now, key & PAIR
+
+
+@kernel
+def refresh(run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int) -> None:
+    """Predict pairs `first` … `last` anew. Pairs that never collide are not in the queue."""
+    order, entry = queue
+    due, c = order[0][1] & PAIR, first
+    if first <= due <= last:  # no search is needed for it
+        entry[due] = (math.inf, order.pop(0)[1])
+    while c <= last:
+        old, pair = entry[c], pairs[c]
+        time = predicted(pair, bodies[c], bodies[c + 1])
+        new = (time, rank(c, RANDOM, run.seed, pair.hits) if run.order == RANDOM else old[1])
+        if new != old:
+            if old[0] < math.inf:
+                order.remove(old)
+            entry[c] = new
+            if time < math.inf:
+                order.add(new)
+        if time == math.inf and pair.pull > 0.0:
+            rest(run, pairs, bodies, c)
+            last = max(last, min(c + 1, len(pairs) - 1))
+        c += 1
 
 
 class SortedQueue:
@@ -33,119 +103,77 @@ class SortedQueue:
     ----------
     state : State
         Changed in place.
-    model : Model
-        The physics.
+    physics : Physics
+        How it moves.
     """
 
     name = "sorted"
-    chunk = 4096
-    kernel = staticmethod(lambda function: function)
-    hold = staticmethod(plain)
-    rows = staticmethod(lambda n: [object.__new__(Row) for _ in range(min(n, SHORT))])
+    chunk = 256
+    """Events after which control comes back: so many rows of the log are made at a time."""
+    kernel: Callable[[Any], Any] = staticmethod(lambda function: function)
+    hold: Callable[[Records], Records] = staticmethod(plain)
+    loop, predict = staticmethod(loop), staticmethod(refresh)
+    queue: Any = None
 
-    def __init__(self, state: State, model: Model) -> None:
-        state.keep(plain)
-        self.state = state
-        self.model = model
-        self.suspect, self.rebound = -1, 0.0
+    def __init__(self, state: State, physics: Physics) -> None:
+        state.keep(self.hold)
+        self.state, self.physics = state, physics
+        self.rebuild()
+
+    def rows(self, n: int) -> Records:
+        """Return room for `n` rows of the log, or for as many as are made at a time."""
+        row: Any = twin(ROW)
+        return [object.__new__(row) for _ in range(min(n, self.chunk))]
 
     def rebuild(self) -> None:
         """Predict all pairs anew."""
-        s = self.state
-        self.entry = [(INF, rank(c, s.run.order, s.run.seed, pair.hits)) for c, pair in enumerate(s.pairs)]
-        self.queue: SortedList[tuple[float, int]] = SortedList([(INF, PAIR)])  # never empty
-        self.refresh(0, len(s.pairs) - 1)
+        run = self.state.run
+        entry = [(math.inf, rank(c, run.order, run.seed, pair.hits)) for c, pair in enumerate(self.state.pairs)]
+        self.queue = SortedList([NOBODY]), entry
+        self.refresh(0, len(entry) - 1)
 
     def refresh(self, first: int, last: int) -> None:
-        """Predict pairs `first` … `last` anew. Pairs that never collide are not in the queue."""
-        s, queue, entry = self.state, self.queue, self.entry
-        pairs, bodies, random = s.pairs, s.bodies, s.run.order == RANDOM
-        c = first
-        while c <= last:
-            old, pair = entry[c], pairs[c]
-            time = predicted(pair, bodies[c], bodies[c + 1])
-            new = (time, rank(c, RANDOM, s.run.seed, pair.hits) if random else old[1])
-            if new != old:
-                if old[0] < INF:
-                    queue.remove(old)
-                entry[c] = new
-                if time < INF:
-                    queue.add(new)
-            if time == INF and pair.pull > 0.0:
-                rest(s.run, pairs, bodies, c)
-                last = max(last, min(c + 1, len(pairs) - 1))
-            c += 1
+        """Predict pairs `first` … `last` anew."""
+        s = self.state
+        self.kernel(self.predict)(s.run, s.pairs, s.bodies, self.queue, first, last)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
         """Return the time of the next event of any pair outside `first` … `last`."""
-        return float(next(time for time, key in self.queue if not first <= (key & PAIR) <= last))
+        return float(next(time for time, key in self.queue[0] if not first <= (key & PAIR) <= last))
 
     def advance(self, edge: float, budget: int, log: Rows | None) -> int:
         """Let events up to and including time `edge` act, `budget` of them or one more group, appending them to `log`.
 
         Returns why it pauses.
         """
-        s, rule, groups = self.state, self.model.rule, self.state.run.order == GROUP
-        queue, entry, run, pairs, bodies = self.queue, self.entry, s.run, s.pairs, s.bodies
-        enough, witness, rows, row = s.events + budget, 0, Rows(), None
-        if log is not None:
-            log.append(rows)
+        s, run = self.state, self.state.run
+        enough = run["events"] + budget
         while True:
-            now, key = queue[0]
-            c = key & PAIR
-            if now > edge:
-                return LATER
-            if c == run.stop_pair and pairs[c].hits >= run.stop_hits:
-                s.now = now
-                return UNTIL
-            if s.events >= enough:
-                return BUDGET
-            del queue[0]
-            entry[c] = (INF, key)
-            s.now = now
-            if groups:
-                first, last = touching.group(c, now, s)
-                if first < last:
-                    pause = self._solve(c, first, last, rows)
-                    if pause is not None:
-                        return pause
-                    continue
-            if log is not None:
-                row = object.__new__(Row)
-                rows.append(row)
-            first, last, self.rebound = event(run, pairs, bodies, c, now, rule, row)
-            s.events += 1
+            begin = run["events"]
+            rows = None if log is None else self.rows(enough - begin)
+            run["edge"], run["budget"] = edge, enough - begin if rows is None else len(rows)
+            why: int = self.kernel(self.loop)(run, s.pairs, s.bodies, self.queue, self.physics.rule, rows, None)
+            if log is not None and rows is not None:
+                log.append(rows[: run["events"] - begin].copy())
+            if why != TOUCHING:
+                return why
+            why, first, last = collide_as_one(s, self.physics, log)
             self.refresh(first, last)
-            if run.stop_pair == APART:
-                witness = approaching(pairs, bodies, witness, now)
-                if witness < 0:
-                    return UNTIL
-            if pairs[c].streak >= SUSPICIOUS:
-                self.suspect = c
-                return SUSPECT
+            if why == TOUCHING and run.stop_pair == APART and approaching(s.pairs, s.bodies, 0, run.now) < 0:
+                why = UNTIL
+            if why != TOUCHING:
+                return why
 
-    def _solve(self, c: int, first: int, last: int, rows: Rows) -> int | None:
-        """Let the touching group of pairs `first` … `last` collide as a whole; return why to pause, if so.
+    def _events(self) -> list[tuple[float, int]]:
+        """Return time and rank of the next event of every pair; raise where the queue is out of order."""
+        order, entry = self.queue
+        assert list(order) == sorted([*(one for one in entry if one[0] < math.inf), NOBODY])
+        return list(entry)
 
-        Before it: the contact to stop at is among its own, or they are more than the run may still have.
-        """
-        s, now = self.state, self.state.now
-        p = touching.impulses(c, first, last, s, self.model)
-        hit = [k for k in range(first, last + 1) if p[k - first] > 0.0]
-        stops = s.run.stop_pair in hit and s.pairs[s.run.stop_pair].hits >= s.run.stop_hits
-        if stops or s.events + len(hit) > s.last_event:
-            self.refresh(c, c)
-            return UNTIL if stops else BUDGET
-        before = touching.velocities(first, last, now, s)
-        touching.apply(first, last, p, s)
-        after = touching.velocities(first, last, now, s)
-        for k in hit:
-            s.pairs[k].hits += 1
-            s.pairs[k].last = now
-            i = k - first
-            rows.append(Row(k, now, before[i], before[i + 1], after[i], after[i + 1], p[i]))
-        s.events += len(hit)
-        self.refresh(max(first - 1, 0), min(last + 1, len(s.pairs) - 1))
-        if not hit and self.entry[c][0] <= now:
-            raise gave_up(self.model.ties)
-        return UNTIL if s.run.stop_pair == APART and approaching(s.pairs, s.bodies, 0, now) < 0 else None
+    def _check(self) -> None:
+        """Raise where the queue is out of order, or an event not that of its pair except for rounding: for tests."""
+        run, pairs, bodies = self.state.run, plain(self.state.pairs), plain(self.state.bodies)
+        for c, (time, key) in enumerate(self._events()):
+            due = predicted(pairs[c], bodies[c], bodies[c + 1])
+            assert key == rank(c, run.order, run.seed, pairs[c].hits), c
+            assert math.isclose(time, due, rel_tol=1e-9, abs_tol=1e-12), (c, time, due)

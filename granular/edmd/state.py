@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
-from typing import Any, TypeVar
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from granular import until as conditions
 from granular._check import Array
-from granular._records import Record, Records, column, copied, one, packed, twin
-from granular.edmd.model import Model, felt_gravity, scales, shares
+from granular._records import Record, Records, column, copied, one, packed, plain
 from granular.edmd.motion import rebase
+from granular.edmd.physics import Physics, felt_gravity, scales, shares
 from granular.edmd.ties import ORDER
 
-FloatOrArray = TypeVar("FloatOrArray", float, Array)
 PAIR = np.dtype(
     [
         ("gap", float), ("at", float),  # m, at that time in s since the epoch
         ("pull", float),  # gravity's closing acceleration, m/s²
-        ("hits", int), ("last", float),  # collisions so far, and the time of the last one in s
+        ("hits", int), ("last", float),  # collisions so far, and the time of the last one not looked at closely in s
         ("streak", int),  # how often a collision in a row looked like a collapse
         ("low", float), ("high", float),  # shares of the lower and the upper body in a change of the rate
         ("eps", float),  # where rules are constant
@@ -37,160 +35,211 @@ BODY = np.dtype(
     ],
     align=True,
 )
+NEAR = np.dtype([("gap", float), ("rate", float)])
+"""Gap and rate of a pair that is looked at closely, m and m/s."""
 RUN = np.dtype(
     [
         ("pairs", int), ("gravity", float), ("tc", float), ("elastic_below", float), ("merge_below", float),
         ("order", int), ("seed", int),  # of ties
+        ("now", float), ("events", int), ("zoomed", int),  # tau of the last event; collisions, those in closer looks
+        ("clamps", int), ("merged", int),  # gaps set to 0, collisions merged
+        ("edge", float), ("budget", int),  # until when to go now, and for how many events at most
         ("stop_pair", int), ("stop_hits", int),  # pause before this pair, which has collided so often, collides again
         ("slow", float), ("short", float),  # what looks like a collapse, m/s (< 0: nothing does) and s
-        ("clamps", int), ("merged", int), ("lost", int),  # gaps set to 0, collisions merged, rates lost to rounding
+        ("suspect", int), ("rebound", float),  # the pair that collided last, in a closer look too; its rate after, m/s
+        # a closer look
+        ("first", int), ("began", float),  # the lowest pair; when it began, tau in s
+        ("elapsed", float), ("looked", int),  # s and collisions since then
+        ("ordinary", int),  # collisions in a row that did not look like a collapse
+        ("clamped", int),  # gaps set to 0
+        ("faint", int),  # how often in a row its speeds were found to count for nothing
+        ("room", float),  # s since it began: when something outside happens
+        ("allowance", int),  # collisions without a decision; doubled after each such look
     ],
     align=True,
 )  # fmt: skip
+"""Numbers that kernels know."""
+CLOCK = np.dtype(
+    [
+        ("start", float), ("epoch", float), ("epoch_low", float),  # s: the first row; the zero of tau
+        ("length", float), ("window", float),  # m, the mean gap at the start; s, 2^k, grows as balls slow down
+        ("speed", float), ("fall", float),  # m/s, scale of relative velocities, never below what falling `length` gives
+        ("rebases", int), ("zooms", int), ("lost", int),  # closer looks, and rates lost to rounding in them
+        ("last_event", int),  # events at which the run ends
+    ]
+)  # fmt: skip
+"""Numbers that they do not."""
 OF_PAIRS, OF_BODIES = ("gap", "at", "pull", "hits", "last", "streak"), ("u", "falls", "noise")
 """What changes, by the names under which it is saved."""
-TALLY = ("clamps", "merged", "lost")
+SAVED = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "now",
+         "events", "rebases", "zooms", "zoomed", "allowance", "short")  # fmt: skip
+TALLY, LOOK = ("clamps", "merged", "lost"), ("elapsed", "looked", "ordinary", "clamped", "faint")
+"""Numbers that are saved as arrays; of an older closer look, there are less."""
 NEVER, APART = -1, -2
 """`stop_pair` of a run that does not stop at a contact, and of one that stops when no pair approaches."""
-LATER, UNTIL, BUDGET, SUSPECT, OUTSIDE, QUIET, RESTS, TINY, SPENT = range(9)
+LATER, UNTIL, BUDGET, SUSPECT, TOUCHING, OUTSIDE, QUIET, RESTS, TINY, SPENT = range(10)
 """Why a queue or a closer look hands control back. The next event is later than asked for; it is the contact to stop
-at, or all pairs recede; as many events as asked for have acted. Of a queue: the last collisions look like a collapse.
-Of a closer look, for good: something outside the slice comes next; no collapse; a ball has come to rest on a wall;
-rates below 2^-200 of the scale; no decision within the allowance."""
+at, or all pairs recede; as many events as asked for have acted. Of a queue: the last collisions look like a collapse;
+a touching group is to collide as a whole. Of a closer look, for good: something outside the slice comes next; no
+collapse; a ball has come to rest on a wall; rates below 2^-200 of the scale; no decision within the allowance."""
 
 
 @dataclass
 class State:
-    """Records of bodies and pairs, clock and counters of a run in progress.
+    """Records of a run in progress: its numbers, its pairs and bodies, and the pairs looked at closely, if any are.
 
     The time is ``epoch + epoch_low + tau``: the epoch is kept in two parts and moved on in windows of a fixed length,
-    a power of two, so that late times cost no digits.
+    a power of two, so that late times cost no digits. While some pairs are looked at closely, what `pairs` and
+    `bodies` say of them is old.
     """
 
     run: Record
+    clock: Record
     pairs: Records
     bodies: Records
-    # clock and scales
-    start: float  # s, time of the first row
-    epoch: float
-    epoch_low: float
-    length: float  # m, the mean gap at the start
-    window: float  # s, a power of two; grows as the balls slow down
-    speed: float  # m/s, scale of the relative velocities
-    fall: float  # m/s, what falling through the mean gap gives: `speed` never gets smaller
-    now: float  # s, tau of the last event
-    # counters
-    events: int = 0
-    rebases: int = 0
-    zooms: int = 0
-    zoomed: int = 0
-    allowance: int = 20_000  # events of a closer look without a decision; doubled after each such
-    last_event: int = 0  # events at which the run ends
+    near: Records | None = None
 
     @classmethod
-    def of(cls, model: Model, t_start: float) -> State:
+    def of(cls, physics: Physics, t_start: float) -> State:
         """Return the state at the start of a run."""
-        scene, g = model.scene, felt_gravity(model.scene)
+        scene, options, g = physics.scene, physics.options, felt_gravity(physics.scene)
         pairs, bodies = np.zeros(scene.n_pairs, PAIR), np.zeros(scene.n, BODY)
         bodies["u"], bodies["falls"], bodies["mass"] = scene.velocity, ~scene.is_wall, scene.mass
-        pairs["gap"], pairs["eps"], pairs["last"] = scene.gap, model.eps, -math.inf
+        pairs["gap"], pairs["eps"], pairs["last"] = scene.gap, physics.eps, -math.inf
         pairs["pull"] = g * scene.across(bodies["falls"])
         pairs["low"], pairs["high"] = shares(scene)
         speed, fall, length = scales(scene)
-        window, remedied = span(length, speed, g), max(model.tc, model.elastic_below, model.merge_below) > 0.0
-        slow = -1.0 if remedied or model.eps.min() == 1.0 else math.ldexp(speed, -16)  # else no collapse is possible
-        run = twin(RUN)(
-            pairs=len(pairs), gravity=g, tc=model.tc, elastic_below=model.elastic_below,
-            merge_below=model.merge_below, order=ORDER[model.ties], seed=model.seed & 0x7FFFFFFF, stop_pair=NEVER,
-            stop_hits=0, slow=slow, short=math.ldexp(window, -30), clamps=0, merged=0, lost=0,
+        window, remedied = span(length, speed, g), any(options[x] > 0.0 for x in ("tc", "elastic_below", "merge_below"))
+        state = cls(plain(np.zeros(1, RUN))[0], plain(np.zeros(1, CLOCK))[0], pairs, bodies)
+        state.set(
+            pairs=len(pairs), gravity=g, tc=options["tc"], elastic_below=options["elastic_below"],
+            merge_below=options["merge_below"], order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
+            start=t_start, epoch=t_start, length=length, window=window, fall=fall, short=math.ldexp(window, -30),
+            stop_pair=NEVER, suspect=-1, allowance=20_000,
+            slow=-1.0 if remedied or physics.eps.min() == 1.0 else 0.0,  # no collapse is possible
         )  # fmt: skip
-        return cls(run, pairs, bodies, t_start, t_start, 0.0, length, window, speed, fall, 0.0)
+        state.scale(speed)
+        return state
 
     @classmethod
-    def restored(cls, model: Model, saved: Mapping[str, Any]) -> State:
-        """Return the state that `checkpoint` saved."""
-        state = cls.of(model, float(saved["start"]))
+    def restored(cls, physics: Physics, saved: Mapping[str, Any]) -> State:
+        """Return the state that `checkpoint` saved, also in a release before velocities had noise.
+
+        Velocities were taken to be exact then, and free-fall velocities were those of the epoch in scenes without walls
+        too, whose frame now falls from the start on.
+        """
+        state = cls.of(physics, float(saved["start"]))
         for name in OF_PAIRS:
             state.pairs[name] = saved[name]
         for name in OF_BODIES:
-            state.bodies[name] = saved[name]
-        for name in CLOCK:
-            setattr(state, name, np.asarray(saved[name]).item())
-        state.run.short = float(saved["short"])
-        for name, count in zip(TALLY, saved["tally"], strict=True):
-            setattr(state.run, name, int(count))
-        state.scale(state.speed)
+            state.bodies[name] = saved.get(name, 0.0)
+        state.set(**{name: np.asarray(saved[name]).item() for name in SAVED})
+        state.set(**dict(zip(TALLY, saved["tally"].tolist(), strict=True)))
+        state.scale(state.clock.speed)
+        if "noise" not in saved:
+            state.bodies["u"] += (physics.scene.gravity - state.run.gravity) * state.elapsed(0.0)
+        if "zoom_gap" in saved:
+            dial = {name: RUN[name].type(x).item() for name, x in zip(LOOK, saved["zoom_dial"], strict=False)}
+            state.set(first=int(saved["zoom_first"]), began=float(saved["zoom_base"]), **dial)
+            state.near = np.zeros(len(saved["zoom_gap"]), NEAR)
+            state.near["gap"], state.near["rate"] = saved["zoom_gap"], saved["zoom_rate"]
         return state
 
-    def checkpoint(self) -> dict[str, Any]:
-        """Return everything as arrays and numbers, for `Trajectory.state`; nothing of it is copied."""
+    def set(self, **numbers: Any) -> None:
+        """Set numbers of the run."""
+        for name, value in numbers.items():
+            setattr(self.run if hasattr(self.run, name) else self.clock, name, value)
+
+    def numbers(self) -> dict[str, Any]:
+        """Return the numbers of the run by name."""
+        run = self.run if isinstance(self.run, np.record) else packed([self.run])[0]
+        both: list[Any] = [run, packed([self.clock])[0]]
+        return {name: value for x in both for name, value in zip(x.dtype.names, x.tolist(), strict=True)}
+
+    def checkpoint(self, run: dict[str, Any]) -> dict[str, Any]:
+        """Return everything, of which `run` are the `numbers`, for `Trajectory.state`; nothing of it is copied."""
         raw: dict[str, Any] = {name: column(self.bodies, name) for name in OF_BODIES}
-        raw |= {name: column(self.pairs, name) for name in OF_PAIRS}
-        raw |= {name: getattr(self, name) for name in CLOCK}
-        tally = np.array([getattr(self.run, name) for name in TALLY])
-        return raw | {"short": float(self.run.short), "tally": tally}
+        raw |= {name: column(self.pairs, name) for name in OF_PAIRS} | {name: run[name] for name in SAVED}
+        raw["tally"] = np.array([run[name] for name in TALLY])
+        if self.near is not None:
+            raw |= {"zoom_first": np.array(run["first"]), "zoom_base": np.array(run["began"])}
+            raw["zoom_dial"] = np.array([run[name] for name in LOOK], dtype=np.float64)
+            raw |= {f"zoom_{name}": column(self.near, name) for name in ("gap", "rate")}
+        return raw
 
     def keep(self, how: Callable[..., Any]) -> None:
-        """Keep the records as plain objects for interpreted code, or `packed` for compiled code: the same bits."""
+        """Keep the records as `plain` objects for interpreted code, or `packed` for compiled code: the same bits."""
         self.pairs, self.bodies = how(self.pairs), how(self.bodies)
-        if isinstance(self.pairs, np.ndarray):
+        self.near = self.near if self.near is None else how(self.near)
+        if isinstance(self.pairs, np.ndarray) and not isinstance(self.run, np.record):
             self.run = one(packed([self.run], RUN))
 
     def copied(self) -> State:
         """Return a state whose bodies and pairs can be changed without changing these."""
         return replace(self, pairs=copied(self.pairs), bodies=copied(self.bodies))
 
-    def stop_at(self, until: conditions.Until | None, max_events: int) -> None:
-        """Set what the run stops at, if anything, and after how many collisions from here."""
-        self.last_event = self.events + max_events
-        if isinstance(until, conditions.Contact):
-            self.run.stop_pair, self.run.stop_hits = until.pair, until.nth - 1
-        elif isinstance(until, conditions.Separated):
-            self.run.stop_pair = APART
+    def slices(self) -> tuple[Records, Records]:
+        """Return the records of the pairs that are looked at closely, and of their bodies."""
+        assert self.near is not None
+        first = int(self.run.first)
+        end = first + len(self.near)
+        return self.pairs[first:end], self.bodies[first : end + 1]
 
     def scale(self, speed: float) -> None:
         """Set the scale of speeds (m/s), and with it, where one may come, what looks like part of a collapse."""
-        self.speed = speed
-        if self.run.slow >= 0.0:
-            self.run.slow = math.ldexp(speed, -16)
+        self.clock.speed = speed
+        if self.run["slow"] >= 0.0:
+            self.run["slow"] = math.ldexp(speed, -16)
 
-    def work(self) -> int:
-        """Return the work done so far in collisions; one looked at closely costs as much as eight."""
-        return self.events + 7 * self.zoomed
-
-    def time(self, tau: FloatOrArray) -> FloatOrArray:
+    def time(self, tau: Any) -> Any:
         """Return the time in s that is `tau` after the epoch."""
-        return self.epoch + (self.epoch_low + tau)
+        return self.clock.epoch + (self.clock.epoch_low + tau)
 
     def tau(self, time: float) -> float:
         """Return how long after the epoch `time` is."""
-        return (time - self.epoch) - self.epoch_low
+        return float((time - self.clock.epoch) - self.clock.epoch_low)
 
-    def elapsed(self, tau: FloatOrArray) -> FloatOrArray:
+    def elapsed(self, tau: Any) -> Any:
         """Return the time in s from the start of the run to `tau`; it has all its digits however late the start."""
-        return ((self.epoch - self.start) + self.epoch_low) + tau
+        return ((self.clock.epoch - self.clock.start) + self.clock.epoch_low) + tau
 
     def shift_to(self, tau: float, compiler: Callable[[Any], Any]) -> None:
         """Move the epoch on by whole windows, so that `tau` comes to lie in the first one."""
-        shift = tau - math.fmod(tau, self.window)
-        speed = compiler(rebase)(self.run, self.pairs, self.bodies, shift)
-        total = self.epoch + shift
-        back = total - self.epoch
-        self.epoch_low += (self.epoch - (total - back)) + (shift - back)
-        self.epoch = total
-        self.now -= shift
-        self.rebases += 1
-        self.scale(max(speed, self.fall))
-        if self.speed > 0.0:
-            self.window = max(self.window, span(self.length, self.speed, self.run.gravity))
+        clock = self.clock
+        shift = tau - math.fmod(tau, clock.window)
+        compiler(rebase)(self.run, self.pairs, self.bodies, shift)
+        total = clock.epoch + shift
+        back = total - clock.epoch
+        clock.epoch_low += (clock.epoch - (total - back)) + (shift - back)
+        clock.epoch = total
+        clock.rebases += 1
+        self.run["now"] -= shift
+        self.scale(max(float(np.abs(np.diff(column(self.bodies, "u"))).max()), clock.fall))
+        if clock.speed > 0.0:
+            clock.window = max(clock.window, span(clock.length, clock.speed, float(self.run["gravity"])))
 
     def row(self, tau: float) -> tuple[Array, Array]:
         """Return velocities in m/s, and gaps in m, never negative, at `tau`; nothing moves."""
-        g, velocity = self.run.gravity, np.array(column(self.bodies, "u"))
+        g, velocity = float(self.run["gravity"]), np.array(column(self.bodies, "u"))
         gap = gaps(self.pairs, velocity, tau)
         if g > 0.0:
             velocity -= column(self.bodies, "falls") * (g * tau)
         return velocity, gap
+
+    def _check(self) -> None:
+        """Raise where the records cannot be those of a run: for tests."""
+        run, clock, pairs, bodies = self.run, self.clock, packed(self.pairs), packed(self.bodies)
+        wall, hit, last = np.isinf(bodies["mass"]), pairs["hits"] > 0, pairs["last"]
+        whole = [
+            len(bodies) == len(pairs) + 1 == run.pairs + 1,
+            (pairs["gap"] >= 0.0).all(),
+            (pairs["at"] <= max(run.now, 0.0)).all(),
+            (pairs["pull"] == run.gravity * np.diff(bodies["falls"])).all(),
+            hit[np.isfinite(last)].all() and (last <= run.now).all() and pairs["hits"].sum() == run.events,
+            not bodies["falls"][wall].any() and not bodies["noise"][wall].any() and (bodies["noise"] >= 0.0).all(),
+            math.frexp(clock.window)[0] == 0.5 and 0.0 <= clock.fall <= clock.speed,
+        ]
+        assert all(whole), whole
 
 
 def gaps(pairs: Records, u: Array, tau: float) -> Array:
@@ -199,10 +248,6 @@ def gaps(pairs: Records, u: Array, tau: float) -> Array:
     rate, dt = np.diff(u) - pull * at, tau - at
     gap: Array = column(pairs, "gap") + dt * (rate - 0.5 * pull * dt)
     return gap.clip(0.0)
-
-
-CLOCK = [one.name for one in fields(State) if one.name not in ("run", "pairs", "bodies", "last_event")]
-"""Clock, scales and counters: numbers that are saved under their names."""
 
 
 def span(length: float, speed: float, g: float) -> float:

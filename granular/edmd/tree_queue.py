@@ -1,4 +1,4 @@
-"""The compiled queue: a tournament tree over all pairs, and the event loop around it.
+"""The compiled queue: a tournament tree over all pairs under the same event loop.
 
 Events, and so results, are those of `sorted_queue` bit for bit.
 """
@@ -7,125 +7,81 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from typing import Any
 
 import numpy as np
 
-from granular._kernels import compiled, kernel, worth
+from granular._kernels import compiled, kernel, specialised, worth
 from granular._records import Record, Records, packed
 from granular._tournament import leaf, replay, tournament
-from granular.edmd.event import ROW, SUSPICIOUS, event
-from granular.edmd.merge import rest
-from granular.edmd.model import Model
-from granular.edmd.motion import approaching, predicted, velocities
-from granular.edmd.sorted_queue import Rows
-from granular.edmd.state import APART, BUDGET, LATER, SUSPECT, UNTIL, State
+from granular.edmd import sorted_queue
+from granular.edmd.collision import ROW, rest
+from granular.edmd.motion import predicted
+from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.ties import LEFT, PAIR, rank
 
-CHUNK = 65_536
-"""Events after which the loop hands control back."""
 LONG, VERY_LONG = 100_000, 1_000_000
 """Work (in collisions) after which it pays to load the machine code, and to make it if it is not on the disk."""
 
 
-class TreeQueue:
-    """Advance a `State` of records event by event, compiled. See `SortedQueue` for the parameters."""
-
-    name = "compiled"
-    chunk = CHUNK
-    kernel = staticmethod(partial(compiled, inline=True))
-    hold = staticmethod(packed)
-    rows = staticmethod(lambda n: np.zeros(min(n, CHUNK), ROW))
-
-    def __init__(self, state: State, model: Model) -> None:
-        state.keep(packed)
-        self.state = state
-        self.model = model
-        self.suspect, self.rebound = -1, 0.0
-        self.tree = tournament(len(state.pairs))
-
-    def rebuild(self) -> None:
-        """Predict all pairs anew."""
-        self.refresh(0, len(self.state.pairs) - 1)
-
-    def refresh(self, first: int, last: int) -> None:
-        """Predict pairs `first` … `last` anew."""
-        s = self.state
-        self.kernel(refresh)(s.run, s.pairs, s.bodies, self.tree, first, last)
-
-    def soonest(self, first: int = 0, last: int = -1) -> float:
-        """Return the time of the next event of any pair outside `first` … `last`."""
-        if last < first:
-            return float(self.tree["due"][1])
-        due = self.tree["due"][len(self.tree) // 2 :]
-        return min(float(part.min()) if len(part) else math.inf for part in (due[:first], due[last + 1 :]))
-
-    def advance(self, edge: float, budget: int, log: Rows | None) -> int:
-        """Let events up to and including time `edge` act, at most `budget` of them, appending them to `log`.
-
-        Returns why it pauses.
-        """
-        s, rows = self.state, None if log is None else self.rows(budget)
-        pause, self.suspect, now, done, self.rebound = self.kernel(loop)(
-            s.run, s.pairs, s.bodies, self.tree, edge, budget, rows, None
-        )
-        s.events += done
-        if done or pause == UNTIL:
-            s.now = now
-        if log is not None and rows is not None:
-            log.append(rows[:done].copy())
-        return pause  # type: ignore[no-any-return]
-
-
-def pays(work: int) -> bool:
-    """Return whether so much work, in collisions, is worth the machine code."""
-    return worth(loop, work, LONG, VERY_LONG, inline=True)
+@kernel
+def head(queue: Any) -> tuple[float, int]:
+    """Return the next event: its time and its pair."""
+    return queue[1].due, queue[1].key & PAIR
 
 
 @kernel
-def loop(
-    run: Record, pairs: Records, bodies: Records, tree: Records, edge: float, budget: int, rows: Records | None,
-    fastest: Records | None,
-) -> tuple[int, int, float, int, float]:
-    """Let events act; return why it pauses, the last pair, its time, the number of events, and the last rate after one.
-
-    `rows` takes the log; `fastest`, if it is an array, the largest speed after a collision.
-    """
-    acted, done, witness, rebound = 0.0, 0, 0, 0.0
-    while True:
-        now, c = tree[1].due, tree[1].key & PAIR
-        if now > edge:
-            return LATER, c, acted, done, rebound
-        if c == run.stop_pair and pairs[c].hits >= run.stop_hits:
-            return UNTIL, c, now, done, rebound
-        if done >= budget:
-            return BUDGET, c, acted, done, rebound
-        first, last, rebound = event(run, pairs, bodies, c, now, None, None if rows is None else rows[done])
-        acted = now
-        done += 1
-        if fastest is not None:
-            below, above = velocities(bodies[c], bodies[c + 1], run.gravity, now)
-            fastest[0] = max(fastest[0], abs(below), abs(above))
-        refresh(run, pairs, bodies, tree, first, last)
-        if run.stop_pair == APART:
-            witness = approaching(pairs, bodies, witness, now)
-            if witness < 0:
-                return UNTIL, c, now, done, rebound
-        if pairs[c].streak >= SUSPICIOUS:
-            return SUSPECT, c, acted, done, rebound
-
-
-@kernel
-def refresh(run: Record, pairs: Records, bodies: Records, tree: Records, first: int, last: int) -> None:
+def refresh(run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int) -> None:
     """Predict pairs `first` … `last` anew and decide the matches above them again."""
     c = first
     while c <= last:
         pair = pairs[c]
         due = predicted(pair, bodies[c], bodies[c + 1])
-        leaf(tree, c).due = due
+        leaf(queue, c).due = due
         if run.order != LEFT:  # else its number, as the tree has it
-            leaf(tree, c).key = rank(c, run.order, run.seed, pair.hits)
+            leaf(queue, c).key = rank(c, run.order, run.seed, pair.hits)
         if due == math.inf and pair.pull > 0.0:
             rest(run, pairs, bodies, c)
             last = max(last, min(c + 1, len(pairs) - 1))
         c += 1
-    replay(tree, first, last)
+    replay(queue, first, last)
+
+
+loop = specialised(sorted_queue.loop, head=head, refresh=refresh)
+
+
+class TreeQueue(SortedQueue):
+    """A `SortedQueue` with another queue in it, compiled, on arrays of records."""
+
+    name = "compiled"
+    chunk = 65_536
+    kernel = staticmethod(partial(compiled, inline=True))
+    hold = staticmethod(packed)
+    loop, predict = staticmethod(loop), staticmethod(refresh)
+
+    def rows(self, n: int) -> Records:
+        """Return room for `n` rows of the log, or for as many as are made at a time."""
+        return np.zeros(min(n, TreeQueue.chunk), ROW)
+
+    def rebuild(self) -> None:
+        """Predict all pairs anew."""
+        self.queue = tournament(len(self.state.pairs)) if self.queue is None else self.queue
+        self.refresh(0, len(self.state.pairs) - 1)
+
+    def soonest(self, first: int = 0, last: int = -1) -> float:
+        """Return the time of the next event of any pair outside `first` … `last`."""
+        if last < first:
+            return float(self.queue["due"][1])
+        due = self.queue["due"][len(self.queue) // 2 :]
+        return min(float(part.min(initial=math.inf)) for part in (due[:first], due[last + 1 :]))
+
+    def _events(self) -> list[tuple[float, int]]:
+        tree: list[tuple[float, int]] = self.queue.tolist()
+        leaves, pairs = len(tree) // 2, len(self.state.pairs)
+        assert tree[1:leaves] == list(map(min, tree[2::2], tree[3::2])), "matches are not decided"
+        return tree[leaves : leaves + pairs]
+
+
+def pays(work: float) -> bool:
+    """Return whether so much work, in collisions, is worth the machine code."""
+    return worth(loop, work, LONG, VERY_LONG, inline=True)

@@ -10,118 +10,98 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from granular._flight import gap_after, rate_at_contact, time_to_contact
 from granular._kernels import kernel
 from granular._records import Record, Records
-from granular.edmd.merge import total
-from granular.edmd.model import Restitution
+from granular.edmd.collision import total
 from granular.edmd.motion import impulse, velocities
+from granular.edmd.physics import Restitution
 from granular.edmd.state import BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL
 from granular.edmd.ties import GROUP, rank
 
-NEAR = np.dtype([("gap", float), ("rate", float)])
-"""Gap and rate of a pair of the slice, m and m/s."""
-LOOK = np.dtype(
-    [
-        ("first", int), ("began", float),  # the lowest pair; when it began, tau in s
-        ("elapsed", float), ("events", int),  # since then
-        ("ordinary", int),  # collisions in a row that did not look like a collapse
-        ("clamps", int),
-        ("faint", int),  # how often in a row its speeds were found to count for nothing
-        ("room", float), ("limit", float),  # s since it began: when something outside happens; until when to go
-        ("budget", int), ("allowance", int),  # collisions from now on at most; altogether without a decision
-        ("last", int),  # pair of the slice that collided last
-    ],
-    align=True,
-)  # fmt: skip
-DIAL = ("elapsed", "events", "ordinary", "clamps", "faint")
-"""What is saved of it as one array."""
 GOES_ON = -1
 
 
 @kernel
 def zoom(
-    run: Record, look: Record, near: Records, pairs: Records, bodies: Records, rule: Restitution | None,
-    rows: Records | None,
+    run: Record, near: Records, pairs: Records, bodies: Records, rule: Restitution | None, rows: Records | None
 ) -> int:
     """Advance the slice; return how it ended."""
-    done, look.last = 0, 0
+    done = 0
     while True:
-        j, dt = soonest(run, look, near, pairs)
-        why = obstacle(run, look, near, pairs, j, dt, done)
-        if why != GOES_ON:
-            return why
-        own, pair, lower, upper, c = near[j], pairs[j], bodies[j], bodies[j + 1], look.first + j
+        j, dt = soonest(run, near, pairs)
+        why = obstacle(run, near, pairs, j, dt)
+        if why != GOES_ON or done == run.budget:
+            return BUDGET if why == GOES_ON else why
+        own, pair, lower, upper = near[j], pairs[j], bodies[j], bodies[j + 1]
         w = rate_at_contact(own.gap, own.rate, pair.pull)
-        e = pair.eps if rule is None else rule(c, -w)
-        look.clamps += advance(near, pairs, dt)
-        look.elapsed += dt
-        look.events += 1
-        look.last = j
+        e = pair.eps if rule is None else rule(run.first + j, -w)
+        advance(run, near, pairs, dt)
+        run.suspect = run.first + j
         if rows is not None:
-            row, tau = rows[done], look.began + look.elapsed
-            row.pair, row.t_begin = c, tau
+            row, tau = rows[done], run.began + run.elapsed
+            row.pair, row.t_begin = run.suspect, tau
             row.lower_in, row.upper_in = velocities(lower, upper, run.gravity, tau)
         bounce(near, pairs, bodies, j, w, e)
         if rows is not None:
             row.lower_out, row.upper_out = velocities(lower, upper, run.gravity, tau)
             row.impulse = impulse(lower, upper, (1.0 + e) * w)
         done += 1
+        run.events += 1
+        run.zoomed += 1
+        run.looked += 1
         wait = rest_time(near, pairs, j, e) if rule is None else math.inf
-        if look.elapsed + wait < min(look.room, look.limit):
+        if run.elapsed + wait < min(run.room, run.edge - run.began):
             settle(near, pairs, bodies, j, wait)
-            look.elapsed += wait
+            run.elapsed += wait
             return RESTS
         if own.rate == 0.0 and pair.pull > 0.0:
             return QUIET
         if e < 1.0 and -w < math.ldexp(run.slow, -184):
             return TINY
-        look.ordinary = look.ordinary + 1 if -w >= run.slow and dt >= run.short else 0
-        if look.ordinary >= 4 * len(near):
+        run.ordinary = run.ordinary + 1 if -w >= run.slow and dt >= run.short else 0
+        if run.ordinary >= 4 * len(near):
             return QUIET
 
 
 @kernel
-def obstacle(run: Record, look: Record, near: Records, pairs: Records, j: int, dt: float, done: int) -> int:
-    """Return why the slice may not go on to the collision of pair `j` after `dt` and `done` others, or `GOES_ON`."""
+def obstacle(run: Record, near: Records, pairs: Records, j: int, dt: float) -> int:
+    """Return why the slice may not go on to the collision of pair `j` after `dt`, or `GOES_ON`."""
     if dt == math.inf:
         return QUIET
-    n, c = len(near), look.first + j
+    n, c = len(near), run.first + j
     guard = (j == 0 and c > 0) or (j == n - 1 and c + 1 < run.pairs)
-    group = run.order == GROUP and touches(near, pairs, j, dt)
-    if guard or group or not look.elapsed + dt < look.room:
+    together = run.order == GROUP and touches(near, pairs, j, dt)
+    if guard or together or not run.elapsed + dt < run.room:
         return OUTSIDE
-    if look.events >= look.allowance:
+    if run.looked >= run.allowance:
         return SPENT
-    if look.elapsed + dt > look.limit:
+    if run.elapsed + dt > run.edge - run.began:
         return LATER
     if c == run.stop_pair and pairs[j].hits >= run.stop_hits:
-        look.elapsed += dt
+        run.elapsed += dt
         return UNTIL
-    return BUDGET if done == look.budget else GOES_ON
+    return GOES_ON
 
 
 @kernel
-def soonest(run: Record, look: Record, near: Records, pairs: Records) -> tuple[int, float]:
-    """Return the pair (numbered in the slice) that collides first, and when."""
+def soonest(run: Record, near: Records, pairs: Records) -> tuple[int, float]:
+    """Return the pair (numbered in the slice) that collides first, and when; of several at a time, by rank."""
     best, when = 0, math.inf
     for j in range(len(near)):
         own, pair = near[j], pairs[j]
         if own.rate >= 0.0 and pair.pull <= 0.0:
             continue
         dt = time_to_contact(own.gap, own.rate, pair.pull)
-        if dt < when or (dt == when and dt < math.inf and earlier(run, look, pairs, j, best)):
+        if dt < when or (dt == when < math.inf and order(run, pairs, j) < order(run, pairs, best)):
             best, when = j, dt
     return best, when
 
 
 @kernel
-def earlier(run: Record, look: Record, pairs: Records, j: int, k: int) -> bool:
-    """Return whether pair `j` of the slice comes before pair `k` at the same time."""
-    one = rank(look.first + j, run.order, run.seed, pairs[j].hits)
-    return one < rank(look.first + k, run.order, run.seed, pairs[k].hits)
+def order(run: Record, pairs: Records, j: int) -> int:
+    """Return the rank of pair `j` of the slice."""
+    return rank(run.first + j, run.order, run.seed, pairs[j].hits)
 
 
 @kernel
@@ -134,21 +114,15 @@ def touches(near: Records, pairs: Records, j: int, dt: float) -> bool:
 
 
 @kernel
-def advance(near: Records, pairs: Records, dt: float) -> int:
-    """Move all gaps and rates on by `dt`; return the number of gaps clamped at 0."""
-    clamps = 0
+def advance(run: Record, near: Records, pairs: Records, dt: float) -> None:
+    """Move all gaps and rates on by `dt`; count the gaps clamped at 0."""
     for j in range(len(near)):
         own, a = near[j], pairs[j].pull
-        if a == 0.0 and own.rate == 0.0:
-            continue
-        d = gap_after(own.gap, own.rate, a, dt)
-        if d < 0.0:
-            d = 0.0
-            clamps += 1
-        own.gap = d
-        if a != 0.0:
-            own.rate -= a * dt
-    return clamps
+        gap = gap_after(own.gap, own.rate, a, dt)
+        run.clamped += gap < 0.0
+        own.gap = gap if gap > 0.0 else 0.0
+        own.rate -= a * dt
+    run.elapsed += dt
 
 
 @kernel
@@ -191,35 +165,36 @@ def rest_time(near: Records, pairs: Records, j: int, e: float) -> float:
 
 @kernel
 def settle(near: Records, pairs: Records, bodies: Records, j: int, end: float) -> None:
-    """Move the slice on by `end` to the moment when the ball above the wall of pair `j` has come to rest on it."""
+    """Move the slice on by `end` to the moment when the ball above the wall of pair `j` has come to rest on it.
+
+    Measured from the wall, the path of its neighbour knows nothing of the bounces.
+    """
     a, r = pairs[j].pull, near[j].rate
-    if j + 1 < len(near):  # measured from the wall, the neighbour's path knows nothing of the bounces
-        above, pull = near[j + 1], pairs[j + 1].pull + a
-        above.gap = gap_after(above.gap, above.rate + r, pull, end)
-        above.rate = (above.rate + r) - pull * end
-        pairs[j + 1].pull = pull
-    for i in range(len(near)):
-        if i != j and i != j + 1:
-            near[i].gap = gap_after(near[i].gap, near[i].rate, pairs[i].pull, end)
-            near[i].rate -= pairs[i].pull * end
     near[j].gap = near[j].rate = pairs[j].pull = bodies[j + 1].falls = 0.0
     bodies[j + 1].u = bodies[j].u
+    if j + 1 < len(near):
+        near[j + 1].rate += r
+        pairs[j + 1].pull += a
+    for i in range(len(near)):
+        if i != j:
+            near[i].gap = gap_after(near[i].gap, near[i].rate, pairs[i].pull, end)
+            near[i].rate -= pairs[i].pull * end
 
 
 @kernel
-def write_back(run: Record, look: Record, near: Records, pairs: Records, bodies: Records) -> None:
+def write_back(run: Record, near: Records, pairs: Records, bodies: Records) -> None:
     """Put the slice back: gaps as they are, velocities as sums of rates from a body that is known.
 
     That is an end body of the slice which is a wall or belongs to pairs outside too (it has not collided), else the
     centre of mass. The rates are exact, so velocities have no noise but what they cannot hold of them.
     """
-    n, tau = len(near), look.began + look.elapsed
+    n, tau = len(near), run.began + run.elapsed
     for j in range(n):
         pairs[j].streak = 0
-    if look.events == 0:
+    if run.looked == 0:
         return
-    from_below = look.first > 0 or bodies[0].mass == math.inf
-    free = not from_below and look.first + n == run.pairs and bodies[n].mass != math.inf
+    from_below = run.first > 0 or bodies[0].mass == math.inf
+    free = not from_below and run.first + n == run.pairs and bodies[n].mass != math.inf
     before = momentum(bodies) if free else 0.0
     for j in range(n):
         pair = pairs[j]

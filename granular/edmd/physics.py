@@ -1,0 +1,125 @@
+"""What does not change during a run: the scene, its rules, and how ties, collapse and weak impacts are treated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from granular import _check, rules
+from granular import scene as scenes
+from granular._check import Array
+from granular.edmd.ties import GROUP, ORDER, PAIR
+from granular.rules import Rule, constants, restitution_at
+from granular.scene import Scene
+
+Restitution = Callable[[int, float], float]
+OPTIONS = ("ties", "seed", "merge_below", "tc", "elastic_below")
+"""Options that change the physics: a saved run holds them by these names."""
+SMALLEST, LARGEST = 1e-75, 1e75
+"""Smallest speed and largest number in a scene: their squares, products and ratios are numbers."""
+
+
+@dataclass(frozen=True, eq=False)
+class Physics:
+    """A scene, one rule per pair, and the values of `OPTIONS` by name."""
+
+    scene: Scene
+    rules: tuple[Rule, ...]
+    options: dict[str, Any]
+
+    @cached_property
+    def eps(self) -> Array:
+        """Restitution per pair; nan if not all rules are constant, and `rule` has to be asked."""
+        known = constants(self.rules, self.scene.gap)
+        return np.full(self.scene.n_pairs, math.nan) if known is None else np.array(known)
+
+    @cached_property
+    def rule(self) -> Restitution | None:
+        """ε of a pair at a speed (m/s); None if all rules are constant."""
+        if not math.isnan(self.eps[0]):
+            return None
+        given, pairs = self.rules, tuple(self.scene.pairs)
+        return lambda c, speed: restitution_at(given[c], speed, pairs[c])
+
+
+def checked(scene: Any, rule: Any, *, collapse: Any, merge_below: float | None, **options: Any) -> Physics:
+    """Return the physics of a run, or raise what is wrong with the scene, a rule or an option."""
+    _check_scene(scene)
+    given = rules.checked(rule, scene.gap)
+    merging = _check.choice("collapse", collapse, ("stop", "merge")) == "merge"
+    below = 0.01 * scales(scene)[0] if merging else 0.0
+    if merge_below is not None:
+        if not merging:
+            raise ValueError(f"merge_below is {merge_below!r}: it needs collapse='merge'.")
+        below = _check.number("merge_below", merge_below, above=0.0)
+    _check.choice("ties", options["ties"], tuple(ORDER))
+    options["seed"] = _check.whole("seed", options["seed"])
+    for name in ("tc", "elastic_below"):
+        options[name] = _check.number(name, options[name], at_least=0.0)
+    physics = Physics(scene, given, options | {"merge_below": below})
+    if physics.eps.max() == 0.0:
+        physics.options["merge_below"] = math.inf
+    _check_together(physics.eps, physics.options)
+    return physics
+
+
+def _check_scene(scene: Any) -> None:
+    scenes.checked(scene)
+    fix = "hard spheres cannot overlap; set the gap to 0, or use granular.md"
+    _check.every("gap", scene.gap, scene.gap >= 0.0, "a gap must not be negative", fix)
+    mass, gravity = np.where(scene.is_wall, 1.0, scene.mass), np.array([scene.gravity])
+    sizes = ("mass", mass, 0.0), ("gap", scene.gap, 0.0), ("velocity", scene.velocity, SMALLEST), (
+        "gravity", gravity, SMALLEST)  # fmt: skip
+    for name, values, least in sizes:
+        good = (values == 0.0) | ((np.abs(values) >= least) & (np.abs(values) <= LARGEST))
+        _check.every(name, values, good, f"0 or a size from {least:g} to {LARGEST:g} is needed", "use other units")
+    if scene.n_pairs > PAIR:
+        raise ValueError(f"scene has {scene.n} bodies: at most {PAIR + 1} are possible.")
+
+
+def _check_together(eps: Array, options: dict[str, Any]) -> None:
+    """Raise what is wrong with options, and rules of restitution `eps`, that are good each for itself."""
+    ties = options["ties"]
+    remedies = [name for name in ("merge_below", "tc", "elastic_below") if options[name] > 0.0]
+    if ties in ("newton", "reflect") and eps.min() != eps.max():
+        why = "different ones can multiply the energy" if ties == "newton" else "others have no meaning"
+        raise ValueError(f"ties is {ties!r}: one constant restitution for all pairs is needed ({why}); "
+                         "use ties='poisson'.")  # fmt: skip
+    if ORDER[ties] == GROUP and remedies:
+        raise ValueError(f"ties is {ties!r}: groups solved as a whole do not go with sticking balls, "
+                         "collapse='merge', tc= or elastic_below=; use ties='left'.")  # fmt: skip
+    if len(remedies) > 1:
+        names = " and ".join(remedies).replace("merge_below", "sticking or collapse='merge'")
+        raise ValueError(f"{names} are given together: one remedy at a time is needed.")
+    some = np.flatnonzero(eps == 0.0)
+    if 0 < len(some) < len(eps):
+        raise ValueError(f"restitution of pair {some[0]} is 0.0 but not of all pairs: 0 means balls that stick, "
+                         "for all pairs or none; use a small number, such as 0.01.")  # fmt: skip
+
+
+def felt_gravity(scene: Scene) -> float:
+    """Return gravity (m/s²) in the frame of a run: without a wall that frame falls too, and velocities keep digits."""
+    return scene.gravity if scene.is_wall.any() else 0.0
+
+
+def scales(scene: Scene) -> tuple[float, float, float]:
+    """Return the speed scale (m/s), the speed of falling through the mean gap, and the mean gap (m) of a scene."""
+    length = float(np.mean(scene.gap)) or float(np.mean(scene.radius))
+    fall = math.sqrt(2.0 * felt_gravity(scene) * length)
+    return max(float(np.abs(np.diff(scene.velocity)).max()), fall), fall, length
+
+
+def shares(scene: Scene) -> tuple[Array, Array]:
+    """Return m_eff/m_lower and m_eff/m_upper of each pair: shares of its bodies in a change of its relative velocity.
+
+    The smaller is computed, the other is 1 minus it.
+    """
+    a, b = scene.sides(scene.mass)
+    ratio = np.minimum(a, b) / np.maximum(a, b)
+    small = ratio / (1.0 + ratio)
+    return np.where(a >= b, small, 1.0 - small), np.where(a >= b, 1.0 - small, small)
