@@ -209,7 +209,7 @@ class Run:
             "shared_impulse": math.fsum(self.stepper.here.shared),
             "engine": "compiled" if self.stepper.compiled else "plain",
         } | ({"note": self.note} if self.note else {})
-        return End(row if row.time > seen else None, status, message, stats, running=self._running(row.time))
+        return End(row if row.time > seen else None, status, message, stats, running=self._running(row.time) if self.request.rows else None)
 
     def _onset(self, pair: int) -> Row:
         """Return the scene between two steps, at the onset of the contact of `pair`."""

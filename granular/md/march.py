@@ -70,7 +70,7 @@ def leap(physics: Any, here: Any, there: Any, work: Any, k: int, reach: int, wit
                 taken, flags = done, now
             if first <= witness < stop and not a.xi[witness - lo + 1] > 0.0:  # or no number
                 return 0, 0
-        store(lo, first, stop, physics, a, there)
+        store(lo, first, stop, a, there)
     return taken, flags
 
 

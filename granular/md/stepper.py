@@ -75,7 +75,8 @@ class Stepper:
         given = laws if compiled_at_once or self.has_form else list(laws)
         w = scene.inverse_mass.tolist()
         self.physics = Physics(given, k.tolist(), gamma.tolist(), root, w, fall, dt, logged, p)
-        sizes = {"v": n, "top": top, "acc": higher, "jerk": higher, "snap": higher}
+        noted = dict.fromkeys(Chain._fields[Chain._fields.index("xi_max") : -1], p * logged)
+        sizes = noted | {"v": n, "top": top, "acc": higher, "jerk": higher, "snap": higher}
         log: Any = np.zeros(max(64, 4 * p) if logged else 0, STEP_ROW)
         log = log if compiled_at_once else plain(log)
         zero = {name: 0 if name in COUNTED else 0.0 for name in Chain._fields[:-1]}
@@ -101,7 +102,7 @@ class Stepper:
             x.acc[:] = (np.array(physics.w) * (pushed[:-1] - pushed[1:]) + physics.fall).tolist()
         seen = Seen(x.xi, x.raw, x.v, x.xi, x.raw, x.v, x.xi_max, x.force_max, x.impulse)
         for c, push in enumerate(x.raw):
-            if push > 0.0:  # overlapping from the start
+            if push > 0.0 and physics.logged:  # overlapping from the start
                 x.lower[c], x.upper[c], x.count[c] = x.v[c], x.v[c + 1], 1
                 x.xi_max[c], x.force_max[c] = x.xi[c], push
                 spread(c, 1, 0, 0.0, seen, x)

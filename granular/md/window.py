@@ -36,6 +36,8 @@ others). Over the whole run: largest overlap, largest overlap of the pair and th
 while a neighbouring pair was active. Of the running contact, if a log is kept: peaks and impulse so far; onset (step,
 fraction) and velocities then; number of contacts begun; whether the onset is noted of a contact still without force; rows of those that ended.
 """
+MOST = 1 << 40
+"""More entries than any column has."""
 COUNTED = ("step", "count", "touched")
 """Columns that hold whole numbers."""
 
@@ -48,47 +50,51 @@ Work = namedtuple("Work", "window ended pair nth")
 
 
 @kernel
-def load(lo: int, m: int, physics: Any, x: Any, a: Any) -> None:
-    """Copy `m` pairs from `lo` on, and their balls, into the window."""
-    for i in range(m + 1):
-        a.v[i + 1], a.w[i + 1], a.fall[i + 1] = x.v[lo + i], physics.w[lo + i], physics.fall[lo + i]
-    for j in range(m):
-        a.xi[j + 1], a.raw[j + 1] = x.xi[lo + j], x.raw[lo + j]
-        a.k[j + 1], a.gamma[j + 1] = physics.k[lo + j], physics.gamma[lo + j]
-        a.deepest[j + 1], a.beside[j + 1], a.shared[j + 1] = x.deepest[lo + j], x.beside[lo + j], x.shared[lo + j]
-    a.raw[0] = a.raw[m + 1] = a.xi[m + 1] = 0.0
-    if physics.logged:
-        for j in range(m):
-            a.xi_max[j + 1], a.force_max[j + 1] = x.xi_max[lo + j], x.force_max[lo + j]
-            a.impulse[j + 1] = x.impulse[lo + j]
-    for j in range(m if len(x.top) > 0 else 0):
-        a.top[j + 1] = x.top[lo + j]
-    for i in range(m + 1 if len(x.acc) > 0 else 0):
-        a.acc[i + 1], a.jerk[i + 1], a.snap[i + 1] = x.acc[lo + i], x.jerk[lo + i], x.snap[lo + i]
+def copy(count: int, sources: Any, i: int, targets: Any, j: int) -> None:
+    """Copy some entries of several columns, but for those that have none.
+
+    Compilers need to know that no place is negative.
+    """
+    for source, target in zip(sources, targets):  # noqa: B905
+        if len(source) > 0 and len(target) > 0 and 0 <= i < MOST and 0 <= j < MOST:
+            for k in range(count):
+                target[j + k] = source[i + k]
 
 
 @kernel
-def store(lo: int, first: int, stop: int, physics: Any, a: Any, x: Any) -> None:
-    """Copy the pairs from `first` to before `stop`, and their balls, out of the window."""
-    j = first - lo + 1
-    for c in range(first, stop):
-        x.xi[c], x.raw[c], x.v[c] = a.xi[j], a.raw[j], a.v[j]
-        x.deepest[c], x.beside[c], x.shared[c] = a.deepest[j], a.beside[j], a.shared[j]
-        if physics.logged:
-            x.xi_max[c], x.force_max[c], x.impulse[c] = a.xi_max[j], a.force_max[j], a.impulse[j]
-        if len(x.top) > 0:
-            x.top[c] = a.top[j]
-        j += 1
-    x.v[stop] = a.v[j]  # of the next window, which will overwrite it, or of the last ball
-    j = first - lo + 1
-    for i in range(first, stop + 1 if len(x.acc) > 0 else first):
-        x.acc[i], x.jerk[i], x.snap[i] = a.acc[j], a.jerk[j], a.snap[j]
-        j += 1
+def of_balls(x: Any) -> Any:
+    """Columns or rows of the balls that change."""
+    return x.v, x.acc, x.jerk, x.snap
+
+
+@kernel
+def of_pairs(x: Any) -> Any:
+    """Columns or rows of the pairs that change in every step."""
+    return x.xi, x.raw, x.top, x.deepest, x.beside, x.shared, x.xi_max, x.force_max, x.impulse
+
+
+@kernel
+def load(lo: int, m: int, physics: Any, x: Any, a: Any) -> None:
+    """Copy `m` pairs from `lo` on, and their balls, into the window."""
+    copy(m + 1, of_balls(x), lo, of_balls(a), 1)
+    copy(m, of_pairs(x), lo, of_pairs(a), 1)
+    copy(m + 1, (physics.w, physics.fall), lo, (a.w, a.fall), 1)
+    copy(m, (physics.k, physics.gamma), lo, (a.k, a.gamma), 1)
+    a.raw[0] = a.raw[m + 1] = a.xi[m + 1] = 0.0
+
+
+@kernel
+def store(lo: int, first: int, stop: int, a: Any, x: Any) -> None:
+    """Copy the pairs from `first` to before `stop`, and their balls, out of the window.
+
+    The last ball is one of the next window, which will overwrite it, or the last of all.
+    """
+    copy(stop - first + 1, of_balls(a), first - lo + 1, of_balls(x), first)
+    copy(stop - first, of_pairs(a), first - lo + 1, of_pairs(x), first)
 
 
 @kernel
 def keep(pairs: int, x: Any, y: Any) -> None:
     """Copy what is noted of running contacts from one set of columns to another."""
-    for c in range(pairs):
-        y.step[c], y.part[c], y.lower[c], y.upper[c] = x.step[c], x.part[c], x.lower[c], x.upper[c]
-        y.count[c], y.touched[c] = x.count[c], x.touched[c]
+    copy(pairs, (x.step, x.count, x.touched), 0, (y.step, y.count, y.touched), 0)
+    copy(pairs, (x.part, x.lower, x.upper), 0, (y.part, y.lower, y.upper), 0)
