@@ -92,7 +92,7 @@ def test_a_law_that_does_not_compile_runs_plain_and_says_why(monkeypatch):
         name: str
 
         def force(self, xi, xi_dot, pair):
-            return self.k * xi
+            return self.k * max(0.0, xi)
 
     monkeypatch.setattr(fixed, "WORTH_LOADING", 10)
     monkeypatch.setattr(fixed, "worth", lambda *_: True)

@@ -89,7 +89,7 @@ def drawn(seed):
     mass[0] = random.choice([mass[0], math.inf])
     wall = np.isinf(mass)
     v = np.where(wall, 0.0, random.normal(size=n) * (random.random(n) < 0.6))
-    gap = random.choice([0.0, -2e-3, 1e-4, 1e-2], n - 1)
+    gap = random.choice([0.0, -2e-3, 1e-4, 1e-2], n - 1) * (1e180 if seed % 6 == 0 else 1.0)
     scene = gr.Scene(mass, np.where(wall, 0.0, 0.1), gap, v, random.choice([0.0, 9.81]) * wall[0])
     k, gamma = 10.0 ** random.uniform(3.0, 6.0), random.choice([0.0, 20.0])
     laws = [

@@ -62,16 +62,11 @@ def called(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> A
 
 def coefficients(laws: SceneLaws) -> tuple[Any, Any, bool] | None:
     """Return k and γ of all pairs, and whether √ξ is a factor: what `power` takes, if all laws are of one such form."""
-    roots = {{(1.5, 0.5): True, (1.0, 0.0): False}.get(_exponents(law.form)) for law in laws.each}
-    if len(roots) != 1 or None in roots:
-        return None
-    k, _, gamma, _ = laws.column(lambda law: law.form).T
-    return k, gamma, roots == {True}
-
-
-def _exponents(form: Any) -> tuple[float, float] | None:
-    """The exponents of stiffness and damping, half an order apart where there is no damping; None without a form."""
-    return None if form is None else (form[1], form[3] if form[2] else form[1] - 1.0)
+    for p, d in ((1.0, 0.0), (1.5, 0.5)):
+        if all(law.form and law.form[1] == p and (law.form[3] == d or not law.form[2]) for law in laws.each):
+            k, _, gamma, _ = laws.column(lambda law: law.form).T
+            return k, gamma, p == 1.5
+    return None
 
 
 class NotCompilableError(TypeError):

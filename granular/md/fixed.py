@@ -178,9 +178,11 @@ class Run:
         rows["duration"] = ((raw["step_out"] - raw["step_in"]) + (raw["part_out"] - raw["part_in"])) * self.dt
         return rows
 
-    def _running(self, end: float) -> Rows:
+    def _running(self, end: float) -> Rows | None:
         """Return the contacts that go on at the end."""
         here = self.stepper.here
+        if not self.request.rows:
+            return None
         going = np.flatnonzero(np.asarray(here.raw) > 0.0)
         raw = np.zeros(len(going), STEP_ROW)
         raw["pair"], raw["lower_out"], raw["upper_out"] = going, math.nan, math.nan
@@ -209,7 +211,7 @@ class Run:
             "shared_impulse": math.fsum(self.stepper.here.shared),
             "engine": "compiled" if self.stepper.compiled else "plain",
         } | ({"note": self.note} if self.note else {})
-        return End(row if row.time > seen else None, status, message, stats, running=self._running(row.time) if self.request.rows else None)
+        return End(row if row.time > seen else None, status, message, stats, running=self._running(row.time))
 
     def _onset(self, pair: int) -> Row:
         """Return the scene between two steps, at the onset of the contact of `pair`."""

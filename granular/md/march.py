@@ -57,9 +57,10 @@ def leap(physics: Any, here: Any, there: Any, work: Any, k: int, reach: int, wit
         load(lo, m, physics, here, a)
         begin(physics.dt, m, a)
         while done < taken:
-            now = step(physics, lo, m, a)
-            beside(m, 0.5 * physics.dt, a)
-            remember(m, len(here.top) > 0, a)
+            right = m if hi == pairs else m - done * EVALUATIONS  # what is farther has become wrong
+            now = step(physics, lo, right, a)
+            beside(right, 0.5 * physics.dt, a)
+            remember(right, len(here.top) > 0, a)
             flags |= now
             if witness != -2 and now & CHANGED:
                 if physics.logged and not local(first, stop, lo, a, here, there, work):
@@ -99,16 +100,17 @@ def march(
     turned : bool
         Whether the state at step k is `there`. After `UNTIL` the other one is that at step k + 1.
     """
-    pairs, k, turned, walks, until = len(here.xi), start, False, 0, work.pair
+    pairs, k, turned, walks, until, deep = len(here.xi), start, False, 0, work.pair, deepest(here.xi)
     alone, rows = pairs <= physics.block, work.ended
     rows[0] = 0
     while k < start + steps:
         if rows[0] > room or (physics.logged and rows[0] + pairs > len(here.log)):
             return FULL, k, turned
-        reach, witness = min(4 * REACH if alone else REACH // EVALUATIONS, start + steps - k), deepest(here.xi)
+        reach = min(4 * REACH if alone else REACH // EVALUATIONS, start + steps - k)
+        deep = deep if here.xi[deep] > 0.0 else deepest(here.xi)
         ended, taken, flags, walking = rows[0], 0, 0, walks > 0
-        if walking or alone or here.xi[witness] > 0.0:
-            witness = -2 if walking else -1 if alone else witness
+        if walking or alone or here.xi[deep] > 0.0:
+            witness = -2 if walking else -1 if alone else deep
             taken, flags = leap(physics, here, there, work, k, 1 if walking else reach, witness)
         if walking:
             if until >= 0 and there.raw[until] > 0.0 and not here.raw[until] > 0.0 \
@@ -122,7 +124,7 @@ def march(
             flags = CLOSED if there.xi[deepest(there.xi)] > 0.0 else 0
             walks -= 1
         elif taken == 0 or rows[0] > room:
-            rows[0], walks = ended, reach
+            rows[0], walks, deep = ended, reach, deepest(here.xi)
             continue
         here, there, turned, k = there, here, not turned, k + taken
         if not flags & CLOSED:

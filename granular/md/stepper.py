@@ -81,7 +81,7 @@ class Stepper:
         log = log if compiled_at_once else plain(log)
         zero = {name: 0 if name in COUNTED else 0.0 for name in Chain._fields[:-1]}
         self.here, self.there = (
-            Chain(*([zero[name]] * sizes.get(name, p) for name in Chain._fields[:-1]), log) for _ in range(2)
+            Chain._make([*([zero[name]] * sizes.get(name, p) for name in Chain._fields[:-1]), log]) for _ in range(2)
         )
         self.here = self.here._replace(xi=(-scene.gap).tolist(), v=scene.velocity.tolist())
         self.work = Work(twin(WINDOW)(*([0.0] * (n + 1) for _ in ROWS)), [0], *until)
@@ -134,7 +134,7 @@ class Stepper:
         k, gamma, w, fall, self.pull = (np.array(x, np.float64) for x in (p.k, p.gamma, p.w, p.fall, self.pull))
         self.physics = Physics(laws, k, gamma, p.root, w, fall, p.dt, p.logged, self._block())
         log = packed(self.here.log, STEP_ROW)
-        self.here, self.there = (Chain(*map(np.array, x[:-1]), log) for x in (self.here, self.there))
+        self.here, self.there = (Chain._make([*map(np.array, x[:-1]), log]) for x in (self.here, self.there))
         self.work = self.work._replace(window=one(np.zeros(1, WINDOW)), ended=np.array(self.work.ended))
         self.code, self.compiled = code, True
 
@@ -173,7 +173,7 @@ class Stepper:
         return xi, [0.0] * len(xi), v
 
     def after(self, dt: float) -> Any:
-        """Overlaps, forces and velocities a time `dt` in s later, in a step of that length; the run stays where it is."""
+        """Overlaps, forces and velocities a time `dt` in s later; the run stays where it is."""
         if not dt > 0.0:
             return self.here[:3]
         self.code.leap(self.physics._replace(dt=dt), self.here, self.there, self.work, 0, 1, -2)

@@ -34,7 +34,8 @@ Chain = namedtuple(
 (P,; no values if no law has memory), acceleration and Gear's higher derivatives of the velocity (n,; no values for the
 others). Over the whole run: largest overlap, largest overlap of the pair and the next one together, impulse exchanged
 while a neighbouring pair was active. Of the running contact, if a log is kept: peaks and impulse so far; onset (step,
-fraction) and velocities then; number of contacts begun; whether the onset is noted of a contact still without force; rows of those that ended.
+fraction) and velocities then; number of contacts begun; whether the onset is noted of a contact
+still without force; rows of those that ended.
 """
 MOST = 1 << 40
 """More entries than any column has."""
