@@ -42,6 +42,10 @@ class Swapped(OwnDashpot):
         return (xi + self.gamma / self.k * xi_dot) * self.k
 
 
+TO_COMPILE = (0, 1, 2, 5, 6, 8)
+"""Which of the laws in `drawn` run compiled, too: of each kind one."""
+
+
 def same(one, other):
     """Same bits, also in what is judged from notes made on the way."""
     for name in ("time", "position", "velocity", "gap", "force"):
@@ -89,7 +93,7 @@ def drawn(seed):
     mass[0] = random.choice([mass[0], math.inf])
     wall = np.isinf(mass)
     v = np.where(wall, 0.0, random.normal(size=n) * (random.random(n) < 0.6))
-    gap = random.choice([0.0, -2e-3, 1e-4, 1e-2], n - 1) * (1e180 if seed % 6 == 0 else 1.0)
+    gap = random.choice([0.0, -2e-3, 1e-4, 1e-2], n - 1) * (1e60 if seed % 6 == 0 else 1.0)
     scene = gr.Scene(mass, np.where(wall, 0.0, 0.1), gap, v, random.choice([0.0, 9.81]) * wall[0])
     k, gamma = 10.0 ** random.uniform(3.0, 6.0), random.choice([0.0, 20.0])
     laws = [
@@ -106,21 +110,21 @@ def drawn(seed):
     return scene, laws, options | more[int(random.integers(3))]
 
 
-@pytest.mark.filterwarnings("ignore:dt = ")
+@pytest.mark.filterwarnings("ignore:dt = ", "ignore:invalid value", "ignore:overflow")
 @pytest.mark.parametrize("method", ALL)
-@pytest.mark.parametrize("part", range(4))
-def test_engines_and_windows_give_the_same_bits(method, part, monkeypatch):
+def test_engines_and_windows_give_the_same_bits(method, monkeypatch):
     """Random scenes under all laws, with and without log, samples, stop conditions; also past overflow."""
     beyond = 0
-    for seed in range(15 * part, 15 * part + 15):
+    for seed in range(24):
         scene, laws, options = drawn(seed)
         for number, law in enumerate(laws):
-            if (number + seed) % 4:
+            if (number + seed) % 4 and seed:
                 continue
             given = partial(run, scene, law, method=method, **options)
             plain = given(engine="plain")
             beyond += not np.isfinite(plain.velocity).all()
-            same(plain, given(engine="compiled"))
+            if number in TO_COMPILE:
+                same(plain, given(engine="compiled"))
             with monkeypatch.context() as patch:
                 in_windows(patch, 1 + seed % 3)
                 same(plain, given(engine="plain"))

@@ -138,7 +138,7 @@ class Run:
         touch = self.stepper.time_to_touch()
         if touch == last == math.inf:
             return True
-        jump = min(touch // self.dt, last - self.k)
+        jump = min(touch // self.dt, last - self.k) if touch < math.inf else last - self.k  # inf // dt is no number
         if jump > 0.0:
             self.take_off = self.k, (self.stepper.here.xi.copy(), self.stepper.here.v.copy())
             self.stepper.glide(jump * self.dt)
