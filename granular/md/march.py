@@ -67,7 +67,8 @@ def leap(physics: Any, here: Any, there: Any, work: Any, k: int, reach: int, wit
                     return 0, 0
                 settle(first, stop, lo, k + done, physics, a, there, work)
             done += 1
-            if alone and witness != -2 and not now & CLOSED:
+            full = physics.logged and work.ended[0] + pairs > len(here.log)
+            if alone and witness != -2 and (full or not now & CLOSED):
                 taken, flags = done, now
             if first <= witness < stop and not a.xi[witness - lo + 1] > 0.0:  # or no number
                 return 0, 0
