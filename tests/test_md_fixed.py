@@ -354,3 +354,9 @@ def test_a_row_at_a_rounding_before_a_step_is_the_row_of_that_step(engine):
     rows = gr.md.simulate(flying, law, samples=times, t_end=2e-3, **options)
     beside = gr.md.simulate(flying, law, samples=times + 1e-12, t_end=2.1e-3, **options)
     np.testing.assert_allclose(rows.velocity[:400], beside.velocity[:400], atol=1e-5)
+
+
+def test_parting_balls_fly_to_the_end_in_one_go():
+    run = verlet(gr.Scene([1.0] * 3, [0.05] * 3, [0.1] * 2, [-1.0, 0.0, 1.0]), gr.Hertz(1e6), dt=1e-6, t_end=1e-3)
+    assert (run.stats["steps"], run.stats["flights"]) == (0, 1)
+    np.testing.assert_allclose(run.gap[-1], 0.101, rtol=1e-14)
