@@ -92,7 +92,7 @@ def test_a_law_that_does_not_compile_runs_plain_and_says_why(monkeypatch):
         name: str
 
         def force(self, xi, xi_dot, pair):
-            return self.k * xi
+            return self.k * max(0.0, xi)
 
     monkeypatch.setattr(fixed, "WORTH_LOADING", 10)
     monkeypatch.setattr(fixed, "worth", lambda *_: True)
@@ -316,110 +316,6 @@ def test_moving_wall_pushes_without_energy_alarm():
     assert run.velocity[-1][1] == pytest.approx(4.0, rel=1e-5)
 
 
-def some_chain(seed):
-    """A random chain, some of it touching or overlapping, of one block or several, and laws that go in blocks."""
-    random = np.random.default_rng(seed)
-    n = int(random.choice([2, 3, 7, 40, 390, 900]))
-    mass = np.exp(random.uniform(-1.0, 1.0, n))
-    mass[0] = random.choice([mass[0], math.inf])
-    v = np.where(np.isinf(mass), 0.0, random.normal(size=n) * (random.random(n) < 0.5))
-    gap = random.choice([0.0, -2e-4, 1e-3, 1e-2], n - 1) * random.uniform(0.5, 1.0, n - 1)
-    gravity = random.choice([0.0, 9.81]) * np.isinf(mass[0])
-    scene = gr.Scene(mass, np.where(np.isinf(mass), 0.0, 0.1), gap, v, gravity)
-    gamma = random.choice([0.0, 30.0])
-    build = [
-        lambda k: gr.Hertz(k), lambda k: gr.LinearDashpot(k, gamma), lambda k: gr.ViscoelasticHertz(k, gamma),
-        lambda k: OwnDashpot(k, gamma),
-    ][seed % 4]  # fmt: skip
-    return scene, [build(1e6)] * (n - 1) if seed % 3 else [build(k) for k in 1e6 * np.exp(random.normal(size=n - 1))]
-
-
-def without_blocks(patch):
-    """Let all balls take each step together, with laws that are called as functions."""
-    patch.setattr("granular.md.stepper.columns", lambda laws: None)
-
-
-def interpret_blocks(patch):
-    """Let a plain run go in blocks with columns too (it would not, as it gains nothing)."""
-    from granular._records import plain
-    from granular.md import stepper
-
-    begin = stepper.Stepper.compile
-
-    def begin_plain(self):
-        begin(self)
-        self.memory = self.memory._replace(log=plain(self.memory.log))
-
-    patch.setattr(stepper, "compiled", lambda function: function)
-    patch.setattr(stepper.Stepper, "compile", begin_plain)
-
-
-def same_run(one, other):
-    """Same bits, also in what is judged from notes made on the way."""
-    same_bits(one, other)
-    for name in ("dt_lambda", "steps", "flights", "contacts", "shared_impulse"):
-        assert one.stats[name] == other.stats[name], name
-    assert (one.status, one.message) == (other.status, other.message)
-
-
-@pytest.mark.filterwarnings("ignore:dt = ")
-@pytest.mark.parametrize(("method", "seed"), [
-    (method, seed) for method in ALL for seed in range(24 if INTEGRATORS[method].kicks else 6)])  # fmt: skip
-def test_blocks_and_columns_give_the_bits_of_single_steps_and_called_laws(method, seed, monkeypatch):
-    """Every force, damped and not; methods of other kinds than Verlet's go on without blocks.
-
-    Runge-Kutta takes its columns interpreted only, for it is long to compile.
-    """
-    scene, law = some_chain(seed)
-    few = {"max_events": 1 + 5 * scene.n} if seed % 5 == 0 else {}
-    options = {"method": method, "t_end": 0.02, "dt": 1e-4, "log": False, "samples": 3} | few
-    from granular.md import stepper
-
-    monkeypatch.setattr(stepper, "MANY", 1)
-    runs = [verlet(scene, law, engine="compiled", **options)] if method != "rk4" else []
-    if scene.n < 100 or not runs:
-        with monkeypatch.context() as patch:
-            interpret_blocks(patch)
-            runs.append(verlet(scene, law, engine="compiled", **options))
-        runs.append(verlet(scene, law, engine="plain", **options))
-    without_blocks(monkeypatch)
-    runs.append(verlet(scene, law, engine="compiled", **options))
-    for run in runs[1:]:
-        same_run(runs[0], run)
-    logged = verlet(scene, law, engine="compiled", **options | {"log": True})
-    np.testing.assert_array_equal(logged.velocity, runs[0].velocity)
-    assert (~np.isnan(logged.contacts["t_end"])).sum() == logged.stats["contacts"] == runs[0].stats["contacts"]
-
-
-def test_blocks_stop_at_max_events_as_single_steps_do(monkeypatch):
-    scene = gr.scenes.newtons_cradle(40)
-    for few in (1, 2, 17, 37):
-        with monkeypatch.context() as patch:
-            options = {"max_events": few, "log": False, "dt": 2e-5, "engine": "compiled"}
-            blocks = verlet(scene, gr.Hertz(1e9), **options)
-            without_blocks(patch)
-            same_run(blocks, verlet(scene, gr.Hertz(1e9), **options))
-
-
-def test_only_laws_that_compute_like_their_power_form_become_columns():
-    from granular.laws.kinds import resolved
-    from granular.md.contact_force import columns
-
-    @dataclass(frozen=True)
-    class Swapped(OwnDashpot):
-        """The same force, rounded otherwise."""
-
-        def force(self, xi, xi_dot, pair):
-            return (xi + self.gamma / self.k * xi_dot) * self.k
-
-    scene = gr.scenes.newtons_cradle(3)
-    for good in (gr.Hertz(3.3), gr.LinearDashpot(3.3, 0.7), gr.ViscoelasticHertz(3.3, 0.7), OwnDashpot(3.3, 0.7)):
-        assert columns(resolved([good, good], scene)) is not None
-    for bad in (gr.TsujiHertz(3.3, 0.7), gr.PowerLaw(3.3, 1.75), gr.WaltonBraun(1.0, 2.0), Swapped(3.3, 0.7)):
-        assert columns(resolved([bad, bad], scene)) is None
-    assert columns(resolved([gr.Hertz(1.0), gr.LinearDashpot(1.0)], scene)) is None
-
-
 def test_rows_are_told_also_when_no_log_is_kept():
     scene, law = three_balls()
     rows = []
@@ -458,3 +354,9 @@ def test_a_row_at_a_rounding_before_a_step_is_the_row_of_that_step(engine):
     rows = gr.md.simulate(flying, law, samples=times, t_end=2e-3, **options)
     beside = gr.md.simulate(flying, law, samples=times + 1e-12, t_end=2.1e-3, **options)
     np.testing.assert_allclose(rows.velocity[:400], beside.velocity[:400], atol=1e-5)
+
+
+def test_parting_balls_fly_to_the_end_in_one_go():
+    run = verlet(gr.Scene([1.0] * 3, [0.05] * 3, [0.1] * 2, [-1.0, 0.0, 1.0]), gr.Hertz(1e6), dt=1e-6, t_end=1e-3)
+    assert (run.stats["steps"], run.stats["flights"]) == (0, 1)
+    np.testing.assert_allclose(run.gap[-1], 0.101, rtol=1e-14)

@@ -1,10 +1,11 @@
 """How a kernel asks for the force of a pair: kernels of one face, which a march is specialised for.
 
-They are called as ``force(laws, c, xi, xi_dot, xi_max)``. Interpreted, `laws` holds the law objects, which are `asked`.
-Compiled, laws that compute as k ξ + γ ξ̇ or √ξ (k ξ + γ ξ̇) become part of the march itself. All others are
-`called` as one C function: the law's own method, compiled with a record of its fields in place of `self`. It
-is the same source, hence the same bits. The function has one fixed type whatever the law, so a march that takes it is
-compiled once and cached, and a new law costs only its own few lines.
+They are called as ``force(physics, lo, j, xi, xi_dot, a)`` for the pair at place `j` of a window that begins at pair
+`lo`, and return the unclipped force, 0 of an open pair. Laws of the form k ξ + γ ξ̇ or √ξ (k ξ + γ ξ̇) become part of
+the march itself, interpreted and compiled. All others are `asked` as objects where a run is interpreted, and `called`
+as one C function where it is compiled: the law's own method, compiled with a record of its fields in place of `self`.
+It is the same source, hence the same bits. The function has one fixed type whatever the law, so a march that takes it
+is compiled once and cached, and a new law costs only its own few lines.
 """
 
 from __future__ import annotations
@@ -18,60 +19,54 @@ from typing import Any
 import numpy as np
 
 from granular._kernels import kernel, load_numba
-from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws
 from granular.scene import Pairs
 
 WIDTH = 12
 LAW = np.dtype([("kind", np.int64), ("field", np.float64, (WIDTH,))])
 PAIR = np.dtype([("m_eff", np.float64), ("r_eff", np.float64), ("index", np.int64)])
-PROBES = ((0.3, 0.7), (1.7e-3, -2.9), (5.3e-7, 0.011), (41.0, -0.13))
-"""Overlaps and rates at which a law must give the very number of its power form."""
 
 Called = namedtuple("Called", "function law pair")
 """A compiled force, and records of laws and pairs that it takes."""
-Columns = namedtuple("Columns", "k gamma root")
-"""Stiffness and damping of the pairs; whether √ξ is a factor of the force."""
 
 
 @kernel
-def asked(laws: Any, c: int, xi: float, xi_dot: float, xi_max: float) -> Any:
-    """Force of a law that is an object."""
-    return laws[c].force(xi, xi_dot, xi_max)
+def power(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
+    """k ξ + γ ξ̇ or √ξ (k ξ + γ ξ̇)."""
+    x = xi if xi > 0.0 else 0.0
+    f = a.k[j + 1] * x + a.gamma[j + 1] * xi_dot
+    if physics.root:
+        f = math.sqrt(x) * f
+    return f if xi > 0.0 else 0.0
 
 
 @kernel
-def called(laws: Any, c: int, xi: float, xi_dot: float, xi_max: float) -> Any:
+def asked(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
+    """Force of a law that is an object; what is too large for a number is infinite, as in compiled code."""
+    if not xi > 0.0:
+        return 0.0
+    try:
+        return physics.laws[lo + j].force(xi, xi_dot, a.top[j + 1] if a.top[j + 1] > xi else xi)
+    except OverflowError:
+        return math.inf
+
+
+@kernel
+def called(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
     """Force of a law that is a C function of records; see `Called`."""
-    return laws.function(laws.law[c], xi, xi_dot, xi_max, laws.pair[c])
+    if not xi > 0.0:
+        return 0.0
+    laws, c = physics.laws, lo + j
+    return laws.function(laws.law[c], xi, xi_dot, a.top[j + 1] if a.top[j + 1] > xi else xi, laws.pair[c])
 
 
-@kernel
-def power(laws: Any, c: int, xi: float, xi_dot: float, xi_max: float) -> Any:
-    """k ξ + γ ξ̇ or √ξ (k ξ + γ ξ̇) of `Columns`."""
-    f = laws.k[c] * xi + laws.gamma[c] * xi_dot
-    return math.sqrt(xi) * f if laws.root else f
-
-
-def columns(laws: SceneLaws) -> Columns | None:
-    """Return what the force `power` takes, if all laws compute just so and all with √ξ or all without."""
-    roots = {_has_root(law) for law in laws.each}
-    if len(roots) != 1 or None in roots:
-        return None
-    k, _, gamma, _ = laws.column(lambda law: law.form).T
-    return Columns(k.copy(), gamma.copy(), roots == {True})
-
-
-def _has_root(law: PairLaw) -> bool | None:
-    """Whether a law computes just as `power` does with √ξ or without, tried at a few points; None if neither."""
-    if law.form is None:
-        return None
-    k, p, gamma, d = law.form
-    if (p, d if gamma else p - 1.0) not in ((1.5, 0.5), (1.0, 0.0)):
-        return None
-    one = Columns([k], [gamma], p == 1.5)
-    alike = all(law.given(xi, rate, xi) == power(one, 0, xi, rate, xi) for xi, rate in PROBES)
-    return one.root if alike else None
+def coefficients(laws: SceneLaws) -> tuple[Any, Any, bool] | None:
+    """Return k and γ of all pairs, and whether √ξ is a factor: what `power` takes, if all laws are of one such form."""
+    for p, d in ((1.0, 0.0), (1.5, 0.5)):
+        if all(law.form and law.form[1] == p and (law.form[3] == d or not law.form[2]) for law in laws.each):
+            k, _, gamma, _ = laws.column(lambda law: law.form).T
+            return k, gamma, p == 1.5
+    return None
 
 
 class NotCompilableError(TypeError):

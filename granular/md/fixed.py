@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from granular import until as stop
-from granular._check import Array
 from granular._kernels import have_numba, worth
 from granular._records import packed
 from granular.drive import End, Pause, Row, Rows
@@ -19,6 +18,7 @@ from granular.laws.kinds import SceneLaws
 from granular.md import march as loop
 from granular.md.contact_force import NotCompilableError
 from granular.md.integrators import INTEGRATORS
+from granular.md.notes import STEP_ROW, part_of_step
 from granular.md.rows import COLUMNS, CONTACT_ROW
 from granular.md.stability import WARN, expected_rate, sharpest_rate
 from granular.md.stepper import Stepper
@@ -44,7 +44,11 @@ class Run:
     def __init__(self, scene: Scene, laws: SceneLaws, request: Request, method: str, dt: float, engine: str) -> None:
         self.scene, self.law, self.request = scene, laws.given, request
         self.integrator, self.dt, self.engine = INTEGRATORS[method], dt, engine
-        self.stepper = Stepper(scene, laws, self.integrator, dt, request.until, request.rows, engine == "compiled")
+        until = (-1, 0)
+        if isinstance(request.until, stop.Contact):
+            until = request.until.pair, request.until.nth
+        logged = request.rows or until[0] >= 0
+        self.stepper = Stepper(scene, laws, self.integrator, dt, until, logged, engine == "compiled")
         self.k = self.steps = self.flights = self.contacts = self.ended = 0
         self.halted_at: int | None = None  # the pair at the onset of whose contact, between two steps, it stopped
         self.take_off: tuple[int, Any] | None = None  # step and state at which the flight began that ends here
@@ -63,14 +67,17 @@ class Run:
 
         A time that lies behind, in the free flight just made, is read off that flight.
         """
-        k, state, flown = self.k, self.stepper.memory.s, False
         if self.take_off is not None and time < self.time():
-            (k, state), flown = self.take_off, True
-        ahead = max(0.0, time - (self.request.start + k * self.dt))  # k dt may be a rounding beyond
-        return self._row(time, self.stepper.after(state, ahead, flown))
+            k, state = self.take_off
+            return self._row(time, *self.stepper.flown(state, self._ahead(k, time)))
+        return self._row(time, *self.stepper.after(self._ahead(self.k, time)))
 
-    def _row(self, time: float, s: Any) -> Row:
-        return Row(time, time - self.request.start, -np.array(s.xi), np.array(s.v), force=_force(s))
+    def _ahead(self, k: int, time: float) -> float:
+        """How far in s a time is ahead of step `k`; k dt may be a rounding beyond."""
+        return max(0.0, time - (self.request.start + k * self.dt))
+
+    def _row(self, time: float, xi: Any, raw: Any, v: Any) -> Row:
+        return Row(time, time - self.request.start, -np.array(xi), np.array(v), force=np.fmax(0.0, raw))
 
     def to(self, time: float, last: bool) -> Pause:
         """Take the steps up to `time`, of a chunk, or to an event worth a look."""
@@ -86,10 +93,10 @@ class Run:
 
     def _halts_at_start(self) -> bool:
         """Whether the very contact at which to stop is there from the start; then it does not act."""
-        until, memory = self.request.until, self.stepper.memory
-        if not isinstance(until, stop.Contact) or memory.now.count[until.pair] < until.nth:
+        until, here = self.request.until, self.stepper.here
+        if not isinstance(until, stop.Contact) or here.count[until.pair] < until.nth:
             return False
-        memory.now.count[until.pair], memory.s.raw[until.pair] = 0, 0.0
+        here.count[until.pair], here.raw[until.pair] = 0, 0.0
         return True
 
     def _advance(self, limit: float) -> Pause:
@@ -131,9 +138,9 @@ class Run:
         touch = self.stepper.time_to_touch()
         if touch == last == math.inf:
             return True
-        jump = min(touch // self.dt, last - self.k)
+        jump = min(touch // self.dt, last - self.k) if touch < math.inf else last - self.k  # inf // dt is no number
         if jump > 0.0:
-            self.take_off = self.k, self.stepper.after(self.stepper.memory.s)
+            self.take_off = self.k, (self.stepper.here.xi.copy(), self.stepper.here.v.copy())
             self.stepper.glide(jump * self.dt)
             self.k += int(jump)
             self.flights += 1
@@ -158,8 +165,8 @@ class Run:
         ended, self.ended = self.ended, 0
         if ended == 0 or not self.request.rows:
             return []
-        log = self.stepper.memory.log[:ended]
-        return [self._settled(packed(log, loop.STEP_ROW) if isinstance(log, list) else log)]
+        log = packed(self.stepper.here.log[:ended], STEP_ROW)
+        return [self._settled(log[np.lexsort((log["pair"], log["step_out"]))])]
 
     def _settled(self, raw: Rows) -> Rows:
         """Steps become times."""
@@ -171,15 +178,17 @@ class Run:
         rows["duration"] = ((raw["step_out"] - raw["step_in"]) + (raw["part_out"] - raw["part_in"])) * self.dt
         return rows
 
-    def _running(self, end: float) -> Rows:
+    def _running(self, end: float) -> Rows | None:
         """Return the contacts that go on at the end."""
-        memory = self.stepper.memory
-        going = np.flatnonzero(_force(memory.s if self.halted_at is None else memory.old))
-        raw = np.zeros(len(going), loop.STEP_ROW)
+        here = self.stepper.here
+        if not self.request.rows:
+            return None
+        going = np.flatnonzero(np.asarray(here.raw) > 0.0)
+        raw = np.zeros(len(going), STEP_ROW)
         raw["pair"], raw["lower_out"], raw["upper_out"] = going, math.nan, math.nan
         found = {"step_in": "step", "part_in": "part", "lower_in": "lower", "upper_in": "upper"}
         for name in (*found, "xi_max", "force_max", "impulse"):
-            raw[name] = np.asarray(getattr(memory.now, found.get(name, name)))[going]
+            raw[name] = np.asarray(getattr(here, found.get(name, name)))[going]
         rows = self._settled(raw)
         rows["t_end"], rows["duration"] = math.nan, end - rows["t_begin"]
         return rows
@@ -199,26 +208,24 @@ class Run:
             "flights": self.flights,
             "evaluations": self.steps * self.integrator.evaluations,
             "contacts": self.contacts,
-            "shared_impulse": math.fsum(self.stepper.memory.now.shared),
+            "shared_impulse": math.fsum(self.stepper.here.shared),
             "engine": "compiled" if self.stepper.compiled else "plain",
         } | ({"note": self.note} if self.note else {})
         return End(row if row.time > seen else None, status, message, stats, running=self._running(row.time))
 
     def _onset(self, pair: int) -> Row:
         """Return the scene between two steps, at the onset of the contact of `pair`."""
-        old, s = self.stepper.memory.old, self.stepper.memory.s
-        part = loop.part_of_step(pair, old, old, s)
-        ends = ((np.array(x.xi), np.array(x.v), _force(x)) for x in (old, s))
-        xi, v, force = (a + part * (b - a) for a, b in zip(*ends, strict=True))
-        time = self.request.start + (self.k + part) * self.dt
-        return Row(time, time - self.request.start, -xi, v, force=force)
+        old, new = self.stepper.here, self.stepper.there
+        part = part_of_step(old.xi[pair], old.xi[pair], new.xi[pair], old.raw[pair], new.raw[pair])
+        ends = zip(*((np.array(x.xi), np.fmax(0.0, x.raw), np.array(x.v)) for x in (old, new)), strict=True)
+        return self._row(self.request.start + (self.k + part) * self.dt, *(a + part * (b - a) for a, b in ends))
 
     # -- judgement ------------------------------------------------------------------------------------------------
 
     def _judge(self, status: Status, end: float) -> tuple[Status, str, float]:
         """Status, message and dt·λ of the contacts that took place; also a doubt if the step was too long."""
-        scene, dt, laws, now = self.scene, self.dt, self.stepper.laws, self.stepper.memory.now
-        trust = dt * sharpest_rate(scene, laws, now.deepest, now.beside)
+        scene, dt, laws, here = self.scene, self.dt, self.stepper.laws, self.stepper.here
+        trust = dt * sharpest_rate(scene, laws, here.deepest, here.beside)
         if trust == 0.0 and self._deflected():  # contacts shorter than a step leave no overlap behind
             trust = dt * expected_rate(scene, laws)
         gain = self._energy_gain()
@@ -237,14 +244,14 @@ class Run:
 
     def _deflected(self) -> bool:
         """Whether any ball moves otherwise than it would have fallen freely."""
-        scene, v = self.scene, np.array(self.stepper.memory.s.v)
+        scene, v = self.scene, np.array(self.stepper.here.v)
         free = scene.velocity - np.where(scene.is_wall, 0.0, scene.gravity * self.k * self.dt)
         scale = float(np.abs(free).max())
         return not bool((np.abs(v - free) <= 1e-9 * scale).all())
 
     def _energy_gain(self) -> float:
         """Growth of kinetic energy beyond what gravity gave, relative to the largest supply; 0 with moving walls."""
-        scene, s, balls = self.scene, self.stepper.memory.s, ~self.scene.is_wall
+        scene, s, balls = self.scene, self.stepper.here, ~self.scene.is_wall
         if scene.velocity[~balls].any():
             return 0.0
         m, v0, v = scene.mass[balls], scene.velocity[balls], np.array(s.v)[balls]
@@ -254,9 +261,3 @@ class Run:
         supply = 0.5 * m @ v0**2 + sum(stored) + scene.gravity * max(0.0, m @ (x0 - x))
         with np.errstate(all="ignore"):
             return float(0.5 * m @ v**2 / supply - 1.0) if supply > 0.0 else 0.0
-
-
-def _force(s: Any) -> Array:
-    """Forces in N that act in a state."""
-    raw = np.asarray(s.raw)
-    return np.where(raw > 0.0, raw, 0.0)

@@ -24,17 +24,10 @@ def time_to_touch(xi: Any, v: Any, pull: Any) -> float:
 
 
 @kernel
-def glide(s: Any, pull: Any, fall: Any, dt: float) -> None:
-    """Advance the open scene `s` by `dt`; rounding never makes a gap negative."""
-    for c in range(len(s.xi)):
-        gap = gap_after(-s.xi[c], s.v[c + 1] - s.v[c], pull[c], dt)
-        s.xi[c] = -gap if gap > 0.0 else 0.0
-        s.raw[c] = 0.0
-    for c in range(len(s.top)):
-        s.top[c] = 0.0
-    for i in range(len(s.v)):
-        s.v[i] += fall[i] * dt
-        s.acc[i] = fall[i]
-    for i in range(len(s.jerk)):
-        s.jerk[i] = 0.0
-        s.snap[i] = 0.0
+def glide(xi: Any, v: Any, pull: Any, fall: Any, dt: float) -> None:
+    """Advance overlaps and velocities of an open scene by `dt`; rounding never makes a gap negative."""
+    for c in range(len(xi)):
+        gap = gap_after(-xi[c], v[c + 1] - v[c], pull[c], dt)
+        xi[c] = -gap if gap > 0.0 else 0.0
+    for i in range(len(v)):
+        v[i] += fall[i] * dt

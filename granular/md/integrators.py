@@ -1,163 +1,173 @@
-"""What a fixed-step integrator is, and one step of each, as kernels from one state to the next.
+"""What a fixed-step integrator is, and one step of each, as kernels that move a window on.
 
 The state is the overlap ξ of each pair and the velocity v of each body; ``overlap rate = v[c] - v[c+1]``. Every step
 leaves in `raw` the (unclipped) contact forces that belong to the new state, which the next step reuses: Verlet, Euler
-and Gear evaluate each force once a step, Runge-Kutta four times. Each loop writes few columns: compilers turn it into
-vector code where they can tell at run time that those are not the ones it reads.
+and Gear evaluate each force once a step, Runge-Kutta four times. A step ends with the notes of `noted`, and returns the
+flags `CHANGED` (a force comes or goes) and `CLOSED` (there is an overlap).
 """
 
 from __future__ import annotations
 
-from collections import namedtuple
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from granular._kernels import kernel
 from granular.md.contact_force import asked as force
 
-State = namedtuple("State", "xi v acc raw top jerk snap")
-"""Overlap (P,), velocity and acceleration (n,), unclipped force (P,), largest overlap of the running contact (P,; no
-values if no law has memory), Gear's higher derivatives of the velocity (n,; no values for the others)."""
-Scratch = namedtuple("Scratch", "v rate acc")
-"""Work space: predicted velocity (n,), sums of Runge-Kutta (P,) and (n,)."""
-Physics = namedtuple("Physics", "laws w fall dt")
-"""What does not change: what the kernel `force` takes for laws, inverse masses, free accelerations, time step."""
+CHANGED, CLOSED = 1, 2
 
 
 @kernel
-def forces(laws: Any, xi: Any, v: Any, top: Any, raw: Any) -> None:
-    """Evaluate the force of every pair that is closed; it acts as max(0, F)."""
-    for c in range(len(xi)):
-        x = xi[c]
-        f = 0.0
-        if x > 0.0:
-            f = force(laws, c, x, v[c] - v[c + 1], top[c] if c < len(top) and top[c] > x else x)
-        raw[c] = f
-
-
-@kernel
-def accelerations(raw: Any, w: Any, fall: Any, acc: Any) -> None:
+def pulled(i: int, a: Any) -> float:
     """a_i = (F_{i-1} - F_i) / m_i - g; walls (1/m = 0, no fall) keep their speed."""
-    last = len(raw)
-    acc[0] = w[0] * (0.0 - (raw[0] if raw[0] > 0.0 else 0.0)) + fall[0]
-    for i in range(1, last):
-        below = raw[i - 1] if raw[i - 1] > 0.0 else 0.0
-        above = raw[i] if raw[i] > 0.0 else 0.0
-        acc[i] = w[i] * (below - above) + fall[i]
-    acc[last] = w[last] * (raw[last - 1] if raw[last - 1] > 0.0 else 0.0) + fall[last]
+    below = a.raw[i] if a.raw[i] > 0.0 else 0.0
+    above = a.raw[i + 1] if a.raw[i + 1] > 0.0 else 0.0
+    acceleration: float = a.w[i + 1] * (below - above) + a.fall[i + 1]
+    return acceleration
 
 
 @kernel
-def drift(dt: float, xi: Any, v: Any, out: Any) -> None:
-    """Move the pairs from `xi` to `out`."""
-    for c in range(len(xi)):
-        out[c] = xi[c] + dt * (v[c] - v[c + 1])
+def noted(j: int, half: float, xi: float, was: float, raw: float, logged: bool, a: Any) -> int:
+    """Note peaks and impulse of pair `j` after a step, without a branch; return flags."""
+    before, after = was if was > 0.0 else 0.0, raw if raw > 0.0 else 0.0
+    a.deepest[j + 1] = xi if xi > a.deepest[j + 1] else a.deepest[j + 1]
+    if logged:
+        a.xi_max[j + 1] = xi if xi > a.xi_max[j + 1] else a.xi_max[j + 1]
+        a.force_max[j + 1] = after if after > a.force_max[j + 1] else a.force_max[j + 1]
+        a.impulse[j + 1] += half * (before + after)
+    return ((1 if before > 0.0 else 0) ^ (1 if after > 0.0 else 0)) | (2 if xi > 0.0 else 0)
 
 
 @kernel
-def kick(dt: float, v: Any, acc: Any, out: Any) -> None:
-    """Change the velocities from `v` to `out`."""
-    for i in range(len(v)):
-        out[i] = v[i] + dt * acc[i]
+def beside(m: int, half: float, a: Any) -> None:
+    """Note overlaps of two neighbours together, and the impulse exchanged beside an active neighbour."""
+    for j in range(m):
+        before = a.was_raw[j + 1] if a.was_raw[j + 1] > 0.0 else 0.0
+        after = a.raw[j + 1] if a.raw[j + 1] > 0.0 else 0.0
+        next_to = a.raw[j] if a.raw[j] > a.raw[j + 2] else a.raw[j + 2]
+        both = a.xi[j + 1] if a.xi[j + 1] < a.xi[j + 2] else a.xi[j + 2]
+        a.beside[j + 1] = both if both > a.beside[j + 1] else a.beside[j + 1]
+        a.shared[j + 1] += half * (before + after) if next_to > 0.0 else 0.0
 
 
 @kernel
-def add(dt: float, acc: Any, v: Any) -> None:
-    """Change the velocities `v` in place."""
-    for i in range(len(v)):
-        v[i] += dt * acc[i]
+def move(physics: Any, lo: int, m: int, a: Any) -> int:
+    """Drift by the velocities `half` and evaluate the forces there, which see the velocities `guess`."""
+    flags, dt, half, logged = 0, physics.dt, 0.5 * physics.dt, physics.logged
+    for j in range(m):
+        xi = a.xi[j + 1] + dt * (a.half[j + 1] - a.half[j + 2])
+        was, raw = a.raw[j + 1], force(physics, lo, j, xi, a.guess[j + 1] - a.guess[j + 2], a)
+        a.was_xi[j + 1], a.was_raw[j + 1] = a.xi[j + 1], was
+        a.xi[j + 1], a.raw[j + 1] = xi, raw
+        flags |= noted(j, half, xi, was, raw, logged, a)
+    return flags
 
 
 @kernel
-def verlet(physics: Any, old: Any, s: Any, work: Any) -> None:
-    """Velocity Verlet; a rate-dependent force sees the predicted velocity v + a·dt."""
-    dt = physics.dt
-    kick(dt, old.v, old.acc, work.v)
-    kick(0.5 * dt, old.v, old.acc, s.v)
-    drift(dt, old.xi, s.v, s.xi)
-    forces(physics.laws, s.xi, work.v, old.top, s.raw)
-    accelerations(s.raw, physics.w, physics.fall, s.acc)
-    add(0.5 * dt, s.acc, s.v)
+def idle(dt: float, m: int, a: Any) -> None:
+    """Nothing is to be made ready."""
 
 
 @kernel
-def symplectic_euler(physics: Any, old: Any, s: Any, work: Any) -> None:
+def half_way(dt: float, m: int, a: Any) -> None:
+    """Begin the first of several Verlet steps."""
+    for i in range(m + 1):
+        acc = pulled(i, a)
+        a.half[i + 1], a.guess[i + 1] = a.v[i + 1] + 0.5 * dt * acc, a.v[i + 1] + dt * acc
+
+
+@kernel
+def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
+    """Velocity Verlet; a rate-dependent force sees the predicted velocity v + a·dt. It begins the next step, too."""
+    flags, dt, half = move(physics, lo, m, a), physics.dt, 0.5 * physics.dt
+    for i in range(m + 1):
+        acc = pulled(i, a)
+        v = a.half[i + 1] + half * acc
+        a.was_v[i + 1], a.v[i + 1] = a.v[i + 1], v
+        a.guess[i + 1], a.half[i + 1] = v + dt * acc, v + half * acc
+    return flags
+
+
+@kernel
+def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
     """Symplectic (semi-implicit) Euler: kick with the old force, then drift with the new velocity."""
-    kick(physics.dt, old.v, old.acc, s.v)
-    drift(physics.dt, old.xi, s.v, s.xi)
-    forces(physics.laws, s.xi, s.v, old.top, s.raw)
-    accelerations(s.raw, physics.w, physics.fall, s.acc)
-
-
-@kernel
-def rk4(physics: Any, old: Any, s: Any, work: Any) -> None:
-    """Classical Runge-Kutta of order 4."""
     dt = physics.dt
-    for c in range(len(work.rate)):
-        work.rate[c] = old.v[c] - old.v[c + 1]
-    for i in range(len(old.v)):
-        work.acc[i] = old.acc[i]
-    drift(0.5 * dt, old.xi, old.v, s.xi)
-    kick(0.5 * dt, old.v, old.acc, s.v)
-    _derivatives(physics, old, s)
-    _sum_up(2.0, s, work)
-    for reach, weight in ((0.5 * dt, 2.0), (dt, 1.0)):
-        drift(reach, old.xi, s.v, s.xi)
-        kick(reach, old.v, s.acc, s.v)
-        _derivatives(physics, old, s)
-        _sum_up(weight, s, work)
-    kick(dt / 6.0, old.xi, work.rate, s.xi)
-    kick(dt / 6.0, old.v, work.acc, s.v)
-    _derivatives(physics, old, s)
+    for i in range(m + 1):
+        v = a.v[i + 1] + dt * pulled(i, a)
+        a.was_v[i + 1], a.v[i + 1] = a.v[i + 1], v
+        a.half[i + 1] = a.guess[i + 1] = v
+    return move(physics, lo, m, a)
 
 
 @kernel
-def _derivatives(physics: Any, old: Any, s: Any) -> None:
-    forces(physics.laws, s.xi, s.v, old.top, s.raw)
-    accelerations(s.raw, physics.w, physics.fall, s.acc)
+def _stage(physics: Any, lo: int, m: int, reach: float, weight: float, a: Any) -> None:
+    """Add the derivatives of a stage of Runge-Kutta, and go on from the start to the next one, `reach` in s away."""
+    for i in range(m + 1):
+        acc = pulled(i, a)
+        a.acc[i + 1] += weight * acc
+        a.half[i + 1], a.guess[i + 1] = a.guess[i + 1], a.v[i + 1] + reach * acc
+    for j in range(m):
+        rate = a.half[j + 1] - a.half[j + 2]
+        a.rate[j + 1] += weight * rate
+        a.raw[j + 1] = force(physics, lo, j, a.xi[j + 1] + reach * rate, a.guess[j + 1] - a.guess[j + 2], a)
 
 
 @kernel
-def _sum_up(weight: float, s: Any, work: Any) -> None:
-    """Add the derivatives of a stage of Runge-Kutta."""
-    for c in range(len(work.rate)):
-        work.rate[c] += weight * (s.v[c] - s.v[c + 1])
-    add(weight, s.acc, work.acc)
+def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
+    """Classical Runge-Kutta of order 4."""
+    flags, dt, half, sixth, logged = 0, physics.dt, 0.5 * physics.dt, physics.dt / 6.0, physics.logged
+    for i in range(m + 1):
+        a.was_v[i + 1] = a.guess[i + 1] = a.v[i + 1]
+        a.acc[i + 1] = 0.0
+    for j in range(m):
+        a.was_xi[j + 1], a.was_raw[j + 1], a.rate[j + 1] = a.xi[j + 1], a.raw[j + 1], 0.0
+    _stage(physics, lo, m, half, 1.0, a)
+    _stage(physics, lo, m, half, 2.0, a)
+    _stage(physics, lo, m, dt, 2.0, a)
+    for i in range(m + 1):
+        v = a.v[i + 1] + sixth * (a.acc[i + 1] + pulled(i, a))
+        a.half[i + 1], a.v[i + 1] = a.guess[i + 1], v
+    for j in range(m):
+        xi = a.xi[j + 1] + sixth * (a.rate[j + 1] + (a.half[j + 1] - a.half[j + 2]))
+        raw = force(physics, lo, j, xi, a.v[j + 1] - a.v[j + 2], a)
+        a.xi[j + 1], a.raw[j + 1] = xi, raw
+        flags |= noted(j, half, xi, a.was_raw[j + 1], raw, logged, a)
+    return flags
 
 
 @kernel
-def gear5(physics: Any, old: Any, s: Any, work: Any) -> None:
+def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
     """Gear's five-value predictor-corrector for second-order equations, corrector 19/90, 3/4, 1, 1/2, 1/12.
 
     The values are ξ, v, a and the next two derivatives of v (`jerk`, `snap`).
     """
-    dt = physics.dt
+    flags, dt, half, logged = 0, physics.dt, 0.5 * physics.dt, physics.logged
     d2, d3, d4 = dt * dt / 2.0, dt * dt * dt / 6.0, dt * dt * dt * dt / 24.0
-    v, acc, jerk, snap = old.v, old.acc, old.jerk, old.snap
-    for c in range(len(old.xi)):
-        rate, pull = v[c] - v[c + 1], acc[c] - acc[c + 1]
-        later = d3 * (jerk[c] - jerk[c + 1])
-        s.xi[c] = old.xi[c] + (dt * rate + d2 * pull + later + d4 * (snap[c] - snap[c + 1]))
-    for i in range(len(v)):
-        s.v[i] = v[i] + (dt * acc[i] + d2 * jerk[i] + d3 * snap[i])
-    for i in range(len(v)):
-        work.acc[i] = acc[i] + dt * jerk[i] + d2 * snap[i]
-    kick(dt, jerk, snap, s.jerk)
-    _derivatives(physics, old, s)
-    for i in range(len(v)):
-        work.acc[i] = s.acc[i] - work.acc[i]
-    add(0.375 * dt, work.acc, s.v)
-    add(1.5 / dt, work.acc, s.jerk)
-    kick(1.0 / (dt * dt), snap, work.acc, s.snap)
-    for c in range(len(old.xi)):
-        s.xi[c] += 19.0 / 180.0 * dt * dt * (work.acc[c] - work.acc[c + 1])
-
-
-@kernel
-def remember(old: Any, s: Any) -> None:
-    """Note the largest overlaps of running contacts, which laws with memory ask for."""
-    for c in range(len(s.top)):
-        s.top[c] = 0.0 if s.xi[c] <= 0.0 else (s.xi[c] if s.xi[c] > old.top[c] else old.top[c])
+    for j in range(m):
+        rate, pull = a.v[j + 1] - a.v[j + 2], a.acc[j + 1] - a.acc[j + 2]
+        later = d3 * (a.jerk[j + 1] - a.jerk[j + 2])
+        a.was_xi[j + 1] = a.xi[j + 1]
+        a.xi[j + 1] += dt * rate + d2 * pull + later + d4 * (a.snap[j + 1] - a.snap[j + 2])
+    for i in range(m + 1):
+        v, acc, jerk, snap = a.v[i + 1], a.acc[i + 1], a.jerk[i + 1], a.snap[i + 1]
+        a.was_v[i + 1], a.v[i + 1] = v, v + (dt * acc + d2 * jerk + d3 * snap)
+        a.acc[i + 1] = acc + dt * jerk + d2 * snap
+        a.jerk[i + 1] = jerk + dt * snap
+    for j in range(m):
+        a.was_raw[j + 1] = a.raw[j + 1]
+        a.raw[j + 1] = force(physics, lo, j, a.xi[j + 1], a.v[j + 1] - a.v[j + 2], a)
+    for i in range(m + 1):
+        acc = pulled(i, a)
+        miss = acc - a.acc[i + 1]
+        a.half[i + 1], a.acc[i + 1] = miss, acc
+        a.v[i + 1] += 0.375 * dt * miss
+        a.jerk[i + 1] += 1.5 / dt * miss
+        a.snap[i + 1] += 1.0 / (dt * dt) * miss
+    for j in range(m):
+        xi = a.xi[j + 1] + 19.0 / 180.0 * dt * dt * (a.half[j + 1] - a.half[j + 2])
+        a.xi[j + 1] = xi
+        flags |= noted(j, half, xi, a.was_raw[j + 1], a.raw[j + 1], logged, a)
+    return flags
 
 
 class Integrator(NamedTuple):
@@ -168,7 +178,9 @@ class Integrator(NamedTuple):
     name : str
         As `granular.md.simulate` calls it.
     step : kernel
-        ``step(physics, old, s, work)``: from the state `old` to the state `s`, a step later.
+        ``step(physics, lo, m, a)``: move the `m` pairs of a window that begins at pair `lo`, and return flags.
+    begin : kernel
+        ``begin(dt, m, a)``: what is to be done before the first of several steps.
     order : float
         Of its error for smooth forces.
     evaluations : int
@@ -178,26 +190,27 @@ class Integrator(NamedTuple):
         2 it damps by a quarter a step.
     label : str
         Its full name.
-    kicks : tuple of float
-        Parts of a step for which each ball is kicked before and after the drift; none for methods of another kind.
+    derivatives : bool
+        Whether it remembers accelerations and higher derivatives of the velocities.
     """
 
     name: str
-    step: Callable[..., None]
+    step: Callable[..., int]
+    begin: Callable[..., None]
     order: float
     evaluations: int
     limit: float
     label: str
-    kicks: tuple[float, ...] = ()
+    derivatives: bool = False
 
 
 INTEGRATORS = {
     integrator.name: integrator
     for integrator in (
-        Integrator("verlet", verlet, 2.0, 1, 2.0, "velocity Verlet", (0.5, 0.5)),
-        Integrator("symplectic-euler", symplectic_euler, 1.0, 1, 2.0, "symplectic Euler", (1.0, 0.0)),
-        Integrator("rk4", rk4, 4.0, 4, 2.0, "Runge–Kutta 4"),
-        Integrator("gear5", gear5, 4.0, 1, 1.05, "Gear, 5 values"),
+        Integrator("verlet", verlet, half_way, 2.0, 1, 2.0, "velocity Verlet"),
+        Integrator("symplectic-euler", symplectic_euler, idle, 1.0, 1, 2.0, "symplectic Euler"),
+        Integrator("rk4", rk4, idle, 4.0, 4, 2.0, "Runge–Kutta 4"),
+        Integrator("gear5", gear5, idle, 4.0, 1, 1.05, "Gear, 5 values", derivatives=True),
     )
 }
 """All of them, by name."""

@@ -8,11 +8,13 @@ equal balls.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 from granular._check import Array
+from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws, alike
 from granular.scene import Scene, speed_scale
 
@@ -48,6 +50,13 @@ def _slopes(laws: SceneLaws, overlap: Array) -> Array:
     slope, closed = np.zeros((2, len(overlap))), np.flatnonzero(overlap > 0.0)
     if len(closed):
         kind, first = alike(laws.in_pairs[0][closed], overlap[closed])
-        each = [laws[c].tangent(float(overlap[c])) for c in closed[first].tolist()]
+        each = [_tangent(laws[c], float(overlap[c])) for c in closed[first].tolist()]
         slope[:, closed] = np.array(each).T[:, kind]
     return slope
+
+
+def _tangent(law: PairLaw, xi: float) -> tuple[float, float]:
+    try:
+        return law.tangent(xi)
+    except OverflowError:  # an overlap far beyond all that a law is made for
+        return math.inf, 0.0

@@ -1,0 +1,171 @@
+"""Fixed-step methods: interpreted or compiled, one window or many, in one go or in pieces: the same bits."""
+
+import math
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.md.integrators import INTEGRATORS
+from granular.md.stepper import Stepper
+
+ALL = tuple(INTEGRATORS)
+run = partial(gr.md.simulate, method="verlet")
+
+
+@dataclass(frozen=True)
+class OwnDashpot:
+    k: float
+    gamma: float
+
+    def force(self, xi, xi_dot, pair):
+        return self.k * xi + self.gamma * xi_dot
+
+
+@dataclass(frozen=True)
+class OwnPower:
+    """Computed with a power that may overflow."""
+
+    k: float
+
+    def force(self, xi, xi_dot, pair):
+        return self.k * math.pow(xi, 1.75)
+
+
+@dataclass(frozen=True)
+class Swapped(OwnDashpot):
+    """The same force, rounded otherwise."""
+
+    def force(self, xi, xi_dot, pair):
+        return (xi + self.gamma / self.k * xi_dot) * self.k
+
+
+TO_COMPILE = (0, 1, 2, 5, 6, 8)
+"""Which of the laws in `drawn` run compiled, too: of each kind one."""
+
+
+def same(one, other):
+    """Same bits, also in what is judged from notes made on the way."""
+    for name in ("time", "position", "velocity", "gap", "force"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    assert one.contacts.tobytes() == other.contacts.tobytes()
+    for name in ("dt_lambda", "steps", "flights", "contacts", "shared_impulse"):
+        np.testing.assert_equal(one.stats[name], other.stats[name])
+    assert (one.status, one.message) == (other.status, other.message)
+
+
+def some_chain(seed):
+    """A random chain, some of it touching or overlapping, of one block or several, and laws that go in blocks."""
+    random = np.random.default_rng(seed)
+    n = int(random.choice([2, 3, 7, 40, 390, 900]))
+    mass = np.exp(random.uniform(-1.0, 1.0, n))
+    mass[0] = random.choice([mass[0], math.inf])
+    v = np.where(np.isinf(mass), 0.0, random.normal(size=n) * (random.random(n) < 0.5))
+    gap = random.choice([0.0, -2e-4, 1e-3, 1e-2], n - 1) * random.uniform(0.5, 1.0, n - 1)
+    gravity = random.choice([0.0, 9.81]) * np.isinf(mass[0])
+    scene = gr.Scene(mass, np.where(np.isinf(mass), 0.0, 0.1), gap, v, gravity)
+    gamma = random.choice([0.0, 30.0])
+    build = [
+        lambda k: gr.Hertz(k), lambda k: gr.LinearDashpot(k, gamma), lambda k: gr.ViscoelasticHertz(k, gamma),
+        lambda k: OwnDashpot(k, gamma),
+    ][seed % 4]  # fmt: skip
+    return scene, [build(1e6)] * (n - 1) if seed % 3 else [build(k) for k in 1e6 * np.exp(random.normal(size=n - 1))]
+
+
+def in_windows(patch, pairs):
+    """Let every window stand for so many pairs; a window of an interpreted run has room for all."""
+    make = Stepper.__init__
+
+    def make_in_windows(self, *given):
+        make(self, *given)
+        self.physics = self.physics._replace(block=pairs)
+
+    patch.setattr(Stepper, "__init__", make_in_windows)
+
+
+def drawn(seed):
+    """A small scene, laws for it, and a way to run it; every third one far beyond the limit of stability."""
+    random = np.random.default_rng(seed)
+    n = int(random.integers(2, 9))
+    mass = np.exp(random.uniform(-1.0, 1.0, n))
+    mass[0] = random.choice([mass[0], math.inf])
+    wall = np.isinf(mass)
+    v = np.where(wall, 0.0, random.normal(size=n) * (random.random(n) < 0.6))
+    gap = random.choice([0.0, -2e-3, 1e-4, 1e-2], n - 1) * (1e60 if seed % 6 == 0 else 1.0)
+    scene = gr.Scene(mass, np.where(wall, 0.0, 0.1), gap, v, random.choice([0.0, 9.81]) * wall[0])
+    k, gamma = 10.0 ** random.uniform(3.0, 6.0), random.choice([0.0, 20.0])
+    laws = [
+        gr.LinearDashpot(k, gamma), gr.Hertz(k), gr.ViscoelasticHertz(k, gamma), gr.TsujiHertz(k, 0.3),
+        gr.PowerLaw(k, 1.75), gr.PowerLaw(k, 3.0), gr.WaltonBraun(k, 2.0 * k), OwnDashpot(k, gamma), OwnPower(k),
+        Swapped(k, gamma), [(gr.Hertz(k), gr.LinearDashpot(k, gamma))[c % 2] for c in range(n - 1)],
+    ]  # fmt: skip
+    t_end = float(random.uniform(0.01, 0.1))
+    dt = float(10.0 ** random.uniform(-1.5, 1.0) if seed % 3 == 0 else random.uniform(0.1, 1.0)) / math.sqrt(k)
+    options = {"t_end": t_end if seed % 3 else 3000.0 * dt, "dt": dt, "log": bool(random.random() < 0.7)}
+    options["samples"] = [None, 7][int(random.integers(2))]
+    pair, nth = int(random.integers(n - 1)), int(random.integers(1, 4))
+    more = [{}, {"until": gr.until.contact(pair, nth)}, {"max_events": int(random.integers(1, 9))}]
+    return scene, laws, options | more[int(random.integers(3))]
+
+
+@pytest.mark.filterwarnings("ignore:dt = ", "ignore:invalid value", "ignore:overflow")
+@pytest.mark.parametrize("method", ALL)
+def test_engines_and_windows_give_the_same_bits(method, monkeypatch):
+    """Random scenes under all laws, with and without log, samples, stop conditions; also past overflow."""
+    beyond = 0
+    for seed in range(24):
+        scene, laws, options = drawn(seed)
+        for number, law in enumerate(laws):
+            if (number + seed) % 4 and seed:
+                continue
+            given = partial(run, scene, law, method=method, **options)
+            plain = given(engine="plain")
+            beyond += not np.isfinite(plain.velocity).all()
+            if number in TO_COMPILE:
+                same(plain, given(engine="compiled"))
+            with monkeypatch.context() as patch:
+                in_windows(patch, 1 + seed % 3)
+                same(plain, given(engine="plain"))
+    assert beyond > 0
+
+
+@pytest.mark.filterwarnings("ignore:dt = ")
+@pytest.mark.parametrize(("method", "seed"), [(method, seed) for method in ALL for seed in range(8)])
+def test_long_chains_give_the_bits_of_one_window(method, seed):
+    """Compiled, a chain of more than 326 pairs goes in windows; interpreted it is one."""
+    scene, law = some_chain(seed)
+    few = {"max_events": 1 + 5 * scene.n} if seed % 5 == 0 else {}
+    for log in (True, False):
+        options = {"method": method, "t_end": 0.004, "dt": 1e-4, "log": log, "samples": 3} | few
+        same(*(run(scene, law, engine=engine, **options) for engine in ("plain", "compiled")))
+
+
+def test_a_log_that_is_full_is_handed_over_in_time(monkeypatch):
+    """More contacts end at once than windows have room for."""
+    scene, law = gr.scenes.gas(n=12, seed=2), gr.LinearDashpot(1e6)
+    one = run(scene, law, dt=1e-5, t_end=1.0, engine="plain")
+    in_windows(monkeypatch, 3)
+    same(one, run(scene, law, dt=1e-5, t_end=1.0, engine="plain"))
+
+
+def test_windows_stop_at_max_events_as_a_chain_does(monkeypatch):
+    scene = gr.scenes.newtons_cradle(40)
+    for few in (1, 2, 17, 37):
+        options = {"max_events": few, "log": False, "dt": 2e-5, "engine": "plain"}
+        one = run(scene, gr.Hertz(1e9), **options)
+        with monkeypatch.context() as patch:
+            in_windows(patch, 9)
+            same(one, run(scene, gr.Hertz(1e9), **options))
+
+
+def test_a_law_with_a_form_runs_by_its_form_in_every_engine():
+    """Also if its own force is rounded otherwise."""
+    scene = gr.scenes.newtons_cradle(3)
+    for seed in range(20):
+        k, gamma = np.random.default_rng(seed).uniform(1e6, 1e7, 2) * (1.0, 1e-4)
+        runs = [run(scene, law(k, gamma), t_end=0.1, dt=2e-5, engine="plain") for law in (OwnDashpot, gr.LinearDashpot)]
+        same(*runs)
+        np.testing.assert_allclose(run(scene, Swapped(k, gamma), t_end=0.1, dt=2e-5).velocity, runs[0].velocity,
+                                   rtol=0.0, atol=1e-9)  # fmt: skip
