@@ -82,6 +82,7 @@ def peaks(b: float) -> tuple[float, float]:
     log_b1 = math.log1p(b)
     q, scale = math.sqrt(log_b1), math.exp(2.0 / 3.0 * log_b1)
     if not q < Q_END:
+        scale = math.pow(b, 2.0 / 3.0)
         return TURNING / scale, STRONGEST_END * scale
     piece, z = _place(q)
     return _horner(DEEPEST[piece], z) / scale, _horner(STRONGEST[piece], z) * scale
