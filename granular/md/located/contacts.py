@@ -1,74 +1,286 @@
-"""The log: what is kept of a contact from its begin to its end."""
+"""The life of a contact: how its pair changes mode at an event, and what the log keeps from its onset to its end."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from granular._kernels import kernel
 from granular._roots import first_up_crossing
-from granular.md.located.clock import elapsed, since, tick
-from granular.md.located.piece import integral, shift, slope, value
-from granular.md.located.powers import power
-from granular.md.located.records import ACTIVE, DAMPED, DORMANT, ELASTIC, ORDER
+from granular.md.located.events import GRAZE
+from granular.md.located.pieces import DRIFT, elapsed, integral, power, since, tick, value
+from granular.md.located.system import (
+    ACTIVE,
+    BEGIN,
+    DAMPED,
+    DORMANT,
+    ELASTIC,
+    END,
+    GENERAL,
+    LINEAR,
+    OPEN,
+    ORDER,
+    PART,
+    RELOAD,
+    RESIDUAL,
+    TURN,
+)
+
+NONE, SOME, AWAITED = range(3)
+"""What `engage` has found: no pair that touches at rest, some, or the contact at which the run is to stop."""
 
 
 @kernel
-def begin_contact(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> None:
+def act(s: Any, block: Any, laws: Any) -> bool:
+    """Let the event happen that ends the piece of `block`; false if it meets the stop condition instead."""
+    run, c, what = s.run[0], block.fired, block.what
+    pair = s.pool[s.pairs[c].slot]
+    if what == BEGIN:
+        return begin(s, c, block.speed, laws)
+    run.events += 1
+    if what == TURN:
+        pair.loading, pair.top, pair.eta = 0, pair.xi, min(0.0, pair.eta)
+        return True
+    if what == RELOAD:
+        pair.loading, pair.xi = 1, pair.top
+        return True
+    if (what == PART or pair.xi <= GRAZE * pair.own_length) and stays(pair, block.speed):
+        pair.mode, pair.xi = DORMANT, 0.0
+        halt(s, c)
+        return True
+    if pair.begun == 1:
+        end_contact(s, c)
+    if what == END:
+        pair.mode, pair.exact = RESIDUAL, 1
+    else:
+        if pair.mode != DORMANT:
+            pair.xi = 0.0
+        pair.mode, pair.exact, pair.top, pair.loading = OPEN, 0, 0.0, 1
+    return True
+
+
+@kernel
+def begin(s: Any, c: int, speed: float, laws: Any) -> bool:
+    """Let the force of pair `c` begin; it has touched, or its force has returned."""
+    pair = s.pool[s.pairs[c].slot]
+    if pair.mode == OPEN:
+        pair.xi = 0.0
+        if drifts(pair) or pair.eta < 0.0:  # grazed, or touching at rest
+            pair.eta = min(0.0, pair.eta)
+            return True
+        if turns(s, c, speed):
+            halt(s, c)
+            return True
+        if laws is not None:
+            pair.mode = OPEN if laws.pushes_at_touch(pair) else RESIDUAL
+            if pair.mode == RESIDUAL:
+                return True
+    return activate(s, c)
+
+
+@kernel
+def activate(s: Any, c: int) -> bool:
+    """Begin the contact of pair `c`; false if the run is to stop just before."""
+    run, pair = s.run[0], s.pool[s.pairs[c].slot]
+    if pair.begun == 1:  # only slept for a moment
+        pair.mode = ACTIVE
+        return True
+    if is_awaited(s, c):
+        return False
+    if pair.mode != DORMANT:  # else it has been under way since it was touched
+        begin_contact(s, c)
+    pair.exact = 1 if pair.mode == RESIDUAL else 0
+    pair.mode, pair.begun = ACTIVE, 1
+    s.pairs[c].count += 1
+    run.events += 1
+    run.begun += 1
+    return True
+
+
+@kernel
+def is_awaited(s: Any, c: int) -> bool:
+    """Return whether the run is to stop just before the next contact of pair `c`."""
+    return bool(c == s.run[0].until_pair and s.pairs[c].count + 1 == s.run[0].until_nth)
+
+
+@kernel
+def stays(pair: Any, speed: float) -> bool:
+    """Return whether a pair that parts comes up to where it touches with no more energy than rounding.
+
+    So does a ball that gravity holds, and a law that is a function, has touched at rest and woken, by its rounding.
+    """
+    if pair.mode != ACTIVE:
+        return False
+    if pair.kind == GENERAL and pair.wake > 0.0 and drifts(pair):
+        return True
+    held = pair.kind != LINEAR and pair.pull > 0.0
+    return bool(held and pair.eta * pair.eta <= DRIFT * pair.noise * max(speed, speed_of_weight(pair)))
+
+
+@kernel
+def turns(s: Any, c: int, speed: float) -> bool:
+    """Return whether balls that gravity parts come up to where they touch with no more energy than rounding.
+
+    Alone in their flight they have no island that could feel it.
+    """
+    pair, lo = s.pool[s.pairs[c].slot], s.pairs[c].first
+    hi = s.pairs[lo].hi
+    for i in range(lo, hi):
+        speed = max(speed, speed_of_weight(s.pool[s.pairs[i].slot]))
+    return bool(pair.pull < 0.0 and hi - lo > 1 and pair.eta * pair.eta <= DRIFT * pair.noise * speed)
+
+
+@kernel
+def speed_of_weight(pair: Any) -> float:
+    """Return the speed in m/s that gravity gives the balls of a pair over the overlap at which their force balances."""
+    pull = abs(pair.pull)
+    return math.sqrt(2.0 * pull * power(pull / (pair.k * pair.inverse), 1.0 / pair.p))
+
+
+@kernel
+def halt(s: Any, c: int) -> None:
+    """Take its rate from pair `c` of a block, by an impulse between its balls that their other neighbours feel too."""
+    pairs, pool, bodies = s.pairs, s.pool, s.bodies
+    pair, lo = pool[pairs[c].slot], pairs[c].first
+    impulse = pair.eta / pair.inverse
+    pair.eta = 0.0
+    bodies[c].v -= pair.lower * impulse
+    bodies[c + 1].v += pair.upper * impulse
+    if c > lo:
+        pool[pairs[c - 1].slot].eta += pair.lower * impulse
+    if c + 1 < pairs[lo].hi:
+        pool[pairs[c + 1].slot].eta += pair.upper * impulse
+
+
+@kernel
+def drifts(pair: Any) -> bool:
+    """Return whether the rate of a pair is no more than the noise it may hold."""
+    return bool(abs(pair.eta) <= DRIFT * pair.noise)
+
+
+@kernel
+def pushes(pair: Any) -> bool:
+    """Return whether the pair needs a power series: for its force, or to see its force return.
+
+    Else it is ballistic in closed form: open, clipped with φ = kξ + γη, or sure to part. In free flight φ = k ξ^s + γη
+    is convex for s ≥ 1 and a pull that is not negative; clipped now, and again when ξ = 0 is reached, it is clipped in
+    between.
+    """
+    if pair.mode != RESIDUAL or pair.s == 1.0:
+        return bool(pair.mode == ACTIVE or pair.mode == DORMANT)
+    parts = pair.s > 1.0 and pair.pull >= 0.0 and pair.eta < 0.0
+    return bool(not (parts and pair.eta * pair.eta > 2.0 * pair.pull * pair.xi))
+
+
+@kernel
+def engage(s: Any) -> int:
+    """Make pairs dormant that touch at rest beside a force or under their own weight; return whether there were any.
+
+    Forces only push, so that such a contact is sure to begin at once, if no gravity pulls the pair apart.
+    """
+    pairs, pool, found, lo, hi = s.pairs, s.pool, NONE, s.run[0].lo, s.run[0].hi
+    for sweep in range(2):
+        for i in range(hi - lo):
+            c = lo + i if sweep == 0 else hi - 1 - i
+            pair = pool[pairs[c].slot]
+            if (pair.mode == OPEN and pair.xi == 0.0 and pair.eta == 0.0) and (
+                pair.pull > 0.0
+                or (c > lo and pushes(pool[pairs[c - 1].slot]))
+                or (c + 1 < hi and pushes(pool[pairs[c + 1].slot]))
+            ):
+                if is_awaited(s, c) and pair.pull >= 0.0:
+                    return AWAITED
+                begin_contact(s, c)
+                pair.mode, found = DORMANT, SOME
+    return found
+
+
+@kernel
+def judge(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
+    """Open pairs that the computed series pulls apart from rest, close those it presses; return whether any changed."""
+    changed = False
+    for c in range(lo, hi):
+        pair = pool[pairs[c].slot]
+        if pair.kind != GENERAL and pair.xi == 0.0 and pair.eta == 0.0 and (pair.mode == DORMANT or pair.mode == OPEN):
+            way = direction(pair.x)
+            if way != 0.0 and (way > 0.0) == (pair.mode == OPEN):
+                pair.mode = DORMANT if pair.mode == OPEN else OPEN
+                changed = True
+    return changed
+
+
+@kernel
+def direction(x: Any) -> float:
+    """Return the first coefficient that is not zero: where a pair at rest goes. (The last may vanish by parity.)"""
+    for j in range(1, ORDER + 1):
+        if x[j] != 0.0:
+            first: float = x[j]
+            return first
+    return 0.0
+
+
+@kernel
+def confirm(s: Any, lo: int, hi: int) -> bool:
+    """Begin the linear contacts the series presses together from rest; false if the run is to stop just before."""
+    for c in range(lo, hi):
+        pair = s.pool[s.pairs[c].slot]
+        if pair.mode == DORMANT and pair.kind == LINEAR and direction(pair.x) > 0.0 and not activate(s, c):
+            return False
+    return True
+
+
+@kernel
+def begin_contact(s: Any, c: int) -> None:
     """Note the time and the velocities at which the contact of pair `c` begins (or might: it is dormant)."""
-    pair = pool[pairs[c].slot]
-    pair.begin, pair.lasted, pair.impulse, pair.force_max, pair.xi_max = run.t, 0.0, 0.0, 0.0, pair.xi
-    pair.lower_in = velocity_now(bodies[c], run)
-    pair.upper_in = velocity_now(bodies[c + 1], run)
+    pair = s.pool[s.pairs[c].slot]
+    pair.t_begin, pair.duration, pair.impulse, pair.force_max, pair.xi_max = s.run[0].t, 0.0, 0.0, 0.0, pair.xi
+    pair.lower_in, pair.upper_in = velocity_now(s, c), velocity_now(s, c + 1)
 
 
 @kernel
-def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) -> None:
+def end_contact(s: Any, c: int) -> None:
     """Write the log row of the contact of pair `c` that ends now."""
-    pair = pool[pairs[c].slot]
+    run, pair = s.run[0], s.pool[s.pairs[c].slot]
     pair.begun = 0
     if run.log == 0:
         return
-    row = log[run.rows]
+    row = s.log[run.rows]
     run.rows += 1
-    row.pair, row.t_begin, row.t_end, row.duration = c, pair.begin, run.t, pair.lasted
+    row.pair, row.t_begin, row.t_end, row.duration = c, pair.t_begin, run.t, pair.duration
     row.lower_in, row.upper_in = pair.lower_in, pair.upper_in
-    row.lower_out, row.upper_out = velocity_now(bodies[c], run), velocity_now(bodies[c + 1], run)
+    row.lower_out, row.upper_out = velocity_now(s, c), velocity_now(s, c + 1)
     row.xi_max, row.force_max, row.impulse = pair.xi_max, pair.force_max, max(0.0, pair.impulse)
 
 
 @kernel
-def velocity_now(body: Any, run: Any) -> float:
+def velocity_now(s: Any, body: int) -> float:
     """Return the velocity of a body at the time of the event under way."""
-    v: float = body.v - body.fall * since(body, run.t, run.tail)
+    v: float = s.bodies[body].v - s.bodies[body].fall * since(s.bodies[body], s.run[0].t, s.run[0].tail)
     return v
 
 
 @kernel
-def follow(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau: float) -> None:
+def follow(s: Any, lo: int, tau: float) -> None:
     """Add the stretch [0, τ] of the piece of the island that starts with `lo` to its contacts and its bodies."""
-    block, hi = pool[pairs[lo].slot], pairs[lo].hi
-    h, q = block.h, block.clock
-    dt, scale, below = elapsed(h, q, tau), elapsed(h, q, 1.0), 0.0
+    pairs, pool, hi, block = s.pairs, s.pool, s.pairs[lo].hi, s.pool[s.pairs[lo].slot]
+    h, q, below = block.h, block.clock, 0.0
+    dt = elapsed(h, q, tau)
     for c in range(lo, hi):
         pair, impulse = pool[pairs[c].slot], 0.0
         if pair.mode == ACTIVE:
-            impulse = scale * integral(pair.f, q, tau)
+            impulse = elapsed(h, q, 1.0) * integral(pair.f, q, tau)
             pair.impulse += impulse
-            if (c > lo and acts(pairs, pool, c - 1)) or (c + 1 < hi and acts(pairs, pool, c + 1)):
+            if (c > lo and pool[pairs[c - 1].slot].mode == ACTIVE) or (
+                c + 1 < hi and pool[pairs[c + 1].slot].mode == ACTIVE
+            ):
                 pairs[c].shared += impulse
-            if run.log == 2:
-                peaks(pair, tau, work)
+            if s.run[0].log == 2:
+                peaks(pair, tau, s.work)
         if pair.mode == ACTIVE or pair.mode == DORMANT:
-            pair.lasted += dt
-        push(bodies[c], block, dt, below - impulse)
+            pair.duration += dt
+        push(s.bodies[c], block, dt, below - impulse)
         below = impulse
-    push(bodies[hi], block, dt, below)
-
-
-@kernel
-def acts(pairs: Any, pool: Any, c: int) -> bool:
-    """Return whether a pair of an island exerts a force."""
-    return bool(pool[pairs[c].slot].mode == ACTIVE)
+    push(s.bodies[hi], block, dt, below)
 
 
 @kernel
@@ -95,7 +307,9 @@ def peaks(pair: Any, tau: float, work: Any) -> None:
     if pair.kind == ELASTIC:
         pair.force_max = max(pair.force_max, pair.k * power(xi, pair.p))
         return
-    slope(pair.f, pair.g)
+    pair.g[ORDER] = 0.0
+    for j in range(ORDER):
+        pair.g[j] = (j + 1) * pair.f[j + 1]
     force = highest(pair.f, pair.g, tau, work)
     if pair.kind == DAMPED:
         rate = max(abs(pair.e[0]), abs(value(pair.e, tau)))
@@ -115,6 +329,8 @@ def highest(row: Any, rate: Any, tau: float, work: Any) -> float:
         at += step
         if way < 0.0:
             best = max(best, value(row, at))
-        shift(rate, step)
+        for first in range(ORDER):  # let it begin here: Horner's scheme, once for each coefficient
+            for j in range(ORDER - 1, first - 1, -1):
+                rate[j] += rate[j + 1] * step
         rate[0], way = 0.0, -way
     return best

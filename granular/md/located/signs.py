@@ -11,18 +11,8 @@ from collections.abc import Callable
 from typing import Any
 
 from granular._roots import first_up_crossing
-from granular.md.located.events import (
-    BEGIN,
-    END,
-    NOTHING,
-    PART,
-    RELOAD,
-    TURN,
-    named,
-    next_of_dormant,
-)
-from granular.md.located.piece import value
-from granular.md.located.records import ACTIVE, DORMANT, OPEN
+from granular.md.located.pieces import value
+from granular.md.located.system import ACTIVE, BEGIN, END, PART, RELOAD, TURN
 
 Sign = Callable[..., bool]
 """Whether the law pushes at τ; with a second argument true, surely so, beyond rounding."""
@@ -33,30 +23,27 @@ PARTS = 16
 
 
 def next_event(pair: Any, pushes: Sign, idles: Sign, doubt: float, span: float, work: Any) -> tuple[float, int]:
-    """Return the τ of the first event of a pair within [0, span], and which it is.
+    """Return the τ of the first event of a pair that overlaps within [0, span], inf without, and which it is.
 
     `idles` says whether the force is 0 at a τ and all about; `doubt` in N is that of g.
     """
-    if pair.mode == OPEN:
-        return named(first_up_crossing(pair.x, span, work), span, BEGIN)
-    if pair.mode == DORMANT:
-        return next_of_dormant(pair, span, work)
-    tau, what = named(first_up_crossing(pair.x, span, work, -1.0), span, PART)
+    parts = first_up_crossing(pair.x, span, work, -1.0)
+    tau, what, span = parts, PART, min(parts, span)
     if pair.mode != ACTIVE:
-        again = regains(pair, pushes, doubt, tau, work)
+        again = regains(pair, pushes, doubt, span, work)
         return (tau, what) if again is None else (again, BEGIN)
-    end = loses(pair, pushes, doubt, tau, what == PART, work)
-    end = pauses(pair, pushes, idles, tau, work) if end is None else end
+    end = loses(pair, pushes, doubt, span, parts < math.inf, work)
+    end = pauses(pair, pushes, idles, span, work) if end is None else end
     if end is not None:
-        tau, what = end, END
-    found = NOTHING
-    if pair.memory and pair.loading:
-        first, found = named(first_up_crossing(pair.e, tau, work, -1.0), tau, TURN)
-    elif pair.memory:
+        tau, what, span = end, END, end
+    if pair.memory:
+        zero = pair.x[0]
         pair.x[0] -= pair.top
-        first, found = named(first_up_crossing(pair.x, tau, work), tau, RELOAD)
-        pair.x[0] += pair.top
-    return (first, found) if found != NOTHING else (tau, what)
+        branch = first_up_crossing(pair.e, span, work, -1.0) if pair.loading else first_up_crossing(pair.x, span, work)
+        pair.x[0] = zero
+        if branch <= span:
+            return branch, TURN if pair.loading else RELOAD
+    return tau, what
 
 
 def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, work: Any) -> float | None:
@@ -69,9 +56,9 @@ def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, work:
         found = span  # a force that is zero from some overlap on never crosses zero
     if found is not None and not pushes(found):
         return bisected(pushes, *last_push(pushes, found))
-    for j in range(LOOKS if parts else 0):
+    for j in range(1, LOOKS if parts else 0):
         tau = span * (1.0 - 0.25**j)
-        if j > 0 and value(pair.x, tau) > 0.0:
+        if value(pair.x, tau) > 0.0:
             if not pushes(tau):
                 return bisected(pushes, before, tau)
             before = tau
