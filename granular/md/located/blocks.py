@@ -18,27 +18,15 @@ from granular._tournament import play
 from granular.md.located.contacts import AWAITED, SOME, act, activate, confirm, engage, follow, judge, pushes
 from granular.md.located.events import locate
 from granular.md.located.pieces import arrive, elapsed, glide, power, predict, since, tau_at, tick, value
-from granular.md.located.resting import LONG, NOT_YET, RESTS, is_still, lie, verdict
+from granular.md.located.resting import LONG, NOT_YET, RESTS, lies, verdict
 from granular.md.located.series import expand, expand_two
-from granular.md.located.step_size import (
-    REACH,
-    choose_clock,
-    fastest_rate,
-    growth,
-    is_linear,
-    left_out,
-    measure,
-    scale,
-    trusted,
-)
+from granular.md.located.step_size import REACH, choose_clock, fastest_rate, growth, left_out, measure, scale, trusted
 from granular.md.located.system import GENERAL, OPEN, RESIDUAL
 
 ULP = 2.0**-52
 REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED = range(8)
 """Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
 every ball rests for good, every ball is bound in contact for ever, no room in the pool."""
-FORMED, STOP, FULL = range(3)
-"""What `regroup` comes to: blocks formed, the stop condition, a pool without room for the pairs that join."""
 
 
 @kernel
@@ -58,7 +46,7 @@ def launch(s: Any, laws: Any) -> bool:
             if pairs[c].slot < 0:
                 join(s, c)
             run.lo, run.hi, run.stride = c, pairs[c].hi, pool[pairs[c].slot].stride
-            if regroup(s, laws) == STOP:
+            if regroup(s, laws) == STOPPED:
                 return False
     return True
 
@@ -100,33 +88,27 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                 proved = verdict(s, run.hi) if lo == 0 else NOT_YET
                 if proved != NOT_YET and limit == math.inf:
                     return REST if proved == RESTS else BINDING
-                if proved == RESTS and is_still(s):
-                    lie(s, run.hi)
-                elif not plan(s, lo, laws):
+                if not (proved == RESTS and lies(s, run.hi)) and not plan(s, lo, laws):
                     return STOPPED
                 play(queue, lo, pairs[lo].due)
                 continue
             if not act(s, block, laws):
                 return STOPPED
-        outcome = regroup(s, laws)
-        run.waits = 1 if outcome == FULL else 0
-        if outcome == FULL:
-            return CRAMPED
-        if outcome == STOP or (run.separated == 1 and run.begun > 0 and all_recede(pairs)):
-            return STOPPED
+        why = regroup(s, laws)
+        run.waits = 1 if why == CRAMPED else 0
+        if why == MORE and run.separated == 1 and run.begun > 0 and all_recede(s):
+            why = STOPPED
+        if why != MORE:
+            return why
     return MORE
 
 
 @kernel
-def all_recede(pairs: Any) -> bool:
-    """Return whether every pair is open and none approaches."""
-    t = 0.0
-    for c in range(len(pairs)):
-        if pairs[c].slot >= 0 or pairs[c].xi > 0.0:
-            return False
-        t = max(t, pairs[c].t)
-    for c in range(len(pairs)):
-        if pairs[c].eta + pairs[c].pull * (t - pairs[c].t) > 0.0:
+def all_recede(s: Any) -> bool:
+    """Return whether every pair is open and none approaches, at the time of the event under way."""
+    for c in range(len(s.pairs)):
+        pair = s.pairs[c]
+        if pair.slot >= 0 or pair.xi > 0.0 or pair.eta + pair.pull * (s.run[0].t - pair.t) > 0.0:
             return False
     return True
 
@@ -175,30 +157,33 @@ def take_off(s: Any, c: int) -> None:
 
 @kernel
 def regroup(s: Any, laws: Any) -> int:
-    """Form the blocks anew that the event under way concerns, and plan them; where the pool is full, called again."""
+    """Form the blocks anew that the event under way concerns, and plan them.
+
+    Return MORE, STOPPED, or CRAMPED: then it is to be called again with more room.
+    """
     run, pairs, pool = s.run[0], s.pairs, s.pool
     found = SOME
     while found == SOME:
         while run.lo > 0 and pushes(pool[pairs[run.lo].slot]):
             if not absorb(s, pairs[run.lo - 1].first):
-                return FULL
+                return CRAMPED
         while run.hi < len(pairs) and pushes(pool[pairs[run.hi - 1].slot]):
             if not absorb(s, run.hi):
-                return FULL
+                return CRAMPED
         found = engage(s)
     if found == AWAITED:
-        return STOP
-    a, outcome = run.lo, FORMED
+        return STOPPED
+    a, why = run.lo, MORE
     for c in range(run.lo + 1, run.hi + 1):
         if c == run.hi or not (pushes(pool[pairs[c - 1].slot]) or pushes(pool[pairs[c].slot])):
             form(s, a, c)
             if c == a + 1 and not pushes(pool[pairs[a].slot]):
                 take_off(s, a)
             elif not plan(s, a, laws):
-                outcome = STOP
+                why = STOPPED
             play(s.queue, a, pairs[a].due)
             a = c
-    return outcome
+    return why
 
 
 @kernel
@@ -262,12 +247,11 @@ def rounding(s: Any, c: int, lo: int) -> float:
     """Return what a step may leave in the rate of pair `c`: rounding of rates, or what a nonlinear step leaves out."""
     pairs, pool, member = s.pairs, s.pool, s.pool[s.pairs[c].slot]
     if pool[pairs[lo].slot].linear == 0:
-        part: float = max(s.run[0].tol, ULP if member.kind != GENERAL else 8.0 * ULP) * member.own_speed
-        return part
-    largest: float = abs(member.eta)
+        return float(max(s.run[0].tol, ULP if member.kind != GENERAL else 8.0 * ULP) * member.own_speed)
+    largest = abs(member.eta)
     for i in range(max(lo, c - 1), min(c + 2, pairs[lo].hi)):
         largest = max(largest, abs(pool[pairs[i].slot].eta))
-    return ULP * largest
+    return float(ULP * largest)
 
 
 @kernel
@@ -288,9 +272,10 @@ def plan(s: Any, lo: int, laws: Any) -> bool:
     run, pairs, pool, hi, block = s.run[0], s.pairs, s.pool, s.pairs[lo].hi, s.pool[s.pairs[lo].slot]
     worst, span = -math.inf, 1.0
     run.steps += 1
-    block.linear = 1 if is_linear(pairs, pool, lo, hi) else 0
+    fastest = fastest_rate(pairs, pool, lo, hi)
+    block.linear, block.clock = 1 if fastest >= 0.0 else 0, 1
     if block.linear == 1:
-        block.clock, block.h = 1, REACH / fastest_rate(pairs, pool, lo, hi)
+        block.h = REACH / fastest
     else:
         measure(pairs, pool, lo, hi)
         block.clock = choose_clock(pairs, pool, lo, hi)

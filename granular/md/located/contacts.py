@@ -6,25 +6,9 @@ import math
 from typing import Any
 
 from granular._kernels import kernel
-from granular._roots import first_up_crossing
 from granular.md.located.events import GRAZE
-from granular.md.located.pieces import DRIFT, elapsed, integral, power, since, tick, value
-from granular.md.located.system import (
-    ACTIVE,
-    BEGIN,
-    DAMPED,
-    DORMANT,
-    ELASTIC,
-    END,
-    GENERAL,
-    LINEAR,
-    OPEN,
-    ORDER,
-    PART,
-    RELOAD,
-    RESIDUAL,
-    TURN,
-)
+from granular.md.located.pieces import DRIFT, direction, elapsed, integral, peaks, power, since, tick
+from granular.md.located.system import ACTIVE, BEGIN, DORMANT, END, GENERAL, LINEAR, OPEN, PART, RELOAD, RESIDUAL, TURN
 
 NONE, SOME, AWAITED = range(3)
 """What `engage` has found: no pair that touches at rest, some, or the contact at which the run is to stop."""
@@ -210,16 +194,6 @@ def judge(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
 
 
 @kernel
-def direction(x: Any) -> float:
-    """Return the first coefficient that is not zero: where a pair at rest goes. (The last may vanish by parity.)"""
-    for j in range(1, ORDER + 1):
-        if x[j] != 0.0:
-            first: float = x[j]
-            return first
-    return 0.0
-
-
-@kernel
 def confirm(s: Any, lo: int, hi: int) -> bool:
     """Begin the linear contacts the series presses together from rest; false if the run is to stop just before."""
     for c in range(lo, hi):
@@ -255,8 +229,7 @@ def end_contact(s: Any, c: int) -> None:
 @kernel
 def velocity_now(s: Any, body: int) -> float:
     """Return the velocity of a body at the time of the event under way."""
-    v: float = s.bodies[body].v - s.bodies[body].fall * since(s.bodies[body], s.run[0].t, s.run[0].tail)
-    return v
+    return float(s.bodies[body].v - s.bodies[body].fall * since(s.bodies[body], s.run[0].t, s.run[0].tail))
 
 
 @kernel
@@ -289,48 +262,3 @@ def push(body: Any, block: Any, dt: float, impulse: float) -> None:
     body.v += body.inverse_mass * impulse - body.fall * (since(body, block.t, block.tail) + dt)
     body.t, body.tail = block.t, block.tail
     tick(body, dt)
-
-
-@kernel
-def peaks(pair: Any, tau: float, work: Any) -> None:
-    """Raise the largest overlap and force to those of the piece; its g is scratch, for φ has done its duty.
-
-    A force that does not depend on the rate is largest where the overlap is, and the law says it better than a series
-    far below the scale of its island. In a piece so short that a force of ξ^(1/4) hardly counts no series need hold:
-    no more than the law allows.
-    """
-    for j in range(ORDER + 1):
-        pair.g[j] = pair.e[j]
-    deepest = highest(pair.x, pair.g, tau, work)
-    pair.xi_max = max(pair.xi_max, deepest)
-    xi = max(0.0, deepest)
-    if pair.kind == ELASTIC:
-        pair.force_max = max(pair.force_max, pair.k * power(xi, pair.p))
-        return
-    pair.g[ORDER] = 0.0
-    for j in range(ORDER):
-        pair.g[j] = (j + 1) * pair.f[j + 1]
-    force = highest(pair.f, pair.g, tau, work)
-    if pair.kind == DAMPED:
-        rate = max(abs(pair.e[0]), abs(value(pair.e, tau)))
-        force = min(force, 2.0 * (pair.k * power(xi, pair.p) + pair.gamma * power(xi, pair.d) * rate))
-    pair.force_max = max(pair.force_max, force)
-
-
-@kernel
-def highest(row: Any, rate: Any, tau: float, work: Any) -> float:
-    """Return the largest value of a row on [0, τ]; `rate`, of the sign of its slope, is used up."""
-    at, best = 0.0, max(float(row[0]), value(row, tau))
-    way = -1.0 if rate[0] > 0.0 else 1.0
-    for _ in range(ORDER):
-        step = first_up_crossing(rate, tau - at, work, way)
-        if not at + step < tau:
-            break
-        at += step
-        if way < 0.0:
-            best = max(best, value(row, at))
-        for first in range(ORDER):  # let it begin here: Horner's scheme, once for each coefficient
-            for j in range(ORDER - 1, first - 1, -1):
-                rate[j] += rate[j + 1] * step
-        rate[0], way = 0.0, -way
-    return best

@@ -29,16 +29,11 @@ SURE = 1e-6
 
 def matrices(pairs: list[Any]) -> Array:
     """The matrix A of ẏ = A y for small motions y = (ξ, η) about the current overlaps of touching pairs."""
-    n = len(pairs)
-    out = np.zeros((2 * n, 2 * n))
-    out[:n, n:] = np.eye(n)
-    for c, p in enumerate(pairs):
-        k = p.k if p.p == 1.0 else p.k * p.p * p.xi ** (p.p - 1.0)
-        gamma = p.gamma if p.d == 0.0 else p.gamma * p.xi**p.d
-        for i, w in ((c - 1, p.lower), (c, -p.inverse), (c + 1, p.upper)):
-            if 0 <= i < n:
-                out[n + i, c], out[n + i, n + c] = w * k, w * gamma
-    return out
+    k = np.array([p.k if p.p == 1.0 else p.k * p.p * p.xi ** (p.p - 1.0) for p in pairs])
+    gamma = np.array([p.gamma if p.d == 0.0 else p.gamma * p.xi**p.d for p in pairs])
+    lower, own, upper = np.array([(p.lower, -p.inverse, p.upper) for p in pairs]).T
+    w = np.diag(lower[1:], 1) + np.diag(own) + np.diag(upper[:-1], -1)
+    return np.block([[np.zeros_like(w), np.eye(len(pairs))], [w * k, w * gamma]])
 
 
 def swinging(pairs: list[Any], load: Array) -> float:

@@ -69,46 +69,32 @@ def rebound(pair: Any, span: float, work: Any) -> tuple[float, int]:
 @kernel
 def next_event(pair: Any, span: float, work: Any, laws: Any) -> tuple[float, int]:
     """Return the τ of the first event of a pair within [0, span], inf without, and which it is."""
+    row, doubt, wake = pair.g, 0.0, 0.0
     if pair.mode == OPEN:
         return first_up_crossing(pair.x, span, work), BEGIN
-    if pair.mode == DORMANT:
-        return next_of_dormant(pair, span, work)
-    if laws is not None:
+    if pair.mode == DORMANT:  # pressed enough to wake, or parted; linear ones never sleep
+        if pair.kind == LINEAR:
+            return math.inf, NOTHING
+        row, doubt, wake = pair.x, DOUBT * pair.wake, pair.wake
+    elif laws is not None:
         return laws.next_event(pair, span, work)  # type: ignore[no-any-return]
-    if pair.mode == ACTIVE:
+    elif pair.mode == ACTIVE:
         asleep = DOUBT * pair.wake if pair.xi <= pair.wake and pair.kind == LINEAR else 0.0
         if pair.kind == ELASTIC or (pair.kind == LINEAR and pair.gamma == 0.0):
-            return falls(pair.x, asleep, span, work), PART
+            return shifted(pair.x, asleep, span, work, -1.0), PART
         if pair.kind == LINEAR:
-            return falls(pair.f, pair.k * asleep, span, work), END
-        return falls(pair.g, 0.0, span, work), END
-    return first_of(first_up_crossing(pair.x, span, work, -1.0), pair.g, span, work)
-
-
-@kernel
-def next_of_dormant(pair: Any, span: float, work: Any) -> tuple[float, int]:
-    """Return when a pair that touches at rest has been pressed enough to wake, or parts. (Linear ones never sleep.)"""
-    if pair.kind == LINEAR:
-        return math.inf, NOTHING
-    xi, parts = pair.x[0], falls(pair.x, DOUBT * pair.wake, span, work)
-    pair.x[0] = xi - pair.wake
-    first = first_of(parts, pair.x, span, work)
-    pair.x[0] = xi
-    return first
-
-
-@kernel
-def first_of(parts: float, row: Any, span: float, work: Any) -> tuple[float, int]:
-    """Return whether a pair parts first, at a τ `parts`, or a row rises above zero and its force returns."""
-    again = first_up_crossing(row, min(parts, span), work)
+            return shifted(pair.f, pair.k * asleep, span, work, -1.0), END
+        return shifted(pair.g, 0.0, span, work, -1.0), END
+    parts = shifted(pair.x, doubt, span, work, -1.0)
+    again = shifted(row, -wake, min(parts, span), work, 1.0)
     return (again, BEGIN) if again < math.inf else (parts, PART)
 
 
 @kernel
-def falls(row: Any, margin: float, span: float, work: Any) -> float:
-    """Return the first τ where a row, its sign in doubt by `margin`, goes from positive to negative."""
+def shifted(row: Any, by: float, span: float, work: Any, way: float) -> float:
+    """Return the first τ where a row, shifted by so much, goes up through zero (`way` 1) or down (-1); inf without."""
     first = row[0]
-    row[0] = first + margin
-    tau: float = first_up_crossing(row, span, work, -1.0)
+    row[0] = first + by
+    tau: float = first_up_crossing(row, span, work, way)
     row[0] = first
     return tau

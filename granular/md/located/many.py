@@ -16,17 +16,7 @@ from granular._tournament import play
 from granular.md.located.blocks import MORE, QUIET, REACHED, STOPPED, advance, gather, launch
 from granular.md.located.pieces import look
 from granular.md.located.run import COMPILED_CHUNK, FIRST_LOOK, WHY
-from granular.md.located.system import (
-    ACTIVE,
-    GENERAL,
-    KIND,
-    LINEAR,
-    NO_PAUSE,
-    System,
-    kind_and_q,
-    new_system,
-    to_plain,
-)
+from granular.md.located.system import ACTIVE, GENERAL, KIND, LINEAR, NO_PAUSE, System, kind_and_q, new_system, to_plain
 from granular.trajectory import Status
 
 CODES = {why: list(Status).index(pause.value) for why, pause in WHY.items()} | {REACHED: 0, MORE: -1}

@@ -10,7 +10,8 @@ from typing import Any
 
 from granular._flight import gap_after, rate_at_contact, time_to_contact
 from granular._kernels import kernel
-from granular.md.located.system import ACTIVE, BEGIN, OPEN, ORDER, PART, RESIDUAL
+from granular._roots import first_up_crossing
+from granular.md.located.system import ACTIVE, BEGIN, DAMPED, ELASTIC, OPEN, ORDER, PART, RESIDUAL
 
 DRIFT = 4.0
 """Balls that close at less than this many times the noise of their rate are taken to drift along side by side."""
@@ -50,8 +51,7 @@ def tau_at(block: Any, t: float, tail: float) -> float:
     dt = since(block, t, tail)
     if dt <= 0.0 or block.tau == 0.0:
         return 0.0
-    tau: float = min(block.tau, power(dt, 1.0 / block.clock) / block.h)
-    return tau
+    return float(min(block.tau, power(dt, 1.0 / block.clock) / block.h))
 
 
 @kernel
@@ -91,8 +91,61 @@ def integral(row: Any, q: int, tau: float) -> float:
     total = even + odd * tau
     for _ in range(q):
         total *= tau
-    out: float = q * total
-    return out
+    return float(q * total)
+
+
+@kernel
+def direction(x: Any) -> float:
+    """Return the first coefficient that is not zero: where a pair at rest goes. (The last may vanish by parity.)"""
+    for j in range(1, ORDER + 1):
+        if x[j] != 0.0:
+            return float(x[j])
+    return 0.0
+
+
+@kernel
+def peaks(pair: Any, tau: float, work: Any) -> None:
+    """Raise the largest overlap and force to those of the piece; its g is scratch, for φ has done its duty.
+
+    A force that does not depend on the rate is largest where the overlap is, and the law says it better than a series
+    far below the scale of its island. In a piece so short that a force of ξ^(1/4) hardly counts no series need hold:
+    no more than the law allows.
+    """
+    for j in range(ORDER + 1):
+        pair.g[j] = pair.e[j]
+    deepest = highest(pair.x, pair.g, tau, work)
+    pair.xi_max = max(pair.xi_max, deepest)
+    xi = max(0.0, deepest)
+    if pair.kind == ELASTIC:
+        pair.force_max = max(pair.force_max, pair.k * power(xi, pair.p))
+        return
+    pair.g[ORDER] = 0.0
+    for j in range(ORDER):
+        pair.g[j] = (j + 1) * pair.f[j + 1]
+    force = highest(pair.f, pair.g, tau, work)
+    if pair.kind == DAMPED:
+        rate = max(abs(pair.e[0]), abs(value(pair.e, tau)))
+        force = min(force, 2.0 * (pair.k * power(xi, pair.p) + pair.gamma * power(xi, pair.d) * rate))
+    pair.force_max = max(pair.force_max, force)
+
+
+@kernel
+def highest(row: Any, rate: Any, tau: float, work: Any) -> float:
+    """Return the largest value of a row on [0, τ]; `rate`, of the sign of its slope, is used up."""
+    at, best = 0.0, max(float(row[0]), value(row, tau))
+    way = -1.0 if rate[0] > 0.0 else 1.0
+    for _ in range(ORDER):
+        step = first_up_crossing(rate, tau - at, work, way)
+        if not at + step < tau:
+            break
+        at += step
+        if way < 0.0:
+            best = max(best, value(row, at))
+        for first in range(ORDER):  # let it begin here: Horner's scheme, once for each coefficient
+            for j in range(ORDER - 1, first - 1, -1):
+                rate[j] += rate[j + 1] * step
+        rate[0], way = 0.0, -way
+    return best
 
 
 @kernel

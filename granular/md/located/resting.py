@@ -74,8 +74,7 @@ def verdict(s: Any, hi: int) -> int:
 @kernel
 def static_load(s: Any, c: int) -> float:
     """Return the force in N that pair `c` of a pile bears at rest: the weight above it, and what a ceiling adds."""
-    load: float = s.run[0].load + s.bodies[c + 1].load
-    return load
+    return float(s.run[0].load + s.bodies[c + 1].load)
 
 
 @kernel
@@ -93,29 +92,27 @@ def find_equilibrium(s: Any, piled: int) -> None:
 
 
 @kernel
-def is_still(s: Any) -> bool:
-    """Return whether a pile has come so near to its equilibrium that the difference is rounding."""
-    for c in range(s.run[0].piled):
-        pair = s.pool[s.pairs[c].slot]
+def lies(s: Any, hi: int) -> bool:
+    """Return whether a pile is so near to its equilibrium that the difference is rounding; if so, put it there.
+
+    Its piece has no end; a wall above it may move on.
+    """
+    run, pairs, pool, block = s.run[0], s.pairs, s.pool, s.pool[s.pairs[0].slot]
+    for c in range(run.piled):
+        pair = pool[pairs[c].slot]
         rest = overlap_under(pair, static_load(s, c))
         rate = math.sqrt(pair.k * pair.p * power(rest, pair.p) / rest * pair.inverse)
         if abs(pair.xi - rest) > STILL * rest or abs(pair.eta) > STILL * rest * rate:
             return False
-    return True
-
-
-@kernel
-def lie(s: Any, hi: int) -> None:
-    """Put a pile that is still into its equilibrium, with a piece that has no end; a wall above it may move on."""
-    block = s.pool[s.pairs[0].slot]
-    block.clock, block.h, block.tau, block.fired, s.pairs[0].due = 1, LONG, math.inf, -1, math.inf
+    block.clock, block.h, block.tau, block.fired, pairs[0].due = 1, LONG, math.inf, -1, math.inf
     for c in range(hi):
-        pair, load = s.pool[s.pairs[c].slot], 0.0
+        pair, load = pool[pairs[c].slot], 0.0
         pair.eta = s.bodies[0].v - s.bodies[hi].v
-        if c < s.run[0].piled:
+        if c < run.piled:
             load = static_load(s, c)
             pair.xi, pair.eta = overlap_under(pair, load), 0.0
         write_flight(pair, LONG, 0.0, load)
+    return True
 
 
 @kernel
@@ -163,10 +160,7 @@ def squeeze(s: Any, piled: int) -> float:
         middle, room = 0.5 * (low + high), total
         for c in range(piled - 1, -1, -1):
             room -= overlap_under(s.pool[s.pairs[c].slot], middle + s.bodies[c + 1].load)
-        if room > 0.0:
-            low = middle
-        else:
-            high = middle
+        low, high = (middle, high) if room > 0.0 else (low, middle)
     return low
 
 
@@ -180,11 +174,9 @@ def overlap_under(pair: Any, load: float) -> float:
 def excess(pair: Any, xi: float, rest: float, load: float) -> float:
     """Return U(ξ) - U(ξ°) - F° (ξ - ξ°) in J."""
     if pair.kind == LINEAR:
-        linear: float = 0.5 * pair.k * (xi - rest) * (xi - rest)
-        return linear
+        return float(0.5 * pair.k * (xi - rest) * (xi - rest))
     stored = xi * power(xi, pair.p) - rest * power(rest, pair.p) if xi > 0.0 else -rest * power(rest, pair.p)
-    out: float = pair.k * stored / (pair.p + 1.0) - load * (xi - rest)
-    return out
+    return float(pair.k * stored / (pair.p + 1.0) - load * (xi - rest))
 
 
 @kernel
@@ -198,12 +190,8 @@ def hurdle(pair: Any, load: float) -> float:
     for _ in range(60):  # the sum is convex: halve by the sign of its slope
         xi = 0.5 * (low + high)
         slope = pair.k * power(xi, pair.p) - load + stiff * stiff * pair.s * power(xi, 2.0 * pair.s - 1.0)
-        if slope < 0.0:
-            low = xi
-        else:
-            high = xi
-    least: float = excess(pair, high, rest, load) + 0.5 * stiff * stiff * power(low, 2.0 * pair.s)
-    return least
+        low, high = (xi, high) if slope < 0.0 else (low, xi)
+    return float(excess(pair, high, rest, load) + 0.5 * stiff * stiff * power(low, 2.0 * pair.s))
 
 
 def lie_still(pairs: list[Any], at_rest: AtRest) -> bool:

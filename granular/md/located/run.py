@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._kernels import compiled, have_numba, in_memory, worth
+from granular._kernels import compiled, in_memory, worth
 from granular._records import column, one, packed, plain
 from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
@@ -73,9 +73,7 @@ class Run:
         self.s: Any = system_of(scene, laws, request.until, tol=tol, pause=FIRST_LOOK, **limits)
         self.collocation = Collocation(laws) if self.s.kinds["kind"][0] == GENERAL else None
         self.kernels: Callable[[Any], Any] = lambda kernel: kernel
-        large = scene.n_pairs, WORTH_LOADING, WORTH_COMPILING  # to launch is a piece of every pair
-        known = engine == "auto" and self.collocation is None
-        if engine == "compiled" or (known and (in_memory(blocks.advance) or worth(blocks.advance, *large))):
+        if engine == "compiled" or self.pays(scene.n_pairs):  # to launch is a piece of every pair
             self.compile()
         else:
             self.s = to_plain(self.s)
@@ -85,6 +83,12 @@ class Run:
     def counters(self) -> Any:
         """The record of counters and limits."""
         return self.s.run[0] if isinstance(self.s.run, list) else one(self.s.run)
+
+    def pays(self, work: float) -> bool:
+        """Return whether to go on compiled, given how many pieces times pairs there are to do, or have been done."""
+        if self.engine != "auto" or self.collocation is not None:
+            return False
+        return in_memory(blocks.advance) or worth(blocks.advance, work, WORTH_LOADING, WORTH_COMPILING)
 
     def compile(self) -> None:
         """Go on compiled from the current state: same source, same bits."""
@@ -118,8 +122,8 @@ class Run:
             counters.pause *= 2
             if self.rests(limit):
                 return Pause.resting
-        if self.engine == "auto" and self.creep is None:
-            self._compile_if_worth_it()
+        if self.creep is None and self.pays(counters.steps * self.scene.n_pairs):
+            self.compile()
         return Pause.full
 
     def rests(self, limit: float) -> bool:
@@ -139,13 +143,6 @@ class Run:
             above = members[piled] if piled < n else None
             self.creep = Creep(members[:piled], load, above, s.bodies[0].v - s.bodies[-1].v)
         return limit == math.inf and self.creep is not None
-
-    def _compile_if_worth_it(self) -> None:
-        work = self.counters.steps * self.scene.n_pairs
-        if work > WORTH_LOADING and (self.collocation is not None or not have_numba()):
-            self.engine = "plain"
-        elif work > WORTH_LOADING and worth(blocks.advance, work, WORTH_LOADING, WORTH_COMPILING):
-            self.compile()
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of contacts so far."""

@@ -67,11 +67,8 @@ def prepare(pair: Any, q: int) -> None:
 def force_term(pair: Any, n: int, q: int) -> None:
     """Add order n of the force (and of φ) of a pair that is not open; x is known to order n+q, e to order n."""
     if pair.kind == LINEAR:
-        phi = bracket(pair, n)
-        if pair.mode == RESIDUAL:
-            pair.g[n] = phi
-        else:
-            pair.f[n] = phi
+        pair.g[n] = bracket(pair, n)
+        pair.f[n] = works(pair) * pair.g[n]
         return
     if pair.mode == DORMANT:
         return
@@ -125,10 +122,9 @@ def complete(pair: Any, q: int) -> None:
     if pair.mode == OPEN or pair.s != 1.0 or (pair.mode == DORMANT and pair.kind != LINEAR):
         return
     for n in range(ORDER - q + 1, ORDER + 1):
-        if pair.kind == LINEAR and pair.mode != RESIDUAL:
-            pair.f[n] = bracket(pair, n)
-        else:
-            pair.g[n] = bracket(pair, n)
+        pair.g[n] = bracket(pair, n)
+        if pair.kind == LINEAR:
+            pair.f[n] = works(pair) * pair.g[n]
 
 
 @kernel

@@ -35,20 +35,13 @@ DORMANCY = 1e-17
 
 
 @kernel
-def is_linear(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
-    """Return whether no other than linear laws are at work in the block."""
-    for c in range(lo, hi):
-        if pool[pairs[c].slot].mode != OPEN and pool[pairs[c].slot].kind != LINEAR:
-            return False
-    return True
-
-
-@kernel
 def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int) -> float:
-    """Return λ in 1/s, a bound of all rates of the touching pairs of a linear block."""
+    """Return λ in 1/s, a bound of all rates of the touching pairs; -1 if other than linear laws are at work."""
     a, b, k0, g0 = 0.0, 0.0, 0.0, 0.0
     for c in range(lo, hi):
         pair, k1, g1 = pool[pairs[c].slot], 0.0, 0.0
+        if pair.mode != OPEN and pair.kind != LINEAR:
+            return -1.0
         if c + 1 < hi:
             above = pool[pairs[c + 1].slot]
             k1, g1 = works(above) * above.k, works(above) * above.gamma

@@ -222,8 +222,7 @@ def _rough_form(law: PairLaw, speed: float, gravity: float) -> tuple[float, floa
             xi *= factor
     p, onset = (_slope(law, x) for x in (xi, 1e-6 * xi))
     k = abs(_bounded(law, xi)) / math.pow(xi, p)
-    smooth = abs(onset - round(onset)) < 1e-3
-    return (k if 0.0 < k < math.inf else 1.0), p, (1 if smooth else 2)
+    return (k if 0.0 < k < math.inf else 1.0), p, (1 if abs(onset - round(onset)) < 1e-3 else 2)
 
 
 def _slope(law: PairLaw, xi: float) -> float:
