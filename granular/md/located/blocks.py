@@ -19,7 +19,7 @@ from granular.md.located.contacts import AWAITED, SOME, act, activate, confirm, 
 from granular.md.located.events import locate
 from granular.md.located.pieces import arrive, elapsed, glide, power, predict, since, tau_at, tick, value
 from granular.md.located.resting import LONG, NOT_YET, RESTS, lies, verdict
-from granular.md.located.series import expand, expand_two
+from granular.md.located.series import expand, expand_linear, expand_two
 from granular.md.located.step_size import REACH, choose_clock, fastest_rate, growth, left_out, measure, scale, trusted
 from granular.md.located.system import GENERAL, OPEN, RESIDUAL
 
@@ -36,15 +36,15 @@ def launch(s: Any, laws: Any) -> bool:
     for c in range(n):
         pair = pairs[c]
         if pair.xi > 0.0 or (pair.xi == 0.0 and pair.eta > 0.0):
-            join(s, c)
+            join(run, pairs, pool, s.kinds, s.bodies, c)
             if is_clipped(pool[pair.slot], laws):
                 pool[pair.slot].mode = RESIDUAL
-            elif not activate(s, c):
+            elif not activate(run, pairs, pool, s.bodies, c):
                 return False
     for c in range(n):
         if pairs[c].first == c:
             if pairs[c].slot < 0:
-                join(s, c)
+                join(run, pairs, pool, s.kinds, s.bodies, c)
             run.lo, run.hi, run.stride = c, pairs[c].hi, pool[pairs[c].slot].stride
             if regroup(s, laws) == STOPPED:
                 return False
@@ -64,7 +64,7 @@ def is_clipped(pair: Any, laws: Any) -> bool:
 @kernel
 def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
     """Work off what is due up to time `limit`, at most `chunk` pieces."""
-    run, pairs, pool, queue = s.run[0], s.pairs, s.pool, s.queue
+    run, pairs, pool, bodies, queue, work = s.run[0], s.pairs, s.pool, s.bodies, s.queue, s.work
     for _ in range(chunk):
         if run.waits == 0:
             lo = queue[1].key
@@ -80,19 +80,21 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                 if run.members == len(pool):
                     return CRAMPED
                 arrive(pairs[lo])
-                join(s, lo)
+                join(run, pairs, pool, s.kinds, bodies, lo)
             block = pool[pairs[lo].slot]
-            settle(s, lo, block.tau, elapsed(block.h, block.clock, block.tau))
+            settle(run, pairs, pool, bodies, work, lo, block.tau, elapsed(block.h, block.clock, block.tau))
             run.t, run.tail, run.stride, run.lo, run.hi = block.t, block.tail, block.stride, lo, pairs[lo].hi
             if block.fired < 0:
-                proved = verdict(s, run.hi) if lo == 0 else NOT_YET
+                proved = verdict(run, pairs, pool, bodies, run.hi) if lo == 0 else NOT_YET
                 if proved != NOT_YET and limit == math.inf:
                     return REST if proved == RESTS else BINDING
-                if not (proved == RESTS and lies(s, run.hi)) and not plan(s, lo, laws):
+                if not (proved == RESTS and lies(run, pairs, pool, bodies, run.hi)) and not plan(
+                    run, pairs, pool, bodies, work, lo, laws
+                ):
                     return STOPPED
                 play(queue, lo, pairs[lo].due)
                 continue
-            if not act(s, block, laws):
+            if not act(run, pairs, pool, bodies, s.log, block, laws):
                 return STOPPED
         why = regroup(s, laws)
         run.waits = 1 if why == CRAMPED else 0
@@ -119,19 +121,19 @@ def gather(s: Any, t: float, laws: Any) -> None:
     for c in range(len(s.pairs)):
         pair = s.pairs[c]
         if pair.first == c:
-            bring(s, c, t, 0.0)
+            bring(s.run[0], s.pairs, s.pool, s.bodies, s.work, c, t, 0.0)
             if pair.slot >= 0 and pair.due < math.inf and s.pool[pair.slot].h > 0.0:
-                settle_series(s, c, laws)
+                settle_series(s.run[0], s.pairs, s.pool, c, laws)
 
 
 @kernel
-def join(s: Any, c: int) -> None:
+def join(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> None:
     """Give pair `c`, which has been in free flight, its place in the pool."""
-    run, pair, law = s.run[0], s.pairs[c], s.kinds[s.pairs[c].kind_of]
-    pair.slot = s.pool[run.members].spare
+    pair, law = pairs[c], kinds[pairs[c].kind_of]
+    pair.slot = pool[run.members].spare
     run.members += 1
-    member = s.pool[pair.slot]
-    member.lower, member.upper = s.bodies[c].inverse_mass, s.bodies[c + 1].inverse_mass
+    member = pool[pair.slot]
+    member.lower, member.upper = bodies[c].inverse_mass, bodies[c + 1].inverse_mass
     member.inverse, member.pull = member.lower + member.upper, pair.pull
     member.kind, member.q, member.memory = law.kind, law.q, law.memory
     member.k, member.gamma, member.p, member.d, member.s = law.k, law.gamma, law.p, law.d, law.s
@@ -144,15 +146,15 @@ def join(s: Any, c: int) -> None:
 
 
 @kernel
-def take_off(s: Any, c: int) -> None:
+def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int) -> None:
     """Let pair `c`, a block of its own, fly on from the time of the event under way, and take back its place."""
-    run, pair, member = s.run[0], s.pairs[c], s.pool[s.pairs[c].slot]
+    pair, member = pairs[c], pool[pairs[c].slot]
     pair.xi = 0.0 if member.mode == OPEN and member.xi > 0.0 else member.xi
     pair.eta, pair.mode, pair.noise = member.eta, member.mode, member.noise
     pair.exact, pair.wake, pair.t, pair.tail, pair.stride = member.exact, member.wake, run.t, run.tail, run.stride
     run.members -= 1
-    s.pool[run.members].spare, pair.slot = pair.slot, -1
-    predict(pair, s.kinds[pair.kind_of])
+    pool[run.members].spare, pair.slot = pair.slot, -1
+    predict(pair, kinds[pair.kind_of])
 
 
 @kernel
@@ -161,25 +163,25 @@ def regroup(s: Any, laws: Any) -> int:
 
     Return MORE, STOPPED, or CRAMPED: then it is to be called again with more room.
     """
-    run, pairs, pool = s.run[0], s.pairs, s.pool
+    run, pairs, pool, bodies, work = s.run[0], s.pairs, s.pool, s.bodies, s.work
     found = SOME
     while found == SOME:
         while run.lo > 0 and pushes(pool[pairs[run.lo].slot]):
-            if not absorb(s, pairs[run.lo - 1].first):
+            if not absorb(run, pairs, pool, s.kinds, bodies, work, pairs[run.lo - 1].first):
                 return CRAMPED
         while run.hi < len(pairs) and pushes(pool[pairs[run.hi - 1].slot]):
-            if not absorb(s, run.hi):
+            if not absorb(run, pairs, pool, s.kinds, bodies, work, run.hi):
                 return CRAMPED
-        found = engage(s)
+        found = engage(run, pairs, pool, bodies)
     if found == AWAITED:
         return STOPPED
     a, why = run.lo, MORE
     for c in range(run.lo + 1, run.hi + 1):
         if c == run.hi or not (pushes(pool[pairs[c - 1].slot]) or pushes(pool[pairs[c].slot])):
-            form(s, a, c)
+            form(run, pairs, pool, s.queue, a, c)
             if c == a + 1 and not pushes(pool[pairs[a].slot]):
-                take_off(s, a)
-            elif not plan(s, a, laws):
+                take_off(run, pairs, pool, s.kinds, a)
+            elif not plan(run, pairs, pool, bodies, work, a, laws):
                 why = STOPPED
             play(s.queue, a, pairs[a].due)
             a = c
@@ -187,55 +189,54 @@ def regroup(s: Any, laws: Any) -> int:
 
 
 @kernel
-def absorb(s: Any, lo: int) -> bool:
+def absorb(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, work: Any, lo: int) -> bool:
     """Let the event under way concern the block that starts with pair `lo` too; false if there is no room for it."""
-    run = s.run[0]
-    bring(s, lo, run.t, run.tail)
-    if s.pairs[lo].slot < 0:
-        if run.members == len(s.pool):
+    bring(run, pairs, pool, bodies, work, lo, run.t, run.tail)
+    if pairs[lo].slot < 0:
+        if run.members == len(pool):
             return False
-        join(s, lo)
-    run.lo, run.hi = min(run.lo, lo), max(run.hi, s.pairs[lo].hi)
+        join(run, pairs, pool, kinds, bodies, lo)
+    run.lo, run.hi = min(run.lo, lo), max(run.hi, pairs[lo].hi)
     return True
 
 
 @kernel
-def bring(s: Any, lo: int, t: float, tail: float) -> None:
+def bring(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, t: float, tail: float) -> None:
     """Advance the block that starts with pair `lo` to the time t + tail, at most the end of its piece."""
-    pair = s.pairs[lo]
+    pair = pairs[lo]
     if pair.slot < 0:
         glide(pair, since(pair, t, tail))
     else:  # at once there, except for what a single float cannot say
-        block = s.pool[pair.slot]
-        settle(s, lo, tau_at(block, t, tail), since(block, t, tail))
+        block = pool[pair.slot]
+        settle(run, pairs, pool, bodies, work, lo, tau_at(block, t, tail), since(block, t, tail))
 
 
 @kernel
-def form(s: Any, lo: int, hi: int) -> None:
+def form(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
     """Make pairs lo … hi-1 a block at the time of the event under way."""
-    block, s.pairs[lo].hi = s.pool[s.pairs[lo].slot], hi
-    block.t, block.tail, block.stride = s.run[0].t, s.run[0].tail, s.run[0].stride
+    block, pairs[lo].hi = pool[pairs[lo].slot], hi
+    block.t, block.tail, block.stride = run.t, run.tail, run.stride
     for c in range(lo, hi):
-        s.pairs[c].first = lo
-        if c > lo and s.pairs[c].due < math.inf:
-            s.pairs[c].due = math.inf
-            play(s.queue, c, math.inf)
+        pairs[c].first = lo
+        if c > lo and pairs[c].due < math.inf:
+            pairs[c].due = math.inf
+            play(queue, c, math.inf)
 
 
 @kernel
-def settle(s: Any, lo: int, tau: float, dt: float) -> None:
+def settle(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau: float, dt: float) -> None:
     """Advance the island that starts with pair `lo` to τ, a time `dt` into its piece."""
-    pairs, pool, bodies, hi, block = s.pairs, s.pool, s.bodies, s.pairs[lo].hi, s.pool[s.pairs[lo].slot]
+    hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     if tau <= 0.0:
         return
-    if s.run[0].log > 0:
-        follow(s, lo, tau)
+    if run.log > 0:
+        follow(run, pairs, pool, bodies, work, lo, tau)
     for c in range(lo, hi):
         member = pool[pairs[c].slot]
         member.xi, member.eta, member.exact = value(member.x, tau), value(member.e, tau), 0
         member.x[0], member.e[0] = member.xi, member.eta
     for c in range(lo, hi):
-        pool[pairs[c].slot].noise += rounding(s, c, lo)
+        pool[pairs[c].slot].noise += rounding(run.tol, pairs, pool, c, lo)
     if bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0:
         hold_walls(pairs, pool, lo, hi, bodies[lo].v - bodies[hi].v)
     tick(block, dt)
@@ -243,11 +244,11 @@ def settle(s: Any, lo: int, tau: float, dt: float) -> None:
 
 
 @kernel
-def rounding(s: Any, c: int, lo: int) -> float:
+def rounding(tol: float, pairs: Any, pool: Any, c: int, lo: int) -> float:
     """Return what a step may leave in the rate of pair `c`: rounding of rates, or what a nonlinear step leaves out."""
-    pairs, pool, member = s.pairs, s.pool, s.pool[s.pairs[c].slot]
+    member = pool[pairs[c].slot]
     if pool[pairs[lo].slot].linear == 0:
-        return float(max(s.run[0].tol, ULP if member.kind != GENERAL else 8.0 * ULP) * member.own_speed)
+        return float(max(tol, ULP if member.kind != GENERAL else 8.0 * ULP) * member.own_speed)
     largest = abs(member.eta)
     for i in range(max(lo, c - 1), min(c + 2, pairs[lo].hi)):
         largest = max(largest, abs(pool[pairs[i].slot].eta))
@@ -263,13 +264,13 @@ def hold_walls(pairs: Any, pool: Any, lo: int, hi: int, closing: float) -> None:
         excess += member.eta
         if abs(member.eta) > abs(fastest.eta):
             fastest = member
-    fastest.eta -= excess
+    fastest.eta, fastest.e[0] = fastest.eta - excess, fastest.eta - excess
 
 
 @kernel
-def plan(s: Any, lo: int, laws: Any) -> bool:
+def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws: Any) -> bool:
     """Compute the next piece of the island that starts with `lo`, and its end; false if the run is to stop at once."""
-    run, pairs, pool, hi, block = s.run[0], s.pairs, s.pool, s.pairs[lo].hi, s.pool[s.pairs[lo].slot]
+    hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     worst, span = -math.inf, 1.0
     run.steps += 1
     fastest = fastest_rate(pairs, pool, lo, hi)
@@ -280,15 +281,15 @@ def plan(s: Any, lo: int, laws: Any) -> bool:
         measure(pairs, pool, lo, hi)
         block.clock = choose_clock(pairs, pool, lo, hi)
         block.h = scale(pairs, pool, lo, hi)
-    settle_series(s, lo, laws)
+    settle_series(run, pairs, pool, lo, laws)
     if block.linear == 0 and laws is None:
         worst = growth(pairs, pool, lo, hi, run.tol)
         span = trusted(worst, run.tol)
         if block.clock == 1:
             block.stride = block.h * span
-    if not confirm(s, lo, hi):
+    if not confirm(run, pairs, pool, bodies, lo, hi):
         return False
-    locate(pairs, pool, lo, hi, span, s.work, laws)
+    locate(pairs, pool, lo, hi, span, work, laws)
     run.error += left_out(worst, block.tau)
     pairs[lo].due = block.t + (elapsed(block.h, block.clock, block.tau) + block.tail)
     if block.h >= LONG:  # it lies still
@@ -299,14 +300,16 @@ def plan(s: Any, lo: int, laws: Any) -> bool:
 
 
 @kernel
-def settle_series(s: Any, lo: int, laws: Any) -> None:
+def settle_series(run: Any, pairs: Any, pool: Any, lo: int, laws: Any) -> None:
     """Compute the series; where pairs touch at rest, until it agrees with who is taken to push."""
-    pairs, pool, hi, block = s.pairs, s.pool, s.pairs[lo].hi, s.pool[s.pairs[lo].slot]
+    hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     for _ in range(2 * (hi - lo) + 2):
         if laws is not None:
-            s.run[0].error += laws.fill(pairs, pool, lo, s.run[0].tol)
+            run.error += laws.fill(pairs, pool, lo, run.tol)
         elif block.linear == 1 and hi == lo + 2:
             expand_two(block, pool[pairs[lo + 1].slot], block.h)
+        elif block.linear == 1:
+            expand_linear(pairs, pool, lo, hi, block.h, 1)
         else:
             expand(pairs, pool, lo, hi, block.h, block.clock)
         if not judge(pairs, pool, lo, hi):

@@ -95,7 +95,7 @@ class Collocation:
         if block.stride > 0.0 and block.clock == 1:
             reach = block.stride
         allowed, shortest = max(tol, SMALLEST), HOPELESS * reach
-        self._check_start(pairs)
+        self._check(pairs, [0.0])
         if lie_still(pairs, self.force):
             return 0.0
         while True:
@@ -145,20 +145,15 @@ class Collocation:
         xi, eta = value(p.x, tau), value(p.e, tau)
         return all(self.force(p, xi * part, eta) == 0.0 for part in (FLAT, 1.0, 2.0 - FLAT))
 
-    def _check_start(self, pairs: list[Any]) -> None:
-        """Raise if a force at the start of the step is no number, or if nothing stops an overlap."""
-        for p in pairs:
-            if p.xi > 1e150:
+    def _check(self, pairs: list[Any], times: list[float]) -> None:
+        """Raise if nothing stops an overlap, or if a force is no number, at times in the step, by free flight."""
+        for p, t in product(pairs, times):
+            xi, eta = p.xi + (p.eta + 0.5 * p.pull * t) * t, p.eta + p.pull * t
+            if xi > 1e150:
                 raise ValueError(
                     f"law of pair {p.number} is {self.laws[p.number].law!r}: it lets the bodies pass through each "
                     f"other, and their overlap grows for ever; a law that stops them is needed, or a t_end."
                 )
-        self._check(pairs, [0.0])
-
-    def _check(self, pairs: list[Any], times: list[float]) -> None:
-        """Raise if a force is no number at some times from the start of the step, by free flight."""
-        for p, t in product(pairs, times):
-            xi, eta = p.xi + (p.eta + 0.5 * p.pull * t) * t, p.eta + p.pull * t
             if p.mode in (ACTIVE, RESIDUAL) and (t > 0.0 or xi > 0.0):
                 force = self.force(p, xi, eta)
                 if not math.isfinite(force):

@@ -15,76 +15,73 @@ NONE, SOME, AWAITED = range(3)
 
 
 @kernel
-def act(s: Any, block: Any, laws: Any) -> bool:
+def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws: Any) -> bool:
     """Let the event happen that ends the piece of `block`; false if it meets the stop condition instead."""
-    run, c, what = s.run[0], block.fired, block.what
-    pair = s.pool[s.pairs[c].slot]
+    c, what = block.fired, block.what
+    pair = pool[pairs[c].slot]
     if what == BEGIN:
-        return begin(s, c, block.speed, laws)
+        return begin(run, pairs, pool, bodies, c, block.speed, laws)
     run.events += 1
     if what == TURN:
         pair.loading, pair.top, pair.eta = 0, pair.xi, min(0.0, pair.eta)
-        return True
-    if what == RELOAD:
+    elif what == RELOAD:
         pair.loading, pair.xi = 1, pair.top
-        return True
-    if (what == PART or pair.xi <= GRAZE * pair.own_length) and stays(pair, block.speed):
+    elif (what == PART or pair.xi <= GRAZE * pair.own_length) and stays(pair, block.speed):
         pair.mode, pair.xi = DORMANT, 0.0
-        halt(s, c)
-        return True
-    if pair.begun == 1:
-        end_contact(s, c)
-    if what == END:
-        pair.mode, pair.exact = RESIDUAL, 1
+        halt(pairs, pool, bodies, c)
     else:
-        if pair.mode != DORMANT:
-            pair.xi = 0.0
-        pair.mode, pair.exact, pair.top, pair.loading = OPEN, 0, 0.0, 1
+        if pair.begun == 1:
+            end_contact(run, pairs, pool, bodies, log, c)
+        if what == END:
+            pair.mode, pair.exact = RESIDUAL, 1
+        else:
+            pair.xi = pair.xi if pair.mode == DORMANT else 0.0
+            pair.mode, pair.exact, pair.top, pair.loading = OPEN, 0, 0.0, 1
     return True
 
 
 @kernel
-def begin(s: Any, c: int, speed: float, laws: Any) -> bool:
+def begin(run: Any, pairs: Any, pool: Any, bodies: Any, c: int, speed: float, laws: Any) -> bool:
     """Let the force of pair `c` begin; it has touched, or its force has returned."""
-    pair = s.pool[s.pairs[c].slot]
+    pair = pool[pairs[c].slot]
     if pair.mode == OPEN:
         pair.xi = 0.0
         if drifts(pair) or pair.eta < 0.0:  # grazed, or touching at rest
             pair.eta = min(0.0, pair.eta)
             return True
-        if turns(s, c, speed):
-            halt(s, c)
+        if turns(pairs, pool, c, speed):
+            halt(pairs, pool, bodies, c)
             return True
         if laws is not None:
             pair.mode = OPEN if laws.pushes_at_touch(pair) else RESIDUAL
             if pair.mode == RESIDUAL:
                 return True
-    return activate(s, c)
+    return activate(run, pairs, pool, bodies, c)
 
 
 @kernel
-def activate(s: Any, c: int) -> bool:
+def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
     """Begin the contact of pair `c`; false if the run is to stop just before."""
-    run, pair = s.run[0], s.pool[s.pairs[c].slot]
+    pair = pool[pairs[c].slot]
     if pair.begun == 1:  # only slept for a moment
         pair.mode = ACTIVE
         return True
-    if is_awaited(s, c):
+    if is_awaited(run, pairs, c):
         return False
     if pair.mode != DORMANT:  # else it has been under way since it was touched
-        begin_contact(s, c)
+        begin_contact(run, pairs, pool, bodies, c)
     pair.exact = 1 if pair.mode == RESIDUAL else 0
     pair.mode, pair.begun = ACTIVE, 1
-    s.pairs[c].count += 1
+    pairs[c].count += 1
     run.events += 1
     run.begun += 1
     return True
 
 
 @kernel
-def is_awaited(s: Any, c: int) -> bool:
+def is_awaited(run: Any, pairs: Any, c: int) -> bool:
     """Return whether the run is to stop just before the next contact of pair `c`."""
-    return bool(c == s.run[0].until_pair and s.pairs[c].count + 1 == s.run[0].until_nth)
+    return bool(c == run.until_pair and pairs[c].count + 1 == run.until_nth)
 
 
 @kernel
@@ -102,15 +99,15 @@ def stays(pair: Any, speed: float) -> bool:
 
 
 @kernel
-def turns(s: Any, c: int, speed: float) -> bool:
+def turns(pairs: Any, pool: Any, c: int, speed: float) -> bool:
     """Return whether balls that gravity parts come up to where they touch with no more energy than rounding.
 
     Alone in their flight they have no island that could feel it.
     """
-    pair, lo = s.pool[s.pairs[c].slot], s.pairs[c].first
-    hi = s.pairs[lo].hi
+    pair, lo = pool[pairs[c].slot], pairs[c].first
+    hi = pairs[lo].hi
     for i in range(lo, hi):
-        speed = max(speed, speed_of_weight(s.pool[s.pairs[i].slot]))
+        speed = max(speed, speed_of_weight(pool[pairs[i].slot]))
     return bool(pair.pull < 0.0 and hi - lo > 1 and pair.eta * pair.eta <= DRIFT * pair.noise * speed)
 
 
@@ -122,9 +119,8 @@ def speed_of_weight(pair: Any) -> float:
 
 
 @kernel
-def halt(s: Any, c: int) -> None:
+def halt(pairs: Any, pool: Any, bodies: Any, c: int) -> None:
     """Take its rate from pair `c` of a block, by an impulse between its balls that their other neighbours feel too."""
-    pairs, pool, bodies = s.pairs, s.pool, s.bodies
     pair, lo = pool[pairs[c].slot], pairs[c].first
     impulse = pair.eta / pair.inverse
     pair.eta = 0.0
@@ -157,12 +153,12 @@ def pushes(pair: Any) -> bool:
 
 
 @kernel
-def engage(s: Any) -> int:
+def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
     """Make pairs dormant that touch at rest beside a force or under their own weight; return whether there were any.
 
     Forces only push, so that such a contact is sure to begin at once, if no gravity pulls the pair apart.
     """
-    pairs, pool, found, lo, hi = s.pairs, s.pool, NONE, s.run[0].lo, s.run[0].hi
+    found, lo, hi = NONE, run.lo, run.hi
     for sweep in range(2):
         for i in range(hi - lo):
             c = lo + i if sweep == 0 else hi - 1 - i
@@ -172,9 +168,9 @@ def engage(s: Any) -> int:
                 or (c > lo and pushes(pool[pairs[c - 1].slot]))
                 or (c + 1 < hi and pushes(pool[pairs[c + 1].slot]))
             ):
-                if is_awaited(s, c) and pair.pull >= 0.0:
+                if is_awaited(run, pairs, c) and pair.pull >= 0.0:
                     return AWAITED
-                begin_contact(s, c)
+                begin_contact(run, pairs, pool, bodies, c)
                 pair.mode, found = DORMANT, SOME
     return found
 
@@ -194,48 +190,53 @@ def judge(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
 
 
 @kernel
-def confirm(s: Any, lo: int, hi: int) -> bool:
+def confirm(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, hi: int) -> bool:
     """Begin the linear contacts the series presses together from rest; false if the run is to stop just before."""
     for c in range(lo, hi):
-        pair = s.pool[s.pairs[c].slot]
-        if pair.mode == DORMANT and pair.kind == LINEAR and direction(pair.x) > 0.0 and not activate(s, c):
+        pair = pool[pairs[c].slot]
+        if (
+            pair.mode == DORMANT
+            and pair.kind == LINEAR
+            and direction(pair.x) > 0.0
+            and not activate(run, pairs, pool, bodies, c)
+        ):
             return False
     return True
 
 
 @kernel
-def begin_contact(s: Any, c: int) -> None:
+def begin_contact(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> None:
     """Note the time and the velocities at which the contact of pair `c` begins (or might: it is dormant)."""
-    pair = s.pool[s.pairs[c].slot]
-    pair.t_begin, pair.duration, pair.impulse, pair.force_max, pair.xi_max = s.run[0].t, 0.0, 0.0, 0.0, pair.xi
-    pair.lower_in, pair.upper_in = velocity_now(s, c), velocity_now(s, c + 1)
+    pair = pool[pairs[c].slot]
+    pair.t_begin, pair.duration, pair.impulse, pair.force_max, pair.xi_max = run.t, 0.0, 0.0, 0.0, pair.xi
+    pair.lower_in, pair.upper_in = velocity_now(bodies[c], run), velocity_now(bodies[c + 1], run)
 
 
 @kernel
-def end_contact(s: Any, c: int) -> None:
+def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) -> None:
     """Write the log row of the contact of pair `c` that ends now."""
-    run, pair = s.run[0], s.pool[s.pairs[c].slot]
+    pair = pool[pairs[c].slot]
     pair.begun = 0
     if run.log == 0:
         return
-    row = s.log[run.rows]
+    row = log[run.rows]
     run.rows += 1
     row.pair, row.t_begin, row.t_end, row.duration = c, pair.t_begin, run.t, pair.duration
     row.lower_in, row.upper_in = pair.lower_in, pair.upper_in
-    row.lower_out, row.upper_out = velocity_now(s, c), velocity_now(s, c + 1)
+    row.lower_out, row.upper_out = velocity_now(bodies[c], run), velocity_now(bodies[c + 1], run)
     row.xi_max, row.force_max, row.impulse = pair.xi_max, pair.force_max, max(0.0, pair.impulse)
 
 
 @kernel
-def velocity_now(s: Any, body: int) -> float:
+def velocity_now(body: Any, run: Any) -> float:
     """Return the velocity of a body at the time of the event under way."""
-    return float(s.bodies[body].v - s.bodies[body].fall * since(s.bodies[body], s.run[0].t, s.run[0].tail))
+    return float(body.v - body.fall * since(body, run.t, run.tail))
 
 
 @kernel
-def follow(s: Any, lo: int, tau: float) -> None:
+def follow(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau: float) -> None:
     """Add the stretch [0, τ] of the piece of the island that starts with `lo` to its contacts and its bodies."""
-    pairs, pool, hi, block = s.pairs, s.pool, s.pairs[lo].hi, s.pool[s.pairs[lo].slot]
+    hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     h, q, below = block.h, block.clock, 0.0
     dt = elapsed(h, q, tau)
     for c in range(lo, hi):
@@ -247,13 +248,13 @@ def follow(s: Any, lo: int, tau: float) -> None:
                 c + 1 < hi and pool[pairs[c + 1].slot].mode == ACTIVE
             ):
                 pairs[c].shared += impulse
-            if s.run[0].log == 2:
-                peaks(pair, tau, s.work)
+            if run.log == 2:
+                peaks(pair, tau, work)
         if pair.mode == ACTIVE or pair.mode == DORMANT:
             pair.duration += dt
-        push(s.bodies[c], block, dt, below - impulse)
+        push(bodies[c], block, dt, below - impulse)
         below = impulse
-    push(s.bodies[hi], block, dt, below)
+    push(bodies[hi], block, dt, below)
 
 
 @kernel

@@ -116,7 +116,7 @@ def solve_many(
     pause = FIRST_LOOK if leave_piles else NO_PAUSE
     limits: dict[str, Any] = {"tol": tol, "max_events": max_events, "max_steps": max_steps, "log": 1, "pause": pause}
     parts = []
-    for first in range(0, count, AT_ONCE):
+    for first in range(0, max(1, count), AT_ONCE):
         *part, kinds, end = (np.ascontiguousarray(column[first : first + AT_ONCE]) for column in columns)
         n = kinds.shape[-1]
         s = new_system(part, kinds, np.arange(n), n, until, **limits)

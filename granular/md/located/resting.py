@@ -43,27 +43,26 @@ ROUNDING = 1e-11
 
 
 @kernel
-def verdict(s: Any, hi: int) -> int:
+def verdict(run: Any, pairs: Any, pool: Any, bodies: Any, hi: int) -> int:
     """Return what is proved of the block of pairs 0 … hi-1; notes energy and barrier in the run's record."""
-    run, pairs, pool = s.run[0], s.pairs, s.pool
     if run.rests == 1:
         return RESTS
-    piled = pile(s, hi)
+    piled = pile(pairs, pool, bodies, hi)
     if piled == 0:
         return NOT_YET
     if piled != run.piled:
-        find_equilibrium(s, piled)
-    energy, damped = kinetic(s, piled), 1
+        find_equilibrium(run, pairs, pool, bodies, piled)
+    energy, damped = kinetic(pairs, pool, bodies, piled), 1
     if energy >= run.opening:
         return NOT_YET
     for c in range(piled - 1, -1, -1):
-        pair, load = pool[pairs[c].slot], static_load(s, c)
+        pair, load = pool[pairs[c].slot], static_load(run, bodies, c)
         energy += excess(pair, pair.xi, overlap_under(pair, load), load)
         damped = damped if pair.gamma > 0.0 else 0
     if run.barrier == math.inf:
         run.barrier = run.opening
         for c in range(piled):
-            run.barrier = min(run.barrier, hurdle(pool[pairs[c].slot], static_load(s, c)))
+            run.barrier = min(run.barrier, hurdle(pool[pairs[c].slot], static_load(run, bodies, c)))
     run.energy = energy
     if energy >= (1.0 - 1e-9) * run.barrier:
         return NOT_YET
@@ -72,57 +71,55 @@ def verdict(s: Any, hi: int) -> int:
 
 
 @kernel
-def static_load(s: Any, c: int) -> float:
+def static_load(run: Any, bodies: Any, c: int) -> float:
     """Return the force in N that pair `c` of a pile bears at rest: the weight above it, and what a ceiling adds."""
-    return float(s.run[0].load + s.bodies[c + 1].load)
+    return float(run.load + bodies[c + 1].load)
 
 
 @kernel
-def find_equilibrium(s: Any, piled: int) -> None:
+def find_equilibrium(run: Any, pairs: Any, pool: Any, bodies: Any, piled: int) -> None:
     """Note a pile, the force in N on its ceiling, and the least energy in J with which one of its pairs opens.
 
     That is without damping, where it has to part; a `hurdle` is lower.
     """
-    run = s.run[0]
     run.piled, run.opening, run.barrier = piled, math.inf, math.inf
-    run.load = squeeze(s, piled) if s.bodies[piled].inverse_mass == 0.0 else 0.0
+    run.load = squeeze(pairs, pool, bodies, piled) if bodies[piled].inverse_mass == 0.0 else 0.0
     for c in range(piled):
-        pair, load = s.pool[s.pairs[c].slot], static_load(s, c)
+        pair, load = pool[pairs[c].slot], static_load(run, bodies, c)
         run.opening = min(run.opening, excess(pair, 0.0, overlap_under(pair, load), load))
 
 
 @kernel
-def lies(s: Any, hi: int) -> bool:
+def lies(run: Any, pairs: Any, pool: Any, bodies: Any, hi: int) -> bool:
     """Return whether a pile is so near to its equilibrium that the difference is rounding; if so, put it there.
 
     Its piece has no end; a wall above it may move on.
     """
-    run, pairs, pool, block = s.run[0], s.pairs, s.pool, s.pool[s.pairs[0].slot]
+    block = pool[pairs[0].slot]
     for c in range(run.piled):
         pair = pool[pairs[c].slot]
-        rest = overlap_under(pair, static_load(s, c))
+        rest = overlap_under(pair, static_load(run, bodies, c))
         rate = math.sqrt(pair.k * pair.p * power(rest, pair.p) / rest * pair.inverse)
         if abs(pair.xi - rest) > STILL * rest or abs(pair.eta) > STILL * rest * rate:
             return False
     block.clock, block.h, block.tau, block.fired, pairs[0].due = 1, LONG, math.inf, -1, math.inf
     for c in range(hi):
         pair, load = pool[pairs[c].slot], 0.0
-        pair.eta = s.bodies[0].v - s.bodies[hi].v
+        pair.eta = bodies[0].v - bodies[hi].v
         if c < run.piled:
-            load = static_load(s, c)
+            load = static_load(run, bodies, c)
             pair.xi, pair.eta = overlap_under(pair, load), 0.0
         write_flight(pair, LONG, 0.0, load)
     return True
 
 
 @kernel
-def pile(s: Any, hi: int) -> int:
+def pile(pairs: Any, pool: Any, bodies: Any, hi: int) -> int:
     """Return how many pairs from a floor up form a pile that holds every ball, in a block 0 … hi-1; 0 if they do not.
 
     Above it there may be a ceiling, out of reach and not coming down.
     """
-    pairs, pool, bodies, n = s.pairs, s.pool, s.bodies, len(s.pairs)
-    piled, reach = 0, 0.0
+    piled, reach, n = 0, 0.0, len(pairs)
     if bodies[0].inverse_mass > 0.0 or pairs[0].slot < 0:
         return 0
     while piled < hi and pool[pairs[piled].slot].mode == ACTIVE and pool[pairs[piled].slot].kind != GENERAL:
@@ -137,29 +134,29 @@ def pile(s: Any, hi: int) -> int:
 
 
 @kernel
-def kinetic(s: Any, piled: int) -> float:
+def kinetic(pairs: Any, pool: Any, bodies: Any, piled: int) -> float:
     """Return the kinetic energy in J relative to the floor."""
     v, energy = 0.0, 0.0
     for c in range(piled):
-        v -= s.pool[s.pairs[c].slot].eta
-        if s.bodies[c + 1].inverse_mass > 0.0:
-            energy += 0.5 * v * v / s.bodies[c + 1].inverse_mass
+        v -= pool[pairs[c].slot].eta
+        if bodies[c + 1].inverse_mass > 0.0:
+            energy += 0.5 * v * v / bodies[c + 1].inverse_mass
     return energy
 
 
 @kernel
-def squeeze(s: Any, piled: int) -> float:
+def squeeze(pairs: Any, pool: Any, bodies: Any, piled: int) -> float:
     """Return the force in N on the ceiling that closes a pile: the static overlaps must add up to those there are."""
     total, low, high = 0.0, 0.0, 0.0
     for c in range(piled):
-        total += s.pool[s.pairs[c].slot].xi
+        total += pool[pairs[c].slot].xi
     for c in range(piled):
-        pair = s.pool[s.pairs[c].slot]
+        pair = pool[pairs[c].slot]
         high = max(high, pair.k * power(total, pair.p))
     for _ in range(100):
         middle, room = 0.5 * (low + high), total
         for c in range(piled - 1, -1, -1):
-            room -= overlap_under(s.pool[s.pairs[c].slot], middle + s.bodies[c + 1].load)
+            room -= overlap_under(pool[pairs[c].slot], middle + bodies[c + 1].load)
         low, high = (middle, high) if room > 0.0 else (low, middle)
     return low
 

@@ -135,7 +135,7 @@ class Run:
         if not self.scene.is_wall[0] or n > LARGEST:
             return False
         s = to_plain(self.s)
-        piled = pile(s, s.pairs[0].hi)
+        piled = pile(s.pairs, s.pool, s.bodies, s.pairs[0].hi)
         members = [s.pool[pair.slot] for pair in s.pairs if pair.slot >= 0]
         load = column(s.bodies, "load")[1 : piled + 1]
         if swinging(members[:piled], load) < (math.inf if limit == math.inf else SMOOTH):

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import kernel
+from granular._kernels import kernel, specialised
 from granular.md.located.pieces import elapsed, power
 from granular.md.located.system import ACTIVE, DORMANT, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, PADDED, RESIDUAL
 
@@ -67,8 +67,7 @@ def prepare(pair: Any, q: int) -> None:
 def force_term(pair: Any, n: int, q: int) -> None:
     """Add order n of the force (and of φ) of a pair that is not open; x is known to order n+q, e to order n."""
     if pair.kind == LINEAR:
-        pair.g[n] = bracket(pair, n)
-        pair.f[n] = works(pair) * pair.g[n]
+        linear_term(pair, n, q)
         return
     if pair.mode == DORMANT:
         return
@@ -87,33 +86,33 @@ def force_term(pair: Any, n: int, q: int) -> None:
         root_term(pair.x, pair.r, pair.rm, n, offset)
     else:
         power_term(pair.x, pair.r, pair.d, n, offset)
-    phi = bracket(pair, n) if pair.s == 1.0 else bent_bracket(pair, n, offset)
+    bent = pair.x[n] if pair.s == 1.0 else 0.0
+    if pair.s == 1.25 and pair.d == 0.25:  # for Tsuji's law ξ^(5/4) is ξ·ξ^(1/4)
+        for j in range(n + 1):
+            bent += pair.x[j] * pair.r[n - j]
+    elif pair.s != 1.0:
+        power_term(pair.x, pair.z, pair.s, n, offset)
+        bent = pair.z[n]
+    phi = bracket(pair, bent, n)
     pair.g[n], pair.gm[ORDER - n] = phi, phi
     if pair.mode == ACTIVE:
         pair.f[n] = product_term(pair.r, pair.gm, n)
 
 
 @kernel
-def bracket(pair: Any, n: int) -> float:
-    """Return order n of φ = kξ + γη, exactly 0 at the event that found it so."""
-    if n == 0 and pair.exact:
-        return 0.0
-    phi: float = pair.k * pair.x[n] + pair.gamma * pair.e[n]
-    return phi
-
-
-@kernel
-def bent_bracket(pair: Any, n: int, offset: int) -> float:
-    """Return order n of φ = kξ^s + γη; for Tsuji's law ξ^(5/4) is ξ·ξ^(1/4)."""
-    if pair.s == 1.25 and pair.d == 0.25:
-        bent = convolution(pair.x, pair.r, n)
-    else:
-        power_term(pair.x, pair.z, pair.s, n, offset)
-        bent = pair.z[n]
+def bracket(pair: Any, bent: float, n: int) -> float:
+    """Return order n of φ = kξ^s + γη, given that of ξ^s; exactly 0 at the event that found it so."""
     if n == 0 and pair.exact:
         return 0.0
     phi: float = pair.k * bent + pair.gamma * pair.e[n]
     return phi
+
+
+@kernel
+def linear_term(pair: Any, n: int, q: int) -> None:
+    """Add order n of φ = kξ + γη, and of the force."""
+    pair.g[n] = bracket(pair, pair.x[n], n)
+    pair.f[n] = works(pair) * pair.g[n]
 
 
 @kernel
@@ -122,9 +121,13 @@ def complete(pair: Any, q: int) -> None:
     if pair.mode == OPEN or pair.s != 1.0 or (pair.mode == DORMANT and pair.kind != LINEAR):
         return
     for n in range(ORDER - q + 1, ORDER + 1):
-        pair.g[n] = bracket(pair, n)
+        pair.g[n] = bracket(pair, pair.x[n], n)
         if pair.kind == LINEAR:
             pair.f[n] = works(pair) * pair.g[n]
+
+
+expand_linear = specialised(expand, force_term=linear_term)
+"""`expand` where all laws at work are linear."""
 
 
 @kernel
@@ -153,7 +156,7 @@ def expand_two(a: Any, b: Any, h: float) -> None:
     for pair in (a, b):
         if pair.mode == RESIDUAL:
             for n in range(ORDER + 1):
-                pair.g[n] = bracket(pair, n)
+                pair.g[n] = bracket(pair, pair.x[n], n)
 
 
 @kernel
@@ -167,15 +170,6 @@ def product_term(a: Any, mirror: Any, n: int) -> float:
         s2 += a[j + 2] * mirror[i + 2] + a[j + 6] * mirror[i + 6]
         s3 += a[j + 3] * mirror[i + 3] + a[j + 7] * mirror[i + 7]
     return (s0 + s2) + (s1 + s3)
-
-
-@kernel
-def convolution(a: Any, b: Any, n: int) -> float:
-    """Return order n of the product of two series, Σ a_j b_(n-j)."""
-    total = 0.0
-    for j in range(n + 1):
-        total += a[j] * b[n - j]
-    return total
 
 
 @kernel
