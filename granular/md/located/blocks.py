@@ -14,14 +14,14 @@ import math
 from typing import Any
 
 from granular._kernels import kernel
-from granular._tournament import play
+from granular._tournament import leaf, play
 from granular.md.located.contacts import AWAITED, SOME, act, activate, confirm, engage, follow, judge, pushes
 from granular.md.located.events import locate
 from granular.md.located.pieces import arrive, elapsed, glide, power, predict, since, tau_at, tick, value
 from granular.md.located.resting import LONG, NOT_YET, RESTS, lies, verdict
 from granular.md.located.series import expand, expand_linear, expand_two
 from granular.md.located.step_size import REACH, choose_clock, fastest_rate, growth, left_out, measure, scale, trusted
-from granular.md.located.system import GENERAL, OPEN, RESIDUAL
+from granular.md.located.system import ACTIVE, DORMANT, GENERAL, OPEN, RESIDUAL, to_plain
 
 ULP = 2.0**-52
 REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED = range(8)
@@ -314,3 +314,29 @@ def settle_series(run: Any, pairs: Any, pool: Any, lo: int, laws: Any) -> None:
             expand(pairs, pool, lo, hi, block.h, block.clock)
         if not judge(pairs, pool, lo, hi):
             break
+
+
+def _check(s: Any) -> None:
+    """Raise `AssertionError` if blocks, pool, queue and clocks contradict each other between two calls of `advance`."""
+    s = to_plain(s)
+    members, pairs, pool, n = s.run[0].members, s.pairs, s.pool, len(s.pairs)
+    starts = [c for c in range(n) if pairs[c].first == c]
+    taken, spare = [p.slot for p in pairs if p.slot >= 0], [place.spare for place in pool[members:]]
+    assert [pairs[c].hi for c in starts] == [*starts[1:], n], "each pair is in one block"
+    assert len(taken) == members, "as many places are taken as is said"
+    assert sorted(taken + spare) == list(range(len(pool))), "every place is taken once or spare once"
+    for c, pair in enumerate(pairs):
+        member = pool[pair.slot] if pair.slot >= 0 else None
+        start = pairs[pair.first]
+        assert pair.first <= c < start.hi, "a pair is within its block"
+        assert leaf(s.queue, c).due == pair.due, "the queue knows when a block is due"
+        assert pair.due == math.inf or pair is start, "a block is due once"
+        if member is None:
+            assert pair.first + 1 == start.hi, "a pair in free flight is a block of its own"
+            assert pair.due >= pair.t, "nothing is due in the past"
+        else:
+            assert member.number == c, "a place knows its pair"
+            assert not member.begun or member.mode in (ACTIVE, DORMANT), "a contact has a force"
+            assert pair.due >= pool[start.slot].t, "nothing is due in the past"
+            borders = pair is start and c > 0 and pushes(member), c + 1 < n and c + 1 == start.hi and pushes(member)
+            assert s.run[0].waits or not any(borders), "islands end where pairs fly"
