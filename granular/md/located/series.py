@@ -34,15 +34,16 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int) -> None:
             pair.x[n + q] = step * pair.e[n]
             if pair.mode != OPEN:
                 force_term(pair, n, q)
+        pair = pool[pairs[lo].slot]
         for c in range(lo, hi):
-            pair, above = pool[pairs[c].slot], 0.0
-            if c + 1 < hi:
-                above = pool[pairs[c + 1].slot].f[n]
-            push = pair.lower * below - pair.inverse * pair.f[n] + pair.upper * above
+            after = pool[pairs[c + 1].slot] if c + 1 < hi else pair
+            force = pair.f[n]
+            above = after.f[n] if c + 1 < hi else 0.0
+            push = pair.lower * below - pair.inverse * force + pair.upper * above
             if n == 0:
                 push += pair.pull
             pair.e[n + q] = step * push
-            below = pair.f[n]
+            pair, below = after, force
     for c in range(lo, hi):
         complete(pool[pairs[c].slot], q)
 
@@ -126,7 +127,16 @@ def complete(pair: Any, q: int) -> None:
             pair.f[n] = works(pair) * pair.g[n]
 
 
-expand_linear = specialised(expand, force_term=linear_term)
+@kernel
+def linear_start(pair: Any, q: int) -> None:
+    """Write the lowest orders, and no force where there is none."""
+    pair.x[0], pair.e[0] = pair.xi, pair.eta
+    if pair.mode == OPEN:
+        for n in range(ORDER + 1):
+            pair.f[n] = 0.0
+
+
+expand_linear = specialised(expand, force_term=linear_term, prepare=linear_start)
 """`expand` where all laws at work are linear."""
 
 

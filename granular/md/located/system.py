@@ -95,13 +95,13 @@ _CONTACT = [  # the contact that is going on
     ("xi_max", float), ("force_max", float), ("impulse", float),
 ]  # fmt: skip
 _SERIES = [
-    *((name, float, (ROW,)) for name in ("x", "e", "f", "g")),
     *((name, float, (PADDED,)) for name in ("r", "z")),
     *((name, float, (MIRROR,)) for name in ("gm", "rm", "zm")),
+    *((name, float, (ROW,)) for name in ("x", "e", "f", "g")),
 ]
 """Coefficients in τ of overlap, rate, force, bracket φ; of the powers r = ξ^d and z = ξ^s; mirrors of φ, r and z."""
 
-MEMBER = np.dtype([*_LAW, *_STATE, *_BLOCK, *_CONTACT, ("spare", int), *_SERIES], align=True)
+MEMBER = np.dtype([*_SERIES, *_LAW, *_STATE, *_BLOCK, *_CONTACT, ("spare", int)], align=True)
 """A pair in an island. `spare` of record i of the pool is the i-th place, of which the first ones are taken."""
 BODY = np.dtype([(name, float) for name in ("inverse_mass", "fall", "load", "v", "t", "tail")], align=True)
 """Inverse mass, downward acceleration, weight in N of the body and all above it, velocity it had at time t + tail."""
