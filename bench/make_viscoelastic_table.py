@@ -1,4 +1,4 @@
-"""Write `granular/laws/_viscoelastic_table.py`: the isolated viscoelastic collision to 17 digits.
+"""Write `granular/laws/viscoelastic_restitution.json`: the isolated viscoelastic collision to 17 digits.
 
     python bench/make_viscoelastic_table.py
 
@@ -13,23 +13,24 @@ analytically to x < 0. Needs mpmath and five minutes.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from mpmath import mp  # type: ignore[import-untyped]
 
-TARGET = Path(__file__).parents[1] / "granular" / "laws" / "_viscoelastic_table.py"
+TARGET = Path(__file__).parents[1] / "granular" / "laws" / "viscoelastic_restitution.json"
 PIECES = 10  # of equal length in q = sqrt(ln(1 + b)) ...
 Q_END = 5.0  # ... up to b = exp(25) = 7e10, beyond which the asymptotes hold to 3e-17
 SERIES_ORDER = 20
 
-HEADER = '''"""The isolated viscoelastic collision, tabulated by bench/make_viscoelastic_table.py: do not edit.
-
-Row i holds powers of z, highest first, on the i-th of the equal pieces of 0 <= q <= Q_END, on which z runs from
--1 to 1; q = sqrt(ln(1 + b)). Zeros in front make all rows one length.
-"""
-'''
+ABOUT = (
+    "The isolated viscoelastic collision, tabulated by bench/make_viscoelastic_table.py: do not edit. Row i of a table "
+    "holds powers of z, highest first, on the i-th of the equal pieces of 0 <= q <= q_end, on which z runs from -1 to "
+    "1; q = sqrt(ln(1 + b)). Zeros in front make all rows one length. exponent: -ln(eps) / q^2; stretched_duration: "
+    "(1 + b)^(2/3) t_c; series: h_k of eps = sum of h_k b^(k/2)."
+)
 
 
 def taylor(u0: Any, v0: Any, b: Any, order: int) -> tuple[list[Any], list[Any]]:
@@ -117,13 +118,6 @@ def table(function: Callable[[Any], Any]) -> list[list[float]]:
     return [[0.0] * (longest - len(row)) + [float(c) for c in reversed(row)] for row in rows]
 
 
-def write(out: TextIO, name: str, meaning: str, rows: list[list[float]]) -> None:
-    print(f"\n# {meaning}\n{name} = (", file=out)
-    for row in rows:
-        print("    (", *(f"        {c!r}," for c in row), "    ),", sep="\n", file=out)
-    print(")", file=out)
-
-
 def main() -> None:
     known: dict[Any, tuple[Any, Any]] = {}
 
@@ -132,12 +126,10 @@ def main() -> None:
             known[q] = collide(mp.sqrt(mp.expm1(q * q)))
         return known[q]
 
-    with TARGET.open("w") as out:
-        print(HEADER, f"Q_END = {Q_END!r}", sep="\n", file=out)
-        write(out, "EXPONENT", "-ln(eps) / q^2", table(lambda q: -mp.log(solution(q)[0]) / (q * q)))
-        write(out, "STRETCHED_DURATION", "(1 + b)^(2/3) t_c", table(lambda q: solution(q)[1] * mp.exp(q * q * 2 / 3)))
-        print("\n# h_k of eps = sum of h_k b^(k/2)", "SERIES = (", sep="\n", file=out)
-        print(*(f"    {h!r}," for h in series()), ")", sep="\n", file=out)
+    TARGET.write_text(json.dumps({
+        "about": ABOUT, "q_end": Q_END, "exponent": table(lambda q: -mp.log(solution(q)[0]) / (q * q)),
+        "stretched_duration": table(lambda q: solution(q)[1] * mp.exp(q * q * 2 / 3)), "series": series(),
+    }, indent=1) + "\n", "utf-8")  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -6,13 +6,15 @@
   and blank lines; docstrings: their share of all lines.
 * rings: groups of modules that import each other, imports inside functions and for types alone counted.
 * hops: distinct functions of the package that one interpreted run calls, and files they stand in: three hard balls on
-  a floor from their gaps to the collisions; two soft balls from their overlap to the contact log.
+  a floor from their gaps to the collisions; two soft balls from their overlap to the contact log, under a built-in law
+  and under a law of one's own; the option ``--max-events`` of ``granular compare three-balls``.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import contextlib
 import io
 import json
 import os
@@ -22,6 +24,7 @@ import tarfile
 import tempfile
 import tokenize
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -43,7 +46,7 @@ def measure(tree: Path) -> dict[str, Any]:
     total = sum(text.count("\n") for text in files.values())
     faces = public_faces(tree)
     wide = {f"{name}:{node.name}": parameters(node) for name, node in functions if parameters(node) > MANY}
-    hard, soft = hops(hard_run, tree), hops(soft_run, tree)
+    hard, soft, own, option = (hops(run, tree) for run in (hard_run, soft_run, own_law_run, command_run))
     return {
         "files": len(files),
         "lines": total,
@@ -59,6 +62,10 @@ def measure(tree: Path) -> dict[str, Any]:
         "  in files": hard[1],
         "functions from an overlap to the log": soft[0],
         "  in their files": soft[1],
+        "functions from an overlap to the log, own law": own[0],
+        "  in the files": own[1],
+        "functions from an option to the report": option[0],
+        "  in files of theirs": option[1],
         "wide": {name + (" (public)" if name in faces else ""): n for name, n in wide.items()},
         "rings": [" ".join(sorted(ring)) for ring in rings],
     }
@@ -170,6 +177,36 @@ def soft_run() -> Any:
 
     scene = gr.Scene([float("inf"), 1.0, 0.5], [0.0, 0.1, 0.1], [0.1, 0.01], [0.0] * 3, 9.81)
     law = gr.ViscoelasticHertz(1e6, 100.0)
+    return lambda: gr.md.simulate(scene, law, t_end=0.3, engine="plain").contacts
+
+
+def command_run() -> Any:
+    """An option of the command that both engines have."""
+    from granular.cli import main
+
+    def run() -> None:
+        with contextlib.redirect_stdout(io.StringIO()):
+            main(["compare", "three-balls", "--max-events", "100000"])
+
+    return run
+
+
+def own_law_run() -> Any:
+    """Two balls that bounce on a floor, under the law of docs/your-own-law.md."""
+    import granular as gr
+
+    @dataclass(frozen=True)
+    class Stiffening:
+        k: float
+        s: float
+        gamma: float
+
+        def force(self, xi: float, xi_dot: float, pair: Any) -> float:
+            ratio = xi / self.s
+            return self.k * xi * (1.0 + ratio * ratio) + self.gamma * xi_dot
+
+    scene = gr.Scene([float("inf"), 1.0, 0.5], [0.0, 0.1, 0.1], [0.1, 0.01], [0.0] * 3, 9.81)
+    law = Stiffening(5e7, 1e-3, 100.0)
     return lambda: gr.md.simulate(scene, law, t_end=0.3, engine="plain").contacts
 
 

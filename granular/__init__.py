@@ -19,6 +19,7 @@ from granular.trajectory import Status, Trajectory
 if TYPE_CHECKING:
     from granular import adiabatic, binary, cases, edmd, md, measures, scenes, theory
     from granular.binary import restitution_of
+    from granular.cases import Case
     from granular.comparison import Comparison, compare
     from granular.stress import stability
     from granular.sweeps import sweep
@@ -27,59 +28,24 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "Comparison",
-    "ConstantRestitution",
-    "Hertz",
-    "LinearDashpot",
-    "Pair",
-    "PowerLaw",
-    "Scene",
-    "Status",
-    "TabulatedRestitution",
-    "ThorntonRestitution",
-    "Trajectory",
-    "TsujiHertz",
-    "ViscoelasticHertz",
-    "WaltonBraun",
-    "adiabatic",
-    "binary",
-    "cases",
-    "compare",
-    "edmd",
-    "frontier",
-    "md",
-    "measures",
-    "restitution_of",
-    "scenes",
-    "stability",
-    "sweep",
-    "theory",
-    "until",
+    "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "Pair", "PowerLaw", "Scene", "Status",
+    "TabulatedRestitution", "ThorntonRestitution", "Trajectory", "TsujiHertz", "ViscoelasticHertz", "WaltonBraun",
+    "adiabatic", "binary", "cases", "compare", "edmd", "frontier", "md", "measures", "restitution_of", "scenes",
+    "stability", "sweep", "theory", "until",
 ]
 
 _UPPER_FLOORS = {
-    "Comparison": "comparison",
-    "compare": "comparison",
-    "restitution_of": "binary",
-    "frontier": "workprecision",
-    "stability": "stress",
-    "sweep": "sweeps",
-    "adiabatic": "",
-    "binary": "",
-    "cases": "",
-    "edmd": "",
-    "md": "",
-    "measures": "",
-    "scenes": "",
-    "theory": "",
+    "Case": "cases", "Comparison": "comparison", "compare": "comparison", "restitution_of": "binary",
+    "frontier": "workprecision", "stability": "stress", "sweep": "sweeps",
 }
+"""Where names stand that are no modules."""
 
 
 def __getattr__(name: str) -> Any:
     """Load engines and upper floors when they are first asked for: a run of one engine does not need the rest."""
     from importlib import import_module
 
-    if name not in _UPPER_FLOORS:
+    if name not in __all__:
         raise AttributeError(f"module 'granular' has no attribute {name!r}")
-    module = import_module(f"granular.{_UPPER_FLOORS[name] or name}")
-    return getattr(module, name) if _UPPER_FLOORS[name] else module
+    module = import_module(f"granular.{_UPPER_FLOORS.get(name, name)}")
+    return getattr(module, name) if name in _UPPER_FLOORS else module

@@ -6,7 +6,7 @@ Every message gives the name, the value got, what is needed and, where there is 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -97,11 +97,19 @@ def every(name: str, values: Array, good: NDArray[np.bool_], need: str, fix: str
 def choice(name: str, value: Any, options: Sequence[str]) -> str:
     """Return `value` if it is one of `options`."""
     if value not in options:
-        raise ValueError(_sentence(name, value, f"one of {', '.join(options)} is needed", suggestion(value, options)))
+        raise ValueError(_sentence(name, value, f"one of {', '.join(options)} is needed", _nearest(value, options)))
     return str(value)
 
 
-def suggestion(word: Any, options: Iterable[str]) -> str:
+def known(given: Iterable[str], names: Collection[str], what: str, kind: type[Exception] = ValueError) -> None:
+    """Raise for the first of the names given that is none of `names`, with the nearest of them or with all."""
+    for name in given:
+        if name not in names:
+            raise kind(f"{name!r} is no {what}" + ("; " + near if (near := _nearest(name, names))
+                                                   else ": " * bool(names) + ", ".join(sorted(names)) + "."))
+
+
+def _nearest(word: Any, options: Iterable[str]) -> str:
     """Return "did you mean …?" for the option closest to `word`, or nothing."""
     from difflib import get_close_matches
 
@@ -120,14 +128,9 @@ def per_pair(name: str, value: Any, n_pairs: int) -> tuple[Any, ...]:
 
 
 def _range(above: float, at_least: float, at_most: float, finite: bool) -> str:
-    parts = []
-    if above > -math.inf:
-        parts.append(f"above {above:g}")
-    if at_least > -math.inf:
-        parts.append(f"of at least {at_least:g}")
-    if at_most < math.inf:
-        parts.append(f"at most {at_most:g}")
-    return f"a {'finite ' if finite else ''}number {' and '.join(parts)}".rstrip() + " is needed"
+    limits = {"above": above, "of at least": at_least, "at most": at_most}
+    parts = " and ".join(f"{word} {limit:g}" for word, limit in limits.items() if abs(limit) < math.inf)
+    return f"a {'finite ' if finite else ''}number {parts}".rstrip() + " is needed"
 
 
 def _sentence(name: str, value: Any, need: str, fix: str = "") -> str:

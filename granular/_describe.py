@@ -14,9 +14,12 @@ def to_json(physics: Any) -> dict[str, Any]:
     kind = type(physics)
     described: dict[str, Any] = {"class": f"{kind.__module__}:{kind.__qualname__}", "shown": repr(physics)}
     if kind.__module__.startswith("granular.") and is_dataclass(kind):
-        values = {f.name: getattr(physics, f.name) for f in fields(kind)}
-        described["fields"] = {name: _as_json(value) for name, value in values.items()}
+        described["fields"] = _numbers(physics)
     return described
+
+
+def _numbers(physics: Any) -> dict[str, Any]:
+    return {f.name: _as_json(getattr(physics, f.name)) for f in fields(physics)}
 
 
 def _as_json(value: Any) -> Any:
@@ -29,9 +32,7 @@ def _as_json(value: Any) -> Any:
 
 def scene_to_json(scene: Any) -> dict[str, Any]:
     """The numbers of a scene, with the word inf for the mass of a wall."""
-    values = {f.name: getattr(scene, f.name) for f in fields(scene)}
-    numbers = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()}
-    return numbers | {"mass": ["inf" if m == np.inf else m for m in numbers["mass"]]}
+    return _numbers(scene) | {"mass": ["inf" if m == np.inf else m for m in scene.mass.tolist()]}
 
 
 def from_json(value: Any) -> Any:

@@ -8,6 +8,7 @@ import stat
 import sys
 from collections.abc import Callable, Iterable
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,15 +33,12 @@ def write(path: str | PathLike[str], fill: Callable[[str], object]) -> None:
     if os.path.isdir(given):
         raise IsADirectoryError(f"output path is {os.fspath(path)!r}: a file name is needed, this is a folder.")
     try:
-        if is_stream(given):
-            _pour(given, fill)
-        else:
-            _replace(os.path.realpath(given), fill)
+        (_pour if is_stream(given) else _replace)(given, fill)
     except OSError as error:
         if error.errno is None:
             raise
-        reason = error.strerror or str(error)
-        raise type(error)(f"output path is {os.fspath(path)!r}: a writable place is needed ({reason}).") from None
+        need = f"a writable place is needed ({error.strerror or error})."
+        raise type(error)(f"output path is {os.fspath(path)!r}: {need}") from None
 
 
 def is_stream(path: str | PathLike[str]) -> bool:
@@ -49,19 +47,17 @@ def is_stream(path: str | PathLike[str]) -> bool:
         return True
     step = os.path.abspath(os.fspath(path))
     for _ in range(40):  # as many links as the system follows
-        folder, name = os.path.split(step)
-        folder = os.path.realpath(folder)
-        if folder.startswith("/proc/"):
-            return True
-        step = os.path.join(folder, name)
-        if not os.path.islink(step):
-            break
+        folder = os.path.realpath(os.path.dirname(step))
+        step = os.path.join(folder, os.path.basename(step))
+        if folder.startswith("/proc/") or not os.path.islink(step):
+            return folder.startswith("/proc/")
         step = os.path.join(folder, os.readlink(step))
     return False
 
 
 def _replace(target: str, fill: Callable[[str], object]) -> None:
-    """Move a draft onto the plain file `target`."""
+    """Move a draft onto the plain file `target`, or the one that it links to."""
+    target = os.path.realpath(target)
     folder, name = os.path.split(target)
     stem, ending = os.path.splitext(name)
     draft = os.path.join(folder, f".{stem[:100]}-{os.urandom(6).hex()}{ending}")
@@ -92,12 +88,7 @@ def _pour(stream: str, fill: Callable[[str], object]) -> None:
 
 def write_text(path: str | PathLike[str], text: str) -> None:
     """Write `text` in UTF-8, whole or not at all."""
-
-    def fill(draft: str) -> None:
-        with open(draft, "w", encoding="utf-8") as file:
-            file.write(text)
-
-    write(path, fill)
+    write(path, lambda draft: Path(draft).write_text(text, encoding="utf-8"))
 
 
 def write_json(path: str | PathLike[str], values: Any, indent: int | None = 1) -> None:

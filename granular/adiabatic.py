@@ -9,7 +9,7 @@ and the accelerations a_c = (k_c ξ_c + γ_c ξ̇_c) / m_(c+1) of an active cont
 (Newton: ξ̈0 = g - a0 + (m2/m1) a1, ξ̈1 = a0 - (1 + m2/m1) a1.) That is Newton's equation for an upper ball so light that
 the terms in m2/m1 are below rounding, and `granular.md.simulate` solves it: m2, k12 and γ12 are multiplied by 2⁻⁶⁰.
 
-Müller & Pöschel, Phys. Rev. E 83, 041304 (2011); what their appendix leaves out is told in ``docs/adiabatic.md``.
+Müller & Pöschel, Phys. Rev. E 83, 041304 (2011); what their appendix leaves out is in ``docs/adiabatic.md``.
 """
 
 from __future__ import annotations
@@ -26,14 +26,11 @@ from granular._flight import rate_at_contact, time_to_contact
 from granular.laws import LinearDashpot
 from granular.laws.check import checked
 from granular.scene import Scene
+from granular.scene import checked as checked_scene
 from granular.trajectory import Status, Trajectory
 
 __all__ = ["AdiabaticSolution", "contacts"]
-
-
-def __dir__() -> list[str]:
-    return __all__
-
+__dir__ = __all__.copy
 
 LIGHTER = 2.0**-60
 """Factor of the upper ball's mass and of its law: m2/m1 is then 1e-18 of itself. A power of two, so that the upper ball
@@ -49,7 +46,7 @@ class AdiabaticSolution:
     t10, v10 : float
         Time from the scene's instant to the first floor contact in s, and the lower ball's velocity there in m/s.
     contacts : (count, 2) array
-        Begin and end in s of every contact of the two balls that begins before the second floor contact; the end is
+        Onset and end in s of every contact of the two balls that begins before the second floor contact; the end is
         inf for a contact that lasts forever, nan where the work limit cut it off.
     floor_end, floor_again : float
         End of the first floor contact and onset of the second in s; inf for never, nan if beyond the work limit.
@@ -139,9 +136,7 @@ def contacts(scene: Scene, law: Any, *, max_steps: int = 200_000) -> AdiabaticSo
 
 def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
     """The linear laws of both contacts, the upper one for a ball `LIGHTER`; raise what does not fit."""
-    if not isinstance(scene, Scene):
-        raise TypeError(f"scene is {scene!r}: a granular.Scene is needed, such as granular.scenes.three_balls().")
-    if scene.n != 3 or scene.is_wall.tolist() != [True, False, False]:
+    if checked_scene(scene).n != 3 or scene.is_wall.tolist() != [True, False, False]:
         raise ValueError(f"scene is {scene!r}: a floor and two balls are needed, as in granular.scenes.three_balls().")
     laws = []
     for one, factor in zip(checked(law, scene), (1.0, LIGHTER), strict=True):

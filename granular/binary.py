@@ -19,16 +19,12 @@ from granular import _check, md
 from granular._check import Array
 from granular.laws import dashpot
 from granular.laws.contact_law import PairLaw, instance, resolve
-from granular.laws.kinds import resolved
+from granular.laws.kinds import held, resolved
 from granular.rules import ConstantRestitution, Rule
 from granular.scene import Pair, Pairs, Scene, checked_pair
 
 __all__ = ["Collision", "LawRestitution", "collision", "restitution", "restitution_of", "with_restitution"]
-
-
-def __dir__() -> list[str]:
-    return __all__
-
+__dir__ = __all__.copy
 
 MAX_STEPS = 20_000
 """Steps after which a contact is taken to go on forever."""
@@ -76,9 +72,9 @@ def collision(law: Any, pair: Pair, speed: float) -> Collision:
     """
     known, v = _resolved(law, pair), _speed(speed)
     if known.form is not None and known.is_linear:
-        return _dashpot(known.form[0], known.form[2], pair, v)
-    if known.form is not None and known.form[2] == 0.0:
-        return _elastic_power(known.form[0], known.form[1], pair, v)
+        return _in_range(_dashpot(known.form[0], known.form[2], pair, v), v)
+    if known.form is not None and known.form[2] == 0.0 and SLOWEST <= v <= FASTEST:
+        return _in_range(_elastic_power(known.form[0], known.form[1], pair, v), v)
     return _integrated(law, pair, v)
 
 
@@ -104,19 +100,26 @@ def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | Array:
 
 def at_speed(known: PairLaw, speed: float) -> float:
     """`restitution` at one speed, whatever it is: ε at rest is 1, or the limit for slow impacts."""
-    law, pair = known.law, known.pair
-    if known.form is None:
-        return 1.0 if speed <= 0.0 else _integrated(law, pair, max(speed, SLOWEST)).restitution
-    k, p, gamma, d = known.form
-    if gamma == 0.0:
+    zeta = _damping_ratio(known)
+    if zeta is not None:
+        return dashpot.restitution(zeta)
+    if not speed > 0.0:
         return 1.0
-    if d == 0.5 * (p - 1.0):
-        return dashpot.restitution(gamma / math.sqrt(2.0 * (p + 1.0) * k * pair.m_eff))
-    if p == 1.5 and d == 0.5:
+    if known.form is not None and known.form[1::2] == (1.5, 0.5):
         from granular.laws import viscoelastic_restitution
 
-        return float(viscoelastic_restitution.restitution(gamma * k**-0.6 * pair.m_eff**-0.4 * speed**0.2))
-    return _integrated(law, pair, max(speed, SLOWEST)).restitution if speed > 0.0 else 1.0
+        k, _, gamma, _ = known.form
+        return float(viscoelastic_restitution.restitution(gamma * k**-0.6 * known.pair.m_eff**-0.4 * speed**0.2))
+    return _integrated(known.law, known.pair, max(speed, SLOWEST)).restitution
+
+
+def _damping_ratio(known: PairLaw) -> float | None:
+    """ζ of the dashpot with the law's restitution at every speed; None if ε is not known to be the same at all."""
+    if known.form is None:
+        return None
+    k, p, gamma, d = known.form
+    same = gamma == 0.0 or d == 0.5 * (p - 1.0)
+    return gamma / math.sqrt(2.0 * (p + 1.0) * k * known.pair.m_eff) if same else None
 
 
 class Stuck(ValueError):
@@ -137,9 +140,8 @@ class LawRestitution:
 
     def __call__(self, speed: float, pair: Pair) -> float:
         """Restitution at impact speed `speed` in m/s; 0 where a contact takes all speed and does not end."""
-        law = self.laws[0] if len(self.laws) == 1 else self.laws[pair.index]
         try:
-            return at_speed(resolve(law, pair), speed)
+            return at_speed(resolve(self.laws[0 if len(self.laws) == 1 else pair.index], pair), speed)
         except Stuck:
             return 0.0
 
@@ -154,7 +156,7 @@ def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule
         instance("law", one)
     if scene is not None:
         known = resolved(_check.per_pair("law", laws if len(laws) > 1 else laws[0], scene.n_pairs), scene)
-        if all(_constant(one) for one in known.each):
+        if None not in map(_damping_ratio, known.each):
             return ConstantRestitution(known.column(lambda one: at_speed(one, 1.0)))
     return LawRestitution(laws)
 
@@ -201,12 +203,6 @@ def _resolved(law: Any, pair: Pair) -> PairLaw:
     return resolve(instance("law", law), checked_pair(pair))
 
 
-def _constant(law: PairLaw) -> bool:
-    """Whether ε of the law is known not to depend on speed."""
-    form = law.form
-    return form is not None and (form[2] == 0.0 or form[3] == 0.5 * (form[1] - 1.0))
-
-
 def _dashpot(k: float, gamma: float, pair: Pair, v: float) -> Collision:
     """All of a linear contact, with phase α = acos ζ: ξ peaks at ω₀t = f, F at ωt = 3α - π or, for ζ ≥ ½, at touch."""
     omega, zeta = math.sqrt(k / pair.m_eff), 0.5 * gamma / math.sqrt(k * pair.m_eff)
@@ -217,60 +213,42 @@ def _dashpot(k: float, gamma: float, pair: Pair, v: float) -> Collision:
         peak = math.exp(-zeta * (3.0 * math.acos(zeta) - math.pi) / root)
     deepest = v / omega * math.exp(-0.5 * zeta * t_c)
     force = peak * pair.m_eff * omega * v
-    return _in_range(Collision(eps, t_c / omega, deepest, force, 2.0 * zeta * eps * v / omega), v)
+    return Collision(eps, t_c / omega, deepest, force, 2.0 * zeta * eps * v / omega)
 
 
 def _elastic_power(k: float, p: float, pair: Pair, v: float) -> Collision:
     """ξ_max = ((p+1) m v² / (2k))^(1/(p+1)); t_c v / ξ_max = 2 √π Γ(1 + 1/(p+1)) / Γ(½ + 1/(p+1))."""
-    if not SLOWEST <= v <= FASTEST:
-        raise no_numbers(v)
     deepest = math.pow(0.5 * (p + 1.0) * pair.m_eff * v * v / k, 1.0 / (p + 1.0))
     shape = 2.0 * math.sqrt(math.pi) * math.gamma(1.0 + 1.0 / (p + 1.0)) / math.gamma(0.5 + 1.0 / (p + 1.0))
-    return _in_range(Collision(1.0, shape * deepest / v, deepest, k * math.pow(deepest, p), 0.0), v)
-
-
-def at_most_elastic(eps: float) -> float:
-    """Return `eps`, or 1 where it exceeds 1 by rounding only."""
-    return 1.0 if 1.0 < eps <= 1.0 + 1e-9 else eps
+    return Collision(1.0, shape * deepest / v, deepest, k * math.pow(deepest, p), 0.0)
 
 
 def _integrated(law: Any, pair: Pair, v: float) -> Collision:
     """The contact by the event-located method; remembered for laws that cannot change."""
-    return (_remembered if _unchanging(law) else _run)(law, pair, v)
-
-
-def _unchanging(law: Any) -> bool:
-    """Whether the law is a frozen dataclass of values that are frozen too."""
-    made = getattr(type(law), "__dataclass_params__", None)
-    if made is None or not made.frozen:
-        return False
-    try:
-        hash(law)
-    except TypeError:
-        return False
-    return True
+    values = held(law)
+    return _bounce(law, pair, v) if values is None else _remembered(values, law, pair, v)
 
 
 @lru_cache(maxsize=4096)
-def _remembered(law: Any, pair: Pair, v: float) -> Collision:
-    return _run(law, pair, v)
+def _remembered(values: tuple[Any, ...], law: Any, pair: Pair, v: float) -> Collision:
+    return _bounce(law, pair, v)
 
 
-def _run(law: Any, pair: Pair, v: float) -> Collision:
+def _bounce(law: Any, pair: Pair, v: float) -> Collision:
     """Let a ball of mass m_eff meet a wall.
 
     Where the force sets in late, the touch before counts in the log as a contact without force: the contact with the
     largest impulse is meant.
     """
     if not SLOWEST <= v <= FASTEST:
-        raise no_numbers(v)
+        raise _no_numbers(v)
     scene = Scene([math.inf, pair.m_eff], [0.0, min(pair.r_eff, 1.0)], [0.0], [0.0, -v])
     # the law sees the very pair that was asked about
     scene.__dict__["pairs"] = Pairs(np.array([pair.m_eff]), np.array([pair.r_eff]), pair.index)
     run = md.simulate(scene, law, max_events=8, max_steps=MAX_STEPS)
     contact = run.contacts[int(np.argmax(run.contacts["impulse"]))]
     if not math.isfinite(contact["force_max"]):
-        raise no_numbers(v)
+        raise _no_numbers(v)
     left = float(run.velocity[-1][1] if math.isnan(contact["t_end"]) else contact["v_out"][1])
     if contact["impulse"] > 0.5 * pair.m_eff * v and abs(left) <= STUCK * v and not left > 0.0:
         raise Stuck(f"law is {law!r}: a contact at {v!r} m/s takes all speed, does not end; weaker damping is needed.")
@@ -279,25 +257,22 @@ def _run(law: Any, pair: Pair, v: float) -> Collision:
                          "there is no restitution.")  # fmt: skip
     if math.isnan(contact["t_end"]):
         raise ValueError(f"law is {law!r}: a contact at {v!r} m/s does not end; weaker damping is needed.")
-    at_end = md.simulate(scene, law, t_end=float(contact["t_end"]), log=False)
-    peaks = float(contact["xi_max"]), float(contact["force_max"])
-    eps = at_most_elastic(float(contact["v_out"][1]) / v)
-    if eps > 1.0:
+    eps = float(contact["v_out"][1]) / v
+    if eps > 1.0 + 1e-9:
         raise ValueError(f"law is {law!r}: a contact at {v!r} m/s gains energy, its restitution is {eps!r}; a force "
                          "that is no larger while the bodies part than while they approach is needed.")  # fmt: skip
-    return _in_range(
-        Collision(eps, float(contact["duration"]), *peaks, max(0.0, -float(at_end.gap[-1][0]))), v
-    )
+    at_end = md.simulate(scene, law, t_end=float(contact["t_end"]), log=False)
+    duration, xi_max, force_max = (float(contact[name]) for name in ("duration", "xi_max", "force_max"))
+    return _in_range(Collision(min(eps, 1.0), duration, xi_max, force_max, max(0.0, -float(at_end.gap[-1][0]))), v)
 
 
 def _in_range(found: Collision, v: float) -> Collision:
     """Return what was found, or raise if some of it is beyond the range of numbers."""
-    if not (0.0 < found.duration < math.inf and 0.0 < found.xi_max < math.inf and 0.0 < found.force_max < math.inf):
-        raise no_numbers(v)
+    if not all(0.0 < x < math.inf for x in (found.duration, found.xi_max, found.force_max)):
+        raise _no_numbers(v)
     return found
 
 
-def no_numbers(v: float) -> ValueError:
-    """Return the error of a contact whose overlap, force or duration is beyond the range of numbers."""
+def _no_numbers(v: float) -> ValueError:
     return ValueError(f"speed is {v!r}: overlap, force or duration of the contact is beyond the range of numbers; "
                       "usual units (SI) and a usual speed are needed.")  # fmt: skip

@@ -70,8 +70,8 @@ class Scene:
         if n < 2:
             raise ValueError(f"mass has {n} entries: at least 2 bodies are needed; a floor counts as one (mass inf).")
         _check.every("mass", m, m > 0.0, "a mass must be positive", "use math.inf for a wall")
-        walls = np.isinf(m)
-        _check.every("mass", m, ~walls | _ends(n), "only the first and the last body can be walls",
+        walls, ends = np.isinf(m), np.isin(np.arange(n), (0, n - 1))
+        _check.every("mass", m, ~walls | ends, "only the first and the last body can be walls",
                      "a wall in the middle makes two separate scenes")
         if walls.all():
             raise ValueError("mass is inf for every body: at least one ball of finite mass is needed.")
@@ -84,9 +84,7 @@ class Scene:
         _check.every("velocity", v, np.isfinite(v), "a velocity must be finite")
         g = _check.number("gravity", gravity, at_least=0.0, fix="gravity pulls down, its sign is built in")
         x0 = _check.number("origin", origin)
-        for name, value in zip(("mass", "radius", "gap", "velocity", "gravity", "origin"), (m, r, d, v, g, x0),
-                               strict=True):
-            object.__setattr__(self, name, value)
+        self.__dict__.update(mass=m, radius=r, gap=d, velocity=v, gravity=g, origin=x0)
 
     @classmethod
     def from_positions(
@@ -157,8 +155,7 @@ class Scene:
     def across(self, of_bodies: Array) -> Array:
         """Differences (…, n-1), upper minus lower body of every pair, of an array (…, n): rates from velocities."""
         lower, upper = self.sides(of_bodies)
-        difference: Array = upper - lower
-        return difference
+        return np.asarray(upper - lower)
 
     @property
     def neighbours(self) -> tuple[Any, Any]:
@@ -185,8 +182,7 @@ class Scene:
     @property
     def position(self) -> Array:
         """Positions in m, shape (n,): centres of balls, surfaces of walls."""
-        position: Array = self.origin + self.offsets(self.gap)
-        return position
+        return np.asarray(self.origin + self.offsets(self.gap))
 
     def offsets(self, gap: Array) -> Array:
         """Distances (…, n) in m from body 0, centres of balls and surfaces of walls, given the gaps (…, n-1)."""
@@ -217,8 +213,7 @@ class Scene:
     @cached_property
     def _share(self) -> Array:
         """Share of each body in the mass of all, shape (n,), of a scene without walls."""
-        share: Array = self.mass / self.mass.sum()
-        return share
+        return np.asarray(self.mass / self.mass.sum())
 
     def momentum(self) -> float:
         """Total momentum of the balls in kg m/s."""
@@ -239,8 +234,7 @@ def positions(scene: Scene, gap: Array, elapsed: Array) -> Array:
     """
     offset = scene.offsets(gap)
     at_anchor = offset @ scene._share if scene._wall is None else offset[:, scene._wall]
-    position: Array = (scene.anchor(elapsed) - at_anchor)[:, None] + offset
-    return position
+    return np.asarray((scene.anchor(elapsed) - at_anchor)[:, None] + offset)
 
 
 def velocities(scene: Scene, rate: Array, elapsed: Array) -> Array:
@@ -252,8 +246,9 @@ def velocities(scene: Scene, rate: Array, elapsed: Array) -> Array:
     offset, anchor = _summed(rate), scene.anchor_velocity(elapsed)
     if scene._wall is not None:
         return np.asarray((anchor - offset[:, scene._wall])[:, None] + offset)
-    offset = (anchor - (offset * scene._share).sum(axis=-1))[:, None] + offset
-    return np.asarray((anchor - (offset * scene._share).sum(axis=-1))[:, None] + offset)
+    for _ in range(2):
+        offset = (anchor - (offset * scene._share).sum(axis=-1))[:, None] + offset
+    return offset
 
 
 def _summed(steps: Array) -> Array:
@@ -263,17 +258,20 @@ def _summed(steps: Array) -> Array:
     return out
 
 
-def _ends(n: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    ends = np.zeros(n, dtype=np.bool_)
-    ends[[0, -1]] = True
-    return ends
-
-
 def speed_scale(scene: Scene) -> float:
     """Largest speed in m/s at which a pair may first close: present differences and the fall through the gaps."""
     v = scene.velocity
     reach = float(scene.gap.clip(min=0.0).sum())
     return float(v.max() - v.min()) + math.sqrt(2.0 * scene.gravity * reach)
+
+
+def close_after(scene: Scene, *, flattened: bool = False) -> float:
+    """Time in s until moving walls leave no gap between the balls, or (`flattened`) meet; inf if they never do."""
+    closing = float(scene.velocity[0] - scene.velocity[-1])
+    if not (scene.is_wall[0] and scene.is_wall[-1] and closing > 0.0):
+        return math.inf
+    room = float(scene.gap.sum()) + (2.0 * float(scene.radius.sum()) if flattened else 0.0)
+    return max(0.0, room) / closing
 
 
 def in_order(scene: Scene) -> Scene:

@@ -7,7 +7,7 @@ number for `gap` means the same gap in every pair between balls.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -16,11 +16,7 @@ from granular._check import Array
 from granular.scene import Scene, in_order
 
 __all__ = ["ball_stack", "bouncing_ball", "chain", "column", "gas", "newtons_cradle", "three_balls"]
-
-
-def __dir__() -> list[str]:
-    return __all__
-
+__dir__ = __all__.copy
 
 def three_balls(
     radii: Sequence[float] = (0.10, 0.01), gap: float = 1e-4, height: float = 0.6, density: float = 900.0,
@@ -81,11 +77,8 @@ def ball_stack(
         raise ValueError(f"height is {height!r} and speed is {speed!r}: give one of the two; a stack that starts at "
                          "the floor with a speed has no drop height.")
     m = _geometric(n, mass_ratio) if masses is None else _given(masses)
-    v, drop = 0.0, 0.0
-    if speed is not None:
-        v = _check.number("speed", speed, above=0.0, fix="downwards is built in")
-    else:
-        drop = 1.0 if height is None else _check.number("height", height, at_least=0.0)
+    drop = 0.0 if speed is not None else _check.number("height", 1.0 if height is None else height, at_least=0.0)
+    v = 0.0 if speed is None else _check.number("speed", speed, above=0.0, fix="downwards is built in")
     return _above_floor(m, _radius(m, density), drop, gap, v, gravity)
 
 
@@ -113,10 +106,7 @@ def newtons_cradle(
     """
     count = _check.whole("n", n, at_least=2)
     arriving = _check.whole("moving", moving, at_least=1, at_most=count - 1, fix="at least one ball waits at rest")
-    m = np.full(count, _check.number("mass", mass, above=0.0))
-    v = np.zeros(count)
-    v[:arriving] = _check.number("speed", speed, above=0.0)
-    return in_order(Scene(m, _radius(m, density), _gaps(gap, count - 1), v))
+    return _in_a_row(np.full(count, _check.number("mass", mass, above=0.0)), arriving, speed, gap, density)
 
 
 def chain(
@@ -150,9 +140,7 @@ def chain(
     m[1::2] *= _check.number("dimer", dimer, above=0.0)
     if striker is not None:
         m[0] = _check.number("striker", striker, above=0.0)
-    v = np.zeros(len(m))
-    v[0] = _check.number("speed", speed, above=0.0)
-    return in_order(Scene(m, _radius(m, density), _gaps(gap, len(m) - 1), v))
+    return _in_a_row(m, 1, speed, gap, density)
 
 
 def column(
@@ -264,6 +252,12 @@ def _above_floor(
     return in_order(Scene([math.inf, *mass], [0.0, *radius], [drop, *_gaps(gap, n - 1)], velocity, gravity))
 
 
+def _in_a_row(mass: Array, moving: int, speed: float, gap: float | Sequence[float], density: float) -> Scene:
+    """Balls of which the first few arrive with `speed` at the others, which are at rest."""
+    v = np.where(np.arange(len(mass)) < moving, _check.number("speed", speed, above=0.0), 0.0)
+    return in_order(Scene(mass, _radius(mass, density), _gaps(gap, len(mass) - 1), v))
+
+
 def _gaps(gap: float | Sequence[float], n_pairs: int) -> Array:
     if np.ndim(gap) == 0:
         return np.full(n_pairs, _check.number("gap", gap))
@@ -272,8 +266,7 @@ def _gaps(gap: float | Sequence[float], n_pairs: int) -> Array:
 
 def _geometric(n: int, mass_ratio: float) -> Array:
     count = _check.whole("n", n, at_least=1)
-    masses: Array = np.power(_check.number("mass_ratio", mass_ratio, above=0.0), np.arange(count, dtype=np.float64))
-    return masses
+    return np.asarray(np.power(_check.number("mass_ratio", mass_ratio, above=0.0), np.arange(count, dtype=np.float64)))
 
 
 def _given(masses: Sequence[float]) -> Array:
@@ -287,15 +280,14 @@ def _mass(radius: Array, density: float) -> Array:
 
 
 def _radius(mass: Array, density: float) -> Array:
-    radius: Array = np.cbrt(mass * 0.75 / (math.pi * _check.number("density", density, above=0.0)))
-    return radius
+    return np.asarray(np.cbrt(mass * 0.75 / (math.pi * _check.number("density", density, above=0.0))))
 
 
 def _unit_speeds(random: np.random.Generator, speeds: str, n: int) -> Array:
     """Random velocities of mean 0 and variance 1."""
-    kind = _check.choice("speeds", speeds, ("maxwell", "uniform", "two"))
-    if kind == "maxwell":
-        return random.standard_normal(n)
-    if kind == "uniform":
-        return random.uniform(-math.sqrt(3.0), math.sqrt(3.0), n)
-    return random.choice([-1.0, 1.0], n)
+    draw: dict[str, Callable[[], Array]] = {
+        "maxwell": lambda: random.standard_normal(n),
+        "uniform": lambda: random.uniform(-math.sqrt(3.0), math.sqrt(3.0), n),
+        "two": lambda: random.choice([-1.0, 1.0], n),
+    }
+    return draw[_check.choice("speeds", speeds, tuple(draw))]()

@@ -31,11 +31,7 @@ __all__ = [
     "stack_velocities",
     "two_ball_drop",
 ]
-
-
-def __dir__() -> list[str]:
-    return __all__
-
+__dir__ = __all__.copy
 
 @dataclass(frozen=True, slots=True)
 class TwoBallDrop:
@@ -102,7 +98,7 @@ def two_ball_drop(
         v2′ = |v10| (ε01 + ε12 + ε01 ε12 - μ) / (1 + μ) - g (t12 - t10).
     """
     mu = _check.number("mass_ratio", mass_ratio, at_least=0.0)
-    e01, e12 = _two_restitutions(restitution)
+    e01, e12 = _restitutions(restitution, 2).tolist()
     g = _check.number("gravity", gravity, at_least=0.0)
     h = _check.number("drop", drop, at_least=0.0)
     v0 = _check.number("speed", speed, at_least=0.0, fix="downwards is built in")
@@ -173,8 +169,7 @@ def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) ->
 def stack_limit(n: int, restitution: float = 1.0) -> float:
     """Return v_N/v of a stack of `n` balls, each far lighter than the one below: (1 + ε)^N - 1, at most 2^N - 1."""
     count = _check.whole("n", n, at_least=1)
-    growth: float = (1.0 + _check.number("restitution", restitution, at_least=0.0, at_most=1.0)) ** count
-    return growth - 1.0
+    return float((1.0 + _check.number("restitution", restitution, at_least=0.0, at_most=1.0)) ** count) - 1.0
 
 
 def rise(velocity_ratio: float) -> float:
@@ -262,15 +257,9 @@ def most_collisions(masses: Sequence[float]) -> int:
 
     ⌈π/θ⌉ with tan θ = √(m2 (m1 + m2 + m3) / (m1 m3)): a billiard in a wedge of angle θ (Galperin 1981).
     """
-    m1, m2, m3 = (float(m) for m in _check.array("masses", masses, (3,)))
-    _masses((m1, m2, m3))
+    m1, m2, m3 = _masses(_check.array("masses", masses, (3,))).tolist()
     turns = math.pi / math.atan(math.sqrt(m2 / m1 * ((m1 + m2 + m3) / m3)))
     return round(turns) if abs(turns - round(turns)) < 1e-12 * turns else math.ceil(turns)
-
-
-def _two_restitutions(restitution: float | Sequence[float]) -> tuple[float, float]:
-    e01, e12 = _restitutions(restitution, 2)
-    return float(e01), float(e12)
 
 
 def _restitutions(restitution: float | Sequence[float], n: int) -> Array:

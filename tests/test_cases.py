@@ -98,6 +98,19 @@ def test_steel_cradle_is_elastic_hertz_unless_told_otherwise():
     assert cases.make("newtons-cradle", restitution=0.9).law[0].alpha > 0.0
 
 
+def test_elastic_hertz_goes_by_its_name():
+    case = cases.make("newtons-cradle", law="Hertz")
+    assert set(case.law) == {Hertz(2e10)}
+    assert case.rule == ConstantRestitution(1.0)
+    assert cases.make("three-balls", law="Hertz", restitution=1.0, stiffness=1e9).law == (Hertz(1e9),) * 2
+
+
+def test_pairs_that_are_alike_share_one_law():
+    gas = cases.make("gas", n=1000)
+    assert len({id(law) for law in gas.law}) == 2  # of ball and wall, of two balls
+    assert len({id(law) for law in cases.loads(cases.dumps(gas)).law}) == 2
+
+
 def test_gravity_sets_the_end_where_it_is_needed():
     assert cases.make("column").t_end is None
     assert cases.make("column", gravity=9.81).t_end > 0.0
@@ -117,7 +130,10 @@ def test_both_engines_run_a_case(engine):
     (lambda: cases.make("three-bals"), r"scene is 'three-bals': one of .* is needed; did you mean three-balls\?"),
     (lambda: cases.make("gas", paking=0.2), r"'paking' is no option of gas; did you mean packing\?"),
     (lambda: cases.make("gas", zzz=0.2), r"'zzz' is no option of gas: law, length, mass"),
-    (lambda: cases.make("gas", law="Hertz"), r"law is 'Hertz': one of LinearDashpot, .* did you mean TsujiHertz\?"),
+    (lambda: cases.make("gas", law="Herz"), r"law is 'Herz': one of Hertz, LinearDashpot, .* did you mean Hertz\?"),
+    (lambda: cases.make("gas", law="Hertz"), r"restitution is 0\.9: .*Hertz's law is elastic; TsujiHertz and"),
+    (lambda: cases.make("gas", n=-1), r"n is -1: a whole number of at least 1 is needed\."),
+    (lambda: cases.make("gas", n=10**9), r"n is 1000000000: .* at most 10000000 is needed; build larger scenes in"),
     (lambda: cases.make("gas", restitution=1.2), r"restitution is 1\.2: .*at most 1 is needed"),
     (lambda: cases.make("three-balls", restitution=[0.7]), r"length of restitution is 1: 2 \(the number of pairs\)"),
     (lambda: cases.make("gas", stiffness=-1.0), r"stiffness is -1\.0: .*above 0 is needed"),

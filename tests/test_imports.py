@@ -20,6 +20,15 @@ def test_import_is_light(module):
     assert fresh(f"import sys, {module}; print([m for m in {HEAVY} if m in sys.modules])") == "[]"
 
 
+def test_the_table_of_viscoelastic_collisions_is_read_when_it_is_needed():
+    module = "granular.laws.viscoelastic_restitution"
+    code = (
+        f"import sys, granular as gr; law = gr.ViscoelasticHertz(1e9, 1e3); print({module!r} in sys.modules); "
+        f"gr.binary.restitution(law, gr.Pair(1.0, 0.1, 0), 1.0); print({module!r} in sys.modules)"
+    )
+    assert fresh(code).split() == ["False", "True"]
+
+
 def test_edmd_run_loads_nothing_heavy():
     code = (
         "import sys, granular as gr; "

@@ -68,3 +68,16 @@ def test_what_does_not_mention_the_name_is_not_copied():
 def test_a_name_that_nobody_reads_is_refused():
     with pytest.raises(TypeError, match="outer cannot be specialised for SCALES: no kernel in it reads that name"):
         specialised(outer, SCALES=1.0)
+
+
+@pytest.mark.parametrize(("work", "memory", "disk", "pays"), [
+    (10, True, True, False), (100, False, False, False), (100, False, True, True), (100, True, False, True),
+    (1000, False, False, True),
+])
+def test_machine_code_must_pay(work, memory, disk, pays, monkeypatch):
+    from granular import _kernels
+
+    monkeypatch.setattr(_kernels, "have_numba", lambda: True)
+    monkeypatch.setattr(_kernels, "in_memory", lambda function, inline: memory)
+    monkeypatch.setattr(_kernels, "on_disk", lambda function, inline: disk)
+    assert _kernels.worth(_kernels.kernel, work, 50, 500) is pays

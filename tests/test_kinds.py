@@ -178,18 +178,44 @@ class Chosen:
         return (5.0 if pair == self.pair else 1.0) * self.k * xi
 
 
+@dataclass(frozen=True)
+class First:
+    """Twice as stiff in every pair but the first, by the truth of its number."""
+
+    k: float
+
+    def force(self, xi, xi_dot, pair):
+        return (2.0 if pair.index else 1.0) * self.k * xi
+
+
+@dataclass(frozen=True)
+class LookedUp:
+    """Another stiffness in one pair, from a table."""
+
+    k: float
+
+    def force(self, xi, xi_dot, pair):
+        return {3: 5.0}.get(pair.index, 1.0) * self.k * xi
+
+
 def test_whatever_a_law_asks_of_its_pair_it_is_the_law_of_that_pair():
     scene = Scene([math.inf, *[1.0] * 5], [0.0, *[0.1] * 5], [0.0] * 5, [0.0] * 5 + [-1.0])
     for laws, stiffness in (
         ([Slotted(k * 1e6) for k in range(1, 6)], [1e6, 2e6, 3e6, 4e6, 5e6]),
         ([Branching(1e6)] * 5, [1e6, 2e6, 3e6, 4e6, 5e6]),
         ([Chosen(1e6, scene.pairs[3])] * 5, [1e6, 1e6, 1e6, 5e6, 1e6]),
+        ([LookedUp(1e6)] * 5, [1e6, 1e6, 1e6, 5e6, 1e6]),
     ):
         assert resolved(laws, scene).column(lambda law: law.form[0]).tolist() == stiffness
         one, other = (
             gr.md.simulate(scene, given, t_end=0.01) for given in (laws, [gr.LinearDashpot(k) for k in stiffness])
         )
         np.testing.assert_allclose(one.velocity, other.velocity, atol=1e-13)
+
+
+def test_the_truth_of_a_number_is_asked_for_as_well():
+    scene = Scene(np.ones(4), np.full(4, 0.1), np.zeros(3), np.zeros(4))
+    assert resolved([First(1e6)] * 3, scene).column(lambda law: law.form[0]).tolist() == [1e6, 2e6, 2e6]
 
 
 def test_a_law_that_looks_at_the_number_of_its_pair_is_another_one_in_each():

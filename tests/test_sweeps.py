@@ -11,13 +11,14 @@ import pytest
 
 import granular as gr
 from granular.cases import Case, make
-from granular.sweeps import axis, compiled, schedule
-from granular.sweeps.compiled import FAST
+from granular.md import located
+from granular.sweeps import axis, schedule
 from granular.sweeps.results import CODE, RESULTS
 
 xr = pytest.importorskip("xarray")
 REFERENCE = json.loads((Path(__file__).parent / "reference" / "paper_points.json").read_text(encoding="utf-8"))
 ONE_BY_ONE = {"engine": "plain"}
+FAST = [name for name, result in RESULTS.items() if result.many]
 
 
 def drop(gap: float = 1e-4, restitution: float = 0.7) -> Case:
@@ -53,7 +54,7 @@ def test_axes_from_text(text, values):
     ("bouncing-ball", ["t_end=0.1,2,20"], {}),
 ])  # fmt: skip
 def test_compiled_is_one_by_one_bit_for_bit(scene, over, fixed, monkeypatch):
-    monkeypatch.setattr(compiled, "at_hand", lambda: True)
+    monkeypatch.setattr(schedule, "in_memory", lambda kernel: True)
     fast = gr.sweep(scene, over, sorted(FAST), **fixed)
     slow = gr.sweep(scene, over, sorted(FAST), run=ONE_BY_ONE, **fixed)
     for name in fast:
@@ -64,11 +65,11 @@ def test_compiled_is_one_by_one_bit_for_bit(scene, over, fixed, monkeypatch):
 @pytest.mark.parametrize("making", [1e-3, 10.0])
 def test_cells_do_not_wait_for_a_compiler_unless_they_take_longer(making, monkeypatch):
     """After 16 cells the others are compiled if one by one they would take longer than making the machine code."""
-    solved, known = [], compiled.answers
+    solved, known = [], located.solve_many
     monkeypatch.setattr(schedule, "LOADING", making)
     monkeypatch.setattr(schedule, "MAKING", making)
-    monkeypatch.setattr(compiled, "at_hand", lambda: False)
-    monkeypatch.setattr(compiled, "answers", lambda *given: solved.append(len(given[1])) or known(*given))
+    monkeypatch.setattr(schedule, "in_memory", lambda kernel: False)
+    monkeypatch.setattr(located, "solve_many", lambda many, **end: solved.append(len(many.gap)) or known(many, **end))
     data = gr.sweep("three-balls", ["gap=1e-7:1e-2:40:log"], "contacts")
     assert sum(solved) == (24 if making < 1.0 else 0)
     assert (data["status"].values >= 0).all()
@@ -255,10 +256,151 @@ def pile_that_creeps(gamma):
 
 def test_a_pile_that_creeps_ends_as_it_does_alone(monkeypatch):
     """A run by itself goes on by the pile's modes, where steps would take millions; here with one law for all pairs."""
-    monkeypatch.setattr("granular.sweeps.compiled.at_hand", lambda: True)
+    monkeypatch.setattr(schedule, "in_memory", lambda kernel: True)
     data = gr.sweep(pile_that_creeps, {"gamma": [1e3, 1e4]}, ("v_final", "contacts"))
     for i, gamma in enumerate([1e3, 1e4]):
         case = pile_that_creeps(gamma)
         alone = gr.md.simulate(case.scene, case.law, t_end=0.5)
         assert data.v_final.values[i].tobytes() == alone.velocity[-1].tobytes()
         assert alone.stats["steps"] <= 2048
+
+
+# a case, a scene, a file
+
+MINE = """about = "mine"
+[scene]
+mass = [inf, 4.0, 0.004]
+radius = [0.0, 0.1, 0.01]
+gap = [0.5, 1e-4]
+velocity = [0.0, 0.0, 0.0]
+gravity = 9.81
+[[law]]
+type = "LinearDashpot"
+restitution = 0.7
+k = 5e7
+[[law]]
+type = "Hertz"
+k = 1e8
+[run]
+until = { pair = 0, nth = 2 }
+"""
+WAYS = ["gap[1]", "mass[2]", "gravity", "velocity[2]", "t_end", "law[0].k", "law[1].k", "law.k", "k", "scene.gap[0]"]
+
+
+@pytest.fixture
+def mine(tmp_path):
+    (tmp_path / "mine.toml").write_text(MINE, encoding="utf-8")
+    return tmp_path / "mine.toml"
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_file_its_case_and_the_case_built_by_hand_give_the_same_cells(seed, mine):
+    """Two numbers at random vary by random shares; every cell is the run of the scene and laws made with them."""
+    random = np.random.default_rng(seed)
+    case = gr.cases.load(mine)
+    known = {"gap[1]": 1e-4, "mass[2]": 0.004, "gravity": 9.81, "velocity[2]": -0.1, "t_end": 0.35, "law[0].k": 5e7,
+             "law[1].k": 1e8, "law.k": 5e7, "k": 5e7, "scene.gap[0]": 0.5}
+    one, other = random.choice(WAYS, 2, replace=False)
+    if {one, other} <= {"k", "law.k"}:
+        other = "gap[1]"
+    over = {name: known[name] * random.uniform(0.5, 1.5, 2) for name in (one, other)}
+    results = ["contacts", "v_rel", "t_f", "v_final", "time"]
+    laws = [gr.LinearDashpot(law.k, law.gamma) if i == 0 else law for i, law in enumerate(case.law)]
+    swept = gr.sweep(gr.Case(case.scene, laws, until=case.until), over, results)
+    for i, a in enumerate(over[one]):
+        for j, b in enumerate(over[other]):
+            scene, law, t_end = by_hand(case, {one: float(a), other: float(b)})
+            run = gr.md.simulate(scene, law, until=case.until, t_end=t_end)
+            cell = swept.isel({one: i, other: j})
+            assert cell["v_final"].values.tobytes() == run.velocity[-1].tobytes()
+            assert float(cell["time"]) == run.time[-1]
+            assert cell["contacts"].values.tolist() == [run.count(0), run.count(1)]
+    if not {"law[0].k", "law.k", "k"} & {one, other}:  # in the file k of pair 0 keeps restitution, not γ
+        of_file = gr.sweep(mine, over, results)
+        of_scene = gr.sweep(case.scene, over, results, law=laws, until=case.until)
+        for name in (*results, "status"):
+            assert np.array_equal(of_file[name].values, swept[name].values, equal_nan=True)
+            assert np.array_equal(of_scene[name].values, swept[name].values, equal_nan=True)
+
+
+def by_hand(case, values):
+    """Scene, laws and end with these numbers in place of the file's."""
+    arrays = {name: getattr(case.scene, name).copy() for name in ("mass", "gap", "velocity")}
+    stiffness, t_end, gravity = [law.k for law in case.law], None, 9.81
+    for name, value in values.items():
+        plain, index = re.fullmatch(r"(?:scene\.)?(\w+)(?:\[(\d)\])?(?:\.k)?", name).groups()
+        if name in ("k", "law.k"):
+            stiffness = [value, value]
+        elif plain == "law":
+            stiffness[int(index)] = value
+        elif name == "t_end":
+            t_end = value
+        elif name == "gravity":
+            gravity = value
+        else:
+            arrays[plain][int(index)] = value
+    laws = [gr.LinearDashpot(stiffness[0], case.law[0].gamma), gr.Hertz(stiffness[1])]
+    return case.scene.replace(**arrays, gravity=gravity), laws, t_end
+
+
+def test_numbers_of_a_file_are_varied_as_if_it_were_edited(mine, tmp_path):
+    """In a file, k goes with the restitution beside it, a ready-made scene with its own parameters."""
+    eps = [0.5, 0.9]
+    edited = []
+    for value in eps:
+        (tmp_path / "edited.toml").write_text(MINE.replace("restitution = 0.7", f"restitution = {value}"))
+        edited.append(gr.cases.load(tmp_path / "edited.toml").simulate("md").velocity[-1])
+    swept = gr.sweep(mine, {"law[0].restitution": eps}, "v_final")["v_final"].values
+    assert swept.tobytes() == np.array(edited).tobytes()
+    ready = tmp_path / "ready.toml"
+    ready.write_text('[scene]\nname = "three-balls"\n')
+    for over in ("gap=1e-4,1e-3", "radii[0]=0.1,0.12"):
+        assert np.array_equal(gr.sweep(ready, over, "v_rel")["v_rel"], gr.sweep("three-balls", over, "v_rel")["v_rel"])
+
+
+def test_a_sweep_of_a_case_names_it_and_goes_on_only_with_itself(mine, tmp_path):
+    case, file = gr.cases.load(mine), tmp_path / "map.nc"
+    data = gr.sweep(case, "gap[1]=1e-4,2e-4", "contacts", save=file)
+    assert data["gap[1]"].attrs == {"units": "m", "long_name": "gap[1]", "comment": data["gap[1]"].attrs["comment"]}
+    assert data.attrs["title"] == "granular sweep of mine"
+    again = []
+    gr.sweep(case, "gap[1]=1e-4,2e-4", "contacts", save=file, on_progress=lambda *so_far: again.append(so_far))
+    assert not again
+    other = gr.Case(case.scene.replace(gravity=9.8), case.law, case.rule, case.until)
+    with pytest.raises(ValueError, match="holds another sweep"):
+        gr.sweep(other, "gap[1]=1e-4,2e-4", "contacts", save=file)
+    with ProcessPoolExecutor(2) as pool:
+        assert data.identical(gr.sweep(case, "gap[1]=1e-4,2e-4", "contacts", executor=pool))
+
+
+def test_the_command_sweeps_a_file(mine, capsys):
+    from granular.cli import main
+
+    assert main(["sweep", str(mine), "--over", "gap[1]=1e-4:1e-3:3", "--result", "contacts", "--t-end", "1"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("granular sweep of mine: 3 cells\n")
+    counts = gr.sweep(mine, "gap[1]=1e-4:1e-3:3", "contacts", t_end=1.0)["contacts"].values
+    assert f"  contacts         {counts.min()} … {counts.max()} " in out
+
+
+@pytest.mark.parametrize(("over", "sentence"), [
+    ("gab[1]=1,2", "'gab' is no parameter of Scene("),
+    ("gap[7]=1,2", "gap[7] is asked for, and gap has 2 entries, counted from 0"),
+    ("gravity[0]=1,2", "'gravity[0]' is no parameter: gravity is a single value"),
+    ("law[0].kk=1,2", "'kk' is no parameter of LinearDashpot("),
+    ("mass[1]=-1,-2", "mass[1] is -1.0: a mass must be positive"),
+    ("gap..x=1,2", "'gap..x' is no name of a parameter"),
+])
+def test_a_wrong_name_in_a_case_is_one_sentence(over, sentence, mine):
+    with pytest.raises((TypeError, ValueError), match=re.escape(sentence)):
+        gr.sweep(gr.cases.load(mine), over)
+
+
+def test_a_mistake_in_a_file_or_its_numbers_names_the_place(mine):
+    with pytest.raises(ValueError, match=r"\[scene\]: 'gab' is no key; did you mean gap\?"):
+        gr.sweep(mine, "gab=1,2")
+    mine.write_text("[scene\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"mine\.toml: is not valid TOML"):
+        gr.sweep(mine, "gap[0]=1,2")
+    with pytest.raises(FileNotFoundError):
+        gr.sweep("none.toml", "gap[0]=1,2")

@@ -18,10 +18,11 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from granular._kernels import compiled, have_numba
-from granular.laws._viscoelastic_table import Q_END, SERIES
 from granular.laws.viscoelastic_restitution import (
     PADE_B4,
     PADE_C1,
+    Q_END,
+    SERIES,
     damping,
     duration,
     restitution,

@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 from granular import _check, laws, rules
-from granular.cases.options import unknown
 from granular.scene import Pair
 
 LAWS: dict[str, Any] = {name: getattr(laws, name) for name in laws.__all__}
-RULES: dict[str, Any] = {"ConstantRestitution": rules.ConstantRestitution,
-                         "TabulatedRestitution": rules.TabulatedRestitution}
+RULES: dict[str, Any] = {kind.__name__: kind for kind in (rules.ConstantRestitution, rules.TabulatedRestitution)}
 Way = Callable[..., Any]
 
 
 def law(table: Mapping[str, Any], pair: Pair) -> Any:
     """Make a force law: ``type`` and its coefficients, or what its `from_restitution` or `from_material` takes."""
     return _of_type(LAWS, table, pair=pair)
+
+
+def rule(table: Mapping[str, Any]) -> Any:
+    """Make a collision rule: ``type`` and its values."""
+    return _of_type(RULES, table)
 
 
 def rule_of(tables: Sequence[Mapping[str, Any]]) -> Any:
@@ -30,22 +34,33 @@ def rule_of(tables: Sequence[Mapping[str, Any]]) -> Any:
     return rules.ConstantRestitution(eps[0] if len(set(eps)) == 1 else eps)
 
 
-def rule(table: Mapping[str, Any]) -> Any:
-    """Make a collision rule: ``type`` and its values."""
-    return _of_type(RULES, table)
+def each_pair(make: Callable[[Any, Pair], Any], given: Iterable[Any], pairs: Iterable[Pair]) -> tuple[Any, ...]:
+    """Make one law per pair from what is given for it; pairs that are alike share one."""
+    known: dict[Any, Any] = {}
+    keys = []
+    for one, pair in zip(given, pairs, strict=True):
+        keys.append((id(one), pair.m_eff, pair.r_eff))
+        if keys[-1] not in known:
+            known[keys[-1]] = make(one, pair)
+    return tuple(known[key] for key in keys)
 
 
 def call(ways: Sequence[Way], values: Mapping[str, Any], **held: Any) -> Any:
     """Call the first of `ways` whose parameters are those that `values` gives; `held` is added for those who ask."""
-    keys = [_keys(way, held) for way in ways]
-    for way, (needed, allowed) in zip(ways, keys, strict=True):
-        if set(needed) <= set(values) <= set(allowed):
-            asked = inspect.signature(way).parameters
-            return way(**values, **{name: value for name, value in held.items() if name in asked})
-    if wrong := unknown(values, dict.fromkeys(key for _, allowed in keys for key in allowed), "key"):
-        raise ValueError(wrong)
-    sets = " or ".join("(" + ", ".join(needed) + ")" for needed, _ in keys)
+    keys = [[p for p in parameters(way) if p.name not in held] for way in ways]
+    needed = [[p.name for p in each if p.default is p.empty] for each in keys]
+    for way, each, least in zip(ways, keys, needed, strict=True):
+        if set(least) <= values.keys() <= {p.name for p in each}:
+            return way(**values, **{p.name: held[p.name] for p in parameters(way) if p.name in held})
+    _check.known(values, dict.fromkeys(p.name for each in keys for p in each), "key")
+    sets = " or ".join("(" + ", ".join(least) + ")" for least in needed)
     raise ValueError(f"the keys given are ({', '.join(values)}): {sets} is needed.")
+
+
+@cache
+def parameters(way: Way) -> tuple[inspect.Parameter, ...]:
+    """What a function takes."""
+    return tuple(inspect.signature(way).parameters.values())
 
 
 @contextmanager
@@ -64,9 +79,3 @@ def _of_type(types: Mapping[str, Any], table: Mapping[str, Any], **held: Any) ->
     kind = types[_check.choice("type", table["type"], list(types))]
     ways = [kind] + [getattr(kind, name) for name in ("from_restitution", "from_material") if hasattr(kind, name)]
     return call(ways, {key: value for key, value in table.items() if key != "type"}, **held)
-
-
-def _keys(way: Way, held: Collection[str]) -> tuple[list[str], list[str]]:
-    """Names that must be given, and names that may."""
-    parameters = [p for p in inspect.signature(way).parameters.values() if p.name not in held]
-    return [p.name for p in parameters if p.default is p.empty], [p.name for p in parameters]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import Any
 
 from granular import _check
-from granular.cases.options import unknown
 from granular.scene import Scene
 from granular.trajectory import Trajectory
 from granular.until import Until
@@ -26,8 +26,8 @@ class Case:
     ----------
     scene : Scene
         Where it starts.
-    law : sequence of force laws or None
-        One per pair, for `granular.md`; None if the case is about hard spheres only.
+    law : force law, sequence of them, or None
+        One for all pairs or one per pair, for `granular.md`; None if the case is about hard spheres only.
     rule : collision rule, sequence of them, or None
         For `granular.edmd`; None takes the restitution that the force laws have.
     until, t_end : stop condition or None, float or None
@@ -40,7 +40,7 @@ class Case:
     """
 
     scene: Scene
-    law: tuple[Any, ...] | None
+    law: Any
     rule: Any = None
     until: Until | None = None
     t_end: float | None = None
@@ -63,13 +63,13 @@ class Case:
             For misuse: among others an option the engine does not know, or ``"md"`` for a case without force law.
         """
         simulate = engine_named(engine)
-        known = keyword_options(simulate)
-        if wrong := unknown(changes, known | HELD, f"option of {engine}.simulate"):
-            raise TypeError(wrong)
-        chosen = {name: value for name, value in self.run.items() if name in known}
-        options = {"t_end": self.t_end, "until": self.until} | chosen | changes
-        trajectory: Trajectory = simulate(self.scene, self.physics(engine), **options)
-        return trajectory
+        _check.known(changes, keyword_options(simulate) | HELD, f"option of {engine}.simulate", TypeError)
+        return simulate(self.scene, self.physics(engine), **self.options(simulate) | changes)
+
+    def options(self, run: Callable[..., Any]) -> dict[str, Any]:
+        """Return when to stop, and of the further options those that a function such as `simulate` knows."""
+        known = keyword_options(run)
+        return {"until": self.until, "t_end": self.t_end} | {k: v for k, v in self.run.items() if k in known}
 
     def physics(self, engine: str) -> Any:
         """The force laws for ``"md"``, the collision rule for ``"edmd"``."""
@@ -86,10 +86,8 @@ class Case:
 
 def engine_named(engine: str) -> Callable[..., Trajectory]:
     """Return the `simulate` of one engine."""
-    from granular import edmd, md
-
-    functions: dict[str, Callable[..., Trajectory]] = {"edmd": edmd.simulate, "md": md.simulate}
-    return functions[_check.choice("engine", engine, ENGINES)]
+    simulate: Callable[..., Trajectory] = import_module(f"granular.{_check.choice('engine', engine, ENGINES)}").simulate
+    return simulate
 
 
 def keyword_options(run: Callable[..., Any]) -> set[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,7 @@ from granular import _check, until
 from granular.cases import build, ready
 from granular.cases.build import place
 from granular.cases.case import ENGINES, Case, engine_named, keyword_options
-from granular.cases.options import unknown
-from granular.scene import Scene, in_order
+from granular.scene import Pair, Scene, in_order
 
 TABLES = ("scene", "law", "rule", "run", "about")
 MOST_BYTES = 32_000_000
@@ -66,29 +65,25 @@ def load(path: str | PathLike[str]) -> Case:
     TypeError, ValueError
         For a wrong key, a missing one or a bad value: with the file, the table and what is needed.
     """
-    file = Path(path)
-    with place(file.name):
-        return loads(_text(file))
+    with place(Path(path).name):
+        return of_tables(tables_of(path))
 
 
 def loads(text: str) -> Case:
     """Read a case from the text of a TOML file; see `load`."""
     if not isinstance(text, str):
         raise TypeError(f"text is {text!r}: the text of a TOML file is needed; for a file use load.")
-    tables = _parsed(text)
-    for key in tables:
-        _check.choice("table or key", key, TABLES)
-    return _case(tables)
+    return of_tables(_parsed(text))
 
 
-def _text(file: Path) -> str:
-    """The text of a file, with or without the mark that editors on Windows put first."""
-    with open(file, "rb") as stream:
+def tables_of(path: str | PathLike[str]) -> dict[str, Any]:
+    """Read the tables of a file, with or without the mark that editors on Windows put first."""
+    with open(path, "rb") as stream:
         content = stream.read(MOST_BYTES + 1)
     if len(content) > MOST_BYTES:
         raise ValueError(f"is larger than {MOST_BYTES // 1_000_000} MB; build such a scene in Python.")
     try:
-        return content.decode("utf-8-sig").replace("\r\n", "\n")
+        return _parsed(content.decode("utf-8-sig").replace("\r\n", "\n"))
     except UnicodeDecodeError:
         raise ValueError("is no text in UTF-8, as TOML must be.") from None
 
@@ -104,29 +99,20 @@ def _parsed(text: str) -> dict[str, Any]:
         raise ValueError(f"is not valid TOML: {error}.") from None
 
 
-def _case(tables: Mapping[str, Any]) -> Case:
+def of_tables(tables: Mapping[str, Any]) -> Case:
+    """Make a case of the tables of a file."""
+    for key in tables:
+        _check.choice("table or key", key, TABLES)
     if "scene" not in tables:
         raise ValueError("table [scene] is missing: it names a ready-made scene or gives mass, radius, gap, velocity.")
     with place("[scene]"):
         base = _base(_table(tables["scene"]))
-    n_pairs = base.scene.n_pairs
-    law, rule = base.law, base.rule
-    if "law" in tables:
-        tables_of_law = _check.per_pair("[[law]]", tables["law"], n_pairs)
-        law = tuple(_laws(tables_of_law, base.scene, isinstance(tables["law"], list)))
-        rule = build.rule_of(tables_of_law)
-    if "rule" in tables:
-        with place("[rule]"):
-            rule = _rules(tables["rule"], n_pairs)
-    if law is None and rule is None:
-        raise ValueError("table [law] is missing: give a force law, or at least a [rule] for hard spheres.")
+    law, rule = _physics(tables, base)
     with place("[run]"):
         run = dict(_table(tables.get("run", {})))
-        end = run.pop("t_end", base.t_end)
-        t_end = None if end is None else _check.number("t_end", end)
-        stop = until.checked(_until(run.pop("until")), n_pairs) if "until" in run else base.until
-        if wrong := unknown(run, {"t_end", "until"}.union(*map(keyword_options, map(engine_named, ENGINES))), "key"):
-            raise ValueError(wrong)
+        t_end = _check.number("t_end", run.pop("t_end")) if "t_end" in run else base.t_end
+        stop = until.checked(_until(run.pop("until")), base.scene.n_pairs) if "until" in run else base.until
+        _check.known(run, {"t_end", "until"}.union(*map(keyword_options, map(engine_named, ENGINES))), "key")
     about = tables.get("about", base.about)
     if not isinstance(about, str):
         raise TypeError(f"about is {about!r}: a text in quotes is needed.")
@@ -137,24 +123,30 @@ def _base(table: Mapping[str, Any]) -> Case:
     """The ready-made case that [scene] names, or a bare one around its arrays."""
     if "name" not in table:
         return Case(in_order(build.call([Scene, Scene.from_positions], table)), None)
-    parameters = {key: value for key, value in table.items() if key != "name"}
     name = _check.choice("name", table["name"], ready.names())
-    return ready.around(name, build.call([ready.TEMPLATES[name].make], parameters))
+    return ready.touching(name, ready.bare(name, {key: value for key, value in table.items() if key != "name"}))
 
 
-def _laws(tables: Sequence[Any], scene: Scene, each: bool) -> list[Any]:
-    """One law per pair: from its own table, or from one for all."""
-    laws = []
-    for table, pair in zip(tables, scene.pairs, strict=True):
-        with place(f"[[law]] of pair {pair.index}" if each else "[law]"):
-            laws.append(build.law(_table(table), pair))
-    return laws
+def _physics(tables: Mapping[str, Any], base: Case) -> tuple[Any, Any]:
+    """Laws and rule: of their own tables, one per pair or one for all, or those of the ready-made case."""
+    law, rule, scene = base.law, base.rule, base.scene
+    if "law" in tables:
+        each = isinstance(tables["law"], list)
 
+        def made(table: Any, pair: Pair) -> Any:
+            with place(f"[[law]] of pair {pair.index}" if each else "[law]"):
+                return build.law(_table(table), pair)
 
-def _rules(tables: Any, n_pairs: int) -> Any:
-    if not isinstance(tables, list):
-        return build.rule(_table(tables))
-    return tuple(build.rule(_table(table)) for table in _check.per_pair("[[rule]]", tables, n_pairs))
+        of_pairs = _check.per_pair("[[law]]", tables["law"], scene.n_pairs)
+        law, rule = build.each_pair(made, of_pairs, scene.pairs), build.rule_of(of_pairs)
+    if "rule" in tables:
+        given = tables["rule"]
+        with place("[rule]"):
+            rules = [build.rule(_table(one)) for one in (given if isinstance(given, list) else [given])]
+            rule = _check.per_pair("[[rule]]", rules, scene.n_pairs) if isinstance(given, list) else rules[0]
+    if law is None and rule is None:
+        raise ValueError("table [law] is missing: give a force law, or at least a [rule] for hard spheres.")
+    return law, rule
 
 
 def _until(value: Any) -> until.Until:
@@ -171,4 +163,3 @@ def _table(value: Any) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
         raise TypeError(f"{value!r} is no table: write it in [brackets] on a line of its own, then one key per line.")
     return value
-

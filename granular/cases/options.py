@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
-
-from granular import _check
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +35,8 @@ def options_of(function: Callable[..., Any]) -> list[Option]:
     """Return the parameters of `function` that have a default, in order, with their NumPy-style documentation."""
     about = descriptions(function)
     parameters = inspect.signature(function).parameters.values()
-    return [
-        Option(p.name, str(p.annotation), p.default, about.get(p.name, ""))
-        for p in parameters
-        if p.default is not p.empty
-    ]
+    return [Option(p.name, str(p.annotation), p.default, about.get(p.name, ""))
+            for p in parameters if p.default is not p.empty]
 
 
 def descriptions(function: Callable[..., Any]) -> dict[str, str]:
@@ -52,22 +48,13 @@ def descriptions(function: Callable[..., Any]) -> dict[str, str]:
     section = re.search(r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+\n|\Z)", text, re.MULTILINE | re.DOTALL)
     entry_of_names = r"^(\w[\w, ]*) : (.*)\n((?:[ \t]+.*\n?|\n)*)"
     found: dict[str, str] = {}
-    for entry in re.finditer(entry_of_names, section[1] if section else "", re.MULTILINE):
-        kind = entry[2].partition("}")[0] + "}: " if entry[2].startswith("{") else ""
-        for name in entry[1].split(", "):
-            found[name] = kind + " ".join(entry[3].split())
+    for names, kind, about in re.findall(entry_of_names, section[1] if section else "", re.MULTILINE):
+        choices = kind.partition("}")[0] + "}: " if kind.startswith("{") else ""
+        found |= dict.fromkeys(names.split(", "), choices + " ".join(about.split()))
     return found
 
 
+@cache
 def summary(function: Callable[..., Any]) -> str:
     """Return the first paragraph of a docstring on one line."""
     return " ".join((inspect.getdoc(function) or "").split("\n\n")[0].split())
-
-
-def unknown(given: Iterable[str], known: Collection[str], what: str) -> str:
-    """Return the sentence about the first name that is not known, or nothing."""
-    for name in given:
-        if name not in known:
-            hint = _check.suggestion(name, known)
-            return f"{name!r} is no {what}; {hint}" if hint else f"{name!r} is no {what}: {', '.join(sorted(known))}."
-    return ""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import inspect
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,8 @@ import numpy as np
 from granular import _check, scenes, until
 from granular.cases import build
 from granular.cases.case import Case
-from granular.cases.options import Option, options_of, summary, unknown
+from granular.cases.options import Option, options_of, summary
+from granular.laws import Hertz
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 
@@ -40,36 +43,30 @@ class Template:
     contact: Mapping[str, Any] = field(default_factory=dict)
 
 
-def falls(count: float) -> Callable[[Scene], float | None]:
-    """End times of `count` falls: the time s/g in which gravity gives the speed s of the first impact on the floor."""
-
-    def t_end(scene: Scene) -> float | None:
-        return (count * first_impact(scene) / scene.gravity or None) if scene.gravity else None
-
-    return t_end
+def falls(count: float, scene: Scene) -> float | None:
+    """End time of `count` falls: the time s/g in which gravity gives the speed s of the first impact on the floor."""
+    return (count * first_impact(scene) / scene.gravity or None) if scene.gravity else None
 
 
-def flights(count: float) -> Callable[[Scene], float | None]:
-    """End times in which a ball of a gas crosses `count` mean gaps."""
-
-    def t_end(scene: Scene) -> float | None:
-        rms = math.sqrt(float((scene.velocity**2).mean()))
-        return count * float(scene.gap.mean()) / rms if rms else None
-
-    return t_end
+def flights(count: float, scene: Scene) -> float | None:
+    """End time in which a ball of a gas crosses `count` mean gaps."""
+    rms = math.sqrt(float((scene.velocity**2).mean()))
+    return count * float(scene.gap.mean()) / rms if rms else None
 
 
+MOST_BALLS = 10_000_000
+"""Balls of a ready-made scene: with a contact log they need some GB of memory."""
 STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
 """Elastic Hertz contacts of steel balls of 1 kg; below ε = 1 with Tsuji's damping."""
 
 TEMPLATES = {
-    "three-balls": Template(scenes.three_balls, until.contact(pair=0, nth=2), falls(10)),
-    "ball-stack": Template(scenes.ball_stack, until.separated(), falls(10), {"restitution": 0.9}),
+    "three-balls": Template(scenes.three_balls, until.contact(pair=0, nth=2), partial(falls, 10)),
+    "ball-stack": Template(scenes.ball_stack, until.separated(), partial(falls, 10), {"restitution": 0.9}),
     "newtons-cradle": Template(scenes.newtons_cradle, until.separated(), contact=STEEL),
     "chain": Template(scenes.chain, until.separated(), contact=STEEL),
-    "column": Template(scenes.column, until.separated(), falls(20), {"restitution": 0.9}),
-    "gas": Template(scenes.gas, None, flights(10), {"restitution": 0.9}),
-    "bouncing-ball": Template(scenes.bouncing_ball, None, falls(6)),  # at ε = 0.7 it rests after 17/3 falls
+    "column": Template(scenes.column, until.separated(), partial(falls, 20), {"restitution": 0.9}),
+    "gas": Template(scenes.gas, None, partial(flights, 10), {"restitution": 0.9}),
+    "bouncing-ball": Template(scenes.bouncing_ball, None, partial(falls, 6)),  # at ε = 0.7 it rests after 17/3 falls
 }
 
 
@@ -92,21 +89,29 @@ def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None
     TypeError, ValueError
         For an unknown name or option (with a suggestion), or a bad value.
     """
-    template = _named(name)
-    known = [option.name for option in _options(template)]
-    if wrong := unknown(options, known, f"option of {name}"):
-        raise TypeError(wrong)
-    of_scene = {key: options.pop(key) for key in list(options) if key in inspect.signature(template.make).parameters}
-    case = around(name, template.make(**of_scene), **options)
-    end = case.t_end if t_end is None else _check.number("t_end", t_end, at_least=0.0)
-    return replace(case, t_end=end, run=dict(run or {}))
+    shapes = shaping(name)
+    contacts = [parameter.name for parameter in build.parameters(contact)[1:]]
+    _check.known(options, [*shapes, *contacts], f"option of {name}", TypeError)
+    case = bare(name, {key: value for key, value in options.items() if key in shapes}, t_end)
+    case = touching(name, case, **{key: value for key, value in options.items() if key not in shapes})
+    return replace(case, run=dict(run or {}))
 
 
-def around(name: str, scene: Scene, **of_contact: Any) -> Case:
-    """Return the case of that name around a scene of its kind, with options of `contact`."""
+def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> Case:
+    """Return the case of that name without its contacts: a scene of these parameters, and when to stop."""
     template = _named(name)
-    law, rule = contact(scene, **(dict(template.contact) | of_contact))
-    return Case(scene, law, rule, template.until, template.t_end(scene), about=about(name))
+    n = of_scene.get("n", 0)
+    if isinstance(n, (int, float)) and n > MOST_BALLS:
+        _check.whole("n", n, at_least=1, at_most=MOST_BALLS, fix="build larger scenes in Python")
+    scene = build.call([template.make], of_scene)
+    end = template.t_end(scene) if t_end is None else _check.number("t_end", t_end, at_least=0.0)
+    return Case(scene, None, None, template.until, end, about=about(name))
+
+
+def touching(name: str, case: Case, **of_contact: Any) -> Case:
+    """Return a bare case of that name with its contacts, with options of `contact`."""
+    law, rule = contact(case.scene, **(dict(_named(name).contact) | of_contact))
+    return replace(case, law=law, rule=rule)
 
 
 def contact(
@@ -121,31 +126,47 @@ def contact(
     stiffness : float
         Stiffness k: in N/m, for the Hertz laws in N/m^(3/2).
     law : str
-        LinearDashpot, TsujiHertz, WaltonBraun, or ViscoelasticHertz (restitution then holds at the speed of the
-        first impact, and falls with speed).
+        LinearDashpot, Hertz (elastic: restitution 1), TsujiHertz, WaltonBraun, or ViscoelasticHertz (restitution then
+        holds at the speed of the first impact, and falls with speed).
 
     Returns
     -------
     tuple of laws, rule or None
         The rule is None where restitution depends on speed: then it is to be taken from the laws.
     """
-    kinds = [name for name, kind in build.LAWS.items() if hasattr(kind, "from_restitution")]
-    from_restitution = build.LAWS[_check.choice("law", law, kinds)].from_restitution
-    needs = inspect.signature(from_restitution).parameters
+    way = WAYS[_check.choice("law", law, list(WAYS))]
+    needs = {parameter.name for parameter in build.parameters(way)}
     k = _check.number("stiffness", stiffness, above=0.0)
     given = {"k": k, "k_load": k, "speed": first_impact(scene)}
     values = {key: value for key, value in given.items() if key in needs}
     eps = list(restitution) if isinstance(restitution, Sequence) else restitution
-    laws = tuple(
-        build.call([from_restitution], {"restitution": e} | values, pair=pair)
-        for e, pair in zip(_check.per_pair("restitution", eps, scene.n_pairs), scene.pairs, strict=True)
-    )
+    laws = build.each_pair(lambda e, pair: build.call([way], {"restitution": e} | values, pair=pair),
+                           _check.per_pair("restitution", eps, scene.n_pairs), scene.pairs)
     return laws, None if "speed" in needs else ConstantRestitution(eps)
+
+
+def _elastic_hertz(restitution: float, k: float) -> Hertz:
+    """Hertz's law, which has one restitution."""
+    fix = "Hertz's law is elastic; TsujiHertz and ViscoelasticHertz are damped"
+    _check.number("restitution", restitution, at_least=1.0, at_most=1.0, fix=fix)
+    return Hertz(k)
+
+
+WAYS = {"Hertz": _elastic_hertz} | {
+    name: kind.from_restitution for name, kind in build.LAWS.items() if hasattr(kind, "from_restitution")}
+"""Laws that `contact` makes, and how."""
 
 
 def names() -> list[str]:
     """Names of the ready-made cases."""
     return list(TEMPLATES)
+
+
+def is_file(scene: Any) -> bool:
+    """Return whether a word is no name of a case, but of a file: by its ending, or because there is one."""
+    if not isinstance(scene, (str, PathLike)) or scene in TEMPLATES:
+        return False
+    return os.fspath(scene).lower().endswith(".toml") or os.path.exists(scene)
 
 
 def about(name: str) -> str:
@@ -154,14 +175,15 @@ def about(name: str) -> str:
 
 
 def options(name: str) -> list[Option]:
-    """Return the options of a ready-made case: those of its scene, then those of the contacts."""
-    return _options(_named(name))
+    """Return the options of a ready-made case: those of its scene, then those of the contacts, with its defaults."""
+    template = _named(name)
+    return options_of(template.make) + [
+        replace(option, default=template.contact.get(option.name, option.default)) for option in options_of(contact)]
 
 
-def _options(template: Template) -> list[Option]:
-    """Options of the scene and of `contact`, with the defaults of this case."""
-    of_contact = [replace(o, default=template.contact.get(o.name, o.default)) for o in options_of(contact)]
-    return options_of(template.make) + of_contact
+def shaping(name: str) -> set[str]:
+    """Names of the options of a ready-made case that shape its scene."""
+    return {parameter.name for parameter in build.parameters(_named(name).make)}
 
 
 def first_impact(scene: Scene) -> float:

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
-from dataclasses import fields
+from collections.abc import Mapping
+from dataclasses import asdict, fields
 from os import PathLike
 from typing import Any
 
 import numpy as np
 
+from granular import _check
 from granular._files import write_text
 from granular.cases.build import LAWS, RULES, law, rule_of
 from granular.cases.case import Case
 from granular.rules import ConstantRestitution
-from granular.until import Contact, Separated
+from granular.scene import Pair
 
 STIFFNESS = ("k", "k_load")
 """Fields of a law that its `from_restitution` takes."""
+Table = dict[str, Any]
 
 
 def save(case: Case, path: str | PathLike[str]) -> None:
@@ -35,66 +37,60 @@ def save(case: Case, path: str | PathLike[str]) -> None:
 
 def dumps(case: Case) -> str:
     """Return the TOML text of a case."""
-    scene = {f.name: getattr(case.scene, f.name) for f in fields(case.scene)}
+    tables: dict[str, Table | list[Table]] = {"scene": _numbers(case.scene)}
+    tables |= _by_restitution(case) or _each("law", case.law, LAWS) | _each("rule", case.rule, RULES)
+    until = None if case.until is None else asdict(case.until) or "separated"
+    tables["run"] = {"until": until, "t_end": case.t_end, **case.run}
     lines = [f"about = {_value(case.about)}", ""] if case.about else []
-    lines += _table("[scene]", scene)
-    if restitution := _by_restitution(case):
-        lines += _same_or_each("law", restitution)
-    else:
-        lines += _tables("law", case.law, LAWS)
-        lines += _tables("rule", case.rule, RULES)
-    run = {"until": _until(case.until), "t_end": case.t_end, **case.run}
-    lines += _table("[run]", run)
+    for name, table in tables.items():
+        for one in table if isinstance(table, list) else [table]:
+            lines += [f"[[{name}]]" if isinstance(table, list) else f"[{name}]"]
+            lines += [*(f"{key} = {_value(value)}" for key, value in one.items() if value is not None), ""]
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _tables(name: str, values: Any, types: Mapping[str, Any]) -> Iterator[str]:
-    """[name] if all pairs have the same, else [[name]] once per pair."""
-    if values is None:
-        return
-    each = list(values) if isinstance(values, (list, tuple)) else [values]
+def _numbers(physics: Any) -> Table:
+    """The fields of a scene, law or rule."""
+    return {f.name: getattr(physics, f.name) for f in fields(physics)}
+
+
+def _each(name: str, values: Any, types: Mapping[str, Any]) -> dict[str, Table | list[Table]]:
+    """The table of a law or rule, or one per pair."""
+    each = list(values) if isinstance(values, (list, tuple)) else [] if values is None else [values]
     for value in each:
         if type(value) not in types.values():
             raise TypeError(f"{name} is {value!r}: only {', '.join(types)} can be written to TOML.")
-    contents = [{"type": type(one).__name__} | {f.name: getattr(one, f.name) for f in fields(one)} for one in each]
-    yield from _same_or_each(name, contents)
+    return _joined(name, [{"type": type(one).__name__} | _numbers(one) for one in each])
 
 
-def _same_or_each(name: str, contents: list[dict[str, Any]]) -> Iterator[str]:
-    same = all(content == contents[0] for content in contents)
-    for content in contents[:1] if same else contents:
-        yield from _table(f"[{name}]" if same else f"[[{name}]]", content)
+def _joined(name: str, tables: list[Table]) -> dict[str, Table | list[Table]]:
+    """One table if all pairs have the same."""
+    same = all(table == tables[0] for table in tables)
+    return {name: tables[0] if same else tables} if tables else {}
 
 
-def _by_restitution(case: Case) -> list[dict[str, Any]]:
-    """Tables of laws given by the ε that is also the rule's, so that the two stay one number; none if that is not so.
+def _by_restitution(case: Case) -> dict[str, Table | list[Table]]:
+    """Laws given by the ε that is also the rule's, so that the two stay one number; nothing if that is not so.
 
     The tables are kept only if they make the very laws and the rule of the case again.
     """
-    if case.law is None or not isinstance(case.rule, ConstantRestitution):
-        return []
-    contents = []
-    for one, pair in zip(case.law, case.scene.pairs, strict=True):
-        kept = {f.name: getattr(one, f.name) for f in fields(one)} if type(one) in LAWS.values() else {}
-        given = {name: value for name, value in kept.items() if name in STIFFNESS}
-        content = {"type": type(one).__name__, "restitution": case.rule(0.0, pair)} | given
-        try:
-            if law(content, pair) != one:
-                return []
-        except (TypeError, ValueError):
-            return []
-        contents.append(content)
-    return contents if rule_of(contents) == case.rule else []
+    rule = case.rule
+    if case.law is None or not isinstance(rule, ConstantRestitution):
+        return {}
+    laws = _check.per_pair("law", case.law, case.scene.n_pairs)
+    tables = [_of_restitution(one, rule(0.0, pair), pair) for one, pair in zip(laws, case.scene.pairs, strict=True)]
+    return _joined("law", tables) if all(tables) and rule_of(tables) == rule else {}
 
 
-def _table(head: str, content: Mapping[str, Any]) -> list[str]:
-    return [head, *(f"{key} = {_value(value)}" for key, value in content.items() if value is not None), ""]
-
-
-def _until(until: Contact | Separated | None) -> Any:
-    if isinstance(until, Contact):
-        return {"pair": until.pair, "nth": until.nth}
-    return "separated" if isinstance(until, Separated) else None
+def _of_restitution(given: Any, restitution: float, pair: Pair) -> Table:
+    """The table of a law by its restitution; empty if that does not make it again."""
+    kept = _numbers(given) if type(given) in LAWS.values() else {}
+    table = {"type": type(given).__name__, "restitution": restitution}
+    table |= {name: value for name, value in kept.items() if name in STIFFNESS}
+    try:
+        return table if law(table, pair) == given else {}
+    except (TypeError, ValueError):
+        return {}
 
 
 def _value(value: Any) -> str:
@@ -103,7 +99,7 @@ def _value(value: Any) -> str:
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{key} = {_value(item)}" for key, item in value.items()) + " }"
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_value(item) for item in value) + "]"
+        return "[" + ", ".join(map(_value, value)) + "]"
     if isinstance(value, (bool, str)):
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, (int, float)):

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import os
 import sys
+import traceback
 import warnings
 from collections.abc import Sequence
 
 from granular._kernels import on_making
-from granular.cli.codes import INTERRUPTED, MISUSE, OK
+from granular.trajectory import Status
+
+OK, MISUSE, ABNORMAL, INTERRUPTED = 0, 2, 3, 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -17,21 +20,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     0 done · 2 misuse, or a file that cannot be read or written · 3 the run did not come to a proper end (status
     ``unstable`` or ``max_events``) · 130 interrupted.
     """
-    from granular.cli import parser
-
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("default")
             warnings.showwarning = _show_warning
             on_making[:] = [_say_compiling]
-            given = parser.parse(arguments)
-            code: int = given.act(given)
+            code = _act(arguments)
         if sys.stdout is not None:  # closed by the shell's >&-
             sys.stdout.flush()
         return code
-    except SystemExit as leaving:  # --help and --version
-        return int(leaving.code or OK)
     except KeyboardInterrupt:
         print("granular: interrupted", file=sys.stderr)
         return INTERRUPTED
@@ -40,9 +38,22 @@ def main(argv: Sequence[str] | None = None) -> int:
         return OK
     except (ValueError, TypeError, OSError, ImportError, MemoryError, ArithmeticError, RecursionError) as error:
         if "--traceback" in arguments:
-            raise
+            traceback.print_exc()
         print(f"granular: {_sentence(error)}", file=sys.stderr)
         return MISUSE
+
+
+def _act(arguments: Sequence[str]) -> int:
+    """Do what the command line says."""
+    from granular.cli import files, parser
+
+    try:
+        given = parser.parse(arguments)
+    except SystemExit:  # --help and --version
+        return OK
+    files.check(given)
+    ends = {run.status for run in given.act(given) or ()}
+    return ABNORMAL if ends & {Status.unstable, Status.max_events} else OK
 
 
 def _say_compiling() -> None:
@@ -61,8 +72,5 @@ def _sentence(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-def _show_warning(
-    message: Warning | str, category: type[Warning], filename: str, lineno: int,
-    file: object = None, line: object = None,
-) -> None:
+def _show_warning(message: Warning | str, *where: object, **also: object) -> None:
     print(f"granular: warning: {message}", file=sys.stderr)

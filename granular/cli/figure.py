@@ -1,12 +1,11 @@
-"""`granular figure`: the paper's figures."""
+"""`granular figure`: compute and draw a figure of the paper, or all of them."""
 
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
-from granular.cli.codes import OK
+from granular.cli.progress import Progress
 from granular.paper import FIGURES, make
 
 USAGE = "NAME|all [-o DIR]"
@@ -23,16 +22,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
                         help="points along the longest axis; what is finer than these is not resolved [as in print]")
 
 
-def run(given: argparse.Namespace) -> int:
+def run(given: argparse.Namespace) -> None:
     """Write the figures that are asked for, and say where."""
     folder = Path(given.output)
     folder.mkdir(parents=True, exist_ok=True)
     names = list(FIGURES) if given.name == "all" else [given.name]
-    for name in names:
-        if len(names) > 1 and sys.stderr.isatty():
-            print(f"\r\x1b[K{name} …", end="", file=sys.stderr, flush=True)
-        files = make(name, folder, points=given.points)
-        if len(names) > 1 and sys.stderr.isatty():
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
-        print("  ".join(str(file) for file in files))
-    return OK
+    with Progress(1.0, things="figures") as progress:
+        for count, name in enumerate(names):
+            progress(count / len(names), count)
+            print("  ".join(map(str, make(name, folder, points=given.points))))

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import sys
 import time
+from threading import Event, Thread
 from typing import TextIO
 
 PATIENCE, INTERVAL = 2.0, 0.5
 """Seconds before the first line, and between two."""
+CLEAR = "\r\x1b[K"
 
 
 class Progress:
     """Callback for ``on_progress``: shows how far a run has come, and when it will have arrived.
+
+    The line is also there while nothing is told, as before the first step of a large scene.
 
     Parameters
     ----------
@@ -24,21 +28,13 @@ class Progress:
     """
 
     def __init__(self, end: float | None, stream: TextIO | None = None, things: str = "contacts") -> None:
-        self.end, self.things = end, things
-        self.stream = sys.stderr if stream is None else stream
-        self.watched = self.stream.isatty()
-        self.start = time.monotonic()
-        self.next = self.start + PATIENCE
-        self.shown = False
+        self.end, self.things, self.stream = end, things, stream or sys.stderr
+        self.last = (0.0, 0)
+        self.over, self.writer = Event(), Thread(target=self._show, daemon=True)
 
     def __call__(self, reached: float, count: int) -> None:
         """Take note that a run has reached a time in s, or work a share of itself, with `count` things done."""
-        now = time.monotonic()
-        if not self.watched or now < self.next:
-            return
-        self.next, self.shown = now + INTERVAL, True
-        self.stream.write(f"\r\x1b[K{self.line(reached, count, now - self.start)}")
-        self.stream.flush()
+        self.last = reached, count
 
     def line(self, reached: float, count: int, elapsed: float) -> str:
         """The text for a run, or for other work, that has taken `elapsed` seconds so far."""
@@ -50,14 +46,25 @@ class Progress:
             line += f", at most {clock(elapsed * (1.0 / share - 1.0))} to go"
         return line
 
+    def _show(self) -> None:
+        """Write the line now and then; clear it at the end."""
+        start, text = time.monotonic(), ""
+        while not self.over.wait(INTERVAL if text else PATIENCE):
+            text = self.line(*self.last, time.monotonic() - start)
+            print(CLEAR + text, end="", file=self.stream, flush=True)
+        if text:
+            print(CLEAR, end="", file=self.stream, flush=True)
+
     def __enter__(self) -> Progress:
+        if self.stream is not None and self.stream.isatty():  # None: closed by the shell's 2>&-
+            self.writer.start()
         return self
 
     def __exit__(self, *error: object) -> None:
         """Clear the line, however the run has ended."""
-        if self.shown:
-            self.stream.write("\r\x1b[K")
-            self.stream.flush()
+        self.over.set()
+        if self.writer.ident is not None:
+            self.writer.join()
 
 
 def clock(seconds: float) -> str:

@@ -1,11 +1,11 @@
-"""`granular view`: write a page that plays recorded runs."""
+"""`granular view`: write an HTML page that plays recorded runs."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from granular.cli.page import announce
+from granular.cli.page import announce, offer
 from granular.page import player_page
 from granular.trajectory import Trajectory
 
@@ -13,15 +13,14 @@ USAGE = "RUN.npz [RUN2.npz] [-o FILE.html] [--open]"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's options to its parser."""
+    """Add the runs and the file."""
     parser.add_argument("runs", nargs="+", metavar="RUN.npz", help="one or two files of Trajectory.save or run --save")
-    parser.add_argument("-o", "--output", metavar="FILE.html", help="[the first file's name with .html]")
-    parser.add_argument("--open", action="store_true", help="open it in the browser")
+    offer(parser, None, "the first file's name with .html")
 
 
-def run(given: argparse.Namespace) -> int:
+def run(given: argparse.Namespace) -> None:
     """Read the runs, write the page and say where it is."""
-    files = [Path(name) for name in given.runs]
+    files = list(map(Path, given.runs))
     output = given.output or str(files[0].with_suffix(".html"))
     player_page(output, [Trajectory.load(file) for file in files], [file.stem for file in files])
-    return announce(output, given.open)
+    announce(output, given.open)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from granular._records import column, packed
-from granular._walls import close_after
 from granular.drive import End, Pause, Row, Rows
 from granular.edmd import outcome
 from granular.edmd.collapse import Verdict, Zoom
@@ -19,6 +18,7 @@ from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import APART, BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, SUSPECT, UNTIL, State
 from granular.edmd.tree_queue import TreeQueue, pays
 from granular.request import Request
+from granular.scene import close_after
 from granular.trajectory import Status
 
 Queue = SortedQueue | TreeQueue

@@ -25,12 +25,14 @@ TRIED = 256
 
 def checked(law: Any, scene: Scene) -> SceneLaws:
     """Return the laws of all pairs, or raise: each must give finite numbers, and traits that agree with its force."""
-    laws = resolved(per_pair("law", law, scene.n_pairs), scene)
+    laws, speed = resolved(per_pair("law", law, scene.n_pairs), scene), speed_scale(scene)
     for one in laws.each:
-        _check_form(one)
-    speed = speed_scale(scene)
+        if one.form is not None:
+            _check_form(one, *one.form)
     for one in laws.each[:TRIED]:
-        _try(one, speed)
+        xi = _probed(one, speed) if one.form is None else 0.5
+        if one.potential is not None and not one.memory:
+            _check_potential(one, float(one.potential(xi, one.pair)), xi)
     return laws
 
 
@@ -60,31 +62,19 @@ def no_number(law: PairLaw, xi: float, xi_dot: float, value: Any) -> ValueError:
                        "number in N is needed.")  # fmt: skip
 
 
-def _try(law: PairLaw, speed: float) -> None:
-    """Raise if the force of a law gives no numbers, or contradicts `rate_dependent` or `potential`."""
-    xi = _probed(law, speed) if law.form is None else 0.5
-    if law.form is not None and law.form[2] < 0.0:
-        raise _gains(law, xi, 1.0)
-    if law.form is not None and law.form[2] != 0.0 and not law.rate_dependent:
-        raise _denied(law, xi, (0.0, 1.0), (law.force(xi, 0.0, xi), law.force(xi, 1.0, xi)))
-    if law.potential is not None and not law.memory:
-        _check_potential(law, float(law.potential(xi, law.pair)), xi)
-
-
 def _probed(law: PairLaw, speed: float) -> float:
     """Evaluate the force up to overlaps (m) that an impact at `speed` is sure to reach, and return the last of them."""
     pair = law.pair
     xi = 1e-10 * (pair.r_eff if 0.0 < pair.r_eff < math.inf else 1.0)
-    top, energy = 1e10 * xi, 0.5 * pair.m_eff * speed * speed
+    deepest, energy = 1e10 * xi, 0.5 * pair.m_eff * speed * speed
     while True:
-        force = finite(law, xi, 0.0)
-        closing, parting = (finite(law, xi, rate) for rate in (speed, -speed))
+        force, closing, parting = (finite(law, xi, rate) for rate in (0.0, speed, -speed))
         for rate, moving in ((speed, closing), (-speed, parting)):
             if not law.rate_dependent and abs(moving - force) > 1e-9 * abs(force):
-                raise _denied(law, xi, (0.0, rate), (force, moving))
+                raise _denied(law, xi, rate)
         if parting > max(0.0, closing) + 1e-9 * abs(closing):
             raise _gains(law, xi, speed)
-        if 0.5 * RUNG * RUNG * xi * force > energy or RUNG * xi > top:
+        if 0.5 * RUNG * RUNG * xi * force > energy or RUNG * xi > deepest:
             return xi
         xi *= RUNG
 
@@ -103,23 +93,24 @@ def _check_potential(law: PairLaw, said: float, xi: float) -> None:
                           "J; mend the trait or leave it out.")  # fmt: skip
 
 
-def _check_form(law: PairLaw) -> None:
-    """Raise if the force of a law is not the form that it says."""
-    if law.form is None:
-        return
-    k, p, gamma, d = law.form
+def _check_form(law: PairLaw, k: float, p: float, gamma: float, d: float) -> None:
+    """Raise if the force of a law is not the form that it says, or the form gains energy, or has a rate denied."""
     for xi, rate in ((0.25, 0.5), (0.5, -0.25)):
-        said = k * math.pow(xi, p) + gamma * math.pow(xi, d) * rate
-        got = law.force(xi, rate, xi)
+        said, got = k * math.pow(xi, p) + gamma * math.pow(xi, d) * rate, law.force(xi, rate, xi)
         if not abs(got - said) <= 1e-9 * (abs(k) + abs(gamma)):
             raise _error(law, f"force({xi}, {rate}) gives {got!r} but its linear or power trait says {said!r}; mend "
                               "the trait or leave it out.")  # fmt: skip
+    if gamma < 0.0:
+        raise _gains(law, 0.5, 1.0)
+    if gamma != 0.0 and not law.rate_dependent:
+        raise _denied(law, 0.5, 1.0)
 
 
-def _denied(law: PairLaw, xi: float, rate: tuple[float, float], force: tuple[float, float]) -> ValueError:
+def _denied(law: PairLaw, xi: float, rate: float) -> ValueError:
     """Return the error of a law whose force depends on the rate although it says that it does not."""
-    return _error(law, f"force({xi:.6g}, {rate[0]:.6g}) gives {force[0]!r} but force({xi:.6g}, {rate[1]:.6g}) gives "
-                       f"{force[1]!r}, although rate_dependent is False; mend the trait or leave it out.")  # fmt: skip
+    still, moving = law.force(xi, 0.0, xi), law.force(xi, rate, xi)
+    return _error(law, f"force({xi:.6g}, 0) gives {still!r} but force({xi:.6g}, {rate:.6g}) gives {moving!r}, "
+                       "although rate_dependent is False; mend the trait or leave it out.")  # fmt: skip
 
 
 def _gains(law: PairLaw, xi: float, speed: float) -> ValueError:

@@ -78,9 +78,7 @@ class PairLaw:
         step, here = 1e-6 * xi, self.force(xi, 0.0, xi)
         # backwards: the unloading branch of a law with memory is the stiffer one
         k = (here - self.force(xi - step, 0.0, xi)) / step
-        if not self.rate_dependent:
-            return abs(k), 0.0
-        rate = xi * math.sqrt(abs(k) / self.pair.m_eff)
+        rate = xi * math.sqrt(abs(k) / self.pair.m_eff) if self.rate_dependent else 0.0
         return abs(k), abs(self.force(xi, rate, xi) - here) / rate if rate else 0.0
 
     def energy(self, xi: float) -> float:
@@ -118,16 +116,10 @@ class PairLaw:
 
 def resolve(law: Any, pair: Pair) -> PairLaw:
     """Ask a law what it is in a pair."""
-    memory = bool(getattr(law, "memory", False))
-    return PairLaw(
-        law=law,
-        pair=pair,
-        form=None if memory else _form(law, pair),
-        memory=memory,
-        rate_dependent=bool(getattr(law, "rate_dependent", True)),
-        exponent=getattr(law, "exponent", None),
-        potential=getattr(law, "potential", None),
-    )
+    memory, rate_dependent = (bool(getattr(law, *trait)) for trait in (("memory", False), ("rate_dependent", True)))
+    form = None if memory else _form(law, pair)
+    return PairLaw(law, pair, form, memory, rate_dependent, getattr(law, "exponent", None),
+                   getattr(law, "potential", None))  # fmt: skip
 
 
 @cache
@@ -139,20 +131,19 @@ def _quadrature() -> tuple[Array, Array]:
 
 def _form(law: Any, pair: Pair) -> Form | None:
     if hasattr(law, "power"):
-        k, p, gamma, d = law.power(pair)
-        return float(k), float(p), float(gamma), float(d)
-    if hasattr(law, "linear"):
-        k, gamma = law.linear(pair)
-        return float(k), 1.0, float(gamma), 0.0
-    found = traced(law, pair)
-    return None if found is None else (found[0], 1.0, found[1], 0.0)
+        k, p, gamma, d = map(float, law.power(pair))
+        return k, p, gamma, d
+    found = law.linear(pair) if hasattr(law, "linear") else traced(law, pair)
+    if found is None:
+        return None
+    k, gamma = map(float, found)
+    return k, 1.0, gamma, 0.0
 
 
 def instance(name: str, law: Any) -> Any:
     """Return `law`, or raise if it is a class, or has no `force`."""
     if isinstance(law, type):
-        known = getattr(law, "__dataclass_fields__", {})
-        values = ", ".join(f"{field}=..." for field in known)
+        values = ", ".join(f"{field}=..." for field in getattr(law, "__dataclass_fields__", {}))
         raise TypeError(f"{name} is the class {law.__name__}: an instance is needed, such as {law.__name__}({values}).")
     if not callable(getattr(law, "force", None)):
         raise TypeError(

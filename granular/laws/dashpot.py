@@ -85,11 +85,13 @@ def damping_ratio(restitution: float) -> float:
     length = 0.5 * abs(math.log(eps))
     if length == 1.0:
         return 1.0
+    if length <= 0.5:
+        return math.sin(_newton(_cot_complement, 2.0 * length / math.pi, length))
     if length > 1.0:
-        return math.cosh(_newton(_coth, length, length))
-    if length > 0.5:
-        return math.cos(_newton(_cot, math.sqrt(3.0 * (1.0 - length)), length))
-    return math.sin(_newton(_cot_complement, 2.0 * length / math.pi, length))
+        tan, sin, cos, start = math.tanh, math.sinh, math.cosh, length
+    else:
+        tan, sin, cos, start = math.tan, math.sin, math.cos, math.sqrt(3.0 * (1.0 - length))
+    return cos(_newton(lambda y: (y / tan(y), 1.0 / tan(y) - y / (sin(y) * sin(y))), start, length))
 
 
 def _half_duration(zeta: float) -> float:
@@ -108,16 +110,6 @@ def _newton(curve: Callable[[float], tuple[float, float]], y: float, target: flo
         if abs(step) <= 1e-16 * abs(y):
             break
     return y
-
-
-def _coth(y: float) -> tuple[float, float]:
-    """y coth y and its slope."""
-    return y / math.tanh(y), 1.0 / math.tanh(y) - y / (math.sinh(y) * math.sinh(y))
-
-
-def _cot(y: float) -> tuple[float, float]:
-    """y cot y and its slope."""
-    return y / math.tan(y), 1.0 / math.tan(y) - y / (math.sin(y) * math.sin(y))
 
 
 def _cot_complement(z: float) -> tuple[float, float]:

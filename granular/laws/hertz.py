@@ -16,8 +16,20 @@ from granular.laws.dashpot import damping_ratio
 from granular.scene import Pair, checked_pair
 
 
+class _Spheres:
+    """What the contacts of spheres share: they begin with k ξ^(3/2)."""
+
+    k: float
+
+    exponent = 1.5
+
+    def potential(self, xi: float, pair: Pair) -> float:
+        """Elastic energy (2/5) k ξ^(5/2) in J."""
+        return 0.4 * self.k * xi * xi * math.sqrt(xi)
+
+
 @dataclass(frozen=True)
-class Hertz:
+class Hertz(_Spheres):
     """F = k ξ^(3/2), elastic.
 
     Parameters
@@ -28,7 +40,6 @@ class Hertz:
 
     k: float
 
-    exponent = 1.5
     rate_dependent = False
 
     def __post_init__(self) -> None:
@@ -47,13 +58,9 @@ class Hertz:
         """Stiffness and exponent, damping and exponent: F = k ξ^(3/2)."""
         return self.k, 1.5, 0.0, 0.0
 
-    def potential(self, xi: float, pair: Pair) -> float:
-        """Elastic energy (2/5) k ξ^(5/2) in J."""
-        return 0.4 * self.k * xi * xi * math.sqrt(xi)
-
 
 @dataclass(frozen=True)
-class ViscoelasticHertz:
+class ViscoelasticHertz(_Spheres):
     """F = k ξ^(3/2) + γ √ξ ξ̇, the paper's law for spheres.
 
     Parameters
@@ -67,8 +74,6 @@ class ViscoelasticHertz:
 
     k: float
     gamma: float
-
-    exponent = 1.5
 
     def __post_init__(self) -> None:
         _check.number("k", self.k, above=0.0)
@@ -93,10 +98,8 @@ class ViscoelasticHertz:
         """Return the law of stiffness `k` with the given restitution in (0, 1] *at impact speed* `speed` in m/s."""
         from granular.laws.viscoelastic_restitution import damping
 
-        v = _check.number("speed", speed, above=0.0)
-        b = damping(_check.number("restitution", restitution, above=0.0, at_most=1.0))
-        stiffness = _check.number("k", k, above=0.0)
-        return cls(k, b * stiffness**0.6 * checked_pair(pair).m_eff**0.4 / v**0.2)
+        v, stiffness = _check.number("speed", speed, above=0.0), _check.number("k", k, above=0.0)
+        return cls(k, damping(restitution) * stiffness**0.6 * checked_pair(pair).m_eff**0.4 / v**0.2)
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
         """Force in N at overlap `xi` in m and overlap rate `xi_dot` in m/s, before the engine clips it at 0."""
@@ -111,13 +114,9 @@ class ViscoelasticHertz:
         """Whether ξ̇ enters the force."""
         return self.gamma != 0.0
 
-    def potential(self, xi: float, pair: Pair) -> float:
-        """Elastic energy (2/5) k ξ^(5/2) in J."""
-        return 0.4 * self.k * xi * xi * math.sqrt(xi)
-
 
 @dataclass(frozen=True)
-class TsujiHertz:
+class TsujiHertz(_Spheres):
     """F = k ξ^(3/2) + α √(m_eff k) ξ^(1/4) ξ̇, whose restitution does not depend on speed.
 
     An isolated contact maps exactly onto the clipped linear dashpot with damping ratio ζ = α / √5.
@@ -132,8 +131,6 @@ class TsujiHertz:
 
     k: float
     alpha: float
-
-    exponent = 1.5
 
     def __post_init__(self) -> None:
         _check.number("k", self.k, above=0.0)
@@ -158,10 +155,6 @@ class TsujiHertz:
         """Whether ξ̇ enters the force."""
         return self.alpha != 0.0
 
-    def potential(self, xi: float, pair: Pair) -> float:
-        """Elastic energy (2/5) k ξ^(5/2) in J."""
-        return 0.4 * self.k * xi * xi * math.sqrt(xi)
-
 
 def hertz_stiffness(young: float, poisson: float, pair: Pair) -> float:
     """(2/3) Y √r_eff / (1 - ν²) in N/m^(3/2): the contact of two bodies of one material.
@@ -177,6 +170,6 @@ def hertz_stiffness(young: float, poisson: float, pair: Pair) -> float:
     """
     modulus = _check.number("young", young, above=0.0)
     nu = _check.number("poisson", poisson, at_least=0.0, at_most=0.5)
-    at = f"r_eff of pair {checked_pair(pair).index}"
-    r_eff = _check.number(at, pair.r_eff, above=0.0, fix="point particles have no curvature")
+    r_eff = _check.number(f"r_eff of pair {checked_pair(pair).index}", pair.r_eff, above=0.0,
+                          fix="point particles have no curvature")
     return 2.0 / 3.0 * modulus * math.sqrt(r_eff) / (1.0 - nu * nu)

@@ -25,32 +25,23 @@ class Linear:
             return Linear(self.xi + other.xi, self.rate + other.rate)
         return self if isinstance(other, (int, float)) and other == 0 else NotImplemented
 
-    __radd__ = __add__
-
-    def __neg__(self) -> Linear:
-        return Linear(-self.xi, -self.rate)
-
-    def __sub__(self, other: Any) -> Linear:
-        return self.__add__(-other)
-
-    def __rsub__(self, other: Any) -> Linear:
-        return (-self).__add__(other)
-
     def __mul__(self, number: Any) -> Linear:
         return Linear(self.xi * number, self.rate * number) if isinstance(number, (int, float)) else NotImplemented
-
-    __rmul__ = __mul__
 
     def __truediv__(self, number: Any) -> Linear:
         return Linear(self.xi / number, self.rate / number) if isinstance(number, (int, float)) else NotImplemented
 
-    def __bool__(self) -> bool:
-        raise TypeError("a symbol is neither true nor false")
+    def __neg__(self) -> Linear:
+        return Linear(-self.xi, -self.rate)
 
-    def __eq__(self, other: object) -> bool:
-        raise TypeError("a symbol is not compared")
+    def __sub__(self, other: Linear | float) -> Linear:
+        return self + -other
 
-    __hash__ = None  # type: ignore[assignment]
+    def __rsub__(self, other: Linear | float) -> Linear:
+        return -self + other
+
+    __radd__, __rmul__ = __add__, __mul__
+    __bool__ = __eq__ = __hash__ = None  # type: ignore[assignment] # a symbol is neither true nor false, nor compared
 
 
 def traced(law: Any, pair: Pair) -> tuple[float, float] | None:

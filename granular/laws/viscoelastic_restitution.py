@@ -6,9 +6,9 @@ In units of the length L = (m_eff v²/k)^(2/5) and the time L/v, v the approach 
 
 until the force vanishes at y + b y' = 0, before y does. So ε = -y' depends on b alone and falls with speed. It is
 analytic in x = √b: ε = 1 + h2 x² + h4 x⁴ + h5 x⁵ + … (Schwager & Pöschel 1998, 2008), and ε → (3/2)^(2/3) b^(-5/3)
-for strong damping. `restitution` and `duration` come from a table of the solution itself, made by
-``bench/make_viscoelastic_table.py`` with 30 digits: in q = √ln(1 + b) both the effective exponent K(q) of
-ε = (1 + b)^(-K) and (1 + b)^(2/3) t_c are smooth from b = 0 (K = 1.1534) to infinity (K = 5/3).
+for strong damping. `restitution` and `duration` come from a table of the solution itself, the file beside
+this one, made by ``bench/make_viscoelastic_table.py`` with 30 digits: in q = √ln(1 + b) both the effective exponent
+K(q) of ε = (1 + b)^(-K) and (1 + b)^(2/3) t_c are smooth from b = 0 (K = 1.1534) to infinity (K = 5/3).
 
 Both are kernels, so that compiled engines can call them, and leave b unchecked: b < 0 is a math domain error.
 
@@ -17,12 +17,17 @@ Two approximations from the literature go by their names: `restitution_series` a
 
 from __future__ import annotations
 
+import json
 import math
+from pathlib import Path
 
 from granular import _check
 from granular._kernels import kernel
-from granular.laws._viscoelastic_table import EXPONENT, Q_END, SERIES, STRETCHED_DURATION
 
+_TABLE = json.loads(Path(__file__).with_suffix(".json").read_text("utf-8"))
+EXPONENT, STRETCHED_DURATION = (tuple(map(tuple, _TABLE[name])) for name in ("exponent", "stretched_duration"))
+Q_END: float = _TABLE["q_end"]
+SERIES: tuple[float, ...] = tuple(_TABLE["series"])
 PIECES_PER_Q = len(EXPONENT) / Q_END
 LAST_PIECE = len(EXPONENT) - 1
 LOSS_END = Q_END * Q_END * math.fsum(EXPONENT[-1])  # -ln ε where the table ends
@@ -111,10 +116,7 @@ def restitution_series(b: float, order: int = 5) -> float:
     """
     order = _check.whole("order", order, at_most=len(SERIES) - 1)
     x = math.sqrt(_check.number("b", b, at_least=0.0))
-    total = 0.0
-    for h in reversed(SERIES[: order + 1]):
-        total = total * x + h
-    return total
+    return _horner(SERIES[order::-1], x)
 
 
 def restitution_pade(b: float) -> float:

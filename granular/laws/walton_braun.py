@@ -44,9 +44,7 @@ class WaltonBraun:
 
     def force(self, xi: float, xi_dot: float, pair: Pair, xi_max: float) -> float:
         """Force in N at overlap `xi` in m, given the largest overlap `xi_max` ≥ `xi` since the bodies last parted."""
-        loading = self.k_load * xi
-        unloading = self.k_load * xi_max - self.k_unload * (xi_max - xi)
-        return min(loading, unloading)
+        return min(self.k_load * xi, self.k_load * xi_max - self.k_unload * (xi_max - xi))
 
     def restitution(self) -> float:
         """√(k_load / k_unload)."""

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from granular import _check
 from granular import until as stop
-from granular._walls import close_after
 from granular.drive import drive
 from granular.laws.check import check_deepest
 from granular.laws.check import checked as checked_laws
@@ -22,7 +21,7 @@ from granular.md import fixed, located
 from granular.md.integrators import INTEGRATORS
 from granular.md.stability import expected_rate
 from granular.request import requested
-from granular.scene import Scene, checked
+from granular.scene import Scene, checked, close_after
 from granular.trajectory import Status, Trajectory
 
 FINEST = 1e-17

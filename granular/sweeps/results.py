@@ -1,19 +1,19 @@
-"""What can be asked of every cell, with its dimensions and units."""
+"""What can be asked of every cell, with its dimensions and units; and the answers, cell by cell or many at once."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from granular._check import per_pair
 from granular._flight import rate_at_contact
 from granular.binary import restitution
 from granular.cases import Case
-from granular.cases.case import keyword_options
 from granular.comparison import Comparison, compare
 from granular.outcome import counts, separations
 from granular.scene import Scene
@@ -39,13 +39,17 @@ class Result:
         Its value for an `Answer`.
     fill : float or int
         Where there is no value; decides the type.
+    many : str
+        "always" if `granular.sweeps.many` answers it too; "ended" if contacts that are still running at the end must
+        be followed first, one cell by itself.
     """
 
     dim: str
     units: str
     about: str
-    of: Callable[[Answer], Any]
+    of: Callable[[Any], Any]
     fill: Any = math.nan
+    many: str = ""
 
 
 @dataclass
@@ -67,29 +71,34 @@ class Answer:
     @cached_property
     def report(self) -> Comparison:
         """The comparison of both."""
-        case = self.case
-        options = {name: value for name, value in case.run.items() if name in keyword_options(compare)}
-        return compare(case.scene, case.physics("md"), case.rule, until=case.until, t_end=case.t_end, **options)
+        return compare(self.case.scene, self.case.physics("md"), self.case.rule, **self.case.options(compare))
 
+    contacts = property(lambda self: counts(self.soft))
+    t_f = property(lambda self: separations(self.soft)[1])
+    v_final = property(lambda self: self.soft.velocity[-1])
+    time = property(lambda self: self.soft.time[-1])
+    impact = property(lambda self: impact_speed(self.case.scene))
+    eps = property(lambda self: specified(self.case.scene, self.case.physics("md")))
+
+    @cached_property
     def v_rel(self) -> Any:
         """Separation speeds of the soft run in m/s, contacts still running at its end followed to theirs."""
         if np.isnan(self.soft.contacts["t_end"]).any():
-            return [pair.soft_v_rel for pair in self.report.pairs]
+            return np.array([pair.soft_v_rel for pair in self.report.pairs])
         return separations(self.soft)[0]
 
+    @property
     def longest(self) -> Any:
         """Longest completed contact of each pair in s."""
         log, longest = self.soft.contacts, np.full(self.soft.scene.n_pairs, math.nan)
         np.fmax.at(longest, log["pair"], np.where(np.isnan(log["t_end"]), math.nan, log["duration"]))
         return longest
 
-    def eps_eff(self) -> float:
-        """ε_eff of floor and two balls."""
-        return float(effective(self.v_rel()[-1], impact_speed(self.case.scene)))
-
-    def eps_ratio(self) -> float:
-        """ε_eff/ε_spec of floor and two balls."""
-        return self.eps_eff() / specified(self.case.scene, self.case.physics("md"))
+    def status(self, results: Mapping[str, Result]) -> int:
+        """Status of the soft run; of the hard one if there is no force law or only hard results are asked."""
+        if self.case.law is None or all(name.startswith("hard_") for name in results):
+            return CODE[self.hard.status.name]
+        return CODE[(self.report.soft if "report" in vars(self) else self.soft).status.name]
 
 
 def impact_speed(scene: Scene) -> float:
@@ -111,7 +120,8 @@ def specified(scene: Scene, laws: Any) -> float:
     speed = impact_speed(scene)
     if not speed > 0.0:
         return math.nan
-    eps = [restitution(law, pair, speed) for law, pair in zip(laws, scene.pairs, strict=True)]
+    each = zip(per_pair("law", laws, scene.n_pairs), scene.pairs, strict=True)
+    eps = [restitution(law, pair, speed) for law, pair in each]
     return eps[0] if max(eps) - min(eps) <= 1e-9 else math.nan
 
 
@@ -120,14 +130,17 @@ def _measure(name: str, about: str, units: str = "1") -> Result:
 
 
 RESULTS = {
-    "contacts": Result("pair", "1", "contacts, soft spheres", lambda a: counts(a.soft), -1),
-    "v_rel": Result("pair", "m s-1", "separation speed after the pair's last contact, soft", lambda a: a.v_rel()),
-    "t_f": Result("pair", "s", "end of the pair's last contact, soft", lambda a: separations(a.soft)[1]),
-    "duration": Result("pair", "s", "longest contact, soft", lambda a: a.longest()),
-    "v_final": Result("body", "m s-1", "velocity at the end, soft", lambda a: a.soft.velocity[-1]),
-    "time": Result("", "s", "end of the run, soft", lambda a: a.soft.time[-1]),
-    "eps_eff": Result("", "1", "ε with which independent collisions give v_rel", lambda a: a.eps_eff()),
-    "eps_ratio": Result("", "1", "ε_eff/ε_spec, floor and two balls", lambda a: a.eps_ratio()),
+    "contacts": Result("pair", "1", "contacts, soft spheres", lambda a: a.contacts, -1, "always"),
+    "v_rel": Result("pair", "m s-1", "separation speed after the pair's last contact, soft", lambda a: a.v_rel,
+                    many="ended"),
+    "t_f": Result("pair", "s", "end of the pair's last contact, soft", lambda a: a.t_f, many="always"),
+    "duration": Result("pair", "s", "longest contact, soft", lambda a: a.longest, many="always"),
+    "v_final": Result("body", "m s-1", "velocity at the end, soft", lambda a: a.v_final, many="always"),
+    "time": Result("", "s", "end of the run, soft", lambda a: a.time, many="always"),
+    "eps_eff": Result("", "1", "ε with which independent collisions give v_rel",
+                      lambda a: effective(a.v_rel[..., -1], a.impact), many="ended"),
+    "eps_ratio": Result("", "1", "ε_eff/ε_spec, floor and two balls",
+                        lambda a: effective(a.v_rel[..., -1], a.impact) / a.eps, many="ended"),
     "hard_contacts": Result("pair", "1", "contacts, hard spheres", lambda a: counts(a.hard), -1),
     "hard_v_final": Result("body", "m s-1", "velocity at the end, hard", lambda a: a.hard.velocity[-1]),
     "hard_status": Result("", "1", "status of the hard run", lambda a: CODE[a.hard.status.name], NOT_RUN),

@@ -14,9 +14,12 @@ from numpy.typing import ArrayLike
 
 from granular import _check
 from granular.cases import Case
-from granular.sweeps import axes, cells, refine, schedule, store
+from granular.scene import Scene
+from granular.sweeps import axes, schedule, store
+from granular.sweeps.answers import Answers
 from granular.sweeps.axes import Values
 from granular.sweeps.plan import Plan, planned
+from granular.sweeps.refine import edges
 from granular.sweeps.results import MISUSE, NOT_RUN
 
 if TYPE_CHECKING:
@@ -29,7 +32,7 @@ SAVE_EVERY = 30.0
 
 
 def sweep(
-    scene: str | Callable[..., Case],
+    scene: str | PathLike[str] | Callable[..., Case] | Case | Scene,
     over: Mapping[str, ArrayLike] | Iterable[str] | str,
     results: str | Callable[[Case], float] | Iterable[str | Callable[[Case], float]] = DEFAULT,
     *,
@@ -45,12 +48,14 @@ def sweep(
 
     Parameters
     ----------
-    scene : str or callable
-        Name of a ready-made case, or a function of the parameters that returns a `granular.cases.Case` (for other
-        processes one they can import).
+    scene : str, path, callable, Case or Scene
+        Name of a ready-made case; a TOML file; a function of the parameters that returns a `granular.Case` (for other
+        processes one they can import); such a case itself; or a scene, with `law`, `rule`, `until`, `t_end` as further
+        parameters.
     over : mapping, or text
         Values of the parameters to vary: ``{"gap": [1e-5, 1e-4]}``, or texts such as ``"gap=1e-7:1e-2:300:log"``.
-        ``radii[0]`` is one entry of a list of values.
+        ``radii[0]`` is one entry of a list of values. Parameters of a file are the numbers in its tables, of a case
+        those of its scene, laws and rule: ``mass[1]``, ``gravity``, ``law.k`` (of all pairs), ``law[0].k``, ``t_end``.
     results : names, or functions of the case that return a number
         What to keep of every cell, besides its `status`; see `granular.sweeps.results.RESULTS`.
     run : mapping, optional
@@ -86,92 +91,84 @@ def sweep(
     """
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise TypeError(f"executor is {executor!r}: an object with submit() is needed, such as a ProcessPoolExecutor "
-                        "or client.get_executor() of dask.")  # fmt: skip
+                        "or client.get_executor() of dask.")
     _check.callback("on_progress", on_progress)
     store.xarray_()
     varied = axes.checked(over)
     asked = (results,) if isinstance(results, str) or callable(results) else tuple(results)
     plan = planned(scene, varied, asked, fixed, run or {})
-    job = _Job(plan, varied, save, on_progress)
     if refine is not None:
         _check.choice("refine", refine, list(varied))
         _check.choice("result to refine by", "contacts", list(plan.results))
-    job.solve(executor)
-    data = job.dataset()
-    return data if refine is None else job.refined(data, refine, precision, executor)
+    grid = np.meshgrid(*varied.values(), indexing="ij")
+    job = _Job(plan, varied, [values.ravel() for values in grid], save)
+    job.solve(executor, on_progress)
+    return job.dataset() if refine is None else job.refined(refine, precision, executor)
 
 
 class _Job:
-    """A sweep under way."""
+    """A sweep under way: `columns` are the parameters of its cells."""
 
-    def __init__(self, plan: Plan, over: dict[str, Values], save: Any, on_progress: Any) -> None:
-        self.plan, self.over, self.save, self.on_progress = plan, over, save, on_progress
-        self.shape = tuple(len(array) for array in over.values())
-        grid = np.unravel_index(np.arange(np.prod(self.shape, dtype=np.int64)), self.shape)
-        self.columns = [array[index] for array, index in zip(over.values(), grid, strict=True)]
-        self.bodies = plan.bodies(over)
-        self.values = cells.empty(plan, len(self.columns[0]), self.bodies)
-        self.refusal: tuple[int, str] | None = None
-        self.notes = store.resume(save, plan, over, self.values) if save is not None else {}
-        self.saved = time.monotonic()
+    def __init__(self, plan: Plan, over: dict[str, Values], columns: list[Values], save: Any) -> None:
+        self.plan, self.over, self.columns, self.save = plan, over, columns, save
+        self.answers = Answers(plan.results, len(columns[0]))
+        known, self.notes = store.resume(save, plan, over) if save is not None else ({}, {})
+        self.answers.put(slice(None), known)
 
-    def solve(self, executor: Executor | None) -> None:
+    def solve(self, executor: Executor | None, on_progress: Callable[[float, int], object] | None) -> None:
         """Solve what is not solved yet; keep what is done, however it ends."""
-        missing = np.flatnonzero(self.values["status"] == NOT_RUN)
+        missing = np.flatnonzero(self.answers.columns["status"] == NOT_RUN)
         if not len(missing):
             return
         known = done = len(self.columns[0]) - len(missing)
+        saved = time.monotonic()
         try:
-            for places, block in schedule.batches(self.plan, self.columns, self.bodies, missing, executor):
-                self.take(places, block)
+            for places, found in schedule.batches(self.plan, self.columns, missing, executor):
+                self.answers.take(places, found)
                 done += len(places)
-                if self.on_progress is not None:
-                    self.on_progress((done - known) / len(missing), done)
-                if self.save is not None and time.monotonic() > self.saved + SAVE_EVERY:
-                    self.write()
+                if on_progress is not None:
+                    on_progress((done - known) / len(missing), done)
+                if time.monotonic() > saved + SAVE_EVERY:
+                    self.written(self.dataset())
+                    saved = time.monotonic()
         finally:
-            if self.save is not None:
-                self.write()
-        if (self.values["status"] == MISUSE).all() and self.refusal is not None:
-            raise ValueError(f"every cell is refused: {self.refusal[1]}")
-
-    def take(self, places: Values, block: cells.Block) -> None:
-        """Write a solved batch to its places."""
-        for name, array in block.values.items():
-            self.values[name][places] = array
-        if block.refusal is not None:
-            first = (int(places[block.refusal[0]]), block.refusal[1])
-            self.refusal = first if self.refusal is None else min(first, self.refusal)
+            self.written(self.dataset())
+        if self.answers.refusal is not None and (self.answers.columns["status"] == MISUSE).all():
+            raise ValueError(self.answers.refusal[1])
 
     def dataset(self) -> xarray.Dataset:
         """What is known so far."""
-        notes = self.notes if self.refusal is None else {"refusal": self.refusal[1]}
-        return store.dataset(self.plan, self.over, self.values, notes)
+        refusal = self.answers.refusal
+        notes = self.notes if refusal is None else {"refusal": refusal[1]}
+        return store.dataset(self.plan, self.over, self.answers.columns, notes)
 
-    def write(self) -> None:
-        """Write what is known so far."""
-        store.write(self.dataset(), self.save)
-        self.saved = time.monotonic()
-
-    def refined(self, data: xarray.Dataset, name: str, precision: float, executor: Executor | None) -> xarray.Dataset:
-        """Add the jumps of the contact counts along one parameter."""
-        plan = replace(self.plan, asked=("contacts",))
-        axis = list(self.over).index(name)
-
-        def counts(columns: list[Values]) -> Values:
-            found = np.zeros((len(columns[0]), self.bodies - 1), np.int64)
-            everything = np.arange(len(columns[0]))
-            for places, block in schedule.batches(plan, columns, self.bodies, everything, executor):
-                found[places] = block.values["contacts"]
-            return found
-
-        jumps = refine.edges(axis, self.columns, self.values["contacts"], self.shape, counts, precision)
-        data["edge"] = ("jump", "side"), jumps.ends, {"units": data[name].attrs["units"],
-                                                     "long_name": f"interval of {name} in which a count jumps"}
-        data["edge_contacts"] = ("jump", "side", "pair"), jumps.counts, data["contacts"].attrs
-        for other, column in zip(self.over, jumps.columns, strict=True):
-            if other != name:
-                data[f"edge_{other}"] = "jump", column, data[other].attrs
+    def written(self, data: xarray.Dataset) -> xarray.Dataset:
+        """Write what is known so far, if there is a file for it."""
         if self.save is not None:
             store.write(data, self.save)
         return data
+
+    def refined(self, name: str, precision: float, executor: Executor | None) -> xarray.Dataset:
+        """Add the jumps of the contact counts along one parameter."""
+        plan = replace(self.plan, asked=("contacts",))
+        axis, shape = list(self.over).index(name), tuple(map(len, self.over.values()))
+
+        def counts(columns: list[Values]) -> Values:
+            found = Answers(plan.results, len(columns[0]))
+            found.put([], {"contacts": self.answers.columns["contacts"][:0]})  # as wide
+            for places, part in schedule.batches(plan, columns, np.arange(len(columns[0])), executor):
+                found.take(places, part)
+            contacts: Values = found.columns["contacts"]
+            return contacts
+
+        jumps = edges(axis, self.columns, self.answers.columns["contacts"], shape, counts, precision)
+        data = self.dataset()
+        ends = np.array([edge.ends for edge in jumps]).reshape(-1, 2)
+        about = {"units": data[name].attrs["units"], "long_name": f"interval of {name} in which a count jumps"}
+        data["edge"] = ("jump", "side"), ends, about
+        sides = np.array([edge.counts for edge in jumps], np.int64).reshape(-1, 2, data.sizes["pair"])
+        data["edge_contacts"] = ("jump", "side", "pair"), sides, data["contacts"].attrs
+        for other, column in zip(self.over, self.columns, strict=True):
+            if other != name:
+                data[f"edge_{other}"] = "jump", column[[edge.row for edge in jumps]], data[other].attrs
+        return self.written(data)

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from granular._kernels import worth
-from granular.sweeps import compiled
+from granular._kernels import in_memory, worth
+from granular.sweeps import many
+from granular.sweeps.answers import REFUSED, Answers
 from granular.sweeps.axes import Values
-from granular.sweeps.cells import Block, solve_cells
 from granular.sweeps.plan import Plan
+from granular.sweeps.results import Answer
 
 LOADING, MAKING = 1.5, 20.0
 """Seconds that it takes to load the machine code from the disk, and to make it."""
@@ -25,65 +26,62 @@ SHORTEST, LONGEST = 0.25, 2.0
 SHARE = 64
 """A sweep is cut into at least that many batches if they are not shorter than that."""
 
-Batch = tuple[Values, Block]
+Batch = tuple[Values, Answers]
 
 
-def batches(plan: Plan, columns: Sequence[Values], bodies: int, cells: Values, executor: Executor | None) \
-        -> Iterator[Batch]:
+def batches(plan: Plan, columns: Sequence[Values], cells: Values, executor: Executor | None) -> Iterator[Batch]:
     """Solve `cells`, rows of `columns`, and yield them batch by batch as they are done, with their places.
 
     What a cell gives depends on nothing but its parameters, so neither cuts nor executor change a bit.
     """
-    if not len(cells):
-        return
-    way = plan
-    if compiled.open_to(plan.asked, plan.run) and not compiled.at_hand():
-        way = replace(plan, run={"engine": "auto"})  # one by one: the same bits, no wait for a compiler
-    rest, each = yield from _pilot(way, columns, bodies, cells)
-    if way is not plan and worth(compiled.KERNEL, each * len(rest), LOADING, MAKING):
+    # without machine code in memory first one by one, with the same bits: no wait for a compiler
+    way = replace(plan, at_once=plan.at_once and in_memory(many.KERNEL))
+    rest, each = yield from _pilot(way, columns, cells)
+    if way.at_once is not plan.at_once and worth(many.KERNEL, each * len(rest), LOADING, MAKING):
         way = plan
-        rest, each = yield from _pilot(way, columns, bodies, rest)
-    parts = _cut(rest, each)
-    if executor is None:
-        for part in parts:
-            yield part, _solve(way, columns, bodies, part)
+        rest, each = yield from _pilot(way, columns, rest)
+    seconds = min(max(each * len(rest) / SHARE, SHORTEST), LONGEST)
+    size = max(1, round(seconds / max(each, 1e-9)))
+    parts = [rest[i : i + size] for i in range(0, len(rest), size)]
+    if executor is not None:
+        yield from _spread(way, columns, parts, executor)
     else:
-        yield from _spread(way, columns, bodies, parts, executor)
+        for part in parts:
+            yield part, solve(way, [column[part] for column in columns])
 
 
-def _pilot(
-    plan: Plan, columns: Sequence[Values], bodies: int, cells: Values
-) -> Generator[Batch, None, tuple[Values, float]]:
+def solve(plan: Plan, columns: Sequence[Values]) -> Answers:
+    """Solve the cells whose parameters are rows of `columns`: many at once where that is open, else one by one."""
+    points = list(zip(*(column.tolist() for column in columns), strict=True))
+    answers = Answers(plan.results, len(points))
+    for i in many.solve(plan, points, answers) if plan.at_once else range(len(points)):
+        try:
+            answer = Answer(plan.case(points[i]))
+            found = {name: np.reshape(result.of(answer), (1, -1) if result.dim else 1)
+                     for name, result in plan.results.items()}
+            answers.put([i], found | {"status": np.array([answer.status(plan.results)])})
+        except REFUSED as error:
+            answers.refuse(i, str(error))
+    return answers
+
+
+def _pilot(plan: Plan, columns: Sequence[Values], cells: Values) -> Generator[Batch, None, tuple[Values, float]]:
     """Solve a few cells and yield them; return the others and the seconds that a cell takes."""
     chosen = np.unique(np.linspace(0, len(cells) - 1, min(PILOT, len(cells))).astype(np.int64))
-    pilot = cells[chosen]
-    yield pilot[:1], _solve(plan, columns, bodies, pilot[:1])  # loads and compiles what is needed
-    start = time.perf_counter()
-    if len(pilot) > 1:
-        yield pilot[1:], _solve(plan, columns, bodies, pilot[1:])
-    return np.delete(cells, chosen), (time.perf_counter() - start) / max(1, len(pilot) - 1)
+    start = 0.0
+    for part in filter(len, (chosen[:1], chosen[1:])):  # the first loads and compiles what is needed
+        start = time.perf_counter()
+        yield cells[part], solve(plan, [column[cells[part]] for column in columns])
+    return np.delete(cells, chosen), (time.perf_counter() - start) / max(1, len(chosen) - 1)
 
 
-def _spread(
-    plan: Plan, columns: Sequence[Values], bodies: int, parts: list[Values], executor: Executor
-) -> Iterator[Batch]:
+def _spread(plan: Plan, columns: Sequence[Values], parts: list[Values], executor: Executor) -> Iterator[Batch]:
     futures: dict[Any, Values] = {}
     try:
         for part in parts:
-            futures[executor.submit(solve_cells, plan, [column[part] for column in columns], bodies)] = part
+            futures[executor.submit(solve, plan, [column[part] for column in columns])] = part
         for future in as_completed(futures):
             yield futures[future], future.result()
     finally:
         for future in futures:
             future.cancel()
-
-
-def _solve(plan: Plan, columns: Sequence[Values], bodies: int, cells: Values) -> Block:
-    return solve_cells(plan, [column[cells] for column in columns], bodies)
-
-
-def _cut(cells: Values, each: float) -> list[Values]:
-    """Cut into batches of consecutive cells, `each` seconds a cell."""
-    seconds = min(max(each * len(cells) / SHARE, SHORTEST), LONGEST)
-    size = max(1, round(seconds / max(each, 1e-9)))
-    return [cells[i : i + size] for i in range(0, len(cells), size)]

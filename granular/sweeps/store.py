@@ -11,7 +11,6 @@ import numpy as np
 
 from granular import _files
 from granular._optional import optional
-from granular.sweeps import axes
 from granular.sweeps.axes import Values
 from granular.sweeps.plan import Plan
 from granular.sweeps.results import STATUS
@@ -27,32 +26,27 @@ def xarray_() -> Any:
 
 def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: dict[str, Any]) -> xarray.Dataset:
     """Return the data set: one dimension per axis, then pair or body; units and provenance as attributes."""
-    xr = xarray_()
-    shape = tuple(len(array) for array in over.values())
-    coordinates: dict[str, Any]
-    coordinates = {name: (name, array, axes.attributes(name, plan.options)) for name, array in over.items()}
-    sizes = {result.dim: values[name].shape[1] for name, result in plan.results.items() if result.dim}
-    counted = {"comment": "counted from the bottom"}
-    coordinates |= {dim: (dim, np.arange(size), counted) for dim, size in sizes.items()}
-    codes = list(STATUS)
-    status = {"long_name": "how the run of the cell ended", "flag_values": codes,
+    shape = tuple(map(len, over.values()))
+    coordinates: dict[str, Any] = {name: (name, array, plan.subject.attributes(name)) for name, array in over.items()}
+    status = {"long_name": "how the run of the cell ended", "flag_values": list(STATUS),
               "flag_meanings": " ".join(STATUS.values())}
     variables = {"status": (tuple(over), values["status"].astype(np.int8).reshape(shape), status)}
     for name, result in plan.results.items():
-        array = values[name]
+        array = values[name].astype(np.int32) if values[name].dtype.kind == "i" else values[name]
         dims = (*over, result.dim) if result.dim else tuple(over)
-        whole = array.astype(np.int32) if array.dtype.kind == "i" else array
-        variables[name] = (dims, whole.reshape(*shape, *array.shape[1:]),
+        variables[name] = (dims, array.reshape(*shape, *array.shape[1:]),
                            {"units": result.units, "long_name": result.about})
-    about = {"title": f"granular sweep of {plan.title}", "question": question(plan),
+        if result.dim:
+            coordinates[result.dim] = result.dim, np.arange(array.shape[1]), {"comment": "counted from the bottom"}
+    about = {"title": f"granular sweep of {plan.subject.title}", "question": question(plan),
              "provenance": json.dumps(_files.provenance())}
-    data: xarray.Dataset = xr.Dataset(variables, coordinates, about | notes)
+    data: xarray.Dataset = xarray_().Dataset(variables, coordinates, about | notes)
     return data
 
 
 def question(plan: Plan) -> str:
     """What is asked, as text: two sweeps with the same question and axes have the same answers."""
-    words = {"scene": plan.title, "fixed": plan.fixed, "over": plan.names, "results": list(plan.results),
+    words = {"scene": plan.subject.text, "fixed": plan.fixed, "over": plan.names, "results": list(plan.results),
              "run": plan.run}
     return json.dumps(words, default=repr, sort_keys=True)
 
@@ -63,8 +57,8 @@ def write(data: xarray.Dataset, path: str | PathLike[str]) -> None:
     _files.write(path, lambda draft: data.to_netcdf(draft, engine="netcdf4"))
 
 
-def resume(path: str | PathLike[str], plan: Plan, over: dict[str, Values], values: dict[str, Any]) -> dict[str, str]:
-    """Fill `values` with what the file already has, if it is there; return its notes.
+def resume(path: str | PathLike[str], plan: Plan, over: dict[str, Values]) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return the results that a file already has, and its notes; nothing if it is not there.
 
     Raises
     ------
@@ -72,17 +66,15 @@ def resume(path: str | PathLike[str], plan: Plan, over: dict[str, Values], value
         If the file holds the answers to another question, or is of a later version.
     """
     if not os.path.exists(path):
-        return {}
-    xr = xarray_()
-    with xr.open_dataset(path, engine="netcdf4", decode_cf=False) as stored:
+        return {}, {}
+    with xarray_().open_dataset(path, engine="netcdf4", decode_cf=False) as stored:
         data = stored.load()
-    provenance = json.loads(data.attrs.get("provenance", "{}"))
-    _files.check_format(path, provenance.get("format", 1))
+    _files.check_format(path, json.loads(data.attrs.get("provenance", "{}")).get("format", 1))
     same = data.attrs.get("question") == question(plan) and all(
         name in data and np.array_equal(data[name].values.astype(array.dtype), array) for name, array in over.items()
     )
     if not same:
         raise ValueError(f"save is {os.fspath(path)!r}: it holds another sweep; give another name, or remove it.")
-    for name, array in values.items():
-        array[...] = data[name].values.reshape(array.shape)
-    return {key: value for key, value in data.attrs.items() if key == "refusal"}
+    arrays = {name: data[name].values for name in ("status", *plan.results)}
+    columns = {name: array.reshape(-1, *array.shape[len(over):]) for name, array in arrays.items()}
+    return columns, {key: value for key, value in data.attrs.items() if key == "refusal"}

@@ -1,0 +1,63 @@
+"""Files that a command writes: offered, looked at before a long run, and written after it."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from granular import _files
+from granular._optional import optional
+
+
+def offer(parser: argparse.ArgumentParser, **about: str) -> None:
+    """Add the options --plot, --json and --save, as far as they are described."""
+    for name, text in about.items():
+        to_stdout = "; - for standard output" if name == "json" else ""
+        ending = {"plot": "png", "json": "json", "save": "nc" if "netCDF" in text else "npz"}[name]
+        parser.add_argument(f"--{name}", metavar=f"FILE.{ending}", type=_stdout if to_stdout else str,
+                            help=text + to_stdout)
+
+
+def _stdout(name: str) -> str:
+    """The file to write to; ``-`` is standard output."""
+    return _files.STDOUT if name == "-" else name
+
+
+def check(given: argparse.Namespace) -> None:
+    """Raise if a file that is asked for cannot be written, or no figure be drawn in the format it has."""
+    for option in ("plot", "json", "save"):
+        name = getattr(given, option, None)
+        if name is not None:
+            _check_writable(name)
+    if getattr(given, "plot", None) is not None:
+        optional("matplotlib.backend_bases", "--plot")
+        _files.check_picture(given.plot)
+
+
+def deliver(report: Any, given: argparse.Namespace) -> None:
+    """Print a report, on stderr if stdout is to have nothing but JSON; draw and write it where that is asked."""
+    print(report, file=sys.stderr if given.json == _files.STDOUT else sys.stdout)
+    if getattr(given, "plot", None) is not None:
+        report.plot(given.plot)
+    if given.json is not None:
+        report.to_json(given.json)
+
+
+def _check_writable(name: str) -> None:
+    if _files.is_stream(name) and os.access(name, os.W_OK) and not os.path.isdir(name):
+        return
+    path, folder = Path(os.path.realpath(name)), str(Path(name).parent)
+    if path.is_dir():
+        raise ValueError(f"{name}: is a directory; the name of a file is needed.")
+    if not path.parent.is_dir():
+        raise ValueError(f"{name}: there is no directory {folder!r}; make it first.")
+    if path.exists() and not os.access(path, os.W_OK):
+        raise ValueError(f"{name}: the file is there and may not be changed.")
+    try:
+        tempfile.TemporaryFile(dir=path.parent).close()
+    except OSError as error:
+        raise ValueError(f"{name}: no file can be made in {folder!r}: {error.strerror}.") from None

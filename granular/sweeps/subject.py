@@ -1,0 +1,164 @@
+"""What is swept: a ready-made case, a function that makes cases, a TOML file, or a `Case`; and its parameters by name.
+
+A name is a path, such as ``gap``, ``radii[0]``, ``law.k`` (of all pairs), ``law[0].k``, ``run.dt``. The parameters of
+a file are the numbers in its tables, those of a `Case` its fields, and there the first word may be left out:
+``mass[1]`` is ``scene.mass[1]``, ``k`` is ``law.k``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granular import _check, cases, md
+from granular._describe import scene_to_json
+from granular.cases import Case, build, ready
+from granular.cases.load import of_tables, tables_of
+from granular.cases.options import descriptions, options_of
+from granular.scene import Scene
+
+_NAME = re.compile(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*")
+_UNIT = re.compile(r"\bin (kg/m³|m/s²|m/s|N/m|kg|m|s|J)(?![\w/^])")
+PARTS = ("scene", "law", "rule", "run")
+"""Where a name is looked for whose first word is left out."""
+Way = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What is swept.
+
+    Attributes
+    ----------
+    title : str
+        What it is called.
+    root : Any
+        Parameters of a function by name, the tables of a file, or a `Case`.
+    make : callable
+        Makes a `Case` of the root, or of one with other numbers.
+    about : mapping
+        Descriptions of the parameters by name.
+    text : Any
+        What decides about the answers besides the parameters, for a file to tell sweeps apart.
+    ready : str
+        The name of the case if it is a ready-made one.
+    """
+
+    title: str
+    root: Any
+    make: Callable[[Any], Case]
+    about: Mapping[str, str]
+    text: Any
+    ready: str = ""
+
+    def way(self, name: str) -> Way:
+        """Return the path of a parameter from the root.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it is no name, or none of a ready-made case.
+        """
+        if not _NAME.fullmatch(name):
+            raise ValueError(f"{name!r} is no name of a parameter, such as gap or radii[0].")
+        way = tuple(int(index) if index else word for index, word in re.findall(r"\[(\d+)\]|(\w+)", name))
+        if self.ready:
+            _check.known([str(way[0])], self.about, f"parameter of {self.title}", TypeError)
+        of_function = isinstance(self.text, str)
+        if of_function or way[0] in {*PARTS, *_numbers(self.root)}:
+            return way
+        parts = (part for part in PARTS if way[0] in _numbers(_numbers(self.root).get(part)))
+        return next(parts, "run" if way[0] == "t_end" else "scene"), *way
+
+    def attributes(self, name: str) -> dict[str, str]:
+        """Unit, label for plots and description of a parameter, from the docstring that has them."""
+        words = [step for step in self.way(name) if isinstance(step, str) and step not in ("scene", "run")]
+        about = self.about.get(".".join(words), "")
+        unit = _UNIT.search(about)
+        units = unit[1] if unit else "s" if words[-1] == "t_end" else "1"
+        return {"units": units, "long_name": name.replace("_", " "), "comment": about.partition(". ")[0]}
+
+
+def subject_of(given: Any) -> Subject:
+    """Return what is swept, or raise if it is nothing of the kind."""
+    case = Case(given, None) if isinstance(given, Scene) else given
+    if isinstance(case, Case):
+        text = vars(case) | {"scene": scene_to_json(case.scene)}
+        about = _about([Scene], law=map(type, _entries(case.law)), rule=map(type, _entries(case.rule)))
+        return Subject(case.about or repr(case.scene), case, replace, about, text)
+    if callable(case):
+        title = getattr(case, "__qualname__", repr(case))
+        return Subject(title, _lists(options_of(case)), partial(_call, case), descriptions(case), title)
+    if ready.is_file(case):
+        return _of_file(Path(case))
+    name = _check.choice("scene", case, cases.names())
+    options = cases.options(name)
+    about = {option.name: option.about for option in options} | {"t_end": ""}
+    return Subject(name, _lists(options), partial(_call, partial(cases.make, name)), about, name, name)
+
+
+def _of_file(path: Path) -> Subject:
+    with build.place(path.name):
+        tables = tables_of(path)
+        of_tables(tables)
+    scene, name = tables["scene"], tables["scene"].get("name")
+    law, rule = ([kinds[table["type"]] for table in _entries(tables.get(part))]
+                 for part, kinds in (("law", build.LAWS), ("rule", build.RULES)))
+    about = _about([md.simulate, Scene, *([ready.TEMPLATES[name].make] if name else [])], law=law, rule=rule)
+    root = tables | {"scene": _lists(cases.options(name) if name else []) | scene}
+    return Subject(str(tables.get("about", path.name)), root, of_tables, about, tables)
+
+
+def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
+    """Return `holder` with the number at the end of `way` changed; a word asks every entry of a list for it."""
+    if not way:
+        return value
+    step, rest = way[0], way[1:]
+    entries = isinstance(holder, (list, tuple, np.ndarray))
+    if isinstance(step, int):
+        if not entries:
+            raise TypeError(f"'{name}[{step}]' is no parameter: {name} is a single value.")
+        if step >= len(holder):
+            raise ValueError(f"{name}[{step}] is asked for, and {name} has {len(holder)} entries, counted from 0.")
+        return [put(one, rest, value, name) if i == step else one for i, one in enumerate(holder)]
+    if entries:
+        return [put(one, way, value) for one in holder]
+    if isinstance(holder, Mapping):
+        return {**holder, step: put(holder.get(step, {}), rest, value, step)}
+    _check.known([step], _numbers(holder), f"parameter of {holder!r}", TypeError)
+    return replace(holder, **{step: put(getattr(holder, step), rest, value, step)})
+
+
+def _numbers(holder: Any) -> dict[str, Any]:
+    """What a table, a dataclass, or the entries of a list of them hold, by name."""
+    if isinstance(holder, (list, tuple)):
+        return {name: value for one in holder for name, value in _numbers(one).items()}
+    if is_dataclass(holder):
+        return {f.name: getattr(holder, f.name) for f in fields(holder)}
+    return dict(holder) if isinstance(holder, Mapping) else {}
+
+
+def _entries(given: Any) -> list[Any]:
+    return list(given) if isinstance(given, (list, tuple)) else [] if given is None else [given]
+
+
+def _about(plain: Any, **parts: Any) -> dict[str, str]:
+    """What docstrings say of their parameters; those of laws and rules by paths."""
+    documented = [("", plain), *((f"{part}.", kinds) for part, kinds in parts.items())]
+    return {part + name: text for part, kinds in documented for kind in kinds
+            for name, text in descriptions(kind).items()}
+
+
+def _lists(options: list[Any]) -> dict[str, Any]:
+    """Defaults that are lists, of which one entry may be asked for."""
+    return {option.name: option.default for option in options if isinstance(option.default, (list, tuple))}
+
+
+def _call(function: Callable[..., Case], parameters: Mapping[str, Any]) -> Case:
+    return function(**parameters)

@@ -1,0 +1,131 @@
+"""The `granular` command: one clear line for every mistake, and exit codes."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from granular import cases, cli
+
+
+def test_interrupt_is_exit_code_130(granular, monkeypatch):
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cases.Case, "simulate", interrupted)
+    assert granular("run gas")[::2] == (130, "granular: interrupted\n")
+
+
+def test_traceback_on_request(granular):
+    code, _, err = granular("run three-balls --gravity -1 --traceback")
+    assert code == 2
+    assert err.startswith("Traceback (most recent call last):")
+    assert err.splitlines()[-1].startswith("granular: gravity is -1.0: ")
+
+
+def test_a_bug_is_not_dressed_up_as_a_mistake_of_the_user(granular, monkeypatch):
+    def broken(*arguments, **options):
+        raise AttributeError("bug")
+
+    monkeypatch.setattr(cases.Case, "simulate", broken)
+    with pytest.raises(AttributeError):
+        granular("run gas")
+
+
+@pytest.mark.parametrize(("line", "sentence"), [
+    ("rum gas", "'rum' is no command; did you mean run?"),
+    ("run", "run needs a scene: one of three-balls, "),
+    ("compare", "compare needs a scene: one of three-balls, "),
+    ("run three-bals", "scene is 'three-bals': one of three-balls, ball-stack, newtons-cradle, chain, column, gas, "
+                       "bouncing-ball is needed; did you mean three-balls?"),
+    ("scenes gaz", "scene is 'gaz': one of "),
+    ("run gas --packng 0.2", "'--packng' is no option of granular run gas; did you mean --packing?"),
+    ("run gas -x", "'-x' is no option of granular run gas"),
+    ("run gas 7", "'7' is one argument too many; see granular run gas --help"),
+    ("run gas -7", "'-7' is one argument too many; see granular run gas --help"),
+    ("run gas --n 2.5", "argument --n: '2.5' is no whole number; see granular run gas --help"),
+    ("run gas --n nan", "argument --n: 'nan' is no whole number; see granular run gas --help"),
+    ("run gas --packing lots", "argument --packing: 'lots' is no number; see granular run gas --help"),
+    ("run gas --packing", "argument --packing: expected one argument; see granular run gas --help"),
+    ("run gas --engine soft", "argument --engine: invalid choice: 'soft' (choose from "),
+    ("run gas --engine edmd --dt 1e-7", "'dt' is no option of edmd.simulate"),
+    ("run gas --restitution 1.2", "restitution is 1.2: "),
+    ("run gas --t-end -1", "t_end is -1.0: "),
+    ("run three-balls --gap nan", "gap is nan: a finite number is needed."),
+    ("run none.toml", "none.toml: No such file or directory"),
+    ("run gas --save none/out.npz", "none/out.npz: there is no directory 'none'; make it first."),
+    ("run gas --save .", ".: is a directory; the name of a file is needed."),
+    ("compare gas --json none/out.json", "none/out.json: there is no directory 'none'; make it first."),
+    ("compare gas --plot none/out.png", "none/out.png: there is no directory 'none'; make it first."),
+    ("compare gas --plot out.pgn", "ending of out.pgn is 'pgn': one of "),
+    ("compare gas --plot out", "ending of out is '': one of "),
+])
+def test_a_mistake_is_one_line_and_exit_code_2(granular, line, sentence):
+    code, out, err = granular(line)
+    assert (code, out) == (2, "")
+    assert err.startswith(f"granular: {sentence}")
+    assert err.count("\n") == 1
+
+
+def test_a_plot_without_matplotlib_says_how_to_get_it(granular, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib.backend_bases", None)
+    assert granular("compare gas --plot out.png")[::2] == (
+        2, "granular: --plot needs matplotlib, which is not installed: pip install matplotlib.\n")
+
+
+def test_an_output_that_cannot_be_written_is_found_before_the_run(granular, monkeypatch):
+    monkeypatch.setattr(cases.Case, "simulate", lambda *a, **k: pytest.fail("it ran"))
+    assert granular("run gas --save none/out.npz")[0] == 2
+
+
+def test_a_mistake_in_a_file_names_file_and_table(granular, tmp_path):
+    (tmp_path / "own.toml").write_text('[scene]\nname = "gas"\nsead = 3\n')
+    assert granular("run own.toml")[::2] == (2, "granular: own.toml: [scene]: 'sead' is no key; did you mean seed?\n")
+
+
+def test_a_warning_is_one_line(granular):
+    _, _, err = granular("run three-balls --engine md --dt 3e-6")
+    assert err.startswith("granular: warning: ")
+    assert err.count("\n") == 1
+
+
+def test_options_of_a_file_that_compare_ignores_are_named(granular, tmp_path):
+    _, text, _ = granular("scenes bouncing-ball")
+    (tmp_path / "mine.toml").write_text(text + "samples = 300\nt_start = 1.0\n", encoding="utf-8")
+    code, _, err = granular("compare mine.toml")
+    assert code == 0
+    assert "granular: warning: compare makes no use of samples, t_start in [run]." in err
+
+
+@pytest.mark.parametrize(("line", "sentence"), [
+    ("run three-balls --samples 1e15", "the memory of this machine is too small for that"),
+    ("compare three-balls --height 1e300", "use other units"),
+])
+def test_what_is_beyond_machine_or_numbers_is_one_sentence(granular, line, sentence):
+    code, _, err = granular(line)
+    assert code == cli.MISUSE
+    assert sentence in err
+    assert err.count("\n") == 1
+
+
+def test_closed_standard_output_is_no_traceback(monkeypatch):
+    monkeypatch.setattr(sys, "stdout", None)
+    assert cli.main(["run", "bouncing-ball", "--engine", "edmd"]) == 0
+
+
+def test_a_reader_that_stops_reading_is_no_error():
+    line = f"{sys.executable} -m granular scenes | head -n 0"
+    done = subprocess.run(line, shell=True, capture_output=True, text=True)
+    assert done.stderr == ""
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="the system has no /dev/full")
+@pytest.mark.parametrize("line", ["--help", "run --help", "scenes"])
+def test_a_full_disk_is_no_success(line):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([sys.executable, "-m", "granular", *line.split()], stdout=full, stderr=subprocess.PIPE,
+                              text=True, check=False)
+    assert done.returncode not in (0, 1)
+    assert done.stderr.startswith("granular: ")
+    assert "No space left" in done.stderr
