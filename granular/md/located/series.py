@@ -58,10 +58,12 @@ def prepare(pair: Any, q: int) -> None:
     for n in range(first, ORDER + 1):
         pair.f[n], pair.g[n] = 0.0, 0.0
     if pair.kind != LINEAR and pair.mode != OPEN:
-        for n in range(PADDED):
-            pair.r[n], pair.z[n] = 0.0, 0.0
-        for n in range(MIRROR):
-            pair.gm[n], pair.rm[n], pair.zm[n] = 0.0, 0.0, 0.0
+        for row in (pair.r, pair.z):
+            for n in range(PADDED):
+                row[n] = 0.0
+        for row in (pair.gm, pair.rm, pair.zm):
+            for n in range(MIRROR):
+                row[n] = 0.0
 
 
 @kernel
