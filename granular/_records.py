@@ -21,9 +21,11 @@ Record = Any
 
 
 def plain(records: Records) -> list[Any]:
-    """Return records as plain objects with the same fields; those that are plain stay."""
+    """Return records as plain objects with the same fields, row by row; those that are plain stay."""
     if isinstance(records, list):
         return records
+    if records.ndim > 1:
+        return list(map(plain, records))
     return list(map(twin(records.dtype), *(records[name].tolist() for name in records.dtype.names)))
 
 
