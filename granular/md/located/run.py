@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from granular._kernels import compiled, in_memory, worth
-from granular._records import column, one, packed, plain
+from granular._records import column, copied, one, packed, plain
 from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks
 from granular.md.located.collocation import Collocation
 from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
-from granular.md.located.pieces import look
+from granular.md.located.contacts import keep_unsettled
+from granular.md.located.isolated import look
 from granular.md.located.resting import pile
 from granular.md.located.system import (
     ACTIVE,
@@ -25,12 +26,13 @@ from granular.md.located.system import (
     system_of,
     to_compiled,
     to_plain,
+    with_longer_log,
     with_more_room,
 )
 from granular.md.rows import CONTACT_ROW
 from granular.request import Request
 from granular.scene import Scene
-from granular.trajectory import Status
+from granular.trajectory import CONTACT, Status
 
 PLAIN_CHUNK, COMPILED_CHUNK = 100, 20_000
 """Pieces between two looks at progress and log."""
@@ -66,7 +68,7 @@ class Run:
 
     def __init__(self, scene: Scene, laws: SceneLaws, request: Request, engine: str, tol: float) -> None:
         self.scene, self.laws, self.law, self.request, self.engine = scene, laws, laws.given, request, engine
-        self.seen = 0.0  # s, when a row was last read
+        self.seen = self.now = 0.0  # s, when a row was last read, and how far it has come
         self.bound = False
         self.creep: Creep | None = None
         limits = {"max_events": request.max_events, "max_steps": request.max_steps, "log": 2 * int(request.rows)}
@@ -110,10 +112,12 @@ class Run:
             return Pause.resting if limit == math.inf else Pause.reached
         chunk = COMPILED_CHUNK if self.engine == "compiled" else PLAIN_CHUNK
         why, counters = self.kernels(blocks.advance)(self.s, limit, chunk, self.collocation), self.counters
+        reached = why == blocks.REACHED or (why == blocks.QUIET and limit < math.inf)
+        self.now = limit if reached else float(counters.t)
         if why == blocks.CRAMPED:
             self.s = with_more_room(self.s)
             return Pause.full
-        if why == blocks.REACHED or (why == blocks.QUIET and limit < math.inf):
+        if reached:
             return Pause.reached
         if why != blocks.MORE:
             self.bound = why == blocks.BINDING
@@ -149,15 +153,27 @@ class Run:
         return self.request.start + float(self.counters.t), int(self.counters.begun)
 
     def rows(self) -> list[Rows]:
-        """Take the contacts that ended out of the buffer."""
-        ended, self.counters.rows = int(self.counters.rows), 0
-        return [self.dated(packed(self.s.log[:ended], CONTACT_ROW).copy())] if ended else []
+        """Take the contacts that are over, and that nothing can change any more, out of the buffer."""
+        taken = int(self.counters.rows)
+        if taken == 0:
+            return []
+        log = self.s.log[:taken]
+        rows = packed(log, CONTACT_ROW) if isinstance(log, list) else copied(log)
+        over = (rows["pair"] >= 0) & (rows["t_end"] <= self.now)
+        self.kernels(keep_unsettled)(self.s, self.now)
+        if 2 * self.counters.rows > len(self.s.log):
+            self.s = with_longer_log(self.s)
+        rows = rows if over.all() else rows[over]
+        if self.request.on_event is not None:
+            rows = rows[np.argsort(rows["t_end"], kind="stable")]
+        return [self.dated(rows)]
 
     def dated(self, rows: Rows) -> Rows:
         """Count times from where the caller's clock starts."""
-        rows["t_begin"] += self.request.start
-        rows["t_end"] += self.request.start
-        return rows
+        if self.request.start != 0.0:
+            rows["t_begin"] += self.request.start
+            rows["t_end"] += self.request.start
+        return rows.view(CONTACT)
 
     def row(self, time: float) -> Row:
         """Return the scene at `time`."""
@@ -169,7 +185,7 @@ class Run:
         rows = made.tolist() if isinstance(self.s.run, list) else made
         if self.creep is not None:
             self.creep.show(elapsed)
-        self.kernels(look)(self.s, elapsed, rows[0], rows[1], rows[2])
+        self.kernels(look)(self.s, elapsed, rows[0], rows[1], rows[2], self.collocation)
         made = np.asarray(rows)
         if not np.isfinite(made[:2]).all():  # interpreted, it would have raised on the way
             raise OverflowError("an overlap or its rate")
@@ -184,7 +200,9 @@ class Run:
         end = self.request.end - self.request.start if pause is Pause.reached else max(begun, self.seen)
         self.s = self.s._replace(queue=self.s.queue[:1].copy())  # nothing is due any more
         if self.creep is None:
-            self.kernels(blocks.gather)(self.s, end, self.collocation)
+            while not self.kernels(blocks.gather)(self.s, end, self.collocation):
+                self.s = with_more_room(self.s)
+            self.now = end
         else:
             impulse = self.creep.finish(end)
         shared = [*column(self.s.pairs, "shared"), math.fsum(impulse) if len(impulse) > 1 else 0.0]
@@ -193,9 +211,10 @@ class Run:
             "steps": int(r.steps), "events": int(r.events), "contacts": int(r.begun),
             "error_estimate": float(r.error), "resting": bool(r.rests) or self.creep is not None,
             "shared_impulse": math.fsum(shared) if self.request.log else math.nan,
+            "isolated": int(r.isolated), "tables": int(r.tables),
         }  # fmt: skip
         row = self.row_after(end, self.request.start + end) if pause is not Pause.reached or seen == -math.inf else None
-        running = self.dated(self.still_open()) if self.request.log else None
+        running = np.concatenate([*self.rows(), self.dated(self.still_open())]) if self.request.log else None
         message, self.s = self.message(status, r, self.request.start + end), None  # makes room for the log
         return End(row, status, message, stats, running=running)
 

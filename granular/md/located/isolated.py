@@ -1,0 +1,263 @@
+"""Isolated contacts: one event each, as in event-driven simulation, but with a delay and a displacement.
+
+A contact that begins now is solved at once by its map (`maps`), if it is certain that no neighbour touches before it is
+over. That is certified by one subtraction for each neighbouring gap, its flank: the contact force pushes the body they
+share towards the flank, and a contact at the flank's far end pushes that body towards it too, so the flank is concave
+until both are over, at T; it was positive, and if it is at T, it is in between. A flank below a ceiling is convex by
+P = g: from a to b in a time L it stays positive if (√a + √b)² > P L²/2.
+
+What the pair and its flanks keep from then on are their asymptotes: the motion after the contact, with a clock that may
+lie ahead. `lasts` tells: positive, it is the length of the contact that ends (ξ = 0) at the pair's clock; negative, the
+clock may lie ahead because a neighbour is in contact. With ξ and η inside the contact, and ξ_v and η_v of the pair's
+asymptote, a flank is smaller by share·(ξ_v - ξ) than its own asymptote says.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from granular._flight import gap_after, rate_at_contact
+from granular._kernels import kernel
+from granular._tournament import leaf, replay
+from granular.md.located.alone import enter, live
+from granular.md.located.contacts import is_awaited, velocity_now
+from granular.md.located.maps import encounter, peaks
+from granular.md.located.tables import FULL, table_of, tabled, tabled_peaks
+from granular.md.located.pieces import DRIFT, fly, predict, since, tau_at, tick, value
+from granular.md.located.plan import leave
+from granular.md.located.system import ACTIVE, BEGIN, OPEN, RESIDUAL
+
+ULP = 2.0**-52
+MET, OTHERWISE, CRAMPED = range(3)
+"""What `meet` comes to."""
+
+
+@kernel
+def in_contact(pair: Any, t: float, tail: float) -> bool:
+    """Return whether a pair outside the islands is in a contact, or its run-off, at the time t + tail."""
+    return bool(pair.slot < 0 and pair.lasts > 0.0 and since(pair, t, tail) < 0.0)
+
+
+@kernel
+def meet(s: Any, c: int, laws: Any) -> int:
+    """Let the contact of pair `c`, which is due, happen at once if it has a map and is certain to be isolated.
+
+    Returns whether it did: MET, OTHERWISE, or CRAMPED if there is no room for a table.
+    """
+    run, pairs, bodies, pair, law = s.run[0], s.pairs, s.bodies, s.pairs[c], s.kinds[s.pairs[c].kind_of]
+    if pair.mode != OPEN or pair.what != BEGIN or is_awaited(run, pairs, c):
+        return OTHERWISE
+    v = -rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull)
+    if not v > DRIFT * pair.noise:
+        return OTHERWISE
+    lower, upper = bodies[c].inverse_mass, bodies[c + 1].inverse_mass
+    t1, t2, v1, v2 = encounter(law, lower + upper, pair.pull, v)
+    place = -1
+    if not t1 > 0.0 and pair.map >= 0:
+        place = table_of(s, c, v, laws)
+        if place == FULL:
+            return CRAMPED
+        if place >= 0:
+            t1, t2, v1, v2 = tabled(s.tables[place], law.elastic, v)
+    if not t1 > 0.0:
+        return OTHERWISE
+    low, high, over = lower / (lower + upper), upper / (lower + upper), pair.wait + t2
+    way, kick = t2 * (v + 0.5 * pair.pull * t2), v + pair.pull * t2 + v2
+    lower_v, upper_v = coasting(bodies[c], pair, over) - low * kick, coasting(bodies[c + 1], pair, over) + high * kick
+    below = above = rate_below = rate_above = wait_below = wait_above = 0.0
+    if c > 0:
+        rate_below = lower_v - coasting(bodies[c - 1], pair, over)
+        wait_below = ahead(pairs[c - 2], pair, over) if c > 1 else 0.0
+        below = clearance(pairs[c - 1], pair, t2, low * way, rate_below, wait_below)
+        if not below > 0.0:
+            return OTHERWISE
+    if c + 1 < len(s.pairs):
+        rate_above = coasting(bodies[c + 2], pair, over) - upper_v
+        wait_above = ahead(pairs[c + 2], pair, over) if c + 2 < len(s.pairs) else 0.0
+        above = clearance(pairs[c + 1], pair, t2, high * way, rate_above, wait_above)
+        if not above > 0.0:
+            return OTHERWISE
+    tick(pair, pair.wait)
+    run.t, run.tail = pair.t, pair.tail
+    if run.log > 0:
+        row, pair.row = s.log[run.rows], run.rows
+        run.rows += 1
+        row.pair, row.t_begin, row.t_end, row.duration = c, pair.t, pair.t + (t1 + pair.tail), t1
+        part = v + pair.pull * t1 + v1
+        row.lower_in, row.upper_in = velocity_now(bodies[c], run), velocity_now(bodies[c + 1], run)
+        row.lower_out = row.lower_in - bodies[c].fall * t1 - low * part
+        row.upper_out = row.upper_in - bodies[c + 1].fall * t1 + high * part
+        row.impulse = part / (lower + upper)
+        row.xi_max = row.force_max = 0.0
+        if run.log == 2 and place >= 0:
+            row.xi_max, row.force_max = tabled_peaks(s.tables[place], v)
+        elif run.log == 2:
+            row.xi_max, row.force_max = peaks(law, lower + upper, pair.pull, v, t1)
+    tick(pair, t2)
+    pair.xi, pair.eta, pair.lasts, pair.speed, pair.exact = 0.0, -v2, t2, v, 0
+    pair.noise += ULP * v
+    launch_body(bodies[c], pair, lower_v)
+    launch_body(bodies[c + 1], pair, upper_v)
+    if place >= 0:
+        run.error += s.tables[place].error
+    pair.count += 1
+    run.steps += 1
+    run.events += 1
+    run.begun += 1
+    run.isolated += 1
+    pair.alone = 1
+    predict(pair, law)
+    leaf(s.queue, c).due = pair.due
+    if c > 0:
+        deflect(pairs[c - 1], pair, below, rate_below, wait_below, v)
+        predict(pairs[c - 1], law)
+        leaf(s.queue, c - 1).due = pairs[c - 1].due
+    if c + 1 < len(s.pairs):
+        deflect(pairs[c + 1], pair, above, rate_above, wait_above, v)
+        predict(pairs[c + 1], law)
+        leaf(s.queue, c + 1).due = pairs[c + 1].due
+    replay(s.queue, max(0, c - 1), min(c + 1, len(s.pairs) - 1))
+    return MET
+
+
+@kernel
+def coasting(body: Any, pair: Any, dt: float) -> float:
+    """Return the velocity that a body would have a time `dt` after the clock of `pair` without forces."""
+    v: float = body.v - body.fall * (since(body, pair.t, pair.tail) + dt)
+    return v
+
+
+@kernel
+def launch_body(body: Any, pair: Any, v: float) -> None:
+    """Let a body have the velocity `v` at the clock of `pair`."""
+    body.v, body.t, body.tail = v, pair.t, pair.tail
+
+
+@kernel
+def ahead(beyond: Any, pair: Any, dt: float) -> float:
+    """Return how long the pair beyond a flank is still in contact a time `dt` after the clock of `pair`."""
+    left: float = -(since(beyond, pair.t, pair.tail) + dt)
+    return left if beyond.lasts > 0.0 and left > 0.0 and beyond.slot < 0 else 0.0
+
+
+@kernel
+def clearance(flank: Any, pair: Any, t2: float, less: float, rate: float, busy: float) -> float:
+    """Return the gap of a flank when all contacts beside it are over; 0 if it is not certain that it stays open.
+
+    The contact of `pair` lasts `t2` and takes `less` from the gap, which grows at `rate` then; the contact beyond the
+    flank goes on for the time `busy`.
+    """
+    start = since(flank, pair.t, pair.tail) + pair.wait
+    if flank.slot >= 0 or flank.mode != OPEN or (flank.lasts > 0.0 and start < 0.0):
+        return 0.0
+    gap = gap_after(-flank.xi, -flank.eta, flank.pull, start + t2) - less
+    if busy > 0.0:
+        gap = gap_after(gap, rate, flank.pull, busy)
+    if flank.pull < 0.0 and gap > 0.0:
+        root = math.sqrt(max(0.0, gap_after(-flank.xi, -flank.eta, flank.pull, start))) + math.sqrt(gap)
+        if not root * root > -0.5 * flank.pull * t2 * t2:
+            return 0.0
+    return gap
+
+
+@kernel
+def deflect(flank: Any, pair: Any, gap: float, rate: float, busy: float, v: float) -> None:
+    """Give a flank its asymptote, from the end of all contacts beside it; `pair` has its own already."""
+    flank.t, flank.tail, flank.xi, flank.eta = pair.t, pair.tail, -gap, flank.pull * busy - rate
+    flank.lasts, flank.exact = -1.0, 0
+    flank.noise += ULP * v
+    if busy > 0.0:
+        tick(flank, busy)
+
+
+@kernel
+def relive(s: Any, c: int, t: float, tail: float, laws: Any) -> float:
+    """Take a place in the pool for pair `c`, in contact at the time t + tail, and bring it there from its onset.
+
+    The pair is a block of its own; if its force is over, it is in its run-off. Returns the place τ on its last piece.
+    """
+    pair = s.pairs[c]
+    left = pair.lasts + since(pair, t, tail)
+    member = enter(s, c, pair.speed)
+    tick(member, -pair.lasts)
+    member.t_begin = member.t
+    tau: float = live(s, c, left, laws)[1]
+    return tau
+
+
+@kernel
+def expose(s: Any, c: int, laws: Any) -> None:
+    """Let pair `c`, in contact, be a member of the event under way, for something may disturb it from now on."""
+    run, pair, bodies = s.run[0], s.pairs[c], s.bodies
+    back = since(pair, run.t, run.tail)
+    xi, eta = -gap_after(-pair.xi, -pair.eta, pair.pull, back), pair.eta + pair.pull * back
+    relive(s, c, run.t, run.tail, laws)
+    member = s.pool[pair.slot]
+    if member.mode != ACTIVE:  # in its run-off, it is what its asymptote says
+        member.xi, member.eta, member.begun = xi if member.mode == RESIDUAL else min(0.0, xi), eta, 0
+        member.h, member.tau = 0.0, 0.0
+        return
+    low, high = member.lower / member.inverse, member.upper / member.inverse
+    xi -= member.xi
+    eta -= member.eta
+    if run.log > 0:
+        row = s.log[pair.row]
+        member.lower_in, member.upper_in, row.pair = row.lower_in, row.upper_in, -1
+    for side in range(2):
+        body, f, share = bodies[c + side], c - 1 + 2 * side, high if side else low
+        body.v += -body.fall * since(body, run.t, run.tail) + (share if side else -share) * eta
+        body.t, body.tail = run.t, run.tail
+        if 0 <= f < len(s.pairs):
+            straighten(s, f, share * xi, share * eta)
+
+
+@kernel
+def straighten(s: Any, f: int, xi: float, eta: float) -> None:
+    """Let a flank be as it is at the time of the event under way, and not as its asymptote says."""
+    run, flank = s.run[0], s.pairs[f]
+    if flank.slot >= 0:
+        s.pool[flank.slot].xi += xi
+        s.pool[flank.slot].eta += eta
+        return
+    fly(flank, since(flank, run.t, run.tail))
+    flank.xi += xi
+    flank.eta += eta
+
+
+@kernel
+def look(s: Any, t: float, xi: Any, eta: Any, force: Any, laws: Any) -> None:
+    """Write overlap, rate and force of every pair at time `t`, which lies within the current pieces."""
+    for c in range(len(s.pairs)):
+        pair = s.pairs[c]
+        if pair.slot < 0:
+            dt = since(pair, t, 0.0)
+            dt = max(0.0, dt) if pair.lasts == 0.0 else dt
+            xi[c], eta[c], force[c] = -gap_after(-pair.xi, -pair.eta, pair.pull, dt), pair.eta + pair.pull * dt, 0.0
+        else:
+            member = s.pool[pair.slot]
+            tau = tau_at(s.pool[s.pairs[pair.first].slot], t, 0.0)
+            xi[c], eta[c] = value(member.x, tau), value(member.e, tau)
+            force[c] = max(0.0, value(member.f, tau)) if member.mode == ACTIVE else 0.0
+    for c in range(len(s.pairs)):
+        if in_contact(s.pairs[c], t, 0.0):
+            look_inside(s, c, t, xi, eta, force, laws)
+
+
+@kernel
+def look_inside(s: Any, c: int, t: float, xi: Any, eta: Any, force: Any, laws: Any) -> None:
+    """Write what pair `c`, in a contact solved at once, and its flanks are at time `t`, and leave no trace of it."""
+    run, pair = s.run[0], s.pairs[c]
+    due, steps, error = pair.due, run.steps, run.error
+    tau, member = relive(s, c, t, 0.0, laws), s.pool[pair.slot]
+    deeper, faster = xi[c] - member.xi, eta[c] - member.eta
+    xi[c], eta[c] = member.xi, member.eta
+    force[c] = max(0.0, value(member.f, tau)) if member.mode == ACTIVE else 0.0
+    if c > 0:
+        xi[c - 1] += member.lower / member.inverse * deeper
+        eta[c - 1] += member.lower / member.inverse * faster
+    if c + 1 < len(s.pairs):
+        xi[c + 1] += member.upper / member.inverse * deeper
+        eta[c + 1] += member.upper / member.inverse * faster
+    leave(run, s.pairs, s.pool, c)
+    pair.due, run.steps, run.error = due, steps, error
