@@ -31,6 +31,7 @@ class Pause(Enum):
     quiet = Status.quiet
     resting = Status.resting
     collapse = Status.collapse
+    disturbed = Status.disturbed
     unstable = Status.unstable
     work = Status.max_events
     full = None

@@ -48,6 +48,7 @@ class Status(Enum):
     quiet = "no contact can follow"
     resting = "the balls rest on each other; no contact can open or begin"
     collapse = "inelastic collapse: collisions pile up, infinitely many or down to the bound in the message"
+    disturbed = "a contact is about to disturb another; isolated contacts are over here"
     max_events = "the limit on the amount of work was reached"
     unstable = "the time step is beyond the stability limit; the numbers mean nothing"
 

@@ -47,6 +47,7 @@ def simulate(
     method: str | None = None,
     dt: float | None = None,
     tol: float = 1e-16,
+    disturbed: str = "resolve",
 ) -> Trajectory:
     """Run a scene as soft spheres: m_i a_i = F_(i-1) - F_i - m_i g, with F = max(0, law) where ξ > 0, else 0.
 
@@ -84,6 +85,12 @@ def simulate(
     tol : float
         Truncation error of a step of "located" under nonlinear laws, relative to speed and overlap of the moment;
         from 1e-17, which is below rounding, to 1e-3.
+    disturbed : {"resolve", "stop", "ignore"}
+        What "located" does where a contact begins while a neighbouring pair overlaps: "resolve" follows both together,
+        exactly; "stop" ends with status ``disturbed`` at the onset of the second one, the horizon up to which every
+        contact was isolated; "ignore" takes every contact as if it were isolated, which is soft event-driven
+        simulation: a neighbour that touches early begins when the contact is over, with gap 0. Contacts that have no
+        end of their own (at rest), and overlaps at the start, are resolved in any case.
 
     Returns
     -------
@@ -114,13 +121,16 @@ def simulate(
     _check.choice("engine", engine, ("auto", "plain", "compiled"))
     if method is None:
         method = "located" if dt is None else "verlet"
+    _check.choice("disturbed", disturbed, located.run.DISTURBED)
     _check.choice("method", method, ("located", *INTEGRATORS))
     if method == "located":
         if dt is not None:
             raise ValueError(f"dt is {dt!r}: method 'located' has no fixed step; choose {', '.join(INTEGRATORS)}.")
         finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
         with _in_range(laws.given[0]):
-            return drive(located.Run(scene, laws, request, engine, finest))
+            return drive(located.Run(scene, laws, request, engine, finest, disturbed))
+    if disturbed != "resolve":
+        raise ValueError(f"disturbed is {disturbed!r}: method {method!r} resolves every contact; choose 'located'.")
     step = _default_step(scene, laws) if dt is None else _check.number("dt", dt, above=0.0)
     if start + step == start:
         raise ValueError(f"dt is {step!r}: at t_start = {start!r} a larger step is needed to advance the clock at all.")

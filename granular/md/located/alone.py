@@ -1,4 +1,4 @@
-"""The contact of one pair by pieces, alone: to look into a contact solved at once, to go on from within, to table it."""
+"""The contact of one pair alone, by pieces: to look into one solved at once, to go on from within, to table it."""
 
 from __future__ import annotations
 

@@ -8,7 +8,20 @@ from typing import Any
 from granular._kernels import kernel
 from granular.md.located.events import GRAZE
 from granular.md.located.pieces import DRIFT, direction, elapsed, integral, peaks, power, since, tick
-from granular.md.located.system import ACTIVE, BEGIN, DORMANT, END, GENERAL, LINEAR, OPEN, PART, RELOAD, RESIDUAL, TURN
+from granular.md.located.system import (
+    ACTIVE,
+    BEGIN,
+    DORMANT,
+    END,
+    GENERAL,
+    LINEAR,
+    OPEN,
+    PART,
+    RELOAD,
+    RESIDUAL,
+    STOP,
+    TURN,
+)
 
 NONE, SOME, AWAITED = range(3)
 """What `engage` has found: no pair that touches at rest, some, or the contact at which the run is to stop."""
@@ -68,11 +81,12 @@ def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
         return True
     if is_awaited(run, pairs, c):
         return False
+    if not meddle(run, pairs, pool, c):
+        return False
     if pair.mode != DORMANT:  # else it has been under way since it was touched
         begin_contact(run, pairs, pool, bodies, c)
     pair.exact = 1 if pair.mode == RESIDUAL else 0
     pair.mode, pair.begun = ACTIVE, 1
-    meddle(run, pairs, pool, c)
     pairs[c].count += 1
     run.events += 1
     run.begun += 1
@@ -80,8 +94,11 @@ def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
 
 
 @kernel
-def meddle(run: Any, pairs: Any, pool: Any, c: int) -> None:
-    """Count the contact of pair `c`, which begins, as isolated, unless a neighbour overlaps: then neither is."""
+def meddle(run: Any, pairs: Any, pool: Any, c: int) -> bool:
+    """Count the contact of pair `c`, which begins, as isolated, unless a neighbour overlaps: then neither is.
+
+    Returns false if the run is to stop before the first contact that disturbs another.
+    """
     alone = True
     for f in (c - 1, c + 1):
         if 0 <= f < len(pairs) and overlaps(pairs[f], pool, run):
@@ -90,12 +107,15 @@ def meddle(run: Any, pairs: Any, pool: Any, c: int) -> None:
             pairs[f].alone = -1
             if run.first < 0:
                 run.first, run.disturbed = min(c, f), run.t
+    if not alone and run.disturbing == STOP:
+        return False
     if not alone:
         run.isolated -= max(0, pairs[c].alone)
         pairs[c].alone = -1
     elif pairs[c].alone >= 0:
         pairs[c].alone += 1
         run.isolated += 1
+    return True
 
 
 @kernel

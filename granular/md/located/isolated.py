@@ -23,10 +23,10 @@ from granular._tournament import leaf, replay
 from granular.md.located.alone import enter, live
 from granular.md.located.contacts import is_awaited, velocity_now
 from granular.md.located.maps import encounter, peaks
-from granular.md.located.tables import FULL, table_of, tabled, tabled_peaks
 from granular.md.located.pieces import DRIFT, fly, predict, since, tau_at, tick, value
 from granular.md.located.plan import leave
-from granular.md.located.system import ACTIVE, BEGIN, OPEN, RESIDUAL
+from granular.md.located.system import ACTIVE, BEGIN, IGNORE, OPEN, RESIDUAL
+from granular.md.located.tables import FULL, solved_alone, table_of, tabled, tabled_peaks
 
 ULP = 2.0**-52
 MET, OTHERWISE, CRAMPED = range(3)
@@ -41,84 +41,127 @@ def in_contact(pair: Any, t: float, tail: float) -> bool:
 
 @kernel
 def meet(s: Any, c: int, laws: Any) -> int:
-    """Let the contact of pair `c`, which is due, happen at once if it has a map and is certain to be isolated.
+    """Let the contact of pair `c`, which is due, happen at once if it is known and certain to be isolated.
 
     Returns whether it did: MET, OTHERWISE, or CRAMPED if there is no room for a table.
     """
-    run, pairs, bodies, pair, law = s.run[0], s.pairs, s.bodies, s.pairs[c], s.kinds[s.pairs[c].kind_of]
+    run, pairs, pair, m = s.run[0], s.pairs, s.pairs[c], s.meeting[0]
     if pair.mode != OPEN or pair.what != BEGIN or is_awaited(run, pairs, c):
         return OTHERWISE
-    v = -rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull)
-    if not v > DRIFT * pair.noise:
+    m.v = -rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull)
+    if not m.v > DRIFT * pair.noise:
         return OTHERWISE
-    lower, upper = bodies[c].inverse_mass, bodies[c + 1].inverse_mass
-    t1, t2, v1, v2 = encounter(law, lower + upper, pair.pull, v)
-    place = -1
-    if not t1 > 0.0 and pair.map >= 0:
-        place = table_of(s, c, v, laws)
-        if place == FULL:
-            return CRAMPED
-        if place >= 0:
-            t1, t2, v1, v2 = tabled(s.tables[place], law.elastic, v)
-    if not t1 > 0.0:
+    if foresee(s, c, laws) == FULL:
+        return CRAMPED
+    if not m.t1 > 0.0:
         return OTHERWISE
-    low, high, over = lower / (lower + upper), upper / (lower + upper), pair.wait + t2
-    way, kick = t2 * (v + 0.5 * pair.pull * t2), v + pair.pull * t2 + v2
-    lower_v, upper_v = coasting(bodies[c], pair, over) - low * kick, coasting(bodies[c + 1], pair, over) + high * kick
-    below = above = rate_below = rate_above = wait_below = wait_above = 0.0
-    if c > 0:
-        rate_below = lower_v - coasting(bodies[c - 1], pair, over)
-        wait_below = ahead(pairs[c - 2], pair, over) if c > 1 else 0.0
-        below = clearance(pairs[c - 1], pair, t2, low * way, rate_below, wait_below)
-        if not below > 0.0:
+    lower, upper = s.bodies[c].inverse_mass, s.bodies[c + 1].inverse_mass
+    kick = (m.v + pair.pull * m.t2 + m.v2) / (lower + upper)
+    m.velocity[0] = coasting(s.bodies[c], pair, pair.wait + m.t2) - lower * kick
+    m.velocity[1] = coasting(s.bodies[c + 1], pair, pair.wait + m.t2) + upper * kick
+    m.isolated = 1
+    for side in range(2):
+        if not certify(s, c, side):
             return OTHERWISE
-    if c + 1 < len(s.pairs):
-        rate_above = coasting(bodies[c + 2], pair, over) - upper_v
-        wait_above = ahead(pairs[c + 2], pair, over) if c + 2 < len(s.pairs) else 0.0
-        above = clearance(pairs[c + 1], pair, t2, high * way, rate_above, wait_above)
-        if not above > 0.0:
-            return OTHERWISE
+    commit(s, c)
+    return MET
+
+
+@kernel
+def foresee(s: Any, c: int, laws: Any) -> int:
+    """Note all of a contact of pair `c` in the `meeting`; t1 is nan if it is not known. FULL: no room for a table."""
+    run, pair, m = s.run[0], s.pairs[c], s.meeting[0]
+    law, inverse, place = s.kinds[pair.kind_of], s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, -1
+    m.t1, m.t2, m.v1, m.v2 = encounter(law, inverse, pair.pull, m.v)
+    if m.t1 > 0.0:
+        if run.log == 2:
+            m.xi_max, m.force_max = peaks(law, inverse, pair.pull, m.v, m.t1)
+        return place
+    if pair.map >= 0:
+        place = table_of(s, c, m.v, laws)
+    if place >= 0:
+        run.error += s.tables[place].error
+        m.t1, m.t2, m.v1, m.v2 = tabled(s.tables[place], law.elastic, m.v)
+        if run.log == 2:
+            m.xi_max, m.force_max = tabled_peaks(s.tables[place], m.v)
+    elif place != FULL and run.disturbing == IGNORE:
+        m.t1, m.t2, m.v1, m.v2, m.xi_max, m.force_max = solved_alone(s, c, m.v, laws)
+    return place
+
+
+@kernel
+def certify(s: Any, c: int, side: int) -> bool:
+    """Return whether the flank below (0) or above (1) pair `c` is certain to stay open; note its asymptote."""
+    pair, m, f, beyond = s.pairs[c], s.meeting[0], c - 1 + 2 * side, c - 2 + 4 * side
+    if not 0 <= f < len(s.pairs):
+        return True
+    flank, over = s.pairs[f], pair.wait + m.t2
+    start = since(flank, pair.t, pair.tail) + pair.wait
+    if flank.slot >= 0 or flank.mode != OPEN or (flank.lasts > 0.0 and start < 0.0):
+        return False
+    share = s.bodies[c + side].inverse_mass / (s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass)
+    far = coasting(s.bodies[c - 1 + 3 * side], pair, over)
+    rate, busy = (far - m.velocity[1] if side else m.velocity[0] - far), 0.0
+    if 0 <= beyond < len(s.pairs):
+        busy = ahead(s.pairs[beyond], pair, over)
+    gap = gap_after(-flank.xi, -flank.eta, flank.pull, start + m.t2) - share * m.t2 * (m.v + 0.5 * pair.pull * m.t2)
+    if busy > 0.0:
+        gap = gap_after(gap, rate, flank.pull, busy)
+    stays = gap > 0.0
+    if flank.pull < 0.0 and stays:
+        root = math.sqrt(max(0.0, gap_after(-flank.xi, -flank.eta, flank.pull, start))) + math.sqrt(gap)
+        stays = root * root > -0.5 * flank.pull * m.t2 * m.t2
+    m.gap[side], m.rate[side], m.busy[side] = max(0.0, gap), rate, busy
+    if not stays:
+        m.isolated = 0
+    return bool(stays or s.run[0].disturbing == IGNORE)
+
+
+@kernel
+def commit(s: Any, c: int) -> None:
+    """Let the contact of pair `c` that is noted in the `meeting` happen."""
+    run, pairs, pair, m = s.run[0], s.pairs, s.pairs[c], s.meeting[0]
     tick(pair, pair.wait)
     run.t, run.tail = pair.t, pair.tail
     if run.log > 0:
-        row, pair.row = s.log[run.rows], run.rows
-        run.rows += 1
-        row.pair, row.t_begin, row.t_end, row.duration = c, pair.t, pair.t + (t1 + pair.tail), t1
-        part = v + pair.pull * t1 + v1
-        row.lower_in, row.upper_in = velocity_now(bodies[c], run), velocity_now(bodies[c + 1], run)
-        row.lower_out = row.lower_in - bodies[c].fall * t1 - low * part
-        row.upper_out = row.upper_in - bodies[c + 1].fall * t1 + high * part
-        row.impulse = part / (lower + upper)
-        row.xi_max = row.force_max = 0.0
-        if run.log == 2 and place >= 0:
-            row.xi_max, row.force_max = tabled_peaks(s.tables[place], v)
-        elif run.log == 2:
-            row.xi_max, row.force_max = peaks(law, lower + upper, pair.pull, v, t1)
-    tick(pair, t2)
-    pair.xi, pair.eta, pair.lasts, pair.speed, pair.exact = 0.0, -v2, t2, v, 0
-    pair.noise += ULP * v
-    launch_body(bodies[c], pair, lower_v)
-    launch_body(bodies[c + 1], pair, upper_v)
-    if place >= 0:
-        run.error += s.tables[place].error
+        write_row(s, c)
+    tick(pair, m.t2)
+    pair.xi, pair.eta, pair.lasts, pair.speed, pair.exact, pair.alone = 0.0, -m.v2, m.t2, m.v, 0, 1
+    pair.noise += ULP * m.v
+    for side in range(2):
+        body = s.bodies[c + side]
+        body.v, body.t, body.tail = m.velocity[side], pair.t, pair.tail
     pair.count += 1
     run.steps += 1
     run.events += 1
     run.begun += 1
-    run.isolated += 1
-    pair.alone = 1
-    predict(pair, law)
+    run.isolated += m.isolated
+    if m.isolated == 0 and run.first < 0:
+        below = c > 0 and m.gap[0] == 0.0
+        run.first, run.disturbed = (c - 1 if below else c), run.t + m.t2
+    predict(pair, s.kinds[pair.kind_of])
     leaf(s.queue, c).due = pair.due
-    if c > 0:
-        deflect(pairs[c - 1], pair, below, rate_below, wait_below, v)
-        predict(pairs[c - 1], law)
-        leaf(s.queue, c - 1).due = pairs[c - 1].due
-    if c + 1 < len(s.pairs):
-        deflect(pairs[c + 1], pair, above, rate_above, wait_above, v)
-        predict(pairs[c + 1], law)
-        leaf(s.queue, c + 1).due = pairs[c + 1].due
-    replay(s.queue, max(0, c - 1), min(c + 1, len(s.pairs) - 1))
-    return MET
+    for side in range(2):
+        f = c - 1 + 2 * side
+        if 0 <= f < len(pairs):
+            deflect(pairs[f], pair, m, side)
+            predict(pairs[f], s.kinds[pairs[f].kind_of])
+            leaf(s.queue, f).due = pairs[f].due
+    replay(s.queue, max(0, c - 1), min(c + 1, len(pairs) - 1))
+
+
+@kernel
+def write_row(s: Any, c: int) -> None:
+    """Write the log row of the contact of pair `c` at its onset; it is void if the contact is taken up by an island."""
+    run, pair, m, one, two = s.run[0], s.pairs[c], s.meeting[0], s.bodies[c], s.bodies[c + 1]
+    row, pair.row = s.log[run.rows], run.rows
+    run.rows += 1
+    impulse = (m.v + pair.pull * m.t1 + m.v1) / (one.inverse_mass + two.inverse_mass)
+    row.pair, row.t_begin, row.t_end, row.duration = c, pair.t, pair.t + (m.t1 + pair.tail), m.t1
+    row.lower_in, row.upper_in = velocity_now(one, run), velocity_now(two, run)
+    row.lower_out = row.lower_in - one.fall * m.t1 - one.inverse_mass * impulse
+    row.upper_out = row.upper_in - two.fall * m.t1 + two.inverse_mass * impulse
+    row.xi_max, row.force_max, row.impulse = m.xi_max, m.force_max, impulse
 
 
 @kernel
@@ -129,12 +172,6 @@ def coasting(body: Any, pair: Any, dt: float) -> float:
 
 
 @kernel
-def launch_body(body: Any, pair: Any, v: float) -> None:
-    """Let a body have the velocity `v` at the clock of `pair`."""
-    body.v, body.t, body.tail = v, pair.t, pair.tail
-
-
-@kernel
 def ahead(beyond: Any, pair: Any, dt: float) -> float:
     """Return how long the pair beyond a flank is still in contact a time `dt` after the clock of `pair`."""
     left: float = -(since(beyond, pair.t, pair.tail) + dt)
@@ -142,31 +179,12 @@ def ahead(beyond: Any, pair: Any, dt: float) -> float:
 
 
 @kernel
-def clearance(flank: Any, pair: Any, t2: float, less: float, rate: float, busy: float) -> float:
-    """Return the gap of a flank when all contacts beside it are over; 0 if it is not certain that it stays open.
-
-    The contact of `pair` lasts `t2` and takes `less` from the gap, which grows at `rate` then; the contact beyond the
-    flank goes on for the time `busy`.
-    """
-    start = since(flank, pair.t, pair.tail) + pair.wait
-    if flank.slot >= 0 or flank.mode != OPEN or (flank.lasts > 0.0 and start < 0.0):
-        return 0.0
-    gap = gap_after(-flank.xi, -flank.eta, flank.pull, start + t2) - less
-    if busy > 0.0:
-        gap = gap_after(gap, rate, flank.pull, busy)
-    if flank.pull < 0.0 and gap > 0.0:
-        root = math.sqrt(max(0.0, gap_after(-flank.xi, -flank.eta, flank.pull, start))) + math.sqrt(gap)
-        if not root * root > -0.5 * flank.pull * t2 * t2:
-            return 0.0
-    return gap
-
-
-@kernel
-def deflect(flank: Any, pair: Any, gap: float, rate: float, busy: float, v: float) -> None:
+def deflect(flank: Any, pair: Any, m: Any, side: int) -> None:
     """Give a flank its asymptote, from the end of all contacts beside it; `pair` has its own already."""
-    flank.t, flank.tail, flank.xi, flank.eta = pair.t, pair.tail, -gap, flank.pull * busy - rate
+    busy = m.busy[side]
+    flank.t, flank.tail, flank.xi, flank.eta = pair.t, pair.tail, -m.gap[side], flank.pull * busy - m.rate[side]
     flank.lasts, flank.exact = -1.0, 0
-    flank.noise += ULP * v
+    flank.noise += ULP * m.v
     if busy > 0.0:
         tick(flank, busy)
 

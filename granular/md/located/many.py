@@ -17,7 +17,19 @@ from granular.md.located.blocks import MORE, QUIET, REACHED, STOPPED, advance, g
 from granular.md.located.contacts import keep_unsettled
 from granular.md.located.isolated import look
 from granular.md.located.run import COMPILED_CHUNK, FIRST_LOOK, WHY
-from granular.md.located.system import ACTIVE, GENERAL, KIND, LINEAR, NO_PAUSE, OCTAVES, System, kind_and_q, mapped, new_system, to_plain
+from granular.md.located.system import (
+    ACTIVE,
+    GENERAL,
+    KIND,
+    LINEAR,
+    NO_PAUSE,
+    OCTAVES,
+    System,
+    kind_and_q,
+    mapped,
+    new_system,
+    to_plain,
+)
 from granular.trajectory import Status
 
 CODES = {why: list(Status).index(pause.value) for why, pause in WHY.items()} | {REACHED: 0, MORE: -1}
@@ -112,7 +124,8 @@ def solve_many(
     """
     mass, gap, velocity, law, gravity = (np.asarray(column, np.float64) for column in scenes)
     m_eff = 1.0 / (1.0 / mass[..., :-1] + 1.0 / mass[..., 1:])
-    columns = [1.0 / mass, velocity, gap, gravity[..., None], _kinds(law, m_eff), np.asarray(t_end, np.float64)[..., None]]
+    end = np.asarray(t_end, np.float64)[..., None]
+    columns = [1.0 / mass, velocity, gap, gravity[..., None], _kinds(law, m_eff), end]
     (count,) = np.broadcast_shapes(*(column.shape[:-1] for column in columns), (1,))
     columns = [np.broadcast_to(column, (count, column.shape[-1])) for column in columns]
     pause = FIRST_LOOK if leave_piles else NO_PAUSE
@@ -170,8 +183,8 @@ def solve_rows(many: Any, t_end: Any, result: Any, last: Any, scratch: Any) -> N
                 many.maps[c].table[octave], many.maps[c].met[octave] = 0, 0
         for c in range(many.pairs.shape[1]):
             play(many.queue, c, math.inf)
-        run, pairs, kinds, bodies = many.run[i], many.pairs[i], many.kinds[i], many.bodies[i]
-        s = System(run, pairs, many.pool, kinds, bodies, many.queue, many.log, many.maps, many.tables, many.work)
+        own = many.run[i], many.pairs[i], many.pool, many.kinds[i], many.bodies[i]
+        s = System(*own, many.queue, many.log, many.maps, many.tables, many.meeting, many.work)
         solve(s, t_end[i], result[i], last[i], scratch)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from granular._flight import gap_after, rate_at_contact, time_to_contact
 from granular._kernels import kernel
 from granular._roots import first_up_crossing
-from granular.md.located.system import ACTIVE, BEGIN, DAMPED, ELASTIC, OPEN, ORDER, PART, RESIDUAL
+from granular.md.located.system import BEGIN, DAMPED, ELASTIC, OPEN, ORDER, PART, RESIDUAL
 
 DRIFT = 4.0
 """Balls that close at less than this many times the noise of their rate are taken to drift along side by side."""

@@ -14,14 +14,15 @@ from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks
 from granular.md.located.collocation import Collocation
-from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
 from granular.md.located.contacts import keep_unsettled
+from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
 from granular.md.located.isolated import look
 from granular.md.located.resting import pile
 from granular.md.located.system import (
     ACTIVE,
     DORMANT,
     GENERAL,
+    STOP,
     power_form,
     system_of,
     to_compiled,
@@ -41,6 +42,8 @@ FIRST_LOOK = 256
 WORTH_LOADING, WORTH_COMPILING = 50_000, 300_000
 """Pieces times pairs after which ``engine="auto"`` goes on compiled if the machine code is on disk, and if it has to be
 made; they take about as long to work off interpreted."""
+DISTURBED = ("resolve", "stop", "ignore")
+"""What may be done where a contact disturbs another."""
 WHY = {
     blocks.STOPPED: Pause.until, blocks.QUIET: Pause.quiet, blocks.WORK: Pause.work, blocks.REST: Pause.resting,
     blocks.BINDING: Pause.quiet,
@@ -61,17 +64,22 @@ class Run:
     tol : float
         Truncation error of a step of nonlinear laws, as a part of the speed and the overlap of the moment. Linear
         laws are always run to rounding.
+    disturbed : str
+        One of `DISTURBED`.
     """
 
     in_order = False
     rule = None
 
-    def __init__(self, scene: Scene, laws: SceneLaws, request: Request, engine: str, tol: float) -> None:
+    def __init__(
+        self, scene: Scene, laws: SceneLaws, request: Request, engine: str, tol: float, disturbed: str = "resolve"
+    ) -> None:
         self.scene, self.laws, self.law, self.request, self.engine = scene, laws, laws.given, request, engine
         self.seen = self.now = 0.0  # s, when a row was last read, and how far it has come
         self.bound = False
         self.creep: Creep | None = None
         limits = {"max_events": request.max_events, "max_steps": request.max_steps, "log": 2 * int(request.rows)}
+        limits["disturbing"] = DISTURBED.index(disturbed)
         self.s: Any = system_of(scene, laws, request.until, tol=tol, pause=FIRST_LOOK, **limits)
         self.collocation = Collocation(laws) if self.s.kinds["kind"][0] == GENERAL else None
         self.kernels: Callable[[Any], Any] = lambda kernel: kernel
@@ -85,6 +93,11 @@ class Run:
     def counters(self) -> Any:
         """The record of counters and limits."""
         return self.s.run[0] if isinstance(self.s.run, list) else one(self.s.run)
+
+    @property
+    def is_disturbed(self) -> bool:
+        """Whether the run has stopped before the first contact that disturbs another."""
+        return bool(self.counters.disturbing == STOP and self.counters.first >= 0)
 
     def pays(self, work: float) -> bool:
         """Return whether to go on compiled, given how many pieces times pairs there are to do, or have been done."""
@@ -107,7 +120,7 @@ class Run:
         """Go on to `time`, or a chunk of pieces towards it."""
         limit = time - self.request.start
         if not self.launched:
-            return Pause.until
+            return Pause.disturbed if self.is_disturbed else Pause.until
         if self.creep is not None:
             return Pause.resting if limit == math.inf else Pause.reached
         chunk = COMPILED_CHUNK if self.engine == "compiled" else PLAIN_CHUNK
@@ -119,6 +132,8 @@ class Run:
             return Pause.full
         if reached:
             return Pause.reached
+        if why == blocks.STOPPED and self.is_disturbed:
+            return Pause.disturbed
         if why != blocks.MORE:
             self.bound = why == blocks.BINDING
             return Pause.resting if why == blocks.QUIET and counters.rests else WHY[why]
@@ -212,6 +227,7 @@ class Run:
             "error_estimate": float(r.error), "resting": bool(r.rests) or self.creep is not None,
             "shared_impulse": math.fsum(shared) if self.request.log else math.nan,
             "isolated": int(r.isolated), "tables": int(r.tables),
+            "first_disturbed": (self.request.start + float(r.disturbed), int(r.first)),
         }  # fmt: skip
         row = self.row_after(end, self.request.start + end) if pause is not Pause.reached or seen == -math.inf else None
         running = np.concatenate([*self.rows(), self.dated(self.still_open())]) if self.request.log else None

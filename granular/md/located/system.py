@@ -126,7 +126,7 @@ RUN = np.dtype(
         ("events", int), ("steps", int), ("max_events", int), ("max_steps", int), ("pause", int), ("error", float),
         ("until_pair", int), ("until_nth", int), ("separated", int),
         ("log", int), ("rows", int), ("begun", int),
-        ("isolated", int), ("first", int), ("disturbed", float), ("tables", int),
+        ("isolated", int), ("first", int), ("disturbed", float), ("tables", int), ("disturbing", int),
         ("piled", int), ("load", float), ("energy", float), ("opening", float), ("barrier", float), ("rests", int),
     ],
     align=True,
@@ -135,7 +135,7 @@ RUN = np.dtype(
 lo … hi-1 that it concerns, stride of its block, and whether it waits for room; the pile and the load on it in N."""
 
 SLOWEST, OCTAVES, POINTS, CHECKS, QUANTITIES = -40, 64, 20, 2, 6
-"""Of tables: binary exponent of the slowest speeds in m/s, octaves, points in each and points to check, numbers kept."""
+"""Of tables: binary exponent of the slowest speeds in m/s, octaves, points in each, points to check, numbers kept."""
 MAP = np.dtype([("table", np.int32, (OCTAVES,)), ("met", np.int32, (OCTAVES,))], align=True)
 """For each octave of speeds the place of a table + 1 (-1: it has none), and contacts met so far."""
 TABLE = np.dtype(
@@ -143,6 +143,17 @@ TABLE = np.dtype(
     align=True,
 )
 """Chebyshev coefficients of the numbers of a contact over an octave of speeds, and the contacts they are made of."""
+MEETING = np.dtype(
+    [
+        *((name, float) for name in ("v", "t1", "t2", "v1", "v2", "xi_max", "force_max")), ("isolated", int),
+        *((name, float, (2,)) for name in ("velocity", "gap", "rate", "busy")),
+    ],
+    align=True,
+)  # fmt: skip
+"""A contact to be solved at once: speeds and times as in `maps`, peaks; velocities of its bodies when it is over; of
+the flanks below and above the gap and its rate when all contacts beside them are over, and how much later that is."""
+RESOLVE, STOP, IGNORE = range(3)
+"""What is done where a contact disturbs another."""
 MOST_MAPS = 64
 """Pairs that differ from each other, up to which contacts may have tables."""
 TABLES = 8
@@ -154,7 +165,7 @@ NO_PAUSE = np.iinfo(np.int64).max
 LOG_ROWS, MOST_ROWS = 256, 4096
 """Rows of the log buffer: twice as many as pairs, but within these limits."""
 
-System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables work")
+System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables meeting work")
 """All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder."""
 
 
@@ -165,7 +176,7 @@ def to_plain(s: System) -> System:
 
 def to_compiled(s: System) -> System:
     """Return the run for compiled code: same numbers, same bits."""
-    records = map(packed, s[:-1], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
+    records = map(packed, s[:-1], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE, MEETING))
     return System._make([*records, np.array(s.work)])
 
 
@@ -192,13 +203,13 @@ def new_system(columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Un
         run[name] = value
     log = np.zeros(min(max(LOG_ROWS, 2 * n), MOST_ROWS), CONTACT_ROW)
     work = np.zeros((DEEPEST + 1, ORDER + 2))
-    known = np.take_along_axis(kinds["map"], pairs["kind_of"].astype(int), -1) if gap.ndim > 1 else kinds["map"][kind_of]
+    has = np.take_along_axis(kinds["map"], pairs["kind_of"].astype(int), -1) if gap.ndim > 1 else kinds["map"][kind_of]
     pairs["map"] = -1
-    lacks = (known == NO_MAP) | ((pairs["pull"] != 0.0) & (known != DASHPOT))
+    lacks = (has == NO_MAP) | ((pairs["pull"] != 0.0) & (has != DASHPOT))
     if n <= MOST_MAPS:  # every pair may have tables of its own; of many, those that are alike share them: `system_of`
         pairs["map"] = np.where(lacks, np.arange(n), -1)
-    maps, tables = np.zeros(min(n, MOST_MAPS), MAP), np.zeros(TABLES, TABLE)
-    return System(run, pairs, empty_pool(min(room, n) + SPARE), kinds, bodies, tournament(n), log, maps, tables, work)
+    known = np.zeros(min(n, MOST_MAPS), MAP), np.zeros(TABLES, TABLE), np.zeros(1, MEETING)
+    return System(run, pairs, empty_pool(min(room, n) + SPARE), kinds, bodies, tournament(n), log, *known, work)
 
 
 def empty_pool(room: int) -> np.ndarray[Any, Any]:
@@ -254,8 +265,8 @@ def mapped(kinds: Any, m_eff: Array) -> None:
         shapes[free] = np.transpose(elastic(one))
         shapes[alike] = np.transpose(damped(one, gamma[alike] / np.sqrt(2.0 * (one + 1.0) * k[alike] * m_eff[alike])))
     kinds["map"][shapes[..., 0] > 0.0] = SIMILAR
-    for name, column in zip(Shape._fields, np.moveaxis(shapes, -1, 0), strict=True):
-        kinds[name] = column
+    for name, values in zip(Shape._fields, np.moveaxis(shapes, -1, 0), strict=True):
+        kinds[name] = values
 
 
 def _write_maps(kinds: Any, laws: SceneLaws, scene: Scene) -> None:

@@ -24,7 +24,7 @@ REFUSED, FULL = -1, -2
 
 @kernel
 def table_of(s: Any, c: int, v: float, laws: Any) -> int:
-    """Return the place of the table for a contact of pair `c` at speed `v`, made now if it is time; negative if none."""
+    """Return the place of the table for a contact of pair `c` at speed `v`, made if it is time; negative if none."""
     known, octave = s.maps[s.pairs[c].map], math.frexp(v)[1]
     i = octave - SLOWEST
     if not 0 <= i < OCTAVES:
@@ -46,14 +46,13 @@ def table_of(s: Any, c: int, v: float, laws: Any) -> int:
 @kernel
 def fill(s: Any, table: Any, c: int, octave: int, laws: Any) -> bool:
     """Make the table of an octave from contacts of pair `c` alone; false if it does not hold."""
-    run, pair, worst = s.run[0], s.pairs[c], 0.0
-    due, steps, error, log = pair.due, run.steps, run.error, run.log
-    run.log, holds = 2, True
+    run, worst = s.run[0], 0.0
+    steps, error, holds = run.steps, run.error, True
     for j in range(POINTS + CHECKS):
         run.error = 0.0
         holds = holds and watch(s, table, c, math.ldexp(0.75 + 0.25 * place_of(j), octave), j, laws)
         worst = max(worst, run.error)
-    pair.due, run.steps, run.error, run.log = due, steps, error, log
+    run.steps, run.error = steps, error
     table.error = worst
     if not holds:
         return False
@@ -75,16 +74,28 @@ def place_of(j: int) -> float:
 @kernel
 def watch(s: Any, table: Any, c: int, v: float, j: int, laws: Any) -> bool:
     """Note the contact of pair `c` alone at speed `v`; false if it does not come to an end."""
-    member = enter(s, c, v)
-    holds = laws is None or laws.pushes_at_touch(member)
-    if holds:
-        over, _, passed, v1 = live(s, c, math.inf, laws)
-        holds = bool(member.mode == OPEN and over > 0.0 and member.eta < 0.0)
-        seen, at = table.seen, POINTS + CHECKS
-        seen[j], seen[at + j], seen[2 * at + j], seen[3 * at + j] = over, passed, v1 / v, -member.eta / v
-        seen[4 * at + j], seen[5 * at + j] = member.xi_max / v, member.force_max / v
+    t1, t2, v1, v2, xi, force = solved_alone(s, c, v, laws)
+    seen, at = table.seen, POINTS + CHECKS
+    seen[j], seen[at + j], seen[2 * at + j], seen[3 * at + j] = t1, t2, v1 / v, v2 / v
+    seen[4 * at + j], seen[5 * at + j] = xi / v, force / v
+    return bool(t1 > 0.0)
+
+
+@kernel
+def solved_alone(s: Any, c: int, v: float, laws: Any) -> tuple[float, float, float, float, float, float]:
+    """Return (t1, t2, v1, v2) of the contact of pair `c` alone at speed `v`, and its peaks; nan if it has no end."""
+    member, log, due = enter(s, c, v), s.run[0].log, s.pairs[c].due
+    t1 = t2 = v1 = math.nan
+    if laws is None or laws.pushes_at_touch(member):
+        s.run[0].log = 2
+        t1, _, t2, v1 = live(s, c, math.inf, laws)
+        s.run[0].log = log
+    if not (member.mode == OPEN and member.eta < 0.0):
+        t1 = math.nan
+    v2, xi, force = -member.eta, member.xi_max, member.force_max
     leave(s.run[0], s.pairs, s.pool, c)
-    return holds
+    s.pairs[c].due = due
+    return t1, t2, v1, v2, xi, force
 
 
 @kernel
