@@ -78,8 +78,8 @@ class Trajectory:
     stats : dict
         Amount of work and notes of the engine.
     state : dict
-        The raw state at the end of a run of `granular.edmd`, from which `granular.edmd.resume` goes on; empty for
-        `granular.md`, whose runs cannot be resumed.
+        The raw state at the end of a run, from which `granular.edmd.resume` or `granular.md.resume` goes on; empty for
+        fixed steps, whose runs cannot be resumed.
     """
 
     scene: Scene
@@ -156,7 +156,7 @@ class Trajectory:
             "format": _files.FORMAT,
             "status": self.status.name,
             "message": self.message,
-            "stats": {name: value for name, value in self.stats.items() if isinstance(value, (bool, int, float, str))},
+            "stats": {name: value for name, value in self.stats.items() if isinstance(value, (bool, int, float, str, tuple))},
             "law": None if self.law is None else [to_json(law) for law in self.law],
             "rule": None if self.rule is None else [to_json(rule) for rule in self.rule],
         }
@@ -186,8 +186,7 @@ class Trajectory:
         """
         words, stored = _read(path)
         scene = Scene(**{name: _plain(stored[f"scene.{name}"]) for name in SCENE})
-        resumable = words["rule"] is not None
-        state = {name[6:]: _plain(value) for name, value in stored.items() if name.startswith("state.") and resumable}
+        state = {name[6:]: _plain(value) for name, value in stored.items() if name.startswith("state.")}
         arrays: dict[str, Any] = {name: stored.get(name) for name in ARRAYS}
         return cls(
             scene=scene,
@@ -195,8 +194,8 @@ class Trajectory:
             rule=_revived("rule", words["rule"], rule, scene),
             status=Status[words["status"]],
             message=words["message"],
-            stats=words["stats"],
-            state=state,
+            stats={name: tuple(value) if isinstance(value, list) else value for name, value in words["stats"].items()},
+            state=state if words["rule"] is not None or "creeping" in state else {},  # md was not to be gone on from
             **arrays,
         )
 

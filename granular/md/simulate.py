@@ -143,6 +143,49 @@ def simulate(
     return run
 
 
+def resume(
+    trajectory: Trajectory,
+    *,
+    t_end: float | None = None,
+    until: stop.Until | None = None,
+    samples: int | ArrayLike | None = None,
+    log: bool = True,
+    max_events: int = 1_000_000,
+    max_steps: int = 20_000_000,
+    on_event: Callable[[Any], object] | None = None,
+    on_progress: Callable[[float, int], object] | None = None,
+    engine: str = "auto",
+    disturbed: str = "resolve",
+) -> Trajectory:
+    """Go on from the end of a run of `simulate` by method "located", in the middle of contacts too, bit for bit.
+
+    Laws and tolerance are those of `trajectory`. The contact log begins anew, with the contacts that were under way
+    whole (if both runs have logs); contacts of a pair are counted from the beginning (``until.contact(0, 7)`` is still
+    the seventh), `max_events` and `max_steps` from here, `stats` over both. See `simulate` for the parameters.
+
+    Raises
+    ------
+    ValueError
+        If `trajectory` is no run of soft spheres by method "located", or stopped before it began.
+    """
+    state = trajectory.state
+    if trajectory.law is None or "creeping" not in state:
+        raise ValueError(
+            "trajectory cannot be gone on from: one from granular.md.simulate by method 'located' that has begun is "
+            "needed; for hard spheres see granular.edmd.resume."
+        )
+    laws = checked_laws(trajectory.law, trajectory.scene)
+    request = requested(
+        trajectory.scene, float(trajectory.time[-1]), t_end, until=until, samples=samples, log=log,
+        max_events=max_events, max_steps=max_steps, on_event=on_event, on_progress=on_progress,
+    )  # fmt: skip
+    _check_walls(trajectory.scene, float(state["origin"]), request.end)
+    _check.choice("engine", engine, ("auto", "plain", "compiled"))
+    _check.choice("disturbed", disturbed, located.run.DISTURBED)
+    with _in_range(laws.given[0]):
+        return drive(located.Run(trajectory.scene, laws, request, engine, math.nan, disturbed, state))
+
+
 @contextmanager
 def _in_range(law: Any) -> Iterator[None]:
     """Say in a sentence that the engine's own numbers ran out of range; what a user's law raises passes through."""

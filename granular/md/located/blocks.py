@@ -103,8 +103,10 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                 continue
             if not act(run, pairs, pool, bodies, s.log, block, laws):
                 return STOPPED
+        run.waits = 0
         why = regroup(s, laws)
-        run.waits = 1 if why == CRAMPED else 0
+        if why == CRAMPED:
+            run.waits = 1
         if why != MORE:
             return why
     return MORE
@@ -134,7 +136,7 @@ def last_end(s: Any) -> float:
 
 @kernel
 def gather(s: Any, t: float, laws: Any) -> bool:
-    """Advance every block to time t, the end of the run, with its series from there on; false if the pool is full.
+    """Advance every island to time t, the end of the run, with its series from there on; false if the pool is full.
 
     Then it is called again, with more room.
     """
@@ -149,9 +151,9 @@ def gather(s: Any, t: float, laws: Any) -> bool:
                 plan(run, pairs, pool, s.bodies, s.work, c, laws)
     for c in range(len(pairs)):
         pair = pairs[c]
-        if pair.first == c:
+        if pair.first == c and pair.slot >= 0:
             bring(s, c, t, 0.0)
-            if pair.slot >= 0 and pair.due < math.inf and pool[pair.slot].h > 0.0:
+            if pair.due < math.inf and pool[pair.slot].h > 0.0:
                 settle_series(run, pairs, pool, c, laws)
     return True
 
@@ -186,6 +188,7 @@ def regroup(s: Any, laws: Any) -> int:
                 return CRAMPED
         found = engage(run, pairs, pool, bodies)
     if found == AWAITED:
+        run.waits = 1
         return STOPPED
     a, why = run.lo, MORE
     for c in range(run.lo + 1, run.hi + 1):

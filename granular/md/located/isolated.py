@@ -219,7 +219,7 @@ def expose(s: Any, c: int, laws: Any) -> None:
     low, high = member.lower / member.inverse, member.upper / member.inverse
     xi -= member.xi
     eta -= member.eta
-    if run.log > 0:
+    if run.log > 0 and pair.row >= 0:
         row = s.log[pair.row]
         member.lower_in, member.upper_in, row.pair = row.lower_in, row.upper_in, -1
     for side in range(2):

@@ -67,6 +67,7 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
         if block.clock == 1:
             block.stride = block.h * span
     if not confirm(run, pairs, pool, bodies, lo, hi):
+        block.fired, block.tau, pairs[lo].due = -1, 0.0, block.t + block.tail  # to be planned anew, if it goes on
         return False
     locate(pairs, pool, lo, hi, span, work, laws)
     run.error += left_out(worst, block.tau)

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
 
 from granular._kernels import compiled, in_memory, worth
 from granular._records import column, copied, one, packed, plain
+from granular._tournament import replay
 from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks
+from granular.md.located.checkpoint import Checkpoint, Untouched, restored
 from granular.md.located.collocation import Collocation
 from granular.md.located.contacts import keep_unsettled
 from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
@@ -66,28 +69,41 @@ class Run:
         laws are always run to rounding.
     disturbed : str
         One of `DISTURBED`.
+    state : mapping, optional
+        A checkpoint to go on from.
     """
 
     in_order = False
     rule = None
 
     def __init__(
-        self, scene: Scene, laws: SceneLaws, request: Request, engine: str, tol: float, disturbed: str = "resolve"
+        self, scene: Scene, laws: SceneLaws, request: Request, engine: str, tol: float, disturbed: str = "resolve",
+        state: Mapping[str, Any] | None = None,
     ) -> None:
         self.scene, self.laws, self.law, self.request, self.engine = scene, laws, laws.given, request, engine
         self.seen = self.now = 0.0  # s, when a row was last read, and how far it has come
         self.bound = False
         self.creep: Creep | None = None
+        self.origin = request.start if state is None else float(state["origin"])  # s, where its own clock starts
+        self.checkpoint: Checkpoint | None = None
         limits = {"max_events": request.max_events, "max_steps": request.max_steps, "log": 2 * int(request.rows)}
         limits["disturbing"] = DISTURBED.index(disturbed)
         self.s: Any = system_of(scene, laws, request.until, tol=tol, pause=FIRST_LOOK, **limits)
+        if state is not None:
+            self.s = restored(self.s, state)
         self.collocation = Collocation(laws) if self.s.kinds["kind"][0] == GENERAL else None
         self.kernels: Callable[[Any], Any] = lambda kernel: kernel
         if engine == "compiled" or self.pays(scene.n_pairs):  # to launch is a piece of every pair
             self.compile()
         else:
             self.s = to_plain(self.s)
-        self.launched = self.kernels(blocks.launch)(self.s, self.collocation)
+        if state is None:
+            self.launched = self.kernels(blocks.launch)(self.s, self.collocation)
+        else:
+            self.launched = True
+            self.kernels(replay)(self.s.queue, 0, scene.n_pairs - 1)
+            if state["creeping"]:
+                self.let_creep(math.inf)
 
     @property
     def counters(self) -> Any:
@@ -118,7 +134,7 @@ class Run:
 
     def to(self, time: float, last: bool) -> Pause:
         """Go on to `time`, or a chunk of pieces towards it."""
-        limit = time - self.request.start
+        limit = time - self.origin
         if not self.launched:
             return Pause.disturbed if self.is_disturbed else Pause.until
         if self.creep is not None:
@@ -153,19 +169,24 @@ class Run:
         n = self.scene.n_pairs
         if not self.scene.is_wall[0] or n > LARGEST:
             return False
+        self.let_creep(math.inf if limit == math.inf else SMOOTH)
+        return limit == math.inf and self.creep is not None
+
+    def let_creep(self, most: float) -> None:
+        """Go on by modes if the scene creeps to rest, its forces swinging by less than the part `most`."""
         s = to_plain(self.s)
         piled = pile(s.pairs, s.pool, s.bodies, s.pairs[0].hi)
         members = [s.pool[pair.slot] for pair in s.pairs if pair.slot >= 0]
         load = column(s.bodies, "load")[1 : piled + 1]
-        if swinging(members[:piled], load) < (math.inf if limit == math.inf else SMOOTH):
+        if swinging(members[:piled], load) < most:
+            self.checkpoint = Checkpoint(deepcopy(s), {"origin": self.origin, "creeping": True})
             self.s, self.kernels = s, lambda kernel: kernel
-            above = members[piled] if piled < n else None
+            above = members[piled] if piled < self.scene.n_pairs else None
             self.creep = Creep(members[:piled], load, above, s.bodies[0].v - s.bodies[-1].v)
-        return limit == math.inf and self.creep is not None
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of contacts so far."""
-        return self.request.start + float(self.counters.t), int(self.counters.begun)
+        return self.origin + float(self.counters.t), int(self.counters.begun)
 
     def rows(self) -> list[Rows]:
         """Take the contacts that are over, and that nothing can change any more, out of the buffer."""
@@ -185,14 +206,14 @@ class Run:
 
     def dated(self, rows: Rows) -> Rows:
         """Count times from where the caller's clock starts."""
-        if self.request.start != 0.0:
-            rows["t_begin"] += self.request.start
-            rows["t_end"] += self.request.start
+        if self.origin != 0.0:
+            rows["t_begin"] += self.origin
+            rows["t_end"] += self.origin
         return rows.view(CONTACT)
 
     def row(self, time: float) -> Row:
         """Return the scene at `time`."""
-        return self.row_after(time - self.request.start, time)
+        return self.row_after(time - self.origin, time)
 
     def row_after(self, elapsed: float, time: float) -> Row:
         """Return the scene a time after the start, which is called `time`."""
@@ -212,8 +233,9 @@ class Run:
         """Return how the run ended, and bring every pair to where it has come."""
         r, status, impulse = self.counters, pause.value, [0.0]
         begun = float(r.t) if self.creep is None else self.creep.start
-        end = self.request.end - self.request.start if pause is Pause.reached else max(begun, self.seen)
+        end = self.request.end - self.origin if pause is Pause.reached else max(begun, self.seen)
         self.s = self.s._replace(queue=self.s.queue[:1].copy())  # nothing is due any more
+        before, untouched = self.s, Untouched(self.s, self.inside(end))
         if self.creep is None:
             while not self.kernels(blocks.gather)(self.s, end, self.collocation):
                 self.s = with_more_room(self.s)
@@ -227,12 +249,19 @@ class Run:
             "error_estimate": float(r.error), "resting": bool(r.rests) or self.creep is not None,
             "shared_impulse": math.fsum(shared) if self.request.log else math.nan,
             "isolated": int(r.isolated), "tables": int(r.tables),
-            "first_disturbed": (self.request.start + float(r.disturbed), int(r.first)),
+            "first_disturbed": (self.origin + float(r.disturbed), int(r.first)),
         }  # fmt: skip
-        row = self.row_after(end, self.request.start + end) if pause is not Pause.reached or seen == -math.inf else None
+        row = self.row_after(end, self.origin + end) if pause is not Pause.reached or seen == -math.inf else None
         running = np.concatenate([*self.rows(), self.dated(self.still_open())]) if self.request.log else None
-        message, self.s = self.message(status, r, self.request.start + end), None  # makes room for the log
-        return End(row, status, message, stats, running=running)
+        message, self.s = self.message(status, r, self.origin + end), None  # makes room for the log
+        untouched.put_back()
+        state = self.checkpoint or Checkpoint(before, {"origin": self.origin, "creeping": False})
+        return End(row, status, message, stats, state if self.launched else {}, running)
+
+    def inside(self, t: float) -> Any:
+        """Number the pairs that are, or may be, in a contact solved at once at time `t`."""
+        clock, lasts, slot = (column(self.s.pairs, name) for name in ("t", "lasts", "slot"))
+        return np.flatnonzero((lasts > 0.0) & (slot < 0) & (clock >= t * (1.0 - 1e-12)))
 
     def message(self, status: Status, r: Any, t: float) -> str:
         """Return the sentence of a status with its numbers."""
