@@ -156,7 +156,7 @@ class Trajectory:
             "format": _files.FORMAT,
             "status": self.status.name,
             "message": self.message,
-            "stats": {name: value for name, value in self.stats.items() if isinstance(value, (bool, int, float, str, tuple))},
+            "stats": {name: value for name, value in self.stats.items() if isinstance(value, bool | int | float | str | tuple)},
             "law": None if self.law is None else [to_json(law) for law in self.law],
             "rule": None if self.rule is None else [to_json(rule) for rule in self.rule],
         }

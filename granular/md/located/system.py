@@ -143,15 +143,6 @@ TABLE = np.dtype(
     align=True,
 )
 """Chebyshev coefficients of the numbers of a contact over an octave of speeds, and the contacts they are made of."""
-MEETING = np.dtype(
-    [
-        *((name, float) for name in ("v", "t1", "t2", "v1", "v2", "xi_max", "force_max")), ("isolated", int),
-        *((name, float, (2,)) for name in ("velocity", "gap", "rate", "busy")),
-    ],
-    align=True,
-)  # fmt: skip
-"""A contact to be solved at once: speeds and times as in `maps`, peaks; velocities of its bodies when it is over; of
-the flanks below and above the gap and its rate when all contacts beside them are over, and how much later that is."""
 RESOLVE, STOP, IGNORE = range(3)
 """What is done where a contact disturbs another."""
 MOST_MAPS = 64
@@ -165,19 +156,19 @@ NO_PAUSE = np.iinfo(np.int64).max
 LOG_ROWS, MOST_ROWS = 256, 4096
 """Rows of the log buffer: twice as many as pairs, but within these limits."""
 
-System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables meeting work")
+System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables peaks work")
 """All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder."""
 
 
 def to_plain(s: System) -> System:
     """Return the run for interpreted code."""
-    return System._make([*map(plain, s[:-1]), workspace(ORDER)])
+    return System._make([*map(plain, s[:-2]), list(s.peaks), workspace(ORDER)])
 
 
 def to_compiled(s: System) -> System:
     """Return the run for compiled code: same numbers, same bits."""
-    records = map(packed, s[:-1], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE, MEETING))
-    return System._make([*records, np.array(s.work)])
+    records = map(packed, s[:-2], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
+    return System._make([*records, np.array(s.peaks), np.array(s.work)])
 
 
 def new_system(columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Until | None, **limits: Any) -> System:
@@ -208,7 +199,7 @@ def new_system(columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Un
     lacks = (has == NO_MAP) | ((pairs["pull"] != 0.0) & (has != DASHPOT))
     if n <= MOST_MAPS:  # every pair may have tables of its own; of many, those that are alike share them: `system_of`
         pairs["map"] = np.where(lacks, np.arange(n), -1)
-    known = np.zeros(min(n, MOST_MAPS), MAP), np.zeros(TABLES, TABLE), np.zeros(1, MEETING)
+    known = np.zeros(min(n, MOST_MAPS), MAP), np.zeros(TABLES, TABLE), np.zeros(2)
     return System(run, pairs, empty_pool(min(room, n) + SPARE), kinds, bodies, tournament(n), log, *known, work)
 
 
