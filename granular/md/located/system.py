@@ -73,13 +73,11 @@ PAIR = np.dtype(
         ("wake", float),  # overlap at which it became active when it was last dormant
         ("stride", float),  # last step of its block on the plain clock
         ("lasts", float), ("speed", float),  # of a contact solved at once: see `isolated`
-        ("shared", float),  # impulse of all contacts so far that was exchanged while a neighbouring pair was active
         ("first", np.int32), ("hi", np.int32),  # first pair of the block it is in; end of the block that it starts
         ("slot", np.int32), ("kind_of", np.int32),  # its places in the pool, -1 in free flight, and among the kinds
-        ("map", np.int32),  # where the tables of its contacts are found, -1 if nowhere
         ("row", np.int32),  # of its last contact solved at once, in the log buffer
-        ("alone", np.int32),  # contacts, since it was last open, in which no neighbour overlapped; -1 if one did
-        ("count", np.int32), ("mode", np.int8), ("exact", np.int8), ("what", np.int8),
+        ("count", np.int32), ("alone", np.int16),  # contacts; those in which no neighbour overlapped, since it was open
+        ("map", np.int8), ("mode", np.int8), ("exact", np.int8), ("what", np.int8),  # map: place of its tables, or -1
     ],
     align=True,
 )  # fmt: skip
@@ -126,6 +124,7 @@ RUN = np.dtype(
         ("events", int), ("steps", int), ("max_events", int), ("max_steps", int), ("pause", int), ("error", float),
         ("until_pair", int), ("until_nth", int), ("separated", int),
         ("log", int), ("rows", int), ("begun", int),
+        ("shared", float), ("shared_low", float),  # impulse in N s exchanged while a neighbouring pair was active
         ("isolated", int), ("first", int), ("disturbed", float), ("tables", int), ("disturbing", int),
         ("piled", int), ("load", float), ("energy", float), ("opening", float), ("barrier", float), ("rests", int),
     ],
