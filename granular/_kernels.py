@@ -167,8 +167,8 @@ def compiled(function: Callable[..., Any], signature: Any = None, inline: bool =
         Types of the arguments. A kernel that takes a function (a force) needs one, so that every force of that
         type runs the same machine code; other kernels are compiled for the types they are called with.
     inline : bool
-        Put the kernels it calls, but for the `rare` ones, into its body: faster where they are short and many, at the
-        price of a longer compilation.
+        Put the kernels it calls, except for the `rare` ones, into its body: faster where they are short and many, at
+        the price of a longer compilation.
 
     Raises
     ------

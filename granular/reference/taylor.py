@@ -128,7 +128,7 @@ class Taylor:
         return pair, math.lcm(*(self.touches[c].q for c in away if away[c] <= 2 * away[pair]))
 
     def away(self, c: int) -> Number:
-        """Time in s in which the overlap of pair c would go from or to zero at its present rate."""
+        """Time in s in which the overlap of pair c would go from or to zero at its current rate."""
         xi, rate = self.touches[c].xi, self.now(c, "rate")
         return abs(xi / rate) if rate else self.mp.inf
 
