@@ -1,4 +1,6 @@
-"""What is asked of a run: the options that all engines share, checked once."""
+"""What is asked of a run: the options that all engines share, checked once.
+May be skipped: arguments, no physics.
+"""
 
 from __future__ import annotations
 

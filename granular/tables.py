@@ -1,4 +1,6 @@
-"""What reports share: tables for the terminal and for Markdown, numbers with units, and JSON with provenance."""
+"""What reports share: tables for the terminal and for Markdown, numbers with units, and JSON with provenance.
+May be skipped: words and numbers of what is computed elsewhere.
+"""
 
 from __future__ import annotations
 

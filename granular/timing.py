@@ -1,4 +1,6 @@
-"""Whether two runs cut at one end time differ only by contacts that fall on the other side of it."""
+"""Whether two runs cut at one end time differ only by contacts that fall on the other side of it.
+May be skipped: rarer, contacts about the end time.
+"""
 
 from __future__ import annotations
 

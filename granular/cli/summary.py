@@ -1,4 +1,6 @@
-"""One trajectory in words and a few numbers."""
+"""One trajectory in words and a few numbers.
+May be skipped: the command, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The figure of a comparison: contact timelines, forces and world lines of both engines, each in a panel of its own."""
+"""The figure of a comparison: contact timelines, forces and world lines of both engines, each in a panel of its own.
+May be skipped: pictures, no physics.
+"""
 
 from __future__ import annotations
 

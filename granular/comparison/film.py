@@ -1,4 +1,5 @@
 """Films of a comparison for slides: both engines side by side in slow motion, contacts and forces as time goes by.
+May be skipped: pictures, no physics.
 
 Balls are drawn by the square root of their radii, paths and overlaps by a common factor so large that they can be seen.
 """

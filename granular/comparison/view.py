@@ -1,4 +1,6 @@
-"""What is drawn of a comparison: which span of time, and both runs again with enough rows."""
+"""What is drawn of a comparison: which span of time, and both runs again with enough rows.
+May be skipped: pictures, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
 """The compiled queue for large scenes: block after block, each small enough for the processor's cache.
+May be skipped: faster, same results.
 
 What happens to a ball until the end of a window depends only on balls near by: influence travels with the balls, at
 most as fast as the fastest, V. So a block of pairs is run to the end of the window alone, together with a halo on both

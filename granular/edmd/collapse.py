@@ -1,4 +1,6 @@
-"""Is it an inelastic collapse? The suspects of the event loop are looked at closely, and a verdict is given or not."""
+"""Is it an inelastic collapse? The suspects of the event loop are looked at closely, and a verdict is given or not.
+May be skipped: rarer, infinitely many collisions.
+"""
 
 from __future__ import annotations
 

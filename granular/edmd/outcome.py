@@ -1,4 +1,6 @@
-"""How a run ended, in one sentence with its numbers, and the account of the work done; `run` is one of `edmd.run`."""
+"""How a run ended, in one sentence with its numbers, and the account of the work done; `run` is one of `edmd.run`.
+May be skipped: words and numbers of what is computed elsewhere.
+"""
 
 from __future__ import annotations
 

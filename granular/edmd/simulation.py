@@ -1,4 +1,6 @@
-"""The public face of the hard-sphere engine: check the arguments, run, and say how it ended."""
+"""The public face of the hard-sphere engine: check the arguments, run, and say how it ended.
+May be skipped: options and their checks, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The state of a run: all that is needed to go on with it, bit for bit."""
+"""The state of a run: all that is needed to go on with it, bit for bit.
+May be skipped: how a run is held, saved and resumed.
+"""
 
 from __future__ import annotations
 

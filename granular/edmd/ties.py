@@ -1,4 +1,5 @@
 """Which of several simultaneous collisions acts first: the sequential tie rules.
+May be skipped: rarer, collisions at one instant.
 
 The queue is ordered by ``(time, rank)``. The lower 24 bits of a rank are the number of its pair, so a rank says whose
 it is; the upper bits order pairs at equal times, and only then: from the left, from the right, or at random by a hash

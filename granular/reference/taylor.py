@@ -1,4 +1,5 @@
 """Newton's equation by Taylor series in many digits: slow, and written without a look at the engines it judges.
+May be skipped: it measures ourselves.
 
 State: overlaps ξ of the pairs and velocities v of the bodies, as mpmath numbers in SI units. A step is a power series
 in x, the time by the clock of one pair: dt/dx = u^(q-1) with u = ξ^(1/q). Then du/dx = ξ̇/q: u goes through zero

@@ -1,4 +1,6 @@
-"""Long runs and long steps: what is left of energy and reversibility after many contacts; which dt is stable."""
+"""Long runs and long steps: what is left of energy and reversibility after many contacts; which dt is stable.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The figure of a frontier: error over run time, one line a method, readable in grey print."""
+"""The figure of a frontier: error over run time, one line a method, readable in grey print.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 
