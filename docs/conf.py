@@ -100,7 +100,7 @@ html_theme_options = {
     "pygments_light_style": "default",
     "pygments_dark_style": "github-dark",
 }
-html_sidebars = {"index": [], "defence-of-design": []}
+html_sidebars = {"index": [], "reading": [], "defence-of-design": []}
 
 PLANNED = ("frontier", "stability", "paper", "page", "adiabatic", "gallery/index")
 """Pages that may not have been written (or generated) yet: links to them become plain text until they are."""
