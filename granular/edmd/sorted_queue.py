@@ -33,7 +33,7 @@ def loop(
     `rows` takes the log; `fastest`, if it is an array, the largest speed after a collision.
     """
     edge, budget, stop, together = run.edge, run.budget, run.stop_pair, run.order == GROUP
-    done, witness = 0, 0
+    done, closing = 0, 0
     while True:
         now, c = head(queue)
         if now > edge:
@@ -58,8 +58,8 @@ def loop(
             fastest[0] = max(fastest[0], abs(below), abs(above))
         refresh(run, pairs, bodies, queue, first, last)
         if stop == APART:
-            witness = approaching(pairs, bodies, witness, now)
-            if witness < 0:
+            closing = approaching(pairs, bodies, closing, now)
+            if closing < 0:
                 return UNTIL
         if pairs[c].streak >= SUSPICIOUS:
             run.suspect, run.rebound = c, rebound
