@@ -1,4 +1,6 @@
-"""`solve_many`: many small scenes in one compiled call, for parameter maps."""
+"""`solve_many`: many small scenes in one compiled call, for parameter maps.
+May be skipped: faster, same results.
+"""
 
 from __future__ import annotations
 

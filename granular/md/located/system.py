@@ -1,4 +1,5 @@
 """What the engine knows about each pair and body, as records with names, and how they are made from scenes.
+May be skipped: how a run is held, no physics.
 
 Compiled code reads one numpy record per pair, ``pairs[c].xi``; interpreted code reads plain objects with the same
 fields, so one source serves both. A pair in free flight needs little, and most pairs of a gas fly: what an island
