@@ -303,12 +303,20 @@ def _rough_form(law: PairLaw, speed: float, gravity: float) -> tuple[float, floa
     """
     pair = law.pair
     xi = 1e-3 * pair.r_eff if 0.0 < pair.r_eff < math.inf else 1e-3
+    typical = xi
     for factor in (4.0, 0.25):
         while 1e-100 < xi < 1e100 and speed + gravity > 0.0:
             stops = abs(_bounded(law, xi)) * xi >= pair.m_eff * (speed * speed + gravity * xi)
             if stops == (factor > 1.0):
                 break
             xi *= factor
+    if not 1e-100 < xi < 1e100:  # it cannot bear the weight, or stops nothing
+        return _rough_form(law, speed, 0.0) if gravity > 0.0 else _at_overlap(law, typical)
+    return _at_overlap(law, xi)
+
+
+def _at_overlap(law: PairLaw, xi: float) -> tuple[float, float, int]:
+    """Return k and p of a power law of about the size of `law` at an overlap in m, and q, see `_rough_form`."""
     p, onset = (_slope(law, x) for x in (xi, 1e-6 * xi))
     k = abs(_bounded(law, xi)) / math.pow(xi, p)
     return (k if 0.0 < k < math.inf else 1.0), p, (1 if abs(onset - round(onset)) < 1e-3 else 2)
