@@ -386,7 +386,7 @@ def test_no_more_contacts_than_asked_for_begin(most):
     scene = gr.Scene([INF, 1.0, 2.0, INF], np.zeros(4), [0.01] * 3, [0.0, 1.0, -1.0, 0.0])
     run = gr.md.simulate(scene, gr.Hertz(1e6), max_events=most, engine="plain")
     assert run.stats["contacts"] == len(run.contacts) == most
-    assert run.time[-1] == pytest.approx(run.contacts["t_begin"].max(), rel=1e-15)
+    assert run.time[-1] == run.contacts["t_begin"].max()
 
 
 @pytest.mark.parametrize("name", at_random.ELASTIC[:3])

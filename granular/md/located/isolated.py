@@ -247,7 +247,7 @@ def expose(s: Any, c: int, laws: Any) -> None:
     eta -= member.eta
     if run.log > 0 and pair.row >= 0:
         row = s.log[pair.row]
-        member.lower_in, member.upper_in, row.pair = row.lower_in, row.upper_in, -1
+        member.lower_in, member.upper_in, member.t_begin, row.pair = row.lower_in, row.upper_in, row.t_begin, -1
     for side in range(2):
         body, f, share = bodies[c + side], c - 1 + 2 * side, high if side else low
         body.v += -body.fall * since(body, run.t, run.tail) + (share if side else -share) * eta
