@@ -240,7 +240,7 @@ def expose(s: Any, c: int, laws: Any) -> None:
     member = s.pool[pair.slot]
     if member.mode != ACTIVE:  # in its run-off, it is what its asymptote says
         member.xi, member.eta, member.begun = xi if member.mode == RESIDUAL else min(0.0, xi), eta, 0
-        member.h, member.tau = 0.0, 0.0
+        member.h, member.tau, member.x[0], member.e[0], member.f[0] = 0.0, 0.0, member.xi, eta, 0.0
         return
     low, high = member.lower / member.inverse, member.upper / member.inverse
     xi -= member.xi
