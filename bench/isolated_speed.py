@@ -86,7 +86,8 @@ def dilute(most: int, rounds: int) -> None:
                 ns = beside({"hard": hard(scene, eps, log), "soft": soft(scene, law, log)}, few, many, rounds)
                 ratio = ns["soft"] / ns["hard"]
                 goal = GOALS.get(name, INF)
-                verdict = f"goal {goal}{'' if ratio <= goal else ' MISSED'}" if name in GOALS else ""
+                missed = "" if ratio <= goal else " MISSED"
+                verdict = f"goal {goal}{missed}" if name in GOALS else ""
                 print(f"N {n:8d} {name:13s} {'log' if log else '   '} hard {ns['hard']:6.0f} soft {ns['soft']:6.0f} ns"
                       f"  {ratio:5.2f} {verdict}", flush=True)  # fmt: skip
 
@@ -94,7 +95,7 @@ def dilute(most: int, rounds: int) -> None:
 def own(most: int, rounds: int) -> None:
     """A user's law, interpreted beside interpreted hard collisions; tables are made on the way."""
     scene, law = gas(100, spread=False), Own(1e10, 1e16, 60.0)
-    ns = beside({"hard": hard(scene, 0.999, engine="sorted"), "soft": soft(scene, law, engine="plain")}, 3000, 6000, 1)
+    ns = beside({"hard": hard(scene, 0.999, engine="sorted"), "soft": soft(scene, law, engine="plain")}, 20_000, 40_000, 1)
     print(f"own law, interpreted: hard {ns['hard']:.0f} soft {ns['soft']:.0f} ns  {ns['soft'] / ns['hard']:.2f}")
 
 

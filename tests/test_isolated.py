@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scenes_at_random as at_random
-from soft_twin import distance, nudged, twin
+from soft_twin import distance, in_other_units, nudged, twin
 
 import granular as gr
 from granular.md.located import blocks, tables
@@ -292,7 +292,11 @@ def agree(seed: int, scene: gr.Scene, laws: Any, shifts: int = 8, **options: Any
     for _ in range(shifts):
         if off <= 30.0 * own:
             break
-        own = max(own, distance(twin(nudged(rng, scene), laws, **options), old))
+        one, same, unit = nudged(rng, scene), laws, 1.0
+        if all(type(law).__module__.startswith("granular.") for law in laws):
+            unit = float(rng.uniform(0.5, 2.0))
+            one, same = in_other_units(one, laws, unit)
+        own = max(own, distance(twin(one, same, **options), old, unit))
     if own < INF:  # predictable at all
         assert off <= 30.0 * own
         for name in ("contacts", "isolated"):
