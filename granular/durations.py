@@ -55,8 +55,8 @@ class Durations:
     def __call__(self, pair: Ints, speed: Array) -> Array:
         """Return the durations in s of contacts of pairs of these numbers at these impact speeds in m/s.
 
-        Relative errors are 1e-14 for powers, 1e-7 for viscoelastic spheres and some 1e-6 for other laws, more at speeds
-        at which those have a kink. A contact that does not end has inf.
+        Relative errors are 1e-14 for powers, 1e-7 for viscoelastic spheres and some 1e-5 at most for other laws, more
+        at speeds at which those have a kink. A contact that does not end has inf.
         """
         v = np.log2(np.maximum(speed, self.slowest))
         kind: Any = self.kind[pair] if len(self.unit) > 1 else 0
