@@ -205,7 +205,7 @@ class Trajectory:
             rule=_revived("rule", words["rule"], rule, scene),
             status=Status[words["status"]],
             message=words["message"],
-            stats={name: tuple(x) if isinstance(x, list) else x for name, x in words["stats"].items()},
+            stats={name: tuple(value) if isinstance(value, list) else value for name, value in words["stats"].items()},
             state=state,
             **arrays,
         )
