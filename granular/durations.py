@@ -1,4 +1,5 @@
 """How long many isolated contacts last: the t_c that `granular.binary.collision` gives for one, at little cost.
+May be skipped: `binary` many times over, and faster.
 
 | law                                                   | duration                                       |
 |-------------------------------------------------------|------------------------------------------------|
