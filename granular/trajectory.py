@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -119,6 +120,15 @@ class Trajectory:
     def count(self, pair: int) -> int:
         """Number of contacts of `pair` that began."""
         return len(self.rows(pair))
+
+    @property
+    def first_disturbed(self) -> tuple[float, int]:
+        """Onset in s of the first contact that overlapped with one of a neighbouring pair, and the lower of the two.
+
+        (nan, -1) if there was none, and for runs that do not count isolated contacts (hard spheres, fixed steps).
+        """
+        time, pair = self.stats.get("first_disturbed", (math.nan, -1))
+        return float(time), int(pair)
 
     def momentum(self) -> Array:
         """Total momentum of the balls (walls excluded) in kg m/s, shape (T,)."""
