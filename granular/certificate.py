@@ -36,7 +36,7 @@ def sentence(run: Trajectory) -> str:
         return ""
     isolated, contacts = _grouped(run.stats["isolated"]), _grouped(run.stats["contacts"])
     if share == 1.0:
-        return f"certified: all {contacts} contacts isolated" if contacts != "1" else "certified: the only contact isolated"
+        return "certified: " + ("the only contact" if contacts == "1" else f"all {contacts} contacts") + " isolated"
     return f"certified: {isolated} of {contacts} contacts isolated; the first disturbed: {first_disturbed(run)}"
 
 
