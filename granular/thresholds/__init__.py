@@ -10,7 +10,8 @@
 ============  ========================================================================================================
 """
 
-from granular.thresholds.result import Crossing, Threshold, Value
+from granular.thresholds.criteria import Value
+from granular.thresholds.result import Crossing, Threshold
 from granular.thresholds.run import threshold
 
 __all__ = ["Crossing", "Threshold", "Value", "threshold"]

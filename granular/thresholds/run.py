@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from granular import _check
+from granular._check import Array
 from granular.cases import Case
 from granular.scene import Scene
 from granular.sweeps.answers import REFUSED
@@ -18,7 +19,7 @@ from granular.thresholds.criteria import CRITERIA, UNDECIDED, Criterion, Value
 from granular.thresholds.result import Threshold
 from granular.thresholds.scan import scanned
 
-SPACINGS = {"log": np.geomspace, "linear": np.linspace}
+SPACINGS: Mapping[str, Callable[[float, float, int], Array]] = {"log": np.geomspace, "linear": np.linspace}
 MOST = 100_000
 """Values of a scan at most."""
 

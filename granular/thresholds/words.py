@@ -50,9 +50,10 @@ def _decided(report: Threshold) -> str:
     said = f"{asked.what[0].upper()}{asked.what[1:]} is {how}"
     if report.holds == (report.between,):
         return f"{said} everywhere: {scan} was scanned."
-    scanned = [f"scanned from {low:g}{_unit(report)} on"] * (report.holds[0][0] == low)
-    scanned += [f"scanned up to {high:g}{_unit(report)}"] * (report.holds[-1][1] == high)
-    return f"{said} {_spans(report, report.holds)}" + f" ({', '.join(scanned)})" * bool(scanned) + "."
+    reaches = report.holds[0][0] == low, report.holds[-1][1] == high
+    scanned = {(True, False): f"from {low:g}{_unit(report)} on", (False, True): f"up to {high:g}{_unit(report)}"}
+    within = scanned.get(reaches, f"from {low:g} to {high:g}{_unit(report)}")
+    return f"{said} {_spans(report, report.holds)} (scanned {within})."
 
 
 def _spans(report: Threshold, spans: tuple[Interval, ...]) -> str:
