@@ -130,9 +130,12 @@ def drive(run: Run) -> Trajectory:
     columns: list[Any] = [None if column[0] is None else np.array(column) for column in zip(*kept, strict=True)]
     kept.clear()  # rows of a million balls are large
     time, elapsed, gap, velocity, rate, force = columns
+    columns.clear()
+    if velocity is None:
+        velocity, rate = velocities(run.scene, rate, elapsed), None
     return Trajectory(
         scene=run.scene, law=run.law, rule=run.rule, time=time, position=positions(run.scene, gap, elapsed),
-        velocity=velocities(run.scene, rate, elapsed) if velocity is None else velocity, gap=gap, force=force,
+        velocity=velocity, gap=gap, force=force,
         contacts=log if run.in_order else _sorted(log), status=end.status,
         message=end.message, stats=end.stats, state=end.state,
     )  # fmt: skip

@@ -1,4 +1,6 @@
-"""The contact of one pair alone, by pieces: to look into one solved at once, to go on from within, to table it."""
+"""The contact of one pair alone, by pieces: to look into one solved at once, to go on from within, to table it.
+May be skipped: one contact again, by pieces.
+"""
 
 from __future__ import annotations
 

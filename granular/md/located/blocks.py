@@ -24,7 +24,7 @@ from granular.md.located.system import ACTIVE, DORMANT, GENERAL, OPEN, RESIDUAL,
 
 REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED = range(8)
 """Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
-every ball rests for good, every ball is bound in contact for ever, no room in the pool."""
+every ball rests for good, every ball is bound in contact forever, no room in the pool."""
 
 
 @kernel

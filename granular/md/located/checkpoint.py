@@ -1,6 +1,5 @@
 """What a run is at its end, to go on from: the records as they stood before the last row was made.
-
-May be skipped on a first reading: how records are kept, no physics.
+May be skipped: how a run is saved and resumed, no physics.
 """
 
 from __future__ import annotations

@@ -297,11 +297,20 @@ def follow(run: Any, pairs: Any, pool: Any, work: Any, lo: int, tau: float) -> N
             if (c > lo and pool[pairs[c - 1].slot].mode == ACTIVE) or (
                 c + 1 < hi and pool[pairs[c + 1].slot].mode == ACTIVE
             ):
-                pairs[c].shared += pair.push
+                add_shared(run, pair.push)
             if run.log == 2:
                 peaks(pair, tau, work)
         if pair.mode == ACTIVE or pair.mode == DORMANT:
             pair.duration += dt
+
+
+@kernel
+def add_shared(run: Any, impulse: float) -> None:
+    """Add to a sum in two floats."""
+    total = run.shared + impulse
+    part = total - run.shared
+    run.shared_low += (run.shared - (total - part)) + (impulse - part)
+    run.shared = total
 
 
 @kernel

@@ -29,6 +29,8 @@ from granular.md.located.system import ACTIVE, BEGIN, IGNORE, OPEN, RESIDUAL
 from granular.md.located.tables import FULL, solved_alone, table_of, tabled, tabled_peaks
 
 ULP = 2.0**-52
+CLOSED, PIECES = -3, -4
+"""Where a contact is known from, if not from a table: a closed form, or pieces that were followed to its end."""
 MET, OTHERWISE, CRAMPED = range(3)
 """What `meet` comes to."""
 
@@ -45,123 +47,125 @@ def meet(s: Any, c: int, laws: Any) -> int:
 
     Returns whether it did: MET, OTHERWISE, or CRAMPED if there is no room for a table.
     """
-    run, pairs, pair, m = s.run[0], s.pairs, s.pairs[c], s.meeting[0]
+    run, pairs, bodies, pair = s.run[0], s.pairs, s.bodies, s.pairs[c]
     if pair.mode != OPEN or pair.what != BEGIN or is_awaited(run, pairs, c):
         return OTHERWISE
-    m.v = -rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull)
-    if not m.v > DRIFT * pair.noise:
+    v, n = -rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull), len(pairs)
+    if not v > DRIFT * pair.noise:
         return OTHERWISE
-    if foresee(s, c, laws) == FULL:
-        return CRAMPED
-    if not m.t1 > 0.0:
+    t1, t2, v1, v2, place = foresee(s, c, v, laws)
+    if not t1 > 0.0:
+        return CRAMPED if place == FULL else OTHERWISE
+    inverse, over = bodies[c].inverse_mass + bodies[c + 1].inverse_mass, pair.wait + t2
+    way, kick = t2 * (v + 0.5 * pair.pull * t2) / inverse, (v + pair.pull * t2 + v2) / inverse
+    lower_v = coasting(bodies[c], pair, over) - bodies[c].inverse_mass * kick
+    upper_v = coasting(bodies[c + 1], pair, over) + bodies[c + 1].inverse_mass * kick
+    below = above = math.inf
+    rate_below = rate_above = busy_below = busy_above = 0.0
+    if c > 0:
+        rate_below = lower_v - coasting(bodies[c - 1], pair, over)
+        busy_below = still_busy(pairs[c - 2], pair, over) if c > 1 else 0.0
+        below = clearance(pairs[c - 1], pair, t2, bodies[c].inverse_mass * way, rate_below, busy_below)
+    if c + 1 < n:
+        rate_above = coasting(bodies[c + 2], pair, over) - upper_v
+        busy_above = still_busy(pairs[c + 2], pair, over) if c + 2 < n else 0.0
+        above = clearance(pairs[c + 1], pair, t2, bodies[c + 1].inverse_mass * way, rate_above, busy_above)
+    isolated = below > 0.0 and above > 0.0
+    if not isolated and (run.disturbing != IGNORE or min(below, above) == -math.inf):
         return OTHERWISE
-    lower, upper = s.bodies[c].inverse_mass, s.bodies[c + 1].inverse_mass
-    kick = (m.v + pair.pull * m.t2 + m.v2) / (lower + upper)
-    m.velocity[0] = coasting(s.bodies[c], pair, pair.wait + m.t2) - lower * kick
-    m.velocity[1] = coasting(s.bodies[c + 1], pair, pair.wait + m.t2) + upper * kick
-    m.isolated = 1
-    for side in range(2):
-        if not certify(s, c, side):
-            return OTHERWISE
-    commit(s, c)
+    tick(pair, pair.wait)
+    run.t, run.tail = pair.t, pair.tail
+    if run.log > 0:
+        write_row(s, c, v, t1, v1, place)
+    count(run, pair, isolated, c if below > 0.0 else c - 1, t2)
+    tick(pair, t2)
+    pair.xi, pair.eta, pair.lasts, pair.speed, pair.exact = 0.0, -v2, t2, v, 0
+    pair.noise += ULP * v
+    predict(pair, s.kinds[pair.kind_of])
+    leaf(s.queue, c).due = pair.due
+    free(bodies[c], pair, lower_v)
+    free(bodies[c + 1], pair, upper_v)
+    if c > 0:
+        deflect(s, c - 1, pair, below, rate_below, busy_below)
+    if c + 1 < n:
+        deflect(s, c + 1, pair, above, rate_above, busy_above)
+    replay(s.queue, max(0, c - 1), min(c + 1, n - 1))
     return MET
 
 
 @kernel
-def foresee(s: Any, c: int, laws: Any) -> int:
-    """Note all of a contact of pair `c` in the `meeting`; t1 is nan if it is not known. FULL: no room for a table."""
-    run, pair, m = s.run[0], s.pairs[c], s.meeting[0]
-    law, inverse, place = s.kinds[pair.kind_of], s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, -1
-    m.t1, m.t2, m.v1, m.v2 = encounter(law, inverse, pair.pull, m.v)
-    if m.t1 > 0.0:
-        if run.log == 2:
-            m.xi_max, m.force_max = peaks(law, inverse, pair.pull, m.v, m.t1)
-        return place
-    if pair.map >= 0:
-        place = table_of(s, c, m.v, laws)
+def foresee(s: Any, c: int, v: float, laws: Any) -> tuple[float, float, float, float, int]:
+    """Return (t1, t2, v1, v2) of the contact of pair `c` at speed `v`, t1 nan if it is not known, and where from.
+
+    That is the place of a table, CLOSED for a closed form, PIECES, or FULL where there is no room for a table.
+    """
+    pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
+    t1, t2, v1, v2 = encounter(law, s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, pair.pull, v)
+    if t1 > 0.0:
+        return t1, t2, v1, v2, CLOSED
+    place = table_of(s, c, v, laws) if pair.map >= 0 else CLOSED
     if place >= 0:
-        run.error += s.tables[place].error
-        m.t1, m.t2, m.v1, m.v2 = tabled(s.tables[place], law.elastic, m.v)
-        if run.log == 2:
-            m.xi_max, m.force_max = tabled_peaks(s.tables[place], m.v)
-    elif place != FULL and run.disturbing == IGNORE:
-        m.t1, m.t2, m.v1, m.v2, m.xi_max, m.force_max = solved_alone(s, c, m.v, laws)
-    return place
+        s.run[0].error += s.tables[place].error
+        t1, t2, v1, v2 = tabled(s.tables[place], law.elastic, v)
+    elif place != FULL and s.run[0].disturbing == IGNORE:
+        place = PIECES
+        t1, t2, v1, v2, s.peaks[0], s.peaks[1] = solved_alone(s, c, v, laws)
+    return t1, t2, v1, v2, place
 
 
 @kernel
-def certify(s: Any, c: int, side: int) -> bool:
-    """Return whether the flank below (0) or above (1) pair `c` is certain to stay open; note its asymptote."""
-    pair, m, f, beyond = s.pairs[c], s.meeting[0], c - 1 + 2 * side, c - 2 + 4 * side
-    if not 0 <= f < len(s.pairs):
-        return True
-    flank, over = s.pairs[f], pair.wait + m.t2
+def clearance(flank: Any, pair: Any, t2: float, less: float, rate: float, busy: float) -> float:
+    """Return the gap of a flank when all contacts beside it are over, 0 or less if it is not certain to stay open.
+
+    The contact of `pair` lasts `t2` and takes `less` from the gap, which grows at `rate` then; the contact beyond the
+    flank goes on for the time `busy`. A flank that is not in free flight has none: minus infinity.
+    """
     start = since(flank, pair.t, pair.tail) + pair.wait
     if flank.slot >= 0 or flank.mode != OPEN or (flank.lasts > 0.0 and start < 0.0):
-        return False
-    share = s.bodies[c + side].inverse_mass / (s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass)
-    far = coasting(s.bodies[c - 1 + 3 * side], pair, over)
-    rate, busy = (far - m.velocity[1] if side else m.velocity[0] - far), 0.0
-    if 0 <= beyond < len(s.pairs):
-        busy = ahead(s.pairs[beyond], pair, over)
-    gap = gap_after(-flank.xi, -flank.eta, flank.pull, start + m.t2) - share * m.t2 * (m.v + 0.5 * pair.pull * m.t2)
+        return -math.inf
+    gap = gap_after(-flank.xi, -flank.eta, flank.pull, start + t2) - less
     if busy > 0.0:
         gap = gap_after(gap, rate, flank.pull, busy)
-    stays = gap > 0.0
-    if flank.pull < 0.0 and stays:
+    if flank.pull < 0.0 and gap > 0.0:
         root = math.sqrt(max(0.0, gap_after(-flank.xi, -flank.eta, flank.pull, start))) + math.sqrt(gap)
-        stays = root * root > -0.5 * flank.pull * m.t2 * m.t2
-    m.gap[side], m.rate[side], m.busy[side] = max(0.0, gap), rate, busy
-    if not stays:
-        m.isolated = 0
-    return bool(stays or s.run[0].disturbing == IGNORE)
+        if not root * root > -0.5 * flank.pull * t2 * t2:
+            return 0.0
+    return gap
 
 
 @kernel
-def commit(s: Any, c: int) -> None:
-    """Let the contact of pair `c` that is noted in the `meeting` happen."""
-    run, pairs, pair, m = s.run[0], s.pairs, s.pairs[c], s.meeting[0]
-    tick(pair, pair.wait)
-    run.t, run.tail = pair.t, pair.tail
-    if run.log > 0:
-        write_row(s, c)
-    tick(pair, m.t2)
-    pair.xi, pair.eta, pair.lasts, pair.speed, pair.exact, pair.alone = 0.0, -m.v2, m.t2, m.v, 0, 1
-    pair.noise += ULP * m.v
-    for side in range(2):
-        body = s.bodies[c + side]
-        body.v, body.t, body.tail = m.velocity[side], pair.t, pair.tail
+def write_row(s: Any, c: int, v: float, t1: float, v1: float, place: int) -> None:
+    """Write the log row of the contact of pair `c` at its onset; it is void if the contact is taken up by an island."""
+    run, pair, one, two = s.run[0], s.pairs[c], s.bodies[c], s.bodies[c + 1]
+    row, pair.row = s.log[run.rows], run.rows
+    run.rows += 1
+    inverse = one.inverse_mass + two.inverse_mass
+    impulse = (v + pair.pull * t1 + v1) / inverse
+    row.pair, row.t_begin, row.t_end, row.duration = c, pair.t, pair.t + (t1 + pair.tail), t1
+    row.lower_in, row.upper_in = velocity_now(one, run), velocity_now(two, run)
+    row.lower_out = row.lower_in - one.fall * t1 - one.inverse_mass * impulse
+    row.upper_out = row.upper_in - two.fall * t1 + two.inverse_mass * impulse
+    row.impulse, row.xi_max, row.force_max = impulse, 0.0, 0.0
+    if run.log == 2 and place == CLOSED:
+        row.xi_max, row.force_max = peaks(s.kinds[pair.kind_of], inverse, pair.pull, v, t1, v1)
+    elif run.log == 2 and place == PIECES:
+        row.xi_max, row.force_max = s.peaks[0], s.peaks[1]
+    elif run.log == 2:
+        row.xi_max, row.force_max = tabled_peaks(s.tables[place], v)
+
+
+@kernel
+def count(run: Any, pair: Any, isolated: bool, first: int, t2: float) -> None:
+    """Count a contact that is solved at once, now; if it is not isolated, a neighbour is due when it is over."""
     pair.count += 1
     run.steps += 1
     run.events += 1
     run.begun += 1
-    run.isolated += m.isolated
-    if m.isolated == 0 and run.first < 0:
-        below = c > 0 and m.gap[0] == 0.0
-        run.first, run.disturbed = (c - 1 if below else c), run.t + m.t2
-    predict(pair, s.kinds[pair.kind_of])
-    leaf(s.queue, c).due = pair.due
-    for side in range(2):
-        f = c - 1 + 2 * side
-        if 0 <= f < len(pairs):
-            deflect(pairs[f], pair, m, side)
-            predict(pairs[f], s.kinds[pairs[f].kind_of])
-            leaf(s.queue, f).due = pairs[f].due
-    replay(s.queue, max(0, c - 1), min(c + 1, len(pairs) - 1))
-
-
-@kernel
-def write_row(s: Any, c: int) -> None:
-    """Write the log row of the contact of pair `c` at its onset; it is void if the contact is taken up by an island."""
-    run, pair, m, one, two = s.run[0], s.pairs[c], s.meeting[0], s.bodies[c], s.bodies[c + 1]
-    row, pair.row = s.log[run.rows], run.rows
-    run.rows += 1
-    impulse = (m.v + pair.pull * m.t1 + m.v1) / (one.inverse_mass + two.inverse_mass)
-    row.pair, row.t_begin, row.t_end, row.duration = c, pair.t, pair.t + (m.t1 + pair.tail), m.t1
-    row.lower_in, row.upper_in = velocity_now(one, run), velocity_now(two, run)
-    row.lower_out = row.lower_in - one.fall * m.t1 - one.inverse_mass * impulse
-    row.upper_out = row.upper_in - two.fall * m.t1 + two.inverse_mass * impulse
-    row.xi_max, row.force_max, row.impulse = m.xi_max, m.force_max, impulse
+    pair.alone = 1
+    if isolated:
+        run.isolated += 1
+    elif run.first < 0:
+        run.first, run.disturbed = first, run.t + t2
 
 
 @kernel
@@ -172,21 +176,29 @@ def coasting(body: Any, pair: Any, dt: float) -> float:
 
 
 @kernel
-def ahead(beyond: Any, pair: Any, dt: float) -> float:
+def still_busy(beyond: Any, pair: Any, dt: float) -> float:
     """Return how long the pair beyond a flank is still in contact a time `dt` after the clock of `pair`."""
     left: float = -(since(beyond, pair.t, pair.tail) + dt)
     return left if beyond.lasts > 0.0 and left > 0.0 and beyond.slot < 0 else 0.0
 
 
 @kernel
-def deflect(flank: Any, pair: Any, m: Any, side: int) -> None:
-    """Give a flank its asymptote, from the end of all contacts beside it; `pair` has its own already."""
-    busy = m.busy[side]
-    flank.t, flank.tail, flank.xi, flank.eta = pair.t, pair.tail, -m.gap[side], flank.pull * busy - m.rate[side]
+def free(body: Any, pair: Any, v: float) -> None:
+    """Let a body have the velocity `v` at the clock of `pair`."""
+    body.v, body.t, body.tail = v, pair.t, pair.tail
+
+
+@kernel
+def deflect(s: Any, f: int, pair: Any, gap: float, rate: float, busy: float) -> None:
+    """Give flank `f` its asymptote, from the end of all contacts beside it; `pair` has its own already."""
+    flank = s.pairs[f]
+    flank.t, flank.tail, flank.xi, flank.eta = pair.t, pair.tail, -max(0.0, gap), flank.pull * busy - rate
     flank.lasts, flank.exact = -1.0, 0
-    flank.noise += ULP * m.v
+    flank.noise += ULP * pair.speed
     if busy > 0.0:
         tick(flank, busy)
+    predict(flank, s.kinds[flank.kind_of])
+    leaf(s.queue, f).due = flank.due
 
 
 @kernel

@@ -1,4 +1,6 @@
-"""`solve_many`: many small scenes in one compiled call, for parameter maps."""
+"""`solve_many`: many small scenes in one compiled call, for parameter maps.
+May be skipped: faster, same results.
+"""
 
 from __future__ import annotations
 
@@ -184,7 +186,7 @@ def solve_rows(many: Any, t_end: Any, result: Any, last: Any, scratch: Any) -> N
         for c in range(many.pairs.shape[1]):
             play(many.queue, c, math.inf)
         own = many.run[i], many.pairs[i], many.pool, many.kinds[i], many.bodies[i]
-        s = System(*own, many.queue, many.log, many.maps, many.tables, many.meeting, many.work)
+        s = System(*own, many.queue, many.log, many.maps, many.tables, many.peaks, many.work)
         solve(s, t_end[i], result[i], last[i], scratch)
 
 

@@ -129,7 +129,7 @@ def swing(omega: float, zeta: float, pull: float, v: float, t: float) -> tuple[f
 
 
 @kernel
-def peaks(law: Any, inverse: float, pull: float, v: float, t1: float) -> tuple[float, float]:
+def peaks(law: Any, inverse: float, pull: float, v: float, t1: float, v1: float) -> tuple[float, float]:
     """Return the largest overlap and the largest force of a contact that `encounter` knows."""
     if law.map == SIMILAR:
         length = reach(law, inverse, v)
@@ -141,18 +141,23 @@ def peaks(law: Any, inverse: float, pull: float, v: float, t1: float) -> tuple[f
     omega = math.sqrt(law.k * inverse)
     zeta = 0.5 * law.gamma * omega / law.k
     if pull == 0.0:
-        return peaks_of_dashpot(law, inverse, omega, zeta, v)
+        return peaks_of_dashpot(law, omega, zeta, v, 0.5 * omega * t1, v1)
     return peaks_under_pull(law, omega, zeta, pull, v, t1)
 
 
 @kernel
-def peaks_of_dashpot(law: Any, inverse: float, omega: float, zeta: float, v: float) -> tuple[float, float]:
-    """Without pull: ξ peaks at ωt = f; F, with ζ = cos α, at Ωt = 3α - π, or for ζ ≥ ½ at touch."""
-    xi = v / omega * math.exp(-zeta * half_duration(zeta))
+def peaks_of_dashpot(law: Any, omega: float, zeta: float, v: float, half: float, v1: float) -> tuple[float, float]:
+    """Without pull: ξ peaks half way, at ωt = f, where √ε of it is left; F at ωt = 3f - π/√(1-ζ²), or, ζ ≥ ½, at touch.
+
+    So F = k (v/ω) exp(ζ (π/√(1-ζ²) - 3f)).
+    """
+    xi = v / omega * math.sqrt(v1 / v)
     if zeta >= 0.5:
         return xi, law.gamma * v
+    if zeta == 0.0:
+        return xi, law.k * xi
     root = math.sqrt((1.0 - zeta) * (1.0 + zeta))
-    return xi, law.k * v / omega * math.exp(-zeta * (3.0 * math.acos(zeta) - math.pi) / root)
+    return xi, law.k * v / omega * math.exp(zeta * (math.pi / root - 3.0 * half))
 
 
 @kernel

@@ -242,12 +242,12 @@ class Run:
             self.now = end
         else:
             impulse = self.creep.finish(end)
-        shared = [*column(self.s.pairs, "shared"), math.fsum(impulse) if len(impulse) > 1 else 0.0]
+        crept = math.fsum(impulse) if len(impulse) > 1 else 0.0
         stats = {
             "engine": "compiled" if self.engine == "compiled" else "plain",
             "steps": int(r.steps), "events": int(r.events), "contacts": int(r.begun),
             "error_estimate": float(r.error), "resting": bool(r.rests) or self.creep is not None,
-            "shared_impulse": math.fsum(shared) if self.request.log else math.nan,
+            "shared_impulse": math.fsum([r.shared, r.shared_low, crept]) if self.request.log else math.nan,
             "isolated": int(r.isolated), "tables": int(r.tables),
             "first_disturbed": (self.origin + float(r.disturbed), int(r.first)),
         }  # fmt: skip

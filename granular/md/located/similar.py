@@ -1,4 +1,5 @@
 """Isolated contacts that are alike at all speeds: elastic powers, and powers damped with the exponent d = (p-1)/2.
+May be skipped: faster, same results to rounding.
 
 With s = ξ^((p+1)/2) and the time dτ = ξ^((p-1)/2) dt, the contact m ξ̈ = -k ξ^p - γ ξ^((p-1)/2) ξ̇ is that of a dashpot,
 

@@ -1,4 +1,5 @@
 """What the engine knows about each pair and body, as records with names, and how they are made from scenes.
+May be skipped: how a run is held, no physics.
 
 Compiled code reads one numpy record per pair, ``pairs[c].xi``; interpreted code reads plain objects with the same
 fields, so one source serves both. A pair in free flight needs little, and most pairs of a gas fly: what an island
@@ -73,13 +74,11 @@ PAIR = np.dtype(
         ("wake", float),  # overlap at which it became active when it was last dormant
         ("stride", float),  # last step of its block on the plain clock
         ("lasts", float), ("speed", float),  # of a contact solved at once: see `isolated`
-        ("shared", float),  # impulse of all contacts so far that was exchanged while a neighbouring pair was active
         ("first", np.int32), ("hi", np.int32),  # first pair of the block it is in; end of the block that it starts
         ("slot", np.int32), ("kind_of", np.int32),  # its places in the pool, -1 in free flight, and among the kinds
-        ("map", np.int32),  # where the tables of its contacts are found, -1 if nowhere
         ("row", np.int32),  # of its last contact solved at once, in the log buffer
-        ("alone", np.int32),  # contacts, since it was last open, in which no neighbour overlapped; -1 if one did
-        ("count", np.int32), ("mode", np.int8), ("exact", np.int8), ("what", np.int8),
+        ("count", np.int32), ("alone", np.int16),  # contacts; those in which no neighbour overlapped, since it was open
+        ("map", np.int8), ("mode", np.int8), ("exact", np.int8), ("what", np.int8),  # map: place of its tables, or -1
     ],
     align=True,
 )  # fmt: skip
@@ -126,6 +125,7 @@ RUN = np.dtype(
         ("events", int), ("steps", int), ("max_events", int), ("max_steps", int), ("pause", int), ("error", float),
         ("until_pair", int), ("until_nth", int), ("separated", int),
         ("log", int), ("rows", int), ("begun", int),
+        ("shared", float), ("shared_low", float),  # impulse in N s exchanged while a neighbouring pair was active
         ("isolated", int), ("first", int), ("disturbed", float), ("tables", int), ("disturbing", int),
         ("piled", int), ("load", float), ("energy", float), ("opening", float), ("barrier", float), ("rests", int),
     ],
@@ -143,15 +143,6 @@ TABLE = np.dtype(
     align=True,
 )
 """Chebyshev coefficients of the numbers of a contact over an octave of speeds, and the contacts they are made of."""
-MEETING = np.dtype(
-    [
-        *((name, float) for name in ("v", "t1", "t2", "v1", "v2", "xi_max", "force_max")), ("isolated", int),
-        *((name, float, (2,)) for name in ("velocity", "gap", "rate", "busy")),
-    ],
-    align=True,
-)  # fmt: skip
-"""A contact to be solved at once: speeds and times as in `maps`, peaks; velocities of its bodies when it is over; of
-the flanks below and above the gap and its rate when all contacts beside them are over, and how much later that is."""
 RESOLVE, STOP, IGNORE = range(3)
 """What is done where a contact disturbs another."""
 MOST_MAPS = 64
@@ -165,19 +156,19 @@ NO_PAUSE = np.iinfo(np.int64).max
 LOG_ROWS, MOST_ROWS = 256, 4096
 """Rows of the log buffer: twice as many as pairs, but within these limits."""
 
-System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables meeting work")
+System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables peaks work")
 """All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder."""
 
 
 def to_plain(s: System) -> System:
     """Return the run for interpreted code."""
-    return System._make([*map(plain, s[:-1]), workspace(ORDER)])
+    return System._make([*map(plain, s[:-2]), list(s.peaks), workspace(ORDER)])
 
 
 def to_compiled(s: System) -> System:
     """Return the run for compiled code: same numbers, same bits."""
-    records = map(packed, s[:-1], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE, MEETING))
-    return System._make([*records, np.array(s.work)])
+    records = map(packed, s[:-2], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
+    return System._make([*records, np.array(s.peaks), np.array(s.work)])
 
 
 def new_system(columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Until | None, **limits: Any) -> System:
@@ -208,7 +199,7 @@ def new_system(columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Un
     lacks = (has == NO_MAP) | ((pairs["pull"] != 0.0) & (has != DASHPOT))
     if n <= MOST_MAPS:  # every pair may have tables of its own; of many, those that are alike share them: `system_of`
         pairs["map"] = np.where(lacks, np.arange(n), -1)
-    known = np.zeros(min(n, MOST_MAPS), MAP), np.zeros(TABLES, TABLE), np.zeros(1, MEETING)
+    known = np.zeros(min(n, MOST_MAPS), MAP), np.zeros(TABLES, TABLE), np.zeros(2)
     return System(run, pairs, empty_pool(min(room, n) + SPARE), kinds, bodies, tournament(n), log, *known, work)
 
 
@@ -312,12 +303,20 @@ def _rough_form(law: PairLaw, speed: float, gravity: float) -> tuple[float, floa
     """
     pair = law.pair
     xi = 1e-3 * pair.r_eff if 0.0 < pair.r_eff < math.inf else 1e-3
+    typical = xi
     for factor in (4.0, 0.25):
         while 1e-100 < xi < 1e100 and speed + gravity > 0.0:
             stops = abs(_bounded(law, xi)) * xi >= pair.m_eff * (speed * speed + gravity * xi)
             if stops == (factor > 1.0):
                 break
             xi *= factor
+    if not 1e-100 < xi < 1e100:  # it cannot bear the weight, or stops nothing
+        return _rough_form(law, speed, 0.0) if gravity > 0.0 else _at_overlap(law, typical)
+    return _at_overlap(law, xi)
+
+
+def _at_overlap(law: PairLaw, xi: float) -> tuple[float, float, int]:
+    """Return k and p of a power law of about the size of `law` at an overlap in m, and q, see `_rough_form`."""
     p, onset = (_slope(law, x) for x in (xi, 1e-6 * xi))
     k = abs(_bounded(law, xi)) / math.pow(xi, p)
     return (k if 0.0 < k < math.inf else 1.0), p, (1 if abs(onset - round(onset)) < 1e-3 else 2)
