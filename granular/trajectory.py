@@ -37,6 +37,8 @@ and after; largest overlap in m; largest force in N (nan in EDMD, where it is in
 open when the run ends has `t_end` and `v_out` nan, and its duration, peaks and impulse so far."""
 
 
+PLAIN = (bool, int, float, str, tuple)
+"""What is saved of `stats`."""
 ARRAYS = ("time", "position", "velocity", "gap", "force", "contacts")
 SCENE = ("mass", "radius", "gap", "velocity", "gravity", "origin")
 
@@ -123,12 +125,11 @@ class Trajectory:
 
     @property
     def first_disturbed(self) -> tuple[float, int]:
-        """Onset in s of the first contact that overlapped with one of a neighbouring pair, and the lower of the two.
-
-        (nan, -1) if there was none, and for runs that do not count isolated contacts (hard spheres, fixed steps).
+        """Time in s and lower pair of the first two contacts of neighbouring pairs that overlap in time, the time being
+        the onset of the second; (nan, -1) if there are none, or nobody looked (`granular.edmd` does with `watch`).
         """
         time, pair = self.stats.get("first_disturbed", (math.nan, -1))
-        return float(time), int(pair)
+        return time, pair
 
     def momentum(self) -> Array:
         """Total momentum of the balls (walls excluded) in kg m/s, shape (T,)."""
@@ -166,7 +167,7 @@ class Trajectory:
             "format": _files.FORMAT,
             "status": self.status.name,
             "message": self.message,
-            "stats": {name: value for name, value in self.stats.items() if isinstance(value, bool | int | float | str | tuple)},
+            "stats": {name: value for name, value in self.stats.items() if isinstance(value, PLAIN)},
             "law": None if self.law is None else [to_json(law) for law in self.law],
             "rule": None if self.rule is None else [to_json(rule) for rule in self.rule],
         }

@@ -40,7 +40,7 @@ examples:
 
 exit codes: 0 done; 2 misuse, or a file that cannot be read or written; 3 the run came to no proper end (status
 unstable: the time step is too long; max_events: the limit on the amount of work); 130 interrupted"""
-HIDDEN = HELD | {"engine", "log", "t_start"}
+HIDDEN = HELD | {"engine", "log", "t_start", "watch"}
 """Options of the engines that the command line does not offer; a TOML file's [run] does."""
 
 
