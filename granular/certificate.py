@@ -1,4 +1,5 @@
 """What a run of soft spheres certifies: how many of its contacts were isolated, and where the first was disturbed.
+May be skipped: a sentence about three numbers of a run.
 
 A contact is isolated if no neighbouring pair overlaps while it lasts, the run-off of its overlap included. Then it is
 what two balls alone would do, and hard spheres differ from it by its delay and its displacement only.

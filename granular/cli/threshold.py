@@ -1,4 +1,6 @@
-"""`granular threshold`: find from which gap, stiffness, … on a scene may be event-driven."""
+"""`granular threshold`: find from which gap, stiffness, … on a scene may be event-driven.
+May be skipped: the command, no physics.
+"""
 
 from __future__ import annotations
 

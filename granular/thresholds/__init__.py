@@ -1,4 +1,5 @@
 """`threshold`: from which gap, stiffness, … on may a scene be event-driven?
+May be skipped: many runs of the same engines.
 
 ============  ========================================================================================================
 `criteria`    what is asked of one value: is every contact isolated, or the error small?

@@ -1,4 +1,6 @@
-"""What is asked of one value of the parameter: do hard spheres hold there, do they fail, or is it undecided?"""
+"""What is asked of one value of the parameter: do hard spheres hold there, do they fail, or is it undecided?
+May be skipped: many runs of the same engines.
+"""
 
 from __future__ import annotations
 

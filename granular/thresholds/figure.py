@@ -1,4 +1,6 @@
-"""The figure of a threshold: what decides, over the values; where hard spheres hold is shaded."""
+"""The figure of a threshold: what decides, over the values; where hard spheres hold is shaded.
+May be skipped: many runs of the same engines.
+"""
 
 from __future__ import annotations
 

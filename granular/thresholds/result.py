@@ -1,4 +1,6 @@
-"""`Threshold`: where the hard picture begins or ceases to hold, as a value."""
+"""`Threshold`: where the hard picture begins or ceases to hold, as a value.
+May be skipped: many runs of the same engines.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""`threshold`: scan one parameter, then bisect every change."""
+"""`threshold`: scan one parameter, then bisect every change.
+May be skipped: many runs of the same engines.
+"""
 
 from __future__ import annotations
 

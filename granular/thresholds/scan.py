@@ -1,4 +1,6 @@
-"""A grid of values, and bisection of every change between neighbours, in whichever direction."""
+"""A grid of values, and bisection of every change between neighbours, in whichever direction.
+May be skipped: many runs of the same engines.
+"""
 
 from __future__ import annotations
 

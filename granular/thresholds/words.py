@@ -1,4 +1,6 @@
-"""A threshold in words: where hard spheres hold, said of nothing but what was scanned, and every crossing."""
+"""A threshold in words: where hard spheres hold, said of nothing but what was scanned, and every crossing.
+May be skipped: many runs of the same engines.
+"""
 
 from __future__ import annotations
 
