@@ -126,7 +126,7 @@ class Trajectory:
     @property
     def first_disturbed(self) -> tuple[float, int]:
         """Time in s and lower pair of the first two contacts of neighbouring pairs that overlap in time, the time being
-        the onset of the second; (nan, -1) if there are none, or nobody looked (`granular.edmd` does with `watch`).
+        the onset of the second; (nan, -1) if there are none, or nobody looked (hard runs do with `watch`, a warning).
         """
         time, pair = self.stats.get("first_disturbed", (math.nan, -1))
         return time, pair

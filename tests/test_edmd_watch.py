@@ -11,6 +11,7 @@ from scenes_at_random import gas
 
 import granular as gr
 from granular import durations, measures
+from granular.cli import main
 from granular.edmd import blocks, run
 from granular.edmd.watch import Watch
 
@@ -84,7 +85,7 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("name", SCENES)
 def test_counts_what_looking_at_every_two_rows_finds(name, law, seed, monkeypatch):
@@ -236,7 +237,6 @@ def test_durations_are_those_of_single_contacts():
 
 def test_contacts_without_an_end_last_until_their_pair_collides_again():
     scene = gr.Scene([1.0, 1.0, 1.0], [0.0] * 3, [1.0, 1.0], [1.0, 0.0, 0.0])
-    assert math.isinf(durations.Durations([Wall()] * 2, scene)(np.array([0]), np.array([100.0]))[0])
     hard = gr.edmd.simulate(scene, ELASTIC, watch=Wall(), t_end=9.0)
     assert hard.stats["watched"] == 2
 
@@ -277,6 +277,16 @@ def test_the_sentence_says_how_many_and_where_and_that_it_is_no_proof():
     far = gr.edmd.simulate(scene.replace(gap=[0.5, 0.1]), ELASTIC, max_events=2, watch=law)
     assert "watched: none of 2 collisions" in far.message
     assert "watch" not in gr.edmd.simulate(scene, ELASTIC, max_events=2).message
+
+
+def test_the_command_watches_with_the_law_of_the_scene_if_asked(capsys):
+    words = ["run", "gas", "--n", "9", "--t-end", "5"]
+    assert main([*words, "--engine", "edmd"]) == 0
+    assert "watch" not in capsys.readouterr().out
+    assert main([*words, "--engine", "edmd", "--watch"]) == 0
+    assert "collisions would, as soft contacts, overlap" in capsys.readouterr().out
+    assert main([*words, "--watch"]) == 2
+    assert "'watch' is no option of md.simulate" in capsys.readouterr().err
 
 
 def test_nobody_looked_is_nothing_found_and_counters_are_saved(tmp_path):

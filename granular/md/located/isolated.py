@@ -57,9 +57,8 @@ def meet(s: Any, c: int, laws: Any) -> int:
     if not t1 > 0.0:
         return CRAMPED if place == FULL else OTHERWISE
     inverse, over = bodies[c].inverse_mass + bodies[c + 1].inverse_mass, pair.wait + t2
-    way, kick = t2 * (v + 0.5 * pair.pull * t2) / inverse, (v + pair.pull * t2 + v2) / inverse
-    lower_v = coasting(bodies[c], pair, over) - bodies[c].inverse_mass * kick
-    upper_v = coasting(bodies[c + 1], pair, over) + bodies[c + 1].inverse_mass * kick
+    way = t2 * (v + 0.5 * pair.pull * t2) / inverse
+    lower_v, upper_v = parted(bodies[c], bodies[c + 1], pair, over, v + pair.pull * t2 + v2, v2)
     below = above = math.inf
     rate_below = rate_above = busy_below = busy_above = 0.0
     if c > 0:
@@ -91,6 +90,21 @@ def meet(s: Any, c: int, laws: Any) -> int:
         deflect(s, c + 1, pair, above, rate_above, busy_above)
     replay(s.queue, max(0, c - 1), min(c + 1, n - 1))
     return MET
+
+
+@kernel
+def parted(lower: Any, upper: Any, pair: Any, over: float, kick: float, v2: float) -> tuple[float, float]:
+    """Return the velocities of two bodies a time `over` after the clock of their pair, when they part at speed `v2`.
+
+    The heavier one takes its share of the `kick`, the change of their rate, and the lighter one follows: so no rounding
+    of the shares adds up.
+    """
+    share = min(lower.inverse_mass, upper.inverse_mass) / (lower.inverse_mass + upper.inverse_mass)
+    if lower.inverse_mass <= upper.inverse_mass:
+        v = coasting(lower, pair, over) - share * kick
+        return v, v + v2
+    v = coasting(upper, pair, over) + share * kick
+    return v - v2, v
 
 
 @kernel
@@ -226,14 +240,14 @@ def expose(s: Any, c: int, laws: Any) -> None:
     member = s.pool[pair.slot]
     if member.mode != ACTIVE:  # in its run-off, it is what its asymptote says
         member.xi, member.eta, member.begun = xi if member.mode == RESIDUAL else min(0.0, xi), eta, 0
-        member.h, member.tau = 0.0, 0.0
+        member.h, member.tau, member.x[0], member.e[0], member.f[0] = 0.0, 0.0, member.xi, eta, 0.0
         return
     low, high = member.lower / member.inverse, member.upper / member.inverse
     xi -= member.xi
     eta -= member.eta
     if run.log > 0 and pair.row >= 0:
         row = s.log[pair.row]
-        member.lower_in, member.upper_in, row.pair = row.lower_in, row.upper_in, -1
+        member.lower_in, member.upper_in, member.t_begin, row.pair = row.lower_in, row.upper_in, row.t_begin, -1
     for side in range(2):
         body, f, share = bodies[c + side], c - 1 + 2 * side, high if side else low
         body.v += -body.fall * since(body, run.t, run.tail) + (share if side else -share) * eta

@@ -134,7 +134,7 @@ RUN = np.dtype(
 """Counters, limits and stop conditions of one run; places taken in the pool; of the event under way time, pairs
 lo … hi-1 that it concerns, stride of its block, and whether it waits for room; the pile and the load on it in N."""
 
-SLOWEST, OCTAVES, POINTS, CHECKS, QUANTITIES = -40, 64, 20, 2, 6
+SLOWEST, OCTAVES, POINTS, CHECKS, QUANTITIES = -40, 64, 20, 4, 6
 """Of tables: binary exponent of the slowest speeds in m/s, octaves, points in each, points to check, numbers kept."""
 MAP = np.dtype([("table", np.int32, (OCTAVES,)), ("met", np.int32, (OCTAVES,))], align=True)
 """For each octave of speeds the place of a table + 1 (-1: it has none), and contacts met so far."""

@@ -3,7 +3,8 @@ May be skipped: faster, same results to rounding.
 
 For one law, effective mass and pull the whole contact hangs on the speed v alone. Contacts at Chebyshev points of the
 octave are solved by pieces; their times, and their speeds and peaks divided by v, are smooth where the law is. Two more
-contacts between the points say whether the polynomials hold; if not, such contacts go on being solved by pieces.
+contacts between the points say whether the polynomials hold, and two at the ends, beyond the last points, where a law
+may bend unseen; if not, such contacts go on being solved by pieces.
 """
 
 from __future__ import annotations
@@ -69,7 +70,10 @@ def fill(s: Any, table: Any, c: int, octave: int, laws: Any) -> bool:
 @kernel
 def place_of(j: int) -> float:
     """Return the j-th point of an octave, from -1 to 1: the zeros of a Chebyshev polynomial, then those to check at."""
-    return math.cos(math.pi * (j + 0.5) / POINTS) if j < POINTS else 0.47 - 1.1 * (j - POINTS)
+    if j < POINTS:
+        return math.cos(math.pi * (j + 0.5) / POINTS)
+    i = j - POINTS
+    return 2.0 * i - 1.0 if i < 2 else 0.47 - 1.1 * (i - 2)
 
 
 @kernel
