@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -36,6 +37,8 @@ and after; largest overlap in m; largest force in N (nan in EDMD, where it is in
 open when the run ends has `t_end` and `v_out` nan, and its duration, peaks and impulse so far."""
 
 
+PLAIN = (bool, int, float, str, tuple)
+"""What is saved of `stats`."""
 ARRAYS = ("time", "position", "velocity", "gap", "force", "contacts")
 SCENE = ("mass", "radius", "gap", "velocity", "gravity", "origin")
 
@@ -120,6 +123,14 @@ class Trajectory:
         """Number of contacts of `pair` that began."""
         return len(self.rows(pair))
 
+    @property
+    def first_disturbed(self) -> tuple[float, int]:
+        """Time in s and lower pair of the first two contacts of neighbouring pairs that overlap in time, the time being
+        the onset of the second; (nan, -1) if there are none, or nobody looked (hard runs do with `watch`, a warning).
+        """
+        time, pair = self.stats.get("first_disturbed", (math.nan, -1))
+        return time, pair
+
     def momentum(self) -> Array:
         """Total momentum of the balls (walls excluded) in kg m/s, shape (T,)."""
         balls = ~self.scene.is_wall
@@ -156,7 +167,7 @@ class Trajectory:
             "format": _files.FORMAT,
             "status": self.status.name,
             "message": self.message,
-            "stats": {name: value for name, value in self.stats.items() if isinstance(value, bool | int | float | str | tuple)},
+            "stats": {name: value for name, value in self.stats.items() if isinstance(value, PLAIN)},
             "law": None if self.law is None else [to_json(law) for law in self.law],
             "rule": None if self.rule is None else [to_json(rule) for rule in self.rule],
         }
