@@ -95,7 +95,8 @@ def dilute(most: int, rounds: int) -> None:
 def own(most: int, rounds: int) -> None:
     """A user's law, interpreted beside interpreted hard collisions; tables are made on the way."""
     scene, law = gas(100, spread=False), Own(1e10, 1e16, 60.0)
-    ns = beside({"hard": hard(scene, 0.999, engine="sorted"), "soft": soft(scene, law, engine="plain")}, 20_000, 40_000, 1)
+    runs = {"hard": hard(scene, 0.999, engine="sorted"), "soft": soft(scene, law, engine="plain")}
+    ns = beside(runs, 20_000, 40_000, 1)
     print(f"own law, interpreted: hard {ns['hard']:.0f} soft {ns['soft']:.0f} ns  {ns['soft'] / ns['hard']:.2f}")
 
 

@@ -183,7 +183,7 @@ def solve_rows(many: Any, t_end: Any, result: Any, last: Any, scratch: Any) -> N
         for c in range(len(many.maps)):
             for octave in range(OCTAVES):
                 many.maps[c].table[octave], many.maps[c].met[octave] = 0, 0
-        for c in range(many.pairs.shape[1]):
+        for c in range(len(many.pairs[i])):
             play(many.queue, c, math.inf)
         own = many.run[i], many.pairs[i], many.pool, many.kinds[i], many.bodies[i]
         s = System(*own, many.queue, many.log, many.maps, many.tables, many.peaks, many.work)
