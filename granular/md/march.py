@@ -71,7 +71,7 @@ def leap(physics: Any, here: Any, there: Any, work: Any, k: int, reach: int, wit
                 taken, flags = done, now
             if first <= witness < stop and not a.xi[witness - lo + 1] > 0.0:  # or no number
                 return 0, 0
-        store(lo, first, stop, physics, work, there)
+        store(lo, first, stop, work, there)
     return taken, flags
 
 

@@ -70,7 +70,7 @@ class Stepper:
         self.here, self.there, pull = held(state), held(state), held(scene.pull)
         self.pull: Any = pull
         asked = laws if at_once or form is not None else list(laws)
-        self.physics = Physics(asked, held(given), root, dt, logged, memory, last + 1, p)
+        self.physics = Physics(asked, held(given), root, dt, logged, memory, p)
         rows = [[0.0] * (2 if at_once else n + 1) for _ in ROWS]
         log = np.zeros(max(64, 4 * p) if logged else 0, STEP_ROW)
         self.work = Work(twin(WINDOW)(*rows), rows, rows[WAS:], rows[GIVEN:], [0], log if at_once else plain(log), *until)

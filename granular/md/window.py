@@ -41,20 +41,20 @@ WINDOW = np.dtype([(name, float, (LENGTH,)) for name in ROWS])
 MOST = 1 << 40
 """More entries than any row has."""
 
-Physics = namedtuple("Physics", "laws given root dt logged memory rows block")
+Physics = namedtuple("Physics", "laws given root dt logged memory block")
 """What does not change: what the kernel `force` takes for laws; rows of coefficients, inverse masses and free
 accelerations, and whether √ξ is a factor of k ξ + γ ξ̇; time step; whether a log is kept, and whether laws have memory;
-number of rows of the chain; pairs that a window stands for."""
+pairs that a window stands for."""
 Work = namedtuple("Work", "window rows was given ended log pair nth")
 """The window, by name, as rows, as those of a step ago, as those that are given; how many contacts ended (1,), and
 their rows; at the onset of which contact of a pair to stop (-1: of none)."""
 
 
 @kernel
-def copy(rows: int, count: int, source: Any, i: int, target: Any, j: int) -> None:
-    """Copy some entries of several rows. Compilers need to know that no place is negative."""
+def copy(count: int, source: Any, i: int, target: Any, j: int) -> None:
+    """Copy some entries of the rows that both have. Compilers need to know that no place is negative."""
     if 0 <= i < MOST and 0 <= j < MOST:
-        for r in range(rows):
+        for r in range(min(len(source), len(target))):
             one, other = source[r], target[r]
             for k in range(count):
                 other[j + k] = one[i + k]
@@ -63,17 +63,17 @@ def copy(rows: int, count: int, source: Any, i: int, target: Any, j: int) -> Non
 @kernel
 def load(lo: int, m: int, physics: Any, x: Any, work: Any) -> None:
     """Copy `m` pairs from `lo` on, and their balls, into the window; what lies beside them is open."""
-    copy(physics.rows, m + 2, x, lo, work.rows, 0)
-    copy(4, m + 2, physics.given, lo, work.given, 0)
+    copy(m + 2, x, lo, work.rows, 0)
+    copy(m + 2, physics.given, lo, work.given, 0)
     a = work.window
     a.raw[0] = a.raw[m + 1] = 0.0
     a.xi[0] = a.xi[m + 1] = a.was_xi[0] = a.was_xi[m + 1] = -1.0
 
 
 @kernel
-def store(lo: int, first: int, stop: int, physics: Any, work: Any, x: Any) -> None:
+def store(lo: int, first: int, stop: int, work: Any, x: Any) -> None:
     """Copy the pairs from `first` to before `stop`, and their balls, out of the window.
 
     The last ball is one of the next window, which will overwrite it and its pair, or the last of all.
     """
-    copy(physics.rows, stop - first + 1, work.rows, first - lo + 1, x, first + 1)
+    copy(stop - first + 1, work.rows, first - lo + 1, x, first + 1)
