@@ -92,7 +92,7 @@ class Stepper:
         if self.integrator.derivatives:
             w, fall = np.asarray(physics.given)[2:, 1:]
             pushed = np.fmax(0.0, raw)
-            x[ACC][1:] = w * (pushed[:-1] - pushed[1:]) + fall
+            x[ACC][1:] = (w * (pushed[:-1] - pushed[1:]) + fall).tolist()
 
     def _kernels(self, force: Kernel) -> Code:
         how = self.integrator
