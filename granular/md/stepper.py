@@ -158,7 +158,9 @@ class Stepper:
         """The rows a time `dt` in s later; the run stays where it is."""
         if not dt > 0.0:
             return self.here
-        self.code.leap(self.physics._replace(dt=dt), self.here, self.there, self.work, 0, 1, -2)
+        rows = slice(None if self.physics.memory or self.integrator.derivatives else V + 1)
+        physics = self.physics._replace(dt=dt, logged=False)
+        self.code.leap(physics, self.here[rows], self.there[rows], self.work, 0, 1, -2)
         return self.there
 
     def settled(self) -> bool:
