@@ -46,13 +46,12 @@ class Run:
     def __init__(self, scene: Scene, laws: SceneLaws, request: Request, method: str, dt: float, engine: str) -> None:
         self.scene, self.law, self.request = scene, laws.given, request
         self.integrator, self.dt, self.engine = INTEGRATORS[method], dt, engine
-        until = (-1, 0)
-        if isinstance(request.until, stop.Contact):
-            until = request.until.pair, request.until.nth
-        logged = request.rows or until[0] >= 0
-        self.stepper = Stepper(scene, laws, self.integrator, dt, until, logged, engine == "compiled")
-        self.k = self.steps = self.flights = self.contacts = self.ended = 0
-        self.halted_at: int | None = None  # the pair at the onset of whose contact, between two steps, it stopped
+        until = request.until
+        self.pair, self.nth = (until.pair, until.nth) if isinstance(until, stop.Contact) else (-1, 0)
+        logged = request.rows or self.pair >= 0
+        self.stepper = Stepper(scene, laws, self.integrator, dt, (self.pair, self.nth), logged, engine == "compiled")
+        self.k = self.steps = self.flights = self.contacts = 0
+        self.halted = False  # between two steps, at the onset of the contact at which to stop
         self.take_off: tuple[int, Any] | None = None  # step and state at which the flight began that ends here
         self.note = self.doubt = ""
 
@@ -69,14 +68,12 @@ class Run:
 
         A time that lies behind, in the free flight just made, is read off that flight.
         """
+        k, flying = self.k, None
         if self.take_off is not None and time < self.time():
-            k, state = self.take_off
-            return self._row(time, self.stepper.glide(deepcopy(state), self._ahead(k, time)))
-        return self._row(time, self.stepper.after(self._ahead(self.k, time)))
-
-    def _ahead(self, k: int, time: float) -> float:
-        """How far in s a time is ahead of step `k`; k dt may be a rounding beyond."""
-        return max(0.0, time - (self.request.start + k * self.dt))
+            k, flying = self.take_off
+        ahead = max(0.0, time - (self.request.start + k * self.dt))  # k dt may be a rounding beyond
+        state = self.stepper.after(ahead) if flying is None else self.stepper.glide(deepcopy(flying), ahead)
+        return self._row(time, state)
 
     def _row(self, time: float, state: Any) -> Row:
         xi, raw, v = (np.array(state[row]) for row in (XI, RAW, V))
@@ -96,17 +93,17 @@ class Run:
 
     def _halts_at_start(self) -> bool:
         """Whether the very contact at which to stop is there from the start; then it does not act."""
-        until, here = self.request.until, self.stepper.here
-        if not isinstance(until, stop.Contact) or here[COUNT][until.pair + 1] < until.nth:
+        here, j = self.stepper.here, self.pair + 1
+        if j == 0 or here[COUNT][j] < self.nth:
             return False
-        here[COUNT][until.pair + 1] = here[RAW][until.pair + 1] = 0.0
+        here[COUNT][j] = here[RAW][j] = 0.0
         return True
 
     def _advance(self, limit: float) -> Pause:
         """Fly, then take steps until step number `limit`."""
-        stepper, until = self.stepper, self.request.until
+        stepper = self.stepper
         if not (stepper.pairs(XI) > 0.0).any():
-            if isinstance(until, stop.Separated) and self.contacts and stepper.receding():
+            if isinstance(self.request.until, stop.Separated) and self.contacts and stepper.receding():
                 return Pause.until
             if stepper.settled():
                 if self._fly():
@@ -117,13 +114,11 @@ class Run:
             raise ValueError(f"dt is {self.dt:g}: step {self.k:.3g} is more than can be counted; take a longer step, "
                              "or the method 'located'.")  # fmt: skip
         room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
-        self.take_off = None
-        why, k, self.ended = stepper.march(self.k, int(min(CHUNK, limit - self.k)), room)
-        self.steps += k - self.k
-        self.k = k
-        self.contacts += self.ended
-        if why == loop.UNTIL and isinstance(until, stop.Contact):
-            self.halted_at = until.pair
+        why, k = stepper.march(self.k, int(min(CHUNK, limit - self.k)), room)
+        self.take_off, self.steps, self.k = None, self.steps + k - self.k, k
+        self.contacts += int(stepper.work.ended[0])
+        if why == loop.UNTIL:
+            self.halted = True
             return Pause.until
         if self.contacts >= self.request.max_events:
             return Pause.work
@@ -138,7 +133,7 @@ class Run:
         """
         span = self.request.end - self.request.start
         last = math.floor(span / self.dt) if span < math.inf else math.inf
-        touch = self.stepper.time_to_touch()
+        touch = float(self.stepper.code.time_to_touch(self.stepper.here, self.stepper.pull))
         if touch == last == math.inf:
             return True
         jump = min(touch // self.dt, last - self.k) if touch < math.inf else last - self.k  # inf // dt is no number
@@ -165,10 +160,11 @@ class Run:
 
     def rows(self) -> list[Rows]:
         """Hand over the contacts that ended since the last call."""
-        ended, self.ended = self.ended, 0
+        work = self.stepper.work
+        ended, work.ended[0] = work.ended[0], 0
         if ended == 0 or not self.request.rows:
             return []
-        log = packed(self.stepper.work.log[:ended], STEP_ROW)
+        log = packed(work.log[:ended], STEP_ROW)
         return [self._settled(log[np.lexsort((log["pair"], log["step_out"]))])]
 
     def _settled(self, raw: Rows) -> Rows:
@@ -197,10 +193,8 @@ class Run:
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended: at its end time, at the onset of a contact that must not act, or at its step."""
-        if self.halted_at is None:
-            row = self.row(self.request.end if pause is Pause.reached else self.time())
-        else:
-            row = self._onset(self.halted_at)
+        at = self.request.end if pause is Pause.reached else self.time()
+        row = self._onset(self.pair + 1) if self.halted else self.row(at)
         status, message, trust = self._judge(pause.value, row.time)
         stats = {
             "method": self.integrator.name,
@@ -215,10 +209,10 @@ class Run:
         } | ({"note": self.note} if self.note else {})
         return End(row if row.time > seen else None, status, message, stats, running=self._running(row.time))
 
-    def _onset(self, pair: int) -> Row:
-        """Return the scene between two steps, at the onset of the contact of `pair`."""
+    def _onset(self, j: int) -> Row:
+        """Return the scene between two steps, at the onset of the contact of the pair at place `j` of the rows."""
         old, new = self.stepper.here, self.stepper.there
-        part = part_of_step(pair + 1, old[XI][pair + 1], old, new)
+        part = part_of_step(j, old[XI][j], old, new)
         ends = zip(*((np.asarray(x[XI]), np.fmax(0.0, x[RAW]), np.asarray(x[V])) for x in (old, new)), strict=True)
         return self._row(self.request.start + (self.k + part) * self.dt, [a + part * (b - a) for a, b in ends])
 

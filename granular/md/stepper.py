@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import namedtuple
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -12,25 +12,16 @@ from granular._check import Array
 from granular._kernels import compiled, specialised
 from granular._records import one, packed, plain, twin
 from granular.laws.kinds import SceneLaws
-from granular.md import contact_force
+from granular.md import contact_force, window
 from granular.md import march as loop
 from granular.md.glide import glide, time_to_touch
 from granular.md.integrators import Integrator
 from granular.md.notes import STEP_ROW, settle
-from granular.md.window import ACC, GIVEN, IMPULSE, JERK, LENGTH, RAW, ROWS, SHARED, SNAP, TOP, TOUCHED, WAS, WINDOW, XI
-from granular.md.window import Physics, V, Work
+from granular.md.window import ROWS, WINDOW, Physics, V, Work
 from granular.scene import Scene
 
-Kernel = Callable[..., Any]
-
-
-class Code(NamedTuple):
-    """The kernels of a run, as they stand or compiled."""
-
-    march: Kernel
-    leap: Kernel
-    glide: Kernel
-    time_to_touch: Kernel
+Code = namedtuple("Code", "march leap glide time_to_touch")
+"""The kernels of a run, as they stand or compiled."""
 
 
 class Stepper:
@@ -60,20 +51,20 @@ class Stepper:
         n, p, memory = scene.n, scene.n_pairs, any(law.memory for law in laws.each)
         form = contact_force.coefficients(laws)
         self.force = contact_force.asked if form is None else contact_force.power
-        last = SNAP if integrator.derivatives else TOP if memory else TOUCHED if logged else SHARED
-        state, given = np.zeros((last + 1, n + 1)), np.zeros((4, n + 1))
-        state[XI], state[V, 1:] = [-1.0, *-scene.gap, -1.0], scene.velocity
+        extra = logged * window.TOUCHED, memory * window.TOP, integrator.derivatives * window.SNAP
+        state, given = np.zeros((1 + max(window.SHARED, *extra), n + 1)), np.zeros((4, n + 1))
+        state[window.XI], state[V, 1:] = [-1.0, *-scene.gap, -1.0], scene.velocity
         k, gamma, root = form or (0.0, 0.0, False)
         given[0, 1:-1], given[1, 1:-1], given[2, 1:] = k, gamma, scene.inverse_mass
         given[3, 1:] = np.where(scene.is_wall, 0.0, -scene.gravity)
-        held = np.array if at_once else np.ndarray.tolist
-        self.here, self.there, pull = held(state), held(state), held(scene.pull)
-        self.pull: Any = pull
+        held: Any = np.array if at_once else np.ndarray.tolist
+        self.here, self.there, self.pull = held(state), held(state), held(scene.pull)
         asked = laws if at_once or form is not None else list(laws)
         self.physics = Physics(asked, held(given), root, dt, logged, memory, p)
         rows = [[0.0] * (2 if at_once else n + 1) for _ in ROWS]
-        log = np.zeros(max(64, 4 * p) if logged else 0, STEP_ROW)
-        self.work = Work(twin(WINDOW)(*rows), rows, rows[WAS:], rows[GIVEN:], [0], log if at_once else plain(log), *until)
+        log: Any = np.zeros(max(64, 4 * p) if logged else 0, STEP_ROW)
+        log = log if at_once else plain(log)
+        self.work = Work(twin(WINDOW)(*rows), rows, rows[window.WAS :], rows[window.GIVEN :], [0], log, *until)
         self.code = self._kernels(self.force)
         self._start()
         if at_once:
@@ -82,19 +73,19 @@ class Stepper:
     def _start(self) -> None:
         """Pairs that overlap push."""
         physics, x, a = self.physics, self.here, self.work.window
-        xi, raw, v = x[XI], x[RAW], x[V]
+        xi, raw, v = x[window.XI], x[window.RAW], x[V]
         for c in np.flatnonzero(self.scene.gap < 0.0).tolist():
             a.k[1], a.gamma[1] = physics.given[0][c + 1], physics.given[1][c + 1]
             raw[c + 1] = self.force(physics, c, 0, float(xi[c + 1]), float(v[c + 1] - v[c + 2]), a)
             if physics.logged:
                 settle(c, c + 1, 0, 0, physics, self.there, x, self.work)
-                x[IMPULSE][c + 1] = 0.0
+                x[window.IMPULSE][c + 1] = 0.0
         if self.integrator.derivatives:
             w, fall = np.asarray(physics.given)[2:, 1:]
             pushed = np.fmax(0.0, raw)
-            x[ACC][1:] = (w * (pushed[:-1] - pushed[1:]) + fall).tolist()
+            x[window.ACC][1:] = (w * (pushed[:-1] - pushed[1:]) + fall).tolist()
 
-    def _kernels(self, force: Kernel) -> Code:
+    def _kernels(self, force: Any) -> Code:
         how = self.integrator
         fit = {"step": how.step, "begin": how.begin, "EVALUATIONS": how.evaluations, "force": force}
         return Code(specialised(loop.march, **fit), specialised(loop.leap, **fit), glide, time_to_touch)
@@ -114,21 +105,18 @@ class Stepper:
         """
         laws = 0 if self.force is contact_force.power else contact_force.records(self.laws, self.scene.pairs)
         self.code = Code(*map(compiled, self.fit))  # what may fail: before anything changes
-        given = np.array(self.physics.given)
-        self.physics = self.physics._replace(laws=laws, given=given, block=self._block())
+        self.physics = self.physics._replace(laws=laws, given=np.array(self.physics.given), block=self._block())
         self.here, self.there, self.pull = map(np.array, (self.here, self.there, self.pull))
-        window, work = np.zeros(1, WINDOW), self.work
-        rows, log = window.view(float).reshape(len(ROWS), LENGTH), packed(work.log, STEP_ROW)
-        self.work = Work(one(window), rows, rows[WAS:], rows[GIVEN:], np.array(work.ended), log, work.pair, work.nth)
+        record, work = np.zeros(1, WINDOW), self.work
+        rows, log = record.view(float).reshape(len(ROWS), window.LENGTH), packed(work.log, STEP_ROW)
+        parts = {"rows": rows, "was": rows[window.WAS :], "given": rows[window.GIVEN :]}
+        self.work = work._replace(window=one(record), ended=np.array(work.ended), log=log, **parts)
         self.compiled = True
 
     def _block(self) -> int:
         """How many pairs a window stands for, beside its margins."""
-        pairs, most = self.scene.n_pairs, LENGTH - 2
-        if pairs > most:
-            most -= 2 * (loop.REACH + 2)
-            pairs = -(-pairs // -(-pairs // most))
-        return pairs
+        pairs, most = self.scene.n_pairs, window.LENGTH - 2
+        return pairs if pairs <= most else -(-pairs // -(-pairs // (most - 2 * (loop.REACH + 2))))
 
     def pairs(self, row: int) -> Array:
         """One number of every pair."""
@@ -138,16 +126,12 @@ class Stepper:
         """One number of every ball, its velocity if nothing else is asked for."""
         return np.asarray(self.here[row])[1:]
 
-    def march(self, k: int, steps: int, room: int) -> tuple[int, int, int]:
+    def march(self, k: int, steps: int, room: int) -> tuple[int, int]:
         """Take up to `steps` steps from step number `k`; see `granular.md.march.march`."""
         why, k, turned = self.code.march(self.physics, self.here, self.there, self.work, k, steps, room)
         if turned:
             self.here, self.there = self.there, self.here
-        return why, int(k), int(self.work.ended[0])
-
-    def time_to_touch(self) -> float:
-        """Time in s until the first gap of the open scene closes."""
-        return float(self.code.time_to_touch(self.here, self.pull))
+        return why, int(k)
 
     def glide(self, x: Any, dt: float) -> Any:
         """Let the open scene in rows `x` fly for a time `dt` in s."""
@@ -168,10 +152,9 @@ class Stepper:
         if not self.integrator.derivatives:
             return True
         dt, fall, still = self.physics.dt, self.physics.given[3][1:], 1e-17 * np.abs(self.balls()).max()
-        kept = dt * np.abs(self.balls(ACC) - fall) <= still
-        return bool(kept.all() and (dt * dt * np.abs(self.balls(JERK)) <= still).all())
+        kept = dt * np.abs(self.balls(window.ACC) - fall) <= still
+        return bool(kept.all() and (dt * dt * np.abs(self.balls(window.JERK)) <= still).all())
 
     def receding(self) -> bool:
         """Whether no pair approaches."""
-        lower, upper = self.scene.sides(self.balls())
-        return bool((upper >= lower).all())
+        return bool(np.less_equal(*self.scene.sides(self.balls())).all())
