@@ -156,6 +156,15 @@ def test_hertz_converges_with_order_two_and_a_half(method):
     assert order(gr.Hertz(1.0), method, (50, 100, 200, 400), 1.0) == pytest.approx(2.5, abs=0.25)
 
 
+@pytest.mark.parametrize(("method", "slope"), [("verlet", 2.0), ("rk4", 4.0), ("gear5", 2.0)])
+def test_order_of_a_run_that_starts_in_contact(method, slope):
+    """Against x cos t + u sin t; Gear's higher derivatives are not known at the start."""
+    scene, steps = gr.Scene([2.0, 2.0], [0.5, 0.5], [-0.5], [0.1, -0.2]), (32, 64, 128)
+    runs = [gr.md.simulate(scene, gr.LinearDashpot(1.0), method=method, dt=1.0 / n, t_end=1.0) for n in steps]
+    errors = [abs(run.gap[-1, 0] + 0.5 * math.cos(1.0) + 0.3 * math.sin(1.0)) for run in runs]
+    assert -np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(slope, abs=0.05)
+
+
 def test_damped_error_of_the_catalogue():
     """Catalogue G2, n = 100: 9.6e-4 (Verlet)."""
     law = gr.LinearDashpot.from_restitution(EPS, 1.0, pair_scene().pairs[0])

@@ -21,7 +21,7 @@ from granular.md.window import COUNT, RAW, XI, load, store
 
 DONE, FLIGHT, FULL, UNTIL = range(4)
 """Why `march` returned: steps used up, every pair open, log buffer full, stop condition."""
-REACH = 16
+REACH = 24
 """Evaluations of the forces in a window before the next one has its turn."""
 EVALUATIONS = 1
 """Of the forces in a step."""
