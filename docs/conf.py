@@ -100,7 +100,7 @@ html_theme_options = {
     "pygments_light_style": "default",
     "pygments_dark_style": "github-dark",
 }
-html_sidebars = {"index": [], "defence-of-design": []}
+html_sidebars = {"index": [], "reading": [], "defence-of-design": []}
 
 PLANNED = ("frontier", "stability", "paper", "page", "adiabatic", "gallery/index")
 """Pages that may not have been written (or generated) yet: links to them become plain text until they are."""
@@ -118,7 +118,11 @@ EMPHASIS = re.compile(r"(``.*?``|`[^`]+`|(?<![\w*])\*\w[^*|]*\*(?![\w*]))")
 
 
 def spell_for_sphinx(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """Docstrings are written for reading: formulas stay as they are set, |v| and x** are no markup."""
+    """Docstrings are written for reading: formulas stay as they are set, |v| and x** are no markup.
+
+    What readers of the code may skip is no matter of the reference.
+    """
+    lines[:] = [line for line in lines if not line.startswith("May be skipped:")]
     done: list[str] = []
     before, depth, formula, names = "", 0, False, False
     for line in lines:

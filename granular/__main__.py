@@ -1,4 +1,6 @@
-"""``python -m granular`` is the `granular` command."""
+"""``python -m granular`` is the `granular` command.
+May be skipped: it starts the command.
+"""
 
 from granular.cli import main
 

@@ -1,4 +1,5 @@
 """Argument checks: each returns the clean value or raises one sentence.
+May be skipped: arguments, no physics.
 
 Every message gives the name, the value got, what is needed and, where there is one, the usual fix.
 """

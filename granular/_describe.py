@@ -1,4 +1,6 @@
-"""Force laws, collision rules and scenes as JSON: class and numbers, nothing that could run code from a file."""
+"""Force laws, collision rules and scenes as JSON: class and numbers, nothing that could run code from a file.
+May be skipped: files, no physics.
+"""
 
 from __future__ import annotations
 

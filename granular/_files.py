@@ -1,4 +1,6 @@
-"""Files written whole or not at all, with their format and their provenance; numbers as JSON has them."""
+"""Files written whole or not at all, with their format and their provenance; numbers as JSON has them.
+May be skipped: files, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
 """Compile or interpret: one source for both.
+May be skipped: faster, same results.
 
 A kernel is a Python function of floats, lists or arrays in the subset numba compiles. Run as it stands it is the
 plain engine; `compiled` returns its numba twin, in which every kernel it calls is compiled too. Only + - * /,
@@ -167,8 +168,8 @@ def compiled(function: Callable[..., Any], signature: Any = None, inline: bool =
         Types of the arguments. A kernel that takes a function (a force) needs one, so that every force of that
         type runs the same machine code; other kernels are compiled for the types they are called with.
     inline : bool
-        Put the kernels it calls, but for the `rare` ones, into its body: faster where they are short and many, at the
-        price of a longer compilation.
+        Put the kernels it calls, except for the `rare` ones, into its body: faster where they are short and many, at
+        the price of a longer compilation.
 
     Raises
     ------

@@ -1,4 +1,6 @@
-"""Packages that only some tasks need: loaded when they are, and named where they are missing."""
+"""Packages that only some tasks need: loaded when they are, and named where they are missing.
+May be skipped: packages, no physics.
+"""
 
 from __future__ import annotations
 

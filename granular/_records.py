@@ -1,4 +1,5 @@
 """State for two speeds: numpy records for compiled code, plain objects with the same fields for interpreted code.
+May be skipped: faster, same results.
 
 Kernels read ``pairs[c].gap`` from either, so one source serves both, with the same bits.
 """
@@ -21,9 +22,11 @@ Record = Any
 
 
 def plain(records: Records) -> list[Any]:
-    """Return records as plain objects with the same fields; those that are plain stay."""
+    """Return records as plain objects with the same fields, row by row; those that are plain stay."""
     if isinstance(records, list):
         return records
+    if records.ndim > 1:
+        return list(map(plain, records))
     return list(map(twin(records.dtype), *(records[name].tolist() for name in records.dtype.names)))
 
 

@@ -1,4 +1,5 @@
 """Who is due next: a tournament tree with the times in its nodes.
+May be skipped: faster, same results.
 
 Node i holds what wins between nodes 2i and 2i + 1, its time and its key; node 1 holds what is due first. The leaves are
 the second half of the tree, in the order of their owners. The earlier time wins; of equal times, the lower key.

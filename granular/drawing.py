@@ -1,4 +1,6 @@
-"""What all figures share: how one begins, its colours and its sizes; 8 pt and columns as in Physical Review."""
+"""What all figures share: how one begins, its colours and its sizes; 8 pt and columns as in Physical Review.
+May be skipped: pictures, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""What is asked of a run: the options that all engines share, checked once."""
+"""What is asked of a run: the options that all engines share, checked once.
+May be skipped: arguments, no physics.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular import _check
-from granular import until as conditions
+from granular import until as stop
 from granular._check import Array
 from granular.scene import Scene
 
@@ -22,7 +24,7 @@ class Request:
 
     start: float
     end: float
-    until: conditions.Until | None
+    until: stop.Until | None
     samples: Array | None
     log: bool
     max_events: int
@@ -44,7 +46,7 @@ def requested(
     return Request(
         start=start,
         end=end,
-        until=conditions.checked(given["until"], scene.n_pairs),
+        until=stop.checked(given["until"], scene.n_pairs),
         samples=_sample_times(given["samples"], start, end),
         log=bool(given["log"]),
         max_events=_check.whole("max_events", given["max_events"]),

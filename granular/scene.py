@@ -259,7 +259,7 @@ def _summed(steps: Array) -> Array:
 
 
 def speed_scale(scene: Scene) -> float:
-    """Largest speed in m/s at which a pair may first close: present differences and the fall through the gaps."""
+    """Largest speed in m/s at which a pair may first close: current differences and the fall through the gaps."""
     v = scene.velocity
     reach = float(scene.gap.clip(min=0.0).sum())
     return float(v.max() - v.min()) + math.sqrt(2.0 * scene.gravity * reach)

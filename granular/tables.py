@@ -1,4 +1,6 @@
-"""What reports share: tables for the terminal and for Markdown, numbers with units, and JSON with provenance."""
+"""What reports share: tables for the terminal and for Markdown, numbers with units, and JSON with provenance.
+May be skipped: words and numbers of what is computed elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -46,8 +48,8 @@ def machine() -> dict[str, Any]:
     """Return where run times are measured: processor, cores this process may use, system, and versions."""
     packages = ("granular", "numpy", "scipy", "numba", "mpmath")
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    told = Path("/proc/cpuinfo").read_text("utf-8") if os.access("/proc/cpuinfo", os.R_OK) else ""
-    named = re.search(r"^model name\s*:\s*(.+)$", told, re.MULTILINE)
+    text = Path("/proc/cpuinfo").read_text("utf-8") if os.access("/proc/cpuinfo", os.R_OK) else ""
+    named = re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)
     return {
         "processor": named[1] if named else platform.processor() or platform.machine(), "cores": cores,
         "system": f"{platform.system()} {platform.machine()}", "python": platform.python_version(),

@@ -1,4 +1,5 @@
 """Closed forms: what independent, instantaneous collisions predict.
+May be skipped: closed forms, beside the engines.
 
 The *independent-collision model* (ICM) of Müller & Pöschel (PRE 83, 041304, 2011): two balls fall on a floor; the lower
 one bounces first and then meets the upper one, and no two collisions overlap in time. Then stacks, tapered chains and
@@ -248,7 +249,7 @@ def bouncing_ball(height: float, restitution: float, gravity: float = 9.81) -> t
     g = _check.number("gravity", gravity, above=0.0)
     eps = _check.number("restitution", restitution, at_least=0.0, at_most=1.0)
     if eps == 1.0:
-        raise ValueError("restitution is 1.0: a value below 1 is needed; an elastic ball bounces for ever.")
+        raise ValueError("restitution is 1.0: a value below 1 is needed; an elastic ball bounces forever.")
     return math.sqrt(2.0 * h / g) * (1.0 + eps) / (1.0 - eps), h * (1.0 + eps * eps) / ((1.0 - eps) * (1.0 + eps))
 
 

@@ -1,4 +1,5 @@
 """What hard spheres do that touch, or collide at once: the answers of the other tie rules.
+May be skipped: rarer, balls that touch.
 
 Newton's equation decides such a collision by its force law. Hard spheres have no law, so a rule has to decide, and
 where two rules differ no answer is the right one.

@@ -1,4 +1,6 @@
-"""Whether two runs cut at one end time differ only by contacts that fall on the other side of it."""
+"""Whether two runs cut at one end time differ only by contacts that fall on the other side of it.
+May be skipped: rarer, contacts about the end time.
+"""
 
 from __future__ import annotations
 
@@ -26,12 +28,12 @@ def same_but_for_timing(soft: Trajectory, hard: Trajectory, tolerance: float) ->
     more, fewer = np.maximum(counts(soft), counts(hard)), np.minimum(counts(soft), counts(hard))
     busiest = int(more.max())
     lag = _longest(soft, hard) * (1.0 + busiest)
-    early = np.maximum(_counts(soft, end - lag), _counts(hard, end - lag))
+    early = np.maximum(_counts_before(soft, end - lag), _counts_before(hard, end - lag))
     only_late = lag * busiest <= SMALL * span and (more > fewer).any() and (early <= fewer).all()
     return bool(only_late) and _same_velocities(soft, hard, tolerance)
 
 
-def _counts(run: Trajectory, time: float) -> Any:
+def _counts_before(run: Trajectory, time: float) -> Any:
     """Number of contacts of each pair that began before `time`."""
     log = run.contacts
     return np.bincount(log["pair"][log["t_begin"] < time], minlength=run.scene.n_pairs)

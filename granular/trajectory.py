@@ -30,7 +30,7 @@ CONTACT = np.dtype(
         ("impulse", np.float64),
     ]
 )
-"""One row per contact, sorted by `t_begin`. SI units: pair number; begin and end in s (equal in EDMD); duration in s,
+"""One row per contact, sorted by `t_begin`. SI units: pair number; onset and end in s (equal in EDMD); duration in s,
 accumulated from the onset so that late times cost no digits; velocities of the lower and the upper body in m/s before
 and after; largest overlap in m; largest force in N (nan in EDMD, where it is infinite); impulse in N s. A contact still
 open when the run ends has `t_end` and `v_out` nan, and its duration, peaks and impulse so far."""

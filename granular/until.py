@@ -30,7 +30,7 @@ Until = Contact | Separated
 
 
 def contact(pair: int, nth: int = 1) -> Contact:
-    """Stop just before the `nth` beginning (F ≠ 0) of a contact of `pair` acts.
+    """Stop just before the `nth` onset (F ≠ 0) of a contact of `pair` acts.
 
     That contact is neither logged nor counted. A soft contact begins when the overlap crosses 0 upwards, and
     again when a clipped force becomes positive while the overlap is still there.
@@ -40,7 +40,7 @@ def contact(pair: int, nth: int = 1) -> Contact:
     pair : int
         Number of the pair from the bottom; 0 is the floor's if there is one.
     nth : int
-        Which beginning, counted from 1.
+        Which onset, counted from 1.
     """
     return Contact(_check.whole("pair", pair), _check.whole("nth", nth, at_least=1))
 

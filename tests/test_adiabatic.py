@@ -70,7 +70,7 @@ def at_touch(scene):
 
 
 def events(scene, law, solution):
-    """(time, pair, whether it begins) of every begin and end that is finite, but the floor's begin at 0."""
+    """(time, pair, whether it begins) of every onset and end that is finite, not the floor's onset at 0."""
     found = [(t, 1, begins) for row in solution.contacts for t, begins in zip(row, (True, False), strict=True)]
     found += [(solution.floor_end, 0, False), (solution.floor_again, 0, True)]
     last = solution.floor_again

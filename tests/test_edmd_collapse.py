@@ -265,7 +265,7 @@ def test_a_rule_that_returns_zero_at_low_speed_lets_a_ball_rest() -> None:
 
 
 def falling_block(n):
-    """Touching balls but for small gaps, falling together on a floor."""
+    """Touching balls except for small gaps, falling together on a floor."""
     return Scene([math.inf] + [1.0] * n, [0.0] * (n + 1), [1e-3] * n, [0.0] + [-1.0] * n)
 
 

@@ -34,7 +34,7 @@ def sweep(scene, eps):
 
 
 def threshold(scene):
-    """Return ε above which the slowest decay of the sweep, but for the total momentum, turns: no collapse."""
+    """Return ε above which the slowest decay of the sweep, except for the total momentum, turns: no collapse."""
 
     def turns(eps):
         values = np.linalg.eigvals(sweep(scene, eps))

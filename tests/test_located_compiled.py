@@ -14,7 +14,7 @@ from granular import until
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz
 from granular.md import simulate as run
 from granular.md.located import Scenes, solve_many
-from granular.md.located.records import PAIR
+from granular.md.located.system import PAIR
 from granular.scene import Scene
 from granular.scenes import gas
 from granular.trajectory import Status
@@ -83,7 +83,7 @@ def test_a_pool_that_grows_leaves_no_trace(scene: Scene, engine: str, monkeypatc
     """Room for one pair in an island, or for all of them from the start: the same bits."""
     runs = []
     for room in (1, scene.n):
-        monkeypatch.setattr(sys.modules["granular.md.located.build"], "ROOM", room)
+        monkeypatch.setattr(sys.modules["granular.md.located.system"], "ROOM", room)
         runs.append(run(scene, (Hertz(1e6),) * (scene.n - 1), t_end=0.5, max_steps=250, engine=engine))
     for name in ("position", "velocity", "gap", "force", "contacts"):
         assert getattr(runs[0], name).tobytes() == getattr(runs[1], name).tobytes(), name

@@ -133,7 +133,7 @@ def test_a_ball_dropped_from_a_touch_comes_back_to_it(p, engine):
 
 @pytest.mark.parametrize(("engine", "runs"), [("plain", 8), ("compiled", 60), ("own", 6)])
 def test_a_ball_that_touches_floor_and_ceiling_comes_back_to_the_ceiling_without_a_contact(engine, runs):
-    """It is at rest there, but for rounding of its energy; that is no impact, and no reason to refuse the scene."""
+    """It is at rest there, except for rounding of its energy; that is no impact, and no reason to refuse the scene."""
     rng = np.random.default_rng(1)
     for _ in range(runs):
         p = float(rng.choice([1.5, 2, 3, 4, 5, 8, 12, 14, 16]))

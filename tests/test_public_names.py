@@ -51,7 +51,7 @@ def runs():
         yield f"md {method}", gr.md.simulate(scene, law, t_end=0.4, method=method, dt=1e-4, engine="plain")
 
 
-def present():
+def current():
     """Everything public, as it is now; one text each."""
     found = {"contact log": list(CONTACT.names), "status": [status.name for status in gr.Status],
              "results of a sweep": sorted(RESULTS)}
@@ -66,7 +66,7 @@ def present():
 
 
 def test_nothing_public_is_lost_or_unlisted():
-    stored, now = json.loads(STORED.read_text(encoding="utf-8")), present()
+    stored, now = json.loads(STORED.read_text(encoding="utf-8")), current()
     lost = {key: [x for x in inner if x not in now.get(key, [])] for key, inner in stored.items()}
     new = {key: [x for x in inner if x not in stored.get(key, [])] for key, inner in now.items()}
     assert {key: inner for key, inner in lost.items() if inner or key not in now} == {}, "lost"
@@ -74,5 +74,5 @@ def test_nothing_public_is_lost_or_unlisted():
 
 
 if __name__ == "__main__":
-    lines = [f"{json.dumps(key)}: {json.dumps(inner)}" for key, inner in present().items()]
+    lines = [f"{json.dumps(key)}: {json.dumps(inner)}" for key, inner in current().items()]
     STORED.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")

@@ -154,7 +154,7 @@ def test_d7_three_elastic_balls(masses, most):
     (lambda: theory.stack_velocities([1.0, math.inf], 1.0), r"masses\[1\] is inf: a mass must be positive and finite"),
     (lambda: theory.stack_velocities([], 1.0), r"masses is empty"),
     (lambda: theory.best_chain(100.0, 1.0), r"a value below 1 is needed"),
-    (lambda: theory.bouncing_ball(1.0, 1.0), r"bounces for ever"),
+    (lambda: theory.bouncing_ball(1.0, 1.0), r"bounces forever"),
 ])
 def test_misuse_is_a_sentence(call, sentence):
     with pytest.raises(ValueError, match=sentence):

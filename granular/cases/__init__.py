@@ -1,4 +1,6 @@
-"""Cases: a scene with its law, rule and stop condition, by name or from a TOML file."""
+"""Cases: a scene with its law, rule and stop condition, by name or from a TOML file.
+May be skipped: names of the package only.
+"""
 
 from granular.cases.case import Case
 from granular.cases.load import load, loads

@@ -1,4 +1,6 @@
-"""Make a scene, a law or a rule from the keys of a table: the set of keys decides which constructor is meant."""
+"""Make a scene, a law or a rule from the keys of a table: the set of keys decides which constructor is meant.
+May be skipped: files and the command, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""What a run needs, in one value."""
+"""What a run needs, in one value.
+May be skipped: files and the command, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Read a case from a TOML file with the tables [scene], [law], [rule] and [run]."""
+"""Read a case from a TOML file with the tables [scene], [law], [rule] and [run].
+May be skipped: files and the command, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
 """The parameters of a documented function as data: name, type, default, and what its docstring says.
+May be skipped: files and the command, no physics.
 
 So that the command line and its help are written once, where the function is.
 """

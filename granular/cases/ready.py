@@ -1,4 +1,6 @@
-"""Ready-made cases: each scene of `granular.scenes` with a default law, rule and stop condition."""
+"""Ready-made cases: each scene of `granular.scenes` with a default law, rule and stop condition.
+May be skipped: files and the command, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Write a case as TOML, with every digit: what `granular.cases.load` reads back is equal."""
+"""Write a case as TOML, with every digit: what `granular.cases.load` reads back is equal.
+May be skipped: files and the command, no physics.
+"""
 
 from __future__ import annotations
 

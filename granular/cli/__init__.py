@@ -1,4 +1,6 @@
-"""The `granular` command. Mistakes of the user end in one line on stderr, never in a traceback."""
+"""The `granular` command. Mistakes of the user end in one line on stderr, never in a traceback.
+May be skipped: the command, no physics.
+"""
 
 from __future__ import annotations
 

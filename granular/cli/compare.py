@@ -1,4 +1,6 @@
-"""`granular compare`: run a scene on both engines and say where and why they differ."""
+"""`granular compare`: run a scene on both engines and say where and why they differ.
+May be skipped: the command, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""`granular figure`: compute and draw a figure of the paper, or all of them."""
+"""`granular figure`: compute and draw a figure of the paper, or all of them.
+May be skipped: the command, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Files that a command writes: offered, looked at before a long run, and written after it."""
+"""Files that a command writes: offered, looked at before a long run, and written after it.
+May be skipped: the command, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""`granular frontier`: measure the error of every method against its run time, on one scene."""
+"""`granular frontier`: measure the error of every method against its run time, on one scene.
+May be skipped: the command, no physics.
+"""
 
 from __future__ import annotations
 

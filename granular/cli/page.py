@@ -1,4 +1,6 @@
-"""`granular page`: write the teaching page: both engines live in one HTML file."""
+"""`granular page`: write the teaching page: both engines live in one HTML file.
+May be skipped: the command, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""A line of progress on stderr, for long runs that a person watches."""
+"""A line of progress on stderr, for long runs that a person watches.
+May be skipped: the command, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""`granular run`: run a scene on one engine."""
+"""`granular run`: run a scene on one engine.
+May be skipped: the command, no physics.
+"""
 
 from __future__ import annotations
 

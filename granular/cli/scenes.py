@@ -1,4 +1,6 @@
-"""`granular scenes`: list the ready-made scenes, or print one as a TOML file."""
+"""`granular scenes`: list the ready-made scenes, or print one as a TOML file.
+May be skipped: the command, no physics.
+"""
 
 from __future__ import annotations
 

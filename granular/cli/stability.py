@@ -1,4 +1,6 @@
-"""`granular stability`: run stiff and extreme cases by every method: right, flagged, or silently wrong?"""
+"""`granular stability`: run stiff and extreme cases by every method: right, flagged, or silently wrong?
+May be skipped: the command, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""One trajectory in words and a few numbers."""
+"""One trajectory in words and a few numbers.
+May be skipped: the command, no physics.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,7 @@ def summary(case: Case, run: Trajectory) -> str:
 
 
 def _contacts(run: Trajectory) -> Iterator[str]:
-    yield f"{'pair':>12} {'contacts':>9} {'first begins / s':>18} {'last begins / s':>18} {'max overlap / m':>16}"
+    yield f"{'pair':>12} {'contacts':>9} {'first onset / s':>18} {'last onset / s':>18} {'max overlap / m':>16}"
     for pair, row in _some(run.scene.n_pairs):
         log = run.of(pair)
         row = row or f"{'–'.join(_label(run, body) for body in run.scene.bodies(pair)):>12} {len(log):9d}"

@@ -1,4 +1,6 @@
-"""`granular sweep`: solve a scene for all combinations of some parameters."""
+"""`granular sweep`: solve a scene for all combinations of some parameters.
+May be skipped: the command, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""`granular view`: write an HTML page that plays recorded runs."""
+"""`granular view`: write an HTML page that plays recorded runs.
+May be skipped: the command, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
 """One scene under both engines: `compare(scene, law) -> Comparison`. May this scene be event-driven?
+May be skipped: names of the package only.
 
 =============  =====================================================================================================
 `run`          `compare`, and `Comparison` as people have it

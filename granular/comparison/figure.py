@@ -1,4 +1,6 @@
-"""The figure of a comparison: contact timelines, forces and world lines of both engines, each in a panel of its own."""
+"""The figure of a comparison: contact timelines, forces and world lines of both engines, each in a panel of its own.
+May be skipped: pictures, no physics.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from granular import _files
 from granular._check import Array
 from granular.comparison.numbers import Compared
 from granular.comparison.verdict import verdict
-from granular.comparison.view import View, resolved, window
+from granular.comparison.view import View, window, with_rows
 from granular.drawing import HARD, SOFT, canvas
 from granular.tables import PREFIXES, unit_of
 from granular.trajectory import Trajectory, points
@@ -39,9 +41,9 @@ def plot(report: Compared, path: str | PathLike[str] | None = None) -> Any:
     figure, panels = canvas(7.0, sum(heights) + 1.4, len(heights), sharex=True, height_ratios=heights)
     axes = panels[:, 0]
     figure.suptitle(fill(verdict(report), 110), fontsize=9, ha="left", x=0.02)
-    runs = {"soft": resolved(report, "soft", view.moments)}
+    runs = {"soft": with_rows(report, "soft", view.moments)}
     if len(report.hard.contacts) < 100_000:
-        runs["hard"] = resolved(report, "hard", view.moments)
+        runs["hard"] = with_rows(report, "hard", view.moments)
     timeline(axes[0], view)
     _forces(figure, axes[1:-1], view, runs["soft"])
     world_lines(axes[-1], view, runs)

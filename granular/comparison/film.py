@@ -1,4 +1,5 @@
 """Films of a comparison for slides: both engines side by side in slow motion, contacts and forces as time goes by.
+May be skipped: pictures, no physics.
 
 Balls are drawn by the square root of their radii, paths and overlaps by a common factor so large that they can be seen.
 """
@@ -19,7 +20,7 @@ from granular._optional import optional
 from granular.comparison.figure import force_curve, timeline, world_lines
 from granular.comparison.numbers import Compared
 from granular.comparison.verdict import verdict
-from granular.comparison.view import resolved, window
+from granular.comparison.view import window, with_rows
 from granular.drawing import HARD, SOFT
 from granular.scene import Scene
 from granular.trajectory import points
@@ -85,7 +86,7 @@ class Film:
         view = window(report)
         time = np.linspace(view.begin, view.end, frames)
         fine = np.union1d(time, np.linspace(view.begin, view.end, FINE))
-        runs = {engine: resolved(report, engine, fine) for engine in ("soft", "hard")}
+        runs = {engine: with_rows(report, engine, fine) for engine in ("soft", "hard")}
         rows = {name: np.searchsorted(run.time, time, side="right") - 1 for name, run in runs.items()}
         paths = {name: np.asarray(points(run)[rows[name]]) for name, run in runs.items()}
         self.figure: Any = optional("matplotlib.figure", "animate").Figure((9.6, 5.4), 100, facecolor=PAPER,

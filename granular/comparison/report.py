@@ -1,4 +1,6 @@
-"""A comparison in words and numbers: the table that a person reads, and what JSON has of it."""
+"""A comparison in words and numbers: the table that a person reads, and what JSON has of it.
+May be skipped: words and numbers of what is computed elsewhere.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""ε of a comparison: the collision rule that force laws make, and the ε that gives hard spheres another outcome."""
+"""ε of a comparison: the collision rule that force laws make, and the ε that gives hard spheres another outcome.
+May be skipped: rarer, ε as the answer of a comparison.
+"""
 
 from __future__ import annotations
 

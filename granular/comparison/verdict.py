@@ -33,7 +33,7 @@ def _answers(report: Compared) -> Iterator[str]:
         shared = "" if math.isnan(share) else f"; {share:.2g} % of the impulse is shared"
         yield f"Not ball by ball: beyond predictability (compare ensembles){shared}."
     if wrong := [p for p in report.pairs if p.hard_contacts != p.soft_contacts]:
-        yield _counts(report, wrong)
+        yield _other_counts(report, wrong)
     if math.isnan(report.error):
         yield "No verdict: no contact has come to its end."
     if report.error > SAME:
@@ -87,12 +87,12 @@ def _not_unique(report: Compared) -> Iterator[str]:
         )
 
 
-def _counts(report: Compared, wrong: list[PairOutcome]) -> str:
+def _other_counts(report: Compared, wrong: list[PairOutcome]) -> str:
     """Pairs with other numbers of contacts, unless only the tie rule or the end time decides that."""
     n = len(report.pairs)
     if report.only_timing:
         return (
-            f"Yes, but for timing: the contacts are the same, yet {len(wrong)} of {n} pairs have one "
+            f"Yes, except for timing: the contacts are the same, yet {len(wrong)} of {n} pairs have one "
             "on the other side of t_end."
         )
     p = max(reversed(wrong), key=_miss)

@@ -1,4 +1,6 @@
-"""What is drawn of a comparison: which span of time, and both runs again with enough rows."""
+"""What is drawn of a comparison: which span of time, and both runs again with enough rows.
+May be skipped: pictures, no physics.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +75,7 @@ def window(report: Compared) -> View:
     return View(report, max(first - margin, start), last + margin)
 
 
-def resolved(report: Compared, engine: str, times: Array) -> Trajectory:
+def with_rows(report: Compared, engine: str, times: Array) -> Trajectory:
     """One of the two runs again with rows at `times` in s, sorted; beyond its end too if free flight follows."""
     hard = engine == "hard"
     run = report.hard if hard else report.soft

@@ -1,4 +1,5 @@
 """Hard spheres: event-driven dynamics of balls on a line, with instantaneous collisions.
+May be skipped: names of the package only.
 
 `simulate` runs a scene, `resume` goes on with it. How it works, from the bottom up: `ties` (which of simultaneous
 collisions acts first), `physics` (all that does not change: the scene and the options), `motion` (what one pair does),

@@ -1,4 +1,5 @@
 """The compiled queue for large scenes: block after block, each small enough for the processor's cache.
+May be skipped: faster, same results.
 
 What happens to a ball until the end of a window depends only on balls near by: influence travels with the balls, at
 most as fast as the fastest, V. So a block of pairs is run to the end of the window alone, together with a halo on both
@@ -13,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from granular._records import copied, one, packed, raw
-from granular.edmd.sorted_queue import Rows
+from granular.edmd.sorted_queue import Log
 from granular.edmd.state import LATER, NEVER, RUN, State
 from granular.edmd.ties import RANDOM
 from granular.edmd.tree_queue import TreeQueue
@@ -37,7 +38,7 @@ class BlockQueue(TreeQueue):
         self.as_one = 0.0
         super().rebuild()
 
-    def advance(self, edge: float, budget: int, log: Rows | None) -> int:
+    def advance(self, edge: float, budget: int, log: Log | None) -> int:
         """Let events up to and including time `edge` act, at most `budget` of them, appending them to `log`."""
         run = self.state.run
         alone = log is None and run.stop_pair == NEVER and run.order != RANDOM  # nobody looks at single ones

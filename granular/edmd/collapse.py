@@ -1,4 +1,6 @@
-"""Is it an inelastic collapse? The suspects of the event loop are looked at closely, and a verdict is given or not."""
+"""Is it an inelastic collapse? The suspects of the event loop are looked at closely, and a verdict is given or not.
+May be skipped: rarer, infinitely many collisions.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,7 @@ from granular._flight import time_to_contact
 from granular._records import Records, column
 from granular.edmd.motion import approaching
 from granular.edmd.physics import Physics
-from granular.edmd.sorted_queue import Rows, SortedQueue
+from granular.edmd.sorted_queue import Log, SortedQueue
 from granular.edmd.state import APART, BUDGET, LATER, NEAR, RESTS, SPENT, TINY, UNTIL, State, gaps
 from granular.edmd.zoom import write_back, zoom
 
@@ -74,7 +76,7 @@ def begin(state: State, queue: SortedQueue) -> None:
 
 
 def look(
-    state: State, physics: Physics, queue: SortedQueue, limit: float, budget: int, log: Rows | None
+    state: State, physics: Physics, queue: SortedQueue, limit: float, budget: int, log: Log | None
 ) -> tuple[int, Verdict | None]:
     """Go on with a closer look until time `limit`; return why it pauses, and the verdict if it ends with one."""
     run, near, seen = state.run, state.near, state.run.events

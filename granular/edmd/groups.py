@@ -1,4 +1,5 @@
 """Simultaneous collisions of a touching group, solved as a whole: Newton, Poisson and generalised reflections.
+May be skipped: rarer, balls that touch.
 
 The rules are pure functions on the inverse masses (1/kg) of m + 1 bodies and the rates (m/s, negative: approaching) of
 their m touching pairs; they return the impulses p ≥ 0 (kg m/s) of the pairs. The Delassus matrix W is tridiagonal,

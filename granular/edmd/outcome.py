@@ -1,4 +1,6 @@
-"""How a run ended, in one sentence with its numbers, and the account of the work done; `run` is one of `edmd.run`."""
+"""How a run ended, in one sentence with its numbers, and the account of the work done; `run` is one of `edmd.run`.
+May be skipped: words and numbers of what is computed elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,7 @@ from granular.trajectory import Status
 
 WHY = {
     "exact": "body {above} comes to rest on the wall after infinitely many bounces",
-    "proved": "the two pairs collide in turn for ever; rates left: {bound:.2g} m/s",
+    "proved": "the two pairs collide in turn forever; rates left: {bound:.2g} m/s",
     "bounded": "unless hit from outside, none of their bodies will be faster than {bound:.2g} m/s",
 }
 """What a verdict says, by its kind."""

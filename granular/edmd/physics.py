@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from granular import _check, rules
-from granular import scene as scenes
 from granular._check import Array
-from granular.edmd.ties import GROUP, ORDER, PAIR
+from granular.edmd.ties import GROUP, MASK, ORDER
 from granular.rules import Rule, constants, restitution_at
 from granular.scene import Scene
+from granular.scene import checked as a_scene
 
 Restitution = Callable[[int, float], float]
 OPTIONS = ("ties", "seed", "merge_below", "tc", "elastic_below")
@@ -69,7 +69,7 @@ def checked(scene: Any, rule: Any, *, collapse: Any, merge_below: float | None, 
 
 
 def _check_scene(scene: Any) -> None:
-    scenes.checked(scene)
+    a_scene(scene)
     fix = "hard spheres cannot overlap; set the gap to 0, or use granular.md"
     _check.every("gap", scene.gap, scene.gap >= 0.0, "a gap must not be negative", fix)
     mass, gravity = np.where(scene.is_wall, 1.0, scene.mass), np.array([scene.gravity])
@@ -78,8 +78,8 @@ def _check_scene(scene: Any) -> None:
     for name, values, least in sizes:
         good = (values == 0.0) | ((np.abs(values) >= least) & (np.abs(values) <= LARGEST))
         _check.every(name, values, good, f"0 or a size from {least:g} to {LARGEST:g} is needed", "use other units")
-    if scene.n_pairs > PAIR:
-        raise ValueError(f"scene has {scene.n} bodies: at most {PAIR + 1} are possible.")
+    if scene.n_pairs > MASK:
+        raise ValueError(f"scene has {scene.n} bodies: at most {MASK + 1} are possible.")
 
 
 def _check_together(eps: Array, options: dict[str, Any]) -> None:

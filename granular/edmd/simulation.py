@@ -1,4 +1,6 @@
-"""The public face of the hard-sphere engine: check the arguments, run, and say how it ended."""
+"""The public face of the hard-sphere engine: check the arguments, run, and say how it ended.
+May be skipped: options and their checks, no physics.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from granular import _check
-from granular import until as conditions
+from granular import until as stop
 from granular.drive import drive
 from granular.edmd.physics import OPTIONS, Physics, checked
 from granular.edmd.run import Run, checked_engine
@@ -24,7 +26,7 @@ def simulate(
     rule: Rule | list[Rule] | tuple[Rule, ...],
     *,
     t_end: float | None = None,
-    until: conditions.Until | None = None,
+    until: stop.Until | None = None,
     t_start: float = 0.0,
     samples: int | ArrayLike | None = None,
     log: bool = True,
@@ -123,7 +125,7 @@ def resume(
     trajectory: Trajectory,
     *,
     t_end: float | None = None,
-    until: conditions.Until | None = None,
+    until: stop.Until | None = None,
     samples: int | ArrayLike | None = None,
     log: bool = True,
     max_events: int = 1_000_000,

@@ -15,11 +15,11 @@ from granular.edmd.groups import collide_as_one, group
 from granular.edmd.motion import approaching, predicted, velocities
 from granular.edmd.physics import Physics, Restitution
 from granular.edmd.state import APART, BUDGET, LATER, SUSPECT, TOUCHING, UNTIL, State
-from granular.edmd.ties import GROUP, PAIR, RANDOM, rank
+from granular.edmd.ties import GROUP, MASK, RANDOM, rank
 
-Rows = list[Any]
+Log = list[Any]
 """The log: chunks of records `ROW`, as arrays or as lists of plain objects."""
-NOBODY = (math.inf, PAIR)
+NOBODY = (math.inf, MASK)
 """Last in every queue, so that none is empty."""
 
 
@@ -33,7 +33,7 @@ def loop(
     `rows` takes the log; `fastest`, if it is an array, the largest speed after a collision.
     """
     edge, budget, stop, together = run.edge, run.budget, run.stop_pair, run.order == GROUP
-    done, witness = 0, 0
+    done, closing = 0, 0
     while True:
         now, c = head(queue)
         if now > edge:
@@ -58,8 +58,8 @@ def loop(
             fastest[0] = max(fastest[0], abs(below), abs(above))
         refresh(run, pairs, bodies, queue, first, last)
         if stop == APART:
-            witness = approaching(pairs, bodies, witness, now)
-            if witness < 0:
+            closing = approaching(pairs, bodies, closing, now)
+            if closing < 0:
                 return UNTIL
         if pairs[c].streak >= SUSPICIOUS:
             run.suspect, run.rebound = c, rebound
@@ -70,14 +70,14 @@ def loop(
 def head(queue: Any) -> tuple[float, int]:
     """Return the next event: its time and its pair."""
     now, key = queue[0][0]
-    return now, key & PAIR
+    return now, key & MASK
 
 
 @kernel
 def refresh(run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int) -> None:
     """Predict pairs `first` … `last` anew. Pairs that never collide are not in the queue."""
     order, entry = queue
-    due, c = order[0][1] & PAIR, first
+    due, c = order[0][1] & MASK, first
     if first <= due <= last:  # no search is needed for it
         entry[due] = (math.inf, order.pop(0)[1])
     while c <= last:
@@ -139,9 +139,9 @@ class SortedQueue:
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
         """Return the time of the next event of any pair outside `first` … `last`."""
-        return float(next(time for time, key in self.queue[0] if not first <= (key & PAIR) <= last))
+        return float(next(time for time, key in self.queue[0] if not first <= (key & MASK) <= last))
 
-    def advance(self, edge: float, budget: int, log: Rows | None) -> int:
+    def advance(self, edge: float, budget: int, log: Log | None) -> int:
         """Let events up to and including time `edge` act, `budget` of them or one more group, appending them to `log`.
 
         Returns why it pauses.

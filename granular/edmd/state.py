@@ -1,4 +1,6 @@
-"""The state of a run: all that is needed to go on with it, bit for bit."""
+"""The state of a run: all that is needed to go on with it, bit for bit.
+May be skipped: how a run is held, saved and resumed.
+"""
 
 from __future__ import annotations
 
@@ -139,8 +141,8 @@ class State:
         if "noise" not in saved:
             state.bodies["u"] += (physics.scene.gravity - state.run.gravity) * state.elapsed(0.0)
         if "zoom_gap" in saved:
-            dial = {name: RUN[name].type(x).item() for name, x in zip(LOOK, saved["zoom_dial"], strict=False)}
-            state.set(first=int(saved["zoom_first"]), began=float(saved["zoom_base"]), **dial)
+            look = {name: RUN[name].type(x).item() for name, x in zip(LOOK, saved["zoom_dial"], strict=False)}
+            state.set(first=int(saved["zoom_first"]), began=float(saved["zoom_base"]), **look)
             state.near = np.zeros(len(saved["zoom_gap"]), NEAR)
             state.near["gap"], state.near["rate"] = saved["zoom_gap"], saved["zoom_rate"]
         return state

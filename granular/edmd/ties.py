@@ -1,4 +1,5 @@
 """Which of several simultaneous collisions acts first: the sequential tie rules.
+May be skipped: rarer, collisions at one instant.
 
 The queue is ordered by ``(time, rank)``. The lower 24 bits of a rank are the number of its pair, so a rank says whose
 it is; the upper bits order pairs at equal times, and only then: from the left, from the right, or at random by a hash
@@ -12,7 +13,7 @@ from granular._kernels import kernel
 LEFT, RIGHT, RANDOM, GROUP = range(4)
 ORDER = {"left": LEFT, "right": RIGHT, "random": RANDOM, "newton": GROUP, "poisson": GROUP, "reflect": GROUP}
 """The last three solve a touching group as a whole, see `granular.edmd.groups`; groups apart act from the left."""
-PAIR = (1 << 24) - 1
+MASK = (1 << 24) - 1
 """Mask of the pair in a rank; scenes have at most that many pairs."""
 
 
@@ -22,7 +23,7 @@ def rank(c: int, order: int, seed: int, hits: int) -> int:
     if order in (LEFT, GROUP):
         return c
     if order == RIGHT:
-        return ((PAIR - c) << 24) | c
+        return ((MASK - c) << 24) | c
     return (mixed(mixed(mixed(seed & 0x7FFFFFFF) ^ c) ^ (hits & 0x7FFFFFFF)) << 24) | c
 
 

@@ -1,4 +1,5 @@
 """The compiled queue: a tournament tree over all pairs under the same event loop.
+May be skipped: faster, same results.
 
 Events, and so results, are those of `sorted_queue` bit for bit.
 """
@@ -18,7 +19,7 @@ from granular.edmd import sorted_queue
 from granular.edmd.collision import ROW, rest
 from granular.edmd.motion import predicted
 from granular.edmd.sorted_queue import SortedQueue
-from granular.edmd.ties import LEFT, PAIR, rank
+from granular.edmd.ties import LEFT, MASK, rank
 
 LONG, VERY_LONG = 100_000, 1_000_000
 """Work (in collisions) after which it pays to load the machine code, and to make it if it is not on the disk."""
@@ -27,7 +28,7 @@ LONG, VERY_LONG = 100_000, 1_000_000
 @kernel
 def head(queue: Any) -> tuple[float, int]:
     """Return the next event: its time and its pair."""
-    return queue[1].due, queue[1].key & PAIR
+    return queue[1].due, queue[1].key & MASK
 
 
 @kernel

@@ -1,4 +1,6 @@
-"""Force laws of soft contacts; F ≥ 0 repels. The engine, never the law, clips F at zero and gates it on ξ > 0."""
+"""Force laws of soft contacts; F ≥ 0 repels. The engine, never the law, clips F at zero and gates it on ξ > 0.
+May be skipped: names of the package only.
+"""
 
 from granular.laws.contact_law import PairLaw as PairLaw
 from granular.laws.contact_law import resolve as resolve

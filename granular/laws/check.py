@@ -1,4 +1,5 @@
 """Try each law before a run: a mistake in it is a sentence, not a wrong answer.
+May be skipped: arguments, no physics.
 
 A force that is no number, a trait that contradicts the force, or negative damping (a harder push while bodies part than
 while they approach, at the same overlap) is refused. What pulls is legal, and so is a force that sets in late

@@ -1,4 +1,5 @@
 """Does a force compute like a spring and a dashpot? Run it once on symbols and see.
+May be skipped: faster, same results.
 
 A law of one's own needs no trait for the exact path of linear laws: if its `force`, run on the symbols ξ and ξ̇, only
 adds them and multiplies them by numbers, then it *is* k ξ + γ ξ̇ for every overlap and rate. Any comparison, root or

@@ -1,4 +1,6 @@
-"""Any power of the overlap: F = k ξ^n, elastic."""
+"""Any power of the overlap: F = k ξ^n, elastic.
+May be skipped: one more law, like those of the spheres.
+"""
 
 from __future__ import annotations
 

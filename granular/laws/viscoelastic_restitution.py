@@ -1,4 +1,5 @@
 """Restitution and duration of an isolated viscoelastic collision of spheres, F = k ξ^(3/2) + γ √ξ ξ̇ ≥ 0.
+May be skipped: a table, beside the engines.
 
 In units of the length L = (m_eff v²/k)^(2/5) and the time L/v, v the approach speed, the overlap obeys
 
@@ -82,6 +83,7 @@ def peaks(b: float) -> tuple[float, float]:
     log_b1 = math.log1p(b)
     q, scale = math.sqrt(log_b1), math.exp(2.0 / 3.0 * log_b1)
     if not q < Q_END:
+        scale = math.pow(b, 2.0 / 3.0)
         return TURNING / scale, STRONGEST_END * scale
     piece, z = _place(q)
     return _horner(DEEPEST[piece], z) / scale, _horner(STRONGEST[piece], z) * scale

@@ -1,4 +1,6 @@
-"""Different stiffness in loading and unloading (Walton & Braun 1986): plastic loss without a rate."""
+"""Different stiffness in loading and unloading (Walton & Braun 1986): plastic loss without a rate.
+May be skipped: one more law, with memory.
+"""
 
 from __future__ import annotations
 

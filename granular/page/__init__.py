@@ -1,4 +1,5 @@
 """The teaching page and the player: one HTML file each that needs no network, no server and no framework.
+May be skipped: the teaching page, beside the engines.
 
 `assemble` puts a file together from the parts shipped beside it: ``shell`` (frame, style, time bar, charts),
 ``physics`` (both engines for linear contacts, event-located, in JavaScript), ``live`` (the teaching page), ``player``

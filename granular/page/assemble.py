@@ -1,4 +1,6 @@
-"""Put a page together: one HTML file from the shipped parts, nothing to load, nothing to run but what is inside."""
+"""Put a page together: one HTML file from the shipped parts, nothing to load, nothing to run but what is inside.
+May be skipped: the teaching page, beside the engines.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Write the pages: `live_page` with its own physics, `player_page` with recorded runs."""
+"""Write the pages: `live_page` with its own physics, `player_page` with recorded runs.
+May be skipped: the teaching page, beside the engines.
+"""
 
 from __future__ import annotations
 

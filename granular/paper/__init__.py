@@ -1,4 +1,5 @@
 """The figures of Müller & Pöschel, Phys. Rev. E 83, 041304 (2011), and some the paper does not have.
+May be skipped: figures of the paper, beside the engines.
 
 >>> from granular import paper
 >>> sorted(paper.FIGURES)[:3]

@@ -1,4 +1,6 @@
-"""The list of figures, and how one is written."""
+"""The list of figures, and how one is written.
+May be skipped: figures of the paper, beside the engines.
+"""
 
 from __future__ import annotations
 

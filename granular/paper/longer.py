@@ -1,4 +1,6 @@
-"""Longer scenes than the paper's: where they leave event-driven simulation, and which measure predicts its error."""
+"""Longer scenes than the paper's: where they leave event-driven simulation, and which measure predicts its error.
+May be skipped: figures beyond the paper, beside the engines.
+"""
 
 from __future__ import annotations
 

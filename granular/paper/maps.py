@@ -1,4 +1,6 @@
-"""Figures 4, 5 and 6: contacts and ε_eff/ε_spec over ε, Δh and R1/R2, as maps and as curves; and a map of validity."""
+"""Figures 4, 5 and 6: contacts and ε_eff/ε_spec over ε, Δh and R1/R2, as maps and as curves; and a map of validity.
+May be skipped: figures of the paper, beside the engines.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The choice of material: same ε, same γ, or the same material in both contacts."""
+"""The choice of material: same ε, same γ, or the same material in both contacts.
+May be skipped: figures beyond the paper, beside the engines.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Figures 1 and 2: the problem with its notation, and the forces of both contacts over time, ε = 0.7."""
+"""Figures 1 and 2: the problem with its notation, and the forces of both contacts over time, ε = 0.7.
+May be skipped: figures of the paper, beside the engines.
+"""
 
 from __future__ import annotations
 

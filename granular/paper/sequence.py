@@ -1,4 +1,6 @@
-"""Figures 3, 7 and 8: when the two balls touch, over ε or over a material; and as the adiabatic theory has it."""
+"""Figures 3, 7 and 8: when the two balls touch, over ε or over a material; and as the adiabatic theory has it.
+May be skipped: figures of the paper, beside the engines.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
 """The setting that all figures of the paper share; what the paper leaves open is chosen here.
+May be skipped: figures of the paper, beside the engines.
 
 R1 = 0.1 m, R2 = 0.01 m, k = 5e7 N/m, Δh = 1e-4 m, z1 = 0.6 m (the centre of the lower ball, held as R1 varies),
 g = 9.81 m/s² and ρ = 900 kg/m³, which makes all of the paper's observations true. Times count from the first contact

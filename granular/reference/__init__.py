@@ -1,4 +1,5 @@
 """An independent solution of a scene, against which engines are judged, with an estimate of its own error.
+May be skipped: it measures ourselves.
 
 Power laws F = k ξ^p + γ ξ^d ξ̇ are solved by Taylor series in 34 digits (needs mpmath), any other law by scipy's
 DOP853 restarted at events. Neither shares code with `granular.md`'s methods. Each scene is solved twice, the second

@@ -1,4 +1,5 @@
 """A scene from event to event, whoever moves it: contacts begin and end, a stop condition holds, rest is rest.
+May be skipped: it measures ourselves.
 
 Between two contacts everything flies on parabolas and is moved there in closed form.
 """

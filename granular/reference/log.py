@@ -1,4 +1,6 @@
-"""What a reference solution says: contacts to more digits than a double has, and how far they can be trusted."""
+"""What a reference solution says: contacts to more digits than a double has, and how far they can be trusted.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 

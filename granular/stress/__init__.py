@@ -1,4 +1,5 @@
 """Stiff and extreme cases: does each method survive, and does it say so when it does not?
+May be skipped: it measures ourselves.
 
 >>> import granular as gr
 >>> print(gr.stability(quick=True))                # doctest: +SKIP

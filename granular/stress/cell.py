@@ -1,4 +1,6 @@
-"""A cell of the table: what is run, what truth it is judged by, and to what tolerance."""
+"""A cell of the table: what is run, what truth it is judged by, and to what tolerance.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 

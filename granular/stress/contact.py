@@ -1,4 +1,6 @@
-"""One contact at every extreme: its restitution is known in closed form, so every cell has an exact truth."""
+"""One contact at every extreme: its restitution is known in closed form, so every cell has an exact truth.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 

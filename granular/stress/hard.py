@@ -1,4 +1,6 @@
-"""Hard spheres: exact rational runs, collapse, Zeno's ball, ties, and the edges of floating point."""
+"""Hard spheres: exact rational runs, collapse, Zeno's ball, ties, and the edges of floating point.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 

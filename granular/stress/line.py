@@ -1,4 +1,6 @@
-"""Lines of balls: symmetries and invariants of Newton's equation, and what is known of chains and of equal balls."""
+"""Lines of balls: symmetries and invariants of Newton's equation, and what is known of chains and of equal balls.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Force laws as users write them, without traits."""
+"""Force laws as users write them, without traits.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""`StabilityReport`: the table, in words, in JSON and in Markdown."""
+"""`StabilityReport`: the table, in words, in JSON and in Markdown.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 

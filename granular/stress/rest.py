@@ -1,4 +1,6 @@
-"""How runs end: a pile that lies still goes on to the end time, to its equilibrium; others end before their samples."""
+"""How runs end: a pile that lies still goes on to the end time, to its equilibrium; others end before their samples.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 

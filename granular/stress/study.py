@@ -1,4 +1,6 @@
-"""`stability`: run the cells of the chosen axes and methods, each within a wall-clock limit, and give the verdicts."""
+"""`stability`: run the cells of the chosen axes and methods, each within a wall-clock limit, and give the verdicts.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Truths that need no other engine: closed forms, invariants, and symmetries of Newton's equation."""
+"""Truths that need no other engine: closed forms, invariants, and symmetries of Newton's equation.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 

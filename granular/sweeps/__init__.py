@@ -1,4 +1,5 @@
 """`sweep`: any parameter of a scene × any other × any result, as an `xarray.Dataset`.
+May be skipped: many runs of the same engines.
 
 =============  =====================================================================================================
 `axes`         what is varied: values, and their text form ``0.3:1:300:log``

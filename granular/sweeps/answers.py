@@ -1,4 +1,6 @@
-"""Results of some cells, as they come in."""
+"""Results of some cells, as they come in.
+May be skipped: many runs of the same engines.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""What a sweep varies: the values of parameters, and their text form."""
+"""What a sweep varies: the values of parameters, and their text form.
+May be skipped: many runs of the same engines.
+"""
 
 from __future__ import annotations
 

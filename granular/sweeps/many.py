@@ -1,4 +1,6 @@
-"""Many cells in one compiled call: what the located engine would give one by one, bit for bit."""
+"""Many cells in one compiled call: what the located engine would give one by one, bit for bit.
+May be skipped: faster, same results.
+"""
 
 from __future__ import annotations
 

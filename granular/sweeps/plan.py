@@ -1,4 +1,6 @@
-"""What is asked of every cell, as a value that travels to other processes."""
+"""What is asked of every cell, as a value that travels to other processes.
+May be skipped: many runs of the same engines.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Boundaries between contact counts, found by bisection of many intervals at once."""
+"""Boundaries between contact counts, found by bisection of many intervals at once.
+May be skipped: many runs of the same engines.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""What can be asked of every cell, with its dimensions and units; and the answers, cell by cell or many at once."""
+"""What can be asked of every cell, with its dimensions and units; and the answers, cell by cell or many at once.
+May be skipped: many runs of the same engines.
+"""
 
 from __future__ import annotations
 

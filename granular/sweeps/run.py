@@ -1,4 +1,6 @@
-"""`sweep`: any parameter × any parameter × any result."""
+"""`sweep`: any parameter × any parameter × any result.
+May be skipped: many runs of the same engines.
+"""
 
 from __future__ import annotations
 

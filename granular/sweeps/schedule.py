@@ -1,4 +1,6 @@
-"""Batches of cells, on this process or on any ``concurrent.futures.Executor``."""
+"""Batches of cells, on this process or on any ``concurrent.futures.Executor``.
+May be skipped: many runs of the same engines.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The data set of a sweep, its file, and how an interrupted sweep goes on."""
+"""The data set of a sweep, its file, and how an interrupted sweep goes on.
+May be skipped: many runs of the same engines.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
 """What is swept: a ready-made case, a function that makes cases, a TOML file, or a `Case`; and its parameters by name.
+May be skipped: many runs of the same engines.
 
 A name is a path, such as ``gap``, ``radii[0]``, ``law.k`` (of all pairs), ``law[0].k``, ``run.dt``. The parameters of
 a file are the numbers in its tables, those of a `Case` its fields, and there the first word may be left out:

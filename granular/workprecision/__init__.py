@@ -1,4 +1,6 @@
-"""Error against run time for one scene: `frontier(scene, law) -> Frontier`, the work-precision diagram."""
+"""Error against run time for one scene: `frontier(scene, law) -> Frontier`, the work-precision diagram.
+May be skipped: it measures ourselves.
+"""
 
 from granular.workprecision.result import Row
 from granular.workprecision.run import Frontier, frontier

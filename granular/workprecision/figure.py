@@ -1,8 +1,11 @@
-"""The figure of a frontier: error over run time, one line a method, readable in grey print."""
+"""The figure of a frontier: error over run time, one line a method, readable in grey print.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 
 import math
+from itertools import cycle
 from os import PathLike
 from textwrap import fill
 from typing import Any
@@ -24,7 +27,7 @@ FAMILIES = {
     "": {"located": _look("#0b3c6f", "-", "*", "located (default)", 1.8, 11.0) | {"zorder": 5},
          "edmd": _look("#000000", "none", "p", "event-driven (hard spheres)", size=8.0)},
     "fixed step (dt)": {x.name: _look("#c1440e", "--", marker, x.label)
-                        for x, marker in zip(INTEGRATORS.values(), "os^D", strict=True)},
+                        for x, marker in zip(INTEGRATORS.values(), cycle("os^D"), strict=False)},
     "SciPy, restarted at events (rtol)": {f"{name}+events": _look("#3f8f5f", "-", marker, f"{label}, events")
                                           for name, (marker, label) in MARKERS.items()},
     "SciPy, no events (rtol)": {name: _look("#8a8a8a", ":", *look) for name, look in MARKERS.items()},

@@ -1,4 +1,6 @@
-"""The methods of this package that are put to the test, each with the settings to try."""
+"""The methods of this package that are put to the test, each with the settings to try.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""What a user would write with scipy: the same equations, clipped forces, with and without events."""
+"""What a user would write with scipy: the same equations, clipped forces, with and without events.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The error of a run against the reference; rows of error and run time, and what follows from them."""
+"""The error of a run against the reference; rows of error and run time, and what follows from them.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""`frontier`: solve one scene by many methods at many settings, and measure error and run time."""
+"""`frontier`: solve one scene by many methods at many settings, and measure error and run time.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 

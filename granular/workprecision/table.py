@@ -1,4 +1,6 @@
-"""A frontier in words and numbers: the table in the terminal, and what JSON has of it."""
+"""A frontier in words and numbers: the table in the terminal, and what JSON has of it.
+May be skipped: it measures ourselves.
+"""
 
 from __future__ import annotations
 

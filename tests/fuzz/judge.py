@@ -136,7 +136,7 @@ def grazes(numbers: dict[str, Any]) -> bool:
 
 
 def drifts(numbers: dict[str, Any], scale: dict[str, Any]) -> bool:
-    """Whether balls go side by side at the end but for rounding: whether they approach, nobody knows."""
+    """Whether balls go side by side at the end except for rounding: whether they approach, nobody knows."""
     rates = np.diff(numbers["velocity"][-1])
     return bool(((rates != 0.0) & (abs(rates) < 1e-12 * scale["velocity"])).any())
 

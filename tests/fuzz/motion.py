@@ -20,7 +20,7 @@ def march(
     s: Any, y: Any, t_end: Any, until: Any, separated: bool, columns: int, rows: Any, times: Any, sampled: Any,
     most: int,
 ) -> Any:  # fmt: skip
-    """March to `t_end` (negative: for ever) or the stop; return why it ended, rows of the log, samples, steps."""
+    """March to `t_end` (negative: forever) or the stop; return why it ended, rows of the log, samples, steps."""
     n, k, done, steps = len(s.kind), 0, 0, 0
     new, trial = np.zeros_like(y), np.zeros_like(y)
     if start(s, y, until) == UNTIL:
@@ -63,7 +63,7 @@ def march(
             continue
         prepare(s, y)
         if t_end < 0.0 and s.number[T] > 1e9 * last and last > 0.0:
-            return TIRED, k, done, steps  # at rest for ever
+            return TIRED, k, done, steps  # at rest forever
         h = try_step(s, y, columns, left if t_end >= 0.0 else -1.0 + 0.0 * left, new)
         c, which = earliest(s, y, h, columns, new, trial)
         if c >= 0:

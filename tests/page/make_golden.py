@@ -94,7 +94,8 @@ def verdict_of(report):
 
 KINDS = (
     ("No verdict", "no verdict"), ("is not over", "lasting"), ("Not uniquely", "not uniquely"),
-    ("Not ball by ball", "not ball by ball"), ("Yes, but for timing", "timing"), ("Yes: outcomes agree", "yes, ties"),
+    ("Not ball by ball", "not ball by ball"), ("Yes, except for timing", "timing"),
+    ("Yes: outcomes agree", "yes, ties"),
     ("though contacts overlap", "yes, overlap"), ("Yes: every contact", "yes"), ("No: outcomes are off", "off"),
     ("contact", "counts"),
 )  # fmt: skip

@@ -12,7 +12,7 @@ for (const scene of new Set(cases.map((c) => c.scene))) {
   });
 }
 
-test("rises are decided but for a few balls thrown very high", () => {
+test("rises are decided except for a few balls thrown very high", () => {
   const known = cases.flatMap(({ soft, hard }) => [soft.rise, hard.rise]).filter((rise) => rise !== null);
   assert.ok(known.length > 400 && undecided.length < 0.02 * known.length, `${undecided.length} of ${known.length}`);
 });

@@ -3,7 +3,7 @@
 `Run` follows one scene, `solve_many` a map of small ones in a single compiled call.
 """
 
-from granular.md.located.batch import Many, Scenes, solve_many, solve_rows
+from granular.md.located.many import Many, Scenes, solve_many, solve_rows
 from granular.md.located.run import Run
 
 __all__ = ["Many", "Run", "Scenes", "solve_many", "solve_rows"]

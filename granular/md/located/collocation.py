@@ -9,22 +9,23 @@ nodes, for a kink between an end and the outermost node shows at no node; if not
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import legendre, polynomial
+from numpy.polynomial import Legendre, Polynomial, legendre
 
 from granular._check import Array
 from granular.laws.check import no_number
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws
-from granular.md.located.events import NOTHING
-from granular.md.located.piece import value
-from granular.md.located.records import ACTIVE, DORMANT, OPEN, ORDER, RESIDUAL
+from granular.md.located.pieces import value
+from granular.md.located.resting import lie_still
 from granular.md.located.signs import next_event
-from granular.md.located.steps import amplitude
-from granular.md.located.still import lie_still
+from granular.md.located.step_size import amplitude
+from granular.md.located.system import ACTIVE, DORMANT, OPEN, ORDER, RESIDUAL
 
 POINTS = 16
 SWEEPS = 40
@@ -47,30 +48,6 @@ HYSTERESIS = 1e-13
 """Where an interpolated force is within this part of its largest value in the piece, its sign is in doubt."""
 
 
-def _shifted_legendre() -> Array:
-    """Coefficients in τ of the Legendre polynomials in 2τ - 1, one per row."""
-    rows = np.zeros((POINTS, POINTS))
-    for k in range(POINTS):
-        power = legendre.leg2poly([0.0] * k + [1.0])
-        out = np.zeros(1)
-        for c in power[::-1]:
-            out = polynomial.polyadd(polynomial.polymul(out, [-1.0, 2.0]), [c])
-        rows[k, : k + 1] = np.round(out[: k + 1])
-    return rows
-
-
-_X, _WEIGHT = legendre.leggauss(POINTS)
-NODES = 0.5 * (_X + 1.0)
-TO_LEGENDRE = legendre.legvander(_X, POINTS - 1).T * _WEIGHT * (np.arange(POINTS)[:, None] + 0.5)
-TO_POWERS = _shifted_legendre()
-LOOKS = np.concatenate([[0.0], 0.5 * (NODES[1:] + NODES[:-1]), [1.0]])
-"""Where the law is asked whether the interpolant holds: both ends, and between the nodes."""
-TO_LOOKS = legendre.legvander(2.0 * LOOKS - 1.0, POINTS - 1) @ TO_LEGENDRE
-"""Values there of what is given at the nodes."""
-NEAR = np.array([1.0 - NODES[-1], *[1.0 / POINTS] * (POINTS - 1), 1.0 - NODES[-1]])
-"""Share of the step for which each of them stands."""
-
-
 def _integrals(places: Array) -> Array:
     """Integrals from 0 to some places in [-1, 1] of what is given at the nodes."""
     powers = [(legendre.legint([0.0] * k + [0.5], lbnd=-1), k + 1) for k in range(POINTS)]
@@ -79,12 +56,20 @@ def _integrals(places: Array) -> Array:
     return out
 
 
+_X, _WEIGHT = legendre.leggauss(POINTS)
+_BASIS = [Legendre.basis(k, domain=[0.0, 1.0]).convert(kind=Polynomial).coef for k in range(POINTS)]
+NODES = 0.5 * (_X + 1.0)
+TO_LEGENDRE = legendre.legvander(_X, POINTS - 1).T * _WEIGHT * (np.arange(POINTS)[:, None] + 0.5)
+TO_POWERS = np.array([np.pad(np.round(row), (0, POINTS - len(row))) for row in _BASIS])
+"""Coefficients in τ of the Legendre polynomials in 2τ - 1, one per row."""
+LOOKS = np.concatenate([[0.0], 0.5 * (NODES[1:] + NODES[:-1]), [1.0]])
+"""Where the law is asked whether the interpolant holds: both ends, and between the nodes."""
+TO_LOOKS = legendre.legvander(2.0 * LOOKS - 1.0, POINTS - 1) @ TO_LEGENDRE
+"""Values there of what is given at the nodes."""
+NEAR = np.array([1.0 - NODES[-1], *[1.0 / POINTS] * (POINTS - 1), 1.0 - NODES[-1]])
+"""Share of the step for which each of them stands."""
 INTEGRATE, INTEGRATE_TO_LOOKS = _integrals(_X), _integrals(2.0 * LOOKS - 1.0)
 """Integrals from 0 to each node, and to each look, of what is given at the nodes."""
-
-
-def _own_speeds(pairs: list[Any]) -> Array:
-    return np.array([p.own_speed if p.own_speed > 0.0 else 1.0 for p in pairs])
 
 
 class Collocation:
@@ -92,35 +77,13 @@ class Collocation:
 
     def __init__(self, laws: SceneLaws) -> None:
         self.laws = list(laws)
-        self.doubt = [0.0] * len(laws)  # N, of the interpolated forces of the current pieces
-        self.largest = [0.0] * len(laws)  # N, force since the balls of the pair last parted
-        self.deepest = [0.0] * len(laws)  # m, overlap since then
 
-    def force(self, c: int, xi: float, eta: float, top: float, loading: int) -> float:
-        """Unclipped force in N of pair `c`; beyond ξ = 0 or the largest overlap so far, on its branch, a mirror image.
-
-        Images serve interpolation only; they keep value and slope, so that the law's own branches end at events.
-        """
+    def force(self, p: Any, xi: float, eta: float = 0.0) -> float:
+        """Unclipped force in N of a pair on the branch that it is on."""
         try:
-            return self._evaluate(self.laws[c], xi, eta, top, loading)
+            return on_branch(self.laws[p.number], xi, eta, p.top, p.loading)
         except OverflowError:  # the trial step is too long
             return math.inf
-
-    @staticmethod
-    def _evaluate(law: PairLaw, xi: float, eta: float, top: float, loading: int) -> float:
-        unloading = law.memory and not loading
-
-        def branch(xi: float, eta: float) -> float:
-            return law.force(xi, eta, top if unloading else max(top, xi))
-
-        if law.memory and loading and top > 0.0 and xi < top:  # loading goes on as it is above the old maximum
-            return branch(top, eta) + branch(top, -eta) - branch(2.0 * top - xi, -eta)
-        if xi < 0.0:
-            image = branch(min(-xi, top) if unloading else -xi, -eta)
-            return branch(EDGE, eta) + branch(EDGE, -eta) - image
-        if unloading and xi > top:
-            return branch(top, eta) + branch(top, -eta) - branch(max(0.0, 2.0 * top - xi), -eta)
-        return branch(xi, eta)
 
     @np.errstate(over="ignore", invalid="ignore")  # trial steps may be far too long
     def fill(self, records: list[Any], pool: list[Any], lo: int, tol: float) -> float:
@@ -131,104 +94,72 @@ class Collocation:
         reach = 0.2 * block.length / block.speed if block.speed > 0.0 else 1.0
         if block.stride > 0.0 and block.clock == 1:
             reach = block.stride
-        allowed, speeds = max(tol, SMALLEST), _own_speeds(pairs)
-        self._check_start(pairs, lo)
-        if lie_still(pairs, partial(self._at_rest, pairs, lo)):
+        allowed, shortest = max(tol, SMALLEST), HOPELESS * reach
+        self._check(pairs, [0.0])
+        if lie_still(pairs, self.force):
             return 0.0
-        shortest = HOPELESS * reach
         while True:
             block.h = reach if block.clock == 1 else math.sqrt(reach)
-            force, misses, rough = self._iterate(pairs, lo, block.h, block.clock)
-            miss = float((misses / speeds).max())
+            force, misses, rough = self._iterate(pairs)
+            miss = float((misses / _own_speeds(pairs)).max())
             if (miss <= allowed and rough <= PRECISE) or not reach > shortest:
                 break
             if miss < math.inf:  # so long a step converges; a far shorter one crosses a jump
                 shortest = max(shortest, SHORTEST * reach)
             elif reach * block.speed < SHORT * block.length:
-                self._check_nodes(pairs, lo, block.h, block.clock)
+                self._check(pairs, ((block.h * NODES) ** block.clock).tolist())
             reach *= 0.5
         growth = (allowed / miss) ** (1.0 / POINTS) if miss > 0.0 else 2.0
         block.stride = reach * min(2.0, 0.9 * growth)
-        self._write(pairs, lo, force, block.h, block.clock)
-        if self._write_jumps(pairs, lo, reach):
-            _integrate(pairs, block.h, block.clock)
+        self._write(pairs, force, reach)
         return float(misses.max()) / block.speed if block.speed > 0.0 else 0.0
 
-    def _at_rest(self, pairs: list[Any], lo: int, i: int, xi: float) -> float:
-        """Force in N of a pair at an overlap, at rest."""
-        return self.force(lo + i, xi, 0.0, pairs[i].top, pairs[i].loading)
+    def next_event(self, p: Any, span: float, work: Any) -> tuple[float, int]:
+        """Return the τ of the first event of a pair that overlaps within [0, span], inf without, and which it is."""
+        asked = partial(self._pushes, p, 1e-3 * (p.deepest or p.own_length))
+        return next_event(p, asked, partial(self._idles, p), p.doubt, span, work)
 
-    def _write_jumps(self, pairs: list[Any], lo: int, reach: float) -> bool:
-        """Write forces that jump within a short step as straight lines, not to overshoot; return if there are any."""
-        found = False
-        for c, p in enumerate(pairs, lo):
-            if p.mode == ACTIVE and reach * p.own_speed < SHORT * p.own_length:
-                first = self.force(c, p.xi, p.eta, p.top, p.loading)
-                last = self.force(c, value(p.x, 1.0), value(p.e, 1.0), p.top, p.loading)
-                off = max(abs(p.f[0] - first), abs(value(p.f, 1.0) - last))
-                if off > SHORT * self.largest[c]:
-                    p.f = [first, last - first] + [0.0] * (ORDER - 1)
-                    p.g, found = list(p.f), True
-        return found
+    def is_clipped(self, p: Any) -> bool:
+        """Return whether the law gives no push to balls that overlap from the start."""
+        return not self.laws[p.number].force(p.xi, p.eta, p.xi) > 0.0
 
-    def locate(self, records: list[Any], pool: list[Any], lo: int, work: Any) -> None:
-        """Find the event that ends the piece of an island; it ends at τ = 1 if there is none."""
-        block = pool[records[lo].slot]
-        block.tau, block.fired, block.what = 1.0, -1, NOTHING
-        for c in range(lo, records[lo].hi):
-            p = pool[records[c].slot]
-            deep = self.deepest[c] or p.own_length
-            ask = partial(self._pushes, c, p, 1e-3 * deep)
-            tau, what = next_event(p, ask, partial(self._idles, c, p), self.doubt[c], block.tau, work)
-            if tau <= block.tau and what != NOTHING:
-                block.tau, block.fired, block.what = tau, c, what
-
-    def pushes_at_touch(self, c: int, p: Any) -> bool:
-        """Return whether pair `c`, which has just closed at a rate > 0, is pushed apart at once, and not only later."""
+    def pushes_at_touch(self, p: Any) -> bool:
+        """Return whether a pair that has just closed at a rate > 0 is pushed apart at once, and not only later."""
         depth = amplitude(p, p.eta * p.eta)
-        force = self.force(c, 1e-9 * depth, p.eta, 0.0, 1)
-        return force > 0.0 or (force == 0.0 and self.force(c, 1e-3 * depth, p.eta, 0.0, 1) > 0.0)
+        force = self.force(p, 1e-9 * depth, p.eta)
+        return force > 0.0 or (force == 0.0 and self.force(p, 1e-3 * depth, p.eta) > 0.0)
 
-    def _pushes(self, c: int, p: Any, shallow: float, tau: float, surely: bool = False) -> bool:
-        """Return whether the law of pair `c` pushes at τ (`surely`: beyond what rounding makes of a contact's end).
+    def _pushes(self, p: Any, shallow: float, tau: float, surely: bool = False) -> bool:
+        """Return whether the law of a pair pushes at τ (`surely`: beyond what rounding makes of a contact's end).
 
         Up to a `shallow` overlap the force of a contact may be 0 by underflow. Where it is 0 all about, any is sure.
         """
         xi = value(p.x, tau)
-        force = self.force(c, xi, value(p.e, tau), p.top, p.loading)
-        surely = surely and self.force(c, FLAT * p.x[0], p.e[0], p.top, p.loading) != 0.0
-        floor = SETTLED * self.largest[c] if surely else 0.0
+        force = self.force(p, xi, value(p.e, tau))
+        surely = surely and self.force(p, FLAT * p.x[0], p.e[0]) != 0.0
+        floor = SETTLED * p.largest if surely else 0.0
         return force > floor or (p.mode == ACTIVE and force == 0.0 and xi < shallow)
 
-    def _idles(self, c: int, p: Any, tau: float) -> bool:
-        """Return whether the law of pair `c` gives no force at τ, and none at slightly other overlaps."""
+    def _idles(self, p: Any, tau: float) -> bool:
+        """Return whether the law of a pair gives no force at τ, and none at slightly other overlaps."""
         xi, eta = value(p.x, tau), value(p.e, tau)
-        return all(self.force(c, xi * part, eta, p.top, p.loading) == 0.0 for part in (FLAT, 1.0, 2.0 - FLAT))
+        return all(self.force(p, xi * part, eta) == 0.0 for part in (FLAT, 1.0, 2.0 - FLAT))
 
-    def _check_start(self, pairs: list[Any], lo: int) -> None:
-        """Raise if a force at the start of the step is no number, or if nothing stops an overlap."""
-        for c, p in enumerate(pairs, lo):
-            if p.xi > 1e150:
+    def _check(self, pairs: list[Any], times: list[float]) -> None:
+        """Raise if nothing stops an overlap, or if a force is no number, at times in the step, by free flight."""
+        for p, t in product(pairs, times):
+            xi, eta = p.xi + (p.eta + 0.5 * p.pull * t) * t, p.eta + p.pull * t
+            if xi > 1e150:
                 raise ValueError(
-                    f"law of pair {c} is {self.laws[c].law!r}: it lets the bodies pass through each other, and their "
-                    f"overlap grows for ever; a law that stops them is needed, or a t_end."
+                    f"law of pair {p.number} is {self.laws[p.number].law!r}: it lets the bodies pass through each "
+                    f"other, and their overlap grows for ever; a law that stops them is needed, or a t_end."
                 )
-            if p.xi > 0.0 and p.mode != OPEN and p.mode != DORMANT:
-                self._check(c, p, p.xi, p.eta)
+            if p.mode in (ACTIVE, RESIDUAL) and (t > 0.0 or xi > 0.0):
+                force = self.force(p, xi, eta)
+                if not math.isfinite(force):
+                    raise no_number(self.laws[p.number], xi, eta, force)
 
-    def _check_nodes(self, pairs: list[Any], lo: int, h: float, q: int) -> None:
-        """Raise if a force in the shortest of steps from here, by free flight, is no number."""
-        for c, p in enumerate(pairs, lo):
-            if p.mode != OPEN and p.mode != DORMANT:
-                for t in ((h * NODES) ** q).tolist():
-                    self._check(c, p, p.xi + (p.eta + 0.5 * p.pull * t) * t, p.eta + p.pull * t)
-
-    def _check(self, c: int, p: Any, xi: float, eta: float) -> None:
-        force = self.force(c, xi, eta, p.top, p.loading)
-        if not math.isfinite(force):
-            raise no_number(self.laws[c], xi, eta, force)
-
-    def _iterate(self, pairs: list[Any], lo: int, h: float, q: int) -> tuple[Array, Array, float]:
+    def _iterate(self, pairs: list[Any]) -> tuple[Array, Array, float]:
         """Return the forces (pairs, nodes) at the nodes, and errors, inf if they diverge: of each rate, and of forces.
 
         The latter as a part of the largest force of a contact at the pair's own speed.
@@ -236,89 +167,127 @@ class Collocation:
         lower, own, upper, pull, xi0, eta0 = np.array(
             [(p.lower, p.inverse, p.upper, p.pull, p.xi, p.eta) for p in pairs]
         ).T[:, :, None]
+        h, q = pairs[0].h, pairs[0].clock
         pace = q * h**q * NODES ** (q - 1)
         eta = eta0 + pull * (h * NODES) ** q
         xi = xi0 + (0.5 * (eta0 + eta)) * (h * NODES) ** q
         force, worst = np.zeros_like(eta), math.inf
         acts = np.array([p.mode == ACTIVE for p in pairs])
-        speeds, diverged = _own_speeds(pairs), np.full(len(pairs), math.inf)
-        strength = np.array([v * v / (p.inverse * amplitude(p, v * v)) for p, v in zip(pairs, speeds, strict=True)])
-        grain = self._grain(pairs, lo, xi, eta)
+        grain = self._grain(pairs, xi, eta)
         for _ in range(SWEEPS):
-            new = self._forces(pairs, lo, xi, eta)
+            new = self._forces(pairs, xi, eta)
             change, force = float(abs(new - force).max()), new
             if not change < 1e300 or change > 1e3 * worst:
-                return force, diverged, math.inf
-            acting = np.where(acts[:, None], force, 0.0)
-            below, above = np.zeros_like(acting), np.zeros_like(acting)
-            below[1:], above[:-1] = acting[:-1], acting[1:]
-            push = pull + lower * below - own * acting + upper * above
+                break
+            acting = np.pad(np.where(acts[:, None], force, 0.0), ((1, 1), (0, 0)))
+            push = pull + lower * acting[:-2] - own * acting[1:-1] + upper * acting[2:]
             eta = eta0 + (push * pace) @ INTEGRATE.T
             xi = xi0 + (eta * pace) @ INTEGRATE.T
             largest = float(abs(force).max())
             settled = change <= max(4e-16 * largest, float(grain.max()))
             if settled or (change < 1e-13 * largest and change >= worst):
-                tail = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1)
+                looks = (xi0 + (eta * pace) @ INTEGRATE_TO_LOOKS.T, eta0 + (push * pace) @ INTEGRATE_TO_LOOKS.T)
                 noise = np.maximum(4.0 * grain, np.where(acts, 0.0, HYSTERESIS * abs(force).max(axis=1)))
-                tail = np.where(tail > noise, tail, 0.0)
-                between = xi0 + (eta * pace) @ INTEGRATE_TO_LOOKS.T, eta0 + (push * pace) @ INTEGRATE_TO_LOOKS.T
-                off = abs(force @ TO_LOOKS.T - self._forces(pairs, lo, *between))
-                off = np.where(off > noise[:, None], off, 0.0)
-                miss = np.maximum(tail / POINTS, (off * NEAR).max(axis=1)) * own[:, 0]
-                strength = np.maximum(strength, abs(force).max(axis=1))
-                rough = np.maximum(tail, off.max(axis=1)) * acts / strength
-                return force, miss * h**q, float(rough.max())
+                miss, rough = _errors(pairs, force, abs(force @ TO_LOOKS.T - self._forces(pairs, *looks)), noise)
+                return force, miss * own[:, 0] * h**q, rough
             worst = change
-        return force, diverged, math.inf
+        return force, np.full(len(pairs), math.inf), math.inf
 
-    def _grain(self, pairs: list[Any], lo: int, xi: Array, eta: Array) -> Array:
+    def _grain(self, pairs: list[Any], xi: Array, eta: Array) -> Array:
         """How much of each force one rounding of its overlap moves, where that is far more than the force's own."""
-        here = self._forces(pairs, lo, xi, eta)
-        moved = abs(self._forces(pairs, lo, xi * (1.0 + ULP), eta) - here).max(axis=1)
+        here = self._forces(pairs, xi, eta)
+        moved = abs(self._forces(pairs, xi * (1.0 + ULP), eta) - here).max(axis=1)
         steep: Array = np.where(moved > 16.0 * ULP * abs(here).max(axis=1), moved, 0.0)
         return steep
 
-    def _forces(self, pairs: list[Any], lo: int, xi: Array, eta: Array) -> Array:
+    def _forces(self, pairs: list[Any], xi: Array, eta: Array) -> Array:
         """Forces at the nodes of all pairs that overlap; those of residual pairs do not act."""
         force = np.zeros_like(xi)
         for i, p in enumerate(pairs):
             if p.mode != OPEN and p.mode != DORMANT:
-                force[i] = self._along(lo + i, p, xi[i].tolist(), eta[i].tolist())
+                force[i] = self._along(p, xi[i].tolist(), eta[i].tolist())
         return force
 
-    def _along(self, c: int, p: Any, xi: list[float], eta: list[float]) -> list[float]:
-        """Forces of pair `c` at some overlaps and rates, without detours where no image is among them."""
-        law, at = self.laws[c], zip(xi, eta, strict=True)
+    def _along(self, p: Any, xi: list[float], eta: list[float]) -> list[float]:
+        """Forces of a pair at some overlaps and rates, without detours where no image is among them."""
+        law, at = self.laws[p.number], list(zip(xi, eta, strict=True))
         if not law.memory and min(xi) >= 0.0:
             ask, pair = law.law.force, law.pair
-            try:
+            with suppress(OverflowError):
                 return [float(ask(x, e, pair)) for x, e in at]
-            except OverflowError:
-                at = zip(xi, eta, strict=True)
-        return [self.force(c, x, e, p.top, p.loading) for x, e in at]
+        return [self.force(p, x, e) for x, e in at]
 
-    def _write(self, pairs: list[Any], lo: int, force: Array, h: float, q: int) -> None:
-        """Write the rows: forces from their interpolants (in g clipped ones too), rates and overlaps by integration."""
-        rows = (force @ TO_LEGENDRE.T) @ TO_POWERS
-        doubt = np.maximum(HYSTERESIS * abs(force).max(axis=1), 8.0 * abs(force @ TO_LEGENDRE[-2:].T).max(axis=1))
-        peaks = abs(force).max(axis=1).tolist()
-        for c, (p, noise, peak) in enumerate(zip(pairs, doubt.tolist(), peaks, strict=True), lo):
-            self.largest[c] = 0.0 if p.mode == OPEN else max(self.largest[c], peak)
-            self.deepest[c] = 0.0 if p.mode == OPEN else max(self.deepest[c], p.xi)
-            self.doubt[c] = max(noise, SETTLED * self.largest[c]) if p.mode == RESIDUAL else noise
-        for p, row in zip(pairs, rows.tolist(), strict=True):
-            series = row + [0.0] * (ORDER + 1 - POINTS)
-            p.f = series if p.mode == ACTIVE else [0.0] * (ORDER + 1)
-            p.g = list(series)
-        _integrate(pairs, h, q)
+    def _write(self, pairs: list[Any], force: Array, reach: float) -> None:
+        """Write the rows: forces from their interpolants (in g clipped ones too), rates and overlaps by integration.
+
+        Forces that jump within a short step become straight lines, not to overshoot.
+        """
+        tail, peaks = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1), abs(force).max(axis=1)
+        doubts = np.maximum(HYSTERESIS * peaks, 8.0 * tail)
+        rows = np.pad((force @ TO_LEGENDRE.T) @ TO_POWERS, ((0, 0), (0, ORDER + 1 - POINTS)))
+        for p, row, doubt, peak in zip(pairs, rows.tolist(), doubts.tolist(), peaks.tolist(), strict=True):
+            p.largest = 0.0 if p.mode == OPEN else max(p.largest, peak)
+            p.deepest = 0.0 if p.mode == OPEN else max(p.deepest, p.xi)
+            p.doubt = max(doubt, SETTLED * p.largest) if p.mode == RESIDUAL else doubt
+            p.f, p.g = row if p.mode == ACTIVE else [0.0] * (ORDER + 1), row.copy()
+        _integrate(pairs)
+        jumps = [self._jumps(p) for p in pairs if p.mode == ACTIVE and reach * p.own_speed < SHORT * p.own_length]
+        if any(jumps):
+            _integrate(pairs)
+
+    def _jumps(self, p: Any) -> bool:
+        """Write the force of a short step as a straight line if it jumps there; return whether it does."""
+        first, last = self.force(p, p.xi, p.eta), self.force(p, value(p.x, 1.0), value(p.e, 1.0))
+        jumps = bool(max(abs(p.f[0] - first), abs(value(p.f, 1.0) - last)) > SHORT * p.largest)
+        if jumps:
+            p.f = [first, last - first] + [0.0] * (ORDER - 1)
+            p.g = p.f.copy()
+        return jumps
 
 
-def _integrate(pairs: list[Any], h: float, q: int) -> None:
+def on_branch(law: PairLaw, xi: float, eta: float, top: float, loading: int) -> float:
+    """Force in N of a law; beyond ξ = 0 or the largest overlap so far, on its branch, a mirror image.
+
+    Images serve interpolation only; they keep value and slope, so that the law's own branches end at events.
+    """
+    unloading = law.memory and not loading
+
+    def branch(xi: float, eta: float) -> float:
+        return law.force(xi, eta, top if unloading else max(top, xi))
+
+    if law.memory and loading and top > 0.0 and xi < top:  # loading goes on as it is above the old maximum
+        mirror, image = top, 2.0 * top - xi
+    elif xi < 0.0:
+        mirror, image = EDGE, min(-xi, top) if unloading else -xi
+    elif unloading and xi > top:
+        mirror, image = top, max(0.0, 2.0 * top - xi)
+    else:
+        return branch(xi, eta)
+    return branch(mirror, eta) + branch(mirror, -eta) - branch(image, -eta)
+
+
+def _own_speeds(pairs: list[Any]) -> Array:
+    return np.array([p.own_speed if p.own_speed > 0.0 else 1.0 for p in pairs])
+
+
+def _errors(pairs: list[Any], force: Array, off: Array, noise: Array) -> tuple[Array, float]:
+    """Return errors of forces: what each misses on average, and the largest as a part of the force of its contact.
+
+    `off` is by how much the interpolants err between the nodes; up to `noise` it is rounding.
+    """
+    tail = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1)
+    tail, off = np.where(tail > noise, tail, 0.0), np.where(off > noise[:, None], off, 0.0)
+    stops = [v * v / (p.inverse * amplitude(p, v * v)) for p, v in zip(pairs, _own_speeds(pairs), strict=True)]
+    strength = np.maximum(np.array(stops), abs(force).max(axis=1))
+    rough = np.maximum(tail, off.max(axis=1)) * np.array([p.mode == ACTIVE for p in pairs]) / strength
+    return np.maximum(tail / POINTS, (off * NEAR).max(axis=1)), float(rough.max())
+
+
+def _integrate(pairs: list[Any]) -> None:
     """Write the rows of rates and overlaps from those of the forces."""
-    sigma, none = q * h**q, [0.0] * POINTS
-    for i, p in enumerate(pairs):
-        below = pairs[i - 1].f if i > 0 else none
-        above = pairs[i + 1].f if i + 1 < len(pairs) else none
+    q, none = pairs[0].clock, [0.0] * POINTS
+    sigma = q * pairs[0].h ** q
+    for below, p, above in zip([none, *(p.f for p in pairs)], pairs, [*(p.f for p in pairs[1:]), none], strict=False):
         p.x, p.e = [p.xi] + [0.0] * ORDER, [p.eta] + [0.0] * ORDER
         for n in range(POINTS):
             push = p.lower * below[n] - p.inverse * p.f[n] + p.upper * above[n] + (p.pull if n == 0 else 0.0)

@@ -1,24 +1,215 @@
-"""The log: what is kept of a contact from its begin to its end."""
+"""The life of a contact: how its pair changes mode at an event, and what the log keeps from its onset to its end."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from granular._kernels import kernel
-from granular._roots import first_up_crossing
-from granular.md.located.clock import elapsed, since, tick
-from granular.md.located.piece import integral, shift, slope, value
-from granular.md.located.powers import power
-from granular.md.located.records import ACTIVE, DAMPED, DORMANT, ELASTIC, ORDER
+from granular.md.located.events import GRAZE
+from granular.md.located.pieces import DRIFT, direction, elapsed, integral, peaks, power, since, tick
+from granular.md.located.system import ACTIVE, BEGIN, DORMANT, END, GENERAL, LINEAR, OPEN, PART, RELOAD, RESIDUAL, TURN
+
+NONE, SOME, AWAITED = range(3)
+"""What `engage` has found: no pair that touches at rest, some, or the contact at which the run is to stop."""
+
+
+@kernel
+def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws: Any) -> bool:
+    """Let the event happen that ends the piece of `block`; false if it meets the stop condition instead."""
+    c, what = block.fired, block.what
+    pair = pool[pairs[c].slot]
+    if what == BEGIN:
+        return begin(run, pairs, pool, bodies, c, block.speed, laws)
+    run.events += 1
+    if what == TURN:
+        pair.loading, pair.top, pair.eta = 0, pair.xi, min(0.0, pair.eta)
+    elif what == RELOAD:
+        pair.loading, pair.xi = 1, pair.top
+    elif (what == PART or pair.xi <= GRAZE * pair.own_length) and stays(pair, block.speed):
+        pair.mode, pair.xi = DORMANT, 0.0
+        halt(pairs, pool, bodies, c)
+    else:
+        if pair.begun == 1:
+            end_contact(run, pairs, pool, bodies, log, c)
+        if what == END:
+            pair.mode, pair.exact = RESIDUAL, 1
+        else:
+            pair.xi = pair.xi if pair.mode == DORMANT else 0.0
+            pair.mode, pair.exact, pair.top, pair.loading = OPEN, 0, 0.0, 1
+    return True
+
+
+@kernel
+def begin(run: Any, pairs: Any, pool: Any, bodies: Any, c: int, speed: float, laws: Any) -> bool:
+    """Let the force of pair `c` begin; it has touched, or its force has returned."""
+    pair = pool[pairs[c].slot]
+    if pair.mode == OPEN:
+        pair.xi = 0.0
+        if drifts(pair) or pair.eta < 0.0:  # grazed, or touching at rest
+            pair.eta = min(0.0, pair.eta)
+            return True
+        if turns(pairs, pool, c, speed):
+            halt(pairs, pool, bodies, c)
+            return True
+        if laws is not None:
+            pair.mode = OPEN if laws.pushes_at_touch(pair) else RESIDUAL
+            if pair.mode == RESIDUAL:
+                return True
+    return activate(run, pairs, pool, bodies, c)
+
+
+@kernel
+def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
+    """Begin the contact of pair `c`; false if the run is to stop just before."""
+    pair = pool[pairs[c].slot]
+    if pair.begun == 1:  # only slept for a moment
+        pair.mode = ACTIVE
+        return True
+    if is_awaited(run, pairs, c):
+        return False
+    if pair.mode != DORMANT:  # else it has been under way since it was touched
+        begin_contact(run, pairs, pool, bodies, c)
+    pair.exact = 1 if pair.mode == RESIDUAL else 0
+    pair.mode, pair.begun = ACTIVE, 1
+    pairs[c].count += 1
+    run.events += 1
+    run.begun += 1
+    return True
+
+
+@kernel
+def is_awaited(run: Any, pairs: Any, c: int) -> bool:
+    """Return whether the run is to stop just before the next contact of pair `c`."""
+    return bool(c == run.until_pair and pairs[c].count + 1 == run.until_nth)
+
+
+@kernel
+def stays(pair: Any, speed: float) -> bool:
+    """Return whether a pair that parts comes up to where it touches with no more energy than rounding.
+
+    So does a ball that gravity holds, and a law that is a function, has touched at rest and woken, by its rounding.
+    """
+    if pair.mode != ACTIVE:
+        return False
+    if pair.kind == GENERAL and pair.wake > 0.0 and drifts(pair):
+        return True
+    held = pair.kind != LINEAR and pair.pull > 0.0
+    return bool(held and pair.eta * pair.eta <= DRIFT * pair.noise * max(speed, speed_of_weight(pair)))
+
+
+@kernel
+def turns(pairs: Any, pool: Any, c: int, speed: float) -> bool:
+    """Return whether balls that gravity parts come up to where they touch with no more energy than rounding.
+
+    Alone in their flight they have no island that could feel it.
+    """
+    pair, lo = pool[pairs[c].slot], pairs[c].first
+    hi = pairs[lo].hi
+    for i in range(lo, hi):
+        speed = max(speed, speed_of_weight(pool[pairs[i].slot]))
+    return bool(pair.pull < 0.0 and hi - lo > 1 and pair.eta * pair.eta <= DRIFT * pair.noise * speed)
+
+
+@kernel
+def speed_of_weight(pair: Any) -> float:
+    """Return the speed in m/s that gravity gives the balls of a pair over the overlap at which their force balances."""
+    pull = abs(pair.pull)
+    return math.sqrt(2.0 * pull * power(pull / (pair.k * pair.inverse), 1.0 / pair.p))
+
+
+@kernel
+def halt(pairs: Any, pool: Any, bodies: Any, c: int) -> None:
+    """Take its rate from pair `c` of a block, by an impulse between its balls that their other neighbours feel too."""
+    pair, lo = pool[pairs[c].slot], pairs[c].first
+    impulse = pair.eta / pair.inverse
+    pair.eta = 0.0
+    bodies[c].v -= pair.lower * impulse
+    bodies[c + 1].v += pair.upper * impulse
+    if c > lo:
+        pool[pairs[c - 1].slot].eta += pair.lower * impulse
+    if c + 1 < pairs[lo].hi:
+        pool[pairs[c + 1].slot].eta += pair.upper * impulse
+
+
+@kernel
+def drifts(pair: Any) -> bool:
+    """Return whether the rate of a pair is no more than the noise it may hold."""
+    return bool(abs(pair.eta) <= DRIFT * pair.noise)
+
+
+@kernel
+def pushes(pair: Any) -> bool:
+    """Return whether the pair needs a power series: for its force, or to see its force return.
+
+    Else it is ballistic in closed form: open, clipped with φ = kξ + γη, or sure to part. In free flight φ = k ξ^s + γη
+    is convex for s ≥ 1 and a pull that is not negative; clipped now, and again when ξ = 0 is reached, it is clipped in
+    between.
+    """
+    if pair.mode != RESIDUAL or pair.s == 1.0:
+        return bool(pair.mode == ACTIVE or pair.mode == DORMANT)
+    parts = pair.s > 1.0 and pair.pull >= 0.0 and pair.eta < 0.0
+    return bool(not (parts and pair.eta * pair.eta > 2.0 * pair.pull * pair.xi))
+
+
+@kernel
+def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
+    """Make pairs dormant that touch at rest beside a force or under their own weight; return whether there were any.
+
+    Forces only push, so that such a contact is sure to begin at once, if no gravity pulls the pair apart.
+    """
+    found, lo, hi = NONE, run.lo, run.hi
+    for sweep in range(2):
+        for i in range(hi - lo):
+            c = lo + i if sweep == 0 else hi - 1 - i
+            pair = pool[pairs[c].slot]
+            if (pair.mode == OPEN and pair.xi == 0.0 and pair.eta == 0.0) and (
+                pair.pull > 0.0
+                or (c > lo and pushes(pool[pairs[c - 1].slot]))
+                or (c + 1 < hi and pushes(pool[pairs[c + 1].slot]))
+            ):
+                if is_awaited(run, pairs, c) and pair.pull >= 0.0:
+                    return AWAITED
+                begin_contact(run, pairs, pool, bodies, c)
+                pair.mode, found = DORMANT, SOME
+    return found
+
+
+@kernel
+def judge(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
+    """Open pairs that the computed series pulls apart from rest, close those it presses; return whether any changed."""
+    changed = False
+    for c in range(lo, hi):
+        pair = pool[pairs[c].slot]
+        if pair.kind != GENERAL and pair.xi == 0.0 and pair.eta == 0.0 and (pair.mode == DORMANT or pair.mode == OPEN):
+            way = direction(pair.x)
+            if way != 0.0 and (way > 0.0) == (pair.mode == OPEN):
+                pair.mode = DORMANT if pair.mode == OPEN else OPEN
+                changed = True
+    return changed
+
+
+@kernel
+def confirm(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, hi: int) -> bool:
+    """Begin the linear contacts the series presses together from rest; false if the run is to stop just before."""
+    for c in range(lo, hi):
+        pair = pool[pairs[c].slot]
+        if (
+            pair.mode == DORMANT
+            and pair.kind == LINEAR
+            and direction(pair.x) > 0.0
+            and not activate(run, pairs, pool, bodies, c)
+        ):
+            return False
+    return True
 
 
 @kernel
 def begin_contact(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> None:
     """Note the time and the velocities at which the contact of pair `c` begins (or might: it is dormant)."""
     pair = pool[pairs[c].slot]
-    pair.begin, pair.lasted, pair.impulse, pair.force_max, pair.xi_max = run.t, 0.0, 0.0, 0.0, pair.xi
-    pair.lower_in = velocity_now(bodies[c], run)
-    pair.upper_in = velocity_now(bodies[c + 1], run)
+    pair.t_begin, pair.duration, pair.impulse, pair.force_max, pair.xi_max = run.t, 0.0, 0.0, 0.0, pair.xi
+    pair.lower_in, pair.upper_in = velocity_now(bodies[c], run), velocity_now(bodies[c + 1], run)
 
 
 @kernel
@@ -30,7 +221,7 @@ def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) 
         return
     row = log[run.rows]
     run.rows += 1
-    row.pair, row.t_begin, row.t_end, row.duration = c, pair.begin, run.t, pair.lasted
+    row.pair, row.t_begin, row.t_end, row.duration = c, pair.t_begin, run.t, pair.duration
     row.lower_in, row.upper_in = pair.lower_in, pair.upper_in
     row.lower_out, row.upper_out = velocity_now(bodies[c], run), velocity_now(bodies[c + 1], run)
     row.xi_max, row.force_max, row.impulse = pair.xi_max, pair.force_max, max(0.0, pair.impulse)
@@ -39,36 +230,31 @@ def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) 
 @kernel
 def velocity_now(body: Any, run: Any) -> float:
     """Return the velocity of a body at the time of the event under way."""
-    v: float = body.v - body.fall * since(body, run.t, run.tail)
-    return v
+    return float(body.v - body.fall * since(body, run.t, run.tail))
 
 
 @kernel
 def follow(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau: float) -> None:
     """Add the stretch [0, τ] of the piece of the island that starts with `lo` to its contacts and its bodies."""
-    block, hi = pool[pairs[lo].slot], pairs[lo].hi
-    h, q = block.h, block.clock
-    dt, scale, below = elapsed(h, q, tau), elapsed(h, q, 1.0), 0.0
+    hi, block = pairs[lo].hi, pool[pairs[lo].slot]
+    h, q, below = block.h, block.clock, 0.0
+    dt = elapsed(h, q, tau)
     for c in range(lo, hi):
         pair, impulse = pool[pairs[c].slot], 0.0
         if pair.mode == ACTIVE:
-            impulse = scale * integral(pair.f, q, tau)
+            impulse = elapsed(h, q, 1.0) * integral(pair.f, q, tau)
             pair.impulse += impulse
-            if (c > lo and acts(pairs, pool, c - 1)) or (c + 1 < hi and acts(pairs, pool, c + 1)):
+            if (c > lo and pool[pairs[c - 1].slot].mode == ACTIVE) or (
+                c + 1 < hi and pool[pairs[c + 1].slot].mode == ACTIVE
+            ):
                 pairs[c].shared += impulse
             if run.log == 2:
                 peaks(pair, tau, work)
         if pair.mode == ACTIVE or pair.mode == DORMANT:
-            pair.lasted += dt
+            pair.duration += dt
         push(bodies[c], block, dt, below - impulse)
         below = impulse
     push(bodies[hi], block, dt, below)
-
-
-@kernel
-def acts(pairs: Any, pool: Any, c: int) -> bool:
-    """Return whether a pair of an island exerts a force."""
-    return bool(pool[pairs[c].slot].mode == ACTIVE)
 
 
 @kernel
@@ -77,44 +263,3 @@ def push(body: Any, block: Any, dt: float, impulse: float) -> None:
     body.v += body.inverse_mass * impulse - body.fall * (since(body, block.t, block.tail) + dt)
     body.t, body.tail = block.t, block.tail
     tick(body, dt)
-
-
-@kernel
-def peaks(pair: Any, tau: float, work: Any) -> None:
-    """Raise the largest overlap and force to those of the piece; its g is scratch, for φ has done its duty.
-
-    A force that does not depend on the rate is largest where the overlap is, and the law says it better than a series
-    far below the scale of its island. In a piece so short that a force of ξ^(1/4) hardly counts no series need hold:
-    no more than the law allows.
-    """
-    for j in range(ORDER + 1):
-        pair.g[j] = pair.e[j]
-    deepest = highest(pair.x, pair.g, tau, work)
-    pair.xi_max = max(pair.xi_max, deepest)
-    xi = max(0.0, deepest)
-    if pair.kind == ELASTIC:
-        pair.force_max = max(pair.force_max, pair.k * power(xi, pair.p))
-        return
-    slope(pair.f, pair.g)
-    force = highest(pair.f, pair.g, tau, work)
-    if pair.kind == DAMPED:
-        rate = max(abs(pair.e[0]), abs(value(pair.e, tau)))
-        force = min(force, 2.0 * (pair.k * power(xi, pair.p) + pair.gamma * power(xi, pair.d) * rate))
-    pair.force_max = max(pair.force_max, force)
-
-
-@kernel
-def highest(row: Any, rate: Any, tau: float, work: Any) -> float:
-    """Return the largest value of a row on [0, τ]; `rate`, of the sign of its slope, is used up."""
-    at, best = 0.0, max(float(row[0]), value(row, tau))
-    way = -1.0 if rate[0] > 0.0 else 1.0
-    for _ in range(ORDER):
-        step = first_up_crossing(rate, tau - at, work, way)
-        if not at + step < tau:
-            break
-        at += step
-        if way < 0.0:
-            best = max(best, value(row, at))
-        shift(rate, step)
-        rate[0], way = 0.0, -way
-    return best

@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array
-from granular.md.located.records import LINEAR
-from granular.md.located.resting import weight
+from granular.md.located.system import LINEAR
 
 LARGEST = 100
 """Pairs beyond which the proof is not tried: it costs their number cubed."""
@@ -30,36 +29,36 @@ SURE = 1e-6
 
 def matrices(pairs: list[Any]) -> Array:
     """The matrix A of ẏ = A y for small motions y = (ξ, η) about the current overlaps of touching pairs."""
+    k = np.array([p.k if p.p == 1.0 else p.k * p.p * p.xi ** (p.p - 1.0) for p in pairs])
+    gamma = np.array([p.gamma if p.d == 0.0 else p.gamma * p.xi**p.d for p in pairs])
+    lower, own, upper = np.array([(p.lower, -p.inverse, p.upper) for p in pairs]).T
+    w = np.diag(lower[1:], 1) + np.diag(own) + np.diag(upper[:-1], -1)
+    return np.block([[np.zeros_like(w), np.eye(len(pairs))], [w * k, w * gamma]])
+
+
+def swinging(pairs: list[Any], load: Array) -> float:
+    """Return what part of a static contact force still swings; inf if the forces are not proved positive forever.
+
+    `pairs` are the records of a pile of balls on a floor, `load` what each bears at rest, in N.
+    """
     n = len(pairs)
-    out = np.zeros((2 * n, 2 * n))
-    out[:n, n:] = np.eye(n)
-    for c, p in enumerate(pairs):
-        k = p.k if p.p == 1.0 else p.k * p.p * p.xi ** (p.p - 1.0)
-        gamma = p.gamma if p.d == 0.0 else p.gamma * p.xi**p.d
-        for i, w in ((c - 1, p.lower), (c, -p.inverse), (c + 1, p.upper)):
-            if 0 <= i < n:
-                out[n + i, c], out[n + i, n + c] = w * k, w * gamma
-    return out
-
-
-def swinging(pairs: list[Any], piled: int, bodies: list[Any]) -> float:
-    """Return what part of a static contact force still swings; inf if the forces are not proved positive forever."""
-    damped = all(p.kind == LINEAR and p.gamma > 0.0 for p in pairs[:piled])
-    if piled == 0 or bodies[piled].inverse_mass == 0.0 or not damped:
+    if n == 0 or not all(p.upper > 0.0 and p.kind == LINEAR and p.gamma > 0.0 for p in pairs):
         return math.inf
-    static = np.cumsum([weight(body) for body in bodies[piled:0:-1]])[::-1]
-    k, gamma = (np.array([getattr(p, name) for p in pairs[:piled]]) for name in ("k", "gamma"))
-    y = np.array([p.xi for p in pairs[:piled]] + [p.eta for p in pairs[:piled]])
-    y[:piled] -= static / k
-    rates, modes = np.linalg.eig(matrices(pairs[:piled]))
+    k, gamma, xi, eta = columns(pairs)
+    rates, modes = np.linalg.eig(matrices(pairs))
     if np.linalg.cond(modes) > 1e12 or rates.real.max() > 0.0:
         return math.inf
-    part = np.linalg.solve(modes, y.astype(complex))
-    force = (k[:, None] * modes[:piled] + gamma[:, None] * modes[piled:]) * part
+    part = np.linalg.solve(modes, np.concatenate([xi - load / k, eta]).astype(complex))
+    force = (k[:, None] * modes[:n] + gamma[:, None] * modes[n:]) * part
     lowest = np.where(rates.imag == 0.0, np.minimum(0.0, force.real), -abs(force)).sum(axis=1)
-    if not np.all(static + lowest > SURE * static):
+    if not np.all(load + lowest > SURE * load):
         return math.inf
-    return float((np.where(rates.imag == 0.0, 0.0, abs(force)).sum(axis=1) / static).max())
+    return float((np.where(rates.imag == 0.0, 0.0, abs(force)).sum(axis=1) / load).max())
+
+
+def columns(pairs: list[Any]) -> Array:
+    """Stiffness in N/m, damping in kg/s, overlaps in m and rates in m/s."""
+    return np.array([(p.k, p.gamma, p.xi, p.eta) for p in pairs]).T
 
 
 def slowest_decay(pairs: list[Any], closed: bool) -> float:
@@ -79,15 +78,13 @@ def slowest_decay(pairs: list[Any], closed: bool) -> float:
 class Creep:
     """The motion of a pile of linear contacts that stay closed forever, from an instant on."""
 
-    def __init__(self, pairs: list[Any], bodies: list[Any], above: float, closing: float) -> None:
-        """Start from the records of a pile on a floor, the overlap in m `above` it, and the speed of its walls."""
-        self.start, self.matrix = float(pairs[0].t), matrices(pairs)
-        self.above, self.closing = above, closing
-        self.k, self.gamma, self.xi, eta = (
-            np.array([getattr(p, name) for p in pairs]) for name in ("k", "gamma", "xi", "eta")
-        )
-        self.load = np.cumsum([weight(body) for body in bodies[:0:-1]])[::-1]
-        self.y = np.concatenate([self.xi - self.load / self.k, eta])
+    def __init__(self, pairs: list[Any], load: Array, above: Any, closing: float) -> None:
+        """Start from the records of a pile on a floor, the open pair above it if any, and the speed of its walls."""
+        self.start, self.matrix, self.load = float(pairs[0].t), matrices(pairs), load
+        self.pairs, self.above, self.closing = pairs, above, closing
+        self.k, self.gamma, self.xi, eta = columns(pairs)
+        self.gap = above.xi if above is not None else 0.0
+        self.y = np.concatenate([self.xi - load / self.k, eta])
 
     def after(self, elapsed: float) -> tuple[Array, Array, Array, Array]:
         """Overlaps (m), rates (m/s), forces (N), and impulses (N s) since the start, a time into the run."""
@@ -97,17 +94,30 @@ class Creep:
         push = np.linalg.solve(self.matrix[n:, :n] / self.k, change[n:])  # A_21 = -WK, and -W∫(F - F°) dt = Δη
         return y[:n] + self.load / self.k, y[n:], self.load + self.k * y[:n] + self.gamma * y[n:], self.load * dt + push
 
-    def flank(self, elapsed: float) -> tuple[float, float]:
-        """Overlap (m) and rate (m/s) of the open pair above the pile, whose gap grows as the pile sinks."""
-        xi, eta = self.after(elapsed)[:2]
-        dt = elapsed - self.start
-        return self.above + self.closing * dt - float((xi - self.xi).sum()), self.closing - float(eta.sum())
+    def show(self, elapsed: float) -> None:
+        """Put the state of a time into the run into the records; the gap above the pile grows as it sinks."""
+        xi, eta, force = self.after(elapsed)[:3]
+        for p, *now in zip(self.pairs, xi.tolist(), eta.tolist(), force.tolist(), strict=True):
+            p.x[0], p.e[0], p.f[0] = now
+        self.pairs[0].tau = 0.0
+        if self.above is not None:
+            dt = elapsed - self.start
+            self.above.x[0] = self.gap + self.closing * dt - float((xi - self.xi).sum())
+            self.above.e[0] = self.closing - float(eta.sum())
 
-    def highest(self, elapsed: float) -> tuple[Array, Array]:
-        """Largest overlaps and forces up to a time into the run: a creeping pile has them at its ends, or nearly so."""
-        looks = [self.after(self.start + (elapsed - self.start) * 0.5**i)[:3:2] for i in range(60)]
-        xi, force = (np.array(rows).max(axis=0) for rows in zip(*looks, strict=True))
-        return xi, force
+    def finish(self, elapsed: float) -> list[float]:
+        """Add the time up to the end of the run to the records of the contacts; return the impulse of each.
+
+        A creeping pile has its largest overlaps and forces at the ends of that time, or nearly so.
+        """
+        looks = [self.after(self.start + (elapsed - self.start) * 0.5**i) for i in range(60)]
+        impulse: list[float] = self.after(elapsed)[3].tolist()
+        for i, p in enumerate(self.pairs):
+            p.duration += elapsed - self.start
+            p.impulse += impulse[i]
+            p.xi_max = max(p.xi_max, *(xi[i] for xi, _, _, _ in looks))
+            p.force_max = max(p.force_max, *(force[i] for _, _, force, _ in looks))
+        return impulse
 
 
 def exponential_minus_one(a: Array, dt: float) -> Array:

@@ -15,12 +15,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from granular._kernels import kernel
 from granular._roots import first_up_crossing
-from granular.md.located.piece import value
-from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, OPEN
+from granular.md.located.pieces import value
+from granular.md.located.system import ACTIVE, BEGIN, DORMANT, ELASTIC, END, LINEAR, NOTHING, OPEN, PART
 
 DOUBT = 1e4
 """A pair at rest is taken to part at so many times the overlap at which it wakes: the first forces beside it, far below
@@ -28,89 +29,72 @@ rounding, may err to either side."""
 ALL_BUT = 0.1
 """Part of its overlap at which a pair that turns round had all but parted."""
 GRAZE = 1e-15
-"""Part of the typical overlap at which it has parted, but for rounding."""
-NOTHING, BEGIN, END, PART, TURN, RELOAD = range(6)
+"""Part of the typical overlap at which it has parted, except for rounding."""
 
 
 @kernel
-def locate(pairs: Any, pool: Any, lo: int, hi: int, span: float, work: Any) -> None:
+def locate(pairs: Any, pool: Any, lo: int, hi: int, span: float, work: Any, laws: Any) -> None:
     """Find the event that ends the piece of block lo … hi-1 on τ in [0, span]; it ends at `span` if there is none."""
     block = pool[pairs[lo].slot]
     block.tau, block.fired, block.what = span, -1, NOTHING
     for c in range(lo, hi):
-        tau, what = next_event(pool[pairs[c].slot], block.tau, work)
-        if tau <= block.tau and what != NOTHING:
+        pair = pool[pairs[c].slot]
+        tau, what = next_event(pair, block.tau, work, laws)
+        if tau <= block.tau:
             block.tau, block.fired, block.what = tau, c, what
             if tau == 0.0:
                 return
-        tau, what = rebound(pool[pairs[c].slot], block.tau, work)
-        if tau < block.tau:
-            block.tau, block.fired, block.what = tau, c if what == PART else -1, what
+        if laws is None:
+            tau, what = rebound(pair, block.tau, work)
+            if tau < block.tau:
+                block.tau, block.fired, block.what = tau, c if what == PART else -1, what
 
 
 @kernel
 def rebound(pair: Any, span: float, work: Any) -> tuple[float, int]:
-    """Return the τ at which a pair that all but parts turns round, or parts by rounding; `span` if it does neither.
+    """Return the τ at which a pair that all but parts turns round, or parts by rounding; inf if it does neither.
 
     There its series has to end: a ball that falls from a touch at rest comes back to it with ξ = g (t - t0)²/2, and
     ξ^1.5 ∝ |t - t0|³ goes on as (t - t0)³, with no sign of it in the coefficients.
     """
     if pair.mode != ACTIVE or pair.kind == LINEAR or not (pair.e[0] < 0.0 < value(pair.e, span)):
-        return span, NOTHING
+        return math.inf, NOTHING
     tau = first_up_crossing(pair.e, span, work)
-    if tau >= span:
-        return span, NOTHING
-    least = value(pair.x, tau)
+    least = value(pair.x, min(tau, span))
     if least <= GRAZE * pair.own_length:
         return tau, PART
-    return (tau, NOTHING) if least < ALL_BUT * pair.x[0] else (span, NOTHING)
+    return (tau, NOTHING) if least < ALL_BUT * pair.x[0] else (math.inf, NOTHING)
 
 
 @kernel
-def next_event(pair: Any, span: float, work: Any) -> tuple[float, int]:
-    """Return the τ of the first event of a pair within [0, span], and which it is."""
+def next_event(pair: Any, span: float, work: Any, laws: Any) -> tuple[float, int]:
+    """Return the τ of the first event of a pair within [0, span], inf without, and which it is."""
+    row, doubt, wake = pair.g, 0.0, 0.0
     if pair.mode == OPEN:
-        return named(first_up_crossing(pair.x, span, work), span, BEGIN)
-    if pair.mode == ACTIVE:
+        return first_up_crossing(pair.x, span, work), BEGIN
+    if pair.mode == DORMANT:  # pressed enough to wake, or parted; linear ones never sleep
+        if pair.kind == LINEAR:
+            return math.inf, NOTHING
+        row, doubt, wake = pair.x, DOUBT * pair.wake, pair.wake
+    elif laws is not None:
+        return laws.next_event(pair, span, work)  # type: ignore[no-any-return]
+    elif pair.mode == ACTIVE:
         asleep = DOUBT * pair.wake if pair.xi <= pair.wake and pair.kind == LINEAR else 0.0
         if pair.kind == ELASTIC or (pair.kind == LINEAR and pair.gamma == 0.0):
-            return named(falls(pair.x, asleep, span, work), span, PART)
+            return shifted(pair.x, asleep, span, work, -1.0), PART
         if pair.kind == LINEAR:
-            return named(falls(pair.f, pair.k * asleep, span, work), span, END)
-        return named(falls(pair.g, 0.0, span, work), span, END)
-    if pair.mode == DORMANT:
-        return next_of_dormant(pair, span, work)
-    tau, what = named(first_up_crossing(pair.x, span, work, -1.0), span, PART)
-    again, begin = named(first_up_crossing(pair.g, tau, work), tau, BEGIN)
-    return (again, begin) if begin == BEGIN else (tau, what)
+            return shifted(pair.f, pair.k * asleep, span, work, -1.0), END
+        return shifted(pair.g, 0.0, span, work, -1.0), END
+    parts = shifted(pair.x, doubt, span, work, -1.0)
+    again = shifted(row, -wake, min(parts, span), work, 1.0)
+    return (again, BEGIN) if again < math.inf else (parts, PART)
 
 
 @kernel
-def next_of_dormant(pair: Any, span: float, work: Any) -> tuple[float, int]:
-    """Return when a pair that touches at rest has been pressed enough to wake, or parts. (Linear ones never sleep.)"""
-    if pair.kind == LINEAR:
-        return span, NOTHING
-    xi = pair.x[0]
-    tau, what = named(falls(pair.x, DOUBT * pair.wake, span, work), span, PART)
-    pair.x[0] = xi - pair.wake
-    again, begin = named(first_up_crossing(pair.x, tau, work), tau, BEGIN)
-    pair.x[0] = xi
-    return (again, begin) if begin == BEGIN else (tau, what)
-
-
-@kernel
-def falls(row: Any, margin: float, span: float, work: Any) -> float:
-    """Return the first τ where a row, its sign in doubt by `margin`, goes from positive to negative."""
+def shifted(row: Any, by: float, span: float, work: Any, way: float) -> float:
+    """Return the first τ where a row, shifted by so much, goes up through zero (`way` 1) or down (-1); inf without."""
     first = row[0]
-    row[0] = first + margin
-    tau: float = first_up_crossing(row, span, work, -1.0)
+    row[0] = first + by
+    tau: float = first_up_crossing(row, span, work, way)
     row[0] = first
     return tau
-
-
-@kernel
-def named(tau: float, span: float, what: int) -> tuple[float, int]:
-    """Return the event if it lies within the piece."""
-    if tau <= span:
-        return tau, what
-    return span, NOTHING

@@ -12,16 +12,21 @@ so that it needs at least the least value on 0 ≤ ξ ≤ ξ° of
 F°²/(2 (k + γ²/m_eff)) for a dashpot; for γ = 0 it has to part, ξ = 0. Less energy than that in every contact: no force
 vanishes forever after, hence nothing opens, hence nothing else can happen. The equilibrium is the same at every look:
 loads are weights, and between two walls at rest the overlaps have a constant sum.
+
+Of a law that is a function it can only be seen that every force balances to rounding, at rest, and grows with the
+overlap. Then the balls stay where they are, until one arrives.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
+from granular._flight import time_to_contact
 from granular._kernels import kernel
-from granular.md.located.powers import power
-from granular.md.located.records import ACTIVE, ELASTIC, GENERAL, LINEAR, OPEN, ORDER
+from granular.md.located.pieces import power, write_flight
+from granular.md.located.system import ACTIVE, ELASTIC, GENERAL, LINEAR, OPEN
 
 NOT_YET, RESTS, BOUND = range(3)
 """Verdicts: nothing proved; rests, with damping in every contact; bound forever, but not damped in every contact."""
@@ -29,6 +34,12 @@ STILL = 1e-14
 """Part of the static overlaps, and of their natural rates, up to which a pile that rests is taken to be still."""
 LONG = 2.0**300
 """Scale in s of the piece of a pile that is still: longer than any run."""
+AtRest = Callable[[Any, float], float]
+"""Force in N of a pair at an overlap in m."""
+TANGENT = 1e-6
+"""Part of an overlap over which its stiffness is taken."""
+ROUNDING = 1e-11
+"""Part of the accelerations of a pair, and of its block's speed, up to which their sum, and its rate, is rounding."""
 
 
 @kernel
@@ -36,32 +47,33 @@ def verdict(run: Any, pairs: Any, pool: Any, bodies: Any, hi: int) -> int:
     """Return what is proved of the block of pairs 0 … hi-1; notes energy and barrier in the run's record."""
     if run.rests == 1:
         return RESTS
-    piled = pile(pairs, pool, bodies, run.pairs, hi)
+    piled = pile(pairs, pool, bodies, hi)
     if piled == 0:
         return NOT_YET
     if piled != run.piled:
         find_equilibrium(run, pairs, pool, bodies, piled)
-    energy = kinetic(pairs, pool, bodies, piled)
+    energy, damped = kinetic(pairs, pool, bodies, piled), 1
     if energy >= run.opening:
         return NOT_YET
-    load, damped = run.load, True
     for c in range(piled - 1, -1, -1):
-        pair = pool[pairs[c].slot]
-        load += weight(bodies[c + 1])
+        pair, load = pool[pairs[c].slot], static_load(run, bodies, c)
         energy += excess(pair, pair.xi, overlap_under(pair, load), load)
-        damped = damped and pair.gamma > 0.0
-    if energy >= run.opening:
-        return NOT_YET
+        damped = damped if pair.gamma > 0.0 else 0
     if run.barrier == math.inf:
-        run.barrier, load = run.opening, run.load
-        for c in range(piled - 1, -1, -1):
-            load += weight(bodies[c + 1])
-            run.barrier = min(run.barrier, hurdle(pool[pairs[c].slot], load))
+        run.barrier = run.opening
+        for c in range(piled):
+            run.barrier = min(run.barrier, hurdle(pool[pairs[c].slot], static_load(run, bodies, c)))
     run.energy = energy
     if energy >= (1.0 - 1e-9) * run.barrier:
         return NOT_YET
-    run.rests = 1 if damped else 0
-    return RESTS if damped else BOUND
+    run.rests = damped
+    return RESTS if damped == 1 else BOUND
+
+
+@kernel
+def static_load(run: Any, bodies: Any, c: int) -> float:
+    """Return the force in N that pair `c` of a pile bears at rest: the weight above it, and what a ceiling adds."""
+    return float(run.load + bodies[c + 1].load)
 
 
 @kernel
@@ -70,78 +82,55 @@ def find_equilibrium(run: Any, pairs: Any, pool: Any, bodies: Any, piled: int) -
 
     That is without damping, where it has to part; a `hurdle` is lower.
     """
-    load = squeeze(pairs, pool, bodies, piled) if bodies[piled].inverse_mass == 0.0 else 0.0
-    run.piled, run.load, run.opening, run.barrier = piled, load, math.inf, math.inf
-    for c in range(piled - 1, -1, -1):
-        load += weight(bodies[c + 1])
-        pair = pool[pairs[c].slot]
+    run.piled, run.opening, run.barrier = piled, math.inf, math.inf
+    run.load = squeeze(pairs, pool, bodies, piled) if bodies[piled].inverse_mass == 0.0 else 0.0
+    for c in range(piled):
+        pair, load = pool[pairs[c].slot], static_load(run, bodies, c)
         run.opening = min(run.opening, excess(pair, 0.0, overlap_under(pair, load), load))
 
 
 @kernel
-def is_still(run: Any, pairs: Any, pool: Any, bodies: Any) -> bool:
-    """Return whether a pile has come so near to its equilibrium that the difference is rounding."""
-    load = run.load
-    for c in range(run.piled - 1, -1, -1):
+def lies(run: Any, pairs: Any, pool: Any, bodies: Any, hi: int) -> bool:
+    """Return whether a pile is so near to its equilibrium that the difference is rounding; if so, put it there.
+
+    Its piece has no end; a wall above it may move on.
+    """
+    block = pool[pairs[0].slot]
+    for c in range(run.piled):
         pair = pool[pairs[c].slot]
-        load += weight(bodies[c + 1])
-        rest = overlap_under(pair, load)
+        rest = overlap_under(pair, static_load(run, bodies, c))
         rate = math.sqrt(pair.k * pair.p * power(rest, pair.p) / rest * pair.inverse)
         if abs(pair.xi - rest) > STILL * rest or abs(pair.eta) > STILL * rest * rate:
             return False
+    block.clock, block.h, block.tau, block.fired, pairs[0].due = 1, LONG, math.inf, -1, math.inf
+    for c in range(hi):
+        pair, load = pool[pairs[c].slot], 0.0
+        pair.eta = bodies[0].v - bodies[hi].v
+        if c < run.piled:
+            load = static_load(run, bodies, c)
+            pair.xi, pair.eta = overlap_under(pair, load), 0.0
+        write_flight(pair, LONG, 0.0, load)
     return True
 
 
 @kernel
-def lie(run: Any, pairs: Any, pool: Any, bodies: Any, hi: int, closing: float) -> None:
-    """Put a pile that is still into its equilibrium, with a piece that has no end; walls close at `closing` m/s."""
-    block, load = pool[pairs[0].slot], run.load
-    block.clock, block.h, block.tau, block.fired = 1, LONG, math.inf, -1
-    block.wait, pairs[0].due = math.inf, math.inf
-    for c in range(hi - 1, -1, -1):
-        pair = pool[pairs[c].slot]
-        for j in range(ORDER + 1):
-            pair.x[j], pair.e[j], pair.f[j], pair.g[j] = 0.0, 0.0, 0.0, 0.0
-        pair.eta = closing
-        if c < run.piled:
-            load += weight(bodies[c + 1])
-            pair.xi, pair.eta, pair.f[0], pair.g[0] = overlap_under(pair, load), 0.0, load, load
-        pair.x[0], pair.x[1], pair.e[0] = pair.xi, LONG * pair.eta, pair.eta
-
-
-@kernel
-def pile(pairs: Any, pool: Any, bodies: Any, n: int, hi: int) -> int:
-    """Return how many pairs from a floor up form a pile that holds every ball; 0 if they do not.
+def pile(pairs: Any, pool: Any, bodies: Any, hi: int) -> int:
+    """Return how many pairs from a floor up form a pile that holds every ball, in a block 0 … hi-1; 0 if they do not.
 
     Above it there may be a ceiling, out of reach and not coming down.
     """
-    if bodies[0].inverse_mass > 0.0:
+    piled, reach, n = 0, 0.0, len(pairs)
+    if bodies[0].inverse_mass > 0.0 or pairs[0].slot < 0:
         return 0
-    piled, reach = 0, 0.0
-    while piled < hi and bears(pairs[piled], pool):
+    while piled < hi and pool[pairs[piled].slot].mode == ACTIVE and pool[pairs[piled].slot].kind != GENERAL:
         reach += pool[pairs[piled].slot].xi
         piled += 1
     if piled == n:
-        still = bodies[n].inverse_mass > 0.0 or bodies[n].v == bodies[0].v
-        return n if still else 0
+        return n if bodies[n].inverse_mass > 0.0 or bodies[n].v == bodies[0].v else 0
     if piled == 0 or piled < n - 1 or bodies[n].inverse_mass > 0.0:
         return 0
-    above = pool[pairs[n - 1].slot]
-    if above.mode != OPEN:
-        return 0
-    return piled if -above.xi > reach and bodies[n].v >= bodies[0].v else 0
-
-
-@kernel
-def bears(pair: Any, pool: Any) -> bool:
-    """Return whether the force of a pair, a power law, can bear a ball now."""
-    return bool(pair.slot >= 0 and pool[pair.slot].mode == ACTIVE and pool[pair.slot].kind != GENERAL)
-
-
-@kernel
-def weight(body: Any) -> float:
-    """Return the weight of a ball in N, 0 for a wall."""
-    return body.fall / body.inverse_mass if body.inverse_mass > 0.0 else 0.0
+    above = pool[pairs[piled].slot]
+    return piled if above.mode == OPEN and -above.xi > reach and bodies[n].v >= bodies[0].v else 0
 
 
 @kernel
@@ -158,23 +147,17 @@ def kinetic(pairs: Any, pool: Any, bodies: Any, piled: int) -> float:
 @kernel
 def squeeze(pairs: Any, pool: Any, bodies: Any, piled: int) -> float:
     """Return the force in N on the ceiling that closes a pile: the static overlaps must add up to those there are."""
-    total = 0.0
+    total, low, high = 0.0, 0.0, 0.0
     for c in range(piled):
         total += pool[pairs[c].slot].xi
-    low, high = 0.0, 0.0
     for c in range(piled):
         pair = pool[pairs[c].slot]
         high = max(high, pair.k * power(total, pair.p))
     for _ in range(100):
-        middle = 0.5 * (low + high)
-        load, room = middle, total
+        middle, room = 0.5 * (low + high), total
         for c in range(piled - 1, -1, -1):
-            load += weight(bodies[c + 1])
-            room -= overlap_under(pool[pairs[c].slot], load)
-        if room > 0.0:
-            low = middle
-        else:
-            high = middle
+            room -= overlap_under(pool[pairs[c].slot], middle + bodies[c + 1].load)
+        low, high = (middle, high) if room > 0.0 else (low, middle)
     return low
 
 
@@ -188,11 +171,9 @@ def overlap_under(pair: Any, load: float) -> float:
 def excess(pair: Any, xi: float, rest: float, load: float) -> float:
     """Return U(ξ) - U(ξ°) - F° (ξ - ξ°) in J."""
     if pair.kind == LINEAR:
-        linear: float = 0.5 * pair.k * (xi - rest) * (xi - rest)
-        return linear
+        return float(0.5 * pair.k * (xi - rest) * (xi - rest))
     stored = xi * power(xi, pair.p) - rest * power(rest, pair.p) if xi > 0.0 else -rest * power(rest, pair.p)
-    out: float = pair.k * stored / (pair.p + 1.0) - load * (xi - rest)
-    return out
+    return float(pair.k * stored / (pair.p + 1.0) - load * (xi - rest))
 
 
 @kernel
@@ -206,9 +187,46 @@ def hurdle(pair: Any, load: float) -> float:
     for _ in range(60):  # the sum is convex: halve by the sign of its slope
         xi = 0.5 * (low + high)
         slope = pair.k * power(xi, pair.p) - load + stiff * stiff * pair.s * power(xi, 2.0 * pair.s - 1.0)
-        if slope < 0.0:
-            low = xi
-        else:
-            high = xi
-    least: float = excess(pair, high, rest, load) + 0.5 * stiff * stiff * power(low, 2.0 * pair.s)
-    return least
+        low, high = (xi, high) if slope < 0.0 else (low, xi)
+    return float(excess(pair, high, rest, load) + 0.5 * stiff * stiff * power(low, 2.0 * pair.s))
+
+
+def lie_still(pairs: list[Any], at_rest: AtRest) -> bool:
+    """Write the piece of a block that lies still, and return whether it does."""
+    block = pairs[0]
+    if any(p.mode not in (OPEN, ACTIVE) or (p.mode == ACTIVE and not abs(p.eta) <= STILL * block.speed) for p in pairs):
+        return False
+    force = [at_rest(p, p.xi) if p.mode == ACTIVE else 0.0 for p in pairs]
+    push = accelerations(pairs, force)
+    deeper = {i: at_rest(p, p.xi * (1.0 + TANGENT)) for i, p in enumerate(pairs) if p.mode == ACTIVE}
+    if not deeper or not all(balances(pairs[i], push[i], force[i], more) for i, more in deeper.items()):
+        return False
+    arrivals = [time_to_contact(max(0.0, -p.xi), -p.eta, a) for p, a in zip(pairs, push, strict=True) if p.mode == OPEN]
+    if 0.0 in arrivals:  # the run has stopped where a ball arrives
+        return False
+    block.clock, block.h, block.stride = 1, min([LONG, *(2.0 * t for t in arrivals)]), 0.0
+    for p, f, a in zip(pairs, force, push, strict=True):
+        if p.mode == ACTIVE or abs(p.eta) <= ROUNDING * block.speed:
+            p.eta = 0.0
+        write_flight(p, block.h, a if p.mode == OPEN else 0.0, f)
+    return True
+
+
+def accelerations(pairs: list[Any], force: list[float]) -> list[float]:
+    """Closing accelerations in m/s² of all pairs, 0 where those of open ones are rounding."""
+    out = []
+    for p, below, own, above in zip(pairs, [0.0, *force[:-1]], force, [*force[1:], 0.0], strict=True):
+        parts = (p.pull, p.lower * below, -p.inverse * own, p.upper * above)
+        total = math.fsum(parts)
+        rounding = p.mode == OPEN and abs(total) <= ROUNDING * max(map(abs, parts))
+        out.append(0.0 if rounding else total)
+    return out
+
+
+def balances(pair: Any, push: float, force: float, more: float) -> bool:
+    """Return whether a pair is at rest where its force balances, given the force a little deeper."""
+    stiffness = (more - force) / (TANGENT * pair.xi)
+    square = stiffness * pair.inverse
+    if not (force > 0.0 and stiffness > 0.0):
+        return False
+    return bool(abs(push) <= STILL * pair.xi * square and abs(pair.eta) <= STILL * pair.xi * math.sqrt(square))

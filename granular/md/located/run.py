@@ -8,17 +8,25 @@ from typing import Any
 
 import numpy as np
 
-from granular._kernels import compiled, have_numba, in_memory, worth
-from granular._records import column, packed, plain
+from granular._kernels import compiled, in_memory, worth
+from granular._records import column, one, packed, plain
 from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
-from granular.md.located import loop
-from granular.md.located.build import build, limit, power_form
+from granular.md.located import blocks
 from granular.md.located.collocation import Collocation
 from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
-from granular.md.located.readout import look
-from granular.md.located.records import ACTIVE, DORMANT, GENERAL, to_compiled, to_plain, with_more_room
+from granular.md.located.pieces import look
 from granular.md.located.resting import pile
+from granular.md.located.system import (
+    ACTIVE,
+    DORMANT,
+    GENERAL,
+    power_form,
+    system_of,
+    to_compiled,
+    to_plain,
+    with_more_room,
+)
 from granular.md.rows import CONTACT_ROW
 from granular.request import Request
 from granular.scene import Scene
@@ -32,8 +40,8 @@ WORTH_LOADING, WORTH_COMPILING = 50_000, 300_000
 """Pieces times pairs after which ``engine="auto"`` goes on compiled if the machine code is on disk, and if it has to be
 made; they take about as long to work off interpreted."""
 WHY = {
-    loop.STOPPED: Pause.until, loop.QUIET: Pause.quiet, loop.WORK: Pause.work, loop.REST: Pause.resting,
-    loop.BINDING: Pause.quiet,
+    blocks.STOPPED: Pause.until, blocks.QUIET: Pause.quiet, blocks.WORK: Pause.work, blocks.REST: Pause.resting,
+    blocks.BINDING: Pause.quiet,
 }  # fmt: skip
 
 
@@ -61,42 +69,37 @@ class Run:
         self.seen = 0.0  # s, when a row was last read
         self.bound = False
         self.creep: Creep | None = None
-        self.s: Any = build(scene, laws, 0.0)
-        limit(self.s, request.until, tol, request.max_events, request.max_steps, 2 * int(request.rows))
-        self.s.run["pause"] = FIRST_LOOK
+        limits = {"max_events": request.max_events, "max_steps": request.max_steps, "log": 2 * int(request.rows)}
+        self.s: Any = system_of(scene, laws, request.until, tol=tol, pause=FIRST_LOOK, **limits)
         self.collocation = Collocation(laws) if self.s.kinds["kind"][0] == GENERAL else None
         self.kernels: Callable[[Any], Any] = lambda kernel: kernel
-        self.prepare()
-        self.launched = self.kernels(loop.launch)(self.s, self.collocation)
+        if engine == "compiled" or self.pays(scene.n_pairs):  # to launch is a piece of every pair
+            self.compile()
+        else:
+            self.s = to_plain(self.s)
+        self.launched = self.kernels(blocks.launch)(self.s, self.collocation)
 
     @property
     def counters(self) -> Any:
         """The record of counters and limits."""
-        return self.s.run.view(np.recarray)[0] if self.engine == "compiled" else self.s.run[0]
+        return self.s.run[0] if isinstance(self.s.run, list) else one(self.s.run)
 
-    def prepare(self) -> None:
-        """Choose between interpreted and compiled for the start of the run."""
-        known = self.collocation is None
-        large = self.scene.n_pairs, WORTH_LOADING, WORTH_COMPILING  # to launch is a piece of every pair
-        if self.engine == "compiled" or (
-            self.engine == "auto" and known and (in_memory(loop.advance) or worth(loop.advance, *large))
-        ):
-            self.compile()
-        else:
-            self.s = to_plain(self.s)
+    def pays(self, work: float) -> bool:
+        """Return whether to go on compiled, given how many pieces times pairs there are to do, or have been done."""
+        if self.engine != "auto" or self.collocation is not None:
+            return False
+        return in_memory(blocks.advance) or worth(blocks.advance, work, WORTH_LOADING, WORTH_COMPILING)
 
     def compile(self) -> None:
         """Go on compiled from the current state: same source, same bits."""
-        compiled(loop.advance)  # fails before anything is changed
+        compiled(blocks.advance)  # fails before anything is changed
         if self.collocation is not None:
-            odd = next(one.law for one in self.laws.each if power_form(one) is None)
+            odd = next(law.law for law in self.laws.each if power_form(law) is None)
             raise TypeError(
                 f"engine 'compiled' knows laws of the form k ξ^p + γ ξ^d ξ̇ only, and {odd!r} is none of them; "
                 "engine 'auto' or 'plain' runs it."
             )
-        if isinstance(self.s.pairs, list):
-            self.s = to_compiled(self.s)
-        self.kernels, self.engine = compiled, "compiled"
+        self.s, self.kernels, self.engine = to_compiled(self.s), compiled, "compiled"
 
     def to(self, time: float, last: bool) -> Pause:
         """Go on to `time`, or a chunk of pieces towards it."""
@@ -106,49 +109,40 @@ class Run:
         if self.creep is not None:
             return Pause.resting if limit == math.inf else Pause.reached
         chunk = COMPILED_CHUNK if self.engine == "compiled" else PLAIN_CHUNK
-        why = self.kernels(loop.advance)(self.s, limit, chunk, self.collocation)
-        if why == loop.CRAMPED:
+        why, counters = self.kernels(blocks.advance)(self.s, limit, chunk, self.collocation), self.counters
+        if why == blocks.CRAMPED:
             self.s = with_more_room(self.s)
             return Pause.full
-        if why == loop.REACHED or (why == loop.QUIET and limit < math.inf):
+        if why == blocks.REACHED or (why == blocks.QUIET and limit < math.inf):
             return Pause.reached
-        if why != loop.MORE:
-            self.bound = why == loop.BINDING
-            return Pause.resting if why == loop.QUIET and self.counters.rests else WHY[why]
-        if self.counters.steps >= self.counters.pause:
+        if why != blocks.MORE:
+            self.bound = why == blocks.BINDING
+            return Pause.resting if why == blocks.QUIET and counters.rests else WHY[why]
+        if counters.steps >= counters.pause:
+            counters.pause *= 2
             if self.rests(limit):
                 return Pause.resting
-            self.kernels(loop.pause_later)(self.s)
-        if self.engine == "auto":
-            self._compile_if_worth_it()
+        if self.creep is None and self.pays(counters.steps * self.scene.n_pairs):
+            self.compile()
         return Pause.full
 
     def rests(self, limit: float) -> bool:
         """Return whether the scene is proved to come to rest, which ends a run without limit; if it creeps, let it.
 
-        Looked at after 256, 512, 1024 … pieces.
+        Looked at after 256, 512, 1024 … pieces. What creeps needs no kernels any more.
         """
         n = self.scene.n_pairs
         if not self.scene.is_wall[0] or n > LARGEST:
             return False
-        state = self.s.pairs, self.s.pool, self.s.bodies
-        records, pool, bodies = map(plain, state) if self.engine == "compiled" else state
-        piled = pile(records, pool, bodies, n, n)
-        pairs = [pool[record.slot] for record in records if record.slot >= 0]
-        part = swinging(pairs, piled, bodies)
-        if part < (math.inf if limit == math.inf else SMOOTH):
-            above = pairs[piled].xi if piled < n else 0.0
-            self.creep = Creep(pairs[:piled], bodies[: piled + 1], above, float(bodies[0].v - bodies[-1].v))
+        s = to_plain(self.s)
+        piled = pile(s.pairs, s.pool, s.bodies, s.pairs[0].hi)
+        members = [s.pool[pair.slot] for pair in s.pairs if pair.slot >= 0]
+        load = column(s.bodies, "load")[1 : piled + 1]
+        if swinging(members[:piled], load) < (math.inf if limit == math.inf else SMOOTH):
+            self.s, self.kernels = s, lambda kernel: kernel
+            above = members[piled] if piled < n else None
+            self.creep = Creep(members[:piled], load, above, s.bodies[0].v - s.bodies[-1].v)
         return limit == math.inf and self.creep is not None
-
-    def _compile_if_worth_it(self) -> None:
-        work = self.counters.steps * self.counters.pairs
-        if work <= WORTH_LOADING:
-            return
-        if self.collocation is not None or not have_numba():
-            self.engine = "plain"
-        elif worth(loop.advance, work, WORTH_LOADING, WORTH_COMPILING):
-            self.compile()
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of contacts so far."""
@@ -156,13 +150,8 @@ class Run:
 
     def rows(self) -> list[Rows]:
         """Take the contacts that ended out of the buffer."""
-        ended = int(self.counters.rows)
-        if ended == 0:
-            return []
-        log = self.s.log[:ended]
-        rows = packed(log, CONTACT_ROW) if isinstance(log, list) else log.copy()
-        self.kernels(loop.clear_log)(self.s)
-        return [self.dated(rows)]
+        ended, self.counters.rows = int(self.counters.rows), 0
+        return [self.dated(packed(self.s.log[:ended], CONTACT_ROW).copy())] if ended else []
 
     def dated(self, rows: Rows) -> Rows:
         """Count times from where the caller's clock starts."""
@@ -176,45 +165,37 @@ class Run:
 
     def row_after(self, elapsed: float, time: float) -> Row:
         """Return the scene a time after the start, which is called `time`."""
-        n = self.scene.n_pairs
-        rows: Any = [[0.0] * n for _ in range(3)] if self.engine != "compiled" else np.zeros((3, n))
-        self.kernels(look)(self.s, elapsed, rows[0], rows[1], rows[2])
+        made: Any = np.zeros((3, self.scene.n_pairs))
+        rows = made.tolist() if isinstance(self.s.run, list) else made
         if self.creep is not None:
-            self.follow_creep(elapsed, rows)
-        gap, rate, force = made = np.asarray(rows)
+            self.creep.show(elapsed)
+        self.kernels(look)(self.s, elapsed, rows[0], rows[1], rows[2])
+        made = np.asarray(rows)
         if not np.isfinite(made[:2]).all():  # interpreted, it would have raised on the way
             raise OverflowError("an overlap or its rate")
         np.negative(made[:2], out=made[:2])  # of overlaps
         self.seen = elapsed
-        return Row(time, elapsed, gap, rate=rate, force=force)
-
-    def follow_creep(self, t: float, rows: Any) -> None:
-        """Put a pile that creeps into `rows` as it is a time `t` after the start; a gap above it grows as it sinks."""
-        assert self.creep is not None
-        xi, eta, force = self.creep.after(t)[:3]
-        piled = len(xi)
-        for row, values in zip(rows, (xi, eta, force), strict=True):
-            row[:piled] = values
-        if piled < self.scene.n_pairs:
-            rows[0][piled], rows[1][piled] = self.creep.flank(t)
+        return Row(time, elapsed, made[0], rate=made[1], force=made[2])
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended, and bring every pair to where it has come."""
-        r, status = self.counters, pause.value
+        r, status, impulse = self.counters, pause.value, [0.0]
         begun = float(r.t) if self.creep is None else self.creep.start
         end = self.request.end - self.request.start if pause is Pause.reached else max(begun, self.seen)
         self.s = self.s._replace(queue=self.s.queue[:1].copy())  # nothing is due any more
         if self.creep is None:
-            self.kernels(loop.gather)(self.s, end, self.collocation)
-        shared = [*column(self.s.pairs, "shared"), self.crept(end)[1]] if self.request.log else [math.nan]
+            self.kernels(blocks.gather)(self.s, end, self.collocation)
+        else:
+            impulse = self.creep.finish(end)
+        shared = [*column(self.s.pairs, "shared"), math.fsum(impulse) if len(impulse) > 1 else 0.0]
         stats = {
             "engine": "compiled" if self.engine == "compiled" else "plain",
             "steps": int(r.steps), "events": int(r.events), "contacts": int(r.begun),
             "error_estimate": float(r.error), "resting": bool(r.rests) or self.creep is not None,
-            "shared_impulse": math.fsum(shared),
+            "shared_impulse": math.fsum(shared) if self.request.log else math.nan,
         }  # fmt: skip
         row = self.row_after(end, self.request.start + end) if pause is not Pause.reached or seen == -math.inf else None
-        running = self.dated(self.still_open(end)) if self.request.log else None
+        running = self.dated(self.still_open()) if self.request.log else None
         message, self.s = self.message(status, r, self.request.start + end), None  # makes room for the log
         return End(row, status, message, stats, running=running)
 
@@ -227,43 +208,26 @@ class Run:
             sentence += "; the balls rest on each other"
         if self.collocation is not None:
             return f"{sentence}: every force balances to rounding"
-        piled = {c: p for c, p in self.members().items() if p.mode == ACTIVE or p.mode == DORMANT}
-        decay = slowest_decay(list(piled.values()), bool(self.scene.is_wall[[0, max(piled) + 1]].all()))
+        piled = [p for p in self.members() if p.mode == ACTIVE or p.mode == DORMANT]
+        decay = slowest_decay(piled, bool(self.scene.is_wall[[0, piled[-1].number + 1]].all()))
+        why = "about the equilibrium, no sum of decaying modes takes a contact force to zero"
         if self.creep is None:
             energies = f"{r.energy:.3g} J, is less than the {r.barrier:.3g} J that"
             why = f"the energy about the equilibrium, {energies} the first contact needs to open"
-        else:
-            why = "about the equilibrium, no sum of decaying modes takes a contact force to zero"
         return f"{sentence}: {why}; the slowest motion decays in {decay:.3g} s"
 
-    def members(self) -> dict[int, Any]:
-        """Return the records of pairs in islands as plain objects, by the number of the pair."""
+    def members(self) -> list[Any]:
+        """Return the records of pairs in islands as plain objects, from the bottom up."""
         slot = column(self.s.pairs, "slot")
-        place = np.flatnonzero(slot >= 0)
-        slots = slot[place].tolist()
-        records = plain(self.s.pool[slots]) if self.engine == "compiled" else [self.s.pool[i] for i in slots]
-        return dict(zip(place.tolist(), records, strict=True))
+        slots = slot[slot >= 0].tolist()
+        return [self.s.pool[i] for i in slots] if isinstance(self.s.pool, list) else plain(self.s.pool[slots])
 
-    def still_open(self, end: float) -> Rows:
+    def still_open(self) -> Rows:
         """Return the contacts that go on at the end."""
-        going = {c: p for c, p in self.members().items() if p.begun} if column(self.s.pool, "begun").any() else {}
+        going = [p for p in self.members() if p.begun] if column(self.s.pool, "begun").any() else []
         rows = np.zeros(len(going), CONTACT_ROW)
-        rows["pair"], rows["t_end"], rows["lower_out"], rows["upper_out"] = list(going), math.nan, math.nan, math.nan
-        found = {"t_begin": "begin", "duration": "lasted"}
-        for name in (*found, "lower_in", "upper_in", "xi_max", "force_max", "impulse"):
-            rows[name] = [getattr(p, found.get(name, name)) for p in going.values()]
-        if self.creep is not None:
-            highest, (impulse, _) = self.creep.highest(end), self.crept(end)
-            rows["duration"] += end - self.creep.start
-            rows["impulse"] += impulse
-            for name, peak in zip(("xi_max", "force_max"), highest, strict=True):
-                rows[name] = np.maximum(rows[name], peak)
+        rows["t_end"] = rows["lower_out"] = rows["upper_out"] = math.nan
+        rows["pair"] = [p.number for p in going]
+        for name in ("t_begin", "duration", "lower_in", "upper_in", "xi_max", "force_max", "impulse"):
+            rows[name] = [getattr(p, name) for p in going]
         return rows
-
-    def crept(self, end: float) -> tuple[list[float], float]:
-        """Impulse of each pair since it creeps, and how much of it neighbours share."""
-        if self.creep is None:
-            return [], 0.0
-        impulse = self.creep.after(end)[3].tolist()
-        return impulse, math.fsum(impulse) if len(impulse) > 1 else 0.0
-

@@ -4,17 +4,21 @@
 
 with inverse masses w and G the pull of gravity. With σ = q h^q, n+q times the coefficient n+q of ξ is σ η_n, of η
 σ η̇_n. q = 1 is the plain clock; q > 1 makes the onset of a contact regular, where F starts like a fractional
-power of t: a pair just touched has ξ = τ^q y with y_0 > 0, and ξ^α = τ^(qα) y^α is a power series again.
+power of t: a pair just touched has ξ = τ^q y with y_0 > 0, and ξ^α = τ^(qα) y^α is a power series again. Of such a
+ξ the rows hold y from index `offset` on.
+
+Products run over blocks of eight terms: one factor is kept backwards in a `mirror` with zeros behind it, terms not
+known yet are zero, and the few loop lengths are soon foreseen by the processor, which a loop over n terms never is.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
-from granular._kernels import kernel
-from granular.md.located.clock import elapsed
-from granular.md.located.powers import clear, convolution, power_term, product_term, root_term
-from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, RESIDUAL
+from granular._kernels import kernel, specialised
+from granular.md.located.pieces import elapsed, power
+from granular.md.located.system import ACTIVE, DORMANT, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, PADDED, RESIDUAL
 
 
 @kernel
@@ -54,21 +58,19 @@ def prepare(pair: Any, q: int) -> None:
     for n in range(first, ORDER + 1):
         pair.f[n], pair.g[n] = 0.0, 0.0
     if pair.kind != LINEAR and pair.mode != OPEN:
-        clear(pair.r, pair.rm)
-        clear(pair.z, pair.zm)
-        for n in range(MIRROR):
-            pair.gm[n] = 0.0
+        for row in (pair.r, pair.z):
+            for n in range(PADDED):
+                row[n] = 0.0
+        for row in (pair.gm, pair.rm, pair.zm):
+            for n in range(MIRROR):
+                row[n] = 0.0
 
 
 @kernel
 def force_term(pair: Any, n: int, q: int) -> None:
     """Add order n of the force (and of φ) of a pair that is not open; x is known to order n+q, e to order n."""
     if pair.kind == LINEAR:
-        phi = bracket(pair, n)
-        if pair.mode == RESIDUAL:
-            pair.g[n] = phi
-        else:
-            pair.f[n] = phi
+        linear_term(pair, n, q)
         return
     if pair.mode == DORMANT:
         return
@@ -87,33 +89,33 @@ def force_term(pair: Any, n: int, q: int) -> None:
         root_term(pair.x, pair.r, pair.rm, n, offset)
     else:
         power_term(pair.x, pair.r, pair.d, n, offset)
-    phi = bracket(pair, n) if pair.s == 1.0 else bent_bracket(pair, n, offset)
+    bent = pair.x[n] if pair.s == 1.0 else 0.0
+    if pair.s == 1.25 and pair.d == 0.25:  # for Tsuji's law ξ^(5/4) is ξ·ξ^(1/4)
+        for j in range(n + 1):
+            bent += pair.x[j] * pair.r[n - j]
+    elif pair.s != 1.0:
+        power_term(pair.x, pair.z, pair.s, n, offset)
+        bent = pair.z[n]
+    phi = bracket(pair, bent, n)
     pair.g[n], pair.gm[ORDER - n] = phi, phi
     if pair.mode == ACTIVE:
         pair.f[n] = product_term(pair.r, pair.gm, n)
 
 
 @kernel
-def bracket(pair: Any, n: int) -> float:
-    """Return order n of φ = kξ + γη, exactly 0 at the event that found it so."""
-    if n == 0 and pair.exact:
-        return 0.0
-    phi: float = pair.k * pair.x[n] + pair.gamma * pair.e[n]
-    return phi
-
-
-@kernel
-def bent_bracket(pair: Any, n: int, offset: int) -> float:
-    """Return order n of φ = kξ^s + γη; for Tsuji's law ξ^(5/4) is ξ·ξ^(1/4)."""
-    if pair.s == 1.25 and pair.d == 0.25:
-        bent = convolution(pair.x, pair.r, n)
-    else:
-        power_term(pair.x, pair.z, pair.s, n, offset)
-        bent = pair.z[n]
+def bracket(pair: Any, bent: float, n: int) -> float:
+    """Return order n of φ = kξ^s + γη, given that of ξ^s; exactly 0 at the event that found it so."""
     if n == 0 and pair.exact:
         return 0.0
     phi: float = pair.k * bent + pair.gamma * pair.e[n]
     return phi
+
+
+@kernel
+def linear_term(pair: Any, n: int, q: int) -> None:
+    """Add order n of φ = kξ + γη, and of the force."""
+    pair.g[n] = bracket(pair, pair.x[n], n)
+    pair.f[n] = works(pair) * pair.g[n]
 
 
 @kernel
@@ -122,7 +124,89 @@ def complete(pair: Any, q: int) -> None:
     if pair.mode == OPEN or pair.s != 1.0 or (pair.mode == DORMANT and pair.kind != LINEAR):
         return
     for n in range(ORDER - q + 1, ORDER + 1):
-        if pair.kind == LINEAR and pair.mode != RESIDUAL:
-            pair.f[n] = bracket(pair, n)
-        else:
-            pair.g[n] = bracket(pair, n)
+        pair.g[n] = bracket(pair, pair.x[n], n)
+        if pair.kind == LINEAR:
+            pair.f[n] = works(pair) * pair.g[n]
+
+
+@kernel
+def linear_start(pair: Any, q: int) -> None:
+    """Write the lowest orders, and no force where there is none."""
+    pair.x[0], pair.e[0] = pair.xi, pair.eta
+    if pair.mode == OPEN:
+        for n in range(ORDER + 1):
+            pair.f[n] = 0.0
+
+
+expand_linear = specialised(expand, force_term=linear_term, prepare=linear_start)
+"""`expand` where all laws at work are linear."""
+
+
+@kernel
+def works(pair: Any) -> float:
+    """Return 1 if the pair exerts a force, else 0."""
+    return 1.0 if pair.mode == ACTIVE or pair.mode == DORMANT else 0.0
+
+
+@kernel
+def expand_two(a: Any, b: Any, h: float) -> None:
+    """Two pairs under linear laws, the most frequent case: the same sums, kept in registers."""
+    xa, ea, xb, eb = a.xi, a.eta, b.xi, b.eta
+    ka, ga, kb, gb = works(a) * a.k, works(a) * a.gamma, works(b) * b.k, works(b) * b.gamma
+    push_a, push_b, between, across = a.pull, b.pull, a.upper, b.lower
+    own_a, own_b = a.inverse, b.inverse
+    x1, e1, f1, x2, e2, f2 = a.x, a.e, a.f, b.x, b.e, b.f
+    for n in range(ORDER + 1):
+        fa, fb = ka * xa + ga * ea, kb * xb + gb * eb
+        if n == 0:
+            fa, fb = (0.0 if a.exact else fa), (0.0 if b.exact else fb)
+        x1[n], e1[n], f1[n], x2[n], e2[n], f2[n] = xa, ea, fa, xb, eb, fb
+        step = h / (n + 1)
+        xa, xb = step * ea, step * eb
+        ea, eb = step * (between * fb - own_a * fa + push_a), step * (across * fa - own_b * fb + push_b)
+        push_a, push_b = 0.0, 0.0
+    for pair in (a, b):
+        if pair.mode == RESIDUAL:
+            for n in range(ORDER + 1):
+                pair.g[n] = bracket(pair, pair.x[n], n)
+
+
+@kernel
+def product_term(a: Any, mirror: Any, n: int) -> float:
+    """Return order n of the product of two series, Σ a_j b_(n-j), the second backwards: b_i = mirror[ORDER - i]."""
+    s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
+    for block in range(n // 8 + 1):
+        j, i = (8 * block) & 31, (ORDER - n + 8 * block) & 63  # masks tell a compiler that no index is negative
+        s0 += a[j] * mirror[i] + a[j + 4] * mirror[i + 4]
+        s1 += a[j + 1] * mirror[i + 1] + a[j + 5] * mirror[i + 5]
+        s2 += a[j + 2] * mirror[i + 2] + a[j + 6] * mirror[i + 6]
+        s3 += a[j + 3] * mirror[i + 3] + a[j + 7] * mirror[i + 7]
+    return (s0 + s2) + (s1 + s3)
+
+
+@kernel
+def root_term(x: Any, out: Any, mirror: Any, n: int, offset: int) -> None:
+    """Write order n of r = √ξ and of its mirror: from r² = ξ, 2 r_0 r_n = ξ_n - Σ r_j r_(n-j)."""
+    first = offset // 2
+    order = n - first
+    if order < 0:
+        return
+    if order == 0:
+        out[n] = math.sqrt(x[offset])
+    else:
+        out[n] = (x[offset + order] - product_term(out, mirror, n + first)) / (2.0 * out[first])
+    mirror[ORDER - n] = out[n]
+
+
+@kernel
+def power_term(x: Any, out: Any, alpha: float, n: int, offset: int) -> None:
+    """Write order n of f = ξ^α: f' y = α f y' gives n y_0 f_n = Σ (α j - (n-j)) y_j f_(n-j) (Knuth, TAOCP 2, 4.7)."""
+    first = int(alpha * offset + 0.5)
+    order = n - first
+    if order <= 0:
+        out[n] = power(x[offset], alpha) if order == 0 else 0.0
+        return
+    total, weight = 0.0, alpha + 1.0
+    for j in range(1, order + 1):
+        total += (weight * j - order) * x[offset + j] * out[n - j]
+    out[n] = total / (order * x[offset])

@@ -11,18 +11,9 @@ from collections.abc import Callable
 from typing import Any
 
 from granular._roots import first_up_crossing
-from granular.md.located.events import (
-    BEGIN,
-    END,
-    NOTHING,
-    PART,
-    RELOAD,
-    TURN,
-    named,
-    next_of_dormant,
-)
-from granular.md.located.piece import value
-from granular.md.located.records import ACTIVE, DORMANT, OPEN
+from granular.md.located.events import shifted
+from granular.md.located.pieces import value
+from granular.md.located.system import ACTIVE, BEGIN, END, PART, RELOAD, TURN
 
 Sign = Callable[..., bool]
 """Whether the law pushes at τ; with a second argument true, surely so, beyond rounding."""
@@ -33,55 +24,51 @@ PARTS = 16
 
 
 def next_event(pair: Any, pushes: Sign, idles: Sign, doubt: float, span: float, work: Any) -> tuple[float, int]:
-    """Return the τ of the first event of a pair within [0, span], and which it is.
+    """Return the τ of the first event of a pair that overlaps within [0, span], inf without, and which it is.
 
     `idles` says whether the force is 0 at a τ and all about; `doubt` in N is that of g.
     """
-    if pair.mode == OPEN:
-        return named(first_up_crossing(pair.x, span, work), span, BEGIN)
-    if pair.mode == DORMANT:
-        return next_of_dormant(pair, span, work)
-    tau, what = named(first_up_crossing(pair.x, span, work, -1.0), span, PART)
+    parts = first_up_crossing(pair.x, span, work, -1.0)
+    until = min(parts, span)
     if pair.mode != ACTIVE:
-        again = regains(pair, pushes, doubt, tau, work)
-        return (tau, what) if again is None else (again, BEGIN)
-    end = loses(pair, pushes, doubt, tau, what == PART, work)
-    end = pauses(pair, pushes, idles, tau, work) if end is None else end
-    if end is not None:
-        tau, what = end, END
-    found = NOTHING
+        again = regains(pair, pushes, doubt, until, work)
+        return (again, BEGIN) if again < math.inf else (parts, PART)
+    end = loses(pair, pushes, doubt, until, parts < math.inf, work)
+    if end == math.inf:
+        end = pauses(pair, pushes, idles, until, work)
+    branch, until = math.inf, min(end, until)
     if pair.memory and pair.loading:
-        first, found = named(first_up_crossing(pair.e, tau, work, -1.0), tau, TURN)
+        branch = first_up_crossing(pair.e, until, work, -1.0)
     elif pair.memory:
-        pair.x[0] -= pair.top
-        first, found = named(first_up_crossing(pair.x, tau, work), tau, RELOAD)
-        pair.x[0] += pair.top
-    return (first, found) if found != NOTHING else (tau, what)
+        branch = shifted(pair.x, -pair.top, until, work, 1.0)
+    if branch < math.inf:
+        return branch, TURN if pair.loading else RELOAD
+    return (end, END) if end < math.inf else (parts, PART)
 
 
-def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, work: Any) -> float | None:
-    """Return the first τ up to `span` where the law no longer pushes; None if it always does.
+def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, work: Any) -> float:
+    """Return the first τ up to `span` where the law no longer pushes; inf if it always does.
 
     Just before the pair `parts` its force is smaller than any doubt; there the law is tried at ever smaller distances.
     """
-    before, found = 0.0, crossing(pair, -1.0, doubt, span, work)
-    if (found is None or pushes(found)) and not parts:
+    before, found = 0.0, shifted(pair.g, doubt, span, work, -1.0)
+    if not parts and (found == math.inf or pushes(found)):
         found = span  # a force that is zero from some overlap on never crosses zero
-    if found is not None and not pushes(found):
+    if found < math.inf and not pushes(found):
         return bisected(pushes, *last_push(pushes, found))
-    for j in range(LOOKS if parts else 0):
+    for j in range(1, LOOKS if parts else 0):
         tau = span * (1.0 - 0.25**j)
-        if j > 0 and value(pair.x, tau) > 0.0:
+        if value(pair.x, tau) > 0.0:
             if not pushes(tau):
                 return bisected(pushes, before, tau)
             before = tau
-    return None
+    return math.inf
 
 
-def pauses(pair: Any, pushes: Sign, idles: Sign, span: float, work: Any) -> float | None:
+def pauses(pair: Any, pushes: Sign, idles: Sign, span: float, work: Any) -> float:
     """Return the first τ up to `span` where the law idles for an instant: tried where the overlap is least."""
     least = first_up_crossing(pair.e, span, work) if pair.e[0] < 0.0 else math.inf
-    return bisected(pushes, *last_push(pushes, least)) if least <= span and idles(least) else None
+    return bisected(pushes, *last_push(pushes, least)) if least < math.inf and idles(least) else math.inf
 
 
 def last_push(pushes: Sign, tau: float) -> tuple[float, float]:
@@ -96,42 +83,28 @@ def last_push(pushes: Sign, tau: float) -> tuple[float, float]:
     return 0.0, 0.0
 
 
-def regains(pair: Any, pushes: Sign, doubt: float, span: float, work: Any) -> float | None:
-    """Return the first τ up to `span` where a clipped law pushes again, beyond rounding; None if it does not.
+def regains(pair: Any, pushes: Sign, doubt: float, span: float, work: Any) -> float:
+    """Return the first τ up to `span` where a clipped law pushes again, beyond rounding; inf if it does not.
 
     The law is tried at places spread up to where the interpolant says that it pushes; after a kink that may be too
     early, so beyond it too.
     """
-    found = crossing(pair, 1.0, doubt, span, work)
-    if found is None and not pushes(span, True):
-        return None
-    found, clipped = span if found is None else found, None
+    found = shifted(pair.g, -doubt, span, work, 1.0)
+    if found == math.inf and not pushes(span, True):
+        return math.inf
+    found, clipped = min(found, span), math.inf
     for first, last in ((0.0, found), (found, span)):
         for j in range(PARTS + 1):
             tau = last if j == PARTS else first + (last - first) * j / PARTS
             if pushes(tau, True):
-                return 0.0 if clipped is None else bisected(lambda at: not pushes(at), clipped, tau)
+                return 0.0 if clipped == math.inf else bisected(lambda at: not pushes(at), clipped, tau)
             if not pushes(tau):
                 clipped = tau
-    return None
-
-
-def crossing(pair: Any, way: float, doubt: float, span: float, work: Any) -> float | None:
-    """Return where the interpolated force is beyond doubt above (`way` 1) or below (-1) zero first; None if nowhere."""
-    zero = pair.g[0]
-    pair.g[0] = zero - way * doubt
-    tau = first_up_crossing(pair.g, span, work, way)
-    pair.g[0] = zero
-    return tau if tau <= span else None
+    return math.inf
 
 
 def bisected(holds: Callable[[float], bool], low: float, high: float) -> float:
     """Return where what holds at `low` ceases to hold, before `high`."""
-    while True:
-        middle = 0.5 * (low + high)
-        if not low < middle < high:
-            return high
-        if holds(middle):
-            low = middle
-        else:
-            high = middle
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return high

@@ -60,7 +60,7 @@ function unpredictable({ predictable, soft }) {
 function countsDiffer(report) {
   const { scene, pairs, soft, hard, eps, k, error } = report, wrong = pairs.filter((p) => p.hard.contacts !== p.soft.contacts);
   if (!wrong.length) return null;
-  if (sameButForTiming(soft, hard, eps, k)) return ["timing", `Yes, but for timing: the contacts are the same, yet ${wrong.length} of ${plural(pairs.length, "pair")} have one on the other side of the end.`];
+  if (sameButForTiming(soft, hard, eps, k)) return ["timing", `Yes, except for timing: the contacts are the same, yet ${wrong.length} of ${plural(pairs.length, "pair")} have one on the other side of the end.`];
   const p = wrong.reduce((most, one) => (miss(one) >= miss(most) ? one : most));
   const many = wrong.length > 1 ? `${wrong.length} of ${plural(pairs.length, "pair")} differ in contacts; ` : "";
   const said = `${pairName(scene, p.pair)} have ${plural(p.soft.contacts, "contact")}, not ${p.hard.contacts}`;

@@ -87,7 +87,7 @@ export class Clock {
     this.go(this.share + way * SKIP);
   }
 
-  // To the next or the last begin or end of a contact.
+  // To the next or the last onset or end of a contact.
   leap(way) {
     this.pause();
     const shares = this.stops().map((t) => (t - this.span[0]) / (this.span[1] - this.span[0]));

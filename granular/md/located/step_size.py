@@ -16,10 +16,9 @@ import math
 from typing import Any
 
 from granular._kernels import kernel
-from granular.md.located.clock import elapsed, root
-from granular.md.located.flight import DRIFT
-from granular.md.located.powers import power
-from granular.md.located.records import ACTIVE, DAMPED, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, STEEPEST
+from granular.md.located.pieces import DRIFT, elapsed, power
+from granular.md.located.series import works
+from granular.md.located.system import ACTIVE, DAMPED, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, STEEPEST
 
 REACH = (math.factorial(ORDER + 1) * 1e-17) ** (1.0 / (ORDER + 1))
 FURTHEST = 8.0
@@ -36,29 +35,20 @@ DORMANCY = 1e-17
 
 
 @kernel
-def is_linear(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
-    """Return whether no other than linear laws are at work in the block."""
-    for c in range(lo, hi):
-        if pool[pairs[c].slot].mode != OPEN and pool[pairs[c].slot].kind != LINEAR:
-            return False
-    return True
-
-
-@kernel
 def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int) -> float:
-    """Return λ in 1/s, a bound of all rates of the touching pairs of a linear block."""
+    """Return λ in 1/s, a bound of all rates of the touching pairs; -1 if other than linear laws are at work."""
     a, b, k0, g0 = 0.0, 0.0, 0.0, 0.0
     for c in range(lo, hi):
-        pair = pool[pairs[c].slot]
-        if pair.mode == OPEN or pair.mode == RESIDUAL:
-            k0, g0 = 0.0, 0.0
-            continue
-        k1, g1 = 0.0, 0.0
-        if c + 1 < hi and (pool[pairs[c + 1].slot].mode == ACTIVE or pool[pairs[c + 1].slot].mode == DORMANT):
-            k1, g1 = pool[pairs[c + 1].slot].k, pool[pairs[c + 1].slot].gamma
-        a = max(a, pair.lower * k0 + pair.inverse * pair.k + pair.upper * k1)
-        b = max(b, pair.lower * g0 + pair.inverse * pair.gamma + pair.upper * g1)
-        k0, g0 = pair.k, pair.gamma
+        pair, k1, g1 = pool[pairs[c].slot], 0.0, 0.0
+        if pair.mode != OPEN and pair.kind != LINEAR:
+            return -1.0
+        if c + 1 < hi:
+            above = pool[pairs[c + 1].slot]
+            k1, g1 = works(above) * above.k, works(above) * above.gamma
+        if works(pair) > 0.0:
+            a = max(a, pair.lower * k0 + pair.inverse * pair.k + pair.upper * k1)
+            b = max(b, pair.lower * g0 + pair.inverse * pair.gamma + pair.upper * g1)
+        k0, g0 = works(pair) * pair.k, works(pair) * pair.gamma
     return 0.5 * (b + math.sqrt(b * b + 4.0 * a))
 
 
@@ -72,8 +62,7 @@ def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
     """
     speed, length = 0.0, 0.0
     for c in range(lo, hi):
-        pair = pool[pairs[c].slot]
-        stored = 0.0
+        pair, stored = pool[pairs[c].slot], 0.0
         if pair.xi > 0.0:
             stored = 2.0 * pair.inverse * pair.k * pair.xi * power(pair.xi, pair.p) / (pair.p + 1.0)
             if pair.kind == GENERAL:  # matched where impacts reach, it may tell little of a ball that comes to rest
@@ -83,7 +72,10 @@ def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
         pair.own_speed = math.sqrt(pair.eta * pair.eta + stored)
         if pair.mode != OPEN:
             speed = max(speed, pair.own_speed)
-    pass_on(pairs, pool, lo, hi)
+    for c in range(lo + 1, hi):
+        lend(pool[pairs[c - 1].slot], pool[pairs[c].slot], pool[pairs[c].slot].lower)
+    for c in range(hi - 2, lo - 1, -1):
+        lend(pool[pairs[c + 1].slot], pool[pairs[c].slot], pool[pairs[c].slot].upper)
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         if pair.own_speed == 0.0:
@@ -96,16 +88,10 @@ def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
 
 
 @kernel
-def pass_on(pairs: Any, pool: Any, lo: int, hi: int) -> None:
-    """Let pairs count with the speed that a neighbour may give them: 2 m_eff/m of its own, m the ball between them."""
-    for c in range(lo + 1, hi):
-        pair, below = pool[pairs[c].slot], pool[pairs[c - 1].slot]
-        if below.mode != OPEN:
-            pair.own_speed = max(pair.own_speed, min(1.0, 2.0 * pair.lower / below.inverse) * below.own_speed)
-    for c in range(hi - 2, lo - 1, -1):
-        pair, above = pool[pairs[c].slot], pool[pairs[c + 1].slot]
-        if above.mode != OPEN:
-            pair.own_speed = max(pair.own_speed, min(1.0, 2.0 * pair.upper / above.inverse) * above.own_speed)
+def lend(giver: Any, pair: Any, w: float) -> None:
+    """Let a pair count with the speed that a neighbour may give it: 2 m_eff/m of its own, m = 1/w between them."""
+    if giver.mode != OPEN:
+        pair.own_speed = max(pair.own_speed, min(1.0, 2.0 * w / giver.inverse) * giver.own_speed)
 
 
 @kernel
@@ -120,20 +106,19 @@ def choose_clock(pairs: Any, pool: Any, lo: int, hi: int) -> int:
     q = 1
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
-        if needs_clock(pair) and q % pair.q != 0:
+        if pair.xi == 0.0 and is_curved(pair) and q % pair.q != 0:
             if pair.q % q == 0:
                 q = pair.q
             else:
                 pair.mode = DORMANT
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
-        if needs_clock(pair) and (q * pair.p > STEEPEST or pair.eta <= DRIFT * pair.noise):
+        if pair.xi == 0.0 and is_curved(pair) and (q * pair.p > STEEPEST or pair.eta <= DRIFT * pair.noise):
             pair.mode = DORMANT
-        if pair.mode == ACTIVE and pair.kind != LINEAR and pair.kind != GENERAL and pair.eta > 0.0 and pair.xi > 0.0:
-            deepest = pair.own_length
-            if pair.xi < JUST * deepest and q % pair.q == 0 and q * pair.p <= STEEPEST:
+        if is_curved(pair) and pair.eta > 0.0 and pair.xi > 0.0:
+            if pair.xi < JUST * pair.own_length and q % pair.q == 0 and q * pair.p <= STEEPEST:
                 pair.xi = 0.0
-            elif pair.xi < 0.5 * DORMANCY * deepest:
+            elif pair.xi < 0.5 * DORMANCY * pair.own_length:
                 pair.mode = DORMANT
         if pair.mode == DORMANT:
             pair.wake = DORMANCY * pair.own_length
@@ -141,26 +126,26 @@ def choose_clock(pairs: Any, pool: Any, lo: int, hi: int) -> int:
 
 
 @kernel
-def needs_clock(pair: Any) -> bool:
-    """Return whether the pair has just been touched and its power series needs a clock of its own."""
-    return bool(pair.mode == ACTIVE and pair.xi == 0.0 and pair.kind != LINEAR and pair.kind != GENERAL)
+def is_curved(pair: Any) -> bool:
+    """Return whether the pair pushes by a power law that is not linear: just touched, it needs a clock of its own."""
+    return bool(pair.mode == ACTIVE and LINEAR < pair.kind < GENERAL)
 
 
 @kernel
-def scale(block: Any, q: int) -> float:
-    """Return the h with which the coefficients of a nonlinear block are computed."""
-    if q == 1 and block.stride > 0.0:
-        h: float = block.stride
+def scale(pairs: Any, pool: Any, lo: int, hi: int) -> float:
+    """Return the h with which the coefficients of a nonlinear block are computed.
+
+    It is less where powers of h over the time a contact lasts at its rate or pull would leave the range of numbers.
+    """
+    block = pool[pairs[lo].slot]
+    h = power(0.2 * block.length / block.speed, 1.0 / block.clock) if block.speed > 0.0 else 1.0
+    if block.clock > 1:
         return h
-    return root(0.2 * block.length / block.speed, q) if block.speed > 0.0 else 1.0
-
-
-@kernel
-def within_range(pairs: Any, pool: Any, lo: int, hi: int, h: float) -> float:
-    """Return h, or less if powers of h over the time a contact lasts at its rate or pull would leave the range."""
+    if block.stride > 0.0:
+        h = block.stride
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
-        if pair.mode == ACTIVE and pair.kind != LINEAR and pair.kind != GENERAL and pair.xi > 0.0:
+        if pair.xi > 0.0 and is_curved(pair):
             if pair.eta != 0.0:
                 h = min(h, FAR * pair.xi / abs(pair.eta))
             if pair.pull != 0.0:
@@ -171,9 +156,11 @@ def within_range(pairs: Any, pool: Any, lo: int, hi: int, h: float) -> float:
 @kernel
 def growth(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> float:
     """Return ln a, the growth of the computed coefficients per order; -inf if there are none."""
-    block, first, worst = pool[pairs[lo].slot], ORDER - 5, -math.inf
+    q, first, worst = pool[pairs[lo].slot].clock, ORDER - 5, -math.inf
     for c in range(lo, hi):
-        first = min(first, last_sure_order(pool[pairs[c].slot], block.clock))
+        if just_touched(pool[pairs[c].slot]):  # the highest order that its rate is sure to have
+            period = int(q * (pool[pairs[c].slot].p + 1.0) + 0.5)
+            first = min(first, ORDER // period * period)
     for j in range(first, ORDER + 1):
         largest = 0.0
         for c in range(lo, hi):
@@ -183,69 +170,38 @@ def growth(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> float:
             worst = max(worst, math.log(largest) / j)
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
-        if has_lone_term(pair, block.clock):
-            worst = max(worst, growth_of_power(pair, block.clock))
-        elif is_shallow(pair):
-            worst = max(worst, growth_of_overlap(pair))
-        if pair.mode == ACTIVE and pair.kind == DAMPED and pair.s < 1.0 and pair.x[0] > 0.0:
-            worst = max(worst, growth_of_bracket(pair))
+        if just_touched(pair) and pair.x[q] > 0.0 and 2.0 * q * (pair.p + 1.0) > ORDER:
+            # one order of the force cannot tell: ξ = τ^q y, and y^p is a power series up to where y is zero;
+            # a ball that touches almost at rest is soon moved by gravity alone
+            worst = max(worst, steepest(pair.x, 1, ORDER - q, q, pair.x[q]))
+        elif is_curved(pair) and 0.0 < pair.x[0] < SHALLOW * pair.own_length:
+            # then the products of orders that F = k ξ^p leaves out are left out rightly; a pair that turns round with
+            # ξ = 0 and η = 0 goes on with ξ ∝ τ², and a force ∝ τ^(2p) that no order need show
+            worst = max(worst, steepest(pair.x, 1, ORDER, 0, pair.own_length))
+        bends = pair.mode == ACTIVE and pair.kind == DAMPED and pair.s < 1.0 and pair.x[0] > 0.0
         if pair.mode == RESIDUAL and pair.s != 1.0:
-            if stays_clipped(pair, trusted(worst, tol)):
-                pair.g[0] = -1.0
-                for j in range(1, ORDER + 1):
-                    pair.g[j] = 0.0
-            else:
-                worst = max(worst, growth_of_bracket(pair))
+            bends = not stays_clipped(pair, trusted(worst, tol))
+            if not bends:
+                for j in range(ORDER + 1):
+                    pair.g[j] = -1.0 if j == 0 else 0.0
+        if bends:
+            worst = max(worst, steepest(pair.g, ORDER - 5, ORDER, 0, pair.k * power(pair.own_length, pair.s)))
     return worst
 
 
 @kernel
-def has_lone_term(pair: Any, q: int) -> bool:
-    """Return whether no more than one order of the force of a contact just touched is in the series."""
-    just_touched = pair.mode == ACTIVE and pair.x[0] == 0.0 and pair.x[q] > 0.0 and pair.kind != LINEAR
-    return bool(just_touched and 2.0 * q * (pair.p + 1.0) > ORDER)
+def just_touched(pair: Any) -> bool:
+    """Return whether the series of a pair begins where it touches: F = k ξ^p has terms of few orders only."""
+    return bool(pair.mode == ACTIVE and pair.x[0] == 0.0 and pair.kind != LINEAR)
 
 
 @kernel
-def is_shallow(pair: Any) -> bool:
-    """Return whether the orders that the force of a pair has now may lie far below those that it will soon have."""
-    lifts = pair.mode == ACTIVE and pair.kind != LINEAR and pair.kind != GENERAL
-    return bool(lifts and 0.0 < pair.x[0] < SHALLOW * pair.own_length)
-
-
-@kernel
-def growth_of_overlap(pair: Any) -> float:
-    """Return ln a of ξ/X in all its orders: then the products of orders that F = k ξ^p leaves out are left out rightly.
-
-    A pair that turns round with ξ = 0 and η = 0 goes on with ξ ∝ τ², and a force ∝ τ^(2p) that no order need show.
-    """
+def steepest(row: Any, first: int, last: int, lead: int, size: float) -> float:
+    """Return ln a of orders `first` … `last` of a row that begins with order `lead`, as parts of `size`."""
     worst = -math.inf
-    for j in range(1, ORDER + 1):
-        if pair.x[j] != 0.0:
-            worst = max(worst, math.log(abs(pair.x[j]) / pair.own_length) / j)
-    return worst
-
-
-@kernel
-def growth_of_power(pair: Any, q: int) -> float:
-    """Return ln a of y in ξ = τ^q y, relative to its first order: y^p is a power series up to where y is zero.
-
-    One order of the force cannot tell; a ball that touches almost at rest is soon moved by gravity alone.
-    """
-    worst = -math.inf
-    for j in range(1, ORDER + 1 - q):
-        if pair.x[q + j] != 0.0:
-            worst = max(worst, math.log(abs(pair.x[q + j]) / pair.x[q]) / j)
-    return worst
-
-
-@kernel
-def growth_of_bracket(pair: Any) -> float:
-    """Return ln a of the coefficients of φ = k ξ^s + γη."""
-    worst, size = -math.inf, pair.k * power(pair.own_length, pair.s)
-    for j in range(ORDER - 5, ORDER + 1):
-        if pair.g[j] != 0.0:
-            worst = max(worst, math.log(abs(pair.g[j]) / size) / j)
+    for j in range(first, last + 1):
+        if row[lead + j] != 0.0:
+            worst = max(worst, math.log(abs(row[lead + j]) / size) / j)
     return worst
 
 
@@ -258,15 +214,6 @@ def stays_clipped(pair: Any, theta: float) -> bool:
         xi += max(0.0, pair.x[j] * t)
         eta += max(0.0, pair.e[j] * t)
     return bool(pair.k * power(xi, pair.s) + pair.gamma * eta < 0.0)
-
-
-@kernel
-def last_sure_order(pair: Any, q: int) -> int:
-    """Return the highest order that the rate of a contact just touched is sure to have."""
-    if pair.mode != ACTIVE or pair.x[0] != 0.0 or pair.kind == LINEAR:
-        return ORDER
-    period = int(q * (pair.p + 1.0) + 0.5)
-    return ORDER // period * period
 
 
 @kernel

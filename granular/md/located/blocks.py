@@ -1,0 +1,342 @@
+"""Blocks of pairs, each with its own clock: islands of touching pairs, and pairs in free flight.
+
+An island is every maximal run of pushing pairs together with the flying pair on each side: what its forces can reach.
+Two runs with a single flying pair between them are one island. So the boundaries between blocks are exactly the places
+where two neighbouring pairs fly, a ball between two islands is free, and every block can be computed alone.
+
+The event loop takes the block that is due first, advances it, lets its event happen, and forms blocks anew. `laws` is
+None when every law is a power form; else it is the `Collocation` that knows them, and the run is interpreted.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from granular._kernels import kernel
+from granular._tournament import leaf, play
+from granular.md.located.contacts import AWAITED, SOME, act, activate, confirm, engage, follow, judge, pushes
+from granular.md.located.events import locate
+from granular.md.located.pieces import arrive, elapsed, glide, power, predict, since, tau_at, tick, value
+from granular.md.located.resting import LONG, NOT_YET, RESTS, lies, verdict
+from granular.md.located.series import expand, expand_linear, expand_two
+from granular.md.located.step_size import REACH, choose_clock, fastest_rate, growth, left_out, measure, scale, trusted
+from granular.md.located.system import ACTIVE, DORMANT, GENERAL, OPEN, RESIDUAL, to_plain
+
+ULP = 2.0**-52
+REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED = range(8)
+"""Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
+every ball rests for good, every ball is bound in contact for ever, no room in the pool."""
+
+
+@kernel
+def launch(s: Any, laws: Any) -> bool:
+    """Form the first blocks of a run from pairs that are open or overlap; false if it stops at once."""
+    run, pairs, pool, n = s.run[0], s.pairs, s.pool, len(s.pairs)
+    for c in range(n):
+        pair = pairs[c]
+        if pair.xi > 0.0 or (pair.xi == 0.0 and pair.eta > 0.0):
+            join(run, pairs, pool, s.kinds, s.bodies, c)
+            if is_clipped(pool[pair.slot], laws):
+                pool[pair.slot].mode = RESIDUAL
+            elif not activate(run, pairs, pool, s.bodies, c):
+                return False
+    for c in range(n):
+        if pairs[c].first == c:
+            if pairs[c].slot < 0:
+                join(run, pairs, pool, s.kinds, s.bodies, c)
+            run.lo, run.hi, run.stride = c, pairs[c].hi, pool[pairs[c].slot].stride
+            if regroup(s, laws) == STOPPED:
+                return False
+    return True
+
+
+@kernel
+def is_clipped(pair: Any, laws: Any) -> bool:
+    """Return whether balls that overlap from the start part so fast that their force is clipped."""
+    if pair.xi == 0.0:
+        return False
+    if laws is not None:
+        return laws.is_clipped(pair)  # type: ignore[no-any-return]
+    return bool(pair.k * power(pair.xi, pair.s) + pair.gamma * pair.eta <= 0.0)
+
+
+@kernel
+def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
+    """Work off what is due up to time `limit`, at most `chunk` pieces."""
+    run, pairs, pool, bodies, queue, work = s.run[0], s.pairs, s.pool, s.bodies, s.queue, s.work
+    for _ in range(chunk):
+        if run.waits == 0:
+            lo = queue[1].key
+            if queue[1].due > limit:
+                return REACHED
+            if queue[1].due == math.inf:
+                return QUIET
+            if run.begun >= run.max_events or run.steps >= run.max_steps:
+                return WORK
+            if run.rows >= len(s.log) or run.steps >= run.pause:
+                return MORE
+            if pairs[lo].slot < 0:
+                if run.members == len(pool):
+                    return CRAMPED
+                arrive(pairs[lo])
+                join(run, pairs, pool, s.kinds, bodies, lo)
+            block = pool[pairs[lo].slot]
+            settle(run, pairs, pool, bodies, work, lo, block.tau, elapsed(block.h, block.clock, block.tau))
+            run.t, run.tail, run.stride, run.lo, run.hi = block.t, block.tail, block.stride, lo, pairs[lo].hi
+            if block.fired < 0:
+                proved = verdict(run, pairs, pool, bodies, run.hi) if lo == 0 else NOT_YET
+                if proved != NOT_YET and limit == math.inf:
+                    return REST if proved == RESTS else BINDING
+                if not (proved == RESTS and lies(run, pairs, pool, bodies, run.hi)) and not plan(
+                    run, pairs, pool, bodies, work, lo, laws
+                ):
+                    return STOPPED
+                play(queue, lo, pairs[lo].due)
+                continue
+            if not act(run, pairs, pool, bodies, s.log, block, laws):
+                return STOPPED
+        why = regroup(s, laws)
+        run.waits = 1 if why == CRAMPED else 0
+        if why == MORE and run.separated == 1 and run.begun > 0 and all_recede(s):
+            why = STOPPED
+        if why != MORE:
+            return why
+    return MORE
+
+
+@kernel
+def all_recede(s: Any) -> bool:
+    """Return whether every pair is open and none approaches, at the time of the event under way."""
+    for c in range(len(s.pairs)):
+        pair = s.pairs[c]
+        if pair.slot >= 0 or pair.xi > 0.0 or pair.eta + pair.pull * (s.run[0].t - pair.t) > 0.0:
+            return False
+    return True
+
+
+@kernel
+def gather(s: Any, t: float, laws: Any) -> None:
+    """Advance every block to time t, the end of the run, with its series from there on."""
+    for c in range(len(s.pairs)):
+        pair = s.pairs[c]
+        if pair.first == c:
+            bring(s.run[0], s.pairs, s.pool, s.bodies, s.work, c, t, 0.0)
+            if pair.slot >= 0 and pair.due < math.inf and s.pool[pair.slot].h > 0.0:
+                settle_series(s.run[0], s.pairs, s.pool, c, laws)
+
+
+@kernel
+def join(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> None:
+    """Give pair `c`, which has been in free flight, its place in the pool."""
+    pair, law = pairs[c], kinds[pairs[c].kind_of]
+    pair.slot = pool[run.members].spare
+    run.members += 1
+    member = pool[pair.slot]
+    member.lower, member.upper = bodies[c].inverse_mass, bodies[c + 1].inverse_mass
+    member.inverse, member.pull = member.lower + member.upper, pair.pull
+    member.kind, member.q, member.memory = law.kind, law.q, law.memory
+    member.k, member.gamma, member.p, member.d, member.s = law.k, law.gamma, law.p, law.d, law.s
+    member.xi, member.eta, member.mode, member.noise = pair.xi, pair.eta, pair.mode, pair.noise
+    member.exact, member.wake, member.top, member.loading = pair.exact, pair.wake, 0.0, 1
+    member.t, member.tail, member.stride, member.fired, member.what = pair.t, pair.tail, pair.stride, c, pair.what
+    member.clock, member.h, member.tau, member.speed, member.begun = 1, 0.0, 0.0, 0.0, 0
+    member.number, member.doubt, member.largest, member.deepest = c, 0.0, 0.0, 0.0
+    member.x[0], member.e[0], member.f[0] = pair.xi, pair.eta, 0.0
+
+
+@kernel
+def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int) -> None:
+    """Let pair `c`, a block of its own, fly on from the time of the event under way, and take back its place."""
+    pair, member = pairs[c], pool[pairs[c].slot]
+    pair.xi = 0.0 if member.mode == OPEN and member.xi > 0.0 else member.xi
+    pair.eta, pair.mode, pair.noise = member.eta, member.mode, member.noise
+    pair.exact, pair.wake, pair.t, pair.tail, pair.stride = member.exact, member.wake, run.t, run.tail, run.stride
+    run.members -= 1
+    pool[run.members].spare, pair.slot = pair.slot, -1
+    predict(pair, kinds[pair.kind_of])
+
+
+@kernel
+def regroup(s: Any, laws: Any) -> int:
+    """Form the blocks anew that the event under way concerns, and plan them.
+
+    Return MORE, STOPPED, or CRAMPED: then it is to be called again with more room.
+    """
+    run, pairs, pool, bodies, work = s.run[0], s.pairs, s.pool, s.bodies, s.work
+    found = SOME
+    while found == SOME:
+        while run.lo > 0 and pushes(pool[pairs[run.lo].slot]):
+            if not absorb(run, pairs, pool, s.kinds, bodies, work, pairs[run.lo - 1].first):
+                return CRAMPED
+        while run.hi < len(pairs) and pushes(pool[pairs[run.hi - 1].slot]):
+            if not absorb(run, pairs, pool, s.kinds, bodies, work, run.hi):
+                return CRAMPED
+        found = engage(run, pairs, pool, bodies)
+    if found == AWAITED:
+        return STOPPED
+    a, why = run.lo, MORE
+    for c in range(run.lo + 1, run.hi + 1):
+        if c == run.hi or not (pushes(pool[pairs[c - 1].slot]) or pushes(pool[pairs[c].slot])):
+            form(run, pairs, pool, s.queue, a, c)
+            if c == a + 1 and not pushes(pool[pairs[a].slot]):
+                take_off(run, pairs, pool, s.kinds, a)
+            elif not plan(run, pairs, pool, bodies, work, a, laws):
+                why = STOPPED
+            play(s.queue, a, pairs[a].due)
+            a = c
+    return why
+
+
+@kernel
+def absorb(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, work: Any, lo: int) -> bool:
+    """Let the event under way concern the block that starts with pair `lo` too; false if there is no room for it."""
+    bring(run, pairs, pool, bodies, work, lo, run.t, run.tail)
+    if pairs[lo].slot < 0:
+        if run.members == len(pool):
+            return False
+        join(run, pairs, pool, kinds, bodies, lo)
+    run.lo, run.hi = min(run.lo, lo), max(run.hi, pairs[lo].hi)
+    return True
+
+
+@kernel
+def bring(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, t: float, tail: float) -> None:
+    """Advance the block that starts with pair `lo` to the time t + tail, at most the end of its piece."""
+    pair = pairs[lo]
+    if pair.slot < 0:
+        glide(pair, since(pair, t, tail))
+    else:  # at once there, except for what a single float cannot say
+        block = pool[pair.slot]
+        settle(run, pairs, pool, bodies, work, lo, tau_at(block, t, tail), since(block, t, tail))
+
+
+@kernel
+def form(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
+    """Make pairs lo … hi-1 a block at the time of the event under way."""
+    block, pairs[lo].hi = pool[pairs[lo].slot], hi
+    block.t, block.tail, block.stride = run.t, run.tail, run.stride
+    for c in range(lo, hi):
+        pairs[c].first = lo
+        if c > lo and pairs[c].due < math.inf:
+            pairs[c].due = math.inf
+            play(queue, c, math.inf)
+
+
+@kernel
+def settle(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau: float, dt: float) -> None:
+    """Advance the island that starts with pair `lo` to τ, a time `dt` into its piece."""
+    hi, block = pairs[lo].hi, pool[pairs[lo].slot]
+    if tau <= 0.0:
+        return
+    if run.log > 0:
+        follow(run, pairs, pool, bodies, work, lo, tau)
+    for c in range(lo, hi):
+        member = pool[pairs[c].slot]
+        member.xi, member.eta, member.exact = value(member.x, tau), value(member.e, tau), 0
+        member.x[0], member.e[0] = member.xi, member.eta
+    for c in range(lo, hi):
+        pool[pairs[c].slot].noise += rounding(run.tol, pairs, pool, c, lo)
+    if bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0:
+        hold_walls(pairs, pool, lo, hi, bodies[lo].v - bodies[hi].v)
+    tick(block, dt)
+    block.tau = 0.0  # the piece is used up
+
+
+@kernel
+def rounding(tol: float, pairs: Any, pool: Any, c: int, lo: int) -> float:
+    """Return what a step may leave in the rate of pair `c`: rounding of rates, or what a nonlinear step leaves out."""
+    member = pool[pairs[c].slot]
+    if pool[pairs[lo].slot].linear == 0:
+        return float(max(tol, ULP if member.kind != GENERAL else 8.0 * ULP) * member.own_speed)
+    largest = abs(member.eta)
+    for i in range(max(lo, c - 1), min(c + 2, pairs[lo].hi)):
+        largest = max(largest, abs(pool[pairs[i].slot].eta))
+    return float(ULP * largest)
+
+
+@kernel
+def hold_walls(pairs: Any, pool: Any, lo: int, hi: int, closing: float) -> None:
+    """Let the rates between two walls sum up to that of the walls: roundings would wander, and squeeze or free them."""
+    excess, fastest = -closing, pool[pairs[lo].slot]
+    for c in range(lo, hi):
+        member = pool[pairs[c].slot]
+        excess += member.eta
+        if abs(member.eta) > abs(fastest.eta):
+            fastest = member
+    fastest.eta, fastest.e[0] = fastest.eta - excess, fastest.eta - excess
+
+
+@kernel
+def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws: Any) -> bool:
+    """Compute the next piece of the island that starts with `lo`, and its end; false if the run is to stop at once."""
+    hi, block = pairs[lo].hi, pool[pairs[lo].slot]
+    worst, span = -math.inf, 1.0
+    run.steps += 1
+    fastest = fastest_rate(pairs, pool, lo, hi)
+    block.linear, block.clock = 1 if fastest >= 0.0 else 0, 1
+    if block.linear == 1:
+        block.h = REACH / fastest
+    else:
+        measure(pairs, pool, lo, hi)
+        block.clock = choose_clock(pairs, pool, lo, hi)
+        block.h = scale(pairs, pool, lo, hi)
+    settle_series(run, pairs, pool, lo, laws)
+    if block.linear == 0 and laws is None:
+        worst = growth(pairs, pool, lo, hi, run.tol)
+        span = trusted(worst, run.tol)
+        if block.clock == 1:
+            block.stride = block.h * span
+    if not confirm(run, pairs, pool, bodies, lo, hi):
+        return False
+    locate(pairs, pool, lo, hi, span, work, laws)
+    run.error += left_out(worst, block.tau)
+    pairs[lo].due = block.t + (elapsed(block.h, block.clock, block.tau) + block.tail)
+    if block.h >= LONG:  # it lies still
+        pairs[lo].due = math.inf
+        if lo == 0 and hi == len(pairs):
+            run.rests = 1
+    return True
+
+
+@kernel
+def settle_series(run: Any, pairs: Any, pool: Any, lo: int, laws: Any) -> None:
+    """Compute the series; where pairs touch at rest, until it agrees with who is taken to push."""
+    hi, block = pairs[lo].hi, pool[pairs[lo].slot]
+    for _ in range(2 * (hi - lo) + 2):
+        if laws is not None:
+            run.error += laws.fill(pairs, pool, lo, run.tol)
+        elif block.linear == 1 and hi == lo + 2:
+            expand_two(block, pool[pairs[lo + 1].slot], block.h)
+        elif block.linear == 1:
+            expand_linear(pairs, pool, lo, hi, block.h, 1)
+        else:
+            expand(pairs, pool, lo, hi, block.h, block.clock)
+        if not judge(pairs, pool, lo, hi):
+            break
+
+
+def _check(s: Any) -> None:
+    """Raise `AssertionError` if blocks, pool, queue and clocks contradict each other between two calls of `advance`."""
+    s = to_plain(s)
+    members, pairs, pool, n = s.run[0].members, s.pairs, s.pool, len(s.pairs)
+    starts = [c for c in range(n) if pairs[c].first == c]
+    taken, spare = [p.slot for p in pairs if p.slot >= 0], [place.spare for place in pool[members:]]
+    assert [pairs[c].hi for c in starts] == [*starts[1:], n], "each pair is in one block"
+    assert len(taken) == members, "as many places are taken as is said"
+    assert sorted(taken + spare) == list(range(len(pool))), "every place is taken once or spare once"
+    for c, pair in enumerate(pairs):
+        member = pool[pair.slot] if pair.slot >= 0 else None
+        start = pairs[pair.first]
+        assert pair.first <= c < start.hi, "a pair is within its block"
+        assert leaf(s.queue, c).due == pair.due, "the queue knows when a block is due"
+        assert pair.due == math.inf or pair is start, "a block is due once"
+        if member is None:
+            assert pair.first + 1 == start.hi, "a pair in free flight is a block of its own"
+            assert pair.due >= pair.t, "nothing is due in the past"
+        else:
+            assert member.number == c, "a place knows its pair"
+            assert not member.begun or member.mode in (ACTIVE, DORMANT), "a contact has a force"
+            assert pair.due >= pool[start.slot].t, "nothing is due in the past"
+            borders = pair is start and c > 0 and pushes(member), c + 1 < n and c + 1 == start.hi and pushes(member)
+            assert s.run[0].waits or not any(borders), "islands end where pairs fly"

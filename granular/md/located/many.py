@@ -1,0 +1,213 @@
+"""`solve_many`: many small scenes in one compiled call, for parameter maps."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from granular import until as stop
+from granular._check import Array
+from granular._kernels import compiled, kernel
+from granular._tournament import play
+from granular.md.located.blocks import MORE, QUIET, REACHED, STOPPED, advance, gather, launch
+from granular.md.located.pieces import look
+from granular.md.located.run import COMPILED_CHUNK, FIRST_LOOK, WHY
+from granular.md.located.system import ACTIVE, GENERAL, KIND, LINEAR, NO_PAUSE, System, kind_and_q, new_system, to_plain
+from granular.trajectory import Status
+
+CODES = {why: list(Status).index(pause.value) for why, pause in WHY.items()} | {REACHED: 0, MORE: -1}
+"""Places in `Status` of the reasons for which `advance` returns."""
+AT_ONCE = 10_000
+"""Scenes of which there are records at a time."""
+RESULT = np.dtype([("why", int), ("time", float)])
+LAST = np.dtype(
+    [
+        ("counts", int), ("ongoing", np.bool_),
+        ("t_end", float), ("v_lower", float), ("v_upper", float), ("longest", float), ("rate", float),
+    ],
+    align=True,
+)  # fmt: skip
+"""Results of a run, and of each of its pairs; see `Many`."""
+
+
+class Scenes(NamedTuple):
+    """S scenes of the same number n of bodies; what all have in common may lack the first axis.
+
+    Attributes
+    ----------
+    mass, velocity : (S, n) or (n,) arrays
+        Masses in kg (``inf``: wall) and velocities in m/s.
+    gap : (S, n-1) or (n-1,) array
+        Gaps in m.
+    law : (S, n-1, 4) or (n-1, 4) array
+        (k, p, γ, d) of F = k ξ^p + γ ξ^d ξ̇ for each pair.
+    gravity : (S,) array or float
+        In m/s².
+    """
+
+    mass: ArrayLike
+    gap: ArrayLike
+    velocity: ArrayLike
+    law: ArrayLike
+    gravity: ArrayLike = 0.0
+
+
+class Many(NamedTuple):
+    """Results of `solve_many`, one entry per scene.
+
+    Attributes
+    ----------
+    status : (S,) int array
+        Place in `Status` of why the run ended; -1 if it is left to `granular.md.simulate`, as piles that may creep and
+        laws that no power series follows.
+    time : (S,) array
+        When it ended, in s.
+    counts : (S, n-1) int array
+        Contacts of each pair that began.
+    ongoing : (S, n-1) bool array
+        Whether a contact of the pair was still running at the end.
+    t_end, v_lower, v_upper : (S, n-1) arrays
+        End in s of the last contact of each pair that ended, and the velocities of its bodies in m/s then; nan without.
+    longest : (S, n-1) array
+        Duration in s of the longest contact of each pair that ended; nan without.
+    rate : (S, n-1) array
+        Rate in m/s at which each gap grows at the end.
+    """
+
+    status: np.ndarray[Any, np.dtype[np.int64]]
+    time: Array
+    counts: np.ndarray[Any, np.dtype[np.int64]]
+    ongoing: np.ndarray[Any, np.dtype[np.bool_]]
+    t_end: Array
+    v_lower: Array
+    v_upper: Array
+    longest: Array
+    rate: Array
+
+
+def solve_many(
+    scenes: Scenes, *, until: stop.Until | None = None, t_end: ArrayLike = math.inf, tol: float = 1e-16,
+    max_events: int = 1_000_000, max_steps: int = 20_000_000,
+    leave_piles: bool = True, engine: str = "compiled",
+) -> Many:  # fmt: skip
+    """Run many scenes, each as `granular.md.simulate` would, bit for bit.
+
+    Parameters
+    ----------
+    scenes : Scenes
+        Where they start, and their laws.
+    until, t_end : stop condition, float or (S,) array
+        When to stop.
+    tol, max_events, max_steps : float, int, int
+        As in `granular.md.simulate`.
+    leave_piles : bool
+        Whether a pile that may creep is left to `granular.md.simulate`, which needs no steps for it.
+    engine : {"compiled", "plain"}
+        Compiled by numba, or interpreted.
+    """
+    mass, gap, velocity, law, gravity = (np.asarray(column, np.float64) for column in scenes)
+    columns = [1.0 / mass, velocity, gap, gravity[..., None], _kinds(law), np.asarray(t_end, np.float64)[..., None]]
+    (count,) = np.broadcast_shapes(*(column.shape[:-1] for column in columns), (1,))
+    columns = [np.broadcast_to(column, (count, column.shape[-1])) for column in columns]
+    pause = FIRST_LOOK if leave_piles else NO_PAUSE
+    limits: dict[str, Any] = {"tol": tol, "max_events": max_events, "max_steps": max_steps, "log": 1, "pause": pause}
+    parts = []
+    for first in range(0, max(1, count), AT_ONCE):
+        *part, kinds, end = (np.ascontiguousarray(column[first : first + AT_ONCE]) for column in columns)
+        n = kinds.shape[-1]
+        s = new_system(part, kinds, np.arange(n), n, until, **limits)
+        parts.append(_solved(s, end[:, 0].copy(), engine))
+    return Many(*map(np.concatenate, zip(*parts, strict=True)))
+
+
+def _solved(s: System, end: Array, engine: str) -> Many:
+    """Solve scenes of which there are records."""
+    result, last = np.zeros(len(end), RESULT), np.zeros(s.pairs.shape, LAST)
+    result["why"] = MORE
+    for name in ("t_end", "v_lower", "v_upper", "longest"):
+        last[name] = math.nan
+    scratch = np.zeros((3, last.shape[-1]))
+    if engine == "plain":
+        solve_rows(to_plain(s), end.tolist(), result.view(np.recarray), last.view(np.recarray), scratch.tolist())
+    else:
+        compiled(solve_rows)(s, end, result, last, scratch)
+    status = np.array([CODES.get(code, -1) for code in range(max(CODES) + 1)])[result["why"]]
+    status[(result["why"] == QUIET) & (end < math.inf)] = CODES[REACHED]
+    return Many(status, result["time"], *(last[name] for name in Many._fields[2:]))
+
+
+def _kinds(law: Array) -> Any:
+    """Return laws (…, 4) as records of `KIND`."""
+    kinds = np.zeros(law.shape[:-1], KIND)
+    for i, name in enumerate(("k", "p", "gamma", "d")):
+        kinds[name] = law[..., i]
+    elastic = kinds["gamma"] == 0.0
+    kinds["d"] = np.where(elastic, np.where(kinds["p"] == 1.5, 0.5, 0.0), kinds["d"])
+    kinds["s"] = kinds["p"] - kinds["d"]
+    for p, d, gamma in itertools.product(np.unique(kinds["p"]), np.unique(kinds["d"]), (0.0, 1.0)):
+        these = (kinds["p"] == p) & (kinds["d"] == d) & (elastic == (gamma == 0.0))
+        kinds["kind"][these], kinds["q"][these] = kind_and_q(1.0, p, gamma, d)
+    kinds["kind"][(kinds["kind"] != LINEAR) & ~(kinds["k"] > 0.0)] = GENERAL
+    return kinds
+
+
+@kernel
+def solve_rows(many: Any, t_end: Any, result: Any, last: Any, scratch: Any) -> None:
+    """Solve scenes from start to end, one after the other in the same pool, queue and log."""
+    for i in range(len(t_end)):
+        for c in range(len(many.pool)):
+            many.pool[c].spare = c
+            play(many.queue, c, math.inf)
+        run, pairs, kinds, bodies = many.run[i], many.pairs[i], many.kinds[i], many.bodies[i]
+        s = System(run, pairs, many.pool, kinds, bodies, many.queue, many.log, many.work)
+        solve(s, t_end[i], result[i], last[i], scratch)
+
+
+@kernel
+def solve(s: Any, t_end: float, result: Any, last: Any, scratch: Any) -> None:
+    """Solve one scene, unless a law of it is none that a power series follows."""
+    run, n = s.run[0], len(s.pairs)
+    for c in range(n):
+        if s.kinds[c].kind == GENERAL:
+            return
+    why = MORE if launch(s, None) else STOPPED
+    harvest(s, last)
+    while why == MORE and not may_creep(s):
+        if run.steps >= run.pause:
+            run.pause *= 2
+        why = advance(s, t_end, COMPILED_CHUNK, None)
+        harvest(s, last)
+    result.why, result.time = why, run.t
+    if why == REACHED or (why == QUIET and t_end < math.inf):
+        result.time = t_end
+    gather(s, result.time, None)
+    look(s, result.time, scratch[0], scratch[1], scratch[2])
+    for c in range(n):
+        pair = s.pairs[c]
+        last[c].counts, last[c].rate = pair.count, -scratch[1][c]
+        last[c].ongoing = pair.slot >= 0 and s.pool[pair.slot].begun == 1
+
+
+@kernel
+def may_creep(s: Any) -> bool:
+    """Return whether a run by itself would now look whether a pile creeps, and go on by its modes; left to that."""
+    if s.run[0].steps < s.run[0].pause or s.bodies[0].inverse_mass > 0.0 or s.pairs[0].slot < 0:
+        return False
+    first = s.pool[s.pairs[0].slot]
+    return bool(first.mode == ACTIVE and first.kind == LINEAR and first.gamma > 0.0)
+
+
+@kernel
+def harvest(s: Any, last: Any) -> None:
+    """Take what is asked out of the log, and empty it."""
+    for i in range(s.run[0].rows):
+        row = s.log[i]
+        pair = last[row.pair]
+        pair.t_end, pair.v_lower, pair.v_upper = row.t_end, row.lower_out, row.upper_out
+        if not pair.longest >= row.duration:
+            pair.longest = row.duration
+    s.run[0].rows = 0

@@ -1,0 +1,220 @@
+"""Pieces of motion between two events: polynomials in τ for islands, free flight in closed form for all other pairs.
+
+The clock of a block is its absolute time, in two floats; a step maps τ to the time t = (hτ)^q.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from granular._flight import gap_after, rate_at_contact, time_to_contact
+from granular._kernels import kernel
+from granular._roots import first_up_crossing
+from granular.md.located.system import ACTIVE, BEGIN, DAMPED, ELASTIC, OPEN, ORDER, PART, RESIDUAL
+
+DRIFT = 4.0
+"""Balls that close at less than this many times the noise of their rate are taken to drift along side by side."""
+INVERSE = (0.0, *(1.0 / n for n in range(1, ORDER + 5)))
+
+
+@kernel
+def tick(block: Any, dt: float) -> None:
+    """Advance a clock by `dt`; t + tail keeps what one float would lose, so that no gap suffers from late times."""
+    dt += block.tail
+    t = block.t + dt
+    part = t - block.t
+    block.tail = (block.t - (t - part)) + (dt - part)
+    block.t = t
+
+
+@kernel
+def since(block: Any, t: float, tail: float) -> float:
+    """Return the time from the block's clock to t + tail."""
+    dt: float = (t - block.t) + (tail - block.tail)
+    return dt
+
+
+@kernel
+def elapsed(h: float, q: int, tau: float) -> float:
+    """Return the time (hτ)^q into a step."""
+    u = h * tau
+    t = u
+    for _ in range(1, q):
+        t *= u
+    return t
+
+
+@kernel
+def tau_at(block: Any, t: float, tail: float) -> float:
+    """Return the τ that a piece has reached at the time t + tail, at most its end."""
+    dt = since(block, t, tail)
+    if dt <= 0.0 or block.tau == 0.0:
+        return 0.0
+    return float(min(block.tau, power(dt, 1.0 / block.clock) / block.h))
+
+
+@kernel
+def power(x: float, alpha: float) -> float:
+    """Return x^α for x ≥ 0, by square roots where they do."""
+    if alpha == 1.0:
+        return x
+    if alpha == 0.5:
+        return math.sqrt(x)
+    if alpha == 1.5:
+        return x * math.sqrt(x)
+    if alpha == 0.25:
+        return math.sqrt(math.sqrt(x))
+    return math.pow(x, alpha)
+
+
+@kernel
+def value(row: Any, tau: float) -> float:
+    """Return Σ row_j τ^j; even and odd powers apart, which are two short chains of operations instead of a long one."""
+    square = tau * tau
+    even, odd = row[ORDER], 0.0
+    for j in range(ORDER - 1, 0, -2):
+        odd = odd * square + row[j]
+        even = even * square + row[j - 1]
+    out: float = even + odd * tau
+    return out
+
+
+@kernel
+def integral(row: Any, q: int, tau: float) -> float:
+    """Return ∫ Σ row_j τ^j q τ^(q-1) dτ, to be multiplied by h^q."""
+    square = tau * tau
+    even, odd = row[ORDER] * INVERSE[ORDER + q], 0.0
+    for j in range(ORDER - 1, 0, -2):
+        odd = odd * square + row[j] * INVERSE[j + q]
+        even = even * square + row[j - 1] * INVERSE[j - 1 + q]
+    total = even + odd * tau
+    for _ in range(q):
+        total *= tau
+    return float(q * total)
+
+
+@kernel
+def direction(x: Any) -> float:
+    """Return the first coefficient that is not zero: where a pair at rest goes. (The last may vanish by parity.)"""
+    for j in range(1, ORDER + 1):
+        if x[j] != 0.0:
+            return float(x[j])
+    return 0.0
+
+
+@kernel
+def peaks(pair: Any, tau: float, work: Any) -> None:
+    """Raise the largest overlap and force to those of the piece; its g is scratch, for φ has done its duty.
+
+    A force that does not depend on the rate is largest where the overlap is, and the law says it better than a series
+    far below the scale of its island. In a piece so short that a force of ξ^(1/4) hardly counts no series need hold:
+    no more than the law allows.
+    """
+    for j in range(ORDER + 1):
+        pair.g[j] = pair.e[j]
+    deepest = highest(pair.x, pair.g, tau, work)
+    pair.xi_max = max(pair.xi_max, deepest)
+    xi = max(0.0, deepest)
+    if pair.kind == ELASTIC:
+        pair.force_max = max(pair.force_max, pair.k * power(xi, pair.p))
+        return
+    pair.g[ORDER] = 0.0
+    for j in range(ORDER):
+        pair.g[j] = (j + 1) * pair.f[j + 1]
+    force = highest(pair.f, pair.g, tau, work)
+    if pair.kind == DAMPED:
+        rate = max(abs(pair.e[0]), abs(value(pair.e, tau)))
+        force = min(force, 2.0 * (pair.k * power(xi, pair.p) + pair.gamma * power(xi, pair.d) * rate))
+    pair.force_max = max(pair.force_max, force)
+
+
+@kernel
+def highest(row: Any, rate: Any, tau: float, work: Any) -> float:
+    """Return the largest value of a row on [0, τ]; `rate`, of the sign of its slope, is used up."""
+    at, best = 0.0, max(float(row[0]), value(row, tau))
+    way = -1.0 if rate[0] > 0.0 else 1.0
+    for _ in range(ORDER):
+        step = first_up_crossing(rate, tau - at, work, way)
+        if not at + step < tau:
+            break
+        at += step
+        if way < 0.0:
+            best = max(best, value(row, at))
+        for first in range(ORDER):  # let it begin here: Horner's scheme, once for each coefficient
+            for j in range(ORDER - 1, first - 1, -1):
+                rate[j] += rate[j + 1] * step
+        rate[0], way = 0.0, -way
+    return best
+
+
+@kernel
+def write_flight(pair: Any, h: float, push: float, force: float) -> None:
+    """Write the piece of a pair of constant force that closes at a constant acceleration `push`, on the plain clock."""
+    for j in range(ORDER + 1):
+        pair.x[j], pair.e[j], pair.f[j], pair.g[j] = 0.0, 0.0, 0.0, 0.0
+    pair.x[0], pair.x[1], pair.x[2] = pair.xi, h * pair.eta, 0.5 * h * h * push
+    pair.e[0], pair.e[1], pair.f[0], pair.g[0] = pair.eta, h * push, force, force
+
+
+@kernel
+def predict(pair: Any, law: Any) -> None:
+    """Plan the flight of a free pair, a block of its own, to its next event.
+
+    Contacts leave rates of rounding where the exact ones are zero: balls that stay together would meet again after
+    some 1e12 s.
+    """
+    if pair.mode == OPEN and pair.pull == 0.0 and 0.0 < pair.eta <= DRIFT * pair.noise:
+        pair.eta = 0.0
+    wait, what = time_to_contact(max(0.0, -pair.xi), -pair.eta, pair.pull), BEGIN
+    if pair.mode == RESIDUAL:
+        wait, what = time_to_contact(pair.xi, pair.eta, -pair.pull), PART
+        again = force_returns(pair, law) if law.s == 1.0 else math.inf
+        if again < wait:
+            wait, what = again, BEGIN
+    pair.wait, pair.what = wait, what
+    pair.due = pair.t + (wait + pair.tail)
+
+
+@kernel
+def force_returns(pair: Any, law: Any) -> float:
+    """Return the time until φ = kξ + γη of a clipped pair rises to zero: -φ falls like a gap."""
+    phi = 0.0 if pair.exact else law.k * pair.xi + law.gamma * pair.eta
+    rise = law.k * pair.eta + law.gamma * pair.pull
+    return time_to_contact(max(0.0, -phi), -rise, law.k * pair.pull)
+
+
+@kernel
+def glide(pair: Any, dt: float) -> None:
+    """Advance a free pair by `dt`, if that is positive."""
+    if dt > 0.0:
+        pair.xi = -gap_after(-pair.xi, -pair.eta, pair.pull, dt)
+        pair.eta += pair.pull * dt
+        pair.exact = 0
+        tick(pair, dt)
+
+
+@kernel
+def arrive(pair: Any) -> None:
+    """Advance a free pair to its event: exactly there, with the rate it has from the state, not from the time."""
+    if pair.mode == OPEN:
+        pair.eta = -rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull)
+        pair.xi = 0.0
+        tick(pair, pair.wait)
+    else:
+        glide(pair, pair.wait)
+
+
+@kernel
+def look(s: Any, t: float, xi: Any, eta: Any, force: Any) -> None:
+    """Write overlap, rate and force of every pair at time `t`, which lies within the current pieces."""
+    for c in range(len(s.pairs)):
+        pair = s.pairs[c]
+        if pair.slot < 0:
+            dt = max(0.0, since(pair, t, 0.0))
+            xi[c], eta[c], force[c] = -gap_after(-pair.xi, -pair.eta, pair.pull, dt), pair.eta + pair.pull * dt, 0.0
+        else:
+            member = s.pool[pair.slot]
+            tau = tau_at(s.pool[s.pairs[pair.first].slot], t, 0.0)
+            xi[c], eta[c] = value(member.x, tau), value(member.e, tau)
+            force[c] = max(0.0, value(member.f, tau)) if member.mode == ACTIVE else 0.0
