@@ -107,7 +107,7 @@ def drawn(seed):
     ]  # fmt: skip
     t_end = float(random.uniform(0.01, 0.1))
     dt = float(10.0 ** random.uniform(-1.5, 1.0) if seed % 3 == 0 else random.uniform(0.1, 1.0)) / math.sqrt(k)
-    options = {"t_end": t_end if seed % 3 else 3000.0 * dt, "dt": dt, "log": bool(random.random() < 0.7)}
+    options = {"t_end": t_end if seed % 3 else 1000.0 * dt, "dt": dt, "log": bool(random.random() < 0.7)}
     options["samples"] = [None, 7][int(random.integers(2))]
     pair, nth = int(random.integers(n - 1)), int(random.integers(1, 4))
     more = [{}, {"until": gr.until.contact(pair, nth)}, {"max_events": int(random.integers(1, 9))}]
