@@ -55,6 +55,13 @@ def frontier(name: str) -> Any:
     return errors(SCENES[name][1]())
 
 
+def isolation() -> Any:
+    """Data of the figure of docs/threshold.md at few gaps."""
+    from isolation import compute
+
+    return compute(7)
+
+
 def errors(report: Any) -> Any:
     """The same of a `Frontier` that is measured already."""
     return {
@@ -93,6 +100,7 @@ EXTREMES = ("stiffness", "damping", "mass ratio", "gap", "speed", "start time", 
 OTHERS = ("touching", "chains", "recorded", "rest", "symmetry", "exact sequence", "ties", "float edges", "long runs")
 ENTRIES |= {"stability": Entry(partial(stability, EXTREMES)),
             "stability-others": Entry(partial(stability, OTHERS), False)}  # fmt: skip
+ENTRIES |= {"isolation": Entry(isolation)}
 TIMES_ONLY = {"edmd-scaling"}
 """Figures of run times, which differ from machine to machine."""
 

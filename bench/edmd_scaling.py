@@ -131,6 +131,8 @@ def leaving_out() -> None:
     timers = {
         "everything left out": engine(scene, "compiled"), "with gravity": engine(gas(n, 0.001), "compiled"),
         "with the log": engine(scene, "compiled", log=True),
+        "with watch=, dashpot": engine(scene, "compiled", watch=gr.LinearDashpot(1e6)),
+        "with watch=, viscoelastic": engine(scene, "compiled", watch=gr.ViscoelasticHertz(1e8, 1e4)),
         "with dissipation (watched for a collapse)": engine(scene, "compiled", nearly),
         "with tc=": engine(scene, "compiled", nearly, tc=1e-6),
         "with collapse='merge'": engine(scene, "compiled", nearly, collapse="merge", merge_below=1e-9),
@@ -139,6 +141,8 @@ def leaving_out() -> None:
     plain = {
         "everything left out": engine(scene, "sorted"), "with gravity": engine(gas(n, 0.001), "sorted"),
         "with the log": engine(scene, "sorted", log=True),
+        "with watch=, dashpot": engine(scene, "sorted", watch=gr.LinearDashpot(1e6)),
+        "with watch=, viscoelastic": engine(scene, "sorted", watch=gr.ViscoelasticHertz(1e8, 1e4)),
         "with on_event": engine(scene, "sorted", on_event=lambda row: None),
         "with dissipation (watched for a collapse)": engine(scene, "sorted", nearly),
         "with a table ε(v)": engine(scene, "sorted", table),

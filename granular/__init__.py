@@ -23,20 +23,22 @@ if TYPE_CHECKING:
     from granular.comparison import Comparison, compare
     from granular.stress import stability
     from granular.sweeps import sweep
+    from granular.thresholds import Threshold, threshold
     from granular.workprecision import frontier
 
 __version__ = "0.1.0"
 
 __all__ = [
     "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "Pair", "PowerLaw", "Scene", "Status",
-    "TabulatedRestitution", "ThorntonRestitution", "Trajectory", "TsujiHertz", "ViscoelasticHertz", "WaltonBraun",
-    "adiabatic", "binary", "cases", "compare", "edmd", "frontier", "md", "measures", "restitution_of", "scenes",
-    "stability", "sweep", "theory", "until",
+    "TabulatedRestitution", "ThorntonRestitution", "Threshold", "Trajectory", "TsujiHertz", "ViscoelasticHertz",
+    "WaltonBraun", "adiabatic", "binary", "cases", "compare", "edmd", "frontier", "md", "measures", "restitution_of",
+    "scenes", "stability", "sweep", "theory", "threshold", "until",
 ]
 
 _UPPER_FLOORS = {
     "Case": "cases", "Comparison": "comparison", "compare": "comparison", "restitution_of": "binary",
-    "frontier": "workprecision", "stability": "stress", "sweep": "sweeps",
+    "frontier": "workprecision", "stability": "stress", "sweep": "sweeps", "Threshold": "thresholds",
+    "threshold": "thresholds",
 }
 """Where names stand that are no modules."""
 

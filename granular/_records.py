@@ -35,7 +35,7 @@ def packed(objects: Records, dtype: np.dtype[Any] | None = None) -> np.ndarray[A
     if isinstance(objects, np.ndarray):
         return objects
     records = np.empty(len(objects), objects[0].dtype if dtype is None else dtype)
-    for name in records.dtype.names:
+    for name in records.dtype.names if len(records) else ():
         records[name] = list(map(attrgetter(name), objects))
     return records
 

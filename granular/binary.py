@@ -101,7 +101,7 @@ def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | Array:
 
 def at_speed(known: PairLaw, speed: float) -> float:
     """`restitution` at one speed, whatever it is: ε at rest is 1, or the limit for slow impacts."""
-    zeta = _damping_ratio(known)
+    zeta = damping_ratio(known)
     if zeta is not None:
         return dashpot.restitution(zeta)
     if not speed > 0.0:
@@ -114,7 +114,7 @@ def at_speed(known: PairLaw, speed: float) -> float:
     return _integrated(known.law, known.pair, max(speed, SLOWEST)).restitution
 
 
-def _damping_ratio(known: PairLaw) -> float | None:
+def damping_ratio(known: PairLaw) -> float | None:
     """ζ of the dashpot with the law's restitution at every speed; None if ε is not known to be the same at all."""
     if known.form is None:
         return None
@@ -157,7 +157,7 @@ def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule
         instance("law", one)
     if scene is not None:
         known = resolved(_check.per_pair("law", laws if len(laws) > 1 else laws[0], scene.n_pairs), scene)
-        if None not in map(_damping_ratio, known.each):
+        if None not in map(damping_ratio, known.each):
             return ConstantRestitution(known.column(lambda one: at_speed(one, 1.0)))
     return LawRestitution(laws)
 

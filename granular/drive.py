@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from granular._check import Array
+from granular._records import raw
 from granular.request import Request
 from granular.scene import Scene, positions, velocities
 from granular.trajectory import CONTACT, Status, Trajectory
@@ -30,6 +31,7 @@ class Pause(Enum):
     quiet = Status.quiet
     resting = Status.resting
     collapse = Status.collapse
+    disturbed = Status.disturbed
     unstable = Status.unstable
     work = Status.max_events
     full = None
@@ -128,10 +130,13 @@ def drive(run: Run) -> Trajectory:
     columns: list[Any] = [None if column[0] is None else np.array(column) for column in zip(*kept, strict=True)]
     kept.clear()  # rows of a million balls are large
     time, elapsed, gap, velocity, rate, force = columns
+    columns.clear()
+    if velocity is None:
+        velocity, rate = velocities(run.scene, rate, elapsed), None
     return Trajectory(
         scene=run.scene, law=run.law, rule=run.rule, time=time, position=positions(run.scene, gap, elapsed),
-        velocity=velocities(run.scene, rate, elapsed) if velocity is None else velocity, gap=gap, force=force,
-        contacts=log if run.in_order else log[np.lexsort((log["pair"], log["t_begin"]))], status=end.status,
+        velocity=velocity, gap=gap, force=force,
+        contacts=log if run.in_order else _sorted(log), status=end.status,
         message=end.message, stats=end.stats, state=end.state,
     )  # fmt: skip
 
@@ -153,6 +158,16 @@ def _follow(run: Run, time: float, last: bool, settled: list[Rows]) -> Pause:
             return pause
 
 
+def _sorted(log: Rows) -> Rows:
+    """Return contacts in the order of their onset, of several in one instant in that of their pairs."""
+    onset, pair = np.ascontiguousarray(log["t_begin"]), np.ascontiguousarray(log["pair"])
+    if not ((onset[1:] > onset[:-1]) | ((onset[1:] == onset[:-1]) & (pair[1:] > pair[:-1]))).all():
+        order = np.argsort(onset, kind="stable")  # they nearly are, which this sort makes use of
+        tied = (np.diff(onset[order]) == 0.0).any()
+        log = raw(log)[np.lexsort((pair, onset)) if tied else order].view(CONTACT)
+    return log
+
+
 SIDES = {"lower_in": ("v_in", 0), "upper_in": ("v_in", 1), "lower_out": ("v_out", 0), "upper_out": ("v_out", 1)}
 
 
@@ -165,6 +180,9 @@ def contacts(settled: list[Rows]) -> Rows:
     stop = 0
     for rows in settled:
         part, stop = log[stop : stop + len(rows)], stop + len(rows)
+        if rows.dtype == CONTACT:
+            raw(part)[:] = raw(rows)
+            continue
         names = rows.dtype.names or ()
         if "t_end" not in names:
             part["t_end"], part["force_max"] = rows["t_begin"], np.nan

@@ -18,13 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from granular import binary
 from granular._check import Array
+from granular.durations import Durations
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import resolved
 from granular.outcome import leaving_velocities, strengths
 from granular.scene import Scene
-from granular.trajectory import Status, Trajectory, grouped
+from granular.trajectory import Status, Trajectory
 
 ROUNDING = 1e-12
 """Impacts weaker than this share of the fastest are rounding: a contact leaves some 1e-15, a thousand leave this."""
@@ -79,31 +79,13 @@ def crowding(hard: Trajectory, laws: tuple[Any, ...]) -> float:
 
 def durations(hard: Trajectory, laws: tuple[Any, ...]) -> Array:
     """Durations in s that the EDMD events would have as isolated contacts under the laws of their pairs."""
-    speed, lasting = np.abs(_approach(hard)), np.zeros(len(hard.contacts))
-    kind, each = resolved(laws, hard.scene).in_pairs
-    order, edge = grouped(kind[hard.contacts["pair"]], len(each))
-    for k in np.flatnonzero(np.diff(edge)).tolist():
-        rows = order[edge[k] : edge[k + 1]]
-        lasting[rows] = _isolated(each[k], speed[rows])
-    return lasting
+    return Durations(laws, hard.scene)(hard.contacts["pair"], np.abs(_approach(hard)))
 
 
 def _beside(run: Trajectory) -> Iterator[tuple[Any, Any]]:
     """The rows of the contact log of every two neighbouring pairs."""
     below, above = run.scene.neighbours
     return zip(map(run.rows, below.tolist()), map(run.rows, above.tolist()), strict=True)
-
-
-def _isolated(law: PairLaw, speed: Array) -> Array:
-    """Durations in s of isolated contacts at many speeds, interpolated in a table of a few."""
-    if law.is_linear:
-        return np.full(len(speed), binary.collision(law.law, law.pair, 1.0).duration)
-    if not speed.max() > 0.0:
-        return np.zeros(len(speed))
-    speed = np.maximum(speed, 1e-9 * speed.max())
-    grid = np.unique(np.geomspace(speed.min(), speed.max(), 17))
-    table = [binary.collision(law.law, law.pair, float(v)).duration for v in grid]
-    return np.asarray(np.exp(np.interp(np.log(speed), np.log(grid), np.log(table))))
 
 
 def occupation(soft: Trajectory) -> float:

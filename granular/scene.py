@@ -187,7 +187,11 @@ class Scene:
     def offsets(self, gap: Array) -> Array:
         """Distances (…, n) in m from body 0, centres of balls and surfaces of walls, given the gaps (…, n-1)."""
         lower, upper = self.sides(self.radius)
-        return _summed(lower + gap + upper)
+        out = np.zeros((*gap.shape[:-1], self.n))
+        steps = np.add(lower, gap, out=out[..., 1:])
+        steps += upper
+        np.cumsum(steps, axis=-1, out=steps)
+        return out
 
     def anchor(self, elapsed: Any) -> Any:
         """Position in m, a time `elapsed` in s after the scene's instant, of what all positions are measured from.
@@ -234,7 +238,8 @@ def positions(scene: Scene, gap: Array, elapsed: Array) -> Array:
     """
     offset = scene.offsets(gap)
     at_anchor = offset @ scene._share if scene._wall is None else offset[:, scene._wall]
-    return np.asarray((scene.anchor(elapsed) - at_anchor)[:, None] + offset)
+    offset += (scene.anchor(elapsed) - at_anchor)[:, None]
+    return offset
 
 
 def velocities(scene: Scene, rate: Array, elapsed: Array) -> Array:
@@ -245,9 +250,10 @@ def velocities(scene: Scene, rate: Array, elapsed: Array) -> Array:
     """
     offset, anchor = _summed(rate), scene.anchor_velocity(elapsed)
     if scene._wall is not None:
-        return np.asarray((anchor - offset[:, scene._wall])[:, None] + offset)
+        offset += (anchor - offset[:, scene._wall])[:, None]
+        return offset
     for _ in range(2):
-        offset = (anchor - (offset * scene._share).sum(axis=-1))[:, None] + offset
+        offset += (anchor - (offset * scene._share).sum(axis=-1))[:, None]
     return offset
 
 

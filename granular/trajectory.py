@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -36,6 +37,8 @@ and after; largest overlap in m; largest force in N (nan in EDMD, where it is in
 open when the run ends has `t_end` and `v_out` nan, and its duration, peaks and impulse so far."""
 
 
+PLAIN = (bool, int, float, str, tuple)
+"""What is saved of `stats`."""
 ARRAYS = ("time", "position", "velocity", "gap", "force", "contacts")
 SCENE = ("mass", "radius", "gap", "velocity", "gravity", "origin")
 
@@ -48,6 +51,7 @@ class Status(Enum):
     quiet = "no contact can follow"
     resting = "the balls rest on each other; no contact can open or begin"
     collapse = "inelastic collapse: collisions pile up, infinitely many or down to the bound in the message"
+    disturbed = "a contact is about to disturb another; isolated contacts are over here"
     max_events = "the limit on the amount of work was reached"
     unstable = "the time step is beyond the stability limit; the numbers mean nothing"
 
@@ -77,8 +81,8 @@ class Trajectory:
     stats : dict
         Amount of work and notes of the engine.
     state : dict
-        The raw state at the end of a run of `granular.edmd`, from which `granular.edmd.resume` goes on; empty for
-        `granular.md`, whose runs cannot be resumed.
+        The raw state at the end of a run, from which `granular.edmd.resume` or `granular.md.resume` goes on; empty for
+        fixed steps, whose runs cannot be resumed.
     """
 
     scene: Scene
@@ -119,6 +123,14 @@ class Trajectory:
         """Number of contacts of `pair` that began."""
         return len(self.rows(pair))
 
+    @property
+    def first_disturbed(self) -> tuple[float, int]:
+        """Time in s and lower pair of the first two contacts of neighbouring pairs that overlap in time, the time being
+        the onset of the second; (nan, -1) if there are none, or nobody looked (hard runs do with `watch`, a warning).
+        """
+        time, pair = self.stats.get("first_disturbed", (math.nan, -1))
+        return time, pair
+
     def momentum(self) -> Array:
         """Total momentum of the balls (walls excluded) in kg m/s, shape (T,)."""
         balls = ~self.scene.is_wall
@@ -155,7 +167,7 @@ class Trajectory:
             "format": _files.FORMAT,
             "status": self.status.name,
             "message": self.message,
-            "stats": {name: value for name, value in self.stats.items() if isinstance(value, (bool, int, float, str))},
+            "stats": {name: value for name, value in self.stats.items() if isinstance(value, PLAIN)},
             "law": None if self.law is None else [to_json(law) for law in self.law],
             "rule": None if self.rule is None else [to_json(rule) for rule in self.rule],
         }
@@ -185,8 +197,7 @@ class Trajectory:
         """
         words, stored = _read(path)
         scene = Scene(**{name: _plain(stored[f"scene.{name}"]) for name in SCENE})
-        resumable = words["rule"] is not None
-        state = {name[6:]: _plain(value) for name, value in stored.items() if name.startswith("state.") and resumable}
+        state = {name[6:]: _plain(value) for name, value in stored.items() if name.startswith("state.")}
         arrays: dict[str, Any] = {name: stored.get(name) for name in ARRAYS}
         return cls(
             scene=scene,
@@ -194,8 +205,8 @@ class Trajectory:
             rule=_revived("rule", words["rule"], rule, scene),
             status=Status[words["status"]],
             message=words["message"],
-            stats=words["stats"],
-            state=state,
+            stats={name: tuple(value) if isinstance(value, list) else value for name, value in words["stats"].items()},
+            state=state if words["rule"] is not None or "creeping" in state else {},  # md was not to be gone on from
             **arrays,
         )
 

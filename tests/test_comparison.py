@@ -38,6 +38,44 @@ def test_every_contact_of_the_upper_pair_overlaps_the_floor_contact(report):
     assert 0.13 < report.measures["shared_impulse"] < 0.15
 
 
+def test_report_certifies_isolated_contacts(report):
+    log = report.soft.contacts
+    first = report.overlaps[0]
+    assert report.soft.first_disturbed == (log["t_begin"][first.upper], 0)
+    when = f"pairs 0 and 1 at t = {first.begin:.9g} s"
+    assert f"certified: 0 of 5 contacts isolated; the first disturbed: {when}" in str(report)
+    said = report.to_dict()
+    assert (said["isolated"], said["contacts"]) == (0, 5)
+    assert said["first_disturbed"] == [first.begin, 0]
+    assert said["measures"]["isolated_share"] == report.measures["isolated_share"] == 0.0
+
+
+def test_verdict_and_certificate_agree():
+    scene = gr.scenes.three_balls(gap=1e-2)
+    law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=p) for p in scene.pairs]
+    far = gr.compare(scene, law, until=gr.until.contact(0, 2))
+    assert "certified: all 2 contacts isolated" in str(far)
+    assert far.verdict.startswith("Yes: every contact is binary (certified), and")
+    assert far.to_dict()["first_disturbed"] == [None, -1]
+    rule = gr.compare(scene, law, gr.ConstantRestitution(0.5), until=gr.until.contact(0, 2))
+    assert rule.verdict.endswith("of the impact speed, though every contact is isolated.")
+    stepped = gr.compare(scene, law, until=gr.until.contact(0, 2), method="verlet")
+    assert "certified" not in str(stepped)
+    assert stepped.to_dict()["isolated"] is None
+    assert math.isnan(stepped.measures["isolated_share"])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_isolated_contacts_are_those_that_share_no_time_with_a_neighbour(seed):
+    gas = gr.cases.make("gas", n=30, seed=seed, restitution=1.0, stiffness=10.0 ** (2 + seed % 3))
+    report = gr.compare(gas.scene, gas.law, t_end=10.0)
+    shared = {row for overlap in report.overlaps for row in (overlap.lower, overlap.upper)}
+    assert 0 < len(shared) < len(report.soft.contacts)
+    assert report.soft.stats["isolated"] == len(report.soft.contacts) - len(shared)
+    assert report.soft.first_disturbed[0] == report.overlaps[0].begin
+    assert "binary" not in report.verdict
+
+
 def test_effective_restitution_by_root_is_the_closed_form(report):
     (eps,) = report.effective_restitution()
     assert eps == pytest.approx(0.7 * report.restitution_ratio, rel=1e-9)
@@ -156,8 +194,15 @@ def test_lag_must_be_short_and_outcomes_the_same_for_a_matter_of_timing():
     hit = float(hard.contacts[1]["t_begin"])
     hard = gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), t_end=hit + 1e-6)
     soft = gr.md.simulate(scene, gr.LinearDashpot(1e6), t_end=hit + 1e-6)
+    assert timing.same_but_for_timing(soft, hard, tolerance=1e-20)  # an elastic contact keeps the speed exactly
+    law = gr.LinearDashpot.from_restitution(0.9, 1e6, scene.pairs[0])
+    hit = float(gr.edmd.simulate(scene, gr.ConstantRestitution(0.9), t_end=3.0).contacts[1]["t_begin"])
+    hard = gr.edmd.simulate(scene, gr.ConstantRestitution(0.9), t_end=hit + 1e-6)
+    soft = gr.md.simulate(scene, law, t_end=hit + 1e-6)
     assert timing.same_but_for_timing(soft, hard, tolerance=0.05)
-    assert not timing.same_but_for_timing(soft, hard, tolerance=1e-20)
+    # an elastic ball leaves as a hard one does
+    damped = gr.md.simulate(scene, gr.LinearDashpot(1e6, 1.0), t_end=hit + 1e-6)
+    assert not timing.same_but_for_timing(damped, hard, tolerance=1e-9)
 
 
 @pytest.mark.parametrize("n", [3, 5, 30])

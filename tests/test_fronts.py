@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
+from granular import certificate
 
 pytest.importorskip("xarray")
 
@@ -39,8 +40,10 @@ def test_all_fronts_give_the_same_numbers(seed, granular, tmp_path):
         written = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
         assert written["pairs"] == said["pairs"]
         assert written["verdict"] == said["verdict"]
+        assert all(written[name] == said[name] for name in ("isolated", "contacts", "first_disturbed"))
+        assert certificate.sentence(report.soft) in granular(f"run {line}")[1]
 
-    results = ["contacts", "hard_contacts", "v_rel", "t_f", "error"]
+    results = ["contacts", "hard_contacts", "v_rel", "t_f", "error", "isolated_share"]
     fixed = {key: value for key, value in options.items() if key != "stiffness"}
     swept = [gr.sweep(name, {"stiffness": [options["stiffness"]]}, results, **fixed),
              gr.sweep(tmp_path / "case.toml", {"gravity": [case.scene.gravity]}, results),
@@ -51,3 +54,5 @@ def test_all_fronts_give_the_same_numbers(seed, granular, tmp_path):
         assert np.array_equal(data["v_rel"].values[0], [pair.soft_v_rel for pair in report.pairs], equal_nan=True)
         assert np.array_equal(data["t_f"].values[0], [pair.soft_t_f for pair in report.pairs], equal_nan=True)
         assert np.array_equal(data["error"].values[0], report.error, equal_nan=True)
+        share = report.soft.stats["isolated"] / report.soft.stats["contacts"]
+        assert data["isolated_share"].values[0] == report.measures["isolated_share"] == share

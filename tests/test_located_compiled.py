@@ -87,7 +87,7 @@ def test_a_pool_that_grows_leaves_no_trace(scene: Scene, engine: str, monkeypatc
         runs.append(run(scene, (Hertz(1e6),) * (scene.n - 1), t_end=0.5, max_steps=250, engine=engine))
     for name in ("position", "velocity", "gap", "force", "contacts"):
         assert getattr(runs[0], name).tobytes() == getattr(runs[1], name).tobytes(), name
-    assert runs[0].stats == runs[1].stats
+    assert repr(runs[0].stats) == repr(runs[1].stats)  # nan may be among them
     assert runs[0].stats["contacts"] >= 20
 
 

@@ -118,5 +118,5 @@ def test_until_and_limits() -> None:
     assert stopped.count(1) == 0
     assert run(scene, law, engine="plain").status is Status.quiet
     assert run(scene, law, max_events=1, engine="plain").status is Status.max_events
-    assert run(scene, law, max_steps=2, engine="plain").status is Status.max_events
+    assert run(scene, law, max_steps=1, engine="plain").status is Status.max_events
     assert run(scene, law, t_end=0.01, engine="plain").status is Status.time

@@ -159,3 +159,37 @@ def test_a_start_inside_an_overlap() -> None:
     parting = run(Scene([1.0, 1.0], [0.1] * 2, [-1e-3], [0.0, 5.0]), law, engine="plain")
     assert len(parting.contacts) == 0
     assert np.diff(parting.velocity[-1])[0] == 5.0
+
+
+@dataclass(frozen=True)
+class Yielding:
+    """F = k ξ / (1 + ξ/x), never more than k x: it cannot bear every weight."""
+
+    k: float
+    x: float
+
+    def force(self, xi: float, xi_dot: float, pair: Any) -> float:
+        return self.k * xi / (1.0 + xi / self.x)
+
+
+def test_a_law_that_cannot_bear_the_weight_lets_it_sink() -> None:
+    """Beside DOP853; from a height, and from within."""
+    from scipy.integrate import solve_ivp
+
+    rng = np.random.default_rng(4)
+    for _ in range(8):
+        mass, x = 10.0 ** rng.uniform(-1, 1), 10.0 ** rng.uniform(-3, -1)
+        law = Yielding(mass * 9.81 / x * rng.uniform(0.05, 0.95), x)
+        deep, speed, end = rng.uniform(0.01, 0.2), rng.uniform(-2, 2), rng.uniform(0.02, 0.1)
+        scene = Scene([math.inf, mass], [0.0, 1.0], [-deep], [0.0, -speed], 9.81)
+        soft = run(scene, (law,), t_end=end)
+        if len(soft.contacts) > 1 or not np.isnan(soft.contacts["t_end"]).all():
+            continue  # it parted
+
+        def motion(t: float, y: Any, law: Yielding = law, mass: float = mass) -> Any:
+            return [y[1], 9.81 - law.force(y[0], 0.0, None) / mass]
+
+        xi, eta = solve_ivp(motion, (0.0, end), [deep, speed], "DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
+        assert soft.gap[-1, 0] == pytest.approx(-xi, rel=1e-10)
+        assert soft.velocity[-1, 1] == pytest.approx(-eta, rel=1e-9, abs=1e-10)
+        assert soft.stats["error_estimate"] < 1e-13

@@ -45,6 +45,7 @@ def runs():
     yield "edmd", gr.edmd.simulate(scene, rule, t_end=0.4, engine="sorted")
     yield "edmd, merge", gr.edmd.simulate(scene, rule, t_end=0.4, engine="sorted", collapse="merge")
     yield "edmd, collapse", gr.edmd.simulate(scene, rule, engine="sorted")
+    yield "edmd, watched", gr.edmd.simulate(scene, rule, t_end=0.4, engine="sorted", watch=law)
     yield "md located", gr.md.simulate(scene, law, t_end=0.4, engine="plain")
     yield "md located, own law", gr.md.simulate(scene, gr.WaltonBraun(1e6, 2e6), t_end=0.4, engine="plain")
     for method in ("verlet", "symplectic-euler", "rk4", "gear5"):

@@ -138,5 +138,6 @@ def test_files_of_a_later_version_are_refused_by_name(tmp_path, soft):
         gr.Trajectory.load(path)
 
 
-def test_a_soft_run_has_no_state(soft):
-    assert soft.state == {}
+def test_a_run_in_fixed_steps_has_no_state():
+    run = gr.md.simulate(gr.scenes.bouncing_ball(), gr.Hertz(1e6), t_end=0.01, method="verlet")
+    assert run.state == {}

@@ -17,7 +17,7 @@ from granular.cases.case import HELD
 from granular.cases.options import Option, options_of
 from granular.cases.ready import is_file
 
-COMMANDS = ("scenes", "run", "compare", "sweep", "figure", "frontier", "stability", "page", "view")
+COMMANDS = ("scenes", "run", "compare", "sweep", "threshold", "figure", "frontier", "stability", "page", "view")
 """A command is a module of that name. Its docstring says what it does, `USAGE` what it takes. ``arguments(parser)``
 adds its options and returns those that come from a signature; ``run(given)`` does it; runs that it returns must end."""
 ABOUT = """\
@@ -33,13 +33,14 @@ examples:
   granular compare three-balls --help               the parameters of that scene
   granular sweep three-balls --over restitution=0.5:1:101 --refine restitution
   granular sweep mine.toml --over gap[1]=1e-6:1e-2:41:log
+  granular threshold three-balls --over gap         from which gap on hard spheres will do
   granular frontier three-balls --plot out.png      error against run time of every method
   granular page --open                              the teaching page, in the browser
   granular run gas --engine edmd --samples 500 --save gas.npz && granular view gas.npz --open
 
 exit codes: 0 done; 2 misuse, or a file that cannot be read or written; 3 the run came to no proper end (status
 unstable: the time step is too long; max_events: the limit on the amount of work); 130 interrupted"""
-HIDDEN = HELD | {"engine", "log", "t_start"}
+HIDDEN = HELD | {"engine", "log", "t_start", "watch"}
 """Options of the engines that the command line does not offer; a TOML file's [run] does."""
 
 

@@ -21,6 +21,8 @@ USAGE = "SCENE|FILE.toml [options]"
 def arguments(parser: argparse.ArgumentParser) -> list[Option]:
     """Add engine and output; return the options of both engines."""
     parser.add_argument("--engine", choices=ENGINES, default="md", help="hard (edmd) or soft (md) spheres; default md")
+    parser.add_argument("--watch", action="store_true", help="(--engine edmd only) count collisions that would overlap "
+                        "in time with a neighbour's under the force law of the scene: a warning, not a proof")
     files.offer(parser, save="write the trajectory and its contact log")
     each = {engine: {o.name: o for o in offered(engine_named(engine))} for engine in ENGINES}
     merged: dict[str, Option] = {}
@@ -34,8 +36,9 @@ def arguments(parser: argparse.ArgumentParser) -> list[Option]:
 def run(given: argparse.Namespace) -> list[Trajectory]:
     """Run the scene and print what became of it."""
     case = case_of(given)
+    options = given.run | ({"watch": case.physics("md")} if given.watch else {})
     with Progress(given.run.get("t_end", case.t_end)) as progress:
-        trajectory = case.simulate(given.engine, **given.run, on_progress=progress)
+        trajectory = case.simulate(given.engine, **options, on_progress=progress)
     print(summary(case, trajectory))
     if given.save is not None:
         trajectory.save(given.save)

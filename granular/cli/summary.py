@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from granular import certificate
 from granular.cases import Case
 from granular.trajectory import Trajectory
 
@@ -19,7 +20,8 @@ def summary(case: Case, run: Trajectory) -> str:
     engine = "hard spheres (edmd)" if run.law is None else "soft spheres (md)"
     lines = [case.about] if case.about else []
     lines += [f"{run.scene!r}, {engine}", f"{run.status.name}: {run.message}",
-              f"t = {run.time[-1]:.12g} s, {len(run.contacts)} contacts", "", *_contacts(run), "", *_bodies(run)]
+              f"t = {run.time[-1]:.12g} s, {len(run.contacts)} contacts",
+              *filter(None, [certificate.sentence(run)]), "", *_contacts(run), "", *_bodies(run)]
     energy = run.energy()
     if energy[0] > 0.0 and not math.isnan(energy[-1]):
         lines += ["", f"energy left: {100.0 * energy[-1] / energy[0]:.6g} % of {energy[0]:.6g} J"]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import edmd, measures, outcome, theory, tie_rules, timing
+from granular import certificate, edmd, measures, outcome, theory, tie_rules, timing
 from granular import until as stop
 from granular.binary import at_speed
 from granular.comparison.restitution import LawRule, roots
@@ -57,7 +57,7 @@ class Compared:
 
     @cached_property
     def measures(self) -> dict[str, float]:
-        """The measures of `granular.measures` for these two runs."""
+        """The measures of `granular.measures` for these two runs, and the share of soft contacts that were isolated."""
         hard, soft = self.counted
         hard_cm, soft_cm = (measures.mass_centre_restitution(run) for run in (hard, soft))
         return {
@@ -67,6 +67,7 @@ class Compared:
             "distance": math.nan if self._early else measures.distance(self.followed, hard),
             "predictability": measures.distance(*self._shifted),
             "mass_centre_ratio": soft_cm / hard_cm if hard_cm and not self._early else math.nan,
+            "isolated_share": certificate.isolated_share(self.soft),
             "lag": float(self.soft.time[-1] - self.hard.time[-1]),
         }
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from granular import certificate
 from granular.comparison.numbers import Compared
 from granular.comparison.verdict import verdict
 from granular.measures import ROUNDING
@@ -90,6 +91,7 @@ def numbers(report: Compared) -> dict[str, Any]:
         "restitution_ratio": report.restitution_ratio,
         "measures": report.measures,
         "groups": report.groups,
+        **certificate.numbers(report.soft),
         "error": report.error,
         "verdict": verdict(report),
         "warnings": warnings(report),
@@ -167,10 +169,19 @@ def _left_out(report: Compared) -> tuple[int, int]:
 
 
 def _why(report: Compared) -> Iterator[str]:
-    shared, log = report.overlaps, report.counted[1].contacts
-    if not shared:
+    shared = report.overlaps
+    yield from filter(None, [certificate.sentence(report.soft)])
+    if not shared and report.measures["isolated_share"] < 1.0:
+        yield "Why: contacts overlap in time only where no force counts; only the finite durations differ."
+    elif not shared:
         yield "Why: no two contacts of neighbouring pairs overlap in time; only the finite durations differ."
-        return
+    else:
+        yield from _overlaps(report)
+
+
+def _overlaps(report: Compared) -> Iterator[str]:
+    """The contacts that share a span of time."""
+    shared, log = report.overlaps, report.counted[1].contacts
     some = f"{len(shared)} contacts overlap" if len(shared) > 1 else "1 contact overlaps"
     yield f"Why: {some} in time with a contact of a neighbouring pair, first of all:"
     for o in shared[:4]:

@@ -36,10 +36,16 @@ def _answers(report: Compared) -> Iterator[str]:
         yield _other_counts(report, wrong)
     if math.isnan(report.error):
         yield "No verdict: no contact has come to its end."
+    isolated = report.measures["isolated_share"]
     if report.error > SAME:
-        yield f"No: outcomes are off by {report.error:.2g} of the impact speed."
+        though = ", though every contact is isolated" if isolated == 1.0 else ""
+        yield f"No: outcomes are off by {report.error:.2g} of the impact speed{though}."
+    if isolated == 1.0:
+        yield f"Yes: every contact is binary (certified), and {_agree(report)}."
     if report.measures["shared_impulse"] > ROUNDING:
         yield f"Yes, within {report.error:.1g} of the impact speed, though contacts overlap in time."
+    if isolated < 1.0:
+        yield f"Yes: contacts that overlap in time share no impulse that counts, and {_agree(report)}."
     yield f"Yes: every contact is binary, and {_agree(report)}."
 
 

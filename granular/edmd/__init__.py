@@ -6,8 +6,8 @@ collisions acts first), `physics` (all that does not change: the scene and the o
 `collision` (one event, and balls that stay together), `state` (all that changes, with its re-based clock), `groups`
 (touching balls that collide as a whole), `sorted_queue` and `tree_queue` (the event loop, plain and compiled), `blocks`
 (the compiled one for large scenes), `zoom` and `collapse` (a closer look at what may be an inelastic collapse, and the
-verdict), `run` (all of it together, and which queue runs it), `outcome` (the closing sentence), `simulation` (the
-public face).
+verdict), `watch` (where soft contacts would disturb each other), `run` (all of it together, and which queue runs it),
+`outcome` (the closing sentence), `simulation` (the public face).
 """
 
 from granular.edmd.simulation import resume, simulate

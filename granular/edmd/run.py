@@ -16,6 +16,7 @@ from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import APART, BUDGET, LATER, NEVER, SUSPECT, UNTIL, State
 from granular.edmd.ties import GROUP, ORDER
 from granular.edmd.tree_queue import TreeQueue, pays
+from granular.edmd.watch import Watch
 from granular.request import Request
 from granular.scene import close_after
 from granular.trajectory import Status
@@ -62,13 +63,17 @@ class Run:
         As `checked_engine` says.
     request : Request
         What is asked of it.
+    watch : Watch, optional
+        What looks at its collisions.
     """
 
     in_order = True
     law = None
 
-    def __init__(self, physics: Physics, state: State, engine: str, request: Request) -> None:
-        self.physics, self.state, self.request = physics, state, request
+    def __init__(
+        self, physics: Physics, state: State, engine: str, request: Request, watch: Watch | None = None
+    ) -> None:
+        self.physics, self.state, self.request, self.watch = physics, state, request, watch
         self.scene, self.rule = physics.scene, physics.rules
         pair, hits = NEVER if request.until is None else APART, 0
         if isinstance(request.until, Contact):
@@ -141,7 +146,7 @@ class Run:
             self._go_on_with(self._compiled())
         goal = self.tail if self.events < self.tail else state.clock.last_event
         budget = min(self.queue.chunk, goal - self.events)
-        rows: list[Any] | None = [] if self.request.rows else None
+        rows: list[Any] | None = [] if self.request.rows or self.watch is not None else None
         if state.near is None:
             why = self.queue.advance(min(limit, math.nextafter(state.clock.window, 0.0)), budget, rows)
         else:
@@ -169,6 +174,10 @@ class Run:
             rows = packed(chunk, ROW)
             tau = rows["t_begin"].copy()
             rows["t_begin"] = self.state.time(tau)
+            if self.watch is not None:
+                self.watch.take(rows, tau, self.state, self.queue)
+            if not self.request.rows:
+                continue
             if self.fall > 0.0:
                 fallen = self.fall * self.state.elapsed(tau)
                 for name in ("lower_in", "upper_in", "lower_out", "upper_out"):
@@ -206,4 +215,8 @@ class Run:
         status: Status = pause.value
         row, numbers = self.row(stop) if wanted else None, self.state.numbers()
         message, stats = outcome.message(self, status, numbers), outcome.stats(self, numbers)
-        return End(row, status, message, stats, self.state.checkpoint(numbers) | self.physics.options)
+        state = self.state.checkpoint(numbers) | self.physics.options
+        if self.watch is not None:
+            message, stats = message + self.watch.message(), stats | self.watch.stats()
+            state |= self.watch.checkpoint(self.state, self.queue)
+        return End(row, status, message, stats, state)

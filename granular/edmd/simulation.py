@@ -15,6 +15,7 @@ from granular.drive import drive
 from granular.edmd.physics import OPTIONS, Physics, checked
 from granular.edmd.run import Run, checked_engine
 from granular.edmd.state import State
+from granular.edmd.watch import Watch
 from granular.request import requested
 from granular.rules import Rule
 from granular.scene import Scene
@@ -40,6 +41,7 @@ def simulate(
     merge_below: float | None = None,
     tc: float = 0.0,
     elastic_below: float = 0.0,
+    watch: Any = None,
 ) -> Trajectory:
     """Run `scene` as hard spheres: free flight and instantaneous collisions with a coefficient of restitution.
 
@@ -92,6 +94,12 @@ def simulate(
         before (Luding & McNamara, Granular Matter 1, 113 (1998)). 0: not used.
     elastic_below : float
         Collisions at less than this speed (m/s) are elastic. 0: not used.
+    watch : law or list of laws, optional
+        Force law, one for all pairs or one per pair, for a warning: collisions that would overlap in time with one of a
+        neighbouring pair, were each a contact as long as an isolated one of this law at that speed, are counted in
+        ``stats["watched"]``, and ``first_disturbed`` says when and where the first two are. A warning, not a proof: it
+        looks at where hard balls collide, and soft ones collide elsewhere once two of their contacts share a time. On
+        a floor the duration is that without gravity.
 
     Returns
     -------
@@ -118,7 +126,8 @@ def simulate(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, on_event=on_event,
         on_progress=on_progress,
     )  # fmt: skip
-    return drive(Run(physics, State.of(physics, start), checked_engine(engine, physics), request))
+    watching = None if watch is None else Watch(watch, scene)
+    return drive(Run(physics, State.of(physics, start), checked_engine(engine, physics), request, watching))
 
 
 def resume(
@@ -132,10 +141,12 @@ def resume(
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
     engine: str = "auto",
+    watch: Any = None,
 ) -> Trajectory:
     """Go on from the end of a run of `simulate`; both together equal the uninterrupted run bit for bit.
 
-    Takes rules and options from `trajectory`. The contact log begins anew; collisions of a pair are counted from the
+    Takes rules and options from `trajectory`, except for `watch`: give it again, and its counts go on (from 0 if
+    `trajectory` was not watched). The contact log begins anew; collisions of a pair are counted from the
     beginning (``until.contact(0, 7)`` is still the seventh), `max_events` from here. See `simulate` for the parameters.
 
     Raises
@@ -154,4 +165,5 @@ def resume(
         trajectory.scene, state.time(state.run.now), t_end, until=until, samples=samples, log=log,
         max_events=max_events, on_event=on_event, on_progress=on_progress,
     )  # fmt: skip
-    return drive(Run(physics, state, checked_engine(engine, physics), request))
+    watching = None if watch is None else Watch(watch, trajectory.scene, saved)
+    return drive(Run(physics, state, checked_engine(engine, physics), request, watching))

@@ -62,7 +62,7 @@ class TreeQueue(SortedQueue):
 
     def rows(self, n: int) -> Records:
         """Return room for `n` rows of the log, or for as many as are made at a time."""
-        return np.zeros(min(n, TreeQueue.chunk), ROW)
+        return np.empty(min(n, TreeQueue.chunk), ROW)
 
     def rebuild(self) -> None:
         """Predict all pairs anew."""

@@ -140,14 +140,13 @@ def _form(law: Any, pair: Pair) -> Form | None:
     return k, 1.0, gamma, 0.0
 
 
-def instance(name: str, law: Any) -> Any:
+def instance(name: str, law: Any, fix: str = "for hard spheres use granular.edmd") -> Any:
     """Return `law`, or raise if it is a class, or has no `force`."""
     if isinstance(law, type):
         values = ", ".join(f"{field}=..." for field in getattr(law, "__dataclass_fields__", {}))
         raise TypeError(f"{name} is the class {law.__name__}: an instance is needed, such as {law.__name__}({values}).")
     if not callable(getattr(law, "force", None)):
         raise TypeError(
-            f"{name} is {law!r}: an object with force(self, xi, xi_dot, pair) is needed; for hard spheres use "
-            "granular.edmd."
+            f"{name} is {law!r}: an object with force(self, xi, xi_dot, pair) is needed; {fix}."
         )
     return law

@@ -47,6 +47,7 @@ def simulate(
     method: str | None = None,
     dt: float | None = None,
     tol: float = 1e-16,
+    disturbed: str = "resolve",
 ) -> Trajectory:
     """Run a scene as soft spheres: m_i a_i = F_(i-1) - F_i - m_i g, with F = max(0, law) where ξ > 0, else 0.
 
@@ -84,6 +85,12 @@ def simulate(
     tol : float
         Truncation error of a step of "located" under nonlinear laws, relative to speed and overlap of the moment;
         from 1e-17, which is below rounding, to 1e-3.
+    disturbed : {"resolve", "stop", "ignore"}
+        What "located" does where a contact begins while a neighbouring pair overlaps: "resolve" follows both together,
+        exactly; "stop" ends with status ``disturbed`` at the onset of the second one, the horizon up to which every
+        contact was isolated; "ignore" takes every contact as if it were isolated, which is soft event-driven
+        simulation: a neighbour that touches early begins when the contact is over, with gap 0. Contacts that have no
+        end of their own (at rest), and overlaps at the start, are resolved in any case.
 
     Returns
     -------
@@ -115,13 +122,16 @@ def simulate(
     _check.choice("engine", engine, ("auto", "plain", "compiled"))
     if method is None:
         method = "located" if dt is None else "verlet"
+    _check.choice("disturbed", disturbed, located.run.DISTURBED)
     _check.choice("method", method, ("located", *INTEGRATORS))
     if method == "located":
         if dt is not None:
             raise ValueError(f"dt is {dt!r}: method 'located' has no fixed step; choose {', '.join(INTEGRATORS)}.")
         finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
         with _in_range(laws.given[0]):
-            return drive(located.Run(scene, laws, request, engine, finest))
+            return drive(located.Run(scene, laws, request, engine, finest, disturbed))
+    if disturbed != "resolve":
+        raise ValueError(f"disturbed is {disturbed!r}: method {method!r} resolves every contact; choose 'located'.")
     step = _default_step(scene, laws) if dt is None else _check.number("dt", dt, above=0.0)
     if start + step == start:
         raise ValueError(f"dt is {step!r}: at t_start = {start!r} a larger step is needed to advance the clock at all.")
@@ -132,6 +142,49 @@ def simulate(
     if run.status is not Status.unstable:
         check_deepest(laws, run.contacts)
     return run
+
+
+def resume(
+    trajectory: Trajectory,
+    *,
+    t_end: float | None = None,
+    until: stop.Until | None = None,
+    samples: int | ArrayLike | None = None,
+    log: bool = True,
+    max_events: int = 1_000_000,
+    max_steps: int = 20_000_000,
+    on_event: Callable[[Any], object] | None = None,
+    on_progress: Callable[[float, int], object] | None = None,
+    engine: str = "auto",
+    disturbed: str = "resolve",
+) -> Trajectory:
+    """Go on from the end of a run of `simulate` by method "located", in the middle of contacts too, bit for bit.
+
+    Laws and tolerance are those of `trajectory`. The contact log begins anew, with the contacts that were under way
+    whole (if both runs have logs); contacts of a pair are counted from the beginning (``until.contact(0, 7)`` is still
+    the seventh), `max_events` and `max_steps` from here, `stats` over both. See `simulate` for the parameters.
+
+    Raises
+    ------
+    ValueError
+        If `trajectory` is no run of soft spheres by method "located", or stopped before it began.
+    """
+    state = trajectory.state
+    if trajectory.law is None or "creeping" not in state:
+        raise ValueError(
+            "trajectory cannot be gone on from: one from granular.md.simulate by method 'located' that has begun is "
+            "needed; for hard spheres see granular.edmd.resume."
+        )
+    laws = checked_laws(trajectory.law, trajectory.scene)
+    request = requested(
+        trajectory.scene, float(trajectory.time[-1]), t_end, until=until, samples=samples, log=log,
+        max_events=max_events, max_steps=max_steps, on_event=on_event, on_progress=on_progress,
+    )  # fmt: skip
+    _check_walls(trajectory.scene, float(state["origin"]), request.end)
+    _check.choice("engine", engine, ("auto", "plain", "compiled"))
+    _check.choice("disturbed", disturbed, located.run.DISTURBED)
+    with _in_range(laws.given[0]):
+        return drive(located.Run(trajectory.scene, laws, request, engine, math.nan, disturbed, state))
 
 
 @contextmanager

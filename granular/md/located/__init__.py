@@ -1,4 +1,5 @@
 """Event-located soft spheres: a step is a polynomial, an event is its first root.
+May be skipped: names of the package only.
 
 `Run` follows one scene, `solve_many` a map of small ones in a single compiled call.
 """

@@ -15,18 +15,16 @@ from typing import Any
 
 from granular._kernels import kernel
 from granular._tournament import leaf, play
-from granular.md.located.contacts import AWAITED, SOME, act, activate, confirm, engage, follow, judge, pushes
-from granular.md.located.events import locate
-from granular.md.located.pieces import arrive, elapsed, glide, power, predict, since, tau_at, tick, value
-from granular.md.located.resting import LONG, NOT_YET, RESTS, lies, verdict
-from granular.md.located.series import expand, expand_linear, expand_two
-from granular.md.located.step_size import REACH, choose_clock, fastest_rate, growth, left_out, measure, scale, trusted
-from granular.md.located.system import ACTIVE, DORMANT, GENERAL, OPEN, RESIDUAL, to_plain
+from granular.md.located.contacts import AWAITED, SOME, act, activate, engage, follow, push, pushes
+from granular.md.located.isolated import MET, OTHERWISE, ULP, expose, in_contact, meet
+from granular.md.located.pieces import arrive, elapsed, fly, glide, power, predict, since, tau_at, tick, value
+from granular.md.located.plan import join, leave, plan, settle_series
+from granular.md.located.resting import NOT_YET, RESTS, lies, verdict
+from granular.md.located.system import ACTIVE, DORMANT, GENERAL, OPEN, RESIDUAL, SPARE, to_plain
 
-ULP = 2.0**-52
 REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED = range(8)
 """Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
-every ball rests for good, every ball is bound in contact for ever, no room in the pool."""
+every ball rests for good, every ball is bound in contact forever, no room in the pool."""
 
 
 @kernel
@@ -68,16 +66,25 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
     for _ in range(chunk):
         if run.waits == 0:
             lo = queue[1].key
+            if run.separated == 1 and run.begun > 0 and all_recede(s) and last_end(s) <= limit:
+                run.t, run.tail = last_end(s), 0.0
+                return STOPPED
             if queue[1].due > limit:
                 return REACHED
             if queue[1].due == math.inf:
+                run.t = last_end(s)
                 return QUIET
             if run.begun >= run.max_events or run.steps >= run.max_steps:
                 return WORK
-            if run.rows >= len(s.log) or run.steps >= run.pause:
+            if run.rows + 2 > len(s.log) or run.steps >= run.pause:
                 return MORE
             if pairs[lo].slot < 0:
-                if run.members == len(pool):
+                if run.members + SPARE >= len(pool):
+                    return CRAMPED
+                met = meet(s, lo, laws)
+                if met == MET:
+                    continue
+                if met != OTHERWISE:
                     return CRAMPED
                 arrive(pairs[lo])
                 join(run, pairs, pool, s.kinds, bodies, lo)
@@ -96,10 +103,10 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                 continue
             if not act(run, pairs, pool, bodies, s.log, block, laws):
                 return STOPPED
+        run.waits = 0
         why = regroup(s, laws)
-        run.waits = 1 if why == CRAMPED else 0
-        if why == MORE and run.separated == 1 and run.begun > 0 and all_recede(s):
-            why = STOPPED
+        if why == CRAMPED:
+            run.waits = 1
         if why != MORE:
             return why
     return MORE
@@ -107,42 +114,48 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
 
 @kernel
 def all_recede(s: Any) -> bool:
-    """Return whether every pair is open and none approaches, at the time of the event under way."""
+    """Return whether every pair is open and none approaches, once the contacts solved at once are over."""
+    t = last_end(s)
     for c in range(len(s.pairs)):
         pair = s.pairs[c]
-        if pair.slot >= 0 or pair.xi > 0.0 or pair.eta + pair.pull * (s.run[0].t - pair.t) > 0.0:
+        if pair.slot >= 0 or pair.xi > 0.0 or pair.eta + pair.pull * (t - pair.t) > 0.0:
             return False
     return True
 
 
 @kernel
-def gather(s: Any, t: float, laws: Any) -> None:
-    """Advance every block to time t, the end of the run, with its series from there on."""
+def last_end(s: Any) -> float:
+    """Return when every contact solved at once is over, not before the event under way."""
+    t: float = s.run[0].t
     for c in range(len(s.pairs)):
         pair = s.pairs[c]
-        if pair.first == c:
-            bring(s.run[0], s.pairs, s.pool, s.bodies, s.work, c, t, 0.0)
-            if pair.slot >= 0 and pair.due < math.inf and s.pool[pair.slot].h > 0.0:
-                settle_series(s.run[0], s.pairs, s.pool, c, laws)
+        if pair.slot < 0 and pair.lasts > 0.0:
+            t = max(t, pair.t + ULP * abs(pair.t) if pair.tail > 0.0 else pair.t)
+    return t
 
 
 @kernel
-def join(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> None:
-    """Give pair `c`, which has been in free flight, its place in the pool."""
-    pair, law = pairs[c], kinds[pairs[c].kind_of]
-    pair.slot = pool[run.members].spare
-    run.members += 1
-    member = pool[pair.slot]
-    member.lower, member.upper = bodies[c].inverse_mass, bodies[c + 1].inverse_mass
-    member.inverse, member.pull = member.lower + member.upper, pair.pull
-    member.kind, member.q, member.memory = law.kind, law.q, law.memory
-    member.k, member.gamma, member.p, member.d, member.s = law.k, law.gamma, law.p, law.d, law.s
-    member.xi, member.eta, member.mode, member.noise = pair.xi, pair.eta, pair.mode, pair.noise
-    member.exact, member.wake, member.top, member.loading = pair.exact, pair.wake, 0.0, 1
-    member.t, member.tail, member.stride, member.fired, member.what = pair.t, pair.tail, pair.stride, c, pair.what
-    member.clock, member.h, member.tau, member.speed, member.begun = 1, 0.0, 0.0, 0.0, 0
-    member.number, member.doubt, member.largest, member.deepest = c, 0.0, 0.0, 0.0
-    member.x[0], member.e[0], member.f[0] = pair.xi, pair.eta, 0.0
+def gather(s: Any, t: float, laws: Any) -> bool:
+    """Advance every island to time t, the end of the run, with its series from there on; false if the pool is full.
+
+    Then it is called again, with more room.
+    """
+    run, pairs, pool = s.run[0], s.pairs, s.pool
+    run.t, run.tail = t, 0.0
+    for c in range(len(pairs)):
+        if in_contact(pairs[c], t, 0.0):
+            if run.members + SPARE >= len(pool):
+                return False
+            expose(s, c, laws)
+            if pool[pairs[c].slot].mode == ACTIVE:
+                plan(run, pairs, pool, s.bodies, s.work, c, laws)
+    for c in range(len(pairs)):
+        pair = pairs[c]
+        if pair.first == c and pair.slot >= 0:
+            bring(s, c, t, 0.0)
+            if pair.due < math.inf and pool[pair.slot].h > 0.0:
+                settle_series(run, pairs, pool, c, laws)
+    return True
 
 
 @kernel
@@ -152,8 +165,7 @@ def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int) -> None:
     pair.xi = 0.0 if member.mode == OPEN and member.xi > 0.0 else member.xi
     pair.eta, pair.mode, pair.noise = member.eta, member.mode, member.noise
     pair.exact, pair.wake, pair.t, pair.tail, pair.stride = member.exact, member.wake, run.t, run.tail, run.stride
-    run.members -= 1
-    pool[run.members].spare, pair.slot = pair.slot, -1
+    leave(run, pairs, pool, c)
     predict(pair, kinds[pair.kind_of])
 
 
@@ -166,14 +178,17 @@ def regroup(s: Any, laws: Any) -> int:
     run, pairs, pool, bodies, work = s.run[0], s.pairs, s.pool, s.bodies, s.work
     found = SOME
     while found == SOME:
-        while run.lo > 0 and pushes(pool[pairs[run.lo].slot]):
-            if not absorb(run, pairs, pool, s.kinds, bodies, work, pairs[run.lo - 1].first):
+        while run.lo > 0 and (pushes(pool[pairs[run.lo].slot]) or in_contact(pairs[run.lo - 1], run.t, run.tail)):
+            if not absorb(s, pairs[run.lo - 1].first, laws):
                 return CRAMPED
-        while run.hi < len(pairs) and pushes(pool[pairs[run.hi - 1].slot]):
-            if not absorb(run, pairs, pool, s.kinds, bodies, work, run.hi):
+        while run.hi < len(pairs) and (
+            pushes(pool[pairs[run.hi - 1].slot]) or in_contact(pairs[run.hi], run.t, run.tail)
+        ):
+            if not absorb(s, run.hi, laws):
                 return CRAMPED
         found = engage(run, pairs, pool, bodies)
     if found == AWAITED:
+        run.waits = 1
         return STOPPED
     a, why = run.lo, MORE
     for c in range(run.lo + 1, run.hi + 1):
@@ -189,26 +204,32 @@ def regroup(s: Any, laws: Any) -> int:
 
 
 @kernel
-def absorb(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, work: Any, lo: int) -> bool:
+def absorb(s: Any, lo: int, laws: Any) -> bool:
     """Let the event under way concern the block that starts with pair `lo` too; false if there is no room for it."""
-    bring(run, pairs, pool, bodies, work, lo, run.t, run.tail)
-    if pairs[lo].slot < 0:
-        if run.members == len(pool):
-            return False
-        join(run, pairs, pool, kinds, bodies, lo)
+    run, pairs = s.run[0], s.pairs
+    if pairs[lo].slot < 0 and run.members + SPARE >= len(s.pool):
+        return False
+    if in_contact(pairs[lo], run.t, run.tail):
+        expose(s, lo, laws)
+    else:
+        bring(s, lo, run.t, run.tail)
+        if pairs[lo].slot < 0:
+            join(run, pairs, s.pool, s.kinds, s.bodies, lo)
     run.lo, run.hi = min(run.lo, lo), max(run.hi, pairs[lo].hi)
     return True
 
 
 @kernel
-def bring(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, t: float, tail: float) -> None:
+def bring(s: Any, lo: int, t: float, tail: float) -> None:
     """Advance the block that starts with pair `lo` to the time t + tail, at most the end of its piece."""
-    pair = pairs[lo]
-    if pair.slot < 0:
+    pair = s.pairs[lo]
+    if pair.slot < 0 and pair.lasts != 0.0:  # its clock may lie ahead
+        fly(pair, since(pair, t, tail))
+    elif pair.slot < 0:
         glide(pair, since(pair, t, tail))
     else:  # at once there, except for what a single float cannot say
-        block = pool[pair.slot]
-        settle(run, pairs, pool, bodies, work, lo, tau_at(block, t, tail), since(block, t, tail))
+        block = s.pool[pair.slot]
+        settle(s.run[0], s.pairs, s.pool, s.bodies, s.work, lo, tau_at(block, t, tail), since(block, t, tail))
 
 
 @kernel
@@ -217,7 +238,7 @@ def form(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
     block, pairs[lo].hi = pool[pairs[lo].slot], hi
     block.t, block.tail, block.stride = run.t, run.tail, run.stride
     for c in range(lo, hi):
-        pairs[c].first = lo
+        pairs[c].first, pairs[c].lasts = lo, 0.0
         if c > lo and pairs[c].due < math.inf:
             pairs[c].due = math.inf
             play(queue, c, math.inf)
@@ -229,8 +250,8 @@ def settle(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     if tau <= 0.0:
         return
-    if run.log > 0:
-        follow(run, pairs, pool, bodies, work, lo, tau)
+    follow(run, pairs, pool, work, lo, tau)
+    push(pairs, pool, bodies, lo, dt)
     for c in range(lo, hi):
         member = pool[pairs[c].slot]
         member.xi, member.eta, member.exact = value(member.x, tau), value(member.e, tau), 0
@@ -265,55 +286,6 @@ def hold_walls(pairs: Any, pool: Any, lo: int, hi: int, closing: float) -> None:
         if abs(member.eta) > abs(fastest.eta):
             fastest = member
     fastest.eta, fastest.e[0] = fastest.eta - excess, fastest.eta - excess
-
-
-@kernel
-def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws: Any) -> bool:
-    """Compute the next piece of the island that starts with `lo`, and its end; false if the run is to stop at once."""
-    hi, block = pairs[lo].hi, pool[pairs[lo].slot]
-    worst, span = -math.inf, 1.0
-    run.steps += 1
-    fastest = fastest_rate(pairs, pool, lo, hi)
-    block.linear, block.clock = 1 if fastest >= 0.0 else 0, 1
-    if block.linear == 1:
-        block.h = REACH / fastest
-    else:
-        measure(pairs, pool, lo, hi)
-        block.clock = choose_clock(pairs, pool, lo, hi)
-        block.h = scale(pairs, pool, lo, hi)
-    settle_series(run, pairs, pool, lo, laws)
-    if block.linear == 0 and laws is None:
-        worst = growth(pairs, pool, lo, hi, run.tol)
-        span = trusted(worst, run.tol)
-        if block.clock == 1:
-            block.stride = block.h * span
-    if not confirm(run, pairs, pool, bodies, lo, hi):
-        return False
-    locate(pairs, pool, lo, hi, span, work, laws)
-    run.error += left_out(worst, block.tau)
-    pairs[lo].due = block.t + (elapsed(block.h, block.clock, block.tau) + block.tail)
-    if block.h >= LONG:  # it lies still
-        pairs[lo].due = math.inf
-        if lo == 0 and hi == len(pairs):
-            run.rests = 1
-    return True
-
-
-@kernel
-def settle_series(run: Any, pairs: Any, pool: Any, lo: int, laws: Any) -> None:
-    """Compute the series; where pairs touch at rest, until it agrees with who is taken to push."""
-    hi, block = pairs[lo].hi, pool[pairs[lo].slot]
-    for _ in range(2 * (hi - lo) + 2):
-        if laws is not None:
-            run.error += laws.fill(pairs, pool, lo, run.tol)
-        elif block.linear == 1 and hi == lo + 2:
-            expand_two(block, pool[pairs[lo + 1].slot], block.h)
-        elif block.linear == 1:
-            expand_linear(pairs, pool, lo, hi, block.h, 1)
-        else:
-            expand(pairs, pool, lo, hi, block.h, block.clock)
-        if not judge(pairs, pool, lo, hi):
-            break
 
 
 def _check(s: Any) -> None:

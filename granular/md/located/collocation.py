@@ -1,4 +1,5 @@
 """The step of laws that are no powers: the same polynomial pieces, found by collocation instead of recurrences.
+May be skipped: rarer, laws that are no powers.
 
 The forces are evaluated at 16 Gauss points of the step and interpolated; the polynomials of rate and overlap follow by
 exact integration, and the forces are evaluated anew there until nothing changes (Picard). The interpolant's last
@@ -152,7 +153,7 @@ class Collocation:
             if xi > 1e150:
                 raise ValueError(
                     f"law of pair {p.number} is {self.laws[p.number].law!r}: it lets the bodies pass through each "
-                    f"other, and their overlap grows for ever; a law that stops them is needed, or a t_end."
+                    f"other, and their overlap grows forever; a law that stops them is needed, or a t_end."
                 )
             if p.mode in (ACTIVE, RESIDUAL) and (t > 0.0 or xi > 0.0):
                 force = self.force(p, xi, eta)

@@ -8,7 +8,20 @@ from typing import Any
 from granular._kernels import kernel
 from granular.md.located.events import GRAZE
 from granular.md.located.pieces import DRIFT, direction, elapsed, integral, peaks, power, since, tick
-from granular.md.located.system import ACTIVE, BEGIN, DORMANT, END, GENERAL, LINEAR, OPEN, PART, RELOAD, RESIDUAL, TURN
+from granular.md.located.system import (
+    ACTIVE,
+    BEGIN,
+    DORMANT,
+    END,
+    GENERAL,
+    LINEAR,
+    OPEN,
+    PART,
+    RELOAD,
+    RESIDUAL,
+    STOP,
+    TURN,
+)
 
 NONE, SOME, AWAITED = range(3)
 """What `engage` has found: no pair that touches at rest, some, or the contact at which the run is to stop."""
@@ -36,7 +49,7 @@ def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws
             pair.mode, pair.exact = RESIDUAL, 1
         else:
             pair.xi = pair.xi if pair.mode == DORMANT else 0.0
-            pair.mode, pair.exact, pair.top, pair.loading = OPEN, 0, 0.0, 1
+            pair.mode, pair.exact, pair.top, pair.loading, pairs[c].alone = OPEN, 0, 0.0, 1, 0
     return True
 
 
@@ -68,6 +81,8 @@ def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
         return True
     if is_awaited(run, pairs, c):
         return False
+    if not meddle(run, pairs, pool, c):
+        return False
     if pair.mode != DORMANT:  # else it has been under way since it was touched
         begin_contact(run, pairs, pool, bodies, c)
     pair.exact = 1 if pair.mode == RESIDUAL else 0
@@ -76,6 +91,39 @@ def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
     run.events += 1
     run.begun += 1
     return True
+
+
+@kernel
+def meddle(run: Any, pairs: Any, pool: Any, c: int) -> bool:
+    """Count the contact of pair `c`, which begins, as isolated, unless a neighbour overlaps: then neither is.
+
+    Returns false if the run is to stop before the first contact that disturbs another.
+    """
+    alone = True
+    for f in (c - 1, c + 1):
+        if 0 <= f < len(pairs) and overlaps(pairs[f], pool, run):
+            alone = False
+            run.isolated -= max(0, pairs[f].alone)
+            pairs[f].alone = -1
+            if run.first < 0:
+                run.first, run.disturbed = min(c, f), run.t
+    if not alone and run.disturbing == STOP:
+        return False
+    if not alone:
+        run.isolated -= max(0, pairs[c].alone)
+        pairs[c].alone = -1
+    elif pairs[c].alone >= 0:
+        pairs[c].alone += 1
+        run.isolated += 1
+    return True
+
+
+@kernel
+def overlaps(pair: Any, pool: Any, run: Any) -> bool:
+    """Return whether the balls of a pair overlap, or rest on each other, at the time of the event under way."""
+    if pair.slot >= 0:
+        return bool(pool[pair.slot].mode != OPEN)
+    return bool(pair.mode == RESIDUAL or (pair.lasts > 0.0 and since(pair, run.t, run.tail) < 0.0))
 
 
 @kernel
@@ -234,32 +282,66 @@ def velocity_now(body: Any, run: Any) -> float:
 
 
 @kernel
-def follow(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau: float) -> None:
-    """Add the stretch [0, τ] of the piece of the island that starts with `lo` to its contacts and its bodies."""
+def follow(run: Any, pairs: Any, pool: Any, work: Any, lo: int, tau: float) -> None:
+    """Add the stretch [0, τ] of the piece of the island that starts with `lo` to its contacts."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
-    h, q, below = block.h, block.clock, 0.0
-    dt = elapsed(h, q, tau)
+    h, q = block.h, block.clock
+    dt, scale = elapsed(h, q, tau), elapsed(h, q, 1.0)
     for c in range(lo, hi):
-        pair, impulse = pool[pairs[c].slot], 0.0
+        pair = pool[pairs[c].slot]
+        pair.push = scale * integral(pair.f, q, tau) if pair.mode == ACTIVE else 0.0
+        if run.log == 0:
+            continue
         if pair.mode == ACTIVE:
-            impulse = elapsed(h, q, 1.0) * integral(pair.f, q, tau)
-            pair.impulse += impulse
+            pair.impulse += pair.push
             if (c > lo and pool[pairs[c - 1].slot].mode == ACTIVE) or (
                 c + 1 < hi and pool[pairs[c + 1].slot].mode == ACTIVE
             ):
-                pairs[c].shared += impulse
+                add_shared(run, pair.push)
             if run.log == 2:
                 peaks(pair, tau, work)
         if pair.mode == ACTIVE or pair.mode == DORMANT:
             pair.duration += dt
-        push(bodies[c], block, dt, below - impulse)
-        below = impulse
-    push(bodies[hi], block, dt, below)
 
 
 @kernel
-def push(body: Any, block: Any, dt: float, impulse: float) -> None:
-    """Advance the velocity of a body to `dt` after the block's time: free fall, and an impulse on the way."""
-    body.v += body.inverse_mass * impulse - body.fall * (since(body, block.t, block.tail) + dt)
-    body.t, body.tail = block.t, block.tail
-    tick(body, dt)
+def add_shared(run: Any, impulse: float) -> None:
+    """Add to a sum in two floats."""
+    total = run.shared + impulse
+    part = total - run.shared
+    run.shared_low += (run.shared - (total - part)) + (impulse - part)
+    run.shared = total
+
+
+@kernel
+def push(pairs: Any, pool: Any, bodies: Any, lo: int, dt: float) -> None:
+    """Advance the velocities of the bodies of an island by `dt`: free fall, and the impulses on the way."""
+    block, hi, below = pool[pairs[lo].slot], pairs[lo].hi, 0.0
+    for c in range(lo, hi + 1):
+        body, above = bodies[c], pool[pairs[c].slot].push if c < hi else 0.0
+        body.v += body.inverse_mass * (below - above) - body.fall * (since(body, block.t, block.tail) + dt)
+        body.t, body.tail = block.t, block.tail
+        tick(body, dt)
+        below = above
+
+
+@kernel
+def keep_unsettled(s: Any, t: float) -> None:
+    """Drop the rows of the log that are void or settled at time `t`; those of contacts that go on stay."""
+    run, kept = s.run[0], 0
+    for i in range(run.rows):
+        row = s.log[i]
+        if row.pair >= 0 and row.t_end > t:
+            if i > kept:
+                copy_row(row, s.log[kept])
+            s.pairs[row.pair].row = kept
+            kept += 1
+    run.rows = kept
+
+
+@kernel
+def copy_row(row: Any, to: Any) -> None:
+    """Copy a row of the log."""
+    to.pair, to.t_begin, to.t_end, to.duration = row.pair, row.t_begin, row.t_end, row.duration
+    to.lower_in, to.upper_in, to.lower_out, to.upper_out = row.lower_in, row.upper_in, row.lower_out, row.upper_out
+    to.xi_max, to.force_max, to.impulse = row.xi_max, row.force_max, row.impulse

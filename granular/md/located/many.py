@@ -1,4 +1,6 @@
-"""`solve_many`: many small scenes in one compiled call, for parameter maps."""
+"""`solve_many`: many small scenes in one compiled call, for parameter maps.
+May be skipped: faster, same results.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,22 @@ from granular._check import Array
 from granular._kernels import compiled, kernel
 from granular._tournament import play
 from granular.md.located.blocks import MORE, QUIET, REACHED, STOPPED, advance, gather, launch
-from granular.md.located.pieces import look
+from granular.md.located.contacts import keep_unsettled
+from granular.md.located.isolated import look
 from granular.md.located.run import COMPILED_CHUNK, FIRST_LOOK, WHY
-from granular.md.located.system import ACTIVE, GENERAL, KIND, LINEAR, NO_PAUSE, System, kind_and_q, new_system, to_plain
+from granular.md.located.system import (
+    ACTIVE,
+    GENERAL,
+    KIND,
+    LINEAR,
+    NO_PAUSE,
+    OCTAVES,
+    System,
+    kind_and_q,
+    mapped,
+    new_system,
+    to_plain,
+)
 from granular.trajectory import Status
 
 CODES = {why: list(Status).index(pause.value) for why, pause in WHY.items()} | {REACHED: 0, MORE: -1}
@@ -110,7 +125,9 @@ def solve_many(
         Compiled by numba, or interpreted.
     """
     mass, gap, velocity, law, gravity = (np.asarray(column, np.float64) for column in scenes)
-    columns = [1.0 / mass, velocity, gap, gravity[..., None], _kinds(law), np.asarray(t_end, np.float64)[..., None]]
+    m_eff = 1.0 / (1.0 / mass[..., :-1] + 1.0 / mass[..., 1:])
+    end = np.asarray(t_end, np.float64)[..., None]
+    columns = [1.0 / mass, velocity, gap, gravity[..., None], _kinds(law, m_eff), end]
     (count,) = np.broadcast_shapes(*(column.shape[:-1] for column in columns), (1,))
     columns = [np.broadcast_to(column, (count, column.shape[-1])) for column in columns]
     pause = FIRST_LOOK if leave_piles else NO_PAUSE
@@ -140,12 +157,14 @@ def _solved(s: System, end: Array, engine: str) -> Many:
     return Many(status, result["time"], *(last[name] for name in Many._fields[2:]))
 
 
-def _kinds(law: Array) -> Any:
-    """Return laws (…, 4) as records of `KIND`."""
-    kinds = np.zeros(law.shape[:-1], KIND)
+def _kinds(law: Array, m_eff: Array) -> Any:
+    """Return laws (…, 4) of pairs of some effective masses as records of `KIND`."""
+    kinds = np.zeros(np.broadcast_shapes(law.shape[:-1], m_eff.shape), KIND)
     for i, name in enumerate(("k", "p", "gamma", "d")):
         kinds[name] = law[..., i]
-    elastic = kinds["gamma"] == 0.0
+    with np.errstate(all="ignore"):  # laws that are refused anyway
+        mapped(kinds, np.broadcast_to(m_eff, kinds.shape))
+    kinds["elastic"] = elastic = kinds["gamma"] == 0.0
     kinds["d"] = np.where(elastic, np.where(kinds["p"] == 1.5, 0.5, 0.0), kinds["d"])
     kinds["s"] = kinds["p"] - kinds["d"]
     for p, d, gamma in itertools.product(np.unique(kinds["p"]), np.unique(kinds["d"]), (0.0, 1.0)):
@@ -161,9 +180,13 @@ def solve_rows(many: Any, t_end: Any, result: Any, last: Any, scratch: Any) -> N
     for i in range(len(t_end)):
         for c in range(len(many.pool)):
             many.pool[c].spare = c
+        for c in range(len(many.maps)):
+            for octave in range(OCTAVES):
+                many.maps[c].table[octave], many.maps[c].met[octave] = 0, 0
+        for c in range(many.pairs.shape[1]):
             play(many.queue, c, math.inf)
-        run, pairs, kinds, bodies = many.run[i], many.pairs[i], many.kinds[i], many.bodies[i]
-        s = System(run, pairs, many.pool, kinds, bodies, many.queue, many.log, many.work)
+        own = many.run[i], many.pairs[i], many.pool, many.kinds[i], many.bodies[i]
+        s = System(*own, many.queue, many.log, many.maps, many.tables, many.peaks, many.work)
         solve(s, t_end[i], result[i], last[i], scratch)
 
 
@@ -175,17 +198,18 @@ def solve(s: Any, t_end: float, result: Any, last: Any, scratch: Any) -> None:
         if s.kinds[c].kind == GENERAL:
             return
     why = MORE if launch(s, None) else STOPPED
-    harvest(s, last)
+    harvest(s, last, 0.0)
     while why == MORE and not may_creep(s):
         if run.steps >= run.pause:
             run.pause *= 2
         why = advance(s, t_end, COMPILED_CHUNK, None)
-        harvest(s, last)
+        harvest(s, last, run.t)
     result.why, result.time = why, run.t
     if why == REACHED or (why == QUIET and t_end < math.inf):
         result.time = t_end
     gather(s, result.time, None)
-    look(s, result.time, scratch[0], scratch[1], scratch[2])
+    harvest(s, last, result.time)
+    look(s, result.time, scratch[0], scratch[1], scratch[2], None)
     for c in range(n):
         pair = s.pairs[c]
         last[c].counts, last[c].rate = pair.count, -scratch[1][c]
@@ -202,12 +226,13 @@ def may_creep(s: Any) -> bool:
 
 
 @kernel
-def harvest(s: Any, last: Any) -> None:
-    """Take what is asked out of the log, and empty it."""
+def harvest(s: Any, last: Any, t: float) -> None:
+    """Take what is asked of contacts that are over at time `t` out of the log."""
     for i in range(s.run[0].rows):
         row = s.log[i]
-        pair = last[row.pair]
-        pair.t_end, pair.v_lower, pair.v_upper = row.t_end, row.lower_out, row.upper_out
-        if not pair.longest >= row.duration:
-            pair.longest = row.duration
-    s.run[0].rows = 0
+        if row.pair >= 0 and row.t_end <= t:
+            pair = last[row.pair]
+            pair.t_end, pair.v_lower, pair.v_upper = row.t_end, row.lower_out, row.upper_out
+            if not pair.longest >= row.duration:
+                pair.longest = row.duration
+    keep_unsettled(s, t)

@@ -11,7 +11,7 @@ from typing import Any
 from granular._flight import gap_after, rate_at_contact, time_to_contact
 from granular._kernels import kernel
 from granular._roots import first_up_crossing
-from granular.md.located.system import ACTIVE, BEGIN, DAMPED, ELASTIC, OPEN, ORDER, PART, RESIDUAL
+from granular.md.located.system import BEGIN, DAMPED, ELASTIC, OPEN, ORDER, PART, RESIDUAL
 
 DRIFT = 4.0
 """Balls that close at less than this many times the noise of their rate are taken to drift along side by side."""
@@ -188,10 +188,16 @@ def force_returns(pair: Any, law: Any) -> float:
 def glide(pair: Any, dt: float) -> None:
     """Advance a free pair by `dt`, if that is positive."""
     if dt > 0.0:
-        pair.xi = -gap_after(-pair.xi, -pair.eta, pair.pull, dt)
-        pair.eta += pair.pull * dt
-        pair.exact = 0
-        tick(pair, dt)
+        fly(pair, dt)
+
+
+@kernel
+def fly(pair: Any, dt: float) -> None:
+    """Advance a free pair by `dt`; to go back is to trace its asymptote."""
+    pair.xi = -gap_after(-pair.xi, -pair.eta, pair.pull, dt)
+    pair.eta += pair.pull * dt
+    pair.exact = 0
+    tick(pair, dt)
 
 
 @kernel
@@ -203,18 +209,3 @@ def arrive(pair: Any) -> None:
         tick(pair, pair.wait)
     else:
         glide(pair, pair.wait)
-
-
-@kernel
-def look(s: Any, t: float, xi: Any, eta: Any, force: Any) -> None:
-    """Write overlap, rate and force of every pair at time `t`, which lies within the current pieces."""
-    for c in range(len(s.pairs)):
-        pair = s.pairs[c]
-        if pair.slot < 0:
-            dt = max(0.0, since(pair, t, 0.0))
-            xi[c], eta[c], force[c] = -gap_after(-pair.xi, -pair.eta, pair.pull, dt), pair.eta + pair.pull * dt, 0.0
-        else:
-            member = s.pool[pair.slot]
-            tau = tau_at(s.pool[s.pairs[pair.first].slot], t, 0.0)
-            xi[c], eta[c] = value(member.x, tau), value(member.e, tau)
-            force[c] = max(0.0, value(member.f, tau)) if member.mode == ACTIVE else 0.0

@@ -1,4 +1,5 @@
 """When a pile rests for good: a proof by energy that no contact can ever open again.
+May be skipped: rarer, piles that come to rest.
 
 If every ball is in contact from the floor up, the energy about the static equilibrium (overlaps ξ°, forces F° > 0),
 

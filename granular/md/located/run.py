@@ -3,34 +3,40 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
 
 from granular._kernels import compiled, in_memory, worth
-from granular._records import column, one, packed, plain
+from granular._records import column, copied, one, packed, plain
+from granular._tournament import replay
 from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks
+from granular.md.located.checkpoint import Checkpoint, Untouched, restored
 from granular.md.located.collocation import Collocation
+from granular.md.located.contacts import keep_unsettled
 from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
-from granular.md.located.pieces import look
+from granular.md.located.isolated import look
 from granular.md.located.resting import pile
 from granular.md.located.system import (
     ACTIVE,
     DORMANT,
     GENERAL,
+    STOP,
     power_form,
     system_of,
     to_compiled,
     to_plain,
+    with_longer_log,
     with_more_room,
 )
 from granular.md.rows import CONTACT_ROW
 from granular.request import Request
 from granular.scene import Scene
-from granular.trajectory import Status
+from granular.trajectory import CONTACT, Status
 
 PLAIN_CHUNK, COMPILED_CHUNK = 100, 20_000
 """Pieces between two looks at progress and log."""
@@ -39,6 +45,8 @@ FIRST_LOOK = 256
 WORTH_LOADING, WORTH_COMPILING = 50_000, 300_000
 """Pieces times pairs after which ``engine="auto"`` goes on compiled if the machine code is on disk, and if it has to be
 made; they take about as long to work off interpreted."""
+DISTURBED = ("resolve", "stop", "ignore")
+"""What may be done where a contact disturbs another."""
 WHY = {
     blocks.STOPPED: Pause.until, blocks.QUIET: Pause.quiet, blocks.WORK: Pause.work, blocks.REST: Pause.resting,
     blocks.BINDING: Pause.quiet,
@@ -59,30 +67,53 @@ class Run:
     tol : float
         Truncation error of a step of nonlinear laws, as a part of the speed and the overlap of the moment. Linear
         laws are always run to rounding.
+    disturbed : str
+        One of `DISTURBED`.
+    state : mapping, optional
+        A checkpoint to go on from.
     """
 
     in_order = False
     rule = None
 
-    def __init__(self, scene: Scene, laws: SceneLaws, request: Request, engine: str, tol: float) -> None:
+    def __init__(
+        self, scene: Scene, laws: SceneLaws, request: Request, engine: str, tol: float, disturbed: str = "resolve",
+        state: Mapping[str, Any] | None = None,
+    ) -> None:
         self.scene, self.laws, self.law, self.request, self.engine = scene, laws, laws.given, request, engine
-        self.seen = 0.0  # s, when a row was last read
+        self.seen = self.now = 0.0  # s, when a row was last read, and how far it has come
         self.bound = False
         self.creep: Creep | None = None
+        self.origin = request.start if state is None else float(state["origin"])  # s, where its own clock starts
+        self.checkpoint: Checkpoint | None = None
         limits = {"max_events": request.max_events, "max_steps": request.max_steps, "log": 2 * int(request.rows)}
+        limits["disturbing"] = DISTURBED.index(disturbed)
         self.s: Any = system_of(scene, laws, request.until, tol=tol, pause=FIRST_LOOK, **limits)
+        if state is not None:
+            self.s = restored(self.s, state)
         self.collocation = Collocation(laws) if self.s.kinds["kind"][0] == GENERAL else None
         self.kernels: Callable[[Any], Any] = lambda kernel: kernel
         if engine == "compiled" or self.pays(scene.n_pairs):  # to launch is a piece of every pair
             self.compile()
         else:
             self.s = to_plain(self.s)
-        self.launched = self.kernels(blocks.launch)(self.s, self.collocation)
+        if state is None:
+            self.launched = self.kernels(blocks.launch)(self.s, self.collocation)
+        else:
+            self.launched = True
+            self.kernels(replay)(self.s.queue, 0, scene.n_pairs - 1)
+            if state["creeping"]:
+                self.let_creep(math.inf)
 
     @property
     def counters(self) -> Any:
         """The record of counters and limits."""
         return self.s.run[0] if isinstance(self.s.run, list) else one(self.s.run)
+
+    @property
+    def is_disturbed(self) -> bool:
+        """Whether the run has stopped before the first contact that disturbs another."""
+        return bool(self.counters.disturbing == STOP and self.counters.first >= 0)
 
     def pays(self, work: float) -> bool:
         """Return whether to go on compiled, given how many pieces times pairs there are to do, or have been done."""
@@ -103,18 +134,22 @@ class Run:
 
     def to(self, time: float, last: bool) -> Pause:
         """Go on to `time`, or a chunk of pieces towards it."""
-        limit = time - self.request.start
+        limit = time - self.origin
         if not self.launched:
-            return Pause.until
+            return Pause.disturbed if self.is_disturbed else Pause.until
         if self.creep is not None:
             return Pause.resting if limit == math.inf else Pause.reached
         chunk = COMPILED_CHUNK if self.engine == "compiled" else PLAIN_CHUNK
         why, counters = self.kernels(blocks.advance)(self.s, limit, chunk, self.collocation), self.counters
+        reached = why == blocks.REACHED or (why == blocks.QUIET and limit < math.inf)
+        self.now = limit if reached else float(counters.t)
         if why == blocks.CRAMPED:
             self.s = with_more_room(self.s)
             return Pause.full
-        if why == blocks.REACHED or (why == blocks.QUIET and limit < math.inf):
+        if reached:
             return Pause.reached
+        if why == blocks.STOPPED and self.is_disturbed:
+            return Pause.disturbed
         if why != blocks.MORE:
             self.bound = why == blocks.BINDING
             return Pause.resting if why == blocks.QUIET and counters.rests else WHY[why]
@@ -134,34 +169,51 @@ class Run:
         n = self.scene.n_pairs
         if not self.scene.is_wall[0] or n > LARGEST:
             return False
+        self.let_creep(math.inf if limit == math.inf else SMOOTH)
+        return limit == math.inf and self.creep is not None
+
+    def let_creep(self, most: float) -> None:
+        """Go on by modes if the scene creeps to rest, its forces swinging by less than the part `most`."""
         s = to_plain(self.s)
         piled = pile(s.pairs, s.pool, s.bodies, s.pairs[0].hi)
         members = [s.pool[pair.slot] for pair in s.pairs if pair.slot >= 0]
         load = column(s.bodies, "load")[1 : piled + 1]
-        if swinging(members[:piled], load) < (math.inf if limit == math.inf else SMOOTH):
+        if swinging(members[:piled], load) < most:
+            self.checkpoint = Checkpoint(deepcopy(s), {"origin": self.origin, "creeping": True})
             self.s, self.kernels = s, lambda kernel: kernel
-            above = members[piled] if piled < n else None
+            above = members[piled] if piled < self.scene.n_pairs else None
             self.creep = Creep(members[:piled], load, above, s.bodies[0].v - s.bodies[-1].v)
-        return limit == math.inf and self.creep is not None
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of contacts so far."""
-        return self.request.start + float(self.counters.t), int(self.counters.begun)
+        return self.origin + float(self.counters.t), int(self.counters.begun)
 
     def rows(self) -> list[Rows]:
-        """Take the contacts that ended out of the buffer."""
-        ended, self.counters.rows = int(self.counters.rows), 0
-        return [self.dated(packed(self.s.log[:ended], CONTACT_ROW).copy())] if ended else []
+        """Take the contacts that are over, and that nothing can change any more, out of the buffer."""
+        taken = int(self.counters.rows)
+        if taken == 0:
+            return []
+        log = self.s.log[:taken]
+        rows = packed(log, CONTACT_ROW) if isinstance(log, list) else copied(log)
+        over = (rows["pair"] >= 0) & (rows["t_end"] <= self.now)
+        self.kernels(keep_unsettled)(self.s, self.now)
+        if 2 * self.counters.rows > len(self.s.log):
+            self.s = with_longer_log(self.s)
+        rows = rows if over.all() else rows[over]
+        if self.request.on_event is not None:
+            rows = rows[np.argsort(rows["t_end"], kind="stable")]
+        return [self.dated(rows)]
 
     def dated(self, rows: Rows) -> Rows:
         """Count times from where the caller's clock starts."""
-        rows["t_begin"] += self.request.start
-        rows["t_end"] += self.request.start
-        return rows
+        if self.origin != 0.0:
+            rows["t_begin"] += self.origin
+            rows["t_end"] += self.origin
+        return rows.view(CONTACT)
 
     def row(self, time: float) -> Row:
         """Return the scene at `time`."""
-        return self.row_after(time - self.request.start, time)
+        return self.row_after(time - self.origin, time)
 
     def row_after(self, elapsed: float, time: float) -> Row:
         """Return the scene a time after the start, which is called `time`."""
@@ -169,7 +221,7 @@ class Run:
         rows = made.tolist() if isinstance(self.s.run, list) else made
         if self.creep is not None:
             self.creep.show(elapsed)
-        self.kernels(look)(self.s, elapsed, rows[0], rows[1], rows[2])
+        self.kernels(look)(self.s, elapsed, rows[0], rows[1], rows[2], self.collocation)
         made = np.asarray(rows)
         if not np.isfinite(made[:2]).all():  # interpreted, it would have raised on the way
             raise OverflowError("an overlap or its rate")
@@ -181,23 +233,35 @@ class Run:
         """Return how the run ended, and bring every pair to where it has come."""
         r, status, impulse = self.counters, pause.value, [0.0]
         begun = float(r.t) if self.creep is None else self.creep.start
-        end = self.request.end - self.request.start if pause is Pause.reached else max(begun, self.seen)
+        end = self.request.end - self.origin if pause is Pause.reached else max(begun, self.seen)
         self.s = self.s._replace(queue=self.s.queue[:1].copy())  # nothing is due any more
+        before, untouched = self.s, Untouched(self.s, self.inside(end))
         if self.creep is None:
-            self.kernels(blocks.gather)(self.s, end, self.collocation)
+            while not self.kernels(blocks.gather)(self.s, end, self.collocation):
+                self.s = with_more_room(self.s)
+            self.now = end
         else:
             impulse = self.creep.finish(end)
-        shared = [*column(self.s.pairs, "shared"), math.fsum(impulse) if len(impulse) > 1 else 0.0]
+        crept = math.fsum(impulse) if len(impulse) > 1 else 0.0
         stats = {
             "engine": "compiled" if self.engine == "compiled" else "plain",
             "steps": int(r.steps), "events": int(r.events), "contacts": int(r.begun),
             "error_estimate": float(r.error), "resting": bool(r.rests) or self.creep is not None,
-            "shared_impulse": math.fsum(shared) if self.request.log else math.nan,
+            "shared_impulse": math.fsum([r.shared, r.shared_low, crept]) if self.request.log else math.nan,
+            "isolated": int(r.isolated), "tables": int(r.tables),
+            "first_disturbed": (self.origin + float(r.disturbed), int(r.first)),
         }  # fmt: skip
-        row = self.row_after(end, self.request.start + end) if pause is not Pause.reached or seen == -math.inf else None
-        running = self.dated(self.still_open()) if self.request.log else None
-        message, self.s = self.message(status, r, self.request.start + end), None  # makes room for the log
-        return End(row, status, message, stats, running=running)
+        row = self.row_after(end, self.origin + end) if pause is not Pause.reached or seen == -math.inf else None
+        running = np.concatenate([*self.rows(), self.dated(self.still_open())]) if self.request.log else None
+        message, self.s = self.message(status, r, self.origin + end), None  # makes room for the log
+        untouched.put_back()
+        state = self.checkpoint or Checkpoint(before, {"origin": self.origin, "creeping": False})
+        return End(row, status, message, stats, state if self.launched else {}, running)
+
+    def inside(self, t: float) -> Any:
+        """Number the pairs that are, or may be, in a contact solved at once at time `t`."""
+        clock, lasts, slot = (column(self.s.pairs, name) for name in ("t", "lasts", "slot"))
+        return np.flatnonzero((lasts > 0.0) & (slot < 0) & (clock >= t * (1.0 - 1e-12)))
 
     def message(self, status: Status, r: Any, t: float) -> str:
         """Return the sentence of a status with its numbers."""

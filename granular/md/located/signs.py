@@ -1,4 +1,5 @@
 """Events of laws that are functions: the force vanishes or returns where the law itself changes sign.
+May be skipped: rarer, laws that are no powers.
 
 An interpolant says where to look, but near ξ = 0, where every force is small, it errs to either side; so the law is
 asked, and the place is found by bisection. A pair whose force stays positive up to ξ = 0 parts there and nowhere else.

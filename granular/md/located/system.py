@@ -1,4 +1,5 @@
 """What the engine knows about each pair and body, as records with names, and how they are made from scenes.
+May be skipped: how a run is held, no physics.
 
 Compiled code reads one numpy record per pair, ``pairs[c].xi``; interpreted code reads plain objects with the same
 fields, so one source serves both. A pair in free flight needs little, and most pairs of a gas fly: what an island
@@ -15,11 +16,13 @@ from typing import Any
 import numpy as np
 
 from granular import until as stop
-from granular._records import packed, plain
+from granular._check import Array
+from granular._records import column, packed, plain
 from granular._roots import DEEPEST, workspace
 from granular._tournament import NODE, tournament
 from granular.laws.contact_law import Form, PairLaw
-from granular.laws.kinds import SceneLaws
+from granular.laws.kinds import SceneLaws, alike
+from granular.md.located.similar import Shape, damped, elastic
 from granular.md.rows import CONTACT_ROW
 from granular.scene import Scene, speed_scale
 
@@ -36,6 +39,9 @@ OPEN, ACTIVE, RESIDUAL, DORMANT = range(4)
 LINEAR, ELASTIC, DAMPED, GENERAL = range(4)
 """Kinds of law: kξ + γη; kξ^p; ξ^d (kξ^s + γη); any other, as a function."""
 
+NO_MAP, DASHPOT, SIMILAR, VISCOELASTIC = range(4)
+"""How an isolated contact is known at its onset: see `maps`."""
+
 NOTHING, BEGIN, END, PART, TURN, RELOAD = range(6)
 """Events of a pair, see `events`."""
 
@@ -43,6 +49,8 @@ LARGEST_Q = 4
 STEEPEST = 16.0
 """Largest q of the clock t = (hτ)^q, and largest q·p of a power law, that a start series of order 20 can show."""
 
+SPARE = 1
+"""Places in the pool kept free, for a look inside a contact."""
 ROOM = 32
 """Places in the pool of a run, beyond those taken from the start."""
 
@@ -50,10 +58,12 @@ KIND = np.dtype(
     [
         ("kind", int), ("q", int), ("memory", int),  # ξ^(1/q) is what the force is analytic in
         ("k", float), ("gamma", float), ("p", float), ("d", float), ("s", float),
+        ("elastic", int), ("map", int),  # the map of its isolated contacts without pull
+        *((name, float) for name in Shape._fields),
     ],
     align=True,
 )  # fmt: skip
-"""A law as the pairs of one kind have it."""
+"""A law as the pairs of one kind have it; at last the shape of its contacts where they have one."""
 PAIR = np.dtype(
     [
         ("xi", float), ("eta", float),  # overlap (negative: gap), m, and its rate, m/s
@@ -63,17 +73,19 @@ PAIR = np.dtype(
         ("noise", float),  # what the rounding of steps may have left in the rate so far, m/s
         ("wake", float),  # overlap at which it became active when it was last dormant
         ("stride", float),  # last step of its block on the plain clock
-        ("shared", float),  # impulse of all contacts so far that was exchanged while a neighbouring pair was active
+        ("lasts", float), ("speed", float),  # of a contact solved at once: see `isolated`
         ("first", np.int32), ("hi", np.int32),  # first pair of the block it is in; end of the block that it starts
         ("slot", np.int32), ("kind_of", np.int32),  # its places in the pool, -1 in free flight, and among the kinds
-        ("count", np.int32), ("mode", np.int8), ("exact", np.int8), ("what", np.int8),
+        ("row", np.int32),  # of its last contact solved at once, in the log buffer
+        ("count", np.int32), ("alone", np.int16),  # contacts; those in which no neighbour overlapped, since it was open
+        ("map", np.int8), ("mode", np.int8), ("exact", np.int8), ("what", np.int8),  # map: place of its tables, or -1
     ],
     align=True,
 )  # fmt: skip
 """What is kept of every pair; state and mode are those of the last flight while it is in an island. `due` is inf if it
 does not start a block."""
 
-_LAW = [("lower", float), ("upper", float), ("inverse", float), ("pull", float), *KIND.descr]
+_LAW = [("lower", float), ("upper", float), ("inverse", float), ("pull", float), *KIND.descr[:8]]
 """Inverse masses, 1/kg, and their sum; pull and law as above."""
 _STATE = [
     ("xi", float), ("eta", float), ("mode", int), ("noise", float),
@@ -93,6 +105,7 @@ _BLOCK = [  # of the island that starts with this pair; h = 0 before it has a pi
 _CONTACT = [  # the contact that is going on
     ("begun", int), ("t_begin", float), ("duration", float), ("lower_in", float), ("upper_in", float),
     ("xi_max", float), ("force_max", float), ("impulse", float),
+    ("push", float),  # impulse of the last piece
 ]  # fmt: skip
 _SERIES = [
     *((name, float, (PADDED,)) for name in ("r", "z")),
@@ -112,6 +125,8 @@ RUN = np.dtype(
         ("events", int), ("steps", int), ("max_events", int), ("max_steps", int), ("pause", int), ("error", float),
         ("until_pair", int), ("until_nth", int), ("separated", int),
         ("log", int), ("rows", int), ("begun", int),
+        ("shared", float), ("shared_low", float),  # impulse in N s exchanged while a neighbouring pair was active
+        ("isolated", int), ("first", int), ("disturbed", float), ("tables", int), ("disturbing", int),
         ("piled", int), ("load", float), ("energy", float), ("opening", float), ("barrier", float), ("rests", int),
     ],
     align=True,
@@ -119,25 +134,41 @@ RUN = np.dtype(
 """Counters, limits and stop conditions of one run; places taken in the pool; of the event under way time, pairs
 lo … hi-1 that it concerns, stride of its block, and whether it waits for room; the pile and the load on it in N."""
 
+SLOWEST, OCTAVES, POINTS, CHECKS, QUANTITIES = -40, 64, 20, 4, 6
+"""Of tables: binary exponent of the slowest speeds in m/s, octaves, points in each, points to check, numbers kept."""
+MAP = np.dtype([("table", np.int32, (OCTAVES,)), ("met", np.int32, (OCTAVES,))], align=True)
+"""For each octave of speeds the place of a table + 1 (-1: it has none), and contacts met so far."""
+TABLE = np.dtype(
+    [("error", float), ("c", float, (QUANTITIES * POINTS,)), ("seen", float, (QUANTITIES * (POINTS + CHECKS),))],
+    align=True,
+)
+"""Chebyshev coefficients of the numbers of a contact over an octave of speeds, and the contacts they are made of."""
+RESOLVE, STOP, IGNORE = range(3)
+"""What is done where a contact disturbs another."""
+MOST_MAPS = 64
+"""Pairs that differ from each other, up to which contacts may have tables."""
+TABLES = 8
+"""Tables for which there is room at first."""
+
 NO_PAUSE = np.iinfo(np.int64).max
 """`pause` of a run that need not stop on its way to be looked at."""
 
 LOG_ROWS, MOST_ROWS = 256, 4096
 """Rows of the log buffer: twice as many as pairs, but within these limits."""
 
-System = namedtuple("System", "run pairs pool kinds bodies queue log work")
+System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables peaks work")
 """All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder."""
 
 
 def to_plain(s: System) -> System:
     """Return the run for interpreted code."""
-    return System._make([*map(plain, s[:-1]), workspace(ORDER)])
+    return System._make([*map(plain, s[:-2]), list(s.peaks), workspace(ORDER)])
 
 
 def to_compiled(s: System) -> System:
     """Return the run for compiled code: same numbers, same bits."""
-    records = map(packed, s[:-1], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW))
-    return System._make([*records, np.array(s.work)])
+    records = map(packed, s[:-2], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
+    return System._make([*records, np.array(s.peaks), np.array(s.work)])
 
 
 def new_system(columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Until | None, **limits: Any) -> System:
@@ -158,11 +189,18 @@ def new_system(columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Un
     pairs["first"], pairs["hi"] = np.arange(n), np.arange(1, n + 1)
     stops = (until.pair, until.nth) if isinstance(until, stop.Contact) else (-1, 0)
     limits |= {"until_pair": stops[0], "until_nth": stops[1], "separated": isinstance(until, stop.Separated)}
+    limits |= {"first": -1, "disturbed": math.nan}
     for name, value in limits.items():
         run[name] = value
     log = np.zeros(min(max(LOG_ROWS, 2 * n), MOST_ROWS), CONTACT_ROW)
     work = np.zeros((DEEPEST + 1, ORDER + 2))
-    return System(run, pairs, empty_pool(min(room, n)), kinds, bodies, tournament(n), log, work)
+    has = np.take_along_axis(kinds["map"], pairs["kind_of"].astype(int), -1) if gap.ndim > 1 else kinds["map"][kind_of]
+    pairs["map"] = -1
+    lacks = (has == NO_MAP) | ((pairs["pull"] != 0.0) & (has != DASHPOT))
+    if n <= MOST_MAPS:  # every pair may have tables of its own; of many, those that are alike share them: `system_of`
+        pairs["map"] = np.where(lacks, np.arange(n), -1)
+    known = np.zeros(min(n, MOST_MAPS), MAP), np.zeros(TABLES, TABLE), np.zeros(2)
+    return System(run, pairs, empty_pool(min(room, n) + SPARE), kinds, bodies, tournament(n), log, *known, work)
 
 
 def empty_pool(room: int) -> np.ndarray[Any, Any]:
@@ -173,9 +211,18 @@ def empty_pool(room: int) -> np.ndarray[Any, Any]:
 
 
 def with_more_room(s: System) -> System:
-    """Return the run with a pool of twice the size; all of its places were taken."""
+    """Return the run with a pool of twice the size; all of its places were taken. So for tables, if those are taken."""
+    if int(column(s.run, "tables")[0]) == len(s.tables):
+        fresh = np.zeros(len(s.tables), TABLE)
+        return s._replace(tables=s.tables + plain(fresh) if isinstance(s.tables, list) else np.append(s.tables, fresh))
     more = empty_pool(2 * len(s.pool))[len(s.pool) :]
     return s._replace(pool=s.pool + plain(more) if isinstance(s.pool, list) else np.concatenate([s.pool, more]))
+
+
+def with_longer_log(s: System) -> System:
+    """Return the run with a log buffer of twice the size; most of its rows are of contacts that go on."""
+    more = np.zeros(len(s.log), CONTACT_ROW)
+    return s._replace(log=s.log + plain(more) if isinstance(s.log, list) else np.append(s.log, more))
 
 
 def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, **limits: Any) -> System:
@@ -183,12 +230,54 @@ def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, **limits:
     if not np.isfinite(sum(scene.sides(scene.inverse_mass))).all():
         raise OverflowError("the inverse of a mass")
     speed = speed_scale(scene)
-    kinds = np.array([_described(law, speed, scene.gravity) for law in laws.each], KIND)
+    kinds = np.zeros(len(laws.each), KIND)
+    described = zip(*(_described(law, speed, scene.gravity) for law in laws.each), strict=True)
+    for name, values in zip(KIND.names or (), described, strict=False):
+        kinds[name] = values
+    kinds["elastic"] = [not (law.rate_dependent or law.memory) for law in laws.each]
+    _write_maps(kinds, laws, scene)
     if (kinds["kind"] == GENERAL).any():  # one law beyond powers, and every law is evaluated as it stands
         kinds["kind"], kinds["s"] = GENERAL, 0.0
     room = 3 * int(np.count_nonzero(scene.gap <= 0.0)) + ROOM  # so many pairs may join islands at once, and some later
     columns = scene.inverse_mass, scene.velocity, scene.gap, scene.gravity
-    return new_system(columns, kinds, laws.kind, room, until, **limits)
+    s = new_system(columns, kinds, laws.kind, room, until, **limits)
+    if scene.n_pairs > MOST_MAPS:
+        _share_tables(s, laws, scene)
+    return s
+
+
+def mapped(kinds: Any, m_eff: Array) -> None:
+    """Note which maps isolated contacts of laws that are power forms have, and their shapes."""
+    k, p, gamma, d = (kinds[name] for name in ("k", "p", "gamma", "d"))
+    shapes = np.full((*k.shape, len(Shape._fields)), np.nan)
+    kinds["map"] = np.where(p == 1.0, DASHPOT, np.where((p == 1.5) & (gamma > 0.0) & (d == 0.5), VISCOELASTIC, NO_MAP))
+    for one in np.unique(p[p != 1.0]):
+        free, alike = (p == one) & (gamma == 0.0), (p == one) & (gamma > 0.0) & (d == 0.5 * (p - 1.0))
+        shapes[free] = np.transpose(elastic(one))
+        shapes[alike] = np.transpose(damped(one, gamma[alike] / np.sqrt(2.0 * (one + 1.0) * k[alike] * m_eff[alike])))
+    kinds["map"][shapes[..., 0] > 0.0] = SIMILAR
+    for name, values in zip(Shape._fields, np.moveaxis(shapes, -1, 0), strict=True):
+        kinds[name] = values
+
+
+def _write_maps(kinds: Any, laws: SceneLaws, scene: Scene) -> None:
+    """Note the maps of all kinds of laws that have one; a damping ratio must be the same in all pairs of a kind."""
+    mapped(kinds, np.array([law.pair.m_eff for law in laws.each]))
+    kinds["map"][[power_form(law) is None for law in laws.each]] = NO_MAP
+    lightest, heaviest = np.full(len(kinds), np.inf), np.zeros(len(kinds))
+    np.minimum.at(lightest, laws.kind, scene.pairs.m_eff)
+    np.maximum.at(heaviest, laws.kind, scene.pairs.m_eff)
+    kinds["map"][(kinds["map"] == SIMILAR) & (kinds["gamma"] > 0.0) & (lightest < heaviest)] = NO_MAP
+
+
+def _share_tables(s: System, laws: SceneLaws, scene: Scene) -> None:
+    """Let pairs without a map that are alike share their tables, if there are not too many of them."""
+    known = s.kinds["map"][laws.kind]
+    lacking = np.flatnonzero((known == NO_MAP) | ((scene.pull != 0.0) & (known != DASHPOT)))
+    if len(lacking):
+        number, first = alike(laws.kind[lacking], scene.pairs.m_eff[lacking], scene.pull[lacking])
+        if len(first) <= MOST_MAPS:
+            s.pairs["map"][lacking] = number
 
 
 def _described(law: PairLaw, speed: float, gravity: float) -> tuple[float, ...]:
@@ -214,12 +303,20 @@ def _rough_form(law: PairLaw, speed: float, gravity: float) -> tuple[float, floa
     """
     pair = law.pair
     xi = 1e-3 * pair.r_eff if 0.0 < pair.r_eff < math.inf else 1e-3
+    typical = xi
     for factor in (4.0, 0.25):
         while 1e-100 < xi < 1e100 and speed + gravity > 0.0:
             stops = abs(_bounded(law, xi)) * xi >= pair.m_eff * (speed * speed + gravity * xi)
             if stops == (factor > 1.0):
                 break
             xi *= factor
+    if not 1e-100 < xi < 1e100:  # it cannot bear the weight, or stops nothing
+        return _rough_form(law, speed, 0.0) if gravity > 0.0 else _at_overlap(law, typical)
+    return _at_overlap(law, xi)
+
+
+def _at_overlap(law: PairLaw, xi: float) -> tuple[float, float, int]:
+    """Return k and p of a power law of about the size of `law` at an overlap in m, and q, see `_rough_form`."""
     p, onset = (_slope(law, x) for x in (xi, 1e-6 * xi))
     k = abs(_bounded(law, xi)) / math.pow(xi, p)
     return (k if 0.0 < k < math.inf else 1.0), p, (1 if abs(onset - round(onset)) < 1e-3 else 2)

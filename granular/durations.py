@@ -1,0 +1,141 @@
+"""How long many isolated contacts last: the t_c that `granular.binary.collision` gives for one, at little cost.
+May be skipped: `binary` many times over, and faster.
+
+| law                                                   | duration                                       |
+|-------------------------------------------------------|------------------------------------------------|
+| F = k ξ^p + γ ξ^((p-1)/2) ξ̇, all dashpots among them  | D(p, ζ) (m_eff/k)^(1/(p+1)) v^((1-p)/(1+p))    |
+| viscoelastic, F = k ξ^(3/2) + γ √ξ ξ̇                  | D(b) (m_eff/k)^(2/5) v^(-1/5)                  |
+| any other                                             | contacts run at a few speeds, a cubic between  |
+
+The functions D have no dimension, so that pairs of all sizes share them; b = γ k^(-3/5) m_eff^(-2/5) v^(1/5).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from granular import binary
+from granular._check import Array
+from granular.laws import viscoelastic_restitution
+from granular.laws.contact_law import PairLaw
+from granular.laws.kinds import Ints, resolved
+from granular.scene import Scene, speed_scale
+
+SMOOTH, COSTLY = 8, 2
+"""Values known of an octave: of a formula, and of what a contact has to be run for."""
+SLOWEST = 2.0**-30
+"""A contact slower than this share of the scene's own speeds is taken to be as fast as that."""
+
+
+class Durations:
+    """Durations of isolated contacts of the pairs of a scene.
+
+    Parameters
+    ----------
+    laws : sequence
+        One force law per pair.
+    scene : Scene
+        Its pairs, without what pulls on them: a ball on the floor is taken as weightless.
+    """
+
+    def __init__(self, laws: Sequence[Any], scene: Scene) -> None:
+        self.kind, each = resolved(laws, scene).in_pairs
+        shapes: dict[tuple[float, float], float] = {}
+        columns = np.array([_powers(law, shapes) for law in each])
+        self.unit, self.power, self.damping = columns.T
+        self.damped = Curve(viscoelastic_restitution.duration, SMOOTH)
+        others = np.flatnonzero(np.isnan(self.unit)).tolist()
+        self.curves = {k: Curve(partial(_duration, each[k]), COSTLY) for k in others}
+        self.slowest = max(SLOWEST * speed_scale(scene), 1e-75)
+
+    def __call__(self, pair: Ints, speed: Array) -> Array:
+        """Return the durations in s of contacts of pairs of these numbers at these impact speeds in m/s.
+
+        Relative errors are 1e-14 for powers, 1e-7 for viscoelastic spheres and some 1e-5 at most for other laws, more
+        at speeds at which those have a kink. A contact that does not end has inf.
+        """
+        v = np.log2(np.maximum(speed, self.slowest))
+        kind: Any = self.kind[pair] if len(self.unit) > 1 else 0
+        lasting: Array = self.unit[kind] + self.power[kind] * v
+        damping = np.broadcast_to(self.damping[kind], v.shape)
+        rows = damping > -np.inf
+        if rows.any():
+            lasting[rows] += self.damped(damping[rows] + 0.2 * v[rows])
+        for k, curve in self.curves.items():
+            rows = np.broadcast_to(kind == k, v.shape)
+            lasting[rows] = curve(v[rows])
+        return np.exp2(lasting)
+
+
+class Curve:
+    """A positive function of a positive number by few of its values: a cubic between them. All are binary logarithms.
+
+    Parameters
+    ----------
+    function : callable
+        The function.
+    fine : int
+        How many values to have of an octave.
+    """
+
+    def __init__(self, function: Callable[[float], float], fine: int) -> None:
+        self.function, self.fine, self.low, self.known = function, fine, 0, np.zeros(0)
+
+    def __call__(self, x: Array) -> Array:
+        """Return the function at many numbers; inf next to where it is."""
+        if not len(x):
+            return x
+        place = self.fine * x
+        k = np.floor(place).astype(np.int64)
+        self._learn(k)
+        z, at = place - k, k - self.low
+        a, b, c, d = (self.known[at + i] for i in (-1, 0, 1, 2))
+        with np.errstate(invalid="ignore"):
+            bends = (2.0 - z) * (a - 2.0 * b + c) + (1.0 + z) * (b - 2.0 * c + d)
+            value = b + z * ((c - b) - (1.0 - z) / 6.0 * bends)
+        value[np.isnan(value)] = np.inf
+        return value
+
+    def _learn(self, k: Ints) -> None:
+        """Have the values that numbers between the k-th and the next need."""
+        low, end = int(k.min()) - 1, int(k.max()) + 3
+        if len(self.known) == 0:
+            self.low = low
+        before, after = max(self.low - low, 0), max(end - self.low - len(self.known), 0)
+        if before or after:
+            self.low -= before
+            self.known = np.pad(self.known, (before, after), constant_values=np.nan)
+        met = np.flatnonzero(np.bincount(k - self.low))
+        needed = np.unique(met[:, None] + np.arange(-1, 3))
+        for i in needed[np.isnan(self.known[needed])].tolist():
+            self.known[i] = math.log2(self.function(math.pow(2.0, (self.low + i) / self.fine)))
+
+
+def _powers(law: PairLaw, shapes: dict[tuple[float, float], float]) -> tuple[float, float, float]:
+    """Return (unit, power, b) of a law, unit and b as logarithms: its duration is unit v^power, times D(b v^(1/5)) of a
+    viscoelastic one; nan for other laws. `shapes` remembers what laws of all sizes share.
+    """
+    zeta, m = binary.damping_ratio(law), law.pair.m_eff
+    if law.form is None or (zeta is None and law.form[1::2] != (1.5, 0.5)):
+        return math.nan, 0.0, -math.inf
+    k, p, gamma, _ = law.form
+    power, unit = (1.0 - p) / (1.0 + p), math.log2(m / k) / (p + 1.0)
+    if zeta is None:
+        return unit, power, math.log2(gamma) - 0.6 * math.log2(k) - 0.4 * math.log2(m)
+    shape = p, round(zeta, 14)
+    if shape not in shapes:
+        shapes[shape] = math.log2(_duration(law, 1.0)) - unit
+    return shapes[shape] + unit, power, -math.inf
+
+
+def _duration(law: PairLaw, speed: float) -> float:
+    """Return the duration in s of one contact; inf if it does not end, and where there is none."""
+    try:
+        return binary.collision(law.law, law.pair, speed).duration
+    except ValueError:
+        return math.inf

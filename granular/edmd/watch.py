@@ -1,0 +1,147 @@
+"""Where soft contacts would disturb each other: a hard run is watched with a force law, for a warning, not a proof.
+May be skipped: it looks on, and changes no run.
+
+Each collision is taken as a contact that lasts, from then on, as long as an isolated one of the law at that speed, and
+at most until its pair collides again. It is disturbed if it shares a time with a contact of a neighbouring pair.
+Disturbed contacts end otherwise than isolated ones, and so the soft balls are elsewhere from then on: how many more of
+their contacts are disturbed, only they themselves can tell.
+
+Collisions are looked at as they leave the queue, in order, so that no engine knows of it. Times are those of the state,
+since the epoch: late ones have their digits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from granular import _check
+from granular._check import Array
+from granular._kernels import kernel
+from granular._records import Records, column, packed
+from granular.edmd.sorted_queue import SortedQueue
+from granular.edmd.state import State
+from granular.laws import check
+from granular.laws.contact_law import instance
+from granular.rules import different
+from granular.scene import Scene
+
+LAST = np.dtype([("began", float), ("lasting", float), ("disturbed", int)], align=True)
+"""The last contact of a pair: when it began, s since the epoch, how long it lasts, s, and whether it is disturbed (1).
+"""
+
+
+class Watch:
+    """What is seen of the contacts of a run.
+
+    Parameters
+    ----------
+    law : law or sequence of laws
+        One for all pairs, or one per pair.
+    scene : Scene
+        Its pairs.
+    saved : mapping, optional
+        The state of a run to go on with.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For laws that do not fit.
+    """
+
+    def __init__(self, law: Any, scene: Scene, saved: Mapping[str, Any] | None = None) -> None:
+        laws = _check.per_pair("watch", law, scene.n_pairs)
+        for one in different(laws):
+            instance("watch", one, "how long a contact lasts, no collision rule can tell")
+        check.checked(laws, scene)
+        from granular.durations import Durations  # from above, and only when asked for
+
+        self.duration: Callable[[Any, Array], Array] = Durations(laws, scene)
+        self.last: Records = np.zeros(scene.n_pairs, LAST)
+        self.last["began"] = -math.inf
+        self.epoch, self.seen, self.disturbed, self.first = (0.0, 0.0), 0, 0, (math.nan, -1)
+        if saved is not None and "watch_began" in saved:
+            for name in LAST.names or ():
+                self.last[name] = saved[f"watch_{name}"]
+            self.epoch = float(saved["epoch"]), float(saved["epoch_low"])
+            self.seen, self.disturbed, pair = map(int, saved["watch_counts"])
+            self.first = float(saved["watch_time"]), pair
+
+    def take(self, rows: Any, tau: Array, state: State, queue: SortedQueue) -> None:
+        """Look at collisions, the next ones in order; `tau` are their times since the epoch."""
+        self._to_epoch(state, queue)
+        pair, lasting = rows["pair"], self.duration(rows["pair"], rows["lower_in"] - rows["upper_in"])
+        columns: list[Any] = [pair, tau, lasting]
+        if isinstance(self.last, list):
+            columns = [x.tolist() for x in columns]
+        more, row, lower = queue.kernel(disturb)(self.last, *columns)
+        self.seen += len(rows)
+        self.disturbed += more
+        if row >= 0 and self.first[1] < 0:
+            self.first = float(rows["t_begin"][row]), lower
+
+    def _to_epoch(self, state: State, queue: SortedQueue) -> None:
+        """Count times from the epoch of the state on, and keep them as the queue keeps records."""
+        self.last = queue.hold(self.last)
+        epoch, low = state.clock.epoch, state.clock.epoch_low
+        shift = (epoch - self.epoch[0]) + (low - self.epoch[1])
+        if shift != 0.0:
+            queue.kernel(earlier)(self.last, shift)
+            self.epoch = epoch, low
+
+    def stats(self) -> dict[str, Any]:
+        """Return the counters of the run."""
+        return {"watched": self.disturbed, "first_disturbed": self.first}
+
+    def message(self) -> str:
+        """Return the sentence to print."""
+        time, pair = self.first
+        first = f", the first of pairs {pair} and {pair + 1} at t = {time:.12g} s" if self.disturbed else ""
+        return (f"; watched: {self.disturbed or 'none'} of {self.seen} collisions would, as soft contacts, overlap in "
+                f"time with one of a neighbouring pair{first} (a warning, not a proof)")  # fmt: skip
+
+    def checkpoint(self, state: State, queue: SortedQueue) -> dict[str, Any]:
+        """Return all that is needed to go on."""
+        self._to_epoch(state, queue)
+        raw: dict[str, Any] = {f"watch_{name}": column(self.last, name) for name in LAST.names or ()}
+        return raw | {"watch_counts": np.array([self.seen, self.disturbed, self.first[1]]), "watch_time": self.first[0]}
+
+    def _check(self) -> None:
+        """Raise where what is known of the last contacts cannot be: for tests."""
+        last = packed(self.last, LAST)
+        begun = np.isfinite(last["began"])
+        assert (last["lasting"][begun] > 0.0).all()
+        assert not last["lasting"][~begun].any()
+        assert last["disturbed"].sum() <= self.disturbed <= self.seen
+        assert (self.disturbed == 0) == (self.first[1] < 0) == math.isnan(self.first[0])
+
+
+@kernel
+def disturb(last: Records, pair: Any, began: Any, lasting: Any) -> tuple[int, int, int]:
+    """Let contacts begin, in this order; return how many more are disturbed, and of the first two of them the row of
+    the later one and the lower pair, -1 if there are none.
+    """
+    more, row, lower = 0, -1, -1
+    for j in range(len(pair)):
+        c, t = pair[j], began[j]
+        mine = last[c]
+        mine.began, mine.lasting, mine.disturbed = t, lasting[j], 0
+        for k in range(max(c - 1, 0), min(c + 2, len(last))):
+            other = last[k]
+            if k != c and t - other.began <= other.lasting:
+                more += 2 - mine.disturbed - other.disturbed
+                mine.disturbed = 1
+                other.disturbed = 1
+                if row < 0:
+                    row, lower = j, min(c, k)
+    return more, row, lower
+
+
+@kernel
+def earlier(last: Records, shift: float) -> None:
+    """Count times from an epoch that is `shift` later."""
+    for c in range(len(last)):
+        last[c].began -= shift

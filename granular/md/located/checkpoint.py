@@ -1,0 +1,93 @@
+"""What a run is at its end, to go on from: the records as they stood before the last row was made.
+May be skipped: how a run is saved and resumed, no physics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+
+from granular._records import column, copied, packed
+from granular._tournament import tournament
+from granular.md.located.system import BODY, MAP, MEMBER, NO_PAUSE, PAIR, RUN, SPARE, TABLE, System, empty_pool
+from granular.md.rows import CONTACT_ROW
+
+KEPT = {"run": RUN, "pairs": PAIR, "pool": MEMBER, "bodies": BODY, "maps": MAP, "tables": TABLE, "log": CONTACT_ROW}
+"""Records that a checkpoint holds: of tables and log what is used."""
+
+
+class Checkpoint(Mapping[str, Any]):
+    """The state of a run as arrays by name, made when they are first asked for."""
+
+    def __init__(self, s: System, words: dict[str, Any]) -> None:
+        self._s: Any = s
+        self._arrays: dict[str, Any] = words
+
+    def __getitem__(self, name: str) -> Any:
+        return self._made()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._made())
+
+    def __len__(self) -> int:
+        return len(self._made())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return dict, (self._made(),)
+
+    def _made(self) -> dict[str, Any]:
+        if self._s is not None:
+            used = {"tables": int(column(self._s.run, "tables")[0]), "log": int(column(self._s.run, "rows")[0])}
+            for name, dtype in KEPT.items():
+                records = getattr(self._s, name)
+                self._arrays[name] = packed(records[: used.get(name, len(records))], dtype)
+            self._s = None
+        return self._arrays
+
+
+class Untouched:
+    """Records of islands, and of contacts solved at once, put back as they were after the end of a run is looked at."""
+
+    def __init__(self, s: System, inside: Any) -> None:
+        """Keep what the end of a run changes; `inside` numbers the pairs that are in a contact."""
+        joined = np.flatnonzero(column(s.pairs, "slot") >= 0)
+        near = np.unique(np.concatenate([joined, inside, inside - 1, inside + 1]))
+        near = near[(near >= 0) & (near < len(s.pairs))]
+        around = np.unique(np.concatenate([near, near + 1]))
+        places = np.unique(column(s.pairs, "slot")[joined])
+        self.kept = [(records, index, _taken(records, index)) for records, index in (
+            (s.run, np.zeros(1, int)), (s.pairs, near), (s.bodies, around), (s.pool, places),
+            (s.log, np.arange(int(column(s.run, "rows")[0]))),
+        )]  # fmt: skip
+
+    def put_back(self) -> None:
+        """Let the records be as they were."""
+        for records, index, values in self.kept:
+            if isinstance(records, list):
+                for i, value in zip(index.tolist(), values, strict=True):
+                    records[i] = value
+            else:
+                records[index] = values
+
+
+def _taken(records: Any, index: Any) -> Any:
+    return deepcopy([records[i] for i in index.tolist()]) if isinstance(records, list) else records[index]
+
+
+def restored(s: System, state: Mapping[str, Any]) -> System:
+    """Return the records of a scene as a checkpoint has them, with the limits of `s`, those of its start."""
+    run, pairs, taken = (copied(np.asarray(state[name])) for name in ("run", "pairs", "pool"))
+    for name in ("until_pair", "until_nth", "separated", "log", "disturbing"):
+        run[name] = s.run[name]
+    for name, so_far in (("max_events", "begun"), ("max_steps", "steps")):
+        run[name] = min(int(run[so_far][0]) + int(s.run[name][0]), NO_PAUSE)
+    pool, log = empty_pool(len(taken) + SPARE), np.zeros(len(s.log) + len(state["log"]), CONTACT_ROW)
+    pool[: len(taken)], log[: len(state["log"])] = taken, state["log"]
+    tables = np.append(np.asarray(state["tables"]), s.tables)
+    queue = tournament(len(pairs))
+    queue["due"][len(queue) // 2 :][: len(pairs)] = pairs["due"]
+    bodies, maps = copied(np.asarray(state["bodies"])), copied(np.asarray(state["maps"]))
+    return s._replace(run=run, pairs=pairs, pool=pool, bodies=bodies, queue=queue, log=log, maps=maps, tables=tables)

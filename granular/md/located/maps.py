@@ -1,0 +1,183 @@
+"""An isolated contact as one event: its delay, its speeds and its peaks in closed form.
+
+Two bodies of effective mass m meet at time 0 with speed v > 0 and see nothing else but gravity, which may pull them
+together by G (a ball and a wall): ξ̈ = G - F(ξ, ξ̇)/m, ξ(0) = 0, ξ̇(0) = v. The force falls to zero at t1, where they
+part with the speed v1; what is left of the overlap then runs off freely, until at t2 ≥ t1 ξ is zero and the speed v2.
+So by t2, whatever the law, the pair has moved by v t2 + G t2²/2 less than without the force, and its impulse was
+m (v + G t2 + v2).
+
+| law, by its kind and pull           | map |
+|-------------------------------------|-----|
+| dashpot F = kξ + γη, G = 0          | ω t1 = 2 f(ζ), v1 = v2 = ε v, t2 = t1 + γ/k |
+| dashpot, G ≠ 0, ζ < 1               | Newton's method from there; not where gravity nearly balances (v ω < 10 G) |
+| powers, elastic or d = (p-1)/2, G = 0 | constants of the law (`similar`) |
+| viscoelastic, p = 3/2, d = 1/2, G = 0 | table of b = γ k^-0.6 m^-0.4 v^0.2; t2 = t1 + γ/k |
+
+Other laws and states have none: t1 is nan.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from granular._kernels import kernel
+from granular.laws.viscoelastic_restitution import duration, restitution
+from granular.laws.viscoelastic_restitution import peaks as tops
+from granular.md.located.system import DASHPOT, SIMILAR, VISCOELASTIC
+
+WEIGHTLESS = 10.0
+"""A dashpot's contact under a pull G has a map if v ω exceeds this many times G: below, balls come to rest."""
+CLOSE = 1e-9
+"""Newton steps end when the next one, in units of 1/ω, is smaller than this."""
+REFUSED = (math.nan, math.nan, math.nan, math.nan)
+
+
+@kernel
+def encounter(law: Any, inverse: float, pull: float, v: float) -> tuple[float, float, float, float]:
+    """Return (t1, t2, v1, v2) of a contact at speed `v`; nan where it has no map. `inverse` is 1/m."""
+    if law.map == DASHPOT:
+        if pull == 0.0:
+            t1, eps = of_dashpot(law, inverse)
+            return t1, t1 + law.gamma / law.k, eps * v, eps * v
+        return under_pull(law, inverse, pull, v)
+    if pull != 0.0:
+        return REFUSED
+    if law.map == SIMILAR:
+        unit, v1 = reach(law, inverse, v) / v, law.restitution * v
+        return law.force_ends * unit, law.parts * unit, v1, v1
+    if law.map == VISCOELASTIC:
+        length = reach(law, inverse, v)
+        b = law.gamma / law.k * (v / length)
+        t1, v1 = length / v * duration(b), restitution(b) * v
+        return t1, t1 + law.gamma / law.k, v1, v1
+    return REFUSED
+
+
+@kernel
+def half_duration(zeta: float) -> float:
+    """Return f(ζ): half the duration of a dashpot's contact in units of 1/ω, ω² = k/m."""
+    root = math.sqrt(abs(1.0 - zeta)) * math.sqrt(1.0 + zeta)
+    if root == 0.0:
+        return 1.0
+    return math.atan2(root, zeta) / root if zeta < 1.0 else math.asinh(root) / root
+
+
+@kernel
+def of_dashpot(law: Any, inverse: float) -> tuple[float, float]:
+    """Return duration and restitution of a dashpot without pull."""
+    omega = math.sqrt(law.k * inverse)
+    zeta = 0.5 * law.gamma * omega / law.k
+    half = half_duration(zeta)
+    return 2.0 * half / omega, math.exp(-2.0 * zeta * half)
+
+
+@kernel
+def reach(law: Any, inverse: float, v: float) -> float:
+    """Return the length X = (m v²/k)^(1/(p+1)), which sets the scale of a contact."""
+    return math.pow(v * v / (law.k * inverse), 1.0 / (law.p + 1.0))
+
+
+@kernel
+def under_pull(law: Any, inverse: float, pull: float, v: float) -> tuple[float, float, float, float]:
+    """Return the contact of a dashpot under gravity.
+
+    The acceleration a = ξ̈ swings as exp(-λt) (cos, sin)(Ωt) about 0, and φ = kξ + γη = 0 where it has risen to G.
+    """
+    omega = math.sqrt(law.k * inverse)
+    relax = law.gamma / law.k  # s
+    zeta = 0.5 * relax * omega
+    if v * omega < WEIGHTLESS * abs(pull) or zeta >= 1.0:
+        return REFUSED
+    if zeta == 0.0:  # the arc is symmetric about its lowest point
+        t = (math.pi + 2.0 * math.atan(pull / (omega * v))) / omega
+        return t, t, v, v
+    t = 2.0 * half_duration(zeta) / omega
+    for _ in range(20):
+        xi, eta, push = swing(omega, zeta, pull, v, t)
+        rise = eta + relax * push
+        if not rise < 0.0:
+            return REFUSED
+        dt = -(xi + relax * eta) / rise
+        if abs(dt) * omega < CLOSE:
+            break
+        t += dt
+    jerk = -omega * omega * (eta + relax * push)
+    xi += dt * (eta + 0.5 * dt * push)
+    eta += dt * (push + 0.5 * dt * jerk)
+    square = eta * eta - 2.0 * pull * xi
+    if not (eta < 0.0 and square > 0.0):
+        return REFUSED
+    v2 = math.sqrt(square)
+    if not v2 > relax * pull:  # the force would come back
+        return REFUSED
+    return t + dt, t + dt + 2.0 * xi / (v2 - eta), -eta, v2
+
+
+@kernel
+def swing(omega: float, zeta: float, pull: float, v: float, t: float) -> tuple[float, float, float]:
+    """Return overlap, rate and acceleration of a dashpot, not clipped, a time t after its contact at speed v began."""
+    root = math.sqrt((1.0 - zeta) * (1.0 + zeta))
+    lean, angle = zeta * omega, root * omega * t
+    fade, cosine, sine = math.exp(-lean * t), math.cos(angle), math.sin(angle) / root
+    rest = pull / (omega * omega)
+    # y = ξ - rest: y(0) = -rest, y'(0) = v
+    inner = v / omega - zeta * rest
+    y = fade * (inner * sine - rest * cosine)
+    rate = fade * (v * cosine - (zeta * v - omega * rest) * sine)
+    return y + rest, rate, -omega * (omega * y + 2.0 * zeta * rate)
+
+
+@kernel
+def peaks(law: Any, inverse: float, pull: float, v: float, t1: float, v1: float) -> tuple[float, float]:
+    """Return the largest overlap and the largest force of a contact that `encounter` knows."""
+    if law.map == SIMILAR:
+        length = reach(law, inverse, v)
+        return law.deepest * length, law.strongest * v * v / (inverse * length)
+    if law.map == VISCOELASTIC:
+        length = reach(law, inverse, v)
+        xi, force = tops(law.gamma / law.k * (v / length))
+        return xi * length, force * law.k * length * math.sqrt(length)
+    omega = math.sqrt(law.k * inverse)
+    zeta = 0.5 * law.gamma * omega / law.k
+    if pull == 0.0:
+        return peaks_of_dashpot(law, omega, zeta, v, 0.5 * omega * t1, v1)
+    return peaks_under_pull(law, omega, zeta, pull, v, t1)
+
+
+@kernel
+def peaks_of_dashpot(law: Any, omega: float, zeta: float, v: float, half: float, v1: float) -> tuple[float, float]:
+    """Without pull: ξ peaks half way, at ωt = f, where √ε of it is left; F at ωt = 3f - π/√(1-ζ²), or, ζ ≥ ½, at touch.
+
+    So F = k (v/ω) exp(ζ (π/√(1-ζ²) - 3f)).
+    """
+    xi = v / omega * math.sqrt(v1 / v)
+    if zeta >= 0.5:
+        return xi, law.gamma * v
+    if zeta == 0.0:
+        return xi, law.k * xi
+    root = math.sqrt((1.0 - zeta) * (1.0 + zeta))
+    return xi, law.k * v / omega * math.exp(zeta * (math.pi / root - 3.0 * half))
+
+
+@kernel
+def peaks_under_pull(law: Any, omega: float, zeta: float, pull: float, v: float, t1: float) -> tuple[float, float]:
+    """Under gravity: Newton's method, from the times without it."""
+    t = 0.5 * t1
+    for _ in range(4):
+        xi, eta, push = swing(omega, zeta, pull, v, t)
+        t -= eta / push
+    deep = swing(omega, zeta, pull, v, t)[0]
+    if law.gamma == 0.0:
+        return deep, law.k * deep
+    relax, t = law.gamma / law.k, 0.0
+    if zeta < 0.5:
+        t = (3.0 * math.acos(zeta) - math.pi) / (omega * math.sqrt((1.0 - zeta) * (1.0 + zeta)))
+    for _ in range(6):
+        xi, eta, push = swing(omega, zeta, pull, v, t)
+        bend = push - relax * omega * omega * (eta + relax * push)
+        if not bend < 0.0:
+            break
+        t = max(0.0, t - (eta + relax * push) / bend)
+    xi, eta, push = swing(omega, zeta, pull, v, t)
+    return deep, max(law.gamma * v, law.k * xi + law.gamma * eta)

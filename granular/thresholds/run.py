@@ -1,0 +1,133 @@
+"""`threshold`: scan one parameter, then bisect every change.
+May be skipped: many runs of the same engines.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from granular import _check
+from granular._check import Array
+from granular.cases import Case
+from granular.scene import Scene
+from granular.sweeps.answers import REFUSED
+from granular.sweeps.plan import Plan, planned
+from granular.thresholds.criteria import CRITERIA, UNDECIDED, Criterion, Value
+from granular.thresholds.result import Threshold
+from granular.thresholds.scan import scanned
+
+SPACINGS: Mapping[str, Callable[[float, float, int], Array]] = {"log": np.geomspace, "linear": np.linspace}
+MOST = 100_000
+"""Values of a scan at most."""
+
+
+def threshold(
+    scene: str | PathLike[str] | Callable[..., Case] | Case | Scene,
+    over: str = "gap",
+    between: Sequence[float] = (1e-6, 1e-2),
+    criterion: str = "isolated",
+    *,
+    error: float = 0.01,
+    within: float = 0.01,
+    points: int = 40,
+    spacing: str = "log",
+    run: Mapping[str, Any] | None = None,
+    on_progress: Callable[[float, int], object] | None = None,
+    **fixed: Any,
+) -> Threshold:
+    """Find where along one parameter a scene may be event-driven: scan it, then bisect every change.
+
+    Parameters
+    ----------
+    scene : str, path, callable, Case or Scene
+        What to ask about, as in `granular.sweep`.
+    over : str
+        The parameter, as in `granular.sweep`: gap, stiffness, gap[1], law.k, …
+    between : two floats
+        First and last value to scan, in SI units.
+    criterion : {"isolated", "error"}
+        Hard spheres hold where every contact of the soft run is isolated up to the stop condition; or where the error
+        of a comparison is at most `error`.
+    error : float
+        Largest error in impact speeds for the second criterion; see `granular.Comparison.error`.
+    within : float
+        Width to which every crossing is bisected, relative to its value.
+    points : int
+        Number of values of the scan; what lies between two neighbours with the same verdict is not seen.
+    spacing : {"log", "linear"}
+        How they are spread.
+    run : mapping, optional
+        Options of the engines, such as ``{"max_events": 1000}``.
+    on_progress : callable, optional
+        ``on_progress(reached, count)`` now and then: the share of the work that is done, as far as that is known, and
+        the number of values tried.
+    **fixed
+        Other parameters, as in `granular.sweep`.
+
+    Returns
+    -------
+    Threshold
+        All crossings, for the values at which hard spheres hold need not be one interval. A run that ends by a limit,
+        or is refused, leaves its value undecided.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For misuse: an unknown parameter or criterion, ends that are not in order; or if every value is refused.
+    """
+    asked = CRITERIA[_check.choice("criterion", criterion, list(CRITERIA))]
+    low, high = _ends(between, _check.choice("spacing", spacing, list(SPACINGS)))
+    number = _check.whole("points", points, at_least=2, at_most=MOST)
+    width = _check.number("within", within, at_least=1e-12, at_most=0.5)
+    limit = _check.number("error", error, above=0.0)
+    _check.callback("on_progress", on_progress)
+    if not isinstance(over, str):
+        raise TypeError(f"over is {over!r}: the name of one parameter is needed, such as 'gap'.")
+    grid = SPACINGS[spacing](low, high, number)
+    grid[[0, -1]] = low, high
+    plan = planned(scene, {over: grid}, (), fixed, run or {})
+    values = _judged(plan, asked, limit, grid.tolist(), width, on_progress)
+    units, judged_by = plan.subject.attributes(over)["units"], limit if criterion == "error" else math.nan
+    return Threshold(plan.subject.title, over, units, (low, high), criterion, judged_by, width, number, spacing,
+                     dict(fixed), values)  # fmt: skip
+
+
+def _ends(between: Any, spacing: str) -> tuple[float, float]:
+    """Check what is to be scanned."""
+    if isinstance(between, str) or not hasattr(between, "__len__") or len(between) != 2:
+        raise ValueError(f"between is {between!r}: two numbers are needed, such as (1e-6, 1e-2).")
+    low, high = (_check.number(f"between[{i}]", end) for i, end in enumerate(between))
+    if not low < high:
+        raise ValueError(f"between is ({low!r}, {high!r}): the first number must be the smaller one.")
+    if spacing == "log" and not low > 0.0:
+        raise ValueError(f"between is ({low!r}, {high!r}): spacing 'log' needs positive numbers; choose 'linear'.")
+    return low, high
+
+
+def _judged(
+    plan: Plan, asked: Criterion, limit: float, grid: list[float], within: float,
+    on_progress: Callable[[float, int], object] | None,
+) -> tuple[Value, ...]:
+    """Every value that was tried, ascending."""
+    refused: list[str] = []
+
+    def judge(value: float) -> Value:
+        try:
+            return Value(value, *asked.judge(plan.case((value,)), limit))
+        except REFUSED as refusal:
+            refused.append(str(refusal))
+            return Value(value, UNDECIDED, math.nan, str(refusal))
+
+    found: list[Value] = []
+    for one in scanned(judge, grid, within):
+        found.append(one)
+        if len(found) == len(refused) == len(grid):
+            raise ValueError(refused[0])
+        if on_progress is not None:
+            on_progress(min(1.0, len(found) / len(grid)), len(found))
+    return tuple(sorted(found, key=lambda one: one.value))

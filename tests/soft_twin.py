@@ -1,0 +1,59 @@
+"""The engine without isolated contacts: every contact by pieces, which is what the certified ones are held against."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+import granular as gr
+from granular._kernels import kernel, specialised
+from granular.md.located import blocks
+from granular.md.located.isolated import OTHERWISE
+
+
+@kernel
+def never(s: Any, c: int, laws: Any) -> int:
+    """No contact is isolated."""
+    return OTHERWISE
+
+
+BY_PIECES = specialised(blocks.advance, meet=never)
+
+
+@contextlib.contextmanager
+def pieces() -> Iterator[None]:
+    """Let all contacts be solved by pieces."""
+    was, blocks.advance = blocks.advance, BY_PIECES
+    try:
+        yield
+    finally:
+        blocks.advance = was
+
+
+def twin(scene: gr.Scene, law: Any, **options: Any) -> gr.Trajectory:
+    """Run by pieces."""
+    with pieces():
+        return gr.md.simulate(scene, law, **options)
+
+
+def distance(a: gr.Trajectory, b: gr.Trajectory) -> float:
+    """Largest difference of a velocity in the logs; inf if the contacts are not the same."""
+    one, other = (np.sort(run.contacts, order=["pair", "t_begin"]) for run in (a, b))
+    if [*one["pair"]] != [*other["pair"]] or [*np.isnan(one["t_end"])] != [*np.isnan(other["t_end"])]:
+        return math.inf
+    off = np.abs(np.concatenate([(one[name] - other[name]).ravel() for name in ("v_in", "v_out")]))
+    return float(np.max(off[~np.isnan(off)], initial=0.0))
+
+
+def nudged(rng: Any, scene: gr.Scene) -> gr.Scene:
+    """Gaps and velocities moved by one ulp or none; what is exactly zero stays."""
+
+    def moved(x: Any) -> Any:
+        way = rng.choice([-math.inf, 0.0, math.inf], len(x))
+        return np.where((x == 0.0) | (way == 0.0), x, np.nextafter(x, way))
+
+    return gr.Scene(scene.mass, scene.radius, moved(scene.gap), moved(scene.velocity), scene.gravity)
