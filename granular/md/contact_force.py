@@ -73,103 +73,58 @@ class NotCompilableError(TypeError):
     """A law that cannot be compiled, with the reason."""
 
 
-def law_records(laws: SceneLaws) -> np.ndarray[Any, Any]:
-    """Fields of each law as a record array, with the number of its class; shape (n_pairs,).
+def records(laws: SceneLaws, pairs: Pairs) -> Called:
+    """What `called` takes of laws and their pairs.
 
     Raises
     ------
     NotCompilableError
-        If a law is not a dataclass of at most `WIDTH` numbers.
+        With the compiler's reason, or if a law is not a dataclass of at most `WIDTH` numbers.
     """
-    kinds = _kinds(laws)
-    records = np.zeros(len(laws.each), LAW)
-    for record, one in zip(records, laws.each, strict=True):
-        law, name = one.law, type(one.law).__name__
+    kinds = tuple(dict.fromkeys((type(one.law), one.memory) for one in laws.each))
+    law, pair = np.zeros(len(laws.each), LAW), np.zeros(len(pairs), PAIR)
+    for record, one in zip(law, laws.each, strict=True):
+        name = type(one.law).__name__
         try:
-            values = [float(getattr(law, f.name)) for f in fields(law)]
+            values = [float(getattr(one.law, f.name)) for f in fields(one.law)]
         except (TypeError, ValueError) as error:
             raise NotCompilableError(f"{name} is not a dataclass of numbers ({error})") from None
         if len(values) > WIDTH:
             raise NotCompilableError(f"{name} has {len(values)} fields, more than {WIDTH}")
-        record["kind"] = kinds.index((type(law), one.memory))
+        record["kind"] = kinds.index((type(one.law), one.memory))
         record["field"][: len(values)] = values
-    return records[laws.kind]
-
-
-def pair_records(pairs: Pairs) -> np.ndarray[Any, Any]:
-    """Pairs as a record array, shape (n_pairs,)."""
-    records = np.zeros(len(pairs), PAIR)
-    records["m_eff"], records["r_eff"], records["index"] = pairs.m_eff, pairs.r_eff, np.arange(len(pairs))
-    return records
-
-
-def compiled_force(laws: SceneLaws) -> Any:
-    """Return the compiled force for `laws`, of one type whatever the laws.
-
-    Raises
-    ------
-    NotCompilableError
-        With the compiler's reason.
-    """
-    return _compiled_kinds(tuple(_kinds(laws)))
+    pair["m_eff"], pair["r_eff"], pair["index"] = pairs.m_eff, pairs.r_eff, np.arange(len(pairs))
+    return Called(_compiled(kinds), law[laws.kind], pair)
 
 
 @cache
-def _signature() -> Any:
-    """The numba signature of a compiled force, the same for every law."""
-    import numba
-    from numba import types
-
-    real = types.float64
-    return real(numba.from_dtype(LAW), real, real, real, numba.from_dtype(PAIR))
-
-
-def _kinds(laws: SceneLaws) -> list[tuple[type, bool]]:
-    """The different classes, and whether they have memory."""
-    return list(dict.fromkeys((type(one.law), one.memory) for one in laws.each))
-
-
-@cache
-def _compiled_kinds(kinds: tuple[tuple[type, bool], ...]) -> Any:
+def _compiled(kinds: tuple[tuple[type, bool], ...]) -> Any:
+    """The compiled force of laws of some classes, with or without memory; of one type whatever the laws."""
     numba = load_numba()
+    real, law, pair = numba.types.float64, numba.from_dtype(LAW), numba.from_dtype(PAIR)
+    signature = real(law, real, real, real, pair)
     try:
-        force = _one_kind(*kinds[-1])
-        for number in reversed(range(len(kinds) - 1)):
-            force = _either(number, _one_kind(*kinds[number]), force)
-        compiled = numba.njit(_signature())(force.py_func)
+        force = numba.njit(signature)(_one_of(kinds).py_func)
     except numba.core.errors.NumbaError as error:
         reason = str(error).strip().splitlines()[-1]
         raise NotCompilableError(f"{kinds[0][0].__name__}.force does not compile: {reason}") from error
-    return numba.types.function_type.CompileResultWAP(compiled.get_compile_result(_signature()))
+    return numba.types.function_type.CompileResultWAP(force.get_compile_result(signature))
 
 
-def _one_kind(kind: Any, memory: bool) -> Any:
-    """The method of one class, with a tuple of its fields for `self`."""
+def _one_of(kinds: tuple[tuple[type, bool], ...], number: int = 0) -> Any:
+    """Choose by the record's kind: the method of one class, with a tuple of its fields for `self`."""
     import numba
     from numba.np.unsafe.ndarray import to_fixed_tuple
 
+    kind: Any
+    kind, memory = kinds[number]
     names = [f.name for f in fields(kind)]
-    record, count = namedtuple("record", names), len(names)
-    force = numba.njit(kind.force)
-    if memory:
-
-        def call(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Any) -> Any:
-            return force(record(*to_fixed_tuple(law.field, count)), xi, xi_dot, pair, xi_max)
-    else:
-
-        def call(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Any) -> Any:
-            return force(record(*to_fixed_tuple(law.field, count)), xi, xi_dot, pair)
-
-    return numba.njit(call)
-
-
-def _either(number: int, this: Any, others: Any) -> Any:
-    """Choose by the record's kind between one class and the rest."""
-    import numba
+    fielded, count, force, last = namedtuple("fielded", names), len(names), numba.njit(kind.force), 1 if memory else 0
+    others = _one_of(kinds, number + 1) if number + 1 < len(kinds) else None
 
     def call(law: Any, xi: float, xi_dot: float, xi_max: float, pair: Any) -> Any:
-        if law.kind == number:
-            return this(law, xi, xi_dot, xi_max, pair)
+        if others is None or law.kind == number:
+            return force(fielded(*to_fixed_tuple(law.field, count)), xi, xi_dot, pair, *(xi_max,)[:last])
         return others(law, xi, xi_dot, xi_max, pair)
 
     return numba.njit(call)

@@ -6,6 +6,7 @@ In the end it says honestly how far the step could be trusted.
 from __future__ import annotations
 
 import math
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from granular.md.notes import STEP_ROW, part_of_step
 from granular.md.rows import COLUMNS, CONTACT_ROW
 from granular.md.stability import WARN, expected_rate, sharpest_rate
 from granular.md.stepper import Stepper
+from granular.md.window import BESIDE, COUNT, DEEPEST, RAW, ROWS, SHARED, XI, V
 from granular.request import Request
 from granular.scene import Scene, positions
 from granular.trajectory import Status
@@ -31,8 +33,8 @@ CHUNK = 1 << 15
 WORTH_LOADING, WORTH_MAKING = 200_000, 2_000_000
 """Pair-steps after which ``engine="auto"`` goes on compiled if the machine code is there already, and if not: what is
 left may be as much as was done, and loading or making the code takes as long as these."""
-MOST_STEPS = 1 << 62
-"""Number of the last step that compiled code can count to."""
+MOST_STEPS = 1 << 53
+"""Number of the last step: that of the next one would be no float."""
 
 
 class Run:
@@ -44,13 +46,12 @@ class Run:
     def __init__(self, scene: Scene, laws: SceneLaws, request: Request, method: str, dt: float, engine: str) -> None:
         self.scene, self.law, self.request = scene, laws.given, request
         self.integrator, self.dt, self.engine = INTEGRATORS[method], dt, engine
-        until = (-1, 0)
-        if isinstance(request.until, stop.Contact):
-            until = request.until.pair, request.until.nth
-        logged = request.rows or until[0] >= 0
-        self.stepper = Stepper(scene, laws, self.integrator, dt, until, logged, engine == "compiled")
-        self.k = self.steps = self.flights = self.contacts = self.ended = 0
-        self.halted_at: int | None = None  # the pair at the onset of whose contact, between two steps, it stopped
+        until = request.until
+        self.pair, self.nth = (until.pair, until.nth) if isinstance(until, stop.Contact) else (-1, 0)
+        logged = request.rows or self.pair >= 0
+        self.stepper = Stepper(scene, laws, self.integrator, dt, (self.pair, self.nth), logged, engine == "compiled")
+        self.k = self.steps = self.flights = self.contacts = 0
+        self.halted = False  # between two steps, at the onset of the contact at which to stop
         self.take_off: tuple[int, Any] | None = None  # step and state at which the flight began that ends here
         self.note = self.doubt = ""
 
@@ -67,17 +68,16 @@ class Run:
 
         A time that lies behind, in the free flight just made, is read off that flight.
         """
+        k, flying = self.k, None
         if self.take_off is not None and time < self.time():
-            k, state = self.take_off
-            return self._row(time, *self.stepper.flown(state, self._ahead(k, time)))
-        return self._row(time, *self.stepper.after(self._ahead(self.k, time)))
+            k, flying = self.take_off
+        ahead = max(0.0, time - (self.request.start + k * self.dt))  # k dt may be a rounding beyond
+        state = self.stepper.after(ahead) if flying is None else self.stepper.glide(deepcopy(flying), ahead)
+        return self._row(time, state)
 
-    def _ahead(self, k: int, time: float) -> float:
-        """How far in s a time is ahead of step `k`; k dt may be a rounding beyond."""
-        return max(0.0, time - (self.request.start + k * self.dt))
-
-    def _row(self, time: float, xi: Any, raw: Any, v: Any) -> Row:
-        return Row(time, time - self.request.start, -np.array(xi), np.array(v), force=np.fmax(0.0, raw))
+    def _row(self, time: float, state: Any) -> Row:
+        xi, raw, v = (np.array(state[row]) for row in (XI, RAW, V))
+        return Row(time, time - self.request.start, -xi[1:-1], v[1:], force=np.fmax(0.0, raw[1:-1]))
 
     def to(self, time: float, last: bool) -> Pause:
         """Take the steps up to `time`, of a chunk, or to an event worth a look."""
@@ -87,23 +87,23 @@ class Run:
         if self.k >= limit:
             return Pause.reached
         pause = self._advance(limit)
-        if not self.stepper.finite():
+        if not np.isfinite(self.stepper.balls()).all():
             return Pause.unstable
         return Pause.work if pause is Pause.full and self.steps >= self.request.max_steps else pause
 
     def _halts_at_start(self) -> bool:
         """Whether the very contact at which to stop is there from the start; then it does not act."""
-        until, here = self.request.until, self.stepper.here
-        if not isinstance(until, stop.Contact) or here.count[until.pair] < until.nth:
+        here, j = self.stepper.here, self.pair + 1
+        if j == 0 or here[COUNT][j] < self.nth:
             return False
-        here.count[until.pair], here.raw[until.pair] = 0, 0.0
+        here[COUNT][j] = here[RAW][j] = 0.0
         return True
 
     def _advance(self, limit: float) -> Pause:
         """Fly, then take steps until step number `limit`."""
-        stepper, until = self.stepper, self.request.until
-        if not stepper.closed():
-            if isinstance(until, stop.Separated) and self.contacts and stepper.receding():
+        stepper = self.stepper
+        if not (stepper.pairs(XI) > 0.0).any():
+            if isinstance(self.request.until, stop.Separated) and self.contacts and stepper.receding():
                 return Pause.until
             if stepper.settled():
                 if self._fly():
@@ -114,13 +114,11 @@ class Run:
             raise ValueError(f"dt is {self.dt:g}: step {self.k:.3g} is more than can be counted; take a longer step, "
                              "or the method 'located'.")  # fmt: skip
         room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
-        self.take_off = None
-        why, k, self.ended = stepper.march(self.k, int(min(CHUNK, limit - self.k)), room)
-        self.steps += k - self.k
-        self.k = k
-        self.contacts += self.ended
-        if why == loop.UNTIL and isinstance(until, stop.Contact):
-            self.halted_at = until.pair
+        why, k = stepper.march(self.k, int(min(CHUNK, limit - self.k)), room)
+        self.take_off, self.steps, self.k = None, self.steps + k - self.k, k
+        self.contacts += int(stepper.work.ended[0])
+        if why == loop.UNTIL:
+            self.halted = True
             return Pause.until
         if self.contacts >= self.request.max_events:
             return Pause.work
@@ -135,13 +133,13 @@ class Run:
         """
         span = self.request.end - self.request.start
         last = math.floor(span / self.dt) if span < math.inf else math.inf
-        touch = self.stepper.time_to_touch()
+        touch = float(self.stepper.code.time_to_touch(self.stepper.here, self.stepper.pull))
         if touch == last == math.inf:
             return True
         jump = min(touch // self.dt, last - self.k) if touch < math.inf else last - self.k  # inf // dt is no number
         if jump > 0.0:
-            self.take_off = self.k, (self.stepper.here.xi.copy(), self.stepper.here.v.copy())
-            self.stepper.glide(jump * self.dt)
+            self.take_off = self.k, deepcopy(self.stepper.here[: V + 1])
+            self.stepper.glide(self.stepper.here, jump * self.dt)
             self.k += int(jump)
             self.flights += 1
         return False
@@ -162,10 +160,11 @@ class Run:
 
     def rows(self) -> list[Rows]:
         """Hand over the contacts that ended since the last call."""
-        ended, self.ended = self.ended, 0
+        work = self.stepper.work
+        ended, work.ended[0] = work.ended[0], 0
         if ended == 0 or not self.request.rows:
             return []
-        log = packed(self.stepper.here.log[:ended], STEP_ROW)
+        log = packed(work.log[:ended], STEP_ROW)
         return [self._settled(log[np.lexsort((log["pair"], log["step_out"]))])]
 
     def _settled(self, raw: Rows) -> Rows:
@@ -180,25 +179,22 @@ class Run:
 
     def _running(self, end: float) -> Rows | None:
         """Return the contacts that go on at the end."""
-        here = self.stepper.here
         if not self.request.rows:
             return None
-        going = np.flatnonzero(np.asarray(here.raw) > 0.0)
+        going = np.flatnonzero(self.stepper.pairs(RAW) > 0.0)
         raw = np.zeros(len(going), STEP_ROW)
         raw["pair"], raw["lower_out"], raw["upper_out"] = going, math.nan, math.nan
         found = {"step_in": "step", "part_in": "part", "lower_in": "lower", "upper_in": "upper"}
         for name in (*found, "xi_max", "force_max", "impulse"):
-            raw[name] = np.asarray(getattr(here, found.get(name, name)))[going]
+            raw[name] = self.stepper.pairs(ROWS.index(found.get(name, name)))[going]
         rows = self._settled(raw)
         rows["t_end"], rows["duration"] = math.nan, end - rows["t_begin"]
         return rows
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended: at its end time, at the onset of a contact that must not act, or at its step."""
-        if self.halted_at is None:
-            row = self.row(self.request.end if pause is Pause.reached else self.time())
-        else:
-            row = self._onset(self.halted_at)
+        at = self.request.end if pause is Pause.reached else self.time()
+        row = self._onset(self.pair + 1) if self.halted else self.row(at)
         status, message, trust = self._judge(pause.value, row.time)
         stats = {
             "method": self.integrator.name,
@@ -208,24 +204,24 @@ class Run:
             "flights": self.flights,
             "evaluations": self.steps * self.integrator.evaluations,
             "contacts": self.contacts,
-            "shared_impulse": math.fsum(self.stepper.here.shared),
+            "shared_impulse": math.fsum(self.stepper.pairs(SHARED)),
             "engine": "compiled" if self.stepper.compiled else "plain",
         } | ({"note": self.note} if self.note else {})
         return End(row if row.time > seen else None, status, message, stats, running=self._running(row.time))
 
-    def _onset(self, pair: int) -> Row:
-        """Return the scene between two steps, at the onset of the contact of `pair`."""
+    def _onset(self, j: int) -> Row:
+        """Return the scene between two steps, at the onset of the contact of the pair at place `j` of the rows."""
         old, new = self.stepper.here, self.stepper.there
-        part = part_of_step(old.xi[pair], old.xi[pair], new.xi[pair], old.raw[pair], new.raw[pair])
-        ends = zip(*((np.array(x.xi), np.fmax(0.0, x.raw), np.array(x.v)) for x in (old, new)), strict=True)
-        return self._row(self.request.start + (self.k + part) * self.dt, *(a + part * (b - a) for a, b in ends))
+        part = part_of_step(j, old[XI][j], old, new)
+        ends = zip(*((np.asarray(x[XI]), np.fmax(0.0, x[RAW]), np.asarray(x[V])) for x in (old, new)), strict=True)
+        return self._row(self.request.start + (self.k + part) * self.dt, [a + part * (b - a) for a, b in ends])
 
     # -- judgement ------------------------------------------------------------------------------------------------
 
     def _judge(self, status: Status, end: float) -> tuple[Status, str, float]:
         """Status, message and dt·λ of the contacts that took place; also a doubt if the step was too long."""
-        scene, dt, laws, here = self.scene, self.dt, self.stepper.laws, self.stepper.here
-        trust = dt * sharpest_rate(scene, laws, here.deepest, here.beside)
+        scene, dt, laws, pairs = self.scene, self.dt, self.stepper.laws, self.stepper.pairs
+        trust = dt * sharpest_rate(scene, laws, pairs(DEEPEST), pairs(BESIDE))
         if trust == 0.0 and self._deflected():  # contacts shorter than a step leave no overlap behind
             trust = dt * expected_rate(scene, laws)
         gain = self._energy_gain()
@@ -244,19 +240,19 @@ class Run:
 
     def _deflected(self) -> bool:
         """Whether any ball moves otherwise than it would have fallen freely."""
-        scene, v = self.scene, np.array(self.stepper.here.v)
+        scene, v = self.scene, self.stepper.balls()
         free = scene.velocity - np.where(scene.is_wall, 0.0, scene.gravity * self.k * self.dt)
         scale = float(np.abs(free).max())
         return not bool((np.abs(v - free) <= 1e-9 * scale).all())
 
     def _energy_gain(self) -> float:
         """Growth of kinetic energy beyond what gravity gave, relative to the largest supply; 0 with moving walls."""
-        scene, s, balls = self.scene, self.stepper.here, ~self.scene.is_wall
+        scene, balls = self.scene, ~self.scene.is_wall
         if scene.velocity[~balls].any():
             return 0.0
-        m, v0, v = scene.mass[balls], scene.velocity[balls], np.array(s.v)[balls]
+        m, v0, v = scene.mass[balls], scene.velocity[balls], self.stepper.balls()[balls]
         x0 = scene.position[balls]
-        x = positions(scene, -np.array([s.xi]), np.array([self.k * self.dt]))[0][balls]
+        x = positions(scene, -self.stepper.pairs(XI)[None], np.array([self.k * self.dt]))[0][balls]
         stored = (self.stepper.laws[c].energy(-float(scene.gap[c])) for c in np.flatnonzero(scene.gap < 0.0).tolist())
         supply = 0.5 * m @ v0**2 + sum(stored) + scene.gravity * max(0.0, m @ (x0 - x))
         with np.errstate(all="ignore"):

@@ -7,27 +7,32 @@ from typing import Any
 
 from granular._flight import gap_after, time_to_contact
 from granular._kernels import kernel
+from granular.md.window import ACC, RAW, TOP, XI, V
 
 
 @kernel
-def time_to_touch(xi: Any, v: Any, pull: Any) -> float:
+def time_to_touch(x: Any, pull: Any) -> float:
     """Time until the first gap closes; inf if none ever does."""
-    first = math.inf
-    for c in range(len(xi)):
-        rate = v[c + 1] - v[c]
-        if xi[c] == 0.0 and rate == 0.0 and pull[c] > 0.0:
+    first, xi, v = math.inf, x[XI], x[V]
+    for c in range(len(pull)):
+        rate = v[c + 2] - v[c + 1]
+        if xi[c + 1] == 0.0 and rate == 0.0 and pull[c] > 0.0:
             return 0.0  # a soft ball placed on the floor sinks in
-        t = time_to_contact(-xi[c], rate, pull[c])
+        t = time_to_contact(-xi[c + 1], rate, pull[c])
         if t < first:
             first = t
     return first
 
 
 @kernel
-def glide(xi: Any, v: Any, pull: Any, fall: Any, dt: float) -> None:
-    """Advance overlaps and velocities of an open scene by `dt`; rounding never makes a gap negative."""
-    for c in range(len(xi)):
-        gap = gap_after(-xi[c], v[c + 1] - v[c], pull[c], dt)
-        xi[c] = -gap if gap > 0.0 else 0.0
-    for i in range(len(v)):
+def glide(x: Any, pull: Any, fall: Any, dt: float) -> None:
+    """Advance the rows of an open scene by `dt`; rounding never makes a gap negative."""
+    xi, raw, v = x[XI], x[RAW], x[V]
+    for c in range(len(pull)):
+        gap = gap_after(-xi[c + 1], v[c + 2] - v[c + 1], pull[c], dt)
+        xi[c + 1], raw[c + 1] = -gap if gap > 0.0 else 0.0, 0.0
+    for i in range(1, len(v)):
         v[i] += fall[i] * dt
+    for r in range(TOP, len(x)):
+        for i in range(len(v)):
+            x[r][i] = fall[i] if r == ACC else 0.0

@@ -139,7 +139,8 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
 def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
     """Gear's five-value predictor-corrector for second-order equations, corrector 19/90, 3/4, 1, 1/2, 1/12.
 
-    The values are ξ, v, a and the next two derivatives of v (`jerk`, `snap`).
+    The values are ξ, v, a and the next two derivatives of v (`jerk`, `snap`). These two begin at 0: a run that starts
+    in contact converges with order 2, as one does after an onset.
     """
     flags, dt, half, logged = 0, physics.dt, 0.5 * physics.dt, physics.logged
     d2, d3, d4 = dt * dt / 2.0, dt * dt * dt / 6.0, dt * dt * dt * dt / 24.0
@@ -182,7 +183,7 @@ class Integrator(NamedTuple):
     begin : kernel
         ``begin(dt, m, a)``: what is to be done before the first of several steps.
     order : float
-        Of its error for smooth forces.
+        Of its error for smooth forces; Gear's once its derivatives are known.
     evaluations : int
         Of each force in a step: so many balls far a push goes in it.
     limit : float

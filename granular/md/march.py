@@ -16,21 +16,21 @@ from granular._kernels import kernel
 from granular.md.integrators import CHANGED, CLOSED, beside
 from granular.md.integrators import half_way as begin
 from granular.md.integrators import verlet as step
-from granular.md.notes import Seen, local, settle
-from granular.md.window import keep, load, store
+from granular.md.notes import local, settle
+from granular.md.window import COUNT, RAW, XI, load, store
 
 DONE, FLIGHT, FULL, UNTIL = range(4)
 """Why `march` returned: steps used up, every pair open, log buffer full, stop condition."""
-REACH = 16
+REACH = 24
 """Evaluations of the forces in a window before the next one has its turn."""
 EVALUATIONS = 1
 """Of the forces in a step."""
 
 
 @kernel
-def remember(m: int, top: bool, a: Any) -> None:
+def remember(m: int, a: Any) -> None:
     """Note the largest overlaps of running contacts, which laws with memory ask for."""
-    for j in range(m if top else 0):
+    for j in range(m):
         x = a.xi[j + 1] if a.xi[j + 1] > a.top[j + 1] else a.top[j + 1]
         a.top[j + 1] = x if a.xi[j + 1] > 0.0 else 0.0
 
@@ -47,42 +47,41 @@ def leap(physics: Any, here: Any, there: Any, work: Any, k: int, reach: int, wit
     taken, flags : int
         Steps taken, none if the windows cannot take them alone; flags of the last of them.
     """
-    pairs, margin, taken, flags, a = len(here.xi), reach * EVALUATIONS + 2, reach, 0, work.window
-    if witness != -2 and physics.logged:
-        keep(pairs, here, there)
+    pairs, margin, taken, flags, a = len(here[XI]) - 2, reach * EVALUATIONS + 2, reach, 0, work.window
     for first in range(0, pairs, physics.block):
         stop = min(first + physics.block, pairs)
         lo, hi = max(0, first - margin), min(pairs, stop + margin)
         m, alone, done = hi - lo, stop - first == pairs, 0
-        load(lo, m, physics, here, a)
+        load(lo, m, physics, here, work)
         begin(physics.dt, m, a)
         while done < taken:
             right = m if hi == pairs else m - done * EVALUATIONS  # what is farther has become wrong
             now = step(physics, lo, right, a)
             beside(right, 0.5 * physics.dt, a)
-            remember(right, len(here.top) > 0, a)
+            if physics.memory:
+                remember(right, a)
             flags |= now
             if witness != -2 and now & CHANGED:
-                if physics.logged and not local(first, stop, lo, a, here, there, work):
+                if physics.logged and not local(first, stop, lo, work.was, work.rows, work):
                     return 0, 0
-                settle(first, stop, lo, k + done, physics, a, there, work)
+                settle(first, stop, lo, k + done, physics, work.was, work.rows, work)
             done += 1
-            full = physics.logged and work.ended[0] + pairs > len(here.log)
+            full = physics.logged and work.ended[0] + pairs > len(work.log)
             if alone and witness != -2 and (full or not now & CLOSED):
                 taken, flags = done, now
             if first <= witness < stop and not a.xi[witness - lo + 1] > 0.0:  # or no number
                 return 0, 0
-        store(lo, first, stop, a, there)
+        store(lo, first, stop, work, there)
     return taken, flags
 
 
 @kernel
 def deepest(xi: Any) -> int:
     """The pair of the largest overlap; one that is open or no number, if all are."""
-    best = 0
-    for c in range(len(xi)):
-        best = c if xi[c] > 0.0 and not xi[c] <= xi[best] else best
-    return best
+    best = 1
+    for j in range(1, len(xi) - 1):
+        best = j if xi[j] > 0.0 and not xi[j] <= xi[best] else best
+    return best - 1
 
 
 @kernel
@@ -101,31 +100,27 @@ def march(
     turned : bool
         Whether the state at step k is `there`. After `UNTIL` the other one is that at step k + 1.
     """
-    pairs, k, turned, walks, until, deep = len(here.xi), start, False, 0, work.pair, deepest(here.xi)
-    alone, rows = pairs <= physics.block, work.ended
-    rows[0] = 0
+    pairs, k, turned, walks, until, deep = len(here[XI]) - 2, start, False, 0, work.pair + 1, deepest(here[XI])
+    alone, ended = pairs <= physics.block, work.ended
+    ended[0] = 0
     while k < start + steps:
-        if rows[0] > room or (physics.logged and rows[0] + pairs > len(here.log)):
+        if ended[0] > room or (physics.logged and ended[0] + pairs > len(work.log)):
             return FULL, k, turned
         reach = min(4 * REACH if alone else REACH // EVALUATIONS, start + steps - k)
-        deep = deep if here.xi[deep] > 0.0 else deepest(here.xi)
-        ended, taken, flags, walking = rows[0], 0, 0, walks > 0
-        if walking or alone or here.xi[deep] > 0.0:
+        deep = deep if here[XI][deep + 1] > 0.0 else deepest(here[XI])
+        before, taken, flags, walking = ended[0], 0, 0, walks > 0
+        if walking or alone or here[XI][deep + 1] > 0.0:
             witness = -2 if walking else -1 if alone else deep
             taken, flags = leap(physics, here, there, work, k, 1 if walking else reach, witness)
         if walking:
-            if until >= 0 and there.raw[until] > 0.0 and not here.raw[until] > 0.0 \
-                    and here.count[until] + 1 == work.nth:  # fmt: skip
+            if until > 0 and there[RAW][until] > 0.0 and not here[RAW][until] > 0.0 \
+                    and here[COUNT][until] + 1 == work.nth:  # fmt: skip
                 return UNTIL, k, turned
-            if physics.logged:
-                keep(pairs, here, there)
-            peaks = (there.xi_max, there.force_max, there.impulse)
-            seen = Seen(there.xi, there.raw, there.v, here.xi, here.raw, here.v, *peaks)
-            settle(0, pairs, 1, k, physics, seen, there, work)
-            flags = CLOSED if there.xi[deepest(there.xi)] > 0.0 else 0
+            settle(0, pairs, 0, k, physics, here, there, work)
+            flags = CLOSED if there[XI][deepest(there[XI]) + 1] > 0.0 else 0
             walks -= 1
-        elif taken == 0 or rows[0] > room:
-            rows[0], walks, deep = ended, reach, deepest(here.xi)
+        elif taken == 0 or ended[0] > room:
+            ended[0], walks, deep = before, reach, deepest(here[XI])
             continue
         here, there, turned, k = there, here, not turned, k + taken
         if not flags & CLOSED:

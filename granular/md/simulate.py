@@ -108,8 +108,9 @@ def simulate(
     Fixed-step methods can miss a contact shorter than `dt` altogether; begin and end of a contact are interpolated
     between two steps, good to about (dt/t_c)² t_c. The error of the state falls with order min(p, 1+s) where the force
     starts like t^s: 1 for a dashpot, 2 for a spring, 2.5 for Hertz, whatever the integrator's own order p, which is 1
-    for "symplectic-euler" under every damped law (2 without damping), 2 for "verlet". Time: of "located", O(contacts);
-    of a fixed-step method, O(pairs) per step.
+    for "symplectic-euler" under every damped law (2 without damping), 2 for "verlet". "gear5" starts every contact,
+    also one that is there from the start, without the higher derivatives of its velocities, hence with order 2. Time:
+    of "located", O(contacts); of a fixed-step method, O(pairs) per step.
     """
     laws = checked_laws(law, checked(scene))
     start = _check.number("t_start", t_start)
