@@ -1,4 +1,6 @@
-"""Soft spheres: Newton's equation with a contact force, `simulate(scene, law, ...) -> Trajectory`."""
+"""Soft spheres: Newton's equation with a contact force, `simulate(scene, law, ...) -> Trajectory`.
+May be skipped: names of the package only.
+"""
 
 from granular.md.simulate import resume, simulate
 

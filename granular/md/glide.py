@@ -1,4 +1,6 @@
-"""Free flight of the whole scene: while no pair is closed, the balls fly analytically."""
+"""Free flight of the whole scene: while no pair is closed, the balls fly analytically.
+May be skipped: rarer, nothing touches.
+"""
 
 from __future__ import annotations
 

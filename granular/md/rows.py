@@ -1,4 +1,6 @@
-"""What soft spheres keep of a contact, for both kinds of method."""
+"""What soft spheres keep of a contact, for both kinds of method.
+May be skipped: how contacts are noted, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""`granular.md.simulate`: soft spheres, Newton's equation with a contact force."""
+"""`granular.md.simulate`: soft spheres, Newton's equation with a contact force.
+May be skipped: options and their checks, no physics.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""A scene under a fixed time step, in rows for the kernels: interpreted at first, perhaps compiled later."""
+"""A scene under a fixed time step, in rows for the kernels: interpreted at first, perhaps compiled later.
+May be skipped: faster, same results.
+"""
 
 from __future__ import annotations
 

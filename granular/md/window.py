@@ -1,4 +1,5 @@
 """Rows of numbers: the state of a chain, and a stretch of it while it takes some steps.
+May be skipped: faster, same results.
 
 What changes in a run stands in rows as long as the chain: pair c at ``c + 1``, ball i at ``i + 1``, with an open pair
 before the first and behind the last. Kernels step a *window*, a record of such rows that lie in the cache, beginning at

@@ -336,6 +336,8 @@ def keep_unsettled(s: Any, t: float) -> None:
                 copy_row(row, s.log[kept])
             s.pairs[row.pair].row = kept
             kept += 1
+        elif row.pair >= 0 and s.pairs[row.pair].row == i:
+            s.pairs[row.pair].row = -1
     run.rows = kept
 
 
