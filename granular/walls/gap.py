@@ -1,0 +1,142 @@
+"""A gap beside a moving wall, between its collisions; for both engines.
+May be skipped: rarer, walls that shake.
+
+Its acceleration is -(pull + m''), m towards the balls; `pull` is the constant closing acceleration of the pair, g at a
+floor, -g at a ceiling. It is followed in one of two ways that agree to rounding: on the panel on which it starts by
+divided differences, exact to the last digits of the smallest bounce; later from the wall's path itself.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeAlias
+
+from granular._kernels import kernel
+from granular._records import Record, Records
+from granular.walls.path import panel_at, product, reduced, value
+
+NOISE = 4.0 * 2.0**-53
+"""Rounding of a gap, in units of the terms it is added from."""
+State: TypeAlias = Any
+"""A gap to follow: (reduced time, its low part, panel, x there, gap, rate, pull, height, drift, closing, blur).
+
+Height (m) and rate (m/s) of the ball above the wall at rest are `height` and `drift`; closing is pull + m''; blur is
+what rounding may have moved the time by (s).
+"""
+
+
+@kernel
+def state(wall: Record, panels: Records, t: float, tail: float, gap: float, rate: float, pull: float) -> State:
+    """Return what `flight` follows: a gap (m) of given rate (m/s, the wall's own motion in it) at time t + tail."""
+    y, low = reduced(wall, t, tail)
+    k = panel_at(wall, panels, y)
+    x = ((y - panels[k].centre) + low) / panels[k].half
+    m, v, a = value(panels[k], x)
+    return y, low, k, x, gap, rate, pull, gap + m, rate + v, pull + a, 2.0**-51 * (abs(t) + abs(tail))
+
+
+@kernel
+def flight(
+    wall: Record, panels: Records, now: State, k: int, turns: float, s: float
+) -> tuple[float, float, float, float]:
+    """Return a gap (m), its rate (m/s), its closing acceleration (m/s²) and the noise of the gap, a time s after `now`.
+
+    That time is on panel k, as many `turns` later as said.
+    """
+    _, _, home, x0, gap, rate, pull, height, drift, a, _ = now
+    panel = panels[k]
+    if k == home and turns == 0.0:
+        if s == 0.0:
+            return gap, rate, a, NOISE * abs(gap)
+        dx = panel.per * s
+        x, v0, d0, v, d, dd, d2, d3 = x0 + dx, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for j in range(panel.degree, -1, -1):  # divided differences: d2 of (x0, x0, x), d3 of (x0, x0, x, x)
+            d3 = x * d3 + d2
+            d2 = x0 * d2 + d0
+            d0 = x0 * d0 + v0
+            dd = x * dd + d
+            d = x * d + v
+            v0 = panel.series[j] + x * v0
+            v = panel.series[j] + x * v
+        f = gap + s * (rate - 0.5 * pull * s) - dx * dx * d2
+        df = rate - pull * s - panel.per * dx * (2.0 * d2 + dx * d3)
+        size = abs(gap) + s * (abs(rate) + 0.5 * (abs(pull) + wall.stiff) * s)
+        return f, df, pull + panel.per * panel.per * (2.0 * dd), NOISE * size
+    m, v, a = value(panel, coordinate(wall, panel, now, turns, s))
+    f = height + s * (drift - 0.5 * pull * s) - m
+    size = abs(height) + wall.extent + s * (wall.speed + abs(drift) + 0.5 * abs(pull) * s)
+    return f, drift - pull * s - v, pull + a, NOISE * size + wall.error
+
+
+@kernel
+def faint(wall: Record, now: State, s: float) -> float:
+    """Return what a rate (m/s) a time s after `now` may owe to rounding."""
+    return NOISE * (abs(now[5]) + (abs(now[6]) + wall.stiff) * s)  # type: ignore[no-any-return]
+
+
+@kernel
+def coordinate(wall: Record, panel: Record, now: State, turns: float, s: float) -> float:
+    """Return x on a panel, so many turns later, at a time s after `now`."""
+    p, p_low = s, 0.0
+    if wall.periodic:
+        p, p_low = product(wall.frequency, s)
+    return (((p - turns) + (now[0] - panel.centre)) + (now[1] + p_low)) / panel.half  # type: ignore[no-any-return]
+
+
+@kernel
+def lasts(wall: Record, panels: Records, now: State, k: int, turns: float) -> float:
+    """Return the time after `now` at which panel k, so many turns later, ends."""
+    return ((panels[k].right - now[0]) - now[1] + turns) / wall.frequency  # type: ignore[no-any-return]
+
+
+@kernel
+def later(wall: Record, panels: Records, now: State, s: float) -> tuple[int, float]:
+    """Return the panel a time s after `now`, and how many turns later it is."""
+    y, turns = now[0] + wall.frequency * s, 0.0
+    if wall.periodic:
+        turns = float(math.floor(y))
+    return panel_at(wall, panels, y - turns), turns
+
+
+@kernel
+def hop(wall: Record, panels: Records, now: State, s: float) -> State:
+    """Return the state a time s after `now`, where its panel ends and the next one begins: with all digits of a bounce
+    that is small beside the wall's motion."""
+    k = now[2]
+    _, _, _, _, gap, rate, pull, height, drift, _, blur = now
+    f, df, _, noise = flight(wall, panels, now, k, 0.0, s)
+    f = f if abs(f) > noise else 0.0
+    df = df if abs(df) > faint(wall, now, s) else 0.0
+    if gap == 0.0 and rate == 0.0 and s <= 4.0 * blur:  # a ball that was lifted off just now
+        f = df = 0.0
+    k += 1
+    if k == wall.first + wall.panels:
+        k = wall.first
+    height += s * (drift - 0.5 * pull * s)
+    a = pull + value(panels[k], -1.0)[2]
+    return panels[k].left, 0.0, k, -1.0, f, df - panels[k].jump, pull, height, drift - pull * s, a, blur
+
+
+@kernel
+def short(wall: Record, panels: Records, now: State, s: float) -> bool:
+    """Return whether a time s to the end of its panel is so short that the gap is better followed from there."""
+    k = now[2]
+    return panels[k].per * s <= 1.0 and (wall.periodic == 1 or k + 1 < wall.first + wall.panels)  # type: ignore[no-any-return]
+
+
+@kernel
+def after(
+    wall: Record, panels: Records, t: float, tail: float, gap: float, rate: float, pull: float, s: float
+) -> tuple[float, float]:
+    """Return a gap (m) and its rate (m/s) a time s (s) after t + tail, by the expressions of `first_hit`.
+
+    Parameters are those of `first_hit`. Rounding may make a closing gap negative, so callers clamp at 0.
+    """
+    now = state(wall, panels, t, tail, gap, rate, pull)
+    end = max(0.0, lasts(wall, panels, now, now[2], 0.0))
+    if s > end and short(wall, panels, now, end) and panels[now[2]].per * s <= 4.0:  # a longer s would lose digits
+        now = hop(wall, panels, now, end)
+        s -= end
+    k, turns = later(wall, panels, now, s)
+    f, df, _, _ = flight(wall, panels, now, k, turns, s)
+    return f, df

@@ -1,0 +1,172 @@
+"""The first time at which a gap beside a moving wall closes, certified: stepped to from below, never over it.
+May be skipped: rarer, walls that shake.
+
+While the closing acceleration stays below M, the gap stays above the parabola f + f's - ½Ms², so the time at which that
+parabola closes is safe to go to. On each panel M is the bound of the panel, or what acceleration and the bound of its
+rate allow: the steps end quadratically at a hit, and pass a graze quickly. What the wall cannot reach is skipped.
+"""
+
+from __future__ import annotations
+
+import math
+
+from granular._flight import time_to_contact
+from granular._kernels import kernel
+from granular._records import Record, Records
+from granular.walls.gap import NOISE, State, coordinate, faint, flight, hop, lasts, later, short, state
+from granular.walls.path import pressed
+
+NEVER = math.inf
+SHORT = 2.0**-6
+"""Steps shorter than this share of what is left of a panel call for a closer look."""
+
+
+@kernel
+def first_hit(
+    wall: Record, panels: Records, t: float, tail: float, gap: float, rate: float, pull: float, within: float
+) -> float:
+    """Return the time (s) after now at which a gap closes, inf if it does not within `within` (s).
+
+    Parameters
+    ----------
+    wall, panels : records
+        From `Panels.records`.
+    t, tail : float
+        Now, t + tail, in s.
+    gap : float
+        The gap now in m, not negative.
+    rate : float
+        Its rate in m/s: all of it, the wall's motion included.
+    pull : float
+        Its constant closing acceleration in m/s²: g at a floor, -g at a ceiling, and what else acts on the ball.
+    within : float
+        How long to look, in s; inf is allowed. The path of a wall that is not periodic ends the search too.
+
+    Notes
+    -----
+    A gap that is 0 and closes is hit now; one that is 0 and opens, or rests, was just left: that hit is not found
+    again. `lift_off` says when a ball that rests on the wall leaves it. A dip is a hit unless it stays above the
+    noise of the gap, 4 2⁻⁵³ of its terms: none is missed, and what is hit early is hit within twice the noise.
+    """
+    now, passed = state(wall, panels, t, tail, gap, rate, pull), 0.0
+    k, turns, s = now[2], 0.0, 0.0
+    if gap == 0.0 and rate == 0.0 and opens(wall, panels[k], now, 0.0, 0.0) == 0.0:
+        return NEVER
+    while passed + s <= within:
+        end = lasts(wall, panels, now, k, turns)
+        s, hit = hit_on_panel(wall, panels, now, k, turns, s, end)
+        if hit:
+            return passed + s if passed + s <= within else NEVER
+        if s == NEVER:
+            return NEVER
+        if k == now[2] and turns == 0.0 and short(wall, panels, now, s):
+            end = max(0.0, end)
+            now = hop(wall, panels, now, end)
+            passed += end
+            s, k = max(0.0, s - end), now[2]
+        s += out_of_reach(wall, now, s)
+        if s == NEVER:
+            return NEVER
+        k, turns = onward(wall, panels, now, k, turns, s)
+        if k < 0:
+            return NEVER
+    return NEVER
+
+
+@kernel
+def onward(wall: Record, panels: Records, now: State, k: int, turns: float, s: float) -> tuple[int, float]:
+    """Return the panel on which to go on a time s after `now`, at its start or later, and its turns; -1 if the path
+    ends there. The one before was k."""
+    end = lasts(wall, panels, now, k, turns)
+    if s > end:
+        k, turns = later(wall, panels, now, s)
+        end = lasts(wall, panels, now, k, turns)
+    if s < end:
+        return k, turns
+    if k + 1 < wall.first + wall.panels:
+        return k + 1, turns
+    return (wall.first, turns + 1.0) if wall.periodic else (-1, turns)
+
+
+@kernel
+def out_of_reach(wall: Record, now: State, s: float) -> float:
+    """Return how long, from a time s after `now`, the ball is certain to be where the wall never comes."""
+    pull, height, drift = now[6], now[7], now[8]
+    size = abs(height) + wall.extent + s * (wall.speed + abs(drift) + 0.5 * abs(pull) * s)
+    above = height + s * (drift - 0.5 * pull * s) - wall.reach - (wall.error + NOISE * size)
+    rate = drift - pull * s
+    if rate == 0.0 and pull == 0.0 and wall.speed == 0.0:
+        return NEVER
+    if above <= 0.0:
+        return 0.0
+    return time_to_contact(above, rate, pull) * (1.0 - 2.0**-50)
+
+
+@kernel
+def hit_on_panel(
+    wall: Record, panels: Records, now: State, k: int, turns: float, s: float, end: float
+) -> tuple[float, bool]:
+    """Return the time after `now` at which the gap closes, and True; if not on panel k, False, and a time, `end` or
+    later, before which it does not."""
+    panel, pull = panels[k], now[6]
+    slack = NOISE * (abs(pull) + wall.stiff)
+    while s < end:
+        f, df, a, noise = flight(wall, panels, now, k, turns, s)
+        df = df if abs(df) > faint(wall, now, s) else 0.0
+        if f <= 2.0 * noise and df < 0.0:
+            return touch(s, f, df, a), True
+        sure, left = f - noise if f > noise else 0.0, end - s
+        step = stays_open(panel, sure, df, a - slack, pull + panel.most - slack, left)
+        if df >= 0.0 and (a <= slack or s == df == 0.0) and step < SHORT * left:
+            step = max(step, opens(wall, panel, now, turns, s))
+        if step >= left:
+            if wall.periodic and sure > noise:  # velocity does not jump: a bound for all panels serves beyond this one
+                return max(end, s + time_to_contact(sure, df, pull + wall.stiff)), False
+            return end, False
+        if s + step == s:
+            return s, True
+        s += step
+    return end, False
+
+
+@kernel
+def stays_open(panel: Record, f: float, df: float, a: float, most: float, left: float) -> float:
+    """Return a time for which a gap f of rate df does not close, at best `left`, that to the end of its panel.
+
+    Its closing acceleration is a now and at most `most` on the panel. The parabola of a bound of it over all of `left`
+    lasts a while; over four times that while the bound is narrower, and so on.
+    """
+    if f == 0.0 and df == 0.0:
+        return 0.0
+    step = min(left, time_to_contact(f, df, min(most, a + panel.rise * left)))
+    while step < left:
+        near = min(left, 4.0 * step)
+        longer = time_to_contact(f, df, min(most, a + panel.rise * near))
+        if longer < near:
+            return max(step, longer)
+        step = near
+    return left
+
+
+@kernel
+def opens(wall: Record, panel: Record, now: State, turns: float, s: float) -> float:
+    """Return how long a gap that is not closing, at a time s after `now`, stays open on this panel because it is pulled
+    open: from acceleration, its rate and the bound of its second rate. So balls leave that are lifted off. 0 if it is
+    not pulled open."""
+    a, j = pressed(panel, now[6], coordinate(wall, panel, now, turns, s))
+    if a > NOISE * (abs(now[6]) + wall.stiff) + max(0.0, -j) * now[10]:
+        return 0.0
+    a = min(a, 0.0)
+    root = math.sqrt(j * j - 3.0 * a * panel.bend)
+    if j > 0.0:
+        return -6.0 * a / (j + root)
+    return 2.0 * (root - j) / panel.bend if panel.bend > 0.0 else NEVER
+
+
+@kernel
+def touch(s: float, f: float, df: float, a: float) -> float:
+    """Return the time of a hit from a state within rounding of it: one last step, if there is room for it."""
+    if f <= 0.0:
+        return s
+    step = time_to_contact(f, df, a)
+    return s + step if step < NEVER else s

@@ -1,0 +1,150 @@
+"""A wall that moves by any smooth function of time.
+May be skipped: rarer, walls that shake.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from granular import _check
+from granular._check import Array
+from granular.walls.panels import TERMS, Panels
+
+NODES = 24
+"""Values asked for on a panel; the series kept has at most `TERMS` terms, the others must have died out."""
+AT_FIRST = 16
+"""Panels before the first halving: what happens within a small part of one of them may be overlooked."""
+HALVINGS = 30
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Any m(t): Chebyshev panels, halved until what they leave out is below `accuracy` times the largest excursion.
+
+    Parameters
+    ----------
+    function : callable
+        m(t) in m of a time in s, a float; smooth. Or `Panels`, what a saved run has instead of the function.
+    accuracy : float
+        Relative to the largest excursion |m - m(t_start)|; at least 2⁻⁵², about 2.2e-16.
+
+    Raises
+    ------
+    TypeError, ValueError
+        With what is wrong with an argument, and later with what `function` returns.
+
+    Notes
+    -----
+    m', m'' are those of the panels: each differentiation costs about two digits. What happens between two of the 24
+    values on a panel, the first ones as long as a sixteenth of the run, may be overlooked. Two motions are equal if
+    they have the same function.
+    """
+
+    function: Callable[[float], float]
+    accuracy: float = 1e-15
+
+    def __post_init__(self) -> None:
+        if not callable(self.function):
+            raise TypeError(_check._sentence("function", self.function, "a function m(t) in m of a time in s is needed",
+                                             "for a harmonic motion use granular.walls.Sine"))  # fmt: skip
+        accuracy = _check.number("accuracy", self.accuracy, at_least=2.0**-52, at_most=1e-3)
+        self.__dict__["accuracy"] = accuracy
+
+    def displacement(self, t: float) -> float:
+        """Return m(t) in m, as `function` says it."""
+        return _value(self.function, _check.number("t", t))
+
+    def panels(self, t_start: float, t_end: float) -> Panels:
+        """Return what engines read of it from `t_start` to `t_end` (s), with its `error` (m).
+
+        Raises
+        ------
+        ValueError
+            If `t_end` is inf, or if the panels do not converge: for a jump, a kink or noise.
+        """
+        if isinstance(self.function, Panels):
+            return self.function.panels(t_start, t_end)
+        begin = _check.number("t_start", t_start)
+        end = _check.number("t_end", t_end, above=begin, fix="a wall moved by a function needs the end of the run: "
+                            "give t_end")  # fmt: skip
+        return _fitted(self.function, self.accuracy, begin, end)
+
+
+def _fitted(function: Callable[[float], float], accuracy: float, begin: float, end: float) -> Panels:
+    """Return the panels of a function."""
+    edges = np.linspace(begin, end, AT_FIRST + 1).tolist()
+    todo = [(left, right, _sampled(function, left, right)) for left, right in pairwise(edges)][::-1]
+    origin, ends, series, worst = _value(function, begin), [], [], 0.0
+    scale = max(float(np.abs(values - origin).max()) for _, _, values in todo)
+    while todo:
+        left, right, values = todo.pop()
+        scale = max(scale, float(np.abs(values - origin).max()))
+        small, c = max(accuracy * scale, _rounding(left, right, values)), _transform() @ values
+        if float(np.abs(c[TERMS - 3 :]).max()) <= small:
+            kept = _chopped(c[: TERMS - 1], 0.2 * small)
+            series.append(_powers() @ kept)
+            ends.append(right)
+            worst = max(worst, small, float(np.abs(c).sum() - np.abs(kept).sum()))
+            continue
+        middle = 0.5 * (left + right)
+        if right - left < (end - begin) * 2.0**-HALVINGS or not left < middle < right:
+            raise ValueError(
+                f"function is not smooth near t = {middle:.9g}: a motion is needed that polynomials approach to "
+                f"{accuracy:g} of its excursion; use granular.walls.Piecewise for a path with corners, or a larger "
+                "accuracy for one with noise."
+            )
+        todo += [(one, other, _sampled(function, one, other)) for one, other in ((middle, right), (left, middle))]
+    return Panels(np.array([begin, *ends]), np.array(series), worst)
+
+
+def _rounding(left: float, right: float, values: Array) -> float:
+    """Return what values in m may owe to the rounding of themselves, and of times."""
+    slope = (values.max() - values.min()) / (right - left)
+    return 8.0 * float(slope * math.ulp(max(abs(left), abs(right)))) + math.ulp(float(np.abs(values).max()))
+
+
+def _chopped(c: Array, small: float) -> Array:
+    """Return Chebyshev coefficients without those after the last one above `small`: derivatives would raise them."""
+    above = np.flatnonzero(np.abs(c) > small)
+    return np.where(np.arange(len(c)) <= (above[-1] if len(above) else 0), c, 0.0)
+
+
+def _sampled(function: Callable[[float], float], left: float, right: float) -> Array:
+    centre, half = 0.5 * (left + right), 0.5 * (right - left)
+    return np.array([_value(function, float(centre + half * x)) for x in _nodes()])
+
+
+def _value(function: Callable[[float], Any], t: float) -> float:
+    return _check.number(f"function({t!r})", function(t), fix="the wall must be somewhere at every time of the run")
+
+
+@lru_cache(maxsize=1)
+def _nodes() -> Array:
+    return np.sin(0.5 * math.pi * np.arange(1 - NODES, NODES, 2) / NODES)
+
+
+@lru_cache(maxsize=1)
+def _transform() -> Array:
+    """Chebyshev coefficients (NODES, NODES) of values at the nodes."""
+    angle = math.pi * (np.arange(NODES)[::-1] + 0.5) / NODES
+    rows = 2.0 / NODES * np.cos(np.arange(NODES)[:, None] * angle)
+    rows[0] *= 0.5
+    return np.asarray(rows)
+
+
+@lru_cache(maxsize=1)
+def _powers() -> Array:
+    """Powers (TERMS-1, TERMS-1) of Chebyshev coefficients."""
+    n = TERMS - 1
+    rows = np.zeros((n, n))
+    for k in range(n):
+        power = np.polynomial.chebyshev.cheb2poly([0.0] * k + [1.0])
+        rows[: len(power), k] = power
+    return rows

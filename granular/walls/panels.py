@@ -1,0 +1,196 @@
+"""A wall's motion as polynomials on panels of time, with bounds of what it does on each: what engines read.
+May be skipped: rarer, walls that shake.
+
+Panel k is Σ_j c_kj x^j in m, x from -1 to 1 between its edges; time is counted in s, or in turns f·t of a period. All
+bounds come from Bernstein coefficients on [-1, 1], so they hold, and are tight on short panels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from granular import _check
+from granular._check import Array
+from granular._records import plain
+from granular.walls import path
+from granular.walls.bounds import derived, span
+
+TERMS = 20
+"""Coefficients a panel has room for."""
+PANEL = np.dtype(
+    [
+        ("left", float), ("right", float), ("centre", float), ("half", float),  # edges, middle, half width: s or turns
+        ("per", float),  # dx/dt, 1/s
+        ("jump", float),  # m/s by which the velocity jumps at the left edge
+        ("most", float), ("least", float),  # bounds of the acceleration, m/s²
+        ("rise", float), ("fall", float),  # bounds of its rate, m/s³: ≥ 0, ≤ 0
+        ("bend", float), ("bow", float),  # bounds of its second rate, and of minus that, m/s⁴: ≥ 0
+        ("degree", int), ("series", float, (TERMS,)),  # m
+    ],
+    align=True,
+)  # fmt: skip
+WALL = np.dtype(
+    [
+        ("side", float),  # 1 a floor, -1 a ceiling; panels hold side·m, so towards the balls is up
+        ("first", int), ("panels", int), ("density", float),  # panels per s or turn, on average
+        ("periodic", int),  # then its velocity is continuous too
+        ("frequency", float), ("turn", float), ("turn_low", float),  # turns per s (1 if not periodic); at t = 0
+        ("start", float), ("velocity", float), ("begin", float), ("origin", float),  # m, m/s, s; side·m at the start
+        ("reach", float), ("extent", float), ("speed", float), ("stiff", float),  # bounds of side·m, |m|, |m'|, |m''|
+        ("error", float),  # m, how far the panels may be from m
+    ],
+    align=True,
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Panels:
+    """A motion m(t) as polynomials on panels; what `Motion` becomes for a run, and is saved as.
+
+    Parameters
+    ----------
+    edges : (n+1,) array
+        Ends of the panels in s, increasing.
+    series : (n, k) array
+        Coefficients in m of 1, x, x², …, x from -1 to 1 on each panel; k ≤ 20.
+    error : float
+        How far the panels may be from the motion they stand for, in m.
+    frequency, turn : float, (float, float)
+        For a periodic motion: edges are turns from 0 to 1, and time t is at f·t + turn of them, `turn` in two floats.
+
+    Raises
+    ------
+    TypeError, ValueError
+        With what is wrong with an argument.
+    """
+
+    edges: Array
+    series: Array
+    error: float = 0.0
+    frequency: float = 0.0
+    turn: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        edges = _check.array("edges", self.edges)
+        if len(edges) < 2:
+            raise ValueError(f"edges has {len(edges)} entries: at least 2 are needed, where the first panel begins and "
+                             "ends.")  # fmt: skip
+        _check.every("edges", edges, np.isfinite(edges), "a finite time is needed")
+        _check.every("edges", edges[1:], np.diff(edges) > 0.0, "edges must increase from entry to entry")
+        columns = np.shape(self.series)[1] if np.ndim(self.series) == 2 else TERMS
+        if columns > TERMS:
+            raise ValueError(f"series has {columns} coefficients a panel: at most {TERMS} are needed; use shorter "
+                             "panels of a lower degree.")  # fmt: skip
+        series = _check.array("series", self.series, (len(edges) - 1, columns), fix="one row per panel")
+        _check.every("series", series.ravel(), np.isfinite(series).ravel(), "a finite coefficient is needed")
+        self.__dict__.update(edges=edges, series=series)
+
+    @cached_property
+    def _key(self) -> tuple[Any, ...]:
+        return self.edges.tobytes(), self.series.shape, self.series.tobytes(), self.error, self.frequency, self.turn
+
+    def __eq__(self, other: object) -> bool:
+        return self._key == other._key if isinstance(other, Panels) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Panels, (self.edges, self.series, self.error, self.frequency, self.turn)
+
+    def __call__(self, t: float) -> float:
+        """Return m(t) in m."""
+        return self._at(t)[0]
+
+    def displacement(self, t: float) -> float:
+        """Return m(t) in m."""
+        return self._at(t)[0]
+
+    def velocity(self, t: float) -> float:
+        """Return m'(t) in m/s; at an edge, that of the panel which begins there."""
+        return self._at(t)[1]
+
+    def acceleration(self, t: float) -> float:
+        """Return m''(t) in m/s²; at an edge, that of the panel which begins there."""
+        return self._at(t)[2]
+
+    def panels(self, t_start: float, t_end: float) -> Panels:
+        """Return itself, or raise `ValueError` if the path does not last from `t_start` to `t_end`, in s."""
+        if self.frequency:
+            return self
+        first, last = float(self.edges[0]), float(self.edges[-1])
+        _check.number("t_start", t_start, at_least=first, at_most=last, fix="there the path of the wall begins")
+        _check.number("t_end", t_end, at_least=first, at_most=last, finite=False, fix="there the path of the wall ends")
+        return self
+
+    def records(
+        self,
+        side: float = 1.0,
+        *,
+        start: float = 0.0,
+        velocity: float = 0.0,
+        t_start: float | None = None,
+        first: int = 0,
+    ) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+        """Return what kernels read: an array of one record `WALL`, and the records `PANEL` of the panels.
+
+        Parameters
+        ----------
+        side : float
+            1 for a floor, -1 for a ceiling.
+        start, velocity, t_start : float
+            Where the wall stands at `t_start` (m, s; the first edge if not given), and its constant velocity (m/s).
+        first : int
+            Place of the first panel, where the panels of several walls are put into one array.
+        """
+        rate = self.frequency or 1.0
+        wall, rows = np.zeros(1, WALL), np.zeros(len(self.series), PANEL)
+        left, right, c = self.edges[:-1], self.edges[1:], side * self.series
+        rows["left"], rows["right"], rows["centre"] = left, right, 0.5 * (left + right)
+        rows["half"] = 0.5 * (right - left)
+        rows["per"] = per = rate / rows["half"]
+        rows["series"][:, : c.shape[1]] = c
+        rows["degree"] = (np.arange(c.shape[1]) * (c != 0.0)).max(axis=1)
+        within = [(derived(c, order).T * per**order).T for order in range(5)]
+        (low, high), (slow, fast), (least, most), (fall, rise), (sink, soar) = map(span, within)
+        rows["most"], rows["least"] = most, least
+        rows["rise"], rows["fall"], rows["bow"] = rise.clip(min=0.0), fall.clip(max=0.0), -sink.clip(max=0.0)
+        rows["bend"] = soar.clip(min=0.0)
+        rows["jump"] = self._jumps(side, fast.max() - slow.min())
+        w = wall[0]
+        w["side"], w["panels"], w["periodic"] = side, len(rows), self.frequency > 0.0
+        w["density"] = len(rows) / (right[-1] - left[0])
+        w["frequency"], (w["turn"], w["turn_low"]) = rate, self.turn
+        begin = float(left[0]) if t_start is None else t_start
+        w["start"], w["velocity"], w["begin"], w["error"] = start, velocity, begin, self.error
+        w["reach"], w["extent"] = high.max(), max(high.max(), -low.min())
+        w["speed"], w["stiff"] = max(fast.max(), -slow.min()), max(most.max(), -least.min())
+        w["origin"] = path.moved(plain(wall)[0], plain(rows), begin, 0.0)[0]
+        w["first"] = first
+        return wall, rows
+
+    def _jumps(self, side: float, scale: float) -> Array:
+        """Jumps of the velocity in m/s at left edges, without those of rounding; none at the first."""
+        if self.frequency or len(self.series) == 1:
+            return np.zeros(len(self.series))
+        slope = side * derived(self.series, 1) * (2.0 / np.diff(self.edges))[:, None]
+        ends, begins = slope.sum(axis=1), slope @ (-1.0) ** np.arange(slope.shape[1])
+        jump = np.append(0.0, begins[1:] - ends[:-1])
+        return np.where(np.abs(jump) > 1e-11 * scale, jump, 0.0)
+
+    @cached_property
+    def _plain(self) -> tuple[Any, list[Any]]:
+        wall, rows = self.records()
+        return plain(wall)[0], plain(rows)
+
+    def _at(self, t: float) -> tuple[float, float, float]:
+        time = _check.number("t", t)
+        if not self.frequency:
+            self.panels(time, time)
+        wall, rows = self._plain
+        x, v, a = path.moved(wall, rows, time, 0.0)
+        return x, v, a

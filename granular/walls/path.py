@@ -1,0 +1,129 @@
+"""Where a wall is and how it moves at a time given in two floats, t + tail.
+May be skipped: rarer, walls that shake.
+
+A sine's phase is kept as the fraction of f·t in two floats, so late times cost no digits. What panels hold, and most
+kernels return, is ``side·m``: the motion towards the balls, at a floor and at a ceiling alike.
+"""
+
+from __future__ import annotations
+
+import math
+
+from granular._kernels import kernel
+from granular._records import Record, Records
+
+SPLIT = 134217729.0
+
+
+@kernel
+def product(a: float, b: float) -> tuple[float, float]:
+    """Return a·b in two floats (Dekker)."""
+    p, c, d = a * b, SPLIT * a, SPLIT * b
+    ah, bh = c - (c - a), d - (d - b)
+    al, bl = a - ah, b - bh
+    return p, ((ah * bh - p) + ah * bl + al * bh) + al * bl
+
+
+@kernel
+def total(a: float, b: float) -> tuple[float, float]:
+    """Return a + b in two floats (Knuth)."""
+    s = a + b
+    c = s - a
+    return s, (a - (s - c)) + (b - c)
+
+
+@kernel
+def reduced(wall: Record, t: float, tail: float) -> tuple[float, float]:
+    """Return the time t + tail in two floats; of a periodic wall, the fraction f·t + phase of its turn, from 0 to 1."""
+    if wall.periodic == 0:
+        return total(t, tail)
+    a, a_low = product(wall.frequency, t)
+    b, b_low = product(wall.frequency, tail)
+    y, low = total(a - math.floor(a), b - math.floor(b))
+    y, rest = total(y - math.floor(y), wall.turn)
+    return y - math.floor(y), low + rest + (a_low + b_low) + wall.turn_low
+
+
+@kernel
+def panel_at(wall: Record, panels: Records, y: float) -> int:
+    """Return the panel of the reduced time y; at an edge the later one."""
+    low, high = wall.first, wall.first + wall.panels - 1
+    guess = low + int(min(max((y - panels[low].left) * wall.density, 0.0), wall.panels - 1.0))
+    if panels[guess].left <= y < panels[guess].right:
+        return guess  # type: ignore[no-any-return]
+    while low < high:
+        middle = (low + high + 1) // 2
+        if panels[middle].left <= y:
+            low = middle
+        else:
+            high = middle - 1
+    return low  # type: ignore[no-any-return]
+
+
+@kernel
+def value(panel: Record, x: float) -> tuple[float, float, float]:
+    """Return side·m (m), its rate (m/s) and its acceleration (m/s²) at x on a panel."""
+    v = d = dd = 0.0
+    for j in range(panel.degree, -1, -1):
+        dd = dd * x + d
+        d = d * x + v
+        v = v * x + panel.series[j]
+    return v, panel.per * d, panel.per * panel.per * (2.0 * dd)
+
+
+@kernel
+def pressed(panel: Record, pull: float, x: float) -> tuple[float, float]:
+    """Return pull + m'' (m/s²) at x on a panel, and its rate (m/s³)."""
+    v = d = dd = ddd = 0.0
+    for j in range(panel.degree, -1, -1):
+        ddd = ddd * x + dd
+        dd = dd * x + d
+        d = d * x + v
+        v = v * x + panel.series[j]
+    square = panel.per * panel.per
+    return pull + square * (2.0 * dd), square * panel.per * (6.0 * ddd)
+
+
+@kernel
+def moved(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, float, float]:
+    """Return side·m (m), its rate (m/s) and its acceleration (m/s²) at time t + tail."""
+    y, low = reduced(wall, t, tail)
+    panel = panels[panel_at(wall, panels, y)]
+    return value(panel, ((y - panel.centre) + low) / panel.half)
+
+
+@kernel
+def wall_at(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, float, float]:
+    """Return position (m), velocity (m/s) and acceleration (m/s²) of a wall at time t + tail (s)."""
+    m, v, a = moved(wall, panels, t, tail)
+    x = wall.start + wall.velocity * ((t - wall.begin) + tail) + wall.side * (m - wall.origin)
+    return x, wall.velocity + wall.side * v, wall.side * a
+
+
+@kernel
+def phase(wall: Record, t: float, tail: float) -> float:
+    """Return the phase of a periodic wall at time t + tail, in turns from 0 to 1; nan of others."""
+    if wall.periodic == 0:
+        return math.nan
+    y, low = reduced(wall, t, tail)
+    y += low
+    return y - math.floor(y)
+
+
+@kernel
+def expansion(wall: Record, panels: Records, t: float, tail: float, series: list[float]) -> float:
+    """Fill `series` (20 floats) with the power series of side·m (m) in the time s after t + tail; return, in s, up to
+    where it holds: the end of the panel."""
+    y, low = reduced(wall, t, tail)
+    panel = panels[panel_at(wall, panels, y)]
+    x = ((y - panel.centre) + low) / panel.half
+    for j in range(len(series)):
+        series[j] = panel.series[j]
+    for i in range(panel.degree):
+        for j in range(panel.degree - 1, i - 1, -1):
+            series[j] += x * series[j + 1]
+    power = 1.0
+    for j in range(panel.degree + 1):
+        series[j] *= power
+        power *= panel.per
+    return ((panel.right - y) - low) / wall.frequency  # type: ignore[no-any-return]

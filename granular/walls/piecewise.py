@@ -1,0 +1,122 @@
+"""A wall that moves along a piecewise polynomial, such as a spline through measured positions.
+May be skipped: rarer, walls that shake.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from granular import _check
+from granular._check import Array
+from granular.walls.panels import TERMS, Panels
+
+CLOSED = 1e-9
+"""Steps between pieces that are rounding, in units of the largest term."""
+
+
+@dataclass(frozen=True, eq=False)
+class Piecewise:
+    """m(t) = Σ_j c_ji (t - t_i)^(K-j) from break t_i to t_(i+1), as in `scipy.interpolate.PPoly`.
+
+    Parameters
+    ----------
+    breaks : (n+1,) array, or scipy.interpolate.PPoly
+        Times t_i in s, increasing; a PPoly (a CubicSpline, a PchipInterpolator) brings its coefficients with it.
+    coefficients : (K+1, n) array
+        The highest power first, in m/s^(K-j); K ≤ 19.
+
+    Raises
+    ------
+    TypeError, ValueError
+        With what is wrong; a path that jumps from piece to piece is refused: a wall cannot. Its velocity may jump: an
+        event for balls that touch the wall.
+
+    Notes
+    -----
+    A run must lie between the first and the last break. Steps of position by rounding are closed.
+    """
+
+    breaks: Array
+    coefficients: Array
+
+    def __init__(self, breaks: Any, coefficients: Any = None) -> None:
+        if coefficients is None:
+            if not (hasattr(breaks, "x") and hasattr(breaks, "c")):
+                raise TypeError(_check._sentence("coefficients", None, "an array (K+1, n), the highest power first, is "
+                                                 "needed, or a scipy.interpolate.PPoly alone"))  # fmt: skip
+            breaks, coefficients = breaks.x, breaks.c
+        t = _check.array("breaks", breaks)
+        if len(t) < 2:
+            raise ValueError(f"breaks has {len(t)} entries: at least 2 are needed, where the path begins and ends.")
+        _check.every("breaks", t, np.isfinite(t), "a finite time is needed")
+        _check.every("breaks", t[1:], np.diff(t) > 0.0, "breaks must increase from entry to entry")
+        rows = np.shape(coefficients)[0] if np.ndim(coefficients) else 1
+        if not 0 < rows <= TERMS:
+            raise ValueError(f"coefficients has {rows} rows: 1 to {TERMS} are needed, one per power.")
+        c = _check.array("coefficients", coefficients, (rows, len(t) - 1), fix="one column per piece")
+        _check.every("coefficients", c.ravel(), np.isfinite(c).ravel(), "a finite number is needed")
+        self.__dict__.update(breaks=t, coefficients=c)
+        _check_steps(t, *_joined(t, c))
+
+    def __eq__(self, other: object) -> bool:
+        return self._key == other._key if isinstance(other, Piecewise) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Piecewise, (self.breaks, self.coefficients)
+
+    @cached_property
+    def _key(self) -> tuple[Any, ...]:
+        return self.breaks.tobytes(), self.coefficients.shape, self.coefficients.tobytes()
+
+    def displacement(self, t: float) -> float:
+        """Return m(t) in m."""
+        return self._panels.displacement(t)
+
+    def velocity(self, t: float) -> float:
+        """Return m'(t) in m/s; at a break, that after it."""
+        return self._panels.velocity(t)
+
+    def acceleration(self, t: float) -> float:
+        """Return m''(t) in m/s²; at a break, that after it."""
+        return self._panels.acceleration(t)
+
+    def panels(self, t_start: float, t_end: float) -> Panels:
+        """Return what engines read, or raise `ValueError` if the path does not last from `t_start` to `t_end`, in s."""
+        return self._panels.panels(t_start, t_end)
+
+    @cached_property
+    def _panels(self) -> Panels:
+        series, _, _ = _joined(self.breaks, self.coefficients)
+        return Panels(self.breaks, series)
+
+
+def _joined(t: Array, c: Array) -> tuple[Array, Array, Array]:
+    """Return the series (n, K+1) about the middles of the pieces with the steps between them closed; the steps (n-1,)
+    in m; and the largest term of each piece (n,) in m."""
+    half = 0.5 * np.diff(t)
+    scaled = (c[::-1] * half ** np.arange(len(c))[:, None]).T
+    series = scaled.copy()
+    for i in range(series.shape[1] - 1):
+        for j in range(series.shape[1] - 2, i - 1, -1):
+            series[:, j] += series[:, j + 1]
+    alternate = (-1.0) ** np.arange(series.shape[1])
+    steps = (series @ alternate)[1:] - series.sum(axis=1)[:-1]
+    largest = np.abs(scaled * 2.0 ** np.arange(series.shape[1])).max(axis=1)
+    series[1:, 0] -= np.cumsum(steps)
+    return series, steps, largest
+
+
+def _check_steps(t: Array, series: Array, steps: Array, largest: Array) -> None:
+    big = np.abs(steps) > CLOSED * max(float(largest.max()), math.ulp(0.0))
+    if big.any():
+        i = int(big.argmax())
+        raise ValueError(f"coefficients make the wall jump by {steps[i]:.3g} m at breaks[{i + 1}] = {t[i + 1]:g}: a "
+                         "continuous path is needed; raise the constant of the later piece.")  # fmt: skip
