@@ -42,6 +42,12 @@ def rare(function: F) -> F:
     return function
 
 
+def inlined(function: F) -> F:
+    """Mark a kernel to be put into the bodies of its callers: one less layer to compile of a deep one called rarely."""
+    function.__granular_inlined__ = True  # type: ignore[attr-defined]
+    return function
+
+
 def specialised(function: F, **instead: Any) -> F:
     """Return a twin of a kernel in which globals, in it and in all kernels it calls, are replaced by their names.
 
@@ -191,8 +197,8 @@ def _twin(function: Callable[..., Any], signature: Any, inline: bool, within: bo
     )
     twin.__module__ = function.__module__
     twin.__qualname__ = f"{function.__qualname__}_{_checksum(function):08x}{'i' * inline}"
-    inlined = within and not getattr(function, "__granular_rare__", False)
-    how = {"inline": "always"} if inlined else {"cache": True}
+    inside = (within and not getattr(function, "__granular_rare__", False)) or hasattr(function, "__granular_inlined__")
+    how = {"inline": "always"} if inside else {"cache": True}
     result: Callable[..., Any] = load_numba().njit(signature, **MANNER, **how)(twin)
     return result
 

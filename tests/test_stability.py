@@ -94,7 +94,7 @@ def test_verdict_on_an_error(error: float, verdict: str) -> None:
 
 
 def test_a_limit_on_work_is_a_flag() -> None:
-    cell = replace(sample(1.0), options={"max_steps": 1})
+    cell = replace(sample(1.0), options={"max_events": 0})
     result = judge(cell, "located", 5.0)
     assert result.verdict is Verdict.flagged
     assert "limit on the amount of work" in result.said

@@ -16,15 +16,16 @@ from typing import Any
 from granular._kernels import kernel
 from granular._tournament import leaf, play
 from granular.md.located.contacts import AWAITED, SOME, act, activate, engage, follow, push, pushes
-from granular.md.located.isolated import MET, OTHERWISE, ULP, expose, in_contact, meet
+from granular.md.located.isolated import MET, OTHERWISE, TABLE, ULP, expose, in_contact, meet
 from granular.md.located.pieces import arrive, elapsed, fly, glide, power, predict, since, tau_at, tick, value
 from granular.md.located.plan import join, leave, plan, settle_series
 from granular.md.located.resting import NOT_YET, RESTS, lies, verdict
 from granular.md.located.system import ACTIVE, DORMANT, GENERAL, OPEN, RESIDUAL, SPARE, to_plain
 
-REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED = range(8)
+REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT = range(10)
 """Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
-every ball rests for good, every ball is bound in contact forever, no room in the pool."""
+every ball rests for good, every ball is bound in contact forever, no room in the pool, a table of
+contacts, or a contact alone, is wanted first."""
 
 
 @kernel
@@ -81,11 +82,11 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
             if pairs[lo].slot < 0:
                 if run.members + SPARE >= len(pool):
                     return CRAMPED
-                met = meet(s, lo, laws)
+                met = meet(s, lo)
                 if met == MET:
                     continue
                 if met != OTHERWISE:
-                    return CRAMPED
+                    return WANTS_TABLE if met == TABLE else WANTS_CONTACT
                 arrive(pairs[lo])
                 join(run, pairs, pool, s.kinds, bodies, lo)
             block = pool[pairs[lo].slot]

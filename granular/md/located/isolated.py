@@ -18,7 +18,7 @@ import math
 from typing import Any
 
 from granular._flight import gap_after, rate_at_contact
-from granular._kernels import kernel
+from granular._kernels import inlined, kernel
 from granular._tournament import leaf, replay
 from granular.md.located.alone import enter, live
 from granular.md.located.contacts import is_awaited, velocity_now
@@ -26,13 +26,13 @@ from granular.md.located.maps import encounter, peaks
 from granular.md.located.pieces import DRIFT, fly, predict, since, tau_at, tick, value
 from granular.md.located.plan import leave
 from granular.md.located.system import ACTIVE, BEGIN, IGNORE, OPEN, RESIDUAL
-from granular.md.located.tables import FULL, solved_alone, table_of, tabled, tabled_peaks
+from granular.md.located.tables import WANTED, table_of, tabled, tabled_peaks
 
 ULP = 2.0**-52
-CLOSED, PIECES = -3, -4
+CLOSED, PIECES, ALONE = -3, -4, -5
 """Where a contact is known from, if not from a table: a closed form, or pieces that were followed to its end."""
-MET, OTHERWISE, CRAMPED = range(3)
-"""What `meet` comes to."""
+MET, OTHERWISE, TABLE, ASKED = range(4)
+"""What `meet` comes to; a table is wanted first, or a contact alone: see `tables`."""
 
 
 @kernel
@@ -42,10 +42,10 @@ def in_contact(pair: Any, t: float, tail: float) -> bool:
 
 
 @kernel
-def meet(s: Any, c: int, laws: Any) -> int:
+def meet(s: Any, c: int) -> int:
     """Let the contact of pair `c`, which is due, happen at once if it is known and certain to be isolated.
 
-    Returns whether it did: MET, OTHERWISE, or CRAMPED if there is no room for a table.
+    Returns whether it did: MET, OTHERWISE, or what is wanted first.
     """
     run, pairs, bodies, pair = s.run[0], s.pairs, s.bodies, s.pairs[c]
     if pair.mode != OPEN or pair.what != BEGIN or is_awaited(run, pairs, c):
@@ -53,9 +53,10 @@ def meet(s: Any, c: int, laws: Any) -> int:
     v, n = -rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull), len(pairs)
     if not v > DRIFT * pair.noise:
         return OTHERWISE
-    t1, t2, v1, v2, place = foresee(s, c, v, laws)
+    t1, t2, v1, v2, place = foresee(s, c, v)
     if not t1 > 0.0:
-        return CRAMPED if place == FULL else OTHERWISE
+        run.wanted = c
+        return TABLE if place == WANTED else ASKED if place == ALONE else OTHERWISE
     inverse, over = bodies[c].inverse_mass + bodies[c + 1].inverse_mass, pair.wait + t2
     way = t2 * (v + 0.5 * pair.pull * t2) / inverse
     lower_v, upper_v = parted(bodies[c], bodies[c + 1], pair, over, v + pair.pull * t2 + v2, v2)
@@ -108,22 +109,24 @@ def parted(lower: Any, upper: Any, pair: Any, over: float, kick: float, v2: floa
 
 
 @kernel
-def foresee(s: Any, c: int, v: float, laws: Any) -> tuple[float, float, float, float, int]:
+def foresee(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
     """Return (t1, t2, v1, v2) of the contact of pair `c` at speed `v`, t1 nan if it is not known, and where from.
 
-    That is the place of a table, CLOSED for a closed form, PIECES, or FULL where there is no room for a table.
+    That is the place of a table, or CLOSED for a closed form, PIECES; WANTED for a table to be made, ALONE to be asked.
     """
     pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
     t1, t2, v1, v2 = encounter(law, s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, pair.pull, v)
     if t1 > 0.0:
         return t1, t2, v1, v2, CLOSED
-    place = table_of(s, c, v, laws) if pair.map >= 0 else CLOSED
+    place = table_of(s, c, v) if pair.map >= 0 else CLOSED
     if place >= 0:
         s.run[0].error += s.tables[place].error
         t1, t2, v1, v2 = tabled(s.tables[place], law.elastic, v)
-    elif place != FULL and s.run[0].disturbing == IGNORE:
-        place = PIECES
-        t1, t2, v1, v2, s.peaks[0], s.peaks[1] = solved_alone(s, c, v, laws)
+    elif place != WANTED and s.run[0].disturbing == IGNORE:
+        place = PIECES if s.run[0].answered else ALONE
+        s.run[0].answered = 0
+        if place == PIECES:
+            t1, t2, v1, v2 = s.answer[0], s.answer[1], s.answer[2], s.answer[3]
     return t1, t2, v1, v2, place
 
 
@@ -163,7 +166,7 @@ def write_row(s: Any, c: int, v: float, t1: float, v1: float, place: int) -> Non
     if run.log == 2 and place == CLOSED:
         row.xi_max, row.force_max = peaks(s.kinds[pair.kind_of], inverse, pair.pull, v, t1, v1)
     elif run.log == 2 and place == PIECES:
-        row.xi_max, row.force_max = s.peaks[0], s.peaks[1]
+        row.xi_max, row.force_max = s.answer[4], s.answer[5]
     elif run.log == 2:
         row.xi_max, row.force_max = tabled_peaks(s.tables[place], v)
 
@@ -215,6 +218,7 @@ def deflect(s: Any, f: int, pair: Any, gap: float, rate: float, busy: float) -> 
     leaf(s.queue, f).due = flank.due
 
 
+@inlined
 @kernel
 def relive(s: Any, c: int, t: float, tail: float, laws: Any) -> float:
     """Take a place in the pool for pair `c`, in contact at the time t + tail, and bring it there from its onset.
@@ -288,6 +292,7 @@ def look(s: Any, t: float, xi: Any, eta: Any, force: Any, laws: Any) -> None:
             look_inside(s, c, t, xi, eta, force, laws)
 
 
+@inlined
 @kernel
 def look_inside(s: Any, c: int, t: float, xi: Any, eta: Any, force: Any, laws: Any) -> None:
     """Write what pair `c`, in a contact solved at once, and its flanks are at time `t`, and leave no trace of it."""

@@ -15,7 +15,7 @@ from granular import until as stop
 from granular._check import Array
 from granular._kernels import compiled, kernel
 from granular._tournament import play
-from granular.md.located.blocks import MORE, QUIET, REACHED, STOPPED, advance, gather, launch
+from granular.md.located.blocks import MORE, QUIET, REACHED, STOPPED, WANTS_CONTACT, WANTS_TABLE, advance, gather, launch
 from granular.md.located.contacts import keep_unsettled
 from granular.md.located.isolated import look
 from granular.md.located.run import COMPILED_CHUNK, FIRST_LOOK, WHY
@@ -32,6 +32,7 @@ from granular.md.located.system import (
     new_system,
     to_plain,
 )
+from granular.md.located.tables import make_table
 from granular.trajectory import Status
 
 CODES = {why: list(Status).index(pause.value) for why, pause in WHY.items()} | {REACHED: 0, MORE: -1}
@@ -134,7 +135,7 @@ def solve_many(
     limits: dict[str, Any] = {"tol": tol, "max_events": max_events, "max_steps": max_steps, "log": 1, "pause": pause}
     parts = []
     for first in range(0, max(1, count), AT_ONCE):
-        *part, kinds, end = (np.ascontiguousarray(column[first : first + AT_ONCE]) for column in columns)
+        *part, kinds, end = (column[first : first + AT_ONCE].copy() for column in columns)
         n = kinds.shape[-1]
         s = new_system(part, kinds, np.arange(n), n, until, **limits)
         parts.append(_solved(s, end[:, 0].copy(), engine))
@@ -149,10 +150,11 @@ def _solved(s: System, end: Array, engine: str) -> Many:
         last[name] = math.nan
     scratch = np.zeros((3, last.shape[-1]))
     if engine == "plain":
-        solve_rows(to_plain(s), end.tolist(), result.view(np.recarray), last.view(np.recarray), scratch.tolist())
+        rows = result.view(np.recarray), last.view(np.recarray)
+        solve_rows(to_plain(s), end.tolist(), COMPILED_CHUNK, *rows, scratch.tolist())
     else:
-        compiled(solve_rows)(s, end, result, last, scratch)
-    status = np.array([CODES.get(code, -1) for code in range(max(CODES) + 1)])[result["why"]]
+        compiled(solve_rows)(s, end, COMPILED_CHUNK, result, last, scratch)  # types of a single run: less to compile
+    status = np.array([CODES.get(code, -1) for code in range(WANTS_CONTACT + 1)])[result["why"]]
     status[(result["why"] == QUIET) & (end < math.inf)] = CODES[REACHED]
     return Many(status, result["time"], *(last[name] for name in Many._fields[2:]))
 
@@ -175,7 +177,7 @@ def _kinds(law: Array, m_eff: Array) -> Any:
 
 
 @kernel
-def solve_rows(many: Any, t_end: Any, result: Any, last: Any, scratch: Any) -> None:
+def solve_rows(many: Any, t_end: Any, chunk: int, result: Any, last: Any, scratch: Any) -> None:
     """Solve scenes from start to end, one after the other in the same pool, queue and log."""
     for i in range(len(t_end)):
         for c in range(len(many.pool)):
@@ -186,12 +188,12 @@ def solve_rows(many: Any, t_end: Any, result: Any, last: Any, scratch: Any) -> N
         for c in range(len(many.pairs[i])):
             play(many.queue, c, math.inf)
         own = many.run[i], many.pairs[i], many.pool, many.kinds[i], many.bodies[i]
-        s = System(*own, many.queue, many.log, many.maps, many.tables, many.peaks, many.work)
-        solve(s, t_end[i], result[i], last[i], scratch)
+        s = System(*own, many.queue, many.log, many.maps, many.tables, many.answer, many.work)
+        solve(s, t_end[i], chunk, result[i], last[i], scratch)
 
 
 @kernel
-def solve(s: Any, t_end: float, result: Any, last: Any, scratch: Any) -> None:
+def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, scratch: Any) -> None:
     """Solve one scene, unless a law of it is none that a power series follows."""
     run, n = s.run[0], len(s.pairs)
     for c in range(n):
@@ -202,7 +204,10 @@ def solve(s: Any, t_end: float, result: Any, last: Any, scratch: Any) -> None:
     while why == MORE and not may_creep(s):
         if run.steps >= run.pause:
             run.pause *= 2
-        why = advance(s, t_end, COMPILED_CHUNK, None)
+        why = advance(s, t_end, chunk, None)
+        if why == WANTS_TABLE and run.tables < len(s.tables):
+            make_table(s, None)
+            why = MORE
         harvest(s, last, run.t)
     result.why, result.time = why, run.t
     if why == REACHED or (why == QUIET and t_end < math.inf):

@@ -32,7 +32,9 @@ from granular.md.located.system import (
     to_plain,
     with_longer_log,
     with_more_room,
+    with_room_for_a_table,
 )
+from granular.md.located.tables import answer, make_table
 from granular.md.rows import CONTACT_ROW
 from granular.request import Request
 from granular.scene import Scene
@@ -143,6 +145,13 @@ class Run:
         why, counters = self.kernels(blocks.advance)(self.s, limit, chunk, self.collocation), self.counters
         reached = why == blocks.REACHED or (why == blocks.QUIET and limit < math.inf)
         self.now = limit if reached else float(counters.t)
+        if why == blocks.WANTS_TABLE:
+            self.s = with_room_for_a_table(self.s)
+            self.kernels(make_table)(self.s, self.collocation)
+            return Pause.full
+        if why == blocks.WANTS_CONTACT:
+            self.kernels(answer)(self.s, self.collocation)
+            return Pause.full
         if why == blocks.CRAMPED:
             self.s = with_more_room(self.s)
             return Pause.full

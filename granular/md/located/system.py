@@ -127,6 +127,7 @@ RUN = np.dtype(
         ("log", int), ("rows", int), ("begun", int),
         ("shared", float), ("shared_low", float),  # impulse in N s exchanged while a neighbouring pair was active
         ("isolated", int), ("first", int), ("disturbed", float), ("tables", int), ("disturbing", int),
+        ("wanted", int), ("answered", int),  # pair whose contact is asked for alone, and whether it has been answered
         ("piled", int), ("load", float), ("energy", float), ("opening", float), ("barrier", float), ("rests", int),
     ],
     align=True,
@@ -156,19 +157,19 @@ NO_PAUSE = np.iinfo(np.int64).max
 LOG_ROWS, MOST_ROWS = 256, 4096
 """Rows of the log buffer: twice as many as pairs, but within these limits."""
 
-System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables peaks work")
+System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables answer work")
 """All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder."""
 
 
 def to_plain(s: System) -> System:
     """Return the run for interpreted code."""
-    return System._make([*map(plain, s[:-2]), list(s.peaks), workspace(ORDER)])
+    return System._make([*map(plain, s[:-2]), list(s.answer), workspace(ORDER)])
 
 
 def to_compiled(s: System) -> System:
     """Return the run for compiled code: same numbers, same bits."""
     records = map(packed, s[:-2], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
-    return System._make([*records, np.array(s.peaks), np.array(s.work)])
+    return System._make([*records, np.array(s.answer), np.array(s.work)])
 
 
 def new_system(columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Until | None, **limits: Any) -> System:
@@ -199,7 +200,7 @@ def new_system(columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Un
     lacks = (has == NO_MAP) | ((pairs["pull"] != 0.0) & (has != DASHPOT))
     if n <= MOST_MAPS:  # every pair may have tables of its own; of many, those that are alike share them: `system_of`
         pairs["map"] = np.where(lacks, np.arange(n), -1)
-    known = np.zeros(min(n, MOST_MAPS), MAP), np.zeros(TABLES, TABLE), np.zeros(2)
+    known = np.zeros(min(n, MOST_MAPS), MAP), np.zeros(TABLES, TABLE), np.zeros(6)
     return System(run, pairs, empty_pool(min(room, n) + SPARE), kinds, bodies, tournament(n), log, *known, work)
 
 
@@ -211,12 +212,17 @@ def empty_pool(room: int) -> np.ndarray[Any, Any]:
 
 
 def with_more_room(s: System) -> System:
-    """Return the run with a pool of twice the size; all of its places were taken. So for tables, if those are taken."""
-    if int(column(s.run, "tables")[0]) == len(s.tables):
-        fresh = np.zeros(len(s.tables), TABLE)
-        return s._replace(tables=s.tables + plain(fresh) if isinstance(s.tables, list) else np.append(s.tables, fresh))
+    """Return the run with a pool of twice the size; all of its places were taken."""
     more = empty_pool(2 * len(s.pool))[len(s.pool) :]
     return s._replace(pool=s.pool + plain(more) if isinstance(s.pool, list) else np.concatenate([s.pool, more]))
+
+
+def with_room_for_a_table(s: System) -> System:
+    """Return the run with tables twice as many if all are taken."""
+    if int(column(s.run, "tables")[0]) < len(s.tables):
+        return s
+    fresh = np.zeros(len(s.tables), TABLE)
+    return s._replace(tables=s.tables + plain(fresh) if isinstance(s.tables, list) else np.append(s.tables, fresh))
 
 
 def with_longer_log(s: System) -> System:

@@ -12,7 +12,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import kernel, rare
+from granular._flight import rate_at_contact
+from granular._kernels import inlined, kernel
 from granular.md.located.alone import enter, live
 from granular.md.located.plan import leave
 from granular.md.located.system import CHECKS, OCTAVES, OPEN, POINTS, QUANTITIES, SLOWEST
@@ -21,12 +22,12 @@ WARM = 32
 """Contacts of an octave after which its table is made: it costs about as many."""
 HOLDS = 1e-14
 """Error up to which a table holds, as a part of each number, beyond the tolerance of the pieces."""
-REFUSED, FULL = -1, -2
+REFUSED, WANTED = -1, -2
 
 
 @kernel
-def table_of(s: Any, c: int, v: float, laws: Any) -> int:
-    """Return the place of the table for a contact of pair `c` at speed `v`, made if it is time; negative if none."""
+def table_of(s: Any, c: int, v: float) -> int:
+    """Return the place of the table for a contact of pair `c` at speed `v`; or REFUSED, WANTED."""
     known, octave = s.maps[s.pairs[c].map], math.frexp(v)[1]
     i = octave - SLOWEST
     if not 0 <= i < OCTAVES:
@@ -36,15 +37,32 @@ def table_of(s: Any, c: int, v: float, laws: Any) -> int:
     if known.met[i] + 1 < WARM:
         known.met[i] += 1
         return REFUSED
-    place = int(s.run[0].tables)
-    if place == len(s.tables):
-        return FULL
-    s.run[0].tables += 1
-    known.table[i] = place + 1 if fill(s, s.tables[place], c, octave, laws) else -1
-    return place if known.table[i] > 0 else REFUSED
+    return WANTED
 
 
-@rare
+@kernel
+def make_table(s: Any, laws: Any) -> None:
+    """Make the table that is wanted, for which there is room; the run goes on as if nothing had been."""
+    run, c = s.run[0], s.run[0].wanted
+    pair = s.pairs[c]
+    octave = math.frexp(-rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull))[1]
+    place = run.tables
+    run.tables += 1
+    s.maps[pair.map].table[octave - SLOWEST] = place + 1 if fill(s, s.tables[place], c, octave, laws) else -1
+
+
+@kernel
+def answer(s: Any, laws: Any) -> None:
+    """Follow the contact that is asked for, alone."""
+    run, pair = s.run[0], s.pairs[s.run[0].wanted]
+    v = -rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull)
+    t1, t2, v1, v2, xi, force = solved_alone(s, run.wanted, v, laws)
+    run.answered = 1
+    for i, number in enumerate((t1, t2, v1, v2, xi, force)):
+        s.answer[i] = number
+
+
+@inlined
 @kernel
 def fill(s: Any, table: Any, c: int, octave: int, laws: Any) -> bool:
     """Make the table of an octave from contacts of pair `c` alone; false if it does not hold."""
@@ -76,6 +94,7 @@ def place_of(j: int) -> float:
     return 2.0 * i - 1.0 if i < 2 else 0.47 - 1.1 * (i - 2)
 
 
+@inlined
 @kernel
 def watch(s: Any, table: Any, c: int, v: float, j: int, laws: Any) -> bool:
     """Note the contact of pair `c` alone at speed `v`; false if it does not come to an end."""
@@ -86,6 +105,7 @@ def watch(s: Any, table: Any, c: int, v: float, j: int, laws: Any) -> bool:
     return bool(t1 > 0.0)
 
 
+@inlined
 @kernel
 def solved_alone(s: Any, c: int, v: float, laws: Any) -> tuple[float, float, float, float, float, float]:
     """Return (t1, t2, v1, v2) of the contact of pair `c` alone at speed `v`, and its peaks; nan if it has no end."""
