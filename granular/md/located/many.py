@@ -15,7 +15,17 @@ from granular import until as stop
 from granular._check import Array
 from granular._kernels import compiled, kernel
 from granular._tournament import play
-from granular.md.located.blocks import MORE, QUIET, REACHED, STOPPED, WANTS_CONTACT, WANTS_TABLE, advance, gather, launch
+from granular.md.located.blocks import (
+    MORE,
+    QUIET,
+    REACHED,
+    STOPPED,
+    WANTS_CONTACT,
+    WANTS_TABLE,
+    advance,
+    gather,
+    launch,
+)
 from granular.md.located.contacts import keep_unsettled
 from granular.md.located.isolated import look
 from granular.md.located.run import COMPILED_CHUNK, FIRST_LOOK, WHY
