@@ -17,7 +17,7 @@ from granular.md.located.isolated import OTHERWISE
 
 
 @kernel
-def never(s: Any, c: int, laws: Any) -> int:
+def never(s: Any, c: int) -> int:
     """No contact is isolated."""
     return OTHERWISE
 

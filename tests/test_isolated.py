@@ -454,8 +454,8 @@ class Certified:
         self.met: list[int] = []
         meet = blocks.meet
 
-        def watching(s: Any, c: int, laws: Any) -> int:
-            came = meet(s, c, laws)
+        def watching(s: Any, c: int) -> int:
+            came = meet(s, c)
             if came == MET:
                 self.met.append(c)
             return came
