@@ -175,9 +175,12 @@ def to_plain(s: System) -> System:
 
 
 def to_compiled(s: System) -> System:
-    """Return the run for compiled code: same numbers, same bits."""
+    """Return the run for compiled code: same numbers, same bits; with a log buffer that lasts for a while."""
     records = map(packed, s[:-2], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
-    return System._make([*records, np.array(s.answer), np.array(s.work)])
+    fast = System._make([*records, np.array(s.answer), np.array(s.work)])
+    log = np.zeros(max(MOST_ROWS, len(s.log)), CONTACT_ROW)
+    log[: len(s.log)] = fast.log
+    return fast._replace(log=log)
 
 
 def new_system(columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Until | None, **limits: Any) -> System:
