@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import namedtuple
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -371,6 +372,7 @@ def factor(p: float, gamma: float, d: float) -> float:
     return d if gamma != 0.0 else 0.5 if p == 1.5 else 0.0
 
 
+@cache
 def _denominator(exponent: float) -> int:
     """Return the smallest q with q·exponent whole, or one that is too large."""
     found = (q for q in range(1, LARGEST_Q + 1) if abs(q * exponent - round(q * exponent)) < 1e-12)
