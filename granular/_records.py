@@ -57,8 +57,14 @@ def one(records: np.ndarray[Any, Any]) -> Any:
 
     No field may have a name that records have for something else, such as ``base`` or ``size``.
     """
-    assert not any(hasattr(np.record, name) for name in records.dtype.names or ())
+    assert _are_free(records.dtype.names or ())
     return records.view(np.recarray)[0]
+
+
+@cache
+def _are_free(names: tuple[str, ...]) -> bool:
+    """Return whether records have none of these names for something else."""
+    return not any(hasattr(np.record, name) for name in names)
 
 
 def column(records: Records, name: str) -> np.ndarray[Any, Any]:
