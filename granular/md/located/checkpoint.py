@@ -10,13 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from granular._records import column, copied, packed
+from granular._records import column, copied, packed, raw
 from granular._tournament import tournament
 from granular.md.located.system import BODY, MAP, MEMBER, NO_PAUSE, PAIR, RUN, SPARE, TABLE, System, empty_pool
 from granular.md.rows import CONTACT_ROW
 
 KEPT = {"run": RUN, "pairs": PAIR, "pool": MEMBER, "bodies": BODY, "maps": MAP, "tables": TABLE, "log": CONTACT_ROW}
 """Records that a checkpoint holds: of tables and log what is used."""
+
+
+SMALL = 256
+"""Pairs up to which all records are copied: to choose takes longer."""
 
 
 class Checkpoint(Mapping[str, Any]):
@@ -51,16 +55,24 @@ class Checkpoint(Mapping[str, Any]):
 class Untouched:
     """Records of islands, and of contacts solved at once, put back as they were after the end of a run is looked at."""
 
-    def __init__(self, s: System, inside: Any) -> None:
-        """Keep what the end of a run changes; `inside` numbers the pairs that are in a contact."""
-        joined = np.flatnonzero(column(s.pairs, "slot") >= 0)
-        near = np.unique(np.concatenate([joined, inside, inside - 1, inside + 1]))
-        near = near[(near >= 0) & (near < len(s.pairs))]
-        around = np.unique(np.concatenate([near, near + 1]))
-        places = np.unique(column(s.pairs, "slot")[joined])
+    def __init__(self, s: System, t: float) -> None:
+        """Keep what the end of a run, at time `t`, changes; of a small one all."""
+        self.kept: list[tuple[Any, Any, Any]]
+        rows = int(s.run[0]["rows"])
+        if isinstance(s.run, np.ndarray) and len(s.pairs) <= SMALL:
+            everything = (s.run, s.pairs, s.bodies, s.pool, s.log[:rows])
+            self.kept = [(records, slice(None), raw(records).copy()) for records in everything]
+            return
+        clock, lasts, slot = (column(s.pairs, name) for name in ("t", "lasts", "slot"))
+        inside = np.flatnonzero((lasts > 0.0) & (slot < 0) & (clock >= t * (1.0 - 1e-12)))  # or may be
+        joined = np.flatnonzero(slot >= 0)
+        pairs, bodies = np.zeros(len(slot) + 2, bool), np.zeros(len(slot) + 1, bool)  # one more pair on either side
+        pairs[joined + 1] = pairs[inside] = pairs[inside + 1] = pairs[inside + 2] = True
+        near = np.flatnonzero(pairs[1:-1])
+        bodies[near] = bodies[near + 1] = True
         self.kept = [(records, index, _taken(records, index)) for records, index in (
-            (s.run, np.zeros(1, int)), (s.pairs, near), (s.bodies, around), (s.pool, places),
-            (s.log, np.arange(int(column(s.run, "rows")[0]))),
+            (s.run, np.zeros(1, int)), (s.pairs, near), (s.bodies, np.flatnonzero(bodies)), (s.pool, slot[joined]),
+            (s.log, np.arange(rows)),
         )]  # fmt: skip
 
     def put_back(self) -> None:
@@ -70,11 +82,11 @@ class Untouched:
                 for i, value in zip(index.tolist(), values, strict=True):
                     records[i] = value
             else:
-                records[index] = values
+                raw(records)[index] = values
 
 
 def _taken(records: Any, index: Any) -> Any:
-    return deepcopy([records[i] for i in index.tolist()]) if isinstance(records, list) else records[index]
+    return deepcopy([records[i] for i in index.tolist()]) if isinstance(records, list) else raw(records)[index]
 
 
 def restored(s: System, state: Mapping[str, Any]) -> System:

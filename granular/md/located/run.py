@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from granular._kernels import compiled, in_memory, worth
-from granular._records import column, copied, one, packed, plain
+from granular._records import column, copied, packed, plain
 from granular._tournament import replay, tournament
 from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
@@ -26,6 +26,7 @@ from granular.md.located.system import (
     ACTIVE,
     DORMANT,
     GENERAL,
+    MOST_ROWS,
     STOP,
     power_form,
     system_of,
@@ -111,13 +112,13 @@ class Run:
 
     @property
     def counters(self) -> Any:
-        """The record of counters and limits."""
-        return self.s.run[0] if isinstance(self.s.run, list) else one(self.s.run)
+        """The record of counters and limits; its fields are read and set as ``counters["steps"]``."""
+        return self.s.run[0]
 
     @property
     def is_disturbed(self) -> bool:
         """Whether the run has stopped before the first contact that disturbs another."""
-        return bool(self.counters.disturbing == STOP and self.counters.first >= 0)
+        return bool(self.counters["disturbing"] == STOP and self.counters["first"] >= 0)
 
     def pays(self, work: float) -> bool:
         """Return whether to go on compiled, given how many pieces times pairs there are to do, or have been done."""
@@ -146,7 +147,7 @@ class Run:
         chunk = COMPILED_CHUNK if self.engine == "compiled" else PLAIN_CHUNK
         why, counters = self.kernels(blocks.advance)(self.s, limit, chunk, self.collocation), self.counters
         reached = why == blocks.REACHED or (why == blocks.QUIET and limit < math.inf)
-        self.now = limit if reached else float(counters.t)
+        self.now = limit if reached else float(counters["t"])
         if why == blocks.WANTS_TABLE:
             self.s = with_room_for_a_table(self.s)
             make_table(self.s, self.collocation, self.kernels)
@@ -163,12 +164,12 @@ class Run:
             return Pause.disturbed
         if why != blocks.MORE:
             self.bound = why == blocks.BINDING
-            return Pause.resting if why == blocks.QUIET and counters.rests else WHY[why]
-        if counters.steps >= counters.pause:
-            counters.pause *= 2
+            return Pause.resting if why == blocks.QUIET and counters["rests"] else WHY[why]
+        if counters["steps"] >= counters["pause"]:
+            counters["pause"] *= 2
             if self.rests(limit):
                 return Pause.resting
-        if self.creep is None and self.pays(counters.steps * self.scene.n_pairs):
+        if self.creep is None and self.pays(counters["steps"] * self.scene.n_pairs):
             self.compile()
         return Pause.full
 
@@ -197,20 +198,24 @@ class Run:
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of contacts so far."""
-        return self.origin + float(self.counters.t), int(self.counters.begun)
+        return self.origin + float(self.counters["t"]), int(self.counters["begun"])
 
     def rows(self) -> list[Rows]:
         """Take the contacts that are over, and that nothing can change any more, out of the buffer."""
-        taken = int(self.counters.rows)
+        taken = int(self.counters["rows"])
         if taken == 0:
             return []
         log = self.s.log[:taken]
         rows = packed(log, CONTACT_ROW) if isinstance(log, list) else copied(log)
         over = (rows["pair"] >= 0) & (rows["t_end"] <= self.now)
-        self.kernels(keep_unsettled)(self.s, self.now)
-        if 2 * self.counters.rows > len(self.s.log):
+        if over.all():
+            self.counters["rows"] = 0
+        else:
+            self.kernels(keep_unsettled)(self.s, self.now)
+            rows = rows[over]
+        room = len(self.s.log)
+        if 2 * self.counters["rows"] > room or (self.engine == "compiled" and taken + 2 > room < MOST_ROWS):
             self.s = with_longer_log(self.s)
-        rows = rows if over.all() else rows[over]
         if self.request.on_event is not None:
             rows = rows[np.argsort(rows["t_end"], kind="stable")]
         return [self.dated(rows)]
@@ -246,10 +251,10 @@ class Run:
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended, and bring every pair to where it has come."""
-        r, status, impulse = self.counters, pause.value, [0.0]
-        begun = float(r.t) if self.creep is None else self.creep.start
+        status, impulse = pause.value, [0.0]
+        begun = float(self.counters["t"]) if self.creep is None else self.creep.start
         end = self.request.end - self.origin if pause is Pause.reached else max(begun, self.seen)
-        before, untouched = self.without_queue(), Untouched(self.s, self.inside(end))
+        before, untouched = self.without_queue(), Untouched(self.s, end)
         if self.creep is None:
             while not self.kernels(blocks.expose_all)(self.s, end, self.collocation):
                 self.s = with_more_room(self.s)
@@ -258,7 +263,7 @@ class Run:
             self.now = end
         else:
             impulse = self.creep.finish(end)
-        crept = math.fsum(impulse) if len(impulse) > 1 else 0.0
+        crept, r = math.fsum(impulse) if len(impulse) > 1 else 0.0, plain(self.s.run)[0]
         stats = {
             "engine": "compiled" if self.engine == "compiled" else "plain",
             "steps": int(r.steps), "events": int(r.events), "contacts": int(r.begun),
@@ -277,11 +282,6 @@ class Run:
     def without_queue(self) -> Any:
         """Return the records of a run in which nothing is due any more: of a million balls the queue is large."""
         return self.s._replace(queue=plain(tournament(1)) if isinstance(self.s.run, list) else tournament(1))
-
-    def inside(self, t: float) -> Any:
-        """Number the pairs that are, or may be, in a contact solved at once at time `t`."""
-        clock, lasts, slot = (column(self.s.pairs, name) for name in ("t", "lasts", "slot"))
-        return np.flatnonzero((lasts > 0.0) & (slot < 0) & (clock >= t * (1.0 - 1e-12)))
 
     def message(self, status: Status, r: Any, t: float) -> str:
         """Return the sentence of a status with its numbers."""

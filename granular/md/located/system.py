@@ -176,12 +176,9 @@ def to_plain(s: System) -> System:
 
 
 def to_compiled(s: System) -> System:
-    """Return the run for compiled code: same numbers, same bits; with a log buffer that lasts for a while."""
+    """Return the run for compiled code: same numbers, same bits."""
     records = map(packed, s[:-2], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
-    fast = System._make([*records, np.array(s.answer), np.array(s.work)])
-    log = np.zeros(max(MOST_ROWS, len(s.log)), CONTACT_ROW)
-    log[: len(s.log)] = fast.log
-    return fast._replace(log=log)
+    return System._make([*records, np.array(s.answer), np.array(s.work)])
 
 
 def new_system(columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Until | None, **limits: Any) -> System:
@@ -268,12 +265,17 @@ def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, **limits:
 def mapped(kinds: Any, m_eff: Array) -> None:
     """Note which maps isolated contacts of laws that are power forms have, and their shapes."""
     k, p, gamma, d = (kinds[name] for name in ("k", "p", "gamma", "d"))
+    linear = p == 1.0
+    kinds["map"] = np.where(linear, DASHPOT, np.where((p == 1.5) & (gamma > 0.0) & (d == 0.5), VISCOELASTIC, NO_MAP))
+    if linear.all():
+        return
     shapes = np.full((*k.shape, len(Shape._fields)), np.nan)
-    kinds["map"] = np.where(p == 1.0, DASHPOT, np.where((p == 1.5) & (gamma > 0.0) & (d == 0.5), VISCOELASTIC, NO_MAP))
-    for one in np.unique(p[p != 1.0]):
+    for one in np.unique(p[~linear]):
         free, alike = (p == one) & (gamma == 0.0), (p == one) & (gamma > 0.0) & (d == 0.5 * (p - 1.0))
         shapes[free] = np.transpose(elastic(one))
-        shapes[alike] = np.transpose(damped(one, gamma[alike] / np.sqrt(2.0 * (one + 1.0) * k[alike] * m_eff[alike])))
+        if alike.any():
+            zeta = gamma[alike] / np.sqrt(2.0 * (one + 1.0) * k[alike] * m_eff[alike])
+            shapes[alike] = np.transpose(damped(one, zeta))
     kinds["map"][shapes[..., 0] > 0.0] = SIMILAR
     for name, values in zip(Shape._fields, np.moveaxis(shapes, -1, 0), strict=True):
         kinds[name] = values
@@ -282,11 +284,13 @@ def mapped(kinds: Any, m_eff: Array) -> None:
 def _write_maps(kinds: Any, laws: SceneLaws, scene: Scene) -> None:
     """Note the maps of all kinds of laws that have one; a damping ratio must be the same in all pairs of a kind."""
     mapped(kinds, np.array([law.pair.m_eff for law in laws.each]))
-    kinds["map"][[power_form(law) is None for law in laws.each]] = NO_MAP
-    lightest, heaviest = np.full(len(kinds), np.inf), np.zeros(len(kinds))
-    np.minimum.at(lightest, laws.kind, scene.pairs.m_eff)
-    np.maximum.at(heaviest, laws.kind, scene.pairs.m_eff)
-    kinds["map"][(kinds["map"] == SIMILAR) & (kinds["gamma"] > 0.0) & (lightest < heaviest)] = NO_MAP
+    kinds["map"][kinds["kind"] == GENERAL] = NO_MAP
+    damped = (kinds["map"] == SIMILAR) & (kinds["gamma"] > 0.0)
+    if damped.any():
+        lightest, heaviest = np.full(len(kinds), np.inf), np.zeros(len(kinds))
+        np.minimum.at(lightest, laws.kind, scene.pairs.m_eff)
+        np.maximum.at(heaviest, laws.kind, scene.pairs.m_eff)
+        kinds["map"][damped & (lightest < heaviest)] = NO_MAP
 
 
 def _share_tables(s: System, laws: SceneLaws, scene: Scene) -> None:
