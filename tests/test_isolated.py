@@ -273,6 +273,53 @@ def test_a_law_that_bends_has_no_table_where_it_does(bend, monkeypatch):
         assert new["duration"] == pytest.approx(old["duration"], rel=1e-14)
 
 
+@dataclass(frozen=True)
+class DeadBand:
+    """A soft skin, then nothing, then F = k (ξ - b)."""
+
+    k: float
+    a: float
+    b: float
+
+    def force(self, xi: float, xi_dot: float, pair: gr.Pair) -> float:
+        if xi < self.a:
+            return self.k * xi * (self.a - xi) / self.a
+        return self.k * (xi - self.b) if xi > self.b else 0.0
+
+
+@pytest.mark.parametrize("disturbed", ["resolve", "stop", "ignore"])
+def test_a_force_that_comes_back_is_another_contact(disturbed, monkeypatch):
+    """In one overlap: the table of such a law was one contact where pieces have three."""
+    monkeypatch.setattr(tables, "WARM", 1)
+    scene, law = gr.Scene([1.0, 1.0], [0.1, 0.1], [1e-3], [1.0, 0.0]), DeadBand(1e6, 1e-4, 2e-4)
+    new, old = gr.md.simulate(scene, law, disturbed=disturbed), twin(scene, law)
+    assert new.stats["contacts"] == old.stats["contacts"] == 3
+    assert new.contacts["duration"] == pytest.approx(old.contacts["duration"], rel=1e-13)
+
+
+def test_a_sample_at_the_onset_shows_the_force_that_sets_in():
+    """Rows are right-continuous: a dashpot pushes with γ v at once."""
+    law = gr.LinearDashpot(1e6, 50.0)
+    scene = gr.Scene([1.0, 1.0, 1.0], [0.1] * 3, [2.0**-10, 1.0], [1.0, 0.0, 0.0])
+    new, old = (run(scene, law, t_end=2.0**-8, samples=[0.0, 2.0**-10, 2.0**-9]) for run in (gr.md.simulate, twin))
+    assert new.stats["isolated"] == new.stats["steps"] == 1
+    assert new.force[:, 0].tolist() == [0.0, 50.0, pytest.approx(old.force[2, 0], rel=1e-13)]
+    assert new.gap[1] == pytest.approx([0.0, 1.0], rel=1e-15)
+
+
+def test_the_error_of_a_table_counts_where_it_is_used(monkeypatch):
+    """Not where the contact is disturbed, and solved by pieces after all."""
+    monkeypatch.setattr(tables, "WARM", 1)
+    law = at_random.OwnHertz(1e7)
+    far, near = (gr.Scene([1.0, 1.0, 1.0], [0.1] * 3, [1e-3, gap], [1.0, 0.0, 0.0]) for gap in (1.0, 1e-6))
+    run = gr.md.simulate(far, law, t_end=0.05, engine="plain")
+    assert run.stats["isolated"] == 1
+    assert run.stats["error_estimate"] == run.state["tables"]["error"][0] > 0.0
+    new, old = (run(near, law, until=gr.until.contact(1, 1), engine="plain") for run in (gr.md.simulate, twin))
+    assert new.stats["tables"] == 1
+    assert new.stats["error_estimate"] == old.stats["error_estimate"]
+
+
 # ---- scenes
 
 

@@ -12,7 +12,7 @@ from granular._kernels import kernel
 from granular.md.located.contacts import follow, pushes
 from granular.md.located.pieces import elapsed, fly, force_returns, power, tick, value
 from granular.md.located.plan import join, plan
-from granular.md.located.system import ACTIVE, END, OPEN, PART, RELOAD, RESIDUAL, TURN
+from granular.md.located.system import ACTIVE, BEGIN, END, OPEN, PART, RELOAD, RESIDUAL, TURN
 
 PIECES = 2000
 """Pieces after which a contact is taken to go on forever."""
@@ -36,7 +36,8 @@ def live(s: Any, c: int, left: float, laws: Any) -> tuple[float, float, float, f
     """Take a contact that has just begun on for a time `left`, or until its balls part.
 
     Returns when its force was over (nan: it was not), the place τ on the last piece, the time that passed, and the rate
-    at which they were parting when the force was over. Balls that part are OPEN; what has no end is not.
+    at which they were parting when the force was over. Balls that part are OPEN; what has no end is not, nor what the
+    force comes back to, which is another contact.
     """
     run, member, passed, over, v1 = s.run[0], s.pool[s.pairs[c].slot], 0.0, math.nan, math.nan
     for _ in range(PIECES):
@@ -65,6 +66,8 @@ def live(s: Any, c: int, left: float, laws: Any) -> tuple[float, float, float, f
         if not passed < left:
             return over, tau, passed, v1
         if member.fired == c:
+            if member.what == BEGIN:
+                break
             if member.mode == ACTIVE and (member.what == END or member.what == PART):
                 over, v1 = passed, -member.eta
             happen(member)
@@ -82,7 +85,5 @@ def happen(member: Any) -> None:
         member.loading, member.top, member.eta = 0, member.xi, min(0.0, member.eta)
     elif member.what == RELOAD:
         member.loading, member.xi = 1, member.top
-    elif member.what == PART:
+    else:
         member.mode, member.xi, member.exact = OPEN, 0.0, 0
-    else:  # the force returns
-        member.mode = ACTIVE

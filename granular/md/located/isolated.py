@@ -24,7 +24,7 @@ from granular.md.located.alone import enter, live
 from granular.md.located.contacts import is_awaited, velocity_now
 from granular.md.located.maps import encounter, peaks
 from granular.md.located.pieces import DRIFT, fly, predict, since, tau_at, tick, value
-from granular.md.located.plan import leave
+from granular.md.located.plan import leave, plan
 from granular.md.located.system import ACTIVE, BEGIN, IGNORE, OPEN, RESIDUAL
 from granular.md.located.tables import WANTED, table_of, tabled, tabled_peaks
 
@@ -73,6 +73,8 @@ def meet(s: Any, c: int) -> int:
     isolated = below > 0.0 and above > 0.0
     if not isolated and (run.disturbing != IGNORE or min(below, above) == -math.inf):
         return OTHERWISE
+    if place >= 0:
+        run.error += s.tables[place].error
     tick(pair, pair.wait)
     run.t, run.tail = pair.t, pair.tail
     if run.log > 0:
@@ -120,7 +122,6 @@ def foresee(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
         return t1, t2, v1, v2, CLOSED
     place = table_of(s, c, v) if pair.map >= 0 else CLOSED
     if place >= 0:
-        s.run[0].error += s.tables[place].error
         t1, t2, v1, v2 = tabled(s.tables[place], law.elastic, v)
     elif place != WANTED and s.run[0].disturbing == IGNORE:
         place = PIECES if s.run[0].answered else ALONE
@@ -299,6 +300,8 @@ def look_inside(s: Any, c: int, t: float, xi: Any, eta: Any, force: Any, laws: A
     run, pair = s.run[0], s.pairs[c]
     due, steps, error = pair.due, run.steps, run.error
     tau, member = relive(s, c, t, 0.0, laws), s.pool[pair.slot]
+    if tau == 0.0 and member.mode == ACTIVE:  # its onset, before its first piece
+        plan(run, s.pairs, s.pool, s.bodies, s.work, c, laws)
     deeper, faster = xi[c] - member.xi, eta[c] - member.eta
     xi[c], eta[c] = member.xi, member.eta
     force[c] = max(0.0, value(member.f, tau)) if member.mode == ACTIVE else 0.0
