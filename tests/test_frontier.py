@@ -161,8 +161,8 @@ def test_misuse_is_one_sentence(options, sentence):
 
 
 def test_no_scene_is_one_sentence():
-    for call in (gr.frontier, gr.reference.solve):
-        with pytest.raises(TypeError, match="scene is None: a granular.Scene is needed"):
+    for call in (gr.frontier, reference.solve):
+        with pytest.raises(TypeError, match=r"scene is None: a granular\.Scene is needed"):
             call(None, gr.LinearDashpot(1e6))
 
 

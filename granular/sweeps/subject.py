@@ -123,7 +123,7 @@ def _of_file(path: Path) -> Subject:
     functions = [md.simulate, *([ready.TEMPLATES[name].make] if name else [])]
     about = _about([*functions, Scene], law=law, rule=rule)
     root = tables | {"scene": _lists(cases.options(name) if name else []) | scene}
-    wholes = frozenset().union(*map(whole, functions))
+    wholes = frozenset(name for function in functions for name in whole(function))
     return Subject(str(tables.get("about", path.name)), root, of_tables, about, tables, wholes=wholes)
 
 
