@@ -149,7 +149,7 @@ def grazed(rng: Any, scenes: int, margins: int, monkeypatch: Any) -> Counter[str
     seen: Counter[str] = Counter()
     monkeypatch.setattr(tables, "WARM", 1)
     for i in range(scenes):
-        name, way = str(rng.choice(OWN if i % 8 == 0 else at_random.POWERS)), str(rng.choice(WAYS))
+        name, way = str(rng.choice(OWN if i % 16 == 15 else at_random.POWERS)), str(rng.choice(WAYS))
         one = grazing(rng, name, way)
         made: dict[Any, Any] = {}
         if one is None or not certified(one.scene, one.law, one.contacts, made, monkeypatch):
@@ -176,8 +176,8 @@ def grazed(rng: Any, scenes: int, margins: int, monkeypatch: Any) -> Counter[str
 
 def test_neighbours_that_graze_contacts_of_any_law(monkeypatch):
     """None is missed; none is a false alarm, but below a ceiling, where the flank is convex."""
-    seen = grazed(np.random.default_rng(17), 150, 8, monkeypatch)
-    assert seen["asked"] > 300
+    seen = grazed(np.random.default_rng(17), 30, 32, monkeypatch)
+    assert seen["asked"] > 200
     assert 0.3 < seen["certified"] / seen["asked"] < 0.7
     assert seen["missed"] == 0
     assert seen["false"] == 0
