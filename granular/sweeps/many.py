@@ -38,8 +38,8 @@ class Start(NamedTuple):
 def solve(plan: Plan, points: Sequence[tuple[Any, ...]], answers: Answers) -> list[int]:
     """Solve the cells at these points as far as possible; return those that are left.
 
-    Left are what is refused, has options of its own or laws that are no powers, creeping piles, and contacts that are
-    running at the end and must be followed.
+    Left are what is refused, has options of its own or laws that are no powers, creeping piles, what needs more tables
+    of contacts than there is room for, and contacts that are running at the end and must be followed.
     """
     memory = _memory(plan.key) if plan.subject.ready else {}
     prepared = [_prepared(plan, point, memory) for point in points]

@@ -88,8 +88,8 @@ class Many(NamedTuple):
     Attributes
     ----------
     status : (S,) int array
-        Place in `Status` of why the run ended; -1 if it is left to `granular.md.simulate`, as piles that may creep and
-        laws that no power series follows.
+        Place in `Status` of why the run ended; -1 if it is left to `granular.md.simulate`, as piles that may creep,
+        laws that no power series follows, and contacts of more octaves of speed than there is room for tables (8).
     time : (S,) array
         When it ended, in s.
     counts : (S, n-1) int array
