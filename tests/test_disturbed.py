@@ -1,4 +1,4 @@
-"""`disturbed="stop"` against whole runs by pieces, `disturbed="ignore"` against soft event-driven simulation by hand."""
+"""`disturbed="stop"` against whole runs by pieces, "ignore" against soft event-driven simulation by hand."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def by_hand(scene: gr.Scene, laws: Any, count: int) -> list[tuple[int, float, fl
         one = gr.binary.collision(laws[c], scene.pairs[c], -rate[c])
         lasts = one.duration + getattr(laws[c], "gamma", 0.0) / laws[c].k
         end, share = due[c] + lasts, inverse[c : c + 2] / (inverse[c] + inverse[c + 1])
-        for f, of, body in ((c - 1, share[0], c - 1), (c + 1, share[1], c + 2)):
+        for f, of in ((c - 1, share[0]), (c + 1, share[1])):
             if 0 <= f < scene.n_pairs:
                 gap[f] += rate[f] * (end - at[f]) + of * rate[c] * lasts
                 at[f] = end

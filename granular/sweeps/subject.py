@@ -120,7 +120,7 @@ def _of_file(path: Path) -> Subject:
     scene, name = tables["scene"], tables["scene"].get("name")
     law, rule = ([kinds[table["type"]] for table in _entries(tables.get(part))]
                  for part, kinds in (("law", build.LAWS), ("rule", build.RULES)))
-    functions = [md.simulate, *([ready.TEMPLATES[name].make] if name else [])]
+    functions: list[Callable[..., Any]] = [md.simulate, *([ready.TEMPLATES[name].make] if name else [])]
     about = _about([*functions, Scene], law=law, rule=rule)
     root = tables | {"scene": _lists(cases.options(name) if name else []) | scene}
     wholes = frozenset(name for function in functions for name in whole(function))
