@@ -5,6 +5,7 @@ Takes some twenty minutes; prints the cells of the default methods that are not 
 
 from __future__ import annotations
 
+import math
 import re
 import sys
 from dataclasses import replace
@@ -40,8 +41,9 @@ def main(paths: list[str]) -> None:
     if left:
         lines.append("Of the default methods, not right and not flagged:\n")
     for cell in left:
-        lines.append(f"* {cell.verdict.name}, {cell.method}, {cell.axis}: {cell.case} [{cell.truth}], error "
-                     f"{cell.error:.2g}, tolerance {cell.tolerance:.2g}; {cell.said}")  # fmt: skip
+        error = "" if math.isnan(cell.error) else f", error {cell.error:.2g}, tolerance {cell.tolerance:.2g}"
+        name = f"{cell.verdict.name}, {cell.method}, {cell.axis}: {cell.case} [{cell.truth}]"
+        lines.append(f"* {name}{error}; {cell.said}")
     text = "\n".join(lines)
     print(text)
     page = PAGE.read_text(encoding="utf-8")

@@ -161,6 +161,11 @@ def worth(function: Callable[..., Any], work: float, warm: float, cold: float, i
     return work >= cold or in_memory(function, inline) or on_disk(function, inline)
 
 
+def interpreted(function: F) -> F:
+    """Return a kernel as it stands: what `compiled` is for the other engine."""
+    return function
+
+
 @cache
 def compiled(function: Callable[..., Any], signature: Any = None, inline: bool = False) -> Callable[..., Any]:
     """Return the compiled twin of a kernel, with the kernels it calls compiled as well.

@@ -160,6 +160,12 @@ def test_misuse_is_one_sentence(options, sentence):
         gr.frontier(scene, law, **(end | options))
 
 
+def test_no_scene_is_one_sentence():
+    for call in (gr.frontier, reference.solve):
+        with pytest.raises(TypeError, match=r"scene is None: a granular\.Scene is needed"):
+            call(None, gr.LinearDashpot(1e6))
+
+
 def test_command(coarse, capsys, tmp_path):
     out = tmp_path / "out.json"
     line = f"frontier three-balls --restitution 1 --methods located edmd --repeats 1 --json {out}"

@@ -73,6 +73,20 @@ def test_solve_many_is_simulate_many_times(engine: str) -> None:
         assert list(Status)[many.status[i]] is soft.status
 
 
+def test_cells_that_want_more_tables_than_there_is_room_for_get_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ball that bounces through the octaves of speed, each with a table; single runs make room, to the same bits."""
+    monkeypatch.setattr(sys.modules["granular.md.located.tables"], "WARM", 1)
+    monkeypatch.setattr(sys.modules["granular.md.located.system"], "TABLES", 2)
+    ball, k = Scene([math.inf, 1.0], [0.0, 0.1], [0.5], [0.0, 0.0], 9.81), 1e9
+    ends, gamma = [0.4, 0.78], 0.8 * k**0.6
+    scenes = Scenes(ball.mass, [ball.gap] * 2, ball.velocity, [[k, 1.5, gamma, 0.5]], 9.81)
+    many = solve_many(scenes, t_end=ends, leave_piles=False, engine="plain")
+    alone = [run(ball, (ViscoelasticHertz(k, gamma),), t_end=end, engine="plain") for end in ends]
+    assert alone[0].stats["tables"] <= 2 < alone[1].stats["tables"]
+    assert many.status.tolist() == [list(Status).index(Status.time)] * 2
+    assert many.rate[:, 0].tolist() == [one.velocity[-1, 1] for one in alone]
+
+
 ROW = Scene([1.0] * 60, [0.1] * 60, [0.3, *[0.0] * 58], [1.0, *[0.0] * 59])
 COUPLES = Scene([1.0] * 80, [0.1] * 80, [0.1, 1.0] * 39 + [0.1], [1.0, -1.0] * 40)
 

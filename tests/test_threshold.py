@@ -126,6 +126,23 @@ def test_everywhere_and_a_change_at_zero():
     assert abs(away.crossings[0].value) < 1e-9
 
 
+def doubled(n: int):
+    """Contacts are over before the next one, 0.01 s later, if π/√k is less."""
+    return two_hits(0.99, k=10.0 * 4.0**n)
+
+
+def test_of_whole_numbers_only_whole_ones_are_tried():
+    found = gr.threshold(doubled, "n", (1, 20), points=4, within=1e-6)
+    tried = [one.value for one in found.values]
+    assert all(value.is_integer() for value in tried)
+    assert found.undecided == ()
+    (crossing,) = found.crossings
+    assert (crossing.low.value, crossing.high.value) == (6.0, 7.0)
+    assert gr.threshold("column", "n", (1, 4), points=3).undecided == ()
+    with pytest.raises(ValueError, match=r"between is \(1e-06, 0.01\): n is a whole number, and whole ends are needed"):
+        gr.threshold("column", "n")
+
+
 @pytest.mark.parametrize(("change", "sentence"), [
     ({"over": "gaps"}, "gap"), ({"over": 3}, "over is 3"), ({"between": (1e-2, 1e-6)}, "must be the smaller one"),
     ({"between": (0.0, 1.0)}, "choose 'linear'"), ({"between": (1e-6,)}, "two numbers are needed"),

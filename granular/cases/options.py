@@ -40,6 +40,12 @@ def options_of(function: Callable[..., Any]) -> list[Option]:
             for p in parameters if p.default is not p.empty]
 
 
+def whole(function: Callable[..., Any]) -> frozenset[str]:
+    """Return the names of the parameters of `function` that are whole numbers, by their annotations."""
+    parameters = inspect.signature(function).parameters.values()
+    return frozenset(p.name for p in parameters if p.annotation in (int, "int"))
+
+
 def descriptions(function: Callable[..., Any]) -> dict[str, str]:
     """Return what the Parameters section of a NumPy-style docstring says of each parameter, on one line each.
 

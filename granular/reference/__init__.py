@@ -20,6 +20,7 @@ from granular.reference import restarted, taylor
 from granular.reference.log import Reference, ReferenceContact, distance
 from granular.reference.taylor import fraction
 from granular.scene import Scene
+from granular.scene import checked as a_scene
 
 __all__ = ["Reference", "ReferenceContact", "solve"]
 
@@ -57,7 +58,7 @@ def solve(
     ValueError
         If the scene does not come to an end.
     """
-    laws = checked(law, scene)
+    laws = checked(law, a_scene(scene))
     stop.checked(until, scene.n_pairs)
     end = None if t_end is None else _check.number("t_end", t_end, at_least=0.0)
     whole = _check.whole("digits", digits, at_least=20, at_most=200)

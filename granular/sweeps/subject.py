@@ -21,7 +21,7 @@ from granular import _check, cases, md
 from granular._describe import scene_to_json
 from granular.cases import Case, build, ready
 from granular.cases.load import of_tables, tables_of
-from granular.cases.options import descriptions, options_of
+from granular.cases.options import descriptions, options_of, whole
 from granular.scene import Scene
 
 _NAME = re.compile(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*")
@@ -49,6 +49,8 @@ class Subject:
         What decides about the answers besides the parameters, for a file to tell sweeps apart.
     ready : str
         The name of the case if it is a ready-made one.
+    wholes : set of str
+        Names of parameters that are whole numbers.
     """
 
     title: str
@@ -57,6 +59,7 @@ class Subject:
     about: Mapping[str, str]
     text: Any
     ready: str = ""
+    wholes: frozenset[str] = frozenset()
 
     def way(self, name: str) -> Way:
         """Return the path of a parameter from the root.
@@ -77,6 +80,10 @@ class Subject:
         parts = (part for part in PARTS if way[0] in _numbers(_numbers(self.root).get(part)))
         return next(parts, "run" if way[0] == "t_end" else "scene"), *way
 
+    def is_whole(self, name: str) -> bool:
+        """Return whether a parameter is a whole number."""
+        return str(self.way(name)[-1]) in self.wholes
+
     def attributes(self, name: str) -> dict[str, str]:
         """Unit, label for plots and description of a parameter, from the docstring that has them."""
         words = [step for step in self.way(name) if isinstance(step, str) and step not in ("scene", "run")]
@@ -95,13 +102,15 @@ def subject_of(given: Any) -> Subject:
         return Subject(case.about or repr(case.scene), case, replace, about, text)
     if callable(case):
         title = getattr(case, "__qualname__", repr(case))
-        return Subject(title, _lists(options_of(case)), partial(_call, case), descriptions(case), title)
+        return Subject(title, _lists(options_of(case)), partial(_call, case), descriptions(case), title,
+                       wholes=whole(case))
     if ready.is_file(case):
         return _of_file(Path(case))
     name = _check.choice("scene", case, cases.names())
     options = cases.options(name)
     about = {option.name: option.about for option in options} | {"t_end": ""}
-    return Subject(name, _lists(options), partial(_call, partial(cases.make, name)), about, name, name)
+    return Subject(name, _lists(options), partial(_call, partial(cases.make, name)), about, name, name,
+                   whole(ready.TEMPLATES[name].make))
 
 
 def _of_file(path: Path) -> Subject:
@@ -111,9 +120,11 @@ def _of_file(path: Path) -> Subject:
     scene, name = tables["scene"], tables["scene"].get("name")
     law, rule = ([kinds[table["type"]] for table in _entries(tables.get(part))]
                  for part, kinds in (("law", build.LAWS), ("rule", build.RULES)))
-    about = _about([md.simulate, Scene, *([ready.TEMPLATES[name].make] if name else [])], law=law, rule=rule)
+    functions: list[Callable[..., Any]] = [md.simulate, *([ready.TEMPLATES[name].make] if name else [])]
+    about = _about([*functions, Scene], law=law, rule=rule)
     root = tables | {"scene": _lists(cases.options(name) if name else []) | scene}
-    return Subject(str(tables.get("about", path.name)), root, of_tables, about, tables)
+    wholes = frozenset(name for function in functions for name in whole(function))
+    return Subject(str(tables.get("about", path.name)), root, of_tables, about, tables, wholes=wholes)
 
 
 def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:

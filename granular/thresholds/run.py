@@ -47,7 +47,8 @@ def threshold(
     scene : str, path, callable, Case or Scene
         What to ask about, as in `granular.sweep`.
     over : str
-        The parameter, as in `granular.sweep`: gap, stiffness, gap[1], law.k, …
+        The parameter, as in `granular.sweep`: gap, stiffness, gap[1], law.k, … Of one that is annotated as ``int``
+        only whole numbers are tried.
     between : two floats
         First and last value to scan, in SI units.
     criterion : {"isolated", "error"}
@@ -91,6 +92,8 @@ def threshold(
     grid = SPACINGS[spacing](low, high, number)
     grid[[0, -1]] = low, high
     plan = planned(scene, {over: grid}, (), fixed, run or {})
+    if plan.subject.is_whole(over):
+        grid = _wholes(over, grid)
     values = _judged(plan, asked, limit, grid.tolist(), width, on_progress)
     units, judged_by = plan.subject.attributes(over)["units"], limit if criterion == "error" else math.nan
     return Threshold(plan.subject.title, over, units, (low, high), criterion, judged_by, width, number, spacing,
@@ -109,22 +112,31 @@ def _ends(between: Any, spacing: str) -> tuple[float, float]:
     return low, high
 
 
+def _wholes(over: str, grid: Array) -> Array:
+    """Return the whole numbers next to those of a grid, each once."""
+    low, high = grid[[0, -1]].tolist()
+    if not (low.is_integer() and high.is_integer()):
+        raise ValueError(f"between is ({low!r}, {high!r}): {over} is a whole number, and whole ends are needed.")
+    return np.unique(np.round(grid))
+
+
 def _judged(
     plan: Plan, asked: Criterion, limit: float, grid: list[float], within: float,
     on_progress: Callable[[float, int], object] | None,
 ) -> tuple[Value, ...]:
     """Every value that was tried, ascending."""
     refused: list[str] = []
+    whole = plan.subject.is_whole(plan.names[0])
 
     def judge(value: float) -> Value:
         try:
-            return Value(value, *asked.judge(plan.case((value,)), limit))
+            return Value(value, *asked.judge(plan.case((int(value) if whole else value,)), limit))
         except REFUSED as refusal:
             refused.append(str(refusal))
             return Value(value, UNDECIDED, math.nan, str(refusal))
 
     found: list[Value] = []
-    for one in scanned(judge, grid, within):
+    for one in scanned(judge, grid, within, whole):
         found.append(one)
         if len(found) == len(refused) == len(grid):
             raise ValueError(refused[0])

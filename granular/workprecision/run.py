@@ -20,6 +20,7 @@ from granular.laws.check import checked
 from granular.md.integrators import INTEGRATORS as FIXED
 from granular.reference import Reference, solve
 from granular.scene import Scene
+from granular.scene import checked as a_scene
 from granular.tables import Report, machine
 from granular.workprecision import figure, table
 from granular.workprecision.methods import Method, Task, expected_order, own
@@ -105,7 +106,7 @@ def frontier(
     Errors are the same, to the last digit, each time; run times (of the processor, on one core) are not. Number and
     place of the settings follow from the reference, not from the clock.
     """
-    laws = checked(law, scene).given
+    laws = checked(law, a_scene(scene)).given
     stop.checked(until, scene.n_pairs)
     chosen = METHODS if methods is None else tuple(_check.choice("methods", name, METHODS) for name in methods)
     _check.callback("on_progress", on_progress)

@@ -14,7 +14,7 @@ from granular._kernels import kernel
 from granular.md.located.contacts import follow, pushes
 from granular.md.located.pieces import elapsed, fly, force_returns, power, tick, value
 from granular.md.located.pool import join
-from granular.md.located.system import ACTIVE, END, OPEN, PART, RELOAD, RESIDUAL, TURN
+from granular.md.located.system import ACTIVE, BEGIN, END, OPEN, PART, RELOAD, RESIDUAL, TURN
 
 PIECES = 2000
 """Pieces after which a contact is taken to go on forever."""
@@ -39,7 +39,7 @@ def follow_alone(s: Any, c: int, left: float) -> None:
 
     `planned` does it, and leaves in the record of the run when its force was over (nan: it was not), the rate at which
     the balls were parting then, the time that has passed, and the place τ on the last piece. Balls that part are OPEN;
-    what has no end is not.
+    what has no end is not, nor what the force comes back to, which is another contact.
     """
     run = s.run[0]
     run.alone, run.pieces, run.left, run.passed, run.at = c, 0, left, 0.0, 0.0
@@ -50,7 +50,7 @@ def follow_alone(s: Any, c: int, left: float) -> None:
 def has_piece(s: Any) -> bool:
     """Return whether the contact that is followed alone has a next piece; what runs off flies on as far as it may."""
     run, member = s.run[0], s.pool[s.pairs[s.run[0].alone].slot]
-    if not run.left > run.passed or run.pieces == PIECES or member.mode == OPEN:
+    if not (run.left > run.passed or run.pieces < 0) or run.pieces == PIECES or member.mode == OPEN:
         return False
     run.pieces += 1
     if member.mode != RESIDUAL or pushes(member):
@@ -85,6 +85,8 @@ def goes_on(s: Any) -> bool:
         run.at = tau
         return False
     if member.fired == c:
+        if member.what == BEGIN:
+            return False
         if member.mode == ACTIVE and (member.what == END or member.what == PART):
             run.over, run.parting = run.passed, -member.eta
         happen(member)
@@ -100,7 +102,5 @@ def happen(member: Any) -> None:
         member.loading, member.top, member.eta = 0, member.xi, min(0.0, member.eta)
     elif member.what == RELOAD:
         member.loading, member.xi = 1, member.top
-    elif member.what == PART:
+    else:
         member.mode, member.xi, member.exact = OPEN, 0.0, 0
-    else:  # the force returns
-        member.mode = ACTIVE

@@ -95,6 +95,7 @@ def look_inside(s: Any, c: int, t: float) -> int:
     if c < len(s.pairs):
         run.before_due, run.before_steps, run.before_error = s.pairs[c].due, run.steps, run.error
         relive(s, c, t, 0.0)
+        run.pieces = -1  # one at least: at its very onset too
     return c
 
 

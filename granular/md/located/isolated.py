@@ -71,6 +71,8 @@ def meet(s: Any, c: int) -> int:
     isolated = below > 0.0 and above > 0.0
     if not isolated and (run.disturbing != IGNORE or min(below, above) == -math.inf):
         return OTHERWISE
+    if place >= 0:
+        run.error += s.tables[place].error
     tick(pair, pair.wait)
     run.t, run.tail = pair.t, pair.tail
     if run.log > 0:
@@ -118,7 +120,6 @@ def foresee(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
         return t1, t2, v1, v2, CLOSED
     place = table_of(s, c, v) if pair.map >= 0 else CLOSED
     if place >= 0:
-        s.run[0].error += s.tables[place].error
         t1, t2, v1, v2 = tabled(s.tables[place], law.elastic, v)
     elif place != WANTED and s.run[0].disturbing == IGNORE:
         place = PIECES if s.run[0].answered else ALONE

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from granular import until as stop
 from granular._check import Array
-from granular._kernels import compiled, kernel
+from granular._kernels import compiled, interpreted, kernel
 from granular._tournament import play
 from granular.md.located.blocks import (
     MORE,
@@ -161,15 +161,13 @@ def _solved(s: System, end: Array, engine: str) -> Many:
     result["why"] = MORE
     for name in ("t_end", "v_lower", "v_upper", "longest"):
         last[name] = math.nan
-    scratch: Any = np.zeros((3, last.shape[-1]))
+    scratch, many, i = np.zeros((3, last.shape[-1])), s, 0
+    given: Any = end, COMPILED_CHUNK, result, last, scratch
     kernels: Any = compiled  # for types of a single run: less to compile
-    rows: Any = result, last
-    many: Any = s
     if engine == "plain":
-        many, end, scratch, rows = to_plain(s), end.tolist(), scratch.tolist(), [row.view(np.recarray) for row in rows]
-        kernels = lambda kernel: kernel  # noqa: E731
-    i = 0
-    while (i := kernels(solve_rows)(many, end, COMPILED_CHUNK, *rows, scratch, i)) < len(result):
+        rows, many = (result.view(np.recarray), last.view(np.recarray)), to_plain(s)
+        given, kernels = (end.tolist(), COMPILED_CHUNK, *rows, scratch.tolist()), interpreted
+    while (i := kernels(solve_rows)(many, *given, i)) < len(result):
         many = with_room_for_a_table(many, i)
         make_table(scene_of(many, i), None, kernels)
     status = np.array([CODES.get(code, -1) for code in range(WANTS_CONTACT + 1)])[result["why"]]

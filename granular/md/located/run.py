@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._kernels import compiled, in_memory, worth
+from granular._kernels import compiled, in_memory, interpreted, worth
 from granular._records import column, copied, packed, plain
 from granular._tournament import replay, tournament
 from granular.drive import End, Pause, Row, Rows
@@ -96,7 +96,7 @@ class Run:
         if state is not None:
             self.s = restored(self.s, state)
         self.collocation = Collocation(laws) if self.s.kinds["kind"][0] == GENERAL else None
-        self.kernels: Callable[[Any], Any] = lambda kernel: kernel
+        self.kernels: Callable[[Any], Any] = interpreted
         if engine == "compiled" or self.pays(scene.n_pairs):  # to launch is a piece of every pair
             self.compile()
         else:
@@ -192,7 +192,7 @@ class Run:
         load = column(s.bodies, "load")[1 : piled + 1]
         if swinging(members[:piled], load) < most:
             self.checkpoint = Checkpoint(deepcopy(s), {"origin": self.origin, "creeping": True})
-            self.s, self.kernels = s, lambda kernel: kernel
+            self.s, self.kernels = s, interpreted
             above = members[piled] if piled < self.scene.n_pairs else None
             self.creep = Creep(members[:piled], load, above, s.bodies[0].v - s.bodies[-1].v)
 

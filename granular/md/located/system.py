@@ -18,7 +18,7 @@ import numpy as np
 
 from granular import until as stop
 from granular._check import Array
-from granular._records import column, packed, plain
+from granular._records import packed, plain
 from granular._roots import DEEPEST, workspace
 from granular._tournament import NODE, tournament
 from granular.laws.contact_law import Form, PairLaw
@@ -228,8 +228,8 @@ def with_more_room(s: System) -> System:
 
 def with_room_for_a_table(s: System, i: int = 0) -> System:
     """Return the run, or many of which it is the i-th, with tables twice as many if all are taken."""
-    run = s.run if np.ndim(s.run) == 1 else s.run[i]
-    if int(column(run, "tables")[0]) < len(s.tables):
+    of_many = isinstance(s.run[0], list) or np.ndim(s.run) > 1
+    if int((s.run[i][0] if of_many else s.run[0])["tables"]) < len(s.tables):
         return s
     fresh = np.zeros(len(s.tables), TABLE)
     return s._replace(tables=s.tables + plain(fresh) if isinstance(s.tables, list) else np.append(s.tables, fresh))
