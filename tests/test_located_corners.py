@@ -263,3 +263,19 @@ def test_no_step_leaves_the_range_of_numbers(engine):
     laws = [gr.TsujiHertz(273643416.5451523, 0.0245764090442006), gr.TsujiHertz(301829304.494987, 2.0)]
     run = gr.md.simulate(scene, laws, t_end=0.0118, engine=engine)
     assert 0.0 < run.stats["error_estimate"] < 1e-13
+
+
+@pytest.mark.parametrize("law", [gr.Hertz(1e6), gr.ViscoelasticHertz(1e6, 1e3), gr.PowerLaw(1e6, 2.0)],
+                         ids=lambda law: type(law).__name__)  # fmt: skip
+def test_rows_that_touch_at_a_coarse_tolerance(law):
+    """What steps leave out must not wake pairs that lie still: no contacts of rounding, errors of tol."""
+    rng = np.random.default_rng(29)
+    for _ in range(3):
+        n = int(rng.integers(4, 14))
+        scene = gr.Scene(np.ones(n), np.full(n, 0.1), np.zeros(n - 1), rng.uniform(0.1, 10.0) * np.eye(n)[0])
+        fine = gr.md.simulate(scene, law, until=SEPARATED, max_events=60, engine="plain")
+        for tol in (1e-3, 1e-5, 1e-7, 1e-10):
+            run = gr.md.simulate(scene, law, until=SEPARATED, max_events=60, engine="plain", tol=tol)
+            assert len(run.contacts) <= len(fine.contacts)  # damped balls may drift together again, late or not at all
+            assert np.abs(run.velocity[-1] - fine.velocity[-1]).max() < 1e3 * tol * scene.velocity[0]
+            assert run.stats["steps"] < fine.stats["steps"]

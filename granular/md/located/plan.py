@@ -53,7 +53,7 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
         block.h = REACH / fastest
     else:
         measure(pairs, pool, lo, hi)
-        block.clock = choose_clock(pairs, pool, lo, hi)
+        block.clock = choose_clock(pairs, pool, lo, hi, run.tol)
         block.h = scale(pairs, pool, lo, hi)
     settle_series(run, pairs, pool, lo, laws)
     if block.linear == 0 and laws is None:

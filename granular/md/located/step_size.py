@@ -31,8 +31,9 @@ JUST = 1e-15
 the block, located to rounding, leaves of a touch at the same instant."""
 SHALLOW = 0.1
 """Part of its typical overlap below which a pair's force may be about to grow by many orders."""
-DORMANCY = 1e-17
-"""A pair that touches at rest, or on a clock that does not suit it, sleeps up to this part of the typical overlap."""
+DORMANCY, ASLEEP = 1e-17, 0.1
+"""A pair that touches at rest, or on a clock that does not suit it, sleeps up to this part of the typical overlap; or to
+so many times the tolerance, below which its overlap is what steps leave out."""
 
 
 @kernel
@@ -102,9 +103,9 @@ def amplitude(pair: Any, square: float) -> float:
 
 
 @kernel
-def choose_clock(pairs: Any, pool: Any, lo: int, hi: int) -> int:
+def choose_clock(pairs: Any, pool: Any, lo: int, hi: int, tol: float) -> int:
     """Return q of the clock t = (hτ)^q: 1, or that of pairs just touched; those it does not suit go dormant."""
-    q = 1
+    q, asleep = 1, max(DORMANCY, ASLEEP * tol)
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         if pair.xi == 0.0 and is_curved(pair) and q % pair.q != 0:
@@ -119,10 +120,10 @@ def choose_clock(pairs: Any, pool: Any, lo: int, hi: int) -> int:
         if is_curved(pair) and pair.eta > 0.0 and pair.xi > 0.0:
             if pair.xi < JUST * pair.own_length and q % pair.q == 0 and q * pair.p <= STEEPEST:
                 pair.xi = 0.0
-            elif pair.xi < 0.5 * DORMANCY * pair.own_length:
+            elif pair.xi < 0.5 * asleep * pair.own_length:
                 pair.mode = DORMANT
         if pair.mode == DORMANT:
-            pair.wake = DORMANCY * pair.own_length
+            pair.wake = asleep * pair.own_length
     return q
 
 
