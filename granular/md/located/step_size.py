@@ -32,8 +32,8 @@ the block, located to rounding, leaves of a touch at the same instant."""
 SHALLOW = 0.1
 """Part of its typical overlap below which a pair's force may be about to grow by many orders."""
 DORMANCY, ASLEEP = 1e-17, 0.1
-"""A pair that touches at rest, or on a clock that does not suit it, sleeps up to this part of the typical overlap; or to
-so many times the tolerance, below which its overlap is what steps leave out."""
+"""A pair that touches at rest, or on a clock that does not suit it, sleeps up to this part of the typical overlap, or
+to so many times the tolerance: below it, its overlap is what steps leave out."""
 
 
 @kernel
