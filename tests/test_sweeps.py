@@ -386,6 +386,7 @@ def test_the_command_sweeps_a_file(mine, capsys):
 @pytest.mark.parametrize(("over", "sentence"), [
     ("gab[1]=1,2", "'gab' is no parameter of Scene("),
     ("gap[7]=1,2", "gap[7] is asked for, and gap has 2 entries, counted from 0"),
+    ("gap=1,2", "gap is one parameter for 2 entries: name one of them, such as gap[0]."),
     ("gravity[0]=1,2", "'gravity[0]' is no parameter: gravity is a single value"),
     ("law[0].kk=1,2", "'kk' is no parameter of LinearDashpot("),
     ("mass[1]=-1,-2", "mass[1] is -1.0: a mass must be positive"),

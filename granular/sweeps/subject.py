@@ -130,6 +130,8 @@ def _of_file(path: Path) -> Subject:
 def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
     """Return `holder` with the number at the end of `way` changed; a word asks every entry of a list for it."""
     if not way:
+        if isinstance(holder, np.ndarray) and np.ndim(value) == 0:
+            raise ValueError(f"{name} is one parameter for {len(holder)} entries: name one of them, such as {name}[0].")
         return value
     step, rest = way[0], way[1:]
     entries = isinstance(holder, (list, tuple, np.ndarray))
