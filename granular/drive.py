@@ -79,6 +79,8 @@ class Run(Protocol):
     ----------
     request : Request
         What is asked of it.
+    start : float
+        Time in s at which the scene stood as it says.
     law, rule : tuple or None
         As in `granular.Trajectory`.
     in_order : bool
@@ -87,6 +89,7 @@ class Run(Protocol):
 
     request: Request
     scene: Scene
+    start: float
     law: Any
     rule: Any
     in_order: bool
@@ -132,9 +135,9 @@ def drive(run: Run) -> Trajectory:
     time, elapsed, gap, velocity, rate, force = columns
     columns.clear()
     if velocity is None:
-        velocity, rate = velocities(run.scene, rate, elapsed), None
+        velocity, rate = velocities(run.scene, rate, elapsed, run.start), None
     return Trajectory(
-        scene=run.scene, law=run.law, rule=run.rule, time=time, position=positions(run.scene, gap, elapsed),
+        scene=run.scene, law=run.law, rule=run.rule, time=time, position=positions(run.scene, gap, elapsed, run.start),
         velocity=velocity, gap=gap, force=force,
         contacts=log if run.in_order else _sorted(log), status=end.status,
         message=end.message, stats=end.stats, state=end.state,

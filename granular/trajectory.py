@@ -225,7 +225,7 @@ EARLY = (Status.collapse, Status.max_events, Status.unstable)
 def points(run: Trajectory) -> Array:
     """Positions in m of the same bodies with their radii taken out, from 0 on, shape (T, n): touching ones coincide."""
     scene = run.scene.replace(radius=np.zeros(run.scene.n), origin=0.0)
-    return positions(scene, run.gap, run.time - run.time[0])
+    return positions(scene, run.gap, run.time - run.time[0], float(run.time[0]))
 
 
 def grouped(key: Any, n: int) -> tuple[Any, Any]:
