@@ -202,6 +202,11 @@ class Scene:
         return self.floor is not None or self.ceiling is not None
 
     @property
+    def worked(self) -> bool:
+        """Whether a wall moves, and so does work on the balls."""
+        return self.driven or bool((self.is_wall & (self.velocity != 0.0)).any())
+
+    @property
     def fall(self) -> Array:
         """Acceleration of every body in free flight in m/s², shape (n,), upwards positive: 0 for a wall."""
         fall = np.where(self.is_wall, 0.0, -self.gravity)
