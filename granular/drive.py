@@ -40,7 +40,8 @@ class Pause(Enum):
 
 class Row(NamedTuple):
     """The scene at a time in s, `elapsed` seconds after the start: gaps in m; velocities of bodies or rates of gaps in
-    m/s, whatever the engine goes by; forces in N if there are any."""
+    m/s, whatever the engine goes by; forces in N if there are any; in J since the start, where walls move: work of the
+    floor and of the ceiling, heat of both, what was dissipated."""
 
     time: float
     elapsed: float
@@ -48,6 +49,7 @@ class Row(NamedTuple):
     velocity: Array | None = None
     rate: Array | None = None
     force: Array | None = None
+    ledger: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,8 @@ class Run(Protocol):
     ----------
     request : Request
         What is asked of it.
+    start : float
+        Time in s at which the scene stood as it says.
     law, rule : tuple or None
         As in `granular.Trajectory`.
     in_order : bool
@@ -87,6 +91,7 @@ class Run(Protocol):
 
     request: Request
     scene: Scene
+    start: float
     law: Any
     rule: Any
     in_order: bool
@@ -129,13 +134,13 @@ def drive(run: Run) -> Trajectory:
     log = contacts(settled if request.log else [])
     columns: list[Any] = [None if column[0] is None else np.array(column) for column in zip(*kept, strict=True)]
     kept.clear()  # rows of a million balls are large
-    time, elapsed, gap, velocity, rate, force = columns
+    time, elapsed, gap, velocity, rate, force, ledger = columns
     columns.clear()
     if velocity is None:
-        velocity, rate = velocities(run.scene, rate, elapsed), None
+        velocity, rate = velocities(run.scene, rate, elapsed, run.start), None
     return Trajectory(
-        scene=run.scene, law=run.law, rule=run.rule, time=time, position=positions(run.scene, gap, elapsed),
-        velocity=velocity, gap=gap, force=force,
+        scene=run.scene, law=run.law, rule=run.rule, time=time, position=positions(run.scene, gap, elapsed, run.start),
+        velocity=velocity, gap=gap, force=force, ledger=ledger,
         contacts=log if run.in_order else _sorted(log), status=end.status,
         message=end.message, stats=end.stats, state=end.state,
     )  # fmt: skip

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular import _check
+from granular import walls as walls_module
 from granular._check import Array
 from granular.pair import Pair, Pairs, checked_pair
 
@@ -37,6 +38,11 @@ class Scene:
         g ≥ 0 in m/s², pulling down (towards smaller x).
     origin : float
         Position of body 0 in m: its centre if it is a ball, its surface if it is a wall.
+    external_force : (n,) array, optional
+        Constant forces in N on the balls, upwards positive; 0 for a wall. Kept as None if all are 0.
+    floor, ceiling : granular.walls.Sine, Piecewise or Motion, optional
+        How the first and the last body move if they are walls, beside their constant velocity v: a wall stands at
+        x_w(t) = start + v·(t - t_start) + m(t) - m(t_start), where start is what origin and gaps say.
 
     Raises
     ------
@@ -55,6 +61,9 @@ class Scene:
     velocity: Array
     gravity: float = 0.0
     origin: float = 0.0
+    external_force: Array | None = None
+    floor: Any = None
+    ceiling: Any = None
 
     def __init__(
         self,
@@ -64,6 +73,10 @@ class Scene:
         velocity: ArrayLike,
         gravity: float = 0.0,
         origin: float = 0.0,
+        *,
+        external_force: ArrayLike | None = None,
+        floor: Any = None,
+        ceiling: Any = None,
     ) -> None:
         m = _check.array("mass", mass)
         n = len(m)
@@ -85,6 +98,9 @@ class Scene:
         g = _check.number("gravity", gravity, at_least=0.0, fix="gravity pulls down, its sign is built in")
         x0 = _check.number("origin", origin)
         self.__dict__.update(mass=m, radius=r, gap=d, velocity=v, gravity=g, origin=x0)
+        self.__dict__["external_force"] = _forces(external_force, walls)
+        self.__dict__["floor"] = walls_module.checked("floor", floor, bool(walls[0]))
+        self.__dict__["ceiling"] = walls_module.checked("ceiling", ceiling, bool(walls[-1]))
 
     @classmethod
     def from_positions(
@@ -111,7 +127,9 @@ class Scene:
     def _key(self) -> tuple[Any, ...]:
         """All numbers as one value; -0.0 is 0.0."""
         arrays = self.mass, self.radius, self.gap, self.velocity
-        return (*((array + 0.0).tobytes() for array in arrays), self.gravity, self.origin)
+        force = None if self.external_force is None else (self.external_force + 0.0).tobytes()
+        return (*((array + 0.0).tobytes() for array in arrays), self.gravity, self.origin, force, self.floor,
+                self.ceiling)  # fmt: skip
 
     def __eq__(self, other: object) -> bool:
         return self._key == other._key if isinstance(other, Scene) else NotImplemented
@@ -174,10 +192,33 @@ class Scene:
         return Pairs(light / (1.0 + light / heavy), r_eff)
 
     @property
+    def motions(self) -> tuple[Any, Any]:
+        """How the first and the last body move beside their constant velocity; None if they do not."""
+        return self.floor, self.ceiling
+
+    @property
+    def driven(self) -> bool:
+        """Whether a wall moves otherwise than at constant speed."""
+        return self.floor is not None or self.ceiling is not None
+
+    @property
+    def worked(self) -> bool:
+        """Whether a wall moves, and so does work on the balls."""
+        return self.driven or bool((self.is_wall & (self.velocity != 0.0)).any())
+
+    @property
+    def fall(self) -> Array:
+        """Acceleration of every body in free flight in m/s², shape (n,), upwards positive: 0 for a wall."""
+        fall = np.where(self.is_wall, 0.0, -self.gravity)
+        return fall if self.external_force is None else fall + self.external_force * self.inverse_mass
+
+    @property
     def pull(self) -> Array:
-        """Gravity's closing acceleration of each gap in m/s², shape (n-1,): g at a floor, 0 between balls, -g at a
-        ceiling. Uniform gravity cancels between two balls."""
-        return self.gravity * self.across(np.where(self.is_wall, 0.0, 1.0))
+        """Closing acceleration of each gap in free flight in m/s², shape (n-1,), walls at constant speed: g at a floor,
+        0 between balls, -g at a ceiling, as uniform gravity cancels between two balls; and f_c/m_c - f_(c+1)/m_(c+1)
+        where forces act."""
+        pull = self.gravity * self.across(np.where(self.is_wall, 0.0, 1.0))
+        return pull if self.external_force is None else pull - self.across(self.external_force * self.inverse_mass)
 
     @property
     def position(self) -> Array:
@@ -193,21 +234,36 @@ class Scene:
         np.cumsum(steps, axis=-1, out=steps)
         return out
 
-    def anchor(self, elapsed: Any) -> Any:
+    def anchor(self, elapsed: Any, start: float = 0.0) -> Any:
         """Position in m, a time `elapsed` in s after the scene's instant, of what all positions are measured from.
 
-        That is a wall, which moves at constant speed, or else the centre of mass, which falls freely.
+        That is a wall, whose motion begins at the time `start`, or else the centre of mass, which falls freely.
         """
         if self._wall is not None:
-            return self.position[self._wall] + self.velocity[self._wall] * elapsed
-        fall = (self._share @ self.velocity - 0.5 * self.gravity * elapsed) * elapsed
+            return self.position[self._wall] + self.velocity[self._wall] * elapsed + self._moved(elapsed, start)[0]
+        fall = (self._share @ self.velocity + 0.5 * self._fall * elapsed) * elapsed
         return self._share @ self.position + fall
 
-    def anchor_velocity(self, elapsed: Any) -> Any:
+    def anchor_velocity(self, elapsed: Any, start: float = 0.0) -> Any:
         """Velocity of the anchor in m/s."""
         if self._wall is not None:
-            return self.velocity[self._wall]
-        return (self._share * self.velocity).sum() - self.gravity * elapsed
+            return self.velocity[self._wall] + self._moved(elapsed, start)[1]
+        return (self._share * self.velocity).sum() + self._fall * elapsed
+
+    def _moved(self, elapsed: Any, start: float) -> tuple[Any, Any]:
+        """How far the wall that is the anchor has moved in m beside its constant velocity, and how fast in m/s."""
+        motion = self.motions[self._wall == self.n - 1]
+        if motion is None:
+            return 0.0, 0.0
+        end = start + float(np.max(elapsed))
+        return walls_module.moved(motion.panels(start, math.nextafter(end, math.inf)), start, elapsed)
+
+    @property
+    def _fall(self) -> float:
+        """Acceleration of the centre of mass in m/s² of a scene without walls."""
+        if self.external_force is None:
+            return -self.gravity
+        return float(self.external_force.sum() / self.mass.sum()) - self.gravity
 
     @cached_property
     def _wall(self) -> int | None:
@@ -228,27 +284,39 @@ class Scene:
         ends = (bool(self.is_wall[0]), bool(self.is_wall[-1]))
         balls = int((~self.is_wall).sum())
         pull = f", g = {self.gravity:g} m/s²" if self.gravity else ""
-        return f"Scene({balls} ball{'s' * (balls != 1)}{walls.get(ends, '')}{pull})"
+        driven = "".join(f", {name} {motion!r}" for name, motion in zip(("floor", "ceiling"), self.motions, strict=True)
+                         if motion is not None)  # fmt: skip
+        force = "" if self.external_force is None else ", forces"
+        return f"Scene({balls} ball{'s' * (balls != 1)}{walls.get(ends, '')}{pull}{force}{driven})"
 
 
-def positions(scene: Scene, gap: Array, elapsed: Array) -> Array:
-    """Positions (T, n) in m from gaps (T, n-1) a time `elapsed` (T,) in s after the scene's instant.
+def _forces(value: ArrayLike | None, walls: Any) -> Array | None:
+    if value is None:
+        return None
+    f = _check.array("external_force", value, walls.shape, fix="one force per body, 0 for walls")
+    _check.every("external_force", f, np.isfinite(f), "a force must be finite")
+    _check.every("external_force", f, ~walls | (f == 0.0), "a wall takes no force", "let it move: floor=, ceiling=")
+    return f if f.any() else None
+
+
+def positions(scene: Scene, gap: Array, elapsed: Array, start: float = 0.0) -> Array:
+    """Positions (T, n) in m from gaps (T, n-1) a time `elapsed` (T,) in s after the scene's instant, `start`.
 
     A cumulative sum from the anchor. With no negative gap the order of positions holds by construction.
     """
     offset = scene.offsets(gap)
     at_anchor = offset @ scene._share if scene._wall is None else offset[:, scene._wall]
-    offset += (scene.anchor(elapsed) - at_anchor)[:, None]
+    offset += (scene.anchor(elapsed, start) - at_anchor)[:, None]
     return offset
 
 
-def velocities(scene: Scene, rate: Array, elapsed: Array) -> Array:
+def velocities(scene: Scene, rate: Array, elapsed: Array, start: float = 0.0) -> Array:
     """Velocities (T, n) in m/s from the rates (T, n-1) of the gaps a time `elapsed` (T,) in s after the start.
 
     A cumulative sum from the anchor: differences are the rates to the last digit. The second look at the centre of
     mass matters in long chains, where the rounding of the first moves every ball.
     """
-    offset, anchor = _summed(rate), scene.anchor_velocity(elapsed)
+    offset, anchor = _summed(rate), scene.anchor_velocity(elapsed, start)
     if scene._wall is not None:
         offset += (anchor - offset[:, scene._wall])[:, None]
         return offset
@@ -278,6 +346,15 @@ def close_after(scene: Scene, *, flattened: bool = False) -> float:
         return math.inf
     room = float(scene.gap.sum()) + (2.0 * float(scene.radius.sum()) if flattened else 0.0)
     return max(0.0, room) / closing
+
+
+def fitted(scene: Scene, t_start: float, t_end: float) -> Scene:
+    """Return `scene` as a run from `t_start` to `t_end` (s) keeps it: motions given as functions are panels; raise
+    `ValueError` where a wall's path does not last."""
+    if not scene.driven:
+        return scene
+    floor, ceiling = (walls_module.fitted(motion, t_start, t_end) for motion in scene.motions)
+    return scene.replace(floor=floor, ceiling=ceiling)
 
 
 def in_order(scene: Scene) -> Scene:

@@ -39,7 +39,9 @@ open when the run ends has `t_end` and `v_out` nan, and its duration, peaks and 
 
 PLAIN = (bool, int, float, str, tuple)
 """What is saved of `stats`."""
-ARRAYS = ("time", "position", "velocity", "gap", "force", "contacts")
+ARRAYS = ("time", "position", "velocity", "gap", "force", "contacts", "ledger")
+MAYBE = {"force", "ledger"}
+"""Those that a run may lack."""
 SCENE = ("mass", "radius", "gap", "velocity", "gravity", "origin")
 
 
@@ -83,6 +85,9 @@ class Trajectory:
     state : dict
         The raw state at the end of a run, from which `granular.edmd.resume` or `granular.md.resume` goes on; empty for
         fixed steps, whose runs cannot be resumed.
+    ledger : (T, 5) array or None
+        In J since the start, accumulated by the engine where walls move: work of floor and ceiling, heat of both, and
+        what was dissipated; see `account`.
     """
 
     scene: Scene
@@ -98,9 +103,10 @@ class Trajectory:
     message: str
     stats: Mapping[str, Any] = field(default_factory=dict)
     state: Mapping[str, Any] = field(default_factory=dict)
+    ledger: Array | None = None
 
     def __post_init__(self) -> None:
-        for array in (self.time, self.position, self.velocity, self.gap, self.force, self.contacts):
+        for array in (self.time, self.position, self.velocity, self.gap, self.force, self.contacts, self.ledger):
             if array is not None:
                 array.flags.writeable = False
 
@@ -138,7 +144,7 @@ class Trajectory:
         return momentum
 
     def energy(self) -> Array:
-        """Energy in J, shape (T,): Σ ½ m v² + Σ m g x + Σ U(ξ) over balls and overlaps.
+        """Energy in J, shape (T,): Σ ½ m v² + Σ m g x - Σ f x + Σ U(ξ) over balls and overlaps.
 
         The elastic energy U(ξ) counts wherever ξ > 0, also while the force is clipped at zero. It is nan at samples
         with a closed contact of a law with memory, whose recoverable energy the overlap alone does not determine.
@@ -146,12 +152,32 @@ class Trajectory:
         balls = ~self.scene.is_wall
         m, v, x = self.scene.mass[balls], self.velocity[:, balls], self.position[:, balls]
         energy: Array = 0.5 * (v * v) @ m + self.scene.gravity * (x @ m)
+        if self.scene.external_force is not None:
+            energy -= x @ self.scene.external_force[balls]
         if self.law is not None:
             laws = resolved(self.law, self.scene)
             for c in np.flatnonzero(~(self.gap >= 0.0).all(axis=0)).tolist():
                 law = laws[c]
                 energy += [law.energy(-gap) for gap in self.gap[:, c].tolist()]
         return energy
+
+    def account(self) -> dict[str, Array]:
+        """Where the energy comes from and goes to, at every row: energy - work - heat + dissipated is constant.
+
+        Returns
+        -------
+        dict
+            In J: *energy* (T,), see `energy`; *work* (T, 2) that the first and the last body, if they are walls, have
+            done on the balls since the start, ∫ F ẋ_w dt; *heat* (T, 2) that they have given; *dissipated* (T,) in
+            contacts. Where walls move each is accumulated by itself, with the rounding of its sum carried along; where
+            none does, what is dissipated is what is lost.
+        """
+        energy = self.energy()
+        if self.ledger is None:
+            none = np.zeros((len(energy), 2))
+            return {"energy": energy, "work": none, "heat": none.copy(), "dissipated": energy[0] - energy}
+        return {"energy": energy, "work": self.ledger[:, :2], "heat": self.ledger[:, 2:4],
+                "dissipated": self.ledger[:, 4]}  # fmt: skip
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write everything to one ``.npz`` file, whole or not at all; `load` reads it back.
@@ -225,7 +251,7 @@ EARLY = (Status.collapse, Status.max_events, Status.unstable)
 def points(run: Trajectory) -> Array:
     """Positions in m of the same bodies with their radii taken out, from 0 on, shape (T, n): touching ones coincide."""
     scene = run.scene.replace(radius=np.zeros(run.scene.n), origin=0.0)
-    return positions(scene, run.gap, run.time - run.time[0])
+    return positions(scene, run.gap, run.time - run.time[0], float(run.time[0]))
 
 
 def grouped(key: Any, n: int) -> tuple[Any, Any]:
@@ -235,7 +261,7 @@ def grouped(key: Any, n: int) -> tuple[Any, Any]:
 
 
 WORDS = {"status", "message", "stats", "law", "rule"}
-NEEDED = {*ARRAYS, *(f"scene.{name}" for name in SCENE)} - {"force"}
+NEEDED = {*ARRAYS, *(f"scene.{name}" for name in SCENE)} - MAYBE
 """What a saved run holds at least; besides that the number of its format, forces and the state."""
 
 
@@ -257,7 +283,7 @@ def _read(path: str | PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
             f"path is {str(path)!r}: it is not a run saved by granular, or is cut short; "
             "a file written by Trajectory.save is needed."
         )
-    others = {name for name in stored if not name.startswith("state.")} - NEEDED - {"force"}
+    others = {name for name in stored if not name.startswith("state.")} - NEEDED - MAYBE
     _files.check_format(path, words.get("format", 1), others | words.keys() - WORDS - {"format"})
     return words, stored
 

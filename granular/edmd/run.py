@@ -74,7 +74,7 @@ class Run:
         self, physics: Physics, state: State, engine: str, request: Request, watch: Watch | None = None
     ) -> None:
         self.physics, self.state, self.request, self.watch = physics, state, request, watch
-        self.scene, self.rule = physics.scene, physics.rules
+        self.scene, self.rule, self.start = physics.scene, physics.rules, float(state.clock.start)
         pair, hits = NEVER if request.until is None else APART, 0
         if isinstance(request.until, Contact):
             pair, hits = request.until.pair, request.until.nth - 1
@@ -90,7 +90,7 @@ class Run:
         self.settled: list[Rows] = []
         self.fall = self.scene.gravity - float(state.run.gravity)  # m/s², with which the frame of the run falls
         self.close_after = close_after(self.scene)
-        self.horizon = float(state.clock.start) + (1.0 - MARGIN) * self.close_after  # s: no room for balls later
+        self.horizon = self.start + (1.0 - MARGIN) * self.close_after  # s: no room for balls later
 
     def _compiled(self) -> type[TreeQueue]:
         self.may_compile = False

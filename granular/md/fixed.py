@@ -45,7 +45,7 @@ class Run:
     rule = None
 
     def __init__(self, scene: Scene, laws: SceneLaws, request: Request, method: str, dt: float, engine: str) -> None:
-        self.scene, self.law, self.request = scene, laws.given, request
+        self.scene, self.law, self.request, self.start = scene, laws.given, request, request.start
         self.integrator, self.dt, self.engine = INTEGRATORS[method], dt, engine
         until = request.until
         self.pair, self.nth = (until.pair, until.nth) if isinstance(until, stop.Contact) else (-1, 0)
@@ -58,7 +58,7 @@ class Run:
 
     def time(self) -> float:
         """Time in s of the present step."""
-        return self.request.start + self.k * self.dt
+        return self.start + self.k * self.dt
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of contacts so far."""
@@ -72,19 +72,19 @@ class Run:
         k, flying = self.k, None
         if self.take_off is not None and time < self.time():
             k, flying = self.take_off
-        ahead = max(0.0, time - (self.request.start + k * self.dt))  # k dt may be a rounding beyond
+        ahead = max(0.0, time - (self.start + k * self.dt))  # k dt may be a rounding beyond
         state = self.stepper.after(ahead) if flying is None else self.stepper.glide(deepcopy(flying), ahead)
         return self._row(time, state)
 
     def _row(self, time: float, state: Any) -> Row:
         xi, raw, v = (np.array(state[row]) for row in (XI, RAW, V))
-        return Row(time, time - self.request.start, -xi[1:-1], v[1:], force=np.fmax(0.0, raw[1:-1]))
+        return Row(time, time - self.start, -xi[1:-1], v[1:], force=np.fmax(0.0, raw[1:-1]))
 
     def to(self, time: float, last: bool) -> Pause:
         """Take the steps up to `time`, of a chunk, or to an event worth a look."""
         if self.k == 0 and self._halts_at_start():
             return Pause.until
-        limit = math.floor((time - self.request.start) / self.dt) if time < math.inf else math.inf
+        limit = math.floor((time - self.start) / self.dt) if time < math.inf else math.inf
         if self.k >= limit:
             return Pause.reached
         pause = self._advance(limit)
@@ -132,7 +132,7 @@ class Run:
 
         A flight goes on to the next touch or to the end of the run: samples do not cut it, so they change no bit.
         """
-        span = self.request.end - self.request.start
+        span = self.request.end - self.start
         last = math.floor(span / self.dt) if span < math.inf else math.inf
         touch = float(self.stepper.code.time_to_touch(self.stepper.here, self.stepper.pull))
         if touch == last == math.inf:
@@ -174,7 +174,7 @@ class Run:
         for name in ("pair", *(name for name, _ in COLUMNS)):
             rows[name] = raw[name]
         for name, side in (("t_begin", "in"), ("t_end", "out")):
-            rows[name] = self.request.start + (raw[f"step_{side}"] + raw[f"part_{side}"]) * self.dt
+            rows[name] = self.start + (raw[f"step_{side}"] + raw[f"part_{side}"]) * self.dt
         rows["duration"] = ((raw["step_out"] - raw["step_in"]) + (raw["part_out"] - raw["part_in"])) * self.dt
         return rows
 
@@ -215,7 +215,7 @@ class Run:
         old, new = self.stepper.here, self.stepper.there
         part = part_of_step(j, old[XI][j], old, new)
         ends = zip(*((np.asarray(x[XI]), np.fmax(0.0, x[RAW]), np.asarray(x[V])) for x in (old, new)), strict=True)
-        return self._row(self.request.start + (self.k + part) * self.dt, [a + part * (b - a) for a, b in ends])
+        return self._row(self.start + (self.k + part) * self.dt, [a + part * (b - a) for a, b in ends])
 
     # -- judgement ------------------------------------------------------------------------------------------------
 
@@ -253,7 +253,7 @@ class Run:
             return 0.0
         m, v0, v = scene.mass[balls], scene.velocity[balls], self.stepper.balls()[balls]
         x0 = scene.position[balls]
-        x = positions(scene, -self.stepper.pairs(XI)[None], np.array([self.k * self.dt]))[0][balls]
+        x = positions(scene, -self.stepper.pairs(XI)[None], np.array([self.k * self.dt]), self.start)[0][balls]
         stored = (self.stepper.laws[c].energy(-float(scene.gap[c])) for c in np.flatnonzero(scene.gap < 0.0).tolist())
         supply = 0.5 * m @ v0**2 + sum(stored) + scene.gravity * max(0.0, m @ (x0 - x))
         with np.errstate(all="ignore"):

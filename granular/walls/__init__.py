@@ -2,15 +2,56 @@
 May be skipped: names of the package only.
 
 A wall stands at x_w(t) = start + velocity·(t - t_start) + m(t) - m(t_start): at t_start it is where origin and gaps of
-the scene put it, and moves at its own velocity + m'(t_start). No engine asks for it yet.
+the scene put it, and moves at its own velocity + m'(t_start).
 """
 
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from granular import _check
 from granular.walls.motion import Motion
 from granular.walls.panels import Panels
 from granular.walls.piecewise import Piecewise
 from granular.walls.sine import Sine
 
 __all__ = ["Motion", "Panels", "Piecewise", "Sine"]
+
+
+def checked(name: str, motion: Any, is_wall: bool) -> Any:
+    """Return how a wall moves, or None, if it is one of these and its body is a wall."""
+    if motion is None:
+        return None
+    if not isinstance(motion, (Sine, Piecewise, Motion, Panels)):
+        raise TypeError(_check._sentence(name, motion, "one of granular.walls is needed, such as "
+                                         "granular.walls.Sine(1e-3, 50.0)"))  # fmt: skip
+    if not is_wall:
+        end = "first" if name == "floor" else "last"
+        raise ValueError(f"{name} is {motion!r}, but the {end} body is a ball: give it the mass math.inf.")
+    return motion
+
+
+def fitted(motion: Any, t_start: float, t_end: float) -> Any:
+    """Return a motion as runs keep it: a `Motion` as its panels, others as they are.
+
+    Raises
+    ------
+    ValueError
+        If it does not last from `t_start` to `t_end` (s), or cannot be fitted.
+    """
+    panels = None if motion is None else motion.panels(t_start, t_end)
+    return panels if isinstance(motion, Motion) else motion
+
+
+def moved(panels: Panels, start: float, elapsed: Any) -> tuple[Any, Any]:
+    """Return m(t) - m(start) in m and m'(t) in m/s at times (s) so long after `start`."""
+    times = np.atleast_1d(np.asarray(elapsed, dtype=float))
+    origin = panels.at(start, 0.0)[0]
+    both = np.array([panels.at(start, dt)[:2] for dt in times.tolist()]).reshape(-1, 2)
+    x, v = both[:, 0] - origin, both[:, 1]
+    return (x, v) if np.ndim(elapsed) else (float(x[0]), float(v[0]))
 
 
 def __dir__() -> list[str]:

@@ -47,7 +47,7 @@ WALL = np.dtype(
 )  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Panels:
     """A motion m(t) as polynomials on panels; what `Motion` becomes for a run, and is saved as.
 
@@ -101,6 +101,10 @@ class Panels:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Panels, (self.edges, self.series, self.error, self.frequency, self.turn)
+
+    def __repr__(self) -> str:
+        end = f"{self.frequency:g} Hz" if self.frequency else f"{self.edges[0]:g} … {self.edges[-1]:g} s"
+        return f"Panels({len(self.series)} polynomials, {end})"
 
     def __call__(self, t: float) -> float:
         """Return m(t) in m."""
@@ -187,10 +191,14 @@ class Panels:
         wall, rows = self.records()
         return plain(wall)[0], plain(rows)
 
+    def at(self, t: float, tail: float = 0.0) -> tuple[float, float, float]:
+        """Return m(t + tail) in m, its rate in m/s and its acceleration in m/s²."""
+        wall, rows = self._plain
+        x, v, a = path.moved(wall, rows, t, tail)
+        return x, v, a
+
     def _at(self, t: float) -> tuple[float, float, float]:
         time = _check.number("t", t)
         if not self.frequency:
             self.panels(time, time)
-        wall, rows = self._plain
-        x, v, a = path.moved(wall, rows, time, 0.0)
-        return x, v, a
+        return self.at(time)

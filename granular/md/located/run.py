@@ -88,7 +88,7 @@ class Run:
         self.seen = self.now = 0.0  # s, when a row was last read, and how far it has come
         self.bound = False
         self.creep: Creep | None = None
-        self.origin = request.start if state is None else float(state["origin"])  # s, where its own clock starts
+        self.start = request.start if state is None else float(state["origin"])  # s, where its own clock starts
         self.checkpoint: Checkpoint | None = None
         limits = {"max_events": request.max_events, "max_steps": request.max_steps, "log": 2 * int(request.rows)}
         limits["disturbing"] = DISTURBED.index(disturbed)
@@ -139,7 +139,7 @@ class Run:
 
     def to(self, time: float, last: bool) -> Pause:
         """Go on to `time`, or a chunk of pieces towards it."""
-        limit = time - self.origin
+        limit = time - self.start
         if not self.launched:
             return Pause.disturbed if self.is_disturbed else Pause.until
         if self.creep is not None:
@@ -191,14 +191,14 @@ class Run:
         members = [s.pool[pair.slot] for pair in s.pairs if pair.slot >= 0]
         load = column(s.bodies, "load")[1 : piled + 1]
         if swinging(members[:piled], load) < most:
-            self.checkpoint = Checkpoint(deepcopy(s), {"origin": self.origin, "creeping": True})
+            self.checkpoint = Checkpoint(deepcopy(s), {"origin": self.start, "creeping": True})
             self.s, self.kernels = s, interpreted
             above = members[piled] if piled < self.scene.n_pairs else None
             self.creep = Creep(members[:piled], load, above, s.bodies[0].v - s.bodies[-1].v)
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of contacts so far."""
-        return self.origin + float(self.counters["t"]), int(self.counters["begun"])
+        return self.start + float(self.counters["t"]), int(self.counters["begun"])
 
     def rows(self) -> list[Rows]:
         """Take the contacts that are over, and that nothing can change any more, out of the buffer."""
@@ -222,14 +222,14 @@ class Run:
 
     def dated(self, rows: Rows) -> Rows:
         """Count times from where the caller's clock starts."""
-        if self.origin != 0.0:
-            rows["t_begin"] += self.origin
-            rows["t_end"] += self.origin
+        if self.start != 0.0:
+            rows["t_begin"] += self.start
+            rows["t_end"] += self.start
         return rows.view(CONTACT)
 
     def row(self, time: float) -> Row:
         """Return the scene at `time`."""
-        return self.row_after(time - self.origin, time)
+        return self.row_after(time - self.start, time)
 
     def row_after(self, elapsed: float, time: float) -> Row:
         """Return the scene a time after the start, which is called `time`."""
@@ -253,7 +253,7 @@ class Run:
         """Return how the run ended, and bring every pair to where it has come."""
         status, impulse = pause.value, [0.0]
         begun = float(self.counters["t"]) if self.creep is None else self.creep.start
-        end = self.request.end - self.origin if pause is Pause.reached else max(begun, self.seen)
+        end = self.request.end - self.start if pause is Pause.reached else max(begun, self.seen)
         before, untouched = self.without_queue(), Untouched(self.s, end)
         if self.creep is None:
             while not self.kernels(blocks.expose_all)(self.s, end, self.collocation):
@@ -270,13 +270,13 @@ class Run:
             "error_estimate": float(r.error), "resting": bool(r.rests) or self.creep is not None,
             "shared_impulse": math.fsum([r.shared, r.shared_low, crept]) if self.request.log else math.nan,
             "isolated": int(r.isolated), "tables": int(r.tables),
-            "first_disturbed": (self.origin + float(r.disturbed), int(r.first)),
+            "first_disturbed": (self.start + float(r.disturbed), int(r.first)),
         }  # fmt: skip
-        row = self.row_after(end, self.origin + end) if pause is not Pause.reached or seen == -math.inf else None
+        row = self.row_after(end, self.start + end) if pause is not Pause.reached or seen == -math.inf else None
         running = np.concatenate([*self.rows(), self.dated(self.still_open())]) if self.request.log else None
-        message, self.s = self.message(status, r, self.origin + end), None  # makes room for the log
+        message, self.s = self.message(status, r, self.start + end), None  # makes room for the log
         untouched.put_back()
-        state = self.checkpoint or Checkpoint(before, {"origin": self.origin, "creeping": False})
+        state = self.checkpoint or Checkpoint(before, {"origin": self.start, "creeping": False})
         return End(row, status, message, stats, state if self.launched else {}, running)
 
     def without_queue(self) -> Any:
