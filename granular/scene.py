@@ -255,8 +255,10 @@ class Scene:
         motion = self.motions[self._wall == self.n - 1]
         if motion is None:
             return 0.0, 0.0
-        end = start + float(np.max(elapsed))
-        return walls_module.moved(motion.panels(start, math.nextafter(end, math.inf)), start, elapsed)
+        end = start  # paths that last are asked no farther: the end of a run may be a rounding beyond theirs
+        if isinstance(motion, walls_module.Motion):
+            end = math.nextafter(start + float(np.max(elapsed)), math.inf)
+        return walls_module.moved(motion.panels(start, end), start, elapsed)
 
     @property
     def _fall(self) -> float:
