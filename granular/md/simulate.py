@@ -213,7 +213,8 @@ def _in_range(law: Any) -> Iterator[None]:
 def _check_end(scene: Scene, request: Request) -> None:
     """Raise if nothing says when a run beside driven walls is over: they keep balls moving for good."""
     if scene.driven and request.end == math.inf and request.until is None:
-        raise ValueError("t_end is None: beside a driven wall a run never comes to an end by itself; give t_end or until.")
+        raise ValueError("t_end is None: beside a driven wall a run never comes to an end by itself; give t_end, or "
+                         "until.")  # fmt: skip
 
 
 def _check_located(scene: Scene) -> None:

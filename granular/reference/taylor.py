@@ -17,6 +17,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any
 
 from granular import until as stop
@@ -112,7 +113,7 @@ class Taylor:
         fall = list(self.fall)
         for b, path in self.paths.items():
             fall[b] = path.rates(self.t)[1]
-        return [lower - upper for lower, upper in zip(fall, fall[1:], strict=False)]
+        return [lower - upper for lower, upper in pairwise(fall)]
 
     def touch(self, form: Sequence[float], gap: float) -> Touch:
         """The pair of a law (k, p, γ, d) with its gap in m at the start."""
