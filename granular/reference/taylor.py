@@ -21,7 +21,7 @@ from itertools import pairwise
 from typing import Any
 
 from granular import until as stop
-from granular.reference.driven import Course, paths
+from granular.reference.driven import Course, Path, paths
 from granular.reference.events import Run, Watch
 from granular.reference.log import ACTIVE, CLOSED, DORMANT, OPEN, Reference
 from granular.reference.series import Number, Power, first_rise, first_rise_of_parabola, product_term, value
@@ -264,21 +264,20 @@ class Taylor:
         self.t += value(mp, piece.t, x)
 
     def soar(self, end: Number) -> bool:
-        """Move on at once, and return true, while no wall comes near balls that fly, if that is a good part of a turn."""
-        if not self.paths or any(mode != OPEN for mode in self.mode):
+        """Move on at once, and return true, while no wall comes near balls that fly, for a good part of a turn at least.
+        """
+        room = [path.above(self.t, side) for _, side, path in self.sides()]
+        if not room or self.mp.inf in room or any(mode != OPEN for mode in self.mode):
             return False
-        sides = [(b, path, (0, 1) if b == 0 else (len(self.mode) - 1, -1)) for b, path in self.paths.items()]
-        flights = [[a.xi, self.now(c, "rate"), (self.fall[c] - self.fall[c + 1]) / 2] for c, a in enumerate(self.touches)]
-        for _, path, (c, side) in sides:
-            flights[c][1] -= side * path.rates(self.t)[0]
-        nearest = [list(p) for p in flights]
-        for _, path, (c, side) in sides:
-            nearest[c][0] += path.above(self.t, side)
-        times = [first_rise_of_parabola(self.mp, p) for p in nearest]
-        dt = min([end - self.t, *(t * self.mp.mpf(SURE) for t in times if t is not None)])
-        if not min(path.until(self.t) - self.t for _, path, _ in sides) / 4 < dt < self.mp.inf:
+        flights = self.flights()
+        for (c, _, _), above in zip(self.sides(), room, strict=True):
+            flights[c][0] += above
+        times = [first_rise_of_parabola(self.mp, p) for p in flights]
+        dt = min([end - self.t, *(self.mp.mpf(SURE) * t for t in times if t is not None)])
+        if not min(path.until(self.t) - self.t for _, _, path in self.sides()) / 4 < dt < self.mp.inf:
             return False
-        for _, path, (c, side) in sides:
+        flights = self.flights()
+        for c, side, path in self.sides():
             flights[c][0] += side * (path.moved(self.t + dt) - path.moved(self.t))
         for a, (xi, rate, half) in zip(self.touches, flights, strict=True):
             a.xi = xi + dt * (rate + dt * half)
@@ -286,6 +285,18 @@ class Taylor:
         self.t = self.mp.mpf(end) if dt == end - self.t else self.t + dt
         self.guide()
         return True
+
+    def sides(self) -> list[tuple[int, int, Path]]:
+        """The pairs beside driven walls, to which side these push, 1 upwards, and their paths."""
+        return [(0, 1, path) if b == 0 else (b - 1, -1, path) for b, path in self.paths.items()]
+
+    def flights(self) -> list[list[Number]]:
+        """The parabolas of overlaps without forces, were driven walls at their constant velocities."""
+        halves = [(lower - upper) / 2 for lower, upper in pairwise(self.fall)]
+        out = [[a.xi, self.now(c, "rate"), half] for c, (a, half) in enumerate(zip(self.touches, halves, strict=True))]
+        for c, side, path in self.sides():
+            out[c][1] -= side * path.rates(self.t)[0]
+        return out
 
     def fly(self, dt: Number) -> None:
         """Move on without forces for `dt` in s."""
