@@ -93,8 +93,10 @@ class Run:
             status = self.step()
         motion = self.motion
         gap, v = tuple(-motion.now(c, "overlap") for c in self.pairs), [motion.bodies(c) for c in self.pairs]
-        last = {"gap": gap, "velocity": (*(lower for lower, _ in v), v[-1][1]), "account": motion.account()}
-        return Reference(self.log.contacts(), float(motion.t), status, solver, **last)
+        velocity, account = (*(lower for lower, _ in v), v[-1][1]), motion.account()
+        return Reference(
+            self.log.contacts(), float(motion.t), status, solver, gap=gap, velocity=velocity, account=account
+        )
 
     def launch(self, c: int) -> bool:
         """Begin the contact of pair c if it is there at the start; return whether that ends the run."""
