@@ -151,6 +151,27 @@ def test_a_wall_at_constant_speed_keeps_an_account_too():
     assert run(fall, gr.LinearDashpot(1e4), t_end=0.2).ledger is None
 
 
+def test_a_run_beside_a_driven_wall_is_quiet_only_where_nothing_can_follow():
+    scene = gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.05], [0.0, 1.0], floor=gr.walls.Sine(1e-3, 20.0))
+    law, until = gr.LinearDashpot(1e4, 5.0), gr.until.contact(0, 1)
+    assert run(scene, law, until=until).status is gr.Status.quiet  # it flies away for good
+    assert run(scene.replace(gravity=9.81), law, until=until).status is gr.Status.until
+    assert run(scene.replace(external_force=[0.0, -1.0]), law, until=until).status is gr.Status.until
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_a_path_may_end_with_the_run_and_a_law_may_remember(method):
+    path = gr.walls.Motion(lambda t: 0.02 * math.sin(12.0 * t), 1e-13)
+    scene = gr.Scene([math.inf, 1.0, 0.5], [0.0, 0.1, 0.1], [0.01, 0.02], [0.0, 0.0, -1.0], floor=path)
+    law = gr.WaltonBraun(1e4, 3e4)
+    truth = reference.solve(scene, law, t_end=0.2)
+    one = run(scene, law, method, t_end=0.2, dt=2e-5)
+    assert isinstance(one.scene.floor, gr.walls.Panels)
+    assert [row.pair for row in truth.contacts] == one.contacts["pair"].tolist()
+    np.testing.assert_allclose(one.gap[-1], truth.gap, rtol=0.0, atol=2e-5)
+    assert one.position[-1, 0] == pytest.approx(0.02 * math.sin(2.4), abs=1e-14)
+
+
 def test_what_a_law_with_memory_dissipates_is_known_between_its_contacts():
     scene = gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.0], [1.0, 0.0], external_force=[0.0, 1.0])
     one = run(scene, gr.WaltonBraun(1e4, 4e4), t_end=0.1, dt=1e-5, samples=[0.0, 0.01, 0.1])
