@@ -170,7 +170,8 @@ class Trajectory:
             In J: *energy* (T,), see `energy`; *work* (T, 2) that the first and the last body, if they are walls, have
             done on the balls since the start, ∫ F ẋ_w dt; *heat* (T, 2) that they have given; *dissipated* (T,) in
             contacts. Where walls move each is accumulated by itself, with the rounding of its sum carried along; where
-            none does, what is dissipated is what is lost.
+            none does, what is dissipated is what is lost. Under a fixed time step it is constant to the order of the
+            method only.
         """
         energy = self.energy()
         if self.ledger is None:

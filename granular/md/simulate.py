@@ -22,8 +22,8 @@ from granular.laws.kinds import SceneLaws
 from granular.md import fixed, located
 from granular.md.integrators import INTEGRATORS
 from granular.md.stability import expected_rate
-from granular.request import requested
-from granular.scene import Scene, checked, close_after
+from granular.request import Request, requested
+from granular.scene import Scene, checked, close_after, fitted
 from granular.trajectory import Status, Trajectory
 
 FINEST = 1e-17
@@ -51,7 +51,7 @@ def simulate(
     tol: float = 1e-16,
     disturbed: str = "resolve",
 ) -> Trajectory:
-    """Run a scene as soft spheres: m_i a_i = F_(i-1) - F_i - m_i g, with F = max(0, law) where ξ > 0, else 0.
+    """Run a scene as soft spheres: m_i a_i = F_(i-1) - F_i - m_i g + f_i, with F = max(0, law) where ξ > 0, else 0.
 
     Parameters
     ----------
@@ -61,7 +61,8 @@ def simulate(
         One for all pairs, or one per pair from the bottom up.
     t_end, until : float, stop condition, optional
         End time in s, and a condition from `granular.until`. Without either the run goes on until nothing can
-        follow, or to the limits below. Walls that move towards each other need a `t_end` before they meet.
+        follow, or to the limits below; beside driven walls one of them is needed. Walls that move towards each other
+        need a `t_end` before they meet.
     t_start : float
         Time in s of the scene's instant.
     samples : None, int or array
@@ -113,6 +114,13 @@ def simulate(
     for "symplectic-euler" under every damped law (2 without damping), 2 for "verlet". "gear5" starts every contact,
     also one that is there from the start, without the higher derivatives of its velocities, hence with order 2. Time:
     of "located", O(contacts); of a fixed-step method, O(pairs) per step.
+
+    Constant forces and driven walls (`Scene.external_force`, `floor`, `ceiling`) so far need a fixed-step method. In a
+    step such a wall drifts by the difference of two places on its path, and forces see its velocity there, so all
+    orders above stay; where the velocity of the path jumps within a step, the step is of order 1. While all pairs are
+    open the balls fly to the next touch, found on the path itself. Where walls move, the ledger behind
+    `Trajectory.account` is summed by Simpson's rule in each step: the account closes to the order of the method only,
+    and to 1 + s at onsets and ends; what is dissipated is nan while a law with memory pushes.
     """
     laws = checked_laws(law, checked(scene))
     start = _check.number("t_start", t_start)
@@ -120,6 +128,8 @@ def simulate(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, max_steps=max_steps,
         on_event=on_event, on_progress=on_progress,
     )  # fmt: skip
+    _check_end(scene, request)
+    scene = fitted(scene, start, request.end)
     _check_walls(scene, start, request.end)
     _check.choice("engine", engine, ("auto", "plain", "compiled"))
     if method is None:
@@ -129,6 +139,7 @@ def simulate(
     if method == "located":
         if dt is not None:
             raise ValueError(f"dt is {dt!r}: method 'located' has no fixed step; choose {', '.join(INTEGRATORS)}.")
+        _check_located(scene)
         finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
         with _in_range(laws.given[0]):
             return drive(located.Run(scene, laws, request, engine, finest, disturbed))
@@ -207,8 +218,26 @@ def _in_range(law: Any) -> Iterator[None]:
         ) from error
 
 
+def _check_end(scene: Scene, request: Request) -> None:
+    """Raise if nothing says when a run beside driven walls is over: they keep balls moving for good."""
+    if scene.driven and request.end == math.inf and request.until is None:
+        raise ValueError("t_end is None: beside a driven wall a run never comes to an end by itself; give t_end, or "
+                         "until.")  # fmt: skip
+
+
+def _check_located(scene: Scene) -> None:
+    """Raise for what method "located" does not know yet."""
+    names = "floor", "ceiling", "external_force"
+    for name, value in ((name, getattr(scene, name)) for name in names):
+        if value is not None:
+            given = ", ".join(map(repr, INTEGRATORS))
+            raise ValueError(f"{name} is {value!r}: method 'located' does not know it yet; choose one of {given}.")
+
+
 def _check_walls(scene: Scene, start: float, end: float) -> None:
-    """Raise if walls that move towards each other meet before the end."""
+    """Raise if walls that move towards each other meet before the end; of driven ones the run takes care."""
+    if scene.driven:
+        return
     meet = start + close_after(scene, flattened=True)
     if meet <= end and meet < math.inf:
         given = "None" if end == math.inf else repr(end)
