@@ -21,7 +21,8 @@ class Lines:
     law = rule = None
 
     def __init__(self, request, table, stop=math.inf, pause=Pause.until, in_order=False):
-        self.request, self.start, self.scene, self.table, self.stop, self.pause = request, request.start, SCENE, table, stop, pause
+        self.request, self.scene, self.table, self.stop, self.pause = request, SCENE, table, stop, pause
+        self.start = request.start
         self.in_order, self.now, self.asked = in_order, request.start, []
 
     def to(self, time, last):
