@@ -18,14 +18,12 @@ import math
 from typing import Any
 
 from granular._flight import gap_after, rate_at_contact
-from granular._kernels import inlined, kernel
+from granular._kernels import kernel
 from granular._tournament import leaf, replay
-from granular.md.located.alone import enter, live
 from granular.md.located.contacts import is_awaited, velocity_now
 from granular.md.located.maps import encounter, peaks
-from granular.md.located.pieces import DRIFT, fly, predict, since, tau_at, tick, value
-from granular.md.located.plan import leave
-from granular.md.located.system import ACTIVE, BEGIN, IGNORE, OPEN, RESIDUAL
+from granular.md.located.pieces import DRIFT, predict, since, tick
+from granular.md.located.system import BEGIN, IGNORE, OPEN
 from granular.md.located.tables import WANTED, table_of, tabled, tabled_peaks
 
 ULP = 2.0**-52
@@ -216,97 +214,3 @@ def deflect(s: Any, f: int, pair: Any, gap: float, rate: float, busy: float) -> 
         tick(flank, busy)
     predict(flank, s.kinds[flank.kind_of])
     leaf(s.queue, f).due = flank.due
-
-
-@inlined
-@kernel
-def relive(s: Any, c: int, t: float, tail: float, laws: Any) -> float:
-    """Take a place in the pool for pair `c`, in contact at the time t + tail, and bring it there from its onset.
-
-    The pair is a block of its own; if its force is over, it is in its run-off. Returns the place τ on its last piece.
-    """
-    pair = s.pairs[c]
-    left = pair.lasts + since(pair, t, tail)
-    member = enter(s, c, pair.speed)
-    tick(member, -pair.lasts)
-    member.t_begin = member.t
-    tau: float = live(s, c, left, laws)[1]
-    return tau
-
-
-@kernel
-def expose(s: Any, c: int, laws: Any) -> None:
-    """Let pair `c`, in contact, be a member of the event under way, for something may disturb it from now on."""
-    run, pair, bodies = s.run[0], s.pairs[c], s.bodies
-    back = since(pair, run.t, run.tail)
-    xi, eta = -gap_after(-pair.xi, -pair.eta, pair.pull, back), pair.eta + pair.pull * back
-    relive(s, c, run.t, run.tail, laws)
-    member = s.pool[pair.slot]
-    if member.mode != ACTIVE:  # in its run-off, it is what its asymptote says
-        member.xi, member.eta, member.begun = xi if member.mode == RESIDUAL else min(0.0, xi), eta, 0
-        member.h, member.tau, member.x[0], member.e[0], member.f[0] = 0.0, 0.0, member.xi, eta, 0.0
-        return
-    low, high = member.lower / member.inverse, member.upper / member.inverse
-    xi -= member.xi
-    eta -= member.eta
-    if run.log > 0 and pair.row >= 0:
-        row = s.log[pair.row]
-        member.lower_in, member.upper_in, member.t_begin, row.pair = row.lower_in, row.upper_in, row.t_begin, -1
-    for side in range(2):
-        body, f, share = bodies[c + side], c - 1 + 2 * side, high if side else low
-        body.v += -body.fall * since(body, run.t, run.tail) + (share if side else -share) * eta
-        body.t, body.tail = run.t, run.tail
-        if 0 <= f < len(s.pairs):
-            straighten(s, f, share * xi, share * eta)
-
-
-@kernel
-def straighten(s: Any, f: int, xi: float, eta: float) -> None:
-    """Let a flank be as it is at the time of the event under way, and not as its asymptote says."""
-    run, flank = s.run[0], s.pairs[f]
-    if flank.slot >= 0:
-        s.pool[flank.slot].xi += xi
-        s.pool[flank.slot].eta += eta
-        return
-    fly(flank, since(flank, run.t, run.tail))
-    flank.xi += xi
-    flank.eta += eta
-
-
-@kernel
-def look(s: Any, t: float, xi: Any, eta: Any, force: Any, laws: Any) -> None:
-    """Write overlap, rate and force of every pair at time `t`, which lies within the current pieces."""
-    for c in range(len(s.pairs)):
-        pair = s.pairs[c]
-        if pair.slot < 0:
-            dt = since(pair, t, 0.0)
-            dt = max(0.0, dt) if pair.lasts == 0.0 else dt
-            xi[c], eta[c], force[c] = -gap_after(-pair.xi, -pair.eta, pair.pull, dt), pair.eta + pair.pull * dt, 0.0
-        else:
-            member = s.pool[pair.slot]
-            tau = tau_at(s.pool[s.pairs[pair.first].slot], t, 0.0)
-            xi[c], eta[c] = value(member.x, tau), value(member.e, tau)
-            force[c] = max(0.0, value(member.f, tau)) if member.mode == ACTIVE else 0.0
-    for c in range(len(s.pairs)):
-        if in_contact(s.pairs[c], t, 0.0):
-            look_inside(s, c, t, xi, eta, force, laws)
-
-
-@inlined
-@kernel
-def look_inside(s: Any, c: int, t: float, xi: Any, eta: Any, force: Any, laws: Any) -> None:
-    """Write what pair `c`, in a contact solved at once, and its flanks are at time `t`, and leave no trace of it."""
-    run, pair = s.run[0], s.pairs[c]
-    due, steps, error = pair.due, run.steps, run.error
-    tau, member = relive(s, c, t, 0.0, laws), s.pool[pair.slot]
-    deeper, faster = xi[c] - member.xi, eta[c] - member.eta
-    xi[c], eta[c] = member.xi, member.eta
-    force[c] = max(0.0, value(member.f, tau)) if member.mode == ACTIVE else 0.0
-    if c > 0:
-        xi[c - 1] += member.lower / member.inverse * deeper
-        eta[c - 1] += member.lower / member.inverse * faster
-    if c + 1 < len(s.pairs):
-        xi[c + 1] += member.upper / member.inverse * deeper
-        eta[c + 1] += member.upper / member.inverse * faster
-    leave(run, s.pairs, s.pool, c)
-    pair.due, run.steps, run.error = due, steps, error

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import namedtuple
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -128,21 +129,29 @@ RUN = np.dtype(
         ("shared", float), ("shared_low", float),  # impulse in N s exchanged while a neighbouring pair was active
         ("isolated", int), ("first", int), ("disturbed", float), ("tables", int), ("disturbing", int),
         ("wanted", int), ("answered", int),  # pair whose contact is asked for alone, and whether it has been answered
+        ("alone", int), ("pieces", int), ("left", float), ("passed", float), ("at", float),  # see `alone.follow_alone`
+        ("over", float), ("parting", float),
+        ("before_due", float), ("before_steps", int), ("before_error", float), ("before_log", int),  # to be put back
+        ("speed", float),  # at which it is followed
         ("piled", int), ("load", float), ("energy", float), ("opening", float), ("barrier", float), ("rests", int),
     ],
     align=True,
 )  # fmt: skip
 """Counters, limits and stop conditions of one run; places taken in the pool; of the event under way time, pairs
-lo … hi-1 that it concerns, stride of its block, and whether it waits for room; the pile and the load on it in N."""
+lo … hi-1 that it concerns, stride of its block, and whether it waits for room; the contact that is followed alone; the
+pile and the load on it in N."""
 
 SLOWEST, OCTAVES, POINTS, CHECKS, QUANTITIES = -40, 64, 20, 4, 6
 """Of tables: binary exponent of the slowest speeds in m/s, octaves, points in each, points to check, numbers kept."""
 MAP = np.dtype([("table", np.int32, (OCTAVES,)), ("met", np.int32, (OCTAVES,))], align=True)
 """For each octave of speeds the place of a table + 1 (-1: it has none), and contacts met so far."""
 TABLE = np.dtype(
-    [("error", float), ("c", float, (QUANTITIES * POINTS,)), ("seen", float, (QUANTITIES * (POINTS + CHECKS),))],
+    [
+        ("error", float), ("c", float, (QUANTITIES * POINTS,)),
+        ("seen", float, (QUANTITIES * (POINTS + CHECKS),)), ("noted", int),
+    ],
     align=True,
-)
+)  # fmt: skip
 """Chebyshev coefficients of the numbers of a contact over an octave of speeds, and the contacts they are made of."""
 RESOLVE, STOP, IGNORE = range(3)
 """What is done where a contact disturbs another."""
@@ -167,9 +176,12 @@ def to_plain(s: System) -> System:
 
 
 def to_compiled(s: System) -> System:
-    """Return the run for compiled code: same numbers, same bits."""
+    """Return the run for compiled code: same numbers, same bits; with a log buffer that lasts for a while."""
     records = map(packed, s[:-2], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
-    return System._make([*records, np.array(s.answer), np.array(s.work)])
+    fast = System._make([*records, np.array(s.answer), np.array(s.work)])
+    log = np.zeros(max(MOST_ROWS, len(s.log)), CONTACT_ROW)
+    log[: len(s.log)] = fast.log
+    return fast._replace(log=log)
 
 
 def new_system(columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Until | None, **limits: Any) -> System:
@@ -190,7 +202,7 @@ def new_system(columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Un
     pairs["first"], pairs["hi"] = np.arange(n), np.arange(1, n + 1)
     stops = (until.pair, until.nth) if isinstance(until, stop.Contact) else (-1, 0)
     limits |= {"until_pair": stops[0], "until_nth": stops[1], "separated": isinstance(until, stop.Separated)}
-    limits |= {"first": -1, "disturbed": math.nan}
+    limits |= {"first": -1, "disturbed": math.nan, "alone": -1}
     for name, value in limits.items():
         run[name] = value
     log = np.zeros(min(max(LOG_ROWS, 2 * n), MOST_ROWS), CONTACT_ROW)
@@ -217,9 +229,10 @@ def with_more_room(s: System) -> System:
     return s._replace(pool=s.pool + plain(more) if isinstance(s.pool, list) else np.concatenate([s.pool, more]))
 
 
-def with_room_for_a_table(s: System) -> System:
-    """Return the run with tables twice as many if all are taken."""
-    if int(column(s.run, "tables")[0]) < len(s.tables):
+def with_room_for_a_table(s: System, i: int = 0) -> System:
+    """Return the run, or many of which it is the i-th, with tables twice as many if all are taken."""
+    run = s.run if np.ndim(s.run) == 1 else s.run[i]
+    if int(column(run, "tables")[0]) < len(s.tables):
         return s
     fresh = np.zeros(len(s.tables), TABLE)
     return s._replace(tables=s.tables + plain(fresh) if isinstance(s.tables, list) else np.append(s.tables, fresh))
@@ -359,6 +372,7 @@ def factor(p: float, gamma: float, d: float) -> float:
     return d if gamma != 0.0 else 0.5 if p == 1.5 else 0.0
 
 
+@cache
 def _denominator(exponent: float) -> int:
     """Return the smallest q with q·exponent whole, or one that is too large."""
     found = (q for q in range(1, LARGEST_Q + 1) if abs(q * exponent - round(q * exponent)) < 1e-12)
