@@ -45,6 +45,14 @@ def fitted(motion: Any, t_start: float, t_end: float) -> Any:
     return panels if isinstance(motion, Motion) else motion
 
 
+def fastest(motion: Any) -> float:
+    """Return a bound of |m'| in m/s; 0 of a function that has not been fitted, of which nothing is known yet."""
+    if motion is None or isinstance(motion, Motion):
+        return 0.0
+    panels = motion if isinstance(motion, Panels) else motion._panels
+    return float(panels.records()[0][0]["speed"])
+
+
 def moved(panels: Panels, start: float, elapsed: Any) -> tuple[Any, Any]:
     """Return m(t) - m(start) in m and m'(t) in m/s at times (s) so long after `start`."""
     times = np.atleast_1d(np.asarray(elapsed, dtype=float))
