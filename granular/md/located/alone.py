@@ -12,9 +12,10 @@ from typing import Any
 from granular._flight import time_to_contact
 from granular._kernels import kernel
 from granular.md.located.contacts import follow, pushes
-from granular.md.located.pieces import elapsed, fly, force_returns, power, tick, value
+from granular.md.located.driven import jump_at
+from granular.md.located.pieces import fly, force_returns, piece_time, power, tick, value
 from granular.md.located.pool import join
-from granular.md.located.system import ACTIVE, END, OPEN, PART, RELOAD, RESIDUAL, TURN
+from granular.md.located.system import ACTIVE, EDGE, END, OPEN, PART, RELOAD, RESIDUAL, TURN
 
 PIECES = 2000
 """Pieces after which a contact is taken to go on forever."""
@@ -57,10 +58,10 @@ def has_piece(s: Any) -> bool:
         return True
     wait = time_to_contact(member.xi, member.eta, -member.pull)
     if run.passed + wait > run.left:
-        fly(member, run.left - run.passed)
+        fly(member, run.left - run.passed, None)
         run.passed = run.left
     elif member.s != 1.0 or not force_returns(member, member) < wait:
-        fly(member, wait)
+        fly(member, wait, None)
         member.xi, member.mode = 0.0, OPEN
         run.passed += wait
     return False
@@ -72,7 +73,7 @@ def goes_on(s: Any) -> bool:
     run, c = s.run[0], s.run[0].alone
     member = s.pool[s.pairs[c].slot]
     tau = member.tau
-    dt = elapsed(member.h, member.clock, tau)
+    dt = piece_time(member)
     if run.passed + dt > run.left:
         dt = run.left - run.passed
         tau = min(tau, power(dt, 1.0 / member.clock) / member.h)
@@ -84,6 +85,8 @@ def goes_on(s: Any) -> bool:
     if not run.passed < run.left:
         run.at = tau
         return False
+    if member.what == EDGE and member.wall > 0:
+        member.eta += jump_at(s.walls, member, member.t, member.tail)
     if member.fired == c:
         if member.mode == ACTIVE and (member.what == END or member.what == PART):
             run.over, run.parting = run.passed, -member.eta

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular._flight import gap_after
 from granular._kernels import kernel
 from granular.md.located.alone import enter, follow_alone
+from granular.md.located.driven import flown
 from granular.md.located.isolated import in_contact
 from granular.md.located.pieces import fly, since, tau_at, tick, value
 from granular.md.located.pool import leave
@@ -36,7 +36,7 @@ def exposed(s: Any, c: int) -> None:
     """Let pair `c`, which has been relived, be a member of the event under way, for something may disturb it."""
     run, pair, bodies, member = s.run[0], s.pairs[c], s.bodies, s.pool[s.pairs[c].slot]
     back = since(pair, run.t, run.tail)
-    xi, eta = -gap_after(-pair.xi, -pair.eta, pair.pull, back), pair.eta + pair.pull * back
+    xi, eta = flown(s.walls, pair, back)
     if member.mode != ACTIVE:  # in its run-off, it is what its asymptote says
         member.xi, member.eta, member.begun = xi if member.mode == RESIDUAL else min(0.0, xi), eta, 0
         member.h, member.tau, member.x[0], member.e[0], member.f[0] = 0.0, 0.0, member.xi, eta, 0.0
@@ -63,7 +63,7 @@ def straighten(s: Any, f: int, xi: float, eta: float) -> None:
         s.pool[flank.slot].xi += xi
         s.pool[flank.slot].eta += eta
         return
-    fly(flank, since(flank, run.t, run.tail))
+    fly(flank, since(flank, run.t, run.tail), s.walls)
     flank.xi += xi
     flank.eta += eta
 
@@ -77,7 +77,8 @@ def look(s: Any, t: float, xi: Any, eta: Any, force: Any) -> None:
         if pair.slot < 0:
             dt = since(pair, t, 0.0)
             dt = max(0.0, dt) if pair.lasts == 0.0 else dt
-            xi[c], eta[c], force[c] = -gap_after(-pair.xi, -pair.eta, pair.pull, dt), pair.eta + pair.pull * dt, 0.0
+            deep, fast = flown(s.walls, pair, dt)
+            xi[c], eta[c], force[c] = deep, fast, 0.0
         else:
             member = s.pool[pair.slot]
             tau = tau_at(s.pool[s.pairs[pair.first].slot], t, 0.0)

@@ -198,7 +198,7 @@ def _kinds(law: Array, m_eff: Array) -> Any:
 def scene_of(many: Any, i: int) -> Any:
     """Return the records of scene i, which shares pool, queue and log with the others."""
     own = many.run[i], many.pairs[i], many.pool, many.kinds[i], many.bodies[i]
-    return System(*own, many.queue, many.log, many.maps, many.tables, many.answer, many.work)
+    return System(*own, many.queue, many.log, many.maps, many.tables, many.answer, many.work, None, None)
 
 
 @kernel
