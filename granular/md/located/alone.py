@@ -12,9 +12,11 @@ from typing import Any
 from granular._flight import time_to_contact
 from granular._kernels import kernel
 from granular.md.located.contacts import follow, pushes
-from granular.md.located.pieces import elapsed, fly, force_returns, power, tick, value
+from granular.md.located.driven import jump_at
+from granular.md.located.ledger import begin_alone, enter_alone, enter_run_off
+from granular.md.located.pieces import fly, force_returns, piece_time, power, tick, value
 from granular.md.located.pool import join
-from granular.md.located.system import ACTIVE, BEGIN, END, OPEN, PART, RELOAD, RESIDUAL, TURN
+from granular.md.located.system import ACTIVE, BEGIN, EDGE, END, OPEN, PART, RELOAD, RESIDUAL, TURN
 
 PIECES = 2000
 """Pieces after which a contact is taken to go on forever."""
@@ -44,10 +46,11 @@ def follow_alone(s: Any, c: int, left: float) -> None:
     run = s.run[0]
     run.alone, run.pieces, run.left, run.passed, run.at = c, 0, left, 0.0, 0.0
     run.over, run.parting = math.nan, math.nan
+    begin_alone(s.ledger)
 
 
 @kernel
-def has_piece(s: Any) -> bool:
+def has_piece(s: Any, laws: Any) -> bool:
     """Return whether the contact that is followed alone has a next piece; what runs off flies on as far as it may."""
     run, member = s.run[0], s.pool[s.pairs[s.run[0].alone].slot]
     if not (run.left > run.passed or run.pieces < 0) or run.pieces == PIECES or member.mode == OPEN:
@@ -55,27 +58,30 @@ def has_piece(s: Any) -> bool:
     run.pieces += 1
     if member.mode != RESIDUAL or pushes(member):
         return True
-    wait = time_to_contact(member.xi, member.eta, -member.pull)
+    wait, xi = time_to_contact(member.xi, member.eta, -member.pull), member.xi
     if run.passed + wait > run.left:
-        fly(member, run.left - run.passed)
+        fly(member, run.left - run.passed, None)
         run.passed = run.left
+        enter_run_off(s.ledger, member, laws, xi, member.xi)
     elif member.s != 1.0 or not force_returns(member, member) < wait:
-        fly(member, wait)
+        fly(member, wait, None)
         member.xi, member.mode = 0.0, OPEN
+        enter_run_off(s.ledger, member, laws, xi, 0.0)
         run.passed += wait
     return False
 
 
 @kernel
-def goes_on(s: Any) -> bool:
+def goes_on(s: Any, laws: Any) -> bool:
     """Take the contact that is followed alone over its piece; false if that was the last one."""
     run, c = s.run[0], s.run[0].alone
     member = s.pool[s.pairs[c].slot]
     tau = member.tau
-    dt = elapsed(member.h, member.clock, tau)
+    dt = piece_time(member)
     if run.passed + dt > run.left:
         dt = run.left - run.passed
         tau = min(tau, power(dt, 1.0 / member.clock) / member.h)
+    enter_alone(s.ledger, s.walls, laws, s, c, tau)
     if run.log > 0:
         follow(run, s.pairs, s.pool, s.work, c, tau)
     member.xi, member.eta, member.exact, member.tau = value(member.x, tau), value(member.e, tau), 0, 0.0
@@ -84,6 +90,8 @@ def goes_on(s: Any) -> bool:
     if not run.passed < run.left:
         run.at = tau
         return False
+    if member.what == EDGE and member.wall > 0:
+        member.eta += jump_at(s.walls, member, member.t, member.tail)[1]
     if member.fired == c:
         if member.what == BEGIN:
             return False

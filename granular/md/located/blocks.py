@@ -15,19 +15,23 @@ from typing import Any
 
 from granular._kernels import inlined, kernel
 from granular._tournament import leaf, play
-from granular.md.located.contacts import AWAITED, SOME, act, activate, engage, follow, push, pushes
+from granular.md.located.contacts import AWAITED, SOME, act, activate, end_contact, engage, follow, push, pushes
+from granular.md.located.driven import carry_walls, foresee_walls, jump_at, rate_at, speed_at
 from granular.md.located.inside import exposed, relive
 from granular.md.located.isolated import MET, OTHERWISE, TABLE, ULP, in_contact, meet
-from granular.md.located.pieces import arrive, elapsed, fly, glide, power, predict, since, tau_at, tick, value
+from granular.md.located.ledger import enter_flight, enter_piece
+from granular.md.located.pieces import arrive, fly, glide, piece_time, power, predict, since, tau_at, tick, value
 from granular.md.located.plan import planned, settle_series
 from granular.md.located.pool import join, leave
 from granular.md.located.resting import NOT_YET, RESTS, lies, verdict
-from granular.md.located.system import ACTIVE, DORMANT, GENERAL, OPEN, RESIDUAL, SPARE, to_plain
+from granular.md.located.system import ACTIVE, DORMANT, EDGE, GENERAL, OPEN, RESIDUAL, SPARE, to_plain
 
 REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT, ABSORB = range(11)
 """Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
 every ball rests for good, every ball is bound in contact forever, no room in the pool, a table of
 contacts, or a contact alone, is wanted first. ABSORB is for `regroup`."""
+SAME, CHANGED = -1, -2
+"""What `pass_edge` comes to, if not to STOPPED."""
 
 
 @kernel
@@ -38,6 +42,7 @@ def launch(s: Any, laws: Any) -> bool:
         pair = pairs[c]
         if pair.xi > 0.0 or (pair.xi == 0.0 and pair.eta > 0.0):
             join(run, pairs, pool, s.kinds, s.bodies, c)
+            carry_walls(s.walls, s)
             if is_clipped(pool[pair.slot], laws):
                 pool[pair.slot].mode = RESIDUAL
             elif not activate(run, pairs, pool, s.bodies, c):
@@ -46,6 +51,7 @@ def launch(s: Any, laws: Any) -> bool:
         if pairs[c].first == c:
             if pairs[c].slot < 0:
                 join(run, pairs, pool, s.kinds, s.bodies, c)
+                carry_walls(s.walls, s)
             run.lo, run.hi, run.stride = c, pairs[c].hi, pool[pairs[c].slot].stride
             why = regroup(s)
             while why == ABSORB:
@@ -93,12 +99,18 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                     continue
                 if met != OTHERWISE:
                     return WANTS_TABLE if met == TABLE else WANTS_CONTACT
-                arrive(pairs[lo])
+                xi = pairs[lo].xi
+                arrive(pairs[lo], s.walls)
+                enter_flight(s.ledger, s.kinds[pairs[lo].kind_of], laws, pairs[lo], xi)
                 join(run, pairs, pool, s.kinds, bodies, lo)
             block = pool[pairs[lo].slot]
-            settle(run, pairs, pool, bodies, work, lo, block.tau, elapsed(block.h, block.clock, block.tau))
+            settle(run, pairs, pool, bodies, work, lo, block.tau, piece_time(block), s, laws)
             run.t, run.tail, run.stride, run.lo, run.hi = block.t, block.tail, block.stride, lo, pairs[lo].hi
-            if block.fired < 0:
+            carry_walls(s.walls, s)
+            passed = pass_edge(s.walls, s, laws) if block.what == EDGE else SAME
+            if passed == STOPPED:
+                return STOPPED
+            if block.fired < 0 and passed == SAME:
                 proved = verdict(run, pairs, pool, bodies, run.hi) if lo == 0 else NOT_YET
                 if proved != NOT_YET and limit == math.inf:
                     return REST if proved == RESTS else BINDING
@@ -108,7 +120,7 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                 if not planned(s, laws):
                     return STOPPED
                 continue
-            if not act(run, pairs, pool, bodies, s.log, block, laws):
+            if block.fired >= 0 and not act(run, pairs, pool, bodies, s.log, block, laws):
                 return STOPPED
         run.waits = 0
         why = ABSORB
@@ -125,12 +137,54 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
 
 
 @kernel
+def pass_edge(walls: Any, s: Any, laws: Any) -> int:
+    """Let the island under way pass the end of a panel of a driven wall's path, where the velocity of the wall may jump.
+
+    Return SAME, CHANGED if its blocks are to be formed anew, or STOPPED if that meets the stop condition.
+    """
+    run, pairs, pool, pushing = s.run[0], s.pairs, s.pool, False
+    if walls is not None:
+        for c in range(run.lo, run.hi):
+            member = pool[pairs[c].slot]
+            jump, slip = jump_at(walls, member, run.t, run.tail) if member.wall > 0 else (0.0, 0.0)
+            member.eta += slip
+            member.e[0] = member.eta
+            if jump != 0.0 and not jolt(s, c, jump, laws):
+                return STOPPED
+            pushing = pushing or (jump == 0.0 and pushes(member))
+    return SAME if pushing else CHANGED
+
+
+@kernel
+def jolt(s: Any, c: int, jump: float, laws: Any) -> bool:
+    """Let the force of pair `c` begin or end where the velocity of its wall has jumped; false if the run is to stop."""
+    run, pairs, bodies, member = s.run[0], s.pairs, s.bodies, s.pool[s.pairs[c].slot]
+    member.exact = 0
+    if member.mode == ACTIVE and is_clipped(member, laws):
+        run.events += 1
+        if member.begun == 1:
+            end_contact(run, pairs, s.pool, bodies, s.log, c)
+        member.mode = RESIDUAL
+    elif member.mode == RESIDUAL and not is_clipped(member, laws):
+        if not activate(run, pairs, s.pool, bodies, c):
+            return False
+        member.exact = 0
+    elif member.mode == DORMANT and jump < 0.0:
+        if member.begun == 1:
+            end_contact(run, pairs, s.pool, bodies, s.log, c)
+        member.mode, pairs[c].alone = OPEN, 0
+    elif member.mode == DORMANT:
+        member.mode = ACTIVE if member.begun == 1 else OPEN
+    return True
+
+
+@kernel
 def all_recede(s: Any) -> bool:
     """Return whether every pair is open and none approaches, once the contacts solved at once are over."""
     t = last_end(s)
     for c in range(len(s.pairs)):
         pair = s.pairs[c]
-        if pair.slot >= 0 or pair.xi > 0.0 or pair.eta + pair.pull * (t - pair.t) > 0.0:
+        if pair.slot >= 0 or pair.xi > 0.0 or rate_at(s.walls, pair, t) > 0.0:
             return False
     return True
 
@@ -173,20 +227,20 @@ def gather(s: Any, t: float, laws: Any) -> None:
     for c in range(len(pairs)):
         pair = pairs[c]
         if pair.first == c and pair.slot >= 0:
-            bring(s, c, t, 0.0)
+            bring(s, c, t, 0.0, laws)
             if pair.due < math.inf and pool[pair.slot].h > 0.0:
-                settle_series(run, pairs, pool, c, laws)
+                settle_series(run, pairs, pool, c, laws, s.walls, foresee_walls(s.walls, pairs, pool, c))
 
 
 @kernel
-def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int) -> None:
+def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int, walls: Any) -> None:
     """Let pair `c`, a block of its own, fly on from the time of the event under way, and take back its place."""
     pair, member = pairs[c], pool[pairs[c].slot]
     pair.xi = 0.0 if member.mode == OPEN and member.xi > 0.0 else member.xi
     pair.eta, pair.mode, pair.noise = member.eta, member.mode, member.noise
     pair.exact, pair.wake, pair.t, pair.tail, pair.stride = member.exact, member.wake, run.t, run.tail, run.stride
     leave(run, pairs, pool, c)
-    predict(pair, kinds[pair.kind_of])
+    predict(pair, kinds[pair.kind_of], walls)
 
 
 @kernel
@@ -215,7 +269,7 @@ def regroup(s: Any) -> int:
         if c == run.hi or not (pushes(pool[pairs[c - 1].slot]) or pushes(pool[pairs[c].slot])):
             form(run, pairs, pool, s.queue, a, c)
             if c == a + 1 and not pushes(pool[pairs[a].slot]):
-                take_off(run, pairs, pool, s.kinds, a)
+                take_off(run, pairs, pool, s.kinds, a, s.walls)
             else:
                 pairs[a].due = -math.inf
             play(s.queue, a, pairs[a].due)
@@ -235,7 +289,7 @@ def absorb(s: Any, lo: int, laws: Any) -> bool:
         planned(s, laws)
         exposed(s, lo)
     else:
-        bring(s, lo, run.t, run.tail)
+        bring(s, lo, run.t, run.tail, laws)
     take_in(s, lo)
     return True
 
@@ -246,21 +300,25 @@ def take_in(s: Any, lo: int) -> None:
     run, pairs = s.run[0], s.pairs
     if pairs[lo].slot < 0:
         join(run, pairs, s.pool, s.kinds, s.bodies, lo)
+        carry_walls(s.walls, s)
     run.lo, run.hi = min(run.lo, lo), max(run.hi, pairs[lo].hi)
 
 
 @inlined
 @kernel
-def bring(s: Any, lo: int, t: float, tail: float) -> None:
+def bring(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
     """Advance the block that starts with pair `lo` to the time t + tail, at most the end of its piece."""
     pair = s.pairs[lo]
+    xi = pair.xi
     if pair.slot < 0 and pair.lasts != 0.0:  # its clock may lie ahead
-        fly(pair, since(pair, t, tail))
+        fly(pair, since(pair, t, tail), s.walls)
     elif pair.slot < 0:
-        glide(pair, since(pair, t, tail))
+        glide(pair, since(pair, t, tail), s.walls)
+        enter_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, xi)
     else:  # at once there, except for what a single float cannot say
         block = s.pool[pair.slot]
-        settle(s.run[0], s.pairs, s.pool, s.bodies, s.work, lo, tau_at(block, t, tail), since(block, t, tail))
+        dt = since(block, t, tail)
+        settle(s.run[0], s.pairs, s.pool, s.bodies, s.work, lo, tau_at(block, t, tail), dt, s, laws)
 
 
 @kernel
@@ -276,12 +334,15 @@ def form(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
 
 
 @kernel
-def settle(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau: float, dt: float) -> None:
+def settle(
+    run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau: float, dt: float, s: Any, laws: Any
+) -> None:
     """Advance the island that starts with pair `lo` to τ, a time `dt` into its piece."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     if tau <= 0.0:
         return
     follow(run, pairs, pool, work, lo, tau)
+    enter_piece(s.ledger, s.walls, laws, s, lo, tau)
     push(pairs, pool, bodies, lo, dt)
     for c in range(lo, hi):
         member = pool[pairs[c].slot]
@@ -289,9 +350,11 @@ def settle(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau
         member.x[0], member.e[0] = member.xi, member.eta
     for c in range(lo, hi):
         pool[pairs[c].slot].noise += rounding(run.tol, pairs, pool, c, lo)
-    if bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0:
-        hold_walls(pairs, pool, lo, hi, bodies[lo].v - bodies[hi].v)
     tick(block, dt)
+    if bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0 and block.what != EDGE:
+        lower = speed_at(s.walls, pairs[lo], bodies[lo], block)
+        upper = speed_at(s.walls, pairs[hi - 1], bodies[hi], block)
+        hold_walls(pairs, pool, lo, hi, lower - upper)
     block.tau = 0.0  # the piece is used up
 
 

@@ -17,10 +17,20 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._flight import gap_after, rate_at_contact
 from granular._kernels import kernel
 from granular._tournament import leaf, replay
 from granular.md.located.contacts import is_awaited, velocity_now
+from granular.md.located.driven import (
+    carry_walls,
+    convexity,
+    flight_at_wall,
+    flown,
+    gap_later,
+    rate_later,
+    touching_rate,
+    wall_after,
+)
+from granular.md.located.ledger import enter_at_once, keep_alone
 from granular.md.located.maps import encounter, peaks
 from granular.md.located.pieces import DRIFT, predict, since, tick
 from granular.md.located.system import BEGIN, IGNORE, OPEN
@@ -48,7 +58,9 @@ def meet(s: Any, c: int) -> int:
     run, pairs, bodies, pair = s.run[0], s.pairs, s.bodies, s.pairs[c]
     if pair.mode != OPEN or pair.what != BEGIN or is_awaited(run, pairs, c):
         return OTHERWISE
-    v, n = -rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull), len(pairs)
+    if pair.wall > 0 and run.disturbing != IGNORE:
+        return OTHERWISE
+    v, n = touching_rate(s.walls, pair, pair.wait), len(pairs)
     if not v > DRIFT * pair.noise:
         return OTHERWISE
     t1, t2, v1, v2, place = foresee(s, c, v)
@@ -56,19 +68,21 @@ def meet(s: Any, c: int) -> int:
         run.wanted = c
         return TABLE if place == WANTED else ASKED if place == ALONE else OTHERWISE
     inverse, over = bodies[c].inverse_mass + bodies[c + 1].inverse_mass, pair.wait + t2
-    way = t2 * (v + 0.5 * pair.pull * t2) / inverse
-    lower_v, upper_v = parted(bodies[c], bodies[c + 1], pair, over, v + pair.pull * t2 + v2, v2)
+    way, kick = course(s.walls, pair, v, t2)
+    way /= inverse
+    lower_v, upper_v = parted(s, c, pair, over, kick + v2, v2)
     below = above = math.inf
+    sure_below = sure_above = True
     rate_below = rate_above = busy_below = busy_above = 0.0
     if c > 0:
-        rate_below = lower_v - coasting(bodies[c - 1], pair, over)
+        rate_below = lower_v - coasting(s, c - 1, pair, over)
         busy_below = still_busy(pairs[c - 2], pair, over) if c > 1 else 0.0
-        below = clearance(pairs[c - 1], pair, t2, bodies[c].inverse_mass * way, rate_below, busy_below)
+        below, sure_below = clearance(s.walls, pairs[c - 1], pair, t2, bodies[c].inverse_mass * way, rate_below, busy_below)
     if c + 1 < n:
-        rate_above = coasting(bodies[c + 2], pair, over) - upper_v
+        rate_above = coasting(s, c + 2, pair, over) - upper_v
         busy_above = still_busy(pairs[c + 2], pair, over) if c + 2 < n else 0.0
-        above = clearance(pairs[c + 1], pair, t2, bodies[c + 1].inverse_mass * way, rate_above, busy_above)
-    isolated = below > 0.0 and above > 0.0
+        above, sure_above = clearance(s.walls, pairs[c + 1], pair, t2, bodies[c + 1].inverse_mass * way, rate_above, busy_above)
+    isolated = below > 0.0 and above > 0.0 and sure_below and sure_above
     if not isolated and (run.disturbing != IGNORE or min(below, above) == -math.inf):
         return OTHERWISE
     if place >= 0:
@@ -76,12 +90,15 @@ def meet(s: Any, c: int) -> int:
     tick(pair, pair.wait)
     run.t, run.tail = pair.t, pair.tail
     if run.log > 0:
+        carry_walls(s.walls, s)
         write_row(s, c, v, t1, v1, place)
-    count(run, pair, isolated, c if below > 0.0 else c - 1, t2)
+    count(run, pair, isolated, c if below > 0.0 and sure_below else c - 1, t2)
     tick(pair, t2)
     pair.xi, pair.eta, pair.lasts, pair.speed, pair.exact = 0.0, -v2, t2, v, 0
     pair.noise += ULP * v
-    predict(pair, s.kinds[pair.kind_of])
+    keep_alone(s.ledger, s, c)
+    enter_at_once(s.ledger, s, c, 1.0)
+    predict(pair, s.kinds[pair.kind_of], s.walls)
     leaf(s.queue, c).due = pair.due
     free(bodies[c], pair, lower_v)
     free(bodies[c + 1], pair, upper_v)
@@ -94,17 +111,28 @@ def meet(s: Any, c: int) -> int:
 
 
 @kernel
-def parted(lower: Any, upper: Any, pair: Any, over: float, kick: float, v2: float) -> tuple[float, float]:
-    """Return the velocities of two bodies a time `over` after the clock of their pair, when they part at speed `v2`.
+def course(walls: Any, pair: Any, v: float, t2: float) -> tuple[float, float]:
+    """Return by how much the overlap of `pair`, which touches after its `wait` at speed `v`, would grow in a time `t2`
+    without a force, and at which rate it would grow then."""
+    if walls is not None:
+        if pair.wall > 0:
+            return flight_at_wall(walls, pair, pair.wait, 0.0, -v, t2)
+    return t2 * (v + 0.5 * pair.pull * t2), v + pair.pull * t2
+
+
+@kernel
+def parted(s: Any, c: int, pair: Any, over: float, kick: float, v2: float) -> tuple[float, float]:
+    """Return the velocities of the bodies of pair `c` a time `over` after its clock, when they part at speed `v2`.
 
     The heavier one takes its share of the `kick`, the change of their rate, and the lighter one follows: so no rounding
     of the shares adds up.
     """
+    lower, upper = s.bodies[c], s.bodies[c + 1]
     share = min(lower.inverse_mass, upper.inverse_mass) / (lower.inverse_mass + upper.inverse_mass)
     if lower.inverse_mass <= upper.inverse_mass:
-        v = coasting(lower, pair, over) - share * kick
+        v = coasting(s, c, pair, over) - share * kick
         return v, v + v2
-    v = coasting(upper, pair, over) + share * kick
+    v = coasting(s, c + 1, pair, over) + share * kick
     return v - v2, v
 
 
@@ -115,7 +143,9 @@ def foresee(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
     That is the place of a table, or CLOSED for a closed form, PIECES; WANTED for a table to be made, ALONE to be asked.
     """
     pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
-    t1, t2, v1, v2 = encounter(law, s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, pair.pull, v)
+    t1 = t2 = v1 = v2 = math.nan
+    if pair.wall == 0:
+        t1, t2, v1, v2 = encounter(law, s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, pair.pull, v)
     if t1 > 0.0:
         return t1, t2, v1, v2, CLOSED
     place = table_of(s, c, v) if pair.map >= 0 else CLOSED
@@ -130,23 +160,25 @@ def foresee(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
 
 
 @kernel
-def clearance(flank: Any, pair: Any, t2: float, less: float, rate: float, busy: float) -> float:
-    """Return the gap of a flank when all contacts beside it are over, 0 or less if it is not certain to stay open.
+def clearance(
+    walls: Any, flank: Any, pair: Any, t2: float, less: float, rate: float, busy: float
+) -> tuple[float, bool]:
+    """Return the gap of a flank when all contacts beside it are over, and whether it is certain to stay open if positive.
 
     The contact of `pair` lasts `t2` and takes `less` from the gap, which grows at `rate` then; the contact beyond the
     flank goes on for the time `busy`. A flank that is not in free flight has none: minus infinity.
     """
     start = since(flank, pair.t, pair.tail) + pair.wait
     if flank.slot >= 0 or flank.mode != OPEN or (flank.lasts > 0.0 and start < 0.0):
-        return -math.inf
-    gap = gap_after(-flank.xi, -flank.eta, flank.pull, start + t2) - less
+        return -math.inf, False
+    gap = -flown(walls, flank, start + t2)[0] - less
     if busy > 0.0:
-        gap = gap_after(gap, rate, flank.pull, busy)
-    if flank.pull < 0.0 and gap > 0.0:
-        root = math.sqrt(max(0.0, gap_after(-flank.xi, -flank.eta, flank.pull, start))) + math.sqrt(gap)
-        if not root * root > -0.5 * flank.pull * t2 * t2:
-            return 0.0
-    return gap
+        gap = gap_later(walls, flank, start + t2, gap, rate, busy)
+    bulge = convexity(walls, flank, start, t2 + busy)
+    if bulge > 0.0 and gap > 0.0:
+        root = math.sqrt(max(0.0, -flown(walls, flank, start)[0])) + math.sqrt(gap)
+        return gap, bool(busy == 0.0 and root * root > 0.5 * bulge * t2 * t2)
+    return gap, True
 
 
 @kernel
@@ -185,8 +217,11 @@ def count(run: Any, pair: Any, isolated: bool, first: int, t2: float) -> None:
 
 
 @kernel
-def coasting(body: Any, pair: Any, dt: float) -> float:
-    """Return the velocity that a body would have a time `dt` after the clock of `pair` without forces."""
+def coasting(s: Any, b: int, pair: Any, dt: float) -> float:
+    """Return the velocity that body `b` would have a time `dt` after the clock of `pair` without contacts."""
+    body = s.bodies[b]
+    if body.wall > 0.0:
+        return wall_after(s.walls, body, pair, dt)
     v: float = body.v - body.fall * (since(body, pair.t, pair.tail) + dt)
     return v
 
@@ -208,10 +243,12 @@ def free(body: Any, pair: Any, v: float) -> None:
 def deflect(s: Any, f: int, pair: Any, gap: float, rate: float, busy: float) -> None:
     """Give flank `f` its asymptote, from the end of all contacts beside it; `pair` has its own already."""
     flank = s.pairs[f]
-    flank.t, flank.tail, flank.xi, flank.eta = pair.t, pair.tail, -max(0.0, gap), flank.pull * busy - rate
+    flank.t, flank.tail = pair.t, pair.tail
+    flank.eta = rate_later(s.walls, flank, -rate, busy)
+    flank.xi = -max(0.0, gap)
     flank.lasts, flank.exact = -1.0, 0
     flank.noise += ULP * pair.speed
     if busy > 0.0:
         tick(flank, busy)
-    predict(flank, s.kinds[flank.kind_of])
+    predict(flank, s.kinds[flank.kind_of], s.walls)
     leaf(s.queue, f).due = flank.due

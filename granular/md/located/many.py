@@ -196,7 +196,7 @@ def _kinds(law: Array, m_eff: Array) -> Any:
 def scene_of(many: Any, i: int) -> Any:
     """Return the records of scene i, which shares pool, queue and log with the others."""
     own = many.run[i], many.pairs[i], many.pool, many.kinds[i], many.bodies[i]
-    return System(*own, many.queue, many.log, many.maps, many.tables, many.answer, many.work)
+    return System(*own, many.queue, many.log, many.maps, many.tables, many.answer, many.work, None, None)
 
 
 @kernel
@@ -244,7 +244,7 @@ def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, scratch: Any
     expose_all(s, result.time, None)
     gather(s, result.time, None)
     harvest(s, last, result.time)
-    look(s, result.time, scratch[0], scratch[1], scratch[2])
+    look(s, result.time, scratch[0], scratch[1], scratch[2], None, None)
     for c in range(n):
         pair = s.pairs[c]
         last[c].counts, last[c].rate = pair.count, -scratch[1][c]

@@ -20,14 +20,14 @@ def join(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> No
     if pair.mode == OPEN:
         pair.alone = 0
     member.lower, member.upper = bodies[c].inverse_mass, bodies[c + 1].inverse_mass
-    member.inverse, member.pull = member.lower + member.upper, pair.pull
+    member.inverse, member.pull, member.wall = member.lower + member.upper, pair.pull, pair.wall
     member.kind, member.q, member.memory = law.kind, law.q, law.memory
     member.k, member.gamma, member.p, member.d, member.s = law.k, law.gamma, law.p, law.d, law.s
     member.xi, member.eta, member.mode, member.noise = pair.xi, pair.eta, pair.mode, pair.noise
     member.exact, member.wake, member.top, member.loading = pair.exact, pair.wake, 0.0, 1
     member.t, member.tail, member.stride, member.fired, member.what = pair.t, pair.tail, pair.stride, c, pair.what
     member.clock, member.h, member.tau, member.speed, member.begun = 1, 0.0, 0.0, 0.0, 0
-    member.number, member.doubt, member.largest, member.deepest = c, 0.0, 0.0, 0.0
+    member.number, member.doubt, member.largest, member.deepest, member.sway = c, 0.0, 0.0, 0.0, 0.0
     member.x[0], member.e[0], member.f[0] = pair.xi, pair.eta, 0.0
 
 

@@ -37,6 +37,7 @@ from granular.md.located.system import (
     with_room_for_a_table,
 )
 from granular.md.located.tables import answer, make_table
+from granular.md.located.wall_paths import check_room
 from granular.md.rows import CONTACT_ROW
 from granular.request import Request
 from granular.scene import Scene
@@ -92,7 +93,7 @@ class Run:
         self.checkpoint: Checkpoint | None = None
         limits = {"max_events": request.max_events, "max_steps": request.max_steps, "log": 2 * int(request.rows)}
         limits["disturbing"] = DISTURBED.index(disturbed)
-        self.s: Any = system_of(scene, laws, request.until, tol=tol, pause=FIRST_LOOK, **limits)
+        self.s: Any = system_of(scene, laws, request.until, self.start, tol=tol, pause=FIRST_LOOK, **limits)
         if state is not None:
             self.s = restored(self.s, state)
         self.collocation = Collocation(laws) if self.s.kinds["kind"][0] == GENERAL else None
@@ -148,6 +149,7 @@ class Run:
         why, counters = self.kernels(blocks.advance)(self.s, limit, chunk, self.collocation), self.counters
         reached = why == blocks.REACHED or (why == blocks.QUIET and limit < math.inf)
         self.now = limit if reached else float(counters["t"])
+        check_room(self.scene, self.s.walls, self.now, self.request.end)
         if why == blocks.WANTS_TABLE:
             self.s = with_room_for_a_table(self.s)
             make_table(self.s, self.collocation, self.kernels)
@@ -237,17 +239,25 @@ class Run:
         rows = made.tolist() if isinstance(self.s.run, list) else made
         if self.creep is not None:
             self.creep.show(elapsed)
-        self.kernels(look)(self.s, elapsed, *rows)
+        sums = self.scratch()
+        self.kernels(look)(self.s, elapsed, *rows, sums, self.collocation)
         c = -1
         while (c := self.kernels(look_inside)(self.s, c + 1, elapsed)) < self.scene.n_pairs:
             self.kernels(planned)(self.s, self.collocation)
-            self.kernels(seen)(self.s, c, *rows)
+            self.kernels(seen)(self.s, c, *rows, sums)
         made = np.asarray(rows)
         if not np.isfinite(made[:2]).all():  # interpreted, it would have raised on the way
             raise OverflowError("an overlap or its rate")
         np.negative(made[:2], out=made[:2])  # of overlaps
         self.seen = elapsed
-        return Row(time, elapsed, made[0], rate=made[1], force=made[2])
+        ledger = None if sums is None else np.array(sums)
+        return Row(time, elapsed, made[0], rate=made[1], force=made[2], ledger=ledger)
+
+    def scratch(self) -> Any:
+        """Return room for the sums of the ledger; None without one."""
+        if self.s.ledger is None:
+            return None
+        return [0.0] * 5 if isinstance(self.s.run, list) else np.zeros(5)
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended, and bring every pair to where it has come."""

@@ -16,8 +16,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from granular._flight import time_to_contact
 from granular._kernels import kernel
-from granular.md.located.pieces import DRIFT, elapsed, power
+from granular.md.located.pieces import DRIFT, elapsed, force_returns, power
 from granular.md.located.series import works
 from granular.md.located.system import ACTIVE, DAMPED, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, STEEPEST
 
@@ -55,6 +56,17 @@ def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int) -> float:
 
 
 @kernel
+def run_off_time(pairs: Any, pool: Any, lo: int, hi: int) -> float:
+    """Return a time in s for which to follow linear pairs of which none pushes, at a wall of constant acceleration."""
+    t = math.inf
+    for c in range(lo, hi):
+        pair = pool[pairs[c].slot]
+        if pair.mode == RESIDUAL:
+            t = min(t, time_to_contact(pair.xi, pair.eta, -pair.pull), force_returns(pair, pair))
+    return 2.0 * t if 0.0 < t < math.inf else 1.0
+
+
+@kernel
 def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
     """Set the block's `speed` V and `length` X, and each pair's own: what its energy amounts to as a rate and overlap.
 
@@ -69,8 +81,11 @@ def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
             stored = 2.0 * pair.inverse * pair.k * pair.xi * power(pair.xi, pair.p) / (pair.p + 1.0)
             if pair.kind == GENERAL:  # matched where impacts reach, it may tell little of a ball that comes to rest
                 stored = max(stored, 2.0 * pair.pull * pair.xi)
-        elif pair.pull > 0.0 and (pair.mode == DORMANT or (pair.mode == ACTIVE and pair.eta <= DRIFT * pair.noise)):
-            stored = 2.0 * pair.pull * power(pair.pull / (pair.k * pair.inverse), 1.0 / pair.p)
+        elif max(pair.pull, pair.sway) > 0.0 and (
+            pair.mode == DORMANT or (pair.mode == ACTIVE and pair.eta <= DRIFT * pair.noise)
+        ):
+            pull = max(pair.pull, pair.sway)
+            stored = 2.0 * pull * power(pull / (pair.k * pair.inverse), 1.0 / pair.p)
         pair.own_speed = math.sqrt(pair.eta * pair.eta + stored)
         if pair.mode != OPEN:
             speed = max(speed, pair.own_speed)

@@ -13,9 +13,10 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from granular._flight import rate_at_contact
 from granular._kernels import kernel
 from granular.md.located.alone import enter, follow_alone
+from granular.md.located.driven import touching_rate
+from granular.md.located.pieces import tick
 from granular.md.located.plan import planned
 from granular.md.located.pool import leave
 from granular.md.located.system import CHECKS, OCTAVES, OPEN, POINTS, QUANTITIES, SLOWEST
@@ -66,12 +67,13 @@ def ask(s: Any, j: int, laws: Any) -> None:
     """Ask that the contact that is wanted be followed alone, at point j of the octave of its speed, or at ITSELF."""
     run, c = s.run[0], s.run[0].wanted
     pair = s.pairs[c]
-    v = -rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull)
+    v = touching_rate(s.walls, pair, pair.wait)
     if j != ITSELF:
         v = math.ldexp(0.75 + 0.25 * place_of(j), math.frexp(v)[1])
     run.before_due, run.before_steps, run.before_error, run.before_log = pair.due, run.steps, run.error, run.log
     run.speed, run.log, run.error = v, 2, 0.0
     member = enter(s, c, v)
+    tick(member, pair.wait)
     follow_alone(s, c, math.inf if laws is None or laws.pushes_at_touch(member) else 0.0)
 
 
