@@ -110,6 +110,10 @@ class Scene:
         position: ArrayLike,
         velocity: ArrayLike,
         gravity: float = 0.0,
+        *,
+        external_force: ArrayLike | None = None,
+        floor: Any = None,
+        ceiling: Any = None,
     ) -> Scene:
         """Make a scene from positions of centres (of surfaces for walls) in m, bottom to top.
 
@@ -121,7 +125,8 @@ class Scene:
         _check.every("position", x, np.isfinite(x), "a position must be finite")
         rising = np.diff(x, prepend=-np.inf) >= 0.0
         _check.every("position", x, rising, "positions must not decrease", "number bodies bottom to top")
-        return cls(m, r, np.diff(x) - r[:-1] - r[1:], velocity, gravity, float(x[0]) if len(x) else 0.0)
+        return cls(m, r, np.diff(x) - r[:-1] - r[1:], velocity, gravity, float(x[0]) if len(x) else 0.0,
+                   external_force=external_force, floor=floor, ceiling=ceiling)  # fmt: skip
 
     @cached_property
     def _key(self) -> tuple[Any, ...]:
@@ -333,10 +338,14 @@ def _summed(steps: Array) -> Array:
 
 
 def speed_scale(scene: Scene) -> float:
-    """Largest speed in m/s at which a pair may first close: current differences and the fall through the gaps."""
-    v = scene.velocity
+    """Largest speed in m/s at which a pair may first close: current differences, the fall through the gaps, and how
+    fast walls move beside that."""
+    v, force, pull = scene.velocity, scene.external_force, scene.gravity
     reach = float(scene.gap.clip(min=0.0).sum())
-    return float(v.max() - v.min()) + math.sqrt(2.0 * scene.gravity * reach)
+    if force is not None:
+        pull += float(np.ptp(force * scene.inverse_mass))
+    shaken = sum(map(walls_module.fastest, scene.motions)) if scene.driven else 0.0
+    return float(v.max() - v.min()) + math.sqrt(2.0 * pull * reach) + shaken
 
 
 def close_after(scene: Scene, *, flattened: bool = False) -> float:

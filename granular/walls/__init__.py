@@ -7,6 +7,7 @@ the scene put it, and moves at its own velocity + m'(t_start).
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,21 @@ def fitted(motion: Any, t_start: float, t_end: float) -> Any:
     """
     panels = None if motion is None else motion.panels(t_start, t_end)
     return panels if isinstance(motion, Motion) else motion
+
+
+def ends(*motions: Any) -> float:
+    """Return the time in s at which the first of these paths ends: inf of a `Sine`, and of a `Motion`, whose function
+    says how far it goes."""
+    paths = [getattr(motion, "function", motion) for motion in motions]
+    last = [path.breaks[-1] for path in paths if isinstance(path, Piecewise)]
+    last += [path.edges[-1] for path in paths if isinstance(path, Panels) and not path.frequency]
+    return float(min(last, default=math.inf))
+
+
+def fastest(motion: Any) -> float:
+    """Return a bound of |m'| in m/s; 0 of a wall at constant velocity, and of a `Motion`, of which runs have panels."""
+    panels = getattr(motion, "_panels", getattr(motion, "function", motion))
+    return float(panels._plain[0].speed) if isinstance(panels, Panels) else 0.0
 
 
 def moved(panels: Panels, start: float, elapsed: Any) -> tuple[Any, Any]:

@@ -24,7 +24,7 @@ AT_FIRST = 16
 HALVINGS = 30
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Motion:
     """Any m(t): Chebyshev panels, halved until what they leave out is below `accuracy` times the largest excursion.
 
@@ -56,6 +56,11 @@ class Motion:
                                              "for a harmonic motion use granular.walls.Sine"))  # fmt: skip
         accuracy = _check.number("accuracy", self.accuracy, at_least=2.0**-52, at_most=1e-3)
         self.__dict__["accuracy"] = accuracy
+
+    def __repr__(self) -> str:
+        function: Any = self.function
+        named = function if isinstance(function, Panels) else getattr(function, "__qualname__", function)
+        return f"Motion({named})" if self.accuracy == 1e-15 else f"Motion({named}, accuracy={self.accuracy:g})"
 
     def displacement(self, t: float) -> float:
         """Return m(t) in m, as `function` says it."""
