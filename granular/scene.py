@@ -337,6 +337,11 @@ def _summed(steps: Array) -> Array:
     return out
 
 
+def forced(scene: Scene) -> bool:
+    """Whether there is more than gravity and walls at constant velocity: a driven wall, or forces on balls."""
+    return scene.driven or scene.external_force is not None
+
+
 def speed_scale(scene: Scene) -> float:
     """Largest speed in m/s at which a pair may first close: current differences, the fall through the gaps, and how
     fast walls move beside that."""

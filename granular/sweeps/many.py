@@ -18,7 +18,7 @@ from granular.cases import Case
 from granular.cases.ready import first_impact
 from granular.laws.contact_law import resolve
 from granular.md import located
-from granular.scene import Scene, velocities
+from granular.scene import Scene, forced, velocities
 from granular.sweeps.answers import REFUSED, Answers
 from granular.sweeps.axes import Values
 from granular.sweeps.plan import Plan
@@ -79,8 +79,7 @@ def _recalled(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *given
 def _start(plan: Plan, point: tuple[Any, ...]) -> Start | None:
     case = plan.start(point)
     balls = case.scene.mass.tobytes(), case.scene.radius.tobytes(), first_impact(case.scene)
-    alone = case.run or case.scene.driven or case.scene.external_force is not None
-    return None if alone else Start(case, balls if plan.subject.ready else point)
+    return None if case.run or forced(case.scene) else Start(case, balls if plan.subject.ready else point)
 
 
 def _law(plan: Plan, point: tuple[Any, ...], start: Start) -> tuple[Any, float] | None:
