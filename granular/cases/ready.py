@@ -204,10 +204,11 @@ def first_impact(scene: Scene) -> float:
     """Largest speed in m/s at which a pair would meet first if it were alone, with walls at their fastest; 0 if none
     meets."""
     closing = -scene.across(scene.velocity)
-    closing[0] += walls.fastest(scene.floor)
-    closing[-1] += walls.fastest(scene.ceiling)
     square = closing * np.abs(closing) + 2.0 * scene.pull * np.maximum(scene.gap, 0.0)
-    return math.sqrt(max(0.0, float(square.max())))
+    speed = np.sqrt(np.maximum(0.0, square))
+    speed[0] += walls.fastest(scene.floor)
+    speed[-1] += walls.fastest(scene.ceiling)
+    return float(speed.max())
 
 
 def _named(name: str) -> Template:
