@@ -5,7 +5,7 @@
 p          share of EDMD events with an event of a neighbouring pair within t_c
 Λ          mean t_c × rate of collisions of a pair: the share of time a pair spends in contact
 D          √(Σ m (Δu)² / Σ m v₀²), u the velocity with which a ball leaves its last contact, v₀ at the first contact
-K_cm       ratio (soft / hard) of the restitution of the centre of mass, scenes with one wall
+K_cm       ratio (soft / hard) of the restitution of the centre of mass, scenes with one wall at constant velocity
 =========  ===========================================================================================================
 """
 
@@ -210,6 +210,37 @@ def _shaking(scene: Scene, omega: Array) -> dict[str, float]:
     largest = max((motion.omega * motion.omega * motion.amplitude for motion, _ in walls), default=math.nan)
     return {"shaking": largest / scene.gravity if scene.gravity > 0.0 else math.nan,
             "shaking_omega": max((motion.omega / own for motion, own in walls), default=math.nan)}  # fmt: skip
+
+
+def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
+    """Poincaré section at a shaken wall: what is seen at each contact of its pair.
+
+    Parameters
+    ----------
+    run : Trajectory
+        Of hard or soft spheres, with its log.
+    pair : int
+        0 for the floor, ``scene.n_pairs - 1`` for the ceiling.
+
+    Returns
+    -------
+    dict
+        *time* of the onset in s; *phase* of the wall there as a fraction of a turn, from 0 to 1 (nan where it is no
+        `granular.walls.Sine`); velocities in m/s of the *wall* at the onset, and of the ball *before* and *after*.
+
+    Raises
+    ------
+    ValueError
+        If `pair` has no wall.
+    """
+    scene, log = run.scene, run.of(pair)
+    side = int(pair == scene.n_pairs - 1 and bool(scene.is_wall[-1]))
+    if not (0 <= pair < scene.n_pairs and scene.is_wall[scene.bodies(pair)[side]]):
+        raise ValueError(f"pair is {pair!r}: the pair of a wall is needed, 0 or {scene.n_pairs - 1}.")
+    motion, time = scene.motions[side], log["t_begin"]
+    phase = motion.phases(time) if isinstance(motion, Sine) else np.full(len(log), math.nan)
+    return {"time": time, "phase": phase, "wall": log["v_in"][:, side], "before": log["v_in"][:, 1 - side],
+            "after": log["v_out"][:, 1 - side]}  # fmt: skip
 
 
 def balance(run: Trajectory) -> dict[str, float]:
