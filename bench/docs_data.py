@@ -62,6 +62,13 @@ def isolation() -> Any:
     return compute(7)
 
 
+def driven() -> Any:
+    """Data of the figure of docs/driven.md at few points."""
+    from driven import compute
+
+    return compute(3)
+
+
 def errors(report: Any) -> Any:
     """The same of a `Frontier` that is measured already."""
     return {
