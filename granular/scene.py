@@ -260,8 +260,10 @@ class Scene:
         motion = self.motions[self._wall == self.n - 1]
         if motion is None:
             return 0.0, 0.0
-        end = start + float(np.max(elapsed))
-        return walls_module.moved(motion.panels(start, math.nextafter(end, math.inf)), start, elapsed)
+        end = start  # paths that last are asked no farther: the end of a run may be a rounding beyond theirs
+        if isinstance(motion, walls_module.Motion):
+            end = math.nextafter(start + float(np.max(elapsed)), math.inf)
+        return walls_module.moved(motion.panels(start, end), start, elapsed)
 
     @property
     def _fall(self) -> float:
@@ -343,14 +345,12 @@ def forced(scene: Scene) -> bool:
 
 
 def speed_scale(scene: Scene) -> float:
-    """Largest speed in m/s at which a pair may first close: current differences, the fall through the gaps, and how
-    fast walls move beside that."""
-    v, force, pull = scene.velocity, scene.external_force, scene.gravity
+    """Largest speed in m/s at which a pair may first close: current differences, the fall through the gaps, and the
+    largest speeds of driven walls."""
+    v = scene.velocity
     reach = float(scene.gap.clip(min=0.0).sum())
-    if force is not None:
-        pull += float(np.ptp(force * scene.inverse_mass))
-    shaken = sum(map(walls_module.fastest, scene.motions)) if scene.driven else 0.0
-    return float(v.max() - v.min()) + math.sqrt(2.0 * pull * reach) + shaken
+    fall = scene.gravity if scene.external_force is None else max(scene.gravity, float(np.abs(scene.pull).max()))
+    return float(v.max() - v.min()) + math.sqrt(2.0 * fall * reach) + sum(map(walls_module.fastest, scene.motions))
 
 
 def close_after(scene: Scene, *, flattened: bool = False) -> float:

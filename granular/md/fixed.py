@@ -50,7 +50,8 @@ class Run:
         until = request.until
         self.pair, self.nth = (until.pair, until.nth) if isinstance(until, stop.Contact) else (-1, 0)
         logged = request.rows or self.pair >= 0
-        self.stepper = Stepper(scene, laws, self.integrator, dt, (self.pair, self.nth), logged, engine == "compiled")
+        self.stepper = Stepper(scene, laws, self.integrator, dt, (self.pair, self.nth), logged, engine == "compiled",
+                               self.start)  # fmt: skip
         self.k = self.steps = self.flights = self.contacts = 0
         self.halted = False  # between two steps, at the onset of the contact at which to stop
         self.take_off: tuple[int, Any] | None = None  # step and state at which the flight began that ends here
@@ -73,12 +74,13 @@ class Run:
         if self.take_off is not None and time < self.time():
             k, flying = self.take_off
         ahead = max(0.0, time - (self.start + k * self.dt))  # k dt may be a rounding beyond
-        state = self.stepper.after(ahead) if flying is None else self.stepper.glide(deepcopy(flying), ahead)
-        return self._row(time, state)
+        state = self.stepper.after(k, ahead) if flying is None else self.stepper.glide(deepcopy(flying), k, ahead)
+        return self._row(time, state, state if flying is None else self.stepper.here)
 
-    def _row(self, time: float, state: Any) -> Row:
+    def _row(self, time: float, state: Any, booked: Any) -> Row:
         xi, raw, v = (np.array(state[row]) for row in (XI, RAW, V))
-        return Row(time, time - self.start, -xi[1:-1], v[1:], force=np.fmax(0.0, raw[1:-1]))
+        ledger = self.stepper.account(booked, bool((xi > 0.0).any()))
+        return Row(time, time - self.start, -xi[1:-1], v[1:], force=np.fmax(0.0, raw[1:-1]), ledger=ledger)
 
     def to(self, time: float, last: bool) -> Pause:
         """Take the steps up to `time`, of a chunk, or to an event worth a look."""
@@ -117,6 +119,8 @@ class Run:
         room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
         why, k = stepper.march(self.k, int(min(CHUNK, limit - self.k)), room)
         self.take_off, self.steps, self.k = None, self.steps + k - self.k, k
+        if self.scene.driven and self.scene.is_wall[[0, -1]].all():
+            self._check_room()
         self.contacts += int(stepper.work.ended[0])
         if why == loop.UNTIL:
             self.halted = True
@@ -127,6 +131,12 @@ class Run:
             self._compile_if_worth_it()
         return Pause.full
 
+    def _check_room(self) -> None:
+        """Raise if driven walls have met, with all balls between them."""
+        if float(self.stepper.pairs(XI).sum()) >= 2.0 * float(self.scene.radius.sum()) > 0.0:
+            raise ValueError(f"t_end is {self.request.end!r}: the walls have met by t = {self.time():.6g} s; give a "
+                             "t_end before that, or walls that come less far.")  # fmt: skip
+
     def _fly(self) -> bool:
         """Jump whole steps while nothing touches; true if nothing ever will and no end is set.
 
@@ -134,13 +144,13 @@ class Run:
         """
         span = self.request.end - self.start
         last = math.floor(span / self.dt) if span < math.inf else math.inf
-        touch = float(self.stepper.code.time_to_touch(self.stepper.here, self.stepper.pull))
+        touch = self.stepper.time_to_touch(self.k, span - self.k * self.dt)
         if touch == last == math.inf:
             return True
         jump = min(touch // self.dt, last - self.k) if touch < math.inf else last - self.k  # inf // dt is no number
         if jump > 0.0:
             self.take_off = self.k, deepcopy(self.stepper.here[: V + 1])
-            self.stepper.glide(self.stepper.here, jump * self.dt)
+            self.stepper.glide(self.stepper.here, self.k, jump * self.dt)
             self.k += int(jump)
             self.flights += 1
         return False
@@ -215,7 +225,7 @@ class Run:
         old, new = self.stepper.here, self.stepper.there
         part = part_of_step(j, old[XI][j], old, new)
         ends = zip(*((np.asarray(x[XI]), np.fmax(0.0, x[RAW]), np.asarray(x[V])) for x in (old, new)), strict=True)
-        return self._row(self.start + (self.k + part) * self.dt, [a + part * (b - a) for a, b in ends])
+        return self._row(self.start + (self.k + part) * self.dt, [a + part * (b - a) for a, b in ends], old)
 
     # -- judgement ------------------------------------------------------------------------------------------------
 
@@ -241,20 +251,23 @@ class Run:
 
     def _deflected(self) -> bool:
         """Whether any ball moves otherwise than it would have fallen freely."""
-        scene, v = self.scene, self.stepper.balls()
-        free = scene.velocity - np.where(scene.is_wall, 0.0, scene.gravity * self.k * self.dt)
-        scale = float(np.abs(free).max())
-        return not bool((np.abs(v - free) <= 1e-9 * scale).all())
+        scene, balls = self.scene, ~self.scene.is_wall
+        free, v = (scene.velocity + scene.fall * (self.k * self.dt))[balls], self.stepper.balls()[balls]
+        return not bool((np.abs(v - free) <= 1e-9 * float(np.abs(free).max())).all())
 
     def _energy_gain(self) -> float:
-        """Growth of kinetic energy beyond what gravity gave, relative to the largest supply; 0 with moving walls."""
+        """Growth of kinetic energy beyond what gravity and forces gave, relative to the largest supply; 0 with moving
+        walls."""
         scene, balls = self.scene, ~self.scene.is_wall
-        if scene.velocity[~balls].any():
+        if scene.worked:
             return 0.0
         m, v0, v = scene.mass[balls], scene.velocity[balls], self.stepper.balls()[balls]
         x0 = scene.position[balls]
         x = positions(scene, -self.stepper.pairs(XI)[None], np.array([self.k * self.dt]), self.start)[0][balls]
         stored = (self.stepper.laws[c].energy(-float(scene.gap[c])) for c in np.flatnonzero(scene.gap < 0.0).tolist())
-        supply = 0.5 * m @ v0**2 + sum(stored) + scene.gravity * max(0.0, m @ (x0 - x))
+        fallen = scene.gravity * max(0.0, m @ (x0 - x))
+        if scene.external_force is not None:
+            fallen = max(0.0, (m * scene.fall[balls]) @ (x - x0))
+        supply = 0.5 * m @ v0**2 + sum(stored) + fallen
         with np.errstate(all="ignore"):
             return float(0.5 * m @ v**2 / supply - 1.0) if supply > 0.0 else 0.0

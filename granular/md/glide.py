@@ -9,14 +9,14 @@ from typing import Any
 
 from granular._flight import gap_after, time_to_contact
 from granular._kernels import kernel
-from granular.md.window import ACC, RAW, TOP, XI, V
+from granular.md.window import ACC, RAW, SNAP, TOP, XI, V
 
 
 @kernel
-def time_to_touch(x: Any, pull: Any) -> float:
-    """Time until the first gap closes; inf if none ever does."""
+def time_to_touch(x: Any, pull: Any, low: int, high: int) -> float:
+    """Time until the first gap of the pairs from `low` to before `high` closes; inf if none ever does."""
     first, xi, v = math.inf, x[XI], x[V]
-    for c in range(len(pull)):
+    for c in range(low, high):
         rate = v[c + 2] - v[c + 1]
         if xi[c + 1] == 0.0 and rate == 0.0 and pull[c] > 0.0:
             return 0.0  # a soft ball placed on the floor sinks in
@@ -35,6 +35,6 @@ def glide(x: Any, pull: Any, fall: Any, dt: float) -> None:
         xi[c + 1], raw[c + 1] = -gap if gap > 0.0 else 0.0, 0.0
     for i in range(1, len(v)):
         v[i] += fall[i] * dt
-    for r in range(TOP, len(x)):
+    for r in range(TOP, min(len(x), SNAP + 1)):
         for i in range(len(v)):
             x[r][i] = fall[i] if r == ACC else 0.0

@@ -13,8 +13,11 @@ from typing import Any, NamedTuple
 
 from granular._kernels import kernel
 from granular.md.contact_force import asked as force
+from granular.md.driven import END, HALF, LAST, MIDDLE, START, WHOLE, arrive, steer
 
 CHANGED, CLOSED = 1, 2
+DRIVEN = False
+"""Whether walls move along a path."""
 
 
 @kernel
@@ -79,12 +82,16 @@ def half_way(dt: float, m: int, a: Any) -> None:
 @kernel
 def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
     """Velocity Verlet; a rate-dependent force sees the predicted velocity v + a·dt. It begins the next step, too."""
+    if DRIVEN:
+        steer(physics, lo, m, WHOLE, END, a)
     flags, dt, half = move(physics, lo, m, a), physics.dt, 0.5 * physics.dt
     for i in range(m + 1):
         acc = pulled(i, a)
         v = a.half[i + 1] + half * acc
         a.was_v[i + 1], a.v[i + 1] = a.v[i + 1], v
         a.guess[i + 1], a.half[i + 1] = v + dt * acc, v + half * acc
+    if DRIVEN:
+        arrive(physics, lo, m, END, a)
     return flags
 
 
@@ -96,16 +103,21 @@ def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
         v = a.v[i + 1] + dt * pulled(i, a)
         a.was_v[i + 1], a.v[i + 1] = a.v[i + 1], v
         a.half[i + 1] = a.guess[i + 1] = v
+    if DRIVEN:
+        arrive(physics, lo, m, END, a)
+        steer(physics, lo, m, WHOLE, END, a)
     return move(physics, lo, m, a)
 
 
 @kernel
-def _stage(physics: Any, lo: int, m: int, reach: float, weight: float, a: Any) -> None:
+def _stage(physics: Any, lo: int, m: int, reach: float, weight: float, drift: int, speed: int, a: Any) -> None:
     """Add the derivatives of a stage of Runge-Kutta, and go on from the start to the next one, `reach` in s away."""
     for i in range(m + 1):
         acc = pulled(i, a)
         a.acc[i + 1] += weight * acc
         a.half[i + 1], a.guess[i + 1] = a.guess[i + 1], a.v[i + 1] + reach * acc
+    if DRIVEN:
+        steer(physics, lo, m, drift, speed, a)
     for j in range(m):
         rate = a.half[j + 1] - a.half[j + 2]
         a.rate[j + 1] += weight * rate
@@ -121,12 +133,15 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
         a.acc[i + 1] = 0.0
     for j in range(m):
         a.was_xi[j + 1], a.was_raw[j + 1], a.rate[j + 1] = a.xi[j + 1], a.raw[j + 1], 0.0
-    _stage(physics, lo, m, half, 1.0, a)
-    _stage(physics, lo, m, half, 2.0, a)
-    _stage(physics, lo, m, dt, 2.0, a)
+    _stage(physics, lo, m, half, 1.0, HALF, MIDDLE, a)
+    _stage(physics, lo, m, half, 2.0, HALF, MIDDLE, a)
+    _stage(physics, lo, m, dt, 2.0, WHOLE, END, a)
     for i in range(m + 1):
         v = a.v[i + 1] + sixth * (a.acc[i + 1] + pulled(i, a))
         a.half[i + 1], a.v[i + 1] = a.guess[i + 1], v
+    if DRIVEN:
+        steer(physics, lo, m, LAST, END, a)
+        arrive(physics, lo, m, END, a)
     for j in range(m):
         xi = a.xi[j + 1] + sixth * (a.rate[j + 1] + (a.half[j + 1] - a.half[j + 2]))
         raw = force(physics, lo, j, xi, a.v[j + 1] - a.v[j + 2], a)
@@ -144,6 +159,8 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
     """
     flags, dt, half, logged = 0, physics.dt, 0.5 * physics.dt, physics.logged
     d2, d3, d4 = dt * dt / 2.0, dt * dt * dt / 6.0, dt * dt * dt * dt / 24.0
+    if DRIVEN:
+        arrive(physics, lo, m, WHOLE, a)
     for j in range(m):
         rate, pull = a.v[j + 1] - a.v[j + 2], a.acc[j + 1] - a.acc[j + 2]
         later = d3 * (a.jerk[j + 1] - a.jerk[j + 2])
@@ -154,6 +171,8 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         a.was_v[i + 1], a.v[i + 1] = v, v + (dt * acc + d2 * jerk + d3 * snap)
         a.acc[i + 1] = acc + dt * jerk + d2 * snap
         a.jerk[i + 1] = jerk + dt * snap
+    if DRIVEN:
+        arrive(physics, lo, m, END, a)
     for j in range(m):
         a.was_raw[j + 1] = a.raw[j + 1]
         a.raw[j + 1] = force(physics, lo, j, a.xi[j + 1], a.v[j + 1] - a.v[j + 2], a)

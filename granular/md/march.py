@@ -13,6 +13,7 @@ from __future__ import annotations
 from typing import Any
 
 from granular._kernels import kernel
+from granular.md.driven import ahead, book
 from granular.md.integrators import CHANGED, CLOSED, beside
 from granular.md.integrators import half_way as begin
 from granular.md.integrators import verlet as step
@@ -25,6 +26,8 @@ REACH = 24
 """Evaluations of the forces in a window before the next one has its turn."""
 EVALUATIONS = 1
 """Of the forces in a step."""
+DRIVEN = WORKED = False
+"""Whether walls move along a path; whether any wall moves, so that an account is kept."""
 
 
 @kernel
@@ -56,10 +59,14 @@ def leap(physics: Any, here: Any, there: Any, work: Any, k: int, reach: int, wit
         begin(physics.dt, m, a)
         while done < taken:
             right = m if hi == pairs else m - done * EVALUATIONS  # what is farther has become wrong
+            if DRIVEN and (lo == 0 or hi == pairs):
+                ahead(physics, k + done)
             now = step(physics, lo, right, a)
             beside(right, 0.5 * physics.dt, a)
             if physics.memory:
                 remember(right, a)
+            if WORKED:
+                book(physics, first, stop, lo, a)
             flags |= now
             if witness != -2 and now & CHANGED:
                 if physics.logged and not local(first, stop, lo, work.was, work.rows, work):

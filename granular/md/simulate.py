@@ -22,8 +22,8 @@ from granular.laws.kinds import SceneLaws
 from granular.md import fixed, located
 from granular.md.integrators import INTEGRATORS
 from granular.md.stability import expected_rate
-from granular.request import requested
-from granular.scene import Scene, checked, close_after
+from granular.request import Request, requested
+from granular.scene import Scene, checked, close_after, fitted
 from granular.trajectory import Status, Trajectory
 
 FINEST = 1e-17
@@ -120,6 +120,8 @@ def simulate(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, max_steps=max_steps,
         on_event=on_event, on_progress=on_progress,
     )  # fmt: skip
+    _check_end(scene, request)
+    scene = fitted(scene, start, request.end)
     _check_walls(scene, start, request.end)
     _check.choice("engine", engine, ("auto", "plain", "compiled"))
     if method is None:
@@ -129,6 +131,7 @@ def simulate(
     if method == "located":
         if dt is not None:
             raise ValueError(f"dt is {dt!r}: method 'located' has no fixed step; choose {', '.join(INTEGRATORS)}.")
+        _check_located(scene)
         finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
         with _in_range(laws.given[0]):
             return drive(located.Run(scene, laws, request, engine, finest, disturbed))
@@ -207,8 +210,25 @@ def _in_range(law: Any) -> Iterator[None]:
         ) from error
 
 
+def _check_end(scene: Scene, request: Request) -> None:
+    """Raise if nothing says when a run beside driven walls is over: they keep balls moving for good."""
+    if scene.driven and request.end == math.inf and request.until is None:
+        raise ValueError("t_end is None: beside a driven wall a run never comes to an end by itself; give t_end or until.")
+
+
+def _check_located(scene: Scene) -> None:
+    """Raise for what method "located" does not know yet."""
+    names = "floor", "ceiling", "external_force"
+    for name, value in ((name, getattr(scene, name)) for name in names):
+        if value is not None:
+            given = ", ".join(map(repr, INTEGRATORS))
+            raise ValueError(f"{name} is {value!r}: method 'located' does not know it yet; choose one of {given}.")
+
+
 def _check_walls(scene: Scene, start: float, end: float) -> None:
-    """Raise if walls that move towards each other meet before the end."""
+    """Raise if walls that move towards each other meet before the end; of driven ones the run takes care."""
+    if scene.driven:
+        return
     meet = start + close_after(scene, flattened=True)
     if meet <= end and meet < math.inf:
         given = "None" if end == math.inf else repr(end)

@@ -4,6 +4,7 @@ May be skipped: faster, same results.
 
 from __future__ import annotations
 
+import math
 from collections import namedtuple
 from functools import cached_property
 from typing import Any
@@ -16,6 +17,7 @@ from granular._records import one, packed, plain, twin
 from granular.laws.kinds import SceneLaws
 from granular.md import contact_force, window
 from granular.md import march as loop
+from granular.md.driven import clock, flown, next_touch, packed_walls, walls_of
 from granular.md.glide import glide, time_to_touch
 from granular.md.integrators import Integrator
 from granular.md.notes import STEP_ROW, settle
@@ -43,26 +45,33 @@ class Stepper:
         Whether contacts are noted, not only counted.
     at_once : bool
         Whether all of the run is compiled.
+    start : float
+        Time in s of the scene's instant.
     """
 
     def __init__(
         self, scene: Scene, laws: SceneLaws, integrator: Integrator, dt: float, until: tuple[int, int], logged: bool,
-        at_once: bool,
+        at_once: bool, start: float = 0.0,
     ) -> None:  # fmt: skip
         self.scene, self.laws, self.integrator, self.compiled = scene, laws, integrator, False
         n, p, memory = scene.n, scene.n_pairs, any(law.memory for law in laws.each)
         form = contact_force.coefficients(laws)
         self.force = contact_force.asked if form is None else contact_force.power
-        extra = logged * window.TOUCHED, memory * window.TOP, integrator.derivatives * window.SNAP
+        extra = (logged * window.TOUCHED, memory * window.TOP, integrator.derivatives * window.SNAP,
+                 scene.worked * window.WORK_LOW)  # fmt: skip
         state, given = np.zeros((1 + max(window.SHARED, *extra), n + 1)), np.zeros((4, n + 1))
         state[window.XI], state[V, 1:] = [-1.0, *-scene.gap, -1.0], scene.velocity
         k, gamma, root = form or (0.0, 0.0, False)
         given[0, 1:-1], given[1, 1:-1], given[2, 1:] = k, gamma, scene.inverse_mass
-        given[3, 1:] = np.where(scene.is_wall, 0.0, -scene.gravity)
+        given[3, 1:] = scene.fall
+        self.walls = walls_of(scene, start) if scene.worked else None
+        if self.walls is not None:
+            for body, _, v in flown(self.walls, start, 0.0, state, scene.pull, 0.0):
+                state[V, body + 1] = v
         held: Any = np.array if at_once else np.ndarray.tolist
         self.here, self.there, self.pull = held(state), held(state), held(scene.pull)
         asked = laws if at_once or form is not None else list(laws)
-        self.physics = Physics(asked, held(given), root, dt, logged, memory, p)
+        self.physics = Physics(asked, held(given), root, dt, logged, memory, p, self.walls or 0)
         rows = [[0.0] * (2 if at_once else n + 1) for _ in ROWS]
         log: Any = np.zeros(max(64, 4 * p) if logged else 0, STEP_ROW)
         log = log if at_once else plain(log)
@@ -90,6 +99,8 @@ class Stepper:
     def _kernels(self, force: Any) -> Code:
         how = self.integrator
         fit = {"step": how.step, "begin": how.begin, "EVALUATIONS": how.evaluations, "force": force}
+        fit |= {"WORKED": True} if self.scene.worked else {}
+        fit |= {"DRIVEN": True} if self.scene.driven else {}
         return Code(specialised(loop.march, **fit), specialised(loop.leap, **fit), glide, time_to_touch)
 
     @cached_property
@@ -107,7 +118,9 @@ class Stepper:
         """
         laws = 0 if self.force is contact_force.power else contact_force.records(self.laws, self.scene.pairs)
         self.code = Code(*map(compiled, self.fit))  # what may fail: before anything changes
-        self.physics = self.physics._replace(laws=laws, given=np.array(self.physics.given), block=self._block())
+        walls = 0 if self.walls is None else packed_walls(self.walls)
+        self.physics = self.physics._replace(laws=laws, given=np.array(self.physics.given), block=self._block(),
+                                             walls=walls)  # fmt: skip
         self.here, self.there, self.pull = map(np.array, (self.here, self.there, self.pull))
         record, work = np.zeros(1, WINDOW), self.work
         rows, log = record.view(float).reshape(len(ROWS), window.LENGTH), packed(work.log, STEP_ROW)
@@ -135,19 +148,48 @@ class Stepper:
             self.here, self.there = self.there, self.here
         return why, int(k)
 
-    def glide(self, x: Any, dt: float) -> Any:
-        """Let the open scene in rows `x` fly for a time `dt` in s."""
+    def clock(self, k: int) -> tuple[float, float]:
+        """Time in s at step `k` in two floats."""
+        return (0.0, 0.0) if self.walls is None else clock(self.walls, float(k), self.physics.dt)
+
+    def time_to_touch(self, k: int, within: float) -> float:
+        """Time in s from step `k` until something touches, beside driven walls at least up to `within`."""
+        if self.walls is None:
+            return float(self.code.time_to_touch(self.here, self.pull, 0, len(self.pull)))
+        low, high = int(self.scene.floor is not None), len(self.pull) - int(self.scene.ceiling is not None)
+        free = float(self.code.time_to_touch(self.here, self.pull, low, high))
+        return min(free, next_touch(self.walls, *self.clock(k), self.here, self.pull, within))
+
+    def glide(self, x: Any, k: int, dt: float) -> Any:
+        """Let the open scene in rows `x`, of step `k`, fly for a time `dt` in s."""
+        ends = [] if self.walls is None else flown(self.walls, *self.clock(k), x, self.pull, dt)
         self.code.glide(x, self.pull, self.physics.given[3], dt)
+        for body, gap, v in ends:
+            x[window.XI][body + (body == 0)], x[V][body + 1] = -gap if gap > 0.0 else 0.0, v
         return x
 
-    def after(self, dt: float) -> Any:
-        """The rows a time `dt` in s later; the run stays where it is."""
+    def after(self, k: int, dt: float) -> Any:
+        """The rows a time `dt` in s after step `k`, the present one; the run stays there."""
         if not dt > 0.0:
             return self.here
-        rows = slice(None if self.physics.memory or self.integrator.derivatives else V + 1)
-        physics = self.physics._replace(dt=dt, logged=False)
+        whole = self.physics.memory or self.integrator.derivatives or self.walls is not None
+        rows, physics = slice(None if whole else V + 1), self.physics._replace(dt=dt, logged=False)
+        if self.walls is not None:
+            time, tail = self.clock(k)
+            physics = physics._replace(walls=physics.walls._replace(time=time, tail=tail))
         self.code.leap(physics, self.here[rows], self.there[rows], self.work, 0, 1, -2)
         return self.there
+
+    def account(self, x: Any, pushing: bool) -> Array | None:
+        """What is kept of the energy in rows `x` in J, see `granular.drive.Row`; None where no wall moves.
+
+        What laws with memory dissipate is known while none of their pairs is `pushing`.
+        """
+        if self.walls is None:
+            return None
+        work, lost = (np.asarray(x[row]) + np.asarray(x[row + 1]) for row in (window.WORK, window.LOST))
+        lost = math.nan if self.physics.memory and pushing else math.fsum(lost)
+        return np.array([work[1], work[-1], 0.0, 0.0, lost])
 
     def settled(self) -> bool:
         """Whether the higher derivatives that Gear's method remembers no longer change any velocity."""

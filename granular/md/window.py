@@ -22,30 +22,33 @@ ROWS = (
     "xi", "raw", "v", "deepest", "beside", "shared",
     "xi_max", "force_max", "impulse", "step", "part", "lower", "upper", "count", "touched",
     "top", "acc", "jerk", "snap",
+    "lost", "lost_low", "work", "work_low",
     "was_xi", "was_raw", "was_v", "k", "gamma", "w", "fall", "half", "guess", "rate",
 )  # fmt: skip
 """Overlap, unclipped force, velocity. Over the whole run: largest overlap, largest overlap of the pair and the next one
 together, impulse exchanged while a neighbouring pair was active. If a log is kept, of the running contact: peaks and
 impulse so far; onset (step, fraction) and velocities then; number of contacts begun; whether the onset is noted of a
 contact still without force. For laws with memory: largest overlap of the running contact. For Gear's method:
-acceleration and higher derivatives of the velocity.
+acceleration and higher derivatives of the velocity. Where walls move: what the pair dissipated, and the work of the
+wall that is its lower body, or of a ceiling, in two floats each.
 
 In windows only: the state a step ago; the law's coefficients, inverse masses, free accelerations; velocities within a
 step; a sum of Runge and Kutta."""
 (
     XI, RAW, V, DEEPEST, BESIDE, SHARED,
     XI_MAX, FORCE_MAX, IMPULSE, STEP, PART, LOWER, UPPER, COUNT, TOUCHED, TOP, ACC, JERK, SNAP,
-) = range(19)  # fmt: skip
+    LOST, LOST_LOW, WORK, WORK_LOW,
+) = range(23)  # fmt: skip
 """Places of the rows that a chain may have, too: all up to the last one that the run needs."""
 WAS, GIVEN = ROWS.index("was_xi"), ROWS.index("k")
 WINDOW = np.dtype([(name, float, (LENGTH,)) for name in ROWS])
 MOST = 1 << 40
 """More entries than any row has."""
 
-Physics = namedtuple("Physics", "laws given root dt logged memory block")
+Physics = namedtuple("Physics", "laws given root dt logged memory block walls")
 """What does not change: what the kernel `force` takes for laws; rows of coefficients, inverse masses and free
 accelerations, and whether √ξ is a factor of k ξ + γ ξ̇; time step; whether a log is kept, and whether laws have memory;
-pairs that a window stands for."""
+pairs that a window stands for; walls that move, see `driven`, or 0."""
 Work = namedtuple("Work", "window rows was given ended log pair nth")
 """The window, by name, as rows, as those of a step ago, as those that are given; how many contacts ended (1,), and
 their rows; at the onset of which contact of a pair to stop (-1: of none)."""

@@ -2,12 +2,13 @@
 May be skipped: it measures ourselves.
 
 Power laws F = k ξ^p + γ ξ^d ξ̇ are solved by Taylor series in 34 digits (needs mpmath), any other law by scipy's
-DOP853 restarted at events. Neither shares code with `granular.md`'s methods. Each scene is solved twice, the second
+DOP853 restarted at events. Neither shares code with `granular.md`'s methods: walls move by a sine or polynomials of their own. Each scene is solved twice, the second
 time with fewer digits or a wider tolerance: the difference is the error that is reported.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +20,7 @@ from granular.laws.contact_law import Form, PairLaw
 from granular.reference import restarted, taylor
 from granular.reference.log import Reference, ReferenceContact, distance
 from granular.reference.taylor import fraction
-from granular.scene import Scene
+from granular.scene import Scene, fitted
 
 __all__ = ["Reference", "ReferenceContact", "solve"]
 
@@ -30,7 +31,8 @@ TOLERANCES = (3e-14, 1e-12)
 
 
 def solve(
-    scene: Scene, law: Any, *, until: stop.Until | None = None, t_end: float | None = None, digits: int = 34
+    scene: Scene, law: Any, *, until: stop.Until | None = None, t_end: float | None = None, digits: int = 34,
+    t_start: float = 0.0,
 ) -> Reference:
     """Solve a scene of soft spheres independently of the engines, and estimate the error of that.
 
@@ -44,6 +46,8 @@ def solve(
         When to stop; a scene that never comes to an end needs one of them.
     digits : int
         Working digits for power laws. Cost grows about as their cube.
+    t_start : float
+        Time in s of the scene's instant.
 
     Returns
     -------
@@ -55,19 +59,26 @@ def solve(
     ImportError
         If mpmath is missing for a power law.
     ValueError
-        If the scene does not come to an end.
+        If the scene does not come to an end, or the path of a wall ends before.
+
+    Notes
+    -----
+    A driven wall that is a `Sine` is followed as that, in all digits; one that is a `Motion`, as its panels. DOP853
+    looks for contacts twenty times a period, or piece of a path: it may overlook what is shorter.
     """
-    laws = checked(law, scene)
+    start = _check.number("t_start", t_start)
     stop.checked(until, scene.n_pairs)
-    end = None if t_end is None else _check.number("t_end", t_end, at_least=0.0)
+    end = None if t_end is None else _check.number("t_end", t_end, at_least=start)
+    scene = fitted(scene, start, math.inf if end is None else end)
+    laws = checked(law, scene)
     whole = _check.whole("digits", digits, at_least=20, at_most=200)
     forms, convert = [power_series(one) for one in laws], float
     if None in forms:
-        best, other = (restarted.solve(scene, laws, until, end, "DOP853", rtol)[0] for rtol in TOLERANCES)
+        best, other = (restarted.solve(scene, laws, until, end, "DOP853", rtol, t_start=start)[0] for rtol in TOLERANCES)
     else:
         many = optional("mpmath", "the reference").MPContext()
         many.dps, convert = whole + FEWER, many.mpf
-        best, other = (taylor.solve(scene, forms, until, end, few) for few in (whole, whole - FEWER))
+        best, other = (taylor.solve(scene, forms, until, end, few, start) for few in (whole, whole - FEWER))
     v_error, t_error = distance(best, other, convert)
     return replace(best, velocity_error=v_error, time_error=t_error)
 

@@ -34,12 +34,19 @@ class Motion(Protocol):
     mode : list of str
         Of every pair; written by the events.
     pull : sequence of numbers
-        Gravity's closing acceleration of every pair in m/s².
+        Closing acceleration of every pair in m/s² without forces: by gravity, constant forces, a driven wall.
+    driven : bool
+        Whether a wall is driven: then nothing flies on a parabola, nor comes to an end by itself.
     """
 
     t: Number
     mode: list[str]
-    pull: Any
+
+    @property
+    def pull(self) -> Any: ...
+
+    @property
+    def driven(self) -> bool: ...
 
     @property
     def mp(self) -> Any:
@@ -81,7 +88,10 @@ class Run:
         status = "until" if any(self.launch(c) for c in self.pairs) else ""
         while not status:
             status = self.step()
-        return Reference(self.log.contacts(), float(self.motion.t), status, solver)
+        motion = self.motion
+        gap, v = tuple(-motion.now(c, "overlap") for c in self.pairs), [motion.bodies(c) for c in self.pairs]
+        return Reference(self.log.contacts(), float(motion.t), status, solver,
+                         gap=gap, velocity=(*(lower for lower, _ in v), v[-1][1]))  # fmt: skip
 
     def launch(self, c: int) -> bool:
         """Begin the contact of pair c if it is there at the start; return whether that ends the run."""
@@ -97,11 +107,14 @@ class Run:
         motion = self.motion
         self.rouse()
         watches = [watch for c in self.pairs for watch in self.watches(c)]
-        closed = any(mode in CLOSED for mode in motion.mode)
-        event = motion.go(watches, self.t_end) if closed else self.fly(watches)
-        if motion.t >= self.t_end or not (closed or event):
+        busy = motion.driven or any(mode in CLOSED for mode in motion.mode)
+        event = motion.go(watches, self.t_end) if busy else self.fly(watches)
+        if motion.t >= self.t_end:
+            return "time"
+        if not (busy or event):
             if self.t_end == math.inf:
                 return "quiet"
+            motion.fly(self.t_end - motion.t)
             motion.t = self.t_end
             return "time"
         if event is None:

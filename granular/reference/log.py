@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from granular import until as stop
@@ -55,6 +55,8 @@ class Reference:
         Estimated error of velocities in units of the impact speed, from a second run with other settings.
     time_error : float
         Estimated error of contact times in units of the longest contact.
+    gap, velocity : tuple of numbers
+        Gaps in m and velocities in m/s when it ended.
     """
 
     contacts: tuple[ReferenceContact, ...]
@@ -63,6 +65,8 @@ class Reference:
     solver: str
     velocity_error: float = math.nan
     time_error: float = math.nan
+    gap: tuple[Any, ...] = field(default=(), repr=False)
+    velocity: tuple[Any, ...] = field(default=(), repr=False)
 
     @property
     def impact_speed(self) -> float:

@@ -6,23 +6,27 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from granular import until as stop
 from granular._check import Array
 from granular.laws.kinds import SceneLaws
+from granular.reference.driven import paths
 from granular.reference.events import Run, Watch
 from granular.reference.log import ACTIVE, DORMANT, OPEN, Reference
 from granular.scene import Scene, speed_scale, velocities
 
+LOOKS = 20
+"""Steps at least in a period or piece of the path of a driven wall: such a solver may overlook a graze."""
 SLEEP = 1e-13
 """A pair that touches at rest counts as open up to this part of the overlap of an impact."""
 
 
 def solve(
     scene: Scene, laws: SceneLaws, until: stop.Until | None, t_end: float | None, method: str, rtol: float,
-    most: int = 2_000_000,
+    most: int = 2_000_000, t_start: float = 0.0,
 ) -> tuple[Reference, int]:
     """Solve a scene with a method of `scipy.integrate.solve_ivp`; return it and the number of evaluations.
 
@@ -31,12 +35,14 @@ def solve(
     TooMuchWork
         After `most` evaluations.
     """  # fmt: skip
-    motion = Restarted(scene, laws, method, rtol, most)
+    motion = Restarted(scene, laws, method, rtol, most, t_start)
     return Run(motion, until, t_end).solve(f"{method}, restarted at events, rtol {rtol:g}"), motion.evaluations
 
 
 class Newton:
     """The right-hand side d(ξ, ξ̇)/dt of all pairs, as a user of a solver would write it.
+
+    Where walls are driven, ξ and ξ̇ are without what they move beside their constant velocities: see `driven_by`.
 
     Parameters
     ----------
@@ -46,17 +52,23 @@ class Newton:
         One per pair.
     most : int
         Number of evaluations after which `TooMuchWork` is raised.
+    t_start : float
+        Time in s at which the scene stands as it says.
 
     Attributes
     ----------
+    zero : float
+        The time in s that a solver calls 0.
     evaluations : int
         So far; each costs one force per closed pair.
     deepest : list of float
         Largest overlap in m of the current contact, for laws with memory.
     """
 
-    def __init__(self, scene: Scene, laws: SceneLaws, most: int = 2_000_000) -> None:
+    def __init__(self, scene: Scene, laws: SceneLaws, most: int = 2_000_000, t_start: float = 0.0) -> None:
         self.scene, self.laws, self.pairs = scene, laws, scene.n_pairs
+        self.t_start, self.zero, self.paths = t_start, t_start, paths(math, scene)
+        self.begin = {b: path.moved(t_start) for b, path in self.paths.items()}
         self.each, self.neighbours = list(laws), np.transpose(scene.neighbours).tolist()
         self.w: list[float] = scene.inverse_mass.tolist()
         self.pull: list[float] = scene.pull.tolist()
@@ -69,9 +81,18 @@ class Newton:
 
     def scales(self) -> Array:
         """What overlaps and rates are about, in m and m/s: those of an impact at the scene's largest speed."""
-        speed = speed_scale(self.scene) or 1.0
+        speed = speed_scale(self.scene) + sum(path.fastest for path in self.paths.values()) or 1.0
         depth = self.laws.column(lambda law: law.overlap_at(speed))
         return np.concatenate([depth, np.full(self.pairs, speed)])
+
+    def driven_by(self, t: float, y: Any) -> Any:
+        """Overlaps in m and rates in m/s at time `t` in s, with what driven walls add to the state `y`."""
+        seen = y.copy() if self.paths else y
+        for b, path in self.paths.items():
+            c, sign = (0, 1.0) if b == 0 else (self.pairs - 1, -1.0)
+            seen[c] += sign * (path.moved(t) - self.begin[b])
+            seen[self.pairs + c] += sign * path.rates(t)[0]
+        return seen
 
     def bracket(self, c: int, xi: float, eta: float) -> float:
         """Force of pair c in N before it is clipped."""
@@ -89,7 +110,8 @@ class Newton:
             raise TooMuchWork
         n, w = self.pairs, self.w
         state = y.tolist()
-        force = [self.force(c, state[c], state[n + c]) for c in range(n)]
+        seen = self.driven_by(self.zero + t, state)
+        force = [self.force(c, seen[c], seen[n + c]) for c in range(n)]
         out = state[n:] + self.pull
         for c, f in enumerate(force):
             lower, upper = self.scene.bodies(c)
@@ -102,7 +124,8 @@ class Newton:
 
     def velocities(self, y: Array, t: float) -> Array:
         """Velocities of the bodies in m/s at time `t` after the start, from a wall's or the mass centre's."""
-        return np.asarray(velocities(self.scene, -y[None, self.pairs :], np.array([t]))[0])
+        rate = -self.driven_by(self.t_start + t, y)[None, self.pairs :]
+        return np.asarray(velocities(self.scene, rate, np.array([t]), self.t_start)[0])
 
 
 class Restarted(Newton):
@@ -110,9 +133,11 @@ class Restarted(Newton):
 
     mp = math
 
-    def __init__(self, scene: Scene, laws: SceneLaws, method: str, rtol: float, most: int) -> None:
-        super().__init__(scene, laws, most)
-        self.t, self.y, self.scale = 0.0, self.start(), self.scales()
+    def __init__(
+        self, scene: Scene, laws: SceneLaws, method: str, rtol: float, most: int, t_start: float = 0.0
+    ) -> None:
+        super().__init__(scene, laws, most, t_start)
+        self.t, self.y, self.scale, self.driven = t_start, self.start(), self.scales(), scene.driven
         self.mode, self.loading = [OPEN] * self.pairs, [True] * self.pairs
         self.options = {"method": method, "rtol": rtol, "atol": rtol * self.scale}
 
@@ -122,18 +147,21 @@ class Restarted(Newton):
             return self.bracket(c, xi, eta)
         return super().force(c, xi, eta) if self.mode[c] == DORMANT else 0.0
 
-    def read(self, y: Array, c: int, quantity: str) -> float:
-        """The quantity of pair c in the state `y`."""
-        xi, eta = float(y[c]), float(y[self.pairs + c])
-        return xi if quantity == "overlap" else eta if quantity == "rate" else self.bracket(c, xi, eta)
+    def read(self, t: float, y: Array, c: int, quantity: str) -> float:
+        """The quantity of pair c in the state `y` at time `t` in s."""
+        seen = self.driven_by(t, y)
+        xi, eta = float(seen[c]), float(seen[self.pairs + c])
+        if quantity == "bracket" and xi >= 0.0:
+            return self.bracket(c, xi, eta)
+        return eta if quantity == "rate" else xi  # an open pair has no force, not even one that is exactly 0
 
     def now(self, c: int, quantity: str) -> float:
         """The same at the current time."""
-        return self.read(self.y, c, quantity)
+        return self.read(self.t, self.y, c, quantity)
 
     def bodies(self, c: int) -> tuple[float, float]:
         """Velocities of the bodies of pair c in m/s."""
-        lower, upper = self.velocities(self.y, self.t)[list(self.scene.bodies(c))].tolist()
+        lower, upper = self.velocities(self.y, self.t - self.t_start)[list(self.scene.bodies(c))].tolist()
         return lower, upper
 
     def asleep(self, c: int) -> float:
@@ -157,13 +185,16 @@ class Restarted(Newton):
         self.t += dt
 
     def go(self, watches: list[Watch], end: float) -> Watch | None:
-        """Move on to the first event, or to the time `end` in s."""
+        """Move on to the first event, to the time `end` in s, or to where the path of a wall goes on otherwise."""
         from scipy.integrate import solve_ivp
 
+        self.zero, edges = self.t, [path.until(self.t) for path in self.paths.values()]
+        end = min([end, *edges])
+        look = {"max_step": min((edge - self.t) / LOOKS for edge in edges)} if edges else {}
         events = [partial(self.event, watch) for watch in watches]
         for event in events:
             vars(event).update(terminal=True, direction=1)
-        done = solve_ivp(self, (0.0, end - self.t), self.y, events=events, **self.options)
+        done = solve_ivp(self, (0.0, end - self.t), self.y, events=events, **self.options, **look)
         if done.status < 0:
             raise TooMuchWork
         self.t, self.y = end if done.status == 0 else self.t + float(done.t[-1]), done.y[:, -1]
@@ -171,12 +202,13 @@ class Restarted(Newton):
 
     def event(self, watch: Watch, t: float, y: Array) -> float:
         """What rises through zero when that happens."""
-        return float(watch.sign * (self.read(y, watch.pair, watch.quantity) - watch.level))
+        return float(watch.sign * (self.read(self.zero + t, y, watch.pair, watch.quantity) - watch.level))
 
     def settle(self, c: int, what: str) -> None:
         """Take note of an event of pair c: of the overlap's zero, and of the deepest overlap of a law with memory."""
         if what in ("touch", "part") and self.mode[c] != DORMANT:
             self.y[c] = 0.0
+            self.y[c] = -self.now(c, "overlap")  # what a driven wall has added
         if what == "turn":
             self.deepest[c], self.loading[c] = max(self.deepest[c], self.now(c, "overlap")), not self.loading[c]
         elif what == "part":

@@ -20,6 +20,7 @@ from fractions import Fraction
 from typing import Any
 
 from granular import until as stop
+from granular.reference.driven import Course, paths
 from granular.reference.events import Run, Watch
 from granular.reference.log import ACTIVE, CLOSED, DORMANT, OPEN, Reference
 from granular.reference.series import Number, Power, first_rise, product_term, value
@@ -32,9 +33,11 @@ series, its low terms would have to be as small as the tolerance, and steps with
 MOST_STEPS = 20_000
 
 
-def solve(scene: Any, forms: Sequence[Any], until: stop.Until | None, t_end: float | None, digits: int) -> Reference:
+def solve(
+    scene: Any, forms: Sequence[Any], until: stop.Until | None, t_end: float | None, digits: int, t_start: float = 0.0
+) -> Reference:
     """Solve a scene of laws F = k ξ^p + γ ξ^d ξ̇, given as (k, p, γ, d) per pair, to about that many digits."""
-    motion = Taylor(scene, forms, digits)
+    motion = Taylor(scene, forms, digits, t_start)
     return Run(motion, until, t_end).solve(f"Taylor series of order {motion.order}, {digits} digits")
 
 
@@ -56,13 +59,14 @@ class Touch:
 
 @dataclass
 class Piece:
-    """The series of a step: ξ, v, ξ̇, time, forces; u = ξ^(1/q) of the pair whose clock it is."""
+    """The series of a step: ξ, v, ξ̇, time, forces, walls; u = ξ^(1/q) of the pair whose clock it is."""
 
     x: list[list[Number]]
     v: list[list[Number]]
     rate: list[list[Number]]
     t: list[Number]
     force: dict[int, Force]
+    walls: dict[int, Course]
     pair: int
     q: int
     u: list[Number]
@@ -71,22 +75,44 @@ class Piece:
 class Taylor:
     """The bodies under their forces: expands the current state into a `Piece` and moves along it."""
 
-    def __init__(self, scene: Any, forms: Sequence[Any], digits: int) -> None:
+    def __init__(self, scene: Any, forms: Sequence[Any], digits: int, t_start: float = 0.0) -> None:
         from mpmath import MPContext
 
         self.mp = mp = MPContext()
         mp.dps = digits + GUARD
-        self.t, self.steps, self.digits, self.tol = mp.zero, 0, digits, mp.mpf(10) ** (-digits - 2)
+        self.t, self.steps, self.digits, self.tol = mp.mpf(t_start), 0, digits, mp.mpf(10) ** (-digits - 2)
         self.w = [mp.zero if math.isinf(m) else 1 / mp.mpf(m) for m in scene.mass.tolist()]
         self.fall = [-mp.mpf(scene.gravity) if w else mp.zero for w in self.w]
-        self.pull = [lower - upper for lower, upper in zip(self.fall, self.fall[1:], strict=False)]
+        if scene.external_force is not None:
+            forces = map(mp.mpf, scene.external_force.tolist())
+            self.fall = [a + w * f for a, w, f in zip(self.fall, self.w, forces, strict=True)]
         self.v = [mp.mpf(v) for v in scene.velocity.tolist()]
+        self.paths, self.own = paths(mp, scene), list(self.v)
         self.touches = [self.touch(form, gap) for form, gap in zip(forms, scene.gap.tolist(), strict=True)]
         self.mode = [OPEN] * len(self.touches)
         self.window = max(6, *(round(a.q * (1 + a.p)) for a in self.touches))
         self.order = max(round(1.25 * digits), TERMS * self.window)
-        self.speed = mp.zero
+        self.speed = max([mp.zero, *(path.fastest for path in self.paths.values())])
+        self.guide()
         self.remember_speed()
+
+    @property
+    def driven(self) -> bool:
+        """Whether a wall moves otherwise than at constant speed."""
+        return bool(self.paths)
+
+    def guide(self) -> None:
+        """Give driven walls the velocities of their paths."""
+        for b, path in self.paths.items():
+            self.v[b] = self.own[b] + path.rates(self.t)[0]
+
+    @property
+    def pull(self) -> list[Number]:
+        """Closing acceleration of every pair in m/s² without forces."""
+        fall = list(self.fall)
+        for b, path in self.paths.items():
+            fall[b] = path.rates(self.t)[1]
+        return [lower - upper for lower, upper in zip(fall, fall[1:], strict=False)]
 
     def touch(self, form: Sequence[float], gap: float) -> Touch:
         """The pair of a law (k, p, γ, d) with its gap in m at the start."""
@@ -140,7 +166,8 @@ class Taylor:
         ahead = 1 if u[0] else q  # orders by which velocities and overlaps are ahead of forces
         x, v = ([[b, *[mp.zero] * (ahead - 1)] for b in start] for start in ([a.xi for a in self.touches], self.v))
         rate = [[lower - upper for lower, upper in zip(v[c], v[c + 1], strict=True)] for c in range(len(x))]
-        piece = Piece(x, v, rate, [mp.zero] * ahead, {}, pair, q, u)
+        walls = {b: Course(mp, path, self.t, ahead) for b, path in self.paths.items()}
+        piece = Piece(x, v, rate, [mp.zero] * ahead, {}, walls, pair, q, u)
         piece.force = {c: Force(self, c, piece) for c, mode in enumerate(self.mode) if mode in CLOSED}
         power, rho = Power(mp, u, mp.mpf(q - 1), int(ahead > 1)), [] if pair >= 0 else u
         for m in range(ahead, self.order + 1):
@@ -161,6 +188,8 @@ class Taylor:
             impulse[c + 1] = product_term(mp, rho, force.terms, m - 1) / m
         for b, series in enumerate(piece.v):
             series.append(self.w[b] * (impulse[b] - impulse[b + 1]) + self.fall[b] * piece.t[m])
+        for b, wall in piece.walls.items():
+            piece.v[b][m] = wall.extend(rho, m)
         for c, series in enumerate(piece.rate):
             series.append(piece.v[c][m] - piece.v[c + 1][m])
 
@@ -180,22 +209,33 @@ class Taylor:
             for j in range(max(2, len(series) - self.window), len(series)):
                 if series[j] != 0:
                     limits.append(mp.root(self.tol * scale / abs(series[j]), j))
-        if ACTIVE not in self.mode:
+        if piece.force and ACTIVE not in self.mode:
             limits.append(2 * piece.q * max(self.away(c) for c in piece.force) / piece.t[1])
-        return min(limits)
+        return min(limits, default=mp.inf)
+
+    def stops(self, piece: Piece, reach: Number, end: Number) -> Number:
+        """The x below `reach` at which the time is `end`; `reach` if it is not reached."""
+        if piece.pair < 0:
+            return min(reach, end - self.t)
+        x = first_rise(self.mp, [self.t - end, *piece.t[1:]], reach) if end < self.mp.inf else None
+        return reach if x is None else x
 
     def go(self, watches: list[Watch], end: Number) -> Watch | None:
-        """Move on to the first event, or as far as the series hold."""
+        """Move on to the first event, to the time `end` in s, or as far as the series hold."""
         if self.steps == MOST_STEPS:
             raise ValueError(f"t_end is missing: after {MOST_STEPS} steps the scene is at t = {float(self.t):.6g} s.")
         self.steps += 1
-        piece = self.expand()
-        reach, event = self.reach(piece), None
+        piece, end = self.expand(), min([end, *(path.until(self.t) for path in self.paths.values())])
+        holds, event = self.reach(piece), None
+        reach = limit = self.stops(piece, holds, end)
         for watch in watches:
             x = first_rise(self.mp, self.series(piece, watch), reach)
             if x is not None and x < reach:
                 reach, event = x, watch
         self.move(piece, reach)
+        if event is None and limit < holds:
+            self.t = self.mp.mpf(end)
+        self.guide()
         if event is not None and event.quantity == "bracket":
             self.touches[event.pair].exact = True
         return event

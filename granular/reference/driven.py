@@ -1,0 +1,153 @@
+"""How walls move, for the slow solvers: velocities in any number of digits, and what their power series follow from.
+May be skipped: it measures ourselves.
+
+A motion is read as it is given, a sine or polynomials, without the code by which engines read it. Its velocity and the
+derivatives of that follow one another, y_0' = y_1, y_1' = y_2, …; the last one's rate is `last` times y_0: 0 for a
+polynomial, -ω² for a sine. Numbers are those of `mp`, an mpmath context, or `math`: floats.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, Protocol
+
+from granular.reference.series import Number, product_term
+from granular.scene import Scene
+from granular.walls import Panels, Piecewise, Sine
+
+
+class Path(Protocol):
+    """How a wall moves beside its constant velocity.
+
+    Attributes
+    ----------
+    last : number
+        The rate of the last of its `rates`, in units of the first of them.
+    fastest : number
+        What its speed in m/s does not exceed.
+    """
+
+    last: Number
+    fastest: Number
+
+    def moved(self, t: Number) -> Number:
+        """Displacement m(t) in m, but for a constant."""
+
+    def rates(self, t: Number) -> list[Number]:
+        """Velocity, acceleration, …: at least these two, at a break those after it."""
+
+    def until(self, t: Number) -> Number:
+        """Time in s up to which what follows from `rates(t)` holds, or a period later."""
+
+
+class Harmonic:
+    """A sine: exact at any time."""
+
+    def __init__(self, mp: Any, motion: Sine) -> None:
+        self.mp, number = mp, getattr(mp, "mpf", float)
+        self.frequency, self.phase, self.amplitude = map(number, (motion.frequency, motion.phase, motion.amplitude))
+        self.omega = 2 * mp.pi * self.frequency
+        self.last, self.fastest = -self.omega * self.omega, self.amplitude * self.omega
+
+    def moved(self, t: Number) -> Number:
+        return self.amplitude * self.mp.sin(self.omega * t + self.phase)
+
+    def rates(self, t: Number) -> list[Number]:
+        mp, angle = self.mp, self.omega * t + self.phase
+        return [self.amplitude * self.omega * mp.cos(angle), self.amplitude * self.last * mp.sin(angle)]
+
+    def until(self, t: Number) -> Number:
+        return t + 1 / self.frequency
+
+
+class Pieces:
+    """Polynomials in (t - centre) on pieces between edges in s."""
+
+    last: Number = 0
+
+    def __init__(self, mp: Any, edges: Sequence[Number], centres: Sequence[Number], series: list[list[Number]]) -> None:
+        self.mp, self.edges, self.centres = mp, list(edges), centres
+        for k in range(1, len(series)):  # small steps are rounding
+            before, after = (_value(series[i], edges[k] - centres[i]) for i in (k - 1, k))
+            series[k][0] += before - after
+        self.derived = [_derivatives(c) for c in series]
+        far = [max(b - c, c - a) for a, b, c in zip(edges, edges[1:], centres, strict=False)]
+        self.fastest = max(_value(list(map(abs, p[1])), x) for p, x in zip(self.derived, far, strict=True))
+
+    def _at(self, t: Number) -> tuple[int, Number]:
+        k = min(max(bisect_right(self.edges, t) - 1, 0), len(self.derived) - 1)
+        return k, t - self.centres[k]
+
+    def moved(self, t: Number) -> Number:
+        k, x = self._at(t)
+        return _value(self.derived[k][0], x)
+
+    def rates(self, t: Number) -> list[Number]:
+        k, x = self._at(t)
+        return [_value(p, x) for p in self.derived[k][1:]]
+
+    def until(self, t: Number) -> Number:
+        later = [edge for edge in self.edges if edge > t]
+        return later[0] if later else self.mp.inf
+
+
+def _derivatives(c: list[Number]) -> list[list[Number]]:
+    """A polynomial and its derivatives, at least two."""
+    out = [c]
+    while len(out) < 3 or len(out[-1]) > 1:
+        out.append([j * a for j, a in enumerate(out[-1])][1:] or [0 * c[0]])
+    return out
+
+
+def _value(p: list[Number], x: Number) -> Number:
+    total = 0 * x
+    for a in reversed(p):
+        total = total * x + a
+    return total
+
+
+def path(mp: Any, motion: Any) -> Path:
+    """Return how a wall moves, whose motion is a sine, piecewise polynomial or panels.
+
+    Raises
+    ------
+    ValueError
+        For panels of a periodic motion.
+    """
+    number = getattr(mp, "mpf", float)
+    if isinstance(motion, Sine):
+        return Harmonic(mp, motion)
+    if isinstance(motion, Piecewise):
+        columns = motion.coefficients[::-1].T.tolist()
+        breaks = list(map(number, motion.breaks.tolist()))
+        return Pieces(mp, breaks, breaks[:-1], [list(map(number, column)) for column in columns])
+    if not isinstance(motion, Panels) or motion.frequency:
+        raise ValueError(f"wall is {motion!r}: granular.walls.Sine is needed for a periodic motion.")
+    edges = list(map(number, motion.edges.tolist()))
+    centres = [(a + b) / 2 for a, b in pairwise(edges)]
+    halves = [(b - a) / 2 for a, b in pairwise(edges)]
+    series = [[number(a) / h**j for j, a in enumerate(c)] for c, h in zip(motion.series.tolist(), halves, strict=True)]
+    return Pieces(mp, edges, centres, series)
+
+
+def paths(mp: Any, scene: Scene) -> dict[int, Path]:
+    """Return how the walls of a scene move, by their bodies; those at constant speed are left out."""
+    ends = zip((0, scene.n - 1), scene.motions, strict=True)
+    return {body: path(mp, motion) for body, motion in ends if motion is not None}
+
+
+class Course:
+    """The power series of a wall's velocity, m', and of the derivatives of that, by a clock dt/dx = ρ."""
+
+    def __init__(self, mp: Any, path: Path, t: Number, ahead: int) -> None:
+        self.mp, self.last = mp, path.last
+        self.y = [[rate, *[mp.zero] * (ahead - 1)] for rate in path.rates(t)]
+
+    def extend(self, rho: list[Number], m: int) -> Number:
+        """Append coefficient `m` to each; return that of the velocity."""
+        for one, rate in zip(self.y, self.y[1:], strict=False):
+            one.append(product_term(self.mp, rho, rate, m - 1) / m)
+        self.y[-1].append(self.last * product_term(self.mp, rho, self.y[0], m - 1) / m if self.last else self.mp.zero)
+        return self.y[0][m]
