@@ -35,8 +35,9 @@ def orbit(gamma: float) -> gr.Scene:
 def runs(scene: gr.Scene, eps: float, bounces: int) -> dict[str, Any]:
     """The scene as hard and as soft spheres."""
     law = gr.LinearDashpot.from_restitution(eps, k=(RATIO * OMEGA) ** 2, pair=scene.pairs[0])
-    return {"hard": gr.edmd.simulate(scene, gr.ConstantRestitution(eps), max_events=bounces),
-            "soft": gr.md.simulate(scene, law, max_events=bounces)}  # fmt: skip
+    end = gr.until.contact(pair=0, nth=bounces)
+    return {"hard": gr.edmd.simulate(scene, gr.ConstantRestitution(eps), until=end),
+            "soft": gr.md.simulate(scene, law, until=end)}  # fmt: skip
 
 
 def doubling(points: int, bounces: int) -> dict[str, Any]:
