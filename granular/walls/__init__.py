@@ -45,6 +45,11 @@ def fitted(motion: Any, t_start: float, t_end: float) -> Any:
     return panels if isinstance(motion, Motion) else motion
 
 
+def path_of(motion: Any) -> Panels | None:
+    """Return the panels of a motion that is `fitted`; None of a wall that has none."""
+    return motion if motion is None or isinstance(motion, Panels) else motion._panels  # type: ignore[no-any-return]
+
+
 def moved(panels: Panels, start: float, elapsed: Any) -> tuple[Any, Any]:
     """Return m(t) - m(start) in m and m'(t) in m/s at times (s) so long after `start`."""
     times = np.atleast_1d(np.asarray(elapsed, dtype=float))
