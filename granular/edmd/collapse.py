@@ -84,7 +84,7 @@ def look(
     rows = None if log is None else queue.rows(budget)
     run.room = min(queue.soonest(run.first, run.first + len(near) - 1), state.clock.window) - run.began
     run.edge, run.budget = limit, budget if rows is None else len(rows)
-    end: int = queue.kernel(zoom)(run, near, *state.slices(), physics.rule, rows)
+    end: int = queue.kernel(queue.fit(zoom))(run, near, *state.slices(), physics.rule, rows, state.walls)
     run.now = run.began + run.elapsed
     if log is not None and rows is not None:
         log.append(rows[: run.events - seen])
@@ -104,7 +104,7 @@ def look(
                 run.short = math.ldexp(run.short, -4)
                 run.allowance *= 2
     finish(state, queue)
-    apart = run.stop_pair == APART and queue.kernel(approaching)(state.pairs, state.bodies, 0, run.now) < 0
+    apart = run.stop_pair == APART and queue.kernel(queue.fit(approaching))(state.pairs, state.bodies, 0, run.now, state.walls) < 0
     return UNTIL if apart else end, verdict
 
 

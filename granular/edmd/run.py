@@ -9,7 +9,7 @@ from granular import _check
 from granular._kernels import no_compiler
 from granular._records import packed
 from granular.drive import End, Pause, Row, Rows
-from granular.edmd import blocks, collapse, outcome
+from granular.edmd import blocks, collapse, outcome, sides
 from granular.edmd.collision import ROW
 from granular.edmd.physics import Physics
 from granular.edmd.sorted_queue import SortedQueue
@@ -94,7 +94,7 @@ class Run:
 
     def _compiled(self) -> type[TreeQueue]:
         self.may_compile = False
-        return blocks.BlockQueue if self.scene.n > blocks.LARGE else TreeQueue
+        return blocks.BlockQueue if self.scene.n > blocks.LARGE and self.state.walls is None else TreeQueue
 
     def _go_on_with(self, queue: type[SortedQueue]) -> None:
         """Go on with another queue. What is looked at closely, whose gaps in the state are old, stays as it is."""
@@ -122,7 +122,7 @@ class Run:
                 due = math.inf if state.near is not None else self.queue.soonest()
                 if due > limit or due == math.inf:
                     return self._reached(time, limit)
-                state.shift_to(due, self.queue.kernel)
+                state.shift_to(due, lambda kernel: self.queue.kernel(self.queue.fit(kernel)))
                 self.queue.rebuild()
             elif why == SUSPECT:
                 collapse.begin(state, self.queue)
@@ -206,7 +206,8 @@ class Run:
         now = float(state.run["now"])
         velocity, gap = state.row(now)
         elapsed = float(state.elapsed(now))
-        return Row(time, elapsed, gap, velocity - self.fall * elapsed)
+        ledger = sides.ledger(state, now) if self.scene.worked else None
+        return Row(time, elapsed, gap, velocity - self.fall * elapsed, ledger=ledger)
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended, with all that is needed to go on."""

@@ -4,6 +4,7 @@ May be skipped: options and their checks, no physics.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -18,7 +19,8 @@ from granular.edmd.state import State
 from granular.edmd.watch import Watch
 from granular.request import requested
 from granular.rules import Rule
-from granular.scene import Scene
+from granular.scene import Scene, fitted
+from granular.scene import checked as a_scene
 from granular.trajectory import Status, Trajectory
 
 
@@ -117,11 +119,12 @@ def simulate(
     One collision costs O(log n). The state is gaps, not positions, so balls never change order; the clock is re-based,
     so late times cost no digits. A collapse is a verdict, never an impression: see `granular.edmd.collapse`.
     """
+    start = _check.number("t_start", t_start)
+    scene = fitted(a_scene(scene), start, math.inf if t_end is None else t_end)
     physics = checked(
         scene, rule, collapse=collapse, merge_below=merge_below, ties=ties, seed=seed, tc=tc,
         elastic_below=elastic_below,
     )  # fmt: skip
-    start = _check.number("t_start", t_start)
     request = requested(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, on_event=on_event,
         on_progress=on_progress,

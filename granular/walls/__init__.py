@@ -58,7 +58,12 @@ def ends(*motions: Any) -> float:
 def fastest(motion: Any) -> float:
     """Return a bound of |m'| in m/s; 0 of a wall at constant velocity, and of a `Motion`, of which runs have panels."""
     panels = getattr(motion, "_panels", getattr(motion, "function", motion))
-    return float(panels._plain[0].speed) if isinstance(panels, Panels) else 0.0
+    return panels.speed if isinstance(panels, Panels) else 0.0
+
+
+def path_of(motion: Any) -> Panels | None:
+    """Return the panels of a motion that is `fitted`; None of a wall that has none."""
+    return motion if motion is None or isinstance(motion, Panels) else motion._panels  # type: ignore[no-any-return]
 
 
 def moved(panels: Panels, start: float, elapsed: Any) -> tuple[Any, Any]:

@@ -198,6 +198,11 @@ class Panels:
         return np.where(np.abs(jump) > 1e-11 * scale, jump, 0.0)
 
     @cached_property
+    def speed(self) -> float:
+        """A bound of |m'| in m/s."""
+        return float(self._plain[0].speed)
+
+    @cached_property
     def _plain(self) -> tuple[Any, list[Any]]:
         wall, rows = self.records()
         return plain(wall)[0], plain(rows)
