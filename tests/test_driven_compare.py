@@ -89,7 +89,7 @@ def test_the_report_has_an_account_that_is_closed(steady):
     said = str(steady)
     assert "work of the floor" in said
     assert "ceiling" not in said
-    assert "timing cannot be told from outcome" in said
+    assert "beside a driven wall timing is outcome" in said
     for run in (steady.hard, steady.soft):
         parts = measures.balance(run)
         assert abs(parts["remainder"]) <= 1e-12 * parts["dissipated"]

@@ -166,13 +166,12 @@ def _account(report: Compared) -> Iterator[str]:
         return
     hard, soft = measures.balance(report.hard), measures.balance(report.soft)
     yield ""
-    yield _line("energy, J", "", "")
+    yield "energy, J"
     for name, words in measures.ACCOUNT.items():
         if hard[name] or soft[name]:  # what is 0 in both is not shown; nan is
             yield _line(words, number(hard[name]), number(soft[name]))
     if report.scene.driven:
-        yield ("A contact's duration changes the phase of the wall at the next one, so timing cannot be told from "
-               "outcome: compare thresholds (Γ), means and ensembles.")  # fmt: skip
+        yield "The duration of a contact shifts the phase of the next one: beside a driven wall timing is outcome."
 
 
 def _line(name: str, hard: Any, soft: Any, mark: str = "") -> str:
