@@ -168,5 +168,6 @@ def resume(
         trajectory.scene, state.time(state.run.now), t_end, until=until, samples=samples, log=log,
         max_events=max_events, on_event=on_event, on_progress=on_progress,
     )  # fmt: skip
+    fitted(trajectory.scene, request.start, request.end)  # says so if a path ends before
     watching = None if watch is None else Watch(watch, trajectory.scene, saved)
     return drive(Run(physics, state, checked_engine(engine, physics), request, watching))
