@@ -59,7 +59,7 @@ def requested(
 def check_end(scene: Scene, t_end: float | None, until: stop.Until | None) -> None:
     """Raise if nothing says when a run beside driven walls is over: they keep balls moving."""
     if scene.driven and t_end is None and until is None:
-        raise ValueError("t_end is None: beside a driven wall a run does not come to an end by itself; give t_end or "
+        raise ValueError("t_end is None: beside a driven wall a run never comes to an end by itself; give t_end, or "
                          "until.")  # fmt: skip
 
 

@@ -206,7 +206,7 @@ class Scene:
         """Whether a wall moves otherwise than at constant speed."""
         return self.floor is not None or self.ceiling is not None
 
-    @property
+    @cached_property
     def worked(self) -> bool:
         """Whether a wall moves, and so does work on the balls."""
         return self.driven or bool((self.is_wall & (self.velocity != 0.0)).any())
@@ -350,7 +350,8 @@ def speed_scale(scene: Scene) -> float:
     v = scene.velocity
     reach = float(scene.gap.clip(min=0.0).sum())
     fall = scene.gravity if scene.external_force is None else max(scene.gravity, float(np.abs(scene.pull).max()))
-    return float(v.max() - v.min()) + math.sqrt(2.0 * fall * reach) + sum(map(walls_module.fastest, scene.motions))
+    speed = float(v.max() - v.min()) + math.sqrt(2.0 * fall * reach)
+    return speed + sum(map(walls_module.fastest, scene.motions)) if scene.driven else speed
 
 
 def close_after(scene: Scene, *, flattened: bool = False) -> float:

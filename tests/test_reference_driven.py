@@ -7,41 +7,14 @@ import pytest
 
 import granular as gr
 from granular import reference
+from granular.laws import resolve
 from granular.laws.kinds import resolved
 from granular.reference import restarted
+from granular.reference.events import Run
+from granular.reference.taylor import Taylor
 
-mpmath = pytest.importorskip("mpmath")
-MP = mpmath.MPContext()
-MP.dps = 45
-F = 1.0 / (2.0 * math.pi)
-
-
-def shaken(gamma, restitution, ratio, *, phase=0.0, gap=0.0, velocity=0.0):
-    """A ball of 1 kg on a soft floor shaken at 1 rad/s under g = 1: the scene, its law."""
-    floor = gr.walls.Sine.from_acceleration(gamma, F, gravity=1.0, phase=phase)
-    scene = gr.Scene([math.inf, 1.0], [0.0, 0.0], [gap], [0.0, velocity], gravity=1.0, floor=floor)
-    return scene, gr.LinearDashpot.from_restitution(restitution, ratio**2, scene.pairs[0])
-
-
-def riding(scene, law, t):
-    """Overlap and rate at time t of a ball that rides for good, in closed form."""
-    floor, mp = scene.floor, MP
-    omega, phase, m = 2 * mp.pi * floor.frequency, mp.mpf(floor.phase), mp.mpf(scene.mass[1])
-    square, damping = law.k / m, mp.mpf(law.gamma) / m
-    sway = -floor.amplitude * omega**2 / (square - omega**2 + 1j * damping * omega)
-    push = scene.gravity - mp.mpf(0.0 if scene.external_force is None else scene.external_force[1]) / m
-
-    def steady(t):
-        turn = sway * mp.expj(omega * t + phase)
-        return push / square + turn.imag, (1j * omega * turn).imag
-
-    xi, eta = -mp.mpf(scene.gap[0]), floor.amplitude * omega * mp.cos(phase) - mp.mpf(scene.velocity[1])
-    a, rate = xi - steady(mp.zero)[0], eta - steady(mp.zero)[1]
-    fall, swing = damping / 2, mp.sqrt(square - damping**2 / 4)
-    b = (rate + fall * a) / swing
-    c, s, e = mp.cos(swing * t), mp.sin(swing * t), mp.exp(-fall * t)
-    free = e * (a * c + b * s), e * (swing * (b * c - a * s) - fall * (a * c + b * s))
-    return [x + y for x, y in zip(steady(t), free, strict=True)]
+pytest.importorskip("mpmath")
+from driven_scenes import MP, ONE_RADIAN, riding, scenes, shaken
 
 
 @pytest.mark.parametrize("force", [None, [0.0, -0.25]])
@@ -98,33 +71,12 @@ def test_forces_on_free_balls_move_their_mass_centre_and_press_them_together():
     assert abs(solved.velocity[0] + 3 * solved.velocity[1] - 4) < 1e-23
 
 
-def scenes(seed):
-    """A random scene with forces, one or two driven walls, and laws."""
-    rng = np.random.default_rng(seed)
-    n = int(rng.integers(3, 6))
-    mass = np.exp(rng.uniform(-1.0, 1.0, n))
-    mass[0], both = math.inf, rng.random() < 0.5
-    mass[-1] = math.inf if both else mass[-1]
-    breaks = np.linspace(0.0, 1.0, 6)
-    heights = rng.uniform(-0.05, 0.05, 6)
-    sine = gr.walls.Sine(rng.uniform(0.01, 0.05), rng.uniform(1.0, 4.0), rng.uniform(0.0, 6.0))
-    corners = gr.walls.Piecewise(breaks, [np.diff(heights) / np.diff(breaks), heights[:-1]])
-    smooth = gr.walls.Motion(lambda t: 0.03 * math.exp(-t) * math.sin(9.0 * t), 1e-13)
-    floor, ceiling = ([sine, corners, smooth][i] for i in rng.permutation(3)[:2])
-    force = np.where(np.isinf(mass), 0.0, rng.uniform(-2.0, 2.0, n))
-    scene = gr.Scene(mass, np.where(np.isinf(mass), 0.0, 0.01), rng.uniform(0.01, 0.08, n - 1),
-                     np.where(np.isinf(mass), 0.1, rng.normal(size=n)), gravity=float(rng.choice([0.0, 3.0])),
-                     external_force=force, floor=floor, ceiling=ceiling if both else None)  # fmt: skip
-    laws = [gr.LinearDashpot(3e3, 10.0), gr.ViscoelasticHertz(3e4, 100.0), gr.Hertz(3e4)]
-    return scene, [laws[int(i)] for i in rng.integers(3, size=n - 1)]
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_both_solvers_agree_under_forces_and_beside_driven_walls(seed):
     scene, law = scenes(seed)
-    solved = reference.solve(scene, law, t_end=0.5, digits=20)
-    fitted = gr.scene.fitted(scene, 0.0, 0.5)
-    other, _ = restarted.solve(fitted, resolved(law, fitted), None, 0.5, "DOP853", 1e-10)
+    solved = reference.solve(scene, law, t_end=0.3, digits=20)
+    fitted = gr.scene.fitted(scene, 0.0, 0.3)
+    other, _ = restarted.solve(fitted, resolved(law, fitted), None, 0.3, "DOP853", 1e-10)
     assert len(solved.contacts) > 2
     assert [row.pair for row in other.contacts] == [row.pair for row in solved.contacts]
     assert max(abs(float(a - b)) for a, b in zip(solved.gap, other.gap, strict=True)) < 1e-7
@@ -139,3 +91,53 @@ def test_late_times_cost_no_digits():
     other = reference.solve(late, law, t_start=periods, t_end=periods + 5.0, digits=20)
     shift = float(other.contacts[-1].t_begin - periods - one.contacts[-1].t_begin)
     assert abs(shift) < 1e-8  # the period, rounded, so many times over
+
+
+# the soft bouncing ball: where its orbit of period 1 doubles
+
+def bounce(gamma, restitution, ratio, phase, v):
+    """Phase less a turn, and velocity of the ball, as it hits the floor the next time."""
+    scene, law = shaken(gamma, restitution, ratio, phase=phase, velocity=v)
+    motion = Taylor(scene, [resolve(law, scene.pairs[0]).form], 22)
+    Run(motion, gr.until.contact(0, 2), None).solve("")
+    return MP.mpf(phase) + 2 * MP.pi * (MP.mpf(ONE_RADIAN) * motion.t - 1), MP.mpf(motion.v[1])
+
+
+def jacobian(f, x, step):
+    """Central differences, extrapolated once."""
+    columns = []
+    for i in range(2):
+        slopes = []
+        for d in (step, 2.0 * step):
+            ends = [[a + sign * d * (i == j) for j, a in enumerate(x)] for sign in (1, -1)]
+            one, other = (f(*end) for end in ends)
+            width = MP.mpf(ends[0][i]) - MP.mpf(ends[1][i])
+            slopes.append([(p - q) / width for p, q in zip(one, other, strict=True)])
+        columns.append([(4 * a - b) / 3 for a, b in zip(*slopes, strict=True)])
+    return MP.matrix(columns).T
+
+
+def doubling(gamma, restitution, ratio, x):
+    """det(J + 1) of the return map on its orbit of period 1, which is 0 where a multiplier is -1; the orbit; det J."""
+    def f(phase, v):
+        return bounce(gamma, restitution, ratio, phase, v)
+
+    for _ in range(6):
+        away = [b - MP.mpf(a) for a, b in zip(x, f(*x), strict=True)]
+        if max(map(abs, away)) < 1e-14:
+            break
+        step = MP.lu_solve(jacobian(f, x, 1e-5) - MP.eye(2), MP.matrix(away))
+        x = [float(a - b) for a, b in zip(x, step, strict=True)]
+    j = jacobian(f, x, 2e-4)
+    return MP.det(j + MP.eye(2)), x, MP.det(j)
+
+
+@pytest.mark.parametrize(("restitution", "ratio", "gamma"), [
+    (0.5, 1000.0, 1.52647852413489), (0.8, 1000.0, 1.07077698948191),
+])  # fmt: skip
+def test_a_soft_bouncing_ball_doubles_its_period(restitution, ratio, gamma):
+    start = [math.acos(math.pi * (1.0 - restitution) / (1.0 + restitution) / gamma), -math.pi]
+    here, orbit, det = doubling(gamma, restitution, ratio, start)
+    beyond, _, _ = doubling(gamma + 1e-5, restitution, ratio, orbit)
+    assert float(here) * 1e-5 / float(beyond - here) == pytest.approx(0.0, abs=1e-12)  # what is missing in gamma
+    assert float(det) == pytest.approx(restitution**2, abs=2e-5)

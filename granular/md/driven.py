@@ -35,7 +35,7 @@ steps are counted, in two floats; velocities of both ends in the step, (2, 6).""
 
 def walls_of(scene: Scene, start: float) -> Walls:
     """Return what kernels read of the walls of a scene that moves from `start` (s) on; plain objects and lists."""
-    paths, panels, bodies, first = [], [], [], 0
+    paths, panels, bodies, first = list[Any](), list[Any](), list[int](), 0
     for motion, body, side in zip(scene.motions, (0, scene.n - 1), (1.0, -1.0), strict=True):
         if motion is not None:
             given = motion.panels(start, start)
@@ -80,7 +80,7 @@ def ahead(physics: Any, k: int) -> None:
 def on_path(walls: Any, i: int, k: float, dt: float) -> tuple[float, float, float]:
     """Return the motion of the i-th driven wall towards the balls, its rate and acceleration, at k steps."""
     t, tail = clock(walls, k, dt)
-    return moved(walls.paths[i], walls.panels, t, tail)  # type: ignore[no-any-return]
+    return moved(walls.paths[i], walls.panels, t, tail)
 
 
 @kernel

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from granular._kernels import kernel
 from granular.md.contact_force import asked as force
-from granular.md.driven import END, HALF, LAST, MIDDLE, START, WHOLE, arrive, steer
+from granular.md.driven import END, HALF, LAST, MIDDLE, WHOLE, arrive, steer
 
 CHANGED, CLOSED = 1, 2
 DRIVEN = False

@@ -180,15 +180,13 @@ class Stepper:
         self.code.leap(physics, self.here[rows], self.there[rows], self.work, 0, 1, -2)
         return self.there
 
-    def account(self, x: Any, pushing: bool) -> Array | None:
-        """What is kept of the energy in rows `x` in J, see `granular.drive.Row`; None where no wall moves.
+    def account(self, x: Any, xi: Array) -> Array:
+        """What is kept of the energy in rows `x` in J where walls move, see `granular.drive.Row`; `xi` are the overlaps.
 
-        What laws with memory dissipate is known while none of their pairs is `pushing`.
+        What laws with memory dissipate is known while all pairs are open.
         """
-        if self.walls is None:
-            return None
         work, lost = (np.asarray(x[row]) + np.asarray(x[row + 1]) for row in (window.WORK, window.LOST))
-        lost = math.nan if self.physics.memory and pushing else math.fsum(lost)
+        lost = math.nan if self.physics.memory and (xi > 0.0).any() else math.fsum(lost)
         return np.array([work[1], work[-1], 0.0, 0.0, lost])
 
     def settled(self) -> bool:

@@ -2,8 +2,9 @@
 May be skipped: it measures ourselves.
 
 Power laws F = k ξ^p + γ ξ^d ξ̇ are solved by Taylor series in 34 digits (needs mpmath), any other law by scipy's
-DOP853 restarted at events. Neither shares code with `granular.md`'s methods: walls move by a sine or polynomials of their own. Each scene is solved twice, the second
-time with fewer digits or a wider tolerance: the difference is the error that is reported.
+DOP853 restarted at events. Neither shares code with `granular.md`'s methods: a driven wall is read here as the sine or
+the polynomials that it is given by. Each scene is solved twice, the second time with fewer digits or a wider tolerance:
+the difference is the error that is reported.
 """
 
 from __future__ import annotations
@@ -74,7 +75,8 @@ def solve(
     whole = _check.whole("digits", digits, at_least=20, at_most=200)
     forms, convert = [power_series(one) for one in laws], float
     if None in forms:
-        best, other = (restarted.solve(scene, laws, until, end, "DOP853", rtol, t_start=start)[0] for rtol in TOLERANCES)
+        runs = (restarted.solve(scene, laws, until, end, "DOP853", rtol, t_start=start) for rtol in TOLERANCES)
+        best, other = (solved for solved, _ in runs)
     else:
         many = optional("mpmath", "the reference").MPContext()
         many.dps, convert = whole + FEWER, many.mpf

@@ -38,6 +38,9 @@ class Path(Protocol):
     def rates(self, t: Number) -> list[Number]:
         """Velocity, acceleration, …: at least these two, at a break those after it."""
 
+    def above(self, t: Number, side: int) -> Number:
+        """How far in m it goes at most beyond where it is at time `t`, upwards (`side` 1) or downwards (-1)."""
+
     def until(self, t: Number) -> Number:
         """Time in s up to which what follows from `rates(t)` holds, or a period later."""
 
@@ -57,6 +60,9 @@ class Harmonic:
     def rates(self, t: Number) -> list[Number]:
         mp, angle = self.mp, self.omega * t + self.phase
         return [self.amplitude * self.omega * mp.cos(angle), self.amplitude * self.last * mp.sin(angle)]
+
+    def above(self, t: Number, side: int) -> Number:
+        return self.amplitude - side * self.moved(t)
 
     def until(self, t: Number) -> Number:
         return t + 1 / self.frequency
@@ -87,6 +93,9 @@ class Pieces:
     def rates(self, t: Number) -> list[Number]:
         k, x = self._at(t)
         return [_value(p, x) for p in self.derived[k][1:]]
+
+    def above(self, t: Number, side: int) -> Number:
+        return self.mp.inf
 
     def until(self, t: Number) -> Number:
         later = [edge for edge in self.edges if edge > t]

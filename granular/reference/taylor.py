@@ -17,13 +17,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any
 
 from granular import until as stop
 from granular.reference.driven import Course, paths
 from granular.reference.events import Run, Watch
 from granular.reference.log import ACTIVE, CLOSED, DORMANT, OPEN, Reference
-from granular.reference.series import Number, Power, first_rise, product_term, value
+from granular.reference.series import Number, Power, first_rise, first_rise_of_parabola, product_term, value
 
 GUARD = 8
 """Digits carried beyond those asked for."""
@@ -31,6 +32,8 @@ TERMS = 3
 """Order of the series at least, in units of the window of last terms that sets the step: were the window most of the
 series, its low terms would have to be as small as the tolerance, and steps with them."""
 MOST_STEPS = 20_000
+SURE = 0.999
+"""Part of a flight that is made at once where walls are driven."""
 
 
 def solve(
@@ -112,7 +115,7 @@ class Taylor:
         fall = list(self.fall)
         for b, path in self.paths.items():
             fall[b] = path.rates(self.t)[1]
-        return [lower - upper for lower, upper in zip(fall, fall[1:], strict=False)]
+        return [lower - upper for lower, upper in pairwise(fall)]
 
     def touch(self, form: Sequence[float], gap: float) -> Touch:
         """The pair of a law (k, p, γ, d) with its gap in m at the start."""
@@ -225,6 +228,8 @@ class Taylor:
         if self.steps == MOST_STEPS:
             raise ValueError(f"t_end is missing: after {MOST_STEPS} steps the scene is at t = {float(self.t):.6g} s.")
         self.steps += 1
+        if self.soar(end):
+            return None
         piece, end = self.expand(), min([end, *(path.until(self.t) for path in self.paths.values())])
         holds, event = self.reach(piece), None
         reach = limit = self.stops(piece, holds, end)
@@ -257,6 +262,30 @@ class Taylor:
             a.xi, a.exact = value(mp, series, x), False
         self.v = [value(mp, series, x) for series in piece.v]
         self.t += value(mp, piece.t, x)
+
+    def soar(self, end: Number) -> bool:
+        """Move on at once, and return true, while no wall comes near balls that fly, if that is a good part of a turn."""
+        if not self.paths or any(mode != OPEN for mode in self.mode):
+            return False
+        sides = [(b, path, (0, 1) if b == 0 else (len(self.mode) - 1, -1)) for b, path in self.paths.items()]
+        flights = [[a.xi, self.now(c, "rate"), (self.fall[c] - self.fall[c + 1]) / 2] for c, a in enumerate(self.touches)]
+        for _, path, (c, side) in sides:
+            flights[c][1] -= side * path.rates(self.t)[0]
+        nearest = [list(p) for p in flights]
+        for _, path, (c, side) in sides:
+            nearest[c][0] += path.above(self.t, side)
+        times = [first_rise_of_parabola(self.mp, p) for p in nearest]
+        dt = min([end - self.t, *(t * self.mp.mpf(SURE) for t in times if t is not None)])
+        if not min(path.until(self.t) - self.t for _, path, _ in sides) / 4 < dt < self.mp.inf:
+            return False
+        for _, path, (c, side) in sides:
+            flights[c][0] += side * (path.moved(self.t + dt) - path.moved(self.t))
+        for a, (xi, rate, half) in zip(self.touches, flights, strict=True):
+            a.xi = xi + dt * (rate + dt * half)
+        self.v = [v + g * dt for v, g in zip(self.v, self.fall, strict=True)]
+        self.t = self.mp.mpf(end) if dt == end - self.t else self.t + dt
+        self.guide()
+        return True
 
     def fly(self, dt: Number) -> None:
         """Move on without forces for `dt` in s."""
