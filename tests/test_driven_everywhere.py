@@ -7,7 +7,11 @@ import numpy as np
 import pytest
 
 import granular as gr
+from granular.laws.check import checked
+from granular.reference import solve
 from granular.walls import Motion, Piecewise, Sine
+from granular.workprecision.methods import Task
+from granular.workprecision.peers import peer
 
 pytest.importorskip("xarray")
 
@@ -78,7 +82,7 @@ def test_a_hard_run_that_was_saved_goes_on(motion, tmp_path):
     assert loaded.scene == part.scene
     assert loaded.account()["work"].tolist() == part.account()["work"].tolist()
     if isinstance(motion, Motion):  # the path was kept as far as the run went
-        with pytest.raises(ValueError, match=r"t_end is 0.3: .*at most 0.15 is needed; there the path of the wall ends"):
+        with pytest.raises(ValueError, match=r"t_end is 0.3: .*at most 0.15 is needed; there the path"):
             gr.edmd.resume(loaded, t_end=0.3)
         return
     rest = gr.edmd.resume(loaded, t_end=0.3)
@@ -89,7 +93,22 @@ def test_a_hard_run_that_was_saved_goes_on(motion, tmp_path):
 
 
 def test_from_which_shaking_on():
-    case = gr.Case(gr.scenes.bouncing_ball(0.01, plate=Sine(1e-5, 50.0)), gr.LinearDashpot(1e5, 5.0), t_end=0.1, run=STEPS)
+    scene = gr.scenes.bouncing_ball(0.01, plate=Sine(1e-5, 50.0))
+    case = gr.Case(scene, gr.LinearDashpot(1e5, 5.0), t_end=0.1, run=STEPS)
     found = gr.threshold(case, "floor.amplitude", (1e-6, 1e-3), "error", points=3, within=0.5)
     assert found.units == "m"
     assert {value.verdict for value in found.values} <= {"holds", "fails"}
+
+
+@pytest.mark.parametrize("name", ["dop853", "dop853+events"])
+def test_scipy_s_answers_beside_a_driven_wall(name):
+    pytest.importorskip("mpmath")
+    scene = gr.scenes.bouncing_ball(0.005, plate=Sine.from_acceleration(2.0, 50.0, phase=1.0))
+    law = gr.LinearDashpot.from_restitution(0.6, k=1e3, pair=scene.pairs[0])
+    truth = solve(scene, law, t_end=0.2)
+    laws = checked(law, scene).given
+    found = peer(Task(scene, laws, None, 0.2, truth), name).run(1e-10).contacts()
+    assert len(found) == len(truth.contacts) >= 2
+    for one, other in zip(found, truth.contacts, strict=True):
+        assert float(one.t_begin) == pytest.approx(float(other.t_begin), abs=1e-7)
+        assert [float(v) for v in one.v_in] == pytest.approx([float(v) for v in other.v_in], abs=1e-5)
