@@ -28,6 +28,7 @@ def book(lower: Record, upper: Record, w: float, e: float, walls: Walls) -> None
     enter(lower, upper, exchanged, -0.5 * (1.0 - e) * w * exchanged, walls)
 
 
+@rare
 @kernel
 def enter(lower: Record, upper: Record, exchanged: float, lost: float, walls: Walls) -> None:
     """Enter the work of an impulse (N s) from below, if one of the bodies is a wall or rests on it, and a loss (J)."""

@@ -82,6 +82,13 @@ def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float
         if walls[0][0].lands and pair.pull != 0.0 and pair.gap == 0.0 and rate_of(pair, lower, upper) == 0.0:
             return NEVER
         return predicted_free(pair, lower, upper, walls)  # type: ignore[no-any-return]
+    return hit(pair, lower, upper, walls)  # type: ignore[no-any-return]
+
+
+@rare
+@kernel
+def hit(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
+    """Return the time at which a pair beside a driven wall collides, inf if it never does."""
     side, rate = walls[0][pair.wall], rate_of(pair, lower, upper)
     pair.wait = first_hit(side, walls[1], side.epoch, side.low + pair.at, pair.gap, rate, pair.pull, NEVER)
     return pair.at + pair.wait  # type: ignore[no-any-return]
@@ -106,6 +113,13 @@ def meets(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
     """Return the rate, not positive, at which a pair is about to collide."""
     if pair.wall < 0:
         return rate_at_contact(pair.gap, (upper.u - lower.u) - pair.pull * pair.at, pair.pull)  # type: ignore[no-any-return]
+    return meets_wall(pair, lower, upper, walls)  # type: ignore[no-any-return]
+
+
+@rare
+@kernel
+def meets_wall(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
+    """Return the rate, not positive, at which a pair beside a driven wall is about to collide."""
     if pair.wall == BOTH:
         return min(apart(pair, walls, pair.at + pair.wait)[1], 0.0)
     side, rate = walls[0][pair.wall], rate_of(pair, lower, upper)
@@ -118,6 +132,7 @@ def meets(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
     return min(w, 0.0)
 
 
+@rare
 @kernel
 def touches(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> bool:
     """Return whether the bodies of a pair touch at time `now`, without tolerance."""
@@ -140,6 +155,13 @@ def carry(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) 
         return 0
     if pair.wall < 0:
         return carry_free(pair, lower, upper, now, walls)  # type: ignore[no-any-return]
+    return carry_beside(pair, lower, upper, now, walls)  # type: ignore[no-any-return]
+
+
+@rare
+@kernel
+def carry_beside(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> int:
+    """Move a pair beside a driven wall to time `now`; return 1 if the gap was clamped at 0."""
     if pair.wall == BOTH:
         d, _ = apart(pair, walls, now)
     else:
@@ -152,6 +174,7 @@ def carry(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) 
     return 1 if d < 0.0 else 0
 
 
+@rare
 @kernel
 def follow(pair: Record, lower: Record, upper: Record, walls: Walls) -> None:
     """Give what is bound to a driven wall, of a pair beside it, the velocity of the wall at the time of the pair."""
@@ -161,6 +184,7 @@ def follow(pair: Record, lower: Record, upper: Record, walls: Walls) -> None:
         upper.u = place(walls, 1, pair.at)[1]
 
 
+@rare
 @kernel
 def place(walls: Walls, which: int, now: float) -> tuple[float, float]:
     """Return how far a wall has moved since the start (m), and its velocity (m/s)."""
@@ -173,6 +197,7 @@ def place(walls: Walls, which: int, now: float) -> tuple[float, float]:
     return x, v
 
 
+@rare
 @kernel
 def apart(pair: Record, walls: Walls, now: float) -> tuple[float, float]:
     """Return gap (m) and rate (m/s) of a pair between two driven walls, what rests on them included, at time `now`."""
@@ -207,6 +232,7 @@ def meeting(pair: Record, walls: Walls) -> float:
     return pair.at + s  # type: ignore[no-any-return]
 
 
+@rare
 @kernel
 def presses(pair: Record, walls: Walls) -> bool:
     """Return whether a ball that touches a driven wall, at the time of their pair, is pressed on it."""
@@ -215,6 +241,7 @@ def presses(pair: Record, walls: Walls) -> bool:
     return opens(side, walls[1][now[2]], now, 0.0, 0.0) == 0.0  # type: ignore[no-any-return]
 
 
+@rare
 @kernel
 def rate_at(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> float:
     """Return the rate of a pair (m/s) at time `now`."""

@@ -156,6 +156,7 @@ def bind(
     return again(run, pairs, bodies, first, last, walls) + (exchanged,)
 
 
+@rare
 @kernel
 def settle(run: Record, pairs: Records, bodies: Records, b: int, e: int, now: float, on: int, walls: Walls) -> None:
     """Let bodies `b` … `e`, of which the first (on the floor) or the last (on the ceiling) is bound, rest on it."""
@@ -173,6 +174,7 @@ def settle(run: Record, pairs: Records, bodies: Records, b: int, e: int, now: fl
         pairs[k].shut, pairs[k].gap, pairs[k].at = on, 0.0, now
 
 
+@rare
 @kernel
 def common(bodies: Records, b: int, e: int) -> float:
     """Return the acceleration (m/s²) by the forces on bodies `b` … `e` together."""
@@ -250,6 +252,7 @@ def release(
             follow(pairs[k], bodies[k], bodies[k + 1], walls)
 
 
+@rare
 @kernel
 def free(body: Record, more: float, push: float, walls: Walls) -> None:
     """Let a ball fall by itself: `more` is what its velocity u grows by (m/s), for its velocity stays."""
@@ -316,6 +319,7 @@ def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, wall
     return again(run, pairs, bodies, first, last, walls)
 
 
+@rare
 @kernel
 def again(run: Record, pairs: Records, bodies: Records, first: int, last: int, walls: Walls) -> tuple[int, int]:
     """Set pulls of pairs `first` … `last`, and of what forces press on the walls; return all those pairs."""
@@ -326,6 +330,7 @@ def again(run: Record, pairs: Records, bodies: Records, first: int, last: int, w
     return first, last
 
 
+@rare
 @kernel
 def repull(run: Record, pairs: Records, bodies: Records, first: int, last: int, walls: Walls) -> None:
     """Set the closing accelerations of pairs `first` … `last`; of a shut pair, that of all that rests beyond it."""

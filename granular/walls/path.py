@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 
-from granular._kernels import kernel
+from granular._kernels import kernel, rare
 from granular._records import Record, Records
 
 SPLIT = 134217729.0
 
 
+@rare
 @kernel
 def product(a: float, b: float) -> tuple[float, float]:
     """Return a·b in two floats (Dekker)."""
@@ -24,6 +25,7 @@ def product(a: float, b: float) -> tuple[float, float]:
     return p, ((ah * bh - p) + ah * bl + al * bh) + al * bl
 
 
+@rare
 @kernel
 def total(a: float, b: float) -> tuple[float, float]:
     """Return a + b in two floats (Knuth)."""
@@ -32,6 +34,7 @@ def total(a: float, b: float) -> tuple[float, float]:
     return s, (a - (s - c)) + (b - c)
 
 
+@rare
 @kernel
 def reduced(wall: Record, t: float, tail: float) -> tuple[float, float]:
     """Return the time t + tail in two floats; of a periodic wall, the fraction f·t + phase of its turn, from 0 to 1."""
@@ -44,6 +47,7 @@ def reduced(wall: Record, t: float, tail: float) -> tuple[float, float]:
     return y - math.floor(y), low + rest + (a_low + b_low) + wall.turn_low
 
 
+@rare
 @kernel
 def panel_at(wall: Record, panels: Records, y: float) -> int:
     """Return the panel of the reduced time y; at an edge the later one."""
@@ -60,6 +64,7 @@ def panel_at(wall: Record, panels: Records, y: float) -> int:
     return low  # type: ignore[no-any-return]
 
 
+@rare
 @kernel
 def value(panel: Record, x: float) -> tuple[float, float, float]:
     """Return side·m (m), its rate (m/s) and its acceleration (m/s²) at x on a panel."""
@@ -71,6 +76,7 @@ def value(panel: Record, x: float) -> tuple[float, float, float]:
     return v, panel.per * d, panel.per * panel.per * (2.0 * dd)
 
 
+@rare
 @kernel
 def pressed(panel: Record, pull: float, x: float) -> tuple[float, float]:
     """Return pull + m'' (m/s²) at x on a panel, and its rate (m/s³)."""
@@ -84,6 +90,7 @@ def pressed(panel: Record, pull: float, x: float) -> tuple[float, float]:
     return pull + square * (2.0 * dd), square * panel.per * (6.0 * ddd)
 
 
+@rare
 @kernel
 def moved(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, float, float]:
     """Return side·m (m), its rate (m/s) and its acceleration (m/s²) at time t + tail."""
@@ -92,6 +99,7 @@ def moved(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, 
     return value(panel, ((y - panel.centre) + low) / panel.half)
 
 
+@rare
 @kernel
 def wall_at(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, float, float]:
     """Return position (m), velocity (m/s) and acceleration (m/s²) of a wall at time t + tail (s)."""
@@ -100,6 +108,7 @@ def wall_at(wall: Record, panels: Records, t: float, tail: float) -> tuple[float
     return x, wall.velocity + wall.side * v, wall.side * a
 
 
+@rare
 @kernel
 def phase(wall: Record, t: float, tail: float) -> float:
     """Return the phase of a periodic wall at time t + tail, in turns from 0 to 1; nan of others."""
@@ -110,6 +119,7 @@ def phase(wall: Record, t: float, tail: float) -> float:
     return y - math.floor(y)
 
 
+@rare
 @kernel
 def expansion(wall: Record, panels: Records, t: float, tail: float, series: list[float]) -> float:
     """Fill `series` (20 floats) with the power series of side·m (m) in the time s after t + tail; return, in s, up to
