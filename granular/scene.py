@@ -312,9 +312,22 @@ def positions(scene: Scene, gap: Array, elapsed: Array, start: float = 0.0) -> A
     A cumulative sum from the anchor. With no negative gap the order of positions holds by construction.
     """
     offset = scene.offsets(gap)
-    at_anchor = offset @ scene._share if scene._wall is None else offset[:, scene._wall]
-    offset += (scene.anchor(elapsed, start) - at_anchor)[:, None]
+    offset += (scene.anchor(elapsed, start) - _at_anchor(scene, offset))[:, None]
     return offset
+
+
+def points(scene: Scene, gap: Array, position: Array) -> Array:
+    """Positions (T, n) in m with the radii taken out and from 0 on, where balls that touch coincide, from gaps (T, n-1)
+    and `position` (T, n), in m."""
+    flat = scene.replace(radius=np.zeros(scene.n), origin=0.0)
+    offset, moved = flat.offsets(gap), _at_anchor(scene, position) - _at_anchor(scene, scene.position)
+    offset += (_at_anchor(flat, flat.position) + moved - _at_anchor(flat, offset))[:, None]
+    return offset
+
+
+def _at_anchor(scene: Scene, of_bodies: Array) -> Any:
+    """What an array (…, n) says of the anchor: the first wall, or else the centre of mass."""
+    return of_bodies @ scene._share if scene._wall is None else of_bodies[..., scene._wall]
 
 
 def velocities(scene: Scene, rate: Array, elapsed: Array, start: float = 0.0) -> Array:

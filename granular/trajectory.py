@@ -16,7 +16,8 @@ from granular import _check, _files
 from granular._check import Array
 from granular._describe import from_json, to_json
 from granular.laws.kinds import resolved
-from granular.scene import Scene, fitted, positions
+from granular.scene import Scene, fitted
+from granular.scene import points as scene_points
 
 CONTACT = np.dtype(
     [
@@ -259,8 +260,7 @@ EARLY = (Status.collapse, Status.max_events, Status.unstable)
 
 def points(run: Trajectory) -> Array:
     """Positions in m of the same bodies with their radii taken out, from 0 on, shape (T, n): touching ones coincide."""
-    scene = run.scene.replace(radius=np.zeros(run.scene.n), origin=0.0)
-    return positions(scene, run.gap, run.time - run.time[0], float(run.time[0]))
+    return scene_points(run.scene, run.gap, run.position)
 
 
 def grouped(key: Any, n: int) -> tuple[Any, Any]:

@@ -10,6 +10,7 @@ from granular._kernels import no_compiler
 from granular._records import packed
 from granular.drive import End, Pause, Row, Rows
 from granular.edmd import blocks, collapse, outcome, sides
+from granular.edmd.closing import Closing
 from granular.edmd.collision import ROW
 from granular.edmd.physics import Physics
 from granular.edmd.sorted_queue import SortedQueue
@@ -18,7 +19,6 @@ from granular.edmd.ties import GROUP, ORDER
 from granular.edmd.tree_queue import TreeQueue, pays
 from granular.edmd.watch import Watch
 from granular.request import Request
-from granular.scene import close_after
 from granular.trajectory import Status
 from granular.until import Contact
 
@@ -26,9 +26,6 @@ TAIL = 8
 """The last of so many parts of a run that ends at `max_events` tells whether it has slowed down."""
 LOOK = 4096
 """Events after which rows are handed over and progress is told."""
-MARGIN = 2.0**-30
-"""Closing walls end a run when this part of the free length between them is left: balls that bounce between them at
-2/(1 - ε) times the speed of the walls make their sum of gaps uncertain by not much less."""
 LIKELY = 25
 """Collisions of a pair that a run is taken to have before anything is known of it."""
 TRIAL = 2048
@@ -89,8 +86,8 @@ class Run:
         self.verdict: collapse.Verdict | None = None
         self.settled: list[Rows] = []
         self.fall = self.scene.gravity - float(state.run.gravity)  # m/s², with which the frame of the run falls
-        self.close_after = close_after(self.scene)
-        self.horizon = self.start + (1.0 - MARGIN) * self.close_after  # s: no room for balls later
+        self.closing = Closing(self.scene, self.start)
+        self.horizon = self.closing.horizon  # s: no room for balls later
 
     def _compiled(self) -> type[TreeQueue]:
         self.may_compile = False
@@ -110,6 +107,8 @@ class Run:
         """
         state, seen = self.state, self.events
         while last or time > self.request.start:
+            if self.scene.driven:
+                self.horizon = self.closing.look(min(time, state.time(state.clock.window)))
             limit, before = state.tau(min(time, self.horizon)), self.events
             if time >= self.horizon and limit <= state.run.now:
                 return Pause.collapse
