@@ -71,8 +71,10 @@ def events(scene, eps, t_end, most, t0=0.0):
             if gap < mp.mpf(10) ** -26 and rate < 0 and not (just and s == 0 and rate > -mp.mpf(10) ** -22):
                 return s
             gap = max(gap, mp.mpf(10) ** -30)
-            step = 2 * gap / (mp.sqrt(rate * rate + 2 * bound * gap) - rate) if bound > 0 else closes(gap, rate, bound)
-            s += step
+            square = rate * rate + 2 * bound * gap
+            if square < 0 or (bound <= 0 and rate >= 0):
+                return mp.inf
+            s += 2 * gap / (mp.sqrt(square) - rate)
         return mp.inf
 
     rows = []

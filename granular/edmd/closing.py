@@ -60,10 +60,10 @@ class Closing:
         until = time - self.start
         while self.looked <= until and self.horizon == math.inf:
             gap, rate = self._at(self.looked)
-            if gap <= MARGIN * self.room:
+            if gap <= MARGIN * self.room and rate <= 0.0:
                 self.after, self.horizon = self.looked, self.start + self.looked
                 break
-            step = time_to_contact(gap - 0.5 * MARGIN * self.room, rate, self.most)
+            step = time_to_contact(max(0.0, gap - 0.5 * MARGIN * self.room), rate, self.most)
             self.looked = max(self.looked + step, np.nextafter(self.looked, math.inf))
         return self.horizon
 

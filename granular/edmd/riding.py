@@ -37,7 +37,7 @@ def event(
     if row is not None:
         row.pair, row.t_begin = c, now
         row.lower_in, row.upper_in = velocities(lower, upper, g, now)
-    weak, exchanged = e < 1.0 and -w < run.merge_below and sticks(pair, lower, upper, now, w, e, walls), 0.0
+    weak, exchanged = e < 1.0 and -w < run.merge_below and sticks(pairs, bodies, c, now, w, e, walls), 0.0
     if weak:
         start, end, exchanged = absorb(run, pairs, bodies, c, now, w, walls)
     else:
@@ -84,16 +84,18 @@ def is_closed(pair: Record, lower: Record, upper: Record) -> bool:
 
 @rare
 @kernel
-def sticks(pair: Record, lower: Record, upper: Record, now: float, w: float, e: float, walls: Walls) -> bool:
-    """Return whether a pair that collides weakly, at rate `w`, is to move as one.
+def sticks(pairs: Records, bodies: Records, c: int, now: float, w: float, e: float, walls: Walls) -> bool:
+    """Return whether pair `c`, which collides weakly, at rate `w`, is to move as one.
 
-    On a driven wall itself a ball bounces to its end. On one that rides it stays if it is certain to be pressed on it
-    for as long as its bounces last, 2u/(a(1 - ε)).
+    A single ball bounces on a driven wall to its end. What moves as one with others, or hits a ball that rides, stays
+    if it is certain to be pressed on for as long as its bounces last, 2u/(a(1 - ε)).
     """
+    pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
     if pair.wall < 0:
         return pair.pull >= 0.0  # type: ignore[no-any-return]
-    bound = lower if pair.wall == 0 else upper
-    if (bound.mass == math.inf and e > 0.0) or lower.falls == upper.falls:
+    bound, k = (lower, c + 1) if pair.wall == 0 else (upper, c - 1)
+    alone = not (0 <= k < len(pairs) and is_closed(pairs[k], bodies[k], bodies[k + 1]))
+    if (bound.mass == math.inf and e > 0.0 and alone) or lower.falls == upper.falls:
         return False
     side = walls[0][pair.wall]
     t, tail = side.epoch, side.low + now

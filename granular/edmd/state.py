@@ -67,7 +67,7 @@ RUN = np.dtype(
 CLOCK = np.dtype(
     [
         ("start", float), ("epoch", float), ("epoch_low", float),  # s: the first row; the zero of tau
-        ("length", float), ("window", float),  # m, the mean gap at the start; s, 2^k, grows as balls slow down
+        ("length", float), ("window", float),  # m, the mean gap at the start, the largest so far if driven; s, 2^k, grows as balls slow down
         ("speed", float), ("fall", float),  # m/s, scale of relative velocities, never below what falling `length` gives
         ("strength", float),  # m/s², the largest acceleration of a ball
         ("rebases", int), ("zooms", int), ("lost", int),  # closer looks, and rates lost to rounding in them
@@ -242,6 +242,7 @@ class State:
         if self.walls is not None:
             sides.date(self)
             compiler(synchronise)(self.pairs, self.bodies, self.walls)
+            clock.length = max(clock.length, float(column(self.pairs, "gap").mean()))  # what is shaken expands
         self.scale(max(float(np.abs(np.diff(column(self.bodies, "u"))).max()), clock.fall))
         if clock.speed > 0.0:
             clock.window = max(clock.window, span(clock.length, clock.speed, clock.strength))
