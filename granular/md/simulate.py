@@ -131,7 +131,6 @@ def simulate(
     if method == "located":
         if dt is not None:
             raise ValueError(f"dt is {dt!r}: method 'located' has no fixed step; choose {', '.join(INTEGRATORS)}.")
-        _check_located(scene)
         finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
         with _in_range(laws.given[0]):
             return drive(located.Run(scene, laws, request, engine, finest, disturbed))
@@ -208,15 +207,6 @@ def _in_range(law: Any) -> Iterator[None]:
             f"law is {law!r}, …: rates or overlaps of its contacts in this scene are beyond the range of numbers "
             f"({error}); coefficients, masses and speeds in SI units and of usual size are needed."
         ) from error
-
-
-def _check_located(scene: Scene) -> None:
-    """Raise for what method "located" does not know yet."""
-    names = "floor", "ceiling", "external_force"
-    for name, value in ((name, getattr(scene, name)) for name in names):
-        if value is not None:
-            given = ", ".join(map(repr, INTEGRATORS))
-            raise ValueError(f"{name} is {value!r}: method 'located' does not know it yet; choose one of {given}.")
 
 
 def _check_walls(scene: Scene, start: float, end: float) -> None:

@@ -13,6 +13,10 @@ from granular._kernels import kernel, rare
 from granular._records import Record, Records
 
 SPLIT = 134217729.0
+EDGE = 2.0**-96
+"""Times so near to an edge, as a part of them, are at it: beyond what two floats say."""
+SMOOTH = 2.0**-46
+"""Turns so near to an edge are at it: the path of a periodic wall has no corners."""
 
 
 @rare
@@ -121,11 +125,40 @@ def phase(wall: Record, t: float, tail: float) -> float:
 
 @rare
 @kernel
+def panel_from(wall: Record, panels: Records, t: float, tail: float) -> int:
+    """Return the panel on which a path goes on from the time t + tail; at an edge, to rounding, the later one."""
+    y, low = reduced(wall, t, tail)
+    k = panel_at(wall, panels, y)
+    if (panels[k].right - y) - low > near(wall, t, tail, panels[k].right):
+        return k  # type: ignore[no-any-return]
+    if k + 1 < wall.first + wall.panels:
+        return k + 1  # type: ignore[no-any-return]
+    return wall.first if wall.periodic else k  # type: ignore[no-any-return]
+
+
+@kernel
+def near(wall: Record, t: float, tail: float, edge: float) -> float:
+    """Return how near, in s or turns, the time t + tail is to an `edge` if it is at it to rounding."""
+    return SMOOTH if wall.periodic else EDGE * (abs(t) + abs(tail) + abs(edge))
+
+
+@kernel
+def edge_jump(wall: Record, panels: Records, t: float, tail: float) -> float:
+    """Return by how much the velocity of side·m (m/s) jumps at the time t + tail; 0 except for at an edge."""
+    y, low = reduced(wall, t, tail)
+    panel = panels[panel_from(wall, panels, t, tail)]
+    return panel.jump if abs((y - panel.left) + low) <= near(wall, t, tail, panel.left) else 0.0  # type: ignore[no-any-return]
+
+
+@kernel
 def expansion(wall: Record, panels: Records, t: float, tail: float, series: list[float]) -> float:
     """Fill `series` (20 floats) with the power series of side·m (m) in the time s after t + tail; return, in s, up to
-    where it holds: the end of the panel."""
+    where it holds: the end of the panel; inf of the last one of a path that is not periodic."""
     y, low = reduced(wall, t, tail)
-    panel = panels[panel_at(wall, panels, y)]
+    k = panel_from(wall, panels, t, tail)
+    panel = panels[k]
+    if wall.periodic and y > panel.right:  # at the end of a turn
+        y -= 1.0
     x = ((y - panel.centre) + low) / panel.half
     for j in range(len(series)):
         series[j] = panel.series[j]
@@ -136,4 +169,6 @@ def expansion(wall: Record, panels: Records, t: float, tail: float, series: list
     for j in range(panel.degree + 1):
         series[j] *= power
         power *= panel.per
+    if wall.periodic == 0 and k + 1 == wall.first + wall.panels:
+        return math.inf
     return ((panel.right - y) - low) / wall.frequency  # type: ignore[no-any-return]

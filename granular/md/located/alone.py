@@ -1,5 +1,7 @@
 """The contact of one pair alone, by pieces: to look into one solved at once, to go on from within, to table it.
 May be skipped: one contact again, by pieces.
+
+`follow_alone` says what is asked; `plan.planned` computes piece after piece, for every piece is planned in one place.
 """
 
 from __future__ import annotations
@@ -10,9 +12,10 @@ from typing import Any
 from granular._flight import time_to_contact
 from granular._kernels import kernel
 from granular.md.located.contacts import follow, pushes
-from granular.md.located.pieces import elapsed, fly, force_returns, power, tick, value
-from granular.md.located.plan import join, plan
-from granular.md.located.system import ACTIVE, END, OPEN, PART, RELOAD, RESIDUAL, TURN
+from granular.md.located.driven import jump_at
+from granular.md.located.pieces import fly, force_returns, piece_time, power, tick, value
+from granular.md.located.pool import join
+from granular.md.located.system import ACTIVE, EDGE, END, OPEN, PART, RELOAD, RESIDUAL, TURN
 
 PIECES = 2000
 """Pieces after which a contact is taken to go on forever."""
@@ -32,45 +35,63 @@ def enter(s: Any, c: int, v: float) -> Any:
 
 
 @kernel
-def live(s: Any, c: int, left: float, laws: Any) -> tuple[float, float, float, float]:
-    """Take a contact that has just begun on for a time `left`, or until its balls part.
+def follow_alone(s: Any, c: int, left: float) -> None:
+    """Ask that a contact that has just begun be taken on for a time `left`, or until its balls part.
 
-    Returns when its force was over (nan: it was not), the place τ on the last piece, the time that passed, and the rate
-    at which they were parting when the force was over. Balls that part are OPEN; what has no end is not.
+    `planned` does it, and leaves in the record of the run when its force was over (nan: it was not), the rate at which
+    the balls were parting then, the time that has passed, and the place τ on the last piece. Balls that part are OPEN;
+    what has no end is not.
     """
-    run, member, passed, over, v1 = s.run[0], s.pool[s.pairs[c].slot], 0.0, math.nan, math.nan
-    for _ in range(PIECES):
-        if not left > passed:
-            break
-        if member.mode == RESIDUAL and not pushes(member):
-            wait = time_to_contact(member.xi, member.eta, -member.pull)
-            if passed + wait > left:
-                fly(member, left - passed)
-                return over, 0.0, left, v1
-            if member.s != 1.0 or not force_returns(member, member) < wait:
-                fly(member, wait)
-                member.xi, member.mode, passed = 0.0, OPEN, passed + wait
-            break
-        plan(run, s.pairs, s.pool, s.bodies, s.work, c, laws)
-        tau = member.tau
-        dt = elapsed(member.h, member.clock, tau)
-        if passed + dt > left:
-            dt = left - passed
-            tau = min(tau, power(dt, 1.0 / member.clock) / member.h)
-        if run.log > 0:
-            follow(run, s.pairs, s.pool, s.work, c, tau)
-        member.xi, member.eta, member.exact, member.tau = value(member.x, tau), value(member.e, tau), 0, 0.0
-        tick(member, dt)
-        passed += dt
-        if not passed < left:
-            return over, tau, passed, v1
-        if member.fired == c:
-            if member.mode == ACTIVE and (member.what == END or member.what == PART):
-                over, v1 = passed, -member.eta
-            happen(member)
-            if member.mode == OPEN:
-                break
-    return over, 0.0, passed, v1
+    run = s.run[0]
+    run.alone, run.pieces, run.left, run.passed, run.at = c, 0, left, 0.0, 0.0
+    run.over, run.parting = math.nan, math.nan
+
+
+@kernel
+def has_piece(s: Any) -> bool:
+    """Return whether the contact that is followed alone has a next piece; what runs off flies on as far as it may."""
+    run, member = s.run[0], s.pool[s.pairs[s.run[0].alone].slot]
+    if not run.left > run.passed or run.pieces == PIECES or member.mode == OPEN:
+        return False
+    run.pieces += 1
+    if member.mode != RESIDUAL or pushes(member):
+        return True
+    wait = time_to_contact(member.xi, member.eta, -member.pull)
+    if run.passed + wait > run.left:
+        fly(member, run.left - run.passed, None)
+        run.passed = run.left
+    elif member.s != 1.0 or not force_returns(member, member) < wait:
+        fly(member, wait, None)
+        member.xi, member.mode = 0.0, OPEN
+        run.passed += wait
+    return False
+
+
+@kernel
+def goes_on(s: Any) -> bool:
+    """Take the contact that is followed alone over its piece; false if that was the last one."""
+    run, c = s.run[0], s.run[0].alone
+    member = s.pool[s.pairs[c].slot]
+    tau = member.tau
+    dt = piece_time(member)
+    if run.passed + dt > run.left:
+        dt = run.left - run.passed
+        tau = min(tau, power(dt, 1.0 / member.clock) / member.h)
+    if run.log > 0:
+        follow(run, s.pairs, s.pool, s.work, c, tau)
+    member.xi, member.eta, member.exact, member.tau = value(member.x, tau), value(member.e, tau), 0, 0.0
+    tick(member, dt)
+    run.passed += dt
+    if not run.passed < run.left:
+        run.at = tau
+        return False
+    if member.what == EDGE and member.wall > 0:
+        member.eta += jump_at(s.walls, member, member.t, member.tail)
+    if member.fired == c:
+        if member.mode == ACTIVE and (member.what == END or member.what == PART):
+            run.over, run.parting = run.passed, -member.eta
+        happen(member)
+    return True
 
 
 @kernel

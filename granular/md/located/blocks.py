@@ -13,29 +13,35 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import kernel
+from granular._kernels import inlined, kernel
 from granular._tournament import leaf, play
-from granular.md.located.contacts import AWAITED, SOME, act, activate, engage, follow, push, pushes
-from granular.md.located.isolated import MET, OTHERWISE, TABLE, ULP, expose, in_contact, meet
-from granular.md.located.pieces import arrive, elapsed, fly, glide, power, predict, since, tau_at, tick, value
-from granular.md.located.plan import join, leave, plan, settle_series
+from granular.md.located.contacts import AWAITED, SOME, act, activate, end_contact, engage, follow, push, pushes
+from granular.md.located.driven import carry_walls, foresee_walls, jump_at, rate_at, speed_at
+from granular.md.located.inside import exposed, relive
+from granular.md.located.isolated import MET, OTHERWISE, TABLE, ULP, in_contact, meet
+from granular.md.located.pieces import arrive, fly, glide, piece_time, power, predict, since, tau_at, tick, value
+from granular.md.located.plan import planned, settle_series
+from granular.md.located.pool import join, leave
 from granular.md.located.resting import NOT_YET, RESTS, lies, verdict
-from granular.md.located.system import ACTIVE, DORMANT, GENERAL, OPEN, RESIDUAL, SPARE, to_plain
+from granular.md.located.system import ACTIVE, DORMANT, EDGE, GENERAL, OPEN, RESIDUAL, SPARE, to_plain
 
-REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT = range(10)
+REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT, ABSORB = range(11)
 """Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
 every ball rests for good, every ball is bound in contact forever, no room in the pool, a table of
-contacts, or a contact alone, is wanted first."""
+contacts, or a contact alone, is wanted first. ABSORB is for `regroup`."""
+SAME, CHANGED = -1, -2
+"""What `pass_edge` comes to, if not to STOPPED."""
 
 
 @kernel
 def launch(s: Any, laws: Any) -> bool:
-    """Form the first blocks of a run from pairs that are open or overlap; false if it stops at once."""
+    """Form the first blocks of a run from pairs that are open or overlap, to be planned; false if it stops at once."""
     run, pairs, pool, n = s.run[0], s.pairs, s.pool, len(s.pairs)
     for c in range(n):
         pair = pairs[c]
         if pair.xi > 0.0 or (pair.xi == 0.0 and pair.eta > 0.0):
             join(run, pairs, pool, s.kinds, s.bodies, c)
+            carry_walls(s.walls, s)
             if is_clipped(pool[pair.slot], laws):
                 pool[pair.slot].mode = RESIDUAL
             elif not activate(run, pairs, pool, s.bodies, c):
@@ -44,8 +50,13 @@ def launch(s: Any, laws: Any) -> bool:
         if pairs[c].first == c:
             if pairs[c].slot < 0:
                 join(run, pairs, pool, s.kinds, s.bodies, c)
+                carry_walls(s.walls, s)
             run.lo, run.hi, run.stride = c, pairs[c].hi, pool[pairs[c].slot].stride
-            if regroup(s, laws) == STOPPED:
+            why = regroup(s)
+            while why == ABSORB:
+                take_in(s, run.wanted)
+                why = regroup(s)
+            if why == STOPPED:
                 return False
     return True
 
@@ -87,30 +98,82 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                     continue
                 if met != OTHERWISE:
                     return WANTS_TABLE if met == TABLE else WANTS_CONTACT
-                arrive(pairs[lo])
+                arrive(pairs[lo], s.walls)
                 join(run, pairs, pool, s.kinds, bodies, lo)
             block = pool[pairs[lo].slot]
-            settle(run, pairs, pool, bodies, work, lo, block.tau, elapsed(block.h, block.clock, block.tau))
+            settle(run, pairs, pool, bodies, work, lo, block.tau, piece_time(block), s.walls)
             run.t, run.tail, run.stride, run.lo, run.hi = block.t, block.tail, block.stride, lo, pairs[lo].hi
-            if block.fired < 0:
+            carry_walls(s.walls, s)
+            passed = pass_edge(s.walls, s, laws) if block.what == EDGE else SAME
+            if passed == STOPPED:
+                return STOPPED
+            if block.fired < 0 and passed == SAME:
                 proved = verdict(run, pairs, pool, bodies, run.hi) if lo == 0 else NOT_YET
                 if proved != NOT_YET and limit == math.inf:
                     return REST if proved == RESTS else BINDING
-                if not (proved == RESTS and lies(run, pairs, pool, bodies, run.hi)) and not plan(
-                    run, pairs, pool, bodies, work, lo, laws
-                ):
-                    return STOPPED
+                if not (proved == RESTS and lies(run, pairs, pool, bodies, run.hi)):
+                    pairs[lo].due = -math.inf
                 play(queue, lo, pairs[lo].due)
+                if not planned(s, laws):
+                    return STOPPED
                 continue
-            if not act(run, pairs, pool, bodies, s.log, block, laws):
+            if block.fired >= 0 and not act(run, pairs, pool, bodies, s.log, block, laws):
                 return STOPPED
         run.waits = 0
-        why = regroup(s, laws)
-        if why == CRAMPED:
-            run.waits = 1
+        why = ABSORB
+        while why == ABSORB:
+            why = regroup(s)
+            if why == ABSORB and not absorb(s, run.wanted, laws):
+                run.waits = 1
+                return CRAMPED
+        if not planned(s, laws):
+            return STOPPED
         if why != MORE:
             return why
     return MORE
+
+
+@kernel
+def pass_edge(walls: Any, s: Any, laws: Any) -> int:
+    """Let the island under way pass the end of a panel of a driven wall's path, where the velocity of the wall may jump.
+
+    Return SAME, CHANGED if its blocks are to be formed anew, or STOPPED if that meets the stop condition.
+    """
+    run, pairs, pool, pushing = s.run[0], s.pairs, s.pool, False
+    if walls is not None:
+        for c in range(run.lo, run.hi):
+            member = pool[pairs[c].slot]
+            jump = jump_at(walls, member, run.t, run.tail) if member.wall > 0 else 0.0
+            if jump != 0.0:
+                member.eta += jump
+                member.e[0] = member.eta
+                if not jolt(s, c, jump, laws):
+                    return STOPPED
+            pushing = pushing or (jump == 0.0 and pushes(member))
+    return SAME if pushing else CHANGED
+
+
+@kernel
+def jolt(s: Any, c: int, jump: float, laws: Any) -> bool:
+    """Let the force of pair `c` begin or end where the velocity of its wall has jumped; false if the run is to stop."""
+    run, pairs, bodies, member = s.run[0], s.pairs, s.bodies, s.pool[s.pairs[c].slot]
+    member.exact = 0
+    if member.mode == ACTIVE and is_clipped(member, laws):
+        run.events += 1
+        if member.begun == 1:
+            end_contact(run, pairs, s.pool, bodies, s.log, c)
+        member.mode = RESIDUAL
+    elif member.mode == RESIDUAL and not is_clipped(member, laws):
+        if not activate(run, pairs, s.pool, bodies, c):
+            return False
+        member.exact = 0
+    elif member.mode == DORMANT and jump < 0.0:
+        if member.begun == 1:
+            end_contact(run, pairs, s.pool, bodies, s.log, c)
+        member.mode, pairs[c].alone = OPEN, 0
+    elif member.mode == DORMANT:
+        member.mode = ACTIVE if member.begun == 1 else OPEN
+    return True
 
 
 @kernel
@@ -119,7 +182,7 @@ def all_recede(s: Any) -> bool:
     t = last_end(s)
     for c in range(len(s.pairs)):
         pair = s.pairs[c]
-        if pair.slot >= 0 or pair.xi > 0.0 or pair.eta + pair.pull * (t - pair.t) > 0.0:
+        if pair.slot >= 0 or pair.xi > 0.0 or rate_at(s.walls, pair, t) > 0.0:
             return False
     return True
 
@@ -136,74 +199,83 @@ def last_end(s: Any) -> float:
 
 
 @kernel
-def gather(s: Any, t: float, laws: Any) -> bool:
-    """Advance every island to time t, the end of the run, with its series from there on; false if the pool is full.
-
-    Then it is called again, with more room.
-    """
+def expose_all(s: Any, t: float, laws: Any) -> bool:
+    """Let every contact solved at once, that goes on at time t, the end of the run, be one by pieces; false if the pool
+    is full: then it is called again, with more room."""
     run, pairs, pool = s.run[0], s.pairs, s.pool
     run.t, run.tail = t, 0.0
     for c in range(len(pairs)):
         if in_contact(pairs[c], t, 0.0):
             if run.members + SPARE >= len(pool):
                 return False
-            expose(s, c, laws)
+            relive(s, c, t, 0.0)
+            planned(s, laws)
+            exposed(s, c)
             if pool[pairs[c].slot].mode == ACTIVE:
-                plan(run, pairs, pool, s.bodies, s.work, c, laws)
+                play(s.queue, c, -math.inf)
+                planned(s, laws)
+    return True
+
+
+@kernel
+def gather(s: Any, t: float, laws: Any) -> None:
+    """Advance every island to time t, the end of the run, with its series from there on."""
+    run, pairs, pool = s.run[0], s.pairs, s.pool
+    run.t, run.tail = t, 0.0
     for c in range(len(pairs)):
         pair = pairs[c]
         if pair.first == c and pair.slot >= 0:
             bring(s, c, t, 0.0)
             if pair.due < math.inf and pool[pair.slot].h > 0.0:
-                settle_series(run, pairs, pool, c, laws)
-    return True
+                settle_series(run, pairs, pool, c, laws, s.walls, foresee_walls(s.walls, pairs, pool, c))
 
 
 @kernel
-def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int) -> None:
+def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int, walls: Any) -> None:
     """Let pair `c`, a block of its own, fly on from the time of the event under way, and take back its place."""
     pair, member = pairs[c], pool[pairs[c].slot]
     pair.xi = 0.0 if member.mode == OPEN and member.xi > 0.0 else member.xi
     pair.eta, pair.mode, pair.noise = member.eta, member.mode, member.noise
     pair.exact, pair.wake, pair.t, pair.tail, pair.stride = member.exact, member.wake, run.t, run.tail, run.stride
     leave(run, pairs, pool, c)
-    predict(pair, kinds[pair.kind_of])
+    predict(pair, kinds[pair.kind_of], walls)
 
 
 @kernel
-def regroup(s: Any, laws: Any) -> int:
-    """Form the blocks anew that the event under way concerns, and plan them.
+def regroup(s: Any) -> int:
+    """Form the blocks anew that the event under way concerns, to be planned.
 
-    Return MORE, STOPPED, or CRAMPED: then it is to be called again with more room.
+    Return MORE, STOPPED, or ABSORB: a block, `wanted`, is to be absorbed first, and then it is to be called again.
     """
-    run, pairs, pool, bodies, work = s.run[0], s.pairs, s.pool, s.bodies, s.work
+    run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     found = SOME
     while found == SOME:
-        while run.lo > 0 and (pushes(pool[pairs[run.lo].slot]) or in_contact(pairs[run.lo - 1], run.t, run.tail)):
-            if not absorb(s, pairs[run.lo - 1].first, laws):
-                return CRAMPED
-        while run.hi < len(pairs) and (
+        if run.lo > 0 and (pushes(pool[pairs[run.lo].slot]) or in_contact(pairs[run.lo - 1], run.t, run.tail)):
+            run.wanted = pairs[run.lo - 1].first
+            return ABSORB
+        if run.hi < len(pairs) and (
             pushes(pool[pairs[run.hi - 1].slot]) or in_contact(pairs[run.hi], run.t, run.tail)
         ):
-            if not absorb(s, run.hi, laws):
-                return CRAMPED
+            run.wanted = run.hi
+            return ABSORB
         found = engage(run, pairs, pool, bodies)
     if found == AWAITED:
         run.waits = 1
         return STOPPED
-    a, why = run.lo, MORE
+    a = run.lo
     for c in range(run.lo + 1, run.hi + 1):
         if c == run.hi or not (pushes(pool[pairs[c - 1].slot]) or pushes(pool[pairs[c].slot])):
             form(run, pairs, pool, s.queue, a, c)
             if c == a + 1 and not pushes(pool[pairs[a].slot]):
-                take_off(run, pairs, pool, s.kinds, a)
-            elif not plan(run, pairs, pool, bodies, work, a, laws):
-                why = STOPPED
+                take_off(run, pairs, pool, s.kinds, a, s.walls)
+            else:
+                pairs[a].due = -math.inf
             play(s.queue, a, pairs[a].due)
             a = c
-    return why
+    return MORE
 
 
+@inlined
 @kernel
 def absorb(s: Any, lo: int, laws: Any) -> bool:
     """Let the event under way concern the block that starts with pair `lo` too; false if there is no room for it."""
@@ -211,26 +283,38 @@ def absorb(s: Any, lo: int, laws: Any) -> bool:
     if pairs[lo].slot < 0 and run.members + SPARE >= len(s.pool):
         return False
     if in_contact(pairs[lo], run.t, run.tail):
-        expose(s, lo, laws)
+        relive(s, lo, run.t, run.tail)
+        planned(s, laws)
+        exposed(s, lo)
     else:
         bring(s, lo, run.t, run.tail)
-        if pairs[lo].slot < 0:
-            join(run, pairs, s.pool, s.kinds, s.bodies, lo)
-    run.lo, run.hi = min(run.lo, lo), max(run.hi, pairs[lo].hi)
+    take_in(s, lo)
     return True
 
 
+@kernel
+def take_in(s: Any, lo: int) -> None:
+    """Let the event under way concern the block that starts with pair `lo` too, which has come to its time."""
+    run, pairs = s.run[0], s.pairs
+    if pairs[lo].slot < 0:
+        join(run, pairs, s.pool, s.kinds, s.bodies, lo)
+        carry_walls(s.walls, s)
+    run.lo, run.hi = min(run.lo, lo), max(run.hi, pairs[lo].hi)
+
+
+@inlined
 @kernel
 def bring(s: Any, lo: int, t: float, tail: float) -> None:
     """Advance the block that starts with pair `lo` to the time t + tail, at most the end of its piece."""
     pair = s.pairs[lo]
     if pair.slot < 0 and pair.lasts != 0.0:  # its clock may lie ahead
-        fly(pair, since(pair, t, tail))
+        fly(pair, since(pair, t, tail), s.walls)
     elif pair.slot < 0:
-        glide(pair, since(pair, t, tail))
+        glide(pair, since(pair, t, tail), s.walls)
     else:  # at once there, except for what a single float cannot say
         block = s.pool[pair.slot]
-        settle(s.run[0], s.pairs, s.pool, s.bodies, s.work, lo, tau_at(block, t, tail), since(block, t, tail))
+        dt = since(block, t, tail)
+        settle(s.run[0], s.pairs, s.pool, s.bodies, s.work, lo, tau_at(block, t, tail), dt, s.walls)
 
 
 @kernel
@@ -246,7 +330,9 @@ def form(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
 
 
 @kernel
-def settle(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau: float, dt: float) -> None:
+def settle(
+    run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau: float, dt: float, walls: Any
+) -> None:
     """Advance the island that starts with pair `lo` to τ, a time `dt` into its piece."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     if tau <= 0.0:
@@ -259,9 +345,10 @@ def settle(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau
         member.x[0], member.e[0] = member.xi, member.eta
     for c in range(lo, hi):
         pool[pairs[c].slot].noise += rounding(run.tol, pairs, pool, c, lo)
-    if bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0:
-        hold_walls(pairs, pool, lo, hi, bodies[lo].v - bodies[hi].v)
     tick(block, dt)
+    if bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0 and block.what != EDGE:
+        lower, upper = speed_at(walls, pairs[lo], bodies[lo], block), speed_at(walls, pairs[hi - 1], bodies[hi], block)
+        hold_walls(pairs, pool, lo, hi, lower - upper)
     block.tau = 0.0  # the piece is used up
 
 

@@ -78,6 +78,7 @@ class Collocation:
 
     def __init__(self, laws: SceneLaws) -> None:
         self.laws = list(laws)
+        self.shaken: list[tuple[int, Any]] = []  # of the island under way, pairs at driven walls, and their paths
 
     def force(self, p: Any, xi: float, eta: float = 0.0) -> float:
         """Unclipped force in N of a pair on the branch that it is on."""
@@ -87,8 +88,15 @@ class Collocation:
             return math.inf
 
     @np.errstate(over="ignore", invalid="ignore")  # trial steps may be far too long
-    def fill(self, records: list[Any], pool: list[Any], lo: int, tol: float) -> float:
-        """Compute the piece of an island on τ in [0, 1], set its h and clock; return its truncation error."""
+    def fill(
+        self, records: list[Any], pool: list[Any], lo: int, tol: float, walls: Any = None, holds: float = math.inf
+    ) -> float:
+        """Compute the piece of an island on τ in [0, 1], set its h and clock; return its truncation error.
+
+        It is no longer than `holds`, for which the paths of driven walls go on as they do.
+        """
+        island = enumerate(records[lo : records[lo].hi])
+        self.shaken = [(i, walls.path[p.wall - 1]) for i, p in island if p.wall > 0]
         pairs = [pool[p.slot] for p in records[lo : records[lo].hi]]
         block = pairs[0]
         block.clock = 2 if any(p.mode == ACTIVE and p.xi == 0.0 and p.q > 1 for p in pairs) else 1
@@ -97,8 +105,9 @@ class Collocation:
             reach = block.stride
         allowed, shortest = max(tol, SMALLEST), HOPELESS * reach
         self._check(pairs, [0.0])
-        if lie_still(pairs, self.force):
+        if not self.shaken and lie_still(pairs, self.force):
             return 0.0
+        reach = min(reach, shown(self.shaken, holds, block.clock))
         while True:
             block.h = reach if block.clock == 1 else math.sqrt(reach)
             force, misses, rough = self._iterate(pairs)
@@ -172,6 +181,7 @@ class Collocation:
         pace = q * h**q * NODES ** (q - 1)
         eta = eta0 + pull * (h * NODES) ** q
         xi = xi0 + (0.5 * (eta0 + eta)) * (h * NODES) ** q
+        pull = pull + _shaking(self.shaken, len(pairs), (h * NODES) ** q)
         force, worst = np.zeros_like(eta), math.inf
         acts = np.array([p.mode == ACTIVE for p in pairs])
         grain = self._grain(pairs, xi, eta)
@@ -231,10 +241,10 @@ class Collocation:
             p.deepest = 0.0 if p.mode == OPEN else max(p.deepest, p.xi)
             p.doubt = max(doubt, SETTLED * p.largest) if p.mode == RESIDUAL else doubt
             p.f, p.g = row if p.mode == ACTIVE else [0.0] * (ORDER + 1), row.copy()
-        _integrate(pairs)
+        _integrate(pairs, self.shaken)
         jumps = [self._jumps(p) for p in pairs if p.mode == ACTIVE and reach * p.own_speed < SHORT * p.own_length]
         if any(jumps):
-            _integrate(pairs)
+            _integrate(pairs, self.shaken)
 
     def _jumps(self, p: Any) -> bool:
         """Write the force of a short step as a straight line if it jumps there; return whether it does."""
@@ -284,8 +294,8 @@ def _errors(pairs: list[Any], force: Array, off: Array, noise: Array) -> tuple[A
     return np.maximum(tail / POINTS, (off * NEAR).max(axis=1)), float(rough.max())
 
 
-def _integrate(pairs: list[Any]) -> None:
-    """Write the rows of rates and overlaps from those of the forces."""
+def _integrate(pairs: list[Any], shaken: Any = ()) -> None:
+    """Write the rows of rates and overlaps from those of the forces, and the paths of driven walls."""
     q, none = pairs[0].clock, [0.0] * POINTS
     sigma = q * pairs[0].h ** q
     for below, p, above in zip([none, *(p.f for p in pairs)], pairs, [*(p.f for p in pairs[1:]), none], strict=False):
@@ -293,5 +303,30 @@ def _integrate(pairs: list[Any]) -> None:
         for n in range(POINTS):
             push = p.lower * below[n] - p.inverse * p.f[n] + p.upper * above[n] + (p.pull if n == 0 else 0.0)
             p.e[n + q] = sigma * push / (n + q)
-        for n in range(POINTS + q):
+        for path in (path for i, path in shaken if pairs[i] is p):
+            for j in range(1, min(len(path) - 2, (ORDER - q) // q + 1)):
+                push = (j + 1) * (j + 2) * path[j + 2] * math.pow(pairs[0].h, q * j)
+                p.e[(j + 1) * q] += sigma * push / ((j + 1) * q)
+        for n in range(ORDER + 1 - q):
             p.x[n + q] = sigma * p.e[n] / (n + q)
+
+
+def shown(shaken: Any, holds: float, q: int) -> float:
+    """Return a time up to `holds` in which a series of order 20 on the clock of q shows the paths of driven walls."""
+    for _, path in shaken:
+        terms = [abs((j + 1) * (j + 2) * path[j + 2]) for j in range(len(path) - 2)]
+        while q > 1 and 0.0 < holds < math.inf:
+            sizes = [term * holds**j for j, term in enumerate(terms)]
+            if sum(sizes[(ORDER - q) // q + 1 :]) <= 0.1 * ULP * max(sizes):
+                break
+            holds *= 0.5
+    return holds
+
+
+def _shaking(shaken: Any, count: int, times: Array) -> Array:
+    """Accelerations (pairs, nodes) in m/s², towards the balls, of driven walls, but for those at the start."""
+    out = np.zeros((count, len(times)))
+    for i, path in shaken:
+        out[i] = np.polynomial.polynomial.polyval(times, [0.0, *((j + 1) * (j + 2) * path[j + 2]
+                                                                 for j in range(1, len(path) - 2))])  # fmt: skip
+    return out

@@ -192,8 +192,10 @@ def pushes(pair: Any) -> bool:
 
     Else it is ballistic in closed form: open, clipped with φ = kξ + γη, or sure to part. In free flight φ = k ξ^s + γη
     is convex for s ≥ 1 and a pull that is not negative; clipped now, and again when ξ = 0 is reached, it is clipped in
-    between.
+    between. At a driven wall nothing is so simple.
     """
+    if pair.wall > 0:
+        return bool(pair.mode != OPEN)
     if pair.mode != RESIDUAL or pair.s == 1.0:
         return bool(pair.mode == ACTIVE or pair.mode == DORMANT)
     parts = pair.s > 1.0 and pair.pull >= 0.0 and pair.eta < 0.0
@@ -213,6 +215,7 @@ def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
             pair = pool[pairs[c].slot]
             if (pair.mode == OPEN and pair.xi == 0.0 and pair.eta == 0.0) and (
                 pair.pull > 0.0
+                or (pair.pull == 0.0 and pair.wall > 0)
                 or (c > lo and pushes(pool[pairs[c - 1].slot]))
                 or (c + 1 < hi and pushes(pool[pairs[c + 1].slot]))
             ):

@@ -17,15 +17,22 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._flight import gap_after, rate_at_contact
-from granular._kernels import inlined, kernel
+from granular._kernels import kernel
 from granular._tournament import leaf, replay
-from granular.md.located.alone import enter, live
 from granular.md.located.contacts import is_awaited, velocity_now
+from granular.md.located.driven import (
+    carry_walls,
+    convexity,
+    flight_at_wall,
+    flown,
+    gap_later,
+    rate_later,
+    touching_rate,
+    wall_after,
+)
 from granular.md.located.maps import encounter, peaks
-from granular.md.located.pieces import DRIFT, fly, predict, since, tau_at, tick, value
-from granular.md.located.plan import leave
-from granular.md.located.system import ACTIVE, BEGIN, IGNORE, OPEN, RESIDUAL
+from granular.md.located.pieces import DRIFT, predict, since, tick
+from granular.md.located.system import BEGIN, IGNORE, OPEN
 from granular.md.located.tables import WANTED, table_of, tabled, tabled_peaks
 
 ULP = 2.0**-52
@@ -50,7 +57,9 @@ def meet(s: Any, c: int) -> int:
     run, pairs, bodies, pair = s.run[0], s.pairs, s.bodies, s.pairs[c]
     if pair.mode != OPEN or pair.what != BEGIN or is_awaited(run, pairs, c):
         return OTHERWISE
-    v, n = -rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull), len(pairs)
+    if pair.wall > 0 and run.disturbing != IGNORE:
+        return OTHERWISE
+    v, n = touching_rate(s.walls, pair, pair.wait), len(pairs)
     if not v > DRIFT * pair.noise:
         return OTHERWISE
     t1, t2, v1, v2, place = foresee(s, c, v)
@@ -58,30 +67,33 @@ def meet(s: Any, c: int) -> int:
         run.wanted = c
         return TABLE if place == WANTED else ASKED if place == ALONE else OTHERWISE
     inverse, over = bodies[c].inverse_mass + bodies[c + 1].inverse_mass, pair.wait + t2
-    way = t2 * (v + 0.5 * pair.pull * t2) / inverse
-    lower_v, upper_v = parted(bodies[c], bodies[c + 1], pair, over, v + pair.pull * t2 + v2, v2)
+    way, kick = course(s.walls, pair, v, t2)
+    way /= inverse
+    lower_v, upper_v = parted(s, c, pair, over, kick + v2, v2)
     below = above = math.inf
+    sure_below = sure_above = True
     rate_below = rate_above = busy_below = busy_above = 0.0
     if c > 0:
-        rate_below = lower_v - coasting(bodies[c - 1], pair, over)
+        rate_below = lower_v - coasting(s, c - 1, pair, over)
         busy_below = still_busy(pairs[c - 2], pair, over) if c > 1 else 0.0
-        below = clearance(pairs[c - 1], pair, t2, bodies[c].inverse_mass * way, rate_below, busy_below)
+        below, sure_below = clearance(s.walls, pairs[c - 1], pair, t2, bodies[c].inverse_mass * way, rate_below, busy_below)
     if c + 1 < n:
-        rate_above = coasting(bodies[c + 2], pair, over) - upper_v
+        rate_above = coasting(s, c + 2, pair, over) - upper_v
         busy_above = still_busy(pairs[c + 2], pair, over) if c + 2 < n else 0.0
-        above = clearance(pairs[c + 1], pair, t2, bodies[c + 1].inverse_mass * way, rate_above, busy_above)
-    isolated = below > 0.0 and above > 0.0
+        above, sure_above = clearance(s.walls, pairs[c + 1], pair, t2, bodies[c + 1].inverse_mass * way, rate_above, busy_above)
+    isolated = below > 0.0 and above > 0.0 and sure_below and sure_above
     if not isolated and (run.disturbing != IGNORE or min(below, above) == -math.inf):
         return OTHERWISE
     tick(pair, pair.wait)
     run.t, run.tail = pair.t, pair.tail
     if run.log > 0:
+        carry_walls(s.walls, s)
         write_row(s, c, v, t1, v1, place)
-    count(run, pair, isolated, c if below > 0.0 else c - 1, t2)
+    count(run, pair, isolated, c if below > 0.0 and sure_below else c - 1, t2)
     tick(pair, t2)
     pair.xi, pair.eta, pair.lasts, pair.speed, pair.exact = 0.0, -v2, t2, v, 0
     pair.noise += ULP * v
-    predict(pair, s.kinds[pair.kind_of])
+    predict(pair, s.kinds[pair.kind_of], s.walls)
     leaf(s.queue, c).due = pair.due
     free(bodies[c], pair, lower_v)
     free(bodies[c + 1], pair, upper_v)
@@ -94,17 +106,28 @@ def meet(s: Any, c: int) -> int:
 
 
 @kernel
-def parted(lower: Any, upper: Any, pair: Any, over: float, kick: float, v2: float) -> tuple[float, float]:
-    """Return the velocities of two bodies a time `over` after the clock of their pair, when they part at speed `v2`.
+def course(walls: Any, pair: Any, v: float, t2: float) -> tuple[float, float]:
+    """Return by how much the overlap of `pair`, which touches after its `wait` at speed `v`, would grow in a time `t2`
+    without a force, and at which rate it would grow then."""
+    if walls is not None:
+        if pair.wall > 0:
+            return flight_at_wall(walls, pair, pair.wait, 0.0, -v, t2)
+    return t2 * (v + 0.5 * pair.pull * t2), v + pair.pull * t2
+
+
+@kernel
+def parted(s: Any, c: int, pair: Any, over: float, kick: float, v2: float) -> tuple[float, float]:
+    """Return the velocities of the bodies of pair `c` a time `over` after its clock, when they part at speed `v2`.
 
     The heavier one takes its share of the `kick`, the change of their rate, and the lighter one follows: so no rounding
     of the shares adds up.
     """
+    lower, upper = s.bodies[c], s.bodies[c + 1]
     share = min(lower.inverse_mass, upper.inverse_mass) / (lower.inverse_mass + upper.inverse_mass)
     if lower.inverse_mass <= upper.inverse_mass:
-        v = coasting(lower, pair, over) - share * kick
+        v = coasting(s, c, pair, over) - share * kick
         return v, v + v2
-    v = coasting(upper, pair, over) + share * kick
+    v = coasting(s, c + 1, pair, over) + share * kick
     return v - v2, v
 
 
@@ -115,7 +138,9 @@ def foresee(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
     That is the place of a table, or CLOSED for a closed form, PIECES; WANTED for a table to be made, ALONE to be asked.
     """
     pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
-    t1, t2, v1, v2 = encounter(law, s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, pair.pull, v)
+    t1 = t2 = v1 = v2 = math.nan
+    if pair.wall == 0:
+        t1, t2, v1, v2 = encounter(law, s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, pair.pull, v)
     if t1 > 0.0:
         return t1, t2, v1, v2, CLOSED
     place = table_of(s, c, v) if pair.map >= 0 else CLOSED
@@ -131,23 +156,25 @@ def foresee(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
 
 
 @kernel
-def clearance(flank: Any, pair: Any, t2: float, less: float, rate: float, busy: float) -> float:
-    """Return the gap of a flank when all contacts beside it are over, 0 or less if it is not certain to stay open.
+def clearance(
+    walls: Any, flank: Any, pair: Any, t2: float, less: float, rate: float, busy: float
+) -> tuple[float, bool]:
+    """Return the gap of a flank when all contacts beside it are over, and whether it is certain to stay open if positive.
 
     The contact of `pair` lasts `t2` and takes `less` from the gap, which grows at `rate` then; the contact beyond the
     flank goes on for the time `busy`. A flank that is not in free flight has none: minus infinity.
     """
     start = since(flank, pair.t, pair.tail) + pair.wait
     if flank.slot >= 0 or flank.mode != OPEN or (flank.lasts > 0.0 and start < 0.0):
-        return -math.inf
-    gap = gap_after(-flank.xi, -flank.eta, flank.pull, start + t2) - less
+        return -math.inf, False
+    gap = -flown(walls, flank, start + t2)[0] - less
     if busy > 0.0:
-        gap = gap_after(gap, rate, flank.pull, busy)
-    if flank.pull < 0.0 and gap > 0.0:
-        root = math.sqrt(max(0.0, gap_after(-flank.xi, -flank.eta, flank.pull, start))) + math.sqrt(gap)
-        if not root * root > -0.5 * flank.pull * t2 * t2:
-            return 0.0
-    return gap
+        gap = gap_later(walls, flank, start + t2, gap, rate, busy)
+    bulge = convexity(walls, flank, start, t2 + busy)
+    if bulge > 0.0 and gap > 0.0:
+        root = math.sqrt(max(0.0, -flown(walls, flank, start)[0])) + math.sqrt(gap)
+        return gap, bool(busy == 0.0 and root * root > 0.5 * bulge * t2 * t2)
+    return gap, True
 
 
 @kernel
@@ -186,8 +213,11 @@ def count(run: Any, pair: Any, isolated: bool, first: int, t2: float) -> None:
 
 
 @kernel
-def coasting(body: Any, pair: Any, dt: float) -> float:
-    """Return the velocity that a body would have a time `dt` after the clock of `pair` without forces."""
+def coasting(s: Any, b: int, pair: Any, dt: float) -> float:
+    """Return the velocity that body `b` would have a time `dt` after the clock of `pair` without contacts."""
+    body = s.bodies[b]
+    if body.wall > 0.0:
+        return wall_after(s.walls, body, pair, dt)
     v: float = body.v - body.fall * (since(body, pair.t, pair.tail) + dt)
     return v
 
@@ -209,104 +239,12 @@ def free(body: Any, pair: Any, v: float) -> None:
 def deflect(s: Any, f: int, pair: Any, gap: float, rate: float, busy: float) -> None:
     """Give flank `f` its asymptote, from the end of all contacts beside it; `pair` has its own already."""
     flank = s.pairs[f]
-    flank.t, flank.tail, flank.xi, flank.eta = pair.t, pair.tail, -max(0.0, gap), flank.pull * busy - rate
+    flank.t, flank.tail = pair.t, pair.tail
+    flank.eta = rate_later(s.walls, flank, -rate, busy)
+    flank.xi = -max(0.0, gap)
     flank.lasts, flank.exact = -1.0, 0
     flank.noise += ULP * pair.speed
     if busy > 0.0:
         tick(flank, busy)
-    predict(flank, s.kinds[flank.kind_of])
+    predict(flank, s.kinds[flank.kind_of], s.walls)
     leaf(s.queue, f).due = flank.due
-
-
-@inlined
-@kernel
-def relive(s: Any, c: int, t: float, tail: float, laws: Any) -> float:
-    """Take a place in the pool for pair `c`, in contact at the time t + tail, and bring it there from its onset.
-
-    The pair is a block of its own; if its force is over, it is in its run-off. Returns the place τ on its last piece.
-    """
-    pair = s.pairs[c]
-    left = pair.lasts + since(pair, t, tail)
-    member = enter(s, c, pair.speed)
-    tick(member, -pair.lasts)
-    member.t_begin = member.t
-    tau: float = live(s, c, left, laws)[1]
-    return tau
-
-
-@kernel
-def expose(s: Any, c: int, laws: Any) -> None:
-    """Let pair `c`, in contact, be a member of the event under way, for something may disturb it from now on."""
-    run, pair, bodies = s.run[0], s.pairs[c], s.bodies
-    back = since(pair, run.t, run.tail)
-    xi, eta = -gap_after(-pair.xi, -pair.eta, pair.pull, back), pair.eta + pair.pull * back
-    relive(s, c, run.t, run.tail, laws)
-    member = s.pool[pair.slot]
-    if member.mode != ACTIVE:  # in its run-off, it is what its asymptote says
-        member.xi, member.eta, member.begun = xi if member.mode == RESIDUAL else min(0.0, xi), eta, 0
-        member.h, member.tau, member.x[0], member.e[0], member.f[0] = 0.0, 0.0, member.xi, eta, 0.0
-        return
-    low, high = member.lower / member.inverse, member.upper / member.inverse
-    xi -= member.xi
-    eta -= member.eta
-    if run.log > 0 and pair.row >= 0:
-        row = s.log[pair.row]
-        member.lower_in, member.upper_in, member.t_begin, row.pair = row.lower_in, row.upper_in, row.t_begin, -1
-    for side in range(2):
-        body, f, share = bodies[c + side], c - 1 + 2 * side, high if side else low
-        body.v += -body.fall * since(body, run.t, run.tail) + (share if side else -share) * eta
-        body.t, body.tail = run.t, run.tail
-        if 0 <= f < len(s.pairs):
-            straighten(s, f, share * xi, share * eta)
-
-
-@kernel
-def straighten(s: Any, f: int, xi: float, eta: float) -> None:
-    """Let a flank be as it is at the time of the event under way, and not as its asymptote says."""
-    run, flank = s.run[0], s.pairs[f]
-    if flank.slot >= 0:
-        s.pool[flank.slot].xi += xi
-        s.pool[flank.slot].eta += eta
-        return
-    fly(flank, since(flank, run.t, run.tail))
-    flank.xi += xi
-    flank.eta += eta
-
-
-@kernel
-def look(s: Any, t: float, xi: Any, eta: Any, force: Any, laws: Any) -> None:
-    """Write overlap, rate and force of every pair at time `t`, which lies within the current pieces."""
-    for c in range(len(s.pairs)):
-        pair = s.pairs[c]
-        if pair.slot < 0:
-            dt = since(pair, t, 0.0)
-            dt = max(0.0, dt) if pair.lasts == 0.0 else dt
-            xi[c], eta[c], force[c] = -gap_after(-pair.xi, -pair.eta, pair.pull, dt), pair.eta + pair.pull * dt, 0.0
-        else:
-            member = s.pool[pair.slot]
-            tau = tau_at(s.pool[s.pairs[pair.first].slot], t, 0.0)
-            xi[c], eta[c] = value(member.x, tau), value(member.e, tau)
-            force[c] = max(0.0, value(member.f, tau)) if member.mode == ACTIVE else 0.0
-    for c in range(len(s.pairs)):
-        if in_contact(s.pairs[c], t, 0.0):
-            look_inside(s, c, t, xi, eta, force, laws)
-
-
-@inlined
-@kernel
-def look_inside(s: Any, c: int, t: float, xi: Any, eta: Any, force: Any, laws: Any) -> None:
-    """Write what pair `c`, in a contact solved at once, and its flanks are at time `t`, and leave no trace of it."""
-    run, pair = s.run[0], s.pairs[c]
-    due, steps, error = pair.due, run.steps, run.error
-    tau, member = relive(s, c, t, 0.0, laws), s.pool[pair.slot]
-    deeper, faster = xi[c] - member.xi, eta[c] - member.eta
-    xi[c], eta[c] = member.xi, member.eta
-    force[c] = max(0.0, value(member.f, tau)) if member.mode == ACTIVE else 0.0
-    if c > 0:
-        xi[c - 1] += member.lower / member.inverse * deeper
-        eta[c - 1] += member.lower / member.inverse * faster
-    if c + 1 < len(s.pairs):
-        xi[c + 1] += member.upper / member.inverse * deeper
-        eta[c + 1] += member.upper / member.inverse * faster
-    leave(run, s.pairs, s.pool, c)
-    pair.due, run.steps, run.error = due, steps, error

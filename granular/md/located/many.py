@@ -23,11 +23,13 @@ from granular.md.located.blocks import (
     WANTS_CONTACT,
     WANTS_TABLE,
     advance,
+    expose_all,
     gather,
     launch,
 )
 from granular.md.located.contacts import keep_unsettled
-from granular.md.located.isolated import look
+from granular.md.located.inside import look
+from granular.md.located.plan import planned
 from granular.md.located.run import COMPILED_CHUNK, FIRST_LOOK, WHY
 from granular.md.located.system import (
     ACTIVE,
@@ -41,6 +43,7 @@ from granular.md.located.system import (
     mapped,
     new_system,
     to_plain,
+    with_room_for_a_table,
 )
 from granular.md.located.tables import make_table
 from granular.trajectory import Status
@@ -158,12 +161,17 @@ def _solved(s: System, end: Array, engine: str) -> Many:
     result["why"] = MORE
     for name in ("t_end", "v_lower", "v_upper", "longest"):
         last[name] = math.nan
-    scratch = np.zeros((3, last.shape[-1]))
+    scratch: Any = np.zeros((3, last.shape[-1]))
+    kernels: Any = compiled  # for types of a single run: less to compile
+    rows: Any = result, last
+    many: Any = s
     if engine == "plain":
-        rows = result.view(np.recarray), last.view(np.recarray)
-        solve_rows(to_plain(s), end.tolist(), COMPILED_CHUNK, *rows, scratch.tolist())
-    else:
-        compiled(solve_rows)(s, end, COMPILED_CHUNK, result, last, scratch)  # types of a single run: less to compile
+        many, end, scratch, rows = to_plain(s), end.tolist(), scratch.tolist(), [row.view(np.recarray) for row in rows]
+        kernels = lambda kernel: kernel  # noqa: E731
+    i = 0
+    while (i := kernels(solve_rows)(many, end, COMPILED_CHUNK, *rows, scratch, i)) < len(result):
+        many = with_room_for_a_table(many, i)
+        make_table(scene_of(many, i), None, kernels)
     status = np.array([CODES.get(code, -1) for code in range(WANTS_CONTACT + 1)])[result["why"]]
     status[(result["why"] == QUIET) & (end < math.inf)] = CODES[REACHED]
     return Many(status, result["time"], *(last[name] for name in Many._fields[2:]))
@@ -187,44 +195,58 @@ def _kinds(law: Array, m_eff: Array) -> Any:
 
 
 @kernel
-def solve_rows(many: Any, t_end: Any, chunk: int, result: Any, last: Any, scratch: Any) -> None:
-    """Solve scenes from start to end, one after the other in the same pool, queue and log."""
-    for i in range(len(t_end)):
-        for c in range(len(many.pool)):
-            many.pool[c].spare = c
-        for c in range(len(many.maps)):
-            for octave in range(OCTAVES):
-                many.maps[c].table[octave], many.maps[c].met[octave] = 0, 0
-        for c in range(len(many.pairs[i])):
-            play(many.queue, c, math.inf)
-        own = many.run[i], many.pairs[i], many.pool, many.kinds[i], many.bodies[i]
-        s = System(*own, many.queue, many.log, many.maps, many.tables, many.answer, many.work)
+def scene_of(many: Any, i: int) -> Any:
+    """Return the records of scene i, which shares pool, queue and log with the others."""
+    own = many.run[i], many.pairs[i], many.pool, many.kinds[i], many.bodies[i]
+    return System(*own, many.queue, many.log, many.maps, many.tables, many.answer, many.work, None, None)
+
+
+@kernel
+def solve_rows(many: Any, t_end: Any, chunk: int, result: Any, last: Any, scratch: Any, first: int) -> int:
+    """Solve scenes from `first` to the end, one after the other; return at which one a table is wanted first: then it
+    is to be called again from there on."""
+    for i in range(first, len(t_end)):
+        s = scene_of(many, i)
+        if result[i].why == MORE:
+            for c in range(len(many.pool)):
+                many.pool[c].spare = c
+            for c in range(len(many.maps)):
+                for octave in range(OCTAVES):
+                    many.maps[c].table[octave], many.maps[c].met[octave] = 0, 0
+            for c in range(len(s.pairs)):
+                play(many.queue, c, math.inf)
         solve(s, t_end[i], chunk, result[i], last[i], scratch)
+        if result[i].why == WANTS_TABLE:
+            return i
+    return len(t_end)
 
 
 @kernel
 def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, scratch: Any) -> None:
-    """Solve one scene, unless a law of it is none that a power series follows."""
+    """Solve one scene, until a table is wanted, and unless a law of it is none that a power series follows."""
     run, n = s.run[0], len(s.pairs)
-    for c in range(n):
-        if s.kinds[c].kind == GENERAL:
-            return
-    why = MORE if launch(s, None) else STOPPED
-    harvest(s, last, 0.0)
+    if result.why == MORE:
+        for c in range(n):
+            if s.kinds[c].kind == GENERAL:
+                return
+        if not (launch(s, None) and planned(s, None)):
+            result.why = STOPPED
+        harvest(s, last, 0.0)
+    why = STOPPED if result.why == STOPPED else MORE
     while why == MORE and not may_creep(s):
         if run.steps >= run.pause:
             run.pause *= 2
         why = advance(s, t_end, chunk, None)
-        if why == WANTS_TABLE and run.tables < len(s.tables):
-            make_table(s, None)
-            why = MORE
         harvest(s, last, run.t)
     result.why, result.time = why, run.t
+    if why == WANTS_TABLE:
+        return
     if why == REACHED or (why == QUIET and t_end < math.inf):
         result.time = t_end
+    expose_all(s, result.time, None)
     gather(s, result.time, None)
     harvest(s, last, result.time)
-    look(s, result.time, scratch[0], scratch[1], scratch[2], None)
+    look(s, result.time, scratch[0], scratch[1], scratch[2])
     for c in range(n):
         pair = s.pairs[c]
         last[c].counts, last[c].rate = pair.count, -scratch[1][c]

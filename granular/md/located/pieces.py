@@ -8,10 +8,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._flight import gap_after, rate_at_contact, time_to_contact
+from granular._flight import time_to_contact
 from granular._kernels import kernel
 from granular._roots import first_up_crossing
-from granular.md.located.system import BEGIN, DAMPED, ELASTIC, OPEN, ORDER, PART, RESIDUAL
+from granular.md.located.driven import flown, next_touch, touching_rate
+from granular.md.located.system import BEGIN, DAMPED, EDGE, ELASTIC, OPEN, ORDER, PART, RESIDUAL
 
 DRIFT = 4.0
 """Balls that close at less than this many times the noise of their rate are taken to drift along side by side."""
@@ -43,6 +44,12 @@ def elapsed(h: float, q: int, tau: float) -> float:
     for _ in range(1, q):
         t *= u
     return t
+
+
+@kernel
+def piece_time(block: Any) -> float:
+    """Return how long the piece of a block takes; at an EDGE to the last digit."""
+    return float(block.holds) if block.what == EDGE else elapsed(block.h, block.clock, block.tau)
 
 
 @kernel
@@ -158,12 +165,17 @@ def write_flight(pair: Any, h: float, push: float, force: float) -> None:
 
 
 @kernel
-def predict(pair: Any, law: Any) -> None:
+def predict(pair: Any, law: Any, walls: Any) -> None:
     """Plan the flight of a free pair, a block of its own, to its next event.
 
     Contacts leave rates of rounding where the exact ones are zero: balls that stay together would meet again after
     some 1e12 s.
     """
+    if walls is not None:
+        if pair.wall > 0:
+            pair.wait, pair.what = next_touch(walls, pair), BEGIN
+            pair.due = pair.t + (pair.wait + pair.tail)
+            return
     if pair.mode == OPEN and pair.pull == 0.0 and 0.0 < pair.eta <= DRIFT * pair.noise:
         pair.eta = 0.0
     wait, what = time_to_contact(max(0.0, -pair.xi), -pair.eta, pair.pull), BEGIN
@@ -185,27 +197,26 @@ def force_returns(pair: Any, law: Any) -> float:
 
 
 @kernel
-def glide(pair: Any, dt: float) -> None:
+def glide(pair: Any, dt: float, walls: Any) -> None:
     """Advance a free pair by `dt`, if that is positive."""
     if dt > 0.0:
-        fly(pair, dt)
+        fly(pair, dt, walls)
 
 
 @kernel
-def fly(pair: Any, dt: float) -> None:
+def fly(pair: Any, dt: float, walls: Any) -> None:
     """Advance a free pair by `dt`; to go back is to trace its asymptote."""
-    pair.xi = -gap_after(-pair.xi, -pair.eta, pair.pull, dt)
-    pair.eta += pair.pull * dt
+    pair.xi, pair.eta = flown(walls, pair, dt)
     pair.exact = 0
     tick(pair, dt)
 
 
 @kernel
-def arrive(pair: Any) -> None:
+def arrive(pair: Any, walls: Any) -> None:
     """Advance a free pair to its event: exactly there, with the rate it has from the state, not from the time."""
     if pair.mode == OPEN:
-        pair.eta = -rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull)
+        pair.eta = touching_rate(walls, pair, pair.wait)
         pair.xi = 0.0
         tick(pair, pair.wait)
     else:
-        glide(pair, pair.wait)
+        glide(pair, pair.wait, walls)

@@ -1,4 +1,4 @@
-"""What an island does at the start of a piece: pairs take their places, the next piece is computed, and where it ends.
+"""What an island does at the start of a piece: the next piece is computed, and where it ends.
 
 `laws` is None when every law is a power form; else it is the `Collocation` that knows them, and the run is interpreted.
 """
@@ -8,70 +8,75 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import kernel
+from granular._kernels import inlined, kernel
+from granular._tournament import play
+from granular.md.located.alone import goes_on, has_piece
 from granular.md.located.contacts import confirm, judge
+from granular.md.located.driven import foresee_walls
 from granular.md.located.events import locate
-from granular.md.located.pieces import elapsed
+from granular.md.located.pieces import piece_time, power
 from granular.md.located.resting import LONG
 from granular.md.located.series import expand, expand_linear, expand_two
 from granular.md.located.step_size import REACH, choose_clock, fastest_rate, growth, left_out, measure, scale, trusted
-from granular.md.located.system import OPEN
+from granular.md.located.system import EDGE, NOTHING
 
 
 @kernel
-def join(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> None:
-    """Give pair `c`, which has been in free flight, its place in the pool."""
-    pair, law = pairs[c], kinds[pairs[c].kind_of]
-    pair.slot = pool[run.members].spare
-    run.members += 1
-    member = pool[pair.slot]
-    if pair.mode == OPEN:
-        pair.alone = 0
-    member.lower, member.upper = bodies[c].inverse_mass, bodies[c + 1].inverse_mass
-    member.inverse, member.pull = member.lower + member.upper, pair.pull
-    member.kind, member.q, member.memory = law.kind, law.q, law.memory
-    member.k, member.gamma, member.p, member.d, member.s = law.k, law.gamma, law.p, law.d, law.s
-    member.xi, member.eta, member.mode, member.noise = pair.xi, pair.eta, pair.mode, pair.noise
-    member.exact, member.wake, member.top, member.loading = pair.exact, pair.wake, 0.0, 1
-    member.t, member.tail, member.stride, member.fired, member.what = pair.t, pair.tail, pair.stride, c, pair.what
-    member.clock, member.h, member.tau, member.speed, member.begun = 1, 0.0, 0.0, 0.0, 0
-    member.number, member.doubt, member.largest, member.deepest = c, 0.0, 0.0, 0.0
-    member.x[0], member.e[0], member.f[0] = pair.xi, pair.eta, 0.0
+def planned(s: Any, laws: Any) -> bool:
+    """Plan all that waits for it, once in the code: a contact followed alone, piece after piece, or blocks formed anew,
+    due at -inf; false if the run is to stop at once."""
+    run, pairs, stays = s.run[0], s.pairs, True
+    while True:
+        if run.alone >= 0 and not has_piece(s):
+            run.alone = -1
+        lo = run.alone
+        if lo < 0:
+            if s.queue[1].due > -math.inf:
+                return stays
+            lo = s.queue[1].key
+        goes = plan(run, pairs, s.pool, s.bodies, s.work, lo, laws, s.walls)
+        if run.alone < 0:
+            stays = stays and goes
+            play(s.queue, lo, pairs[lo].due)
+        elif not goes_on(s):
+            run.alone = -1
 
 
+@inlined
 @kernel
-def leave(run: Any, pairs: Any, pool: Any, c: int) -> None:
-    """Give back the place of pair `c` in the pool."""
-    run.members -= 1
-    pool[run.members].spare, pairs[c].slot = pairs[c].slot, -1
-
-
-@kernel
-def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws: Any) -> bool:
+def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws: Any, walls: Any) -> bool:
     """Compute the next piece of the island that starts with `lo`, and its end; false if the run is to stop at once."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     worst, span = -math.inf, 1.0
     run.steps += 1
+    reach = foresee_walls(walls, pairs, pool, lo)
     fastest = fastest_rate(pairs, pool, lo, hi)
     block.linear, block.clock = 1 if fastest >= 0.0 else 0, 1
     if block.linear == 1:
-        block.h = REACH / fastest
+        block.h = REACH / fastest if reach == math.inf or fastest * reach > REACH else reach
     else:
         measure(pairs, pool, lo, hi)
         block.clock = choose_clock(pairs, pool, lo, hi)
-        block.h = scale(pairs, pool, lo, hi)
-    settle_series(run, pairs, pool, lo, laws)
+        block.h = min(scale(pairs, pool, lo, hi), power(reach, 1.0 / block.clock))
+    settle_series(run, pairs, pool, lo, laws, walls, reach)
     if block.linear == 0 and laws is None:
         worst = growth(pairs, pool, lo, hi, run.tol)
         span = trusted(worst, run.tol)
         if block.clock == 1:
             block.stride = block.h * span
+    last = math.inf
+    if reach < math.inf:
+        last = power(reach, 1.0 / block.clock) / block.h
+        span = min(span, last)
     if not confirm(run, pairs, pool, bodies, lo, hi):
-        block.fired, block.tau, pairs[lo].due = -1, 0.0, block.t + block.tail  # to be planned anew, if it goes on
+        block.fired, block.what, block.tau = -1, NOTHING, 0.0  # to be planned anew, if it goes on
+        pairs[lo].due = block.t + block.tail
         return False
     locate(pairs, pool, lo, hi, span, work, laws)
     run.error += left_out(worst, block.tau)
-    pairs[lo].due = block.t + (elapsed(block.h, block.clock, block.tau) + block.tail)
+    if block.tau == last and block.fired < 0 and block.what == NOTHING and reach == block.holds:
+        block.what = EDGE
+    pairs[lo].due = block.t + (piece_time(block) + block.tail)
     if block.h >= LONG:  # it lies still
         pairs[lo].due = math.inf
         if lo == 0 and hi == len(pairs):
@@ -80,17 +85,18 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
 
 
 @kernel
-def settle_series(run: Any, pairs: Any, pool: Any, lo: int, laws: Any) -> None:
-    """Compute the series; where pairs touch at rest, until it agrees with who is taken to push."""
+def settle_series(run: Any, pairs: Any, pool: Any, lo: int, laws: Any, walls: Any, reach: float) -> None:
+    """Compute the series; where pairs touch at rest, until it agrees with who is taken to push. `reach` and the paths
+    of driven walls are those of `foresee_walls`."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     for _ in range(2 * (hi - lo) + 2):
         if laws is not None:
-            run.error += laws.fill(pairs, pool, lo, run.tol)
-        elif block.linear == 1 and hi == lo + 2:
+            run.error += laws.fill(pairs, pool, lo, run.tol, walls, reach)
+        elif block.linear == 1 and hi == lo + 2 and reach == math.inf:
             expand_two(block, pool[pairs[lo + 1].slot], block.h)
         elif block.linear == 1:
-            expand_linear(pairs, pool, lo, hi, block.h, 1)
+            expand_linear(pairs, pool, lo, hi, block.h, 1, walls)
         else:
-            expand(pairs, pool, lo, hi, block.h, block.clock)
+            expand(pairs, pool, lo, hi, block.h, block.clock, walls)
         if not judge(pairs, pool, lo, hi):
             break

@@ -118,14 +118,23 @@ def lies(run: Any, pairs: Any, pool: Any, bodies: Any, hi: int) -> bool:
 def pile(pairs: Any, pool: Any, bodies: Any, hi: int) -> int:
     """Return how many pairs from a floor up form a pile that holds every ball, in a block 0 … hi-1; 0 if they do not.
 
-    Above it there may be a ceiling, out of reach and not coming down.
+    Above it there may be a ceiling, out of reach and not coming down. Without walls the pile may hold together by forces
+    on its balls. Every load must press, and no wall be driven.
     """
     piled, reach, n = 0, 0.0, len(pairs)
-    if bodies[0].inverse_mass > 0.0 or pairs[0].slot < 0:
+    if pairs[0].slot < 0 or pairs[0].wall > 0 or pairs[n - 1].wall > 0:
         return 0
+    free = bodies[0].inverse_mass > 0.0
+    if free and (hi < n or bodies[n].inverse_mass == 0.0):
+        return 0
+    for c in range(hi):
+        if bodies[c + 1].load < 0.0 or (free and bodies[c + 1].load == 0.0):
+            return 0
     while piled < hi and pool[pairs[piled].slot].mode == ACTIVE and pool[pairs[piled].slot].kind != GENERAL:
         reach += pool[pairs[piled].slot].xi
         piled += 1
+    if piled < n and free:
+        return 0
     if piled == n:
         return n if bodies[n].inverse_mass > 0.0 or bodies[n].v == bodies[0].v else 0
     if piled == 0 or piled < n - 1 or bodies[n].inverse_mass > 0.0:
@@ -136,8 +145,16 @@ def pile(pairs: Any, pool: Any, bodies: Any, hi: int) -> int:
 
 @kernel
 def kinetic(pairs: Any, pool: Any, bodies: Any, piled: int) -> float:
-    """Return the kinetic energy in J relative to the floor."""
+    """Return the kinetic energy in J relative to the floor, or, without, to the mass centre."""
     v, energy = 0.0, 0.0
+    if bodies[0].inverse_mass > 0.0:
+        mass, momentum = 1.0 / bodies[0].inverse_mass, 0.0
+        for c in range(piled):
+            v -= pool[pairs[c].slot].eta
+            mass += 1.0 / bodies[c + 1].inverse_mass
+            momentum += v / bodies[c + 1].inverse_mass
+        v = -momentum / mass
+        energy = 0.5 * v * v / bodies[0].inverse_mass
     for c in range(piled):
         v -= pool[pairs[c].slot].eta
         if bodies[c + 1].inverse_mass > 0.0:

@@ -11,7 +11,7 @@ import numpy as np
 
 from granular._kernels import compiled, in_memory, worth
 from granular._records import column, copied, one, packed, plain
-from granular._tournament import replay
+from granular._tournament import replay, tournament
 from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks
@@ -19,7 +19,8 @@ from granular.md.located.checkpoint import Checkpoint, Untouched, restored
 from granular.md.located.collocation import Collocation
 from granular.md.located.contacts import keep_unsettled
 from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
-from granular.md.located.isolated import look
+from granular.md.located.inside import look, look_inside, seen
+from granular.md.located.plan import planned
 from granular.md.located.resting import pile
 from granular.md.located.system import (
     ACTIVE,
@@ -90,7 +91,7 @@ class Run:
         self.checkpoint: Checkpoint | None = None
         limits = {"max_events": request.max_events, "max_steps": request.max_steps, "log": 2 * int(request.rows)}
         limits["disturbing"] = DISTURBED.index(disturbed)
-        self.s: Any = system_of(scene, laws, request.until, tol=tol, pause=FIRST_LOOK, **limits)
+        self.s: Any = system_of(scene, laws, request.until, self.start, tol=tol, pause=FIRST_LOOK, **limits)
         if state is not None:
             self.s = restored(self.s, state)
         self.collocation = Collocation(laws) if self.s.kinds["kind"][0] == GENERAL else None
@@ -100,7 +101,8 @@ class Run:
         else:
             self.s = to_plain(self.s)
         if state is None:
-            self.launched = self.kernels(blocks.launch)(self.s, self.collocation)
+            launched = self.kernels(blocks.launch)(self.s, self.collocation)
+            self.launched = launched and self.kernels(planned)(self.s, self.collocation)
         else:
             self.launched = True
             self.kernels(replay)(self.s.queue, 0, scene.n_pairs - 1)
@@ -147,10 +149,10 @@ class Run:
         self.now = limit if reached else float(counters.t)
         if why == blocks.WANTS_TABLE:
             self.s = with_room_for_a_table(self.s)
-            self.kernels(make_table)(self.s, self.collocation)
+            make_table(self.s, self.collocation, self.kernels)
             return Pause.full
         if why == blocks.WANTS_CONTACT:
-            self.kernels(answer)(self.s, self.collocation)
+            answer(self.s, self.collocation, self.kernels)
             return Pause.full
         if why == blocks.CRAMPED:
             self.s = with_more_room(self.s)
@@ -230,7 +232,11 @@ class Run:
         rows = made.tolist() if isinstance(self.s.run, list) else made
         if self.creep is not None:
             self.creep.show(elapsed)
-        self.kernels(look)(self.s, elapsed, rows[0], rows[1], rows[2], self.collocation)
+        self.kernels(look)(self.s, elapsed, *rows)
+        c = -1
+        while (c := self.kernels(look_inside)(self.s, c + 1, elapsed)) < self.scene.n_pairs:
+            self.kernels(planned)(self.s, self.collocation)
+            self.kernels(seen)(self.s, c, *rows)
         made = np.asarray(rows)
         if not np.isfinite(made[:2]).all():  # interpreted, it would have raised on the way
             raise OverflowError("an overlap or its rate")
@@ -243,11 +249,12 @@ class Run:
         r, status, impulse = self.counters, pause.value, [0.0]
         begun = float(r.t) if self.creep is None else self.creep.start
         end = self.request.end - self.start if pause is Pause.reached else max(begun, self.seen)
-        self.s = self.s._replace(queue=self.s.queue[:1].copy())  # nothing is due any more
-        before, untouched = self.s, Untouched(self.s, self.inside(end))
+        before, untouched = self.without_queue(), Untouched(self.s, self.inside(end))
         if self.creep is None:
-            while not self.kernels(blocks.gather)(self.s, end, self.collocation):
+            while not self.kernels(blocks.expose_all)(self.s, end, self.collocation):
                 self.s = with_more_room(self.s)
+            self.s = self.without_queue()
+            self.kernels(blocks.gather)(self.s, end, self.collocation)
             self.now = end
         else:
             impulse = self.creep.finish(end)
@@ -266,6 +273,10 @@ class Run:
         untouched.put_back()
         state = self.checkpoint or Checkpoint(before, {"origin": self.start, "creeping": False})
         return End(row, status, message, stats, state if self.launched else {}, running)
+
+    def without_queue(self) -> Any:
+        """Return the records of a run in which nothing is due any more: of a million balls the queue is large."""
+        return self.s._replace(queue=plain(tournament(1)) if isinstance(self.s.run, list) else tournament(1))
 
     def inside(self, t: float) -> Any:
         """Number the pairs that are, or may be, in a contact solved at once at time `t`."""

@@ -2,7 +2,8 @@
 
     dξ/dt = η ,  η̇_c = G_c + w_c F_(c-1) - (w_c + w_(c+1)) F_c + w_(c+1) F_(c+1) ,  t = (hτ)^q
 
-with inverse masses w and G the pull of gravity. With σ = q h^q, n+q times the coefficient n+q of ξ is σ η_n, of η
+with inverse masses w and G the pull of gravity, and of what else acts on bodies; that of a driven wall is a series
+itself. With σ = q h^q, n+q times the coefficient n+q of ξ is σ η_n, of η
 σ η̇_n. q = 1 is the plain clock; q > 1 makes the onset of a contact regular, where F starts like a fractional
 power of t: a pair just touched has ξ = τ^q y with y_0 > 0, and ξ^α = τ^(qα) y^α is a power series again. Of such a
 ξ the rows hold y from index `offset` on.
@@ -17,15 +18,17 @@ import math
 from typing import Any
 
 from granular._kernels import kernel, specialised
+from granular.md.located.driven import drive
 from granular.md.located.pieces import elapsed, power
 from granular.md.located.system import ACTIVE, DORMANT, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, PADDED, RESIDUAL
 
 
 @kernel
-def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int) -> None:
+def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, walls: Any) -> None:
     """Fill the rows x, e, f of pairs lo … hi-1 from their state, and g, the bracket φ, of those not open."""
     for c in range(lo, hi):
         prepare(pool[pairs[c].slot], q)
+    drive(walls, pairs, lo, hi, h, q)
     scale = q * elapsed(h, q, 1.0)
     for n in range(ORDER - q + 1):
         step, below = scale / (n + q), 0.0
@@ -42,6 +45,9 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int) -> None:
             push = pair.lower * below - pair.inverse * force + pair.upper * above
             if n == 0:
                 push += pair.pull
+            if walls is not None:
+                if pair.wall > 0:
+                    push += walls.push[pair.wall - 1][n]
             pair.e[n + q] = step * push
             pair, below = after, force
     for c in range(lo, hi):

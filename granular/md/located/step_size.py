@@ -68,8 +68,11 @@ def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
             stored = 2.0 * pair.inverse * pair.k * pair.xi * power(pair.xi, pair.p) / (pair.p + 1.0)
             if pair.kind == GENERAL:  # matched where impacts reach, it may tell little of a ball that comes to rest
                 stored = max(stored, 2.0 * pair.pull * pair.xi)
-        elif pair.pull > 0.0 and (pair.mode == DORMANT or (pair.mode == ACTIVE and pair.eta <= DRIFT * pair.noise)):
-            stored = 2.0 * pair.pull * power(pair.pull / (pair.k * pair.inverse), 1.0 / pair.p)
+        elif max(pair.pull, pair.sway) > 0.0 and (
+            pair.mode == DORMANT or (pair.mode == ACTIVE and pair.eta <= DRIFT * pair.noise)
+        ):
+            pull = max(pair.pull, pair.sway)
+            stored = 2.0 * pull * power(pull / (pair.k * pair.inverse), 1.0 / pair.p)
         pair.own_speed = math.sqrt(pair.eta * pair.eta + stored)
         if pair.mode != OPEN:
             speed = max(speed, pair.own_speed)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import namedtuple
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from granular._tournament import NODE, tournament
 from granular.laws.contact_law import Form, PairLaw
 from granular.laws.kinds import SceneLaws, alike
 from granular.md.located.similar import Shape, damped, elastic
+from granular.md.located.wall_paths import compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
 from granular.md.rows import CONTACT_ROW
 from granular.scene import Scene, speed_scale
 
@@ -42,7 +44,7 @@ LINEAR, ELASTIC, DAMPED, GENERAL = range(4)
 NO_MAP, DASHPOT, SIMILAR, VISCOELASTIC = range(4)
 """How an isolated contact is known at its onset: see `maps`."""
 
-NOTHING, BEGIN, END, PART, TURN, RELOAD = range(6)
+NOTHING, BEGIN, END, PART, TURN, RELOAD, EDGE = range(7)
 """Events of a pair, see `events`."""
 
 LARGEST_Q = 4
@@ -79,18 +81,20 @@ PAIR = np.dtype(
         ("row", np.int32),  # of its last contact solved at once, in the log buffer
         ("count", np.int32), ("alone", np.int16),  # contacts; those in which no neighbour overlapped, since it was open
         ("map", np.int8), ("mode", np.int8), ("exact", np.int8), ("what", np.int8),  # map: place of its tables, or -1
+        ("wall", np.int8),  # number from 1 on of the driven wall it is at, or 0
     ],
     align=True,
 )  # fmt: skip
 """What is kept of every pair; state and mode are those of the last flight while it is in an island. `due` is inf if it
 does not start a block."""
 
-_LAW = [("lower", float), ("upper", float), ("inverse", float), ("pull", float), *KIND.descr[:8]]
-"""Inverse masses, 1/kg, and their sum; pull and law as above."""
+_LAW = [("lower", float), ("upper", float), ("inverse", float), ("pull", float), ("wall", int), *KIND.descr[:8]]
+"""Inverse masses, 1/kg, and their sum; pull (that of a driven wall in it, as it is now), wall and law as above."""
 _STATE = [
     ("xi", float), ("eta", float), ("mode", int), ("noise", float),
     ("exact", int),  # an event has just found φ = 0: keep it exactly so
     ("own_speed", float), ("own_length", float),  # scales of its motion, m/s and m
+    ("sway", float),  # bound of the closing acceleration that a driven wall gives it, m/s²; 0 without
     ("wake", float),  # overlap at which a dormant pair becomes active
     ("top", float), ("loading", int),  # largest overlap so far, for laws with memory
     ("number", int),  # of the pair; for laws that are functions:
@@ -100,6 +104,7 @@ _BLOCK = [  # of the island that starts with this pair; h = 0 before it has a pi
     ("clock", int), ("linear", int), ("t", float), ("tail", float),  # q of t = (hτ)^q; its time is t + tail
     ("h", float), ("tau", float),  # scale of the piece, and its end in τ, 0 when it is used up
     ("fired", int), ("what", int),  # the pair whose event ends it, -1 for none, and which event
+    ("holds", float),  # s for which a driven wall's path goes on as it does
     ("speed", float), ("length", float), ("stride", float),  # scales of the motion; last step on the plain clock
 ]  # fmt: skip
 _CONTACT = [  # the contact that is going on
@@ -116,8 +121,9 @@ _SERIES = [
 
 MEMBER = np.dtype([*_SERIES, *_LAW, *_STATE, *_BLOCK, *_CONTACT, ("spare", int)], align=True)
 """A pair in an island. `spare` of record i of the pool is the i-th place, of which the first ones are taken."""
-BODY = np.dtype([(name, float) for name in ("inverse_mass", "fall", "load", "v", "t", "tail")], align=True)
-"""Inverse mass, downward acceleration, weight in N of the body and all above it, velocity it had at time t + tail."""
+BODY = np.dtype([(name, float) for name in ("inverse_mass", "fall", "load", "v", "t", "tail", "wall")], align=True)
+"""Inverse mass, downward acceleration, weight in N of the body and all above it, velocity it had at time t + tail,
+number from 1 on of the driven wall that it is, or 0."""
 RUN = np.dtype(
     [
         ("tol", float), ("members", int),
@@ -128,21 +134,32 @@ RUN = np.dtype(
         ("shared", float), ("shared_low", float),  # impulse in N s exchanged while a neighbouring pair was active
         ("isolated", int), ("first", int), ("disturbed", float), ("tables", int), ("disturbing", int),
         ("wanted", int), ("answered", int),  # pair whose contact is asked for alone, and whether it has been answered
+        ("alone", int), ("pieces", int), ("left", float), ("passed", float), ("at", float),  # see `alone.follow_alone`
+        ("over", float), ("parting", float),
+        ("before_due", float), ("before_steps", int), ("before_error", float), ("before_log", int),  # to be put back
+        ("speed", float),  # at which it is followed
         ("piled", int), ("load", float), ("energy", float), ("opening", float), ("barrier", float), ("rests", int),
     ],
     align=True,
 )  # fmt: skip
 """Counters, limits and stop conditions of one run; places taken in the pool; of the event under way time, pairs
-lo … hi-1 that it concerns, stride of its block, and whether it waits for room; the pile and the load on it in N."""
+lo … hi-1 that it concerns, stride of its block, and whether it waits for room; the contact that is followed alone; the
+pile and the load on it in N."""
+
+LEDGER = np.dtype([("total", float, (5,)), ("low", float, (5,)), ("alone", float, (5,))], align=True)
+"""What walls have done and contacts have lost, in J: see `ledger`."""
 
 SLOWEST, OCTAVES, POINTS, CHECKS, QUANTITIES = -40, 64, 20, 4, 6
 """Of tables: binary exponent of the slowest speeds in m/s, octaves, points in each, points to check, numbers kept."""
 MAP = np.dtype([("table", np.int32, (OCTAVES,)), ("met", np.int32, (OCTAVES,))], align=True)
 """For each octave of speeds the place of a table + 1 (-1: it has none), and contacts met so far."""
 TABLE = np.dtype(
-    [("error", float), ("c", float, (QUANTITIES * POINTS,)), ("seen", float, (QUANTITIES * (POINTS + CHECKS),))],
+    [
+        ("error", float), ("c", float, (QUANTITIES * POINTS,)),
+        ("seen", float, (QUANTITIES * (POINTS + CHECKS),)), ("noted", int),
+    ],
     align=True,
-)
+)  # fmt: skip
 """Chebyshev coefficients of the numbers of a contact over an octave of speeds, and the contacts they are made of."""
 RESOLVE, STOP, IGNORE = range(3)
 """What is done where a contact disturbs another."""
@@ -157,40 +174,60 @@ NO_PAUSE = np.iinfo(np.int64).max
 LOG_ROWS, MOST_ROWS = 256, 4096
 """Rows of the log buffer: twice as many as pairs, but within these limits."""
 
-System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables answer work")
-"""All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder."""
+System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables answer work walls ledger")
+"""All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder; `driven.Walls`
+and the records of a `ledger`, None without: then their branches are not compiled."""
 
 
 def to_plain(s: System) -> System:
     """Return the run for interpreted code."""
-    return System._make([*map(plain, s[:-2]), list(s.answer), workspace(ORDER)])
+    ledger = None if s.ledger is None else plain(s.ledger)
+    return System(*map(plain, s[:9]), list(s.answer), workspace(ORDER), plain_walls(s.walls), ledger)
 
 
 def to_compiled(s: System) -> System:
-    """Return the run for compiled code: same numbers, same bits."""
-    records = map(packed, s[:-2], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
-    return System._make([*records, np.array(s.answer), np.array(s.work)])
+    """Return the run for compiled code: same numbers, same bits; with a log buffer that lasts for a while."""
+    records = map(packed, s[:9], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
+    ledger = None if s.ledger is None else packed(s.ledger, LEDGER)
+    fast = System(*records, np.array(s.answer), np.array(s.work), compiled_walls(s.walls), ledger)
+    log = np.zeros(max(MOST_ROWS, len(s.log)), CONTACT_ROW)
+    log[: len(s.log)] = fast.log
+    return fast._replace(log=log)
 
 
-def new_system(columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Until | None, **limits: Any) -> System:
+def new_system(
+    columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Until | None, *, walls: Any = None, lift: Any = None,
+    ledger: Any = None, **limits: Any,
+) -> System:
     """Return the records at time 0 of one scene, or of many with one more axis, in front; `limits` are fields of `RUN`.
 
     The `columns` are inverse masses, velocities, gaps and gravity, the laws rows of `KIND`, `room` the places in the
-    pool, which many scenes share.
+    pool, which many scenes share; `walls` the driven walls and `lift` the accelerations by forces of one scene.
     """
     inverse_mass, velocity, gap, gravity = columns
+    if walls is not None:
+        velocity = with_walls(walls, velocity)
     n = gap.shape[-1]
     run, pairs, bodies = np.zeros((*gap.shape[:-1], 1), RUN), np.zeros(gap.shape, PAIR), np.zeros(velocity.shape, BODY)
     bodies["inverse_mass"], bodies["v"] = inverse_mass, velocity
-    bodies["fall"] = fall = np.where(inverse_mass > 0.0, gravity, 0.0)
+    fall = np.where(inverse_mass > 0.0, gravity, 0.0)
+    if lift is not None:
+        fall = fall - lift
+    bodies["fall"] = fall
     weight = np.divide(fall, inverse_mass, out=np.zeros_like(fall), where=inverse_mass > 0.0)
+    if lift is not None and (inverse_mass > 0.0).all():  # about the mass centre
+        weight -= weight.sum() / (1.0 / inverse_mass).sum() / inverse_mass
     bodies["load"] = np.cumsum(weight[..., ::-1], axis=-1)[..., ::-1]
     pairs["xi"], pairs["eta"], pairs["pull"] = -gap, -np.diff(velocity), np.diff(fall)
+    if walls is not None:
+        bodies["wall"][[0, -1]] = floor, ceiling = numbers_at_ends(walls)
+        pairs["wall"][0] += floor
+        pairs["wall"][-1] += ceiling
     pairs["kind_of"], pairs["slot"], pairs["due"] = kind_of, -1, math.inf
     pairs["first"], pairs["hi"] = np.arange(n), np.arange(1, n + 1)
     stops = (until.pair, until.nth) if isinstance(until, stop.Contact) else (-1, 0)
     limits |= {"until_pair": stops[0], "until_nth": stops[1], "separated": isinstance(until, stop.Separated)}
-    limits |= {"first": -1, "disturbed": math.nan}
+    limits |= {"first": -1, "disturbed": math.nan, "alone": -1}
     for name, value in limits.items():
         run[name] = value
     log = np.zeros(min(max(LOG_ROWS, 2 * n), MOST_ROWS), CONTACT_ROW)
@@ -199,9 +236,10 @@ def new_system(columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Un
     pairs["map"] = -1
     lacks = (has == NO_MAP) | ((pairs["pull"] != 0.0) & (has != DASHPOT))
     if n <= MOST_MAPS:  # every pair may have tables of its own; of many, those that are alike share them: `system_of`
-        pairs["map"] = np.where(lacks, np.arange(n), -1)
+        pairs["map"] = np.where(lacks & (pairs["wall"] == 0), np.arange(n), -1)
     known = np.zeros(min(n, MOST_MAPS), MAP), np.zeros(TABLES, TABLE), np.zeros(6)
-    return System(run, pairs, empty_pool(min(room, n) + SPARE), kinds, bodies, tournament(n), log, *known, work)
+    pool = empty_pool(min(room, n) + SPARE)
+    return System(run, pairs, pool, kinds, bodies, tournament(n), log, *known, work, walls, ledger)
 
 
 def empty_pool(room: int) -> np.ndarray[Any, Any]:
@@ -217,9 +255,10 @@ def with_more_room(s: System) -> System:
     return s._replace(pool=s.pool + plain(more) if isinstance(s.pool, list) else np.concatenate([s.pool, more]))
 
 
-def with_room_for_a_table(s: System) -> System:
-    """Return the run with tables twice as many if all are taken."""
-    if int(column(s.run, "tables")[0]) < len(s.tables):
+def with_room_for_a_table(s: System, i: int = 0) -> System:
+    """Return the run, or many of which it is the i-th, with tables twice as many if all are taken."""
+    run = s.run if np.ndim(s.run) == 1 else s.run[i]
+    if int(column(run, "tables")[0]) < len(s.tables):
         return s
     fresh = np.zeros(len(s.tables), TABLE)
     return s._replace(tables=s.tables + plain(fresh) if isinstance(s.tables, list) else np.append(s.tables, fresh))
@@ -231,13 +270,14 @@ def with_longer_log(s: System) -> System:
     return s._replace(log=s.log + plain(more) if isinstance(s.log, list) else np.append(s.log, more))
 
 
-def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, **limits: Any) -> System:
-    """Return the records of a scene at the start of its run."""
+def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: float = 0.0, **limits: Any) -> System:
+    """Return the records of a scene at the start of its run, the time `start` in s."""
     if not np.isfinite(sum(scene.sides(scene.inverse_mass))).all():
         raise OverflowError("the inverse of a mass")
     speed = speed_scale(scene)
     kinds = np.zeros(len(laws.each), KIND)
-    described = zip(*(_described(law, speed, scene.gravity) for law in laws.each), strict=True)
+    pull = scene.gravity if scene.external_force is None else float(np.abs(scene.pull).max())
+    described = zip(*(_described(law, speed, pull) for law in laws.each), strict=True)
     for name, values in zip(KIND.names or (), described, strict=False):
         kinds[name] = values
     kinds["elastic"] = [not (law.rate_dependent or law.memory) for law in laws.each]
@@ -246,7 +286,11 @@ def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, **limits:
         kinds["kind"], kinds["s"] = GENERAL, 0.0
     room = 3 * int(np.count_nonzero(scene.gap <= 0.0)) + ROOM  # so many pairs may join islands at once, and some later
     columns = scene.inverse_mass, scene.velocity, scene.gap, scene.gravity
-    s = new_system(columns, kinds, laws.kind, room, until, **limits)
+    walls, lift = walls_of(scene, start, ROW), None
+    if scene.external_force is not None:
+        lift = scene.external_force * scene.inverse_mass
+    ledger = np.zeros(1, LEDGER) if scene.worked else None
+    s = new_system(columns, kinds, laws.kind, room, until, walls=walls, lift=lift, ledger=ledger, **limits)
     if scene.n_pairs > MOST_MAPS:
         _share_tables(s, laws, scene)
     return s
@@ -279,7 +323,7 @@ def _write_maps(kinds: Any, laws: SceneLaws, scene: Scene) -> None:
 def _share_tables(s: System, laws: SceneLaws, scene: Scene) -> None:
     """Let pairs without a map that are alike share their tables, if there are not too many of them."""
     known = s.kinds["map"][laws.kind]
-    lacking = np.flatnonzero((known == NO_MAP) | ((scene.pull != 0.0) & (known != DASHPOT)))
+    lacking = np.flatnonzero(((known == NO_MAP) | ((scene.pull != 0.0) & (known != DASHPOT))) & (s.pairs["wall"] == 0))
     if len(lacking):
         number, first = alike(laws.kind[lacking], scene.pairs.m_eff[lacking], scene.pull[lacking])
         if len(first) <= MOST_MAPS:
@@ -359,6 +403,7 @@ def factor(p: float, gamma: float, d: float) -> float:
     return d if gamma != 0.0 else 0.5 if p == 1.5 else 0.0
 
 
+@cache
 def _denominator(exponent: float) -> int:
     """Return the smallest q with q·exponent whole, or one that is too large."""
     found = (q for q in range(1, LARGEST_Q + 1) if abs(q * exponent - round(q * exponent)) < 1e-12)

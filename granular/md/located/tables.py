@@ -10,12 +10,15 @@ may bend unseen; if not, such contacts go on being solved by pieces.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
-from granular._flight import rate_at_contact
-from granular._kernels import inlined, kernel
-from granular.md.located.alone import enter, live
-from granular.md.located.plan import leave
+from granular._kernels import kernel
+from granular.md.located.alone import enter, follow_alone
+from granular.md.located.driven import touching_rate
+from granular.md.located.pieces import tick
+from granular.md.located.plan import planned
+from granular.md.located.pool import leave
 from granular.md.located.system import CHECKS, OCTAVES, OPEN, POINTS, QUANTITIES, SLOWEST
 
 WARM = 32
@@ -23,6 +26,8 @@ WARM = 32
 HOLDS = 1e-14
 """Error up to which a table holds, as a part of each number, beyond the tolerance of the pieces."""
 REFUSED, WANTED = -1, -2
+ITSELF = -1
+"""In place of the number of a point: at its own speed."""
 
 
 @kernel
@@ -40,47 +45,80 @@ def table_of(s: Any, c: int, v: float) -> int:
     return WANTED
 
 
-@kernel
-def make_table(s: Any, laws: Any) -> None:
+def make_table(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
     """Make the table that is wanted, for which there is room; the run goes on as if nothing had been."""
+    for j in range(POINTS + CHECKS):
+        kernels(ask)(s, j, laws)
+        kernels(planned)(s, laws)
+        if not kernels(note)(s, j):
+            break
+    kernels(fit)(s)
+
+
+def answer(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
+    """Follow the contact that is asked for, alone."""
+    kernels(ask)(s, ITSELF, laws)
+    kernels(planned)(s, laws)
+    kernels(note)(s, ITSELF)
+
+
+@kernel
+def ask(s: Any, j: int, laws: Any) -> None:
+    """Ask that the contact that is wanted be followed alone, at point j of the octave of its speed, or at ITSELF."""
     run, c = s.run[0], s.run[0].wanted
     pair = s.pairs[c]
-    octave = math.frexp(-rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull))[1]
-    place = run.tables
-    run.tables += 1
-    s.maps[pair.map].table[octave - SLOWEST] = place + 1 if fill(s, s.tables[place], c, octave, laws) else -1
+    v = touching_rate(s.walls, pair, pair.wait)
+    if j != ITSELF:
+        v = math.ldexp(0.75 + 0.25 * place_of(j), math.frexp(v)[1])
+    run.before_due, run.before_steps, run.before_error, run.before_log = pair.due, run.steps, run.error, run.log
+    run.speed, run.log, run.error = v, 2, 0.0
+    member = enter(s, c, v)
+    tick(member, pair.wait)
+    follow_alone(s, c, math.inf if laws is None or laws.pushes_at_touch(member) else 0.0)
 
 
 @kernel
-def answer(s: Any, laws: Any) -> None:
-    """Follow the contact that is asked for, alone."""
+def note(s: Any, j: int) -> bool:
+    """Note the contact that has been followed alone; false if it did not come to an end. ITSELF is the answer."""
+    run, v = s.run[0], s.run[0].speed
+    pair, member = s.pairs[run.wanted], s.pool[s.pairs[run.wanted].slot]
+    ends = member.mode == OPEN and member.eta < 0.0
+    numbers = run.over if ends else math.nan, run.passed, run.parting, -member.eta, member.xi_max, member.force_max
+    leave(run, s.pairs, s.pool, run.wanted)
+    worst = run.error
+    pair.due, run.steps, run.error, run.log = run.before_due, run.before_steps, run.before_error, run.before_log
+    if j == ITSELF:
+        for q in range(QUANTITIES):
+            s.answer[q] = numbers[q]
+        run.answered = 1
+        return True
+    table, at = s.tables[run.tables], POINTS + CHECKS
+    table.error = max(worst, table.error) if j > 0 else worst
+    for q in range(QUANTITIES):
+        table.seen[q * at + j] = numbers[q] / (v if q > 1 else 1.0)
+    table.noted = j + 1 if ends else 0
+    return bool(run.over > 0.0 and ends)
+
+
+@kernel
+def fit(s: Any) -> None:
+    """Make the table of an octave from the contacts noted for it; refuse the octave if it does not hold."""
     run, pair = s.run[0], s.pairs[s.run[0].wanted]
-    v = -rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull)
-    t1, t2, v1, v2, xi, force = solved_alone(s, run.wanted, v, laws)
-    run.answered = 1
-    for i, number in enumerate((t1, t2, v1, v2, xi, force)):
-        s.answer[i] = number
+    table, octave = s.tables[run.tables], math.frexp(run.speed)[1]
+    run.tables += 1
+    s.maps[pair.map].table[octave - SLOWEST] = run.tables if holds(table) else -1
 
 
-@inlined
 @kernel
-def fill(s: Any, table: Any, c: int, octave: int, laws: Any) -> bool:
-    """Make the table of an octave from contacts of pair `c` alone; false if it does not hold."""
-    run, worst = s.run[0], 0.0
-    steps, error, holds = run.steps, run.error, True
-    for j in range(POINTS + CHECKS):
-        run.error = 0.0
-        holds = holds and watch(s, table, c, math.ldexp(0.75 + 0.25 * place_of(j), octave), j, laws)
-        worst = max(worst, run.error)
-    run.steps, run.error = steps, error
-    table.error = worst
-    if not holds:
+def holds(table: Any) -> bool:
+    """Write the coefficients of a table; return whether it says what was seen between its points, and at the ends."""
+    if table.noted < POINTS + CHECKS:
         return False
     for q in range(QUANTITIES):
         expand(table, q)
         for j in range(POINTS, POINTS + CHECKS):
             seen = table.seen[q * (POINTS + CHECKS) + j]
-            if not abs(polynomial(table, q, place_of(j)) - seen) <= max(HOLDS, 4.0 * worst) * abs(seen):
+            if not abs(polynomial(table, q, place_of(j)) - seen) <= max(HOLDS, 4.0 * table.error) * abs(seen):
                 return False
     return True
 
@@ -92,35 +130,6 @@ def place_of(j: int) -> float:
         return math.cos(math.pi * (j + 0.5) / POINTS)
     i = j - POINTS
     return 2.0 * i - 1.0 if i < 2 else 0.47 - 1.1 * (i - 2)
-
-
-@inlined
-@kernel
-def watch(s: Any, table: Any, c: int, v: float, j: int, laws: Any) -> bool:
-    """Note the contact of pair `c` alone at speed `v`; false if it does not come to an end."""
-    t1, t2, v1, v2, xi, force = solved_alone(s, c, v, laws)
-    seen, at = table.seen, POINTS + CHECKS
-    seen[j], seen[at + j], seen[2 * at + j], seen[3 * at + j] = t1, t2, v1 / v, v2 / v
-    seen[4 * at + j], seen[5 * at + j] = xi / v, force / v
-    return bool(t1 > 0.0)
-
-
-@inlined
-@kernel
-def solved_alone(s: Any, c: int, v: float, laws: Any) -> tuple[float, float, float, float, float, float]:
-    """Return (t1, t2, v1, v2) of the contact of pair `c` alone at speed `v`, and its peaks; nan if it has no end."""
-    member, log, due = enter(s, c, v), s.run[0].log, s.pairs[c].due
-    t1 = t2 = v1 = math.nan
-    if laws is None or laws.pushes_at_touch(member):
-        s.run[0].log = 2
-        t1, _, t2, v1 = live(s, c, math.inf, laws)
-        s.run[0].log = log
-    if not (member.mode == OPEN and member.eta < 0.0):
-        t1 = math.nan
-    v2, xi, force = -member.eta, member.xi_max, member.force_max
-    leave(s.run[0], s.pairs, s.pool, c)
-    s.pairs[c].due = due
-    return t1, t2, v1, v2, xi, force
 
 
 @kernel
