@@ -33,7 +33,7 @@ def _answers(report: Compared) -> Iterator[str]:
         shared = "" if math.isnan(share) else f"; {share:.2g} % of the impulse is shared"
         yield f"Not ball by ball: beyond predictability (compare ensembles){shared}."
     wrong = [p for p in report.pairs if p.hard_contacts != p.soft_contacts]
-    if report.scene.driven:
+    if report.scene.driven and not report.only_timing:
         yield from _out_of_phase(report, wrong)
     if wrong:
         yield _other_counts(report, wrong)
@@ -97,7 +97,7 @@ def _not_unique(report: Compared) -> Iterator[str]:
 
 
 def _out_of_phase(report: Compared, wrong: list[PairOutcome]) -> Iterator[str]:
-    """Runs that part where a wall is driven: no error of timing can be told from one of outcome."""
+    """Runs that part where a wall is driven: a lag there changes velocities, and is no error of timing alone."""
     if wrong or report.error > SAME:
         some = f"; {len(wrong)} of {len(report.pairs)} pairs differ in contacts" if wrong else ""
         off = "" if math.isnan(report.error) else f"outcomes are off by {report.error:.2g} of the impact speed{some}; "
