@@ -143,11 +143,14 @@ def near(wall: Record, t: float, tail: float, edge: float) -> float:
 
 
 @kernel
-def edge_jump(wall: Record, panels: Records, t: float, tail: float) -> float:
-    """Return by how much the velocity of side·m (m/s) jumps at the time t + tail; 0 except for at an edge."""
+def edge_jump(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, float]:
+    """Return by how much the velocity of side·m (m/s) jumps at the time t + tail, and that with the rounding of the
+    path; 0 except for at an edge of one that is not periodic."""
     y, low = reduced(wall, t, tail)
-    panel = panels[panel_from(wall, panels, t, tail)]
-    return panel.jump if abs((y - panel.left) + low) <= near(wall, t, tail, panel.left) else 0.0  # type: ignore[no-any-return]
+    k = panel_from(wall, panels, t, tail)
+    if wall.periodic or k == wall.first or not abs((y - panels[k].left) + low) <= near(wall, t, tail, panels[k].left):
+        return 0.0, 0.0
+    return panels[k].jump, value(panels[k], -1.0)[1] - value(panels[k - 1], 1.0)[1]
 
 
 @kernel

@@ -13,6 +13,7 @@ from granular._flight import time_to_contact
 from granular._kernels import kernel
 from granular.md.located.contacts import follow, pushes
 from granular.md.located.driven import jump_at
+from granular.md.located.ledger import begin_alone, enter_alone, enter_run_off
 from granular.md.located.pieces import fly, force_returns, piece_time, power, tick, value
 from granular.md.located.pool import join
 from granular.md.located.system import ACTIVE, EDGE, END, OPEN, PART, RELOAD, RESIDUAL, TURN
@@ -45,10 +46,11 @@ def follow_alone(s: Any, c: int, left: float) -> None:
     run = s.run[0]
     run.alone, run.pieces, run.left, run.passed, run.at = c, 0, left, 0.0, 0.0
     run.over, run.parting = math.nan, math.nan
+    begin_alone(s.ledger)
 
 
 @kernel
-def has_piece(s: Any) -> bool:
+def has_piece(s: Any, laws: Any) -> bool:
     """Return whether the contact that is followed alone has a next piece; what runs off flies on as far as it may."""
     run, member = s.run[0], s.pool[s.pairs[s.run[0].alone].slot]
     if not run.left > run.passed or run.pieces == PIECES or member.mode == OPEN:
@@ -56,19 +58,21 @@ def has_piece(s: Any) -> bool:
     run.pieces += 1
     if member.mode != RESIDUAL or pushes(member):
         return True
-    wait = time_to_contact(member.xi, member.eta, -member.pull)
+    wait, xi = time_to_contact(member.xi, member.eta, -member.pull), member.xi
     if run.passed + wait > run.left:
         fly(member, run.left - run.passed, None)
         run.passed = run.left
+        enter_run_off(s.ledger, member, laws, xi, member.xi)
     elif member.s != 1.0 or not force_returns(member, member) < wait:
         fly(member, wait, None)
         member.xi, member.mode = 0.0, OPEN
+        enter_run_off(s.ledger, member, laws, xi, 0.0)
         run.passed += wait
     return False
 
 
 @kernel
-def goes_on(s: Any) -> bool:
+def goes_on(s: Any, laws: Any) -> bool:
     """Take the contact that is followed alone over its piece; false if that was the last one."""
     run, c = s.run[0], s.run[0].alone
     member = s.pool[s.pairs[c].slot]
@@ -77,6 +81,7 @@ def goes_on(s: Any) -> bool:
     if run.passed + dt > run.left:
         dt = run.left - run.passed
         tau = min(tau, power(dt, 1.0 / member.clock) / member.h)
+    enter_alone(s.ledger, s.walls, laws, s, c, tau)
     if run.log > 0:
         follow(run, s.pairs, s.pool, s.work, c, tau)
     member.xi, member.eta, member.exact, member.tau = value(member.x, tau), value(member.e, tau), 0, 0.0
@@ -86,7 +91,7 @@ def goes_on(s: Any) -> bool:
         run.at = tau
         return False
     if member.what == EDGE and member.wall > 0:
-        member.eta += jump_at(s.walls, member, member.t, member.tail)
+        member.eta += jump_at(s.walls, member, member.t, member.tail)[1]
     if member.fired == c:
         if member.mode == ACTIVE and (member.what == END or member.what == PART):
             run.over, run.parting = run.passed, -member.eta

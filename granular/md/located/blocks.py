@@ -19,6 +19,7 @@ from granular.md.located.contacts import AWAITED, SOME, act, activate, end_conta
 from granular.md.located.driven import carry_walls, foresee_walls, jump_at, rate_at, speed_at
 from granular.md.located.inside import exposed, relive
 from granular.md.located.isolated import MET, OTHERWISE, TABLE, ULP, in_contact, meet
+from granular.md.located.ledger import enter_flight, enter_piece
 from granular.md.located.pieces import arrive, fly, glide, piece_time, power, predict, since, tau_at, tick, value
 from granular.md.located.plan import planned, settle_series
 from granular.md.located.pool import join, leave
@@ -98,10 +99,12 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                     continue
                 if met != OTHERWISE:
                     return WANTS_TABLE if met == TABLE else WANTS_CONTACT
+                xi = pairs[lo].xi
                 arrive(pairs[lo], s.walls)
+                enter_flight(s.ledger, s.kinds[pairs[lo].kind_of], laws, pairs[lo], xi)
                 join(run, pairs, pool, s.kinds, bodies, lo)
             block = pool[pairs[lo].slot]
-            settle(run, pairs, pool, bodies, work, lo, block.tau, piece_time(block), s.walls)
+            settle(run, pairs, pool, bodies, work, lo, block.tau, piece_time(block), s, laws)
             run.t, run.tail, run.stride, run.lo, run.hi = block.t, block.tail, block.stride, lo, pairs[lo].hi
             carry_walls(s.walls, s)
             passed = pass_edge(s.walls, s, laws) if block.what == EDGE else SAME
@@ -143,12 +146,11 @@ def pass_edge(walls: Any, s: Any, laws: Any) -> int:
     if walls is not None:
         for c in range(run.lo, run.hi):
             member = pool[pairs[c].slot]
-            jump = jump_at(walls, member, run.t, run.tail) if member.wall > 0 else 0.0
-            if jump != 0.0:
-                member.eta += jump
-                member.e[0] = member.eta
-                if not jolt(s, c, jump, laws):
-                    return STOPPED
+            jump, slip = jump_at(walls, member, run.t, run.tail) if member.wall > 0 else (0.0, 0.0)
+            member.eta += slip
+            member.e[0] = member.eta
+            if jump != 0.0 and not jolt(s, c, jump, laws):
+                return STOPPED
             pushing = pushing or (jump == 0.0 and pushes(member))
     return SAME if pushing else CHANGED
 
@@ -225,7 +227,7 @@ def gather(s: Any, t: float, laws: Any) -> None:
     for c in range(len(pairs)):
         pair = pairs[c]
         if pair.first == c and pair.slot >= 0:
-            bring(s, c, t, 0.0)
+            bring(s, c, t, 0.0, laws)
             if pair.due < math.inf and pool[pair.slot].h > 0.0:
                 settle_series(run, pairs, pool, c, laws, s.walls, foresee_walls(s.walls, pairs, pool, c))
 
@@ -287,7 +289,7 @@ def absorb(s: Any, lo: int, laws: Any) -> bool:
         planned(s, laws)
         exposed(s, lo)
     else:
-        bring(s, lo, run.t, run.tail)
+        bring(s, lo, run.t, run.tail, laws)
     take_in(s, lo)
     return True
 
@@ -304,17 +306,19 @@ def take_in(s: Any, lo: int) -> None:
 
 @inlined
 @kernel
-def bring(s: Any, lo: int, t: float, tail: float) -> None:
+def bring(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
     """Advance the block that starts with pair `lo` to the time t + tail, at most the end of its piece."""
     pair = s.pairs[lo]
+    xi = pair.xi
     if pair.slot < 0 and pair.lasts != 0.0:  # its clock may lie ahead
         fly(pair, since(pair, t, tail), s.walls)
     elif pair.slot < 0:
         glide(pair, since(pair, t, tail), s.walls)
+        enter_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, xi)
     else:  # at once there, except for what a single float cannot say
         block = s.pool[pair.slot]
         dt = since(block, t, tail)
-        settle(s.run[0], s.pairs, s.pool, s.bodies, s.work, lo, tau_at(block, t, tail), dt, s.walls)
+        settle(s.run[0], s.pairs, s.pool, s.bodies, s.work, lo, tau_at(block, t, tail), dt, s, laws)
 
 
 @kernel
@@ -331,13 +335,14 @@ def form(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
 
 @kernel
 def settle(
-    run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau: float, dt: float, walls: Any
+    run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau: float, dt: float, s: Any, laws: Any
 ) -> None:
     """Advance the island that starts with pair `lo` to τ, a time `dt` into its piece."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     if tau <= 0.0:
         return
     follow(run, pairs, pool, work, lo, tau)
+    enter_piece(s.ledger, s.walls, laws, s, lo, tau)
     push(pairs, pool, bodies, lo, dt)
     for c in range(lo, hi):
         member = pool[pairs[c].slot]
@@ -347,7 +352,8 @@ def settle(
         pool[pairs[c].slot].noise += rounding(run.tol, pairs, pool, c, lo)
     tick(block, dt)
     if bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0 and block.what != EDGE:
-        lower, upper = speed_at(walls, pairs[lo], bodies[lo], block), speed_at(walls, pairs[hi - 1], bodies[hi], block)
+        lower = speed_at(s.walls, pairs[lo], bodies[lo], block)
+        upper = speed_at(s.walls, pairs[hi - 1], bodies[hi], block)
         hold_walls(pairs, pool, lo, hi, lower - upper)
     block.tau = 0.0  # the piece is used up
 

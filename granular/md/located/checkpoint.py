@@ -12,11 +12,12 @@ import numpy as np
 
 from granular._records import column, copied, packed
 from granular._tournament import tournament
-from granular.md.located.system import BODY, MAP, MEMBER, NO_PAUSE, PAIR, RUN, SPARE, TABLE, System, empty_pool
+from granular.md.located.system import BODY, LEDGER, MAP, MEMBER, NO_PAUSE, PAIR, RUN, SPARE, TABLE, System, empty_pool
 from granular.md.rows import CONTACT_ROW
 
-KEPT = {"run": RUN, "pairs": PAIR, "pool": MEMBER, "bodies": BODY, "maps": MAP, "tables": TABLE, "log": CONTACT_ROW}
-"""Records that a checkpoint holds: of tables and log what is used."""
+KEPT = {"run": RUN, "pairs": PAIR, "pool": MEMBER, "bodies": BODY, "maps": MAP, "tables": TABLE, "log": CONTACT_ROW,
+        "ledger": LEDGER}  # fmt: skip
+"""Records that a checkpoint holds: of tables and log what is used; the ledger where walls move."""
 
 
 class Checkpoint(Mapping[str, Any]):
@@ -43,6 +44,8 @@ class Checkpoint(Mapping[str, Any]):
             used = {"tables": int(column(self._s.run, "tables")[0]), "log": int(column(self._s.run, "rows")[0])}
             for name, dtype in KEPT.items():
                 records = getattr(self._s, name)
+                if records is None:
+                    continue
                 self._arrays[name] = packed(records[: used.get(name, len(records))], dtype)
             self._s = None
         return self._arrays
@@ -61,6 +64,7 @@ class Untouched:
         self.kept = [(records, index, _taken(records, index)) for records, index in (
             (s.run, np.zeros(1, int)), (s.pairs, near), (s.bodies, around), (s.pool, places),
             (s.log, np.arange(int(column(s.run, "rows")[0]))),
+            *([] if s.ledger is None else [(s.ledger, np.zeros(1, int))]),
         )]  # fmt: skip
 
     def put_back(self) -> None:
@@ -90,4 +94,6 @@ def restored(s: System, state: Mapping[str, Any]) -> System:
     queue = tournament(len(pairs))
     queue["due"][len(queue) // 2 :][: len(pairs)] = pairs["due"]
     bodies, maps = copied(np.asarray(state["bodies"])), copied(np.asarray(state["maps"]))
-    return s._replace(run=run, pairs=pairs, pool=pool, bodies=bodies, queue=queue, log=log, maps=maps, tables=tables)
+    ledger = copied(np.asarray(state["ledger"])) if "ledger" in state else s.ledger
+    return s._replace(run=run, pairs=pairs, pool=pool, bodies=bodies, queue=queue, log=log, maps=maps, tables=tables,
+                      ledger=ledger)  # fmt: skip

@@ -129,6 +129,25 @@ class Collocation:
         asked = partial(self._pushes, p, 1e-3 * (p.deepest or p.own_length))
         return next_event(p, asked, partial(self._idles, p), p.doubt, span, work)
 
+    def dissipated(self, p: Any, block: Any, tau: float) -> float:
+        """Return the energy in J that a contact loses in [0, τ] of its piece; nan with memory."""
+        law = self.laws[p.number]
+        if p.mode == RESIDUAL:
+            return self.lost(p, value(p.x, 0.0), value(p.x, tau))
+        if law.memory or not law.rate_dependent:
+            return math.nan if law.memory else 0.0
+        total, q = 0.0, block.clock
+        for node, weight in zip(NODES.tolist(), (0.5 * _WEIGHT).tolist(), strict=True):
+            xi, eta = value(p.x, tau * node), value(p.e, tau * node)
+            rate = (value(p.f, tau * node) - law.force(xi, 0.0, xi)) * eta if xi > 0.0 else 0.0
+            total += weight * rate * q * math.pow(node, q - 1.0)
+        return total * math.pow(block.h * tau, float(q))
+
+    def lost(self, p: Any, first: float, last: float) -> float:
+        """Return the elastic energy in J that a pair loses without a force from one overlap to another."""
+        law = self.laws[p.number if hasattr(p, "number") else p.first]
+        return law.energy(first) - law.energy(last)
+
     def is_clipped(self, p: Any) -> bool:
         """Return whether the law gives no push to balls that overlap from the start."""
         return not self.laws[p.number].force(p.xi, p.eta, p.xi) > 0.0

@@ -205,11 +205,12 @@ def drive(walls: Any, pairs: Any, lo: int, hi: int, h: float, q: int) -> None:
 
 
 @kernel
-def jump_at(walls: Any, pair: Any, t: float, tail: float) -> float:
-    """Return by how much the rate of a pair's overlap jumps at an edge of its wall's path, if that is now."""
-    jump = 0.0
+def jump_at(walls: Any, pair: Any, t: float, tail: float) -> tuple[float, float]:
+    """Return by how much the rate of a pair's overlap jumps at an edge of its wall's path, if that is now, and then
+    with the rounding of the path."""
+    jump = slip = 0.0
     if walls is not None:
         wall = walls.wall[pair.wall - 1]
         high, low = absolute(walls, t, tail)
-        jump = edge_jump(wall, walls.panels, high, low)
-    return float(jump)
+        jump, slip = edge_jump(wall, walls.panels, high, low)
+    return jump, slip

@@ -12,6 +12,14 @@ from granular._kernels import kernel
 from granular.md.located.alone import enter, follow_alone
 from granular.md.located.driven import flown
 from granular.md.located.isolated import in_contact
+from granular.md.located.ledger import (
+    enter_at_once,
+    enter_exposed,
+    look_at_flight,
+    look_at_once,
+    look_at_piece,
+    read,
+)
 from granular.md.located.pieces import fly, since, tau_at, tick, value
 from granular.md.located.pool import leave
 from granular.md.located.system import ACTIVE, RESIDUAL
@@ -36,6 +44,8 @@ def exposed(s: Any, c: int) -> None:
     """Let pair `c`, which has been relived, be a member of the event under way, for something may disturb it."""
     run, pair, bodies, member = s.run[0], s.pairs[c], s.bodies, s.pool[s.pairs[c].slot]
     back = since(pair, run.t, run.tail)
+    enter_at_once(s.ledger, s, c, -1.0)
+    enter_exposed(s.ledger)
     xi, eta = flown(s.walls, pair, back)
     if member.mode != ACTIVE:  # in its run-off, it is what its asymptote says
         member.xi, member.eta, member.begun = xi if member.mode == RESIDUAL else min(0.0, xi), eta, 0
@@ -69,9 +79,10 @@ def straighten(s: Any, f: int, xi: float, eta: float) -> None:
 
 
 @kernel
-def look(s: Any, t: float, xi: Any, eta: Any, force: Any) -> None:
+def look(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) -> None:
     """Write overlap, rate and force of every pair at time `t`, which lies within the current pieces, as if contacts
-    solved at once were over."""
+    solved at once were over; and into `sums`, unless there is no ledger, what it comes to."""
+    read(s.ledger, sums)
     for c in range(len(s.pairs)):
         pair = s.pairs[c]
         if pair.slot < 0:
@@ -79,9 +90,12 @@ def look(s: Any, t: float, xi: Any, eta: Any, force: Any) -> None:
             dt = max(0.0, dt) if pair.lasts == 0.0 else dt
             deep, fast = flown(s.walls, pair, dt)
             xi[c], eta[c], force[c] = deep, fast, 0.0
+            look_at_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, deep, sums)
         else:
             member = s.pool[pair.slot]
             tau = tau_at(s.pool[s.pairs[pair.first].slot], t, 0.0)
+            if pair.first == c:
+                look_at_piece(s.ledger, s.walls, laws, s, c, tau, sums)
             xi[c], eta[c] = value(member.x, tau), value(member.e, tau)
             force[c] = max(0.0, value(member.f, tau)) if member.mode == ACTIVE else 0.0
 
@@ -100,7 +114,7 @@ def look_inside(s: Any, c: int, t: float) -> int:
 
 
 @kernel
-def seen(s: Any, c: int, xi: Any, eta: Any, force: Any) -> None:
+def seen(s: Any, c: int, xi: Any, eta: Any, force: Any, sums: Any) -> None:
     """Write what pair `c`, which has been relived, and its flanks are, and leave no trace of it."""
     run, pair, member = s.run[0], s.pairs[c], s.pool[s.pairs[c].slot]
     deeper, faster = xi[c] - member.xi, eta[c] - member.eta
@@ -112,5 +126,6 @@ def seen(s: Any, c: int, xi: Any, eta: Any, force: Any) -> None:
     if c + 1 < len(s.pairs):
         xi[c + 1] += member.upper / member.inverse * deeper
         eta[c + 1] += member.upper / member.inverse * faster
+    look_at_once(s.ledger, s, c, sums)
     leave(run, s.pairs, s.pool, c)
     pair.due, run.steps, run.error = run.before_due, run.before_steps, run.before_error

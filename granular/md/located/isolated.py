@@ -30,6 +30,7 @@ from granular.md.located.driven import (
     touching_rate,
     wall_after,
 )
+from granular.md.located.ledger import enter_at_once, keep_alone
 from granular.md.located.maps import encounter, peaks
 from granular.md.located.pieces import DRIFT, predict, since, tick
 from granular.md.located.system import BEGIN, IGNORE, OPEN
@@ -93,6 +94,8 @@ def meet(s: Any, c: int) -> int:
     tick(pair, t2)
     pair.xi, pair.eta, pair.lasts, pair.speed, pair.exact = 0.0, -v2, t2, v, 0
     pair.noise += ULP * v
+    keep_alone(s.ledger, s, c)
+    enter_at_once(s.ledger, s, c, 1.0)
     predict(pair, s.kinds[pair.kind_of], s.walls)
     leaf(s.queue, c).due = pair.due
     free(bodies[c], pair, lower_v)

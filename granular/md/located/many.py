@@ -246,7 +246,7 @@ def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, scratch: Any
     expose_all(s, result.time, None)
     gather(s, result.time, None)
     harvest(s, last, result.time)
-    look(s, result.time, scratch[0], scratch[1], scratch[2])
+    look(s, result.time, scratch[0], scratch[1], scratch[2], None, None)
     for c in range(n):
         pair = s.pairs[c]
         last[c].counts, last[c].rate = pair.count, -scratch[1][c]

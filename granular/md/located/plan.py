@@ -27,7 +27,7 @@ def planned(s: Any, laws: Any) -> bool:
     due at -inf; false if the run is to stop at once."""
     run, pairs, stays = s.run[0], s.pairs, True
     while True:
-        if run.alone >= 0 and not has_piece(s):
+        if run.alone >= 0 and not has_piece(s, laws):
             run.alone = -1
         lo = run.alone
         if lo < 0:
@@ -38,7 +38,7 @@ def planned(s: Any, laws: Any) -> bool:
         if run.alone < 0:
             stays = stays and goes
             play(s.queue, lo, pairs[lo].due)
-        elif not goes_on(s):
+        elif not goes_on(s, laws):
             run.alone = -1
 
 

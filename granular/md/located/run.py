@@ -232,17 +232,25 @@ class Run:
         rows = made.tolist() if isinstance(self.s.run, list) else made
         if self.creep is not None:
             self.creep.show(elapsed)
-        self.kernels(look)(self.s, elapsed, *rows)
+        sums = self.scratch()
+        self.kernels(look)(self.s, elapsed, *rows, sums, self.collocation)
         c = -1
         while (c := self.kernels(look_inside)(self.s, c + 1, elapsed)) < self.scene.n_pairs:
             self.kernels(planned)(self.s, self.collocation)
-            self.kernels(seen)(self.s, c, *rows)
+            self.kernels(seen)(self.s, c, *rows, sums)
         made = np.asarray(rows)
         if not np.isfinite(made[:2]).all():  # interpreted, it would have raised on the way
             raise OverflowError("an overlap or its rate")
         np.negative(made[:2], out=made[:2])  # of overlaps
         self.seen = elapsed
-        return Row(time, elapsed, made[0], rate=made[1], force=made[2])
+        ledger = None if sums is None else np.array(sums)
+        return Row(time, elapsed, made[0], rate=made[1], force=made[2], ledger=ledger)
+
+    def scratch(self) -> Any:
+        """Return room for the sums of the ledger; None without one."""
+        if self.s.ledger is None:
+            return None
+        return [0.0] * 5 if isinstance(self.s.run, list) else np.zeros(5)
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended, and bring every pair to where it has come."""

@@ -146,8 +146,11 @@ RUN = np.dtype(
 lo … hi-1 that it concerns, stride of its block, and whether it waits for room; the contact that is followed alone; the
 pile and the load on it in N."""
 
-LEDGER = np.dtype([("total", float, (5,)), ("low", float, (5,)), ("alone", float, (5,))], align=True)
-"""What walls have done and contacts have lost, in J: see `ledger`."""
+LEDGER = np.dtype(
+    [(name, float, (5,)) for name in ("total", "low", "piece", "alone")] + [("work", float, (2,)), ("lost", float, (2,))]
+)
+"""What walls have done and contacts have lost, in J, in two floats; of a piece; of a contact that is followed alone; of
+the last contacts at driven walls that were solved at once. See `ledger`."""
 
 SLOWEST, OCTAVES, POINTS, CHECKS, QUANTITIES = -40, 64, 20, 4, 6
 """Of tables: binary exponent of the slowest speeds in m/s, octaves, points in each, points to check, numbers kept."""
