@@ -107,7 +107,7 @@ EXTREMES = ("stiffness", "damping", "mass ratio", "gap", "speed", "start time", 
 OTHERS = ("touching", "chains", "recorded", "rest", "symmetry", "exact sequence", "ties", "float edges", "long runs")
 ENTRIES |= {"stability": Entry(partial(stability, EXTREMES)),
             "stability-others": Entry(partial(stability, OTHERS), False)}  # fmt: skip
-ENTRIES |= {"isolation": Entry(isolation)}
+ENTRIES |= {"isolation": Entry(isolation), "driven": Entry(driven, absolute=1e-3)}
 TIMES_ONLY = {"edmd-scaling"}
 """Figures of run times, which differ from machine to machine."""
 
