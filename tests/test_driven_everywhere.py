@@ -10,12 +10,13 @@ import granular as gr
 from granular.laws.check import checked
 from granular.reference import solve
 from granular.walls import Motion, Piecewise, Sine
+from granular.workprecision import methods
 from granular.workprecision.methods import Task
 from granular.workprecision.peers import peer
 
 pytest.importorskip("xarray")
 
-STEPS = {"method": "verlet", "dt": 2e-6}
+WAYS = {"located": {}, "fixed steps": {"method": "verlet", "dt": 2e-6}}
 
 
 def question(seed):
@@ -33,16 +34,17 @@ def flag(name, value):
     return f"--{name} {' '.join(words)}"
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_all_fronts_give_the_same_numbers(seed, granular, tmp_path):
+@pytest.mark.parametrize(("seed", "way"), [(0, "located"), (1, "located"), (2, "fixed steps"), (3, "located")])
+def test_all_fronts_give_the_same_numbers(seed, way, granular, tmp_path):
     name, options = question(seed)
+    steps = WAYS[way]
     options |= {"restitution": 0.6, "stiffness": 1e5, "t_end": 0.1}
-    case = gr.cases.make(name, **options, run=STEPS)
-    report = gr.compare(case.scene, case.law, case.rule, t_end=case.t_end, **STEPS)
+    case = gr.cases.make(name, **options, run=steps)
+    report = gr.compare(case.scene, case.law, case.rule, t_end=case.t_end, **steps)
     said = json.loads(json.dumps(report.to_dict()))
 
     gr.cases.save(case, tmp_path / "case.toml")
-    flags = " ".join(flag(key.replace("_", "-"), value) for key, value in (options | STEPS).items()).replace("'", "")
+    flags = " ".join(flag(key.replace("_", "-"), value) for key, value in (options | steps).items()).replace("'", "")
     for line in (f"{name} {flags}", "case.toml"):
         assert granular(f"compare {line} --json out.json")[0] == 0
         written = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
@@ -94,10 +96,33 @@ def test_a_hard_run_that_was_saved_goes_on(motion, tmp_path):
 
 def test_from_which_shaking_on():
     scene = gr.scenes.bouncing_ball(0.01, plate=Sine(1e-5, 50.0))
-    case = gr.Case(scene, gr.LinearDashpot(1e5, 5.0), t_end=0.1, run=STEPS)
+    case = gr.Case(scene, gr.LinearDashpot(1e5, 5.0), t_end=0.1)
     found = gr.threshold(case, "floor.amplitude", (1e-6, 1e-3), "error", points=3, within=0.5)
     assert found.units == "m"
-    assert {value.verdict for value in found.values} <= {"holds", "fails"}
+    for value in found.values:
+        shaken = scene.replace(floor=Sine(value.value, 50.0))
+        assert value.measure == gr.compare(shaken, case.law, t_end=0.1).error
+        assert value.verdict == ("holds" if value.measure <= 0.01 else "fails")
+
+
+def test_up_to_which_shaking_contacts_are_isolated():
+    column = gr.scenes.vibrated_column(2, gamma=1.0, frequency=30.0)
+    case = gr.Case(column, gr.LinearDashpot.from_restitution(0.7, k=1e4, pair=column.pairs[0]), t_end=0.5)
+    found = gr.threshold(case, "floor.amplitude", (1e-4, 1e-2), points=4, within=0.3)
+    for value in found.values:
+        run = gr.md.simulate(column.replace(floor=Sine(value.value, 30.0, column.floor.phase)), case.law, t_end=0.5)
+        assert value.verdict == ("holds" if run.stats["isolated"] == run.stats["contacts"] else "fails")
+
+
+def test_error_against_run_time_of_a_driven_scene(monkeypatch):
+    pytest.importorskip("mpmath")
+    monkeypatch.setattr(methods, "_engine", lambda task, name: "plain")  # errors are asked for, not times
+    scene = gr.scenes.bouncing_ball(0.005, plate=Sine.from_acceleration(2.0, 50.0, phase=1.0))
+    law = gr.LinearDashpot.from_restitution(0.6, k=1e3, pair=scene.pairs[0])
+    report = gr.frontier(scene, law, t_end=0.1, methods=("located", "edmd"), repeats=1)
+    located, hard = (report.of(name)[0] for name in ("located", "edmd"))
+    assert located.velocity_error < 1e-11
+    assert 1e-3 < hard.velocity_error < 1.0
 
 
 @pytest.mark.parametrize("name", ["dop853", "dop853+events"])
