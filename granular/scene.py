@@ -201,7 +201,7 @@ class Scene:
         """Whether a wall moves otherwise than at constant speed."""
         return self.floor is not None or self.ceiling is not None
 
-    @property
+    @cached_property
     def worked(self) -> bool:
         """Whether a wall moves, and so does work on the balls."""
         return self.driven or bool((self.is_wall & (self.velocity != 0.0)).any())
@@ -255,8 +255,10 @@ class Scene:
         motion = self.motions[self._wall == self.n - 1]
         if motion is None:
             return 0.0, 0.0
-        end = start + float(np.max(elapsed))
-        return walls_module.moved(motion.panels(start, math.nextafter(end, math.inf)), start, elapsed)
+        end = start  # paths that last are asked no farther: the end of a run may be a rounding beyond theirs
+        if isinstance(motion, walls_module.Motion):
+            end = math.nextafter(start + float(np.max(elapsed)), math.inf)
+        return walls_module.moved(motion.panels(start, end), start, elapsed)
 
     @property
     def _fall(self) -> float:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._flight import rate_at_contact, time_to_contact
+from granular._flight import rate_at_contact
 from granular._kernels import fitted, kernel, rare
 from granular._records import Record, Records
 from granular.edmd import motion
@@ -49,8 +49,6 @@ OF_BODY = [("push", float), ("own", float)]
 FREE, FLOOR, CEILING = 0, 1, 2
 BOTH = 2
 """`wall` of a pair between what rests on a driven floor and on a driven ceiling."""
-LOOK = 64
-"""Steps after which it is looked at again when the time has come."""
 NEVER = math.inf
 
 
@@ -77,7 +75,7 @@ def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float
     if pair.shut > FREE:
         return opening(pair, walls)  # type: ignore[no-any-return]
     if pair.wall == BOTH:
-        return meeting(pair, walls)  # type: ignore[no-any-return]
+        return NEVER  # they meet when there is no room left: then the run is over
     if pair.wall < 0:
         if walls[0][0].lands and pair.pull != 0.0 and pair.gap == 0.0 and rate_of(pair, lower, upper) == 0.0:
             return NEVER
@@ -120,8 +118,6 @@ def meets(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
 @kernel
 def meets_wall(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
     """Return the rate, not positive, at which a pair beside a driven wall is about to collide."""
-    if pair.wall == BOTH:
-        return min(apart(pair, walls, pair.at + pair.wait)[1], 0.0)
     side, rate = walls[0][pair.wall], rate_of(pair, lower, upper)
     t, tail = side.epoch, side.low + pair.at
     _, w = after(side, walls[1], t, tail, pair.gap, rate, pair.pull, pair.wait)
@@ -205,31 +201,6 @@ def apart(pair: Record, walls: Walls, now: float) -> tuple[float, float]:
     above, ceiling = place(walls, 1, now)
     gap = pair.gap + ((above - place(walls, 1, pair.at)[0]) - (below - place(walls, 0, pair.at)[0]))
     return gap, ceiling - floor
-
-
-@rare
-@kernel
-def meeting(pair: Record, walls: Walls) -> float:
-    """Return when a pair between two driven walls collides, or a time before which it does not: then `wait` is -1.
-
-    A parabola from below, of the largest acceleration there is, never steps over a hit.
-    """
-    floor, ceiling = walls[0][0], walls[0][1]
-    most, s, pair.wait = floor.stiff + ceiling.stiff, 0.0, -1.0
-    closing = floor.velocity - ceiling.velocity
-    if closing <= 0.0 and pair.gap > 2.0 * (floor.extent + ceiling.extent):
-        return NEVER
-    for _ in range(LOOK):
-        gap, rate = apart(pair, walls, pair.at + s)
-        noise = 2.0**-50 * (floor.extent + ceiling.extent + pair.gap)
-        if gap <= noise and rate < 0.0:
-            pair.wait = s
-            return pair.at + s  # type: ignore[no-any-return]
-        step = time_to_contact(max(gap, noise), rate, most)
-        if step == NEVER or pair.at + s + step == pair.at + s:
-            return NEVER
-        s += step
-    return pair.at + s  # type: ignore[no-any-return]
 
 
 @rare

@@ -288,9 +288,6 @@ def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, wall
     Returns the first and the last pair to predict anew.
     """
     on, low, high = pairs[c].shut, c, c
-    if on == FREE:
-        run.clamps += carry(pairs[c], bodies[c], bodies[c + 1], now, walls)
-        return c, c
     same = pairs[c].pull
     if on == FLOOR:
         while low > 0 and pairs[low - 1].pull == same:
@@ -338,7 +335,7 @@ def repull(run: Record, pairs: Records, bodies: Records, first: int, last: int, 
     """Set the closing accelerations of pairs `first` … `last`; of a shut pair, that of all that rests beyond it."""
     for c in range(first, last + 1):
         pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
-        pair.wall, pair.wait = -1, 0.0
+        pair.wall = -1
         if lower.falls == upper.falls == 0.0 and pair.shut == FREE and walls[0][0].panels > 0 and walls[0][1].panels > 0:
             pair.wall = BOTH
         elif lower.falls == 0.0 and walls[0][0].panels > 0 and pair.shut != CEILING:

@@ -41,7 +41,7 @@ def loop(
         if now > edge:
             return LATER
         if walls is not None:
-            if pairs[c].shut > 0 or pairs[c].wait < 0.0:
+            if pairs[c].shut > 0:
                 run.now = now
                 first, last = leave(run, pairs, bodies, c, now, walls)
                 refresh(run, pairs, bodies, queue, first, last, walls)
