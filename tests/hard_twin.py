@@ -1,4 +1,4 @@
-"""An independent twin of driven hard spheres in 30 digits: positions, all pairs, the first of all hits, again and again.
+"""An independent twin of driven hard spheres in 30 digits: positions, all pairs, the first of all hits, over again.
 
 It knows no gaps, no panels, no queue and no rest: a wall is its formula, and a hit is stepped to from below by the
 parabola of the largest acceleration there is.

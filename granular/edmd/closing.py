@@ -57,7 +57,7 @@ class Closing:
 
     def look(self, time: float) -> float:
         """Return `horizon`, having looked as far as `time` in s: step by step, never over it."""
-        until = time - self.start
+        until = time - self.start if time < math.inf else 0.0
         while self.looked <= until and self.horizon == math.inf:
             gap, rate = self._at(self.looked)
             if gap <= MARGIN * self.room and rate <= 0.0:

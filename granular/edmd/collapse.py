@@ -12,7 +12,6 @@ import numpy as np
 from granular._check import Array
 from granular._flight import time_to_contact
 from granular._records import Records, column
-from granular.edmd.motion import approaching
 from granular.edmd.physics import Physics
 from granular.edmd.sorted_queue import Log, SortedQueue
 from granular.edmd.state import APART, BUDGET, LATER, NEAR, RESTS, SPENT, TINY, UNTIL, State, gaps
@@ -104,8 +103,7 @@ def look(
                 run.short = math.ldexp(run.short, -4)
                 run.allowance *= 2
     finish(state, queue)
-    apart = run.stop_pair == APART and queue.kernel(queue.fit(approaching))(state.pairs, state.bodies, 0, run.now, state.walls) < 0
-    return UNTIL if apart else end, verdict
+    return UNTIL if run.stop_pair == APART and queue.apart() else end, verdict
 
 
 def finish(state: State, queue: SortedQueue) -> None:

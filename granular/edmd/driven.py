@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._flight import rate_at_contact, time_to_contact
+from granular._flight import rate_at_contact
 from granular._kernels import fitted, kernel, rare
 from granular._records import Record, Records
 from granular.edmd import motion
@@ -42,15 +42,13 @@ SIDE = np.dtype(
 )  # fmt: skip
 """What kernels know of the floor and of the ceiling, one record each; no panels: it moves at constant speed."""
 OF_PAIR = [("wall", int), ("shut", int), ("wait", float)]
-"""Fields of a pair: beside which driven wall it is (0 floor, 1 ceiling, 2 both, -1 neither); 0 open, 1 or 2 closed for as long
-as its bodies rest on the floor or the ceiling; the time (s) from `at` to its next hit."""
+"""Fields of a pair: beside which driven wall it is (0 floor, 1 ceiling, 2 both, -1 neither); 0 open, 1 or 2 closed for
+as long as its bodies rest on the floor or the ceiling; the time (s) from `at` to its next hit."""
 OF_BODY = [("push", float), ("own", float)]
 """Fields of a body, m/s²: acceleration by forces, and by its own force if nothing holds it."""
 FREE, FLOOR, CEILING = 0, 1, 2
 BOTH = 2
 """`wall` of a pair between what rests on a driven floor and on a driven ceiling."""
-LOOK = 64
-"""Steps after which it is looked at again when the time has come."""
 NEVER = math.inf
 
 
@@ -75,14 +73,14 @@ def rate_of(pair: Record, lower: Record, upper: Record) -> float:
 def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
     """Return the time at which a pair collides, or, if it is shut, opens; inf if it never does."""
     if pair.shut > FREE:
-        return opening(pair, walls)  # type: ignore[no-any-return]
+        return opening(pair, walls)
     if pair.wall == BOTH:
-        return meeting(pair, walls)  # type: ignore[no-any-return]
+        return NEVER  # they meet when there is no room left: then the run is over
     if pair.wall < 0:
         if walls[0][0].lands and pair.pull != 0.0 and pair.gap == 0.0 and rate_of(pair, lower, upper) == 0.0:
             return NEVER
-        return predicted_free(pair, lower, upper, walls)  # type: ignore[no-any-return]
-    return hit(pair, lower, upper, walls)  # type: ignore[no-any-return]
+        return predicted_free(pair, lower, upper, walls)
+    return hit(pair, lower, upper, walls)
 
 
 @rare
@@ -99,7 +97,7 @@ def hit(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
 def opening(pair: Record, walls: Walls) -> float:
     """Return the time at which a shut pair opens: nothing presses it any more, or the velocity of its wall jumps."""
     if pair.wall < 0:
-        return pair.at if pair.pull < 0.0 else NEVER  # type: ignore[no-any-return]
+        return pair.at if pair.pull < 0.0 else NEVER
     side = walls[0][pair.wall]
     wait, rate = lift_off(side, walls[1], side.epoch, side.low + pair.at, pair.pull, NEVER)
     time = pair.at + wait
@@ -112,16 +110,14 @@ def opening(pair: Record, walls: Walls) -> float:
 def meets(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
     """Return the rate, not positive, at which a pair is about to collide."""
     if pair.wall < 0:
-        return rate_at_contact(pair.gap, (upper.u - lower.u) - pair.pull * pair.at, pair.pull)  # type: ignore[no-any-return]
-    return meets_wall(pair, lower, upper, walls)  # type: ignore[no-any-return]
+        return rate_at_contact(pair.gap, (upper.u - lower.u) - pair.pull * pair.at, pair.pull)
+    return meets_wall(pair, lower, upper, walls)
 
 
 @rare
 @kernel
 def meets_wall(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
     """Return the rate, not positive, at which a pair beside a driven wall is about to collide."""
-    if pair.wall == BOTH:
-        return min(apart(pair, walls, pair.at + pair.wait)[1], 0.0)
     side, rate = walls[0][pair.wall], rate_of(pair, lower, upper)
     t, tail = side.epoch, side.low + pair.at
     _, w = after(side, walls[1], t, tail, pair.gap, rate, pair.pull, pair.wait)
@@ -139,12 +135,12 @@ def touches(pair: Record, lower: Record, upper: Record, now: float, walls: Walls
     if pair.shut > FREE:
         return True
     if pair.wall == BOTH:
-        return apart(pair, walls, now)[0] <= 0.0  # type: ignore[no-any-return]
+        return apart(pair, walls, now)[0] <= 0.0
     if pair.wall < 0:
-        return touches_free(pair, lower, upper, now, walls)  # type: ignore[no-any-return]
+        return touches_free(pair, lower, upper, now, walls)
     side, rate = walls[0][pair.wall], rate_of(pair, lower, upper)
     t, tail = side.epoch, side.low + pair.at
-    return after(side, walls[1], t, tail, pair.gap, rate, pair.pull, now - pair.at)[0] <= 0.0  # type: ignore[no-any-return]
+    return after(side, walls[1], t, tail, pair.gap, rate, pair.pull, now - pair.at)[0] <= 0.0
 
 
 @kernel
@@ -154,8 +150,8 @@ def carry(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) 
         pair.at = now
         return 0
     if pair.wall < 0:
-        return carry_free(pair, lower, upper, now, walls)  # type: ignore[no-any-return]
-    return carry_beside(pair, lower, upper, now, walls)  # type: ignore[no-any-return]
+        return carry_free(pair, lower, upper, now, walls)
+    return carry_beside(pair, lower, upper, now, walls)
 
 
 @rare
@@ -209,36 +205,11 @@ def apart(pair: Record, walls: Walls, now: float) -> tuple[float, float]:
 
 @rare
 @kernel
-def meeting(pair: Record, walls: Walls) -> float:
-    """Return when a pair between two driven walls collides, or a time before which it does not: then `wait` is -1.
-
-    A parabola from below, of the largest acceleration there is, never steps over a hit.
-    """
-    floor, ceiling = walls[0][0], walls[0][1]
-    most, s, pair.wait = floor.stiff + ceiling.stiff, 0.0, -1.0
-    closing = floor.velocity - ceiling.velocity
-    if closing <= 0.0 and pair.gap > 2.0 * (floor.extent + ceiling.extent):
-        return NEVER
-    for _ in range(LOOK):
-        gap, rate = apart(pair, walls, pair.at + s)
-        noise = 2.0**-50 * (floor.extent + ceiling.extent + pair.gap)
-        if gap <= noise and rate < 0.0:
-            pair.wait = s
-            return pair.at + s  # type: ignore[no-any-return]
-        step = time_to_contact(max(gap, noise), rate, most)
-        if step == NEVER or pair.at + s + step == pair.at + s:
-            return NEVER
-        s += step
-    return pair.at + s  # type: ignore[no-any-return]
-
-
-@rare
-@kernel
 def presses(pair: Record, walls: Walls) -> bool:
     """Return whether a ball that touches a driven wall, at the time of their pair, is pressed on it."""
     side = walls[0][pair.wall]
     now = state(side, walls[1], side.epoch, side.low + pair.at, 0.0, 0.0, pair.pull)
-    return opens(side, walls[1][now[2]], now, 0.0, 0.0) == 0.0  # type: ignore[no-any-return]
+    return opens(side, walls[1][now[2]], now, 0.0, 0.0) == 0.0
 
 
 @rare
@@ -250,10 +221,10 @@ def rate_at(pair: Record, lower: Record, upper: Record, now: float, walls: Walls
     if pair.wall < 0:
         return (upper.u - lower.u) - pair.pull * now  # type: ignore[no-any-return]
     if pair.wall == BOTH:
-        return apart(pair, walls, now)[1]  # type: ignore[no-any-return]
+        return apart(pair, walls, now)[1]
     side, rate = walls[0][pair.wall], rate_of(pair, lower, upper)
     t, tail = side.epoch, side.low + pair.at
-    return after(side, walls[1], t, tail, pair.gap, rate, pair.pull, now - pair.at)[1]  # type: ignore[no-any-return]
+    return after(side, walls[1], t, tail, pair.gap, rate, pair.pull, now - pair.at)[1]
 
 
 @kernel

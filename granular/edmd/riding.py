@@ -73,7 +73,7 @@ def event(
 @kernel
 def held(body: Record) -> bool:
     """Return whether a ball rests on a wall, or is pressed against others by forces."""
-    return at_rest(body) or body.push != body.own  # type: ignore[no-any-return]
+    return at_rest(body) or body.push != body.own
 
 
 @kernel
@@ -155,7 +155,7 @@ def bind(
         enter(bodies[c], bodies[c + 1], exchanged, -0.5 * w * exchanged, walls)
         for i in range(b, e + 1):
             bodies[i].u, bodies[i].push = u, push
-    return again(run, pairs, bodies, first, last, walls) + (exchanged,)
+    return (*again(run, pairs, bodies, first, last, walls), exchanged)
 
 
 @rare
@@ -190,7 +190,7 @@ def common(bodies: Records, b: int, e: int) -> float:
 @rare
 @kernel
 def share(bodies: Records, c: int, first: int, last: int) -> None:
-    """Give all balls that now move as one with pair `c`, among those of pairs `first` … `last`, the noise of the pair."""
+    """Give all balls that now move as one with pair `c`, among those of pairs `first` … `last`, its noise."""
     noise = max(bodies[c].noise, bodies[c + 1].noise)
     for i in range(first, last + 2):
         body = bodies[i]
@@ -288,9 +288,6 @@ def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, wall
     Returns the first and the last pair to predict anew.
     """
     on, low, high = pairs[c].shut, c, c
-    if on == FREE:
-        run.clamps += carry(pairs[c], bodies[c], bodies[c + 1], now, walls)
-        return c, c
     same = pairs[c].pull
     if on == FLOOR:
         while low > 0 and pairs[low - 1].pull == same:
@@ -338,13 +335,9 @@ def repull(run: Record, pairs: Records, bodies: Records, first: int, last: int, 
     """Set the closing accelerations of pairs `first` … `last`; of a shut pair, that of all that rests beyond it."""
     for c in range(first, last + 1):
         pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
-        pair.wall, pair.wait = -1, 0.0
-        if lower.falls == upper.falls == 0.0 and pair.shut == FREE and walls[0][0].panels > 0 and walls[0][1].panels > 0:
-            pair.wall = BOTH
-        elif lower.falls == 0.0 and walls[0][0].panels > 0 and pair.shut != CEILING:
-            pair.wall = 0
-        elif upper.falls == 0.0 and walls[0][1].panels > 0 and pair.shut != FLOOR:
-            pair.wall = 1
+        below = lower.falls == 0.0 and walls[0][0].panels > 0 and pair.shut != CEILING
+        above = upper.falls == 0.0 and walls[0][1].panels > 0 and pair.shut != FLOOR
+        pair.wall = BOTH if below and above else 0 if below else 1 if above else -1
         if pair.shut == FLOOR:
             top = c + 1
             while top < len(pairs) and pairs[top].shut == FLOOR:

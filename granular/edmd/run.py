@@ -108,7 +108,7 @@ class Run:
         state, seen = self.state, self.events
         while last or time > self.request.start:
             if self.scene.driven:
-                self.horizon = self.closing.look(min(time, state.time(state.clock.window)))
+                self.horizon = self.closing.look(min(time, float(state.time(state.clock.window))))
             limit, before = state.tau(min(time, self.horizon)), self.events
             if time >= self.horizon and limit <= state.run.now:
                 return Pause.collapse
@@ -120,6 +120,8 @@ class Run:
             if why == LATER:
                 due = math.inf if state.near is not None else self.queue.soonest()
                 if due > limit or due == math.inf:
+                    if self._meet_before(time):
+                        continue
                     return self._reached(time, limit)
                 state.shift_to(due, lambda kernel: self.queue.kernel(self.queue.fit(kernel)))
                 self.queue.rebuild()
@@ -130,6 +132,13 @@ class Run:
             if self.events - seen >= LOOK:
                 return Pause.full
         return Pause.reached
+
+    def _meet_before(self, time: float) -> bool:
+        """Return whether driven walls are now found to meet before `time`, as they were not yet."""
+        known = self.horizon
+        if self.scene.driven and time < known:
+            self.horizon = self.closing.look(min(time, self.request.end))
+        return self.horizon < known
 
     def _reached(self, time: float, limit: float) -> Pause:
         """Stand at `time`, tau = `limit`, or where the walls leave no room, since nothing happens before."""

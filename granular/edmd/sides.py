@@ -21,14 +21,15 @@ from granular.walls.panels import PANEL
 
 def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
     """Return records of both walls, `SIDE`, and of the panels of both."""
-    sides, panels = np.zeros(2, SIDE), []
+    sides = np.zeros(2, SIDE)
+    panels: list[Any] = []
     for which, body in ((0, 0), (1, scene.n - 1)):
         sides["velocity"][which] = scene.velocity[body] if scene.is_wall[body] else 0.0
         path = moving.path_of(scene.motions[which])
         if path is not None:
             one, rows = path.records(
                 1.0 - 2.0 * which, start=float(scene.position[body]), velocity=float(scene.velocity[body]),
-                t_start=t_start, first=sum(map(len, panels)),
+                t_start=t_start, first=sum(len(rows) for rows in panels),
             )  # fmt: skip
             for name in one.dtype.names or ():
                 sides[name][which] = one[name][0]

@@ -40,12 +40,11 @@ def loop(
         now, c = head(queue)
         if now > edge:
             return LATER
-        if walls is not None:
-            if pairs[c].shut > 0 or pairs[c].wait < 0.0:
-                run.now = now
-                first, last = leave(run, pairs, bodies, c, now, walls)
-                refresh(run, pairs, bodies, queue, first, last, walls)
-                continue
+        if walls is not None and pairs[c].shut > 0:
+            run.now = now
+            first, last = leave(run, pairs, bodies, c, now, walls)
+            refresh(run, pairs, bodies, queue, first, last, walls)
+            continue
         if c == stop and pairs[c].hits >= run.stop_hits:
             run.now = now
             return UNTIL
@@ -157,6 +156,12 @@ class SortedQueue:
         """Return the time of the next event of any pair outside `first` … `last`."""
         return float(next(time for time, key in self.queue[0] if not first <= (key & MASK) <= last))
 
+    def apart(self) -> bool:
+        """Return whether no pair approaches."""
+        s = self.state
+        first: int = self.kernel(self.fit(approaching))(s.pairs, s.bodies, 0, s.run.now, s.walls)
+        return first < 0
+
     def advance(self, edge: float, budget: int, log: Log | None) -> int:
         """Let events up to and including time `edge` act, `budget` of them or one more group, appending them to `log`.
 
@@ -168,14 +173,15 @@ class SortedQueue:
             begin = run["events"]
             rows = None if log is None else self.rows(enough - begin)
             run["edge"], run["budget"] = edge, enough - begin if rows is None else len(rows)
-            why: int = self.kernel(self.fit(self.loop))(run, s.pairs, s.bodies, self.queue, self.physics.rule, rows, None, s.walls)
+            rule, go = self.physics.rule, self.kernel(self.fit(self.loop))
+            why: int = go(run, s.pairs, s.bodies, self.queue, rule, rows, None, s.walls)
             if log is not None and rows is not None:
                 log.append(rows[: run["events"] - begin].copy())
             if why != TOUCHING:
                 return why
             why, first, last = collide_as_one(s, self.physics, self.fit, log)
             self.refresh(first, last)
-            if why == TOUCHING and run.stop_pair == APART and self.fit(approaching)(s.pairs, s.bodies, 0, run.now, s.walls) < 0:
+            if why == TOUCHING and run.stop_pair == APART and self.apart():
                 why = UNTIL
             if why != TOUCHING:
                 return why

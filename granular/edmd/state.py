@@ -13,7 +13,6 @@ import numpy as np
 
 from granular._check import Array
 from granular._records import Record, Records, column, copied, one, packed, plain
-
 from granular.edmd import account, sides
 from granular.edmd.driven import OF_BODY, OF_PAIR, synchronise
 from granular.edmd.motion import rebase
@@ -67,7 +66,8 @@ RUN = np.dtype(
 CLOCK = np.dtype(
     [
         ("start", float), ("epoch", float), ("epoch_low", float),  # s: the first row; the zero of tau
-        ("length", float), ("window", float),  # m, the mean gap at the start, the largest so far if driven; s, 2^k, grows as balls slow down
+        ("length", float),  # m, the mean gap at the start, the largest so far if driven
+        ("window", float),  # s, 2^k, grows as balls slow down
         ("speed", float), ("fall", float),  # m/s, scale of relative velocities, never below what falling `length` gives
         ("strength", float),  # m/s², the largest acceleration of a ball
         ("rebases", int), ("zooms", int), ("lost", int),  # closer looks, and rates lost to rounding in them
@@ -121,13 +121,14 @@ class State:
         pairs["pull"] = g * scene.across(bodies["falls"])
         pairs["low"], pairs["high"] = shares(scene)
         speed, fall, length = scales(scene)
-        window, remedied = span(length, speed, strongest(scene)), any(options[x] > 0.0 for x in ("tc", "elastic_below", "merge_below"))
+        strength, remedied = strongest(scene), any(options[x] > 0.0 for x in ("tc", "elastic_below", "merge_below"))
+        window = span(length, speed, strength)
         state = cls(plain(np.zeros(1, RUN))[0], plain(np.zeros(1, CLOCK))[0], pairs, bodies, None, walls)
         state.set(
             pairs=len(pairs), gravity=g, tc=options["tc"], elastic_below=options["elastic_below"],
             merge_below=options["merge_below"], order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
-            start=t_start, epoch=t_start, strength=strongest(scene), length=length, window=window, fall=fall, short=math.ldexp(window, -30),
-            stop_pair=NEVER, suspect=-1, allowance=20_000,
+            start=t_start, epoch=t_start, strength=strength, length=length, window=window, fall=fall,
+            short=math.ldexp(window, -30), stop_pair=NEVER, suspect=-1, allowance=20_000,
             slow=-1.0 if remedied or scene.driven or physics.eps.min() == 1.0 else 0.0,  # no collapse is possible
         )  # fmt: skip
         state.scale(speed)

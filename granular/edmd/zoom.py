@@ -14,8 +14,8 @@ import math
 from granular._flight import gap_after, rate_at_contact, time_to_contact
 from granular._kernels import kernel
 from granular._records import Record, Records
-from granular.edmd.collision import total
 from granular.edmd.account import book
+from granular.edmd.collision import total
 from granular.edmd.motion import Walls, impulse, velocities
 from granular.edmd.physics import Restitution
 from granular.edmd.state import BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL

@@ -63,7 +63,7 @@ def fastest(motion: Any) -> float:
 
 def path_of(motion: Any) -> Panels | None:
     """Return the panels of a motion that is `fitted`; None of a wall that has none."""
-    return motion if motion is None or isinstance(motion, Panels) else motion._panels  # type: ignore[no-any-return]
+    return motion if motion is None or isinstance(motion, Panels) else motion._panels
 
 
 def moved(panels: Panels, start: float, elapsed: Any) -> tuple[Any, Any]:
