@@ -171,8 +171,9 @@ class Trajectory:
             In J: *energy* (T,), see `energy`; *work* (T, 2) that the first and the last body, if they are walls, have
             done on the balls since the start, ∫ F ẋ_w dt; *heat* (T, 2) that they have given; *dissipated* (T,) in
             contacts. Where walls move each is accumulated by itself, with the rounding of its sum carried along; where
-            none does, what is dissipated is what is lost. All but the energy is nan where walls move and nobody has
-            counted: in runs saved before there was an account.
+            none does, what is dissipated is what is lost. Under a fixed time step it is constant to the order of the
+            method only. All but the energy is nan where walls move and nobody has counted: in runs saved before there
+            was an account.
         """
         energy = self.energy()
         if self.ledger is None:

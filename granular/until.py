@@ -46,7 +46,10 @@ def contact(pair: int, nth: int = 1) -> Contact:
 
 
 def separated() -> Separated:
-    """Stop when, after at least one contact, every pair is open and none approaches."""
+    """Stop when, after at least one contact, every pair is open and none approaches.
+
+    That is said of the moment: gravity, a force or a driven wall may bring them together again.
+    """
     return Separated()
 
 

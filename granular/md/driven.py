@@ -104,32 +104,36 @@ def arrive(physics: Any, lo: int, m: int, speed: int, a: Any) -> None:
 
 
 @kernel
-def book(physics: Any, first: int, stop: int, lo: int, a: Any) -> None:
-    """Add to the account of the pairs from `first` to before `stop` what a step has done."""
-    dt, floor, ceiling, last = physics.dt, physics.walls.drive[0], physics.walls.drive[1], physics.walls.last
-    for c in range(first, stop):
-        j = c - lo + 1
-        x0, x1 = a.was_xi[j], a.xi[j]
-        if x0 > 0.0 or x1 > 0.0:
-            u0, u1 = a.was_v[j] - a.was_v[j + 1], a.v[j] - a.v[j + 1]
-            x, u = 0.5 * (x0 + x1) + 0.125 * dt * (u0 - u1), 1.5 * (x1 - x0) / dt - 0.25 * (u0 + u1)
-            raw = force(physics, lo, j - 1, x, u, a)
-            f0, f1 = a.was_raw[j] if a.was_raw[j] > 0.0 else 0.0, a.raw[j] if a.raw[j] > 0.0 else 0.0
-            f = raw if raw > 0.0 else 0.0
-            if c == 0:
-                work = f0 * floor[START] + 4.0 * f * floor[MIDDLE] + f1 * floor[END]
-                a.work[j], low = total(a.work[j], work * dt / 6.0)
-                a.work_low[j] += low
-            if c == last - 1:
-                work = f0 * ceiling[START] + 4.0 * f * ceiling[MIDDLE] + f1 * ceiling[END]
-                a.work[j + 1], low = total(a.work[j + 1], -work * dt / 6.0)
-                a.work_low[j + 1] += low
-            if not physics.memory:
-                f0 -= force(physics, lo, j - 1, x0, 0.0, a)
-                f -= force(physics, lo, j - 1, x, 0.0, a)
-                f1 -= force(physics, lo, j - 1, x1, 0.0, a)
-            a.lost[j], low = total(a.lost[j], (f0 * u0 + 4.0 * f * u + f1 * u1) * dt / 6.0)
-            a.lost_low[j] += low
+def book(physics: Any, lo: int, m: int, a: Any) -> None:
+    """Add to the account of a window of `m` pairs what a step has done."""
+    dt, elastic = physics.dt, 0.0 if physics.memory else 1.0
+    for j in range(m):
+        f0, f, f1, x, u0, u, u1 = pushes(physics, lo, j, a)
+        f0 -= elastic * force(physics, lo, j, a.was_xi[j + 1], 0.0, a)
+        f -= elastic * force(physics, lo, j, x, 0.0, a)
+        f1 -= elastic * force(physics, lo, j, a.xi[j + 1], 0.0, a)
+        a.lost[j + 1], low = total(a.lost[j + 1], (f0 * u0 + 4.0 * f * u + f1 * u1) * (dt / 6.0))
+        a.lost_low[j + 1] += low
+    for end in range(2):
+        place, row = (0, 0) if end == 0 else (m - 1, m)
+        if lo + row == end * physics.walls.last:
+            f0, f, f1, _, _, _, _ = pushes(physics, lo, place, a)
+            wall, sixth = physics.walls.drive[end], (1.0 - 2.0 * end) * dt / 6.0
+            done = (f0 * wall[START] + 4.0 * f * wall[MIDDLE] + f1 * wall[END]) * sixth
+            a.work[row + 1], low = total(a.work[row + 1], done)
+            a.work_low[row + 1] += low
+
+
+@kernel
+def pushes(physics: Any, lo: int, j: int, a: Any) -> tuple[float, float, float, float, float, float, float]:
+    """Return the forces of pair j at the start, in the middle and at the end of a step, the overlap in its middle, and
+    the rates at the start, in the middle and at the end."""
+    dt, x0, x1 = physics.dt, a.was_xi[j + 1], a.xi[j + 1]
+    u0, u1 = a.was_v[j + 1] - a.was_v[j + 2], a.v[j + 1] - a.v[j + 2]
+    x, u = 0.5 * (x0 + x1) + 0.125 * dt * (u0 - u1), 1.5 * (x1 - x0) / dt - 0.25 * (u0 + u1)
+    raw = force(physics, lo, j, x, u, a)
+    f0, f1 = a.was_raw[j + 1] if a.was_raw[j + 1] > 0.0 else 0.0, a.raw[j + 1] if a.raw[j + 1] > 0.0 else 0.0
+    return f0, raw if raw > 0.0 else 0.0, f1, x, u0, u, u1
 
 
 def next_touch(walls: Walls, t: float, tail: float, x: Any, pull: Any, within: float) -> float:

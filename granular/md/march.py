@@ -66,7 +66,7 @@ def leap(physics: Any, here: Any, there: Any, work: Any, k: int, reach: int, wit
             if physics.memory:
                 remember(right, a)
             if WORKED:
-                book(physics, first, stop, lo, a)
+                book(physics, lo, right, a)
             flags |= now
             if witness != -2 and now & CHANGED:
                 if physics.logged and not local(first, stop, lo, work.was, work.rows, work):

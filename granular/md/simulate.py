@@ -51,7 +51,7 @@ def simulate(
     tol: float = 1e-16,
     disturbed: str = "resolve",
 ) -> Trajectory:
-    """Run a scene as soft spheres: m_i a_i = F_(i-1) - F_i - m_i g, with F = max(0, law) where ξ > 0, else 0.
+    """Run a scene as soft spheres: m_i a_i = F_(i-1) - F_i - m_i g + f_i, with F = max(0, law) where ξ > 0, else 0.
 
     Parameters
     ----------
@@ -61,7 +61,8 @@ def simulate(
         One for all pairs, or one per pair from the bottom up.
     t_end, until : float, stop condition, optional
         End time in s, and a condition from `granular.until`. Without either the run goes on until nothing can
-        follow, or to the limits below. Walls that move towards each other need a `t_end` before they meet.
+        follow, or to the limits below; beside driven walls one of them is needed. Walls that move towards each other
+        need a `t_end` before they meet.
     t_start : float
         Time in s of the scene's instant.
     samples : None, int or array
@@ -113,6 +114,13 @@ def simulate(
     for "symplectic-euler" under every damped law (2 without damping), 2 for "verlet". "gear5" starts every contact,
     also one that is there from the start, without the higher derivatives of its velocities, hence with order 2. Time:
     of "located", O(contacts); of a fixed-step method, O(pairs) per step.
+
+    Constant forces and driven walls (`Scene.external_force`, `floor`, `ceiling`) so far need a fixed-step method. In a
+    step such a wall drifts by the difference of two places on its path, and forces see its velocity there, so all
+    orders above stay; where the velocity of the path jumps within a step, the step is of order 1. While all pairs are
+    open the balls fly to the next touch, found on the path itself. Where walls move, the ledger behind
+    `Trajectory.account` is summed by Simpson's rule in each step: the account closes to the order of the method only,
+    and to 1 + s at onsets and ends; what is dissipated is nan while a law with memory pushes.
     """
     laws = checked_laws(law, checked(scene))
     start = _check.number("t_start", t_start)

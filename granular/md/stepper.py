@@ -181,7 +181,7 @@ class Stepper:
         return self.there
 
     def account(self, x: Any, xi: Array) -> Array:
-        """What is kept of the energy in rows `x` in J where walls move, see `granular.drive.Row`; `xi` are the overlaps.
+        """What is kept of the energy in rows `x` in J where walls move, see `granular.drive.Row`; `xi`: overlaps.
 
         What laws with memory dissipate is known while all pairs are open.
         """

@@ -73,6 +73,9 @@ class Motion(Protocol):
     def settle(self, c: int, what: str) -> None:
         """Take note of an event of pair c, whose mode is still the old one."""
 
+    def account(self) -> tuple[Number, ...] | None:
+        """Work of the floor and of the ceiling, and what was dissipated, in J; None if that is not known."""
+
 
 class Run:
     """One run under way: `motion` moves, the run deals with events."""
@@ -90,8 +93,10 @@ class Run:
             status = self.step()
         motion = self.motion
         gap, v = tuple(-motion.now(c, "overlap") for c in self.pairs), [motion.bodies(c) for c in self.pairs]
-        return Reference(self.log.contacts(), float(motion.t), status, solver,
-                         gap=gap, velocity=(*(lower for lower, _ in v), v[-1][1]))  # fmt: skip
+        velocity, account = (*(lower for lower, _ in v), v[-1][1]), motion.account()
+        return Reference(
+            self.log.contacts(), float(motion.t), status, solver, gap=gap, velocity=velocity, account=account
+        )
 
     def launch(self, c: int) -> bool:
         """Begin the contact of pair c if it is there at the start; return whether that ends the run."""

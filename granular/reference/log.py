@@ -57,6 +57,8 @@ class Reference:
         Estimated error of contact times in units of the longest contact.
     gap, velocity : tuple of numbers
         Gaps in m and velocities in m/s when it ended.
+    account : tuple of numbers or None
+        By series where walls move, in J until then: work of the floor, of the ceiling, and what was dissipated.
     """
 
     contacts: tuple[ReferenceContact, ...]
@@ -67,6 +69,7 @@ class Reference:
     time_error: float = math.nan
     gap: tuple[Any, ...] = field(default=(), repr=False)
     velocity: tuple[Any, ...] = field(default=(), repr=False)
+    account: tuple[Any, ...] | None = field(default=None, repr=False)
 
     @property
     def impact_speed(self) -> float:
@@ -128,7 +131,7 @@ def roused(modes: Sequence[str], pull: Sequence[Any]) -> list[bool]:
 
 
 def distance(one: Reference, other: Reference, convert: Any = float) -> tuple[float, float]:
-    """Largest differences of velocities after each pair's last contact, and of contact times, as in `Reference`.
+    """Largest differences of velocities after contacts and at an end time, and of contact times, as in `Reference`.
 
     Infinite if the contacts are not the same.
     """
@@ -138,6 +141,8 @@ def distance(one: Reference, other: Reference, convert: Any = float) -> tuple[fl
     ended = [(a, b) for a, b in both if a.t_end is not None]
     times = [(a.t_begin, b.t_begin) for a, b in both] + [(a.t_end, b.t_end) for a, b in ended]
     speeds = [pair for a, b in ended for pair in zip(a.v_out, b.v_out, strict=True)]
+    if one.status == other.status == "time":
+        speeds += zip(one.velocity, other.velocity, strict=True)
     v_error, t_error = (
         max((float(abs(convert(x) - convert(y))) for x, y in numbers), default=0.0) for numbers in (speeds, times)
     )

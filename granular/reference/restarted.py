@@ -216,6 +216,9 @@ class Restarted(Newton):
         elif what != "release":
             self.loading[c] = True
 
+    def account(self) -> None:
+        """Nothing is kept of the energy."""
+
 
 class TooMuchWork(RuntimeError):
     """A solver was stopped because it needed too many evaluations."""

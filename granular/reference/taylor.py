@@ -21,7 +21,7 @@ from itertools import pairwise
 from typing import Any
 
 from granular import until as stop
-from granular.reference.driven import Course, paths
+from granular.reference.driven import Course, Path, paths
 from granular.reference.events import Run, Watch
 from granular.reference.log import ACTIVE, CLOSED, DORMANT, OPEN, Reference
 from granular.reference.series import Number, Power, first_rise, first_rise_of_parabola, product_term, value
@@ -91,6 +91,7 @@ class Taylor:
             self.fall = [a + w * f for a, w, f in zip(self.fall, self.w, forces, strict=True)]
         self.v = [mp.mpf(v) for v in scene.velocity.tolist()]
         self.paths, self.own = paths(mp, scene), list(self.v)
+        self.work, self.pushed = [mp.zero, mp.zero] if scene.worked else None, mp.zero
         self.touches = [self.touch(form, gap) for form, gap in zip(forms, scene.gap.tolist(), strict=True)]
         self.mode = [OPEN] * len(self.touches)
         self.window = max(6, *(round(a.q * (1 + a.p)) for a in self.touches))
@@ -98,6 +99,7 @@ class Taylor:
         self.speed = max([mp.zero, *(path.fastest for path in self.paths.values())])
         self.guide()
         self.remember_speed()
+        self.stored = self.elastic()
 
     @property
     def driven(self) -> bool:
@@ -258,27 +260,53 @@ class Taylor:
         if x == 0:
             return
         mp = self.mp
+        if self.work is not None:
+            self.book(piece, x)
         for a, series in zip(self.touches, piece.x, strict=True):
             a.xi, a.exact = value(mp, series, x), False
         self.v = [value(mp, series, x) for series in piece.v]
         self.t += value(mp, piece.t, x)
 
+    def book(self, piece: Piece, x: Number) -> None:
+        """Add what forces do up to x of the piece: on overlaps, and for the walls."""
+        assert self.work is not None
+        rho, last = [j * a for j, a in enumerate(piece.t)][1:], len(self.touches) - 1
+        for c, force in piece.force.items():
+            if force.active:
+                self.pushed += self.done(force.terms, piece.rate[c], rho, x)
+                for side, b in ((0, 0), (1, last + 1)):
+                    if c == side * last and not self.w[b]:
+                        self.work[side] += (1 - 2 * side) * self.done(force.terms, piece.v[b], rho, x)
+
+    def done(self, force: list[Number], v: list[Number], rho: list[Number], x: Number) -> Number:
+        """∫ F v dt up to x."""
+        mp, n = self.mp, len(force)
+        power = [product_term(mp, force, v, j) for j in range(n)]
+        return value(mp, [mp.zero, *(product_term(mp, rho, power, j) / (j + 1) for j in range(n))], x)
+
+    def elastic(self) -> Number:
+        """Σ U(ξ) in J."""
+        closed = [a for a in self.touches if a.xi > 0]
+        return sum((a.k * self.mp.power(a.xi, a.p + 1) / (a.p + 1) for a in closed), self.mp.zero)
+
+    def account(self) -> tuple[Number, ...] | None:
+        """Work of the floor and of the ceiling, and what was dissipated, in J; None where no wall moves."""
+        return None if self.work is None else (*self.work, self.pushed - (self.elastic() - self.stored))
+
     def soar(self, end: Number) -> bool:
-        """Move on at once, and return true, while no wall comes near balls that fly, if that is a good part of a turn."""
-        if not self.paths or any(mode != OPEN for mode in self.mode):
+        """Move on at once, and return true, while no wall comes near flying balls; a good part of a turn at least."""
+        room = [path.above(self.t, side) for _, side, path in self.sides()]
+        if not room or self.mp.inf in room or any(mode != OPEN for mode in self.mode):
             return False
-        sides = [(b, path, (0, 1) if b == 0 else (len(self.mode) - 1, -1)) for b, path in self.paths.items()]
-        flights = [[a.xi, self.now(c, "rate"), (self.fall[c] - self.fall[c + 1]) / 2] for c, a in enumerate(self.touches)]
-        for _, path, (c, side) in sides:
-            flights[c][1] -= side * path.rates(self.t)[0]
-        nearest = [list(p) for p in flights]
-        for _, path, (c, side) in sides:
-            nearest[c][0] += path.above(self.t, side)
-        times = [first_rise_of_parabola(self.mp, p) for p in nearest]
-        dt = min([end - self.t, *(t * self.mp.mpf(SURE) for t in times if t is not None)])
-        if not min(path.until(self.t) - self.t for _, path, _ in sides) / 4 < dt < self.mp.inf:
+        flights = self.flights()
+        for (c, _, _), above in zip(self.sides(), room, strict=True):
+            flights[c][0] += above
+        times = [first_rise_of_parabola(self.mp, p) for p in flights]
+        dt = min([end - self.t, *(self.mp.mpf(SURE) * t for t in times if t is not None)])
+        if not min(path.until(self.t) - self.t for _, _, path in self.sides()) / 4 < dt < self.mp.inf:
             return False
-        for _, path, (c, side) in sides:
+        flights = self.flights()
+        for c, side, path in self.sides():
             flights[c][0] += side * (path.moved(self.t + dt) - path.moved(self.t))
         for a, (xi, rate, half) in zip(self.touches, flights, strict=True):
             a.xi = xi + dt * (rate + dt * half)
@@ -286,6 +314,18 @@ class Taylor:
         self.t = self.mp.mpf(end) if dt == end - self.t else self.t + dt
         self.guide()
         return True
+
+    def sides(self) -> list[tuple[int, int, Path]]:
+        """The pairs beside driven walls, to which side these push, 1 upwards, and their paths."""
+        return [(0, 1, path) if b == 0 else (b - 1, -1, path) for b, path in self.paths.items()]
+
+    def flights(self) -> list[list[Number]]:
+        """The parabolas of overlaps without forces, were driven walls at their constant velocities."""
+        halves = [(lower - upper) / 2 for lower, upper in pairwise(self.fall)]
+        out = [[a.xi, self.now(c, "rate"), half] for c, (a, half) in enumerate(zip(self.touches, halves, strict=True))]
+        for c, side, path in self.sides():
+            out[c][1] -= side * path.rates(self.t)[0]
+        return out
 
     def fly(self, dt: Number) -> None:
         """Move on without forces for `dt` in s."""
