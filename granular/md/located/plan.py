@@ -17,7 +17,17 @@ from granular.md.located.events import locate
 from granular.md.located.pieces import piece_time, power
 from granular.md.located.resting import LONG
 from granular.md.located.series import expand, expand_linear, expand_two
-from granular.md.located.step_size import REACH, choose_clock, fastest_rate, growth, left_out, measure, scale, trusted
+from granular.md.located.step_size import (
+    REACH,
+    choose_clock,
+    fastest_rate,
+    growth,
+    left_out,
+    measure,
+    run_off_time,
+    scale,
+    trusted,
+)
 from granular.md.located.system import EDGE, NOTHING
 
 
@@ -53,7 +63,9 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
     fastest = fastest_rate(pairs, pool, lo, hi)
     block.linear, block.clock = 1 if fastest >= 0.0 else 0, 1
     if block.linear == 1:
-        block.h = REACH / fastest if reach == math.inf or fastest * reach > REACH else reach
+        if fastest == 0.0 and reach == math.inf:
+            reach = run_off_time(pairs, pool, lo, hi)
+        block.h = REACH / fastest if fastest * reach > REACH else reach
     else:
         measure(pairs, pool, lo, hi)
         block.clock = choose_clock(pairs, pool, lo, hi)

@@ -36,6 +36,7 @@ from granular.md.located.system import (
     with_room_for_a_table,
 )
 from granular.md.located.tables import answer, make_table
+from granular.md.located.wall_paths import check_room
 from granular.md.rows import CONTACT_ROW
 from granular.request import Request
 from granular.scene import Scene
@@ -147,6 +148,7 @@ class Run:
         why, counters = self.kernels(blocks.advance)(self.s, limit, chunk, self.collocation), self.counters
         reached = why == blocks.REACHED or (why == blocks.QUIET and limit < math.inf)
         self.now = limit if reached else float(counters.t)
+        check_room(self.scene, self.s.walls, self.now, self.request.end)
         if why == blocks.WANTS_TABLE:
             self.s = with_room_for_a_table(self.s)
             make_table(self.s, self.collocation, self.kernels)

@@ -16,8 +16,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from granular._flight import time_to_contact
 from granular._kernels import kernel
-from granular.md.located.pieces import DRIFT, elapsed, power
+from granular.md.located.pieces import DRIFT, elapsed, force_returns, power
 from granular.md.located.series import works
 from granular.md.located.system import ACTIVE, DAMPED, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, STEEPEST
 
@@ -51,6 +52,17 @@ def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int) -> float:
             b = max(b, pair.lower * g0 + pair.inverse * pair.gamma + pair.upper * g1)
         k0, g0 = works(pair) * pair.k, works(pair) * pair.gamma
     return 0.5 * (b + math.sqrt(b * b + 4.0 * a))
+
+
+@kernel
+def run_off_time(pairs: Any, pool: Any, lo: int, hi: int) -> float:
+    """Return a time in s for which to follow linear pairs of which none pushes, at a wall of constant acceleration."""
+    t = math.inf
+    for c in range(lo, hi):
+        pair = pool[pairs[c].slot]
+        if pair.mode == RESIDUAL:
+            t = min(t, time_to_contact(pair.xi, pair.eta, -pair.pull), force_returns(pair, pair))
+    return 2.0 * t if 0.0 < t < math.inf else 1.0
 
 
 @kernel

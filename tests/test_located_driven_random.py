@@ -1,0 +1,204 @@
+"""Random scenes with driven walls and forces, by located events: against the reference, invariances, and engines."""
+
+import math
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular import reference
+
+LAWS = ("spring", "dashpot", "strong", "hertz", "viscoelastic", "tsuji")
+
+
+def some_law(rng, k, damping):
+    kind = LAWS[int(rng.integers(len(LAWS)))]
+    return {
+        "spring": gr.LinearDashpot(k, 0.0), "dashpot": gr.LinearDashpot(k, damping),
+        "strong": gr.LinearDashpot(k, 3.0 * math.sqrt(k)), "hertz": gr.Hertz(10.0 * k),
+        "viscoelastic": gr.ViscoelasticHertz(10.0 * k, 3.0 * damping), "tsuji": gr.TsujiHertz(10.0 * k, 0.4),
+    }[kind]  # fmt: skip
+
+
+def some_path(rng, start):
+    kind = rng.integers(4)
+    if kind < 2:
+        return gr.walls.Sine(*map(float, (rng.uniform(0.005, 0.05), rng.uniform(0.5, 6.0), rng.uniform(0.0, 6.0))))
+    breaks = start + np.linspace(-0.05, 1.0, int(rng.integers(3, 8)))
+    if kind == 2:  # corners
+        height = rng.uniform(-0.05, 0.05, len(breaks))
+        return gr.walls.Piecewise(breaks, [np.diff(height) / np.diff(breaks), height[:-1]])
+    interpolate = pytest.importorskip("scipy.interpolate")
+    return gr.walls.Piecewise(interpolate.CubicSpline(breaks, rng.uniform(-0.05, 0.05, len(breaks))))
+
+
+def some_scene(seed, *, gravity=None, forces=True):
+    """A scene of 1 to 3 balls, one wall or two, one or both driven, with laws and a start."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 5))
+    mass = np.exp(rng.uniform(-1.5, 1.5, n))
+    both = n > 2 and rng.random() < 0.4
+    upper = n > 2 and not both and rng.random() < 0.4
+    mass[0] = mass[0] if upper else math.inf
+    mass[-1] = math.inf if both or upper else mass[-1]
+    wall, start = np.isinf(mass), float(rng.choice([0.0, 0.37, 12.0]))
+    floor, ceiling = (some_path(rng, start) if wall[i] and rng.random() < 0.85 else None for i in (0, -1))
+    force = np.where(wall, 0.0, rng.uniform(-3.0, 3.0, n)) if forces and rng.random() < 0.6 else None
+    gap = np.where(rng.random(n - 1) < 0.2, 0.0, rng.uniform(-0.005, 0.05, n - 1))
+    velocity = np.where(wall, rng.choice([0.0, 0.1]), rng.normal(size=n) * rng.choice([0.1, 1.0]))
+    g = float(rng.choice([0.0, 3.0, 9.81])) if gravity is None else gravity
+    scene = gr.Scene(mass, np.where(wall, 0.0, 0.05), gap, velocity, gravity=g, external_force=force, floor=floor,
+                     ceiling=ceiling)  # fmt: skip
+    k = 10.0 ** rng.uniform(2.5, 5.0)
+    damping = 2.0 * rng.uniform(0.0, 0.9) * math.sqrt(0.5 * k)
+    return scene, [some_law(rng, k, damping) for _ in range(n - 1)], start
+
+
+def run(scene, law, start, length=0.25, **options):
+    options = {"engine": "plain", "max_steps": 20_000} | options
+    return gr.md.simulate(scene, law, t_start=start, t_end=start + length, **options)
+
+
+def distance(one, other):
+    """Largest difference of gaps and of rates, in units of the largest rate."""
+    rates = [np.diff(r.velocity, axis=-1) for r in (one, other)]
+    return max(abs(one.gap - other.gap).max(), abs(rates[0] - rates[1]).max()) / max(1.0, abs(rates[0]).max())
+
+
+@pytest.mark.parametrize("seed", [3, 17, 41, 52, 63])
+def test_against_the_reference(seed):
+    pytest.importorskip("mpmath")
+    scene, law, start = some_scene(seed)
+    soft = run(scene, law, start)
+    true = reference.solve(scene, law, t_start=start, t_end=start + 0.25, digits=20)
+    assert len(true.contacts) == len(soft.contacts)
+    assert max(abs(float(a) - b) for a, b in zip(true.gap, soft.gap[-1], strict=True)) < 2e-13
+    assert max(abs(float(a) - b) for a, b in zip(true.velocity, soft.velocity[-1], strict=True)) < 5e-12
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_the_account_closes(seed):
+    scene, law, start = some_scene(seed)
+    soft = run(scene, law, start, samples=17)
+    books = soft.account()
+    energy, work, lost = books["energy"], books["work"], books["dissipated"]
+    size = abs(energy).max() + abs(np.diff(work, axis=0)).sum() + abs(lost).max()
+    assert abs(energy - work.sum(axis=1) + lost - energy[0]).max() <= 2e-13 * size
+    assert (np.diff(lost) >= -1e-13 * size).all()
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_rising_floor_is_gravity(seed):
+    scene, law, _ = some_scene(seed, gravity=0.0)
+    if not scene.is_wall[0] or scene.is_wall[-1]:
+        scene, law = gr.Scene([math.inf, 1.0, 0.3], [0.0, 0.1, 0.1], [0.01, 0.003], [0.0, -0.5, -0.7]), law[0]
+    scene = scene.replace(floor=None, ceiling=None, velocity=scene.velocity - scene.velocity[0])
+    breaks = np.array([0.0, 0.0625, 0.125, 0.375])
+    edges = breaks[:-1]
+    rising = gr.walls.Piecewise(breaks, [np.full(3, 1.25), 2.5 * edges, 1.25 * edges**2])
+    one, other = run(scene.replace(gravity=2.5), law, 0.0), run(scene.replace(floor=rising), law, 0.0)
+    assert len(one.contacts) == len(other.contacts)
+    assert distance(one, other) < 1e-11
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_mirror_swaps_floor_and_ceiling(seed):
+    scene, law, start = some_scene(seed, gravity=0.0)
+
+    def turned(motion):
+        panels = None if motion is None else motion.panels(start, start + 0.25)
+        return panels and gr.walls.Panels(panels.edges, -panels.series, panels.error, panels.frequency, panels.turn)
+
+    force = None if scene.external_force is None else -scene.external_force[::-1]
+    mirror = gr.Scene(scene.mass[::-1], scene.radius[::-1], scene.gap[::-1], -scene.velocity[::-1],
+                      external_force=force, floor=turned(scene.ceiling), ceiling=turned(scene.floor))  # fmt: skip
+    one, other = run(scene, law, start), run(mirror, law[::-1], start)
+    assert abs(one.gap - other.gap[:, ::-1]).max() < 1e-11
+    if one.ledger is not None:
+        assert one.ledger[-1, [0, 1, 4]] == pytest.approx(other.ledger[-1, [1, 0, 4]], rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_nobody_knows_how_fast_all_move(seed):
+    scene, law, start = some_scene(seed)
+    one, other = run(scene, law, start), run(scene.replace(velocity=scene.velocity + 0.75), law, start)
+    assert len(one.contacts) == len(other.contacts)
+    assert distance(one, other) < 1e-11
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_units_by_powers_of_two_change_no_bit(seed):
+    scene, law, _ = some_scene(seed)
+    scene = scene.replace(floor=scene.floor and gr.walls.Sine(0.03, 4.0, 0.5), ceiling=None)
+    law = gr.LinearDashpot(1000.0 + seed, 12.0)
+    m, x, t = 4.0, 0.5, 8.0
+    force = None if scene.external_force is None else scene.external_force * (m * x / t**2)
+    floor = scene.floor and gr.walls.Sine(0.03 * x, 4.0 / t, 0.5)
+    other = gr.Scene(scene.mass * m, scene.radius * x, scene.gap * x, scene.velocity * (x / t),
+                     gravity=scene.gravity * x / t**2, external_force=force, floor=floor)  # fmt: skip
+    rule = gr.LinearDashpot((1000.0 + seed) * m / t**2, 12.0 * m / t)
+    a, b = run(scene, law, 0.0, 0.5), run(other, rule, 0.0, 0.5 * t)
+    assert (a.gap * x == b.gap).all()
+    assert (np.diff(a.velocity) * (x / t) == np.diff(b.velocity)).all()
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_a_resumed_run_is_the_run(seed):
+    scene, law, start = some_scene(seed)
+    whole = run(scene, law, start, samples=[start + 0.3], length=0.3)
+    first = run(scene, law, start, length=0.11)
+    rest = gr.md.resume(first, t_end=start + 0.3, samples=[start + 0.3], engine="plain")
+    for name in ("gap", "velocity", "force"):
+        assert getattr(whole, name).tobytes() == getattr(rest, name).tobytes()
+    if whole.ledger is not None:
+        assert whole.ledger.tobytes() == rest.ledger.tobytes()
+
+
+@pytest.mark.parametrize("disturbed", ["resolve", "stop", "ignore"])
+def test_compiled_runs_have_the_same_bits(disturbed):
+    pytest.importorskip("numba")
+    for seed in range(12):
+        scene, law, start = some_scene(seed)
+        one, other = (run(scene, law, start, engine=engine, disturbed=disturbed, samples=5)
+                      for engine in ("plain", "compiled"))  # fmt: skip
+        assert one.gap.tobytes() == other.gap.tobytes()
+        assert one.contacts.tobytes() == other.contacts.tobytes()
+        if one.ledger is not None:
+            assert one.ledger.tobytes() == other.ledger.tobytes()
+
+
+def test_isolated_contacts_are_the_same_ignoring_others():
+    for seed in range(40):
+        scene, law, start = some_scene(seed)
+        soft = run(scene, law, start)
+        if soft.stats["isolated"] == soft.stats["contacts"] and (scene.gap > 0.0).all():
+            other = run(scene, law, start, disturbed="ignore")
+            assert len(soft.contacts) == len(other.contacts)
+            if np.isfinite(soft.contacts["t_end"]).all():
+                assert distance(soft, other) < 1e-12
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_own_laws_follow_driven_walls(seed):
+    class Own(gr.LinearDashpot):
+        def linear(self, pair):
+            return None
+
+    scene, _, start = some_scene(seed)
+    law = gr.LinearDashpot(2000.0, 20.0)
+
+    from dataclasses import dataclass
+
+    @dataclass(frozen=True)
+    class Bent:
+        k: float
+        gamma: float
+
+        def force(self, xi, xi_dot, pair):
+            return self.k * xi * (1.0 + 0.0 * math.sqrt(abs(xi))) + self.gamma * xi_dot
+
+    one, other = run(scene, law, start, samples=5), run(scene, Bent(2000.0, 20.0), start, samples=5)
+    assert len(one.contacts) == len(other.contacts)
+    assert distance(one, other) < 1e-10
+    if one.ledger is not None:
+        assert one.ledger[-1] == pytest.approx(other.ledger[-1], rel=1e-8, abs=1e-11)
