@@ -176,6 +176,8 @@ def judged(state: State, physics: Physics, share: float = SLOW, collided: int | 
     if low == high and not pulled:
         return None  # two free bodies collide once
     kind, speed = "bounded", largest_speed(bodies, gap[low:end], rate[low:end], run.gravity)
+    if physics.scene.external_force is not None:
+        speed = largest_speed_under_forces(bodies, gap[low:end], rate[low:end], run.gravity)
     if high == low + 1 and not pulled and physics.rule is None and alternates(pairs, rate[low], rate[high], j == low):
         kind = "proved"
     return Verdict(kind, int(run.first) + low, int(run.first) + high, speed)
@@ -198,6 +200,28 @@ def largest_speed(bodies: Records, gap: Array, rate: Array, gravity: float) -> f
         if gravity > 0.0:
             return math.inf  # they fall off the ceiling
     energy = 0.5 * mass[ball] @ velocity[ball] ** 2 + gravity * (mass[ball] @ height[ball])
+    return math.sqrt(2.0 * float(energy) / float(mass[ball].min()))
+
+
+def largest_speed_under_forces(bodies: Records, gap: Array, rate: Array, gravity: float) -> float:
+    """Return the same where forces act too; inf if they pull the run apart somewhere.
+
+    What presses a pair together, were all of them at rest on each other, does the work of its gap.
+    """
+    mass = np.array(column(bodies, "mass"))
+    ball = np.isfinite(mass)
+    fall, velocity = np.where(ball, gravity, 0.0) - column(bodies, "push"), np.concatenate([[0.0], np.cumsum(rate)])
+    mass[~ball] = 0.0
+    if ball.all():
+        velocity -= (mass @ velocity) / mass.sum()
+        fall -= (mass @ fall) / mass.sum()
+    elif ball[0]:
+        velocity -= velocity[-1]
+    weight = mass * fall
+    pressing = -np.cumsum(weight)[:-1] if ball[0] and not ball[-1] else np.cumsum(weight[::-1])[::-1][1:]
+    if (pressing < 0.0).any():
+        return math.inf
+    energy = 0.5 * mass @ velocity**2 + pressing @ gap
     return math.sqrt(2.0 * float(energy) / float(mass[ball].min()))
 
 

@@ -24,6 +24,8 @@ def message(run: Any, status: Status, s: dict[str, Any]) -> str:
     when = f"t = {run.time():.12g} s after {s['events']} collision{'s' * (s['events'] != 1)}"
     if verdict is not None:
         why = WHY[verdict.kind].format(above=verdict.first + 1, bound=verdict.bound)
+        if verdict.bound == math.inf:
+            why = "forces may pull them apart: how fast they will be is not known"
         return f"inelastic collapse of {verdict} at {when} ({verdict.kind}: {why})"
     walls = f"the walls close at t = {s['start'] + run.closing.after:.12g} s"
     if status is Status.collapse:

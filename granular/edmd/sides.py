@@ -14,7 +14,7 @@ from granular import walls as moving
 from granular._check import Array
 from granular._records import column, plain
 from granular.edmd.account import ledger as entries
-from granular.edmd.driven import CEILING, FLOOR, SIDE, carry, place, rounding
+from granular.edmd.driven import CEILING, FLOOR, FREE, SIDE, carry, place, rounding
 from granular.scene import Scene
 from granular.walls.panels import PANEL
 
@@ -91,6 +91,20 @@ def bound(state: Any) -> list[tuple[int, int]]:
     n, below, above = len(mass), int((shut == FLOOR).sum()), int((shut == CEILING).sum())
     floor = [(i, 0) for i in range(below + 1)] if math.isinf(mass[0]) else []
     return floor + ([(i, 1) for i in range(n - 1 - above, n)] if math.isinf(mass[-1]) else [])
+
+
+def sound(state: Any, pairs: Any, bodies: Any) -> bool:
+    """Whether what rests hangs together, and falls by nothing: for tests."""
+    rests, shut = bodies["falls"] == 0.0, pairs["shut"]
+    joined = [i for i, _ in bound(state)]
+    free = (shut == FREE) & (pairs["wall"] < 0)
+    pull = state.run.gravity * np.diff(bodies["falls"]) - np.diff(bodies["push"])
+    whole = [
+        rests[joined].all() and rests.sum() == len(joined),
+        not bodies["push"][rests].any() and not pairs["gap"][shut != FREE].any(),
+        (pairs["pull"][free] == pull[free]).all(),
+    ]
+    return all(whole)
 
 
 def _seen(state: Any) -> tuple[Any, Any]:

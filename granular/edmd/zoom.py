@@ -59,7 +59,7 @@ def zoom(
         if run.elapsed + wait < min(run.room, run.edge - run.began):
             if walls is not None:
                 book(lower, upper, own.rate, 0.0, walls)  # what is left of it
-            settle(near, pairs, bodies, j, wait)
+            settle(near, pairs, bodies, j, wait, walls)
             run.elapsed += wait
             return RESTS
         if own.rate == 0.0 and pair.pull > 0.0:
@@ -171,7 +171,7 @@ def rest_time(near: Records, pairs: Records, j: int, e: float) -> float:
 
 
 @kernel
-def settle(near: Records, pairs: Records, bodies: Records, j: int, end: float) -> None:
+def settle(near: Records, pairs: Records, bodies: Records, j: int, end: float, walls: Walls) -> None:
     """Move the slice on by `end` to the moment when the ball above the wall of pair `j` has come to rest on it.
 
     Measured from the wall, the path of its neighbour knows nothing of the bounces.
@@ -179,6 +179,8 @@ def settle(near: Records, pairs: Records, bodies: Records, j: int, end: float) -
     a, r = pairs[j].pull, near[j].rate
     near[j].gap = near[j].rate = pairs[j].pull = bodies[j + 1].falls = 0.0
     bodies[j + 1].u = bodies[j].u
+    if walls is not None:
+        bodies[j + 1].push = 0.0
     if j + 1 < len(near):
         near[j + 1].rate += r
         pairs[j + 1].pull += a
