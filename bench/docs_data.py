@@ -62,6 +62,13 @@ def isolation() -> Any:
     return compute(7)
 
 
+def driven() -> Any:
+    """Data of the figure of docs/driven.md at few points."""
+    from driven import compute
+
+    return compute(3)
+
+
 def errors(report: Any) -> Any:
     """The same of a `Frontier` that is measured already."""
     return {
@@ -100,7 +107,7 @@ EXTREMES = ("stiffness", "damping", "mass ratio", "gap", "speed", "start time", 
 OTHERS = ("touching", "chains", "recorded", "rest", "symmetry", "exact sequence", "ties", "float edges", "long runs")
 ENTRIES |= {"stability": Entry(partial(stability, EXTREMES)),
             "stability-others": Entry(partial(stability, OTHERS), False)}  # fmt: skip
-ENTRIES |= {"isolation": Entry(isolation)}
+ENTRIES |= {"isolation": Entry(isolation), "driven": Entry(driven, absolute=1e-3)}
 TIMES_ONLY = {"edmd-scaling"}
 """Figures of run times, which differ from machine to machine."""
 

@@ -17,7 +17,7 @@ from granular.scene import Pair, Scene
 from granular.trajectory import Status, Trajectory
 
 if TYPE_CHECKING:
-    from granular import adiabatic, binary, cases, edmd, md, measures, scenes, theory
+    from granular import adiabatic, binary, cases, edmd, md, measures, scenes, theory, walls
     from granular.binary import restitution_of
     from granular.cases import Case
     from granular.comparison import Comparison, compare
@@ -32,7 +32,7 @@ __all__ = [
     "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "Pair", "PowerLaw", "Scene", "Status",
     "TabulatedRestitution", "ThorntonRestitution", "Threshold", "Trajectory", "TsujiHertz", "ViscoelasticHertz",
     "WaltonBraun", "adiabatic", "binary", "cases", "compare", "edmd", "frontier", "md", "measures", "restitution_of",
-    "scenes", "stability", "sweep", "theory", "threshold", "until",
+    "scenes", "stability", "sweep", "theory", "threshold", "until", "walls",
 ]
 
 _UPPER_FLOORS = {

@@ -1,4 +1,4 @@
-"""Force laws, collision rules and scenes as JSON: class and numbers, nothing that could run code from a file.
+"""Force laws, collision rules, walls and scenes as JSON: class and numbers, nothing that could run code from a file.
 May be skipped: files, no physics.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 
 
 def to_json(physics: Any) -> dict[str, Any]:
-    """Class and numbers of a law or rule; of one's own only the name."""
+    """Class and numbers of a law, rule or wall; of one's own, and of a function, only the name."""
     kind = type(physics)
     described: dict[str, Any] = {"class": f"{kind.__module__}:{kind.__qualname__}", "shown": repr(physics)}
     if kind.__module__.startswith("granular.") and is_dataclass(kind):
@@ -29,7 +29,7 @@ def _as_json(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, (list, tuple)):
         return [_as_json(one) for one in value]
-    return to_json(value) if is_dataclass(value) else value
+    return to_json(value) if is_dataclass(value) or callable(value) else value
 
 
 def scene_to_json(scene: Any) -> dict[str, Any]:

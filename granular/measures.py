@@ -5,7 +5,7 @@
 p          share of EDMD events with an event of a neighbouring pair within t_c
 Λ          mean t_c × rate of collisions of a pair: the share of time a pair spends in contact
 D          √(Σ m (Δu)² / Σ m v₀²), u the velocity with which a ball leaves its last contact, v₀ at the first contact
-K_cm       ratio (soft / hard) of the restitution of the centre of mass, scenes with one wall
+K_cm       ratio (soft / hard) of the restitution of the centre of mass, scenes with one wall at constant velocity
 =========  ===========================================================================================================
 """
 
@@ -25,9 +25,16 @@ from granular.laws.kinds import resolved
 from granular.outcome import leaving_velocities, strengths
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
+from granular.walls import Sine
 
 ROUNDING = 1e-12
 """Impacts weaker than this share of the fastest are rounding: a contact leaves some 1e-15, a thousand leave this."""
+
+ACCOUNT = {
+    "start": "at the start", "floor": "work of the floor", "ceiling": "work of the ceiling", "heat": "heat of walls",
+    "dissipated": "dissipated", "end": "at the end", "remainder": "remainder",
+}  # fmt: skip
+"""The parts of a `balance` in words."""
 
 
 @dataclass(frozen=True)
@@ -152,21 +159,22 @@ def impact_speed(run: Trajectory) -> float:
 def impact_velocities(scene: Scene, run: Trajectory) -> Array:
     """Velocities in m/s just before the first contact of `run` (the initial ones without any)."""
     fall = float(run.contacts["t_begin"][0] - run.time[0]) if len(run.contacts) else 0.0
-    return np.asarray(scene.velocity - np.where(scene.is_wall, 0.0, scene.gravity * fall))
+    return np.asarray(scene.velocity + scene.fall * fall)
 
 
 def mass_centre_restitution(run: Trajectory) -> float:
-    """-V_cm after / V_cm before all contacts; nan unless the scene has exactly one wall, with contacts that end."""
+    """-V_cm after / V_cm before all contacts; nan unless the scene has exactly one wall, at constant velocity, with
+    contacts that end."""
     scene, balls, log = run.scene, ~run.scene.is_wall, run.contacts
     at_wall = run.of(0 if scene.is_wall[0] else scene.n_pairs - 1)
     lasting = run.status is Status.collapse or np.isnan(at_wall["t_end"]).any()
-    if scene.is_wall.sum() != 1 or not len(log) or lasting:
+    if scene.is_wall.sum() != 1 or scene.driven or not len(log) or lasting:
         return math.nan
     m, wall = scene.mass[balls], float(scene.velocity[scene.is_wall][0])
     before = float(m @ (impact_velocities(scene, run)[balls] - wall))
     last = np.nanmax(np.append(log["t_end"], log["t_begin"]))
-    fall = scene.gravity * float(run.time[-1] - last)
-    after = float(m @ (run.velocity[-1][balls] + fall - wall))
+    fall = scene.fall[balls] * float(run.time[-1] - last)
+    after = float(m @ (run.velocity[-1][balls] - fall - wall))
     return -after / before if before != 0.0 else math.nan
 
 
@@ -175,7 +183,8 @@ def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float
 
     Mass ratio (largest over smallest ball), stiffness ratio over the pairs, the largest Δh·ω₀/v (a gap between balls
     against the slower neighbouring contact, which is over before the gap has closed beyond about π) and g/(ω₀ v)
-    (gravity against the contact force), with ω₀ = √(∂F/∂ξ / m_eff) at the expected overlap.
+    (gravity against the contact force), with ω₀ = √(∂F/∂ξ / m_eff) at the expected overlap. Of a wall that is shaken
+    harmonically Γ = A ω²/g and ω/ω₀ of its own contact, the larger ones if there are two.
     """
     m, (below, above) = scene.mass[~scene.is_wall], scene.neighbours
     slope = resolved(laws, scene).column(lambda law: _stiffness(law, speed))
@@ -190,7 +199,62 @@ def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float
         "stiffness_ratio": float(slope.max() / slope.min()),
         "gap_omega_over_speed": float(gaps.max() / speed) if len(gaps) and speed > 0.0 else math.nan,
         "gravity_over_omega_speed": scene.gravity / (float(omega.min()) * speed) if speed > 0.0 else math.nan,
+        **_shaking(scene, omega),
     }
+
+
+def _shaking(scene: Scene, omega: Array) -> dict[str, float]:
+    """Γ and ω/ω₀ of walls that are shaken harmonically; nan without."""
+    walls = [(motion, own) for motion, own in zip(scene.motions, omega[[0, -1]].tolist(), strict=True)
+             if isinstance(motion, Sine)]  # fmt: skip
+    largest = max((motion.omega * motion.omega * motion.amplitude for motion, _ in walls), default=math.nan)
+    return {"shaking": largest / scene.gravity if scene.gravity > 0.0 else math.nan,
+            "shaking_omega": max((motion.omega / own for motion, own in walls), default=math.nan)}  # fmt: skip
+
+
+def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
+    """Poincaré section at a shaken wall: what is seen at each contact of its pair.
+
+    Parameters
+    ----------
+    run : Trajectory
+        Of hard or soft spheres, with its log.
+    pair : int
+        0 for the floor, ``scene.n_pairs - 1`` for the ceiling.
+
+    Returns
+    -------
+    dict
+        *time* of the onset in s; *phase* of the wall there as a fraction of a turn, from 0 to 1 (nan where it is no
+        `granular.walls.Sine`); velocities in m/s of the *wall* at the onset, and of the ball *before* and *after*.
+
+    Raises
+    ------
+    ValueError
+        If `pair` has no wall.
+    """
+    scene, log = run.scene, run.of(pair)
+    side = int(pair == scene.n_pairs - 1 and bool(scene.is_wall[-1]))
+    if not (0 <= pair < scene.n_pairs and scene.is_wall[scene.bodies(pair)[side]]):
+        raise ValueError(f"pair is {pair!r}: the pair of a wall is needed, 0 or {scene.n_pairs - 1}.")
+    motion, time = scene.motions[side], log["t_begin"]
+    phase = motion.phases(time) if isinstance(motion, Sine) else np.full(len(log), math.nan)
+    return {"time": time, "phase": phase, "wall": log["v_in"][:, side], "before": log["v_in"][:, 1 - side],
+            "after": log["v_out"][:, 1 - side]}  # fmt: skip
+
+
+def balance(run: Trajectory) -> dict[str, float]:
+    """The account of the energy over a whole run, in J; see `Trajectory.account`.
+
+    Energy at the *start*, work of *floor* and *ceiling*, *heat* of both, what was *dissipated*, energy at the *end*,
+    and the *remainder* end - start - floor - ceiling - heat + dissipated, which is rounding. nan where nobody counted.
+    """
+    account = run.account()
+    (floor, ceiling), heat = account["work"][-1].tolist(), float(account["heat"][-1].sum())
+    start, end = account["energy"][[0, -1]].tolist()
+    lost = float(account["dissipated"][-1])
+    return {"start": start, "floor": floor, "ceiling": ceiling, "heat": heat, "dissipated": lost, "end": end,
+            "remainder": end - start - (floor + ceiling + heat - lost)}  # fmt: skip
 
 
 def _stiffness(law: PairLaw, speed: float) -> float:

@@ -14,6 +14,7 @@ from granular._check import Array
 from granular.binary import collision
 from granular.laws.kinds import resolved
 from granular.trajectory import Status, Trajectory
+from granular.walls import ends
 
 SAME = 0.01
 """Outcomes closer than this share of the impact speed are called the same."""
@@ -103,7 +104,8 @@ def largest_difference(one: Trajectory, other: Trajectory) -> float:
 def followed(soft: Trajectory, options: Mapping[str, Any]) -> Trajectory:
     """The run with contacts that were still running at its end followed to theirs, in its log.
 
-    Given up after `PATIENCE` times their isolated duration, and for laws with memory, which cannot be gone on with.
+    Given up after `PATIENCE` times their isolated duration, where the path of a wall ends, and for laws with memory,
+    which cannot be gone on with.
 
     Parameters
     ----------
@@ -120,11 +122,15 @@ def followed(soft: Trajectory, options: Mapping[str, Any]) -> Trajectory:
     patience = PATIENCE * _durations(soft, running)
     left = running[log["duration"][running] <= patience]
     patience = patience[log["duration"][running] <= patience]
-    rest = soft.scene.replace(gap=soft.gap[-1], velocity=soft.velocity[-1], origin=float(soft.position[-1][0]))
+    scene, now = soft.scene, float(soft.time[-1])
+    velocity = np.where(scene.is_wall, scene.velocity, soft.velocity[-1])  # walls add how they are shaken
+    rest = scene.replace(gap=soft.gap[-1], velocity=velocity, origin=float(soft.position[-1][0]))
+    start = now if scene.driven else 0.0  # a clock that begins anew is finer, but walls have theirs
     for share in (0.1, 1.0):  # most are over soon
-        if len(left):
-            later = md.simulate(rest, soft.law, t_end=share * float(patience.max()), **options)
-            ended = _end(log, left, later, patience, float(soft.time[-1]))
+        end = min(start + share * float(patience.max(initial=0.0)), ends(*scene.motions))
+        if len(left) and end > start:
+            later = md.simulate(rest, soft.law, t_start=start, t_end=end, **options)
+            ended = _end(log, left, later, patience, now)
             left, patience = left[~ended], patience[~ended]
     return replace(soft, contacts=log)
 
@@ -135,13 +141,13 @@ def has_memory(soft: Trajectory) -> bool:
 
 
 def _end(log: Any, rows: Any, later: Trajectory, patience: Array, start: float) -> Any:
-    """Write the ends of contacts, as a run that begins at `start` has them, into `log`; return which have one."""
+    """Write the ends of contacts, as a run from `start` (s) on has them, into `log`; return which have one."""
     ended = np.zeros(len(rows), dtype=np.bool_)
     for i, row in enumerate(rows):
         first = later.of(int(log["pair"][row]))[:1]
-        if len(first) and first["t_end"][0] <= patience[i]:
+        if len(first) and (after := first["t_end"][0] - later.time[0]) <= patience[i]:
             ended[i] = True
-            log["t_end"][row] = start + first["t_end"][0]
+            log["t_end"][row] = start + after
             log["duration"][row] += first["duration"][0]
             log["v_out"][row] = first["v_out"][0]
     return ended

@@ -56,6 +56,13 @@ def requested(
     )
 
 
+def check_end(scene: Scene, t_end: float | None, until: stop.Until | None) -> None:
+    """Raise if nothing says when a run beside driven walls is over: they keep balls moving."""
+    if scene.driven and t_end is None and until is None:
+        raise ValueError("t_end is None: beside a driven wall a run never comes to an end by itself; give t_end, or "
+                         "until.")  # fmt: skip
+
+
 def _sample_times(samples: int | ArrayLike | None, start: float, end: float) -> Array | None:
     """Return the times of the rows in s, or None for the first and the last.
 

@@ -110,6 +110,10 @@ class Scene:
         position: ArrayLike,
         velocity: ArrayLike,
         gravity: float = 0.0,
+        *,
+        external_force: ArrayLike | None = None,
+        floor: Any = None,
+        ceiling: Any = None,
     ) -> Scene:
         """Make a scene from positions of centres (of surfaces for walls) in m, bottom to top.
 
@@ -121,7 +125,8 @@ class Scene:
         _check.every("position", x, np.isfinite(x), "a position must be finite")
         rising = np.diff(x, prepend=-np.inf) >= 0.0
         _check.every("position", x, rising, "positions must not decrease", "number bodies bottom to top")
-        return cls(m, r, np.diff(x) - r[:-1] - r[1:], velocity, gravity, float(x[0]) if len(x) else 0.0)
+        return cls(m, r, np.diff(x) - r[:-1] - r[1:], velocity, gravity, float(x[0]) if len(x) else 0.0,
+                   external_force=external_force, floor=floor, ceiling=ceiling)  # fmt: skip
 
     @cached_property
     def _key(self) -> tuple[Any, ...]:
@@ -307,9 +312,22 @@ def positions(scene: Scene, gap: Array, elapsed: Array, start: float = 0.0) -> A
     A cumulative sum from the anchor. With no negative gap the order of positions holds by construction.
     """
     offset = scene.offsets(gap)
-    at_anchor = offset @ scene._share if scene._wall is None else offset[:, scene._wall]
-    offset += (scene.anchor(elapsed, start) - at_anchor)[:, None]
+    offset += (scene.anchor(elapsed, start) - _at_anchor(scene, offset))[:, None]
     return offset
+
+
+def points(scene: Scene, gap: Array, position: Array) -> Array:
+    """Positions (T, n) in m with the radii taken out and from 0 on, where balls that touch coincide, from gaps (T, n-1)
+    and `position` (T, n), in m."""
+    flat = scene.replace(radius=np.zeros(scene.n), origin=0.0)
+    offset, moved = flat.offsets(gap), _at_anchor(scene, position) - _at_anchor(scene, scene.position)
+    offset += (_at_anchor(flat, flat.position) + moved - _at_anchor(flat, offset))[:, None]
+    return offset
+
+
+def _at_anchor(scene: Scene, of_bodies: Array) -> Any:
+    """What an array (…, n) says of the anchor: the first wall, or else the centre of mass."""
+    return of_bodies @ scene._share if scene._wall is None else of_bodies[..., scene._wall]
 
 
 def velocities(scene: Scene, rate: Array, elapsed: Array, start: float = 0.0) -> Array:
@@ -332,6 +350,11 @@ def _summed(steps: Array) -> Array:
     out = np.zeros((*steps.shape[:-1], steps.shape[-1] + 1))
     np.cumsum(steps, axis=-1, out=out[..., 1:])
     return out
+
+
+def forced(scene: Scene) -> bool:
+    """Whether there is more than gravity and walls at constant velocity: a driven wall, or forces on balls."""
+    return scene.driven or scene.external_force is not None
 
 
 def speed_scale(scene: Scene) -> float:

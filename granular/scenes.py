@@ -9,14 +9,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
 from granular import _check
 from granular._check import Array
 from granular.scene import Scene, in_order
+from granular.walls import Sine
 
-__all__ = ["ball_stack", "bouncing_ball", "chain", "column", "gas", "newtons_cradle", "three_balls"]
+__all__ = [
+    "ball_stack", "bouncing_ball", "chain", "column", "gas", "newtons_cradle", "three_balls", "vibrated_column",
+]
 __dir__ = __all__.copy
 
 def three_balls(
@@ -221,9 +225,13 @@ def gas(
 
 
 def bouncing_ball(
-    height: float = 1.0, radius: float = 0.01, speed: float = 0.0, density: float = 900.0, gravity: float = 9.81
+    height: float = 1.0, radius: float = 0.01, speed: float = 0.0, density: float = 900.0, gravity: float = 9.81,
+    plate: Any = None,
 ) -> Scene:
-    """One ball bouncing on a floor until it comes to rest.
+    """One ball bouncing on a floor until it comes to rest, or on a plate that is shaken.
+
+    On a plate z = A sin(ωt) that is shaken with Γ = A ω²/g, hard spheres have a bounce of k periods for Γ > G_k =
+    kπ (1 - ε)/(1 + ε); it doubles its period at Γ = √(G_k² + [2(1 + ε²)/(1 + ε)²]²).
 
     Parameters
     ----------
@@ -237,20 +245,65 @@ def bouncing_ball(
         Density in kg/m³.
     gravity : float
         g in m/s².
+    plate : granular.walls.Sine, Piecewise or Motion, optional
+        How the floor moves; to the command type=Sine gamma=2 frequency=50, or amplitude= (in m) in place of gamma=.
     """
     r = np.array([_check.number("radius", radius, above=0.0)])
     drop = _check.number("height", height, at_least=0.0)
     v = _check.number("speed", speed, at_least=0.0, fix="downwards is built in")
-    return _above_floor(_mass(r, density), r, drop, (), v, gravity)
+    return _above_floor(_mass(r, density), r, drop, (), v, gravity, plate)
+
+
+def vibrated_column(
+    n: int = 10, gamma: float = 10.0, frequency: float = 20.0, amplitude: float | None = None,
+    phase: float = 0.5 * math.pi, gap: float | Sequence[float] = 1e-3, radius: float = 0.005, density: float = 900.0,
+    gravity: float = 9.81,
+) -> Scene:
+    """Column of equal balls on a floor that is shaken: z = A sin(2π f t + φ), Γ = A (2π f)²/g.
+
+    Hard spheres are fluidized while N (1 - ε) is small, up to a height of their centre of mass h_cm of about
+    1.25 (A 2π f)²/(g N (1 - ε)), and move as one piece where it is large (Luding et al. 1994).
+
+    Parameters
+    ----------
+    n : int
+        Number of balls N.
+    gamma : float
+        Largest acceleration Γ of the floor, as a multiple of g.
+    frequency : float
+        Frequency f in Hz.
+    amplitude : float, optional
+        Amplitude A in m, in place of `gamma`.
+    phase : float
+        Phase φ in rad at t = 0: at π/2 the floor starts from its highest point at rest, at 0 with a jolt 2π f A.
+    gap : float or floats
+        Distances between the surfaces in m: one, or n bottom to top, that of the floor first.
+    radius : float
+        Radius of a ball in m.
+    density : float
+        Density in kg/m³.
+    gravity : float
+        g in m/s², positive where `gamma` is to count.
+    """
+    count = _check.whole("n", n, at_least=1)
+    r = np.full(count, _check.number("radius", radius, above=0.0))
+    if amplitude is None:
+        plate = Sine.from_acceleration(gamma, frequency, gravity, phase)
+    else:
+        plate = Sine(amplitude, frequency, phase)
+    floor, *between = _gaps(gap, count)
+    return _above_floor(_mass(r, density), r, floor, between, 0.0, gravity, plate)
 
 
 def _above_floor(
-    mass: Array, radius: Array, drop: float, gap: float | Sequence[float], speed: float, gravity: float
+    mass: Array, radius: Array, drop: float, gap: float | Sequence[float], speed: float, gravity: float,
+    plate: Any = None,
 ) -> Scene:
     """Balls that all move down at `speed`, the lowest point of the lowest at height `drop` above a floor."""
     n = len(mass)
     velocity = [0.0] + [0.0 - speed] * n  # not -speed, which makes -0.0 of rest
-    return in_order(Scene([math.inf, *mass], [0.0, *radius], [drop, *_gaps(gap, n - 1)], velocity, gravity))
+    gaps = [drop, *_gaps(gap, n - 1)]
+    return in_order(Scene([math.inf, *mass], [0.0, *radius], gaps, velocity, gravity, floor=plate))
 
 
 def _in_a_row(mass: Array, moving: int, speed: float, gap: float | Sequence[float], density: float) -> Scene:

@@ -16,7 +16,8 @@ from granular import _check, _files
 from granular._check import Array
 from granular._describe import from_json, to_json
 from granular.laws.kinds import resolved
-from granular.scene import Scene, positions
+from granular.scene import Scene, fitted
+from granular.scene import points as scene_points
 
 CONTACT = np.dtype(
     [
@@ -40,9 +41,9 @@ open when the run ends has `t_end` and `v_out` nan, and its duration, peaks and 
 PLAIN = (bool, int, float, str, tuple)
 """What is saved of `stats`."""
 ARRAYS = ("time", "position", "velocity", "gap", "force", "contacts", "ledger")
-MAYBE = {"force", "ledger"}
+SCENE = ("mass", "radius", "gap", "velocity", "gravity", "origin", "external_force")
+MAYBE = {"force", "ledger", "scene.external_force"}
 """Those that a run may lack."""
-SCENE = ("mass", "radius", "gap", "velocity", "gravity", "origin")
 
 
 class Status(Enum):
@@ -171,24 +172,29 @@ class Trajectory:
             done on the balls since the start, ∫ F ẋ_w dt; *heat* (T, 2) that they have given; *dissipated* (T,) in
             contacts. Where walls move each is accumulated by itself, with the rounding of its sum carried along; where
             none does, what is dissipated is what is lost. Under a fixed time step it is constant to the order of the
-            method only.
+            method only. All but the energy is nan where walls move and nobody has counted: in runs saved before there
+            was an account.
         """
         energy = self.energy()
         if self.ledger is None:
-            none = np.zeros((len(energy), 2))
-            return {"energy": energy, "work": none, "heat": none.copy(), "dissipated": energy[0] - energy}
+            none = np.full((len(energy), 2), math.nan if self.scene.worked else 0.0)
+            lost = energy[0] - energy + none[:, 0]
+            return {"energy": energy, "work": none, "heat": none.copy(), "dissipated": lost}
         return {"energy": energy, "work": self.ledger[:, :2], "heat": self.ledger[:, 2:4],
                 "dissipated": self.ledger[:, 4]}  # fmt: skip
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write everything to one ``.npz`` file, whole or not at all; `load` reads it back.
 
-        Force laws and rules of this package are stored with their numbers; your own by name only.
+        Force laws and rules of this package are stored with their numbers; your own by name only. The path of a wall
+        that a function of yours moves is stored as far as the run goes.
         """
         import json
 
-        arrays = {name: getattr(self, name) for name in ARRAYS if getattr(self, name) is not None}
-        arrays |= {f"scene.{name}": getattr(self.scene, name) for name in SCENE}
+        scene = fitted(self.scene, float(self.time[0]), float(self.time[-1]))
+        arrays = {name: getattr(self, name) for name in ARRAYS}
+        arrays |= {f"scene.{name}": getattr(scene, name) for name in SCENE}
+        arrays = {name: value for name, value in arrays.items() if value is not None}
         arrays |= {f"state.{name}": np.asarray(value) for name, value in self.state.items()}
         words = {
             "format": _files.FORMAT,
@@ -198,6 +204,8 @@ class Trajectory:
             "law": None if self.law is None else [to_json(law) for law in self.law],
             "rule": None if self.rule is None else [to_json(rule) for rule in self.rule],
         }
+        if scene.driven:
+            words["walls"] = [motion and to_json(motion) for motion in scene.motions]
 
         def fill(draft: str) -> None:
             with open(draft, "wb") as file:
@@ -223,7 +231,9 @@ class Trajectory:
             your own and none is given.
         """
         words, stored = _read(path)
-        scene = Scene(**{name: _plain(stored[f"scene.{name}"]) for name in SCENE})
+        numbers = {name: _plain(stored[f"scene.{name}"]) for name in SCENE if f"scene.{name}" in stored}
+        floor, ceiling = map(from_json, words.get("walls", (None, None)))
+        scene = Scene(**numbers, floor=floor, ceiling=ceiling)
         state = {name[6:]: _plain(value) for name, value in stored.items() if name.startswith("state.")}
         arrays: dict[str, Any] = {name: stored.get(name) for name in ARRAYS}
         return cls(
@@ -251,8 +261,7 @@ EARLY = (Status.collapse, Status.max_events, Status.unstable)
 
 def points(run: Trajectory) -> Array:
     """Positions in m of the same bodies with their radii taken out, from 0 on, shape (T, n): touching ones coincide."""
-    scene = run.scene.replace(radius=np.zeros(run.scene.n), origin=0.0)
-    return positions(scene, run.gap, run.time - run.time[0], float(run.time[0]))
+    return scene_points(run.scene, run.gap, run.position)
 
 
 def grouped(key: Any, n: int) -> tuple[Any, Any]:
@@ -262,8 +271,10 @@ def grouped(key: Any, n: int) -> tuple[Any, Any]:
 
 
 WORDS = {"status", "message", "stats", "law", "rule"}
+OTHERS = {"format", "walls"}
+"""Words that a saved run may lack."""
 NEEDED = {*ARRAYS, *(f"scene.{name}" for name in SCENE)} - MAYBE
-"""What a saved run holds at least; besides that the number of its format, forces and the state."""
+"""What a saved run holds at least; besides that the number of its format, forces, walls and the state."""
 
 
 def _read(path: str | PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -285,7 +296,7 @@ def _read(path: str | PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
             "a file written by Trajectory.save is needed."
         )
     others = {name for name in stored if not name.startswith("state.")} - NEEDED - MAYBE
-    _files.check_format(path, words.get("format", 1), others | words.keys() - WORDS - {"format"})
+    _files.check_format(path, words.get("format", 1), others | words.keys() - WORDS - OTHERS)
     return words, stored
 
 

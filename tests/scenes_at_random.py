@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
+from scipy.interpolate import CubicHermiteSpline
 
 import granular as gr
 
@@ -247,3 +248,21 @@ def m_effs(mass: list[float]) -> list[float]:
     """Reduced masses of neighbours."""
     inverse = [0.0 if m == INF else 1.0 / m for m in mass]
     return [1.0 / (a + b) for a, b in pairwise(inverse)]
+
+
+def motion(rng: Any, t_end: float = 1.0) -> Any:
+    """How a wall moves from 0 to `t_end`, at some 0.3 m/s at most: a sine, cubics, or a function."""
+    frequency, phase = 10.0 ** rng.uniform(0.0, 2.0) / t_end, float(rng.uniform(-4.0, 4.0))
+    sine = gr.walls.Sine(0.05 * float(rng.random()) / frequency, frequency, phase)
+    sort = rng.integers(4)
+    if sort == 0:
+        breaks = t_end * np.array([0.0, *np.sort(rng.uniform(0.0, 1.0, 3)), 1.0])
+        return gr.walls.Piecewise(CubicHermiteSpline(breaks, *(rng.normal(size=(2, 5)) * [[0.02 * t_end], [0.1]])))
+    return sine if sort < 3 else gr.walls.Motion(sine.displacement)
+
+
+def driven(rng: Any, one: gr.Scene, t_end: float = 1.0) -> gr.Scene:
+    """The scene with walls that move by `motion`, forces on balls, or both, as far as there are walls."""
+    floor, ceiling = (motion(rng, t_end) if wall and rng.random() < 0.7 else None for wall in one.is_wall[[0, -1]])
+    force = np.where(one.is_wall, 0.0, rng.normal(size=one.n) * np.where(one.is_wall, 0.0, one.mass))
+    return one.replace(floor=floor, ceiling=ceiling, external_force=force if rng.random() < 0.5 else None)

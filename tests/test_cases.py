@@ -46,7 +46,7 @@ def assert_same_scene(a: Scene, b: Scene) -> None:
 
 
 KINDS = ("float", "int", "bool", "str", "Sequence[float]", "float | None", "Sequence[float] | None",
-         "float | Sequence[float]")
+         "float | Sequence[float]", "Any")
 """What the command line can read."""
 
 

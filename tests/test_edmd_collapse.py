@@ -133,7 +133,9 @@ def test_forced_closer_looks_change_nothing(monkeypatch) -> None:
     """A zoom is the same physics: looked at all the time, a gas comes out the same except for rounding."""
     random = np.random.default_rng(8)
     n = 30
-    scene = Scene([math.inf] + [1.0] * n, np.zeros(n + 1), random.uniform(0.5, 1.5, n), random.normal(size=n + 1))
+    gap, velocity = random.uniform(0.5, 1.5, n), random.normal(size=n + 1)
+    velocity[0] = 0.0
+    scene = Scene([math.inf] + [1.0] * n, np.zeros(n + 1), gap, velocity)
     plain = run(scene, 0.97, t_end=6.0)
     monkeypatch.setattr("granular.edmd.sorted_queue.SUSPICIOUS", 1)
     monkeypatch.setattr("granular.edmd.collision.streak", lambda *_: 1)

@@ -15,6 +15,7 @@ SAYS = {
     "newtons_cradle": "hard, newton   [-0.333  0.667  0.667]",
     "hertz_chain": "exponent of the wave's speed: 0.200",
     "cooling_gas": "hard spheres:",
+    "bouncing_on_a_plate": "Γ = 1.525: period 1 of hard spheres, 2 of soft ones",
     "where_edmd_breaks": "ε = 0.9: gaps below",
     "your_own_law": "ε = 0.",
     "your_own_rule": "ε = 0.",

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import math
 import re
 import shutil
 import subprocess
@@ -209,3 +210,13 @@ def test_films_refuse_what_they_cannot_do(tmp_path, cradle, monkeypatch) -> None
     monkeypatch.setenv("PATH", "")
     with pytest.raises(ValueError, match="ffmpeg is needed and not installed"):
         cradle.animate(tmp_path / "film.mp4")
+
+
+def test_a_wall_that_is_shaken_is_drawn_where_it_is():
+    run = gr.md.simulate(
+        gr.Scene([math.inf, 1.0], [0.0, 0.1], [5.0], [0.0, 0.0], floor=gr.walls.Sine(0.5, 1.0)), gr.LinearDashpot(1e4),
+        t_end=1.0, method="verlet", dt=1e-3, samples=201)  # fmt: skip
+    data = recording.recorded(run, "wall")
+    path, offset = (np.frombuffer(base64.b64decode(data[name]), np.float32) for name in ("path", "offset"))
+    assert path.reshape(201, 2)[:, 0] + offset[0] == pytest.approx(0.5 * np.sin(2.0 * math.pi * run.time), abs=1e-6)
+    assert data["account"] == []

@@ -10,7 +10,7 @@ from granular import scenes
 from granular.scene import Scene
 
 READY = [scenes.three_balls, scenes.ball_stack, scenes.newtons_cradle, scenes.chain, scenes.column, scenes.gas,
-         scenes.bouncing_ball]
+         scenes.bouncing_ball, scenes.vibrated_column]
 
 
 @pytest.mark.parametrize("make", READY, ids=lambda make: make.__name__)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import granular as gr
+from granular.trajectory import points
 
 
 @dataclass(frozen=True)
@@ -133,11 +134,23 @@ def test_files_of_a_later_version_are_refused_by_name(tmp_path, soft):
     with pytest.raises(ValueError, match=r"format of .*run\.npz is 99: at most \d+ is needed; a later granular"):
         gr.Trajectory.load(changed(tmp_path / "run.npz", {}, format=99))
     soft.save(tmp_path / "run.npz")
-    path = changed(tmp_path / "run.npz", {"scene.external_force": np.zeros(4)}, watch=None)
-    with pytest.raises(ValueError, match=r"run\.npz': it holds scene\.external_force, watch, unknown to this version"):
+    path = changed(tmp_path / "run.npz", {"scene.ring": np.zeros(4)}, watch=None)
+    with pytest.raises(ValueError, match=r"run\.npz': it holds scene\.ring, watch, unknown to this version"):
         gr.Trajectory.load(path)
 
 
 def test_a_run_in_fixed_steps_has_no_state():
     run = gr.md.simulate(gr.scenes.bouncing_ball(), gr.Hertz(1e6), t_end=0.01, method="verlet")
     assert run.state == {}
+
+
+@pytest.mark.parametrize("walls", [(False, False), (True, False), (False, True)])
+def test_with_radii_taken_out_paths_are_those_of_the_run_from_whenever_its_rows_begin(walls):
+    mass = [math.inf] * walls[0] + [1.0, 2.0] + [math.inf] * walls[1]
+    radius = np.where(np.isinf(mass), 0.0, 0.1)
+    shaken = {name: gr.walls.Sine(0.1, 2.0) for name, wall in zip(("floor", "ceiling"), walls, strict=True) if wall}
+    scene = gr.Scene(mass, radius, [5.0] * (len(mass) - 1), [0.5] * len(mass), gravity=9.81, origin=3.0, **shaken)
+    run = gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), t_end=0.3, samples=[0.1, 0.2, 0.3])
+    apart = run.position - points(run)
+    assert np.ptp(apart, axis=0) == pytest.approx(0.0, abs=1e-14)
+    assert np.diff(apart[0]) == pytest.approx(radius[:-1] + radius[1:], abs=1e-14)

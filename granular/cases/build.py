@@ -1,4 +1,4 @@
-"""Make a scene, a law or a rule from the keys of a table: the set of keys decides which constructor is meant.
+"""Make a scene, a wall, a law or a rule from the keys of a table: the set of keys decides which constructor is meant.
 May be skipped: files and the command, no physics.
 """
 
@@ -10,11 +10,17 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
-from granular import _check, laws, rules
+from granular import _check, laws, rules, walls
+from granular.cases.named import Named
 from granular.scene import Pair
 
+CONSTRUCTORS = ("from_restitution", "from_material", "from_acceleration")
+"""Other ways to make a thing than by its fields."""
 LAWS: dict[str, Any] = {name: getattr(laws, name) for name in laws.__all__}
 RULES: dict[str, Any] = {kind.__name__: kind for kind in (rules.ConstantRestitution, rules.TabulatedRestitution)}
+WALLS: dict[str, Any] = {name: getattr(walls, name) for name in walls.__all__}
+MOVING = ("floor", "ceiling", "plate")
+"""Keys of a scene that say how a wall moves."""
 Way = Callable[..., Any]
 
 
@@ -26,6 +32,28 @@ def law(table: Mapping[str, Any], pair: Pair) -> Any:
 def rule(table: Mapping[str, Any]) -> Any:
     """Make a collision rule: ``type`` and its values."""
     return _of_type(RULES, table)
+
+
+def wall(table: Any, folder: str = "") -> Any:
+    """Make how a wall moves: ``type`` and its numbers, or those of its `from_acceleration`; a function by its name."""
+    if not isinstance(table, Mapping):
+        return table
+    values = dict(table)
+    if isinstance(function := values.get("function"), str):
+        values["function"] = Named(function, folder)
+        values["function"].function  # noqa: B018  says now what cannot be found
+    elif isinstance(function, Mapping):
+        values["function"] = wall(function)
+    return _of_type(WALLS, values)
+
+
+def walled(table: Mapping[str, Any], folder: str = "") -> dict[str, Any]:
+    """Return the keys of a scene with walls made of the tables that say how they move."""
+    made = dict(table)
+    for name in table.keys() & set(MOVING):
+        with place(name):
+            made[name] = wall(table[name], folder)
+    return made
 
 
 def rule_of(tables: Sequence[Mapping[str, Any]]) -> Any:
@@ -79,5 +107,5 @@ def _of_type(types: Mapping[str, Any], table: Mapping[str, Any], **held: Any) ->
     if "type" not in table:
         raise ValueError(f"key 'type' is missing; needed is one of {', '.join(types)}.")
     kind = types[_check.choice("type", table["type"], list(types))]
-    ways = [kind] + [getattr(kind, name) for name in ("from_restitution", "from_material") if hasattr(kind, name)]
+    ways = [kind] + [getattr(kind, name) for name in CONSTRUCTORS if hasattr(kind, name)]
     return call(ways, {key: value for key, value in table.items() if key != "type"}, **held)

@@ -40,6 +40,8 @@ def load(path: str | PathLike[str]) -> Case:
             gap = [0.5, 1e-4]            # or: position, of centres and walls
             velocity = [0.0, 0.0, 0.0]
             gravity = 9.81
+            floor = { type = "Sine", amplitude = 1e-3, frequency = 50.0 }      # or gamma; a ceiling likewise; see below
+            external_force = [0.0, 0.0, -1.0]                                  # N
 
             [law]                        # one for all pairs, or [[law]] once per pair, bottom to top
             type = "LinearDashpot"
@@ -55,6 +57,9 @@ def load(path: str | PathLike[str]) -> Case:
             t_end = 10.0
             dt = 1e-7                    # and other options of md.simulate and edmd.simulate
 
+    A wall that moves by a function of yours is ``{ type = "Motion", function = "motion.py:shake" }``: the name of a
+    Python file beside this one, which is run, or of a module that can be imported, and of the function in it.
+
     Returns
     -------
     Case
@@ -68,7 +73,7 @@ def load(path: str | PathLike[str]) -> Case:
         For a wrong key, a missing one or a bad value: with the file, the table and what is needed.
     """
     with place(Path(path).name):
-        return of_tables(tables_of(path))
+        return of_tables(tables_of(path), str(Path(path).parent))
 
 
 def loads(text: str) -> Case:
@@ -101,14 +106,14 @@ def _parsed(text: str) -> dict[str, Any]:
         raise ValueError(f"is not valid TOML: {error}.") from None
 
 
-def of_tables(tables: Mapping[str, Any]) -> Case:
-    """Make a case of the tables of a file."""
+def of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
+    """Make a case of the tables of a file in a folder."""
     for key in tables:
         _check.choice("table or key", key, TABLES)
     if "scene" not in tables:
         raise ValueError("table [scene] is missing: it names a ready-made scene or gives mass, radius, gap, velocity.")
     with place("[scene]"):
-        base = _base(_table(tables["scene"]))
+        base = _base(build.walled(_table(tables["scene"]), folder))
     law, rule = _physics(tables, base)
     with place("[run]"):
         run = dict(_table(tables.get("run", {})))

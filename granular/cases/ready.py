@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, scenes, until
+from granular import _check, scenes, until, walls
 from granular.cases import build
 from granular.cases.case import Case
 from granular.cases.options import Option, options_of, summary
@@ -56,6 +56,17 @@ def flights(count: float, scene: Scene) -> float | None:
     return count * float(scene.gap.mean()) / rms if rms else None
 
 
+def shaken(periods: float, scene: Scene) -> float | None:
+    """End time of so many periods of a floor that is shaken harmonically, or where its path ends."""
+    end = walls.ends(scene.floor)
+    return periods / scene.floor.frequency if isinstance(scene.floor, walls.Sine) else end if end < math.inf else None
+
+
+def bounces(count: float, periods: float, scene: Scene) -> float | None:
+    """End time of `count` falls on a floor at rest, or of so many periods of one that is shaken."""
+    return shaken(periods, scene) if scene.driven else falls(count, scene)
+
+
 MOST_BALLS = 10_000_000
 """Balls of a ready-made scene: with a contact log they need some GB of memory."""
 STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
@@ -68,7 +79,8 @@ TEMPLATES = {
     "chain": Template(scenes.chain, until.separated(), contact=STEEL),
     "column": Template(scenes.column, until.separated(), partial(falls, 20), {"restitution": 0.9}),
     "gas": Template(scenes.gas, None, partial(flights, 10), {"restitution": 0.9}),
-    "bouncing-ball": Template(scenes.bouncing_ball, None, partial(falls, 6)),  # at ε = 0.7 it rests after 17/3 falls
+    "bouncing-ball": Template(scenes.bouncing_ball, None, partial(bounces, 6, 50)),  # at ε = 0.7 it rests after 17/3
+    "vibrated-column": Template(scenes.vibrated_column, None, partial(shaken, 20), contact={"restitution": 0.95}),
 }
 
 
@@ -105,7 +117,7 @@ def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> 
     n = of_scene.get("n", 0)
     if isinstance(n, (int, float)) and n > MOST_BALLS:
         _check.whole("n", n, at_least=1, at_most=MOST_BALLS, fix="build larger scenes in Python")
-    scene = build.call([template.make], of_scene)
+    scene = build.call([template.make], build.walled(of_scene))
     end = template.t_end(scene) if t_end is None else _check.number("t_end", t_end, at_least=0.0)
     return Case(scene, None, None, template.until, end, about=about(name))
 
@@ -189,10 +201,14 @@ def shaping(name: str) -> set[str]:
 
 
 def first_impact(scene: Scene) -> float:
-    """Largest speed in m/s at which a pair would meet first if it were alone; 0 if none meets."""
+    """Largest speed in m/s at which a pair would meet first if it were alone, with walls at their fastest; 0 if none
+    meets."""
     closing = -scene.across(scene.velocity)
     square = closing * np.abs(closing) + 2.0 * scene.pull * np.maximum(scene.gap, 0.0)
-    return math.sqrt(max(0.0, float(square.max())))
+    speed = np.sqrt(np.maximum(0.0, square))
+    speed[0] += walls.fastest(scene.floor)
+    speed[-1] += walls.fastest(scene.ceiling)
+    return float(speed.max())
 
 
 def _named(name: str) -> Template:

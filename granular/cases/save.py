@@ -14,8 +14,9 @@ import numpy as np
 
 from granular import _check
 from granular._files import write_text
-from granular.cases.build import LAWS, RULES, law, rule_of
+from granular.cases.build import LAWS, RULES, WALLS, law, rule_of
 from granular.cases.case import Case
+from granular.cases.named import name_of
 from granular.rules import ConstantRestitution
 from granular.scene import Pair
 
@@ -32,7 +33,8 @@ def save(case: Case, path: str | PathLike[str]) -> None:
     OSError
         If the file cannot be written.
     TypeError
-        If a law or rule is not one of granular's own: TOML holds numbers, not programs.
+        If a law or rule is not one of granular's own, or the function of a wall has no name that can be imported: TOML
+        holds numbers and names, not programs.
     """
     write_text(path, dumps(case))
 
@@ -95,7 +97,18 @@ def _of_restitution(given: Any, restitution: float, pair: Pair) -> Table:
         return {}
 
 
+def _wall(motion: Any) -> Table:
+    """The table of how a wall moves."""
+    table: Table = {"type": type(motion).__name__} | _numbers(motion)
+    if "function" in table:
+        function = table["function"]
+        table["function"] = function if type(function) in WALLS.values() else name_of(function)
+    return table
+
+
 def _value(value: Any) -> str:
+    if type(value) in WALLS.values():
+        value = _wall(value)
     if isinstance(value, (np.ndarray, np.generic)):
         value = value.tolist()
     if isinstance(value, Mapping):

@@ -153,6 +153,8 @@ def _reading(kind: str) -> dict[str, Any]:
     if "Sequence" in kind:
         action = _OneOrMore if kind.startswith("float") else None
         return {"type": _number, "nargs": "+", "metavar": "X", "action": action}
+    if kind == "Any":
+        return {"type": _entry, "nargs": "+", "metavar": "NAME=VALUE", "action": _Table}
     if kind.startswith("int"):
         return {"type": _whole, "metavar": "N"}
     return {"type": _number, "metavar": "X"} if kind.startswith("float") else {"metavar": "WORD"}
@@ -161,6 +163,23 @@ def _reading(kind: str) -> dict[str, Any]:
 class _OneOrMore(argparse.Action):
     def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option: str | None = None) -> None:
         setattr(namespace, self.dest, values[0] if len(values) == 1 else values)
+
+
+class _Table(argparse.Action):
+    """What a TOML file has in a table, such as how a wall moves."""
+
+    def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option: str | None = None) -> None:
+        setattr(namespace, self.dest, dict(values))
+
+
+def _entry(text: str) -> tuple[str, float | str]:
+    name, equals, value = text.strip().partition("=")
+    if not equals:
+        raise argparse.ArgumentTypeError(f"{text.strip()!r} is no NAME=VALUE, such as type=Sine")
+    try:
+        return name, float(value)
+    except ValueError:
+        return name, value
 
 
 def _number(text: str) -> float:

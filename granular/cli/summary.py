@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from granular import certificate
+from granular import certificate, measures
 from granular.cases import Case
 from granular.trajectory import Trajectory
 
@@ -22,6 +22,10 @@ def summary(case: Case, run: Trajectory) -> str:
     lines += [f"{run.scene!r}, {engine}", f"{run.status.name}: {run.message}",
               f"t = {run.time[-1]:.12g} s, {len(run.contacts)} contacts",
               *filter(None, [certificate.sentence(run)]), "", *_contacts(run), "", *_bodies(run)]
+    if run.scene.worked:
+        parts = measures.balance(run)
+        said = (f"{words} {parts[name]:.6g}" for name, words in measures.ACCOUNT.items() if parts[name])
+        return "\n".join([*lines, "", "energy, J: " + ", ".join(said)])
     energy = run.energy()
     if energy[0] > 0.0 and not math.isnan(energy[-1]):
         lines += ["", f"energy left: {100.0 * energy[-1] / energy[0]:.6g} % of {energy[0]:.6g} J"]

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import certificate
+from granular import certificate, measures
 from granular.comparison.numbers import Compared
 from granular.comparison.verdict import verdict
 from granular.measures import ROUNDING
@@ -35,13 +35,14 @@ GROUPS = {
     "mass_ratio": "mass ratio {mass_ratio:.4g}", "stiffness_ratio": "stiffness ratio {stiffness_ratio:.4g}",
     "gap_omega_over_speed": "Δh ω₀/v {gap_omega_over_speed:.3g}",
     "gravity_over_omega_speed": "g/(ω₀v) {gravity_over_omega_speed:.2g}",
+    "shaking": "Γ {shaking:.6g}", "shaking_omega": "ω/ω₀ {shaking_omega:.3g}",
 }  # fmt: skip
 """How measures and groups read; those that are nan are left out."""
 
 
 def table(report: Compared) -> str:
     """The report a person reads."""
-    lines = [f"{report.scene!r}", *_laws(report), "", *_outcomes(report), "", *_why(report), ""]
+    lines = [f"{report.scene!r}", *_laws(report), "", *_outcomes(report), *_account(report), "", *_why(report), ""]
     lines += _known(MEASURES, {"error": report.error} | report.measures)
     lines += ["groups: " + ", ".join(_known(GROUPS, report.groups)), *(f"warning: {w}" for w in warnings(report))]
     return "\n".join([*lines, "", verdict(report)])
@@ -109,6 +110,7 @@ def _run(run: Trajectory) -> dict[str, Any]:
         "time": run.time,
         "velocity": run.velocity[-1],
         "gap": run.gap[-1],
+        "account": measures.balance(run),
         "contacts": {name: log[name] for name in log.dtype.names or ()},
         "contacts_left_out": len(run.contacts) - len(log),
     }
@@ -156,6 +158,20 @@ def _outcomes(report: Compared) -> Iterator[str]:
     yield _line("because", hard.status.name, soft.status.name)
     if not math.isnan(ratio := report.restitution_ratio):
         yield _line("ε_eff / ε_spec", 1, f"{ratio:.6g}")
+
+
+def _account(report: Compared) -> Iterator[str]:
+    """Where the energy comes from and goes to, where walls do work; what cannot be told of balls there."""
+    if not report.scene.worked:
+        return
+    hard, soft = measures.balance(report.hard), measures.balance(report.soft)
+    yield ""
+    yield "energy, J"
+    for name, words in measures.ACCOUNT.items():
+        if hard[name] or soft[name]:  # what is 0 in both is not shown; nan is
+            yield _line(words, number(hard[name]), number(soft[name]))
+    if report.scene.driven:
+        yield "The duration of a contact shifts the phase of the next one: beside a driven wall timing is outcome."
 
 
 def _line(name: str, hard: Any, soft: Any, mark: str = "") -> str:

@@ -14,6 +14,7 @@ from granular.comparison import figure, film, report, verdict
 from granular.comparison.numbers import Compared
 from granular.comparison.restitution import rule_of
 from granular.laws.check import checked
+from granular.request import check_end
 from granular.scene import Scene
 from granular.scene import checked as a_scene
 from granular.tables import Report
@@ -74,7 +75,7 @@ def compare(
     rule : collision rule or sequence of them, optional
         For the hard spheres; default the law's own ε as a function of impact speed and pair.
     until, t_end : stop condition, float, optional
-        When both engines stop; without either they run until nothing can follow.
+        When both engines stop; without either they run until nothing can follow. Beside driven walls one is needed.
     max_events : int
         Limit on the contacts of each run.
     ties : str
@@ -95,6 +96,7 @@ def compare(
     Comparison
     """
     laws = checked(law, a_scene(scene)).given
+    check_end(scene, t_end, until)
     used = rule_of(laws, scene) if rule is None else rule
     end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
     event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed}

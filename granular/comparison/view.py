@@ -80,6 +80,7 @@ def with_rows(report: Compared, engine: str, times: Array) -> Trajectory:
     hard = engine == "hard"
     run = report.hard if hard else report.soft
     free = run.status is Status.quiet or (run.status is Status.until and (hard or isinstance(report.until, Separated)))
+    free = free and not report.scene.driven  # a path may end with the run
     stop = float(times[-1]) if free else min(float(times[-1]), float(run.time[-1]))
     rows: dict[str, Any] = {"t_end": stop, "samples": np.unique(np.minimum(times, stop)), "log": False}
     if hard:

@@ -81,7 +81,7 @@ class BlockQueue(TreeQueue):
         part = State(one(packed([s.run], RUN)), s.clock, copied(s.pairs[low:high]), copied(s.bodies[low : high + 1]))
         part.run.edge, part.run.budget = edge, 1 << 40
         tree = TreeQueue(part, self.physics).queue
-        pause = self.kernel(self.loop)(part.run, part.pairs, part.bodies, tree, None, None, fastest)
+        pause = self.kernel(self.loop)(part.run, part.pairs, part.bodies, tree, None, None, fastest, None)
         same = (part.run.clamps, part.run.merged) == (s.run.clamps, s.run.merged)
         return part if pause == LATER and same and fastest[0] <= speed else None
 

@@ -12,7 +12,6 @@ import numpy as np
 from granular._check import Array
 from granular._flight import time_to_contact
 from granular._records import Records, column
-from granular.edmd.motion import approaching
 from granular.edmd.physics import Physics
 from granular.edmd.sorted_queue import Log, SortedQueue
 from granular.edmd.state import APART, BUDGET, LATER, NEAR, RESTS, SPENT, TINY, UNTIL, State, gaps
@@ -84,7 +83,7 @@ def look(
     rows = None if log is None else queue.rows(budget)
     run.room = min(queue.soonest(run.first, run.first + len(near) - 1), state.clock.window) - run.began
     run.edge, run.budget = limit, budget if rows is None else len(rows)
-    end: int = queue.kernel(zoom)(run, near, *state.slices(), physics.rule, rows)
+    end: int = queue.kernel(queue.fit(zoom))(run, near, *state.slices(), physics.rule, rows, state.walls)
     run.now = run.began + run.elapsed
     if log is not None and rows is not None:
         log.append(rows[: run.events - seen])
@@ -104,8 +103,7 @@ def look(
                 run.short = math.ldexp(run.short, -4)
                 run.allowance *= 2
     finish(state, queue)
-    apart = run.stop_pair == APART and queue.kernel(approaching)(state.pairs, state.bodies, 0, run.now) < 0
-    return UNTIL if apart else end, verdict
+    return UNTIL if run.stop_pair == APART and queue.apart() else end, verdict
 
 
 def finish(state: State, queue: SortedQueue) -> None:
@@ -178,6 +176,8 @@ def judged(state: State, physics: Physics, share: float = SLOW, collided: int | 
     if low == high and not pulled:
         return None  # two free bodies collide once
     kind, speed = "bounded", largest_speed(bodies, gap[low:end], rate[low:end], run.gravity)
+    if physics.scene.external_force is not None:
+        speed = largest_speed_under_forces(bodies, gap[low:end], rate[low:end], run.gravity)
     if high == low + 1 and not pulled and physics.rule is None and alternates(pairs, rate[low], rate[high], j == low):
         kind = "proved"
     return Verdict(kind, int(run.first) + low, int(run.first) + high, speed)
@@ -200,6 +200,28 @@ def largest_speed(bodies: Records, gap: Array, rate: Array, gravity: float) -> f
         if gravity > 0.0:
             return math.inf  # they fall off the ceiling
     energy = 0.5 * mass[ball] @ velocity[ball] ** 2 + gravity * (mass[ball] @ height[ball])
+    return math.sqrt(2.0 * float(energy) / float(mass[ball].min()))
+
+
+def largest_speed_under_forces(bodies: Records, gap: Array, rate: Array, gravity: float) -> float:
+    """Return the same where forces act too; inf if they pull the run apart somewhere.
+
+    What presses a pair together, were all of them at rest on each other, does the work of its gap.
+    """
+    mass = np.array(column(bodies, "mass"))
+    ball = np.isfinite(mass)
+    fall, velocity = np.where(ball, gravity, 0.0) - column(bodies, "push"), np.concatenate([[0.0], np.cumsum(rate)])
+    mass[~ball] = 0.0
+    if ball.all():
+        velocity -= (mass @ velocity) / mass.sum()
+        fall -= (mass @ fall) / mass.sum()
+    elif ball[0]:
+        velocity -= velocity[-1]
+    weight = mass * fall
+    pressing = -np.cumsum(weight)[:-1] if ball[0] and not ball[-1] else np.cumsum(weight[::-1])[::-1][1:]
+    if (pressing < 0.0).any():
+        return math.inf
+    energy = 0.5 * mass @ velocity**2 + pressing @ gap
     return math.sqrt(2.0 * float(energy) / float(mass[ball].min()))
 
 

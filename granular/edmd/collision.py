@@ -15,11 +15,13 @@ import numpy as np
 from granular._flight import rate_at_contact
 from granular._kernels import kernel, rare
 from granular._records import Record, Records
-from granular.edmd.motion import blur, carry, collide, impulse, velocities
+from granular.edmd.motion import Walls, blur, carry, collide, impulse, velocities
 from granular.edmd.physics import Restitution
 
 SUSPICIOUS = 8
 """Streak that calls for a closer look."""
+RESTING = 0.0
+"""A pair pulled more than this (m/s²) that is never to collide rests."""
 FAINT = 2.0**-26
 """Rate, in units of the velocities it is the difference of, that calls for one at once: half its digits are gone."""
 
@@ -39,7 +41,8 @@ together pass on more than their own."""
 
 @kernel
 def event(
-    run: Record, pairs: Records, bodies: Records, c: int, now: float, rule: Restitution | None, row: Record | None
+    run: Record, pairs: Records, bodies: Records, c: int, now: float, rule: Restitution | None, row: Record | None,
+    walls: Walls,
 ) -> tuple[int, int, float]:
     """Let pair `c` collide at time `now`; return the first and the last pair to predict anew, and the rate after.
 
@@ -55,18 +58,18 @@ def event(
         row.lower_in, row.upper_in = velocities(lower, upper, g, now)
     weak, exchanged = e < 1.0 and -w < run.merge_below and pair.pull >= 0.0, 0.0
     if weak:
-        start, end, exchanged = absorb(run, pairs, bodies, c, now, w)
+        start, end, exchanged = absorb(run, pairs, bodies, c, now, w, walls)
     elif (g > 0.0 or run.merge_below > 0.0) and (at_rest(lower) or at_rest(upper)):
-        start, end = wake(run, pairs, bodies, c, now)
+        start, end = wake(run, pairs, bodies, c, now, walls)
         collide(pair, lower, upper, now, w, e)
     else:
         start = end = c
         if c > 0:
             start = c - 1
-            run.clamps += carry(pairs[start], bodies[start], lower, now)
+            run.clamps += carry(pairs[start], bodies[start], lower, now, walls)
         if c + 1 < len(pairs):
             end = c + 1
-            run.clamps += carry(pairs[end], upper, bodies[end + 1], now)
+            run.clamps += carry(pairs[end], upper, bodies[end + 1], now, walls)
         collide(pair, lower, upper, now, w, e)
     if row is not None:
         row.lower_out, row.upper_out = velocities(lower, upper, g, now)
@@ -124,7 +127,9 @@ def at_rest(body: Record) -> bool:
 
 @rare
 @kernel
-def absorb(run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float) -> tuple[int, int, float]:
+def absorb(
+    run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float, walls: Walls
+) -> tuple[int, int, float]:
     """Let the bodies of pair `c`, which close at rate `w`, and all that is closed with them, move as one from now on.
 
     With the wall or the pile if one side belongs to it, else with their common momentum. Returns the first and the
@@ -137,7 +142,7 @@ def absorb(run: Record, pairs: Records, bodies: Records, c: int, now: float, w: 
         e += 1
     first, last = max(b - 1, 0), min(e, len(pairs) - 1)
     for k in (first, c, last):  # all others between are closed
-        carry(pairs[k], bodies[k], bodies[k + 1], now)
+        carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
     pairs[c].gap = 0.0
     lower = math.inf if bodies[c].falls == 0.0 else total(bodies, b, c)
     upper = math.inf if bodies[c + 1].falls == 0.0 else total(bodies, c + 1, e)
@@ -173,7 +178,7 @@ def share(bodies: Records, c: int, first: int, last: int) -> None:
 
 @rare
 @kernel
-def wake(run: Record, pairs: Records, bodies: Records, c: int, now: float) -> tuple[int, int]:
+def wake(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
     """Let the bodies of pair `c`, which is hit, and those that rested upon them, fall again.
 
     Returns the first and the last pair to predict anew.
@@ -183,14 +188,16 @@ def wake(run: Record, pairs: Records, bodies: Records, c: int, now: float) -> tu
         top += 1
     first, last = max(c - 1, 0), min(top, len(pairs) - 1)
     for k in range(first, last + 1):
-        carry(pairs[k], bodies[k], bodies[k + 1], now)
-    release(run, pairs, bodies, c, top, now)
+        carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
+    release(run, pairs, bodies, c, top, now, walls)
     return first, last
 
 
 @rare
 @kernel
-def release(run: Record, pairs: Records, bodies: Records, low: int, high: int, now: float) -> None:
+def release(
+    run: Record, pairs: Records, bodies: Records, low: int, high: int, now: float, walls: Walls
+) -> None:
     """Let those of bodies `low` … `high` that are at rest fall again."""
     for i in range(low, high + 1):
         if at_rest(bodies[i]):
@@ -210,17 +217,19 @@ def total(bodies: Records, b: int, e: int) -> float:
 
 @rare
 @kernel
-def rest(run: Record, pairs: Records, bodies: Records, c: int) -> None:
+def rest(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> tuple[int, int]:
     """Let the upper body of pair `c` rest on the wall, or on the pile on it.
 
-    For a pulled pair that never collides again: it has gap and rate 0.
+    For a pulled pair that never collides again: it has gap and rate 0. Returns the first and the last pair to predict
+    anew, at least the next one.
     """
     top = min(c + 1, len(pairs) - 1)
     if top > c:
-        carry(pairs[top], bodies[top], bodies[top + 1], pairs[c].at)
+        carry(pairs[top], bodies[top], bodies[top + 1], pairs[c].at, walls)
     bodies[c + 1].falls = 0.0
     bodies[c + 1].u = bodies[c].u
     repull(run, pairs, bodies, c, top)
+    return c + 1, top
 
 
 @kernel

@@ -20,14 +20,17 @@ from typing import Any
 
 from granular._kernels import kernel, rare
 from granular._records import Records, twin
+from granular.edmd.account import enter
 from granular.edmd.collision import ROW, release
-from granular.edmd.motion import NOISE, carry, predicted, touches
+from granular.edmd.motion import NOISE, Walls, carry, predicted, touches, velocities
 from granular.edmd.physics import Physics
 from granular.edmd.state import BUDGET, TOUCHING, UNTIL, State
 
 Row = list[float]
 Floats = Sequence[float]
 Solver = Callable[[Floats, Floats, Floats], Row]
+Fit = Callable[[Any], Any]
+"""Makes kernels fit the scene."""
 PASSES = 10_000
 """Repetitions of a rule before it is given up."""
 
@@ -135,51 +138,55 @@ def gave_up(rule: str) -> ValueError:
 
 @rare
 @kernel
-def group(pairs: Records, bodies: Records, c: int, now: float) -> tuple[int, int]:
+def group(pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
     """Return the first and the last pair of the group around pair `c` that touches at time `now`, without tolerance."""
     first = last = c
-    while first > 0 and touches(pairs[first - 1], bodies[first - 1], bodies[first], now):
+    while first > 0 and touches(pairs[first - 1], bodies[first - 1], bodies[first], now, walls):
         first -= 1
-    while last + 1 < len(pairs) and touches(pairs[last + 1], bodies[last + 1], bodies[last + 2], now):
+    while last + 1 < len(pairs) and touches(pairs[last + 1], bodies[last + 1], bodies[last + 2], now, walls):
         last += 1
     return first, last
 
 
-def collide_as_one(s: State, physics: Physics, log: list[Any] | None) -> tuple[int, int, int]:
+def collide_as_one(s: State, physics: Physics, fit: Fit, log: list[Any] | None) -> tuple[int, int, int]:
     """Let the group that touches the suspect now collide by the tie rule; return why to pause, else `TOUCHING`.
 
     Before it: the contact to stop at is among its own, or they are more than the run may still have. Returns, too, the
     first and the last pair to predict anew.
     """
     run, c, now = s.run, s.run.suspect, s.run.now
-    first, last = group(s.pairs, s.bodies, c, now)
-    p = _impulses(first, last, s, physics)
+    first, last = fit(group)(s.pairs, s.bodies, c, now, s.walls)
+    p = _impulses(first, last, s, physics, fit)
     hit = [k for k in range(first, last + 1) if p[k - first] > 0.0]
     if run.stop_pair in hit and s.pairs[run.stop_pair].hits >= run.stop_hits:
         return UNTIL, c, c
     if run.events + len(hit) > s.clock.last_event:
         return BUDGET, c, c
-    before = _velocities(first, last, s)
+    before = _velocities(first, last, s, fit)
     _apply(first, last, p, s)
-    parted = _velocities(first, last, s)
+    parted = _velocities(first, last, s, fit)
+    if s.walls is not None:
+        for k, x, closing, opening in zip(range(first, last + 1), p, pairwise(before), pairwise(parted), strict=True):
+            rates = (closing[1] - closing[0]) + (opening[1] - opening[0])
+            enter(s.bodies[k], s.bodies[k + 1], x, -0.5 * x * rates, s.walls)
     for k in hit:
         s.pairs[k].hits, s.pairs[k].last = s.pairs[k].hits + 1, now
     if log is not None:
         row: Any = twin(ROW)
         log.append([row(first + i, now, *before[i : i + 2], *parted[i : i + 2], x) for i, x in enumerate(p) if x > 0.0])
     run.events += len(hit)
-    if not hit and predicted(s.pairs[c], s.bodies[c], s.bodies[c + 1]) <= now:
+    if not hit and fit(predicted)(s.pairs[c], s.bodies[c], s.bodies[c + 1], s.walls) <= now:
         raise gave_up(physics.options["ties"])
     return TOUCHING, max(first - 1, 0), min(last + 1, len(s.pairs) - 1)
 
 
-def _impulses(first: int, last: int, s: State, physics: Physics) -> Row:
+def _impulses(first: int, last: int, s: State, physics: Physics, fit: Fit) -> Row:
     """Return the impulses (kg m/s) of pairs `first` … `last`, which touch now, by the tie rule."""
     ties, rule, bodies = physics.options["ties"], physics.rule, s.bodies[first : last + 2]
     for k in range(max(first - 1, 0), min(last + 2, len(s.pairs))):
-        s.run.clamps += carry(s.pairs[k], s.bodies[k], s.bodies[k + 1], s.run.now)
+        s.run.clamps += fit(carry)(s.pairs[k], s.bodies[k], s.bodies[k + 1], s.run.now, s.walls)
     s.pairs[s.run.suspect].gap = 0.0
-    release(s.run, s.pairs, s.bodies, first, last + 1, s.run.now)
+    fit(release)(s.run, s.pairs, s.bodies, first, last + 1, s.run.now, s.walls)
     rate = [_rate(k, s) for k in range(first, last + 1)]
     eps = [s.pairs[k].eps if rule is None else rule(k, max(0.0, -r)) for k, r in enumerate(rate, first)]
     if bodies[0].mass == math.inf == bodies[-1].mass and (ties == "reflect" or bodies[-1].u < bodies[0].u):
@@ -188,10 +195,9 @@ def _impulses(first: int, last: int, s: State, physics: Physics) -> Row:
     return RULES[ties]([1.0 / body.mass for body in bodies], rate, eps)
 
 
-def _velocities(first: int, last: int, s: State) -> Row:
+def _velocities(first: int, last: int, s: State, fit: Fit) -> Row:
     """Return the velocities (m/s) of the bodies of the group now."""
-    fallen = s.run.gravity * s.run.now
-    return [body.u - body.falls * fallen for body in s.bodies[first : last + 2]]
+    return [fit(velocities)(body, body, s.run.gravity, s.run.now)[0] for body in s.bodies[first : last + 2]]
 
 
 def _apply(first: int, last: int, p: Row, s: State) -> None:
@@ -205,7 +211,7 @@ def _apply(first: int, last: int, p: Row, s: State) -> None:
     fastest = max(abs(body.u) for body in bodies)
     doubt = max(body.noise for body in bodies) + NOISE * (fastest * fastest)
     for body in bodies:
-        body.noise = doubt if body.mass < math.inf else 0.0
+        body.noise = doubt if body.mass < math.inf else body.noise
     parted = [c + 1 for c in range(first, last + 1) if abs(_rate(c, s)) > fastest * 2.0**-40]
     for low, high in pairwise([first, *parted, last + 2]):
         _go_together(low, high - 1, s)

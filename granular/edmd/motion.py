@@ -12,11 +12,14 @@ are not known to close at all, and do not collide; velocities that were given ar
 from __future__ import annotations
 
 import math
+from typing import Any, TypeAlias
 
 from granular._flight import gap_after, time_to_contact
 from granular._kernels import kernel
 from granular._records import Record, Records
 
+Walls: TypeAlias = Any
+"""Of scenes that are driven: see `granular.edmd.driven`, which has other kernels for them. Else None."""
 NOISE = 2.0**-96
 """What a collision adds to the noise, in units of the velocities squared: 16 units in the last place of velocities, of
 which rounding takes less than 3."""
@@ -32,7 +35,7 @@ def velocities(lower: Record, upper: Record, g: float, now: float) -> tuple[floa
 
 
 @kernel
-def predicted(pair: Record, lower: Record, upper: Record) -> float:
+def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
     """Return the time at which a pair collides if nothing happens before, inf if it never does.
 
     A pair that touches and approaches collides now. One whose approach is but rounding never does.
@@ -46,14 +49,14 @@ def predicted(pair: Record, lower: Record, upper: Record) -> float:
 
 
 @kernel
-def touches(pair: Record, lower: Record, upper: Record, now: float) -> bool:
+def touches(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> bool:
     """Return whether the bodies of a pair touch at time `now`, without tolerance."""
     a, at = pair.pull, pair.at
     return gap_after(pair.gap, (upper.u - lower.u) - a * at, a, now - at) <= 0.0
 
 
 @kernel
-def carry(pair: Record, lower: Record, upper: Record, now: float) -> int:
+def carry(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> int:
     """Move the gap of a pair to time `now`; return 1 if rounding made it negative and it was clamped at 0."""
     a, at = pair.pull, pair.at
     d = gap_after(pair.gap, (upper.u - lower.u) - a * at, a, now - at)
@@ -107,24 +110,30 @@ def blur(pair: Record, lower: Record, upper: Record, w: float, e: float) -> None
 
 
 @kernel
-def approaching(pairs: Records, bodies: Records, first: int, now: float) -> int:
+def rate_at(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> float:
+    """Return the rate of a pair (m/s) at time `now`."""
+    return (upper.u - lower.u) - pair.pull * now  # type: ignore[no-any-return]
+
+
+@kernel
+def approaching(pairs: Records, bodies: Records, first: int, now: float, walls: Walls) -> int:
     """Return a pair that approaches at time `now`, looking at pair `first` first; -1 if none does."""
     n = len(pairs)
     for k in range(n):
         c = first + k if first + k < n else first + k - n
         pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
-        rate = (upper.u - lower.u) - pair.pull * now
+        rate = rate_at(pair, lower, upper, now, walls)
         if rate < 0.0 and (pair.pull != 0.0 or rate * rate >= lower.noise + upper.noise):
             return c
     return -1
 
 
 @kernel
-def rebase(run: Record, pairs: Records, bodies: Records, shift: float) -> None:
+def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Walls) -> None:
     """Move all gaps to time `shift`, the new zero of time."""
     for c in range(len(pairs)):
         pair = pairs[c]
-        run.clamps += carry(pair, bodies[c], bodies[c + 1], shift)
+        run.clamps += carry(pair, bodies[c], bodies[c + 1], shift, walls)
         pair.at = 0.0
         pair.last -= shift
     if run.gravity != 0.0:

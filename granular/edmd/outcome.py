@@ -24,18 +24,21 @@ def message(run: Any, status: Status, s: dict[str, Any]) -> str:
     when = f"t = {run.time():.12g} s after {s['events']} collision{'s' * (s['events'] != 1)}"
     if verdict is not None:
         why = WHY[verdict.kind].format(above=verdict.first + 1, bound=verdict.bound)
+        if verdict.bound == math.inf:
+            why = "forces may pull them apart: how fast they will be is not known"
         return f"inelastic collapse of {verdict} at {when} ({verdict.kind}: {why})"
-    walls = f"the walls close at t = {s['start'] + run.close_after:.12g} s"
+    walls = f"the walls close at t = {s['start'] + run.closing.after:.12g} s"
     if status is Status.collapse:
         sentence = f"{walls} and leave no way out: stopped at {when}, when no space was left"
     elif status is not Status.max_events:
-        end = "; no collision can follow" if status is Status.time and run.queue.soonest() == math.inf else ""
+        over = status is Status.time and not run.scene.driven and run.queue.soonest() == math.inf
+        end = "; no collision can follow" if over else ""
         sentence = f"{status.value}: {when}{end}"
     else:
         sentence = f"{status.value}: max_events reached at {when}"
         if math.isfinite(run.horizon):
             sentence += f"; {walls}, and collisions become ever more frequent until then"
-        elif s["slow"] >= 0.0:
+        elif s["slow"] >= 0.0 or (run.scene.driven and s["merge_below"] == 0.0):
             sentence += _slowing(run, s["events"])
     if s["lost"] > 0:
         rates = f"{s['lost']} relative velocit{'y' if s['lost'] == 1 else 'ies'}"

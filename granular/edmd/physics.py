@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, rules
+from granular import _check, rules, walls
 from granular._check import Array
 from granular.edmd.ties import GROUP, MASK, ORDER
 from granular.rules import Rule, constants, restitution_at
@@ -37,6 +37,11 @@ class Physics:
         """Restitution per pair; nan if not all rules are constant, and `rule` has to be asked."""
         known = constants(self.rules, self.scene.gap)
         return np.full(self.scene.n_pairs, math.nan) if known is None else np.array(known)
+
+    @property
+    def general(self) -> bool:
+        """Whether walls do work or forces act."""
+        return self.scene.worked or self.scene.external_force is not None
 
     @cached_property
     def rule(self) -> Restitution | None:
@@ -110,8 +115,18 @@ def felt_gravity(scene: Scene) -> float:
 def scales(scene: Scene) -> tuple[float, float, float]:
     """Return the speed scale (m/s), the speed of falling through the mean gap, and the mean gap (m) of a scene."""
     length = float(np.mean(scene.gap)) or float(np.mean(scene.radius))
-    fall = math.sqrt(2.0 * felt_gravity(scene) * length)
+    fall = math.sqrt(2.0 * strongest(scene) * length)
+    for path in map(walls.path_of, scene.motions):
+        fall = fall if path is None else max(fall, path.speed)
     return max(float(np.abs(np.diff(scene.velocity)).max()), fall), fall, length
+
+
+def strongest(scene: Scene) -> float:
+    """Return the largest acceleration (m/s²) of a ball in the frame of a run."""
+    g = felt_gravity(scene)
+    if scene.external_force is None:
+        return g
+    return float(np.abs(scene.external_force * scene.inverse_mass - np.where(scene.is_wall, 0.0, g)).max())
 
 
 def shares(scene: Scene) -> tuple[Array, Array]:

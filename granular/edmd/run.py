@@ -9,7 +9,8 @@ from granular import _check
 from granular._kernels import no_compiler
 from granular._records import packed
 from granular.drive import End, Pause, Row, Rows
-from granular.edmd import blocks, collapse, outcome
+from granular.edmd import blocks, collapse, outcome, sides
+from granular.edmd.closing import Closing
 from granular.edmd.collision import ROW
 from granular.edmd.physics import Physics
 from granular.edmd.sorted_queue import SortedQueue
@@ -18,7 +19,6 @@ from granular.edmd.ties import GROUP, ORDER
 from granular.edmd.tree_queue import TreeQueue, pays
 from granular.edmd.watch import Watch
 from granular.request import Request
-from granular.scene import close_after
 from granular.trajectory import Status
 from granular.until import Contact
 
@@ -26,9 +26,6 @@ TAIL = 8
 """The last of so many parts of a run that ends at `max_events` tells whether it has slowed down."""
 LOOK = 4096
 """Events after which rows are handed over and progress is told."""
-MARGIN = 2.0**-30
-"""Closing walls end a run when this part of the free length between them is left: balls that bounce between them at
-2/(1 - ε) times the speed of the walls make their sum of gaps uncertain by not much less."""
 LIKELY = 25
 """Collisions of a pair that a run is taken to have before anything is known of it."""
 TRIAL = 2048
@@ -89,12 +86,12 @@ class Run:
         self.verdict: collapse.Verdict | None = None
         self.settled: list[Rows] = []
         self.fall = self.scene.gravity - float(state.run.gravity)  # m/s², with which the frame of the run falls
-        self.close_after = close_after(self.scene)
-        self.horizon = self.start + (1.0 - MARGIN) * self.close_after  # s: no room for balls later
+        self.closing = Closing(self.scene, self.start)
+        self.horizon = self.closing.horizon  # s: no room for balls later
 
     def _compiled(self) -> type[TreeQueue]:
         self.may_compile = False
-        return blocks.BlockQueue if self.scene.n > blocks.LARGE else TreeQueue
+        return blocks.BlockQueue if self.scene.n > blocks.LARGE and self.state.walls is None else TreeQueue
 
     def _go_on_with(self, queue: type[SortedQueue]) -> None:
         """Go on with another queue. What is looked at closely, whose gaps in the state are old, stays as it is."""
@@ -110,6 +107,8 @@ class Run:
         """
         state, seen = self.state, self.events
         while last or time > self.request.start:
+            if self.scene.driven:
+                self.horizon = self.closing.look(min(time, float(state.time(state.clock.window))))
             limit, before = state.tau(min(time, self.horizon)), self.events
             if time >= self.horizon and limit <= state.run.now:
                 return Pause.collapse
@@ -121,8 +120,10 @@ class Run:
             if why == LATER:
                 due = math.inf if state.near is not None else self.queue.soonest()
                 if due > limit or due == math.inf:
+                    if self._meet_before(time):
+                        continue
                     return self._reached(time, limit)
-                state.shift_to(due, self.queue.kernel)
+                state.shift_to(due, lambda kernel: self.queue.kernel(self.queue.fit(kernel)))
                 self.queue.rebuild()
             elif why == SUSPECT:
                 collapse.begin(state, self.queue)
@@ -131,6 +132,13 @@ class Run:
             if self.events - seen >= LOOK:
                 return Pause.full
         return Pause.reached
+
+    def _meet_before(self, time: float) -> bool:
+        """Return whether driven walls are now found to meet before `time`, as they were not yet."""
+        known = self.horizon
+        if self.scene.driven and time < known:
+            self.horizon = self.closing.look(min(time, self.request.end))
+        return self.horizon < known
 
     def _reached(self, time: float, limit: float) -> Pause:
         """Stand at `time`, tau = `limit`, or where the walls leave no room, since nothing happens before."""
@@ -206,7 +214,8 @@ class Run:
         now = float(state.run["now"])
         velocity, gap = state.row(now)
         elapsed = float(state.elapsed(now))
-        return Row(time, elapsed, gap, velocity - self.fall * elapsed)
+        ledger = sides.ledger(state, now) if self.scene.worked else None
+        return Row(time, elapsed, gap, velocity - self.fall * elapsed, ledger=ledger)
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended, with all that is needed to go on."""

@@ -4,6 +4,7 @@ May be skipped: options and their checks, no physics.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -16,10 +17,14 @@ from granular.edmd.physics import OPTIONS, Physics, checked
 from granular.edmd.run import Run, checked_engine
 from granular.edmd.state import State
 from granular.edmd.watch import Watch
-from granular.request import requested
+from granular.request import check_end, requested
 from granular.rules import Rule
-from granular.scene import Scene
+from granular.scene import Scene, fitted
+from granular.scene import checked as a_scene
 from granular.trajectory import Status, Trajectory
+
+EVENTS = 1_000_000
+"""Collisions at most, if nobody says."""
 
 
 def simulate(
@@ -31,7 +36,7 @@ def simulate(
     t_start: float = 0.0,
     samples: int | ArrayLike | None = None,
     log: bool = True,
-    max_events: int = 1_000_000,
+    max_events: int = EVENTS,
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
     engine: str = "auto",
@@ -117,11 +122,13 @@ def simulate(
     One collision costs O(log n). The state is gaps, not positions, so balls never change order; the clock is re-based,
     so late times cost no digits. A collapse is a verdict, never an impression: see `granular.edmd.collapse`.
     """
+    start = _check.number("t_start", t_start)
+    _check_end(a_scene(scene), t_end, until, max_events)
+    scene = fitted(scene, start, math.inf if t_end is None else _check.number("t_end", t_end))
     physics = checked(
         scene, rule, collapse=collapse, merge_below=merge_below, ties=ties, seed=seed, tc=tc,
         elastic_below=elastic_below,
     )  # fmt: skip
-    start = _check.number("t_start", t_start)
     request = requested(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, on_event=on_event,
         on_progress=on_progress,
@@ -137,7 +144,7 @@ def resume(
     until: stop.Until | None = None,
     samples: int | ArrayLike | None = None,
     log: bool = True,
-    max_events: int = 1_000_000,
+    max_events: int = EVENTS,
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
     engine: str = "auto",
@@ -158,12 +165,20 @@ def resume(
         raise ValueError("trajectory is no hard-sphere run: one from granular.edmd is needed.")
     if trajectory.status is Status.collapse:
         raise ValueError("trajectory ended in a collapse: nothing follows it; run again with collapse='merge' or tc=.")
-    saved = trajectory.state
-    physics = Physics(trajectory.scene, trajectory.rule, {name: saved[name] for name in OPTIONS})
+    saved, scene = trajectory.state, trajectory.scene
+    _check_end(scene, t_end, until, max_events)
+    scene = fitted(scene, float(saved["start"]), math.inf if t_end is None else _check.number("t_end", t_end))
+    physics = Physics(scene, trajectory.rule, {name: saved[name] for name in OPTIONS})
     state = State.restored(physics, saved)
     request = requested(
-        trajectory.scene, state.time(state.run.now), t_end, until=until, samples=samples, log=log,
+        scene, state.time(state.run.now), t_end, until=until, samples=samples, log=log,
         max_events=max_events, on_event=on_event, on_progress=on_progress,
     )  # fmt: skip
-    watching = None if watch is None else Watch(watch, trajectory.scene, saved)
+    watching = None if watch is None else Watch(watch, scene, saved)
     return drive(Run(physics, state, checked_engine(engine, physics), request, watching))
+
+
+def _check_end(scene: Scene, t_end: float | None, until: stop.Until | None, max_events: int) -> None:
+    """Raise if nothing says when a run beside driven walls is over."""
+    if max_events == EVENTS:
+        check_end(scene, t_end, until)

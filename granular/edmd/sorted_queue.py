@@ -10,10 +10,12 @@ from sortedcontainers import SortedList
 
 from granular._kernels import kernel
 from granular._records import Record, Records, plain, twin
-from granular.edmd.collision import ROW, SUSPICIOUS, event, rest
+from granular.edmd.collision import RESTING, ROW, SUSPICIOUS, event, rest
+from granular.edmd.driven import general
 from granular.edmd.groups import collide_as_one, group
-from granular.edmd.motion import approaching, predicted, velocities
+from granular.edmd.motion import Walls, approaching, predicted, velocities
 from granular.edmd.physics import Physics, Restitution
+from granular.edmd.riding import leave
 from granular.edmd.state import APART, BUDGET, LATER, SUSPECT, TOUCHING, UNTIL, State
 from granular.edmd.ties import GROUP, MASK, RANDOM, rank
 
@@ -26,7 +28,7 @@ NOBODY = (math.inf, MASK)
 @kernel
 def loop(
     run: Record, pairs: Records, bodies: Records, queue: Any, rule: Restitution | None, rows: Records | None,
-    fastest: Records | None,
+    fastest: Records | None, walls: Walls,
 ) -> int:
     """Let events act until `run.edge`, at most `run.budget` of them; return why it pauses.
 
@@ -38,6 +40,11 @@ def loop(
         now, c = head(queue)
         if now > edge:
             return LATER
+        if walls is not None and pairs[c].shut > 0:
+            run.now = now
+            first, last = leave(run, pairs, bodies, c, now, walls)
+            refresh(run, pairs, bodies, queue, first, last, walls)
+            continue
         if c == stop and pairs[c].hits >= run.stop_hits:
             run.now = now
             return UNTIL
@@ -46,19 +53,19 @@ def loop(
         run.now = now
         if together:
             run.suspect = c
-            first, last = group(pairs, bodies, c, now)
+            first, last = group(pairs, bodies, c, now, walls)
             if first < last:
                 return TOUCHING
         row = None if rows is None else rows[done]
-        first, last, rebound = event(run, pairs, bodies, c, now, rule, row)
+        first, last, rebound = event(run, pairs, bodies, c, now, rule, row, walls)
         run.events += 1
         done += 1
         if fastest is not None:
             below, above = velocities(bodies[c], bodies[c + 1], run.gravity, now)
             fastest[0] = max(fastest[0], abs(below), abs(above))
-        refresh(run, pairs, bodies, queue, first, last)
+        refresh(run, pairs, bodies, queue, first, last, walls)
         if stop == APART:
-            closing = approaching(pairs, bodies, closing, now)
+            closing = approaching(pairs, bodies, closing, now, walls)
             if closing < 0:
                 return UNTIL
         if pairs[c].streak >= SUSPICIOUS:
@@ -74,7 +81,9 @@ def head(queue: Any) -> tuple[float, int]:
 
 
 @kernel
-def refresh(run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int) -> None:
+def refresh(
+    run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int, walls: Walls
+) -> None:
     """Predict pairs `first` … `last` anew. Pairs that never collide are not in the queue."""
     order, entry = queue
     due, c = order[0][1] & MASK, first
@@ -82,7 +91,7 @@ def refresh(run: Record, pairs: Records, bodies: Records, queue: Any, first: int
         entry[due] = (math.inf, order.pop(0)[1])
     while c <= last:
         old, pair = entry[c], pairs[c]
-        time = predicted(pair, bodies[c], bodies[c + 1])
+        time = predicted(pair, bodies[c], bodies[c + 1], walls)
         new = (time, rank(c, RANDOM, run.seed, pair.hits) if run.order == RANDOM else old[1])
         if new != old:
             if old[0] < math.inf:
@@ -90,10 +99,12 @@ def refresh(run: Record, pairs: Records, bodies: Records, queue: Any, first: int
             entry[c] = new
             if time < math.inf:
                 order.add(new)
-        if time == math.inf and pair.pull > 0.0:
-            rest(run, pairs, bodies, c)
-            last = max(last, min(c + 1, len(pairs) - 1))
-        c += 1
+        if time == math.inf and pair.pull > RESTING:
+            low, high = rest(run, pairs, bodies, c, walls)
+            last = max(last, high)
+            c = low
+        else:
+            c += 1
 
 
 class SortedQueue:
@@ -114,10 +125,14 @@ class SortedQueue:
     hold: Callable[[Records], Records] = staticmethod(plain)
     loop, predict = staticmethod(loop), staticmethod(refresh)
     queue: Any = None
+    fit: Callable[[Any], Any] = staticmethod(lambda function: function)
+    """Makes kernels fit the scene."""
 
     def __init__(self, state: State, physics: Physics) -> None:
         state.keep(self.hold)
         self.state, self.physics = state, physics
+        if state.walls is not None:
+            self.fit = general
         self.rebuild()
 
     def rows(self, n: int) -> Records:
@@ -135,11 +150,17 @@ class SortedQueue:
     def refresh(self, first: int, last: int) -> None:
         """Predict pairs `first` … `last` anew."""
         s = self.state
-        self.kernel(self.predict)(s.run, s.pairs, s.bodies, self.queue, first, last)
+        self.kernel(self.fit(self.predict))(s.run, s.pairs, s.bodies, self.queue, first, last, s.walls)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
         """Return the time of the next event of any pair outside `first` … `last`."""
         return float(next(time for time, key in self.queue[0] if not first <= (key & MASK) <= last))
+
+    def apart(self) -> bool:
+        """Return whether no pair approaches."""
+        s = self.state
+        first: int = self.kernel(self.fit(approaching))(s.pairs, s.bodies, 0, s.run.now, s.walls)
+        return first < 0
 
     def advance(self, edge: float, budget: int, log: Log | None) -> int:
         """Let events up to and including time `edge` act, `budget` of them or one more group, appending them to `log`.
@@ -152,14 +173,15 @@ class SortedQueue:
             begin = run["events"]
             rows = None if log is None else self.rows(enough - begin)
             run["edge"], run["budget"] = edge, enough - begin if rows is None else len(rows)
-            why: int = self.kernel(self.loop)(run, s.pairs, s.bodies, self.queue, self.physics.rule, rows, None)
+            rule, go = self.physics.rule, self.kernel(self.fit(self.loop))
+            why: int = go(run, s.pairs, s.bodies, self.queue, rule, rows, None, s.walls)
             if log is not None and rows is not None:
                 log.append(rows[: run["events"] - begin].copy())
             if why != TOUCHING:
                 return why
-            why, first, last = collide_as_one(s, self.physics, log)
+            why, first, last = collide_as_one(s, self.physics, self.fit, log)
             self.refresh(first, last)
-            if why == TOUCHING and run.stop_pair == APART and approaching(s.pairs, s.bodies, 0, run.now) < 0:
+            if why == TOUCHING and run.stop_pair == APART and self.apart():
                 why = UNTIL
             if why != TOUCHING:
                 return why
@@ -173,7 +195,8 @@ class SortedQueue:
     def _check(self) -> None:
         """Raise where the queue is out of order, or an event not that of its pair except for rounding: for tests."""
         run, pairs, bodies = self.state.run, plain(self.state.pairs), plain(self.state.bodies)
+        walls = self.state.walls if self.state.walls is None else tuple(map(plain, self.state.walls))
         for c, (time, key) in enumerate(self._events()):
-            due = predicted(pairs[c], bodies[c], bodies[c + 1])
+            due = self.fit(predicted)(pairs[c], bodies[c], bodies[c + 1], walls)
             assert key == rank(c, run.order, run.seed, pairs[c].hits), c
             assert math.isclose(time, due, rel_tol=1e-9, abs_tol=1e-12), (c, time, due)

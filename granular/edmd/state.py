@@ -13,8 +13,10 @@ import numpy as np
 
 from granular._check import Array
 from granular._records import Record, Records, column, copied, one, packed, plain
+from granular.edmd import account, sides
+from granular.edmd.driven import OF_BODY, OF_PAIR, synchronise
 from granular.edmd.motion import rebase
-from granular.edmd.physics import Physics, felt_gravity, scales, shares
+from granular.edmd.physics import Physics, felt_gravity, scales, shares, strongest
 from granular.edmd.ties import ORDER
 
 PAIR = np.dtype(
@@ -64,13 +66,17 @@ RUN = np.dtype(
 CLOCK = np.dtype(
     [
         ("start", float), ("epoch", float), ("epoch_low", float),  # s: the first row; the zero of tau
-        ("length", float), ("window", float),  # m, the mean gap at the start; s, 2^k, grows as balls slow down
+        ("length", float),  # m, the mean gap at the start, the largest so far if driven
+        ("window", float),  # s, 2^k, grows as balls slow down
         ("speed", float), ("fall", float),  # m/s, scale of relative velocities, never below what falling `length` gives
+        ("strength", float),  # m/s², the largest acceleration of a ball
         ("rebases", int), ("zooms", int), ("lost", int),  # closer looks, and rates lost to rounding in them
         ("last_event", int),  # events at which the run ends
     ]
 )  # fmt: skip
 """Numbers that they do not."""
+DRIVEN_PAIR, DRIVEN_BODY = (np.dtype(plain_one.descr + more, align=True) for plain_one, more in (
+    (PAIR, OF_PAIR), (BODY, OF_BODY)))  # fmt: skip
 OF_PAIRS, OF_BODIES = ("gap", "at", "pull", "hits", "last", "streak"), ("u", "falls", "noise")
 """What changes, by the names under which it is saved."""
 SAVED = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "now",
@@ -100,27 +106,34 @@ class State:
     pairs: Records
     bodies: Records
     near: Records | None = None
+    walls: Any = None
+    """Of the floor and the ceiling, where forces act or walls do work: records `SIDE`, and their panels."""
 
     @classmethod
     def of(cls, physics: Physics, t_start: float) -> State:
         """Return the state at the start of a run."""
         scene, options, g = physics.scene, physics.options, felt_gravity(physics.scene)
-        pairs, bodies = np.zeros(scene.n_pairs, PAIR), np.zeros(scene.n, BODY)
+        walls = sides.walls(physics.scene, t_start) if physics.general else None
+        of_pair, of_body = (PAIR, BODY) if walls is None else (DRIVEN_PAIR, DRIVEN_BODY)
+        pairs, bodies = np.zeros(scene.n_pairs, of_pair), np.zeros(scene.n, of_body)
         bodies["u"], bodies["falls"], bodies["mass"] = scene.velocity, ~scene.is_wall, scene.mass
         pairs["gap"], pairs["eps"], pairs["last"] = scene.gap, physics.eps, -math.inf
         pairs["pull"] = g * scene.across(bodies["falls"])
         pairs["low"], pairs["high"] = shares(scene)
         speed, fall, length = scales(scene)
-        window, remedied = span(length, speed, g), any(options[x] > 0.0 for x in ("tc", "elastic_below", "merge_below"))
-        state = cls(plain(np.zeros(1, RUN))[0], plain(np.zeros(1, CLOCK))[0], pairs, bodies)
+        strength, remedied = strongest(scene), any(options[x] > 0.0 for x in ("tc", "elastic_below", "merge_below"))
+        window = span(length, speed, strength)
+        state = cls(plain(np.zeros(1, RUN))[0], plain(np.zeros(1, CLOCK))[0], pairs, bodies, None, walls)
         state.set(
             pairs=len(pairs), gravity=g, tc=options["tc"], elastic_below=options["elastic_below"],
             merge_below=options["merge_below"], order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
-            start=t_start, epoch=t_start, length=length, window=window, fall=fall, short=math.ldexp(window, -30),
-            stop_pair=NEVER, suspect=-1, allowance=20_000,
-            slow=-1.0 if remedied or physics.eps.min() == 1.0 else 0.0,  # no collapse is possible
+            start=t_start, epoch=t_start, strength=strength, length=length, window=window, fall=fall,
+            short=math.ldexp(window, -30), stop_pair=NEVER, suspect=-1, allowance=20_000,
+            slow=-1.0 if remedied or scene.driven or physics.eps.min() == 1.0 else 0.0,  # no collapse is possible
         )  # fmt: skip
         state.scale(speed)
+        if walls is not None:
+            sides.begin(state, scene)
         return state
 
     @classmethod
@@ -131,15 +144,20 @@ class State:
         too, whose frame now falls from the start on.
         """
         state = cls.of(physics, float(saved["start"]))
-        for name in OF_PAIRS:
+        of_pairs, of_bodies = state._changing()
+        for name in of_pairs:
             state.pairs[name] = saved[name]
-        for name in OF_BODIES:
+        for name in of_bodies:
             state.bodies[name] = saved.get(name, 0.0)
         state.set(**{name: np.asarray(saved[name]).item() for name in SAVED})
         state.set(**dict(zip(TALLY, saved["tally"].tolist(), strict=True)))
         state.scale(state.clock.speed)
         if "noise" not in saved:
             state.bodies["u"] += (physics.scene.gravity - state.run.gravity) * state.elapsed(0.0)
+        if state.walls is not None:
+            for name in account.SUMS:
+                state.walls[0][name] = saved[name]
+            sides.date(state)
         if "zoom_gap" in saved:
             look = {name: RUN[name].type(x).item() for name, x in zip(LOOK, saved["zoom_dial"], strict=False)}
             state.set(first=int(saved["zoom_first"]), began=float(saved["zoom_base"]), **look)
@@ -160,8 +178,11 @@ class State:
 
     def checkpoint(self, run: dict[str, Any]) -> dict[str, Any]:
         """Return everything, of which `run` are the `numbers`, for `Trajectory.state`; nothing of it is copied."""
-        raw: dict[str, Any] = {name: column(self.bodies, name) for name in OF_BODIES}
-        raw |= {name: column(self.pairs, name) for name in OF_PAIRS} | {name: run[name] for name in SAVED}
+        of_pairs, of_bodies = self._changing()
+        raw: dict[str, Any] = {name: column(self.bodies, name) for name in of_bodies}
+        raw |= {name: column(self.pairs, name) for name in of_pairs} | {name: run[name] for name in SAVED}
+        if self.walls is not None:
+            raw |= {name: np.array(column(self.walls[0], name)) for name in account.SUMS}
         raw["tally"] = np.array([run[name] for name in TALLY])
         if self.near is not None:
             raw |= {"zoom_first": np.array(run["first"]), "zoom_base": np.array(run["began"])}
@@ -172,13 +193,16 @@ class State:
     def keep(self, how: Callable[..., Any]) -> None:
         """Keep the records as `plain` objects for interpreted code, or `packed` for compiled code: the same bits."""
         self.pairs, self.bodies = how(self.pairs), how(self.bodies)
+        if self.walls is not None:
+            self.walls = how(self.walls[0]), how(self.walls[1])
         self.near = self.near if self.near is None else how(self.near)
         if isinstance(self.pairs, np.ndarray) and not isinstance(self.run, np.record):
             self.run = one(packed([self.run], RUN))
 
     def copied(self) -> State:
         """Return a state whose bodies and pairs can be changed without changing these."""
-        return replace(self, pairs=copied(self.pairs), bodies=copied(self.bodies))
+        walls = self.walls if self.walls is None else (copied(self.walls[0]), self.walls[1])
+        return replace(self, pairs=copied(self.pairs), bodies=copied(self.bodies), walls=walls)
 
     def slices(self) -> tuple[Records, Records]:
         """Return the records of the pairs that are looked at closely, and of their bodies."""
@@ -209,16 +233,20 @@ class State:
         """Move the epoch on by whole windows, so that `tau` comes to lie in the first one."""
         clock = self.clock
         shift = tau - math.fmod(tau, clock.window)
-        compiler(rebase)(self.run, self.pairs, self.bodies, shift)
+        compiler(rebase)(self.run, self.pairs, self.bodies, shift, self.walls)
         total = clock.epoch + shift
         back = total - clock.epoch
         clock.epoch_low += (clock.epoch - (total - back)) + (shift - back)
         clock.epoch = total
         clock.rebases += 1
         self.run["now"] -= shift
+        if self.walls is not None:
+            sides.date(self)
+            compiler(synchronise)(self.pairs, self.bodies, self.walls)
+            clock.length = max(clock.length, float(column(self.pairs, "gap").mean()))  # what is shaken expands
         self.scale(max(float(np.abs(np.diff(column(self.bodies, "u"))).max()), clock.fall))
         if clock.speed > 0.0:
-            clock.window = max(clock.window, span(clock.length, clock.speed, float(self.run["gravity"])))
+            clock.window = max(clock.window, span(clock.length, clock.speed, clock.strength))
 
     def row(self, tau: float) -> tuple[Array, Array]:
         """Return velocities in m/s, and gaps in m, never negative, at `tau`; nothing moves."""
@@ -226,7 +254,13 @@ class State:
         gap = gaps(self.pairs, velocity, tau)
         if g > 0.0:
             velocity -= column(self.bodies, "falls") * (g * tau)
+        if self.walls is not None:
+            sides.show(self, tau, velocity, gap)
         return velocity, gap
+
+    def _changing(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Return the names of what changes, of pairs and of bodies."""
+        return (OF_PAIRS, OF_BODIES) if self.walls is None else ((*OF_PAIRS, "wall", "shut"), (*OF_BODIES, "push"))
 
     def _check(self) -> None:
         """Raise where the records cannot be those of a run: for tests."""
@@ -236,9 +270,11 @@ class State:
             len(bodies) == len(pairs) + 1 == run.pairs + 1,
             (pairs["gap"] >= 0.0).all(),
             (pairs["at"] <= max(run.now, 0.0)).all(),
-            (pairs["pull"] == run.gravity * np.diff(bodies["falls"])).all(),
+            self.walls is not None or (pairs["pull"] == run.gravity * np.diff(bodies["falls"])).all(),
+            self.walls is None or sides.sound(self, pairs, bodies),
             hit[np.isfinite(last)].all() and (last <= run.now).all() and pairs["hits"].sum() == run.events,
-            not bodies["falls"][wall].any() and not bodies["noise"][wall].any() and (bodies["noise"] >= 0.0).all(),
+            not bodies["falls"][wall].any() and (bodies["noise"] >= 0.0).all(),
+            self.walls is not None or not bodies["noise"][wall].any(),
             math.frexp(clock.window)[0] == 0.5 and 0.0 <= clock.fall <= clock.speed,
         ]
         assert all(whole), whole

@@ -16,8 +16,8 @@ from granular._kernels import compiled, kernel, specialised, worth
 from granular._records import Record, Records, packed
 from granular._tournament import leaf, replay, tournament
 from granular.edmd import sorted_queue
-from granular.edmd.collision import ROW, rest
-from granular.edmd.motion import predicted
+from granular.edmd.collision import RESTING, ROW, rest
+from granular.edmd.motion import Walls, predicted
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.ties import LEFT, MASK, rank
 
@@ -32,19 +32,23 @@ def head(queue: Any) -> tuple[float, int]:
 
 
 @kernel
-def refresh(run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int) -> None:
+def refresh(
+    run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int, walls: Walls
+) -> None:
     """Predict pairs `first` … `last` anew and decide the matches above them again."""
     c = first
     while c <= last:
         pair = pairs[c]
-        due = predicted(pair, bodies[c], bodies[c + 1])
+        due = predicted(pair, bodies[c], bodies[c + 1], walls)
         leaf(queue, c).due = due
         if run.order != LEFT:  # else its number, as the tree has it
             leaf(queue, c).key = rank(c, run.order, run.seed, pair.hits)
-        if due == math.inf and pair.pull > 0.0:
-            rest(run, pairs, bodies, c)
-            last = max(last, min(c + 1, len(pairs) - 1))
-        c += 1
+        if due == math.inf and pair.pull > RESTING:
+            low, high = rest(run, pairs, bodies, c, walls)
+            first, last = min(first, low), max(last, high)
+            c = low
+        else:
+            c += 1
     replay(queue, first, last)
 
 

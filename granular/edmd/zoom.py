@@ -14,8 +14,9 @@ import math
 from granular._flight import gap_after, rate_at_contact, time_to_contact
 from granular._kernels import kernel
 from granular._records import Record, Records
+from granular.edmd.account import book
 from granular.edmd.collision import total
-from granular.edmd.motion import impulse, velocities
+from granular.edmd.motion import Walls, impulse, velocities
 from granular.edmd.physics import Restitution
 from granular.edmd.state import BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL
 from granular.edmd.ties import GROUP, rank
@@ -25,8 +26,9 @@ GOES_ON = -1
 
 @kernel
 def zoom(
-    run: Record, near: Records, pairs: Records, bodies: Records, rule: Restitution | None, rows: Records | None
-) -> int:
+    run: Record, near: Records, pairs: Records, bodies: Records, rule: Restitution | None, rows: Records | None,
+    walls: Walls,
+) -> int:  # fmt: skip
     """Advance the slice; return how it ended."""
     done = 0
     while True:
@@ -44,6 +46,8 @@ def zoom(
             row.pair, row.t_begin = run.suspect, tau
             row.lower_in, row.upper_in = velocities(lower, upper, run.gravity, tau)
         bounce(near, pairs, bodies, j, w, e)
+        if walls is not None:
+            book(lower, upper, w, e, walls)
         if rows is not None:
             row.lower_out, row.upper_out = velocities(lower, upper, run.gravity, tau)
             row.impulse = impulse(lower, upper, (1.0 + e) * w)
@@ -53,7 +57,9 @@ def zoom(
         run.looked += 1
         wait = rest_time(near, pairs, j, e) if rule is None else math.inf
         if run.elapsed + wait < min(run.room, run.edge - run.began):
-            settle(near, pairs, bodies, j, wait)
+            if walls is not None:
+                book(lower, upper, own.rate, 0.0, walls)  # what is left of it
+            settle(near, pairs, bodies, j, wait, walls)
             run.elapsed += wait
             return RESTS
         if own.rate == 0.0 and pair.pull > 0.0:
@@ -72,7 +78,7 @@ def obstacle(run: Record, near: Records, pairs: Records, j: int, dt: float) -> i
         return QUIET
     n, c = len(near), run.first + j
     guard = (j == 0 and c > 0) or (j == n - 1 and c + 1 < run.pairs)
-    together = run.order == GROUP and touches(near, pairs, j, dt)
+    together = run.order == GROUP and crowded(near, pairs, j, dt)
     if guard or together or not run.elapsed + dt < run.room:
         return OUTSIDE
     if run.looked >= run.allowance:
@@ -106,7 +112,7 @@ def order(run: Record, pairs: Records, j: int) -> int:
 
 
 @kernel
-def touches(near: Records, pairs: Records, j: int, dt: float) -> bool:
+def crowded(near: Records, pairs: Records, j: int, dt: float) -> bool:
     """Return whether a neighbour of pair `j` touches after `dt`."""
     for k in range(max(j - 1, 0), min(j + 2, len(near))):
         if k != j and gap_after(near[k].gap, near[k].rate, pairs[k].pull, dt) <= 0.0:
@@ -165,7 +171,7 @@ def rest_time(near: Records, pairs: Records, j: int, e: float) -> float:
 
 
 @kernel
-def settle(near: Records, pairs: Records, bodies: Records, j: int, end: float) -> None:
+def settle(near: Records, pairs: Records, bodies: Records, j: int, end: float, walls: Walls) -> None:
     """Move the slice on by `end` to the moment when the ball above the wall of pair `j` has come to rest on it.
 
     Measured from the wall, the path of its neighbour knows nothing of the bounces.
@@ -173,6 +179,8 @@ def settle(near: Records, pairs: Records, bodies: Records, j: int, end: float) -
     a, r = pairs[j].pull, near[j].rate
     near[j].gap = near[j].rate = pairs[j].pull = bodies[j + 1].falls = 0.0
     bodies[j + 1].u = bodies[j].u
+    if walls is not None:
+        bodies[j + 1].push = 0.0
     if j + 1 < len(near):
         near[j + 1].rate += r
         pairs[j + 1].pull += a

@@ -22,7 +22,7 @@ from granular.laws.kinds import SceneLaws
 from granular.md import fixed, located
 from granular.md.integrators import INTEGRATORS
 from granular.md.stability import expected_rate
-from granular.request import Request, requested
+from granular.request import check_end, requested
 from granular.scene import Scene, checked, close_after, fitted
 from granular.trajectory import Status, Trajectory
 
@@ -128,7 +128,7 @@ def simulate(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, max_steps=max_steps,
         on_event=on_event, on_progress=on_progress,
     )  # fmt: skip
-    _check_end(scene, request)
+    check_end(scene, t_end, until)
     scene = fitted(scene, start, request.end)
     _check_walls(scene, start, request.end)
     _check.choice("engine", engine, ("auto", "plain", "compiled"))
@@ -215,13 +215,6 @@ def _in_range(law: Any) -> Iterator[None]:
             f"law is {law!r}, …: rates or overlaps of its contacts in this scene are beyond the range of numbers "
             f"({error}); coefficients, masses and speeds in SI units and of usual size are needed."
         ) from error
-
-
-def _check_end(scene: Scene, request: Request) -> None:
-    """Raise if nothing says when a run beside driven walls is over: they keep balls moving for good."""
-    if scene.driven and request.end == math.inf and request.until is None:
-        raise ValueError("t_end is None: beside a driven wall a run never comes to an end by itself; give t_end, or "
-                         "until.")  # fmt: skip
 
 
 def _check_walls(scene: Scene, start: float, end: float) -> None:

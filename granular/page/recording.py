@@ -9,11 +9,13 @@ means touching.
 from __future__ import annotations
 
 import base64
+import math
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from granular.measures import ACCOUNT, balance
 from granular.scene import Scene
 from granular.trajectory import Trajectory, points
 
@@ -54,6 +56,7 @@ def recorded(run: Trajectory, name: str) -> dict[str, Any]:
         "offset": packed((run.position[0] - points(part(run, rows[:1]))[0])[bodies]),
         "path": packed(points(thin)[:, bodies]),
         "energy": packed(np.nan_to_num(thin.energy(), nan=0.0), np.float64),
+        "account": _account(run),
         "contacts": contacts(run, kept),
         "map": contact_map(run),
         "whole": {"rows": len(run.time), "contacts": len(run.contacts), "bodies": run.scene.n},
@@ -65,8 +68,9 @@ def different_balls(one: Scene, other: Scene) -> str:
     if one.n != other.n:
         return f"{one.n} and {other.n} bodies"
     heavy = f"gravity {one.gravity:g} and {other.gravity:g} m/s²"
+    forces = (np.zeros(scene.n) if scene.external_force is None else scene.external_force for scene in (one, other))
     differ = {"masses": (one.mass != other.mass).any(), "radii": (one.radius != other.radius).any(),
-              heavy: one.gravity != other.gravity}  # fmt: skip
+              heavy: one.gravity != other.gravity, "forces": np.not_equal(*forces).any()}  # fmt: skip
     return next((name for name, is_so in differ.items() if is_so), "")
 
 
@@ -77,8 +81,16 @@ def evenly(n: int, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:
 
 def part(run: Trajectory, rows: np.ndarray[Any, np.dtype[np.int64]]) -> Trajectory:
     """Return the run with only some of its rows."""
-    arrays = {name: getattr(run, name)[rows] for name in ("time", "position", "velocity", "gap")}
-    return replace(run, **arrays, force=None if run.force is None else run.force[rows])
+    arrays: dict[str, Any] = {name: getattr(run, name)[rows] for name in ("time", "position", "velocity", "gap")}
+    arrays |= {name: getattr(run, name)[rows] for name in ("force", "ledger") if getattr(run, name) is not None}
+    return replace(run, **arrays)
+
+
+def _account(run: Trajectory) -> list[list[str | float]]:
+    """What walls do and contacts dissipate in a whole run, in words and J; nothing where no wall moves."""
+    parts = balance(run)
+    return [[ACCOUNT[name], parts[name]] for name in ("floor", "ceiling", "heat", "dissipated", "remainder")
+            if run.scene.worked and parts[name] and math.isfinite(parts[name])]  # fmt: skip
 
 
 def contacts(run: Trajectory, kept: np.ndarray[Any, np.dtype[np.int64]]) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from granular._kernels import have_numba
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
-from granular.stress import contact, hard, line, long, rest
+from granular.stress import contact, driven, hard, line, long, rest
 from granular.stress.cell import FIXED, METHODS, SOFT, Cell, Result, Verdict, repeat
 from granular.stress.report import StabilityReport
 from granular.trajectory import EARLY, Status
@@ -45,6 +45,7 @@ AXES: dict[str, Callable[[], Iterator[Cell]]] = {
     "collapse": hard.collapse,
     "ties": hard.ties,
     "float edges": hard.edges,
+    "driven": driven.driven,
     "long runs": long.runs,
 }
 """The axes and what makes their cells; "symmetry" also makes the cells of "invariants"."""

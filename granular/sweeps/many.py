@@ -18,7 +18,7 @@ from granular.cases import Case
 from granular.cases.ready import first_impact
 from granular.laws.contact_law import resolve
 from granular.md import located
-from granular.scene import Scene, velocities
+from granular.scene import Scene, forced, velocities
 from granular.sweeps.answers import REFUSED, Answers
 from granular.sweeps.axes import Values
 from granular.sweeps.plan import Plan
@@ -38,8 +38,8 @@ class Start(NamedTuple):
 def solve(plan: Plan, points: Sequence[tuple[Any, ...]], answers: Answers) -> list[int]:
     """Solve the cells at these points as far as possible; return those that are left.
 
-    Left are what is refused, has options of its own or laws that are no powers, creeping piles, and contacts that are
-    running at the end and must be followed.
+    Left are what is refused, has options of its own, driven walls, forces, or laws that are no powers, creeping piles,
+    and contacts that are running at the end and must be followed.
     """
     memory = _memory(plan.key) if plan.subject.ready else {}
     prepared = [_prepared(plan, point, memory) for point in points]
@@ -79,7 +79,7 @@ def _recalled(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *given
 def _start(plan: Plan, point: tuple[Any, ...]) -> Start | None:
     case = plan.start(point)
     balls = case.scene.mass.tobytes(), case.scene.radius.tobytes(), first_impact(case.scene)
-    return None if case.run else Start(case, balls if plan.subject.ready else point)
+    return None if case.run or forced(case.scene) else Start(case, balls if plan.subject.ready else point)
 
 
 def _law(plan: Plan, point: tuple[Any, ...], start: Start) -> tuple[Any, float] | None:

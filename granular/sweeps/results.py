@@ -18,7 +18,7 @@ from granular.binary import restitution
 from granular.cases import Case
 from granular.comparison import Comparison, compare
 from granular.outcome import counts, separations
-from granular.scene import Scene
+from granular.scene import Scene, forced
 from granular.trajectory import Status, Trajectory
 
 NOT_RUN, MISUSE = -1, len(Status)
@@ -105,7 +105,8 @@ class Answer:
 
 def impact_speed(scene: Scene) -> float:
     """|v10| in m/s with which two balls dropped as one meet the floor; nan for other scenes."""
-    if scene.n != 3 or not scene.is_wall[0] or scene.is_wall[2] or scene.velocity[1] != scene.velocity[2]:
+    dropped = scene.n == 3 and scene.is_wall[0] and not scene.is_wall[2] and scene.velocity[1] == scene.velocity[2]
+    if not dropped or forced(scene):
         return math.nan
     rate = float(scene.velocity[1] - scene.velocity[0])
     return -rate_at_contact(float(scene.gap[0]), rate, scene.gravity)

@@ -1,9 +1,9 @@
 """What is swept: a ready-made case, a function that makes cases, a TOML file, or a `Case`; and its parameters by name.
 May be skipped: many runs of the same engines.
 
-A name is a path, such as ``gap``, ``radii[0]``, ``law.k`` (of all pairs), ``law[0].k``, ``run.dt``. The parameters of
-a file are the numbers in its tables, those of a `Case` its fields, and there the first word may be left out:
-``mass[1]`` is ``scene.mass[1]``, ``k`` is ``law.k``.
+A name is a path, such as ``gap``, ``radii[0]``, ``law.k`` (of all pairs), ``law[0].k``, ``floor.amplitude``,
+``external_force[1]``, ``run.dt``. The parameters of a file are the numbers in its tables, those of a `Case` its fields,
+and there the first word may be left out: ``mass[1]`` is ``scene.mass[1]``, ``k`` is ``law.k``.
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ from granular.cases.options import descriptions, options_of, whole
 from granular.scene import Scene
 
 _NAME = re.compile(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*")
-_UNIT = re.compile(r"\bin (kg/m³|m/s²|m/s|N/m|kg|m|s|J)(?![\w/^])")
+_UNIT = re.compile(r"\bin (kg/m³|m/s²|m/s|N/m|kg|m|s|J|N|Hz|rad)(?![\w/^])")
 PARTS = ("scene", "law", "rule", "run")
 """Where a name is looked for whose first word is left out."""
+_WALLS = dict.fromkeys(build.MOVING, tuple(build.WALLS.values()))
 Way = tuple[str | int, ...]
 
 
@@ -73,7 +74,8 @@ class Subject:
             raise ValueError(f"{name!r} is no name of a parameter, such as gap or radii[0].")
         way = tuple(int(index) if index else word for index, word in re.findall(r"\[(\d+)\]|(\w+)", name))
         if self.ready:
-            _check.known([str(way[0])], self.about, f"parameter of {self.title}", TypeError)
+            names = [about for about in self.about if "." not in about]
+            _check.known([str(way[0])], names, f"parameter of {self.title}", TypeError)
         of_function = isinstance(self.text, str)
         if of_function or way[0] in {*PARTS, *_numbers(self.root)}:
             return way
@@ -98,7 +100,8 @@ def subject_of(given: Any) -> Subject:
     case = Case(given, None) if isinstance(given, Scene) else given
     if isinstance(case, Case):
         text = vars(case) | {"scene": scene_to_json(case.scene)}
-        about = _about([Scene], law=map(type, _entries(case.law)), rule=map(type, _entries(case.rule)))
+        about = _about([Scene], law=map(type, _entries(case.law)), rule=map(type, _entries(case.rule)),
+                       **_WALLS)
         return Subject(case.about or repr(case.scene), case, replace, about, text)
     if callable(case):
         title = getattr(case, "__qualname__", repr(case))
@@ -108,23 +111,25 @@ def subject_of(given: Any) -> Subject:
         return _of_file(Path(case))
     name = _check.choice("scene", case, cases.names())
     options = cases.options(name)
-    about = {option.name: option.about for option in options} | {"t_end": ""}
+    about = {option.name: option.about for option in options} | {"t_end": ""} | _about([], **_WALLS)
     return Subject(name, _lists(options), partial(_call, partial(cases.make, name)), about, name, name,
                    whole(ready.TEMPLATES[name].make))
 
 
 def _of_file(path: Path) -> Subject:
+    folder = str(path.parent)
     with build.place(path.name):
         tables = tables_of(path)
-        of_tables(tables)
+        of_tables(tables, folder)
     scene, name = tables["scene"], tables["scene"].get("name")
     law, rule = ([kinds[table["type"]] for table in _entries(tables.get(part))]
                  for part, kinds in (("law", build.LAWS), ("rule", build.RULES)))
     functions: list[Callable[..., Any]] = [md.simulate, *([ready.TEMPLATES[name].make] if name else [])]
-    about = _about([*functions, Scene], law=law, rule=rule)
+    about = _about([*functions, Scene], law=law, rule=rule, **_WALLS)
     root = tables | {"scene": _lists(cases.options(name) if name else []) | scene}
     wholes = frozenset(name for function in functions for name in whole(function))
-    return Subject(str(tables.get("about", path.name)), root, of_tables, about, tables, wholes=wholes)
+    return Subject(str(tables.get("about", path.name)), root, partial(of_tables, folder=folder), about, tables,
+                   wholes=wholes)
 
 
 def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
@@ -145,8 +150,16 @@ def put(holder: Any, way: Way, value: Any, name: str = "") -> Any:
         return [put(one, way, value) for one in holder]
     if isinstance(holder, Mapping):
         return {**holder, step: put(holder.get(step, {}), rest, value, step)}
+    if holder is None:
+        raise TypeError(f"'{name}.{step}' is no parameter: there is no {name}.")
     _check.known([step], _numbers(holder), f"parameter of {holder!r}", TypeError)
-    return replace(holder, **{step: put(getattr(holder, step), rest, value, step)})
+    return replace(holder, **{step: put(_entry(holder, step), rest, value, step)})
+
+
+def _entry(holder: Any, name: str) -> Any:
+    """A field of a dataclass; forces that a scene does not have are zeros."""
+    held = getattr(holder, name)
+    return np.zeros(holder.n) if name == "external_force" and held is None else held
 
 
 def _numbers(holder: Any) -> dict[str, Any]:

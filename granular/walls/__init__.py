@@ -7,6 +7,7 @@ the scene put it, and moves at its own velocity + m'(t_start).
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -45,12 +46,24 @@ def fitted(motion: Any, t_start: float, t_end: float) -> Any:
     return panels if isinstance(motion, Motion) else motion
 
 
+def ends(*motions: Any) -> float:
+    """Return the time in s at which the first of these paths ends: inf of a `Sine`, and of a `Motion`, whose function
+    says how far it goes."""
+    paths = [getattr(motion, "function", motion) for motion in motions]
+    last = [path.breaks[-1] for path in paths if isinstance(path, Piecewise)]
+    last += [path.edges[-1] for path in paths if isinstance(path, Panels) and not path.frequency]
+    return float(min(last, default=math.inf))
+
+
 def fastest(motion: Any) -> float:
-    """Return a bound of |m'| in m/s; 0 of a function that has not been fitted, of which nothing is known yet."""
-    if motion is None or isinstance(motion, Motion):
-        return 0.0
-    panels = motion if isinstance(motion, Panels) else motion._panels
-    return float(panels.records()[0][0]["speed"])
+    """Return a bound of |m'| in m/s; 0 of a wall at constant velocity, and of a `Motion`, of which runs have panels."""
+    panels = getattr(motion, "_panels", getattr(motion, "function", motion))
+    return panels.speed if isinstance(panels, Panels) else 0.0
+
+
+def path_of(motion: Any) -> Panels | None:
+    """Return the panels of a motion that is `fitted`; None of a wall that has none."""
+    return motion if motion is None or isinstance(motion, Panels) else motion._panels
 
 
 def moved(panels: Panels, start: float, elapsed: Any) -> tuple[Any, Any]:

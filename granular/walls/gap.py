@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import Any, TypeAlias
 
-from granular._kernels import kernel
+from granular._kernels import kernel, rare
 from granular._records import Record, Records
 from granular.walls.path import panel_at, product, reduced, value
 
@@ -25,6 +25,7 @@ what rounding may have moved the time by (s).
 """
 
 
+@rare
 @kernel
 def state(wall: Record, panels: Records, t: float, tail: float, gap: float, rate: float, pull: float) -> State:
     """Return what `flight` follows: a gap (m) of given rate (m/s, the wall's own motion in it) at time t + tail."""
@@ -35,6 +36,7 @@ def state(wall: Record, panels: Records, t: float, tail: float, gap: float, rate
     return y, low, k, x, gap, rate, pull, gap + m, rate + v, pull + a, 2.0**-51 * (abs(t) + abs(tail))
 
 
+@rare
 @kernel
 def flight(
     wall: Record, panels: Records, now: State, k: int, turns: float, s: float
@@ -68,12 +70,14 @@ def flight(
     return f, drift - pull * s - v, pull + a, NOISE * size + wall.error
 
 
+@rare
 @kernel
 def faint(wall: Record, now: State, s: float) -> float:
     """Return what a rate (m/s) a time s after `now` may owe to rounding."""
     return NOISE * (abs(now[5]) + (abs(now[6]) + wall.stiff) * s)  # type: ignore[no-any-return]
 
 
+@rare
 @kernel
 def coordinate(wall: Record, panel: Record, now: State, turns: float, s: float) -> float:
     """Return x on a panel, so many turns later, at a time s after `now`."""
@@ -83,12 +87,14 @@ def coordinate(wall: Record, panel: Record, now: State, turns: float, s: float) 
     return (((p - turns) + (now[0] - panel.centre)) + (now[1] + p_low)) / panel.half  # type: ignore[no-any-return]
 
 
+@rare
 @kernel
 def lasts(wall: Record, panels: Records, now: State, k: int, turns: float) -> float:
     """Return the time after `now` at which panel k, so many turns later, ends."""
     return ((panels[k].right - now[0]) - now[1] + turns) / wall.frequency  # type: ignore[no-any-return]
 
 
+@rare
 @kernel
 def later(wall: Record, panels: Records, now: State, s: float) -> tuple[int, float]:
     """Return the panel a time s after `now`, and how many turns later it is."""
@@ -98,6 +104,7 @@ def later(wall: Record, panels: Records, now: State, s: float) -> tuple[int, flo
     return panel_at(wall, panels, y - turns), turns
 
 
+@rare
 @kernel
 def hop(wall: Record, panels: Records, now: State, s: float) -> State:
     """Return the state a time s after `now`, where its panel ends and the next one begins: with all digits of a bounce
@@ -117,6 +124,7 @@ def hop(wall: Record, panels: Records, now: State, s: float) -> State:
     return panels[k].left, 0.0, k, -1.0, f, df - panels[k].jump, pull, height, drift - pull * s, a, blur
 
 
+@rare
 @kernel
 def short(wall: Record, panels: Records, now: State, s: float) -> bool:
     """Return whether a time s to the end of its panel is so short that the gap is better followed from there."""
@@ -124,6 +132,7 @@ def short(wall: Record, panels: Records, now: State, s: float) -> bool:
     return panels[k].per * s <= 1.0 and (wall.periodic == 1 or k + 1 < wall.first + wall.panels)  # type: ignore[no-any-return]
 
 
+@rare
 @kernel
 def after(
     wall: Record, panels: Records, t: float, tail: float, gap: float, rate: float, pull: float, s: float

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from granular._flight import time_to_contact
-from granular._kernels import kernel
+from granular._kernels import kernel, rare
 from granular._records import Record, Records
 from granular.walls.gap import NOISE, State, coordinate, faint, flight, hop, lasts, later, short, state
 from granular.walls.path import pressed
@@ -21,6 +21,7 @@ SHORT = 2.0**-6
 """Steps shorter than this share of what is left of a panel call for a closer look."""
 
 
+@rare
 @kernel
 def first_hit(
     wall: Record, panels: Records, t: float, tail: float, gap: float, rate: float, pull: float, within: float
@@ -73,6 +74,7 @@ def first_hit(
     return NEVER
 
 
+@rare
 @kernel
 def onward(wall: Record, panels: Records, now: State, k: int, turns: float, s: float) -> tuple[int, float]:
     """Return the panel on which to go on a time s after `now`, at its start or later, and its turns; -1 if the path
@@ -88,6 +90,7 @@ def onward(wall: Record, panels: Records, now: State, k: int, turns: float, s: f
     return (wall.first, turns + 1.0) if wall.periodic else (-1, turns)
 
 
+@rare
 @kernel
 def out_of_reach(wall: Record, now: State, s: float) -> float:
     """Return how long, from a time s after `now`, the ball is certain to be where the wall never comes."""
@@ -102,6 +105,7 @@ def out_of_reach(wall: Record, now: State, s: float) -> float:
     return time_to_contact(above, rate, pull) * (1.0 - 2.0**-50)
 
 
+@rare
 @kernel
 def hit_on_panel(
     wall: Record, panels: Records, now: State, k: int, turns: float, s: float, end: float
@@ -129,6 +133,7 @@ def hit_on_panel(
     return end, False
 
 
+@rare
 @kernel
 def stays_open(panel: Record, f: float, df: float, a: float, most: float, left: float) -> float:
     """Return a time for which a gap f of rate df does not close, at best `left`, that to the end of its panel.
@@ -148,6 +153,7 @@ def stays_open(panel: Record, f: float, df: float, a: float, most: float, left: 
     return left
 
 
+@rare
 @kernel
 def opens(wall: Record, panel: Record, now: State, turns: float, s: float) -> float:
     """Return how long a gap that is not closing, at a time s after `now`, stays open on this panel because it is pulled
@@ -163,6 +169,7 @@ def opens(wall: Record, panel: Record, now: State, turns: float, s: float) -> fl
     return 2.0 * (root - j) / panel.bend if panel.bend > 0.0 else NEVER
 
 
+@rare
 @kernel
 def touch(s: float, f: float, df: float, a: float) -> float:
     """Return the time of a hit from a state within rounding of it: one last step, if there is room for it."""

@@ -24,7 +24,7 @@ AT_FIRST = 16
 HALVINGS = 30
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Motion:
     """Any m(t): Chebyshev panels, halved until what they leave out is below `accuracy` times the largest excursion.
 
@@ -57,6 +57,11 @@ class Motion:
         accuracy = _check.number("accuracy", self.accuracy, at_least=2.0**-52, at_most=1e-3)
         self.__dict__["accuracy"] = accuracy
 
+    def __repr__(self) -> str:
+        function: Any = self.function
+        named = function if isinstance(function, Panels) else getattr(function, "__qualname__", function)
+        return f"Motion({named})" if self.accuracy == 1e-15 else f"Motion({named}, accuracy={self.accuracy:g})"
+
     def displacement(self, t: float) -> float:
         """Return m(t) in m, as `function` says it."""
         return _value(self.function, _check.number("t", t))
@@ -86,7 +91,7 @@ def _fitted(function: Callable[[float], float], accuracy: float, begin: float, e
     while todo:
         left, right, values = todo.pop()
         scale = max(scale, float(np.abs(values - origin).max()))
-        small, c = max(accuracy * scale, _rounding(left, right, values)), _transform() @ values
+        small, c = max(accuracy * scale, _rounding(left, right, values)), _coefficients(values)
         if float(np.abs(c[TERMS - 3 :]).max()) <= small:
             kept = _chopped(c[: TERMS - 1], 0.2 * small)
             series.append(_powers() @ kept)
@@ -121,6 +126,13 @@ def _sampled(function: Callable[[float], float], left: float, right: float) -> A
     return np.array([_value(function, float(centre + half * x)) for x in _nodes()])
 
 
+def _coefficients(values: Array) -> Array:
+    """Return the Chebyshev coefficients (NODES,) of values at the nodes; their constant part costs no digits."""
+    c = _transform() @ (values - values[0])
+    c[0] += values[0]
+    return np.asarray(c)
+
+
 def _value(function: Callable[[float], Any], t: float) -> float:
     return _check.number(f"function({t!r})", function(t), fix="the wall must be somewhere at every time of the run")
 
@@ -133,8 +145,8 @@ def _nodes() -> Array:
 @lru_cache(maxsize=1)
 def _transform() -> Array:
     """Chebyshev coefficients (NODES, NODES) of values at the nodes."""
-    angle = math.pi * (np.arange(NODES)[::-1] + 0.5) / NODES
-    rows = 2.0 / NODES * np.cos(np.arange(NODES)[:, None] * angle)
+    parts = np.arange(NODES)[:, None] * np.arange(2 * NODES - 1, 0, -2) % (4 * NODES)  # of π/(2 NODES), exactly
+    rows = 2.0 / NODES * np.cos(math.pi / (2 * NODES) * parts)
     rows[0] *= 0.5
     return np.asarray(rows)
 

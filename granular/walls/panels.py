@@ -87,11 +87,22 @@ class Panels:
                              "panels of a lower degree.")  # fmt: skip
         series = _check.array("series", self.series, (len(edges) - 1, columns), fix="one row per panel")
         _check.every("series", series.ravel(), np.isfinite(series).ravel(), "a finite coefficient is needed")
-        self.__dict__.update(edges=edges, series=series)
+        if self.frequency and (edges[0] != 0.0 or edges[-1] != 1.0):
+            raise ValueError(f"edges go from {edges[0]:g} to {edges[-1]:g}: with a frequency, turns from 0 to 1 are "
+                             "needed.")  # fmt: skip
+        turn = self.turn if isinstance(self.turn, (list, tuple)) else ()
+        if len(turn) != 2:
+            raise ValueError(f"turn is {self.turn!r}: two numbers are needed, a float and what it leaves out.")
+        self.__dict__.update(
+            edges=edges, series=series, error=_check.number("error", self.error, at_least=0.0),
+            frequency=_check.number("frequency", self.frequency, at_least=0.0),
+            turn=tuple(_check.number(f"turn[{i}]", part) for i, part in enumerate(turn)),
+        )  # fmt: skip
 
     @cached_property
     def _key(self) -> tuple[Any, ...]:
-        return self.edges.tobytes(), self.series.shape, self.series.tobytes(), self.error, self.frequency, self.turn
+        edges, series = ((array + 0.0).tobytes() for array in (self.edges, self.series))
+        return edges, self.series.shape, series, self.error, self.frequency, self.turn
 
     def __eq__(self, other: object) -> bool:
         return self._key == other._key if isinstance(other, Panels) else NotImplemented
@@ -185,6 +196,11 @@ class Panels:
         ends, begins = slope.sum(axis=1), slope @ (-1.0) ** np.arange(slope.shape[1])
         jump = np.append(0.0, begins[1:] - ends[:-1])
         return np.where(np.abs(jump) > 1e-11 * scale, jump, 0.0)
+
+    @cached_property
+    def speed(self) -> float:
+        """A bound of |m'| in m/s."""
+        return float(self._plain[0].speed)
 
     @cached_property
     def _plain(self) -> tuple[Any, list[Any]]:

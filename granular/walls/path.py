@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from granular._kernels import kernel
+from granular._kernels import kernel, rare
 from granular._records import Record, Records
 
 SPLIT = 134217729.0
@@ -19,6 +19,7 @@ SMOOTH = 2.0**-46
 """Turns so near to an edge are at it: the path of a periodic wall has no corners."""
 
 
+@rare
 @kernel
 def product(a: float, b: float) -> tuple[float, float]:
     """Return a·b in two floats (Dekker)."""
@@ -28,6 +29,7 @@ def product(a: float, b: float) -> tuple[float, float]:
     return p, ((ah * bh - p) + ah * bl + al * bh) + al * bl
 
 
+@rare
 @kernel
 def total(a: float, b: float) -> tuple[float, float]:
     """Return a + b in two floats (Knuth)."""
@@ -36,6 +38,7 @@ def total(a: float, b: float) -> tuple[float, float]:
     return s, (a - (s - c)) + (b - c)
 
 
+@rare
 @kernel
 def reduced(wall: Record, t: float, tail: float) -> tuple[float, float]:
     """Return the time t + tail in two floats; of a periodic wall, the fraction f·t + phase of its turn, from 0 to 1."""
@@ -48,6 +51,7 @@ def reduced(wall: Record, t: float, tail: float) -> tuple[float, float]:
     return y - math.floor(y), low + rest + (a_low + b_low) + wall.turn_low
 
 
+@rare
 @kernel
 def panel_at(wall: Record, panels: Records, y: float) -> int:
     """Return the panel of the reduced time y; at an edge the later one."""
@@ -64,6 +68,7 @@ def panel_at(wall: Record, panels: Records, y: float) -> int:
     return low  # type: ignore[no-any-return]
 
 
+@rare
 @kernel
 def value(panel: Record, x: float) -> tuple[float, float, float]:
     """Return side·m (m), its rate (m/s) and its acceleration (m/s²) at x on a panel."""
@@ -75,6 +80,7 @@ def value(panel: Record, x: float) -> tuple[float, float, float]:
     return v, panel.per * d, panel.per * panel.per * (2.0 * dd)
 
 
+@rare
 @kernel
 def pressed(panel: Record, pull: float, x: float) -> tuple[float, float]:
     """Return pull + m'' (m/s²) at x on a panel, and its rate (m/s³)."""
@@ -88,6 +94,7 @@ def pressed(panel: Record, pull: float, x: float) -> tuple[float, float]:
     return pull + square * (2.0 * dd), square * panel.per * (6.0 * ddd)
 
 
+@rare
 @kernel
 def moved(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, float, float]:
     """Return side·m (m), its rate (m/s) and its acceleration (m/s²) at time t + tail."""
@@ -96,6 +103,7 @@ def moved(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, 
     return value(panel, ((y - panel.centre) + low) / panel.half)
 
 
+@rare
 @kernel
 def wall_at(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, float, float]:
     """Return position (m), velocity (m/s) and acceleration (m/s²) of a wall at time t + tail (s)."""
@@ -104,6 +112,7 @@ def wall_at(wall: Record, panels: Records, t: float, tail: float) -> tuple[float
     return x, wall.velocity + wall.side * v, wall.side * a
 
 
+@rare
 @kernel
 def phase(wall: Record, t: float, tail: float) -> float:
     """Return the phase of a periodic wall at time t + tail, in turns from 0 to 1; nan of others."""
@@ -114,6 +123,7 @@ def phase(wall: Record, t: float, tail: float) -> float:
     return y - math.floor(y)
 
 
+@rare
 @kernel
 def panel_from(wall: Record, panels: Records, t: float, tail: float) -> int:
     """Return the panel on which a path goes on from the time t + tail; at an edge, to rounding, the later one."""

@@ -19,7 +19,7 @@ CLOSED = 1e-9
 """Steps between pieces that are rounding, in units of the largest term."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Piecewise:
     """m(t) = Σ_j c_ji (t - t_i)^(K-j) from break t_i to t_(i+1), as in `scipy.interpolate.PPoly`.
 
@@ -72,9 +72,13 @@ class Piecewise:
     def __reduce__(self) -> tuple[Any, ...]:
         return Piecewise, (self.breaks, self.coefficients)
 
+    def __repr__(self) -> str:
+        n = self.coefficients.shape[1]
+        return f"Piecewise({n} piece{'s' * (n != 1)}, {self.breaks[0]:g} … {self.breaks[-1]:g} s)"
+
     @cached_property
     def _key(self) -> tuple[Any, ...]:
-        return self.breaks.tobytes(), self.coefficients.shape, self.coefficients.tobytes()
+        return (self.breaks + 0.0).tobytes(), self.coefficients.shape, (self.coefficients + 0.0).tobytes()
 
     def displacement(self, t: float) -> float:
         """Return m(t) in m."""

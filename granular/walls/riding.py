@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from granular._flight import time_to_contact
-from granular._kernels import kernel
+from granular._kernels import kernel, rare
 from granular._records import Record, Records
 from granular.walls.gap import NOISE, State, coordinate, lasts, state
 from granular.walls.path import pressed
@@ -18,6 +18,7 @@ from granular.walls.path import pressed
 NEVER = math.inf
 
 
+@rare
 @kernel
 def lift_off(
     wall: Record, panels: Records, t: float, tail: float, pull: float, within: float
@@ -65,6 +66,7 @@ def lift_off(
     return NEVER, 0.0
 
 
+@rare
 @kernel
 def falls_on_panel(
     wall: Record, panels: Records, now: State, k: int, turns: float, s: float, end: float
@@ -87,6 +89,7 @@ def falls_on_panel(
     return NEVER
 
 
+@rare
 @kernel
 def pressing(
     wall: Record, panels: Records, t: float, tail: float, pull: float, span: float
@@ -115,6 +118,7 @@ def pressing(
     return least, most
 
 
+@rare
 @kernel
 def bounds(
     wall: Record, panel: Record, now: State, turns: float, s: float, until: float
@@ -130,6 +134,7 @@ def bounds(
     return max(low, pull + panel.least) - noise, min(high, pull + panel.most) + noise
 
 
+@rare
 @kernel
 def lowest(a: float, b: float, rise: float, fall: float, length: float) -> float:
     """Return the least a function can be that goes from a to b in `length`, rising and falling no faster than said."""

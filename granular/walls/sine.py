@@ -11,6 +11,9 @@ from functools import cached_property
 import numpy as np
 
 from granular import _check
+from granular._check import Array
+from granular._records import plain
+from granular.walls import path
 from granular.walls.panels import Panels
 
 PER_TURN = 8
@@ -90,6 +93,12 @@ class Sine:
     def acceleration(self, t: float) -> float:
         """Return m''(t) in m/s²."""
         return self._panels.acceleration(t)
+
+    def phases(self, times: Array) -> Array:
+        """Return the phases (2π f t + φ)/2π as fractions of a turn, from 0 to 1, at times in s; late ones lose no
+        digits."""
+        wall = plain(self._panels.records()[0])[0]
+        return np.array([path.phase(wall, t, 0.0) for t in times.tolist()])
 
     def panels(self, t_start: float = 0.0, t_end: float = math.inf) -> Panels:
         """Return what engines read; it holds for all times."""

@@ -61,11 +61,16 @@ def _without_events(task: Task, solver: str, rtol: float) -> Outcome:
 def _read(task: Task, newton: Newton, done: Any) -> tuple[ReferenceContact, ...]:
     """Contacts from a continuous solution: changes of the clipped force between looks, then its zeros."""
     knots = np.unique(np.linspace(done.t[:-1], done.t[1:], LOOKS + 1))
-    states, log = done.sol(knots), Logbook(task.until)
-    changes = []
+    log, changes = Logbook(task.until), []
+
+    def seen(t: float) -> Array:
+        """Overlaps in m and rates in m/s at a time in s."""
+        return np.asarray(newton.driven_by(newton.zero + t, done.sol(t)))
+
+    states = [seen(t) for t in knots.tolist()] if newton.paths else done.sol(knots).T
     for c in range(newton.pairs):
-        on = [False] + [newton.force(c, float(y[c]), float(y[newton.pairs + c])) > 0.0 for y in states.T]
-        changes += [(_zero(task, newton, done.sol, c, knots[max(i - 1, 0)], knots[i]), c, on[i + 1])
+        on = [False] + [newton.force(c, float(y[c]), float(y[newton.pairs + c])) > 0.0 for y in states]
+        changes += [(_zero(task, newton, seen, c, knots[max(i - 1, 0)], knots[i]), c, on[i + 1])
                     for i in range(len(knots)) if on[i] != on[i + 1]]  # fmt: skip
     for t, c, begins in sorted(changes):
         v = newton.velocities(done.sol(t), t)

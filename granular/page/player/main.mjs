@@ -81,12 +81,18 @@ class Player {
   }
 }
 
+// What walls do and contacts dissipate, as far as there is any.
+function accounted(runs) {
+  return [...new Set(runs.flatMap((run) => run.account.map(([name]) => name)))];
+}
+
 function facts(runs) {
   const row = (name, value) => h("tr", {}, h("th", { scope: "row" }, name), ...runs.map((run) => h("td", { class: run.engine }, value(run))));
   $(".facts").replaceChildren(h("tbody", {},
     row("run", (r) => r.name), row("engine", (r) => (r.engine === "hard" ? "event-driven" : "Newton, contact force")),
     row("span of time", (r) => quantity(r.span[1] - r.span[0], "s")), row("contacts", (r) => String(r.whole.contacts)),
     row("energy at the start, J", (r) => digits(r.energy[0], 5)), row("energy at the end, J", (r) => digits(r.energy[r.energy.length - 1], 5)),
+    ...accounted(runs).map((name) => row(`${name}, J`, (r) => digits(new Map(r.account).get(name) ?? 0, 5))),
     row("ended because", (r) => r.message)));
   text($(".honest"), runs.map(leftOut).join(" "));
   $(".csv-buttons").replaceChildren(...runs.map((run) => h("button", { type: "button", class: "csv", onclick: () => saveContacts(run) }, `Save contacts of ${run.name} as CSV`)));

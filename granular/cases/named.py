@@ -1,0 +1,87 @@
+"""A function of one's own that a TOML file names: ``"motion.py:shake"`` of a file beside it, or ``"module:shake"``.
+May be skipped: files and the command, no physics.
+"""
+
+from __future__ import annotations
+
+import os
+from functools import cached_property
+from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
+from typing import Any
+
+
+class Named:
+    """A function by its name; it travels to other processes, and is looked up when it is first called.
+
+    Parameters
+    ----------
+    name : str
+        ``"file.py:function"``, or ``"package.module:function"`` of what can be imported.
+    folder : str
+        Where the file is, if `name` says no more.
+    """
+
+    def __init__(self, name: str, folder: str = "") -> None:
+        self.name, self.folder = name, folder
+
+    def __call__(self, *given: Any) -> Any:
+        """Call the function."""
+        return self.function(*given)
+
+    @cached_property
+    def function(self) -> Any:
+        """The function itself.
+
+        Raises
+        ------
+        ValueError
+            If there is no such file, module or function.
+        """
+        place, _, word = self.name.partition(":")
+        try:
+            module = _of_file(os.path.join(self.folder, place)) if place.endswith(".py") else import_module(place)
+            found = getattr(module, word)
+        except (AttributeError, ImportError, OSError, ValueError) as error:
+            raise ValueError(f"function is {self.name!r}: it cannot be found ({error}); 'file.py:name' of a file "
+                             "beside this one is needed, or 'module:name' of a module that can be imported.") from None
+        if not callable(found):
+            raise ValueError(f"function is {self.name!r}: a function m(t) is needed, and that is {found!r}.")
+        return found
+
+    def __eq__(self, other: object) -> bool:
+        return (self.name, self.folder) == (other.name, other.folder) if isinstance(other, Named) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.folder))
+
+    def __repr__(self) -> str:
+        return self.name
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Named, (self.name, self.folder)
+
+
+def name_of(function: Any) -> str:
+    """Return the name by which a file may ask for `function`, or raise `TypeError` if there is none."""
+    if isinstance(function, Named):
+        return function.name
+    name = f"{getattr(function, '__module__', '')}:{getattr(function, '__qualname__', '')}"
+    try:
+        same = Named(name).function is function
+    except ValueError:
+        same = False
+    if not same:
+        raise TypeError(f"function is {function!r}: only one that can be imported by its name can be written to TOML; "
+                        "put it into a module.")
+    return name
+
+
+def _of_file(path: str) -> Any:
+    """Run a Python file and return its module."""
+    spec = spec_from_file_location(os.path.splitext(os.path.basename(path))[0], path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

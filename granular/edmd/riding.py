@@ -1,0 +1,352 @@
+"""A collision in a scene with forces or walls that do work; and balls that come to rest on a wall, or on each other.
+May be skipped: rarer, walls that shake.
+
+The kernels of `collision` once more, for more kinds of rest. A ball whose rebound is no more than rounding has come to
+rest: beside a driven wall it rides, with the velocity of the wall and without events, until nothing presses it any
+more. Balls that forces press together in mid-air move as one with their common `push`, until one of them is hit.
+"""
+
+from __future__ import annotations
+
+import math
+
+from granular._kernels import kernel, rare
+from granular._records import Record, Records
+from granular.edmd.account import book, borne, enter
+from granular.edmd.collision import at_rest, remedied, streak, total
+from granular.edmd.driven import BOTH, CEILING, FLOOR, FREE, carry, follow, meets, place, presses, rate_of, velocities
+from granular.edmd.motion import NOISE, Walls, blur, collide, impulse
+from granular.edmd.physics import Restitution
+from granular.walls.path import moved
+from granular.walls.riding import pressing
+
+
+@kernel
+def event(
+    run: Record, pairs: Records, bodies: Records, c: int, now: float, rule: Restitution | None, row: Record | None,
+    walls: Walls,
+) -> tuple[int, int, float]:  # fmt: skip
+    """Let pair `c` collide at time `now`; return the first and the last pair to predict anew, and the rate after."""
+    pair, lower, upper, g = pairs[c], bodies[c], bodies[c + 1], run.gravity
+    w = meets(pair, lower, upper, walls)
+    e = pair.eps if rule is None else rule(c, -w)
+    if run.tc > 0.0 or run.elastic_below > 0.0:
+        e = remedied(run, pairs, c, -w, e, now)
+    if pair.wall >= 0:
+        carry(pair, lower, upper, now, walls)  # its wall has the velocity of this time
+    if row is not None:
+        row.pair, row.t_begin = c, now
+        row.lower_in, row.upper_in = velocities(lower, upper, g, now)
+    weak, exchanged = e < 1.0 and -w < run.merge_below and sticks(pairs, bodies, c, now, w, e, walls), 0.0
+    if weak:
+        start, end, exchanged = absorb(run, pairs, bodies, c, now, w, walls)
+    else:
+        if held(lower) or held(upper):
+            start, end = wake(run, pairs, bodies, c, now, walls)
+        else:
+            start = end = c
+            if c > 0:
+                start = c - 1
+                run.clamps += carry(pairs[start], bodies[start], lower, now, walls)
+            if c + 1 < len(pairs):
+                end = c + 1
+                run.clamps += carry(pairs[end], upper, bodies[end + 1], now, walls)
+        collide(pair, lower, upper, now, w, e)
+        book(lower, upper, w, e, walls)
+    if row is not None:
+        row.lower_out, row.upper_out = velocities(lower, upper, g, now)
+        row.impulse = exchanged if weak else impulse(lower, upper, (1.0 + e) * w)
+    below, above = lower.noise, upper.noise
+    blur(pair, lower, upper, w, e)
+    if pair.wall >= 0 and lower.falls == 0.0:
+        lower.noise = below
+    if pair.wall >= 0 and upper.falls == 0.0:
+        upper.noise = above
+    if weak:
+        share(bodies, c, start, end)
+    pair.hits += 1
+    pair.streak = streak(run, pair.streak, lower, upper, now - pair.last, -w, e) if e < 1.0 else 0
+    pair.last = now
+    return start, end, -e * w
+
+
+@kernel
+def held(body: Record) -> bool:
+    """Return whether a ball rests on a wall, or is pressed against others by forces."""
+    return at_rest(body) or body.push != body.own
+
+
+@kernel
+def is_closed(pair: Record, lower: Record, upper: Record) -> bool:
+    """Return whether the bodies of a pair move as one."""
+    return pair.shut > FREE or (pair.gap == 0.0 and pair.pull == 0.0 and upper.u == lower.u and pair.wall < 0)  # type: ignore[no-any-return]
+
+
+@rare
+@kernel
+def sticks(pairs: Records, bodies: Records, c: int, now: float, w: float, e: float, walls: Walls) -> bool:
+    """Return whether pair `c`, which collides weakly, at rate `w`, is to move as one.
+
+    A single ball bounces on a driven wall to its end. What moves as one with others, or hits a ball that rides, stays
+    if it is certain to be pressed on for as long as its bounces last, 2u/(a(1 - ε)).
+    """
+    pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
+    if pair.wall < 0:
+        return pair.pull >= 0.0  # type: ignore[no-any-return]
+    bound, k = (lower, c + 1) if pair.wall == 0 else (upper, c - 1)
+    alone = not (0 <= k < len(pairs) and is_closed(pairs[k], bodies[k], bodies[k + 1]))
+    if (bound.mass == math.inf and e > 0.0 and alone) or lower.falls == upper.falls:
+        return False
+    side = walls[0][pair.wall]
+    t, tail = side.epoch, side.low + now
+    _, _, a = moved(side, walls[1], t, tail)
+    a += pair.pull
+    if a <= 0.0:
+        return False
+    low, _ = pressing(side, walls[1], t, tail, pair.pull, -4.0 * e * w / (a * (1.0 - e)))
+    return low >= 0.5 * a  # type: ignore[no-any-return]
+
+
+@rare
+@kernel
+def absorb(
+    run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float, walls: Walls
+) -> tuple[int, int, float]:
+    """Let the bodies of pair `c`, which close at rate `w`, and all that is closed with them, move as one from now on.
+
+    Returns the first and the last pair to predict anew, and the momentum exchanged by pair `c` in kg m/s.
+    """
+    run.merged += 1
+    return bind(run, pairs, bodies, c, now, w, walls)
+
+
+@rare
+@kernel
+def bind(
+    run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float, walls: Walls
+) -> tuple[int, int, float]:
+    """Let pair `c`, whose rate is `w`, close: on a wall, or with the common momentum and acceleration of all."""
+    b, e = c, c + 1
+    while b > 0 and bodies[b].falls > 0.0 and is_closed(pairs[b - 1], bodies[b - 1], bodies[b]):
+        b -= 1
+    while e < len(pairs) and bodies[e].falls > 0.0 and is_closed(pairs[e], bodies[e], bodies[e + 1]):
+        e += 1
+    first, last = max(b - 1, 0), min(e, len(pairs) - 1)
+    for k in (first, c, last):
+        carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
+    pairs[c].gap = 0.0
+    under, over = bodies[c].falls == 0.0, bodies[c + 1].falls == 0.0
+    if under:
+        mass = total(bodies, c + 1, e)
+        exchanged = -mass * w
+        if not over:
+            enter(bodies[c], bodies[c + 1], exchanged, 0.5 * mass * w * w, walls)
+        settle(run, pairs, bodies, c, e, now, FLOOR, walls)
+    elif over:
+        mass = total(bodies, b, c)
+        exchanged = -mass * w
+        enter(bodies[c], bodies[c + 1], exchanged, 0.5 * mass * w * w, walls)
+        settle(run, pairs, bodies, b, c + 1, now, CEILING, walls)
+    else:
+        lower, upper, push = total(bodies, b, c), total(bodies, c + 1, e), common(bodies, b, e)
+        part = upper / (lower + upper)
+        u = (bodies[c].u + (bodies[c].push - push) * now) + part * w
+        exchanged = -(lower * part) * w
+        enter(bodies[c], bodies[c + 1], exchanged, -0.5 * w * exchanged, walls)
+        for i in range(b, e + 1):
+            bodies[i].u, bodies[i].push = u, push
+    return (*again(run, pairs, bodies, first, last, walls), exchanged)
+
+
+@rare
+@kernel
+def settle(run: Record, pairs: Records, bodies: Records, b: int, e: int, now: float, on: int, walls: Walls) -> None:
+    """Let bodies `b` … `e`, of which the first (on the floor) or the last (on the ceiling) is bound, rest on it."""
+    bound = bodies[b] if on == FLOOR else bodies[e]
+    for i in range(b, e + 1):
+        body = bodies[i]
+        if body.falls > 0.0:
+            body.falls, body.push, body.u = 0.0, 0.0, bound.u
+            if walls[0][on - 1].panels > 0:
+                body.noise = bound.noise
+            borne(run, body, on - 1, now, bound.u, -1.0, walls)
+        elif body.mass < math.inf:
+            body.u = bound.u
+    for k in range(b, e):
+        pairs[k].shut, pairs[k].gap, pairs[k].at = on, 0.0, now
+
+
+@rare
+@kernel
+def common(bodies: Records, b: int, e: int) -> float:
+    """Return the acceleration (m/s²) by the forces on bodies `b` … `e` together."""
+    own, more, mass = bodies[e].own, 0.0, 0.0
+    for i in range(b, e + 1):
+        mass += bodies[i].mass
+        more += bodies[i].mass * (bodies[i].own - own)
+    return own + more / mass  # type: ignore[no-any-return]
+
+
+@rare
+@kernel
+def share(bodies: Records, c: int, first: int, last: int) -> None:
+    """Give all balls that now move as one with pair `c`, among those of pairs `first` … `last`, its noise."""
+    noise = max(bodies[c].noise, bodies[c + 1].noise)
+    for i in range(first, last + 2):
+        body = bodies[i]
+        if body.u == bodies[c].u and body.falls > 0.0:
+            body.noise = max(body.noise, noise)
+
+
+@rare
+@kernel
+def wake(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
+    """Let the bodies of pair `c`, which is hit, fall by themselves, and those that rested upon them or are pressed
+    against them.
+
+    Returns the first and the last pair to predict anew.
+    """
+    low, top = c, c + 1
+    while low > 0 and pressed(bodies[low]) and is_closed(pairs[low - 1], bodies[low - 1], bodies[low]):
+        low -= 1
+    while top < len(pairs) and (pressed(bodies[top]) or (at_rest(bodies[top]) and pairs[top].wall < 0)) and is_closed(
+        pairs[top], bodies[top], bodies[top + 1]
+    ):
+        top += 1
+    first, last = max(low - 1, 0), min(top, len(pairs) - 1)
+    for k in range(first, last + 1):
+        carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
+    release(run, pairs, bodies, low, top, now, walls)
+    return again(run, pairs, bodies, first, last, walls)
+
+
+@kernel
+def pressed(body: Record) -> bool:
+    """Return whether a ball in mid-air is pressed against others by forces."""
+    return body.falls > 0.0 and body.push != body.own  # type: ignore[no-any-return]
+
+
+@rare
+@kernel
+def release(
+    run: Record, pairs: Records, bodies: Records, low: int, high: int, now: float, walls: Walls
+) -> None:
+    """Let bodies `low` … `high` fall by themselves again."""
+    first, last = max(low - 1, 0), min(high, len(pairs) - 1)
+    for i in range(low, high + 1):
+        body = bodies[i]
+        if at_rest(body):
+            which = CEILING - 1 if (i < len(pairs) and pairs[i].shut == CEILING) else FLOOR - 1
+            if walls[0][which].panels > 0:
+                body.u = place(walls, which, now)[1]
+            borne(run, body, which, now, body.u, 1.0, walls)
+            body.falls = 1.0
+            free(body, (run.gravity - body.own) * now, body.own, walls)
+        elif pressed(body):
+            free(body, (body.push - body.own) * now, body.own, walls)
+    for k in range(first, last + 1):
+        pair = pairs[k]
+        if pair.shut > FREE and (bodies[k].falls > 0.0 or bodies[k + 1].falls > 0.0):
+            pair.shut, pair.gap, pair.at = FREE, 0.0, now
+    repull(run, pairs, bodies, first, last, walls)
+    for k in range(first, last + 1):
+        if pairs[k].shut == FREE:
+            follow(pairs[k], bodies[k], bodies[k + 1], walls)
+
+
+@rare
+@kernel
+def free(body: Record, more: float, push: float, walls: Walls) -> None:
+    """Let a ball fall by itself: `more` is what its velocity u grows by (m/s), for its velocity stays."""
+    body.u += more
+    body.push = push
+    if walls[0][0].lands:
+        body.noise += NOISE * (body.u * body.u)
+
+
+@rare
+@kernel
+def rest(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> tuple[int, int]:
+    """Let pair `c`, which never collides again, close if its bodies touch, are at rest and are pressed together.
+
+    Returns the first and the last pair to predict anew, at least the next one.
+    """
+    pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
+    if pair.shut > FREE or pair.gap != 0.0 or rate_of(pair, lower, upper) != 0.0:
+        return c + 1, c
+    if lower.falls == upper.falls == 0.0 or not (presses(pair, walls) if pair.wall >= 0 else pair.pull > 0.0):
+        return c + 1, c
+    first, last, _ = bind(run, pairs, bodies, c, pair.at, (upper.u - lower.u) - pair.pull * pair.at, walls)
+    return first, last
+
+
+@rare
+@kernel
+def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
+    """Let what rests on a wall beyond shut pair `c` leave it at time `now`, as one; all pairs that open now do.
+
+    Returns the first and the last pair to predict anew.
+    """
+    on, low, high = pairs[c].shut, c, c
+    same = pairs[c].pull
+    if on == FLOOR:
+        while low > 0 and pairs[low - 1].pull == same:
+            low -= 1
+        while high + 1 < len(pairs) and pairs[high + 1].shut == on:
+            high += 1
+        b, e, opens = low + 1, high + 1, low
+    else:
+        while high + 1 < len(pairs) and pairs[high + 1].pull == same:
+            high += 1
+        while low > 0 and pairs[low - 1].shut == on:
+            low -= 1
+        b, e, opens = low, high, high
+    side, push = walls[0][on - 1], common(bodies, b, e)
+    v = place(walls, on - 1, now - 2.0**-49 * (abs(side.epoch) + abs(now)))[1]  # before a jump of its velocity
+    first, last = max(low - 1, 0), min(high + 1, len(pairs) - 1)
+    for k in range(first, last + 1):
+        carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
+        if low <= k <= high:
+            pairs[k].shut, pairs[k].gap = FREE, 0.0
+    for i in range(b, e + 1):
+        body = bodies[i]
+        borne(run, body, on - 1, now, v, 1.0, walls)
+        body.falls, body.u = 1.0, v
+        free(body, (run.gravity - push) * now, push, walls)
+    repull(run, pairs, bodies, first, last, walls)
+    follow(pairs[opens], bodies[opens], bodies[opens + 1], walls)
+    return again(run, pairs, bodies, first, last, walls)
+
+
+@rare
+@kernel
+def again(run: Record, pairs: Records, bodies: Records, first: int, last: int, walls: Walls) -> tuple[int, int]:
+    """Set pulls of pairs `first` … `last`, and of what forces press on the walls; return all those pairs."""
+    if walls[0][0].forces:
+        first = 0 if pairs[0].shut == FLOOR else first
+        last = len(pairs) - 1 if pairs[len(pairs) - 1].shut == CEILING else last
+    repull(run, pairs, bodies, first, last, walls)
+    return first, last
+
+
+@rare
+@kernel
+def repull(run: Record, pairs: Records, bodies: Records, first: int, last: int, walls: Walls) -> None:
+    """Set the closing accelerations of pairs `first` … `last`; of a shut pair, that of all that rests beyond it."""
+    for c in range(first, last + 1):
+        pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
+        below = lower.falls == 0.0 and walls[0][0].panels > 0 and pair.shut != CEILING
+        above = upper.falls == 0.0 and walls[0][1].panels > 0 and pair.shut != FLOOR
+        pair.wall = BOTH if below and above else 0 if below else 1 if above else -1
+        if pair.shut == FLOOR:
+            top = c + 1
+            while top < len(pairs) and pairs[top].shut == FLOOR:
+                top += 1
+            pair.pull = run.gravity - common(bodies, c + 1, top)
+        elif pair.shut == CEILING:
+            low = c
+            while low > 0 and pairs[low - 1].shut == CEILING:
+                low -= 1
+            pair.pull = common(bodies, low, c) - run.gravity
+        else:
+            pair.pull = run.gravity * (upper.falls - lower.falls) - (upper.push - lower.push)

@@ -1,0 +1,111 @@
+"""What a state holds of walls that do work, and of forces: how it begins, its rows, and the account of its energy.
+May be skipped: rarer, walls that shake.
+"""
+
+from __future__ import annotations
+
+import math
+from copy import copy
+from typing import Any
+
+import numpy as np
+
+from granular import walls as moving
+from granular._check import Array
+from granular._records import column, plain
+from granular.edmd.account import ledger as entries
+from granular.edmd.driven import CEILING, FLOOR, FREE, SIDE, carry, place, rounding
+from granular.scene import Scene
+from granular.walls.panels import PANEL
+
+
+def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
+    """Return records of both walls, `SIDE`, and of the panels of both."""
+    sides = np.zeros(2, SIDE)
+    panels: list[Any] = []
+    for which, body in ((0, 0), (1, scene.n - 1)):
+        sides["velocity"][which] = scene.velocity[body] if scene.is_wall[body] else 0.0
+        path = moving.path_of(scene.motions[which])
+        if path is not None:
+            one, rows = path.records(
+                1.0 - 2.0 * which, start=float(scene.position[body]), velocity=float(scene.velocity[body]),
+                t_start=t_start, first=sum(len(rows) for rows in panels),
+            )  # fmt: skip
+            for name in one.dtype.names or ():
+                sides[name][which] = one[name][0]
+            panels.append(rows)
+    sides["begin"] = t_start
+    return sides, np.concatenate(panels) if panels else np.zeros(0, PANEL)
+
+
+def begin(state: Any, scene: Scene) -> None:
+    """Set what forces and walls add to a new state."""
+    sides, forces, (pairs, bodies) = state.walls[0], scene.external_force, (state.pairs, state.bodies)
+    bodies["own"] = 0.0 if forces is None else forces * scene.inverse_mass
+    bodies["push"] = bodies["own"]
+    pairs["wall"], pairs["wait"] = -1, 0.0
+    if forces is not None:
+        pairs["pull"] -= scene.across(bodies["own"])
+    sides["forces"] = forces is not None
+    sides["lands"] = scene.driven or (forces is not None and state.run.slow < 0.0)
+    date(state)
+    seen = plain(sides), plain(state.walls[1])
+    for which in (0, 1):
+        if sides["panels"][which]:
+            pairs["wall"][-which] = which
+            bodies["u"][-which] = place(seen, which, 0.0)[1]
+            bodies["noise"][-which] = rounding(float(sides["speed"][which]))
+
+
+def date(state: Any) -> None:
+    """Tell the walls the zero of times."""
+    for side in state.walls[0]:
+        side["epoch"], side["low"] = state.clock.epoch, state.clock.epoch_low
+
+
+def show(state: Any, tau: float, velocity: Array, gap: Array) -> None:
+    """Put into a row what forces and walls do to velocities and gaps, at `tau`."""
+    velocity += column(state.bodies, "push") * tau
+    seen = _seen(state)
+    shut, beside = column(state.pairs, "shut"), column(state.pairs, "wall")
+    gap[shut > 0] = 0.0
+    for c in np.flatnonzero((beside >= 0) & (shut == 0)).tolist():
+        pair, lower, upper = map(copy, (*plain(state.pairs[c : c + 1]), *plain(state.bodies[c : c + 2])))
+        carry(pair, lower, upper, tau, seen)
+        gap[c] = pair.gap
+    for i, which in bound(state):
+        if seen[0][which].panels:
+            velocity[i] = place(seen, which, tau)[1]
+
+
+def ledger(state: Any, tau: float) -> Array:
+    """Return work, heat and what was dissipated since the start, at `tau`, in J."""
+    resting = [(i, which) for i, which in bound(state) if column(state.bodies[i : i + 1], "mass")[0] < math.inf]
+    entered: Array = entries(state.run, state.bodies, resting, _seen(state), tau)
+    return entered
+
+
+def bound(state: Any) -> list[tuple[int, int]]:
+    """Return the bodies that are walls or rest on one, each with the wall: 0 the floor, 1 the ceiling."""
+    mass, shut = column(state.bodies, "mass"), column(state.pairs, "shut")
+    n, below, above = len(mass), int((shut == FLOOR).sum()), int((shut == CEILING).sum())
+    floor = [(i, 0) for i in range(below + 1)] if math.isinf(mass[0]) else []
+    return floor + ([(i, 1) for i in range(n - 1 - above, n)] if math.isinf(mass[-1]) else [])
+
+
+def sound(state: Any, pairs: Any, bodies: Any) -> bool:
+    """Whether what rests hangs together, and falls by nothing: for tests."""
+    rests, shut = bodies["falls"] == 0.0, pairs["shut"]
+    joined = [i for i, _ in bound(state)]
+    free = (shut == FREE) & (pairs["wall"] < 0)
+    pull = state.run.gravity * np.diff(bodies["falls"]) - np.diff(bodies["push"])
+    whole = [
+        rests[joined].all() and rests.sum() == len(joined),
+        not bodies["push"][rests].any() and not pairs["gap"][shut != FREE].any(),
+        (pairs["pull"][free] == pull[free]).all(),
+    ]
+    return all(whole)
+
+
+def _seen(state: Any) -> tuple[Any, Any]:
+    return plain(state.walls[0]), plain(state.walls[1])

@@ -1,0 +1,110 @@
+"""Driven walls and forces: orbits and lift-off in closed form, the account of the energy, and falling floors.
+May be skipped: it measures ourselves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from granular import measures, scenes, until
+from granular.laws import Hertz, LinearDashpot
+from granular.rules import ConstantRestitution
+from granular.scene import Scene
+from granular.stress import truth
+from granular.stress.cell import METHODS, Again, Cell, judged_by
+from granular.trajectory import Trajectory
+from granular.walls import Piecewise, Sine
+
+G, FREQUENCY = 9.81, 50.0
+OMEGA = 2.0 * math.pi * FREQUENCY
+TURN = 2.0 * math.pi
+
+
+def driven() -> Iterator[Cell]:
+    """All of them."""
+    yield from orbits()
+    yield from lift_offs()
+    yield from falling()
+    yield from accounts()
+
+
+def orbits() -> Iterator[Cell]:
+    """A hard ball on a plate, on its stable bounce of k periods: cos θ = G_k/Γ, for 200 bounces."""
+    for eps, k, share in product((0.2, 0.5, 0.8, 0.95), (1, 2), (0.1, 0.5, 0.9)):
+        exists = k * math.pi * (1.0 - eps) / (1.0 + eps)
+        doubles = math.hypot(exists, 2.0 * (1.0 + eps * eps) / ((1.0 + eps) * (1.0 + eps)))
+        gamma = exists + share * (doubles - exists)
+        phase = math.acos(exists / gamma)
+        plate = Sine.from_acceleration(gamma, FREQUENCY, G, phase)
+        scene = Scene([math.inf, 1.0], [0.0, 0.0], [0.0], [0.0, k * math.pi * G / OMEGA], G, floor=plate)
+        yield Cell("driven", f"orbit of {k} periods, ε = {eps:g}, Γ = {gamma:.4g}", scene, same_phase(phase / TURN),
+                   rule=ConstantRestitution(eps), methods=("edmd",),
+                   options={"until": until.contact(0, 200)})  # fmt: skip
+
+
+@judged_by("its orbit in closed form")
+def same_phase(run: Trajectory, again: Again, phase: float) -> float:
+    """All bounces at one phase, in turns."""
+    apart = measures.section(run)["phase"] - phase
+    return float(np.abs(apart - np.round(apart)).max()) if len(apart) else math.inf
+
+
+def lift_offs() -> Iterator[Cell]:
+    """A hard ball that lies on a plate rides it, and leaves where the plate falls as it does: sin θ = 1/Γ."""
+    for gamma in (1.01, 1.2, 2.0, 10.0):
+        plate = Sine.from_acceleration(gamma, FREQUENCY, G, -0.5 * math.pi)
+        leaves = (math.asin(1.0 / gamma) + 0.5 * math.pi) / OMEGA
+        end = leaves + 0.3 * (2.0 / OMEGA) * math.sqrt(1.0 - 1.0 / gamma)
+        scene = Scene([math.inf, 1.0], [0.0, 0.0], [0.0], [0.0, 0.0], G, floor=plate)
+        after = plate.velocity(end), plate.velocity(leaves) - G * (end - leaves)
+        yield Cell("driven", f"lift-off at Γ = {gamma:g}", scene, truth.velocities(after, plate.amplitude * OMEGA),
+                   rule=ConstantRestitution(0.5), methods=("edmd",), options={"t_end": end})  # fmt: skip
+
+
+def falling() -> Iterator[Cell]:
+    """A floor that rises ever faster without gravity, and forces as heavy as gravity: as a floor at rest with it."""
+    floor = Piecewise([0.0, 1.0], [[0.5 * G], [0.0], [0.0]])
+    for law, name in ((LinearDashpot(1e4, 5.0), "dashpot"), (Hertz(1e6), "Hertz")):
+        rule = ConstantRestitution(0.6)
+        plain = Scene([math.inf, 1.0, 0.5], [0.0, 0.05, 0.05], [0.3, 0.1], [0.0] * 3, G)
+        rising = plain.replace(gravity=0.0, floor=floor)
+        forced = plain.replace(gravity=0.0, external_force=[0.0, -G, -0.5 * G])
+        for scene, what in ((rising, "floor that rises ever faster"), (forced, "forces as heavy as gravity")):
+            yield Cell("driven", f"{what}, {name}", scene, as_under_gravity(plain), law, rule, 1e-11,
+                       options={"t_end": 0.6, "samples": 13}, methods=METHODS)  # fmt: skip
+
+
+@judged_by("the same with gravity")
+def as_under_gravity(run: Trajectory, again: Again, plain: Scene) -> float:
+    """The gaps are those above a floor at rest. Part of the first gap."""
+    return float(np.abs(run.gap - again(scene=plain).gap).max()) / float(plain.gap[0])
+
+
+def accounts() -> Iterator[Cell]:
+    """Shaken columns, and balls between a shaken floor and a ceiling that comes down: the account is closed."""
+    for n, gamma, eps in product((1, 3), (0.8, 2.0, 10.0), (0.5, 0.9)):
+        yield accounted(f"column of {n}, Γ = {gamma:g}, ε = {eps:g}", scenes.vibrated_column(n, gamma, FREQUENCY), eps)
+    for eps in (0.5, 0.9):
+        box = Scene([math.inf, 1.0, 2.0, math.inf], [0.0, 0.05, 0.05, 0.0], [0.05, 0.02, 0.1], [0.0, 0.0, 0.0, -0.05],
+                    G, external_force=[0.0, 3.0, -1.0, 0.0], floor=Sine(1e-3, FREQUENCY), ceiling=Sine(2e-3, 17.0))
+        yield accounted(f"between two shaken walls, ε = {eps:g}", box, eps)
+
+
+def accounted(case: str, scene: Scene, eps: float) -> Cell:
+    """A cell that asks for the account of the energy."""
+    laws: Any = tuple(LinearDashpot.from_restitution(eps, k=1e5, pair=pair) for pair in scene.pairs)
+    return Cell("driven", case, scene, closed(), laws, ConstantRestitution(eps), methods=METHODS, loose=0.05,
+                options={"t_end": 0.1})  # fmt: skip
+
+
+@judged_by("the account of the energy")
+def closed(run: Trajectory, again: Again) -> float:
+    """Energy - work + dissipated is what it was. Part of all that was turned over."""
+    parts = measures.balance(run)
+    turned = sum(abs(parts[name]) for name in ("start", "floor", "ceiling", "dissipated"))
+    return abs(parts["remainder"]) / turned

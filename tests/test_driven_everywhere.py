@@ -1,0 +1,139 @@
+"""Driven scenes: command, library, file and sweep get the same numbers; saved runs go on; frontier and threshold."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.laws.check import checked
+from granular.reference import solve
+from granular.walls import Motion, Piecewise, Sine
+from granular.workprecision import methods
+from granular.workprecision.methods import Task
+from granular.workprecision.peers import peer
+
+pytest.importorskip("xarray")
+
+WAYS = {"located": {}, "fixed steps": {"method": "verlet", "dt": 2e-6}}
+
+
+def question(seed):
+    """Name of a scene and options of it as the command has them, at random."""
+    random = np.random.default_rng(seed)
+    gamma, frequency = float(random.uniform(0.5, 5.0)), float(random.uniform(20.0, 60.0))
+    shaken = {"gamma": gamma, "frequency": frequency}
+    if seed % 2:
+        return "vibrated-column", shaken | {"n": int(random.integers(1, 4)), "phase": float(random.uniform(0, 3))}
+    return "bouncing-ball", {"plate": {"type": "Sine", **shaken}, "height": float(random.uniform(0.005, 0.02))}
+
+
+def flag(name, value):
+    words = [f"{key}={entry}" for key, entry in value.items()] if isinstance(value, dict) else [repr(value)]
+    return f"--{name} {' '.join(words)}"
+
+
+@pytest.mark.parametrize(("seed", "way"), [(0, "located"), (1, "located"), (2, "fixed steps"), (3, "located")])
+def test_all_fronts_give_the_same_numbers(seed, way, granular, tmp_path):
+    name, options = question(seed)
+    steps = WAYS[way]
+    options |= {"restitution": 0.6, "stiffness": 1e5, "t_end": 0.1}
+    case = gr.cases.make(name, **options, run=steps)
+    report = gr.compare(case.scene, case.law, case.rule, t_end=case.t_end, **steps)
+    said = json.loads(json.dumps(report.to_dict()))
+
+    gr.cases.save(case, tmp_path / "case.toml")
+    flags = " ".join(flag(key.replace("_", "-"), value) for key, value in (options | steps).items()).replace("'", "")
+    for line in (f"{name} {flags}", "case.toml"):
+        assert granular(f"compare {line} --json out.json")[0] == 0
+        written = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+        for key in ("pairs", "verdict", "groups", "scene"):
+            assert written[key] == said[key], key
+        assert written["hard"]["account"] == said["hard"]["account"]
+        assert written["soft"]["account"] == said["soft"]["account"]
+
+    results = ["contacts", "hard_contacts", "v_rel", "t_f", "error"]
+    for subject in (tmp_path / "case.toml", case):
+        data = gr.sweep(subject, {"floor.amplitude": [case.scene.floor.amplitude]}, results)
+        assert data["contacts"].values[0].tolist() == [pair.soft_contacts for pair in report.pairs]
+        assert data["hard_contacts"].values[0].tolist() == np.diff(report.hard.by_pair[1]).tolist()
+        assert np.array_equal(data["v_rel"].values[0], [pair.soft_v_rel for pair in report.pairs], equal_nan=True)
+        assert np.array_equal(data["error"].values[0], report.error, equal_nan=True)
+        assert data["floor.amplitude"].attrs["units"] == "m"
+
+
+def test_a_sweep_by_name_varies_a_plate():
+    plate = {"type": "Sine", "gamma": 2.0, "frequency": 50.0}
+    data = gr.sweep("bouncing-ball", {"plate.gamma": [0.5, 2.0]}, "hard_v_final", plate=plate, height=0.01, t_end=0.2)
+    for gamma, found in zip((0.5, 2.0), data["hard_v_final"].values, strict=True):
+        case = gr.cases.make("bouncing-ball", plate=plate | {"gamma": gamma}, height=0.01, t_end=0.2)
+        assert found.tolist() == case.simulate("edmd").velocity[-1].tolist()
+
+
+@pytest.mark.parametrize("motion", [
+    Sine.from_acceleration(3.0, 50.0), Piecewise([0.0, 0.1, 0.3], [[0.2, -0.1], [0.0, 0.02]]),
+    Motion(lambda t: 1e-3 * math.sin(200.0 * t)),
+])  # fmt: skip
+def test_a_hard_run_that_was_saved_goes_on(motion, tmp_path):
+    scene, rule = gr.scenes.bouncing_ball(0.01, plate=motion), gr.ConstantRestitution(0.7)
+    whole = gr.edmd.simulate(scene, rule, t_end=0.3)
+    part = gr.edmd.simulate(scene, rule, t_end=0.15)
+    part.save(tmp_path / "part.npz")
+    loaded = gr.Trajectory.load(tmp_path / "part.npz")
+    assert loaded.scene == part.scene
+    assert loaded.account()["work"].tolist() == part.account()["work"].tolist()
+    if isinstance(motion, Motion):  # the path was kept as far as the run went
+        with pytest.raises(ValueError, match=r"t_end is 0.3: .*at most 0.15 is needed; there the path"):
+            gr.edmd.resume(loaded, t_end=0.3)
+        return
+    rest = gr.edmd.resume(loaded, t_end=0.3)
+    assert rest.velocity[-1].tolist() == whole.velocity[-1].tolist()
+    assert rest.gap[-1].tolist() == whole.gap[-1].tolist()
+    assert rest.position[-1] == pytest.approx(whole.position[-1], abs=1e-15)
+    assert rest.account()["work"][-1].tolist() == whole.account()["work"][-1].tolist()
+
+
+def test_from_which_shaking_on():
+    scene = gr.scenes.bouncing_ball(0.01, plate=Sine(1e-5, 50.0))
+    case = gr.Case(scene, gr.LinearDashpot(1e5, 5.0), t_end=0.1)
+    found = gr.threshold(case, "floor.amplitude", (1e-6, 1e-3), "error", points=3, within=0.5)
+    assert found.units == "m"
+    for value in found.values:
+        shaken = scene.replace(floor=Sine(value.value, 50.0))
+        assert value.measure == gr.compare(shaken, case.law, t_end=0.1).error
+        assert value.verdict == ("holds" if value.measure <= 0.01 else "fails")
+
+
+def test_up_to_which_shaking_contacts_are_isolated():
+    column = gr.scenes.vibrated_column(2, gamma=1.0, frequency=30.0)
+    case = gr.Case(column, gr.LinearDashpot.from_restitution(0.7, k=1e4, pair=column.pairs[0]), t_end=0.5)
+    found = gr.threshold(case, "floor.amplitude", (1e-4, 1e-2), points=4, within=0.3)
+    for value in found.values:
+        run = gr.md.simulate(column.replace(floor=Sine(value.value, 30.0, column.floor.phase)), case.law, t_end=0.5)
+        assert value.verdict == ("holds" if run.stats["isolated"] == run.stats["contacts"] else "fails")
+
+
+def test_error_against_run_time_of_a_driven_scene(monkeypatch):
+    pytest.importorskip("mpmath")
+    monkeypatch.setattr(methods, "_engine", lambda task, name: "plain")  # errors are asked for, not times
+    scene = gr.scenes.bouncing_ball(0.005, plate=Sine.from_acceleration(2.0, 50.0, phase=1.0))
+    law = gr.LinearDashpot.from_restitution(0.6, k=1e3, pair=scene.pairs[0])
+    report = gr.frontier(scene, law, t_end=0.1, methods=("located", "edmd"), repeats=1)
+    located, hard = (report.of(name)[0] for name in ("located", "edmd"))
+    assert located.velocity_error < 1e-11
+    assert 1e-3 < hard.velocity_error < 1.0
+
+
+@pytest.mark.parametrize("name", ["dop853", "dop853+events"])
+def test_scipy_s_answers_beside_a_driven_wall(name):
+    pytest.importorskip("mpmath")
+    scene = gr.scenes.bouncing_ball(0.005, plate=Sine.from_acceleration(2.0, 50.0, phase=1.0))
+    law = gr.LinearDashpot.from_restitution(0.6, k=1e3, pair=scene.pairs[0])
+    truth = solve(scene, law, t_end=0.2)
+    laws = checked(law, scene).given
+    found = peer(Task(scene, laws, None, 0.2, truth), name).run(1e-10).contacts()
+    assert len(found) == len(truth.contacts) >= 2
+    for one, other in zip(found, truth.contacts, strict=True):
+        assert float(one.t_begin) == pytest.approx(float(other.t_begin), abs=1e-7)
+        assert [float(v) for v in one.v_in] == pytest.approx([float(v) for v in other.v_in], abs=1e-5)

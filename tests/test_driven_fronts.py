@@ -1,0 +1,264 @@
+"""Driven walls and forces in files, by name, in the command, in sweeps: one scene, whoever says it; what is refused."""
+
+import json
+import math
+import pickle
+
+import numpy as np
+import pytest
+import scenes_at_random
+
+import granular as gr
+from granular import cases
+from granular._describe import from_json, scene_to_json
+from granular.laws import LinearDashpot
+from granular.scene import fitted
+from granular.sweeps.plan import planned
+from granular.trajectory import CONTACT, Status, Trajectory
+from granular.walls import Motion, Panels, Piecewise, Sine
+
+INF = math.inf
+LAW = LinearDashpot(1e4, 1.0)
+TEXT = """
+[scene]
+mass = [inf, 1.0, 2.0]
+radius = [0.0, 0.1, 0.1]
+gap = [0.1, 0.2]
+velocity = [0.0, -1.0, 0.0]
+gravity = 9.81
+{}
+
+[law]
+type = "LinearDashpot"
+k = 1e4
+gamma = 1.0
+
+[run]
+t_end = 1.0
+"""
+
+
+def shake(t):
+    return 1e-3 * math.sin(40.0 * t)
+
+
+def scene(**more):
+    return gr.Scene([INF, 1.0, 2.0], [0.0, 0.1, 0.1], [0.1, 0.2], [0.0, -1.0, 0.0], 9.81, **more)
+
+
+def at_random(seed):
+    """A random scene with driven walls, forces, or both; functions have a name."""
+    rng = np.random.default_rng(seed)
+    one = scenes_at_random.driven(rng, scenes_at_random.scene(rng, walls=(0.9, 0.5, 0.3)))
+    named = [Motion(shake, motion.accuracy) if isinstance(motion, Motion) else motion for motion in one.motions]
+    return one.replace(floor=named[0], ceiling=named[1])
+
+
+def trajectory(of, **more):
+    """A run of two rows in which nothing happens."""
+    rows = {name: np.zeros((2, n)) for name, n in (("position", of.n), ("velocity", of.n), ("gap", of.n_pairs))}
+    return Trajectory(of, None, None, np.array([0.0, 1.0]), **rows, force=None, contacts=np.zeros(0, CONTACT),
+                      status=Status.time, message="", **more)  # fmt: skip
+
+
+# --- one scene, whoever keeps it ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_scene_comes_back_from_every_file(seed, tmp_path):
+    one = at_random(seed)
+    assert cases.loads(cases.dumps(gr.Case(one, LAW))).scene.replace(floor=one.floor, ceiling=one.ceiling) == one
+    copy = pickle.loads(pickle.dumps(one))
+    assert copy == one
+    assert hash(copy) == hash(one)
+    assert one.replace() == one
+    as_json = json.loads(json.dumps(scene_to_json(one)))
+    if any(isinstance(motion, Motion) for motion in one.motions):
+        with pytest.raises(LookupError, match="shake"):
+            from_json(list(as_json.values()))
+    else:
+        assert cases.loads(cases.dumps(gr.Case(one, LAW))).scene == one
+        assert gr.Scene(**{name: from_json(value) for name, value in as_json.items()}) == one
+    ledger = np.arange(10.0).reshape(2, 5)
+    trajectory(one, ledger=ledger).save(tmp_path / "run.npz")
+    loaded = Trajectory.load(tmp_path / "run.npz")
+    assert loaded.scene == fitted(one, 0.0, 1.0)
+    assert loaded.ledger.tolist() == ledger.tolist()
+    assert loaded.account()["work"].tolist() == ledger[:, :2].tolist()
+
+
+def test_a_function_by_its_name_is_the_same_motion():
+    one = scene(floor=Motion(shake))
+    read = cases.loads(cases.dumps(gr.Case(one, LAW))).scene
+    assert fitted(read, 0.0, 1.0) == fitted(one, 0.0, 1.0)
+    assert cases.loads(cases.dumps(gr.Case(read, LAW))).scene == read == pickle.loads(pickle.dumps(read))
+
+
+def test_a_function_in_a_file_beside_the_case(tmp_path):
+    (tmp_path / "motion.py").write_text("def shake(t):\n    return 0.5 * t * t\n", encoding="utf-8")
+    (tmp_path / "case.toml").write_text(
+        TEXT.format('floor = { type = "Motion", function = "motion.py:shake" }'), encoding="utf-8")
+    case = cases.load(tmp_path / "case.toml")
+    assert case.scene.floor.displacement(2.0) == 2.0
+    assert repr(case.scene.floor) == "Motion(motion.py:shake)"
+    plan = planned(tmp_path / "case.toml", {"gravity": np.array([1.0])}, ("contacts",), {}, {})
+    assert pickle.loads(pickle.dumps(plan)).case((1.0,)).scene == case.scene.replace(gravity=1.0)
+
+
+def test_numbers_of_walls_and_forces_tell_scenes_apart():
+    one = scene(floor=Sine(1e-3, 50.0), external_force=[0.0, 1.0, 0.0])
+    others = [scene(floor=Sine(1e-3, 50.0)), scene(external_force=[0.0, 1.0, 0.0]),
+              scene(floor=Sine(1e-3, 51.0), external_force=[0.0, 1.0, 0.0]),
+              scene(floor=Sine(1e-3, 50.0), external_force=[0.0, 1.0, 1.0])]  # fmt: skip
+    assert one == scene(floor=Sine(1e-3, 50.0), external_force=[0, 1, 0])
+    assert len({one, *others}) == 5
+    assert scene(external_force=[0.0, 0.0, -0.0]) == scene()
+    line = {"breaks": [0.0, 1.0], "coefficients": [[1.0], [0.0]]}
+    assert Piecewise(**line) == Piecewise([-0.0, 1.0], [[1.0], [-0.0]])
+    assert hash(Piecewise(**line)) == hash(Piecewise([-0.0, 1.0], [[1.0], [-0.0]]))
+    assert repr(scene(floor=Piecewise(**line), external_force=[0, 1, 0])) == (
+        "Scene(2 balls, floor, g = 9.81 m/s², forces, floor Piecewise(1 piece, 0 … 1 s))")
+
+
+def test_positions_in_place_of_gaps_take_walls_and_forces():
+    more = {"floor": Sine(1e-3, 50.0), "external_force": [0.0, 1.0, 0.0]}
+    one = gr.Scene.from_positions([INF, 1.0], [0.0, 0.25], [0.0, 0.5], [0.0, 0.0], 9.81, floor=more["floor"])
+    assert one == gr.Scene([INF, 1.0], [0.0, 0.25], [0.25], [0.0, 0.0], 9.81, floor=more["floor"])
+    text = 'external_force = [0.0, 1.0, 0.0]\nfloor = { type = "Sine", amplitude = 1e-3, frequency = 50.0 }'
+    assert cases.loads(TEXT.format(text)).scene == scene(**more)
+    assert cases.loads(TEXT.format(text).replace("gap = [0.1, 0.2]", "position = [0.0, 0.2, 0.6]")).scene.motions == (
+        more["floor"], None)
+
+
+def test_work_that_nobody_counted_is_unknown():
+    pushed = gr.Scene([INF, 1.0], [0.0, 0.1], [0.1], [0.5, 0.0])
+    for one in (pushed, scene(floor=Sine(1e-3, 50.0))):
+        account = trajectory(one).account()
+        assert np.isnan(account["work"]).all()
+        assert np.isnan(account["dissipated"]).all()
+        assert not np.isnan(account["energy"]).any()
+    assert not trajectory(scene()).account()["work"].any()
+
+
+# --- by name, in tables, and varied -------------------------------------------------------------------------------
+
+
+def test_scenes_of_a_shaken_plate():
+    column = gr.scenes.vibrated_column(4, gamma=2.0, frequency=30.0, gravity=10.0)
+    assert column.floor == Sine.from_acceleration(2.0, 30.0, 10.0, 0.5 * math.pi)
+    assert column.floor.velocity(0.0) == pytest.approx(0.0, abs=1e-15)  # no jolt
+    assert (column.radius[1:] == 0.005).all()
+    assert gr.scenes.vibrated_column(amplitude=1e-3).floor.amplitude == 1e-3
+    assert gr.scenes.bouncing_ball(plate=Sine(1e-3, 50.0)) == gr.scenes.bouncing_ball().replace(floor=Sine(1e-3, 50.0))
+    assert cases.make("vibrated-column", frequency=25.0).t_end == pytest.approx(20 / 25.0)
+    plate = {"type": "Sine", "gamma": 2.0, "frequency": 50.0}
+    case = cases.make("bouncing-ball", plate=plate)
+    assert case.scene.floor == Sine.from_acceleration(2.0, 50.0)
+    assert case.t_end == 1.0
+    assert cases.make("bouncing-ball", plate=Piecewise([0.0, 3.0], [[0.0]])).t_end == 3.0
+    assert cases.make("bouncing-ball", plate=Motion(shake)).t_end is None
+
+
+def test_an_impact_on_a_wall_is_at_most_as_fast_as_both():
+    case = cases.make("bouncing-ball", plate=Sine(1e-2, 50.0), law="ViscoelasticHertz", restitution=0.8)
+    fall, wall = math.sqrt(2.0 * 9.81), 2.0 * math.pi * 50.0 * 1e-2
+    assert cases.ready.first_impact(case.scene) == pytest.approx(fall + wall, rel=0.2)
+    assert gr.scene.speed_scale(case.scene) == pytest.approx(fall + wall, rel=1e-3)
+
+
+WALL = 'floor = { type = "Sine", amplitude = 1e-3, frequency = 50.0 }\nexternal_force = [0.0, 1.0, -2.0]'
+VARIED = [("floor.amplitude", 2e-3, {"floor": Sine(2e-3, 50.0)}),
+          ("floor.phase", 1.0, {"floor": Sine(1e-3, 50.0, 1.0)}),
+          ("scene.floor.frequency", 7.0, {"floor": Sine(1e-3, 7.0)}),
+          ("external_force[1]", 3.0, {"external_force": [0.0, 3.0, -2.0]})]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "value", "changed"), VARIED)
+def test_numbers_of_walls_and_forces_are_parameters(name, value, changed, tmp_path):
+    (tmp_path / "case.toml").write_text(TEXT.format(WALL), encoding="utf-8")
+    case = cases.load(tmp_path / "case.toml")
+    for subject in (case, tmp_path / "case.toml"):
+        plan = planned(subject, {name: np.array([value])}, ("contacts",), {}, {})
+        assert plan.case((value,)).scene == case.scene.replace(**changed)
+    assert planned(gr.Case(scene(), LAW), {"external_force[2]": np.array([1.0])}, ("contacts",), {}, {}).case(
+        (1.0,)).scene == scene(external_force=[0.0, 0.0, 1.0])
+
+
+def test_a_plate_by_name_is_varied_too():
+    fixed = {"plate": {"type": "Sine", "amplitude": 1.0, "frequency": 50.0}}
+    plan = planned("bouncing-ball", {"plate.amplitude": np.array([1e-3])}, ("contacts",), fixed, {})
+    assert plan.case((1e-3,)).scene == gr.scenes.bouncing_ball(plate=Sine(1e-3, 50.0))
+    assert plan.subject.attributes("plate.amplitude")["units"] == "m"
+    assert plan.subject.attributes("plate.frequency")["units"] == "Hz"
+
+
+# --- what is refused ----------------------------------------------------------------------------------------------
+
+
+def of_toml(wall):
+    return lambda: cases.loads(TEXT.format(wall))
+
+
+def adiabatic(one):
+    return lambda: gr.adiabatic.contacts(one, LAW)
+
+
+MISUSE = [
+    (lambda: scene(ceiling=Sine(1.0, 1.0)), r"ceiling is Sine.*, but the last body is a ball: give it the mass"),
+    (lambda: scene(floor=50.0), r"floor is 50.0: one of granular.walls is needed, such as"),
+    (lambda: scene(floor=shake), r"floor is <function shake.*: one of granular.walls is needed"),
+    (lambda: scene(external_force=[1.0, 0.0, 0.0]), r"external_force\[0\] is 1.0: a wall takes no force; let it move"),
+    (lambda: scene(external_force=[0.0, INF, 0.0]), r"external_force\[1\] is inf: a force must be finite"),
+    (lambda: scene(external_force=[1.0]), r"shape of external_force is \(1,\): \(3,\) is needed; one force per body"),
+    (lambda: fitted(scene(floor=Piecewise([0.0, 1.0], [[0.0]])), 0.0, 2.0), r"t_end is 2.0: .*there the path"),
+    (lambda: fitted(scene(floor=Motion(shake)), 0.0, INF), r"t_end is inf: .*needs the end of the run: give t_end"),
+    (lambda: fitted(scene(floor=Motion(lambda t: math.nan)), 0.0, 1.0), r"function\(\S+\) is nan: a finite number"),
+    (lambda: Panels([0.0, 2.0], [[1.0]], frequency=3.0), r"edges go from 0 to 2: with a frequency, turns from 0 to 1"),
+    (lambda: Panels([0.0, 1.0], [[1.0]], turn=3.0), r"turn is 3.0: two numbers are needed"),
+    (lambda: Panels([0.0, 1.0], [[1.0]], error=-1.0), r"error is -1.0: a finite number of at least 0"),
+    (of_toml("floor = 3"), r"\[scene\]: floor is 3: one of granular.walls is needed"),
+    (of_toml("floor = { amplitude = 1.0 }"), r"\[scene\]: floor: key 'type' is missing; needed is one of Motion, "),
+    (of_toml('floor = { type = "sine" }'), r"floor: type is 'sine': one of Motion, .* did you mean Sine\?"),
+    (of_toml('floor = { type = "Sine", amplitude = 1.0, frequenz = 3.0 }'), r"'frequenz' is no key; did you"),
+    (of_toml('floor = { type = "Sine", amplitude = 1.0 }'), r"the keys given are \(amplitude\): \(amplitude, freq"),
+    (of_toml('floor = { type = "Sine", amplitude = -1.0, frequency = 3.0 }'), r"floor: amplitude is -1.0"),
+    (of_toml('flor = { type = "Sine", amplitude = 1.0, frequency = 3.0 }'), r"'flor' is no key; did you mean floor\?"),
+    (of_toml('ceiling = { type = "Sine", amplitude = 1.0, frequency = 3.0 }'), r"the last body is a ball"),
+    (of_toml('floor = { type = "Motion", function = "nowhere.py:f" }'), r"'nowhere.py:f': it cannot be found"),
+    (of_toml('floor = { type = "Motion", function = "math:nothing" }'), r"'math:nothing': it cannot be found"),
+    (of_toml('floor = { type = "Motion", function = "sin" }'), r"function is 'sin': it cannot be found"),
+    (of_toml('floor = { type = "Motion", function = "math:pi" }'), r"'math:pi': a function m\(t\) is needed"),
+    (of_toml('floor = { type = "Motion", function = 3.0 }'), r"function is 3.0: a function m\(t\)"),
+    (of_toml('floor = { type = "Piecewise", breaks = [0, 1, 2], coefficients = [[0, 1]] }'), r"wall jump by 1 m"),
+    (of_toml("external_force = [0, 1]"), r"shape of external_force is \(2,\): \(3,\) is needed"),
+    (lambda: cases.dumps(gr.Case(scene(floor=Motion(lambda t: t)), LAW)), r"only one that can be imported by its name"),
+    (lambda: gr.scenes.vibrated_column(gamma=-1.0), r"gamma is -1.0"),
+    (lambda: gr.scenes.vibrated_column(gravity=0.0), r"gravity is 0.0: a finite number above 0"),
+    (lambda: gr.scenes.bouncing_ball(plate=3.0), r"floor is 3.0: one of granular.walls"),
+    (lambda: gr.sweep(gr.Case(scene(), LAW), {"floor.amplitude": [1.0]}), r"'floor.amplitude' is no parameter"),
+    (lambda: gr.sweep(gr.Case(scene(floor=Sine(1, 1)), LAW), {"floor.gamma": [1.0]}), r"'gamma' is no parameter"),
+    (lambda: gr.sweep("bouncing-ball", {"plate.amplitude": [1.0]}), r"plate: key 'type' is missing"),
+    (adiabatic(gr.scenes.three_balls().replace(floor=Sine(1e-3, 50.0))), r"constant velocity and no forces are needed"),
+    (adiabatic(gr.scenes.three_balls().replace(external_force=[0.0, 1.0, 0.0])), r"and no forces are needed"),
+]
+
+
+@pytest.mark.parametrize(("make", "message"), MISUSE)
+def test_misuse_is_one_sentence(make, message):
+    with pytest.raises((TypeError, ValueError), match=message) as caught:
+        make()
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).endswith((".", "?"))
+
+
+@pytest.mark.parametrize(("line", "message"), [
+    ("run bouncing-ball --plate Sine", "'Sine' is no NAME=VALUE, such as type=Sine"),
+    ("run bouncing-ball --plate type=Sin gamma=2", "plate: type is 'Sin': one of Motion, .* did you mean Sine?"),
+    ("run bouncing-ball --plate type=Sine gamma=two frequency=3", "plate: gamma is 'two': a single number is needed"),
+    ("run vibrated-column --gamma=-1", "gamma is -1.0"),
+])
+def test_the_command_refuses_in_a_line(line, message, granular):
+    code, _, error = granular(line)
+    assert code == 2
+    assert error.count("\n") == 1
+    assert message.partition(".*")[0] in error
