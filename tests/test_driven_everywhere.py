@@ -75,19 +75,21 @@ def test_a_sweep_by_name_varies_a_plate():
     Sine.from_acceleration(3.0, 50.0), Piecewise([0.0, 0.1, 0.3], [[0.2, -0.1], [0.0, 0.02]]),
     Motion(lambda t: 1e-3 * math.sin(200.0 * t)),
 ])  # fmt: skip
-def test_a_hard_run_that_was_saved_goes_on(motion, tmp_path):
-    scene, rule = gr.scenes.bouncing_ball(0.01, plate=motion), gr.ConstantRestitution(0.7)
-    whole = gr.edmd.simulate(scene, rule, t_end=0.3)
-    part = gr.edmd.simulate(scene, rule, t_end=0.15)
+@pytest.mark.parametrize("engine", [gr.edmd, gr.md])
+def test_a_run_that_was_saved_goes_on(engine, motion, tmp_path):
+    scene = gr.scenes.bouncing_ball(0.01, plate=motion)
+    touch = gr.ConstantRestitution(0.7) if engine is gr.edmd else gr.LinearDashpot(1e5, 5.0)
+    whole = engine.simulate(scene, touch, t_end=0.3)
+    part = engine.simulate(scene, touch, t_end=0.15)
     part.save(tmp_path / "part.npz")
     loaded = gr.Trajectory.load(tmp_path / "part.npz")
     assert loaded.scene == part.scene
     assert loaded.account()["work"].tolist() == part.account()["work"].tolist()
     if isinstance(motion, Motion):  # the path was kept as far as the run went
         with pytest.raises(ValueError, match=r"t_end is 0.3: .*at most 0.15 is needed; there the path"):
-            gr.edmd.resume(loaded, t_end=0.3)
+            engine.resume(loaded, t_end=0.3)
         return
-    rest = gr.edmd.resume(loaded, t_end=0.3)
+    rest = engine.resume(loaded, t_end=0.3)
     assert rest.velocity[-1].tolist() == whole.velocity[-1].tolist()
     assert rest.gap[-1].tolist() == whole.gap[-1].tolist()
     assert rest.position[-1] == pytest.approx(whole.position[-1], abs=1e-15)

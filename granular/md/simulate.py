@@ -192,6 +192,8 @@ def resume(
         trajectory.scene, float(trajectory.time[-1]), t_end, until=until, samples=samples, log=log,
         max_events=max_events, max_steps=max_steps, on_event=on_event, on_progress=on_progress,
     )  # fmt: skip
+    check_end(trajectory.scene, t_end, until)
+    fitted(trajectory.scene, request.start, request.end)  # says so if a path ends before
     _check_walls(trajectory.scene, float(state["origin"]), request.end)
     _check.choice("engine", engine, ("auto", "plain", "compiled"))
     _check.choice("disturbed", disturbed, located.run.DISTURBED)
