@@ -112,7 +112,7 @@ def test_period_doubling_where_the_exact_formula_says(case):
         gamma = doubles * (1.0 + share)
         phase = math.acos(exists / gamma)
         orbit = plate(1, shaken(gamma, phase=phase), gap=0.0, velocity=k * math.pi * (1.0 + 1e-4))
-        log = run(orbit, eps, t_end=1e6, max_events=4000).contacts
+        log = run(orbit, eps, t_end=1e6, max_events=2000).contacts
         late = np.mod(log["t_begin"][-64:] / (2.0 * math.pi) + phase / (2.0 * math.pi), 1.0)
         assert np.ptp(late[::period]) < 1e-6 or np.ptp(late[::period]) < 1e-3 * abs(late[0] - late[1])
         assert (np.ptp(late) > 1e-3) == (period == 2)
