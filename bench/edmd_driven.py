@@ -1,7 +1,7 @@
 """Nanoseconds an event of hard spheres beside a shaken floor, under forces, and on a floor at rest, in one run.
 
-Each scene runs in turns with the others; the least time of each counts, and its ratio to the plain column. The remainder
-of the account is that of its last run, in units of the work done.
+Each scene runs in turns with the others; the least time of each counts, and its ratio to the plain column. The
+remainder of the account is that of its last run, in units of the work done.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def timed(scene: gr.Scene, eps: float) -> tuple[float, float]:
 
 def main() -> None:
     """Print the table."""
-    least = {name: (math.inf, 0.0) for name in scenes()}
+    least = dict.fromkeys(scenes(), (math.inf, 0.0))
     for _ in range(ROUNDS):
         for name, (scene, eps) in scenes().items():
             least[name] = min(least[name], timed(scene, eps))

@@ -328,7 +328,8 @@ def test_accounts_close_and_resumed_runs_go_on(seed):
 def test_queues_agree_to_the_last_bit():
     """Interpreted and compiled, in pieces and at once."""
     pytest.importorskip("numba")
-    for scene, eps in ((drawn(5), 0.8), (drawn(7, touching=0.5), 0.5), (plate(5, shaken(3.0)), 0.9)):
+    for scene, eps in ((drawn(5), 0.8), (drawn(7, touching=0.5), 0.5), (plate(5, shaken(3.0)), 0.9),
+                       (plate(2, shaken(0.9)), 0.5)):
         for options in ({}, {"collapse": "merge"}, {"ties": "random"}, {"until": gr.until.contact(0, 9)}):
             given = {"t_end": 20.0, "samples": 9, "max_events": 600} | options
             a, b = (run(scene, eps, engine=engine, **given) for engine in ("sorted", "compiled"))
