@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from granular._kernels import kernel, rare
-from granular._records import Record, Records
+from granular._records import Record
 from granular.edmd.driven import place
 from granular.edmd.motion import Walls, impulse
 
