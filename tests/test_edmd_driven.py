@@ -310,6 +310,17 @@ def test_other_units_give_the_same_bits(seed):
     assert np.array_equal(8.0 * 4.0 * a.ledger, b.ledger)
 
 
+def test_accounts_of_walls_at_constant_speed():
+    """Columns on a lift, boxes that are pressed: with and without a collapse."""
+    lift = gr.Scene([INF, 1.0, 2.0], [0.0, 0.1, 0.1], [0.5, 0.3], [0.7, 0.0, 0.1], 9.81)
+    box = gr.Scene([INF, 1.0, 2.0, INF], [0.0, 0.1, 0.1, 0.0], [0.5, 0.3, 1.0], [0.4, 0.0, 0.1, -0.1])
+    for scene in (lift, lift.replace(mass=[INF, 1.0, 1e-3]), box):
+        for eps, options in ((0.5, {}), (0.5, {"collapse": "merge"}), (0.9, {"ties": "poisson"}), (0.0, {})):
+            result = run(scene, eps, t_end=3.0, samples=20, **options)
+            assert remainder(result) < 1e-13
+            assert np.abs(result.account()["work"]).max() > 0.01
+
+
 # --- forces
 
 
