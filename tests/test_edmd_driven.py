@@ -33,6 +33,11 @@ def shaken(gamma, omega=1.0, gravity=1.0, phase=0.0):
     return Sine.from_acceleration(gamma, omega / (2.0 * math.pi), gravity, phase)
 
 
+def lift():
+    """Balls on a floor at constant speed, under forces."""
+    return gr.Scene([INF, 1.0, 2.0], [0.0, 0.1, 0.1], [0.5, 0.3], [0.7, 0.0, 0.1], 9.81, external_force=[0.0, 1.0, -2.0])
+
+
 def remainder(result):
     """What the account leaves over, at most, in units of the energy that came and went."""
     account = result.account()
@@ -393,7 +398,7 @@ def test_queues_agree_to_the_last_bit():
     """Interpreted and compiled, in pieces and at once."""
     pytest.importorskip("numba")
     for scene, eps in ((drawn(5), 0.8), (drawn(7, touching=0.5), 0.5), (plate(5, shaken(3.0)), 0.9),
-                       (plate(2, shaken(0.9)), 0.5)):
+                       (plate(2, shaken(0.9)), 0.5), (lift(), 0.5)):
         for options in ({}, {"collapse": "merge"}, {"ties": "random"}, {"until": gr.until.contact(0, 9)}):
             given = {"t_end": 20.0, "samples": 9, "max_events": 600} | options
             a, b = (run(scene, eps, engine=engine, **given) for engine in ("sorted", "compiled"))

@@ -35,7 +35,7 @@ def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
                 sides[name][which] = one[name][0]
             panels.append(rows)
     sides["begin"] = t_start
-    return sides, np.concatenate(panels) if panels else np.zeros(0, PANEL)
+    return sides, np.concatenate(panels) if panels else np.zeros(1, PANEL)  # kernels want one to know their kind
 
 
 def begin(state: Any, scene: Scene) -> None:
