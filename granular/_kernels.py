@@ -68,11 +68,15 @@ def specialised(function: F, **instead: Any) -> F:
     TypeError
         If neither the kernel nor any kernel it calls reads a global of that name.
     """
-    given = tuple((name, value, repr(value)) for name, value in sorted(instead.items()))
-    for one in given:
-        if _specialised(function, (one,)) is function:
-            raise TypeError(f"{function.__name__} cannot be specialised for {one[0]}: no kernel in it reads that name.")
-    twin: F = _specialised(function, given)
+    for name, value in instead.items():
+        if fitted(function, **{name: value}) is function:
+            raise TypeError(f"{function.__name__} cannot be specialised for {name}: no kernel in it reads that name.")
+    return fitted(function, **instead)
+
+
+def fitted(function: F, **instead: Any) -> F:
+    """Return a twin of a kernel as `specialised` does, or the kernel itself if it reads none of the names."""
+    twin: F = _specialised(function, tuple((name, value, repr(value)) for name, value in sorted(instead.items())))
     return twin
 
 
