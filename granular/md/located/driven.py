@@ -48,7 +48,7 @@ def flown(walls: Any, pair: Any, dt: float) -> tuple[float, float]:
 def rate_at(walls: Any, pair: Any, t: float) -> float:
     """Return the rate of the overlap of a free pair at time t."""
     if DRIVEN and pair.wall > 0:
-        return flown(walls, pair, (t - pair.t) - pair.tail)[1]
+        return float(flown(walls, pair, (t - pair.t) - pair.tail)[1])
     return float(pair.eta + pair.pull * (t - pair.t))
 
 
@@ -84,8 +84,9 @@ def convexity(walls: Any, pair: Any, ahead: float, span: float) -> float:
     clock on; 0 if it is concave."""
     if DRIVEN and pair.wall > 0:
         t, tail = absolute(walls, pair.t, pair.tail + ahead)
-        return max(0.0, -pressing(walls.wall[pair.wall - 1], walls.panels, t, tail, pair.pull, span)[0])
-    return max(0.0, -pair.pull)
+        least, _ = pressing(walls.wall[pair.wall - 1], walls.panels, t, tail, pair.pull, span)
+        return max(0.0, -least)
+    return float(max(0.0, -pair.pull))
 
 
 @kernel

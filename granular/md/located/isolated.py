@@ -3,9 +3,9 @@
 A contact that begins now is solved at once by its map (`maps`), if it is certain that no neighbour touches before it is
 over. That is certified by one subtraction for each neighbouring gap, its flank: the contact force pushes the body they
 share towards the flank, and a contact at the flank's far end pushes that body towards it too, so the flank is concave
-until both are over, at T; it was positive, and if it is at T, it is in between. A flank that is pulled open, below a ceiling, by
-forces or by a driven wall, is convex by at most P: from a to b in a time L it stays positive if (√a + √b)² > P L²/2;
-this is not asked if the pair at its far end is in contact too, for then a is not known.
+until both are over, at T; it was positive, and if it is at T, it is in between. A flank that is pulled open, below a
+ceiling, by forces or by a driven wall, is convex by at most P: from a to b in a time L it stays positive if
+(√a + √b)² > P L²/2; this is not asked if the pair at its far end is in contact too, for then a is not known.
 
 What the pair and its flanks keep from then on are their asymptotes: the motion after the contact, with a clock that may
 lie ahead. `lasts` tells: positive, it is the length of the contact that ends (ξ = 0) at the pair's clock; negative, the

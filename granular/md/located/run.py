@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from copy import deepcopy
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -99,7 +98,8 @@ class Run:
             self.s = restored(self.s, state)
         self.collocation = Collocation(laws) if self.s.kinds["kind"][0] == GENERAL else None
         moves = {"DRIVEN": self.s.walls is not None, "WORKED": self.s.ledger is not None}
-        self.fit = partial(fitted, **{name: True for name, does in moves.items() if does})
+        flags: dict[str, Any] = {name: True for name, does in moves.items() if does}
+        self.fit: Callable[[Any], Any] = lambda kernel: fitted(kernel, **flags)
         self.kernels: Callable[[Any], Any] = self.fit
         if engine == "compiled" or self.pays(scene.n_pairs):  # to launch is a piece of every pair
             self.compile()

@@ -190,14 +190,16 @@ that are driven and the record of a ledger, None without."""
 def to_plain(s: System) -> System:
     """Return the run for interpreted code."""
     ledger = None if s.ledger is None else plain(s.ledger)
-    return System(*map(plain, s[:9]), list(s.answer), workspace(ORDER), plain_walls(s.walls), ledger)
+    rest = list(s.answer), workspace(ORDER), plain_walls(s.walls), ledger
+    return System._make([*map(plain, s[:9]), *rest])
 
 
 def to_compiled(s: System) -> System:
     """Return the run for compiled code: same numbers, same bits; with a log buffer that lasts for a while."""
     records = map(packed, s[:9], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
     ledger = None if s.ledger is None else packed(s.ledger, LEDGER)
-    fast = System(*records, np.array(s.answer), np.array(s.work), compiled_walls(s.walls), ledger)
+    rest = np.array(s.answer), np.array(s.work), compiled_walls(s.walls), ledger
+    fast = System._make([*records, *rest])
     log = np.zeros(max(MOST_ROWS, len(s.log)), CONTACT_ROW)
     log[: len(s.log)] = fast.log
     return fast._replace(log=log)
