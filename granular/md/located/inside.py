@@ -1,4 +1,5 @@
 """Inside a contact solved at once: to look into it, or to let it be a member of an event that may disturb it.
+May be skipped: one contact again, from within.
 
 The pair is followed alone from the onset, which its asymptote remembers: `relive` asks for that, `plan.planned` does
 it, and then `exposed` or `seen` take what they need.
