@@ -74,7 +74,7 @@ def goes_on(s: Any) -> bool:
     tau = member.tau
     dt = elapsed(member.h, member.clock, tau)
     if run.passed + dt > run.left:
-        dt = run.left - run.passed
+        dt = max(0.0, run.left - run.passed)
         tau = min(tau, power(dt, 1.0 / member.clock) / member.h)
     if run.log > 0:
         follow(run, s.pairs, s.pool, s.work, c, tau)
