@@ -82,7 +82,7 @@ def goes_on(s: Any, laws: Any) -> bool:
     tau = member.tau
     dt = piece_time(member)
     if run.passed + dt > run.left:
-        dt = run.left - run.passed
+        dt = max(0.0, run.left - run.passed)
         tau = min(tau, power(dt, 1.0 / member.clock) / member.h)
     if WORKED:
         enter_alone(s.ledger, s.walls, laws, s, c, tau)
