@@ -213,10 +213,6 @@ def test_misuse_is_one_sentence():
     shaking = scene.replace(floor=gr.walls.Sine(1e-3, 50.0))
     with pytest.raises(ValueError, match="t_end is None: beside a driven wall a run never comes to an end by itself"):
         run(shaking, law)
-    with pytest.raises(ValueError, match=r"floor is Sine.*'located' does not know it yet; choose one of 'verlet'"):
-        gr.md.simulate(shaking, law, t_end=1.0)
-    with pytest.raises(ValueError, match=r"external_force is .*'located' does not know it yet"):
-        gr.md.simulate(scene.replace(external_force=[0.0, 1.0]), law, t_end=1.0)
     with pytest.raises(ValueError, match="a wall moved by a function needs the end of the run: give t_end"):
         run(scene.replace(floor=gr.walls.Motion(math.sin)), law, until=gr.until.contact(0, 2))
     short = gr.walls.Piecewise([0.0, 0.5], [[1.0], [0.0]])
