@@ -35,7 +35,8 @@ def shaken(gamma, omega=1.0, gravity=1.0, phase=0.0):
 
 def lift():
     """Balls on a floor at constant speed, under forces."""
-    return gr.Scene([INF, 1.0, 2.0], [0.0, 0.1, 0.1], [0.5, 0.3], [0.7, 0.0, 0.1], 9.81, external_force=[0.0, 1.0, -2.0])
+    force = [0.0, 1.0, -2.0]
+    return gr.Scene([INF, 1.0, 2.0], [0.0, 0.1, 0.1], [0.5, 0.3], [0.7, 0.0, 0.1], 9.81, external_force=force)
 
 
 def remainder(result):
