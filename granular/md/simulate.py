@@ -61,7 +61,8 @@ def simulate(
         One for all pairs, or one per pair from the bottom up.
     t_end, until : float, stop condition, optional
         End time in s, and a condition from `granular.until`. Without either the run goes on until nothing can
-        follow, or to the limits below. Walls that move towards each other need a `t_end` before they meet.
+        follow, or to the limits below; beside driven walls one of them is needed, for a bounce may always follow.
+        Walls that move towards each other need a `t_end` before they meet.
     t_start : float
         Time in s of the scene's instant.
     samples : None, int or array
@@ -212,7 +213,8 @@ def _in_range(law: Any) -> Iterator[None]:
 def _check_end(scene: Scene, request: Request) -> None:
     """Raise if nothing says when a run beside driven walls is over: they keep balls moving for good."""
     if scene.driven and request.end == math.inf and request.until is None:
-        raise ValueError("t_end is None: beside a driven wall a run never comes to an end by itself; give t_end or until.")
+        raise ValueError("t_end is None: beside a driven wall a run never comes to an end by itself; give t_end or "
+                         "until.")  # fmt: skip
 
 
 def _check_walls(scene: Scene, start: float, end: float) -> None:
