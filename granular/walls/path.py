@@ -142,7 +142,7 @@ def to_edge(wall: Record, panels: Records, t: float, tail: float) -> float:
     panel = panels[panel_at(wall, panels, y)]
     before, after = (panel.left - y) - low, (panel.right - y) - low
     nearest = before if abs(before) < abs(after) else after
-    return nearest if abs(nearest) <= 2.0**-48 * (abs(t) + abs(panel.left) + abs(panel.right)) else 0.0  # type: ignore[no-any-return]
+    return nearest if abs(nearest) <= 2.0**-48 * (abs(t) + abs(panel.left) + abs(panel.right)) else 0.0
 
 
 @kernel
