@@ -17,6 +17,9 @@ from granular import until as stop
 from granular._check import Array
 from granular.scene import Scene
 
+EVENTS = 1_000_000
+"""Contacts after which a run ends if nothing else is said."""
+
 
 @dataclass(frozen=True)
 class Request:
@@ -56,11 +59,11 @@ def requested(
     )
 
 
-def check_end(scene: Scene, t_end: float | None, until: stop.Until | None) -> None:
+def check_end(scene: Scene, t_end: float | None, until: stop.Until | None, max_events: int) -> None:
     """Raise if nothing says when a run beside driven walls is over: they keep balls moving."""
-    if scene.driven and t_end is None and until is None:
-        raise ValueError("t_end is None: beside a driven wall a run never comes to an end by itself; give t_end, or "
-                         "until.")  # fmt: skip
+    if scene.driven and t_end is None and until is None and max_events == EVENTS:
+        raise ValueError("t_end is None: beside a driven wall a run never comes to an end by itself; give t_end, until, "
+                         "or a max_events of your own.")  # fmt: skip
 
 
 def _sample_times(samples: int | ArrayLike | None, start: float, end: float) -> Array | None:

@@ -1,12 +1,16 @@
 """Random scenes with driven walls and forces, by located events: against the reference, invariances, and engines."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 import granular as gr
 from granular import reference
+from granular._kernels import fitted, kernel
+from granular.md.located import isolated
+from granular.md.located import run as located_run
 
 LAWS = ("spring", "dashpot", "strong", "hertz", "viscoelastic", "tsuji")
 
@@ -65,7 +69,7 @@ def distance(one, other):
     return max(abs(one.gap - other.gap).max(), abs(rates[0] - rates[1]).max()) / max(1.0, abs(rates[0]).max())
 
 
-@pytest.mark.parametrize("seed", [3, 17, 41, 52, 63])
+@pytest.mark.parametrize("seed", [3, 17, 41])
 def test_against_the_reference(seed):
     pytest.importorskip("mpmath")
     scene, law, start = some_scene(seed)
@@ -76,7 +80,7 @@ def test_against_the_reference(seed):
     assert max(abs(float(a) - b) for a, b in zip(true.velocity, soft.velocity[-1], strict=True)) < 5e-12
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(24))
 def test_the_account_closes(seed):
     scene, law, start = some_scene(seed)
     soft = run(scene, law, start, samples=17)
@@ -87,7 +91,7 @@ def test_the_account_closes(seed):
     assert (np.diff(lost) >= -1e-13 * size).all()
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_a_rising_floor_is_gravity(seed):
     scene, law, _ = some_scene(seed, gravity=0.0)
     if not scene.is_wall[0] or scene.is_wall[-1]:
@@ -101,7 +105,7 @@ def test_a_rising_floor_is_gravity(seed):
     assert distance(one, other) < 1e-11
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(8))
 def test_a_mirror_swaps_floor_and_ceiling(seed):
     scene, law, start = some_scene(seed, gravity=0.0)
 
@@ -118,7 +122,7 @@ def test_a_mirror_swaps_floor_and_ceiling(seed):
         assert one.ledger[-1, [0, 1, 4]] == pytest.approx(other.ledger[-1, [1, 0, 4]], rel=1e-9, abs=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_nobody_knows_how_fast_all_move(seed):
     scene, law, start = some_scene(seed)
     one, other = run(scene, law, start), run(scene.replace(velocity=scene.velocity + 0.75), law, start)
@@ -126,7 +130,7 @@ def test_nobody_knows_how_fast_all_move(seed):
     assert distance(one, other) < 1e-11
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_units_by_powers_of_two_change_no_bit(seed):
     scene, law, _ = some_scene(seed)
     scene = scene.replace(floor=scene.floor and gr.walls.Sine(0.03, 4.0, 0.5), ceiling=None)
@@ -142,7 +146,7 @@ def test_units_by_powers_of_two_change_no_bit(seed):
     assert (np.diff(a.velocity) * (x / t) == np.diff(b.velocity)).all()
 
 
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("seed", range(8))
 def test_a_resumed_run_is_the_run(seed):
     scene, law, start = some_scene(seed)
     whole = run(scene, law, start, samples=[start + 0.3], length=0.3)
@@ -157,7 +161,7 @@ def test_a_resumed_run_is_the_run(seed):
 @pytest.mark.parametrize("disturbed", ["resolve", "stop", "ignore"])
 def test_compiled_runs_have_the_same_bits(disturbed):
     pytest.importorskip("numba")
-    for seed in range(12):
+    for seed in range(6):
         scene, law, start = some_scene(seed)
         one, other = (run(scene, law, start, engine=engine, disturbed=disturbed, samples=5)
                       for engine in ("plain", "compiled"))  # fmt: skip
@@ -168,7 +172,7 @@ def test_compiled_runs_have_the_same_bits(disturbed):
 
 
 def test_isolated_contacts_are_the_same_ignoring_others():
-    for seed in range(40):
+    for seed in range(16):
         scene, law, start = some_scene(seed)
         soft = run(scene, law, start)
         if soft.stats["isolated"] == soft.stats["contacts"] and (scene.gap > 0.0).all():
@@ -178,27 +182,70 @@ def test_isolated_contacts_are_the_same_ignoring_others():
                 assert distance(soft, other) < 1e-12
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_own_laws_follow_driven_walls(seed):
-    class Own(gr.LinearDashpot):
-        def linear(self, pair):
-            return None
+@dataclass(frozen=True)
+class Unseen:
+    """A dashpot that no trait tells of."""
 
+    k: float
+    gamma: float
+
+    def force(self, xi, xi_dot, pair):
+        return self.k * math.sqrt(xi * xi) + self.gamma * xi_dot
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_own_laws_follow_driven_walls(seed):
     scene, _, start = some_scene(seed)
     law = gr.LinearDashpot(2000.0, 20.0)
 
-    from dataclasses import dataclass
-
-    @dataclass(frozen=True)
-    class Bent:
-        k: float
-        gamma: float
-
-        def force(self, xi, xi_dot, pair):
-            return self.k * xi * (1.0 + 0.0 * math.sqrt(abs(xi))) + self.gamma * xi_dot
-
-    one, other = run(scene, law, start, samples=5), run(scene, Bent(2000.0, 20.0), start, samples=5)
+    one, other = run(scene, law, start, samples=5), run(scene, Unseen(2000.0, 20.0), start, samples=5)
     assert len(one.contacts) == len(other.contacts)
     assert distance(one, other) < 1e-10
     if one.ledger is not None:
         assert one.ledger[-1] == pytest.approx(other.ledger[-1], rel=1e-8, abs=1e-11)
+
+
+@kernel
+def never(s, c):
+    """No contact is solved at once."""
+    return isolated.OTHERWISE
+
+
+def beside_a_plate(seed):
+    """Two or three balls beside a driven floor or ceiling that is near and fast, light or heavy ones, and forces."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 4))
+    mass = np.append(math.inf, 10.0 ** rng.uniform(-1.0, 1.0, n))
+    omega = 10.0 ** rng.uniform(0.0, 4.0)
+    amplitude, phase = 10.0 ** rng.uniform(-1.0, 2.5) / omega**2, float(rng.uniform(0.0, 6.0))
+    path = gr.walls.Sine(amplitude, omega / (2.0 * math.pi), phase)
+    gap = 10.0 ** rng.uniform(-6.0, -2.0, n)
+    gap[1] = 10.0 ** rng.uniform(-7.0, -3.0)
+    velocity = np.append(0.0, rng.normal(size=n) * 10.0 ** rng.uniform(-2.0, 0.0))
+    velocity[2] = velocity[1] - 10.0 ** rng.uniform(-2.0, 0.0)
+    if rng.random() < 0.3:
+        breaks, height = np.linspace(-1e-3, 2e-2, 6), rng.uniform(-1.0, 1.0, 6) * 10.0 ** rng.uniform(-6.0, -3.0)
+        path = gr.walls.Piecewise(breaks, [np.diff(height) / np.diff(breaks), height[:-1]])
+    force = np.append(0.0, rng.uniform(-1.0, 1.0, n) * 10.0 ** rng.uniform(-1.0, 3.0))
+    law = some_law(rng, 10.0 ** rng.uniform(4.0, 7.0), 10.0)
+    g = float(rng.choice([0.0, 9.81, 100.0]))
+    if rng.random() < 0.5:
+        return gr.Scene(mass, np.zeros(n + 1), gap, velocity, gravity=g, external_force=force, floor=path), law
+    return gr.Scene(mass[::-1], np.zeros(n + 1), gap[::-1], -velocity[::-1], gravity=g, external_force=-force[::-1],
+                    ceiling=path), law  # fmt: skip
+
+
+def test_what_is_certified_as_isolated_is(monkeypatch):
+    alone = 0
+    for seed in range(80):
+        scene, law = beside_a_plate(seed)
+        runs = [run(scene, law, 0.0, 0.01, max_steps=2000, max_events=40)]
+        with monkeypatch.context() as patch:
+            patch.setattr(located_run, "fitted", lambda kernel, **flags: fitted(kernel, **flags, meet=never))
+            runs.append(run(scene, law, 0.0, 0.01, max_steps=2000, max_events=40))
+        if any(r.status is not gr.Status.time for r in runs):
+            continue
+        alone += runs[0].stats["isolated"]
+        assert runs[0].stats["isolated"] == runs[1].stats["isolated"]
+        assert abs(runs[0].velocity[-1] - runs[1].velocity[-1]).max() < 1e-10 * max(1.0, abs(scene.velocity).max())
+    assert alone > 25

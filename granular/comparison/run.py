@@ -14,7 +14,7 @@ from granular.comparison import figure, film, report, verdict
 from granular.comparison.numbers import Compared
 from granular.comparison.restitution import rule_of
 from granular.laws.check import checked
-from granular.request import check_end
+from granular.request import EVENTS, check_end
 from granular.scene import Scene
 from granular.scene import checked as a_scene
 from granular.tables import Report
@@ -56,7 +56,7 @@ def compare(
     *,
     until: stop.Until | None = None,
     t_end: float | None = None,
-    max_events: int = 1_000_000,
+    max_events: int = EVENTS,
     ties: str = "left",
     seed: int = 0,
     method: str | None = None,
@@ -96,7 +96,7 @@ def compare(
     Comparison
     """
     laws = checked(law, a_scene(scene)).given
-    check_end(scene, t_end, until)
+    check_end(scene, t_end, until, max_events)
     used = rule_of(laws, scene) if rule is None else rule
     end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
     event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed}

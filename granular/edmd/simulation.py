@@ -17,14 +17,11 @@ from granular.edmd.physics import OPTIONS, Physics, checked
 from granular.edmd.run import Run, checked_engine
 from granular.edmd.state import State
 from granular.edmd.watch import Watch
-from granular.request import check_end, requested
+from granular.request import EVENTS, check_end, requested
 from granular.rules import Rule
 from granular.scene import Scene, fitted
 from granular.scene import checked as a_scene
 from granular.trajectory import Status, Trajectory
-
-EVENTS = 1_000_000
-"""Collisions at most, if nobody says."""
 
 
 def simulate(
@@ -131,7 +128,7 @@ def simulate(
     so late times cost no digits. A collapse is a verdict, never an impression: see `granular.edmd.collapse`.
     """
     start = _check.number("t_start", t_start)
-    _check_end(a_scene(scene), t_end, until, max_events)
+    check_end(a_scene(scene), t_end, until, max_events)
     scene = fitted(scene, start, math.inf if t_end is None else _check.number("t_end", t_end))
     physics = checked(
         scene, rule, collapse=collapse, merge_below=merge_below, ties=ties, seed=seed, tc=tc,
@@ -174,7 +171,7 @@ def resume(
     if trajectory.status is Status.collapse:
         raise ValueError("trajectory ended in a collapse: nothing follows it; run again with collapse='merge' or tc=.")
     saved, scene = trajectory.state, trajectory.scene
-    _check_end(scene, t_end, until, max_events)
+    check_end(scene, t_end, until, max_events)
     scene = fitted(scene, float(saved["start"]), math.inf if t_end is None else _check.number("t_end", t_end))
     physics = Physics(scene, trajectory.rule, {name: saved[name] for name in OPTIONS})
     state = State.restored(physics, saved)
@@ -185,8 +182,3 @@ def resume(
     watching = None if watch is None else Watch(watch, scene, saved)
     return drive(Run(physics, state, checked_engine(engine, physics), request, watching))
 
-
-def _check_end(scene: Scene, t_end: float | None, until: stop.Until | None, max_events: int) -> None:
-    """Raise if nothing says when a run beside driven walls is over."""
-    if max_events == EVENTS:
-        check_end(scene, t_end, until)

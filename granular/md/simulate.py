@@ -22,7 +22,7 @@ from granular.laws.kinds import SceneLaws
 from granular.md import fixed, located
 from granular.md.integrators import INTEGRATORS
 from granular.md.stability import expected_rate
-from granular.request import check_end, requested
+from granular.request import EVENTS, check_end, requested
 from granular.scene import Scene, checked, close_after, fitted
 from granular.trajectory import Status, Trajectory
 
@@ -41,7 +41,7 @@ def simulate(
     t_start: float = 0.0,
     samples: int | ArrayLike | None = None,
     log: bool = True,
-    max_events: int = 1_000_000,
+    max_events: int = EVENTS,
     max_steps: int = 20_000_000,
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
@@ -61,8 +61,8 @@ def simulate(
         One for all pairs, or one per pair from the bottom up.
     t_end, until : float, stop condition, optional
         End time in s, and a condition from `granular.until`. Without either the run goes on until nothing can
-        follow, or to the limits below; beside driven walls one of them is needed. Walls that move towards each other
-        need a `t_end` before they meet.
+        follow, or to the limits below; beside driven walls one of them is needed, for a bounce may always follow.
+        Walls that move towards each other need a `t_end` before they meet.
     t_start : float
         Time in s of the scene's instant.
     samples : None, int or array
@@ -128,7 +128,7 @@ def simulate(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, max_steps=max_steps,
         on_event=on_event, on_progress=on_progress,
     )  # fmt: skip
-    check_end(scene, t_end, until)
+    check_end(scene, t_end, until, max_events)
     scene = fitted(scene, start, request.end)
     _check_walls(scene, start, request.end)
     _check.choice("engine", engine, ("auto", "plain", "compiled"))
@@ -163,7 +163,7 @@ def resume(
     until: stop.Until | None = None,
     samples: int | ArrayLike | None = None,
     log: bool = True,
-    max_events: int = 1_000_000,
+    max_events: int = EVENTS,
     max_steps: int = 20_000_000,
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
@@ -192,7 +192,7 @@ def resume(
         trajectory.scene, float(trajectory.time[-1]), t_end, until=until, samples=samples, log=log,
         max_events=max_events, max_steps=max_steps, on_event=on_event, on_progress=on_progress,
     )  # fmt: skip
-    check_end(trajectory.scene, t_end, until)
+    check_end(trajectory.scene, t_end, until, max_events)
     fitted(trajectory.scene, request.start, request.end)  # says so if a path ends before
     _check_walls(trajectory.scene, float(state["origin"]), request.end)
     _check.choice("engine", engine, ("auto", "plain", "compiled"))

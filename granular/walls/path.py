@@ -143,6 +143,19 @@ def near(wall: Record, t: float, tail: float, edge: float) -> float:
 
 
 @kernel
+def to_edge(wall: Record, panels: Records, t: float, tail: float) -> float:
+    """Return the time in s from t + tail to the nearest edge of a path that is not periodic, if that is no more than
+    the rounding of a float; else 0."""
+    if wall.periodic:
+        return 0.0
+    y, low = reduced(wall, t, tail)
+    panel = panels[panel_at(wall, panels, y)]
+    before, after = (panel.left - y) - low, (panel.right - y) - low
+    nearest = before if abs(before) < abs(after) else after
+    return nearest if abs(nearest) <= 2.0**-48 * (abs(t) + abs(panel.left) + abs(panel.right)) else 0.0
+
+
+@kernel
 def edge_jump(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, float]:
     """Return by how much the velocity of side·m (m/s) jumps at the time t + tail, and that with the rounding of the
     path; 0 except for at an edge of one that is not periodic."""

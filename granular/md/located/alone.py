@@ -12,7 +12,7 @@ from typing import Any
 from granular._flight import time_to_contact
 from granular._kernels import kernel
 from granular.md.located.contacts import follow, pushes
-from granular.md.located.driven import jump_at
+from granular.md.located.driven import beside_edge, jump_at
 from granular.md.located.ledger import begin_alone, enter_alone, enter_run_off
 from granular.md.located.pieces import fly, force_returns, piece_time, power, tick, value
 from granular.md.located.pool import join
@@ -95,7 +95,11 @@ def goes_on(s: Any, laws: Any) -> bool:
         run.at = tau
         return False
     if DRIVEN and member.what == EDGE and member.wall > 0:
-        member.eta += jump_at(s.walls, member, member.t, member.tail)[1]
+        tick(member, beside_edge(s.walls, member, member))
+        jump, slip = jump_at(s.walls, member, member.t, member.tail)
+        member.eta += slip
+        if jump != 0.0:
+            jolted(run, member, laws)
     if member.fired == c:
         if member.what == BEGIN:
             return False
@@ -103,6 +107,20 @@ def goes_on(s: Any, laws: Any) -> bool:
             run.over, run.parting = run.passed, -member.eta
         happen(member)
     return True
+
+
+@kernel
+def jolted(run: Any, member: Any, laws: Any) -> None:
+    """Let the force of a contact alone end or return where the velocity of its wall has jumped."""
+    member.exact = 0
+    if laws is not None:
+        clipped = laws.is_clipped(member)
+    else:
+        clipped = member.k * power(member.xi, member.s) + member.gamma * member.eta < 0.0
+    if member.mode == ACTIVE and clipped:
+        run.over, run.parting, member.mode = run.passed, -member.eta, RESIDUAL
+    elif member.mode == RESIDUAL and not clipped:
+        member.mode = ACTIVE
 
 
 @kernel

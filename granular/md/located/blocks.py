@@ -16,7 +16,7 @@ from typing import Any
 from granular._kernels import inlined, kernel
 from granular._tournament import leaf, play
 from granular.md.located.contacts import AWAITED, SOME, act, activate, end_contact, engage, follow, push, pushes
-from granular.md.located.driven import carry_walls, foresee_walls, jump_at, rate_at, speed_at
+from granular.md.located.driven import beside_edge, carry_walls, foresee_walls, jump_at, rate_at, speed_at
 from granular.md.located.inside import exposed, relive
 from granular.md.located.isolated import MET, OTHERWISE, TABLE, ULP, in_contact, meet
 from granular.md.located.ledger import enter_flight, enter_piece
@@ -360,6 +360,9 @@ def settle(
     for c in range(lo, hi):
         pool[pairs[c].slot].noise += rounding(run.tol, pairs, pool, c, lo)
     tick(block, dt)
+    if DRIVEN and block.what == EDGE and tau == block.tau:
+        tick(block, beside_edge(s.walls, pairs[lo], block))
+        tick(block, beside_edge(s.walls, pairs[hi - 1], block))
     if bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0 and block.what != EDGE:
         lower, upper = bodies[lo].v, bodies[hi].v
         if DRIVEN:

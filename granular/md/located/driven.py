@@ -21,7 +21,7 @@ from granular._kernels import inlined, kernel
 from granular.md.located.system import DRIVEN, ORDER
 from granular.walls.gap import after
 from granular.walls.hits import first_hit
-from granular.walls.path import edge_jump, expansion, total, wall_at
+from granular.walls.path import edge_jump, expansion, to_edge, total, wall_at
 from granular.walls.riding import pressing
 
 GROWS = 4.0
@@ -195,6 +195,16 @@ def drive(walls: Any, pairs: Any, lo: int, hi: int, h: float, q: int) -> None:
                 scale *= per
                 push[j * q] = (j + 1) * (j + 2) * path[j + 2] * scale
                 j += 1
+
+
+@kernel
+def beside_edge(walls: Any, pair: Any, block: Any) -> float:
+    """Return the time from the clock of a block, brought to an EDGE in one float, to where that is; 0 if `pair` is at
+    no driven wall."""
+    if pair.wall == 0:
+        return 0.0
+    t, tail = absolute(walls, block.t, block.tail)
+    return float(to_edge(walls.wall[pair.wall - 1], walls.panels, t, tail))
 
 
 @kernel
