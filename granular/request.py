@@ -62,8 +62,8 @@ def requested(
 def check_end(scene: Scene, t_end: float | None, until: stop.Until | None, max_events: int) -> None:
     """Raise if nothing says when a run beside driven walls is over: they keep balls moving."""
     if scene.driven and t_end is None and until is None and max_events == EVENTS:
-        raise ValueError("t_end is None: beside a driven wall a run never comes to an end by itself; give t_end, until, "
-                         "or a max_events of your own.")  # fmt: skip
+        raise ValueError("t_end is None: beside a driven wall a run never comes to an end by itself; give t_end, "
+                         "until, or a max_events of your own.")  # fmt: skip
 
 
 def _sample_times(samples: int | ArrayLike | None, start: float, end: float) -> Array | None:
