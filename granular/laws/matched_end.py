@@ -16,8 +16,8 @@ class MatchedEnd:
     """F = F₀ + √(K m) ξ̇ between the last ball of a chain, of mass m, and a wall, for waves that are not to come back.
 
     √(K m) is the resistance of an endless chain to slow waves. It is clipped only where √(K m) |ξ̇| > F₀; a dashpot
-    alone would be half of the time. A wave of frequency ω comes back with about ω/(2 ω_c) of its amplitude, where ω_c
-    is the cut-off.
+    alone would be half of the time. A wave of frequency ω comes back with tan(θ/4) of its amplitude, where θ is its
+    phase from ball to ball, ω = ω_c sin(θ/2) with the cut-off ω_c.
 
     Parameters
     ----------

@@ -12,6 +12,9 @@ from granular.laws.contact_law import PairLaw
 SHARE = 0.1
 """Overlap, in effective radii, of a contact whose law gives the force asked for at every overlap."""
 
+SAME = 1e-12
+"""Forces that differ by no more of themselves are the same."""
+
 
 def overlap_under(law: PairLaw, force: float) -> float:
     """Return the overlap in m at which a contact at rest pushes with `force` in N.
@@ -29,7 +32,7 @@ def overlap_under(law: PairLaw, force: float) -> float:
     if law.form is not None:
         return math.pow(force / law.form[0], 1.0 / law.form[1]) if law.form[0] > 0.0 else _none(law, force)
     size = law.pair.r_eff if 0.0 < law.pair.r_eff < math.inf else 1.0
-    if at_rest(law, 1e-9 * size) == force == at_rest(law, SHARE * size):
+    if all(abs(at_rest(law, share * size) - force) <= SAME * force for share in (1e-9, SHARE)):
         return SHARE * size
     high = size
     while not at_rest(law, high) >= force:

@@ -2,8 +2,9 @@
 May be skipped: chains under pressure only.
 
 Small swings of a chain at rest see springs: the tangent stiffness K = dF/dξ of every contact under its static force F₀,
-which is (3/2) A^(2/3) F₀^(1/3) under Hertz's law F = A ξ^(3/2). A chain is described by one unit cell: the masses of its balls,
-and the stiffness of the contact from each to the next, that from the last to the next cell. Damping is left out.
+which is (3/2) A^(2/3) F₀^(1/3) under Hertz's law F = A ξ^(3/2). A chain is described by one unit cell: the masses of
+its balls, and the stiffness of the contact from each to the next, for the last that to the next cell. Damping is left
+out.
 """
 
 from __future__ import annotations
@@ -143,9 +144,10 @@ def modes(scene: Scene, law: Any) -> Array:
 
 
 def crossing_time(scene: Scene, law: Any) -> float:
-    """Return the time in s that a slow wave takes from end to end of a chain at rest; inf where a contact is open."""
+    """Return the time in s that a slow wave takes through the closed contacts of a chain at rest; inf if none is."""
     k, m = stiffness(scene, law), scene.mass[~scene.is_wall]
-    return math.sqrt(float(m.sum() * (1.0 / k).sum())) if (k > 0.0).all() else math.inf
+    closed = k > 0.0
+    return math.sqrt(float(m.sum() * (1.0 / k[closed]).sum())) if closed.any() else math.inf
 
 
 def matched_end(scene: Scene, law: Any) -> list[Any]:

@@ -70,11 +70,11 @@ class SolitaryWave:
         """Return φ at distances x in balls from the peak; |x| at most 16."""
         series, c2 = _series(self.exponent)
         k = _wave_numbers()
-        return _cosines(series * np.sinc(k / (2.0 * math.pi)) ** 2 / c2, _inside(x))
+        return np.maximum(_cosines(series * np.sinc(k / (2.0 * math.pi)) ** 2 / c2, _inside(x)), 0.0)
 
     def force(self, x: Any) -> Array:
         """Return φ^p."""
-        return _cosines(_series(self.exponent)[0], _inside(x))
+        return np.maximum(_cosines(_series(self.exponent)[0], _inside(x)), 0.0)
 
     def velocity(self, x: Any) -> Array:
         """Return the velocity of the ball behind the contact at x; largest at x = -1/2: (1/c) ∫ φ^p from x to x + 1."""

@@ -17,7 +17,10 @@ SHADES = {"force": ("contact", "force, N"), "velocity": ("ball", "velocity, m/s"
 """What is shown: what counts upwards, and what the bar says."""
 
 
-def picture(run: Trajectory, show: str = "force", path: str | PathLike[str] | None = None, axis: Any = None) -> Any:
+def picture(
+    run: Trajectory, show: str = "force", path: str | PathLike[str] | None = None, *, beyond: bool = False,
+    axis: Any = None,
+) -> Any:
     """Draw force or velocity over time and place; return the figure, or save it to `path`.
 
     Parameters
@@ -25,9 +28,11 @@ def picture(run: Trajectory, show: str = "force", path: str | PathLike[str] | No
     run : Trajectory
         With rows (``samples``) that are evenly spaced; a few hundred do. Of soft spheres for forces.
     show : {"force", "velocity"}
-        What the shades mean: deviations from the first row of forces that are static, else the value itself.
+        What the shades mean.
     path : str or path, optional
         PNG, PDF or SVG file.
+    beyond : bool
+        Show what is beyond the first row, such as the static force of a chain.
     axis : matplotlib axis, optional
         Where to draw it, in place of a figure of its own.
     """
@@ -37,8 +42,8 @@ def picture(run: Trajectory, show: str = "force", path: str | PathLike[str] | No
     if len(run.time) < 5:
         raise ValueError(f"run has {len(run.time)} rows: at least 5 are needed; pass samples= to simulate.")
     values = np.asarray(getattr(run, show))
-    if show == "force" and (values[0] > 0.0).all():  # a chain under a static force
-        values, bar = values - values[0], "force beyond the static one, N"
+    if beyond:
+        values, bar = values - values[0], f"{bar}, beyond the first row"
     with style():
         figure, one = None, axis
         if axis is None:
