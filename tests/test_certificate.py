@@ -141,8 +141,10 @@ def take_table(s: Any, laws: Any, made: dict[Any, Any]) -> None:
         tables.make_table(s, laws, lambda kernel: kernel)
         made[c, octave] = s.tables[place], s.maps[pair.map].table[octave - SLOWEST]
     else:
-        s.run[0].tables += 1
-        s.tables[place], found = made[c, octave]
+        table, found = made[c, octave]
+        if found > 0:
+            s.run[0].tables += 1
+            s.tables[place] = table
         s.maps[pair.map].table[octave - SLOWEST] = place + 1 if found > 0 else -1
 
 

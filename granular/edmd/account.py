@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from granular._kernels import kernel, rare
-from granular._records import Record, Records
+from granular._records import Record
 from granular.edmd.driven import place
 from granular.edmd.motion import Walls, impulse
 
@@ -59,14 +59,14 @@ def borne(run: Record, body: Record, which: int, now: float, v: float, sign: flo
     work(walls[0][which], sign * (body.mass * (0.5 * v * v + weight * x)))
 
 
-def ledger(run: Any, bodies: Records, resting: list[tuple[int, int]], walls: Walls, now: float) -> Any:
+def ledger(run: Any, resting: list[tuple[Any, int]], walls: Walls, now: float) -> Any:
     """Return what `granular.trajectory.Row` says at a time (tau, s), from plain records.
 
     `resting` are the bodies that rest, each with its wall.
     """
     sides = walls[0]
     done = [sides[which].work + sides[which].work_low for which in (0, 1)]
-    for i, which in resting:
+    for body, which in resting:
         x, v = place(walls, which, now)
-        done[which] += bodies[i].mass * (0.5 * v * v + (run.gravity - bodies[i].own) * x)
+        done[which] += body.mass * (0.5 * v * v + (run.gravity - body.own) * x)
     return np.array([*done, 0.0, 0.0, sides[0].lost + sides[0].lost_low])

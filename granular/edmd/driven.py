@@ -145,9 +145,11 @@ def touches(pair: Record, lower: Record, upper: Record, now: float, walls: Walls
 
 @kernel
 def carry(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> int:
-    """Move a pair to time `now`: its gap, and the velocity of a driven wall; return 1 if the gap was clamped at 0."""
+    """Move a pair to time `now`: its gap, and the velocity of a driven wall; return 1 if the gap was clamped at 0.
+
+    One that is shut opens when it does, looked at from when it closed: a jump of the wall's velocity just now counts.
+    """
     if pair.shut > FREE:
-        pair.at = now
         return 0
     if pair.wall < 0:
         return carry_free(pair, lower, upper, now, walls)
@@ -233,7 +235,7 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
     for c in range(len(pairs)):
         pair = pairs[c]
         run.clamps += carry(pair, bodies[c], bodies[c + 1], shift, walls)
-        pair.at = 0.0
+        pair.at = pair.at - shift if pair.shut > FREE else 0.0
         pair.last -= shift
     for i in range(len(bodies)):
         body = bodies[i]

@@ -56,14 +56,15 @@ def event(
     if row is not None:
         row.lower_out, row.upper_out = velocities(lower, upper, g, now)
         row.impulse = exchanged if weak else impulse(lower, upper, (1.0 + e) * w)
-    below, above = lower.noise, upper.noise
-    blur(pair, lower, upper, w, e)
-    if pair.wall >= 0 and lower.falls == 0.0:
-        lower.noise = below
-    if pair.wall >= 0 and upper.falls == 0.0:
-        upper.noise = above
-    if weak:
-        share(bodies, c, start, end)
+    if not (weak and walls[0][0].lands):  # else they have it already
+        below, above = lower.noise, upper.noise
+        blur(pair, lower, upper, w, e)
+        if pair.wall >= 0 and lower.falls == 0.0:
+            lower.noise = below
+        if pair.wall >= 0 and upper.falls == 0.0:
+            upper.noise = above
+        if weak:
+            share(bodies, c, start, end)
     pair.hits += 1
     pair.streak = streak(run, pair.streak, lower, upper, now - pair.last, -w, e) if e < 1.0 else 0
     pair.last = now
@@ -153,8 +154,11 @@ def bind(
         u = (bodies[c].u + (bodies[c].push - push) * now) + part * w
         exchanged = -(lower * part) * w
         enter(bodies[c], bodies[c + 1], exchanged, -0.5 * w * exchanged, walls)
+        noise = max(bodies[c].noise, bodies[c + 1].noise) + NOISE * (u * u)
         for i in range(b, e + 1):
             bodies[i].u, bodies[i].push = u, push
+            if walls[0][0].lands:
+                bodies[i].noise = noise
     return (*again(run, pairs, bodies, first, last, walls), exchanged)
 
 
@@ -307,7 +311,7 @@ def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, wall
     for k in range(first, last + 1):
         carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
         if low <= k <= high:
-            pairs[k].shut, pairs[k].gap = FREE, 0.0
+            pairs[k].shut, pairs[k].gap, pairs[k].at = FREE, 0.0, now
     for i in range(b, e + 1):
         body = bodies[i]
         borne(run, body, on - 1, now, v, 1.0, walls)
@@ -338,6 +342,7 @@ def repull(run: Record, pairs: Records, bodies: Records, first: int, last: int, 
         below = lower.falls == 0.0 and walls[0][0].panels > 0 and pair.shut != CEILING
         above = upper.falls == 0.0 and walls[0][1].panels > 0 and pair.shut != FLOOR
         pair.wall = BOTH if below and above else 0 if below else 1 if above else -1
+        before = pair.pull
         if pair.shut == FLOOR:
             top = c + 1
             while top < len(pairs) and pairs[top].shut == FLOOR:
@@ -350,3 +355,5 @@ def repull(run: Record, pairs: Records, bodies: Records, first: int, last: int, 
             pair.pull = common(bodies, low, c) - run.gravity
         else:
             pair.pull = run.gravity * (upper.falls - lower.falls) - (upper.push - lower.push)
+        if pair.shut > FREE and pair.pull != before and pair.at < run.now:
+            pair.at = run.now

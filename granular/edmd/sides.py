@@ -35,7 +35,7 @@ def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
                 sides[name][which] = one[name][0]
             panels.append(rows)
     sides["begin"] = t_start
-    return sides, np.concatenate(panels) if panels else np.zeros(0, PANEL)
+    return sides, np.concatenate(panels) if panels else np.zeros(1, PANEL)  # kernels want one to know their kind
 
 
 def begin(state: Any, scene: Scene) -> None:
@@ -80,8 +80,9 @@ def show(state: Any, tau: float, velocity: Array, gap: Array) -> None:
 
 def ledger(state: Any, tau: float) -> Array:
     """Return work, heat and what was dissipated since the start, at `tau`, in J."""
-    resting = [(i, which) for i, which in bound(state) if column(state.bodies[i : i + 1], "mass")[0] < math.inf]
-    entered: Array = entries(state.run, state.bodies, resting, _seen(state), tau)
+    bodies = [(plain(state.bodies[i : i + 1])[0], which) for i, which in bound(state)]
+    resting = [(body, which) for body, which in bodies if body.mass < math.inf]
+    entered: Array = entries(state.run, resting, _seen(state), tau)
     return entered
 
 

@@ -115,10 +115,18 @@ def simulate(
     Raises
     ------
     TypeError, ValueError
-        For arguments that do not fit, with a sentence. What goes wrong in the physics is a status.
+        For arguments that do not fit, with a sentence: also a driven wall's path that ends before the run, or nothing
+        that says when a run beside it is over. What goes wrong in the physics is a status.
 
     Notes
     -----
+    Beside a driven wall (``floor=``, ``ceiling=`` of the scene) the next hit is certified, and a ball whose rebound is
+    no more than rounding rides: with the wall, without events, until nothing presses it on any more or the wall's
+    velocity jumps. So one ball that comes to rest there is no end of the run, and neither is any other collapse: give
+    ``collapse="merge"`` for piles, of which a single ball still bounces on the wall to its end. Such a run is never
+    quiet: it needs `t_end`, `until` or `max_events`. Balls that forces press together in mid-air move as one once they
+    have merged. Where walls move, `Trajectory.account` says what work they did.
+
     One collision costs O(log n). The state is gaps, not positions, so balls never change order; the clock is re-based,
     so late times cost no digits. A collapse is a verdict, never an impression: see `granular.edmd.collapse`.
     """

@@ -146,7 +146,7 @@ class State:
         state = cls.of(physics, float(saved["start"]))
         of_pairs, of_bodies = state._changing()
         for name in of_pairs:
-            state.pairs[name] = saved[name]
+            state.pairs[name] = saved.get(name, state.pairs[name])
         for name in of_bodies:
             state.bodies[name] = saved.get(name, 0.0)
         state.set(**{name: np.asarray(saved[name]).item() for name in SAVED})
@@ -156,7 +156,7 @@ class State:
             state.bodies["u"] += (physics.scene.gravity - state.run.gravity) * state.elapsed(0.0)
         if state.walls is not None:
             for name in account.SUMS:
-                state.walls[0][name] = saved[name]
+                state.walls[0][name] = saved.get(name, 0.0)
             sides.date(state)
         if "zoom_gap" in saved:
             look = {name: RUN[name].type(x).item() for name, x in zip(LOOK, saved["zoom_dial"], strict=False)}

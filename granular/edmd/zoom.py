@@ -14,7 +14,7 @@ import math
 from granular._flight import gap_after, rate_at_contact, time_to_contact
 from granular._kernels import kernel
 from granular._records import Record, Records
-from granular.edmd.account import book
+from granular.edmd.account import book, enter
 from granular.edmd.collision import total
 from granular.edmd.motion import Walls, impulse, velocities
 from granular.edmd.physics import Restitution
@@ -58,7 +58,8 @@ def zoom(
         wait = rest_time(near, pairs, j, e) if rule is None else math.inf
         if run.elapsed + wait < min(run.room, run.edge - run.began):
             if walls is not None:
-                book(lower, upper, own.rate, 0.0, walls)  # what is left of it
+                left = impulse(lower, upper, own.rate - pair.pull * wait)  # of all bounces, its weight among them
+                enter(lower, upper, left, 0.5 * upper.mass * own.rate * own.rate, walls)
             settle(near, pairs, bodies, j, wait, walls)
             run.elapsed += wait
             return RESTS

@@ -130,10 +130,10 @@ def panel_from(wall: Record, panels: Records, t: float, tail: float) -> int:
     y, low = reduced(wall, t, tail)
     k = panel_at(wall, panels, y)
     if (panels[k].right - y) - low > near(wall, t, tail, panels[k].right):
-        return k  # type: ignore[no-any-return]
+        return k
     if k + 1 < wall.first + wall.panels:
-        return k + 1  # type: ignore[no-any-return]
-    return wall.first if wall.periodic else k  # type: ignore[no-any-return]
+        return k + 1
+    return wall.first if wall.periodic else k
 
 
 @kernel

@@ -16,7 +16,7 @@ from granular.md.located.driven import jump_at
 from granular.md.located.ledger import begin_alone, enter_alone, enter_run_off
 from granular.md.located.pieces import fly, force_returns, piece_time, power, tick, value
 from granular.md.located.pool import join
-from granular.md.located.system import ACTIVE, BEGIN, EDGE, END, OPEN, PART, RELOAD, RESIDUAL, TURN
+from granular.md.located.system import ACTIVE, BEGIN, DRIVEN, EDGE, END, OPEN, PART, RELOAD, RESIDUAL, TURN, WORKED
 
 PIECES = 2000
 """Pieces after which a contact is taken to go on forever."""
@@ -46,7 +46,8 @@ def follow_alone(s: Any, c: int, left: float) -> None:
     run = s.run[0]
     run.alone, run.pieces, run.left, run.passed, run.at = c, 0, left, 0.0, 0.0
     run.over, run.parting = math.nan, math.nan
-    begin_alone(s.ledger)
+    if WORKED:
+        begin_alone(s.ledger)
 
 
 @kernel
@@ -60,13 +61,15 @@ def has_piece(s: Any, laws: Any) -> bool:
         return True
     wait, xi = time_to_contact(member.xi, member.eta, -member.pull), member.xi
     if run.passed + wait > run.left:
-        fly(member, run.left - run.passed, None)
+        fly(member, run.left - run.passed, s.walls)
         run.passed = run.left
-        enter_run_off(s.ledger, member, laws, xi, member.xi)
+        if WORKED:
+            enter_run_off(s.ledger, member, laws, xi, member.xi)
     elif member.s != 1.0 or not force_returns(member, member) < wait:
-        fly(member, wait, None)
+        fly(member, wait, s.walls)
         member.xi, member.mode = 0.0, OPEN
-        enter_run_off(s.ledger, member, laws, xi, 0.0)
+        if WORKED:
+            enter_run_off(s.ledger, member, laws, xi, 0.0)
         run.passed += wait
     return False
 
@@ -79,9 +82,10 @@ def goes_on(s: Any, laws: Any) -> bool:
     tau = member.tau
     dt = piece_time(member)
     if run.passed + dt > run.left:
-        dt = run.left - run.passed
+        dt = max(0.0, run.left - run.passed)
         tau = min(tau, power(dt, 1.0 / member.clock) / member.h)
-    enter_alone(s.ledger, s.walls, laws, s, c, tau)
+    if WORKED:
+        enter_alone(s.ledger, s.walls, laws, s, c, tau)
     if run.log > 0:
         follow(run, s.pairs, s.pool, s.work, c, tau)
     member.xi, member.eta, member.exact, member.tau = value(member.x, tau), value(member.e, tau), 0, 0.0
@@ -90,7 +94,7 @@ def goes_on(s: Any, laws: Any) -> bool:
     if not run.passed < run.left:
         run.at = tau
         return False
-    if member.what == EDGE and member.wall > 0:
+    if DRIVEN and member.what == EDGE and member.wall > 0:
         member.eta += jump_at(s.walls, member, member.t, member.tail)[1]
     if member.fired == c:
         if member.what == BEGIN:

@@ -24,7 +24,7 @@ from granular.md.located.pieces import arrive, fly, glide, piece_time, power, pr
 from granular.md.located.plan import planned, settle_series
 from granular.md.located.pool import join, leave
 from granular.md.located.resting import NOT_YET, RESTS, lies, verdict
-from granular.md.located.system import ACTIVE, DORMANT, EDGE, GENERAL, OPEN, RESIDUAL, SPARE, to_plain
+from granular.md.located.system import ACTIVE, DORMANT, DRIVEN, EDGE, GENERAL, OPEN, RESIDUAL, SPARE, WORKED, to_plain
 
 REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT, ABSORB = range(11)
 """Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
@@ -42,7 +42,8 @@ def launch(s: Any, laws: Any) -> bool:
         pair = pairs[c]
         if pair.xi > 0.0 or (pair.xi == 0.0 and pair.eta > 0.0):
             join(run, pairs, pool, s.kinds, s.bodies, c)
-            carry_walls(s.walls, s)
+            if DRIVEN:
+                carry_walls(s.walls, s)
             if is_clipped(pool[pair.slot], laws):
                 pool[pair.slot].mode = RESIDUAL
             elif not activate(run, pairs, pool, s.bodies, c):
@@ -51,7 +52,8 @@ def launch(s: Any, laws: Any) -> bool:
         if pairs[c].first == c:
             if pairs[c].slot < 0:
                 join(run, pairs, pool, s.kinds, s.bodies, c)
-                carry_walls(s.walls, s)
+                if DRIVEN:
+                    carry_walls(s.walls, s)
             run.lo, run.hi, run.stride = c, pairs[c].hi, pool[pairs[c].slot].stride
             why = regroup(s)
             while why == ABSORB:
@@ -101,15 +103,19 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                     return WANTS_TABLE if met == TABLE else WANTS_CONTACT
                 xi = pairs[lo].xi
                 arrive(pairs[lo], s.walls)
-                enter_flight(s.ledger, s.kinds[pairs[lo].kind_of], laws, pairs[lo], xi)
+                if WORKED:
+                    enter_flight(s.ledger, s.kinds[pairs[lo].kind_of], laws, pairs[lo], xi)
                 join(run, pairs, pool, s.kinds, bodies, lo)
             block = pool[pairs[lo].slot]
             settle(run, pairs, pool, bodies, work, lo, block.tau, piece_time(block), s, laws)
             run.t, run.tail, run.stride, run.lo, run.hi = block.t, block.tail, block.stride, lo, pairs[lo].hi
-            carry_walls(s.walls, s)
-            passed = pass_edge(s.walls, s, laws) if block.what == EDGE else SAME
-            if passed == STOPPED:
-                return STOPPED
+            passed = SAME
+            if DRIVEN:
+                carry_walls(s.walls, s)
+                if block.what == EDGE:
+                    passed = pass_edge(s.walls, s, laws)
+                    if passed == STOPPED:
+                        return STOPPED
             if block.fired < 0 and passed == SAME:
                 proved = verdict(run, pairs, pool, bodies, run.hi) if lo == 0 else NOT_YET
                 if proved != NOT_YET and limit == math.inf:
@@ -138,20 +144,19 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
 
 @kernel
 def pass_edge(walls: Any, s: Any, laws: Any) -> int:
-    """Let the island under way pass the end of a panel of a driven wall's path, where the velocity of the wall may jump.
+    """Let the island under way pass the end of a panel of a wall's path, where the velocity of the wall may jump.
 
     Return SAME, CHANGED if its blocks are to be formed anew, or STOPPED if that meets the stop condition.
     """
     run, pairs, pool, pushing = s.run[0], s.pairs, s.pool, False
-    if walls is not None:
-        for c in range(run.lo, run.hi):
-            member = pool[pairs[c].slot]
-            jump, slip = jump_at(walls, member, run.t, run.tail) if member.wall > 0 else (0.0, 0.0)
-            member.eta += slip
-            member.e[0] = member.eta
-            if jump != 0.0 and not jolt(s, c, jump, laws):
-                return STOPPED
-            pushing = pushing or (jump == 0.0 and pushes(member))
+    for c in range(run.lo, run.hi):
+        member = pool[pairs[c].slot]
+        jump, slip = jump_at(walls, member, run.t, run.tail) if member.wall > 0 else (0.0, 0.0)
+        member.eta += slip
+        member.e[0] = member.eta
+        if jump != 0.0 and not jolt(s, c, jump, laws):
+            return STOPPED
+        pushing = pushing or (jump == 0.0 and pushes(member))
     return SAME if pushing else CHANGED
 
 
@@ -229,7 +234,8 @@ def gather(s: Any, t: float, laws: Any) -> None:
         if pair.first == c and pair.slot >= 0:
             bring(s, c, t, 0.0, laws)
             if pair.due < math.inf and pool[pair.slot].h > 0.0:
-                settle_series(run, pairs, pool, c, laws, s.walls, foresee_walls(s.walls, pairs, pool, c))
+                reach = foresee_walls(s.walls, pairs, pool, c) if DRIVEN else math.inf
+                settle_series(run, pairs, pool, c, laws, s.walls, reach)
 
 
 @kernel
@@ -300,7 +306,8 @@ def take_in(s: Any, lo: int) -> None:
     run, pairs = s.run[0], s.pairs
     if pairs[lo].slot < 0:
         join(run, pairs, s.pool, s.kinds, s.bodies, lo)
-        carry_walls(s.walls, s)
+        if DRIVEN:
+            carry_walls(s.walls, s)
     run.lo, run.hi = min(run.lo, lo), max(run.hi, pairs[lo].hi)
 
 
@@ -314,7 +321,8 @@ def bring(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
         fly(pair, since(pair, t, tail), s.walls)
     elif pair.slot < 0:
         glide(pair, since(pair, t, tail), s.walls)
-        enter_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, xi)
+        if WORKED:
+            enter_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, xi)
     else:  # at once there, except for what a single float cannot say
         block = s.pool[pair.slot]
         dt = since(block, t, tail)
@@ -342,7 +350,8 @@ def settle(
     if tau <= 0.0:
         return
     follow(run, pairs, pool, work, lo, tau)
-    enter_piece(s.ledger, s.walls, laws, s, lo, tau)
+    if WORKED:
+        enter_piece(s.ledger, s.walls, laws, s, lo, tau)
     push(pairs, pool, bodies, lo, dt)
     for c in range(lo, hi):
         member = pool[pairs[c].slot]
@@ -352,8 +361,10 @@ def settle(
         pool[pairs[c].slot].noise += rounding(run.tol, pairs, pool, c, lo)
     tick(block, dt)
     if bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0 and block.what != EDGE:
-        lower = speed_at(s.walls, pairs[lo], bodies[lo], block)
-        upper = speed_at(s.walls, pairs[hi - 1], bodies[hi], block)
+        lower, upper = bodies[lo].v, bodies[hi].v
+        if DRIVEN:
+            lower = speed_at(s.walls, pairs[lo], bodies[lo], block)
+            upper = speed_at(s.walls, pairs[hi - 1], bodies[hi], block)
         hold_walls(pairs, pool, lo, hi, lower - upper)
     block.tau = 0.0  # the piece is used up
 

@@ -92,9 +92,20 @@ def _taken(records: Any, index: Any) -> Any:
     return deepcopy([records[i] for i in index.tolist()]) if isinstance(records, list) else raw(records)[index]
 
 
+def named_alike(records: Any, dtype: np.dtype[Any]) -> Any:
+    """Return a copy of records with the fields of `dtype`: those that an earlier version did not have are 0."""
+    if records.dtype == dtype:
+        return copied(records)
+    out = np.zeros(len(records), dtype)
+    for name in records.dtype.names:
+        out[name] = records[name]
+    return out
+
+
 def restored(s: System, state: Mapping[str, Any]) -> System:
     """Return the records of a scene as a checkpoint has them, with the limits of `s`, those of its start."""
-    run, pairs, taken = (copied(np.asarray(state[name])) for name in ("run", "pairs", "pool"))
+    names = "run", "pairs", "pool", "bodies"
+    run, pairs, taken, bodies = (named_alike(np.asarray(state[name]), KEPT[name]) for name in names)
     for name in ("until_pair", "until_nth", "separated", "log", "disturbing"):
         run[name] = s.run[name]
     for name, so_far in (("max_events", "begun"), ("max_steps", "steps")):
@@ -104,7 +115,7 @@ def restored(s: System, state: Mapping[str, Any]) -> System:
     tables = np.append(np.asarray(state["tables"]), s.tables)
     queue = tournament(len(pairs))
     queue["due"][len(queue) // 2 :][: len(pairs)] = pairs["due"]
-    bodies, maps = copied(np.asarray(state["bodies"])), copied(np.asarray(state["maps"]))
+    maps = copied(np.asarray(state["maps"]))
     ledger = copied(np.asarray(state["ledger"])) if "ledger" in state else s.ledger
     return s._replace(run=run, pairs=pairs, pool=pool, bodies=bodies, queue=queue, log=log, maps=maps, tables=tables,
                       ledger=ledger)  # fmt: skip

@@ -141,12 +141,12 @@ class Collocation:
             xi, eta = value(p.x, tau * node), value(p.e, tau * node)
             rate = (value(p.f, tau * node) - law.force(xi, 0.0, xi)) * eta if xi > 0.0 else 0.0
             total += weight * rate * q * math.pow(node, q - 1.0)
-        return total * math.pow(block.h * tau, float(q))
+        return float(total * math.pow(block.h * tau, float(q)))
 
     def lost(self, p: Any, first: float, last: float) -> float:
         """Return the elastic energy in J that a pair loses without a force from one overlap to another."""
         law = self.laws[p.number if hasattr(p, "number") else p.first]
-        return law.energy(first) - law.energy(last)
+        return float(law.energy(first) - law.energy(last))
 
     def is_clipped(self, p: Any) -> bool:
         """Return whether the law gives no push to balls that overlap from the start."""

@@ -12,6 +12,7 @@ from granular.md.located.system import (
     ACTIVE,
     BEGIN,
     DORMANT,
+    DRIVEN,
     END,
     GENERAL,
     LINEAR,
@@ -194,7 +195,7 @@ def pushes(pair: Any) -> bool:
     is convex for s ≥ 1 and a pull that is not negative; clipped now, and again when ξ = 0 is reached, it is clipped in
     between. At a driven wall nothing is so simple.
     """
-    if pair.wall > 0:
+    if DRIVEN and pair.wall > 0:
         return bool(pair.mode != OPEN)
     if pair.mode != RESIDUAL or pair.s == 1.0:
         return bool(pair.mode == ACTIVE or pair.mode == DORMANT)
@@ -215,7 +216,7 @@ def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
             pair = pool[pairs[c].slot]
             if (pair.mode == OPEN and pair.xi == 0.0 and pair.eta == 0.0) and (
                 pair.pull > 0.0
-                or (pair.pull == 0.0 and pair.wall > 0)
+                or (DRIVEN and pair.pull == 0.0 and pair.wall > 0)
                 or (c > lo and pushes(pool[pairs[c - 1].slot]))
                 or (c + 1 < hi and pushes(pool[pairs[c + 1].slot]))
             ):

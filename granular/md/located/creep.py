@@ -106,6 +106,17 @@ class Creep:
             self.above.x[0] = self.gap + self.closing * dt - float((xi - self.xi).sum())
             self.above.e[0] = self.closing - float(eta.sum())
 
+    def books(self, elapsed: float, speed: float) -> tuple[float, float]:
+        """Work (J) of the floor, whose constant velocity (m/s) is `speed`, and energy dissipated, since the start."""
+        n, (xi, eta, _, impulse) = len(self.k), self.after(elapsed)
+        lost = self._energy(self.y[:n], self.y[n:]) - self._energy(xi - self.load / self.k, eta)
+        return speed * float(impulse[0]), lost
+
+    def _energy(self, y: Array, eta: Array) -> float:
+        """Energy in J about the equilibrium, as the floor sees it."""
+        v, mass = np.cumsum(eta), np.array([1.0 / p.upper for p in self.pairs])
+        return float(0.5 * (self.k * y * y + mass * v * v).sum())
+
     def finish(self, elapsed: float) -> list[float]:
         """Add the time up to the end of the run to the records of the contacts; return the impulse of each.
 

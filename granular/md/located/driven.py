@@ -2,13 +2,13 @@
 May be skipped: rarer, walls that shake.
 
 A pair at a driven wall closes with pull + m'', m the wall's motion towards the balls. In flight it follows the wall's
-own path, of which the next touch is certified (`granular.walls.hits`). In an island the power series of m'' is added to
-that of the acceleration of its overlap; a piece ends at the latest where the panel of the path does, an EDGE, at which
-the velocity of the wall may jump. Every path is read at the time start + t + tail, with t + tail the run's own clock, so
-late starts cost no digits.
+own path, of which the next touch is certified (`granular.walls.hits`). In an island the power series of m'' is added
+to that of the acceleration of its overlap; a piece ends at the latest where the panel of the path does, an EDGE, at
+which the velocity of the wall may jump. Every path is read at the time start + t + tail, with t + tail the run's own
+clock, so late starts cost no digits.
 
-`walls` is None in scenes without: the branches that ask are not compiled then. `pair.wall` is the number of the wall
-from 1 on, 0 of every other pair.
+`pair.wall` is the number of the wall from 1 on, 0 of every other pair. Scenes without driven walls are run by kernels
+in which DRIVEN is false, so that nothing of this is asked, nor compiled.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import math
 from typing import Any
 
 from granular._flight import gap_after, rate_at_contact
-from granular._kernels import kernel
-from granular.md.located.system import ORDER
+from granular._kernels import inlined, kernel
+from granular.md.located.system import DRIVEN, ORDER
 from granular.walls.gap import after
 from granular.walls.hits import first_hit
 from granular.walls.path import edge_jump, expansion, total, wall_at
@@ -38,18 +38,17 @@ def absolute(walls: Any, t: float, tail: float) -> tuple[float, float]:
 @kernel
 def flown(walls: Any, pair: Any, dt: float) -> tuple[float, float]:
     """Return overlap and rate of a free pair a time `dt` after its clock; before it, those of its asymptote."""
-    if walls is not None:
-        if pair.wall > 0:
-            return flight_at_wall(walls, pair, 0.0, -pair.xi, -pair.eta, dt)
+    if DRIVEN and pair.wall > 0:
+        return flight_at_wall(walls, pair, 0.0, -pair.xi, -pair.eta, dt)
     return -gap_after(-pair.xi, -pair.eta, pair.pull, dt), pair.eta + pair.pull * dt
 
 
+@inlined
 @kernel
 def rate_at(walls: Any, pair: Any, t: float) -> float:
     """Return the rate of the overlap of a free pair at time t."""
-    if walls is not None:
-        if pair.wall > 0:
-            return flown(walls, pair, (t - pair.t) - pair.tail)[1]
+    if DRIVEN and pair.wall > 0:
+        return float(flown(walls, pair, (t - pair.t) - pair.tail)[1])
     return float(pair.eta + pair.pull * (t - pair.t))
 
 
@@ -65,9 +64,8 @@ def flight_at_wall(walls: Any, pair: Any, ahead: float, gap: float, rate: float,
 @kernel
 def touching_rate(walls: Any, pair: Any, wait: float) -> float:
     """Return the rate of the overlap of an open pair that touches a time `wait` after its clock."""
-    if walls is not None:
-        if pair.wall > 0:
-            return flown(walls, pair, wait)[1]
+    if DRIVEN and pair.wall > 0:
+        return flown(walls, pair, wait)[1]
     return -rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull)
 
 
@@ -79,62 +77,59 @@ def next_touch(walls: Any, pair: Any) -> float:
     return first_hit(walls.wall[pair.wall - 1], walls.panels, t, tail, gap, -pair.eta, pair.pull, math.inf)
 
 
+@inlined
 @kernel
 def convexity(walls: Any, pair: Any, ahead: float, span: float) -> float:
     """Return the largest acceleration at which the gap of a pair in flight opens, within `span` from `ahead` after its
     clock on; 0 if it is concave."""
-    if walls is not None:
-        if pair.wall > 0:
-            t, tail = absolute(walls, pair.t, pair.tail + ahead)
-            return max(0.0, -pressing(walls.wall[pair.wall - 1], walls.panels, t, tail, pair.pull, span)[0])
-    return max(0.0, -pair.pull)
+    if DRIVEN and pair.wall > 0:
+        t, tail = absolute(walls, pair.t, pair.tail + ahead)
+        least, _ = pressing(walls.wall[pair.wall - 1], walls.panels, t, tail, pair.pull, span)
+        return max(0.0, -least)
+    return float(max(0.0, -pair.pull))
 
 
 @kernel
 def carry_walls(walls: Any, s: Any) -> None:
-    """Let driven walls have the velocities, and pairs of islands at them the pull, of the time of the event under way."""
-    if walls is not None:
-        run = s.run[0]
-        for i in range(len(walls.wall)):
-            c, b = (0, 0) if walls.wall[i].side > 0.0 else (len(s.pairs) - 1, len(s.bodies) - 1)
-            s.bodies[b].v, push = velocity_of_wall(walls, i, run.t, run.tail)
-            s.bodies[b].t, s.bodies[b].tail = run.t, run.tail
-            if s.pairs[c].slot >= 0:
-                s.pool[s.pairs[c].slot].pull = s.pairs[c].pull + push
+    """Let driven walls have the velocities, and islands at them the pull, of the time of the event under way."""
+    run = s.run[0]
+    for i in range(len(walls.wall)):
+        c, b = (0, 0) if walls.wall[i].side > 0.0 else (len(s.pairs) - 1, len(s.bodies) - 1)
+        s.bodies[b].v, push = velocity_of_wall(walls, i, run.t, run.tail)
+        s.bodies[b].t, s.bodies[b].tail = run.t, run.tail
+        if s.pairs[c].slot >= 0:
+            s.pool[s.pairs[c].slot].pull = s.pairs[c].pull + push
 
 
+@inlined
 @kernel
 def gap_later(walls: Any, pair: Any, ahead: float, gap: float, rate: float, dt: float) -> float:
     """Return the gap after a flight of `dt` from a gap and its rate a time `ahead` after the clock of a pair."""
-    if walls is not None:
-        if pair.wall > 0:
-            return -flight_at_wall(walls, pair, ahead, gap, rate, dt)[0]
+    if DRIVEN and pair.wall > 0:
+        return -flight_at_wall(walls, pair, ahead, gap, rate, dt)[0]
     return gap_after(gap, rate, pair.pull, dt)
 
 
+@inlined
 @kernel
 def rate_later(walls: Any, pair: Any, eta: float, dt: float) -> float:
     """Return the rate of a pair's overlap, now `eta` at its clock, after a flight of `dt`."""
-    if walls is not None:
-        if pair.wall > 0 and dt > 0.0:
-            return flight_at_wall(walls, pair, 0.0, 0.0, -eta, dt)[1]
+    if DRIVEN and pair.wall > 0 and dt > 0.0:
+        return flight_at_wall(walls, pair, 0.0, 0.0, -eta, dt)[1]
     return float(pair.pull * dt + eta)
 
 
 @kernel
 def wall_after(walls: Any, body: Any, pair: Any, dt: float) -> float:
     """Return the velocity of a driven wall a time `dt` after the clock of `pair`."""
-    if walls is not None:
-        return velocity_of_wall(walls, int(body.wall) - 1, pair.t, pair.tail + dt)[0]
-    return float(body.v)
+    return velocity_of_wall(walls, int(body.wall) - 1, pair.t, pair.tail + dt)[0]
 
 
 @kernel
 def speed_at(walls: Any, pair: Any, body: Any, block: Any) -> float:
     """Return the velocity of a wall, `body`, at the clock of a block, `pair` being the pair at it."""
-    if walls is not None:
-        if pair.wall > 0:
-            return velocity_of_wall(walls, pair.wall - 1, block.t, block.tail)[0]
+    if DRIVEN and pair.wall > 0:
+        return velocity_of_wall(walls, pair.wall - 1, block.t, block.tail)[0]
     return float(body.v)
 
 
@@ -148,22 +143,21 @@ def velocity_of_wall(walls: Any, i: int, t: float, tail: float) -> tuple[float, 
 
 @kernel
 def foresee_walls(walls: Any, pairs: Any, pool: Any, lo: int) -> float:
-    """Expand the paths of the driven walls of the island that starts with `lo` about its clock; return the time for which
-    a piece may go on, inf without walls. `holds` of the block is that to the next panel."""
+    """Expand the paths of the driven walls of the island that starts with `lo` about its clock; return the time for
+    which a piece may go on, inf without walls. `holds` of the block is that to the next panel."""
     reach = math.inf
-    if walls is not None:
-        hi, block = pairs[lo].hi, pool[pairs[lo].slot]
-        block.holds = math.inf
-        for c in range(lo, hi):
-            if pairs[c].wall > 0:
-                i = pairs[c].wall - 1
-                t, tail = absolute(walls, block.t, block.tail)
-                wall, path = walls.wall[i], walls.path[i]
-                holds = expansion(wall, walls.panels, t, tail, path)
-                member, bound = pool[pairs[c].slot], wall.stiff + abs(pairs[c].pull)
-                member.pull, member.sway = pairs[c].pull + 2.0 * path[2], bound
-                block.holds = min(block.holds, holds)
-                reach = min(reach, tame(path, holds, bound))
+    hi, block = pairs[lo].hi, pool[pairs[lo].slot]
+    block.holds = math.inf
+    for c in range(lo, hi):
+        if pairs[c].wall > 0:
+            i = pairs[c].wall - 1
+            t, tail = absolute(walls, block.t, block.tail)
+            wall, path = walls.wall[i], walls.path[i]
+            holds = expansion(wall, walls.panels, t, tail, path)
+            member, bound = pool[pairs[c].slot], wall.stiff + abs(pairs[c].pull)
+            member.pull, member.sway = pairs[c].pull + 2.0 * path[2], bound
+            block.holds = min(block.holds, holds)
+            reach = min(reach, tame(path, holds, bound))
     return reach
 
 
@@ -189,28 +183,24 @@ def tame(path: Any, reach: float, bound: float) -> float:
 @kernel
 def drive(walls: Any, pairs: Any, lo: int, hi: int, h: float, q: int) -> None:
     """Write the accelerations of driven walls, but for their first terms, as power series in τ, t = (hτ)^q."""
-    if walls is not None:
-        for c in range(lo, hi):
-            if pairs[c].wall > 0:
-                path, push, scale, per = walls.path[pairs[c].wall - 1], walls.push[pairs[c].wall - 1], 1.0, h
-                for _ in range(1, q):
-                    per *= h
-                for n in range(ORDER + 1):
-                    push[n] = 0.0
-                j = 1
-                while j * q <= ORDER and j + 2 < len(path):
-                    scale *= per
-                    push[j * q] = (j + 1) * (j + 2) * path[j + 2] * scale
-                    j += 1
+    for c in range(lo, hi):
+        if pairs[c].wall > 0:
+            path, push, scale, per = walls.path[pairs[c].wall - 1], walls.push[pairs[c].wall - 1], 1.0, h
+            for _ in range(1, q):
+                per *= h
+            for n in range(ORDER + 1):
+                push[n] = 0.0
+            j = 1
+            while j * q <= ORDER and j + 2 < len(path):
+                scale *= per
+                push[j * q] = (j + 1) * (j + 2) * path[j + 2] * scale
+                j += 1
 
 
 @kernel
 def jump_at(walls: Any, pair: Any, t: float, tail: float) -> tuple[float, float]:
     """Return by how much the rate of a pair's overlap jumps at an edge of its wall's path, if that is now, and then
     with the rounding of the path."""
-    jump = slip = 0.0
-    if walls is not None:
-        wall = walls.wall[pair.wall - 1]
-        high, low = absolute(walls, t, tail)
-        jump, slip = edge_jump(wall, walls.panels, high, low)
-    return jump, slip
+    wall = walls.wall[pair.wall - 1]
+    high, low = absolute(walls, t, tail)
+    return edge_jump(wall, walls.panels, high, low)

@@ -1,4 +1,5 @@
 """Inside a contact solved at once: to look into it, or to let it be a member of an event that may disturb it.
+May be skipped: one contact again, from within.
 
 The pair is followed alone from the onset, which its asymptote remembers: `relive` asks for that, `plan.planned` does
 it, and then `exposed` or `seen` take what they need.
@@ -22,7 +23,7 @@ from granular.md.located.ledger import (
 )
 from granular.md.located.pieces import fly, since, tau_at, tick, value
 from granular.md.located.pool import leave
-from granular.md.located.system import ACTIVE, RESIDUAL
+from granular.md.located.system import ACTIVE, RESIDUAL, WORKED
 
 
 @kernel
@@ -44,8 +45,9 @@ def exposed(s: Any, c: int) -> None:
     """Let pair `c`, which has been relived, be a member of the event under way, for something may disturb it."""
     run, pair, bodies, member = s.run[0], s.pairs[c], s.bodies, s.pool[s.pairs[c].slot]
     back = since(pair, run.t, run.tail)
-    enter_at_once(s.ledger, s, c, -1.0)
-    enter_exposed(s.ledger)
+    if WORKED:
+        enter_at_once(s.ledger, s, c, -1.0)
+        enter_exposed(s.ledger)
     xi, eta = flown(s.walls, pair, back)
     if member.mode != ACTIVE:  # in its run-off, it is what its asymptote says
         member.xi, member.eta, member.begun = xi if member.mode == RESIDUAL else min(0.0, xi), eta, 0
@@ -82,7 +84,8 @@ def straighten(s: Any, f: int, xi: float, eta: float) -> None:
 def look(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) -> None:
     """Write overlap, rate and force of every pair at time `t`, which lies within the current pieces, as if contacts
     solved at once were over; and into `sums`, unless there is no ledger, what it comes to."""
-    read(s.ledger, sums)
+    if WORKED:
+        read(s.ledger, sums)
     for c in range(len(s.pairs)):
         pair = s.pairs[c]
         if pair.slot < 0:
@@ -90,11 +93,12 @@ def look(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) 
             dt = max(0.0, dt) if pair.lasts == 0.0 else dt
             deep, fast = flown(s.walls, pair, dt)
             xi[c], eta[c], force[c] = deep, fast, 0.0
-            look_at_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, deep, sums)
+            if WORKED:
+                look_at_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, deep, sums)
         else:
             member = s.pool[pair.slot]
             tau = tau_at(s.pool[s.pairs[pair.first].slot], t, 0.0)
-            if pair.first == c:
+            if WORKED and pair.first == c:
                 look_at_piece(s.ledger, s.walls, laws, s, c, tau, sums)
             xi[c], eta[c] = value(member.x, tau), value(member.e, tau)
             force[c] = max(0.0, value(member.f, tau)) if member.mode == ACTIVE else 0.0
@@ -127,6 +131,7 @@ def seen(s: Any, c: int, xi: Any, eta: Any, force: Any, sums: Any) -> None:
     if c + 1 < len(s.pairs):
         xi[c + 1] += member.upper / member.inverse * deeper
         eta[c + 1] += member.upper / member.inverse * faster
-    look_at_once(s.ledger, s, c, sums)
+    if WORKED:
+        look_at_once(s.ledger, s, c, sums)
     leave(run, s.pairs, s.pool, c)
     pair.due, run.steps, run.error = run.before_due, run.before_steps, run.before_error

@@ -3,8 +3,9 @@
 A contact that begins now is solved at once by its map (`maps`), if it is certain that no neighbour touches before it is
 over. That is certified by one subtraction for each neighbouring gap, its flank: the contact force pushes the body they
 share towards the flank, and a contact at the flank's far end pushes that body towards it too, so the flank is concave
-until both are over, at T; it was positive, and if it is at T, it is in between. A flank below a ceiling is convex by
-P = g: from a to b in a time L it stays positive if (√a + √b)² > P L²/2.
+until both are over, at T; it was positive, and if it is at T, it is in between. A flank that is pulled open, below a
+ceiling, by forces or by a driven wall, is convex by at most P: from a to b in a time L it stays positive if
+(√a + √b)² > P L²/2; this is not asked if the pair at its far end is in contact too, for then a is not known.
 
 What the pair and its flanks keep from then on are their asymptotes: the motion after the contact, with a clock that may
 lie ahead. `lasts` tells: positive, it is the length of the contact that ends (ξ = 0) at the pair's clock; negative, the
@@ -17,7 +18,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import kernel
+from granular._kernels import inlined, kernel
 from granular._tournament import leaf, replay
 from granular.md.located.contacts import is_awaited, velocity_now
 from granular.md.located.driven import (
@@ -33,7 +34,7 @@ from granular.md.located.driven import (
 from granular.md.located.ledger import enter_at_once, keep_alone
 from granular.md.located.maps import encounter, peaks
 from granular.md.located.pieces import DRIFT, predict, since, tick
-from granular.md.located.system import BEGIN, IGNORE, OPEN
+from granular.md.located.system import BEGIN, DRIVEN, IGNORE, OPEN, WORKED
 from granular.md.located.tables import WANTED, table_of, tabled, tabled_peaks
 
 ULP = 2.0**-52
@@ -58,7 +59,7 @@ def meet(s: Any, c: int) -> int:
     run, pairs, bodies, pair = s.run[0], s.pairs, s.bodies, s.pairs[c]
     if pair.mode != OPEN or pair.what != BEGIN or is_awaited(run, pairs, c):
         return OTHERWISE
-    if pair.wall > 0 and run.disturbing != IGNORE:
+    if DRIVEN and pair.wall > 0 and run.disturbing != IGNORE:
         return OTHERWISE
     v, n = touching_rate(s.walls, pair, pair.wait), len(pairs)
     if not v > DRIFT * pair.noise:
@@ -77,11 +78,13 @@ def meet(s: Any, c: int) -> int:
     if c > 0:
         rate_below = lower_v - coasting(s, c - 1, pair, over)
         busy_below = still_busy(pairs[c - 2], pair, over) if c > 1 else 0.0
-        below, sure_below = clearance(s.walls, pairs[c - 1], pair, t2, bodies[c].inverse_mass * way, rate_below, busy_below)
+        less = bodies[c].inverse_mass * way
+        below, sure_below = clearance(s.walls, pairs[c - 1], pair, t2, less, rate_below, busy_below)
     if c + 1 < n:
         rate_above = coasting(s, c + 2, pair, over) - upper_v
         busy_above = still_busy(pairs[c + 2], pair, over) if c + 2 < n else 0.0
-        above, sure_above = clearance(s.walls, pairs[c + 1], pair, t2, bodies[c + 1].inverse_mass * way, rate_above, busy_above)
+        less = bodies[c + 1].inverse_mass * way
+        above, sure_above = clearance(s.walls, pairs[c + 1], pair, t2, less, rate_above, busy_above)
     isolated = below > 0.0 and above > 0.0 and sure_below and sure_above
     if not isolated and (run.disturbing != IGNORE or min(below, above) == -math.inf):
         return OTHERWISE
@@ -90,14 +93,16 @@ def meet(s: Any, c: int) -> int:
     tick(pair, pair.wait)
     run.t, run.tail = pair.t, pair.tail
     if run.log > 0:
-        carry_walls(s.walls, s)
+        if DRIVEN:
+            carry_walls(s.walls, s)
         write_row(s, c, v, t1, v1, place)
     count(run, pair, isolated, c if below > 0.0 and sure_below else c - 1, t2)
     tick(pair, t2)
     pair.xi, pair.eta, pair.lasts, pair.speed, pair.exact = 0.0, -v2, t2, v, 0
     pair.noise += ULP * v
-    keep_alone(s.ledger, s, c)
-    enter_at_once(s.ledger, s, c, 1.0)
+    if WORKED:
+        keep_alone(s.ledger, s, c)
+        enter_at_once(s.ledger, s, c, 1.0)
     predict(pair, s.kinds[pair.kind_of], s.walls)
     leaf(s.queue, c).due = pair.due
     free(bodies[c], pair, lower_v)
@@ -110,13 +115,13 @@ def meet(s: Any, c: int) -> int:
     return MET
 
 
+@inlined
 @kernel
 def course(walls: Any, pair: Any, v: float, t2: float) -> tuple[float, float]:
     """Return by how much the overlap of `pair`, which touches after its `wait` at speed `v`, would grow in a time `t2`
     without a force, and at which rate it would grow then."""
-    if walls is not None:
-        if pair.wall > 0:
-            return flight_at_wall(walls, pair, pair.wait, 0.0, -v, t2)
+    if DRIVEN and pair.wall > 0:
+        return flight_at_wall(walls, pair, pair.wait, 0.0, -v, t2)
     return t2 * (v + 0.5 * pair.pull * t2), v + pair.pull * t2
 
 
@@ -144,7 +149,7 @@ def foresee(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
     """
     pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
     t1 = t2 = v1 = v2 = math.nan
-    if pair.wall == 0:
+    if not DRIVEN or pair.wall == 0:
         t1, t2, v1, v2 = encounter(law, s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, pair.pull, v)
     if t1 > 0.0:
         return t1, t2, v1, v2, CLOSED
@@ -163,7 +168,7 @@ def foresee(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
 def clearance(
     walls: Any, flank: Any, pair: Any, t2: float, less: float, rate: float, busy: float
 ) -> tuple[float, bool]:
-    """Return the gap of a flank when all contacts beside it are over, and whether it is certain to stay open if positive.
+    """Return the gap of a flank when all contacts beside it are over, and whether it is certain to stay open if > 0.
 
     The contact of `pair` lasts `t2` and takes `less` from the gap, which grows at `rate` then; the contact beyond the
     flank goes on for the time `busy`. A flank that is not in free flight has none: minus infinity.
@@ -220,7 +225,7 @@ def count(run: Any, pair: Any, isolated: bool, first: int, t2: float) -> None:
 def coasting(s: Any, b: int, pair: Any, dt: float) -> float:
     """Return the velocity that body `b` would have a time `dt` after the clock of `pair` without contacts."""
     body = s.bodies[b]
-    if body.wall > 0.0:
+    if DRIVEN and body.wall > 0.0:
         return wall_after(s.walls, body, pair, dt)
     v: float = body.v - body.fall * (since(body, pair.t, pair.tail) + dt)
     return v

@@ -1,14 +1,15 @@
 """Where the energy goes: the work of moving walls, and what is dissipated in contacts, piece by piece.
 May be skipped: rarer, walls that move.
 
-Of a piece with force F, overlap ξ and rate η, with F_el(ξ) = dU/dξ the elastic force and u the velocity of a wall towards
-the balls,
+Of a piece with force F, overlap ξ and rate η, with F_el(ξ) = dU/dξ the elastic force and u the velocity of a wall
+towards the balls,
 
     work = ∫ F u dt ,   dissipated = ∫ (F - F_el) η dt = ∫ γ ξ^d η² dt ,
 
-and U(ξ) lost where the force is clipped, for U counts wherever ξ > 0. Both are integrals of products of polynomials, by
-Gauss's rule, which is exact to rounding. A contact solved at once dissipates ½ m (v² - v2²); a wall of constant velocity
-does the work J u. Sums are kept in two floats each. `ledger` is None where no wall moves.
+and U(ξ) lost where the force is clipped, for U counts wherever ξ > 0. Both are integrals of products of polynomials,
+by Gauss's rule, which is exact to rounding. A contact solved at once dissipates ½ m (v² - v2²); a wall of constant
+velocity does the work J u. Sums are kept in two floats each. Where no wall moves, WORKED is false, and nothing of this
+is compiled.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from granular._kernels import kernel
 from granular.md.located.driven import absolute
 from granular.md.located.pieces import elapsed, integral, power, value
-from granular.md.located.system import ACTIVE, ELASTIC, RESIDUAL
+from granular.md.located.system import ACTIVE, DRIVEN, ELASTIC, RESIDUAL
 from granular.walls.path import expansion
 
 POINTS = 16
@@ -45,53 +46,47 @@ def tally(walls: Any, laws: Any, s: Any, c: int, block: Any, tau: float, sums: A
 @kernel
 def enter_piece(ledger: Any, walls: Any, laws: Any, s: Any, lo: int, tau: float) -> None:
     """Add the stretch [0, τ] of the piece of the island that starts with `lo`."""
-    if ledger is not None:
-        book = ledger[0]
-        for i in range(len(book.total)):
-            book.piece[i] = 0.0
-        for c in range(lo, s.pairs[lo].hi):
-            tally(walls, laws, s, c, s.pool[s.pairs[lo].slot], tau, book.piece)
-        for i in range(len(book.total)):
-            add(book, i, book.piece[i])
+    book = ledger[0]
+    for i in range(len(book.total)):
+        book.piece[i] = 0.0
+    for c in range(lo, s.pairs[lo].hi):
+        tally(walls, laws, s, c, s.pool[s.pairs[lo].slot], tau, book.piece)
+    for i in range(len(book.total)):
+        add(book, i, book.piece[i])
 
 
 @kernel
 def look_at_piece(ledger: Any, walls: Any, laws: Any, s: Any, lo: int, tau: float, seen: Any) -> None:
     """Add the stretch [0, τ] of the piece of an island to what is `seen`, and leave the books as they are."""
-    if ledger is not None:
-        for c in range(lo, s.pairs[lo].hi):
-            tally(walls, laws, s, c, s.pool[s.pairs[lo].slot], tau, seen)
+    for c in range(lo, s.pairs[lo].hi):
+        tally(walls, laws, s, c, s.pool[s.pairs[lo].slot], tau, seen)
 
 
 @kernel
 def enter_alone(ledger: Any, walls: Any, laws: Any, s: Any, c: int, tau: float) -> None:
     """Add the stretch [0, τ] of the piece of a contact that is followed alone to what it comes to by itself."""
-    if ledger is not None:
-        tally(walls, laws, s, c, s.pool[s.pairs[c].slot], tau, ledger[0].alone)
+    tally(walls, laws, s, c, s.pool[s.pairs[c].slot], tau, ledger[0].alone)
 
 
 @kernel
 def begin_alone(ledger: Any) -> None:
     """Begin to add up a contact that is followed alone."""
-    if ledger is not None:
-        for i in range(len(ledger[0].alone)):
-            ledger[0].alone[i] = 0.0
+    for i in range(len(ledger[0].alone)):
+        ledger[0].alone[i] = 0.0
 
 
 @kernel
 def enter_at_once(ledger: Any, s: Any, c: int, sign: float) -> None:
     """Add the contact of pair `c` that was solved at once, or take it back (`sign` -1)."""
-    if ledger is not None:
-        for i in (FLOOR, CEILING, LOST):
-            add(ledger[0], i, sign * at_once(ledger, s, c, i))
+    for i in (FLOOR, CEILING, LOST):
+        add(ledger[0], i, sign * at_once(ledger, s, c, i))
 
 
 @kernel
 def look_at_once(ledger: Any, s: Any, c: int, sums: Any) -> None:
     """Put into `sums` what the contact of pair `c` has come to so far, followed alone, in place of what it will."""
-    if ledger is not None:
-        for i in (FLOOR, CEILING, LOST):
-            sums[i] += ledger[0].alone[i] - at_once(ledger, s, c, i)
+    for i in (FLOOR, CEILING, LOST):
+        sums[i] += ledger[0].alone[i] - at_once(ledger, s, c, i)
 
 
 @kernel
@@ -116,49 +111,43 @@ def at_once(ledger: Any, s: Any, c: int, i: int) -> float:
 @kernel
 def keep_alone(ledger: Any, s: Any, c: int) -> None:
     """Note what the contact of pair `c`, at a driven wall, comes to, which has just been followed alone."""
-    if ledger is not None:
-        if s.pairs[c].wall > 0:
-            side, book = (0 if s.bodies[c].inverse_mass == 0.0 else 1), ledger[0]
-            book.work[side], book.lost[side] = book.alone[side], book.alone[LOST]
+    if s.pairs[c].wall > 0:
+        side, book = (0 if s.bodies[c].inverse_mass == 0.0 else 1), ledger[0]
+        book.work[side], book.lost[side] = book.alone[side], book.alone[LOST]
 
 
 @kernel
 def read(ledger: Any, sums: Any) -> None:
     """Write the sums of the ledger."""
-    if ledger is not None:
-        for i in range(len(ledger[0].total)):
-            sums[i] = ledger[0].total[i] + ledger[0].low[i]
+    for i in range(len(ledger[0].total)):
+        sums[i] = ledger[0].total[i] + ledger[0].low[i]
 
 
 @kernel
 def enter_exposed(ledger: Any) -> None:
     """Add what a contact that has been followed alone has come to: it goes on as a member of an island."""
-    if ledger is not None:
-        for i in range(len(ledger[0].alone)):
-            add(ledger[0], i, ledger[0].alone[i])
+    for i in range(len(ledger[0].alone)):
+        add(ledger[0], i, ledger[0].alone[i])
 
 
 @kernel
 def enter_flight(ledger: Any, law: Any, laws: Any, pair: Any, xi: float) -> None:
     """Add the elastic energy that a clipped pair has lost in flight, since its overlap was `xi`."""
-    if ledger is not None:
-        if pair.mode == RESIDUAL:
-            add(ledger[0], LOST, run_off(law, laws, pair, xi, pair.xi))
+    if pair.mode == RESIDUAL:
+        add(ledger[0], LOST, run_off(law, laws, pair, xi, pair.xi))
 
 
 @kernel
 def enter_run_off(ledger: Any, member: Any, laws: Any, first: float, last: float) -> None:
     """Add the elastic energy that a contact followed alone loses in its run-off."""
-    if ledger is not None:
-        ledger[0].alone[LOST] += run_off(member, laws, member, first, last)
+    ledger[0].alone[LOST] += run_off(member, laws, member, first, last)
 
 
 @kernel
 def look_at_flight(ledger: Any, law: Any, laws: Any, pair: Any, xi: float, seen: Any) -> None:
     """Add the elastic energy that a clipped pair loses in flight, until its overlap is `xi`, to what is `seen`."""
-    if ledger is not None:
-        if pair.mode == RESIDUAL:
-            seen[LOST] += run_off(law, laws, pair, pair.xi, xi)
+    if pair.mode == RESIDUAL:
+        seen[LOST] += run_off(law, laws, pair, pair.xi, xi)
 
 
 @kernel
@@ -216,9 +205,8 @@ def work(walls: Any, member: Any, block: Any, speed: float, tau: float) -> float
     balls, if it is not driven."""
     if member.mode != ACTIVE:
         return 0.0
-    if walls is not None:
-        if member.wall > 0:
-            return work_of_driven(walls, member, block, tau)
+    if DRIVEN and member.wall > 0:
+        return work_of_driven(walls, member, block, tau)
     return float(elapsed(block.h, block.clock, 1.0) * integral(member.f, block.clock, tau) * speed)
 
 

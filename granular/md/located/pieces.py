@@ -12,7 +12,7 @@ from granular._flight import time_to_contact
 from granular._kernels import kernel
 from granular._roots import first_up_crossing
 from granular.md.located.driven import flown, next_touch, touching_rate
-from granular.md.located.system import BEGIN, DAMPED, EDGE, ELASTIC, OPEN, ORDER, PART, RESIDUAL
+from granular.md.located.system import BEGIN, DAMPED, DRIVEN, EDGE, ELASTIC, OPEN, ORDER, PART, RESIDUAL
 
 DRIFT = 4.0
 """Balls that close at less than this many times the noise of their rate are taken to drift along side by side."""
@@ -49,7 +49,9 @@ def elapsed(h: float, q: int, tau: float) -> float:
 @kernel
 def piece_time(block: Any) -> float:
     """Return how long the piece of a block takes; at an EDGE to the last digit."""
-    return float(block.holds) if block.what == EDGE else elapsed(block.h, block.clock, block.tau)
+    if DRIVEN and block.what == EDGE:
+        return float(block.holds)
+    return elapsed(block.h, block.clock, block.tau)
 
 
 @kernel
@@ -171,11 +173,10 @@ def predict(pair: Any, law: Any, walls: Any) -> None:
     Contacts leave rates of rounding where the exact ones are zero: balls that stay together would meet again after
     some 1e12 s.
     """
-    if walls is not None:
-        if pair.wall > 0:
-            pair.wait, pair.what = next_touch(walls, pair), BEGIN
-            pair.due = pair.t + (pair.wait + pair.tail)
-            return
+    if DRIVEN and pair.wall > 0:
+        pair.wait, pair.what = next_touch(walls, pair), BEGIN
+        pair.due = pair.t + (pair.wait + pair.tail)
+        return
     if pair.mode == OPEN and pair.pull == 0.0 and 0.0 < pair.eta <= DRIFT * pair.noise:
         pair.eta = 0.0
     wait, what = time_to_contact(max(0.0, -pair.xi), -pair.eta, pair.pull), BEGIN

@@ -28,7 +28,7 @@ from granular.md.located.step_size import (
     scale,
     trusted,
 )
-from granular.md.located.system import EDGE, NOTHING
+from granular.md.located.system import DRIVEN, EDGE, NOTHING
 
 
 @kernel
@@ -59,17 +59,19 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     worst, span = -math.inf, 1.0
     run.steps += 1
-    reach = foresee_walls(walls, pairs, pool, lo)
+    reach = foresee_walls(walls, pairs, pool, lo) if DRIVEN else math.inf
     fastest = fastest_rate(pairs, pool, lo, hi)
     block.linear, block.clock = 1 if fastest >= 0.0 else 0, 1
     if block.linear == 1:
-        if fastest == 0.0 and reach == math.inf:
+        if DRIVEN and fastest == 0.0 and reach == math.inf:
             reach = run_off_time(pairs, pool, lo, hi)
         block.h = REACH / fastest if fastest * reach > REACH else reach
     else:
         measure(pairs, pool, lo, hi)
         block.clock = choose_clock(pairs, pool, lo, hi, run.tol)
-        block.h = min(scale(pairs, pool, lo, hi), power(reach, 1.0 / block.clock))
+        block.h = scale(pairs, pool, lo, hi)
+        if DRIVEN:
+            block.h = min(block.h, power(reach, 1.0 / block.clock))
     settle_series(run, pairs, pool, lo, laws, walls, reach)
     if block.linear == 0 and laws is None:
         worst = growth(pairs, pool, lo, hi, run.tol)
@@ -77,7 +79,7 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
         if block.clock == 1:
             block.stride = block.h * span
     last = math.inf
-    if reach < math.inf:
+    if DRIVEN and reach < math.inf:
         last = power(reach, 1.0 / block.clock) / block.h
         span = min(span, last)
     if not confirm(run, pairs, pool, bodies, lo, hi):
@@ -86,7 +88,7 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
         return False
     locate(pairs, pool, lo, hi, span, work, laws)
     run.error += left_out(worst, block.tau)
-    if block.tau == last and block.fired < 0 and block.what == NOTHING and reach == block.holds:
+    if DRIVEN and block.tau == last and block.fired < 0 and block.what == NOTHING and reach == block.holds:
         block.what = EDGE
     pairs[lo].due = block.t + (piece_time(block) + block.tail)
     if block.h >= LONG:  # it lies still

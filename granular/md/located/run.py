@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._kernels import compiled, in_memory, interpreted, worth
+from granular._kernels import compiled, fitted, in_memory, worth
 from granular._records import column, copied, packed, plain
 from granular._tournament import replay, tournament
 from granular.drive import End, Pause, Row, Rows
@@ -20,6 +20,7 @@ from granular.md.located.collocation import Collocation
 from granular.md.located.contacts import keep_unsettled
 from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
 from granular.md.located.inside import look, look_inside, seen
+from granular.md.located.ledger import FLOOR, LOST
 from granular.md.located.plan import planned
 from granular.md.located.resting import pile
 from granular.md.located.system import (
@@ -97,7 +98,10 @@ class Run:
         if state is not None:
             self.s = restored(self.s, state)
         self.collocation = Collocation(laws) if self.s.kinds["kind"][0] == GENERAL else None
-        self.kernels: Callable[[Any], Any] = interpreted
+        moves = {"DRIVEN": self.s.walls is not None, "WORKED": self.s.ledger is not None}
+        flags: dict[str, Any] = {name: True for name, does in moves.items() if does}
+        self.fit: Callable[[Any], Any] = lambda kernel: fitted(kernel, **flags)
+        self.kernels: Callable[[Any], Any] = self.fit
         if engine == "compiled" or self.pays(scene.n_pairs):  # to launch is a piece of every pair
             self.compile()
         else:
@@ -125,18 +129,20 @@ class Run:
         """Return whether to go on compiled, given how many pieces times pairs there are to do, or have been done."""
         if self.engine != "auto" or self.collocation is not None:
             return False
-        return in_memory(blocks.advance) or worth(blocks.advance, work, WORTH_LOADING, WORTH_COMPILING)
+        advance = self.fit(blocks.advance)
+        return in_memory(advance) or worth(advance, work, WORTH_LOADING, WORTH_COMPILING)
 
     def compile(self) -> None:
         """Go on compiled from the current state: same source, same bits."""
-        compiled(blocks.advance)  # fails before anything is changed
+        compiled(self.fit(blocks.advance))  # fails before anything is changed
         if self.collocation is not None:
             odd = next(law.law for law in self.laws.each if power_form(law) is None)
             raise TypeError(
                 f"engine 'compiled' knows laws of the form k ξ^p + γ ξ^d ξ̇ only, and {odd!r} is none of them; "
                 "engine 'auto' or 'plain' runs it."
             )
-        self.s, self.kernels, self.engine = to_compiled(self.s), compiled, "compiled"
+        self.s, self.engine = to_compiled(self.s), "compiled"
+        self.kernels = lambda kernel: compiled(self.fit(kernel))
 
     def to(self, time: float, last: bool) -> Pause:
         """Go on to `time`, or a chunk of pieces towards it."""
@@ -194,7 +200,7 @@ class Run:
         load = column(s.bodies, "load")[1 : piled + 1]
         if swinging(members[:piled], load) < most:
             self.checkpoint = Checkpoint(deepcopy(s), {"origin": self.start, "creeping": True})
-            self.s, self.kernels = s, interpreted
+            self.s, self.kernels = s, self.fit
             above = members[piled] if piled < self.scene.n_pairs else None
             self.creep = Creep(members[:piled], load, above, s.bodies[0].v - s.bodies[-1].v)
 
@@ -251,6 +257,8 @@ class Run:
         np.negative(made[:2], out=made[:2])  # of overlaps
         self.seen = elapsed
         ledger = None if sums is None else np.array(sums)
+        if ledger is not None and self.creep is not None:
+            ledger[[FLOOR, LOST]] += self.creep.books(elapsed, float(self.scene.velocity[0]))
         return Row(time, elapsed, made[0], rate=made[1], force=made[2], ledger=ledger)
 
     def scratch(self) -> Any:

@@ -20,7 +20,7 @@ from typing import Any
 from granular._kernels import kernel, specialised
 from granular.md.located.driven import drive
 from granular.md.located.pieces import elapsed, power
-from granular.md.located.system import ACTIVE, DORMANT, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, PADDED, RESIDUAL
+from granular.md.located.system import ACTIVE, DORMANT, DRIVEN, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, PADDED, RESIDUAL
 
 
 @kernel
@@ -28,7 +28,8 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, walls: Any
     """Fill the rows x, e, f of pairs lo … hi-1 from their state, and g, the bracket φ, of those not open."""
     for c in range(lo, hi):
         prepare(pool[pairs[c].slot], q)
-    drive(walls, pairs, lo, hi, h, q)
+    if DRIVEN:
+        drive(walls, pairs, lo, hi, h, q)
     scale = q * elapsed(h, q, 1.0)
     for n in range(ORDER - q + 1):
         step, below = scale / (n + q), 0.0
@@ -45,9 +46,8 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, walls: Any
             push = pair.lower * below - pair.inverse * force + pair.upper * above
             if n == 0:
                 push += pair.pull
-            if walls is not None:
-                if pair.wall > 0:
-                    push += walls.push[pair.wall - 1][n]
+            if DRIVEN and pair.wall > 0:
+                push += walls.push[pair.wall - 1][n]
             pair.e[n + q] = step * push
             pair, below = after, force
     for c in range(lo, hi):

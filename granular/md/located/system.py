@@ -147,9 +147,10 @@ lo … hi-1 that it concerns, stride of its block, and whether it waits for room
 pile and the load on it in N."""
 
 LEDGER = np.dtype(
-    [(name, float, (5,)) for name in ("total", "low", "piece", "alone")] + [("work", float, (2,)), ("lost", float, (2,))]
+    [*((name, float, (5,)) for name in ("total", "low", "piece", "alone")),
+     *((name, float, (2,)) for name in ("work", "lost"))]
 )
-"""What walls have done and contacts have lost, in J, in two floats; of a piece; of a contact that is followed alone; of
+"""What walls have done and contacts have lost, in J, in two floats; in a piece; in a contact that is followed alone; in
 the last contacts at driven walls that were solved at once. See `ledger`."""
 
 SLOWEST, OCTAVES, POINTS, CHECKS, QUANTITIES = -40, 64, 20, 4, 6
@@ -171,6 +172,10 @@ MOST_MAPS = 64
 TABLES = 8
 """Tables for which there is room at first."""
 
+DRIVEN: bool = False
+WORKED: bool = False
+"""Whether walls are driven, and whether walls do work: kernels of such scenes are specialised."""
+
 NO_PAUSE = np.iinfo(np.int64).max
 """`pause` of a run that need not stop on its way to be looked at."""
 
@@ -178,21 +183,22 @@ LOG_ROWS, MOST_ROWS = 256, 4096
 """Rows of the log buffer: twice as many as pairs, but within these limits."""
 
 System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables answer work walls ledger")
-"""All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder; `driven.Walls`
-and the records of a `ledger`, None without: then their branches are not compiled."""
+"""All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder; `Walls`
+that are driven and the record of a ledger, None without."""
 
 
 def to_plain(s: System) -> System:
     """Return the run for interpreted code."""
     ledger = None if s.ledger is None else plain(s.ledger)
-    return System(*map(plain, s[:9]), list(s.answer), workspace(ORDER), plain_walls(s.walls), ledger)
+    rest = list(s.answer), workspace(ORDER), plain_walls(s.walls), ledger
+    return System._make([*map(plain, s[:9]), *rest])
 
 
 def to_compiled(s: System) -> System:
     """Return the run for compiled code: same numbers, same bits."""
     records = map(packed, s[:9], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
     ledger = None if s.ledger is None else packed(s.ledger, LEDGER)
-    return System(*records, np.array(s.answer), np.array(s.work), compiled_walls(s.walls), ledger)
+    return System._make([*records, np.array(s.answer), np.array(s.work), compiled_walls(s.walls), ledger])
 
 
 

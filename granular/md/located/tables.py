@@ -103,10 +103,13 @@ def note(s: Any, j: int) -> bool:
 @kernel
 def fit(s: Any) -> None:
     """Make the table of an octave from the contacts noted for it; refuse the octave if it does not hold."""
-    run, pair = s.run[0], s.pairs[s.run[0].wanted]
-    table, octave = s.tables[run.tables], math.frexp(run.speed)[1]
-    run.tables += 1
-    s.maps[pair.map].table[octave - SLOWEST] = run.tables if holds(table) else -1
+    run, known = s.run[0], s.maps[s.pairs[s.run[0].wanted].map]
+    i = math.frexp(run.speed)[1] - SLOWEST
+    if holds(s.tables[run.tables]):
+        run.tables += 1
+        known.table[i] = run.tables
+    else:
+        known.table[i] = -1
 
 
 @kernel

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from collections import namedtuple
-from typing import Any
 
 import numpy as np
 
@@ -28,8 +27,8 @@ def walls_of(scene: Scene, start: float, terms: int) -> Walls | None:
     ends = zip(scene.motions, (1.0, -1.0), (0, -1), strict=True)
     for motion, side, body in ends:
         if fastest(motion) > 0.0:
-            at, velocity = float(scene.position[body]), float(scene.velocity[body])
-            wall, rows = motion.panels(start, start).records(side, start=at, velocity=velocity, t_start=start, first=first)
+            stands = {"start": float(scene.position[body]), "velocity": float(scene.velocity[body]), "t_start": start}
+            wall, rows = motion.panels(start, start).records(side, **stands, first=first)
             walls.append(wall)
             panels.append(rows)
             first += len(rows)
@@ -71,12 +70,12 @@ def compiled_walls(walls: Walls | None) -> Walls | None:
 
 def check_room(scene: Scene, walls: Walls | None, elapsed: float, end: float) -> None:
     """Raise if driven walls have met a time `elapsed` in s into a run, with all balls between them."""
-    if walls is None or not scene.is_wall[[0, -1]].all() or not 0.0 < float(scene.radius.sum()) or elapsed == math.inf:
+    if walls is None or not scene.is_wall[[0, -1]].all() or not scene.radius.any() or elapsed == math.inf:
         return
     at = (scene.position + scene.velocity * elapsed)[[0, -1]].tolist()
     for wall in plain(walls.wall):
         t, low = path.total(walls.start, elapsed)
         at[0 if wall.side > 0.0 else 1] = path.wall_at(wall, plain(walls.panels), t, low)[0]
     if at[1] <= at[0]:
-        raise ValueError(f"t_end is {end!r}: the walls have met by t = {walls.start + elapsed:.6g} s; give a t_end before "
-                         "that, or walls that come less far.")  # fmt: skip
+        raise ValueError(f"t_end is {end!r}: the walls have met by t = {walls.start + elapsed:.6g} s; give a t_end "
+                         "before that, or walls that come less far.")  # fmt: skip
