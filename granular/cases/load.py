@@ -58,8 +58,10 @@ def load(path: str | PathLike[str]) -> Case:
             t_end = 10.0
             dt = 1e-7                    # and other options of md.simulate and edmd.simulate
 
-    A wall that moves by a function of yours is ``{ type = "Motion", function = "motion.py:shake" }``: the name of a
-    Python file beside this one, which is run, or of a module that can be imported, and of the function in it.
+    A wall that moves by a function of yours says the name of a Python file beside this one, which is run, or of a
+    module that can be imported, and of the function in it::
+
+        floor = { type = "Motion", function = "motion.py:shake" }
 
     Returns
     -------
