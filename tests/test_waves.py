@@ -10,6 +10,7 @@ import granular as gr
 from granular import cases, waves
 from granular.laws.contact_law import resolve
 from granular.laws.statics import overlap_under, stiffness_at
+from granular.reference import solve
 
 RADIUS, FORCE = 0.009525, 20.0
 
@@ -65,6 +66,18 @@ def test_overlap_and_stiffness_undo_force_and_its_slope(seed):
     assert xi == pytest.approx(2.0 * load / k / (1.0 + math.sqrt(1.0 + 4.0 * load / (k * s))), rel=4e-15)
     assert stiffness_at(law, xi) == pytest.approx(k * (1.0 + 2.0 * xi / s), rel=1e-10)
     assert stiffness_at(law, 0.0) == 0.0
+
+
+def test_the_reference_solver_stays_at_rest_too():
+    """Where forces balance to the last digit its series have one term, and no end."""
+    pytest.importorskip("mpmath")
+    for law in (gr.Hertz(1e10), gr.TsujiHertz(1e10, 0.3)):
+        scene = gr.scenes.compressed_chain(2, FORCE, law=law)
+        found = solve(scene, law, t_end=2e-5)
+        assert found.status == "time"
+        assert not any(found.velocity)
+    with pytest.raises(ValueError, match="t_end is missing: the balls rest on each other"):
+        solve(scene, law, until=gr.until.contact(0, 2))
 
 
 def test_a_chain_is_of_one_or_two_masses_and_may_be_struck():
