@@ -15,8 +15,8 @@ DOCS = Path(__file__).parent.parent / "docs"
 COMMAND = re.compile(r"^```sh\n([^`]*?)^```\n\n```text\n(.*?)^```", re.MULTILINE | re.DOTALL)
 BLOCK = re.compile(r"^```python\n(.*?)^```(?:\n\n```text\n(.*?)^```)?", re.MULTILINE | re.DOTALL)
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
-PAGES = ["index", "concepts", "theory", "viscoelastic", "methods", "your-own-scene", "limits", "defence-of-design", "waves",
-         "teacher-sheet"]  # fmt: skip
+PAGES = ["index", "concepts", "theory", "viscoelastic", "methods", "your-own-scene", "limits", "defence-of-design",
+         "teacher-sheet", "waves"]  # fmt: skip
 
 
 def agree(printed: str, shown: str) -> bool:
