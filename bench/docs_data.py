@@ -69,6 +69,13 @@ def driven() -> Any:
     return compute(3)
 
 
+def waves() -> Any:
+    """Data of the figure of docs/waves.md at few points."""
+    from waves import compute
+
+    return compute(3)
+
+
 def errors(report: Any) -> Any:
     """The same of a `Frontier` that is measured already."""
     return {
@@ -107,7 +114,8 @@ EXTREMES = ("stiffness", "damping", "mass ratio", "gap", "speed", "start time", 
 OTHERS = ("touching", "chains", "recorded", "rest", "symmetry", "exact sequence", "ties", "float edges", "long runs")
 ENTRIES |= {"stability": Entry(partial(stability, EXTREMES)),
             "stability-others": Entry(partial(stability, OTHERS), False)}  # fmt: skip
-ENTRIES |= {"isolation": Entry(isolation), "driven": Entry(driven, absolute=1e-3)}
+ENTRIES |= {"isolation": Entry(isolation), "driven": Entry(driven, absolute=1e-3),
+            "waves": Entry(waves, absolute=1e-6)}  # fmt: skip
 TIMES_ONLY = {"edmd-scaling"}
 """Figures of run times, which differ from machine to machine."""
 

@@ -11,13 +11,13 @@
 from typing import TYPE_CHECKING, Any
 
 from granular import until
-from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz, WaltonBraun
+from granular.laws import Hertz, LinearDashpot, MatchedEnd, PowerLaw, TsujiHertz, ViscoelasticHertz, WaltonBraun
 from granular.rules import ConstantRestitution, TabulatedRestitution, ThorntonRestitution
 from granular.scene import Pair, Scene
 from granular.trajectory import Status, Trajectory
 
 if TYPE_CHECKING:
-    from granular import adiabatic, binary, cases, edmd, md, measures, scenes, theory, walls
+    from granular import adiabatic, binary, cases, edmd, md, measures, scenes, theory, walls, waves
     from granular.binary import restitution_of
     from granular.cases import Case
     from granular.comparison import Comparison, compare
@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "Pair", "PowerLaw", "Scene", "Status",
-    "TabulatedRestitution", "ThorntonRestitution", "Threshold", "Trajectory", "TsujiHertz", "ViscoelasticHertz",
-    "WaltonBraun", "adiabatic", "binary", "cases", "compare", "edmd", "frontier", "md", "measures", "restitution_of",
-    "scenes", "stability", "sweep", "theory", "threshold", "until", "walls",
+    "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "MatchedEnd", "Pair", "PowerLaw", "Scene",
+    "Status", "TabulatedRestitution", "ThorntonRestitution", "Threshold", "Trajectory", "TsujiHertz",
+    "ViscoelasticHertz", "WaltonBraun", "adiabatic", "binary", "cases", "compare", "edmd", "frontier", "md", "measures",
+    "restitution_of", "scenes", "stability", "sweep", "theory", "threshold", "until", "walls", "waves",
 ]
 
 _UPPER_FLOORS = {

@@ -15,11 +15,14 @@ import numpy as np
 
 from granular import _check
 from granular._check import Array
+from granular.laws.kinds import resolved
+from granular.laws.statics import overlap_under
 from granular.scene import Scene, in_order
 from granular.walls import Sine
 
 __all__ = [
-    "ball_stack", "bouncing_ball", "chain", "column", "gas", "newtons_cradle", "three_balls", "vibrated_column",
+    "ball_stack", "bouncing_ball", "chain", "column", "compressed_chain", "gas", "newtons_cradle", "three_balls",
+    "vibrated_column",
 ]
 __dir__ = __all__.copy
 
@@ -293,6 +296,83 @@ def vibrated_column(
         plate = Sine(amplitude, frequency, phase)
     floor, *between = _gaps(gap, count)
     return _above_floor(_mass(r, density), r, floor, between, 0.0, gravity, plate)
+
+
+def compressed_chain(
+    n: int = 20, force: float = 20.0, *, law: Any, ends: str = "walls", dimer: float = 1.0,
+    striker: float | None = None, speed: float = 0.1, floor: Any = None, radius: float = 0.009525,
+    density: float = 8027.0,
+) -> Scene:
+    """Chain of balls at rest under a static force (granular crystal): each contact is as deep as the law says.
+
+    Small waves in it have the dispersion of `granular.waves`, with the stiffness of its contacts under that force.
+
+    Parameters
+    ----------
+    n : int
+        Number of balls, without a striker.
+    force : float
+        Force in N that every contact bears, not negative; at 0 the balls just touch.
+    law : force law, sequence of them, function of a pair, or None
+        Law of the contacts: one for all, one per pair left to right, or one made for each pair; None: the balls only
+        touch, as without a force.
+    ends : {"walls", "force", "forces"}
+        What holds the chain: two walls, a floor and a force on the last ball, or forces on both of its ends.
+    dimer : float
+        Mass of every second ball relative to its neighbours, of the same density.
+    striker : float, optional
+        Mass in kg of one more ball that arrives from the left and touches the first; for ends="forces".
+    speed : float
+        Speed of the striker in m/s.
+    floor : granular.walls.Sine, Piecewise or Motion, optional
+        How the floor moves; to the command type=Sine amplitude=1e-9 frequency=5000.
+    radius : float
+        Radius of the first ball in m.
+    density : float
+        Density in kg/m³ (steel).
+
+    Raises
+    ------
+    TypeError, ValueError
+        For misuse, such as a force that no overlap gives under that law.
+    """
+    count, load = _check.whole("n", n, at_least=1), _check.number("force", force, at_least=0.0, fix="it presses")
+    _check.choice("ends", ends, ("walls", "force", "forces"))
+    r = np.full(count, _check.number("radius", radius, above=0.0))
+    r[1::2] *= np.cbrt(_check.number("dimer", dimer, above=0.0))
+    force_on = np.zeros(count)
+    force_on[0] += load * (ends == "forces")
+    force_on[-1] -= load * (ends != "walls")
+    front, back = [WALL] * (ends != "forces"), [WALL] * (ends == "walls")
+    if striker is not None:
+        if front:
+            raise ValueError(f"striker is {striker!r}: a wall is in its way; ends='forces' is needed.")
+        front = [_striker(striker, speed, density)]
+    balls = zip(_mass(r, density).tolist(), r.tolist(), [0.0] * count, force_on.tolist(), strict=True)
+    bodies = [*front, *balls, *back]
+    mass, radii, velocity, forces = zip(*bodies, strict=True)
+    scene = Scene(mass, radii, np.zeros(len(bodies) - 1), velocity, external_force=forces, floor=floor)
+    return scene if law is None else _pressed(scene, law, load, first=int(striker is not None))
+
+
+WALL = math.inf, 0.0, 0.0, 0.0
+"""Mass, radius, velocity, and force on it."""
+
+
+def _striker(mass: float, speed: float, density: float) -> tuple[float, float, float, float]:
+    """Mass, radius, velocity of a ball that arrives, and no force."""
+    m = _check.number("striker", mass, above=0.0)
+    return m, float(_radius(np.array(m), density)), _check.number("speed", speed, above=0.0), 0.0
+
+
+def _pressed(scene: Scene, law: Any, load: float, first: int) -> Scene:
+    """Return `scene` with the overlaps, from the pair `first` on, at which contacts at rest bear `load`."""
+    if callable(law) and not hasattr(law, "force"):
+        law = [law(pair) for pair in scene.pairs]
+    laws = resolved(_check.per_pair("law", law, scene.n_pairs), scene)
+    gap = -laws.column(lambda one: overlap_under(one, load))
+    gap[:first] = 0.0
+    return in_order(scene.replace(gap=gap + 0.0))
 
 
 def _above_floor(

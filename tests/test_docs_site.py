@@ -16,7 +16,7 @@ COMMAND = re.compile(r"^```sh\n([^`]*?)^```\n\n```text\n(.*?)^```", re.MULTILINE
 BLOCK = re.compile(r"^```python\n(.*?)^```(?:\n\n```text\n(.*?)^```)?", re.MULTILINE | re.DOTALL)
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 PAGES = ["index", "concepts", "theory", "viscoelastic", "methods", "your-own-scene", "limits", "defence-of-design",
-         "teacher-sheet"]  # fmt: skip
+         "teacher-sheet", "waves"]  # fmt: skip
 
 
 def agree(printed: str, shown: str) -> bool:

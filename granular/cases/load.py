@@ -7,6 +7,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -57,8 +58,10 @@ def load(path: str | PathLike[str]) -> Case:
             t_end = 10.0
             dt = 1e-7                    # and other options of md.simulate and edmd.simulate
 
-    A wall that moves by a function of yours is ``{ type = "Motion", function = "motion.py:shake" }``: the name of a
-    Python file beside this one, which is run, or of a module that can be imported, and of the function in it.
+    A wall that moves by a function of yours says the name of a Python file beside this one, which is run, or of a
+    module that can be imported, and of the function in it::
+
+        floor = { type = "Motion", function = "motion.py:shake" }
 
     Returns
     -------
@@ -113,8 +116,12 @@ def of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
     if "scene" not in tables:
         raise ValueError("table [scene] is missing: it names a ready-made scene or gives mass, radius, gap, velocity.")
     with place("[scene]"):
-        base = _base(build.walled(_table(tables["scene"]), folder))
+        given = build.walled(_table(tables["scene"]), folder)
+        base = _base(given)
     law, rule = _physics(tables, base)
+    if "name" in given:
+        with place("[scene]"):
+            base = ready.pressed(given.pop("name"), replace(base, law=law), given)
     with place("[run]"):
         run = dict(_table(tables.get("run", {})))
         t_end = _check.number("t_end", run.pop("t_end")) if "t_end" in run else base.t_end

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, scenes, until, walls
+from granular import _check, scenes, until, walls, waves
 from granular.cases import build
 from granular.cases.case import Case
 from granular.cases.options import Option, options_of, summary
@@ -37,12 +37,15 @@ class Template:
         The end time in s for a scene; None: the stop condition is sure to come.
     contact : mapping
         Defaults of `contact` that differ for this scene.
+    pressed : callable or None
+        The end time in s for a scene and its laws, if overlaps at the start hang on the laws: `make` then takes them.
     """
 
     make: Callable[..., Scene]
     until: until.Until | None
     t_end: Callable[[Scene], float | None] = lambda scene: None
     contact: Mapping[str, Any] = field(default_factory=dict)
+    pressed: Callable[[Scene, Any], float | None] | None = None
 
 
 def falls(count: float, scene: Scene) -> float | None:
@@ -67,6 +70,14 @@ def bounces(count: float, periods: float, scene: Scene) -> float | None:
     return shaken(periods, scene) if scene.driven else falls(count, scene)
 
 
+def crossings(count: float, periods: float, scene: Scene, law: Any) -> float | None:
+    """End time in which a slow wave crosses a chain under pressure so often, or of so many periods of its floor."""
+    if scene.driven:
+        return shaken(periods, scene)
+    once = waves.crossing_time(scene, law)
+    return count * once if once < math.inf else None
+
+
 MOST_BALLS = 10_000_000
 """Balls of a ready-made scene: with a contact log they need some GB of memory."""
 STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
@@ -81,6 +92,8 @@ TEMPLATES = {
     "gas": Template(scenes.gas, None, partial(flights, 10), {"restitution": 0.9}),
     "bouncing-ball": Template(scenes.bouncing_ball, None, partial(bounces, 6, 50)),  # at ε = 0.7 it rests after 17/3
     "vibrated-column": Template(scenes.vibrated_column, None, partial(shaken, 20), contact={"restitution": 0.95}),
+    "compressed-chain": Template(scenes.compressed_chain, None, contact=STEEL | {"stiffness": 1e10},
+                                 pressed=partial(crossings, 2, 50)),
 }
 
 
@@ -106,9 +119,10 @@ def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None
     shapes = shaping(name)
     contacts = [parameter.name for parameter in build.parameters(contact)[1:]]
     _check.known(options, [*shapes, *contacts], f"option of {name}", TypeError)
-    case = bare(name, {key: value for key, value in options.items() if key in shapes}, t_end)
+    of_scene = {key: value for key, value in options.items() if key in shapes}
+    case = bare(name, of_scene, t_end)
     case = touching(name, case, **{key: value for key, value in options.items() if key not in shapes})
-    return replace(case, run=dict(run or {}))
+    return replace(pressed(name, case, of_scene), run=dict(run or {}))
 
 
 def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> Case:
@@ -117,7 +131,10 @@ def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> 
     n = of_scene.get("n", 0)
     if isinstance(n, (int, float)) and n > MOST_BALLS:
         _check.whole("n", n, at_least=1, at_most=MOST_BALLS, fix="build larger scenes in Python")
-    scene = build.call([template.make], build.walled(of_scene))
+    if template.pressed is not None:
+        _check.known(of_scene, shaping(name), f"parameter of {name}")
+    untouched = {} if template.pressed is None else {"law": None}
+    scene = build.call([template.make], build.walled(of_scene) | untouched)
     end = template.t_end(scene) if t_end is None else _check.number("t_end", t_end, at_least=0.0)
     return Case(scene, None, None, template.until, end, about=about(name))
 
@@ -126,6 +143,20 @@ def touching(name: str, case: Case, **of_contact: Any) -> Case:
     """Return a bare case of that name with its contacts, with options of `contact`."""
     law, rule = contact(case.scene, **(dict(_named(name).contact) | of_contact))
     return replace(case, law=law, rule=rule)
+
+
+def pressed(name: str, case: Case, of_scene: Mapping[str, Any]) -> Case:
+    """Return a case of that name with the overlaps that its laws ask for, if they do, and its end time then."""
+    template = _named(name)
+    if template.pressed is None or case.law is None:
+        return case
+    scene = build.call([template.make], build.walled(of_scene) | {"law": case.law})
+    return replace(case, scene=scene, t_end=template.pressed(scene, case.law) if case.t_end is None else case.t_end)
+
+
+def hangs_on_laws(name: str) -> bool:
+    """Return whether the scene of that name begins with overlaps, which hang on the force laws."""
+    return _named(name).pressed is not None
 
 
 def contact(
@@ -197,7 +228,7 @@ def options(name: str) -> list[Option]:
 
 def shaping(name: str) -> set[str]:
     """Names of the options of a ready-made case that shape its scene."""
-    return {parameter.name for parameter in build.parameters(_named(name).make)}
+    return {parameter.name for parameter in build.parameters(_named(name).make)} - {"law"}
 
 
 def first_impact(scene: Scene) -> float:

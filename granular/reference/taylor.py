@@ -222,6 +222,10 @@ class Taylor:
         """The x below `reach` at which the time is `end`; `reach` if it is not reached."""
         if piece.pair < 0:
             return min(reach, end - self.t)
+        if reach == self.mp.inf:  # all is at rest under forces that balance to the last digit
+            if end == self.mp.inf:
+                raise ValueError("t_end is missing: the balls rest on each other, and nothing follows.")
+            return (end - self.t) / piece.t[1]
         x = first_rise(self.mp, [self.t - end, *piece.t[1:]], reach) if end < self.mp.inf else None
         return reach if x is None else x
 

@@ -1,0 +1,144 @@
+"""Bands and the gap of a driven chain, and the solitary wave: runs of the located engine beside closed forms.
+
+Run with ``python bench/waves.py``; writes docs/figures/waves.png.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import docs_data
+import numpy as np
+
+import granular as gr
+from granular.drawing import COLUMN, GREY, HARD, SOFT, canvas, letter, style
+
+FIGURE = Path(__file__).parent.parent / "docs" / "figures" / "waves.png"
+LAW, FORCE, DIMER = gr.Hertz(9.75758e9), 20.0, 0.5
+ROWS = 8
+"""Rows in a period of the highest frequency."""
+
+
+def crystal(n: int, **options: Any) -> tuple[gr.Scene, float, np.ndarray]:
+    """A chain of two masses, the stiffness of its contacts, and the masses of a cell."""
+    scene = gr.scenes.compressed_chain(n, FORCE, law=LAW, dimer=DIMER, **options)
+    return scene, float(gr.waves.stiffness(scene, LAW)[1]), scene.mass[1:3]
+
+
+def noise(cells: int, periods: int) -> dict[str, Any]:
+    """Spectral density of the velocities in a chain between walls that starts with random ones."""
+    scene, k, mass = crystal(2 * cells)
+    top = gr.waves.band_edges(k, mass)[-1, 1]
+    start = np.zeros(scene.n)
+    start[1:-1] = np.random.default_rng(1).normal(0.0, 1e-7, 2 * cells)
+    times = np.arange(periods * ROWS) * (2.0 * math.pi / top / ROWS)
+    run = gr.md.simulate(scene.replace(velocity=start), LAW, t_end=times[-1], samples=times)
+    heavy = run.velocity[:, 1:-1:2] * np.hanning(len(times))[:, None] * np.hanning(cells + 2)[1:-1]
+    density = np.abs(np.fft.fft2(heavy)) ** 2
+    folded = density[: len(times) // 2] + density[:1:-1][: len(times) // 2]
+    kept = folded[: int(1.1 * periods), : cells // 2 + 1]
+    return {"phase": (2.0 * math.pi * np.arange(cells // 2 + 1) / cells).tolist(),
+            "frequency": (np.arange(len(kept)) * top / (2.0 * math.pi) / periods).tolist(),
+            "density": (kept / kept.max()).tolist()}  # fmt: skip
+
+
+def decays(points: int, periods: int) -> dict[str, list[float]]:
+    """Decay from ball to ball in the gap and above the bands, measured with a shaken floor."""
+    scene, k, mass = crystal(16)
+    edges = gr.waves.band_edges(k, mass)
+    inside = [0.2, 0.8] if points < 3 else np.linspace(0.15, 0.85, points)
+    gap = [edges[0, 1] + part * (edges[1, 0] - edges[0, 1]) for part in inside]
+    above = [edges[1, 1] * (1.05 + 0.4 * part) for part in inside]
+    omega = [float(w) for w in [*gap, *above]]
+    return {"omega": omega, "decay": [decay(scene, w, periods) for w in omega]}
+
+
+def decay(scene: gr.Scene, omega: float, periods: int) -> float:
+    """One of them: the floor sets in softly, so that only its own frequency is there."""
+    turn = 2.0 * math.pi / omega
+
+    def path(t: float) -> float:
+        return 5e-11 * math.erfc((0.4 * periods * turn - t) / (0.088 * periods * turn)) * math.sin(omega * t)
+
+    times = np.linspace((periods - 8) * turn, periods * turn, 96, endpoint=False)
+    run = gr.md.simulate(scene.replace(floor=gr.walls.Motion(path)), LAW, t_end=periods * turn, samples=times)
+    moved = run.position - run.position.mean(axis=0)
+    size = np.abs((moved * np.exp(-1j * omega * times)[:, None]).mean(axis=0))
+    return float(math.sqrt(size[3] / size[1]))
+
+
+def solitary(balls: int) -> dict[str, Any]:
+    """Force at three contacts of a run over the distance of the exact wave from them, and its farthest from it."""
+    scene, wave = gr.waves.solitary(balls, 0.1, law=LAW), gr.waves.SolitaryWave(1.5)
+    m = scene.mass[0]
+    deepest = (0.1 * math.sqrt(m / LAW.k) / wave.peak_velocity) ** 0.8
+    rate = wave.speed * math.sqrt(LAW.k * math.sqrt(deepest) / m)
+    sensors = [8, balls // 2, balls - 8]
+    times = np.unique([t for c in sensors for t in (c + 0.5 - 6.0 + np.linspace(-3.0, 3.0, 25)) / rate])
+    times = times[times >= 0.0]
+    run = gr.md.simulate(scene, LAW, t_end=float(times[-1]), samples=times)
+    found: dict[str, Any] = {"sensors": sensors, "at": [], "force": []}
+    for c in sensors:
+        x = c + 0.5 - 6.0 - rate * times
+        near = np.abs(x) <= 3.01
+        found["at"].append(x[near].tolist())
+        found["force"].append((run.force[near, c] / (LAW.k * deepest**1.5)).tolist())
+    return found
+
+
+def struck(n: int, rows: int) -> gr.Trajectory:
+    """A chain of equal balls under a force, struck from the left."""
+    scene = gr.scenes.compressed_chain(n, FORCE, law=LAW, ends="forces", striker=0.03, speed=2e-3)
+    return gr.md.simulate(scene, LAW, t_end=1.3 * gr.waves.crossing_time(scene, LAW), samples=rows)
+
+
+def compute(points: int) -> dict[str, Any]:
+    """All numbers; at few points short runs."""
+    few = points < 10
+    return {"noise": noise(4, 8) if few else noise(32, 128),
+            "decays": decays(2 if few else 8, 24 if few else 160),
+            "solitary": solitary(20 if few else 110)}  # fmt: skip
+
+
+def draw(data: dict[str, Any]) -> Any:
+    """Four panels."""
+    figure, axes = canvas(2.0 * COLUMN, 1.7 * COLUMN, 2, 2)
+    (bands, gaps), (pulse, picture) = axes
+    _, k, mass = crystal(4)
+    edges = gr.waves.band_edges(k, mass) / (2.0 * math.pi)
+    phase = np.linspace(0.0, math.pi, 200)
+    seen = data["noise"]
+    density = np.log10(np.maximum(seen["density"], 1e-6))
+    bands.pcolormesh(seen["phase"], 1e-3 * np.array(seen["frequency"]), density, cmap="Greys", shading="nearest",
+                     vmin=-3.0, vmax=0.0, rasterized=True)  # fmt: skip
+    bands.plot(phase, 1e-3 * gr.waves.dispersion(phase, k, mass) / (2.0 * math.pi), color=HARD, lw=0.8)
+    bands.set(xlabel="phase from cell to cell, rad", ylabel="frequency, kHz", xlim=(0.0, math.pi))
+    omega = np.linspace(0.0, 1.5 * edges[-1, 1], 1000) * 2.0 * math.pi
+    gaps.plot(omega / (2e3 * math.pi), gr.waves.decay(omega, k, mass), color=HARD, lw=0.8)
+    gaps.plot(np.array(data["decays"]["omega"]) / (2e3 * math.pi), data["decays"]["decay"], "o", ms=3, mfc="none",
+              color=SOFT, label="runs")  # fmt: skip
+    for low, high in 1e-3 * edges:
+        gaps.axvspan(low, high, color=GREY, alpha=0.15, lw=0)
+    gaps.set(xlabel="frequency, kHz", ylabel="decay from ball to ball", ylim=(0.0, 1.05), xlim=(0.0, None))
+    gaps.legend()
+    x = np.linspace(-3.0, 3.0, 400)
+    pulse.plot(x, gr.waves.SolitaryWave(1.5).force(x), color=HARD, lw=0.8, label="exact")
+    near = np.abs(x) < math.pi / math.sqrt(0.4) / 2.0
+    pulse.plot(x[near], np.cos(math.sqrt(0.4) * x[near]) ** 6, color=GREY, lw=0.8, ls="--", label="continuum")
+    marks = zip("os^", data["solitary"]["sensors"], data["solitary"]["at"], data["solitary"]["force"], strict=True)
+    for mark, contact, at, force in marks:
+        pulse.plot(at, force, mark, ms=3, mfc="none", color=SOFT, label=f"contact {contact}")
+    pulse.set(xlabel="distance from the peak, diameters", ylabel="force over its peak", yscale="log", ylim=(1e-5, 2.0))
+    pulse.legend(loc="lower center")
+    gr.waves.picture(struck(60, 300), beyond=True, axis=picture)
+    for axis, name in zip(axes.ravel(), "abcd", strict=True):
+        letter(axis, f"({name})")
+    return figure
+
+
+if __name__ == "__main__":
+    with style():
+        draw(compute(20)).savefig(FIGURE, dpi=200)
+    docs_data.store("waves")

@@ -1,0 +1,22 @@
+"""Waves in chains of balls that touch: bands and gaps under a static force, solitary waves without one.
+May be skipped: names of the package only.
+"""
+
+from granular.waves.bands import (
+    band_edges,
+    crossing_time,
+    decay,
+    dispersion,
+    matched_end,
+    modes,
+    sound_speed,
+    stiffness,
+)
+from granular.waves.sensors import Pulse, pulse
+from granular.waves.solitary_wave import SolitaryWave, solitary
+from granular.waves.space_time import picture
+
+__all__ = [
+    "Pulse", "SolitaryWave", "band_edges", "crossing_time", "decay", "dispersion", "matched_end", "modes", "picture",
+    "pulse", "solitary", "sound_speed", "stiffness",
+]

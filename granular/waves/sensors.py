@@ -1,0 +1,96 @@
+"""A pulse in a run as sensors in the balls see it: when it comes, how strong and how wide.
+May be skipped: reads the rows of a run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from granular import _check
+from granular._check import Array
+from granular.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Pulse:
+    """When a pulse passes each contact, how strong it is there and how wide.
+
+    Attributes
+    ----------
+    time : (n-1,) array
+        Of the largest force, in s; nan where that is at the first or last row of the run, or nothing passes.
+    peak : (n-1,) array
+        Largest force in N above the static one.
+    width : (n-1, w) array
+        For how long in s the force is more than the shares of the peak asked for, about that peak.
+    place : (n-1,) array
+        Where the contacts are at the first row, in m.
+    """
+
+    time: Array
+    peak: Array
+    width: Array
+    place: Array
+
+    def speed(self, first: int = 0, last: int | None = None) -> float:
+        """Return the speed in m/s: slope of place over time (least squares) of the contacts from `first` to `last`."""
+        part = slice(first, last)
+        seen = np.isfinite(self.time[part])
+        if np.count_nonzero(seen) < 2:
+            raise ValueError(f"first is {first!r} and last is {last!r}: contacts that the pulse passes, at least 2, "
+                             "are needed.")
+        t, x = self.time[part][seen], self.place[part][seen]
+        t = t - t.mean()
+        return float(t @ (x - x.mean()) / (t @ t))
+
+
+def pulse(run: Trajectory, shares: Sequence[float] = (0.5, 0.01, 0.001), static: float = 0.0) -> Pulse:
+    """Measure the largest pulse that passes each contact in the rows of a run of soft spheres.
+
+    Between rows the force is a cubic spline: wrong by about (dt/duration)⁴, so ask for `samples` accordingly.
+
+    Parameters
+    ----------
+    run : Trajectory
+        Of `granular.md` with rows often enough: 20 in a pulse give 4 digits, 200 give 8.
+    shares : floats
+        Parts of the peak, in (0, 1), for the widths.
+    static : float
+        Force in N that all contacts bear at rest; the pulse is what is above it.
+    """
+    if not isinstance(run, Trajectory) or run.force is None:
+        raise TypeError(f"run is {run!r}: a run of granular.md is needed; hard spheres have no forces.")
+    if len(run.time) < 5:
+        raise ValueError(f"run has {len(run.time)} rows: at least 5 are needed; pass samples= to simulate.")
+    parts = _check.array("shares", shares)
+    _check.every("shares", parts, (parts > 0.0) & (parts < 1.0), "a part between 0 and 1 is needed")
+    base = _check.number("static", static, at_least=0.0)
+    seen = [_of_one(run.time, force - base, parts) for force in run.force.T]
+    left, _ = run.scene.sides(run.scene.position)
+    place = left + run.scene.sides(run.scene.radius)[0]
+    return Pulse(np.array([one[0] for one in seen]), np.array([one[1] for one in seen]),
+                 np.array([one[2] for one in seen]).reshape(len(seen), len(parts)), place)
+
+
+def _of_one(time: Array, force: Array, shares: Array) -> tuple[float, float, list[float]]:
+    """Time, peak and widths of the largest force of one contact."""
+    from scipy.interpolate import CubicSpline
+
+    i = int(force.argmax())
+    if not 0 < i < len(time) - 1 or not force[i] > 0.0:
+        return np.nan, float(force[i]), [np.nan] * len(shares)
+    spline: Any = CubicSpline(time - time[i], force)
+    near = spline.derivative().roots(extrapolate=False)
+    near = np.append(near[np.abs(near) <= max(time[i] - time[i - 1], time[i + 1] - time[i])], 0.0)
+    top = float(near[spline(near).argmax()])
+    peak = float(spline(top))
+    widths = []
+    for share in shares.tolist():
+        roots = spline.solve(share * peak, extrapolate=False)
+        before, after = roots[roots < top], roots[roots > top]
+        widths.append(float(after.min() - before.max()) if len(before) and len(after) else np.nan)
+    return float(time[i]) + top, peak, widths

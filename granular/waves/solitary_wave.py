@@ -1,0 +1,178 @@
+"""The solitary wave of balls that just touch, exact for the discrete chain: not that of a continuum.
+May be skipped: chains of touching balls only.
+
+A wave that keeps its shape, δ_j(t) = δ_max φ(j - ct), turns Newton's equation of a chain with F = A δ^p into
+
+    c² φ''(x) = φ^p(x - 1) - 2 φ^p(x) + φ^p(x + 1),
+
+with c in balls per √(m / (A δ_max^(p-1))). Two integrations give φ = Λ * φ^p / c², with the triangle Λ(x) = 1 - |x| on
+[-1, 1] (English & Pego 2005). Convolving, and dividing by the peak, again and again converges to φ; c² is that peak.
+The wave falls off doubly exponentially, so that a Fourier series on a few diameters has every digit.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from granular import _check
+from granular._check import Array
+from granular.laws.contact_law import instance, resolve
+from granular.scene import Scene, in_order
+
+BOX, POINTS = 32.0, 1024
+"""Length of the period in diameters, and points on it: more than enough for all exponents that are taken."""
+LEAST, MOST = 1.1, 8.0
+"""Exponents: below, the wave is longer than the box; above, steeper than its points resolve."""
+SWEEPS = 1000
+FAINT = 1e-16
+"""Overlaps below that share of the largest are rounding, and left out."""
+BACK = 5.0
+"""How far in diameters the wave reaches at least to each side in a scene."""
+
+
+@dataclass(frozen=True, eq=False)
+class SolitaryWave:
+    """Shape and speed of the solitary wave of exponent p, for m = A = δ_max = 1 and balls 1 apart.
+
+    Parameters
+    ----------
+    exponent : float
+        p of F = A δ^p, from 1.1 to 8; 3/2 is Hertz.
+
+    Notes
+    -----
+    In general overlaps are in units of δ_max, and times of √(m / (A δ_max^(p-1))): the wave runs at c √(A δ_max^(p-1) /
+    m) balls per second, and balls at up to `peak_velocity` √(A δ_max^(p+1) / m).
+    """
+
+    exponent: float
+
+    def __post_init__(self) -> None:
+        _check.number("exponent", self.exponent, at_least=LEAST, at_most=MOST,
+                      fix="1 has no solitary waves; near it they are long, far above it steep")
+
+    @property
+    def speed(self) -> float:
+        """Speed c in balls per unit of time."""
+        return math.sqrt(_series(self.exponent)[1])
+
+    @property
+    def peak_velocity(self) -> float:
+        """Largest velocity of a ball."""
+        return float(self.velocity(-0.5))
+
+    def overlap(self, x: Any) -> Array:
+        """Return φ at distances x in balls from the peak; |x| at most 16."""
+        series, c2 = _series(self.exponent)
+        k = _wave_numbers()
+        return np.maximum(_cosines(series * np.sinc(k / (2.0 * math.pi)) ** 2 / c2, _inside(x)), 0.0)
+
+    def force(self, x: Any) -> Array:
+        """Return φ^p."""
+        return np.maximum(_cosines(_series(self.exponent)[0], _inside(x)), 0.0)
+
+    def velocity(self, x: Any) -> Array:
+        """Return the velocity of the ball behind the contact at x; largest at x = -1/2: (1/c) ∫ φ^p from x to x + 1."""
+        k = _wave_numbers()
+        return _cosines(_series(self.exponent)[0] * np.sinc(k / (2.0 * math.pi)) / self.speed, _inside(x) + 0.5)
+
+    def width(self, share: float) -> float:
+        """Return over how many diameters the force is more than `share`, in (0, 1), of its peak."""
+        part = _check.number("share", share, above=0.0, at_most=1.0)
+        low, high = 0.0, 0.25 * BOX
+        while (middle := 0.5 * (low + high)) not in (low, high):
+            low, high = (middle, high) if self.force(middle) > part else (low, middle)
+        return low + high
+
+
+def solitary(
+    n: int = 40, speed: float = 0.1, *, law: Any, at: float = 6.0, radius: float = 0.009525, density: float = 8027.0
+) -> Scene:
+    """Return a row of equal balls that touch, with the exact solitary wave in it, moving to the right.
+
+    Parameters
+    ----------
+    n : int
+        Number of balls.
+    speed : float
+        Largest velocity of a ball in m/s, far below that of the wave.
+    law : force law
+        F = A ξ^p without damping, p from 1.1 to 8, the same in all pairs.
+    at : float
+        Where the peak of the force is: between the balls at - 1/2 and at + 1/2, counted from 0; at least 5 from both
+        ends.
+    radius : float
+        Radius of a ball in m.
+    density : float
+        Density in kg/m³ (steel).
+
+    Returns
+    -------
+    Scene
+        Free at both ends, without gravity.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a law that is no such power, or a wave that does not fit in.
+
+    Notes
+    -----
+    In m/s the wave runs at 2R c √(A δ_max^(p-1) / m), c = `SolitaryWave.speed`, and overlaps by up to δ_max = (v √(m/A)
+    / `SolitaryWave.peak_velocity`)^(2/(p+1)).
+    """
+    count = _check.whole("n", n, at_least=math.ceil(2.0 * BACK) + 1, fix="a wave is five balls long")
+    r, rho = _check.number("radius", radius, above=0.0), _check.number("density", density, above=0.0)
+    v, m = _check.number("speed", speed, above=0.0), 4.0 / 3.0 * math.pi * r**3 * rho
+    place = _check.number("at", at, at_least=BACK, at_most=count - 1.0 - BACK, fix="the wave must lie within the row")
+    row = Scene(np.full(count, m), np.full(count, r), np.zeros(count - 1), np.zeros(count))
+    form = resolve(instance("law", law), row.pairs[0]).form
+    if form is None or form[2] != 0.0:
+        raise ValueError(f"law is {law!r}: F = A ξ^p without damping is needed, such as Hertz; others have no exact "
+                         "solitary wave.")
+    wave = SolitaryWave(form[1])
+    deepest = (v * math.sqrt(m / form[0]) / wave.peak_velocity) ** (2.0 / (wave.exponent + 1.0))
+    x = np.arange(count) - 0.5 - place  # of the contact before each ball
+    overlap, velocity = wave.overlap(x[1:]), wave.velocity(x)
+    overlap[overlap < FAINT] = 0.0
+    velocity[velocity < FAINT] = 0.0
+    return in_order(row.replace(gap=0.0 - deepest * overlap, velocity=v / wave.peak_velocity * velocity))
+
+
+@cache
+def _series(p: float) -> tuple[Array, float]:
+    """Return the cosine series of φ^p, and c²."""
+    k = _wave_numbers()
+    triangle = np.sinc(k / (2.0 * math.pi)) ** 2
+    x = np.abs(np.fft.fftfreq(POINTS, 1.0 / BOX))
+    phi, before = np.maximum(0.0, 1.0 - 0.5 * x) ** 2, math.inf
+    for _ in range(SWEEPS):
+        raw = np.fft.irfft(np.fft.rfft(phi**p) * triangle, POINTS)
+        new = np.maximum(raw / raw[0], 0.0)
+        step = float(np.abs(new - phi).max())
+        phi = new
+        if step < 1e-15 and step >= before:  # at rounding
+            break
+        before = step
+    series = np.fft.rfft(phi**p).real / POINTS
+    series[1:-1] *= 2.0
+    return series, float((series * triangle).sum())
+
+
+@cache
+def _wave_numbers() -> Array:
+    return np.asarray(2.0 * math.pi * np.fft.rfftfreq(POINTS, BOX / POINTS))
+
+
+def _cosines(series: Array, x: Array) -> Array:
+    return np.asarray(np.cos(np.multiply.outer(x, _wave_numbers())) @ series)
+
+
+def _inside(x: Any) -> Array:
+    """Distances from the peak; beyond half a box there is nothing."""
+    return np.clip(np.asarray(x, dtype=np.float64), -0.5 * BOX, 0.5 * BOX)
