@@ -395,6 +395,7 @@ def test_accounts_close_and_resumed_runs_go_on(seed):
                 assert np.array_equal(getattr(whole, name), getattr(rest, name)), name
 
 
+@pytest.mark.soak  # to compile what driven scenes need takes half a minute
 def test_queues_agree_to_the_last_bit():
     """Interpreted and compiled, in pieces and at once."""
     pytest.importorskip("numba")
@@ -407,6 +408,7 @@ def test_queues_agree_to_the_last_bit():
             assert remainder(b) < 1e-12
 
 
+@pytest.mark.soak
 def test_a_condensed_column_goes_on():
     """N(1-ε) from .1 to 2: no stall, and the account of a hundred thousand collisions."""
     pytest.importorskip("numba")

@@ -45,7 +45,7 @@ def test_orders_beside_a_driven_wall(method):
     assert found == pytest.approx(ORDERS[method], abs=0.2)
 
 
-@pytest.mark.parametrize("seed", [0, 3, 4])
+@pytest.mark.parametrize("seed", [3, *(pytest.param(seed, marks=pytest.mark.soak) for seed in (0, 4))])
 def test_random_scenes_agree_with_the_reference(seed):
     scene, law = scenes(seed)
     truth = reference.solve(scene, law, t_end=0.3, digits=20)
@@ -180,6 +180,7 @@ def test_what_a_law_with_memory_dissipates_is_known_between_its_contacts():
     assert lost[2] == pytest.approx(0.5 * 0.75, rel=0.05)  # ε = ½
 
 
+@pytest.mark.soak
 def test_compiled_and_in_windows_the_same_bits():
     scene, law = scenes(5)
     law = [gr.LinearDashpot(3e3, 10.0 + c) for c in range(scene.n - 1)]

@@ -158,6 +158,7 @@ def test_a_resumed_run_is_the_run(seed):
         assert whole.ledger.tobytes() == rest.ledger.tobytes()
 
 
+@pytest.mark.soak  # to compile what driven scenes need takes a minute
 @pytest.mark.parametrize("disturbed", ["resolve", "stop", "ignore"])
 def test_compiled_runs_have_the_same_bits(disturbed):
     pytest.importorskip("numba")
