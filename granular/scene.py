@@ -385,6 +385,19 @@ def fitted(scene: Scene, t_start: float, t_end: float) -> Scene:
     return scene.replace(floor=floor, ceiling=ceiling)
 
 
+def driven_walls(scene: Scene, t_start: float, *, still: bool = True) -> list[tuple[int, Any, Any]]:
+    """Return of each driven wall its body, its record `WALL` (in an array) and its records `PANEL`, numbered on from
+    wall to wall, of a scene that is `fitted` and whose instant is `t_start` (s); of all, or of those that ever move."""
+    found, first = list[tuple[int, Any, Any]](), 0
+    for body, side, motion in zip((0, scene.n - 1), (1.0, -1.0), scene.motions, strict=True):
+        if motion is not None and (still or walls_module.fastest(motion) > 0.0):
+            stands = {"start": float(scene.position[body]), "velocity": float(scene.velocity[body])}
+            panels = motion.panels(t_start, t_start)
+            found.append((body, *panels.records(side, **stands, t_start=t_start, first=first)))
+            first += len(found[-1][2])
+    return found
+
+
 def in_order(scene: Scene) -> Scene:
     """Return `scene` if no overlap is so deep that two centres have changed places; point particles may."""
     reach = sum(scene.sides(scene.radius))

@@ -49,6 +49,59 @@ def test_lift_off_of_a_resting_ball():
         assert (solved.contacts[0].t_end is not None) is lifts
 
 
+def jumping(*rates, start=-1.0, at=0.0):
+    """A ball of 1 kg at rest on a dashpot floor under g = 2; the floor's velocity jumps then (s), and 1/4 s later."""
+    breaks, rates = [*[start, at, at + 0.25][: len(rates) + 1], 9.0], [0.0, *rates]
+    path = gr.walls.Piecewise(breaks, [rates, np.cumsum([0.0, *np.diff(breaks)[:-1] * rates[:-1]])])
+    return gr.Scene([math.inf, 1.0], [0.0, 0.0], [-0.5], [0.0, 0.0], gravity=2.0, floor=path), DASHPOT
+
+
+DASHPOT = gr.LinearDashpot(4.0, 3.0)
+
+
+def on_dashpot(xi, eta, t):
+    """Overlap of that ball a time t later, while the force acts and the floor moves steadily."""
+    a, fall, swing = xi - MP.mpf(0.5), MP.mpf(1.5), MP.sqrt(MP.mpf(1.75))
+    return 0.5 + MP.exp(-fall * t) * (a * MP.cos(swing * t) + (eta + fall * a) / swing * MP.sin(swing * t))
+
+
+def both(scene, law, t_end):
+    """The scene from -1 s on by both solvers, which agree."""
+    solved = reference.solve(scene, law, t_start=-1.0, t_end=t_end)
+    other, _ = restarted.solve(scene, resolved([law], scene), None, t_end, "DOP853", 3e-14, t_start=-1.0)
+    assert len(other.contacts) == len(solved.contacts)
+    assert abs(other.gap[0] - solved.gap[0]) < 1e-12
+    return solved
+
+
+@pytest.mark.parametrize("drop", [1.0, 2.0])
+def test_a_floor_that_jumps_away_clips_a_dashpot_at_once(drop):
+    solved = both(*jumping(-drop), 4.0)
+    first, then, *_ = solved.contacts
+    square = MP.mpf(drop) ** 2 - 2
+    free = (MP.sqrt(5) - 1) / 4 if square < 0 else (drop + MP.sqrt(square)) / 2
+    assert (first.t_end, first.v_out) == (0, (-drop, 0))
+    assert abs(then.t_begin - free) < 1e-30
+    xi, eta = max(0, MP.mpf(0.5) - drop * free + free**2), 2 * free - drop
+    soon = both(*jumping(-drop), float(then.t_begin) + 0.125)
+    assert abs(soon.gap[0] + on_dashpot(xi, eta, MP.mpf(soon.t_stop) - free)) < 1e-30
+
+
+def test_a_floor_that_jumps_against_a_ball_clipped_before_pushes_it_at_once():
+    solved = both(*jumping(-1.0, 1.0), 1.0)
+    assert [row.t_begin for row in solved.contacts] == [-1, 0.25]
+    assert abs(solved.gap[0] + on_dashpot(MP.mpf(0.3125), MP.mpf(1.5), MP.mpf(0.75))) < 1e-30
+
+
+def test_a_solver_that_ends_just_short_of_a_jump_sees_it():
+    start, at = -0.9, 0.75
+    assert start + (at - start) < at
+    scene, law = jumping(-1.0, start=start, at=at)
+    solved, _ = restarted.solve(scene, resolved([law], scene), None, 2.0, "DOP853", 3e-14, t_start=start)
+    first, then = solved.contacts
+    assert (first.t_end, then.t_begin) == pytest.approx((at, at + (math.sqrt(5.0) - 1.0) / 4.0), abs=1e-12)
+
+
 def test_equivalence_of_a_rising_floor_and_gravity():
     mass, gap, velocity = [math.inf, 1.0, 0.3], [0.125, 0.0625], [0.0, -0.5, 0.25]
     law = [gr.LinearDashpot(4000.0, 12.0), gr.ViscoelasticHertz(1e5, 30.0)]

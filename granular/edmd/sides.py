@@ -10,32 +10,25 @@ from typing import Any
 
 import numpy as np
 
-from granular import walls as moving
 from granular._check import Array
 from granular._records import column, plain
 from granular.edmd.account import ledger as entries
 from granular.edmd.driven import CEILING, FLOOR, FREE, SIDE, carry, place, rounding
-from granular.scene import Scene
+from granular.scene import Scene, driven_walls
 from granular.walls.panels import PANEL
 
 
 def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
     """Return records of both walls, `SIDE`, and of the panels of both."""
     sides = np.zeros(2, SIDE)
-    panels: list[Any] = []
-    for which, body in ((0, 0), (1, scene.n - 1)):
-        sides["velocity"][which] = scene.velocity[body] if scene.is_wall[body] else 0.0
-        path = moving.path_of(scene.motions[which])
-        if path is not None:
-            one, rows = path.records(
-                1.0 - 2.0 * which, start=float(scene.position[body]), velocity=float(scene.velocity[body]),
-                t_start=t_start, first=sum(len(rows) for rows in panels),
-            )  # fmt: skip
-            for name in one.dtype.names or ():
-                sides[name][which] = one[name][0]
-            panels.append(rows)
+    sides["velocity"] = np.where(scene.is_wall, scene.velocity, 0.0)[[0, -1]]
+    driven = driven_walls(scene, t_start)
+    for body, one, _ in driven:
+        for name in one.dtype.names or ():
+            sides[name][0 if body == 0 else 1] = one[name][0]
     sides["begin"] = t_start
-    return sides, np.concatenate(panels) if panels else np.zeros(1, PANEL)  # kernels want one to know their kind
+    panels = [rows for _, _, rows in driven] or [np.zeros(1, PANEL)]  # kernels want one to know their kind
+    return sides, np.concatenate(panels)
 
 
 def begin(state: Any, scene: Scene) -> None:

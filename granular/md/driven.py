@@ -18,7 +18,7 @@ import numpy as np
 from granular._kernels import kernel
 from granular._records import packed, plain
 from granular.md.contact_force import asked as force
-from granular.scene import Scene
+from granular.scene import Scene, driven_walls
 from granular.walls.gap import after
 from granular.walls.hits import first_hit
 from granular.walls.panels import PANEL, WALL
@@ -35,13 +35,9 @@ steps are counted, in two floats; velocities of both ends in the step, (2, 6).""
 
 def walls_of(scene: Scene, start: float) -> Walls:
     """Return what kernels read of the walls of a scene that moves from `start` (s) on; plain objects and lists."""
-    paths, panels, bodies, first = list[Any](), list[Any](), list[int](), 0
-    for motion, body, side in zip(scene.motions, (0, scene.n - 1), (1.0, -1.0), strict=True):
-        if motion is not None:
-            given = motion.panels(start, start)
-            wall, rows = given.records(side, velocity=float(scene.velocity[body]), t_start=start, first=first)
-            paths, panels, first = [*paths, *plain(wall)], [*panels, *plain(rows)], first + len(rows)
-            bodies.append(body)
+    driven = driven_walls(scene, start)
+    bodies = [body for body, _, _ in driven]
+    paths, panels = ([record for each in driven for record in plain(each[i])] for i in (1, 2))
     drive = [[float(scene.velocity[body])] * 6 if scene.is_wall[body] else [0.0] * 6 for body in (0, scene.n - 1)]
     return Walls(paths, panels, bodies, scene.n - 1, start, 0.0, drive)
 

@@ -139,6 +139,7 @@ class Restarted(Newton):
         super().__init__(scene, laws, most, t_start)
         self.t, self.y, self.scale, self.driven = t_start, self.start(), self.scales(), scene.driven
         self.mode, self.loading = [OPEN] * self.pairs, [True] * self.pairs
+        self.edge = math.inf  # time in s of the next break of a wall's path
         self.options = {"method": method, "rtol": rtol, "atol": rtol * self.scale}
 
     def force(self, c: int, xi: float, eta: float) -> float:
@@ -188,10 +189,15 @@ class Restarted(Newton):
         """Move on to the first event, to the time `end` in s, or to where the path of a wall goes on otherwise."""
         from scipy.integrate import solve_ivp
 
-        self.zero, edges = self.t, [path.until(self.t) for path in self.paths.values()]
-        end = min([end, *edges])
-        look = {"max_step": min((edge - self.t) / LOOKS for edge in edges)} if edges else {}
-        events = [partial(self.event, watch) for watch in watches]
+        self.zero, events = self.t, [partial(self.event, watch) for watch in watches]
+        if self.t >= self.edge:  # no step sees what has happened by a jump of a wall's velocity
+            for watch, event in zip(watches, events, strict=True):
+                if event(0.0, self.y) > 0.0:
+                    return watch
+        edges = [path.until(self.t) for path in self.paths.values()]
+        self.edge = min(edges, default=math.inf)
+        end = min(end, self.edge)
+        look = {"max_step": (self.edge - self.t) / LOOKS} if edges else {}
         for event in events:
             vars(event).update(terminal=True, direction=1)
         done = solve_ivp(self, (0.0, end - self.t), self.y, events=events, **self.options, **look)

@@ -247,7 +247,7 @@ class Taylor:
         if event is None and limit < holds:
             self.t = self.mp.mpf(end)
         self.guide()
-        if event is not None and event.quantity == "bracket":
+        if event is not None and event.quantity == "bracket" and reach > 0:  # at 0 a wall's velocity has jumped
             self.touches[event.pair].exact = True
         return event
 

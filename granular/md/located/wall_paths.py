@@ -11,8 +11,8 @@ import numpy as np
 
 from granular._check import Array
 from granular._records import packed, plain
-from granular.scene import Scene
-from granular.walls import fastest, path
+from granular.scene import Scene, driven_walls
+from granular.walls import path
 from granular.walls.panels import PANEL, TERMS, WALL
 
 Walls = namedtuple("Walls", "start wall panels path push")
@@ -23,17 +23,10 @@ each wall scratch: the power series of side·m in m in the time, and that of its
 def walls_of(scene: Scene, start: float, terms: int) -> Walls | None:
     """Return the driven walls of a scene whose instant is the time `start` in s, for series of so many `terms`; None if
     none of them ever moves."""
-    walls, panels, first = [], [], 0
-    ends = zip(scene.motions, (1.0, -1.0), (0, -1), strict=True)
-    for motion, side, body in ends:
-        if fastest(motion) > 0.0:
-            stands = {"start": float(scene.position[body]), "velocity": float(scene.velocity[body]), "t_start": start}
-            wall, rows = motion.panels(start, start).records(side, **stands, first=first)
-            walls.append(wall)
-            panels.append(rows)
-            first += len(rows)
-    if not walls:
+    driven = driven_walls(scene, start, still=False)
+    if not driven:
         return None
+    _, walls, panels = zip(*driven, strict=True)
     scratch = np.zeros((len(walls), TERMS)), np.zeros((len(walls), terms))
     return Walls(start, np.concatenate(walls), np.concatenate(panels), *scratch)
 
