@@ -704,5 +704,5 @@ def test_walls_load_nothing_heavy():
 
 def test_a_function_with_too_many_turns_is_refused(monkeypatch):
     monkeypatch.setattr("granular.walls.motion.MOST", 100)
-    with pytest.raises(ValueError, match=r"function takes more than 100 polynomials, .* reach up to t = 0\.0\d*: a motion"):
+    with pytest.raises(ValueError, match=r"takes more than 100 polynomials, .* up to t = 0\.0\d*: a motion"):
         Motion(lambda t: math.sin(2e4 * t)).panels(0.0, 1.0)

@@ -103,8 +103,8 @@ def _fitted(function: Callable[[float], float], accuracy: float, begin: float, e
         middle = 0.5 * (left + right)
         if len(series) + len(todo) >= MOST:
             raise ValueError(
-                f"function takes more than {MOST} polynomials, of which {len(series)} reach up to t = {left:.9g}: a motion "
-                "with fewer turns from t_start to t_end is needed; for a harmonic one use granular.walls.Sine."
+                f"function takes more than {MOST} polynomials, of which {len(series)} reach up to t = {left:.9g}: a "
+                "motion with fewer turns from t_start to t_end is needed; for a harmonic one use granular.walls.Sine."
             )
         if right - left < (end - begin) * 2.0**-HALVINGS or not left < middle < right:
             raise ValueError(
