@@ -471,3 +471,19 @@ def test_a_motion_is_what_it_says():
     b = run(plate(2, Motion(lambda t: 0.1 * math.sin(2.0 * math.pi * 0.7 * t + 0.4))), 0.9, t_end=4.0)
     assert (a.contacts["pair"][:20] == b.contacts["pair"][:20]).all()
     assert np.abs(a.contacts["t_begin"][:20] - b.contacts["t_begin"][:20]).max() < 1e-11
+
+
+def test_late_pieces_keep_their_digits():
+    """The middle of a piece need not be a float: read from there, paths made steps of 1e-13 v at late breaks."""
+    start, rng = 1234.5, np.random.default_rng(3)
+    for _ in range(6):
+        breaks = start + np.concatenate([[0.0], np.sort(rng.uniform(0.002, 0.098, 6)), [0.11]])
+        c = np.vstack([rng.normal(0.0, 6.0, 7), rng.normal(0.0, 0.2, 7), np.zeros(7)])
+        for j in range(6):
+            c[2, j + 1] = np.polyval(c[:, j], breaks[j + 1] - breaks[j])
+        scene = gr.Scene([math.inf, 1.0], [0.0, 0.0], [1e-3], [0.0, 0.0], 9.81, floor=gr.walls.Piecewise(breaks, c))
+        rule = gr.ConstantRestitution(0.5)
+        run = gr.edmd.simulate(scene, rule, t_start=start, t_end=start + 0.1, samples=40, engine="sorted")
+        account = run.account()
+        balance = account["energy"] - account["work"].sum(axis=1) + account["dissipated"]
+        assert np.abs(balance - balance[0]).max() < 1e-13 * np.abs(np.diff(account["work"], axis=0)).sum()

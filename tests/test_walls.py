@@ -700,3 +700,9 @@ def test_walls_load_nothing_heavy():
     code = "import sys, granular.walls; print([m for m in ('scipy', 'numba', 'fractions') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_function_with_too_many_turns_is_refused(monkeypatch):
+    monkeypatch.setattr("granular.walls.motion.MOST", 100)
+    with pytest.raises(ValueError, match=r"takes more than 100 polynomials, .* up to t = 0\.0\d*: a motion"):
+        Motion(lambda t: math.sin(2e4 * t)).panels(0.0, 1.0)

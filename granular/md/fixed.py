@@ -34,6 +34,8 @@ CHUNK = 1 << 15
 WORTH_LOADING, WORTH_MAKING = 200_000, 2_000_000
 """Pair-steps after which ``engine="auto"`` goes on compiled if the machine code is there already, and if not: what is
 left may be as much as was done, and loading or making the code takes as long as these."""
+BETWEEN_WALLS = 64
+"""Steps between two looks at whether driven walls have met."""
 MOST_STEPS = 1 << 53
 """Number of the last step: that of the next one would be no float."""
 
@@ -117,9 +119,10 @@ class Run:
             raise ValueError(f"dt is {self.dt:g}: step {self.k:.3g} is more than can be counted; take a longer step, "
                              "or the method 'located'.")  # fmt: skip
         room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
-        why, k = stepper.march(self.k, int(min(CHUNK, limit - self.k)), room)
+        closing = self.scene.driven and bool(self.scene.is_wall[[0, -1]].all())
+        why, k = stepper.march(self.k, int(min(BETWEEN_WALLS if closing else CHUNK, limit - self.k)), room)
         self.take_off, self.steps, self.k = None, self.steps + k - self.k, k
-        if self.scene.driven and self.scene.is_wall[[0, -1]].all():
+        if closing:
             self._check_room()
         self.contacts += int(stepper.work.ended[0])
         if why == loop.UNTIL:

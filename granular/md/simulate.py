@@ -115,12 +115,13 @@ def simulate(
     also one that is there from the start, without the higher derivatives of its velocities, hence with order 2. Time:
     of "located", O(contacts); of a fixed-step method, O(pairs) per step.
 
-    Constant forces and driven walls (`Scene.external_force`, `floor`, `ceiling`) so far need a fixed-step method. In a
-    step such a wall drifts by the difference of two places on its path, and forces see its velocity there, so all
-    orders above stay; where the velocity of the path jumps within a step, the step is of order 1. While all pairs are
-    open the balls fly to the next touch, found on the path itself. Where walls move, the ledger behind
-    `Trajectory.account` is summed by Simpson's rule in each step: the account closes to the order of the method only,
-    and to 1 + s at onsets and ends; what is dissipated is nan while a law with memory pushes.
+    Beside a driven wall (`Scene.floor`, `ceiling`) "located" certifies the next touch on the path itself, and adds the
+    path's series to that of the contact. In a fixed step such a wall drifts by the difference of two places on its
+    path, and forces see its velocity there, so all orders above stay; where the velocity of the path jumps within a
+    step, the step is of order 1. While all pairs are open the balls fly to the next touch, found on the path itself.
+    Where walls move, the ledger behind `Trajectory.account` is summed by Simpson's rule in each fixed step: the account
+    closes to the order of the method only, and to 1 + s at onsets and ends; what is dissipated is nan while a law with
+    memory pushes.
     """
     laws = checked_laws(law, checked(scene))
     start = _check.number("t_start", t_start)

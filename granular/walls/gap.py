@@ -31,7 +31,7 @@ def state(wall: Record, panels: Records, t: float, tail: float, gap: float, rate
     """Return what `flight` follows: a gap (m) of given rate (m/s, the wall's own motion in it) at time t + tail."""
     y, low = reduced(wall, t, tail)
     k = panel_at(wall, panels, y)
-    x = ((y - panels[k].centre) + low) / panels[k].half
+    x = (((y - panels[k].left) - panels[k].half) + low) / panels[k].half
     m, v, a = value(panels[k], x)
     return y, low, k, x, gap, rate, pull, gap + m, rate + v, pull + a, 2.0**-51 * (abs(t) + abs(tail))
 
@@ -84,7 +84,7 @@ def coordinate(wall: Record, panel: Record, now: State, turns: float, s: float) 
     p, p_low = s, 0.0
     if wall.periodic:
         p, p_low = product(wall.frequency, s)
-    return (((p - turns) + (now[0] - panel.centre)) + (now[1] + p_low)) / panel.half  # type: ignore[no-any-return]
+    return (((p - turns) + ((now[0] - panel.left) - panel.half)) + (now[1] + p_low)) / panel.half  # type: ignore[no-any-return]
 
 
 @rare

@@ -22,6 +22,8 @@ NODES = 24
 AT_FIRST = 16
 """Panels before the first halving: what happens within a small part of one of them may be overlooked."""
 HALVINGS = 30
+MOST = 1 << 18
+"""Panels at most: they take a minute to make."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -99,6 +101,11 @@ def _fitted(function: Callable[[float], float], accuracy: float, begin: float, e
             worst = max(worst, small, float(np.abs(c).sum() - np.abs(kept).sum()))
             continue
         middle = 0.5 * (left + right)
+        if len(series) + len(todo) >= MOST:
+            raise ValueError(
+                f"function takes more than {MOST} polynomials, of which {len(series)} reach up to t = {left:.9g}: a "
+                "motion with fewer turns from t_start to t_end is needed; for a harmonic one use granular.walls.Sine."
+            )
         if right - left < (end - begin) * 2.0**-HALVINGS or not left < middle < right:
             raise ValueError(
                 f"function is not smooth near t = {middle:.9g}: a motion is needed that polynomials approach to "

@@ -100,7 +100,7 @@ def moved(wall: Record, panels: Records, t: float, tail: float) -> tuple[float, 
     """Return side·m (m), its rate (m/s) and its acceleration (m/s²) at time t + tail."""
     y, low = reduced(wall, t, tail)
     panel = panels[panel_at(wall, panels, y)]
-    return value(panel, ((y - panel.centre) + low) / panel.half)
+    return value(panel, (((y - panel.left) - panel.half) + low) / panel.half)
 
 
 @rare
@@ -175,7 +175,7 @@ def expansion(wall: Record, panels: Records, t: float, tail: float, series: list
     panel = panels[k]
     if wall.periodic and y > panel.right:  # at the end of a turn
         y -= 1.0
-    x = ((y - panel.centre) + low) / panel.half
+    x = (((y - panel.left) - panel.half) + low) / panel.half
     for j in range(len(series)):
         series[j] = panel.series[j]
     for i in range(panel.degree):
