@@ -398,3 +398,12 @@ def test_plot_shows_the_tie_rule_of_the_run():
     cradle = gr.compare(gr.scenes.newtons_cradle(3), gr.Hertz(1e9), ties="poisson", until=gr.until.separated())
     again = with_rows(cradle, "hard", np.linspace(0.0, 1e-3, 5))
     assert again.velocity[-1].tolist() == cradle.hard.velocity[-1].tolist()
+
+
+def test_a_root_beside_a_jump_is_found_whatever_rounding_says():
+    from granular.comparison.restitution import roots
+
+    grid = np.linspace(0.0, 1.0, 21)
+    for rounding in (-3e-16, 0.0, 3e-16):  # at 0.95, and a jump upwards beyond
+        found = roots(lambda x, r=rounding: math.nan if x == 0.0 else 2.0 if x > 0.96 else 0.95 - x + r, grid, 1.0)
+        assert found == pytest.approx([0.95], abs=1e-12)

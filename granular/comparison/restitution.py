@@ -13,6 +13,9 @@ from granular._check import Array
 from granular.binary import LawRestitution, restitution_of
 from granular.scene import Pair, Scene
 
+ROUNDING = 1e-14
+"""Values below this part of the largest are zero: one that jumps just beside its root may have no other sign there."""
+
 
 class LawRule(LawRestitution):
     """The rule that a comparison makes out of force laws: it speaks of the law where that gives no ε in [0, 1]."""
@@ -35,11 +38,13 @@ def rule_of(laws: tuple[Any, ...], scene: Scene) -> Any:
 
 
 def roots(function: Callable[[float], float], grid: Array, scale: float) -> tuple[float, ...]:
-    """Where a function that may jump is zero: on the grid, or between two of its points; a jump across is left out."""
+    """Where a function that may jump is zero: on the grid, but for rounding, or between two of its points; a jump
+    across is left out."""
     from scipy.optimize import brentq
 
-    values = [function(x) for x in grid.tolist()]
-    found = [float(x) for x, value in zip(grid, values, strict=True) if value == 0.0]
+    values = np.array([function(x) for x in grid.tolist()])
+    values[np.abs(values) <= ROUNDING * (scale + np.nanmax(np.abs(values), initial=0.0))] = 0.0
+    found = grid[values == 0.0].tolist()
     for k in np.flatnonzero(np.multiply(values[:-1], values[1:]) < 0.0):
         root = float(brentq(function, grid[k], grid[k + 1], xtol=1e-14))
         if abs(function(root)) < 1e-6 * (scale + abs(values[k]) + abs(values[k + 1])):
