@@ -217,7 +217,7 @@ MISUSE = [
     (lambda: Panels([0.0, 1.0], [[1.0]], turn=3.0), r"turn is 3.0: two numbers are needed"),
     (lambda: Panels([0.0, 1.0], [[1.0]], error=-1.0), r"error is -1.0: a finite number of at least 0"),
     (of_toml("floor = 3"), r"\[scene\]: floor is 3: one of granular.walls is needed"),
-    (of_toml("floor = { amplitude = 1.0 }"), r"\[scene\]: floor: key 'type' is missing; needed is one of Motion, "),
+    (of_toml("floor = { amplitude = 1.0 }"), r"floor: the keys given are \(amplitude\)"),
     (of_toml('floor = { type = "sine" }'), r"floor: type is 'sine': one of Motion, .* did you mean Sine\?"),
     (of_toml('floor = { type = "Sine", amplitude = 1.0, frequenz = 3.0 }'), r"'frequenz' is no key; did you"),
     (of_toml('floor = { type = "Sine", amplitude = 1.0 }'), r"the keys given are \(amplitude\): \(amplitude, freq"),

@@ -35,10 +35,11 @@ def rule(table: Mapping[str, Any]) -> Any:
 
 
 def wall(table: Any, folder: str = "") -> Any:
-    """Make how a wall moves: ``type`` and its numbers, or those of its `from_acceleration`; a function by its name."""
+    """Make how a wall moves: ``type`` (a Sine if it is not said) and its numbers, or those of its `from_acceleration`;
+    a function by its name."""
     if not isinstance(table, Mapping):
         return table
-    values = dict(table)
+    values = {"type": "Sine", **table}
     if isinstance(function := values.get("function"), str):
         values["function"] = Named(function, folder)
         values["function"].function  # noqa: B018  says now what cannot be found

@@ -141,7 +141,11 @@ def _coefficients(values: Array) -> Array:
 
 
 def _value(function: Callable[[float], Any], t: float) -> float:
-    return _check.number(f"function({t!r})", function(t), fix="the wall must be somewhere at every time of the run")
+    fix = "the wall must be somewhere at every time of the run"
+    try:
+        return _check.number(f"function({t!r})", function(t), fix=fix)
+    except ArithmeticError as error:
+        raise ValueError(f"function({t!r}) raises {type(error).__name__}: {error}; {fix}.") from error
 
 
 @lru_cache(maxsize=1)
