@@ -250,3 +250,16 @@ def test_what_is_certified_as_isolated_is(monkeypatch):
         assert runs[0].stats["isolated"] == runs[1].stats["isolated"]
         assert abs(runs[0].velocity[-1] - runs[1].velocity[-1]).max() < 1e-10 * max(1.0, abs(scene.velocity).max())
     assert alone > 25
+
+
+@pytest.mark.parametrize("rate", [0.0, 1.0, 2.0])
+def test_where_a_wall_jumps_a_law_with_memory_knows_its_largest_overlap(rate):
+    floor = gr.walls.Piecewise([-1.0, 0.016, 2.0], [[0.5, rate], [0.0, 0.508]])
+    scene = gr.Scene([math.inf, 1.0], [0.0, 0.0], [-0.01], [0.0, 0.0], floor=floor)
+    soft = run(scene, gr.WaltonBraun(1e4, 2e4), 0.0, 0.02)
+    top, swing = math.sqrt(1.25) * 0.01, math.sqrt(2e4)  # the force is 1e4 ξ up to there, then 2e4 (ξ - top/2)
+    end, away = math.atan(0.5) / 100.0 + 0.5 * math.pi / swing, 0.5 * top * swing
+    begins = [0.0, 0.016 + away * (0.016 - end) / (rate - 0.5 - away)] if rate > 0.5 + away else [0.0]
+    assert soft.contacts["t_begin"].tolist() == pytest.approx(begins, abs=1e-14)
+    assert soft.contacts["t_end"][0] == pytest.approx(end, abs=1e-14)
+    assert soft.contacts["xi_max"][0] == pytest.approx(top, rel=1e-13)

@@ -149,8 +149,8 @@ class Collocation:
         return float(law.energy(first) - law.energy(last))
 
     def is_clipped(self, p: Any) -> bool:
-        """Return whether the law gives no push to balls that overlap from the start."""
-        return not self.laws[p.number].force(p.xi, p.eta, p.xi) > 0.0
+        """Return whether the law gives no push to balls that overlap."""
+        return not self.force(p, p.xi, p.eta) > 0.0
 
     def pushes_at_touch(self, p: Any) -> bool:
         """Return whether a pair that has just closed at a rate > 0 is pushed apart at once, and not only later."""
