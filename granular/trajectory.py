@@ -170,18 +170,33 @@ class Trajectory:
         dict
             In J: *energy* (T,), see `energy`; *work* (T, 2) that the first and the last body, if they are walls, have
             done on the balls since the start, ∫ F ẋ_w dt; *heat* (T, 2) that they have given; *dissipated* (T,) in
-            contacts. Where walls move each is accumulated by itself, with the rounding of its sum carried along; where
-            none does, what is dissipated is what is lost. Under a fixed time step it is constant to the order of the
-            method only. All but the energy is nan where walls move and nobody has counted: in runs saved before there
-            was an account.
+            contacts. Where walls are driven each is accumulated by itself, with the rounding of its sum carried along;
+            else what is dissipated is what is lost, and the work of walls at constant speed is read off the log: nan
+            at rows within a contact at such a wall, and without a log. Under a fixed time step the sum is constant to
+            the order of the method only.
         """
         energy = self.energy()
         if self.ledger is None:
-            none = np.full((len(energy), 2), math.nan if self.scene.worked else 0.0)
-            lost = energy[0] - energy + none[:, 0]
-            return {"energy": energy, "work": none, "heat": none.copy(), "dissipated": lost}
+            work, none = self._work_at_constant_speed(), np.zeros((len(energy), 2))
+            return {"energy": energy, "work": work, "heat": none,
+                    "dissipated": energy[0] - energy + work.sum(axis=1)}  # fmt: skip
         return {"energy": energy, "work": self.ledger[:, :2], "heat": self.ledger[:, 2:4],
                 "dissipated": self.ledger[:, 4]}  # fmt: skip
+
+    def _work_at_constant_speed(self) -> Array:
+        """Work (T, 2) in J of walls that move at constant speed, by the impulses of the log."""
+        work, scene = np.zeros((len(self.time), 2)), self.scene
+        logged = len(self.contacts) > 0 or self.stats.get("contacts", self.stats.get("events", 0)) == 0
+        for side, pair in enumerate((0, scene.n_pairs - 1)):
+            speed = scene.velocity[-side] if scene.is_wall[-side] else 0.0
+            if speed == 0.0 and scene.motions[side] is None:
+                continue
+            rows = self.contacts[self.rows(pair)]
+            over, begun = (np.searchsorted(np.sort(rows[name]), self.time, "right") for name in ("t_end", "t_begin"))
+            sums = np.concatenate([[0.0], np.cumsum(rows["impulse"][np.argsort(rows["t_end"], kind="stable")])])
+            known = (over == begun) & logged & (scene.motions[side] is None)
+            work[:, side] = np.where(known, (1.0 - 2.0 * side) * speed * sums[over], math.nan)
+        return work
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write everything to one ``.npz`` file, whole or not at all; `load` reads it back.

@@ -131,12 +131,10 @@ def test_positions_in_place_of_gaps_take_walls_and_forces():
 
 
 def test_work_that_nobody_counted_is_unknown():
-    pushed = gr.Scene([INF, 1.0], [0.0, 0.1], [0.1], [0.5, 0.0])
-    for one in (pushed, scene(floor=Sine(1e-3, 50.0))):
-        account = trajectory(one).account()
-        assert np.isnan(account["work"]).all()
-        assert np.isnan(account["dissipated"]).all()
-        assert not np.isnan(account["energy"]).any()
+    account = trajectory(scene(floor=Sine(1e-3, 50.0))).account()
+    assert np.isnan(account["work"][:, 0]).all()
+    assert np.isnan(account["dissipated"]).all()
+    assert not np.isnan(account["energy"]).any()
     assert not trajectory(scene()).account()["work"].any()
 
 
@@ -237,7 +235,7 @@ MISUSE = [
     (lambda: gr.scenes.bouncing_ball(plate=3.0), r"floor is 3.0: one of granular.walls"),
     (lambda: gr.sweep(gr.Case(scene(), LAW), {"floor.amplitude": [1.0]}), r"'floor.amplitude' is no parameter"),
     (lambda: gr.sweep(gr.Case(scene(floor=Sine(1, 1)), LAW), {"floor.gamma": [1.0]}), r"'gamma' is no parameter"),
-    (lambda: gr.sweep("bouncing-ball", {"plate.amplitude": [1.0]}), r"plate: key 'type' is missing"),
+    (lambda: gr.sweep("bouncing-ball", {"plate.amplitude": [1.0]}), r"plate: the keys given are \(amplitude\)"),
     (adiabatic(gr.scenes.three_balls().replace(floor=Sine(1e-3, 50.0))), r"constant velocity and no forces are needed"),
     (adiabatic(gr.scenes.three_balls().replace(external_force=[0.0, 1.0, 0.0])), r"and no forces are needed"),
 ]

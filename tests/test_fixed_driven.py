@@ -140,17 +140,6 @@ def test_free_flight_beside_a_driven_wall_is_exact_and_costs_no_steps():
     assert one.position[1] == pytest.approx([floor.displacement(0.3), height], abs=1e-14)
 
 
-def test_a_wall_at_constant_speed_keeps_an_account_too():
-    scene = gr.Scene([math.inf, 1.0, 1.0], [0.0, 0.1, 0.1], [0.01, 0.02], [1.0, 0.0, -1.0])
-    one = run(scene, gr.LinearDashpot(1e4, 0.0), "rk4", t_end=0.2, dt=1e-5)
-    assert one.account()["work"][-1, 0] > 1.0
-    assert one.account()["work"][-1, 1] == 0.0
-    assert one.account()["dissipated"][-1] == 0.0  # of an elastic law nothing, to the last bit
-    assert unbalanced(one) < 1e-7
-    fall = gr.Scene([1.0, 1.0], [0.1, 0.1], [0.01], [1.0, 0.0])
-    assert run(fall, gr.LinearDashpot(1e4), t_end=0.2).ledger is None
-
-
 def test_a_run_beside_a_driven_wall_is_quiet_only_where_nothing_can_follow():
     scene = gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.05], [0.0, 1.0], floor=gr.walls.Sine(1e-3, 20.0))
     law, until = gr.LinearDashpot(1e4, 5.0), gr.until.contact(0, 1)

@@ -83,6 +83,8 @@ def test_against_the_reference(seed):
 @pytest.mark.parametrize("seed", range(24))
 def test_the_account_closes(seed):
     scene, law, start = some_scene(seed)
+    if not scene.driven:
+        pytest.skip("no wall is driven")
     soft = run(scene, law, start, samples=17)
     books = soft.account()
     energy, work, lost = books["energy"], books["work"], books["dissipated"]

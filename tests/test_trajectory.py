@@ -154,3 +154,23 @@ def test_with_radii_taken_out_paths_are_those_of_the_run_from_whenever_its_rows_
     apart = run.position - points(run)
     assert np.ptp(apart, axis=0) == pytest.approx(0.0, abs=1e-14)
     assert np.diff(apart[0]) == pytest.approx(radius[:-1] + radius[1:], abs=1e-14)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_account_of_walls_at_constant_speed_is_read_off_the_log(seed):
+    """Two moving walls: work and what is dissipated against each collision by itself, and beside a wall driven so."""
+    rng = np.random.default_rng(seed)
+    m, v = [np.inf, *rng.uniform(0.5, 2.0, 3), np.inf], [0.2, *rng.normal(size=3), -0.1]
+    scene = gr.Scene(m, [0.0] * 5, rng.uniform(0.5, 1.0, 4), v)
+    run = gr.edmd.simulate(scene, gr.ConstantRestitution(0.9), t_end=1.5, samples=7)
+    account, rows = run.account(), run.contacts
+    light = np.minimum(scene.mass[rows["pair"]], scene.mass[rows["pair"] + 1])
+    heavy = np.maximum(scene.mass[rows["pair"]], scene.mass[rows["pair"] + 1])
+    lost = 0.5 * (1.0 - 0.81) * light / (1.0 + light / heavy) * np.diff(rows["v_in"], axis=1)[:, 0] ** 2
+    by_hand = [lost[rows["t_end"] <= t].sum() for t in run.time]
+    np.testing.assert_allclose(account["dissipated"], by_hand, rtol=1e-12, atol=1e-13)
+    still = gr.walls.Piecewise([0.0, 2.0], [[0.0], [0.0]])
+    driven = gr.edmd.simulate(scene.replace(floor=still), gr.ConstantRestitution(0.9), t_end=1.5, samples=7).account()
+    np.testing.assert_allclose(account["work"], driven["work"], rtol=1e-12, atol=1e-13)
+    unlogged = gr.edmd.simulate(scene, gr.ConstantRestitution(0.9), t_end=1.5, samples=7, log=False)
+    assert np.isnan(unlogged.account()["work"][-1]).all()

@@ -40,8 +40,8 @@ class Physics:
 
     @property
     def general(self) -> bool:
-        """Whether walls do work or forces act."""
-        return self.scene.worked or self.scene.external_force is not None
+        """Whether walls are driven or forces act."""
+        return self.scene.driven or self.scene.external_force is not None
 
     @cached_property
     def rule(self) -> Restitution | None:

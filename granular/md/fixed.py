@@ -81,7 +81,7 @@ class Run:
 
     def _row(self, time: float, state: Any, booked: Any) -> Row:
         xi, raw, v = (np.array(state[row]) for row in (XI, RAW, V))
-        ledger = self.stepper.account(booked, xi) if self.scene.worked else None
+        ledger = self.stepper.account(booked, xi) if self.scene.driven else None
         return Row(time, time - self.start, -xi[1:-1], v[1:], force=np.fmax(0.0, raw[1:-1]), ledger=ledger)
 
     def to(self, time: float, last: bool) -> Pause:

@@ -58,13 +58,13 @@ class Stepper:
         form = contact_force.coefficients(laws)
         self.force = contact_force.asked if form is None else contact_force.power
         extra = (logged * window.TOUCHED, memory * window.TOP, integrator.derivatives * window.SNAP,
-                 scene.worked * window.WORK_LOW)  # fmt: skip
+                 scene.driven * window.WORK_LOW)  # fmt: skip
         state, given = np.zeros((1 + max(window.SHARED, *extra), n + 1)), np.zeros((4, n + 1))
         state[window.XI], state[V, 1:] = [-1.0, *-scene.gap, -1.0], scene.velocity
         k, gamma, root = form or (0.0, 0.0, False)
         given[0, 1:-1], given[1, 1:-1], given[2, 1:] = k, gamma, scene.inverse_mass
         given[3, 1:] = scene.fall
-        self.walls = walls_of(scene, start) if scene.worked else None
+        self.walls = walls_of(scene, start) if scene.driven else None
         if self.walls is not None:
             for body, _, v in flown(self.walls, start, 0.0, state, scene.pull, 0.0):
                 state[V, body + 1] = v
@@ -99,7 +99,7 @@ class Stepper:
     def _kernels(self, force: Any) -> Code:
         how = self.integrator
         fit = {"step": how.step, "begin": how.begin, "EVALUATIONS": how.evaluations, "force": force}
-        fit |= {"WORKED": True} if self.scene.worked else {}
+        fit |= {"WORKED": True} if self.scene.driven else {}
         fit |= {"DRIVEN": True} if self.scene.driven else {}
         return Code(specialised(loop.march, **fit), specialised(loop.leap, **fit), glide, time_to_touch)
 

@@ -297,7 +297,7 @@ def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: fl
     walls, lift = walls_of(scene, start, ROW), None
     if scene.external_force is not None:
         lift = scene.external_force * scene.inverse_mass
-    ledger = np.zeros(1, LEDGER) if scene.worked else None
+    ledger = np.zeros(1, LEDGER) if scene.driven else None
     s = new_system(columns, kinds, laws.kind, room, until, walls=walls, lift=lift, ledger=ledger, **limits)
     if scene.n_pairs > MOST_MAPS:
         _share_tables(s, laws, scene)
