@@ -65,7 +65,7 @@ def test_live_scenes(seed: int) -> None:
 
 def test_samples_never_change_the_log() -> None:
     """Rows are read off the pieces; the log has the same bits without them."""
-    sampled = [Case.from_json(one["case"]) for one in STORED if "samples" in one["case"]][:12]
+    sampled = [Case.from_json(one["case"]) for one in STORED if "samples" in one["case"]][:4]
     for case in sampled:
         with_rows, without = engine(case), engine(case, samples=None)
         assert with_rows.contacts.tobytes() == without.contacts.tobytes(), case

@@ -136,4 +136,4 @@ def test_a_contact_that_takes_all_speed_is_a_rule_of_zero():
     rule = gr.binary.restitution_of([Overdamped()])
     assert 0.5 < rule(1.0, scene.pairs[0]) < 0.6
     assert rule(1e-25, scene.pairs[0]) == pytest.approx(0.0, abs=1e-12)
-    assert gr.compare(scene, Overdamped(), t_end=2.0).verdict
+    assert gr.compare(scene, Overdamped(), t_end=0.4).verdict

@@ -150,7 +150,10 @@ def energy(scene, solved, t_end):
     return total
 
 
-@pytest.mark.parametrize("law", [gr.LinearDashpot(3e3, 20.0), gr.ViscoelasticHertz(3e4, 100.0), gr.Hertz(3e4)])
+@pytest.mark.parametrize("law", [
+    gr.LinearDashpot(3e3, 20.0),
+    *(pytest.param(law, marks=pytest.mark.soak) for law in (gr.ViscoelasticHertz(3e4, 100.0), gr.Hertz(3e4))),
+])
 def test_the_account_of_the_energy_closes_to_all_digits(law):
     scene = gr.Scene([math.inf, 1.0, 0.5], [0.0] * 3, [0.02, 0.03], [0.125, -0.5, 0.25], 9.81,
                      external_force=[0.0, 1.0, -2.0], floor=gr.walls.Sine(0.01, 6.0, 0.5))  # fmt: skip

@@ -658,7 +658,6 @@ MISUSE = [
     (lambda: Motion(parabola).panels(0.0, INF), "t_end is inf: a finite number above 0 is needed; .*give t_end"),
     (lambda: Motion(parabola).panels(1.0, 0.5), "t_end is 0.5"),
     (lambda: Motion(lambda t: math.nan).panels(0.0, 1.0), r"function\(\S+\) is nan: a finite number is needed"),
-    (lambda: Motion(lambda t: 1.0 / 0.0).panels(0.0, 1.0), r"function\(\S+\) raises ZeroDivisionError: .* must be"),
     (lambda: Motion(lambda t: "up").panels(0.0, 1.0), r"function\(\S+\) is 'up': a single number is needed"),
     (lambda: Motion(jump).panels(0.0, 1.0), r"function is not smooth near t = 0\.3"),
     (lambda: Motion(lambda t: abs(t - 0.3)).panels(0.0, 1.0), r"function is not smooth near t = 0\.3"),
