@@ -45,7 +45,7 @@ def test_orders_beside_a_driven_wall(method):
     assert found == pytest.approx(ORDERS[method], abs=0.2)
 
 
-@pytest.mark.parametrize("seed", [3, *(pytest.param(seed, marks=pytest.mark.soak) for seed in (0, 4))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.soak) for seed in (3, 4))])
 def test_random_scenes_agree_with_the_reference(seed):
     scene, law = scenes(seed)
     truth = reference.solve(scene, law, t_end=0.3, digits=20)

@@ -594,3 +594,16 @@ def test_neighbours_that_graze_the_end_of_a_contact(batch, monkeypatch):
     _, missed, false = grazed(np.random.default_rng([7, batch]), monkeypatch, 1000)
     assert missed == 0
     assert false == 0
+
+
+def test_critically_damped_balls_bounce_on_a_floor_whatever_rounding_makes_of_the_ratio():
+    """ζ = 1 but for rounding, above and below; with the log's peaks, which compute ζ in another order."""
+    rng = np.random.default_rng(9)
+    for _ in range(60):
+        k, m = 10.0 ** rng.uniform(3.0, 7.0), rng.uniform(0.1, 3.0)
+        gamma = 2.0 * math.sqrt(k * m)
+        for gamma_of in (np.nextafter(gamma, 0.0), gamma, np.nextafter(gamma, math.inf)):
+            scene = gr.Scene([math.inf, m], [0.0, 0.1], [0.05], [0.0, -1.7], 9.81)
+            run = gr.md.simulate(scene, gr.LinearDashpot(k, float(gamma_of)), t_end=0.06, engine="plain")
+            peak = 1.7**2 + 2.0 * 9.81 * 0.05  # at the touch, v²
+            assert run.contacts["force_max"][0] == pytest.approx(gamma * math.sqrt(peak), rel=1e-6)

@@ -30,6 +30,8 @@ WEIGHTLESS = 10.0
 """A dashpot's contact under a pull G has a map if v ω exceeds this many times G: below, balls come to rest."""
 CLOSE = 1e-9
 """Newton steps end when the next one, in units of 1/ω, is smaller than this."""
+NEARLY = 1.0 - 2.0**-30
+"""Damping ratio from which a dashpot under a pull has no map: its swing, sin(Ωt)/Ω, comes to 0/0 at 1."""
 REFUSED = (math.nan, math.nan, math.nan, math.nan)
 
 
@@ -87,7 +89,7 @@ def under_pull(law: Any, inverse: float, pull: float, v: float) -> tuple[float, 
     omega = math.sqrt(law.k * inverse)
     relax = law.gamma / law.k  # s
     zeta = 0.5 * relax * omega
-    if v * omega < WEIGHTLESS * abs(pull) or zeta >= 1.0:
+    if v * omega < WEIGHTLESS * abs(pull) or zeta >= NEARLY:
         return REFUSED
     if zeta == 0.0:  # the arc is symmetric about its lowest point
         t = (math.pi + 2.0 * math.atan(pull / (omega * v))) / omega
