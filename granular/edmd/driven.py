@@ -259,7 +259,7 @@ def rounding(speed: float) -> float:
 
 @cache
 def general(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the twin of a kernel for scenes with forces, or walls that do work; most kernels are their own."""
+    """Return the twin of a kernel for scenes with forces or driven walls; most kernels are their own."""
     from granular.edmd import account, collision, riding
 
     mine = {name: globals()[name] for name in ("velocities", "predicted", "touches", "carry", "rate_at", "rebase")}

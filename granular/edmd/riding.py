@@ -1,4 +1,4 @@
-"""A collision in a scene with forces or walls that do work; and balls that come to rest on a wall, or on each other.
+"""A collision in a scene with forces or driven walls; and balls that come to rest on a wall, or on each other.
 May be skipped: rarer, walls that shake.
 
 The kernels of `collision` once more, for more kinds of rest. A ball whose rebound is no more than rounding has come to
@@ -13,7 +13,7 @@ import math
 from granular._kernels import kernel, rare
 from granular._records import Record, Records
 from granular.edmd.account import book, borne, enter
-from granular.edmd.collision import at_rest, remedied, streak, total
+from granular.edmd.collision import at_rest, remedied, share, streak, total
 from granular.edmd.driven import BOTH, CEILING, FLOOR, FREE, carry, follow, meets, place, presses, rate_of, velocities
 from granular.edmd.motion import NOISE, Walls, blur, collide, impulse
 from granular.edmd.physics import Restitution
@@ -189,17 +189,6 @@ def common(bodies: Records, b: int, e: int) -> float:
         mass += bodies[i].mass
         more += bodies[i].mass * (bodies[i].own - own)
     return own + more / mass  # type: ignore[no-any-return]
-
-
-@rare
-@kernel
-def share(bodies: Records, c: int, first: int, last: int) -> None:
-    """Give all balls that now move as one with pair `c`, among those of pairs `first` … `last`, its noise."""
-    noise = max(bodies[c].noise, bodies[c + 1].noise)
-    for i in range(first, last + 2):
-        body = bodies[i]
-        if body.u == bodies[c].u and body.falls > 0.0:
-            body.noise = max(body.noise, noise)
 
 
 @rare

@@ -1,4 +1,4 @@
-"""What a state holds of walls that do work, and of forces: how it begins, its rows, and the account of its energy.
+"""What a state holds of driven walls, and of forces: how it begins, its rows, and the account of its energy.
 May be skipped: rarer, walls that shake.
 """
 

@@ -107,7 +107,7 @@ class State:
     bodies: Records
     near: Records | None = None
     walls: Any = None
-    """Of the floor and the ceiling, where forces act or walls do work: records `SIDE`, and their panels."""
+    """Of the floor and the ceiling, where forces act or walls are driven: records `SIDE`, and their panels."""
 
     @classmethod
     def of(cls, physics: Physics, t_start: float) -> State:

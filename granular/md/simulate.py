@@ -119,10 +119,9 @@ def simulate(
     path's series to that of the contact. In a fixed step such a wall drifts by the difference of two places on its
     path, and forces see its velocity there, so all orders above stay; where the velocity of the path jumps within a
     step, the step is of order 1. While all pairs are open the balls fly to the next touch, found on the path itself.
-    Where walls move, the ledger behind `Trajectory.account` is summed by Simpson's rule in each fixed step: the account
-    closes to the order of the method only, and to 1 + s at onsets and ends; what is dissipated is nan while a law with
-    memory pushes.
-    """
+    Where walls are driven, the ledger behind `Trajectory.account` is summed by Simpson's rule in each fixed step: the
+    account closes to the order of the method only, and to 1 + s at onsets and ends; what is dissipated is nan while a
+    law with memory pushes. """
     laws = checked_laws(law, checked(scene))
     start = _check.number("t_start", t_start)
     request = requested(

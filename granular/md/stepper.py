@@ -99,8 +99,7 @@ class Stepper:
     def _kernels(self, force: Any) -> Code:
         how = self.integrator
         fit = {"step": how.step, "begin": how.begin, "EVALUATIONS": how.evaluations, "force": force}
-        fit |= {"WORKED": True} if self.scene.driven else {}
-        fit |= {"DRIVEN": True} if self.scene.driven else {}
+        fit |= {"DRIVEN": True, "WORKED": True} if self.scene.driven else {}
         return Code(specialised(loop.march, **fit), specialised(loop.leap, **fit), glide, time_to_touch)
 
     @cached_property
@@ -181,7 +180,7 @@ class Stepper:
         return self.there
 
     def account(self, x: Any, xi: Array) -> Array:
-        """What is kept of the energy in rows `x` in J where walls move, see `granular.drive.Row`; `xi`: overlaps.
+        """What is kept of the energy in rows `x` in J where walls are driven, see `granular.drive.Row`; `xi`: overlaps.
 
         What laws with memory dissipate is known while all pairs are open.
         """

@@ -29,8 +29,8 @@ ROWS = (
 together, impulse exchanged while a neighbouring pair was active. If a log is kept, of the running contact: peaks and
 impulse so far; onset (step, fraction) and velocities then; number of contacts begun; whether the onset is noted of a
 contact still without force. For laws with memory: largest overlap of the running contact. For Gear's method:
-acceleration and higher derivatives of the velocity. Where walls move: what the pair dissipated, and the work of the
-wall that is its lower body, or of a ceiling, in two floats each.
+acceleration and higher derivatives of the velocity. Where walls are driven: what the pair dissipated, and the work of
+the wall that is its lower body, or of a ceiling, in two floats each.
 
 In windows only: the state a step ago; the law's coefficients, inverse masses, free accelerations; velocities within a
 step; a sum of Runge and Kutta."""

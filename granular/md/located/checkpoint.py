@@ -17,7 +17,7 @@ from granular.md.rows import CONTACT_ROW
 
 KEPT = {"run": RUN, "pairs": PAIR, "pool": MEMBER, "bodies": BODY, "maps": MAP, "tables": TABLE, "log": CONTACT_ROW,
         "ledger": LEDGER}  # fmt: skip
-"""Records that a checkpoint holds: of tables and log what is used; the ledger where walls move."""
+"""Records that a checkpoint holds: of tables and log what is used; the ledger where walls are driven."""
 
 
 SMALL = 256

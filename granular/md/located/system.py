@@ -174,7 +174,7 @@ TABLES = 8
 
 DRIVEN: bool = False
 WORKED: bool = False
-"""Whether walls are driven, and whether walls do work: kernels of such scenes are specialised."""
+"""Whether walls are driven, and whether a ledger is kept: kernels of such scenes are specialised."""
 
 NO_PAUSE = np.iinfo(np.int64).max
 """`pause` of a run that need not stop on its way to be looked at."""
