@@ -121,7 +121,8 @@ def simulate(
     step, the step is of order 1. While all pairs are open the balls fly to the next touch, found on the path itself.
     Where walls are driven, the ledger behind `Trajectory.account` is summed by Simpson's rule in each fixed step: the
     account closes to the order of the method only, and to 1 + s at onsets and ends; what is dissipated is nan while a
-    law with memory pushes. """
+    law with memory pushes.
+    """
     laws = checked_laws(law, checked(scene))
     start = _check.number("t_start", t_start)
     request = requested(
