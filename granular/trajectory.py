@@ -87,8 +87,8 @@ class Trajectory:
         The raw state at the end of a run, from which `granular.edmd.resume` or `granular.md.resume` goes on; empty for
         fixed steps, whose runs cannot be resumed.
     ledger : (T, 5) array or None
-        In J since the start, accumulated by the engine where walls are driven: work of floor and ceiling, heat of both, and
-        what was dissipated; see `account`.
+        In J since the start, accumulated by the engine where walls are driven: work of floor and ceiling, heat of both,
+        and what was dissipated; see `account`.
     """
 
     scene: Scene
