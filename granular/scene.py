@@ -367,15 +367,6 @@ def speed_scale(scene: Scene) -> float:
     return speed + sum(map(walls_module.fastest, scene.motions)) if scene.driven else speed
 
 
-def close_after(scene: Scene, *, flattened: bool = False) -> float:
-    """Time in s until moving walls leave no gap between the balls, or (`flattened`) meet; inf if they never do."""
-    closing = float(scene.velocity[0] - scene.velocity[-1])
-    if not (scene.is_wall[0] and scene.is_wall[-1] and closing > 0.0):
-        return math.inf
-    room = float(scene.gap.sum()) + (2.0 * float(scene.radius.sum()) if flattened else 0.0)
-    return max(0.0, room) / closing
-
-
 def fitted(scene: Scene, t_start: float, t_end: float) -> Scene:
     """Return `scene` as a run from `t_start` to `t_end` (s) keeps it: motions given as functions are panels; raise
     `ValueError` where a wall's path does not last."""

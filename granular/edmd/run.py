@@ -8,9 +8,9 @@ from typing import Any
 from granular import _check
 from granular._kernels import no_compiler
 from granular._records import packed
+from granular.closing import Closing
 from granular.drive import End, Pause, Row, Rows
 from granular.edmd import blocks, collapse, outcome, sides
-from granular.edmd.closing import Closing
 from granular.edmd.collision import ROW
 from granular.edmd.physics import Physics
 from granular.edmd.sorted_queue import SortedQueue

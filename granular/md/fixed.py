@@ -15,6 +15,7 @@ import numpy as np
 from granular import until as stop
 from granular._kernels import have_numba, worth
 from granular._records import packed
+from granular.closing import Closing
 from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md import march as loop
@@ -34,8 +35,6 @@ CHUNK = 1 << 15
 WORTH_LOADING, WORTH_MAKING = 200_000, 2_000_000
 """Pair-steps after which ``engine="auto"`` goes on compiled if the machine code is there already, and if not: what is
 left may be as much as was done, and loading or making the code takes as long as these."""
-BETWEEN_WALLS = 64
-"""Steps between two looks at whether driven walls have met."""
 MOST_STEPS = 1 << 53
 """Number of the last step: that of the next one would be no float."""
 
@@ -58,6 +57,7 @@ class Run:
         self.halted = False  # between two steps, at the onset of the contact at which to stop
         self.take_off: tuple[int, Any] | None = None  # step and state at which the flight began that ends here
         self.note = self.doubt = ""
+        self.closing = Closing(scene, self.start, flattened=True)
 
     def time(self) -> float:
         """Time in s of the present step."""
@@ -89,9 +89,11 @@ class Run:
         if self.k == 0 and self._halts_at_start():
             return Pause.until
         limit = math.floor((time - self.start) / self.dt) if time < math.inf else math.inf
-        if self.k >= limit:
-            return Pause.reached
-        pause = self._advance(limit)
+        pause = Pause.reached if self.k >= limit else self._advance(limit)
+        if self.scene.driven:
+            self.closing.refuse(time if pause is Pause.reached else self.time(), self.request.end)
+        if pause is Pause.reached:
+            return pause
         if not np.isfinite(self.stepper.balls()).all():
             return Pause.unstable
         return Pause.work if pause is Pause.full and self.steps >= self.request.max_steps else pause
@@ -119,11 +121,8 @@ class Run:
             raise ValueError(f"dt is {self.dt:g}: step {self.k:.3g} is more than can be counted; take a longer step, "
                              "or the method 'located'.")  # fmt: skip
         room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
-        closing = self.scene.driven and bool(self.scene.is_wall[[0, -1]].all())
-        why, k = stepper.march(self.k, int(min(BETWEEN_WALLS if closing else CHUNK, limit - self.k)), room)
+        why, k = stepper.march(self.k, int(min(CHUNK, limit - self.k)), room)
         self.take_off, self.steps, self.k = None, self.steps + k - self.k, k
-        if closing:
-            self._check_room()
         self.contacts += int(stepper.work.ended[0])
         if why == loop.UNTIL:
             self.halted = True
@@ -133,12 +132,6 @@ class Run:
         if self.engine == "auto":
             self._compile_if_worth_it()
         return Pause.full
-
-    def _check_room(self) -> None:
-        """Raise if driven walls have met, with all balls between them."""
-        if float(self.stepper.pairs(XI).sum()) >= 2.0 * float(self.scene.radius.sum()) > 0.0:
-            raise ValueError(f"t_end is {self.request.end!r}: the walls have met by t = {self.time():.6g} s; give a "
-                             "t_end before that, or walls that come less far.")  # fmt: skip
 
     def _fly(self) -> bool:
         """Jump whole steps while nothing touches; true if nothing ever will and no end is set.

@@ -16,6 +16,7 @@ from typing import Any
 from granular import _check
 from granular import until as stop
 from granular._optional import optional
+from granular.closing import Closing
 from granular.laws.check import checked
 from granular.laws.contact_law import Form, PairLaw
 from granular.reference import restarted, taylor
@@ -61,7 +62,7 @@ def solve(
     ImportError
         If mpmath is missing for a power law.
     ValueError
-        If the scene does not come to an end, or the path of a wall ends before.
+        If the scene does not come to an end, the path of a wall ends before, or walls meet.
 
     Notes
     -----
@@ -72,6 +73,8 @@ def solve(
     stop.checked(until, a_scene(scene).n_pairs)
     end = None if t_end is None else _check.number("t_end", t_end, at_least=start)
     scene = fitted(scene, start, math.inf if end is None else end)
+    if end is not None:
+        Closing(scene, start, flattened=True).refuse(end, end)
     laws = checked(law, scene)
     whole = _check.whole("digits", digits, at_least=20, at_most=200)
     forms, convert = [power_series(one) for one in laws], float

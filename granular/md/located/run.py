@@ -12,6 +12,7 @@ import numpy as np
 from granular._kernels import compiled, fitted, in_memory, worth
 from granular._records import column, copied, packed, plain
 from granular._tournament import replay, tournament
+from granular.closing import Closing
 from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks
@@ -38,7 +39,6 @@ from granular.md.located.system import (
     with_room_for_a_table,
 )
 from granular.md.located.tables import answer, make_table
-from granular.md.located.wall_paths import check_room
 from granular.md.rows import CONTACT_ROW
 from granular.request import Request
 from granular.scene import Scene
@@ -91,6 +91,7 @@ class Run:
         self.bound = False
         self.creep: Creep | None = None
         self.start = request.start if state is None else float(state["origin"])  # s, where its own clock starts
+        self.closing = Closing(scene, self.start, flattened=True)
         self.checkpoint: Checkpoint | None = None
         limits = {"max_events": request.max_events, "max_steps": request.max_steps, "log": 2 * int(request.rows)}
         limits["disturbing"] = DISTURBED.index(disturbed)
@@ -155,7 +156,8 @@ class Run:
         why, counters = self.kernels(blocks.advance)(self.s, limit, chunk, self.collocation), self.counters
         reached = why == blocks.REACHED or (why == blocks.QUIET and limit < math.inf)
         self.now = limit if reached else float(counters["t"])
-        check_room(self.scene, self.s.walls, self.now, self.request.end)
+        if self.scene.driven and self.now < math.inf:
+            self.closing.refuse(self.start + self.now, self.request.end)
         if why == blocks.WANTS_TABLE:
             self.s = with_room_for_a_table(self.s)
             make_table(self.s, self.collocation, self.kernels)

@@ -4,7 +4,6 @@ May be skipped: rarer, walls that shake.
 
 from __future__ import annotations
 
-import math
 from collections import namedtuple
 
 import numpy as np
@@ -59,16 +58,3 @@ def compiled_walls(walls: Walls | None) -> Walls | None:
         return None
     scratch = np.array(walls.path), np.array(walls.push)
     return Walls(walls.start, packed(walls.wall, WALL), packed(walls.panels, PANEL), *scratch)
-
-
-def check_room(scene: Scene, walls: Walls | None, elapsed: float, end: float) -> None:
-    """Raise if driven walls have met a time `elapsed` in s into a run, with all balls between them."""
-    if walls is None or not scene.is_wall[[0, -1]].all() or not scene.radius.any() or elapsed == math.inf:
-        return
-    at = (scene.position + scene.velocity * elapsed)[[0, -1]].tolist()
-    for wall in plain(walls.wall):
-        t, low = path.total(walls.start, elapsed)
-        at[0 if wall.side > 0.0 else 1] = path.wall_at(wall, plain(walls.panels), t, low)[0]
-    if at[1] <= at[0]:
-        raise ValueError(f"t_end is {end!r}: the walls have met by t = {walls.start + elapsed:.6g} s; give a t_end "
-                         "before that, or walls that come less far.")  # fmt: skip
