@@ -2,6 +2,7 @@
 
 import math
 
+import driven_scenes
 import numpy as np
 import pytest
 
@@ -188,3 +189,14 @@ def test_until_and_limits_beside_a_driven_wall():
     assert (run.status, len(run.contacts)) == (gr.Status.max_events, 7)
     away = scene.replace(gravity=0.0, velocity=[0.0, 10.0])
     assert gr.md.simulate(away, law, until=gr.until.contact(0, 5)).status is gr.Status.quiet
+
+
+@pytest.mark.parametrize("seed", [0, 3, 5, 6, 8])
+def test_samples_change_no_bit_of_the_last_row(seed):
+    """The ledger and the forces too, in the middle of contacts."""
+    scene, laws = driven_scenes.scenes(seed)
+    bare = gr.md.simulate(scene, laws, t_end=0.9, engine="plain")
+    for samples in (2, 9, [0.2, 0.9]):
+        run = gr.md.simulate(scene, laws, t_end=0.9, engine="plain", samples=samples)
+        for name in ("position", "velocity", "gap", "force", "ledger"):
+            assert (getattr(run, name)[-1] == getattr(bare, name)[-1]).all(), name

@@ -274,6 +274,9 @@ class Run:
         status, impulse = pause.value, [0.0]
         begun = float(self.counters["t"]) if self.creep is None else self.creep.start
         end = self.request.end - self.start if pause is Pause.reached else max(begun, self.seen)
+        row, wanted = None, pause is not Pause.reached or seen == -math.inf
+        if wanted and pause is Pause.reached and self.scene.driven:  # the ledger as a sample there has it, to the bit
+            row = self.row_after(end, self.start + end)
         before, untouched = self.without_queue(), Untouched(self.s, end)
         if self.creep is None:
             while not self.kernels(blocks.expose_all)(self.s, end, self.collocation):
@@ -292,7 +295,8 @@ class Run:
             "isolated": int(r.isolated), "tables": int(r.tables),
             "first_disturbed": (self.start + float(r.disturbed), int(r.first)),
         }  # fmt: skip
-        row = self.row_after(end, self.start + end) if pause is not Pause.reached or seen == -math.inf else None
+        if wanted and row is None:
+            row = self.row_after(end, self.start + end)
         running = np.concatenate([*self.rows(), self.dated(self.still_open())]) if self.request.log else None
         message, self.s = self.message(status, r, self.start + end), None  # makes room for the log
         untouched.put_back()
