@@ -21,6 +21,8 @@ NODES = 24
 """Values asked for on a panel; the series kept has at most `TERMS` terms, the others must have died out."""
 AT_FIRST = 16
 """Panels before the first halving: what happens within a small part of one of them may be overlooked."""
+INSTANT = 1e-6
+"""Time in s that is looked at for a run of no length: its wall has a velocity too."""
 HALVINGS = 30
 MOST = 1 << 18
 """Panels at most: they take a minute to make."""
@@ -79,9 +81,10 @@ class Motion:
         if isinstance(self.function, Panels):
             return self.function.panels(t_start, t_end)
         begin = _check.number("t_start", t_start)
-        end = _check.number("t_end", t_end, above=begin, fix="a wall moved by a function needs the end of the run: "
+        end = _check.number("t_end", t_end, at_least=begin, fix="a wall moved by a function needs the end of the run: "
                             "give t_end")  # fmt: skip
-        return _fitted(self.function, self.accuracy, begin, end)
+        shortest = max(INSTANT, 2.0**-26 * abs(begin))
+        return _fitted(self.function, self.accuracy, begin, end if end > begin else begin + shortest)
 
 
 def _fitted(function: Callable[[float], float], accuracy: float, begin: float, end: float) -> Panels:
