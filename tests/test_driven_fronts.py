@@ -19,6 +19,7 @@ from granular.walls import Motion, Panels, Piecewise, Sine
 
 INF = math.inf
 LAW = LinearDashpot(1e4, 1.0)
+RULE = gr.ConstantRestitution(0.8)
 TEXT = """
 [scene]
 mass = [inf, 1.0, 2.0]
@@ -103,6 +104,44 @@ def test_a_function_in_a_file_beside_the_case(tmp_path):
     assert repr(case.scene.floor) == "Motion(motion.py:shake)"
     plan = planned(tmp_path / "case.toml", {"gravity": np.array([1.0])}, ("contacts",), {}, {})
     assert pickle.loads(pickle.dumps(plan)).case((1.0,)).scene == case.scene.replace(gravity=1.0)
+
+
+def test_what_a_motion_of_ones_own_raises_passes_through():
+    for run in (lambda one: gr.md.simulate(one, LAW, t_end=1.0), lambda one: gr.edmd.simulate(one, RULE, t_end=1.0),
+                lambda one: gr.md.simulate(one, LAW, t_end=1.0, dt=1e-3)):  # fmt: skip
+        with pytest.raises(ZeroDivisionError, match=r"^float division by zero$"):
+            run(scene(floor=Motion(lambda t: 1.0 / (t - t))))
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    ("def shake(t):\n    return 1.0 / (t - t)\n", "ZeroDivisionError: float division by zero"),
+    ("def shake(t):\n    return LOST\n", "NameError: name 'LOST'"),
+    ("shake = {1.0: 2.0}.__getitem__\n", "KeyError: 6."), ("1 / 0\n", "ZeroDivisionError: division by zero"),
+    ("def shake(t)\n", "SyntaxError: expected ':'"),
+])  # fmt: skip
+@pytest.mark.parametrize("verb", ["run", "compare", "sweep --over gravity=1,2"])
+def test_the_command_names_a_motion_of_ones_own_and_its_error(text, said, verb, granular, tmp_path):
+    (tmp_path / "motion.py").write_text(text, encoding="utf-8")
+    wall = 'floor = { type = "Motion", function = "motion.py:shake" }'
+    (tmp_path / "case.toml").write_text(TEXT.format(wall), encoding="utf-8")
+    word, _, options = verb.partition(" ")
+    code, _, error = granular(f"{word} case.toml {options}")
+    assert code == 2
+    assert error.startswith(f"granular: function motion.py:shake raised {said}")
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("start", [0.0, 0.5, -3e5])
+def test_a_run_of_no_length_beside_a_motion(start):
+    one = scene(floor=Motion(lambda t: 1e-3 * math.sin(3.0 * t)))
+    speed = 3e-3 * math.cos(3.0 * start)
+    hard = gr.edmd.simulate(one, RULE, t_start=start, t_end=start)
+    for run in (hard, gr.md.simulate(one, LAW, t_start=start, t_end=start),
+                gr.md.simulate(one, LAW, t_start=start, t_end=start, dt=1e-4)):  # fmt: skip
+        assert run.status is gr.Status.time
+        assert run.time[-1] == start
+        assert run.velocity[-1, 0] == pytest.approx(speed, rel=1e-6)
+        assert (run.gap[-1] == one.gap).all()
 
 
 def test_numbers_of_walls_and_forces_tell_scenes_apart():

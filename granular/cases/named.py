@@ -5,6 +5,8 @@ May be skipped: files and the command, no physics.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
@@ -26,8 +28,10 @@ class Named:
         self.name, self.folder = name, folder
 
     def __call__(self, *given: Any) -> Any:
-        """Call the function."""
-        return self.function(*given)
+        """Call the function; what it raises passes through, marked as its own."""
+        function = self.function
+        with _marked(self.name):
+            return function(*given)
 
     @cached_property
     def function(self) -> Any:
@@ -40,7 +44,8 @@ class Named:
         """
         place, _, word = self.name.partition(":")
         try:
-            module = _of_file(os.path.join(self.folder, place)) if place.endswith(".py") else import_module(place)
+            with _marked(self.name):
+                module = _of_file(os.path.join(self.folder, place)) if place.endswith(".py") else import_module(place)
             found = getattr(module, word)
         except (AttributeError, ImportError, OSError, ValueError) as error:
             raise ValueError(f"function is {self.name!r}: it cannot be found ({error}); 'file.py:name' of a file "
@@ -62,6 +67,13 @@ class Named:
         return Named, (self.name, self.folder)
 
 
+def sentence_of(error: BaseException) -> str:
+    """Return what an exception says, in one line; of one that a named function has raised, that too."""
+    said = " ".join(str(error).split())
+    owner = getattr(error, "raised_by", None)
+    return said if owner is None else f"function {owner} raised {type(error).__name__}: {said}"
+
+
 def name_of(function: Any) -> str:
     """Return the name by which a file may ask for `function`, or raise `TypeError` if there is none."""
     if isinstance(function, Named):
@@ -75,6 +87,16 @@ def name_of(function: Any) -> str:
         raise TypeError(f"function is {function!r}: only one that can be imported by its name can be written to TOML; "
                         "put it into a module.")
     return name
+
+
+@contextmanager
+def _marked(name: str) -> Iterator[None]:
+    """Mark what is raised within as `raised_by` the function `name`; it keeps that through other processes too."""
+    try:
+        yield
+    except Exception as error:
+        error.__dict__["raised_by"] = name
+        raise
 
 
 def _of_file(path: str) -> Any:

@@ -14,6 +14,8 @@ from granular._kernels import on_making
 from granular.trajectory import Status
 
 OK, MISUSE, ABNORMAL, INTERRUPTED = 0, 2, 3, 130
+MISTAKES = ValueError, TypeError, OSError, ImportError, MemoryError, ArithmeticError, RecursionError
+"""What a user is told in one line; what a function of the user's own raises is too."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -38,7 +40,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of a pipe, such as `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
-    except (ValueError, TypeError, OSError, ImportError, MemoryError, ArithmeticError, RecursionError) as error:
+    except Exception as error:
+        if not (isinstance(error, MISTAKES) or hasattr(error, "raised_by")):  # by a function of the user's own
+            raise
         if "--traceback" in arguments:
             traceback.print_exc()
         print(f"granular: {_sentence(error)}", file=sys.stderr)
@@ -65,6 +69,10 @@ def _say_compiling() -> None:
 
 
 def _sentence(error: Exception) -> str:
+    if hasattr(error, "raised_by"):
+        from granular.cases.named import sentence_of
+
+        return sentence_of(error)
     if isinstance(error, MemoryError):
         return "the memory of this machine is too small for that; ask for fewer samples, balls or cells."
     if isinstance(error, (ArithmeticError, RecursionError)):

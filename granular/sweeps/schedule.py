@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from granular._kernels import in_memory, worth
+from granular.cases.named import sentence_of
 from granular.sweeps import many
 from granular.sweeps.answers import REFUSED, Answers
 from granular.sweeps.axes import Values
@@ -63,7 +64,7 @@ def solve(plan: Plan, columns: Sequence[Values]) -> Answers:
                      for name, result in plan.results.items()}
             answers.put([i], found | {"status": np.array([answer.status(plan.results)])})
         except REFUSED as error:
-            answers.refuse(i, str(error))
+            answers.refuse(i, sentence_of(error))
     return answers
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from granular import _check
 from granular._check import Array
 from granular.cases import Case
+from granular.cases.named import sentence_of
 from granular.scene import Scene
 from granular.sweeps.answers import REFUSED
 from granular.sweeps.plan import Plan, planned
@@ -132,8 +133,8 @@ def _judged(
         try:
             return Value(value, *asked.judge(plan.case((int(value) if whole else value,)), limit))
         except REFUSED as refusal:
-            refused.append(str(refusal))
-            return Value(value, UNDECIDED, math.nan, str(refusal))
+            refused.append(sentence_of(refusal))
+            return Value(value, UNDECIDED, math.nan, refused[-1])
 
     found: list[Value] = []
     for one in scanned(judge, grid, within, whole):
