@@ -228,8 +228,8 @@ def gas(
 
 
 def bouncing_ball(
-    height: float = 1.0, radius: float = 0.01, speed: float = 0.0, density: float = 900.0, gravity: float = 9.81,
-    plate: Any = None,
+    height: float | None = None, radius: float = 0.01, speed: float = 0.0, density: float = 900.0,
+    gravity: float = 9.81, plate: Any = None,
 ) -> Scene:
     """One ball bouncing on a floor until it comes to rest, or on a plate that is shaken.
 
@@ -238,8 +238,9 @@ def bouncing_ball(
 
     Parameters
     ----------
-    height : float
-        Drop height in m, from the floor to the lowest point of the ball.
+    height : float, optional
+        Drop height in m, from the floor to the lowest point of the ball: 1 if not given; 0 on a plate, so that it begins
+        on it, at rest.
     radius : float
         Radius in m.
     speed : float
@@ -252,7 +253,8 @@ def bouncing_ball(
         How the floor moves; to the command type=Sine gamma=2 frequency=50, or amplitude= (in m) in place of gamma=.
     """
     r = np.array([_check.number("radius", radius, above=0.0)])
-    drop = _check.number("height", height, at_least=0.0)
+    fall = (1.0 if plate is None else 0.0) if height is None else height
+    drop = _check.number("height", fall, at_least=0.0)
     v = _check.number("speed", speed, at_least=0.0, fix="downwards is built in")
     return _above_floor(_mass(r, density), r, drop, (), v, gravity, plate)
 

@@ -186,7 +186,10 @@ def test_scenes_of_a_shaken_plate():
     assert column.floor.velocity(0.0) == pytest.approx(0.0, abs=1e-15)  # no jolt
     assert (column.radius[1:] == 0.005).all()
     assert gr.scenes.vibrated_column(amplitude=1e-3).floor.amplitude == 1e-3
-    assert gr.scenes.bouncing_ball(plate=Sine(1e-3, 50.0)) == gr.scenes.bouncing_ball().replace(floor=Sine(1e-3, 50.0))
+    plate, plain = Sine(1e-3, 50.0), gr.scenes.bouncing_ball()
+    assert gr.scenes.bouncing_ball(1.0, plate=plate) == plain.replace(floor=plate)
+    assert gr.scenes.bouncing_ball(plate=plate) == plain.replace(floor=plate, gap=[0.0])
+    assert plain.gap[0] == 1.0
     assert cases.make("vibrated-column", frequency=25.0).t_end == pytest.approx(20 / 25.0)
     plate = {"type": "Sine", "gamma": 2.0, "frequency": 50.0}
     case = cases.make("bouncing-ball", plate=plate)
@@ -197,7 +200,7 @@ def test_scenes_of_a_shaken_plate():
 
 
 def test_an_impact_on_a_wall_is_at_most_as_fast_as_both():
-    case = cases.make("bouncing-ball", plate=Sine(1e-2, 50.0), law="ViscoelasticHertz", restitution=0.8)
+    case = cases.make("bouncing-ball", plate=Sine(1e-2, 50.0), height=1.0, law="ViscoelasticHertz", restitution=0.8)
     fall, wall = math.sqrt(2.0 * 9.81), 2.0 * math.pi * 50.0 * 1e-2
     assert cases.ready.first_impact(case.scene) == pytest.approx(fall + wall, rel=0.2)
     assert gr.scene.speed_scale(case.scene) == pytest.approx(fall + wall, rel=1e-3)
