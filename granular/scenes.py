@@ -239,8 +239,8 @@ def bouncing_ball(
     Parameters
     ----------
     height : float, optional
-        Drop height in m, from the floor to the lowest point of the ball: 1 if not given; 0 on a plate, so that it begins
-        on it, at rest.
+        Drop height in m, from the floor to the lowest point of the ball: 1 if not given; on a plate 0, where it begins
+        at rest.
     radius : float
         Radius in m.
     speed : float

@@ -4,10 +4,12 @@ import json
 import math
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 import granular as gr
-from granular import cli, reference
+from granular import cases, cli, reference
+from granular.cli import frontier as command
 from granular.tables import duration
 from granular.workprecision import Frontier, Row
 from granular.workprecision.methods import Task, expected_order, own
@@ -172,6 +174,23 @@ def test_command(coarse, capsys, tmp_path):
     assert cli.main(line.split()) == 0
     assert "located" in capsys.readouterr().out
     assert json.loads(out.read_text(encoding="utf-8"))["rows"]
+
+
+def test_command_measures_the_first_contacts_of_a_scene_that_only_its_time_ends(capsys, monkeypatch):
+    """And ends where no contact begins or ends."""
+    asked = []
+    monkeypatch.setattr(command, "frontier", lambda scene, law, **options: asked.append(options["t_end"]))
+    monkeypatch.setattr(command.files, "deliver", lambda report, given: None)
+    for line in ("frontier vibrated-column", "frontier vibrated-column --t-end 0.03", "frontier three-balls"):
+        assert cli.main(line.split()) == 0
+    end, given, own = asked
+    assert given == 0.03
+    assert own == cases.make("three-balls").t_end
+    assert capsys.readouterr().err == f"granular: up to t = {end:.6g} s; give --t-end for another end\n"
+    contacts = cases.make("vibrated-column", t_end=1.2 * end).simulate("md").contacts
+    times = np.concatenate([contacts["t_begin"], contacts["t_end"]])
+    assert 4 <= (contacts["t_end"] < end).sum() <= 16
+    assert np.nanmin(np.abs(times - end)) > 2e-5
 
 
 def test_command_names_its_mistakes(capsys):
