@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -398,6 +399,28 @@ def test_plot_shows_the_tie_rule_of_the_run():
     cradle = gr.compare(gr.scenes.newtons_cradle(3), gr.Hertz(1e9), ties="poisson", until=gr.until.separated())
     again = with_rows(cradle, "hard", np.linspace(0.0, 1e-3, 5))
     assert again.velocity[-1].tolist() == cradle.hard.velocity[-1].tolist()
+
+
+def test_hard_spheres_that_collapse_may_be_merged():
+    """As in `edmd.simulate`; by default the run ends there, and the report says which."""
+    row = gr.Scene([1.0] * 4, [0.0] * 4, [0.1, 0.2, 0.15], [1.0, 0.3, 0.0, -1.0])
+    law = [gr.LinearDashpot.from_restitution(0.1, k=1e5, pair=pair) for pair in row.pairs]
+    plain = gr.compare(row, law, t_end=2.0)
+    assert plain.hard.status is gr.Status.collapse
+    merged = gr.compare(row, law, t_end=2.0, collapse="merge", merge_below=1e-3)
+    alone = gr.edmd.simulate(row, merged.rule, t_end=2.0, collapse="merge", merge_below=1e-3)
+    assert merged.hard.status is gr.Status.time
+    assert (merged.hard.velocity == alone.velocity).all()
+    assert "hard collisions at less than 0.001 m/s were merged" in str(merged)
+    assert "merged" not in str(plain)
+    with pytest.raises(ValueError, match=r"merge_below is 0\.001: it needs collapse='merge'"):
+        gr.compare(row, law, t_end=2.0, merge_below=1e-3)
+
+
+def test_the_command_merges_too(granular):
+    line = "compare vibrated-column --n 2 --restitution 0.5 --t-end 0.1 --collapse merge --merge-below 0.01 --json o"
+    assert granular(line)[0] == 0
+    assert json.loads(Path("o").read_text(encoding="utf-8"))["hard"]["stats"]["merge_below"] == 0.01
 
 
 def test_a_root_beside_a_jump_is_found_whatever_rounding_says():

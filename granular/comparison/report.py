@@ -49,8 +49,8 @@ def table(report: Compared) -> str:
 
 
 def warnings(report: Compared) -> list[str]:
-    """What to mind: a rule that is not that of the laws, and what no force law would bear."""
-    return [*_two_restitutions(report), *_extremes(report)]
+    """What to mind: a rule that is not that of the laws, balls that were merged, and what no force law would bear."""
+    return [*_two_restitutions(report), *_merged(report), *_extremes(report)]
 
 
 def _two_restitutions(report: Compared) -> Iterator[str]:
@@ -60,6 +60,13 @@ def _two_restitutions(report: Compared) -> Iterator[str]:
     more = f" (so do {len(differ) - 1} more pairs)" if len(differ) > 1 else ""
     for c in differ[:1]:
         yield f"hard spheres of pair {c} run with ε = {hard[c]:.6g}, their force law has {law[c]:.6g}{more}"
+
+
+def _merged(report: Compared) -> Iterator[str]:
+    """Hard spheres that move as one because they were told to."""
+    many, below = report.hard.stats.get("merged", 0), report.hard.stats.get("merge_below", math.inf)
+    if many and below < math.inf:
+        yield f"{many} hard collisions at less than {below:.3g} m/s were merged: what follows depends on that speed"
 
 
 def _extremes(report: Compared) -> Iterator[str]:

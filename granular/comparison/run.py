@@ -59,6 +59,8 @@ def compare(
     max_events: int = EVENTS,
     ties: str = "left",
     seed: int = 0,
+    collapse: str = "stop",
+    merge_below: float | None = None,
     method: str | None = None,
     dt: float | None = None,
     engine: str = "auto",
@@ -82,6 +84,10 @@ def compare(
         What simultaneous hard-sphere collisions do; see `granular.edmd.simulate`.
     seed : int
         For ``ties="random"``.
+    collapse : str
+        What hard spheres do about an inelastic collapse: "stop", or "merge"; see `granular.edmd.simulate`.
+    merge_below : float, optional
+        Speed in m/s for ``collapse="merge"``.
     method : str, optional
         How Newton's equation is solved: "located" (every event to rounding, the default) or a fixed-step integrator.
     dt : float, optional
@@ -99,7 +105,7 @@ def compare(
     check_end(scene, t_end, until, max_events)
     used = rule_of(laws, scene) if rule is None else rule
     end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
-    event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed}
+    event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed, "collapse": collapse, "merge_below": merge_below}
     hard = edmd.simulate(scene, used, **event_driven, on_progress=on_progress)
     twin = edmd.simulate(_nudged(scene), used, **event_driven)
     options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
