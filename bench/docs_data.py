@@ -110,7 +110,7 @@ SCENES = ("three-balls", "three-balls-elastic", "three-balls-viscoelastic", "cra
 ENTRIES = {f"paper-{name}": Entry(partial(paper, name, few), name not in SLOW) for name, few in FEW.items()}
 ENTRIES |= {f"frontier-{name}": Entry(partial(frontier, name), False, 0.1, 1e-12) for name in SCENES}
 EXTREMES = ("stiffness", "damping", "mass ratio", "gap", "speed", "start time", "exponent", "powers", "own laws",
-            "corners", "counts", "last row", "collapse")  # fmt: skip
+            "corners", "counts", "last row", "collapse", "driven")  # fmt: skip
 OTHERS = ("touching", "chains", "recorded", "rest", "symmetry", "exact sequence", "ties", "float edges", "long runs")
 ENTRIES |= {"stability": Entry(partial(stability, EXTREMES)),
             "stability-others": Entry(partial(stability, OTHERS), False)}  # fmt: skip

@@ -218,3 +218,21 @@ def test_walls_that_meet_for_a_short_time_are_noticed():
                      floor=gr.walls.Sine(2e-2, 10.0))  # fmt: skip
     with pytest.raises(ValueError, match=r"the walls meet at t = 0\.00569092"):  # at t_end they are apart
         run(scene, gr.LinearDashpot(1e3, 0.1), t_end=0.1, dt=1e-5, engine="plain")
+
+
+@pytest.mark.parametrize(
+    ("method", "order"), [("verlet", 2.0), ("symplectic-euler", 1.0), ("rk4", 2.5), ("gear5", 2.5)]
+)
+def test_located_is_the_limit_of_small_steps(method, order):
+    """Both walls driven, forces, several Hertz contacts: the distance falls as dt to the order of the method."""
+    floor, ceiling = gr.walls.Sine(0.02, 3.0, 0.4), gr.walls.Sine(0.01, 5.0, 1.0)
+    scene = gr.Scene([math.inf, 1.0, 0.6, math.inf], [0.0, 0.01, 0.01, 0.0], [0.02, 0.03, 0.05], [0.0, -0.5, -0.2, 0.1],
+                     9.81, external_force=[0.0, 0.7, -0.4, 0.0], floor=floor, ceiling=ceiling)  # fmt: skip
+    slopes = []
+    for t_end in (0.3, 0.37):
+        limit = gr.md.simulate(scene, gr.Hertz(2e4), t_end=t_end, engine="plain").velocity[-1]
+        steps = t_end / np.round(t_end / (8e-4 * 2.0 ** -np.arange(0.0, 3.5, 0.5)))
+        ends = [run(scene, gr.Hertz(2e4), method, t_end=t_end, dt=float(dt)).velocity[-1] for dt in steps]
+        errors = [np.abs(end - limit).max() for end in ends]
+        slopes.append(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+    assert np.mean(slopes) == pytest.approx(order, abs=0.25)

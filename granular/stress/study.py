@@ -21,6 +21,7 @@ from granular.stress import contact, driven, hard, line, long, rest
 from granular.stress.cell import FIXED, METHODS, SOFT, Cell, Result, Verdict, repeat
 from granular.stress.report import StabilityReport
 from granular.trajectory import EARLY, Status
+from granular.walls import Sine
 
 AXES: dict[str, Callable[[], Iterator[Cell]]] = {
     "stiffness": contact.stiffness,
@@ -93,7 +94,7 @@ def stability(
     _check.callback("on_progress", on_progress)
     limit = _check.number("seconds", seconds, above=0.0)
     if not quick:
-        warm_up()
+        warm_up(who, "driven" in where)
     chosen = [pair for axis in where for pair in _chosen(AXES[axis](), who, quick)]
     results = []
     for done, (cell, method) in enumerate(chosen, 1):
@@ -153,15 +154,19 @@ def judge(cell: Cell, method: str, seconds: float, plain: bool = False) -> Resul
     return Result(cell.axis, cell.case, method, cell.truth.words, verdict, error, tolerance, said, taken)
 
 
-def warm_up() -> None:
-    """Compile the engines beforehand: a wall-clock limit must interrupt neither an import nor a compiler."""
+def warm_up(methods: Sequence[str], shaken: bool) -> None:
+    """Compile the engines beforehand, also for a floor that is `shaken`: a wall-clock limit must interrupt neither an
+    import nor a compiler."""
     if not have_numba():
         return
-    scene = Scene([1.0, 1.0, 1.0], [0.1, 0.1, 0.1], [0.0, 0.1], [1.0, 0.0, -1.0])
-    edmd.simulate(scene, ConstantRestitution(0.5), engine="compiled")
-    for method in SOFT:
-        for law in (LinearDashpot(1e4, 1.0), Hertz(1e4), TsujiHertz(1e4, 0.1), PowerLaw(1e4, 2.0)):
-            md.simulate(scene, law, t_end=0.005, method=method, engine="compiled")
+    row = Scene([1.0, 1.0, 1.0], [0.1, 0.1, 0.1], [0.0, 0.1], [1.0, 0.0, -1.0])
+    plate = Scene([math.inf, 1.0, 1.0], [0.0, 0.1, 0.1], [0.0, 0.1], [0.0, 0.0, -1.0], 9.81, floor=Sine(1e-3, 50.0))
+    for scene in (row, plate)[: 1 + shaken]:
+        if "edmd" in methods:
+            edmd.simulate(scene, ConstantRestitution(0.5), engine="compiled", t_end=0.1, collapse="merge")
+        for method in (method for method in SOFT if method in methods):
+            for law in (LinearDashpot(1e4, 1.0), Hertz(1e4), TsujiHertz(1e4, 0.1), PowerLaw(1e4, 2.0)):
+                md.simulate(scene, law, t_end=0.005, method=method, engine="compiled")
 
 
 @contextmanager
