@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fuzz import soak
+from fuzz import driven, soak
 from fuzz.arithmetic import DIGITS, DOUBLE
 from fuzz.judge import Verdict, compare, distance, engine, from_json, judge, truth
 from fuzz.laws import Spec
@@ -69,6 +69,28 @@ def test_samples_never_change_the_log() -> None:
     for case in sampled:
         with_rows, without = engine(case), engine(case, samples=None)
         assert with_rows.contacts.tobytes() == without.contacts.tobytes(), case
+
+
+# walls that are driven, and forces
+
+QUICK, START = [0, 1, 3, 4, 10, 18], [5, 6, 12]
+"""Seeds of driven scenes that the reference solves in half a second; and of those that start as others do."""
+
+
+@pytest.mark.parametrize("seed", QUICK)
+def test_driven_scenes_beside_the_reference(seed: int) -> None:
+    """Walls of every kind, soon and late, forces: 20 digits judge every speed, and the account."""
+    pytest.importorskip("mpmath")
+    verdict = driven.judged(seed)
+    assert verdict.kind == "ok", (verdict.why, verdict.error)
+
+
+def test_driven_scenes_start_as_others_do() -> None:
+    """Seeds of which both take the first attempt, in all bits."""
+    for seed in START:
+        one, other = driven.generate(seed).case, generate(seed, small=True)
+        assert (one.gap, one.gravity, one.laws, one.mass[1:], one.velocity[1:]) == (
+            other.gap, other.gravity, other.laws, other.mass[1:], other.velocity[1:])  # fmt: skip
 
 
 # the judge's own solver
@@ -181,6 +203,15 @@ def test_solver_in_doubles_against_34_digits(seed: int) -> None:
     assert better is not None
     what, error = distance(better, one.pairs, one.numbers)
     assert error < 1e-13, what
+
+
+@pytest.mark.soak
+def test_many_driven_scenes() -> None:
+    """As below, with driven walls and forces; the reference takes a second for each."""
+    scenes = int(os.environ.get("FUZZ_DRIVEN", "500"))
+    done = soak.run(Path(os.environ.get("FUZZ_DRIVEN_PROGRESS", "fuzz-driven.jsonl")), 0, scenes, driven.judged)
+    assert done.short == []
+    assert done.refused + done.unjudged <= 0.05 * scenes
 
 
 @pytest.mark.soak
