@@ -25,7 +25,7 @@ from granular.md.located.pieces import arrive, fly, glide, in_contact, piece_tim
 from granular.md.located.plan import planned, settle_series
 from granular.md.located.pool import join, leave
 from granular.md.located.resting import settles, verdict, whole_verdict
-from granular.md.located.system import ACTIVE, DORMANT, DRIVEN, EDGE, GENERAL, OPEN, RESIDUAL, SPARE, WORKED, to_plain
+from granular.md.located.system import ACTIVE, DORMANT, DRIVEN, EDGE, GENERAL, LIES, MOVES, OPEN, RESIDUAL, SPARE, WORKED, to_plain
 
 REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT, ABSORB = range(11)
 """Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
@@ -125,7 +125,7 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                     whole = whole_verdict(run, pairs, pool, bodies)
                     if whole != NOT_YET and limit == math.inf:
                         return REST if whole == RESTS else BINDING
-                if proved == RESTS and block.still == 0:
+                if proved == RESTS and block.manner != LIES:
                     settles(pairs, pool, bodies, lo)
                 pairs[lo].due = -math.inf
                 play(queue, lo, pairs[lo].due)
@@ -339,7 +339,7 @@ def bring(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
 def form(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
     """Make pairs lo … hi-1 a block at the time of the event under way."""
     block, pairs[lo].hi = pool[pairs[lo].slot], hi
-    block.t, block.tail, block.stride, block.still = run.t, run.tail, run.stride, 0
+    block.t, block.tail, block.stride, block.manner = run.t, run.tail, run.stride, MOVES
     for c in range(lo, hi):
         pairs[c].first, pairs[c].lasts, pool[pairs[c].slot].piled = lo, 0.0, 0
         if c > lo and pairs[c].due < math.inf:

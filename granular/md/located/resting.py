@@ -19,7 +19,7 @@ from granular._flight import time_to_contact
 from granular._kernels import kernel
 from granular.md.located.equilibrium import NOT_YET, RESTS, bound, end_of_group, find_loads, overlap_under
 from granular.md.located.pieces import in_contact, power, since, write_flight
-from granular.md.located.system import ACTIVE, OPEN
+from granular.md.located.system import ACTIVE, LIES, OPEN
 
 STILL = 1e-14
 """Part of the static overlaps, and of their natural rates, up to which a pile that rests is taken to be still."""
@@ -163,7 +163,7 @@ def settles(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
             pair.xi, pair.eta = overlap_under(pair, pair.load), 0.0
         else:
             pair.eta = -between(pairs, pool, bodies, lo, c)[1]
-    pool[pairs[lo].slot].still = 1
+    pool[pairs[lo].slot].manner = LIES
     return True
 
 

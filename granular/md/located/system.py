@@ -44,6 +44,9 @@ LINEAR, ELASTIC, DAMPED, GENERAL = range(4)
 NO_MAP, DASHPOT, SIMILAR, VISCOELASTIC = range(4)
 """How an isolated contact is known at its onset: see `maps`."""
 
+MOVES, LIES, CREEPS = range(3)
+"""Manners in which a block is followed: by its equation of motion; lying still; creeping, see `slow`."""
+
 NOTHING, BEGIN, END, PART, TURN, RELOAD, EDGE = range(7)
 """Events of a pair, see `events`."""
 
@@ -105,7 +108,7 @@ _STATE = [
 _BLOCK = [  # of the island that starts with this pair; h = 0 before it has a piece
     ("clock", int), ("linear", int), ("t", float), ("tail", float),  # q of t = (hτ)^q; its time is t + tail
     ("h", float), ("tau", float),  # scale of the piece, and its end in τ, 0 when it is used up
-    ("still", int),  # whether its groups lie still
+    ("manner", int),  # in which its groups are followed
     ("fired", int), ("what", int),  # the pair whose event ends it, -1 for none, and which event
     ("holds", float),  # s for which a driven wall's path goes on as it does
     ("speed", float), ("length", float), ("stride", float),  # scales of the motion; last step on the plain clock

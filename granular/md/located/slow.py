@@ -1,0 +1,177 @@
+"""The slow motion of strongly damped piles: a power series on the clock of the creep, not on that of the fast decay.
+May be skipped: rarer, piles that creep.
+
+What balls pressed to a wall lose of their rate decays within m/(γ ξ^d), and is soon below rounding; what is left creeps
+at k ξ^p/(γ ξ^d), and a step of an explicit series would be as short as the former for as long as the latter takes. The
+creep alone is regular: the forces are loads and inertia, F = F° + Σ m a over the balls beyond the pair, with them
+
+    γ η = F ξ^(-d) - k ξ^s
+
+is an equation of first order, whose series has steps as long as the creep, and its rates give the next forces. Each
+round is better by the ratio of both times.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from granular._kernels import kernel
+from granular.md.located.equilibrium import end_of_group, find_equilibrium
+from granular.md.located.pieces import power
+from granular.md.located.series import power_term
+from granular.md.located.system import ACTIVE, GENERAL, OPEN, ORDER
+
+STIFF = 200.0
+"""Ratio of both times from which on it is worth it, and sure to converge."""
+NEAR = 0.1
+"""Part of its load and elastic force by which the force of a pair may differ from its load: else it is still slowed
+down."""
+ROUNDS = 60
+SETTLED = 2.0**-52
+"""Part of the load up to which the forces of two rounds are the same."""
+GONE = 1e-13
+"""Part of its load and elastic force that the fast motion of a pair may still bear: ordinary steps leave that."""
+
+
+@kernel
+def expand_slowly(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
+    """Fill the rows of a block whose pairs creep or fly, and set its h; false if it is none."""
+    block, hi, h, c = pool[pairs[lo].slot], pairs[lo].hi, math.inf, lo
+    while c < hi:
+        b = end_of_group(pairs, pool, c)
+        if pairs[c].wall > 0 or (b == c and pool[pairs[c].slot].mode != OPEN):
+            return False
+        if b > c:
+            h = min(h, slow_time(pairs, pool, bodies, c, b))
+        if not h > 0.0:
+            return False
+        c = max(b, c + 1)
+    block.clock, block.h, c = 1, h, lo
+    while c < hi:
+        b = end_of_group(pairs, pool, c)
+        if b > c and not follow_slowly(pairs, pool, bodies, c, b, h):
+            return False
+        c = max(b, c + 1)
+    block.speed, block.length = 0.0, 0.0
+    for c in range(lo, hi):
+        pair = pool[pairs[c].slot]
+        if pair.mode == OPEN:
+            fly_beside(pairs, pool, lo, hi, c, h)
+        block.speed, block.length = max(block.speed, pair.own_speed), max(block.length, pair.own_length)
+    return h < math.inf
+
+
+@kernel
+def slow_time(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
+    """Return the time in s in which a group creeps; 0 if it is not at one wall, or not so slow, or not yet."""
+    if (bodies[a].inverse_mass == 0.0) == (bodies[b].inverse_mass == 0.0):
+        return 0.0
+    first, slowest = pool[pairs[a].slot], math.inf
+    if first.kind == GENERAL or not first.gamma * first.gamma * first.inverse > STIFF * first.k * first.s * power(
+        first.xi, 2.0 * first.s - 1.0
+    ):
+        return 0.0
+    if first.piled != b - a:
+        find_equilibrium(pairs, pool, bodies, a, b)
+    for c in range(a, b):
+        pair = pool[pairs[c].slot]
+        if not (pair.gamma > 0.0 and pair.load > 0.0 and pair.xi > 0.0):
+            return 0.0
+        drag = pair.gamma * power(pair.xi, pair.d)
+        push = pair.k * power(pair.xi, pair.p)
+        time = drag * pair.xi / (pair.load + push)
+        if not drag * pair.inverse * time > STIFF or not creeping(pair.load, push, drag * pair.eta):
+            return 0.0
+        pair.own_speed, pair.own_length = pair.load / drag, pair.xi
+        slowest = min(slowest, time)
+    return slowest
+
+
+@kernel
+def creeping(load: float, push: float, damping: float) -> bool:
+    """Return whether the force of a pair is nearly its load."""
+    return abs(push + damping - load) <= NEAR * (load + push)
+
+
+@kernel
+def follow_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> bool:
+    """Fill the rows of a group, round by round; false if that does not converge, or its fast motion is not over."""
+    for c in range(a, b):
+        pair = pool[pairs[c].slot]
+        for n in range(ORDER + 1):
+            pair.f[n] = pair.load if n == 0 else 0.0
+    last = math.inf
+    for _ in range(ROUNDS):
+        for c in range(a, b):
+            sink(pool[pairs[c].slot], h)
+        change = press_slowly(pairs, pool, bodies, a, b, h)
+        if change <= SETTLED:
+            for c in range(a, b):
+                pair = pool[pairs[c].slot]
+                if abs(pair.e[0] - pair.eta) > GONE * (2.0 * pair.own_speed + abs(pair.eta)):
+                    return False
+                pair.eta = pair.e[0]
+            return True
+        if not change < last:
+            return False
+        last = change
+    return False
+
+
+@kernel
+def sink(pair: Any, h: float) -> None:
+    """Fill the rows of overlap, rate and bracket of a pair, given that of its force."""
+    pair.x[0] = pair.xi
+    for n in range(ORDER + 1):
+        if n > 0:
+            pair.x[n] = h / n * pair.e[n - 1]
+        bracket, bent = pair.f[n], pair.x[n]
+        if pair.d != 0.0:
+            power_term(pair.x, pair.r, -pair.d, n, 0)
+            bracket = 0.0
+            for j in range(n + 1):
+                bracket += pair.f[j] * pair.r[n - j]
+        if pair.s != 1.0:
+            power_term(pair.x, pair.z, pair.s, n, 0)
+            bent = pair.z[n]
+        pair.g[n], pair.e[n] = bracket, (bracket - pair.k * bent) / pair.gamma
+
+
+@kernel
+def press_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> float:
+    """Fill the rows of the forces of a group from those of its rates; return by what part of a load they changed."""
+    floor, worst = bodies[a].inverse_mass == 0.0, 0.0
+    for n in range(ORDER):
+        push = 0.0  # relative to the wall, of the ball beyond the pairs up to c
+        for i in range(b - a):
+            pair = pool[pairs[a + i if floor else b - 1 - i].slot]
+            push -= (n + 1) / h * pair.e[n + 1]
+            pair.gm[n] = push / (pair.upper if floor else pair.lower)
+        force = 0.0
+        for i in range(b - a):
+            pair = pool[pairs[b - 1 - i if floor else a + i].slot]
+            force += pair.gm[n]
+            now = pair.load + force if n == 0 else force
+            worst = max(worst, abs(now - pair.f[n]) / pair.load)
+            pair.f[n] = now
+    return worst
+
+
+@kernel
+def fly_beside(pairs: Any, pool: Any, lo: int, hi: int, c: int, h: float) -> None:
+    """Fill the rows of an open pair of a block from those of the forces beside it."""
+    pair = pool[pairs[c].slot]
+    pair.x[0], pair.e[0] = pair.xi, pair.eta
+    for n in range(ORDER + 1):
+        pair.f[n], pair.g[n] = 0.0, 0.0
+    for n in range(ORDER):
+        push = pair.pull if n == 0 else 0.0
+        if c > lo and pool[pairs[c - 1].slot].mode == ACTIVE:
+            push += pair.lower * pool[pairs[c - 1].slot].f[n]
+        if c + 1 < hi and pool[pairs[c + 1].slot].mode == ACTIVE:
+            push += pair.upper * pool[pairs[c + 1].slot].f[n]
+        pair.e[n + 1] = h / (n + 1) * push
+        pair.x[n + 1] = h / (n + 1) * pair.e[n]
+    pair.own_speed = max(abs(pair.eta), abs(pair.e[1]))
+    pair.own_length = h * pair.own_speed
