@@ -76,6 +76,7 @@ def find_equilibrium(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> None
     head, least = pool[pairs[a].slot], math.inf
     head.piled, head.opening, head.barrier = b - a, 0.0, math.inf
     if not find_loads(pairs, pool, bodies, a, b):
+        head.load = 0.0
         return
     for c in range(a, b):
         pair = pool[pairs[c].slot]

@@ -22,7 +22,7 @@ from granular.md.located.pieces import power
 from granular.md.located.series import power_term
 from granular.md.located.system import ACTIVE, GENERAL, OPEN, ORDER
 
-STIFF = 200.0
+STIFF = 50.0
 """Ratio of both times from which on it is worth it, and sure to converge."""
 NEAR = 0.1
 """Part of its load and elastic force by which the force of a pair may differ from its load: else it is still slowed
@@ -64,10 +64,9 @@ def expand_slowly(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
 
 @kernel
 def slow_time(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
-    """Return the time in s in which a group creeps; 0 if it is not at one wall, or not so slow, or not yet."""
-    if (bodies[a].inverse_mass == 0.0) == (bodies[b].inverse_mass == 0.0):
-        return 0.0
+    """Return the time in s in which a group creeps; 0 if it is not so slow, or not yet."""
     first, slowest = pool[pairs[a].slot], math.inf
+    closed = bodies[a].inverse_mass == 0.0 and bodies[b].inverse_mass == 0.0
     if first.kind == GENERAL or not first.gamma * first.gamma * first.inverse > STIFF * first.k * first.s * power(
         first.xi, 2.0 * first.s - 1.0
     ):
@@ -81,7 +80,7 @@ def slow_time(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
         drag = pair.gamma * power(pair.xi, pair.d)
         push = pair.k * power(pair.xi, pair.p)
         time = drag * pair.xi / (pair.load + push)
-        if not drag * pair.inverse * time > STIFF or not creeping(pair.load, push, drag * pair.eta):
+        if not drag * pair.inverse * time > STIFF or not (closed or creeping(pair.load, push, drag * pair.eta)):
             return 0.0
         pair.own_speed, pair.own_length = pair.load / drag, pair.xi
         slowest = min(slowest, time)
@@ -97,21 +96,21 @@ def creeping(load: float, push: float, damping: float) -> bool:
 @kernel
 def follow_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> bool:
     """Fill the rows of a group, round by round; false if that does not converge, or its fast motion is not over."""
-    for c in range(a, b):
-        pair = pool[pairs[c].slot]
-        for n in range(ORDER + 1):
-            pair.f[n] = pair.load if n == 0 else 0.0
-    last = math.inf
-    for _ in range(ROUNDS):
+    first, last = pool[pairs[a].slot], math.inf
+    for n in range(ORDER + 1):
+        first.zm[n] = 0.0
         for c in range(a, b):
-            sink(pool[pairs[c].slot], h)
+            pool[pairs[c].slot].f[n] = pool[pairs[c].slot].load if n == 0 else 0.0
+    for _ in range(ROUNDS):
+        sink(pairs, pool, bodies, a, b, h)
         change = press_slowly(pairs, pool, bodies, a, b, h)
         if change <= SETTLED:
             for c in range(a, b):
                 pair = pool[pairs[c].slot]
                 if abs(pair.e[0] - pair.eta) > GONE * (2.0 * pair.own_speed + abs(pair.eta)):
                     return False
-                pair.eta = pair.e[0]
+            for c in range(a, b):
+                pool[pairs[c].slot].eta = pool[pairs[c].slot].e[0]
             return True
         if not change < last:
             return False
@@ -120,38 +119,68 @@ def follow_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) 
 
 
 @kernel
-def sink(pair: Any, h: float) -> None:
-    """Fill the rows of overlap, rate and bracket of a pair, given that of its force."""
-    pair.x[0] = pair.xi
+def sink(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> None:
+    """Fill the rows of overlaps, rates and brackets of a group, given those of its forces.
+
+    Between two walls the rates add up to 0: for that all forces are larger by a series in `zm` of the first pair.
+    """
+    closed, first = bodies[a].inverse_mass == 0.0 and bodies[b].inverse_mass == 0.0, pool[pairs[a].slot]
     for n in range(ORDER + 1):
-        if n > 0:
-            pair.x[n] = h / n * pair.e[n - 1]
-        bracket, bent = pair.f[n], pair.x[n]
-        if pair.d != 0.0:
-            power_term(pair.x, pair.r, -pair.d, n, 0)
-            bracket = 0.0
-            for j in range(n + 1):
-                bracket += pair.f[j] * pair.r[n - j]
-        if pair.s != 1.0:
-            power_term(pair.x, pair.z, pair.s, n, 0)
-            bent = pair.z[n]
-        pair.g[n], pair.e[n] = bracket, (bracket - pair.k * bent) / pair.gamma
+        total, ease = 0.0, 0.0
+        for c in range(a, b):
+            pair = pool[pairs[c].slot]
+            sink_term(pair, n, h)
+            total += pair.e[n]
+            ease += power(pair.xi, -pair.d) / pair.gamma
+        if closed:
+            first.zm[n] -= total / ease
+            for c in range(a, b):
+                pair = pool[pairs[c].slot]
+                bracket = total / ease * power(pair.xi, -pair.d)
+                pair.f[n] -= total / ease
+                pair.g[n] -= bracket
+                pair.e[n] -= bracket / pair.gamma
+
+
+@kernel
+def sink_term(pair: Any, n: int, h: float) -> None:
+    """Add order n of overlap, rate and bracket of a pair."""
+    pair.x[n] = h / n * pair.e[n - 1] if n > 0 else pair.xi
+    bracket, bent = pair.f[n], pair.x[n]
+    if pair.d != 0.0:
+        power_term(pair.x, pair.r, -pair.d, n, 0)
+        bracket = 0.0
+        for j in range(n + 1):
+            bracket += pair.f[j] * pair.r[n - j]
+    if pair.s != 1.0:
+        power_term(pair.x, pair.z, pair.s, n, 0)
+        bent = pair.z[n]
+    pair.g[n], pair.e[n] = bracket, (bracket - pair.k * bent) / pair.gamma
 
 
 @kernel
 def press_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> float:
     """Fill the rows of the forces of a group from those of its rates; return by what part of a load they changed."""
-    floor, worst = bodies[a].inverse_mass == 0.0, 0.0
+    first, worst = pool[pairs[a].slot], 0.0
+    floor, ceiling = bodies[a].inverse_mass == 0.0, bodies[b].inverse_mass == 0.0
+    mass = 0.0 if floor else 1.0 / first.lower
+    for c in range(a, b if not (floor or ceiling) else a):
+        mass += 1.0 / pool[pairs[c].slot].upper
     for n in range(ORDER):
-        push = 0.0  # relative to the wall, of the ball beyond the pairs up to c
-        for i in range(b - a):
-            pair = pool[pairs[a + i if floor else b - 1 - i].slot]
+        push, moved = 0.0, 0.0  # acceleration of the upper ball, as the lowest body of the group sees it
+        for c in range(a, b):
+            pair = pool[pairs[c].slot]
             push -= (n + 1) / h * pair.e[n + 1]
-            pair.gm[n] = push / (pair.upper if floor else pair.lower)
-        force = 0.0
+            pair.gm[n] = push
+            moved += push / pair.upper if pair.upper > 0.0 else 0.0
+        frame = 0.0 if floor else push if ceiling else moved / mass
+        force = first.zm[n]
         for i in range(b - a):
-            pair = pool[pairs[b - 1 - i if floor else a + i].slot]
-            force += pair.gm[n]
+            pair = pool[pairs[a + i if ceiling and not floor else b - 1 - i].slot]
+            if ceiling and not floor:
+                force -= ((0.0 if i == 0 else pool[pairs[a + i - 1].slot].gm[n]) - frame) / pair.lower
+            elif pair.upper > 0.0:
+                force += (pair.gm[n] - frame) / pair.upper
             now = pair.load + force if n == 0 else force
             worst = max(worst, abs(now - pair.f[n]) / pair.load)
             pair.f[n] = now
