@@ -22,7 +22,7 @@ from granular.md.located.pieces import power
 from granular.md.located.series import power_term
 from granular.md.located.system import ACTIVE, GENERAL, OPEN, ORDER
 
-STIFF = 50.0
+STIFF = 12.0
 """Ratio of both times from which on it is worth it, and sure to converge."""
 NEAR = 0.1
 """Part of its load and elastic force by which the force of a pair may differ from its load: else it is still slowed
