@@ -19,8 +19,8 @@ from typing import Any
 from granular._kernels import kernel
 from granular.md.located.equilibrium import end_of_group, find_equilibrium
 from granular.md.located.pieces import power
-from granular.md.located.series import power_term
-from granular.md.located.system import ACTIVE, GENERAL, OPEN, ORDER
+from granular.md.located.series import bracket, power_term
+from granular.md.located.system import ACTIVE, GENERAL, OPEN, ORDER, RESIDUAL
 
 STIFF = 12.0
 """Ratio of both times from which on it is worth it, and sure to converge."""
@@ -40,7 +40,7 @@ def expand_slowly(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
     block, hi, h, c = pool[pairs[lo].slot], pairs[lo].hi, math.inf, lo
     while c < hi:
         b = end_of_group(pairs, pool, c)
-        if pairs[c].wall > 0 or (b == c and pool[pairs[c].slot].mode != OPEN):
+        if pairs[c].wall > 0 or (b == c and not flies(pool[pairs[c].slot])):
             return False
         if b > c:
             h = min(h, slow_time(pairs, pool, bodies, c, b))
@@ -56,10 +56,16 @@ def expand_slowly(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
     block.speed, block.length = 0.0, 0.0
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
-        if pair.mode == OPEN:
+        if pair.mode != ACTIVE:
             fly_beside(pairs, pool, lo, hi, c, h)
         block.speed, block.length = max(block.speed, pair.own_speed), max(block.length, pair.own_length)
     return h < math.inf
+
+
+@kernel
+def flies(pair: Any) -> bool:
+    """Return whether a pair has no force, and needs no power of its overlap to see it return."""
+    return bool(pair.mode == OPEN or (pair.mode == RESIDUAL and pair.s == 1.0))
 
 
 @kernel
@@ -136,26 +142,26 @@ def sink(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> None:
             first.zm[n] -= total / ease
             for c in range(a, b):
                 pair = pool[pairs[c].slot]
-                bracket = total / ease * power(pair.xi, -pair.d)
+                phi = total / ease * power(pair.xi, -pair.d)
                 pair.f[n] -= total / ease
-                pair.g[n] -= bracket
-                pair.e[n] -= bracket / pair.gamma
+                pair.g[n] -= phi
+                pair.e[n] -= phi / pair.gamma
 
 
 @kernel
 def sink_term(pair: Any, n: int, h: float) -> None:
     """Add order n of overlap, rate and bracket of a pair."""
     pair.x[n] = h / n * pair.e[n - 1] if n > 0 else pair.xi
-    bracket, bent = pair.f[n], pair.x[n]
+    phi, bent = pair.f[n], pair.x[n]
     if pair.d != 0.0:
         power_term(pair.x, pair.r, -pair.d, n, 0)
-        bracket = 0.0
+        phi = 0.0
         for j in range(n + 1):
-            bracket += pair.f[j] * pair.r[n - j]
+            phi += pair.f[j] * pair.r[n - j]
     if pair.s != 1.0:
         power_term(pair.x, pair.z, pair.s, n, 0)
         bent = pair.z[n]
-    pair.g[n], pair.e[n] = bracket, (bracket - pair.k * bent) / pair.gamma
+    pair.g[n], pair.e[n] = phi, (phi - pair.k * bent) / pair.gamma
 
 
 @kernel
@@ -189,7 +195,7 @@ def press_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -
 
 @kernel
 def fly_beside(pairs: Any, pool: Any, lo: int, hi: int, c: int, h: float) -> None:
-    """Fill the rows of an open pair of a block from those of the forces beside it."""
+    """Fill the rows of a pair without force from those of the forces beside it."""
     pair = pool[pairs[c].slot]
     pair.x[0], pair.e[0] = pair.xi, pair.eta
     for n in range(ORDER + 1):
@@ -202,5 +208,7 @@ def fly_beside(pairs: Any, pool: Any, lo: int, hi: int, c: int, h: float) -> Non
             push += pair.upper * pool[pairs[c + 1].slot].f[n]
         pair.e[n + 1] = h / (n + 1) * push
         pair.x[n + 1] = h / (n + 1) * pair.e[n]
+    for n in range(ORDER + 1 if pair.mode == RESIDUAL else 0):
+        pair.g[n] = bracket(pair, pair.x[n], n)
     pair.own_speed = max(abs(pair.eta), abs(pair.e[1]))
     pair.own_length = h * pair.own_speed
