@@ -40,7 +40,7 @@ def drawn(seed):
     return scene, laws[int(rng.integers(4))]
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", range(16))
 def test_rest_has_no_up_and_down(seed):
     scene, law = drawn(seed)
     up = gr.md.simulate(scene, law, max_steps=1500, engine="plain")
@@ -53,7 +53,7 @@ def test_rest_has_no_up_and_down(seed):
         assert up.contacts["t_end"].tobytes() == down.contacts["t_end"].tobytes()
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", range(16))
 def test_nothing_follows_rest(seed):
     """A run that is said to rest has no contact that begins or ends later."""
     scene, law = drawn(seed)
@@ -82,7 +82,8 @@ def test_a_ceiling_is_a_floor_upside_down(law):
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_pressed_between_walls_and_in_flight(law):
-    between = gr.Scene([INF, 1.0, 1.0, INF], [0.0] * 4, [-1e-3, -2e-3, -1e-3], [0] * 4, external_force=[0, 5.0, -3.0, 0])
+    gap = [-1e-3, -2e-3, -1e-3]
+    between = gr.Scene([INF, 1.0, 1.0, INF], [0.0] * 4, gap, [0] * 4, external_force=[0, 5.0, -3.0, 0])
     free = gr.Scene([1.0, 2.0, 3.0], [0.0] * 3, [1e-3, 2e-3], [0] * 3, 9.81, external_force=[20.0, 0.0, -20.0])
     for scene in (between, free):
         assert gr.md.simulate(scene, law).status is gr.Status.resting
@@ -113,10 +114,11 @@ def test_a_ball_that_leaves_does_not_matter(law, way):
 def test_several_piles_and_what_flies_between_them():
     law = gr.LinearDashpot(1e5, 200.0)
     force = [0, -10.0, -10.0, 0.0, 10.0, 10.0, 0]
-    scene = gr.Scene([INF, 1, 1, 1, 1, 1, INF], [0.0] * 7, [1e-3, 1e-3, 0.2, 0.2, 1e-3, 1e-3], [0] * 7, external_force=force)
+    gap = [1e-3, 1e-3, 0.2, 0.2, 1e-3, 1e-3]
+    scene = gr.Scene([INF, 1, 1, 1, 1, 1, INF], [0.0] * 7, gap, [0] * 7, external_force=force)
     assert gr.md.simulate(scene, law).status is gr.Status.resting
     drifts = scene.replace(velocity=[0, 0, 0, 0.01, 0, 0, 0])
-    run = gr.md.simulate(drifts, law, t_end=100.0)
+    run = gr.md.simulate(drifts, law, t_end=1000.0, max_steps=20_000)
     assert run.count(2) + run.count(3) > 1
     assert not run.stats["resting"]
 

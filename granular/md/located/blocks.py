@@ -21,11 +21,36 @@ from granular.md.located.equilibrium import NOT_YET, RESTS
 from granular.md.located.inside import exposed, relive
 from granular.md.located.isolated import MET, OTHERWISE, TABLE, ULP, meet
 from granular.md.located.ledger import enter_flight, enter_piece
-from granular.md.located.pieces import arrive, fly, glide, in_contact, piece_time, power, predict, since, tau_at, tick, value
+from granular.md.located.pieces import (
+    arrive,
+    fly,
+    glide,
+    in_contact,
+    piece_time,
+    power,
+    predict,
+    since,
+    tau_at,
+    tick,
+    value,
+)
 from granular.md.located.plan import planned, settle_series
 from granular.md.located.pool import join, leave
 from granular.md.located.resting import settles, verdict, whole_verdict
-from granular.md.located.system import ACTIVE, DORMANT, DRIVEN, EDGE, GENERAL, LIES, MOVES, OPEN, RESIDUAL, SPARE, WORKED, to_plain
+from granular.md.located.system import (
+    ACTIVE,
+    DORMANT,
+    DRIVEN,
+    EDGE,
+    GENERAL,
+    LIES,
+    MOVES,
+    OPEN,
+    RESIDUAL,
+    SPARE,
+    WORKED,
+    to_plain,
+)
 
 REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT, ABSORB = range(11)
 """Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,

@@ -17,9 +17,9 @@ at least γ G - s k² ξ^(2s-1)/γ, for other forces only press, so that under a
 
     ξ^(2s-1) ≥ γ² G / (s k²) ,
 
-which a strongly damped ball, beyond its ξ°, never comes to. Less energy than that in every contact: no force vanishes forever after,
-hence nothing opens. The equilibrium is the same at every look: loads are weights and forces, and between two walls at
-rest the overlaps have a constant sum.
+which, beyond ξ°, a strongly damped ball never comes to. Less energy than that in every contact: no force vanishes
+forever after, hence nothing opens. The equilibrium is the same at every look: loads are weights and forces, and between
+two walls at rest the overlaps have a constant sum.
 """
 
 from __future__ import annotations

@@ -118,8 +118,8 @@ def between(pairs: Any, pool: Any, bodies: Any, lo: int, c: int) -> tuple[float,
 
 @kernel
 def hull(pairs: Any, pool: Any, bodies: Any, block: Any, c: int, way: int) -> tuple[float, float, float, float]:
-    """Return of the group, or ball, or wall, below the open pair `c` of a block (way -1) or above it (way 1): by how much
-    its hull goes beyond it, velocity and fall of its wall or mass centre, and the size of what its fall is a sum of."""
+    """Return of the group, ball or wall below the open pair `c` of a block (way -1) or above it (way 1): by how much
+    its hull goes beyond it, velocity and fall of its wall or mass centre, and the size of what its fall sums up."""
     first = c if way < 0 else c + 1
     b, f = first, c + way
     while 0 <= f < len(pairs) and pairs[f].slot >= 0 and pool[pairs[f].slot].mode == ACTIVE:
@@ -129,6 +129,9 @@ def hull(pairs: Any, pool: Any, bodies: Any, block: Any, c: int, way: int) -> tu
         for i in range(abs(b - first)):
             reach += pool[pairs[c + way * (i + 1)].slot].xi
         return reach, float(bodies[b].v), 0.0, 0.0
+    if b == first:
+        body = bodies[b]
+        return 0.0, float(body.v - body.fall * since(body, block.t, block.tail)), float(body.fall), 0.0
     mass = momentum = falls = size = reach = 0.0
     for i in range(abs(b - first) + 1):
         body = bodies[b - way * i]
@@ -139,8 +142,6 @@ def hull(pairs: Any, pool: Any, bodies: Any, block: Any, c: int, way: int) -> tu
         size += own * abs(body.fall)
         if b - way * i != first:  # the pair towards the open one
             reach += mass * pool[pairs[f - way * (i + 1)].slot].xi
-    if b == first:
-        return 0.0, float(bodies[b].v - bodies[b].fall * since(bodies[b], block.t, block.tail)), float(bodies[b].fall), 0.0
     return reach / mass, momentum / mass, falls / mass, size / mass
 
 
@@ -186,14 +187,15 @@ def lie(pairs: Any, pool: Any, bodies: Any, lo: int) -> None:
 
 
 def lone_pile(s: Any) -> tuple[int, int]:
-    """Return first pair and end of the one group of a scene, a pile at a wall; (0, 0) if it is none, a pair bears nothing
-    at rest, or a gap may close. Its loads are noted."""
+    """Return first pair and end of the one group of a scene, a pile at a wall, and note its loads; (0, 0) if there is
+    none, a pair bears nothing at rest, or a gap may close."""
     run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     pressed = [c for c, p in enumerate(pairs) if p.slot >= 0 and pool[p.slot].mode != OPEN]
     if not pressed:
         return 0, 0
     a, b = pressed[0], end_of_group(pairs, pool, pressed[0])
-    if b - a < len(pressed) or pairs[0].wall > 0 or pairs[-1].wall > 0 or (bodies[a].inverse_mass == 0.0) == (bodies[b].inverse_mass == 0.0):
+    at_one_wall = (bodies[a].inverse_mass == 0.0) != (bodies[b].inverse_mass == 0.0)
+    if b - a < len(pressed) or not at_one_wall or pairs[0].wall > 0 or pairs[-1].wall > 0:
         return 0, 0
     if not find_loads(pairs, pool, bodies, a, b) or min(pool[pairs[c].slot].load for c in pressed) <= 0.0:
         return 0, 0

@@ -128,8 +128,8 @@ _SERIES = [
 MEMBER = np.dtype([*_SERIES, *_LAW, *_STATE, *_BLOCK, *_CONTACT, ("spare", int)], align=True)
 """A pair in an island. `spare` of record i of the pool is the i-th place, of which the first ones are taken."""
 BODY = np.dtype([(name, float) for name in ("inverse_mass", "fall", "v", "t", "tail", "wall")], align=True)
-"""Inverse mass, downward acceleration, velocity it had at time t + tail, number from 1 on of the driven wall that it is,
-or 0."""
+"""Inverse mass, downward acceleration, velocity it had at time t + tail, and number from 1 on of the driven wall that
+it is, or 0."""
 RUN = np.dtype(
     [
         ("tol", float), ("members", int),
