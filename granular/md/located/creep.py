@@ -77,7 +77,7 @@ def slowest_decay(pairs: list[Any], closed: bool) -> float:
 
 
 class Flight(NamedTuple):
-    """An open pair beside a pile: its record, rate of its gap (m/s) and closing acceleration (m/s²) beside one at rest."""
+    """An open pair beside a pile: its record, rate of its gap in m/s and closing acceleration in m/s², that at rest."""
 
     pair: Any
     rate: float

@@ -18,7 +18,8 @@ from typing import Any
 
 from granular._kernels import kernel
 from granular.md.located.equilibrium import end_of_group, find_equilibrium
-from granular.md.located.pieces import power
+from granular.md.located.pieces import power, write_flight
+from granular.md.located.resting import between
 from granular.md.located.series import bracket, power_term
 from granular.md.located.system import ACTIVE, GENERAL, OPEN, ORDER, RESIDUAL
 
@@ -57,7 +58,7 @@ def expand_slowly(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         if pair.mode != ACTIVE:
-            fly_beside(pairs, pool, lo, hi, c, h)
+            fly_beside(pairs, pool, bodies, lo, c, h)
         block.speed, block.length = max(block.speed, pair.own_speed), max(block.length, pair.own_length)
     return h < math.inf
 
@@ -194,21 +195,43 @@ def press_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -
 
 
 @kernel
-def fly_beside(pairs: Any, pool: Any, lo: int, hi: int, c: int, h: float) -> None:
-    """Fill the rows of a pair without force from those of the forces beside it."""
-    pair = pool[pairs[c].slot]
-    pair.x[0], pair.e[0] = pair.xi, pair.eta
-    for n in range(ORDER + 1):
-        pair.f[n], pair.g[n] = 0.0, 0.0
-    for n in range(ORDER):
-        push = pair.pull if n == 0 else 0.0
-        if c > lo and pool[pairs[c - 1].slot].mode == ACTIVE:
-            push += pair.lower * pool[pairs[c - 1].slot].f[n]
-        if c + 1 < hi and pool[pairs[c + 1].slot].mode == ACTIVE:
-            push += pair.upper * pool[pairs[c + 1].slot].f[n]
-        pair.e[n + 1] = h / (n + 1) * push
-        pair.x[n + 1] = h / (n + 1) * pair.e[n]
+def fly_beside(pairs: Any, pool: Any, bodies: Any, lo: int, c: int, h: float) -> None:
+    """Fill the rows of a pair without force: its hulls fly, and the overlaps beside it change what is between them.
+
+    To integrate the forces beside it would add up their rounding.
+    """
+    pair, (_, rate, pull) = pool[pairs[c].slot], between(pairs, pool, bodies, lo, c)
+    write_flight(pair, h, pull, 0.0)
+    pair.x[1], pair.e[0] = -h * rate, -rate
+    for way in (-1, 1):
+        subtract(pairs, pool, bodies, pair, c, way)
+    pair.eta = pair.e[0]
     for n in range(ORDER + 1 if pair.mode == RESIDUAL else 0):
         pair.g[n] = bracket(pair, pair.x[n], n)
     pair.own_speed = max(abs(pair.eta), abs(pair.e[1]))
     pair.own_length = h * pair.own_speed
+
+
+@kernel
+def subtract(pairs: Any, pool: Any, bodies: Any, pair: Any, c: int, way: int) -> None:
+    """Take the overlaps of the group below (way -1) or above (way 1) pair `c` from its rows, and their rates.
+
+    In flight each counts with the share of the balls beyond it in the mass.
+    """
+    f = c + way
+    while 0 <= f < len(pairs) and pairs[f].slot >= 0 and pool[pairs[f].slot].mode == ACTIVE:
+        f += way
+    last = f + 1 if way < 0 else f  # the outermost body
+    at_wall, mass, total = bodies[last].inverse_mass == 0.0, 0.0, 1.0
+    if not at_wall:
+        total = 0.0
+        for i in range(abs(f - c)):
+            total += 1.0 / bodies[last - way * i].inverse_mass
+    for i in range(abs(f - c) - 1):
+        beyond = pool[pairs[f - way * (i + 1)].slot]
+        mass += 0.0 if at_wall else 1.0 / bodies[last - way * i].inverse_mass
+        share = 1.0 if at_wall else mass / total
+        for n in range(ORDER + 1):
+            pair.e[n] -= share * beyond.e[n]
+            if n > 0:
+                pair.x[n] -= share * beyond.x[n]
