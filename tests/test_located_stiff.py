@@ -28,7 +28,7 @@ def laws(k):
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("k", [1e9, 1e14, 1e16])
+@pytest.mark.parametrize("k", [1e9, 1e16])
 @pytest.mark.parametrize("name", laws(1.0))
 def test_steps_are_bounded(name, k):
     law = laws(k)[name]

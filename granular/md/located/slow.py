@@ -111,11 +111,12 @@ def follow_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) 
     for _ in range(ROUNDS):
         sink(pairs, pool, bodies, a, b, h)
         change = press_slowly(pairs, pool, bodies, a, b, h)
+        for c in range(a, b):  # the fast motion is more than the next round can take
+            pair = pool[pairs[c].slot]
+            allowed = max(10.0 * change * pair.own_speed, GONE * (2.0 * pair.own_speed + abs(pair.eta)))
+            if abs(pair.e[0] - pair.eta) > allowed:
+                return False
         if change <= SETTLED:
-            for c in range(a, b):
-                pair = pool[pairs[c].slot]
-                if abs(pair.e[0] - pair.eta) > GONE * (2.0 * pair.own_speed + abs(pair.eta)):
-                    return False
             for c in range(a, b):
                 pool[pairs[c].slot].eta = pool[pairs[c].slot].e[0]
             return True
