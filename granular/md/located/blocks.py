@@ -366,7 +366,7 @@ def form(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
     block, pairs[lo].hi = pool[pairs[lo].slot], hi
     block.t, block.tail, block.stride, block.manner = run.t, run.tail, run.stride, MOVES
     for c in range(lo, hi):
-        pairs[c].first, pairs[c].lasts, pool[pairs[c].slot].piled = lo, 0.0, 0
+        pairs[c].first, pairs[c].lasts = lo, 0.0
         if c > lo and pairs[c].due < math.inf:
             pairs[c].due = math.inf
             play(queue, c, math.inf)

@@ -93,7 +93,7 @@ def _taken(records: Any, index: Any) -> Any:
 
 
 def named_alike(records: Any, dtype: np.dtype[Any]) -> Any:
-    """Return a copy of records with the fields of `dtype`: those that an earlier version did not have are 0, and what it
+    """Return a copy of records with the fields of `dtype`: those that an earlier version did not have are 0, what it
     had besides is dropped."""
     if records.dtype == dtype:
         return copied(records)

@@ -48,8 +48,7 @@ def end_of_group(pairs: Any, pool: Any, c: int) -> int:
 def bound(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> int:
     """Return what is proved of the group of pairs a … b-1; notes energy and barrier in the record of its first pair."""
     head = pool[pairs[a].slot]
-    if head.piled != b - a:
-        find_equilibrium(pairs, pool, bodies, a, b)
+    find_equilibrium(pairs, pool, bodies, a, b)
     if head.opening <= 0.0:
         return NOT_YET
     energy, damped = kinetic(pairs, pool, bodies, a, b), RESTS
@@ -71,9 +70,15 @@ def bound(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> int:
 def find_equilibrium(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> None:
     """Note the loads of a group, and an energy in J that none of its pairs needs more of to open: 0 if one bears none.
 
-    That is without damping, where it has to part, or from where its force can fall; a `hurdle` is lower.
+    That is without damping, where it has to part, or from where its force can fall; a `hurdle` is lower. A group that
+    is as it was keeps what is noted.
     """
-    head, least = pool[pairs[a].slot], math.inf
+    head, least, known = pool[pairs[a].slot], math.inf, pool[pairs[a].slot].piled == b - a
+    for c in range(a, b):
+        known = known and pool[pairs[c].slot].head == a
+        pool[pairs[c].slot].head = a
+    if known:
+        return
     head.piled, head.opening, head.barrier = b - a, 0.0, math.inf
     if not find_loads(pairs, pool, bodies, a, b):
         head.load = 0.0

@@ -40,6 +40,8 @@ def expand_slowly(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
     """Fill the rows of a block whose pairs creep or fly, and set its h; false if it is none."""
     block, hi, h, c = pool[pairs[lo].slot], pairs[lo].hi, math.inf, lo
     while c < hi:
+        if pool[pairs[c].slot].mode == ACTIVE and not drags(pool[pairs[c].slot]):
+            return False
         b = end_of_group(pairs, pool, c)
         if pairs[c].wall > 0 or (b == c and not flies(pool[pairs[c].slot])):
             return False
@@ -64,6 +66,17 @@ def expand_slowly(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
 
 
 @kernel
+def drags(pair: Any) -> bool:
+    """Return whether a pair that bears no load is damped strongly enough; under one it takes more."""
+    if pair.kind == GENERAL or not (pair.gamma > 0.0 and pair.xi > 0.0):
+        return False
+    depth, exponent = 1.0, pair.d + 1.0 - pair.s
+    if exponent != 0.0:
+        depth = power(pair.xi, exponent)
+    return bool(pair.gamma * pair.gamma * pair.inverse * depth > STIFF * pair.k)
+
+
+@kernel
 def flies(pair: Any) -> bool:
     """Return whether a pair has no force, and needs no power of its overlap to see it return."""
     return bool(pair.mode == OPEN or (pair.mode == RESIDUAL and pair.s == 1.0))
@@ -72,14 +85,9 @@ def flies(pair: Any) -> bool:
 @kernel
 def slow_time(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
     """Return the time in s in which a group creeps; 0 if it is not so slow, or not yet."""
-    first, slowest = pool[pairs[a].slot], math.inf
+    slowest = math.inf
     closed = bodies[a].inverse_mass == 0.0 and bodies[b].inverse_mass == 0.0
-    if first.kind == GENERAL or not first.gamma * first.gamma * first.inverse > STIFF * first.k * first.s * power(
-        first.xi, 2.0 * first.s - 1.0
-    ):
-        return 0.0
-    if first.piled != b - a:
-        find_equilibrium(pairs, pool, bodies, a, b)
+    find_equilibrium(pairs, pool, bodies, a, b)
     for c in range(a, b):
         pair = pool[pairs[c].slot]
         if not (pair.gamma > 0.0 and pair.load > 0.0 and pair.xi > 0.0):

@@ -102,8 +102,8 @@ _STATE = [
     ("top", float), ("loading", int),  # largest overlap so far, for laws with memory
     ("number", int),  # of the pair; for laws that are functions:
     ("doubt", float), ("largest", float), ("deepest", float),  # of the force of its piece; since its balls last parted
-    ("load", float),  # force that it bears at rest in its group, in N; of the group that starts with it:
-    ("piled", int), ("energy", float), ("opening", float), ("barrier", float),  # pairs; see `equilibrium`, J
+    ("load", float), ("head", int),  # force that it bears at rest in its group, in N, and the first pair of that
+    ("piled", int), ("energy", float), ("opening", float), ("barrier", float),  # of that: pairs; see `equilibrium`, J
 ]  # fmt: skip
 _BLOCK = [  # of the island that starts with this pair; h = 0 before it has a piece
     ("clock", int), ("linear", int), ("t", float), ("tail", float),  # q of t = (hτ)^q; its time is t + tail
