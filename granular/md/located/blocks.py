@@ -17,14 +17,40 @@ from granular._kernels import inlined, kernel
 from granular._tournament import leaf, play
 from granular.md.located.contacts import AWAITED, SOME, act, activate, end_contact, engage, follow, push, pushes
 from granular.md.located.driven import beside_edge, carry_walls, foresee_walls, jump_at, rate_at, speed_at
+from granular.md.located.equilibrium import NOT_YET, RESTS
 from granular.md.located.inside import exposed, relive
-from granular.md.located.isolated import MET, OTHERWISE, TABLE, ULP, in_contact, meet
+from granular.md.located.isolated import MET, OTHERWISE, TABLE, ULP, meet
 from granular.md.located.ledger import enter_flight, enter_piece
-from granular.md.located.pieces import arrive, fly, glide, piece_time, power, predict, since, tau_at, tick, value
+from granular.md.located.pieces import (
+    arrive,
+    fly,
+    glide,
+    in_contact,
+    piece_time,
+    power,
+    predict,
+    since,
+    tau_at,
+    tick,
+    value,
+)
 from granular.md.located.plan import planned, settle_series
 from granular.md.located.pool import join, leave
-from granular.md.located.resting import NOT_YET, RESTS, lies, verdict
-from granular.md.located.system import ACTIVE, DORMANT, DRIVEN, EDGE, GENERAL, OPEN, RESIDUAL, SPARE, WORKED, to_plain
+from granular.md.located.resting import settles, verdict, whole_verdict
+from granular.md.located.system import (
+    ACTIVE,
+    DORMANT,
+    DRIVEN,
+    EDGE,
+    GENERAL,
+    LIES,
+    MOVES,
+    OPEN,
+    RESIDUAL,
+    SPARE,
+    WORKED,
+    to_plain,
+)
 
 REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT, ABSORB = range(11)
 """Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
@@ -84,11 +110,13 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
             if run.separated == 1 and run.begun > 0 and all_recede(s) and last_end(s) <= limit:
                 run.t, run.tail = last_end(s), 0.0
                 return STOPPED
+            if queue[1].due == math.inf and run.members > 0:  # islands lie still
+                run.rests = 1
             if queue[1].due > limit:
                 return REACHED
             if queue[1].due == math.inf:
                 run.t = last_end(s)
-                return QUIET
+                return REST if run.rests == 1 else QUIET
             if run.begun >= run.max_events or run.steps >= run.max_steps:
                 return WORK
             if run.rows + 2 > len(s.log) or run.steps >= run.pause:
@@ -117,11 +145,14 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                     if passed == STOPPED:
                         return STOPPED
             if block.fired < 0 and passed == SAME:
-                proved = verdict(run, pairs, pool, bodies, run.hi) if lo == 0 else NOT_YET
-                if proved != NOT_YET and limit == math.inf:
-                    return REST if proved == RESTS else BINDING
-                if not (proved == RESTS and lies(run, pairs, pool, bodies, run.hi)):
-                    pairs[lo].due = -math.inf
+                proved = RESTS if run.rests == 1 else verdict(pairs, pool, bodies, lo)
+                if proved != NOT_YET and run.rests == 0:
+                    whole = whole_verdict(run, pairs, pool, bodies)
+                    if whole != NOT_YET and limit == math.inf:
+                        return REST if whole == RESTS else BINDING
+                if proved == RESTS and block.manner != LIES:
+                    settles(pairs, pool, bodies, lo)
+                pairs[lo].due = -math.inf
                 play(queue, lo, pairs[lo].due)
                 if not planned(s, laws):
                     return STOPPED
@@ -227,7 +258,7 @@ def expose_all(s: Any, t: float, laws: Any) -> bool:
 @kernel
 def gather(s: Any, t: float, laws: Any) -> None:
     """Advance every island to time t, the end of the run, with its series from there on."""
-    run, pairs, pool = s.run[0], s.pairs, s.pool
+    run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     run.t, run.tail = t, 0.0
     for c in range(len(pairs)):
         pair = pairs[c]
@@ -235,7 +266,7 @@ def gather(s: Any, t: float, laws: Any) -> None:
             bring(s, c, t, 0.0, laws)
             if pair.due < math.inf and pool[pair.slot].h > 0.0:
                 reach = foresee_walls(s.walls, pairs, pool, c) if DRIVEN else math.inf
-                settle_series(run, pairs, pool, c, laws, s.walls, reach)
+                settle_series(run, pairs, pool, bodies, c, laws, s.walls, reach)
 
 
 @kernel
@@ -333,7 +364,7 @@ def bring(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
 def form(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
     """Make pairs lo … hi-1 a block at the time of the event under way."""
     block, pairs[lo].hi = pool[pairs[lo].slot], hi
-    block.t, block.tail, block.stride = run.t, run.tail, run.stride
+    block.t, block.tail, block.stride, block.manner = run.t, run.tail, run.stride, MOVES
     for c in range(lo, hi):
         pairs[c].first, pairs[c].lasts = lo, 0.0
         if c > lo and pairs[c].due < math.inf:

@@ -93,11 +93,12 @@ def _taken(records: Any, index: Any) -> Any:
 
 
 def named_alike(records: Any, dtype: np.dtype[Any]) -> Any:
-    """Return a copy of records with the fields of `dtype`: those that an earlier version did not have are 0."""
+    """Return a copy of records with the fields of `dtype`: those that an earlier version did not have are 0, what it
+    had besides is dropped."""
     if records.dtype == dtype:
         return copied(records)
     out = np.zeros(len(records), dtype)
-    for name in records.dtype.names:
+    for name in set(records.dtype.names) & set(dtype.names or ()):
         out[name] = records[name]
     return out
 

@@ -13,7 +13,7 @@ hence energy, but moves no force: k ξ and γ η cancel. From then on y(t) = e^(
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,10 +40,10 @@ def matrices(pairs: list[Any]) -> Array:
 def swinging(pairs: list[Any], load: Array) -> float:
     """Return what part of a static contact force still swings; inf if the forces are not proved positive forever.
 
-    `pairs` are the records of a pile of balls on a floor, `load` what each bears at rest, in N.
+    `pairs` are the records of a pile of balls at a wall, `load` what each bears at rest, in N.
     """
     n = len(pairs)
-    if n == 0 or not all(p.upper > 0.0 and p.kind == LINEAR and p.gamma > 0.0 for p in pairs):
+    if n == 0 or not all(p.kind == LINEAR and p.gamma > 0.0 for p in pairs):
         return math.inf
     k, gamma, xi, eta = columns(pairs)
     rates, modes = np.linalg.eig(matrices(pairs))
@@ -76,15 +76,23 @@ def slowest_decay(pairs: list[Any], closed: bool) -> float:
     return 1.0 / slowest if slowest > 0.0 else float("inf")
 
 
+class Flight(NamedTuple):
+    """An open pair beside a pile: its record, rate of its gap in m/s and closing acceleration in m/s², that at rest."""
+
+    pair: Any
+    rate: float
+    pull: float
+
+
 class Creep:
     """The motion of a pile of linear contacts that stay closed forever, from an instant on."""
 
-    def __init__(self, pairs: list[Any], load: Array, above: Any, closing: float) -> None:
-        """Start from the records of a pile on a floor, the open pair above it if any, and the speed of its walls."""
-        self.start, self.matrix, self.load = float(pairs[0].t), matrices(pairs), load
-        self.pairs, self.above, self.closing = pairs, above, closing
+    def __init__(self, block: Any, pairs: list[Any], load: Array, flights: list[Flight]) -> None:
+        """Start from the records of a block, of the pairs of its pile at a wall, and of the open pairs beside it."""
+        self.start, self.matrix, self.load = float(block.t), matrices(pairs), load
+        self.block, self.pairs, self.flights = block, pairs, flights
         self.k, self.gamma, self.xi, eta = columns(pairs)
-        self.gap = above.xi if above is not None else 0.0
+        self.gaps = [flight.pair.xi for flight in flights]
         self.y = np.concatenate([self.xi - load / self.k, eta])
 
     def after(self, elapsed: float) -> tuple[Array, Array, Array, Array]:
@@ -96,15 +104,15 @@ class Creep:
         return y[:n] + self.load / self.k, y[n:], self.load + self.k * y[:n] + self.gamma * y[n:], self.load * dt + push
 
     def show(self, elapsed: float) -> None:
-        """Put the state of a time into the run into the records; the gap above the pile grows as it sinks."""
+        """Put the state of a time into the run into the records; the gap beside the pile grows as it sinks."""
         xi, eta, force = self.after(elapsed)[:3]
         for p, *now in zip(self.pairs, xi.tolist(), eta.tolist(), force.tolist(), strict=True):
             p.x[0], p.e[0], p.f[0] = now
-        self.pairs[0].tau = 0.0
-        if self.above is not None:
-            dt = elapsed - self.start
-            self.above.x[0] = self.gap + self.closing * dt - float((xi - self.xi).sum())
-            self.above.e[0] = self.closing - float(eta.sum())
+        self.block.tau = 0.0
+        dt = elapsed - self.start
+        for (pair, rate, pull), gap in zip(self.flights, self.gaps, strict=True):
+            pair.x[0] = gap + (0.5 * pull * dt - rate) * dt - float((xi - self.xi).sum())
+            pair.e[0] = pull * dt - rate - float(eta.sum())
 
     def books(self, elapsed: float, speed: float) -> tuple[float, float]:
         """Work (J) of the floor, whose constant velocity (m/s) is `speed`, and energy dissipated, since the start."""

@@ -12,7 +12,6 @@ from typing import Any
 from granular._kernels import kernel
 from granular.md.located.alone import enter, follow_alone
 from granular.md.located.driven import flown
-from granular.md.located.isolated import in_contact
 from granular.md.located.ledger import (
     enter_at_once,
     enter_exposed,
@@ -21,7 +20,7 @@ from granular.md.located.ledger import (
     look_at_piece,
     read,
 )
-from granular.md.located.pieces import fly, since, tau_at, tick, value
+from granular.md.located.pieces import fly, in_contact, since, tau_at, tick, value
 from granular.md.located.pool import leave
 from granular.md.located.system import ACTIVE, RESIDUAL, WORKED
 

@@ -45,12 +45,6 @@ MET, OTHERWISE, TABLE, ASKED = range(4)
 
 
 @kernel
-def in_contact(pair: Any, t: float, tail: float) -> bool:
-    """Return whether a pair outside the islands is in a contact, or its run-off, at the time t + tail."""
-    return bool(pair.slot < 0 and pair.lasts > 0.0 and since(pair, t, tail) < 0.0)
-
-
-@kernel
 def meet(s: Any, c: int) -> int:
     """Let the contact of pair `c`, which is due, happen at once if it is known and certain to be isolated.
 

@@ -37,6 +37,12 @@ def since(block: Any, t: float, tail: float) -> float:
 
 
 @kernel
+def in_contact(pair: Any, t: float, tail: float) -> bool:
+    """Return whether a pair outside the islands is in a contact, or its run-off, at the time t + tail."""
+    return bool(pair.slot < 0 and pair.lasts > 0.0 and since(pair, t, tail) < 0.0)
+
+
+@kernel
 def elapsed(h: float, q: int, tau: float) -> float:
     """Return the time (hτ)^q into a step."""
     u = h * tau

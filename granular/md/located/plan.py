@@ -15,8 +15,9 @@ from granular.md.located.contacts import confirm, judge
 from granular.md.located.driven import foresee_walls
 from granular.md.located.events import locate
 from granular.md.located.pieces import piece_time, power
-from granular.md.located.resting import LONG
+from granular.md.located.resting import LONG, lie
 from granular.md.located.series import expand, expand_linear, expand_two
+from granular.md.located.slow import expand_slowly
 from granular.md.located.step_size import (
     REACH,
     choose_clock,
@@ -28,7 +29,7 @@ from granular.md.located.step_size import (
     scale,
     trusted,
 )
-from granular.md.located.system import DRIVEN, EDGE, NOTHING
+from granular.md.located.system import CREEPS, DRIVEN, EDGE, LIES, MOVES, NOTHING
 
 
 @kernel
@@ -60,9 +61,13 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
     worst, span = -math.inf, 1.0
     run.steps += 1
     reach = foresee_walls(walls, pairs, pool, lo) if DRIVEN else math.inf
-    fastest = fastest_rate(pairs, pool, lo, hi)
+    if block.manner != LIES and laws is None and run.alone < 0:
+        block.manner = CREEPS if expand_slowly(pairs, pool, bodies, lo) else MOVES
+    fastest = fastest_rate(pairs, pool, lo, hi) if block.manner == MOVES else 0.0
     block.linear, block.clock = 1 if fastest >= 0.0 else 0, 1
-    if block.linear == 1:
+    if block.manner != MOVES:
+        block.linear, reach = 1 if block.manner == LIES else 0, math.inf
+    elif block.linear == 1:
         if DRIVEN and fastest == 0.0 and reach == math.inf:
             reach = run_off_time(pairs, pool, lo, hi)
         block.h = REACH / fastest if fastest * reach > REACH else reach
@@ -72,11 +77,12 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
         block.h = scale(pairs, pool, lo, hi)
         if DRIVEN:
             block.h = min(block.h, power(reach, 1.0 / block.clock))
-    settle_series(run, pairs, pool, lo, laws, walls, reach)
+    if block.manner != CREEPS:
+        settle_series(run, pairs, pool, bodies, lo, laws, walls, reach)
     if block.linear == 0 and laws is None:
         worst = growth(pairs, pool, lo, hi, run.tol)
         span = trusted(worst, run.tol)
-        if block.clock == 1:
+        if block.clock == 1 and block.manner == MOVES:
             block.stride = block.h * span
     last = math.inf
     if DRIVEN and reach < math.inf:
@@ -93,16 +99,21 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
     pairs[lo].due = block.t + (piece_time(block) + block.tail)
     if block.h >= LONG:  # it lies still
         pairs[lo].due = math.inf
-        if lo == 0 and hi == len(pairs):
-            run.rests = 1
     return True
 
 
 @kernel
-def settle_series(run: Any, pairs: Any, pool: Any, lo: int, laws: Any, walls: Any, reach: float) -> None:
+def settle_series(
+    run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, laws: Any, walls: Any, reach: float
+) -> None:
     """Compute the series; where pairs touch at rest, until it agrees with who is taken to push. `reach` and the paths
     of driven walls are those of `foresee_walls`."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
+    if block.manner == LIES:
+        lie(pairs, pool, bodies, lo)
+        return
+    if block.manner == CREEPS and expand_slowly(pairs, pool, bodies, lo):
+        return
     for _ in range(2 * (hi - lo) + 2):
         if laws is not None:
             run.error += laws.fill(pairs, pool, lo, run.tol, walls, reach)

@@ -1,21 +1,12 @@
-"""When a pile rests for good: a proof by energy that no contact can ever open again.
+"""When a scene rests for good: no contact can ever open, and none can begin.
 May be skipped: rarer, piles that come to rest.
 
-If every ball is in contact from the floor up, the energy about the static equilibrium (overlaps ξ°, forces F° > 0),
+Every ball is in a group whose contacts never open (`equilibrium`), or flies, and no gap ever closes. A group reaches
+at most to where its balls would lie if its overlaps were 0, as seen from its wall or its mass centre. That moves at
+constant acceleration, as a flying ball does, so that the gap between two such hulls is a parabola.
 
-    E = Σ ½ m v² + Σ U(ξ) - U(ξ°) - F° (ξ - ξ°) ,
-
-never grows. The force of pair c can only vanish where kξ^s + γη = 0, and the relative motion alone then has ½ m_eff η²,
-so that it needs at least the least value on 0 ≤ ξ ≤ ξ° of
-
-    U(ξ) - U(ξ°) - F° (ξ - ξ°) + ½ m_eff (k ξ^s / γ)² ,
-
-F°²/(2 (k + γ²/m_eff)) for a dashpot; for γ = 0 it has to part, ξ = 0. Less energy than that in every contact: no force
-vanishes forever after, hence nothing opens, hence nothing else can happen. The equilibrium is the same at every look:
-loads are weights, and between two walls at rest the overlaps have a constant sum.
-
-Of a law that is a function it can only be seen that every force balances to rounding, at rest, and grows with the
-overlap. Then the balls stay where they are, until one arrives.
+A group that has come to its equilibrium, except for rounding, is put there and lies still, until a ball arrives. Of a
+law that is a function it can only be seen that every force balances to rounding, at rest, and grows with the overlap.
 """
 
 from __future__ import annotations
@@ -26,11 +17,10 @@ from typing import Any
 
 from granular._flight import time_to_contact
 from granular._kernels import kernel
-from granular.md.located.pieces import power, write_flight
-from granular.md.located.system import ACTIVE, ELASTIC, GENERAL, LINEAR, OPEN
+from granular.md.located.equilibrium import NOT_YET, RESTS, bound, end_of_group, find_loads, overlap_under
+from granular.md.located.pieces import in_contact, power, since, write_flight
+from granular.md.located.system import ACTIVE, LIES, OPEN
 
-NOT_YET, RESTS, BOUND = range(3)
-"""Verdicts: nothing proved; rests, with damping in every contact; bound forever, but not damped in every contact."""
 STILL = 1e-14
 """Part of the static overlaps, and of their natural rates, up to which a pile that rests is taken to be still."""
 LONG = 2.0**300
@@ -44,169 +34,173 @@ ROUNDING = 1e-11
 
 
 @kernel
-def verdict(run: Any, pairs: Any, pool: Any, bodies: Any, hi: int) -> int:
-    """Return what is proved of the block of pairs 0 … hi-1; notes energy and barrier in the run's record."""
-    if run.rests == 1:
-        return RESTS
-    piled = pile(pairs, pool, bodies, hi)
-    if piled == 0:
-        return NOT_YET
-    if piled != run.piled:
-        find_equilibrium(run, pairs, pool, bodies, piled)
-    energy, damped = kinetic(pairs, pool, bodies, piled), 1
-    if energy >= run.opening:
-        return NOT_YET
-    for c in range(piled - 1, -1, -1):
-        pair, load = pool[pairs[c].slot], static_load(run, bodies, c)
-        energy += excess(pair, pair.xi, overlap_under(pair, load), load)
-        damped = damped if pair.gamma > 0.0 else 0
-    if run.barrier == math.inf:
-        run.barrier = run.opening
-        for c in range(piled):
-            run.barrier = min(run.barrier, hurdle(pool[pairs[c].slot], static_load(run, bodies, c)))
-    run.energy = energy
-    if energy >= (1.0 - 1e-9) * run.barrier:
-        return NOT_YET
-    run.rests = damped
-    return RESTS if damped == 1 else BOUND
+def verdict(pairs: Any, pool: Any, bodies: Any, lo: int) -> int:
+    """Return what is proved of the groups of the block that starts with pair `lo`, as long as no ball arrives.
 
-
-@kernel
-def static_load(run: Any, bodies: Any, c: int) -> float:
-    """Return the force in N that pair `c` of a pile bears at rest: the weight above it, and what a ceiling adds."""
-    return float(run.load + bodies[c + 1].load)
-
-
-@kernel
-def find_equilibrium(run: Any, pairs: Any, pool: Any, bodies: Any, piled: int) -> None:
-    """Note a pile, the force in N on its ceiling, and the least energy in J with which one of its pairs opens.
-
-    That is without damping, where it has to part; a `hurdle` is lower.
+    Where a wall is driven nothing is.
     """
-    run.piled, run.opening, run.barrier = piled, math.inf, math.inf
-    run.load = squeeze(pairs, pool, bodies, piled) if bodies[piled].inverse_mass == 0.0 else 0.0
-    for c in range(piled):
-        pair, load = pool[pairs[c].slot], static_load(run, bodies, c)
-        run.opening = min(run.opening, excess(pair, 0.0, overlap_under(pair, load), load))
+    c, proved = lo, NOT_YET
+    if pairs[0].wall > 0 or pairs[len(pairs) - 1].wall > 0:
+        return NOT_YET
+    while c < pairs[lo].hi:
+        mode, b = pool[pairs[c].slot].mode, c + 1
+        if mode == ACTIVE:
+            b = end_of_group(pairs, pool, c)
+            found = bound(pairs, pool, bodies, c, b)
+            if found == NOT_YET:
+                return NOT_YET
+            proved = max(proved, found)
+        elif mode != OPEN:
+            return NOT_YET
+        c = b
+    return proved
 
 
 @kernel
-def lies(run: Any, pairs: Any, pool: Any, bodies: Any, hi: int) -> bool:
-    """Return whether a pile is so near to its equilibrium that the difference is rounding; if so, put it there.
+def whole_verdict(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
+    """Return what is proved of the scene; notes energy and barrier of the group that is nearest to open.
 
-    Its piece has no end; a wall above it may move on.
+    Begins with the block that was in doubt when last asked.
     """
-    block = pool[pairs[0].slot]
-    for c in range(run.piled):
+    n, proved, run.energy, run.barrier = len(pairs), RESTS, 0.0, math.inf
+    c = start = pairs[run.doubted].first
+    while True:
+        found = RESTS
+        if pairs[c].slot >= 0:
+            found = verdict(pairs, pool, bodies, c)
+        if found == NOT_YET or closes(run, pairs, pool, bodies, c):
+            run.doubted = c
+            return NOT_YET
+        nearest(run, pairs, pool, c)
+        proved = max(proved, found)
+        c = pairs[c].hi % n
+        if c == start:
+            break
+    run.rests = 1 if proved == RESTS else 0
+    return proved
+
+
+@kernel
+def nearest(run: Any, pairs: Any, pool: Any, lo: int) -> None:
+    """Note energy and barrier of a group of a block if it is nearer to open than those looked at before."""
+    for c in range(lo, pairs[lo].hi if pairs[lo].slot >= 0 else lo):
         pair = pool[pairs[c].slot]
-        rest = overlap_under(pair, static_load(run, bodies, c))
-        rate = math.sqrt(pair.k * pair.p * power(rest, pair.p) / rest * pair.inverse)
-        if abs(pair.xi - rest) > STILL * rest or abs(pair.eta) > STILL * rest * rate:
+        heads = pair.mode == ACTIVE and (c == lo or pool[pairs[c - 1].slot].mode != ACTIVE)
+        if heads and pair.energy * run.barrier >= run.energy * pair.barrier:
+            run.energy, run.barrier = pair.energy, pair.barrier
+
+
+@kernel
+def closes(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
+    """Return whether a gap of the block that starts with pair `lo` may ever close, or is not open yet."""
+    if pairs[lo].slot < 0:
+        return bool(pairs[lo].due < math.inf or in_contact(pairs[lo], run.t, run.tail))
+    for c in range(lo, pairs[lo].hi):
+        if pool[pairs[c].slot].mode == OPEN:
+            gap, rate, pull = between(pairs, pool, bodies, lo, c)
+            if not (gap > 0.0 and time_to_contact(gap, rate, pull) == math.inf):
+                return True
+    return False
+
+
+@kernel
+def between(pairs: Any, pool: Any, bodies: Any, lo: int, c: int) -> tuple[float, float, float]:
+    """Return the gap between the hulls beside the open pair `c` of a block, its rate, and the acceleration at which it
+    closes."""
+    block = pool[pairs[lo].slot]
+    inner, v_lower, fall_lower, size_lower = hull(pairs, pool, bodies, block, c, -1)
+    outer, v_upper, fall_upper, size_upper = hull(pairs, pool, bodies, block, c, 1)
+    pull = fall_upper - fall_lower
+    if abs(pull) <= STILL * max(size_lower, size_upper):
+        pull = 0.0
+    return -pool[pairs[c].slot].xi - inner - outer, v_upper - v_lower, pull
+
+
+@kernel
+def hull(pairs: Any, pool: Any, bodies: Any, block: Any, c: int, way: int) -> tuple[float, float, float, float]:
+    """Return of the group, ball or wall below the open pair `c` of a block (way -1) or above it (way 1): by how much
+    its hull goes beyond it, velocity and fall of its wall or mass centre, and the size of what its fall sums up."""
+    first = c if way < 0 else c + 1
+    b, f = first, c + way
+    while 0 <= f < len(pairs) and pairs[f].slot >= 0 and pool[pairs[f].slot].mode == ACTIVE:
+        b, f = b + way, f + way
+    if bodies[b].inverse_mass == 0.0:
+        reach = 0.0
+        for i in range(abs(b - first)):
+            reach += pool[pairs[c + way * (i + 1)].slot].xi
+        return reach, float(bodies[b].v), 0.0, 0.0
+    if b == first:
+        body = bodies[b]
+        return 0.0, float(body.v - body.fall * since(body, block.t, block.tail)), float(body.fall), 0.0
+    mass = momentum = falls = size = reach = 0.0
+    for i in range(abs(b - first) + 1):
+        body = bodies[b - way * i]
+        own = 1.0 / body.inverse_mass
+        mass += own
+        momentum += own * (body.v - body.fall * since(body, block.t, block.tail))
+        falls += own * body.fall
+        size += own * abs(body.fall)
+        if b - way * i != first:  # the pair towards the open one
+            reach += mass * pool[pairs[f - way * (i + 1)].slot].xi
+    return reach / mass, momentum / mass, falls / mass, size / mass
+
+
+@kernel
+def settles(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
+    """Return whether the groups of a block are so near to their equilibrium that the difference is rounding; if so, put
+    them there: they lie still."""
+    for c in range(lo, pairs[lo].hi):
+        pair = pool[pairs[c].slot]
+        if pair.mode == ACTIVE:
+            rest = overlap_under(pair, pair.load)
+            rate = math.sqrt(pair.k * pair.p * power(rest, pair.p) / rest * pair.inverse)
+            if abs(pair.xi - rest) > STILL * rest or abs(pair.eta) > STILL * rest * rate:
+                return False
+        elif not pair.xi < 0.0:
             return False
-    block.clock, block.h, block.tau, block.fired, pairs[0].due = 1, LONG, math.inf, -1, math.inf
-    for c in range(hi):
-        pair, load = pool[pairs[c].slot], 0.0
-        pair.eta = bodies[0].v - bodies[hi].v
-        if c < run.piled:
-            load = static_load(run, bodies, c)
-            pair.xi, pair.eta = overlap_under(pair, load), 0.0
-        write_flight(pair, LONG, 0.0, load)
+    for c in range(lo, pairs[lo].hi):
+        pair = pool[pairs[c].slot]
+        if pair.mode == ACTIVE:
+            pair.xi, pair.eta = overlap_under(pair, pair.load), 0.0
+        else:
+            pair.eta = -between(pairs, pool, bodies, lo, c)[1]
+    pool[pairs[lo].slot].manner = LIES
     return True
 
 
 @kernel
-def pile(pairs: Any, pool: Any, bodies: Any, hi: int) -> int:
-    """Return how many pairs from a floor up form a pile that holds every ball, in a block 0 … hi-1; 0 if they do not.
-
-    Above it there may be a ceiling, out of reach and not coming down. Without walls the pile may hold together by
-    forces on its balls. Every load must press, and no wall be driven.
-    """
-    piled, reach, n = 0, 0.0, len(pairs)
-    if pairs[0].slot < 0 or pairs[0].wall > 0 or pairs[n - 1].wall > 0:
-        return 0
-    free = bodies[0].inverse_mass > 0.0
-    if free and (hi < n or bodies[n].inverse_mass == 0.0):
-        return 0
-    for c in range(hi):
-        if bodies[c + 1].load < 0.0 or (free and bodies[c + 1].load == 0.0):
-            return 0
-    while piled < hi and pool[pairs[piled].slot].mode == ACTIVE and pool[pairs[piled].slot].kind != GENERAL:
-        reach += pool[pairs[piled].slot].xi
-        piled += 1
-    if piled < n and free:
-        return 0
-    if piled == n:
-        return n if bodies[n].inverse_mass > 0.0 or bodies[n].v == bodies[0].v else 0
-    if piled == 0 or piled < n - 1 or bodies[n].inverse_mass > 0.0:
-        return 0
-    above = pool[pairs[piled].slot]
-    return piled if above.mode == OPEN and -above.xi > reach and bodies[n].v >= bodies[0].v else 0
-
-
-@kernel
-def kinetic(pairs: Any, pool: Any, bodies: Any, piled: int) -> float:
-    """Return the kinetic energy in J relative to the floor, or, without, to the mass centre."""
-    v, energy = 0.0, 0.0
-    if bodies[0].inverse_mass > 0.0:
-        mass, momentum = 1.0 / bodies[0].inverse_mass, 0.0
-        for c in range(piled):
-            v -= pool[pairs[c].slot].eta
-            mass += 1.0 / bodies[c + 1].inverse_mass
-            momentum += v / bodies[c + 1].inverse_mass
-        v = -momentum / mass
-        energy = 0.5 * v * v / bodies[0].inverse_mass
-    for c in range(piled):
-        v -= pool[pairs[c].slot].eta
-        if bodies[c + 1].inverse_mass > 0.0:
-            energy += 0.5 * v * v / bodies[c + 1].inverse_mass
-    return energy
-
-
-@kernel
-def squeeze(pairs: Any, pool: Any, bodies: Any, piled: int) -> float:
-    """Return the force in N on the ceiling that closes a pile: the static overlaps must add up to those there are."""
-    total, low, high = 0.0, 0.0, 0.0
-    for c in range(piled):
-        total += pool[pairs[c].slot].xi
-    for c in range(piled):
+def lie(pairs: Any, pool: Any, bodies: Any, lo: int) -> None:
+    """Write the piece of a block whose groups lie still: it has no end, unless a ball arrives."""
+    block = pool[pairs[lo].slot]
+    block.clock, block.linear, block.h = 1, 1, LONG
+    for c in range(lo, pairs[lo].hi):
         pair = pool[pairs[c].slot]
-        high = max(high, pair.k * power(total, pair.p))
-    for _ in range(100):
-        middle, room = 0.5 * (low + high), total
-        for c in range(piled - 1, -1, -1):
-            room -= overlap_under(pool[pairs[c].slot], middle + bodies[c + 1].load)
-        low, high = (middle, high) if room > 0.0 else (low, middle)
-    return low
+        if pair.mode == OPEN:
+            pull = between(pairs, pool, bodies, lo, c)[2]
+            block.h = min(block.h, 2.0 * time_to_contact(max(0.0, -pair.xi), -pair.eta, pull))
+    for c in range(lo, pairs[lo].hi):
+        pair = pool[pairs[c].slot]
+        if pair.mode == ACTIVE:
+            write_flight(pair, block.h, 0.0, pair.load)
+        else:
+            write_flight(pair, block.h, between(pairs, pool, bodies, lo, c)[2], 0.0)
 
 
-@kernel
-def overlap_under(pair: Any, load: float) -> float:
-    """Return the static overlap in m under a load in N."""
-    return power(load / pair.k, 1.0 / pair.p)
-
-
-@kernel
-def excess(pair: Any, xi: float, rest: float, load: float) -> float:
-    """Return U(ξ) - U(ξ°) - F° (ξ - ξ°) in J."""
-    if pair.kind == LINEAR:
-        return float(0.5 * pair.k * (xi - rest) * (xi - rest))
-    stored = xi * power(xi, pair.p) - rest * power(rest, pair.p) if xi > 0.0 else -rest * power(rest, pair.p)
-    return float(pair.k * stored / (pair.p + 1.0) - load * (xi - rest))
-
-
-@kernel
-def hurdle(pair: Any, load: float) -> float:
-    """Return the least energy in J with which the force of a pair can vanish."""
-    rest = overlap_under(pair, load)
-    if pair.kind == ELASTIC or pair.gamma == 0.0:
-        return excess(pair, 0.0, rest, load)
-    stiff = pair.k / pair.gamma / math.sqrt(pair.inverse)
-    low, high = 0.0, rest
-    for _ in range(60):  # the sum is convex: halve by the sign of its slope
-        xi = 0.5 * (low + high)
-        slope = pair.k * power(xi, pair.p) - load + stiff * stiff * pair.s * power(xi, 2.0 * pair.s - 1.0)
-        low, high = (xi, high) if slope < 0.0 else (low, xi)
-    return float(excess(pair, high, rest, load) + 0.5 * stiff * stiff * power(low, 2.0 * pair.s))
+def lone_pile(s: Any) -> tuple[int, int]:
+    """Return first pair and end of the one group of a scene, a pile at a wall, and note its loads; (0, 0) if there is
+    none, a pair bears nothing at rest, or a gap may close."""
+    run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
+    pressed = [c for c, p in enumerate(pairs) if p.slot >= 0 and pool[p.slot].mode != OPEN]
+    if not pressed:
+        return 0, 0
+    a, b = pressed[0], end_of_group(pairs, pool, pressed[0])
+    at_one_wall = (bodies[a].inverse_mass == 0.0) != (bodies[b].inverse_mass == 0.0)
+    if b - a < len(pressed) or not at_one_wall or pairs[0].wall > 0 or pairs[-1].wall > 0:
+        return 0, 0
+    if not find_loads(pairs, pool, bodies, a, b) or min(pool[pairs[c].slot].load for c in pressed) <= 0.0:
+        return 0, 0
+    starts = (c for c, p in enumerate(pairs) if p.first == c)
+    return (0, 0) if any(closes(run, pairs, pool, bodies, c) for c in starts) else (a, b)
 
 
 def lie_still(pairs: list[Any], at_rest: AtRest) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from copy import deepcopy
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -19,11 +20,11 @@ from granular.md.located import blocks
 from granular.md.located.checkpoint import Checkpoint, Untouched, restored
 from granular.md.located.collocation import Collocation
 from granular.md.located.contacts import keep_unsettled
-from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
+from granular.md.located.creep import LARGEST, SMOOTH, Creep, Flight, slowest_decay, swinging
 from granular.md.located.inside import look, look_inside, seen
 from granular.md.located.ledger import FLOOR, LOST
 from granular.md.located.plan import planned
-from granular.md.located.resting import pile
+from granular.md.located.resting import between, lone_pile
 from granular.md.located.system import (
     ACTIVE,
     DORMANT,
@@ -174,7 +175,7 @@ class Run:
             return Pause.disturbed
         if why != blocks.MORE:
             self.bound = why == blocks.BINDING
-            return Pause.resting if why == blocks.QUIET and counters["rests"] else WHY[why]
+            return WHY[why]
         if counters["steps"] >= counters["pause"]:
             counters["pause"] *= 2
             if self.rests(limit):
@@ -188,8 +189,7 @@ class Run:
 
         Looked at after 256, 512, 1024 … pieces. What creeps needs no kernels any more.
         """
-        n = self.scene.n_pairs
-        if not self.scene.is_wall[0] or n > LARGEST:
+        if self.scene.n_pairs > LARGEST or not self.scene.is_wall.any():
             return False
         self.let_creep(math.inf if limit == math.inf else SMOOTH)
         return limit == math.inf and self.creep is not None
@@ -197,14 +197,16 @@ class Run:
     def let_creep(self, most: float) -> None:
         """Go on by modes if the scene creeps to rest, its forces swinging by less than the part `most`."""
         s = to_plain(self.s)
-        piled = pile(s.pairs, s.pool, s.bodies, s.pairs[0].hi)
-        members = [s.pool[pair.slot] for pair in s.pairs if pair.slot >= 0]
-        load = column(s.bodies, "load")[1 : piled + 1]
-        if swinging(members[:piled], load) < most:
+        a, b = lone_pile(s)
+        members = [s.pool[s.pairs[c].slot] for c in range(a, b)]
+        load = np.array([p.load for p in members])
+        if swinging(members, load) < most:
             self.checkpoint = Checkpoint(deepcopy(s), {"origin": self.start, "creeping": True})
             self.s, self.kernels = s, self.fit
-            above = members[piled] if piled < self.scene.n_pairs else None
-            self.creep = Creep(members[:piled], load, above, s.bodies[0].v - s.bodies[-1].v)
+            lo = s.pairs[a].first
+            flights = [Flight(s.pool[s.pairs[c].slot], *between(s.pairs, s.pool, s.bodies, lo, c)[1:])
+                       for c in (a - 1, b) if lo <= c < s.pairs[lo].hi]  # fmt: skip
+            self.creep = Creep(s.pool[s.pairs[lo].slot], members, load, flights)
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of contacts so far."""
@@ -314,10 +316,11 @@ class Run:
             return sentence
         if status is Status.time:
             sentence += "; the balls rest on each other"
-        if self.collocation is not None:
+        if self.collocation is not None or not (self.creep or r.barrier):
             return f"{sentence}: every force balances to rounding"
         piled = [p for p in self.members() if p.mode == ACTIVE or p.mode == DORMANT]
-        decay = slowest_decay(piled, bool(self.scene.is_wall[[0, piled[-1].number + 1]].all()))
+        groups = [[p for _, p in group] for _, group in groupby(enumerate(piled), lambda at: at[1].number - at[0])]
+        decay = max(slowest_decay(group, group[0].lower == 0.0 == group[-1].upper) for group in groups)
         why = "about the equilibrium, no sum of decaying modes takes a contact force to zero"
         if self.creep is None:
             energies = f"{r.energy:.3g} J, is less than the {r.barrier:.3g} J that"

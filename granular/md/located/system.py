@@ -44,6 +44,9 @@ LINEAR, ELASTIC, DAMPED, GENERAL = range(4)
 NO_MAP, DASHPOT, SIMILAR, VISCOELASTIC = range(4)
 """How an isolated contact is known at its onset: see `maps`."""
 
+MOVES, LIES, CREEPS = range(3)
+"""Manners in which a block is followed: by its equation of motion; lying still; creeping, see `slow`."""
+
 NOTHING, BEGIN, END, PART, TURN, RELOAD, EDGE = range(7)
 """Events of a pair, see `events`."""
 
@@ -99,10 +102,13 @@ _STATE = [
     ("top", float), ("loading", int),  # largest overlap so far, for laws with memory
     ("number", int),  # of the pair; for laws that are functions:
     ("doubt", float), ("largest", float), ("deepest", float),  # of the force of its piece; since its balls last parted
+    ("load", float), ("head", int),  # force that it bears at rest in its group, in N, and the first pair of that
+    ("piled", int), ("energy", float), ("opening", float), ("barrier", float),  # of that: pairs; see `equilibrium`, J
 ]  # fmt: skip
 _BLOCK = [  # of the island that starts with this pair; h = 0 before it has a piece
     ("clock", int), ("linear", int), ("t", float), ("tail", float),  # q of t = (hτ)^q; its time is t + tail
     ("h", float), ("tau", float),  # scale of the piece, and its end in τ, 0 when it is used up
+    ("manner", int),  # in which its groups are followed
     ("fired", int), ("what", int),  # the pair whose event ends it, -1 for none, and which event
     ("holds", float),  # s for which a driven wall's path goes on as it does
     ("speed", float), ("length", float), ("stride", float),  # scales of the motion; last step on the plain clock
@@ -121,9 +127,9 @@ _SERIES = [
 
 MEMBER = np.dtype([*_SERIES, *_LAW, *_STATE, *_BLOCK, *_CONTACT, ("spare", int)], align=True)
 """A pair in an island. `spare` of record i of the pool is the i-th place, of which the first ones are taken."""
-BODY = np.dtype([(name, float) for name in ("inverse_mass", "fall", "load", "v", "t", "tail", "wall")], align=True)
-"""Inverse mass, downward acceleration, weight in N of the body and all above it, velocity it had at time t + tail,
-number from 1 on of the driven wall that it is, or 0."""
+BODY = np.dtype([(name, float) for name in ("inverse_mass", "fall", "v", "t", "tail", "wall")], align=True)
+"""Inverse mass, downward acceleration, velocity it had at time t + tail, and number from 1 on of the driven wall that
+it is, or 0."""
 RUN = np.dtype(
     [
         ("tol", float), ("members", int),
@@ -138,13 +144,13 @@ RUN = np.dtype(
         ("over", float), ("parting", float),
         ("before_due", float), ("before_steps", int), ("before_error", float), ("before_log", int),  # to be put back
         ("speed", float),  # at which it is followed
-        ("piled", int), ("load", float), ("energy", float), ("opening", float), ("barrier", float), ("rests", int),
+        ("energy", float), ("barrier", float), ("rests", int), ("doubted", int),
     ],
     align=True,
 )  # fmt: skip
 """Counters, limits and stop conditions of one run; places taken in the pool; of the event under way time, pairs
 lo … hi-1 that it concerns, stride of its block, and whether it waits for room; the contact that is followed alone; the
-pile and the load on it in N."""
+group that is nearest to open of a scene that rests, in J, and the pair at which that was last in doubt."""
 
 LEDGER = np.dtype(
     [*((name, float, (5,)) for name in ("total", "low", "piece", "alone")),
@@ -222,10 +228,6 @@ def new_system(
     if lift is not None:
         fall = fall - lift
     bodies["fall"] = fall
-    weight = np.divide(fall, inverse_mass, out=np.zeros_like(fall), where=inverse_mass > 0.0)
-    if lift is not None and (inverse_mass > 0.0).all():  # about the mass centre
-        weight -= weight.sum() / (1.0 / inverse_mass).sum() / inverse_mass
-    bodies["load"] = np.cumsum(weight[..., ::-1], axis=-1)[..., ::-1]
     pairs["xi"], pairs["eta"], pairs["pull"] = -gap, -np.diff(velocity), np.diff(fall)
     if walls is not None:
         bodies["wall"][[0, -1]] = floor, ceiling = numbers_at_ends(walls)

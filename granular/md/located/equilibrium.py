@@ -1,0 +1,236 @@
+"""Balls pressed together: their equilibrium, and a proof by energy that none of their contacts can ever open.
+May be skipped: rarer, piles that come to rest.
+
+A group is a maximal run of pairs a … b-1 whose forces act: a pile on a floor or below a ceiling, balls between both, or
+balls that forces press together in flight. In the frame of its wall, or of its mass centre, which accelerates
+uniformly, the energy about its static equilibrium (overlaps ξ°, forces F° > 0),
+
+    E = Σ ½ m v² + Σ U(ξ) - U(ξ°) - F° (ξ - ξ°) ,
+
+never grows. The force of pair c can only vanish where kξ^s + γη = 0, and the relative motion alone then has ½ m_eff η²,
+so that it needs at least the least value on 0 ≤ ξ ≤ ξ° of
+
+    U(ξ) - U(ξ°) - F° (ξ - ξ°) + ½ m_eff (k ξ^s / γ)² ,
+
+F°²/(2 (k + γ²/m_eff)) for a dashpot; for γ = 0 it has to part, ξ = 0. Besides, kξ^s + γη must fall there: its rate is
+at least γ G - s k² ξ^(2s-1)/γ, for other forces only press, so that under a pull G > 0 it takes an overlap of
+
+    ξ^(2s-1) ≥ γ² G / (s k²) ,
+
+which, beyond ξ°, a strongly damped ball never comes to. Less energy than that in every contact: no force vanishes
+forever after, hence nothing opens. The equilibrium is the same at every look: loads are weights and forces, and between
+two walls at rest the overlaps have a constant sum.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from granular._kernels import kernel
+from granular.md.located.pieces import power
+from granular.md.located.system import ACTIVE, ELASTIC, GENERAL, LINEAR
+
+NOT_YET, RESTS, BOUND = range(3)
+"""Verdicts: nothing proved; rests, with damping in every contact; bound forever, but not damped in every contact."""
+
+
+@kernel
+def end_of_group(pairs: Any, pool: Any, c: int) -> int:
+    """Return the end of the group that starts with pair `c`; `c` itself if that does not push."""
+    b = c
+    while b < len(pairs) and pairs[b].slot >= 0 and pool[pairs[b].slot].mode == ACTIVE:
+        b += 1
+    return b
+
+
+@kernel
+def bound(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> int:
+    """Return what is proved of the group of pairs a … b-1; notes energy and barrier in the record of its first pair."""
+    head = pool[pairs[a].slot]
+    find_equilibrium(pairs, pool, bodies, a, b)
+    if head.opening <= 0.0:
+        return NOT_YET
+    energy, damped = kinetic(pairs, pool, bodies, a, b), RESTS
+    if energy >= head.opening:
+        return NOT_YET
+    for c in range(b - 1, a - 1, -1):
+        pair = pool[pairs[c].slot]
+        energy += excess(pair, pair.xi)
+        damped = damped if pair.gamma > 0.0 else BOUND
+    if head.barrier == math.inf:
+        head.barrier = head.opening
+        for c in range(a, b):
+            head.barrier = min(head.barrier, hurdle(pool[pairs[c].slot]))
+    head.energy = energy
+    return damped if energy < (1.0 - 1e-9) * head.barrier else NOT_YET
+
+
+@kernel
+def find_equilibrium(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> None:
+    """Note the loads of a group, and an energy in J that none of its pairs needs more of to open: 0 if one bears none.
+
+    That is without damping, where it has to part, or from where its force can fall; a `hurdle` is lower. A group that
+    is as it was keeps what is noted.
+    """
+    head, least, known = pool[pairs[a].slot], math.inf, pool[pairs[a].slot].piled == b - a
+    for c in range(a, b):
+        known = known and pool[pairs[c].slot].head == a
+        pool[pairs[c].slot].head = a
+    if known:
+        return
+    head.piled, head.opening, head.barrier = b - a, 0.0, math.inf
+    if not find_loads(pairs, pool, bodies, a, b):
+        head.load = 0.0
+        return
+    for c in range(a, b):
+        pair = pool[pairs[c].slot]
+        if pair.kind == GENERAL or not pair.load > 0.0:
+            return
+        least = min(least, opens_at(pair, turning(pair)))
+    head.opening = least
+
+
+@kernel
+def find_loads(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
+    """Note the force in N that each pair of a group bears at rest; false if it has no equilibrium, or a driven wall."""
+    if pairs[a].wall > 0 or pairs[b - 1].wall > 0:
+        return False
+    floor, ceiling, load = bodies[a].inverse_mass == 0.0, bodies[b].inverse_mass == 0.0, 0.0
+    if not (floor or ceiling):
+        return press(pairs, pool, bodies, a, b)
+    if floor and ceiling and bodies[a].v != bodies[b].v:
+        return False
+    for c in range(b - 1, a - 1, -1):
+        load += weight(bodies[c + 1])
+        pool[pairs[c].slot].load = load if floor else 0.0
+    load = 0.0
+    for c in range(a, b if ceiling else a):
+        load -= weight(bodies[c])
+        pair = pool[pairs[c].slot]
+        pair.load = 0.5 * (pair.load + load) if floor else load
+    return not (floor and ceiling) or squeeze(pairs, pool, a, b)
+
+
+@kernel
+def weight(body: Any) -> float:
+    """Return the force in N that pulls a ball down; 0 for a wall."""
+    return float(body.fall / body.inverse_mass) if body.inverse_mass > 0.0 else 0.0
+
+
+@kernel
+def press(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
+    """Note the loads of a group in flight: what its balls above a pair would lose on those below, F = m_eff Δ(fall).
+
+    Falls count from that of its lowest ball on: exactly none where gravity alone pulls.
+    """
+    fall, mass, total, falls = 0.0, 1.0 / bodies[a].inverse_mass, 0.0, False
+    for c in range(a, b):
+        fall += pairs[c].pull
+        falls = falls or pairs[c].pull > 0.0
+        mass += 1.0 / bodies[c + 1].inverse_mass
+        total += fall / bodies[c + 1].inverse_mass
+    if not falls:
+        return False
+    below, pulled, fall = 1.0 / bodies[a].inverse_mass, 0.0, 0.0
+    for c in range(a, b):
+        above = mass - below if c + 1 < b else 1.0 / bodies[b].inverse_mass
+        difference = (total - pulled) / above - pulled / below if b > a + 1 else pairs[c].pull
+        pool[pairs[c].slot].load = below * above / mass * difference
+        fall += pairs[c].pull
+        below += 1.0 / bodies[c + 1].inverse_mass
+        pulled += fall / bodies[c + 1].inverse_mass
+    return True
+
+
+@kernel
+def squeeze(pairs: Any, pool: Any, a: int, b: int) -> bool:
+    """Add to the loads of balls between two walls what lets the static overlaps add up to those there are; true."""
+    total, low, high = 0.0, -math.inf, 0.0
+    for c in range(a, b):
+        total += pool[pairs[c].slot].xi
+    for c in range(a, b):
+        pair = pool[pairs[c].slot]
+        low = max(low, -pair.load)
+        high = max(high, pair.k * power(total, pair.p) - pair.load)
+    for _ in range(100):
+        middle, taken = 0.5 * (low + high), 0.0
+        for c in range(a, b):
+            pair = pool[pairs[c].slot]
+            taken += overlap_under(pair, max(0.0, middle + pair.load))
+        low, high = (middle, high) if taken < total else (low, middle)
+    for c in range(a, b):
+        pool[pairs[c].slot].load += low
+    return True
+
+
+@kernel
+def kinetic(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
+    """Return the kinetic energy in J of a group relative to its wall, or, without, to its mass centre."""
+    v, energy, free = 0.0, 0.0, bodies[a].inverse_mass > 0.0
+    if free:
+        mass, momentum = 1.0 / bodies[a].inverse_mass, 0.0
+        for c in range(a, b):
+            v -= pool[pairs[c].slot].eta
+            if bodies[c + 1].inverse_mass > 0.0:
+                mass += 1.0 / bodies[c + 1].inverse_mass
+                momentum += v / bodies[c + 1].inverse_mass
+        v = -momentum / mass if bodies[b].inverse_mass > 0.0 else -v
+        energy = 0.5 * v * v / bodies[a].inverse_mass
+    for c in range(a, b):
+        v -= pool[pairs[c].slot].eta
+        if bodies[c + 1].inverse_mass > 0.0:
+            energy += 0.5 * v * v / bodies[c + 1].inverse_mass
+    return energy
+
+
+@kernel
+def overlap_under(pair: Any, load: float) -> float:
+    """Return the static overlap in m under a load in N."""
+    return power(load / pair.k, 1.0 / pair.p)
+
+
+@kernel
+def excess(pair: Any, xi: float) -> float:
+    """Return U(ξ) - U(ξ°) - F° (ξ - ξ°) in J."""
+    rest = overlap_under(pair, pair.load)
+    if pair.kind == LINEAR:
+        return float(0.5 * pair.k * (xi - rest) * (xi - rest))
+    stored = xi * power(xi, pair.p) - rest * power(rest, pair.p) if xi > 0.0 else -rest * power(rest, pair.p)
+    return float(pair.k * stored / (pair.p + 1.0) - pair.load * (xi - rest))
+
+
+@kernel
+def turning(pair: Any) -> float:
+    """Return the least overlap in m at which the force of a pair may fall through zero, if that is beyond the static
+    one; else 0."""
+    exponent = 2.0 * pair.s - 1.0
+    if pair.kind == ELASTIC or not (pair.gamma > 0.0 and pair.pull > 0.0 and exponent > 0.0):
+        return 0.0
+    ratio = pair.gamma / pair.k
+    least = power(ratio * ratio * pair.pull / pair.s, 1.0 / exponent)
+    return least if least > overlap_under(pair, pair.load) else 0.0
+
+
+@kernel
+def opens_at(pair: Any, xi: float) -> float:
+    """Return the energy in J with which the force of a pair vanishes at an overlap in m."""
+    if xi == 0.0:
+        return excess(pair, 0.0)
+    stiff = pair.k / pair.gamma / math.sqrt(pair.inverse)
+    return float(excess(pair, xi) + 0.5 * stiff * stiff * power(xi, 2.0 * pair.s))
+
+
+@kernel
+def hurdle(pair: Any) -> float:
+    """Return the least energy in J with which the force of a pair can vanish."""
+    rest, least = overlap_under(pair, pair.load), turning(pair)
+    if pair.kind == ELASTIC or pair.gamma == 0.0 or least > 0.0:
+        return opens_at(pair, least)
+    stiff = pair.k / pair.gamma / math.sqrt(pair.inverse)
+    low, high = 0.0, rest
+    for _ in range(60):  # the sum is convex: halve by the sign of its slope
+        xi = 0.5 * (low + high)
+        slope = pair.k * power(xi, pair.p) - pair.load + stiff * stiff * pair.s * power(xi, 2.0 * pair.s - 1.0)
+        low, high = (xi, high) if slope < 0.0 else (low, xi)
+    return float(excess(pair, high) + 0.5 * stiff * stiff * power(low, 2.0 * pair.s))
