@@ -19,7 +19,7 @@ def main():
     print("process pool, same bits:", here.identical(there))
     print("most contacts of the two balls:", int(here["contacts"].max()))
     drawn, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
-    here["contacts"].sel(pair=1).plot(ax=axis, x="restitution", yscale="log", cbar_kwargs={"label": "contacts of the two balls"})
+    here["contacts"].sel(pair=1).plot(ax=axis, x="restitution", yscale="log", cbar_kwargs={"label": "contacts"})
     axis.set(xlabel="ε", ylabel="gap, m", title="R = 10 and 1 cm, k = 5·10⁷ N/m")
     return drawn
 

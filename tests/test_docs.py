@@ -23,8 +23,10 @@ def agree(printed: str, shown: str) -> bool:
     pairs = zip(map(float, NUMBER.findall(printed)), map(float, NUMBER.findall(shown)), strict=True)
     return all(a == pytest.approx(b, rel=1e-3, abs=1e-9) for a, b in pairs)
 
+PAGES = [page for page, text in TEXTS.items() if "```python" in text]
 
-@pytest.mark.parametrize("page", [page for page, text in TEXTS.items() if "```python" in text], ids=lambda page: page.stem)
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_the_python_of_a_page_runs_and_prints_what_the_page_shows(page, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("granular.workprecision.methods._engine", lambda *_: "plain")  # 35 s of compiling for one table

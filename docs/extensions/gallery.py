@@ -8,11 +8,13 @@ import re
 from pathlib import Path
 from typing import Any
 
+HEADER = "Examples\n========\n\nA few lines each, with what they print and draw.\n"
+
 
 def stage(scripts: list[Path], folder: Path) -> None:
     """Lay the examples out anew: with a header, and their first line as a title. Files that stay the same are left."""
     folder.mkdir(exist_ok=True)
-    (folder / "GALLERY_HEADER.rst").write_text("Examples\n========\n\nA few lines each, with what they print and draw.\n")
+    (folder / "GALLERY_HEADER.rst").write_text(HEADER)
     for old in {path.name for path in folder.glob("*.py")} - {path.name for path in scripts}:
         (folder / old).unlink()
     for script in scripts:

@@ -1,4 +1,4 @@
-"""Formulas as MathML, set while the site is built: browsers draw them themselves, so no script and no network is needed.
+"""Formulas as MathML, set while the site is built: browsers draw them, without script or network.
 
 The conversion from LaTeX is that of docutils, which Sphinx is built on. What it cannot read is a warning.
 """
@@ -39,7 +39,8 @@ def mathml(node: Any) -> str:
     """The formula of a node; as it was written, with a warning, if it cannot be read."""
     text = node.astext()
     try:
-        return str(tex2mathml(text)).replace(">|</mo>", ' lspace="0" rspace="0">|</mo>').replace("<mtable", '<mtable displaystyle="true"')
+        formula = str(tex2mathml(text)).replace(">|</mo>", ' lspace="0" rspace="0">|</mo>')  # bars stand close
+        return formula.replace("<mtable", '<mtable displaystyle="true"')  # fractions in rows as large as elsewhere
     except Exception as error:
         getLogger(__name__).warning("no formula: %s (%s)", text, error, location=node)
         return f"<code>{html.escape(text)}</code>"

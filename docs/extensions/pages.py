@@ -14,5 +14,6 @@ def write(folder: Path) -> None:
     scene = gr.scenes.three_balls(gap=1e-4)
     law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
     end = {"t_end": 0.5, "samples": 400}
-    runs = [gr.edmd.simulate(scene, gr.ConstantRestitution(0.7), **end), gr.md.simulate(scene, law, **end, engine="plain")]
-    player_page(target / "player.html", runs, ["hard spheres", "soft spheres"])
+    hard = gr.edmd.simulate(scene, gr.ConstantRestitution(0.7), **end)
+    soft = gr.md.simulate(scene, law, **end, engine="plain")
+    player_page(target / "player.html", [hard, soft], ["hard spheres", "soft spheres"])
