@@ -1,69 +1,112 @@
-"""The site builds without a warning, fetches nothing, and has what its first minute promises."""
+"""The site builds without a warning, fetches nothing, has what its first minute promises, is printed without loss."""
 
+import base64
+import io
 import re
 import shutil
 import subprocess
 import sys
+import unicodedata
 from pathlib import Path
 
 import pytest
 
-DOCS = Path(__file__).parent.parent / "docs"
+ROOT = Path(__file__).parent.parent
 MADE = shutil.ignore_patterns("_build", "_examples", "_made", "gallery", "jupyter_execute", "sg_execution_times.rst")
+BLOCKS = """[...document.querySelectorAll('article :is(h1, h2, h3, p, li, td, th, pre, figcaption, summary)')]
+    .filter((block) => !block.querySelector('p, li, pre, math'))
+    .map((block) => {
+      block.querySelectorAll('.headerlink, button').forEach((part) => part.remove());
+      return block.textContent;
+    })"""
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    """The site, built once without running examples and without the sources of the package (tag quick)."""
+def test_the_site(tmp_path, subtests):
+    """One build serves all: it is the dearest part."""
+    site, html = built(tmp_path)
+    for claim in (nothing_is_fetched, what_is_named_is_there, the_start_page_leads_on, every_picture_is_described,
+                  formulas_are_mathml, long_tables_are_folded, the_key_is_printed_without_loss):  # fmt: skip
+        with subtests.test(msg=claim.__name__):
+            claim(site, html)
+
+
+def built(folder):
+    """The site without running examples and without the sources of the package (tag quick), and its pages' text."""
     for needed in ("sphinx", "myst_nb", "pydata_sphinx_theme", "sphinx_gallery"):
         pytest.importorskip(needed, reason="the site needs the extra 'docs'")
-    folder = tmp_path_factory.mktemp("site")
     for name in ("docs", "examples"):
-        shutil.copytree(DOCS.parent / name, folder / name, ignore=MADE)
+        shutil.copytree(ROOT / name, folder / name, ignore=MADE)
     build = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-t", "quick", "-b", "html", "docs", "site"]
     done = subprocess.run(build, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    return folder / "site"
+    site = folder / "site"
+    return site, {page: page.read_text(encoding="utf-8") for page in site.rglob("*.html")}
 
 
-def html_of(site):
-    return {page: page.read_text(encoding="utf-8") for page in site.rglob("*.html")}
-
-
-def test_nothing_is_fetched_from_elsewhere(site):
-    fetched = []
-    for html in html_of(site).values():
-        fetched += re.findall(r"<(?:script|img|iframe|source)[^>]*src(?:set)?=\"(https?:[^\"]+)", html)
-        fetched += re.findall(r"<link[^>]*rel=\"(?:stylesheet|preload|icon)\"[^>]*href=\"(https?:[^\"]+)", html)
-    assert not fetched
+def nothing_is_fetched(site, html):
+    for text in html.values():
+        assert not re.findall(r"<(?:script|img|iframe|source)[^>]*src(?:set)?=\"https?:", text)
+        assert not re.findall(r"<link[^>]*rel=\"(?:stylesheet|preload|icon)\"[^>]*href=\"https?:", text)
     assert not list(site.rglob("*mathjax*"))
 
 
-def test_what_raw_links_and_pictures_name_is_there(site):
-    missing = []
-    for page, html in html_of(site).items():
-        for name in re.findall(r"<(?:img|iframe|source|a)[^>]* (?:src|srcset|href)=\"([^\"#?:]+)[\"#?]", html):
-            if not (page.parent / name).exists():
-                missing.append((page.name, name))
+def what_is_named_is_there(site, html):
+    name = re.compile(r"<(?:img|iframe|source|a)[^>]* (?:src|srcset|href)=\"([^\"#?:]+)[\"#?]")
+    missing = [(page.name, to) for page, text in html.items() for to in name.findall(text)
+               if not (page.parent / to).exists()]  # fmt: skip
     assert not missing
 
 
-def test_the_start_page_leads_to_the_page(site):
-    index = (site / "index.html").read_text(encoding="utf-8")
+def the_start_page_leads_on(site, html):
+    index = html[site / "index.html"]
     parts = ("<figure", 'href="page/index.html"', "<h2>Install", "<h2>First answer", "<h2>Your way", "<iframe")
     places = [index.index(part) for part in parts]
     assert places == sorted(places)
-    assert "<title>granular: hard or soft?" in (site / "page" / "index.html").read_text(encoding="utf-8")
-    assert '"name":"soft spheres"' in (site / "page" / "player.html").read_text(encoding="utf-8")
+    path = ("Your own scene", "Your own force law", "Driven", "Limits")
+    steps = [index.index(f"<strong>{step}</strong>") for step in path]
+    assert steps == sorted(steps)
+    assert "<title>granular: hard or soft?" in html[site / "page" / "index.html"]
+    assert '"name":"soft spheres"' in html[site / "page" / "player.html"]
+    assert (site / "_static" / "two-balls.gif").stat().st_size < 400_000
 
 
-def test_every_picture_is_described(site):
-    for page, html in html_of(site).items():
-        pictures = re.findall(r"<img[^>]*>", html) if page.parent.name != "page" else []
-        assert not [img for img in pictures if not re.search(r' alt="(?![^"]*\.png")[^"]{4,}"', img)], page.name
+def every_picture_is_described(site, html):
+    for page, text in html.items():
+        pictures = re.findall(r"<img[^>]*>", text) if page.parent.name != "page" else []
+        assert not [img for img in pictures if not re.search(r' alt="(?![^"]*\.png)[^"]{4,}"', img)], page.name
 
 
-def test_formulas_are_mathml(site):
-    counts = {name: (site / f"{name}.html").read_text(encoding="utf-8").count('display="block"')
-              for name in ("theory", "viscoelastic", "adiabatic", "driven", "concepts")}  # fmt: skip
-    assert counts == {"theory": 6, "viscoelastic": 2, "adiabatic": 2, "driven": 3, "concepts": 1}
+def formulas_are_mathml(site, html):
+    set_apart = {"theory": 6, "viscoelastic": 2, "adiabatic": 2, "driven": 3, "concepts": 1}
+    assert {name: html[site / f"{name}.html"].count('<math display="block"') for name in set_apart} == set_apart
+
+
+def long_tables_are_folded(site, html):
+    for name in ("frontier", "stability"):
+        shown = re.sub(r"<details>.*?</details>", "", html[site / f"{name}.html"], flags=re.DOTALL)
+        assert all(table.count("<tr") <= 9 for table in re.findall(r"<table.*?</table>", shown, re.DOTALL)), name
+
+
+def the_key_is_printed_without_loss(site, html):
+    """Every block of the page is in the PDF, folded ones too; lines break where they like."""
+    sys.path.insert(0, str(ROOT / "tests" / "page"))
+    import browser
+
+    pypdf = pytest.importorskip("pypdf")
+    if browser.found() is None:
+        pytest.skip("no Chromium or Chrome is installed: nothing is printed here")
+    with browser.Browser() as tab:
+        for name, sheets in (("teacher-sheet", 2), ("student-sheet", 2), ("index", 4)):
+            tab.open((site / f"{name}.html").as_uri())
+            printed = base64.b64decode(tab.call("Page.printToPDF", preferCSSPageSize=True)["data"])
+            pages = pypdf.PdfReader(io.BytesIO(printed)).pages
+            text = tight("".join(page.extract_text() for page in pages))
+            blocks = [tight(block) for block in tab.run(BLOCKS)]
+            assert len(pages) <= sheets
+            assert len(blocks) > 20
+            assert not [block for block in blocks if block not in text]
+
+
+def tight(text):
+    """A text without its spaces, letters joined to ligatures taken apart."""
+    return re.sub(r"\s+", "", unicodedata.normalize("NFKC", text))
