@@ -76,6 +76,7 @@ sphinx_gallery_conf = {
     "show_memory": False,
     "show_signature": False,
     "image_scrapers": (gallery.figures,),
+    "within_subsection_order": gallery.InOrder,
     "plot_gallery": not QUICK,
     "min_reported_time": 10,
 }
