@@ -22,7 +22,8 @@ author = "the authors of granular"
 copyright = "the authors of granular, MIT licence"
 version = release = granular.__version__
 
-QUICK = tags.has("quick")  # noqa: F821  (sphinx-build -t quick: no sources, no index; examples are laid out, not run)
+QUICK = tags.has("quick")  # noqa: F821
+"""``sphinx-build -t quick``: no sources, index or search, and examples are laid out without being run."""
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml"]
 extensions += [] if QUICK else ["sphinx.ext.viewcode"]
 html_use_index = html_domain_indices = not QUICK
@@ -83,6 +84,7 @@ sphinx_gallery_conf = {
 
 html_theme = "pydata_sphinx_theme"
 html_title = "granular"
+html_context = {"default_mode": "auto"}
 html_static_path = ["_static"]
 html_extra_path = [MADE.name]
 html_css_files = ["granular.css"]
@@ -155,4 +157,6 @@ def setup(app: Any) -> None:
     """Connect the helpers above."""
     app.connect("source-read", leave_out_planned)
     app.connect("doctree-resolved", gallery.describe)
+    if QUICK:
+        app.connect("builder-inited", lambda app: setattr(app.builder, "search", False))
     app.connect("autodoc-process-docstring", spell_for_sphinx, priority=400)

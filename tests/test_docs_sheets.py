@@ -11,6 +11,8 @@ from urllib.parse import parse_qsl
 
 import pytest
 
+import granular as gr
+
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
 sys.path.insert(0, str(ROOT / "tests" / "page"))
@@ -94,7 +96,7 @@ def test_what_the_key_explains_is_so():
     assert f"The floor contact lasts {1e6 * floor['duration']:.0f} µs" in KEY
     after = 1e6 * (first["t_begin"] - floor["t_begin"])
     assert f"lasts {1e6 * first['duration']:.0f} µs and begins {after:.0f} µs" in KEY
-    assert f"t_c = {1e6 * stiff.soft.of(0)[0]['duration']:.0f} µs" in KEY
+    assert f"$t_c$ = {1e6 * stiff.soft.of(0)[0]['duration']:.0f} µs" in KEY
     assert f"= {1e3 * base.impact_speed * floor['duration']:.1f} mm" in KEY
     for words, gap, says in (
         ("*Yes* from 2.09 mm on", 2.09e-3, lambda report: report.error <= 0.01),
@@ -106,3 +108,25 @@ def test_what_the_key_explains_is_so():
         assert not says(compared(below))
     hard, soft = numbers_of(next(link for link, _ in ROW.findall(KEY) if "eps=0.5&" in link))[2:]
     assert f"the factor is {round(hard / soft, -2):.0f}" in KEY
+
+
+def test_what_the_key_says_beside_the_page_is_so():
+    report = compared(ROW.findall(KEY)[0][0])
+    scene, tenth = report.scene, report.soft.of(1)["duration"].min() / 10.0
+    cradle = gr.scenes.newtons_cradle(n=5)
+    rules = {ties: gr.edmd.simulate(cradle, gr.ConstantRestitution(1.0), ties=ties).velocity[-1]
+             for ties in ("left", "right", "random", "reflect", "newton", "poisson")}  # fmt: skip
+    one_out = [0.0, 0.0, 0.0, 0.0, 1.0]
+    assert [ties for ties, v in rules.items() if v.round(9).tolist() != one_out] == ["newton", "poisson"]
+    assert rules["newton"] == pytest.approx([-0.6, 0.4, 0.4, 0.4, 0.4])
+    soft = gr.md.simulate(cradle, gr.Hertz(1e10)).velocity[-1]
+    assert f"(Hertz: {', '.join(f'{v:.3f}' for v in soft).replace('-', '−')})" in KEY
+    law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
+    with pytest.warns(RuntimeWarning):
+        verlet = gr.md.simulate(scene, law, until=gr.until.contact(pair=0, nth=2), method="verlet", dt=tenth)
+    low, high = verlet.of(1)[-1]["v_out"]
+    assert f"{verlet.count(1)} contacts and\n   {high - low:.4f} m/s" in KEY
+    ball = gr.scenes.bouncing_ball(height=1.0)
+    spring = gr.LinearDashpot.from_restitution(0.5, k=1e5, pair=ball.pairs[0])
+    assert f"in {gr.edmd.simulate(ball, gr.ConstantRestitution(0.5)).time[-1]:.4f} s" in KEY
+    assert len(gr.md.simulate(ball, spring).contacts) == 10
