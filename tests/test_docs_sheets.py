@@ -94,8 +94,10 @@ def test_what_the_key_explains_is_so():
     base, stiff = (compared(link) for link, _ in (ROW.findall(KEY)[0], ROW.findall(KEY)[4]))
     floor, first = base.soft.of(0)[0], base.soft.of(1)[0]
     assert f"The floor contact lasts {1e6 * floor['duration']:.0f} µs" in KEY
+    alone = gr.binary.collision(base.law[0], base.scene.pairs[0], base.impact_speed).duration
+    assert f"({1e6 * alone:.0f} µs if the ball were alone" in KEY
     after = 1e6 * (first["t_begin"] - floor["t_begin"])
-    assert f"lasts {1e6 * first['duration']:.0f} µs and begins {after:.0f} µs" in KEY
+    assert f"\nlasts {1e6 * first['duration']:.0f} µs and begins {after:.0f} µs" in KEY
     assert f"$t_c$ = {1e6 * stiff.soft.of(0)[0]['duration']:.0f} µs" in KEY
     assert f"= {1e3 * base.impact_speed * floor['duration']:.1f} mm" in KEY
     for words, gap, says in (
