@@ -76,6 +76,13 @@ def waves() -> Any:
     return compute(3)
 
 
+def first_minute() -> Any:
+    """Numbers of the film on the start page."""
+    from first_minute import numbers
+
+    return numbers()
+
+
 def errors(report: Any) -> Any:
     """The same of a `Frontier` that is measured already."""
     return {
@@ -115,7 +122,7 @@ OTHERS = ("touching", "chains", "recorded", "rest", "symmetry", "exact sequence"
 ENTRIES |= {"stability": Entry(partial(stability, EXTREMES)),
             "stability-others": Entry(partial(stability, OTHERS), False)}  # fmt: skip
 ENTRIES |= {"isolation": Entry(isolation), "driven": Entry(driven, absolute=1e-3),
-            "waves": Entry(waves, absolute=1e-6)}  # fmt: skip
+            "waves": Entry(waves, absolute=1e-6), "first-minute": Entry(first_minute)}  # fmt: skip
 TIMES_ONLY = {"edmd-scaling"}
 """Figures of run times, which differ from machine to machine."""
 

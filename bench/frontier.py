@@ -17,6 +17,7 @@ import docs_data
 from granular import Hertz, LinearDashpot, ViscoelasticHertz, cases, scenes, until
 from granular.tables import duration
 from granular.workprecision import Frontier, frontier
+from granular.workprecision.figure import LOOKS
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGE = DOCS / "frontier.md"
@@ -56,13 +57,18 @@ SCENES: dict[str, tuple[str, Callable[[], Frontier]]] = {
 }  # fmt: skip
 
 
+ALT = "Error of velocities and of contact times against run time, one line a method"
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
 def section(name: str, title: str, report: Frontier) -> str:
     """The part of the page about one scene."""
     truth = report.reference
+    said = (f"{title}: errors against run time; {len(truth.contacts)} contacts. Reference: {truth.solver}, good to "
+            f"{power(truth.velocity_error)} of the impact speed; rounding of the scene's own numbers: "
+            f"{power(report.rounding_level)}.")  # fmt: skip
     lines = [
-        f"## {title}", "", f"![Error against run time: {title}](figures/frontier-{name}.png)", "",
-        f"{len(truth.contacts)} contacts. Reference: {truth.solver}, error {truth.velocity_error:.0e} of the impact "
-        f"speed; rounding of the scene's own numbers: {report.rounding_level:.0e}.", "",
+        f"## {title}", "", ":::{figure-md}", f"![{ALT}: {title}](figures/frontier-{name}.png)", "", said, ":::", "",
         "| error below | located | fastest other | ratio |", "|---|---|---|---|",
     ]  # fmt: skip
     alone = tuple(method for method in report.methods if method != "located")
@@ -70,11 +76,13 @@ def section(name: str, title: str, report: Frontier) -> str:
         mine, other = report.fastest(goal, without=alone), report.fastest(goal, without=("located",))
         ratio = f"{other.seconds / mine.seconds:.2g}" if mine and other else "–"
         shown = [duration(mine.seconds) if mine else "–"]
-        shown += [f"{other.method}, {duration(other.seconds)}" if other else "none reaches it", ratio]
-        lines.append(f"| {goal:.0e} | {' | '.join(shown)} |")
-    lines += ["", "| method | order measured | min(p, 1+s) | textbook p | smallest error | contacts wrong |",
+        shown += [f"{called(other.method)}, {duration(other.seconds)}" if other else "none reaches it", ratio]
+        lines.append(f"| {power(goal)} | {' | '.join(shown)} |")
+    lines += ["", f"<details><summary>Orders and smallest errors of all {len(report.methods)} methods</summary>", "",
+              "| method | order measured | min(p, 1+s) | textbook p | smallest error | contacts wrong |",
               "|---|---|---|---|---|---|"]  # fmt: skip
-    return "\n".join([*lines, *(_method_line(report, method) for method in report.methods), ""])
+    lines += [_method_line(report, method) for method in report.methods]
+    return "\n".join([*lines, "", "</details>", ""])
 
 
 def _method_line(report: Frontier, method: str) -> str:
@@ -85,7 +93,21 @@ def _method_line(report: Frontier, method: str) -> str:
         order[0] += f" in {report.dials[method]}"
     least = min((row.velocity_error for row in rows if row.good), default=math.nan)
     wrong = sum(row.wrong_count for row in rows)
-    return f"| {method} | {' | '.join(order)} | {least:.0e} | {wrong} of {len(rows)} |"
+    return f"| {called(method)} | {' | '.join(order)} | {power(least)} | {wrong} of {len(rows)} |"
+
+
+def called(method: str) -> str:
+    """The name of a method as in the figure."""
+    return str(LOOKS[method]["label"])
+
+
+def power(x: float) -> str:
+    """A number with one digit as people write it: 6·10⁻¹⁷; – if it is none."""
+    if not math.isfinite(x):
+        return "–"
+    digit, _, exponent = f"{x:.0e}".partition("e")
+    ten = f"10{str(int(exponent)).translate(SUPERSCRIPT)}"
+    return f"{x:.1g}" if x >= 0.1 else ten if digit == "1" else f"{digit}·{ten}"
 
 
 def main(names: list[str]) -> None:

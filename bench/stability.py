@@ -12,10 +12,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import docs_data
+from frontier import SUPERSCRIPT
 
 import granular as gr
 from granular.stress.cell import FIXED
 from granular.stress.report import BAD
+from granular.tables import markdown
 
 PAGE = Path(__file__).parents[1] / "docs" / "stability.md"
 SECONDS = {("located", "edmd"): 20.0, FIXED: 1.0}
@@ -27,6 +29,24 @@ def tell(axis: str, cells: int) -> None:
     print(f"\r{axis}: {cells} ", end="", file=sys.stderr)
 
 
+def tables(report: gr.Stability) -> str:
+    """The tables of the page: the first as it is, longer ones folded."""
+    parts = []
+    for title, rows in report.tables().items():
+        text = markdown([[readable(cell) for cell in row] for row in rows])
+        long = f"<details><summary>{title}: {len(rows) - 1} rows</summary>\n\n{text}\n\n</details>"
+        parts.append(long if len(rows) > 8 else f"**{title}**\n\n{text}")
+    return "\n\n".join(parts) + "\n"
+
+
+def readable(cell: str) -> str:
+    """A number as people write it: 1.5·10⁻⁷."""
+    found = re.fullmatch(r"(\d\.\d)e([+-]\d+)", cell)
+    if not found:
+        return cell
+    return "0" if found[1] == "0.0" else f"{found[1]}·10{str(int(found[2])).translate(SUPERSCRIPT)}"
+
+
 def main(paths: list[str]) -> None:
     own, fixed = (
         gr.stability(methods=methods, seconds=seconds, on_progress=tell) for methods, seconds in SECONDS.items()
@@ -36,7 +56,7 @@ def main(paths: list[str]) -> None:
     )  # fmt: skip
     for path in paths:
         report.to_json(path)
-    lines = [report.markdown()]
+    lines = [tables(report)]
     left = [cell for method in ("located", "edmd") for cell in report.of(*BAD, method=method)]
     if left:
         lines.append("Of the default methods, not right and not flagged:\n")

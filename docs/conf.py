@@ -10,7 +10,10 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parent))
+sys.path[:0] = [str(HERE.parent), str(HERE / "extensions")]
+
+import gallery  # noqa: E402
+import pages  # noqa: E402
 
 import granular  # noqa: E402
 
@@ -19,25 +22,17 @@ author = "the authors of granular"
 copyright = "the authors of granular, MIT licence"
 version = release = granular.__version__
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
-EXAMPLES = HERE.parent / "examples"
-STAGE = HERE / "_examples"  # the examples again, dressed for the gallery: with a header, and their first line as title
-if scripts := sorted(EXAMPLES.glob("*.py")):
+QUICK = tags.has("quick")  # noqa: F821
+"""``sphinx-build -t quick``: no sources, index or search, and examples are laid out without being run."""
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml"]
+extensions += [] if QUICK else ["sphinx.ext.viewcode"]
+html_use_index = html_domain_indices = not QUICK
+STAGE = HERE / "_examples"
+if scripts := sorted((HERE.parent / "examples").glob("*.py")):
     extensions.append("sphinx_gallery.gen_gallery")
-    STAGE.mkdir(exist_ok=True)
-    (STAGE / "GALLERY_HEADER.rst").write_text("Examples\n========\n\nA few lines each, with what they print.\n")
-    for old in {path.name for path in STAGE.glob("*.py")} - {path.name for path in scripts}:
-        (STAGE / old).unlink()
-    for script in scripts:
-        source = script.read_text(encoding="utf-8")
-        heading = re.match(r'"""(.*?)(?:"""|\n)', source)
-        if heading:
-            end = heading.end(1)
-            source = f'"""\n{source[3:end].rstrip(".")}\n{"=" * (end - 3)}\n{source[end:]}'
-        staged = STAGE / script.name
-        if not staged.exists() or staged.read_text(encoding="utf-8") != source:
-            staged.write_text(source, encoding="utf-8")
-
+    gallery.stage(scripts, STAGE)
+MADE = HERE / "_made"
+pages.write(MADE)
 
 
 def is_documentable(page: Path) -> bool:
@@ -50,10 +45,13 @@ def is_documentable(page: Path) -> bool:
     return True
 
 
-exclude_patterns = ["_build", "_examples", "jupyter_execute", "gallery/*.ipynb", "**/.ipynb_checkpoints"]
+exclude_patterns = ["_build", "_examples", "_made", "jupyter_execute", "gallery/*.ipynb", "**/.ipynb_checkpoints"]
 exclude_patterns += ["sg_execution_times.rst", "gallery/sg_execution_times.rst"]
 exclude_patterns += [f"api/{page.name}" for page in (HERE / "api").glob("*.md") if not is_documentable(page)]
-myst_enable_extensions = ["colon_fence", "deflist"]
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
+myst_url_schemes = {"http": None, "https": None, "mailto": None, "page": {"url": "page/index.html#{{path}}"}}
+"""A link such as (page:scene=three-balls&eps=0.7) opens the teaching page in that state."""
+html_math_renderer = "mathml"
 myst_heading_anchors = 3
 suppress_warnings = ["config.cache"]  # sphinx-gallery keeps functions in its settings
 
@@ -73,18 +71,22 @@ toc_object_entries_show_parents = "hide"
 sphinx_gallery_conf = {
     "examples_dirs": [str(STAGE)],
     "gallery_dirs": ["gallery"],
-    "filename_pattern": r"[\\/](?!sweep_on)\w+\.py$",  # pools of processes are shown, not run
+    "filename_pattern": r"[\\/](?!sweep_on_dask)\w+\.py$",  # needs a cluster: shown, not run
     "ignore_pattern": r"(__init__|conftest)\.py",
     "download_all_examples": False,
     "show_memory": False,
     "show_signature": False,
-    "plot_gallery": not tags.has("quick"),  # noqa: F821  (sphinx-build -t quick lays examples out without running them)
+    "image_scrapers": (gallery.figures,),
+    "within_subsection_order": gallery.InOrder,
+    "plot_gallery": not QUICK,
     "min_reported_time": 10,
 }
 
 html_theme = "pydata_sphinx_theme"
 html_title = "granular"
+html_context = {"default_mode": "auto"}
 html_static_path = ["_static"]
+html_extra_path = [MADE.name]
 html_css_files = ["granular.css"]
 html_show_sourcelink = False
 html_copy_source = False
@@ -152,6 +154,9 @@ def _escaped(line: str) -> str:
 
 
 def setup(app: Any) -> None:
-    """Connect the two helpers above."""
+    """Connect the helpers above."""
     app.connect("source-read", leave_out_planned)
+    app.connect("doctree-resolved", gallery.describe)
+    if QUICK:
+        app.connect("builder-inited", lambda app: setattr(app.builder, "search", False))
     app.connect("autodoc-process-docstring", spell_for_sphinx, priority=400)

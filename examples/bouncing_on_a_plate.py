@@ -1,7 +1,11 @@
-"""A ball on a shaken plate: soft contacts double their period before hard collisions do."""
+"""A ball on a shaken plate
+
+A ball on a shaken plate: soft contacts double their period before hard collisions do.
+"""
 
 import math
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 import granular as gr
@@ -10,12 +14,20 @@ eps, g, omega, ratio = 0.5, 9.81, 2.0 * math.pi * 50.0, 100.0
 once = math.pi * (1.0 - eps) / (1.0 + eps)
 doubles = math.hypot(once, 2.0 * (1.0 + eps**2) / (1.0 + eps) ** 2)
 print(f"hard spheres bounce once a period from Γ = {once:.4f} on, and double it at Γ = {doubles:.4f}")
+figure, axes = plt.subplots(1, 3, figsize=(8, 2.8), sharey=True, layout="constrained")
 end = gr.until.contact(pair=0, nth=600)
-for gamma in (1.50, 1.525, 1.54):
+for axis, gamma in zip(axes, (1.50, 1.525, 1.54), strict=True):
     plate = gr.walls.Sine.from_acceleration(gamma, omega / (2.0 * math.pi), g, phase=math.acos(once / gamma))
     scene = gr.Scene([math.inf, 1.0], [0.0, 0.0], [0.01 * plate.amplitude], [0.0, math.pi * g / omega], g, floor=plate)
     law = gr.LinearDashpot.from_restitution(eps, k=(ratio * omega) ** 2, pair=scene.pairs[0])
     hard = gr.edmd.simulate(scene, gr.ConstantRestitution(eps), until=end)
     soft = gr.md.simulate(scene, law, until=end)
-    periods = [len(np.unique(gr.measures.section(run)["phase"][-8:].round(3))) for run in (hard, soft)]
+    phases = [gr.measures.section(run)["phase"] for run in (hard, soft)]
+    periods = [len(np.unique(phase[-8:].round(3))) for phase in phases]
     print(f"Γ = {gamma}: period {periods[0]} of hard spheres, {periods[1]} of soft ones with ω₀ = {ratio:g} ω")
+    for phase, name in zip(phases, ("hard", "soft"), strict=True):
+        axis.plot(phase[-40:], ".", label=name)
+    axis.set(title=f"Γ = {gamma}", xlabel="last bounces")
+axes[0].set_ylabel("phase of the plate, turns")
+axes[0].legend(frameon=False)
+figure.savefig("bouncing_on_a_plate.png")

@@ -1,14 +1,25 @@
-"""A gas cools by inelastic collisions. Does it matter how long its contacts last?"""
+"""A cooling gas
+
+A gas cools by inelastic collisions. Does it matter how long its contacts last?
+"""
+
+import matplotlib.pyplot as plt
 
 import granular as gr
 from granular import measures
 
 scene = gr.scenes.gas(n=30, length=30.0, packing=0.1, seed=2)
-hard = gr.edmd.simulate(scene, gr.ConstantRestitution(0.95), t_end=10.0)
+hard = gr.edmd.simulate(scene, gr.ConstantRestitution(0.95), t_end=10.0, samples=200)
 print(f"hard spheres: {len(hard.contacts)} collisions, energy left {hard.energy()[-1] / hard.energy()[0]:.4f}")
+figure, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
+axis.plot(hard.time, hard.energy() / hard.energy()[0], "k--", label="hard spheres")
 for k in (1e8, 1e5, 1e2):
     law = [gr.LinearDashpot.from_restitution(0.95, k=k, pair=pair) for pair in scene.pairs]
-    soft = gr.md.simulate(scene, law, t_end=10.0)
+    soft = gr.md.simulate(scene, law, t_end=10.0, samples=200)
     left = soft.energy()[-1] / soft.energy()[0]
     print(f"k = {k:g} N/m: {len(soft.contacts)} contacts, energy left {left:.4f}, "
           f"{measures.shared_impulse(soft):.2%} of the impulse in contacts that are not binary")  # fmt: skip
+    axis.plot(soft.time, soft.energy() / soft.energy()[0], label=f"soft spheres, k = {k:g} N/m")
+axis.set(xlabel="time, s", ylabel="energy left", title="30 balls in a box, ε = 0.95")
+axis.legend(frameon=False, fontsize=8)
+figure.savefig("cooling_gas.png")

@@ -1,4 +1,7 @@
-"""What an answer costs: error against run time of the located method, Verlet's, and scipy's DOP853, on one scene."""
+"""Error against run time
+
+What an answer costs: error against run time of the located method, Verlet's, and scipy's DOP853, on one scene.
+"""
 
 import granular as gr
 
@@ -7,3 +10,6 @@ law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scen
 until = gr.until.contact(pair=0, nth=2)
 frontier = gr.frontier(scene, law, until=until, methods=("located", "verlet", "dop853"), repeats=1)
 print(frontier)
+
+figure = frontier.plot()
+figure.savefig("error_against_run_time.png")

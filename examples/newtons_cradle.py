@@ -1,12 +1,29 @@
-"""Three touching balls are hit by one of them: hard spheres give an answer per tie rule, soft spheres one per law."""
+"""Newton's cradle
+
+Three touching balls are hit by one of them: hard spheres give an answer per tie rule, soft spheres one per law.
+"""
+
+import matplotlib.pyplot as plt
 
 import granular as gr
 
 scene = gr.scenes.newtons_cradle(3)
+answers = {}
 print("speeds of the three balls, in units of the striker's")
 for ties in ("left", "right", "newton", "poisson", "reflect"):
     hard = gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), ties=ties, until=gr.until.separated())
-    print(f"hard, {ties:8}", hard.velocity[-1].round(3))
+    answers[ties] = hard.velocity[-1]
+    print(f"hard, {ties:8}", answers[ties].round(3))
 for name, law in (("linear", gr.LinearDashpot(k=1e9, gamma=0.0)), ("Hertz", gr.Hertz(k=2e10))):
     soft = gr.md.simulate(scene, law, until=gr.until.separated())
-    print(f"soft, {name:8}", soft.velocity[-1].round(3))
+    answers[name] = soft.velocity[-1]
+    print(f"soft, {name:8}", answers[name].round(3))
+
+figure, axes = plt.subplots(1, len(answers), figsize=(9, 2.4), sharey=True, layout="constrained")
+for axis, (name, speeds) in zip(axes, answers.items(), strict=True):
+    axis.bar((1, 2, 3), speeds, color="#1f4e79" if name in ("linear", "Hertz") else "#c1440e")
+    axis.axhline(0.0, color="black", lw=0.8)
+    axis.set(title=name, xticks=(1, 2, 3))
+figure.supylabel("speed / striker's")
+figure.supxlabel("ball")
+figure.savefig("newtons_cradle.png")

@@ -1,10 +1,15 @@
-"""One map of contact counts on this process, on a process pool, and on dask: the same bits."""
+"""A map on a process pool
+
+One map of contact counts on this process and on a process pool: the same bits.
+"""
 
 from concurrent.futures import ProcessPoolExecutor
 
+import matplotlib.pyplot as plt
+
 import granular as gr
 
-OVER = ["restitution=0.3:1:30", "gap=1e-6:1e-2:30:log"]
+OVER = ["restitution=0.3:1:20", "gap=1e-6:1e-2:20:log"]
 
 
 def main():
@@ -13,7 +18,12 @@ def main():
         there = gr.sweep("three-balls", OVER, "contacts", executor=pool)
     print("process pool, same bits:", here.identical(there))
     print("most contacts of the two balls:", int(here["contacts"].max()))
+    drawn, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
+    here["contacts"].sel(pair=1).plot(ax=axis, x="restitution", yscale="log", cbar_kwargs={"label": "contacts"})
+    axis.set(xlabel="ε", ylabel="gap, m", title="R = 10 and 1 cm, k = 5·10⁷ N/m")
+    return drawn
 
 
 if __name__ == "__main__":
-    main()
+    figure = main()
+    figure.savefig("sweep_on_a_pool.png")

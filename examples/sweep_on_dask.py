@@ -1,4 +1,7 @@
-"""The same sweep on a dask cluster; here a small local one."""
+"""A map on dask
+
+The same sweep on a dask cluster; here a small local one.
+"""
 
 import sys
 
@@ -18,5 +21,6 @@ def main():
     print("dask, same bits:", here.identical(there))
 
 
+# sphinx_gallery_thumbnail_path = "figures/paper-counts.png"
 if __name__ == "__main__":
     main()

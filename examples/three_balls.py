@@ -1,4 +1,7 @@
-"""Two balls dropped on a floor, as hard and as soft spheres: one collision, or four?"""
+"""Two balls dropped on a floor
+
+Two balls dropped on a floor, as hard and as soft spheres: one collision, or four?
+"""
 
 import granular as gr
 
@@ -8,3 +11,6 @@ report = gr.compare(scene, law, until=gr.until.contact(pair=0, nth=2))
 
 print(report)
 print(f"contacts of the two balls: {report.pairs[1].hard_contacts} hard, {report.pairs[1].soft_contacts} soft")
+
+figure = report.plot()
+figure.savefig("three_balls.png")

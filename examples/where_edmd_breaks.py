@@ -1,5 +1,9 @@
-"""The gap at which two balls dropped on a floor may no longer be event-driven, over their restitution."""
+"""Where hard spheres fail
 
+The gap at which two balls dropped on a floor may no longer be event-driven, over their restitution.
+"""
+
+import matplotlib.pyplot as plt
 import numpy as np
 
 import granular as gr
@@ -10,3 +14,10 @@ wrong = np.abs(data["eps_ratio"] - 1.0) > 0.01
 for e in eps:
     widest = float(data["gap"][wrong.sel(restitution=e)].max())
     print(f"ε = {e}: gaps below {widest * 1e3:.2f} mm give an ε_eff that is wrong by more than 1 %")
+
+figure, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
+for e in eps:
+    axis.semilogx(1e3 * data["gap"], data["eps_ratio"].sel(restitution=e), label=f"ε = {e}")
+axis.set(xlabel="gap, mm", ylabel="ε_eff / ε", title="two balls on a floor, R = 10 and 1 cm, k = 5·10⁷ N/m")
+axis.legend(frameon=False)
+figure.savefig("where_edmd_breaks.png")

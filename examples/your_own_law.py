@@ -1,4 +1,7 @@
-"""A force law of your own: a frozen dataclass with a `force`. This one stiffens: F = k ξ (1 + ξ/a) + γ ξ̇."""
+"""Your own force law
+
+A force law of your own: a frozen dataclass with a `force`. This one stiffens: F = k ξ (1 + ξ/a) + γ ξ̇.
+"""
 
 from dataclasses import dataclass
 
@@ -21,4 +24,8 @@ scene = gr.scenes.bouncing_ball(height=0.5)
 law = Stiffening(k=1e5, gamma=0.5, a=1e-3)
 bounce = gr.binary.collision(law, scene.pairs[0], speed=3.0)
 print(f"ε = {bounce.restitution:.6f}, t_c = {bounce.duration:.3e} s, deepest {bounce.xi_max:.3e} m")
-print(gr.compare(scene, law, t_end=1.0).verdict)
+report = gr.compare(scene, law, t_end=1.0)
+print(report.verdict)
+
+figure = report.plot()
+figure.savefig("your_own_law.png")

@@ -1,4 +1,9 @@
-"""A restitution of your own: any function of impact speed and pair. Here ε falls with speed, as of a soft metal."""
+"""Your own collision rule
+
+A restitution of your own: any function of impact speed and pair. Here ε falls with speed, as of a soft metal.
+"""
+
+import matplotlib.pyplot as plt
 
 import granular as gr
 
@@ -8,7 +13,12 @@ def soft_metal(speed, pair):
 
 
 scene = gr.scenes.bouncing_ball(height=1.0)
-run = gr.edmd.simulate(scene, soft_metal, t_end=3.0)
+run = gr.edmd.simulate(scene, soft_metal, t_end=3.0, samples=600)
 for row in run.of(0)[:6]:
     before, after = -row["v_in"][1], row["v_out"][1]
     print(f"t = {row['t_begin']:.4f} s: {before:.4f} m/s in, {after:.4f} m/s out, ε = {after / before:.3f}")
+
+figure, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
+axis.plot(run.time, run.gap[:, 0])
+axis.set(xlabel="time, s", ylabel="height of the ball's lowest point, m", title="ε = 0.8 (v / 1 m/s)^(−1/4)")
+figure.savefig("your_own_rule.png")

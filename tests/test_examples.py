@@ -1,4 +1,4 @@
-"""Each example runs in a process of its own, without a display, and says what it should."""
+"""Each example runs in a process of its own, without a display, says what it should and draws its picture."""
 
 import os
 import subprocess
@@ -27,6 +27,7 @@ SAYS = {
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.stem)
 def test_an_example_runs(path, tmp_path):
+    pytest.importorskip("matplotlib")
     if path.stem.startswith("sweep") or path.stem.startswith("where"):
         pytest.importorskip("xarray")
     if path.stem == "sweep_on_dask" and find_spec("distributed") is None:
@@ -38,4 +39,5 @@ def test_an_example_runs(path, tmp_path):
                           env=environment, timeout=300, check=False)  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert SAYS[path.stem] in done.stdout
+    assert path.stem == "sweep_on_dask" or (tmp_path / f"{path.stem}.png").stat().st_size > 10_000
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 40

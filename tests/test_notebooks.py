@@ -41,7 +41,7 @@ def test_a_notebook_runs_and_prints_what_it_shows(path, tmp_path):
     nbclient = pytest.importorskip("nbclient", reason="notebooks need nbformat, nbclient and ipykernel")
     pytest.importorskip("ipykernel", reason="notebooks need nbformat, nbclient and ipykernel")
     pytest.importorskip("matplotlib")
-    from test_docs_site import agree
+    from test_docs import agree
 
     notebook = nbformat.read(path, 4)
     shown = printed(notebook)

@@ -1,0 +1,68 @@
+"""What the start page shows: the film of the paper's scene, its first picture, and the teaching page as it opens.
+
+    python bench/first_minute.py        write docs/_static/two-balls.gif, two-balls.png and page.png (needs Chromium)
+
+The film is made by `Comparison.animate`; tests/test_docs_figures.py holds its numbers against fresh ones.
+"""
+
+from __future__ import annotations
+
+import base64
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import docs_data
+
+import granular as gr
+from granular.page import live_page
+
+ROOT = Path(__file__).parents[1]
+STATIC = ROOT / "docs" / "_static"
+FILM = {"seconds": 6.0, "fps": 10}
+
+
+def report() -> Any:
+    """The scene of the paper under both engines."""
+    scene = gr.scenes.three_balls(gap=1e-4)
+    law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
+    return gr.compare(scene, law, until=gr.until.contact(pair=0, nth=2))
+
+
+def numbers() -> Any:
+    """What is to be seen in the film: its sentence, and contacts with their times."""
+    seen = report()
+    log = [run.contacts[["pair", "t_begin", "duration"]].tolist() for run in seen.counted]
+    return docs_data.plain({"verdict": seen.verdict, "contacts": log})
+
+
+def screenshot(path: Path, width: int = 1280, height: int = 860) -> None:
+    """Draw the teaching page as it opens."""
+    sys.path.insert(0, str(ROOT / "tests" / "page"))
+    from browser import Browser
+
+    with tempfile.TemporaryDirectory() as folder, Browser(width, height) as tab:
+        live_page(Path(folder) / "page.html")
+        tab.open((Path(folder) / "page.html").as_uri() + "#at=0.42")
+        tab.wait("performance.getEntriesByName('drawn').length > 0")
+        tab.run("new Promise((done) => setTimeout(done, 1000))")
+        path.write_bytes(base64.b64decode(tab.call("Page.captureScreenshot", format="png")["data"]))
+
+
+def main() -> None:
+    from PIL import Image
+
+    film = STATIC / "two-balls.gif"
+    report().animate(film, **FILM)
+    with Image.open(film) as pictures:
+        pictures.seek(pictures.n_frames // 2)
+        pictures.convert("RGB").quantize(64).save(STATIC / "two-balls.png", optimize=True)
+    screenshot(STATIC / "page.png")
+    with Image.open(STATIC / "page.png") as picture:
+        picture.convert("RGB").quantize(96).save(STATIC / "page.png", optimize=True)
+    docs_data.store("first-minute")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+"""The gallery: examples dressed for it, and the figure that each of them draws as its picture.
+
+The first line of an example is its title, the rest of its docstring says what it shows. Its variable `figure` is drawn.
+"""
+
+import html
+import re
+from pathlib import Path
+from typing import Any
+
+HEADER = "Examples\n========\n\nA few lines each, with what they print and draw.\n"
+
+
+def stage(scripts: list[Path], folder: Path) -> None:
+    """Lay the examples out anew: with a header, and their first line as a title. Files that stay the same are left."""
+    folder.mkdir(exist_ok=True)
+    (folder / "GALLERY_HEADER.rst").write_text(HEADER)
+    for old in {path.name for path in folder.glob("*.py")} - {path.name for path in scripts}:
+        (folder / old).unlink()
+    for script in scripts:
+        source = script.read_text(encoding="utf-8")
+        if heading := re.match(r'"""(.*?)(?:"""|\n)', source):
+            title = heading[1].rstrip(".")
+            source = f'"""\n{title}\n{"=" * len(title)}\n{source[heading.end(1) :]}'
+        staged = folder / script.name
+        if not staged.exists() or staged.read_text(encoding="utf-8") != source:
+            staged.write_text(source, encoding="utf-8")
+
+
+class InOrder:
+    """Sort the examples as a reader would try them; what is not named comes last, by its name."""
+
+    NAMES = ("three_balls", "kerwin_stack", "newtons_cradle", "cooling_gas", "your_own_law", "your_own_rule",
+             "bouncing_on_a_plate", "hertz_chain", "where_edmd_breaks", "error_against_run_time")  # fmt: skip
+
+    def __init__(self, folder: str) -> None:
+        """Take the folder, which does not matter."""
+
+    def __call__(self, name: str) -> tuple[int, str]:
+        """The place of a file."""
+        stem = Path(name).stem
+        return (self.NAMES.index(stem) if stem in self.NAMES else len(self.NAMES)), stem
+
+
+def figures(block: Any, block_vars: dict[str, Any], settings: dict[str, Any]) -> str:
+    """Save what an example calls `figure`, once, and say where it stands on the page (a scraper of sphinx-gallery)."""
+    from sphinx_gallery.scrapers import figure_rst
+
+    drawn = block_vars["example_globals"].pop("figure", None)
+    if drawn is None:
+        return ""
+    path = next(block_vars["image_path_iterator"])
+    drawn.savefig(path, dpi=120)
+    return str(figure_rst([path], settings["src_dir"], title_of(block_vars["src_file"])))
+
+
+def title_of(path: str) -> str:
+    """The title of a staged example."""
+    return Path(path).read_text(encoding="utf-8").splitlines()[1]
+
+
+def describe(app: Any, tree: Any, docname: str) -> None:
+    """Name the pictures of the gallery, which sphinx-gallery leaves without words, by the titles below them."""
+    from docutils import nodes
+
+    unnamed = []
+    for node in list(tree.findall()) if docname == "gallery/index" else []:
+        if isinstance(node, nodes.image) and not node.get("alt"):
+            unnamed.append(node)
+        elif isinstance(node, nodes.raw) and (title := re.search(r'thumbnail-title">([^<]+)<', node.astext())):
+            while unnamed:
+                unnamed.pop()["alt"] = html.unescape(title[1])

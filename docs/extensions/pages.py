@@ -1,0 +1,19 @@
+"""What stands on the site beside the documentation: the teaching page at page/, and a recorded run in the player."""
+
+from pathlib import Path
+
+import granular as gr
+from granular.page import live_page, player_page
+
+
+def write(folder: Path) -> None:
+    """Write the pages into `folder`/page, as `granular page` and `granular view` do."""
+    target = folder / "page"
+    target.mkdir(parents=True, exist_ok=True)
+    live_page(target / "index.html")
+    scene = gr.scenes.three_balls(gap=1e-4)
+    law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
+    end = {"t_end": 0.5, "samples": 400}
+    hard = gr.edmd.simulate(scene, gr.ConstantRestitution(0.7), **end)
+    soft = gr.md.simulate(scene, law, **end, engine="plain")
+    player_page(target / "player.html", [hard, soft], ["hard spheres", "soft spheres"])
