@@ -487,3 +487,21 @@ def test_late_pieces_keep_their_digits():
         account = run.account()
         balance = account["energy"] - account["work"].sum(axis=1) + account["dissipated"]
         assert np.abs(balance - balance[0]).max() < 1e-13 * np.abs(np.diff(account["work"], axis=0)).sum()
+
+
+@pytest.mark.parametrize(("n", "eps", "gamma"), [(1, 1.0, 20.0), (1, 0.8, 3.0), (5, 0.9, 5.0)])
+def test_the_zero_of_times_moves_within_the_event_loop(n, eps, gamma):
+    """To the bits as it does from outside, which a run that is watched needs; the log says the same times."""
+    plate = gr.walls.Sine.from_acceleration(gamma, 0.5 / math.pi, 1.0)
+    start = [0.0, *(0.3 * (-1.0) ** i for i in range(n))]
+    scene = gr.Scene([math.inf] + [1.0] * n, [0.0] * (n + 1), [1.0] * n, start, 1.0, floor=plate)
+    law = gr.LinearDashpot(1e9, 1.0)
+    options = {"t_end": 6e3, "collapse": "merge", "max_events": 400}
+    for more in ({}, {"samples": [10.0, 70.0, 300.0]}, {"log": False}):
+        inside, outside = (
+            gr.edmd.simulate(scene, gr.ConstantRestitution(eps), engine="sorted", **options, **more, **watched)
+            for watched in ({}, {"watch": law})
+        )
+        assert inside.stats["rebases"] == outside.stats["rebases"] > 10
+        for name in ("time", "gap", "velocity", "ledger", "contacts"):
+            assert getattr(inside, name).tobytes() == getattr(outside, name).tobytes(), name

@@ -260,10 +260,11 @@ def rounding(speed: float) -> float:
 @cache
 def general(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return the twin of a kernel for scenes with forces or driven walls; most kernels are their own."""
-    from granular.edmd import account, collision, riding
+    from granular.edmd import account, collision, epoch, riding
 
     mine = {name: globals()[name] for name in ("velocities", "predicted", "touches", "carry", "rate_at", "rebase")}
     mine |= {name: getattr(riding, name) for name in ("event", "rest", "wake", "release", "repull", "absorb",
                                                       "is_closed")}  # fmt: skip
     known = {getattr(motion, name, None) or getattr(collision, name): twin for name, twin in mine.items()}
+    mine |= {"moves_on": epoch.moves_on}
     return known[function] if function in known else fitted(function, **mine, RESTING=-math.inf, book=account.book)

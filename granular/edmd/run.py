@@ -88,6 +88,8 @@ class Run:
         self.fall = self.scene.gravity - float(state.run.gravity)  # m/s², with which the frame of the run falls
         self.closing = Closing(self.scene, self.start)
         self.horizon = self.closing.horizon  # s: no room for balls later
+        single = ORDER[physics.options["ties"]] != GROUP and not self.scene.is_wall[[0, -1]].all()
+        self.moves_on = self.scene.driven and single and watch is None  # kernels move the zero of times themselves
 
     def _compiled(self) -> type[TreeQueue]:
         self.may_compile = False
@@ -112,7 +114,11 @@ class Run:
             limit, before = state.tau(min(time, self.horizon)), self.events
             if time >= self.horizon and limit <= state.run.now:
                 return Pause.collapse
+            if self.moves_on:
+                state.clock.goal = time
             why = self._advance(limit)
+            if self.moves_on:
+                limit = state.tau(time)
             if self.verdict is not None:
                 return Pause.collapse
             if why == UNTIL:
@@ -180,6 +186,9 @@ class Run:
         """Take rows that were written since the last re-basing; the frame of the run may fall."""
         for chunk in filter(len, written):
             rows = packed(chunk, ROW)
+            if self.moves_on:
+                self.settled.extend([rows] if self.request.rows else [])
+                continue
             tau = rows["t_begin"].copy()
             rows["t_begin"] = self.state.time(tau)
             if self.watch is not None:

@@ -12,6 +12,7 @@ from granular._kernels import kernel
 from granular._records import Record, Records, plain, twin
 from granular.edmd.collision import RESTING, ROW, SUSPICIOUS, event, rest
 from granular.edmd.driven import general
+from granular.edmd.epoch import date
 from granular.edmd.groups import collide_as_one, group
 from granular.edmd.motion import Walls, approaching, predicted, velocities
 from granular.edmd.physics import Physics, Restitution
@@ -39,7 +40,11 @@ def loop(
     while True:
         now, c = head(queue)
         if now > edge:
-            return LATER
+            if not moves_on(run, pairs, bodies, rows, done, now, walls):
+                return LATER
+            refresh(run, pairs, bodies, queue, 0, len(pairs) - 1, walls)
+            edge = run.edge
+            continue
         if walls is not None and pairs[c].shut > 0:
             run.now = now
             first, last = leave(run, pairs, bodies, c, now, walls)
@@ -71,6 +76,14 @@ def loop(
         if pairs[c].streak >= SUSPICIOUS:
             run.suspect, run.rebound = c, rebound
             return SUSPECT
+
+
+@kernel
+def moves_on(
+    run: Record, pairs: Records, bodies: Records, rows: Records | None, done: int, now: float, walls: Walls
+) -> bool:
+    """Return whether the zero of times has been moved on for the event at `now`: see `epoch`. Here it never is."""
+    return False
 
 
 @kernel
@@ -174,8 +187,11 @@ class SortedQueue:
             rows = None if log is None else self.rows(enough - begin)
             run["edge"], run["budget"] = edge, enough - begin if rows is None else len(rows)
             rule, go = self.physics.rule, self.kernel(self.fit(self.loop))
+            s.clock.dated = 0
             why: int = go(run, s.pairs, s.bodies, self.queue, rule, rows, None, s.walls)
             if log is not None and rows is not None:
+                if s.clock.goal > -math.inf:
+                    self.kernel(date)(s.clock, rows, int(run["events"] - begin))
                 log.append(rows[: run["events"] - begin].copy())
             if why != TOUCHING:
                 return why
@@ -195,7 +211,8 @@ class SortedQueue:
     def _check(self) -> None:
         """Raise where the queue is out of order, or an event not that of its pair except for rounding: for tests."""
         run, pairs, bodies = self.state.run, plain(self.state.pairs), plain(self.state.bodies)
-        walls = self.state.walls if self.state.walls is None else tuple(map(plain, self.state.walls))
+        walls = self.state.walls
+        walls = None if walls is None else (plain(walls[0]), plain(walls[1]), walls[2])
         for c, (time, key) in enumerate(self._events()):
             due = self.fit(predicted)(pairs[c], bodies[c], bodies[c + 1], walls)
             assert key == rank(c, run.order, run.seed, pairs[c].hits), c

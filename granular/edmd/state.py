@@ -14,7 +14,8 @@ import numpy as np
 from granular._check import Array
 from granular._records import Record, Records, column, copied, one, packed, plain
 from granular.edmd import account, sides
-from granular.edmd.driven import OF_BODY, OF_PAIR, synchronise
+from granular.edmd.driven import OF_BODY, OF_PAIR
+from granular.edmd.epoch import shift, span
 from granular.edmd.motion import rebase
 from granular.edmd.physics import Physics, felt_gravity, scales, shares, strongest
 from granular.edmd.ties import ORDER
@@ -72,6 +73,7 @@ CLOCK = np.dtype(
         ("strength", float),  # m/s², the largest acceleration of a ball
         ("rebases", int), ("zooms", int), ("lost", int),  # closer looks, and rates lost to rounding in them
         ("last_event", int),  # events at which the run ends
+        ("goal", float), ("dated", int),  # s: until when kernels move the zero of tau themselves; rows they have dated
     ]
 )  # fmt: skip
 """Numbers that they do not."""
@@ -107,7 +109,7 @@ class State:
     bodies: Records
     near: Records | None = None
     walls: Any = None
-    """Of the floor and the ceiling, where forces act or walls are driven: records `SIDE`, and their panels."""
+    """Of the floor and the ceiling, where forces act or walls are driven: records `SIDE`, their panels; the clock."""
 
     @classmethod
     def of(cls, physics: Physics, t_start: float) -> State:
@@ -127,12 +129,13 @@ class State:
         state.set(
             pairs=len(pairs), gravity=g, tc=options["tc"], elastic_below=options["elastic_below"],
             merge_below=options["merge_below"], order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
-            start=t_start, epoch=t_start, strength=strength, length=length, window=window, fall=fall,
+            start=t_start, epoch=t_start, goal=-math.inf, strength=strength, length=length, window=window, fall=fall,
             short=math.ldexp(window, -30), stop_pair=NEVER, suspect=-1, allowance=20_000,
             slow=-1.0 if remedied or scene.driven or physics.eps.min() == 1.0 else 0.0,  # no collapse is possible
         )  # fmt: skip
         state.scale(speed)
         if walls is not None:
+            state.walls = *walls, state.clock
             sides.begin(state, scene)
         return state
 
@@ -172,8 +175,7 @@ class State:
 
     def numbers(self) -> dict[str, Any]:
         """Return the numbers of the run by name."""
-        run = self.run if isinstance(self.run, np.record) else packed([self.run])[0]
-        both: list[Any] = [run, packed([self.clock])[0]]
+        both: list[Any] = [x if isinstance(x, np.record) else packed([x])[0] for x in (self.run, self.clock)]
         return {name: value for x in both for name, value in zip(x.dtype.names, x.tolist(), strict=True)}
 
     def checkpoint(self, run: dict[str, Any]) -> dict[str, Any]:
@@ -193,15 +195,15 @@ class State:
     def keep(self, how: Callable[..., Any]) -> None:
         """Keep the records as `plain` objects for interpreted code, or `packed` for compiled code: the same bits."""
         self.pairs, self.bodies = how(self.pairs), how(self.bodies)
-        if self.walls is not None:
-            self.walls = how(self.walls[0]), how(self.walls[1])
         self.near = self.near if self.near is None else how(self.near)
         if isinstance(self.pairs, np.ndarray) and not isinstance(self.run, np.record):
-            self.run = one(packed([self.run], RUN))
+            self.run, self.clock = one(packed([self.run], RUN)), one(packed([self.clock], CLOCK))
+        if self.walls is not None:
+            self.walls = how(self.walls[0]), how(self.walls[1]), self.clock
 
     def copied(self) -> State:
         """Return a state whose bodies and pairs can be changed without changing these."""
-        walls = self.walls if self.walls is None else (copied(self.walls[0]), self.walls[1])
+        walls = self.walls if self.walls is None else (copied(self.walls[0]), *self.walls[1:])
         return replace(self, pairs=copied(self.pairs), bodies=copied(self.bodies), walls=walls)
 
     def slices(self) -> tuple[Records, Records]:
@@ -232,18 +234,17 @@ class State:
     def shift_to(self, tau: float, compiler: Callable[[Any], Any]) -> None:
         """Move the epoch on by whole windows, so that `tau` comes to lie in the first one."""
         clock = self.clock
-        shift = tau - math.fmod(tau, clock.window)
-        compiler(rebase)(self.run, self.pairs, self.bodies, shift, self.walls)
-        total = clock.epoch + shift
+        if self.walls is not None:
+            compiler(shift)(self.run, self.pairs, self.bodies, tau, self.walls)
+            return
+        by = tau - math.fmod(tau, clock.window)
+        compiler(rebase)(self.run, self.pairs, self.bodies, by, self.walls)
+        total = clock.epoch + by
         back = total - clock.epoch
-        clock.epoch_low += (clock.epoch - (total - back)) + (shift - back)
+        clock.epoch_low += (clock.epoch - (total - back)) + (by - back)
         clock.epoch = total
         clock.rebases += 1
-        self.run["now"] -= shift
-        if self.walls is not None:
-            sides.date(self)
-            compiler(synchronise)(self.pairs, self.bodies, self.walls)
-            clock.length = max(clock.length, float(column(self.pairs, "gap").mean()))  # what is shaken expands
+        self.run["now"] -= by
         self.scale(max(float(np.abs(np.diff(column(self.bodies, "u"))).max()), clock.fall))
         if clock.speed > 0.0:
             clock.window = max(clock.window, span(clock.length, clock.speed, clock.strength))
@@ -286,17 +287,3 @@ def gaps(pairs: Records, u: Array, tau: float) -> Array:
     rate, dt = np.diff(u) - pull * at, tau - at
     gap: Array = column(pairs, "gap") + dt * (rate - 0.5 * pull * dt)
     return gap.clip(0.0)
-
-
-def span(length: float, speed: float, g: float) -> float:
-    """Return the window (s): the power of two near 64 times the mean time to cross a gap, less if gravity is strong.
-
-    Then it is the time in which gravity doubles the speed. A power of two keeps the bits of a scene scaled by powers
-    of two.
-    """
-    if speed == 0.0:
-        return 1.0
-    window = 64.0 * length / speed if length > 0.0 else speed / g if g > 0.0 else 1.0
-    if g > 0.0:
-        window = min(window, speed / g)
-    return math.ldexp(1.0, math.frexp(window)[1])

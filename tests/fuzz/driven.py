@@ -128,7 +128,7 @@ def _ended(rng: Any, one: Driven) -> Driven | None:
 def judge(one: Driven, digits: int = 20) -> Verdict:
     """Run engine and reference on a scene, and compare pairs, speeds and times of all contacts, and the end.
 
-    Errors are in units of the largest speed times the condition: the response of velocities, here of the engine's own, to
+    Errors are in units of the largest speed times the condition: the response of velocities (the engine's own) to
     relative changes of gaps, velocities and masses.
     """
     run = one.run()
@@ -174,7 +174,7 @@ def _rates(run: gr.Trajectory) -> Any:
 
 
 def _speeds(run: gr.Trajectory) -> Any:
-    """Relative speeds at which contacts begin and end, pair by pair: which of two at once is first counts for nothing."""
+    """Relative speeds at which contacts begin and end, pair by pair: of two at once none is the first."""
     log = run.contacts[run.by_pair[0]]
     return np.nan_to_num(abs(np.diff(np.concatenate([log["v_in"], log["v_out"]]))))
 
