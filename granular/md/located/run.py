@@ -11,7 +11,7 @@ import numpy as np
 
 from granular._kernels import compiled, fitted, in_memory, worth
 from granular._records import column, copied, packed, plain
-from granular._tournament import replay, tournament
+from granular._tournament import play, replay, tournament
 from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks
@@ -23,6 +23,7 @@ from granular.md.located.inside import look, look_inside, seen
 from granular.md.located.ledger import FLOOR, LOST
 from granular.md.located.plan import planned
 from granular.md.located.resting import pile
+from granular.md.located.ride import Ride, pile_on_wall
 from granular.md.located.system import (
     ACTIVE,
     DORMANT,
@@ -48,6 +49,10 @@ PLAIN_CHUNK, COMPILED_CHUNK = 100, 20_000
 """Pieces between two looks at progress and log."""
 FIRST_LOOK = 256
 """Pieces after which the run first looks whether the scene creeps to rest."""
+AGAIN = 128
+"""Pieces beside driven walls after which the run looks again whether a pile rides."""
+STRETCHES = 100
+"""Stretches of a ride between two looks at progress."""
 WORTH_LOADING, WORTH_COMPILING = 50_000, 300_000
 """Pieces times pairs after which ``engine="auto"`` goes on compiled if the machine code is on disk, and if it has to be
 made; they take about as long to work off interpreted."""
@@ -90,6 +95,7 @@ class Run:
         self.seen = self.now = 0.0  # s, when a row was last read, and how far it has come
         self.bound = False
         self.creep: Creep | None = None
+        self.ride: Ride | None = None
         self.start = request.start if state is None else float(state["origin"])  # s, where its own clock starts
         self.checkpoint: Checkpoint | None = None
         limits = {"max_events": request.max_events, "max_steps": request.max_steps, "log": 2 * int(request.rows)}
@@ -114,6 +120,8 @@ class Run:
             self.kernels(replay)(self.s.queue, 0, scene.n_pairs - 1)
             if state["creeping"]:
                 self.let_creep(math.inf)
+            elif state.get("riding", False):
+                self.let_ride()
 
     @property
     def counters(self) -> Any:
@@ -151,6 +159,8 @@ class Run:
             return Pause.disturbed if self.is_disturbed else Pause.until
         if self.creep is not None:
             return Pause.resting if limit == math.inf else Pause.reached
+        if self.ride is not None and self.rides_to(limit):
+            return Pause.reached if limit < self.ride.until else Pause.full
         chunk = COMPILED_CHUNK if self.engine == "compiled" else PLAIN_CHUNK
         why, counters = self.kernels(blocks.advance)(self.s, limit, chunk, self.collocation), self.counters
         reached = why == blocks.REACHED or (why == blocks.QUIET and limit < math.inf)
@@ -174,6 +184,10 @@ class Run:
             self.bound = why == blocks.BINDING
             return Pause.resting if why == blocks.QUIET and counters["rests"] else WHY[why]
         if counters["steps"] >= counters["pause"]:
+            if self.s.walls is not None:
+                counters["pause"] = counters["steps"] + AGAIN
+                self.let_ride()
+                return Pause.full
             counters["pause"] *= 2
             if self.rests(limit):
                 return Pause.resting
@@ -203,6 +217,35 @@ class Run:
             self.s, self.kernels = s, self.fit
             above = members[piled] if piled < self.scene.n_pairs else None
             self.creep = Creep(members[:piled], load, above, s.bodies[0].v - s.bodies[-1].v)
+
+    def let_ride(self) -> None:
+        """Let the pile on a driven wall ride a stretch at once, if there is one and nothing happens to it."""
+        found = pile_on_wall(self.s)
+        if found is None:
+            return
+        self.s, self.kernels = to_plain(self.s), self.fit
+        self.go_on(Ride(self.s, found))
+
+    def go_on(self, ride: Ride) -> None:
+        """Ride the next stretch, or else go on by pieces."""
+        block = self.s.pairs[ride.pile.lo]
+        goes = self.counters["steps"] < self.counters["max_steps"] and ride.begins()
+        self.ride, block.due = (ride, ride.until) if goes else (None, -math.inf)
+        play(self.s.queue, ride.pile.lo, block.due)
+        if self.ride is None:
+            self.kernels(planned)(self.s, self.collocation)
+            if self.engine == "compiled":
+                self.s, self.kernels = to_compiled(self.s), lambda kernel: compiled(self.fit(kernel))
+
+    def rides_to(self, limit: float) -> bool:
+        """Go on with the ride to a time into the run, or some stretches towards it; false if it ends before."""
+        for _ in range(STRETCHES):
+            if self.ride is None or limit < self.ride.until:
+                break
+            self.ride.goes_to(self.ride.until)
+            self.go_on(Ride(self.s, self.ride.pile, self.ride))
+        self.now = limit if self.ride is not None and limit < self.ride.until else float(self.counters["t"])
+        return self.ride is not None
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of contacts so far."""
@@ -247,6 +290,8 @@ class Run:
             self.creep.show(elapsed)
         sums = self.scratch()
         self.kernels(look)(self.s, elapsed, *rows, sums, self.collocation)
+        if self.ride is not None:
+            self.ride.show(elapsed, rows, sums)
         c = -1
         while (c := self.kernels(look_inside)(self.s, c + 1, elapsed)) < self.scene.n_pairs:
             self.kernels(planned)(self.s, self.collocation)
@@ -272,7 +317,10 @@ class Run:
         status, impulse = pause.value, [0.0]
         begun = float(self.counters["t"]) if self.creep is None else self.creep.start
         end = self.request.end - self.start if pause is Pause.reached else max(begun, self.seen)
-        before, untouched = self.without_queue(), Untouched(self.s, end)
+        before, untouched, riding = self.without_queue(), Untouched(self.s, end), self.ride is not None
+        if self.ride is not None:
+            self.ride.goes_to(end)
+            self.ride = None
         if self.creep is None:
             while not self.kernels(blocks.expose_all)(self.s, end, self.collocation):
                 self.s = with_more_room(self.s)
@@ -294,7 +342,7 @@ class Run:
         running = np.concatenate([*self.rows(), self.dated(self.still_open())]) if self.request.log else None
         message, self.s = self.message(status, r, self.start + end), None  # makes room for the log
         untouched.put_back()
-        state = self.checkpoint or Checkpoint(before, {"origin": self.start, "creeping": False})
+        state = self.checkpoint or Checkpoint(before, {"origin": self.start, "creeping": False, "riding": riding})
         return End(row, status, message, stats, state if self.launched else {}, running)
 
     def without_queue(self) -> Any:
