@@ -20,20 +20,26 @@ from granular._check import Array
 from granular._kernels import fitted
 from granular._tournament import play
 from granular.md.located import slow
-from granular.md.located.blocks import settle
+from granular.md.located.blocks import hold_walls, settle
 from granular.md.located.contacts import add_shared
 from granular.md.located.creep import LARGEST, columns
 from granular.md.located.driven import absolute, carry_walls, foresee_walls, jump_at
 from granular.md.located.events import shifted
 from granular.md.located.ledger import CEILING, FLOOR, LOST, add
 from granular.md.located.pieces import piece_time
-from granular.md.located.step_size import REACH, fastest_rate
+from granular.md.located.step_size import REACH
 from granular.md.located.swing import Swing, highest
-from granular.md.located.system import ACTIVE, EDGE, LINEAR, NOTHING, OPEN, ORDER
+from granular.md.located.system import ACTIVE, EDGE, GENERAL, LINEAR, NOTHING, OPEN, ORDER
 from granular.walls.path import jump_ahead
 
 WORTH = 20.0
 """Steps of an island that a stretch has to save."""
+STILL = 1e-13
+"""Part of the overlaps, and of their natural rates, up to which what laws that are not linear swing is rounding."""
+MARGIN = 1e-6
+"""Part of the largest force of a contact above which it has to stay."""
+LARGEST_CURVED = 40
+"""Pairs beyond which piles that are not linear do not ride: a stretch costs their number cubed."""
 FIT = {"DRIVEN": True, "WORKED": True}
 FALLS = np.array([(j + 1.0) * (j + 2.0) for j in range(ORDER - 1)])
 
@@ -49,7 +55,7 @@ class Pile(NamedTuple):
 
 
 def pile_on_wall(s: Any) -> Pile | None:
-    """Return the pile on a driven floor or under a driven ceiling, if all of its contacts are linear and damped."""
+    """Return the pile on a driven floor or under a driven ceiling, if all of its contacts are damped."""
     n = len(s.pairs)
     if n > LARGEST:
         return None
@@ -58,18 +64,26 @@ def pile_on_wall(s: Any) -> Pile | None:
             continue
         lo = int(s.pairs[start].first)
         hi, c = int(s.pairs[lo].hi), start
-        while lo <= c < hi and pushes_slowly(s.pool[s.pairs[c].slot]):
+        while lo <= c < hi and pushes_damped(s, c):
             c += way
         flank = c if lo <= c < hi else -1
-        lone = flank in (lo, hi - 1) and flank >= 0 and s.pool[s.pairs[flank].slot].mode == OPEN
-        if c != start and (flank < 0 or (lone and flank == (hi - 1 if way > 0 else lo))):
-            return Pile(lo, min(start, c - way), max(start, c - way) + 1, flank)
+        if c == start or (flank >= 0 and (flank != (hi - 1 if way > 0 else lo) or not is_open(s, flank))):
+            continue
+        return Pile(lo, min(start, c - way), max(start, c - way) + 1, flank)
     return None
 
 
-def pushes_slowly(member: Any) -> bool:
-    """Return whether a contact pushes, and loses what it swings."""
-    return bool(member.mode == ACTIVE and member.kind == LINEAR and member.k > 0.0 and member.gamma > 0.0)
+def pushes_damped(s: Any, c: int) -> bool:
+    """Return whether the contact of pair `c` pushes, and loses what it swings, by a law without memory."""
+    member, law = s.pool[s.pairs[c].slot], s.kinds[s.pairs[c].kind_of]
+    if member.mode != ACTIVE or law.elastic == 1 or law.memory == 1:
+        return False
+    return bool(member.kind == GENERAL or (member.gamma > 0.0 and member.k > 0.0))
+
+
+def is_open(s: Any, c: int) -> bool:
+    """Return whether pair `c` of an island is open."""
+    return bool(s.pool[s.pairs[c].slot].mode == OPEN)
 
 
 class Ride:
@@ -83,52 +97,85 @@ class Ride:
         s, up to where nothing happens.
     """
 
-    def __init__(self, s: Any, pile: Pile, before: Ride | None = None) -> None:
-        self.s, self.pile, self.until = s, pile, -math.inf
+    def __init__(self, s: Any, pile: Pile, laws: Any, before: Ride | None = None) -> None:
+        self.s, self.pile, self.laws, self.until = s, pile, laws, -math.inf
         self.members = [s.pool[s.pairs[c].slot] for c in range(pile.first, pile.end)]
-        self.block = s.pool[s.pairs[pile.lo].slot]
-        self.mass = [1.0 / w if w > 0.0 else math.inf for w in self.inverse_masses()]
-        known = before is not None and before.pile == pile
-        self.swing = before.swing if known and before is not None else Swing(self.members, self.mass)
-
-    def inverse_masses(self) -> list[float]:
-        """Return those of the bodies of the pile, in 1/kg."""
-        return [float(self.s.bodies[b].inverse_mass) for b in range(self.pile.first, self.pile.end + 1)]
+        self.block, self.swing = s.pool[s.pairs[pile.lo].slot], None
+        inverse = [float(s.bodies[b].inverse_mass) for b in range(pile.first, pile.end + 1)]
+        self.closed = inverse[0] == inverse[-1] == 0.0
+        if all(member.kind == LINEAR for member in self.members):
+            known = before is not None and before.pile == pile
+            self.swing: Swing | None = before.swing if known and before is not None else Swing(self.members, inverse)
 
     def begins(self) -> bool:
         """Return whether a next stretch is proved, and write its slow motion as the piece of the block; else nothing is
         changed but for that piece."""
-        s, pile, block = self.s, self.pile, self.block
-        fastest = fastest_rate(s.pairs, s.pool, pile.lo, s.pairs[pile.lo].hi)
-        h = fitted(foresee_walls, **FIT)(s.walls, s.pairs, s.pool, pile.lo)
+        s, block, w = self.s, self.block, slow.inverse_masses(self.members)
+        xi, eta = columns(self.members)[2:]
+        if not xi.min() > 0.0:
+            return False
+        forces = slow.forces_of(self.members, self.laws)
+        self.step = REACH / slow.fastest(forces, xi, eta, w)
+        h = fitted(foresee_walls, **FIT)(s.walls, s.pairs, s.pool, self.pile.lo)
         edge = h == block.holds and not self.jumps()
-        h = h if edge else h - 0.5 * REACH / fastest
-        if not (self.swing.known and h * fastest > WORTH * REACH and h < math.inf):
+        h, found = h if edge else h - 0.5 * self.step, False
+        if self.swing is not None:
+            found = self.swing.known and WORTH * self.step < h < math.inf and self.solve_linear(h, xi, eta, w)
+        while self.swing is None and not found and WORTH * self.step < h < math.inf:
+            found = len(xi) <= LARGEST_CURVED and self.solve_curved(h, forces, xi, w)
+            edge, h = edge and found, 0.5 * h
+        if not found or not (self.swing is not None or self.is_still(forces, xi, eta)):
             return False
-        by, beyond = self.pressed(h)
-        xi = slow.linear(self.swing.k, self.swing.gamma, by)
-        if xi is None:
-            return False
-        self.h, self.step, self.slow, self.path = h, REACH / fastest, xi, self.paths(h)
-        eta = polynomial.polyder(xi) / h
-        xi_now, eta_now = columns(self.members)[2:]
-        self.r = self.swing.of(xi_now - xi[0], eta_now - eta[0])
-        self.eta, self.force = eta, self.swing.k * xi + self.swing.gamma * np.vstack([eta, 0.0 * xi[:1]])
-        block.clock, block.linear, block.h, block.fired, block.what = 1, 1, h, -1, EDGE if edge else NOTHING
-        for i, member in enumerate(self.members):
-            member.x, member.e = xi[:, i].tolist(), [*eta[:, i].tolist(), 0.0]
-            member.f = self.force[:, i].tolist()
-            member.g = member.f.copy()
-        if pile.flank >= 0:
-            apart = s.pool[s.pairs[pile.flank].slot]
-            apart.x = (beyond - xi.sum(axis=1)).tolist()
-            apart.e = [*(polynomial.polyder(beyond) / h - eta.sum(axis=1)).tolist(), 0.0]
-            apart.f, apart.g = [0.0] * (ORDER + 1), [0.0] * (ORDER + 1)
+        block.clock, block.linear, block.h, block.fired = 1, int(self.swing is not None), self.h, -1
+        self.write()
         block.tau = self.proved()
-        if block.tau < 1.0:
-            block.what = NOTHING
+        block.what = EDGE if edge and block.tau == 1.0 else NOTHING
         self.until = min(block.t + (self.lasts() + block.tail), self.others_due())
-        return (self.until - block.t) * fastest > WORTH * REACH
+        return self.until - block.t > WORTH * self.step
+
+    def solve_linear(self, h: float, xi: Array, eta: Array, w: Array) -> bool:
+        """Find the slow motion of linear contacts, and what they swing; return whether it is slow."""
+        assert self.swing is not None
+        by, k, gamma = self.pressed(h, w), self.swing.k, self.swing.gamma
+        rows = slow.linear(k, gamma, by)
+        if rows is None:
+            return False
+        self.keep(h, rows, k * rows + gamma * rate_of(rows, h))
+        self.r = self.swing.of(xi - self.xi[0], eta - self.eta[0])
+        return True
+
+    def solve_curved(self, h: float, forces: slow.Forces, xi: Array, w: Array) -> bool:
+        """Find the slow motion of other contacts; return whether there is one that a polynomial shows."""
+        rows = slow.curved(forces, xi, self.pressed(h, w))
+        if rows is None:
+            return False
+        self.keep(h, *rows)
+        return True
+
+    def is_still(self, forces: slow.Forces, xi: Array, eta: Array) -> bool:
+        """Return whether what the pile swings is rounding; it is left out, and counts as an error."""
+        stiff = forces(xi[None], eta[None])[1][0] * [member.inverse for member in self.members]
+        if not stiff.min() > 0.0:
+            return False
+        away = np.maximum(abs(xi - self.xi[0]), abs(eta - self.eta[0]) / np.sqrt(stiff)) / xi
+        self.away = float(away.max())
+        return self.away <= STILL
+
+    def keep(self, h: float, xi: Array, force: Array) -> None:
+        """Keep the slow motion of a stretch."""
+        self.h, self.xi, self.eta, self.force = h, xi, rate_of(xi, h), force
+        self.path = self.paths(h)
+
+    def write(self) -> None:
+        """Write the slow motion as the piece of the block."""
+        for i, member in enumerate(self.members):
+            member.x, member.e, member.f = (rows[:, i].tolist() for rows in (self.xi, self.eta, self.force))
+            member.g = member.f.copy()
+        if self.pile.flank >= 0:
+            apart = self.s.pool[self.s.pairs[self.pile.flank].slot]
+            apart.x = (self.total - self.xi.sum(axis=1)).tolist()
+            apart.e = (rate_of(self.total, self.h) - self.eta.sum(axis=1)).tolist()
+            apart.f, apart.g = [0.0] * (ORDER + 1), [0.0] * (ORDER + 1)
 
     def others_due(self) -> float:
         """Return when another block is due, in s."""
@@ -149,27 +196,27 @@ class Ride:
         at = [self.s.pairs[c].wall - 1 for c in range(self.pile.lo, hi) if self.s.pairs[c].wall > 0]
         return any(jump_ahead(walls.wall[i], walls.panels, t, tail) for i in at)
 
-    def pull(self, c: int, h: float) -> Array:
-        """Closing acceleration in m/s² of pair `c` without contact forces: coefficients in τ, t = hτ."""
+    def sway(self, c: int, h: float) -> Array:
+        """Closing acceleration in m/s² of pair `c` by a driven wall: coefficients in τ, t = hτ."""
         pair, out = self.s.pairs[c], np.zeros(ORDER + 1)
-        out[0] = pair.pull
         if pair.wall > 0:
             path = np.array(self.s.walls.path[pair.wall - 1])
             out[: len(path) - 2] += FALLS[: len(path) - 2] * path[2:] * h ** np.arange(len(path) - 2)
         return out
 
-    def pressed(self, h: float) -> tuple[slow.Pressed, Array]:
-        """Return what presses on the pile, and, with a flank, the sum of all overlaps with its own."""
-        pile, pulls = self.pile, [self.pull(c, h) for c in range(self.pile.first, self.pile.end)]
-        flank = [] if pile.flank < 0 else [self.s.pool[self.s.pairs[pile.flank].slot]]
-        pull = np.array(pulls).T
-        together = pull.sum(axis=1) + (self.pull(pile.flank, h) if flank else 0.0)
-        total = np.zeros(ORDER + 1)
-        total[0] = math.fsum(p.xi for p in [*self.members, *flank])
-        total[1] = h * math.fsum(p.eta for p in [*self.members, *flank])
-        total[2:] = h * h * together[: ORDER - 1] / FALLS
-        closed = math.inf in self.mass[:1] and math.inf in self.mass[-1:]
-        return slow.Pressed(h, pull, total if closed else None, slow.inverse_masses(self.members)), total
+    def pressed(self, h: float, w: Array) -> slow.Pressed:
+        """Return what presses on the pile, and note the sum of all overlaps, with that of the flank."""
+        pile, s = self.pile, self.s
+        lo, hi = pile.lo, s.pairs[pile.lo].hi
+        sway = np.array([self.sway(c, h) for c in range(lo, hi)]).T
+        pull, together = sway[:, pile.first - lo : pile.end - lo].copy(), sway.sum(axis=1)
+        pull[0] += [s.pairs[c].pull for c in range(pile.first, pile.end)]
+        together[0] += s.bodies[hi].fall - s.bodies[lo].fall  # and not the sum of roundings
+        self.total = np.zeros(ORDER + 1)
+        self.total[0] = math.fsum(s.pool[s.pairs[c].slot].xi for c in range(lo, hi))
+        self.total[1] = h * math.fsum(s.pool[s.pairs[c].slot].eta for c in range(lo, hi))
+        self.total[2:] = h * h * together[: ORDER - 1] / FALLS
+        return slow.Pressed(h, pull, self.total if self.closed else None, w)
 
     def paths(self, h: float) -> list[tuple[int, int, Array]]:
         """Return of each wall at the pile its place in the ledger, the place of its pair, and its speed in m/s towards
@@ -192,9 +239,9 @@ class Ride:
 
     def proved(self) -> float:
         """Return the τ, at most 1, up to which it is proved that nothing happens."""
-        forces, apart = self.swing.bounds(self.r)
+        forces, apart = (0.0, 0.0) if self.swing is None else self.swing.bounds(self.r)
         tau, work = 1.0, self.s.work
-        for member, bound in zip(self.members, forces.tolist(), strict=True):
+        for member, bound in zip(self.members, (forces + MARGIN * abs(self.force).sum(axis=0)).tolist(), strict=True):
             tau = min(tau, shifted(member.f, -bound, tau, work, -1.0))
         if self.pile.flank >= 0:
             tau = min(tau, shifted(self.s.pool[self.s.pairs[self.pile.flank].slot].x, apart, tau, work, 1.0))
@@ -203,54 +250,64 @@ class Ride:
     def goes_to(self, t: float) -> None:
         """Bring the pile to the time t in s, at most `until`; its piece is used up."""
         s, pile, block, run = self.s, self.pile, self.block, self.s.run[0]
-        whole = not t < block.t + (self.lasts() + block.tail)
-        dt = self.lasts() if whole else (t - block.t) - block.tail
-        tau, log = block.tau if whole else min(block.tau, dt / block.h), run.log
-        later, self.part = self.swing.after(self.r, dt), self.swing.parts(self.r)
-        run.log = min(log, 1)  # peaks of the slow motion are not those of the sum
-        fitted(settle, **FIT)(run, s.pairs, s.pool, s.bodies, s.work, pile.lo, tau, dt, s, None)
+        hi, edge = s.pairs[pile.lo].hi, not t < block.t + (self.lasts() + block.tail)
+        dt = self.lasts() if edge else (t - block.t) - block.tail
+        tau, log = block.tau if edge else min(block.tau, dt / block.h), run.log
+        run.log = log if self.swing is None else min(log, 1)  # peaks of the slow motion are not those of the sum
+        fitted(settle, **FIT)(run, s.pairs, s.pool, s.bodies, s.work, pile.lo, tau, dt, s, self.laws)
         run.log = log
-        xi, eta, impulse = self.swing.overlap(later), self.swing.rate(later), self.swing.impulse(self.r, later)
+        if self.swing is None:
+            run.error += self.away
+        else:
+            self.swings(self.swing, dt, tau)
+        run.t, run.tail = block.t, block.tail
+        carry_walls(s.walls, s)
+        for member in (s.pool[s.pairs[c].slot] for c in range(pile.lo, hi)):
+            if edge and block.what == EDGE and member.wall > 0:
+                member.eta += jump_at(s.walls, member, run.t, run.tail)[1]
+                member.e[0] = member.eta
+        if s.bodies[pile.lo].inverse_mass == 0.0 and s.bodies[hi].inverse_mass == 0.0:
+            hold_walls(s.pairs, s.pool, pile.lo, hi, s.bodies[pile.lo].v - s.bodies[hi].v)
+        block.h, block.what, run.steps = self.step, NOTHING, run.steps + 1  # for the series of the end of a run
+
+    def swings(self, swing: Swing, dt: float, tau: float) -> None:
+        """Add to what the pile has come to in a time `dt`, up to τ, what it swings."""
+        s, pile, later = self.s, self.pile, swing.after(self.r, dt)
+        xi, eta, impulse = swing.overlap(later), swing.rate(later), swing.impulse(self.r, later)
+        part = swing.parts(self.r)
         for i, member in enumerate(self.members):
-            self.add_to(member, i, (float(xi[i]), float(eta[i]), float(impulse[i])), tau)
+            self.add_to(member, float(xi[i]), float(eta[i]), float(impulse[i]))
+            if s.run[0].log == 2:
+                shapes = (row @ swing.modes[: len(row)] * part for row in (swing.shape[i], swing.force[i]))
+                tops = (member.xi_max, self.xi[:, i]), (member.force_max, self.force[:, i])
+                member.xi_max, member.force_max = (
+                    highest(row, (shape, swing.rates * self.h), tau, so_far)
+                    for shape, (so_far, row) in zip(shapes, tops, strict=True)
+                )
         if pile.flank >= 0:
             apart = s.pool[s.pairs[pile.flank].slot]
             apart.xi, apart.eta = apart.xi - float(xi.sum()), apart.eta - float(eta.sum())
             apart.x[0], apart.e[0] = apart.xi, apart.eta
-        for b, change in zip(self.swing.balls.tolist(), (later - self.r)[self.swing.n :].tolist(), strict=True):
+        for b, change in zip(swing.balls.tolist(), (later - self.r)[swing.n :].tolist(), strict=True):
             s.bodies[pile.first + b].v += change
-        for place, amount in enumerate(self.books(later, tau)):
+        for place, amount in enumerate(self.books(swing, later, tau)):
             add(s.ledger[0], place, amount)
-        run.t, run.tail = block.t, block.tail
-        carry_walls(s.walls, s)
-        if whole and block.what == EDGE:
-            for member in (s.pool[s.pairs[c].slot] for c in range(pile.lo, s.pairs[pile.lo].hi)):
-                member.eta += jump_at(s.walls, member, run.t, run.tail)[1] if member.wall > 0 else 0.0
-                member.e[0] = member.eta
-        block.h, block.what, run.steps = self.step, NOTHING, run.steps + 1  # for the series of the end of a run
 
-    def add_to(self, member: Any, i: int, swung: tuple[float, float, float], tau: float) -> None:
-        """Add to the i-th contact what overlap, rate and impulse have swung, and note its peaks."""
-        run, lone, (xi, eta, impulse) = self.s.run[0], len(self.members) == 1, swung
+    def add_to(self, member: Any, xi: float, eta: float, impulse: float) -> None:
+        """Add to a contact what overlap, rate and impulse have swung."""
         member.xi, member.eta = member.xi + xi, member.eta + eta
         member.x[0], member.e[0] = member.xi, member.eta
-        if run.log == 0:
-            return
-        member.impulse += impulse
-        if not lone:
-            add_shared(run, impulse)
-        if run.log == 2:
-            swing, rates = self.swing, self.swing.rates * self.h
-            xi, force = ((row @ swing.modes[: len(row)]) * self.part for row in (swing.shape[i], swing.force[i]))
-            member.xi_max = highest(self.slow[:, i], (xi, rates), tau, member.xi_max)
-            member.force_max = highest(self.force[:, i], (force, rates), tau, member.force_max)
+        if self.s.run[0].log > 0:
+            member.impulse += impulse
+            if len(self.members) > 1:
+                add_shared(self.s.run[0], impulse)
 
-    def books(self, later: Array, tau: float) -> list[float]:
+    def books(self, swing: Swing, later: Array, tau: float) -> list[float]:
         """Return what the swings add to the sums of the ledger up to τ, in J."""
-        swing, out = self.swing, [0.0] * 5
+        out = [0.0] * 5
         for place, c, speed in self.path:
             out[place] = swing.integral(np.multiply.outer(speed, swing.force[c]), self.r, later, self.h, tau)
-        loss = 2.0 * (self.eta * swing.gamma) @ swing.shape
+        loss = 2.0 * (self.eta[:-1] * swing.gamma) @ swing.shape
         g = np.hstack([np.zeros_like(loss), loss])
         out[LOST] = swing.integral(g, self.r, later, self.h, tau) + (swing.energy(self.r) - swing.energy(later))
         return out
@@ -258,6 +315,8 @@ class Ride:
     def show(self, elapsed: float, rows: Any, sums: Any) -> None:
         """Add to rows of overlaps (m), rates (m/s) and forces (N), and to the sums of a ledger (J), what the pile
         swings at a time into the run."""
+        if self.swing is None:
+            return
         dt = (elapsed - self.block.t) - self.block.tail
         later, first = self.swing.after(self.r, dt), self.pile.first
         added = self.swing.overlap(later), self.swing.rate(later), self.swing.force @ later
@@ -268,5 +327,12 @@ class Ride:
             for row, values in zip(rows[:2], added[:2], strict=True):
                 row[self.pile.flank] -= float(values.sum())
         if sums is not None:
-            for place, amount in enumerate(self.books(later, min(self.block.tau, dt / self.h))):
+            for place, amount in enumerate(self.books(self.swing, later, min(self.block.tau, dt / self.h))):
                 sums[place] += amount
+
+
+def rate_of(rows: Array, h: float) -> Array:
+    """Return the derivative by t = hτ of coefficients in τ, of as many orders."""
+    rate = np.zeros_like(rows)
+    rate[:-1] = polynomial.polyder(rows) / h
+    return rate

@@ -224,7 +224,7 @@ class Run:
         if found is None:
             return
         self.s, self.kernels = to_plain(self.s), self.fit
-        self.go_on(Ride(self.s, found))
+        self.go_on(Ride(self.s, found, self.collocation, self.ride))
 
     def go_on(self, ride: Ride) -> None:
         """Ride the next stretch, or else go on by pieces."""
@@ -243,7 +243,7 @@ class Run:
             if self.ride is None or limit < self.ride.until:
                 break
             self.ride.goes_to(self.ride.until)
-            self.go_on(Ride(self.s, self.ride.pile, self.ride))
+            self.go_on(Ride(self.s, self.ride.pile, self.collocation, self.ride))
         self.now = limit if self.ride is not None and limit < self.ride.until else float(self.counters["t"])
         return self.ride is not None
 

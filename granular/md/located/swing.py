@@ -39,17 +39,17 @@ class Swing:
     ----------
     pairs : list of records
         Touching pairs from the bottom up, all linear, all damped.
-    mass : list of float
-        Masses in kg of the bodies from the lowest one on, inf of walls.
+    inverse : list of float
+        Inverse masses in 1/kg of the bodies from the lowest one on, 0 of walls.
     """
 
-    def __init__(self, pairs: list[Any], mass: list[float]) -> None:
+    def __init__(self, pairs: list[Any], inverse: list[float]) -> None:
         self.k, self.gamma, _, _ = columns(pairs)
-        free = np.isfinite(mass)
+        free = np.array(inverse) > 0.0
         self.balls = np.flatnonzero(free)
         n = len(pairs)
         self.shape = (np.eye(n, n + 1) - np.eye(n, n + 1, 1))[:, free]  # B
-        self.mass, self.n = np.array(mass)[free], len(self.balls)
+        self.mass, self.n = 1.0 / np.array(inverse)[free], len(self.balls)
         self.stiff = self.shape.T @ (self.k[:, None] * self.shape)
         self.damp = self.shape.T @ (self.gamma[:, None] * self.shape)
         zero, one, w = np.zeros((self.n, self.n)), np.eye(self.n), 1.0 / self.mass[:, None]
