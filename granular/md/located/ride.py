@@ -122,9 +122,9 @@ class Ride:
         if self.swing is not None:
             found = self.swing.known and WORTH * self.step < h < math.inf and self.solve_linear(h, xi, eta, w)
         while self.swing is None and not found and WORTH * self.step < h < math.inf:
-            found = len(xi) <= LARGEST_CURVED and self.solve_curved(h, forces, xi, w)
+            found = len(xi) <= LARGEST_CURVED and self.solve_curved(h, xi, eta, w)
             edge, h = edge and found, 0.5 * h
-        if not found or not (self.swing is not None or self.is_still(forces, xi, eta)):
+        if not found:
             return False
         block.clock, block.linear, block.h, block.fired = 1, int(self.swing is not None), self.h, -1
         self.write()
@@ -144,21 +144,15 @@ class Ride:
         self.r = self.swing.of(xi - self.xi[0], eta - self.eta[0])
         return True
 
-    def solve_curved(self, h: float, forces: slow.Forces, xi: Array, w: Array) -> bool:
-        """Find the slow motion of other contacts; return whether there is one that a polynomial shows."""
-        rows = slow.curved(forces, xi, self.pressed(h, w))
-        if rows is None:
+    def solve_curved(self, h: float, xi: Array, eta: Array, w: Array) -> bool:
+        """Find the motion under other laws; return whether it is slow, except for rounding, and a polynomial shows it."""
+        forces = slow.forces_of(self.members, self.laws)
+        motion = slow.curved(forces, xi, eta, self.pressed(h, w))
+        if motion is None:
             return False
-        self.keep(h, *rows)
-        return True
-
-    def is_still(self, forces: slow.Forces, xi: Array, eta: Array) -> bool:
-        """Return whether what the pile swings is rounding; it is left out, and counts as an error."""
-        stiff = forces(xi[None], eta[None])[1][0] * [member.inverse for member in self.members]
-        if not stiff.min() > 0.0:
-            return False
-        away = np.maximum(abs(xi - self.xi[0]), abs(eta - self.eta[0]) / np.sqrt(stiff)) / xi
-        self.away = float(away.max())
+        self.keep(h, motion.xi, motion.force)
+        pace = np.sqrt(forces(xi[None], eta[None])[1][0] * [member.inverse for member in self.members])
+        self.away = float((np.maximum(abs(motion.first - xi), abs(motion.rate - eta) / pace) / xi).max())
         return self.away <= STILL
 
     def keep(self, h: float, xi: Array, force: Array) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from copy import deepcopy
+from copy import copy, deepcopy
 from typing import Any
 
 import numpy as np
@@ -96,6 +96,7 @@ class Run:
         self.bound = False
         self.creep: Creep | None = None
         self.ride: Ride | None = None
+        self.rode: Ride | None = None  # the last one, or what was tried
         self.start = request.start if state is None else float(state["origin"])  # s, where its own clock starts
         self.checkpoint: Checkpoint | None = None
         limits = {"max_events": request.max_events, "max_steps": request.max_steps, "log": 2 * int(request.rows)}
@@ -219,20 +220,28 @@ class Run:
             self.creep = Creep(members[:piled], load, above, s.bodies[0].v - s.bodies[-1].v)
 
     def let_ride(self) -> None:
-        """Let the pile on a driven wall ride a stretch at once, if there is one and nothing happens to it."""
+        """Let the pile on a driven wall ride a stretch at once, if there is one, and it is proved; else nothing is done."""
         found = pile_on_wall(self.s)
         if found is None:
             return
-        self.s, self.kernels = to_plain(self.s), self.fit
-        self.go_on(Ride(self.s, found, self.collocation, self.ride))
+        s = to_plain(self.s)
+        slots = [pair.slot for pair in s.pairs[found.lo : s.pairs[found.lo].hi]]
+        before = [copy(s.pool[slot]) for slot in slots]
+        ride = Ride(s, found, self.collocation, self.rode)
+        self.rode = ride
+        if ride.begins():
+            self.s, self.kernels = s, self.fit
+            self.go_on(ride)
+            return
+        for slot, member in zip(slots, before, strict=True):
+            s.pool[slot] = member
 
-    def go_on(self, ride: Ride) -> None:
-        """Ride the next stretch, or else go on by pieces."""
-        block = self.s.pairs[ride.pile.lo]
-        goes = self.counters["steps"] < self.counters["max_steps"] and ride.begins()
-        self.ride, block.due = (ride, ride.until) if goes else (None, -math.inf)
-        play(self.s.queue, ride.pile.lo, block.due)
-        if self.ride is None:
+    def go_on(self, ride: Ride | None) -> None:
+        """Ride the stretch that begins, or else go on by pieces."""
+        lo, self.ride = self.rode.pile.lo, ride
+        self.s.pairs[lo].due = -math.inf if ride is None else ride.until
+        play(self.s.queue, lo, self.s.pairs[lo].due)
+        if ride is None:
             self.kernels(planned)(self.s, self.collocation)
             if self.engine == "compiled":
                 self.s, self.kernels = to_compiled(self.s), lambda kernel: compiled(self.fit(kernel))
@@ -243,7 +252,9 @@ class Run:
             if self.ride is None or limit < self.ride.until:
                 break
             self.ride.goes_to(self.ride.until)
-            self.go_on(Ride(self.s, self.ride.pile, self.collocation, self.ride))
+            self.rode = Ride(self.s, self.ride.pile, self.collocation, self.ride)
+            goes = self.counters["steps"] < self.counters["max_steps"] and self.rode.begins()
+            self.go_on(self.rode if goes else None)
         self.now = limit if self.ride is not None and limit < self.ride.until else float(self.counters["t"])
         return self.ride is not None
 

@@ -7,9 +7,10 @@ first,
 
     W K S_j = p_j - (j+1) W Γ S_(j+1) - (j+1)(j+2) S_(j+2) .
 
-Of other laws it is found by collocation at 16 Gauss points without a start: swings are no polynomials, so what obeys
-the equation there is the slow motion, if its series has ended. Between two walls W is singular, and the sum of the
-overlaps is what the walls make it: this stands for the last row.
+Of other laws it is found by implicit collocation from where the pile is, at 16 Radau points (Radau IIA, which damps what
+is fast): it is the slow motion if its series has ended, and if that of its values at the points alone leads back to
+where the pile is, for then nothing swings. Between two walls W is singular, and the sum of the overlaps is what the
+walls make it: this stands for the last row.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import numpy as np
 from numpy.polynomial import legendre, polynomial
 
 from granular._check import Array
-from granular.md.located.collocation import NODES, POINTS, TO_LEGENDRE, TO_POWERS
+from granular.md.located.collocation import POINTS, TO_POWERS
 from granular.md.located.system import GENERAL, ORDER
 
 TAMED = 4.0
@@ -34,8 +35,14 @@ ENDED = 4e-15
 """Part of the largest overlap or force below which the last terms of a series are rounding."""
 NUDGE = 1e-6
 """Part of an overlap, and of the rate that goes with it, over which a law that is a function is differentiated."""
-_SLOPE = legendre.legvander(2.0 * NODES - 1.0, POINTS - 2) @ (2.0 * legendre.legder(TO_LEGENDRE))
-"""Derivatives by τ at the nodes of what is given there."""
+_X = legendre.legroots([0.0] * (POINTS - 1) + [-1.0, 1.0])
+_X[-1] = 1.0
+NODES = 0.5 * (_X + 1.0)
+"""Radau points: the last one is the end."""
+TO_LEGENDRE = np.linalg.inv(legendre.legvander(_X, POINTS - 1))
+ONCE, TWICE = (legendre.legvander(_X, POINTS - 1 + m) @ (0.5**m * legendre.legint(TO_LEGENDRE, m, lbnd=-1))
+               for m in (1, 2))  # fmt: skip
+"""Integrals from 0 to each node of what is given there, and integrals of these."""
 Forces = Callable[[Array, Array], tuple[Array, Array, Array]]
 """Forces (nodes, pairs) in N at overlaps and rates, and their derivatives by both."""
 
@@ -76,36 +83,56 @@ def linear(k: Array, gamma: Array, by: Pressed) -> Array | None:
     return out[: ORDER + 1] if size <= TAMED * still < math.inf else None
 
 
-def curved(forces: Forces, xi: Array, by: Pressed) -> tuple[Array, Array] | None:
-    """Return overlaps in m and forces in N (ORDER+1, pairs) as coefficients in τ, from overlaps `xi` (pairs,) nearby;
-    None if they are not slow, or the stretch is too long to show them."""
+class Curved(NamedTuple):
+    """Overlaps in m and forces in N (ORDER+1, pairs) as coefficients in τ, and the overlaps in m and their rates in m/s at
+    the start to which their values at the nodes lead back."""
+
+    xi: Array
+    force: Array
+    first: Array
+    rate: Array
+
+
+def curved(forces: Forces, xi: Array, eta: Array, by: Pressed) -> Curved | None:
+    """Return the motion from overlaps `xi` and rates `eta` (pairs,) on; None if the stretch is too long to show it."""
     n, h, size = len(xi), by.h, POINTS * len(xi)
     pull = polynomial.polyval(NODES, by.pull).T
-    slope, bend = _SLOPE / h, _SLOPE @ _SLOPE / (h * h)
-    x, change, one = np.tile(xi, (POINTS, 1)), math.inf, np.eye(POINTS)[:, None, :, None]
+    free, change, one = xi + np.multiply.outer(h * NODES, eta), math.inf, np.eye(POINTS)[:, None, :, None]
+    bends = np.linalg.solve(h * h * TWICE, xi - free)  # as if they did not move
     for _ in range(ROUNDS):
-        force, stiff, damp = forces(x, slope @ x)
-        missing = pull - bend @ x - force @ by.w.T
-        jacobian = bend[:, None, :, None] * np.eye(n)[None, :, None, :]
-        jacobian = jacobian + one * (by.w[None] * stiff[:, None, :])[:, :, None, :]
-        jacobian = jacobian + slope[:, None, :, None] * (by.w[None] * damp[:, None, :])[:, :, None, :]
+        x, rate = free + h * h * TWICE @ bends, eta + h * ONCE @ bends
+        if not x.min() > 0.0:
+            return None
+        force, stiff, damp = forces(x, rate)
+        missing = pull - bends - force @ by.w.T
+        jacobian = one * np.eye(n)[None, :, None, :]
+        jacobian = jacobian + (h * h * TWICE)[:, None, :, None] * (by.w[None] * stiff[:, None, :])[:, :, None, :]
+        jacobian = jacobian + (h * ONCE)[:, None, :, None] * (by.w[None] * damp[:, None, :])[:, :, None, :]
         if by.total is not None:
-            missing[:, -1] = polynomial.polyval(NODES, by.total) - x.sum(axis=1)
+            missing[:, -1] = polynomial.polyval(NODES, polynomial.polyder(by.total, 2)) / (h * h) - bends.sum(axis=1)
             jacobian[:, -1] = np.broadcast_to(one[:, 0], (POINTS, POINTS, n))
         try:
             step = np.linalg.solve(jacobian.reshape(size, size), missing.reshape(size)).reshape(POINTS, n)
         except np.linalg.LinAlgError:
             return None
-        x, before, change = x + step, change, float((abs(step).max(axis=0) / abs(x).max(axis=0)).max())
-        if not (x.min() > 0.0 and change < 1e3):
-            return None
+        bends, before = bends + step, change
+        change = float((abs(h * h * TWICE @ step).max(axis=0) / x.max(axis=0)).max())
         if change < ENDED or (change < 1e-13 and change >= before):
             break
-    force = forces(x, slope @ x)[0]
+    else:
+        return None
+    x = free + h * h * TWICE @ bends
+    force = forces(x, eta + h * ONCE @ bends)[0]
     for rows in (x, force):
         if (abs(TO_LEGENDRE[-2:] @ rows).max(axis=0) > ENDED * abs(rows).max(axis=0)).any():
             return None
-    return _in_powers(x), _in_powers(force)
+    back = TO_LEGENDRE @ x
+    first, rate = legendre.legval(-1.0, back), legendre.legval(-1.0, legendre.legder(back)) * 2.0 / h
+    rows = _in_powers(bends)
+    for start in (eta, xi):
+        rows = polynomial.polyint(rows[:ORDER]) * h
+        rows[0] = start
+    return Curved(rows, _in_powers(force), first, rate)
 
 
 def _in_powers(at_nodes: Array) -> Array:
