@@ -56,34 +56,29 @@ class Pile(NamedTuple):
 
 def pile_on_wall(s: Any) -> Pile | None:
     """Return the pile on a driven floor or under a driven ceiling, if all of its contacts are damped."""
-    n = len(s.pairs)
+    pairs, n = s.pairs, len(s.pairs)
     if n > LARGEST:
         return None
     for way, start in ((1, 0), (-1, n - 1)):
-        if s.pairs[start].wall == 0 or s.pairs[start].slot < 0:
+        if pairs[start]["wall"] == 0 or pairs[start]["slot"] < 0:
             continue
-        lo = int(s.pairs[start].first)
-        hi, c = int(s.pairs[lo].hi), start
+        lo = int(pairs[start]["first"])
+        hi, c = int(pairs[lo]["hi"]), start
         while lo <= c < hi and pushes_damped(s, c):
             c += way
         flank = c if lo <= c < hi else -1
-        if c == start or (flank >= 0 and (flank != (hi - 1 if way > 0 else lo) or not is_open(s, flank))):
-            continue
-        return Pile(lo, min(start, c - way), max(start, c - way) + 1, flank)
+        last = flank == (hi - 1 if way > 0 else lo)
+        if c != start and (flank < 0 or (last and s.pool[pairs[flank]["slot"]]["mode"] == OPEN)):
+            return Pile(lo, min(start, c - way), max(start, c - way) + 1, flank)
     return None
 
 
 def pushes_damped(s: Any, c: int) -> bool:
     """Return whether the contact of pair `c` pushes, and loses what it swings, by a law without memory."""
-    member, law = s.pool[s.pairs[c].slot], s.kinds[s.pairs[c].kind_of]
-    if member.mode != ACTIVE or law.elastic == 1 or law.memory == 1:
+    member, law = s.pool[s.pairs[c]["slot"]], s.kinds[s.pairs[c]["kind_of"]]
+    if member["mode"] != ACTIVE or law["elastic"] or law["memory"]:
         return False
-    return bool(member.kind == GENERAL or (member.gamma > 0.0 and member.k > 0.0))
-
-
-def is_open(s: Any, c: int) -> bool:
-    """Return whether pair `c` of an island is open."""
-    return bool(s.pool[s.pairs[c].slot].mode == OPEN)
+    return bool(law["kind"] == GENERAL or (law["gamma"] > 0.0 and law["k"] > 0.0))
 
 
 class Ride:
