@@ -194,4 +194,4 @@ def expansion(wall: Record, panels: Records, t: float, tail: float, series: list
 def jump_ahead(wall: Record, panels: Records, t: float, tail: float) -> bool:
     """Return whether the velocity of a wall jumps at the end of the panel on which its path goes on from t + tail."""
     k = panel_from(wall, panels, t, tail)
-    return wall.periodic == 0 and k + 1 < wall.first + wall.panels and panels[k + 1].jump != 0.0
+    return bool(wall.periodic == 0 and k + 1 < wall.first + wall.panels and panels[k + 1].jump != 0.0)

@@ -95,12 +95,13 @@ class Ride:
     def __init__(self, s: Any, pile: Pile, laws: Any, before: Ride | None = None) -> None:
         self.s, self.pile, self.laws, self.until = s, pile, laws, -math.inf
         self.members = [s.pool[s.pairs[c].slot] for c in range(pile.first, pile.end)]
-        self.block, self.swing = s.pool[s.pairs[pile.lo].slot], None
+        self.block: Any = s.pool[s.pairs[pile.lo].slot]
+        self.swing: Swing | None = None
         inverse = [float(s.bodies[b].inverse_mass) for b in range(pile.first, pile.end + 1)]
         self.closed = inverse[0] == inverse[-1] == 0.0
         if all(member.kind == LINEAR for member in self.members):
             known = before is not None and before.pile == pile
-            self.swing: Swing | None = before.swing if known and before is not None else Swing(self.members, inverse)
+            self.swing = before.swing if known and before is not None else Swing(self.members, inverse)
 
     def begins(self) -> bool:
         """Return whether a next stretch is proved, and write its slow motion as the piece of the block; else nothing is
@@ -126,7 +127,7 @@ class Ride:
         block.tau = self.proved()
         block.what = EDGE if edge and block.tau == 1.0 else NOTHING
         self.until = min(block.t + (self.lasts() + block.tail), self.others_due())
-        return self.until - block.t > WORTH * self.step
+        return bool(self.until - block.t > WORTH * self.step)
 
     def solve_linear(self, h: float, xi: Array, eta: Array, w: Array) -> bool:
         """Find the slow motion of linear contacts, and what they swing; return whether it is slow."""
@@ -140,7 +141,7 @@ class Ride:
         return True
 
     def solve_curved(self, h: float, xi: Array, eta: Array, w: Array) -> bool:
-        """Find the motion under other laws; return whether it is slow, except for rounding, and a polynomial shows it."""
+        """Find the motion under other laws; return whether it is slow, but for rounding, and a polynomial shows it."""
         forces = slow.forces_of(self.members, self.laws)
         motion = slow.curved(forces, xi, eta, self.pressed(h, w))
         if motion is None:

@@ -220,28 +220,27 @@ class Run:
             self.creep = Creep(members[:piled], load, above, s.bodies[0].v - s.bodies[-1].v)
 
     def let_ride(self) -> None:
-        """Let the pile on a driven wall ride a stretch at once, if there is one, and it is proved; else nothing is done."""
+        """Let the pile on a driven wall ride a stretch at once if there is one that is proved; else nothing changes."""
         found = pile_on_wall(self.s)
         if found is None:
             return
         s = to_plain(self.s)
         slots = [pair.slot for pair in s.pairs[found.lo : s.pairs[found.lo].hi]]
         before = [copy(s.pool[slot]) for slot in slots]
-        ride = Ride(s, found, self.collocation, self.rode)
-        self.rode = ride
-        if ride.begins():
+        self.rode = Ride(s, found, self.collocation, self.rode)
+        if self.rode.begins():
             self.s, self.kernels = s, self.fit
-            self.go_on(ride)
+            self.go_on(self.rode, True)
             return
         for slot, member in zip(slots, before, strict=True):
             s.pool[slot] = member
 
-    def go_on(self, ride: Ride | None) -> None:
-        """Ride the stretch that begins, or else go on by pieces."""
-        lo, self.ride = self.rode.pile.lo, ride
-        self.s.pairs[lo].due = -math.inf if ride is None else ride.until
+    def go_on(self, ride: Ride, goes: bool) -> None:
+        """Ride the stretch that begins if it `goes`, or else go on by pieces."""
+        lo, self.rode, self.ride = ride.pile.lo, ride, ride if goes else None
+        self.s.pairs[lo].due = ride.until if goes else -math.inf
         play(self.s.queue, lo, self.s.pairs[lo].due)
-        if ride is None:
+        if not goes:
             self.kernels(planned)(self.s, self.collocation)
             if self.engine == "compiled":
                 self.s, self.kernels = to_compiled(self.s), lambda kernel: compiled(self.fit(kernel))
@@ -252,9 +251,8 @@ class Run:
             if self.ride is None or limit < self.ride.until:
                 break
             self.ride.goes_to(self.ride.until)
-            self.rode = Ride(self.s, self.ride.pile, self.collocation, self.ride)
-            goes = self.counters["steps"] < self.counters["max_steps"] and self.rode.begins()
-            self.go_on(self.rode if goes else None)
+            ride = Ride(self.s, self.ride.pile, self.collocation, self.ride)
+            self.go_on(ride, self.counters["steps"] < self.counters["max_steps"] and ride.begins())
         self.now = limit if self.ride is not None and limit < self.ride.until else float(self.counters["t"])
         return self.ride is not None
 

@@ -7,9 +7,9 @@ first,
 
     W K S_j = p_j - (j+1) W Γ S_(j+1) - (j+1)(j+2) S_(j+2) .
 
-Of other laws it is found by implicit collocation from where the pile is, at 16 Radau points (Radau IIA, which damps what
-is fast): it is the slow motion if its series has ended, and if that of its values at the points alone leads back to
-where the pile is, for then nothing swings. Between two walls W is singular, and the sum of the overlaps is what the
+Of other laws it is found by implicit collocation from where the pile is, at 16 Radau points (Radau IIA, which damps
+what is fast): it is the slow motion if its series has ended, and if that of its values at the points alone leads back
+to where the pile is, for then nothing swings. Between two walls W is singular, and the sum of the overlaps is what the
 walls make it: this stands for the last row.
 """
 
@@ -84,8 +84,8 @@ def linear(k: Array, gamma: Array, by: Pressed) -> Array | None:
 
 
 class Curved(NamedTuple):
-    """Overlaps in m and forces in N (ORDER+1, pairs) as coefficients in τ, and the overlaps in m and their rates in m/s at
-    the start to which their values at the nodes lead back."""
+    """Overlaps in m and forces in N (ORDER+1, pairs) as coefficients in τ, and the overlaps in m and rates in m/s to
+    which the values at the nodes alone lead back at the start."""
 
     xi: Array
     force: Array
@@ -122,23 +122,23 @@ def curved(forces: Forces, xi: Array, eta: Array, by: Pressed) -> Curved | None:
     else:
         return None
     x = free + h * h * TWICE @ bends
-    force = forces(x, eta + h * ONCE @ bends)[0]
+    force, _, _ = forces(x, eta + h * ONCE @ bends)
     for rows in (x, force):
         if (abs(TO_LEGENDRE[-2:] @ rows).max(axis=0) > ENDED * abs(rows).max(axis=0)).any():
             return None
-    back = TO_LEGENDRE @ x
-    first, rate = legendre.legval(-1.0, back), legendre.legval(-1.0, legendre.legder(back)) * 2.0 / h
-    rows = _in_powers(bends)
-    for start in (eta, xi):
-        rows = polynomial.polyint(rows[:ORDER]) * h
-        rows[0] = start
-    return Curved(rows, _in_powers(force), first, rate)
+    back = _in_powers(x)
+    return Curved(_integral(_integral(_in_powers(bends), h, eta), h, xi), _in_powers(force), back[0], back[1] / h)
 
 
-def _in_powers(at_nodes: Array) -> Array:
+def _in_powers(at_nodes: Any) -> Array:
     """Coefficients in τ of what is given at the nodes."""
     rows = TO_POWERS.T @ (TO_LEGENDRE @ at_nodes)
     return np.pad(rows, ((0, ORDER + 1 - POINTS), (0, 0)))
+
+
+def _integral(rows: Array, h: float, start: Array) -> Array:
+    """Coefficients in τ of start + ∫ rows dt, t = hτ."""
+    return np.vstack([start, h * rows[:ORDER] / np.arange(1.0, ORDER + 1.0)[:, None]])
 
 
 def forces_of(pairs: list[Any], laws: Any) -> Forces:

@@ -27,9 +27,9 @@ DOUBTFUL = 1e8
 """Condition of the modes beyond which their bounds are not trusted."""
 SURE = 1e-6
 """Part by which bounds are raised, against rounding in the modes."""
-STRETCHES, FINE, MOST_LOOKS, PEAKS = 32, 8, 4000, 4
-"""Of the search for the largest force: parts of a stretch; looks in half a swing, at most so many in a part; places from
-which it is then found exactly."""
+PARTS, FINE, MOST_LOOKS, PEAKS, NEWTON = 32, 8, 4000, 4, 4
+"""Of the search for the largest force: parts of a stretch; looks in half a swing, at most so many in a part; places
+from which it is then found, in so many rounds."""
 
 
 class Swing:
@@ -68,33 +68,38 @@ class Swing:
 
     def after(self, r: Array, dt: float) -> Array:
         """Return r a time `dt` in s later."""
-        return r + exponential_minus_one(self.matrix, dt) @ r  # type: ignore[no-any-return]
+        out: Array = r + exponential_minus_one(self.matrix, dt) @ r
+        return out
 
     def overlap(self, r: Array) -> Array:
         """Overlaps in m."""
-        return self.shape @ r[: self.n]  # type: ignore[no-any-return]
+        out: Array = self.shape @ r[: self.n]
+        return out
 
     def rate(self, r: Array) -> Array:
         """Their rates in m/s."""
-        return self.shape @ r[self.n :]  # type: ignore[no-any-return]
+        out: Array = self.shape @ r[self.n :]
+        return out
 
     def bounds(self, r: Array) -> tuple[Array, float]:
         """Bounds, from now on, of the part of each force (N), and of the sum of overlaps (m)."""
         part = self.parts(r)
-        force, total = abs((self.force @ self.modes) * part), abs((self.shape.sum(axis=0) @ self.modes[: self.n]) * part)
-        return (1.0 + SURE) * force.sum(axis=1), float((1.0 + SURE) * total.sum())
+        force = abs((self.force @ self.modes) * part).sum(axis=1)
+        total = abs((self.shape.sum(axis=0) @ self.modes[: self.n]) * part).sum()
+        return (1.0 + SURE) * force, float((1.0 + SURE) * total)
 
     def impulse(self, r: Array, later: Array) -> Array:
         """Return ∫ F dt in N s of each contact between two moments."""
-        return self.force @ (self.inverse @ (later - r))  # type: ignore[no-any-return]
+        out: Array = self.force @ (self.inverse @ (later - r))
+        return out
 
     def integral(self, g: Array, r: Array, later: Array, h: float, tau: float) -> float:
         """Return ∫ g·r dt from τ = 0 to `tau`, t = hτ; `g` has coefficients in τ, lowest first, one row each."""
-        total, sign = [], 1.0
-        while len(g):
+        total, sign, rows = [], 1.0, np.array(g)
+        while len(rows):
             r, later = self.inverse @ r, self.inverse @ later
-            total += [sign * float(polynomial.polyval(tau, g) @ later), -sign * float(g[0] @ r)]
-            g, sign = polynomial.polyder(g) / h if len(g) > 1 else g[:0], -sign
+            total += [sign * float((tau ** np.arange(len(rows)) @ rows) @ later), -sign * float(rows[0] @ r)]
+            rows, sign = np.arange(1.0, len(rows))[:, None] * rows[1:] / h, -sign
         return math.fsum(total)
 
     def energy(self, r: Array) -> float:
@@ -104,40 +109,45 @@ class Swing:
 
     def parts(self, r: Array) -> Array:
         """Return the part that each mode has in r."""
-        return np.linalg.solve(self.modes, r.astype(complex))  # type: ignore[no-any-return]
+        out: Array = np.linalg.solve(self.modes, r.astype(complex))
+        return out
 
 
 def highest(slow: Array, swings: tuple[Array, Array], tau: float, so_far: float) -> float:
     """Return the largest of `so_far` and Σ_j slow_j τ^j + Re Σ_m a_m e^(λ_m τ) on [0, τ], for `swings` (a, λ).
 
-    Stretches where the swings' bound cannot take the slow part above what has been found are not looked at; a largest
-    value that is seen is then found to rounding.
+    Parts of the stretch where the swings' bound cannot take the slow motion above what has been found are not looked
+    at; a largest value that is seen is then found to rounding.
     """
-    edges = np.linspace(0.0, tau, STRETCHES + 1)
-    bend = abs(polynomial.polyder(slow, 2)) @ tau ** np.arange(len(slow) - 2)
-    at_edges, (part, rates) = polynomial.polyval(edges, slow), swings
-    bound = np.maximum(at_edges[1:], at_edges[:-1]) + bend * (tau / STRETCHES) ** 2 / 8.0
+    edges, (part, rates) = np.linspace(0.0, tau, PARTS + 1), swings
+    rows = [slow, polynomial.polyder(slow), polynomial.polyder(slow, 2)]
+    bend, at_edges = float(abs(rows[2]) @ tau ** np.arange(len(rows[2]))), polynomial.polyval(edges, slow)
+    bound = np.maximum(at_edges[1:], at_edges[:-1]) + bend * (tau / PARTS) ** 2 / 8.0
     bound += np.exp(np.multiply.outer(edges[:-1], rates.real)) @ abs(part)
+    bend += float(abs(part) @ abs(rates * rates))
     for i in np.argsort(-bound):
         if bound[i] <= so_far:
             break
-        so_far = max(so_far, _highest_between(slow, swings, float(edges[i]), float(edges[i + 1])))
+        so_far = max(so_far, _highest_between(rows, swings, (edges[i], edges[i + 1], bend), so_far))
     return so_far
 
 
-def _highest_between(slow: Array, swings: tuple[Array, Array], first: float, last: float) -> float:
-    """Return the largest value between two times: looked for, then found by Newton's method."""
-    part, rates = swings
+def _highest_between(rows: list[Any], swings: tuple[Array, Array], where: Any, so_far: float) -> float:
+    """Return the largest value between two times, if it is above `so_far`: looked for, then found by Newton's method.
+
+    Given are the slow motion and its derivatives, and the two times with a bound of the second derivative of the sum.
+    """
+    (part, rates), (first, last, bend) = swings, where
     count = int(min(MOST_LOOKS, FINE * (last - first) * abs(rates.imag).max() / math.pi)) + 4
     at = np.linspace(first, last, count + 1)
-
-    def value(at: Array, order: int) -> Array:
-        swing = (np.exp(np.multiply.outer(at, rates)) @ (part * rates**order)).real
-        return polynomial.polyval(at, polynomial.polyder(slow, order)) + swing  # type: ignore[no-any-return]
-
-    seen = value(at, 0)
+    seen = polynomial.polyval(at, rows[0]) + (np.exp(np.multiply.outer(at, rates)) @ part).real
+    if seen.max() + bend * ((last - first) / count) ** 2 / 8.0 <= so_far:
+        return so_far
     top = at[np.argsort(seen)[-PEAKS:]]
-    for _ in range(6):
-        slope, bend = value(top, 1), value(top, 2)
-        top = np.clip(top - np.where(bend < 0.0, slope / np.where(bend < 0.0, bend, 1.0), 0.0), first, last)
-    return float(max(seen.max(), value(top, 0).max()))
+    for _ in range(NEWTON):
+        turns = np.exp(np.multiply.outer(top, rates)) * part
+        slope = polynomial.polyval(top, rows[1]) + (turns @ rates).real
+        bent = polynomial.polyval(top, rows[2]) + (turns @ (rates * rates)).real
+        top = np.clip(top - np.where(bent < 0.0, slope / np.where(bent < 0.0, bent, 1.0), 0.0), first, last)
+    best = polynomial.polyval(top, rows[0]) + (np.exp(np.multiply.outer(top, rates)) @ part).real
+    return float(max(seen.max(), best.max()))
