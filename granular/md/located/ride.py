@@ -11,29 +11,30 @@ follows then, be it a lift-off, a hit or a jump of the wall's velocity, is met b
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import polynomial
 
 from granular._check import Array
 from granular._kernels import fitted
-from granular._tournament import play
 from granular.md.located import slow
 from granular.md.located.blocks import hold_walls, settle
 from granular.md.located.contacts import add_shared
-from granular.md.located.creep import LARGEST, columns
-from granular.md.located.driven import absolute, carry_walls, foresee_walls, jump_at
+from granular.md.located.creep import columns
+from granular.md.located.driven import carry_walls, foresee_walls, jump_at
 from granular.md.located.events import shifted
-from granular.md.located.ledger import CEILING, FLOOR, LOST, add
+from granular.md.located.ledger import LOST, add
+from granular.md.located.on_wall import Pile, edge_jumps, others_due, presses, wall_speeds
 from granular.md.located.pieces import piece_time
 from granular.md.located.step_size import REACH
 from granular.md.located.swing import Swing, highest
-from granular.md.located.system import ACTIVE, EDGE, GENERAL, LINEAR, NOTHING, OPEN, ORDER
-from granular.walls.path import jump_ahead
+from granular.md.located.system import EDGE, LINEAR, NOTHING, ORDER
 
 WORTH = 20.0
 """Steps of an island that a stretch has to save."""
+LONGEST = 1e6
+"""Steps of an island that a stretch saves at most; some paths have no end."""
 STILL = 1e-13
 """Part of the overlaps, and of their natural rates, up to which what laws that are not linear swing is rounding."""
 MARGIN = 1e-6
@@ -41,44 +42,7 @@ MARGIN = 1e-6
 LARGEST_CURVED = 40
 """Pairs beyond which piles that are not linear do not ride: a stretch costs their number cubed."""
 FIT = {"DRIVEN": True, "WORKED": True}
-FALLS = np.array([(j + 1.0) * (j + 2.0) for j in range(ORDER - 1)])
-
-
-class Pile(NamedTuple):
-    """Pairs `first` … `end`-1 of the block that starts with `lo` all push, and one end is at a driven wall; `flank` is
-    the open pair beyond the other end, -1 without."""
-
-    lo: int
-    first: int
-    end: int
-    flank: int
-
-
-def pile_on_wall(s: Any) -> Pile | None:
-    """Return the pile on a driven floor or under a driven ceiling, if all of its contacts are damped."""
-    pairs, n = s.pairs, len(s.pairs)
-    if n > LARGEST:
-        return None
-    for way, start in ((1, 0), (-1, n - 1)):
-        if pairs[start]["wall"] == 0 or pairs[start]["slot"] < 0:
-            continue
-        lo = int(pairs[start]["first"])
-        hi, c = int(pairs[lo]["hi"]), start
-        while lo <= c < hi and pushes_damped(s, c):
-            c += way
-        flank = c if lo <= c < hi else -1
-        last = flank == (hi - 1 if way > 0 else lo)
-        if c != start and (flank < 0 or (last and s.pool[pairs[flank]["slot"]]["mode"] == OPEN)):
-            return Pile(lo, min(start, c - way), max(start, c - way) + 1, flank)
-    return None
-
-
-def pushes_damped(s: Any, c: int) -> bool:
-    """Return whether the contact of pair `c` pushes, and loses what it swings, by a law without memory."""
-    member, law = s.pool[s.pairs[c]["slot"]], s.kinds[s.pairs[c]["kind_of"]]
-    if member["mode"] != ACTIVE or law["elastic"] or law["memory"]:
-        return False
-    return bool(law["kind"] == GENERAL or (law["gamma"] > 0.0 and law["k"] > 0.0))
+"""Rides are in scenes with driven walls only."""
 
 
 class Ride:
@@ -113,11 +77,12 @@ class Ride:
         forces = slow.forces_of(self.members, self.laws)
         self.step = REACH / slow.fastest(forces, xi, eta, w)
         h = fitted(foresee_walls, **FIT)(s.walls, s.pairs, s.pool, self.pile.lo)
-        edge = h == block.holds and not self.jumps()
+        h = min(h, LONGEST * self.step)
+        edge = h == block.holds and not edge_jumps(s, self.pile)
         h, found = h if edge else h - 0.5 * self.step, False
         if self.swing is not None:
-            found = self.swing.known and WORTH * self.step < h < math.inf and self.solve_linear(h, xi, eta, w)
-        while self.swing is None and not found and WORTH * self.step < h < math.inf:
+            found = self.swing.known and WORTH * self.step < h and self.solve_linear(h, xi, eta, w)
+        while self.swing is None and not found and WORTH * self.step < h:
             found = len(xi) <= LARGEST_CURVED and self.solve_curved(h, xi, eta, w)
             edge, h = edge and found, 0.5 * h
         if not found:
@@ -126,7 +91,7 @@ class Ride:
         self.write()
         block.tau = self.proved()
         block.what = EDGE if edge and block.tau == 1.0 else NOTHING
-        self.until = min(block.t + (self.lasts() + block.tail), self.others_due())
+        self.until = min(block.t + (self.lasts() + block.tail), others_due(s, self.pile))
         return bool(self.until - block.t > WORTH * self.step)
 
     def solve_linear(self, h: float, xi: Array, eta: Array, w: Array) -> bool:
@@ -154,7 +119,7 @@ class Ride:
     def keep(self, h: float, xi: Array, force: Array) -> None:
         """Keep the slow motion of a stretch."""
         self.h, self.xi, self.eta, self.force = h, xi, rate_of(xi, h), force
-        self.path = self.paths(h)
+        self.speeds = wall_speeds(self.s, self.pile, h)
 
     def write(self) -> None:
         """Write the slow motion as the piece of the block."""
@@ -167,65 +132,14 @@ class Ride:
             apart.e = (rate_of(self.total, self.h) - self.eta.sum(axis=1)).tolist()
             apart.f, apart.g = [0.0] * (ORDER + 1), [0.0] * (ORDER + 1)
 
-    def others_due(self) -> float:
-        """Return when another block is due, in s."""
-        lo, queue = self.pile.lo, self.s.queue
-        play(queue, lo, math.inf)
-        due = float(queue[1].due)
-        play(queue, lo, self.s.pairs[lo].due)
-        return due
-
     def lasts(self) -> float:
         """Return how long the piece is, in s."""
         return float(fitted(piece_time, **FIT)(self.block))
 
-    def jumps(self) -> bool:
-        """Return whether the velocity of a wall jumps at the end of its panel."""
-        walls, hi = self.s.walls, self.s.pairs[self.pile.lo].hi
-        t, tail = absolute(walls, self.block.t, self.block.tail)
-        at = [self.s.pairs[c].wall - 1 for c in range(self.pile.lo, hi) if self.s.pairs[c].wall > 0]
-        return any(jump_ahead(walls.wall[i], walls.panels, t, tail) for i in at)
-
-    def sway(self, c: int, h: float) -> Array:
-        """Closing acceleration in m/s² of pair `c` by a driven wall: coefficients in τ, t = hτ."""
-        pair, out = self.s.pairs[c], np.zeros(ORDER + 1)
-        if pair.wall > 0:
-            path = np.array(self.s.walls.path[pair.wall - 1])
-            out[: len(path) - 2] += FALLS[: len(path) - 2] * path[2:] * h ** np.arange(len(path) - 2)
-        return out
-
     def pressed(self, h: float, w: Array) -> slow.Pressed:
-        """Return what presses on the pile, and note the sum of all overlaps, with that of the flank."""
-        pile, s = self.pile, self.s
-        lo, hi = pile.lo, s.pairs[pile.lo].hi
-        sway = np.array([self.sway(c, h) for c in range(lo, hi)]).T
-        pull, together = sway[:, pile.first - lo : pile.end - lo].copy(), sway.sum(axis=1)
-        pull[0] += [s.pairs[c].pull for c in range(pile.first, pile.end)]
-        together[0] += s.bodies[hi].fall - s.bodies[lo].fall  # and not the sum of roundings
-        self.total = np.zeros(ORDER + 1)
-        self.total[0] = math.fsum(s.pool[s.pairs[c].slot].xi for c in range(lo, hi))
-        self.total[1] = h * math.fsum(s.pool[s.pairs[c].slot].eta for c in range(lo, hi))
-        self.total[2:] = h * h * together[: ORDER - 1] / FALLS
+        """Return what presses on the pile, and keep the sum of the overlaps of its block."""
+        pull, self.total = presses(self.s, self.pile, h)
         return slow.Pressed(h, pull, self.total if self.closed else None, w)
-
-    def paths(self, h: float) -> list[tuple[int, int, Array]]:
-        """Return of each wall at the pile its place in the ledger, the place of its pair, and its speed in m/s towards
-        the balls as coefficients in τ, t = hτ."""
-        out, s, n = [], self.s, len(self.s.pairs)
-        ends = [(FLOOR, 0, 0, 1.0)] if self.pile.first == 0 else []
-        ends += [(CEILING, n, n - 1, -1.0)] if self.pile.end == n else []
-        for place, body, c, side in ends:
-            if s.bodies[body].inverse_mass > 0.0:
-                continue
-            speed = np.zeros(ORDER + 1)
-            speed[0] = side * s.bodies[body].v
-            if s.pairs[c].wall > 0:
-                path, wall = np.array(s.walls.path[s.pairs[c].wall - 1]), s.walls.wall[s.pairs[c].wall - 1]
-                steps = np.arange(1, len(path))
-                speed[: len(path) - 1] = steps * path[1:] * h ** (steps - 1)
-                speed[0] += wall.side * wall.velocity
-            out.append((place, c - self.pile.first, speed))
-        return out
 
     def proved(self) -> float:
         """Return the τ, at most 1, up to which it is proved that nothing happens."""
@@ -295,7 +209,7 @@ class Ride:
     def books(self, swing: Swing, later: Array, tau: float) -> list[float]:
         """Return what the swings add to the sums of the ledger up to τ, in J."""
         out = [0.0] * 5
-        for place, c, speed in self.path:
+        for place, c, speed in self.speeds:
             out[place] = swing.integral(np.multiply.outer(speed, swing.force[c]), self.r, later, self.h, tau)
         loss = 2.0 * (self.eta[:-1] * swing.gamma) @ swing.shape
         g = np.hstack([np.zeros_like(loss), loss])

@@ -21,9 +21,10 @@ from granular.md.located.contacts import keep_unsettled
 from granular.md.located.creep import LARGEST, SMOOTH, Creep, slowest_decay, swinging
 from granular.md.located.inside import look, look_inside, seen
 from granular.md.located.ledger import FLOOR, LOST
+from granular.md.located.on_wall import pile_on_wall
 from granular.md.located.plan import planned
 from granular.md.located.resting import pile
-from granular.md.located.ride import Ride, pile_on_wall
+from granular.md.located.ride import Ride
 from granular.md.located.system import (
     ACTIVE,
     DORMANT,
@@ -121,8 +122,10 @@ class Run:
             self.kernels(replay)(self.s.queue, 0, scene.n_pairs - 1)
             if state["creeping"]:
                 self.let_creep(math.inf)
-            elif state.get("riding", False):
-                self.let_ride()
+            elif state.get("riding", False) and (found := pile_on_wall(self.s)) is not None:
+                self.s, self.kernels = to_plain(self.s), self.fit
+                ride = Ride(self.s, found, self.collocation)
+                self.go_on(ride, ride.begins())
 
     @property
     def counters(self) -> Any:
