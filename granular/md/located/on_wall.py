@@ -83,8 +83,8 @@ def sway(s: Any, c: int, h: float) -> Array:
 
 
 def presses(s: Any, pile: Pile, h: float) -> tuple[Array, Array]:
-    """Return the closing accelerations (ORDER+1, pairs) in m/s² of a pile without contact forces, and the sum (ORDER+1,)
-    in m of all overlaps of its block: coefficients in τ, t = hτ."""
+    """Return the closing accelerations (ORDER+1, pairs) in m/s² of a pile without contact forces, and the sum of all
+    overlaps of its block (ORDER+1,) in m: coefficients in τ, t = hτ."""
     lo, hi = pile.lo, s.pairs[pile.lo].hi
     by_walls = np.array([sway(s, c, h) for c in range(lo, hi)]).T
     pull, together = by_walls[:, pile.first - lo : pile.end - lo].copy(), by_walls.sum(axis=1)
