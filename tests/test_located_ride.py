@@ -218,6 +218,13 @@ def test_undamped_piles_and_what_is_not_proved_go_on_as_before(monkeypatch):
         assert ride.stats["steps"] == pieces.stats["steps"] > 32
 
 
+def test_the_limit_of_work_holds_on_a_ride():
+    scene = gr.scenes.vibrated_column(2, gamma=0.5, gap=0.0)
+    run = gr.md.simulate(scene, gr.LinearDashpot(1e7, 5.0), t_end=5.0, max_steps=500, engine="plain")
+    assert run.status is gr.Status.max_events
+    assert run.stats["steps"] == 500
+
+
 @pytest.mark.soak
 @pytest.mark.parametrize(("where", "kind", "seed"), [
     ("floor", "dashpot", 0), ("hanging", "dashpot", 13), ("squeezed", "dashpot", 2), ("squeezed", "viscoelastic", 2),

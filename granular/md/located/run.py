@@ -225,7 +225,7 @@ class Run:
     def let_ride(self) -> None:
         """Let the pile on a driven wall ride a stretch at once if there is one that is proved; else nothing changes."""
         found = pile_on_wall(self.s)
-        if found is None:
+        if found is None or not self.may_ride():
             return
         s = to_plain(self.s)
         slots = [pair.slot for pair in s.pairs[found.lo : s.pairs[found.lo].hi]]
@@ -237,6 +237,10 @@ class Run:
             return
         for slot, member in zip(slots, before, strict=True):
             s.pool[slot] = member
+
+    def may_ride(self) -> bool:
+        """Return whether there is work left for a stretch, and for the piece after it."""
+        return bool(self.counters["steps"] + 2 <= self.counters["max_steps"])
 
     def go_on(self, ride: Ride, goes: bool) -> None:
         """Ride the stretch that begins if it `goes`, or else go on by pieces."""
@@ -255,7 +259,7 @@ class Run:
                 break
             self.ride.goes_to(self.ride.until)
             ride = Ride(self.s, self.ride.pile, self.collocation, self.ride)
-            self.go_on(ride, self.counters["steps"] < self.counters["max_steps"] and ride.begins())
+            self.go_on(ride, self.may_ride() and ride.begins())
         self.now = limit if self.ride is not None and limit < self.ride.until else float(self.counters["t"])
         return self.ride is not None
 
