@@ -14,10 +14,10 @@ from granular.md.located.alone import goes_on, has_piece
 from granular.md.located.contacts import confirm, judge
 from granular.md.located.driven import foresee_walls
 from granular.md.located.events import locate
+from granular.md.located.overdamped import expand_slowly
 from granular.md.located.pieces import piece_time, power
 from granular.md.located.resting import LONG, lie
 from granular.md.located.series import expand, expand_linear, expand_two
-from granular.md.located.slow import expand_slowly
 from granular.md.located.step_size import (
     REACH,
     choose_clock,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from copy import deepcopy
+from copy import copy, deepcopy
 from itertools import groupby
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from granular._kernels import compiled, fitted, in_memory, worth
 from granular._records import column, copied, packed, plain
-from granular._tournament import replay, tournament
+from granular._tournament import play, replay, tournament
 from granular.closing import Closing
 from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
@@ -23,8 +23,10 @@ from granular.md.located.contacts import keep_unsettled
 from granular.md.located.creep import LARGEST, SMOOTH, Creep, Flight, slowest_decay, swinging
 from granular.md.located.inside import look, look_inside, seen
 from granular.md.located.ledger import FLOOR, LOST
+from granular.md.located.on_wall import pile_on_wall
 from granular.md.located.plan import planned
 from granular.md.located.resting import between, lone_pile
+from granular.md.located.ride import Ride
 from granular.md.located.system import (
     ACTIVE,
     DORMANT,
@@ -49,6 +51,10 @@ PLAIN_CHUNK, COMPILED_CHUNK = 100, 20_000
 """Pieces between two looks at progress and log."""
 FIRST_LOOK = 256
 """Pieces after which the run first looks whether the scene creeps to rest."""
+AGAIN = 128
+"""Pieces beside driven walls after which the run looks again whether a pile rides."""
+STRETCHES = 100
+"""Stretches of a ride between two looks at progress."""
 WORTH_LOADING, WORTH_COMPILING = 50_000, 300_000
 """Pieces times pairs after which ``engine="auto"`` goes on compiled if the machine code is on disk, and if it has to be
 made; they take about as long to work off interpreted."""
@@ -91,6 +97,8 @@ class Run:
         self.seen = self.now = 0.0  # s, when a row was last read, and how far it has come
         self.bound = False
         self.creep: Creep | None = None
+        self.ride: Ride | None = None
+        self.rode: Ride | None = None  # the last one, or what was tried
         self.start = request.start if state is None else float(state["origin"])  # s, where its own clock starts
         self.closing = Closing(scene, self.start, flattened=True)
         self.checkpoint: Checkpoint | None = None
@@ -116,6 +124,10 @@ class Run:
             self.kernels(replay)(self.s.queue, 0, scene.n_pairs - 1)
             if state["creeping"]:
                 self.let_creep(math.inf)
+            elif state.get("riding", False) and (found := pile_on_wall(self.s)) is not None:
+                self.s, self.kernels = to_plain(self.s), self.fit
+                ride = Ride(self.s, found, self.collocation)
+                self.go_on(ride, ride.begins())
 
     @property
     def counters(self) -> Any:
@@ -153,6 +165,8 @@ class Run:
             return Pause.disturbed if self.is_disturbed else Pause.until
         if self.creep is not None:
             return Pause.resting if limit == math.inf else Pause.reached
+        if self.ride is not None and self.rides_to(limit):
+            return Pause.reached if limit < self.ride.until else Pause.full
         chunk = COMPILED_CHUNK if self.engine == "compiled" else PLAIN_CHUNK
         why, counters = self.kernels(blocks.advance)(self.s, limit, chunk, self.collocation), self.counters
         reached = why == blocks.REACHED or (why == blocks.QUIET and limit < math.inf)
@@ -177,6 +191,10 @@ class Run:
             self.bound = why == blocks.BINDING
             return WHY[why]
         if counters["steps"] >= counters["pause"]:
+            if self.s.walls is not None:
+                counters["pause"] = counters["steps"] + AGAIN
+                self.let_ride()
+                return Pause.full
             counters["pause"] *= 2
             if self.rests(limit):
                 return Pause.resting
@@ -207,6 +225,47 @@ class Run:
             flights = [Flight(s.pool[s.pairs[c].slot], *between(s.pairs, s.pool, s.bodies, lo, c)[1:])
                        for c in (a - 1, b) if lo <= c < s.pairs[lo].hi]  # fmt: skip
             self.creep = Creep(s.pool[s.pairs[lo].slot], members, load, flights)
+
+    def let_ride(self) -> None:
+        """Let the pile on a driven wall ride a stretch at once if there is one that is proved; else nothing changes."""
+        found = pile_on_wall(self.s)
+        if found is None or not self.may_ride():
+            return
+        s = to_plain(self.s)
+        slots = [pair.slot for pair in s.pairs[found.lo : s.pairs[found.lo].hi]]
+        before = [copy(s.pool[slot]) for slot in slots]
+        self.rode = Ride(s, found, self.collocation, self.rode)
+        if self.rode.begins():
+            self.s, self.kernels = s, self.fit
+            self.go_on(self.rode, True)
+            return
+        for slot, member in zip(slots, before, strict=True):
+            s.pool[slot] = member
+
+    def may_ride(self) -> bool:
+        """Return whether there is work left for a stretch, and for the piece after it."""
+        return bool(self.counters["steps"] + 2 <= self.counters["max_steps"])
+
+    def go_on(self, ride: Ride, goes: bool) -> None:
+        """Ride the stretch that begins if it `goes`, or else go on by pieces."""
+        lo, self.rode, self.ride = ride.pile.lo, ride, ride if goes else None
+        self.s.pairs[lo].due = ride.until if goes else -math.inf
+        play(self.s.queue, lo, self.s.pairs[lo].due)
+        if not goes:
+            self.kernels(planned)(self.s, self.collocation)
+            if self.engine == "compiled":
+                self.s, self.kernels = to_compiled(self.s), lambda kernel: compiled(self.fit(kernel))
+
+    def rides_to(self, limit: float) -> bool:
+        """Go on with the ride to a time into the run, or some stretches towards it; false if it ends before."""
+        for _ in range(STRETCHES):
+            if self.ride is None or limit < self.ride.until:
+                break
+            self.ride.goes_to(self.ride.until)
+            ride = Ride(self.s, self.ride.pile, self.collocation, self.ride)
+            self.go_on(ride, self.may_ride() and ride.begins())
+        self.now = limit if self.ride is not None and limit < self.ride.until else float(self.counters["t"])
+        return self.ride is not None
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of contacts so far."""
@@ -251,6 +310,8 @@ class Run:
             self.creep.show(elapsed)
         sums = self.scratch()
         self.kernels(look)(self.s, elapsed, *rows, sums, self.collocation)
+        if self.ride is not None:
+            self.ride.show(elapsed, rows, sums)
         c = -1
         while (c := self.kernels(look_inside)(self.s, c + 1, elapsed)) < self.scene.n_pairs:
             self.kernels(planned)(self.s, self.collocation)
@@ -279,7 +340,10 @@ class Run:
         row, wanted = None, pause is not Pause.reached or seen == -math.inf
         if wanted and pause is Pause.reached and self.scene.driven:  # the ledger as a sample there has it, to the bit
             row = self.row_after(end, self.start + end)
-        before, untouched = self.without_queue(), Untouched(self.s, end)
+        before, untouched, riding = self.without_queue(), Untouched(self.s, end), self.ride is not None
+        if self.ride is not None:
+            self.ride.goes_to(end)
+            self.ride = None
         if self.creep is None:
             while not self.kernels(blocks.expose_all)(self.s, end, self.collocation):
                 self.s = with_more_room(self.s)
@@ -302,7 +366,7 @@ class Run:
         running = np.concatenate([*self.rows(), self.dated(self.still_open())]) if self.request.log else None
         message, self.s = self.message(status, r, self.start + end), None  # makes room for the log
         untouched.put_back()
-        state = self.checkpoint or Checkpoint(before, {"origin": self.start, "creeping": False})
+        state = self.checkpoint or Checkpoint(before, {"origin": self.start, "creeping": False, "riding": riding})
         return End(row, status, message, stats, state if self.launched else {}, running)
 
     def without_queue(self) -> Any:

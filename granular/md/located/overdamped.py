@@ -1,0 +1,246 @@
+"""The slow motion of strongly damped piles: a power series on the clock of the creep, not on that of the fast decay.
+May be skipped: rarer, piles that creep.
+
+What balls pressed to a wall lose of their rate decays within m/(γ ξ^d), and is soon below rounding; what is left creeps
+at k ξ^p/(γ ξ^d), and a step of an explicit series would be as short as the former for as long as the latter takes. The
+creep alone is regular: the forces are loads and inertia, F = F° + Σ m a over the balls beyond the pair, with them
+
+    γ η = F ξ^(-d) - k ξ^s
+
+is an equation of first order, whose series has steps as long as the creep, and its rates give the next forces. Each
+round is better by the ratio of both times.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from granular._kernels import kernel
+from granular.md.located.equilibrium import end_of_group, find_equilibrium
+from granular.md.located.pieces import power, write_flight
+from granular.md.located.resting import between
+from granular.md.located.series import bracket, power_term
+from granular.md.located.system import ACTIVE, GENERAL, OPEN, ORDER, RESIDUAL
+
+STIFF = 12.0
+"""Ratio of both times from which on it is worth it, and sure to converge."""
+NEAR = 0.1
+"""Part of its load and elastic force by which the force of a pair may differ from its load: else it is still slowed
+down."""
+ROUNDS = 60
+SETTLED = 2.0**-52
+"""Part of the load up to which the forces of two rounds are the same."""
+GONE = 1e-13
+"""Part of its load and elastic force that the fast motion of a pair may still bear: ordinary steps leave that."""
+
+
+@kernel
+def expand_slowly(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
+    """Fill the rows of a block whose pairs creep or fly, and set its h; false if it is none."""
+    block, hi, h, c = pool[pairs[lo].slot], pairs[lo].hi, math.inf, lo
+    while c < hi:
+        if pool[pairs[c].slot].mode == ACTIVE and not drags(pool[pairs[c].slot]):
+            return False
+        b = end_of_group(pairs, pool, c)
+        if pairs[c].wall > 0 or (b == c and not flies(pool[pairs[c].slot])):
+            return False
+        if b > c:
+            h = min(h, slow_time(pairs, pool, bodies, c, b))
+        if not h > 0.0:
+            return False
+        c = max(b, c + 1)
+    block.clock, block.h, c = 1, h, lo
+    while c < hi:
+        b = end_of_group(pairs, pool, c)
+        if b > c and not follow_slowly(pairs, pool, bodies, c, b, h):
+            return False
+        c = max(b, c + 1)
+    block.speed, block.length = 0.0, 0.0
+    for c in range(lo, hi):
+        pair = pool[pairs[c].slot]
+        if pair.mode != ACTIVE:
+            fly_beside(pairs, pool, bodies, lo, c, h)
+        block.speed, block.length = max(block.speed, pair.own_speed), max(block.length, pair.own_length)
+    return h < math.inf
+
+
+@kernel
+def drags(pair: Any) -> bool:
+    """Return whether a pair that bears no load is damped strongly enough; under one it takes more."""
+    if pair.kind == GENERAL or not (pair.gamma > 0.0 and pair.xi > 0.0):
+        return False
+    depth, exponent = 1.0, pair.d + 1.0 - pair.s
+    if exponent != 0.0:
+        depth = power(pair.xi, exponent)
+    return bool(pair.gamma * pair.gamma * pair.inverse * depth > STIFF * pair.k)
+
+
+@kernel
+def flies(pair: Any) -> bool:
+    """Return whether a pair has no force, and needs no power of its overlap to see it return."""
+    return bool(pair.mode == OPEN or (pair.mode == RESIDUAL and pair.s == 1.0))
+
+
+@kernel
+def slow_time(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
+    """Return the time in s in which a group creeps; 0 if it is not so slow, or not yet."""
+    slowest = math.inf
+    closed = bodies[a].inverse_mass == 0.0 and bodies[b].inverse_mass == 0.0
+    find_equilibrium(pairs, pool, bodies, a, b)
+    for c in range(a, b):
+        pair = pool[pairs[c].slot]
+        if not (pair.gamma > 0.0 and pair.load > 0.0 and pair.xi > 0.0):
+            return 0.0
+        drag = pair.gamma * power(pair.xi, pair.d)
+        push = pair.k * power(pair.xi, pair.p)
+        time = drag * pair.xi / (pair.load + push)
+        if not drag * pair.inverse * time > STIFF or not (closed or creeping(pair.load, push, drag * pair.eta)):
+            return 0.0
+        pair.own_speed, pair.own_length = pair.load / drag, pair.xi
+        slowest = min(slowest, time)
+    return slowest
+
+
+@kernel
+def creeping(load: float, push: float, damping: float) -> bool:
+    """Return whether the force of a pair is nearly its load."""
+    return abs(push + damping - load) <= NEAR * (load + push)
+
+
+@kernel
+def follow_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> bool:
+    """Fill the rows of a group, round by round; false if that does not converge, or its fast motion is not over."""
+    first, last = pool[pairs[a].slot], math.inf
+    for n in range(ORDER + 1):
+        first.zm[n] = 0.0
+        for c in range(a, b):
+            pool[pairs[c].slot].f[n] = pool[pairs[c].slot].load if n == 0 else 0.0
+    for _ in range(ROUNDS):
+        sink(pairs, pool, bodies, a, b, h)
+        change = press_slowly(pairs, pool, bodies, a, b, h)
+        for c in range(a, b):  # the fast motion is more than the next round can take
+            pair = pool[pairs[c].slot]
+            allowed = max(10.0 * change * pair.own_speed, GONE * (2.0 * pair.own_speed + abs(pair.eta)))
+            if abs(pair.e[0] - pair.eta) > allowed:
+                return False
+        if change <= SETTLED:
+            for c in range(a, b):
+                pool[pairs[c].slot].eta = pool[pairs[c].slot].e[0]
+            return True
+        if not change < last:
+            return False
+        last = change
+    return False
+
+
+@kernel
+def sink(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> None:
+    """Fill the rows of overlaps, rates and brackets of a group, given those of its forces.
+
+    Between two walls the rates add up to 0: for that all forces are larger by a series in `zm` of the first pair.
+    """
+    closed, first = bodies[a].inverse_mass == 0.0 and bodies[b].inverse_mass == 0.0, pool[pairs[a].slot]
+    for n in range(ORDER + 1):
+        total, ease = 0.0, 0.0
+        for c in range(a, b):
+            pair = pool[pairs[c].slot]
+            sink_term(pair, n, h)
+            total += pair.e[n]
+            ease += power(pair.xi, -pair.d) / pair.gamma
+        if closed:
+            first.zm[n] -= total / ease
+            for c in range(a, b):
+                pair = pool[pairs[c].slot]
+                phi = total / ease * power(pair.xi, -pair.d)
+                pair.f[n] -= total / ease
+                pair.g[n] -= phi
+                pair.e[n] -= phi / pair.gamma
+
+
+@kernel
+def sink_term(pair: Any, n: int, h: float) -> None:
+    """Add order n of overlap, rate and bracket of a pair."""
+    pair.x[n] = h / n * pair.e[n - 1] if n > 0 else pair.xi
+    phi, bent = pair.f[n], pair.x[n]
+    if pair.d != 0.0:
+        power_term(pair.x, pair.r, -pair.d, n, 0)
+        phi = 0.0
+        for j in range(n + 1):
+            phi += pair.f[j] * pair.r[n - j]
+    if pair.s != 1.0:
+        power_term(pair.x, pair.z, pair.s, n, 0)
+        bent = pair.z[n]
+    pair.g[n], pair.e[n] = phi, (phi - pair.k * bent) / pair.gamma
+
+
+@kernel
+def press_slowly(pairs: Any, pool: Any, bodies: Any, a: int, b: int, h: float) -> float:
+    """Fill the rows of the forces of a group from those of its rates; return by what part of a load they changed."""
+    first, worst = pool[pairs[a].slot], 0.0
+    floor, ceiling = bodies[a].inverse_mass == 0.0, bodies[b].inverse_mass == 0.0
+    mass = 0.0 if floor else 1.0 / first.lower
+    for c in range(a, b if not (floor or ceiling) else a):
+        mass += 1.0 / pool[pairs[c].slot].upper
+    for n in range(ORDER):
+        push, moved = 0.0, 0.0  # acceleration of the upper ball, as the lowest body of the group sees it
+        for c in range(a, b):
+            pair = pool[pairs[c].slot]
+            push -= (n + 1) / h * pair.e[n + 1]
+            pair.gm[n] = push
+            moved += push / pair.upper if pair.upper > 0.0 else 0.0
+        frame = 0.0 if floor else push if ceiling else moved / mass
+        force = first.zm[n]
+        for i in range(b - a):
+            pair = pool[pairs[a + i if ceiling and not floor else b - 1 - i].slot]
+            if ceiling and not floor:
+                force -= ((0.0 if i == 0 else pool[pairs[a + i - 1].slot].gm[n]) - frame) / pair.lower
+            elif pair.upper > 0.0:
+                force += (pair.gm[n] - frame) / pair.upper
+            now = pair.load + force if n == 0 else force
+            worst = max(worst, abs(now - pair.f[n]) / pair.load)
+            pair.f[n] = now
+    return worst
+
+
+@kernel
+def fly_beside(pairs: Any, pool: Any, bodies: Any, lo: int, c: int, h: float) -> None:
+    """Fill the rows of a pair without force: its hulls fly, and the overlaps beside it change what is between them.
+
+    To integrate the forces beside it would add up their rounding.
+    """
+    pair, (_, rate, pull) = pool[pairs[c].slot], between(pairs, pool, bodies, lo, c)
+    write_flight(pair, h, pull, 0.0)
+    pair.x[1], pair.e[0] = -h * rate, -rate
+    for way in (-1, 1):
+        subtract(pairs, pool, bodies, pair, c, way)
+    pair.eta = pair.e[0]
+    for n in range(ORDER + 1 if pair.mode == RESIDUAL else 0):
+        pair.g[n] = bracket(pair, pair.x[n], n)
+    pair.own_speed = max(abs(pair.eta), abs(pair.e[1]))
+    pair.own_length = h * pair.own_speed
+
+
+@kernel
+def subtract(pairs: Any, pool: Any, bodies: Any, pair: Any, c: int, way: int) -> None:
+    """Take the overlaps of the group below (way -1) or above (way 1) pair `c` from its rows, and their rates.
+
+    In flight each counts with the share of the balls beyond it in the mass.
+    """
+    f = c + way
+    while 0 <= f < len(pairs) and pairs[f].slot >= 0 and pool[pairs[f].slot].mode == ACTIVE:
+        f += way
+    last = f + 1 if way < 0 else f  # the outermost body
+    at_wall, mass, total = bodies[last].inverse_mass == 0.0, 0.0, 1.0
+    if not at_wall:
+        total = 0.0
+        for i in range(abs(f - c)):
+            total += 1.0 / bodies[last - way * i].inverse_mass
+    for i in range(abs(f - c) - 1):
+        beyond = pool[pairs[f - way * (i + 1)].slot]
+        mass += 0.0 if at_wall else 1.0 / bodies[last - way * i].inverse_mass
+        share = 1.0 if at_wall else mass / total
+        for n in range(ORDER + 1):
+            pair.e[n] -= share * beyond.e[n]
+            if n > 0:
+                pair.x[n] -= share * beyond.x[n]
