@@ -407,6 +407,14 @@ def _refuse_together(scene: Scene, walls: Any) -> None:
     if hung and (scene.driven or scene.heated or bool(scene.velocity[walls].any())):
         raise ValueError(f"pendulum is {scene.pendulum!r}: beside pendula a wall must stand still; leave out floor, "
                          "ceiling and its velocity.")  # fmt: skip
+    if hung and walls[0] and walls[-1]:
+        room, rests = float(scene.gap.sum()), float(np.sum(np.asarray(scene.rest_gap)))
+        if abs(room - rests) > 1e-12 * float(np.abs(scene.gap).sum() + rests):
+            raise ValueError(f"rest_gap sums to {rests!r}: between two walls the gaps' own sum, {room!r}, is needed.")
+    for name, heat, pair in zip(("floor", "ceiling"), scene.heat, (0, -1), strict=True):
+        if heat is not None and scene.gap[pair] < 0.0:
+            raise ValueError(f"gap[{pair % scene.n_pairs}] is {float(scene.gap[pair])!r}: no ball can overlap a "
+                             f"thermal {name}, which acts at the touch; give a gap of at least 0.")  # fmt: skip
     if hung and not np.isfinite(scene.pendulum * scene.pendulum):
         raise ValueError(_check._sentence("pendulum", scene.pendulum, "a frequency whose square is finite is needed"))
 

@@ -54,11 +54,12 @@ class Reference:
     velocity_error : float
         Estimated error of velocities in units of the impact speed, from a second run with other settings.
     time_error : float
-        Estimated error of contact times in units of the longest contact.
+        Estimated error of contact times in units of the longest contact, in s if all are instants.
     gap, velocity : tuple of numbers
         Gaps in m and velocities in m/s when it ended.
     account : tuple of numbers or None
-        By series where walls move, in J until then: work of the floor, of the ceiling, and what was dissipated.
+        By series where walls move or heat, in J until then, as in the ledger of a run: work of the floor and of the
+        ceiling, heat of both, and what was dissipated.
     """
 
     contacts: tuple[ReferenceContact, ...]
@@ -120,12 +121,13 @@ class Logbook:
         return tuple(sorted(self.rows, key=lambda row: (row.t_begin, row.pair)))
 
 
-def roused(modes: Sequence[str], pull: Sequence[Any]) -> list[bool]:
+def roused(modes: Sequence[str], pull: Sequence[Any], ring: bool = False) -> list[bool]:
     """Whether each pair is reached by a force through neighbours that touch, or pressed together by gravity."""
     reached = [mode == ACTIVE or (mode == DORMANT and g > 0) for mode, g in zip(modes, pull, strict=True)]
-    for order in (range(1, len(modes)), range(len(modes) - 2, -1, -1)):
-        for c in order:
-            beside = c - 1 if order.step > 0 else c + 1
+    n = len(modes)
+    for way in (1, -1):
+        for c in [*range(n)[::way]] * (2 if ring else 1):
+            beside = (c - way) % n if ring or 0 <= c - way < n else c
             reached[c] = reached[c] or (modes[c] != OPEN and reached[beside])
     return reached
 
@@ -146,4 +148,4 @@ def distance(one: Reference, other: Reference, convert: Any = float) -> tuple[fl
     v_error, t_error = (
         max((float(abs(convert(x) - convert(y))) for x, y in numbers), default=0.0) for numbers in (speeds, times)
     )
-    return v_error / one.impact_speed, t_error / max(one.durations, default=math.nan)
+    return v_error / one.impact_speed, t_error / (max(one.durations, default=math.nan) or 1.0)
