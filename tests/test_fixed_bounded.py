@@ -62,19 +62,18 @@ def unbalanced(one):
 
 
 @EACH
-@pytest.mark.parametrize("seed", [0, 2, 3])
-def test_random_scenes_agree_with_the_reference(make, seed):
+@pytest.mark.parametrize(("seed", "method"), [(0, "verlet"), (2, "rk4"), (3, "gear5")])
+def test_random_scenes_agree_with_the_reference(make, seed, method):
     scene = make(3, seed)
-    truth = reference.solve(scene, LAW, t_end=0.2, digits=20)
-    assert len(truth.contacts) > 0
-    for method in ALL if seed == 3 else ("verlet",):
-        one = run(scene, LAW, method, t_end=0.2, dt=1e-4, samples=3)
-        assert [row.pair for row in truth.contacts] == one.contacts["pair"].tolist()
-        assert np.abs(one.gap[-1] - [float(gap) for gap in truth.gap]).max() < 5e-4
-        assert np.abs(one.velocity[-1] - [float(v) for v in truth.velocity]).max() < 2e-2
-        if one.ledger is not None:
-            np.testing.assert_allclose(one.ledger[-1], [float(x) for x in truth.account], rtol=0.0, atol=5e-2)
-            assert unbalanced(one) < 2e-2
+    truth = reference.solve(scene, LAW, t_end=0.15, digits=20)
+    one = run(scene, LAW, method, t_end=0.15, dt=1e-4, samples=3)
+    assert len(one.contacts) > 0
+    assert [row.pair for row in truth.contacts] == one.contacts["pair"].tolist()
+    assert np.abs(one.gap[-1] - [float(gap) for gap in truth.gap]).max() < 5e-4
+    assert np.abs(one.velocity[-1] - [float(v) for v in truth.velocity]).max() < 2e-2
+    if one.ledger is not None:
+        np.testing.assert_allclose(one.ledger[-1], [float(x) for x in truth.account], rtol=0.0, atol=5e-2)
+        assert unbalanced(one) < 2e-2
 
 
 def slope(errors):
@@ -153,15 +152,15 @@ def test_momentum_and_room_of_a_ring():
 @pytest.mark.parametrize("seed", range(4))
 def test_windows_give_the_same_bits(make, seed, monkeypatch):
     many, block = (90 + seed, 35) if make is ring else (7, 1 + seed)
-    scene = make(many, seed)
+    scene, law = make(many, seed), LAW if seed % 2 else gr.WaltonBraun(4e3, 8e3)
     for method in ALL if seed == 1 else (ALL[seed],):
         options = {"t_end": 0.03 if make is ring else 0.2, "dt": 7e-4, "samples": 4}
         if seed == 2:
             options["until"] = gr.until.contact(0, 2)
-        one = run(scene, LAW, method, **options)
+        one = run(scene, law, method, **options)
         with monkeypatch.context() as patch:
             in_windows(patch, block)
-            same(one, run(scene, LAW, method, **options))
+            same(one, run(scene, law, method, **options))
 
 
 @pytest.mark.soak
