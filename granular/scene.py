@@ -263,6 +263,18 @@ class Scene:
         """Whether a wall moves, and so does work on the balls."""
         return self.driven or bool((self.is_wall & (self.velocity != 0.0)).any())
 
+    @cached_property
+    def fed(self) -> bool:
+        """Whether walls give energy to the balls or take it: by work, where one moves, or by heat."""
+        return self.worked or self.heated
+
+    def free_velocity(self, elapsed: float) -> Array:
+        """Velocities in m/s, shape (n,), after a time `elapsed` in s without contacts; walls at constant velocity."""
+        if self.pendulum == 0.0:
+            return np.asarray(self.velocity + self.fall * elapsed)
+        turn = self.pendulum * elapsed
+        return np.asarray(self.velocity * math.cos(turn) - self.pendulum * self.displacement * math.sin(turn))
+
     @property
     def fall(self) -> Array:
         """Acceleration of every body in free flight in m/s², shape (n,), upwards positive: 0 for a wall."""

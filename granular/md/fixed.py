@@ -297,18 +297,14 @@ class Run:
         scene, balls = self.scene, ~self.scene.is_wall
         if scene.heated:
             return False
-        t, v = self.k * self.dt, self.stepper.balls()[balls]
-        free = (scene.velocity + scene.fall * t)[balls]
-        if scene.pendulum > 0.0:
-            turn, y = scene.pendulum * t, scene.displacement[balls]
-            free = free * math.cos(turn) - scene.pendulum * y * math.sin(turn)
+        free, v = scene.free_velocity(self.k * self.dt)[balls], self.stepper.balls()[balls]
         return not bool((np.abs(v - free) <= 1e-9 * float(np.abs(free).max())).all())
 
     def _energy_gain(self) -> float:
         """Growth of kinetic energy beyond what gravity, forces and swing gave, relative to the largest supply; 0 with
         walls that move or heat."""
         scene, balls = self.scene, ~self.scene.is_wall
-        if scene.worked or scene.heated:
+        if scene.fed:
             return 0.0
         m, v0, v = scene.mass[balls], scene.velocity[balls], self.stepper.balls()[balls]
         x0 = scene.position[balls]
