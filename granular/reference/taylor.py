@@ -116,10 +116,11 @@ class Taylor:
         if scene.rest_gap is None:
             return []
         mp, walls = self.mp, scene.is_wall.tolist()
-        out = [mp.zero if walls[0] else mp.mpf(scene.origin)]
+        out = [mp.mpf(scene.origin)]
         for gap, rest in zip(scene.gap.tolist(), scene.rest_gap.tolist(), strict=True):
             out.append(out[-1] + mp.mpf(gap) - mp.mpf(rest))
-        return [mp.zero if wall else y for wall, y in zip(walls, out, strict=True)]
+        fixed = out[walls.index(True)] if any(walls) else mp.zero
+        return [mp.zero if wall else y - fixed for wall, y in zip(walls, out, strict=True)]
 
     def across(self, of_bodies: Sequence[Number]) -> list[Number]:
         """Lower minus upper body of every pair: rates of overlaps from velocities."""
