@@ -54,7 +54,7 @@ class Reference:
     velocity_error : float
         Estimated error of velocities in units of the impact speed, from a second run with other settings.
     time_error : float
-        Estimated error of contact times in units of the longest contact, in s if all are instants.
+        Estimated error of contact times in units of the longest contact.
     gap, velocity : tuple of numbers
         Gaps in m and velocities in m/s when it ended.
     account : tuple of numbers or None
@@ -81,8 +81,9 @@ class Reference:
 
     @property
     def durations(self) -> tuple[float, ...]:
-        """Durations in s of the contacts that ended."""
-        return tuple(float(row.t_end - row.t_begin) for row in self.contacts if row.t_end is not None)
+        """Durations in s of the contacts that ended, but for the instants at thermal walls."""
+        ended = (row for row in self.contacts if row.t_end is not None and row.t_end > row.t_begin)
+        return tuple(float(row.t_end - row.t_begin) for row in ended)
 
     def of(self, pair: int) -> tuple[ReferenceContact, ...]:
         """The contacts of one pair."""
@@ -148,4 +149,4 @@ def distance(one: Reference, other: Reference, convert: Any = float) -> tuple[fl
     v_error, t_error = (
         max((float(abs(convert(x) - convert(y))) for x, y in numbers), default=0.0) for numbers in (speeds, times)
     )
-    return v_error / one.impact_speed, t_error / (max(one.durations, default=math.nan) or 1.0)
+    return v_error / one.impact_speed, t_error / max(one.durations, default=math.nan)

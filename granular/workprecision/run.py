@@ -112,7 +112,7 @@ def frontier(
     _check.callback("on_progress", on_progress)
     count = _check.whole("repeats", repeats, at_least=1)
     truth = reference or solve(scene, laws, until=until, t_end=t_end)
-    if not any(truth.durations):  # of hits of thermal walls it is 0
+    if not truth.durations:
         raise ValueError(f"scene is {scene!r}: in this time no contact ends, and there is nothing to compare.")
     task = Task(scene, laws, until, t_end, truth)
     tell = on_progress or (lambda reached, count: None)
