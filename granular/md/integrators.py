@@ -27,12 +27,19 @@ RING = False
 
 @kernel
 def pulled(i: int, a: Any) -> float:
-    """a_i = (F_{i-1} - F_i) / m_i - g - Ω² y_i; walls (1/m = 0, no fall) keep their speed."""
+    """a_i = (F_{i-1} - F_i) / m_i - g; walls (1/m = 0, no fall) keep their speed."""
     below = a.raw[i] if a.raw[i] > 0.0 else 0.0
     above = a.raw[i + 1] if a.raw[i + 1] > 0.0 else 0.0
     acceleration: float = a.w[i + 1] * (below - above) + a.fall[i + 1]
-    if SWING:
-        acceleration -= a.square[i + 1] * a.off[i + 1]
+    return acceleration
+
+
+@kernel
+def swung(i: int, a: Any) -> float:
+    """The same of pendula: a_i = (F_{i-1} - F_i) / m_i - Ω² y_i."""
+    below = a.raw[i] if a.raw[i] > 0.0 else 0.0
+    above = a.raw[i + 1] if a.raw[i + 1] > 0.0 else 0.0
+    acceleration: float = a.w[i + 1] * (below - above) - a.square[i + 1] * a.off[i + 1]
     return acceleration
 
 
@@ -128,7 +135,8 @@ def _stage(physics: Any, lo: int, m: int, reach: float, weight: float, drift: in
         acc = pulled(i, a)
         a.acc[i + 1] += weight * acc
         a.half[i + 1], a.guess[i + 1] = a.guess[i + 1], a.v[i + 1] + reach * acc
-        if SWING:
+    if SWING:
+        for i in range(m + 1):
             a.sway[i + 1] += weight * a.half[i + 1]
             a.off[i + 1] = a.start[i + 1] + reach * a.half[i + 1]
     if DRIVEN:
@@ -148,7 +156,8 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     for i in range(m + 1):
         a.was_v[i + 1] = a.guess[i + 1] = a.v[i + 1]
         a.acc[i + 1] = 0.0
-        if SWING:
+    if SWING:
+        for i in range(m + 1):
             a.start[i + 1], a.sway[i + 1] = a.off[i + 1], 0.0
     for j in range(m):
         a.was_xi[j + 1], a.was_raw[j + 1], a.rate[j + 1] = a.xi[j + 1], a.raw[j + 1], 0.0
@@ -158,7 +167,8 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     for i in range(m + 1):
         v = a.v[i + 1] + sixth * (a.acc[i + 1] + pulled(i, a))
         a.half[i + 1], a.v[i + 1] = a.guess[i + 1], v
-        if SWING:
+    if SWING:
+        for i in range(m + 1):
             a.off[i + 1] = a.start[i + 1] + sixth * (a.sway[i + 1] + a.half[i + 1])
     if DRIVEN:
         steer(physics, lo, m, LAST, END, a)
@@ -189,10 +199,11 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         later = d3 * (a.jerk[j + 1] - a.jerk[j + 2])
         a.was_xi[j + 1] = a.xi[j + 1]
         a.xi[j + 1] += dt * rate + d2 * pull + later + d4 * (a.snap[j + 1] - a.snap[j + 2])
+    if SWING:
+        for i in range(m + 1):
+            a.off[i + 1] += dt * a.v[i + 1] + d2 * a.acc[i + 1] + d3 * a.jerk[i + 1] + d4 * a.snap[i + 1]
     for i in range(m + 1):
         v, acc, jerk, snap = a.v[i + 1], a.acc[i + 1], a.jerk[i + 1], a.snap[i + 1]
-        if SWING:
-            a.off[i + 1] += dt * v + d2 * acc + d3 * jerk + d4 * snap
         a.was_v[i + 1], a.v[i + 1] = v, v + (dt * acc + d2 * jerk + d3 * snap)
         a.acc[i + 1] = acc + dt * jerk + d2 * snap
         a.jerk[i + 1] = jerk + dt * snap
@@ -210,8 +221,9 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         a.v[i + 1] += 0.375 * dt * miss
         a.jerk[i + 1] += 1.5 / dt * miss
         a.snap[i + 1] += 1.0 / (dt * dt) * miss
-        if SWING:
-            a.off[i + 1] += 19.0 / 180.0 * dt * dt * miss
+    if SWING:
+        for i in range(m + 1):
+            a.off[i + 1] += 19.0 / 180.0 * dt * dt * a.half[i + 1]
     for j in range(m):
         xi = a.xi[j + 1] + 19.0 / 180.0 * dt * dt * (a.half[j + 1] - a.half[j + 2])
         a.xi[j + 1] = xi

@@ -21,7 +21,7 @@ from granular.md import march as loop
 from granular.md.driven import clock, flown, next_touch, packed_walls, walls_of
 from granular.md.glide import glide, swing, time_to_touch, time_to_touch_hung
 from granular.md.heated import HALT, HEATER, MOST, heaters
-from granular.md.integrators import Integrator
+from granular.md.integrators import Integrator, swung
 from granular.md.notes import STEP_ROW, settle
 from granular.md.window import ROWS, WINDOW, Physics, V, Work
 from granular.scene import Scene
@@ -120,6 +120,8 @@ class Stepper:
         flags = {"DRIVEN": self.scene.driven, "HEATED": self.scene.heated, "RING": self.scene.ring}
         flags |= {"WORKED": self.walls is not None, "SWING": self.rest is not None}
         fit |= {name: True for name, flag in flags.items() if flag}
+        if self.rest is not None:
+            fit["pulled"] = swung
         return Code(specialised(loop.march, **fit), specialised(loop.leap, **fit), glide, time_to_touch, swing,
                     time_to_touch_hung)  # fmt: skip
 
