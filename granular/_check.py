@@ -81,6 +81,13 @@ def _refuse_words(value: Any) -> None:
             raise TypeError
 
 
+def truth(name: str, value: Any) -> bool:
+    """Return `value` if it is True or False."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(_sentence(name, value, "True or False is needed"))
+    return bool(value)
+
+
 def callback(name: str, value: Any) -> Any:
     """Return `value` if it can be called or is None."""
     if value is not None and not callable(value):

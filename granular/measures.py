@@ -159,16 +159,16 @@ def impact_speed(run: Trajectory) -> float:
 def impact_velocities(scene: Scene, run: Trajectory) -> Array:
     """Velocities in m/s just before the first contact of `run` (the initial ones without any)."""
     fall = float(run.contacts["t_begin"][0] - run.time[0]) if len(run.contacts) else 0.0
-    return np.asarray(scene.velocity + scene.fall * fall)
+    return scene.free_velocity(fall)
 
 
 def mass_centre_restitution(run: Trajectory) -> float:
-    """-V_cm after / V_cm before all contacts; nan unless the scene has exactly one wall, at constant velocity, with
-    contacts that end."""
+    """-V_cm after / V_cm before all contacts; nan unless the scene has exactly one wall, at constant velocity and not
+    thermal, with contacts that end, and no pendula."""
     scene, balls, log = run.scene, ~run.scene.is_wall, run.contacts
     at_wall = run.of(0 if scene.is_wall[0] else scene.n_pairs - 1)
     lasting = run.status is Status.collapse or np.isnan(at_wall["t_end"]).any()
-    if scene.is_wall.sum() != 1 or scene.driven or not len(log) or lasting:
+    if scene.is_wall.sum() != 1 or scene.endless or not len(log) or lasting:
         return math.nan
     m, wall = scene.mass[balls], float(scene.velocity[scene.is_wall][0])
     before = float(m @ (impact_velocities(scene, run)[balls] - wall))

@@ -104,8 +104,8 @@ def largest_difference(one: Trajectory, other: Trajectory) -> float:
 def followed(soft: Trajectory, options: Mapping[str, Any]) -> Trajectory:
     """The run with contacts that were still running at its end followed to theirs, in its log.
 
-    Given up after `PATIENCE` times their isolated duration, where the path of a wall ends, and for laws with memory,
-    which cannot be gone on with.
+    Given up after `PATIENCE` times their isolated duration, where the path of a wall ends, and for laws with memory and
+    beside thermal walls, which cannot be gone on with.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def followed(soft: Trajectory, options: Mapping[str, Any]) -> Trajectory:
     """
     assert soft.law is not None
     running = np.flatnonzero(np.isnan(soft.contacts["t_end"]))
-    if not len(running) or has_memory(soft) or soft.status not in (Status.until, Status.time):
+    if not len(running) or soft.scene.heated or has_memory(soft) or soft.status not in (Status.until, Status.time):
         return soft
     log = soft.contacts.copy()
     patience = PATIENCE * _durations(soft, running)

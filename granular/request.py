@@ -60,10 +60,12 @@ def requested(
 
 
 def check_end(scene: Scene, t_end: float | None, until: stop.Until | None, max_events: int) -> None:
-    """Raise if nothing says when a run beside driven walls is over: they keep balls moving."""
-    if scene.driven and t_end is None and until is None and max_events == EVENTS:
-        raise ValueError("t_end is None: beside a driven wall a run never comes to an end by itself; give t_end, "
-                         "until, or a max_events of your own.")  # fmt: skip
+    """Raise if nothing says when a run is over whose balls may meet forever."""
+    if scene.endless and t_end is None and until is None and max_events == EVENTS:
+        why = "beside a driven wall" if scene.driven else "beside a thermal wall" if scene.heated else (
+            "on a ring" if scene.ring else "of pendula")  # fmt: skip
+        raise ValueError(f"t_end is None: {why} a run never comes to an end by itself; give t_end, until, or a "
+                         "max_events of your own.")  # fmt: skip
 
 
 def _sample_times(samples: int | ArrayLike | None, start: float, end: float) -> Array | None:

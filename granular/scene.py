@@ -29,7 +29,7 @@ class Scene:
         last body can be walls. A wall does not fall and may move at constant speed.
     radius : (n,) array
         Radii in m; 0 for a wall (flat, no offset) and allowed for a ball (point particle).
-    gap : (n-1,) array
+    gap : (n-1,) array, (n,) on a ring
         Distances between the surfaces of neighbours in m. Negative means initial overlap: fine for
         `granular.md`, refused by `granular.edmd`.
     velocity : (n,) array
@@ -40,9 +40,19 @@ class Scene:
         Position of body 0 in m: its centre if it is a ball, its surface if it is a wall.
     external_force : (n,) array, optional
         Constant forces in N on the balls, upwards positive; 0 for a wall. Kept as None if all are 0.
-    floor, ceiling : granular.walls.Sine, Piecewise or Motion, optional
-        How the first and the last body move if they are walls, beside their constant velocity v: a wall stands at
+    floor, ceiling : granular.walls.Sine, Piecewise, Motion or Thermal, optional
+        How the first and the last body behave if they are walls. A `Thermal` one gives every ball that hits it a speed
+        drawn anew. Others move, beside their constant velocity v: such a wall stands at
         x_w(t) = start + v·(t - t_start) + m(t) - m(t_start), where start is what origin and gaps say.
+    ring : bool
+        Whether the line is closed: pair n-1 joins the last ball and ball 0, and there are no walls and no gravity.
+        Positions are those of the way gone, not taken modulo the length.
+    pendulum : float
+        Ω ≥ 0 in rad/s, the same for all: balls hang and swing, ÿ = -Ω² y for small displacements y from where each
+        rests, Ω² = g/l. Then gravity is 0; x = 0 is where body 0 rests, and `origin` its displacement.
+    rest_gap : (n-1,) array, optional
+        Distances d between the surfaces of pendula at rest in m (of a wall: between it and the ball at rest), not
+        negative; 0 by default. Kept as zeros if there are pendula, else as None.
 
     Raises
     ------
@@ -64,6 +74,9 @@ class Scene:
     external_force: Array | None = None
     floor: Any = None
     ceiling: Any = None
+    ring: bool = False
+    pendulum: float = 0.0
+    rest_gap: Array | None = None
 
     def __init__(
         self,
@@ -77,6 +90,9 @@ class Scene:
         external_force: ArrayLike | None = None,
         floor: Any = None,
         ceiling: Any = None,
+        ring: bool = False,
+        pendulum: float = 0.0,
+        rest_gap: ArrayLike | None = None,
     ) -> None:
         m = _check.array("mass", mass)
         n = len(m)
@@ -91,7 +107,9 @@ class Scene:
         r = _check.array("radius", radius, (n,))
         _check.every("radius", r, np.isfinite(r) & (r >= 0.0), "a radius must be finite and not negative")
         _check.every("radius", r, ~walls | (r == 0.0), "a wall is flat and has radius 0")
-        d = _check.array("gap", gap, (n - 1,), fix="one gap per pair of neighbours")
+        closed = _check.truth("ring", ring)
+        fix = "pair n-1 joins the last ball and ball 0" if closed else "one gap per pair of neighbours"
+        d = _check.array("gap", gap, (n - 1 + closed,), fix=fix)
         _check.every("gap", d, np.isfinite(d), "a gap must be finite")
         v = _check.array("velocity", velocity, (n,))
         _check.every("velocity", v, np.isfinite(v), "a velocity must be finite")
@@ -101,6 +119,9 @@ class Scene:
         self.__dict__["external_force"] = _forces(external_force, walls)
         self.__dict__["floor"] = walls_module.checked("floor", floor, bool(walls[0]))
         self.__dict__["ceiling"] = walls_module.checked("ceiling", ceiling, bool(walls[-1]))
+        self.__dict__.update(ring=closed, pendulum=_check.number("pendulum", pendulum, at_least=0.0))
+        self.__dict__["rest_gap"] = _rest_gaps(rest_gap, self.pendulum, n)
+        _refuse_together(self, walls)
 
     @classmethod
     def from_positions(
@@ -114,10 +135,14 @@ class Scene:
         external_force: ArrayLike | None = None,
         floor: Any = None,
         ceiling: Any = None,
+        length: float | None = None,
+        pendulum: float = 0.0,
+        rest_gap: ArrayLike | None = None,
     ) -> Scene:
         """Make a scene from positions of centres (of surfaces for walls) in m, bottom to top.
 
-        The gaps are differences of positions and carry their rounding: about 1e-16 of the largest position.
+        The gaps are differences of positions and carry their rounding: about 1e-16 of the largest position. A `length`
+        in m closes the line to a ring of that circumference.
         """
         m = _check.array("mass", mass)
         r = _check.array("radius", radius, m.shape)
@@ -125,16 +150,22 @@ class Scene:
         _check.every("position", x, np.isfinite(x), "a position must be finite")
         rising = np.diff(x, prepend=-np.inf) >= 0.0
         _check.every("position", x, rising, "positions must not decrease", "number bodies bottom to top")
-        return cls(m, r, np.diff(x) - r[:-1] - r[1:], velocity, gravity, float(x[0]) if len(x) else 0.0,
-                   external_force=external_force, floor=floor, ceiling=ceiling)  # fmt: skip
+        gap = np.diff(x) - r[:-1] - r[1:]
+        if length is not None and len(x):
+            around = _check.number("length", length, at_least=float(x[-1] - x[0]), fix="all centres lie on the ring")
+            gap = np.append(gap, around - (x[-1] - x[0]) - r[-1] - r[0])
+        return cls(m, r, gap, velocity, gravity, float(x[0]) if len(x) else 0.0,
+                   external_force=external_force, floor=floor, ceiling=ceiling, ring=length is not None,
+                   pendulum=pendulum, rest_gap=rest_gap)  # fmt: skip
 
     @cached_property
     def _key(self) -> tuple[Any, ...]:
         """All numbers as one value; -0.0 is 0.0."""
         arrays = self.mass, self.radius, self.gap, self.velocity
         force = None if self.external_force is None else (self.external_force + 0.0).tobytes()
+        hung = self.pendulum, None if self.rest_gap is None else (self.rest_gap + 0.0).tobytes()
         return (*((array + 0.0).tobytes() for array in arrays), self.gravity, self.origin, force, self.floor,
-                self.ceiling)  # fmt: skip
+                self.ceiling, self.ring, *hung)  # fmt: skip
 
     def __eq__(self, other: object) -> bool:
         return self._key == other._key if isinstance(other, Scene) else NotImplemented
@@ -168,23 +199,27 @@ class Scene:
         return len(self.gap)
 
     def bodies(self, pair: Any) -> tuple[Any, Any]:
-        """Numbers of the lower and the upper body of a pair, or of an array of pairs."""
-        return pair, pair + 1
+        """Numbers of the lower and the upper body of a pair, or of an array of pairs; those of the pair that closes a
+        ring are the last and the first."""
+        return pair, (pair + 1) % self.n
 
     def sides(self, of_bodies: Any) -> tuple[Any, Any]:
-        """What an array (…, n) says of bodies, for the lower and the upper body of every pair, shapes (…, n-1)."""
+        """What an array (…, n) says of bodies, for the lower and the upper body of every pair, shapes of the gaps."""
+        if self.ring:
+            return of_bodies, np.roll(of_bodies, -1, axis=-1)
         return of_bodies[..., :-1], of_bodies[..., 1:]
 
     def across(self, of_bodies: Array) -> Array:
-        """Differences (…, n-1), upper minus lower body of every pair, of an array (…, n): rates from velocities."""
+        """Differences, upper minus lower body of every pair, of an array (…, n): rates from velocities."""
         lower, upper = self.sides(of_bodies)
         return np.asarray(upper - lower)
 
     @property
     def neighbours(self) -> tuple[Any, Any]:
-        """Numbers of the lower and of the upper one of every two pairs that share a ball, two arrays of int."""
+        """Numbers of the lower and of the upper one of every two pairs that share a ball, two arrays of int; two pairs
+        that share two balls, on a ring of two, come twice."""
         number = np.arange(self.n_pairs)
-        return number[:-1], number[1:]
+        return (number, np.roll(number, -1)) if self.ring else (number[:-1], number[1:])
 
     @cached_property
     def pairs(self) -> Pairs:
@@ -199,17 +234,46 @@ class Scene:
     @property
     def motions(self) -> tuple[Any, Any]:
         """How the first and the last body move beside their constant velocity; None if they do not."""
-        return self.floor, self.ceiling
+        floor, ceiling = (None if isinstance(one, walls_module.Thermal) else one for one in (self.floor, self.ceiling))
+        return floor, ceiling
 
     @property
+    def heat(self) -> tuple[Any, Any]:
+        """The first and the last body as thermal walls; None if they are none."""
+        floor, ceiling = (one if isinstance(one, walls_module.Thermal) else None for one in (self.floor, self.ceiling))
+        return floor, ceiling
+
+    @cached_property
     def driven(self) -> bool:
         """Whether a wall moves otherwise than at constant speed."""
-        return self.floor is not None or self.ceiling is not None
+        return self.motions != (None, None)
+
+    @cached_property
+    def heated(self) -> bool:
+        """Whether a wall is thermal."""
+        return self.heat != (None, None)
+
+    @property
+    def endless(self) -> bool:
+        """Whether balls may go on meeting forever: beside walls that shake or heat them, on a ring, as pendula."""
+        return self.driven or self.heated or self.ring or self.pendulum > 0.0
 
     @cached_property
     def worked(self) -> bool:
         """Whether a wall moves, and so does work on the balls."""
         return self.driven or bool((self.is_wall & (self.velocity != 0.0)).any())
+
+    @cached_property
+    def fed(self) -> bool:
+        """Whether walls give energy to the balls or take it: by work, where one moves, or by heat."""
+        return self.worked or self.heated
+
+    def free_velocity(self, elapsed: float) -> Array:
+        """Velocities in m/s, shape (n,), after a time `elapsed` in s without contacts; walls at constant velocity."""
+        if self.pendulum == 0.0:
+            return np.asarray(self.velocity + self.fall * elapsed)
+        turn = self.pendulum * elapsed
+        return np.asarray(self.velocity * math.cos(turn) - self.pendulum * self.displacement * math.sin(turn))
 
     @property
     def fall(self) -> Array:
@@ -219,9 +283,9 @@ class Scene:
 
     @property
     def pull(self) -> Array:
-        """Closing acceleration of each gap in free flight in m/s², shape (n-1,), walls at constant speed: g at a floor,
-        0 between balls, -g at a ceiling, as uniform gravity cancels between two balls; and f_c/m_c - f_(c+1)/m_(c+1)
-        where forces act."""
+        """Closing acceleration of each gap in free flight in m/s², shape of the gaps, walls at constant speed: g at a
+        floor, 0 between balls, -g at a ceiling, as uniform gravity cancels between two balls; and
+        f_c/m_c - f_(c+1)/m_(c+1) where forces act. What pendula add, Ω² (gap - d), is not in it."""
         pull = self.gravity * self.across(np.where(self.is_wall, 0.0, 1.0))
         return pull if self.external_force is None else pull - self.across(self.external_force * self.inverse_mass)
 
@@ -231,11 +295,11 @@ class Scene:
         return np.asarray(self.origin + self.offsets(self.gap))
 
     def offsets(self, gap: Array) -> Array:
-        """Distances (…, n) in m from body 0, centres of balls and surfaces of walls, given the gaps (…, n-1)."""
-        lower, upper = self.sides(self.radius)
+        """Distances (…, n) in m from body 0, centres of balls and surfaces of walls, given the gaps (…, n-1); on a
+        ring (…, n), the last of which closes it."""
         out = np.zeros((*gap.shape[:-1], self.n))
-        steps = np.add(lower, gap, out=out[..., 1:])
-        steps += upper
+        steps = np.add(self.radius[:-1], gap[..., : self.n - 1], out=out[..., 1:])
+        steps += self.radius[1:]
         np.cumsum(steps, axis=-1, out=steps)
         return out
 
@@ -246,14 +310,35 @@ class Scene:
         """
         if self._wall is not None:
             return self.position[self._wall] + self.velocity[self._wall] * elapsed + self._moved(elapsed, start)[0]
-        fall = (self._share @ self.velocity + 0.5 * self._fall * elapsed) * elapsed
-        return self._share @ self.position + fall
+        speed = self._share @ self.velocity
+        if self.pendulum > 0.0:
+            turn, rest = self.pendulum * elapsed, self._share @ self.at_rest
+            swing = self._share @ self.displacement * np.cos(turn) + speed / self.pendulum * np.sin(turn)
+            return rest + swing
+        return self._share @ self.position + (speed + 0.5 * self._fall * elapsed) * elapsed
 
     def anchor_velocity(self, elapsed: Any, start: float = 0.0) -> Any:
         """Velocity of the anchor in m/s."""
         if self._wall is not None:
             return self.velocity[self._wall] + self._moved(elapsed, start)[1]
-        return (self._share * self.velocity).sum() + self._fall * elapsed
+        speed = (self._share * self.velocity).sum()
+        if self.pendulum > 0.0:
+            turn, off = self.pendulum * elapsed, self._share @ self.displacement
+            return speed * np.cos(turn) - off * self.pendulum * np.sin(turn)
+        return speed + self._fall * elapsed
+
+    @property
+    def at_rest(self) -> Array:
+        """Where the bodies of pendula rest in m, shape (n,): a wall where it stands; without one, body 0 at 0."""
+        rest = self.offsets(np.zeros(self.n_pairs) if self.rest_gap is None else self.rest_gap)
+        return rest if self._wall is None else rest + (self.position[self._wall] - rest[self._wall])
+
+    @property
+    def displacement(self) -> Array:
+        """Displacements y of pendula in m, shape (n,), from where they rest; 0 of a wall."""
+        off = _summed((self.gap - (0.0 if self.rest_gap is None else self.rest_gap))[: self.n - 1])
+        start = self.origin if self._wall is None else -off[self._wall]
+        return np.where(self.is_wall, 0.0, start + off)
 
     def _moved(self, elapsed: Any, start: float) -> tuple[Any, Any]:
         """How far the wall that is the anchor has moved in m beside its constant velocity, and how fast in m/s."""
@@ -291,9 +376,10 @@ class Scene:
         ends = (bool(self.is_wall[0]), bool(self.is_wall[-1]))
         balls = int((~self.is_wall).sum())
         pull = f", g = {self.gravity:g} m/s²" if self.gravity else ""
-        driven = "".join(f", {name} {motion!r}" for name, motion in zip(("floor", "ceiling"), self.motions, strict=True)
-                         if motion is not None)  # fmt: skip
-        force = "" if self.external_force is None else ", forces"
+        walled = zip(("floor", "ceiling"), (self.floor, self.ceiling), strict=True)
+        driven = "".join(f", {name} {wall!r}" for name, wall in walled if wall is not None)
+        force = ", ring" * self.ring + ", forces" * (self.external_force is not None)
+        force += f", pendula of {self.pendulum:g} rad/s" * (self.pendulum > 0.0)
         return f"Scene({balls} ball{'s' * (balls != 1)}{walls.get(ends, '')}{pull}{force}{driven})"
 
 
@@ -306,8 +392,48 @@ def _forces(value: ArrayLike | None, walls: Any) -> Array | None:
     return f if f.any() else None
 
 
+def _rest_gaps(value: ArrayLike | None, pendulum: float, n: int) -> Array | None:
+    if pendulum == 0.0:
+        if value is None:
+            return None
+        raise ValueError(_check._sentence("rest_gap", value, "pendula are needed for it", "give pendulum, Ω in rad/s"))
+    d = _check.array("rest_gap", np.zeros(n - 1) if value is None else value, (n - 1,), fix="one per pair")
+    _check.every("rest_gap", d, np.isfinite(d) & (d >= 0.0), "a distance must be finite and not negative")
+    return d
+
+
+def _refuse_together(scene: Scene, walls: Any) -> None:
+    """Raise for what cannot go together."""
+    if scene.ring and walls.any():
+        raise ValueError(f"mass[{int(walls.argmax())}] is inf: a ring has no walls; leave out the wall, or ring.")
+    hung = scene.pendulum > 0.0
+    if (scene.ring or hung) and scene.gravity != 0.0:
+        why = ("pendula are held by Ω² = g/l", "give gravity 0") if hung else (
+            "a ring lies level, or gravity would turn it forever", "give gravity 0, or forces")  # fmt: skip
+        raise ValueError(_check._sentence("gravity", scene.gravity, *why))
+    if hung and scene.ring:
+        raise ValueError(f"pendulum is {scene.pendulum!r}: pendula cannot hang on a ring; give one of the two.")
+    if hung and scene.external_force is not None:
+        raise ValueError(f"pendulum is {scene.pendulum!r}: pendula take no external_force; a constant one moves their "
+                         "rest positions, so give other gaps and rest_gap.")  # fmt: skip
+    if hung and (scene.driven or scene.heated or bool(scene.velocity[walls].any())):
+        raise ValueError(f"pendulum is {scene.pendulum!r}: beside pendula a wall must stand still; leave out floor, "
+                         "ceiling and its velocity.")  # fmt: skip
+    if hung and scene.rest_gap is not None and walls[0] and walls[-1]:
+        room, rest = float(scene.gap.sum()), float(scene.rest_gap.sum())
+        if abs(room - rest) > 1e-12 * float(np.abs(scene.gap).sum() + rest):
+            raise ValueError(f"rest_gap adds up to {rest!r}: between two walls that do not move pendula at rest leave "
+                             f"the same room as the gaps, {room!r}; give rest_gap so.")  # fmt: skip
+    if hung and not np.isfinite(scene.pendulum * scene.pendulum):
+        raise ValueError(_check._sentence("pendulum", scene.pendulum, "a frequency whose square is finite is needed"))
+    for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True):
+        if heat is not None and scene.gap[c] < 0.0:
+            raise ValueError(f"gap[{c}] is {float(scene.gap[c])!r}: no ball can overlap a thermal wall, which acts at "
+                             "the touch; give a gap of at least 0.")  # fmt: skip
+
+
 def positions(scene: Scene, gap: Array, elapsed: Array, start: float = 0.0) -> Array:
-    """Positions (T, n) in m from gaps (T, n-1) a time `elapsed` (T,) in s after the scene's instant, `start`.
+    """Positions (T, n) in m from gaps (T, n-1), or (T, n) on a ring, `elapsed` (T,) in s after the instant `start`.
 
     A cumulative sum from the anchor. With no negative gap the order of positions holds by construction.
     """
@@ -336,7 +462,7 @@ def velocities(scene: Scene, rate: Array, elapsed: Array, start: float = 0.0) ->
     A cumulative sum from the anchor: differences are the rates to the last digit. The second look at the centre of
     mass matters in long chains, where the rounding of the first moves every ball.
     """
-    offset, anchor = _summed(rate), scene.anchor_velocity(elapsed, start)
+    offset, anchor = _summed(rate[..., : scene.n - 1]), scene.anchor_velocity(elapsed, start)
     if scene._wall is not None:
         offset += (anchor - offset[:, scene._wall])[:, None]
         return offset
@@ -353,8 +479,9 @@ def _summed(steps: Array) -> Array:
 
 
 def forced(scene: Scene) -> bool:
-    """Whether there is more than gravity and walls at constant velocity: a driven wall, or forces on balls."""
-    return scene.driven or scene.external_force is not None
+    """Whether there is more than a line, gravity and walls at constant velocity: driven or thermal walls, forces on
+    balls, a ring, pendula."""
+    return scene.endless or scene.external_force is not None
 
 
 def speed_scale(scene: Scene) -> float:
@@ -364,6 +491,10 @@ def speed_scale(scene: Scene) -> float:
     reach = float(scene.gap.clip(min=0.0).sum())
     fall = scene.gravity if scene.external_force is None else max(scene.gravity, float(np.abs(scene.pull).max()))
     speed = float(v.max() - v.min()) + math.sqrt(2.0 * fall * reach)
+    if scene.pendulum > 0.0:
+        speed += scene.pendulum * float(np.ptp(scene.displacement))
+    if scene.heated:
+        speed += sum(heat.fastest(m) for heat, m in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True) if heat)
     return speed + sum(map(walls_module.fastest, scene.motions)) if scene.driven else speed
 
 
@@ -372,7 +503,8 @@ def fitted(scene: Scene, t_start: float, t_end: float) -> Scene:
     `ValueError` where a wall's path does not last."""
     if not scene.driven:
         return scene
-    floor, ceiling = (walls_module.fitted(motion, t_start, t_end) for motion in scene.motions)
+    paths = [walls_module.fitted(motion, t_start, t_end) for motion in scene.motions]
+    floor, ceiling = (heat if path is None else path for path, heat in zip(paths, scene.heat, strict=True))
     return scene.replace(floor=floor, ceiling=ceiling)
 
 

@@ -41,8 +41,8 @@ open when the run ends has `t_end` and `v_out` nan, and its duration, peaks and 
 PLAIN = (bool, int, float, str, tuple)
 """What is saved of `stats`."""
 ARRAYS = ("time", "position", "velocity", "gap", "force", "contacts", "ledger")
-SCENE = ("mass", "radius", "gap", "velocity", "gravity", "origin", "external_force")
-MAYBE = {"force", "ledger", "scene.external_force"}
+SCENE = ("mass", "radius", "gap", "velocity", "gravity", "origin", "external_force", "ring", "pendulum", "rest_gap")
+MAYBE = {"force", "ledger", "scene.external_force", "scene.ring", "scene.pendulum", "scene.rest_gap"}
 """Those that a run may lack."""
 
 
@@ -73,7 +73,7 @@ class Trajectory:
         Sample times in s; first and last instant if ``samples=None``.
     position, velocity : (T, n) arrays
         In m and m/s, upwards positive; right-continuous at collisions.
-    gap : (T, n-1) array
+    gap : (T, n-1) array, (T, n) on a ring
         Distances between surfaces in m, negative while balls overlap.
     force : (T, n-1) array or None
         Contact forces in N, ≥ 0 for repulsion (md only).
@@ -145,7 +145,7 @@ class Trajectory:
         return momentum
 
     def energy(self) -> Array:
-        """Energy in J, shape (T,): Σ ½ m v² + Σ m g x - Σ f x + Σ U(ξ) over balls and overlaps.
+        """Energy in J, shape (T,): Σ ½ m v² + Σ m g x - Σ f x + Σ ½ m Ω² y² + Σ U(ξ) over balls and overlaps.
 
         The elastic energy U(ξ) counts wherever ξ > 0, also while the force is clipped at zero. It is nan at samples
         with a closed contact of a law with memory, whose recoverable energy the overlap alone does not determine.
@@ -155,6 +155,9 @@ class Trajectory:
         energy: Array = 0.5 * (v * v) @ m + self.scene.gravity * (x @ m)
         if self.scene.external_force is not None:
             energy -= x @ self.scene.external_force[balls]
+        if self.scene.pendulum > 0.0:
+            off = x - self.scene.at_rest[balls]
+            energy += 0.5 * self.scene.pendulum**2 * (off * off) @ m
         if self.law is not None:
             laws = resolved(self.law, self.scene)
             for c in np.flatnonzero(~(self.gap >= 0.0).all(axis=0)).tolist():
@@ -209,7 +212,8 @@ class Trajectory:
         scene = fitted(self.scene, float(self.time[0]), float(self.time[-1]))
         arrays = {name: getattr(self, name) for name in ARRAYS}
         arrays |= {f"scene.{name}": getattr(scene, name) for name in SCENE}
-        arrays = {name: value for name, value in arrays.items() if value is not None}
+        has = {"scene.ring": scene.ring, "scene.pendulum": scene.pendulum > 0.0}
+        arrays = {name: value for name, value in arrays.items() if value is not None and has.get(name, True)}
         arrays |= {f"state.{name}": np.asarray(value) for name, value in self.state.items()}
         words = {
             "format": _files.FORMAT,
@@ -219,8 +223,8 @@ class Trajectory:
             "law": None if self.law is None else [to_json(law) for law in self.law],
             "rule": None if self.rule is None else [to_json(rule) for rule in self.rule],
         }
-        if scene.driven:
-            words["walls"] = [motion and to_json(motion) for motion in scene.motions]
+        if scene.driven or scene.heated:
+            words["walls"] = [wall and to_json(wall) for wall in (scene.floor, scene.ceiling)]
 
         def fill(draft: str) -> None:
             with open(draft, "wb") as file:

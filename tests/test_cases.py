@@ -55,7 +55,7 @@ KINDS = ("float", "int", "bool", "str", "Sequence[float]", "float | None", "Sequ
 @pytest.mark.parametrize("name", cases.names())
 def test_every_name_gives_a_whole_case_and_every_option_is_documented(name):
     case = cases.make(name)
-    assert len(case.law) == case.scene.n - 1
+    assert len(case.law) == case.scene.n_pairs
     assert isinstance(case.rule, ConstantRestitution)
     assert case.until is not None or case.t_end > 0.0
     assert case.about == cases.about(name) != ""

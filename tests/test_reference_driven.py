@@ -159,7 +159,7 @@ def test_the_account_of_the_energy_closes_to_all_digits(law):
                      external_force=[0.0, 1.0, -2.0], floor=gr.walls.Sine(0.01, 6.0, 0.5))  # fmt: skip
     for t_end in (0.34,):
         start, end = (reference.solve(scene, law, t_end=t, digits=20) for t in (0.0, t_end))
-        floor, ceiling, lost = end.account
+        floor, ceiling, _, _, lost = end.account
         stored = sum(law.k * max(-gap, 0) ** (MP.mpf(law.exponent) + 1) / (MP.mpf(law.exponent) + 1) for gap in end.gap)
         gained = energy(scene, end, t_end) - energy(scene, start, 0.0) + stored
         assert abs(gained - floor - ceiling + lost) < 1e-18

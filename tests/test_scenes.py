@@ -6,11 +6,14 @@ import math
 import numpy as np
 import pytest
 
-from granular import scenes
+from granular import cases, scenes
+from granular.cases.ready import first_impact
 from granular.scene import Scene
+from granular.walls import Thermal
 
 READY = [scenes.three_balls, scenes.ball_stack, scenes.newtons_cradle, scenes.chain, scenes.column, scenes.gas,
-         scenes.bouncing_ball, scenes.vibrated_column, scenes.compressed_chain]
+         scenes.bouncing_ball, scenes.vibrated_column, scenes.compressed_chain, scenes.ring_gas, scenes.heated_gas,
+         scenes.pendulum_cradle]
 
 
 @pytest.mark.parametrize("make", READY, ids=lambda make: make.__name__)
@@ -125,3 +128,62 @@ def test_a_bouncing_ball_starts_with_its_lowest_point_at_the_drop_height():
 def test_misuse_is_a_sentence(call, sentence):
     with pytest.raises(ValueError, match=sentence):
         call()
+
+
+@pytest.mark.parametrize("speeds", ["maxwell", "uniform", "two"])
+def test_a_gas_on_a_ring_is_at_rest_and_has_its_temperature(speeds):
+    scene = scenes.ring_gas(7, length=3.0, packing=0.2, temperature=2.0, speeds=speeds, mass_spread=4.0, seed=3)
+    assert scene.ring
+    assert scene.n_pairs == 7
+    assert scene.gap.sum() == pytest.approx(2.4)
+    assert 2.0 * scene.radius.sum() == pytest.approx(0.6)
+    assert scene.momentum() == pytest.approx(0.0, abs=1e-14)
+    assert scene.mass @ scene.velocity**2 == pytest.approx(7 * 2.0)
+    assert not scenes.ring_gas(3, temperature=0.0).velocity.any()
+
+
+def test_a_heated_gas_between_walls_or_above_a_floor():
+    scene = scenes.heated_gas(40, lower=4.0, mass=2.0, dimer=0.5, seed=2)
+    assert (scene.floor, scene.ceiling) == (Thermal(4.0, 2), Thermal(2.0, 2))
+    assert scene.mass[1:-1].tolist() == [2.0, 1.0] * 20
+    assert scene.gap.sum() == pytest.approx(45.0)
+    assert scenes.heated_gas(upper=7.0, gravity=1.0).ceiling == Thermal(7.0, 1)
+    inside = scenes.heated_gas(20_000, lower=4.0, dimer=0.5)
+    assert inside.mass[1:-1] @ inside.velocity[1:-1] ** 2 / 20_000 == pytest.approx(math.sqrt(8.0), rel=0.03)
+
+
+def test_a_hot_floor_begins_with_the_barometric_height():
+    points = [scenes.heated_gas(50, packing=0.0, lower=3.0, gravity=2.0, mass=0.5, seed=seed) for seed in range(200)]
+    assert not any(scene.is_wall[-1] for scene in points)
+    height = np.mean([scene.position[1:].mean() for scene in points])
+    assert height == pytest.approx(3.0 / (0.5 * 2.0), abs=4.0 * 3.0 / math.sqrt(50 * 200))
+
+
+def test_a_cradle_on_strings_is_pulled_aside():
+    scene = scenes.pendulum_cradle(4, moving=2, amplitude=0.1, rest_gap=[0.0, 0.01, 0.02], length=2.0, gravity=8.0)
+    assert scene.pendulum == 2.0
+    assert scene.displacement == pytest.approx([-0.1, -0.1, 0.0, 0.0], abs=1e-15)
+    assert scene.gap == pytest.approx([0.0, 0.11, 0.02])
+    assert not scene.velocity.any()
+    assert cases.make("pendulum-cradle").t_end == pytest.approx(20.0 * math.pi * math.sqrt(1.0 / 9.81))
+    assert first_impact(scenes.pendulum_cradle(amplitude=0.3, rest_gap=0.1)) == pytest.approx(
+        math.sqrt(9.81 * (0.3**2 - 0.1**2)))  # fmt: skip
+
+
+@pytest.mark.parametrize(("make", "sentence"), [
+    (lambda: scenes.ring_gas(1), r"n is 1: .*at least 2"),
+    (lambda: scenes.ring_gas(temperature=-1.0), r"temperature is -1\.0: .*at least 0"),
+    (lambda: scenes.ring_gas(packing=1.0), r"packing is 1\.0: a share of the length below 1"),
+    (lambda: scenes.heated_gas(0), r"n is 0: .*at least 1"),
+    (lambda: scenes.heated_gas(lower=0.0), r"lower is 0\.0: .*above 0 is needed; k_B T in J"),
+    (lambda: scenes.heated_gas(upper=-1.0), r"upper is -1\.0: .*above 0 is needed; k_B T in J"),
+    (lambda: scenes.heated_gas(gravity=-1.0), r"gravity is -1\.0: .*at least 0"),
+    (lambda: scenes.pendulum_cradle(3, moving=3), r"moving is 3: .*at most 2 is needed; at least one ball waits"),
+    (lambda: scenes.pendulum_cradle(rest_gap=[0.1]), r"shape of rest_gap is \(1,\): \(4,\) is needed"),
+    (lambda: scenes.pendulum_cradle(rest_gap=-0.1), r"rest_gap\[0\] is -0\.1"),
+    (lambda: scenes.pendulum_cradle(amplitude=-0.1), r"amplitude is -0\.1: .*to the left is built in"),
+    (lambda: scenes.pendulum_cradle(gravity=0.0), r"gravity is 0\.0: .*above 0"),
+])
+def test_misuse_of_bounded_scenes_is_a_sentence(make, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        make()

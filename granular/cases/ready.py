@@ -59,6 +59,11 @@ def flights(count: float, scene: Scene) -> float | None:
     return count * float(scene.gap.mean()) / rms if rms else None
 
 
+def swings(periods: float, scene: Scene) -> float | None:
+    """End time of so many periods of pendula."""
+    return periods * 2.0 * math.pi / scene.pendulum
+
+
 def shaken(periods: float, scene: Scene) -> float | None:
     """End time of so many periods of a floor that is shaken harmonically, or where its path ends."""
     end = walls.ends(scene.floor)
@@ -90,8 +95,11 @@ TEMPLATES = {
     "chain": Template(scenes.chain, until.separated(), contact=STEEL),
     "column": Template(scenes.column, until.separated(), partial(falls, 20), {"restitution": 0.9}),
     "gas": Template(scenes.gas, None, partial(flights, 10), {"restitution": 0.9}),
+    "ring-gas": Template(scenes.ring_gas, None, partial(flights, 10), {"restitution": 0.9}),
+    "heated-gas": Template(scenes.heated_gas, None, partial(flights, 20), {"restitution": 1.0}),
     "bouncing-ball": Template(scenes.bouncing_ball, None, partial(bounces, 6, 50)),  # at ε = 0.7 it rests after 17/3
     "vibrated-column": Template(scenes.vibrated_column, None, partial(shaken, 20), contact={"restitution": 0.95}),
+    "pendulum-cradle": Template(scenes.pendulum_cradle, None, partial(swings, 10), STEEL | {"restitution": 0.95}),
     "compressed-chain": Template(scenes.compressed_chain, None, contact=STEEL | {"stiffness": 1e10},
                                  pressed=partial(crossings, 2, 50)),
 }
@@ -235,7 +243,9 @@ def first_impact(scene: Scene) -> float:
     """Largest speed in m/s at which a pair would meet first if it were alone, with walls at their fastest; 0 if none
     meets."""
     closing = -scene.across(scene.velocity)
-    square = closing * np.abs(closing) + 2.0 * scene.pull * np.maximum(scene.gap, 0.0)
+    gap = np.maximum(scene.gap, 0.0)
+    rest = 0.0 if scene.rest_gap is None else scene.rest_gap
+    square = closing * np.abs(closing) + gap * (2.0 * scene.pull + scene.pendulum**2 * (gap - 2.0 * rest))
     speed = np.sqrt(np.maximum(0.0, square))
     speed[0] += walls.fastest(scene.floor)
     speed[-1] += walls.fastest(scene.ceiling)

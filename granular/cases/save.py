@@ -18,7 +18,7 @@ from granular.cases.build import LAWS, RULES, WALLS, law, rule_of
 from granular.cases.case import Case
 from granular.cases.named import name_of
 from granular.rules import ConstantRestitution
-from granular.scene import Pair
+from granular.scene import Pair, Scene
 
 STIFFNESS = ("k", "k_load")
 """Fields of a law that its `from_restitution` takes."""
@@ -41,7 +41,7 @@ def save(case: Case, path: str | PathLike[str]) -> None:
 
 def dumps(case: Case) -> str:
     """Return the TOML text of a case."""
-    tables: dict[str, Table | list[Table]] = {"scene": _numbers(case.scene)}
+    tables: dict[str, Table | list[Table]] = {"scene": _scene(case.scene)}
     tables |= _by_restitution(case) or _each("law", case.law, LAWS) | _each("rule", case.rule, RULES)
     until = None if case.until is None else asdict(case.until) or "separated"
     tables["run"] = {"until": until, "t_end": case.t_end, **case.run}
@@ -51,6 +51,12 @@ def dumps(case: Case) -> str:
             lines += [f"[[{name}]]" if isinstance(table, list) else f"[{name}]"]
             lines += [*(f"{key} = {_value(value)}" for key, value in one.items() if value is not None), ""]
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _scene(scene: Scene) -> Table:
+    """The fields of a scene, without those that say that it is no ring and has no pendula."""
+    table = _numbers(scene)
+    return table | {"ring": scene.ring or None, "pendulum": scene.pendulum or None}
 
 
 def _numbers(physics: Any) -> Table:

@@ -22,7 +22,7 @@ def summary(case: Case, run: Trajectory) -> str:
     lines += [f"{run.scene!r}, {engine}", f"{run.status.name}: {run.message}",
               f"t = {run.time[-1]:.12g} s, {len(run.contacts)} contacts",
               *filter(None, [certificate.sentence(run)]), "", *_contacts(run), "", *_bodies(run)]
-    if run.scene.worked:
+    if run.scene.fed:
         parts = measures.balance(run)
         said = (f"{words} {parts[name]:.6g}" for name, words in measures.ACCOUNT.items() if parts[name])
         return "\n".join([*lines, "", "energy, J: " + ", ".join(said)])

@@ -123,11 +123,15 @@ class Compared:
         Raises
         ------
         ValueError
-            Without an observable where a wall is driven: there a speed hangs on the phase, which soft contacts shift.
+            Without an observable where a wall is driven or thermal: there a speed hangs on the phase, which soft
+            contacts shift, or on what was drawn.
         """
         if observable is None and self.scene.driven:
             raise ValueError("observable is None: at a driven wall a speed hangs on the phase, which the duration of "
                              "soft contacts shifts; give a function of the run, such as a mean height.")  # fmt: skip
+        if observable is None and self.scene.heated:
+            raise ValueError("observable is None: at a thermal wall a speed hangs on what was drawn last; give a "
+                             "function of the run, such as a mean height.")  # fmt: skip
         measure = observable or self._last_separation
         target = observable(self.soft) if observable else self.pairs[-1].soft_v_rel
 

@@ -168,8 +168,8 @@ def _outcomes(report: Compared) -> Iterator[str]:
 
 
 def _account(report: Compared) -> Iterator[str]:
-    """Where the energy comes from and goes to, where walls do work; what cannot be told of balls there."""
-    if not report.scene.worked:
+    """Where the energy comes from and goes to, where walls do work or heat; what cannot be told of balls there."""
+    if not report.scene.fed:
         return
     hard, soft = measures.balance(report.hard), measures.balance(report.soft)
     yield ""
@@ -179,6 +179,8 @@ def _account(report: Compared) -> Iterator[str]:
             yield _line(words, number(hard[name]), number(soft[name]))
     if report.scene.driven:
         yield "The duration of a contact shifts the phase of the next one: beside a driven wall timing is outcome."
+    if report.scene.heated:
+        yield "Both runs draw the same speeds at thermal walls, hit by hit: single balls agree only for a while."
 
 
 def _line(name: str, hard: Any, soft: Any, mark: str = "") -> str:

@@ -23,6 +23,10 @@ from granular._kernels import kernel, load_numba
 from granular.laws.kinds import SceneLaws
 from granular.scene import Pairs
 
+HEATED = False
+"""Whether a wall is thermal: its pair has a 0 among its coefficients, and no force."""
+RING = False
+"""Whether pairs beyond the last are the first ones again."""
 WIDTH = 12
 LAW = np.dtype([("kind", np.int64), ("field", np.float64, (WIDTH,))])
 PAIR = np.dtype([("m_eff", np.float64), ("r_eff", np.float64), ("index", np.int64)])
@@ -44,10 +48,11 @@ def power(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> An
 @kernel
 def asked(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
     """Force of a law that is an object; what is too large for a number is infinite, as in compiled code."""
-    if not xi > 0.0:
+    if not xi > 0.0 or (HEATED and a.k[j + 1] == 0.0):
         return 0.0
+    c = (lo + j) % physics.ring if RING else lo + j
     try:
-        return physics.laws[lo + j].force(xi, xi_dot, a.top[j + 1] if a.top[j + 1] > xi else xi)
+        return physics.laws[c].force(xi, xi_dot, a.top[j + 1] if a.top[j + 1] > xi else xi)
     except OverflowError:
         return math.inf
 
@@ -55,9 +60,9 @@ def asked(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> An
 @kernel
 def called(physics: Any, lo: int, j: int, xi: float, xi_dot: float, a: Any) -> Any:
     """Force of a law that is a C function of records; see `Called`."""
-    if not xi > 0.0:
+    if not xi > 0.0 or (HEATED and a.k[j + 1] == 0.0):
         return 0.0
-    laws, c = physics.laws, lo + j
+    laws, c = physics.laws, (lo + j) % physics.ring if RING else lo + j
     return laws.function(laws.law[c], xi, xi_dot, a.top[j + 1] if a.top[j + 1] > xi else xi, laws.pair[c])
 
 

@@ -20,12 +20,13 @@ from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md import march as loop
 from granular.md.contact_force import NotCompilableError
+from granular.md.heated import MOST
 from granular.md.integrators import INTEGRATORS
 from granular.md.notes import STEP_ROW, part_of_step
 from granular.md.rows import COLUMNS, CONTACT_ROW
 from granular.md.stability import WARN, expected_rate, sharpest_rate
 from granular.md.stepper import Stepper
-from granular.md.window import BESIDE, COUNT, DEEPEST, RAW, ROWS, SHARED, XI, V
+from granular.md.window import BESIDE, COUNT, DEEPEST, PART, RAW, ROWS, SHARED, XI, V
 from granular.request import Request
 from granular.scene import Scene, positions
 from granular.trajectory import Status
@@ -55,6 +56,7 @@ class Run:
                                self.start)  # fmt: skip
         self.k = self.steps = self.flights = self.contacts = 0
         self.halted = False  # between two steps, at the onset of the contact at which to stop
+        self.crowded = False  # a ball would meet a thermal wall too often in a step
         self.take_off: tuple[int, Any] | None = None  # step and state at which the flight began that ends here
         self.note = self.doubt = ""
         self.closing = Closing(scene, self.start, flattened=True)
@@ -81,8 +83,9 @@ class Run:
 
     def _row(self, time: float, state: Any, booked: Any) -> Row:
         xi, raw, v = (np.array(state[row]) for row in (XI, RAW, V))
-        ledger = self.stepper.account(booked, xi) if self.scene.driven else None
-        return Row(time, time - self.start, -xi[1:-1], v[1:], force=np.fmax(0.0, raw[1:-1]), ledger=ledger)
+        ledger = None if self.stepper.walls is None else self.stepper.account(booked, xi)
+        return Row(time, time - self.start, -xi[1:-1], v[1 : self.scene.n + 1], force=np.fmax(0.0, raw[1:-1]),
+                   ledger=ledger)  # fmt: skip
 
     def to(self, time: float, last: bool) -> Pause:
         """Take the steps up to `time`, of a chunk, or to an event worth a look."""
@@ -93,7 +96,7 @@ class Run:
         if self.scene.driven:
             self.closing.refuse(time if pause is Pause.reached else self.time(), self.request.end)
         if pause is Pause.reached:
-            return pause
+            return self._last_part(time) if last and self.stepper.heaters else pause
         if not np.isfinite(self.stepper.balls()).all():
             return Pause.unstable
         return Pause.work if pause is Pause.full and self.steps >= self.request.max_steps else pause
@@ -123,15 +126,47 @@ class Run:
         room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
         why, k = stepper.march(self.k, int(min(CHUNK, limit - self.k)), room)
         self.take_off, self.steps, self.k = None, self.steps + k - self.k, k
+        if why == loop.UNTIL and stepper.heaters:
+            self._forget_later_hits()
         self.contacts += int(stepper.work.ended[0])
         if why == loop.UNTIL:
             self.halted = True
             return Pause.until
+        if why == loop.CROWDED:
+            self.crowded = True
+            return Pause.unstable
         if self.contacts >= self.request.max_events:
             return Pause.work
         if self.engine == "auto":
             self._compile_if_worth_it()
         return Pause.full
+
+    def _last_part(self, end: float) -> Pause:
+        """Count the hits of thermal walls in the part of a step that is left to the end."""
+        rest, work = max(0.0, end - self.time()), self.stepper.work
+        halt = self.stepper.hit_within(self.k, rest)
+        if halt:
+            self.halted = True
+            self._forget_later_hits()
+        self.contacts += int(work.ended[0])
+        return Pause.until if halt else Pause.reached
+
+    def _forget_later_hits(self) -> None:
+        """Take thermal walls' hits in the rest of a step that is not taken to its end out of the log."""
+        log, ended, part = self.stepper.work.log, self.stepper.work.ended, self._part()
+        late = [log[i]["step_out"] == self.k and log[i]["part_out"] > part for i in range(ended[0])]
+        order = sorted(range(ended[0]), key=late.__getitem__)
+        log[: ended[0]] = [log[i] for i in order] if isinstance(log, list) else log[order]
+        ended[0] -= sum(late)
+
+    def _part(self) -> float:
+        """Part of a step at which the contact begins at whose onset to stop."""
+        old, new, j = self.stepper.here, self.stepper.there, self.pair + 1
+        return float(new[PART][j] if self._at_thermal_wall() else part_of_step(j, old[XI][j], old, new))
+
+    def _at_thermal_wall(self) -> bool:
+        """Whether the pair at whose contact to stop is that of a thermal wall."""
+        return any(wall.pair == self.pair for wall in self.stepper.heaters)
 
     def _fly(self) -> bool:
         """Jump whole steps while nothing touches; true if nothing ever will and no end is set.
@@ -145,7 +180,7 @@ class Run:
             return True
         jump = min(touch // self.dt, last - self.k) if touch < math.inf else last - self.k  # inf // dt is no number
         if jump > 0.0:
-            self.take_off = self.k, deepcopy(self.stepper.here[: V + 1])
+            self.take_off = self.k, self.stepper.taking_off()
             self.stepper.glide(self.stepper.here, self.k, jump * self.dt)
             self.k += int(jump)
             self.flights += 1
@@ -201,7 +236,7 @@ class Run:
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended: at its end time, at the onset of a contact that must not act, or at its step."""
         at = self.request.end if pause is Pause.reached else self.time()
-        row = self._onset(self.pair + 1) if self.halted else self.row(at)
+        row = self._onset() if self.halted else self.row(at)
         status, message, trust = self._judge(pause.value, row.time)
         stats = {
             "method": self.integrator.name,
@@ -216,10 +251,12 @@ class Run:
         } | ({"note": self.note} if self.note else {})
         return End(row if row.time > seen else None, status, message, stats, running=self._running(row.time))
 
-    def _onset(self, j: int) -> Row:
-        """Return the scene between two steps, at the onset of the contact of the pair at place `j` of the rows."""
-        old, new = self.stepper.here, self.stepper.there
-        part = part_of_step(j, old[XI][j], old, new)
+    def _onset(self) -> Row:
+        """Return the scene between two steps, at the onset of the contact at which to stop."""
+        old, new, part = self.stepper.here, self.stepper.there, self._part()
+        if self._at_thermal_wall():
+            state = self.stepper.after(self.k, part * self.dt)
+            return self._row(self.start + (self.k + part) * self.dt, state, state)
         ends = zip(*((np.asarray(x[XI]), np.fmax(0.0, x[RAW]), np.asarray(x[V])) for x in (old, new)), strict=True)
         return self._row(self.start + (self.k + part) * self.dt, [a + part * (b - a) for a, b in ends], old)
 
@@ -234,6 +271,9 @@ class Run:
         gain = self._energy_gain()
         limit = f"dt = {dt:.3g} s is {trust:.3g} times the inverse of the sharpest rate of the contacts that took place"
         most = self.integrator.limit
+        if self.crowded:
+            return status, (f"dt = {dt:.3g} s is so long that a ball meets a thermal wall more than {MOST} times in a "
+                            "step: take a shorter one."), trust  # fmt: skip
         if trust > most or status is Status.unstable or gain > 0.5:
             grown = f" and the energy grew {gain + 1.0:.3g}-fold" if gain > 0.5 else ""
             message = f"{limit}, the limit is {most:g}{grown}: take dt ≤ {WARN * dt / trust:.2g} s."
@@ -246,16 +286,18 @@ class Run:
         return status, f"{status.value} at t = {end:.6g} s.", trust
 
     def _deflected(self) -> bool:
-        """Whether any ball moves otherwise than it would have fallen freely."""
+        """Whether any ball moves otherwise than it would have fallen or swung freely; not told where walls heat."""
         scene, balls = self.scene, ~self.scene.is_wall
-        free, v = (scene.velocity + scene.fall * (self.k * self.dt))[balls], self.stepper.balls()[balls]
+        if scene.heated:
+            return False
+        free, v = scene.free_velocity(self.k * self.dt)[balls], self.stepper.balls()[balls]
         return not bool((np.abs(v - free) <= 1e-9 * float(np.abs(free).max())).all())
 
     def _energy_gain(self) -> float:
-        """Growth of kinetic energy beyond what gravity and forces gave, relative to the largest supply; 0 with moving
-        walls."""
+        """Growth of kinetic energy beyond what gravity, forces and swing gave, relative to the largest supply; 0 with
+        walls that move or heat."""
         scene, balls = self.scene, ~self.scene.is_wall
-        if scene.worked:
+        if scene.fed:
             return 0.0
         m, v0, v = scene.mass[balls], scene.velocity[balls], self.stepper.balls()[balls]
         x0 = scene.position[balls]
@@ -264,6 +306,8 @@ class Run:
         fallen = scene.gravity * max(0.0, m @ (x0 - x))
         if scene.external_force is not None:
             fallen = max(0.0, (m * scene.fall[balls]) @ (x - x0))
+        if scene.pendulum > 0.0:
+            fallen = 0.5 * scene.pendulum**2 * (m @ scene.displacement[balls] ** 2)
         supply = 0.5 * m @ v0**2 + sum(stored) + fallen
         with np.errstate(all="ignore"):
             return float(0.5 * m @ v**2 / supply - 1.0) if supply > 0.0 else 0.0

@@ -14,10 +14,15 @@ from typing import Any, NamedTuple
 from granular._kernels import kernel
 from granular.md.contact_force import asked as force
 from granular.md.driven import END, HALF, LAST, MIDDLE, WHOLE, arrive, steer
+from granular.md.window import close
 
 CHANGED, CLOSED = 1, 2
 DRIVEN = False
 """Whether walls move along a path."""
+SWING = False
+"""Whether balls are pendula."""
+RING = False
+"""Whether the last pair joins the last ball and the first."""
 
 
 @kernel
@@ -26,6 +31,15 @@ def pulled(i: int, a: Any) -> float:
     below = a.raw[i] if a.raw[i] > 0.0 else 0.0
     above = a.raw[i + 1] if a.raw[i + 1] > 0.0 else 0.0
     acceleration: float = a.w[i + 1] * (below - above) + a.fall[i + 1]
+    return acceleration
+
+
+@kernel
+def swung(i: int, a: Any) -> float:
+    """The same of pendula: a_i = (F_{i-1} - F_i) / m_i - Ω² y_i."""
+    below = a.raw[i] if a.raw[i] > 0.0 else 0.0
+    above = a.raw[i + 1] if a.raw[i + 1] > 0.0 else 0.0
+    acceleration: float = a.w[i + 1] * (below - above) - a.square[i + 1] * a.off[i + 1]
     return acceleration
 
 
@@ -63,6 +77,11 @@ def move(physics: Any, lo: int, m: int, a: Any) -> int:
         a.was_xi[j + 1], a.was_raw[j + 1] = a.xi[j + 1], was
         a.xi[j + 1], a.raw[j + 1] = xi, raw
         flags |= noted(j, half, xi, was, raw, logged, a)
+    if SWING:
+        for i in range(m + 1):
+            a.off[i + 1] += dt * a.half[i + 1]
+    if RING and m == physics.ring:
+        close(m, a)
     return flags
 
 
@@ -116,12 +135,18 @@ def _stage(physics: Any, lo: int, m: int, reach: float, weight: float, drift: in
         acc = pulled(i, a)
         a.acc[i + 1] += weight * acc
         a.half[i + 1], a.guess[i + 1] = a.guess[i + 1], a.v[i + 1] + reach * acc
+    if SWING:
+        for i in range(m + 1):
+            a.sway[i + 1] += weight * a.half[i + 1]
+            a.off[i + 1] = a.start[i + 1] + reach * a.half[i + 1]
     if DRIVEN:
         steer(physics, lo, m, drift, speed, a)
     for j in range(m):
         rate = a.half[j + 1] - a.half[j + 2]
         a.rate[j + 1] += weight * rate
         a.raw[j + 1] = force(physics, lo, j, a.xi[j + 1] + reach * rate, a.guess[j + 1] - a.guess[j + 2], a)
+    if RING and m == physics.ring:
+        close(m, a)
 
 
 @kernel
@@ -131,6 +156,9 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     for i in range(m + 1):
         a.was_v[i + 1] = a.guess[i + 1] = a.v[i + 1]
         a.acc[i + 1] = 0.0
+    if SWING:
+        for i in range(m + 1):
+            a.start[i + 1], a.sway[i + 1] = a.off[i + 1], 0.0
     for j in range(m):
         a.was_xi[j + 1], a.was_raw[j + 1], a.rate[j + 1] = a.xi[j + 1], a.raw[j + 1], 0.0
     _stage(physics, lo, m, half, 1.0, HALF, MIDDLE, a)
@@ -139,6 +167,9 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     for i in range(m + 1):
         v = a.v[i + 1] + sixth * (a.acc[i + 1] + pulled(i, a))
         a.half[i + 1], a.v[i + 1] = a.guess[i + 1], v
+    if SWING:
+        for i in range(m + 1):
+            a.off[i + 1] = a.start[i + 1] + sixth * (a.sway[i + 1] + a.half[i + 1])
     if DRIVEN:
         steer(physics, lo, m, LAST, END, a)
         arrive(physics, lo, m, END, a)
@@ -147,6 +178,8 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
         raw = force(physics, lo, j, xi, a.v[j + 1] - a.v[j + 2], a)
         a.xi[j + 1], a.raw[j + 1] = xi, raw
         flags |= noted(j, half, xi, a.was_raw[j + 1], raw, logged, a)
+    if RING and m == physics.ring:
+        close(m, a)
     return flags
 
 
@@ -166,6 +199,9 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         later = d3 * (a.jerk[j + 1] - a.jerk[j + 2])
         a.was_xi[j + 1] = a.xi[j + 1]
         a.xi[j + 1] += dt * rate + d2 * pull + later + d4 * (a.snap[j + 1] - a.snap[j + 2])
+    if SWING:
+        for i in range(m + 1):
+            a.off[i + 1] += dt * a.v[i + 1] + d2 * a.acc[i + 1] + d3 * a.jerk[i + 1] + d4 * a.snap[i + 1]
     for i in range(m + 1):
         v, acc, jerk, snap = a.v[i + 1], a.acc[i + 1], a.jerk[i + 1], a.snap[i + 1]
         a.was_v[i + 1], a.v[i + 1] = v, v + (dt * acc + d2 * jerk + d3 * snap)
@@ -176,6 +212,8 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
     for j in range(m):
         a.was_raw[j + 1] = a.raw[j + 1]
         a.raw[j + 1] = force(physics, lo, j, a.xi[j + 1], a.v[j + 1] - a.v[j + 2], a)
+    if RING and m == physics.ring:
+        close(m, a)
     for i in range(m + 1):
         acc = pulled(i, a)
         miss = acc - a.acc[i + 1]
@@ -183,10 +221,15 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         a.v[i + 1] += 0.375 * dt * miss
         a.jerk[i + 1] += 1.5 / dt * miss
         a.snap[i + 1] += 1.0 / (dt * dt) * miss
+    if SWING:
+        for i in range(m + 1):
+            a.off[i + 1] += 19.0 / 180.0 * dt * dt * a.half[i + 1]
     for j in range(m):
         xi = a.xi[j + 1] + 19.0 / 180.0 * dt * dt * (a.half[j + 1] - a.half[j + 2])
         a.xi[j + 1] = xi
         flags |= noted(j, half, xi, a.was_raw[j + 1], a.raw[j + 1], logged, a)
+    if RING and m == physics.ring:
+        close(m, a)
     return flags
 
 

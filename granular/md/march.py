@@ -14,20 +14,25 @@ from typing import Any
 
 from granular._kernels import kernel
 from granular.md.driven import ahead, book
+from granular.md.heated import CROWD, HALT, HIT, MOST, heat
 from granular.md.integrators import CHANGED, CLOSED, beside
 from granular.md.integrators import half_way as begin
 from granular.md.integrators import verlet as step
 from granular.md.notes import local, settle
 from granular.md.window import COUNT, RAW, XI, load, store
 
-DONE, FLIGHT, FULL, UNTIL = range(4)
-"""Why `march` returned: steps used up, every pair open, log buffer full, stop condition."""
+DONE, FLIGHT, FULL, UNTIL, CROWDED = range(5)
+"""Why `march` returned: steps used up, every pair open, log buffer full, stop condition, too many hits in a step."""
 REACH = 24
 """Evaluations of the forces in a window before the next one has its turn."""
 EVALUATIONS = 1
 """Of the forces in a step."""
 DRIVEN = WORKED = False
-"""Whether walls move along a path; whether any wall moves, so that an account is kept."""
+"""Whether walls move along a path; whether an account is kept, since some are driven or heat."""
+HEATED = False
+"""Whether a wall is thermal."""
+RING = False
+"""Whether the last pair joins the last ball and the first."""
 
 
 @kernel
@@ -53,14 +58,23 @@ def leap(physics: Any, here: Any, there: Any, work: Any, k: int, reach: int, wit
     pairs, margin, taken, flags, a = len(here[XI]) - 2, reach * EVALUATIONS + 2, reach, 0, work.window
     for first in range(0, pairs, physics.block):
         stop = min(first + physics.block, pairs)
-        lo, hi = max(0, first - margin), min(pairs, stop + margin)
-        m, alone, done = hi - lo, stop - first == pairs, 0
+        lo, hi, alone = max(0, first - margin), min(pairs, stop + margin), stop - first == pairs
+        if RING and not alone:
+            lo, hi = first - margin, stop + margin
+        m, done = hi - lo, 0
         load(lo, m, physics, here, work)
         begin(physics.dt, m, a)
         while done < taken:
             right = m if hi == pairs else m - done * EVALUATIONS  # what is farther has become wrong
             if DRIVEN and (lo == 0 or hi == pairs):
                 ahead(physics, k + done)
+            if HEATED and (lo == 0 or hi == pairs):
+                hit = heat(physics, lo, m, first, stop, k + done, work)
+                if hit & HIT:
+                    begin(physics.dt, m, a)
+                if hit & (HALT | CROWD) and witness != -2:
+                    return 0, 0
+                flags |= hit
             now = step(physics, lo, right, a)
             beside(right, 0.5 * physics.dt, a)
             if physics.memory:
@@ -69,17 +83,23 @@ def leap(physics: Any, here: Any, there: Any, work: Any, k: int, reach: int, wit
                 book(physics, lo, right, a)
             flags |= now
             if witness != -2 and now & CHANGED:
-                if physics.logged and not local(first, stop, lo, work.was, work.rows, work):
+                if physics.logged and not local(first, stop, lo, physics.ring, work.was, work.rows, work):
                     return 0, 0
                 settle(first, stop, lo, k + done, physics, work.was, work.rows, work)
             done += 1
-            full = physics.logged and work.ended[0] + pairs > len(work.log)
+            full = physics.logged and work.ended[0] + most_rows(pairs) > len(work.log)
             if alone and witness != -2 and (full or not now & CLOSED):
                 taken, flags = done, now
             if first <= witness < stop and not a.xi[witness - lo + 1] > 0.0:  # or no number
                 return 0, 0
         store(lo, first, stop, work, there)
     return taken, flags
+
+
+@kernel
+def most_rows(pairs: int) -> int:
+    """How many contacts a step may add to the log."""
+    return pairs + 2 * MOST if HEATED else pairs
 
 
 @kernel
@@ -102,8 +122,8 @@ def march(
     Returns
     -------
     why, k : int
-        One of `DONE`, `FLIGHT`, `FULL`, `UNTIL`; the step number reached. After `UNTIL` the contact begins between step
-        k and step k + 1.
+        One of `DONE`, `FLIGHT`, `FULL`, `UNTIL`, `CROWDED`; the step number reached. After `UNTIL` the contact begins
+        between step k and step k + 1.
     turned : bool
         Whether the state at step k is `there`. After `UNTIL` the other one is that at step k + 1.
     """
@@ -111,7 +131,7 @@ def march(
     alone, ended = pairs <= physics.block, work.ended
     ended[0] = 0
     while k < start + steps:
-        if ended[0] > room or (physics.logged and ended[0] + pairs > len(work.log)):
+        if ended[0] > room or (physics.logged and ended[0] + most_rows(pairs) > len(work.log)):
             return FULL, k, turned
         reach = min(4 * REACH if alone else REACH // EVALUATIONS, start + steps - k)
         deep = deep if here[XI][deep + 1] > 0.0 else deepest(here[XI])
@@ -120,6 +140,8 @@ def march(
             witness = -2 if walking else -1 if alone else deep
             taken, flags = leap(physics, here, there, work, k, 1 if walking else reach, witness)
         if walking:
+            if HEATED and flags & (HALT | CROWD):
+                return UNTIL if flags & HALT else CROWDED, k, turned
             if until > 0 and there[RAW][until] > 0.0 and not here[RAW][until] > 0.0 \
                     and here[COUNT][until] + 1 == work.nth:  # fmt: skip
                 return UNTIL, k, turned

@@ -5,7 +5,8 @@ A contact begins between two steps where the interpolated overlap (or, inside an
 crosses zero, and ends likewise. Pairs that touch at rest in a row begin when the row is hit, however many steps the
 push needs to be felt at its other end.
 
-`was` and `now` are rows of a step ago and of the present, of a window or of the whole chain; `j` is a place in them.
+`was` and `now` are rows of a step ago and of the present, of a window or of the whole chain; `j` is a place in them. On
+a ring of so many pairs the place behind the last is the first, in rows that hold all of it.
 """
 
 from __future__ import annotations
@@ -22,6 +23,16 @@ STEP_ROW = np.dtype(
     [("pair", int), ("step_in", int), ("part_in", float), ("step_out", int), ("part_out", float), *COLUMNS], align=True
 )
 """A row of the log: a contact; onset and end as step numbers and fractions of a step."""
+
+
+RING = False
+"""Whether the last pair joins the last ball and the first."""
+
+
+@kernel
+def place(i: int, ring: int) -> int:
+    """The place of a pair that is counted beyond an end of a ring."""
+    return i if not RING or 1 <= i <= ring else i - ring if i > ring else i + ring
 
 
 @kernel
@@ -53,45 +64,45 @@ def _waits(j: int, was: Any, now: Any) -> bool:
 
 
 @kernel
-def spread(j: int, k: int, part: float, was: Any, now: Any) -> None:
+def spread(j: int, k: int, part: float, ring: int, was: Any, now: Any) -> None:
     """Note that the pairs that touch at rest in a row beside a pair are touched when it is."""
     for way in (-1, 1):
-        i = j + way
+        i = place(j + way, ring)
         while _waits(i, was, now):
             _touch(i, k, part, was, now)
             now[TOUCHED][i] = 1
-            i += way
+            i = place(i + way, ring)
 
 
 @kernel
-def _forget(j: int, now: Any) -> None:
+def _forget(j: int, ring: int, now: Any) -> None:
     """The contact is over: pairs of its row that felt nothing of it are as before."""
     for way in (-1, 1):
-        i = j + way
+        i = place(j + way, ring)
         while now[TOUCHED][i] == 1:
             now[TOUCHED][i] = 0
-            i += way
+            i = place(i + way, ring)
 
 
 @kernel
-def _begin(j: int, k: int, dt: float, was: Any, now: Any) -> None:
+def _begin(j: int, k: int, dt: float, ring: int, was: Any, now: Any) -> None:
     if now[TOUCHED][j] == 0 or was[XI][j] < 0.0:
         part = part_of_step(j, was[XI][j], was, now)
         _touch(j, k, part, was, now)
-        spread(j, k, part, was, now)
+        spread(j, k, part, ring, was, now)
     now[TOUCHED][j] = 0
     now[COUNT][j] += 1
     now[XI_MAX][j], now[FORCE_MAX][j], now[IMPULSE][j] = now[XI][j], now[RAW][j], 0.5 * dt * now[RAW][j]
 
 
 @kernel
-def _end(j: int, k: int, was: Any, now: Any, row: Any) -> None:
+def _end(j: int, k: int, ring: int, was: Any, now: Any, row: Any) -> None:
     part = part_of_step(j, now[XI][j], was, now)
     row.step_in, row.part_in, row.step_out, row.part_out = int(now[STEP][j]), now[PART][j], k, part
     row.lower_in, row.upper_in = now[LOWER][j], now[UPPER][j]
     row.lower_out, row.upper_out = between(j, part, was, now), between(j + 1, part, was, now)
     row.xi_max, row.force_max, row.impulse = now[XI_MAX][j], now[FORCE_MAX][j], now[IMPULSE][j]
-    _forget(j, now)
+    _forget(j, ring, now)
 
 
 @kernel
@@ -101,17 +112,17 @@ def settle(first: int, stop: int, lo: int, k: int, physics: Any, was: Any, now: 
         j = c - lo + 1
         before, after = was[RAW][j] > 0.0, now[RAW][j] > 0.0
         if after and not before and physics.logged:
-            _begin(j, k, physics.dt, was, now)
+            _begin(j, k, physics.dt, physics.ring, was, now)
         if before and not after:
             if physics.logged:
                 row = work.log[work.ended[0]]
                 row.pair = c
-                _end(j, k, was, now, row)
+                _end(j, k, physics.ring, was, now, row)
             work.ended[0] += 1
 
 
 @kernel
-def local(first: int, stop: int, lo: int, was: Any, now: Any, work: Any) -> bool:
+def local(first: int, stop: int, lo: int, ring: int, was: Any, now: Any, work: Any) -> bool:
     """Whether a window may settle its contacts alone: no row at rest is hit or left, there is room in the log."""
     rows = work.ended[0]
     for c in range(first, stop):
@@ -121,7 +132,8 @@ def local(first: int, stop: int, lo: int, was: Any, now: Any, work: Any) -> bool
             rows += 1 if before else 0
             if after and c == work.pair and now[COUNT][j] + 1 == work.nth:
                 return False
-            for i in (j - 1, j + 1):
+            for way in (-1, 1):
+                i = place(j + way, ring)
                 if _waits(i, was, now) or (before and now[TOUCHED][i] == 1):
                     return False
     return bool(rows <= len(work.log))

@@ -62,7 +62,8 @@ def simulate(
         One for all pairs, or one per pair from the bottom up.
     t_end, until : float, stop condition, optional
         End time in s, and a condition from `granular.until`. Without either the run goes on until nothing can
-        follow, or to the limits below; beside driven walls one of them is needed, for a bounce may always follow.
+        follow, or to the limits below; beside driven or thermal walls, on a ring and of pendula one of them is needed,
+        for another contact may always follow.
         Walls that move towards each other need a `t_end` before they meet.
     t_start : float
         Time in s of the scene's instant.
@@ -123,6 +124,11 @@ def simulate(
     Where walls are driven, the ledger behind `Trajectory.account` is summed by Simpson's rule in each fixed step: the
     account closes to the order of the method only, and to 1 + s at onsets and ends; what is dissipated is nan while a
     law with memory pushes.
+
+    Fixed steps on a ring and of pendula keep their orders, and open scenes fly in closed form. After a hit of a thermal
+    wall within a step the ball goes on, from the hit's own time, on the parabola that it leaves on. So hits are right
+    to rounding where nothing else touches the ball ("symplectic-euler" knows no parabolas: order 1), of order 2 beside
+    a contact, and 1 where a damped force jumps with the speed.
     """
     laws = checked_laws(law, checked(scene))
     start = _check.number("t_start", t_start)

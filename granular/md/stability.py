@@ -28,7 +28,10 @@ def sharpest_rate(scene: Scene, laws: SceneLaws, overlap: Any, beside: Any = Tru
 
     `beside` says of every pair whether it and the next one are ever closed together (all are if not given).
     """
-    slope = _slopes(laws, np.asarray(overlap, np.float64))
+    overlap = np.array(overlap, np.float64)
+    for c, wall in zip((0, -1), scene.heat, strict=True):
+        overlap[c] *= wall is None  # a thermal wall has no force
+    slope = _slopes(laws, overlap)
     w, (below, above) = scene.inverse_mass, scene.neighbours
     shared, together = w[scene.bodies(above)[0]], np.broadcast_to(np.asarray(beside, np.bool_), len(laws))[below]
     with np.errstate(all="ignore"):

@@ -2,9 +2,10 @@
 May be skipped: faster, same results.
 
 What changes in a run stands in rows as long as the chain: pair c at ``c + 1``, ball i at ``i + 1``, with an open pair
-before the first and behind the last. Kernels step a *window*, a record of such rows that lie in the cache, beginning at
-pair `lo`: pair c at ``c - lo + 1``. Rows at fixed distances, loops that begin at 0 and know no branches: compilers turn
-these into vector code. Interpreted, rows are lists, and a window holds the whole chain.
+before the first and behind the last; on a ring ball 0 comes once more behind the last. Kernels step a *window*, a
+record of such rows that lie in the cache, beginning at pair `lo`: pair c at ``c - lo + 1``. Rows at fixed distances,
+loops that begin at 0 and know no branches: compilers turn these into vector code. Interpreted, rows are lists, and a
+window holds the whole chain.
 """
 
 from __future__ import annotations
@@ -22,33 +23,36 @@ ROWS = (
     "xi", "raw", "v", "deepest", "beside", "shared",
     "xi_max", "force_max", "impulse", "step", "part", "lower", "upper", "count", "touched",
     "top", "acc", "jerk", "snap",
-    "lost", "lost_low", "work", "work_low",
-    "was_xi", "was_raw", "was_v", "k", "gamma", "w", "fall", "half", "guess", "rate",
+    "lost", "lost_low", "work", "work_low", "heat", "heat_low", "off",
+    "was_xi", "was_raw", "was_v", "k", "gamma", "w", "fall", "square", "half", "guess", "rate", "start", "sway",
 )  # fmt: skip
 """Overlap, unclipped force, velocity. Over the whole run: largest overlap, largest overlap of the pair and the next one
 together, impulse exchanged while a neighbouring pair was active. If a log is kept, of the running contact: peaks and
 impulse so far; onset (step, fraction) and velocities then; number of contacts begun; whether the onset is noted of a
 contact still without force. For laws with memory: largest overlap of the running contact. For Gear's method:
-acceleration and higher derivatives of the velocity. Where walls are driven: what the pair dissipated, and the work of
-the wall that is its lower body, or of a ceiling, in two floats each.
+acceleration and higher derivatives of the velocity. Where walls are driven or heat: what the pair dissipated, and the
+work and the heat of the wall that is its lower body, or of a ceiling, in two floats each. Of pendula: displacements.
 
-In windows only: the state a step ago; the law's coefficients, inverse masses, free accelerations; velocities within a
-step; a sum of Runge and Kutta."""
+In windows only: the state a step ago; the law's coefficients, inverse masses, free accelerations, squares of Ω;
+velocities within a step; a sum of Runge and Kutta, displacements at the start of their step, and the sum for these."""
 (
     XI, RAW, V, DEEPEST, BESIDE, SHARED,
     XI_MAX, FORCE_MAX, IMPULSE, STEP, PART, LOWER, UPPER, COUNT, TOUCHED, TOP, ACC, JERK, SNAP,
-    LOST, LOST_LOW, WORK, WORK_LOW,
-) = range(23)  # fmt: skip
+    LOST, LOST_LOW, WORK, WORK_LOW, HEAT, HEAT_LOW, OFF,
+) = range(26)  # fmt: skip
 """Places of the rows that a chain may have, too: all up to the last one that the run needs."""
 WAS, GIVEN = ROWS.index("was_xi"), ROWS.index("k")
 WINDOW = np.dtype([(name, float, (LENGTH,)) for name in ROWS])
+RING = False
+"""Whether the last pair joins the last ball and the first."""
 MOST = 1 << 40
 """More entries than any row has."""
 
-Physics = namedtuple("Physics", "laws given root dt logged memory block walls")
-"""What does not change: what the kernel `force` takes for laws; rows of coefficients, inverse masses and free
-accelerations, and whether √ξ is a factor of k ξ + γ ξ̇; time step; whether a log is kept, and whether laws have memory;
-pairs that a window stands for; walls that move, see `driven`, or 0."""
+Physics = namedtuple("Physics", "laws given root dt logged memory block walls ring heat")
+"""What does not change: what the kernel `force` takes for laws; rows of coefficients, inverse masses, free
+accelerations and squares of Ω, and whether √ξ is a factor of k ξ + γ ξ̇; time step; whether a log is kept, and whether
+laws have memory; pairs that a window stands for; walls that move, see `driven`, or 0; pairs of a ring, or 0; thermal
+walls, see `heated`, or 0."""
 Work = namedtuple("Work", "window rows was given ended log pair nth")
 """The window, by name, as rows, as those of a step ago, as those that are given; how many contacts ended (1,), and
 their rows; at the onset of which contact of a pair to stop (-1: of none)."""
@@ -66,12 +70,32 @@ def copy(count: int, source: Any, i: int, target: Any, j: int) -> None:
 
 @kernel
 def load(lo: int, m: int, physics: Any, x: Any, work: Any) -> None:
-    """Copy `m` pairs from `lo` on, and their balls, into the window; what lies beside them is open."""
+    """Copy `m` pairs from `lo` on, and their balls, into the window; what lies beside them is open, but on a ring."""
+    if RING:
+        around(m + 2, x, lo, physics.ring, work.rows)
+        around(m + 2, physics.given, lo, physics.ring, work.given)
+        return
     copy(m + 2, x, lo, work.rows, 0)
     copy(m + 2, physics.given, lo, work.given, 0)
     a = work.window
     a.raw[0] = a.raw[m + 1] = 0.0
     a.xi[0] = a.xi[m + 1] = a.was_xi[0] = a.was_xi[m + 1] = -1.0
+
+
+@kernel
+def around(count: int, source: Any, lo: int, ring: int, target: Any) -> None:
+    """Copy some entries of rows of a ring from that of pair lo - 1 on, and go on behind the last with the first."""
+    i, done = (lo - 1) % ring + 1, 0
+    while done < count:
+        part = min(count - done, ring + 1 - i)
+        copy(part, source, i, target, done)
+        i, done = 1, done + part
+
+
+@kernel
+def close(m: int, a: Any) -> None:
+    """Let the ends of a window that holds all of a ring see each other."""
+    a.raw[0], a.raw[m + 1], a.xi[m + 1] = a.raw[m], a.raw[1], a.xi[1]
 
 
 @kernel

@@ -87,10 +87,10 @@ def part(run: Trajectory, rows: np.ndarray[Any, np.dtype[np.int64]]) -> Trajecto
 
 
 def _account(run: Trajectory) -> list[list[str | float]]:
-    """What walls do and contacts dissipate in a whole run, in words and J; nothing where no wall moves."""
+    """What walls do and contacts dissipate in a whole run, in words and J; nothing where no wall moves or heats."""
     parts = balance(run)
     return [[ACCOUNT[name], parts[name]] for name in ("floor", "ceiling", "heat", "dissipated", "remainder")
-            if run.scene.worked and parts[name] and math.isfinite(parts[name])]  # fmt: skip
+            if run.scene.fed and parts[name] and math.isfinite(parts[name])]  # fmt: skip
 
 
 def contacts(run: Trajectory, kept: np.ndarray[Any, np.dtype[np.int64]]) -> dict[str, Any]:

@@ -1,7 +1,8 @@
 """A scene from event to event, whoever moves it: contacts begin and end, a stop condition holds, rest is rest.
 May be skipped: it measures ourselves.
 
-Between two contacts everything flies on parabolas and is moved there in closed form.
+Between two contacts everything flies on parabolas and is moved there in closed form, but for pendula and beside driven
+walls. A thermal wall acts at the touch: such a contact is an instant.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import math
 from typing import Any, NamedTuple, Protocol
 
 from granular import until as stop
+from granular.reference.heat import Heat
 from granular.reference.log import ACTIVE, CLOSED, DORMANT, OPEN, RESIDUAL, Logbook, Reference, roused
 from granular.reference.series import Number, first_rise_of_parabola
 
@@ -34,19 +36,25 @@ class Motion(Protocol):
     mode : list of str
         Of every pair; written by the events.
     pull : sequence of numbers
-        Closing acceleration of every pair in m/s² without forces: by gravity, constant forces, a driven wall.
-    driven : bool
-        Whether a wall is driven: then nothing flies on a parabola, nor comes to an end by itself.
+        Closing acceleration of every pair in m/s² without contacts: by gravity, constant forces, a driven wall, swing.
+    curved : bool
+        Whether a wall is driven, or all are pendula: then flights are no parabolas, nor does it end by itself.
+    ring : bool
+        Whether the last pair joins the last body and the first.
+    heat : dict
+        Thermal walls by their pairs.
     """
 
     t: Number
     mode: list[str]
+    ring: bool
+    heat: dict[int, Heat]
 
     @property
     def pull(self) -> Any: ...
 
     @property
-    def driven(self) -> bool: ...
+    def curved(self) -> bool: ...
 
     @property
     def mp(self) -> Any:
@@ -73,8 +81,11 @@ class Motion(Protocol):
     def settle(self, c: int, what: str) -> None:
         """Take note of an event of pair c, whose mode is still the old one."""
 
+    def kick(self, c: int) -> None:
+        """Let the ball of pair c, which touches a thermal wall, leave it with a speed drawn anew."""
+
     def account(self) -> tuple[Number, ...] | None:
-        """Work of the floor and of the ceiling, and what was dissipated, in J; None if that is not known."""
+        """Work of the floor and of the ceiling, heat of both, and what was dissipated, in J; None if nobody knows."""
 
 
 class Run:
@@ -93,7 +104,7 @@ class Run:
             status = self.step()
         motion = self.motion
         gap, v = tuple(-motion.now(c, "overlap") for c in self.pairs), [motion.bodies(c) for c in self.pairs]
-        velocity, account = (*(lower for lower, _ in v), v[-1][1]), motion.account()
+        velocity, account = (*(lower for lower, _ in v), *([] if motion.ring else v[-1][1:])), motion.account()
         return Reference(
             self.log.contacts(), float(motion.t), status, solver, gap=gap, velocity=velocity, account=account
         )
@@ -101,18 +112,19 @@ class Run:
     def launch(self, c: int) -> bool:
         """Begin the contact of pair c if it is there at the start; return whether that ends the run."""
         motion, xi = self.motion, self.motion.now(c, "overlap")
-        if xi > 0:
+        if xi > 0 and c not in motion.heat:
             motion.mode[c] = RESIDUAL
             return bool(motion.now(c, "bracket") > 0) and self.act(c, "begin")
         motion.mode[c] = DORMANT if xi == 0 and motion.now(c, "rate") == 0 else OPEN
-        return False
+        pressed = c in motion.heat and motion.mode[c] == DORMANT and motion.pull[c] > 0
+        return pressed and self.hit(c)
 
     def step(self) -> str:
         """Go on to the next event, or as far as one step goes; return why that is the end, or nothing."""
         motion = self.motion
         self.rouse()
         watches = [watch for c in self.pairs for watch in self.watches(c)]
-        busy = motion.driven or any(mode in CLOSED for mode in motion.mode)
+        busy = motion.curved or any(mode in CLOSED for mode in motion.mode)
         event = motion.go(watches, self.t_end) if busy else self.fly(watches)
         if motion.t >= self.t_end:
             return "time"
@@ -130,7 +142,7 @@ class Run:
 
     def rouse(self) -> None:
         """Remember when pairs that touch at rest were reached by a force."""
-        moved = roused(self.motion.mode, self.motion.pull)
+        moved = roused(self.motion.mode, self.motion.pull, self.motion.ring)
         for c, mode in enumerate(self.motion.mode):
             if mode == DORMANT and moved[c]:
                 self.since.setdefault(c, (self.motion.t, self.motion.bodies(c)))
@@ -165,6 +177,8 @@ class Run:
     def act(self, c: int, what: str) -> bool:
         """Apply an event to pair c; return whether it ends the run, before it acts."""
         motion = self.motion
+        if c in motion.heat and what != "part":
+            return self.hit(c)
         motion.settle(c, what)
         if what in ("touch", "begin"):
             if self.log.begin(c, *(self.since.pop(c, None) or (motion.t, motion.bodies(c)))):
@@ -174,4 +188,16 @@ class Run:
             if motion.mode[c] == ACTIVE:
                 self.log.end(c, motion.t, motion.bodies(c))
             motion.mode[c] = RESIDUAL if what == "release" else OPEN
+        return False
+
+    def hit(self, c: int) -> bool:
+        """Let the ball of pair c hit its thermal wall; return whether that ends the run, before it acts."""
+        motion = self.motion
+        self.since.pop(c, None)
+        motion.mode[c] = OPEN
+        motion.settle(c, "touch")
+        if self.log.begin(c, motion.t, motion.bodies(c)):
+            return True
+        motion.kick(c)
+        self.log.end(c, motion.t, motion.bodies(c))
         return False

@@ -58,7 +58,8 @@ class Reference:
     gap, velocity : tuple of numbers
         Gaps in m and velocities in m/s when it ended.
     account : tuple of numbers or None
-        By series where walls move, in J until then: work of the floor, of the ceiling, and what was dissipated.
+        By series where walls move or heat, in J until then, as in the ledger of a run: work of the floor and of the
+        ceiling, heat of both, and what was dissipated.
     """
 
     contacts: tuple[ReferenceContact, ...]
@@ -80,8 +81,9 @@ class Reference:
 
     @property
     def durations(self) -> tuple[float, ...]:
-        """Durations in s of the contacts that ended."""
-        return tuple(float(row.t_end - row.t_begin) for row in self.contacts if row.t_end is not None)
+        """Durations in s of the contacts that ended, but for the instants at thermal walls."""
+        ended = (row for row in self.contacts if row.t_end is not None and row.t_end > row.t_begin)
+        return tuple(float(row.t_end - row.t_begin) for row in ended)
 
     def of(self, pair: int) -> tuple[ReferenceContact, ...]:
         """The contacts of one pair."""
@@ -120,12 +122,13 @@ class Logbook:
         return tuple(sorted(self.rows, key=lambda row: (row.t_begin, row.pair)))
 
 
-def roused(modes: Sequence[str], pull: Sequence[Any]) -> list[bool]:
+def roused(modes: Sequence[str], pull: Sequence[Any], ring: bool = False) -> list[bool]:
     """Whether each pair is reached by a force through neighbours that touch, or pressed together by gravity."""
     reached = [mode == ACTIVE or (mode == DORMANT and g > 0) for mode, g in zip(modes, pull, strict=True)]
-    for order in (range(1, len(modes)), range(len(modes) - 2, -1, -1)):
-        for c in order:
-            beside = c - 1 if order.step > 0 else c + 1
+    n = len(modes)
+    for way in (1, -1):
+        for c in [*range(n)[::way]] * (2 if ring else 1):
+            beside = (c - way) % n if ring or 0 <= c - way < n else c
             reached[c] = reached[c] or (modes[c] != OPEN and reached[beside])
     return reached
 

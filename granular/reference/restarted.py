@@ -15,11 +15,13 @@ from granular._check import Array
 from granular.laws.kinds import SceneLaws
 from granular.reference.driven import paths
 from granular.reference.events import Run, Watch
+from granular.reference.heat import heats
 from granular.reference.log import ACTIVE, DORMANT, OPEN, Reference
 from granular.scene import Scene, speed_scale, velocities
 
 LOOKS = 20
-"""Steps at least in a period or piece of the path of a driven wall: such a solver may overlook a graze."""
+"""Steps at least in a period of pendula, or one or a piece of a driven wall's path: such a solver may overlook a graze.
+"""
 SLEEP = 1e-13
 """A pair that touches at rest counts as open up to this part of the overlap of an impact."""
 
@@ -71,7 +73,9 @@ class Newton:
         self.begin = {b: path.moved(t_start) for b, path in self.paths.items()}
         self.each, self.neighbours = list(laws), np.transpose(scene.neighbours).tolist()
         self.w: list[float] = scene.inverse_mass.tolist()
-        self.pull: list[float] = scene.pull.tolist()
+        self.fall: list[float] = scene.pull.tolist()
+        self.square = scene.pendulum * scene.pendulum
+        self.rest: list[float] = [0.0] * self.pairs if scene.rest_gap is None else scene.rest_gap.tolist()
         self.deepest = np.maximum(-scene.gap, 0.0).tolist()
         self.evaluations, self.most = 0, most
 
@@ -112,7 +116,10 @@ class Newton:
         state = y.tolist()
         seen = self.driven_by(self.zero + t, state)
         force = [self.force(c, seen[c], seen[n + c]) for c in range(n)]
-        out = state[n:] + self.pull
+        out = state[n:] + self.fall
+        if self.square:
+            for c in range(n):
+                out[n + c] -= self.square * (seen[c] + self.rest[c])
         for c, f in enumerate(force):
             lower, upper = self.scene.bodies(c)
             out[n + c] -= (w[lower] + w[upper]) * f
@@ -137,16 +144,25 @@ class Restarted(Newton):
         self, scene: Scene, laws: SceneLaws, method: str, rtol: float, most: int, t_start: float = 0.0
     ) -> None:
         super().__init__(scene, laws, most, t_start)
-        self.t, self.y, self.scale, self.driven = t_start, self.start(), self.scales(), scene.driven
+        self.t, self.y, self.scale = t_start, self.start(), self.scales()
+        self.curved, self.ring, self.heat = scene.driven or scene.pendulum > 0.0, scene.ring, heats(scene)
         self.mode, self.loading = [OPEN] * self.pairs, [True] * self.pairs
-        self.edge = math.inf  # time in s of the next break of a wall's path
+        self.edge = math.inf  # time in s of the next break of a wall's path, or of a kick
         self.options = {"method": method, "rtol": rtol, "atol": rtol * self.scale}
 
     def force(self, c: int, xi: float, eta: float) -> float:
         """Force of pair c in N by its mode, clipped only at rest: an event is seen as a change of its sign."""
+        if c in self.heat:
+            return 0.0
         if self.mode[c] == ACTIVE:
             return self.bracket(c, xi, eta)
         return super().force(c, xi, eta) if self.mode[c] == DORMANT else 0.0
+
+    @property
+    def pull(self) -> list[float]:
+        """Closing acceleration of every pair in m/s² without contacts; walls at their constant velocities."""
+        state = zip(self.fall, self.y.tolist(), self.rest, strict=False)
+        return [fall - self.square * (xi + rest) for fall, xi, rest in state]
 
     def read(self, t: float, y: Array, c: int, quantity: str) -> float:
         """The quantity of pair c in the state `y` at time `t` in s."""
@@ -190,14 +206,14 @@ class Restarted(Newton):
         from scipy.integrate import solve_ivp
 
         self.zero, events = self.t, [partial(self.event, watch) for watch in watches]
-        if self.t >= self.edge:  # no step sees what has happened by a jump of a wall's velocity
+        if self.t >= self.edge:  # no step sees what has happened by a jump of a velocity
             for watch, event in zip(watches, events, strict=True):
                 if event(0.0, self.y) > 0.0:
                     return watch
-        edges = [path.until(self.t) for path in self.paths.values()]
-        self.edge = min(edges, default=math.inf)
+        self.edge = min((path.until(self.t) for path in self.paths.values()), default=math.inf)
         end = min(end, self.edge)
-        look = {"max_step": (self.edge - self.t) / LOOKS} if edges else {}
+        period = 2.0 * math.pi / self.scene.pendulum if self.square else self.edge - self.t
+        look = {"max_step": period / LOOKS} if period < math.inf else {}
         for event in events:
             vars(event).update(terminal=True, direction=1)
         done = solve_ivp(self, (0.0, end - self.t), self.y, events=events, **self.options, **look)
@@ -221,6 +237,16 @@ class Restarted(Newton):
             self.deepest[c] = 0.0
         elif what != "release":
             self.loading[c] = True
+
+    def kick(self, c: int) -> None:
+        """Let the ball of pair c leave a thermal wall with a speed drawn anew, at an overlap that is zero."""
+        one, n = self.heat[c], self.pairs
+        more = self.now(c, "rate") + one.next_speed()
+        self.y[n + c] -= more
+        beside = c + 1 if one.side == 0 else c - 1
+        if 0 <= beside < n:
+            self.y[n + beside] += more
+        self.edge = self.t  # what now pushes or parts does so without a change of sign
 
     def account(self) -> None:
         """Nothing is kept of the energy."""

@@ -17,12 +17,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import pairwise
 from typing import Any
 
 from granular import until as stop
 from granular.reference.driven import Course, Path, paths
 from granular.reference.events import Run, Watch
+from granular.reference.heat import heats
 from granular.reference.log import ACTIVE, CLOSED, DORMANT, OPEN, Reference
 from granular.reference.series import Number, Power, first_rise, first_rise_of_parabola, product_term, value
 
@@ -62,10 +62,12 @@ class Touch:
 
 @dataclass
 class Piece:
-    """The series of a step: ξ, v, ξ̇, time, forces, walls; u = ξ^(1/q) of the pair whose clock it is."""
+    """The series of a step: ξ, v, displacements of pendula, ξ̇, time, forces, walls; u = ξ^(1/q) of the pair whose clock
+    it is."""
 
     x: list[list[Number]]
     v: list[list[Number]]
+    y: list[list[Number]]
     rate: list[list[Number]]
     t: list[Number]
     force: dict[int, Force]
@@ -90,21 +92,39 @@ class Taylor:
             forces = map(mp.mpf, scene.external_force.tolist())
             self.fall = [a + w * f for a, w, f in zip(self.fall, self.w, forces, strict=True)]
         self.v = [mp.mpf(v) for v in scene.velocity.tolist()]
-        self.paths, self.own = paths(mp, scene), list(self.v)
-        self.work, self.pushed = [mp.zero, mp.zero] if scene.worked else None, mp.zero
+        self.ring, self.heat, self.paths, self.own = scene.ring, heats(scene), paths(mp, scene), list(self.v)
+        self.joined = [scene.bodies(c) for c in range(scene.n_pairs)]
+        self.square, self.y = mp.mpf(scene.pendulum) ** 2, self.displacements(scene)
+        self.work, self.pushed = [mp.zero] * 4 if scene.worked or scene.heated else None, mp.zero
         self.touches = [self.touch(form, gap) for form, gap in zip(forms, scene.gap.tolist(), strict=True)]
         self.mode = [OPEN] * len(self.touches)
         self.window = max(6, *(round(a.q * (1 + a.p)) for a in self.touches))
         self.order = max(round(1.25 * digits), TERMS * self.window)
         self.speed = max([mp.zero, *(path.fastest for path in self.paths.values())])
+        self.speed = max([self.speed, *(mp.mpf(scene.pendulum) * abs(y) for y in self.y)])
         self.guide()
         self.remember_speed()
         self.stored = self.elastic()
 
     @property
-    def driven(self) -> bool:
-        """Whether a wall moves otherwise than at constant speed."""
-        return bool(self.paths)
+    def curved(self) -> bool:
+        """Whether a wall moves otherwise than at constant speed, or all are pendula."""
+        return bool(self.paths or self.y)
+
+    def displacements(self, scene: Any) -> list[Number]:
+        """Of pendula, from where they rest; none without pendula."""
+        if scene.rest_gap is None:
+            return []
+        mp, walls = self.mp, scene.is_wall.tolist()
+        out = [mp.mpf(scene.origin)]
+        for gap, rest in zip(scene.gap.tolist(), scene.rest_gap.tolist(), strict=True):
+            out.append(out[-1] + mp.mpf(gap) - mp.mpf(rest))
+        fixed = out[walls.index(True)] if any(walls) else mp.zero
+        return [mp.zero if wall else y - fixed for wall, y in zip(walls, out, strict=True)]
+
+    def across(self, of_bodies: Sequence[Number]) -> list[Number]:
+        """Lower minus upper body of every pair: rates of overlaps from velocities."""
+        return [of_bodies[lower] - of_bodies[upper] for lower, upper in self.joined]
 
     def guide(self) -> None:
         """Give driven walls the velocities of their paths."""
@@ -113,11 +133,11 @@ class Taylor:
 
     @property
     def pull(self) -> list[Number]:
-        """Closing acceleration of every pair in m/s² without forces."""
-        fall = list(self.fall)
+        """Closing acceleration of every pair in m/s² without contacts."""
+        fall = [a - self.square * y for a, y in zip(self.fall, self.y, strict=True)] if self.y else list(self.fall)
         for b, path in self.paths.items():
             fall[b] = path.rates(self.t)[1]
-        return [lower - upper for lower, upper in pairwise(fall)]
+        return self.across(fall)
 
     def touch(self, form: Sequence[float], gap: float) -> Touch:
         """The pair of a law (k, p, γ, d) with its gap in m at the start."""
@@ -129,18 +149,25 @@ class Taylor:
 
     def now(self, c: int, quantity: str) -> Number:
         """The overlap of pair c in m, its rate in m/s, or its bracket φ, which has the sign of its force."""
-        a, rate = self.touches[c], self.v[c] - self.v[c + 1]
+        a, (lower, upper) = self.touches[c], self.bodies(c)
+        rate = lower - upper
         if quantity == "bracket":
             return a.k * self.mp.power(a.xi, a.p - a.d) + a.gamma * rate
         return a.xi if quantity == "overlap" else rate
 
     def bodies(self, c: int) -> tuple[Number, Number]:
         """Velocities of the bodies of pair c in m/s."""
-        return self.v[c], self.v[c + 1]
+        lower, upper = self.joined[c]
+        return self.v[lower], self.v[upper]
+
+    def mobility(self, c: int) -> Number:
+        """1/m_eff of pair c in 1/kg."""
+        lower, upper = self.joined[c]
+        return self.w[lower] + self.w[upper]
 
     def asleep(self, c: int) -> Number:
         """The part of the overlap at which pair c alone would stop from the largest speed that is below tolerance."""
-        mp, a, w = self.mp, self.touches[c], self.w[c] + self.w[c + 1]
+        mp, a, w = self.mp, self.touches[c], self.mobility(c)
         depth = mp.power((a.p + 1) * self.speed**2 / (2 * a.k * w), 1 / (a.p + 1))
         return mp.mpf(10) ** (-self.digits / (min(a.p, a.d + 1) if a.gamma else a.p)) * depth
 
@@ -169,10 +196,10 @@ class Taylor:
         mp, (pair, q) = self.mp, self.clock()
         u = [mp.root(self.touches[pair].xi, q) if pair >= 0 else mp.one]
         ahead = 1 if u[0] else q  # orders by which velocities and overlaps are ahead of forces
-        x, v = ([[b, *[mp.zero] * (ahead - 1)] for b in start] for start in ([a.xi for a in self.touches], self.v))
-        rate = [[lower - upper for lower, upper in zip(v[c], v[c + 1], strict=True)] for c in range(len(x))]
+        here = [a.xi for a in self.touches], self.v, self.y, self.across(self.v)
+        x, v, y, rate = ([[b, *[mp.zero] * (ahead - 1)] for b in start] for start in here)
         walls = {b: Course(mp, path, self.t, ahead) for b, path in self.paths.items()}
-        piece = Piece(x, v, rate, [mp.zero] * ahead, {}, walls, pair, q, u)
+        piece = Piece(x, v, y, rate, [mp.zero] * ahead, {}, walls, pair, q, u)
         piece.force = {c: Force(self, c, piece) for c, mode in enumerate(self.mode) if mode in CLOSED}
         power, rho = Power(mp, u, mp.mpf(q - 1), int(ahead > 1)), [] if pair >= 0 else u
         for m in range(ahead, self.order + 1):
@@ -184,19 +211,25 @@ class Taylor:
 
     def extend(self, piece: Piece, rho: list[Number], m: int, ahead: int) -> None:
         """Append coefficient `m` to the series, by the clock ρ = dt/dx."""
-        mp, impulse = self.mp, [self.mp.zero] * (len(piece.v) + 1)
+        mp, impulse = self.mp, [self.mp.zero] * (len(piece.v) + 1)  # of the pair below each body
         piece.t.append(rho[m - 1] / m if m <= len(rho) else mp.zero)
         for series, rate in zip(piece.x, piece.rate, strict=True):
             series.append(product_term(mp, rho, rate, m - 1) / m)
         for c, force in piece.force.items():
             force.extend(m - ahead)
             impulse[c + 1] = product_term(mp, rho, force.terms, m - 1) / m
+        if self.ring:
+            impulse[0] = impulse[-1]
         for b, series in enumerate(piece.v):
             series.append(self.w[b] * (impulse[b] - impulse[b + 1]) + self.fall[b] * piece.t[m])
         for b, wall in piece.walls.items():
             piece.v[b][m] = wall.extend(rho, m)
-        for c, series in enumerate(piece.rate):
-            series.append(piece.v[c][m] - piece.v[c + 1][m])
+        for b, series in enumerate(piece.y):
+            if self.w[b]:
+                piece.v[b][m] -= self.square * product_term(mp, rho, series, m - 1) / m
+            series.append(product_term(mp, rho, piece.v[b], m - 1) / m)
+        for series, (lower, upper) in zip(piece.rate, self.joined, strict=True):
+            series.append(piece.v[lower][m] - piece.v[upper][m])
 
     def reach(self, piece: Piece) -> Number:
         """Up to which x the series hold to the tolerance, from their last terms, and nothing is overlooked.
@@ -220,11 +253,11 @@ class Taylor:
 
     def stops(self, piece: Piece, reach: Number, end: Number) -> Number:
         """The x below `reach` at which the time is `end`; `reach` if it is not reached."""
+        if reach == end == self.mp.inf:  # all is at rest under forces that balance to the last digit
+            raise ValueError("t_end is missing: all balls are at rest, and nothing follows.")
         if piece.pair < 0:
             return min(reach, end - self.t)
-        if reach == self.mp.inf:  # all is at rest under forces that balance to the last digit
-            if end == self.mp.inf:
-                raise ValueError("t_end is missing: the balls rest on each other, and nothing follows.")
+        if reach == self.mp.inf:
             return (end - self.t) / piece.t[1]
         x = first_rise(self.mp, [self.t - end, *piece.t[1:]], reach) if end < self.mp.inf else None
         return reach if x is None else x
@@ -268,7 +301,7 @@ class Taylor:
             self.book(piece, x)
         for a, series in zip(self.touches, piece.x, strict=True):
             a.xi, a.exact = value(mp, series, x), False
-        self.v = [value(mp, series, x) for series in piece.v]
+        self.v, self.y = ([value(mp, series, x) for series in each] for each in (piece.v, piece.y))
         self.t += value(mp, piece.t, x)
 
     def book(self, piece: Piece, x: Number) -> None:
@@ -294,7 +327,8 @@ class Taylor:
         return sum((a.k * self.mp.power(a.xi, a.p + 1) / (a.p + 1) for a in closed), self.mp.zero)
 
     def account(self) -> tuple[Number, ...] | None:
-        """Work of the floor and of the ceiling, and what was dissipated, in J; None where no wall moves."""
+        """Work of the floor and of the ceiling, heat of both, and what was dissipated, in J; None where no wall
+        moves or heats."""
         return None if self.work is None else (*self.work, self.pushed - (self.elastic() - self.stored))
 
     def soar(self, end: Number) -> bool:
@@ -325,7 +359,7 @@ class Taylor:
 
     def flights(self) -> list[list[Number]]:
         """The parabolas of overlaps without forces, were driven walls at their constant velocities."""
-        halves = [(lower - upper) / 2 for lower, upper in pairwise(self.fall)]
+        halves = [a / 2 for a in self.across(self.fall)]
         out = [[a.xi, self.now(c, "rate"), half] for c, (a, half) in enumerate(zip(self.touches, halves, strict=True))]
         for c, side, path in self.sides():
             out[c][1] -= side * path.rates(self.t)[0]
@@ -338,6 +372,17 @@ class Taylor:
         self.v = [v + g * dt for v, g in zip(self.v, self.fall, strict=True)]
         self.t += dt
 
+    def kick(self, c: int) -> None:
+        """Let the ball of pair c leave a thermal wall with a speed drawn anew; book its work and heat."""
+        assert self.work is not None
+        one, wall = self.heat[c], self.v[self.heat[c].wall]
+        speed, was = self.mp.mpf(one.next_speed()), abs(self.v[one.ball] - wall)
+        away = 1 - 2 * one.side
+        self.v[one.ball] = wall + away * speed
+        self.work[one.side] += one.mass * (speed + was) * away * wall
+        self.work[2 + one.side] += one.mass * (speed - was) * (speed + was) / 2
+        self.remember_speed()
+
     def settle(self, c: int, what: str) -> None:
         """Take note of an event of pair c."""
         if what in ("touch", "part") and self.mode[c] != DORMANT:
@@ -349,7 +394,7 @@ class Taylor:
         """Keep the largest speed so far, that of stored energy included: the scale of all tolerances."""
         mp = self.mp
         for c, a in enumerate(self.touches):
-            w, g = self.w[c] + self.w[c + 1], self.pull[c]
+            w, g = self.mobility(c), self.pull[c]
             stored = 2 * w * a.k * mp.power(max(a.xi, 0), a.p + 1) / (a.p + 1)
             if a.xi == 0 and g > 0:
                 stored = 2 * g * mp.power(g / (a.k * w), 1 / a.p)

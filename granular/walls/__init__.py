@@ -1,4 +1,4 @@
-"""Moving floors and ceilings: what a wall does beside its constant velocity, given by m(t) in m.
+"""Floors and ceilings that move, by what m(t) in m says beside their constant velocity, or that heat.
 May be skipped: names of the package only.
 
 A wall stands at x_w(t) = start + velocity·(t - t_start) + m(t) - m(t_start): at t_start it is where origin and gaps of
@@ -17,15 +17,16 @@ from granular.walls.motion import Motion
 from granular.walls.panels import Panels
 from granular.walls.piecewise import Piecewise
 from granular.walls.sine import Sine
+from granular.walls.thermal import Thermal
 
-__all__ = ["Motion", "Panels", "Piecewise", "Sine"]
+__all__ = ["Motion", "Panels", "Piecewise", "Sine", "Thermal"]
 
 
 def checked(name: str, motion: Any, is_wall: bool) -> Any:
-    """Return how a wall moves, or None, if it is one of these and its body is a wall."""
+    """Return how a wall behaves, or None, if it is one of these and its body is a wall."""
     if motion is None:
         return None
-    if not isinstance(motion, (Sine, Piecewise, Motion, Panels)):
+    if not isinstance(motion, (Sine, Piecewise, Motion, Panels, Thermal)):
         raise TypeError(_check._sentence(name, motion, "one of granular.walls is needed, such as "
                                          "granular.walls.Sine(1e-3, 50.0)"))  # fmt: skip
     if not is_wall:

@@ -27,9 +27,10 @@ BEYOND = 0.05
 
 
 def peer(task: Task, name: str) -> Method | None:
-    """The method of scipy of that name; none for laws with memory without events: xi_max is unknown inside a step."""
+    """The method of scipy of that name; none, without events, for laws with memory, as xi_max is unknown inside a step,
+    and beside thermal walls, where velocities jump."""
     short, _, events = name.partition("+")
-    if not events and any(law.memory for law in task.resolved.each):
+    if not events and (task.scene.heated or any(law.memory for law in task.resolved.each)):
         return None
     way, solver = _with_events if events else _without_events, SOLVERS[short]
 

@@ -1,0 +1,16 @@
+"""Ready-made scenes: physical parameters in, `Scene` out.
+May be skipped: ready-made scenes, to be looked up.
+
+Everywhere the lowest (leftmost) body comes first, masses and radii of spheres are tied by m = (4/3) π R³ ρ, and one
+number for `gap` means the same gap in every pair between balls.
+"""
+
+from granular.scenes.falling import ball_stack, bouncing_ball, column, three_balls, vibrated_column
+from granular.scenes.gases import gas, heated_gas, ring_gas
+from granular.scenes.rows import chain, compressed_chain, newtons_cradle, pendulum_cradle
+
+__all__ = [
+    "ball_stack", "bouncing_ball", "chain", "column", "compressed_chain", "gas", "heated_gas", "newtons_cradle",
+    "pendulum_cradle", "ring_gas", "three_balls", "vibrated_column",
+]
+__dir__ = __all__.copy

@@ -1,0 +1,181 @@
+"""Balls that fall on a floor.
+May be skipped: ready-made scenes, to be looked up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from granular import _check
+from granular.scene import Scene
+from granular.scenes.sizes import above_floor, gaps_of, geometric, mass_of, masses_of, radius_of
+from granular.walls import Sine
+
+
+def three_balls(
+    radii: Sequence[float] = (0.10, 0.01), gap: float = 1e-4, height: float = 0.6, density: float = 900.0,
+    gravity: float = 9.81,
+) -> Scene:
+    """Two balls, one above the other, dropped on a floor: the scene of the paper (the floor is the third ball).
+
+    Both are released from rest. Pair 0 is floor and lower ball, pair 1 the two balls (Müller & Pöschel 2011, Fig. 1).
+
+    Parameters
+    ----------
+    radii : two floats
+        Radii R1, R2 in m, bottom to top.
+    gap : float
+        Distance Δh between the surfaces of the two balls in m.
+    height : float
+        Height z1 of the *centre* of the lower ball above the floor in m, at least R1.
+    density : float
+        Density ρ in kg/m³. The paper gives none: only 858 to 936 makes all of its observations true.
+    gravity : float
+        g in m/s².
+    """
+    r = _check.array("radii", radii, (2,), fix="give the lower and the upper radius")
+    _check.every("radii", r, np.isfinite(r) & (r > 0.0), "a radius must be positive and finite")
+    lower = float(r[0])
+    z1 = _check.number("height", height, at_least=lower, fix="it is the height of the lower ball's centre")
+    return above_floor(mass_of(r, density), r, z1 - lower, _check.number("gap", gap), 0.0, gravity)
+
+
+def ball_stack(
+    n: int = 3, mass_ratio: float = 0.1, masses: Sequence[float] | None = None, height: float | None = None,
+    speed: float | None = None, gap: float | Sequence[float] = 1e-4, density: float = 900.0, gravity: float = 9.81,
+) -> Scene:
+    """Stack of balls, lighter and lighter, that falls on a floor and throws its top ball high (Harter, Kerwin).
+
+    Either dropped from rest, or meeting the floor at t = 0 with a given speed.
+
+    Parameters
+    ----------
+    n : int
+        Number of balls.
+    mass_ratio : float
+        m[k+1]/m[k] from each ball to the one above; the lowest has 1 kg.
+    masses : floats, optional
+        All masses in kg, bottom to top, in place of `n` and `mass_ratio`.
+    height : float, optional
+        Drop height in m, from the floor to the lowest point of the lowest ball (default 1 m).
+    speed : float, optional
+        In place of `height`: all balls move down at this speed in m/s as the lowest touches the floor.
+    gap : float or floats
+        Distances between the surfaces of the balls in m: one, or n-1 bottom to top.
+    density : float
+        Density in kg/m³, from which the radii follow.
+    gravity : float
+        g in m/s²; 0 gives the textbook stack in free flight.
+    """
+    if height is not None and speed is not None:
+        raise ValueError(f"height is {height!r} and speed is {speed!r}: give one of the two; a stack that starts at "
+                         "the floor with a speed has no drop height.")
+    m = geometric(n, mass_ratio) if masses is None else masses_of(masses)
+    drop = 0.0 if speed is not None else _check.number("height", 1.0 if height is None else height, at_least=0.0)
+    v = 0.0 if speed is None else _check.number("speed", speed, above=0.0, fix="downwards is built in")
+    return above_floor(m, radius_of(m, density), drop, gap, v, gravity)
+
+
+def column(
+    n: int = 5, gap: float | Sequence[float] = 1e-3, speed: float = 1.0, mass: float = 1.0, density: float = 900.0,
+    gravity: float = 0.0,
+) -> Scene:
+    """Column of equal balls that falls on a floor as one: how much of it bounces back?
+
+    Parameters
+    ----------
+    n : int
+        Number of balls.
+    gap : float or floats
+        Distances between the surfaces in m: one, or n bottom to top, that of the floor first.
+    speed : float
+        Speed in m/s with which all balls move down at the start.
+    mass : float
+        Mass of a ball in kg.
+    density : float
+        Density in kg/m³, from which the radius follows.
+    gravity : float
+        g in m/s².
+    """
+    count = _check.whole("n", n, at_least=1)
+    m = np.full(count, _check.number("mass", mass, above=0.0))
+    v = _check.number("speed", speed, at_least=0.0, fix="downwards is built in")
+    floor, *between = gaps_of(gap, count)
+    return above_floor(m, radius_of(m, density), floor, between, v, gravity)
+
+
+def bouncing_ball(
+    height: float | None = None, radius: float = 0.01, speed: float = 0.0, density: float = 900.0,
+    gravity: float = 9.81, plate: Any = None,
+) -> Scene:
+    """One ball bouncing on a floor until it comes to rest, or on a plate that is shaken.
+
+    On a plate z = A sin(ωt) that is shaken with Γ = A ω²/g, hard spheres have a bounce of k periods for Γ > G_k =
+    kπ (1 - ε)/(1 + ε); it doubles its period at Γ = √(G_k² + [2(1 + ε²)/(1 + ε)²]²).
+
+    Parameters
+    ----------
+    height : float, optional
+        Drop height in m, from the floor to the lowest point of the ball: 1 if not given; on a plate 0, where it begins
+        at rest.
+    radius : float
+        Radius in m.
+    speed : float
+        Speed in m/s with which it is thrown down.
+    density : float
+        Density in kg/m³.
+    gravity : float
+        g in m/s².
+    plate : granular.walls.Sine, Piecewise or Motion, optional
+        How the floor moves; to the command type=Sine gamma=2 frequency=50, or amplitude= (in m) in place of gamma=.
+    """
+    r = np.array([_check.number("radius", radius, above=0.0)])
+    fall = (1.0 if plate is None else 0.0) if height is None else height
+    drop = _check.number("height", fall, at_least=0.0)
+    v = _check.number("speed", speed, at_least=0.0, fix="downwards is built in")
+    return above_floor(mass_of(r, density), r, drop, (), v, gravity, plate)
+
+
+def vibrated_column(
+    n: int = 10, gamma: float = 10.0, frequency: float = 20.0, amplitude: float | None = None,
+    phase: float = 0.5 * math.pi, gap: float | Sequence[float] = 1e-3, radius: float = 0.005, density: float = 900.0,
+    gravity: float = 9.81,
+) -> Scene:
+    """Column of equal balls on a floor that is shaken: z = A sin(2π f t + φ), Γ = A (2π f)²/g.
+
+    Hard spheres are fluidized while N (1 - ε) is small, up to a height of their centre of mass h_cm of about
+    1.25 (A 2π f)²/(g N (1 - ε)), and move as one piece where it is large (Luding et al. 1994).
+
+    Parameters
+    ----------
+    n : int
+        Number of balls N.
+    gamma : float
+        Largest acceleration Γ of the floor, as a multiple of g.
+    frequency : float
+        Frequency f in Hz.
+    amplitude : float, optional
+        Amplitude A in m, in place of `gamma`.
+    phase : float
+        Phase φ in rad at t = 0: at π/2 the floor starts from its highest point at rest, at 0 with a jolt 2π f A.
+    gap : float or floats
+        Distances between the surfaces in m: one, or n bottom to top, that of the floor first.
+    radius : float
+        Radius of a ball in m.
+    density : float
+        Density in kg/m³.
+    gravity : float
+        g in m/s², positive where `gamma` is to count.
+    """
+    count = _check.whole("n", n, at_least=1)
+    r = np.full(count, _check.number("radius", radius, above=0.0))
+    if amplitude is None:
+        plate = Sine.from_acceleration(gamma, frequency, gravity, phase)
+    else:
+        plate = Sine(amplitude, frequency, phase)
+    floor, *between = gaps_of(gap, count)
+    return above_floor(mass_of(r, density), r, floor, between, 0.0, gravity, plate)

@@ -1,0 +1,167 @@
+"""Gases of balls: between walls, on a ring, between walls of two temperatures or above a hot floor.
+May be skipped: ready-made scenes, to be looked up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from granular import _check
+from granular._check import Array
+from granular.scene import Scene
+from granular.walls import Thermal
+
+
+def gas(
+    n: int = 50, length: float = 50.0, packing: float = 0.1, temperature: float = 1.0, speeds: str = "maxwell",
+    mass: float = 1.0, mass_spread: float = 1.0, walls: bool = True, seed: int = 1,
+) -> Scene:
+    """Gas of balls between two walls (or free), at random places with random velocities.
+
+    The places are an equilibrium of hard spheres on a line (Tonks gas): every free arrangement is equally likely.
+
+    Parameters
+    ----------
+    n : int
+        Number of balls.
+    length : float
+        Length of the line in m.
+    packing : float
+        Share of the length that the balls' diameters fill, in [0, 1); 0 gives point particles.
+    temperature : float
+        T = ⟨m v²⟩ in J.
+    speeds : str
+        "maxwell" (normal distribution), "uniform" (between ±√(3T/m)) or "two" (±√(T/m)).
+    mass : float
+        Mass in kg: the geometric mean if the masses differ.
+    mass_spread : float
+        Heaviest over lightest possible mass, at least 1: masses are drawn log-uniformly, the radii follow as m^(1/3).
+    walls : bool
+        Whether walls close the line at both ends.
+    seed : int
+        Seed of the random numbers (numpy's default generator).
+    """
+    alike = np.ones(_check.whole("n", n, at_least=1 if walls else 2))
+    random, m, r, gap = _places(alike, length, packing, mass, mass_spread, seed, spaces=1)
+    thermal = math.sqrt(_check.number("temperature", temperature, at_least=0.0))
+    v = thermal / np.sqrt(m) * _unit_speeds(random, speeds, len(m))
+    if walls:
+        return Scene([math.inf, *m, math.inf], [0.0, *r, 0.0], gap, [0.0, *v, 0.0])
+    return Scene(m, r, gap[1:-1], v, origin=float(gap[0] + r[0]))
+
+
+def ring_gas(
+    n: int = 50, length: float = 50.0, packing: float = 0.1, temperature: float = 1.0, speeds: str = "maxwell",
+    mass: float = 1.0, mass_spread: float = 1.0, seed: int = 1,
+) -> Scene:
+    """Gas of balls on a ring, at random places with random velocities, its mass centre at rest.
+
+    Left to itself it cools as Haff's law says, T = T0/(1 + t/t0)², until clusters form.
+
+    Parameters
+    ----------
+    n : int
+        Number of balls, at least 2.
+    length : float
+        Circumference in m.
+    packing : float
+        Share of the length that the balls' diameters fill, in [0, 1); 0 gives point particles.
+    temperature : float
+        T = ⟨m v²⟩ in J.
+    speeds : str
+        "maxwell" (normal distribution), "uniform" or "two" (of one size before the mass centre is brought to rest).
+    mass : float
+        Mass in kg: the geometric mean if the masses differ.
+    mass_spread : float
+        Heaviest over lightest possible mass, at least 1: masses are drawn log-uniformly, the radii follow as m^(1/3).
+    seed : int
+        Seed of the random numbers (numpy's default generator).
+    """
+    alike = np.ones(_check.whole("n", n, at_least=2))
+    random, m, r, gap = _places(alike, length, packing, mass, mass_spread, seed, spaces=0)
+    v = _unit_speeds(random, speeds, len(m)) / np.sqrt(m)
+    v -= m @ v / m.sum()
+    mean = float(m @ (v * v)) / len(m)
+    v *= math.sqrt(_check.number("temperature", temperature, at_least=0.0) / mean) if mean > 0.0 else 0.0
+    return Scene(m, r, gap, v, ring=True)
+
+
+def heated_gas(
+    n: int = 50, length: float = 50.0, packing: float = 0.1, lower: float = 2.0, upper: float | None = None,
+    gravity: float = 0.0, mass: float = 1.0, dimer: float = 1.0, seed: int = 1,
+) -> Scene:
+    """Gas of balls between two walls of different temperatures, or a column of them above a hot floor.
+
+    Between walls of T1 and T2 hard elastic balls of equal masses m carry the heat flow n (T1 - T2) / (√(πm/2)
+    (T1^-½ + T2^-½)), n = N over the free length, and have the temperature √(T1 T2) everywhere, whatever N. Points above
+    a floor of T have their mass centre at the mean height T/(mg).
+
+    Parameters
+    ----------
+    n : int
+        Number N of balls.
+    length : float
+        Length of the line in m; of an open column it only says how large the balls are.
+    packing : float
+        Share of the length that the balls' diameters fill, in [0, 1); 0 gives point particles.
+    lower : float
+        T1 = k_B T in J of the floor.
+    upper : float, optional
+        T2 of the ceiling in J (default: half of `lower`; no ceiling under gravity).
+    gravity : float
+        g in m/s².
+    mass : float
+        Mass of the first ball in kg.
+    dimer : float
+        Mass of every second ball relative to its neighbours; the radii follow as m^(1/3).
+    seed : int
+        Seed of the random numbers, of places, velocities and walls.
+    """
+    g = _check.number("gravity", gravity, at_least=0.0, fix="gravity pulls down, its sign is built in")
+    open_above = upper is None and g > 0.0
+    floor = Thermal(_check.number("lower", lower, above=0.0, fix="k_B T in J"), seed)
+    hot = floor.temperature
+    cold = 0.5 * hot if upper is None else _check.number("upper", upper, above=0.0, fix="k_B T in J")
+    pattern = np.ones(_check.whole("n", n, at_least=1))
+    pattern[1::2] = _check.number("dimer", dimer, above=0.0)
+    random, m, r, gap = _places(pattern, length, packing, mass, 1.0, seed, spaces=1)
+    if open_above:
+        above = np.cumsum(m[::-1])[::-1]
+        gap = hot / (g * above) * random.standard_exponential(len(m))
+        v = math.sqrt(hot) / np.sqrt(m) * random.standard_normal(len(m))
+        return Scene([math.inf, *m], [0.0, *r], gap, [0.0, *v], g, floor=floor)
+    v = math.sqrt(math.sqrt(hot * cold)) / np.sqrt(m) * random.standard_normal(len(m))
+    return Scene([math.inf, *m, math.inf], [0.0, *r, 0.0], gap, [0.0, *v, 0.0], g, floor=floor,
+                 ceiling=Thermal(cold, seed))  # fmt: skip
+
+
+def _places(
+    pattern: Array, length: float, packing: float, mass: float, mass_spread: float, seed: int, *, spaces: int
+) -> tuple[np.random.Generator, Array, Array, Array]:
+    """Random numbers for what follows, masses and radii of balls whose masses are mass · `pattern` but for the spread,
+    and as many gaps and `spaces` more."""
+    count = len(pattern)
+    line = _check.number("length", length, above=0.0)
+    filled = _check.number("packing", packing, at_least=0.0)
+    if filled >= 1.0:
+        raise ValueError(f"packing is {packing!r}: a share of the length below 1 is needed.")
+    random = np.random.default_rng(_check.whole("seed", seed))
+    spread = math.log(_check.number("mass_spread", mass_spread, at_least=1.0))
+    m = _check.number("mass", mass, above=0.0) * np.exp(spread * random.uniform(-0.5, 0.5, count)) * pattern
+    r = np.cbrt(m)
+    r *= 0.5 * filled * line / r.sum()
+    share = random.standard_exponential(count + spaces)  # spacings of ordered uniform points, without cancellation
+    return random, m, r, (1.0 - filled) * line * share / share.sum()
+
+
+def _unit_speeds(random: np.random.Generator, speeds: str, n: int) -> Array:
+    """Random velocities of mean 0 and variance 1."""
+    draw: dict[str, Callable[[], Array]] = {
+        "maxwell": lambda: random.standard_normal(n),
+        "uniform": lambda: random.uniform(-math.sqrt(3.0), math.sqrt(3.0), n),
+        "two": lambda: random.choice([-1.0, 1.0], n),
+    }
+    return draw[_check.choice("speeds", speeds, tuple(draw))]()

@@ -1,0 +1,202 @@
+"""Rows of balls, struck, pressed together or hanging side by side.
+May be skipped: ready-made scenes, to be looked up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from granular import _check
+from granular._check import Array
+from granular.laws.kinds import resolved
+from granular.laws.statics import overlap_under
+from granular.scene import Scene, in_order
+from granular.scenes.sizes import gaps_of, geometric, mass_of, radius_of
+
+
+def newtons_cradle(
+    n: int = 5, moving: int = 1, gap: float | Sequence[float] = 0.0, speed: float = 1.0, mass: float = 1.0,
+    density: float = 7800.0,
+) -> Scene:
+    """Newton's cradle: equal balls in a row, some of which arrive from the left; no gravity along the row.
+
+    Parameters
+    ----------
+    n : int
+        Number of balls, at least 2.
+    moving : int
+        How many of them arrive, fewer than `n`.
+    gap : float or floats
+        Distances between the surfaces in m: one, or n-1 left to right. 0 means balls that touch: then the outcome of
+        hard spheres depends on the rule for simultaneous contacts (``ties``).
+    speed : float
+        Speed of the arriving balls in m/s.
+    mass : float
+        Mass of a ball in kg.
+    density : float
+        Density in kg/m³ (steel), from which the radius follows.
+    """
+    count = _check.whole("n", n, at_least=2)
+    arriving = _check.whole("moving", moving, at_least=1, at_most=count - 1, fix="at least one ball waits at rest")
+    return _in_a_row(np.full(count, _check.number("mass", mass, above=0.0)), arriving, speed, gap, density)
+
+
+def pendulum_cradle(
+    n: int = 5, moving: int = 1, amplitude: float = 0.05, rest_gap: float | Sequence[float] = 0.0, length: float = 1.0,
+    mass: float = 1.0, density: float = 7800.0, gravity: float = 9.81,
+) -> Scene:
+    """Newton's cradle on its strings: equal balls that hang side by side, some of which are pulled aside and let go.
+
+    Each is a pendulum of Ω² = g/l, for small angles. Whatever the restitution ε < 1, hard balls come to swing together,
+    with 1/N of the energy if one of N was pulled aside; soft ones lose less on the way.
+
+    Parameters
+    ----------
+    n : int
+        Number of balls, at least 2.
+    moving : int
+        How many of them are pulled to the left, fewer than `n`.
+    amplitude : float
+        How far in m; little beside `length`.
+    rest_gap : float or floats
+        Distances between the surfaces at rest in m: one, or n-1 left to right. 0 means balls that touch: then the
+        outcome of hard spheres depends on the rule for simultaneous contacts (``ties``).
+    length : float
+        Length l of the strings in m.
+    mass : float
+        Mass of a ball in kg.
+    density : float
+        Density in kg/m³ (steel), from which the radius follows.
+    gravity : float
+        g in m/s², across the row: it only makes the balls swing.
+    """
+    count = _check.whole("n", n, at_least=2)
+    aside = _check.whole("moving", moving, at_least=1, at_most=count - 1, fix="at least one ball waits at rest")
+    rest = gaps_of(rest_gap, count - 1, "rest_gap")
+    pulled, gap = _check.number("amplitude", amplitude, at_least=0.0, fix="to the left is built in"), rest.copy()
+    gap[aside - 1] += pulled
+    square = _check.number("gravity", gravity, above=0.0) / _check.number("length", length, above=0.0)
+    m = np.full(count, _check.number("mass", mass, above=0.0))
+    return Scene(m, radius_of(m, density), gap, np.zeros(count), origin=0.0 - pulled, pendulum=math.sqrt(square),
+                 rest_gap=rest)  # fmt: skip
+
+
+def chain(
+    n: int = 10, mass_ratio: float = 1.0, dimer: float = 1.0, striker: float | None = None, speed: float = 1.0,
+    gap: float | Sequence[float] = 0.0, mass: float = 1.0, density: float = 7800.0,
+) -> Scene:
+    """Chain of balls at rest, struck from the left: uniform, tapered, or of alternating masses.
+
+    Ball k has mass ``mass * mass_ratio**k``, times `dimer` for odd k; ball 0 is the striker.
+
+    Parameters
+    ----------
+    n : int
+        Number of balls including the striker, at least 2.
+    mass_ratio : float
+        m[k+1]/m[k]; below 1 the chain tapers towards its far end.
+    dimer : float
+        Mass of every second ball relative to its neighbours.
+    striker : float, optional
+        Mass of the striker in kg, in place of `mass`.
+    speed : float
+        Speed of the striker in m/s.
+    gap : float or floats
+        Distances between the surfaces in m: one, or n-1 left to right.
+    mass : float
+        Mass of ball 0 in kg, from which all others follow.
+    density : float
+        Density in kg/m³ (steel), from which the radii follow.
+    """
+    m = _check.number("mass", mass, above=0.0) * geometric(_check.whole("n", n, at_least=2), mass_ratio)
+    m[1::2] *= _check.number("dimer", dimer, above=0.0)
+    if striker is not None:
+        m[0] = _check.number("striker", striker, above=0.0)
+    return _in_a_row(m, 1, speed, gap, density)
+
+
+def compressed_chain(
+    n: int = 20, force: float = 20.0, *, law: Any, ends: str = "walls", dimer: float = 1.0,
+    striker: float | None = None, speed: float = 0.1, floor: Any = None, radius: float = 0.009525,
+    density: float = 8027.0,
+) -> Scene:
+    """Chain of balls at rest under a static force (granular crystal): each contact is as deep as the law says.
+
+    Small waves in it have the dispersion of `granular.waves`, with the stiffness of its contacts under that force.
+
+    Parameters
+    ----------
+    n : int
+        Number of balls, without a striker.
+    force : float
+        Force in N that every contact bears, not negative; at 0 the balls just touch.
+    law : force law, sequence of them, function of a pair, or None
+        Law of the contacts: one for all, one per pair left to right, or one made for each pair; None: the balls only
+        touch, as without a force.
+    ends : {"walls", "force", "forces"}
+        What holds the chain: two walls, a floor and a force on the last ball, or forces on both of its ends.
+    dimer : float
+        Mass of every second ball relative to its neighbours, of the same density.
+    striker : float, optional
+        Mass in kg of one more ball that arrives from the left and touches the first; for ends="forces".
+    speed : float
+        Speed of the striker in m/s.
+    floor : granular.walls.Sine, Piecewise or Motion, optional
+        How the floor moves; to the command type=Sine amplitude=1e-9 frequency=5000.
+    radius : float
+        Radius of the first ball in m.
+    density : float
+        Density in kg/m³ (steel).
+
+    Raises
+    ------
+    TypeError, ValueError
+        For misuse, such as a force that no overlap gives under that law.
+    """
+    count, load = _check.whole("n", n, at_least=1), _check.number("force", force, at_least=0.0, fix="it presses")
+    _check.choice("ends", ends, ("walls", "force", "forces"))
+    r = np.full(count, _check.number("radius", radius, above=0.0))
+    r[1::2] *= np.cbrt(_check.number("dimer", dimer, above=0.0))
+    force_on = np.zeros(count)
+    force_on[0] += load * (ends == "forces")
+    force_on[-1] -= load * (ends != "walls")
+    front, back = [WALL] * (ends != "forces"), [WALL] * (ends == "walls")
+    if striker is not None:
+        if front:
+            raise ValueError(f"striker is {striker!r}: a wall is in its way; ends='forces' is needed.")
+        front = [_striker(striker, speed, density)]
+    balls = zip(mass_of(r, density).tolist(), r.tolist(), [0.0] * count, force_on.tolist(), strict=True)
+    bodies = [*front, *balls, *back]
+    mass, radii, velocity, forces = zip(*bodies, strict=True)
+    scene = Scene(mass, radii, np.zeros(len(bodies) - 1), velocity, external_force=forces, floor=floor)
+    return scene if law is None else _pressed(scene, law, load, first=int(striker is not None))
+
+
+WALL = math.inf, 0.0, 0.0, 0.0
+"""Mass, radius, velocity, and force on it."""
+
+
+def _striker(mass: float, speed: float, density: float) -> tuple[float, float, float, float]:
+    """Mass, radius, velocity of a ball that arrives, and no force."""
+    m = _check.number("striker", mass, above=0.0)
+    return m, float(radius_of(np.array(m), density)), _check.number("speed", speed, above=0.0), 0.0
+
+
+def _pressed(scene: Scene, law: Any, load: float, first: int) -> Scene:
+    """Return `scene` with the overlaps, from the pair `first` on, at which contacts at rest bear `load`."""
+    if callable(law) and not hasattr(law, "force"):
+        law = [law(pair) for pair in scene.pairs]
+    laws = resolved(_check.per_pair("law", law, scene.n_pairs), scene)
+    gap = -laws.column(lambda one: overlap_under(one, load))
+    gap[:first] = 0.0
+    return in_order(scene.replace(gap=gap + 0.0))
+
+
+def _in_a_row(mass: Array, moving: int, speed: float, gap: float | Sequence[float], density: float) -> Scene:
+    """Balls of which the first few arrive with `speed` at the others, which are at rest."""
+    v = np.where(np.arange(len(mass)) < moving, _check.number("speed", speed, above=0.0), 0.0)
+    return in_order(Scene(mass, radius_of(mass, density), gaps_of(gap, len(mass) - 1), v))

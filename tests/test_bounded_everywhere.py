@@ -1,0 +1,121 @@
+"""Rings, thermal walls and pendula in every verb: command, library, file and sweep, saved runs, frontier, threshold."""
+
+import json
+import math
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+import granular as gr
+
+pytest.importorskip("xarray")
+pytest.importorskip("mpmath")
+pytestmark = pytest.mark.skipif(
+    find_spec("granular.edmd.hanging") is None or find_spec("granular.md.located.pendula") is None,
+    reason="hard spheres or located events do not know such scenes yet",
+)
+CASES = [
+    ("ring-gas", {"n": 4, "length": 4.0, "t_end": 4.0}),
+    ("heated-gas", {"n": 3, "length": 3.0, "t_end": 4.0}),
+    ("heated-gas", {"n": 3, "gravity": 4.0, "packing": 0.0, "t_end": 3.0}),
+    ("pendulum-cradle", {"n": 3, "rest_gap": 1e-3, "t_end": 2.0}),
+]
+EACH = pytest.mark.parametrize(("name", "options"), CASES)
+STIFF = {"stiffness": 1e5, "law": "LinearDashpot"}
+
+
+@EACH
+def test_all_fronts_give_the_same_numbers(name, options, granular, tmp_path):
+    options = options | STIFF
+    case = gr.cases.make(name, **options)
+    report = gr.compare(case.scene, case.law, case.rule, t_end=case.t_end)
+    assert len(report.soft.contacts) > 1
+    assert "nan" not in str(report)
+    said = json.loads(json.dumps(report.to_dict()))
+    gr.cases.save(case, tmp_path / "case.toml")
+    flags = " ".join(f"--{key.replace('_', '-')} {value}" for key, value in options.items())
+    for line in (f"{name} {flags}", "case.toml"):
+        assert granular(f"compare {line} --json out.json")[0] == 0
+        written = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+        for key in ("pairs", "verdict", "groups", "scene"):
+            assert written[key] == said[key], key
+    data = gr.sweep(tmp_path / "case.toml", {"restitution": [1.0 if case.scene.heated else 0.9]}, ["contacts", "v_rel"])
+    assert data["contacts"].shape == (1, case.scene.n_pairs)
+
+
+@EACH
+@pytest.mark.parametrize("engine", [gr.edmd, gr.md])
+def test_a_run_that_was_saved_goes_on_bit_for_bit(name, options, engine, tmp_path):
+    case = gr.cases.make(name, **options | STIFF)
+    touch, end = case.rule if engine is gr.edmd else case.law, case.t_end
+    whole, part = (engine.simulate(case.scene, touch, t_end=t) for t in (end, 0.4 * end))
+    part.save(tmp_path / "part.npz")
+    loaded = gr.Trajectory.load(tmp_path / "part.npz")
+    assert loaded.scene == case.scene
+    rest = engine.resume(loaded, t_end=end)
+    assert rest.velocity[-1].tolist() == whole.velocity[-1].tolist()
+    assert rest.gap[-1].tolist() == whole.gap[-1].tolist()
+    assert rest.position[-1] == pytest.approx(whole.position[-1], abs=1e-12)
+
+
+@EACH
+def test_both_engines_and_fixed_steps_tell_of_the_same_hits(name, options):
+    case = gr.cases.make(name, **options | {"stiffness": 1e7, "law": "LinearDashpot", "restitution": 1.0})
+    hard = case.simulate("edmd", t_end=0.5 * case.t_end)
+    soft = case.simulate("md", t_end=0.5 * case.t_end)
+    steps = gr.md.simulate(case.scene, case.law, t_end=0.5 * case.t_end, method="rk4", dt=2e-5, engine="plain")
+    assert hard.contacts["pair"].tolist() == soft.contacts["pair"].tolist() == steps.contacts["pair"].tolist()
+    np.testing.assert_allclose(soft.velocity[-1], steps.velocity[-1], rtol=0.0, atol=1e-3)
+    for one in (hard, soft):
+        account = one.account()
+        balance = account["energy"] - account["heat"].sum(axis=1) + account["dissipated"]
+        assert balance[-1] == pytest.approx(balance[0], abs=1e-11)
+        hits = one.contacts[np.isin(one.contacts["pair"], [c for c, w in ((0, one.scene.floor),) if w is not None])]
+        assert not hits["duration"].any()
+
+
+@EACH
+def test_up_to_which_stiffness_contacts_are_isolated(name, options):
+    found = gr.threshold(name, "stiffness", (1e2, 1e8), points=4, within=0.5, **options | {"law": "LinearDashpot"})
+    for value in found.values:
+        assert value.verdict in ("holds", "fails", "isolated")
+
+
+@pytest.mark.parametrize(("name", "options"), [
+    CASES[2], *(pytest.param(*case, marks=pytest.mark.soak) for case in (CASES[0], CASES[3]))])
+def test_the_frontier_knows_the_scene(name, options):
+    case = gr.cases.make(name, **options | STIFF)
+    methods = ["located", "dop853+events", "dop853"]
+    found = gr.frontier(case.scene, case.law, t_end=0.3 * case.t_end, methods=methods, repeats=1)
+    assert min(row.velocity_error for row in found.rows if row.method == "located") < 1e-12
+    assert ("dop853" in {row.method for row in found.rows}) is not case.scene.heated
+
+
+@EACH
+@pytest.mark.parametrize("engine", ["edmd", "md"])
+def test_a_recording_holds_the_whole_run(name, options, engine, granular, tmp_path):
+    flags = " ".join(f"--{key.replace('_', '-')} {value}" for key, value in options.items())
+    code, _, errors = granular(f"run {name} {flags} --engine {engine} --samples 9 --save run.npz")
+    assert (code, errors) == (0, "")
+    assert granular("view run.npz --output run.html")[0] == 0
+    assert (tmp_path / "run.html").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(("line", "sentence"), [
+    ("run ring-gas --gravity 1", "'--gravity' is no option of granular run ring-gas"),
+    ("run heated-gas --lower=-1", "lower is -1.0: a finite number above 0 is needed; k_B T in J"),
+    ("run pendulum-cradle --moving 7", "moving is 7: a whole number of at least 1 and at most 4 is needed"),
+])  # fmt: skip
+def test_bad_input_is_a_sentence(line, sentence, granular):
+    code, _, errors = granular(line)
+    assert code == 2
+    assert sentence in errors
+
+
+def test_a_run_without_an_end_is_refused():
+    for name, options in CASES:
+        case = gr.cases.make(name, **options)
+        with pytest.raises(ValueError, match=r"t_end is None: .* a run never comes to an end by itself"):
+            gr.md.simulate(case.scene, case.law)
+        assert math.isfinite(gr.cases.make(name).t_end)
