@@ -41,6 +41,7 @@ def scenes() -> dict[str, tuple[gr.Scene, float]]:
         "10 balls, shaken, condensed": (column(10, floor=shaken(3.0)), 0.8),
         "1 ball, floor at rest": (column(1), 1.0),
         "1 ball, shaken": (column(1, floor=shaken(20.0)), 0.9),
+        "1 ball, shaken, elastic": (column(1, floor=shaken(20.0)), 1.0),
         "1000 balls, floor at rest": (column(1000), 1.0),
         "1000 balls, shaken": (column(1000, floor=shaken(20.0)), 0.9998),
     }
