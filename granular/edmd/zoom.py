@@ -33,7 +33,7 @@ def zoom(
     done = 0
     while True:
         j, dt = soonest(run, near, pairs)
-        why = obstacle(run, near, pairs, j, dt)
+        why = obstacle(run, near, pairs, j, dt, walls)
         if why != GOES_ON or done == run.budget:
             return BUDGET if why == GOES_ON else why
         own, pair, lower, upper = near[j], pairs[j], bodies[j], bodies[j + 1]
@@ -73,12 +73,17 @@ def zoom(
 
 
 @kernel
-def obstacle(run: Record, near: Records, pairs: Records, j: int, dt: float) -> int:
-    """Return why the slice may not go on to the collision of pair `j` after `dt`, or `GOES_ON`."""
+def obstacle(run: Record, near: Records, pairs: Records, j: int, dt: float, walls: Walls) -> int:
+    """Return why the slice may not go on to the collision of pair `j` after `dt`, or `GOES_ON`.
+
+    A thermal wall is outside: what it does is no collision.
+    """
     if dt == math.inf:
         return QUIET
     n, c = len(near), run.first + j
     guard = (j == 0 and c > 0) or (j == n - 1 and c + 1 < run.pairs)
+    if walls is not None and pairs[j].heat >= 0:
+        guard = True
     together = run.order == GROUP and crowded(near, pairs, j, dt)
     if guard or together or not run.elapsed + dt < run.room:
         return OUTSIDE
