@@ -317,16 +317,16 @@ class Scene:
 
     @property
     def at_rest(self) -> Array:
-        """Where the bodies of pendula rest in m, shape (n,): body 0 at 0, or, if it is a wall, where it stands."""
-        start = self.origin if self.is_wall[0] else 0.0
-        return np.asarray(start + self.offsets(np.zeros(self.n_pairs) if self.rest_gap is None else self.rest_gap))
+        """Where the bodies of pendula rest in m, shape (n,): a wall where it stands; without one, body 0 at 0."""
+        rest = self.offsets(np.zeros(self.n_pairs) if self.rest_gap is None else self.rest_gap)
+        return rest if self._wall is None else rest + (self.position[self._wall] - rest[self._wall])
 
     @property
     def displacement(self) -> Array:
         """Displacements y of pendula in m, shape (n,), from where they rest; 0 of a wall."""
-        start = 0.0 if self.is_wall[0] else self.origin
-        off = self.gap - (0.0 if self.rest_gap is None else self.rest_gap)
-        return start + _summed(off[: self.n - 1])
+        off = _summed((self.gap - (0.0 if self.rest_gap is None else self.rest_gap))[: self.n - 1])
+        start = self.origin if self._wall is None else -off[self._wall]
+        return np.where(self.is_wall, 0.0, start + off)
 
     def _moved(self, elapsed: Any, start: float) -> tuple[Any, Any]:
         """How far the wall that is the anchor has moved in m beside its constant velocity, and how fast in m/s."""
@@ -407,8 +407,17 @@ def _refuse_together(scene: Scene, walls: Any) -> None:
     if hung and (scene.driven or scene.heated or bool(scene.velocity[walls].any())):
         raise ValueError(f"pendulum is {scene.pendulum!r}: beside pendula a wall must stand still; leave out floor, "
                          "ceiling and its velocity.")  # fmt: skip
+    if hung and scene.rest_gap is not None and walls[0] and walls[-1]:
+        room, rest = float(scene.gap.sum()), float(scene.rest_gap.sum())
+        if abs(room - rest) > 1e-12 * float(np.abs(scene.gap).sum() + rest):
+            raise ValueError(f"rest_gap adds up to {rest!r}: between two walls that do not move pendula at rest leave "
+                             f"the same room as the gaps, {room!r}; give rest_gap so.")  # fmt: skip
     if hung and not np.isfinite(scene.pendulum * scene.pendulum):
         raise ValueError(_check._sentence("pendulum", scene.pendulum, "a frequency whose square is finite is needed"))
+    for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True):
+        if heat is not None and scene.gap[c] < 0.0:
+            raise ValueError(f"gap[{c}] is {float(scene.gap[c])!r}: no ball can overlap a thermal wall, which acts at "
+                             "the touch; give a gap of at least 0.")  # fmt: skip
 
 
 def positions(scene: Scene, gap: Array, elapsed: Array, start: float = 0.0) -> Array:

@@ -47,14 +47,16 @@ def events(scene, eps, t_end, most, t0=0.0):
     around = sum(map(mp.mpf, scene.gap)) + 2 * sum(map(mp.mpf, scene.radius)) if scene.ring else mp.mpf(0)
     mass, radius = [mp.mpf(m) for m in scene.mass], [mp.mpf(r) for r in scene.radius]
     x, v = [mp.mpf(q) for q in scene.position], [mp.mpf(q) for q in scene.velocity]
+    walls = {i: Wall(scene, i, motion, t0) for i, motion in ((0, scene.floor), (n - 1, scene.ceiling))
+             if math.isinf(scene.mass[i])}  # fmt: skip
     for c in range(n - 1):  # positions of floats, when rounded, are not those of the gaps
         x[c + 1] = x[c] + mp.mpf(scene.gap[c]) + radius[c] + radius[c + 1]
         rest[c + 1] = rest[c] + radius[c] + radius[c + 1] + mp.mpf(0.0 if omega == 0 else scene.rest_gap[c])
+    if n - 1 in walls:
+        rest = [q + x[-1] - rest[-1] for q in rest]
     force = [0.0] * n if scene.external_force is None else scene.external_force
     fall = [mp.mpf(0) if mp.isinf(m) else mp.mpf(f) / m - mp.mpf(scene.gravity)
             for m, f in zip(mass, force, strict=True)]  # fmt: skip
-    walls = {i: Wall(scene, i, motion, t0) for i, motion in ((0, scene.floor), (n - 1, scene.ceiling))
-             if math.isinf(scene.mass[i])}  # fmt: skip
 
     def state(i, s):
         if i in walls:
@@ -73,8 +75,7 @@ def events(scene, eps, t_end, most, t0=0.0):
         pull = sum(sign * fall[i % n] for i, sign in ((c, 1), (c + 1, -1)))
         gap, rate = pair(c, mp.mpf(0))
         if omega > 0:
-            d = mp.mpf(scene.rest_gap[c])
-            driven = [max(omega * mp.hypot(omega * (gap - d), rate) - omega**2 * d, mp.mpf(10) ** -6)]
+            driven = [omega * mp.hypot(omega * (gap - mp.mpf(scene.rest_gap[c])), rate) + mp.mpf(10) ** -6]
             limit = min(limit, 7 / omega)
         if not any(driven):
             return closes(max(gap, mp.mpf(0)), rate, pull)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from granular._flight import rate_at_contact
-from granular._kernels import fitted, kernel, rare
+from granular._kernels import fitted, kernel, rare, replaced
 from granular._records import Record, Records
 from granular.edmd import motion
 from granular.edmd.motion import NOISE, REBASED, Walls
@@ -268,6 +268,5 @@ def general(function: Callable[..., Any]) -> Callable[..., Any]:
     mine = {name: globals()[name] for name in ("velocities", "carry", "rate_at", "rebase")}
     mine |= {name: getattr(riding, name) for name in ("rest", "wake", "release", "repull", "absorb", "is_closed")}
     mine |= {name: getattr(heating, name) for name in ("event", "predicted", "touches", "group")}
-    home = motion, collision, groups
-    known = {next(getattr(x, name) for x in home if hasattr(x, name)): twin for name, twin in mine.items()}
-    return known[function] if function in known else fitted(function, **mine, RESTING=-math.inf, book=account.book)
+    function = replaced(function, (motion, collision, groups), mine)
+    return fitted(function, RESTING=-math.inf, book=account.book)

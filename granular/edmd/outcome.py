@@ -70,8 +70,8 @@ def stats(run: Any, numbers: dict[str, Any]) -> dict[str, Any]:
     names += ["merge_below", "merged"] if numbers["merge_below"] > 0.0 else []
     counters: dict[str, Any] = {"engine": run.queue.name} | {name: numbers[name] for name in names}
     if run.scene.heated:
-        sums = (column(run.state.walls[0], name) for name in ("given", "given_low"))
-        counters["given"] = tuple(sum(sums).tolist())
+        given, low = (column(run.state.walls[0], name) for name in ("given", "given_low"))
+        counters["given"] = tuple((given + low).tolist())
     if verdict is not None:
         counters |= {"verdict": verdict.kind, "pairs": (verdict.first, verdict.last), "bound": verdict.bound}
     return counters

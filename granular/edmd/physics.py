@@ -20,6 +20,8 @@ from granular.scene import checked as a_scene
 Restitution = Callable[[int, float], float]
 OPTIONS = ("ties", "seed", "merge_below", "tc", "elastic_below")
 """Options that change the physics: a saved run holds them by these names."""
+TURN = 4.0
+"""The window of the clock where pendula swing, in units of 1/Ω."""
 SMALLEST, LARGEST = 1e-75, 1e75
 """Smallest speed and largest number in a scene: their squares, products and ratios are numbers."""
 
@@ -79,7 +81,8 @@ def _check_scene(scene: Any) -> None:
     _check.every("gap", scene.gap, scene.gap >= 0.0, "a gap must not be negative", fix)
     mass, gravity = np.where(scene.is_wall, 1.0, scene.mass), np.array([scene.gravity])
     sizes = ("mass", mass, 0.0), ("gap", scene.gap, 0.0), ("velocity", scene.velocity, SMALLEST), (
-        "gravity", gravity, SMALLEST)  # fmt: skip
+        "gravity", gravity, SMALLEST), ("pendulum", np.array([scene.pendulum]), SMALLEST), (
+        "rest_gap", np.zeros(1) if scene.rest_gap is None else scene.rest_gap, 0.0)  # fmt: skip
     for name, values, least in sizes:
         good = (values == 0.0) | ((np.abs(values) >= least) & (np.abs(values) <= LARGEST))
         _check.every(name, values, good, f"0 or a size from {least:g} to {LARGEST:g} is needed", "use other units")
@@ -118,18 +121,24 @@ def felt_gravity(scene: Scene) -> float:
 
 def scales(scene: Scene) -> tuple[float, float, float]:
     """Return the speed scale (m/s), the speed of falling through the mean gap, and the mean gap (m) of a scene."""
+    speed = float(np.abs(scene.across(scene.velocity)).max())
+    if scene.pendulum > 0.0:
+        fall = scene.pendulum * float(np.abs(np.subtract(scene.gap, scene.rest_gap)).max())
+        return max(speed, fall), fall, 0.0  # their clock goes by Ω alone
     length = float(np.mean(scene.gap)) or float(np.mean(scene.radius))
     fall = math.sqrt(2.0 * strongest(scene) * length)
     for path in map(walls.path_of, scene.motions):
         fall = fall if path is None else max(fall, path.speed)
     for heat, mass in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True):
         fall = fall if heat is None else max(fall, math.sqrt(heat.temperature / mass))
-    return max(float(np.abs(np.diff(scene.velocity)).max()), fall), fall, length
+    return max(speed, fall), fall, length
 
 
 def strongest(scene: Scene) -> float:
     """Return the largest acceleration (m/s²) of a ball in the frame of a run."""
     g = felt_gravity(scene)
+    if scene.pendulum > 0.0:
+        return scene.pendulum / TURN * scales(scene)[0]
     if scene.external_force is None:
         return g
     return float(np.abs(scene.external_force * scene.inverse_mass - np.where(scene.is_wall, 0.0, g)).max())

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from granular import _check
 from granular._kernels import no_compiler
 from granular._records import packed
@@ -19,6 +21,7 @@ from granular.edmd.ties import GROUP, ORDER
 from granular.edmd.tree_queue import TreeQueue, pays
 from granular.edmd.watch import Watch
 from granular.request import Request
+from granular.scene import velocities
 from granular.trajectory import Status
 from granular.until import Contact
 
@@ -91,7 +94,8 @@ class Run:
 
     def _compiled(self) -> type[TreeQueue]:
         self.may_compile = False
-        return blocks.BlockQueue if self.scene.n > blocks.LARGE and self.state.walls is None else TreeQueue
+        in_blocks = self.scene.n > blocks.LARGE and self.state.walls is None and not self.scene.endless
+        return blocks.BlockQueue if in_blocks else TreeQueue
 
     def _go_on_with(self, queue: type[SortedQueue]) -> None:
         """Go on with another queue. What is looked at closely, whose gaps in the state are old, stays as it is."""
@@ -215,6 +219,9 @@ class Run:
         velocity, gap = state.row(now)
         elapsed = float(state.elapsed(now))
         ledger = sides.ledger(state, now) if self.scene.driven or self.scene.heated else None
+        if state.hung:  # these are rates
+            velocity = velocities(self.scene, velocity[None], np.array([elapsed]), self.start)[0]
+            return Row(time, elapsed, gap, np.where(self.scene.is_wall, 0.0, velocity))
         return Row(time, elapsed, gap, velocity - self.fall * elapsed, ledger=ledger)
 
     def end(self, pause: Pause, seen: float) -> End:

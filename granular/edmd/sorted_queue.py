@@ -13,6 +13,7 @@ from granular._records import Record, Records, plain, twin
 from granular.edmd.collision import RESTING, ROW, SUSPICIOUS, event, rest
 from granular.edmd.driven import general
 from granular.edmd.groups import collide_as_one, group
+from granular.edmd.hanging import hangs
 from granular.edmd.motion import Walls, approaching, predicted, velocities
 from granular.edmd.physics import Physics, Restitution
 from granular.edmd.riding import leave
@@ -133,6 +134,8 @@ class SortedQueue:
         self.state, self.physics = state, physics
         if state.walls is not None:
             self.fit = general
+        elif physics.scene.pendulum > 0.0:
+            self.fit = hangs
         self.rebuild()
 
     def rows(self, n: int) -> Records:

@@ -13,7 +13,7 @@ import numpy as np
 
 from granular._check import Array
 from granular._records import Record, Records, column, copied, one, packed, plain
-from granular.edmd import account, sides
+from granular.edmd import account, hanging, sides
 from granular.edmd.driven import OF_BODY, OF_PAIR, synchronise
 from granular.edmd.motion import rebase
 from granular.edmd.physics import Physics, felt_gravity, scales, shares, strongest
@@ -47,6 +47,7 @@ RUN = np.dtype(
         ("order", int), ("seed", int),  # of ties
         ("now", float), ("events", int), ("zoomed", int),  # tau of the last event; collisions, those in closer looks
         ("clamps", int), ("merged", int),  # gaps set to 0, collisions merged
+        ("closed", float),  # m, the sum of the gaps where it never changes, else 0
         ("edge", float), ("budget", int),  # until when to go now, and for how many events at most
         ("stop_pair", int), ("stop_hits", int),  # pause before this pair, which has collided so often, collides again
         ("slow", float), ("short", float),  # what looks like a collapse, m/s (< 0: nothing does) and s
@@ -75,8 +76,8 @@ CLOCK = np.dtype(
     ]
 )  # fmt: skip
 """Numbers that they do not."""
-DRIVEN_PAIR, DRIVEN_BODY = (np.dtype(plain_one.descr + more, align=True) for plain_one, more in (
-    (PAIR, OF_PAIR), (BODY, OF_BODY)))  # fmt: skip
+DRIVEN_PAIR, DRIVEN_BODY, HUNG_PAIR, HUNG_BODY = (np.dtype(plain_one.descr + more, align=True) for plain_one, more in (
+    (PAIR, OF_PAIR), (BODY, OF_BODY), (PAIR, hanging.OF_PAIR), (BODY, hanging.OF_BODY)))  # fmt: skip
 OF_PAIRS, OF_BODIES = ("gap", "at", "pull", "hits", "last", "streak"), ("u", "falls", "noise")
 """What changes, by the names under which it is saved."""
 SAVED = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "now",
@@ -115,6 +116,8 @@ class State:
         scene, options, g = physics.scene, physics.options, felt_gravity(physics.scene)
         walls = sides.walls(physics.scene, t_start) if physics.general else None
         of_pair, of_body = (PAIR, BODY) if walls is None else (DRIVEN_PAIR, DRIVEN_BODY)
+        if scene.pendulum > 0.0:
+            of_pair, of_body = HUNG_PAIR, HUNG_BODY
         pairs, bodies = np.zeros(scene.n_pairs, of_pair), np.zeros(scene.n, of_body)
         bodies["u"], bodies["falls"], bodies["mass"] = scene.velocity, ~scene.is_wall, scene.mass
         pairs["gap"], pairs["eps"], pairs["last"] = scene.gap, physics.eps, -math.inf
@@ -122,6 +125,7 @@ class State:
         pairs["low"], pairs["high"] = shares(scene)
         speed, fall, length = scales(scene)
         strength, remedied = strongest(scene), any(options[x] > 0.0 for x in ("tc", "elastic_below", "merge_below"))
+        never = scene.driven or scene.pendulum > 0.0
         window = span(length, speed, strength)
         state = cls(plain(np.zeros(1, RUN))[0], plain(np.zeros(1, CLOCK))[0], pairs, bodies, None, walls)
         state.set(
@@ -129,11 +133,14 @@ class State:
             merge_below=options["merge_below"], order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
             start=t_start, epoch=t_start, strength=strength, length=length, window=window, fall=fall,
             short=math.ldexp(window, -30), stop_pair=NEVER, suspect=-1, allowance=20_000,
-            slow=-1.0 if remedied or scene.driven or physics.eps.min() == 1.0 else 0.0,  # no collapse is possible
+            slow=-1.0 if remedied or never or physics.eps.min() == 1.0 else 0.0,  # no collapse is possible
         )  # fmt: skip
         state.scale(speed)
         if walls is not None:
             sides.begin(state, scene)
+        if scene.pendulum > 0.0:
+            hanging.begin(pairs, bodies, scene)
+            state.run.closed = float(scene.gap.sum()) if scene.is_wall[[0, -1]].all() else 0.0
         return state
 
     @classmethod
@@ -164,6 +171,11 @@ class State:
             state.near = np.zeros(len(saved["zoom_gap"]), NEAR)
             state.near["gap"], state.near["rate"] = saved["zoom_gap"], saved["zoom_rate"]
         return state
+
+    @property
+    def hung(self) -> bool:
+        """Whether the balls are pendula."""
+        return hasattr(self.pairs[0], "rate") if isinstance(self.pairs, list) else "rate" in self.pairs.dtype.fields
 
     def set(self, **numbers: Any) -> None:
         """Set numbers of the run."""
@@ -249,7 +261,9 @@ class State:
             clock.window = max(clock.window, span(clock.length, clock.speed, clock.strength))
 
     def row(self, tau: float) -> tuple[Array, Array]:
-        """Return velocities in m/s, and gaps in m, never negative, at `tau`; nothing moves."""
+        """Return velocities in m/s (of pendula, rates), and gaps in m, never negative, at `tau`; nothing moves."""
+        if self.hung:
+            return hanging.row(self.pairs, tau)
         g, velocity = float(self.run["gravity"]), np.array(column(self.bodies, "u"))
         gap = gaps(self.pairs, velocity, tau)
         if g > 0.0:
@@ -260,6 +274,8 @@ class State:
 
     def _changing(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return the names of what changes, of pairs and of bodies."""
+        if self.hung:
+            return (*OF_PAIRS, "rate"), (*OF_BODIES, "sway")
         return (OF_PAIRS, OF_BODIES) if self.walls is None else ((*OF_PAIRS, "wall", "shut"), (*OF_BODIES, "push"))
 
     def _check(self) -> None:
