@@ -16,6 +16,7 @@ from granular._kernels import kernel, rare
 from granular._records import Record
 from granular.edmd.driven import place
 from granular.edmd.motion import Walls, impulse
+from granular.edmd.sums import add
 
 SUMS = ("work", "work_low", "lost", "lost_low", "heat", "heat_low", "given", "given_low")
 """What is saved of an account."""
@@ -44,13 +45,6 @@ def enter(lower: Record, upper: Record, exchanged: float, lost: float, walls: Wa
 def work(side: Record, done: float) -> None:
     """Add work (J) to that of a wall."""
     side.work, side.work_low = add(side.work, side.work_low, done)
-
-
-@kernel
-def add(total: float, low: float, more: float) -> tuple[float, float]:
-    """Return a sum and what its rounding has left, with one more summand (Neumaier, 1974)."""
-    new = total + more
-    return new, low + ((total - new) + more if abs(total) >= abs(more) else (more - new) + total)
 
 
 @rare

@@ -23,10 +23,10 @@ from granular._flight import hung, hung_after, hung_rate_at_contact
 from granular._kernels import kernel, rare, replaced
 from granular._records import Record, Records, column
 from granular.edmd import collision, motion
-from granular.edmd.account import add
 from granular.edmd.collision import remedied, total
 from granular.edmd.motion import Walls, impulse
 from granular.edmd.physics import Restitution
+from granular.edmd.sums import add, reimpose
 
 OF_PAIR = [("rate", float), ("rest", float), ("omega", float)]
 """Fields of a pair: its rate (m/s) at the time `at`, its gap where both rest (m), and Ω (rad/s)."""
@@ -163,18 +163,15 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
 
     Between two walls the sum of the gaps is fixed: the largest gets what rounding has taken from it, and of the rates.
     """
-    widest, gaps, gaps_low, rates, rates_low = 0, 0.0, 0.0, 0.0, 0.0
+    total, low = 0.0, 0.0
     for c in range(len(pairs)):
         pair = pairs[c]
         run.clamps += carry(pair, bodies[c], bodies[c + 1], shift, walls)
         pair.at = 0.0
         pair.last -= shift
-        gaps, gaps_low = add(gaps, gaps_low, pair.gap)
-        rates, rates_low = add(rates, rates_low, pair.rate)
-        widest = c if pair.gap > pairs[widest].gap else widest
+        total, low = add(total, low, pair.rate)
     if run.closed > 0.0:
-        pairs[widest].gap += (run.closed - gaps) - gaps_low
-        pairs[widest].rate -= rates + rates_low
+        pairs[reimpose(run, pairs)].rate -= total + low
     for i in range(len(bodies)):
         body = bodies[i]
         cosine, sine = math.cos(body.omega * shift), math.sin(body.omega * shift)

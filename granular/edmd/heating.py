@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from granular._kernels import kernel, rare, specialised
 from granular._records import Record, Records
-from granular.edmd.account import add, enter
+from granular.edmd.account import enter
 from granular.edmd.driven import meets
 from granular.edmd.driven import predicted as predicted_driven
 from granular.edmd.driven import touches as touches_driven
@@ -19,6 +19,7 @@ from granular.edmd.motion import NOISE, Walls, impulse, velocities
 from granular.edmd.physics import Restitution
 from granular.edmd.riding import event as event_driven
 from granular.edmd.riding import wake
+from granular.edmd.sums import add
 from granular.walls.thermal import drawn
 
 

@@ -71,6 +71,8 @@ def checked(scene: Any, rule: Any, *, collapse: Any, merge_below: float | None, 
     physics = Physics(scene, given, options | {"merge_below": below})
     if physics.eps.max() == 0.0:
         physics.options["merge_below"] = math.inf
+    if scene.ring and ORDER[options["ties"]] == GROUP:
+        raise ValueError(f"ties is {options['ties']!r}: on a ring groups are not solved as a whole; use ties='left'.")
     _check_together(physics.eps, physics.options)
     return physics
 
@@ -86,6 +88,11 @@ def _check_scene(scene: Any) -> None:
     for name, values, least in sizes:
         good = (values == 0.0) | ((np.abs(values) >= least) & (np.abs(values) <= LARGEST))
         _check.every(name, values, good, f"0 or a size from {least:g} to {LARGEST:g} is needed", "use other units")
+    if scene.ring and scene.external_force is not None:
+        raise ValueError("ring is True: hard spheres on a ring take no external_force, which would press them together "
+                         "in mid-air; use granular.md.")  # fmt: skip
+    if scene.ring and not scene.gap.any():
+        raise ValueError("gap is 0 for all pairs: on a ring there must be room to move; give some gaps.")
     for heat, ball in zip(scene.heat, (1, scene.n - 2), strict=True):
         if heat is not None and not SMALLEST <= math.sqrt(heat.temperature / scene.mass[ball]) <= LARGEST:
             raise ValueError(f"temperature is {heat.temperature!r}, mass[{ball}] {float(scene.mass[ball])!r}: a speed "
@@ -123,7 +130,8 @@ def scales(scene: Scene) -> tuple[float, float, float]:
     """Return the speed scale (m/s), the speed of falling through the mean gap, and the mean gap (m) of a scene."""
     speed = float(np.abs(scene.across(scene.velocity)).max())
     if scene.pendulum > 0.0:
-        fall = scene.pendulum * float(np.abs(np.subtract(scene.gap, scene.rest_gap)).max())
+        rest: Any = scene.rest_gap
+        fall = scene.pendulum * float(np.abs(scene.gap - rest).max())
         return max(speed, fall), fall, 0.0  # their clock goes by Ω alone
     length = float(np.mean(scene.gap)) or float(np.mean(scene.radius))
     fall = math.sqrt(2.0 * strongest(scene) * length)

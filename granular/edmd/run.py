@@ -89,6 +89,7 @@ class Run:
         self.verdict: collapse.Verdict | None = None
         self.settled: list[Rows] = []
         self.fall = self.scene.gravity - float(state.run.gravity)  # m/s², with which the frame of the run falls
+        self.drift = float(self.scene.anchor_velocity(0.0)) if state.ring else 0.0  # m/s, of the frame on a ring
         self.closing = Closing(self.scene, self.start)
         self.horizon = self.closing.horizon  # s: no room for balls later
 
@@ -190,8 +191,8 @@ class Run:
                 self.watch.take(rows, tau, self.state, self.queue)
             if not self.request.rows:
                 continue
-            if self.fall > 0.0:
-                fallen = self.fall * self.state.elapsed(tau)
+            if self.fall > 0.0 or self.drift != 0.0:
+                fallen = self.fall * self.state.elapsed(tau) - self.drift
                 for name in ("lower_in", "upper_in", "lower_out", "upper_out"):
                     rows[name] -= fallen
             self.settled.append(rows)
@@ -222,7 +223,9 @@ class Run:
         if state.hung:  # these are rates
             velocity = velocities(self.scene, velocity[None], np.array([elapsed]), self.start)[0]
             return Row(time, elapsed, gap, np.where(self.scene.is_wall, 0.0, velocity))
-        return Row(time, elapsed, gap, velocity - self.fall * elapsed, ledger=ledger)
+        if state.ring and time == self.start and state.run["events"] == 0:
+            return Row(time, elapsed, gap, self.scene.velocity)
+        return Row(time, elapsed, gap, velocity - (self.fall * elapsed - self.drift), ledger=ledger)
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended, with all that is needed to go on."""

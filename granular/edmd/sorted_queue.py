@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from sortedcontainers import SortedList
@@ -17,6 +18,7 @@ from granular.edmd.hanging import hangs
 from granular.edmd.motion import Walls, approaching, predicted, velocities
 from granular.edmd.physics import Physics, Restitution
 from granular.edmd.riding import leave
+from granular.edmd.ring import closes
 from granular.edmd.state import APART, BUDGET, LATER, SUSPECT, TOUCHING, UNTIL, State
 from granular.edmd.ties import GROUP, MASK, RANDOM, rank
 
@@ -108,6 +110,22 @@ def refresh(
             c += 1
 
 
+@kernel
+def refresh_around(
+    run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int, walls: Walls
+) -> None:
+    """Predict pairs `first` … `last` of a ring anew, and what is beside them across the seam."""
+    end = len(pairs) - 1
+    refresh_on_line(run, pairs, bodies, queue, first, last, walls)
+    if first == 0 and last < end:
+        refresh_on_line(run, pairs, bodies, queue, end, end, walls)
+    elif last == end and first > 0:
+        refresh_on_line(run, pairs, bodies, queue, 0, 0, walls)
+
+
+refresh_on_line = refresh
+
+
 class SortedQueue:
     """Advance a `State` event by event.
 
@@ -124,7 +142,7 @@ class SortedQueue:
     """Events after which control comes back: so many rows of the log are made at a time."""
     kernel: Callable[[Any], Any] = staticmethod(lambda function: function)
     hold: Callable[[Records], Records] = staticmethod(plain)
-    loop, predict = staticmethod(loop), staticmethod(refresh)
+    loop, predict, predict_around = staticmethod(loop), staticmethod(refresh), staticmethod(refresh_around)
     queue: Any = None
     fit: Callable[[Any], Any] = staticmethod(lambda function: function)
     """Makes kernels fit the scene."""
@@ -136,6 +154,8 @@ class SortedQueue:
             self.fit = general
         elif physics.scene.pendulum > 0.0:
             self.fit = hangs
+        elif state.ring:
+            self.predict, self.fit = self.predict_around, partial(closes, refresh=self.predict_around)
         self.rebuild()
 
     def rows(self, n: int) -> Records:
@@ -151,13 +171,16 @@ class SortedQueue:
         self.refresh(0, len(entry) - 1)
 
     def refresh(self, first: int, last: int) -> None:
-        """Predict pairs `first` … `last` anew."""
-        s = self.state
-        self.kernel(self.fit(self.predict))(s.run, s.pairs, s.bodies, self.queue, first, last, s.walls)
+        """Predict pairs `first` … `last` anew, counted round."""
+        s, n = self.state, len(self.state.pairs)
+        for low, high in ((first, min(last, n - 1)), (0, last - n)):
+            if low <= high:
+                self.kernel(self.fit(self.predict))(s.run, s.pairs, s.bodies, self.queue, low, high, s.walls)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
-        """Return the time of the next event of any pair outside `first` … `last`."""
-        return float(next(time for time, key in self.queue[0] if not first <= (key & MASK) <= last))
+        """Return the time of the next event of any pair outside `first` … `last`, counted round."""
+        order, n = self.queue[0], len(self.state.pairs)
+        return float(next(time for time, key in order if not first <= (key & MASK) <= last and (key & MASK) > last - n))
 
     def apart(self) -> bool:
         """Return whether no pair approaches."""

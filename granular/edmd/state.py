@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array
-from granular._records import Record, Records, column, copied, one, packed, plain
+from granular._records import Record, Records, column, copied, one, packed, plain, taken
 from granular.edmd import account, hanging, sides
 from granular.edmd.driven import OF_BODY, OF_PAIR, synchronise
 from granular.edmd.motion import rebase
@@ -107,6 +107,8 @@ class State:
     pairs: Records
     bodies: Records
     near: Records | None = None
+    ring: bool = False
+    """Whether the last body is the first once more."""
     walls: Any = None
     """Of the floor and the ceiling, where forces act or walls are driven: records `SIDE`, and their panels."""
 
@@ -118,16 +120,20 @@ class State:
         of_pair, of_body = (PAIR, BODY) if walls is None else (DRIVEN_PAIR, DRIVEN_BODY)
         if scene.pendulum > 0.0:
             of_pair, of_body = HUNG_PAIR, HUNG_BODY
-        pairs, bodies = np.zeros(scene.n_pairs, of_pair), np.zeros(scene.n, of_body)
-        bodies["u"], bodies["falls"], bodies["mass"] = scene.velocity, ~scene.is_wall, scene.mass
+        pairs, bodies = np.zeros(scene.n_pairs, of_pair), np.zeros(scene.n_pairs + 1, of_body)
+        number = np.arange(len(bodies)) % scene.n
+        for name, value in (("u", scene.velocity), ("falls", ~scene.is_wall), ("mass", scene.mass)):
+            bodies[name] = value[number]
+        if scene.ring:
+            bodies["u"] -= scene.anchor_velocity(0.0)
         pairs["gap"], pairs["eps"], pairs["last"] = scene.gap, physics.eps, -math.inf
-        pairs["pull"] = g * scene.across(bodies["falls"])
+        pairs["pull"] = g * np.diff(bodies["falls"])
         pairs["low"], pairs["high"] = shares(scene)
         speed, fall, length = scales(scene)
         strength, remedied = strongest(scene), any(options[x] > 0.0 for x in ("tc", "elastic_below", "merge_below"))
         never = scene.driven or scene.pendulum > 0.0
         window = span(length, speed, strength)
-        state = cls(plain(np.zeros(1, RUN))[0], plain(np.zeros(1, CLOCK))[0], pairs, bodies, None, walls)
+        state = cls(plain(np.zeros(1, RUN))[0], plain(np.zeros(1, CLOCK))[0], pairs, bodies, None, scene.ring, walls)
         state.set(
             pairs=len(pairs), gravity=g, tc=options["tc"], elastic_below=options["elastic_below"],
             merge_below=options["merge_below"], order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
@@ -140,7 +146,8 @@ class State:
             sides.begin(state, scene)
         if scene.pendulum > 0.0:
             hanging.begin(pairs, bodies, scene)
-            state.run.closed = float(scene.gap.sum()) if scene.is_wall[[0, -1]].all() else 0.0
+        if scene.ring or (scene.pendulum > 0.0 and scene.is_wall[[0, -1]].all()):
+            state.run.closed = math.fsum(scene.gap.tolist())
         return state
 
     @classmethod
@@ -217,11 +224,24 @@ class State:
         return replace(self, pairs=copied(self.pairs), bodies=copied(self.bodies), walls=walls)
 
     def slices(self) -> tuple[Records, Records]:
-        """Return the records of the pairs that are looked at closely, and of their bodies."""
+        """Return the records of the pairs that are looked at closely, and of their bodies; on a ring perhaps copies."""
         assert self.near is not None
-        first = int(self.run.first)
+        first, n = int(self.run.first), len(self.pairs)
         end = first + len(self.near)
+        if self.ring:
+            return taken(self.pairs, np.arange(first, end) % n), taken(self.bodies, np.arange(first, end + 1) % n)
         return self.pairs[first:end], self.bodies[first : end + 1]
+
+    def put(self, pairs: Records, bodies: Records) -> None:
+        """Put `slices` that have changed back: those of a ring may be copies, and the first ball is the last."""
+        if not self.ring:
+            return
+        n, first = len(self.pairs), int(self.run.first)
+        if isinstance(self.pairs, np.ndarray):
+            self.pairs[np.arange(first, first + len(pairs)) % n] = pairs
+            self.bodies[np.arange(first, first + len(bodies)) % n] = bodies
+        (ball,), (twin,) = self.bodies[:1], self.bodies[n:]
+        twin["u"], twin["noise"] = ball["u"], ball["noise"]
 
     def scale(self, speed: float) -> None:
         """Set the scale of speeds (m/s), and with it, where one may come, what looks like part of a collapse."""
@@ -266,6 +286,7 @@ class State:
             return hanging.row(self.pairs, tau)
         g, velocity = float(self.run["gravity"]), np.array(column(self.bodies, "u"))
         gap = gaps(self.pairs, velocity, tau)
+        velocity = velocity[:-1] if self.ring else velocity
         if g > 0.0:
             velocity -= column(self.bodies, "falls") * (g * tau)
         if self.walls is not None:
@@ -291,6 +312,8 @@ class State:
             hit[np.isfinite(last)].all() and (last <= run.now).all() and pairs["hits"].sum() == run.events,
             not bodies["falls"][wall].any() and (bodies["noise"] >= 0.0).all(),
             self.walls is not None or not bodies["noise"][wall].any(),
+            not self.ring or abs(float(self.row(max(run.now, 0.0))[1].sum()) - run.closed) <= 1e-12 * run.closed,
+            not self.ring or bodies["u"][0] == bodies["u"][-1],
             math.frexp(clock.window)[0] == 0.5 and 0.0 <= clock.fall <= clock.speed,
         ]
         assert all(whole), whole

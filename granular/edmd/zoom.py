@@ -38,9 +38,9 @@ def zoom(
             return BUDGET if why == GOES_ON else why
         own, pair, lower, upper = near[j], pairs[j], bodies[j], bodies[j + 1]
         w = rate_at_contact(own.gap, own.rate, pair.pull)
-        e = pair.eps if rule is None else rule(run.first + j, -w)
+        e = pair.eps if rule is None else rule(number(run, j), -w)
         advance(run, near, pairs, dt)
-        run.suspect = run.first + j
+        run.suspect = number(run, j)
         if rows is not None:
             row, tau = rows[done], run.began + run.elapsed
             row.pair, row.t_begin = run.suspect, tau
@@ -80,8 +80,8 @@ def obstacle(run: Record, near: Records, pairs: Records, j: int, dt: float, wall
     """
     if dt == math.inf:
         return QUIET
-    n, c = len(near), run.first + j
-    guard = (j == 0 and c > 0) or (j == n - 1 and c + 1 < run.pairs)
+    n, c, ring = len(near), number(run, j), run.closed > 0.0
+    guard = n < run.pairs and ((j == 0 and (ring or c > 0)) or (j == n - 1 and (ring or c + 1 < run.pairs)))
     if walls is not None and pairs[j].heat >= 0:
         guard = True
     together = run.order == GROUP and crowded(near, pairs, j, dt)
@@ -112,9 +112,16 @@ def soonest(run: Record, near: Records, pairs: Records) -> tuple[int, float]:
 
 
 @kernel
+def number(run: Record, j: int) -> int:
+    """Return the number of pair `j` of the slice."""
+    c: int = run.first + j
+    return c if c < run.pairs else c - run.pairs
+
+
+@kernel
 def order(run: Record, pairs: Records, j: int) -> int:
     """Return the rank of pair `j` of the slice."""
-    return rank(run.first + j, run.order, run.seed, pairs[j].hits)
+    return rank(number(run, j), run.order, run.seed, pairs[j].hits)
 
 
 @kernel
@@ -208,9 +215,12 @@ def write_back(run: Record, near: Records, pairs: Records, bodies: Records) -> N
         pairs[j].streak = 0
     if run.looked == 0:
         return
-    from_below = run.first > 0 or bodies[0].mass == math.inf
-    free = not from_below and run.first + n == run.pairs and bodies[n].mass != math.inf
-    before = momentum(bodies) if free else 0.0
+    ring, top = run.closed > 0.0, n
+    from_below = n < run.pairs if ring else run.first > 0 or bodies[0].mass == math.inf
+    free = not from_below and (ring or (run.first + n == run.pairs and bodies[n].mass != math.inf))
+    if free and ring:
+        top = n - 1  # the last body is the first
+    before = momentum(bodies, top) if free else 0.0
     for j in range(n):
         pair = pairs[j]
         pair.gap, pair.at = near[j].gap, tau
@@ -222,15 +232,17 @@ def write_back(run: Record, near: Records, pairs: Records, bodies: Records) -> N
             bodies[j].u = bodies[j + 1].u - (near[j].rate + pairs[j].pull * tau)
             bodies[j].noise = 0.0
     if free:
-        shift = (before - momentum(bodies)) / total(bodies, 0, n)
-        for i in range(n + 1):
+        shift = (before - momentum(bodies, top)) / total(bodies, 0, top)
+        for i in range(top + 1):
             bodies[i].u += shift
+    if top < n:
+        bodies[n].u, bodies[n].noise = bodies[0].u, bodies[0].noise
 
 
 @kernel
-def momentum(bodies: Records) -> float:
-    """Return Σ m u over the bodies of the slice."""
+def momentum(bodies: Records, top: int) -> float:
+    """Return Σ m u over the bodies of the slice, up to `top`."""
     p = 0.0
-    for i in range(len(bodies)):
+    for i in range(top + 1):
         p += bodies[i].mass * bodies[i].u
     return p
