@@ -107,12 +107,12 @@ def gas(n, floor, ceiling, ratio=1.0, seed=1, gravity=0.0):
 def test_the_heat_flow_of_equal_masses_is_that_of_free_flight(n):
     """J = n (T1 - T2) / (√(πm/2) (T1^-½ + T2^-½)), whatever their number; the wall's force is n √(T1 T2)."""
     scene = gas(n, Thermal(2.0, 1), Thermal(1.0, 2))
-    result = run(scene, t_end=1.5e4, samples=41, max_events=10**8, engine="auto")
+    result = run(scene, t_end={1: 1.5e4, 16: 6e3}[n], samples=41, max_events=10**8, engine="auto")
     account, exact = result.account(), 1.0 / (math.sqrt(0.5 * math.pi) * (2.0**-0.5 + 1.0))
     assert exact == pytest.approx(0.4673899545102182, rel=1e-15)
     parts = np.diff(account["heat"] @ [0.5, -0.5]) / np.diff(result.time)
     error = parts.std(ddof=1) / math.sqrt(len(parts))
-    assert error < 0.04 * exact
+    assert error < 0.06 * exact
     assert abs(parts.mean() - exact) < 3.0 * error
     assert np.array(result.stats["given"]) / result.time[-1] == pytest.approx([2.0**0.5] * 2, rel=3.0 * error / exact)
     assert remainder(result) < 1e-14
@@ -120,11 +120,11 @@ def test_the_heat_flow_of_equal_masses_is_that_of_free_flight(n):
 
 def test_a_gas_above_a_thermal_floor_is_barometric():
     """Time means of equal elastic points: ⟨x_cm⟩ = T/(mg), ⟨½mv²⟩ = T/2."""
-    result = run(gas(2, Thermal(2.0, 3), None, gravity=4.0), log=False, t_end=6e3, samples=3001)
+    result = run(gas(2, Thermal(2.0, 3), None, gravity=4.0), log=False, t_end=3.2e3, samples=1601)
     for value, exact in ((result.position[:, 1:], 0.5), (0.5 * result.velocity[:, 1:] ** 2, 1.0)):
         parts = value[1:].mean(axis=1).reshape(40, -1).mean(axis=1)
         error = parts.std(ddof=1) / math.sqrt(len(parts))
-        assert error < 0.03 * exact
+        assert error < 0.04 * exact
         assert abs(parts.mean() - exact) < 3.0 * error
 
 
@@ -310,7 +310,7 @@ def test_the_root_of_pendula_has_all_digits():
     """Against the smallest positive root in 50 digits of it, for gaps down to 1e-150 and rates of both signs."""
     rng = np.random.default_rng(5)
     with mp.workdps(200):
-        for _ in range(300):
+        for _ in range(200):
             gap = float(10.0 ** rng.uniform(*[(-150.0, 0.0), (-12.0, 1.0)][int(rng.integers(2))]))
             d = float(rng.choice([0.0, 10.0 ** rng.uniform(-6.0, 1.0)]))
             omega, rate = float(np.exp(rng.normal())), float(rng.normal())
@@ -424,7 +424,7 @@ def test_where_the_numbers_of_a_ring_begin_does_not_matter(n, eps, options):
     asked = options | {"t_end": 3.0, "max_events": 2500, "ties": "left", "watch": gr.LinearDashpot(1e5, 0.0)}
     one = run(scene, eps, **asked)
     last = int(one.contacts["pair"][-1])
-    for k in (last, (last + 1) % n, n // 3):
+    for k in (last, (last + 1) % n):
         other = run(turned(scene, k), eps, **asked)
         assert other.status is one.status
         log, more = one.contacts[:300], other.contacts[:300]
@@ -451,7 +451,7 @@ def test_balls_that_stick_end_as_one_row_on_a_ring():
 
 def test_haffs_law_on_the_ring_it_is_stated_for():
     """T = T0/(1 + t/τ)², 1/τ = n (1 - ε²) √(T0/(π m)), of nearly elastic points whose speeds are Maxwellian."""
-    rng, n, eps = np.random.default_rng(4), 300, 0.999
+    rng, n, eps = np.random.default_rng(4), 200, 0.998
     velocity = rng.normal(size=n)
     velocity -= velocity.mean()
     velocity /= velocity.std()

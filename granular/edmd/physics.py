@@ -20,8 +20,9 @@ from granular.scene import checked as a_scene
 Restitution = Callable[[int, float], float]
 OPTIONS = ("ties", "seed", "merge_below", "tc", "elastic_below")
 """Options that change the physics: a saved run holds them by these names."""
-TURN = 4.0
-"""The window of the clock where pendula swing, in units of 1/Ω."""
+TURN, SHARE = 4.0, 0.25
+"""The window of the clock where pendula swing, in units of 1/Ω; where two walls hold the sum of their gaps, it is no
+longer than on a line of this share of their gaps: what rounding leaves in that sum acts at every bounce."""
 SMALLEST, LARGEST = 1e-75, 1e75
 """Smallest speed and largest number in a scene: their squares, products and ratios are numbers."""
 
@@ -132,7 +133,8 @@ def scales(scene: Scene) -> tuple[float, float, float]:
     if scene.pendulum > 0.0:
         rest: Any = scene.rest_gap
         fall = scene.pendulum * float(np.abs(scene.gap - rest).max())
-        return max(speed, fall), fall, 0.0  # their clock goes by Ω alone
+        room = float(np.mean(scene.gap)) if scene.is_wall[[0, -1]].all() else 0.0  # else their clock goes by Ω alone
+        return max(speed, fall), fall, SHARE * room
     length = float(np.mean(scene.gap)) or float(np.mean(scene.radius))
     fall = math.sqrt(2.0 * strongest(scene) * length)
     for path in map(walls.path_of, scene.motions):
