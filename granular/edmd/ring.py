@@ -18,15 +18,16 @@ from granular.edmd import collision, motion, zoom
 from granular.edmd.collision import event as event_on_line
 from granular.edmd.collision import is_closed
 from granular.edmd.collision import remedied as remedied_on_line
-from granular.edmd.motion import REBASED, Walls, carry
+from granular.edmd.motion import Walls, carry
 from granular.edmd.motion import collide as collide_on_line
 from granular.edmd.motion import rebase as rebase_on_line
 from granular.edmd.physics import Restitution
 from granular.edmd.sums import add, reimpose
 from granular.edmd.zoom import bounce as bounce_on_line
 
-COMPARABLE = 2.0**-20
-"""Velocity of the centre of mass, in units of the largest, that is taken back."""
+COMPARABLE, UNCERTAIN = 2.0**-20, 2.0**-76
+"""Velocity of the centre of mass, in units of the largest, that is taken back; and noise, in units of its square, that
+a ball has at most."""
 
 
 @kernel
@@ -116,7 +117,8 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
     """Move all gaps to time `shift`, the new zero of time.
 
     Velocities are relative to the centre of mass, and so keep their digits however much slower the balls become: what
-    rounding has given it is taken back before it is comparable to them.
+    rounding has given it is taken back before it is comparable to them. What rounding has left in relative velocities
+    becomes less as they do, but noise, which balls have in common too, does not: so it is cut.
     """
     rebase_on_line(run, pairs, bodies, shift, walls)
     reimpose(run, pairs)
@@ -126,11 +128,10 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
         mass += bodies[i].mass
         fastest = max(fastest, abs(bodies[i].u))
     mean = (momentum + low) / mass
-    if abs(mean) <= COMPARABLE * fastest:
-        return
     for i in range(n):
-        bodies[i].u -= mean
-        bodies[i].noise += REBASED * (bodies[i].u * bodies[i].u)
+        if abs(mean) > COMPARABLE * fastest:
+            bodies[i].u -= mean
+        bodies[i].noise = min(bodies[i].noise, UNCERTAIN * (fastest * fastest))
     same(bodies[n], bodies[0])
 
 
