@@ -136,6 +136,19 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
 
 
 @kernel
+def number(run: Record, j: int) -> int:
+    """Return the number of pair `j` of a closer look, counted round."""
+    c: int = run.first + j
+    return c if c < run.pairs else c - run.pairs
+
+
+@kernel
+def guards(run: Record, n: int, j: int) -> bool:
+    """Return whether pair `j` of a closer look at `n` pairs has a neighbour outside."""
+    return n < run.pairs and (j == 0 or j == n - 1)
+
+
+@kernel
 def bounce(near: Records, pairs: Records, bodies: Records, j: int, w: float, e: float) -> None:
     """Let pair `j` of a closer look collide at rate `w`; the first and the last do if it sees the whole ring."""
     bounce_on_line(near, pairs, bodies, j, w, e)
@@ -151,5 +164,6 @@ def bounce(near: Records, pairs: Records, bodies: Records, j: int, w: float, e: 
 @cache
 def closes(function: Callable[..., Any], refresh: Callable[..., Any]) -> Callable[..., Any]:
     """Return the twin of a kernel for rings, of a queue that predicts pairs anew by `refresh`."""
-    mine = {name: globals()[name] for name in ("event", "collide", "remedied", "absorb", "rebase", "bounce")}
+    names = "event", "collide", "remedied", "absorb", "rebase", "bounce", "number", "guards"
+    mine = {name: globals()[name] for name in names}
     return fitted(replaced(function, (motion, collision, zoom), mine), refresh=refresh)

@@ -80,8 +80,8 @@ def obstacle(run: Record, near: Records, pairs: Records, j: int, dt: float, wall
     """
     if dt == math.inf:
         return QUIET
-    n, c, ring = len(near), number(run, j), run.closed > 0.0
-    guard = n < run.pairs and ((j == 0 and (ring or c > 0)) or (j == n - 1 and (ring or c + 1 < run.pairs)))
+    n, c = len(near), number(run, j)
+    guard = guards(run, n, j)
     if walls is not None and pairs[j].heat >= 0:
         guard = True
     together = run.order == GROUP and crowded(near, pairs, j, dt)
@@ -114,8 +114,14 @@ def soonest(run: Record, near: Records, pairs: Records) -> tuple[int, float]:
 @kernel
 def number(run: Record, j: int) -> int:
     """Return the number of pair `j` of the slice."""
-    c: int = run.first + j
-    return c if c < run.pairs else c - run.pairs
+    return run.first + j  # type: ignore[no-any-return]
+
+
+@kernel
+def guards(run: Record, n: int, j: int) -> bool:
+    """Return whether pair `j` of a slice of `n` has a neighbour outside."""
+    c = run.first + j
+    return (j == 0 and c > 0) or (j == n - 1 and c + 1 < run.pairs)
 
 
 @kernel
