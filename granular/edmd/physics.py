@@ -72,8 +72,6 @@ def checked(scene: Any, rule: Any, *, collapse: Any, merge_below: float | None, 
     physics = Physics(scene, given, options | {"merge_below": below})
     if physics.eps.max() == 0.0:
         physics.options["merge_below"] = math.inf
-    if scene.ring and ORDER[options["ties"]] == GROUP:
-        raise ValueError(f"ties is {options['ties']!r}: on a ring groups are not solved as a whole; use ties='left'.")
     _check_together(physics.eps, physics.options)
     return physics
 

@@ -9,21 +9,28 @@ pair are counted round. Velocities are relative to the centre of mass.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
+from granular._flight import gap_after
 from granular._kernels import fitted, kernel, rare, replaced
 from granular._records import Record, Records
 from granular.edmd import collision, motion, zoom
 from granular.edmd.collision import event as event_on_line
 from granular.edmd.collision import is_closed
 from granular.edmd.collision import remedied as remedied_on_line
-from granular.edmd.motion import Walls, carry
+from granular.edmd.groups import Fit
+from granular.edmd.groups import collide_as_one as collide_in_line
+from granular.edmd.motion import Walls, carry, touches
 from granular.edmd.motion import collide as collide_on_line
 from granular.edmd.motion import rebase as rebase_on_line
 from granular.edmd.physics import Restitution
+from granular.edmd.state import State
 from granular.edmd.sums import add, reimpose
 from granular.edmd.zoom import bounce as bounce_on_line
+from granular.edmd.zoom import crowded as crowded_on_line
 
 COMPARABLE, UNCERTAIN = 2.0**-20, 2.0**-76
 """Velocity of the centre of mass, in units of the largest, that is taken back; and noise, in units of its square, that
@@ -161,9 +168,58 @@ def bounce(near: Records, pairs: Records, bodies: Records, j: int, w: float, e: 
         same(bodies[0], bodies[end + 1])
 
 
+@kernel
+def crowded(near: Records, pairs: Records, j: int, dt: float) -> bool:
+    """Return whether a neighbour of pair `j` of a closer look touches after `dt`."""
+    end = len(near) - 1
+    if j == 0 or j == end:
+        other = near[end - j]
+        if gap_after(other.gap, other.rate, 0.0, dt) <= 0.0:
+            return True
+    return crowded_on_line(near, pairs, j, dt)
+
+
+@rare
+@kernel
+def group(pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
+    """Return two numbers, which are different if a neighbour of pair `c` touches at time `now`."""
+    n = len(pairs)
+    below, above = (c - 1) % n, (c + 1) % n
+    if touches(pairs[below], bodies[below], bodies[below + 1], now, walls):
+        return c, c + 1
+    return c, c + touches(pairs[above], bodies[above], bodies[above + 1], now, walls)
+
+
+def collide_as_one(s: State, physics: Any, fit: Fit, log: list[Any] | None) -> tuple[int, int, int]:
+    """Let a touching group collide as a whole, on the line that begins behind the largest gap.
+
+    Returns what `granular.edmd.groups.collide_as_one` does.
+    """
+    run, n, rows = s.run, len(s.pairs), None if log is None else list[Any]()
+    widest = int(s.row(run.now)[1].argmax())
+    k = (widest + 1) % n
+    run.clamps += carry(s.pairs[widest], s.bodies[widest], s.bodies[widest + 1], run.now, None)
+    asked = run.suspect, run.stop_pair
+    run.suspect, run.stop_pair = ((c - k) % n if c >= 0 else c for c in asked)
+    rule = physics.rule and (lambda c, speed: physics.rule((c + k) % n, speed))
+    line = replace(s, pairs=s.pairs[k:] + s.pairs[:k], bodies=s.bodies[k:n] + s.bodies[: k + 1])
+    counted: Any = SimpleNamespace(rule=rule, options=physics.options)
+    why, first, last = collide_in_line(line, counted, fit, rows)
+    run.suspect, run.stop_pair = asked
+    same(s.bodies[n], s.bodies[0])
+    for chunk in rows or ():
+        for row in chunk:
+            row.pair = (row.pair + k) % n
+    if log is not None and rows:
+        log += rows
+    if first == 0 or last >= n - 2:  # the largest gap is beside them
+        return why, 0, n - 1
+    return why, (first + k) % n, (first + k) % n + last - first
+
+
 @cache
 def closes(function: Callable[..., Any], refresh: Callable[..., Any]) -> Callable[..., Any]:
     """Return the twin of a kernel for rings, of a queue that predicts pairs anew by `refresh`."""
-    names = "event", "collide", "remedied", "absorb", "rebase", "bounce", "number", "guards"
+    names = "event", "collide", "remedied", "absorb", "rebase", "bounce", "number", "guards", "crowded"
     mine = {name: globals()[name] for name in names}
-    return fitted(replaced(function, (motion, collision, zoom), mine), refresh=refresh)
+    return fitted(replaced(function, (motion, collision, zoom), mine), refresh=refresh, group=group)

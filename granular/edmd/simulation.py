@@ -129,7 +129,7 @@ def simulate(
     of each wall, and ``stats["given"]`` the momentum (N s) that both thermal walls gave the balls, away from them.
 
     On a ring velocities are kept relative to the centre of mass, so they have their digits however much slower the
-    balls become; the sum of the gaps is kept to rounding. Forces, and groups solved as a whole, are refused there.
+    balls become; the sum of the gaps is kept to rounding. Forces are refused there.
 
     Pendula are followed in gaps and rates, which between collisions turn with Ω. No collapse of theirs is judged: a
     sequence that would be infinite goes on until its speeds are below 1e-154 m/s, then the balls that touch go on

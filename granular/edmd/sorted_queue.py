@@ -11,6 +11,7 @@ from sortedcontainers import SortedList
 
 from granular._kernels import kernel
 from granular._records import Record, Records, plain, twin
+from granular.edmd import ring
 from granular.edmd.collision import RESTING, ROW, SUSPICIOUS, event, rest
 from granular.edmd.driven import general
 from granular.edmd.groups import collide_as_one, group
@@ -18,7 +19,6 @@ from granular.edmd.hanging import hangs
 from granular.edmd.motion import Walls, approaching, predicted, velocities
 from granular.edmd.physics import Physics, Restitution
 from granular.edmd.riding import leave
-from granular.edmd.ring import closes
 from granular.edmd.state import APART, BUDGET, LATER, SUSPECT, TOUCHING, UNTIL, State
 from granular.edmd.ties import GROUP, MASK, RANDOM, rank
 
@@ -155,7 +155,7 @@ class SortedQueue:
         elif physics.scene.pendulum > 0.0:
             self.fit = hangs
         elif state.ring:
-            self.predict, self.fit = self.predict_around, partial(closes, refresh=self.predict_around)
+            self.predict, self.fit = self.predict_around, partial(ring.closes, refresh=self.predict_around)
         self.rebuild()
 
     def rows(self, n: int) -> Records:
@@ -205,7 +205,8 @@ class SortedQueue:
                 log.append(rows[: run["events"] - begin].copy())
             if why != TOUCHING:
                 return why
-            why, first, last = collide_as_one(s, self.physics, self.fit, log)
+            together = ring.collide_as_one if s.ring else collide_as_one
+            why, first, last = together(s, self.physics, self.fit, log)
             self.refresh(first, last)
             if why == TOUCHING and run.stop_pair == APART and self.apart():
                 why = UNTIL
