@@ -80,6 +80,13 @@ def fitted(function: F, **instead: Any) -> F:
     return twin
 
 
+def replaced(function: F, homes: tuple[Any, ...], instead: dict[str, Any]) -> F:
+    """Return what stands for a kernel where others replace some of those of the modules `homes`, by their names: itself
+    one of them, or a twin as of `fitted`."""
+    known = {next(getattr(home, name) for home in homes if hasattr(home, name)): twin for name, twin in instead.items()}
+    return known[function] if function in known else fitted(function, **instead)
+
+
 @cache
 def _specialised(function: Any, instead: tuple[tuple[str, Any, str], ...]) -> Any:
     """Return the twin; what is replaced comes with its `repr`, for 1 and 1.0 are the same key and not the same code."""

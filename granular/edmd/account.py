@@ -1,4 +1,4 @@
-"""Where the energy of a driven run comes from and goes to: work of each wall, and what is dissipated.
+"""Where the energy of a driven run comes from and goes to: work and heat of each wall, and what is dissipated.
 May be skipped: sums of what collisions say.
 
 Each is added up by itself, with the rounding of its sum carried along. A wall does the work J·ẋ_w in a collision with
@@ -16,8 +16,9 @@ from granular._kernels import kernel, rare
 from granular._records import Record
 from granular.edmd.driven import place
 from granular.edmd.motion import Walls, impulse
+from granular.edmd.sums import add
 
-SUMS = ("work", "work_low", "lost", "lost_low")
+SUMS = ("work", "work_low", "lost", "lost_low", "heat", "heat_low", "given", "given_low")
 """What is saved of an account."""
 
 
@@ -37,17 +38,13 @@ def enter(lower: Record, upper: Record, exchanged: float, lost: float, walls: Wa
     if upper.falls == 0.0:
         work(walls[0][1], -exchanged * upper.u)
     side = walls[0][0]
-    total = side.lost + lost
-    side.lost_low += (side.lost - total) + lost if side.lost >= abs(lost) else (lost - total) + side.lost
-    side.lost = total
+    side.lost, side.lost_low = add(side.lost, side.lost_low, lost)
 
 
 @kernel
 def work(side: Record, done: float) -> None:
     """Add work (J) to that of a wall."""
-    total = side.work + done
-    side.work_low += (side.work - total) + done if abs(side.work) >= abs(done) else (done - total) + side.work
-    side.work = total
+    side.work, side.work_low = add(side.work, side.work_low, done)
 
 
 @rare
@@ -69,4 +66,5 @@ def ledger(run: Any, resting: list[tuple[Any, int]], walls: Walls, now: float) -
     for body, which in resting:
         x, v = place(walls, which, now)
         done[which] += body.mass * (0.5 * v * v + (run.gravity - body.own) * x)
-    return np.array([*done, 0.0, 0.0, sides[0].lost + sides[0].lost_low])
+    heat = [side.heat + side.heat_low for side in sides]
+    return np.array([*done, *heat, sides[0].lost + sides[0].lost_low])

@@ -58,8 +58,12 @@ class Verdict:
 
 def begin(state: State, queue: SortedQueue) -> None:
     """Look closely at the neighbourhood of the suspect, which has just collided, from now on."""
-    run, c = state.run, int(state.run.suspect)
-    first, end = max(0, c - REACH), min(len(state.pairs), c + REACH + 1)
+    run, c, n = state.run, int(state.run.suspect), len(state.pairs)
+    first, end = max(0, c - REACH), min(n, c + REACH + 1)
+    if state.ring:
+        whole = n <= 2 * REACH + 1  # then the largest gap is last, and no collapse reaches across it
+        first = (int(np.argmax(state.row(run.now)[1])) + 1 if whole else c - REACH) % n
+        end = first + min(n, 2 * REACH + 1)
     state.set(first=first, began=run.now, elapsed=0.0, looked=0, ordinary=0, clamped=0, faint=0)
     state.clock.zooms += 1
     if run.zoomed >= PATIENCE * (end - first) ** 2:
@@ -70,7 +74,7 @@ def begin(state: State, queue: SortedQueue) -> None:
     rate = (np.diff(u) - pull * at) - pull * (run.now - at)
     rounding = (pull == 0.0) & (rate < 0.0) & (rate * rate < noise[:-1] + noise[1:])
     near["gap"], near["rate"] = gaps(pairs, u, run.now), np.where(rounding, 0.0, rate)
-    near["rate"][c - first] = run.rebound
+    near["rate"][(c - first) % n] = run.rebound
     state.near = queue.hold(near)
 
 
@@ -83,7 +87,9 @@ def look(
     rows = None if log is None else queue.rows(budget)
     run.room = min(queue.soonest(run.first, run.first + len(near) - 1), state.clock.window) - run.began
     run.edge, run.budget = limit, budget if rows is None else len(rows)
-    end: int = queue.kernel(queue.fit(zoom))(run, near, *state.slices(), physics.rule, rows, state.walls)
+    slices = state.slices()
+    end: int = queue.kernel(queue.fit(zoom))(run, near, *slices, physics.rule, rows, state.walls)
+    state.put(*slices)
     run.now = run.began + run.elapsed
     if log is not None and rows is not None:
         log.append(rows[: run.events - seen])
@@ -122,7 +128,9 @@ def finish(state: State, queue: SortedQueue) -> None:
 
 def put_back(state: State, queue: SortedQueue) -> None:
     """Put gaps and velocities of the pairs looked at back into the state."""
-    queue.kernel(write_back)(state.run, state.near, *state.slices())
+    slices = state.slices()
+    queue.kernel(write_back)(state.run, state.near, *slices)
+    state.put(*slices)
 
 
 def bound(state: State, physics: Physics) -> Verdict | None:
@@ -153,7 +161,8 @@ def _is_alone(state: State, verdict: Verdict) -> bool:
     """Return whether no pair outside a run collides before it has had time for many collisions of its own."""
     columns = column(state.near, "gap"), column(state.near, "rate"), column(state.slices()[0], "pull")
     wait = list(map(time_to_contact, *(x.tolist() for x in columns)))
-    first, end = verdict.first - state.run.first, verdict.last + 1 - state.run.first
+    first, last = ((k - state.run.first) % len(state.pairs) for k in (verdict.first, verdict.last))
+    end = last + 1
     return min(wait[:first] + wait[end:], default=math.inf) > ALONE * min(wait[first:end])
 
 
@@ -165,7 +174,9 @@ def judged(state: State, physics: Physics, share: float = SLOW, collided: int | 
     run, gap, rate = state.run, column(state.near, "gap"), column(state.near, "rate")
     tiny = state.clock.speed * share
     slow = (np.abs(rate) < tiny) & (gap < tiny * state.clock.window)
-    low = high = j = int(run.suspect - run.first) if collided is None else collided
+    if state.walls is not None:
+        slow &= column(state.slices()[0], "heat") < 0
+    low = high = j = int(run.suspect - run.first) % len(state.pairs) if collided is None else collided
     while low > 0 and slow[low - 1]:
         low -= 1
     while high + 1 < len(slow) and slow[high + 1]:
@@ -180,7 +191,8 @@ def judged(state: State, physics: Physics, share: float = SLOW, collided: int | 
         speed = largest_speed_under_forces(bodies, gap[low:end], rate[low:end], run.gravity)
     if high == low + 1 and not pulled and physics.rule is None and alternates(pairs, rate[low], rate[high], j == low):
         kind = "proved"
-    return Verdict(kind, int(run.first) + low, int(run.first) + high, speed)
+    first, n = int(run.first), len(state.pairs)
+    return Verdict(kind, (first + low) % n, (first + high) % n, speed)
 
 
 def largest_speed(bodies: Records, gap: Array, rate: Array, gravity: float) -> float:

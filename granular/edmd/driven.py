@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from granular._flight import rate_at_contact
-from granular._kernels import fitted, kernel, rare
+from granular._kernels import fitted, kernel, rare, replaced
 from granular._records import Record, Records
 from granular.edmd import motion
 from granular.edmd.motion import NOISE, REBASED, Walls
@@ -36,14 +36,17 @@ SIDE = np.dtype(
         *((name, WALL[name]) for name in WALL.names or ()),
         ("epoch", float), ("low", float),  # s, the zero of times of the run
         ("work", float), ("work_low", float), ("lost", float), ("lost_low", float),  # J: done by it; of all, in side 0
+        ("temperature", float), ("seed", int),  # J, of a thermal wall; else 0
+        ("heat", float), ("heat_low", float), ("given", float), ("given_low", float),  # J and N s, given to balls
         ("lands", int), ("forces", int),  # of the scene: touching pairs come to rest by rounding; forces act
     ],
     align=True,
 )  # fmt: skip
 """What kernels know of the floor and of the ceiling, one record each; no panels: it moves at constant speed."""
-OF_PAIR = [("wall", int), ("shut", int), ("wait", float)]
+OF_PAIR = [("wall", int), ("shut", int), ("wait", float), ("heat", int)]
 """Fields of a pair: beside which driven wall it is (0 floor, 1 ceiling, 2 both, -1 neither); 0 open, 1 or 2 closed for
-as long as its bodies rest on the floor or the ceiling; the time (s) from `at` to its next hit."""
+as long as its bodies rest on the floor or the ceiling; the time (s) from `at` to its next hit; beside which thermal
+wall it is."""
 OF_BODY = [("push", float), ("own", float)]
 """Fields of a body, m/s²: acceleration by forces, and by its own force if nothing holds it."""
 FREE, FLOOR, CEILING = 0, 1, 2
@@ -259,12 +262,11 @@ def rounding(speed: float) -> float:
 
 @cache
 def general(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the twin of a kernel for scenes with forces or driven walls; most kernels are their own."""
-    from granular.edmd import account, collision, epoch, riding
+    """Return the twin of a kernel for scenes with forces, driven or thermal walls; most kernels are their own."""
+    from granular.edmd import account, collision, epoch, groups, heating, riding
 
-    mine = {name: globals()[name] for name in ("velocities", "predicted", "touches", "carry", "rate_at", "rebase")}
-    mine |= {name: getattr(riding, name) for name in ("event", "rest", "wake", "release", "repull", "absorb",
-                                                      "is_closed")}  # fmt: skip
-    known = {getattr(motion, name, None) or getattr(collision, name): twin for name, twin in mine.items()}
-    mine |= {"moves_on": epoch.moves_on}
-    return known[function] if function in known else fitted(function, **mine, RESTING=-math.inf, book=account.book)
+    mine = {name: globals()[name] for name in ("velocities", "carry", "rate_at", "rebase")}
+    mine |= {name: getattr(riding, name) for name in ("rest", "wake", "release", "repull", "absorb", "is_closed")}
+    mine |= {name: getattr(heating, name) for name in ("event", "predicted", "touches", "group")}
+    function = replaced(function, (motion, collision, groups), mine)
+    return fitted(function, moves_on=epoch.moves_on, RESTING=-math.inf, book=account.book)

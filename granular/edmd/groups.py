@@ -20,6 +20,7 @@ from typing import Any
 
 from granular._kernels import kernel, rare
 from granular._records import Records, twin
+from granular.edmd import hanging
 from granular.edmd.account import enter
 from granular.edmd.collision import ROW, release
 from granular.edmd.motion import NOISE, Walls, carry, predicted, touches, velocities
@@ -163,7 +164,11 @@ def collide_as_one(s: State, physics: Physics, fit: Fit, log: list[Any] | None) 
     if run.events + len(hit) > s.clock.last_event:
         return BUDGET, c, c
     before = _velocities(first, last, s, fit)
-    _apply(first, last, p, s)
+    if s.hung:
+        inverse_mass = [1.0 / body.mass for body in s.bodies[first : last + 2]]
+        hanging.strike(s, first, [_rate(k, s) for k in range(first, last + 1)], velocity_changes(inverse_mass, p))
+    else:
+        _apply(first, last, p, s)
     parted = _velocities(first, last, s, fit)
     if s.walls is not None:
         for k, x, closing, opening in zip(range(first, last + 1), p, pairwise(before), pairwise(parted), strict=True):
@@ -218,6 +223,8 @@ def _apply(first: int, last: int, p: Row, s: State) -> None:
 
 
 def _rate(c: int, s: State) -> float:
+    if s.hung:
+        return s.pairs[c].rate  # type: ignore[no-any-return]
     rate: float = (s.bodies[c + 1].u - s.bodies[c].u) - s.pairs[c].pull * s.run.now
     return rate
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from granular._records import column
 from granular.edmd import collapse
 from granular.trajectory import Status
 
@@ -68,6 +69,9 @@ def stats(run: Any, numbers: dict[str, Any]) -> dict[str, Any]:
     names = ["events", "clamps", "rebases", "zooms", "zoomed", "lost"]
     names += ["merge_below", "merged"] if numbers["merge_below"] > 0.0 else []
     counters: dict[str, Any] = {"engine": run.queue.name} | {name: numbers[name] for name in names}
+    if run.scene.heated:
+        given, low = (column(run.state.walls[0], name) for name in ("given", "given_low"))
+        counters["given"] = tuple((given + low).tolist())
     if verdict is not None:
         counters |= {"verdict": verdict.kind, "pairs": (verdict.first, verdict.last), "bound": verdict.bound}
     return counters

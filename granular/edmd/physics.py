@@ -20,6 +20,9 @@ from granular.scene import checked as a_scene
 Restitution = Callable[[int, float], float]
 OPTIONS = ("ties", "seed", "merge_below", "tc", "elastic_below")
 """Options that change the physics: a saved run holds them by these names."""
+TURN, SHARE = 4.0, 0.25
+"""The window of the clock where pendula swing, in units of 1/Ω; where two walls hold the sum of their gaps, it is no
+longer than on a line of this share of their gaps: what rounding leaves in that sum acts at every bounce."""
 SMALLEST, LARGEST = 1e-75, 1e75
 """Smallest speed and largest number in a scene: their squares, products and ratios are numbers."""
 
@@ -40,8 +43,8 @@ class Physics:
 
     @property
     def general(self) -> bool:
-        """Whether walls are driven or forces act."""
-        return self.scene.driven or self.scene.external_force is not None
+        """Whether walls are driven or thermal, or forces act."""
+        return self.scene.driven or self.scene.heated or self.scene.external_force is not None
 
     @cached_property
     def rule(self) -> Restitution | None:
@@ -79,10 +82,20 @@ def _check_scene(scene: Any) -> None:
     _check.every("gap", scene.gap, scene.gap >= 0.0, "a gap must not be negative", fix)
     mass, gravity = np.where(scene.is_wall, 1.0, scene.mass), np.array([scene.gravity])
     sizes = ("mass", mass, 0.0), ("gap", scene.gap, 0.0), ("velocity", scene.velocity, SMALLEST), (
-        "gravity", gravity, SMALLEST)  # fmt: skip
+        "gravity", gravity, SMALLEST), ("pendulum", np.array([scene.pendulum]), SMALLEST), (
+        "rest_gap", np.zeros(1) if scene.rest_gap is None else scene.rest_gap, 0.0)  # fmt: skip
     for name, values, least in sizes:
         good = (values == 0.0) | ((np.abs(values) >= least) & (np.abs(values) <= LARGEST))
         _check.every(name, values, good, f"0 or a size from {least:g} to {LARGEST:g} is needed", "use other units")
+    if scene.ring and scene.external_force is not None:
+        raise ValueError("ring is True: hard spheres on a ring take no external_force, which would press them together "
+                         "in mid-air; use granular.md.")  # fmt: skip
+    if scene.ring and not scene.gap.any():
+        raise ValueError("gap is 0 for all pairs: on a ring there must be room to move; give some gaps.")
+    for heat, ball in zip(scene.heat, (1, scene.n - 2), strict=True):
+        if heat is not None and not SMALLEST <= math.sqrt(heat.temperature / scene.mass[ball]) <= LARGEST:
+            raise ValueError(f"temperature is {heat.temperature!r}, mass[{ball}] {float(scene.mass[ball])!r}: a speed "
+                             f"√(T/m) from {SMALLEST:g} to {LARGEST:g} m/s is needed; use other units.")  # fmt: skip
     if scene.n_pairs > MASK:
         raise ValueError(f"scene has {scene.n} bodies: at most {MASK + 1} are possible.")
 
@@ -114,16 +127,26 @@ def felt_gravity(scene: Scene) -> float:
 
 def scales(scene: Scene) -> tuple[float, float, float]:
     """Return the speed scale (m/s), the speed of falling through the mean gap, and the mean gap (m) of a scene."""
+    speed = float(np.abs(scene.across(scene.velocity)).max())
+    if scene.pendulum > 0.0:
+        rest: Any = scene.rest_gap
+        fall = scene.pendulum * float(np.abs(scene.gap - rest).max())
+        room = float(np.mean(scene.gap)) if scene.is_wall[[0, -1]].all() else 0.0  # else their clock goes by Ω alone
+        return max(speed, fall), fall, SHARE * room
     length = float(np.mean(scene.gap)) or float(np.mean(scene.radius))
     fall = math.sqrt(2.0 * strongest(scene) * length)
     for path in map(walls.path_of, scene.motions):
         fall = fall if path is None else max(fall, path.speed)
-    return max(float(np.abs(np.diff(scene.velocity)).max()), fall), fall, length
+    for heat, mass in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True):
+        fall = fall if heat is None else max(fall, math.sqrt(heat.temperature / mass))
+    return max(speed, fall), fall, length
 
 
 def strongest(scene: Scene) -> float:
     """Return the largest acceleration (m/s²) of a ball in the frame of a run."""
     g = felt_gravity(scene)
+    if scene.pendulum > 0.0:
+        return scene.pendulum / TURN * scales(scene)[0]
     if scene.external_force is None:
         return g
     return float(np.abs(scene.external_force * scene.inverse_mass - np.where(scene.is_wall, 0.0, g)).max())

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from granular import _check
 from granular._kernels import no_compiler
 from granular._records import packed
@@ -19,6 +21,7 @@ from granular.edmd.ties import GROUP, ORDER
 from granular.edmd.tree_queue import TreeQueue, pays
 from granular.edmd.watch import Watch
 from granular.request import Request
+from granular.scene import velocities
 from granular.trajectory import Status
 from granular.until import Contact
 
@@ -86,6 +89,7 @@ class Run:
         self.verdict: collapse.Verdict | None = None
         self.settled: list[Rows] = []
         self.fall = self.scene.gravity - float(state.run.gravity)  # m/s², with which the frame of the run falls
+        self.drift = float(self.scene.anchor_velocity(0.0)) if state.ring else 0.0  # m/s, of the frame on a ring
         self.closing = Closing(self.scene, self.start)
         self.horizon = self.closing.horizon  # s: no room for balls later
         single = ORDER[physics.options["ties"]] != GROUP and not self.scene.is_wall[[0, -1]].all()
@@ -93,7 +97,8 @@ class Run:
 
     def _compiled(self) -> type[TreeQueue]:
         self.may_compile = False
-        return blocks.BlockQueue if self.scene.n > blocks.LARGE and self.state.walls is None else TreeQueue
+        in_blocks = self.scene.n > blocks.LARGE and self.state.walls is None and not self.scene.endless
+        return blocks.BlockQueue if in_blocks else TreeQueue
 
     def _go_on_with(self, queue: type[SortedQueue]) -> None:
         """Go on with another queue. What is looked at closely, whose gaps in the state are old, stays as it is."""
@@ -195,8 +200,8 @@ class Run:
                 self.watch.take(rows, tau, self.state, self.queue)
             if not self.request.rows:
                 continue
-            if self.fall > 0.0:
-                fallen = self.fall * self.state.elapsed(tau)
+            if self.fall > 0.0 or self.drift != 0.0:
+                fallen = self.fall * self.state.elapsed(tau) - self.drift
                 for name in ("lower_in", "upper_in", "lower_out", "upper_out"):
                     rows[name] -= fallen
             self.settled.append(rows)
@@ -223,8 +228,13 @@ class Run:
         now = float(state.run["now"])
         velocity, gap = state.row(now)
         elapsed = float(state.elapsed(now))
-        ledger = sides.ledger(state, now) if self.scene.driven else None
-        return Row(time, elapsed, gap, velocity - self.fall * elapsed, ledger=ledger)
+        ledger = sides.ledger(state, now) if self.scene.driven or self.scene.heated else None
+        if state.hung:  # these are rates
+            velocity = velocities(self.scene, velocity[None], np.array([elapsed]), self.start)[0]
+            return Row(time, elapsed, gap, np.where(self.scene.is_wall, 0.0, velocity))
+        if state.ring and time == self.start and state.run["events"] == 0:
+            return Row(time, elapsed, gap, self.scene.velocity)
+        return Row(time, elapsed, gap, velocity - (self.fall * elapsed - self.drift), ledger=ledger)
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended, with all that is needed to go on."""

@@ -26,6 +26,9 @@ def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
     for body, one, _ in driven:
         for name in one.dtype.names or ():
             sides[name][0 if body == 0 else 1] = one[name][0]
+    for side, heat in zip(sides, scene.heat, strict=True):
+        if heat is not None:
+            side["temperature"], side["seed"] = heat.temperature, heat.seed
     sides["begin"] = t_start
     panels = [rows for _, _, rows in driven] or [np.zeros(1, PANEL)]  # kernels want one to know their kind
     return sides, np.concatenate(panels)
@@ -36,7 +39,7 @@ def begin(state: Any, scene: Scene) -> None:
     sides, forces, (pairs, bodies) = state.walls[0], scene.external_force, (state.pairs, state.bodies)
     bodies["own"] = 0.0 if forces is None else forces * scene.inverse_mass
     bodies["push"] = bodies["own"]
-    pairs["wall"], pairs["wait"] = -1, 0.0
+    pairs["wall"], pairs["wait"], pairs["heat"] = -1, 0.0, -1
     if forces is not None:
         pairs["pull"] -= scene.across(bodies["own"])
     sides["forces"] = forces is not None
@@ -44,6 +47,8 @@ def begin(state: Any, scene: Scene) -> None:
     date(state)
     seen = plain(sides), plain(state.walls[1])
     for which in (0, 1):
+        if sides["temperature"][which] > 0.0:
+            pairs["heat"][-which] = which
         if sides["panels"][which]:
             pairs["wall"][-which] = which
             bodies["u"][-which] = place(seen, which, 0.0)[1]

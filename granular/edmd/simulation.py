@@ -124,6 +124,18 @@ def simulate(
     quiet: it needs `t_end`, `until` or `max_events`. Balls that forces press together in mid-air move as one once they
     have merged. Where walls move, `Trajectory.account` says what work they did.
 
+    A thermal wall lets a ball that hits it leave with a speed drawn anew; the rule of that pair is not asked. It acts
+    alone, also where balls touch, and is no part of a collapse; its ball never rests. `Trajectory.account` has the heat
+    of each wall, and ``stats["given"]`` the momentum (N s) that both thermal walls gave the balls, away from them.
+
+    On a ring velocities are kept relative to the centre of mass, so they have their digits however much slower the
+    balls become; the sum of the gaps is kept to rounding. Forces are refused there.
+
+    Pendula are followed in gaps and rates, which between collisions turn with Ω. No collapse of theirs is judged: a
+    sequence that would be infinite goes on until its speeds are below 1e-154 m/s, then the balls that touch go on
+    without a rate. With ``collapse="merge"`` and balls that stick, those that touch without a rate share the momentum
+    of a hit; they stay together where pendula touch at rest, and part at once where they do not.
+
     One collision costs O(log n). The state is gaps, not positions, so balls never change order; the clock is re-based,
     so late times cost no digits. A collapse is a verdict, never an impression: see `granular.edmd.collapse`.
     """

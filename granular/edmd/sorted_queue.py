@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from sortedcontainers import SortedList
 
 from granular._kernels import kernel
 from granular._records import Record, Records, plain, twin
+from granular.edmd import ring
 from granular.edmd.collision import RESTING, ROW, SUSPICIOUS, event, rest
 from granular.edmd.driven import general
 from granular.edmd.epoch import date
 from granular.edmd.groups import collide_as_one, group
+from granular.edmd.hanging import hangs
 from granular.edmd.motion import Walls, approaching, predicted, velocities
 from granular.edmd.physics import Physics, Restitution
 from granular.edmd.riding import leave
@@ -120,6 +123,22 @@ def refresh(
             c += 1
 
 
+@kernel
+def refresh_around(
+    run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int, walls: Walls
+) -> None:
+    """Predict pairs `first` … `last` of a ring anew, and what is beside them across the seam."""
+    end = len(pairs) - 1
+    refresh_on_line(run, pairs, bodies, queue, first, last, walls)
+    if first == 0 and last < end:
+        refresh_on_line(run, pairs, bodies, queue, end, end, walls)
+    elif last == end and first > 0:
+        refresh_on_line(run, pairs, bodies, queue, 0, 0, walls)
+
+
+refresh_on_line = refresh
+
+
 class SortedQueue:
     """Advance a `State` event by event.
 
@@ -136,7 +155,7 @@ class SortedQueue:
     """Events after which control comes back: so many rows of the log are made at a time."""
     kernel: Callable[[Any], Any] = staticmethod(lambda function: function)
     hold: Callable[[Records], Records] = staticmethod(plain)
-    loop, predict = staticmethod(loop), staticmethod(refresh)
+    loop, predict, predict_around = staticmethod(loop), staticmethod(refresh), staticmethod(refresh_around)
     queue: Any = None
     fit: Callable[[Any], Any] = staticmethod(lambda function: function)
     """Makes kernels fit the scene."""
@@ -146,6 +165,10 @@ class SortedQueue:
         self.state, self.physics = state, physics
         if state.walls is not None:
             self.fit = general
+        elif physics.scene.pendulum > 0.0:
+            self.fit = hangs
+        elif state.ring:
+            self.predict, self.fit = self.predict_around, partial(ring.closes, refresh=self.predict_around)
         self.rebuild()
 
     def rows(self, n: int) -> Records:
@@ -161,13 +184,16 @@ class SortedQueue:
         self.refresh(0, len(entry) - 1)
 
     def refresh(self, first: int, last: int) -> None:
-        """Predict pairs `first` … `last` anew."""
-        s = self.state
-        self.kernel(self.fit(self.predict))(s.run, s.pairs, s.bodies, self.queue, first, last, s.walls)
+        """Predict pairs `first` … `last` anew, counted round."""
+        s, n = self.state, len(self.state.pairs)
+        for low, high in ((first, min(last, n - 1)), (0, last - n)):
+            if low <= high:
+                self.kernel(self.fit(self.predict))(s.run, s.pairs, s.bodies, self.queue, low, high, s.walls)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
-        """Return the time of the next event of any pair outside `first` … `last`."""
-        return float(next(time for time, key in self.queue[0] if not first <= (key & MASK) <= last))
+        """Return the time of the next event of any pair outside `first` … `last`, counted round."""
+        order, n = self.queue[0], len(self.state.pairs)
+        return float(next(time for time, key in order if not first <= (key & MASK) <= last and (key & MASK) > last - n))
 
     def apart(self) -> bool:
         """Return whether no pair approaches."""
@@ -195,7 +221,8 @@ class SortedQueue:
                 log.append(rows[: run["events"] - begin].copy())
             if why != TOUCHING:
                 return why
-            why, first, last = collide_as_one(s, self.physics, self.fit, log)
+            together = ring.collide_as_one if s.ring else collide_as_one
+            why, first, last = together(s, self.physics, self.fit, log)
             self.refresh(first, last)
             if why == TOUCHING and run.stop_pair == APART and self.apart():
                 why = UNTIL

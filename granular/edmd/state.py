@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array
-from granular._records import Record, Records, column, copied, one, packed, plain
-from granular.edmd import account, sides
+from granular._records import Record, Records, column, copied, one, packed, plain, taken
+from granular.edmd import account, hanging, sides
 from granular.edmd.driven import OF_BODY, OF_PAIR
 from granular.edmd.epoch import shift, span
 from granular.edmd.motion import rebase
@@ -48,6 +48,7 @@ RUN = np.dtype(
         ("order", int), ("seed", int),  # of ties
         ("now", float), ("events", int), ("zoomed", int),  # tau of the last event; collisions, those in closer looks
         ("clamps", int), ("merged", int),  # gaps set to 0, collisions merged
+        ("closed", float),  # m, the sum of the gaps where it never changes, else 0
         ("edge", float), ("budget", int),  # until when to go now, and for how many events at most
         ("stop_pair", int), ("stop_hits", int),  # pause before this pair, which has collided so often, collides again
         ("slow", float), ("short", float),  # what looks like a collapse, m/s (< 0: nothing does) and s
@@ -77,8 +78,8 @@ CLOCK = np.dtype(
     ]
 )  # fmt: skip
 """Numbers that they do not."""
-DRIVEN_PAIR, DRIVEN_BODY = (np.dtype(plain_one.descr + more, align=True) for plain_one, more in (
-    (PAIR, OF_PAIR), (BODY, OF_BODY)))  # fmt: skip
+DRIVEN_PAIR, DRIVEN_BODY, HUNG_PAIR, HUNG_BODY = (np.dtype(plain_one.descr + more, align=True) for plain_one, more in (
+    (PAIR, OF_PAIR), (BODY, OF_BODY), (PAIR, hanging.OF_PAIR), (BODY, hanging.OF_BODY)))  # fmt: skip
 OF_PAIRS, OF_BODIES = ("gap", "at", "pull", "hits", "last", "streak"), ("u", "falls", "noise")
 """What changes, by the names under which it is saved."""
 SAVED = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "now",
@@ -108,6 +109,8 @@ class State:
     pairs: Records
     bodies: Records
     near: Records | None = None
+    ring: bool = False
+    """Whether the last body is the first once more."""
     walls: Any = None
     """Of the floor and the ceiling, where forces act or walls are driven: records `SIDE`, their panels; the clock."""
 
@@ -117,26 +120,37 @@ class State:
         scene, options, g = physics.scene, physics.options, felt_gravity(physics.scene)
         walls = sides.walls(physics.scene, t_start) if physics.general else None
         of_pair, of_body = (PAIR, BODY) if walls is None else (DRIVEN_PAIR, DRIVEN_BODY)
-        pairs, bodies = np.zeros(scene.n_pairs, of_pair), np.zeros(scene.n, of_body)
-        bodies["u"], bodies["falls"], bodies["mass"] = scene.velocity, ~scene.is_wall, scene.mass
+        if scene.pendulum > 0.0:
+            of_pair, of_body = HUNG_PAIR, HUNG_BODY
+        pairs, bodies = np.zeros(scene.n_pairs, of_pair), np.zeros(scene.n_pairs + 1, of_body)
+        number = np.arange(len(bodies)) % scene.n
+        for name, value in (("u", scene.velocity), ("falls", ~scene.is_wall), ("mass", scene.mass)):
+            bodies[name] = value[number]
+        if scene.ring:
+            bodies["u"] -= scene.anchor_velocity(0.0)
         pairs["gap"], pairs["eps"], pairs["last"] = scene.gap, physics.eps, -math.inf
-        pairs["pull"] = g * scene.across(bodies["falls"])
+        pairs["pull"] = g * np.diff(bodies["falls"])
         pairs["low"], pairs["high"] = shares(scene)
         speed, fall, length = scales(scene)
         strength, remedied = strongest(scene), any(options[x] > 0.0 for x in ("tc", "elastic_below", "merge_below"))
+        never = scene.driven or scene.pendulum > 0.0
         window = span(length, speed, strength)
-        state = cls(plain(np.zeros(1, RUN))[0], plain(np.zeros(1, CLOCK))[0], pairs, bodies, None, walls)
+        state = cls(plain(np.zeros(1, RUN))[0], plain(np.zeros(1, CLOCK))[0], pairs, bodies, None, scene.ring, walls)
         state.set(
             pairs=len(pairs), gravity=g, tc=options["tc"], elastic_below=options["elastic_below"],
             merge_below=options["merge_below"], order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
             start=t_start, epoch=t_start, goal=-math.inf, strength=strength, length=length, window=window, fall=fall,
             short=math.ldexp(window, -30), stop_pair=NEVER, suspect=-1, allowance=20_000,
-            slow=-1.0 if remedied or scene.driven or physics.eps.min() == 1.0 else 0.0,  # no collapse is possible
+            slow=-1.0 if remedied or never or physics.eps.min() == 1.0 else 0.0,  # no collapse is possible
         )  # fmt: skip
         state.scale(speed)
         if walls is not None:
             state.walls = *walls, state.clock
             sides.begin(state, scene)
+        if scene.pendulum > 0.0:
+            hanging.begin(pairs, bodies, scene)
+        if scene.ring or (scene.pendulum > 0.0 and scene.is_wall[[0, -1]].all()):
+            state.run.closed = math.fsum(scene.gap.tolist())
         return state
 
     @classmethod
@@ -167,6 +181,11 @@ class State:
             state.near = np.zeros(len(saved["zoom_gap"]), NEAR)
             state.near["gap"], state.near["rate"] = saved["zoom_gap"], saved["zoom_rate"]
         return state
+
+    @property
+    def hung(self) -> bool:
+        """Whether the balls are pendula."""
+        return hasattr(self.pairs[0], "rate") if isinstance(self.pairs, list) else "rate" in self.pairs.dtype.fields
 
     def set(self, **numbers: Any) -> None:
         """Set numbers of the run."""
@@ -207,11 +226,24 @@ class State:
         return replace(self, pairs=copied(self.pairs), bodies=copied(self.bodies), walls=walls)
 
     def slices(self) -> tuple[Records, Records]:
-        """Return the records of the pairs that are looked at closely, and of their bodies."""
+        """Return the records of the pairs that are looked at closely, and of their bodies; on a ring perhaps copies."""
         assert self.near is not None
-        first = int(self.run.first)
+        first, n = int(self.run.first), len(self.pairs)
         end = first + len(self.near)
+        if self.ring:
+            return taken(self.pairs, np.arange(first, end) % n), taken(self.bodies, np.arange(first, end + 1) % n)
         return self.pairs[first:end], self.bodies[first : end + 1]
+
+    def put(self, pairs: Records, bodies: Records) -> None:
+        """Put `slices` that have changed back: those of a ring may be copies, and the first ball is the last."""
+        if not self.ring:
+            return
+        n, first = len(self.pairs), int(self.run.first)
+        if isinstance(self.pairs, np.ndarray):
+            self.pairs[np.arange(first, first + len(pairs)) % n] = pairs
+            self.bodies[np.arange(first, first + len(bodies)) % n] = bodies
+        (ball,), (twin,) = self.bodies[:1], self.bodies[n:]
+        twin["u"], twin["noise"] = ball["u"], ball["noise"]
 
     def scale(self, speed: float) -> None:
         """Set the scale of speeds (m/s), and with it, where one may come, what looks like part of a collapse."""
@@ -250,9 +282,12 @@ class State:
             clock.window = max(clock.window, span(clock.length, clock.speed, clock.strength))
 
     def row(self, tau: float) -> tuple[Array, Array]:
-        """Return velocities in m/s, and gaps in m, never negative, at `tau`; nothing moves."""
+        """Return velocities in m/s (of pendula, rates), and gaps in m, never negative, at `tau`; nothing moves."""
+        if self.hung:
+            return hanging.row(self.pairs, tau)
         g, velocity = float(self.run["gravity"]), np.array(column(self.bodies, "u"))
         gap = gaps(self.pairs, velocity, tau)
+        velocity = velocity[:-1] if self.ring else velocity
         if g > 0.0:
             velocity -= column(self.bodies, "falls") * (g * tau)
         if self.walls is not None:
@@ -261,6 +296,8 @@ class State:
 
     def _changing(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return the names of what changes, of pairs and of bodies."""
+        if self.hung:
+            return (*OF_PAIRS, "rate"), (*OF_BODIES, "sway")
         return (OF_PAIRS, OF_BODIES) if self.walls is None else ((*OF_PAIRS, "wall", "shut"), (*OF_BODIES, "push"))
 
     def _check(self) -> None:
@@ -276,6 +313,8 @@ class State:
             hit[np.isfinite(last)].all() and (last <= run.now).all() and pairs["hits"].sum() == run.events,
             not bodies["falls"][wall].any() and (bodies["noise"] >= 0.0).all(),
             self.walls is not None or not bodies["noise"][wall].any(),
+            not self.ring or abs(float(self.row(max(run.now, 0.0))[1].sum()) - run.closed) <= 1e-12 * run.closed,
+            not self.ring or bodies["u"][0] == bodies["u"][-1],
             math.frexp(clock.window)[0] == 0.5 and 0.0 <= clock.fall <= clock.speed,
         ]
         assert all(whole), whole

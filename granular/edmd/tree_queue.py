@@ -63,6 +63,7 @@ class TreeQueue(SortedQueue):
     kernel = staticmethod(partial(compiled, inline=True))
     hold = staticmethod(packed)
     loop, predict = staticmethod(loop), staticmethod(refresh)
+    predict_around = staticmethod(specialised(sorted_queue.refresh_around, refresh_on_line=refresh))
 
     def rows(self, n: int) -> Records:
         """Return room for `n` rows of the log, or for as many as are made at a time."""
@@ -74,11 +75,12 @@ class TreeQueue(SortedQueue):
         self.refresh(0, len(self.state.pairs) - 1)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
-        """Return the time of the next event of any pair outside `first` … `last`."""
+        """Return the time of the next event of any pair outside `first` … `last`, counted round."""
         if last < first:
             return float(self.queue["due"][1])
         due = self.queue["due"][len(self.queue) // 2 :]
-        return min(float(part.min(initial=math.inf)) for part in (due[:first], due[last + 1 :]))
+        before = max(0, last + 1 - len(self.state.pairs))  # inside too, on a ring
+        return min(float(part.min(initial=math.inf)) for part in (due[before:first], due[last + 1 :]))
 
     def _events(self) -> list[tuple[float, int]]:
         tree: list[tuple[float, int]] = self.queue.tolist()

@@ -20,7 +20,7 @@ import numpy as np
 
 from granular import _check
 from granular._check import Array
-from granular._kernels import kernel
+from granular._kernels import fitted, kernel
 from granular._records import Records, column, packed
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
@@ -29,6 +29,8 @@ from granular.laws.contact_law import instance
 from granular.rules import different
 from granular.scene import Scene
 
+LOWEST = 0
+"""The neighbour of pair 0 below it; -1 on a ring, counted round."""
 LAST = np.dtype([("began", float), ("lasting", float), ("disturbed", int)], align=True)
 """The last contact of a pair: when it began, s since the epoch, how long it lasts, s, and whether it is disturbed (1).
 """
@@ -62,6 +64,7 @@ class Watch:
         self.duration: Callable[[Any, Array], Array] = Durations(laws, scene)
         self.last: Records = np.zeros(scene.n_pairs, LAST)
         self.last["began"] = -math.inf
+        self.instants = [c for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True) if heat is not None]
         self.epoch, self.seen, self.disturbed, self.first = (0.0, 0.0), 0, 0, (math.nan, -1)
         if saved is not None and "watch_began" in saved:
             for name in LAST.names or ():
@@ -74,10 +77,11 @@ class Watch:
         """Look at collisions, the next ones in order; `tau` are their times since the epoch."""
         self._to_epoch(state, queue)
         pair, lasting = rows["pair"], self.duration(rows["pair"], rows["lower_in"] - rows["upper_in"])
+        lasting[np.isin(pair, self.instants)] = 0.0  # thermal walls act at once
         columns: list[Any] = [pair, tau, lasting]
         if isinstance(self.last, list):
             columns = [x.tolist() for x in columns]
-        more, row, lower = queue.kernel(disturb)(self.last, *columns)
+        more, row, lower = queue.kernel(fitted(disturb, LOWEST=-1) if state.ring else disturb)(self.last, *columns)
         self.seen += len(rows)
         self.disturbed += more
         if row >= 0 and self.first[1] < 0:
@@ -99,7 +103,8 @@ class Watch:
     def message(self) -> str:
         """Return the sentence to print."""
         time, pair = self.first
-        first = f", the first of pairs {pair} and {pair + 1} at t = {time:.12g} s" if self.disturbed else ""
+        both = f"pairs {pair} and {(pair + 1) % len(self.last)}"
+        first = f", the first of {both} at t = {time:.12g} s" if self.disturbed else ""
         return (f"; watched: {self.disturbed or 'none'} of {self.seen} collisions would, as soft contacts, overlap in "
                 f"time with one of a neighbouring pair{first} (a warning, not a proof)")  # fmt: skip
 
@@ -113,6 +118,7 @@ class Watch:
         """Raise where what is known of the last contacts cannot be: for tests."""
         last = packed(self.last, LAST)
         begun = np.isfinite(last["began"])
+        last["lasting"][self.instants] += 1.0 * begun[self.instants]
         assert (last["lasting"][begun] > 0.0).all()
         assert not last["lasting"][~begun].any()
         assert last["disturbed"].sum() <= self.disturbed <= self.seen
@@ -125,18 +131,20 @@ def disturb(last: Records, pair: Any, began: Any, lasting: Any) -> tuple[int, in
     the later one and the lower pair, -1 if there are none.
     """
     more, row, lower = 0, -1, -1
+    n = len(last)
     for j in range(len(pair)):
         c, t = pair[j], began[j]
         mine = last[c]
         mine.began, mine.lasting, mine.disturbed = t, lasting[j], 0
-        for k in range(max(c - 1, 0), min(c + 2, len(last))):
+        for side in range(max(c - 1, LOWEST), min(c + 2, n - LOWEST)):
+            k = (side + n) % n
             other = last[k]
             if k != c and t - other.began <= other.lasting:
                 more += 2 - mine.disturbed - other.disturbed
                 mine.disturbed = 1
                 other.disturbed = 1
                 if row < 0:
-                    row, lower = j, min(c, k)
+                    row, lower = j, k if side < c else c
     return more, row, lower
 
 

@@ -33,14 +33,14 @@ def zoom(
     done = 0
     while True:
         j, dt = soonest(run, near, pairs)
-        why = obstacle(run, near, pairs, j, dt)
+        why = obstacle(run, near, pairs, j, dt, walls)
         if why != GOES_ON or done == run.budget:
             return BUDGET if why == GOES_ON else why
         own, pair, lower, upper = near[j], pairs[j], bodies[j], bodies[j + 1]
         w = rate_at_contact(own.gap, own.rate, pair.pull)
-        e = pair.eps if rule is None else rule(run.first + j, -w)
+        e = pair.eps if rule is None else rule(number(run, j), -w)
         advance(run, near, pairs, dt)
-        run.suspect = run.first + j
+        run.suspect = number(run, j)
         if rows is not None:
             row, tau = rows[done], run.began + run.elapsed
             row.pair, row.t_begin = run.suspect, tau
@@ -73,12 +73,17 @@ def zoom(
 
 
 @kernel
-def obstacle(run: Record, near: Records, pairs: Records, j: int, dt: float) -> int:
-    """Return why the slice may not go on to the collision of pair `j` after `dt`, or `GOES_ON`."""
+def obstacle(run: Record, near: Records, pairs: Records, j: int, dt: float, walls: Walls) -> int:
+    """Return why the slice may not go on to the collision of pair `j` after `dt`, or `GOES_ON`.
+
+    A thermal wall is outside: what it does is no collision.
+    """
     if dt == math.inf:
         return QUIET
-    n, c = len(near), run.first + j
-    guard = (j == 0 and c > 0) or (j == n - 1 and c + 1 < run.pairs)
+    n, c = len(near), number(run, j)
+    guard = guards(run, n, j)
+    if walls is not None and pairs[j].heat >= 0:
+        guard = True
     together = run.order == GROUP and crowded(near, pairs, j, dt)
     if guard or together or not run.elapsed + dt < run.room:
         return OUTSIDE
@@ -107,9 +112,22 @@ def soonest(run: Record, near: Records, pairs: Records) -> tuple[int, float]:
 
 
 @kernel
+def number(run: Record, j: int) -> int:
+    """Return the number of pair `j` of the slice."""
+    return run.first + j  # type: ignore[no-any-return]
+
+
+@kernel
+def guards(run: Record, n: int, j: int) -> bool:
+    """Return whether pair `j` of a slice of `n` has a neighbour outside."""
+    c = run.first + j
+    return (j == 0 and c > 0) or (j == n - 1 and c + 1 < run.pairs)
+
+
+@kernel
 def order(run: Record, pairs: Records, j: int) -> int:
     """Return the rank of pair `j` of the slice."""
-    return rank(run.first + j, run.order, run.seed, pairs[j].hits)
+    return rank(number(run, j), run.order, run.seed, pairs[j].hits)
 
 
 @kernel
@@ -203,9 +221,12 @@ def write_back(run: Record, near: Records, pairs: Records, bodies: Records) -> N
         pairs[j].streak = 0
     if run.looked == 0:
         return
-    from_below = run.first > 0 or bodies[0].mass == math.inf
-    free = not from_below and run.first + n == run.pairs and bodies[n].mass != math.inf
-    before = momentum(bodies) if free else 0.0
+    ring, top = run.closed > 0.0, n
+    from_below = n < run.pairs if ring else run.first > 0 or bodies[0].mass == math.inf
+    free = not from_below and (ring or (run.first + n == run.pairs and bodies[n].mass != math.inf))
+    if free and ring:
+        top = n - 1  # the last body is the first
+    before = momentum(bodies, top) if free else 0.0
     for j in range(n):
         pair = pairs[j]
         pair.gap, pair.at = near[j].gap, tau
@@ -217,15 +238,17 @@ def write_back(run: Record, near: Records, pairs: Records, bodies: Records) -> N
             bodies[j].u = bodies[j + 1].u - (near[j].rate + pairs[j].pull * tau)
             bodies[j].noise = 0.0
     if free:
-        shift = (before - momentum(bodies)) / total(bodies, 0, n)
-        for i in range(n + 1):
+        shift = (before - momentum(bodies, top)) / total(bodies, 0, top)
+        for i in range(top + 1):
             bodies[i].u += shift
+    if top < n:
+        bodies[n].u, bodies[n].noise = bodies[0].u, bodies[0].noise
 
 
 @kernel
-def momentum(bodies: Records) -> float:
-    """Return Σ m u over the bodies of the slice."""
+def momentum(bodies: Records, top: int) -> float:
+    """Return Σ m u over the bodies of the slice, up to `top`."""
     p = 0.0
-    for i in range(len(bodies)):
+    for i in range(top + 1):
         p += bodies[i].mass * bodies[i].u
     return p
