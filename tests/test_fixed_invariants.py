@@ -89,5 +89,5 @@ def test_momentum_and_impulses(method: str, drawn: Any) -> None:
     np.add.at(impulse, end.contacts["pair"] + 1, end.contacts["impulse"])
     gained = scene.mass[balls] * (end.velocity[-1] - scene.velocity + 0.25 * scene.gravity)[balls]
     handed = (impulse[:-1] - impulse[1:])[balls]
-    within = 1e-12 if method == "verlet" else 0.2 if end.stats["dt_lambda"] < 0.2 else math.inf
+    within = 1e-12 if method == "verlet" else 0.2 if end.stats["dt_lambda"] < 0.2 else 1e300  # coarse: nothing holds
     assert abs(gained - handed).max() <= within * impulse.sum() + 1e-12 * (speed + 1.0) * scene.mass[balls].max()
