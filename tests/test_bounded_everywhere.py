@@ -83,7 +83,7 @@ def test_up_to_which_stiffness_contacts_are_isolated(name, options):
 
 
 @pytest.mark.parametrize(("name", "options"), [
-    CASES[2], *(pytest.param(*case, marks=pytest.mark.soak) for case in (CASES[0], CASES[3]))])
+    pytest.param(*case, marks=pytest.mark.soak) for case in (CASES[0], CASES[2], CASES[3])])
 def test_the_frontier_knows_the_scene(name, options):
     case = gr.cases.make(name, **options | STIFF)
     methods = ["located", "dop853+events", "dop853"]

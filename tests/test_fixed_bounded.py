@@ -66,7 +66,7 @@ def unbalanced(one):
 def test_random_scenes_agree_with_the_reference(make, seed, method):
     scene = make(3, seed)
     truth = reference.solve(scene, LAW, t_end=0.15, digits=20)
-    one = run(scene, LAW, method, t_end=0.15, dt=1e-4, samples=3)
+    one = run(scene, LAW, method, t_end=0.15, dt=2e-4, samples=3)
     assert len(one.contacts) > 0
     assert [row.pair for row in truth.contacts] == one.contacts["pair"].tolist()
     assert np.abs(one.gap[-1] - [float(gap) for gap in truth.gap]).max() < 5e-4
@@ -78,7 +78,7 @@ def test_random_scenes_agree_with_the_reference(make, seed, method):
 
 def slope(errors):
     """How fast errors fall, as a power of the step: the least-squares line through all of them."""
-    return float(np.polyfit(np.arange(len(errors)) * -math.log(2.0), np.log(errors), 1)[0])
+    return float(np.polyfit(np.arange(len(errors)) * -0.5 * math.log(2.0), np.log(errors), 1)[0])
 
 
 ORDERS = {"verlet": 2.0, "symplectic-euler": 1.0, "rk4": 4.0, "gear5": 4.0}
@@ -93,7 +93,7 @@ def test_orders_while_no_contact_opens(method):
     for one, law in ((scene, gr.LinearDashpot(2e3, 3.0)), (swung, gr.LinearDashpot(20.0, 0.1))):
         t_end = 0.25 if one.ring else 0.2
         truth = [float(v) for v in reference.solve(one, law, t_end=t_end, digits=20).velocity]
-        steps = [t_end / (150 << j) for j in range(3)]
+        steps = [t_end / (150 * 2**j) for j in (0.0, 0.5, 1.0)]
         errors = [np.abs(run(one, law, method, t_end=t_end, dt=dt).velocity[-1] - truth).max() for dt in steps]
         wanted = 2.5 if method == "gear5" else ORDERS[method]  # Gear starts in contact without derivatives
         assert slope(errors) == pytest.approx(wanted, abs=0.7 if method == "gear5" else 0.25)
@@ -123,8 +123,8 @@ def test_orders_of_hits_beside_contacts():
     for law, wanted in ((gr.LinearDashpot(3e3, 0.0), 2.0), (LAW, 1.0)):
         truth = [float(v) for v in reference.solve(scene, law, t_end=0.15, digits=20).velocity]
         errors = [np.abs(run(scene, law, "verlet", t_end=0.15, dt=dt).velocity[-1] - truth).max()
-                  for dt in 4e-4 / 1.5 ** np.arange(7)]  # fmt: skip
-        found = np.polyfit(np.arange(7) * -math.log(1.5), np.log(errors), 1)[0]
+                  for dt in 4e-4 / 1.5 ** np.arange(6)]  # fmt: skip
+        found = np.polyfit(np.arange(6) * -math.log(1.5), np.log(errors), 1)[0]
         assert found == pytest.approx(wanted, abs=0.5)
 
 
@@ -132,12 +132,12 @@ def test_orders_of_hits_beside_contacts():
 def test_the_soft_cradle_of_pendula(method):
     scene = gr.Scene([1.0] * 5, [0.0] * 5, [1.0, 0.0, 0.0, 0.0], [0.0] * 5, origin=-1.0, pendulum=1.0)
     law = gr.LinearDashpot.from_restitution(0.9, 1e6, pair=scene.pairs[0])
-    one = run(scene, law, method, t_end=2.0 * math.pi, dt=2e-5)
+    one = run(scene, law, method, t_end=2.0 * math.pi, dt=4e-5)
     y = one.position[-1] - scene.at_rest
     assert np.abs(y - [-0.689972, -0.443893, -0.079961, 0.068495, 0.145331]).max() < 3e-3
     assert one.energy()[-1] / one.energy()[0] == pytest.approx(0.705361, abs=5e-3)
     assert y.mean() == pytest.approx(-0.2, abs=1e-13)
-    assert one.stats["steps"] < 50_000  # of 314159: free pendula fly
+    assert one.stats["steps"] < 25_000  # of 157079: free pendula fly
 
 
 def test_momentum_and_room_of_a_ring():
@@ -149,7 +149,7 @@ def test_momentum_and_room_of_a_ring():
 
 
 @EACH
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(3))
 def test_windows_give_the_same_bits(make, seed, monkeypatch):
     many, block = (90 + seed, 35) if make is ring else (7, 1 + seed)
     scene, law = make(many, seed), LAW if seed % 2 else gr.WaltonBraun(4e3, 8e3)

@@ -4,7 +4,7 @@ May be skipped: how long a step may be.
 Explicit methods follow a contact only while dt·λ stays well below a limit: 2, and 1.05 for Gear's five values, whose
 spectral radius is 1 + 6e-8 at dt·λ = 0.1, 1.01 at 1 and grows steeply from there. For the closed pairs of an assembly,
 row sums of M⁻¹K and M⁻¹C bound its sharpest rate λ = ½ (b + √(b² + 4a)): ω₀ for one pair, 2√(k/m) inside a chain of
-equal balls.
+equal balls; of pendula a grows by Ω².
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ def sharpest_rate(scene: Scene, laws: SceneLaws, overlap: Any, beside: Any = Tru
         rate[:, above] += np.where(together, slope[:, below] * shared, 0.0)
         rate[:, below] += np.where(together, slope[:, above] * shared, 0.0)
         a, b = rate
+        a = a + np.where(a > 0.0, scene.pendulum**2, 0.0)
         return float(np.fmax.reduce(0.5 * (b + np.sqrt(b * b + 4.0 * a)), initial=0.0))
 
 
