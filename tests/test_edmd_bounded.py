@@ -505,3 +505,24 @@ def test_haffs_law_on_the_ring_it_is_stated_for():
 def test_what_hard_spheres_cannot_do_on_a_ring_is_a_sentence(changes, options, words):
     with pytest.raises(ValueError, match=words):
         run(ring(1, 3).replace(**changes), **{"t_end": 1.0} | options)
+
+
+# --- what random scenes of all three kinds have brought to light, on lines too
+
+
+def test_balls_that_merge_do_not_pass_through_each_other():
+    """The noise of balls that hit and merge many times was multiplied until it hid their approach."""
+    rng, n = np.random.default_rng(9), 140
+    mass, gap = np.exp(rng.normal(size=n)), rng.exponential(size=n + 1) * (rng.random(n + 1) < 0.6)
+    scene = gr.Scene(np.r_[INF, mass, INF], np.zeros(n + 2), gap, np.r_[0.0, rng.normal(size=n), 0.0])
+    result = run(scene, 0.7, collapse="merge", max_events=3000, t_end=8.0, log=False)
+    assert result.stats["merged"] > 100
+    assert result.gap[-1].sum() == pytest.approx(gap.sum(), rel=1e-12)
+
+
+def test_a_closer_look_does_not_part_what_forces_press_together():
+    """Two of these balls come to rest on each other in mid-air, and are hit while their neighbours are looked at."""
+    scene = heated(7661)
+    scene = scene.replace(gap=[*scene.gap[:2], 0.0, 0.0])
+    for n in (13, 20, 100):
+        assert remainder(run(scene, 0.3, ties="poisson", max_events=n, t_end=5.0)) < 1e-13

@@ -15,7 +15,7 @@ import numpy as np
 from granular._flight import rate_at_contact
 from granular._kernels import kernel, rare
 from granular._records import Record, Records
-from granular.edmd.motion import Walls, blur, carry, collide, impulse, velocities
+from granular.edmd.motion import NOISE, Walls, blur, carry, collide, impulse, velocities
 from granular.edmd.physics import Restitution
 
 SUSPICIOUS = 8
@@ -74,9 +74,10 @@ def event(
     if row is not None:
         row.lower_out, row.upper_out = velocities(lower, upper, g, now)
         row.impulse = exchanged if weak else impulse(lower, upper, (1.0 + e) * w)
-    blur(pair, lower, upper, w, e)
     if weak:
-        share(bodies, c, start, end)
+        share(bodies, c, start, end, w)
+    else:
+        blur(pair, lower, upper, w, e)
     pair.hits += 1
     pair.streak = streak(run, pair.streak, lower, upper, now - pair.last, -w, e) if e < 1.0 else 0
     pair.last = now
@@ -164,16 +165,20 @@ def absorb(
 
 @rare
 @kernel
-def share(bodies: Records, c: int, first: int, last: int) -> None:
-    """Give all bodies that now move as one with pair `c`, among those of pairs `first` … `last`, the noise of the pair.
+def share(bodies: Records, c: int, first: int, last: int, w: float) -> None:
+    """Give all bodies that now move as one with pair `c`, which closed at rate `w`, their common noise.
 
-    A wall has none.
+    They are among those of pairs `first` … `last`. As their velocities it is the mean by mass, at most, so Σ m noise
+    does not grow but by rounding; what rests on a wall has its velocity, without noise.
     """
-    common = max(bodies[c].noise, bodies[c + 1].noise)
+    u, noise, mass = bodies[c].u, 0.0, 0.0
     for i in range(first, last + 2):
-        body = bodies[i]
-        if body.u == bodies[c].u and body.falls > 0.0:
-            body.noise = max(body.noise, common)
+        if bodies[i].u == u and bodies[i].falls > 0.0:
+            noise += bodies[i].mass * bodies[i].noise
+            mass += bodies[i].mass
+    for i in range(first, last + 2):
+        if bodies[i].u == u and bodies[i].falls > 0.0:
+            bodies[i].noise = noise / mass + NOISE * (u * u + w * w)
 
 
 @rare

@@ -56,15 +56,15 @@ def event(
     if row is not None:
         row.lower_out, row.upper_out = velocities(lower, upper, g, now)
         row.impulse = exchanged if weak else impulse(lower, upper, (1.0 + e) * w)
-    if not (weak and walls[0][0].lands):  # else they have it already
+    if weak and not walls[0][0].lands:  # else they have it already
+        share(bodies, c, start, end, w)
+    if not weak:
         below, above = lower.noise, upper.noise
         blur(pair, lower, upper, w, e)
         if pair.wall >= 0 and lower.falls == 0.0:
             lower.noise = below
         if pair.wall >= 0 and upper.falls == 0.0:
             upper.noise = above
-        if weak:
-            share(bodies, c, start, end)
     pair.hits += 1
     pair.streak = streak(run, pair.streak, lower, upper, now - pair.last, -w, e) if e < 1.0 else 0
     pair.last = now

@@ -18,6 +18,7 @@ from granular.edmd.account import book, enter
 from granular.edmd.collision import total
 from granular.edmd.motion import Walls, impulse, velocities
 from granular.edmd.physics import Restitution
+from granular.edmd.riding import held
 from granular.edmd.state import BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL
 from granular.edmd.ties import GROUP, rank
 
@@ -33,7 +34,7 @@ def zoom(
     done = 0
     while True:
         j, dt = soonest(run, near, pairs)
-        why = obstacle(run, near, pairs, j, dt, walls)
+        why = obstacle(run, near, pairs, bodies, j, dt, walls)
         if why != GOES_ON or done == run.budget:
             return BUDGET if why == GOES_ON else why
         own, pair, lower, upper = near[j], pairs[j], bodies[j], bodies[j + 1]
@@ -73,16 +74,16 @@ def zoom(
 
 
 @kernel
-def obstacle(run: Record, near: Records, pairs: Records, j: int, dt: float, walls: Walls) -> int:
+def obstacle(run: Record, near: Records, pairs: Records, bodies: Records, j: int, dt: float, walls: Walls) -> int:
     """Return why the slice may not go on to the collision of pair `j` after `dt`, or `GOES_ON`.
 
-    A thermal wall is outside: what it does is no collision.
+    A thermal wall is outside: what it does is no collision. So are balls that move as one with others.
     """
     if dt == math.inf:
         return QUIET
     n, c = len(near), number(run, j)
     guard = guards(run, n, j)
-    if walls is not None and pairs[j].heat >= 0:
+    if walls is not None and (pairs[j].heat >= 0 or held(bodies[j]) or held(bodies[j + 1])):
         guard = True
     together = run.order == GROUP and crowded(near, pairs, j, dt)
     if guard or together or not run.elapsed + dt < run.room:
