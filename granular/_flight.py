@@ -1,6 +1,7 @@
-"""Free flight of one gap under constant acceleration: when it closes, and how far it has got.
+"""Free flight of one gap: when it closes, and how far it has got.
 
-The gap's acceleration is ``-a``: a = g above a floor, 0 between two balls, -g below a ceiling (`Scene.pull`).
+The gap's acceleration is ``-a``: a = g above a floor, 0 between two balls, -g below a ceiling (`Scene.pull`). Between
+two pendula that hang apart by d at rest it is Ω² (d - gap): these flights are called hung.
 `rate` is the gap's rate of change, negative when closing. Forms are chosen so that no digits cancel.
 """
 
@@ -46,4 +47,37 @@ def rate_at_contact(gap: float, rate: float, a: float) -> float:
     if a == 0.0:
         return rate
     square = rate * rate + 2.0 * a * gap
+    return -math.sqrt(square) if square > 0.0 else 0.0
+
+
+@kernel
+def hung(gap: float, rate: float, omega: float, d: float) -> float:
+    """Return the time until a non-negative `gap` between pendula closes, inf if it never does.
+
+    With u = rate/Ω, a = 2d - gap and τ = tan(Ωt/2) it closes where aτ² + 2uτ + gap = 0: by the root in which no digits
+    cancel, as those of atan2 and acos would where the gap is small.
+    """
+    u, a = rate / omega, 2.0 * d - gap
+    square = u * u - a * gap
+    if not square > 0.0:
+        return math.inf
+    s = math.sqrt(square)
+    if u <= 0.0:
+        return 2.0 / omega * math.atan(gap / (s - u))
+    if a < 0.0:
+        return 2.0 / omega * math.atan((u + s) / -a)
+    return 2.0 / omega * (math.pi - math.atan((u + s) / a)) if a > 0.0 else math.pi / omega
+
+
+@kernel
+def hung_after(gap: float, rate: float, omega: float, d: float, dt: float) -> tuple[float, float]:
+    """Return gap and rate after a flight of `dt` between pendula; a closing gap may round below 0, so clamp it."""
+    cosine, sine, half = math.cos(omega * dt), math.sin(omega * dt), math.sin(0.5 * omega * dt)
+    return gap * cosine + rate / omega * sine + 2.0 * d * half * half, rate * cosine - omega * (gap - d) * sine
+
+
+@kernel
+def hung_rate_at_contact(gap: float, rate: float, omega: float, d: float) -> float:
+    """Return the (negative) rate with which a gap between pendula closes, from the state and not from the time."""
+    square = rate * rate - omega * omega * (2.0 * d - gap) * gap
     return -math.sqrt(square) if square > 0.0 else 0.0

@@ -326,7 +326,7 @@ class Scene:
         """Displacements y of pendula in m, shape (n,), from where they rest; 0 of a wall."""
         start = 0.0 if self.is_wall[0] else self.origin
         off = self.gap - (0.0 if self.rest_gap is None else self.rest_gap)
-        return start + _summed(off[: self.n - 1])
+        return np.where(self.is_wall, 0.0, start + _summed(off[: self.n - 1]))
 
     def _moved(self, elapsed: Any, start: float) -> tuple[Any, Any]:
         """How far the wall that is the anchor has moved in m beside its constant velocity, and how fast in m/s."""
@@ -407,6 +407,11 @@ def _refuse_together(scene: Scene, walls: Any) -> None:
     if hung and (scene.driven or scene.heated or bool(scene.velocity[walls].any())):
         raise ValueError(f"pendulum is {scene.pendulum!r}: beside pendula a wall must stand still; leave out floor, "
                          "ceiling and its velocity.")  # fmt: skip
+    if hung and scene.rest_gap is not None and walls[0] and walls[-1]:
+        room, rest = float(scene.gap.sum()), float(scene.rest_gap.sum())
+        if abs(room - rest) > 1e-12 * float(np.abs(scene.gap).sum() + rest):
+            raise ValueError(f"rest_gap adds up to {rest!r}: between two walls that do not move pendula at rest leave "
+                             f"the same room as the gaps, {room!r}; give rest_gap so.")  # fmt: skip
     if hung and not np.isfinite(scene.pendulum * scene.pendulum):
         raise ValueError(_check._sentence("pendulum", scene.pendulum, "a frequency whose square is finite is needed"))
 

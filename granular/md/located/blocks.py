@@ -20,11 +20,24 @@ from granular.md.located.driven import beside_edge, carry_walls, foresee_walls, 
 from granular.md.located.inside import exposed, relive
 from granular.md.located.isolated import MET, OTHERWISE, TABLE, ULP, in_contact, meet
 from granular.md.located.ledger import enter_flight, enter_piece
+from granular.md.located.pendula import swing
 from granular.md.located.pieces import arrive, fly, glide, piece_time, power, predict, since, tau_at, tick, value
 from granular.md.located.plan import planned, settle_series
 from granular.md.located.pool import join, leave
 from granular.md.located.resting import NOT_YET, RESTS, lies, verdict
-from granular.md.located.system import ACTIVE, DORMANT, DRIVEN, EDGE, GENERAL, OPEN, RESIDUAL, SPARE, WORKED, to_plain
+from granular.md.located.system import (
+    ACTIVE,
+    DORMANT,
+    DRIVEN,
+    EDGE,
+    GENERAL,
+    HUNG,
+    OPEN,
+    RESIDUAL,
+    SPARE,
+    WORKED,
+    to_plain,
+)
 
 REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT, ABSORB = range(11)
 """Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
@@ -117,7 +130,7 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                     if passed == STOPPED:
                         return STOPPED
             if block.fired < 0 and passed == SAME:
-                proved = verdict(run, pairs, pool, bodies, run.hi) if lo == 0 else NOT_YET
+                proved = verdict(run, pairs, pool, bodies, run.hi) if lo == 0 and not HUNG else NOT_YET
                 if proved != NOT_YET and limit == math.inf:
                     return REST if proved == RESTS else BINDING
                 if not (proved == RESTS and lies(run, pairs, pool, bodies, run.hi)):
@@ -352,7 +365,10 @@ def settle(
     follow(run, pairs, pool, work, lo, tau)
     if WORKED:
         enter_piece(s.ledger, s.walls, laws, s, lo, tau)
-    push(pairs, pool, bodies, lo, dt)
+    if HUNG:
+        swing(run, pairs, pool, bodies, lo, tau, dt)
+    else:
+        push(pairs, pool, bodies, lo, dt)
     for c in range(lo, hi):
         member = pool[pairs[c].slot]
         member.xi, member.eta, member.exact = value(member.x, tau), value(member.e, tau), 0

@@ -7,6 +7,7 @@ from typing import Any
 
 from granular._kernels import kernel
 from granular.md.located.events import GRAZE
+from granular.md.located.pendula import swung
 from granular.md.located.pieces import DRIFT, direction, elapsed, integral, peaks, power, since, tick
 from granular.md.located.system import (
     ACTIVE,
@@ -15,6 +16,7 @@ from granular.md.located.system import (
     DRIVEN,
     END,
     GENERAL,
+    HUNG,
     LINEAR,
     OPEN,
     PART,
@@ -193,9 +195,9 @@ def pushes(pair: Any) -> bool:
 
     Else it is ballistic in closed form: open, clipped with φ = kξ + γη, or sure to part. In free flight φ = k ξ^s + γη
     is convex for s ≥ 1 and a pull that is not negative; clipped now, and again when ξ = 0 is reached, it is clipped in
-    between. At a driven wall nothing is so simple.
+    between. At a driven wall, and with pendula, nothing is so simple.
     """
-    if DRIVEN and pair.wall > 0:
+    if HUNG or (DRIVEN and pair.wall > 0):
         return bool(pair.mode != OPEN)
     if pair.mode != RESIDUAL or pair.s == 1.0:
         return bool(pair.mode == ACTIVE or pair.mode == DORMANT)
@@ -282,6 +284,8 @@ def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) 
 @kernel
 def velocity_now(body: Any, run: Any) -> float:
     """Return the velocity of a body at the time of the event under way."""
+    if HUNG:
+        return swung(body, run.omega, since(body, run.t, run.tail))[0]
     return float(body.v - body.fall * since(body, run.t, run.tail))
 
 

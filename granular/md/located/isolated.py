@@ -34,7 +34,7 @@ from granular.md.located.driven import (
 from granular.md.located.ledger import enter_at_once, keep_alone
 from granular.md.located.maps import encounter, peaks
 from granular.md.located.pieces import DRIFT, predict, since, tick
-from granular.md.located.system import BEGIN, DRIVEN, IGNORE, OPEN, WORKED
+from granular.md.located.system import BEGIN, DRIVEN, HUNG, IGNORE, OPEN, WORKED
 from granular.md.located.tables import WANTED, table_of, tabled, tabled_peaks
 
 ULP = 2.0**-52
@@ -59,7 +59,7 @@ def meet(s: Any, c: int) -> int:
     run, pairs, bodies, pair = s.run[0], s.pairs, s.bodies, s.pairs[c]
     if pair.mode != OPEN or pair.what != BEGIN or is_awaited(run, pairs, c):
         return OTHERWISE
-    if DRIVEN and pair.wall > 0 and run.disturbing != IGNORE:
+    if HUNG or (DRIVEN and pair.wall > 0 and run.disturbing != IGNORE):
         return OTHERWISE
     v, n = touching_rate(s.walls, pair, pair.wait), len(pairs)
     if not v > DRIFT * pair.noise:

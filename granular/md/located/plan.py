@@ -28,7 +28,7 @@ from granular.md.located.step_size import (
     scale,
     trusted,
 )
-from granular.md.located.system import DRIVEN, EDGE, NOTHING
+from granular.md.located.system import DRIVEN, EDGE, HUNG, NOTHING
 
 
 @kernel
@@ -60,7 +60,7 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
     worst, span = -math.inf, 1.0
     run.steps += 1
     reach = foresee_walls(walls, pairs, pool, lo) if DRIVEN else math.inf
-    fastest = fastest_rate(pairs, pool, lo, hi)
+    fastest = fastest_rate(pairs, pool, lo, hi, walls.square if HUNG else 0.0)
     block.linear, block.clock = 1 if fastest >= 0.0 else 0, 1
     if block.linear == 1:
         if DRIVEN and fastest == 0.0 and reach == math.inf:
@@ -106,7 +106,7 @@ def settle_series(run: Any, pairs: Any, pool: Any, lo: int, laws: Any, walls: An
     for _ in range(2 * (hi - lo) + 2):
         if laws is not None:
             run.error += laws.fill(pairs, pool, lo, run.tol, walls, reach)
-        elif block.linear == 1 and hi == lo + 2 and reach == math.inf:
+        elif block.linear == 1 and hi == lo + 2 and reach == math.inf and not HUNG:
             expand_two(block, pool[pairs[lo + 1].slot], block.h)
         elif block.linear == 1:
             expand_linear(pairs, pool, lo, hi, block.h, 1, walls)

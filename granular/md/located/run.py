@@ -86,6 +86,9 @@ class Run:
         self, scene: Scene, laws: SceneLaws, request: Request, engine: str, tol: float, disturbed: str = "resolve",
         state: Mapping[str, Any] | None = None,
     ) -> None:
+        if scene.pendulum > 0.0 and disturbed == "ignore":
+            raise ValueError("disturbed is 'ignore': a contact of pendula hangs on how they swing, and is solved with "
+                             "what it disturbs; choose 'resolve' or 'stop'.")  # fmt: skip
         self.scene, self.laws, self.law, self.request, self.engine = scene, laws, laws.given, request, engine
         self.seen = self.now = 0.0  # s, when a row was last read, and how far it has come
         self.bound = False
@@ -98,7 +101,9 @@ class Run:
         if state is not None:
             self.s = restored(self.s, state)
         self.collocation = Collocation(laws) if self.s.kinds["kind"][0] == GENERAL else None
-        moves = {"DRIVEN": self.s.walls is not None, "WORKED": self.s.ledger is not None}
+        hung = scene.pendulum > 0.0
+        driven = self.s.walls is not None and not hung
+        moves = {"DRIVEN": driven, "WORKED": self.s.ledger is not None, "HUNG": hung}
         flags: dict[str, Any] = {name: True for name, does in moves.items() if does}
         self.fit: Callable[[Any], Any] = lambda kernel: fitted(kernel, **flags)
         self.kernels: Callable[[Any], Any] = self.fit
@@ -187,7 +192,7 @@ class Run:
         Looked at after 256, 512, 1024 … pieces. What creeps needs no kernels any more.
         """
         n = self.scene.n_pairs
-        if not self.scene.is_wall[0] or n > LARGEST:
+        if not self.scene.is_wall[0] or n > LARGEST or self.scene.endless:
             return False
         self.let_creep(math.inf if limit == math.inf else SMOOTH)
         return limit == math.inf and self.creep is not None

@@ -3,7 +3,7 @@
     dξ/dt = η ,  η̇_c = G_c + w_c F_(c-1) - (w_c + w_(c+1)) F_c + w_(c+1) F_(c+1) ,  t = (hτ)^q
 
 with inverse masses w and G the pull of gravity, and of what else acts on bodies; that of a driven wall is a series
-itself. With σ = q h^q, n+q times the coefficient n+q of ξ is σ η_n, of η
+itself, and pendula add -Ω² ξ. With σ = q h^q, n+q times the coefficient n+q of ξ is σ η_n, of η
 σ η̇_n. q = 1 is the plain clock; q > 1 makes the onset of a contact regular, where F starts like a fractional
 power of t: a pair just touched has ξ = τ^q y with y_0 > 0, and ξ^α = τ^(qα) y^α is a power series again. Of such a
 ξ the rows hold y from index `offset` on.
@@ -20,7 +20,19 @@ from typing import Any
 from granular._kernels import kernel, specialised
 from granular.md.located.driven import drive
 from granular.md.located.pieces import elapsed, power
-from granular.md.located.system import ACTIVE, DORMANT, DRIVEN, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, PADDED, RESIDUAL
+from granular.md.located.system import (
+    ACTIVE,
+    DORMANT,
+    DRIVEN,
+    ELASTIC,
+    HUNG,
+    LINEAR,
+    MIRROR,
+    OPEN,
+    ORDER,
+    PADDED,
+    RESIDUAL,
+)
 
 
 @kernel
@@ -48,6 +60,8 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, walls: Any
                 push += pair.pull
             if DRIVEN and pair.wall > 0:
                 push += walls.push[pair.wall - 1][n]
+            if HUNG:
+                push -= walls.square * pair.x[n]
             pair.e[n + q] = step * push
             pair, below = after, force
     for c in range(lo, hi):

@@ -2,7 +2,8 @@
 May be skipped: how long a step may be.
 
 *Linear blocks*: the series of the step converges like that of exp(λh), λ = ½ (b + √(b² + 4a)) with a, b the largest
-absolute row sums of M⁻¹K and M⁻¹C over the touching pairs; λh = `REACH` leaves (λh)^(N+1)/(N+1)! = 1e-17.
+absolute row sums of M⁻¹K and M⁻¹C over the touching pairs, and Ω² of pendula in a; λh = `REACH` leaves
+(λh)^(N+1)/(N+1)! = 1e-17.
 
 *Others*: h is only a scale. The coefficients themselves say how far they may be trusted, θ = tol^(1/N) / a with
 a = max_j A_j^(1/j) and A_j the largest |ξ_j|/X, |η_j|/V, and of clipped pairs |φ_j|/(k X^s), of the block, with
@@ -38,9 +39,10 @@ to so many times the tolerance: below it, its overlap is what steps leave out.""
 
 
 @kernel
-def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int) -> float:
-    """Return λ in 1/s, a bound of all rates of the touching pairs; -1 if other than linear laws are at work."""
-    a, b, k0, g0 = 0.0, 0.0, 0.0, 0.0
+def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int, square: float) -> float:
+    """Return λ in 1/s, a bound of all rates of the touching pairs; -1 if other than linear laws are at work. `square`
+    is Ω² of pendula, else 0."""
+    a, b, k0, g0 = square, 0.0, 0.0, 0.0
     for c in range(lo, hi):
         pair, k1, g1 = pool[pairs[c].slot], 0.0, 0.0
         if pair.mode != OPEN and pair.kind != LINEAR:
@@ -49,7 +51,7 @@ def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int) -> float:
             above = pool[pairs[c + 1].slot]
             k1, g1 = works(above) * above.k, works(above) * above.gamma
         if works(pair) > 0.0:
-            a = max(a, pair.lower * k0 + pair.inverse * pair.k + pair.upper * k1)
+            a = max(a, pair.lower * k0 + pair.inverse * pair.k + pair.upper * k1 + square)
             b = max(b, pair.lower * g0 + pair.inverse * pair.gamma + pair.upper * g1)
         k0, g0 = works(pair) * pair.k, works(pair) * pair.gamma
     return 0.5 * (b + math.sqrt(b * b + 4.0 * a))

@@ -24,7 +24,7 @@ from granular._tournament import NODE, tournament
 from granular.laws.contact_law import Form, PairLaw
 from granular.laws.kinds import SceneLaws, alike
 from granular.md.located.similar import Shape, damped, elastic
-from granular.md.located.wall_paths import compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
+from granular.md.located.wall_paths import Hung, compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
 from granular.md.rows import CONTACT_ROW
 from granular.scene import Scene, speed_scale
 
@@ -122,8 +122,8 @@ _SERIES = [
 MEMBER = np.dtype([*_SERIES, *_LAW, *_STATE, *_BLOCK, *_CONTACT, ("spare", int)], align=True)
 """A pair in an island. `spare` of record i of the pool is the i-th place, of which the first ones are taken."""
 BODY = np.dtype([(name, float) for name in ("inverse_mass", "fall", "load", "v", "t", "tail", "wall")], align=True)
-"""Inverse mass, downward acceleration, weight in N of the body and all above it, velocity it had at time t + tail,
-number from 1 on of the driven wall that it is, or 0."""
+"""Inverse mass, downward acceleration (of a pendulum at time t + tail), weight in N of the body and all above it,
+velocity it had at time t + tail, number from 1 on of the driven wall that it is, or 0."""
 RUN = np.dtype(
     [
         ("tol", float), ("members", int),
@@ -138,6 +138,7 @@ RUN = np.dtype(
         ("over", float), ("parting", float),
         ("before_due", float), ("before_steps", int), ("before_error", float), ("before_log", int),  # to be put back
         ("speed", float),  # at which it is followed
+        ("omega", float),  # of pendula, 1/s
         ("piled", int), ("load", float), ("energy", float), ("opening", float), ("barrier", float), ("rests", int),
     ],
     align=True,
@@ -174,7 +175,8 @@ TABLES = 8
 
 DRIVEN: bool = False
 WORKED: bool = False
-"""Whether walls are driven, and whether a ledger is kept: kernels of such scenes are specialised."""
+HUNG: bool = False
+"""Whether walls are driven, a ledger is kept, balls are pendula: kernels of such scenes are specialised."""
 
 NO_PAUSE = np.iinfo(np.int64).max
 """`pause` of a run that need not stop on its way to be looked at."""
@@ -184,7 +186,7 @@ LOG_ROWS, MOST_ROWS = 256, 4096
 
 System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables answer work walls ledger")
 """All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder; `Walls`
-that are driven and the record of a ledger, None without."""
+that are driven, or how balls are `Hung`, and the record of a ledger, None without."""
 
 
 def to_plain(s: System) -> System:
@@ -299,9 +301,19 @@ def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: fl
         lift = scene.external_force * scene.inverse_mass
     ledger = np.zeros(1, LEDGER) if scene.driven else None
     s = new_system(columns, kinds, laws.kind, room, until, walls=walls, lift=lift, ledger=ledger, **limits)
+    if scene.pendulum > 0.0:
+        return hung_up(s, scene)
     if scene.n_pairs > MOST_MAPS:
         _share_tables(s, laws, scene)
     return s
+
+
+def hung_up(s: System, scene: Scene) -> System:
+    """Return the records of a scene whose balls are pendula: the pull is that at gap 0, -Ω² d; no contact is mapped."""
+    square = scene.pendulum * scene.pendulum
+    s.bodies["fall"] = square * scene.displacement
+    s.pairs["pull"], s.pairs["map"], s.run["omega"] = -square * scene.rest_gap, -1, scene.pendulum
+    return s._replace(walls=Hung(scene.pendulum, square))
 
 
 def mapped(kinds: Any, m_eff: Array) -> None:

@@ -1,4 +1,4 @@
-"""Driven walls as a run holds them.
+"""Driven walls, and pendula, as a run holds them.
 May be skipped: rarer, walls that shake.
 """
 
@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections import namedtuple
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from granular.walls.panels import PANEL, TERMS, WALL
 Walls = namedtuple("Walls", "start wall panels path push")
 """Time in s at which the run's own clock is 0; records `WALL` of the driven walls and `PANEL` of all their panels; for
 each wall scratch: the power series of side·m in m in the time, and that of its acceleration in τ."""
+Hung = namedtuple("Hung", "omega square")
+"""Ω in 1/s of pendula, and Ω²: what flights need to know of them, as of walls."""
 
 
 def walls_of(scene: Scene, start: float, terms: int) -> Walls | None:
@@ -46,24 +49,25 @@ def with_walls(walls: Walls, velocity: Array) -> Array:
     return velocity
 
 
-def plain_walls(walls: Walls | None) -> Walls | None:
+def plain_walls(walls: Any) -> Any:
     """Return driven walls for interpreted code."""
-    if walls is None or isinstance(walls.wall, list):
+    if not isinstance(walls, Walls) or isinstance(walls.wall, list):
         return walls
     return Walls(walls.start, plain(walls.wall), plain(walls.panels), walls.path.tolist(), walls.push.tolist())
 
 
-def compiled_walls(walls: Walls | None) -> Walls | None:
+def compiled_walls(walls: Any) -> Any:
     """Return driven walls for compiled code."""
-    if walls is None:
-        return None
+    if not isinstance(walls, Walls):
+        return walls
     scratch = np.array(walls.path), np.array(walls.push)
     return Walls(walls.start, packed(walls.wall, WALL), packed(walls.panels, PANEL), *scratch)
 
 
-def check_room(scene: Scene, walls: Walls | None, elapsed: float, end: float) -> None:
+def check_room(scene: Scene, walls: Any, elapsed: float, end: float) -> None:
     """Raise if driven walls have met a time `elapsed` in s into a run, with all balls between them."""
-    if walls is None or not scene.is_wall[[0, -1]].all() or not scene.radius.any() or elapsed == math.inf:
+    between = scene.is_wall[[0, -1]].all() and scene.radius.any()
+    if not isinstance(walls, Walls) or not between or elapsed == math.inf:
         return
     at = (scene.position + scene.velocity * elapsed)[[0, -1]].tolist()
     for wall in plain(walls.wall):
