@@ -392,6 +392,10 @@ def _rest_gaps(value: ArrayLike | None, pendulum: float, n: int) -> Array | None
 
 def _refuse_together(scene: Scene, walls: Any) -> None:
     """Raise for what cannot go together."""
+    for pair, thermal in zip((0, -1), scene.heat, strict=True):
+        if thermal is not None and scene.gap[pair] < 0.0:
+            raise ValueError(f"gap[{pair % scene.n_pairs}] is {float(scene.gap[pair])!r}: a ball cannot overlap a "
+                             "thermal wall, which acts at the touch; give a gap that is not negative.")  # fmt: skip
     if scene.ring and walls.any():
         raise ValueError(f"mass[{int(walls.argmax())}] is inf: a ring has no walls; leave out the wall, or ring.")
     hung = scene.pendulum > 0.0

@@ -1,4 +1,4 @@
-"""Rings and pendula as soft spheres by scipy's DOP853 in positions, restarted wherever a force begins or ends."""
+"""Soft balls on rings, as pendula, between thermal walls: by scipy's DOP853 in positions, begun anew at every event."""
 
 import math
 
@@ -7,58 +7,64 @@ import numpy as np
 import granular as gr
 
 
-def forces(scene, laws, gap, closing):
-    """Contact forces of all pairs, and the functions whose sign says which of them act."""
-    force, signs = [], []
-    for law, pair, g, u in zip(laws, scene.pairs, gap, closing, strict=True):
-        full = law.force(max(-g, 0.0), u, pair)
-        force.append(full if g < 0.0 and full > 0.0 else 0.0)
-        signs += [g, full if g < 0.0 else 1.0]
-    return np.array(force), np.array(signs)
-
-
 def solved(scene, laws, t_end):
     """Gaps and velocities at `t_end`."""
-    from scipy.integrate import solve_ivp
-
-    n, share = scene.n, 1.0 / scene.mass
-    rest = scene.gap - scene.across(np.concatenate([[0.0], np.cumsum(scene.gap[: n - 1])]))
-    start = np.concatenate([[0.0], np.cumsum(scene.gap[: n - 1])])  # places with the radii taken out
-    hung = scene.displacement
-
-    def state(y):
-        return rest + scene.across(y[:n] + start), -scene.across(y[n:])
-
-    def slope(t, y, acting):
-        force = forces(scene, laws, *state(y))[0] * acting
-        a = np.zeros(n)
-        for c in range(scene.n_pairs):
-            lower, upper = scene.bodies(c)
-            a[lower] -= force[c] * share[lower]
-            a[upper] += force[c] * share[upper]
-        a += scene.fall - scene.pendulum**2 * (hung + y[:n])
-        return np.concatenate([y[n:], np.where(scene.is_wall, 0.0, a)])
-
-    t, y = 0.0, np.concatenate([np.zeros(n), scene.velocity])
+    motion, t = Motion(scene, laws), 0.0
+    y = np.concatenate([np.zeros(scene.n), scene.velocity])
     while t < t_end:
-        ahead = y + 1e-9 * slope(t, y, 1.0) * t_end
-        acting = forces(scene, laws, *state(ahead))[0] > 0.0
-        events = []
-        for i in range(2 * scene.n_pairs):
-            now = forces(scene, laws, *state(ahead))[1][i]
+        t, y = motion.to_next_event(t, y, t_end)
+        for side in motion.hot:
+            gap, closing = motion.pairs(y)
+            if abs(gap[-side]) < 1e-12 and closing[-side] > 0.0:
+                ball = -2 if side else 1
+                away = scene.heat[side].drawn(side, motion.hits[side], float(scene.mass[ball]))
+                motion.hits[side] += 1
+                y[scene.n + ball % scene.n] = -away if side else away
+    return motion.pairs(y)[0], y[scene.n :]
 
-            def crosses(t, y, *_, i=i, now=now):
-                gap, closing = state(y)
-                c = i // 2
-                value = gap[c] if i % 2 == 0 else laws[c].force(max(-gap[c], 0.0), closing[c], scene.pairs[c])
-                return value * math.copysign(1.0, now)
 
-            crosses.terminal, crosses.direction = True, -1
-            if i % 2 == 0 or now < 1.0 or acting[i // 2]:
-                events.append(crosses)
-        out = solve_ivp(slope, (t, t_end), y, "DOP853", rtol=1e-13, atol=1e-16, events=events, args=(acting,))
-        t, y = float(out.t[-1]), out.y[:, -1]
-    return state(y)[0], y[n:]
+class Motion:
+    def __init__(self, scene, laws):
+        self.scene, self.laws, self.hits, self.hung = scene, laws, [0, 0], scene.displacement
+        self.hot = [side for side in range(2) if scene.heat[side] is not None]
+        self.cold = np.ones(scene.n_pairs, bool)
+        self.cold[[-side for side in self.hot]] = False
+
+    def pairs(self, y):
+        """Gaps, and the rates at which they close."""
+        n = self.scene.n
+        return self.scene.gap + self.scene.across(y[:n]), -self.scene.across(y[n:])
+
+    def push(self, c, gap, closing):
+        """What the law of a pair says, not clipped."""
+        return self.laws[c].force(max(-gap[c], 0.0), closing[c], self.scene.pairs[c])
+
+    def slope(self, t, y, acting):
+        scene, (gap, closing) = self.scene, self.pairs(y)
+        a = scene.fall - scene.pendulum**2 * (self.hung + y[: scene.n])
+        for c in np.flatnonzero(acting):
+            force = self.push(c, gap, closing)
+            lower, upper = scene.bodies(c)
+            a[lower] -= force * scene.inverse_mass[lower]
+            a[upper] += force * scene.inverse_mass[upper]
+        return np.concatenate([y[scene.n :], np.where(scene.is_wall, 0.0, a)])
+
+    def to_next_event(self, t, y, t_end):
+        """Go on to where a force begins or ends, a gap closes or opens."""
+        from scipy.integrate import solve_ivp
+
+        gap, closing = self.pairs(y + 1e-9 * self.slope(t, y, ()) * t_end)
+        pushes = np.array([self.push(c, gap, closing) for c in range(len(gap))])
+        acting, events = (gap < 0.0) & (pushes > 0.0) & self.cold, []
+        for c in range(len(gap)):
+            events.append(lambda t, y, _, c=c, way=math.copysign(1.0, gap[c]): way * self.pairs(y)[0][c])
+            if gap[c] < 0.0 and self.cold[c]:
+                way = math.copysign(1.0, pushes[c])
+                events.append(lambda t, y, _, c=c, way=way: way * self.push(c, *self.pairs(y)))
+        for event in events:
+            event.terminal, event.direction = True, -1
+        out = solve_ivp(self.slope, (t, t_end), y, "DOP853", rtol=1e-13, atol=1e-16, events=events, args=(acting,))
+        return float(out.t[-1]), out.y[:, -1]
 
 
 def drawn(seed, **more):

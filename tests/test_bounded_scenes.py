@@ -86,6 +86,7 @@ def test_a_wall_is_where_pendula_beside_it_rest():
         (lambda: gr.Scene([math.inf, 1.0, math.inf], [0.0] * 3, [0.5, 0.5], [0.0] * 3, pendulum=1.0,
                           rest_gap=[0.5, 0.4]),
          r"rest_gap adds up to 0\.9: between two walls.*1\.0"),
+        (lambda: HEATED.replace(gap=[-0.1]), r"gap\[0\] is -0\.1: a ball cannot overlap a thermal wall"),
         (lambda: pendula().replace(pendulum=1e200), r"pendulum is 1e\+200.*square"),
         (lambda: gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.5], [0.0, 1.0], pendulum=1.0, floor=THERMAL),
          "beside pendula a wall must stand still"),

@@ -15,8 +15,9 @@ from typing import Any
 
 from granular._kernels import inlined, kernel
 from granular._tournament import leaf, play
-from granular.md.located.contacts import AWAITED, SOME, act, activate, end_contact, engage, follow, push, pushes
+from granular.md.located.contacts import AWAITED, NONE, SOME, act, activate, end_contact, engage, follow, push, pushes, strike
 from granular.md.located.driven import beside_edge, carry_walls, foresee_walls, jump_at, rate_at, speed_at
+from granular.md.located.heat import thrown
 from granular.md.located.inside import exposed, relive
 from granular.md.located.isolated import MET, OTHERWISE, TABLE, ULP, in_contact, meet
 from granular.md.located.ledger import enter_flight, enter_piece
@@ -31,10 +32,12 @@ from granular.md.located.system import (
     DRIVEN,
     EDGE,
     GENERAL,
+    HEATED,
     HUNG,
     OPEN,
     RESIDUAL,
     SPARE,
+    STRUCK,
     WORKED,
     to_plain,
 )
@@ -53,11 +56,15 @@ def launch(s: Any, laws: Any) -> bool:
     run, pairs, pool, n = s.run[0], s.pairs, s.pool, len(s.pairs)
     for c in range(n):
         pair = pairs[c]
-        if pair.xi > 0.0 or (pair.xi == 0.0 and pair.eta > 0.0):
+        rests = HEATED and pair.wall < 0 and pair.eta == 0.0 and pair.pull > 0.0
+        if pair.xi > 0.0 or (pair.xi == 0.0 and (pair.eta > 0.0 or rests)):
             join(run, pairs, pool, s.kinds, s.bodies, c)
             if DRIVEN:
                 carry_walls(s.walls, s)
-            if is_clipped(pool[pair.slot], laws):
+            if HEATED and pair.wall < 0:
+                if not strike(run, pairs, pool, c):
+                    return False
+            elif is_clipped(pool[pair.slot], laws):
                 pool[pair.slot].mode = RESIDUAL
             elif not activate(run, pairs, pool, s.bodies, c):
                 return False
@@ -68,10 +75,10 @@ def launch(s: Any, laws: Any) -> bool:
                 if DRIVEN:
                     carry_walls(s.walls, s)
             run.lo, run.hi, run.stride = c, pairs[c].hi, pool[pairs[c].slot].stride
-            why = regroup(s)
+            why = regroup(s, laws)
             while why == ABSORB:
                 take_in(s, run.wanted)
-                why = regroup(s)
+                why = regroup(s, laws)
             if why == STOPPED:
                 return False
     return True
@@ -144,7 +151,7 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
         run.waits = 0
         why = ABSORB
         while why == ABSORB:
-            why = regroup(s)
+            why = regroup(s, laws)
             if why == ABSORB and not absorb(s, run.wanted, laws):
                 run.waits = 1
                 return CRAMPED
@@ -175,7 +182,8 @@ def pass_edge(walls: Any, s: Any, laws: Any) -> int:
 
 @kernel
 def jolt(s: Any, c: int, jump: float, laws: Any) -> bool:
-    """Let the force of pair `c` begin or end where the velocity of its wall has jumped; false if the run is to stop."""
+    """Let the force of pair `c` begin or end where the velocity of its wall, or of a ball of it that a thermal wall has
+    thrown back, has jumped; false if the run is to stop."""
     run, pairs, bodies, member = s.run[0], s.pairs, s.bodies, s.pool[s.pairs[c].slot]
     member.exact = 0
     if member.mode == ACTIVE and is_clipped(member, laws):
@@ -194,6 +202,26 @@ def jolt(s: Any, c: int, jump: float, laws: Any) -> bool:
     elif member.mode == DORMANT:
         member.mode = ACTIVE if member.begun == 1 else OPEN
     return True
+
+
+@kernel
+def throw_back(s: Any, laws: Any) -> int:
+    """Let thermal walls throw back the balls they have been struck by; the pair beside is in the island under way.
+
+    Return SOME if there were any, for then that pair may push, NONE, or AWAITED if the run is to stop before it does.
+    """
+    run, pairs, pool, found = s.run[0], s.pairs, s.pool, NONE
+    for side in range(2):
+        c = 0 if side == 0 else len(pairs) - 1
+        f = c + 1 - 2 * side
+        if run.lo <= c < run.hi and pool[pairs[c].slot].mode == STRUCK:
+            kick, found = thrown(s, c), SOME
+            if 0 <= f < len(pairs):
+                pool[pairs[f].slot].eta += kick
+                pool[pairs[f].slot].noise += ULP * kick
+                if not jolt(s, f, kick, laws):
+                    return AWAITED
+    return found
 
 
 @kernel
@@ -263,7 +291,7 @@ def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int, walls: Any) ->
 
 
 @kernel
-def regroup(s: Any) -> int:
+def regroup(s: Any, laws: Any) -> int:
     """Form the blocks anew that the event under way concerns, to be planned.
 
     Return MORE, STOPPED, or ABSORB: a block, `wanted`, is to be absorbed first, and then it is to be called again.
@@ -280,6 +308,8 @@ def regroup(s: Any) -> int:
             run.wanted = run.hi
             return ABSORB
         found = engage(run, pairs, pool, bodies)
+        if HEATED and found == NONE:
+            found = throw_back(s, laws)
     if found == AWAITED:
         run.waits = 1
         return STOPPED

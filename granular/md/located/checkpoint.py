@@ -116,6 +116,6 @@ def restored(s: System, state: Mapping[str, Any]) -> System:
     queue = tournament(len(pairs))
     queue["due"][len(queue) // 2 :][: len(pairs)] = pairs["due"]
     maps = copied(np.asarray(state["maps"]))
-    ledger = copied(np.asarray(state["ledger"])) if "ledger" in state else s.ledger
+    ledger = named_alike(np.asarray(state["ledger"]), LEDGER) if "ledger" in state else s.ledger
     return s._replace(run=run, pairs=pairs, pool=pool, bodies=bodies, queue=queue, log=log, maps=maps, tables=tables,
                       ledger=ledger)  # fmt: skip

@@ -16,6 +16,7 @@ from granular.md.located.system import (
     DRIVEN,
     END,
     GENERAL,
+    HEATED,
     HUNG,
     LINEAR,
     OPEN,
@@ -23,6 +24,7 @@ from granular.md.located.system import (
     RELOAD,
     RESIDUAL,
     STOP,
+    STRUCK,
     TURN,
 )
 
@@ -60,6 +62,8 @@ def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws
 def begin(run: Any, pairs: Any, pool: Any, bodies: Any, c: int, speed: float, laws: Any) -> bool:
     """Let the force of pair `c` begin; it has touched, or its force has returned."""
     pair = pool[pairs[c].slot]
+    if HEATED and pair.wall < 0:
+        return strike(run, pairs, pool, c)
     if pair.mode == OPEN:
         pair.xi = 0.0
         if drifts(pair) or pair.eta < 0.0:  # grazed, or touching at rest
@@ -90,6 +94,22 @@ def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
         begin_contact(run, pairs, pool, bodies, c)
     pair.exact = 1 if pair.mode == RESIDUAL else 0
     pair.mode, pair.begun = ACTIVE, 1
+    pairs[c].count += 1
+    run.events += 1
+    run.begun += 1
+    return True
+
+
+@kernel
+def strike(run: Any, pairs: Any, pool: Any, c: int) -> bool:
+    """Let the ball of pair `c` be about to be thrown back by its thermal wall; false if the run is to stop before."""
+    pair = pool[pairs[c].slot]
+    pair.xi = 0.0
+    if pair.eta < 0.0:
+        return True
+    if is_awaited(run, pairs, c) or not meddle(run, pairs, pool, c):
+        return False
+    pair.mode = STRUCK
     pairs[c].count += 1
     run.events += 1
     run.begun += 1
@@ -197,7 +217,7 @@ def pushes(pair: Any) -> bool:
     is convex for s ≥ 1 and a pull that is not negative; clipped now, and again when ξ = 0 is reached, it is clipped in
     between. At a driven wall, and with pendula, nothing is so simple.
     """
-    if HUNG or (DRIVEN and pair.wall > 0):
+    if HUNG or (DRIVEN and pair.wall > 0) or (HEATED and pair.wall < 0):
         return bool(pair.mode != OPEN)
     if pair.mode != RESIDUAL or pair.s == 1.0:
         return bool(pair.mode == ACTIVE or pair.mode == DORMANT)
@@ -216,6 +236,8 @@ def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
         for i in range(hi - lo):
             c = lo + i if sweep == 0 else hi - 1 - i
             pair = pool[pairs[c].slot]
+            if HEATED and pair.wall < 0:
+                continue
             if (pair.mode == OPEN and pair.xi == 0.0 and pair.eta == 0.0) and (
                 pair.pull > 0.0
                 or (DRIVEN and pair.pull == 0.0 and pair.wall > 0)
@@ -235,6 +257,8 @@ def judge(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
     changed = False
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
+        if HEATED and pair.wall < 0:
+            continue
         if pair.kind != GENERAL and pair.xi == 0.0 and pair.eta == 0.0 and (pair.mode == DORMANT or pair.mode == OPEN):
             way = direction(pair.x)
             if way != 0.0 and (way > 0.0) == (pair.mode == OPEN):

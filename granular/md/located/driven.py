@@ -215,7 +215,7 @@ def drive(walls: Any, pairs: Any, lo: int, hi: int, h: float, q: int) -> None:
 def beside_edge(walls: Any, pair: Any, block: Any) -> float:
     """Return the time from the clock of a block, brought to an EDGE in one float, to where that is; 0 if `pair` is at
     no driven wall."""
-    if pair.wall == 0:
+    if pair.wall <= 0:
         return 0.0
     t, tail = absolute(walls, block.t, block.tail)
     return float(to_edge(walls.wall[pair.wall - 1], walls.panels, t, tail))

@@ -31,15 +31,17 @@ from granular.md.located.driven import (
     touching_rate,
     wall_after,
 )
+from granular.md.located.heat import count_hit, speed_away
 from granular.md.located.ledger import enter_at_once, keep_alone
 from granular.md.located.maps import encounter, peaks
 from granular.md.located.pieces import DRIFT, predict, since, tick
-from granular.md.located.system import BEGIN, DRIVEN, HUNG, IGNORE, OPEN, WORKED
+from granular.md.located.system import BEGIN, DRIVEN, HEATED, HUNG, IGNORE, OPEN, WORKED
 from granular.md.located.tables import WANTED, table_of, tabled, tabled_peaks
 
 ULP = 2.0**-52
-CLOSED, PIECES, ALONE = -3, -4, -5
-"""Where a contact is known from, if not from a table: a closed form, or pieces that were followed to its end."""
+CLOSED, PIECES, ALONE, HOT = -3, -4, -5, -6
+"""Where a contact is known from, if not from a table: a closed form, or pieces that were followed to its end; HOT is a
+thermal wall, which takes no time."""
 MET, OTHERWISE, TABLE, ASKED = range(4)
 """What `meet` comes to; a table is wanted first, or a contact alone: see `tables`."""
 
@@ -65,7 +67,7 @@ def meet(s: Any, c: int) -> int:
     if not v > DRIFT * pair.noise:
         return OTHERWISE
     t1, t2, v1, v2, place = foresee(s, c, v)
-    if not t1 > 0.0:
+    if not t1 > 0.0 and place != HOT:
         run.wanted = c
         return TABLE if place == WANTED else ASKED if place == ALONE else OTHERWISE
     inverse, over = bodies[c].inverse_mass + bodies[c + 1].inverse_mass, pair.wait + t2
@@ -100,7 +102,9 @@ def meet(s: Any, c: int) -> int:
     tick(pair, t2)
     pair.xi, pair.eta, pair.lasts, pair.speed, pair.exact = 0.0, -v2, t2, v, 0
     pair.noise += ULP * v
-    if WORKED:
+    if HEATED and place == HOT:
+        count_hit(s, c, v, v2)
+    elif WORKED:
         keep_alone(s.ledger, s, c)
         enter_at_once(s.ledger, s, c, 1.0)
     predict(pair, s.kinds[pair.kind_of], s.walls)
@@ -148,6 +152,9 @@ def foresee(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
     That is the place of a table, or CLOSED for a closed form, PIECES; WANTED for a table to be made, ALONE to be asked.
     """
     pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
+    if HEATED and pair.wall < 0:
+        v2 = speed_away(s.ledger, pair.wall)
+        return 0.0, 0.0, v2, v2, HOT
     t1 = t2 = v1 = v2 = math.nan
     if not DRIVEN or pair.wall == 0:
         t1, t2, v1, v2 = encounter(law, s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, pair.pull, v)
@@ -199,7 +206,13 @@ def write_row(s: Any, c: int, v: float, t1: float, v1: float, place: int) -> Non
     row.lower_out = row.lower_in - one.fall * t1 - one.inverse_mass * impulse
     row.upper_out = row.upper_in - two.fall * t1 + two.inverse_mass * impulse
     row.impulse, row.xi_max, row.force_max = impulse, 0.0, 0.0
-    if run.log == 2 and place == CLOSED:
+    if HEATED and place == HOT:
+        row.force_max = math.nan
+        if pair.wall == -1:
+            row.upper_out = row.lower_in + v1
+        else:
+            row.lower_out = row.upper_in - v1
+    elif run.log == 2 and place == CLOSED:
         row.xi_max, row.force_max = peaks(s.kinds[pair.kind_of], inverse, pair.pull, v, t1, v1)
     elif run.log == 2 and place == PIECES:
         row.xi_max, row.force_max = s.answer[4], s.answer[5]

@@ -119,10 +119,10 @@ def pile(pairs: Any, pool: Any, bodies: Any, hi: int) -> int:
     """Return how many pairs from a floor up form a pile that holds every ball, in a block 0 … hi-1; 0 if they do not.
 
     Above it there may be a ceiling, out of reach and not coming down. Without walls the pile may hold together by
-    forces on its balls. Every load must press, and no wall be driven.
+    forces on its balls. Every load must press, and no wall be driven or thermal.
     """
     piled, reach, n = 0, 0.0, len(pairs)
-    if pairs[0].slot < 0 or pairs[0].wall > 0 or pairs[n - 1].wall > 0:
+    if pairs[0].slot < 0 or pairs[0].wall != 0 or pairs[n - 1].wall != 0:
         return 0
     free = bodies[0].inverse_mass > 0.0
     if free and (hi < n or bodies[n].inverse_mass == 0.0):

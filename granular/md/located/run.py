@@ -103,7 +103,7 @@ class Run:
         self.collocation = Collocation(laws) if self.s.kinds["kind"][0] == GENERAL else None
         hung = scene.pendulum > 0.0
         driven = self.s.walls is not None and not hung
-        moves = {"DRIVEN": driven, "WORKED": self.s.ledger is not None, "HUNG": hung}
+        moves = {"DRIVEN": driven, "WORKED": self.s.ledger is not None, "HEATED": scene.heated, "HUNG": hung}
         flags: dict[str, Any] = {name: True for name, does in moves.items() if does}
         self.fit: Callable[[Any], Any] = lambda kernel: fitted(kernel, **flags)
         self.kernels: Callable[[Any], Any] = self.fit

@@ -35,8 +35,9 @@ PADDED = ORDER + 8 - ORDER % 8
 MIRROR = ORDER + PADDED
 """Lengths of rows: of series; of factors of products, whole blocks of eight; of factors written backwards."""
 
-OPEN, ACTIVE, RESIDUAL, DORMANT = range(4)
-"""Modes of a pair: ξ ≤ 0; F > 0; ξ > 0 with F clipped at 0; touching at rest, with a force still below rounding."""
+OPEN, ACTIVE, RESIDUAL, DORMANT, STRUCK = range(5)
+"""Modes of a pair: ξ ≤ 0; F > 0; ξ > 0 with F clipped at 0; touching at rest, with a force still below rounding; at a
+thermal wall that is about to throw the ball back."""
 
 LINEAR, ELASTIC, DAMPED, GENERAL = range(4)
 """Kinds of law: kξ + γη; kξ^p; ξ^d (kξ^s + γη); any other, as a function."""
@@ -81,7 +82,7 @@ PAIR = np.dtype(
         ("row", np.int32),  # of its last contact solved at once, in the log buffer
         ("count", np.int32), ("alone", np.int16),  # contacts; those in which no neighbour overlapped, since it was open
         ("map", np.int8), ("mode", np.int8), ("exact", np.int8), ("what", np.int8),  # map: place of its tables, or -1
-        ("wall", np.int8),  # number from 1 on of the driven wall it is at, or 0
+        ("wall", np.int8),  # number from 1 on of the driven wall it is at; -1, -2 of a thermal floor, ceiling; else 0
     ],
     align=True,
 )  # fmt: skip
@@ -149,10 +150,12 @@ pile and the load on it in N."""
 
 LEDGER = np.dtype(
     [*((name, float, (5,)) for name in ("total", "low", "piece", "alone")),
-     *((name, float, (2,)) for name in ("work", "lost"))]
+     *((name, float, (2,)) for name in ("work", "lost", "temperature", "mass")),
+     *((name, int, (2,)) for name in ("seed", "hits"))]
 )
 """What walls have done and contacts have lost, in J, in two floats; in a piece; in a contact that is followed alone; in
-the last contacts at driven walls that were solved at once. See `ledger`."""
+the last contacts at driven walls that were solved at once. See `ledger`. Of thermal floor and ceiling temperature in J,
+mass of the ball at it in kg, seed, and hits so far. See `heat`."""
 
 SLOWEST, OCTAVES, POINTS, CHECKS, QUANTITIES = -40, 64, 20, 4, 6
 """Of tables: binary exponent of the slowest speeds in m/s, octaves, points in each, points to check, numbers kept."""
@@ -175,8 +178,10 @@ TABLES = 8
 
 DRIVEN: bool = False
 WORKED: bool = False
+HEATED: bool = False
 HUNG: bool = False
-"""Whether walls are driven, a ledger is kept, balls are pendula: kernels of such scenes are specialised."""
+"""Whether walls are driven, a ledger is kept, walls are thermal, balls are pendula: kernels of such scenes are
+specialised."""
 
 NO_PAUSE = np.iinfo(np.int64).max
 """`pause` of a run that need not stop on its way to be looked at."""
@@ -299,8 +304,10 @@ def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: fl
     walls, lift = walls_of(scene, start, ROW), None
     if scene.external_force is not None:
         lift = scene.external_force * scene.inverse_mass
-    ledger = np.zeros(1, LEDGER) if scene.driven else None
+    ledger = np.zeros(1, LEDGER) if scene.driven or scene.heated else None
     s = new_system(columns, kinds, laws.kind, room, until, walls=walls, lift=lift, ledger=ledger, **limits)
+    if scene.heated:
+        _heat(s, scene)
     if scene.pendulum > 0.0:
         return hung_up(s, scene)
     if scene.n_pairs > MOST_MAPS:
@@ -308,9 +315,19 @@ def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: fl
     return s
 
 
+def _heat(s: System, scene: Scene) -> None:
+    """Note the thermal walls of a scene."""
+    for side, thermal in enumerate(scene.heat):
+        if thermal is not None:
+            s.pairs["wall"][-side], s.pairs["map"][-side] = -1 - side, -1
+            s.ledger["temperature"][0, side], s.ledger["seed"][0, side] = thermal.temperature, thermal.seed
+            s.ledger["mass"][0, side] = scene.mass[-2 if side else 1]
+
+
 def hung_up(s: System, scene: Scene) -> System:
     """Return the records of a scene whose balls are pendula: the pull is that at gap 0, -Ω² d; no contact is mapped."""
     square = scene.pendulum * scene.pendulum
+    assert scene.rest_gap is not None
     s.bodies["fall"] = square * scene.displacement
     s.pairs["pull"], s.pairs["map"], s.run["omega"] = -square * scene.rest_gap, -1, scene.pendulum
     return s._replace(walls=Hung(scene.pendulum, square))
