@@ -57,7 +57,8 @@ class Motion:
         pushes = np.array([self.push(c, gap, closing) for c in range(len(gap))])
         acting, events = (gap < 0.0) & (pushes > 0.0) & self.cold, []
         for c in range(len(gap)):
-            events.append(lambda t, y, _, c=c, way=math.copysign(1.0, gap[c]): way * self.pairs(y)[0][c])
+            side = math.copysign(1.0, gap[c])
+            events.append(lambda t, y, _, c=c, side=side: side * self.pairs(y)[0][c])
             if gap[c] < 0.0 and self.cold[c]:
                 way = math.copysign(1.0, pushes[c])
                 events.append(lambda t, y, _, c=c, way=way: way * self.push(c, *self.pairs(y)))

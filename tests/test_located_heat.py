@@ -52,7 +52,8 @@ def test_random_rows_at_thermal_walls_by_another_integrator(seed):
     if both:
         mass[-1], velocity[-1] = math.inf, 0.0
     scene = scene.replace(mass=mass, velocity=velocity, radius=np.zeros(scene.n), floor=gr.walls.Thermal(2.0, seed),
-                          ceiling=gr.walls.Thermal(1.0, seed) if both else None, gravity=0.0 if both else 2.0)  # fmt: skip
+                          ceiling=gr.walls.Thermal(1.0, seed) if both else None,
+                          gravity=0.0 if both else 2.0)  # fmt: skip
     gap, velocity = solved(scene, laws, 0.6)
     run = gr.md.simulate(scene, laws, t_end=0.6)
     assert (run.contacts["duration"] == 0.0).any()
@@ -104,7 +105,8 @@ def test_until_limits_and_disturbance():
 
 
 def test_a_ball_at_rest_on_a_thermal_floor_is_thrown_up():
-    scene = gr.Scene([math.inf, 2.0, 1.0], [0.0] * 3, [0.0, 0.0], [0.0] * 3, gravity=1.0, floor=gr.walls.Thermal(1.5, 3))
+    floor = gr.walls.Thermal(1.5, 3)
+    scene = gr.Scene([math.inf, 2.0, 1.0], [0.0] * 3, [0.0, 0.0], [0.0] * 3, gravity=1.0, floor=floor)
     run = gr.md.simulate(scene, gr.LinearDashpot(1e3, 1.0), t_end=5.0)
     assert run.contacts["t_begin"][0] == 0.0
     assert run.of(0)["v_out"][0, 1] == scene.floor.drawn(0, 0, 2.0)

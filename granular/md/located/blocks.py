@@ -15,7 +15,20 @@ from typing import Any
 
 from granular._kernels import inlined, kernel
 from granular._tournament import leaf, play
-from granular.md.located.contacts import AWAITED, NONE, SOME, act, activate, end_contact, engage, follow, push, pushes, strike
+from granular.md.located.around import count_of, is_closed, nth
+from granular.md.located.contacts import (
+    AWAITED,
+    NONE,
+    SOME,
+    act,
+    activate,
+    end_contact,
+    engage,
+    follow,
+    push,
+    pushes,
+    strike,
+)
 from granular.md.located.driven import beside_edge, carry_walls, foresee_walls, jump_at, rate_at, speed_at
 from granular.md.located.heat import thrown
 from granular.md.located.inside import exposed, relive
@@ -36,6 +49,7 @@ from granular.md.located.system import (
     HUNG,
     OPEN,
     RESIDUAL,
+    RING,
     SPARE,
     STRUCK,
     WORKED,
@@ -53,7 +67,7 @@ SAME, CHANGED = -1, -2
 @kernel
 def launch(s: Any, laws: Any) -> bool:
     """Form the first blocks of a run from pairs that are open or overlap, to be planned; false if it stops at once."""
-    run, pairs, pool, n = s.run[0], s.pairs, s.pool, len(s.pairs)
+    run, pairs, pool, n = s.run[0], s.pairs, s.pool, count_of(s.pairs)
     for c in range(n):
         pair = pairs[c]
         rests = HEATED and pair.wall < 0 and pair.eta == 0.0 and pair.pull > 0.0
@@ -137,7 +151,7 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                     if passed == STOPPED:
                         return STOPPED
             if block.fired < 0 and passed == SAME:
-                proved = verdict(run, pairs, pool, bodies, run.hi) if lo == 0 and not HUNG else NOT_YET
+                proved = verdict(run, pairs, pool, bodies, run.hi) if lo == 0 and not (HUNG or RING) else NOT_YET
                 if proved != NOT_YET and limit == math.inf:
                     return REST if proved == RESTS else BINDING
                 if not (proved == RESTS and lies(run, pairs, pool, bodies, run.hi)):
@@ -228,7 +242,7 @@ def throw_back(s: Any, laws: Any) -> int:
 def all_recede(s: Any) -> bool:
     """Return whether every pair is open and none approaches, once the contacts solved at once are over."""
     t = last_end(s)
-    for c in range(len(s.pairs)):
+    for c in range(count_of(s.pairs)):
         pair = s.pairs[c]
         if pair.slot >= 0 or pair.xi > 0.0 or rate_at(s.walls, pair, t) > 0.0:
             return False
@@ -239,7 +253,7 @@ def all_recede(s: Any) -> bool:
 def last_end(s: Any) -> float:
     """Return when every contact solved at once is over, not before the event under way."""
     t: float = s.run[0].t
-    for c in range(len(s.pairs)):
+    for c in range(count_of(s.pairs)):
         pair = s.pairs[c]
         if pair.slot < 0 and pair.lasts > 0.0:
             t = max(t, pair.t + ULP * abs(pair.t) if pair.tail > 0.0 else pair.t)
@@ -252,7 +266,7 @@ def expose_all(s: Any, t: float, laws: Any) -> bool:
     is full: then it is called again, with more room."""
     run, pairs, pool = s.run[0], s.pairs, s.pool
     run.t, run.tail = t, 0.0
-    for c in range(len(pairs)):
+    for c in range(count_of(pairs)):
         if in_contact(pairs[c], t, 0.0):
             if run.members + SPARE >= len(pool):
                 return False
@@ -270,7 +284,7 @@ def gather(s: Any, t: float, laws: Any) -> None:
     """Advance every island to time t, the end of the run, with its series from there on."""
     run, pairs, pool = s.run[0], s.pairs, s.pool
     run.t, run.tail = t, 0.0
-    for c in range(len(pairs)):
+    for c in range(count_of(pairs)):
         pair = pairs[c]
         if pair.first == c and pair.slot >= 0:
             bring(s, c, t, 0.0, laws)
@@ -299,13 +313,16 @@ def regroup(s: Any, laws: Any) -> int:
     run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     found = SOME
     while found == SOME:
-        if run.lo > 0 and (pushes(pool[pairs[run.lo].slot]) or in_contact(pairs[run.lo - 1], run.t, run.tail)):
-            run.wanted = pairs[run.lo - 1].first
+        below, above = run.lo - 1, run.hi
+        if RING:
+            below, above = neighbours(run, pairs)
+        if below >= 0 and (pushes(pool[pairs[run.lo].slot]) or in_contact(pairs[below], run.t, run.tail)):
+            run.wanted = pairs[below].first
             return ABSORB
-        if run.hi < len(pairs) and (
-            pushes(pool[pairs[run.hi - 1].slot]) or in_contact(pairs[run.hi], run.t, run.tail)
+        if above < len(pairs) and (
+            pushes(pool[pairs[run.hi - 1].slot]) or in_contact(pairs[above], run.t, run.tail)
         ):
-            run.wanted = run.hi
+            run.wanted = above
             return ABSORB
         found = engage(run, pairs, pool, bodies)
         if HEATED and found == NONE:
@@ -313,17 +330,38 @@ def regroup(s: Any, laws: Any) -> int:
     if found == AWAITED:
         run.waits = 1
         return STOPPED
+    if is_closed(pairs, run.lo, run.hi):
+        cut(run, pairs, pool)
     a = run.lo
     for c in range(run.lo + 1, run.hi + 1):
         if c == run.hi or not (pushes(pool[pairs[c - 1].slot]) or pushes(pool[pairs[c].slot])):
             form(run, pairs, pool, s.queue, a, c)
-            if c == a + 1 and not pushes(pool[pairs[a].slot]):
+            lone, a = c == a + 1, nth(pairs, a)
+            if lone and not pushes(pool[pairs[a].slot]):
                 take_off(run, pairs, pool, s.kinds, a, s.walls)
             else:
                 pairs[a].due = -math.inf
             play(s.queue, a, pairs[a].due)
             a = c
     return MORE
+
+
+@kernel
+def neighbours(run: Any, pairs: Any) -> tuple[int, int]:
+    """Return the pairs below and above the island under way on a ring; if it goes all around, none, as on a line."""
+    if is_closed(pairs, run.lo, run.hi):
+        return -1, len(pairs)
+    return nth(pairs, run.lo - 1), nth(pairs, run.hi)
+
+
+@kernel
+def cut(run: Any, pairs: Any, pool: Any) -> None:
+    """Let an island that goes all around a ring begin where two neighbouring pairs fly, if there is such a place."""
+    for c in range(run.lo, run.hi):
+        if not (pushes(pool[pairs[nth(pairs, c - 1)].slot]) or pushes(pool[pairs[c].slot])):
+            run.lo = nth(pairs, c)
+            run.hi = run.lo + count_of(pairs)
+            return
 
 
 @inlined
@@ -351,7 +389,22 @@ def take_in(s: Any, lo: int) -> None:
         join(run, pairs, s.pool, s.kinds, s.bodies, lo)
         if DRIVEN:
             carry_walls(s.walls, s)
-    run.lo, run.hi = min(run.lo, lo), max(run.hi, pairs[lo].hi)
+    if RING:
+        around(run, pairs, lo)
+    else:
+        run.lo, run.hi = min(run.lo, lo), max(run.hi, pairs[lo].hi)
+
+
+@kernel
+def around(run: Any, pairs: Any, lo: int) -> None:
+    """Lengthen the island under way on a ring by the block that starts with pair `lo`, above it or below."""
+    size = pairs[lo].hi - lo
+    if lo == nth(pairs, run.hi):
+        run.hi += size
+        return
+    run.lo -= size
+    if run.lo < 0:
+        run.lo, run.hi = run.lo + count_of(pairs), run.hi + count_of(pairs)
 
 
 @inlined
@@ -375,11 +428,14 @@ def bring(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
 @kernel
 def form(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
     """Make pairs lo … hi-1 a block at the time of the event under way."""
+    if RING and lo >= count_of(pairs):
+        lo, hi = lo - count_of(pairs), hi - count_of(pairs)
     block, pairs[lo].hi = pool[pairs[lo].slot], hi
     block.t, block.tail, block.stride = run.t, run.tail, run.stride
-    for c in range(lo, hi):
+    for i in range(lo, hi):
+        c = nth(pairs, i)
         pairs[c].first, pairs[c].lasts = lo, 0.0
-        if c > lo and pairs[c].due < math.inf:
+        if c != lo and pairs[c].due < math.inf:
             pairs[c].due = math.inf
             play(queue, c, math.inf)
 
@@ -409,7 +465,10 @@ def settle(
     if DRIVEN and block.what == EDGE and tau == block.tau:
         tick(block, beside_edge(s.walls, pairs[lo], block))
         tick(block, beside_edge(s.walls, pairs[hi - 1], block))
-    if bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0 and block.what != EDGE:
+    if RING:
+        if is_closed(pairs, lo, hi):
+            hold_walls(pairs, pool, lo, hi, 0.0)
+    elif bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0 and block.what != EDGE:
         lower, upper = bodies[lo].v, bodies[hi].v
         if DRIVEN:
             lower = speed_at(s.walls, pairs[lo], bodies[lo], block)
@@ -425,14 +484,18 @@ def rounding(tol: float, pairs: Any, pool: Any, c: int, lo: int) -> float:
     if pool[pairs[lo].slot].linear == 0:
         return float(max(tol, ULP if member.kind != GENERAL else 8.0 * ULP) * member.own_speed)
     largest = abs(member.eta)
-    for i in range(max(lo, c - 1), min(c + 2, pairs[lo].hi)):
+    hi = pairs[lo].hi
+    if is_closed(pairs, lo, hi) and (c == lo or c + 1 == hi):
+        largest = max(largest, abs(pool[pairs[hi - 1 if c == lo else lo].slot].eta))
+    for i in range(max(lo, c - 1), min(c + 2, hi)):
         largest = max(largest, abs(pool[pairs[i].slot].eta))
     return float(ULP * largest)
 
 
 @kernel
 def hold_walls(pairs: Any, pool: Any, lo: int, hi: int, closing: float) -> None:
-    """Let the rates between two walls sum up to that of the walls: roundings would wander, and squeeze or free them."""
+    """Let the rates between two walls, or around a ring, sum up to that of the walls, or 0: roundings would wander, and
+    squeeze or free them."""
     excess, fastest = -closing, pool[pairs[lo].slot]
     for c in range(lo, hi):
         member = pool[pairs[c].slot]
@@ -445,24 +508,28 @@ def hold_walls(pairs: Any, pool: Any, lo: int, hi: int, closing: float) -> None:
 def _check(s: Any) -> None:
     """Raise `AssertionError` if blocks, pool, queue and clocks contradict each other between two calls of `advance`."""
     s = to_plain(s)
-    members, pairs, pool, n = s.run[0].members, s.pairs, s.pool, len(s.pairs)
+    members, pool, n = s.run[0].members, s.pool, len(s.bodies) - 1
+    pairs, shadows = s.pairs[:n], s.pairs[n:]
     starts = [c for c in range(n) if pairs[c].first == c]
     taken, spare = [p.slot for p in pairs if p.slot >= 0], [place.spare for place in pool[members:]]
-    assert [pairs[c].hi for c in starts] == [*starts[1:], n], "each pair is in one block"
+    assert [pairs[c].hi % n for c in starts] == [*starts[1:], *starts[:1]], "each pair is in one block"
+    assert all(p.slot == pair.slot for p, pair in zip(shadows, pairs, strict=False)), "a shadow has its pair's place"
     assert len(taken) == members, "as many places are taken as is said"
     assert sorted(taken + spare) == list(range(len(pool))), "every place is taken once or spare once"
     for c, pair in enumerate(pairs):
         member = pool[pair.slot] if pair.slot >= 0 else None
-        start = pairs[pair.first]
-        assert pair.first <= c < start.hi, "a pair is within its block"
+        start, size = pairs[pair.first], pairs[pair.first].hi - pair.first
+        place = (c - pair.first) % n
+        assert place < size, "a pair is within its block"
         assert leaf(s.queue, c).due == pair.due, "the queue knows when a block is due"
         assert pair.due == math.inf or pair is start, "a block is due once"
         if member is None:
-            assert pair.first + 1 == start.hi, "a pair in free flight is a block of its own"
+            assert size == 1, "a pair in free flight is a block of its own"
             assert pair.due >= pair.t, "nothing is due in the past"
         else:
             assert member.number == c, "a place knows its pair"
             assert not member.begun or member.mode in (ACTIVE, DORMANT), "a contact has a force"
             assert pair.due >= pool[start.slot].t, "nothing is due in the past"
-            borders = pair is start and c > 0 and pushes(member), c + 1 < n and c + 1 == start.hi and pushes(member)
+            below, above = (c > 0, c + 1 < n) if not shadows else (size < n, size < n)
+            borders = below and pair is start and pushes(member), above and place + 1 == size and pushes(member)
             assert s.run[0].waits or not any(borders), "islands end where pairs fly"

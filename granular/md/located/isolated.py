@@ -20,6 +20,7 @@ from typing import Any
 
 from granular._kernels import inlined, kernel
 from granular._tournament import leaf, replay
+from granular.md.located.around import beside, count_of, nth
 from granular.md.located.contacts import is_awaited, velocity_now
 from granular.md.located.driven import (
     carry_walls,
@@ -35,7 +36,7 @@ from granular.md.located.heat import count_hit, speed_away
 from granular.md.located.ledger import enter_at_once, keep_alone
 from granular.md.located.maps import encounter, peaks
 from granular.md.located.pieces import DRIFT, predict, since, tick
-from granular.md.located.system import BEGIN, DRIVEN, HEATED, HUNG, IGNORE, OPEN, WORKED
+from granular.md.located.system import BEGIN, DRIVEN, HEATED, HUNG, IGNORE, OPEN, RING, WORKED
 from granular.md.located.tables import WANTED, table_of, tabled, tabled_peaks
 
 ULP = 2.0**-52
@@ -63,7 +64,7 @@ def meet(s: Any, c: int) -> int:
         return OTHERWISE
     if HUNG or (DRIVEN and pair.wall > 0 and run.disturbing != IGNORE):
         return OTHERWISE
-    v, n = touching_rate(s.walls, pair, pair.wait), len(pairs)
+    v, n = touching_rate(s.walls, pair, pair.wait), count_of(pairs)
     if not v > DRIFT * pair.noise:
         return OTHERWISE
     t1, t2, v1, v2, place = foresee(s, c, v)
@@ -77,16 +78,19 @@ def meet(s: Any, c: int) -> int:
     below = above = math.inf
     sure_below = sure_above = True
     rate_below = rate_above = busy_below = busy_above = 0.0
-    if c > 0:
-        rate_below = lower_v - coasting(s, c - 1, pair, over)
-        busy_below = still_busy(pairs[c - 2], pair, over) if c > 1 else 0.0
+    lower, upper = beside(pairs, c)
+    if lower >= 0:
+        rate_below = lower_v - coasting(s, nth(pairs, c - 1), pair, over)
+        busy_below = still_busy(pairs[nth(pairs, c - 2)], pair, over) if RING or c > 1 else 0.0
         less = bodies[c].inverse_mass * way
-        below, sure_below = clearance(s.walls, pairs[c - 1], pair, t2, less, rate_below, busy_below)
-    if c + 1 < n:
-        rate_above = coasting(s, c + 2, pair, over) - upper_v
-        busy_above = still_busy(pairs[c + 2], pair, over) if c + 2 < n else 0.0
+        below, sure_below = clearance(s.walls, pairs[lower], pair, t2, less, rate_below, busy_below)
+    if upper < n:
+        rate_above = coasting(s, nth(pairs, c + 2), pair, over) - upper_v
+        busy_above = still_busy(pairs[nth(pairs, c + 2)], pair, over) if RING or c + 2 < n else 0.0
         less = bodies[c + 1].inverse_mass * way
-        above, sure_above = clearance(s.walls, pairs[c + 1], pair, t2, less, rate_above, busy_above)
+        if RING and n == 2:
+            rate_above, busy_above, less = lower_v - upper_v, 0.0, inverse * way
+        above, sure_above = clearance(s.walls, pairs[upper], pair, t2, less, rate_above, busy_above)
     isolated = below > 0.0 and above > 0.0 and sure_below and sure_above
     if not isolated and (run.disturbing != IGNORE or min(below, above) == -math.inf):
         return OTHERWISE
@@ -98,7 +102,7 @@ def meet(s: Any, c: int) -> int:
         if DRIVEN:
             carry_walls(s.walls, s)
         write_row(s, c, v, t1, v1, place)
-    count(run, pair, isolated, c if below > 0.0 and sure_below else c - 1, t2)
+    count(run, pair, isolated, min(c, upper if below > 0.0 and sure_below else lower), t2)
     tick(pair, t2)
     pair.xi, pair.eta, pair.lasts, pair.speed, pair.exact = 0.0, -v2, t2, v, 0
     pair.noise += ULP * v
@@ -110,12 +114,17 @@ def meet(s: Any, c: int) -> int:
     predict(pair, s.kinds[pair.kind_of], s.walls)
     leaf(s.queue, c).due = pair.due
     free(bodies[c], pair, lower_v)
-    free(bodies[c + 1], pair, upper_v)
-    if c > 0:
-        deflect(s, c - 1, pair, below, rate_below, busy_below)
-    if c + 1 < n:
-        deflect(s, c + 1, pair, above, rate_above, busy_above)
-    replay(s.queue, max(0, c - 1), min(c + 1, n - 1))
+    free(bodies[nth(pairs, c + 1)], pair, upper_v)
+    if lower >= 0:
+        deflect(s, lower, pair, below, rate_below, busy_below)
+    if upper < n:
+        deflect(s, upper, pair, above, rate_above, busy_above)
+    if RING and upper - lower != 2:
+        replay(s.queue, c, c)
+        replay(s.queue, upper, upper)
+        replay(s.queue, max(0, lower), max(0, lower))
+    else:
+        replay(s.queue, max(0, c - 1), min(c + 1, n - 1))
     return MET
 
 
@@ -196,7 +205,7 @@ def clearance(
 @kernel
 def write_row(s: Any, c: int, v: float, t1: float, v1: float, place: int) -> None:
     """Write the log row of the contact of pair `c` at its onset; it is void if the contact is taken up by an island."""
-    run, pair, one, two = s.run[0], s.pairs[c], s.bodies[c], s.bodies[c + 1]
+    run, pair, one, two = s.run[0], s.pairs[c], s.bodies[c], s.bodies[nth(s.pairs, c + 1)]
     row, pair.row = s.log[run.rows], run.rows
     run.rows += 1
     inverse = one.inverse_mass + two.inverse_mass
@@ -237,7 +246,7 @@ def count(run: Any, pair: Any, isolated: bool, first: int, t2: float) -> None:
 @kernel
 def coasting(s: Any, b: int, pair: Any, dt: float) -> float:
     """Return the velocity that body `b` would have a time `dt` after the clock of `pair` without contacts."""
-    body = s.bodies[b]
+    body = s.bodies[nth(s.pairs, b)]
     if DRIVEN and body.wall > 0.0:
         return wall_after(s.walls, body, pair, dt)
     v: float = body.v - body.fall * (since(body, pair.t, pair.tail) + dt)

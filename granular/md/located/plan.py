@@ -11,6 +11,7 @@ from typing import Any
 from granular._kernels import inlined, kernel
 from granular._tournament import play
 from granular.md.located.alone import goes_on, has_piece
+from granular.md.located.around import count_of
 from granular.md.located.contacts import confirm, judge
 from granular.md.located.driven import foresee_walls
 from granular.md.located.events import locate
@@ -28,7 +29,7 @@ from granular.md.located.step_size import (
     scale,
     trusted,
 )
-from granular.md.located.system import DRIVEN, EDGE, HUNG, NOTHING
+from granular.md.located.system import DRIVEN, EDGE, HUNG, NOTHING, RING
 
 
 @kernel
@@ -93,7 +94,7 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
     pairs[lo].due = block.t + (piece_time(block) + block.tail)
     if block.h >= LONG:  # it lies still
         pairs[lo].due = math.inf
-        if lo == 0 and hi == len(pairs):
+        if hi - lo == count_of(pairs):
             run.rests = 1
     return True
 
@@ -106,7 +107,7 @@ def settle_series(run: Any, pairs: Any, pool: Any, lo: int, laws: Any, walls: An
     for _ in range(2 * (hi - lo) + 2):
         if laws is not None:
             run.error += laws.fill(pairs, pool, lo, run.tol, walls, reach)
-        elif block.linear == 1 and hi == lo + 2 and reach == math.inf and not HUNG:
+        elif block.linear == 1 and hi == lo + 2 and reach == math.inf and not (HUNG or RING):
             expand_two(block, pool[pairs[lo + 1].slot], block.h)
         elif block.linear == 1:
             expand_linear(pairs, pool, lo, hi, block.h, 1, walls)

@@ -209,13 +209,13 @@ def hurdle(pair: Any, load: float) -> float:
     return float(excess(pair, high, rest, load) + 0.5 * stiff * stiff * power(low, 2.0 * pair.s))
 
 
-def lie_still(pairs: list[Any], at_rest: AtRest) -> bool:
-    """Write the piece of a block that lies still, and return whether it does."""
+def lie_still(pairs: list[Any], at_rest: AtRest, closed: bool) -> bool:
+    """Write the piece of a block that lies still, and return whether it does; `closed` if it is a ring."""
     block = pairs[0]
     if any(p.mode not in (OPEN, ACTIVE) or (p.mode == ACTIVE and not abs(p.eta) <= STILL * block.speed) for p in pairs):
         return False
     force = [at_rest(p, p.xi) if p.mode == ACTIVE else 0.0 for p in pairs]
-    push = accelerations(pairs, force)
+    push = accelerations(pairs, force, closed)
     deeper = {i: at_rest(p, p.xi * (1.0 + TANGENT)) for i, p in enumerate(pairs) if p.mode == ACTIVE}
     if not deeper or not all(balances(pairs[i], push[i], force[i], more) for i, more in deeper.items()):
         return False
@@ -230,10 +230,11 @@ def lie_still(pairs: list[Any], at_rest: AtRest) -> bool:
     return True
 
 
-def accelerations(pairs: list[Any], force: list[float]) -> list[float]:
+def accelerations(pairs: list[Any], force: list[float], closed: bool) -> list[float]:
     """Closing accelerations in m/s² of all pairs, 0 where those of open ones are rounding."""
+    first, last = (force[-1], force[0]) if closed else (0.0, 0.0)
     out = []
-    for p, below, own, above in zip(pairs, [0.0, *force[:-1]], force, [*force[1:], 0.0], strict=True):
+    for p, below, own, above in zip(pairs, [first, *force[:-1]], force, [*force[1:], last], strict=True):
         parts = (p.pull, p.lower * below, -p.inverse * own, p.upper * above)
         total = math.fsum(parts)
         rounding = p.mode == OPEN and abs(total) <= ROUNDING * max(map(abs, parts))

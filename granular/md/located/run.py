@@ -100,10 +100,11 @@ class Run:
         self.s: Any = system_of(scene, laws, request.until, self.start, tol=tol, pause=FIRST_LOOK, **limits)
         if state is not None:
             self.s = restored(self.s, state)
-        self.collocation = Collocation(laws) if self.s.kinds["kind"][0] == GENERAL else None
+        self.collocation = Collocation(laws, scene.ring) if self.s.kinds["kind"][0] == GENERAL else None
         hung = scene.pendulum > 0.0
         driven = self.s.walls is not None and not hung
-        moves = {"DRIVEN": driven, "WORKED": self.s.ledger is not None, "HEATED": scene.heated, "HUNG": hung}
+        moves = {"DRIVEN": driven, "WORKED": self.s.ledger is not None, "HEATED": scene.heated, "HUNG": hung,
+                 "RING": scene.ring}  # fmt: skip
         flags: dict[str, Any] = {name: True for name, does in moves.items() if does}
         self.fit: Callable[[Any], Any] = lambda kernel: fitted(kernel, **flags)
         self.kernels: Callable[[Any], Any] = self.fit
@@ -325,7 +326,7 @@ class Run:
 
     def members(self) -> list[Any]:
         """Return the records of pairs in islands as plain objects, from the bottom up."""
-        slot = column(self.s.pairs, "slot")
+        slot = column(self.s.pairs, "slot")[: self.scene.n_pairs]
         slots = slot[slot >= 0].tolist()
         return [self.s.pool[i] for i in slots] if isinstance(self.s.pool, list) else plain(self.s.pool[slots])
 

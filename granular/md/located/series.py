@@ -18,6 +18,7 @@ import math
 from typing import Any
 
 from granular._kernels import kernel, specialised
+from granular.md.located.around import is_closed
 from granular.md.located.driven import drive
 from granular.md.located.pieces import elapsed, power
 from granular.md.located.system import (
@@ -32,6 +33,7 @@ from granular.md.located.system import (
     ORDER,
     PADDED,
     RESIDUAL,
+    RING,
 )
 
 
@@ -42,7 +44,7 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, walls: Any
         prepare(pool[pairs[c].slot], q)
     if DRIVEN:
         drive(walls, pairs, lo, hi, h, q)
-    scale = q * elapsed(h, q, 1.0)
+    scale, top = q * elapsed(h, q, 1.0), hi + 1 if is_closed(pairs, lo, hi) else hi
     for n in range(ORDER - q + 1):
         step, below = scale / (n + q), 0.0
         for c in range(lo, hi):
@@ -51,10 +53,12 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, walls: Any
             if pair.mode != OPEN:
                 force_term(pair, n, q)
         pair = pool[pairs[lo].slot]
+        if RING and top > hi:
+            below = pool[pairs[hi - 1].slot].f[n]
         for c in range(lo, hi):
-            after = pool[pairs[c + 1].slot] if c + 1 < hi else pair
+            after = pool[pairs[c + 1].slot] if c + 1 < top else pair
             force = pair.f[n]
-            above = after.f[n] if c + 1 < hi else 0.0
+            above = after.f[n] if c + 1 < top else 0.0
             push = pair.lower * below - pair.inverse * force + pair.upper * above
             if n == 0:
                 push += pair.pull

@@ -19,9 +19,10 @@ from typing import Any
 
 from granular._flight import time_to_contact
 from granular._kernels import kernel
+from granular.md.located.around import is_closed
 from granular.md.located.pieces import DRIFT, elapsed, force_returns, power
 from granular.md.located.series import works
-from granular.md.located.system import ACTIVE, DAMPED, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, STEEPEST
+from granular.md.located.system import ACTIVE, DAMPED, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, RING, STEEPEST
 
 REACH = (math.factorial(ORDER + 1) * 1e-17) ** (1.0 / (ORDER + 1))
 FURTHEST = 8.0
@@ -42,12 +43,15 @@ to so many times the tolerance: below it, its overlap is what steps leave out.""
 def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int, square: float) -> float:
     """Return λ in 1/s, a bound of all rates of the touching pairs; -1 if other than linear laws are at work. `square`
     is Ω² of pendula, else 0."""
-    a, b, k0, g0 = square, 0.0, 0.0, 0.0
+    a, b, k0, g0, closed = square, 0.0, 0.0, 0.0, is_closed(pairs, lo, hi)
+    if RING and closed:
+        last = pool[pairs[hi - 1].slot]
+        k0, g0 = works(last) * last.k, works(last) * last.gamma
     for c in range(lo, hi):
         pair, k1, g1 = pool[pairs[c].slot], 0.0, 0.0
         if pair.mode != OPEN and pair.kind != LINEAR:
             return -1.0
-        if c + 1 < hi:
+        if c + 1 < hi or closed:
             above = pool[pairs[c + 1].slot]
             k1, g1 = works(above) * above.k, works(above) * above.gamma
         if works(pair) > 0.0:
@@ -91,9 +95,10 @@ def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
         pair.own_speed = math.sqrt(pair.eta * pair.eta + stored)
         if pair.mode != OPEN:
             speed = max(speed, pair.own_speed)
-    for c in range(lo + 1, hi):
+    around = 1 if is_closed(pairs, lo, hi) else 0
+    for c in range(lo + 1, hi + around):
         lend(pool[pairs[c - 1].slot], pool[pairs[c].slot], pool[pairs[c].slot].lower)
-    for c in range(hi - 2, lo - 1, -1):
+    for c in range(hi - 2 + around, lo - 1, -1):
         lend(pool[pairs[c + 1].slot], pool[pairs[c].slot], pool[pairs[c].slot].upper)
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]

@@ -180,8 +180,9 @@ DRIVEN: bool = False
 WORKED: bool = False
 HEATED: bool = False
 HUNG: bool = False
-"""Whether walls are driven, a ledger is kept, walls are thermal, balls are pendula: kernels of such scenes are
-specialised."""
+RING: bool = False
+"""Whether walls are driven, a ledger is kept, walls are thermal, balls are pendula or on a ring: kernels of such scenes
+are specialised."""
 
 NO_PAUSE = np.iinfo(np.int64).max
 """`pause` of a run that need not stop on its way to be looked at."""
@@ -300,14 +301,19 @@ def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: fl
     if (kinds["kind"] == GENERAL).any():  # one law beyond powers, and every law is evaluated as it stands
         kinds["kind"], kinds["s"] = GENERAL, 0.0
     room = 3 * int(np.count_nonzero(scene.gap <= 0.0)) + ROOM  # so many pairs may join islands at once, and some later
-    columns = scene.inverse_mass, scene.velocity, scene.gap, scene.gravity
     walls, lift = walls_of(scene, start, ROW), None
     if scene.external_force is not None:
         lift = scene.external_force * scene.inverse_mass
+    columns = scene.inverse_mass, scene.velocity, scene.gap, scene.gravity
+    if scene.ring:  # ball 0 once more behind the last one
+        lift = lift if lift is None else np.append(lift, lift[0])
+        columns = *(np.append(column, column[0]) for column in columns[:2]), *columns[2:]
     ledger = np.zeros(1, LEDGER) if scene.driven or scene.heated else None
     s = new_system(columns, kinds, laws.kind, room, until, walls=walls, lift=lift, ledger=ledger, **limits)
     if scene.heated:
         _heat(s, scene)
+    if scene.ring:
+        s = s._replace(pairs=np.append(s.pairs, s.pairs))
     if scene.pendulum > 0.0:
         return hung_up(s, scene)
     if scene.n_pairs > MOST_MAPS:
