@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from soft_twin import distance, twin
 from solved_by_scipy import drawn, solved
 
 import granular as gr
@@ -109,6 +110,24 @@ def test_resumed_bit_for_bit_in_the_middle_of_a_contact():
     rest = gr.md.resume(first, t_end=8.0)
     assert rest.velocity[-1].tobytes() == whole.velocity[-1].tobytes()
     assert rest.gap[-1].tobytes() == whole.gap[-1].tobytes()
+
+
+@pytest.mark.parametrize("seed", range(9))
+def test_isolated_contacts_are_those_by_pieces(seed):
+    rng = np.random.default_rng([6, seed])
+    n = 2 + seed % 4
+    scene = gr.Scene(rng.uniform(0.5, 2.0, n), [0.1] * n, rng.uniform(0.05, 0.3, n - 1), rng.normal(size=n),
+                     pendulum=float(rng.uniform(1.0, 9.0)),
+                     rest_gap=rng.uniform(0.0, 0.1, n - 1) * (seed % 2))  # fmt: skip
+    law = [gr.LinearDashpot(1e5, 3.0), gr.LinearDashpot(1e4), gr.Hertz(1e6)][seed % 3]
+    other = twin(scene, law, t_end=2.0, samples=21)
+    one = gr.md.simulate(scene, law, t_end=2.0, samples=21)
+    assert distance(one, other) < 1e-11
+    assert one.gap == pytest.approx(other.gap, abs=1e-12)
+    assert one.stats["isolated"] == other.stats["isolated"] > 1
+    assert one.stats["steps"] < other.stats["steps"] or seed % 3 == 2
+    for name in ("duration", "impulse", "xi_max", "force_max"):
+        assert one.contacts[name] == pytest.approx(other.contacts[name], rel=1e-10)
 
 
 def test_what_cannot_be_asked_of_pendula():

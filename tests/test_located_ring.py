@@ -161,7 +161,10 @@ def test_stops_limits_and_soft_event_driven():
     assert gr.md.simulate(scene, law, t_end=1e9, max_events=7).status is gr.Status.max_events
     alone = gr.md.simulate(scene, law, t_end=2.0, disturbed="ignore")
     assert alone.velocity[-1] == pytest.approx(gr.md.simulate(scene, law, t_end=2.0).velocity[-1], abs=1e-13)
-    close = scene.replace(gap=[1e-3, 1e-3])
-    assert gr.md.simulate(close, law, t_end=2.0, disturbed="stop").status is gr.Status.disturbed
+    close = gr.Scene([1.0] * 3, [0.1] * 3, [1e-3, 1e-4, 0.1], [1.0, 0.0, 0.0], ring=True)
+    for by in range(3):
+        stop = gr.md.simulate(rolled(close, by), law, t_end=2.0, disturbed="stop")
+        assert stop.status is gr.Status.disturbed
+        assert stop.first_disturbed[1] == min(-by % 3, (1 - by) % 3)
     with pytest.raises(ValueError, match="t_end is None: on a ring"):
         gr.md.simulate(scene, law)

@@ -512,7 +512,9 @@ def _check(s: Any) -> None:
     pairs, shadows = s.pairs[:n], s.pairs[n:]
     starts = [c for c in range(n) if pairs[c].first == c]
     taken, spare = [p.slot for p in pairs if p.slot >= 0], [place.spare for place in pool[members:]]
-    assert [pairs[c].hi % n for c in starts] == [*starts[1:], *starts[:1]], "each pair is in one block"
+    ends = [pairs[c].hi % n for c in starts]
+    assert ends == [*starts[1:], min(starts, default=n)], "each pair is in one block"
+    assert starts, "each pair is in one block"
     assert all(p.slot == pair.slot for p, pair in zip(shadows, pairs, strict=False)), "a shadow has its pair's place"
     assert len(taken) == members, "as many places are taken as is said"
     assert sorted(taken + spare) == list(range(len(pool))), "every place is taken once or spare once"

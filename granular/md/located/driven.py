@@ -121,13 +121,19 @@ def gap_later(walls: Any, pair: Any, ahead: float, gap: float, rate: float, dt: 
     """Return the gap after a flight of `dt` from a gap and its rate a time `ahead` after the clock of a pair."""
     if DRIVEN and pair.wall > 0:
         return -flight_at_wall(walls, pair, ahead, gap, rate, dt)[0]
+    if HUNG:
+        return hung_after(gap, rate, walls.omega, rest_gap(walls, pair), dt)[0]
     return gap_after(gap, rate, pair.pull, dt)
 
 
 @inlined
 @kernel
-def rate_later(walls: Any, pair: Any, eta: float, dt: float) -> float:
-    """Return the rate of a pair's overlap, now `eta` at its clock, after a flight of `dt`."""
+def rate_later(walls: Any, pair: Any, gap: float, eta: float, dt: float) -> float:
+    """Return the rate of a pair's overlap, now `eta` at its clock, after a flight of `dt` to some `gap`."""
+    if HUNG and dt > 0.0:
+        cosine, sine = math.cos(walls.omega * dt), math.sin(walls.omega * dt)
+        off = (gap - rest_gap(walls, pair) + eta / walls.omega * sine) / cosine  # from the gap at rest, now
+        return float(eta * cosine + walls.omega * off * sine)
     if DRIVEN and pair.wall > 0 and dt > 0.0:
         return flight_at_wall(walls, pair, 0.0, 0.0, -eta, dt)[1]
     return float(pair.pull * dt + eta)

@@ -22,9 +22,10 @@ from granular.md.located.ledger import (
     look_at_piece,
     read,
 )
+from granular.md.located.pendula import swung
 from granular.md.located.pieces import fly, since, tau_at, tick, value
 from granular.md.located.pool import leave
-from granular.md.located.system import ACTIVE, RESIDUAL, WORKED
+from granular.md.located.system import ACTIVE, HUNG, RESIDUAL, WORKED
 
 
 @kernel
@@ -62,7 +63,12 @@ def exposed(s: Any, c: int) -> None:
         member.lower_in, member.upper_in, member.t_begin, row.pair = row.lower_in, row.upper_in, row.t_begin, -1
     for side in range(2):
         body, f, share = bodies[nth(s.pairs, c + side)], nth(s.pairs, c - 1 + 2 * side), high if side else low
-        body.v += -body.fall * since(body, run.t, run.tail) + (share if side else -share) * eta
+        if HUNG:
+            body.v, body.fall = swung(body, run.omega, since(body, run.t, run.tail))
+            body.v += (share if side else -share) * eta
+            body.fall += s.walls.square * (share if side else -share) * xi
+        else:
+            body.v += -body.fall * since(body, run.t, run.tail) + (share if side else -share) * eta
         body.t, body.tail = run.t, run.tail
         if 0 <= f < count_of(s.pairs):
             straighten(s, f, share * xi, share * eta)

@@ -29,6 +29,23 @@ def swung(body: Any, omega: float, dt: float) -> tuple[float, float]:
 
 
 @kernel
+def shift(run: Any, body: Any, pair: Any, way: float) -> None:
+    """Let a body have the `fall` that it would have at the clock of `pair`, farther up by a `way`."""
+    fall = swung(body, run.omega, since(body, pair.t, pair.tail))[1]
+    body.fall = fall + run.omega * run.omega * way
+
+
+@kernel
+def impulse_of_pendula(s: Any, c: int, v: float, t1: float, v1: float) -> float:
+    """Return ∫ F dt up to t1 of a dashpot's contact of pair `c` at speed `v` that is solved at once: by
+    η̇ = -Ω² (ξ + d) - (kξ + γη)/m, integrated, with kξ = -γη at its end."""
+    pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
+    inverse, left = s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, law.gamma * (law.gamma * v1 / law.k)
+    area = (v + v1 + pair.pull * t1 - left * inverse) / (law.k * inverse + s.walls.square)
+    return float(law.k * area + left)
+
+
+@kernel
 def swing(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, tau: float, dt: float) -> None:
     """Advance the bodies of an island to τ, a time `dt` into its piece: what no force acts on swings on as before."""
     block, hi, below, fall_below = pool[pairs[lo].slot], pairs[lo].hi, 0.0, 0.0

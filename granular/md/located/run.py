@@ -87,8 +87,8 @@ class Run:
         state: Mapping[str, Any] | None = None,
     ) -> None:
         if scene.pendulum > 0.0 and disturbed == "ignore":
-            raise ValueError("disturbed is 'ignore': a contact of pendula hangs on how they swing, and is solved with "
-                             "what it disturbs; choose 'resolve' or 'stop'.")  # fmt: skip
+            raise ValueError("disturbed is 'ignore': to set pendula that touch early back to gap 0 gives them another "
+                             "energy; choose 'resolve' or 'stop'.")  # fmt: skip
         self.scene, self.laws, self.law, self.request, self.engine = scene, laws, laws.given, request, engine
         self.seen = self.now = 0.0  # s, when a row was last read, and how far it has come
         self.bound = False

@@ -304,7 +304,7 @@ def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: fl
     walls, lift = walls_of(scene, start, ROW), None
     if scene.external_force is not None:
         lift = scene.external_force * scene.inverse_mass
-    columns = scene.inverse_mass, scene.velocity, scene.gap, scene.gravity
+    columns: tuple[Any, ...] = scene.inverse_mass, scene.velocity, scene.gap, scene.gravity
     if scene.ring:  # ball 0 once more behind the last one
         lift = lift if lift is None else np.append(lift, lift[0])
         columns = *(np.append(column, column[0]) for column in columns[:2]), *columns[2:]
@@ -312,13 +312,11 @@ def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: fl
     s = new_system(columns, kinds, laws.kind, room, until, walls=walls, lift=lift, ledger=ledger, **limits)
     if scene.heated:
         _heat(s, scene)
-    if scene.ring:
-        s = s._replace(pairs=np.append(s.pairs, s.pairs))
-    if scene.pendulum > 0.0:
-        return hung_up(s, scene)
     if scene.n_pairs > MOST_MAPS:
         _share_tables(s, laws, scene)
-    return s
+    if scene.ring:
+        return s._replace(pairs=np.append(s.pairs, s.pairs))
+    return _hung(s, scene) if scene.pendulum > 0.0 else s
 
 
 def _heat(s: System, scene: Scene) -> None:
@@ -330,8 +328,8 @@ def _heat(s: System, scene: Scene) -> None:
             s.ledger["mass"][0, side] = scene.mass[-2 if side else 1]
 
 
-def hung_up(s: System, scene: Scene) -> System:
-    """Return the records of a scene whose balls are pendula: the pull is that at gap 0, -Ω² d; no contact is mapped."""
+def _hung(s: System, scene: Scene) -> System:
+    """Return the records of a scene whose balls are pendula: the pull is that at gap 0, -Ω² d; there are no tables."""
     square = scene.pendulum * scene.pendulum
     assert scene.rest_gap is not None
     s.bodies["fall"] = square * scene.displacement
