@@ -40,8 +40,8 @@ class Pause(Enum):
 
 class Row(NamedTuple):
     """The scene at a time in s, `elapsed` seconds after the start: gaps in m; velocities of bodies or rates of gaps in
-    m/s, whatever the engine goes by; forces in N if there are any; in J since the start, where walls are driven: work
-    of the floor and of the ceiling, heat of both, what was dissipated."""
+    m/s, whatever the engine goes by; forces in N if there are any; in J since the start, where walls are driven or
+    thermal: work of the floor and of the ceiling, heat of both, what was dissipated."""
 
     time: float
     elapsed: float

@@ -317,16 +317,16 @@ class Scene:
 
     @property
     def at_rest(self) -> Array:
-        """Where the bodies of pendula rest in m, shape (n,): body 0 at 0, or, if it is a wall, where it stands."""
-        start = self.origin if self.is_wall[0] else 0.0
-        return np.asarray(start + self.offsets(np.zeros(self.n_pairs) if self.rest_gap is None else self.rest_gap))
+        """Where the bodies of pendula rest in m, shape (n,): a wall where it stands; without one, body 0 at 0."""
+        rest = self.offsets(np.zeros(self.n_pairs) if self.rest_gap is None else self.rest_gap)
+        return rest if self._wall is None else rest + (self.position[self._wall] - rest[self._wall])
 
     @property
     def displacement(self) -> Array:
         """Displacements y of pendula in m, shape (n,), from where they rest; 0 of a wall."""
-        start = 0.0 if self.is_wall[0] else self.origin
-        off = self.gap - (0.0 if self.rest_gap is None else self.rest_gap)
-        return np.where(self.is_wall, 0.0, start + _summed(off[: self.n - 1]))
+        off = _summed((self.gap - (0.0 if self.rest_gap is None else self.rest_gap))[: self.n - 1])
+        start = self.origin if self._wall is None else -off[self._wall]
+        return np.where(self.is_wall, 0.0, start + off)
 
     def _moved(self, elapsed: Any, start: float) -> tuple[Any, Any]:
         """How far the wall that is the anchor has moved in m beside its constant velocity, and how fast in m/s."""
@@ -392,10 +392,6 @@ def _rest_gaps(value: ArrayLike | None, pendulum: float, n: int) -> Array | None
 
 def _refuse_together(scene: Scene, walls: Any) -> None:
     """Raise for what cannot go together."""
-    for pair, thermal in zip((0, -1), scene.heat, strict=True):
-        if thermal is not None and scene.gap[pair] < 0.0:
-            raise ValueError(f"gap[{pair % scene.n_pairs}] is {float(scene.gap[pair])!r}: a ball cannot overlap a "
-                             "thermal wall, which acts at the touch; give a gap that is not negative.")  # fmt: skip
     if scene.ring and walls.any():
         raise ValueError(f"mass[{int(walls.argmax())}] is inf: a ring has no walls; leave out the wall, or ring.")
     hung = scene.pendulum > 0.0
@@ -418,6 +414,10 @@ def _refuse_together(scene: Scene, walls: Any) -> None:
                              f"the same room as the gaps, {room!r}; give rest_gap so.")  # fmt: skip
     if hung and not np.isfinite(scene.pendulum * scene.pendulum):
         raise ValueError(_check._sentence("pendulum", scene.pendulum, "a frequency whose square is finite is needed"))
+    for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True):
+        if heat is not None and scene.gap[c] < 0.0:
+            raise ValueError(f"gap[{c}] is {float(scene.gap[c])!r}: no ball can overlap a thermal wall, which acts at "
+                             "the touch; give a gap of at least 0.")  # fmt: skip
 
 
 def positions(scene: Scene, gap: Array, elapsed: Array, start: float = 0.0) -> Array:
@@ -500,7 +500,8 @@ def fitted(scene: Scene, t_start: float, t_end: float) -> Scene:
     `ValueError` where a wall's path does not last."""
     if not scene.driven:
         return scene
-    floor, ceiling = (walls_module.fitted(motion, t_start, t_end) for motion in scene.motions)
+    paths = [walls_module.fitted(motion, t_start, t_end) for motion in scene.motions]
+    floor, ceiling = (heat if path is None else path for path, heat in zip(paths, scene.heat, strict=True))
     return scene.replace(floor=floor, ceiling=ceiling)
 
 

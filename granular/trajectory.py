@@ -87,8 +87,8 @@ class Trajectory:
         The raw state at the end of a run, from which `granular.edmd.resume` or `granular.md.resume` goes on; empty for
         fixed steps, whose runs cannot be resumed.
     ledger : (T, 5) array or None
-        In J since the start, accumulated by the engine where walls are driven: work of floor and ceiling, heat of both,
-        and what was dissipated; see `account`.
+        In J since the start, accumulated by the engine where walls are driven or thermal: work of floor and ceiling,
+        heat of both, and what was dissipated; see `account`.
     """
 
     scene: Scene
@@ -173,10 +173,10 @@ class Trajectory:
         dict
             In J: *energy* (T,), see `energy`; *work* (T, 2) that the first and the last body, if they are walls, have
             done on the balls since the start, ∫ F ẋ_w dt; *heat* (T, 2) that they have given; *dissipated* (T,) in
-            contacts. Where walls are driven each is accumulated by itself, with the rounding of its sum carried along;
-            else what is dissipated is what is lost, and the work of walls at constant speed is read off the log: nan
-            at rows within a contact at such a wall, and without a log. Under a fixed time step the sum is constant to
-            the order of the method only.
+            contacts. Where walls are driven or thermal each is accumulated by itself, with the rounding of its sum
+            carried along; else what is dissipated is what is lost, and the work of walls at constant speed is read off
+            the log: nan at rows within a contact at such a wall, and without a log. Under a fixed time step the sum is
+            constant to the order of the method only.
         """
         energy = self.energy()
         if self.ledger is None:
