@@ -42,3 +42,23 @@ def beside(pairs: Any, c: int) -> tuple[int, int]:
         n = len(pairs) // 2
         return (c - 1) % n if n > 2 else -1, (c + 1) % n
     return c - 1, c + 1
+
+
+@kernel
+def neighbours(run: Any, pairs: Any) -> tuple[int, int]:
+    """Return the pairs below and above the island under way on a ring; if it goes all around, none, as on a line."""
+    if is_closed(pairs, run.lo, run.hi):
+        return -1, len(pairs)
+    return nth(pairs, run.lo - 1), nth(pairs, run.hi)
+
+
+@kernel
+def lengthen(run: Any, pairs: Any, lo: int) -> None:
+    """Lengthen the island under way on a ring by the block that starts with pair `lo`, above it or below."""
+    size = pairs[lo].hi - lo
+    if lo == nth(pairs, run.hi):
+        run.hi += size
+        return
+    run.lo -= size
+    if run.lo < 0:
+        run.lo, run.hi = run.lo + count_of(pairs), run.hi + count_of(pairs)

@@ -15,27 +15,26 @@ from typing import Any
 
 from granular._kernels import inlined, kernel
 from granular._tournament import leaf, play
-from granular.md.located.around import count_of, is_closed, nth
+from granular.md.located.around import count_of, is_closed, lengthen, neighbours, nth
 from granular.md.located.contacts import (
     AWAITED,
     NONE,
     SOME,
     act,
     activate,
-    end_contact,
     engage,
     follow,
     push,
     pushes,
     strike,
 )
-from granular.md.located.driven import beside_edge, carry_walls, foresee_walls, jump_at, rate_at, speed_at
-from granular.md.located.heat import thrown
+from granular.md.located.driven import beside_edge, carry_walls, foresee_walls, rate_at, speed_at
 from granular.md.located.inside import exposed, relive
 from granular.md.located.isolated import MET, OTHERWISE, TABLE, ULP, in_contact, meet
+from granular.md.located.jolts import ENDS, SAME, is_clipped, pass_edge, throw_back
 from granular.md.located.ledger import enter_flight, enter_piece
 from granular.md.located.pendula import swing
-from granular.md.located.pieces import arrive, fly, glide, piece_time, power, predict, since, tau_at, tick, value
+from granular.md.located.pieces import arrive, fly, glide, piece_time, predict, since, tau_at, tick, value
 from granular.md.located.plan import planned, settle_series
 from granular.md.located.pool import join, leave
 from granular.md.located.resting import NOT_YET, RESTS, lies, verdict
@@ -51,7 +50,6 @@ from granular.md.located.system import (
     RESIDUAL,
     RING,
     SPARE,
-    STRUCK,
     WORKED,
     to_plain,
 )
@@ -60,8 +58,6 @@ REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_
 """Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
 every ball rests for good, every ball is bound in contact forever, no room in the pool, a table of
 contacts, or a contact alone, is wanted first. ABSORB is for `regroup`."""
-SAME, CHANGED = -1, -2
-"""What `pass_edge` comes to, if not to STOPPED."""
 
 
 @kernel
@@ -96,16 +92,6 @@ def launch(s: Any, laws: Any) -> bool:
             if why == STOPPED:
                 return False
     return True
-
-
-@kernel
-def is_clipped(pair: Any, laws: Any) -> bool:
-    """Return whether balls that overlap from the start part so fast that their force is clipped."""
-    if pair.xi == 0.0:
-        return False
-    if laws is not None:
-        return laws.is_clipped(pair)  # type: ignore[no-any-return]
-    return bool(pair.k * power(pair.xi, pair.s) + pair.gamma * pair.eta <= 0.0)
 
 
 @kernel
@@ -148,7 +134,7 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                 carry_walls(s.walls, s)
                 if block.what == EDGE:
                     passed = pass_edge(s.walls, s, laws)
-                    if passed == STOPPED:
+                    if passed == ENDS:
                         return STOPPED
             if block.fired < 0 and passed == SAME:
                 proved = verdict(run, pairs, pool, bodies, run.hi) if lo == 0 and not (HUNG or RING) else NOT_YET
@@ -174,68 +160,6 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
         if why != MORE:
             return why
     return MORE
-
-
-@kernel
-def pass_edge(walls: Any, s: Any, laws: Any) -> int:
-    """Let the island under way pass the end of a panel of a wall's path, where the velocity of the wall may jump.
-
-    Return SAME, CHANGED if its blocks are to be formed anew, or STOPPED if that meets the stop condition.
-    """
-    run, pairs, pool, pushing = s.run[0], s.pairs, s.pool, False
-    for c in range(run.lo, run.hi):
-        member = pool[pairs[c].slot]
-        jump, slip = jump_at(walls, member, run.t, run.tail) if member.wall > 0 else (0.0, 0.0)
-        member.eta += slip
-        member.e[0] = member.eta
-        if jump != 0.0 and not jolt(s, c, jump, laws):
-            return STOPPED
-        pushing = pushing or (jump == 0.0 and pushes(member))
-    return SAME if pushing else CHANGED
-
-
-@kernel
-def jolt(s: Any, c: int, jump: float, laws: Any) -> bool:
-    """Let the force of pair `c` begin or end where the velocity of its wall, or of a ball of it that a thermal wall has
-    thrown back, has jumped; false if the run is to stop."""
-    run, pairs, bodies, member = s.run[0], s.pairs, s.bodies, s.pool[s.pairs[c].slot]
-    member.exact = 0
-    if member.mode == ACTIVE and is_clipped(member, laws):
-        run.events += 1
-        if member.begun == 1:
-            end_contact(run, pairs, s.pool, bodies, s.log, c)
-        member.mode = RESIDUAL
-    elif member.mode == RESIDUAL and not is_clipped(member, laws):
-        if not activate(run, pairs, s.pool, bodies, c):
-            return False
-        member.exact = 0
-    elif member.mode == DORMANT and jump < 0.0:
-        if member.begun == 1:
-            end_contact(run, pairs, s.pool, bodies, s.log, c)
-        member.mode, pairs[c].alone = OPEN, 0
-    elif member.mode == DORMANT:
-        member.mode = ACTIVE if member.begun == 1 else OPEN
-    return True
-
-
-@kernel
-def throw_back(s: Any, laws: Any) -> int:
-    """Let thermal walls throw back the balls they have been struck by; the pair beside is in the island under way.
-
-    Return SOME if there were any, for then that pair may push, NONE, or AWAITED if the run is to stop before it does.
-    """
-    run, pairs, pool, found = s.run[0], s.pairs, s.pool, NONE
-    for side in range(2):
-        c = 0 if side == 0 else len(pairs) - 1
-        f = c + 1 - 2 * side
-        if run.lo <= c < run.hi and pool[pairs[c].slot].mode == STRUCK:
-            kick, found = thrown(s, c), SOME
-            if 0 <= f < len(pairs):
-                pool[pairs[f].slot].eta += kick
-                pool[pairs[f].slot].noise += ULP * kick
-                if not jolt(s, f, kick, laws):
-                    return AWAITED
-    return found
 
 
 @kernel
@@ -347,14 +271,6 @@ def regroup(s: Any, laws: Any) -> int:
 
 
 @kernel
-def neighbours(run: Any, pairs: Any) -> tuple[int, int]:
-    """Return the pairs below and above the island under way on a ring; if it goes all around, none, as on a line."""
-    if is_closed(pairs, run.lo, run.hi):
-        return -1, len(pairs)
-    return nth(pairs, run.lo - 1), nth(pairs, run.hi)
-
-
-@kernel
 def cut(run: Any, pairs: Any, pool: Any) -> None:
     """Let an island that goes all around a ring begin where two neighbouring pairs fly, if there is such a place."""
     for c in range(run.lo, run.hi):
@@ -390,21 +306,9 @@ def take_in(s: Any, lo: int) -> None:
         if DRIVEN:
             carry_walls(s.walls, s)
     if RING:
-        around(run, pairs, lo)
+        lengthen(run, pairs, lo)
     else:
         run.lo, run.hi = min(run.lo, lo), max(run.hi, pairs[lo].hi)
-
-
-@kernel
-def around(run: Any, pairs: Any, lo: int) -> None:
-    """Lengthen the island under way on a ring by the block that starts with pair `lo`, above it or below."""
-    size = pairs[lo].hi - lo
-    if lo == nth(pairs, run.hi):
-        run.hi += size
-        return
-    run.lo -= size
-    if run.lo < 0:
-        run.lo, run.hi = run.lo + count_of(pairs), run.hi + count_of(pairs)
 
 
 @inlined
