@@ -12,6 +12,7 @@ from granular.drive import Pause
 from granular.laws.check import checked
 from granular.md.located import Run, run, system
 from granular.md.located.blocks import _check
+from granular.md.located.free_length import reimpose
 from granular.request import requested
 
 LAWS = [gr.LinearDashpot(1e4, 3.0), gr.LinearDashpot(1e4), gr.Hertz(1e5), gr.ViscoelasticHertz(1e5, 50.0),
@@ -150,6 +151,19 @@ def test_records_agree_and_runs_go_on(seed, monkeypatch):
     rest = gr.md.resume(gr.md.simulate(scene, law, t_end=0.0211), t_end=0.05)
     assert rest.gap[-1].tobytes() == whole.gap[-1].tobytes() == one.row(0.05).gap.tobytes()
     assert rest.velocity[-1].tobytes() == whole.velocity[-1].tobytes()
+
+
+def test_the_free_length_is_given_back_what_rounding_takes():
+    scene = gr.Scene([1.0, 2.0, 1.5], [0.1] * 3, [0.1, 0.4, -1e-4], [1.0, 0.0, -0.3], ring=True)
+    request = requested(scene, 0.0, 5.0, max_steps=10**6, log=True, max_events=10**5, until=None, samples=None,
+                        on_event=None, on_progress=None)  # fmt: skip
+    one = Run(scene, checked(LAWS[0], scene), request, "plain", 1e-16)
+    one.to(0.005, False)
+    one.s.pairs[1].xi += 1e-9
+    assert one.row(0.005).gap.sum() - 0.4999 == pytest.approx(-1e-9, abs=1e-15)
+    one.fit(reimpose)(one.s)
+    assert one.row(0.005).gap.sum() == pytest.approx(0.4999, abs=1e-15)
+    _check(one.s)
 
 
 def test_stops_limits_and_soft_event_driven():

@@ -29,6 +29,7 @@ from granular.md.located.contacts import (
     strike,
 )
 from granular.md.located.driven import beside_edge, carry_walls, foresee_walls, rate_at, speed_at
+from granular.md.located.free_length import reimpose
 from granular.md.located.inside import exposed, relive
 from granular.md.located.isolated import MET, OTHERWISE, TABLE, ULP, in_contact, meet
 from granular.md.located.jolts import ENDS, SAME, is_clipped, pass_edge, throw_back
@@ -100,6 +101,8 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
     run, pairs, pool, bodies, queue, work = s.run[0], s.pairs, s.pool, s.bodies, s.queue, s.work
     for _ in range(chunk):
         if run.waits == 0:
+            if RING and run.steps >= run.look:
+                reimpose(s)
             lo = queue[1].key
             if run.separated == 1 and run.begun > 0 and all_recede(s) and last_end(s) <= limit:
                 run.t, run.tail = last_end(s), 0.0

@@ -140,6 +140,7 @@ RUN = np.dtype(
         ("before_due", float), ("before_steps", int), ("before_error", float), ("before_log", int),  # to be put back
         ("speed", float),  # at which it is followed
         ("omega", float),  # of pendula, 1/s
+        ("length", float), ("look", int),  # free length of a ring, m, and the steps after which it is looked at
         ("piled", int), ("load", float), ("energy", float), ("opening", float), ("barrier", float), ("rests", int),
     ],
     align=True,
@@ -315,6 +316,7 @@ def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: fl
     if scene.n_pairs > MOST_MAPS:
         _share_tables(s, laws, scene)
     if scene.ring:
+        s.run["length"] = math.fsum(scene.gap)
         return s._replace(pairs=np.append(s.pairs, s.pairs))
     return _hung(s, scene) if scene.pendulum > 0.0 else s
 
