@@ -75,6 +75,15 @@ def test_resumed_bit_for_bit_with_the_numbers_that_would_have_come(law, tmp_path
         assert rest.ledger[-1].tobytes() == whole.ledger[-1].tobytes()
 
 
+def test_stopped_before_a_force_that_a_hit_brings_back():
+    scene, law = gas(3, 3), gr.ViscoelasticHertz(50.0, 2.0)
+    whole = gr.md.simulate(scene, law, t_end=8.0)
+    stop = gr.md.simulate(scene, law, until=gr.until.contact(1, 4))
+    assert stop.time[-1] in whole.of(0)["t_begin"]  # pair 1 was in its run-off
+    rest = gr.md.resume(stop, t_end=8.0)
+    assert rest.velocity[-1] == pytest.approx(whole.velocity[-1], abs=1e-13)
+
+
 def test_a_wall_that_moves_and_heats_does_work_too():
     scene = gas(3, 5)
     scene = scene.replace(velocity=np.array([0.05, *scene.velocity[1:-1], -0.02]))

@@ -30,6 +30,8 @@ from granular.md.located.system import (
     TURN,
 )
 
+ALL_BUT_ZERO = 1e-9
+"""Part of its elastic force up to which the force of a contact that goes on is as located, 0."""
 NONE, SOME, AWAITED = range(3)
 """What `engage` has found: no pair that touches at rest, some, or the contact at which the run is to stop."""
 
@@ -94,12 +96,19 @@ def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
         return False
     if pair.mode != DORMANT:  # else it has been under way since it was touched
         begin_contact(run, pairs, pool, bodies, c)
-    pair.exact = 1 if pair.mode == RESIDUAL else 0
+    pair.exact = 1 if pair.mode == RESIDUAL and not ((DRIVEN or HEATED) and has_jumped(pair)) else 0
     pair.mode, pair.begun = ACTIVE, 1
     pairs[c].count += 1
     run.events += 1
     run.begun += 1
     return True
+
+
+@kernel
+def has_jumped(pair: Any) -> bool:
+    """Return whether the force of a clipped pair is back beyond rounding, for a velocity beside it has jumped."""
+    stiff: float = pair.k * power(pair.xi, pair.s)
+    return bool(stiff + pair.gamma * pair.eta > ALL_BUT_ZERO * stiff)
 
 
 @kernel
