@@ -18,6 +18,7 @@ from granular.md.located.system import PAIR
 from granular.scene import Scene
 from granular.scenes import gas
 from granular.trajectory import Status
+from granular.walls import Thermal
 
 pytest.importorskip("numba")
 
@@ -116,3 +117,23 @@ def test_a_dilute_gas_is_small() -> None:
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 330 * scene.n
+
+
+WALL = {"floor": Thermal(2.0, 1), "ceiling": Thermal(1.0, 2)}
+BOUNDED = {
+    "ring": Scene([1.0, 2.0, 0.5, 1.0], [0.1] * 4, [0.1, 0.0, -1e-4, 0.3], [1.0, 0.3, -0.5, 0.0], ring=True),
+    "pendula": Scene([1.0, 2.0, 0.5], [0.1] * 3, [0.1, 0.0], [1.0, 0.3, -0.5], pendulum=7.0, rest_gap=[0.02, 0.0]),
+    "thermal": Scene([math.inf, 1.0, 2.0, math.inf], [0.0] * 4, [0.1, 0.01, 0.2], [0.0, 1.0, -0.5, 0.0], **WALL),
+}
+
+
+@pytest.mark.soak  # each of them takes half a minute to compile
+@pytest.mark.parametrize("name", BOUNDED)
+def test_same_bits_in_bounded_scenes(name: str) -> None:
+    scene = BOUNDED[name]
+    for law in (LinearDashpot(1e3, 2.0), Hertz(1e4), ViscoelasticHertz(1e4, 20.0)):
+        plain, fast = (run(scene, law, t_end=6.0, samples=31, engine=engine) for engine in ("plain", "compiled"))
+        assert fast.stats["engine"] == "compiled"
+        for name in ("velocity", "gap", "force", "contacts", "ledger"):
+            one, other = getattr(plain, name), getattr(fast, name)
+            assert one is other or one.tobytes() == other.tobytes(), name

@@ -110,7 +110,7 @@ def _force_map(figure: Any, axis: Any, view: View, soft: Trajectory) -> None:
     np.maximum.at(largest, columns(soft.time), np.asarray(soft.force))
     log = view.report.counted[1].contacts
     log = log[log["duration"] * COLUMNS < view.end - view.begin]
-    np.maximum.at(largest, (columns(log["t_begin"]), log["pair"]), log["force_max"])
+    np.fmax.at(largest, (columns(log["t_begin"]), log["pair"]), log["force_max"])  # nan at thermal walls
     peak = float(largest.max())
     unit, name = unit_of(peak or 2.0, "N", prefixes=OF_FORCE)
     image = axis.imshow(

@@ -59,7 +59,7 @@ def simulate(
     scene : Scene
         Where it starts; overlaps (negative gaps) are allowed.
     law : force law or sequence of them
-        One for all pairs, or one per pair from the bottom up.
+        One for all pairs, or one per pair from the bottom up; that of a pair at a thermal wall is not asked.
     t_end, until : float, stop condition, optional
         End time in s, and a condition from `granular.until`. Without either the run goes on until nothing can
         follow, or to the limits below; beside driven or thermal walls, on a ring and of pendula one of them is needed,
@@ -95,7 +95,8 @@ def simulate(
         exactly; "stop" ends with status ``disturbed`` at the onset of the second one, the horizon up to which every
         contact was isolated; "ignore" takes every contact as if it were isolated, which is soft event-driven
         simulation: a neighbour that touches early begins when the contact is over, with gap 0. Contacts that have no
-        end of their own (at rest), and overlaps at the start, are resolved in any case.
+        end of their own (at rest), and overlaps at the start, are resolved in any case. Pendula are not to be ignored:
+        set back to gap 0, they would have another energy.
 
     Returns
     -------
@@ -121,6 +122,12 @@ def simulate(
     path's series to that of the contact. In a fixed step such a wall drifts by the difference of two places on its
     path, and forces see its velocity there, so all orders above stay; where the velocity of the path jumps within a
     step, the step is of order 1. While all pairs are open the balls fly to the next touch, found on the path itself.
+
+    "located" between thermal walls (`granular.walls.Thermal`): a ball that touches one is thrown back at once, whatever
+    the law of that pair, in the midst of another contact too; its hit is a row of the log of no duration and no largest
+    force (nan). Between pendula, and on a ring, contacts are certified to be isolated as elsewhere; on a ring an island
+    of pushing pairs may go all around. No proof of rest or of binding is made in such scenes: they go on to the end.
+
     Where walls are driven, the ledger behind `Trajectory.account` is summed by Simpson's rule in each fixed step: the
     account closes to the order of the method only, and to 1 + s at onsets and ends; what is dissipated is nan while a
     law with memory pushes.

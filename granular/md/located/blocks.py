@@ -15,25 +15,28 @@ from typing import Any
 
 from granular._kernels import inlined, kernel
 from granular._tournament import leaf, play
-from granular.md.located.contacts import AWAITED, SOME, act, activate, end_contact, engage, follow, push, pushes
-from granular.md.located.driven import beside_edge, carry_walls, foresee_walls, jump_at, rate_at, speed_at
+from granular.md.located.around import count_of, is_closed, lengthen, neighbours, nth
+from granular.md.located.contacts import (
+    AWAITED,
+    NONE,
+    SOME,
+    act,
+    activate,
+    engage,
+    follow,
+    push,
+    pushes,
+    strike,
+)
+from granular.md.located.driven import beside_edge, carry_walls, foresee_walls, rate_at, speed_at
 from granular.md.located.equilibrium import NOT_YET, RESTS
+from granular.md.located.free_length import reimpose
 from granular.md.located.inside import exposed, relive
 from granular.md.located.isolated import MET, OTHERWISE, TABLE, ULP, meet
+from granular.md.located.jolts import ENDS, SAME, is_clipped, pass_edge, throw_back
 from granular.md.located.ledger import enter_flight, enter_piece
-from granular.md.located.pieces import (
-    arrive,
-    fly,
-    glide,
-    in_contact,
-    piece_time,
-    power,
-    predict,
-    since,
-    tau_at,
-    tick,
-    value,
-)
+from granular.md.located.pendula import swing
+from granular.md.located.pieces import arrive, fly, glide, in_contact, piece_time, predict, since, tau_at, tick, value
 from granular.md.located.plan import planned, settle_series
 from granular.md.located.pool import join, leave
 from granular.md.located.resting import settles, verdict, whole_verdict
@@ -43,10 +46,13 @@ from granular.md.located.system import (
     DRIVEN,
     EDGE,
     GENERAL,
+    HEATED,
+    HUNG,
     LIES,
     MOVES,
     OPEN,
     RESIDUAL,
+    RING,
     SPARE,
     WORKED,
     to_plain,
@@ -56,21 +62,23 @@ REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_
 """Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
 every ball rests for good, every ball is bound in contact forever, no room in the pool, a table of
 contacts, or a contact alone, is wanted first. ABSORB is for `regroup`."""
-SAME, CHANGED = -1, -2
-"""What `pass_edge` comes to, if not to STOPPED."""
 
 
 @kernel
 def launch(s: Any, laws: Any) -> bool:
     """Form the first blocks of a run from pairs that are open or overlap, to be planned; false if it stops at once."""
-    run, pairs, pool, n = s.run[0], s.pairs, s.pool, len(s.pairs)
+    run, pairs, pool, n = s.run[0], s.pairs, s.pool, count_of(s.pairs)
     for c in range(n):
         pair = pairs[c]
-        if pair.xi > 0.0 or (pair.xi == 0.0 and pair.eta > 0.0):
+        rests = HEATED and pair.wall < 0 and pair.eta == 0.0 and pair.pull > 0.0
+        if pair.xi > 0.0 or (pair.xi == 0.0 and (pair.eta > 0.0 or rests)):
             join(run, pairs, pool, s.kinds, s.bodies, c)
             if DRIVEN:
                 carry_walls(s.walls, s)
-            if is_clipped(pool[pair.slot], laws):
+            if HEATED and pair.wall < 0:
+                if not strike(run, pairs, pool, c):
+                    return False
+            elif is_clipped(pool[pair.slot], laws):
                 pool[pair.slot].mode = RESIDUAL
             elif not activate(run, pairs, pool, s.bodies, c):
                 return False
@@ -81,23 +89,13 @@ def launch(s: Any, laws: Any) -> bool:
                 if DRIVEN:
                     carry_walls(s.walls, s)
             run.lo, run.hi, run.stride = c, pairs[c].hi, pool[pairs[c].slot].stride
-            why = regroup(s)
+            why = regroup(s, laws)
             while why == ABSORB:
                 take_in(s, run.wanted)
-                why = regroup(s)
+                why = regroup(s, laws)
             if why == STOPPED:
                 return False
     return True
-
-
-@kernel
-def is_clipped(pair: Any, laws: Any) -> bool:
-    """Return whether balls that overlap from the start part so fast that their force is clipped."""
-    if pair.xi == 0.0:
-        return False
-    if laws is not None:
-        return laws.is_clipped(pair)  # type: ignore[no-any-return]
-    return bool(pair.k * power(pair.xi, pair.s) + pair.gamma * pair.eta <= 0.0)
 
 
 @kernel
@@ -106,6 +104,8 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
     run, pairs, pool, bodies, queue, work = s.run[0], s.pairs, s.pool, s.bodies, s.queue, s.work
     for _ in range(chunk):
         if run.waits == 0:
+            if RING and run.steps >= run.look:
+                reimpose(s)
             lo = queue[1].key
             if run.separated == 1 and run.begun > 0 and all_recede(s) and last_end(s) <= limit:
                 run.t, run.tail = last_end(s), 0.0
@@ -142,10 +142,12 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                 carry_walls(s.walls, s)
                 if block.what == EDGE:
                     passed = pass_edge(s.walls, s, laws)
-                    if passed == STOPPED:
+                    if passed == ENDS:
                         return STOPPED
             if block.fired < 0 and passed == SAME:
-                proved = RESTS if run.rests == 1 else verdict(pairs, pool, bodies, lo)
+                proved = NOT_YET
+                if not (HUNG or RING):
+                    proved = RESTS if run.rests == 1 else verdict(pairs, pool, bodies, lo)
                 if proved != NOT_YET and run.rests == 0:
                     whole = whole_verdict(run, pairs, pool, bodies)
                     if whole != NOT_YET and limit == math.inf:
@@ -162,7 +164,7 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
         run.waits = 0
         why = ABSORB
         while why == ABSORB:
-            why = regroup(s)
+            why = regroup(s, laws)
             if why == ABSORB and not absorb(s, run.wanted, laws):
                 run.waits = 1
                 return CRAMPED
@@ -174,51 +176,10 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
 
 
 @kernel
-def pass_edge(walls: Any, s: Any, laws: Any) -> int:
-    """Let the island under way pass the end of a panel of a wall's path, where the velocity of the wall may jump.
-
-    Return SAME, CHANGED if its blocks are to be formed anew, or STOPPED if that meets the stop condition.
-    """
-    run, pairs, pool, pushing = s.run[0], s.pairs, s.pool, False
-    for c in range(run.lo, run.hi):
-        member = pool[pairs[c].slot]
-        jump, slip = jump_at(walls, member, run.t, run.tail) if member.wall > 0 else (0.0, 0.0)
-        member.eta += slip
-        member.e[0] = member.eta
-        if jump != 0.0 and not jolt(s, c, jump, laws):
-            return STOPPED
-        pushing = pushing or (jump == 0.0 and pushes(member))
-    return SAME if pushing else CHANGED
-
-
-@kernel
-def jolt(s: Any, c: int, jump: float, laws: Any) -> bool:
-    """Let the force of pair `c` begin or end where the velocity of its wall has jumped; false if the run is to stop."""
-    run, pairs, bodies, member = s.run[0], s.pairs, s.bodies, s.pool[s.pairs[c].slot]
-    member.exact = 0
-    if member.mode == ACTIVE and is_clipped(member, laws):
-        run.events += 1
-        if member.begun == 1:
-            end_contact(run, pairs, s.pool, bodies, s.log, c)
-        member.mode = RESIDUAL
-    elif member.mode == RESIDUAL and not is_clipped(member, laws):
-        if not activate(run, pairs, s.pool, bodies, c):
-            return False
-        member.exact = 0
-    elif member.mode == DORMANT and jump < 0.0:
-        if member.begun == 1:
-            end_contact(run, pairs, s.pool, bodies, s.log, c)
-        member.mode, pairs[c].alone = OPEN, 0
-    elif member.mode == DORMANT:
-        member.mode = ACTIVE if member.begun == 1 else OPEN
-    return True
-
-
-@kernel
 def all_recede(s: Any) -> bool:
     """Return whether every pair is open and none approaches, once the contacts solved at once are over."""
     t = last_end(s)
-    for c in range(len(s.pairs)):
+    for c in range(count_of(s.pairs)):
         pair = s.pairs[c]
         if pair.slot >= 0 or pair.xi > 0.0 or rate_at(s.walls, pair, t) > 0.0:
             return False
@@ -229,7 +190,7 @@ def all_recede(s: Any) -> bool:
 def last_end(s: Any) -> float:
     """Return when every contact solved at once is over, not before the event under way."""
     t: float = s.run[0].t
-    for c in range(len(s.pairs)):
+    for c in range(count_of(s.pairs)):
         pair = s.pairs[c]
         if pair.slot < 0 and pair.lasts > 0.0:
             t = max(t, pair.t + ULP * abs(pair.t) if pair.tail > 0.0 else pair.t)
@@ -242,7 +203,7 @@ def expose_all(s: Any, t: float, laws: Any) -> bool:
     is full: then it is called again, with more room."""
     run, pairs, pool = s.run[0], s.pairs, s.pool
     run.t, run.tail = t, 0.0
-    for c in range(len(pairs)):
+    for c in range(count_of(pairs)):
         if in_contact(pairs[c], t, 0.0):
             if run.members + SPARE >= len(pool):
                 return False
@@ -260,7 +221,7 @@ def gather(s: Any, t: float, laws: Any) -> None:
     """Advance every island to time t, the end of the run, with its series from there on."""
     run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     run.t, run.tail = t, 0.0
-    for c in range(len(pairs)):
+    for c in range(count_of(pairs)):
         pair = pairs[c]
         if pair.first == c and pair.slot >= 0:
             bring(s, c, t, 0.0, laws)
@@ -281,7 +242,7 @@ def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int, walls: Any) ->
 
 
 @kernel
-def regroup(s: Any) -> int:
+def regroup(s: Any, laws: Any) -> int:
     """Form the blocks anew that the event under way concerns, to be planned.
 
     Return MORE, STOPPED, or ABSORB: a block, `wanted`, is to be absorbed first, and then it is to be called again.
@@ -289,29 +250,47 @@ def regroup(s: Any) -> int:
     run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     found = SOME
     while found == SOME:
-        if run.lo > 0 and (pushes(pool[pairs[run.lo].slot]) or in_contact(pairs[run.lo - 1], run.t, run.tail)):
-            run.wanted = pairs[run.lo - 1].first
+        below, above = run.lo - 1, run.hi
+        if RING:
+            below, above = neighbours(run, pairs)
+        if below >= 0 and (pushes(pool[pairs[run.lo].slot]) or in_contact(pairs[below], run.t, run.tail)):
+            run.wanted = pairs[below].first
             return ABSORB
-        if run.hi < len(pairs) and (
-            pushes(pool[pairs[run.hi - 1].slot]) or in_contact(pairs[run.hi], run.t, run.tail)
+        if above < len(pairs) and (
+            pushes(pool[pairs[run.hi - 1].slot]) or in_contact(pairs[above], run.t, run.tail)
         ):
-            run.wanted = run.hi
+            run.wanted = above
             return ABSORB
         found = engage(run, pairs, pool, bodies)
+        if HEATED and found == NONE:
+            found = throw_back(s, laws)
     if found == AWAITED:
         run.waits = 1
         return STOPPED
+    if is_closed(pairs, run.lo, run.hi):
+        cut(run, pairs, pool)
     a = run.lo
     for c in range(run.lo + 1, run.hi + 1):
         if c == run.hi or not (pushes(pool[pairs[c - 1].slot]) or pushes(pool[pairs[c].slot])):
             form(run, pairs, pool, s.queue, a, c)
-            if c == a + 1 and not pushes(pool[pairs[a].slot]):
+            lone, a = c == a + 1, nth(pairs, a)
+            if lone and not pushes(pool[pairs[a].slot]):
                 take_off(run, pairs, pool, s.kinds, a, s.walls)
             else:
                 pairs[a].due = -math.inf
             play(s.queue, a, pairs[a].due)
             a = c
     return MORE
+
+
+@kernel
+def cut(run: Any, pairs: Any, pool: Any) -> None:
+    """Let an island that goes all around a ring begin where two neighbouring pairs fly, if there is such a place."""
+    for c in range(run.lo, run.hi):
+        if not (pushes(pool[pairs[nth(pairs, c - 1)].slot]) or pushes(pool[pairs[c].slot])):
+            run.lo = nth(pairs, c)
+            run.hi = run.lo + count_of(pairs)
+            return
 
 
 @inlined
@@ -339,7 +318,10 @@ def take_in(s: Any, lo: int) -> None:
         join(run, pairs, s.pool, s.kinds, s.bodies, lo)
         if DRIVEN:
             carry_walls(s.walls, s)
-    run.lo, run.hi = min(run.lo, lo), max(run.hi, pairs[lo].hi)
+    if RING:
+        lengthen(run, pairs, lo)
+    else:
+        run.lo, run.hi = min(run.lo, lo), max(run.hi, pairs[lo].hi)
 
 
 @inlined
@@ -363,11 +345,14 @@ def bring(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
 @kernel
 def form(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
     """Make pairs lo … hi-1 a block at the time of the event under way."""
+    if RING and lo >= count_of(pairs):
+        lo, hi = lo - count_of(pairs), hi - count_of(pairs)
     block, pairs[lo].hi = pool[pairs[lo].slot], hi
     block.t, block.tail, block.stride, block.manner = run.t, run.tail, run.stride, MOVES
-    for c in range(lo, hi):
+    for i in range(lo, hi):
+        c = nth(pairs, i)
         pairs[c].first, pairs[c].lasts = lo, 0.0
-        if c > lo and pairs[c].due < math.inf:
+        if c != lo and pairs[c].due < math.inf:
             pairs[c].due = math.inf
             play(queue, c, math.inf)
 
@@ -383,7 +368,10 @@ def settle(
     follow(run, pairs, pool, work, lo, tau)
     if WORKED:
         enter_piece(s.ledger, s.walls, laws, s, lo, tau)
-    push(pairs, pool, bodies, lo, dt)
+    if HUNG:
+        swing(run, pairs, pool, bodies, lo, tau, dt)
+    else:
+        push(pairs, pool, bodies, lo, dt)
     for c in range(lo, hi):
         member = pool[pairs[c].slot]
         member.xi, member.eta, member.exact = value(member.x, tau), value(member.e, tau), 0
@@ -394,7 +382,10 @@ def settle(
     if DRIVEN and block.what == EDGE and tau == block.tau:
         tick(block, beside_edge(s.walls, pairs[lo], block))
         tick(block, beside_edge(s.walls, pairs[hi - 1], block))
-    if bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0 and block.what != EDGE:
+    if RING:
+        if is_closed(pairs, lo, hi):
+            hold_walls(pairs, pool, lo, hi, 0.0)
+    elif bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0 and block.what != EDGE:
         lower, upper = bodies[lo].v, bodies[hi].v
         if DRIVEN:
             lower = speed_at(s.walls, pairs[lo], bodies[lo], block)
@@ -410,14 +401,18 @@ def rounding(tol: float, pairs: Any, pool: Any, c: int, lo: int) -> float:
     if pool[pairs[lo].slot].linear == 0:
         return float(max(tol, ULP if member.kind != GENERAL else 8.0 * ULP) * member.own_speed)
     largest = abs(member.eta)
-    for i in range(max(lo, c - 1), min(c + 2, pairs[lo].hi)):
+    hi = pairs[lo].hi
+    if is_closed(pairs, lo, hi) and (c == lo or c + 1 == hi):
+        largest = max(largest, abs(pool[pairs[hi - 1 if c == lo else lo].slot].eta))
+    for i in range(max(lo, c - 1), min(c + 2, hi)):
         largest = max(largest, abs(pool[pairs[i].slot].eta))
     return float(ULP * largest)
 
 
 @kernel
 def hold_walls(pairs: Any, pool: Any, lo: int, hi: int, closing: float) -> None:
-    """Let the rates between two walls sum up to that of the walls: roundings would wander, and squeeze or free them."""
+    """Let the rates between two walls, or around a ring, sum up to that of the walls, or 0: roundings would wander, and
+    squeeze or free them."""
     excess, fastest = -closing, pool[pairs[lo].slot]
     for c in range(lo, hi):
         member = pool[pairs[c].slot]
@@ -430,24 +425,30 @@ def hold_walls(pairs: Any, pool: Any, lo: int, hi: int, closing: float) -> None:
 def _check(s: Any) -> None:
     """Raise `AssertionError` if blocks, pool, queue and clocks contradict each other between two calls of `advance`."""
     s = to_plain(s)
-    members, pairs, pool, n = s.run[0].members, s.pairs, s.pool, len(s.pairs)
+    members, pool, n = s.run[0].members, s.pool, len(s.bodies) - 1
+    pairs, shadows = s.pairs[:n], s.pairs[n:]
     starts = [c for c in range(n) if pairs[c].first == c]
     taken, spare = [p.slot for p in pairs if p.slot >= 0], [place.spare for place in pool[members:]]
-    assert [pairs[c].hi for c in starts] == [*starts[1:], n], "each pair is in one block"
+    ends = [pairs[c].hi % n for c in starts]
+    assert ends == [*starts[1:], min(starts, default=n)], "each pair is in one block"
+    assert starts, "each pair is in one block"
+    assert all(p.slot == pair.slot for p, pair in zip(shadows, pairs, strict=False)), "a shadow has its pair's place"
     assert len(taken) == members, "as many places are taken as is said"
     assert sorted(taken + spare) == list(range(len(pool))), "every place is taken once or spare once"
     for c, pair in enumerate(pairs):
         member = pool[pair.slot] if pair.slot >= 0 else None
-        start = pairs[pair.first]
-        assert pair.first <= c < start.hi, "a pair is within its block"
+        start, size = pairs[pair.first], pairs[pair.first].hi - pair.first
+        place = (c - pair.first) % n
+        assert place < size, "a pair is within its block"
         assert leaf(s.queue, c).due == pair.due, "the queue knows when a block is due"
         assert pair.due == math.inf or pair is start, "a block is due once"
         if member is None:
-            assert pair.first + 1 == start.hi, "a pair in free flight is a block of its own"
+            assert size == 1, "a pair in free flight is a block of its own"
             assert pair.due >= pair.t, "nothing is due in the past"
         else:
             assert member.number == c, "a place knows its pair"
             assert not member.begun or member.mode in (ACTIVE, DORMANT), "a contact has a force"
             assert pair.due >= pool[start.slot].t, "nothing is due in the past"
-            borders = pair is start and c > 0 and pushes(member), c + 1 < n and c + 1 == start.hi and pushes(member)
+            below, above = (c > 0, c + 1 < n) if not shadows else (size < n, size < n)
+            borders = below and pair is start and pushes(member), above and place + 1 == size and pushes(member)
             assert s.run[0].waits or not any(borders), "islands end where pairs fly"

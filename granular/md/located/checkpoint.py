@@ -66,6 +66,11 @@ class Untouched:
             everything = [s.run, s.pairs, s.bodies, s.pool, s.log[:rows], *([] if s.ledger is None else [s.ledger])]
             self.kept = [(records, slice(None), raw(records).copy()) for records in everything]
             return
+        if len(s.pairs) >= len(s.bodies):  # a ring
+            self.kept = [(records, np.arange(n), _taken(records, np.arange(n))) for records, n in (
+                (s.run, 1), (s.pairs, len(s.pairs)), (s.bodies, len(s.bodies)), (s.pool, len(s.pool)), (s.log, rows),
+            )]  # fmt: skip
+            return
         clock, lasts, slot = (column(s.pairs, name) for name in ("t", "lasts", "slot"))
         inside = np.flatnonzero((lasts > 0.0) & (slot < 0) & (clock >= t * (1.0 - 1e-12)))  # or may be
         joined = np.flatnonzero(slot >= 0)
@@ -114,9 +119,10 @@ def restored(s: System, state: Mapping[str, Any]) -> System:
     pool, log = empty_pool(len(taken) + SPARE), np.zeros(len(s.log) + len(state["log"]), CONTACT_ROW)
     pool[: len(taken)], log[: len(state["log"])] = taken, state["log"]
     tables = np.append(np.asarray(state["tables"]), s.tables)
-    queue = tournament(len(pairs))
-    queue["due"][len(queue) // 2 :][: len(pairs)] = pairs["due"]
+    n = len(bodies) - 1
+    queue = tournament(n)
+    queue["due"][len(queue) // 2 :][:n] = pairs["due"][:n]
     maps = copied(np.asarray(state["maps"]))
-    ledger = copied(np.asarray(state["ledger"])) if "ledger" in state else s.ledger
+    ledger = named_alike(np.asarray(state["ledger"]), LEDGER) if "ledger" in state else s.ledger
     return s._replace(run=run, pairs=pairs, pool=pool, bodies=bodies, queue=queue, log=log, maps=maps, tables=tables,
                       ledger=ledger)  # fmt: skip

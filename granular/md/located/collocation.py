@@ -76,9 +76,11 @@ INTEGRATE, INTEGRATE_TO_LOOKS = _integrals(_X), _integrals(2.0 * LOOKS - 1.0)
 class Collocation:
     """Forces of a scene as its laws give them, and the steps they make."""
 
-    def __init__(self, laws: SceneLaws) -> None:
-        self.laws = list(laws)
+    def __init__(self, laws: SceneLaws, ring: bool) -> None:
+        self.laws, self.ring = list(laws), ring
+        self.closed = False  # whether the island under way goes all around a ring
         self.shaken: list[tuple[int, Any]] = []  # of the island under way, pairs at driven walls, and their paths
+        self.square = 0.0  # Ω² of pendula
 
     def force(self, p: Any, xi: float, eta: float = 0.0) -> float:
         """Unclipped force in N of a pair on the branch that it is on."""
@@ -95,9 +97,11 @@ class Collocation:
 
         It is no longer than `holds`, for which the paths of driven walls go on as they do.
         """
+        self.square = getattr(walls, "square", 0.0)
         island = enumerate(records[lo : records[lo].hi])
         self.shaken = [(i, walls.path[p.wall - 1]) for i, p in island if p.wall > 0]
         pairs = [pool[p.slot] for p in records[lo : records[lo].hi]]
+        self.closed = self.ring and len(pairs) == len(self.laws)
         block = pairs[0]
         block.clock = 2 if any(p.mode == ACTIVE and p.xi == 0.0 and p.q > 1 for p in pairs) else 1
         reach = 0.2 * block.length / block.speed if block.speed > 0.0 else 1.0
@@ -105,7 +109,7 @@ class Collocation:
             reach = block.stride
         allowed, shortest = max(tol, SMALLEST), HOPELESS * reach
         self._check(pairs, [0.0])
-        if not self.shaken and lie_still(pairs, self.force):
+        if not (self.shaken or self.square) and lie_still(pairs, self.force, self.closed):
             return 0.0
         reach = min(reach, shown(self.shaken, holds, block.clock))
         while True:
@@ -209,8 +213,8 @@ class Collocation:
             change, force = float(abs(new - force).max()), new
             if not change < 1e300 or change > 1e3 * worst:
                 break
-            acting = np.pad(np.where(acts[:, None], force, 0.0), ((1, 1), (0, 0)))
-            push = pull + lower * acting[:-2] - own * acting[1:-1] + upper * acting[2:]
+            acting = _beside(np.where(acts[:, None], force, 0.0), self.closed)
+            push = pull + lower * acting[:-2] - own * acting[1:-1] + upper * acting[2:] - self.square * xi
             eta = eta0 + (push * pace) @ INTEGRATE.T
             xi = xi0 + (eta * pace) @ INTEGRATE.T
             largest = float(abs(force).max())
@@ -260,10 +264,10 @@ class Collocation:
             p.deepest = 0.0 if p.mode == OPEN else max(p.deepest, p.xi)
             p.doubt = max(doubt, SETTLED * p.largest) if p.mode == RESIDUAL else doubt
             p.f, p.g = row if p.mode == ACTIVE else [0.0] * (ORDER + 1), row.copy()
-        _integrate(pairs, self.shaken)
+        _integrate(pairs, self.shaken, self.square, self.closed)
         jumps = [self._jumps(p) for p in pairs if p.mode == ACTIVE and reach * p.own_speed < SHORT * p.own_length]
         if any(jumps):
-            _integrate(pairs, self.shaken)
+            _integrate(pairs, self.shaken, self.square, self.closed)
 
     def _jumps(self, p: Any) -> bool:
         """Write the force of a short step as a straight line if it jumps there; return whether it does."""
@@ -313,11 +317,17 @@ def _errors(pairs: list[Any], force: Array, off: Array, noise: Array) -> tuple[A
     return np.maximum(tail / POINTS, (off * NEAR).max(axis=1)), float(rough.max())
 
 
-def _integrate(pairs: list[Any], shaken: Any = ()) -> None:
-    """Write the rows of rates and overlaps from those of the forces, and the paths of driven walls."""
-    q, none = pairs[0].clock, [0.0] * POINTS
+def _beside(force: Array, closed: bool) -> Array:
+    """Forces (pairs, nodes) with those of the pair below the first and above the last: 0, or, in a ring, of the others.
+    """
+    return np.concatenate([force[-1:], force, force[:1]]) if closed else np.pad(force, ((1, 1), (0, 0)))
+
+
+def _integrate(pairs: list[Any], shaken: Any, square: float, closed: bool) -> None:
+    """Write the rows of rates and overlaps from those of the forces, the paths of driven walls, and Ω² of pendula."""
+    q, rows = pairs[0].clock, _beside(np.array([p.f for p in pairs]), closed).tolist()
     sigma = q * pairs[0].h ** q
-    for below, p, above in zip([none, *(p.f for p in pairs)], pairs, [*(p.f for p in pairs[1:]), none], strict=False):
+    for below, p, above in zip(rows, pairs, rows[2:], strict=False):
         p.x, p.e = [p.xi] + [0.0] * ORDER, [p.eta] + [0.0] * ORDER
         for n in range(POINTS):
             push = p.lower * below[n] - p.inverse * p.f[n] + p.upper * above[n] + (p.pull if n == 0 else 0.0)
@@ -327,6 +337,8 @@ def _integrate(pairs: list[Any], shaken: Any = ()) -> None:
                 push = (j + 1) * (j + 2) * path[j + 2] * math.pow(pairs[0].h, q * j)
                 p.e[(j + 1) * q] += sigma * push / ((j + 1) * q)
         for n in range(ORDER + 1 - q):
+            if square:
+                p.e[n + q] -= sigma * square * p.x[n] / (n + q)
             p.x[n + q] = sigma * p.e[n] / (n + q)
 
 

@@ -6,7 +6,9 @@ import math
 from typing import Any
 
 from granular._kernels import kernel
+from granular.md.located.around import beside, count_of, is_closed, nth
 from granular.md.located.events import GRAZE
+from granular.md.located.pendula import swung
 from granular.md.located.pieces import DRIFT, direction, elapsed, integral, peaks, power, since, tick
 from granular.md.located.system import (
     ACTIVE,
@@ -15,15 +17,21 @@ from granular.md.located.system import (
     DRIVEN,
     END,
     GENERAL,
+    HEATED,
+    HUNG,
     LINEAR,
     OPEN,
     PART,
     RELOAD,
     RESIDUAL,
+    RING,
     STOP,
+    STRUCK,
     TURN,
 )
 
+ALL_BUT_ZERO = 1e-9
+"""Part of its elastic force up to which the force of a contact that goes on is as located, 0."""
 NONE, SOME, AWAITED = range(3)
 """What `engage` has found: no pair that touches at rest, some, or the contact at which the run is to stop."""
 
@@ -58,6 +66,8 @@ def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws
 def begin(run: Any, pairs: Any, pool: Any, bodies: Any, c: int, speed: float, laws: Any) -> bool:
     """Let the force of pair `c` begin; it has touched, or its force has returned."""
     pair = pool[pairs[c].slot]
+    if HEATED and pair.wall < 0:
+        return strike(run, pairs, pool, c)
     if pair.mode == OPEN:
         pair.xi = 0.0
         if drifts(pair) or pair.eta < 0.0:  # grazed, or touching at rest
@@ -86,8 +96,31 @@ def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
         return False
     if pair.mode != DORMANT:  # else it has been under way since it was touched
         begin_contact(run, pairs, pool, bodies, c)
-    pair.exact = 1 if pair.mode == RESIDUAL else 0
+    pair.exact = 1 if pair.mode == RESIDUAL and not ((DRIVEN or HEATED) and has_jumped(pair)) else 0
     pair.mode, pair.begun = ACTIVE, 1
+    pairs[c].count += 1
+    run.events += 1
+    run.begun += 1
+    return True
+
+
+@kernel
+def has_jumped(pair: Any) -> bool:
+    """Return whether the force of a clipped pair is back beyond rounding, for a velocity beside it has jumped."""
+    stiff: float = pair.k * power(pair.xi, pair.s)
+    return bool(stiff + pair.gamma * pair.eta > ALL_BUT_ZERO * stiff)
+
+
+@kernel
+def strike(run: Any, pairs: Any, pool: Any, c: int) -> bool:
+    """Let the ball of pair `c` be about to be thrown back by its thermal wall; false if the run is to stop before."""
+    pair = pool[pairs[c].slot]
+    pair.xi = 0.0
+    if pair.eta < 0.0:
+        return True
+    if is_awaited(run, pairs, c) or not meddle(run, pairs, pool, c):
+        return False
+    pair.mode = STRUCK
     pairs[c].count += 1
     run.events += 1
     run.begun += 1
@@ -101,8 +134,8 @@ def meddle(run: Any, pairs: Any, pool: Any, c: int) -> bool:
     Returns false if the run is to stop before the first contact that disturbs another.
     """
     alone = True
-    for f in (c - 1, c + 1):
-        if 0 <= f < len(pairs) and overlaps(pairs[f], pool, run):
+    for f in beside(pairs, c):
+        if 0 <= f < count_of(pairs) and overlaps(pairs[f], pool, run):
             alone = False
             run.isolated -= max(0, pairs[f].alone)
             pairs[f].alone = -1
@@ -170,15 +203,17 @@ def speed_of_weight(pair: Any) -> float:
 @kernel
 def halt(pairs: Any, pool: Any, bodies: Any, c: int) -> None:
     """Take its rate from pair `c` of a block, by an impulse between its balls that their other neighbours feel too."""
-    pair, lo = pool[pairs[c].slot], pairs[c].first
-    impulse = pair.eta / pair.inverse
+    pair, lo, hi = pool[pairs[c].slot], pairs[c].first, pairs[pairs[c].first].hi
+    impulse, closed = pair.eta / pair.inverse, is_closed(pairs, lo, hi)
     pair.eta = 0.0
     bodies[c].v -= pair.lower * impulse
-    bodies[c + 1].v += pair.upper * impulse
-    if c > lo:
-        pool[pairs[c - 1].slot].eta += pair.lower * impulse
-    if c + 1 < pairs[lo].hi:
-        pool[pairs[c + 1].slot].eta += pair.upper * impulse
+    bodies[nth(pairs, c + 1)].v += pair.upper * impulse
+    if RING and c < lo:
+        c += count_of(pairs)
+    if c > lo or closed:
+        pool[pairs[nth(pairs, c - 1)].slot].eta += pair.lower * impulse
+    if c + 1 < hi or closed:
+        pool[pairs[nth(pairs, c + 1)].slot].eta += pair.upper * impulse
 
 
 @kernel
@@ -193,9 +228,9 @@ def pushes(pair: Any) -> bool:
 
     Else it is ballistic in closed form: open, clipped with φ = kξ + γη, or sure to part. In free flight φ = k ξ^s + γη
     is convex for s ≥ 1 and a pull that is not negative; clipped now, and again when ξ = 0 is reached, it is clipped in
-    between. At a driven wall nothing is so simple.
+    between. At a driven wall, and with pendula, nothing is so simple.
     """
-    if DRIVEN and pair.wall > 0:
+    if HUNG or (DRIVEN and pair.wall > 0) or (HEATED and pair.wall < 0):
         return bool(pair.mode != OPEN)
     if pair.mode != RESIDUAL or pair.s == 1.0:
         return bool(pair.mode == ACTIVE or pair.mode == DORMANT)
@@ -210,16 +245,20 @@ def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
     Forces only push, so that such a contact is sure to begin at once, if no gravity pulls the pair apart.
     """
     found, lo, hi = NONE, run.lo, run.hi
+    closed = is_closed(pairs, lo, hi)
     for sweep in range(2):
         for i in range(hi - lo):
             c = lo + i if sweep == 0 else hi - 1 - i
             pair = pool[pairs[c].slot]
+            if HEATED and pair.wall < 0:
+                continue
             if (pair.mode == OPEN and pair.xi == 0.0 and pair.eta == 0.0) and (
                 pair.pull > 0.0
                 or (DRIVEN and pair.pull == 0.0 and pair.wall > 0)
-                or (c > lo and pushes(pool[pairs[c - 1].slot]))
-                or (c + 1 < hi and pushes(pool[pairs[c + 1].slot]))
+                or ((c > lo or closed) and pushes(pool[pairs[nth(pairs, c - 1)].slot]))
+                or ((c + 1 < hi or closed) and pushes(pool[pairs[nth(pairs, c + 1)].slot]))
             ):
+                c = nth(pairs, c)
                 if is_awaited(run, pairs, c) and pair.pull >= 0.0:
                     return AWAITED
                 begin_contact(run, pairs, pool, bodies, c)
@@ -233,6 +272,8 @@ def judge(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
     changed = False
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
+        if HEATED and pair.wall < 0:
+            continue
         if pair.kind != GENERAL and pair.xi == 0.0 and pair.eta == 0.0 and (pair.mode == DORMANT or pair.mode == OPEN):
             way = direction(pair.x)
             if way != 0.0 and (way > 0.0) == (pair.mode == OPEN):
@@ -250,7 +291,7 @@ def confirm(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, hi: int) -> b
             pair.mode == DORMANT
             and pair.kind == LINEAR
             and direction(pair.x) > 0.0
-            and not activate(run, pairs, pool, bodies, c)
+            and not activate(run, pairs, pool, bodies, nth(pairs, c))
         ):
             return False
     return True
@@ -261,7 +302,7 @@ def begin_contact(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> None:
     """Note the time and the velocities at which the contact of pair `c` begins (or might: it is dormant)."""
     pair = pool[pairs[c].slot]
     pair.t_begin, pair.duration, pair.impulse, pair.force_max, pair.xi_max = run.t, 0.0, 0.0, 0.0, pair.xi
-    pair.lower_in, pair.upper_in = velocity_now(bodies[c], run), velocity_now(bodies[c + 1], run)
+    pair.lower_in, pair.upper_in = velocity_now(bodies[c], run), velocity_now(bodies[nth(pairs, c + 1)], run)
 
 
 @kernel
@@ -275,13 +316,15 @@ def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) 
     run.rows += 1
     row.pair, row.t_begin, row.t_end, row.duration = c, pair.t_begin, run.t, pair.duration
     row.lower_in, row.upper_in = pair.lower_in, pair.upper_in
-    row.lower_out, row.upper_out = velocity_now(bodies[c], run), velocity_now(bodies[c + 1], run)
+    row.lower_out, row.upper_out = velocity_now(bodies[c], run), velocity_now(bodies[nth(pairs, c + 1)], run)
     row.xi_max, row.force_max, row.impulse = pair.xi_max, pair.force_max, max(0.0, pair.impulse)
 
 
 @kernel
 def velocity_now(body: Any, run: Any) -> float:
     """Return the velocity of a body at the time of the event under way."""
+    if HUNG:
+        return swung(body, run.omega, since(body, run.t, run.tail))[0]
     return float(body.v - body.fall * since(body, run.t, run.tail))
 
 
@@ -290,7 +333,7 @@ def follow(run: Any, pairs: Any, pool: Any, work: Any, lo: int, tau: float) -> N
     """Add the stretch [0, τ] of the piece of the island that starts with `lo` to its contacts."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     h, q = block.h, block.clock
-    dt, scale = elapsed(h, q, tau), elapsed(h, q, 1.0)
+    dt, scale, closed = elapsed(h, q, tau), elapsed(h, q, 1.0), is_closed(pairs, lo, hi)
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         pair.push = scale * integral(pair.f, q, tau) if pair.mode == ACTIVE else 0.0
@@ -298,8 +341,8 @@ def follow(run: Any, pairs: Any, pool: Any, work: Any, lo: int, tau: float) -> N
             continue
         if pair.mode == ACTIVE:
             pair.impulse += pair.push
-            if (c > lo and pool[pairs[c - 1].slot].mode == ACTIVE) or (
-                c + 1 < hi and pool[pairs[c + 1].slot].mode == ACTIVE
+            if ((c > lo or closed) and pool[pairs[nth(pairs, c - 1)].slot].mode == ACTIVE) or (
+                (c + 1 < hi or closed) and pool[pairs[nth(pairs, c + 1)].slot].mode == ACTIVE
             ):
                 add_shared(run, pair.push)
             if run.log == 2:
@@ -323,9 +366,11 @@ def push(pairs: Any, pool: Any, bodies: Any, lo: int, dt: float) -> None:
 
     What no force acts on falls as before: in thousands of steps its roundings would add up.
     """
-    block, hi, below = pool[pairs[lo].slot], pairs[lo].hi, 0.0
-    for c in range(lo, hi + 1):
-        body, above = bodies[c], pool[pairs[c].slot].push if c < hi else 0.0
+    block, hi, below, last = pool[pairs[lo].slot], pairs[lo].hi, 0.0, pairs[lo].hi + 1
+    if is_closed(pairs, lo, hi):
+        below, last = pool[pairs[hi - 1].slot].push, hi
+    for c in range(lo, last):
+        body, above = bodies[nth(pairs, c)], pool[pairs[c].slot].push if c < hi else 0.0
         if below != 0.0 or above != 0.0:
             body.v += body.inverse_mass * (below - above) - body.fall * (since(body, block.t, block.tail) + dt)
             body.t, body.tail = block.t, block.tail

@@ -16,9 +16,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._flight import gap_after, rate_at_contact
+from granular._flight import gap_after, hung, hung_after, hung_rate_at_contact, rate_at_contact
 from granular._kernels import inlined, kernel
-from granular.md.located.system import DRIVEN, ORDER
+from granular.md.located.system import DRIVEN, HUNG, ORDER
 from granular.walls.gap import after
 from granular.walls.hits import first_hit
 from granular.walls.path import edge_jump, expansion, to_edge, total, wall_at
@@ -40,14 +40,23 @@ def flown(walls: Any, pair: Any, dt: float) -> tuple[float, float]:
     """Return overlap and rate of a free pair a time `dt` after its clock; before it, those of its asymptote."""
     if DRIVEN and pair.wall > 0:
         return flight_at_wall(walls, pair, 0.0, -pair.xi, -pair.eta, dt)
+    if HUNG:
+        gap, rate = hung_after(-pair.xi, -pair.eta, walls.omega, rest_gap(walls, pair), dt)
+        return -gap, -rate
     return -gap_after(-pair.xi, -pair.eta, pair.pull, dt), pair.eta + pair.pull * dt
+
+
+@kernel
+def rest_gap(walls: Any, pair: Any) -> float:
+    """Return how far apart the balls of a pair of pendula hang at rest."""
+    return float(-pair.pull / walls.square)
 
 
 @inlined
 @kernel
 def rate_at(walls: Any, pair: Any, t: float) -> float:
     """Return the rate of the overlap of a free pair at time t."""
-    if DRIVEN and pair.wall > 0:
+    if HUNG or (DRIVEN and pair.wall > 0):
         return float(flown(walls, pair, (t - pair.t) - pair.tail)[1])
     return float(pair.eta + pair.pull * (t - pair.t))
 
@@ -66,12 +75,17 @@ def touching_rate(walls: Any, pair: Any, wait: float) -> float:
     """Return the rate of the overlap of an open pair that touches a time `wait` after its clock."""
     if DRIVEN and pair.wall > 0:
         return flown(walls, pair, wait)[1]
+    if HUNG:
+        return -hung_rate_at_contact(max(0.0, -pair.xi), -pair.eta, walls.omega, rest_gap(walls, pair))
     return -rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull)
 
 
 @kernel
 def next_touch(walls: Any, pair: Any) -> float:
-    """Return the time after its clock at which an open pair at a driven wall touches; inf if it never does."""
+    """Return the time after its clock at which an open pair at a driven wall, or of pendula, touches; inf if it never
+    does."""
+    if HUNG:
+        return hung(max(0.0, -pair.xi), -pair.eta, walls.omega, rest_gap(walls, pair))
     t, tail = absolute(walls, pair.t, pair.tail)
     gap = max(0.0, -pair.xi)
     return first_hit(walls.wall[pair.wall - 1], walls.panels, t, tail, gap, -pair.eta, pair.pull, math.inf)
@@ -107,13 +121,19 @@ def gap_later(walls: Any, pair: Any, ahead: float, gap: float, rate: float, dt: 
     """Return the gap after a flight of `dt` from a gap and its rate a time `ahead` after the clock of a pair."""
     if DRIVEN and pair.wall > 0:
         return -flight_at_wall(walls, pair, ahead, gap, rate, dt)[0]
+    if HUNG:
+        return hung_after(gap, rate, walls.omega, rest_gap(walls, pair), dt)[0]
     return gap_after(gap, rate, pair.pull, dt)
 
 
 @inlined
 @kernel
-def rate_later(walls: Any, pair: Any, eta: float, dt: float) -> float:
-    """Return the rate of a pair's overlap, now `eta` at its clock, after a flight of `dt`."""
+def rate_later(walls: Any, pair: Any, gap: float, eta: float, dt: float) -> float:
+    """Return the rate of a pair's overlap, now `eta` at its clock, after a flight of `dt` to some `gap`."""
+    if HUNG and dt > 0.0:
+        cosine, sine = math.cos(walls.omega * dt), math.sin(walls.omega * dt)
+        off = (gap - rest_gap(walls, pair) + eta / walls.omega * sine) / cosine  # from the gap at rest, now
+        return float(eta * cosine + walls.omega * off * sine)
     if DRIVEN and pair.wall > 0 and dt > 0.0:
         return flight_at_wall(walls, pair, 0.0, 0.0, -eta, dt)[1]
     return float(pair.pull * dt + eta)
@@ -201,7 +221,7 @@ def drive(walls: Any, pairs: Any, lo: int, hi: int, h: float, q: int) -> None:
 def beside_edge(walls: Any, pair: Any, block: Any) -> float:
     """Return the time from the clock of a block, brought to an EDGE in one float, to where that is; 0 if `pair` is at
     no driven wall."""
-    if pair.wall == 0:
+    if pair.wall <= 0:
         return 0.0
     t, tail = absolute(walls, block.t, block.tail)
     return float(to_edge(walls.wall[pair.wall - 1], walls.panels, t, tail))

@@ -20,6 +20,7 @@ from typing import Any
 
 from granular._kernels import kernel
 from granular._roots import first_up_crossing
+from granular.md.located.around import nth
 from granular.md.located.pieces import value
 from granular.md.located.system import ACTIVE, BEGIN, DORMANT, ELASTIC, END, LINEAR, NOTHING, OPEN, PART
 
@@ -41,13 +42,13 @@ def locate(pairs: Any, pool: Any, lo: int, hi: int, span: float, work: Any, laws
         pair = pool[pairs[c].slot]
         tau, what = next_event(pair, block.tau, work, laws)
         if tau <= block.tau:
-            block.tau, block.fired, block.what = tau, c, what
+            block.tau, block.fired, block.what = tau, nth(pairs, c), what
             if tau == 0.0:
                 return
         if laws is None:
             tau, what = rebound(pair, block.tau, work)
             if tau < block.tau:
-                block.tau, block.fired, block.what = tau, c if what == PART else -1, what
+                block.tau, block.fired, block.what = tau, nth(pairs, c) if what == PART else -1, what
 
 
 @kernel

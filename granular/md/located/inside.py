@@ -11,6 +11,7 @@ from typing import Any
 
 from granular._kernels import kernel
 from granular.md.located.alone import enter, follow_alone
+from granular.md.located.around import count_of, nth
 from granular.md.located.driven import flown
 from granular.md.located.ledger import (
     enter_at_once,
@@ -20,9 +21,10 @@ from granular.md.located.ledger import (
     look_at_piece,
     read,
 )
+from granular.md.located.pendula import swung
 from granular.md.located.pieces import fly, in_contact, since, tau_at, tick, value
 from granular.md.located.pool import leave
-from granular.md.located.system import ACTIVE, RESIDUAL, WORKED
+from granular.md.located.system import ACTIVE, HUNG, RESIDUAL, WORKED
 
 
 @kernel
@@ -59,10 +61,15 @@ def exposed(s: Any, c: int) -> None:
         row = s.log[pair.row]
         member.lower_in, member.upper_in, member.t_begin, row.pair = row.lower_in, row.upper_in, row.t_begin, -1
     for side in range(2):
-        body, f, share = bodies[c + side], c - 1 + 2 * side, high if side else low
-        body.v += -body.fall * since(body, run.t, run.tail) + (share if side else -share) * eta
+        body, f, share = bodies[nth(s.pairs, c + side)], nth(s.pairs, c - 1 + 2 * side), high if side else low
+        if HUNG:
+            body.v, body.fall = swung(body, run.omega, since(body, run.t, run.tail))
+            body.v += (share if side else -share) * eta
+            body.fall += s.walls.square * (share if side else -share) * xi
+        else:
+            body.v += -body.fall * since(body, run.t, run.tail) + (share if side else -share) * eta
         body.t, body.tail = run.t, run.tail
-        if 0 <= f < len(s.pairs):
+        if 0 <= f < count_of(s.pairs):
             straighten(s, f, share * xi, share * eta)
 
 
@@ -85,7 +92,7 @@ def look(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) 
     solved at once were over; and into `sums`, unless there is no ledger, what it comes to."""
     if WORKED:
         read(s.ledger, sums)
-    for c in range(len(s.pairs)):
+    for c in range(count_of(s.pairs)):
         pair = s.pairs[c]
         if pair.slot < 0:
             dt = since(pair, t, 0.0)
@@ -107,10 +114,10 @@ def look(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) 
 def look_inside(s: Any, c: int, t: float) -> int:
     """Return the first pair, `c` or later, that is in a contact solved at once at time `t`, and ask to relive it, so as
     to be `seen`; the number of pairs if there is none."""
-    run = s.run[0]
-    while c < len(s.pairs) and not in_contact(s.pairs[c], t, 0.0):
+    run, n = s.run[0], count_of(s.pairs)
+    while c < n and not in_contact(s.pairs[c], t, 0.0):
         c += 1
-    if c < len(s.pairs):
+    if c < n:
         run.before_due, run.before_steps, run.before_error = s.pairs[c].due, run.steps, run.error
         relive(s, c, t, 0.0)
         run.pieces = -1  # one at least: at its very onset too
@@ -124,12 +131,13 @@ def seen(s: Any, c: int, xi: Any, eta: Any, force: Any, sums: Any) -> None:
     deeper, faster = xi[c] - member.xi, eta[c] - member.eta
     xi[c], eta[c] = member.xi, member.eta
     force[c] = max(0.0, value(member.f, run.at)) if member.mode == ACTIVE else 0.0
-    if c > 0:
-        xi[c - 1] += member.lower / member.inverse * deeper
-        eta[c - 1] += member.lower / member.inverse * faster
-    if c + 1 < len(s.pairs):
-        xi[c + 1] += member.upper / member.inverse * deeper
-        eta[c + 1] += member.upper / member.inverse * faster
+    below, above = nth(s.pairs, c - 1), nth(s.pairs, c + 1)
+    if below >= 0:
+        xi[below] += member.lower / member.inverse * deeper
+        eta[below] += member.lower / member.inverse * faster
+    if above < count_of(s.pairs):
+        xi[above] += member.upper / member.inverse * deeper
+        eta[above] += member.upper / member.inverse * faster
     if WORKED:
         look_at_once(s.ledger, s, c, sums)
     leave(run, s.pairs, s.pool, c)

@@ -18,8 +18,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from granular._flight import hung_after
 from granular._kernels import inlined, kernel
 from granular._tournament import leaf, replay
+from granular.md.located.around import beside, count_of, nth
 from granular.md.located.contacts import is_awaited, velocity_now
 from granular.md.located.driven import (
     carry_walls,
@@ -28,18 +30,24 @@ from granular.md.located.driven import (
     flown,
     gap_later,
     rate_later,
+    rest_gap,
     touching_rate,
     wall_after,
 )
+from granular.md.located.heat import count_hit, speed_away
 from granular.md.located.ledger import enter_at_once, keep_alone
-from granular.md.located.maps import encounter, peaks
+from granular.md.located.maps import encounter, of_pendula, peaks, peaks_of_pendula
+from granular.md.located.pendula import impulse_of_pendula, shift, swung
 from granular.md.located.pieces import DRIFT, predict, since, tick
-from granular.md.located.system import BEGIN, DRIVEN, IGNORE, OPEN, WORKED
+from granular.md.located.system import BEGIN, DRIVEN, HEATED, HUNG, IGNORE, OPEN, RING, WORKED
 from granular.md.located.tables import WANTED, table_of, tabled, tabled_peaks
 
 ULP = 2.0**-52
-CLOSED, PIECES, ALONE = -3, -4, -5
-"""Where a contact is known from, if not from a table: a closed form, or pieces that were followed to its end."""
+BRIEF = 0.5
+"""Part of 1/Ω that a contact beyond a flank of pendula may still last."""
+CLOSED, PIECES, ALONE, HOT = -3, -4, -5, -6
+"""Where a contact is known from, if not from a table: a closed form, or pieces that were followed to its end; HOT is a
+thermal wall, which takes no time."""
 MET, OTHERWISE, TABLE, ASKED = range(4)
 """What `meet` comes to; a table is wanted first, or a contact alone: see `tables`."""
 
@@ -55,11 +63,11 @@ def meet(s: Any, c: int) -> int:
         return OTHERWISE
     if DRIVEN and pair.wall > 0 and run.disturbing != IGNORE:
         return OTHERWISE
-    v, n = touching_rate(s.walls, pair, pair.wait), len(pairs)
+    v, n = touching_rate(s.walls, pair, pair.wait), count_of(pairs)
     if not v > DRIFT * pair.noise:
         return OTHERWISE
     t1, t2, v1, v2, place = foresee(s, c, v)
-    if not t1 > 0.0:
+    if not t1 > 0.0 and place != HOT:
         run.wanted = c
         return TABLE if place == WANTED else ASKED if place == ALONE else OTHERWISE
     inverse, over = bodies[c].inverse_mass + bodies[c + 1].inverse_mass, pair.wait + t2
@@ -69,18 +77,23 @@ def meet(s: Any, c: int) -> int:
     below = above = math.inf
     sure_below = sure_above = True
     rate_below = rate_above = busy_below = busy_above = 0.0
-    if c > 0:
-        rate_below = lower_v - coasting(s, c - 1, pair, over)
-        busy_below = still_busy(pairs[c - 2], pair, over) if c > 1 else 0.0
+    lower, upper = beside(pairs, c)
+    if lower >= 0:
+        rate_below = lower_v - coasting(s, nth(pairs, c - 1), pair, over)
+        busy_below = still_busy(pairs[nth(pairs, c - 2)], pair, over) if RING or c > 1 else 0.0
         less = bodies[c].inverse_mass * way
-        below, sure_below = clearance(s.walls, pairs[c - 1], pair, t2, less, rate_below, busy_below)
-    if c + 1 < n:
-        rate_above = coasting(s, c + 2, pair, over) - upper_v
-        busy_above = still_busy(pairs[c + 2], pair, over) if c + 2 < n else 0.0
+        below, sure_below = clearance(s.walls, pairs[lower], pair, t2, less, rate_below, busy_below)
+    if upper < n:
+        rate_above = coasting(s, nth(pairs, c + 2), pair, over) - upper_v
+        busy_above = still_busy(pairs[nth(pairs, c + 2)], pair, over) if RING or c + 2 < n else 0.0
         less = bodies[c + 1].inverse_mass * way
-        above, sure_above = clearance(s.walls, pairs[c + 1], pair, t2, less, rate_above, busy_above)
+        if RING and n == 2:
+            rate_above, busy_above, less = lower_v - upper_v, 0.0, inverse * way
+        above, sure_above = clearance(s.walls, pairs[upper], pair, t2, less, rate_above, busy_above)
     isolated = below > 0.0 and above > 0.0 and sure_below and sure_above
     if not isolated and (run.disturbing != IGNORE or min(below, above) == -math.inf):
+        return OTHERWISE
+    if HUNG and max(busy_below, busy_above) * run.omega > BRIEF:
         return OTHERWISE
     if place >= 0:
         run.error += s.tables[place].error
@@ -90,22 +103,32 @@ def meet(s: Any, c: int) -> int:
         if DRIVEN:
             carry_walls(s.walls, s)
         write_row(s, c, v, t1, v1, place)
-    count(run, pair, isolated, c if below > 0.0 and sure_below else c - 1, t2)
+    count(run, pair, isolated, min(c, upper if below > 0.0 and sure_below else lower), t2)
     tick(pair, t2)
     pair.xi, pair.eta, pair.lasts, pair.speed, pair.exact = 0.0, -v2, t2, v, 0
     pair.noise += ULP * v
-    if WORKED:
+    if HEATED and place == HOT:
+        count_hit(s, c, v, v2)
+    elif WORKED:
         keep_alone(s.ledger, s, c)
         enter_at_once(s.ledger, s, c, 1.0)
     predict(pair, s.kinds[pair.kind_of], s.walls)
     leaf(s.queue, c).due = pair.due
+    if HUNG:
+        shift(run, bodies[c], pair, -bodies[c].inverse_mass * way)
+        shift(run, bodies[c + 1], pair, bodies[c + 1].inverse_mass * way)
     free(bodies[c], pair, lower_v)
-    free(bodies[c + 1], pair, upper_v)
-    if c > 0:
-        deflect(s, c - 1, pair, below, rate_below, busy_below)
-    if c + 1 < n:
-        deflect(s, c + 1, pair, above, rate_above, busy_above)
-    replay(s.queue, max(0, c - 1), min(c + 1, n - 1))
+    free(bodies[nth(pairs, c + 1)], pair, upper_v)
+    if lower >= 0:
+        deflect(s, lower, pair, below, rate_below, busy_below)
+    if upper < n:
+        deflect(s, upper, pair, above, rate_above, busy_above)
+    if RING and upper - lower != 2:
+        replay(s.queue, c, c)
+        replay(s.queue, upper, upper)
+        replay(s.queue, max(0, lower), max(0, lower))
+    else:
+        replay(s.queue, max(0, c - 1), min(c + 1, n - 1))
     return MET
 
 
@@ -116,6 +139,9 @@ def course(walls: Any, pair: Any, v: float, t2: float) -> tuple[float, float]:
     without a force, and at which rate it would grow then."""
     if DRIVEN and pair.wall > 0:
         return flight_at_wall(walls, pair, pair.wait, 0.0, -v, t2)
+    if HUNG:
+        gap, rate = hung_after(0.0, -v, walls.omega, rest_gap(walls, pair), t2)
+        return -gap, -rate
     return t2 * (v + 0.5 * pair.pull * t2), v + pair.pull * t2
 
 
@@ -142,8 +168,14 @@ def foresee(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
     That is the place of a table, or CLOSED for a closed form, PIECES; WANTED for a table to be made, ALONE to be asked.
     """
     pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
+    if HEATED and pair.wall < 0:
+        v2 = speed_away(s.ledger, pair.wall)
+        return 0.0, 0.0, v2, v2, HOT
     t1 = t2 = v1 = v2 = math.nan
-    if not DRIVEN or pair.wall == 0:
+    if HUNG:
+        inverse = s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass
+        t1, t2, v1, v2 = of_pendula(law, inverse, s.walls.square, pair.pull, v)
+    elif not DRIVEN or pair.wall == 0:
         t1, t2, v1, v2 = encounter(law, s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, pair.pull, v)
     if t1 > 0.0:
         return t1, t2, v1, v2, CLOSED
@@ -183,17 +215,31 @@ def clearance(
 @kernel
 def write_row(s: Any, c: int, v: float, t1: float, v1: float, place: int) -> None:
     """Write the log row of the contact of pair `c` at its onset; it is void if the contact is taken up by an island."""
-    run, pair, one, two = s.run[0], s.pairs[c], s.bodies[c], s.bodies[c + 1]
+    run, pair, one, two = s.run[0], s.pairs[c], s.bodies[c], s.bodies[nth(s.pairs, c + 1)]
     row, pair.row = s.log[run.rows], run.rows
     run.rows += 1
     inverse = one.inverse_mass + two.inverse_mass
     impulse = (v + pair.pull * t1 + v1) / inverse
+    if HUNG:
+        impulse = impulse_of_pendula(s, c, v, t1, v1)
     row.pair, row.t_begin, row.t_end, row.duration = c, pair.t, pair.t + (t1 + pair.tail), t1
     row.lower_in, row.upper_in = velocity_now(one, run), velocity_now(two, run)
     row.lower_out = row.lower_in - one.fall * t1 - one.inverse_mass * impulse
     row.upper_out = row.upper_in - two.fall * t1 + two.inverse_mass * impulse
     row.impulse, row.xi_max, row.force_max = impulse, 0.0, 0.0
-    if run.log == 2 and place == CLOSED:
+    if HUNG:
+        kick = (course(s.walls, pair, v, t1)[1] + v1) / inverse
+        row.lower_out = swung(one, run.omega, since(one, run.t, run.tail) + t1)[0] - one.inverse_mass * kick
+        row.upper_out = swung(two, run.omega, since(two, run.t, run.tail) + t1)[0] + two.inverse_mass * kick
+    if HEATED and place == HOT:
+        row.force_max = math.nan
+        if pair.wall == -1:
+            row.upper_out = row.lower_in + v1
+        else:
+            row.lower_out = row.upper_in - v1
+    elif HUNG and run.log == 2:
+        row.xi_max, row.force_max = peaks_of_pendula(s.kinds[pair.kind_of], inverse, s.walls.square, pair.pull, v, t1)
+    elif run.log == 2 and place == CLOSED:
         row.xi_max, row.force_max = peaks(s.kinds[pair.kind_of], inverse, pair.pull, v, t1, v1)
     elif run.log == 2 and place == PIECES:
         row.xi_max, row.force_max = s.answer[4], s.answer[5]
@@ -218,9 +264,11 @@ def count(run: Any, pair: Any, isolated: bool, first: int, t2: float) -> None:
 @kernel
 def coasting(s: Any, b: int, pair: Any, dt: float) -> float:
     """Return the velocity that body `b` would have a time `dt` after the clock of `pair` without contacts."""
-    body = s.bodies[b]
+    body = s.bodies[nth(s.pairs, b)]
     if DRIVEN and body.wall > 0.0:
         return wall_after(s.walls, body, pair, dt)
+    if HUNG:
+        return swung(body, s.run[0].omega, since(body, pair.t, pair.tail) + dt)[0]
     v: float = body.v - body.fall * (since(body, pair.t, pair.tail) + dt)
     return v
 
@@ -243,7 +291,7 @@ def deflect(s: Any, f: int, pair: Any, gap: float, rate: float, busy: float) -> 
     """Give flank `f` its asymptote, from the end of all contacts beside it; `pair` has its own already."""
     flank = s.pairs[f]
     flank.t, flank.tail = pair.t, pair.tail
-    flank.eta = rate_later(s.walls, flank, -rate, busy)
+    flank.eta = rate_later(s.walls, flank, gap, -rate, busy)
     flank.xi = -max(0.0, gap)
     flank.lasts, flank.exact = -1.0, 0
     flank.noise += ULP * pair.speed

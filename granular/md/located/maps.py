@@ -13,7 +13,8 @@ m (v + G t2 + v2).
 | powers, elastic or d = (p-1)/2, G = 0 | constants of the law (`similar`) |
 | viscoelastic, p = 3/2, d = 1/2, G = 0 | table of b = γ k^-0.6 m^-0.4 v^0.2; t2 = t1 + γ/k |
 
-Other laws and states have none: t1 is nan.
+Other laws and states have none: t1 is nan. Between pendula that hang apart by d, ξ̈ = -Ω² (ξ + d) - F/m, a dashpot has
+one too (`of_pendula`): a swing of the square k/m + Ω², of which the force alone ends at kξ + γη = 0.
 """
 
 from __future__ import annotations
@@ -117,6 +118,34 @@ def under_pull(law: Any, inverse: float, pull: float, v: float) -> tuple[float, 
 
 
 @kernel
+def of_pendula(law: Any, inverse: float, square: float, pull: float, v: float) -> tuple[float, float, float, float]:
+    """Return the contact of a dashpot between pendula, Ω² = `square`; the pull is -Ω² d."""
+    stiff = law.k * inverse + square
+    omega, relax = math.sqrt(stiff), law.gamma / law.k
+    zeta = 0.5 * law.gamma * inverse / omega
+    if law.map != DASHPOT or v * omega < WEIGHTLESS * abs(pull) or zeta >= NEARLY:
+        return REFUSED
+    t = 2.0 * half_duration(zeta) / omega
+    for _ in range(20):
+        xi, eta, push = swing(omega, zeta, pull, v, t)
+        rise = eta + relax * push
+        if not rise < 0.0:
+            return REFUSED
+        dt = -(xi + relax * eta) / rise
+        if abs(dt) * omega < CLOSE:
+            break
+        t += dt
+    jerk = -stiff * eta - law.gamma * inverse * push
+    xi = max(0.0, xi + dt * (eta + 0.5 * dt * push))
+    eta += dt * (push + 0.5 * dt * jerk)
+    root = math.sqrt(eta * eta + (square * xi - 2.0 * pull) * xi)
+    if not eta < 0.0:
+        return REFUSED
+    own = math.sqrt(square)
+    return t + dt, t + dt + 2.0 / own * math.atan(own * xi / (root - eta)), -eta, root
+
+
+@kernel
 def swing(omega: float, zeta: float, pull: float, v: float, t: float) -> tuple[float, float, float]:
     """Return overlap, rate and acceleration of a dashpot, not clipped, a time t after its contact at speed v began."""
     root = math.sqrt((1.0 - zeta) * (1.0 + zeta))
@@ -145,6 +174,13 @@ def peaks(law: Any, inverse: float, pull: float, v: float, t1: float, v1: float)
     if pull == 0.0:
         return peaks_of_dashpot(law, omega, zeta, v, 0.5 * omega * t1, v1)
     return peaks_under_pull(law, omega, zeta, pull, v, t1)
+
+
+@kernel
+def peaks_of_pendula(law: Any, inverse: float, square: float, pull: float, v: float, t1: float) -> tuple[float, float]:
+    """Return the same of a dashpot between pendula."""
+    omega = math.sqrt(law.k * inverse + square)
+    return peaks_under_pull(law, omega, 0.5 * law.gamma * inverse / omega, pull, v, t1)
 
 
 @kernel

@@ -43,7 +43,7 @@ def expand_slowly(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
         if pool[pairs[c].slot].mode == ACTIVE and not drags(pool[pairs[c].slot]):
             return False
         b = end_of_group(pairs, pool, c)
-        if pairs[c].wall > 0 or (b == c and not flies(pool[pairs[c].slot])):
+        if pairs[c].wall != 0 or (b == c and not flies(pool[pairs[c].slot])):
             return False
         if b > c:
             h = min(h, slow_time(pairs, pool, bodies, c, b))

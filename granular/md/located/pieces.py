@@ -12,7 +12,7 @@ from granular._flight import time_to_contact
 from granular._kernels import kernel
 from granular._roots import first_up_crossing
 from granular.md.located.driven import flown, next_touch, touching_rate
-from granular.md.located.system import BEGIN, DAMPED, DRIVEN, EDGE, ELASTIC, OPEN, ORDER, PART, RESIDUAL
+from granular.md.located.system import BEGIN, DAMPED, DRIVEN, EDGE, ELASTIC, HUNG, OPEN, ORDER, PART, RESIDUAL
 
 DRIFT = 4.0
 """Balls that close at less than this many times the noise of their rate are taken to drift along side by side."""
@@ -179,7 +179,9 @@ def predict(pair: Any, law: Any, walls: Any) -> None:
     Contacts leave rates of rounding where the exact ones are zero: balls that stay together would meet again after
     some 1e12 s.
     """
-    if DRIVEN and pair.wall > 0:
+    if HUNG and pair.pull == 0.0 and 0.0 < pair.eta <= DRIFT * pair.noise and pair.xi == 0.0:
+        pair.eta = 0.0
+    if HUNG or (DRIVEN and pair.wall > 0):
         pair.wait, pair.what = next_touch(walls, pair), BEGIN
         pair.due = pair.t + (pair.wait + pair.tail)
         return

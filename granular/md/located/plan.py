@@ -29,7 +29,7 @@ from granular.md.located.step_size import (
     scale,
     trusted,
 )
-from granular.md.located.system import CREEPS, DRIVEN, EDGE, LIES, MOVES, NOTHING
+from granular.md.located.system import CREEPS, DRIVEN, EDGE, HUNG, LIES, MOVES, NOTHING, RING
 
 
 @kernel
@@ -61,9 +61,9 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
     worst, span = -math.inf, 1.0
     run.steps += 1
     reach = foresee_walls(walls, pairs, pool, lo) if DRIVEN else math.inf
-    if block.manner != LIES and laws is None and run.alone < 0:
+    if not (HUNG or RING) and block.manner != LIES and laws is None and run.alone < 0:
         block.manner = CREEPS if expand_slowly(pairs, pool, bodies, lo) else MOVES
-    fastest = fastest_rate(pairs, pool, lo, hi) if block.manner == MOVES else 0.0
+    fastest = fastest_rate(pairs, pool, lo, hi, walls.square if HUNG else 0.0) if block.manner == MOVES else 0.0
     block.linear, block.clock = 1 if fastest >= 0.0 else 0, 1
     if block.manner != MOVES:
         block.linear, reach = 1 if block.manner == LIES else 0, math.inf
@@ -117,7 +117,7 @@ def settle_series(
     for _ in range(2 * (hi - lo) + 2):
         if laws is not None:
             run.error += laws.fill(pairs, pool, lo, run.tol, walls, reach)
-        elif block.linear == 1 and hi == lo + 2 and reach == math.inf:
+        elif block.linear == 1 and hi == lo + 2 and reach == math.inf and not (HUNG or RING):
             expand_two(block, pool[pairs[lo + 1].slot], block.h)
         elif block.linear == 1:
             expand_linear(pairs, pool, lo, hi, block.h, 1, walls)

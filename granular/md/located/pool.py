@@ -7,7 +7,8 @@ from __future__ import annotations
 from typing import Any
 
 from granular._kernels import kernel
-from granular.md.located.system import OPEN
+from granular.md.located.around import count_of
+from granular.md.located.system import OPEN, RING
 
 
 @kernel
@@ -16,6 +17,8 @@ def join(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> No
     pair, law = pairs[c], kinds[pairs[c].kind_of]
     pair.slot = pool[run.members].spare
     run.members += 1
+    if RING:
+        pairs[c + count_of(pairs)].slot = pair.slot
     member = pool[pair.slot]
     if pair.mode == OPEN:
         pair.alone = 0
@@ -37,3 +40,5 @@ def leave(run: Any, pairs: Any, pool: Any, c: int) -> None:
     """Give back the place of pair `c` in the pool."""
     run.members -= 1
     pool[run.members].spare, pairs[c].slot = pairs[c].slot, -1
+    if RING:
+        pairs[c + count_of(pairs)].slot = -1

@@ -37,10 +37,10 @@ ROUNDING = 1e-11
 def verdict(pairs: Any, pool: Any, bodies: Any, lo: int) -> int:
     """Return what is proved of the groups of the block that starts with pair `lo`, as long as no ball arrives.
 
-    Where a wall is driven nothing is.
+    Where a wall is driven or thermal nothing is.
     """
     c, proved = lo, NOT_YET
-    if pairs[0].wall > 0 or pairs[len(pairs) - 1].wall > 0:
+    if pairs[0].wall != 0 or pairs[len(pairs) - 1].wall != 0:
         return NOT_YET
     while c < pairs[lo].hi:
         mode, b = pool[pairs[c].slot].mode, c + 1
@@ -195,7 +195,7 @@ def lone_pile(s: Any) -> tuple[int, int]:
         return 0, 0
     a, b = pressed[0], end_of_group(pairs, pool, pressed[0])
     at_one_wall = (bodies[a].inverse_mass == 0.0) != (bodies[b].inverse_mass == 0.0)
-    if b - a < len(pressed) or not at_one_wall or pairs[0].wall > 0 or pairs[-1].wall > 0:
+    if b - a < len(pressed) or not at_one_wall or pairs[0].wall != 0 or pairs[-1].wall != 0:
         return 0, 0
     if not find_loads(pairs, pool, bodies, a, b) or min(pool[pairs[c].slot].load for c in pressed) <= 0.0:
         return 0, 0
@@ -203,13 +203,13 @@ def lone_pile(s: Any) -> tuple[int, int]:
     return (0, 0) if any(closes(run, pairs, pool, bodies, c) for c in starts) else (a, b)
 
 
-def lie_still(pairs: list[Any], at_rest: AtRest) -> bool:
-    """Write the piece of a block that lies still, and return whether it does."""
+def lie_still(pairs: list[Any], at_rest: AtRest, closed: bool) -> bool:
+    """Write the piece of a block that lies still, and return whether it does; `closed` if it is a ring."""
     block = pairs[0]
     if any(p.mode not in (OPEN, ACTIVE) or (p.mode == ACTIVE and not abs(p.eta) <= STILL * block.speed) for p in pairs):
         return False
     force = [at_rest(p, p.xi) if p.mode == ACTIVE else 0.0 for p in pairs]
-    push = accelerations(pairs, force)
+    push = accelerations(pairs, force, closed)
     deeper = {i: at_rest(p, p.xi * (1.0 + TANGENT)) for i, p in enumerate(pairs) if p.mode == ACTIVE}
     if not deeper or not all(balances(pairs[i], push[i], force[i], more) for i, more in deeper.items()):
         return False
@@ -224,10 +224,11 @@ def lie_still(pairs: list[Any], at_rest: AtRest) -> bool:
     return True
 
 
-def accelerations(pairs: list[Any], force: list[float]) -> list[float]:
+def accelerations(pairs: list[Any], force: list[float], closed: bool) -> list[float]:
     """Closing accelerations in m/s² of all pairs, 0 where those of open ones are rounding."""
+    first, last = (force[-1], force[0]) if closed else (0.0, 0.0)
     out = []
-    for p, below, own, above in zip(pairs, [0.0, *force[:-1]], force, [*force[1:], 0.0], strict=True):
+    for p, below, own, above in zip(pairs, [first, *force[:-1]], force, [*force[1:], last], strict=True):
         parts = (p.pull, p.lower * below, -p.inverse * own, p.upper * above)
         total = math.fsum(parts)
         rounding = p.mode == OPEN and abs(total) <= ROUNDING * max(map(abs, parts))

@@ -93,6 +93,9 @@ class Run:
         self, scene: Scene, laws: SceneLaws, request: Request, engine: str, tol: float, disturbed: str = "resolve",
         state: Mapping[str, Any] | None = None,
     ) -> None:
+        if scene.pendulum > 0.0 and disturbed == "ignore":
+            raise ValueError("disturbed is 'ignore': to set pendula that touch early back to gap 0 gives them another "
+                             "energy; choose 'resolve' or 'stop'.")  # fmt: skip
         self.scene, self.laws, self.law, self.request, self.engine = scene, laws, laws.given, request, engine
         self.seen = self.now = 0.0  # s, when a row was last read, and how far it has come
         self.bound = False
@@ -107,8 +110,12 @@ class Run:
         self.s: Any = system_of(scene, laws, request.until, self.start, tol=tol, pause=FIRST_LOOK, **limits)
         if state is not None:
             self.s = restored(self.s, state)
-        self.collocation = Collocation(laws) if self.s.kinds["kind"][0] == GENERAL else None
-        moves = {"DRIVEN": self.s.walls is not None, "WORKED": self.s.ledger is not None}
+        self.collocation = Collocation(laws, scene.ring) if self.s.kinds["kind"][0] == GENERAL else None
+        hung = scene.pendulum > 0.0
+        driven = self.s.walls is not None and not hung
+        self.settles = not (scene.ring or scene.heated or hung)  # on a line where rest and rides are understood
+        moves = {"DRIVEN": driven, "WORKED": self.s.ledger is not None, "HEATED": scene.heated, "HUNG": hung,
+                 "RING": scene.ring}  # fmt: skip
         flags: dict[str, Any] = {name: True for name, does in moves.items() if does}
         self.fit: Callable[[Any], Any] = lambda kernel: fitted(kernel, **flags)
         self.kernels: Callable[[Any], Any] = self.fit
@@ -191,7 +198,7 @@ class Run:
             self.bound = why == blocks.BINDING
             return WHY[why]
         if counters["steps"] >= counters["pause"]:
-            if self.s.walls is not None:
+            if self.s.walls is not None and self.settles:
                 counters["pause"] = counters["steps"] + AGAIN
                 self.let_ride()
                 return Pause.full
@@ -207,7 +214,7 @@ class Run:
 
         Looked at after 256, 512, 1024 … pieces. What creeps needs no kernels any more.
         """
-        if self.scene.n_pairs > LARGEST or not self.scene.is_wall.any():
+        if self.scene.n_pairs > LARGEST or not (self.settles and self.scene.is_wall.any()):
             return False
         self.let_creep(math.inf if limit == math.inf else SMOOTH)
         return limit == math.inf and self.creep is not None
@@ -393,7 +400,7 @@ class Run:
 
     def members(self) -> list[Any]:
         """Return the records of pairs in islands as plain objects, from the bottom up."""
-        slot = column(self.s.pairs, "slot")
+        slot = column(self.s.pairs, "slot")[: self.scene.n_pairs]
         slots = slot[slot >= 0].tolist()
         return [self.s.pool[i] for i in slots] if isinstance(self.s.pool, list) else plain(self.s.pool[slots])
 

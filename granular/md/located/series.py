@@ -3,7 +3,7 @@
     dξ/dt = η ,  η̇_c = G_c + w_c F_(c-1) - (w_c + w_(c+1)) F_c + w_(c+1) F_(c+1) ,  t = (hτ)^q
 
 with inverse masses w and G the pull of gravity, and of what else acts on bodies; that of a driven wall is a series
-itself. With σ = q h^q, n+q times the coefficient n+q of ξ is σ η_n, of η
+itself, and pendula add -Ω² ξ. With σ = q h^q, n+q times the coefficient n+q of ξ is σ η_n, of η
 σ η̇_n. q = 1 is the plain clock; q > 1 makes the onset of a contact regular, where F starts like a fractional
 power of t: a pair just touched has ξ = τ^q y with y_0 > 0, and ξ^α = τ^(qα) y^α is a power series again. Of such a
 ξ the rows hold y from index `offset` on.
@@ -18,9 +18,23 @@ import math
 from typing import Any
 
 from granular._kernels import kernel, specialised
+from granular.md.located.around import is_closed
 from granular.md.located.driven import drive
 from granular.md.located.pieces import elapsed, power
-from granular.md.located.system import ACTIVE, DORMANT, DRIVEN, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, PADDED, RESIDUAL
+from granular.md.located.system import (
+    ACTIVE,
+    DORMANT,
+    DRIVEN,
+    ELASTIC,
+    HUNG,
+    LINEAR,
+    MIRROR,
+    OPEN,
+    ORDER,
+    PADDED,
+    RESIDUAL,
+    RING,
+)
 
 
 @kernel
@@ -30,7 +44,7 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, walls: Any
         prepare(pool[pairs[c].slot], q)
     if DRIVEN:
         drive(walls, pairs, lo, hi, h, q)
-    scale = q * elapsed(h, q, 1.0)
+    scale, top = q * elapsed(h, q, 1.0), hi + 1 if is_closed(pairs, lo, hi) else hi
     for n in range(ORDER - q + 1):
         step, below = scale / (n + q), 0.0
         for c in range(lo, hi):
@@ -39,15 +53,19 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, walls: Any
             if pair.mode != OPEN:
                 force_term(pair, n, q)
         pair = pool[pairs[lo].slot]
+        if RING and top > hi:
+            below = pool[pairs[hi - 1].slot].f[n]
         for c in range(lo, hi):
-            after = pool[pairs[c + 1].slot] if c + 1 < hi else pair
+            after = pool[pairs[c + 1].slot] if c + 1 < top else pair
             force = pair.f[n]
-            above = after.f[n] if c + 1 < hi else 0.0
+            above = after.f[n] if c + 1 < top else 0.0
             push = pair.lower * below - pair.inverse * force + pair.upper * above
             if n == 0:
                 push += pair.pull
             if DRIVEN and pair.wall > 0:
                 push += walls.push[pair.wall - 1][n]
+            if HUNG:
+                push -= walls.square * pair.x[n]
             pair.e[n + q] = step * push
             pair, below = after, force
     for c in range(lo, hi):

@@ -2,7 +2,8 @@
 May be skipped: how long a step may be.
 
 *Linear blocks*: the series of the step converges like that of exp(λh), λ = ½ (b + √(b² + 4a)) with a, b the largest
-absolute row sums of M⁻¹K and M⁻¹C over the touching pairs; λh = `REACH` leaves (λh)^(N+1)/(N+1)! = 1e-17.
+absolute row sums of M⁻¹K and M⁻¹C over the touching pairs, and Ω² of pendula in a; λh = `REACH` leaves
+(λh)^(N+1)/(N+1)! = 1e-17.
 
 *Others*: h is only a scale. The coefficients themselves say how far they may be trusted, θ = tol^(1/N) / a with
 a = max_j A_j^(1/j) and A_j the largest |ξ_j|/X, |η_j|/V, and of clipped pairs |φ_j|/(k X^s), of the block, with
@@ -18,9 +19,10 @@ from typing import Any
 
 from granular._flight import time_to_contact
 from granular._kernels import kernel
+from granular.md.located.around import is_closed
 from granular.md.located.pieces import DRIFT, elapsed, force_returns, power
 from granular.md.located.series import works
-from granular.md.located.system import ACTIVE, DAMPED, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, STEEPEST
+from granular.md.located.system import ACTIVE, DAMPED, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, RING, STEEPEST
 
 REACH = (math.factorial(ORDER + 1) * 1e-17) ** (1.0 / (ORDER + 1))
 FURTHEST = 8.0
@@ -38,18 +40,22 @@ to so many times the tolerance: below it, its overlap is what steps leave out.""
 
 
 @kernel
-def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int) -> float:
-    """Return λ in 1/s, a bound of all rates of the touching pairs; -1 if other than linear laws are at work."""
-    a, b, k0, g0 = 0.0, 0.0, 0.0, 0.0
+def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int, square: float) -> float:
+    """Return λ in 1/s, a bound of all rates of the touching pairs; -1 if other than linear laws are at work. `square`
+    is Ω² of pendula, else 0."""
+    a, b, k0, g0, closed = square, 0.0, 0.0, 0.0, is_closed(pairs, lo, hi)
+    if RING and closed:
+        last = pool[pairs[hi - 1].slot]
+        k0, g0 = works(last) * last.k, works(last) * last.gamma
     for c in range(lo, hi):
         pair, k1, g1 = pool[pairs[c].slot], 0.0, 0.0
         if pair.mode != OPEN and pair.kind != LINEAR:
             return -1.0
-        if c + 1 < hi:
+        if c + 1 < hi or closed:
             above = pool[pairs[c + 1].slot]
             k1, g1 = works(above) * above.k, works(above) * above.gamma
         if works(pair) > 0.0:
-            a = max(a, pair.lower * k0 + pair.inverse * pair.k + pair.upper * k1)
+            a = max(a, pair.lower * k0 + pair.inverse * pair.k + pair.upper * k1 + square)
             b = max(b, pair.lower * g0 + pair.inverse * pair.gamma + pair.upper * g1)
         k0, g0 = works(pair) * pair.k, works(pair) * pair.gamma
     return 0.5 * (b + math.sqrt(b * b + 4.0 * a))
@@ -89,9 +95,10 @@ def measure(pairs: Any, pool: Any, lo: int, hi: int) -> None:
         pair.own_speed = math.sqrt(pair.eta * pair.eta + stored)
         if pair.mode != OPEN:
             speed = max(speed, pair.own_speed)
-    for c in range(lo + 1, hi):
+    around = 1 if is_closed(pairs, lo, hi) else 0
+    for c in range(lo + 1, hi + around):
         lend(pool[pairs[c - 1].slot], pool[pairs[c].slot], pool[pairs[c].slot].lower)
-    for c in range(hi - 2, lo - 1, -1):
+    for c in range(hi - 2 + around, lo - 1, -1):
         lend(pool[pairs[c + 1].slot], pool[pairs[c].slot], pool[pairs[c].slot].upper)
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]

@@ -24,7 +24,7 @@ from granular._tournament import NODE, tournament
 from granular.laws.contact_law import Form, PairLaw
 from granular.laws.kinds import SceneLaws, alike
 from granular.md.located.similar import Shape, damped, elastic
-from granular.md.located.wall_paths import compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
+from granular.md.located.wall_paths import Hung, compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
 from granular.md.rows import CONTACT_ROW
 from granular.scene import Scene, speed_scale
 
@@ -35,8 +35,9 @@ PADDED = ORDER + 8 - ORDER % 8
 MIRROR = ORDER + PADDED
 """Lengths of rows: of series; of factors of products, whole blocks of eight; of factors written backwards."""
 
-OPEN, ACTIVE, RESIDUAL, DORMANT = range(4)
-"""Modes of a pair: ξ ≤ 0; F > 0; ξ > 0 with F clipped at 0; touching at rest, with a force still below rounding."""
+OPEN, ACTIVE, RESIDUAL, DORMANT, STRUCK = range(5)
+"""Modes of a pair: ξ ≤ 0; F > 0; ξ > 0 with F clipped at 0; touching at rest, with a force still below rounding; at a
+thermal wall that is about to throw the ball back."""
 
 LINEAR, ELASTIC, DAMPED, GENERAL = range(4)
 """Kinds of law: kξ + γη; kξ^p; ξ^d (kξ^s + γη); any other, as a function."""
@@ -84,7 +85,7 @@ PAIR = np.dtype(
         ("row", np.int32),  # of its last contact solved at once, in the log buffer
         ("count", np.int32), ("alone", np.int16),  # contacts; those in which no neighbour overlapped, since it was open
         ("map", np.int8), ("mode", np.int8), ("exact", np.int8), ("what", np.int8),  # map: place of its tables, or -1
-        ("wall", np.int8),  # number from 1 on of the driven wall it is at, or 0
+        ("wall", np.int8),  # number from 1 on of the driven wall it is at; -1, -2 of a thermal floor, ceiling; else 0
     ],
     align=True,
 )  # fmt: skip
@@ -128,8 +129,8 @@ _SERIES = [
 MEMBER = np.dtype([*_SERIES, *_LAW, *_STATE, *_BLOCK, *_CONTACT, ("spare", int)], align=True)
 """A pair in an island. `spare` of record i of the pool is the i-th place, of which the first ones are taken."""
 BODY = np.dtype([(name, float) for name in ("inverse_mass", "fall", "v", "t", "tail", "wall")], align=True)
-"""Inverse mass, downward acceleration, velocity it had at time t + tail, and number from 1 on of the driven wall that
-it is, or 0."""
+"""Inverse mass, downward acceleration (of a pendulum at time t + tail), velocity it had at time t + tail, and number
+from 1 on of the driven wall that it is, or 0."""
 RUN = np.dtype(
     [
         ("tol", float), ("members", int),
@@ -144,6 +145,8 @@ RUN = np.dtype(
         ("over", float), ("parting", float),
         ("before_due", float), ("before_steps", int), ("before_error", float), ("before_log", int),  # to be put back
         ("speed", float),  # at which it is followed
+        ("omega", float),  # of pendula, 1/s
+        ("length", float), ("look", int),  # free length of a ring, m, and the steps after which it is looked at
         ("energy", float), ("barrier", float), ("rests", int), ("doubted", int),
     ],
     align=True,
@@ -154,10 +157,12 @@ group that is nearest to open of a scene that rests, in J, and the pair at which
 
 LEDGER = np.dtype(
     [*((name, float, (5,)) for name in ("total", "low", "piece", "alone")),
-     *((name, float, (2,)) for name in ("work", "lost"))]
+     *((name, float, (2,)) for name in ("work", "lost", "temperature", "mass")),
+     *((name, int, (2,)) for name in ("seed", "hits"))]
 )
 """What walls have done and contacts have lost, in J, in two floats; in a piece; in a contact that is followed alone; in
-the last contacts at driven walls that were solved at once. See `ledger`."""
+the last contacts at driven walls that were solved at once. See `ledger`. Of thermal floor and ceiling temperature in J,
+mass of the ball at it in kg, seed, and hits so far. See `heat`."""
 
 SLOWEST, OCTAVES, POINTS, CHECKS, QUANTITIES = -40, 64, 20, 4, 6
 """Of tables: binary exponent of the slowest speeds in m/s, octaves, points in each, points to check, numbers kept."""
@@ -180,7 +185,11 @@ TABLES = 8
 
 DRIVEN: bool = False
 WORKED: bool = False
-"""Whether walls are driven, and whether a ledger is kept: kernels of such scenes are specialised."""
+HEATED: bool = False
+HUNG: bool = False
+RING: bool = False
+"""Whether walls are driven, a ledger is kept, walls are thermal, balls are pendula or on a ring: kernels of such scenes
+are specialised."""
 
 NO_PAUSE = np.iinfo(np.int64).max
 """`pause` of a run that need not stop on its way to be looked at."""
@@ -190,7 +199,7 @@ LOG_ROWS, MOST_ROWS = 256, 4096
 
 System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables answer work walls ledger")
 """All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder; `Walls`
-that are driven and the record of a ledger, None without."""
+that are driven, or how balls are `Hung`, and the record of a ledger, None without."""
 
 
 def to_plain(s: System) -> System:
@@ -295,15 +304,41 @@ def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: fl
     if (kinds["kind"] == GENERAL).any():  # one law beyond powers, and every law is evaluated as it stands
         kinds["kind"], kinds["s"] = GENERAL, 0.0
     room = 3 * int(np.count_nonzero(scene.gap <= 0.0)) + ROOM  # so many pairs may join islands at once, and some later
-    columns = scene.inverse_mass, scene.velocity, scene.gap, scene.gravity
     walls, lift = walls_of(scene, start, ROW), None
     if scene.external_force is not None:
         lift = scene.external_force * scene.inverse_mass
-    ledger = np.zeros(1, LEDGER) if scene.driven else None
+    columns: tuple[Any, ...] = scene.inverse_mass, scene.velocity, scene.gap, scene.gravity
+    if scene.ring:  # ball 0 once more behind the last one
+        lift = lift if lift is None else np.append(lift, lift[0])
+        columns = *(np.append(column, column[0]) for column in columns[:2]), *columns[2:]
+    ledger = np.zeros(1, LEDGER) if scene.driven or scene.heated else None
     s = new_system(columns, kinds, laws.kind, room, until, walls=walls, lift=lift, ledger=ledger, **limits)
+    if scene.heated:
+        _heat(s, scene)
     if scene.n_pairs > MOST_MAPS:
         _share_tables(s, laws, scene)
-    return s
+    if scene.ring:
+        s.run["length"] = math.fsum(scene.gap)
+        return s._replace(pairs=np.append(s.pairs, s.pairs))
+    return _hung(s, scene) if scene.pendulum > 0.0 else s
+
+
+def _heat(s: System, scene: Scene) -> None:
+    """Note the thermal walls of a scene."""
+    for side, thermal in enumerate(scene.heat):
+        if thermal is not None:
+            s.pairs["wall"][-side], s.pairs["map"][-side] = -1 - side, -1
+            s.ledger["temperature"][0, side], s.ledger["seed"][0, side] = thermal.temperature, thermal.seed
+            s.ledger["mass"][0, side] = scene.mass[-2 if side else 1]
+
+
+def _hung(s: System, scene: Scene) -> System:
+    """Return the records of a scene whose balls are pendula: the pull is that at gap 0, -Ω² d; there are no tables."""
+    square = scene.pendulum * scene.pendulum
+    assert scene.rest_gap is not None
+    s.bodies["fall"] = square * scene.displacement
+    s.pairs["pull"], s.pairs["map"], s.run["omega"] = -square * scene.rest_gap, -1, scene.pendulum
+    return s._replace(walls=Hung(scene.pendulum, square))
 
 
 def mapped(kinds: Any, m_eff: Array) -> None:

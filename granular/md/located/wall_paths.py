@@ -1,10 +1,11 @@
-"""Driven walls as a run holds them.
+"""Driven walls, and pendula, as a run holds them.
 May be skipped: rarer, walls that shake.
 """
 
 from __future__ import annotations
 
 from collections import namedtuple
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from granular.walls.panels import PANEL, TERMS, WALL
 Walls = namedtuple("Walls", "start wall panels path push")
 """Time in s at which the run's own clock is 0; records `WALL` of the driven walls and `PANEL` of all their panels; for
 each wall scratch: the power series of side·m in m in the time, and that of its acceleration in τ."""
+Hung = namedtuple("Hung", "omega square")
+"""Ω in 1/s of pendula, and Ω²: what flights need to know of them, as of walls."""
 
 
 def walls_of(scene: Scene, start: float, terms: int) -> Walls | None:
@@ -45,16 +48,16 @@ def with_walls(walls: Walls, velocity: Array) -> Array:
     return velocity
 
 
-def plain_walls(walls: Walls | None) -> Walls | None:
+def plain_walls(walls: Any) -> Any:
     """Return driven walls for interpreted code."""
-    if walls is None or isinstance(walls.wall, list):
+    if not isinstance(walls, Walls) or isinstance(walls.wall, list):
         return walls
     return Walls(walls.start, plain(walls.wall), plain(walls.panels), walls.path.tolist(), walls.push.tolist())
 
 
-def compiled_walls(walls: Walls | None) -> Walls | None:
+def compiled_walls(walls: Any) -> Any:
     """Return driven walls for compiled code."""
-    if walls is None:
-        return None
+    if not isinstance(walls, Walls):
+        return walls
     scratch = np.array(walls.path), np.array(walls.push)
     return Walls(walls.start, packed(walls.wall, WALL), packed(walls.panels, PANEL), *scratch)
