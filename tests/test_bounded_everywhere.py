@@ -2,7 +2,6 @@
 
 import json
 import math
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -11,10 +10,6 @@ import granular as gr
 
 pytest.importorskip("xarray")
 pytest.importorskip("mpmath")
-pytestmark = pytest.mark.skipif(
-    find_spec("granular.edmd.hanging") is None or find_spec("granular.md.located.pendula") is None,
-    reason="hard spheres or located events do not know such scenes yet",
-)
 CASES = [
     ("ring-gas", {"n": 4, "length": 4.0, "t_end": 4.0}),
     ("heated-gas", {"n": 3, "length": 3.0, "t_end": 4.0}),
