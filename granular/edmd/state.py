@@ -84,6 +84,8 @@ SAVED = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "no
          "events", "rebases", "zooms", "zoomed", "allowance", "short")  # fmt: skip
 TALLY, LOOK = ("clamps", "merged", "lost"), ("elapsed", "looked", "ordinary", "clamped", "faint")
 """Numbers that are saved as arrays; of an older closer look, there are less."""
+LONGEST = 1000
+"""Largest window of the clock, a power of 2, in s."""
 NEVER, APART = -1, -2
 """`stop_pair` of a run that does not stop at a contact, and of one that stops when no pair approaches."""
 LATER, UNTIL, BUDGET, SUSPECT, TOUCHING, OUTSIDE, QUIET, RESTS, TINY, SPENT = range(10)
@@ -338,4 +340,4 @@ def span(length: float, speed: float, g: float) -> float:
     window = 64.0 * length / speed if length > 0.0 else speed / g if g > 0.0 else 1.0
     if g > 0.0:
         window = min(window, speed / g)
-    return math.ldexp(1.0, math.frexp(window)[1])
+    return math.ldexp(1.0, min(math.frexp(window)[1], LONGEST))
