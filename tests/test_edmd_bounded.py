@@ -416,6 +416,13 @@ def test_on_a_ring_every_hit_of_the_twin_is_found(seed):
     follows_the_twin(scene, eps, run(scene, eps, max_events=16), 16)
 
 
+def test_balls_on_a_ring_slow_down_as_far_as_numbers_go():
+    scene = gr.Scene([1.0, 1.0], [0.1, 0.1], [0.5, 0.5], [0.5, -0.5], ring=True)
+    result = run(scene, 0.05, max_events=400)
+    assert result.time[-1] > 1e300
+    assert result.status in (gr.Status.quiet, gr.Status.max_events)
+
+
 @pytest.mark.parametrize(("seed", "n", "eps"), [(0, 3, 0.5), (2, 4, 0.5)])
 def test_balls_on_a_ring_cool_without_end(seed, n, eps):
     """What rounding left while they were fast stops no slow collision; the twin has 60 digits."""

@@ -14,6 +14,8 @@ from granular._records import Record, Records
 from granular.edmd.driven import rebase, synchronise
 from granular.edmd.motion import Walls
 
+LONGEST = 1000
+"""Largest window of the clock, a power of 2, in s."""
 BELOW = 1.0 - 2.0**-53
 """Times this number of a power of two is the number below it."""
 
@@ -30,7 +32,7 @@ def span(length: float, speed: float, g: float) -> float:
     window = 64.0 * length / speed if length > 0.0 else speed / g if g > 0.0 else 1.0
     if g > 0.0:
         window = min(window, speed / g)
-    return math.ldexp(1.0, math.frexp(window)[1])
+    return math.ldexp(1.0, min(math.frexp(window)[1], LONGEST))
 
 
 @rare
