@@ -15,14 +15,15 @@ import numpy as np
 
 from granular import _check
 from granular._check import Array
+from granular.balls import Ball, named
 from granular.laws.kinds import resolved
 from granular.laws.statics import overlap_under
 from granular.scene import Scene, in_order
 from granular.walls import Sine
 
 __all__ = [
-    "ball_stack", "bouncing_ball", "chain", "column", "compressed_chain", "gas", "newtons_cradle", "three_balls",
-    "vibrated_column",
+    "ball_stack", "bouncing_ball", "chain", "column", "compressed_chain", "gas", "newtons_cradle", "real_balls",
+    "three_balls", "vibrated_column",
 ]
 __dir__ = __all__.copy
 
@@ -88,6 +89,31 @@ def ball_stack(
     drop = 0.0 if speed is not None else _check.number("height", 1.0 if height is None else height, at_least=0.0)
     v = 0.0 if speed is None else _check.number("speed", speed, above=0.0, fix="downwards is built in")
     return _above_floor(m, _radius(m, density), drop, gap, v, gravity)
+
+
+def real_balls(
+    lower: str | Ball = "basketball", upper: str | Ball | None = "tennis ball", gap: float = 0.0, height: float = 1.0,
+    gravity: float = 9.81,
+) -> Scene:
+    """Two real balls, one on top of the other, dropped on a hard floor; or one alone.
+
+    What they do to each other is in `granular.balls`.
+
+    Parameters
+    ----------
+    lower, upper : str or Ball
+        Names of `granular.balls.BALLS`, or balls of one's own; without an upper one the lower falls alone.
+    gap : float
+        Distance between the surfaces of the two balls in m.
+    height : float
+        Drop height in m, from the floor to the lowest point of the lower ball.
+    gravity : float
+        g in m/s².
+    """
+    balls = [named(lower)] if upper is None else [named(lower), named(upper)]
+    m, r = (np.array([getattr(ball, name) for ball in balls]) for name in ("mass", "radius"))
+    drop = _check.number("height", height, at_least=0.0)
+    return _above_floor(m, r, drop, [_check.number("gap", gap)] * (len(balls) - 1), 0.0, gravity)
 
 
 def newtons_cradle(

@@ -6,7 +6,7 @@ import { verdict } from "./verdict.mjs";
 
 // Steps of the soft spheres, and steps and events past the stop in search of the apexes: while a slider moves, and when it
 // rests and the first were not enough.
-export const AT_ONCE = { maxSteps: 3000, follow: 100 };
+export const AT_ONCE = { maxSteps: 800, follow: 100 };
 export const AT_LEISURE = { maxSteps: 60000, follow: 20000 };
 
 // `soft` and `hard` are without contacts that are rounding; those open at the stop are followed to their ends.

@@ -18,7 +18,7 @@ function recalled({ series, pieces }, t) {
   return (Math.min(t, piece.end) - piece.t) / piece.h;
 }
 
-function softGaps(run, t) {
+export function softGaps(run, t) {
   const tau = recalled(run, t);
   return run.scene.gap.map((_, c) => -run.series.at("x", c, tau));
 }
@@ -30,7 +30,7 @@ export function softForce(run, c, t) {
 
 export const softForces = (run, t) => run.scene.gap.map((_, c) => softForce(run, c, t));
 
-function hardGaps({ scene, flights }, t) {
+export function hardGaps({ scene, flights }, t) {
   const flight = lastBefore(flights, t), dt = Math.max(0, t - flight.t);
   return flight.gap.map((gap, c) => {
     const pull = scene.gravity * ((scene.mass[c + 1] === Infinity ? 0 : 1) - (scene.mass[c] === Infinity ? 0 : 1));
