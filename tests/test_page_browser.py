@@ -281,7 +281,7 @@ def test_everything_has_a_name_for_those_who_listen(page) -> None:
         " !(e.getAttribute('aria-label') || e.textContent.trim() || e.labels?.length)).map((e) => e.outerHTML)"
     )
     assert nameless == []
-    assert page.run("document.querySelector('.verdict').getAttribute('role')") == "status"
+    assert page.run("document.querySelector('.announced').getAttribute('role')") == "status"
 
 
 def test_print_style(page) -> None:

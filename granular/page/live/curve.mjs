@@ -110,7 +110,7 @@ export class Curve {
     const here = runs.find((run) => run[0].x <= marker + 1e-9 && marker <= run[run.length - 1].x + 1e-9);
     if (here) place(here, Math.max(chart.left + 8, chart.x(marker)));
     for (const run of [...runs].sort((a, b) => b.length - a.length)) if (run !== here) place(run, (chart.x(run[0].x) + chart.x(run[run.length - 1].x)) / 2);
-    chart.note(plain("contacts-short"), { x: chart.left - 6, y: 16, "text-anchor": "end", class: "count-name" });
+    chart.note(plain("contacts-short"), { x: 0, y: 16, class: "count-name" });
   }
 }
 

@@ -31,8 +31,7 @@ export class Lens {
     for (const [circle, side] of [[this.lower, upright ? 1 : -1], [this.upper, upright ? -1 : 1]]) {
       set(circle, upright ? { cx, cy: (cy + side * half).toFixed(2), r: big } : { cx: (cx + side * half).toFixed(2), cy, r: big });
     }
-    const edge = upright ? cx - r : cx;
-    set(this.stalk, upright ? { x1: touch[0], y1: touch[1], x2: edge, y2: cy } : { x1: touch[0], y1: touch[1], x2: cx, y2: cy - r });
+    set(this.stalk, { x1: touch[0], y1: touch[1], x2: cx - r, y2: cy });
     text(this.value, quantity(distance, "m", 2));
   }
 }

@@ -16,7 +16,7 @@ import { follow, hasLink, read, write, written } from "./link.mjs";
 import { contactsCsv, Panels } from "./panels.mjs";
 import { Predict } from "./predict.mjs";
 import { printsWell } from "./print.mjs";
-import { Spread } from "./real.mjs";
+import { inHeights, Spread } from "./real.mjs";
 import { Ruler } from "./ruler.mjs";
 import { Stage } from "./stage.mjs";
 import { LAB, screenOf, startOf, Story } from "./story.mjs";
@@ -166,10 +166,9 @@ class Page {
 
   // While a slider moves the verdict changes at once for the eye, but is announced only when it rests.
   speak() {
-    const element = $(".verdict"), { kind, verdict } = this.report;
-    element.setAttribute("aria-live", "off");
+    const { kind, verdict } = this.state.screen < LAB ? inHeights(this.report) : this.report;
     told($(".verdict-words"), verdict.say, verdict);
-    element.classList.toggle("yes", kind.startsWith("yes") || kind === "timing");
+    $(".verdict").classList.toggle("yes", kind.startsWith("yes") || kind === "timing");
     clearTimeout(this.speaking);
     this.speaking = setTimeout(() => text($(".announced"), this.predict.covered ? "" : plain(verdict.say, verdict)), REST);
   }

@@ -85,7 +85,7 @@ function drawRises(chart, { scene, finals }) {
   const top = Math.max(scene.drop, ...known(rows));
   chart.scales([-0.6, n - 0.4], [0, 1.14 * top]);
   chart.yTicks(ticks([0, top], 4), tickName, "m");
-  bars(chart, rows, n, (i) => plain("ball", { n: i + 1 }));
+  bars(chart, rows, n, (i) => (n > 4 ? String(i + 1) : plain("ball", { n: i + 1 })));
   chart.line([[-0.6, scene.drop], [n - 0.4, scene.drop]], { class: "drop-line" });
   const y = chart.y(scene.drop);
   chart.note(plain("drop-height"), { x: chart.left + 6, y: y < chart.top + 30 ? y + 14 : y - 5, class: "axis-name" });

@@ -1,11 +1,18 @@
-// What is known of real balls: how far the answer hangs on contact times that are estimates.
+// Real balls: whether both engines agree in heights, and how far that hangs on contact times that are estimates.
 import { $, whenIdle } from "../shell/dom.mjs";
 import { digits } from "../shell/format.mjs";
 import { ballValues } from "../physics/setups.mjs";
 import { spreadOf } from "../physics/spread.mjs";
 import { told } from "./words.mjs";
 
-const USUAL = 1.2;
+const USUAL = 1.2, ALIKE = 0.05; // factor of a contact time; heights that differ less are told to agree
+
+// The verdict of the story: in heights, and not as strict as that of the laboratory.
+export function inHeights({ finals, scene }) {
+  const [hard, soft] = ["hard", "soft"].map((engine) => finals[engine].at(-1).rise / scene.drop);
+  const agree = Math.abs(hard - soft) <= ALIKE * Math.max(hard, soft);
+  return { kind: agree ? "yes" : "off", verdict: { say: agree ? "heights-agree" : "heights-differ", hard, soft } };
+}
 
 export class Spread {
   constructor(balls) {

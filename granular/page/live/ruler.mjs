@@ -4,7 +4,7 @@ import { digits } from "../shell/format.mjs";
 import { ticks } from "../shell/axes.mjs";
 import { plain, say } from "./words.mjs";
 
-const LEFT = 52, TOP = 26, BOTTOM = 22, STEP = 0.1; // pixels, and drop heights per key
+const LEFT = 52, TOP = 46, BOTTOM = 22, STEP = 0.1; // pixels, and drop heights per key
 
 export class Ruler {
   constructor(host, { guessed = () => {} } = {}) {
@@ -83,16 +83,14 @@ export class Ruler {
     if (asks) set(this.svg, { "aria-valuenow": at, "aria-valuetext": say("your-guess", { guess: at }) });
   }
 
-  // Heights of the lanes' balls in m, with the radii taken out; the drawn ones are put back in.
+  // Heights of the lanes' balls in m, with the radii taken out: of the lowest points, so balls fall side by side.
   show(rows) {
-    rows.forEach((heights, lane) => {
-      let stacked = 0;
-      heights.forEach((y, i) => {
-        const z = stacked + this.radii[i] + Math.max(0, y / this.scene.drop) * this.scale;
-        stacked += 2 * this.radii[i];
-        if (this.balls[lane][i]) set(this.balls[lane][i], { cx: this.centre(lane).toFixed(1), cy: Math.max(-99, this.floor - z).toFixed(2) });
-      });
-    });
+    const width = Math.min(30, (0.7 * (this.w - LEFT)) / Math.max(1, this.lanes.length) / this.radii.length);
+    rows.forEach((heights, lane) => heights.forEach((y, i) => {
+      if (!this.balls[lane][i]) return;
+      const cx = this.centre(lane) + width * (i - this.radii.length / 2), cy = this.floor - Math.max(0, y / this.scene.drop) * this.scale - this.radii[i];
+      set(this.balls[lane][i], { cx: cx.toFixed(1), cy: Math.max(-99, cy).toFixed(2) });
+    }));
   }
 
   tell(key, values) {

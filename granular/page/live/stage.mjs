@@ -19,6 +19,7 @@ export class Stage {
     const upright = report.scene.gravity > 0, extent = { ...samples, depth: depthIn(samples.soft, report.scene) };
     this.host.classList.toggle("upright", upright);
     this.host.classList.toggle("lying", !upright);
+    this.host.parentElement.classList.toggle("flat", !upright);
     for (const view of this.views) view.layout(report.scene, upright, extent, watched);
     this.forceMax = largestForce(report.soft);
     told($(".scale-note"), "scale-note", { times: [this.views[0].magnification, "", 2] });
@@ -63,7 +64,7 @@ class View {
     const raw = scene.radius.map((r) => (r === 0 ? 0 : Math.max(0.16, Math.sqrt(r / largest))));
     const unit = Math.min(cap, fit / raw.reduce((a, b) => a + b, 0));
     this.radii = raw.map((r) => r * unit);
-    const room = length - 2 * this.radii.reduce((a, b) => a + b, 0) - (upright ? 46 : 24);
+    const room = length - 2 * this.radii.reduce((a, b) => a + b, 0) - (upright ? 46 : 24 + (watched ? 0.8 * tall : 0));
     const side = (i) => this.radii[i] || Infinity, sinks = Math.max(...depth.map((d, c) => d / (0.6 * Math.min(side(c), side(c + 1)))));
     Object.assign(this, { upright, w, tall, low, watched, scale: Math.min(room / (high - low), 1 / sinks) });
     this.magnification = this.scale / (unit / largest);
@@ -71,10 +72,10 @@ class View {
     if (watched) this.lens.layout({ ...this.lensPlace(), upright, range: watched.range, natural: unit / largest });
   }
 
-  // Above on the right where balls stand upright, in the middle below where they lie.
+  // On the right: above where balls stand upright, beside them where they lie.
   lensPlace() {
-    const { w, tall, upright } = this, r = upright ? Math.min(48, 0.17 * w) : 0.22 * tall;
-    return upright ? { cx: w - r - 12, cy: Math.max(r + 46, 0.3 * tall), r } : { cx: w / 2, cy: tall - r - 24, r };
+    const { w, tall, upright } = this, r = upright ? Math.min(48, 0.17 * w) : 0.26 * tall;
+    return upright ? { cx: w - r - 12, cy: Math.max(r + 46, 0.3 * tall), r } : { cx: w - r - 14, cy: 0.5 * tall, r };
   }
 
   draw() {
@@ -122,7 +123,7 @@ class View {
   }
 
   place(z) {
-    return this.upright ? `${(MIDDLE * this.w).toFixed(1)} ${(this.tall - 16 - z).toFixed(2)}` : `${(12 + z).toFixed(2)} ${0.36 * this.tall}`;
+    return this.upright ? `${(MIDDLE * this.w).toFixed(1)} ${(this.tall - 16 - z).toFixed(2)}` : `${(12 + z).toFixed(2)} ${0.6 * this.tall}`;
   }
 }
 

@@ -70,7 +70,7 @@ const isUnsettled = ({ hard, twin, ties }, c) => [twin, ...ties.map(([, run]) =>
 
 function parting(p, { scene, error }) {
   if (p.ongoing && Number.isNaN(p.soft.speed)) return { say: "parting-never" };
-  if (miss(p) > SAME * scene.impact) return { say: "parting-speeds", soft: [p.soft.speed, "", 3], hard: [p.hard.speed, "m/s"] };
+  if (miss(p) > SAME * scene.impact) return { say: "parting-speeds", soft: [p.soft.speed, "m/s"], hard: [p.hard.speed, "m/s"] };
   return { say: "parting-off", error: [error, "", 2] };
 }
 
