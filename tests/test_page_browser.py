@@ -63,7 +63,7 @@ def slide(tab, name, value):
 
 
 def text(tab, selector):
-    return tab.run(f"document.querySelector({selector!r}).textContent")
+    return tab.run(f"document.querySelector({selector!r}).textContent").replace("\u00a0", " ")
 
 
 def click(tab, selector):

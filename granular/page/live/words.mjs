@@ -34,7 +34,7 @@ function chosen(forms, count) {
 }
 
 function shown(value) {
-  if (Array.isArray(value)) return quantity(...value);
+  if (Array.isArray(value)) return quantity(...value).replace(" ", "\u00a0"); // a number stays beside its unit
   if (value !== null && typeof value === "object") return say(value.say, value);
   return typeof value === "number" ? digits(value) : String(value ?? "");
 }
