@@ -23,7 +23,7 @@ export class Curve {
   load(name, values, safe) {
     const hasGap = SETUPS[name].sliders.some((slider) => slider.name === "gap");
     $(".curve-box").classList.toggle("none", !hasGap);
-    if (!hasGap || !$(".curve-box").checkVisibility()) return (this.key = "");
+    if (!hasGap || $(".curve-box").classList.contains("off")) return (this.key = "");
     const { gap, ...others } = values, key = JSON.stringify([name, others]);
     Object.assign(this, { gap, safe });
     if (key !== this.key) this.begin(name, values, key);

@@ -50,7 +50,7 @@ export function largestForce({ series, pieces }) {
 // Both runs over a span: evenly in time and at the kinks that hard collisions make, as far as they can be told apart.
 // Lowest and highest point with it.
 export function samplesOf({ soft, hard }, [begin, end]) {
-  const even = Array.from({ length: 121 }, (_, i) => begin + (i / 120) * (end - begin));
+  const n = soft.scene.mass.length > 5 ? 72 : 120, even = Array.from({ length: n + 1 }, (_, i) => begin + (i / n) * (end - begin));
   const finest = (end - begin) / 800, kinks = hard.contacts.map((c) => c.begin).filter((t, i, all) => i === 0 || t - all[i - 1] > finest);
   const times = [...even, ...kinks.slice(0, 100)].sort((a, b) => a - b);
   const rows = { soft: times.map((t) => softHeights(soft, t)), hard: times.map((t) => hardHeights(hard, t)) };
