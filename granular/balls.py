@@ -2,7 +2,7 @@
 May be skipped: data, to be looked up.
 
 A contact time is what a film of a single bounce shows. With the restitution it fixes the stiffness of a spring and
-dashpot, k = m (2f(ζ)/t_c)², and γ follows. **Masses, radii and restitutions are measured; contact times are estimates**,
+dashpot, k = m (2f(ζ)/t_c)², and γ. **Masses, radii and restitutions are measured; contact times are estimates**,
 good to ±20 % at best (from inflation pressures, from Hertz's theory, from static compression), for a superball to a
 factor of 2: `Ball.spread`. All speeds are near 4.4 m/s, a drop from 1 m.
 

@@ -140,7 +140,7 @@ def test_the_commands_write_pages(tmp_path, capsys, cradle) -> None:
 @pytest.mark.parametrize(
     ("command", "sentence"),
     [
-        (["page", "gas"], "scene is 'gas': one of story, real-balls, three-balls, ball-stack, newtons-cradle, bouncing-ball is"),
+        (["page", "gas"], "scene is 'gas': one of story, real-balls, three-balls, ball-stack, newtons-cradle, bounc"),
         (["page", "-o", "/nowhere/p.html"], "a writable place is needed"),
         (["view", "nothing.npz"], "nothing.npz: No such file"),
         (["view"], "RUN.npz"),

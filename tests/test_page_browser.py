@@ -81,7 +81,7 @@ def time_bar(tab):
 
 
 def test_the_paper_is_what_the_page_opens_with(page) -> None:
-    assert text(page, ".verdict") == "No: balls 1 and 2 have 4 contacts, not 1, and part at 0.177 instead of 3.73 m/s."
+    assert text(page, ".verdict") == "No: balls 1 and 2 have 4 contacts, not 1, and part at 0.177 m/s instead of 3.73 m/s."
     assert page.run("document.querySelectorAll('.stage svg .ball').length") == 4
 
 

@@ -23,7 +23,9 @@ SCREENS = range(1, 8)
 @pytest.fixture(scope="module")
 def tab():
     with chromium.Browser() as browser:
-        browser.call("Network.emulateNetworkConditions", offline=True, latency=0, downloadThroughput=0, uploadThroughput=0)
+        browser.call(
+            "Network.emulateNetworkConditions", offline=True, latency=0, downloadThroughput=0, uploadThroughput=0
+        )
         yield browser
 
 
@@ -62,13 +64,13 @@ def text(tab, selector):
 
 
 def turn(tab, screen):
-    tab.run(f"document.querySelector('[data-screen=\"{screen}\"].steps button, .steps [data-screen=\"{screen}\"]').click()")
+    tab.run(f"document.querySelector('.steps [data-screen=\"{screen}\"]').click()")
     settle(tab)
 
 
 def rises(tab):
     """Heights of the top ball, hard and soft, as the figures show them."""
-    return [tab.run(f"document.querySelector('.figure:nth-child(2) .{engine}').textContent") for engine in ("hard", "soft")]
+    return [text(tab, f".figure:nth-child(2) .{engine}") for engine in ("hard", "soft")]
 
 
 def test_the_story_begins_with_one_ball_and_ends_in_the_laboratory(page) -> None:
@@ -100,7 +102,7 @@ def test_the_textbook_says_nine_then_seven_then_four(page) -> None:
     for preset in ("textbook", "masses", "losses"):
         page.run(f"document.querySelector('[data-preset={preset}]').click()")
         settle(page)
-        heights.append(page.run("document.querySelector('.figure:nth-child(2) .hard').textContent"))
+        heights.append(rises(page)[0])
     assert [round(float(height)) for height in heights] == [9, 7, 4]
     assert page.run("document.querySelector('.stage .soft').checkVisibility()") is False
 
@@ -130,12 +132,19 @@ def test_a_guess_is_dragged_and_held_against_both(page, way) -> None:
     assert page.run("document.querySelectorAll('.ruler-ball').length") == 4
 
 
+FASTER = """
+const now = performance.now.bind(performance), begin = now();
+performance.now = () => begin + 6 * (now() - begin);
+requestAnimationFrame = ((frame) => (f) => frame(() => f(performance.now())))(requestAnimationFrame);
+"""  # six times
+
+
 def test_the_film_has_three_times(page) -> None:
     turn(page, 4)
-    page.run("performance.now = ((now, begin) => () => begin + 6 * (now() - begin))(performance.now.bind(performance), performance.now());"
-             "requestAnimationFrame = ((frame) => (f) => frame(() => f(performance.now())))(requestAnimationFrame)")  # fmt: skip
+    page.run(FASTER)
     page.mouse(*page.middle(".film-button"))
-    for caption in ("falling, as fast as life", "stop: the floor is reached", "450 × slower", "flying, as fast as life"):
+    captions = "falling, as fast as life", "stop: the floor is reached", "450 × slower", "flying, as fast as life"
+    for caption in captions:
         page.wait(f"document.querySelector('.film-caption').textContent === {caption!r}")
 
 
@@ -148,16 +157,21 @@ def test_less_motion_is_a_still(page) -> None:
     page.media()
 
 
+THUMB = """
+(() => { const i = document.querySelector('[data-name=gap]'), b = i.getBoundingClientRect();
+         return b.x + 8 + (b.width - 16) * i.value / i.max; })()
+"""
+
+
 @pytest.mark.parametrize("way", ["mouse", "touch", "keyboard"])
 def test_the_gap_is_dragged_until_both_agree(page, way) -> None:
     turn(page, 5)
     assert text(page, ".verdict").startswith("They differ: hard spheres promise 3.95 drop heights, soft ones 2.32")
     assert text(page, ".because-line").endswith("lasts 12 ms; balls 1 and 2 meet after 2.38 ms: too early.")
     assert text(page, ".slider-note") == "v tc = 53 mm"
-    x, y = page.middle("[data-name=gap]")
+    _, y = page.middle("[data-name=gap]")
     mark = page.run("document.querySelector('.slider-mark').getBoundingClientRect().x")
-    start = page.run("(() => { const i = document.querySelector('[data-name=gap]'), b = i.getBoundingClientRect();"
-                     " return b.x + 8 + (b.width - 16) * i.value / i.max; })()")  # fmt: skip
+    start = page.run(THUMB)
     if way == "keyboard":
         page.run("document.querySelector('[data-name=gap]').focus()")
         page.key("End")
@@ -189,6 +203,9 @@ def test_words_are_explained_on_tap(page) -> None:
     assert page.run("document.querySelector('.meaning')") is None
 
 
+LABELS = "[...document.querySelectorAll('[aria-label]')].map((e) => e.ariaLabel).join(' ')"
+
+
 @pytest.mark.parametrize("language", assemble.LANGUAGES)
 def test_every_language_fills_every_screen(page, story, language) -> None:
     fresh(page, f"{story}#lang={language}")
@@ -196,7 +213,7 @@ def test_every_language_fills_every_screen(page, story, language) -> None:
     for screen in SCREENS:
         turn(page, screen)
         assert text(page, ".story-title") == words[f"s{screen}-title"].replace("\u00a0", " ")
-        shown = page.run("document.body.innerText + [...document.querySelectorAll('[aria-label]')].map((e) => e.ariaLabel)")
+        shown = page.run("document.body.innerText") + page.run(LABELS)
         assert not re.search(r"[{}\[\]]|undefined|NaN|\bs\d-|_c\b", shown)
     assert page.run("document.documentElement.lang") == words["tag"]
     assert page.run("document.querySelector('.unread').checkVisibility()") is (language != "en")
@@ -216,7 +233,14 @@ def shape(sentence, decimal):
     bare = re.sub(r"\{[^}]*\}", "", sentence).replace("\u00a0", " ")
     numbers = [x.replace(decimal, ".") for x in re.findall(r"\d+(?:[.,]\d+)?(?!\w)", bare)]
     units = re.findall(r"(?<=\d )(?:m|mm|ms|µm|s|kg)\b", bare)
-    return [sorted(x) for x in (set(re.findall(r"\{(\w+)", sentence)), re.findall(r"\[\[([\w-]+)\|", sentence), numbers, units)]
+    places, terms = set(re.findall(r"\{(\w+)", sentence)), re.findall(r"\[\[([\w-]+)\|", sentence)
+    return [sorted(x) for x in (places, terms, numbers, units)]
+
+
+SMALL = """
+[...document.querySelectorAll('button:not(.term), select, input[type=range]')].filter((e) => e.checkVisibility())
+  .filter((e) => e.offsetHeight < 44 || (e.matches('button') && e.offsetWidth < 44)).map((e) => e.outerHTML)
+"""
 
 
 @pytest.mark.parametrize("width", [320, 360, 640, 768, 1920])
@@ -226,27 +250,23 @@ def test_nothing_sticks_out_and_all_targets_are_large(page, width) -> None:
     for screen in SCREENS:
         turn(page, screen)
         assert page.run("document.documentElement.scrollWidth") <= width, screen
-        small = page.run(
-            "[...document.querySelectorAll('button:not(.term), select, input[type=range]')].filter((e) => e.checkVisibility())"
-            ".filter((e) => Math.min(e.offsetHeight, e.matches('.presets button, .scenes button, button') ? e.offsetWidth : 44) < 44)"
-            ".map((e) => e.outerHTML)"
-        )
-        assert small == []
+        assert page.run(SMALL) == []
 
 
 def test_on_a_phone_slider_and_stage_are_seen_together(page) -> None:
     page.size(390, 844, mobile=True)
     turn(page, 5)
     page.middle("[data-name=gap]")
-    boxes = page.run("['.stage svg', '[data-name=gap]'].map((s) => { const b = document.querySelector(s).getBoundingClientRect(); return [b.top, b.bottom]; })")
-    assert all(0 <= top < bottom <= 844 for top, bottom in boxes)
-    before = page.run("document.querySelector('[data-name=gap]').getBoundingClientRect().top")
+    stage, slider = (page.run(PLACE % selector) for selector in (".stage svg", "[data-name=gap]"))
+    assert all(0 <= top < bottom <= 844 for top, bottom in (stage, slider))
     for value in (0, 300, 600, 900, 1000):
-        page.run(f"{{ const s = document.querySelector('[data-name=gap]'); s.value = {value}; s.dispatchEvent(new Event('input')); }}")
+        page.run(f"{{ const s = document.querySelector('[data-name=gap]'); s.value = {value};"
+                 " s.dispatchEvent(new Event('input')); }")  # fmt: skip
         settle(page)
-        assert page.run("document.querySelector('[data-name=gap]').getBoundingClientRect().top") == pytest.approx(before, abs=1.0)
+        assert page.run(PLACE % "[data-name=gap]") == pytest.approx(slider, abs=1.0)
 
 
+PLACE = "(() => { const b = document.querySelector('%s').getBoundingClientRect(); return [b.top, b.bottom]; })()"
 CONTRAST = (HERE / "contrast.js").read_text(encoding="utf-8")
 
 

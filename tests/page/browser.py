@@ -17,7 +17,8 @@ FLAGS = (
     "--force-color-profile=srgb --disable-extensions --disable-default-apps --mute-audio "
     "--disable-features=IsolateSandboxedIframes"  # frames stay in the page's process, where `frame` finds them
 )
-KEYS = {" ": ("Space", 32), "ArrowRight": ("ArrowRight", 39), "ArrowUp": ("ArrowUp", 38), "ArrowLeft": ("ArrowLeft", 37), "Home": ("Home", 36),
+KEYS = {" ": ("Space", 32), "ArrowRight": ("ArrowRight", 39),
+        "ArrowUp": ("ArrowUp", 38), "ArrowLeft": ("ArrowLeft", 37), "Home": ("Home", 36),
         "End": ("End", 35), "r": ("KeyR", 82), "Tab": ("Tab", 9), "Enter": ("Enter", 13)}  # fmt: skip
 
 

@@ -49,7 +49,11 @@ function figures({ scene, hard, soft, pairs, finals }, setup) {
     ["figure-contacts", count(hard), count(soft), say("figure-contacts-of", { hard: top.hard.contacts, soft: top.soft.contacts })],
     [`figure-${setup.measured}`, number(hard), number(soft), scene.gravity ? say("figure-drop", { drop: [scene.drop, "m"] }) : say("figure-arrival", { v: [scene.impact, "m/s"] })],
   ];
-  if (scene.gravity) parts.push(["figure-rises", ...ENGINES.map((engine) => quantity(finals[engine][last].rise, "m")), say("figure-impact", { v: [scene.impact, "m/s"] })]);
+  if (scene.gravity) {
+    const [hardly, softly] = ENGINES.map((engine) => finals[engine][last].velocity / scene.impact);
+    const leaving = say("figure-impact", { hard: hardly, soft: softly, v: [scene.impact, "m/s"] });
+    parts.push(["figure-rises", ...ENGINES.map((engine) => quantity(finals[engine][last].rise, "m")), leaving]);
+  }
   parts.push(["figure-shared", "0 %", `${digits(shared)} %`, say("figure-binary")]);
   showFigures($(".figures"), parts);
 }
