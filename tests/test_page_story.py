@@ -196,6 +196,51 @@ def test_a_table_tennis_ball_flies_at_the_second_bounce(page) -> None:
     page.wait("document.querySelector('.spread').textContent.includes('3.6 to 3.8 drop heights')")
 
 
+def test_a_pair_of_balls_offers_the_gap_that_is_enough(page) -> None:
+    turn(page, 6)
+    for pair in ("golf ball+table-tennis ball", "steel ball+small steel ball"):
+        page.run(f"document.querySelector('[data-preset=\"{pair}\"]').click()")
+        settle(page)
+        assert text(page, ".verdict").startswith("They differ")
+        page.mouse(*page.middle(".apart"))
+        settle(page)
+        assert text(page, ".verdict").startswith("They agree")
+
+
+EVERY = """
+(async () => {
+  const step = () => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))), faults = [];
+  const look = (what) => {
+    const told = document.querySelector('.verdict').textContent;
+    const drawn = [...document.querySelectorAll('main [d]')].map((e) => e.getAttribute('d'));
+    const shown = document.querySelector('main').textContent + drawn;
+    if (!told || /NaN|undefined|Infinity/.test(shown)) faults.push(what);
+  };
+  const pressed = async (button) => { button.click(); await step(); look(button.outerHTML); };
+  for (const button of [...document.querySelectorAll('.presets button')]) await pressed(button);
+  for (const radio of document.querySelectorAll('.choice input')) await pressed(radio);
+  const names = [...document.querySelectorAll('.sliders input[type=range]')].map((slider) => slider.dataset.name);
+  for (const name of names) {
+    for (const share of [0, 1, 0.5]) {
+      const slider = document.querySelector(`[data-name=${name}]`), low = Number(slider.min), high = Number(slider.max);
+      slider.value = Math.round(low + share * (high - low));
+      slider.dispatchEvent(new Event('input', { bubbles: true }));
+      await step();
+      look(`${name} ${share}`);
+    }
+  }
+  for (const button of document.querySelectorAll('.transport button')) await pressed(button);
+  return faults;
+})()
+"""
+
+
+@pytest.mark.parametrize("scene", ["real-balls", "three-balls", "ball-stack", "newtons-cradle", "bouncing-ball"])
+def test_every_control_of_every_scene_answers(page, story, scene) -> None:
+    fresh(page, f"{story}#scene={scene}")
+    assert page.run(EVERY) == []
+
+
 def test_words_are_explained_on_tap(page) -> None:
     page.mouse(*page.middle("[data-term=eps]"))
     assert text(page, ".meaning").startswith("Restitution ε: speed of parting")

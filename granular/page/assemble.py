@@ -17,7 +17,7 @@ from typing import Any
 from granular import _files
 
 IMPORT = re.compile(r'^import \{[^}]*\} from "([^"]+)";\n', re.MULTILINE)
-EXPORT = re.compile(r"^export (?=(?:const|function\*?|class) ([\w$]+))", re.MULTILINE)
+EXPORT = re.compile(r"^export (?=(?:const|(?:async )?function\*?|class) ([\w$]+))", re.MULTILINE)
 MARGIN = re.compile(r"^[ \t]*//.*\n|^[ \t]+|^\n", re.MULTILINE)
 """Comments on lines of their own, indents and blank lines: a page goes without."""
 LIVE = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")

@@ -1,6 +1,6 @@
 // Scene buttons, presets and sliders with units.
 import { $, h, set, text } from "../shell/dom.mjs";
-import { cleaned, SETUPS } from "../physics/setups.mjs";
+import { cleaned, enoughFor, SETUPS } from "../physics/setups.mjs";
 import { quantity } from "../shell/format.mjs";
 import { choice, slider } from "./sliders.mjs";
 import { has, languageNow, plain, say } from "./words.mjs";
@@ -19,6 +19,7 @@ export class Controls {
     Object.assign(this, { shape, values });
     for (const row of this.rows) row.show(values);
     this.markPresets();
+    this.offerGap();
     for (const tab of this.tabs) {
       set(tab, { "aria-pressed": String(tab.dataset.scene === name) });
       text(tab, say(`scene-${tab.dataset.scene}`));
@@ -39,7 +40,15 @@ export class Controls {
       const whole = cleaned(name, { ...base, ...given });
       return { whole, button: h("button", { type: "button", "data-preset": label, onclick: () => this.changed(whole) }, called(label)) };
     });
-    $(".presets").replaceChildren(...this.presets.map((p) => p.button));
+    this.apart = h("button", { type: "button", class: "apart", onclick: () => this.changed({ gap: enoughFor(this.values) }) });
+    $(".presets").replaceChildren(...this.presets.map((p) => p.button), this.apart);
+  }
+
+  // A gap from which on the balls of a preset collide one after the other.
+  offerGap() {
+    const gap = enoughFor(this.values), isOffered = this.presets.length > 0 && Number.isFinite(gap);
+    set(this.apart, { hidden: !isOffered, "aria-pressed": String(this.values.gap === gap) });
+    text(this.apart, plain("hold-above", { gap: [gap, "m"] }));
   }
 
   markPresets() {

@@ -2,6 +2,7 @@
 import { cleaned, FIRST, refused, SETUPS } from "../physics/setups.mjs";
 import { LAB, startOf } from "./story.mjs";
 import { inWords } from "./controls.mjs";
+import { told } from "./words.mjs";
 
 const QUIET = 250; // ms without a change before the link follows: browsers limit how often it may change
 
@@ -10,8 +11,8 @@ export function read(hash) {
   const isEmpty = Object.keys(given).every((key) => key === "lang"), screen = isEmpty ? 1 : asked >= 1 && asked < LAB ? Math.floor(asked) : LAB;
   const begin = screen < LAB ? startOf(screen) : { name: Object.hasOwn(SETUPS, given.scene ?? "") ? given.scene : FIRST, values: {} };
   const { name } = begin, all = { ...begin.values, ...given }, isUnknown = screen === LAB && given.scene !== undefined && name !== given.scene;
-  const told = [...(isUnknown ? [{ say: "no-scene", name: given.scene }] : []), ...refused(name, given).map(refusal)];
-  return { screen, name, values: cleaned(name, all), told, at: Math.min(1, Math.max(0, Number(given.at) || 0)), predict: given.predict === "1", lang: given.lang };
+  const notes = [...(isUnknown ? [{ say: "no-scene", name: given.scene }] : []), ...refused(name, given).map(refusal)];
+  return { screen, name, values: cleaned(name, all), told: notes, at: Math.min(1, Math.max(0, Number(given.at) || 0)), predict: given.predict === "1", lang: given.lang };
 }
 
 const refusal = ({ slider, asked, shown }) => {
@@ -33,7 +34,7 @@ export function follow(state) {
 }
 
 // Inside an iframe's srcdoc there is no link of one's own: addresses are taken to be the host's.
-export const hasLink = () => location.protocol !== "about:";
+const hasLink = () => location.protocol !== "about:";
 
 export function write(state, isStep = false) {
   const hash = written(state);
@@ -43,4 +44,11 @@ export function write(state, isStep = false) {
   } catch {
     location.replace(hash); // some browsers allow no history on file://
   }
+}
+
+export async function copyLink(button, state) {
+  write(state);
+  const done = hasLink() && await navigator.clipboard?.writeText(location.href).then(() => true, () => false);
+  told(button, !hasLink() ? "no-link" : done ? "copied" : "in-address-bar");
+  setTimeout(() => told(button, "copy-link"), 1600);
 }

@@ -12,18 +12,19 @@ import { Curve } from "./curve.mjs";
 import { Distance } from "./distance.mjs";
 import { Film } from "./film.mjs";
 import { explainTerms } from "./glossary.mjs";
-import { follow, hasLink, read, write, written } from "./link.mjs";
+import { copyLink, follow, read, write, written } from "./link.mjs";
 import { contactsCsv, Panels } from "./panels.mjs";
 import { Predict } from "./predict.mjs";
 import { printsWell } from "./print.mjs";
-import { inHeights, Spread } from "./real.mjs";
+import { Spread } from "./real.mjs";
 import { Ruler } from "./ruler.mjs";
+import { Spoken } from "./spoken.mjs";
 import { Stage } from "./stage.mjs";
 import { LAB, screenOf, startOf, Story } from "./story.mjs";
 import { watchedPair } from "./watched.mjs";
-import { LANGUAGES, languageNow, nameOf, plain, say, speak, told } from "./words.mjs";
+import { LANGUAGES, languageNow, nameOf, plain, say, speak } from "./words.mjs";
 
-const REST = 350; // ms without a change before the verdict is spoken
+const REST = 350; // ms without a change before what takes long is computed
 const data = JSON.parse($("#data").textContent);
 
 class Page {
@@ -45,6 +46,7 @@ class Page {
     this.charts = new TimeCharts();
     this.distance = new Distance();
     this.because = new Because();
+    this.spoken = new Spoken();
     this.curve = new Curve((gap) => this.change({ gap: Number(gap.toPrecision(3)) }));
     this.panels = new Panels();
     this.spread = new Spread(data.balls);
@@ -61,7 +63,7 @@ class Page {
 
   listen() {
     $(".csv").addEventListener("click", () => save("contacts.csv", "text/csv", contactsCsv(this.report)));
-    $(".link-button").addEventListener("click", () => this.copyLink());
+    $(".link-button").addEventListener("click", () => copyLink($(".link-button"), this.current()));
     $(".film-button").addEventListener("click", () => this.reveal());
     $(".print-button").addEventListener("click", () => print());
     $(".language").append(...LANGUAGES.map((one) => h("option", { value: one }, nameOf(one))));
@@ -145,7 +147,7 @@ class Page {
     this.report = compareEngines(sceneOf(name, values), eps, k, { patience });
     this.draw(setup);
     this.predict.load(this.report, setup);
-    this.speak();
+    this.spoken.load(this.report, this.state.screen < LAB, this.predict.covered);
   }
 
   draw(setup) {
@@ -162,15 +164,6 @@ class Page {
     this.controls.markGap(safeGap(report));
     this.curve.load(state.name, state.values, safeGap(report));
     this.spread.load(state.name, state.values);
-  }
-
-  // While a slider moves the verdict changes at once for the eye, but is announced only when it rests.
-  speak() {
-    const { kind, verdict } = this.state.screen < LAB ? inHeights(this.report) : this.report;
-    told($(".verdict-words"), verdict.say, verdict);
-    $(".verdict").classList.toggle("yes", kind.startsWith("yes") || kind === "timing");
-    clearTimeout(this.speaking);
-    this.speaking = setTimeout(() => text($(".announced"), this.predict.covered ? "" : plain(verdict.say, verdict)), REST);
   }
 
   show(t) {
@@ -209,14 +202,6 @@ class Page {
 
   current() {
     return { ...this.state, at: this.clock?.share ?? 0, predict: this.state.screen === LAB && this.predict.on };
-  }
-
-  async copyLink() {
-    const button = $(".link-button"), back = () => setTimeout(() => told(button, "copy-link"), 1600);
-    write(this.current());
-    const done = hasLink() && await navigator.clipboard?.writeText(location.href).then(() => true, () => false);
-    told(button, !hasLink() ? "no-link" : done ? "copied" : "in-address-bar");
-    back();
   }
 }
 

@@ -20,7 +20,7 @@ export class Stage {
     this.host.classList.toggle("upright", upright);
     this.host.classList.toggle("lying", !upright);
     this.host.parentElement.classList.toggle("flat", !upright);
-    for (const view of this.views) view.layout(report.scene, upright, extent, watched);
+    for (const view of this.views) view.layout(report.scene, upright, extent, watched, report[view.engine].contacts.length);
     this.forceMax = largestForce(report.soft);
     told($(".scale-note"), "scale-note", { times: [this.views[0].magnification, "", 2] });
   }
@@ -57,7 +57,7 @@ class View {
     this.size = null;
   }
 
-  layout(scene, upright, { low, high, depth }, watched) {
+  layout(scene, upright, { low, high, depth }, watched, count) {
     if (upright !== this.upright || !this.size) this.size = [this.svg.clientWidth || 280, this.svg.clientHeight || 320];
     const [w, tall] = this.size, length = upright ? tall : w, largest = Math.max(...scene.radius);
     const cap = Math.min(upright ? 74 : 36, 0.25 * w), fit = (0.52 * length) / 2;
@@ -66,7 +66,7 @@ class View {
     this.radii = raw.map((r) => r * unit);
     const room = length - 2 * this.radii.reduce((a, b) => a + b, 0) - (upright ? 46 : 24 + (watched ? 0.8 * tall : 0));
     const side = (i) => this.radii[i] || Infinity, sinks = Math.max(...depth.map((d, c) => d / (0.6 * Math.min(side(c), side(c + 1)))));
-    Object.assign(this, { upright, w, tall, low, watched, scale: Math.min(room / (high - low), 1 / sinks) });
+    Object.assign(this, { upright, w, tall, low, watched, count, scale: Math.min(room / (high - low), 1 / sinks) });
     this.magnification = this.scale / (unit / largest);
     this.draw();
     if (watched) this.lens.layout({ ...this.lensPlace(), upright, range: watched.range, natural: unit / largest });
@@ -96,7 +96,7 @@ class View {
 
   name() {
     text(this.title, plain(`${this.engine}-spheres`));
-    set(this.svg, { "aria-label": plain(`${this.engine}-spheres`) });
+    set(this.svg, { "aria-label": plain("stage-said", { engine: { say: `${this.engine}-spheres` }, n: this.count }) });
   }
 
   ground() {

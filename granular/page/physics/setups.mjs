@@ -74,10 +74,17 @@ export const FIRST = "three-balls"; // what a link without a scene means
 export const ballValues = ({ mass, radius, duration, restitution, filled }, i) =>
   ({ [`m${i}`]: mass, [`r${i}`]: radius, [`t${i}`]: duration, [`e${i}`]: restitution, [`air${i}`]: Number(filled) });
 
+const GAPS = []; // from which on hard spheres are right, by balls
+
+export function enoughFor(values) {
+  return GAPS.find(([both]) => Object.keys(both).every((key) => both[key] === values[key]))?.[1] ?? NaN;
+}
+
 export function offer({ balls, pairs }) {
-  for (const [lower, upper] of pairs) {
+  for (const [lower, upper, gap] of pairs) {
     const both = { ...ballValues(balls[lower], 1), ...ballValues(balls[upper], 2) };
     SETUPS["real-balls"].presets[`${lower}+${upper}`] = { ...both, gap: 0, height: 1, rule: 0, bounces: 1 };
+    GAPS.push([both, gap]);
   }
   for (const name in balls) SETUPS["bouncing-ball"].presets[name] = { ...ballValues(balls[name], 1), height: 1 };
 }
