@@ -45,7 +45,7 @@ export class Story {
     document.body.classList.toggle("hard-only", Boolean(screenOf(screen).hardOnly));
     for (const section of document.querySelectorAll("[data-on]")) section.classList.toggle("off", !section.dataset.on.split(" ").includes(String(screen)));
     this.steps.forEach((button, i) => {
-      text(button, i + 1 === LAB ? plain("lab") : String(i + 1));
+      text(button, i + 1 === LAB ? plain("lab-short") : String(i + 1));
       set(button, { "aria-current": i + 1 === screen ? "step" : null, "aria-label": plain(`s${i + 1}-title`) });
     });
     told($(".story-title"), `s${screen}-title`);
