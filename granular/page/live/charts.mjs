@@ -67,7 +67,7 @@ export class TimeCharts {
 
   forceCurve({ pair, begin, end }) {
     const stop = Number.isNaN(end) ? Math.min(this.span[1], this.report.soft.time) : end, points = [[begin, 0]];
-    const n = Math.min(SAMPLES, Math.max(6, Math.round(1000 / this.report.soft.contacts.length)));
+    const n = Math.min(SAMPLES, Math.max(6, Math.round(400 / this.report.soft.contacts.length)));
     for (let i = 0; i <= n; i++) {
       const t = begin + ((i + (i === 0 ? 1e-6 : 0) - (i === n ? 1e-6 : 0)) / n) * (stop - begin);
       points.push([t, softForce(this.report.soft, pair, t)]);

@@ -52,7 +52,7 @@ export function largestForce({ series, pieces }) {
 export function samplesOf({ soft, hard }, [begin, end]) {
   const n = soft.scene.mass.length > 5 ? 72 : 120, even = Array.from({ length: n + 1 }, (_, i) => begin + (i / n) * (end - begin));
   const finest = (end - begin) / 800, kinks = hard.contacts.map((c) => c.begin).filter((t, i, all) => i === 0 || t - all[i - 1] > finest);
-  const times = [...even, ...kinks.slice(0, 100)].sort((a, b) => a - b);
+  const times = [...even, ...kinks.slice(0, 50)].sort((a, b) => a - b);
   const rows = { soft: times.map((t) => softHeights(soft, t)), hard: times.map((t) => hardHeights(hard, t)) };
   let low = Infinity, high = -Infinity;
   for (const row of [...rows.soft, ...rows.hard]) {
