@@ -20,6 +20,8 @@ IMPORT = re.compile(r'^import \{[^}]*\} from "([^"]+)";\n', re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(?:const|(?:async )?function\*?|class) ([\w$]+))", re.MULTILINE)
 MARGIN = re.compile(r"^[ \t]*//.*\n|^[ \t]+|^\n", re.MULTILINE)
 """Comments on lines of their own, indents and blank lines: a page goes without."""
+SPACE = re.compile(r"^[ \t]+|^/\*.*\*/\n|^\n", re.MULTILINE)
+"""The same of a style."""
 LIVE = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
 PLAYER = ("player/player.html", "player/main.mjs", "shell/page.css")
 LANGUAGES = ("en", "de", "fr", "es", "tr", "zh")
@@ -44,7 +46,7 @@ def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str,
         "title": escape(title),
         "start": escape(start),
         "version": _files.version_of("granular") or "",
-        "style": "".join(shipped(name) for name in parts[2:]),
+        "style": SPACE.sub("", "".join(shipped(name) for name in parts[2:])),
         "transport": shipped("shell/transport.html"),
         "data": "" if data is None else f'<script type="application/json" id="data">{embedded(data)}</script>',
         "script": bundle(parts[1]),

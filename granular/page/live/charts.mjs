@@ -15,13 +15,12 @@ export class TimeCharts {
     this.all = [this.timeline, this.forces, this.paths];
   }
 
+  // Returns what is to be drawn, by name.
   load(report, span, samples) {
     Object.assign(this, { report, span, samples });
     [this.unit, this.unitName] = unitFor(span[1] - span[0], "s");
     this.end = (span[1] - span[0]) / this.unit;
-    this.drawTimeline();
-    this.drawForces();
-    this.drawPaths();
+    return { timeline: () => this.drawTimeline(), forces: () => this.drawForces(), paths: () => this.drawPaths() };
   }
 
   clock(t) {

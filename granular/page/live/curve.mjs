@@ -85,7 +85,7 @@ export class Curve {
     const { chart, safe } = this, x = Math.log10(safe);
     if (!(x > xs[0] && x < xs[1])) return;
     chart.line([[x, chart.ys[0]], [x, chart.ys[1]]], { class: "drop-line" });
-    chart.note(plain("curve-mark"), { x: (chart.x(x) - 5).toFixed(1), y: chart.top + 14, "text-anchor": "end", class: "axis-name" });
+    chart.note(plain("curve-mark"), { x: (chart.x(x) - 5).toFixed(1), y: (chart.y(LOWEST) - 8).toFixed(1), "text-anchor": "end", class: "axis-name" });
   }
 
   // Along the line, where there is room for the words.

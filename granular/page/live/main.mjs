@@ -1,5 +1,5 @@
 // The teaching page: one state (screen, scene and values), one report, everything else drawn from it.
-import { $, h, save, set, text } from "../shell/dom.mjs";
+import { $, save, set, text } from "../shell/dom.mjs";
 import { Clock } from "../shell/clock.mjs";
 import { AT_LEISURE, AT_ONCE, compareEngines } from "../physics/outcome.mjs";
 import { reasonOf, safeGap } from "../physics/reason.mjs";
@@ -14,15 +14,18 @@ import { Film } from "./film.mjs";
 import { explainTerms } from "./glossary.mjs";
 import { copyLink, follow, read, write, written } from "./link.mjs";
 import { contactsCsv, Panels } from "./panels.mjs";
+import { Later } from "./later.mjs";
 import { Predict } from "./predict.mjs";
 import { printsWell } from "./print.mjs";
 import { Spread } from "./real.mjs";
+import { whenResized } from "./resize.mjs";
 import { Ruler } from "./ruler.mjs";
 import { Spoken } from "./spoken.mjs";
 import { Stage } from "./stage.mjs";
 import { LAB, screenOf, startOf, Story } from "./story.mjs";
+import { Tongue } from "./tongue.mjs";
 import { watchedPair } from "./watched.mjs";
-import { LANGUAGES, languageNow, nameOf, plain, say, speak } from "./words.mjs";
+import { languageNow, say, speak } from "./words.mjs";
 
 const REST = 350; // ms without a change before what takes long is computed
 const data = JSON.parse($("#data").textContent);
@@ -34,15 +37,16 @@ class Page {
     speak(this.state.lang);
     this.makeParts();
     this.predict.set(this.isAsking);
-    this.width = innerWidth;
     this.listen();
     this.run();
   }
 
   makeParts() {
+    this.tongue = new Tongue((language) => this.translate(language));
     this.story = new Story((screen) => this.turnTo(screen));
     this.controls = new Controls({ changed: (values) => this.change(values), chosen: (name) => this.choose(name) });
     this.stage = new Stage($(".stage"));
+    this.later = new Later();
     this.charts = new TimeCharts();
     this.distance = new Distance();
     this.because = new Because();
@@ -66,11 +70,9 @@ class Page {
     $(".link-button").addEventListener("click", () => copyLink($(".link-button"), this.current()));
     $(".film-button").addEventListener("click", () => this.reveal());
     $(".print-button").addEventListener("click", () => print());
-    $(".language").append(...LANGUAGES.map((one) => h("option", { value: one }, nameOf(one))));
-    $(".language").addEventListener("change", () => this.translate($(".language").value));
+    whenResized(() => this.redraw());
     window.addEventListener("hashchange", () => this.arrive());
     window.addEventListener("popstate", () => this.arrive());
-    window.addEventListener("resize", () => this.redrawSoon());
     printsWell(this);
     explainTerms();
   }
@@ -116,18 +118,18 @@ class Page {
   runSoon() {
     if (this.pending) return;
     this.pending = true;
-    requestAnimationFrame(() => this.run());
+    requestAnimationFrame(() => this.run(true));
   }
 
-  run() {
+  run(isMove = false) {
     this.pending = false;
     const { screen, name, values } = this.state, { only, presets } = screenOf(screen);
     if (this.told !== `${screen} ${languageNow()}`) this.arrange(screen);
     this.controls.load(name, values, { only, presets: presets?.() });
     text($(".notice"), this.state.told.map((one) => say(one.say, one)).join(" "));
-    this.compare(AT_ONCE);
+    this.compare(AT_ONCE, isMove);
     clearTimeout(this.seeking);
-    if (this.report.isHasty) this.seeking = setTimeout(() => this.compare(AT_LEISURE), REST);
+    if (this.report.isHasty) this.seeking = setTimeout(() => this.compare(AT_LEISURE, true), REST);
     follow(() => this.current());
     performance.mark("drawn");
   }
@@ -136,41 +138,45 @@ class Page {
   arrange(screen) {
     this.told = `${screen} ${languageNow()}`;
     this.story.load(screen);
-    set($(".language"), { "aria-label": plain("language-label") });
-    $(".language").value = languageNow();
-    $(".unread").hidden = languageNow() === "en";
+    this.tongue.load();
     this.measure();
   }
 
-  compare(patience) {
+  compare(patience, isMove) {
     const { name, values } = this.state, setup = SETUPS[name], { eps, k } = contactsIn(name, values);
     this.report = compareEngines(sceneOf(name, values), eps, k, { patience });
-    this.draw(setup);
+    this.draw(setup, isMove);
     this.predict.load(this.report, setup);
     this.spoken.load(this.report, this.state.screen < LAB, this.predict.covered);
   }
 
-  draw(setup) {
+  // While a slider moves, what is judged and dragged is drawn at once, the rest a moment later.
+  draw(setup, isMove = false) {
     const { report, state } = this, span = spanOf(report.soft, report.hard), samples = samplesOf(report, span), watched = watchedPair(report, span);
     const engines = document.body.classList.contains("hard-only") ? ["hard"] : ["hard", "soft"];
     this.stage.load(report, span, samples, watched);
-    this.charts.load(report, span, samples);
-    this.distance.load(report, watched, { clock: (t) => this.charts.clock(t), end: this.charts.end, unitName: this.charts.unitName });
+    const charts = this.charts.load(report, span, samples), axis = { clock: (t) => this.charts.clock(t), end: this.charts.end, unitName: this.charts.unitName };
     this.because.load(report, reasonOf(report));
-    this.panels.load(report, setup);
+    const panels = this.panels.load(report, setup), safe = safeGap(report);
     this.film.load(report, span, engines);
     set($(".film-button"), { disabled: !this.film.isPossible });
     this.clock.setSpan(span);
-    this.controls.markGap(safeGap(report));
-    this.curve.load(state.name, state.values, safeGap(report));
+    this.controls.markGap(safe);
+    const distance = () => this.distance.load(report, watched, axis), curve = () => this.curve.load(state.name, state.values, safe);
+    this.later.plan({ curve, distance, ...charts, ...panels, heads: () => this.showHeads(this.clock.time) });
+    if (!isMove) this.later.flush();
     this.spread.load(state.name, state.values);
   }
 
   show(t) {
     this.stage.show(t);
+    this.showHeads(t);
+    if (!this.clock?.playing) follow(() => this.current());
+  }
+
+  showHeads(t) {
     this.charts.show(t);
     this.distance.show(t);
-    if (!this.clock?.playing) follow(() => this.current());
   }
 
   stops() {
@@ -189,15 +195,10 @@ class Page {
     this.stage.measure();
   }
 
-  redrawSoon() {
-    clearTimeout(this.redrawing);
-    this.redrawing = setTimeout(() => {
-      if (innerWidth === this.width) return;
-      this.width = innerWidth;
-      this.measure();
-      this.draw(SETUPS[this.state.name]);
-      this.predict.load(this.report, SETUPS[this.state.name]);
-    }, 80);
+  redraw() {
+    this.measure();
+    this.draw(SETUPS[this.state.name]);
+    this.predict.load(this.report, SETUPS[this.state.name]);
   }
 
   current() {

@@ -15,17 +15,22 @@ export class Panels {
     this.rises = new Chart($(".rises"), { height: 310, label: "" });
   }
 
+  // Returns what is to be drawn later, by name.
   load(report, setup) {
     this.report = report;
     figures(report, setup);
     if (report.scene.gravity) drawRises(this.rises, report);
     else drawSpeeds(this.rises, report);
-    finalsTable(report);
-    text($(".finals-note"), endNotes(report));
     told($(".rises-title"), report.scene.gravity ? "rises-title" : "speeds-title");
     const touching = report.scene.gravity === 0 && report.scene.gap.includes(0);
     $(".ties-box").hidden = !touching;
     if (touching) whenIdle(() => this.report === report && tieRules(report)); // six more runs
+    return { table: () => this.tabulate() };
+  }
+
+  tabulate() {
+    finalsTable(this.report);
+    text($(".finals-note"), endNotes(this.report));
     this.listContacts();
   }
 
@@ -79,7 +84,7 @@ function bars(chart, rows, n, names) {
   }));
   chart.xTicks([...Array(n).keys()], names);
   const without = rows.filter(([, values]) => values.every(Number.isNaN)).map(([engine]) => plain("undecided", { engine: { say: `${engine}-spheres` } }));
-  if (without.length) chart.note(without.join("; "), { x: chart.left + 6, y: chart.top + 24, class: "axis-name" });
+  if (without.length) chart.note(without.join("; "), { x: chart.left + 6, y: chart.top + 48, class: "axis-name" });
 }
 
 const known = (rows) => rows.flatMap(([, values]) => values).filter(Number.isFinite);

@@ -4,6 +4,7 @@ export function printsWell(page) {
   addEventListener("beforeprint", () => {
     before = page.clock.share;
     page.film.stop();
+    page.later.flush();
     page.clock.go(farthest(page.charts));
   });
   addEventListener("afterprint", () => page.clock.go(before));

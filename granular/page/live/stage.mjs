@@ -1,6 +1,5 @@
 // The two scenes side by side. Balls are drawn far smaller against their paths than they are: gaps would be invisible.
 import { $, set, svg, text } from "../shell/dom.mjs";
-import { digits } from "../shell/format.mjs";
 import { hardHeights, largestForce, softForces, softHeights } from "../physics/traces.mjs";
 import { Lens } from "./lens.mjs";
 import { plain, told } from "./words.mjs";
