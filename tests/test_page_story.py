@@ -65,7 +65,6 @@ def text(tab, selector):
 
 def turn(tab, screen):
     tab.run(f"document.querySelector('.steps [data-screen=\"{screen}\"]').click()")
-    settle(tab)
 
 
 def rises(tab):
@@ -318,7 +317,7 @@ CONTRAST = (HERE / "contrast.js").read_text(encoding="utf-8")
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_text_is_readable(page, scheme) -> None:
     page.media(prefers_color_scheme=scheme)
-    for screen in (1, 3, 4, 7):
+    for screen in (3, 4, 7):
         turn(page, screen)
         page.run("new Promise((done) => setTimeout(done, 250))")  # colours fade
         assert page.run(CONTRAST) == []
