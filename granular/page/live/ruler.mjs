@@ -60,7 +60,7 @@ export class Ruler {
       text(label, digits(v, 3));
       parts.push(svg("line", { class: "ruler-line", x1: LEFT, x2: w - 8, y1: y, y2: y }), label);
     }
-    const name = svg("text", { x: 8, y: 15, class: "ruler-tick" }), drop = floor - scale;
+    const name = svg("text", { x: 8, y: this.tall - 6, class: "ruler-tick" }), drop = floor - scale;
     text(name, plain("in-drops"));
     parts.push(name, svg("line", { class: "drop-line", x1: LEFT, x2: w - 8, y1: drop, y2: drop }));
     this.balls = lanes.map((engine) => scene.radius.map((r, i) => (r ? svg("circle", { class: `ruler-ball ${engine}`, r: this.radii[i] }) : null)));
