@@ -311,6 +311,16 @@ def test_on_a_phone_slider_and_stage_are_seen_together(page) -> None:
 
 
 PLACE = "(() => { const b = document.querySelector('%s').getBoundingClientRect(); return [b.top, b.bottom]; })()"
+def test_a_swipe_that_scrolls_leaves_the_slider_as_it_was(page) -> None:
+    page.size(390, 844, mobile=True)
+    turn(page, 5)
+    x, y = page.middle("[data-name=gap]")
+    before = page.run("scrollY")
+    page.touch(x - 100, y, to=(x - 100, y - 150))
+    page.wait(f"scrollY > {before}")
+    assert text(page, "output[for=slider-gap]") == "1 mm"
+
+
 CONTRAST = (HERE / "contrast.js").read_text(encoding="utf-8")
 
 
