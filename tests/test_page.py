@@ -27,9 +27,10 @@ def cradle():
 def test_the_page_is_one_small_file_that_loads_nothing(tmp_path) -> None:
     live_page(tmp_path / "page.html")
     html = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert len(html.encode()) < 150_000
+    words = sum(len(assemble.shipped(f"words/{language}.json").encode()) for language in assemble.LANGUAGES)
+    assert len(html.encode()) < 160_000 + words
     assert "{{" not in html
-    assert not re.search(r'(src|href)="(?!data:,)|@import|url\(|\bfetch\(|^import |^export ', html, re.MULTILINE)
+    assert not re.search(r'(src|href)="(?!data:,)|@import|url\((?!#)|\bfetch\(|^import |^export ', html, re.MULTILINE)
     assert set(re.findall(r"https?://[^\s\"']+", html)) == {"http://www.w3.org/2000/svg"}  # a name, not an address
 
 
@@ -88,7 +89,7 @@ def test_golden_data_hold_all_that_can_go_wrong() -> None:
     assert {"yes", "yes, overlap", "no verdict", "not uniquely", "counts", "off"} <= set(kinds)
     assert sum(one["error"] is not None for one in cases) > 350
     elastic = [one for one in cases if one["scene"] == "newtons-cradle" and one["values"]["eps"] == 1.0]
-    assert len({one["values"]["gap"] for one in elastic if one["kind"] == "yes"}) > 10
+    assert len({one["values"]["gap"] for one in elastic if one["kind"] == "yes"}) > 5
     heavy_on_light = [one for one in cases if one["values"].get("ratio", 1.0) < 1.0]
     assert sum(None not in (one["soft"]["rise"], one["hard"]["rise"]) for one in heavy_on_light) > 10
 
@@ -139,7 +140,7 @@ def test_the_commands_write_pages(tmp_path, capsys, cradle) -> None:
 @pytest.mark.parametrize(
     ("command", "sentence"),
     [
-        (["page", "gas"], "scene is 'gas': one of three-balls, ball-stack, newtons-cradle is needed"),
+        (["page", "gas"], "scene is 'gas': one of story, real-balls, three-balls, ball-stack, newtons-cradle, bounc"),
         (["page", "-o", "/nowhere/p.html"], "a writable place is needed"),
         (["view", "nothing.npz"], "nothing.npz: No such file"),
         (["view"], "RUN.npz"),

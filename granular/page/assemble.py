@@ -10,24 +10,31 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from html import escape
 from importlib.resources import files
+from itertools import chain
 from posixpath import dirname, normpath
 from typing import Any
 
 from granular import _files
 
 IMPORT = re.compile(r'^import \{[^}]*\} from "([^"]+)";\n', re.MULTILINE)
-EXPORT = re.compile(r"^export (?=(?:const|function\*?|class) ([\w$]+))", re.MULTILINE)
-LIVE = ("live/live.html", "live/main.mjs")
-PLAYER = ("player/player.html", "player/main.mjs")
+EXPORT = re.compile(r"^export (?=(?:const|(?:async )?function\*?|class) ([\w$]+))", re.MULTILINE)
+MARGIN = re.compile(r"^[ \t]*//.*\n|^[ \t]+|^\n", re.MULTILINE)
+"""Comments on lines of their own, indents and blank lines: a page goes without."""
+SPACE = re.compile(r"^[ \t]+|^/\*.*\*/\n|^\n", re.MULTILINE)
+"""The same of a style."""
+LIVE = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
+PLAYER = ("player/player.html", "player/main.mjs", "shell/page.css")
+LANGUAGES = ("en", "de", "fr", "es", "tr", "zh")
+"""The first is complete; what another lacks is said in it."""
 
 
-def page(parts: tuple[str, str], title: str, start: str = "", data: Mapping[str, Any] | None = None) -> str:
+def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str, Any] | None = None) -> str:
     """Return the HTML of a page.
 
     Parameters
     ----------
-    parts : (str, str)
-        Body and main module: `LIVE` or `PLAYER`.
+    parts : tuple of str
+        Body, main module and styles: `LIVE` or `PLAYER`.
     title : str
         Of the window.
     start : str
@@ -39,7 +46,7 @@ def page(parts: tuple[str, str], title: str, start: str = "", data: Mapping[str,
         "title": escape(title),
         "start": escape(start),
         "version": _files.version_of("granular") or "",
-        "style": shipped("shell/page.css"),
+        "style": SPACE.sub("", "".join(shipped(name) for name in parts[2:])),
         "transport": shipped("shell/transport.html"),
         "data": "" if data is None else f'<script type="application/json" id="data">{embedded(data)}</script>',
         "script": bundle(parts[1]),
@@ -55,12 +62,19 @@ def shipped(name: str) -> str:
 
 
 @cache
-def bundle(main: str) -> str:
-    """Return one script: the module `main` after all it imports, each once and in a scope of its own.
+def words(language: str) -> dict[str, str]:
+    """Return the sentences of the teaching page by key, in one language."""
+    table: dict[str, str] = json.loads(shipped(f"words/{language}.json"))
+    return table
+
+
+@cache
+def bundle(*mains: str) -> str:
+    """Return one script: the modules `mains` after all they import, each once and in a scope of its own.
 
     A module becomes ``const { its, exports } = (() => { … })();``, so only exported names must differ.
     """
-    return "\n".join(_scoped(shipped(name)) for name in dict.fromkeys(_needed(main)))
+    return "\n".join(_scoped(shipped(name)) for name in dict.fromkeys(chain.from_iterable(map(_needed, mains))))
 
 
 def _needed(name: str) -> Iterator[str]:
@@ -72,7 +86,7 @@ def _needed(name: str) -> Iterator[str]:
 
 def _scoped(source: str) -> str:
     names = ", ".join(EXPORT.findall(source))
-    body = EXPORT.sub("", IMPORT.sub("", source)).replace("</script", "<\\/script")
+    body = MARGIN.sub("", EXPORT.sub("", IMPORT.sub("", source))).replace("</script", "<\\/script")
     return f"const {{ {names} }} = (() => {{\n{body}return {{ {names} }};\n}})();" if names else body
 
 

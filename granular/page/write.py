@@ -5,19 +5,20 @@ May be skipped: the teaching page, beside the engines.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from os import PathLike
 from typing import Any
 from urllib.parse import urlencode
 
-from granular import _check, _files
+from granular import _check, _files, balls
 from granular.page import assemble, recording
 from granular.trajectory import Trajectory
 
-SCENES = ("three-balls", "ball-stack", "newtons-cradle")
-"""Scenes the page can run itself."""
+SCENES = ("story", "real-balls", "three-balls", "ball-stack", "newtons-cradle", "bouncing-ball")
+"""What the page can open with: its story, or a scene it can run itself."""
 
 
-def live_page(path: str | PathLike[str], scene: str = "three-balls", values: Mapping[str, float] | None = None) -> None:
+def live_page(path: str | PathLike[str], scene: str = "story", values: Mapping[str, float] | None = None) -> None:
     """Write the teaching page, opening with one of `SCENES`.
 
     Parameters
@@ -25,12 +26,17 @@ def live_page(path: str | PathLike[str], scene: str = "three-balls", values: Map
     path : str or path
         The HTML file.
     scene : str
-        "three-balls", "ball-stack" or "newtons-cradle".
+        "story", "real-balls", "three-balls", "ball-stack", "newtons-cradle" or "bouncing-ball".
     values : mapping, optional
         Slider values to start with, as they stand in the page's link: eps, gap (m), k (N/m), ….
     """
-    state = {"scene": _check.choice("scene", scene, SCENES)} | dict(values or {})
-    _files.write_text(path, assemble.page(assemble.LIVE, "granular: hard or soft?", start=urlencode(state)))
+    begin = {} if _check.choice("scene", scene, SCENES) == "story" else {"scene": scene}
+    data = {
+        "words": {language: assemble.words(language) for language in assemble.LANGUAGES},
+        "balls": {name: asdict(ball) for name, ball in balls.BALLS.items()}, "pairs": balls.PRESETS,
+    }  # fmt: skip
+    start = urlencode(begin | dict(values or {}))
+    _files.write_text(path, assemble.page(assemble.LIVE, "granular: hard or soft?", start, data))
 
 
 def player_page(path: str | PathLike[str], runs: Sequence[Trajectory], names: Sequence[str] | None = None) -> None:

@@ -7,10 +7,11 @@ number for `gap` means the same gap in every pair between balls.
 
 from granular.scenes.falling import ball_stack, bouncing_ball, column, three_balls, vibrated_column
 from granular.scenes.gases import gas, heated_gas, ring_gas
+from granular.scenes.real import real_balls
 from granular.scenes.rows import chain, compressed_chain, newtons_cradle, pendulum_cradle
 
 __all__ = [
     "ball_stack", "bouncing_ball", "chain", "column", "compressed_chain", "gas", "heated_gas", "newtons_cradle",
-    "pendulum_cradle", "ring_gas", "three_balls", "vibrated_column",
+    "pendulum_cradle", "real_balls", "ring_gas", "three_balls", "vibrated_column",
 ]
 __dir__ = __all__.copy

@@ -17,7 +17,8 @@ FLAGS = (
     "--force-color-profile=srgb --disable-extensions --disable-default-apps --mute-audio "
     "--disable-features=IsolateSandboxedIframes"  # frames stay in the page's process, where `frame` finds them
 )
-KEYS = {" ": ("Space", 32), "ArrowRight": ("ArrowRight", 39), "ArrowLeft": ("ArrowLeft", 37), "Home": ("Home", 36),
+KEYS = {" ": ("Space", 32), "ArrowRight": ("ArrowRight", 39),
+        "ArrowUp": ("ArrowUp", 38), "ArrowLeft": ("ArrowLeft", 37), "Home": ("Home", 36),
         "End": ("End", 35), "r": ("KeyR", 82), "Tab": ("Tab", 9), "Enter": ("Enter", 13)}  # fmt: skip
 
 
@@ -156,6 +157,30 @@ class Browser:
         text = {"text": key} if len(key) == 1 else {"text": "\r"} if key == "Enter" else {}
         self.call("Input.dispatchKeyEvent", type="keyDown", **common, **text)
         self.call("Input.dispatchKeyEvent", type="keyUp", **common)
+
+    def mouse(self, x, y, to=None):
+        """Press at (x, y), drag to another place if one is given, and let go."""
+        self.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", buttons=1, clickCount=1)
+        for at in [to] if to else []:
+            self.call("Input.dispatchMouseEvent", type="mouseMoved", x=at[0], y=at[1], button="left", buttons=1)
+        x, y = to or (x, y)
+        self.call("Input.dispatchMouseEvent", type="mouseReleased", x=x, y=y, button="left", clickCount=1)
+
+    def touch(self, x, y, to=None):
+        """Touch (x, y), move to another place if one is given, and let go."""
+        self.call("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": x, "y": y}])
+        if to:
+            steps = [((4 - i) * x + i * to[0], (4 - i) * y + i * to[1]) for i in range(1, 5)]
+            for at in steps:
+                self.call("Input.dispatchTouchEvent", type="touchMove", touchPoints=[{"x": at[0] / 4, "y": at[1] / 4}])
+        self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
+    def middle(self, selector):
+        """Scroll an element into view and return the middle of it."""
+        return self.run(
+            f"(() => {{ const e = document.querySelector({selector!r}); e.scrollIntoView({{block: 'center'}});"
+            " const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]; })()"
+        )
 
     def size(self, width, height, mobile=False):
         """Set the window's size in CSS pixels."""

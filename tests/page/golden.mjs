@@ -1,7 +1,7 @@
 // One golden case: what disagrees between the page and the Python engines, in words; empty if nothing.
 import { isEarly, leavingVelocities } from "../../granular/page/physics/measures.mjs";
 import { AT_LEISURE, compareEngines } from "../../granular/page/physics/outcome.mjs";
-import { sceneOf } from "../../granular/page/physics/setups.mjs";
+import { contactsIn, sceneOf } from "../../granular/page/physics/setups.mjs";
 
 const TOLERANCE = 1e-9;
 
@@ -9,14 +9,14 @@ const TOLERANCE = 1e-9;
 export const undecided = [];
 
 export function check({ scene: name, values, ties, kind, said, error, soft, hard }, follow = 3000) {
-  const scene = sceneOf(name, values), patience = { ...AT_LEISURE, follow }, report = compareEngines(scene, values.eps, values.k, { ties, patience });
+  const scene = sceneOf(name, values), { eps, k } = contactsIn(name, values), patience = { ...AT_LEISURE, follow }, report = compareEngines(scene, eps, k, { ties, patience });
   const runs = [["soft", soft], ["hard", hard]].flatMap(([engine, golden]) => compare(engine, report[engine], golden, scene));
   return [...runs, ...judged(report, kind, said, error)];
 }
 
 function judged(report, kind, said, error) {
   const faults = [];
-  if (kind !== null && report.kind !== kind) faults.push(`verdict: ${report.kind} (${report.verdict}), not ${kind}`);
+  if (kind !== null && report.kind !== kind) faults.push(`verdict: ${report.kind} (${JSON.stringify(report.verdict)}), not ${kind}`);
   if (error !== null && !(Math.abs(report.error - error) < TOLERANCE * Math.max(1, error))) faults.push(`error ${report.error}, not ${error}`);
   if (error !== null && said !== null) {
     const { soft, hard } = report.pairs[said[0]];

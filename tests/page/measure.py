@@ -53,9 +53,11 @@ PLAY = """
 })()
 """
 SCENES = {
+    "real-balls": ("gap", "t2", "e1"),
     "three-balls": ("gap", "eps", "ratio", "k"),
     "ball-stack&n=8": ("gap", "eps", "n"),
     "newtons-cradle&n=9": ("gap", "eps", "n"),
+    "bouncing-ball": ("t1", "e1"),
 }
 
 

@@ -3,24 +3,24 @@ import { Chart, tickName, ticks } from "../shell/axes.mjs";
 import { quantity, unitFor } from "../shell/format.mjs";
 import { softForce } from "../physics/traces.mjs";
 import { $ } from "../shell/dom.mjs";
+import { plain } from "./words.mjs";
 
 const SAMPLES = 24; // of the force in one contact, fewer where there are many
 
 export class TimeCharts {
   constructor() {
-    this.timeline = new Chart($(".timeline"), { height: 60, label: "contact timeline", bottom: false });
-    this.forces = new Chart($(".forces"), { height: 120, label: "contact forces in time", bottom: false, top: 4 });
-    this.paths = new Chart($(".paths"), { height: 190, label: "paths of the balls" });
+    this.timeline = new Chart($(".timeline"), { height: 60, label: "", bottom: false });
+    this.forces = new Chart($(".forces"), { height: 120, label: "", bottom: false, top: 4 });
+    this.paths = new Chart($(".paths"), { height: 190, label: "" });
     this.all = [this.timeline, this.forces, this.paths];
   }
 
+  // Returns what is to be drawn, by name.
   load(report, span, samples) {
     Object.assign(this, { report, span, samples });
     [this.unit, this.unitName] = unitFor(span[1] - span[0], "s");
     this.end = (span[1] - span[0]) / this.unit;
-    this.drawTimeline();
-    this.drawForces();
-    this.drawPaths();
+    return { timeline: () => this.drawTimeline(), forces: () => this.drawForces(), paths: () => this.drawPaths() };
   }
 
   clock(t) {
@@ -41,7 +41,8 @@ export class TimeCharts {
     chart.add("path", { class: "soft-bar", d: bars.join("") });
     chart.add("path", { class: "hard-mark", d: marks.join("") });
     chart.finish();
-    chart.svg.setAttribute("aria-label", `contact timeline: ${pairs.map((p) => `${shortName(scene, p.pair)}: hard ${p.hard.contacts}, soft ${p.soft.contacts}`).join("; ")}`);
+    const said = pairs.map((p) => `${shortName(scene, p.pair)}: ${plain("hard")} ${p.hard.contacts}, ${plain("soft")} ${p.soft.contacts}`).join("; ");
+    chart.svg.setAttribute("aria-label", plain("timeline-said", { said }));
   }
 
   // One lane a pair, each to its own scale: the forces of neighbours may differ by a thousand.
@@ -51,19 +52,21 @@ export class TimeCharts {
     chart.scales([0, this.end], [0, n]);
     chart.xTicks(ticks([0, this.end], 6));
     chart.yTicks(scene.gap.map((_, c) => c), (c) => shortName(scene, c));
-    const curves = soft.contacts.map((contact) => [contact.pair, this.forceCurve(contact)]);
+    const curves = soft.contacts.map((contact) => [contact.pair, this.forceCurve(contact)]), peaks = [];
     for (let c = 0; c < n; c++) {
       const own = curves.filter(([pair]) => pair === c).map(([, curve]) => curve), peak = Math.max(0, ...own.flat().map(([, f]) => f));
       const lines = own.map((curve) => curve.map(([t, f]) => [this.clock(t), c + (0.86 * f) / peak]));
       chart.lines(lines, { class: "soft-line force", fill: "var(--soft)" });
+      if (peak > 0) peaks.push(`${shortName(scene, c)}: ${quantity(peak, "N", 2)}`);
       if (peak > 0) chart.note(quantity(peak, "N", 2), { x: chart.width - 16, y: (chart.y(c + 1) + 13).toFixed(1), "text-anchor": "end", class: "axis-name" });
     }
     chart.finish();
+    chart.svg.setAttribute("aria-label", plain("forces-said", { said: peaks.join("; ") }));
   }
 
   forceCurve({ pair, begin, end }) {
     const stop = Number.isNaN(end) ? Math.min(this.span[1], this.report.soft.time) : end, points = [[begin, 0]];
-    const n = Math.min(SAMPLES, Math.max(6, Math.round(1000 / this.report.soft.contacts.length)));
+    const n = Math.min(SAMPLES, Math.max(6, Math.round(400 / this.report.soft.contacts.length)));
     for (let i = 0; i <= n; i++) {
       const t = begin + ((i + (i === 0 ? 1e-6 : 0) - (i === n ? 1e-6 : 0)) / n) * (stop - begin);
       points.push([t, softForce(this.report.soft, pair, t)]);
@@ -75,7 +78,7 @@ export class TimeCharts {
     const { samples: { times, low, high }, paths: chart } = this;
     const [unit, name] = unitFor(high - low, "m"), pad = 0.06 * (high - low);
     chart.scales([0, this.end], [(low - pad) / unit, (high + pad) / unit]);
-    chart.xTicks(ticks([0, this.end], 6), tickName, `time in ${this.unitName}`);
+    chart.xTicks(ticks([0, this.end], 6), tickName, plain("time-in", { unit: this.unitName }));
     chart.yTicks(ticks([low / unit, high / unit], 4), tickName, name);
     const clock = times.map((t) => this.clock(t));
     for (const engine of ["soft", "hard"]) {
@@ -83,6 +86,7 @@ export class TimeCharts {
       chart.lines(lines, { class: `${engine}-line` });
     }
     chart.finish();
+    chart.svg.setAttribute("aria-label", plain("paths-said", { n: this.report.scene.mass.length, height: [high, "m"] }));
   }
 
   show(t) {
@@ -90,4 +94,4 @@ export class TimeCharts {
   }
 }
 
-export const shortName = (scene, c) => (scene.mass[0] === Infinity ? (c === 0 ? "floor·1" : `${c}·${c + 1}`) : `${c + 1}·${c + 2}`);
+export const shortName = (scene, c) => (scene.mass[0] === Infinity ? (c === 0 ? `${plain("floor")}·1` : `${c}·${c + 1}`) : `${c + 1}·${c + 2}`);

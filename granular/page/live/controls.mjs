@@ -1,36 +1,54 @@
 // Scene buttons, presets and sliders with units.
 import { $, h, set, text } from "../shell/dom.mjs";
+import { cleaned, enoughFor, SETUPS } from "../physics/setups.mjs";
 import { quantity } from "../shell/format.mjs";
-import { cleaned, SETUPS } from "../physics/setups.mjs";
-
-const STEPS = 1000;
+import { choice, slider } from "./sliders.mjs";
+import { has, languageNow, plain, say } from "./words.mjs";
 
 export class Controls {
   constructor({ changed, chosen }) {
-    Object.assign(this, { changed, chosen, rows: [] });
-    this.tabs = Object.entries(SETUPS).map(([name, { title }]) =>
-      h("button", { type: "button", "data-scene": name, onclick: () => chosen(name) }, title));
+    Object.assign(this, { changed, rows: [] });
+    this.tabs = Object.keys(SETUPS).map((name) => h("button", { type: "button", "data-scene": name, onclick: () => chosen(name) }));
     $(".scenes").append(...this.tabs);
   }
 
-  load(name, values) {
-    if (name !== this.name) this.build(name);
-    this.values = values;
-    for (const tab of this.tabs) set(tab, { "aria-pressed": String(tab.dataset.scene === name) });
+  // `only`: the sliders that a screen shows; `presets`: its own in place of the scene's.
+  load(name, values, { only = null, presets = SETUPS[name].presets } = {}) {
+    const shape = JSON.stringify([name, only, Object.keys(presets), languageNow()]);
+    if (shape !== this.shape) this.build(name, only, presets);
+    Object.assign(this, { shape, values });
     for (const row of this.rows) row.show(values);
     this.markPresets();
+    this.offerGap();
+    for (const tab of this.tabs) {
+      set(tab, { "aria-pressed": String(tab.dataset.scene === name) });
+      text(tab, say(`scene-${tab.dataset.scene}`));
+    }
   }
 
-  build(name) {
-    this.name = name;
-    this.rows = SETUPS[name].sliders.map((spec) => slider(spec, (value) => this.changed({ [spec.name]: value })));
-    $(".sliders").replaceChildren(...this.rows.map((row) => row.element));
+  build(name, only, presets) {
+    const specs = SETUPS[name].sliders.filter((spec) => !only || only.includes(spec.name));
+    const made = specs.map((spec) => [spec, (spec.scale === "choice" ? choice : slider)(spec, (value) => this.changed({ [spec.name]: value }))]);
+    this.rows = made.map(([, row]) => row);
+    const groups = [...new Set(specs.map((spec) => spec.group ?? ""))];
+    $(".sliders").replaceChildren(...groups.map((group) => {
+      const mine = made.filter(([spec]) => (spec.group ?? "") === group).map(([, row]) => row.element);
+      return group ? h("fieldset", {}, h("legend", {}, plain(`group-${group}`)), ...mine) : h("div", {}, ...mine);
+    }));
     const base = Object.values(SETUPS[name].presets)[0];
-    this.presets = Object.entries(SETUPS[name].presets).map(([label, values]) => {
-      const whole = cleaned(name, { ...base, ...values });
-      return { whole, button: h("button", { type: "button", onclick: () => this.changed(whole) }, label) };
+    this.presets = Object.entries(presets).map(([label, given]) => {
+      const whole = cleaned(name, { ...base, ...given });
+      return { whole, button: h("button", { type: "button", "data-preset": label, onclick: () => this.changed(whole) }, called(label)) };
     });
-    $(".presets").replaceChildren(...this.presets.map((p) => p.button));
+    this.apart = h("button", { type: "button", class: "apart", onclick: () => this.changed({ gap: enoughFor(this.values) }) });
+    $(".presets").replaceChildren(...this.presets.map((p) => p.button), this.apart);
+  }
+
+  // A gap from which on the balls of a preset collide one after the other.
+  offerGap() {
+    const gap = enoughFor(this.values), isOffered = this.presets.length > 0 && Number.isFinite(gap);
+    set(this.apart, { hidden: !isOffered, "aria-pressed": String(this.values.gap === gap) });
+    text(this.apart, plain("hold-above", { gap: [gap, "m"] }));
   }
 
   markPresets() {
@@ -39,34 +57,19 @@ export class Controls {
       set(button, { "aria-pressed": String(same) });
     }
   }
+
+  // A mark on the slider of the gap: from there on contacts cannot overlap.
+  markGap(gap) {
+    const row = this.rows.find((one) => one.name === "gap");
+    row?.mark(gap, Number.isFinite(gap) ? plain("gap-mark", { gap: [gap, "m", 2] }) : "");
+  }
 }
 
-function slider(spec, changed) {
-  const { name, label, symbol, unit } = spec, whole = spec.scale === "whole";
-  const id = `slider-${name}`, value = h("output", { for: id });
-  const input = h("input", {
-    id, type: "range", min: whole ? spec.min : 0, max: whole ? spec.max : STEPS, step: 1, "data-name": name,
-    oninput: () => changed(whole ? Number(input.value) : fromShare(spec, input.value / STEPS)),
-  });
-  const element = h("div", { class: "slider" }, h("label", { for: id }, h("i", {}, symbol), ` ${label}`), value, input);
-  const show = (values) => {
-    const x = values[name], shown = spec.zero && x === 0 ? "0, touching" : quantity(x, unit);
-    if (document.activeElement !== input || fromShare(spec, input.value / STEPS) !== x) input.value = whole ? x : Math.round(toShare(spec, x) * STEPS);
-    if (name === "moving") input.max = values.n - 1;
-    set(input, { "aria-valuetext": shown });
-    text(value, shown);
-  };
-  return { element, show };
+// A preset is a word of its own, or the names of two balls.
+function called(label) {
+  if (has(`preset-${label}`)) return say(`preset-${label}`);
+  return label.split("+").map((name) => say(`ball-${name.replaceAll(" ", "-")}`)).join(" + ");
 }
 
-// Three digits: what is shown is what is run, and what the link holds.
-function fromShare({ min, max, scale, zero }, share) {
-  if (zero && share === 0) return 0;
-  const x = scale === "log" ? min * (max / min) ** share : min + share * (max - min);
-  return Number(x.toPrecision(3));
-}
-
-function toShare({ min, max, scale }, x) {
-  if (x <= min) return 0;
-  return scale === "log" ? Math.log(x / min) / Math.log(max / min) : (x - min) / (max - min);
-}
+export const inWords = ({ symbol, label, unit, zero, min, max }, x) =>
+  ({ symbol: symbol ?? plain(`label-${label}`), range: `${zero ? "0, " : ""}${quantity(min, unit)} – ${quantity(max, unit)}`, shown: quantity(x, unit) });

@@ -1,14 +1,18 @@
 // The breakdown curve over the gap: a first sketch at once, refined in the time that is left over. A tap sets the gap.
-import { Chart, decadeName, decades, tickName, ticks } from "../shell/axes.mjs";
-import { $, h, marked, whenIdle } from "../shell/dom.mjs";
-import { breakdown, SKETCH } from "../physics/breakdown.mjs";
-import { sceneOf, SETUPS } from "../physics/setups.mjs";
+import { Chart, decadeName, decades } from "../shell/axes.mjs";
+import { $, whenIdle } from "../shell/dom.mjs";
+import { digits } from "../shell/format.mjs";
+import { breakdown, LEAST, SKETCH } from "../physics/breakdown.mjs";
+import { SAME } from "../physics/measures.mjs";
+import { contactsIn, sceneOf, SETUPS } from "../physics/setups.mjs";
+import { plain, told } from "./words.mjs";
 
-const AT_ONCE = 2, SLICE = 6, PATIENCE = 120, GAPS = [1e-7, 1e-2]; // ms: in the picture of a move, in idle time, quiet before that
+const AT_ONCE = 2, SLICE = 6, PATIENCE = 120, GAPS = [1e-7, 0.1]; // ms: in the picture of a move, in idle time, quiet before that
+const LOWEST = Math.log10(LEAST), SAFE = Math.log10(SAME);
 
 export class Curve {
   constructor(pick) {
-    this.chart = new Chart($(".curve"), { height: 310, label: "breakdown curve", top: 26 });
+    this.chart = new Chart($(".curve"), { height: 310, label: "", top: 26 });
     this.chart.svg.addEventListener("click", (event) => {
       const box = this.chart.svg.getBoundingClientRect();
       pick(10 ** this.chart.back(((event.clientX - box.left) * this.chart.width) / box.width));
@@ -16,30 +20,23 @@ export class Curve {
   }
 
   // The curve does not depend on the gap the page shows: moving that leaves it, and its refinement, as they are.
-  load(name, values) {
+  load(name, values, safe) {
+    const hasGap = SETUPS[name].sliders.some((slider) => slider.name === "gap");
+    $(".curve-box").classList.toggle("none", !hasGap);
+    if (!hasGap || $(".curve-box").classList.contains("off")) return (this.key = "");
     const { gap, ...others } = values, key = JSON.stringify([name, others]);
-    this.gap = gap;
+    Object.assign(this, { gap, safe });
     if (key !== this.key) this.begin(name, values, key);
     this.draw();
   }
 
   begin(name, values, key) {
-    const setup = SETUPS[name], { eps, k } = values, points = [];
-    const make = (gap) => sceneOf(name, { ...values, gap });
-    const work = breakdown({ make, observable: setup.measure(eps), eps, k, gaps: GAPS, points });
+    const points = [], { eps, k } = contactsIn(name, values);
+    const work = breakdown({ make: (gap) => sceneOf(name, { ...values, gap }), eps, k, gaps: GAPS, points });
     Object.assign(this, { key, points, work });
-    if (setup !== this.setup) this.title(setup);
     this.advance(AT_ONCE, SKETCH);
     clearTimeout(this.job);
     this.job = setTimeout(() => this.refine(work), PATIENCE);
-  }
-
-  title(setup) {
-    this.setup = setup;
-    $(".curve-key").replaceChildren(
-      ...marked(setup.measureName), " over the gap ", h("span", { class: "hard" }, "╌ hard"), " ", h("span", { class: "soft" }, "─ soft"),
-      ` dots: where the number of contacts jumps; tap to set the gap${setup.one ?? ""}`,
-    );
   }
 
   // True when the curve is finished.
@@ -53,56 +50,71 @@ export class Curve {
 
   // In idle time, given up when another curve is wanted; drawn anew when there is a third more to see.
   refine(work) {
-    if (work !== this.work) return;
+    if (work !== this.work || !this.key) return;
     const done = this.advance(SLICE);
     if (done || this.points.length > 1.34 * this.drawn) this.draw();
     if (!done) whenIdle(() => this.refine(work));
   }
 
   draw() {
-    const { chart, points, gap } = this, xs = GAPS.map(Math.log10);
-    const finite = points.flatMap((p) => [p.soft, p.hard]).filter(Number.isFinite), top = Math.max(1, ...finite), bottom = Math.min(0, ...finite);
-    chart.scales(xs, [bottom - 0.02 * top, 1.12 * top]);
-    chart.xTicks(decades(xs), decadeName, "gap Δh in m");
-    chart.yTicks(ticks([bottom, 1.1 * top], 5), tickName);
-    chart.line(points.map((p) => [p.x, p.hard]), { class: "hard-line" });
-    chart.lines(steady(points).map((run) => run.map((p) => [p.x, p.soft])), { class: "soft-line strong" });
-    this.drawJumps();
-    this.drawHoles("hard", "no end", 0.5);
-    this.drawHoles("soft", "too stiff to follow", 0.35);
+    const { chart, points, gap } = this, xs = GAPS.map(Math.log10), highest = Math.max(0, ...points.map((p) => p.y || 0));
+    const x = gap > 0 ? Math.max(xs[0], Math.log10(gap)) : xs[0];
+    told($(".curve-key"), "curve-key");
+    chart.scales(xs, [LOWEST, highest + 0.25]);
+    this.shade(xs);
+    chart.xTicks(decades(xs), decadeName, plain("gap-in-m"));
+    chart.yTicks(decades([LOWEST, highest]), (e) => `${digits(100 * 10 ** e)} %`, plain("error-axis"));
+    this.markSafe(xs);
+    chart.line(points.map((p) => [p.x, p.y]), { class: "soft-line strong" });
+    this.drawCounts(x);
+    for (const engine of ["hard", "soft"]) this.sayWhereItEnds(engine);
     chart.finish();
-    chart.playhead(gap > 0 ? Math.max(xs[0], Math.log10(gap)) : xs[0]);
+    chart.playhead(x);
+    chart.svg.setAttribute("aria-label", plain("curve-said", { n: points.filter((p) => p.y < SAFE).length, of: points.length }));
     this.drawn = points.length;
   }
 
-  // Says why a line has a hole: along it, where there is room for the words.
-  drawHoles(engine, why, share) {
-    const { chart, points } = this;
-    const holes = grouped(points, (p) => Number.isNaN(p[engine])).filter(([p]) => Number.isNaN(p[engine]));
-    const widest = holes.map((run) => [chart.x(run[0].x), chart.x(run[run.length - 1].x)]).sort((a, b) => b[1] - b[0] - (a[1] - a[0]))[0];
-    if (!widest) return;
-    const middle = Math.min(chart.width - 80, Math.max(chart.left + 60, (widest[0] + widest[1]) / 2)), y = chart.y(chart.ys[0] + share * (chart.ys[1] - chart.ys[0]));
-    chart.note(`${engine}: ${why}`, { x: middle.toFixed(1), y: y.toFixed(1), "text-anchor": "middle", class: `bar-value ${engine}` });
+  // Where the verdict is yes.
+  shade(xs) {
+    const { chart } = this, y = chart.y(SAFE), left = chart.x(xs[0]);
+    chart.add("rect", { class: "safe", x: left, y: y.toFixed(1), width: chart.x(xs[1]) - left, height: (chart.y(LOWEST) - y).toFixed(1) });
+    chart.note(plain("safe-zone"), { x: left + 8, y: (y + 16).toFixed(1), class: "axis-name" });
   }
 
-  drawJumps() {
-    const { chart, points } = this, runs = steady(points);
-    const dots = runs.slice(1).filter(([p]) => !Number.isNaN(p.soft)).map(([p]) => `M${chart.x(p.x).toFixed(1)} ${chart.y(p.soft).toFixed(1)}h0`);
-    chart.add("path", { class: "jump", d: dots.join("") });
-    let lastX = -Infinity;
-    for (const run of runs) {
-      const middle = (chart.x(run[0].x) + chart.x(run[run.length - 1].x)) / 2;
-      if (middle - lastX < 26 || Number.isNaN(run[0].contacts)) continue;
-      chart.note(String(run[0].contacts), { x: middle.toFixed(1), y: 16, "text-anchor": "middle", class: "count" });
-      lastX = middle;
-    }
-    chart.note("contacts", { x: chart.left - 6, y: 16, "text-anchor": "end", class: "count-name" });
+  markSafe(xs) {
+    const { chart, safe } = this, x = Math.log10(safe);
+    if (!(x > xs[0] && x < xs[1])) return;
+    chart.line([[x, chart.ys[0]], [x, chart.ys[1]]], { class: "drop-line" });
+    chart.note(plain("curve-mark"), { x: (chart.x(x) - 5).toFixed(1), y: (chart.y(LOWEST) - 8).toFixed(1), "text-anchor": "end", class: "axis-name" });
+  }
+
+  // Along the line, where there is room for the words.
+  sayWhereItEnds(engine) {
+    const { chart, points } = this, holes = grouped(points, (p) => p.missing).filter(([p]) => p.missing === engine);
+    const widest = holes.map((run) => [chart.x(run[0].x), chart.x(run[run.length - 1].x)]).sort((a, b) => b[1] - b[0] - (a[1] - a[0]))[0];
+    if (!widest) return;
+    const middle = Math.min(chart.width - 90, Math.max(chart.left + 90, (widest[0] + widest[1]) / 2)), share = engine === "hard" ? 0.8 : 0.68;
+    chart.add("rect", { class: "hole", x: widest[0].toFixed(1), y: chart.top, width: Math.max(2, widest[1] - widest[0]).toFixed(1), height: chart.y(LOWEST) - chart.top });
+    const y = chart.y(chart.ys[0] + share * (chart.ys[1] - chart.ys[0]));
+    chart.note(plain(`hole-${engine}`), { x: middle.toFixed(1), y: y.toFixed(1), "text-anchor": "middle", class: `bar-value ${engine}` });
+  }
+
+  // Numbers of contacts along the top: that at the marker first, the others where there is room.
+  drawCounts(marker) {
+    const { chart, points } = this, runs = grouped(points, (p) => p.contacts).filter(([p]) => !Number.isNaN(p.contacts)), placed = [];
+    const place = (run, x) => {
+      if (placed.some((other) => Math.abs(other - x) < 24)) return;
+      placed.push(x);
+      chart.note(String(run[0].contacts), { x: x.toFixed(1), y: 16, "text-anchor": "middle", class: "count" });
+    };
+    const here = runs.find((run) => run[0].x <= marker + 1e-9 && marker <= run[run.length - 1].x + 1e-9);
+    if (here) place(here, Math.max(chart.left + 8, chart.x(marker)));
+    for (const run of [...runs].sort((a, b) => b.length - a.length)) if (run !== here) place(run, (chart.x(run[0].x) + chart.x(run[run.length - 1].x)) / 2);
+    chart.note(plain("contacts-short"), { x: 0, y: 16, class: "count-name" });
   }
 }
 
-// Runs of neighbouring points with one number of contacts.
-const steady = (points) => grouped(points, (p) => p.contacts);
-
+// Runs of neighbouring points of one kind.
 function grouped(points, of) {
   const runs = [];
   for (const point of points) {

@@ -1,17 +1,28 @@
-// The state of the page in its link: #scene=three-balls&gap=0.0001&… , and back.
-import { cleaned, refused, SETUPS } from "../physics/setups.mjs";
+// The state of the page in its link: #scene=three-balls&gap=0.0001&… , #screen=3&… , and back.
+import { cleaned, FIRST, refused, SETUPS } from "../physics/setups.mjs";
+import { LAB, startOf } from "./story.mjs";
+import { inWords } from "./controls.mjs";
+import { told } from "./words.mjs";
 
 const QUIET = 250; // ms without a change before the link follows: browsers limit how often it may change
 
 export function read(hash) {
-  const given = Object.fromEntries(new URLSearchParams(hash.replace(/^#/, "")));
-  const name = Object.hasOwn(SETUPS, given.scene ?? "") ? given.scene : Object.keys(SETUPS)[0];
-  const told = [...(given.scene === undefined || name === given.scene ? [] : [`There is no scene “${given.scene}” here.`]), ...refused(name, given)];
-  return { name, values: cleaned(name, given), told: told.join(" "), at: Math.min(1, Math.max(0, Number(given.at) || 0)), predict: given.predict === "1" };
+  const given = Object.fromEntries(new URLSearchParams(hash.replace(/^#/, ""))), asked = Number(given.screen);
+  const isEmpty = Object.keys(given).every((key) => key === "lang"), screen = isEmpty ? 1 : asked >= 1 && asked < LAB ? Math.floor(asked) : LAB;
+  const begin = screen < LAB ? startOf(screen) : { name: Object.hasOwn(SETUPS, given.scene ?? "") ? given.scene : FIRST, values: {} };
+  const { name } = begin, all = { ...begin.values, ...given }, isUnknown = screen === LAB && given.scene !== undefined && name !== given.scene;
+  const notes = [...(isUnknown ? [{ say: "no-scene", name: given.scene }] : []), ...refused(name, given).map(refusal)];
+  return { screen, name, values: cleaned(name, all), told: notes, at: Math.min(1, Math.max(0, Number(given.at) || 0)), predict: given.predict === "1", lang: given.lang };
 }
 
-export function written({ name, values, at, predict }) {
-  const pairs = { scene: name, ...values, ...(at > 0 ? { at: Number(at.toFixed(3)) } : {}), ...(predict ? { predict: 1 } : {}) };
+const refusal = ({ slider, asked, shown }) => {
+  const { symbol, range, shown: instead } = inWords(slider, shown);
+  return { say: "refused", symbol, asked: asked || "–", range, shown: instead };
+};
+
+export function written({ screen, name, values, at, predict, lang }) {
+  const place = screen < LAB ? { screen } : { scene: name };
+  const pairs = { ...place, ...values, ...(at > 0 ? { at: Number(at.toFixed(3)) } : {}), ...(predict ? { predict: 1 } : {}), ...(lang ? { lang } : {}) };
   return `#${new URLSearchParams(pairs)}`;
 }
 
@@ -23,14 +34,21 @@ export function follow(state) {
 }
 
 // Inside an iframe's srcdoc there is no link of one's own: addresses are taken to be the host's.
-export const hasLink = () => location.protocol !== "about:";
+const hasLink = () => location.protocol !== "about:";
 
-export function write(state) {
+export function write(state, isStep = false) {
   const hash = written(state);
   if (hash === location.hash || !hasLink()) return;
   try {
-    history.replaceState(null, "", hash);
+    history[isStep ? "pushState" : "replaceState"](null, "", hash);
   } catch {
     location.replace(hash); // some browsers allow no history on file://
   }
+}
+
+export async function copyLink(button, state) {
+  write(state);
+  const done = hasLink() && await navigator.clipboard?.writeText(location.href).then(() => true, () => false);
+  told(button, !hasLink() ? "no-link" : done ? "copied" : "in-address-bar");
+  setTimeout(() => told(button, "copy-link"), 1600);
 }

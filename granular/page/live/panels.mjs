@@ -1,72 +1,77 @@
-// Results in numbers: three big figures, rise heights (or velocities), tie rules, tables, CSV.
+// Results in numbers: big figures, rise heights (or velocities), tie rules, tables, CSV.
 import { Chart, tickName, ticks } from "../shell/axes.mjs";
-import { $, csv, fillTable, h, marked, text, whenIdle } from "../shell/dom.mjs";
+import { $, csv, fillTable, h, text, whenIdle } from "../shell/dom.mjs";
 import { digits, quantity } from "../shell/format.mjs";
-import { RULES, simulateHard, TIES } from "../physics/hard.mjs";
+import { simulateHard, TIES } from "../physics/hard.mjs";
 import { isEarly, SAME } from "../physics/measures.mjs";
 import { shortName } from "./charts.mjs";
+import { plain, say, told } from "./words.mjs";
+
+const LISTED = 400, ENGINES = ["hard", "soft"];
 
 export class Panels {
   constructor() {
     $(".contacts-box").addEventListener("toggle", () => this.listContacts());
-    this.rises = new Chart($(".rises"), { height: 310, label: "rise heights" });
+    this.rises = new Chart($(".rises"), { height: 310, label: "" });
   }
 
+  // Returns what is to be drawn later, by name.
   load(report, setup) {
     this.report = report;
     figures(report, setup);
     if (report.scene.gravity) drawRises(this.rises, report);
     else drawSpeeds(this.rises, report);
-    finalsTable(report);
-    text($(".finals-note"), endNotes(report));
-    text($(".rises-title"), report.scene.gravity ? "Rise heights, to scale" : "Velocities after the last contact");
+    told($(".rises-title"), report.scene.gravity ? "rises-title" : "speeds-title");
     const touching = report.scene.gravity === 0 && report.scene.gap.includes(0);
     $(".ties-box").hidden = !touching;
     if (touching) whenIdle(() => this.report === report && tieRules(report)); // six more runs
+    return { table: () => this.tabulate() };
+  }
+
+  tabulate() {
+    finalsTable(this.report);
+    text($(".finals-note"), endNotes(this.report));
     this.listContacts();
   }
 
   // Hundreds of rows, filled in only while they are to be seen.
   listContacts() {
     if (!$(".contacts-box").open) return;
-    const rows = contactRows(this.report).slice(0, LISTED).map(([engine, pair, ...values]) => [engine, engine, pair, ...values.map((x) => digits(x, 7))]);
-    fillTable($(".contacts"), CONTACT_HEAD, rows);
+    const rows = contactRows(this.report).slice(0, LISTED).map(([engine, pair, ...values]) => [engine, plain(engine), pair, ...values.map((x) => digits(x, 7))]);
+    fillTable($(".contacts"), contactHead(), rows);
   }
 }
 
-const LISTED = 400;
-
 // What is shown of a run that did not get to its end, in a sentence.
-const endNotes = ({ soft, hard }) => [
-  isEarly(hard) ? "Hard spheres collide without end: they have no final velocities, and only the first contacts are listed." : "",
-  isEarly(soft) ? "Soft spheres are too stiff to follow here: they have no final velocities, and only the first contacts are listed." : "",
-].join(" ").trim();
+const endNotes = ({ soft, hard }) => [isEarly(hard) ? say("early-hard") : "", isEarly(soft) ? say("early-soft") : ""].join(" ").trim();
 
-function figures({ scene, hard, soft, pairs, eps, finals }, setup) {
-  const top = pairs[pairs.length - 1], last = scene.mass.length - 1, measure = setup.measure(eps);
-  const number = (run) => (isEarly(run) ? "–" : digits(measure(run), 3));
+function figures({ scene, hard, soft, pairs, finals }, setup) {
+  const top = pairs[pairs.length - 1], last = scene.mass.length - 1;
+  const number = (run) => (isEarly(run) ? "–" : digits(setup.measure(run), 3));
   const count = (run) => (isEarly(run) ? `${run.contacts.length}+` : String(run.contacts.length));
   const shared = soft.impulse > 0 ? Math.round((100 * soft.shared) / soft.impulse) : 0;
   const parts = [
-    ["contacts in all", count(hard), count(soft), `of the top pair: ${top.hard.contacts} and ${top.soft.contacts}`.replace("top", scene.gravity ? "top" : "last")],
-    [setup.measureName, number(hard), number(soft), `ε = ${digits(eps, 3)} in every contact`],
+    ["figure-contacts", count(hard), count(soft), say("figure-contacts-of", { hard: top.hard.contacts, soft: top.soft.contacts })],
+    [`figure-${setup.measured}`, number(hard), number(soft), scene.gravity ? say("figure-drop", { drop: [scene.drop, "m"] }) : say("figure-arrival", { v: [scene.impact, "m/s"] })],
   ];
   if (scene.gravity) {
-    const metres = (engine) => quantity(finals[engine][last].rise, "m");
-    parts.push(["top ball rises", metres("hard"), metres("soft"), `dropped from ${quantity(scene.drop, "m")}`]);
+    const [hardly, softly] = ENGINES.map((engine) => finals[engine][last].velocity / scene.impact);
+    const leaving = say("figure-impact", { hard: hardly, soft: softly, v: [scene.impact, "m/s"] });
+    parts.push(["figure-rises", ...ENGINES.map((engine) => quantity(finals[engine][last].rise, "m")), leaving]);
   }
-  parts.push(["impulse shared with a neighbour", "0 %", `${shared} %`, "0 %: every contact is binary"]);
+  parts.push(["figure-shared", "0 %", `${digits(shared)} %`, say("figure-binary")]);
   showFigures($(".figures"), parts);
 }
 
 function showFigures(host, parts) {
-  const titles = parts.map(([title]) => title).join();
-  if (host.titles !== titles) {
-    host.titles = titles;
-    host.replaceChildren(...parts.map(([title]) =>
-      h("div", { class: "figure" }, h("h2", {}, ...marked(title)), h("p", { class: "hard" }), h("p", { class: "soft" }), h("small"))));
+  if (host.children.length !== parts.length) {
+    host.replaceChildren(...parts.map(() => h("div", { class: "figure" }, h("p", { class: "figure-name" }), h("p", { class: "hard" }), h("p", { class: "soft" }), h("small"))));
   }
-  parts.forEach(([, ...contents], i) => contents.forEach((content, j) => text(host.children[i].children[j + 1], content)));
+  parts.forEach(([title, ...contents], i) => {
+    told(host.children[i].children[0], title);
+    contents.forEach((content, j) => text(host.children[i].children[j + 1], content));
+    ENGINES.forEach((engine, j) => (host.children[i].children[j + 1].dataset.engine = say(engine)));
+  });
 }
 
 function bars(chart, rows, n, names) {
@@ -78,59 +83,64 @@ function bars(chart, rows, n, names) {
     if (chart.x(1) - chart.x(0) >= 88) chart.note(digits(value, 2), label);
   }));
   chart.xTicks([...Array(n).keys()], names);
-  const without = rows.filter(([, values]) => values.every(Number.isNaN)).map(([engine]) => `${engine} spheres: not decided`);
-  if (without.length) chart.note(without.join("; "), { x: chart.left + 6, y: chart.top + 24, class: "axis-name" });
+  const without = rows.filter(([, values]) => values.every(Number.isNaN)).map(([engine]) => plain("undecided", { engine: { say: `${engine}-spheres` } }));
+  if (without.length) chart.note(without.join("; "), { x: chart.left + 6, y: chart.top + 48, class: "axis-name" });
 }
 
 const known = (rows) => rows.flatMap(([, values]) => values).filter(Number.isFinite);
 
 function drawRises(chart, { scene, finals }) {
-  const n = scene.mass.length - 1, rows = ["hard", "soft"].map((e) => [e, finals[e].slice(1).map((f) => f.rise)]);
+  const n = scene.mass.length - 1, rows = ENGINES.map((e) => [e, finals[e].slice(1).map((f) => f.rise)]);
   const top = Math.max(scene.drop, ...known(rows));
   chart.scales([-0.6, n - 0.4], [0, 1.14 * top]);
   chart.yTicks(ticks([0, top], 4), tickName, "m");
-  bars(chart, rows, n, (i) => `ball ${i + 1}`);
+  bars(chart, rows, n, (i) => (n > 4 ? String(i + 1) : plain("ball", { n: i + 1 })));
   chart.line([[-0.6, scene.drop], [n - 0.4, scene.drop]], { class: "drop-line" });
-  if (chart.y(0) - chart.y(scene.drop) > 30) chart.note("drop height", { x: chart.left + 6, y: chart.y(scene.drop) - 5, class: "axis-name" });
+  const y = chart.y(scene.drop);
+  chart.note(plain("drop-height"), { x: chart.left + 6, y: y < chart.top + 30 ? y + 14 : y - 5, class: "axis-name" });
   chart.finish();
-  const said = rows.map(([e, v]) => `${e}: ${v.map((x) => digits(x, 3)).join(", ")} m`).join("; ");
-  chart.svg.setAttribute("aria-label", `rise heights of the balls from below, ${said}`);
+  describe(chart, "rises-said", rows, "m");
 }
 
 function drawSpeeds(chart, { scene, finals }) {
-  const n = scene.mass.length, rows = ["hard", "soft"].map((e) => [e, finals[e].map((f) => f.velocity / scene.impact)]);
+  const n = scene.mass.length, rows = ENGINES.map((e) => [e, finals[e].map((f) => f.velocity / scene.impact)]);
   const all = known(rows), [low, high] = [Math.min(0, ...all), Math.max(1, ...all)];
   chart.scales([-0.6, n - 0.4], [low - 0.1 * (high - low), 1.12 * high]);
-  chart.yTicks(ticks([low, high], 4), tickName, "in arrival speeds");
+  chart.yTicks(ticks([low, high], 4), tickName, plain("in-arrivals"));
   bars(chart, rows, n, (i) => String(i + 1));
   chart.finish();
-  const said = rows.map(([e, v]) => `${e}: ${v.map((x) => digits(x, 3)).join(", ")}`).join("; ");
-  chart.svg.setAttribute("aria-label", `velocities of the balls from the left in arrival speeds, ${said}`);
+  describe(chart, "speeds-said", rows, "");
+}
+
+function describe(chart, key, rows, unit) {
+  const [hard, soft] = rows.map(([, values]) => values.map((x) => quantity(x, unit)).join(", "));
+  chart.svg.setAttribute("aria-label", plain(key, { hard, soft }));
 }
 
 function tieRules({ scene, eps, hard, finals, tieErrors }) {
   const row = (engine, name, velocity) => [engine, name, ...velocity.map((v) => digits(v / scene.impact, 3))];
   const rows = TIES.map((ties) => {
     const run = ties === "left" ? hard : simulateHard(scene, eps, { ties, maxEvents: 1000 });
-    return row("hard", RULES[ties], isEarly(run) ? run.velocity.map(() => NaN) : run.velocity);
+    return row("hard", say(`tie-${ties}`), isEarly(run) ? run.velocity.map(() => NaN) : run.velocity);
   });
-  fillTable($(".ties"), ["rule", ...scene.mass.map((_, i) => `ball ${i + 1}`)], [...rows, row("soft", "soft spheres", finals.soft.map((f) => f.velocity))]);
-  text($(".ties-title"), tieErrors.some(([, error]) => error > SAME) ? "No unique hard-sphere answer" : "Touching balls: six rules, one answer");
+  const softRow = row("soft", say("soft-spheres"), finals.soft.map((f) => f.velocity));
+  fillTable($(".ties"), [say("tie-rule"), ...scene.mass.map((_, i) => say("ball", { n: i + 1 }))], [...rows, softRow]);
+  told($(".ties-title"), tieErrors.some(([, error]) => error > SAME) ? "ties-differ" : "ties-agree");
 }
 
 function finalsTable({ scene, finals }) {
-  const first = scene.gravity ? 1 : 0, engines = ["hard", "soft"];
-  const results = (i) => engines.flatMap((e) => [digits(finals[e][i].velocity, 5), ...(first ? [digits(finals[e][i].rise, 4)] : [])]);
-  const rows = scene.mass.map((m, i) => ["", `ball ${i + 1 - first}`, digits(m, 3), digits(2e3 * scene.radius[i], 3), ...results(i)]);
-  const heads = engines.flatMap((e) => [`v′ ${e}, m/s`, ...(first ? [`rise ${e}, m`] : [])]);
-  fillTable($(".finals"), ["", "mass, kg", "diameter, mm", ...heads], rows.slice(first));
+  const first = scene.gravity ? 1 : 0;
+  const results = (i) => ENGINES.flatMap((e) => [digits(finals[e][i].velocity, 5), ...(first ? [digits(finals[e][i].rise, 4)] : [])]);
+  const rows = scene.mass.map((m, i) => ["", say("ball", { n: i + 1 - first }), digits(m, 3), digits(2e3 * scene.radius[i], 3), ...results(i)]);
+  const heads = ENGINES.flatMap((e) => [say("head-speed", { engine: { say: e } }), ...(first ? [say("head-rise", { engine: { say: e } })] : [])]);
+  fillTable($(".finals"), ["", say("head-mass"), say("head-diameter"), ...heads], rows.slice(first));
 }
 
-const CONTACT_HEAD = ["engine", "pair", "begin, s", "end, s", "v lower before, m/s", "v upper before, m/s", "v lower after, m/s", "v upper after, m/s"];
+const contactHead = () => ["engine", "pair", "begin", "end", "lower-before", "upper-before", "lower-after", "upper-after"].map((name) => say(`column-${name}`));
 
 function contactRows({ scene, hard, soft }) {
   return [["hard", hard], ["soft", soft]].flatMap(([engine, run]) =>
     run.contacts.map((c) => [engine, shortName(scene, c.pair), c.begin, c.end, ...c.vIn, ...c.vOut]));
 }
 
-export const contactsCsv = (report) => csv([CONTACT_HEAD, ...contactRows(report), ...(endNotes(report) ? [["note", endNotes(report)]] : [])]);
+export const contactsCsv = (report) => csv([contactHead(), ...contactRows(report), ...(endNotes(report) ? [["note", endNotes(report)]] : [])]);

@@ -1,17 +1,18 @@
 // Predict first: results stay covered until a guess is made; then the run plays and the guess is held against it.
 import { $, set, text } from "../shell/dom.mjs";
 import { digits } from "../shell/format.mjs";
+import { plain, told } from "./words.mjs";
 
 export class Predict {
-  constructor({ reveal, switched }) {
-    Object.assign(this, { reveal, on: false });
+  constructor({ ruler, reveal, switched }) {
+    Object.assign(this, { ruler, reveal, on: false, answered: null });
     this.form = $(".predict");
     this.guess = $(".guess");
     $(".predict-button").addEventListener("click", () => {
       this.set(!this.on);
       switched();
     });
-    this.guess.addEventListener("input", () => this.showGuess());
+    this.guess.addEventListener("input", () => this.take(this.guess.value / 100));
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
       this.answer();
@@ -20,44 +21,53 @@ export class Predict {
 
   set(on) {
     this.on = on;
+    this.ruler.guess = null;
+    this.answered = null;
     this.cover(on);
     set($(".predict-button"), { "aria-pressed": String(on) });
-    text($(".told"), "");
-  }
-
-  load(report, setup) {
-    Object.assign(this, { report, setup });
-    text($(".question"), setup.question);
-    this.guess.max = 100 * setup.most;
-    this.showGuess();
-    if (this.on) this.cover(true);
   }
 
   // Covered, the page shows the start and nothing else.
+  load(report, setup) {
+    Object.assign(this, { report, setup });
+    const falls = report.scene.gravity > 0;
+    told($(".question"), falls ? "ask-height" : "ask-speed");
+    $(".guess-row").hidden = falls;
+    this.guess.max = 100 * setup.most;
+    if (this.on && !this.answered) this.cover(true);
+    else this.tell();
+  }
+
   cover(covered) {
     this.covered = covered;
     this.form.hidden = !covered;
     document.body.classList.toggle("covered", covered);
-    if (covered) text($(".told"), "");
+    const asks = covered && this.report?.scene.gravity > 0;
+    $(".theatre").classList.toggle("far", Boolean(asks));
+    if (asks) this.ruler.layout({ scene: this.report.scene, most: this.setup.most, lanes: [], asks: true });
+    if (covered) this.take(this.ruler.guess);
+    this.tell();
   }
 
-  showGuess() {
-    const shown = digits(this.guess.value / 100, 3);
+  // Nothing is chosen beforehand: there is no answer before there is a guess.
+  take(guess) {
+    this.ruler.guess = guess;
+    $(".run").disabled = guess === null;
+    const shown = guess === null ? "–" : digits(guess, 3);
     text($(".guess-value"), shown);
     set(this.guess, { "aria-valuetext": shown });
   }
 
   answer() {
-    const { setup, report } = this, guess = this.guess.value / 100;
-    const [hard, soft] = [setup.asked(report.hard), setup.asked(report.soft)];
-    const said = new FormData(this.form).get("agree") === "yes", agree = report.verdict.startsWith("Yes");
-    const nearer = Math.abs(guess - hard) < Math.abs(guess - soft) ? "hard" : "soft";
-    const who = agree ? "" : ` You were nearer to the ${nearer} spheres.`;
-    text($(".told"), `You guessed ${digits(guess, 3)}. Hard spheres say ${digits(hard, 3)}, soft spheres ${digits(soft, 3)}.${who} `
-      + `That the engines ${agree ? "agree" : "disagree"} you had ${said === agree ? "foreseen" : "not foreseen"}.`);
-    this.covered = false;
-    this.form.hidden = true;
-    document.body.classList.remove("covered");
+    const [hard, soft] = [this.report.hard, this.report.soft].map(this.setup.measure), guess = this.ruler.guess;
+    this.answered = { guess, hard, soft, nearer: { say: Math.abs(guess - hard) < Math.abs(guess - soft) ? "hard-spheres" : "soft-spheres" } };
+    this.cover(false);
     this.reveal();
+  }
+
+  tell() {
+    if (!this.answered) return told($(".told"), "");
+    const { hard, soft } = this.answered, agree = Math.abs(hard - soft) < 0.02 * Math.max(1, hard);
+    told($(".told"), agree ? "told-agree" : "told", { ...this.answered, unit: plain(`unit-${this.setup.measured}`) });
   }
 }

@@ -1,8 +1,10 @@
 // The two scenes side by side. Balls are drawn far smaller against their paths than they are: gaps would be invisible.
 import { $, set, svg, text } from "../shell/dom.mjs";
-import { digits } from "../shell/format.mjs";
 import { hardHeights, largestForce, softForces, softHeights } from "../physics/traces.mjs";
+import { Lens } from "./lens.mjs";
+import { plain, told } from "./words.mjs";
 
+const MIDDLE = 0.42; // of the width: where balls stand
 const FLASH = 0.02; // share of the span for which a hard collision stays visible
 
 export class Stage {
@@ -11,13 +13,20 @@ export class Stage {
     this.views = ["hard", "soft"].map((engine) => new View(host, engine));
   }
 
-  load(report, span, samples) {
+  load(report, span, samples, watched) {
     Object.assign(this, { report, span });
     const upright = report.scene.gravity > 0, extent = { ...samples, depth: depthIn(samples.soft, report.scene) };
-    set(this.host, { class: `stage ${upright ? "upright" : "lying"}` });
-    for (const view of this.views) view.layout(report.scene, upright, extent);
+    this.host.classList.toggle("upright", upright);
+    this.host.classList.toggle("lying", !upright);
+    this.host.parentElement.classList.toggle("flat", !upright);
+    for (const view of this.views) view.layout(report.scene, upright, extent, watched, report[view.engine].contacts.length);
     this.forceMax = largestForce(report.soft);
-    text($(".scale-note"), `Paths and overlaps are drawn ${digits(this.views[0].magnification, 2)} times larger than the balls.`);
+    told($(".scale-note"), "scale-note", { times: [this.views[0].magnification, "", 2] });
+  }
+
+  // Asking for sizes makes the browser lay out the page: only at the start and when the window changes.
+  measure() {
+    for (const view of this.views) view.measure();
   }
 
   show(t) {
@@ -37,40 +46,61 @@ const depthIn = (rows, scene) => scene.gap.map((_, c) => rows.reduce((most, y) =
 
 class View {
   constructor(host, engine) {
-    this.svg = svg("svg", { role: "img", class: engine, "aria-label": engine === "hard" ? "hard spheres" : "soft spheres" });
-    this.name = engine === "hard" ? "hard spheres" : "soft spheres";
+    this.engine = engine;
+    this.svg = svg("svg", { role: "img", class: engine });
+    this.lens = new Lens(engine);
     host.append(this.svg);
   }
 
-  layout(scene, upright, { low, high, depth }) {
-    const [w, tall] = upright ? [280, 520] : [560, 150], length = upright ? tall : w;
-    const largest = Math.max(...scene.radius);
-    const cap = upright ? 74 : 36, fit = (0.52 * length) / 2;
+  measure() {
+    this.size = null;
+  }
+
+  layout(scene, upright, { low, high, depth }, watched, count) {
+    if (upright !== this.upright || !this.size) this.size = [this.svg.clientWidth || 280, this.svg.clientHeight || 320];
+    const [w, tall] = this.size, length = upright ? tall : w, largest = Math.max(...scene.radius);
+    const cap = Math.min(upright ? 74 : 36, 0.25 * w), fit = (0.52 * length) / 2;
     const raw = scene.radius.map((r) => (r === 0 ? 0 : Math.max(0.16, Math.sqrt(r / largest))));
     const unit = Math.min(cap, fit / raw.reduce((a, b) => a + b, 0));
     this.radii = raw.map((r) => r * unit);
-    const room = length - 2 * this.radii.reduce((a, b) => a + b, 0) - (upright ? 46 : 24);
+    const room = length - 2 * this.radii.reduce((a, b) => a + b, 0) - (upright ? 46 : 24 + (watched ? 0.8 * tall : 0));
     const side = (i) => this.radii[i] || Infinity, sinks = Math.max(...depth.map((d, c) => d / (0.6 * Math.min(side(c), side(c + 1)))));
-    Object.assign(this, { upright, w, tall, low, scale: Math.min(room / (high - low), 1 / sinks) });
+    Object.assign(this, { upright, w, tall, low, watched, count, scale: Math.min(room / (high - low), 1 / sinks) });
     this.magnification = this.scale / (unit / largest);
-    this.draw(scene, upright);
+    this.draw();
+    if (watched) this.lens.layout({ ...this.lensPlace(), upright, range: watched.range, natural: unit / largest });
   }
 
-  draw(scene, upright) {
-    const shape = JSON.stringify([upright, this.radii]);
-    if (shape === this.shape) return;
+  // On the right: above where balls stand upright, beside them where they lie.
+  lensPlace() {
+    const { w, tall, upright } = this, r = upright ? Math.min(48, 0.17 * w) : 0.26 * tall;
+    return upright ? { cx: w - r - 12, cy: Math.max(r + 46, 0.3 * tall), r } : { cx: w - r - 14, cy: 0.5 * tall, r };
+  }
+
+  draw() {
+    const { w, tall, upright } = this, shape = JSON.stringify([upright, this.radii, w, tall, this.watched?.pair]);
+    if (shape === this.shape) return this.name();
     this.shape = shape;
-    set(this.svg, { viewBox: `0 0 ${this.w} ${this.tall}` });
-    const name = svg("text", { x: upright ? 8 : 10, y: 20, class: "stage-name" });
-    text(name, this.name);
+    set(this.svg, { viewBox: `0 0 ${w} ${tall}` });
+    const ground = tall - 16, id = `above-${this.engine}`;
+    this.title = svg("text", { x: 10, y: 20, class: "stage-name" });
     this.balls = this.radii.map((r, i) => (r ? svg("g", { class: "ball" }, svg("circle", { r }), numberOf(i, r, upright)) : this.ground()));
-    this.marks = scene.gap.map(() => svg("line", { class: "mark" }));
-    this.svg.replaceChildren(name, ...this.balls, ...this.marks);
+    this.marks = this.radii.slice(1).map(() => svg("line", { class: "mark" }));
+    const isCut = upright && this.radii[0] === 0; // a ball that sinks in is flattened by the floor
+    const cut = svg("clipPath", { id }, svg("rect", { x: 0, y: 0, width: w, height: isCut ? ground : tall }));
+    const [floor, ...others] = isCut ? this.balls : [null, ...this.balls];
+    this.svg.replaceChildren(cut, svg("g", { "clip-path": `url(#${id})` }, ...others), ...(floor ? [floor] : []), ...this.marks, ...(this.watched ? [this.lens.element] : []), this.title);
+    this.name();
+  }
+
+  name() {
+    text(this.title, plain(`${this.engine}-spheres`));
+    set(this.svg, { "aria-label": plain("stage-said", { engine: { say: `${this.engine}-spheres` }, n: this.count }) });
   }
 
   ground() {
-    const half = this.w / 2 - 20;
-    return svg("g", { class: "floor" }, svg("line", { x1: -half, x2: half }));
+    const left = MIDDLE * this.w;
+    return svg("g", { class: "floor" }, svg("line", { x1: 10 - left, x2: this.w - left - 10 }));
   }
 
   // Heights have the radii taken out; the drawn radii are put back in.
@@ -81,21 +111,24 @@ class View {
       stacked += 2 * this.radii[i];
       return centre;
     });
-    at.forEach((z, i) => set(this.balls[i], { transform: this.place(z) }));
+    at.forEach((z, i) => set(this.balls[i], { transform: `translate(${this.place(z)})` }));
+    const touch = this.marks.map((_, c) => (at[c] + this.radii[c] + at[c + 1] - this.radii[c + 1]) / 2);
     this.marks.forEach((mark, c) => {
-      const z = (at[c] + this.radii[c] + at[c + 1] - this.radii[c + 1]) / 2, half = 6 + 20 * press[c];
-      const across = this.upright ? { x1: -half, x2: half, y1: 0, y2: 0 } : { x1: 0, x2: 0, y1: -half, y2: half };
-      set(mark, { transform: this.place(z), opacity: press[c].toFixed(3), ...across });
+      const half = 6 + 20 * press[c], across = this.upright ? { x1: -half, x2: half, y1: 0, y2: 0 } : { x1: 0, x2: 0, y1: -half, y2: half };
+      set(mark, { transform: `translate(${this.place(touch[c])})`, opacity: press[c].toFixed(3), ...across });
     });
+    const c = this.watched?.pair;
+    if (c !== undefined) this.lens.show(heights[c + 1] - heights[c], this.place(touch[c]).split(" "));
   }
 
   place(z) {
-    return this.upright ? `translate(${this.w / 2} ${(this.tall - 16 - z).toFixed(2)})` : `translate(${(12 + z).toFixed(2)} ${this.tall / 2 + 6})`;
+    return this.upright ? `${(MIDDLE * this.w).toFixed(1)} ${(this.tall - 16 - z).toFixed(2)}` : `${(12 + z).toFixed(2)} ${0.6 * this.tall}`;
   }
 }
 
 function numberOf(i, r, upright) {
-  const label = svg("text", { class: "ball-number", "text-anchor": "middle", dy: "0.36em", "font-size": Math.min(18, 1.1 * r) });
-  text(label, r > 7 ? String(upright ? i : i + 1) : "");
+  const inside = r > 9, beside = inside ? {} : upright ? { x: r + 9 } : { y: -r - 7 };
+  const label = svg("text", { class: "ball-number", "text-anchor": "middle", dy: "0.36em", "font-size": Math.min(18, Math.max(12, 1.1 * r)), ...beside });
+  text(label, String(upright ? i : i + 1));
   return label;
 }

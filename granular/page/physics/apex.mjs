@@ -8,6 +8,11 @@ export const startApexes = (scene) => ({
   apex: scene.mass.map((m) => (m === Infinity ? 0 : NaN)), touched: scene.mass.map(() => false),
 });
 
+// Pair c touches; the lowest has touched so often. In a scene that asks for later bounces the first do not count.
+export function noteTouch({ scene, touched }, c, floors) {
+  if (floors >= (scene.bounces ?? 0)) touched[c] = touched[c + 1] = true;
+}
+
 // Balls fly freely for dt, from velocities (and heights, if they are needed) that are asked for.
 export function noteApexes(run, dt, velocityOf, heightsNow, isFree = () => true) {
   const { gravity } = run.scene;

@@ -1,21 +1,16 @@
-// The breakdown curve: what both engines say over the gap. A sketch first, in an order that fills evenly and without long
-// runs; then those, and more where the number of soft contacts jumps or the curve bends. A generator, so that a page can
-// do it in slices of time, one point each.
+// The breakdown curve: the error, the very number the verdict goes by, over the gap. A sketch first, in an order that fills
+// evenly and without long runs; then those, and more where the number of soft contacts jumps or the curve bends. A
+// generator, so that a page can do it in slices of time, one point each.
 import { simulateHard } from "./hard.mjs";
-import { counted, isEarly } from "./measures.mjs";
+import { counted, isEarly, largestDifference, pairOutcome } from "./measures.mjs";
 import { simulateSoft } from "./soft.mjs";
 
-export const SKETCH = 5;
+export const SKETCH = 5; // points at once
+export const LEAST = 1e-4; // of the impact speed: smaller errors are drawn as this
 const COARSE = 33, FINEST = 0.004, MOST = 220, SHORT = 100, LONG = 2000, EVENTS = 3000; // steps of soft, events of hard spheres
 
-export function* breakdown({ make, observable, eps, k, gaps: [low, high], points }) {
-  const a = Math.log10(low), width = Math.log10(high) - a;
-  const point = (x, maxSteps) => {
-    const scene = make(10 ** x), soft = simulateSoft(scene, eps, k, { maxSteps }), isDone = !isEarly(soft);
-    if (!isDone && maxSteps < LONG) return null;
-    const hard = simulateHard(scene, eps, { maxEvents: EVENTS }), value = (run, other) => (isEarly(run) ? NaN : observable(counted(run, other)));
-    return { x, gap: 10 ** x, contacts: isDone ? counted(soft, hard).contacts.length : NaN, soft: value(soft, hard), hard: value(hard, soft) };
-  };
+export function* breakdown({ make, eps, k, gaps: [low, high], points }) {
+  const a = Math.log10(low), width = Math.log10(high) - a, point = (x, maxSteps) => pointAt(x, make(10 ** x), eps, k, maxSteps);
   const late = [];
   for (const share of evenly(COARSE)) {
     const x = a + share * width, made = point(x, SHORT);
@@ -31,6 +26,15 @@ export function* breakdown({ make, observable, eps, k, gaps: [low, high], points
     insert(points, point(x, LONG));
     yield;
   }
+}
+
+// `missing`: which engine did not get to its end. Contacts are those of the last pair.
+function pointAt(x, scene, eps, k, maxSteps) {
+  const soft = simulateSoft(scene, eps, k, { maxSteps });
+  if (isEarly(soft) && maxSteps < LONG) return null;
+  const hard = simulateHard(scene, eps, { maxEvents: EVENTS }), missing = isEarly(soft) ? "soft" : isEarly(hard) ? "hard" : "";
+  const [one, other] = [counted(soft, hard), counted(hard, soft)], error = missing ? NaN : largestDifference(one, other) / scene.impact;
+  return { x, error, y: Math.log10(Math.max(LEAST, error)), missing, contacts: isEarly(soft) ? NaN : pairOutcome(one, scene.gap.length - 1).contacts };
 }
 
 function insert(points, point) {
@@ -50,8 +54,8 @@ function worstInterval(points) {
   let best = null, worst = 0;
   for (let i = 1; i < points.length; i++) {
     const p = points[i - 1], q = points[i], width = q.x - p.x;
-    if (width < FINEST || Number.isNaN(p.soft + q.soft)) continue;
-    const jumps = p.contacts !== q.contacts ? width : 0, bends = Math.abs(q.soft - p.soft) > 0.02 ? 0.3 * width : 0;
+    if (width < FINEST || Number.isNaN(p.y + q.y)) continue;
+    const jumps = p.contacts !== q.contacts ? width : 0, bends = Math.abs(q.y - p.y) > 0.05 ? 0.3 * width : 0;
     if (jumps + bends > worst) [worst, best] = [jumps + bends, 0.5 * (p.x + q.x)];
   }
   return best;

@@ -9,7 +9,7 @@ const plus = (a, b) => a.map((x, i) => x + b[i]);
 export function newtonRule(w, rate, eps) {
   let total = rate.map(() => 0), now = rate;
   for (let pass = 0; pass < 10000 && Math.min(...now) < -noise(rate); pass++) {
-    const p = complementary(w, now.map((r) => (1 + eps) * r));
+    const p = complementary(w, now.map((r, c) => (1 + eps[c]) * r));
     now = after(w, now, p);
     total = plus(total, p);
   }
@@ -19,11 +19,12 @@ export function newtonRule(w, rate, eps) {
 export function poissonRule(w, rate, eps) {
   const compression = complementary(w, rate);
   const stopped = after(w, rate, compression).map((r, c) => (compression[c] > 0 ? 0 : r));
-  const back = compression.map((p) => eps * p);
+  const back = compression.map((p, c) => eps[c] * p);
   return plus(plus(compression, back), complementary(w, after(w, stopped, back)));
 }
 
-export function reflectRule(w, rate, eps) {
+// For one restitution only.
+export function reflectRule(w, rate, [eps]) {
   let total = rate.map(() => 0), now = rate;
   for (let pass = 0; pass < 10000; pass++) {
     const approaching = now.map((r) => r < -noise(rate));

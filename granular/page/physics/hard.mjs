@@ -1,19 +1,15 @@
 // Hard spheres, event-driven, in gaps and their rates: the next event is the smallest (wait, rank), and all pairs move on
 // to it. A rate is never the difference of two velocities, so it is exact however small it is (granular/edmd/zoom.py).
 // "collapse": infinitely many collisions, or rates below 2^-200 of the impact speed. "endless": more than `maxEvents`.
-import { comesToRest, noteApexes, startApexes } from "./apex.mjs";
+import { comesToRest, noteApexes, noteTouch, startApexes } from "./apex.mjs";
 import { gapAfter, rateAtContact, timeToContact } from "./flight.mjs";
 import { newtonRule, poissonRule, velocityChanges, reflectRule } from "./groups.mjs";
-import { heights, isNoise, pairsOf } from "./scenes.mjs";
+import { heights, isElastic, isNoise, pairsOf } from "./scenes.mjs";
 
 const GROUPS = { newton: newtonRule, poisson: poissonRule, reflect: reflectRule };
 const TINY = 2 ** -200, SLOW = 1e-6, MERGED = 1e-4; // of the impact speed
 const DRAWN = 2000; // flights between events
-export const RULES = {
-  left: "one by one, from the left", right: "one by one, from the right", random: "one by one, at random",
-  newton: "at once, Newton", poisson: "at once, Poisson", reflect: "at once, reflections",
-};
-export const TIES = Object.keys(RULES);
+export const TIES = ["left", "right", "random", "newton", "poisson", "reflect"];
 
 export function simulateHard(scene, eps, { ties = "left", seed = 0, maxEvents = 20000, record = false, follow = 0 } = {}) {
   const run = start(scene, eps, ties, seed, record, maxEvents);
@@ -27,7 +23,7 @@ function start(scene, eps, ties, seed, record, maxEvents) {
   const pairs = pairsOf(scene, eps, 1).map((p) => ({ ...p, hits: 0 }));
   const falls = scene.mass.map((m) => (m === Infinity ? 0 : 1)), { until, tEnd } = scene;
   const run = {
-    scene, eps, ties, seed, pairs, falls, until, tEnd, maxEvents, u: [...scene.velocity], t: 0, status: "",
+    scene, elastic: isElastic(pairs), ties, seed, pairs, falls, until, tEnd, maxEvents, u: [...scene.velocity], t: 0, status: "",
     contacts: [], flights: record ? [] : null, events: 0, follows: false, ...startApexes(scene),
   };
   keepFlight(run);
@@ -59,7 +55,7 @@ function advance(run) {
   if (!acted) return void (run.status = "until");
   keepFlight(run);
   if (run.until === "separated" && pairs.every((one) => one.rate >= 0 || isNoise(run, one.rate))) run.status = "until";
-  else if (run.eps < 1) watch(run, c, first < last ? Infinity : -w);
+  else if (!run.elastic) watch(run, c, first < last ? Infinity : -w);
 }
 
 function soonest(run, waits) {
@@ -96,11 +92,11 @@ const velocityOf = (run, i) => run.u[i] - run.falls[i] * (run.scene.gravity * ru
 const isStop = ({ until, pairs }, c) => until !== null && until.pair === c && pairs[c].hits + 1 === until.nth;
 
 function collide(run, c, w) {
-  const { pairs, u } = run, p = pairs[c], jump = (1 + run.eps) * w;
+  const { pairs, u } = run, p = pairs[c], jump = (1 + p.eps) * w;
   if (isStop(run, c)) return false;
   getUp(run, c);
   const vIn = [velocityOf(run, c), velocityOf(run, c + 1)];
-  [p.gap, p.rate] = [0, -run.eps * w];
+  [p.gap, p.rate] = [0, -p.eps * w];
   if (c > 0) pairs[c - 1].rate += p.low * jump;
   if (c + 1 < pairs.length) pairs[c + 1].rate += p.high * jump;
   u[c] += p.low * jump;
@@ -112,7 +108,7 @@ function collide(run, c, w) {
 function keepContact(run, c, vIn, impulse) {
   run.pairs[c].hits++;
   run.events++;
-  for (const i of [c, c + 1]) run.touched[i] = true;
+  noteTouch(run, c, run.pairs[0].hits);
   const vOut = [velocityOf(run, c), velocityOf(run, c + 1)];
   run.contacts.push({ pair: c, begin: run.t, end: run.t, vIn, vOut, impulse });
 }
@@ -129,7 +125,7 @@ function touchingGroup(run, c, w, fastest) {
 function collideGroup(run, first, last, isPlastic) {
   const { pairs, u, scene } = run, group = pairs.slice(first, last + 1), at = group.map((_, i) => first + i);
   const w = scene.mass.slice(first, last + 2).map((m) => 1 / m);
-  const rates = group.map((one) => one.rate), p = isPlastic ? newtonRule(w, rates, 0) : GROUPS[run.ties](w, rates, run.eps);
+  const rates = group.map((one) => one.rate), p = isPlastic ? newtonRule(w, rates, rates.map(() => 0)) : GROUPS[run.ties](w, rates, group.map((one) => one.eps));
   const hit = at.filter((c) => p[c - first] > 0);
   if (hit.some((c) => isStop(run, c))) return false;
   getUp(run, last);
@@ -154,8 +150,8 @@ function watch(run, c, speed) {
 
 // How long the ball that just bounced on the floor takes to come to rest on it, alone: 2u/(g(1-ε)); Infinity if another
 // may meet it before. Its neighbour stays above the top of the first arc if it does so at both ends of that time.
-function restTime({ pairs, eps }) {
-  const [{ rate, pull }, next] = pairs;
+function restTime({ pairs }) {
+  const [{ rate, pull, eps }, next] = pairs;
   if (!(pull > 0)) return Infinity;
   const end = (2 * rate) / (pull * (1 - eps)), arc = (rate * rate) / (2 * pull);
   if (pairs.some((p, c) => c > 1 && waitOf(p) <= end)) return Infinity;

@@ -1,10 +1,11 @@
 // What a run comes to, and how far two runs differ (granular/outcome.py, measures.py, timing.py, tie_rules.py).
-import { simulateHard, TIES } from "./hard.mjs";
+import { simulateHard } from "./hard.mjs";
 import { pairsOf, ROUNDING } from "./scenes.mjs";
 
 export const SAME = 0.01; // of the impact speed
 export const SMALL = 0.1; // of a run
 const SHIFT = 1e-12;
+const OTHERS = ["left", "right", "poisson"]; // rules that take any restitutions
 
 export const isEarly = (run) => ["collapse", "endless", "unfinished"].includes(run.status);
 const approach = ({ vIn: [lower, upper] }) => lower - upper;
@@ -70,7 +71,7 @@ export function otherAnswers(hard, eps, ties) {
   const { scene, contacts } = hard;
   const atOnce = contacts.some((c, i) => i > 0 && c.begin === contacts[i - 1].begin && Math.abs(c.pair - contacts[i - 1].pair) === 1);
   if (scene.mass.length < 3 || !(atOnce || scene.gap.includes(0))) return [];
-  const names = TIES.filter((name) => name !== ties && name !== "random");
+  const names = OTHERS.filter((name) => name !== ties);
   return names.map((name) => [name, simulateHard(scene, eps, { ties: name })]).filter(([, run]) => !isEarly(run));
 }
 

@@ -4,16 +4,16 @@ import { counted, isEarly, largestDifference, leavingVelocities, otherAnswers, p
 import { simulateSoft } from "./soft.mjs";
 import { verdict } from "./verdict.mjs";
 
-// Steps of the soft spheres, and steps and events past the stop in search of the apexes: while a slider moves, and when it
+// Steps of the soft and events of the hard spheres, and both past the stop in search of the apexes: while a slider moves, and when it
 // rests and the first were not enough.
-export const AT_ONCE = { maxSteps: 3000, follow: 100 };
-export const AT_LEISURE = { maxSteps: 60000, follow: 20000 };
+export const AT_ONCE = { maxSteps: 800, maxEvents: 1500, follow: 100 };
+export const AT_LEISURE = { maxSteps: 60000, maxEvents: 20000, follow: 20000 };
 
 // `soft` and `hard` are without contacts that are rounding; those open at the stop are followed to their ends.
 export function compareEngines(scene, eps, k, { ties = "left", patience = AT_LEISURE } = {}) {
-  const { maxSteps, follow } = patience, run = {
+  const { maxSteps, maxEvents, follow } = patience, run = {
     soft: simulateSoft(scene, eps, k, { record: true, maxSteps, follow }),
-    hard: simulateHard(scene, eps, { ties, record: true, follow }),
+    hard: simulateHard(scene, eps, { ties, record: true, maxEvents, follow }),
   };
   const soft = counted(run.soft, run.hard), hard = counted(run.hard, run.soft), early = isEarly(soft) || isEarly(hard);
   const twin = early ? hard : counted(simulateHard(shifted(scene), eps, { ties }), soft);
@@ -28,7 +28,7 @@ export function compareEngines(scene, eps, k, { ties = "left", patience = AT_LEI
 }
 
 const isOpen = ({ scene, soft, hard }) =>
-  soft.status === "unfinished" || (scene.gravity > 0 && [soft, hard].some((run) => !isEarly(run) && run.apex.some(Number.isNaN)));
+  soft.status === "unfinished" || hard.status === "endless" || (scene.gravity > 0 && [soft, hard].some((run) => !isEarly(run) && run.apex.some(Number.isNaN)));
 
 function outcomeOf(soft, hard, c) {
   const [s, h] = [pairOutcome(soft, c), pairOutcome(hard, c)];

@@ -1,5 +1,6 @@
 // What a soft pair can be, and what events make of it: open (ξ ≤ 0), active (F > 0), residual (ξ > 0, F clipped at 0),
 // dormant (touching at rest beside a force: who wins is read off the series) or at rest (in a pile on the floor).
+import { noteTouch } from "./apex.mjs";
 import { EXACT, HELD, PUSHES, WIDTH } from "./series.mjs";
 import { isNoise, pairsOf, velocities } from "./scenes.mjs";
 
@@ -17,8 +18,8 @@ export const PART = 3;
 export const softPairs = (scene, eps, k) => pairsOf(scene, eps, k).map((p) => new SoftPair(p));
 
 class SoftPair {
-  constructor({ gap, rate, lower, upper, mEff, k, gamma, pull, duration }) {
-    Object.assign(this, { lower, upper, mEff, k, gamma, pull, duration });
+  constructor({ gap, rate, lower, upper, mEff, k, eps, gamma, pull, duration }) {
+    Object.assign(this, { lower, upper, mEff, k, eps, gamma, pull, duration });
     this.inverse = lower + upper;
     this.xi = -gap;
     this.eta = -rate;
@@ -63,7 +64,7 @@ export function act(run, c, what) {
 export function activate(run, c) {
   const p = run.pairs[c], { until } = run;
   if (until && until.pair === c && p.count + 1 === until.nth) return false;
-  for (const i of [c, c + 1]) run.touched[i] = true;
+  noteTouch(run, c, run.pairs[0].count + (c === 0));
   p.open = { pair: c, begin: run.t, end: NaN, vIn: pairVelocities(run, c), vOut: [NaN, NaN], impulse: 0, ongoing: false };
   run.contacts.push(p.open);
   p.exact = p.mode === RESIDUAL;

@@ -17,6 +17,17 @@ export function ballStack({ n = 3, massRatio = 0.1, gap = 1e-4, height = 1 }) {
   return aboveFloor(mass, mass.map((m) => radiusOf(m, DENSITY)), height, gap, "separated");
 }
 
+// One ball of a given mass on a floor, for three bounces.
+export function bouncingBall({ m1, r1, height }) {
+  return aboveFloor([m1], [r1], height, 0, { pair: 0, nth: 4 });
+}
+
+// Two balls of given masses and radii; the next bounces on the floor, if they are asked for, are part of the run, and
+// heights count from the last of them on.
+export function realBalls({ m1, r1, m2, r2, gap, height, bounces }) {
+  return { ...aboveFloor([m1, m2], [r1, r2], height, gap, { pair: 0, nth: bounces + 1 }), bounces };
+}
+
 // Equal balls in a row, some of which arrive from the left.
 export function newtonsCradle({ n = 5, moving = 1, gap = 0, speed = 1 }) {
   const mass = Array(n).fill(1);
@@ -30,14 +41,17 @@ function aboveFloor(mass, radius, drop, gap, until) {
   const n = mass.length, impact = Math.sqrt(2 * GRAVITY * drop);
   return {
     mass: [Infinity, ...mass], radius: [0, ...radius], gap: [drop, ...Array(n - 1).fill(gap)],
-    velocity: Array(n + 1).fill(0), gravity: GRAVITY, until, tEnd: (10 * impact) / GRAVITY, impact, drop,
+    velocity: Array(n + 1).fill(0), gravity: GRAVITY, until, tEnd: (10 * impact) / GRAVITY, impact, drop, bounces: 1,
   };
 }
 
-// Per pair: stiffness, damping of the given restitution, shares of the bodies, gravity's closing acceleration of the gap.
-export function pairsOf(scene, eps, k) {
-  const zeta = dampingRatio(eps);
+// One number for all pairs, or one per pair from the bottom up.
+const each = (value, c) => (Array.isArray(value) ? value[c] : value);
+
+// Per pair: stiffness, damping of its restitution, shares of the bodies, gravity's closing acceleration of the gap.
+export function pairsOf(scene, restitution, stiffness) {
   return scene.gap.map((gap, c) => {
+    const [eps, k] = [each(restitution, c), each(stiffness, c)], zeta = dampingRatio(eps);
     const [m1, m2] = [scene.mass[c], scene.mass[c + 1]], light = Math.min(m1, m2), heavy = Math.max(m1, m2);
     const mEff = light / (1 + light / heavy), small = light / heavy / (1 + light / heavy);
     const [low, high] = m1 >= m2 ? [small, 1 - small] : [1 - small, small];
@@ -51,7 +65,8 @@ export function pairsOf(scene, eps, k) {
 
 // Elastic balls are left with relative speeds of 1e-16 of theirs, and meet again after 1e12 s: that is rounding.
 export const ROUNDING = 1e-12;
-export const isNoise = ({ scene, eps }, rate) => eps === 1 && Math.abs(rate) <= ROUNDING * scene.impact;
+export const isElastic = (pairs) => pairs.every((p) => p.eps === 1);
+export const isNoise = ({ scene, elastic }, rate) => elastic && Math.abs(rate) <= ROUNDING * scene.impact;
 
 // Velocities of the bodies from the rates of the gaps: counted from the floor, or from the centre of mass.
 export function velocities(scene, rates) {

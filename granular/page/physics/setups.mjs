@@ -1,69 +1,101 @@
-// What the page can run: three scenes with their sliders, presets, and the one number by which the engines are compared.
-import { quantity } from "../shell/format.mjs";
-import { pairOutcome } from "./measures.mjs";
-import { effectiveRestitution } from "./outcome.mjs";
-import { ballStack, newtonsCradle, threeBalls } from "./scenes.mjs";
+// What the page can run: five scenes with their sliders and presets, their contacts, and what is asked of a guess.
+import { aloneOf, contactsOf } from "./balls.mjs";
+import { isEarly } from "./measures.mjs";
+import { ballStack, bouncingBall, newtonsCradle, realBalls, threeBalls } from "./scenes.mjs";
 
 const EPS = { name: "eps", symbol: "ε", label: "restitution", unit: "", min: 0.1, max: 1, scale: "linear" };
-const GAP = { name: "gap", symbol: "Δh", label: "gap between balls", unit: "m", min: 1e-7, max: 1e-2, scale: "log", zero: true };
-const K = { name: "k", symbol: "k", label: "stiffness", unit: "N/m", min: 1e5, max: 1e9, scale: "log" };
-const HEIGHT = { name: "height", symbol: "h", label: "drop height", unit: "m", min: 0.15, max: 2, scale: "linear" };
-const COUNT = { name: "n", symbol: "N", label: "number of balls", unit: "", min: 2, max: 8, scale: "whole" };
+const GAP = { name: "gap", symbol: "Δh", label: "gap", unit: "m", min: 1e-7, max: 0.1, scale: "log", zero: true };
+const K = { name: "k", symbol: "k", label: "stiffness", unit: "N/m", min: 4e3, max: 1e9, scale: "log" };
+const HEIGHT = { name: "height", symbol: "h", label: "drop", unit: "m", min: 0.15, max: 2, scale: "linear" };
+const COUNT = { name: "n", symbol: "N", label: "count", unit: "", min: 2, max: 8, scale: "whole" };
 
-const ONE = "; this is one ball, the verdict judges all";
+// Mass, radius, contact time on the floor, restitution, and whether it is filled with air, of ball i.
+const ballSliders = (i, group) => [
+  { name: `m${i}`, symbol: "m", label: "mass", unit: "kg", min: 1e-3, max: 2, scale: "log", group },
+  { name: `r${i}`, symbol: "R", label: "radius", unit: "m", min: 2e-3, max: 0.15, scale: "log", group },
+  { name: `t${i}`, symbol: "t_c", label: "time", unit: "s", min: 1e-5, max: 0.03, scale: "log", group },
+  { name: `e${i}`, symbol: "ε", label: "restitution", unit: "", min: 0.1, max: 1, scale: "linear", group },
+];
+const air = (i, group) => ({ name: `air${i}`, label: "air", min: 0, max: 1, scale: "choice", options: ["no", "yes"], group });
+const RULE = { name: "rule", label: "rule", min: 0, max: 1, scale: "choice", options: ["rule-lens", "rule-series"] };
+const BOUNCES = { name: "bounces", label: "bounces", min: 1, max: 2, scale: "choice", options: ["first", "second"] };
+
 const lastOf = (run) => run.scene.mass.length - 1;
 const exit = (run) => {
   const last = run.contacts.filter((c) => c.pair === lastOf(run) - 1 && !Number.isNaN(c.end)).pop();
   return last ? last.vOut[1] : run.scene.velocity[lastOf(run)];
 };
+const uniform = ({ eps, k }) => ({ eps, k });
+const inDrops = (run) => (isEarly(run) ? NaN : run.apex[lastOf(run)] / run.scene.drop);
+const inArrivals = (run) => (isEarly(run) ? NaN : exit(run) / run.scene.impact);
+const FALL = { measure: inDrops, measured: "in-drops", most: 10 };
 
+// Presets of real balls are `offer`ed from the data of granular/balls.py.
 export const SETUPS = {
+  "real-balls": {
+    make: realBalls, contacts: contactsOf, sliders: [GAP, HEIGHT, RULE, BOUNCES, ...ballSliders(2, "upper"), air(2, "upper"), ...ballSliders(1, "lower"), air(1, "lower")],
+    presets: {}, ...FALL,
+  },
   "three-balls": {
-    title: "Two balls and the floor", make: threeBalls,
-    sliders: [GAP, EPS, { name: "ratio", symbol: "R₁/R₂", label: "radius ratio", unit: "", min: 0.5, max: 50, scale: "log" }, K,
-      { ...HEIGHT, label: "height of the lower ball’s centre", symbol: "z₁" }],
+    make: threeBalls, contacts: uniform,
+    sliders: [GAP, EPS, { name: "ratio", symbol: "R₁/R₂", label: "ratio", unit: "", min: 0.5, max: 50, scale: "log" }, K, { ...HEIGHT, label: "centre", symbol: "z₁" }],
     presets: {
-      "the paper": { eps: 0.7, gap: 1e-4, ratio: 10, k: 5e7, height: 0.6 }, elastic: { eps: 1 }, soft: { k: 5e5 },
-      "far apart": { gap: 1e-2 }, touching: { gap: 0 },
+      paper: { eps: 0.7, gap: 1e-4, ratio: 10, k: 5e7, height: 0.6 }, elastic: { eps: 1 }, soft: { k: 5e5 },
+      apart: { gap: 1e-2 }, touching: { gap: 0 },
     },
-    measure: (eps) => (run) => effectiveRestitution(pairOutcome(run, 1).speed, run.scene.impact) / eps,
-    measureName: "ε_eff / ε", question: "How fast will the two balls part, in units of the impact speed?",
-    asked: (run) => pairOutcome(run, 1).speed / run.scene.impact, most: 3,
+    ...FALL,
   },
   "ball-stack": {
-    title: "Kerwin’s stack", make: ballStack,
-    sliders: [GAP, EPS, COUNT, { name: "massRatio", symbol: "μ", label: "mass ratio to the ball below", unit: "", min: 0.1, max: 1, scale: "log" },
-      K, HEIGHT],
+    make: ballStack, contacts: uniform,
+    sliders: [GAP, EPS, COUNT, { name: "massRatio", symbol: "μ", label: "mass-ratio", unit: "", min: 0.1, max: 1, scale: "log" }, K, HEIGHT],
     presets: {
-      "light on heavy": { eps: 0.9, gap: 1e-4, n: 3, massRatio: 0.1, k: 5e7, height: 1 }, elastic: { eps: 1 }, soft: { k: 5e5 },
-      "far apart": { gap: 1e-2 }, touching: { gap: 0 },
+      light: { eps: 0.9, gap: 1e-4, n: 3, massRatio: 0.1, k: 5e7, height: 1 }, elastic: { eps: 1 }, soft: { k: 5e5 },
+      apart: { gap: 1e-2 }, touching: { gap: 0 },
     },
-    measure: () => (run) => exit(run) / run.scene.impact,
-    measureName: "launch / impact speed", one: ONE, question: "How fast will the top ball leave, in units of the impact speed?",
-    asked: (run) => exit(run) / run.scene.impact, most: 12,
+    ...FALL, most: 60,
   },
   "newtons-cradle": {
-    title: "Newton’s cradle", make: newtonsCradle,
-    sliders: [GAP, EPS, { ...COUNT, max: 9 }, { name: "moving", symbol: "M", label: "balls that arrive", unit: "", min: 1, max: 8, scale: "whole" },
-      K, { name: "speed", symbol: "v", label: "arrival speed", unit: "m/s", min: 0.1, max: 3, scale: "linear" }],
+    make: newtonsCradle, contacts: uniform,
+    sliders: [GAP, EPS, { ...COUNT, max: 9 }, { name: "moving", symbol: "M", label: "arriving", unit: "", min: 1, max: 8, scale: "whole" },
+      K, { name: "speed", symbol: "v", label: "arrival-speed", unit: "m/s", min: 0.1, max: 3, scale: "linear" }],
     presets: {
-      "almost touching": { eps: 0.95, gap: 1e-6, n: 5, moving: 1, k: 5e7, speed: 1 }, elastic: { eps: 1 }, soft: { k: 5e5 },
-      "far apart": { gap: 1e-2 }, touching: { gap: 0, eps: 1 },
+      almost: { eps: 0.95, gap: 1e-6, n: 5, moving: 1, k: 5e7, speed: 1 }, elastic: { eps: 1 }, soft: { k: 5e5 },
+      apart: { gap: 1e-2 }, touching: { gap: 0, eps: 1 },
     },
-    measure: () => (run) => exit(run) / run.scene.impact,
-    measureName: "last ball / arrival speed", one: ONE, question: "How fast will the last ball leave, in units of the arrival speed?",
-    asked: (run) => exit(run) / run.scene.impact, most: 2,
+    measure: inArrivals, measured: "in-arrivals", most: 2,
+  },
+  "bouncing-ball": {
+    make: bouncingBall, contacts: aloneOf, sliders: [HEIGHT, ...ballSliders(1, "")],
+    presets: {}, ...FALL, most: 1,
   },
 };
+export const FIRST = "three-balls"; // what a link without a scene means
 
-// What was asked for and cannot be: in words.
+export const ballValues = ({ mass, radius, duration, restitution, filled }, i) =>
+  ({ [`m${i}`]: mass, [`r${i}`]: radius, [`t${i}`]: duration, [`e${i}`]: restitution, [`air${i}`]: Number(filled) });
+
+const GAPS = []; // from which on hard spheres are right, by balls
+
+export function enoughFor(values) {
+  return GAPS.find(([both]) => Object.keys(both).every((key) => both[key] === values[key]))?.[1] ?? NaN;
+}
+
+export function offer({ balls, pairs }) {
+  for (const [lower, upper, gap] of pairs) {
+    const both = { ...ballValues(balls[lower], 1), ...ballValues(balls[upper], 2) };
+    SETUPS["real-balls"].presets[`${lower}+${upper}`] = { ...both, gap: 0, height: 1, rule: 0, bounces: 1 };
+    GAPS.push([both, gap]);
+  }
+  for (const name in balls) SETUPS["bouncing-ball"].presets[name] = { ...ballValues(balls[name], 1), height: 1 };
+}
+
+// What was asked for and cannot be: the slider, what was asked, and what is shown.
 export function refused(name, given) {
   const values = cleaned(name, given);
-  return SETUPS[name].sliders.flatMap(({ name: key, symbol, unit, min, max, zero }) => {
-    const asked = given[key], x = Number(asked ?? NaN), wide = 1e-9 * Math.abs(x);
+  return SETUPS[name].sliders.flatMap((slider) => {
+    const { name: key, min, max, zero } = slider, asked = given[key], x = Number(asked ?? NaN), wide = 1e-9 * Math.abs(x);
     if (asked === undefined || (zero && x === 0) || (asked !== "" && x >= min - wide && x <= max + wide && Math.abs(values[key] - x) <= wide)) return [];
-    const range = `${zero ? "0 or " : ""}${quantity(min, unit)} to ${quantity(max, unit)}`;
-    return [`${symbol} cannot be ${asked || "nothing"} here (${range}): ${quantity(values[key], unit)} is shown.`];
+    return [{ slider, asked, shown: values[key] }];
   });
 }
 
@@ -73,12 +105,11 @@ export function cleaned(name, given) {
   for (const { name: key, min, max, scale, zero } of setup.sliders) {
     const x = Number(given[key] ?? NaN);
     if (Number.isNaN(x)) continue;
-    values[key] = zero && x < min / 2 ? 0 : Math.min(max, Math.max(min, scale === "whole" ? Math.round(x) : x));
+    values[key] = zero && x < min / 2 ? 0 : Math.min(max, Math.max(min, scale === "whole" || scale === "choice" ? Math.round(x) : x));
   }
   if ("moving" in values) values.moving = Math.min(values.moving, values.n - 1);
   return values;
 }
 
-export function sceneOf(name, values) {
-  return SETUPS[name].make(values);
-}
+export const sceneOf = (name, values) => SETUPS[name].make(values);
+export const contactsIn = (name, values) => SETUPS[name].contacts(values);

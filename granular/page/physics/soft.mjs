@@ -7,7 +7,7 @@ import { gapAfter, rateAtContact, timeToContact } from "./flight.mjs";
 import { act, activate, ACTIVE, BEGIN, direction, DORMANT, END, engage, handOver, judge, NOTHING, OPEN, PART, pushes, recedes, RESIDUAL, RESTING, softPairs, softVelocities } from "./pairs.mjs";
 import { holdPile, provedToRest } from "./rest.mjs";
 import { firstUpCrossing, workspace } from "./roots.mjs";
-import { heights } from "./scenes.mjs";
+import { heights, isElastic } from "./scenes.mjs";
 import { ORDER, Series, WIDTH } from "./series.mjs";
 
 const work = workspace(ORDER), clipped = new Float64Array(ORDER + 1);
@@ -52,7 +52,7 @@ function goOn(run) {
 function start(scene, eps, k, record, maxSteps) {
   const pairs = softPairs(scene, eps, k), series = new Series(pairs), { until, tEnd } = scene;
   return {
-    scene, eps, pairs, series, t: 0, until, tEnd, status: "", contacts: [], pieces: record ? [] : null,
+    scene, elastic: isElastic(pairs), pairs, series, t: 0, until, tEnd, status: "", contacts: [], pieces: record ? [] : null,
     steps: 0, maxSteps, shared: 0, impulse: 0, fired: -1, what: NOTHING, tau: 0, ...startApexes(scene),
   };
 }

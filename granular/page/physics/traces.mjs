@@ -18,7 +18,7 @@ function recalled({ series, pieces }, t) {
   return (Math.min(t, piece.end) - piece.t) / piece.h;
 }
 
-function softGaps(run, t) {
+export function softGaps(run, t) {
   const tau = recalled(run, t);
   return run.scene.gap.map((_, c) => -run.series.at("x", c, tau));
 }
@@ -30,7 +30,7 @@ export function softForce(run, c, t) {
 
 export const softForces = (run, t) => run.scene.gap.map((_, c) => softForce(run, c, t));
 
-function hardGaps({ scene, flights }, t) {
+export function hardGaps({ scene, flights }, t) {
   const flight = lastBefore(flights, t), dt = Math.max(0, t - flight.t);
   return flight.gap.map((gap, c) => {
     const pull = scene.gravity * ((scene.mass[c + 1] === Infinity ? 0 : 1) - (scene.mass[c] === Infinity ? 0 : 1));
@@ -50,9 +50,9 @@ export function largestForce({ series, pieces }) {
 // Both runs over a span: evenly in time and at the kinks that hard collisions make, as far as they can be told apart.
 // Lowest and highest point with it.
 export function samplesOf({ soft, hard }, [begin, end]) {
-  const even = Array.from({ length: 121 }, (_, i) => begin + (i / 120) * (end - begin));
+  const n = soft.scene.mass.length > 5 ? 72 : 120, even = Array.from({ length: n + 1 }, (_, i) => begin + (i / n) * (end - begin));
   const finest = (end - begin) / 800, kinks = hard.contacts.map((c) => c.begin).filter((t, i, all) => i === 0 || t - all[i - 1] > finest);
-  const times = [...even, ...kinks.slice(0, 100)].sort((a, b) => a - b);
+  const times = [...even, ...kinks.slice(0, 50)].sort((a, b) => a - b);
   const rows = { soft: times.map((t) => softHeights(soft, t)), hard: times.map((t) => hardHeights(hard, t)) };
   let low = Infinity, high = -Infinity;
   for (const row of [...rows.soft, ...rows.hard]) {

@@ -92,6 +92,7 @@ export class Chart {
   }
 
   playhead(value) {
+    if (!this.xs) return; // nothing is drawn yet
     const x = this.x(value).toFixed(1), hidden = value < this.xs[0] || value > this.xs[1];
     set(this.head, { x1: x, x2: x, visibility: hidden ? "hidden" : "visible" });
   }

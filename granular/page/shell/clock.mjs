@@ -1,12 +1,16 @@
 // Transport: play, pause, step, restart, scrub; by buttons, by the time bar, by keys. It owns the time shown.
 import { $, set, text } from "./dom.mjs";
-import { quantity } from "./format.mjs";
+import { digits, quantity } from "./format.mjs";
 
 const SKIP = 0.01;
+const ENGLISH = {
+  slowed: ({ n }) => `slowed ${n} ×`, faster: ({ n }) => `${n} × faster than life`, "time-of": ({ now, whole }) => `${now} of ${whole}`,
+  play: () => "play", pause: () => "pause",
+};
 
 export class Clock {
-  constructor(root, { show, stops = () => [], locked = () => false, duration = 9 }) {
-    Object.assign(this, { root, show, stops, locked, duration, playing: false, share: 0, span: [0, 1], last: 0 });
+  constructor(root, { show, stops = () => [], locked = () => false, duration = 9, say = (key, values) => ENGLISH[key](values) }) {
+    Object.assign(this, { root, show, stops, locked, duration, say, playing: false, share: 0, span: [0, 1], last: 0 });
     this.bar = $(".time-bar", root);
     this.button = $(".play", root);
     this.readout = $(".time-now", root);
@@ -29,7 +33,7 @@ export class Clock {
   setDuration(seconds) {
     this.duration = seconds;
     const slower = seconds / (this.span[1] - this.span[0]);
-    const pace = slower >= 1 ? `slowed ${String(Math.round(slower)).replace(/\B(?=(\d{3})+$)/g, " ")} ×` : `${(1 / slower).toPrecision(2)} × faster than life`;
+    const pace = slower >= 1 ? this.say("slowed", { n: String(Math.round(slower)).replace(/\B(?=(\d{3})+$)/g, " ") }) : this.say("faster", { n: digits(1 / slower, 2) });
     text($(".slowdown", this.root), pace);
   }
 
@@ -41,7 +45,7 @@ export class Clock {
     this.share = this.locked() ? 0 : Math.min(1, Math.max(0, share));
     const now = quantity(this.time - this.span[0], "s", 4), whole = quantity(this.span[1] - this.span[0], "s", 3);
     this.bar.value = Math.round(this.share * this.bar.max);
-    set(this.bar, { "aria-valuetext": `${now} of ${whole}` });
+    set(this.bar, { "aria-valuetext": this.say("time-of", { now, whole }) });
     text(this.readout, now);
     this.show(this.time);
   }
@@ -69,7 +73,7 @@ export class Clock {
   }
 
   mark() {
-    set(this.button, { "aria-label": this.playing ? "pause" : "play", "aria-pressed": String(this.playing) });
+    set(this.button, { "aria-label": this.say(this.playing ? "pause" : "play"), "aria-pressed": String(this.playing) });
   }
 
   toggle() {
@@ -96,16 +100,18 @@ export class Clock {
   }
 
   key(event) {
-    const focus = event.target, typing = focus.matches("input, select, textarea") && focus !== this.bar;
+    const focus = event.target, key = event.key.length === 1 ? event.key.toLowerCase() : event.key, isLetter = key.length === 1;
+    const slides = focus.matches("input[type=range], [role=slider]"), typing = focus.matches("input, select, textarea") && !slides;
     if (this.locked() || typing || event.ctrlKey || event.metaKey || event.altKey) return;
-    if (event.key === " " && focus.matches("button, summary, a") && focus !== this.button) return;
+    if (slides && !isLetter && focus !== this.bar) return; // arrows belong to the slider that has the focus
+    if (key === " " && focus.matches("button, summary, a") && focus !== this.button) return;
     const actions = {
       " ": () => this.toggle(), ArrowRight: () => (event.shiftKey ? this.leap(1) : this.step(1)),
       ArrowLeft: () => (event.shiftKey ? this.leap(-1) : this.step(-1)), Home: () => this.restart(), r: () => this.restart(),
       End: () => this.pause() || this.go(1),
     };
-    if (!(event.key in actions)) return;
+    if (!Object.hasOwn(actions, key)) return;
     event.preventDefault();
-    actions[event.key]();
+    actions[key]();
   }
 }

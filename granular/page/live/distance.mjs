@@ -1,0 +1,56 @@
+// The distance of the two balls on its own scale: the hops that are far too small for the paths.
+import { Chart, tickName, ticks } from "../shell/axes.mjs";
+import { $ } from "../shell/dom.mjs";
+import { quantity, unitFor } from "../shell/format.mjs";
+import { pairName } from "../physics/verdict.mjs";
+import { plain, told } from "./words.mjs";
+
+export class Distance {
+  constructor() {
+    this.chart = new Chart($(".distance"), { height: 170, label: "", top: 18 });
+  }
+
+  load(report, watched, { clock, end, unitName }) {
+    $(".distance-box").hidden = !watched;
+    this.clock = watched ? clock : null;
+    if (!watched) return;
+    const { chart } = this, { range, depth, hops, touches } = watched, top = 1.3 * range, bottom = -Math.min(1.15 * depth, 0.8 * range);
+    const [unit, name] = unitFor(top, "m"), within = ([t, y]) => [clock(t), Math.min(top, Math.max(bottom, y)) / unit];
+    chart.scales([0, end], [bottom / unit, top / unit]);
+    chart.xTicks(ticks([0, end], 6), tickName, plain("time-in", { unit: unitName }));
+    chart.yTicks(ticks([bottom / unit, top / unit], 4), tickName, name);
+    chart.line([[0, 0], [end, 0]], { class: "zero-line" });
+    chart.line(watched.hard.map(within), { class: "hard-line" });
+    chart.line(watched.soft.map(within), { class: "soft-line strong" });
+    this.number(touches);
+    this.measure(hops, unit);
+    chart.finish();
+    told($(".distance-key"), "distance-key", { pair: pairName(report.scene, watched.pair) });
+    const heights = hops.slice(0, 12).map((hop) => quantity(hop.height, "m", 2)).join(", ");
+    chart.svg.setAttribute("aria-label", plain("distance-said", { n: touches.length, hops: heights || "–" }));
+  }
+
+  show(t) {
+    if (this.clock) this.chart.playhead(this.clock(t));
+  }
+
+  number(touches) {
+    let last = -Infinity;
+    touches.forEach((t, i) => {
+      const x = this.chart.x(this.clock(t));
+      if (x - last < 13) return;
+      this.chart.note(String(i + 1), { x: (x + 5).toFixed(1), y: 13, "text-anchor": "middle", class: "count" });
+      last = x;
+    });
+  }
+
+  measure(hops, unit) {
+    let last = -Infinity;
+    for (const { time, height } of hops) {
+      const x = this.chart.x(this.clock(time));
+      if (x - last < 46) continue;
+      this.chart.note(quantity(height, "m", 2), { x: x.toFixed(1), y: (this.chart.y(height / unit) - 5).toFixed(1), "text-anchor": "middle", class: "bar-value soft" });
+      last = x;
+    }
+  }
+}

@@ -1,0 +1,38 @@
+// What a move of a slider draws a moment later, one piece at a time when nothing else is to be done: what is judged and
+// dragged is painted first. Pieces take turns, so none waits for ever while a slider moves.
+const PATIENCE = 100; // ms
+
+const idle = window.requestIdleCallback ? (work) => requestIdleCallback(work, { timeout: PATIENCE }) : (work) => setTimeout(work, 30);
+
+export class Later {
+  constructor() {
+    Object.assign(this, { jobs: new Map(), isWaiting: false });
+  }
+
+  // Jobs by name; one that still waits keeps its turn.
+  plan(jobs) {
+    for (const [name, job] of Object.entries(jobs)) this.jobs.set(name, job);
+    this.wait();
+  }
+
+  wait() {
+    if (this.isWaiting || !this.jobs.size) return;
+    this.isWaiting = true;
+    idle(() => {
+      this.isWaiting = false;
+      this.next();
+      this.wait();
+    });
+  }
+
+  next() {
+    const [first] = this.jobs;
+    if (!first) return;
+    this.jobs.delete(first[0]);
+    first[1]();
+  }
+
+  flush() {
+    while (this.jobs.size) this.next();
+  }
+}

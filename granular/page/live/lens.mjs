@@ -1,0 +1,37 @@
+// A lens on the place where two balls touch: their distance on its own scale, and its number.
+import { set, svg, text } from "../shell/dom.mjs";
+import { digits, quantity } from "../shell/format.mjs";
+
+export class Lens {
+  constructor(engine) {
+    const id = `lens-${engine}`;
+    this.cut = svg("circle");
+    this.glass = svg("circle", { class: "lens-glass" });
+    [this.lower, this.upper] = ["lower", "upper"].map((side) => svg("circle", { class: `lens-ball ${side}` }));
+    this.stalk = svg("line", { class: "lens-stalk" });
+    this.value = svg("text", { class: "lens-value", "text-anchor": "middle" });
+    this.times = svg("text", { class: "lens-times", "text-anchor": "middle" });
+    const inside = svg("g", { "clip-path": `url(#${id})` }, this.lower, this.upper);
+    this.element = svg("g", { class: "lens" }, svg("clipPath", { id }, this.cut), this.stalk, this.glass, inside, svg("circle", { class: "lens-rim" }), this.value, this.times);
+    this.rim = this.element.querySelector(".lens-rim");
+  }
+
+  // Round (cx, cy), of radius r; `range` is the distance in m that fills most of it, `natural` how many pixels a metre has.
+  layout({ cx, cy, r, upright, range, natural }) {
+    Object.assign(this, { cx, cy, r, upright, scale: (0.9 * r) / range });
+    for (const circle of [this.cut, this.glass, this.rim]) set(circle, { cx, cy, r });
+    set(this.value, { x: cx, y: cy + r + 17 });
+    set(this.times, { x: cx, y: cy - r - 7 });
+    text(this.times, `× ${digits(this.scale / natural, 2)}`);
+  }
+
+  show(distance, touch) {
+    const { cx, cy, r, upright, scale } = this, big = 3 * r;
+    const half = Math.min(2 * r, Math.max(-r, distance * scale)) / 2 + big;
+    for (const [circle, side] of [[this.lower, upright ? 1 : -1], [this.upper, upright ? -1 : 1]]) {
+      set(circle, upright ? { cx, cy: (cy + side * half).toFixed(2), r: big } : { cx: (cx + side * half).toFixed(2), cy, r: big });
+    }
+    set(this.stalk, { x1: touch[0], y1: touch[1], x2: cx - r, y2: cy });
+    text(this.value, quantity(distance, "m", 2));
+  }
+}

@@ -1,0 +1,42 @@
+// Real balls: whether both engines agree in heights, and how far that hangs on contact times that are estimates.
+import { $, whenIdle } from "../shell/dom.mjs";
+import { digits } from "../shell/format.mjs";
+import { ballValues } from "../physics/setups.mjs";
+import { spreadOf } from "../physics/spread.mjs";
+import { told } from "./words.mjs";
+
+const USUAL = 1.2, ALIKE = 0.05; // factor of a contact time; heights that differ less are told to agree
+
+// The verdict of the story: in heights, and not as strict as that of the laboratory.
+export function inHeights({ finals, scene }) {
+  const [hard, soft] = ["hard", "soft"].map((engine) => finals[engine].at(-1).rise / scene.drop);
+  const agree = Math.abs(hard - soft) <= ALIKE * Math.max(hard, soft);
+  return { kind: agree ? "yes" : "off", verdict: { say: agree ? "heights-agree" : "heights-differ", hard, soft } };
+}
+
+export class Spread {
+  constructor(balls) {
+    this.balls = Object.values(balls);
+  }
+
+  // Nine more runs, when nothing else is to be done.
+  load(name, values) {
+    const key = name === "real-balls" ? JSON.stringify(values) : "";
+    $(".spread").hidden = !key;
+    if (!key || key === this.key) return;
+    this.key = key;
+    whenIdle(() => key === this.key && this.show(values));
+  }
+
+  show(values) {
+    const factors = [1, 2].map((i) => this.factorOf(values, i)), found = spreadOf(values, factors);
+    if (!found) return told($(".spread"), "");
+    const uncertain = Math.max(...factors) > 1.5 ? { say: "factor-two" } : { say: "twenty-percent" };
+    told($(".spread"), "spread", { low: digits(found[0], 2), high: digits(found[1], 2), uncertain });
+  }
+
+  factorOf(values, i) {
+    const same = (ball) => Object.entries(ballValues(ball, i)).every(([key, x]) => Math.abs(values[key] - x) <= 1e-9 * x);
+    return this.balls.find(same)?.spread ?? USUAL;
+  }
+}

@@ -1,0 +1,17 @@
+// The verdict in one line: in heights in the story, as `granular compare` judges in the laboratory. While a slider moves it
+// changes at once for the eye, but is announced only when it rests.
+import { $, text } from "../shell/dom.mjs";
+import { inHeights } from "./real.mjs";
+import { plain, told } from "./words.mjs";
+
+const REST = 350; // ms without a change
+
+export class Spoken {
+  load(report, isStory, covered) {
+    const { kind, verdict } = isStory ? inHeights(report) : report;
+    told($(".verdict-words"), verdict.say, verdict);
+    $(".verdict").classList.toggle("yes", kind.startsWith("yes") || kind === "timing");
+    clearTimeout(this.waiting);
+    this.waiting = setTimeout(() => text($(".announced"), covered ? "" : plain(verdict.say, verdict)), REST);
+  }
+}

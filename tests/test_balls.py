@@ -1,0 +1,88 @@
+"""Real balls: what the data say of one ball and of two, against other ways to say it."""
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+import granular as gr
+from granular.balls import BALLS, PRESETS, RULES, Ball, contact
+
+PAGE = (Path(__file__).parents[1] / "docs" / "page.md").read_text(encoding="utf-8")
+ROW = re.compile(r"^\| [a-z][^,|]*, [^|]* \| ([\d.]+) \| ([\d.]+)(?: \(([\d.]+)\))?", re.MULTILINE)
+
+
+@pytest.mark.parametrize("name", BALLS)
+def test_a_ball_lasts_and_returns_what_the_data_say(name) -> None:
+    ball = BALLS[name]
+    scene = gr.scenes.real_balls(name, None)
+    law = gr.LinearDashpot.from_restitution(ball.restitution, ball.stiffness, scene.pairs[0])
+    bounce = gr.binary.collision(law, scene.pairs[0], 4.43)
+    assert bounce.duration == pytest.approx(ball.duration, rel=1e-9)
+    assert bounce.restitution == pytest.approx(ball.restitution, rel=1e-9)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_two_equal_balls_return_what_one_does_and_halve_the_stiffness(rule) -> None:
+    for ball in BALLS.values():
+        both = contact(ball, ball, rule)
+        assert both.restitution == pytest.approx(ball.restitution)
+        assert both.stiffness == pytest.approx(0.5 * ball.stiffness)
+
+
+def test_a_ball_on_what_is_all_but_rigid_is_a_ball_on_a_floor() -> None:
+    soft, rigid = BALLS["tennis ball"], Ball(1.0, 0.1, 1e-9, 0.5)
+    for lower, upper in ((soft, rigid), (rigid, soft)):
+        both = contact(lower, upper, "series")
+        assert (both.stiffness, both.restitution) == pytest.approx((soft.stiffness, soft.restitution), rel=1e-4)
+
+
+def test_only_an_air_filled_lower_ball_is_a_lens() -> None:
+    for lower, upper, _ in PRESETS:
+        series, lens = contact(lower, upper, "series").stiffness, contact(lower, upper, "lens").stiffness
+        assert (lens < series) is BALLS[lower].filled
+        one, two = BALLS[lower], BALLS[upper]
+        if one.filled and two.filled:
+            assert lens == pytest.approx(one.stiffness * two.radius / (one.radius + two.radius))
+
+
+def heights(lower, upper, rule="lens", gap=0.0):
+    """Heights of the upper ball in drop heights, hard and soft, of balls dropped from 1 m."""
+    scene, both, floor = gr.scenes.real_balls(lower, upper, gap), contact(lower, upper, rule), BALLS[lower]
+    eps, k = [floor.restitution, both.restitution], [floor.stiffness, both.stiffness]
+    law = [gr.LinearDashpot.from_restitution(*of) for of in zip(eps, k, scene.pairs, strict=True)]
+    report = gr.compare(scene, law, gr.ConstantRestitution(eps), until=gr.until.contact(pair=0, nth=2))
+    speeds = [gr.outcome.leaving_velocities(run)[2] for run in (report.hard, report.followed)]
+    return [v * v / (2.0 * scene.gravity) for v in speeds]
+
+
+def test_the_page_of_the_docs_shows_the_engines_heights() -> None:
+    rows = ROW.findall(PAGE)
+    assert len(rows) == len(PRESETS)
+    for (hard, soft, series), (lower, upper, _) in zip(rows, PRESETS, strict=True):
+        assert [float(hard), float(soft)] == pytest.approx(heights(lower, upper), abs=0.06)
+        if series:
+            assert float(series) == pytest.approx(heights(lower, upper, "series")[1], abs=0.06)
+
+
+def test_the_gap_of_a_preset_makes_both_agree_in_height() -> None:
+    for lower, upper, gap in PRESETS:
+        hard, soft = heights(lower, upper, gap=gap)
+        assert soft == pytest.approx(hard, rel=0.05)
+
+
+def test_misuse_is_one_sentence() -> None:
+    with pytest.raises(ValueError, match="ball is 'medicine ball': one of basketball, football"):
+        gr.scenes.real_balls("medicine ball")
+    with pytest.raises(ValueError, match="duration is 0"):
+        Ball(1.0, 0.1, 0.0, 0.5)
+    with pytest.raises(ValueError, match="rule is 'parallel': one of lens, series is needed"):
+        contact("basketball", "tennis ball", "parallel")
+
+
+def test_a_scene_is_the_balls_on_a_floor() -> None:
+    scene = gr.scenes.real_balls("basketball", "golf ball", gap=0.01, height=2.0)
+    assert scene.mass.tolist() == [math.inf, 0.624, 0.0459]
+    assert scene.gap.tolist() == [2.0, 0.01]
+    assert gr.scenes.real_balls("steel ball", None).n == 2

@@ -1,0 +1,350 @@
+"""The story of the teaching page, driven as pupils would: by mouse, keyboard and finger, in any language, on paper."""
+
+import base64
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from granular.page import assemble, live_page
+
+HERE = Path(__file__).parent / "page"
+sys.path.insert(0, str(HERE))
+
+import browser as chromium  # noqa: E402
+
+pytestmark = pytest.mark.skipif(
+    chromium.found() is None, reason="no Chromium or Chrome is installed: the pages are not driven here"
+)
+SCREENS = range(1, 8)
+
+
+@pytest.fixture(scope="module")
+def tab():
+    with chromium.Browser() as browser:
+        browser.call(
+            "Network.emulateNetworkConditions", offline=True, latency=0, downloadThroughput=0, uploadThroughput=0
+        )
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def story(tmp_path_factory):
+    path = tmp_path_factory.mktemp("story") / "story.html"
+    live_page(path)
+    return path.as_uri()
+
+
+@pytest.fixture
+def page(tab, story):
+    """The page as it opens, without a network; afterwards nothing may have been complained about or asked for."""
+    tab.size(1280, 900)
+    tab.media()
+    fresh(tab, story)
+    yield tab
+    assert tab.complaints == []
+    assert all(url.startswith(("file:", "data:", "blob:", "about:")) for url in tab.requests)
+
+
+def fresh(tab, url):
+    tab.open("about:blank")
+    tab.complaints.clear()
+    tab.requests.clear()
+    tab.open(url)
+    tab.wait("performance.getEntriesByName('drawn').length > 0")
+
+
+def settle(tab):
+    tab.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def text(tab, selector):
+    return tab.run(f"document.querySelector({selector!r}).textContent").replace("\u00a0", " ")
+
+
+def turn(tab, screen):
+    tab.run(f"document.querySelector('.steps [data-screen=\"{screen}\"]').click()")
+
+
+def rises(tab):
+    """Heights of the top ball, hard and soft, as the figures show them."""
+    return [text(tab, f".figure:nth-child(2) .{engine}") for engine in ("hard", "soft")]
+
+
+def test_the_story_begins_with_one_ball_and_ends_in_the_laboratory(page) -> None:
+    assert text(page, ".story-title") == "One ball alone"
+    titles = []
+    for _ in range(6):
+        page.mouse(*page.middle(".story-next"))
+        settle(page)
+        titles.append(text(page, ".story-title"))
+    assert titles[-1] == "The laboratory"
+    assert len(set(titles)) == 6
+    page.run("history.back()")
+    page.wait("document.body.dataset.screen === '6'")
+    page.wait("location.hash.startsWith('#screen=6')")
+
+
+def test_one_ball_bounces_alike_in_both_pictures(page) -> None:
+    for ball in ("golf ball", "steel ball", "superball"):
+        page.run(f"document.querySelector('[data-preset=\"{ball}\"]').click()")
+        settle(page)
+        said = page.run("document.querySelector('.rises svg').getAttribute('aria-label')")
+        hard, soft = (float(x.replace(" mm", "e-3").replace(" m", "")) for x in re.findall(r"[\d.]+ m?m", said))
+        assert soft == pytest.approx(hard, rel=0.02)
+
+
+def test_the_textbook_says_nine_then_seven_then_four(page) -> None:
+    turn(page, 2)
+    heights = []
+    for preset in ("textbook", "masses", "losses"):
+        page.run(f"document.querySelector('[data-preset={preset}]').click()")
+        settle(page)
+        heights.append(rises(page)[0])
+    assert [round(float(height)) for height in heights] == [9, 7, 4]
+    assert page.run("document.querySelector('.stage .soft').checkVisibility()") is False
+
+
+@pytest.mark.parametrize("way", ["mouse", "touch", "keyboard"])
+def test_a_guess_is_dragged_and_held_against_both(page, way) -> None:
+    turn(page, 3)
+    assert page.run("document.querySelector('.run').disabled")
+    assert not page.run("document.querySelector('.verdict').checkVisibility()")
+    x, y = page.middle(".ruler")
+    if way == "keyboard":
+        page.run("document.querySelector('.ruler').focus()")
+        for _ in range(20):
+            page.key("ArrowUp")
+        guess = 3.0
+    else:
+        getattr(page, way)(x, y + 100, to=(x, y))
+        guess = page.run("Number(document.querySelector('.ruler').getAttribute('aria-valuenow'))")
+        assert 4.0 < guess < 7.0
+    page.mouse(*page.middle(".run"))
+    settle(page)
+    assert text(page, ".told") == (
+        f"You guessed {guess:g} drop heights. Hard spheres say 3.95, soft spheres 2.32. "
+        f"You were nearer to the {'hard' if guess > 3.135 else 'soft'} spheres."
+    )
+    page.wait("document.querySelector('.film-caption').textContent === 'falling, as fast as life'")
+    assert page.run("document.querySelectorAll('.ruler-ball').length") == 4
+
+
+FASTER = """
+const now = performance.now.bind(performance), begin = now();
+performance.now = () => begin + 6 * (now() - begin);
+requestAnimationFrame = ((frame) => (f) => frame(() => f(performance.now())))(requestAnimationFrame);
+"""  # six times
+
+
+def test_the_film_has_three_times(page) -> None:
+    turn(page, 4)
+    page.run(FASTER)
+    page.mouse(*page.middle(".film-button"))
+    captions = "falling, as fast as life", "stop: the floor is reached", "450 × slower", "flying, as fast as life"
+    for caption in captions:
+        page.wait(f"document.querySelector('.film-caption').textContent === {caption!r}")
+
+
+def test_less_motion_is_a_still(page) -> None:
+    page.media(prefers_reduced_motion="reduce")
+    turn(page, 4)
+    page.mouse(*page.middle(".film-button"))
+    settle(page)
+    assert text(page, ".film-caption") == "the highest point"
+    page.media()
+
+
+THUMB = """
+(() => { const i = document.querySelector('[data-name=gap]'), b = i.getBoundingClientRect();
+         return b.x + 8 + (b.width - 16) * i.value / i.max; })()
+"""
+
+
+@pytest.mark.parametrize("way", ["mouse", "touch", "keyboard"])
+def test_the_gap_is_dragged_until_both_agree(page, way) -> None:
+    turn(page, 5)
+    assert text(page, ".verdict").startswith("They differ: hard spheres promise 3.95 drop heights, soft ones 2.32")
+    assert text(page, ".because-line").endswith("lasts 12 ms; balls 1 and 2 meet after 2.38 ms: too early.")
+    assert text(page, ".slider-note") == "v tc = 53 mm"
+    _, y = page.middle("[data-name=gap]")
+    mark = page.run("document.querySelector('.slider-mark').getBoundingClientRect().x")
+    start = page.run(THUMB)
+    if way == "keyboard":
+        page.run("document.querySelector('[data-name=gap]').focus()")
+        page.key("End")
+    else:
+        getattr(page, way)(start, y, to=(mark + 4, y))
+    settle(page)
+    assert text(page, ".verdict").startswith("They agree to 5 %")
+    if way == "mouse":  # the keys are the film's again
+        page.wait("document.activeElement === document.body")
+        page.key("ArrowRight")
+        assert page.run("Number(document.querySelector('.time-bar').value)") == 20
+
+
+def test_a_table_tennis_ball_flies_at_the_second_bounce(page) -> None:
+    turn(page, 6)
+    page.run("document.querySelector('[data-preset=\"basketball+table-tennis ball\"]').click()")
+    settle(page)
+    assert rises(page) == ["5.54", "0.718"]
+    page.mouse(*page.middle("[data-name=bounces] label:nth-of-type(2)"))
+    settle(page)
+    assert rises(page)[1] == "3.63"
+    page.wait("document.querySelector('.spread').textContent.includes('3.6 to 3.8 drop heights')")
+
+
+def test_a_pair_of_balls_offers_the_gap_that_is_enough(page) -> None:
+    turn(page, 6)
+    for pair in ("golf ball+table-tennis ball", "steel ball+small steel ball"):
+        page.run(f"document.querySelector('[data-preset=\"{pair}\"]').click()")
+        settle(page)
+        assert text(page, ".verdict").startswith("They differ")
+        page.mouse(*page.middle(".apart"))
+        settle(page)
+        assert text(page, ".verdict").startswith("They agree")
+
+
+EVERY = """
+(async () => {
+  const step = () => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))), faults = [];
+  const look = (what) => {
+    const told = document.querySelector('.verdict').textContent;
+    const drawn = [...document.querySelectorAll('main [d]')].map((e) => e.getAttribute('d'));
+    const shown = document.querySelector('main').textContent + drawn;
+    if (!told || /NaN|undefined|Infinity/.test(shown)) faults.push(what);
+  };
+  const pressed = async (button) => { button.click(); await step(); look(button.outerHTML); };
+  for (const button of [...document.querySelectorAll('.presets button')]) await pressed(button);
+  for (const radio of document.querySelectorAll('.choice input')) await pressed(radio);
+  const names = [...document.querySelectorAll('.sliders input[type=range]')].map((slider) => slider.dataset.name);
+  for (const name of names) {
+    for (const share of [0, 1, 0.5]) {
+      const slider = document.querySelector(`[data-name=${name}]`), low = Number(slider.min), high = Number(slider.max);
+      slider.value = Math.round(low + share * (high - low));
+      slider.dispatchEvent(new Event('input', { bubbles: true }));
+      await step();
+      look(`${name} ${share}`);
+    }
+  }
+  for (const button of document.querySelectorAll('.transport button')) await pressed(button);
+  return faults;
+})()
+"""
+
+
+@pytest.mark.parametrize("scene", ["real-balls", "three-balls", "ball-stack", "newtons-cradle", "bouncing-ball"])
+def test_every_control_of_every_scene_answers(page, story, scene) -> None:
+    fresh(page, f"{story}#scene={scene}")
+    assert page.run(EVERY) == []
+
+
+def test_words_are_explained_on_tap(page) -> None:
+    page.mouse(*page.middle("[data-term=eps]"))
+    assert text(page, ".meaning").startswith("Restitution ε: speed of parting")
+    page.mouse(*page.middle("[data-term=eps]"))
+    assert page.run("document.querySelector('.meaning')") is None
+
+
+LABELS = "[...document.querySelectorAll('[aria-label]')].map((e) => e.ariaLabel).join(' ')"
+
+
+@pytest.mark.parametrize("language", assemble.LANGUAGES)
+def test_every_language_fills_every_screen(page, story, language) -> None:
+    fresh(page, f"{story}#lang={language}")
+    words = assemble.words(language)
+    for screen in SCREENS:
+        turn(page, screen)
+        assert text(page, ".story-title") == words[f"s{screen}-title"].replace("\u00a0", " ")
+        shown = page.run("document.body.innerText") + page.run(LABELS)
+        assert not re.search(r"[{}\[\]]|undefined|NaN|\bs\d-|_c\b", shown)
+    assert page.run("document.documentElement.lang") == words["tag"]
+    assert page.run("document.querySelector('.unread').checkVisibility()") is (language != "en")
+
+
+def test_tables_have_the_same_sentences_terms_numbers_and_units() -> None:
+    english = assemble.words("en")
+    for language in assemble.LANGUAGES[1:]:
+        table = assemble.words(language)
+        assert table.keys() == english.keys()
+        for key in english.keys() - {"language", "tag", "decimal"}:
+            assert shape(table[key], table["decimal"]) == shape(english[key], "."), f"{language}: {key}"
+
+
+def shape(sentence, decimal):
+    """What a translation may not change: places, explained words, numbers, units."""
+    bare = re.sub(r"\{[^}]*\}", "", sentence).replace("\u00a0", " ")
+    numbers = [x.replace(decimal, ".") for x in re.findall(r"\d+(?:[.,]\d+)?(?!\w)", bare)]
+    units = re.findall(r"(?<=\d )(?:m|mm|ms|µm|s|kg)\b", bare)
+    places, terms = set(re.findall(r"\{(\w+)", sentence)), re.findall(r"\[\[([\w-]+)\|", sentence)
+    return [sorted(x) for x in (places, terms, numbers, units)]
+
+
+SMALL = """
+[...document.querySelectorAll('button:not(.term), select, input[type=range]')].filter((e) => e.checkVisibility())
+  .filter((e) => e.offsetHeight < 44 || (e.matches('button') && e.offsetWidth < 44)).map((e) => e.outerHTML)
+"""
+
+
+@pytest.mark.parametrize("width", [320, 360, 640, 768, 1920])
+def test_nothing_sticks_out_and_all_targets_are_large(page, width) -> None:
+    """640 is a window of 1280 at 200 %."""
+    page.size(width, 800, mobile=width < 500)
+    for screen in SCREENS:
+        turn(page, screen)
+        assert page.run("document.documentElement.scrollWidth") <= width, screen
+        assert page.run(SMALL) == []
+
+
+def test_on_a_phone_slider_and_stage_are_seen_together(page) -> None:
+    page.size(390, 844, mobile=True)
+    turn(page, 5)
+    page.middle("[data-name=gap]")
+    stage, slider = (page.run(PLACE % selector) for selector in (".stage svg", "[data-name=gap]"))
+    assert all(0 <= top < bottom <= 844 for top, bottom in (stage, slider))
+    for value in (0, 300, 600, 900, 1000):
+        page.run(f"{{ const s = document.querySelector('[data-name=gap]'); s.value = {value};"
+                 " s.dispatchEvent(new Event('input')); }")  # fmt: skip
+        settle(page)
+        assert page.run(PLACE % "[data-name=gap]") == pytest.approx(slider, abs=1.0)
+
+
+PLACE = "(() => { const b = document.querySelector('%s').getBoundingClientRect(); return [b.top, b.bottom]; })()"
+def test_a_swipe_that_scrolls_leaves_the_slider_as_it_was(page) -> None:
+    page.size(390, 844, mobile=True)
+    turn(page, 5)
+    x, y = page.middle("[data-name=gap]")
+    before = page.run("scrollY")
+    page.touch(x - 100, y, to=(x - 100, y - 150))
+    page.wait(f"scrollY > {before}")
+    assert text(page, "output[for=slider-gap]") == "1 mm"
+
+
+CONTRAST = (HERE / "contrast.js").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_is_readable(page, scheme) -> None:
+    page.media(prefers_color_scheme=scheme)
+    for screen in (3, 4, 7):
+        turn(page, screen)
+        page.run("new Promise((done) => setTimeout(done, 250))")  # colours fade
+        assert page.run(CONTRAST) == []
+    page.media()
+
+
+@pytest.mark.parametrize(
+    ("link", "scheme"), [("#screen=6&lang=de", "light"), ("#scene=three-balls", "dark"), ("#scene=real-balls", "light")]
+)
+def test_it_prints_to_one_sheet(page, story, link, scheme) -> None:
+    page.media(prefers_color_scheme=scheme)
+    fresh(page, story + link)
+    page.run("new Promise((done) => setTimeout(done, 200))")
+    paper = page.call("Page.printToPDF", paperWidth=8.27, paperHeight=11.69)["data"]
+    assert len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(paper))) == 1
+    page.media("print", prefers_color_scheme=scheme)
+    assert page.run("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    page.media()
+
+
