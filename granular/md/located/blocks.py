@@ -29,17 +29,16 @@ from granular.md.located.contacts import (
     strike,
 )
 from granular.md.located.driven import beside_edge, carry_walls, foresee_walls, rate_at, speed_at
-from granular.md.located.equilibrium import NOT_YET, RESTS
 from granular.md.located.free_length import reimpose
 from granular.md.located.inside import exposed, relive
 from granular.md.located.isolated import MET, OTHERWISE, TABLE, ULP, meet
 from granular.md.located.jolts import ENDS, SAME, is_clipped, pass_edge, throw_back
 from granular.md.located.ledger import enter_flight, enter_piece
+from granular.md.located.near_rest import may_rest
 from granular.md.located.pendula import swing
 from granular.md.located.pieces import arrive, fly, glide, in_contact, piece_time, predict, since, tau_at, tick, value
 from granular.md.located.plan import planned, settle_series
 from granular.md.located.pool import join, leave
-from granular.md.located.resting import settles, verdict, whole_verdict
 from granular.md.located.system import (
     ACTIVE,
     DORMANT,
@@ -48,7 +47,6 @@ from granular.md.located.system import (
     GENERAL,
     HEATED,
     HUNG,
-    LIES,
     MOVES,
     OPEN,
     RESIDUAL,
@@ -58,10 +56,10 @@ from granular.md.located.system import (
     to_plain,
 )
 
-REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT, ABSORB = range(11)
+REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT, WANTS_LOOK, ABSORB = range(12)
 """Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
 every ball rests for good, every ball is bound in contact forever, no room in the pool, a table of
-contacts, or a contact alone, is wanted first. ABSORB is for `regroup`."""
+contacts, a contact alone, or a look at a block that may rest or creep is wanted first. ABSORB is for `regroup`."""
 
 
 @kernel
@@ -145,15 +143,8 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
                     if passed == ENDS:
                         return STOPPED
             if block.fired < 0 and passed == SAME:
-                proved = NOT_YET
-                if not (HUNG or RING):
-                    proved = RESTS if run.rests == 1 else verdict(pairs, pool, bodies, lo)
-                if proved != NOT_YET and run.rests == 0:
-                    whole = whole_verdict(run, pairs, pool, bodies)
-                    if whole != NOT_YET and limit == math.inf:
-                        return REST if whole == RESTS else BINDING
-                if proved == RESTS and block.manner != LIES:
-                    settles(pairs, pool, bodies, lo)
+                if not (HUNG or RING) and laws is None and may_rest(run, pairs, pool, bodies, lo, limit):
+                    return WANTS_LOOK
                 pairs[lo].due = -math.inf
                 play(queue, lo, pairs[lo].due)
                 if not planned(s, laws):
@@ -219,15 +210,15 @@ def expose_all(s: Any, t: float, laws: Any) -> bool:
 @kernel
 def gather(s: Any, t: float, laws: Any) -> None:
     """Advance every island to time t, the end of the run, with its series from there on."""
-    run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
+    run, pairs, pool = s.run[0], s.pairs, s.pool
     run.t, run.tail = t, 0.0
     for c in range(count_of(pairs)):
         pair = pairs[c]
         if pair.first == c and pair.slot >= 0:
             bring(s, c, t, 0.0, laws)
-            if pair.due < math.inf and pool[pair.slot].h > 0.0:
+            if pair.due < math.inf and pool[pair.slot].h > 0.0 and pool[pair.slot].manner == MOVES:
                 reach = foresee_walls(s.walls, pairs, pool, c) if DRIVEN else math.inf
-                settle_series(run, pairs, pool, bodies, c, laws, s.walls, reach)
+                settle_series(run, pairs, pool, c, laws, s.walls, reach)
 
 
 @kernel

@@ -67,18 +67,28 @@ def bound(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> int:
 
 
 @kernel
+def is_known(pairs: Any, pool: Any, a: int, b: int) -> bool:
+    """Return whether a group is as it was when its equilibrium was noted."""
+    if pool[pairs[a].slot].piled != b - a:
+        return False
+    for c in range(a, b):
+        if pool[pairs[c].slot].head != a:
+            return False
+    return True
+
+
+@kernel
 def find_equilibrium(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> None:
     """Note the loads of a group, and an energy in J that none of its pairs needs more of to open: 0 if one bears none.
 
     That is without damping, where it has to part, or from where its force can fall; a `hurdle` is lower. A group that
     is as it was keeps what is noted.
     """
-    head, least, known = pool[pairs[a].slot], math.inf, pool[pairs[a].slot].piled == b - a
-    for c in range(a, b):
-        known = known and pool[pairs[c].slot].head == a
-        pool[pairs[c].slot].head = a
-    if known:
+    head, least = pool[pairs[a].slot], math.inf
+    if is_known(pairs, pool, a, b):
         return
+    for c in range(a, b):
+        pool[pairs[c].slot].head = a
     head.piled, head.opening, head.barrier = b - a, 0.0, math.inf
     if not find_loads(pairs, pool, bodies, a, b):
         head.load = 0.0

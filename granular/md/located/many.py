@@ -15,12 +15,16 @@ from granular import until as stop
 from granular._check import Array
 from granular._kernels import compiled, interpreted, kernel
 from granular._tournament import play
+from granular.md.located.at_rest import looked_at
 from granular.md.located.blocks import (
+    BINDING,
+    CRAMPED,
     MORE,
     QUIET,
     REACHED,
+    REST,
     STOPPED,
-    WANTS_CONTACT,
+    WANTS_LOOK,
     WANTS_TABLE,
     advance,
     expose_all,
@@ -33,6 +37,8 @@ from granular.md.located.plan import planned
 from granular.md.located.run import COMPILED_CHUNK, FIRST_LOOK, WHY
 from granular.md.located.system import (
     ACTIVE,
+    ASKS,
+    CREEPS,
     GENERAL,
     KIND,
     LINEAR,
@@ -168,9 +174,12 @@ def _solved(s: System, end: Array, engine: str) -> Many:
         rows, many = (result.view(np.recarray), last.view(np.recarray)), to_plain(s)
         given, kernels = (end.tolist(), COMPILED_CHUNK, *rows, scratch.tolist()), interpreted
     while (i := kernels(solve_rows)(many, *given, i)) < len(result):
+        if result["why"][i] == WANTS_LOOK:
+            result["why"][i] = looked_at(scene_of(many, i), float(end[i]), kernels)
+            continue
         many = with_room_for_a_table(many, i)
         make_table(scene_of(many, i), None, kernels)
-    status = np.array([CODES.get(code, -1) for code in range(WANTS_CONTACT + 1)])[result["why"]]
+    status = np.array([CODES.get(code, -1) for code in range(WANTS_LOOK + 1)])[result["why"]]
     status[(result["why"] == QUIET) & (end < math.inf)] = CODES[REACHED]
     return Many(status, result["time"], *(last[name] for name in Many._fields[2:]))
 
@@ -214,14 +223,14 @@ def solve_rows(many: Any, t_end: Any, chunk: int, result: Any, last: Any, scratc
             for c in range(len(s.pairs)):
                 play(many.queue, c, math.inf)
         solve(s, t_end[i], chunk, result[i], last[i], scratch)
-        if result[i].why == WANTS_TABLE:
+        if result[i].why in (WANTS_TABLE, WANTS_LOOK):
             return i
     return len(t_end)
 
 
 @kernel
 def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, scratch: Any) -> None:
-    """Solve one scene, until a table is wanted, and unless a law of it is none that a power series follows."""
+    """Solve one scene, until a table or a look is wanted; not if a law of it is none that a power series follows."""
     run, n = s.run[0], len(s.pairs)
     if result.why == MORE:
         for c in range(n):
@@ -230,14 +239,14 @@ def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, scratch: Any
         if not (launch(s, None) and planned(s, None)):
             result.why = STOPPED
         harvest(s, last, 0.0)
-    why = STOPPED if result.why == STOPPED else MORE
+    why = result.why if result.why in (STOPPED, REST, BINDING) else MORE
     while why == MORE and not may_creep(s):
         if run.steps >= run.pause:
             run.pause *= 2
         why = advance(s, t_end, chunk, None)
         harvest(s, last, run.t)
     result.why, result.time = why, run.t
-    if why == WANTS_TABLE:
+    if why in (WANTS_TABLE, WANTS_LOOK):
         return
     if why == REACHED or (why == QUIET and t_end < math.inf):
         result.time = t_end
@@ -249,6 +258,8 @@ def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, scratch: Any
         pair = s.pairs[c]
         last[c].counts, last[c].rate = pair.count, -scratch[1][c]
         last[c].ongoing = pair.slot >= 0 and s.pool[pair.slot].begun == 1
+        if pair.first == c and pair.slot >= 0 and s.pool[pair.slot].manner in (CREEPS, ASKS):
+            result.why = CRAMPED  # left to a run by itself
 
 
 @kernel

@@ -18,13 +18,12 @@ from typing import Any
 
 from granular._kernels import kernel
 from granular.md.located.equilibrium import end_of_group, find_equilibrium
+from granular.md.located.near_rest import STIFF, drags, flies
 from granular.md.located.pieces import power, write_flight
 from granular.md.located.resting import between
 from granular.md.located.series import bracket, power_term
-from granular.md.located.system import ACTIVE, GENERAL, OPEN, ORDER, RESIDUAL
+from granular.md.located.system import ACTIVE, ORDER, RESIDUAL
 
-STIFF = 12.0
-"""Ratio of both times from which on it is worth it, and sure to converge."""
 NEAR = 0.1
 """Part of its load and elastic force by which the force of a pair may differ from its load: else it is still slowed
 down."""
@@ -63,23 +62,6 @@ def expand_slowly(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
             fly_beside(pairs, pool, bodies, lo, c, h)
         block.speed, block.length = max(block.speed, pair.own_speed), max(block.length, pair.own_length)
     return h < math.inf
-
-
-@kernel
-def drags(pair: Any) -> bool:
-    """Return whether a pair that bears no load is damped strongly enough; under one it takes more."""
-    if pair.kind == GENERAL or not (pair.gamma > 0.0 and pair.xi > 0.0):
-        return False
-    depth, exponent = 1.0, pair.d + 1.0 - pair.s
-    if exponent != 0.0:
-        depth = power(pair.xi, exponent)
-    return bool(pair.gamma * pair.gamma * pair.inverse * depth > STIFF * pair.k)
-
-
-@kernel
-def flies(pair: Any) -> bool:
-    """Return whether a pair has no force, and needs no power of its overlap to see it return."""
-    return bool(pair.mode == OPEN or (pair.mode == RESIDUAL and pair.s == 1.0))
 
 
 @kernel

@@ -14,9 +14,8 @@ from granular.md.located.alone import goes_on, has_piece
 from granular.md.located.contacts import confirm, judge
 from granular.md.located.driven import foresee_walls
 from granular.md.located.events import locate
-from granular.md.located.overdamped import expand_slowly
+from granular.md.located.near_rest import may_creep
 from granular.md.located.pieces import piece_time, power
-from granular.md.located.resting import LONG, lie
 from granular.md.located.series import expand, expand_linear, expand_two
 from granular.md.located.step_size import (
     REACH,
@@ -29,7 +28,7 @@ from granular.md.located.step_size import (
     scale,
     trusted,
 )
-from granular.md.located.system import CREEPS, DRIVEN, EDGE, HUNG, LIES, MOVES, NOTHING, RING
+from granular.md.located.system import ASKS, DRIVEN, EDGE, HUNG, LONG, LOOKED, MOVES, NOTHING, RING
 
 
 @kernel
@@ -59,15 +58,17 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
     """Compute the next piece of the island that starts with `lo`, and its end; false if the run is to stop at once."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     worst, span = -math.inf, 1.0
-    run.steps += 1
+    if block.manner == LOOKED:  # and it does not creep
+        block.manner = MOVES
+    else:
+        run.steps += 1
+        if not (HUNG or RING) and laws is None and run.alone < 0 and may_creep(pairs, pool, bodies, lo):
+            wait(pairs, pool, lo)
+            return True
     reach = foresee_walls(walls, pairs, pool, lo) if DRIVEN else math.inf
-    if not (HUNG or RING) and block.manner != LIES and laws is None and run.alone < 0:
-        block.manner = CREEPS if expand_slowly(pairs, pool, bodies, lo) else MOVES
-    fastest = fastest_rate(pairs, pool, lo, hi, walls.square if HUNG else 0.0) if block.manner == MOVES else 0.0
+    fastest = fastest_rate(pairs, pool, lo, hi, walls.square if HUNG else 0.0)
     block.linear, block.clock = 1 if fastest >= 0.0 else 0, 1
-    if block.manner != MOVES:
-        block.linear, reach = 1 if block.manner == LIES else 0, math.inf
-    elif block.linear == 1:
+    if block.linear == 1:
         if DRIVEN and fastest == 0.0 and reach == math.inf:
             reach = run_off_time(pairs, pool, lo, hi)
         block.h = REACH / fastest if fastest * reach > REACH else reach
@@ -77,12 +78,11 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
         block.h = scale(pairs, pool, lo, hi)
         if DRIVEN:
             block.h = min(block.h, power(reach, 1.0 / block.clock))
-    if block.manner != CREEPS:
-        settle_series(run, pairs, pool, bodies, lo, laws, walls, reach)
+    settle_series(run, pairs, pool, lo, laws, walls, reach)
     if block.linear == 0 and laws is None:
         worst = growth(pairs, pool, lo, hi, run.tol)
         span = trusted(worst, run.tol)
-        if block.clock == 1 and block.manner == MOVES:
+        if block.clock == 1:
             block.stride = block.h * span
     last = math.inf
     if DRIVEN and reach < math.inf:
@@ -103,17 +103,21 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
 
 
 @kernel
-def settle_series(
-    run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, laws: Any, walls: Any, reach: float
-) -> None:
+def wait(pairs: Any, pool: Any, lo: int) -> None:
+    """Let a block be due at once, without a piece: it is to be looked at whether it creeps."""
+    block = pool[pairs[lo].slot]
+    block.manner, block.fired, block.what, block.tau = ASKS, -1, NOTHING, 0.0
+    pairs[lo].due = block.t + block.tail
+    for c in range(lo, pairs[lo].hi):
+        member = pool[pairs[c].slot]
+        member.x[0], member.e[0] = member.xi, member.eta
+
+
+@kernel
+def settle_series(run: Any, pairs: Any, pool: Any, lo: int, laws: Any, walls: Any, reach: float) -> None:
     """Compute the series; where pairs touch at rest, until it agrees with who is taken to push. `reach` and the paths
     of driven walls are those of `foresee_walls`."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
-    if block.manner == LIES:
-        lie(pairs, pool, bodies, lo)
-        return
-    if block.manner == CREEPS and expand_slowly(pairs, pool, bodies, lo):
-        return
     for _ in range(2 * (hi - lo) + 2):
         if laws is not None:
             run.error += laws.fill(pairs, pool, lo, run.tol, walls, reach)

@@ -18,13 +18,10 @@ from typing import Any
 from granular._flight import time_to_contact
 from granular._kernels import kernel
 from granular.md.located.equilibrium import NOT_YET, RESTS, bound, end_of_group, find_loads, overlap_under
-from granular.md.located.pieces import in_contact, power, since, write_flight
-from granular.md.located.system import ACTIVE, LIES, OPEN
+from granular.md.located.near_rest import STILL, is_still
+from granular.md.located.pieces import in_contact, since, write_flight
+from granular.md.located.system import ACTIVE, LIES, LONG, OPEN
 
-STILL = 1e-14
-"""Part of the static overlaps, and of their natural rates, up to which a pile that rests is taken to be still."""
-LONG = 2.0**300
-"""Scale in s of the piece of a pile that is still: longer than any run."""
 AtRest = Callable[[Any, float], float]
 """Force in N of a pair at an overlap in m."""
 TANGENT = 1e-6
@@ -149,15 +146,8 @@ def hull(pairs: Any, pool: Any, bodies: Any, block: Any, c: int, way: int) -> tu
 def settles(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
     """Return whether the groups of a block are so near to their equilibrium that the difference is rounding; if so, put
     them there: they lie still."""
-    for c in range(lo, pairs[lo].hi):
-        pair = pool[pairs[c].slot]
-        if pair.mode == ACTIVE:
-            rest = overlap_under(pair, pair.load)
-            rate = math.sqrt(pair.k * pair.p * power(rest, pair.p) / rest * pair.inverse)
-            if abs(pair.xi - rest) > STILL * rest or abs(pair.eta) > STILL * rest * rate:
-                return False
-        elif not pair.xi < 0.0:
-            return False
+    if not is_still(pairs, pool, lo):
+        return False
     for c in range(lo, pairs[lo].hi):
         pair = pool[pairs[c].slot]
         if pair.mode == ACTIVE:

@@ -17,6 +17,7 @@ from granular.closing import Closing
 from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks
+from granular.md.located.at_rest import first_asking, gather_slowly, looked_at
 from granular.md.located.checkpoint import Checkpoint, Untouched, restored
 from granular.md.located.collocation import Collocation
 from granular.md.located.contacts import keep_unsettled
@@ -29,6 +30,7 @@ from granular.md.located.resting import between, lone_pile
 from granular.md.located.ride import Ride
 from granular.md.located.system import (
     ACTIVE,
+    ASKS,
     DORMANT,
     GENERAL,
     MOST_ROWS,
@@ -175,7 +177,7 @@ class Run:
         if self.ride is not None and self.rides_to(limit):
             return Pause.reached if limit < self.ride.until else Pause.full
         chunk = COMPILED_CHUNK if self.engine == "compiled" else PLAIN_CHUNK
-        why, counters = self.kernels(blocks.advance)(self.s, limit, chunk, self.collocation), self.counters
+        why, counters = self.advanced(limit, chunk), self.counters
         reached = why == blocks.REACHED or (why == blocks.QUIET and limit < math.inf)
         self.now = limit if reached else float(counters["t"])
         if self.scene.driven and self.now < math.inf:
@@ -209,6 +211,16 @@ class Run:
             self.compile()
         return Pause.full
 
+    def advanced(self, limit: float, chunk: int) -> int:
+        """Advance by a chunk of pieces, with looks at blocks that may rest or creep; return as `blocks.advance`."""
+        for _ in range(chunk):
+            why = int(self.kernels(blocks.advance)(self.s, limit, chunk, self.collocation))
+            if why == blocks.WANTS_LOOK:
+                why = looked_at(self.s, limit, self.kernels)
+            if why != blocks.WANTS_LOOK:
+                return why
+        return blocks.MORE
+
     def rests(self, limit: float) -> bool:
         """Return whether the scene is proved to come to rest, which ends a run without limit; if it creeps, let it.
 
@@ -221,6 +233,7 @@ class Run:
 
     def let_creep(self, most: float) -> None:
         """Go on by modes if the scene creeps to rest, its forces swinging by less than the part `most`."""
+        self.look_at_all()
         s = to_plain(self.s)
         a, b = lone_pile(s)
         members = [s.pool[s.pairs[c].slot] for c in range(a, b)]
@@ -344,6 +357,7 @@ class Run:
         status, impulse = pause.value, [0.0]
         begun = float(self.counters["t"]) if self.creep is None else self.creep.start
         end = self.request.end - self.start if pause is Pause.reached else max(begun, self.seen)
+        self.look_at_all()
         row, wanted = None, pause is not Pause.reached or seen == -math.inf
         if wanted and pause is Pause.reached and self.scene.driven:  # the ledger as a sample there has it, to the bit
             row = self.row_after(end, self.start + end)
@@ -354,8 +368,11 @@ class Run:
         if self.creep is None:
             while not self.kernels(blocks.expose_all)(self.s, end, self.collocation):
                 self.s = with_more_room(self.s)
+            self.look_at_all()
             self.s = self.without_queue()
             self.kernels(blocks.gather)(self.s, end, self.collocation)
+            if column(self.s.pool, "manner").any():
+                self.kernels(gather_slowly)(self.s)
             self.now = end
         else:
             impulse = self.creep.finish(end)
@@ -375,6 +392,11 @@ class Run:
         untouched.put_back()
         state = self.checkpoint or Checkpoint(before, {"origin": self.start, "creeping": False, "riding": riding})
         return End(row, status, message, stats, state if self.launched else {}, running)
+
+    def look_at_all(self) -> None:
+        """Plan the blocks that wait for a look whether they creep."""
+        while (column(self.s.pool, "manner") == ASKS).any() and self.kernels(first_asking)(self.s):
+            looked_at(self.s, 0.0, self.kernels)
 
     def without_queue(self) -> Any:
         """Return the records of a run in which nothing is due any more: of a million balls the queue is large."""

@@ -45,8 +45,11 @@ LINEAR, ELASTIC, DAMPED, GENERAL = range(4)
 NO_MAP, DASHPOT, SIMILAR, VISCOELASTIC = range(4)
 """How an isolated contact is known at its onset: see `maps`."""
 
-MOVES, LIES, CREEPS = range(3)
-"""Manners in which a block is followed: by its equation of motion; lying still; creeping, see `slow`."""
+MOVES, LIES, CREEPS, ASKS, LOOKED = range(5)
+"""Manners in which a block is followed: by its equation of motion; lying still; creeping, see `overdamped`; not yet,
+for it is to be looked at whether it creeps; by its equation of motion, after that look."""
+LONG = 2.0**300
+"""Scale in s of the piece of a pile that is still: longer than any run."""
 
 NOTHING, BEGIN, END, PART, TURN, RELOAD, EDGE = range(7)
 """Events of a pair, see `events`."""
