@@ -12,7 +12,9 @@ from granular._kernels import have_numba
 from granular.walls import Sine, Thermal
 
 INF = math.inf
-ENGINES = ("sorted", "compiled") if have_numba() else ("sorted",)
+QUEUES = pytest.mark.parametrize("engine", [
+    "sorted", pytest.param("compiled", marks=[pytest.mark.soak, pytest.mark.skipif(not have_numba(), reason="numba")])])
+"""To compile what these scenes need takes half a minute for each kind."""
 
 
 def run(scene, eps=1.0, **options):
@@ -77,15 +79,16 @@ def test_beside_thermal_walls_every_hit_of_the_twin_is_found(seed):
     assert remainder(result) < 1e-13
 
 
+@QUEUES
 @pytest.mark.parametrize("seed", range(6))
-def test_beside_thermal_walls_every_queue_and_a_run_that_goes_on_are_the_same(seed, tmp_path):
+def test_beside_thermal_walls_every_queue_and_a_run_that_goes_on_are_the_same(seed, engine, tmp_path):
     scene, options = heated(seed), {"t_end": 30.0, "max_events": 2000, "samples": 7, "collapse": "merge"}
     whole = run(scene, 0.7, **options)
-    for engine in ENGINES[1:]:
+    if engine != "sorted":
         same(whole, run(scene, 0.7, **options, engine=engine))
     run(scene, 0.7, collapse="merge", max_events=len(whole.contacts) // 2).save(tmp_path / "half.npz")
     half = gr.Trajectory.load(tmp_path / "half.npz")
-    rest = gr.edmd.resume(half, t_end=30.0, max_events=2000 - len(half.contacts), engine=ENGINES[-1])
+    rest = gr.edmd.resume(half, t_end=30.0, max_events=2000 - len(half.contacts), engine=engine)
     assert rest.contacts.tobytes() == whole.contacts[len(half.contacts) :].tobytes()
     assert rest.velocity[-1].tobytes() == whole.velocity[-1].tobytes()
     assert rest.ledger[-1].tobytes() == whole.ledger[-1].tobytes()
@@ -212,17 +215,18 @@ def test_of_pendula_every_hit_of_the_twin_is_found(seed):
     follows_the_twin(scene, eps, result, 14)
 
 
+@QUEUES
 @pytest.mark.parametrize("seed", range(6))
-def test_of_pendula_every_queue_and_a_run_that_goes_on_are_the_same(seed, tmp_path):
+def test_of_pendula_every_queue_and_a_run_that_goes_on_are_the_same(seed, engine, tmp_path):
     scene, eps = hanging(seed), [0.7, 1.0][seed % 2]
     options = {"collapse": ["stop", "merge"][seed // 2 % 2], "ties": ["left", "random", "right"][seed // 2]}
     asked = {"t_end": 80.0 / scene.pendulum, "max_events": 1500, "samples": 7}
     whole = run(scene, eps, **options, **asked)
-    for engine in ENGINES[1:]:
+    if engine != "sorted":
         same(whole, run(scene, eps, **options, **asked, engine=engine))
     run(scene, eps, **options, max_events=len(whole.contacts) // 2).save(tmp_path / "half.npz")
     half = gr.Trajectory.load(tmp_path / "half.npz")
-    rest = gr.edmd.resume(half, t_end=asked["t_end"], max_events=1500 - len(half.contacts), engine=ENGINES[-1])
+    rest = gr.edmd.resume(half, t_end=asked["t_end"], max_events=1500 - len(half.contacts), engine=engine)
     assert rest.contacts.tobytes() == whole.contacts[len(half.contacts) :].tobytes()
     assert rest.velocity[-1].tobytes() == whole.velocity[-1].tobytes()
     assert rest.gap[-1].tobytes() == whole.gap[-1].tobytes()
@@ -441,15 +445,16 @@ RINGS = [(2, 0.8, {}), (5, 0.02, {}), (300, 0.3, {}), (9, 0.6, {"collapse": "mer
          (30, 0.8, {"tc": 0.05, "ties": "right"}), (150, 1.0, {"elastic_below": 0.1})]  # fmt: skip
 
 
+@QUEUES
 @pytest.mark.parametrize(("n", "eps", "options"), RINGS)
-def test_on_a_ring_every_queue_and_a_run_that_goes_on_are_the_same(n, eps, options, tmp_path):
+def test_on_a_ring_every_queue_and_a_run_that_goes_on_are_the_same(n, eps, options, engine, tmp_path):
     scene, asked = ring(n, n), {"t_end": 40.0, "max_events": 2500, "samples": 5}
     whole = run(scene, eps, **asked, **options)
-    for engine in ENGINES[1:]:
+    if engine != "sorted":
         same(whole, run(scene, eps, **asked, **options, engine=engine))
     run(scene, eps, max_events=len(whole.contacts) // 2, **options).save(tmp_path / "half.npz")
     half = gr.Trajectory.load(tmp_path / "half.npz")
-    rest = gr.edmd.resume(half, t_end=40.0, max_events=2500 - len(half.contacts), engine=ENGINES[-1])
+    rest = gr.edmd.resume(half, t_end=40.0, max_events=2500 - len(half.contacts), engine=engine)
     assert rest.contacts.tobytes() == whole.contacts[len(half.contacts) :].tobytes()
     assert rest.velocity[-1].tobytes() == whole.velocity[-1].tobytes()
     assert rest.gap[-1].tobytes() == whole.gap[-1].tobytes()

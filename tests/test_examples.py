@@ -1,6 +1,7 @@
-"""Each example runs in a process of its own, without a display, says what it should and draws its picture."""
+"""Each example runs without a display, says what it should and draws its picture; the first, and pools, as processes."""
 
 import os
+import runpy
 import subprocess
 import sys
 from importlib.util import find_spec
@@ -24,9 +25,12 @@ SAYS = {
     "sweep_on_dask": "same bits: True",
 }
 
+AS_PROCESSES = ("bouncing_on_a_plate", "sweep_on_a_pool", "sweep_on_dask")
+"""What a user types; to start one takes a second."""
+
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.stem)
-def test_an_example_runs(path, tmp_path):
+def test_an_example_runs(path, tmp_path, monkeypatch, capsys):
     pytest.importorskip("matplotlib")
     if path.stem.startswith("sweep") or path.stem.startswith("where"):
         pytest.importorskip("xarray")
@@ -34,10 +38,28 @@ def test_an_example_runs(path, tmp_path):
         pytest.skip("dask is not installed")
     if path.stem == "error_against_run_time" and find_spec("granular.workprecision") is None:
         pytest.skip("this version has no gr.frontier")
-    environment = os.environ | {"MPLBACKEND": "Agg", "PYTHONIOENCODING": "utf-8"}
-    done = subprocess.run([sys.executable, str(path)], capture_output=True, encoding="utf-8", cwd=tmp_path,
-                          env=environment, timeout=300, check=False)  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert SAYS[path.stem] in done.stdout
+    monkeypatch.chdir(tmp_path)
+    said = (as_process if path.stem in AS_PROCESSES else here)(path, monkeypatch, capsys)
+    assert SAYS[path.stem] in said
     assert path.stem == "sweep_on_dask" or (tmp_path / f"{path.stem}.png").stat().st_size > 10_000
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 40
+
+
+def as_process(path, *_):
+    """What an example prints that is run as a script."""
+    environment = os.environ | {"MPLBACKEND": "Agg", "PYTHONIOENCODING": "utf-8"}
+    done = subprocess.run([sys.executable, str(path)], capture_output=True, encoding="utf-8",
+                          env=environment, timeout=300, check=False)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def here(path, monkeypatch, capsys):
+    """What an example prints that is run in this process, interpreted where it would compile for half a minute."""
+    import matplotlib.pyplot as plt
+
+    plt.switch_backend("Agg")
+    monkeypatch.setattr("granular.workprecision.methods._engine", lambda *_: "plain")
+    runpy.run_path(str(path), run_name="__main__")
+    plt.close("all")
+    return capsys.readouterr().out

@@ -32,7 +32,9 @@ judge = partial(judge_any, plain=True)  # a deadline must not interrupt a compil
 
 @pytest.fixture(scope="module")
 def quick() -> StabilityReport:
-    return gr.stability(quick=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("granular.stress.study.QUICK", 3)  # of 5 cells of each method on each axis
+        return gr.stability(quick=True)
 
 
 def test_quick_study_of_every_axis_and_method(quick: StabilityReport) -> None:

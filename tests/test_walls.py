@@ -655,7 +655,7 @@ MISUSE = [
     (lambda: Piecewise([0.0, 1.0], [[1.0]]).velocity(3.0), "t is 3.0"),
     (lambda: Motion(3.0), "function is 3.0: a function m"),
     (lambda: Motion(parabola, 0.0), "accuracy is 0.0"),
-    (lambda: Motion(parabola).panels(0.0, INF), "t_end is inf: a finite number above 0 is needed; .*give t_end"),
+    (lambda: Motion(parabola).panels(0.0, INF), "t_end is inf: a finite number of at least 0 is needed; .*give t_end"),
     (lambda: Motion(parabola).panels(1.0, 0.5), "t_end is 0.5"),
     (lambda: Motion(lambda t: math.nan).panels(0.0, 1.0), r"function\(\S+\) is nan: a finite number is needed"),
     (lambda: Motion(lambda t: "up").panels(0.0, 1.0), r"function\(\S+\) is 'up': a single number is needed"),
