@@ -1,0 +1,139 @@
+"""Rings, thermal walls and pendula: Haff's law, heat flow, what cradles come to, and balls above a hot floor.
+
+Run with ``python bench/bounded.py``; writes docs/figures/bounded.png (with numba: some minutes).
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import docs_data
+import numpy as np
+
+import granular as gr
+from granular.drawing import COLUMN, GREY, HARD, SOFT, canvas, letter, shades, style
+
+FIGURE = Path(__file__).parent.parent / "docs" / "figures" / "bounded.png"
+HOT, COLD = 2.0, 1.0
+FREE_FLIGHT = (HOT - COLD) / (math.sqrt(math.pi / 2.0) * (HOT**-0.5 + COLD**-0.5))
+"""Heat flow of hard balls of 1 kg, one for each metre."""
+LOSSES, STIFFNESSES = (0.2, 2.0, 10.0), (1e4, 1e3, 1e2)
+LIMITS = {"max_events": 10**9, "log": False}
+
+
+def haff(n: int, seeds: int, end: float, rows: int) -> dict[str, Any]:
+    """Energy left of gases on a ring over t/τ for some N (1 - ε), mean over some seeds."""
+    found: dict[str, Any] = {"time": np.linspace(0.0, end, rows).tolist(), "hard": [], "soft": []}
+    for way in ("hard", "soft"):
+        for loss in LOSSES[: None if way == "hard" else 1]:
+            found[way].append(np.mean([left(way, n, loss, seed, end, rows) for seed in range(seeds)], axis=0).tolist())
+    return found
+
+
+def left(way: str, n: int, loss: float, seed: int, end: float, rows: int) -> np.ndarray:
+    """Energy left in one of them."""
+    scene, eps = gr.scenes.ring_gas(n, float(n), packing=0.0, seed=seed), 1.0 - loss / n
+    asked = {"t_end": end * math.sqrt(math.pi) / (1.0 - eps * eps), "samples": rows} | LIMITS
+    if way == "hard":
+        run = gr.edmd.simulate(scene, gr.ConstantRestitution(eps), collapse="merge", **asked)
+    else:
+        law = gr.LinearDashpot.from_restitution(eps, k=1e4, pair=scene.pairs[0])
+        run = gr.md.simulate(scene, law, max_steps=10**9, **asked)
+    return np.asarray(run.energy() / run.energy()[0])
+
+
+def conduction(numbers: tuple[int, ...], end: float) -> dict[str, Any]:
+    """J/J_hard and its standard error for each number of balls, by stiffness."""
+    return {f"{k:g}": [ratio(n, k, end) for n in numbers] for k in STIFFNESSES}
+
+
+def ratio(n: int, k: float, end: float, blocks: int = 40) -> list[float]:
+    """One of them. Hard and soft balls draw the same speeds, so that most of the noise is in both and falls out."""
+    scene = gr.scenes.heated_gas(n, float(n), packing=0.0, lower=HOT, upper=COLD, seed=1)
+    asked = {"t_end": end, "samples": blocks + 1} | LIMITS
+    runs = (gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), **asked),
+            gr.md.simulate(scene, gr.LinearDashpot(k), max_steps=10**9, **asked))  # fmt: skip
+    hard, soft = (np.diff(run.account()["heat"] @ [0.5, -0.5]) / (end / blocks) for run in runs)
+    less = (soft - hard) / FREE_FLIGHT
+    return [n, 1.0 + float(less.mean()), float(less.std(ddof=1)) / math.sqrt(blocks)]
+
+
+def cradle(halves: int) -> dict[str, list[float]]:
+    """Energy left after each half period of five touching pendula, one of them pulled aside by 1 m; ε = 0.9."""
+    scene = gr.Scene([1.0] * 5, [0.1] * 5, [1.0, 0.0, 0.0, 0.0], [0.0] * 5, origin=-1.0, pendulum=1.0)
+    law = gr.LinearDashpot.from_restitution(0.9, k=1e6, pair=scene.pairs[0])
+    asked = {"t_end": halves * math.pi, "samples": halves + 1} | LIMITS
+    hard = gr.edmd.simulate(scene, gr.ConstantRestitution(0.9), ties="left", **asked)
+    soft = gr.md.simulate(scene, law, max_steps=10**9, **asked)
+    return {name: (run.energy() / run.energy()[0]).tolist() for name, run in (("hard", hard), ("soft", soft))}
+
+
+def above_floor(n: int, end: float, rows: int) -> dict[str, list[float]]:
+    """Heights at which balls are above a floor of T = 2 J under g = 4 m/s², as shares of those in each bin."""
+    scene = gr.scenes.heated_gas(n, lower=HOT, gravity=4.0, packing=0.0, seed=1)
+    asked = {"t_end": end, "samples": rows} | LIMITS
+    runs = {"hard": gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), **asked),
+            "soft": gr.md.simulate(scene, gr.LinearDashpot(200.0), max_steps=10**9, **asked)}  # fmt: skip
+    bins = np.linspace(0.0, 3.0, 25)
+    return {name: (np.histogram(run.position[:, 1:], bins)[0] / (bins[1] * n * rows)).tolist()
+            for name, run in runs.items()}  # fmt: skip
+
+
+def compute(points: int) -> dict[str, Any]:
+    """All numbers; at few points short runs."""
+    if points < 10:
+        return {"haff": haff(40, 1, 0.02, 3), "heat": conduction((2,), 20.0), "cradle": cradle(2),
+                "floor": above_floor(2, 4.0, 5)}  # fmt: skip
+    return {"haff": haff(40, 40, 10.0, 101), "heat": conduction((1, 2, 4, 8, 16, 32, 64), 5e4),
+            "cradle": cradle(60), "floor": above_floor(10, 4e3, 4001)}  # fmt: skip
+
+
+def draw(data: dict[str, Any]) -> Any:
+    """Four panels."""
+    figure, axes = canvas(2.0 * COLUMN, 1.7 * COLUMN, 2, 2)
+    (cooling, heat), (swinging, floor) = axes
+    cooled(cooling, data["haff"])
+    marks = zip(STIFFNESSES, "s^D", data["heat"].values(), shades("Blues_r", 5)[:3], strict=True)
+    for k, mark, rows, colour in marks:
+        n, mean, error = np.transpose(rows)
+        heat.errorbar(n, mean, error, fmt=mark + "-", lw=0.5, ms=3, mfc="none", capsize=1.5, color=colour,
+                      label=f"soft spheres, k = {k:g} N/m")  # fmt: skip
+    heat.axhline(1.0, color=HARD, lw=0.8, label="hard spheres")
+    heat.set(xscale="log", xlabel="balls between the walls", ylabel="heat flow, soft over hard", ylim=(0.0, 1.1))
+    heat.legend(loc="lower left")
+    for name, colour in (("hard", HARD), ("soft", SOFT)):
+        left_over = data["cradle"][name]
+        swinging.plot(
+            0.5 * np.arange(len(left_over)), left_over, ".-", lw=0.5, ms=3, color=colour, label=f"{name} spheres"
+        )
+        density = data["floor"][name]
+        floor.stairs(density, np.linspace(0.0, 3.0, len(density) + 1), color=colour, label=f"{name} spheres")
+    swinging.axhline(0.2, color=GREY, lw=0.8, ls=":")
+    swinging.set(xlabel="periods", ylabel="energy left", ylim=(0.0, 1.05))
+    swinging.legend()
+    height = np.linspace(0.0, 3.0, 100)
+    floor.plot(height, 2.0 * np.exp(-2.0 * height), color=GREY, lw=0.8, ls=":", label="exp(-mgx/T)")
+    floor.set(yscale="log", xlabel="height, m", ylabel="probability density, 1/m", xlim=(0.0, 3.0))
+    floor.legend()
+    for axis, name in zip(axes.ravel(), "abcd", strict=True):
+        letter(axis, f"({name})", x=0.9)
+    return figure
+
+
+def cooled(axis: Any, data: dict[str, Any]) -> None:
+    """Energy left over time."""
+    t = np.array(data["time"])
+    for loss, left_over, colour in zip(LOSSES, data["hard"], shades("Oranges_r", 5)[:3], strict=True):
+        axis.plot(t, left_over, color=colour, label=f"hard, N(1 - ε) = {loss:g}")
+    axis.plot(t[::5], data["soft"][0][::5], "s", ms=3, mfc="none", color=SOFT, label=f"soft, N(1 - ε) = {LOSSES[0]:g}")
+    axis.plot(t, (1.0 + t) ** -2.0, color=GREY, lw=0.8, ls=":", label="(1 + t/τ)$^{-2}$")
+    axis.set(yscale="log", xlabel="t/τ", ylabel="energy left")
+    axis.legend(loc="upper center")
+
+
+if __name__ == "__main__":
+    with style():
+        draw(compute(20)).savefig(FIGURE, dpi=200)
+    docs_data.store("bounded")
