@@ -138,7 +138,7 @@ def _base(table: Mapping[str, Any]) -> Case:
     if "name" not in table:
         return Case(in_order(build.call([Scene, Scene.from_positions], table)), None)
     name = _check.choice("name", table["name"], ready.names())
-    return ready.touching(name, ready.bare(name, {key: value for key, value in table.items() if key != "name"}))
+    return ready.of_table(name, {key: value for key, value in table.items() if key != "name"})
 
 
 def _physics(tables: Mapping[str, Any], base: Case) -> tuple[Any, Any]:

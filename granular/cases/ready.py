@@ -6,20 +6,17 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from os import PathLike
 from typing import Any
 
-import numpy as np
-
 from granular import _check, scenes, until, walls, waves
-from granular.cases import build
+from granular.cases import build, contacts
 from granular.cases.case import Case
+from granular.cases.contacts import first_impact
 from granular.cases.options import Option, options_of, summary
-from granular.laws import Hertz
-from granular.rules import ConstantRestitution
 from granular.scene import Scene
 
 
@@ -36,9 +33,11 @@ class Template:
     t_end : callable
         The end time in s for a scene; None: the stop condition is sure to come.
     contact : mapping
-        Defaults of `contact` that differ for this scene.
+        Defaults of `touch` that differ for this scene.
     pressed : callable or None
         The end time in s for a scene and its laws, if overlaps at the start hang on the laws: `make` then takes them.
+    touch : callable
+        Makes the force laws and the collision rule of a scene: a function of `granular.cases.contacts`.
     """
 
     make: Callable[..., Scene]
@@ -46,6 +45,7 @@ class Template:
     t_end: Callable[[Scene], float | None] = lambda scene: None
     contact: Mapping[str, Any] = field(default_factory=dict)
     pressed: Callable[[Scene, Any], float | None] | None = None
+    touch: Callable[..., tuple[tuple[Any, ...], Any]] = contacts.contact
 
 
 def falls(count: float, scene: Scene) -> float | None:
@@ -91,6 +91,8 @@ STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
 TEMPLATES = {
     "three-balls": Template(scenes.three_balls, until.contact(pair=0, nth=2), partial(falls, 10)),
     "ball-stack": Template(scenes.ball_stack, until.separated(), partial(falls, 10), {"restitution": 0.9}),
+    "real-balls": Template(scenes.real_balls, until.contact(pair=0, nth=2), partial(falls, 10),
+                           touch=contacts.of_balls),
     "newtons-cradle": Template(scenes.newtons_cradle, until.separated(), contact=STEEL),
     "chain": Template(scenes.chain, until.separated(), contact=STEEL),
     "column": Template(scenes.column, until.separated(), partial(falls, 20), {"restitution": 0.9}),
@@ -117,20 +119,27 @@ def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None
     run : mapping, optional
         Further options of ``simulate``.
     **options
-        Parameters of the scene's function in `granular.scenes`, and `restitution`, `stiffness`, `law` of `contact`.
+        Parameters of the scene's function in `granular.scenes`, and `restitution`, `stiffness`, `law` of `contact`; of
+        "real-balls" `pair_rule`.
 
     Raises
     ------
     TypeError, ValueError
         For an unknown name or option (with a suggestion), or a bad value.
     """
-    shapes = shaping(name)
-    contacts = [parameter.name for parameter in build.parameters(contact)[1:]]
-    _check.known(options, [*shapes, *contacts], f"option of {name}", TypeError)
+    shapes, touches = shaping(name), _touching(name)
+    _check.known(options, shapes | touches, f"option of {name}", TypeError)
     of_scene = {key: value for key, value in options.items() if key in shapes}
     case = bare(name, of_scene, t_end)
-    case = touching(name, case, **{key: value for key, value in options.items() if key not in shapes})
+    case = touching(name, case, **{key: value for key, value in options.items() if key in touches})
     return replace(pressed(name, case, of_scene), run=dict(run or {}))
+
+
+def of_table(name: str, given: Mapping[str, Any]) -> Case:
+    """Return a case of what a file says of its scene; options of `contact` have tables of their own there."""
+    own = set() if _named(name).touch is contacts.contact else _touching(name)
+    case = bare(name, {key: value for key, value in given.items() if key not in own - shaping(name)})
+    return touching(name, case, **{key: value for key, value in given.items() if key in own})
 
 
 def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> Case:
@@ -148,8 +157,9 @@ def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> 
 
 
 def touching(name: str, case: Case, **of_contact: Any) -> Case:
-    """Return a bare case of that name with its contacts, with options of `contact`."""
-    law, rule = contact(case.scene, **(dict(_named(name).contact) | of_contact))
+    """Return a bare case of that name with its contacts, with options of how it touches."""
+    template = _named(name)
+    law, rule = template.touch(case.scene, **(dict(template.contact) | of_contact))
     return replace(case, law=law, rule=rule)
 
 
@@ -162,52 +172,10 @@ def pressed(name: str, case: Case, of_scene: Mapping[str, Any]) -> Case:
     return replace(case, scene=scene, t_end=template.pressed(scene, case.law) if case.t_end is None else case.t_end)
 
 
-def hangs_on_laws(name: str) -> bool:
-    """Return whether the scene of that name begins with overlaps, which hang on the force laws."""
-    return _named(name).pressed is not None
-
-
-def contact(
-    scene: Scene, restitution: float | Sequence[float] = 0.7, stiffness: float = 5e7, law: str = "LinearDashpot"
-) -> tuple[tuple[Any, ...], Any]:
-    """Return force laws and the collision rule of the same restitution for all pairs of a scene.
-
-    Parameters
-    ----------
-    restitution : float or floats
-        Coefficient of restitution in (0, 1]: one for all pairs, or one per pair bottom to top.
-    stiffness : float
-        Stiffness k: in N/m, for the Hertz laws in N/m^(3/2).
-    law : str
-        LinearDashpot, Hertz (elastic: restitution 1), TsujiHertz, WaltonBraun, or ViscoelasticHertz (restitution then
-        holds at the speed of the first impact, and falls with speed).
-
-    Returns
-    -------
-    tuple of laws, rule or None
-        The rule is None where restitution depends on speed: then it is to be taken from the laws.
-    """
-    way = WAYS[_check.choice("law", law, list(WAYS))]
-    needs = {parameter.name for parameter in build.parameters(way)}
-    k = _check.number("stiffness", stiffness, above=0.0)
-    given = {"k": k, "k_load": k, "speed": first_impact(scene)}
-    values = {key: value for key, value in given.items() if key in needs}
-    eps = list(restitution) if isinstance(restitution, Sequence) else restitution
-    laws = build.each_pair(lambda e, pair: build.call([way], {"restitution": e} | values, pair=pair),
-                           _check.per_pair("restitution", eps, scene.n_pairs), scene.pairs)
-    return laws, None if "speed" in needs else ConstantRestitution(eps)
-
-
-def _elastic_hertz(restitution: float, k: float) -> Hertz:
-    """Hertz's law, which has one restitution."""
-    fix = "Hertz's law is elastic; TsujiHertz and ViscoelasticHertz are damped"
-    _check.number("restitution", restitution, at_least=1.0, at_most=1.0, fix=fix)
-    return Hertz(k)
-
-
-WAYS = {"Hertz": _elastic_hertz} | {
-    name: kind.from_restitution for name, kind in build.LAWS.items() if hasattr(kind, "from_restitution")}
-"""Laws that `contact` makes, and how."""
+def is_whole(name: str) -> bool:
+    """Return whether the scene of that name and its contacts hang on each other, by overlaps or by the kind of ball."""
+    template = _named(name)
+    return template.pressed is not None or template.touch is not contacts.contact
 
 
 def names() -> list[str]:
@@ -231,7 +199,8 @@ def options(name: str) -> list[Option]:
     """Return the options of a ready-made case: those of its scene, then those of the contacts, with its defaults."""
     template = _named(name)
     return options_of(template.make) + [
-        replace(option, default=template.contact.get(option.name, option.default)) for option in options_of(contact)]
+        replace(option, default=template.contact.get(option.name, option.default))
+        for option in options_of(template.touch) if option.name not in shaping(name)]
 
 
 def shaping(name: str) -> set[str]:
@@ -239,17 +208,9 @@ def shaping(name: str) -> set[str]:
     return {parameter.name for parameter in build.parameters(_named(name).make)} - {"law"}
 
 
-def first_impact(scene: Scene) -> float:
-    """Largest speed in m/s at which a pair would meet first if it were alone, with walls at their fastest; 0 if none
-    meets."""
-    closing = -scene.across(scene.velocity)
-    gap = np.maximum(scene.gap, 0.0)
-    rest = 0.0 if scene.rest_gap is None else scene.rest_gap
-    square = closing * np.abs(closing) + gap * (2.0 * scene.pull + scene.pendulum**2 * (gap - 2.0 * rest))
-    speed = np.sqrt(np.maximum(0.0, square))
-    speed[0] += walls.fastest(scene.floor)
-    speed[-1] += walls.fastest(scene.ceiling)
-    return float(speed.max())
+def _touching(name: str) -> set[str]:
+    """Names of the options of a ready-made case that say how its balls touch."""
+    return {parameter.name for parameter in build.parameters(_named(name).touch)[1:]}
 
 
 def _named(name: str) -> Template:

@@ -14,6 +14,7 @@ from granular import certificate, edmd, measures, outcome, theory, tie_rules, ti
 from granular import until as stop
 from granular.binary import at_speed
 from granular.comparison.restitution import LawRule, roots
+from granular.comparison.rises import hard_rise, soft_rise
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import resolved
 from granular.measures import Overlap
@@ -96,11 +97,30 @@ class Compared:
     def restitution_ratio(self) -> float:
         """ε_eff/ε_spec for floor and two balls of one ε, from the closed form of the paper; nan for other scenes, with
         a driven floor or forces too."""
-        scene, eps, v_rel = self.scene, self.restitution_spec, self.pairs[-1].soft_v_rel
-        dropped = scene.n == 3 and scene.is_wall[0] and scene.velocity[1] == scene.velocity[2] and not forced(scene)
-        if not dropped or max(eps) - min(eps) > 1e-9 or not self.impact_speed > 0.0 or math.isnan(v_rel):
+        eps, v_rel = self.restitution_spec, self.pairs[-1].soft_v_rel
+        if not self.is_drop or max(eps) - min(eps) > 1e-9 or not self.impact_speed > 0.0 or math.isnan(v_rel):
             return math.nan
         return theory.effective_restitution(v_rel, self.impact_speed) / eps[0]
+
+    @cached_property
+    def is_drop(self) -> bool:
+        """Whether two balls fall on a floor together, without driven walls or other forces."""
+        scene = self.scene
+        together = scene.n == 3 and scene.is_wall.tolist() == [True, False, False]
+        return together and scene.velocity[1] == scene.velocity[2] and not forced(scene)
+
+    @cached_property
+    def rises(self) -> tuple[float, float]:
+        """How high in m the top ball rises as hard and as soft sphere, if need be after the stop; nan without gravity,
+        or if it cannot be told.
+
+        The first apex of its free flight after it has been touched; a run that stops earlier is carried on.
+        """
+        if self._early:
+            return math.nan, math.nan
+        ties = self.hard_options["ties"]
+        return (hard_rise(self.hard, self.rule, ties, self.impact_speed),
+                soft_rise(self.scene, self.law, float(self.soft.time[-1])))
 
     def effective_restitution(
         self, observable: Callable[[Trajectory], float] | None = None, resolution: int = 41

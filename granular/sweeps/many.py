@@ -15,7 +15,7 @@ import numpy as np
 
 from granular._check import Array, per_pair
 from granular.cases import Case
-from granular.cases.ready import first_impact
+from granular.cases.contacts import first_impact
 from granular.laws.contact_law import resolve
 from granular.md import located
 from granular.scene import Scene, forced, velocities

@@ -9,7 +9,6 @@ import re
 from pathlib import Path
 
 import numpy as np
-from rises import hard_rises, soft_rises
 
 import granular as gr
 
@@ -141,7 +140,7 @@ def answer(report, engine):
     if other.status.name in ("collapse", "max_events", "unstable"):
         return NOT_FIRM | {"status": "early"}
     u = gr.outcome.leaving_velocities(run if engine == "hard" else report.followed)
-    rise = hard_rises(report) if engine == "hard" else soft_rises(report)
+    rise, = none_for_nan(np.array([report.rises[engine == "soft"]]))
     last = float(np.nanmax(np.append(run.contacts["t_end"], run.contacts["t_begin"])))
     sequence = "".join(str(c) for c in run.contacts["pair"])
     return {"status": "ended", "velocity": none_for_nan(u), "sequence": sequence, "rise": rise, "span": last}
