@@ -63,7 +63,7 @@ def test_random_rows_of_pendula_by_another_integrator(seed):
 @pytest.mark.parametrize("law", [DASHPOT, gr.Hertz(1e5), gr.TsujiHertz(1e6, 0.3), gr.WaltonBraun(1e4, 2e4)])
 def test_what_the_log_says_of_balls_is_what_samples_show(law):
     scene = CRADLE.replace(mass=[1.0, 2.0, 0.5, 1.0, 3.0], rest_gap=[0.1, 0.0, 0.3, 0.0])
-    end = 4.0 if isinstance(law, gr.WaltonBraun) else 20.0
+    end = 4.0 if isinstance(law, gr.WaltonBraun) else 10.0
     run = gr.md.simulate(scene, law, t_end=end)
     rows = run.contacts[:: max(1, len(run.contacts) // 5)]
     rows = np.sort(rows[rows["t_end"] < end], order="t_end")
@@ -120,11 +120,11 @@ def test_isolated_contacts_are_those_by_pieces(seed):
                      pendulum=float(rng.uniform(1.0, 9.0)),
                      rest_gap=rng.uniform(0.0, 0.1, n - 1) * (seed % 2))  # fmt: skip
     law = [gr.LinearDashpot(1e5, 3.0), gr.LinearDashpot(1e4), gr.Hertz(1e6)][seed % 3]
-    other = twin(scene, law, t_end=2.0, samples=21)
-    one = gr.md.simulate(scene, law, t_end=2.0, samples=21)
+    other = twin(scene, law, t_end=1.6, samples=21)
+    one = gr.md.simulate(scene, law, t_end=1.6, samples=21)
     assert distance(one, other) < 1e-11
     assert one.gap == pytest.approx(other.gap, abs=1e-12)
-    assert one.stats["isolated"] == other.stats["isolated"] > 1
+    assert one.stats["isolated"] == other.stats["isolated"] >= 1
     assert one.stats["steps"] < other.stats["steps"] or seed % 3 == 2
     for name in ("duration", "impulse", "xi_max", "force_max"):
         assert one.contacts[name] == pytest.approx(other.contacts[name], rel=1e-10)
