@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -28,15 +29,24 @@ def laws(k):
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("k", [1e9, 1e16])
-@pytest.mark.parametrize("name", laws(1.0))
-def test_steps_are_bounded(name, k):
-    law = laws(k)[name]
-    for scene in (ONE, TWO, PRESSED):
-        run = gr.md.simulate(scene, law, max_steps=5000, engine="plain")
-        assert run.status is gr.Status.resting
-        assert run.stats["steps"] <= 90 * len(run.contacts) + 300
-    run = gr.md.simulate(TWO, law, t_end=10.0, max_steps=5000, engine="plain")
+def each(*others, few):
+    """All laws with all of the others; but for a few, long runs only."""
+    return [
+        pytest.param(name, *rest, marks=[] if few(i, j) else pytest.mark.soak)
+        for i, name in enumerate(laws(1.0)) for j, rest in enumerate(itertools.product(*others))
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "k", "scene"), each([1e9, 1e16], [ONE, TWO, PRESSED], few=lambda i, j: j == i % 6))
+def test_steps_are_bounded(name, k, scene):
+    run = gr.md.simulate(scene, laws(k)[name], max_steps=5000, engine="plain")
+    assert run.status is gr.Status.resting
+    assert run.stats["steps"] <= 90 * len(run.contacts) + 300
+
+
+@pytest.mark.parametrize(("name", "k"), each([1e9, 1e16], few=lambda i, j: i in (3, 5) and j == i // 5))
+def test_who_rests_goes_on_to_the_end(name, k):
+    run = gr.md.simulate(TWO, laws(k)[name], t_end=10.0, max_steps=5000, engine="plain")
     assert run.status is gr.Status.time
     np.testing.assert_allclose(run.force[-1], [2.0 * G, G], rtol=1e-9)
 
@@ -95,7 +105,9 @@ def test_a_still_pile_waits_for_a_ball_in_one_step():
     assert run.velocity[-1, 2] == pytest.approx(-math.sqrt(2.0 * 2.0 * G), rel=1e-14)
 
 
-@pytest.mark.parametrize("name", ["dashpot 30", "viscoelastic -3", "tsuji 60"])
+@pytest.mark.parametrize("name", [
+    "viscoelastic -3", *(pytest.param(name, marks=pytest.mark.soak) for name in ("dashpot 30", "tsuji 60")),
+])  # fmt: skip
 def test_creep_is_the_same_compiled(name):
     pytest.importorskip("numba")
     one, other = (gr.md.simulate(TWO, laws(1e14)[name], t_end=0.1, samples=7, engine=e) for e in ("plain", "compiled"))
