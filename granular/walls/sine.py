@@ -58,7 +58,8 @@ class Sine:
         fix = "for a wall that does not move give none"
         self.__dict__["frequency"] = _check.number("frequency", self.frequency, above=0.0, fix=fix)
         self.__dict__["phase"] = _check.number("phase", self.phase)
-        _check.number("(2π frequency)² amplitude", self.omega * self.omega * self.amplitude, at_least=0.0, at_most=LARGEST)
+        largest = self.omega * self.omega * self.amplitude
+        _check.number("(2π frequency)² amplitude", largest, at_least=0.0, at_most=LARGEST)
 
     @classmethod
     def from_acceleration(cls, gamma: float, frequency: float, gravity: float = 9.81, phase: float = 0.0) -> Sine:
