@@ -17,6 +17,8 @@ from granular.walls.gap import NOISE, State, coordinate, faint, flight, hop, las
 from granular.walls.path import pressed
 
 NEVER = math.inf
+PHASES = 2.0**50
+"""Periods from now after which a float no longer tells where in its period a wall is: what has not hit by then does."""
 SHORT = 2.0**-6
 """Steps shorter than this share of what is left of a panel call for a closer look."""
 
@@ -68,6 +70,8 @@ def first_hit(
         s += out_of_reach(wall, now, s)
         if s == NEVER:
             return NEVER
+        if wall.periodic and wall.frequency * s > PHASES:
+            return passed + s if passed + s <= within else NEVER
         k, turns = onward(wall, panels, now, k, turns, s)
         if k < 0:
             return NEVER
@@ -144,13 +148,13 @@ def stays_open(panel: Record, f: float, df: float, a: float, most: float, left: 
     if f == 0.0 and df == 0.0:
         return 0.0
     step = min(left, time_to_contact(f, df, min(most, a + panel.rise * left)))
-    while step < left:
+    while 0.0 < step < left:
         near = min(left, 4.0 * step)
         longer = time_to_contact(f, df, min(most, a + panel.rise * near))
         if longer < near:
             return max(step, longer)
         step = near
-    return left
+    return step if step <= 0.0 else left
 
 
 @rare

@@ -16,6 +16,8 @@ from granular._records import plain
 from granular.walls import path
 from granular.walls.panels import Panels
 
+LARGEST = 1e150
+"""Of amplitudes (m) and accelerations (m/s²): their products are still numbers."""
 PER_TURN = 8
 """Panels a turn."""
 TWO_PI = 6283185307179586476925286766559005768394338798750211641949889184615632812572417997256, 10**84
@@ -52,11 +54,12 @@ class Sine:
 
     def __post_init__(self) -> None:
         fix = "a phase of π turns the motion round"
-        self.__dict__["amplitude"] = _check.number("amplitude", self.amplitude, at_least=0.0, fix=fix)
+        self.__dict__["amplitude"] = _check.number("amplitude", self.amplitude, at_least=0.0, at_most=LARGEST, fix=fix)
         fix = "for a wall that does not move give none"
         self.__dict__["frequency"] = _check.number("frequency", self.frequency, above=0.0, fix=fix)
         self.__dict__["phase"] = _check.number("phase", self.phase)
-        _check.number("(2π frequency)² amplitude", self.omega * self.omega * self.amplitude)
+        largest = self.omega * self.omega * self.amplitude
+        _check.number("(2π frequency)² amplitude", largest, at_least=0.0, at_most=LARGEST)
 
     @classmethod
     def from_acceleration(cls, gamma: float, frequency: float, gravity: float = 9.81, phase: float = 0.0) -> Sine:
