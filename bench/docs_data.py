@@ -69,6 +69,13 @@ def driven() -> Any:
     return compute(3)
 
 
+def bounded() -> Any:
+    """Data of the figure of docs/bounded.md at few points."""
+    from bounded import compute
+
+    return compute(3)
+
+
 def waves() -> Any:
     """Data of the figure of docs/waves.md at few points."""
     from waves import compute
@@ -121,7 +128,7 @@ EXTREMES = ("stiffness", "damping", "mass ratio", "gap", "speed", "start time", 
 OTHERS = ("touching", "chains", "recorded", "rest", "symmetry", "exact sequence", "ties", "float edges", "long runs")
 ENTRIES |= {"stability": Entry(partial(stability, EXTREMES)),
             "stability-others": Entry(partial(stability, OTHERS), False)}  # fmt: skip
-ENTRIES |= {"isolation": Entry(isolation), "driven": Entry(driven, absolute=1e-3),
+ENTRIES |= {"isolation": Entry(isolation), "driven": Entry(driven, absolute=1e-3), "bounded": Entry(bounded),
             "waves": Entry(waves, absolute=1e-6), "first-minute": Entry(first_minute)}  # fmt: skip
 TIMES_ONLY = {"edmd-scaling"}
 """Figures of run times, which differ from machine to machine."""

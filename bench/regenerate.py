@@ -15,7 +15,7 @@ import docs_data
 HERE = Path(__file__).parent
 SCRIPTS = (
     "frontier", "stability", "edmd_scaling", "edmd_columns", "edmd_long", "leaving_out", "fixed_speed", "isolation",
-    "first_minute", "driven", "waves", "located_speed", "located_extremes", "located_orders", "map_orders",
+    "first_minute", "driven", "bounded", "waves", "located_speed", "located_extremes", "located_orders", "map_orders",
 )  # fmt: skip
 
 

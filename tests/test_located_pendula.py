@@ -15,9 +15,10 @@ DASHPOT = gr.LinearDashpot.from_restitution(0.9, 1e6, CRADLE.pairs[0])
 
 
 def test_the_touching_cradle_after_one_period():
-    run = gr.md.simulate(CRADLE, DASHPOT, t_end=2.0 * math.pi)
-    y = run.position[-1] - CRADLE.at_rest
-    assert y == pytest.approx([-0.689972, -0.443893, -0.079961, 0.068495, 0.145331], abs=6e-7)
+    run = gr.md.simulate(CRADLE, DASHPOT, t_end=2.0 * math.pi, samples=101)
+    y = run.position - CRADLE.at_rest
+    assert np.abs(y.mean(axis=1) + 0.2 * np.cos(run.time)).max() < 1e-15  # the mass centre is one pendulum
+    assert y[-1] == pytest.approx([-0.689972, -0.443893, -0.079961, 0.068495, 0.145331], abs=6e-7)
     assert run.energy()[-1] / run.energy()[0] == pytest.approx(0.705361, abs=6e-7)
     assert run.account()["dissipated"][-1] > 0.0
 
