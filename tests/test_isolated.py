@@ -359,7 +359,7 @@ def agree(seed: int, scene: gr.Scene, laws: Any, shifts: int = 8, **options: Any
     return off / own
 
 
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", [*range(12), *(pytest.param(seed, marks=pytest.mark.soak) for seed in range(12, 25))])
 def test_scene_at_random_against_pieces(seed):
     """Counts, which of them are isolated, velocities; powers for the most part, for the others take long."""
     scene, laws = hall(seed, at_random.LAWS if seed % 8 == 0 else at_random.POWERS)
