@@ -5,6 +5,13 @@ import os
 import pytest
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+MAKERS = ("test_edmd_actions", "test_edmd_engines", "test_located_compiled", "test_md_fixed_engines")
+"""Files that have machine code made for nearly all that others need."""
+
+
+def pytest_collection_modifyitems(items):
+    """Have the makers run first, all by one worker: from an empty cache, the other would make the same code again."""
+    items.sort(key=lambda item: item.path.stem not in MAKERS)
 
 
 @pytest.fixture

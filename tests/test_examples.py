@@ -1,4 +1,4 @@
-"""Each example runs without a display, says what it should, draws its picture; the first, and pools, as processes."""
+"""Each example runs without a display, says what it should and draws its picture; some as processes of their own."""
 
 import os
 import runpy

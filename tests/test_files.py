@@ -63,15 +63,14 @@ def test_devices_are_written_into_and_stay(report):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/stdout"), reason="the system has no /dev/stdout")
-@pytest.mark.parametrize("name", ["-", "/dev/stdout"])
-def test_json_on_standard_output_is_all_there_is_on_it(tmp_path, name):
+@pytest.mark.parametrize(("name", "redirected"), [("-", False), ("/dev/stdout", False), ("/dev/stdout", True)])
+def test_json_on_standard_output_is_all_there_is_on_it(tmp_path, name, redirected):
     command = [sys.executable, "-m", "granular", "compare", "bouncing-ball", "--json", name]
-    for redirected in (False, True):
-        with open(tmp_path / "out", "w+") as file:
-            out = file if redirected else subprocess.PIPE
-            done = subprocess.run(command, stdout=out, stderr=subprocess.PIPE, text=True, check=True)
-        text = (tmp_path / "out").read_text() if redirected else done.stdout
-        assert json.loads(text)["verdict"] in done.stderr
+    with open(tmp_path / "out", "w+") as file:
+        out = file if redirected else subprocess.PIPE
+        done = subprocess.run(command, stdout=out, stderr=subprocess.PIPE, text=True, check=True)
+    text = (tmp_path / "out").read_text() if redirected else done.stdout
+    assert json.loads(text)["verdict"] in done.stderr
 
 
 @pytest.mark.parametrize(("name", "ending"), [("picture", "''"), ("picture.foo", "'foo'")])

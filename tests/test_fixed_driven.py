@@ -148,12 +148,18 @@ def test_a_run_beside_a_driven_wall_is_quiet_only_where_nothing_can_follow():
     assert run(scene.replace(external_force=[0.0, -1.0]), law, until=until).status is gr.Status.until
 
 
-@pytest.mark.parametrize("method", ALL)
-def test_a_path_may_end_with_the_run_and_a_law_may_remember(method):
+@pytest.fixture(scope="module")
+def remembering():
+    """A scene beside a wall moved by a function, a law with memory, and the truth."""
     path = gr.walls.Motion(lambda t: 0.02 * math.sin(12.0 * t), 1e-13)
     scene = gr.Scene([math.inf, 1.0, 0.5], [0.0, 0.1, 0.1], [0.01, 0.02], [0.0, 0.0, -1.0], floor=path)
     law = gr.WaltonBraun(1e4, 3e4)
-    truth = reference.solve(scene, law, t_end=0.2)
+    return scene, law, reference.solve(scene, law, t_end=0.2)
+
+
+@pytest.mark.parametrize("method", ALL)
+def test_a_path_may_end_with_the_run_and_a_law_may_remember(remembering, method):
+    scene, law, truth = remembering
     one = run(scene, law, method, t_end=0.2, dt=2e-5)
     assert isinstance(one.scene.floor, gr.walls.Panels)
     assert [row.pair for row in truth.contacts] == one.contacts["pair"].tolist()

@@ -31,7 +31,7 @@ from granular.laws.dashpot import duration, restitution
 STORED = json.loads((Path(__file__).parent / "fuzz" / "truths.json").read_text())
 LIVE = range(1_000_000, 1_000_010)
 FOUND = 20
-"""The first so many stored scenes once were wrong; the others are drawn at random, and every third is enough here."""
+"""The first so many stored scenes once were wrong; of the others, drawn at random, every third is run each time."""
 OFTEN = STORED[:FOUND] + STORED[FOUND::3]
 SELDOM = [one for k, one in enumerate(STORED[FOUND:]) if k % 3]
 BATCH = 25

@@ -359,7 +359,7 @@ def agree(seed: int, scene: gr.Scene, laws: Any, shifts: int = 8, **options: Any
     return off / own
 
 
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", [*range(12), *(pytest.param(seed, marks=pytest.mark.soak) for seed in range(12, 25))])
 def test_scene_at_random_against_pieces(seed):
     """Counts, which of them are isolated, velocities; powers for the most part, for the others take long."""
     scene, laws = hall(seed, at_random.LAWS if seed % 8 == 0 else at_random.POWERS)
@@ -367,10 +367,10 @@ def test_scene_at_random_against_pieces(seed):
 
 
 def test_a_ball_that_falls_beside_an_island_keeps_its_digits():
-    """Two thousand steps of slow contacts below it added up their roundings, all of one sign: 4e-13 m/s."""
+    """The roundings of many steps of slow contacts below it were added up, all of one sign: 4e-13 m/s in 2 800."""
     scene, laws = hall(1977, at_random.POWERS)
     run = gr.md.simulate(scene, laws, until=gr.until.contact(2, 1), engine="plain")
-    assert run.stats["steps"] > 1000
+    assert run.stats["steps"] > 500
     fell = scene.velocity[3] - scene.gravity * run.time[-1]
     body = run.state["bodies"][3]
     assert body["v"] - scene.gravity * (run.time[-1] - body["t"]) == pytest.approx(fell, rel=1e-15, abs=0)

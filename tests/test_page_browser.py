@@ -323,7 +323,7 @@ def test_the_player_manages_a_thousand_balls(tab, tmp_path) -> None:
 def test_a_driven_run_shows_the_work_of_its_walls(tab, tmp_path):
     scene = gr.scenes.bouncing_ball(0.01, plate=gr.walls.Sine.from_acceleration(2.0, 50.0))
     law = gr.LinearDashpot.from_restitution(0.5, k=1e5, pair=scene.pairs[0])
-    run = gr.md.simulate(scene, law, t_end=0.1, method="verlet", dt=2e-6, samples=300)
+    run = gr.md.simulate(scene, law, t_end=0.1, method="verlet", dt=2e-5, samples=300)
     player_page(tmp_path / "plate.html", [run])
     fresh(tab, (tmp_path / "plate.html").as_uri())
     assert "work of the floor, J" in text(tab, ".facts")

@@ -9,7 +9,7 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -170,6 +170,13 @@ def twice(run: Trajectory) -> Trajectory:
     return replace(run, contacts=np.concatenate([run.contacts, run.contacts[-1:]]))
 
 
+@cache
+def some(cells: Callable[[], Any]) -> list[tuple[Cell, Trajectory]]:
+    """Some cells and their runs, each made once for all changes."""
+    every = [cell for cell in cells() if not cell.slow and "max_events" not in cell.options]
+    return [(cell, repeat(cell, "located", plain=True)()) for cell in every[:: 1 + len(every) // 4]]
+
+
 @pytest.mark.parametrize(("cells", "change"), [
     (contact.powers, shifted("velocity", 1e-9)), (contact.powers, logged("duration", 1e-9)), (contact.powers, twice),
     (contact.kinks, shifted("velocity", 1e-9)), (contact.kinks, logged("xi_max", 1e-9)),
@@ -184,9 +191,7 @@ def twice(run: Trajectory) -> Trajectory:
 def test_a_small_change_of_a_run_is_found(
     cells: Callable[[], Any], change: Callable[[Trajectory], Trajectory]
 ) -> None:
-    every = [cell for cell in cells() if not cell.slow and "max_events" not in cell.options]
-    for cell in every[:: 1 + len(every) // 4]:
-        run = repeat(cell, "located", plain=True)()
+    for cell, run in some(cells):
         assert cell.truth.error(run, None) <= cell.tolerance
         assert not cell.truth.error(change(run), None) <= cell.tolerance, cell.case
 
