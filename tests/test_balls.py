@@ -1,13 +1,18 @@
 """Real balls: what the data say of one ball and of two, against other ways to say it."""
 
+import json
 import math
 import re
+import shutil
+import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import granular as gr
 from granular.balls import BALLS, PRESETS, RULES, Ball, contact
+from granular.cli import main
 
 PAGE = (Path(__file__).parents[1] / "docs" / "page.md").read_text(encoding="utf-8")
 ROW = re.compile(r"^\| [a-z][^,|]*, [^|]* \| ([\d.]+) \| ([\d.]+)(?: \(([\d.]+)\))?", re.MULTILINE)
@@ -86,3 +91,63 @@ def test_a_scene_is_the_balls_on_a_floor() -> None:
     assert scene.mass.tolist() == [math.inf, 0.624, 0.0459]
     assert scene.gap.tolist() == [2.0, 0.01]
     assert gr.scenes.real_balls("steel ball", None).n == 2
+
+
+ON_THE_PAGE = """
+import { compareEngines } from "PHYSICS/outcome.mjs";
+import { ballValues, contactsIn, sceneOf } from "PHYSICS/setups.mjs";
+const rises = ASKED.map(({ lower, upper, ...others }) => {
+  const values = { ...ballValues(lower, 1), ...ballValues(upper, 2), bounces: 1, ...others };
+  const { eps, k } = contactsIn("real-balls", values);
+  const { finals } = compareEngines(sceneOf("real-balls", values), eps, k);
+  return [finals.hard[2].rise, finals.soft[2].rise];
+});
+console.log(JSON.stringify(rises));
+"""
+
+
+def on_the_page(asked):
+    """Rises in m, hard and soft, of the upper ball, by the physics of the page."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("node is not installed")
+    script = ON_THE_PAGE.replace("PHYSICS", (Path(gr.__file__).parent / "page" / "physics").as_uri())
+    command = [node, "--input-type=module", "-e", script.replace("ASKED", json.dumps(asked))]
+    return json.loads(subprocess.run(command, capture_output=True, text=True, timeout=50, check=True).stdout)
+
+
+def compared(case):
+    return gr.compare(case.scene, case.law, case.rule, until=case.until, t_end=case.t_end, engine="plain")
+
+
+def test_library_file_command_and_page_say_the_same_of_real_balls(capsys) -> None:
+    random, asked, rises = np.random.default_rng(624), [], []
+    for i, (lower, upper, _) in enumerate(PRESETS):
+        gap, height, rule = 10 ** random.uniform(-4, -2), random.uniform(0.3, 2.0), RULES[i % 2]
+        case = gr.cases.make("real-balls", lower=lower, upper=upper, gap=gap, height=height, pair_rule=rule)
+        text = f"[scene]\nname = 'real-balls'\nlower = '{lower}'\nupper = '{upper}'\npair_rule = '{rule}'\n"
+        assert gr.cases.loads(text).law == case.law == gr.cases.loads(gr.cases.dumps(case)).law
+        rises.append(compared(case).rises)
+        asked.append({"lower": vars(BALLS[lower]), "upper": vars(BALLS[upper]), "gap": gap, "height": height,
+                      "rule": i % 2})
+        if i < 2:
+            assert main(["compare", "real-balls", "--lower", lower, "--upper", upper, "--pair-rule", rule,
+                         "--gap", repr(gap), "--height", repr(height)]) == 0
+            said = capsys.readouterr().out
+            line = re.search(r"rise of ball 2, drops +([\d.]+) +([\d.]+)  of ([\d.]+) m", said)
+            expected = [x / height for x in rises[-1]] + [height]
+            assert [float(x) for x in line.groups()] == pytest.approx(expected, rel=1e-3)
+    assert np.array(rises) == pytest.approx(np.array(on_the_page(asked)), rel=1e-6)
+
+
+def rise(case):
+    return compared(case).rises[1]
+
+
+def test_the_case_sweeps_and_has_a_threshold(capsys) -> None:
+    swept = gr.sweep("real-balls", {"gap": [0.0, 5e-2]}, [rise], upper="golf ball")
+    alone = [heights("basketball", "golf ball", gap=gap)[1] for gap in (0.0, 5e-2)]
+    assert swept["rise"].values == pytest.approx(alone, abs=0.06)
+    assert main(["threshold", "real-balls", "--over", "gap", "--between", "1e-3", "0.1", "--points", "4"]) == 0
+    assert main(["compare", "real-balls", "--upper", "medicine ball"]) == 2
+    assert "ball is 'medicine ball': one of basketball" in capsys.readouterr().err

@@ -98,12 +98,18 @@ class Compared:
         """ε_eff/ε_spec for floor and two balls of one ε, from the closed form of the paper; nan for other scenes, with
         a driven floor or forces too."""
         eps, v_rel = self.restitution_spec, self.pairs[-1].soft_v_rel
-        if not self.is_drop or max(eps) - min(eps) > 1e-9 or not self.impact_speed > 0.0 or math.isnan(v_rel):
+        if not self._is_drop or max(eps) - min(eps) > 1e-9 or not self.impact_speed > 0.0 or math.isnan(v_rel):
             return math.nan
         return theory.effective_restitution(v_rel, self.impact_speed) / eps[0]
 
-    @cached_property
-    def is_drop(self) -> bool:
+    @property
+    def drop(self) -> float:
+        """Height in m from which two balls fall on a floor together; nan for other scenes."""
+        falls = self._is_drop and self.scene.gravity > 0.0
+        return self.impact_speed**2 / (2.0 * self.scene.gravity) if falls else math.nan
+
+    @property
+    def _is_drop(self) -> bool:
         """Whether two balls fall on a floor together, without driven walls or other forces."""
         scene = self.scene
         together = scene.n == 3 and scene.is_wall.tolist() == [True, False, False]

@@ -101,7 +101,7 @@ def numbers(report: Compared) -> dict[str, Any]:
         "groups": report.groups,
         **certificate.numbers(report.soft),
         "error": report.error,
-        **({"rises": report.rises} if report.is_drop else {}),
+        **({} if math.isnan(report.drop) else {"drop": report.drop, "rises": report.rises}),
         "verdict": verdict(report),
         "warnings": warnings(report),
         "hard": _run(report.hard),
@@ -164,10 +164,9 @@ def _outcomes(report: Compared) -> Iterator[str]:
         yield _line("left out as rounding", *left, f"  slower than {ROUNDING:g} of the fastest impact")
     yield _line("ended at t, s", f"{hard.time[-1]:.9g}", f"{soft.time[-1]:.9g}")
     yield _line("because", hard.status.name, soft.status.name)
-    if report.is_drop and report.scene.gravity > 0.0:
-        drop = report.impact_speed**2 / (2.0 * report.scene.gravity)
-        hard_rise, soft_rise = report.rises
-        yield _line("rise of ball 2, drops", number(hard_rise / drop), number(soft_rise / drop), f"  of {drop:.4g} m")
+    if not math.isnan(report.drop):
+        in_drops = [number(rise / report.drop) for rise in report.rises]
+        yield _line("rise of ball 2, drops", in_drops[0], in_drops[1], f"  of {report.drop:.4g} m")
     if not math.isnan(ratio := report.restitution_ratio):
         yield _line("ε_eff / ε_spec", 1, f"{ratio:.6g}")
 

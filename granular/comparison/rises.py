@@ -1,5 +1,5 @@
 """How high the top ball rises; the definition is that of granular/page/physics/apex.mjs.
-May be skipped: rarer, how high balls rise.
+May be skipped: one more number of a comparison.
 
 It is the first apex of the ball in free flight after it has been touched, all hits before that included, a run that
 stops earlier being carried on. A ball that comes to rest instead rises 0.
