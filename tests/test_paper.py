@@ -150,6 +150,9 @@ def test_the_command_lists_and_draws(tmp_path):
     drawn = subprocess.run([*run, "1", "-o", str(tmp_path)], capture_output=True, text=True, check=False)
     assert drawn.returncode == 0
     assert (tmp_path / "paper-sketch.png").exists()
-    wrong = subprocess.run([*run, "sequense"], capture_output=True, text=True, check=False)
-    assert wrong.returncode == 2
-    assert "did you mean sequence?" in wrong.stderr
+
+
+def test_a_figure_that_does_not_exist_is_a_sentence(granular):
+    code, _, errors = granular("figure sequense")
+    assert code == 2
+    assert "did you mean sequence?" in errors
