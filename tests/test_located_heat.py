@@ -7,7 +7,6 @@ import pytest
 from solved_by_scipy import drawn, solved
 
 import granular as gr
-from granular._kernels import have_numba
 
 LAWS = [gr.LinearDashpot(1e3), gr.LinearDashpot(30.0, 0.3), gr.Hertz(1e3), gr.ViscoelasticHertz(1e3, 10.0)]
 
@@ -120,15 +119,3 @@ def test_a_ball_at_rest_on_a_thermal_floor_is_thrown_up():
     assert run.contacts["t_begin"][0] == 0.0
     assert run.of(0)["v_out"][0, 1] == scene.floor.drawn(0, 0, 2.0)
     assert run.count(0) > 3
-
-
-@pytest.mark.soak
-@pytest.mark.skipif(not have_numba(), reason="a million contacts")
-@pytest.mark.parametrize(("stiffness", "ratio"), [(1e4, 0.95), (1e3, 0.86), (1e2, 0.69)])
-def test_soft_gases_conduct_less(stiffness, ratio):
-    hard = 1.0 / (math.sqrt(math.pi / 2.0) * (1.0 / math.sqrt(2.0) + 1.0))
-    end, law = 1e5, gr.LinearDashpot(stiffness)
-    run = gr.md.simulate(gas(16, 3), law, t_end=end, samples=[0.0, end], log=False, engine="compiled",
-                         max_events=10**9, max_steps=10**9)  # fmt: skip
-    heat = run.account()["heat"][-1]
-    assert 0.5 * (heat[0] - heat[1]) / end / hard == pytest.approx(ratio, abs=0.02)
