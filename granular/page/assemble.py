@@ -17,17 +17,17 @@ from granular import _files
 
 IMPORT = re.compile(r'^import \{[^}]*\} from "([^"]+)";\n', re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(?:const|function\*?|class) ([\w$]+))", re.MULTILINE)
-LIVE = ("live/live.html", "live/main.mjs")
-PLAYER = ("player/player.html", "player/main.mjs")
+LIVE = ("live/live.html", "live/main.mjs", "shell/page.css")
+PLAYER = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")
 
 
-def page(parts: tuple[str, str], title: str, start: str = "", data: Mapping[str, Any] | None = None) -> str:
+def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str, Any] | None = None) -> str:
     """Return the HTML of a page.
 
     Parameters
     ----------
-    parts : (str, str)
-        Body and main module: `LIVE` or `PLAYER`.
+    parts : tuple of str
+        Body, main module and styles: `LIVE` or `PLAYER`.
     title : str
         Of the window.
     start : str
@@ -39,7 +39,7 @@ def page(parts: tuple[str, str], title: str, start: str = "", data: Mapping[str,
         "title": escape(title),
         "start": escape(start),
         "version": _files.version_of("granular") or "",
-        "style": shipped("shell/page.css"),
+        "style": "".join(shipped(name) for name in parts[2:]),
         "transport": shipped("shell/transport.html"),
         "data": "" if data is None else f'<script type="application/json" id="data">{embedded(data)}</script>',
         "script": bundle(parts[1]),
