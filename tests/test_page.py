@@ -132,6 +132,14 @@ def test_velocities_are_kept_as_shares_of_the_largest(cradle) -> None:
     np.testing.assert_allclose(values, run.velocity, atol=0.51 * field["peak"] / 127.0)
 
 
+def test_a_wave_narrower_than_a_lane_is_not_lost(monkeypatch) -> None:
+    monkeypatch.setattr(recording, "MAP", (600, 8))
+    run = gr.edmd.simulate(gr.scenes.chain(n=40), gr.ConstantRestitution(1.0), t_end=1.0, samples=30)
+    field = recording.recorded(run, "chain")["field"]
+    values = unpacked(field["values"], "i1").reshape(30, 8)
+    np.testing.assert_array_equal(np.abs(values).max(axis=1), 127)  # one ball moves with all the momentum at any time
+
+
 def test_a_recorded_run_says_what_it_was_made_of() -> None:
     scene = gr.scenes.three_balls(gap=1e-4)
     law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]

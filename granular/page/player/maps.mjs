@@ -38,7 +38,7 @@ export function drawVelocity(picture, run, runs, span) {
     span, rows: field.rows, times: field.time, peak, first: field.first, last: field.last,
     value: (c, l) => (field.values[c * field.rows + l] / 127) * field.peak,
   });
-  return legend(run, "velocity", peak, "m/s");
+  return legend(run, "velocity", peak, "m/s") + (field.rows <= field.last - field.first ? "; of balls in one line the fastest" : "");
 }
 
 // How far each ball is from where it was at the start of the run.
