@@ -21,7 +21,7 @@ function drawField(picture, { span, rows, times, value, peak, first, last }) {
   const whole = document.createElement("canvas");
   Object.assign(whole, { width: columns, height: rows }).getContext("2d").putImageData(image, 0, 0);
   picture.inside((pen) => {
-    pen.imageSmoothingEnabled = false;
+    pen.imageSmoothingEnabled = rows > picture.b - picture.t; // else a row may fall between two pixels
     for (let c = 0; c < columns; c++) {
       const from = picture.x(c ? (times[c - 1] + times[c]) / 2 : times[0]), to = picture.x(c + 1 < columns ? (times[c] + times[c + 1]) / 2 : times[c]);
       if (to >= picture.l && from <= picture.r) pen.drawImage(whole, c, 0, 1, rows, from, picture.t, to - from + 0.6, picture.b - picture.t);
