@@ -125,6 +125,33 @@ def test_soft_contacts_fill_the_map_as_long_as_they_last(cradle) -> None:
     np.testing.assert_allclose(lasting, [log["duration"][log["pair"] == c].sum() for c in range(3)], atol=span / 200)
 
 
+def test_velocities_are_kept_as_shares_of_the_largest(cradle) -> None:
+    run = gr.md.simulate(cradle.scene, gr.LinearDashpot(1e7), t_end=3e-3, samples=50)
+    field = recording.recorded(run, "soft")["field"]
+    values = unpacked(field["values"], "i1").reshape(50, field["rows"]) * field["peak"] / 127.0
+    assert (field["first"], field["last"]) == (0, run.scene.n - 1)
+    np.testing.assert_allclose(values, run.velocity, atol=0.51 * field["peak"] / 127.0)
+
+
+def test_a_wave_narrower_than_a_lane_is_not_lost(monkeypatch) -> None:
+    monkeypatch.setattr(recording, "MAP", (600, 8))
+    run = gr.edmd.simulate(gr.scenes.chain(n=40), gr.ConstantRestitution(1.0), t_end=1.0, samples=30)
+    field = recording.recorded(run, "chain")["field"]
+    values = unpacked(field["values"], "i1").reshape(30, 8)
+    np.testing.assert_array_equal(np.abs(values).max(axis=1), 127)  # one ball moves with all the momentum at any time
+
+
+def test_a_recorded_run_says_what_it_was_made_of() -> None:
+    scene = gr.scenes.three_balls(gap=1e-4)
+    law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
+    soft = dict(recording.recorded(gr.md.simulate(scene, law, t_end=0.33), "soft")["about"])
+    assert soft["law or rule"].count("k=5e+07") == soft["law or rule"].count("ε = 0.7") == 2
+    assert soft["radii, m"] == "0.1, 0.01"
+    hard = recording.recorded(gr.edmd.simulate(scene, gr.ConstantRestitution(0.7), t_end=0.1), "hard")
+    assert dict(hard["about"])["law or rule"] == "ConstantRestitution(restitution=0.7)"
+    assert hard["upright"]
+
+
 def unpacked(text, kind):
     return np.frombuffer(base64.b64decode(text), kind)
 
@@ -133,7 +160,8 @@ def test_the_commands_write_pages(tmp_path, capsys, cradle) -> None:
     assert main(["page", "newtons-cradle", "-o", str(tmp_path / "p.html")]) == 0
     assert "kB" in capsys.readouterr().out
     cradle.hard.save(tmp_path / "run.npz")
-    assert main(["view", str(tmp_path / "run.npz")]) == 0
+    assert main(["view", str(tmp_path / "run.npz"), "--title", "A <cradle>"]) == 0
+    assert "<title>A &lt;cradle&gt;</title>" in (tmp_path / "run.html").read_text(encoding="utf-8")
     assert '"name":"run"' in (tmp_path / "run.html").read_text(encoding="utf-8")
 
 

@@ -311,13 +311,34 @@ def test_the_player_manages_a_thousand_balls(tab, tmp_path) -> None:
     player_page(tmp_path / "gas.html", [run, run], ["gas", "twin"])
     fresh(tab, (tmp_path / "gas.html").as_uri(), "drawn")
     assert "of 500 rows" in text(tab, ".honest")
-    assert tab.run("document.querySelectorAll('canvas').length") == 6
+    assert tab.run("document.querySelectorAll('canvas').length") == 8
     tab.key("End")
     assert time_bar(tab) == 2000
     tab.size(360, 740, mobile=True)
     assert tab.run("document.documentElement.scrollWidth") <= 360
     assert tab.complaints == []
     assert json.dumps(sorted(set(tab.requests))).count("http") == 0
+
+
+def test_two_runs_share_one_scale_and_zoom_to_their_contacts(tab, tmp_path) -> None:
+    scene, times = gr.scenes.three_balls(gap=1e-4), [0.001 * i for i in range(601)]
+    law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
+    runs = [gr.edmd.simulate(scene, gr.ConstantRestitution(0.7), t_end=0.6, samples=times),
+            gr.md.simulate(scene, law, t_end=0.6, samples=times)]  # fmt: skip
+    player_page(tmp_path / "two.html", runs, ["hard", "soft"], "Two balls")
+    fresh(tab, (tmp_path / "two.html").as_uri())
+    assert text(tab, ".player-title") == "Two balls"
+    assert tab.run("document.querySelectorAll('.run-box.upright').length") == 2
+    lefts = "[...document.querySelectorAll('.run-box')].map((box) => [...box.querySelectorAll('.over-time canvas')]"
+    assert tab.run(lefts + ".map((c) => c.getBoundingClientRect().left)).every((l) => new Set(l).size === 1)")
+    assert tab.run("document.querySelector('.slow').checked")
+    click(tab, ".next")
+    assert text(tab, ".time-now").endswith("µs")
+    assert text(tab, ".time-now").startswith("0.318 s")
+    named(tab, "whole run")
+    tab.run("{ const s = document.querySelector('.shown'); s.value = 2; s.dispatchEvent(new Event('change')); }")
+    assert "0 is touching" in text(tab, ".lines-key")
+    assert tab.complaints == []
 
 
 def test_a_driven_run_shows_the_work_of_its_walls(tab, tmp_path):

@@ -11,12 +11,13 @@ from granular.cli.page import announce, offer
 from granular.page import player_page
 from granular.trajectory import Trajectory
 
-USAGE = "RUN.npz [RUN2.npz] [-o FILE.html] [--open]"
+USAGE = "RUN.npz [RUN2.npz] [--title WORDS] [-o FILE.html] [--open]"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the runs and the file."""
     parser.add_argument("runs", nargs="+", metavar="RUN.npz", help="one or two files of Trajectory.save or run --save")
+    parser.add_argument("--title", default="", metavar="WORDS", help="heading of the page [the files' names]")
     offer(parser, None, "the first file's name with .html")
 
 
@@ -24,5 +25,5 @@ def run(given: argparse.Namespace) -> None:
     """Read the runs, write the page and say where it is."""
     files = list(map(Path, given.runs))
     output = given.output or str(files[0].with_suffix(".html"))
-    player_page(output, [Trajectory.load(file) for file in files], [file.stem for file in files])
+    player_page(output, [Trajectory.load(file) for file in files], [file.stem for file in files], given.title)
     announce(output, given.open)

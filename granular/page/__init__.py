@@ -4,7 +4,7 @@ May be skipped: the teaching page, beside the engines.
 `assemble` puts a file together from the parts shipped beside it: ``shell`` (frame, style, time bar, charts),
 ``physics`` (both engines for linear contacts, event-located, in JavaScript), ``live`` (the teaching page), ``player``
 (the page without physics that shows recorded runs). `write` writes them; `recording` makes a recorded run small enough
-to embed.
+to embed, `described` says what it was made of.
 """
 
 from granular.page.write import live_page, player_page

@@ -23,7 +23,7 @@ MARGIN = re.compile(r"^[ \t]*//.*\n|^[ \t]+|^\n", re.MULTILINE)
 SPACE = re.compile(r"^[ \t]+|^/\*.*\*/\n|^\n", re.MULTILINE)
 """The same of a style."""
 LIVE = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
-PLAYER = ("player/player.html", "player/main.mjs", "shell/page.css")
+PLAYER = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")
 LANGUAGES = ("en", "de", "fr", "es", "tr", "zh")
 """The first is complete; what another lacks is said in it."""
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from granular.measures import ACCOUNT, balance
+from granular.page import described
 from granular.scene import Scene
 from granular.trajectory import Trajectory, points
 
@@ -24,7 +25,7 @@ NUMBERS = 400_000
 ROWS, BODIES, CONTACTS = 2000, 1024, 20_000
 """Most rows, bodies and single contacts kept."""
 MAP = (600, 250)
-"""Most columns (time) and rows (pairs) of the map of contacts."""
+"""Most columns (time) and rows (pairs or balls) of the map of contacts and of that of velocities."""
 
 
 def recorded(run: Trajectory, name: str) -> dict[str, Any]:
@@ -45,6 +46,8 @@ def recorded(run: Trajectory, name: str) -> dict[str, Any]:
         "name": name,
         "engine": "soft" if run.rule is None else "hard",
         "scene": repr(run.scene),
+        "about": described.about(run),
+        "upright": run.scene.gravity > 0.0,
         "status": run.status.name,
         "message": run.message,
         "bodies": packed(bodies),
@@ -59,6 +62,7 @@ def recorded(run: Trajectory, name: str) -> dict[str, Any]:
         "account": _account(run),
         "contacts": contacts(run, kept),
         "map": contact_map(run),
+        "field": velocity_map(run),
         "whole": {"rows": len(run.time), "contacts": len(run.contacts), "bodies": run.scene.n},
     }
 
@@ -120,6 +124,22 @@ def contact_map(run: Trajectory) -> dict[str, Any]:
     np.add.at(change, (last + 1, lane), -1)
     counts = np.cumsum(change, axis=0)[:columns]
     return {"columns": columns, "lanes": lanes, "counts": packed(np.minimum(counts, 65535), np.uint16)}
+
+
+def velocity_map(run: Trajectory) -> dict[str, Any]:
+    """Return velocities of balls as shares of the largest in 127 steps; of balls that share a lane that of the fastest.
+
+    So a wave narrower than a lane is not lost. Rows are left out one in so many.
+    """
+    rows, balls = evenly(len(run.time), MAP[0]), np.flatnonzero(~run.scene.is_wall)
+    lanes = np.arange(min(len(balls), MAP[1]))
+    velocity = run.velocity[rows][:, balls]
+    first = lanes * len(balls) // len(lanes)
+    up, down = (extreme.reduceat(velocity, first, axis=1) for extreme in (np.maximum, np.minimum))
+    fastest = np.where(up >= -down, up, down)
+    peak = float(np.abs(fastest).max(initial=0.0)) or 1.0
+    return {"time": packed(run.time[rows], np.float64), "rows": len(lanes), "peak": peak, "first": int(balls[0]),
+            "last": int(balls[-1]), "values": packed(np.rint(fastest * (127.0 / peak)), np.int8)}  # fmt: skip
 
 
 def packed(values: Any, kind: Any = None) -> str:

@@ -39,7 +39,9 @@ def live_page(path: str | PathLike[str], scene: str = "story", values: Mapping[s
     _files.write_text(path, assemble.page(assemble.LIVE, "granular: hard or soft?", start, data))
 
 
-def player_page(path: str | PathLike[str], runs: Sequence[Trajectory], names: Sequence[str] | None = None) -> None:
+def player_page(
+    path: str | PathLike[str], runs: Sequence[Trajectory], names: Sequence[str] | None = None, title: str = ""
+) -> None:
     """Write a page that plays one recorded run, or two of one scene side by side.
 
     Parameters
@@ -51,6 +53,8 @@ def player_page(path: str | PathLike[str], runs: Sequence[Trajectory], names: Se
         much.
     names : sequence of str, optional
         What to call them.
+    title : str
+        Heading of the page; the names if empty.
 
     Raises
     ------
@@ -62,5 +66,6 @@ def player_page(path: str | PathLike[str], runs: Sequence[Trajectory], names: Se
     if other := recording.different_balls(runs[0].scene, runs[-1].scene):
         raise ValueError(f"runs are of different scenes ({other}): one trajectory is needed, or two of the same balls.")
     called = list(names or [f"run {i + 1}" for i in range(len(runs))])
-    data: dict[str, Any] = {"runs": [recording.recorded(run, name) for run, name in zip(runs, called, strict=True)]}
-    _files.write_text(path, assemble.page(assemble.PLAYER, "granular: " + ", ".join(called), data=data))
+    recorded = [recording.recorded(run, name) for run, name in zip(runs, called, strict=True)]
+    data: dict[str, Any] = {"title": title or " and ".join(called), "runs": recorded}
+    _files.write_text(path, assemble.page(assemble.PLAYER, title or "granular: " + ", ".join(called), data=data))

@@ -1,6 +1,6 @@
 // Embedded runs: base64 columns back to typed arrays.
 
-const KINDS = { f4: Float32Array, f8: Float64Array, i4: Int32Array, u2: Uint16Array };
+const KINDS = { f4: Float32Array, f8: Float64Array, i4: Int32Array, u2: Uint16Array, i1: Int8Array };
 
 function unpack(base64, kind) {
   const text = atob(base64), bytes = new Uint8Array(text.length);
@@ -9,7 +9,7 @@ function unpack(base64, kind) {
 }
 
 export function decoded(raw) {
-  const { contacts: c, map } = raw;
+  const { contacts: c, map, field } = raw;
   const run = {
     ...raw, bodies: unpack(raw.bodies, "i4"), radius: unpack(raw.radius, "f4"), time: unpack(raw.time, "f8"),
     offset: unpack(raw.offset, "f4"), path: unpack(raw.path, "f4"), energy: unpack(raw.energy, "f8"),
@@ -18,6 +18,7 @@ export function decoded(raw) {
       after: unpack(c.after, "f4"), impulse: unpack(c.impulse, "f4"),
     },
     map: { ...map, counts: unpack(map.counts, "u2") },
+    field: { ...field, time: unpack(field.time, "f8"), values: unpack(field.values, "i1") },
   };
   run.width = run.bodies.length;
   return run;

@@ -1,75 +1,158 @@
 // The player: recorded runs of any scene and engine, no physics.
-import { Chart, tickName, ticks } from "../shell/axes.mjs";
 import { Clock } from "../shell/clock.mjs";
-import { $, csv, h, save, text } from "../shell/dom.mjs";
-import { digits, plural, quantity, unitFor } from "../shell/format.mjs";
+import { $, h, text } from "../shell/dom.mjs";
+import { quantity } from "../shell/format.mjs";
+import { beginBalls, drawBalls, reach } from "./balls.mjs";
 import { decoded } from "./decode.mjs";
-import { drawBalls, drawContactMap, drawWorldLines, extent, Picture } from "./pictures.mjs";
+import { episodes, later, nextEpisode, slowable } from "./episodes.mjs";
+import { showFacts } from "./facts.mjs";
+import { drawContacts, drawDisplacement, drawVelocity, pairName } from "./maps.mjs";
+import { drawDistance, drawEnergy, drawPositions } from "./paths.mjs";
+import { Picture, timeUnit } from "./picture.mjs";
+
+const FEW = { balls: 60, pairs: 8 };
+
+// The clock of the player: time goes slower in the episodes of `slow`.
+class SlowClock extends Clock {
+  frame(now) {
+    const [t0, t1] = this.span, rate = (t1 - t0) / this.duration, seconds = Math.max(0, now - this.last) / 1000;
+    const there = later(this.slow ?? [], this.time, seconds, rate);
+    this.pace = seconds > 0 ? (there - this.time) / seconds : rate;
+    this.last = now - (1000 * (there - this.time)) / rate;
+    super.frame(now);
+  }
+}
 
 class Player {
-  constructor(data) {
-    this.runs = data.runs.map(decoded);
-    this.span = [Math.min(...this.runs.map((r) => r.span[0])), Math.max(...this.runs.map((r) => r.span[1]))];
-    text($(".player-title"), this.runs.map((r) => r.name).join(" and "));
+  constructor({ title, runs }) {
+    this.runs = runs.map(decoded);
+    this.whole = [Math.min(...this.runs.map((r) => r.span[0])), Math.max(...this.runs.map((r) => r.span[1]))];
+    this.span = this.whole;
+    this.episodes = episodes(this.runs, this.whole);
+    this.range = this.runs.map(reach).reduce((a, b) => [Math.min(a[0], b[0]), Math.max(a[1], b[1])]);
+    text($(".player-title"), title);
     text($(".scene-line"), this.runs[0].scene);
+    this.offer();
     this.views = this.runs.map((run) => this.view(run));
-    this.energy = new Chart($(".energy"), { height: 180, label: "energy in time" });
-    facts(this.runs);
+    showFacts(this.runs);
     this.draw();
-    this.clock = new Clock(document, { show: (t) => this.show(t), stops: () => this.stops() });
+    this.clock = new SlowClock(document, { show: (t) => this.show(t), stops: () => this.stops() });
     this.clock.setSpan(this.span);
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
+    this.setSlow();
+    for (const medium of ["(prefers-color-scheme: dark)", "print"]) matchMedia(medium).addEventListener("change", () => this.draw());
     window.addEventListener("resize", () => this.resized());
     $(".blocked").remove();
+    document.addEventListener("keydown", (event) => this.key(event));
     performance.mark("drawn");
   }
 
+  // What may be shown over time, and the tools.
+  offer() {
+    const [run] = this.runs, balls = run.n - run.walls.length, few = run.n - 1 <= FEW.pairs && run.width === run.n;
+    const pairs = few ? Array.from({ length: run.n - 1 }, (_, pair) => [`distance of ${pairName(run, pair)}`, (...a) => drawDistance(...a, pair)]) : [];
+    this.kinds = [["positions", drawPositions], ...pairs, ["velocity as colour", drawVelocity], ["displacement as colour", drawDisplacement]];
+    const chosen = balls > FEW.balls ? this.kinds.length - 2 : 0;
+    $(".shown").replaceChildren(...this.kinds.map(([name], i) => h("option", { value: i, selected: i === chosen }, name)));
+    $(".shown").addEventListener("change", () => this.draw());
+    const actions = { ".last": () => this.meet(-1), ".next": () => this.meet(1), ".nearer": () => this.zoom(0.5), ".farther": () => this.zoom(2), ".whole": () => this.look(this.whole) };
+    for (const [name, act] of Object.entries(actions)) $(name).addEventListener("click", act);
+    $(".slow").addEventListener("change", () => this.setSlow());
+    $(".slow").checked = slowable(this.episodes, this.whole).length > 0;
+    $(".slow-label").hidden = !$(".slow").checked;
+  }
+
   view(run) {
-    const box = h("div", { class: "run-box" }), few = run.n <= 40;
-    const title = h("h2", { class: run.engine }, `${run.name}: ${run.engine} spheres`);
-    box.append(title, h("p", { class: "key" }, "now"));
-    const balls = new Picture(box, few ? 90 : 44, "balls now");
-    box.append(h("p", { class: "key lines-key" }, ""));
-    const lines = new Picture(box, 260, "space–time diagram");
-    box.append(h("p", { class: "key" }, "contact network over time: pairs from below (left), stronger where more contacts are under way; all are counted"));
-    const map = new Picture(box, Math.min(200, Math.max(60, 12 * run.map.lanes)), "contact map over pairs and time");
+    const box = h("div", { class: `run-box${run.upright ? " upright" : ""}` }), sides = h("div", { class: "sides" }), over = h("div", { class: "over-time" });
+    const law = run.about.slice(0, 1).map(([, said]) => h("p", { class: "about" }, said));
+    box.append(h("h2", { class: run.engine }, `${run.name}: ${run.engine} spheres`), ...law, sides);
+    const now = h("div", {}, h("p", { class: "key" }, "now")), flat = run.n > 40 ? 84 : 130;
+    sides.append(now, over);
+    const balls = new Picture(now, run.upright ? 420 : flat, "balls now", run.upright ? { left: 46, right: 4, bottom: 8 } : { left: 14, top: 6 });
+    over.append(h("p", { class: "key lines-key" }));
+    const lines = new Picture(over, 250, "positions, distances, velocities or displacements over time");
+    const map = new Picture(over, 54 + Math.min(180, Math.max(44, 20 * (run.n - 1))), "contacts over pairs and time");
+    const energy = new Picture(over, 150, "energy over time");
     $(".runs").append(box);
-    return { run, box, balls, lines, map };
+    for (const picture of [lines, map, energy]) this.watch(picture);
+    return { run, box, balls, lines, map, energy };
+  }
+
+  // A tap on a picture sets the time, a drag across it the span.
+  watch(picture) {
+    const { canvas } = picture, at = (event) => picture.back(event.clientX - canvas.getBoundingClientRect().left);
+    let from = null;
+    canvas.addEventListener("pointerdown", (event) => (from = event.isPrimary ? [event.clientX, at(event)] : null));
+    canvas.addEventListener("pointercancel", () => (from = null));
+    canvas.addEventListener("dblclick", () => this.look(this.whole));
+    canvas.addEventListener("pointerup", (event) => {
+      if (!from) return;
+      if (Math.abs(event.clientX - from[0]) > 8) this.look([from[1], at(event)].sort((a, b) => a - b));
+      else this.goTo(at(event));
+      from = null;
+    });
   }
 
   draw() {
-    const paths = this.runs.map((run) => extent(run.path)), range = [Math.min(...paths.map((p) => p[0])), Math.max(...paths.map((p) => p[1]))];
-    for (const { run, box, balls, lines, map } of this.views) {
-      const stride = drawWorldLines(lines, run, this.span, range);
-      text($(".lines-key", box), `space over time, radii taken out${stride > 1 ? `; one line in ${stride} is drawn` : ""}`);
-      drawContactMap(map, run, this.span);
-      balls.begin();
+    const [, drawn] = this.kinds[$(".shown").value];
+    for (const { run, box, balls, lines, map, energy } of this.views) {
+      text($(".lines-key", box), drawn(lines, run, this.runs, this.span));
+      drawContacts(map, run, this.span);
+      drawEnergy(energy, run, this.runs, this.span);
+      beginBalls(balls, run, this.range);
     }
-    this.drawEnergy();
     if (this.clock) this.show(this.clock.time);
   }
 
-  drawEnergy() {
-    const { energy: chart, span } = this, [unit, name] = unitFor(span[1] - span[0], "s");
-    const whole = extent(this.runs.flatMap((r) => [...r.energy])), top = Math.max(whole[1], 1e-300), [factor, joule] = unitFor(top, "J");
-    const x = (t) => (t - span[0]) / unit;
-    Chart.measure([chart]);
-    chart.scales([0, x(span[1])], [Math.min(0, whole[0]) / factor, (1.22 * top) / factor]);
-    chart.xTicks(ticks(chart.xs, 6), tickName, `time in ${name}`);
-    chart.yTicks(ticks(chart.ys, 4), tickName, joule);
-    for (const run of this.runs) chart.line([...run.time].map((t, i) => [x(t), run.energy[i] / factor]), { class: `${run.engine}-line` });
-    chart.finish();
-    $(".energy-key").replaceChildren(...this.runs.map((r) => h("span", { class: r.engine }, `${r.engine === "hard" ? "╌" : "─"} ${r.name} `)));
-    this.toClock = x;
+  show(t) {
+    const glow = 0.006 * (this.span[1] - this.span[0]);
+    for (const { run, balls, lines, map, energy } of this.views) {
+      drawBalls(balls, run, t, run.engine === "hard" ? glow : 0);
+      for (const picture of [lines, map, energy]) picture.head(t);
+    }
+    const { unit, name, offset } = timeUnit(this.span), rate = (this.clock?.playing && this.clock.pace) || (this.span[1] - this.span[0]) / (this.clock?.duration ?? 9);
+    text($(".time-now"), offset ? `${offset} s + ${((t - offset) / unit).toPrecision(4)} ${name}` : quantity(t, "s", 4));
+    if (rate < 1) text($(".slowdown"), `slowed ${Number((1 / rate).toPrecision(2))} ×`);
   }
 
-  show(t) {
-    for (const { run, balls, lines, map } of this.views) {
-      drawBalls(balls, run, t, this.span);
-      lines.head(t, this.span);
-      map.head(t, this.span);
-    }
-    this.energy.playhead(this.toClock(t));
+  // Look at a span of time; what is shown now stays if it lies within.
+  look([from, to]) {
+    const t = this.clock.time, [t0, t1] = [Math.max(from, this.whole[0]), Math.min(to, this.whole[1])];
+    if (!(t1 - t0 > 1e-12 * (this.whole[1] - this.whole[0]))) return;
+    this.span = [t0, t1];
+    this.draw();
+    this.clock.share = (t - t0) / (t1 - t0);
+    this.clock.setSpan(this.span);
+    this.setSlow();
+  }
+
+  zoom(factor) {
+    const t = this.clock.time, [t0, t1] = this.span;
+    this.look([t - factor * (t - t0), t + factor * (t1 - t)]);
+  }
+
+  // On to the next (back to the last) contacts, from where the clock stands.
+  meet(way) {
+    const [t0, t1] = this.span, zoomed = t1 - t0 < 0.999 * (this.whole[1] - this.whole[0]);
+    const from = zoomed ? (t0 + t1) / 2 : this.clock.time, found = nextEpisode(this.episodes, from, way, this.whole);
+    if (!found) return;
+    this.clock.pause();
+    this.look(found);
+    this.clock.go(0);
+  }
+
+  setSlow() {
+    this.clock.slow = $(".slow").checked ? slowable(this.episodes, this.span) : [];
+  }
+
+  goTo(t) {
+    this.clock.pause();
+    this.clock.go((t - this.span[0]) / (this.span[1] - this.span[0]));
+  }
+
+  key(event) {
+    const actions = { n: () => this.meet(event.shiftKey ? -1 : 1), "+": () => this.zoom(0.5), "-": () => this.zoom(2), 0: () => this.look(this.whole) };
+    const key = event.key.toLowerCase(), typing = event.target.matches("select");
+    if (!typing && !event.ctrlKey && !event.metaKey && !event.altKey && Object.hasOwn(actions, key)) actions[key]();
   }
 
   stops() {
@@ -80,36 +163,6 @@ class Player {
     clearTimeout(this.waiting);
     this.waiting = setTimeout(() => this.draw(), 100);
   }
-}
-
-// What walls do and contacts dissipate, as far as there is any.
-function accounted(runs) {
-  return [...new Set(runs.flatMap((run) => run.account.map(([name]) => name)))];
-}
-
-function facts(runs) {
-  const row = (name, value) => h("tr", {}, h("th", { scope: "row" }, name), ...runs.map((run) => h("td", { class: run.engine }, value(run))));
-  $(".facts").replaceChildren(h("tbody", {},
-    row("run", (r) => r.name), row("engine", (r) => (r.engine === "hard" ? "event-driven" : "Newton, contact force")),
-    row("span of time", (r) => quantity(r.span[1] - r.span[0], "s")), row("contacts", (r) => String(r.whole.contacts)),
-    row("energy at the start, J", (r) => digits(r.energy[0], 5)), row("energy at the end, J", (r) => digits(r.energy[r.energy.length - 1], 5)),
-    ...accounted(runs).map((name) => row(`${name}, J`, (r) => digits(new Map(r.account).get(name) ?? 0, 5))),
-    row("ended because", (r) => r.message)));
-  text($(".honest"), runs.map(leftOut).join(" "));
-  $(".csv-buttons").replaceChildren(...runs.map((run) => h("button", { type: "button", class: "csv", onclick: () => saveContacts(run) }, `Save contacts of ${run.name} as CSV`)));
-}
-
-// What was left out when the run was embedded.
-function leftOut({ name, whole, time, contacts, width }) {
-  const parts = [[whole.rows - time.length, whole.rows, "row"], [whole.contacts - contacts.pair.length, whole.contacts, "contact"], [whole.bodies - width, whole.bodies, "body"]];
-  const gone = parts.filter(([less]) => less > 0).map(([less, all, noun]) => `${less} of ${noun === "body" ? `${all} bodies` : plural(all, noun)}`);
-  const few = whole.rows < 20 ? ` Only ${plural(whole.rows, "row")} of positions were recorded; more come with samples=….` : "";
-  return `${name}: ${gone.length ? `left out evenly, to keep this file small: ${gone.join(", ")}` : "nothing is left out"}.${few}`;
-}
-
-function saveContacts({ name, contacts: c }) {
-  const rows = [...c.pair].map((pair, i) => [pair, c.begin[i], c.end[i], c.before[i], c.after[i], c.impulse[i]]);
-  save(`${name}-contacts.csv`, "text/csv", csv([["pair", "begin, s", "end, s", "rate before, m/s", "rate after, m/s", "impulse, N s"], ...rows]));
 }
 
 new Player(JSON.parse($("#data").textContent));
