@@ -1,4 +1,4 @@
-"""What the start page shows: the film of the paper's scene, its first picture, and the teaching page as it opens.
+"""What the start page shows: the film of the paper's scene, its first picture, and a screen of the teaching page.
 
     python bench/first_minute.py        write docs/_static/two-balls.gif, two-balls.png and page.png (needs Chromium)
 
@@ -37,15 +37,15 @@ def numbers() -> Any:
     return docs_data.plain({"verdict": seen.verdict, "contacts": log})
 
 
-def screenshot(path: Path, width: int = 1280, height: int = 860) -> None:
-    """Draw the teaching page as it opens."""
+def screenshot(path: Path, width: int = 1280, height: int = 1130) -> None:
+    """Draw the fourth screen of the teaching page: real balls, and what Newton says of them."""
     sys.path.insert(0, str(ROOT / "tests" / "page"))
     from browser import Browser
 
     with tempfile.TemporaryDirectory() as folder, Browser(width, height) as tab:
         live_page(Path(folder) / "page.html")
-        tab.open((Path(folder) / "page.html").as_uri() + "#at=0.42")
-        tab.wait("performance.getEntriesByName('drawn').length > 0")
+        tab.open((Path(folder) / "page.html").as_uri() + "#screen=4&at=0.42&lang=en")
+        tab.wait("performance.getEntriesByName('settled').length > 0")
         tab.run("new Promise((done) => setTimeout(done, 1000))")
         path.write_bytes(base64.b64decode(tab.call("Page.captureScreenshot", format="png")["data"]))
 

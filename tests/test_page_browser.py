@@ -44,13 +44,13 @@ def page(tab, live):
     assert all(url.startswith(("file:", "data:", "blob:", "about:")) for url in tab.requests)
 
 
-def fresh(tab, url):
+def fresh(tab, url, drawn="settled"):
     tab.size(1280, 900)
     tab.open("about:blank")
     tab.complaints.clear()
     tab.requests.clear()
     tab.open(url)
-    tab.wait("performance.getEntriesByName('drawn').length > 0")
+    tab.wait(f"performance.getEntriesByName('{drawn}').length > 0")
 
 
 def slide(tab, name, value):
@@ -309,7 +309,7 @@ def test_the_player_manages_a_thousand_balls(tab, tmp_path) -> None:
         scene, gr.ConstantRestitution(0.9), t_end=5 * float(scene.gap.mean()), samples=500, engine="sorted"
     )
     player_page(tmp_path / "gas.html", [run, run], ["gas", "twin"])
-    fresh(tab, (tmp_path / "gas.html").as_uri())
+    fresh(tab, (tmp_path / "gas.html").as_uri(), "drawn")
     assert "of 500 rows" in text(tab, ".honest")
     assert tab.run("document.querySelectorAll('canvas').length") == 6
     tab.key("End")
@@ -325,7 +325,31 @@ def test_a_driven_run_shows_the_work_of_its_walls(tab, tmp_path):
     law = gr.LinearDashpot.from_restitution(0.5, k=1e5, pair=scene.pairs[0])
     run = gr.md.simulate(scene, law, t_end=0.1, method="verlet", dt=2e-6, samples=300)
     player_page(tmp_path / "plate.html", [run])
-    fresh(tab, (tmp_path / "plate.html").as_uri())
+    fresh(tab, (tmp_path / "plate.html").as_uri(), "drawn")
     assert "work of the floor, J" in text(tab, ".facts")
     assert "dissipated, J" in text(tab, ".facts")
     assert tab.complaints == []
+
+
+STRICT = "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'self'\">"
+
+
+@pytest.mark.parametrize("policy", [STRICT, STRICT.replace("default", "script")])
+def test_where_scripts_are_forbidden_the_page_says_so(tab, live, tmp_path, policy) -> None:
+    html = Path(url2pathname(urlparse(live).path)).read_text(encoding="utf-8")
+    (tmp_path / "strict.html").write_text(html.replace("<head>", f"<head>{policy}"), encoding="utf-8")
+    tab.open((tmp_path / "strict.html").as_uri())
+    tab.wait("getComputedStyle(document.querySelector('.blocked')).visibility === 'visible'")
+    assert "may not run here" in tab.run("document.body.innerText")
+
+
+def test_a_page_that_runs_says_nothing_of_it(page) -> None:
+    assert "may not run here" not in page.run("document.body.textContent")
+
+
+def test_a_link_to_a_file_on_this_disk_is_copied_without_its_path(page) -> None:
+    page.run("Object.defineProperty(navigator, 'clipboard', {value: {writeText: async (text) => { window.kept = text; }}})")
+    click(page, ".link-button")
+    page.wait("window.kept")
+    assert page.run("window.kept").startswith("#scene=three-balls&")
+    page.wait("document.querySelector('.link-button').textContent.includes('#')")

@@ -52,7 +52,7 @@ def fresh(tab, url):
     tab.complaints.clear()
     tab.requests.clear()
     tab.open(url)
-    tab.wait("performance.getEntriesByName('drawn').length > 0")
+    tab.wait("performance.getEntriesByName('settled').length > 0")
 
 
 def settle(tab):

@@ -22,6 +22,7 @@ export class Later {
       this.isWaiting = false;
       this.next();
       this.wait();
+      if (!this.jobs.size) performance.mark("settled");
     });
   }
 

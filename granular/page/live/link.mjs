@@ -48,7 +48,8 @@ export function write(state, isStep = false) {
 
 export async function copyLink(button, state) {
   write(state);
-  const done = hasLink() && await navigator.clipboard?.writeText(location.href).then(() => true, () => false);
-  told(button, !hasLink() ? "no-link" : done ? "copied" : "in-address-bar");
+  const isFile = location.protocol === "file:", link = isFile ? written(state) : location.href; // nobody else has that path
+  const done = hasLink() && await navigator.clipboard?.writeText(link).then(() => true, () => false);
+  told(button, !hasLink() ? "no-link" : !done ? "in-address-bar" : isFile ? "copied-state" : "copied");
   setTimeout(() => told(button, "copy-link"), 1600);
 }

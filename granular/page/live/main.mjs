@@ -1,4 +1,5 @@
 // The teaching page: one state (screen, scene and values), one report, everything else drawn from it.
+import { Chart } from "../shell/axes.mjs";
 import { $, save, set, text } from "../shell/dom.mjs";
 import { Clock } from "../shell/clock.mjs";
 import { AT_LEISURE, AT_ONCE, compareEngines } from "../physics/outcome.mjs";
@@ -38,7 +39,7 @@ class Page {
     this.makeParts();
     this.predict.set(this.isAsking);
     this.listen();
-    this.run();
+    this.run(true);
   }
 
   makeParts() {
@@ -124,8 +125,10 @@ class Page {
   run(isMove = false) {
     this.pending = false;
     const { screen, name, values } = this.state, { only, presets } = screenOf(screen);
-    if (this.told !== `${screen} ${languageNow()}`) this.arrange(screen);
+    const isOther = this.told !== `${screen} ${languageNow()}`;
+    if (isOther) this.arrange(screen);
     this.controls.load(name, values, { only, presets: presets?.() });
+    if (isOther) this.measure();
     text($(".notice"), this.state.told.map((one) => say(one.say, one)).join(" "));
     this.compare(AT_ONCE, isMove);
     clearTimeout(this.seeking);
@@ -139,7 +142,6 @@ class Page {
     this.told = `${screen} ${languageNow()}`;
     this.story.load(screen);
     this.tongue.load();
-    this.measure();
   }
 
   compare(patience, isMove) {
@@ -150,7 +152,8 @@ class Page {
     this.spoken.load(this.report, this.state.screen < LAB, this.predict.covered);
   }
 
-  // While a slider moves, what is judged and dragged is drawn at once, the rest a moment later.
+  // At first and while a slider moves, what is judged and dragged is drawn at once, the rest a moment later; what is hidden
+  // not at all.
   draw(setup, isMove = false) {
     const { report, state } = this, span = spanOf(report.soft, report.hard), samples = samplesOf(report, span), watched = watchedPair(report, span);
     const engines = document.body.classList.contains("hard-only") ? ["hard"] : ["hard", "soft"];
@@ -163,7 +166,8 @@ class Page {
     this.clock.setSpan(span);
     this.controls.markGap(safe);
     const distance = () => this.distance.load(report, watched, axis), curve = () => this.curve.load(state.name, state.values, safe);
-    this.later.plan({ curve, distance, ...charts, ...panels, heads: () => this.showHeads(this.clock.time) });
+    const inTime = this.story.shows(".charts") ? { distance, ...charts, heads: () => this.showHeads(this.clock.time) } : {};
+    this.later.plan({ ...panels, curve, ...inTime });
     if (!isMove) this.later.flush();
     this.spread.load(state.name, state.values);
   }
@@ -191,7 +195,7 @@ class Page {
   }
 
   measure() {
-    for (const chart of [...this.charts.all, this.distance.chart, this.panels.rises, this.curve.chart]) chart.measure();
+    Chart.measure([...this.charts.all, this.distance.chart, this.panels.rises, this.curve.chart]);
     this.stage.measure();
   }
 
@@ -207,3 +211,4 @@ class Page {
 }
 
 new Page();
+$(".blocked").remove();

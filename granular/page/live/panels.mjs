@@ -19,13 +19,11 @@ export class Panels {
   load(report, setup) {
     this.report = report;
     figures(report, setup);
-    if (report.scene.gravity) drawRises(this.rises, report);
-    else drawSpeeds(this.rises, report);
     told($(".rises-title"), report.scene.gravity ? "rises-title" : "speeds-title");
     const touching = report.scene.gravity === 0 && report.scene.gap.includes(0);
     $(".ties-box").hidden = !touching;
     if (touching) whenIdle(() => this.report === report && tieRules(report)); // six more runs
-    return { table: () => this.tabulate() };
+    return { rises: () => (report.scene.gravity ? drawRises : drawSpeeds)(this.rises, report), ...($(".table-box").matches(".off") ? {} : { table: () => this.tabulate() }) };
   }
 
   tabulate() {

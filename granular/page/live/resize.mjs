@@ -2,7 +2,8 @@
 const QUIET = 80; // ms
 
 export function whenResized(work) {
-  let width = innerWidth, waiting = 0;
+  let width = 0, waiting = 0;
+  requestAnimationFrame(() => (width = innerWidth)); // to ask before the first picture lays out the page for nothing
   addEventListener("resize", () => {
     clearTimeout(waiting);
     waiting = setTimeout(() => {

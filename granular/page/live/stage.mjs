@@ -19,12 +19,13 @@ export class Stage {
     this.host.classList.toggle("upright", upright);
     this.host.classList.toggle("lying", !upright);
     this.host.parentElement.classList.toggle("flat", !upright);
+    for (const view of this.views) view.look(upright);
     for (const view of this.views) view.layout(report.scene, upright, extent, watched, report[view.engine].contacts.length);
     this.forceMax = largestForce(report.soft);
     told($(".scale-note"), "scale-note", { times: [this.views[0].magnification, "", 2] });
   }
 
-  // Asking for sizes makes the browser lay out the page: only at the start and when the window changes.
+  // Asking for sizes makes the browser lay out the page: both at once, only at the start and when the window changes.
   measure() {
     for (const view of this.views) view.measure();
   }
@@ -56,8 +57,11 @@ class View {
     this.size = null;
   }
 
-  layout(scene, upright, { low, high, depth }, watched, count) {
+  look(upright) {
     if (upright !== this.upright || !this.size) this.size = [this.svg.clientWidth || 280, this.svg.clientHeight || 320];
+  }
+
+  layout(scene, upright, { low, high, depth }, watched, count) {
     const [w, tall] = this.size, length = upright ? tall : w, largest = Math.max(...scene.radius);
     const cap = Math.min(upright ? 74 : 36, 0.25 * w), fit = (0.52 * length) / 2;
     const raw = scene.radius.map((r) => (r === 0 ? 0 : Math.max(0.16, Math.sqrt(r / largest))));

@@ -20,6 +20,7 @@ class Player {
     this.clock.setSpan(this.span);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
     window.addEventListener("resize", () => this.resized());
+    $(".blocked").remove();
     performance.mark("drawn");
   }
 
@@ -52,7 +53,7 @@ class Player {
     const { energy: chart, span } = this, [unit, name] = unitFor(span[1] - span[0], "s");
     const whole = extent(this.runs.flatMap((r) => [...r.energy])), top = Math.max(whole[1], 1e-300), [factor, joule] = unitFor(top, "J");
     const x = (t) => (t - span[0]) / unit;
-    chart.measure();
+    Chart.measure([chart]);
     chart.scales([0, x(span[1])], [Math.min(0, whole[0]) / factor, (1.22 * top) / factor]);
     chart.xTicks(ticks(chart.xs, 6), tickName, `time in ${name}`);
     chart.yTicks(ticks(chart.ys, 4), tickName, joule);

@@ -13,13 +13,17 @@ export class Chart {
     this.head = svg("line", { class: "playhead", y1: 2, y2: height - this.bottomMargin, visibility: "hidden" });
     this.svg = svg("svg", { role: "img", "aria-label": label, height, class: "chart" }, this.grid, this.body, this.head);
     host.append(this.svg);
-    this.measure();
+    this.width = 600;
+    this.resize(height);
   }
 
-  // Asking for a width makes the browser lay out the page: only at the start and when the window changes.
-  measure() {
-    this.width = Math.max(200, this.host.clientWidth || this.width || 600);
-    this.resize(this.height);
+  // Asking for a width makes the browser lay out the page: of all charts at once, at the start and when the window changes.
+  static measure(charts) {
+    const widths = charts.map((chart) => chart.host.clientWidth);
+    charts.forEach((chart, i) => {
+      chart.width = Math.max(200, widths[i] || chart.width);
+      chart.resize(chart.height);
+    });
   }
 
   resize(height) {
