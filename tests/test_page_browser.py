@@ -36,12 +36,18 @@ def live(tmp_path_factory):
 
 
 @pytest.fixture
-def page(tab, live):
-    """The teaching page, freshly opened; afterwards nothing may have been complained about or asked for."""
-    fresh(tab, live)
+def blank(tab):
+    """A tab; afterwards nothing may have been complained about or asked for."""
     yield tab
     assert tab.complaints == []
     assert all(url.startswith(("file:", "data:", "blob:", "about:")) for url in tab.requests)
+
+
+@pytest.fixture
+def page(blank, live):
+    """The teaching page, freshly opened."""
+    fresh(blank, live)
+    return blank
 
 
 def fresh(tab, url, drawn="settled"):
@@ -163,17 +169,17 @@ def test_the_link_brings_everything_back(page, live) -> None:
 
 
 @pytest.mark.parametrize("name", ["constructor", "toString", "__proto__"])
-def test_a_scene_that_is_none_is_told(page, live, name) -> None:
-    fresh(page, f"{live}#scene={name}")
-    assert text(page, ".notice") == f"There is no scene “{name}” here."
-    assert text(page, ".verdict").startswith("No: balls 1 and 2 have 4 contacts")
+def test_a_scene_that_is_none_is_told(blank, live, name) -> None:
+    fresh(blank, f"{live}#scene={name}")
+    assert text(blank, ".notice") == f"There is no scene “{name}” here."
+    assert text(blank, ".verdict").startswith("No: balls 1 and 2 have 4 contacts")
 
 
-def test_a_value_that_cannot_be_is_told_until_something_changes(page, live) -> None:
-    fresh(page, live + "#gap=-1")
-    assert text(page, ".notice") == "Δh cannot be -1 here (0, 100 nm – 0.1 m): 0 m is shown."
-    slide(page, "gap", 500)
-    assert text(page, ".notice") == ""
+def test_a_value_that_cannot_be_is_told_until_something_changes(blank, live) -> None:
+    fresh(blank, live + "#gap=-1")
+    assert text(blank, ".notice") == "Δh cannot be -1 here (0, 100 nm – 0.1 m): 0 m is shown."
+    slide(blank, "gap", 500)
+    assert text(blank, ".notice") == ""
 
 
 HOST = """<!doctype html><title>host</title><p>The host's page</p><iframe ATTRIBUTES width=900 height=700></iframe>"""
@@ -218,38 +224,38 @@ def test_contacts_as_csv(page) -> None:
     assert [float(row[2]) for row in rows if row[0] == "soft"] == pytest.approx(log["t_begin"], rel=1e-12)
 
 
-def test_a_collapse_shows_nothing_unfinished(page, live) -> None:
-    fresh(page, f"{live}#scene=newtons-cradle&eps=0.105&gap=0.0000881&n=8&moving=5&k=2290000&speed=0.549")
-    assert text(page, ".verdict").startswith("No verdict: hard spheres collide ever faster and come to no end")
+def test_a_collapse_shows_nothing_unfinished(blank, live) -> None:
+    fresh(blank, f"{live}#scene=newtons-cradle&eps=0.105&gap=0.0000881&n=8&moving=5&k=2290000&speed=0.549")
+    assert text(blank, ".verdict").startswith("No verdict: hard spheres collide ever faster and come to no end")
     final = "[...document.querySelectorAll('.finals tbody tr')].map((r) => r.cells[3].textContent)"
-    assert page.run(final) == ["–"] * 8
-    assert page.run("document.querySelectorAll('.rises .hard-bar').length") == 0
-    assert "no final velocities" in text(page, ".finals-note")
-    page.run("URL.createObjectURL = (blob) => { blob.text().then((t) => { window.saved = t; }); return 'data:,'; }")
-    click(page, ".csv")
-    page.wait("window.saved !== undefined")
-    assert page.run("window.saved.trim().split('\\r\\n').pop()").startswith('note,"Hard spheres collide without end')
+    assert blank.run(final) == ["–"] * 8
+    assert blank.run("document.querySelectorAll('.rises .hard-bar').length") == 0
+    assert "no final velocities" in text(blank, ".finals-note")
+    blank.run("URL.createObjectURL = (blob) => { blob.text().then((t) => { window.saved = t; }); return 'data:,'; }")
+    click(blank, ".csv")
+    blank.wait("window.saved !== undefined")
+    assert blank.run("window.saved.trim().split('\\r\\n').pop()").startswith('note,"Hard spheres collide without end')
 
 
-def test_elastic_balls_do_not_wait_for_rounding(page, live) -> None:
-    fresh(page, f"{live}#scene=newtons-cradle&eps=1&gap=0.000136&n=7&moving=5&k=25100000&speed=0.451")
-    assert text(page, ".verdict") == "Yes: every contact is binary, and the outcomes agree to rounding."
-    assert text(page, ".slowdown").startswith("slowed")
+def test_elastic_balls_do_not_wait_for_rounding(blank, live) -> None:
+    fresh(blank, f"{live}#scene=newtons-cradle&eps=1&gap=0.000136&n=7&moving=5&k=25100000&speed=0.451")
+    assert text(blank, ".verdict") == "Yes: every contact is binary, and the outcomes agree to rounding."
+    assert text(blank, ".slowdown").startswith("slowed")
 
 
-def test_a_ball_at_rest_on_the_floor_takes_no_steps(page, live) -> None:
-    fresh(page, f"{live}#scene=ball-stack&eps=0.233&gap=0.0015&n=3&massRatio=0.203&k=394000000&height=1.62")
+def test_a_ball_at_rest_on_the_floor_takes_no_steps(blank, live) -> None:
+    fresh(blank, f"{live}#scene=ball-stack&eps=0.233&gap=0.0015&n=3&massRatio=0.203&k=394000000&height=1.62")
     told = "No: 2 of 3 pairs differ in contacts; balls 2 and 3 have 2 contacts, not 1"
-    assert text(page, ".verdict").startswith(told)
-    rises = page.run("[...document.querySelectorAll('.finals tbody tr')].map((r) => r.cells[6].textContent)")
+    assert text(blank, ".verdict").startswith(told)
+    rises = blank.run("[...document.querySelectorAll('.finals tbody tr')].map((r) => r.cells[6].textContent)")
     assert len(rises) == 3
     assert not any("−" in rise for rise in rises)
 
 
-def test_a_heavy_ball_on_a_light_one_rises_in_both_pictures(page, live) -> None:
-    fresh(page, f"{live}#scene=three-balls&eps=1&gap=0.00000484&ratio=0.782&k=244000000&height=1.27")
-    assert text(page, ".figure:nth-child(3) .hard") == "1.71 m"
-    assert text(page, ".figure:nth-child(3) .soft") == "1.42 m"
+def test_a_heavy_ball_on_a_light_one_rises_in_both_pictures(blank, live) -> None:
+    fresh(blank, f"{live}#scene=three-balls&eps=1&gap=0.00000484&ratio=0.782&k=244000000&height=1.27")
+    assert text(blank, ".figure:nth-child(3) .hard") == "1.71 m"
+    assert text(blank, ".figure:nth-child(3) .soft") == "1.42 m"
 
 
 def test_predict_first(page) -> None:
@@ -268,11 +274,11 @@ def test_predict_first(page) -> None:
     page.wait("document.querySelector('.film-caption').textContent === 'falling, as fast as life'")
 
 
-def test_all_tie_rules_beside_the_soft_spheres(page, live) -> None:
-    fresh(page, live + "#scene=newtons-cradle&n=3&gap=0&eps=1")
+def test_all_tie_rules_beside_the_soft_spheres(blank, live) -> None:
+    fresh(blank, live + "#scene=newtons-cradle&n=3&gap=0&eps=1")
     cells = "[...document.querySelectorAll('.ties tbody tr')].map((r) => [...r.children].map((c) => c.textContent))"
-    page.wait("document.querySelectorAll('.ties tbody tr').length === 7")
-    rows = page.run(cells)
+    blank.wait("document.querySelectorAll('.ties tbody tr').length === 7")
+    rows = blank.run(cells)
     assert rows[0][1:] == ["0", "0", "1"]
     assert rows[4][1:] == ["−0.333", "0.667", "0.667"]
     assert rows[6][0] == "soft spheres"
@@ -326,7 +332,7 @@ def test_two_runs_share_one_scale_and_zoom_to_their_contacts(tab, tmp_path) -> N
     runs = [gr.edmd.simulate(scene, gr.ConstantRestitution(0.7), t_end=0.6, samples=times),
             gr.md.simulate(scene, law, t_end=0.6, samples=times)]  # fmt: skip
     player_page(tmp_path / "two.html", runs, ["hard", "soft"], "Two balls")
-    fresh(tab, (tmp_path / "two.html").as_uri())
+    fresh(tab, (tmp_path / "two.html").as_uri(), "drawn")
     assert text(tab, ".player-title") == "Two balls"
     assert tab.run("document.querySelectorAll('.run-box.upright').length") == 2
     lefts = "[...document.querySelectorAll('.run-box')].map((box) => [...box.querySelectorAll('.over-time canvas')]"
@@ -369,8 +375,8 @@ def test_a_page_that_runs_says_nothing_of_it(page) -> None:
 
 
 def test_a_link_to_a_file_on_this_disk_is_copied_without_its_path(page) -> None:
-    clipboard = "{value: {writeText: async (text) => { window.kept = text; }}}"
-    page.run(f"Object.defineProperty(navigator, 'clipboard', {clipboard})")
+    keep = "{writeText: async (text) => { window.kept = text; }}"
+    page.run(f"Object.defineProperty(navigator, 'clipboard', {{value: {keep}}})")
     click(page, ".link-button")
     page.wait("window.kept")
     assert page.run("window.kept").startswith("#scene=three-balls&")

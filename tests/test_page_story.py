@@ -37,14 +37,20 @@ def story(tmp_path_factory):
 
 
 @pytest.fixture
-def page(tab, story):
-    """The page as it opens, without a network; afterwards nothing may have been complained about or asked for."""
+def blank(tab):
+    """A tab without a network; afterwards nothing may have been complained about or asked for."""
     tab.size(1280, 900)
     tab.media()
-    fresh(tab, story)
     yield tab
     assert tab.complaints == []
     assert all(url.startswith(("file:", "data:", "blob:", "about:")) for url in tab.requests)
+
+
+@pytest.fixture
+def page(blank, story):
+    """The page as it opens."""
+    fresh(blank, story)
+    return blank
 
 
 def fresh(tab, url):
@@ -235,9 +241,9 @@ EVERY = """
 
 
 @pytest.mark.parametrize("scene", ["real-balls", "three-balls", "ball-stack", "newtons-cradle", "bouncing-ball"])
-def test_every_control_of_every_scene_answers(page, story, scene) -> None:
-    fresh(page, f"{story}#scene={scene}")
-    assert page.run(EVERY) == []
+def test_every_control_of_every_scene_answers(blank, story, scene) -> None:
+    fresh(blank, f"{story}#scene={scene}")
+    assert blank.run(EVERY) == []
 
 
 def test_words_are_explained_on_tap(page) -> None:
@@ -251,16 +257,16 @@ LABELS = "[...document.querySelectorAll('[aria-label]')].map((e) => e.ariaLabel)
 
 
 @pytest.mark.parametrize("language", assemble.LANGUAGES)
-def test_every_language_fills_every_screen(page, story, language) -> None:
-    fresh(page, f"{story}#lang={language}")
+def test_every_language_fills_every_screen(blank, story, language) -> None:
+    fresh(blank, f"{story}#lang={language}")
     words = assemble.words(language)
     for screen in SCREENS:
-        turn(page, screen)
-        assert text(page, ".story-title") == words[f"s{screen}-title"].replace("\u00a0", " ")
-        shown = page.run("document.body.innerText") + page.run(LABELS)
+        turn(blank, screen)
+        assert text(blank, ".story-title") == words[f"s{screen}-title"].replace("\u00a0", " ")
+        shown = blank.run("document.body.innerText") + blank.run(LABELS)
         assert not re.search(r"[{}\[\]]|undefined|NaN|\bs\d-|_c\b", shown)
-    assert page.run("document.documentElement.lang") == words["tag"]
-    assert page.run("document.querySelector('.unread').checkVisibility()") is (language != "en")
+    assert blank.run("document.documentElement.lang") == words["tag"]
+    assert blank.run("document.querySelector('.unread').checkVisibility()") is (language != "en")
 
 
 def test_tables_have_the_same_sentences_terms_numbers_and_units() -> None:
