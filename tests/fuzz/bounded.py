@@ -48,6 +48,8 @@ def _bounded(rng: Any, case: Case, kind: int) -> Driven | None:
     if kind == HEAT:
         for c, body in ((0, 0), (-1, -1)):
             gap[c] = max(gap[c], 0.0) if math.isinf(case.mass[body]) else gap[c]
+    if kind == HEAT and len(gap) > 1 and any((end <= 0.0).all() for end in (gap[:2], gap[-2:])):
+        return None  # a hit and an onset at once: which is first, and so with what speed the other begins, is open
     case = case.replace(gap=tuple(gap.tolist()))
     mass, velocity = np.array(case.mass), np.array(case.velocity)
     scene = gr.Scene(mass, np.zeros(len(mass)), gap, velocity, case.gravity, ring=kind == RING)
