@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fuzz import driven, soak
+from fuzz import bounded, driven, soak
 from fuzz.arithmetic import DIGITS, DOUBLE
 from fuzz.judge import Verdict, compare, distance, engine, from_json, judge, truth
 from fuzz.laws import Spec
@@ -99,6 +99,18 @@ def test_driven_scenes_start_as_others_do() -> None:
         one, other = driven.generate(seed).case, generate(seed, small=True)
         assert (one.gap, one.gravity, one.laws, one.mass[1:], one.velocity[1:]) == (
             other.gap, other.gravity, other.laws, other.mass[1:], other.velocity[1:])  # fmt: skip
+
+
+BOUNDED = [9, 308, 310, 311, 313, 315, 317, 319]
+"""Seeds of rings, thermal walls and pendula that take a fifth of a second."""
+
+
+@pytest.mark.parametrize("seed", BOUNDED)
+def test_bounded_scenes_beside_the_reference(seed: int) -> None:
+    """Rings, thermal walls, pendula: 20 digits judge every speed and the account; samples and a stop change no bit."""
+    pytest.importorskip("mpmath")
+    verdict = bounded.judged(seed)
+    assert verdict.kind == "ok", (verdict.why, verdict.error)
 
 
 # the judge's own solver
@@ -218,6 +230,15 @@ def test_many_driven_scenes() -> None:
     """As below, with driven walls and forces; the reference takes a second for each."""
     scenes = int(os.environ.get("FUZZ_DRIVEN", "500"))
     done = soak.run(Path(os.environ.get("FUZZ_DRIVEN_PROGRESS", "fuzz-driven.jsonl")), 0, scenes, driven.judged)
+    assert done.short == []
+    assert done.refused + done.unjudged <= 0.05 * scenes
+
+
+@pytest.mark.soak
+def test_many_bounded_scenes() -> None:
+    """As above, on rings, beside thermal walls, of pendula."""
+    scenes = int(os.environ.get("FUZZ_BOUNDED", "500"))
+    done = soak.run(Path(os.environ.get("FUZZ_BOUNDED_PROGRESS", "fuzz-bounded.jsonl")), 0, scenes, bounded.judged)
     assert done.short == []
     assert done.refused + done.unjudged <= 0.05 * scenes
 

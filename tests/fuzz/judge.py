@@ -144,7 +144,7 @@ def drifts(numbers: dict[str, Any], scale: dict[str, Any]) -> bool:
 def shift(case: Case, rng: Any) -> Any:
     """Relative changes of gaps, velocities and masses; balls that touch and move together go on doing so."""
     n = len(case.mass)
-    changes = [rng.standard_normal(k) * SHIFT for k in (n - 1, n, n)]
+    changes = [rng.standard_normal(k) * SHIFT for k in (len(case.gap), n, n)]  # a ring has one gap more
     for c in range(n - 1):
         if case.velocity[c] == case.velocity[c + 1] and case.gap[c] <= 0.0:
             changes[1][c + 1] = changes[1][c]
