@@ -37,9 +37,9 @@ def test_a_bug_is_not_dressed_up_as_a_mistake_of_the_user(granular, monkeypatch)
     ("rum gas", "'rum' is no command; did you mean run?"),
     ("run", "run needs a scene: one of three-balls, "),
     ("compare", "compare needs a scene: one of three-balls, "),
-    ("run three-bals", "scene is 'three-bals': one of three-balls, ball-stack, real-balls, newtons-cradle, chain, column, "
-                       "gas, ring-gas, heated-gas, bouncing-ball, vibrated-column, pendulum-cradle, compressed-chain is "
-                       "needed; did you mean three-balls?"),
+    ("run three-bals", "scene is 'three-bals': one of three-balls, ball-stack, real-balls, newtons-cradle, chain, "
+                       "column, gas, ring-gas, heated-gas, bouncing-ball, vibrated-column, pendulum-cradle, "
+                       "compressed-chain is needed; did you mean three-balls?"),
     ("scenes gaz", "scene is 'gaz': one of "),
     ("run gas --packng 0.2", "'--packng' is no option of granular run gas; did you mean --packing?"),
     ("run gas -x", "'-x' is no option of granular run gas"),
