@@ -567,6 +567,7 @@ def test_a_motion_with_a_fast_part_has_panels_where_it_is():
 # --- one source ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.soak
 @pytest.mark.skipif(not _kernels.have_numba(), reason="numba is not installed")
 def test_plain_and_compiled_give_the_same_bits():
     t, cubic = spline()

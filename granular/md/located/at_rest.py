@@ -92,9 +92,10 @@ def gather_slowly(s: Any) -> None:
                 settle_series(run, pairs, pool, c, None, s.walls, math.inf)
 
 
-def looked_at(s: Any, limit: float, kernels: Any) -> int:
-    """Look at the block under way; return why a run up to time `limit` ends, or WANTS_LOOK if it goes on."""
-    found = kernels(look_at)(s, limit)
+def looked_at(s: Any, limit: float, kernels: Any, seldom: Any) -> int:
+    """Look at the block under way, by `kernels` and by those that are called `seldom`; return why a run up to time
+    `limit` ends, or WANTS_LOOK if it goes on."""
+    found = seldom(look_at)(s, limit)
     if found != NOT_YET:
         return REST if found == RESTS else BINDING
     return WANTS_LOOK if kernels(planned)(s, None) else STOPPED

@@ -175,7 +175,7 @@ def _solved(s: System, end: Array, engine: str) -> Many:
         given, kernels = (end.tolist(), COMPILED_CHUNK, *rows, scratch.tolist()), interpreted
     while (i := kernels(solve_rows)(many, *given, i)) < len(result):
         if result["why"][i] == WANTS_LOOK:
-            result["why"][i] = looked_at(scene_of(many, i), float(end[i]), kernels)
+            result["why"][i] = looked_at(scene_of(many, i), float(end[i]), kernels, kernels)
             continue
         many = with_room_for_a_table(many, i)
         make_table(scene_of(many, i), None, kernels)

@@ -36,6 +36,7 @@ from granular.md.located.system import (
     MOST_ROWS,
     STOP,
     power_form,
+    readable,
     system_of,
     to_compiled,
     to_plain,
@@ -60,6 +61,8 @@ STRETCHES = 100
 WORTH_LOADING, WORTH_COMPILING = 50_000, 300_000
 """Pieces times pairs after which ``engine="auto"`` goes on compiled if the machine code is on disk, and if it has to be
 made; they take about as long to work off interpreted."""
+LOOKS = 20, 1500
+"""The same for looks at blocks that may rest or creep, of some milliseconds each."""
 DISTURBED = ("resolve", "stop", "ignore")
 """What may be done where a contact disturbs another."""
 WHY = {
@@ -102,6 +105,7 @@ class Run:
         self.seen = self.now = 0.0  # s, when a row was last read, and how far it has come
         self.bound = False
         self.creep: Creep | None = None
+        self.looks = 0
         self.ride: Ride | None = None
         self.rode: Ride | None = None  # the last one, or what was tried
         self.start = request.start if state is None else float(state["origin"])  # s, where its own clock starts
@@ -216,7 +220,7 @@ class Run:
         for _ in range(chunk):
             why = int(self.kernels(blocks.advance)(self.s, limit, chunk, self.collocation))
             if why == blocks.WANTS_LOOK:
-                why = looked_at(self.s, limit, self.kernels)
+                why = looked_at(self.s, limit, self.kernels, self.seldom)
             if why != blocks.WANTS_LOOK:
                 return why
         return blocks.MORE
@@ -372,7 +376,7 @@ class Run:
             self.s = self.without_queue()
             self.kernels(blocks.gather)(self.s, end, self.collocation)
             if column(self.s.pool, "manner").any():
-                self.kernels(gather_slowly)(self.s)
+                self.seldom(gather_slowly)(self.s)
             self.now = end
         else:
             impulse = self.creep.finish(end)
@@ -393,10 +397,18 @@ class Run:
         state = self.checkpoint or Checkpoint(before, {"origin": self.start, "creeping": False, "riding": riding})
         return End(row, status, message, stats, state if self.launched else {}, running)
 
+    def seldom(self, kernel: Any) -> Any:
+        """Return a kernel that is called seldom: also of a compiled run interpreted, until that does not pay."""
+        self.looks += 1
+        fit = self.fit(kernel)
+        if isinstance(self.s.run, list) or worth(fit, self.looks, *LOOKS):
+            return self.kernels(kernel)
+        return lambda s, *more: fit(readable(s), *more)
+
     def look_at_all(self) -> None:
         """Plan the blocks that wait for a look whether they creep."""
         while (column(self.s.pool, "manner") == ASKS).any() and self.kernels(first_asking)(self.s):
-            looked_at(self.s, 0.0, self.kernels)
+            looked_at(self.s, 0.0, self.kernels, self.seldom)
 
     def without_queue(self) -> Any:
         """Return the records of a run in which nothing is due any more: of a million balls the queue is large."""

@@ -219,6 +219,12 @@ def to_compiled(s: System) -> System:
     return System._make([*records, np.array(s.answer), np.array(s.work), compiled_walls(s.walls), ledger])
 
 
+def readable(s: System) -> System:
+    """Return the same records of compiled code as interpreted code reads and writes them, slowly."""
+    return System._make([*(records.view(np.recarray) for records in s[:9]), *s[9:]])
+
+
+
 
 
 def new_system(
