@@ -95,16 +95,9 @@ def under_pull(law: Any, inverse: float, pull: float, v: float) -> tuple[float, 
     if zeta == 0.0:  # the arc is symmetric about its lowest point
         t = (math.pi + 2.0 * math.atan(pull / (omega * v))) / omega
         return t, t, v, v
-    t = 2.0 * half_duration(zeta) / omega
-    for _ in range(20):
-        xi, eta, push = swing(omega, zeta, pull, v, t)
-        rise = eta + relax * push
-        if not rise < 0.0:
-            return REFUSED
-        dt = -(xi + relax * eta) / rise
-        if abs(dt) * omega < CLOSE:
-            break
-        t += dt
+    t, dt, xi, eta, push = let_go(omega, zeta, relax, pull, v)
+    if dt == math.inf:
+        return REFUSED
     jerk = -omega * omega * (eta + relax * push)
     xi += dt * (eta + 0.5 * dt * push)
     eta += dt * (push + 0.5 * dt * jerk)
@@ -118,6 +111,23 @@ def under_pull(law: Any, inverse: float, pull: float, v: float) -> tuple[float, 
 
 
 @kernel
+def let_go(omega: float, zeta: float, relax: float, pull: float, v: float) -> tuple[float, float, float, float, float]:
+    """Return a time close before or after the force ξ + relax·ξ̇ of a dashpot falls to 0, how much later that is (inf if
+    it does not), and overlap, rate and acceleration at that time."""
+    t, dt, xi, eta, push = 2.0 * half_duration(zeta) / omega, 0.0, 0.0, 0.0, 0.0
+    for _ in range(20):
+        xi, eta, push = swing(omega, zeta, pull, v, t)
+        rise = eta + relax * push
+        if not rise < 0.0:
+            return t, math.inf, xi, eta, push
+        dt = -(xi + relax * eta) / rise
+        if abs(dt) * omega < CLOSE:
+            break
+        t += dt
+    return t, dt, xi, eta, push
+
+
+@kernel
 def of_pendula(law: Any, inverse: float, square: float, pull: float, v: float) -> tuple[float, float, float, float]:
     """Return the contact of a dashpot between pendula, Ω² = `square`; the pull is -Ω² d."""
     stiff = law.k * inverse + square
@@ -125,16 +135,9 @@ def of_pendula(law: Any, inverse: float, square: float, pull: float, v: float) -
     zeta = 0.5 * law.gamma * inverse / omega
     if law.map != DASHPOT or v * omega < WEIGHTLESS * abs(pull) or zeta >= NEARLY:
         return REFUSED
-    t = 2.0 * half_duration(zeta) / omega
-    for _ in range(20):
-        xi, eta, push = swing(omega, zeta, pull, v, t)
-        rise = eta + relax * push
-        if not rise < 0.0:
-            return REFUSED
-        dt = -(xi + relax * eta) / rise
-        if abs(dt) * omega < CLOSE:
-            break
-        t += dt
+    t, dt, xi, eta, push = let_go(omega, zeta, relax, pull, v)
+    if dt == math.inf:
+        return REFUSED
     jerk = -stiff * eta - law.gamma * inverse * push
     xi = max(0.0, xi + dt * (eta + 0.5 * dt * push))
     eta += dt * (push + 0.5 * dt * jerk)
