@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import inlined, kernel
+from granular._kernels import entry, inlined, kernel
 from granular._tournament import leaf, play
 from granular.md.located.around import count_of, is_closed, lengthen, neighbours, nth
 from granular.md.located.contacts import (
@@ -62,6 +62,7 @@ every ball rests for good, every ball is bound in contact forever, no room in th
 contacts, a contact alone, or a look at a block that may rest or creep is wanted first. ABSORB is for `regroup`."""
 
 
+@entry
 @kernel
 def launch(s: Any, laws: Any) -> bool:
     """Form the first blocks of a run from pairs that are open or overlap, to be planned; false if it stops at once."""
@@ -96,6 +97,7 @@ def launch(s: Any, laws: Any) -> bool:
     return True
 
 
+@entry
 @kernel
 def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
     """Work off what is due up to time `limit`, at most `chunk` pieces."""
@@ -188,6 +190,7 @@ def last_end(s: Any) -> float:
     return t
 
 
+@entry
 @kernel
 def expose_all(s: Any, t: float, laws: Any) -> bool:
     """Let every contact solved at once, that goes on at time t, the end of the run, be one by pieces; false if the pool
@@ -207,6 +210,7 @@ def expose_all(s: Any, t: float, laws: Any) -> bool:
     return True
 
 
+@entry
 @kernel
 def gather(s: Any, t: float, laws: Any) -> None:
     """Advance every island to time t, the end of the run, with its series from there on."""

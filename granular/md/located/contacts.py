@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import kernel
+from granular._kernels import entry, kernel
 from granular.md.located.around import beside, count_of, is_closed, nth
 from granular.md.located.events import GRAZE
 from granular.md.located.pendula import swung
@@ -378,6 +378,7 @@ def push(pairs: Any, pool: Any, bodies: Any, lo: int, dt: float) -> None:
         below = above
 
 
+@entry
 @kernel
 def keep_unsettled(s: Any, t: float) -> None:
     """Drop the rows of the log that are void or settled at time `t`; those of contacts that go on stay."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular._kernels import kernel
+from granular._kernels import entry, kernel
 from granular.md.located.alone import enter, follow_alone
 from granular.md.located.around import count_of, nth
 from granular.md.located.driven import flown
@@ -86,6 +86,7 @@ def straighten(s: Any, f: int, xi: float, eta: float) -> None:
     flank.eta += eta
 
 
+@entry
 @kernel
 def look(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) -> None:
     """Write overlap, rate and force of every pair at time `t`, which lies within the current pieces, as if contacts

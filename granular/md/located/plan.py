@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import inlined, kernel
+from granular._kernels import entry, inlined, kernel
 from granular._tournament import play
 from granular.md.located.alone import goes_on, has_piece
 from granular.md.located.contacts import confirm, judge
@@ -31,6 +31,7 @@ from granular.md.located.step_size import (
 from granular.md.located.system import ASKS, DRIVEN, EDGE, HUNG, LONG, LOOKED, MOVES, NOTHING, RING
 
 
+@entry
 @kernel
 def planned(s: Any, laws: Any) -> bool:
     """Plan all that waits for it, once in the code: a contact followed alone, piece after piece, or blocks formed anew,
