@@ -26,8 +26,9 @@ from granular._check import Array
 from granular._flight import rate_at_contact, time_to_contact
 from granular.laws import LinearDashpot
 from granular.laws.check import checked
-from granular.scene import Scene, forced
+from granular.scene import Scene
 from granular.scene import checked as checked_scene
+from granular.scene.state import forced
 from granular.trajectory import Status, Trajectory
 
 __all__ = ["AdiabaticSolution", "contacts"]

@@ -10,7 +10,8 @@ import numpy as np
 
 from granular._flight import time_to_contact
 from granular._records import plain
-from granular.scene import Scene, driven_walls
+from granular.scene import Scene
+from granular.scene.walls import driven_walls
 from granular.walls.path import moved
 
 MARGIN = 2.0**-30

@@ -16,8 +16,9 @@ from granular import _check, _files
 from granular._check import Array
 from granular._describe import from_json, to_json
 from granular.laws.kinds import resolved
-from granular.scene import Scene, fitted
-from granular.scene import points as scene_points
+from granular.scene import Scene
+from granular.scene.places import points as scene_points
+from granular.scene.walls import fitted
 
 CONTACT = np.dtype(
     [

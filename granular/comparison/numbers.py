@@ -20,7 +20,8 @@ from granular.laws.kinds import resolved
 from granular.measures import Overlap
 from granular.outcome import SAME, PairOutcome
 from granular.rules import ConstantRestitution
-from granular.scene import Scene, forced
+from granular.scene import Scene
+from granular.scene.state import forced
 from granular.trajectory import EARLY, Trajectory
 
 

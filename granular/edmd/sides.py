@@ -14,7 +14,8 @@ from granular._check import Array
 from granular._records import column, plain
 from granular.edmd.account import ledger as entries
 from granular.edmd.driven import CEILING, FLOOR, FREE, SIDE, carry, place, rounding
-from granular.scene import Scene, driven_walls
+from granular.scene import Scene
+from granular.scene.walls import driven_walls
 from granular.walls.panels import PANEL
 
 

@@ -19,8 +19,9 @@ from granular.edmd.state import State
 from granular.edmd.watch import Watch
 from granular.request import EVENTS, check_end, requested
 from granular.rules import Rule
-from granular.scene import Scene, fitted
+from granular.scene import Scene
 from granular.scene import checked as a_scene
+from granular.scene.walls import fitted
 from granular.trajectory import Status, Trajectory
 
 

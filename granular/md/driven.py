@@ -18,7 +18,8 @@ import numpy as np
 from granular._kernels import kernel
 from granular._records import packed, plain
 from granular.md.contact_force import asked as force
-from granular.scene import Scene, driven_walls
+from granular.scene import Scene
+from granular.scene.walls import driven_walls
 from granular.walls.gap import after
 from granular.walls.hits import first_hit
 from granular.walls.panels import PANEL, WALL

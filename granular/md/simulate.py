@@ -24,7 +24,8 @@ from granular.md import fixed, located
 from granular.md.integrators import INTEGRATORS
 from granular.md.stability import expected_rate
 from granular.request import EVENTS, check_end, requested
-from granular.scene import Scene, checked, fitted
+from granular.scene import Scene, checked
+from granular.scene.walls import fitted
 from granular.trajectory import Status, Trajectory
 
 FINEST = 1e-17

@@ -22,8 +22,9 @@ from granular.laws.contact_law import Form, PairLaw
 from granular.reference import restarted, taylor
 from granular.reference.log import Reference, ReferenceContact, distance
 from granular.reference.taylor import fraction
-from granular.scene import Scene, fitted
+from granular.scene import Scene
 from granular.scene import checked as a_scene
+from granular.scene.walls import fitted
 
 __all__ = ["Reference", "ReferenceContact", "solve"]
 

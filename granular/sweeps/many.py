@@ -18,7 +18,8 @@ from granular.cases import Case
 from granular.cases.contacts import first_impact
 from granular.laws.contact_law import resolve
 from granular.md import located
-from granular.scene import Scene, forced, velocities
+from granular.scene import Scene, velocities
+from granular.scene.state import forced
 from granular.sweeps.answers import REFUSED, Answers
 from granular.sweeps.axes import Values
 from granular.sweeps.plan import Plan

@@ -18,7 +18,8 @@ from granular.binary import restitution
 from granular.cases import Case
 from granular.comparison import Comparison, compare
 from granular.outcome import counts, separations
-from granular.scene import Scene, forced
+from granular.scene import Scene
+from granular.scene.state import forced
 from granular.trajectory import Status, Trajectory
 
 NOT_RUN, MISUSE = -1, len(Status)

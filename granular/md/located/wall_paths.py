@@ -11,7 +11,8 @@ import numpy as np
 
 from granular._check import Array
 from granular._records import packed, plain
-from granular.scene import Scene, driven_walls
+from granular.scene import Scene
+from granular.scene.walls import driven_walls
 from granular.walls import path
 from granular.walls.panels import PANEL, TERMS, WALL
 

@@ -1,4 +1,4 @@
-"""What is simulated: balls on a line, perhaps walls, perhaps gravity. Both engines read the same `Scene`."""
+"""`Scene`: the state at one instant is gaps and velocities, never positions."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike
 from granular import _check
 from granular import walls as walls_module
 from granular._check import Array
-from granular.pair import Pair, Pairs, checked_pair
-
-__all__ = ["Pair", "Pairs", "Scene", "checked", "checked_pair", "in_order", "positions", "speed_scale", "velocities"]
+from granular.pair import Pairs
+from granular.scene.given import external_forces, line, refuse_together, rest_gaps
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,34 +93,17 @@ class Scene:
         pendulum: float = 0.0,
         rest_gap: ArrayLike | None = None,
     ) -> None:
-        m = _check.array("mass", mass)
-        n = len(m)
-        if n < 2:
-            raise ValueError(f"mass has {n} entries: at least 2 bodies are needed; a floor counts as one (mass inf).")
-        _check.every("mass", m, m > 0.0, "a mass must be positive", "use math.inf for a wall")
-        walls, ends = np.isinf(m), np.isin(np.arange(n), (0, n - 1))
-        _check.every("mass", m, ~walls | ends, "only the first and the last body can be walls",
-                     "a wall in the middle makes two separate scenes")
-        if walls.all():
-            raise ValueError("mass is inf for every body: at least one ball of finite mass is needed.")
-        r = _check.array("radius", radius, (n,))
-        _check.every("radius", r, np.isfinite(r) & (r >= 0.0), "a radius must be finite and not negative")
-        _check.every("radius", r, ~walls | (r == 0.0), "a wall is flat and has radius 0")
-        closed = _check.truth("ring", ring)
-        fix = "pair n-1 joins the last ball and ball 0" if closed else "one gap per pair of neighbours"
-        d = _check.array("gap", gap, (n - 1 + closed,), fix=fix)
-        _check.every("gap", d, np.isfinite(d), "a gap must be finite")
-        v = _check.array("velocity", velocity, (n,))
-        _check.every("velocity", v, np.isfinite(v), "a velocity must be finite")
+        self.__dict__.update(line(mass, radius, gap, velocity, ring))
+        walls = np.isinf(self.mass)
         g = _check.number("gravity", gravity, at_least=0.0, fix="gravity pulls down, its sign is built in")
         x0 = _check.number("origin", origin)
-        self.__dict__.update(mass=m, radius=r, gap=d, velocity=v, gravity=g, origin=x0)
-        self.__dict__["external_force"] = _forces(external_force, walls)
+        self.__dict__.update(gravity=g, origin=x0)
+        self.__dict__["external_force"] = external_forces(external_force, walls)
         self.__dict__["floor"] = walls_module.checked("floor", floor, bool(walls[0]))
         self.__dict__["ceiling"] = walls_module.checked("ceiling", ceiling, bool(walls[-1]))
-        self.__dict__.update(ring=closed, pendulum=_check.number("pendulum", pendulum, at_least=0.0))
-        self.__dict__["rest_gap"] = _rest_gaps(rest_gap, self.pendulum, n)
-        _refuse_together(self, walls)
+        self.__dict__["pendulum"] = _check.number("pendulum", pendulum, at_least=0.0)
+        self.__dict__["rest_gap"] = rest_gaps(rest_gap, self.pendulum, len(walls))
+        refuse_together(self, walls)
 
     @classmethod
     def from_positions(
@@ -336,7 +318,7 @@ class Scene:
     @property
     def displacement(self) -> Array:
         """Displacements y of pendula in m, shape (n,), from where they rest; 0 of a wall."""
-        off = _summed((self.gap - (0.0 if self.rest_gap is None else self.rest_gap))[: self.n - 1])
+        off = summed((self.gap - (0.0 if self.rest_gap is None else self.rest_gap))[: self.n - 1])
         start = self.origin if self._wall is None else -off[self._wall]
         return np.where(self.is_wall, 0.0, start + off)
 
@@ -383,142 +365,11 @@ class Scene:
         return f"Scene({balls} ball{'s' * (balls != 1)}{walls.get(ends, '')}{pull}{force}{driven})"
 
 
-def _forces(value: ArrayLike | None, walls: Any) -> Array | None:
-    if value is None:
-        return None
-    f = _check.array("external_force", value, walls.shape, fix="one force per body, 0 for walls")
-    _check.every("external_force", f, np.isfinite(f), "a force must be finite")
-    _check.every("external_force", f, ~walls | (f == 0.0), "a wall takes no force", "let it move: floor=, ceiling=")
-    return f if f.any() else None
-
-
-def _rest_gaps(value: ArrayLike | None, pendulum: float, n: int) -> Array | None:
-    if pendulum == 0.0:
-        if value is None:
-            return None
-        raise ValueError(_check._sentence("rest_gap", value, "pendula are needed for it", "give pendulum, Ω in rad/s"))
-    d = _check.array("rest_gap", np.zeros(n - 1) if value is None else value, (n - 1,), fix="one per pair")
-    _check.every("rest_gap", d, np.isfinite(d) & (d >= 0.0), "a distance must be finite and not negative")
-    return d
-
-
-def _refuse_together(scene: Scene, walls: Any) -> None:
-    """Raise for what cannot go together."""
-    if scene.ring and walls.any():
-        raise ValueError(f"mass[{int(walls.argmax())}] is inf: a ring has no walls; leave out the wall, or ring.")
-    hung = scene.pendulum > 0.0
-    if (scene.ring or hung) and scene.gravity != 0.0:
-        why = ("pendula are held by Ω² = g/l", "give gravity 0") if hung else (
-            "a ring lies level, or gravity would turn it forever", "give gravity 0, or forces")  # fmt: skip
-        raise ValueError(_check._sentence("gravity", scene.gravity, *why))
-    if hung and scene.ring:
-        raise ValueError(f"pendulum is {scene.pendulum!r}: pendula cannot hang on a ring; give one of the two.")
-    if hung and scene.external_force is not None:
-        raise ValueError(f"pendulum is {scene.pendulum!r}: pendula take no external_force; a constant one moves their "
-                         "rest positions, so give other gaps and rest_gap.")  # fmt: skip
-    if hung and (scene.driven or scene.heated or bool(scene.velocity[walls].any())):
-        raise ValueError(f"pendulum is {scene.pendulum!r}: beside pendula a wall must stand still; leave out floor, "
-                         "ceiling and its velocity.")  # fmt: skip
-    if hung and scene.rest_gap is not None and walls[0] and walls[-1]:
-        room, rest = float(scene.gap.sum()), float(scene.rest_gap.sum())
-        if abs(room - rest) > 1e-12 * float(np.abs(scene.gap).sum() + rest):
-            raise ValueError(f"rest_gap adds up to {rest!r}: between two walls that do not move pendula at rest leave "
-                             f"the same room as the gaps, {room!r}; give rest_gap so.")  # fmt: skip
-    if hung and not np.isfinite(scene.pendulum * scene.pendulum):
-        raise ValueError(_check._sentence("pendulum", scene.pendulum, "a frequency whose square is finite is needed"))
-    for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True):
-        if heat is not None and scene.gap[c] < 0.0:
-            raise ValueError(f"gap[{c}] is {float(scene.gap[c])!r}: no ball can overlap a thermal wall, which acts at "
-                             "the touch; give a gap of at least 0.")  # fmt: skip
-
-
-def positions(scene: Scene, gap: Array, elapsed: Array, start: float = 0.0) -> Array:
-    """Positions (T, n) in m from gaps (T, n-1), or (T, n) on a ring, `elapsed` (T,) in s after the instant `start`.
-
-    A cumulative sum from the anchor. With no negative gap the order of positions holds by construction.
-    """
-    offset = scene.offsets(gap)
-    offset += (scene.anchor(elapsed, start) - _at_anchor(scene, offset))[:, None]
-    return offset
-
-
-def points(scene: Scene, gap: Array, position: Array) -> Array:
-    """Positions (T, n) in m with the radii taken out and from 0 on, where balls that touch coincide, from gaps (T, n-1)
-    and `position` (T, n), in m."""
-    flat = scene.replace(radius=np.zeros(scene.n), origin=0.0)
-    offset, moved = flat.offsets(gap), _at_anchor(scene, position) - _at_anchor(scene, scene.position)
-    offset += (_at_anchor(flat, flat.position) + moved - _at_anchor(flat, offset))[:, None]
-    return offset
-
-
-def _at_anchor(scene: Scene, of_bodies: Array) -> Any:
-    """What an array (…, n) says of the anchor: the first wall, or else the centre of mass."""
-    return of_bodies @ scene._share if scene._wall is None else of_bodies[..., scene._wall]
-
-
-def velocities(scene: Scene, rate: Array, elapsed: Array, start: float = 0.0) -> Array:
-    """Velocities (T, n) in m/s from the rates (T, n-1) of the gaps a time `elapsed` (T,) in s after the start.
-
-    A cumulative sum from the anchor: differences are the rates to the last digit. The second look at the centre of
-    mass matters in long chains, where the rounding of the first moves every ball.
-    """
-    offset, anchor = _summed(rate[..., : scene.n - 1]), scene.anchor_velocity(elapsed, start)
-    if scene._wall is not None:
-        offset += (anchor - offset[:, scene._wall])[:, None]
-        return offset
-    for _ in range(2):
-        offset += (anchor - (offset * scene._share).sum(axis=-1))[:, None]
-    return offset
-
-
-def _summed(steps: Array) -> Array:
+def summed(steps: Array) -> Array:
     """Sums (…, n) of the first 0, 1, 2, … of the steps (…, n-1) from body to body."""
     out = np.zeros((*steps.shape[:-1], steps.shape[-1] + 1))
     np.cumsum(steps, axis=-1, out=out[..., 1:])
     return out
-
-
-def forced(scene: Scene) -> bool:
-    """Whether there is more than a line, gravity and walls at constant velocity: driven or thermal walls, forces on
-    balls, a ring, pendula."""
-    return scene.endless or scene.external_force is not None
-
-
-def speed_scale(scene: Scene) -> float:
-    """Largest speed in m/s at which a pair may first close: current differences, the fall through the gaps, and the
-    largest speeds of driven walls."""
-    v = scene.velocity
-    reach = float(scene.gap.clip(min=0.0).sum())
-    fall = scene.gravity if scene.external_force is None else max(scene.gravity, float(np.abs(scene.pull).max()))
-    speed = float(v.max() - v.min()) + math.sqrt(2.0 * fall * reach)
-    if scene.pendulum > 0.0:
-        speed += scene.pendulum * float(np.ptp(scene.displacement))
-    if scene.heated:
-        speed += sum(heat.fastest(m) for heat, m in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True) if heat)
-    return speed + sum(map(walls_module.fastest, scene.motions)) if scene.driven else speed
-
-
-def fitted(scene: Scene, t_start: float, t_end: float) -> Scene:
-    """Return `scene` as a run from `t_start` to `t_end` (s) keeps it: motions given as functions are panels; raise
-    `ValueError` where a wall's path does not last."""
-    if not scene.driven:
-        return scene
-    paths = [walls_module.fitted(motion, t_start, t_end) for motion in scene.motions]
-    floor, ceiling = (heat if path is None else path for path, heat in zip(paths, scene.heat, strict=True))
-    return scene.replace(floor=floor, ceiling=ceiling)
-
-
-def driven_walls(scene: Scene, t_start: float, *, still: bool = True) -> list[tuple[int, Any, Any]]:
-    """Return of each driven wall its body, its record `WALL` (in an array) and its records `PANEL`, numbered on from
-    wall to wall, of a scene that is `fitted` and whose instant is `t_start` (s); of all, or of those that ever move."""
-    found, first = list[tuple[int, Any, Any]](), 0
-    for body, side, motion in zip((0, scene.n - 1), (1.0, -1.0), scene.motions, strict=True):
-        if motion is not None and (still or walls_module.fastest(motion) > 0.0):
-            stands = {"start": float(scene.position[body]), "velocity": float(scene.velocity[body])}
-            panels = motion.panels(t_start, t_start)
-            found.append((body, *panels.records(side, **stands, t_start=t_start, first=first)))
-            first += len(found[-1][2])
-    return found
 
 
 def in_order(scene: Scene) -> Scene:
@@ -535,3 +386,8 @@ def checked(scene: Any) -> Scene:
         raise TypeError(f"scene is {scene!r}: a granular.Scene is needed, such as granular.scenes.three_balls().")
     return scene
 
+
+def forced(scene: Scene) -> bool:
+    """Whether there is more than a line, gravity and walls at constant velocity: driven or thermal walls, forces on
+    balls, a ring, pendula."""
+    return scene.endless or scene.external_force is not None

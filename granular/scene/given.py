@@ -1,0 +1,88 @@
+"""What a scene may be given, and what cannot go together.
+May be skipped: sentences for mistakes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from granular import _check
+from granular._check import Array
+
+
+def line(mass: ArrayLike, radius: ArrayLike, gap: ArrayLike, velocity: ArrayLike, ring: bool) -> dict[str, Any]:
+    """Return what says how bodies stand and move, checked."""
+    m = _check.array("mass", mass)
+    n = len(m)
+    if n < 2:
+        raise ValueError(f"mass has {n} entries: at least 2 bodies are needed; a floor counts as one (mass inf).")
+    _check.every("mass", m, m > 0.0, "a mass must be positive", "use math.inf for a wall")
+    walls, ends = np.isinf(m), np.isin(np.arange(n), (0, n - 1))
+    _check.every("mass", m, ~walls | ends, "only the first and the last body can be walls",
+                 "a wall in the middle makes two separate scenes")  # fmt: skip
+    if walls.all():
+        raise ValueError("mass is inf for every body: at least one ball of finite mass is needed.")
+    r = _check.array("radius", radius, (n,))
+    _check.every("radius", r, np.isfinite(r) & (r >= 0.0), "a radius must be finite and not negative")
+    _check.every("radius", r, ~walls | (r == 0.0), "a wall is flat and has radius 0")
+    closed = _check.truth("ring", ring)
+    fix = "pair n-1 joins the last ball and ball 0" if closed else "one gap per pair of neighbours"
+    d = _check.array("gap", gap, (n - 1 + closed,), fix=fix)
+    _check.every("gap", d, np.isfinite(d), "a gap must be finite")
+    v = _check.array("velocity", velocity, (n,))
+    _check.every("velocity", v, np.isfinite(v), "a velocity must be finite")
+    return {"mass": m, "radius": r, "gap": d, "velocity": v, "ring": closed}
+
+
+def external_forces(value: ArrayLike | None, walls: Any) -> Array | None:
+    """Return forces on balls, checked; None if all are 0."""
+    if value is None:
+        return None
+    f = _check.array("external_force", value, walls.shape, fix="one force per body, 0 for walls")
+    _check.every("external_force", f, np.isfinite(f), "a force must be finite")
+    _check.every("external_force", f, ~walls | (f == 0.0), "a wall takes no force", "let it move: floor=, ceiling=")
+    return f if f.any() else None
+
+
+def rest_gaps(value: ArrayLike | None, pendulum: float, n: int) -> Array | None:
+    """Return distances of pendula at rest, checked; None without pendula."""
+    if pendulum == 0.0:
+        if value is None:
+            return None
+        raise ValueError(_check._sentence("rest_gap", value, "pendula are needed for it", "give pendulum, Ω in rad/s"))
+    d = _check.array("rest_gap", np.zeros(n - 1) if value is None else value, (n - 1,), fix="one per pair")
+    _check.every("rest_gap", d, np.isfinite(d) & (d >= 0.0), "a distance must be finite and not negative")
+    return d
+
+
+def refuse_together(scene: Any, walls: Any) -> None:
+    """Raise for what cannot go together."""
+    if scene.ring and walls.any():
+        raise ValueError(f"mass[{int(walls.argmax())}] is inf: a ring has no walls; leave out the wall, or ring.")
+    hung = scene.pendulum > 0.0
+    if (scene.ring or hung) and scene.gravity != 0.0:
+        why = ("pendula are held by Ω² = g/l", "give gravity 0") if hung else (
+            "a ring lies level, or gravity would turn it forever", "give gravity 0, or forces")  # fmt: skip
+        raise ValueError(_check._sentence("gravity", scene.gravity, *why))
+    if hung and scene.ring:
+        raise ValueError(f"pendulum is {scene.pendulum!r}: pendula cannot hang on a ring; give one of the two.")
+    if hung and scene.external_force is not None:
+        raise ValueError(f"pendulum is {scene.pendulum!r}: pendula take no external_force; a constant one moves their "
+                         "rest positions, so give other gaps and rest_gap.")  # fmt: skip
+    if hung and (scene.driven or scene.heated or bool(scene.velocity[walls].any())):
+        raise ValueError(f"pendulum is {scene.pendulum!r}: beside pendula a wall must stand still; leave out floor, "
+                         "ceiling and its velocity.")  # fmt: skip
+    if hung and scene.rest_gap is not None and walls[0] and walls[-1]:
+        room, rest = float(scene.gap.sum()), float(scene.rest_gap.sum())
+        if abs(room - rest) > 1e-12 * float(np.abs(scene.gap).sum() + rest):
+            raise ValueError(f"rest_gap adds up to {rest!r}: between two walls that do not move pendula at rest leave "
+                             f"the same room as the gaps, {room!r}; give rest_gap so.")  # fmt: skip
+    if hung and not np.isfinite(scene.pendulum * scene.pendulum):
+        raise ValueError(_check._sentence("pendulum", scene.pendulum, "a frequency whose square is finite is needed"))
+    for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True):
+        if heat is not None and scene.gap[c] < 0.0:
+            raise ValueError(f"gap[{c}] is {float(scene.gap[c])!r}: no ball can overlap a thermal wall, which acts at "
+                             "the touch; give a gap of at least 0.")  # fmt: skip
