@@ -9,6 +9,7 @@ import pytest
 
 import granular as gr
 from granular import reference
+from granular.md.located import rides as located_rides
 from granular.md.located import run as located_run
 
 G = 9.81
@@ -87,7 +88,7 @@ def simulate(scene, law, start, length, **options):
 def by_pieces(monkeypatch, *args, **options):
     """The same run, without rides."""
     with monkeypatch.context() as patch:
-        patch.setattr(located_run, "pile_on_wall", lambda s: None)
+        patch.setattr(located_rides, "pile_on_wall", lambda s: None)
         return simulate(*args, **options)
 
 

@@ -4,34 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from copy import copy, deepcopy
-from itertools import groupby
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
 
 from granular._kernels import compiled, fitted, in_memory, worth
 from granular._records import column, copied, packed, plain
-from granular._tournament import play, replay, tournament
+from granular._tournament import replay, tournament
 from granular.closing import Closing
 from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
-from granular.md.located import blocks
+from granular.md.located import blocks, outcome, rides
 from granular.md.located.at_rest import first_asking, gather_slowly, looked_at
 from granular.md.located.checkpoint import Checkpoint, Untouched, restored
 from granular.md.located.collocation import Collocation
 from granular.md.located.contacts import keep_unsettled
-from granular.md.located.creep import LARGEST, SMOOTH, Creep, Flight, slowest_decay, swinging
+from granular.md.located.creep import LARGEST, SMOOTH, Creep, Flight, swinging
 from granular.md.located.inside import look, look_inside, seen
 from granular.md.located.ledger import FLOOR, LOST
-from granular.md.located.on_wall import pile_on_wall
 from granular.md.located.plan import planned
 from granular.md.located.resting import between, lone_pile
 from granular.md.located.ride import Ride
 from granular.md.located.system import (
-    ACTIVE,
     ASKS,
-    DORMANT,
     GENERAL,
     MOST_ROWS,
     STOP,
@@ -48,7 +44,7 @@ from granular.md.located.tables import answer, make_table
 from granular.md.rows import CONTACT_ROW
 from granular.request import Request
 from granular.scene import Scene
-from granular.trajectory import CONTACT, Status
+from granular.trajectory import CONTACT
 
 PLAIN_CHUNK, COMPILED_CHUNK = 100, 20_000
 """Pieces between two looks at progress and log."""
@@ -56,8 +52,6 @@ FIRST_LOOK = 256
 """Pieces after which the run first looks whether the scene creeps to rest."""
 AGAIN = 128
 """Pieces beside driven walls after which the run looks again whether a pile rides."""
-STRETCHES = 100
-"""Stretches of a ride between two looks at progress."""
 WORTH_LOADING, WORTH_COMPILING = 50_000, 300_000
 """Pieces times pairs after which ``engine="auto"`` goes on compiled if the machine code is on disk, and if it has to be
 made; they take about as long to work off interpreted."""
@@ -137,10 +131,8 @@ class Run:
             self.kernels(replay)(self.s.queue, 0, scene.n_pairs - 1)
             if state["creeping"]:
                 self.let_creep(math.inf)
-            elif state.get("riding", False) and (found := pile_on_wall(self.s)) is not None:
-                self.s, self.kernels = to_plain(self.s), self.fit
-                ride = Ride(self.s, found, self.collocation)
-                self.go_on(ride, ride.begins())
+            elif state.get("riding", False):
+                rides.resume(self)
 
     @property
     def counters(self) -> Any:
@@ -178,7 +170,7 @@ class Run:
             return Pause.disturbed if self.is_disturbed else Pause.until
         if self.creep is not None:
             return Pause.resting if limit == math.inf else Pause.reached
-        if self.ride is not None and self.rides_to(limit):
+        if self.ride is not None and rides.rides_to(self, limit):
             return Pause.reached if limit < self.ride.until else Pause.full
         chunk = COMPILED_CHUNK if self.engine == "compiled" else PLAIN_CHUNK
         why, counters = self.advanced(limit, chunk), self.counters
@@ -206,7 +198,7 @@ class Run:
         if counters["steps"] >= counters["pause"]:
             if self.s.walls is not None and self.settles:
                 counters["pause"] = counters["steps"] + AGAIN
-                self.let_ride()
+                rides.let_ride(self)
                 return Pause.full
             counters["pause"] *= 2
             if self.rests(limit):
@@ -249,47 +241,6 @@ class Run:
             flights = [Flight(s.pool[s.pairs[c].slot], *between(s.pairs, s.pool, s.bodies, lo, c)[1:])
                        for c in (a - 1, b) if lo <= c < s.pairs[lo].hi]  # fmt: skip
             self.creep = Creep(s.pool[s.pairs[lo].slot], members, load, flights)
-
-    def let_ride(self) -> None:
-        """Let the pile on a driven wall ride a stretch at once if there is one that is proved; else nothing changes."""
-        found = pile_on_wall(self.s)
-        if found is None or not self.may_ride():
-            return
-        s = to_plain(self.s)
-        slots = [pair.slot for pair in s.pairs[found.lo : s.pairs[found.lo].hi]]
-        before = [copy(s.pool[slot]) for slot in slots]
-        self.rode = Ride(s, found, self.collocation, self.rode)
-        if self.rode.begins():
-            self.s, self.kernels = s, self.fit
-            self.go_on(self.rode, True)
-            return
-        for slot, member in zip(slots, before, strict=True):
-            s.pool[slot] = member
-
-    def may_ride(self) -> bool:
-        """Return whether there is work left for a stretch, and for the piece after it."""
-        return bool(self.counters["steps"] + 2 <= self.counters["max_steps"])
-
-    def go_on(self, ride: Ride, goes: bool) -> None:
-        """Ride the stretch that begins if it `goes`, or else go on by pieces."""
-        lo, self.rode, self.ride = ride.pile.lo, ride, ride if goes else None
-        self.s.pairs[lo].due = ride.until if goes else -math.inf
-        play(self.s.queue, lo, self.s.pairs[lo].due)
-        if not goes:
-            self.kernels(planned)(self.s, self.collocation)
-            if self.engine == "compiled":
-                self.s, self.kernels = to_compiled(self.s), lambda kernel: compiled(self.fit(kernel))
-
-    def rides_to(self, limit: float) -> bool:
-        """Go on with the ride to a time into the run, or some stretches towards it; false if it ends before."""
-        for _ in range(STRETCHES):
-            if self.ride is None or limit < self.ride.until:
-                break
-            self.ride.goes_to(self.ride.until)
-            ride = Ride(self.s, self.ride.pile, self.collocation, self.ride)
-            self.go_on(ride, self.may_ride() and ride.begins())
-        self.now = limit if self.ride is not None and limit < self.ride.until else float(self.counters["t"])
-        return self.ride is not None
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of contacts so far."""
@@ -381,18 +332,11 @@ class Run:
         else:
             impulse = self.creep.finish(end)
         crept, r = math.fsum(impulse) if len(impulse) > 1 else 0.0, plain(self.s.run)[0]
-        stats = {
-            "engine": "compiled" if self.engine == "compiled" else "plain",
-            "steps": int(r.steps), "events": int(r.events), "contacts": int(r.begun),
-            "error_estimate": float(r.error), "resting": bool(r.rests) or self.creep is not None,
-            "shared_impulse": math.fsum([r.shared, r.shared_low, crept]) if self.request.log else math.nan,
-            "isolated": int(r.isolated), "tables": int(r.tables),
-            "first_disturbed": (self.start + float(r.disturbed), int(r.first)),
-        }  # fmt: skip
         if wanted and row is None:
             row = self.row_after(end, self.start + end)
-        running = np.concatenate([*self.rows(), self.dated(self.still_open())]) if self.request.log else None
-        message, self.s = self.message(status, r, self.start + end), None  # makes room for the log
+        running = np.concatenate([*self.rows(), self.dated(outcome.still_open(self))]) if self.request.log else None
+        stats = outcome.stats(self, r, crept)
+        message, self.s = outcome.message(self, status, r, self.start + end), None  # makes room for the log
         untouched.put_back()
         state = self.checkpoint or Checkpoint(before, {"origin": self.start, "creeping": False, "riding": riding})
         return End(row, status, message, stats, state if self.launched else {}, running)
@@ -414,36 +358,3 @@ class Run:
         """Return the records of a run in which nothing is due any more: of a million balls the queue is large."""
         return self.s._replace(queue=plain(tournament(1)) if isinstance(self.s.run, list) else tournament(1))
 
-    def message(self, status: Status, r: Any, t: float) -> str:
-        """Return the sentence of a status with its numbers."""
-        sentence = f"{status.value} (t = {t:.6g} s, {r.begun} contacts, {r.steps} steps)"
-        if not (r.rests or self.bound or self.creep):
-            return sentence
-        if status is Status.time:
-            sentence += "; the balls rest on each other"
-        if self.collocation is not None or not (self.creep or r.barrier):
-            return f"{sentence}: every force balances to rounding"
-        piled = [p for p in self.members() if p.mode == ACTIVE or p.mode == DORMANT]
-        groups = [[p for _, p in group] for _, group in groupby(enumerate(piled), lambda at: at[1].number - at[0])]
-        decay = max(slowest_decay(group, group[0].lower == 0.0 == group[-1].upper) for group in groups)
-        why = "about the equilibrium, no sum of decaying modes takes a contact force to zero"
-        if self.creep is None:
-            energies = f"{r.energy:.3g} J, is less than the {r.barrier:.3g} J that"
-            why = f"the energy about the equilibrium, {energies} the first contact needs to open"
-        return f"{sentence}: {why}; the slowest motion decays in {decay:.3g} s"
-
-    def members(self) -> list[Any]:
-        """Return the records of pairs in islands as plain objects, from the bottom up."""
-        slot = column(self.s.pairs, "slot")[: self.scene.n_pairs]
-        slots = slot[slot >= 0].tolist()
-        return [self.s.pool[i] for i in slots] if isinstance(self.s.pool, list) else plain(self.s.pool[slots])
-
-    def still_open(self) -> Rows:
-        """Return the contacts that go on at the end."""
-        going = [p for p in self.members() if p.begun] if column(self.s.pool, "begun").any() else []
-        rows = np.zeros(len(going), CONTACT_ROW)
-        rows["t_end"] = rows["lower_out"] = rows["upper_out"] = math.nan
-        rows["pair"] = [p.number for p in going]
-        for name in ("t_begin", "duration", "lower_in", "upper_in", "xi_max", "force_max", "impulse"):
-            rows[name] = [getattr(p, name) for p in going]
-        return rows
