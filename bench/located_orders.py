@@ -58,14 +58,14 @@ def at_order_24(call: str) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "granular"
         shutil.copytree(HERE.parent.parent / "granular", copy, ignore=shutil.ignore_patterns("__pycache__"))
-        records = copy / "md" / "located" / "system.py"
+        records = copy / "md" / "located" / "records.py"
         text = records.read_text(encoding="utf-8")
         assert LINE in text
         records.write_text(text.replace(LINE, "ORDER = 24\n"), encoding="utf-8")
         out = Path(folder) / "out.npz"
         code = (
             f"import sys; sys.path[:0] = [{folder!r}, {str(HERE.parent)!r}]\n"
-            f"import numpy, {call.partition('.')[0]}, granular.md.located.system as records\n"
+            f"import numpy, {call.partition('.')[0]}, granular.md.located.records as records\n"
             f"assert records.ORDER == 24\nnumpy.savez({str(out)!r}, **{call})\n"
         )
         subprocess.run([sys.executable, "-c", code], check=True)

@@ -23,7 +23,8 @@ from granular.md.located import blocks, tables
 from granular.md.located.collocation import Collocation
 from granular.md.located.isolated import MET
 from granular.md.located.plan import planned
-from granular.md.located.system import GENERAL, NO_PAUSE, SLOWEST, system_of, to_plain
+from granular.md.located.records import GENERAL, NO_PAUSE, SLOWEST
+from granular.md.located.system import system_of, to_plain
 
 INF = math.inf
 OWN = ("Walton-Braun", "own Hertz", "stiffening", "softening")

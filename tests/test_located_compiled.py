@@ -14,7 +14,7 @@ from granular import until
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz
 from granular.md import simulate as run
 from granular.md.located import Scenes, solve_many
-from granular.md.located.system import PAIR
+from granular.md.located.records import PAIR
 from granular.scene import Scene
 from granular.scenes import gas
 from granular.trajectory import Status

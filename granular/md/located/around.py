@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 from granular._kernels import kernel
-from granular.md.located.system import RING
+from granular.md.located.records import RING
 
 
 @kernel

@@ -17,9 +17,9 @@ from granular.md.located.events import locate
 from granular.md.located.overdamped import expand_slowly
 from granular.md.located.pieces import piece_time
 from granular.md.located.plan import planned, settle_series
+from granular.md.located.records import ASKS, CREEPS, LIES, LONG, LOOKED, MOVES
 from granular.md.located.resting import lie, settles, verdict, whole_verdict
 from granular.md.located.step_size import growth, left_out, trusted
-from granular.md.located.system import ASKS, CREEPS, LIES, LONG, LOOKED, MOVES
 
 
 @kernel

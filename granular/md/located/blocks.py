@@ -39,7 +39,7 @@ from granular.md.located.pendula import swing
 from granular.md.located.pieces import arrive, fly, glide, in_contact, piece_time, predict, since, tau_at, tick, value
 from granular.md.located.plan import planned, settle_series
 from granular.md.located.pool import join, leave
-from granular.md.located.system import (
+from granular.md.located.records import (
     ACTIVE,
     DORMANT,
     DRIVEN,
@@ -53,8 +53,8 @@ from granular.md.located.system import (
     RING,
     SPARE,
     WORKED,
-    to_plain,
 )
+from granular.md.located.system import to_plain
 
 REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT, WANTS_LOOK, ABSORB = range(12)
 """Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,

@@ -12,7 +12,8 @@ import numpy as np
 
 from granular._records import column, copied, packed, raw
 from granular._tournament import tournament
-from granular.md.located.system import BODY, LEDGER, MAP, MEMBER, NO_PAUSE, PAIR, RUN, SPARE, TABLE, System, empty_pool
+from granular.md.located.records import BODY, LEDGER, MAP, MEMBER, NO_PAUSE, PAIR, RUN, SPARE, TABLE
+from granular.md.located.system import System, empty_pool
 from granular.md.rows import CONTACT_ROW
 
 KEPT = {"run": RUN, "pairs": PAIR, "pool": MEMBER, "bodies": BODY, "maps": MAP, "tables": TABLE, "log": CONTACT_ROW,

@@ -23,10 +23,10 @@ from granular.laws.check import no_number
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws
 from granular.md.located.pieces import value
+from granular.md.located.records import ACTIVE, DORMANT, OPEN, ORDER, RESIDUAL
 from granular.md.located.resting import lie_still
 from granular.md.located.signs import next_event
 from granular.md.located.step_size import amplitude
-from granular.md.located.system import ACTIVE, DORMANT, OPEN, ORDER, RESIDUAL
 
 POINTS = 16
 SWEEPS = 40

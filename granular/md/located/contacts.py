@@ -10,7 +10,7 @@ from granular.md.located.around import beside, count_of, is_closed, nth
 from granular.md.located.events import GRAZE
 from granular.md.located.pendula import swung
 from granular.md.located.pieces import DRIFT, direction, elapsed, integral, peaks, power, since, tick
-from granular.md.located.system import (
+from granular.md.located.records import (
     ACTIVE,
     BEGIN,
     DORMANT,

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from granular._check import Array
-from granular.md.located.system import LINEAR
+from granular.md.located.records import LINEAR
 
 LARGEST = 100
 """Pairs beyond which the proof is not tried: it costs their number cubed."""

@@ -18,7 +18,7 @@ from typing import Any
 
 from granular._flight import gap_after, hung, hung_after, hung_rate_at_contact, rate_at_contact
 from granular._kernels import inlined, kernel
-from granular.md.located.system import DRIVEN, HUNG, ORDER
+from granular.md.located.records import DRIVEN, HUNG, ORDER
 from granular.walls.gap import after
 from granular.walls.hits import first_hit
 from granular.walls.path import edge_jump, expansion, to_edge, total, wall_at

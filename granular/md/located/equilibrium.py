@@ -29,7 +29,7 @@ from typing import Any
 
 from granular._kernels import kernel
 from granular.md.located.pieces import power
-from granular.md.located.system import ACTIVE, ELASTIC, GENERAL, LINEAR
+from granular.md.located.records import ACTIVE, ELASTIC, GENERAL, LINEAR
 
 NOT_YET, RESTS, BOUND = range(3)
 """Verdicts: nothing proved; rests, with damping in every contact; bound forever, but not damped in every contact."""

@@ -22,7 +22,7 @@ from granular._kernels import kernel
 from granular._roots import first_up_crossing
 from granular.md.located.around import nth
 from granular.md.located.pieces import value
-from granular.md.located.system import ACTIVE, BEGIN, DORMANT, ELASTIC, END, LINEAR, NOTHING, OPEN, PART
+from granular.md.located.records import ACTIVE, BEGIN, DORMANT, ELASTIC, END, LINEAR, NOTHING, OPEN, PART
 
 DOUBT = 1e4
 """A pair at rest is taken to part at so many times the overlap at which it wakes: the first forces beside it, far below

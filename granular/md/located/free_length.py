@@ -11,7 +11,7 @@ from granular._tournament import play
 from granular.md.located.around import count_of
 from granular.md.located.driven import flown
 from granular.md.located.pieces import predict, since, tau_at, value
-from granular.md.located.system import OPEN
+from granular.md.located.records import OPEN
 
 EVERY = 1 << 16
 """Pieces and contacts after which the sum of the gaps is looked at,"""

@@ -17,7 +17,7 @@ from typing import Any
 from granular._kernels import kernel
 from granular.md.located.contacts import velocity_now
 from granular.md.located.ledger import CEILING, FLOOR, add
-from granular.md.located.system import OPEN
+from granular.md.located.records import OPEN
 from granular.walls.thermal import drawn
 
 HEAT = 2

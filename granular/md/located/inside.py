@@ -24,7 +24,7 @@ from granular.md.located.ledger import (
 from granular.md.located.pendula import swung
 from granular.md.located.pieces import fly, in_contact, since, tau_at, tick, value
 from granular.md.located.pool import leave
-from granular.md.located.system import ACTIVE, HUNG, RESIDUAL, WORKED
+from granular.md.located.records import ACTIVE, HUNG, RESIDUAL, WORKED
 
 
 @kernel

@@ -39,7 +39,7 @@ from granular.md.located.ledger import enter_at_once, keep_alone
 from granular.md.located.maps import encounter, of_pendula, peaks, peaks_of_pendula
 from granular.md.located.pendula import impulse_of_pendula, shift, swung
 from granular.md.located.pieces import DRIFT, predict, since, tick
-from granular.md.located.system import BEGIN, DRIVEN, HEATED, HUNG, IGNORE, OPEN, RING, WORKED
+from granular.md.located.records import BEGIN, DRIVEN, HEATED, HUNG, IGNORE, OPEN, RING, WORKED
 from granular.md.located.tables import WANTED, table_of, tabled, tabled_peaks
 
 ULP = 2.0**-52

@@ -12,7 +12,7 @@ from granular.md.located.driven import jump_at
 from granular.md.located.heat import thrown
 from granular.md.located.isolated import ULP
 from granular.md.located.pieces import power
-from granular.md.located.system import ACTIVE, DORMANT, OPEN, RESIDUAL, STRUCK
+from granular.md.located.records import ACTIVE, DORMANT, OPEN, RESIDUAL, STRUCK
 
 SAME, CHANGED, ENDS = range(3)
 """What `pass_edge` comes to: the blocks stay, are to be formed anew, or the run is to stop."""

@@ -21,7 +21,7 @@ import numpy as np
 from granular._kernels import kernel
 from granular.md.located.driven import absolute
 from granular.md.located.pieces import elapsed, integral, power, value
-from granular.md.located.system import ACTIVE, DRIVEN, ELASTIC, RESIDUAL
+from granular.md.located.records import ACTIVE, DRIVEN, ELASTIC, RESIDUAL
 from granular.walls.path import expansion
 
 POINTS = 16

@@ -34,23 +34,10 @@ from granular.md.located.blocks import (
 from granular.md.located.contacts import keep_unsettled
 from granular.md.located.inside import look
 from granular.md.located.plan import planned
+from granular.md.located.power_form import kind_and_q, mapped
+from granular.md.located.records import ACTIVE, ASKS, CREEPS, GENERAL, KIND, LINEAR, NO_PAUSE, OCTAVES
 from granular.md.located.run import COMPILED_CHUNK, FIRST_LOOK, WHY
-from granular.md.located.system import (
-    ACTIVE,
-    ASKS,
-    CREEPS,
-    GENERAL,
-    KIND,
-    LINEAR,
-    NO_PAUSE,
-    OCTAVES,
-    System,
-    kind_and_q,
-    mapped,
-    new_system,
-    to_plain,
-    with_room_for_a_table,
-)
+from granular.md.located.system import System, new_system, to_plain, with_room_for_a_table
 from granular.md.located.tables import make_table
 from granular.trajectory import Status
 

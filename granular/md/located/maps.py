@@ -25,7 +25,7 @@ from typing import Any
 from granular._kernels import kernel
 from granular.laws.viscoelastic_restitution import duration, restitution
 from granular.laws.viscoelastic_restitution import peaks as tops
-from granular.md.located.system import DASHPOT, SIMILAR, VISCOELASTIC
+from granular.md.located.records import DASHPOT, SIMILAR, VISCOELASTIC
 
 WEIGHTLESS = 10.0
 """A dashpot's contact under a pull G has a map if v ω exceeds this many times G: below, balls come to rest."""

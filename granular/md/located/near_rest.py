@@ -13,7 +13,7 @@ from typing import Any
 from granular._kernels import kernel
 from granular.md.located.equilibrium import end_of_group, is_known, kinetic, overlap_under, weight
 from granular.md.located.pieces import power
-from granular.md.located.system import ACTIVE, ELASTIC, GENERAL, MOVES, OPEN, RESIDUAL
+from granular.md.located.records import ACTIVE, ELASTIC, GENERAL, MOVES, OPEN, RESIDUAL
 
 STILL = 1e-14
 """Part of the static overlaps, and of their natural rates, up to which a pile that rests is taken to be still."""

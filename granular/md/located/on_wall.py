@@ -14,7 +14,7 @@ from granular._tournament import play
 from granular.md.located.creep import LARGEST
 from granular.md.located.driven import absolute
 from granular.md.located.ledger import CEILING, FLOOR
-from granular.md.located.system import ACTIVE, GENERAL, OPEN, ORDER
+from granular.md.located.records import ACTIVE, GENERAL, OPEN, ORDER
 from granular.walls.path import jump_ahead
 
 FALLS = np.array([(j + 1.0) * (j + 2.0) for j in range(ORDER - 1)])

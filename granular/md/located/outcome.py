@@ -14,7 +14,7 @@ import numpy as np
 from granular._records import column, plain
 from granular.drive import Rows
 from granular.md.located.creep import slowest_decay
-from granular.md.located.system import ACTIVE, DORMANT
+from granular.md.located.records import ACTIVE, DORMANT
 from granular.md.rows import CONTACT_ROW
 from granular.trajectory import Status
 

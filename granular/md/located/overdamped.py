@@ -20,9 +20,9 @@ from granular._kernels import kernel
 from granular.md.located.equilibrium import end_of_group, find_equilibrium
 from granular.md.located.near_rest import STIFF, drags, flies
 from granular.md.located.pieces import power, write_flight
+from granular.md.located.records import ACTIVE, ORDER, RESIDUAL
 from granular.md.located.resting import between
 from granular.md.located.series import bracket, power_term
-from granular.md.located.system import ACTIVE, ORDER, RESIDUAL
 
 NEAR = 0.1
 """Part of its load and elastic force by which the force of a pair may differ from its load: else it is still slowed

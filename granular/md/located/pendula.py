@@ -18,7 +18,7 @@ from typing import Any
 from granular._kernels import kernel
 from granular.md.located.ledger import NODES, POINTS, WEIGHTS, pace
 from granular.md.located.pieces import elapsed, since, tick, value
-from granular.md.located.system import ACTIVE
+from granular.md.located.records import ACTIVE
 
 
 @kernel

@@ -12,7 +12,7 @@ from granular._flight import time_to_contact
 from granular._kernels import kernel
 from granular._roots import first_up_crossing
 from granular.md.located.driven import flown, next_touch, touching_rate
-from granular.md.located.system import BEGIN, DAMPED, DRIVEN, EDGE, ELASTIC, HUNG, OPEN, ORDER, PART, RESIDUAL
+from granular.md.located.records import BEGIN, DAMPED, DRIVEN, EDGE, ELASTIC, HUNG, OPEN, ORDER, PART, RESIDUAL
 
 DRIFT = 4.0
 """Balls that close at less than this many times the noise of their rate are taken to drift along side by side."""

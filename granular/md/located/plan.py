@@ -16,6 +16,7 @@ from granular.md.located.driven import foresee_walls
 from granular.md.located.events import locate
 from granular.md.located.near_rest import may_creep
 from granular.md.located.pieces import piece_time, power
+from granular.md.located.records import ASKS, DRIVEN, EDGE, HUNG, LONG, LOOKED, MOVES, NOTHING, RING
 from granular.md.located.series import expand, expand_linear, expand_two
 from granular.md.located.step_size import (
     REACH,
@@ -28,7 +29,6 @@ from granular.md.located.step_size import (
     scale,
     trusted,
 )
-from granular.md.located.system import ASKS, DRIVEN, EDGE, HUNG, LONG, LOOKED, MOVES, NOTHING, RING
 
 
 @entry

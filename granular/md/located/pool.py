@@ -8,7 +8,7 @@ from typing import Any
 
 from granular._kernels import kernel
 from granular.md.located.around import count_of
-from granular.md.located.system import OPEN, RING
+from granular.md.located.records import OPEN, RING
 
 
 @kernel

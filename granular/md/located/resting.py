@@ -20,7 +20,7 @@ from granular._kernels import kernel
 from granular.md.located.equilibrium import NOT_YET, RESTS, bound, end_of_group, find_loads, overlap_under
 from granular.md.located.near_rest import STILL, is_still
 from granular.md.located.pieces import in_contact, since, write_flight
-from granular.md.located.system import ACTIVE, LIES, LONG, OPEN
+from granular.md.located.records import ACTIVE, LIES, LONG, OPEN
 
 AtRest = Callable[[Any, float], float]
 """Force in N of a pair at an overlap in m."""

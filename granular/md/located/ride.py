@@ -27,9 +27,9 @@ from granular.md.located.events import shifted
 from granular.md.located.ledger import LOST, add
 from granular.md.located.on_wall import Pile, edge_jumps, others_due, presses, wall_speeds
 from granular.md.located.pieces import piece_time
+from granular.md.located.records import EDGE, LINEAR, NOTHING, ORDER
 from granular.md.located.step_size import REACH
 from granular.md.located.swing import Swing, highest
-from granular.md.located.system import EDGE, LINEAR, NOTHING, ORDER
 
 WORTH = 20.0
 """Steps of an island that a stretch has to save."""

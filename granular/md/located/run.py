@@ -24,14 +24,11 @@ from granular.md.located.creep import LARGEST, SMOOTH, Creep, Flight, swinging
 from granular.md.located.inside import look, look_inside, seen
 from granular.md.located.ledger import FLOOR, LOST
 from granular.md.located.plan import planned
+from granular.md.located.power_form import power_form
+from granular.md.located.records import ASKS, GENERAL, MOST_ROWS, STOP
 from granular.md.located.resting import between, lone_pile
 from granular.md.located.ride import Ride
 from granular.md.located.system import (
-    ASKS,
-    GENERAL,
-    MOST_ROWS,
-    STOP,
-    power_form,
     readable,
     system_of,
     to_compiled,

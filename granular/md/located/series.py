@@ -21,7 +21,7 @@ from granular._kernels import kernel, specialised
 from granular.md.located.around import is_closed
 from granular.md.located.driven import drive
 from granular.md.located.pieces import elapsed, power
-from granular.md.located.system import (
+from granular.md.located.records import (
     ACTIVE,
     DORMANT,
     DRIVEN,

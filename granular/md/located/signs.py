@@ -14,7 +14,7 @@ from typing import Any
 from granular._roots import first_up_crossing
 from granular.md.located.events import shifted
 from granular.md.located.pieces import value
-from granular.md.located.system import ACTIVE, BEGIN, END, PART, RELOAD, TURN
+from granular.md.located.records import ACTIVE, BEGIN, END, PART, RELOAD, TURN
 
 Sign = Callable[..., bool]
 """Whether the law pushes at τ; with a second argument true, surely so, beyond rounding."""

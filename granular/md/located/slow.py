@@ -24,7 +24,7 @@ from numpy.polynomial import legendre, polynomial
 
 from granular._check import Array
 from granular.md.located.collocation import POINTS, TO_POWERS
-from granular.md.located.system import GENERAL, ORDER
+from granular.md.located.records import GENERAL, ORDER
 
 TAMED = 4.0
 """A slow motion is no larger than so many times what the forces would bring about at rest."""

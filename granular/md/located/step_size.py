@@ -21,8 +21,8 @@ from granular._flight import time_to_contact
 from granular._kernels import kernel
 from granular.md.located.around import is_closed
 from granular.md.located.pieces import DRIFT, elapsed, force_returns, power
+from granular.md.located.records import ACTIVE, DAMPED, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, RING, STEEPEST
 from granular.md.located.series import works
-from granular.md.located.system import ACTIVE, DAMPED, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, RING, STEEPEST
 
 REACH = (math.factorial(ORDER + 1) * 1e-17) ** (1.0 / (ORDER + 1))
 FURTHEST = 8.0

@@ -19,7 +19,7 @@ from granular.md.located.driven import touching_rate
 from granular.md.located.pieces import tick
 from granular.md.located.plan import planned
 from granular.md.located.pool import leave
-from granular.md.located.system import CHECKS, OCTAVES, OPEN, POINTS, QUANTITIES, SLOWEST
+from granular.md.located.records import CHECKS, OCTAVES, OPEN, POINTS, QUANTITIES, SLOWEST
 
 WARM = 32
 """Contacts of an octave after which its table is made: it costs about as many."""
