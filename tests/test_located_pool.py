@@ -13,7 +13,7 @@ from granular.drive import Pause
 from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz
 from granular.laws.check import checked
 from granular.md.located import Run, run, system
-from granular.md.located.blocks import _check
+from granular.md.located.islands import _check
 from granular.request import requested
 from granular.scene import Scene
 

@@ -11,8 +11,8 @@ import granular as gr
 from granular.drive import Pause
 from granular.laws.check import checked
 from granular.md.located import Run, run, system
-from granular.md.located.blocks import _check
 from granular.md.located.free_length import reimpose
+from granular.md.located.islands import _check
 from granular.request import requested
 
 LAWS = [gr.LinearDashpot(1e4, 3.0), gr.LinearDashpot(1e4), gr.Hertz(1e5), gr.ViscoelasticHertz(1e5, 50.0),

@@ -11,12 +11,13 @@ from typing import Any
 
 from granular._flight import time_to_contact
 from granular._kernels import kernel
-from granular.md.located.contacts import follow, pushes
 from granular.md.located.driven import beside_edge, jump_at
 from granular.md.located.ledger import begin_alone, enter_alone, enter_run_off
+from granular.md.located.log import follow
 from granular.md.located.pieces import fly, force_returns, piece_time, power, tick, value
 from granular.md.located.pool import join
 from granular.md.located.records import ACTIVE, BEGIN, DRIVEN, EDGE, END, OPEN, PART, RELOAD, RESIDUAL, TURN, WORKED
+from granular.md.located.touching import pushes
 
 PIECES = 2000
 """Pieces after which a contact is taken to go on forever."""

@@ -11,13 +11,12 @@ from typing import Any
 
 from granular._kernels import kernel
 from granular._tournament import play
-from granular.md.located.blocks import BINDING, REST, STOPPED, WANTS_LOOK
 from granular.md.located.equilibrium import NOT_YET, RESTS
 from granular.md.located.events import locate
 from granular.md.located.overdamped import expand_slowly
 from granular.md.located.pieces import piece_time
 from granular.md.located.plan import planned, settle_series
-from granular.md.located.records import ASKS, CREEPS, LIES, LONG, LOOKED, MOVES
+from granular.md.located.records import ASKS, BINDING, CREEPS, LIES, LONG, LOOKED, MOVES, REST, STOPPED, WANTS_LOOK
 from granular.md.located.resting import lie, settles, verdict, whole_verdict
 from granular.md.located.step_size import growth, left_out, trusted
 

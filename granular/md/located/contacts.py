@@ -1,39 +1,34 @@
-"""The life of a contact: how its pair changes mode at an event, and what the log keeps from its onset to its end."""
+"""The life of a contact: how its pair changes mode at an event."""
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-from granular._kernels import entry, kernel
-from granular.md.located.around import beside, count_of, is_closed, nth
+from granular._kernels import kernel
+from granular.md.located.around import beside, count_of, nth
 from granular.md.located.events import GRAZE
-from granular.md.located.pendula import swung
-from granular.md.located.pieces import DRIFT, direction, elapsed, integral, peaks, power, since, tick
+from granular.md.located.log import begin_contact, end_contact
+from granular.md.located.pieces import direction, power, since
 from granular.md.located.records import (
     ACTIVE,
     BEGIN,
     DORMANT,
     DRIVEN,
     END,
-    GENERAL,
     HEATED,
-    HUNG,
     LINEAR,
     OPEN,
     PART,
     RELOAD,
     RESIDUAL,
-    RING,
     STOP,
     STRUCK,
     TURN,
 )
+from granular.md.located.touching import drifts, halt, is_awaited, stays, turns
 
 ALL_BUT_ZERO = 1e-9
 """Part of its elastic force up to which the force of a contact that goes on is as located, 0."""
-NONE, SOME, AWAITED = range(3)
-"""What `engage` has found: no pair that touches at rest, some, or the contact at which the run is to stop."""
 
 
 @kernel
@@ -161,128 +156,6 @@ def overlaps(pair: Any, pool: Any, run: Any) -> bool:
 
 
 @kernel
-def is_awaited(run: Any, pairs: Any, c: int) -> bool:
-    """Return whether the run is to stop just before the next contact of pair `c`."""
-    return bool(c == run.until_pair and pairs[c].count + 1 == run.until_nth)
-
-
-@kernel
-def stays(pair: Any, speed: float) -> bool:
-    """Return whether a pair that parts comes up to where it touches with no more energy than rounding.
-
-    So does a ball that gravity holds, and a law that is a function, has touched at rest and woken, by its rounding.
-    """
-    if pair.mode != ACTIVE:
-        return False
-    if pair.kind == GENERAL and pair.wake > 0.0 and drifts(pair):
-        return True
-    held = pair.kind != LINEAR and pair.pull > 0.0
-    return bool(held and pair.eta * pair.eta <= DRIFT * pair.noise * max(speed, speed_of_weight(pair)))
-
-
-@kernel
-def turns(pairs: Any, pool: Any, c: int, speed: float) -> bool:
-    """Return whether balls that gravity parts come up to where they touch with no more energy than rounding.
-
-    Alone in their flight they have no island that could feel it.
-    """
-    pair, lo = pool[pairs[c].slot], pairs[c].first
-    hi = pairs[lo].hi
-    for i in range(lo, hi):
-        speed = max(speed, speed_of_weight(pool[pairs[i].slot]))
-    return bool(pair.pull < 0.0 and hi - lo > 1 and pair.eta * pair.eta <= DRIFT * pair.noise * speed)
-
-
-@kernel
-def speed_of_weight(pair: Any) -> float:
-    """Return the speed in m/s that gravity gives the balls of a pair over the overlap at which their force balances."""
-    pull = abs(pair.pull)
-    return math.sqrt(2.0 * pull * power(pull / (pair.k * pair.inverse), 1.0 / pair.p))
-
-
-@kernel
-def halt(pairs: Any, pool: Any, bodies: Any, c: int) -> None:
-    """Take its rate from pair `c` of a block, by an impulse between its balls that their other neighbours feel too."""
-    pair, lo, hi = pool[pairs[c].slot], pairs[c].first, pairs[pairs[c].first].hi
-    impulse, closed = pair.eta / pair.inverse, is_closed(pairs, lo, hi)
-    pair.eta = 0.0
-    bodies[c].v -= pair.lower * impulse
-    bodies[nth(pairs, c + 1)].v += pair.upper * impulse
-    if RING and c < lo:
-        c += count_of(pairs)
-    if c > lo or closed:
-        pool[pairs[nth(pairs, c - 1)].slot].eta += pair.lower * impulse
-    if c + 1 < hi or closed:
-        pool[pairs[nth(pairs, c + 1)].slot].eta += pair.upper * impulse
-
-
-@kernel
-def drifts(pair: Any) -> bool:
-    """Return whether the rate of a pair is no more than the noise it may hold."""
-    return bool(abs(pair.eta) <= DRIFT * pair.noise)
-
-
-@kernel
-def pushes(pair: Any) -> bool:
-    """Return whether the pair needs a power series: for its force, or to see its force return.
-
-    Else it is ballistic in closed form: open, clipped with φ = kξ + γη, or sure to part. In free flight φ = k ξ^s + γη
-    is convex for s ≥ 1 and a pull that is not negative; clipped now, and again when ξ = 0 is reached, it is clipped in
-    between. At a driven wall, and with pendula, nothing is so simple.
-    """
-    if HUNG or (DRIVEN and pair.wall > 0) or (HEATED and pair.wall < 0):
-        return bool(pair.mode != OPEN)
-    if pair.mode != RESIDUAL or pair.s == 1.0:
-        return bool(pair.mode == ACTIVE or pair.mode == DORMANT)
-    parts = pair.s > 1.0 and pair.pull >= 0.0 and pair.eta < 0.0
-    return bool(not (parts and pair.eta * pair.eta > 2.0 * pair.pull * pair.xi))
-
-
-@kernel
-def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
-    """Make pairs dormant that touch at rest beside a force or under their own weight; return whether there were any.
-
-    Forces only push, so that such a contact is sure to begin at once, if no gravity pulls the pair apart.
-    """
-    found, lo, hi = NONE, run.lo, run.hi
-    closed = is_closed(pairs, lo, hi)
-    for sweep in range(2):
-        for i in range(hi - lo):
-            c = lo + i if sweep == 0 else hi - 1 - i
-            pair = pool[pairs[c].slot]
-            if HEATED and pair.wall < 0:
-                continue
-            if (pair.mode == OPEN and pair.xi == 0.0 and pair.eta == 0.0) and (
-                pair.pull > 0.0
-                or (DRIVEN and pair.pull == 0.0 and pair.wall > 0)
-                or ((c > lo or closed) and pushes(pool[pairs[nth(pairs, c - 1)].slot]))
-                or ((c + 1 < hi or closed) and pushes(pool[pairs[nth(pairs, c + 1)].slot]))
-            ):
-                c = nth(pairs, c)
-                if is_awaited(run, pairs, c) and pair.pull >= 0.0:
-                    return AWAITED
-                begin_contact(run, pairs, pool, bodies, c)
-                pair.mode, found = DORMANT, SOME
-    return found
-
-
-@kernel
-def judge(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
-    """Open pairs that the computed series pulls apart from rest, close those it presses; return whether any changed."""
-    changed = False
-    for c in range(lo, hi):
-        pair = pool[pairs[c].slot]
-        if HEATED and pair.wall < 0:
-            continue
-        if pair.kind != GENERAL and pair.xi == 0.0 and pair.eta == 0.0 and (pair.mode == DORMANT or pair.mode == OPEN):
-            way = direction(pair.x)
-            if way != 0.0 and (way > 0.0) == (pair.mode == OPEN):
-                pair.mode = DORMANT if pair.mode == OPEN else OPEN
-                changed = True
-    return changed
-
-
-@kernel
 def confirm(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, hi: int) -> bool:
     """Begin the linear contacts the series presses together from rest; false if the run is to stop just before."""
     for c in range(lo, hi):
@@ -295,109 +168,3 @@ def confirm(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, hi: int) -> b
         ):
             return False
     return True
-
-
-@kernel
-def begin_contact(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> None:
-    """Note the time and the velocities at which the contact of pair `c` begins (or might: it is dormant)."""
-    pair = pool[pairs[c].slot]
-    pair.t_begin, pair.duration, pair.impulse, pair.force_max, pair.xi_max = run.t, 0.0, 0.0, 0.0, pair.xi
-    pair.lower_in, pair.upper_in = velocity_now(bodies[c], run), velocity_now(bodies[nth(pairs, c + 1)], run)
-
-
-@kernel
-def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) -> None:
-    """Write the log row of the contact of pair `c` that ends now."""
-    pair = pool[pairs[c].slot]
-    pair.begun = 0
-    if run.log == 0:
-        return
-    row = log[run.rows]
-    run.rows += 1
-    row.pair, row.t_begin, row.t_end, row.duration = c, pair.t_begin, run.t, pair.duration
-    row.lower_in, row.upper_in = pair.lower_in, pair.upper_in
-    row.lower_out, row.upper_out = velocity_now(bodies[c], run), velocity_now(bodies[nth(pairs, c + 1)], run)
-    row.xi_max, row.force_max, row.impulse = pair.xi_max, pair.force_max, max(0.0, pair.impulse)
-
-
-@kernel
-def velocity_now(body: Any, run: Any) -> float:
-    """Return the velocity of a body at the time of the event under way."""
-    if HUNG:
-        return swung(body, run.omega, since(body, run.t, run.tail))[0]
-    return float(body.v - body.fall * since(body, run.t, run.tail))
-
-
-@kernel
-def follow(run: Any, pairs: Any, pool: Any, work: Any, lo: int, tau: float) -> None:
-    """Add the stretch [0, τ] of the piece of the island that starts with `lo` to its contacts."""
-    hi, block = pairs[lo].hi, pool[pairs[lo].slot]
-    h, q = block.h, block.clock
-    dt, scale, closed = elapsed(h, q, tau), elapsed(h, q, 1.0), is_closed(pairs, lo, hi)
-    for c in range(lo, hi):
-        pair = pool[pairs[c].slot]
-        pair.push = scale * integral(pair.f, q, tau) if pair.mode == ACTIVE else 0.0
-        if run.log == 0:
-            continue
-        if pair.mode == ACTIVE:
-            pair.impulse += pair.push
-            if ((c > lo or closed) and pool[pairs[nth(pairs, c - 1)].slot].mode == ACTIVE) or (
-                (c + 1 < hi or closed) and pool[pairs[nth(pairs, c + 1)].slot].mode == ACTIVE
-            ):
-                add_shared(run, pair.push)
-            if run.log == 2:
-                peaks(pair, tau, work)
-        if pair.mode == ACTIVE or pair.mode == DORMANT:
-            pair.duration += dt
-
-
-@kernel
-def add_shared(run: Any, impulse: float) -> None:
-    """Add to a sum in two floats."""
-    total = run.shared + impulse
-    part = total - run.shared
-    run.shared_low += (run.shared - (total - part)) + (impulse - part)
-    run.shared = total
-
-
-@kernel
-def push(pairs: Any, pool: Any, bodies: Any, lo: int, dt: float) -> None:
-    """Advance the velocities of the bodies of an island by `dt`: free fall, and the impulses on the way.
-
-    What no force acts on falls as before: in thousands of steps its roundings would add up.
-    """
-    block, hi, below, last = pool[pairs[lo].slot], pairs[lo].hi, 0.0, pairs[lo].hi + 1
-    if is_closed(pairs, lo, hi):
-        below, last = pool[pairs[hi - 1].slot].push, hi
-    for c in range(lo, last):
-        body, above = bodies[nth(pairs, c)], pool[pairs[c].slot].push if c < hi else 0.0
-        if below != 0.0 or above != 0.0:
-            body.v += body.inverse_mass * (below - above) - body.fall * (since(body, block.t, block.tail) + dt)
-            body.t, body.tail = block.t, block.tail
-            tick(body, dt)
-        below = above
-
-
-@entry
-@kernel
-def keep_unsettled(s: Any, t: float) -> None:
-    """Drop the rows of the log that are void or settled at time `t`; those of contacts that go on stay."""
-    run, kept = s.run[0], 0
-    for i in range(run.rows):
-        row = s.log[i]
-        if row.pair >= 0 and row.t_end > t:
-            if i > kept:
-                copy_row(row, s.log[kept])
-            s.pairs[row.pair].row = kept
-            kept += 1
-        elif row.pair >= 0 and s.pairs[row.pair].row == i:
-            s.pairs[row.pair].row = -1
-    run.rows = kept
-
-
-@kernel
-def copy_row(row: Any, to: Any) -> None:
-    """Copy a row of the log."""
-    to.pair, to.t_begin, to.t_end, to.duration = row.pair, row.t_begin, row.t_end, row.duration
-    to.lower_in, to.upper_in, to.lower_out, to.upper_out = row.lower_in, row.upper_in, row.lower_out, row.upper_out
-    to.xi_max, to.force_max, to.impulse = row.xi_max, row.force_max, row.impulse

@@ -15,8 +15,8 @@ import math
 from typing import Any
 
 from granular._kernels import kernel
-from granular.md.located.contacts import velocity_now
 from granular.md.located.ledger import CEILING, FLOOR, add
+from granular.md.located.log import velocity_now
 from granular.md.located.records import OPEN
 from granular.walls.thermal import drawn
 

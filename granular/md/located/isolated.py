@@ -22,7 +22,6 @@ from granular._flight import hung_after
 from granular._kernels import inlined, kernel
 from granular._tournament import leaf, replay
 from granular.md.located.around import beside, count_of, nth
-from granular.md.located.contacts import is_awaited, velocity_now
 from granular.md.located.driven import (
     carry_walls,
     convexity,
@@ -36,11 +35,13 @@ from granular.md.located.driven import (
 )
 from granular.md.located.heat import count_hit, speed_away
 from granular.md.located.ledger import enter_at_once, keep_alone
+from granular.md.located.log import velocity_now
 from granular.md.located.maps import encounter, of_pendula, peaks, peaks_of_pendula
 from granular.md.located.pendula import impulse_of_pendula, shift, swung
 from granular.md.located.pieces import DRIFT, predict, since, tick
 from granular.md.located.records import BEGIN, DRIVEN, HEATED, HUNG, IGNORE, OPEN, RING, WORKED
 from granular.md.located.tables import WANTED, table_of, tabled, tabled_peaks
+from granular.md.located.touching import is_awaited
 
 ULP = 2.0**-52
 BRIEF = 0.5

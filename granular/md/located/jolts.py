@@ -7,12 +7,14 @@ from __future__ import annotations
 from typing import Any
 
 from granular._kernels import kernel
-from granular.md.located.contacts import AWAITED, NONE, SOME, activate, end_contact, pushes
+from granular.md.located.contacts import activate
 from granular.md.located.driven import jump_at
 from granular.md.located.heat import thrown
 from granular.md.located.isolated import ULP
+from granular.md.located.log import end_contact
 from granular.md.located.pieces import power
 from granular.md.located.records import ACTIVE, DORMANT, OPEN, RESIDUAL, STRUCK
+from granular.md.located.touching import AWAITED, NONE, SOME, pushes
 
 SAME, CHANGED, ENDS = range(3)
 """What `pass_edge` comes to: the blocks stay, are to be formed anew, or the run is to stop."""

@@ -16,26 +16,30 @@ from granular._check import Array
 from granular._kernels import compiled, interpreted, kernel
 from granular._tournament import play
 from granular.md.located.at_rest import looked_at
-from granular.md.located.blocks import (
+from granular.md.located.blocks import advance, expose_all, gather, launch
+from granular.md.located.inside import look
+from granular.md.located.log import keep_unsettled
+from granular.md.located.plan import planned
+from granular.md.located.power_form import kind_and_q, mapped
+from granular.md.located.records import (
+    ACTIVE,
+    ASKS,
     BINDING,
     CRAMPED,
+    CREEPS,
+    GENERAL,
+    KIND,
+    LINEAR,
     MORE,
+    NO_PAUSE,
+    OCTAVES,
     QUIET,
     REACHED,
     REST,
     STOPPED,
     WANTS_LOOK,
     WANTS_TABLE,
-    advance,
-    expose_all,
-    gather,
-    launch,
 )
-from granular.md.located.contacts import keep_unsettled
-from granular.md.located.inside import look
-from granular.md.located.plan import planned
-from granular.md.located.power_form import kind_and_q, mapped
-from granular.md.located.records import ACTIVE, ASKS, CREEPS, GENERAL, KIND, LINEAR, NO_PAUSE, OCTAVES
 from granular.md.located.run import COMPILED_CHUNK, FIRST_LOOK, WHY
 from granular.md.located.system import System, new_system, to_plain, with_room_for_a_table
 from granular.md.located.tables import make_table

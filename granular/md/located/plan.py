@@ -11,7 +11,7 @@ from typing import Any
 from granular._kernels import entry, inlined, kernel
 from granular._tournament import play
 from granular.md.located.alone import goes_on, has_piece
-from granular.md.located.contacts import confirm, judge
+from granular.md.located.contacts import confirm
 from granular.md.located.driven import foresee_walls
 from granular.md.located.events import locate
 from granular.md.located.near_rest import may_creep
@@ -29,6 +29,7 @@ from granular.md.located.step_size import (
     scale,
     trusted,
 )
+from granular.md.located.touching import judge
 
 
 @entry

@@ -39,6 +39,11 @@ LONG = 2.0**300
 NOTHING, BEGIN, END, PART, TURN, RELOAD, EDGE = range(7)
 """Events of a pair, see `events`."""
 
+REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT, WANTS_LOOK, ABSORB = range(12)
+"""Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
+every ball rests for good, every ball is bound in contact forever, no room in the pool, a table of
+contacts, a contact alone, or a look at a block that may rest or creep is wanted first. ABSORB is for `regroup`."""
+
 LARGEST_Q = 4
 STEEPEST = 16.0
 """Largest q of the clock t = (hτ)^q, and largest q·p of a power law, that a start series of order 20 can show."""

@@ -19,15 +19,15 @@ from numpy.polynomial import polynomial
 from granular._check import Array
 from granular._kernels import fitted
 from granular.md.located import slow
-from granular.md.located.blocks import hold_walls, settle
-from granular.md.located.contacts import add_shared
 from granular.md.located.creep import columns
 from granular.md.located.driven import carry_walls, foresee_walls, jump_at
 from granular.md.located.events import shifted
 from granular.md.located.ledger import LOST, add
+from granular.md.located.log import add_shared
 from granular.md.located.on_wall import Pile, edge_jumps, others_due, presses, wall_speeds
 from granular.md.located.pieces import piece_time
 from granular.md.located.records import EDGE, LINEAR, NOTHING, ORDER
+from granular.md.located.settle import hold_walls, settle
 from granular.md.located.step_size import REACH
 from granular.md.located.swing import Swing, highest
 

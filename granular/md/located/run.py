@@ -19,13 +19,29 @@ from granular.md.located import blocks, outcome, rides
 from granular.md.located.at_rest import first_asking, gather_slowly, looked_at
 from granular.md.located.checkpoint import Checkpoint, Untouched, restored
 from granular.md.located.collocation import Collocation
-from granular.md.located.contacts import keep_unsettled
 from granular.md.located.creep import LARGEST, SMOOTH, Creep, Flight, swinging
 from granular.md.located.inside import look, look_inside, seen
 from granular.md.located.ledger import FLOOR, LOST
+from granular.md.located.log import keep_unsettled
 from granular.md.located.plan import planned
 from granular.md.located.power_form import power_form
-from granular.md.located.records import ASKS, GENERAL, MOST_ROWS, STOP
+from granular.md.located.records import (
+    ASKS,
+    BINDING,
+    CRAMPED,
+    GENERAL,
+    MORE,
+    MOST_ROWS,
+    QUIET,
+    REACHED,
+    REST,
+    STOP,
+    STOPPED,
+    WANTS_CONTACT,
+    WANTS_LOOK,
+    WANTS_TABLE,
+    WORK,
+)
 from granular.md.located.resting import between, lone_pile
 from granular.md.located.ride import Ride
 from granular.md.located.system import (
@@ -57,8 +73,8 @@ LOOKS = 20, 1500
 DISTURBED = ("resolve", "stop", "ignore")
 """What may be done where a contact disturbs another."""
 WHY = {
-    blocks.STOPPED: Pause.until, blocks.QUIET: Pause.quiet, blocks.WORK: Pause.work, blocks.REST: Pause.resting,
-    blocks.BINDING: Pause.quiet,
+    STOPPED: Pause.until, QUIET: Pause.quiet, WORK: Pause.work, REST: Pause.resting,
+    BINDING: Pause.quiet,
 }  # fmt: skip
 
 
@@ -171,26 +187,26 @@ class Run:
             return Pause.reached if limit < self.ride.until else Pause.full
         chunk = COMPILED_CHUNK if self.engine == "compiled" else PLAIN_CHUNK
         why, counters = self.advanced(limit, chunk), self.counters
-        reached = why == blocks.REACHED or (why == blocks.QUIET and limit < math.inf)
+        reached = why == REACHED or (why == QUIET and limit < math.inf)
         self.now = limit if reached else float(counters["t"])
         if self.scene.driven and self.now < math.inf:
             self.closing.refuse(self.start + self.now, self.request.end)
-        if why == blocks.WANTS_TABLE:
+        if why == WANTS_TABLE:
             self.s = with_room_for_a_table(self.s)
             make_table(self.s, self.collocation, self.kernels)
             return Pause.full
-        if why == blocks.WANTS_CONTACT:
+        if why == WANTS_CONTACT:
             answer(self.s, self.collocation, self.kernels)
             return Pause.full
-        if why == blocks.CRAMPED:
+        if why == CRAMPED:
             self.s = with_more_room(self.s)
             return Pause.full
         if reached:
             return Pause.reached
-        if why == blocks.STOPPED and self.is_disturbed:
+        if why == STOPPED and self.is_disturbed:
             return Pause.disturbed
-        if why != blocks.MORE:
-            self.bound = why == blocks.BINDING
+        if why != MORE:
+            self.bound = why == BINDING
             return WHY[why]
         if counters["steps"] >= counters["pause"]:
             if self.s.walls is not None and self.settles:
@@ -208,11 +224,11 @@ class Run:
         """Advance by a chunk of pieces, with looks at blocks that may rest or creep; return as `blocks.advance`."""
         for _ in range(chunk):
             why = int(self.kernels(blocks.advance)(self.s, limit, chunk, self.collocation))
-            if why == blocks.WANTS_LOOK:
+            if why == WANTS_LOOK:
                 why = looked_at(self.s, limit, self.kernels, self.seldom)
-            if why != blocks.WANTS_LOOK:
+            if why != WANTS_LOOK:
                 return why
-        return blocks.MORE
+        return MORE
 
     def rests(self, limit: float) -> bool:
         """Return whether the scene is proved to come to rest, which ends a run without limit; if it creeps, let it.

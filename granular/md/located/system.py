@@ -146,8 +146,8 @@ def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: fl
     speed = speed_scale(scene)
     kinds = np.zeros(len(laws.each), KIND)
     pull = scene.gravity if scene.external_force is None else float(np.abs(scene.pull).max())
-    described = zip(*(described(law, speed, pull) for law in laws.each), strict=True)
-    for name, values in zip(KIND.names or (), described, strict=False):
+    rows = zip(*(described(law, speed, pull) for law in laws.each), strict=True)
+    for name, values in zip(KIND.names or (), rows, strict=False):
         kinds[name] = values
     kinds["elastic"] = [not (law.rate_dependent or law.memory) for law in laws.each]
     write_maps(kinds, laws, scene)

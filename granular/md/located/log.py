@@ -1,0 +1,105 @@
+"""What the log keeps of a contact from its onset to its end.
+May be skipped: what is written down.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from granular._kernels import entry, kernel
+from granular.md.located.around import is_closed, nth
+from granular.md.located.pendula import swung
+from granular.md.located.pieces import elapsed, integral, peaks, since
+from granular.md.located.records import (
+    ACTIVE,
+    DORMANT,
+    HUNG,
+)
+
+
+@kernel
+def begin_contact(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> None:
+    """Note the time and the velocities at which the contact of pair `c` begins (or might: it is dormant)."""
+    pair = pool[pairs[c].slot]
+    pair.t_begin, pair.duration, pair.impulse, pair.force_max, pair.xi_max = run.t, 0.0, 0.0, 0.0, pair.xi
+    pair.lower_in, pair.upper_in = velocity_now(bodies[c], run), velocity_now(bodies[nth(pairs, c + 1)], run)
+
+
+@kernel
+def follow(run: Any, pairs: Any, pool: Any, work: Any, lo: int, tau: float) -> None:
+    """Add the stretch [0, τ] of the piece of the island that starts with `lo` to its contacts."""
+    hi, block = pairs[lo].hi, pool[pairs[lo].slot]
+    h, q = block.h, block.clock
+    dt, scale, closed = elapsed(h, q, tau), elapsed(h, q, 1.0), is_closed(pairs, lo, hi)
+    for c in range(lo, hi):
+        pair = pool[pairs[c].slot]
+        pair.push = scale * integral(pair.f, q, tau) if pair.mode == ACTIVE else 0.0
+        if run.log == 0:
+            continue
+        if pair.mode == ACTIVE:
+            pair.impulse += pair.push
+            if ((c > lo or closed) and pool[pairs[nth(pairs, c - 1)].slot].mode == ACTIVE) or (
+                (c + 1 < hi or closed) and pool[pairs[nth(pairs, c + 1)].slot].mode == ACTIVE
+            ):
+                add_shared(run, pair.push)
+            if run.log == 2:
+                peaks(pair, tau, work)
+        if pair.mode == ACTIVE or pair.mode == DORMANT:
+            pair.duration += dt
+
+
+@kernel
+def add_shared(run: Any, impulse: float) -> None:
+    """Add to a sum in two floats."""
+    total = run.shared + impulse
+    part = total - run.shared
+    run.shared_low += (run.shared - (total - part)) + (impulse - part)
+    run.shared = total
+
+
+@kernel
+def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) -> None:
+    """Write the log row of the contact of pair `c` that ends now."""
+    pair = pool[pairs[c].slot]
+    pair.begun = 0
+    if run.log == 0:
+        return
+    row = log[run.rows]
+    run.rows += 1
+    row.pair, row.t_begin, row.t_end, row.duration = c, pair.t_begin, run.t, pair.duration
+    row.lower_in, row.upper_in = pair.lower_in, pair.upper_in
+    row.lower_out, row.upper_out = velocity_now(bodies[c], run), velocity_now(bodies[nth(pairs, c + 1)], run)
+    row.xi_max, row.force_max, row.impulse = pair.xi_max, pair.force_max, max(0.0, pair.impulse)
+
+
+@kernel
+def velocity_now(body: Any, run: Any) -> float:
+    """Return the velocity of a body at the time of the event under way."""
+    if HUNG:
+        return swung(body, run.omega, since(body, run.t, run.tail))[0]
+    return float(body.v - body.fall * since(body, run.t, run.tail))
+
+
+@entry
+@kernel
+def keep_unsettled(s: Any, t: float) -> None:
+    """Drop the rows of the log that are void or settled at time `t`; those of contacts that go on stay."""
+    run, kept = s.run[0], 0
+    for i in range(run.rows):
+        row = s.log[i]
+        if row.pair >= 0 and row.t_end > t:
+            if i > kept:
+                copy_row(row, s.log[kept])
+            s.pairs[row.pair].row = kept
+            kept += 1
+        elif row.pair >= 0 and s.pairs[row.pair].row == i:
+            s.pairs[row.pair].row = -1
+    run.rows = kept
+
+
+@kernel
+def copy_row(row: Any, to: Any) -> None:
+    """Copy a row of the log."""
+    to.pair, to.t_begin, to.t_end, to.duration = row.pair, row.t_begin, row.t_end, row.duration
+    to.lower_in, to.upper_in, to.lower_out, to.upper_out = row.lower_in, row.upper_in, row.lower_out, row.upper_out
+    to.xi_max, to.force_max, to.impulse = row.xi_max, row.force_max, row.impulse
