@@ -11,8 +11,9 @@ from granular import edmd
 from granular._records import column
 from granular.edmd import blocks, collapse
 from granular.edmd.physics import checked
+from granular.edmd.records import LATER, NEVER
 from granular.edmd.sorted_queue import SortedQueue
-from granular.edmd.state import LATER, NEVER, State
+from granular.edmd.state import State
 from granular.edmd.tree_queue import TreeQueue
 from granular.rules import ConstantRestitution
 from granular.scene import Scene

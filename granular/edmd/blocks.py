@@ -14,8 +14,9 @@ from __future__ import annotations
 import numpy as np
 
 from granular._records import copied, one, packed, raw
+from granular.edmd.records import LATER, NEVER, RUN
 from granular.edmd.sorted_queue import Log
-from granular.edmd.state import LATER, NEVER, RUN, State
+from granular.edmd.state import State
 from granular.edmd.ties import RANDOM
 from granular.edmd.tree_queue import TreeQueue
 

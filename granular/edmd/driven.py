@@ -263,10 +263,11 @@ def rounding(speed: float) -> float:
 @cache
 def general(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return the twin of a kernel for scenes with forces, driven or thermal walls; most kernels are their own."""
-    from granular.edmd import account, collision, epoch, groups, heating, riding
+    from granular.edmd import account, as_one, collision, epoch, groups, heating, parting, riding
 
     mine = {name: globals()[name] for name in ("velocities", "carry", "rate_at", "rebase")}
-    mine |= {name: getattr(riding, name) for name in ("rest", "wake", "release", "repull", "absorb", "is_closed")}
+    mine |= {"rest": riding.rest, "absorb": riding.absorb, "wake": parting.wake, "release": parting.release,
+             "repull": as_one.repull, "is_closed": as_one.is_closed}  # fmt: skip
     mine |= {name: getattr(heating, name) for name in ("event", "predicted", "touches", "group")}
     function = replaced(function, (motion, collision, groups), mine)
     return fitted(function, moves_on=epoch.moves_on, RESTING=-math.inf, book=account.book)

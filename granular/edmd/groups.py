@@ -25,7 +25,8 @@ from granular.edmd.account import enter
 from granular.edmd.collision import ROW, release
 from granular.edmd.motion import NOISE, Walls, carry, predicted, touches, velocities
 from granular.edmd.physics import Physics
-from granular.edmd.state import BUDGET, TOUCHING, UNTIL, State
+from granular.edmd.records import BUDGET, TOUCHING, UNTIL
+from granular.edmd.state import State
 
 Row = list[float]
 Floats = Sequence[float]

@@ -16,9 +16,9 @@ from granular.edmd.driven import predicted as predicted_driven
 from granular.edmd.driven import touches as touches_driven
 from granular.edmd.groups import group as group_driven
 from granular.edmd.motion import NOISE, Walls, impulse, velocities
+from granular.edmd.parting import wake
 from granular.edmd.physics import Restitution
 from granular.edmd.riding import event as event_driven
-from granular.edmd.riding import wake
 from granular.edmd.sums import add
 from granular.walls.thermal import drawn
 

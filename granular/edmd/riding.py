@@ -13,9 +13,11 @@ import math
 from granular._kernels import kernel, rare
 from granular._records import Record, Records
 from granular.edmd.account import book, borne, enter
-from granular.edmd.collision import at_rest, remedied, share, streak, total
-from granular.edmd.driven import BOTH, CEILING, FLOOR, FREE, carry, follow, meets, place, presses, rate_of, velocities
+from granular.edmd.as_one import again, common, held, is_closed
+from granular.edmd.collision import remedied, share, streak, total
+from granular.edmd.driven import CEILING, FLOOR, FREE, carry, meets, presses, rate_of, velocities
 from granular.edmd.motion import NOISE, Walls, blur, collide, impulse
+from granular.edmd.parting import wake
 from granular.edmd.physics import Restitution
 from granular.walls.path import moved
 from granular.walls.riding import pressing
@@ -69,18 +71,6 @@ def event(
     pair.streak = streak(run, pair.streak, lower, upper, now - pair.last, -w, e) if e < 1.0 else 0
     pair.last = now
     return start, end, -e * w
-
-
-@kernel
-def held(body: Record) -> bool:
-    """Return whether a ball rests on a wall, or is pressed against others by forces."""
-    return at_rest(body) or body.push != body.own
-
-
-@kernel
-def is_closed(pair: Record, lower: Record, upper: Record) -> bool:
-    """Return whether the bodies of a pair move as one."""
-    return pair.shut > FREE or (pair.gap == 0.0 and pair.pull == 0.0 and upper.u == lower.u and pair.wall < 0)  # type: ignore[no-any-return]
 
 
 @rare
@@ -182,83 +172,6 @@ def settle(run: Record, pairs: Records, bodies: Records, b: int, e: int, now: fl
 
 @rare
 @kernel
-def common(bodies: Records, b: int, e: int) -> float:
-    """Return the acceleration (m/s²) by the forces on bodies `b` … `e` together."""
-    own, more, mass = bodies[e].own, 0.0, 0.0
-    for i in range(b, e + 1):
-        mass += bodies[i].mass
-        more += bodies[i].mass * (bodies[i].own - own)
-    return own + more / mass  # type: ignore[no-any-return]
-
-
-@rare
-@kernel
-def wake(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
-    """Let the bodies of pair `c`, which is hit, fall by themselves, and those that rested upon them or are pressed
-    against them.
-
-    Returns the first and the last pair to predict anew.
-    """
-    low, top = c, c + 1
-    while low > 0 and pressed(bodies[low]) and is_closed(pairs[low - 1], bodies[low - 1], bodies[low]):
-        low -= 1
-    while top < len(pairs) and (pressed(bodies[top]) or (at_rest(bodies[top]) and pairs[top].wall < 0)) and is_closed(
-        pairs[top], bodies[top], bodies[top + 1]
-    ):
-        top += 1
-    first, last = max(low - 1, 0), min(top, len(pairs) - 1)
-    for k in range(first, last + 1):
-        carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
-    release(run, pairs, bodies, low, top, now, walls)
-    return again(run, pairs, bodies, first, last, walls)
-
-
-@kernel
-def pressed(body: Record) -> bool:
-    """Return whether a ball in mid-air is pressed against others by forces."""
-    return body.falls > 0.0 and body.push != body.own  # type: ignore[no-any-return]
-
-
-@rare
-@kernel
-def release(
-    run: Record, pairs: Records, bodies: Records, low: int, high: int, now: float, walls: Walls
-) -> None:
-    """Let bodies `low` … `high` fall by themselves again."""
-    first, last = max(low - 1, 0), min(high, len(pairs) - 1)
-    for i in range(low, high + 1):
-        body = bodies[i]
-        if at_rest(body):
-            which = CEILING - 1 if (i < len(pairs) and pairs[i].shut == CEILING) else FLOOR - 1
-            if walls[0][which].panels > 0:
-                body.u = place(walls, which, now)[1]
-            borne(run, body, which, now, body.u, 1.0, walls)
-            body.falls = 1.0
-            free(body, (run.gravity - body.own) * now, body.own, walls)
-        elif pressed(body):
-            free(body, (body.push - body.own) * now, body.own, walls)
-    for k in range(first, last + 1):
-        pair = pairs[k]
-        if pair.shut > FREE and (bodies[k].falls > 0.0 or bodies[k + 1].falls > 0.0):
-            pair.shut, pair.gap, pair.at = FREE, 0.0, now
-    repull(run, pairs, bodies, first, last, walls)
-    for k in range(first, last + 1):
-        if pairs[k].shut == FREE:
-            follow(pairs[k], bodies[k], bodies[k + 1], walls)
-
-
-@rare
-@kernel
-def free(body: Record, more: float, push: float, walls: Walls) -> None:
-    """Let a ball fall by itself: `more` is what its velocity u grows by (m/s), for its velocity stays."""
-    body.u += more
-    body.push = push
-    if walls[0][0].lands:
-        body.noise += NOISE * (body.u * body.u)
-
-
-@rare
-@kernel
 def rest(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> tuple[int, int]:
     """Let pair `c`, which never collides again, close if its bodies touch, are at rest and are pressed together.
 
@@ -271,78 +184,3 @@ def rest(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> 
         return c + 1, c
     first, last, _ = bind(run, pairs, bodies, c, pair.at, (upper.u - lower.u) - pair.pull * pair.at, walls)
     return first, last
-
-
-@rare
-@kernel
-def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
-    """Let what rests on a wall beyond shut pair `c` leave it at time `now`, as one; all pairs that open now do.
-
-    Returns the first and the last pair to predict anew.
-    """
-    on, low, high = pairs[c].shut, c, c
-    same = pairs[c].pull
-    if on == FLOOR:
-        while low > 0 and pairs[low - 1].pull == same:
-            low -= 1
-        while high + 1 < len(pairs) and pairs[high + 1].shut == on:
-            high += 1
-        b, e, opens = low + 1, high + 1, low
-    else:
-        while high + 1 < len(pairs) and pairs[high + 1].pull == same:
-            high += 1
-        while low > 0 and pairs[low - 1].shut == on:
-            low -= 1
-        b, e, opens = low, high, high
-    side, push = walls[0][on - 1], common(bodies, b, e)
-    v = place(walls, on - 1, now - 2.0**-49 * (abs(side.epoch) + abs(now)))[1]  # before a jump of its velocity
-    first, last = max(low - 1, 0), min(high + 1, len(pairs) - 1)
-    for k in range(first, last + 1):
-        carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
-        if low <= k <= high:
-            pairs[k].shut, pairs[k].gap, pairs[k].at = FREE, 0.0, now
-    for i in range(b, e + 1):
-        body = bodies[i]
-        borne(run, body, on - 1, now, v, 1.0, walls)
-        body.falls, body.u = 1.0, v
-        free(body, (run.gravity - push) * now, push, walls)
-    repull(run, pairs, bodies, first, last, walls)
-    follow(pairs[opens], bodies[opens], bodies[opens + 1], walls)
-    return again(run, pairs, bodies, first, last, walls)
-
-
-@rare
-@kernel
-def again(run: Record, pairs: Records, bodies: Records, first: int, last: int, walls: Walls) -> tuple[int, int]:
-    """Set pulls of pairs `first` … `last`, and of what forces press on the walls; return all those pairs."""
-    if walls[0][0].forces:
-        first = 0 if pairs[0].shut == FLOOR else first
-        last = len(pairs) - 1 if pairs[len(pairs) - 1].shut == CEILING else last
-    repull(run, pairs, bodies, first, last, walls)
-    return first, last
-
-
-@rare
-@kernel
-def repull(run: Record, pairs: Records, bodies: Records, first: int, last: int, walls: Walls) -> None:
-    """Set the closing accelerations of pairs `first` … `last`; of a shut pair, that of all that rests beyond it."""
-    for c in range(first, last + 1):
-        pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
-        below = lower.falls == 0.0 and walls[0][0].panels > 0 and pair.shut != CEILING
-        above = upper.falls == 0.0 and walls[0][1].panels > 0 and pair.shut != FLOOR
-        pair.wall = BOTH if below and above else 0 if below else 1 if above else -1
-        before = pair.pull
-        if pair.shut == FLOOR:
-            top = c + 1
-            while top < len(pairs) and pairs[top].shut == FLOOR:
-                top += 1
-            pair.pull = run.gravity - common(bodies, c + 1, top)
-        elif pair.shut == CEILING:
-            low = c
-            while low > 0 and pairs[low - 1].shut == CEILING:
-                low -= 1
-            pair.pull = common(bodies, low, c) - run.gravity
-        else:
-            pair.pull = run.gravity * (upper.falls - lower.falls) - (upper.push - lower.push)
-        if pair.shut > FREE and pair.pull != before and pair.at < run.now:
-            pair.at = run.now

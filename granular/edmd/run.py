@@ -15,8 +15,9 @@ from granular.drive import End, Pause, Row, Rows
 from granular.edmd import blocks, collapse, outcome, sides
 from granular.edmd.collision import ROW
 from granular.edmd.physics import Physics
+from granular.edmd.records import APART, BUDGET, LATER, NEVER, SUSPECT, UNTIL
 from granular.edmd.sorted_queue import SortedQueue
-from granular.edmd.state import APART, BUDGET, LATER, NEVER, SUSPECT, UNTIL, State
+from granular.edmd.state import State
 from granular.edmd.ties import GROUP, ORDER
 from granular.edmd.tree_queue import TreeQueue, pays
 from granular.edmd.watch import Watch

@@ -18,9 +18,10 @@ from granular.edmd.epoch import date
 from granular.edmd.groups import collide_as_one, group
 from granular.edmd.hanging import hangs
 from granular.edmd.motion import Walls, approaching, predicted, velocities
+from granular.edmd.parting import leave
 from granular.edmd.physics import Physics, Restitution
-from granular.edmd.riding import leave
-from granular.edmd.state import APART, BUDGET, LATER, SUSPECT, TOUCHING, UNTIL, State
+from granular.edmd.records import APART, BUDGET, LATER, SUSPECT, TOUCHING, UNTIL
+from granular.edmd.state import State
 from granular.edmd.ties import GROUP, MASK, RANDOM, rank
 
 Log = list[Any]

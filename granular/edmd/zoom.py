@@ -15,11 +15,11 @@ from granular._flight import gap_after, rate_at_contact, time_to_contact
 from granular._kernels import kernel
 from granular._records import Record, Records
 from granular.edmd.account import book, enter
+from granular.edmd.as_one import held
 from granular.edmd.collision import total
 from granular.edmd.motion import Walls, impulse, velocities
 from granular.edmd.physics import Restitution
-from granular.edmd.riding import held
-from granular.edmd.state import BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL
+from granular.edmd.records import BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL
 from granular.edmd.ties import GROUP, rank
 
 GOES_ON = -1

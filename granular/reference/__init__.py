@@ -21,7 +21,7 @@ from granular.laws.check import checked
 from granular.laws.contact_law import Form, PairLaw
 from granular.reference import restarted, taylor
 from granular.reference.log import Reference, ReferenceContact, distance
-from granular.reference.taylor import fraction
+from granular.reference.pieces import fraction
 from granular.scene import Scene
 from granular.scene import checked as a_scene
 from granular.scene.walls import fitted

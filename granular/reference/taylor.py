@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -24,6 +23,7 @@ from granular.reference.driven import Course, Path, paths
 from granular.reference.events import Run, Watch
 from granular.reference.heat import heats
 from granular.reference.log import ACTIVE, CLOSED, DORMANT, OPEN, Reference
+from granular.reference.pieces import Force, Piece, Touch, fraction
 from granular.reference.series import Number, Power, first_rise, first_rise_of_parabola, product_term, value
 
 GUARD = 8
@@ -42,39 +42,6 @@ def solve(
     """Solve a scene of laws F = k ξ^p + γ ξ^d ξ̇, given as (k, p, γ, d) per pair, to about that many digits."""
     motion = Taylor(scene, forms, digits, t_start)
     return Run(motion, until, t_end).solve(f"Taylor series of order {motion.order}, {digits} digits")
-
-
-@dataclass
-class Touch:
-    """One pair: its law F = k ξ^p + γ ξ^d ξ̇ = ξ^d φ, the root `q` of ξ in which that is analytic, and its overlap."""
-
-    k: Number
-    p: Number
-    gamma: Number
-    d: Number
-    q: int
-    xi: Number
-    exact: bool = False
-    """φ is exactly zero now: the event just dealt with."""
-    woken: bool = False
-    """It was pushed open from a touch at rest, with a high power of time: no root of ξ is regular there."""
-
-
-@dataclass
-class Piece:
-    """The series of a step: ξ, v, displacements of pendula, ξ̇, time, forces, walls; u = ξ^(1/q) of the pair whose clock
-    it is."""
-
-    x: list[list[Number]]
-    v: list[list[Number]]
-    y: list[list[Number]]
-    rate: list[list[Number]]
-    t: list[Number]
-    force: dict[int, Force]
-    walls: dict[int, Course]
-    pair: int
-    q: int
-    u: list[Number]
 
 
 class Taylor:
@@ -200,7 +167,8 @@ class Taylor:
         x, v, y, rate = ([[b, *[mp.zero] * (ahead - 1)] for b in start] for start in here)
         walls = {b: Course(mp, path, self.t, ahead) for b, path in self.paths.items()}
         piece = Piece(x, v, y, rate, [mp.zero] * ahead, {}, walls, pair, q, u)
-        piece.force = {c: Force(self, c, piece) for c, mode in enumerate(self.mode) if mode in CLOSED}
+        closed = (c for c, mode in enumerate(self.mode) if mode in CLOSED)
+        piece.force = {c: Force(mp, self.touches[c], self.mode[c] == ACTIVE, x[c], rate[c]) for c in closed}
         power, rho = Power(mp, u, mp.mpf(q - 1), int(ahead > 1)), [] if pair >= 0 else u
         for m in range(ahead, self.order + 1):
             if pair >= 0:
@@ -399,37 +367,3 @@ class Taylor:
             if a.xi == 0 and g > 0:
                 stored = 2 * g * mp.power(g / (a.k * w), 1 / a.p)
             self.speed = max(self.speed, abs(self.now(c, "rate")), mp.sqrt(stored))
-
-
-class Force:
-    """The series of F = ξ^d φ, φ = k ξ^(p-d) + γ ξ̇, of one pair."""
-
-    def __init__(self, motion: Taylor, c: int, piece: Piece) -> None:
-        self.mp, self.a, self.active = motion.mp, motion.touches[c], motion.mode[c] == ACTIVE
-        x, m = piece.x[c], 0 if self.a.xi else len(piece.x[c])
-        self.elastic, self.front = (Power(self.mp, x, power, m) for power in (self.a.p - self.a.d, self.a.d))
-        self.rate, self.phi, self.fronts, self.terms = piece.rate[c], list[Number](), list[Number](), list[Number]()
-
-    def extend(self, n: int) -> None:
-        """Append coefficient `n`; of a clipped force, whose bracket alone goes on, to that."""
-        a = self.a
-        bracket = a.k * self.elastic.term(n) + a.gamma * self.rate[n]
-        self.phi.append(self.mp.zero if n == 0 and a.exact else bracket)
-        if n == 0 or a.d:
-            self.fronts.append(self.front.term(n))
-        if self.active:
-            self.terms.append(product_term(self.mp, self.fronts, self.phi, n))
-
-
-def fraction(x: float) -> Fraction:
-    """A law's exponent as a simple fraction.
-
-    Raises
-    ------
-    ValueError
-        If it is none with a denominator up to 12: such a force has no power series.
-    """
-    simple = Fraction(x).limit_denominator(12)
-    if float(simple) != x and abs(float(simple) - x) > 1e-15:
-        raise ValueError(f"exponent is {x!r}: a fraction with a denominator of at most 12 is needed.")
-    return simple
