@@ -12,13 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, _files
+from granular import saved_run
 from granular._check import Array
-from granular._describe import from_json, to_json
 from granular.laws.kinds import resolved
 from granular.scene import Scene
 from granular.scene.places import points as scene_points
-from granular.scene.walls import fitted
 
 CONTACT = np.dtype(
     [
@@ -37,14 +35,6 @@ CONTACT = np.dtype(
 accumulated from the onset so that late times cost no digits; velocities of the lower and the upper body in m/s before
 and after; largest overlap in m; largest force in N (nan in EDMD, where it is infinite); impulse in N s. A contact still
 open when the run ends has `t_end` and `v_out` nan, and its duration, peaks and impulse so far."""
-
-
-PLAIN = (bool, int, float, str, tuple)
-"""What is saved of `stats`."""
-ARRAYS = ("time", "position", "velocity", "gap", "force", "contacts", "ledger")
-SCENE = ("mass", "radius", "gap", "velocity", "gravity", "origin", "external_force", "ring", "pendulum", "rest_gap")
-MAYBE = {"force", "ledger", "scene.external_force", "scene.ring", "scene.pendulum", "scene.rest_gap"}
-"""Those that a run may lack."""
 
 
 class Status(Enum):
@@ -208,30 +198,7 @@ class Trajectory:
         Force laws and rules of this package are stored with their numbers; your own by name only. The path of a wall
         that a function of yours moves is stored as far as the run goes.
         """
-        import json
-
-        scene = fitted(self.scene, float(self.time[0]), float(self.time[-1]))
-        arrays = {name: getattr(self, name) for name in ARRAYS}
-        arrays |= {f"scene.{name}": getattr(scene, name) for name in SCENE}
-        has = {"scene.ring": scene.ring, "scene.pendulum": scene.pendulum > 0.0}
-        arrays = {name: value for name, value in arrays.items() if value is not None and has.get(name, True)}
-        arrays |= {f"state.{name}": np.asarray(value) for name, value in self.state.items()}
-        words = {
-            "format": _files.FORMAT,
-            "status": self.status.name,
-            "message": self.message,
-            "stats": {name: value for name, value in self.stats.items() if isinstance(value, PLAIN)},
-            "law": None if self.law is None else [to_json(law) for law in self.law],
-            "rule": None if self.rule is None else [to_json(rule) for rule in self.rule],
-        }
-        if scene.driven or scene.heated:
-            words["walls"] = [wall and to_json(wall) for wall in (scene.floor, scene.ceiling)]
-
-        def fill(draft: str) -> None:
-            with open(draft, "wb") as file:
-                np.savez_compressed(file, words=np.array(json.dumps(words)), **arrays)
-
-        _files.write(path, fill)
+        saved_run.write(path, self)
 
     @classmethod
     def load(cls, path: str | PathLike[str], law: Any = None, rule: Any = None) -> Trajectory:
@@ -250,22 +217,8 @@ class Trajectory:
             If the file cannot be read, is not a trajectory, or one of a later version; if it holds a law or rule of
             your own and none is given.
         """
-        words, stored = _read(path)
-        numbers = {name: _plain(stored[f"scene.{name}"]) for name in SCENE if f"scene.{name}" in stored}
-        floor, ceiling = map(from_json, words.get("walls", (None, None)))
-        scene = Scene(**numbers, floor=floor, ceiling=ceiling)
-        state = {name[6:]: _plain(value) for name, value in stored.items() if name.startswith("state.")}
-        arrays: dict[str, Any] = {name: stored.get(name) for name in ARRAYS}
-        return cls(
-            scene=scene,
-            law=_revived("law", words["law"], law, scene),
-            rule=_revived("rule", words["rule"], rule, scene),
-            status=Status[words["status"]],
-            message=words["message"],
-            stats={name: tuple(value) if isinstance(value, list) else value for name, value in words["stats"].items()},
-            state=state if words["rule"] is not None or "creeping" in state else {},  # md was not to be gone on from
-            **arrays,
-        )
+        read = saved_run.read(path, law, rule)
+        return cls(**read | {"status": Status[read["status"]]})
 
     def __repr__(self) -> str:
         engine = "md" if self.rule is None else "edmd"
@@ -288,51 +241,3 @@ def grouped(key: Any, n: int) -> tuple[Any, Any]:
     """Positions in the array `key` of whole numbers, ordered by key, and where in that each key 0 … n-1 begins."""
     order = np.argsort(key, kind="stable")
     return order, np.searchsorted(key[order], np.arange(n + 1))
-
-
-WORDS = {"status", "message", "stats", "law", "rule"}
-OTHERS = {"format", "walls"}
-"""Words that a saved run may lack."""
-NEEDED = {*ARRAYS, *(f"scene.{name}" for name in SCENE)} - MAYBE
-"""What a saved run holds at least; besides that the number of its format, forces, walls and the state."""
-
-
-def _read(path: str | PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The words and the arrays of a file that `Trajectory.save` wrote, or a sentence."""
-    import json
-    import zlib
-    from zipfile import BadZipFile
-
-    try:
-        with open(path, "rb") as raw, np.load(raw, allow_pickle=False) as file:
-            stored = {name: file[name] for name in file.files}
-        words = json.loads(str(stored.pop("words")))
-        complete = words.keys() >= WORDS and stored.keys() >= NEEDED
-    except (KeyError, ValueError, EOFError, TypeError, AttributeError, NotImplementedError, BadZipFile, zlib.error):
-        complete = False
-    if not complete:
-        raise ValueError(
-            f"path is {str(path)!r}: it is not a run saved by granular, or is cut short; "
-            "a file written by Trajectory.save is needed."
-        )
-    others = {name for name in stored if not name.startswith("state.")} - NEEDED - MAYBE
-    _files.check_format(path, words.get("format", 1), others | words.keys() - WORDS - OTHERS)
-    return words, stored
-
-
-def _revived(name: str, stored: Any, given: Any, scene: Scene) -> tuple[Any, ...] | None:
-    """The given or the stored laws (rules), one per pair; None if the run had none."""
-    if stored is None:
-        return None
-    if given is not None:
-        return _check.per_pair(name, given, scene.n_pairs)
-    try:
-        return tuple(from_json(one) for one in stored)
-    except LookupError as own:
-        fix = f"your own {name} is not stored; pass load(path, {name}=...)"
-        raise ValueError(f"{name} in the file is {own}: {fix}.") from None
-
-
-def _plain(value: Any) -> Any:
-    """A number or word instead of an array of no dimension."""
-    return value.item() if value.ndim == 0 else value
