@@ -19,6 +19,15 @@ def shaken(gamma, restitution, ratio, *, phase=0.0, gap=0.0, velocity=0.0):
     return scene, gr.LinearDashpot.from_restitution(restitution, ratio**2, scene.pairs[0])
 
 
+def steady(gamma, restitution, ratio):
+    """A ball that rides steadily from the start."""
+    scene, law = shaken(gamma, restitution, ratio)
+    omega, square, damping = scene.floor.omega, law.k, law.gamma
+    sway = -scene.floor.amplitude * omega**2 / (square - omega**2 + 1j * damping * omega)
+    velocity = scene.floor.velocity(0.0) - (1j * omega * sway).imag
+    return scene.replace(gap=[-(1.0 / square + sway.imag)], velocity=[0.0, velocity]), law
+
+
 def riding(scene, law, t):
     """Overlap and rate at time t of a ball that rides for good, in closed form."""
     floor, mp = scene.floor, MP

@@ -1,10 +1,10 @@
 """A force that computes like a spring and a dashpot is run like one; nothing else is taken for one."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from own_laws import OwnDashpot
 
 import granular as gr
 from granular.laws.linearity import traced
@@ -37,21 +37,12 @@ def test_only_what_is_linear_everywhere(force, expected):
     assert traced(law(force), PAIR) == expected
 
 
-@dataclass(frozen=True)
-class Copy:
-    k: float
-    gamma: float
-
-    def force(self, xi, xi_dot, pair):
-        return self.k * xi + self.gamma * xi_dot
-
-
 @pytest.mark.parametrize("engine", ["plain", "compiled"])
 @pytest.mark.parametrize("method", ["located", "verlet"])
 def test_a_copy_without_traits_gives_the_bits_of_the_built_in(method, engine):
     scene = gr.scenes.three_balls()
     built_in = [gr.LinearDashpot.from_restitution(0.7, 5e7, pair) for pair in scene.pairs]
-    own = [Copy(one.k, one.gamma) for one in built_in]
+    own = [OwnDashpot(one.k, one.gamma) for one in built_in]
     options = {"until": gr.until.contact(0, 2), "method": method, "engine": engine}
     runs = [gr.md.simulate(scene, laws, **options) for laws in (built_in, own)]
     assert runs[0].contacts.tobytes() == runs[1].contacts.tobytes()

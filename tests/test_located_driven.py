@@ -5,31 +5,15 @@ import math
 import driven_scenes
 import numpy as np
 import pytest
+from driven_scenes import ONE_RADIAN, shaken, steady
 
 import granular as gr
 
-F = 1.0 / (2.0 * math.pi)
-PERIOD = 1.0 / F
-
-
-def on_plate(gamma, restitution, ratio, *, phase=0.0, gap=0.0, velocity=0.0):
-    """A ball of 1 kg on a soft floor shaken at 1 rad/s under g = 1: the scene, its law."""
-    floor = gr.walls.Sine.from_acceleration(gamma, F, gravity=1.0, phase=phase)
-    scene = gr.Scene([math.inf, 1.0], [0.0, 0.0], [gap], [0.0, velocity], gravity=1.0, floor=floor)
-    return scene, gr.LinearDashpot.from_restitution(restitution, ratio**2, scene.pairs[0])
-
-
-def steady(gamma, restitution, ratio):
-    """A ball that rides steadily from the start."""
-    scene, law = on_plate(gamma, restitution, ratio)
-    omega, square, damping = scene.floor.omega, law.k, law.gamma
-    sway = -scene.floor.amplitude * omega**2 / (square - omega**2 + 1j * damping * omega)
-    velocity = scene.floor.velocity(0.0) - (1j * omega * sway).imag
-    return scene.replace(gap=[-(1.0 / square + sway.imag)], velocity=[0.0, velocity]), law
+PERIOD = 1.0 / ONE_RADIAN
 
 
 def test_lift_off_of_a_resting_ball():
-    law = on_plate(1.0, 0.5, 10.0)[1]
+    law = shaken(1.0, 0.5, 10.0)[1]
     gamma = abs(law.k - 1.0 + 1j * law.gamma) / abs(law.k + 1j * law.gamma)
     assert gamma == pytest.approx(0.990026129452817, abs=1e-15)
     for factor, lifts in ((1.0 - 1e-12, False), (1.0 + 1e-12, True)):
@@ -43,7 +27,7 @@ class ReturnMap:
     def __init__(self, gamma, restitution, ratio):
         phase = math.acos(math.pi * (1.0 - restitution) / (1.0 + restitution) / gamma)
         self.start = np.array([2.0 * gamma * math.sin(phase) + 0.5 * math.pi**2, 0.0])
-        self.scene, self.law = on_plate(gamma, restitution, ratio, phase=phase + math.pi)
+        self.scene, self.law = shaken(gamma, restitution, ratio, phase=phase + math.pi)
 
     def __call__(self, state):
         scene = self.scene.replace(gap=[state[0]], velocity=[0.0, state[1]])
@@ -100,7 +84,7 @@ def test_where_a_soft_plate_doubles_the_period_and_a_hard_one_does_not():
 def test_a_ball_that_rides_has_its_closed_form_after_many_periods(start):
     mp = pytest.importorskip("mpmath").MPContext()
     mp.dps = 40
-    scene, law = on_plate(0.6, 0.5, 7.0, phase=0.3, gap=-0.02, velocity=0.55)
+    scene, law = shaken(0.6, 0.5, 7.0, phase=0.3, gap=-0.02, velocity=0.55)
     end = start + 100.0 * PERIOD
     run = gr.md.simulate(scene, law, t_start=start, t_end=end)
     omega, elapsed = 2 * mp.pi * scene.floor.frequency, mp.mpf(end) - mp.mpf(start)
@@ -163,7 +147,7 @@ def test_a_chain_under_end_forces_between_wall_and_force(law):
 
 
 def test_what_is_refused():
-    scene, law = on_plate(2.0, 0.5, 100.0, gap=0.1)
+    scene, law = shaken(2.0, 0.5, 100.0, gap=0.1)
     with pytest.raises(ValueError, match="t_end is None: beside a driven wall"):
         gr.md.simulate(scene, law)
     short = gr.walls.Piecewise([0.0, 1.0], [[1.0], [0.0]])
@@ -182,7 +166,7 @@ def test_what_is_refused():
 
 
 def test_until_and_limits_beside_a_driven_wall():
-    scene, law = on_plate(2.0, 0.5, 100.0, gap=0.1)
+    scene, law = shaken(2.0, 0.5, 100.0, gap=0.1)
     run = gr.md.simulate(scene, law, until=gr.until.contact(0, 5))
     assert (run.status, len(run.contacts)) == (gr.Status.until, 4)
     run = gr.md.simulate(scene, law, t_end=1e9, max_events=7)

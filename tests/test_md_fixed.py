@@ -6,6 +6,7 @@ from functools import cache, partial
 
 import numpy as np
 import pytest
+from own_laws import OwnDashpot
 
 import granular as gr
 from granular.md.integrators import INTEGRATORS
@@ -27,15 +28,6 @@ def restitution(run):
 def three_balls(**options):
     scene = gr.scenes.three_balls(**options)
     return scene, [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=p) for p in scene.pairs]
-
-
-@dataclass(frozen=True)
-class OwnDashpot:
-    k: float
-    gamma: float
-
-    def force(self, xi, xi_dot, pair):
-        return self.k * xi + self.gamma * xi_dot
 
 
 def same_bits(one, other):

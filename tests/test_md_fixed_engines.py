@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from own_laws import OwnDashpot
 
 import granular as gr
 from granular.md.integrators import INTEGRATORS
@@ -13,15 +14,6 @@ from granular.md.stepper import Stepper
 
 ALL = tuple(INTEGRATORS)
 run = partial(gr.md.simulate, method="verlet")
-
-
-@dataclass(frozen=True)
-class OwnDashpot:
-    k: float
-    gamma: float
-
-    def force(self, xi, xi_dot, pair):
-        return self.k * xi + self.gamma * xi_dot
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from granular.reference.events import Run
 from granular.reference.taylor import Taylor
 
 pytest.importorskip("mpmath")
-from driven_scenes import MP, ONE_RADIAN, riding, scenes, shaken
+from driven_scenes import MP, ONE_RADIAN, riding, scenes, shaken, steady
 
 
 @pytest.mark.parametrize("force", [None, [0.0, -0.25]])
@@ -30,22 +30,13 @@ def test_a_ball_that_rides_has_its_closed_form(force):
     assert abs(-other.gap[0] - xi) < 1e-12
 
 
-def steady_start(gamma, restitution, ratio):
-    """A ball that rides steadily from the start."""
-    scene, law = shaken(gamma, restitution, ratio)
-    omega, square, damping = scene.floor.omega, law.k, law.gamma
-    sway = -scene.floor.amplitude * omega**2 / (square - omega**2 + 1j * damping * omega)
-    velocity = scene.floor.velocity(0.0) - (1j * omega * sway).imag
-    return scene.replace(gap=[-(1.0 / square + sway.imag)], velocity=[0.0, velocity]), law
-
-
 def test_lift_off_of_a_resting_ball():
     law = shaken(1.0, 0.5, 10.0)[1]
     square, damping = law.k, law.gamma
     gamma = abs(square - 1.0 + 1j * damping) / abs(square + 1j * damping)
     assert gamma == pytest.approx(0.990026129452817, abs=1e-15)
     for factor, lifts in ((1.0 - 1e-12, False), (1.0 + 1e-12, True)):
-        solved = reference.solve(*steady_start(gamma * factor, 0.5, 10.0), t_end=6.4, digits=20)
+        solved = reference.solve(*steady(gamma * factor, 0.5, 10.0), t_end=6.4, digits=20)
         assert (solved.contacts[0].t_end is not None) is lifts
 
 

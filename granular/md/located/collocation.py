@@ -16,19 +16,28 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import Legendre, Polynomial, legendre
 
 from granular._check import Array
 from granular.laws.check import no_number
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws
+from granular.md.located.nodes import (
+    INTEGRATE,
+    INTEGRATE_TO_LOOKS,
+    NEAR,
+    NODES,
+    POINTS,
+    TO_LEGENDRE,
+    TO_LOOKS,
+    TO_POWERS,
+    WEIGHT,
+)
 from granular.md.located.pieces import value
 from granular.md.located.records import ACTIVE, DORMANT, OPEN, ORDER, RESIDUAL
 from granular.md.located.resting import lie_still
 from granular.md.located.signs import next_event
 from granular.md.located.step_size import amplitude
 
-POINTS = 16
 SWEEPS = 40
 SMALLEST = 2e-15
 """The tolerance cannot be smaller: interpolated forces carry their rounding."""
@@ -47,30 +56,6 @@ PRECISE = 3e-14
 """Error of forces, as a part of the largest: a kink in a short step hardly moves rates, but peaks are read there."""
 HYSTERESIS = 1e-13
 """Where an interpolated force is within this part of its largest value in the piece, its sign is in doubt."""
-
-
-def _integrals(places: Array) -> Array:
-    """Integrals from 0 to some places in [-1, 1] of what is given at the nodes."""
-    powers = [(legendre.legint([0.0] * k + [0.5], lbnd=-1), k + 1) for k in range(POINTS)]
-    primitive = [row @ legendre.legvander(places, degree).T for row, degree in powers]
-    out: Array = np.array(primitive).T @ TO_LEGENDRE
-    return out
-
-
-_X, _WEIGHT = legendre.leggauss(POINTS)
-_BASIS = [Legendre.basis(k, domain=[0.0, 1.0]).convert(kind=Polynomial).coef for k in range(POINTS)]
-NODES = 0.5 * (_X + 1.0)
-TO_LEGENDRE = legendre.legvander(_X, POINTS - 1).T * _WEIGHT * (np.arange(POINTS)[:, None] + 0.5)
-TO_POWERS = np.array([np.pad(np.round(row), (0, POINTS - len(row))) for row in _BASIS])
-"""Coefficients in τ of the Legendre polynomials in 2τ - 1, one per row."""
-LOOKS = np.concatenate([[0.0], 0.5 * (NODES[1:] + NODES[:-1]), [1.0]])
-"""Where the law is asked whether the interpolant holds: both ends, and between the nodes."""
-TO_LOOKS = legendre.legvander(2.0 * LOOKS - 1.0, POINTS - 1) @ TO_LEGENDRE
-"""Values there of what is given at the nodes."""
-NEAR = np.array([1.0 - NODES[-1], *[1.0 / POINTS] * (POINTS - 1), 1.0 - NODES[-1]])
-"""Share of the step for which each of them stands."""
-INTEGRATE, INTEGRATE_TO_LOOKS = _integrals(_X), _integrals(2.0 * LOOKS - 1.0)
-"""Integrals from 0 to each node, and to each look, of what is given at the nodes."""
 
 
 class Collocation:
@@ -141,7 +126,7 @@ class Collocation:
         if law.memory or not law.rate_dependent:
             return math.nan if law.memory else 0.0
         total, q = 0.0, block.clock
-        for node, weight in zip(NODES.tolist(), (0.5 * _WEIGHT).tolist(), strict=True):
+        for node, weight in zip(NODES.tolist(), (0.5 * WEIGHT).tolist(), strict=True):
             xi, eta = value(p.x, tau * node), value(p.e, tau * node)
             rate = (value(p.f, tau * node) - law.force(xi, 0.0, xi)) * eta if xi > 0.0 else 0.0
             total += weight * rate * q * math.pow(node, q - 1.0)

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.polynomial import legendre, polynomial
 
 from granular._check import Array
-from granular.md.located.collocation import POINTS, TO_POWERS
+from granular.md.located.nodes import POINTS, TO_POWERS
 from granular.md.located.records import GENERAL, ORDER
 
 TAMED = 4.0

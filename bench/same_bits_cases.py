@@ -1,0 +1,228 @@
+"""The random scenes, laws and options that `same_bits` runs, and what it compares of each run."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.append(str(Path(__file__).resolve().parent.parent / "tests"))
+LIMITS = {"max_events": 80, "max_steps": 3000}
+GASES = (60, 1000, 120_000)
+"""Numbers of balls; from 1e5 on compiled hard spheres run in blocks."""
+POWERS = 6
+"""How many of the laws the located method can compile: the first ones."""
+METHODS = ("verlet", "symplectic-euler", "rk4", "gear5")
+Case = tuple[str, int, Callable[[], Any]]
+"""Family, seed, and what to run."""
+
+
+def own_rule(speed: float, pair: Any) -> float:
+    """A rule as a user writes it."""
+    return 1.0 / (1.0 + 0.3 * speed + 0.01 * float(pair.index))
+
+
+# --- scenes, laws, and ways to run them
+
+
+def drawn(rng: Any, *, overlaps: bool = False, walls: bool = True) -> Any:
+    """A scene of one to six balls: ties, touching rows, piles, moving walls, gravity."""
+    from scenes_at_random import ALL, HARD, scene
+
+    gaps = (*(ALL if overlaps else HARD), "uneven")
+    return scene(rng, (1, 6), walls=(0.5, 0.2, 0.3) if walls else (0.5, 0.0, 0.0), gaps=gaps)
+
+
+def soft_laws(rng: Any) -> dict[str, Any]:
+    """One law of every kind, of stiffnesses from 1e2 to 1e6."""
+    from scenes_at_random import LAWS, POWERS
+
+    k, zeta = float(10.0 ** rng.uniform(2.0, 6.0)), float(rng.choice([0.02, 0.2, 1.0]))
+    return {name: LAWS[name](k, zeta, 1.0) for name in (*POWERS, "Walton-Braun", "own Hertz", "own with memory")}
+
+
+def way(rng: Any, pairs: int) -> dict[str, Any]:
+    """How far to run, and what to keep."""
+    from granular import until
+
+    end = float(rng.choice([0.1, 0.5, 1.0]))
+    ways: list[dict[str, Any]] = [
+        {"t_end": end}, {"t_end": end, "samples": 9}, {"t_end": end, "samples": [0.0, 0.01, 0.01, 0.5 * end]},
+        {"t_end": end, "until": until.contact(int(rng.integers(pairs)), int(rng.integers(1, 4)))},
+        {"t_end": 3.0, "until": until.separated()}, {"t_end": 2.0, "max_events": 3}, {"t_end": end, "log": False},
+        {"t_end": end + 1e3, "t_start": 1e3}, {},
+    ]  # fmt: skip
+    return ways[int(rng.integers(len(ways)))]
+
+
+def kept(run: Any) -> dict[str, Any]:
+    """What is compared of a trajectory."""
+    return {name: getattr(run, name) for name in ("time", "position", "velocity", "gap", "force", "message")} | {
+        "status": run.status.name} | {f"contacts.{name}": run.contacts[name] for name in run.contacts.dtype.names} | {
+        f"stats.{name}": value for name, value in run.stats.items()}  # fmt: skip
+
+
+# --- families
+
+
+def edmd(seeds: int) -> Iterator[Case]:
+    """Hard spheres: rules, queues, ties, remedies, resumed runs, rows handed on."""
+    import granular as gr
+
+    options: list[dict[str, Any]] = [
+        {}, {"ties": "right"}, {"ties": "random", "seed": 7}, {"ties": "newton"}, {"ties": "poisson"},
+        {"ties": "reflect"}, {"collapse": "merge"}, {"tc": 1e-3}, {"elastic_below": 1e-2},
+    ]  # fmt: skip
+    for option in options:
+        for queue in ("sorted", "compiled"):
+            if queue == "compiled" and option.get("ties") in ("newton", "poisson", "reflect"):
+                continue
+            for seed in range(seeds):
+                rng = np.random.default_rng([1, seed])
+                scene, rule = drawn(rng), gr.ConstantRestitution(float(rng.choice([0.05, 0.5, 0.9, 1.0])))
+                given = {"max_events": 300, "engine": queue} | way(rng, scene.n - 1) | option
+                title = " ".join(str(x) for x in next(iter(option.items()), ("default",)))
+                yield f"edmd {title}, {queue}", seed, lambda s=scene, r=rule, o=given: gr.edmd.simulate(s, r, **o)
+    eps = gr.ConstantRestitution(0.8)
+    for seed in range(seeds):
+        rng = np.random.default_rng([2, seed])
+        scene, given = drawn(rng), {"max_events": 300, "t_end": 0.7}
+        rules: dict[str, Any] = {"own rule": own_rule, "sticking": gr.ConstantRestitution(0.0),
+                                 "one per pair": [gr.ConstantRestitution(1.0 - 0.1 * c) for c in range(scene.n - 1)]}
+        for title, rule in rules.items():
+            yield f"edmd {title}", seed, lambda s=scene, r=rule, o=given: gr.edmd.simulate(s, r, **o)
+        for queue in ("sorted", "compiled"):
+            yield f"edmd resumed, {queue}", seed, lambda s=scene, q=queue: resumed(s, eps, q)
+        yield "edmd on_event", seed, lambda s=scene: told(gr.edmd.simulate, s, eps, t_end=0.5, max_events=100)
+    for n in GASES:
+        gas = gr.scenes.gas(n, float(n), mass_spread=4.0)
+        for queue in ("auto", "compiled") if n > 1000 else ("auto", "sorted", "compiled"):
+            yield f"edmd gas, {queue}", n, lambda s=gas, q=queue: gr.edmd.simulate(
+                s, eps, t_end=2.0 if s.n < 100_000 else 0.2, engine=q, samples=4)  # fmt: skip
+
+
+def resumed(scene: Any, rule: Any, queue: str) -> Any:
+    """Half a run, and the other half."""
+    import granular as gr
+
+    first = gr.edmd.simulate(scene, rule, t_end=0.3, engine=queue, max_events=200)
+    return gr.edmd.resume(first, t_end=0.6, engine=queue, max_events=200, samples=5)
+
+
+def told(simulate: Any, scene: Any, physics: Any, **options: Any) -> Any:
+    """A run, and the rows that it handed on."""
+    rows: list[Any] = []
+    run = simulate(scene, physics, on_event=lambda batch: rows.extend(np.atleast_1d(batch).tolist()), **options)
+    return kept(run) | {"rows": repr(rows)}
+
+
+def located(seeds: int) -> Iterator[Case]:
+    """Every law under the method that finds every event, interpreted and compiled."""
+    import granular as gr
+
+    for seed in range(seeds):
+        rng = np.random.default_rng([3, seed])
+        scene, laws = drawn(rng, overlaps=True), soft_laws(rng)
+        given, mixed = LIMITS | way(rng, scene.n - 1), rng.integers(len(laws), size=scene.n - 1)
+        laws["mixed"] = [list(laws.values())[int(i)] for i in mixed]
+        laws["mixed powers"] = [list(laws.values())[int(i)] for i in mixed % POWERS]
+        for number, (name, law) in enumerate(laws.items()):
+            for engine in ("plain", "compiled") if number < POWERS or name == "mixed powers" else ("plain",):
+                yield f"located {name}, {engine}", seed, lambda s=scene, w=law, o=given | {"engine": engine}: (
+                    gr.md.simulate(s, w, **o))  # fmt: skip
+        coarse, chosen = given | {"tol": 1e-10}, laws["viscoelastic"]
+        yield "located tol", seed, lambda s=scene, w=chosen, o=coarse: gr.md.simulate(s, w, **o)
+        yield "located on_event", seed, lambda s=scene, w=chosen: told(gr.md.simulate, s, w, t_end=0.3, **LIMITS)
+    yield from soft_gases("located", {})
+
+
+def fixed(seeds: int) -> Iterator[Case]:
+    """Every integrator with every law, interpreted and compiled."""
+    import granular as gr
+
+    for seed in range(max(1, seeds // 2)):
+        for number, method in enumerate(METHODS):
+            rng = np.random.default_rng([4, number, seed])
+            scene = drawn(rng, overlaps=True)
+            given = way(rng, scene.n - 1)
+            step = None if rng.random() < 0.3 else float(rng.choice([1e-4, 1e-3]))
+            given = LIMITS | {"method": method, "dt": step} | given
+            laws = soft_laws(rng)
+            for law in laws.values():
+                for engine in ("plain", "compiled"):
+                    yield f"fixed {method}, {engine}", seed, lambda s=scene, w=law, o=given | {"engine": engine}: (
+                        gr.md.simulate(s, w, **o))  # fmt: skip
+            yield f"fixed {method}, on_event", seed, lambda s=scene, w=laws["dashpot"], m=method: told(
+                gr.md.simulate, s, w, t_end=0.2, method=m, dt=1e-3, **LIMITS)  # fmt: skip
+    for log in (True, False):
+        yield from soft_gases("fixed", {"method": "verlet", "dt": 1e-3, "log": log})
+
+
+def soft_gases(family: str, given: dict[str, Any]) -> Iterator[Case]:
+    """Gases that collide a few times."""
+    import granular as gr
+
+    for n in GASES[:2]:
+        gas = gr.scenes.gas(n, float(n), mass_spread=4.0)
+        for law in (gr.LinearDashpot(1e4, 10.0), gr.ViscoelasticHertz(1e5, 50.0)):
+            yield f"{family} gas", n, lambda s=gas, w=law: gr.md.simulate(s, w, t_end=1.0, samples=4, **given)
+
+
+def compare(seeds: int) -> Iterator[Case]:
+    """What is built upon the engines: comparisons, sweeps, the light ball, isolated contacts, the slow solver."""
+    import granular as gr
+
+    for seed in range(seeds):
+        rng = np.random.default_rng([5, seed])
+        scene, laws = drawn(rng, walls=False), soft_laws(rng)
+        law = laws[str(rng.choice(["spring", "dashpot", "Hertz", "viscoelastic", "Tsuji"]))]
+        yield "compare", seed, lambda s=scene, w=law: compared(s, w)
+        yield "binary", seed, lambda s=scene, w=law: [gr.restitution_of(w)(0.7, p) for p in s.pairs]
+        few = gr.Scene([1.0, 2.0, 1.0], [0.1] * 3, [1e-3, 2e-3], [1.0, 0.0, -float(rng.uniform(0.1, 1.0))])
+        yield "reference", seed, lambda s=few, w=law: solved(s, w)
+        ratio, eps = float(rng.uniform(2.0, 20.0)), float(rng.uniform(0.1, 1.0))
+        yield "adiabatic", seed, lambda r=ratio, e=eps: light_ball(r, e)
+    for seed in range(max(1, seeds // 5)):
+        rng = np.random.default_rng([6, seed])
+        over = {"gap": 10.0 ** rng.uniform(-6, -3, 4), "restitution": rng.uniform(0.2, 1.0, 3)}
+        for title, options in {"compiled": {}, "one by one": {"run": {"engine": "plain"}},
+                               "both engines": {"results": ["error", "hard_contacts", "distance"]}}.items():
+            yield f"sweep, {title}", seed, lambda g=over, o=options: cells(g, o)
+
+
+def compared(scene: Any, law: Any) -> Any:
+    """All numbers of a comparison."""
+    import granular as gr
+
+    report = gr.compare(scene, law, t_end=0.5, max_events=60, engine="plain").to_dict()
+    return {name: repr(value) for name, value in report.items() if name != "provenance"}
+
+
+def cells(over: Any, options: Any) -> Any:
+    """All numbers of a sweep."""
+    import granular as gr
+
+    data = gr.sweep("three-balls", over, **options)
+    return {str(name): array.values for name, array in data.variables.items()}
+
+
+def solved(scene: Any, law: Any) -> Any:
+    """The solution of the slow solver, in few digits."""
+    from granular import reference, until
+
+    return repr(reference.solve(scene, law, until=until.separated(), digits=20))
+
+
+def light_ball(ratio: float, eps: float) -> Any:
+    """The light ball on the heavy one."""
+    import granular as gr
+
+    scene = gr.scenes.three_balls((0.01 * ratio, 0.01), 1e-5, 0.6)
+    law = [gr.LinearDashpot.from_restitution(eps, 5e7, pair) for pair in scene.pairs]
+    return {name: value for name, value in vars(gr.adiabatic.contacts(scene, law)).items() if name != "steps"}
+
+
+FAMILIES = {"edmd": edmd, "located": located, "fixed": fixed, "compare": compare}
