@@ -147,7 +147,7 @@ def in_memory(function: Callable[..., Any], inline: bool = False) -> bool:
     """Return whether machine code of a kernel is loaded already, so that going over to it costs nothing."""
     if "numba" not in sys.modules or not have_numba():
         return False
-    return bool(_twin(function, inline).signatures)  # type: ignore[attr-defined]
+    return bool(_twin(function, inline, False, False).signatures)  # type: ignore[attr-defined]
 
 
 @cache
@@ -159,7 +159,7 @@ def on_disk(function: Callable[..., Any], inline: bool = False) -> bool:
     if not have_numba():
         return False
     try:
-        index = _twin(function, inline)._cache._cache_file  # type: ignore[attr-defined]
+        index = _twin(function, inline, False, False)._cache._cache_file  # type: ignore[attr-defined]
         return bool(index._load_index())
     except (AttributeError, OSError):  # another numba, or no place to keep a cache
         return False
@@ -205,11 +205,11 @@ def compiled(function: Callable[..., Any], inline: bool = False) -> Callable[...
     """
     if on_making and not on_disk(function, inline):
         on_making.pop()()
-    return _twin(function, inline)
+    return _twin(function, inline, False, False)
 
 
 @cache
-def _twin(function: Callable[..., Any], inline: bool, within: bool = False, bare: bool = False) -> Callable[..., Any]:
+def _twin(function: Callable[..., Any], inline: bool, within: bool, bare: bool) -> Callable[..., Any]:
     """Return the compiled twin of a kernel; `within` one that is inlined, it is no machine code of its own; a `bare`
     one is called by kernels only."""
     called = {name: _twin(callee, inline, inline, not hasattr(callee, "__granular_entry__"))

@@ -5,7 +5,7 @@ import types
 
 import pytest
 
-from granular._kernels import compiled, have_numba, kernel, specialised
+from granular._kernels import compiled, entry, have_numba, kernel, specialised
 
 SCALE, SHIFT = 2.0, 1
 
@@ -95,3 +95,15 @@ def test_machine_code_is_cached_under_a_name_that_changes_with_all_it_calls():
         names.append(twin.__qualname__)
     assert names[0] != names[1]
     assert names[0] == compiled(nested, inline=True).__qualname__
+
+
+@pytest.mark.skipif(not have_numba(), reason="numba is not installed")
+def test_what_only_kernels_call_is_not_made_for_python_and_an_entry_is_made_once():
+    called = compiled(nested).py_func.__globals__["inner"]
+    assert called.targetoptions["no_cpython_wrapper"]
+    assert called is not compiled(inner)
+    assert compiled(inner)(0.25) == inner(0.25)
+    shared = entry(kernel(types.FunctionType(inner.__code__, globals())))
+    caller = compiled(kernel(types.FunctionType(nested.__code__, globals() | {"inner": shared})))
+    assert caller.py_func.__globals__["inner"] is compiled(shared)
+    assert caller(0.25) == inner(compiled(shared)(0.25)) == nested(0.25)
