@@ -37,7 +37,7 @@ def test_the_page_is_one_small_file_that_loads_nothing(tmp_path) -> None:
 
 def test_the_page_opens_with_a_scene_and_values(tmp_path) -> None:
     live_page(tmp_path / "page.html", "ball-stack", {"n": 4, "restitution": 0.8})
-    assert 'data-start="scene=ball-stack&amp;n=4&amp;eps=0.8"' in (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert 'data-start="scene=ball-stack&amp;eps=0.8&amp;n=4"' in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 LIMITS = """

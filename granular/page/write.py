@@ -34,10 +34,15 @@ def live_page(path: str | PathLike[str], scene: str = "story", values: Mapping[s
     """
     start = opening.link(scene, values or {})
     data = {
-        "words": {language: assemble.words(language) for language in assemble.LANGUAGES},
+        "words": {language: _spoken(language) for language in assemble.LANGUAGES},
         "balls": {name: asdict(ball) for name, ball in balls.BALLS.items()}, "pairs": balls.PRESETS,
     }  # fmt: skip
     _files.write_text(path, assemble.page(assemble.LIVE, "granular: hard or soft?", start, data))
+
+
+def _spoken(language: str) -> dict[str, str]:
+    """Return the sentences that the script says."""
+    return {key: sentence for key, sentence in assemble.words(language).items() if key != assemble.BLOCKED}
 
 
 def player_page(

@@ -48,6 +48,7 @@ const depthIn = (rows, scene) => scene.gap.map((_, c) => rows.reduce((most, y) =
 class View {
   constructor(host, engine) {
     this.engine = engine;
+    this.edge = engine === "hard" ? 1.5 : 0.8; // half a line: balls touch where their outlines do
     this.svg = svg("svg", { role: "img", class: engine });
     this.lens = new Lens(engine);
     host.append(this.svg);
@@ -88,7 +89,7 @@ class View {
     set(this.svg, { viewBox: `0 0 ${w} ${tall}` });
     const ground = tall - 16, id = `above-${this.engine}`;
     this.title = svg("text", { x: 10, y: 20, class: "stage-name" });
-    this.balls = this.radii.map((r, i) => (r ? svg("g", { class: "ball" }, svg("circle", { r }), numberOf(i, r, upright)) : this.ground()));
+    this.balls = this.radii.map((r, i) => (r ? svg("g", { class: "ball" }, svg("circle", { r: Math.max(1, r - this.edge) }), numberOf(i, r, upright)) : this.ground()));
     this.marks = this.radii.slice(1).map(() => svg("line", { class: "mark" }));
     const isCut = upright && this.radii[0] === 0; // a ball that sinks in is flattened by the floor
     const cut = svg("clipPath", { id }, svg("rect", { x: 0, y: 0, width: w, height: isCut ? ground : tall }));
