@@ -64,7 +64,7 @@ export class Chart {
       this.frame += markup("line", { x1: this.left, x2: this.width - MARGIN.right, y1: y, y2: y });
       this.frame += markup("text", { x: this.left - 6, y: Number(y) + 4, "text-anchor": "end" }, format(v));
     }
-    this.nameY = name ? markup("text", { x: this.left + 6, y: this.top + 10, class: "axis-name" }, name) : "";
+    this.nameY = name ? markup("text", { x: this.left + 6, y: this.top + 10, class: "axis-name over" }, name) : "";
   }
 
   add(tag, attributes) {
