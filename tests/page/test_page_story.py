@@ -101,6 +101,22 @@ def test_less_motion_is_a_still(page) -> None:
     page.media()
 
 
+SUNK = """
+(() => { const svg = document.querySelector('.stage svg.soft');
+         return [Number(svg.querySelector('clipPath rect').getAttribute('height')),
+                 Number(/ ([\\d.]+)\\)/.exec(svg.querySelector('.floor').getAttribute('transform'))[1]),
+                 svg.querySelector('.ball circle').getBoundingClientRect().bottom
+                 - svg.querySelector('.floor').getBoundingClientRect().bottom]; })()
+"""
+
+
+def test_a_ball_that_sinks_in_is_flattened_by_the_floor(blank, story) -> None:
+    go(blank, f"{story}#screen=4&at=0.5")
+    cut, floor, depth = blank.run(SUNK)
+    assert depth > 5.0  # pixels
+    assert cut == pytest.approx(floor, abs=0.01)
+
+
 THUMB = """
 (() => { const i = document.querySelector('[data-name=gap]'), b = i.getBoundingClientRect();
          return b.x + 8 + (b.width - 16) * i.value / i.max; })()

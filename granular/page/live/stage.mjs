@@ -73,6 +73,7 @@ class View {
     Object.assign(this, { upright, w, tall, low, watched, count, scale: Math.min(room / (high - low), 1 / sinks) });
     this.magnification = this.scale / (unit / largest);
     this.draw();
+    set(this.cut, { height: this.isCut ? tall - 16 + low * this.scale : tall });
     if (watched) this.lens.layout({ ...this.lensPlace(), upright, range: watched.range, natural: unit / largest });
   }
 
@@ -87,14 +88,14 @@ class View {
     if (shape === this.shape) return this.name();
     this.shape = shape;
     set(this.svg, { viewBox: `0 0 ${w} ${tall}` });
-    const ground = tall - 16, id = `above-${this.engine}`;
+    const id = `above-${this.engine}`;
     this.title = svg("text", { x: 10, y: 20, class: "stage-name" });
     this.balls = this.radii.map((r, i) => (r ? svg("g", { class: "ball" }, svg("circle", { r: Math.max(1, r - this.edge) }), numberOf(i, r, upright)) : this.ground()));
     this.marks = this.radii.slice(1).map(() => svg("line", { class: "mark" }));
-    const isCut = upright && this.radii[0] === 0; // a ball that sinks in is flattened by the floor
-    const cut = svg("clipPath", { id }, svg("rect", { x: 0, y: 0, width: w, height: isCut ? ground : tall }));
-    const [floor, ...others] = isCut ? this.balls : [null, ...this.balls];
-    this.svg.replaceChildren(cut, svg("g", { "clip-path": `url(#${id})` }, ...others), ...(floor ? [floor] : []), ...this.marks, ...(this.watched ? [this.lens.element] : []), this.title);
+    this.isCut = upright && this.radii[0] === 0; // a ball that sinks in is flattened by the floor
+    this.cut = svg("rect", { x: 0, y: 0, width: w });
+    const [floor, ...others] = this.isCut ? this.balls : [null, ...this.balls];
+    this.svg.replaceChildren(svg("clipPath", { id }, this.cut), svg("g", { "clip-path": `url(#${id})` }, ...others), ...(floor ? [floor] : []), ...this.marks, ...(this.watched ? [this.lens.element] : []), this.title);
     this.name();
   }
 
@@ -117,7 +118,7 @@ class View {
       return centre;
     });
     at.forEach((z, i) => set(this.balls[i], { transform: `translate(${this.place(z)})` }));
-    const touch = this.marks.map((_, c) => (at[c] + this.radii[c] + at[c + 1] - this.radii[c + 1]) / 2);
+    const touch = this.marks.map((_, c) => (c === 0 && this.isCut ? at[0] : (at[c] + this.radii[c] + at[c + 1] - this.radii[c + 1]) / 2));
     this.marks.forEach((mark, c) => {
       const half = 6 + 20 * press[c], across = this.upright ? { x1: -half, x2: half, y1: 0, y2: 0 } : { x1: 0, x2: 0, y1: -half, y2: half };
       set(mark, { transform: `translate(${this.place(touch[c])})`, opacity: press[c].toFixed(3), ...across });
