@@ -258,9 +258,10 @@ def test_nothing_sticks_out_and_all_targets_are_large(page, width) -> None:
         assert page.run(SMALL) == []
 
 
-def test_on_a_phone_slider_and_stage_are_seen_together(page) -> None:
+@pytest.mark.parametrize("state", ["screen=5", "scene=real-balls&gap=0.001", "scene=three-balls&lang=de"])
+def test_on_a_phone_slider_and_stage_are_seen_together(page, story, state) -> None:
     page.size(390, 844, mobile=True)
-    turn(page, 5)
+    go(page, f"{story}#{state}")
     page.middle("[data-name=gap]")
     stage, slider = (page.run(PLACE % selector) for selector in (".stage svg", "[data-name=gap]"))
     assert all(0 <= top < bottom <= 844 for top, bottom in (stage, slider))

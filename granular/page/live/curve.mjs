@@ -60,7 +60,7 @@ export class Curve {
     const { chart, points, gap } = this, xs = GAPS.map(Math.log10), highest = Math.max(0, ...points.map((p) => p.y || 0));
     const x = gap > 0 ? Math.max(xs[0], Math.log10(gap)) : xs[0];
     told($(".curve-key"), "curve-key");
-    chart.scales(xs, [LOWEST, highest + 0.25]);
+    chart.scales(xs, [LOWEST, highest + 0.5]);
     this.shade(xs);
     chart.xTicks(decades(xs), decadeName, plain("gap-in-m"));
     chart.yTicks(decades([LOWEST, highest]), (e) => `${e > LOWEST ? "" : "≤ "}${say("percent", { n: digits(100 * 10 ** e) })}`, plain("error-axis"));
@@ -104,7 +104,7 @@ export class Curve {
   drawCounts(marker) {
     const { chart, points } = this, runs = grouped(points, (p) => p.contacts).filter(([p]) => !Number.isNaN(p.contacts)), placed = [];
     const place = (run, x) => {
-      if (placed.some((other) => Math.abs(other - x) < 24)) return;
+      if (placed.some((other) => Math.abs(other - x) < 6 + 8 * String(run[0].contacts).length)) return;
       placed.push(x);
       chart.note(String(run[0].contacts), { x: x.toFixed(1), y: 16, "text-anchor": "middle", class: "count" });
     };

@@ -133,7 +133,7 @@ class View {
 }
 
 function numberOf(i, r, upright) {
-  const inside = r > 9, beside = inside ? {} : upright ? { x: r + 9 } : { y: -r - 7 };
+  const inside = r > 9, beside = inside ? {} : upright ? { x: (i % 2 ? 1 : -1) * (r + 9) } : { y: -r - 7 };
   const label = svg("text", { class: "ball-number", "text-anchor": "middle", dy: "0.36em", "font-size": Math.min(18, Math.max(12, 1.1 * r)), ...beside });
   text(label, String(upright ? i : i + 1));
   return label;
