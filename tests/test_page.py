@@ -58,7 +58,7 @@ def test_what_can_be_set_are_the_sliders_of_the_page() -> None:
     for scene, limits in sliders.items():
         ours = {s.slider: [s.least, s.most, s.zero] for s in opening.SETTINGS[scene].values()
                 if not isinstance(s, opening.Kind)}  # fmt: skip
-        assert ours == limits if scene != "bouncing-ball" else ours.items() >= limits.items()
+        assert ours == limits
 
 
 def test_every_setting_of_every_scene_reaches_the_link() -> None:

@@ -46,7 +46,7 @@ class Setting:
         """Return what a link says of `value`, or raise what is wrong with it."""
         if self.whole:
             return {self.slider: _check.whole(name, value, at_least=int(self.least), at_most=int(self.most))}
-        if self.zero and isinstance(value, (int, float)) and value == 0.0:
+        if self.zero and type(value) in (int, float) and value == 0:
             return {self.slider: 0}
         fix = "0 is touching" if self.zero else ""
         return {self.slider: _check.number(name, value, at_least=self.least, at_most=self.most, fix=fix)}
@@ -95,7 +95,7 @@ COUNT = Setting("n", "number of balls", 2, 8, whole=True)
 
 
 def of_ball(i: int, before: str, called: str) -> dict[str, Setting]:
-    """Return what can be set of ball i: which one it is, or its numbers."""
+    """Return what can be set of ball i: which one it is, or its numbers; what fills one alone does not matter."""
     name = before or "ball_"
     return {
         name.rstrip("_"): Kind(str(i), f"{called}: a name of granular.balls", words=tuple(balls.BALLS)),
@@ -103,8 +103,7 @@ def of_ball(i: int, before: str, called: str) -> dict[str, Setting]:
         before + "radius": Setting(f"r{i}", f"radius of {called} in m", 2e-3, 0.15),
         before + "duration": Setting(f"t{i}", f"how long a bounce of {called} on the floor lasts, in s", 1e-5, 0.03),
         before + "restitution": Setting(f"e{i}", f"ε of {called} on the floor", 0.1, 1.0),
-        before + "filled": Truth(f"air{i}", f"whether air makes {called} stiff"),
-    }
+    } | ({before + "filled": Truth(f"air{i}", f"whether air makes {called} stiff")} if before else {})
 
 
 SETTINGS: dict[str, dict[str, Setting]] = {

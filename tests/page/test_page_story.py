@@ -117,6 +117,24 @@ def test_a_ball_that_sinks_in_is_flattened_by_the_floor(blank, story) -> None:
     assert cut == pytest.approx(floor, abs=0.01)
 
 
+PLACES = """
+[...document.querySelectorAll('.stage svg')].map((view) =>
+  [...view.querySelectorAll('.ball')].map((ball) => ball.getBoundingClientRect().left))
+"""
+
+
+@pytest.mark.parametrize("width", [320, 390, 768, 1280])
+def test_balls_in_a_row_keep_their_order_beside_the_lens(blank, story, width) -> None:
+    """A scale was once below zero where the lens left no room."""
+    blank.size(width, 800, mobile=width < 500)
+    go(blank, f"{story}#scene=newtons-cradle&n=9&at=0.3")
+    for places in blank.run(PLACES):
+        assert places == sorted(places)
+    assert float(re.search(r"at ([\d.−]+) times", text(blank, ".scale-note"))[1]) > 5.0
+    lens = blank.run("document.querySelector('.stage .lens-rim').getBoundingClientRect().left")
+    assert max(map(max, blank.run(PLACES))) < lens
+
+
 THUMB = """
 (() => { const i = document.querySelector('[data-name=gap]'), b = i.getBoundingClientRect();
          return b.x + 8 + (b.width - 16) * i.value / i.max; })()

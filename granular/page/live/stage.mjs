@@ -63,12 +63,12 @@ class View {
   }
 
   layout(scene, upright, { low, high, depth }, watched, count) {
-    const [w, tall] = this.size, length = upright ? tall : w, largest = Math.max(...scene.radius);
-    const cap = Math.min(upright ? 74 : 36, 0.25 * w), fit = (0.52 * length) / 2;
+    const [w, tall] = this.size, length = upright ? tall : w - (watched ? 2 * lyingLens(w, tall) + 28 : 0), largest = Math.max(...scene.radius);
+    const cap = Math.min(upright ? 74 : 36, 0.25 * w), fit = ((upright ? 0.52 : 0.6) * length) / 2;
     const raw = scene.radius.map((r) => (r === 0 ? 0 : Math.max(0.16, Math.sqrt(r / largest))));
     const unit = Math.min(cap, fit / raw.reduce((a, b) => a + b, 0));
     this.radii = raw.map((r) => r * unit);
-    const room = length - 2 * this.radii.reduce((a, b) => a + b, 0) - (upright ? 46 : 24 + (watched ? 0.8 * tall : 0));
+    const room = length - 2 * this.radii.reduce((a, b) => a + b, 0) - (upright ? 46 : 24);
     const side = (i) => this.radii[i] || Infinity, sinks = Math.max(...depth.map((d, c) => d / (0.6 * Math.min(side(c), side(c + 1)))));
     Object.assign(this, { upright, w, tall, low, watched, count, scale: Math.min(room / (high - low), 1 / sinks) });
     this.magnification = this.scale / (unit / largest);
@@ -79,7 +79,7 @@ class View {
 
   // On the right: above where balls stand upright, beside them where they lie.
   lensPlace() {
-    const { w, tall, upright } = this, r = upright ? Math.min(48, 0.17 * w) : 0.26 * tall;
+    const { w, tall, upright } = this, r = upright ? Math.min(48, 0.17 * w) : lyingLens(w, tall);
     return upright ? { cx: w - r - 12, cy: Math.max(r + 46, 0.3 * tall), r } : { cx: w - r - 14, cy: 0.5 * tall, r };
   }
 
@@ -120,7 +120,7 @@ class View {
     at.forEach((z, i) => set(this.balls[i], { transform: `translate(${this.place(z)})` }));
     const touch = this.marks.map((_, c) => (c === 0 && this.isCut ? at[0] : (at[c] + this.radii[c] + at[c + 1] - this.radii[c + 1]) / 2));
     this.marks.forEach((mark, c) => {
-      const half = 6 + 20 * press[c], across = this.upright ? { x1: -half, x2: half, y1: 0, y2: 0 } : { x1: 0, x2: 0, y1: -half, y2: half };
+      const half = Math.min(6 + 20 * press[c], 1.4 * Math.max(this.radii[c], this.radii[c + 1])), across = this.upright ? { x1: -half, x2: half, y1: 0, y2: 0 } : { x1: 0, x2: 0, y1: -half, y2: half };
       set(mark, { transform: `translate(${this.place(touch[c])})`, opacity: press[c].toFixed(3), ...across });
     });
     const c = this.watched?.pair;
@@ -131,6 +131,8 @@ class View {
     return this.upright ? `${(MIDDLE * this.w).toFixed(1)} ${(this.tall - 16 - z).toFixed(2)}` : `${(12 + z).toFixed(2)} ${0.6 * this.tall}`;
   }
 }
+
+const lyingLens = (w, tall) => Math.min(0.26 * tall, 0.11 * w);
 
 function numberOf(i, r, upright) {
   const inside = r > 9, beside = inside ? {} : upright ? { x: (i % 2 ? 1 : -1) * (r + 9) } : { y: -r - 7 };
