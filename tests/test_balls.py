@@ -5,6 +5,7 @@ import math
 import re
 import shutil
 import subprocess
+from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 import granular as gr
 from granular.balls import BALLS, PRESETS, RULES, Ball, contact
 from granular.cli import main
+from granular.page import opening
 
 PAGE = (Path(__file__).parents[1] / "docs" / "page.md").read_text(encoding="utf-8")
 ROW = re.compile(r"^\| [a-z][^,|]*, [^|]* \| ([\d.]+) \| ([\d.]+)(?: \(([\d.]+)\))?", re.MULTILINE)
@@ -95,9 +97,10 @@ def test_a_scene_is_the_balls_on_a_floor() -> None:
 
 ON_THE_PAGE = """
 import { compareEngines } from "PHYSICS/outcome.mjs";
-import { ballValues, contactsIn, sceneOf } from "PHYSICS/setups.mjs";
-const rises = ASKED.map(({ lower, upper, ...others }) => {
-  const values = { ...ballValues(lower, 1), ...ballValues(upper, 2), bounces: 1, ...others };
+import { cleaned, contactsIn, refused, sceneOf } from "PHYSICS/setups.mjs";
+const rises = ASKED.map((link) => {
+  const given = Object.fromEntries(new URLSearchParams(link)), values = cleaned("real-balls", given);
+  if (refused("real-balls", given).length) throw new Error(link);
   const { eps, k } = contactsIn("real-balls", values);
   const { finals } = compareEngines(sceneOf("real-balls", values), eps, k);
   return [finals.hard[2].rise, finals.soft[2].rise];
@@ -107,7 +110,7 @@ console.log(JSON.stringify(rises));
 
 
 def on_the_page(asked):
-    """Rises in m, hard and soft, of the upper ball, by the physics of the page."""
+    """Rises in m, hard and soft, of the upper ball, by the physics of the page in states of these links."""
     node = shutil.which("node")
     if node is None:
         pytest.skip("node is not installed")
@@ -120,7 +123,7 @@ def compared(case):
     return gr.compare(case.scene, case.law, case.rule, until=case.until, t_end=case.t_end, engine="plain")
 
 
-def test_library_file_command_and_page_say_the_same_of_real_balls(capsys) -> None:
+def test_library_file_command_and_page_say_the_same_of_real_balls(capsys, tmp_path) -> None:
     random, asked, rises = np.random.default_rng(624), [], []
     for i, (lower, upper, _) in enumerate(PRESETS):
         gap, height, rule = 10 ** random.uniform(-4, -2), random.uniform(0.3, 2.0), RULES[i % 2]
@@ -128,11 +131,18 @@ def test_library_file_command_and_page_say_the_same_of_real_balls(capsys) -> Non
         text = f"[scene]\nname = 'real-balls'\nlower = '{lower}'\nupper = '{upper}'\npair_rule = '{rule}'\n"
         assert gr.cases.loads(text).law == case.law == gr.cases.loads(gr.cases.dumps(case)).law
         rises.append(compared(case).rises)
-        asked.append({"lower": vars(BALLS[lower]), "upper": vars(BALLS[upper]), "gap": gap, "height": height,
-                      "rule": i % 2})
+        given = {"lower": lower, "upper": upper, "pair_rule": rule, "gap": gap, "height": height}
+        asked.append(opening.link("real-balls", given | {"bounces": 1}))
         if i < 2:
-            assert main(["compare", "real-balls", "--lower", lower, "--upper", upper, "--pair-rule", rule,
-                         "--gap", repr(gap), "--height", repr(height)]) == 0
+            words = ["real-balls"] + [word for k, x in given.items() for word in (f"--{k.replace('_', '-')}", str(x))]
+            assert main(["page", *words, "--bounces", "1", "-o", str(tmp_path / "page.html")]) == 0
+            assert escape(asked[-1]) in (tmp_path / "page.html").read_text(encoding="utf-8")
+            for engine, run in (("edmd", compared(case).hard), ("md", compared(case).soft)):
+                assert main(["run", *words, "--engine", engine, "--save", str(tmp_path / "run.npz")]) == 0
+                saved = gr.Trajectory.load(tmp_path / "run.npz")
+                assert saved.contacts["v_out"] == pytest.approx(run.contacts["v_out"], rel=1e-12)
+            capsys.readouterr()
+            assert main(["compare", *words]) == 0
             said = capsys.readouterr().out
             line = re.search(r"rise of ball 2, drops +([\d.]+) +([\d.]+)  of ([\d.]+) m", said)
             expected = [x / height for x in rises[-1]] + [height]

@@ -7,13 +7,14 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from urllib.parse import parse_qsl
 
 import numpy as np
 import pytest
 
 import granular as gr
 from granular.cli import main
-from granular.page import assemble, live_page, player_page, recording
+from granular.page import assemble, live_page, opening, player_page, recording
 
 HERE = Path(__file__).parent / "page"
 
@@ -35,8 +36,52 @@ def test_the_page_is_one_small_file_that_loads_nothing(tmp_path) -> None:
 
 
 def test_the_page_opens_with_a_scene_and_values(tmp_path) -> None:
-    live_page(tmp_path / "page.html", "ball-stack", {"n": 4, "eps": 0.8})
-    assert 'data-start="scene=ball-stack&amp;n=4&amp;eps=0.8"' in (tmp_path / "page.html").read_text(encoding="utf-8")
+    live_page(tmp_path / "page.html", "ball-stack", {"n": 4, "restitution": 0.8})
+    assert 'data-start="scene=ball-stack&amp;eps=0.8&amp;n=4"' in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+LIMITS = """
+const { SETUPS } = await import("SETUPS");
+console.log(JSON.stringify(Object.fromEntries(Object.entries(SETUPS).map(([scene, { sliders }]) =>
+  [scene, Object.fromEntries(sliders.map(({ name, min, max, zero = false }) => [name, [min, max, zero]]))]))));
+"""
+
+
+def test_what_can_be_set_are_the_sliders_of_the_page() -> None:
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("node is not installed: the limits of the page's sliders are not compared here")
+    script = LIMITS.replace("SETUPS\")", f'{(Path(opening.__file__).parent / "physics/setups.mjs").as_uri()}")')
+    told = subprocess.run([node, "--input-type=module", "-e", script], capture_output=True, text=True, check=True)
+    sliders = json.loads(told.stdout)
+    assert set(sliders) == set(opening.SCENES) - {"story"}
+    for scene, limits in sliders.items():
+        ours = {s.slider: [s.least, s.most, s.zero] for s in opening.SETTINGS[scene].values()
+                if not isinstance(s, opening.Kind)}  # fmt: skip
+        assert ours == limits
+
+
+def test_every_setting_of_every_scene_reaches_the_link() -> None:
+    random = np.random.default_rng(16)
+    for scene in opening.SCENES:
+        for name, setting in opening.settings(scene).items():
+            if name == "moving":
+                continue
+            words, whole = setting.words or (True, False), setting.whole
+            value = (str(random.choice(words)) if setting.words else bool(random.choice([True, False]))
+                     if isinstance(setting, opening.Truth) else int(random.integers(setting.least, setting.most + 1))
+                     if whole else float(random.uniform(setting.least, setting.most)))  # fmt: skip
+            state = dict(parse_qsl(opening.link(scene, {name: value})))
+            if isinstance(setting, opening.Kind):
+                assert float(state[f"t{setting.slider}"]) == gr.balls.BALLS[value].duration
+            elif isinstance(setting, opening.Choice):
+                assert words[int(state[setting.slider])] == value
+            elif isinstance(setting, opening.Language):
+                assert state[setting.slider] == value
+            else:
+                assert float(state[setting.slider]) == value
+            with pytest.raises((TypeError, ValueError), match=rf"^{name} is .*needed"):
+                opening.link(scene, {name: -1.0 if not words or setting.words else "no number"})
 
 
 def test_modules_are_bundled_each_once_after_what_they_need() -> None:
@@ -169,6 +214,11 @@ def test_the_commands_write_pages(tmp_path, capsys, cradle) -> None:
     ("command", "sentence"),
     [
         (["page", "gas"], "scene is 'gas': one of story, real-balls, three-balls, ball-stack, newtons-cradle, bounc"),
+        (["page", "real-balls", "--upper", "medicine ball"], "upper is 'medicine ball': one of basketball, football, "),
+        (["page", "real-balls", "--gap", "1e-9"], "gap is 1e-09: a finite number of at least 1e-07 and at most 0.1 is"),
+        (["page", "newtons-cradle", "--n", "3", "--moving", "3"], "moving is 3: a whole number of at least 1 and at"),
+        (["page", "three-balls", "--lower", "football"], "'lower' is no setting of the page's three-balls: at, gap, "),
+        (["page", "story", "--screen", "7"], "screen is 7: a whole number of at least 1 and at most 6 is needed."),
         (["page", "-o", "/nowhere/p.html"], "a writable place is needed"),
         (["view", "nothing.npz"], "nothing.npz: No such file"),
         (["view"], "RUN.npz"),

@@ -7,17 +7,20 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from granular.page import live_page
-from granular.page.write import SCENES
+from granular.cases.options import Option
+from granular.page import live_page, opening
 
-USAGE = "[SCENE] [-o FILE.html] [--open]"
+USAGE = "[SCENE] [--NAME VALUE …] [-o FILE.html] [--open]"
+TITLE = "what it opens with"
 NAME = "granular-page.html"
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the scene and the file."""
-    parser.add_argument("scene", nargs="?", default=SCENES[0], metavar="SCENE", help=f"one of {', '.join(SCENES)}")
+def arguments(parser: argparse.ArgumentParser) -> list[Option]:
+    """Add the scene and the file; return what can be set."""
+    scenes = opening.SCENES
+    parser.add_argument("scene", nargs="?", default=scenes[0], metavar="SCENE", help=f"one of {', '.join(scenes)}")
     offer(parser, NAME, NAME)
+    return opening.options()
 
 
 def offer(parser: argparse.ArgumentParser, default: str | None, shown: str) -> None:
@@ -28,7 +31,7 @@ def offer(parser: argparse.ArgumentParser, default: str | None, shown: str) -> N
 
 def run(given: argparse.Namespace) -> None:
     """Write the page and say where it is."""
-    live_page(given.output, given.scene)
+    live_page(given.output, given.scene, given.run)
     announce(given.output, given.open)
 
 

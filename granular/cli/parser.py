@@ -78,7 +78,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     parameters = cases.options(target) if target in cases.names() and command != "scenes" else []
     _add(parser, f"scene {target}", parameters)
     offered = [option for option in module.arguments(parser) or [] if option.name not in {p.name for p in parameters}]
-    _add(parser, "run", offered)
+    _add(parser, module.__dict__.get("TITLE", "run"), offered)
     found, extra = top.parse_known_args([command, *rest])
     flags = sorted(set(re.findall(r"--[a-z][\w-]*", parser.format_help()))) if extra else []
     _check.known([word.partition("=")[0] for word in extra if word[:1] == "-"], flags, f"option of {parser.prog}")

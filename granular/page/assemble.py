@@ -18,14 +18,16 @@ from granular import _files
 
 IMPORT = re.compile(r'^import \{[^}]*\} from "([^"]+)";\n', re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(?:const|(?:async )?function\*?|class) ([\w$]+))", re.MULTILINE)
-MARGIN = re.compile(r"^[ \t]*//.*\n|^[ \t]+|^\n", re.MULTILINE)
-"""Comments on lines of their own, indents and blank lines: a page goes without."""
-SPACE = re.compile(r"^[ \t]+|^/\*.*\*/\n|^\n", re.MULTILINE)
-"""The same of a style."""
+MARGIN = re.compile(r"^[ \t]*//.*\n|^[ \t]+|^\n|[ \t]+// [^\"'`\n]*$", re.MULTILINE)
+"""Comments, indents and blank lines: a page goes without."""
+SPACE = re.compile(r"^[ \t]+|^/\*.*\*/\n|^\n|(?<=[{:;,])[ \t]+(?=[^\n])|[ \t]+(?=[{}])|;?[ \t]*(?=\})", re.MULTILINE)
+"""The same of a style, and spaces at its signs."""
 LIVE = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
 PLAYER = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")
 LANGUAGES = ("en", "de", "fr", "es", "tr", "zh")
 """The first is complete; what another lacks is said in it."""
+BLOCKED = "blocked"
+"""The sentence that is there from the beginning, and is said where the script cannot say anything."""
 
 
 def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str, Any] | None = None) -> str:
@@ -47,6 +49,7 @@ def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str,
         "start": escape(start),
         "version": _files.version_of("granular") or "",
         "style": SPACE.sub("", "".join(shipped(name) for name in parts[2:])),
+        "blocked": "\n".join(f'<p lang="{words(one)["tag"]}">{escape(words(one)[BLOCKED])}</p>' for one in LANGUAGES),
         "transport": shipped("shell/transport.html"),
         "data": "" if data is None else f'<script type="application/json" id="data">{embedded(data)}</script>',
         "script": bundle(parts[1]),
@@ -63,7 +66,7 @@ def shipped(name: str) -> str:
 
 @cache
 def words(language: str) -> dict[str, str]:
-    """Return the sentences of the teaching page by key, in one language."""
+    """Return all sentences of the pages by key, in one language."""
     table: dict[str, str] = json.loads(shipped(f"words/{language}.json"))
     return table
 

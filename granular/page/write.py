@@ -8,18 +8,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from os import PathLike
 from typing import Any
-from urllib.parse import urlencode
 
-from granular import _check, _files, balls
-from granular.page import assemble, recording
+from granular import _files, balls
+from granular.page import assemble, opening, recording
 from granular.trajectory import Trajectory
 
-SCENES = ("story", "real-balls", "three-balls", "ball-stack", "newtons-cradle", "bouncing-ball")
-"""What the page can open with: its story, or a scene it can run itself."""
 
-
-def live_page(path: str | PathLike[str], scene: str = "story", values: Mapping[str, float] | None = None) -> None:
-    """Write the teaching page, opening with one of `SCENES`.
+def live_page(path: str | PathLike[str], scene: str = "story", values: Mapping[str, Any] | None = None) -> None:
+    """Write the teaching page, opening with its story or one of its scenes.
 
     Parameters
     ----------
@@ -28,15 +24,25 @@ def live_page(path: str | PathLike[str], scene: str = "story", values: Mapping[s
     scene : str
         "story", "real-balls", "three-balls", "ball-stack", "newtons-cradle" or "bouncing-ball".
     values : mapping, optional
-        Slider values to start with, as they stand in the page's link: eps, gap (m), k (N/m), ….
+        What to start with, by the names and in the units of the library and the command: restitution, gap, stiffness,
+        lower="football", …; language="de". `granular.page.opening` has all of them.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For a scene or a name that is none, or a value that the page cannot show.
     """
-    begin = {} if _check.choice("scene", scene, SCENES) == "story" else {"scene": scene}
+    start = opening.link(scene, values or {})
     data = {
-        "words": {language: assemble.words(language) for language in assemble.LANGUAGES},
+        "words": {language: _spoken(language) for language in assemble.LANGUAGES},
         "balls": {name: asdict(ball) for name, ball in balls.BALLS.items()}, "pairs": balls.PRESETS,
     }  # fmt: skip
-    start = urlencode(begin | dict(values or {}))
     _files.write_text(path, assemble.page(assemble.LIVE, "granular: hard or soft?", start, data))
+
+
+def _spoken(language: str) -> dict[str, str]:
+    """Return the sentences that the script says."""
+    return {key: sentence for key, sentence in assemble.words(language).items() if key != assemble.BLOCKED}
 
 
 def player_page(

@@ -9,8 +9,8 @@ const SAMPLES = 24; // of the force in one contact, fewer where there are many
 
 export class TimeCharts {
   constructor() {
-    this.timeline = new Chart($(".timeline"), { height: 60, label: "", bottom: false });
-    this.forces = new Chart($(".forces"), { height: 120, label: "", bottom: false, top: 4 });
+    this.timeline = new Chart($(".timeline"), { height: 60, label: "" });
+    this.forces = new Chart($(".forces"), { height: 120, label: "", top: 4 });
     this.paths = new Chart($(".paths"), { height: 190, label: "" });
     this.all = [this.timeline, this.forces, this.paths];
   }
@@ -27,11 +27,15 @@ export class TimeCharts {
     return (t - this.span[0]) / this.unit;
   }
 
+  timeAxis(chart) {
+    chart.xTicks(ticks([0, this.end], 6), tickName, plain("time-in", { unit: this.unitName }));
+  }
+
   drawTimeline() {
     const { report: { soft, hard, pairs, scene } } = this, n = pairs.length, chart = this.timeline;
-    chart.resize(16 + 24 * n);
+    chart.resize(48 + 24 * n);
     chart.scales([0, this.end], [-0.6, n - 0.4]);
-    chart.xTicks(ticks([0, this.end], 6));
+    this.timeAxis(chart);
     chart.yTicks(pairs.map((p) => p.pair), (c) => shortName(scene, c));
     const bars = soft.contacts.map(({ pair, begin, end }) => {
       const x = chart.x(this.clock(begin)), width = chart.x(this.clock(Number.isNaN(end) ? this.span[1] : end)) - x;
@@ -48,9 +52,9 @@ export class TimeCharts {
   // One lane a pair, each to its own scale: the forces of neighbours may differ by a thousand.
   drawForces() {
     const { report: { soft, scene }, forces: chart } = this, n = scene.gap.length, lane = n <= 3 ? 62 : n <= 5 ? 44 : 34;
-    chart.resize(n * lane + 10);
-    chart.scales([0, this.end], [0, n]);
-    chart.xTicks(ticks([0, this.end], 6));
+    chart.resize((n + 0.2) * lane + 42);
+    chart.scales([0, this.end], [-0.2, n]);
+    this.timeAxis(chart);
     chart.yTicks(scene.gap.map((_, c) => c), (c) => shortName(scene, c));
     const curves = soft.contacts.map((contact) => [contact.pair, this.forceCurve(contact)]), peaks = [];
     for (let c = 0; c < n; c++) {
@@ -78,7 +82,7 @@ export class TimeCharts {
     const { samples: { times, low, high }, paths: chart } = this;
     const [unit, name] = unitFor(high - low, "m"), pad = 0.06 * (high - low);
     chart.scales([0, this.end], [(low - pad) / unit, (high + pad) / unit]);
-    chart.xTicks(ticks([0, this.end], 6), tickName, plain("time-in", { unit: this.unitName }));
+    this.timeAxis(chart);
     chart.yTicks(ticks([low / unit, high / unit], 4), tickName, name);
     const clock = times.map((t) => this.clock(t));
     for (const engine of ["soft", "hard"]) {

@@ -5,14 +5,14 @@ import { digits } from "../shell/format.mjs";
 import { breakdown, LEAST, SKETCH } from "../physics/breakdown.mjs";
 import { SAME } from "../physics/measures.mjs";
 import { contactsIn, sceneOf, SETUPS } from "../physics/setups.mjs";
-import { plain, told } from "./words.mjs";
+import { plain, say, told } from "./words.mjs";
 
 const AT_ONCE = 2, SLICE = 6, PATIENCE = 120, GAPS = [1e-7, 0.1]; // ms: in the picture of a move, in idle time, quiet before that
 const LOWEST = Math.log10(LEAST), SAFE = Math.log10(SAME);
 
 export class Curve {
   constructor(pick) {
-    this.chart = new Chart($(".curve"), { height: 310, label: "", top: 26 });
+    this.chart = new Chart($(".curve"), { height: 310, label: "", left: 66, top: 26 });
     this.chart.svg.addEventListener("click", (event) => {
       const box = this.chart.svg.getBoundingClientRect();
       pick(10 ** this.chart.back(((event.clientX - box.left) * this.chart.width) / box.width));
@@ -60,10 +60,10 @@ export class Curve {
     const { chart, points, gap } = this, xs = GAPS.map(Math.log10), highest = Math.max(0, ...points.map((p) => p.y || 0));
     const x = gap > 0 ? Math.max(xs[0], Math.log10(gap)) : xs[0];
     told($(".curve-key"), "curve-key");
-    chart.scales(xs, [LOWEST, highest + 0.25]);
+    chart.scales(xs, [LOWEST, highest + 0.5]);
     this.shade(xs);
     chart.xTicks(decades(xs), decadeName, plain("gap-in-m"));
-    chart.yTicks(decades([LOWEST, highest]), (e) => `${digits(100 * 10 ** e)} %`, plain("error-axis"));
+    chart.yTicks(decades([LOWEST, highest]), (e) => `${e > LOWEST ? "" : "≤ "}${say("percent", { n: digits(100 * 10 ** e) })}`, plain("error-axis"));
     this.markSafe(xs);
     chart.line(points.map((p) => [p.x, p.y]), { class: "soft-line strong" });
     this.drawCounts(x);
@@ -93,17 +93,18 @@ export class Curve {
     const { chart, points } = this, holes = grouped(points, (p) => p.missing).filter(([p]) => p.missing === engine);
     const widest = holes.map((run) => [chart.x(run[0].x), chart.x(run[run.length - 1].x)]).sort((a, b) => b[1] - b[0] - (a[1] - a[0]))[0];
     if (!widest) return;
-    const middle = Math.min(chart.width - 90, Math.max(chart.left + 90, (widest[0] + widest[1]) / 2)), share = engine === "hard" ? 0.8 : 0.68;
+    const middle = (widest[0] + widest[1]) / 2, [from, to] = [chart.x(chart.xs[0]), chart.x(chart.xs[1])], third = (to - from) / 3;
+    const [x, anchor] = middle < from + third ? [from + 4, "start"] : middle > to - third ? [to - 4, "end"] : [middle, "middle"], share = engine === "hard" ? 0.8 : 0.68;
     chart.add("rect", { class: "hole", x: widest[0].toFixed(1), y: chart.top, width: Math.max(2, widest[1] - widest[0]).toFixed(1), height: chart.y(LOWEST) - chart.top });
     const y = chart.y(chart.ys[0] + share * (chart.ys[1] - chart.ys[0]));
-    chart.note(plain(`hole-${engine}`), { x: middle.toFixed(1), y: y.toFixed(1), "text-anchor": "middle", class: `bar-value ${engine}` });
+    chart.note(plain(`hole-${engine}`), { x: x.toFixed(1), y: y.toFixed(1), "text-anchor": anchor, class: `bar-value ${engine}` });
   }
 
   // Numbers of contacts along the top: that at the marker first, the others where there is room.
   drawCounts(marker) {
     const { chart, points } = this, runs = grouped(points, (p) => p.contacts).filter(([p]) => !Number.isNaN(p.contacts)), placed = [];
     const place = (run, x) => {
-      if (placed.some((other) => Math.abs(other - x) < 24)) return;
+      if (placed.some((other) => Math.abs(other - x) < 6 + 8 * String(run[0].contacts).length)) return;
       placed.push(x);
       chart.note(String(run[0].contacts), { x: x.toFixed(1), y: 16, "text-anchor": "middle", class: "count" });
     };

@@ -14,14 +14,14 @@ export class Distance {
     $(".distance-box").hidden = !watched;
     this.clock = watched ? clock : null;
     if (!watched) return;
-    const { chart } = this, { range, depth, hops, touches } = watched, top = 1.3 * range, bottom = -Math.min(1.15 * depth, 0.8 * range);
-    const [unit, name] = unitFor(top, "m"), within = ([t, y]) => [clock(t), Math.min(top, Math.max(bottom, y)) / unit];
+    const { chart } = this, { range, depth, hops, touches } = watched, top = 1.3 * range, bottom = -Math.min(1.15 * depth, 2 * range);
+    const [unit, name] = unitFor(top, "m"), path = (points) => cut(points, bottom, top).map(([t, y]) => [clock(t), y / unit]);
     chart.scales([0, end], [bottom / unit, top / unit]);
     chart.xTicks(ticks([0, end], 6), tickName, plain("time-in", { unit: unitName }));
-    chart.yTicks(ticks([bottom / unit, top / unit], 4), tickName, name);
+    chart.yTicks(ticks([bottom / unit, top / unit], 5), tickName, name);
     chart.line([[0, 0], [end, 0]], { class: "zero-line" });
-    chart.line(watched.hard.map(within), { class: "hard-line" });
-    chart.line(watched.soft.map(within), { class: "soft-line strong" });
+    chart.line(path(watched.hard), { class: "hard-line" });
+    chart.line(path(watched.soft), { class: "soft-line strong" });
     this.number(touches);
     this.measure(hops, unit);
     chart.finish();
@@ -53,4 +53,15 @@ export class Distance {
       last = x;
     }
   }
+}
+
+// A line leaves the picture where it leaves the range: what lies beyond is left out, not laid flat along the edge.
+function cut(points, low, high) {
+  const isIn = ([, y]) => y >= low && y <= high, edge = ([, y]) => (y < low ? low : high);
+  return points.flatMap((p, i) => {
+    const q = points[i - 1];
+    if (!q || isIn(p) === isIn(q)) return isIn(p) ? [p] : [[p[0], NaN]];
+    const out = isIn(p) ? q : p, y = edge(out), at = [q[0] + ((y - q[1]) / (p[1] - q[1])) * (p[0] - q[0]), y];
+    return isIn(p) ? [at, p] : [at, [p[0], NaN]];
+  });
 }

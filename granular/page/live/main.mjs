@@ -1,31 +1,17 @@
 // The teaching page: one state (screen, scene and values), one report, everything else drawn from it.
-import { Chart } from "../shell/axes.mjs";
-import { $, save, set, text } from "../shell/dom.mjs";
-import { Clock } from "../shell/clock.mjs";
+import { $, save, text } from "../shell/dom.mjs";
 import { AT_LEISURE, AT_ONCE, compareEngines } from "../physics/outcome.mjs";
-import { reasonOf, safeGap } from "../physics/reason.mjs";
 import { cleaned, contactsIn, offer, sceneOf, SETUPS } from "../physics/setups.mjs";
-import { samplesOf, spanOf } from "../physics/traces.mjs";
-import { Because } from "./because.mjs";
-import { TimeCharts } from "./charts.mjs";
 import { Controls } from "./controls.mjs";
-import { Curve } from "./curve.mjs";
-import { Distance } from "./distance.mjs";
-import { Film } from "./film.mjs";
 import { explainTerms } from "./glossary.mjs";
 import { copyLink, follow, read, write, written } from "./link.mjs";
-import { contactsCsv, Panels } from "./panels.mjs";
-import { Later } from "./later.mjs";
+import { contactsCsv } from "./panels.mjs";
+import { Picture } from "./picture.mjs";
 import { Predict } from "./predict.mjs";
-import { printsWell } from "./print.mjs";
-import { Spread } from "./real.mjs";
 import { whenResized } from "./resize.mjs";
-import { Ruler } from "./ruler.mjs";
 import { Spoken } from "./spoken.mjs";
-import { Stage } from "./stage.mjs";
 import { LAB, screenOf, startOf, Story } from "./story.mjs";
 import { Tongue } from "./tongue.mjs";
-import { watchedPair } from "./watched.mjs";
 import { languageNow, say, speak } from "./words.mjs";
 
 const REST = 350; // ms without a change before what takes long is computed
@@ -46,19 +32,13 @@ class Page {
     this.tongue = new Tongue((language) => this.translate(language));
     this.story = new Story((screen) => this.turnTo(screen));
     this.controls = new Controls({ changed: (values) => this.change(values), chosen: (name) => this.choose(name) });
-    this.stage = new Stage($(".stage"));
-    this.later = new Later();
-    this.charts = new TimeCharts();
-    this.distance = new Distance();
-    this.because = new Because();
     this.spoken = new Spoken();
-    this.curve = new Curve((gap) => this.change({ gap: Number(gap.toPrecision(3)) }));
-    this.panels = new Panels();
-    this.spread = new Spread(data.balls);
-    this.ruler = new Ruler($(".far-view"), { guessed: (guess) => this.predict.take(guess) });
-    this.clock = new Clock(document, { show: (t) => this.show(t), stops: () => this.stops(), locked: () => this.predict.covered, say });
-    this.film = new Film({ ruler: this.ruler, clock: this.clock });
-    this.predict = new Predict({ ruler: this.ruler, reveal: () => this.reveal(), switched: () => this.clock.restart() });
+    this.picture = new Picture({
+      balls: data.balls, picked: (gap) => this.change({ gap: Number(gap.toPrecision(3)) }), guessed: (guess) => this.predict.take(guess),
+      stopped: () => follow(() => this.current()), isCovered: () => this.predict.covered,
+    });
+    this.clock = this.picture.clock;
+    this.predict = new Predict({ ruler: this.picture.ruler, reveal: () => this.picture.reveal(), switched: () => this.clock.restart() });
     this.clock.share = this.state.at;
   }
 
@@ -69,12 +49,11 @@ class Page {
   listen() {
     $(".csv").addEventListener("click", () => save("contacts.csv", "text/csv", contactsCsv(this.report)));
     $(".link-button").addEventListener("click", () => copyLink($(".link-button"), this.current()));
-    $(".film-button").addEventListener("click", () => this.reveal());
+    $(".film-button").addEventListener("click", () => this.picture.reveal());
     $(".print-button").addEventListener("click", () => print());
     whenResized(() => this.redraw());
     window.addEventListener("hashchange", () => this.arrive());
     window.addEventListener("popstate", () => this.arrive());
-    printsWell(this);
     explainTerms();
   }
 
@@ -128,7 +107,7 @@ class Page {
     const isOther = this.told !== `${screen} ${languageNow()}`;
     if (isOther) this.arrange(screen);
     this.controls.load(name, values, { only, presets: presets?.() });
-    if (isOther) this.measure();
+    if (isOther) this.picture.measure();
     text($(".notice"), this.state.told.map((one) => say(one.say, one)).join(" "));
     this.compare(AT_ONCE, isMove);
     clearTimeout(this.seeking);
@@ -145,64 +124,21 @@ class Page {
   }
 
   compare(patience, isMove) {
-    const { name, values } = this.state, setup = SETUPS[name], { eps, k } = contactsIn(name, values);
+    const { name, values } = this.state, { eps, k } = contactsIn(name, values);
     this.report = compareEngines(sceneOf(name, values), eps, k, { patience });
-    this.draw(setup, isMove);
-    this.predict.load(this.report, setup);
+    this.draw(isMove);
     this.spoken.load(this.report, this.state.screen < LAB, this.predict.covered);
   }
 
-  // At first and while a slider moves, what is judged and dragged is drawn at once, the rest a moment later; what is hidden
-  // not at all.
-  draw(setup, isMove = false) {
-    const { report, state } = this, span = spanOf(report.soft, report.hard), samples = samplesOf(report, span), watched = watchedPair(report, span);
-    const engines = document.body.classList.contains("hard-only") ? ["hard"] : ["hard", "soft"];
-    this.stage.load(report, span, samples, watched);
-    const charts = this.charts.load(report, span, samples), axis = { clock: (t) => this.charts.clock(t), end: this.charts.end, unitName: this.charts.unitName };
-    this.because.load(report, reasonOf(report));
-    const panels = this.panels.load(report, setup), safe = safeGap(report);
-    this.film.load(report, span, engines);
-    set($(".film-button"), { disabled: !this.film.isPossible });
-    this.clock.setSpan(span);
-    this.controls.markGap(safe);
-    const distance = () => this.distance.load(report, watched, axis), curve = () => this.curve.load(state.name, state.values, safe);
-    const inTime = this.story.shows(".charts") ? { distance, ...charts, heads: () => this.showHeads(this.clock.time) } : {};
-    this.later.plan({ ...panels, curve, ...inTime });
-    if (!isMove) this.later.flush();
-    this.spread.load(state.name, state.values);
-  }
-
-  show(t) {
-    this.stage.show(t);
-    this.showHeads(t);
-    if (!this.clock?.playing) follow(() => this.current());
-  }
-
-  showHeads(t) {
-    this.charts.show(t);
-    this.distance.show(t);
-  }
-
-  stops() {
-    return [...this.report.hard.contacts, ...this.report.soft.contacts].flatMap((c) => [c.begin, c.end]).filter(Number.isFinite);
-  }
-
-  reveal() {
-    this.clock.restart();
-    if (this.film.isPossible) this.film.play();
-    else this.clock.play();
-    $(".stage-box").scrollIntoView({ block: "nearest" });
-  }
-
-  measure() {
-    Chart.measure([...this.charts.all, this.distance.chart, this.panels.rises, this.curve.chart]);
-    this.stage.measure();
+  draw(isMove) {
+    this.picture.load(this.report, this.state, isMove);
+    this.controls.markGap(this.picture.safe);
+    this.predict.load(this.report, SETUPS[this.state.name]);
   }
 
   redraw() {
-    this.measure();
-    this.draw(SETUPS[this.state.name]);
-    this.predict.load(this.report, SETUPS[this.state.name]);
+    this.picture.measure();
+    this.draw();
   }
 
   current() {

@@ -20,6 +20,7 @@ export class Panels {
     this.report = report;
     figures(report, setup);
     told($(".rises-title"), report.scene.gravity ? "rises-title" : "speeds-title");
+    text($(".rises-key"), report.scene.gravity ? `┄ ${plain("drop-height")}` : "");
     const touching = report.scene.gravity === 0 && report.scene.gap.includes(0);
     $(".ties-box").hidden = !touching;
     if (touching) whenIdle(() => this.report === report && tieRules(report)); // six more runs
@@ -50,16 +51,20 @@ function figures({ scene, hard, soft, pairs, finals }, setup) {
   const shared = soft.impulse > 0 ? Math.round((100 * soft.shared) / soft.impulse) : 0;
   const parts = [
     ["figure-contacts", count(hard), count(soft), say("figure-contacts-of", { hard: top.hard.contacts, soft: top.soft.contacts })],
-    [`figure-${setup.measured}`, number(hard), number(soft), scene.gravity ? say("figure-drop", { drop: [scene.drop, "m"] }) : say("figure-arrival", { v: [scene.impact, "m/s"] })],
+    [`figure-${setup.measured}`, number(hard), number(soft), undecided(finals, last, scene) || (scene.gravity ? say("figure-drop", { drop: [scene.drop, "m"] }) : say("figure-arrival", { v: [scene.impact, "m/s"] }))],
   ];
   if (scene.gravity) {
     const [hardly, softly] = ENGINES.map((engine) => finals[engine][last].velocity / scene.impact);
     const leaving = say("figure-impact", { hard: hardly, soft: softly, v: [scene.impact, "m/s"] });
     parts.push(["figure-rises", ...ENGINES.map((engine) => quantity(finals[engine][last].rise, "m")), leaving]);
   }
-  parts.push(["figure-shared", "0 %", `${digits(shared)} %`, say("figure-binary")]);
+  parts.push(["figure-shared", ...[0, shared].map((n) => say("percent", { n })), say("figure-binary")]);
   showFigures($(".figures"), parts);
 }
+
+// Which engines do not tell where ball i gets to.
+const undecided = (finals, i, { gravity }) =>
+  ENGINES.filter((engine) => Number.isNaN(finals[engine][i][gravity ? "rise" : "velocity"])).map((engine) => plain("undecided", { engine: { say: `${engine}-spheres` } })).join("; ");
 
 function showFigures(host, parts) {
   if (host.children.length !== parts.length) {
@@ -72,13 +77,15 @@ function showFigures(host, parts) {
   });
 }
 
+// What is not known is a question mark.
 function bars(chart, rows, n, names) {
+  const pitch = chart.x(1) - chart.x(0), isWide = pitch >= 88;
   rows.forEach(([engine, values], e) => values.forEach((value, i) => {
-    if (Number.isNaN(value)) return;
-    const width = Math.min(26, (0.34 * (chart.x(1) - chart.x(0)))), x = chart.x(i) + (e ? 1 : -width - 1), y0 = chart.y(0), y = chart.y(value);
+    const side = { x: (chart.x(i) + (e ? 2 : -2)).toFixed(1), "text-anchor": e ? "start" : "end", class: `bar-value ${engine}` };
+    if (Number.isNaN(value)) return chart.note("?", { ...side, y: (chart.y(0) - 5).toFixed(1) });
+    const width = Math.min(26, 0.34 * pitch), x = chart.x(i) + (e ? 1 : -width - 1), y0 = chart.y(0), y = chart.y(value);
     chart.add("rect", { class: `${engine}-bar`, x: x.toFixed(1), width: width.toFixed(1), y: Math.min(y, y0).toFixed(1), height: Math.max(0.8, Math.abs(y - y0)).toFixed(1) });
-    const label = { x: (chart.x(i) + (e ? 2 : -2)).toFixed(1), y: (value < 0 ? y + 13 : y - 5).toFixed(1), "text-anchor": e ? "start" : "end", class: `bar-value ${engine}` };
-    if (chart.x(1) - chart.x(0) >= 88) chart.note(digits(value, 2), label);
+    if (isWide) chart.note(digits(value, 3), { ...side, y: (value < 0 ? y + 13 : y - 5).toFixed(1) });
   }));
   chart.xTicks([...Array(n).keys()], names);
   const without = rows.filter(([, values]) => values.every(Number.isNaN)).map(([engine]) => plain("undecided", { engine: { say: `${engine}-spheres` } }));
@@ -94,8 +101,6 @@ function drawRises(chart, { scene, finals }) {
   chart.yTicks(ticks([0, top], 4), tickName, "m");
   bars(chart, rows, n, (i) => (n > 4 ? String(i + 1) : plain("ball", { n: i + 1 })));
   chart.line([[-0.6, scene.drop], [n - 0.4, scene.drop]], { class: "drop-line" });
-  const y = chart.y(scene.drop);
-  chart.note(plain("drop-height"), { x: chart.left + 6, y: y < chart.top + 30 ? y + 14 : y - 5, class: "axis-name" });
   chart.finish();
   describe(chart, "rises-said", rows, "m");
 }

@@ -32,7 +32,8 @@ export class Spread {
     const factors = [1, 2].map((i) => this.factorOf(values, i)), found = spreadOf(values, factors);
     if (!found) return told($(".spread"), "");
     const uncertain = Math.max(...factors) > 1.5 ? { say: "factor-two" } : { say: "twenty-percent" };
-    told($(".spread"), "spread", { low: digits(found[0], 2), high: digits(found[1], 2), uncertain });
+    const n = digits(found[0], 2) === digits(found[1], 2) ? 3 : 2, [low, high] = found.map((rise) => digits(rise, n));
+    told($(".spread"), "spread", { low, high, uncertain });
   }
 
   factorOf(values, i) {

@@ -48,6 +48,7 @@ const depthIn = (rows, scene) => scene.gap.map((_, c) => rows.reduce((most, y) =
 class View {
   constructor(host, engine) {
     this.engine = engine;
+    this.edge = engine === "hard" ? 1.5 : 0.8; // half a line: balls touch where their outlines do
     this.svg = svg("svg", { role: "img", class: engine });
     this.lens = new Lens(engine);
     host.append(this.svg);
@@ -62,22 +63,23 @@ class View {
   }
 
   layout(scene, upright, { low, high, depth }, watched, count) {
-    const [w, tall] = this.size, length = upright ? tall : w, largest = Math.max(...scene.radius);
-    const cap = Math.min(upright ? 74 : 36, 0.25 * w), fit = (0.52 * length) / 2;
+    const [w, tall] = this.size, length = upright ? tall : w - (watched ? 2 * lyingLens(w, tall) + 28 : 0), largest = Math.max(...scene.radius);
+    const cap = Math.min(upright ? 74 : 36, 0.25 * w), fit = ((upright ? 0.52 : 0.6) * length) / 2;
     const raw = scene.radius.map((r) => (r === 0 ? 0 : Math.max(0.16, Math.sqrt(r / largest))));
     const unit = Math.min(cap, fit / raw.reduce((a, b) => a + b, 0));
     this.radii = raw.map((r) => r * unit);
-    const room = length - 2 * this.radii.reduce((a, b) => a + b, 0) - (upright ? 46 : 24 + (watched ? 0.8 * tall : 0));
+    const room = length - 2 * this.radii.reduce((a, b) => a + b, 0) - (upright ? 46 : 24);
     const side = (i) => this.radii[i] || Infinity, sinks = Math.max(...depth.map((d, c) => d / (0.6 * Math.min(side(c), side(c + 1)))));
     Object.assign(this, { upright, w, tall, low, watched, count, scale: Math.min(room / (high - low), 1 / sinks) });
     this.magnification = this.scale / (unit / largest);
     this.draw();
+    set(this.cut, { height: this.isCut ? tall - 16 + low * this.scale : tall });
     if (watched) this.lens.layout({ ...this.lensPlace(), upright, range: watched.range, natural: unit / largest });
   }
 
   // On the right: above where balls stand upright, beside them where they lie.
   lensPlace() {
-    const { w, tall, upright } = this, r = upright ? Math.min(48, 0.17 * w) : 0.26 * tall;
+    const { w, tall, upright } = this, r = upright ? Math.min(48, 0.17 * w) : lyingLens(w, tall);
     return upright ? { cx: w - r - 12, cy: Math.max(r + 46, 0.3 * tall), r } : { cx: w - r - 14, cy: 0.5 * tall, r };
   }
 
@@ -86,14 +88,14 @@ class View {
     if (shape === this.shape) return this.name();
     this.shape = shape;
     set(this.svg, { viewBox: `0 0 ${w} ${tall}` });
-    const ground = tall - 16, id = `above-${this.engine}`;
+    const id = `above-${this.engine}`;
     this.title = svg("text", { x: 10, y: 20, class: "stage-name" });
-    this.balls = this.radii.map((r, i) => (r ? svg("g", { class: "ball" }, svg("circle", { r }), numberOf(i, r, upright)) : this.ground()));
+    this.balls = this.radii.map((r, i) => (r ? svg("g", { class: "ball" }, svg("circle", { r: Math.max(1, r - this.edge) }), numberOf(i, r, upright)) : this.ground()));
     this.marks = this.radii.slice(1).map(() => svg("line", { class: "mark" }));
-    const isCut = upright && this.radii[0] === 0; // a ball that sinks in is flattened by the floor
-    const cut = svg("clipPath", { id }, svg("rect", { x: 0, y: 0, width: w, height: isCut ? ground : tall }));
-    const [floor, ...others] = isCut ? this.balls : [null, ...this.balls];
-    this.svg.replaceChildren(cut, svg("g", { "clip-path": `url(#${id})` }, ...others), ...(floor ? [floor] : []), ...this.marks, ...(this.watched ? [this.lens.element] : []), this.title);
+    this.isCut = upright && this.radii[0] === 0; // a ball that sinks in is flattened by the floor
+    this.cut = svg("rect", { x: 0, y: 0, width: w });
+    const [floor, ...others] = this.isCut ? this.balls : [null, ...this.balls];
+    this.svg.replaceChildren(svg("clipPath", { id }, this.cut), svg("g", { "clip-path": `url(#${id})` }, ...others), ...(floor ? [floor] : []), ...this.marks, ...(this.watched ? [this.lens.element] : []), this.title);
     this.name();
   }
 
@@ -116,9 +118,9 @@ class View {
       return centre;
     });
     at.forEach((z, i) => set(this.balls[i], { transform: `translate(${this.place(z)})` }));
-    const touch = this.marks.map((_, c) => (at[c] + this.radii[c] + at[c + 1] - this.radii[c + 1]) / 2);
+    const touch = this.marks.map((_, c) => (c === 0 && this.isCut ? at[0] : (at[c] + this.radii[c] + at[c + 1] - this.radii[c + 1]) / 2));
     this.marks.forEach((mark, c) => {
-      const half = 6 + 20 * press[c], across = this.upright ? { x1: -half, x2: half, y1: 0, y2: 0 } : { x1: 0, x2: 0, y1: -half, y2: half };
+      const half = Math.min(6 + 20 * press[c], 1.4 * Math.max(this.radii[c], this.radii[c + 1])), across = this.upright ? { x1: -half, x2: half, y1: 0, y2: 0 } : { x1: 0, x2: 0, y1: -half, y2: half };
       set(mark, { transform: `translate(${this.place(touch[c])})`, opacity: press[c].toFixed(3), ...across });
     });
     const c = this.watched?.pair;
@@ -130,8 +132,10 @@ class View {
   }
 }
 
+const lyingLens = (w, tall) => Math.min(0.26 * tall, 0.11 * w);
+
 function numberOf(i, r, upright) {
-  const inside = r > 9, beside = inside ? {} : upright ? { x: r + 9 } : { y: -r - 7 };
+  const inside = r > 9, beside = inside ? {} : upright ? { x: (i % 2 ? 1 : -1) * (r + 9) } : { y: -r - 7 };
   const label = svg("text", { class: "ball-number", "text-anchor": "middle", dy: "0.36em", "font-size": Math.min(18, Math.max(12, 1.1 * r)), ...beside });
   text(label, String(upright ? i : i + 1));
   return label;

@@ -34,10 +34,6 @@ export class Story {
     $(".story-next").addEventListener("click", () => this.turn(1));
   }
 
-  shows(section) {
-    return !$(section).classList.contains("off");
-  }
-
   turn(way) {
     this.go(this.screen + way);
     $(".story").scrollIntoView({ block: "start" });

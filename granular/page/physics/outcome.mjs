@@ -40,9 +40,3 @@ function finals(run) {
   const none = isEarly(run), u = leavingVelocities(run);
   return u.map((velocity, i) => ({ velocity: none ? NaN : velocity, rise: none ? NaN : run.apex[i] }));
 }
-
-// ε_eff of floor and two balls in closed form: the inverse of v_r′ = ε (1 + ε) v.
-export function effectiveRestitution(speed, impact) {
-  const x = Math.max(0, speed) / impact;
-  return (2 * x) / (1 + Math.sqrt(1 + 4 * x));
-}

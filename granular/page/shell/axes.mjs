@@ -6,11 +6,11 @@ import { digits, superscript } from "./format.mjs";
 const MARGIN = { left: 56, right: 18, top: 8, bottom: 38 };
 
 export class Chart {
-  constructor(host, { height, label, bottom = true, top = MARGIN.top }) {
-    Object.assign(this, { host, height, top, left: MARGIN.left, bottomMargin: bottom ? MARGIN.bottom : 6 });
+  constructor(host, { height, label, left = MARGIN.left, top = MARGIN.top }) {
+    Object.assign(this, { host, height, top, left });
     this.grid = svg("g", { class: "grid" });
     this.body = svg("g", { class: "body" });
-    this.head = svg("line", { class: "playhead", y1: 2, y2: height - this.bottomMargin, visibility: "hidden" });
+    this.head = svg("line", { class: "playhead", y1: 2, y2: height - MARGIN.bottom, visibility: "hidden" });
     this.svg = svg("svg", { role: "img", "aria-label": label, height, class: "chart" }, this.grid, this.body, this.head);
     host.append(this.svg);
     this.width = 600;
@@ -29,27 +29,27 @@ export class Chart {
   resize(height) {
     this.height = height;
     set(this.svg, { width: this.width, height, viewBox: `0 0 ${this.width} ${height}` });
-    set(this.head, { y2: height - this.bottomMargin });
+    set(this.head, { y2: height - MARGIN.bottom });
   }
 
   // Scales from data to pixels; `log` takes the axis in decades.
   scales([x0, x1], [y0, y1]) {
-    const [l, r, t, b] = [this.left, this.width - MARGIN.right, this.top, this.height - this.bottomMargin];
+    const [l, r, t, b] = [this.left, this.width - MARGIN.right, this.top, this.height - MARGIN.bottom];
     this.x = (v) => l + ((v - x0) / (x1 - x0)) * (r - l);
     this.y = (v) => b - ((v - y0) / (y1 - y0)) * (b - t);
     this.back = (px) => x0 + ((px - l) / (r - l)) * (x1 - x0);
     [this.xs, this.ys] = [[x0, x1], [y0, y1]];
-    [this.frame, this.marks] = ["", ""];
+    [this.frame, this.marks, this.nameY] = ["", "", ""];
   }
 
   finish() {
-    for (const [group, written] of [[this.grid, this.frame], [this.body, this.marks]]) {
+    for (const [group, written] of [[this.grid, this.frame], [this.body, this.marks + this.nameY]]) {
       if (group.written !== written) group.innerHTML = group.written = written;
     }
   }
 
   xTicks(values, format, name) {
-    const b = this.height - this.bottomMargin;
+    const b = this.height - MARGIN.bottom;
     for (const v of values) {
       const x = this.x(v).toFixed(1);
       this.frame += markup("line", { x1: x, x2: x, y1: this.top, y2: b });
@@ -64,7 +64,7 @@ export class Chart {
       this.frame += markup("line", { x1: this.left, x2: this.width - MARGIN.right, y1: y, y2: y });
       this.frame += markup("text", { x: this.left - 6, y: Number(y) + 4, "text-anchor": "end" }, format(v));
     }
-    if (name) this.frame += markup("text", { x: this.left + 6, y: this.top + 10, class: "axis-name" }, name);
+    this.nameY = name ? markup("text", { x: this.left + 6, y: this.top + 10, class: "axis-name over" }, name) : "";
   }
 
   add(tag, attributes) {

@@ -33,7 +33,7 @@ export class Clock {
   setDuration(seconds) {
     this.duration = seconds;
     const slower = seconds / (this.span[1] - this.span[0]);
-    const pace = slower >= 1 ? this.say("slowed", { n: String(Math.round(slower)).replace(/\B(?=(\d{3})+$)/g, " ") }) : this.say("faster", { n: digits(1 / slower, 2) });
+    const pace = slower >= 1 ? this.say("slowed", { n: String(Math.round(slower)).replace(/\B(?=(\d{3})+$)/g, "\u00a0") }) : this.say("faster", { n: digits(1 / slower, 2) });
     text($(".slowdown", this.root), pace);
   }
 

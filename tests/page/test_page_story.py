@@ -2,75 +2,14 @@
 
 import base64
 import re
-import sys
 from pathlib import Path
 
 import pytest
+from driving import go, settle, text, turn
 
-from granular.page import assemble, live_page
+from granular.page import assemble
 
-HERE = Path(__file__).parent / "page"
-sys.path.insert(0, str(HERE))
-
-import browser as chromium  # noqa: E402
-
-pytestmark = pytest.mark.skipif(
-    chromium.found() is None, reason="no Chromium or Chrome is installed: the pages are not driven here"
-)
 SCREENS = range(1, 8)
-
-
-@pytest.fixture(scope="module")
-def tab():
-    with chromium.Browser() as browser:
-        browser.call(
-            "Network.emulateNetworkConditions", offline=True, latency=0, downloadThroughput=0, uploadThroughput=0
-        )
-        yield browser
-
-
-@pytest.fixture(scope="module")
-def story(tmp_path_factory):
-    path = tmp_path_factory.mktemp("story") / "story.html"
-    live_page(path)
-    return path.as_uri()
-
-
-@pytest.fixture
-def blank(tab):
-    """A tab without a network; afterwards nothing may have been complained about or asked for."""
-    tab.size(1280, 900)
-    tab.media()
-    yield tab
-    assert tab.complaints == []
-    assert all(url.startswith(("file:", "data:", "blob:", "about:")) for url in tab.requests)
-
-
-@pytest.fixture
-def page(blank, story):
-    """The page as it opens."""
-    fresh(blank, story)
-    return blank
-
-
-def fresh(tab, url):
-    tab.open("about:blank")
-    tab.complaints.clear()
-    tab.requests.clear()
-    tab.open(url)
-    tab.wait("performance.getEntriesByName('settled').length > 0")
-
-
-def settle(tab):
-    tab.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-
-
-def text(tab, selector):
-    return tab.run(f"document.querySelector({selector!r}).textContent").replace("\u00a0", " ")
-
-
-def turn(tab, screen):
-    tab.run(f"document.querySelector('.steps [data-screen=\"{screen}\"]').click()")
 
 
 def rises(tab):
@@ -78,18 +17,18 @@ def rises(tab):
     return [text(tab, f".figure:nth-child(2) .{engine}") for engine in ("hard", "soft")]
 
 
-def test_the_story_begins_with_one_ball_and_ends_in_the_laboratory(page) -> None:
-    assert text(page, ".story-title") == "One ball alone"
+def test_the_story_begins_with_one_ball_and_ends_in_the_laboratory(own) -> None:
+    assert text(own, ".story-title") == "One ball alone"
     titles = []
     for _ in range(6):
-        page.mouse(*page.middle(".story-next"))
-        settle(page)
-        titles.append(text(page, ".story-title"))
+        own.mouse(*own.middle(".story-next"))
+        settle(own)
+        titles.append(text(own, ".story-title"))
     assert titles[-1] == "The laboratory"
     assert len(set(titles)) == 6
-    page.run("history.back()")
-    page.wait("document.body.dataset.screen === '6'")
-    page.wait("location.hash.startsWith('#screen=6')")
+    own.run("history.back()")
+    own.wait("document.body.dataset.screen === '6'")
+    own.wait("location.hash.startsWith('#screen=6')")
 
 
 def test_one_ball_bounces_alike_in_both_pictures(page) -> None:
@@ -144,13 +83,13 @@ requestAnimationFrame = ((frame) => (f) => frame(() => f(performance.now())))(re
 """  # six times
 
 
-def test_the_film_has_three_times(page) -> None:
-    turn(page, 4)
-    page.run(FASTER)
-    page.mouse(*page.middle(".film-button"))
-    captions = "falling, as fast as life", "stop: the floor is reached", "450 × slower", "flying, as fast as life"
+def test_the_film_has_three_times(own) -> None:
+    turn(own, 4)
+    own.run(FASTER)
+    own.mouse(*own.middle(".film-button"))
+    captions = "falling, as fast as life", "stop: the floor is reached", "450\u00a0× slower", "flying, as fast as life"
     for caption in captions:
-        page.wait(f"document.querySelector('.film-caption').textContent === {caption!r}")
+        own.wait(f"document.querySelector('.film-caption').textContent === {caption!r}")
 
 
 def test_less_motion_is_a_still(page) -> None:
@@ -160,6 +99,40 @@ def test_less_motion_is_a_still(page) -> None:
     settle(page)
     assert text(page, ".film-caption") == "the highest point"
     page.media()
+
+
+SUNK = """
+(() => { const svg = document.querySelector('.stage svg.soft');
+         return [Number(svg.querySelector('clipPath rect').getAttribute('height')),
+                 Number(/ ([\\d.]+)\\)/.exec(svg.querySelector('.floor').getAttribute('transform'))[1]),
+                 svg.querySelector('.ball circle').getBoundingClientRect().bottom
+                 - svg.querySelector('.floor').getBoundingClientRect().bottom]; })()
+"""
+
+
+def test_a_ball_that_sinks_in_is_flattened_by_the_floor(blank, story) -> None:
+    go(blank, f"{story}#screen=4&at=0.5")
+    cut, floor, depth = blank.run(SUNK)
+    assert depth > 5.0  # pixels
+    assert cut == pytest.approx(floor, abs=0.01)
+
+
+PLACES = """
+[...document.querySelectorAll('.stage svg')].map((view) =>
+  [...view.querySelectorAll('.ball')].map((ball) => ball.getBoundingClientRect().left))
+"""
+
+
+@pytest.mark.parametrize("width", [320, 390, 768, 1280])
+def test_balls_in_a_row_keep_their_order_beside_the_lens(blank, story, width) -> None:
+    """A scale was once below zero where the lens left no room."""
+    blank.size(width, 800, mobile=width < 500)
+    go(blank, f"{story}#scene=newtons-cradle&n=9&at=0.3")
+    for places in blank.run(PLACES):
+        assert places == sorted(places)
+    assert float(re.search(r"at ([\d.−]+) times", text(blank, ".scale-note"))[1]) > 5.0
+    lens = blank.run("document.querySelector('.stage .lens-rim').getBoundingClientRect().left")
+    assert max(map(max, blank.run(PLACES))) < lens
 
 
 THUMB = """
@@ -242,7 +215,7 @@ EVERY = """
 
 @pytest.mark.parametrize("scene", ["real-balls", "three-balls", "ball-stack", "newtons-cradle", "bouncing-ball"])
 def test_every_control_of_every_scene_answers(blank, story, scene) -> None:
-    fresh(blank, f"{story}#scene={scene}")
+    go(blank, f"{story}#scene={scene}")
     assert blank.run(EVERY) == []
 
 
@@ -258,7 +231,7 @@ LABELS = "[...document.querySelectorAll('[aria-label]')].map((e) => e.ariaLabel)
 
 @pytest.mark.parametrize("language", assemble.LANGUAGES)
 def test_every_language_fills_every_screen(blank, story, language) -> None:
-    fresh(blank, f"{story}#lang={language}")
+    go(blank, f"{story}#lang={language}")
     words = assemble.words(language)
     for screen in SCREENS:
         turn(blank, screen)
@@ -303,9 +276,10 @@ def test_nothing_sticks_out_and_all_targets_are_large(page, width) -> None:
         assert page.run(SMALL) == []
 
 
-def test_on_a_phone_slider_and_stage_are_seen_together(page) -> None:
+@pytest.mark.parametrize("state", ["screen=5", "scene=real-balls&gap=0.001", "scene=three-balls&lang=de"])
+def test_on_a_phone_slider_and_stage_are_seen_together(page, story, state) -> None:
     page.size(390, 844, mobile=True)
-    turn(page, 5)
+    go(page, f"{story}#{state}")
     page.middle("[data-name=gap]")
     stage, slider = (page.run(PLACE % selector) for selector in (".stage svg", "[data-name=gap]"))
     assert all(0 <= top < bottom <= 844 for top, bottom in (stage, slider))
@@ -327,7 +301,7 @@ def test_a_swipe_that_scrolls_leaves_the_slider_as_it_was(page) -> None:
     assert text(page, "output[for=slider-gap]") == "1 mm"
 
 
-CONTRAST = (HERE / "contrast.js").read_text(encoding="utf-8")
+CONTRAST = (Path(__file__).with_name("contrast.js")).read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -345,7 +319,7 @@ def test_text_is_readable(page, scheme) -> None:
 )
 def test_it_prints_to_one_sheet(page, story, link, scheme) -> None:
     page.media(prefers_color_scheme=scheme)
-    fresh(page, story + link)
+    go(page, story + link)
     page.run("new Promise((done) => setTimeout(done, 200))")
     paper = page.call("Page.printToPDF", paperWidth=8.27, paperHeight=11.69)["data"]
     assert len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(paper))) == 1

@@ -1,0 +1,189 @@
+"""What the teaching page can open with: its scenes, what can be set in each and within what limits, as a link.
+May be skipped: the teaching page, beside the engines.
+
+Names are the library's (restitution, stiffness, mass_ratio, …); the page's links have shorter ones (eps, k, massRatio).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import urlencode
+
+from granular import _check, balls
+from granular.cases.options import Option
+from granular.page.assemble import LANGUAGES
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A number, or a whole one.
+
+    Parameters
+    ----------
+    slider : str
+        Its name in a link.
+    about : str
+        What it is, for the command's help.
+    least, most : float
+        Its limits.
+    whole, zero : bool
+        Whether it is a whole number; whether 0 is allowed below `least`.
+    words : tuple of str
+        What it may be, if it is no number.
+    """
+
+    slider: str
+    about: str
+    least: float = 0.0
+    most: float = 1.0
+    whole: bool = False
+    zero: bool = False
+    words: tuple[str, ...] = ()
+
+    def written(self, name: str, value: Any) -> dict[str, Any]:
+        """Return what a link says of `value`, or raise what is wrong with it."""
+        if self.whole:
+            return {self.slider: _check.whole(name, value, at_least=int(self.least), at_most=int(self.most))}
+        if self.zero and type(value) in (int, float) and value == 0:
+            return {self.slider: 0}
+        fix = "0 is touching" if self.zero else ""
+        return {self.slider: _check.number(name, value, at_least=self.least, at_most=self.most, fix=fix)}
+
+
+class Choice(Setting):
+    """A few words, of which a link has the place."""
+
+    def written(self, name: str, value: Any) -> dict[str, Any]:
+        """Return what a link says of a word."""
+        return {self.slider: self.words.index(_check.choice(name, value, self.words))}
+
+
+class Language(Setting):
+    """A language, of which a link has the sign."""
+
+    def written(self, name: str, value: Any) -> dict[str, Any]:
+        """Return what a link says of a language."""
+        return {self.slider: _check.choice(name, value, self.words)}
+
+
+class Kind(Setting):
+    """A ball by its name in `granular.balls`; `slider` is 1 for the lower one, 2 for the upper one."""
+
+    def written(self, name: str, value: Any) -> dict[str, Any]:
+        """Return what a link says of a ball."""
+        ball = balls.BALLS[_check.choice(name, value, self.words)]
+        return {f"{short}{self.slider}": +getattr(ball, long) for short, long in SHORT.items()}
+
+
+class Truth(Setting):
+    """Yes or no."""
+
+    def written(self, name: str, value: Any) -> dict[str, Any]:
+        """Return what a link says of yes or no."""
+        return {self.slider: +_check.truth(name, value)}
+
+
+SHORT = {"m": "mass", "r": "radius", "t": "duration", "e": "restitution", "air": "filled"}
+EPS = Setting("eps", "ε of all contacts", 0.1, 1.0)
+GAP = Setting("gap", "distance between the surfaces of the balls in m; 0 is touching", 1e-7, 0.1, zero=True)
+K = Setting("k", "stiffness of all contacts in N/m", 4e3, 1e9)
+HEIGHT = Setting("height", "drop height in m", 0.15, 2.0)
+CENTRE = Setting("height", "height of the lower ball's centre in m", 0.15, 2.0)
+COUNT = Setting("n", "number of balls", 2, 8, whole=True)
+
+
+def of_ball(i: int, before: str, called: str) -> dict[str, Setting]:
+    """Return what can be set of ball i: which one it is, or its numbers; what fills one alone does not matter."""
+    name = before or "ball_"
+    return {
+        name.rstrip("_"): Kind(str(i), f"{called}: a name of granular.balls", words=tuple(balls.BALLS)),
+        before + "mass": Setting(f"m{i}", f"mass of {called} in kg", 1e-3, 2.0),
+        before + "radius": Setting(f"r{i}", f"radius of {called} in m", 2e-3, 0.15),
+        before + "duration": Setting(f"t{i}", f"how long a bounce of {called} on the floor lasts, in s", 1e-5, 0.03),
+        before + "restitution": Setting(f"e{i}", f"ε of {called} on the floor", 0.1, 1.0),
+    } | ({before + "filled": Truth(f"air{i}", f"whether air makes {called} stiff")} if before else {})
+
+
+SETTINGS: dict[str, dict[str, Setting]] = {
+    "story": {"screen": Setting("screen", "screen of the story", 1, 6, whole=True)},
+    "real-balls": {
+        **of_ball(1, "lower_", "the lower ball"), **of_ball(2, "upper_", "the upper ball"), "gap": GAP,
+        "height": HEIGHT, "pair_rule": Choice("rule", "how two balls press on each other", words=balls.RULES),
+        "bounces": Setting("bounces", "after how many bounces the flight is looked at", 1, 2, whole=True),
+    },
+    "three-balls": {
+        "gap": GAP, "restitution": EPS, "ratio": Setting("ratio", "radius ratio R₁/R₂", 0.5, 50.0), "stiffness": K,
+        "height": CENTRE,
+    },
+    "ball-stack": {
+        "gap": GAP, "restitution": EPS, "n": COUNT, "stiffness": K, "height": HEIGHT,
+        "mass_ratio": Setting("massRatio", "mass of each ball relative to the one below", 0.1, 1.0),
+    },
+    "newtons-cradle": {
+        "gap": GAP, "restitution": EPS, "n": Setting("n", "number of balls", 2, 9, whole=True), "stiffness": K,
+        "moving": Setting("moving", "number of balls that arrive", 1, 8, whole=True),
+        "speed": Setting("speed", "speed in m/s with which they arrive", 0.1, 3.0),
+    },
+    "bouncing-ball": {**of_ball(1, "", "the ball"), "height": HEIGHT},
+}  # fmt: skip
+"""What can be set in each. The limits are those of the sliders in ``physics/setups.mjs``; a test compares them."""
+SCENES = tuple(SETTINGS)
+"""What the page can open with: its story, or a scene it can run itself."""
+ANYWHERE = {
+    "language": Language("lang", "language of the page; else the browser's", words=LANGUAGES),
+    "at": Setting("at", "share of the time that has passed", 0.0, 1.0),
+}
+IN_A_SCENE = {"predict": Truth("predict", "ask for a prediction first")}
+ARRIVING = 5
+"""Balls of the cradle, where nothing is said of their number."""
+
+
+def settings(scene: str) -> dict[str, Setting]:
+    """Return what can be set where the page opens with one of `SCENES`."""
+    own = SETTINGS[_check.choice("scene", scene, SCENES)]
+    return own | ANYWHERE | ({} if scene == "story" else IN_A_SCENE)
+
+
+def link(scene: str, values: Mapping[str, Any]) -> str:
+    """Return the state of the page in which it opens with a scene and values, as the end of its link has it.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For a scene or a name that is none, or a value that the page cannot show.
+    """
+    known = settings(scene)
+    begin: dict[str, Any] = {} if scene == "story" else {"scene": scene}
+    _check.known(values, known, f"setting of the page's {scene}", TypeError)
+    if scene == "story" and "at" in values:
+        begin = {"screen": 1}
+    given = [name for name in known if name in values]
+    kinds_first = sorted(given, key=lambda name: not isinstance(known[name], Kind))  # numbers of a ball may differ
+    for name in kinds_first:
+        begin |= known[name].written(name, values[name])
+    if "moving" in values:
+        fix = "one ball at least has to be at rest"
+        _check.whole("moving", values["moving"], at_least=1, at_most=begin.get("n", ARRIVING) - 1, fix=fix)
+    return urlencode(begin)
+
+
+def options() -> list[Option]:
+    """Return all settings for the command line, each with the scenes that have it."""
+    everywhere: dict[str, Setting] = {}
+    for scene in SCENES:
+        everywhere = settings(scene) | everywhere
+    return [Option(name, _kind(setting), None, _about(name, setting)) for name, setting in everywhere.items()]
+
+
+def _about(name: str, setting: Setting) -> str:
+    having = [scene for scene in SCENES if name in settings(scene)]
+    where = "" if len(having) >= len(SCENES) - 1 else f" ({', '.join(having)})"
+    return ("{" + ", ".join(setting.words) + "}: " if len(setting.words) in range(2, 7) else "") + setting.about + where
+
+
+def _kind(setting: Setting) -> str:
+    if isinstance(setting, Truth):
+        return "bool"
+    return "str" if setting.words else "int" if setting.whole else "float"
