@@ -57,9 +57,9 @@ def _rows(run: Trajectory, instants: Array) -> Iterator[tuple[float, Array, Arra
     for t in instants.tolist():
         there, v = _flown(scene, x, v, t - now)
         now, x, gap = t, there, gap + scene.across(there - x)
-        v, touching = v.copy(), []
         if met < len(log) and instants[0] < log["t_begin"][met] <= t:
             yield t, x, v, gap
+        v, touching = v.copy(), []
         while met < len(log) and log["t_begin"][met] <= t:
             pair = int(log["pair"][met])
             v[list(scene.bodies(pair))] = log["v_out"][met]

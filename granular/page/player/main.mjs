@@ -65,7 +65,8 @@ class Player {
   view(run) {
     const box = h("div", { class: `run-box${run.upright ? " upright" : ""}` }), sides = h("div", { class: "sides" }), over = h("div", { class: "over-time" });
     const law = run.about.slice(0, 1).map(([, said]) => h("p", { class: "about" }, said));
-    box.append(h("h2", { class: run.engine }, `${run.name}: ${run.engine} spheres`), ...law, sides);
+    const kind = `${run.engine} spheres`, heading = run.name === kind ? kind : `${run.name}: ${kind}`;
+    box.append(h("h2", { class: run.engine }, heading), ...law, sides);
     const now = h("div", {}, h("p", { class: "key" }, "now")), flat = run.n > 40 ? 84 : 130;
     sides.append(now, over);
     const balls = new Picture(now, run.upright ? 420 : flat, "balls now", run.upright ? { left: 46, right: 4, bottom: 8 } : { left: 14, top: 6 });
