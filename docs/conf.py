@@ -3,6 +3,7 @@
 Nothing is fetched: no fonts, scripts or formulas from elsewhere, so the pages work from ``file://``.
 """
 
+import gc
 import re
 import sys
 from importlib import import_module
@@ -24,6 +25,8 @@ version = release = granular.__version__
 
 QUICK = tags.has("quick")  # noqa: F821
 """``sphinx-build -t quick``: no sources, index or search, and examples are laid out without being run."""
+if QUICK:
+    gc.disable()  # it is over in seconds; to look for garbage takes one in five of them
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml"]
 extensions += [] if QUICK else ["sphinx.ext.viewcode"]
 html_use_index = html_domain_indices = not QUICK

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 
 import granular as gr
 
-OVER = ["restitution=0.3:1:20", "gap=1e-6:1e-2:20:log"]
+OVER = ["restitution=0.3:1:16", "gap=1e-6:1e-2:16:log"]
 
 
 def main():

@@ -2,6 +2,7 @@
 
 import base64
 import io
+import json
 import re
 import shutil
 import subprocess
@@ -9,6 +10,7 @@ import sys
 import unicodedata
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parent.parent
@@ -24,8 +26,9 @@ BLOCKS = """[...document.querySelectorAll('article :is(h1, h2, h3, p, li, td, th
 def test_the_site(tmp_path, subtests):
     """One build serves all: it is the dearest part."""
     site, html = built(tmp_path)
-    for claim in (nothing_is_fetched, what_is_named_is_there, the_start_page_leads_on, every_picture_is_described,
-                  formulas_are_mathml, long_tables_are_folded, sheets_are_printed_without_loss):  # fmt: skip
+    for claim in (nothing_is_fetched, what_is_named_is_there, the_start_page_leads_on, the_recorded_run_hops,
+                  every_picture_is_described, formulas_are_mathml, long_tables_are_folded,
+                  sheets_are_printed_without_loss):  # fmt: skip
         with subtests.test(msg=claim.__name__):
             claim(site, html)
 
@@ -68,6 +71,20 @@ def the_start_page_leads_on(site, html):
     assert "<title>granular: hard or soft?" in html[site / "page" / "index.html"]
     assert '"name":"soft spheres"' in html[site / "page" / "player.html"]
     assert (site / "_static" / "two-balls.gif").stat().st_size < 400_000
+
+
+def the_recorded_run_hops(site, html):
+    """Between their four contacts the balls are 34, 16 and 9 µm apart at most; few rows would not show it."""
+    data = re.search(r'<script[^>]*id="data">(.*?)</script>', html[site / "page" / "player.html"], re.DOTALL)[1]
+    soft = json.loads(data)["runs"][1]
+    time, begin, end = (np.frombuffer(base64.b64decode(text), "<f8")
+                        for text in (soft["time"], soft["contacts"]["begin"], soft["contacts"]["end"]))  # fmt: skip
+    pair = np.frombuffer(base64.b64decode(soft["contacts"]["pair"]), "<i4")
+    points = np.frombuffer(base64.b64decode(soft["path"]), "<f4").reshape(len(time), 3)
+    apart = points[:, 2] - points[:, 1]
+    spans = zip(end[pair == 1], begin[pair == 1][1:], strict=False)
+    hops = [apart[(time > leaves) & (time < meets)].max() for leaves, meets in spans]
+    assert np.round(1e6 * np.array(hops)).tolist() == [34, 16, 9]
 
 
 def every_picture_is_described(site, html):

@@ -14,7 +14,8 @@ import pytest
 
 import granular as gr
 from granular.cli import main
-from granular.page import assemble, live_page, opening, player_page, recording
+from granular.page import assemble, described, live_page, opening, player_page, recording
+from granular.page.filled import filled
 
 HERE = Path(__file__).parent / "page"
 
@@ -184,6 +185,67 @@ def test_a_wave_narrower_than_a_lane_is_not_lost(monkeypatch) -> None:
     field = recording.recorded(run, "chain")["field"]
     values = unpacked(field["values"], "i1").reshape(30, 8)
     np.testing.assert_array_equal(np.abs(values).max(axis=1), 127)  # one ball moves with all the momentum at any time
+
+
+@pytest.mark.parametrize(
+    ("scene", "end"),
+    [
+        (gr.scenes.bouncing_ball(), 20.0),
+        (gr.scenes.column(n=4).replace(external_force=[0.0, -1.0, 0.5, 0.0, -2.0]), 1.0),
+        (gr.scenes.ring_gas(n=12), 3.0),
+        (gr.scenes.heated_gas(n=12), 3.0),
+        (gr.scenes.pendulum_cradle(n=3, rest_gap=1e-3), 3.0),
+    ],
+    ids=["collapse", "forces", "ring", "thermal", "pendula"],
+)
+def test_a_hard_run_with_few_rows_gets_those_that_the_engine_would_have_recorded(scene, end) -> None:
+    """Before, a collapse was drawn with straight lines between a handful of rows."""
+    rule = gr.ConstantRestitution(0.8)
+    run = gr.edmd.simulate(scene, rule, t_end=end, samples=3)
+    more = filled(run, 3000)
+    assert len(more.time) > len(run.time) + 2 * len(np.unique(run.contacts["t_begin"])) - 2
+    last = np.append(np.diff(more.time) > 0.0, True)  # of two rows at a contact that after it
+    asked = gr.edmd.simulate(scene, rule, t_end=end, samples=more.time[last])
+    size = np.ptp(asked.position, axis=0).max()
+    np.testing.assert_allclose(more.position[last], asked.position, atol=1e-8 * size)  # bounces beyond the log: 2e-9
+    np.testing.assert_allclose(more.gap[last], asked.gap, atol=1e-8 * size)
+    log = run.contacts["t_begin"]
+    away = last & ~np.isin(more.time, log) & (more.time < (log[-1] if run.status.name == "collapse" else np.inf))
+    fastest = np.abs(asked.velocity).max()
+    np.testing.assert_allclose(more.velocity[away], asked.velocity[away[last]], atol=1e-8 * fastest)
+
+
+def test_rows_are_added_only_where_they_follow_from_the_log() -> None:
+    scene, rule = gr.scenes.bouncing_ball(), gr.ConstantRestitution(0.8)
+    unlogged = gr.edmd.simulate(scene, rule, t_end=2.0, samples=9, log=False)
+    soft = gr.md.simulate(scene, gr.LinearDashpot(1e5), t_end=1.0, samples=9)
+    shaken = gr.edmd.simulate(gr.scenes.vibrated_column(n=2), rule, t_end=0.2, samples=9)
+    assert all(filled(run, 3000) is run for run in (unlogged, soft, shaken))
+    assert filled(gr.edmd.simulate(scene, rule, t_end=2.0, samples=9), 12).time.shape == (9,)
+
+
+def test_energy_falls_in_steps_and_only_what_is_needed_is_written() -> None:
+    run = gr.edmd.simulate(gr.scenes.bouncing_ball(), gr.ConstantRestitution(0.8), t_end=20.0, samples=3)
+    data = recording.recorded(run, "ball")
+    time, energy = unpacked(data["time"], "<f8"), unpacked(data["energy"], "<f8")
+    assert (np.abs(np.diff(energy))[np.diff(time) > 0.0] < 1e-9 * energy[0]).all()
+    assert data["map"] is None
+    assert data["contacts"]["end"] is None
+    assert data["whole"]["rows"] == len(run.time)
+
+
+@pytest.mark.parametrize(
+    ("scene", "words"),
+    [
+        (gr.scenes.gas(n=5), "5 balls, walls at both ends"),
+        (gr.scenes.three_balls(), "2 balls, floor, g = 9.81 m/s²"),
+        (gr.scenes.ring_gas(n=5), "5 balls, ring"),
+        (gr.scenes.heated_gas(n=5), "5 balls, walls at both ends, left wall Thermal(temperature=2, seed=1), right wall "
+         "Thermal(temperature=1, seed=1)"),
+    ],
+)  # fmt: skip
+def test_the_ends_of_a_scene_are_floor_and_ceiling_only_where_things_fall(scene, words) -> None:
+    assert described.scene(scene) == words
 
 
 def test_a_recorded_run_says_what_it_was_made_of() -> None:

@@ -14,10 +14,12 @@ from granular.binary import at_speed
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import resolved
 from granular.measures import impact_speed
+from granular.scene import Scene
 from granular.trajectory import Trajectory
 
 MANY = 6
 """Up to this many values or laws are told one by one."""
+WALLS = {"floor and ceiling": "walls at both ends", "floor": "left wall", "ceiling": "right wall"}
 LONG = re.compile(r"\d+\.\d*(?:e[-+]?\d+)?")
 
 
@@ -36,6 +38,15 @@ def about(run: Trajectory) -> list[list[str]]:
         ["velocities at the start, m/s", _values(scene.velocity)],
     ]  # fmt: skip
     return told
+
+
+def scene(of: Scene) -> str:
+    """Return the words of a scene: its balls, what is at its ends (walls, where nothing falls), what acts."""
+    said = LONG.sub(lambda found: f"{float(found[0]):.4g}", repr(of)[len("Scene(") : -1])
+    if of.gravity == 0.0:
+        for named, words in WALLS.items():
+            said = said.replace(named, words)
+    return said
 
 
 def _values(values: Array) -> str:

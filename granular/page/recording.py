@@ -1,9 +1,9 @@
 """A recorded run made small enough to embed in a page: thinned out evenly, and told by how much.
 May be skipped: the teaching page, beside the engines.
 
-Rows and contacts beyond the limits are left out one in so many, never merged or smoothed; the map of contacts over
-pairs and time counts every contact. Numbers are kept as 32-bit floats, positions with the radii taken out, where equal
-means touching.
+Rows and contacts beyond the limits are left out one in so many, never merged or smoothed; where contacts are left out a
+map counts all of them over pairs and time. Hard runs get the rows that they lack (`filled`). Numbers are kept as 32-bit
+floats, positions with the radii taken out, where equal means touching.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ import numpy as np
 
 from granular.measures import ACCOUNT, balance
 from granular.page import described
+from granular.page.filled import filled
 from granular.scene import Scene
 from granular.trajectory import Trajectory, points
 
-NUMBERS = 400_000
+NUMBERS = 200_000
 """Most positions of bodies kept: rows times bodies."""
 ROWS, BODIES, CONTACTS = 2000, 1024, 20_000
 """Most rows, bodies and single contacts kept."""
@@ -39,30 +40,32 @@ def recorded(run: Trajectory, name: str) -> dict[str, Any]:
         What to call it.
     """
     bodies = evenly(run.scene.n, BODIES)
-    rows = evenly(len(run.time), min(ROWS, max(2, NUMBERS // len(bodies))))
+    most = min(ROWS, max(2, NUMBERS // len(bodies)))
     kept = evenly(len(run.contacts), CONTACTS)
-    thin = part(run, rows)
+    played = filled(run, most)
+    thin = part(played, evenly(len(played.time), most))
     return {
         "name": name,
         "engine": "soft" if run.rule is None else "hard",
-        "scene": repr(run.scene),
+        "scene": described.scene(run.scene),
         "about": described.about(run),
         "upright": run.scene.gravity > 0.0,
         "status": run.status.name,
         "message": run.message,
         "bodies": packed(bodies),
         "n": run.scene.n,
+        "pairs": run.scene.n_pairs,
         "radius": packed(run.scene.radius[bodies]),
         "walls": np.flatnonzero(run.scene.is_wall).tolist(),
         "time": packed(thin.time, np.float64),
         "span": [float(run.time[0]), float(run.time[-1])],
-        "offset": packed((run.position[0] - points(part(run, rows[:1]))[0])[bodies]),
+        "offset": packed((run.position[0] - points(part(run, evenly(1, 1)))[0])[bodies]),
         "path": packed(points(thin)[:, bodies]),
         "energy": packed(np.nan_to_num(thin.energy(), nan=0.0), np.float64),
         "account": _account(run),
         "contacts": contacts(run, kept),
-        "map": contact_map(run),
-        "field": velocity_map(run),
+        "map": contact_map(run) if len(kept) < len(run.contacts) else None,
+        "field": velocity_map(played),
         "whole": {"rows": len(run.time), "contacts": len(run.contacts), "bodies": run.scene.n},
     }
 
@@ -98,13 +101,14 @@ def _account(run: Trajectory) -> list[list[str | float]]:
 
 
 def contacts(run: Trajectory, kept: np.ndarray[Any, np.dtype[np.int64]]) -> dict[str, Any]:
-    """Return the log of the contacts kept, column by column; a contact still open ends with the run."""
+    """Return the log of the contacts kept, column by column; a contact still open ends with the run, and the ends of
+    hard ones are their begins."""
     log = run.contacts[kept]
     before, after = (log[name][:, 1] - log[name][:, 0] for name in ("v_in", "v_out"))
     return {
         "pair": packed(log["pair"]),
         "begin": packed(log["t_begin"], np.float64),
-        "end": packed(np.nan_to_num(log["t_end"], nan=run.time[-1]), np.float64),
+        "end": packed(np.nan_to_num(log["t_end"], nan=run.time[-1]), np.float64) if run.rule is None else None,
         "before": packed(before),
         "after": packed(np.nan_to_num(after, nan=0.0)),
         "impulse": packed(log["impulse"]),

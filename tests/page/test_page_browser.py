@@ -283,6 +283,17 @@ def test_two_runs_share_one_scale_and_zoom_to_their_contacts(tab, tmp_path) -> N
     assert tab.complaints == []
 
 
+def test_a_run_that_is_over_in_an_instant_is_shown(tab, tmp_path) -> None:
+    """Touching hard balls pass a blow on at once: there was no scale of time, and the film was slowed infinitely."""
+    run = gr.edmd.simulate(gr.scenes.newtons_cradle(3), gr.ConstantRestitution(1.0))
+    assert run.time[-1] == run.time[0]
+    player_page(tmp_path / "instant.html", [run])
+    fresh(tab, (tmp_path / "instant.html").as_uri(), "drawn")
+    assert "All of it is at one instant" in text(tab, ".honest")
+    assert text(tab, ".slowdown") == "slowed 9\u00a0×"
+    assert tab.complaints == []
+
+
 def test_a_driven_run_shows_the_work_of_its_walls(tab, tmp_path):
     scene = gr.scenes.bouncing_ball(0.01, plate=gr.walls.Sine.from_acceleration(2.0, 50.0))
     law = gr.LinearDashpot.from_restitution(0.5, k=1e5, pair=scene.pairs[0])

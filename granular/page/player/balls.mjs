@@ -54,7 +54,7 @@ function ball({ pen }, run, i, [x, y], r) {
   if (r < 3) return;
   Object.assign(pen, { strokeStyle: colour(`--${run.engine}`), lineWidth: 1.4 });
   pen.stroke();
-  if (r < 4 + 4 * String(run.bodies[i]).length) return;
+  if (r < 2 + 3 * String(run.bodies[i]).length) return;
   Object.assign(pen, { fillStyle: colour("--ink"), textAlign: "center" });
   pen.fillText(String(run.bodies[i]), x, y + 4);
 }

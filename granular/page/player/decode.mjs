@@ -9,15 +9,15 @@ function unpack(base64, kind) {
 }
 
 export function decoded(raw) {
-  const { contacts: c, map, field } = raw;
+  const { contacts: c, map, field } = raw, begin = unpack(c.begin, "f8");
   const run = {
     ...raw, bodies: unpack(raw.bodies, "i4"), radius: unpack(raw.radius, "f4"), time: unpack(raw.time, "f8"),
     offset: unpack(raw.offset, "f4"), path: unpack(raw.path, "f4"), energy: unpack(raw.energy, "f8"),
     contacts: {
-      pair: unpack(c.pair, "i4"), begin: unpack(c.begin, "f8"), end: unpack(c.end, "f8"), before: unpack(c.before, "f4"),
+      pair: unpack(c.pair, "i4"), begin, end: c.end === null ? begin : unpack(c.end, "f8"), before: unpack(c.before, "f4"),
       after: unpack(c.after, "f4"), impulse: unpack(c.impulse, "f4"),
     },
-    map: { ...map, counts: unpack(map.counts, "u2") },
+    map: map && { ...map, counts: unpack(map.counts, "u2") },
     field: { ...field, time: unpack(field.time, "f8"), values: unpack(field.values, "i1") },
   };
   run.width = run.bodies.length;

@@ -27,6 +27,7 @@ class Player {
   constructor({ title, runs }) {
     this.runs = runs.map(decoded);
     this.whole = [Math.min(...this.runs.map((r) => r.span[0])), Math.max(...this.runs.map((r) => r.span[1]))];
+    if (!(this.whole[1] > this.whole[0])) this.whole[1] = this.whole[0] + 1; // touching balls may be done in an instant
     this.span = this.whole;
     this.episodes = episodes(this.runs, this.whole);
     this.range = this.runs.map(reach).reduce((a, b) => [Math.min(a[0], b[0]), Math.max(a[1], b[1])]);
@@ -64,13 +65,14 @@ class Player {
   view(run) {
     const box = h("div", { class: `run-box${run.upright ? " upright" : ""}` }), sides = h("div", { class: "sides" }), over = h("div", { class: "over-time" });
     const law = run.about.slice(0, 1).map(([, said]) => h("p", { class: "about" }, said));
-    box.append(h("h2", { class: run.engine }, `${run.name}: ${run.engine} spheres`), ...law, sides);
+    const kind = `${run.engine} spheres`, heading = run.name === kind ? kind : `${run.name}: ${kind}`;
+    box.append(h("h2", { class: run.engine }, heading), ...law, sides);
     const now = h("div", {}, h("p", { class: "key" }, "now")), flat = run.n > 40 ? 84 : 130;
     sides.append(now, over);
     const balls = new Picture(now, run.upright ? 420 : flat, "balls now", run.upright ? { left: 46, right: 4, bottom: 8 } : { left: 14, top: 6 });
     over.append(h("p", { class: "key lines-key" }));
     const lines = new Picture(over, 250, "positions, distances, velocities or displacements over time");
-    const map = new Picture(over, 54 + Math.min(180, Math.max(44, 20 * (run.n - 1))), "contacts over pairs and time");
+    const map = new Picture(over, 54 + Math.min(180, Math.max(44, 20 * run.pairs)), "contacts over pairs and time");
     const energy = new Picture(over, 150, "energy over time");
     $(".runs").append(box);
     for (const picture of [lines, map, energy]) this.watch(picture);

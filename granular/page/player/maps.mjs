@@ -54,25 +54,25 @@ const legend = ({ upright }, name, peak, unit) =>
 
 // Single contacts as long as all were kept, at any zoom; else how many are under way, the darker the more.
 export function drawContacts(picture, run, span) {
-  const { lanes } = run.map, all = run.contacts.pair.length === run.whole.contacts, n = run.n - 1;
-  picture.begin(span, [-0.5, (all ? n : lanes) - 0.5]);
+  const n = run.pairs, lanes = run.map ? run.map.lanes : n;
+  picture.begin(span, [-0.5, lanes - 0.5]);
   picture.timeAxis();
-  picture.namedAxis(laneNames(run, all ? 1 : n / lanes), n > FEW ? "pair (its lower ball)" : "contacts of pair");
-  const thick = Math.max(1.2, Math.min(14, (0.72 * (picture.b - picture.t)) / (all ? n : lanes)));
+  picture.namedAxis(laneNames(run, n / lanes), n > FEW ? "pair (its lower ball)" : "contacts of pair");
+  const thick = Math.max(1.2, Math.min(14, (0.72 * (picture.b - picture.t)) / lanes));
   picture.inside((pen) => {
     pen.fillStyle = colour(`--${run.engine}`);
-    if (all) singles(picture, run, thick);
-    else counted(picture, run, thick);
+    if (run.map) counted(picture, run, thick);
+    else singles(picture, run, thick);
   });
   picture.keep();
 }
 
 function laneNames(run, each) {
-  if (run.n - 1 > FEW) return ticks([0, run.n - 2], 5).filter(Number.isInteger).map((pair) => [pair / each, tickName(pair)]);
-  return Array.from({ length: run.n - 1 }, (_, pair) => [pair, pairName(run, pair)]);
+  if (run.pairs > FEW) return ticks([0, run.pairs - 1], 5).filter(Number.isInteger).map((pair) => [pair / each, tickName(pair)]);
+  return Array.from({ length: run.pairs }, (_, pair) => [pair, pairName(run, pair)]);
 }
 
-export const pairName = (run, pair) => `${bodyName(run, pair)}·${bodyName(run, pair + 1)}`;
+export const pairName = (run, pair) => `${bodyName(run, pair)}·${bodyName(run, (pair + 1) % run.n)}`;
 
 function bodyName({ walls, upright }, body) {
   if (!walls.includes(body)) return String(body);

@@ -1,7 +1,7 @@
 // Curves over time: positions, the distance of one pair, energy.
 import { extent, roomy } from "./picture.mjs";
 
-const LOOKS = { hard: [6, 4], soft: [] };
+const LOOKS = { hard: [6, 4], soft: [] }, FEW = 12;
 
 // Rows of a run within a span of time, and the next ones outside.
 function rows({ time }, [t0, t1]) {
@@ -9,6 +9,12 @@ function rows({ time }, [t0, t1]) {
   while (first + 1 < time.length && time[first + 1] <= t0) first++;
   while (last > first && time[last - 1] >= t1) last--;
   return [first, last];
+}
+
+// Between rows nothing is known of soft spheres, so those few that are seen are marked and told.
+function few(run, span) {
+  const [first, last] = rows(run, span);
+  return run.engine === "soft" && last - first < FEW ? "; only the dots were recorded" : "";
 }
 
 function* values(run, span, of) {
@@ -29,7 +35,7 @@ function draw(picture, run, of, strong = true) {
         for (let r = first; r <= last; r++) pen.lineTo(picture.x(run.time[r]), picture.y(of(run, r)[i]));
       }, LOOKS[run.engine]);
     }
-    if (last - first < 12) for (let i = 0; i < n; i += stride) for (let r = first; r <= last; r++) dot(pen, picture.x(run.time[r]), picture.y(of(run, r)[i]));
+    if (last - first < FEW) for (let i = 0; i < n; i += stride) for (let r = first; r <= last; r++) dot(pen, picture.x(run.time[r]), picture.y(of(run, r)[i]));
   });
   return stride;
 }
@@ -46,7 +52,7 @@ export function drawPositions(picture, run, runs, span) {
   picture.leftAxis("m", "position, radii taken out");
   const stride = draw(picture, run, positions);
   picture.keep();
-  return `where lines meet, balls touch${stride > 1 ? `; one line in ${stride} is drawn` : ""}`;
+  return `where lines meet, balls touch${stride > 1 ? `; one line in ${stride} is drawn` : ""}${few(run, span)}`;
 }
 
 // On a scale of its own: what happens between the first and the last contact of the pair, so that hops can be seen.
@@ -60,7 +66,7 @@ export function drawDistance(picture, run, runs, span, pair) {
   picture.inside((pen) => picture.stroke("--muted", 1, () => (pen.moveTo(picture.l, picture.y(0)), pen.lineTo(picture.r, picture.y(0)))));
   draw(picture, run, of);
   picture.keep();
-  return "0 is touching, below 0 the balls overlap; scale set by what happens between the first and the last contact of the pair";
+  return `0 is touching, below 0 the balls overlap; scale set by what happens between the first and the last contact of the pair${few(run, span)}`;
 }
 
 function metWithin({ contacts }, [t0, t1], pair) {

@@ -17,7 +17,7 @@ export class Picture {
 
   // A blank canvas of the width it has now, with scales from data to pixels.
   begin(xs, ys) {
-    const ratio = Math.min(2, devicePixelRatio || 1), width = this.canvas.clientWidth || 600, { left, right, top, bottom } = this.margin;
+    const ratio = matchMedia("print").matches ? 3 : Math.min(2, devicePixelRatio || 1), width = this.canvas.clientWidth || 600, { left, right, top, bottom } = this.margin;
     [this.canvas.width, this.canvas.height] = [width * ratio, this.height * ratio];
     this.canvas.style.height = `${this.height}px`;
     Object.assign(this, { width, xs, ys, l: left, r: width - right, t: top, b: this.height - bottom, pen: this.canvas.getContext("2d") });
