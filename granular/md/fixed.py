@@ -275,7 +275,8 @@ class Run:
             return status, (f"dt = {dt:.3g} s is so long that a ball meets a thermal wall more than {MOST} times in a "
                             "step: take a shorter one."), trust  # fmt: skip
         if trust > most or status is Status.unstable or gain > 0.5:
-            grown = f" and the energy grew {gain + 1.0:.3g}-fold" if gain > 0.5 else ""
+            fold = f"{gain + 1.0:.3g}-fold" if gain < math.inf else "beyond all numbers"
+            grown = f" and the energy grew {fold}" if gain > 0.5 else ""
             message = f"{limit}, the limit is {most:g}{grown}: take dt ≤ {WARN * dt / trust:.2g} s."
             return Status.unstable, message, trust
         if trust > WARN:

@@ -363,7 +363,7 @@ class Run:
         end = self.request.end - self.start if pause is Pause.reached else max(begun, self.seen)
         self.look_at_all()
         row, wanted = None, pause is not Pause.reached or seen == -math.inf
-        if wanted and pause is Pause.reached and self.scene.driven:  # the ledger as a sample there has it, to the bit
+        if wanted and pause is Pause.reached:  # as a sample there, to the bit
             row = self.row_after(end, self.start + end)
         before, untouched, riding = self.without_queue(), Untouched(self.s, end), self.ride is not None
         if self.ride is not None:
