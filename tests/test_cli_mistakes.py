@@ -9,7 +9,7 @@ import pytest
 
 from granular import cases, cli
 
-ABSURD = "1e300 1e-300 nan inf 0 -1 1e154 1e-160 1e17".split()
+ABSURD = ["1e300", "1e-300", "nan", "inf", "0", "-1", "1e154", "1e-160", "1e17"]
 
 
 def test_interrupt_is_exit_code_130(granular, monkeypatch):
@@ -114,7 +114,7 @@ def test_what_is_beyond_machine_or_numbers_is_one_sentence(granular, line, sente
 
 
 @pytest.mark.parametrize(("line", "named"), [
-    ("run bouncing-ball --speed 1e300", "speed is 1e+300: 0 or a size from 1e-75 to 1e+75 is needed; use other units ("),
+    ("run bouncing-ball --speed 1e300", "speed is 1e+300: 0 or a size from 1e-75 to 1e+75 is needed; use other "),
     ("compare chain --mass-ratio 1e308", "mass_ratio is 1e+308: "),
     ("run heated-gas --engine edmd --dimer 1e308", "dimer is 1e+308: "),
     ("run compressed-chain --floor amplitude=1e17 frequency=1e-320", "frequency is 1e-320: "),
