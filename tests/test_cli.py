@@ -126,7 +126,9 @@ def test_compare_reads_a_file_and_its_run_options(granular, tmp_path):
 
 
 def test_compare_of_an_unstable_run_is_exit_code_3(granular):
-    assert granular("compare three-balls --dt 1e-2")[0] == 3
+    code, out, _ = granular("compare newtons-cradle --dt 1e-3")
+    assert code == 3
+    assert "warning: " not in out  # overlaps and speeds of such a run mean nothing
 
 
 def test_compare_draws(granular, tmp_path):
