@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scenes_at_random as draw
+from fuzz import bounded
 
 import granular as gr
 
@@ -43,3 +44,18 @@ def test_the_end_is_a_sample(engine):
                         assert mine[-1].tobytes() == other[-1].tobytes(), (seed, t_end, name)
                 assert end.contacts.tobytes() == sampled.contacts.tobytes()
     assert looked > 12
+
+
+@pytest.mark.parametrize("kind", ["ring", "thermal walls", "pendula"])
+def test_the_end_is_a_sample_in_bounded_scenes(kind):
+    looked = 0
+    for seed in range(("ring", "thermal walls", "pendula").index(kind), 60, 3):
+        one = bounded.generate(seed)
+        log = one.run(max_events=6).contacts
+        for t_end in [float(0.31 * row["t_end"] + 0.69 * row["t_begin"]) for row in log if row["t_end"] > row["t_begin"]][:2]:
+            end, sampled = one.run(t_end=t_end), one.run(t_end=t_end, samples=[t_end])
+            looked += 1
+            for name in (*LINES, "ledger"):
+                mine, other = getattr(end, name), getattr(sampled, name)
+                assert mine is None or mine[-1].tobytes() == other[-1].tobytes(), (seed, t_end, name)
+    assert looked > 5
