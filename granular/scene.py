@@ -315,7 +315,7 @@ class Scene:
             turn, rest = self.pendulum * elapsed, self._share @ self.at_rest
             swing = self._share @ self.displacement * np.cos(turn) + speed / self.pendulum * np.sin(turn)
             return rest + swing
-        return self._share @ self.position + (speed + 0.5 * self._fall * elapsed) * elapsed
+        return (self._share * self.position).sum() + (speed + 0.5 * self._fall * elapsed) * elapsed
 
     def anchor_velocity(self, elapsed: Any, start: float = 0.0) -> Any:
         """Velocity of the anchor in m/s."""
@@ -452,8 +452,9 @@ def points(scene: Scene, gap: Array, position: Array) -> Array:
 
 
 def _at_anchor(scene: Scene, of_bodies: Array) -> Any:
-    """What an array (…, n) says of the anchor: the first wall, or else the centre of mass."""
-    return of_bodies @ scene._share if scene._wall is None else of_bodies[..., scene._wall]
+    """What an array (…, n) says of the anchor: the first wall, or else the centre of mass, of each row by itself: a
+    product of matrices would give a row other digits beside other rows."""
+    return (of_bodies * scene._share).sum(axis=-1) if scene._wall is None else of_bodies[..., scene._wall]
 
 
 def velocities(scene: Scene, rate: Array, elapsed: Array, start: float = 0.0) -> Array:

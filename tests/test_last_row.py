@@ -52,7 +52,8 @@ def test_the_end_is_a_sample_in_bounded_scenes(kind):
     for seed in range(("ring", "thermal walls", "pendula").index(kind), 60, 3):
         one = bounded.generate(seed)
         log = one.run(max_events=6).contacts
-        for t_end in [float(0.31 * row["t_end"] + 0.69 * row["t_begin"]) for row in log if row["t_end"] > row["t_begin"]][:2]:
+        log = log[log["t_end"] > log["t_begin"]][:2]
+        for t_end in (0.31 * log["t_end"] + 0.69 * log["t_begin"]).tolist():
             end, sampled = one.run(t_end=t_end), one.run(t_end=t_end, samples=[t_end])
             looked += 1
             for name in (*LINES, "ledger"):

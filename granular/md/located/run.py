@@ -363,7 +363,7 @@ class Run:
         self.look_at_all()
         row, wanted = None, pause is not Pause.reached or seen == -math.inf
         if wanted and pause is Pause.reached:  # as a sample there, to the bit
-            row = self.row_after(end, self.start + end)
+            row = self.row(self.request.end)
         before, untouched, riding = self.without_queue(), Untouched(self.s, end), self.ride is not None
         if self.ride is not None:
             self.ride.goes_to(end)
