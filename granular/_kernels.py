@@ -19,6 +19,7 @@ import types
 from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
+from time import process_time
 from typing import Any, TypeVar
 from zlib import crc32
 
@@ -178,6 +179,37 @@ def worth(function: Callable[..., Any], work: float, warm: float, cold: float, i
     if work < warm or not have_numba():
         return False
     return work >= cold or in_memory(function, inline) or on_disk(function, inline)
+
+
+class Toll:
+    """The time that this process has spent on a kernel as it stands, and whether it is time for its machine code.
+
+    Nobody knows how long a run goes on. Who goes over once he has spent as long as the code takes to load, or to make,
+    needs at most about twice as long in all as who knew beforehand.
+
+    Parameters
+    ----------
+    function : kernel
+        Which.
+    warm, cold : float
+        Seconds that its machine code takes to be loaded from the disk, and to be made.
+    """
+
+    spent: dict[Any, float] = {}  # noqa: RUF012  one account for all runs of a process
+
+    def __init__(self, function: Callable[..., Any], warm: float, cold: float) -> None:
+        self.function, self.warm, self.cold, self.since = function, warm, cold, process_time()
+
+    def lap(self) -> float:
+        """Count the time since the last call as spent on the kernel; return all seconds spent on it."""
+        now = process_time()
+        total = self.spent[self.function] = self.spent.get(self.function, 0.0) + now - self.since
+        self.since = now
+        return total
+
+    def due(self, ahead: float = 0.0) -> bool:
+        """Return whether to go over to the machine code, if `ahead` more seconds are sure to be spent."""
+        return in_memory(self.function) or worth(self.function, self.lap() + ahead, self.warm, self.cold)
 
 
 def interpreted(function: F) -> F:

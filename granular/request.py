@@ -59,11 +59,14 @@ def requested(
     )
 
 
-def check_end(scene: Scene, t_end: float | None, until: stop.Until | None, max_events: int) -> None:
-    """Raise if nothing says when a run is over whose balls may meet forever."""
-    if scene.endless and t_end is None and until is None and max_events == EVENTS:
+def check_end(
+    scene: Scene, t_end: float | None, until: stop.Until | None, max_events: int, dented: bool = False
+) -> None:
+    """Raise if nothing says when a run is over whose balls may meet forever; `dented` if each bounces in its dent."""
+    if (scene.endless or dented) and t_end is None and until is None and max_events == EVENTS:
         why = "beside a driven wall" if scene.driven else "beside a thermal wall" if scene.heated else (
-            "on a ring" if scene.ring else "of pendula")  # fmt: skip
+            "on a ring" if scene.ring else "of pendula" if scene.pendulum > 0.0 else
+            "under gravity, and laws that lose nothing within a dent once made,")  # fmt: skip
         raise ValueError(f"t_end is None: {why} a run never comes to an end by itself; give t_end, until, or a "
                          "max_events of your own.")  # fmt: skip
 

@@ -89,7 +89,8 @@ def events(scene, eps, t_end, most, t0=0.0):
             square = rate * rate + 2 * bound * gap
             if square < 0 or (bound <= 0 and rate >= 0):
                 return mp.inf
-            s += 2 * gap / (mp.sqrt(square) - rate)
+            root = mp.sqrt(square)
+            s += (rate + root) / bound if rate > 0 else 2 * gap / (root - rate)  # neither is a difference
         return mp.inf
 
     rows = []

@@ -4,9 +4,12 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from granular import cases, cli
+
+ABSURD = ["1e300", "1e-300", "nan", "inf", "0", "-1", "1e154", "1e-160", "1e17"]
 
 
 def test_interrupt_is_exit_code_130(granular, monkeypatch):
@@ -108,6 +111,33 @@ def test_what_is_beyond_machine_or_numbers_is_one_sentence(granular, line, sente
     assert code == cli.MISUSE
     assert sentence in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(("line", "named"), [
+    ("run bouncing-ball --speed 1e300", "speed is 1e+300: 0 or a size from 1e-75 to 1e+75 is needed; use other "),
+    ("compare chain --mass-ratio 1e308", "mass_ratio is 1e+308: "),
+    ("run heated-gas --engine edmd --dimer 1e308", "dimer is 1e+308: "),
+    ("run compressed-chain --floor amplitude=1e17 frequency=1e-320", "frequency is 1e-320: "),
+    ("run chain --mass 1e308", "mass is 1e+308: "),
+])
+def test_a_number_beyond_all_sizes_is_named_and_nothing_warns(granular, line, named):
+    code, out, err = granular(line)
+    assert (code, out) == (cli.MISUSE, "")
+    assert err.startswith(f"granular: {named}")
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_absurd_numbers_never_warn_and_are_refused_in_one_sentence(granular, seed):
+    """Every scene, any options; 0 done, 3 no proper end, or one sentence."""
+    rng = np.random.default_rng(seed)
+    scene, engine = rng.choice(cases.names()), rng.choice(["edmd", "md"])
+    options = [one.name.replace("_", "-") for one in cases.options(scene) if one.kind.startswith("float")]
+    words = [f"--{name} {rng.choice(ABSURD)}" for name in rng.choice(options, 2, replace=False)]
+    code, _, err = granular(f"run {scene} --engine {engine} --max-events 50 --max-steps 500 {' '.join(words)}"
+                            if engine == "md" else f"run {scene} --engine edmd --max-events 50 {' '.join(words)}")
+    assert code in (0, cli.MISUSE, cli.ABNORMAL)
+    assert err.count("\n") == (code == cli.MISUSE)
 
 
 def test_closed_standard_output_is_no_traceback(monkeypatch):

@@ -6,6 +6,7 @@ import hard_twin
 import mpmath as mp
 import numpy as np
 import pytest
+from fuzz import bounded
 
 import granular as gr
 from granular._kernels import have_numba
@@ -213,6 +214,14 @@ def test_of_pendula_every_hit_of_the_twin_is_found(seed):
     scene, eps = hanging(seed), [0.8, 0.9, 1.0][seed % 3]
     result = run(scene, eps, t_end=12.0 / scene.pendulum, max_events=14)
     follows_the_twin(scene, eps, result, 14)
+
+
+@pytest.mark.parametrize("seed", [83, 200, 227])
+def test_the_twin_steps_on_from_a_gap_that_opens_faster_than_it_can_fall_back(seed):
+    """It divided by zero."""
+    one = bounded.generate(seed)
+    result = run(one.scene, 0.8, t_start=one.start, t_end=one.end, max_events=14)
+    follows_the_twin(one.scene, 0.8, result, 14)
 
 
 @QUEUES

@@ -193,6 +193,22 @@ def test_command_measures_the_first_contacts_of_a_scene_that_only_its_time_ends(
     assert np.nanmin(np.abs(times - end)) > 2e-5
 
 
+@pytest.mark.parametrize("line", ["compressed-chain --ends walls", "bouncing-ball --height 0"])
+def test_command_says_at_once_that_no_contact_ends(line, capsys, monkeypatch):
+    """And nothing else; the reference would follow a ball at rest forever."""
+    monkeypatch.setattr(reference.taylor, "solve", lambda *a: pytest.fail("it was solved"))
+    assert cli.main(["frontier", *line.split()]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("granular: scene is Scene(")
+    assert err.endswith("in this time no contact ends, and there is nothing to compare.\n")
+
+
+def test_rest_without_an_end_is_refused():
+    ball = gr.scenes.bouncing_ball()
+    with pytest.raises(ValueError, match="t_end is None: the balls come to rest"):
+        gr.frontier(ball, gr.LinearDashpot.from_restitution(0.5, k=1e5, pair=ball.pairs[0]))
+
+
 def test_command_names_its_mistakes(capsys):
     assert cli.main(["frontier"]) == 2
     assert "frontier needs a scene" in capsys.readouterr().err

@@ -85,6 +85,35 @@ def test_machine_code_must_pay(work, memory, disk, pays, monkeypatch):
     assert _kernels.worth(_kernels.kernel, work, 50, 500) is pays
 
 
+@pytest.mark.parametrize("disk", [False, True])
+@pytest.mark.parametrize("length", [0.01, 0.9, 1.1, 5.0, 30.0, 34.0, 40.0, 600.0])
+@pytest.mark.parametrize("runs", [1, 7])
+def test_who_goes_over_when_it_is_due_takes_at_most_twice_as_long_as_the_better_choice(length, disk, runs, monkeypatch):
+    """A run of that many seconds interpreted, in looks of 0.1 s, at once or in several runs; compiled it takes no
+    time beside loading (1 s) or making (33 s)."""
+    from granular import _kernels
+
+    clock, made = [0.0], [False]
+    monkeypatch.setattr(_kernels, "process_time", lambda: clock[0])
+    monkeypatch.setattr(_kernels, "have_numba", lambda: True)
+    monkeypatch.setattr(_kernels, "in_memory", lambda function, inline=False: made[0])
+    monkeypatch.setattr(_kernels, "on_disk", lambda function, inline: disk)
+    monkeypatch.setattr(_kernels.Toll, "spent", {})
+    price = 1.0 if disk else 33.0
+    for _ in range(runs):
+        toll, left = _kernels.Toll(_kernels.kernel, 1.0, 33.0), length / runs
+        while left > 0.0 and not made[0]:
+            clock[0] += min(left, 0.1)
+            left -= min(left, 0.1)
+            if left > 0.0 and toll.due():
+                made[0], clock[0] = True, clock[0] + price
+        if not made[0]:
+            toll.lap()
+    assert clock[0] <= 2.0 * min(length, price) + 0.2
+    if abs(length - price) > 0.2:
+        assert made[0] is (length > price)
+
+
 @pytest.mark.skipif(not have_numba(), reason="numba is not installed")
 def test_machine_code_is_cached_under_a_name_that_changes_with_all_it_calls():
     names = []

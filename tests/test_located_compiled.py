@@ -46,9 +46,8 @@ def test_same_bits(law: Any, scene: Scene) -> None:
 def test_auto_changes_to_compiled_under_way(monkeypatch: pytest.MonkeyPatch) -> None:
     """`auto` starts interpreted and goes on compiled; nobody sees it in the numbers."""
     driver = sys.modules["granular.md.located.run"]
-    monkeypatch.setattr(driver, "WORTH_LOADING", 500)
-    monkeypatch.setattr(driver, "WORTH_COMPILING", 500)
-    monkeypatch.setattr(driver, "in_memory", lambda _: False)
+    looks = iter(range(100_000))
+    monkeypatch.setattr(driver.Toll, "due", lambda self, ahead=0.0: next(looks) > 4)
     walls = Scene([math.inf, 1.0, 1.0, math.inf], [0.0] * 4, [0.01] * 3, [0.0, 1.0, -0.5, 0.0])
     changed, plain = (run(walls, (LinearDashpot(1e5),) * 3, t_end=8.0, engine=engine) for engine in ("auto", "plain"))
     assert changed.stats["engine"] == "compiled"

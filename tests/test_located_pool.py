@@ -41,7 +41,7 @@ def test_records_agree_under_random_actions(seed: int, monkeypatch: pytest.Monke
     rng = np.random.default_rng([12, seed])
     monkeypatch.setattr(system, "ROOM", int(rng.choice([1, 4, 64])))
     monkeypatch.setattr(run, "worth", lambda *_: False)
-    monkeypatch.setattr(run, "in_memory", lambda _: False)
+    monkeypatch.setattr(run.Toll, "due", lambda self, ahead=0.0: False)
     scene, law = crowd(rng), LAWS[seed % len(LAWS)]
     one, whole = started(scene, law, "auto"), started(scene, law, "plain")
     time, taken = 0.0, 0

@@ -103,3 +103,23 @@ def test_walls_move_on_while_a_pile_rests(law, engine):
     np.testing.assert_allclose(run.velocity[-1, 1:3], -0.02, rtol=1e-3)
     without = gr.md.simulate(scene, law, t_end=100.0, engine=engine)
     np.testing.assert_allclose(without.gap[-1], run.gap[-1], rtol=1e-13)
+
+
+def test_a_plastic_ball_ends_in_an_elastic_bounce_within_its_dent():
+    """Walton-Braun's law loses energy only where an overlap exceeds all before: what is left is a periodic bounce whose
+    height is below the dent; so a run needs an end."""
+    ball = gr.scenes.bouncing_ball()
+    law = gr.WaltonBraun.from_restitution(0.7, k_load=1e5)
+    log = gr.md.simulate(ball, law, t_end=2.6, engine="plain").contacts
+    inward, outward, deepest = -log["v_in"][:, 1], log["v_out"][:, 1], log["xi_max"]
+    first = int(np.flatnonzero(np.diff(inward) > -1e-9 * inward[1:])[0])  # from here on nothing is lost
+    assert 10 < first < 25
+    assert np.abs(outward[first:-1] / outward[first] - 1.0).max() < 1e-12
+    assert np.abs(deepest[first:] / deepest[first] - 1.0).max() < 1e-12
+    dent = (1.0 - law.k_load / law.k_unload) * deepest[first]
+    assert inward[first] ** 2 / (2.0 * 9.81) < dent < inward[first - 1] ** 2 / (2.0 * 9.81)
+    m = float(ball.mass[1])  # the line through the dent: a spring from release to the turning point and back
+    left = 0.5 * m * outward[first] ** 2 + m * 9.81 * (deepest[first] - dent)
+    assert left == pytest.approx(0.5 * law.k_unload * (deepest[first] - dent) ** 2, rel=1e-9)
+    with pytest.raises(ValueError, match="t_end is None: under gravity, and laws that lose nothing within a dent"):
+        gr.md.simulate(ball, law)

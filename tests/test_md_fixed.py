@@ -64,8 +64,7 @@ def test_auto_goes_on_compiled_in_the_middle_of_a_run(monkeypatch, chunk):
     """Also right after a chunk in which contacts ended."""
     from granular.md import fixed
 
-    monkeypatch.setattr(fixed, "WORTH_LOADING", 1000)
-    monkeypatch.setattr(fixed, "worth", lambda *_: True)
+    monkeypatch.setattr(fixed.Toll, "due", lambda self: True)
     monkeypatch.setattr(fixed, "CHUNK", chunk)
     scene, law = three_balls()
     options = {"until": gr.until.contact(0, 2), "dt": 1e-7}
@@ -102,8 +101,7 @@ def test_a_law_that_does_not_compile_runs_plain_and_says_why(monkeypatch):
         def force(self, xi, xi_dot, pair):
             return self.k * max(0.0, xi)
 
-    monkeypatch.setattr(fixed, "WORTH_LOADING", 10)
-    monkeypatch.setattr(fixed, "worth", lambda *_: True)
+    monkeypatch.setattr(fixed.Toll, "due", lambda self: True)
     monkeypatch.setattr(fixed, "CHUNK", 50)
     run = verlet(pair_scene(), Wordy(1.0, "spring"), dt=1e-2)
     assert run.stats["engine"] == "plain"

@@ -153,6 +153,8 @@ def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> 
     untouched = {} if template.pressed is None else {"law": None}
     scene = build.call([template.make], build.walled(of_scene) | untouched)
     end = template.t_end(scene) if t_end is None else _check.number("t_end", t_end, at_least=0.0)
+    if end is not None and not math.isfinite(end):
+        raise ValueError(f"the end time of {name} is beyond the range of numbers; give t_end, or use other units.")
     return Case(scene, None, None, template.until, end, about=about(name))
 
 

@@ -10,6 +10,8 @@ import traceback
 import warnings
 from collections.abc import Sequence
 
+import numpy as np
+
 from granular._kernels import on_making
 from granular.trajectory import Status
 
@@ -51,14 +53,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _act(arguments: Sequence[str]) -> int:
     """Do what the command line says."""
-    from granular.cli import files, parser
+    from granular.cli import extreme, files, parser
 
     try:
         given = parser.parse(arguments)
     except SystemExit:  # --help and --version
         return OK
     files.check(given)
-    ends = {run.status for run in given.act(given) or ()}
+    with np.errstate(all="ignore"), extreme.named(given.given | given.run):  # what is no number is refused in words
+        ends = {run.status for run in given.act(given) or ()}
     return ABNORMAL if ends & {Status.unstable, Status.max_events} else OK
 
 

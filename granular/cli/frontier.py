@@ -31,10 +31,12 @@ def arguments(parser: argparse.ArgumentParser) -> list[Option]:
 
 
 def shortened(case: Case) -> Case:
-    """Return a case that ends after its first contacts, if it has more than can be measured within a minute: where for
-    the longest time none of the later ones begins or ends."""
+    """Return a case that ends after its first contacts, if it has more than can be measured within a minute, and
+    any of them ends: where for the longest time none of the later ones begins or ends."""
     first = case.simulate("md", max_events=MOST)
     if first.status is not Status.max_events:
+        return case
+    if np.isnan(first.contacts["t_end"]).all():
         return case
     times = np.sort(np.concatenate([first.contacts["t_begin"], first.contacts["t_end"]]))
     times = times[~np.isnan(times)][MOST:]

@@ -16,7 +16,7 @@ from granular.comparison.numbers import Compared
 from granular.comparison.verdict import verdict
 from granular.measures import ROUNDING
 from granular.tables import number, problem
-from granular.trajectory import Trajectory
+from granular.trajectory import Status, Trajectory
 
 MANY = 8
 """Up to this many laws or pairs are shown one by one."""
@@ -70,7 +70,9 @@ def _merged(report: Compared) -> Iterator[str]:
 
 
 def _extremes(report: Compared) -> Iterator[str]:
-    """Deep overlaps, and speeds near the speed of sound, 2 π R / t_c."""
+    """Deep overlaps, and speeds near the speed of sound, 2 π R / t_c; of an unstable run both mean nothing."""
+    if report.soft.status is Status.unstable:
+        return
     run, radius = report.counted[1], report.scene.radius
     order, edge = run.by_pair
     met, log = np.flatnonzero(np.diff(edge)), run.contacts[order]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from granular import until as stop
-from granular._kernels import have_numba, worth
+from granular._kernels import Toll, have_numba
 from granular._records import packed
 from granular.closing import Closing
 from granular.drive import End, Pause, Row, Rows
@@ -31,11 +31,10 @@ from granular.request import Request
 from granular.scene import Scene, positions
 from granular.trajectory import Status
 
-CHUNK = 1 << 15
-"""Steps between two looks at the clock (progress, switch to compiled code)."""
-WORTH_LOADING, WORTH_MAKING = 200_000, 2_000_000
-"""Pair-steps after which ``engine="auto"`` goes on compiled if the machine code is there already, and if not: what is
-left may be as much as was done, and loading or making the code takes as long as these."""
+CHUNK, SHORTEST = 1 << 15, 1 << 8
+"""Steps of a pair between two looks at the clock (progress, switch to compiled code), and steps at least."""
+LOADING, MAKING = 0.7, 8.0
+"""Seconds that it takes to load the machine code, and to make it."""
 MOST_STEPS = 1 << 53
 """Number of the last step: that of the next one would be no float."""
 
@@ -59,6 +58,8 @@ class Run:
         self.crowded = False  # a ball would meet a thermal wall too often in a step
         self.take_off: tuple[int, Any] | None = None  # step and state at which the flight began that ends here
         self.note = self.doubt = ""
+        self.chunk = max(SHORTEST, CHUNK // scene.n_pairs)
+        self.toll = Toll(self.stepper.fit.march, LOADING, MAKING)
         self.closing = Closing(scene, self.start, flattened=True)
 
     def time(self) -> float:
@@ -124,7 +125,7 @@ class Run:
             raise ValueError(f"dt is {self.dt:g}: step {self.k:.3g} is more than can be counted; take a longer step, "
                              "or the method 'located'.")  # fmt: skip
         room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
-        why, k = stepper.march(self.k, int(min(CHUNK, limit - self.k)), room)
+        why, k = stepper.march(self.k, int(min(self.chunk, limit - self.k)), room)
         self.take_off, self.steps, self.k = None, self.steps + k - self.k, k
         if why == loop.UNTIL and stepper.heaters:
             self._forget_later_hits()
@@ -187,10 +188,7 @@ class Run:
         return False
 
     def _compile_if_worth_it(self) -> None:
-        done = self.steps * self.scene.n_pairs
-        if done <= WORTH_LOADING or (
-            have_numba() and not worth(self.stepper.fit.march, done, WORTH_LOADING, WORTH_MAKING)
-        ):
+        if not self.toll.due() and (have_numba() or self.toll.lap() < LOADING):
             return
         self.engine = "plain"
         try:
@@ -235,6 +233,8 @@ class Run:
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended: at its end time, at the onset of a contact that must not act, or at its step."""
+        if self.engine == "auto":
+            self.toll.lap()
         at = self.request.end if pause is Pause.reached else self.time()
         row = self._onset() if self.halted else self.row(at)
         status, message, trust = self._judge(pause.value, row.time)
@@ -275,7 +275,8 @@ class Run:
             return status, (f"dt = {dt:.3g} s is so long that a ball meets a thermal wall more than {MOST} times in a "
                             "step: take a shorter one."), trust  # fmt: skip
         if trust > most or status is Status.unstable or gain > 0.5:
-            grown = f" and the energy grew {gain + 1.0:.3g}-fold" if gain > 0.5 else ""
+            fold = f"{gain + 1.0:.3g}-fold" if gain < math.inf else "beyond all numbers"
+            grown = f" and the energy grew {fold}" if gain > 0.5 else ""
             message = f"{limit}, the limit is {most:g}{grown}: take dt ≤ {WARN * dt / trust:.2g} s."
             return Status.unstable, message, trust
         if trust > WARN:

@@ -64,7 +64,8 @@ def simulate(
     t_end, until : float, stop condition, optional
         End time in s, and a condition from `granular.until`. Without either the run goes on until nothing can
         follow, or to the limits below; beside driven or thermal walls, on a ring and of pendula one of them is needed,
-        for another contact may always follow.
+        for another contact may always follow, and on a floor under laws like `WaltonBraun` alone, by which balls bounce
+        in their dents forever.
         Walls that move towards each other need a `t_end` before they meet.
     t_start : float
         Time in s of the scene's instant.
@@ -144,7 +145,7 @@ def simulate(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, max_steps=max_steps,
         on_event=on_event, on_progress=on_progress,
     )  # fmt: skip
-    check_end(scene, t_end, until, max_events)
+    check_end(scene, t_end, until, max_events, _dented(scene, laws))
     scene = fitted(scene, start, request.end)
     _check_walls(scene, start, request.end)
     _check.choice("engine", engine, ("auto", "plain", "compiled"))
@@ -208,7 +209,7 @@ def resume(
         trajectory.scene, float(trajectory.time[-1]), t_end, until=until, samples=samples, log=log,
         max_events=max_events, max_steps=max_steps, on_event=on_event, on_progress=on_progress,
     )  # fmt: skip
-    check_end(trajectory.scene, t_end, until, max_events)
+    check_end(trajectory.scene, t_end, until, max_events, _dented(trajectory.scene, laws))
     fitted(trajectory.scene, request.start, request.end)  # says so if a path ends before
     _check_walls(trajectory.scene, float(state["origin"]), request.end)
     _check.choice("engine", engine, ("auto", "plain", "compiled"))
@@ -239,6 +240,13 @@ def _check_walls(scene: Scene, start: float, end: float) -> None:
     """Raise if walls at constant speed meet before the end; of driven ones the run takes care."""
     if not scene.driven:
         Closing(scene, start, flattened=True).refuse(end, end)
+
+
+def _dented(scene: Scene, laws: SceneLaws) -> bool:
+    """Return whether balls fall on a floor and lose energy only where an overlap exceeds all before it: each ends in an
+    elastic bounce within its own dent, and none comes to rest."""
+    lossless = all(law.memory and not law.rate_dependent for law in laws.each)
+    return bool(scene.gravity > 0.0 and scene.is_wall[0] and lossless)
 
 
 def _default_step(scene: Scene, laws: SceneLaws) -> float:

@@ -49,8 +49,9 @@ def velocities(scene: Scene, rate: Array, elapsed: Array, start: float = 0.0) ->
 
 
 def _at_anchor(scene: Scene, of_bodies: Array) -> Any:
-    """What an array (…, n) says of the anchor: the first wall, or else the centre of mass."""
-    return of_bodies @ scene._share if scene._wall is None else of_bodies[..., scene._wall]
+    """What an array (…, n) says of the anchor: the first wall, or else the centre of mass, of each row by itself: a
+    product of matrices would give a row other digits beside other rows."""
+    return (of_bodies * scene._share).sum(axis=-1) if scene._wall is None else of_bodies[..., scene._wall]
 
 
 def speed_scale(scene: Scene) -> float:

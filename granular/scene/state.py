@@ -297,7 +297,7 @@ class Scene:
             turn, rest = self.pendulum * elapsed, self._share @ self.at_rest
             swing = self._share @ self.displacement * np.cos(turn) + speed / self.pendulum * np.sin(turn)
             return rest + swing
-        return self._share @ self.position + (speed + 0.5 * self._fall * elapsed) * elapsed
+        return (self._share * self.position).sum() + (speed + 0.5 * self._fall * elapsed) * elapsed
 
     def anchor_velocity(self, elapsed: Any, start: float = 0.0) -> Any:
         """Velocity of the anchor in m/s."""

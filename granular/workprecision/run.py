@@ -22,6 +22,7 @@ from granular.reference import Reference, solve
 from granular.scene import Scene
 from granular.scene import checked as a_scene
 from granular.tables import Report, machine
+from granular.trajectory import Status, Trajectory
 from granular.workprecision import figure, table
 from granular.workprecision.methods import Method, Task, expected_order, own
 from granular.workprecision.peers import NAMES as PEERS
@@ -99,7 +100,8 @@ def frontier(
     Raises
     ------
     TypeError, ValueError
-        For misuse; and for a scene in which no contact ends, since there is nothing to measure.
+        For misuse; for a scene in which no contact ends, since there is nothing to measure; and for one that comes to
+        rest, without `t_end`.
 
     Notes
     -----
@@ -111,9 +113,11 @@ def frontier(
     chosen = METHODS if methods is None else tuple(_check.choice("methods", name, METHODS) for name in methods)
     _check.callback("on_progress", on_progress)
     count = _check.whole("repeats", repeats, at_least=1)
+    if reference is None:
+        _refuse_rest(md.simulate(scene, laws, until=until, t_end=t_end), t_end)
     truth = reference or solve(scene, laws, until=until, t_end=t_end)
     if not truth.durations:
-        raise ValueError(f"scene is {scene!r}: in this time no contact ends, and there is nothing to compare.")
+        raise ValueError(_nothing(scene))
     task = Task(scene, laws, until, t_end, truth)
     tell = on_progress or (lambda reached, count: None)
     with warnings.catch_warnings():
@@ -130,6 +134,19 @@ def frontier(
         scene, laws, until, t_end, truth, tuple(rows), {method.name: method.dial for method in tried},
         {name: expected_order(task, name) for name in chosen if name in FIXED}, level, machine(),
     )  # fmt: skip
+
+
+def _refuse_rest(run: Trajectory, t_end: float | None) -> None:
+    """Raise for a run of which nothing can be learned, or whose rest the slow solvers would follow forever."""
+    if np.isnan(run.contacts["t_end"]).all():
+        raise ValueError(_nothing(run.scene))
+    if run.status is Status.resting and t_end is None:
+        raise ValueError("t_end is None: the balls come to rest, which the reference would follow forever; "
+                         "give t_end, or until.")
+
+
+def _nothing(scene: Scene) -> str:
+    return f"scene is {scene!r}: in this time no contact ends, and there is nothing to compare."
 
 
 def _row(task: Task, method: Method, setting: float, repeats: int, level: float) -> Row:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._kernels import compiled, fitted, in_memory, worth
+from granular._kernels import Toll, compiled, fitted, worth
 from granular._records import column, copied, packed, plain
 from granular._tournament import replay, tournament
 from granular.closing import Closing
@@ -65,11 +65,10 @@ FIRST_LOOK = 256
 """Pieces after which the run first looks whether the scene creeps to rest."""
 AGAIN = 128
 """Pieces beside driven walls after which the run looks again whether a pile rides."""
-WORTH_LOADING, WORTH_COMPILING = 50_000, 300_000
-"""Pieces times pairs after which ``engine="auto"`` goes on compiled if the machine code is on disk, and if it has to be
-made; they take about as long to work off interpreted."""
+LOADING, MAKING, LAUNCH = 1.0, 33.0, 2e-5
+"""Seconds that it takes to load the machine code, to make it, and to launch a pair interpreted."""
 LOOKS = 20, 1500
-"""The same for looks at blocks that may rest or creep, of some milliseconds each."""
+"""Looks at blocks that may rest or creep, of some milliseconds each, after which machine code pays for them too."""
 DISTURBED = ("resolve", "stop", "ignore")
 """What may be done where a contact disturbs another."""
 WHY = {
@@ -132,7 +131,8 @@ class Run:
         flags: dict[str, Any] = {name: True for name, does in moves.items() if does}
         self.fit: Callable[[Any], Any] = lambda kernel: fitted(kernel, **flags)
         self.kernels: Callable[[Any], Any] = self.fit
-        if engine == "compiled" or self.pays(scene.n_pairs):  # to launch is a piece of every pair
+        self.toll = Toll(self.fit(blocks.advance), LOADING, MAKING)
+        if engine == "compiled" or self.pays(LAUNCH * scene.n_pairs):
             self.compile()
         else:
             self.s = to_plain(self.s)
@@ -157,12 +157,9 @@ class Run:
         """Whether the run has stopped before the first contact that disturbs another."""
         return bool(self.counters["disturbing"] == STOP and self.counters["first"] >= 0)
 
-    def pays(self, work: float) -> bool:
-        """Return whether to go on compiled, given how many pieces times pairs there are to do, or have been done."""
-        if self.engine != "auto" or self.collocation is not None:
-            return False
-        advance = self.fit(blocks.advance)
-        return in_memory(advance) or worth(advance, work, WORTH_LOADING, WORTH_COMPILING)
+    def pays(self, ahead: float = 0.0) -> bool:
+        """Return whether to go on compiled, with so many seconds of work ahead that are known of."""
+        return self.engine == "auto" and self.collocation is None and self.toll.due(ahead)
 
     def compile(self) -> None:
         """Go on compiled from the current state: same source, same bits."""
@@ -216,7 +213,7 @@ class Run:
             counters["pause"] *= 2
             if self.rests(limit):
                 return Pause.resting
-        if self.creep is None and self.pays(counters["steps"] * self.scene.n_pairs):
+        if self.creep is None and self.pays():
             self.compile()
         return Pause.full
 
@@ -323,12 +320,14 @@ class Run:
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended, and bring every pair to where it has come."""
         status, impulse = pause.value, [0.0]
+        if self.engine == "auto":
+            self.toll.lap()
         begun = float(self.counters["t"]) if self.creep is None else self.creep.start
         end = self.request.end - self.start if pause is Pause.reached else max(begun, self.seen)
         self.look_at_all()
         row, wanted = None, pause is not Pause.reached or seen == -math.inf
-        if wanted and pause is Pause.reached and self.scene.driven:  # the ledger as a sample there has it, to the bit
-            row = self.row_after(end, self.start + end)
+        if wanted and pause is Pause.reached:  # as a sample there, to the bit
+            row = self.row(self.request.end)
         before, untouched, riding = self.without_queue(), Untouched(self.s, end), self.ride is not None
         if self.ride is not None:
             self.ride.goes_to(end)

@@ -1,0 +1,62 @@
+"""The last row of a run that reaches its end time: the same bits whether it is the end or a sample."""
+
+import numpy as np
+import pytest
+import scenes_at_random as draw
+from fuzz import bounded
+
+import granular as gr
+
+LINES = ("time", "position", "velocity", "gap", "force")
+ENGINES = {
+    "located": lambda scene, laws, **end: gr.md.simulate(scene, laws, engine="plain", **end),
+    "ignore": lambda scene, laws, **end: gr.md.simulate(scene, laws, engine="plain", disturbed="ignore", **end),
+    "verlet": lambda scene, laws, **end: gr.md.simulate(scene, laws, engine="plain", dt=2e-5, **end),
+    "rk4": lambda scene, laws, **end: gr.md.simulate(scene, laws, engine="plain", method="rk4", dt=3e-5, **end),
+    "edmd": lambda scene, laws, **end: gr.edmd.simulate(scene, gr.ConstantRestitution(0.8), collapse="merge", **end),
+}
+
+
+def ends_within_a_contact(scene, laws):
+    """A time within one of the first contacts, and one a little later."""
+    log = gr.md.simulate(scene, laws, engine="plain", max_events=6).contacts
+    log = log[log["t_end"] > log["t_begin"]]
+    return [float(t) for t in (0.31 * log["t_end"] + 0.69 * log["t_begin"])[:2]]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_end_is_a_sample(engine):
+    run, looked = ENGINES[engine], 0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        scene = draw.scene(rng, (1, 4))
+        laws = draw.laws(rng, scene, ("dashpot", "Hertz", "viscoelastic", "Tsuji"), (4.0, 6.0))
+        for t_end in ends_within_a_contact(scene, laws):
+            end = run(scene, laws, t_end=t_end)
+            if end.status is not gr.Status.time:
+                continue
+            looked += 1
+            for samples in (np.array([0.5 * t_end, t_end]), 5):
+                sampled = run(scene, laws, t_end=t_end, samples=samples)
+                for name in LINES:
+                    mine, other = getattr(end, name), getattr(sampled, name)
+                    if mine is not None:
+                        assert mine[-1].tobytes() == other[-1].tobytes(), (seed, t_end, name)
+                assert end.contacts.tobytes() == sampled.contacts.tobytes()
+    assert looked > 12
+
+
+@pytest.mark.parametrize("kind", ["ring", "thermal walls", "pendula"])
+def test_the_end_is_a_sample_in_bounded_scenes(kind):
+    looked = 0
+    for seed in range(("ring", "thermal walls", "pendula").index(kind), 60, 3):
+        one = bounded.generate(seed)
+        log = one.run(max_events=6).contacts
+        log = log[log["t_end"] > log["t_begin"]][:2]
+        for t_end in (0.31 * log["t_end"] + 0.69 * log["t_begin"]).tolist():
+            end, sampled = one.run(t_end=t_end), one.run(t_end=t_end, samples=[t_end])
+            looked += 1
+            for name in (*LINES, "ledger"):
+                mine, other = getattr(end, name), getattr(sampled, name)
+                assert mine is None or mine[-1].tobytes() == other[-1].tobytes(), (seed, t_end, name)
+    assert looked > 5
