@@ -69,6 +69,16 @@ class Closeup:
                 found.append((float(time[top]), float(gap[top])))
         return found
 
+    def depth(self, soft: Trajectory) -> float:
+        """Largest overlap in m."""
+        return max(0.0, -float(self.path(soft)[1].min(initial=0.0)))
+
+    def height(self, soft: Trajectory) -> float:
+        """Height in m of the highest hop; without hops, one that shows overlap or approach."""
+        start = float(self.path(soft)[1][:1].max(initial=0.0))
+        lowest = max(0.4 * self.depth(soft), 0.1 * start, 1e-15)
+        return max((hop for _, hop in self.hops(soft)), default=lowest)
+
 
 def closeup(view: View) -> Closeup | None:
     """What is worth a lens of what is drawn; None where no contacts of neighbouring pairs overlap in time."""
@@ -78,11 +88,13 @@ def closeup(view: View) -> Closeup | None:
     shared = np.zeros(len(log), bool)
     shared[[row for overlap in report.overlaps for row in (overlap.lower, overlap.upper)]] = True
     shared &= log["t_begin"] <= end
-    looked_at = np.flatnonzero(shared & between[log["pair"]])
-    if not len(looked_at) or scene.n_pairs > MOST:
+    if not shared.any() or scene.n_pairs > MOST:
         return None
     onset, until = log["t_begin"], np.nan_to_num(log["t_end"], nan=end)
     spell = np.cumsum(np.append(True, onset[1:] > np.maximum.accumulate(until)[:-1]))
+    looked_at = between[log["pair"]] & np.isin(spell, spell[shared])
+    if not looked_at.any():
+        return None
     places, found = np.unique(np.array([-spell, log["pair"]])[:, looked_at], axis=1, return_counts=True)
     minus_spell, pair = max(zip(found.tolist(), places[1].tolist(), places[0].tolist(), strict=True))[:0:-1]
     inside = spell == -minus_spell
@@ -98,8 +110,7 @@ def closeup(view: View) -> Closeup | None:
 def draw_closeup(axis: Any, look: Closeup, runs: Mapping[str, Trajectory]) -> None:
     """Distances over time, drawn so large that every hop can be seen; touches are numbered, hops measured."""
     view, (time, gap), hops = look.view, look.path(runs["soft"]), look.hops(runs["soft"])
-    depth, start = -float(gap.min(initial=0.0)), float(gap[:1].max(initial=0.0))
-    height = max((hop for _, hop in hops), default=max(0.4 * depth, 0.1 * start, 1e-15))
+    depth, height = look.depth(runs["soft"]), look.height(runs["soft"])
     bottom = 1.2 * min(depth, 2.0 * height if hops else depth)
     unit, name = unit_of(1.3 * height, "m")
     axis.axhline(0.0, color=GREY, lw=0.6)

@@ -65,17 +65,17 @@ def plot(report: Compared, path: str | PathLike[str] | None = None) -> Any:
     return _files.write_figure(path, figure, dpi=200)
 
 
-def both(report: Compared, times: Array) -> dict[str, Trajectory]:
+def both(report: Compared, times: Array, further: bool = False) -> dict[str, Trajectory]:
     """Both runs with rows at those times; of hard spheres only if they do not collide too often."""
     few = len(report.hard.contacts) < 100_000
-    return {engine: with_rows(report, engine, times) for engine in ("soft", "hard") if engine == "soft" or few}
+    return {engine: with_rows(report, engine, times, further) for engine in ("soft", "hard") if engine == "soft" or few}
 
 
 def head(figure: Any, report: Compared, size: float = 9.0) -> None:
     """The verdict as title, and below it the parameters."""
-    said = wrap(verdict(report), 92)
-    small = [line for part in parameters(report).split("\n") for line in wrap(part, 118)]
-    height = 72.0 * figure.get_size_inches()[1]
+    width, height = 72.0 * figure.get_size_inches()
+    said = wrap(verdict(report), int(1.64 * width / size))
+    small = [line for part in parameters(report).split("\n") for line in wrap(part, int(2.1 * width / size))]
     figure.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 1.0 - 1.45 * size * len(said + small) / height))
     for row, line in enumerate(said + small):
         how = {"weight": "bold", "fontsize": size} if row < len(said) else {"color": "#555555", "fontsize": 0.88 * size}

@@ -95,14 +95,15 @@ def window(report: Compared) -> View:
     return View(report, begin, end, first if first > FAR * (end - begin) else 0.0)
 
 
-def with_rows(report: Compared, engine: str, times: Array) -> Trajectory:
-    """One of the two runs again with rows at `times` in s, sorted; beyond its end too if free flight follows."""
+def with_rows(report: Compared, engine: str, times: Array, further: bool = False) -> Trajectory:
+    """One of the two runs again with rows at `times` in s, sorted; beyond its end too if free flight follows, or if it
+    is to go `further`."""
     hard = engine == "hard"
     run = report.hard if hard else report.soft
     free = run.status in (Status.quiet, Status.resting, Status.time)
     free = free or (run.status is Status.until and (hard or isinstance(report.until, Separated)))
     free = free and not report.scene.driven  # a path may end with the run
-    stop = float(times[-1]) if free else min(float(times[-1]), float(run.time[-1]))
+    stop = float(times[-1]) if free or further else min(float(times[-1]), float(run.time[-1]))
     rows: dict[str, Any] = {"t_end": stop, "samples": np.unique(np.minimum(times, stop)), "log": False}
     if hard:
         return edmd.simulate(report.scene, report.rule, **(dict(report.hard_options) | rows | {"until": None}))
