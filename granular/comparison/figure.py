@@ -28,6 +28,8 @@ OF_FORCE = ((1e6, "M"), (1e3, "k"), *PREFIXES[:3])
 """Multiples of the newton."""
 COLUMNS = 300
 """Number of spans of time in a force map; each shows the largest force in it, so that no contact is lost."""
+NAMED = 12
+"""Up to this many pairs or balls have their names in the picture."""
 FEW = 6
 """Up to this many pairs forces are drawn as curves, beyond as a map over pairs and time."""
 SMALL: dict[str, Any] = {"fontsize": 8}
@@ -89,8 +91,10 @@ def mark(axis: Any, view: View, look: Closeup) -> None:
         axis.axvspan(view.clock(begin), view.clock(end), color=GREY, alpha=0.2, lw=0, zorder=0)
 
 
-def timeline(axis: Any, view: View) -> None:
-    """Bars where soft contacts last, marks where hard collisions happen; one line a pair."""
+def timeline(axis: Any, view: View, named: int = NAMED) -> None:
+    """Bars where soft contacts last, marks where hard collisions happen; one line a pair, up to so many with a name."""
+    from matplotlib.ticker import MaxNLocator
+
     (hard, soft), n = (run.contacts for run in view.report.counted), view.report.scene.n_pairs
     start = view.clock(soft["t_begin"])
     width = view.clock(np.nan_to_num(soft["t_end"], nan=view.end)) - start
@@ -100,11 +104,11 @@ def timeline(axis: Any, view: View) -> None:
     axis.vlines(start + 0.5 * width, soft["pair"] - 0.31, soft["pair"] - 0.01, color=SOFT, lw=THIN)
     axis.scatter(view.clock(hard["t_begin"]), hard["pair"] + 0.22, marker="|", s=60, color=HARD)
     _tell_of_later(axis, view)
-    axis.set(ylim=(-0.6, n - 0.3), xlim=view.limits, ylabel="contacts" if n <= 12 else "contacts\nof pair")
-    if n <= 12:
+    axis.set(ylim=(-0.6, n - 0.3), xlim=view.limits, ylabel="contacts" if n <= named else "contacts\nof pair")
+    if n <= named:
         axis.set_yticks(range(n), [f"pair {c}: {pair_name(view.report.scene, c)}" for c in range(n)], **SMALL)
     else:
-        axis.set_yticks(np.linspace(0, n - 1, 6).astype(int))
+        axis.yaxis.set_major_locator(MaxNLocator("auto", integer=True))
 
 
 def _tell_of_later(axis: Any, view: View) -> None:
@@ -140,6 +144,8 @@ def force_curve(axis: Any, clock: Array, force: Array) -> None:
 
 def _force_map(figure: Any, axis: Any, view: View, soft: Trajectory) -> None:
     """The largest force in each column and on each pair: from samples, and from the log of short contacts."""
+    from matplotlib.colors import PowerNorm
+
     largest = np.zeros((COLUMNS, soft.scene.n_pairs))
     left, right = view.shown
 
@@ -154,7 +160,8 @@ def _force_map(figure: Any, axis: Any, view: View, soft: Trajectory) -> None:
     unit, name = unit_of(peak or 2.0, "N", prefixes=OF_FORCE)
     image = axis.imshow(
         largest.T / unit, origin="lower", aspect="auto", cmap="Blues", interpolation="nearest",
-        extent=(left, right, -0.5, soft.scene.n_pairs - 0.5), vmin=0.0, vmax=peak / unit or 1.0,
+        extent=(left, right, -0.5, soft.scene.n_pairs - 0.5),
+        norm=PowerNorm(0.4, 0.0, peak / unit or 1.0),  # forces of a few per cent are seen too
     )  # fmt: skip
     figure.colorbar(image, cax=axis.inset_axes((1.012, 0.0, 0.014, 1.0)), label=f"force, {name}")
     axis.set_ylabel("pair")
@@ -177,7 +184,7 @@ def world_lines(axis: Any, view: View, runs: Mapping[str, Trajectory]) -> None:
     bottom = max(min(float(y.min()) for y in shown.values()), low - room)
     top = min(max(float(y.max()) for y in shown.values()), high + room)
     pad = 0.04 * (top - bottom) or 1.0
-    if view.report.scene.n <= 12:
+    if view.report.scene.n <= NAMED:
         _name(axis, view, shown["soft"][-1] / unit, (top - bottom) / unit)
     axis.set(ylim=((bottom - pad) / unit, (top + pad) / unit), ylabel=f"paths, radii\ntaken out, {name}")
 

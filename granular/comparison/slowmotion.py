@@ -11,7 +11,7 @@ import numpy as np
 from granular.comparison.acts import Pictures
 from granular.comparison.caption import pair_name
 from granular.comparison.closeup import Closeup, closeup, draw_closeup
-from granular.comparison.figure import both, force_curve, head, timeline, world_lines
+from granular.comparison.figure import FEW, NAMED, both, force_curve, head, timeline, world_lines
 from granular.comparison.reel import INK, PAPER, Page, clock_line, page
 from granular.comparison.stage import COLOURS, glass, stage
 from granular.comparison.view import View
@@ -41,7 +41,7 @@ def near(view: View, shown: Pictures) -> Page:
         if look is not None:
             apart = np.asarray(runs[name].gap)[rows[name], look.pair]
             _glass(made, axes[name], look, look.height(runs["soft"]), apart, name)
-    timeline(axes["contacts"], view)
+    timeline(axes["contacts"], view, NAMED if upright else FEW)
     for force in np.transpose(np.asarray(runs["soft"].force)):
         force_curve(axes["forces"], view.clock(runs["soft"].time), force / (force.max() or 1.0))
     axes["forces"].set(ylim=(0.0, 1.05), ylabel="force /\nits peak")

@@ -35,7 +35,7 @@ def stage(axis: Any, scene: Scene, paths: dict[str, Array], name: str, length: f
     colour, upright, soft = COLOURS[name], scene.gravity > 0.0, paths["soft"]
     radius = _radii(scene, length)
     low, high = float(soft.min()), float(soft.max())
-    top = min(float(paths[name].max()), high + 0.35 * (high - low))
+    top = min(max(float(places.max()) for places in paths.values()), high + 0.35 * (high - low))
     room = length - 0.06 - 2.0 * float(radius.sum())
     deepest = np.maximum(0.0, -scene.across(soft).min(axis=0))
     sinks = deepest / (0.6 * np.minimum(*scene.sides(np.where(radius > 0.0, radius, np.inf))))
