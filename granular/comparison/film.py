@@ -44,7 +44,7 @@ def animate(
     whole : bool
         False leaves out fall and flight: one slow motion of the contacts, as long as `seconds` says.
     """
-    ending = _check.choice(f"ending of {Path(path).name}", Path(path).suffix.lower(), ENDINGS)
+    ending = check_film(path)
     _check.number("seconds", seconds, above=0.0)
     _check.whole("fps", fps, at_least=1)
     if report.scene.n > MOST_BALLS:
@@ -54,6 +54,11 @@ def animate(
     view = window(report)
     reel = pages(view, pictures(view, seconds, fps, whole))
     _files.write(path, lambda draft: save(reel, draft, writer))
+
+
+def check_film(path: str | PathLike[str]) -> str:
+    """Return the ending of a film; raise `ValueError` unless it is one that can be written."""
+    return _check.choice(f"ending of {Path(path).name}", Path(path).suffix.lower(), ENDINGS)
 
 
 def _writer(ending: str, fps: int) -> Any:
