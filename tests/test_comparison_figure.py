@@ -83,6 +83,15 @@ def test_the_lens_looks_where_contacts_overlap_and_not_at_the_whole_run():
     assert [line.get_label() for line in marks] == ["end of the hard run: collapse"]
 
 
+def test_the_end_of_a_hard_path_that_goes_on_to_a_collapse_is_marked():
+    scene = gr.scenes.three_balls()
+    report = gr.compare(scene, gr.LinearDashpot(5e7, 1e6), gr.ConstantRestitution(0.1), until=gr.until.contact(0, 2),
+                        t_end=2.0)  # fmt: skip
+    assert report.hard.status is gr.Status.until
+    marks = [line.get_label() for line in panel(report.plot(), "paths").lines if line.get_marker() == "x"]
+    assert marks == ["end of the hard run: collapse"]
+
+
 def test_no_lens_where_every_contact_is_binary():
     far = compared(gr.scenes.three_balls(gap=1e-2), until=gr.until.contact(0, 2))
     assert closeup(window(far)) is None

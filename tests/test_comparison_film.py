@@ -44,6 +44,16 @@ def test_a_fall_has_three_times_each_with_its_own_rate(two):
     assert shown.time[-1] == pytest.approx(highest, abs=0.04)  # 1.04 of the flight
 
 
+def test_no_ball_hangs_in_the_air_because_hard_spheres_have_collapsed():
+    stack = gr.scenes.ball_stack(4, 0.3, gap=1e-4)
+    law = [gr.LinearDashpot.from_restitution(0.3, k=5e7, pair=pair) for pair in stack.pairs]
+    view = window(gr.compare(stack, law, until=gr.until.contact(0, 2)))
+    end = pictures(view, 5.0, 10, True).time[-1]
+    run = gr.edmd.simulate(stack, view.report.rule, t_end=3.0)
+    assert run.status is gr.Status.collapse
+    assert view.end < end <= run.time[-1]
+
+
 def test_one_slow_motion_where_it_is_asked_for_or_nothing_falls(two, cradle):
     for view, whole in ((two, False), (cradle, True)):
         shown = pictures(view, 3.0, 10, whole)

@@ -14,7 +14,7 @@ import numpy as np
 from granular._check import Array
 from granular.comparison.numbers import Compared
 from granular.comparison.view import View, with_rows
-from granular.trajectory import EARLY
+from granular.trajectory import EARLY, Trajectory
 
 FREEZE, HOLD = 0.9, 1.2
 """How long in s the film stops at the floor, and at its end."""
@@ -77,12 +77,17 @@ def has_fall(report: Compared) -> bool:
 
 
 def apex(view: View) -> float:
-    """When the last of the top balls is highest, in s, if it stays in the picture and that is not too long."""
-    report, at = view.report, np.array([view.end])
-    leaving = max(float(with_rows(report, engine, at, further=True).velocity[-1][-1]) for engine in ("hard", "soft"))
-    leaving = min(leaving, HIGHEST**0.5 * report.impact_speed)
-    flight: float = min(LONGEST, max(SHORTEST, 1.04 * leaving / report.scene.gravity))
-    return view.end + flight
+    """When the last of the top balls is highest, in s, if it stays in the picture, that is not too long, and both runs
+    get there."""
+
+    def runs(end: float) -> list[Trajectory]:
+        return [with_rows(view.report, engine, np.array([end]), further=True) for engine in ("hard", "soft")]
+
+    leaving = max(float(run.velocity[-1][-1]) for run in runs(view.end))
+    leaving = min(leaving, HIGHEST**0.5 * view.report.impact_speed)
+    flight = min(LONGEST, max(SHORTEST, 1.04 * leaving / view.report.scene.gravity))
+    reached = min(float(run.time[-1]) for run in runs(view.end + flight))  # hard spheres may collapse meanwhile
+    return max(view.end, reached)
 
 
 def _as_life(begin: float, end: float, fps: int) -> Array:

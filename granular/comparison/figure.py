@@ -177,9 +177,9 @@ def world_lines(axis: Any, view: View, runs: Mapping[str, Trajectory]) -> None:
         colour, dash = {"soft": (SOFT, "-"), "hard": (HARD, "--")}[label]
         lines = axis.plot(t, y / unit, color=colour, ls=dash, lw=1.0)
         lines[0].set_label(f"{label} spheres")
-        if label == "hard" and view.report.hard.status in EARLY and t[-1] < view.shown[1]:
-            axis.plot(t[[-1] * y.shape[1]], y[-1] / unit, "x", color=HARD, ms=5, clip_on=False,
-                      label=f"end of the hard run: {view.report.hard.status.name}")  # fmt: skip
+        why = next((run.status.name for run in (view.report.hard, runs[label]) if run.status in EARLY), "")
+        if label == "hard" and why and t[-1] < view.shown[1]:
+            axis.plot(t[[-1] * y.shape[1]], y[-1] / unit, "x", color=HARD, ms=5, label=f"end of the hard run: {why}")
     room = 0.5 * (high - low)  # for hard balls; faster ones may leave the picture
     bottom = max(min(float(y.min()) for y in shown.values()), low - room)
     top = min(max(float(y.max()) for y in shown.values()), high + room)
