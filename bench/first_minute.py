@@ -20,7 +20,7 @@ from granular.page import live_page
 
 ROOT = Path(__file__).parents[1]
 STATIC = ROOT / "docs" / "_static"
-FILM = {"seconds": 6.0, "fps": 10}
+FILM = {"seconds": 5.0, "fps": 9}
 
 
 def report() -> Any:

@@ -7,9 +7,11 @@ import sys
 
 import pytest
 
+import granular as gr
 from granular import Trajectory, cases, md
 from granular.cases import build
 from granular.cases.options import options_of
+from granular.comparison import film
 
 
 def test_help_teaches_with_examples_units_and_exit_codes(granular):
@@ -134,6 +136,14 @@ def test_compare_of_an_unstable_run_is_exit_code_3(granular):
 def test_compare_draws(granular, tmp_path):
     assert granular("compare three-balls --plot out.png")[0] == 0
     assert (tmp_path / "out.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_compare_films(granular, tmp_path, monkeypatch):
+    image = pytest.importorskip("PIL.Image")
+    monkeypatch.setattr(gr.Comparison, "animate", lambda report, path: film.animate(report, path, seconds=0.2, fps=5))
+    assert granular("compare three-balls --film out.gif")[0] == 0
+    with image.open(tmp_path / "out.gif") as made:
+        assert made.n_frames > 2
 
 
 def fresh(*arguments: str, **settings) -> subprocess.CompletedProcess:

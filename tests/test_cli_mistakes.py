@@ -64,6 +64,8 @@ def test_a_bug_is_not_dressed_up_as_a_mistake_of_the_user(granular, monkeypatch)
     ("compare gas --plot none/out.png", "none/out.png: there is no directory 'none'; make it first."),
     ("compare gas --plot out.pgn", "ending of out.pgn is 'pgn': one of "),
     ("compare gas --plot out", "ending of out is '': one of "),
+    ("compare gas --film out.avi", "ending of out.avi is '.avi': one of .gif, .mp4 is needed."),
+    ("compare gas --film none/out.gif", "none/out.gif: there is no directory 'none'; make it first."),
 ])
 def test_a_mistake_is_one_line_and_exit_code_2(granular, line, sentence):
     code, out, err = granular(line)

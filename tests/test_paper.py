@@ -10,7 +10,7 @@ import pytest
 
 import granular as gr
 from granular import adiabatic, paper, theory
-from granular.paper import problem, sequence, setting
+from granular.paper import maps, problem, sequence, setting
 
 xarray = pytest.importorskip("xarray")
 pytest.importorskip("matplotlib")
@@ -59,6 +59,30 @@ def test_figures_7_and_8_have_the_reference_points(point):
     assert run.count(1) == point["n"]
     assert setting.intervals(run) == pytest.approx(np.array(point["contacts"]), rel=1e-9, abs=0.0)
     assert run.of(1)["v_out"][-1] == pytest.approx([point["v1"], point["v2"]], rel=0.0, abs=1e-10)
+
+
+def test_dips_of_figure_5_go_below_its_axis_in_nature_and_are_drawn_so():
+    def found(power):
+        data = cell(("contacts", "eps_ratio"), gap=10.0**power, restitution=0.9)
+        return int(data["contacts"][1]), float(data["eps_ratio"])
+
+    low, high = -3.4, -3.3  # log10 of the gap in m
+    assert (found(low)[0], found(high)[0]) == (2, 1)
+    ratios = []
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        count, ratio = found(middle)
+        low, high = (middle, high) if count == 2 else (low, middle)
+        ratios += [ratio] if count == 2 else []
+    assert ratios[-1] == min(ratios) == pytest.approx(2.17e-4, rel=0.01)
+    assert ratios[-1] < maps.LOWEST < 0.6 < found(high)[1]
+    grid = np.geomspace(1e-7, 1e-1, 40)
+    coarse = maps.over_gap(40)
+    x, y = maps.closed(grid, coarse["eps_ratio"], coarse["contacts"])
+    added = x[y < maps.LOWEST]
+    assert ((added > grid[0]) & (added < grid[-1])).all()
+    assert (added[-1] < 10.0**high * (grid[1] / grid[0])) & (added[-1] > 10.0**low / (grid[1] / grid[0]))
+    assert maps.closed([1.0, 2.0, 3.0], [0.5, 0.5, 0.5], [2, 1, 1])[0].tolist() == [1.0, 2.0, 3.0]  # nothing jumps
 
 
 def test_claim_contacts_and_spikes_over_restitution():

@@ -19,7 +19,8 @@ USAGE = "SCENE|FILE.toml [options]"
 
 def arguments(parser: argparse.ArgumentParser) -> list[Option]:
     """Add the files to write; return the options of `compare`."""
-    files.offer(parser, plot="draw contacts, forces and world lines of both engines",
+    files.offer(parser, plot="draw contacts, forces and paths of both engines, and a lens on the hops",
+                film="film both engines: fall, contacts slowed down, flight; or .mp4",
                 json="write every number of the report")
     return [option for option in offered(compare) if option.name != "rule"]
 

@@ -13,13 +13,14 @@ from typing import Any
 
 from granular import _files
 from granular._optional import optional
+from granular.comparison.film import check_film
 
 
 def offer(parser: argparse.ArgumentParser, **about: str) -> None:
-    """Add the options --plot, --json and --save, as far as they are described."""
+    """Add the options --plot, --film, --json and --save, as far as they are described."""
     for name, text in about.items():
         to_stdout = "; - for standard output" if name == "json" else ""
-        ending = {"plot": "png", "json": "json", "save": "nc" if "netCDF" in text else "npz"}[name]
+        ending = {"plot": "png", "film": "gif", "json": "json", "save": "nc" if "netCDF" in text else "npz"}[name]
         parser.add_argument(f"--{name}", metavar=f"FILE.{ending}", type=_stdout if to_stdout else str,
                             help=text + to_stdout)
 
@@ -31,13 +32,16 @@ def _stdout(name: str) -> str:
 
 def check(given: argparse.Namespace) -> None:
     """Raise if a file that is asked for cannot be written, or no figure be drawn in the format it has."""
-    for option in ("plot", "json", "save"):
+    for option in ("plot", "film", "json", "save"):
         name = getattr(given, option, None)
         if name is not None:
             _check_writable(name)
     if getattr(given, "plot", None) is not None:
         optional("matplotlib.backend_bases", "--plot")
         _files.check_picture(given.plot)
+    if getattr(given, "film", None) is not None:
+        optional("matplotlib.animation", "--film")
+        check_film(given.film)
 
 
 def deliver(report: Any, given: argparse.Namespace) -> None:
@@ -45,6 +49,8 @@ def deliver(report: Any, given: argparse.Namespace) -> None:
     print(report, file=sys.stderr if given.json == _files.STDOUT else sys.stdout)
     if getattr(given, "plot", None) is not None:
         report.plot(given.plot)
+    if getattr(given, "film", None) is not None:
+        report.animate(given.film)
     if given.json is not None:
         report.to_json(given.json)
 

@@ -1,4 +1,4 @@
-"""The figure of a comparison: contact timelines, forces and world lines of both engines, each in a panel of its own.
+"""The figure of a comparison: contacts, forces and paths of both engines, each in a panel of its own, and a lens.
 May be skipped: pictures, no physics.
 """
 
@@ -6,19 +6,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from os import PathLike
-from textwrap import fill
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
 
 from granular import _files
 from granular._check import Array
+from granular.comparison.caption import pair_name, parameters
+from granular.comparison.closeup import Closeup, closeup, draw_closeup
 from granular.comparison.numbers import Compared
 from granular.comparison.verdict import verdict
 from granular.comparison.view import View, window, with_rows
-from granular.drawing import HARD, SOFT, canvas
+from granular.drawing import GREY, HARD, SOFT, canvas
 from granular.tables import PREFIXES, unit_of
-from granular.trajectory import Trajectory, points
+from granular.trajectory import EARLY, Trajectory, points
 
 THIN = 1.5
 """Least width in points of what marks a contact, however short it is beside the span that is drawn."""
@@ -26,47 +28,87 @@ OF_FORCE = ((1e6, "M"), (1e3, "k"), *PREFIXES[:3])
 """Multiples of the newton."""
 COLUMNS = 300
 """Number of spans of time in a force map; each shows the largest force in it, so that no contact is lost."""
-PAD = 0.015
-"""Share of the time axis that is left free at its ends, lest a mark there be cut."""
+NAMED = 12
+"""Up to this many pairs or balls have their names in the picture."""
 FEW = 6
 """Up to this many pairs forces are drawn as curves, beyond as a map over pairs and time."""
-BESIDE: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "frameon": False, "fontsize": 8}
-"""Where a legend stands."""
+SMALL: dict[str, Any] = {"fontsize": 8}
 
 
 def plot(report: Compared, path: str | PathLike[str] | None = None) -> Any:
-    """Draw contact timelines of both engines, forces and world lines; return the figure, or save it to `path`."""
+    """Draw what both engines make of the scene; return the figure, or save it to `path`.
+
+    From top to bottom: the verdict and the parameters; when the balls of each pair touch; the forces of the soft
+    spheres; the paths of all balls; and, where contacts of neighbours overlap in time, a lens on the distance of the
+    two balls that touch most often meanwhile, on its own scale.
+    """
     view, n = window(report), report.scene.n_pairs
-    heights = [0.22 * min(n, 12) + 0.5, *([0.9] * n if n <= FEW else [0.25 * min(n, 12) + 1.2]), 2.8]
-    figure, panels = canvas(7.0, sum(heights) + 1.4, len(heights), sharex=True, height_ratios=heights)
-    axes = panels[:, 0]
-    figure.suptitle(fill(verdict(report), 110), fontsize=9, ha="left", x=0.02)
-    runs = {"soft": with_rows(report, "soft", view.moments)}
-    if len(report.hard.contacts) < 100_000:
-        runs["hard"] = with_rows(report, "hard", view.moments)
+    look = closeup(view)
+    heights = [0.2 * min(n, 12) + 0.4, *([0.75] * n if n <= FEW else [0.2 * min(n, 12) + 1.0]), 2.4]
+    figure, panels = canvas(7.0, sum(heights) + 1.4 + 2.2 * bool(look), len(heights) + bool(look),
+                            height_ratios=heights + [1.9] * bool(look))  # fmt: skip
+    axes = panels[: len(heights), 0]
+    head(figure, report)
+    runs = both(report, view.moments if look is None else np.union1d(view.moments, look.moments))
     timeline(axes[0], view)
     _forces(figure, axes[1:-1], view, runs["soft"])
     world_lines(axes[-1], view, runs)
-    for axis in axes[[0, -1]]:
-        axis.legend(**BESIDE)
-    axes[-1].set_xlabel(f"time since t = {view.begin:.6g} s, {view.unit[1]}" if view.begin else f"time, {view.unit[1]}")
-    figure.align_ylabels(axes)
+    if look is not None:
+        draw_closeup(panels[-1, 0], look, runs)
+        mark(axes[0], view, look)
+    shared = panels[:, 0] if look is None or look.view is view else axes
+    for axis in shared:
+        axis.set_xlim(view.limits)
+        axis.tick_params(labelbottom=axis is shared[-1])
+    shared[-1].set_xlabel(view.named)
+    axes[0].legend(*axes[-1].get_legend_handles_labels(), loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3,
+                   frameon=False, borderaxespad=0.2, **SMALL)  # fmt: skip
+    figure.align_ylabels(panels[:, 0])
     return _files.write_figure(path, figure, dpi=200)
 
 
-def timeline(axis: Any, view: View) -> None:
-    """Bars where soft contacts last, marks where hard collisions happen; one line a pair."""
+def both(report: Compared, times: Array, further: bool = False) -> dict[str, Trajectory]:
+    """Both runs with rows at those times; of hard spheres only if they do not collide too often."""
+    few = len(report.hard.contacts) < 100_000
+    return {engine: with_rows(report, engine, times, further) for engine in ("soft", "hard") if engine == "soft" or few}
+
+
+def head(figure: Any, report: Compared, size: float = 9.0) -> None:
+    """The verdict as title, and below it the parameters."""
+    width, height = 72.0 * figure.get_size_inches()
+    said = wrap(verdict(report), int(1.64 * width / size))
+    small = [line for part in parameters(report).split("\n") for line in wrap(part, int(2.1 * width / size))]
+    figure.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 1.0 - 1.45 * size * len(said + small) / height))
+    for row, line in enumerate(said + small):
+        how = {"weight": "bold", "fontsize": size} if row < len(said) else {"color": "#555555", "fontsize": 0.88 * size}
+        figure.text(0.015, 1.0 - (0.6 + 1.4 * row) * size / height, line, va="top", ha="left", **how)
+
+
+def mark(axis: Any, view: View, look: Closeup) -> None:
+    """Shade the span of time that the lens shows, if it is a part only of what is drawn."""
+    begin, end = look.view.begin, look.view.end
+    if end - begin < 0.8 * (view.end - view.begin):
+        axis.axvspan(view.clock(begin), view.clock(end), color=GREY, alpha=0.2, lw=0, zorder=0)
+
+
+def timeline(axis: Any, view: View, named: int = NAMED) -> None:
+    """Bars where soft contacts last, marks where hard collisions happen; one line a pair, up to so many with a name."""
+    from matplotlib.ticker import MaxNLocator
+
     (hard, soft), n = (run.contacts for run in view.report.counted), view.report.scene.n_pairs
     start = view.clock(soft["t_begin"])
     width = view.clock(np.nan_to_num(soft["t_end"], nan=view.end)) - start
     for c in range(n):
         bars = np.column_stack([start, width])[soft["pair"] == c]
-        axis.broken_barh(bars, (c - 0.31, 0.3), color=SOFT, lw=0, label="" if c else "soft")
+        axis.broken_barh(bars, (c - 0.31, 0.3), color=SOFT, lw=0)
     axis.vlines(start + 0.5 * width, soft["pair"] - 0.31, soft["pair"] - 0.01, color=SOFT, lw=THIN)
-    axis.scatter(view.clock(hard["t_begin"]), hard["pair"] + 0.22, marker="|", s=60, color=HARD, label="hard")
+    axis.scatter(view.clock(hard["t_begin"]), hard["pair"] + 0.22, marker="|", s=60, color=HARD)
     _tell_of_later(axis, view)
-    axis.set(ylim=(-0.6, n - 0.3), yticks=range(n) if n <= 12 else np.linspace(0, n - 1, 6).astype(int),
-             xlim=(-PAD * view.span, (1.0 + PAD) * view.span), ylabel="contacts\nof pair")  # fmt: skip
+    axis.set(ylim=(-0.6, n - 0.3), xlim=view.limits, ylabel="contacts" if n <= named else "contacts\nof pair")
+    if n <= named:
+        axis.set_yticks(range(n), [f"pair {c}: {pair_name(view.report.scene, c)}" for c in range(n)], **SMALL)
+    else:
+        axis.yaxis.set_major_locator(MaxNLocator("auto", integer=True))
 
 
 def _tell_of_later(axis: Any, view: View) -> None:
@@ -76,7 +118,7 @@ def _tell_of_later(axis: Any, view: View) -> None:
         return
     pairs, last = np.unique(later["pair"]), float(later["t_begin"].max())
     unit, name = unit_of(last, "s")
-    axis.plot(np.full(len(pairs), view.span), pairs, ls="", marker=">", ms=5, color=SOFT, clip_on=False)
+    axis.plot(np.full(len(pairs), view.shown[1]), pairs, ls="", marker=">", ms=5, color=SOFT, clip_on=False)
     axis.set_title(f"{len(later)} later contact{'s' * (len(later) > 1)}, the last at t = {last / unit:.4g} {name} ▸",
                    fontsize=8, loc="right")  # fmt: skip
 
@@ -90,22 +132,25 @@ def _forces(figure: Any, axes: Any, view: View, soft: Trajectory) -> None:
     for axis, c in zip(axes[::-1], range(soft.scene.n_pairs), strict=True):
         unit, name = unit_of(float(force[:, c].max(initial=0.0)) or 2.0, "N", prefixes=OF_FORCE)
         force_curve(axis, view.clock(soft.time), force[:, c] / unit)
-        axis.set_ylabel("$F_{{{},{}}}$, {}".format(*soft.scene.bodies(c), name))
+        axis.set_ylabel(f"force of\n{pair_name(soft.scene, c)}, {name}")
 
 
 def force_curve(axis: Any, clock: Array, force: Array) -> None:
     """A force that pushes, filled down to zero."""
     axis.fill_between(clock, force, color=SOFT, alpha=0.25, lw=0)
     axis.plot(clock, force, color=SOFT, lw=1.0)
-    axis.set_ylim(bottom=0.0)
+    axis.set_ylim(0.0, 1.12 * float(force.max(initial=0.0)) or 1.0)
 
 
 def _force_map(figure: Any, axis: Any, view: View, soft: Trajectory) -> None:
     """The largest force in each column and on each pair: from samples, and from the log of short contacts."""
+    from matplotlib.colors import PowerNorm
+
     largest = np.zeros((COLUMNS, soft.scene.n_pairs))
+    left, right = view.shown
 
     def columns(times: Array) -> Any:
-        return np.clip((view.clock(times) * (COLUMNS / view.span)).astype(int), 0, COLUMNS - 1)
+        return np.clip(((view.clock(times) - left) * (COLUMNS / (right - left))).astype(int), 0, COLUMNS - 1)
 
     np.maximum.at(largest, columns(soft.time), np.asarray(soft.force))
     log = view.report.counted[1].contacts
@@ -115,21 +160,43 @@ def _force_map(figure: Any, axis: Any, view: View, soft: Trajectory) -> None:
     unit, name = unit_of(peak or 2.0, "N", prefixes=OF_FORCE)
     image = axis.imshow(
         largest.T / unit, origin="lower", aspect="auto", cmap="Blues", interpolation="nearest",
-        extent=(0.0, view.span, -0.5, soft.scene.n_pairs - 0.5), vmin=0.0, vmax=peak / unit or 1.0,
+        extent=(left, right, -0.5, soft.scene.n_pairs - 0.5),
+        norm=PowerNorm(0.4, 0.0, peak / unit or 1.0),  # forces of a few per cent are seen too
     )  # fmt: skip
-    figure.colorbar(image, ax=axis, label=f"force, {name}", pad=0.01)
+    figure.colorbar(image, cax=axis.inset_axes((1.012, 0.0, 0.014, 1.0)), label=f"force, {name}")
     axis.set_ylabel("pair")
 
 
 def world_lines(axis: Any, view: View, runs: Mapping[str, Trajectory]) -> None:
     """Positions with the radii taken out, so that lines meet where balls touch and cross where they overlap."""
-    low, high = points(runs["soft"]).min(), points(runs["soft"]).max()
+    of = {label: (view.clock(run.time), np.asarray(points(run))) for label, run in runs.items()}
+    shown = {label: y[(t >= view.shown[0]) & (t <= view.shown[1])] for label, (t, y) in of.items()}
+    low, high = shown["soft"].min(), shown["soft"].max()
     unit, name = unit_of(max(float(high - low), 1e-300), "m")
-    for label, run in runs.items():
+    for label, (t, y) in of.items():
         colour, dash = {"soft": (SOFT, "-"), "hard": (HARD, "--")}[label]
-        lines = axis.plot(view.clock(run.time), points(run) / unit, color=colour, ls=dash, lw=1.0)
-        lines[0].set_label(label)
-    bottom, top = axis.get_ylim()
-    room = 0.5 * (high - low) / unit  # for hard balls; faster ones may leave the picture
-    axis.set(ylim=(max(bottom, low / unit - room), min(top, high / unit + room)),
-             ylabel=f"position, radii taken out, {name}")  # fmt: skip
+        lines = axis.plot(t, y / unit, color=colour, ls=dash, lw=1.0)
+        lines[0].set_label(f"{label} spheres")
+        why = next((run.status.name for run in (view.report.hard, runs[label]) if run.status in EARLY), "")
+        if label == "hard" and why and t[-1] < view.shown[1]:
+            axis.plot(t[[-1] * y.shape[1]], y[-1] / unit, "x", color=HARD, ms=5, label=f"end of the hard run: {why}")
+    room = 0.5 * (high - low)  # for hard balls; faster ones may leave the picture
+    bottom = max(min(float(y.min()) for y in shown.values()), low - room)
+    top = min(max(float(y.max()) for y in shown.values()), high + room)
+    pad = 0.04 * (top - bottom) or 1.0
+    if view.report.scene.n <= NAMED:
+        _name(axis, view, shown["soft"][-1] / unit, (top - bottom) / unit)
+    axis.set(ylim=((bottom - pad) / unit, (top + pad) / unit), ylabel=f"paths, radii\ntaken out, {name}")
+
+
+def _name(axis: Any, view: View, places: Array, height: float) -> None:
+    """Number the balls where their paths end, those together that are close to each other."""
+    order, scene = np.argsort(places, kind="stable"), view.report.scene
+    balls = [int(body) for body in order if not scene.is_wall[body]]
+    starts = [i for i in range(len(balls)) if i == 0 or places[balls[i]] - places[balls[i - 1]] > 0.05 * height]
+    for begin, end in zip(starts, [*starts[1:], len(balls)], strict=True):
+        some = sorted(balls[begin:end])
+        together = len(some) > 2 and some[-1] - some[0] == len(some) - 1
+        said = f"{some[0]}–{some[-1]}" if together else ", ".join(map(str, some))
+        axis.annotate(said, (view.shown[1], places[some].mean()), (10, 0),
+                      textcoords="offset points", va="center", color=SOFT, annotation_clip=False, **SMALL)  # fmt: skip

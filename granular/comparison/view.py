@@ -18,17 +18,22 @@ from granular.tables import unit_of
 from granular.trajectory import Status, Trajectory
 from granular.until import Separated
 
+FAR = 3.0
+"""A span that begins so many times its own length after t = 0 has a clock that starts with its first contact."""
+PAD = 0.015
+"""Share of the time axis that is left free at its ends, lest a mark there be cut."""
 LONE = 0.01
 """Late contacts with up to this share of the impulse may be left out of the time axis, and are told of at its edge."""
 
 
 @dataclass(frozen=True)
 class View:
-    """A comparison from `begin` to `end` in s, on a clock that starts at `begin` and goes in a unit of its own."""
+    """A comparison from `begin` to `end` in s, on a clock that is 0 at `zero` and goes in a unit of its own."""
 
     report: Compared
     begin: float
     end: float
+    zero: float = 0.0
 
     @cached_property
     def unit(self) -> tuple[float, str]:
@@ -36,13 +41,25 @@ class View:
         return unit_of(self.end - self.begin, "s")
 
     @property
-    def span(self) -> float:
-        """What the clock shows at the end."""
-        return (self.end - self.begin) / self.unit[0]
+    def shown(self) -> tuple[float, float]:
+        """What the clock shows at the begin and at the end."""
+        return float(self.clock(self.begin)), float(self.clock(self.end))
 
-    def clock(self, time: Array) -> Array:
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Limits of the time axis, some room left at its ends."""
+        left, right = self.shown
+        return left - PAD * (right - left), right + PAD * (right - left)
+
+    def clock(self, time: Any) -> Any:
         """What the clock shows at times in s."""
-        return (time - self.begin) / self.unit[0]
+        return (time - self.zero) / self.unit[0]
+
+    @property
+    def named(self) -> str:
+        """The clock in words, for the axis."""
+        since = f"time since the first contact at t = {self.zero:.6g} s" if self.zero else "time"
+        return f"{since}, {self.unit[1]}"
 
     @cached_property
     def moments(self) -> Array:
@@ -72,16 +89,21 @@ def window(report: Compared) -> View:
     while len(bulk := ends[3.0 * (ends - first) < last - first]) and share[ends > bulk.max()].sum() <= LONE:
         last = float(bulk.max())
     margin = 0.06 * (last - first) or 1e-3 * abs(first) or 1.0
-    return View(report, max(first - margin, start), last + margin)
+    begin, end = max(first - margin, start), last + margin
+    if report.hard.status is report.soft.status is Status.time:
+        end = min(end, max(last, float(report.soft.time[-1])))
+    return View(report, begin, end, first if first > FAR * (end - begin) else 0.0)
 
 
-def with_rows(report: Compared, engine: str, times: Array) -> Trajectory:
-    """One of the two runs again with rows at `times` in s, sorted; beyond its end too if free flight follows."""
+def with_rows(report: Compared, engine: str, times: Array, further: bool = False) -> Trajectory:
+    """One of the two runs again with rows at `times` in s, sorted; beyond its end too if free flight follows, or if it
+    is to go `further`."""
     hard = engine == "hard"
     run = report.hard if hard else report.soft
-    free = run.status is Status.quiet or (run.status is Status.until and (hard or isinstance(report.until, Separated)))
+    free = run.status in (Status.quiet, Status.resting, Status.time)
+    free = free or (run.status is Status.until and (hard or isinstance(report.until, Separated)))
     free = free and not report.scene.driven  # a path may end with the run
-    stop = float(times[-1]) if free else min(float(times[-1]), float(run.time[-1]))
+    stop = float(times[-1]) if free or further else min(float(times[-1]), float(run.time[-1]))
     rows: dict[str, Any] = {"t_end": stop, "samples": np.unique(np.minimum(times, stop)), "log": False}
     if hard:
         return edmd.simulate(report.scene, report.rule, **(dict(report.hard_options) | rows | {"until": None}))

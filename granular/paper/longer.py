@@ -31,7 +31,7 @@ CANDIDATES = {
     "occupation": r"share of time in contact, $\Lambda$",
     "distance": "distance of velocities, $D$",
     "mass_centre": r"bounce of the whole, $|1-K_{\mathrm{cm}}|$",
-    "restitution": r"$|1-\varepsilon_{\mathrm{eff}}/\varepsilon|$, 1: no $\varepsilon_{\mathrm{eff}}$",
+    "restitution": r"$|1-\varepsilon_{\mathrm{eff}}/\varepsilon|$  (1 where none exists)",
 }
 MARKS = {"two balls": "o", "stack": "^", "cradle": "s", "column": "v", "gas": "x"}
 
@@ -83,16 +83,20 @@ def draw_breakdown(data: Any) -> Any:
     from matplotlib.colors import LogNorm
 
     figure, axes = canvas(PAGE, 4.6, 2, 2)
-    for axis, name, title in ((axes[0, 0], "stack_n", "balls"), (axes[0, 1], "cradle_exponent", "$F\\sim\\xi^p$, $p$")):
+    panels = ((axes[0, 0], "stack_n", "balls"), (axes[0, 1], "cradle_exponent", "$p$ of $F\\sim\\xi^p$"))
+    for axis, name, title in panels:
         _curves(axis, data, name, "error", title)
         axis.set(yscale="log", ylim=(1e-4, 30.0), ylabel=ERROR)
         axis.axhline(WRONG, color=HARD, lw=0.7, ls="--")
+        axis.annotate(f"{100 * WRONG:g} %: limit of Yes", (0.98, WRONG), (0, 2), xycoords=("axes fraction", "data"),
+                      textcoords="offset points", color=HARD, fontsize=7, ha="right")  # fmt: skip
     _curves(axes[1, 0], data, "column_n", "mass_centre_ratio", "balls")
     axes[1, 0].set_ylabel("bounce of the whole, soft/hard")
     gas = data["gas_shared_impulse"]
     image = axes[1, 1].pcolormesh(gas["gas_duration"], gas["gas_packing"], np.maximum(gas.values, 1e-6),
                                   shading="nearest", norm=LogNorm(1e-3, 1.0), cmap="cividis", rasterized=True)
     axes[1, 1].set(xscale="log", xlabel="$t_c$ (s), at thermal speed 1 m/s and 1 ball/m", ylabel="packing")
+    axes[1, 1].set_title(" × ".join(map(str, gas.shape)) + " runs", fontsize=7, loc="right")
     figure.colorbar(image, ax=axes[1, 1], label=r"impulse not binary, $\varphi$", extend="min")
     for axis, tag in zip(axes.flat, "abcd", strict=True):
         letter(axis, f"({tag})", x=0.93, color="white" if tag == "d" else "black")
@@ -138,10 +142,24 @@ def draw_predictors(data: dict[str, Any]) -> Any:
             axis.plot(x, y, MARKS[kind], ms=2.8, mew=0.6, mfc="none", label=kind)
         axis.set(xscale="log", yscale="log", xlabel=title, ylim=(0.5 * LEAST, 30.0))
         letter(axis, f"({tag})  rank correlation {data['rank_correlation'][name]:.2f}")
+        axis.set_xticks(ticks := _decades(axis.get_xlim()), _least(ticks))
     for axis in axes[:, 0]:
+        axis.set_yticks(ticks := _decades(axis.get_ylim()), _least(ticks))
         axis.set_ylabel(ERROR)
     figure.legend(*axes.flat[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=8)
     return figure
+
+
+def _decades(limits: tuple[float, float]) -> list[float]:
+    """Every other power of ten between limits."""
+    low, high = math.ceil(math.log10(limits[0])), math.floor(math.log10(limits[1]))
+    return [10.0**power for power in range(low + low % 2, high + 1, 2)]
+
+
+def _least(ticks: list[float]) -> list[str]:
+    """Their names: the least stands for all that is smaller."""
+    powers = [round(math.log10(tick)) for tick in ticks]
+    return [rf"$\leq 10^{{{power}}}$" if 10.0**power <= 1.01 * LEAST else f"$10^{{{power}}}$" for power in powers]
 
 
 def _off(case: Case) -> float:

@@ -85,7 +85,18 @@ def draw_forces(data: dict[str, Any]) -> Any:
             axis.axvline(t * 1e3, color=HARD, lw=0.9, ls="--", label="hard spheres collide")
         axis.set(ylim=(0.0, 1.12 * data[name].max() / unit), ylabel=label)
         letter(axis, tag, x=0.94)
+    last = float(data["contacts12_s"][-1][1])
+    _instant(axes[0, 0], 0.0, r"$t_{01}^{(b)}$", "left")
+    _instant(axes[0, 0], data["floor_end_s"] * 1e3, r"$t_{01}^{(e)}$", "left")
+    _instant(axes[1, 0], last * 1e3, r"$t_{12}^{(e)}=t_f$", "left")
     axes[1, 0].legend(loc="upper right", bbox_to_anchor=(0.93, 1.0))
     axes[1, 0].set(xlim=(clock[0], clock[-1]), xlabel="$t-t_{10}$  (ms)")
     figure.align_ylabels(axes)
     return figure
+
+
+def _instant(axis: Any, t: float, name: str, side: str) -> None:
+    """Name an instant at the foot of a panel."""
+    axis.axvline(t, color=GREY, lw=0.6, ls=":")
+    axis.annotate(name, (t, 0.0), (3, 8), xycoords=("data", "axes fraction"), textcoords="offset points", ha=side,
+                  va="bottom", bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5})  # fmt: skip

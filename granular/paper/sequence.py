@@ -13,15 +13,17 @@ import numpy as np
 
 from granular import adiabatic, scenes
 from granular._check import Array
-from granular.drawing import COLUMN, FLOOR, HARD, SOFT, canvas
+from granular.drawing import COLUMN, FLOOR, GREY, HARD, SOFT, canvas
 from granular.laws import ViscoelasticHertz
 from granular.paper import setting
+from granular.paper.problem import RESTITUTION
 from granular.scene import Scene
 
 Row = tuple[Array, float]
 """Onset and end in s of every contact (count, 2), and the end of the floor contact in s."""
 SPEED = 3.0
 """Of both viscoelastic balls as the lower one meets the floor, in m/s."""
+AT_SPEED = rf"$\varepsilon$ of both contacts, each at an impact speed of {SPEED:g} m/s"
 RADII, DENSITY = (0.1, 0.0025), 900.0
 
 
@@ -122,8 +124,9 @@ def with_constant(a: float) -> list[ViscoelasticHertz]:
     return [ViscoelasticHertz(k, 1.5 * a * k) for k in setting.hertz(viscoelastic_scene())]
 
 
-def draw(data: dict[str, Any], label: str, top: float, unit: float = 1.0) -> Any:
-    """Time over a parameter in a unit: bands are contacts, broken lines their ends as the adiabatic theory has them."""
+def draw(data: dict[str, Any], label: str, top: float, unit: float = 1.0, marked: float | None = None) -> Any:
+    """Time over a parameter in a unit: bands are contacts, broken lines their ends as the adiabatic theory has them;
+    the fat line is the run of figure 2."""
     figure, ((axis,),) = canvas(COLUMN, 2.9)
     for stretch in data["numerical"]:
         x = stretch["parameter"] * unit
@@ -138,6 +141,10 @@ def draw(data: dict[str, Any], label: str, top: float, unit: float = 1.0) -> Any
         axis.plot(stretch["parameter"], stretch["contacts"].reshape(-1, len(stretch["parameter"])).T * 1e3, **theory)
     if "adiabatic" in data:
         axis.plot([], [], label="adiabatic theory", **theory)
+    if marked is not None:
+        axis.axvline(marked, color=GREY, lw=2.5, alpha=0.5, zorder=0)
+        axis.annotate("figure 2", (marked, 0.03), (4, 0), xycoords=("data", "axes fraction"),
+                      textcoords="offset points", color="#555555")  # fmt: skip
     first, last = data["numerical"][0], data["numerical"][-1]
     axis.set(xlabel=label, ylabel="$t-t_{10}$  (ms)", ylim=(0.0, top),
              xlim=(first["parameter"][0] * unit, last["parameter"][-1] * unit))  # fmt: skip
@@ -145,6 +152,6 @@ def draw(data: dict[str, Any], label: str, top: float, unit: float = 1.0) -> Any
     return figure
 
 
-draw_restitution = partial(draw, label=r"$\varepsilon$", top=1.2)
-draw_viscoelastic_restitution = partial(draw, label=r"$\varepsilon$ at 3 m/s of both contacts", top=10.0)
+draw_restitution = partial(draw, label=r"$\varepsilon$", top=1.2, marked=RESTITUTION)
+draw_viscoelastic_restitution = partial(draw, label=AT_SPEED, top=10.0)
 draw_constant = partial(draw, label=r"$A$  ($\mu$s)", top=10.0, unit=1e6)

@@ -1,0 +1,142 @@
+"""The picture of a comparison: the lens on the hops, names of pairs and balls, parameters, paths to the axis' end."""
+
+import re
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.comparison.caption import number, pair_name, parameters
+from granular.comparison.closeup import closeup
+from granular.comparison.figure import both
+from granular.comparison.view import window
+
+pytest.importorskip("matplotlib")
+
+
+def compared(scene, eps=0.7, k=5e7, **options):
+    law = [gr.LinearDashpot.from_restitution(eps, k=k, pair=pair) for pair in scene.pairs]
+    return gr.compare(scene, law, **options)
+
+
+@pytest.fixture(scope="module")
+def two():
+    return compared(gr.scenes.three_balls(gap=1e-4), until=gr.until.contact(0, 2))
+
+
+@pytest.fixture(scope="module")
+def drawn(two):
+    return two.plot()
+
+
+def panel(figure, name):
+    return next(axis for axis in figure.axes if axis.get_ylabel().startswith(name))
+
+
+def texts(axis):
+    return [text.get_text() for text in axis.texts]
+
+
+def test_the_lens_shows_the_four_hops_on_their_own_scale(two, drawn):
+    look, lens = closeup(window(two)), panel(drawn, "distance")
+    assert look.pair == 1
+    hops = look.hops(both(two, look.moments)["soft"])
+    assert [1e6 * height for _, height in hops] == pytest.approx([34.4, 16.0, 8.63], rel=5e-3)  # by the page too
+    assert [said for said in texts(lens) if said.endswith("µm")] == ["34 µm", "16 µm", "8.6 µm"]
+    assert [said for said in texts(lens) if said.isdigit()] == ["1", "2", "3", "4"]
+    low, high = lens.get_ylim()
+    assert low < -10.0 < 34.4 < high < 2.0 * 34.4
+    soft = next(line for line in lens.lines if line.get_linestyle() == "-" and len(line.get_xdata()) > 100)
+    t, y = soft.get_data()
+    after = t > 1e6 * (two.soft.of(1)["t_begin"][0] - two.soft.of(0)["t_begin"][0])
+    assert low < y[after].min() < 0.0 < y[after].max() < high
+    assert lens.get_xlim() == panel(drawn, "paths").get_xlim()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_every_hop_is_on_the_axis_and_of_the_right_height(seed):
+    random = np.random.default_rng([16, seed])
+    n, ratio, gap = int(random.integers(2, 6)), random.uniform(0.05, 0.5), 10.0 ** random.uniform(-5, -4)
+    stack = gr.scenes.ball_stack(n, ratio, gap=gap)
+    report = compared(stack, random.uniform(0.6, 1.0), until=gr.until.contact(0, 2))
+    look = closeup(window(report))
+    lens = panel(report.plot(), "distance")
+    unit = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9}[lens.get_ylabel().split(", ")[1]]
+    low, high = lens.get_ylim()
+    for time, height in look.hops(both(report, look.moments)["soft"]):
+        again = gr.md.simulate(stack, report.law, t_end=time)
+        assert height == pytest.approx(again.gap[-1][look.pair], rel=1e-6)
+        assert low < 0.0 < height / unit < 0.8 * high
+        assert lens.get_xlim()[0] < look.view.clock(time) < lens.get_xlim()[1]
+
+
+def test_the_lens_looks_where_contacts_overlap_and_not_at_the_whole_run():
+    row = gr.Scene([1.0] * 4, [0.0] * 4, [0.1, 0.2, 0.15], [1.0, 0.3, 0.0, -1.0])
+    report = compared(row, 0.1, 1e5, t_end=2.0)
+    view = window(report)
+    look = closeup(view)
+    assert look.view.end - look.view.begin < 0.2 * (view.end - view.begin)
+    assert look.view.begin < report.overlaps[0].begin < look.view.end
+    figure = report.plot()
+    assert panel(figure, "distance").get_xlim() != panel(figure, "paths").get_xlim()
+    marks = [line for line in panel(figure, "paths").lines if line.get_marker() == "x"]
+    assert [line.get_label() for line in marks] == ["end of the hard run: collapse"]
+
+
+def test_the_end_of_a_hard_path_that_goes_on_to_a_collapse_is_marked():
+    scene = gr.scenes.three_balls()
+    report = gr.compare(scene, gr.LinearDashpot(5e7, 1e6), gr.ConstantRestitution(0.1), until=gr.until.contact(0, 2),
+                        t_end=2.0)  # fmt: skip
+    assert report.hard.status is gr.Status.until
+    marks = [line.get_label() for line in panel(report.plot(), "paths").lines if line.get_marker() == "x"]
+    assert marks == ["end of the hard run: collapse"]
+
+
+def test_no_lens_where_every_contact_is_binary():
+    far = compared(gr.scenes.three_balls(gap=1e-2), until=gr.until.contact(0, 2))
+    assert closeup(window(far)) is None
+    assert not [axis for axis in far.plot().axes if axis.get_ylabel().startswith("distance")]
+
+
+def test_the_picture_says_with_what_it_was_made(two, drawn):
+    said = " ".join(text.get_text() for text in drawn.texts)
+    assert two.verdict in said
+    for word in ("2 balls, m = 3.77 kg and 3.77 g (1000 : 1)", "gap 100 µm", "first impact at 3.132 m/s",
+                 "g = 9.81 m/s²", "LinearDashpot, k = 5·10⁷ N/m, ε = 0.7", "lasts 801 µs and 25.3 µs"):  # fmt: skip
+        assert word in said
+    assert [label.get_text() for label in drawn.axes[0].get_yticklabels()] == ["pair 0: floor·1", "pair 1: 1·2"]
+    assert texts(panel(drawn, "paths")) == ["1, 2"]
+    assert {axis.get_ylabel() for axis in drawn.axes} >= {"force of\n1·2, N", "force of\nfloor·1, kN"}
+
+
+def test_words_stay_within_the_picture(drawn):
+    canvas = pytest.importorskip("matplotlib.backends.backend_agg").FigureCanvasAgg(drawn)
+    canvas.draw()
+    width, height = canvas.get_width_height()
+    top = max(axis.get_window_extent().y1 for axis in drawn.axes)
+    for text in drawn.texts:
+        box = text.get_window_extent()
+        assert 0.0 <= box.x0 < box.x1 <= width
+        assert top < box.y0 < box.y1 <= height
+
+
+def test_parameters_of_many_kinds_of_scene():
+    assert number(5e7) == "5·10⁷"
+    assert number(1e-12) == "10⁻¹²"
+    cradle = gr.compare(gr.scenes.newtons_cradle(3), gr.Hertz(1e9), until=gr.until.separated())
+    scene, laws = parameters(cradle).split("\n")
+    assert scene == "3 balls, m = 1 kg, touching, first impact at 1 m/s"
+    assert laws.startswith("Hertz, k = 10⁹ N/m^1.5, ε = 1, a contact alone lasts ")
+    real = gr.cases.make("real-balls", gap=0.05)
+    report = gr.compare(real.scene, real.law, real.rule, until=real.until)
+    assert "m = 624 g and 57.7 g" in parameters(report)
+    assert re.search(r"a contact alone lasts 12 ms and 7\.44 ms", parameters(report))
+    rule, end = gr.ConstantRestitution(0.5), gr.until.contact(0, 2)
+    own = gr.compare(gr.scenes.three_balls(), gr.LinearDashpot(5e7), rule, until=end)
+    assert "ε = 1 (hard spheres 0.5)" in parameters(own)
+
+
+def test_pairs_have_the_names_of_the_player():
+    box = gr.scenes.gas(2)
+    assert [pair_name(box, c) for c in range(3)] == ["wall·1", "1·2", "2·wall"]
+    assert [pair_name(gr.scenes.ring_gas(3), c) for c in range(3)] == ["0·1", "1·2", "2·0"]
