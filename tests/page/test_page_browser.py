@@ -290,7 +290,7 @@ def test_a_run_that_is_over_in_an_instant_is_shown(tab, tmp_path) -> None:
     player_page(tmp_path / "instant.html", [run])
     fresh(tab, (tmp_path / "instant.html").as_uri(), "drawn")
     assert "All of it is at one instant" in text(tab, ".honest")
-    assert text(tab, ".slowdown") == "slowed 9\u00a0×"
+    assert text(tab, ".slowdown") == "slowed 9 ×"
     assert tab.complaints == []
 
 
