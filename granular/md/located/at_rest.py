@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import kernel
+from granular._kernels import kernel, worth
 from granular._tournament import play
 from granular.md.located.equilibrium import NOT_YET, RESTS
 from granular.md.located.events import locate
@@ -19,6 +19,10 @@ from granular.md.located.plan import planned, settle_series
 from granular.md.located.records import ASKS, BINDING, CREEPS, LIES, LONG, LOOKED, MOVES, REST, STOPPED, WANTS_LOOK
 from granular.md.located.resting import lie, settles, verdict, whole_verdict
 from granular.md.located.step_size import growth, left_out, trusted
+from granular.md.located.system import readable
+
+LOOKS = 20, 1500
+"""Looks at blocks that may rest or creep, of some milliseconds each, after which machine code pays for them too."""
 
 
 @kernel
@@ -98,3 +102,11 @@ def looked_at(s: Any, limit: float, kernels: Any, seldom: Any) -> int:
     if found != NOT_YET:
         return REST if found == RESTS else BINDING
     return WANTS_LOOK if kernels(planned)(s, None) else STOPPED
+
+
+def seldom(kernel: Any, looks: int, kernels: Any) -> Any:
+    """Return a kernel of a compiled run that is called seldom: interpreted, until after so many `looks` machine code,
+    which `kernels` makes, pays."""
+    if worth(kernel, looks, *LOOKS):
+        return kernels(kernel)
+    return lambda s, *more: kernel(readable(s), *more)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from granular import until as stop
 from granular._check import Array
 from granular._kernels import compiled, interpreted, kernel
 from granular._tournament import play
-from granular.md.located.at_rest import looked_at
+from granular.md.located.at_rest import looked_at, seldom
 from granular.md.located.blocks import advance, expose_all, gather, launch
 from granular.md.located.inside import look
 from granular.md.located.log import keep_unsettled
@@ -158,7 +159,7 @@ def _solved(s: System, end: Array, engine: str) -> Many:
     result["why"] = MORE
     for name in ("t_end", "v_lower", "v_upper", "longest"):
         last[name] = math.nan
-    scratch, many, i = np.zeros((3, last.shape[-1])), s, 0
+    scratch, many, i, looks = np.zeros((3, last.shape[-1])), s, 0, 0
     given: Any = end, COMPILED_CHUNK, result, last, scratch
     kernels: Any = compiled  # for types of a single run: less to compile
     if engine == "plain":
@@ -166,7 +167,9 @@ def _solved(s: System, end: Array, engine: str) -> Many:
         given, kernels = (end.tolist(), COMPILED_CHUNK, *rows, scratch.tolist()), interpreted
     while (i := kernels(solve_rows)(many, *given, i)) < len(result):
         if result["why"][i] == WANTS_LOOK:
-            result["why"][i] = looked_at(scene_of(many, i), float(end[i]), kernels, kernels)
+            looks += 1
+            rare: Any = kernels if kernels is interpreted else partial(seldom, looks=looks, kernels=kernels)
+            result["why"][i] = looked_at(scene_of(many, i), float(end[i]), kernels, rare)
             continue
         many = with_room_for_a_table(many, i)
         make_table(scene_of(many, i), None, kernels)

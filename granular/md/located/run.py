@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from granular._kernels import Toll, compiled, fitted, worth
+from granular._kernels import Toll, compiled, fitted
 from granular._records import column, copied, packed, plain
 from granular._tournament import replay, tournament
 from granular.closing import Closing
 from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks, outcome, rides
-from granular.md.located.at_rest import first_asking, gather_slowly, looked_at
+from granular.md.located.at_rest import first_asking, gather_slowly, looked_at, seldom
 from granular.md.located.checkpoint import Checkpoint, Untouched, restored
 from granular.md.located.collocation import Collocation
 from granular.md.located.creep import LARGEST, SMOOTH, Creep, Flight, swinging
@@ -45,7 +45,6 @@ from granular.md.located.records import (
 from granular.md.located.resting import between, lone_pile
 from granular.md.located.ride import Ride
 from granular.md.located.system import (
-    readable,
     system_of,
     to_compiled,
     to_plain,
@@ -67,8 +66,6 @@ AGAIN = 128
 """Pieces beside driven walls after which the run looks again whether a pile rides."""
 LOADING, MAKING, LAUNCH = 1.0, 33.0, 2e-5
 """Seconds that it takes to load the machine code, to make it, and to launch a pair interpreted."""
-LOOKS = 20, 1500
-"""Looks at blocks that may rest or creep, of some milliseconds each, after which machine code pays for them too."""
 DISTURBED = ("resolve", "stop", "ignore")
 """What may be done where a contact disturbs another."""
 WHY = {
@@ -356,10 +353,7 @@ class Run:
     def seldom(self, kernel: Any) -> Any:
         """Return a kernel that is called seldom: also of a compiled run interpreted, until that does not pay."""
         self.looks += 1
-        fit = self.fit(kernel)
-        if isinstance(self.s.run, list) or worth(fit, self.looks, *LOOKS):
-            return self.kernels(kernel)
-        return lambda s, *more: fit(readable(s), *more)
+        return self.kernels(kernel) if isinstance(self.s.run, list) else seldom(self.fit(kernel), self.looks, compiled)
 
     def look_at_all(self) -> None:
         """Plan the blocks that wait for a look whether they creep."""

@@ -65,9 +65,6 @@ def readable(s: System) -> System:
     return System._make([*(records.view(np.recarray) for records in s[:9]), *s[9:]])
 
 
-
-
-
 def new_system(
     columns: Any, kinds: Any, kind_of: Any, room: int, until: stop.Until | None, *, walls: Any = None, lift: Any = None,
     ledger: Any = None, **limits: Any,
