@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular._kernels import kernel
+from granular._kernels import entry, kernel
 from granular.md.driven import ahead, book
 from granular.md.heated import CROWD, HALT, HIT, MOST, heat
 from granular.md.integrators import CHANGED, CLOSED, beside
@@ -43,6 +43,7 @@ def remember(m: int, a: Any) -> None:
         a.top[j + 1] = x if a.xi[j + 1] > 0.0 else 0.0
 
 
+@entry
 @kernel
 def leap(physics: Any, here: Any, there: Any, work: Any, k: int, reach: int, witness: int) -> tuple[int, int]:
     """Take up to `reach` steps of all windows from `here` to `there`, and settle their contacts.
