@@ -146,7 +146,7 @@ def test_merges_are_counted_in_blocks_too(monkeypatch) -> None:
     scene = Scene(np.ones(2000), np.zeros(2000), random.uniform(0.5, 1.5, 1999), random.normal(size=2000))
     for large in (10**9, 100):
         monkeypatch.setattr(blocks, "LARGE", large)
-        options = {"collapse": "merge", "merge_below": 0.05, "engine": "compiled", "t_end": 30.0,
+        options = {"collapse": "merge", "merge_below": 0.05, "engine": "compiled", "log": False, "t_end": 30.0,
                    "samples": 31}  # fmt: skip
         stats.append(edmd.simulate(scene, ConstantRestitution(0.7), **options).stats)
     assert stats[0] == stats[1]

@@ -12,7 +12,7 @@ from granular._kernels import have_numba
 from granular.drive import Pause
 from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz
 from granular.laws.check import checked
-from granular.md.located import Run, run, system
+from granular.md.located import Run, at_rest, run, system
 from granular.md.located.islands import _check
 from granular.request import requested
 from granular.scene import Scene
@@ -40,7 +40,7 @@ def test_records_agree_under_random_actions(seed: int, monkeypatch: pytest.Monke
     """Chunks of any length, a pool that grows, rows read, contacts taken, a change to machine code under way."""
     rng = np.random.default_rng([12, seed])
     monkeypatch.setattr(system, "ROOM", int(rng.choice([1, 4, 64])))
-    monkeypatch.setattr(run, "worth", lambda *_: False)
+    monkeypatch.setattr(at_rest, "worth", lambda *_: False)
     monkeypatch.setattr(run.Toll, "due", lambda self, ahead=0.0: False)
     scene, law = crowd(rng), LAWS[seed % len(LAWS)]
     one, whole = started(scene, law, "auto"), started(scene, law, "plain")
