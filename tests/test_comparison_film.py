@@ -109,7 +109,7 @@ def test_the_ruler_reads_the_heights_of_the_balls(two):
 
 def test_a_drop_from_above_the_picture_leaves_the_ruler_its_place():
     """Before, the words at a height that is not shown pushed all axes out of the layout."""
-    high = window(compared(gr.scenes.three_balls(gap=1e-4, height=1000.0), until=gr.until.contact(0, 2)))
+    high = window(compared(gr.scenes.three_balls(gap=1e-4, height=1e5), until=gr.until.contact(0, 2)))
     made = pages(high, pictures(high, 1.0, 5, True))[0][0]
     made.open()
     title = made.figure.axes[0].title.get_window_extent()
