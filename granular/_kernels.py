@@ -123,7 +123,9 @@ def no_compiler() -> str:
     if sys.modules.get("numba", True) is None or not _is_installed("numba"):
         return "numba is not installed: pip install numba"
     if "numba" in sys.modules:
-        disabled = bool(sys.modules["numba"].config.DISABLE_JIT)
+        import numba  # waits for another thread that is loading it
+
+        disabled = bool(numba.config.DISABLE_JIT)
     else:
         disabled = os.environ.get("NUMBA_DISABLE_JIT", "0").strip() not in ("", "0")
     return "NUMBA_DISABLE_JIT is set, so numba compiles nothing: unset it" if disabled else ""

@@ -162,3 +162,27 @@ def test_a_full_disk_is_no_success(line):
     assert done.returncode not in (0, 1)
     assert done.stderr.startswith("granular: ")
     assert "No space left" in done.stderr
+
+
+@pytest.mark.parametrize(("line", "name"), [
+    ("run mine.toml --save mine.toml", "mine.toml"),
+    ("compare mine.toml --json ./mine.toml", "./mine.toml"),
+    ("compare gas --plot both.svg --json both.svg", "both.svg"),
+    ("compare three-balls --film both.gif --plot both.gif", "both.gif"),
+    ("view run.npz --output run.npz", "run.npz"),
+    ("view run.html", "run.html"),
+])
+def test_nothing_is_written_over_what_the_command_reads_or_writes(granular, tmp_path, line, name):
+    (tmp_path / "mine.toml").write_text(granular("scenes gas")[1], encoding="utf-8")
+    run = cases.make("three-balls").simulate("edmd", max_events=3)
+    for file in ("run.npz", "run.html"):
+        run.save(tmp_path / file)
+    before = {file: file.read_bytes() for file in tmp_path.iterdir()}
+    code, out, err = granular(line)
+    assert (code, out) == (2, "")
+    assert err == f"granular: {name}: is read or written by this command already; a file of its own is needed.\n"
+    assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
+
+
+def test_a_folder_is_no_run_to_view(granular):
+    assert granular("view /")[::2] == (2, "granular: /: Is a directory\n")

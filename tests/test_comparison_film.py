@@ -105,3 +105,12 @@ def test_the_ruler_reads_the_heights_of_the_balls(two):
     low, high = far.figure.axes[0].get_ylim()
     assert low == 0.0 <= hard[1].min()
     assert hard[1].max() < high < 1.1 * hard[1].max()
+
+
+def test_a_drop_from_above_the_picture_leaves_the_ruler_its_place():
+    """Before, the words at a height that is not shown pushed all axes out of the layout."""
+    high = window(compared(gr.scenes.three_balls(gap=1e-4, height=1e5), until=gr.until.contact(0, 2)))
+    made = pages(high, pictures(high, 1.0, 5, True))[0][0]
+    made.open()
+    title = made.figure.axes[0].title.get_window_extent()
+    assert title.y1 < min(text.get_window_extent().y0 for text in made.figure.texts)

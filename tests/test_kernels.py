@@ -1,6 +1,8 @@
 """Kernels made to fit: twins with other constants and other kernels, interpreted and compiled."""
 
 import random
+import subprocess
+import sys
 import types
 
 import pytest
@@ -136,3 +138,19 @@ def test_what_only_kernels_call_is_not_made_for_python_and_an_entry_is_made_once
     caller = compiled(kernel(types.FunctionType(nested.__code__, globals() | {"inner": shared})))
     assert caller.py_func.__globals__["inner"] is compiled(shared)
     assert caller(0.25) == inner(compiled(shared)(0.25)) == nested(0.25)
+
+
+def test_who_asks_while_another_thread_loads_numba_waits_for_it(tmp_path):
+    (tmp_path / "numba.py").write_text("import time\ntime.sleep(0.3)\nclass config:\n    DISABLE_JIT = 0\n")
+    program = """
+import sys, threading, time
+sys.path.insert(0, sys.argv[1])
+from granular._kernels import have_numba
+loading = threading.Thread(target=__import__, args=["numba"])
+loading.start()
+while "numba" not in sys.modules:
+    time.sleep(0.001)
+assert not hasattr(sys.modules["numba"], "config")
+assert have_numba()
+"""
+    subprocess.run([sys.executable, "-c", program, str(tmp_path)], check=True)

@@ -242,6 +242,16 @@ def test_samples_do_not_change_the_trajectory():
     assert rich.force.max() > 3e4
 
 
+@pytest.mark.parametrize("n", [36, 50, 88, 127])
+def test_samples_do_not_change_the_step_on_which_a_flight_ends(n):
+    """Balls that touch on a step: a second look at the flight rounded to the step after."""
+    dt = 3e-5
+    scene = gr.Scene(mass=[1.0, 1.0], radius=[0.1, 0.1], gap=[n * dt], velocity=[1.0, 0.0])
+    run = partial(gr.md.simulate, scene, gr.LinearDashpot(1e6), method="rk4", dt=dt, t_end=n * dt + 1e-3)
+    bare, rich = run(), run(samples=7)
+    assert rich.contacts.tobytes() == bare.contacts.tobytes()
+
+
 def test_free_flight_is_exact_and_costs_no_steps():
     scene = gr.scenes.bouncing_ball(height=1.0)
     run = verlet(scene, gr.LinearDashpot(1e6), samples=[0.1, 0.2, 0.4], t_end=0.4)

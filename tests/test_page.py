@@ -222,6 +222,10 @@ def test_rows_are_added_only_where_they_follow_from_the_log() -> None:
     shaken = gr.edmd.simulate(gr.scenes.vibrated_column(n=2), rule, t_end=0.2, samples=9)
     assert all(filled(run, 3000) is run for run in (unlogged, soft, shaken))
     assert filled(gr.edmd.simulate(scene, rule, t_end=2.0, samples=9), 12).time.shape == (9,)
+    mass, radius, gap = [np.inf, 0.03, 0.03], [0.0, 0.01, 0.01], [0.0, 7e-4]
+    resting = gr.Scene(mass=mass, radius=radius, gap=gap, velocity=[0.0] * 3, gravity=9.81)
+    ends_in_a_contact = gr.edmd.simulate(resting, gr.ConstantRestitution(0.9), max_events=6)
+    assert filled(ends_in_a_contact, 3000) is ends_in_a_contact  # before, the ball at rest fell through the floor
 
 
 def test_energy_falls_in_steps_and_only_what_is_needed_is_written() -> None:

@@ -8,11 +8,13 @@ import argparse
 import os
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from granular import _files
 from granular._optional import optional
+from granular.cases.ready import is_file
 from granular.comparison.film import check_film
 
 
@@ -32,16 +34,26 @@ def _stdout(name: str) -> str:
 
 def check(given: argparse.Namespace) -> None:
     """Raise if a file that is asked for cannot be written, or no figure be drawn in the format it has."""
-    for option in ("plot", "film", "json", "save"):
-        name = getattr(given, option, None)
-        if name is not None:
-            _check_writable(name)
+    asked = [getattr(given, option, None) for option in ("plot", "film", "json", "save")]
+    written = [name for name in asked if name is not None]
+    for name in written:
+        _check_writable(name)
+    check_apart(written, [given.target] if given.target and is_file(given.target) else [])
     if getattr(given, "plot", None) is not None:
         optional("matplotlib.backend_bases", "--plot")
         _files.check_picture(given.plot)
     if getattr(given, "film", None) is not None:
         optional("matplotlib.animation", "--film")
         check_film(given.film)
+
+
+def check_apart(written: Sequence[str], read: Sequence[str]) -> None:
+    """Raise if a file that is to be written is one that is read, or one that is to be written already."""
+    taken = set(map(os.path.realpath, read))
+    for name in written:
+        if os.path.realpath(name) in taken and not _files.is_stream(name):
+            raise ValueError(f"{name}: is read or written by this command already; a file of its own is needed.")
+        taken.add(os.path.realpath(name))
 
 
 def deliver(report: Any, given: argparse.Namespace) -> None:

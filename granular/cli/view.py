@@ -7,6 +7,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from granular.cli import files
 from granular.cli.page import announce, offer
 from granular.page import player_page
 from granular.trajectory import Trajectory
@@ -23,7 +24,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(given: argparse.Namespace) -> None:
     """Read the runs, write the page and say where it is."""
-    files = list(map(Path, given.runs))
-    output = given.output or str(files[0].with_suffix(".html"))
-    player_page(output, [Trajectory.load(file) for file in files], [file.stem for file in files], given.title)
+    paths = list(map(Path, given.runs))
+    runs = [Trajectory.load(path) for path in paths]
+    output = given.output or str(paths[0].with_suffix(".html"))
+    files.check_apart([output], given.runs)
+    player_page(output, runs, [path.stem for path in paths], given.title)
     announce(output, given.open)

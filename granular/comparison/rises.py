@@ -24,6 +24,8 @@ LONGEST = 1000.0
 """Falls after which a rise is given up."""
 MOST = 3000
 """Events of each run."""
+STEPS = 10 * MOST
+"""Steps of each soft run: of a pile that settles, hours may pass before so many events."""
 Flight = tuple[float, float, float]
 Runs = Callable[[float, Array | None], Trajectory]
 
@@ -32,7 +34,7 @@ def soft_rise(scene: Scene, law: Any, start: float) -> float:
     """Return the rise in m of the top ball of soft spheres, sought from the time `start` on; nan if it has none."""
 
     def simulate(t_end: float, samples: Array | None) -> Trajectory:
-        return md.simulate(scene, law, t_end=t_end, samples=samples, max_events=MOST)
+        return md.simulate(scene, law, t_end=t_end, samples=samples, max_events=MOST, max_steps=STEPS)
 
     return _carried_on(simulate, scene, start, None) if scene.gravity else math.nan
 

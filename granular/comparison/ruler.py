@@ -80,7 +80,7 @@ def _graph(made: Page, axis: Any, runs: dict[str, tuple[Array, Array]], time: Ar
         lines = axis.plot(t, y, color=COLOURS[name], ls="--" if name == "hard" else "-", lw=1.1)
         lines[0].set_label(f"{name} spheres")
     axis.annotate("dropped from here", (1.0, drop), (-2, 3), xycoords=("axes fraction", "data"),
-                  textcoords="offset points", ha="right", fontsize=8, color=GREY)  # fmt: skip
+                  textcoords="offset points", ha="right", fontsize=8, color=GREY, annotation_clip=True)  # fmt: skip
     axis.set(xlim=(time[0], time[-1] + 0.01 * (time[-1] - time[0])))
     axis.set_xlabel("time, s", fontsize=9)
     axis.legend(fontsize=8, frameon=False, loc="upper left")

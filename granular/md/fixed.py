@@ -117,7 +117,7 @@ class Run:
             if isinstance(self.request.until, stop.Separated) and self.contacts and stepper.receding():
                 return Pause.until
             if stepper.settled():
-                if self._fly():
+                if self.take_off is None and self._fly():  # one flight to a march, however often it is looked at
                     return Pause.quiet
                 if self.k >= limit:
                     return Pause.full

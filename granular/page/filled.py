@@ -30,7 +30,7 @@ def filled(run: Trajectory, most: int) -> Trajectory:
         return run
     instants = next((found for found in _instants(run) if len(found) + len(run.contacts) <= most), run.time)
     rows = list(_rows(run, instants)) if len(instants) > len(run.time) else []
-    if not rows or rows[-1][0] < instants[-1]:
+    if not rows or rows[-1][0] < instants[-1] or not np.array_equal(rows[-1][1], run.position[-1]):
         return run
     time, position, velocity, gap = (np.array(column) for column in zip(*rows, strict=True))
     return replace(run, time=time, position=position, velocity=velocity, gap=gap, ledger=None)

@@ -15,8 +15,9 @@ export function simulateSoft(scene, eps, k, { record = false, maxSteps = 20000, 
   launch(run);
   while (!run.status) advance(run);
   const { status, t: time, steps, shared, impulse, series, pieces } = run, velocity = softVelocities(run);
-  const contacts = [...run.contacts].sort((a, b) => a.begin - b.begin || a.pair - b.pair);
+  const begun = [...run.contacts].sort((a, b) => a.begin - b.begin || a.pair - b.pair);
   if (status === "until" || status === "time") followContacts(run);
+  const contacts = begun.map((contact) => ({ ...contact })); // what is carried on may end those that were given up
   if (follow > 0) carryOn(run, follow);
   return { scene, contacts, series, pieces, steps, shared, impulse, time, velocity, status, apex: run.apex };
 }
