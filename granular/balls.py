@@ -96,9 +96,9 @@ class Contact:
     restitution: float
 
 
-def named(ball: str | Ball) -> Ball:
-    """Return a ball of `BALLS` by its name, or the ball itself."""
-    return ball if isinstance(ball, Ball) else BALLS[_check.choice("ball", ball, list(BALLS))]
+def named(ball: str | Ball, what: str = "ball") -> Ball:
+    """Return a ball of `BALLS` by its name, or the ball itself; `what` it is called where it is neither."""
+    return ball if isinstance(ball, Ball) else BALLS[_check.choice(what, ball, list(BALLS))]
 
 
 def contact(lower: str | Ball, upper: str | Ball, rule: str = "lens") -> Contact:
@@ -116,7 +116,7 @@ def contact(lower: str | Ball, upper: str | Ball, rule: str = "lens") -> Contact
         smaller patch of it than a floor does, k₁ R₂/(R₁ + R₂), in series with k₂ unless the upper ball is filled with
         air too; elsewhere as "series".
     """
-    one, two = named(lower), named(upper)
+    one, two = named(lower, "lower"), named(upper, "upper")
     soft_one, soft_two = 1.0 / one.stiffness, 1.0 / two.stiffness
     lost = (1.0 - one.restitution**2) * soft_one + (1.0 - two.restitution**2) * soft_two
     eps = math.sqrt(1.0 - lost / (soft_one + soft_two))

@@ -80,7 +80,7 @@ def test_the_gap_of_a_preset_makes_both_agree_in_height() -> None:
 
 
 def test_misuse_is_one_sentence() -> None:
-    with pytest.raises(ValueError, match="ball is 'medicine ball': one of basketball, football"):
+    with pytest.raises(ValueError, match="lower is 'medicine ball': one of basketball, football"):
         gr.scenes.real_balls("medicine ball")
     with pytest.raises(ValueError, match="duration is 0"):
         Ball(1.0, 0.1, 0.0, 0.5)
@@ -160,4 +160,6 @@ def test_the_case_sweeps_and_has_a_threshold(capsys) -> None:
     assert swept["rise"].values == pytest.approx(alone, abs=0.06)
     assert main(["threshold", "real-balls", "--over", "gap", "--between", "1e-3", "0.1", "--points", "4"]) == 0
     assert main(["compare", "real-balls", "--upper", "medicine ball"]) == 2
-    assert "ball is 'medicine ball': one of basketball" in capsys.readouterr().err
+    assert "upper is 'medicine ball': one of basketball" in capsys.readouterr().err
+    assert main(["compare", "real-balls", "--pair-rule", "parallel"]) == 2
+    assert "pair_rule is 'parallel': one of lens, series" in capsys.readouterr().err

@@ -85,7 +85,8 @@ def of_balls(
     pair_rule : {"lens", "series"}
         How the two press on each other.
     """
-    floor = balls.named(lower)
+    _check.choice("pair_rule", pair_rule, balls.RULES)
+    floor = balls.named(lower, "lower")
     each = [floor, floor if upper is None else balls.contact(lower, upper, pair_rule)][: scene.n_pairs]
     laws = [LinearDashpot.from_restitution(one.restitution, one.stiffness, pair)
             for one, pair in zip(each, scene.pairs, strict=True)]

@@ -31,7 +31,7 @@ def real_balls(
     gravity : float
         g in m/s².
     """
-    balls = [named(lower)] if upper is None else [named(lower), named(upper)]
+    balls = [named(lower, "lower"), *([] if upper is None else [named(upper, "upper")])]
     m, r = (np.array([getattr(ball, name) for ball in balls]) for name in ("mass", "radius"))
     drop = _check.number("height", height, at_least=0.0)
     return above_floor(m, r, drop, [_check.number("gap", gap)] * (len(balls) - 1), 0.0, gravity)
