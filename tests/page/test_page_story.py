@@ -291,6 +291,17 @@ def test_on_a_phone_slider_and_stage_are_seen_together(page, story, state) -> No
 
 
 PLACE = "(() => { const b = document.querySelector('%s').getBoundingClientRect(); return [b.top, b.bottom]; })()"
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (768, 1024), (390, 844), (360, 740)])
+def test_each_screen_of_the_story_opens_with_its_picture_in_view(page, story, width, height) -> None:
+    page.size(width, height, mobile=width < 760)
+    for screen in range(1, 7):
+        go(page, f"{story}#screen={screen}")
+        top, bottom = page.run(PLACE % ".theatre")
+        assert 0 < top < bottom - 200 < height - 200, screen
+
+
 def test_a_swipe_that_scrolls_leaves_the_slider_as_it_was(page) -> None:
     page.size(390, 844, mobile=True)
     turn(page, 5)

@@ -36,7 +36,7 @@ export class Story {
 
   turn(way) {
     this.go(this.screen + way);
-    $(".story").scrollIntoView({ block: "start" });
+    $(".steps").scrollIntoView({ block: "start" });
   }
 
   load(screen) {
