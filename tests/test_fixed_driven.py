@@ -227,8 +227,11 @@ def test_walls_that_meet_for_a_short_time_are_noticed():
 
 
 @pytest.mark.parametrize(
-    ("method", "order"), [("verlet", 2.0), ("symplectic-euler", 1.0), ("rk4", 2.5), ("gear5", 2.5)]
-)
+    ("method", "order"), [
+        ("verlet", 2.0), pytest.param("symplectic-euler", 1.0, marks=pytest.mark.soak), ("rk4", 2.5),
+        pytest.param("gear5", 2.5, marks=pytest.mark.soak),
+    ]
+)  # fmt: skip
 def test_located_is_the_limit_of_small_steps(method, order):
     """Both walls driven, forces, several Hertz contacts: the distance falls as dt to the order of the method."""
     floor, ceiling = gr.walls.Sine(0.02, 3.0, 0.4), gr.walls.Sine(0.01, 5.0, 1.0)

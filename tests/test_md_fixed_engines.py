@@ -40,6 +40,8 @@ TO_COMPILE = dict.fromkeys(ALL, (0, 1, 2)) | {"verlet": (0, 1, 2, 6, 8)}
 
 LONG = {"verlet": (0, 3, 5, 7), "symplectic-euler": (3, 4, 10), "rk4": (2, 4, 5, 7), "gear5": (0, 5, 8)}
 """Seeds of chains that go in windows, by method: laws of all kinds, few contacts allowed or any number."""
+SELDOM = ("symplectic-euler", "gear5")
+"""Their machine code is made in the soak only."""
 
 
 def same(one, other):
@@ -129,7 +131,10 @@ def test_engines_and_windows_give_the_same_bits(method, monkeypatch):
 
 
 @pytest.mark.filterwarnings("ignore:dt = ")
-@pytest.mark.parametrize(("method", "seed"), [(method, seed) for method, seeds in LONG.items() for seed in seeds])
+@pytest.mark.parametrize(("method", "seed"), [
+    pytest.param(method, seed, marks=[pytest.mark.soak] * (method in SELDOM))
+    for method, seeds in LONG.items() for seed in seeds
+])  # fmt: skip
 def test_long_chains_give_the_bits_of_one_window(method, seed):
     """Compiled, a chain of more than 326 pairs goes in windows; interpreted it is one."""
     scene, law = some_chain(seed)
