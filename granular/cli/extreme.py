@@ -9,9 +9,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-SMALLEST, LARGEST = 1e-75, 1e75
-"""Sizes between which squares, products and ratios are numbers."""
-
 
 @contextmanager
 def named(options: Mapping[str, Any]) -> Iterator[None]:
@@ -20,6 +17,8 @@ def named(options: Mapping[str, Any]) -> Iterator[None]:
     try:
         yield
     except (ValueError, ArithmeticError) as error:
+        from granular.edmd.physics import LARGEST, SMALLEST
+
         own = hasattr(error, "raised_by")  # by a function of the user's own
         far = [] if own else [(name, x) for name, x in _numbers(options) if not SMALLEST <= abs(x) <= LARGEST]
         if not far or any(re.search(rf"\b{name}\b", str(error)) for name, _ in far):
