@@ -13,11 +13,12 @@ called by the same names.
 from __future__ import annotations
 
 import dis
+import gc
 import os
 import sys
 import types
 from collections.abc import Callable
-from functools import cache
+from functools import cache, wraps
 from importlib.util import find_spec
 from time import process_time
 from typing import Any, TypeVar
@@ -256,8 +257,26 @@ def _twin(function: Callable[..., Any], inline: bool, within: bool, bare: bool) 
     twin.__qualname__ = f"{function.__qualname__}_{_checksum(function):08x}{'i' * inline}{'b' * bare}"
     inside = (within and not getattr(function, "__granular_rare__", False)) or hasattr(function, "__granular_inlined__")
     how = {"inline": "always"} if inside else {"cache": True, "no_cpython_wrapper": bare}
-    result: Callable[..., Any] = load_numba().njit(**MANNER, **how)(twin)
-    return result
+    result: Any = load_numba().njit(**MANNER, **how)(twin)
+    result.compile = _uncollected(result.compile)
+    return result  # type: ignore[no-any-return]
+
+
+def _uncollected(make: F) -> F:
+    """Have machine code made, or loaded, with the garbage collector off: numba leaves millions of objects that live on,
+    and looking at all of them again and again is a quarter of the time."""
+
+    @wraps(make)
+    def made(signature: Any) -> Any:
+        on = gc.isenabled()
+        gc.disable()
+        try:
+            return make(signature)
+        finally:
+            if on:
+                gc.enable()
+
+    return made  # type: ignore[return-value]
 
 
 def _callees(function: Callable[..., Any]) -> dict[str, Callable[..., Any]]:

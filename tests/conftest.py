@@ -1,10 +1,11 @@
-"""One thread: these tests are run beside others."""
+"""Every test has an environment of its own; those that make machine code come first."""
 
-import os
+from machine import own_environment, pytest_configure, pytest_runtest_call, pytest_runtest_setup  # noqa: F401
 
-import pytest
+own_environment()
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")
+import pytest  # noqa: E402
+
 MAKERS = ("test_edmd_actions", "test_edmd_engines", "test_located_compiled", "test_md_fixed_engines")
 """Files that have machine code made for nearly all that others need."""
 

@@ -116,7 +116,7 @@ def on_the_page(asked):
         pytest.skip("node is not installed")
     script = ON_THE_PAGE.replace("PHYSICS", (Path(gr.__file__).parent / "page" / "physics").as_uri())
     command = [node, "--input-type=module", "-e", script.replace("ASKED", json.dumps(asked))]
-    return json.loads(subprocess.run(command, capture_output=True, text=True, timeout=50, check=True).stdout)
+    return json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 
 
 def compared(case):

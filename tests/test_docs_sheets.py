@@ -66,7 +66,7 @@ def test_every_link_into_the_page_is_a_state_it_knows():
     asked = [state(link) for _, link in links] + [{"scene": "three-balls", "epsilon": "1"}, {"scene": "none"},
                                                   {"scene": "three-balls", "eps": "7"}]  # fmt: skip
     run = subprocess.run([node, "--input-type=module", "-e", ASK % (setups, json.dumps(asked))], capture_output=True,
-                         text=True, timeout=30, check=True)  # fmt: skip
+                         text=True, check=True)  # fmt: skip
     assert json.loads(run.stdout) == asked[-3:]
 
 

@@ -46,7 +46,7 @@ def test_a_notebook_runs_in_jupyter(tmp_path):
     pytest.importorskip("matplotlib")
     notebook = nbformat.read(FOLDER / "newtons-cradle.ipynb", 4)
     shown, kinds = printed(notebook), drawn(notebook)
-    nbclient.NotebookClient(notebook, timeout=120, kernel_name="python3", resources={
+    nbclient.NotebookClient(notebook, timeout=None, kernel_name="python3", resources={
         "metadata": {"path": str(tmp_path)}}).execute()  # fmt: skip
     assert kinds == drawn(notebook)
     as_shown("newtons-cradle", printed(notebook), shown)

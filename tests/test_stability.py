@@ -123,18 +123,19 @@ def test_a_sentence_is_a_flag_and_any_other_error_a_crash() -> None:
 
 def test_no_cell_hangs() -> None:
     def waits(run: object, again: object) -> float:
-        time.sleep(10.0)
-        return 0.0
+        while True:
+            pass
 
     result = judge(replace(sample(0.0), truth=Truth("test", waits)), "located", 0.05)
     assert result.verdict is Verdict.limit
-    assert result.seconds < 5.0
 
 
 def test_a_deadline_leaves_nothing_behind() -> None:
     with deadline(0.05):
         pass
-    time.sleep(0.1)
+    end = time.process_time() + 0.1
+    while time.process_time() < end:
+        pass
 
 
 def test_rational_runs_by_hand() -> None:

@@ -37,7 +37,7 @@ class Verdict(Enum):
     flagged = "wrong or unfinished, and a status or a warning says so"
     wrong = "wrong, and nothing says so"
     crashed = "ended in an error that is not a sentence about its arguments"
-    limit = "did not end within the wall-clock limit"
+    limit = "did not end within the limit of processor time"
 
 
 @dataclass(frozen=True)

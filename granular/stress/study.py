@@ -1,4 +1,4 @@
-"""`stability`: run the cells of the chosen axes and methods, each within a wall-clock limit, and give the verdicts.
+"""`stability`: run the cells of the chosen axes and methods, each within a limit of processor time, and give the verdicts.
 May be skipped: it measures ourselves.
 """
 
@@ -73,7 +73,7 @@ def stability(
     quick : bool
         Only a few cells of every axis, none of the long ones.
     seconds : float
-        Wall-clock limit of a cell in s; the verdict is then `limit`. It needs the main thread of a POSIX system.
+        Limit of processor time of a cell in s; the verdict is then `limit`. It needs the main thread of a POSIX system.
     on_progress : callable, optional
         ``on_progress(reached, count)`` after each cell: the share of the cells that is done, and their number.
 
@@ -124,13 +124,13 @@ def _named(name: str, given: str | Sequence[str], known: Sequence[str]) -> tuple
 
 
 class OutOfTime(Exception):
-    """The wall-clock limit was reached."""
+    """The limit of processor time was reached."""
 
 
 def judge(cell: Cell, method: str, seconds: float, plain: bool = False) -> Result:
     """Return the verdict on `cell` run by `method`, in at most about `seconds`; `plain`: interpreted, and short."""
     tolerance = cell.loose if method in FIXED else cell.tolerance
-    error, start, late = math.nan, time.perf_counter(), f"no end within {seconds:g} s"
+    error, start, late = math.nan, time.process_time(), f"no end within {seconds:g} s"
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
         try:
@@ -147,15 +147,15 @@ def judge(cell: Cell, method: str, seconds: float, plain: bool = False) -> Resul
         except Exception as failure:
             a_sentence = type(failure) is ValueError and " is " in str(failure)  # name, value, what is needed
             verdict, said = (Verdict.flagged if a_sentence else Verdict.crashed), f"{type(failure).__name__}: {failure}"
-            if time.perf_counter() - start >= seconds:  # the bell, heard inside a callback that made it its own error
+            if time.process_time() - start >= seconds:  # the bell, heard inside a callback that made it its own error
                 verdict, said = Verdict.limit, late
     said = "; ".join([said, *sorted({str(warning.message) for warning in heard})])
-    taken = time.perf_counter() - start
+    taken = time.process_time() - start
     return Result(cell.axis, cell.case, method, cell.truth.words, verdict, error, tolerance, said, taken)
 
 
 def warm_up(methods: Sequence[str], shaken: bool) -> None:
-    """Compile the engines beforehand, also for a floor that is `shaken`: a wall-clock limit must interrupt neither an
+    """Compile the engines beforehand, also for a floor that is `shaken`: the limit must interrupt neither an
     import nor a compiler."""
     if not have_numba():
         return
@@ -171,7 +171,7 @@ def warm_up(methods: Sequence[str], shaken: bool) -> None:
 
 @contextmanager
 def deadline(seconds: float) -> Iterator[None]:
-    """Raise `OutOfTime` inside the block after `seconds`.
+    """Raise `OutOfTime` inside the block after `seconds` of processor time: a loaded machine is no failure.
 
     By the interval timer of the process: in its main thread and where there is one. Elsewhere the limits on the
     amount of work (``max_events``, ``max_steps``) are all that ends a run.
@@ -183,10 +183,10 @@ def deadline(seconds: float) -> Iterator[None]:
     def stop(*_: object) -> None:
         raise OutOfTime
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)  # again and again: a foreign callback may swallow it once
+    before = signal.signal(signal.SIGVTALRM, stop)
+    signal.setitimer(signal.ITIMER_VIRTUAL, seconds, 1.0)  # again and again: a foreign callback may swallow it once
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
+        signal.signal(signal.SIGVTALRM, before)

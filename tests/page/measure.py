@@ -88,7 +88,7 @@ def measured(tab, url, scene, sliders):
     """Return times to ready, of redraws (p50, p95, CPU p95) in ms, pictures/s, p95 of their distance in ms."""
     tab.open("about:blank")
     tab.open(f"{url}#scene={scene}")
-    tab.wait("performance.getEntriesByName('drawn').length > 0", 30)
+    tab.wait("performance.getEntriesByName('drawn').length > 0")
     ready = tab.run("performance.getEntriesByName('drawn')[0].startTime")
     spent = [x for name in sliders for x in tab.run(DRAG.replace("NAME", name))]
     cpu = [cpu_of(tab, MOVE.replace("NAME", name).replace("STEP", str(i))) for name in sliders for i in range(40)]

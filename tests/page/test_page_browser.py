@@ -34,7 +34,7 @@ def test_golden_data_in_the_browser(tab, tmp_path) -> None:
     script += "window.faults = some.flatMap((c) => check(c, 100));"
     (tmp_path / "golden.html").write_text(f'<script type="module">{script}</script>', encoding="utf-8")
     tab.open((tmp_path / "golden.html").as_uri())
-    tab.wait("window.faults !== undefined", 30)
+    tab.wait("window.faults !== undefined")
     assert tab.run("[window.tried, window.faults]") == [100, []]
 
 

@@ -1,0 +1,10 @@
+"""Benchmarks run as tests have the environment and the limits of the tests."""
+
+import sys
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).parent.parent / "tests"))
+
+from machine import own_environment, pytest_configure, pytest_runtest_call, pytest_runtest_setup  # noqa: E402, F401
+
+own_environment()
