@@ -1,4 +1,4 @@
-"""`stability`: run the cells of the chosen axes and methods, each within a limit of processor time, and give the verdicts.
+"""`stability`: run the cells of the chosen axes and methods, each within a limit of processor time, and give verdicts.
 May be skipped: it measures ourselves.
 """
 
