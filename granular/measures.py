@@ -187,7 +187,7 @@ def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float
     harmonically Γ = A ω²/g and ω/ω₀ of its own contact, the larger ones if there are two.
     """
     m, (below, above) = scene.mass[~scene.is_wall], scene.neighbours
-    slope = resolved(laws, scene).column(lambda law: _stiffness(law, speed))
+    slope = stiffness(scene, laws, speed)
     omega = np.sqrt(slope / scene.pairs.m_eff)
     slower = np.full(scene.n_pairs, math.inf) if len(below) else omega
     slower[above] = omega[below]
@@ -201,6 +201,12 @@ def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float
         "gravity_over_omega_speed": scene.gravity / (float(omega.min()) * speed) if speed > 0.0 else math.nan,
         **_shaking(scene, omega),
     }
+
+
+def stiffness(scene: Scene, laws: tuple[Any, ...], speed: float) -> Array:
+    """∂F/∂ξ in N/m of each pair at the overlap that an impact at `speed` in m/s reaches, (n-1,); nan without one."""
+    slope: Array = resolved(laws, scene).column(lambda law: _stiffness(law, speed))
+    return slope
 
 
 def _shaking(scene: Scene, omega: Array) -> dict[str, float]:

@@ -93,12 +93,12 @@ def simulate(
         Truncation error of a step of "located" under nonlinear laws, relative to speed and overlap of the moment;
         from 1e-17, which is below rounding, to 1e-3.
     disturbed : {"resolve", "stop", "ignore"}
-        What "located" does where a contact begins while a neighbouring pair overlaps: "resolve" follows both together,
-        exactly; "stop" ends with status ``disturbed`` at the onset of the second one, the horizon up to which every
-        contact was isolated; "ignore" takes every contact as if it were isolated, which is soft event-driven
-        simulation: a neighbour that touches early begins when the contact is over, with gap 0. Contacts that have no
-        end of their own (at rest), and overlaps at the start, are resolved in any case. Pendula are not to be ignored:
-        set back to gap 0, they would have another energy.
+        What "located" does where an overlap begins beside another: "resolve" follows both together, exactly; "stop"
+        ends there with status ``disturbed``, the horizon up to which every contact was isolated; "ignore" takes every
+        contact as if it were isolated, which is soft event-driven simulation: a neighbour that touches early begins
+        when the contact is over, with gap 0. Contacts that have no end of their own (at rest), and overlaps at the
+        start, are resolved in any case. Pendula are not to be ignored: set back to gap 0, they would have another
+        energy.
 
     Returns
     -------
