@@ -14,6 +14,7 @@ import numpy as np
 from granular import certificate, measures
 from granular.comparison.numbers import Compared
 from granular.comparison.verdict import verdict
+from granular.laws.kinds import resolved
 from granular.measures import ROUNDING
 from granular.tables import number, problem
 from granular.trajectory import Status, Trajectory
@@ -75,7 +76,7 @@ def _merged(report: Compared) -> Iterator[str]:
 def _no_solid(report: Compared) -> Iterator[str]:
     """A density, or else a speed of waves in a contact, 2 R √(∂F/∂ξ / m_eff), that no solid has: units are wrong."""
     scene = report.scene
-    slope = measures.stiffness(scene, report.law, report.impact_speed)
+    slope = resolved(report.law, scene).column(lambda law: law.impact_stiffness(report.impact_speed))
     with np.errstate(all="ignore"):
         density = scene.mass / (4.0 / 3.0 * math.pi * scene.radius**3)
         waves = 2.0 * _smaller_radius(report) * np.sqrt(slope / scene.pairs.m_eff)
