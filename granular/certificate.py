@@ -1,8 +1,8 @@
 """What a run of soft spheres certifies: how many of its contacts were isolated, and where the first was disturbed.
 May be skipped: a sentence about three numbers of a run.
 
-A contact is isolated if no neighbouring pair overlaps while it lasts, the run-off of its overlap included. Then it is
-what two balls alone would do, and hard spheres differ from it by its delay and its displacement only.
+A contact is isolated if no neighbouring pair overlaps from where its balls touch to where they part (docs/concepts.md).
+Hard spheres differ from it by its delay and its displacement only.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ def sentence(run: Trajectory) -> str:
 
 
 def first_disturbed(run: Trajectory) -> str:
-    """Return which contacts of a run were the first that overlapped in time, and since when, in words."""
+    """Return which neighbouring pairs of a run were the first that overlapped at once, and since when, in words."""
     time, pair = run.first_disturbed
-    return f"pairs {pair} and {pair + 1} at t = {time:.9g} s"
+    return f"pairs {pair} and {(pair + 1) % run.scene.n_pairs} at t = {time:.9g} s"
 
 
 def _grouped(count: int) -> str:

@@ -20,7 +20,6 @@ import numpy as np
 
 from granular._check import Array
 from granular.durations import Durations
-from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import resolved
 from granular.outcome import leaving_velocities, strengths
 from granular.scene import Scene
@@ -187,7 +186,7 @@ def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float
     harmonically Γ = A ω²/g and ω/ω₀ of its own contact, the larger ones if there are two.
     """
     m, (below, above) = scene.mass[~scene.is_wall], scene.neighbours
-    slope = resolved(laws, scene).column(lambda law: _stiffness(law, speed))
+    slope = resolved(laws, scene).column(lambda law: law.impact_stiffness(speed))
     omega = np.sqrt(slope / scene.pairs.m_eff)
     slower = np.full(scene.n_pairs, math.inf) if len(below) else omega
     slower[above] = omega[below]
@@ -255,12 +254,6 @@ def balance(run: Trajectory) -> dict[str, float]:
     lost = float(account["dissipated"][-1])
     return {"start": start, "floor": floor, "ceiling": ceiling, "heat": heat, "dissipated": lost, "end": end,
             "remainder": end - start - (floor + ceiling + heat - lost)}  # fmt: skip
-
-
-def _stiffness(law: PairLaw, speed: float) -> float:
-    """∂F/∂ξ in N/m at the overlap that an impact at `speed` in m/s reaches; nan without one."""
-    xi = law.overlap_at(speed)
-    return law.tangent(xi)[0] if xi > 0.0 else math.nan
 
 
 def _approach(run: Trajectory) -> Array:

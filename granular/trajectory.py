@@ -123,8 +123,8 @@ class Trajectory:
 
     @property
     def first_disturbed(self) -> tuple[float, int]:
-        """Time in s and lower pair of the first two contacts of neighbouring pairs that overlap in time, the time being
-        the onset of the second; (nan, -1) if there are none, or nobody looked (hard runs do with `watch`, a warning).
+        """Time in s at which two neighbouring pairs first overlap at once, and the lower one; up to then every contact
+        is isolated. (nan, -1) if there are none, or nobody looked (hard runs do with `watch`, a warning).
         """
         time, pair = self.stats.get("first_disturbed", (math.nan, -1))
         return time, pair

@@ -8,6 +8,7 @@ from soft_twin import distance, twin
 from solved_by_scipy import drawn, solved
 
 import granular as gr
+from granular import certificate
 from granular.drive import Pause
 from granular.laws.check import checked
 from granular.md.located import Run, run, system
@@ -179,6 +180,7 @@ def test_stops_limits_and_soft_event_driven():
     for by in range(3):
         stop = gr.md.simulate(rolled(close, by), law, t_end=2.0, disturbed="stop")
         assert stop.status is gr.Status.disturbed
-        assert stop.first_disturbed[1] == min(-by % 3, (1 - by) % 3)
+        assert stop.first_disturbed[1] == -by % 3
+        assert certificate.first_disturbed(stop).startswith(f"pairs {-by % 3} and {(1 - by) % 3} at t = ")
     with pytest.raises(ValueError, match="t_end is None: on a ring"):
         gr.md.simulate(scene, law)

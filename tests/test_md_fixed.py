@@ -156,6 +156,49 @@ def test_order_of_a_run_that_starts_in_contact(method, slope):
     assert -np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(slope, abs=0.05)
 
 
+def on_floor(shift, **options):
+    return gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.02 + shift], [0.0, -1.0], **options)
+
+
+def hung(shift):
+    return gr.Scene([1.0, 1.0], [0.1] * 2, [0.02 + shift], [1.0, -0.3], pendulum=8.0, rest_gap=[0.2])
+
+
+def on_ring(shift):
+    return gr.Scene([1.0, 2.0, 1.5], [0.1] * 3, [0.02 + shift, 0.3, 0.4], [1.0, 0.0, 0.2], ring=True)
+
+
+FELT = {"gravity": (partial(on_floor, gravity=9.81), 0.08), "pendula": (hung, 0.08), "within": (on_floor, 0.03)}
+UNFELT = {"flight": on_floor, "ring": on_ring, "sine": partial(on_floor, floor=gr.walls.Sine(1e-3, 20.0))}
+ELASTIC = [gr.LinearDashpot(1e4), gr.Hertz(1e5)]
+
+
+@pytest.mark.parametrize("where", FELT)
+def test_symplectic_euler_has_order_one_where_forces_act(where):
+    """Against located events; Verlet is of order 2 there, and far better."""
+    (make, t_end), steps, errors = FELT[where], (4e-4, 2e-4, 1e-4), []
+    for dt in steps:
+        scenes = [make(0.5 * dt * (j + 0.37)) for j in range(2)]
+        runs = [gr.md.simulate(scene, ELASTIC[0], t_end=t_end, log=False, **how) for scene in scenes
+                for how in ({}, {"method": "symplectic-euler", "dt": dt}, {"dt": dt})]  # fmt: skip
+        v = np.array([run.velocity[-1] for run in runs]).reshape(2, 3, -1)
+        errors.append(np.abs(v - v[:, :1]).max(axis=(0, 2)))
+    euler, verlet_ = np.array(errors).T[1:]
+    assert np.polyfit(np.log(steps), np.log(euler), 1)[0] == pytest.approx(1.0, abs=0.2)
+    assert verlet_[-1] < 0.1 * euler[-1]
+
+
+@pytest.mark.parametrize("law", ELASTIC, ids=["spring", "Hertz"])
+@pytest.mark.parametrize("where", UNFELT)
+def test_symplectic_euler_is_verlet_from_flight_to_flight_without_other_forces(where, law):
+    """And so of order 2: the half step between them shows only where something pulls."""
+    runs = [gr.md.simulate(UNFELT[where](1e-5), law, t_end=0.08, method=method, dt=2e-4)
+            for method in ("symplectic-euler", "verlet")]  # fmt: skip
+    assert len(runs[0].contacts) == len(runs[1].contacts) > 0
+    assert not np.isnan(runs[0].contacts["t_end"]).any()
+    assert runs[0].velocity[-1] == pytest.approx(runs[1].velocity[-1], rel=0, abs=1e-12)
+
+
 def test_damped_error_of_the_catalogue():
     """Catalogue G2, n = 100: 9.6e-4 (Verlet)."""
     law = gr.LinearDashpot.from_restitution(EPS, 1.0, pair_scene().pairs[0])

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from own_laws import Shell
 
 import granular as gr
 
@@ -137,3 +138,17 @@ def test_a_contact_that_takes_all_speed_is_a_rule_of_zero():
     assert 0.5 < rule(1.0, scene.pairs[0]) < 0.6
     assert rule(1e-25, scene.pairs[0]) == pytest.approx(0.0, abs=1e-12)
     assert gr.compare(scene, Overdamped(), t_end=0.4).verdict
+
+
+@pytest.mark.parametrize("how", [{}, {"dt": 1e-6}])
+def test_a_touch_without_a_push_is_no_contact(how):
+    """The log begins with the push, and `until` counts it as the first; a hole in the force parts two pushes."""
+    law = Shell(1e6, 2e-4)
+    scene = gr.Scene([math.inf, 1.0], [0.0, 0.5], [0.1], [0.0, -1.0])
+    run = gr.md.simulate(scene, law, until=gr.until.contact(0, 2), t_end=0.2, **how)
+    (row,) = run.contacts
+    assert (row["t_begin"], row["duration"]) == pytest.approx((0.1002, 1e-3 * math.pi), rel=1e-6)
+    assert run.status is gr.Status.time
+    before = gr.md.simulate(scene, law, until=gr.until.contact(0, 1), t_end=0.2, **how)
+    assert (before.status, len(before.contacts)) == (gr.Status.until, 0)
+    assert (before.time[-1], before.gap[-1, 0]) == pytest.approx((0.1002, -2e-4), rel=1e-6)

@@ -14,6 +14,7 @@ import numpy as np
 from granular import certificate, measures
 from granular.comparison.numbers import Compared
 from granular.comparison.verdict import verdict
+from granular.laws.kinds import resolved
 from granular.measures import ROUNDING
 from granular.tables import number, problem
 from granular.trajectory import Status, Trajectory
@@ -22,6 +23,9 @@ MANY = 8
 """Up to this many laws or pairs are shown one by one."""
 SAME_RESTITUTION = 1e-9
 """Values of ε closer than this are the same."""
+LIGHTEST, HEAVIEST, FASTEST = 0.15, 23_000.0, 20_000.0
+"""Densities in kg/m³ and speed of sound in m/s beyond those of all solids: aerographene has 0.16 and osmium 22 590, and
+diamond 18 000. None is too soft, for then overlaps are deep."""
 MEASURES = {
     "error": "largest error of a velocity, in impact speeds = {error:.3g}",
     "shared_impulse": "impulse shared with a neighbour      φ   = {shared_impulse:.4g}",
@@ -49,17 +53,17 @@ def table(report: Compared) -> str:
 
 
 def warnings(report: Compared) -> list[str]:
-    """What to mind: a rule that is not that of the laws, balls that were merged, and what no force law would bear."""
-    return [*_two_restitutions(report), *_merged(report), *_extremes(report)]
+    """What to mind: a rule that is not that of the laws, balls that were merged, and what no solid or no
+    force law would bear."""
+    return [*_two_restitutions(report), *_merged(report), *_no_solid(report), *_extremes(report)]
 
 
 def _two_restitutions(report: Compared) -> Iterator[str]:
     """Pairs whose hard spheres collide with another ε than their force law has."""
     hard, law = np.array(report.restitution_spec), np.array(report.law_restitution)
     differ = np.flatnonzero(np.abs(hard - law) > SAME_RESTITUTION)
-    more = f" (so do {len(differ) - 1} more pairs)" if len(differ) > 1 else ""
     for c in differ[:1]:
-        yield f"hard spheres of pair {c} run with ε = {hard[c]:.6g}, their force law has {law[c]:.6g}{more}"
+        yield f"hard spheres of pair {c}{_and(differ)} run with ε = {hard[c]:.6g}, their force law has {law[c]:.6g}"
 
 
 def _merged(report: Compared) -> Iterator[str]:
@@ -69,14 +73,43 @@ def _merged(report: Compared) -> Iterator[str]:
         yield f"{many} hard collisions at less than {below:.3g} m/s were merged: what follows depends on that speed"
 
 
+def _no_solid(report: Compared) -> Iterator[str]:
+    """A density, or else a speed of waves in a contact, 2 R √(∂F/∂ξ / m_eff), that no solid has: units are wrong."""
+    scene = report.scene
+    slope = resolved(report.law, scene).column(lambda law: law.impact_stiffness(report.impact_speed))
+    with np.errstate(all="ignore"):
+        density = scene.mass / (4.0 / 3.0 * math.pi * scene.radius**3)
+        waves = 2.0 * _smaller_radius(report) * np.sqrt(slope / scene.pairs.m_eff)
+    balls = ~scene.is_wall & (scene.radius > 0.0)
+    odd = np.flatnonzero(balls & ~((density >= LIGHTEST) & (density <= HEAVIEST)))
+    for i in odd[:1]:
+        yield (f"density of ball {i}{_and(odd)} is {density[i]:.2g} kg/m³, which no solid has: are radii in m and "
+               "masses in kg?")  # fmt: skip
+    fast = np.flatnonzero((waves > FASTEST) & (waves < math.inf))
+    for c in fast[:1] if not len(odd) else ():
+        yield (f"waves in the contact of pair {c}{_and(fast)} run at {waves[c]:.2g} m/s, faster than sound in any "
+               "solid: is its stiffness in SI units?")  # fmt: skip
+
+
+def _smaller_radius(report: Compared) -> Any:
+    """Smaller radius in m of the balls of each pair; inf if neither has one."""
+    radius = report.scene.radius
+    return np.minimum(*report.scene.sides(np.where(radius > 0.0, radius, math.inf)))
+
+
+def _and(some: Any) -> str:
+    """That it is so of more than the first."""
+    return f" (and of {len(some) - 1} more)" if len(some) > 1 else ""
+
+
 def _extremes(report: Compared) -> Iterator[str]:
     """Deep overlaps, and speeds near the speed of sound, 2 π R / t_c; of an unstable run both mean nothing."""
     if report.soft.status is Status.unstable:
         return
-    run, radius = report.counted[1], report.scene.radius
+    run = report.counted[1]
     order, edge = run.by_pair
     met, log = np.flatnonzero(np.diff(edge)), run.contacts[order]
-    size = np.minimum(*report.scene.sides(np.where(radius > 0.0, radius, math.inf)))[met]
+    size = _smaller_radius(report)[met]
     deepest, fastest = (np.maximum.reduceat(values, edge[met])
                         for values in (log["xi_max"], np.abs(log["v_in"][:, 0] - log["v_in"][:, 1])))  # fmt: skip
     shortest = np.minimum.reduceat(log["duration"], edge[met])

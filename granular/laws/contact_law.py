@@ -81,6 +81,11 @@ class PairLaw:
         rate = xi * math.sqrt(abs(k) / self.pair.m_eff) if self.rate_dependent else 0.0
         return abs(k), abs(self.force(xi, rate, xi) - here) / rate if rate else 0.0
 
+    def impact_stiffness(self, speed: float) -> float:
+        """∂F/∂ξ in N/m at the overlap that an impact at `speed` in m/s reaches; nan without one."""
+        xi = self.overlap_at(speed)
+        return self.tangent(xi)[0] if xi > 0.0 else math.nan
+
     def energy(self, xi: float) -> float:
         """Elastic energy U(ξ) in J; nan of a law with memory, for the overlap alone does not determine it."""
         if xi <= 0.0:

@@ -93,12 +93,12 @@ def simulate(
         Truncation error of a step of "located" under nonlinear laws, relative to speed and overlap of the moment;
         from 1e-17, which is below rounding, to 1e-3.
     disturbed : {"resolve", "stop", "ignore"}
-        What "located" does where a contact begins while a neighbouring pair overlaps: "resolve" follows both together,
-        exactly; "stop" ends with status ``disturbed`` at the onset of the second one, the horizon up to which every
-        contact was isolated; "ignore" takes every contact as if it were isolated, which is soft event-driven
-        simulation: a neighbour that touches early begins when the contact is over, with gap 0. Contacts that have no
-        end of their own (at rest), and overlaps at the start, are resolved in any case. Pendula are not to be ignored:
-        set back to gap 0, they would have another energy.
+        What "located" does where an overlap begins beside another: "resolve" follows both together, exactly; "stop"
+        ends there with status ``disturbed``, the horizon up to which every contact was isolated; "ignore" takes every
+        contact as if it were isolated, which is soft event-driven simulation: a neighbour that touches early begins
+        when the contact is over, with gap 0. Contacts that have no end of their own (at rest), and overlaps at the
+        start, are resolved in any case. Pendula are not to be ignored: set back to gap 0, they would have another
+        energy.
 
     Returns
     -------
@@ -114,11 +114,12 @@ def simulate(
     Notes
     -----
     Fixed-step methods can miss a contact shorter than `dt` altogether; begin and end of a contact are interpolated
-    between two steps, good to about (dt/t_c)² t_c. The error of the state falls with order min(p, 1+s) where the force
-    starts like t^s: 1 for a dashpot, 2 for a spring, 2.5 for Hertz, whatever the integrator's own order p, which is 1
-    for "symplectic-euler" under every damped law (2 without damping), 2 for "verlet". "gear5" starts every contact,
-    also one that is there from the start, without the higher derivatives of its velocities, hence with order 2. Time:
-    of "located", O(contacts); of a fixed-step method, O(pairs) per step.
+    between two steps, good to about (dt/t_c)² t_c. The error of the state falls with order min(p, 1+s), where the force
+    starts like t^s (s = 0 for a dashpot, 1 for a spring, 1.5 for Hertz) and p is the integrator's own order: 4 for
+    "rk4" and "gear5", 2 for "verlet", 1 for "symplectic-euler", whose velocities are half a step late. Elastic contacts
+    from flight to flight, without gravity or swing, do not show that: there it has the order of "verlet". "gear5"
+    begins a run within a contact without the higher derivatives of its velocities, hence with order 2. Time: of
+    "located", O(contacts); of a fixed-step method, O(pairs) per step.
 
     Beside a driven wall (`Scene.floor`, `ceiling`) "located" certifies the next touch on the path itself, and adds the
     path's series to that of the contact. In a fixed step such a wall drifts by the difference of two places on its

@@ -156,6 +156,6 @@ RESULTS = {
     "distance": _measure("distance", "D between the engines"),
     "predictability": _measure("predictability", "D of hard spheres to themselves, gaps shifted by 1e-12"),
     "mass_centre_ratio": _measure("mass_centre_ratio", "K_cm: soft over hard restitution of the centre of mass"),
-    "isolated_share": _measure("isolated_share", "share of soft contacts during which no neighbour overlaps"),
+    "isolated_share": _measure("isolated_share", "share of soft contacts that are isolated"),
     "lag": _measure("lag", "how much later the soft run ends", "s"),
 }

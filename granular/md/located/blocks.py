@@ -16,7 +16,7 @@ from typing import Any
 from granular._kernels import entry, kernel
 from granular._tournament import play
 from granular.md.located.around import count_of
-from granular.md.located.contacts import act, activate, strike
+from granular.md.located.contacts import act, activate, meddle, strike
 from granular.md.located.driven import carry_walls, foresee_walls, rate_at
 from granular.md.located.free_length import reimpose
 from granular.md.located.inside import exposed, relive
@@ -71,6 +71,8 @@ def launch(s: Any, laws: Any) -> bool:
                     return False
             elif is_clipped(pool[pair.slot], laws):
                 pool[pair.slot].mode = RESIDUAL
+                if not meddle(run, pairs, pool, c, 0):
+                    return False
             elif not activate(run, pairs, pool, s.bodies, c):
                 return False
     for c in range(n):

@@ -73,8 +73,8 @@ def begin(run: Any, pairs: Any, pool: Any, bodies: Any, c: int, speed: float, la
             return True
         if laws is not None:
             pair.mode = OPEN if laws.pushes_at_touch(pair) else RESIDUAL
-            if pair.mode == RESIDUAL:
-                return True
+            if pair.mode == RESIDUAL:  # an overlap without a push
+                return meddle(run, pairs, pool, c, 0)
     return activate(run, pairs, pool, bodies, c)
 
 
@@ -87,7 +87,7 @@ def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
         return True
     if is_awaited(run, pairs, c):
         return False
-    if not meddle(run, pairs, pool, c):
+    if not meddle(run, pairs, pool, c, 1):
         return False
     if pair.mode != DORMANT:  # else it has been under way since it was touched
         begin_contact(run, pairs, pool, bodies, c)
@@ -113,7 +113,7 @@ def strike(run: Any, pairs: Any, pool: Any, c: int) -> bool:
     pair.xi = 0.0
     if pair.eta < 0.0:
         return True
-    if is_awaited(run, pairs, c) or not meddle(run, pairs, pool, c):
+    if is_awaited(run, pairs, c) or not meddle(run, pairs, pool, c, 1):
         return False
     pair.mode = STRUCK
     pairs[c].count += 1
@@ -123,27 +123,29 @@ def strike(run: Any, pairs: Any, pool: Any, c: int) -> bool:
 
 
 @kernel
-def meddle(run: Any, pairs: Any, pool: Any, c: int) -> bool:
-    """Count the contact of pair `c`, which begins, as isolated, unless a neighbour overlaps: then neither is.
+def meddle(run: Any, pairs: Any, pool: Any, c: int, more: int) -> bool:
+    """Count `more` contacts of pair `c`, whose overlap or push begins, as isolated, unless a neighbour overlaps: then
+    none is, neither of its overlap nor of the neighbour's.
 
-    Returns false if the run is to stop before the first contact that disturbs another.
+    Returns false if the run is to stop before two neighbours first overlap.
     """
     alone = True
-    for f in beside(pairs, c):
+    below, above = beside(pairs, c)
+    for f in (below, above):
         if 0 <= f < count_of(pairs) and overlaps(pairs[f], pool, run):
             alone = False
             run.isolated -= max(0, pairs[f].alone)
             pairs[f].alone = -1
             if run.first < 0:
-                run.first, run.disturbed = min(c, f), run.t
+                run.first, run.disturbed = f if f == below else c, run.t
     if not alone and run.disturbing == STOP:
         return False
     if not alone:
         run.isolated -= max(0, pairs[c].alone)
         pairs[c].alone = -1
     elif pairs[c].alone >= 0:
-        pairs[c].alone += 1
-        run.isolated += 1
+        pairs[c].alone += more
+        run.isolated += more
     return True
 
 

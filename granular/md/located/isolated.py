@@ -104,7 +104,7 @@ def meet(s: Any, c: int) -> int:
         if DRIVEN:
             carry_walls(s.walls, s)
         write_row(s, c, v, t1, v1, place)
-    count(run, pair, isolated, min(c, upper if below > 0.0 and sure_below else lower), t2)
+    count(run, pair, isolated, c if below > 0.0 and sure_below else lower, t2)
     tick(pair, t2)
     pair.xi, pair.eta, pair.lasts, pair.speed, pair.exact = 0.0, -v2, t2, v, 0
     pair.noise += ULP * v
@@ -255,7 +255,7 @@ def count(run: Any, pair: Any, isolated: bool, first: int, t2: float) -> None:
     run.steps += 1
     run.events += 1
     run.begun += 1
-    pair.alone = 1
+    pair.alone = 1 if isolated else -1
     if isolated:
         run.isolated += 1
     elif run.first < 0:
