@@ -3,6 +3,7 @@
 import os
 
 import pytest
+from noise import pytest_runtest_setup  # noqa: F401
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 MAKERS = ("test_edmd_actions", "test_edmd_engines", "test_located_compiled", "test_md_fixed_engines")
