@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 
 KIND, SEED = (int(x) for x in (os.environ.get("NOISE", "0") + ":0").split(":")[:2])
+RECIPES = "granular.scenes", "granular.cases", "granular.balls"
 PASSED_THROUGH = "granular.scene.", "granular.laws.", "granular.rules", "dataclasses", "noise"
 MANTISSA, FEW = np.uint64(2**52 - 2), np.uint64(2**30 - 1)
 
@@ -39,7 +40,7 @@ def from_outside():
     while frame.f_globals["__name__"].startswith(PASSED_THROUGH):
         frame = frame.f_back
     name = frame.f_globals["__name__"]
-    return not name.startswith("granular.") or name.startswith("granular.scenes")
+    return not name.startswith("granular.") or name.startswith(RECIPES)
 
 
 def after(cls, change):

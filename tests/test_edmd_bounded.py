@@ -338,7 +338,7 @@ def test_the_root_of_pendula_has_all_digits():
             turns = [mp.atan2(u, x) + sign * mp.acos(-d / far) for sign in (-1, 1)]
             exact = min((turn % (2 * mp.pi)) for turn in turns) / omega
             condition = 1 + abs((2 * mp.mpf(d) - gap) * gap) / (u * u - (2 * mp.mpf(d) - gap) * gap)
-            assert abs(mp.mpf(float(log["t_begin"][0])) - exact) < 1e-15 * condition * exact
+            assert abs(mp.mpf(float(log["t_begin"][0])) - exact) < 4e-15 * condition * exact
 
 
 # --- rings
@@ -400,7 +400,7 @@ def test_equal_elastic_balls_on_a_ring_are_free_flights_sorted():
     far = np.sort(np.mod(x + v * end, 1.0)) - np.sort(np.mod(result.position[-1], 1.0))
     assert np.abs((far + 0.5) % 1.0 - 0.5).max() < 1e-13
     assert np.abs(np.sort(v) - np.sort(result.velocity[-1])).max() < 1e-15
-    assert np.abs(result.gap.sum(axis=1) - result.gap[0].sum()).max() < 1e-15
+    assert np.abs(result.gap.sum(axis=1) - result.gap[0].sum()).max() < 1e-14  # twelve gaps, 2 866 times rounded
     assert np.ptp(result.momentum()) < 1e-14
     assert (np.diff(result.position[-1]) > 0.0).all()
     assert result.position[-1, -1] - result.position[-1, 0] < 1.0
@@ -445,9 +445,9 @@ def test_balls_on_a_ring_cool_without_end(seed, n, eps):
     with mp.workdps(60):
         rows = hard_twin.events(scene, eps, 1e99, 60)
     exact = np.array([float(time) for time, _, _ in rows])
-    answer = np.maximum.accumulate(response(lambda one: run(one, eps, max_events=60).contacts["t_begin"], scene) / exact)
+    moved = response(lambda one: run(one, eps, max_events=60).contacts["t_begin"], scene)
     assert log["pair"].tolist() == [pair for _, pair, _ in rows]
-    assert (np.abs(log["t_begin"] / exact - 1.0) < 2e-15 * (1.0 + answer)).all()
+    assert (np.abs(log["t_begin"] / exact - 1.0) < 2e-15 * (1.0 + np.maximum.accumulate(moved / exact))).all()
     late = run(scene, eps, max_events=300)
     assert late.status is gr.Status.max_events
     assert late.gap[-1].sum() == pytest.approx(scene.gap.sum(), rel=1e-12)
