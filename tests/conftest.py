@@ -3,9 +3,12 @@
 import os
 
 import pytest
+from hypothesis import settings
 from noise import pytest_runtest_setup  # noqa: F401
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+settings.register_profile("same", derandomize=True, deadline=None)  # the same draws everywhere, and no clock
+settings.load_profile("same")
 MAKERS = ("test_edmd_actions", "test_edmd_engines", "test_located_compiled", "test_md_fixed_engines")
 """Files that have machine code made for nearly all that others need."""
 

@@ -25,11 +25,12 @@ def run(scene, eps=1.0, **options):
 
 
 def remainder(result):
-    """What the account leaves over, at most, in units of the energy that came and went."""
-    account = result.account()
+    """What the account leaves over, at most, in units of the energies that came, went, and are added up."""
+    account, ball = result.account(), ~result.scene.is_wall
     rest = account["energy"] - account["work"].sum(axis=1) - account["heat"].sum(axis=1) + account["dissipated"]
     most = sum(np.abs(account[name]).max() for name in ("energy", "work", "heat", "dissipated"))
-    return np.abs(rest - rest[0]).max() / most
+    moving = 0.5 * result.velocity[:, ball] ** 2 @ result.scene.mass[ball]  # by height it is paid back
+    return np.abs(rest - rest[0]).max() / (most + moving.max())
 
 
 def same(a, b):
@@ -276,7 +277,7 @@ def test_elastic_pendula_keep_their_energy_and_go_back_in_time(seed):
     there = run(scene, t_end=span, samples=20)
     energy = there.energy()
     assert len(there.contacts) > 5
-    assert np.abs(energy / energy[0] - 1.0).max() < 1e-13
+    assert np.abs(energy / energy[0] - 1.0).max() < 5e-16 * (20 + len(there.contacts))
     ball = ~scene.is_wall
     middle = scene.replace(gap=there.gap[-1], velocity=-there.velocity[-1], origin=there.position[-1, 0])
     back = run(middle, t_end=span)
@@ -367,7 +368,7 @@ def test_two_balls_on_a_ring_collide_as_the_formula_says(eps):
     log = run(scene, eps, max_events=n).contacts
     exact = 0.3 + np.r_[0.0, np.cumsum(eps ** -np.arange(1.0, n))]
     assert log["pair"].tolist() == [0, 1] * (n // 2) + [0] * (n % 2)
-    assert np.abs(log["t_begin"] / exact - 1.0).max() < 1e-14
+    assert np.abs(log["t_begin"] / exact - 1.0).max() < 2e-16 * (50 + n)
     if eps == 0.9:
         assert log["t_begin"][9] == pytest.approx(16.111747917132, abs=5e-13)
 
