@@ -22,6 +22,18 @@ class GivesUp(Exception):
     """The integrator stands still, needs more than its evaluations, or says two things at two tolerances."""
 
 
+def counted(slope, most=None):
+    """The slope of an equation of motion; the integrator gives up after `most` evaluations."""
+    left = iter(range(MOST if most is None else most))
+
+    def one(*args):
+        if next(left, None) is None:
+            raise GivesUp
+        return slope(*args)
+
+    return one
+
+
 def beside(scene, laws, t_end):
     """Whether it can judge this scene; if so, the engine's gaps and velocities at `t_end` are found to be the same."""
 
@@ -60,7 +72,8 @@ def solved(scene, laws, t_end, tolerances=OFTEN):
 class Motion:
     def __init__(self, scene, laws, tolerances):
         self.rtol, self.atol = tolerances
-        self.scene, self.laws, self.hits, self.hung, self.left = scene, laws, [0, 0], scene.displacement, MOST
+        self.counted = counted(self.slope)
+        self.scene, self.laws, self.hits, self.hung = scene, laws, [0, 0], scene.displacement
         self.hot = [side for side in range(2) if scene.heat[side] is not None]
         self.cold = np.ones(scene.n_pairs, bool)
         self.cold[[-side for side in self.hot]] = False
@@ -75,9 +88,6 @@ class Motion:
         return self.laws[c].force(max(-gap[c], 0.0), closing[c], self.scene.pairs[c])
 
     def slope(self, t, y, acting):
-        self.left -= 1
-        if self.left < 0:
-            raise GivesUp
         scene, (gap, closing) = self.scene, self.pairs(y)
         a = scene.fall - scene.pendulum**2 * (self.hung + y[: scene.n])
         for c in np.flatnonzero(acting):
@@ -102,7 +112,7 @@ class Motion:
                 events.append(lambda t, y, _, c=c, way=way: way * self.push(c, *self.pairs(y)))
         for event in events:
             event.terminal, event.direction = True, -1
-        out = solve_ivp(self.slope, (t, t_end), y, "DOP853", rtol=self.rtol, atol=self.atol, events=events,
+        out = solve_ivp(self.counted, (t, t_end), y, "DOP853", rtol=self.rtol, atol=self.atol, events=events,
                         args=(acting,))  # fmt: skip
         if out.status < 0:
             raise GivesUp

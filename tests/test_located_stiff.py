@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from solved_by_scipy import counted
 
 import granular as gr
 
@@ -78,7 +79,7 @@ def test_creep_of_a_curved_law_against_another_solver():
     def move(_t, y):
         return [y[1], G - law.force(y[0] * 1e-6, y[1] * 1e-6, pair)] / np.array([1.0, 1e-6])
 
-    other = solve_ivp(move, (0.0, 0.3), [1.0, 0.0], method="Radau", t_eval=t, rtol=1e-10, atol=1e-14)
+    other = solve_ivp(counted(move), (0.0, 0.3), [1.0, 0.0], method="Radau", t_eval=t, rtol=1e-10, atol=1e-14)
     np.testing.assert_allclose(-run.gap[:-1, 0] * 1e6, other.y[0], rtol=1e-7)
 
 

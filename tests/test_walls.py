@@ -64,16 +64,18 @@ class Exact:
     def first(self, limit):
         """The first hit, by steps of a parabola with the largest acceleration of all."""
         s, most = mp.mpf(0), self.pull + abs(self.a) * self.omega**2
-        while s < limit:
+        for _ in range(20_000):
+            if s >= limit:
+                return mp.inf
             above, fall = self.height + s * (self.drift - self.pull * s / 2) - abs(self.a), self.drift - self.pull * s
             s += closes(above, fall, self.pull) if above > 0 else 0
             if s == mp.inf:
-                break
+                return mp.inf
             gap, rate = self(s)
             if gap < 1e-33 and rate < 0:
                 return s
             s += closes(gap, rate, most) * (1 - mp.mpf(10) ** -30)
-        return mp.inf
+        raise RuntimeError("the twin comes to no hit")
 
 
 def closes(gap, rate, a):
