@@ -4,8 +4,12 @@ from machine import own_environment, pytest_configure, pytest_runtest_call, pyte
 
 own_environment()
 
-import pytest  # noqa: E402
+import pytest
+from hypothesis import settings
+from noise import pytest_itemcollected  # noqa: F401
 
+settings.register_profile("same", derandomize=True, deadline=None)  # the same draws everywhere, and no clock
+settings.load_profile("same")
 MAKERS = ("test_edmd_actions", "test_edmd_engines", "test_located_compiled", "test_md_fixed_engines")
 """Files that have machine code made for nearly all that others need."""
 

@@ -10,6 +10,8 @@ import mpmath as mp
 
 from granular.walls import Sine, Thermal
 
+STEPS = 20_000
+"""Towards one hit of a moving wall or a pendulum, at most."""
 
 class Wall:
     """x(t) = x0 + V (t - t0) + m(t) - m(t0), m(t) = A sin(2π f t + φ); no m for a wall at constant speed."""
@@ -81,7 +83,9 @@ def events(scene, eps, t_end, most, t0=0.0):
             return closes(max(gap, mp.mpf(0)), rate, pull)
         s, bound = mp.mpf(0), pull + sum(driven)
         just = abs(gap) < mp.mpf(10) ** -22
-        while s < limit:
+        for _ in range(STEPS):
+            if s >= limit:
+                return mp.inf
             gap, rate = pair(c, s)
             if gap < mp.mpf(10) ** -26 and rate < 0 and not (just and s == 0 and rate > -mp.mpf(10) ** -22):
                 return s
@@ -91,7 +95,7 @@ def events(scene, eps, t_end, most, t0=0.0):
                 return mp.inf
             root = mp.sqrt(square)
             s += (rate + root) / bound if rate > 0 else 2 * gap / (root - rate)  # neither is a difference
-        return mp.inf
+        raise RuntimeError(f"the twin comes to no hit of pair {c} in {STEPS} steps")
 
     rows = []
     while len(rows) < most:

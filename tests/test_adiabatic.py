@@ -335,6 +335,7 @@ def other_scene(**changes):
     return lambda: adiabatic.contacts(drop().replace(**changes), gr.LinearDashpot(5e7))
 
 
+@pytest.mark.exact
 @pytest.mark.parametrize(("make", "message"), [
     (lambda: adiabatic.contacts(3, gr.LinearDashpot(1.0)), r"scene is 3: a granular\.Scene is needed"),
     (lambda: adiabatic.contacts(gr.scenes.newtons_cradle(3), gr.LinearDashpot(1.0)), r"a floor and two balls are"),

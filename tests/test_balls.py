@@ -88,6 +88,7 @@ def test_misuse_is_one_sentence() -> None:
         contact("basketball", "tennis ball", "parallel")
 
 
+@pytest.mark.exact
 def test_a_scene_is_the_balls_on_a_floor() -> None:
     scene = gr.scenes.real_balls("basketball", "golf ball", gap=0.01, height=2.0)
     assert scene.mass.tolist() == [math.inf, 0.624, 0.0459]

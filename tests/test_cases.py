@@ -150,6 +150,7 @@ def test_misuse_of_names_and_options_is_a_sentence(call, sentence):
 
 # TOML
 
+@pytest.mark.exact
 @pytest.mark.parametrize("name", cases.names())
 def test_a_template_has_one_restitution_which_law_and_rule_follow(name, read):
     text = cases.dumps(cases.make(name))

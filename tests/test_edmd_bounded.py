@@ -6,6 +6,7 @@ import hard_twin
 import mpmath as mp
 import numpy as np
 import pytest
+from condition import response
 from fuzz import bounded
 
 import granular as gr
@@ -24,11 +25,12 @@ def run(scene, eps=1.0, **options):
 
 
 def remainder(result):
-    """What the account leaves over, at most, in units of the energy that came and went."""
-    account = result.account()
+    """What the account leaves over, at most, in units of the energies that came, went, and are added up."""
+    account, ball = result.account(), ~result.scene.is_wall
     rest = account["energy"] - account["work"].sum(axis=1) - account["heat"].sum(axis=1) + account["dissipated"]
     most = sum(np.abs(account[name]).max() for name in ("energy", "work", "heat", "dissipated"))
-    return np.abs(rest - rest[0]).max() / most
+    moving = 0.5 * result.velocity[:, ball] ** 2 @ result.scene.mass[ball]  # by height it is paid back
+    return np.abs(rest - rest[0]).max() / (most + moving.max())
 
 
 def same(a, b):
@@ -275,7 +277,7 @@ def test_elastic_pendula_keep_their_energy_and_go_back_in_time(seed):
     there = run(scene, t_end=span, samples=20)
     energy = there.energy()
     assert len(there.contacts) > 5
-    assert np.abs(energy / energy[0] - 1.0).max() < 1e-13
+    assert np.abs(energy / energy[0] - 1.0).max() < 5e-16 * (20 + len(there.contacts))
     ball = ~scene.is_wall
     middle = scene.replace(gap=there.gap[-1], velocity=-there.velocity[-1], origin=there.position[-1, 0])
     back = run(middle, t_end=span)
@@ -337,7 +339,7 @@ def test_the_root_of_pendula_has_all_digits():
             turns = [mp.atan2(u, x) + sign * mp.acos(-d / far) for sign in (-1, 1)]
             exact = min((turn % (2 * mp.pi)) for turn in turns) / omega
             condition = 1 + abs((2 * mp.mpf(d) - gap) * gap) / (u * u - (2 * mp.mpf(d) - gap) * gap)
-            assert abs(mp.mpf(float(log["t_begin"][0])) - exact) < 1e-15 * condition * exact
+            assert abs(mp.mpf(float(log["t_begin"][0])) - exact) < 4e-15 * condition * exact
 
 
 # --- rings
@@ -366,7 +368,7 @@ def test_two_balls_on_a_ring_collide_as_the_formula_says(eps):
     log = run(scene, eps, max_events=n).contacts
     exact = 0.3 + np.r_[0.0, np.cumsum(eps ** -np.arange(1.0, n))]
     assert log["pair"].tolist() == [0, 1] * (n // 2) + [0] * (n % 2)
-    assert np.abs(log["t_begin"] / exact - 1.0).max() < 1e-14
+    assert np.abs(log["t_begin"] / exact - 1.0).max() < 2e-16 * (50 + n)
     if eps == 0.9:
         assert log["t_begin"][9] == pytest.approx(16.111747917132, abs=5e-13)
 
@@ -399,7 +401,7 @@ def test_equal_elastic_balls_on_a_ring_are_free_flights_sorted():
     far = np.sort(np.mod(x + v * end, 1.0)) - np.sort(np.mod(result.position[-1], 1.0))
     assert np.abs((far + 0.5) % 1.0 - 0.5).max() < 1e-13
     assert np.abs(np.sort(v) - np.sort(result.velocity[-1])).max() < 1e-15
-    assert np.abs(result.gap.sum(axis=1) - result.gap[0].sum()).max() < 1e-15
+    assert np.abs(result.gap.sum(axis=1) - result.gap[0].sum()).max() < 1e-14  # twelve gaps, 2 866 times rounded
     assert np.ptp(result.momentum()) < 1e-14
     assert (np.diff(result.position[-1]) > 0.0).all()
     assert result.position[-1, -1] - result.position[-1, 0] < 1.0
@@ -443,8 +445,10 @@ def test_balls_on_a_ring_cool_without_end(seed, n, eps):
     log = run(scene, eps, max_events=60).contacts
     with mp.workdps(60):
         rows = hard_twin.events(scene, eps, 1e99, 60)
+    exact = np.array([float(time) for time, _, _ in rows])
+    moved = response(lambda one: run(one, eps, max_events=60).contacts["t_begin"], scene)
     assert log["pair"].tolist() == [pair for _, pair, _ in rows]
-    assert np.abs(log["t_begin"] / [float(time) for time, _, _ in rows] - 1.0).max() < 1e-11
+    assert (np.abs(log["t_begin"] / exact - 1.0) < 2e-15 * (1.0 + np.maximum.accumulate(moved / exact))).all()
     late = run(scene, eps, max_events=300)
     assert late.status is gr.Status.max_events
     assert late.gap[-1].sum() == pytest.approx(scene.gap.sum(), rel=1e-12)

@@ -68,6 +68,7 @@ def test_hard_spheres_cannot_overlap() -> None:
         edmd.simulate(scene, RULE)
 
 
+@pytest.mark.exact
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [

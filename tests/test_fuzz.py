@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 from fuzz import bounded, driven, soak
 from fuzz.arithmetic import DIGITS, DOUBLE
-from fuzz.judge import Verdict, compare, distance, engine, from_json, judge, truth
-from fuzz.laws import Spec
+from fuzz.judge import Truth, Verdict, compare, distance, engine, from_json, judge, judged_by_roundings, truth
+from fuzz.laws import Rounded, Spec
 from fuzz.scenes import Case, generate
 from fuzz.solver import solve
 
@@ -46,6 +46,12 @@ def machine_code() -> None:
         gr.md.simulate(gr.Scene([1.0, 1.0], [0.0, 0.0], [0.1], [1.0, 0.0]), gr.Hertz(1.0), engine="compiled")
 
 
+def judged(case: Case, one: Truth, laws: Any = None) -> Verdict:
+    """The engine beside a truth, by the scene's condition, and by the roundings of laws that users wrote."""
+    verdict = compare(case, one, engine(case, laws=laws, max_steps=MOST_STEPS))
+    return judged_by_roundings(case, one, verdict, max_steps=MOST_STEPS)
+
+
 @pytest.mark.parametrize(("scenes", "first"), [
     *((OFTEN, first) for first in range(0, len(OFTEN), BATCH)),
     *(pytest.param(SELDOM, first, marks=pytest.mark.soak) for first in range(0, len(SELDOM), BATCH)),
@@ -55,7 +61,7 @@ def test_stored_truths(scenes: list[dict[str, Any]], first: int) -> None:
     short = []
     for stored in scenes[first : first + BATCH]:
         case = Case.from_json(stored["case"])
-        verdict = compare(case, from_json(case, stored["truth"]), engine(case, max_steps=MOST_STEPS))
+        verdict = judged(case, from_json(case, stored["truth"]))
         if verdict.kind != "ok":
             short.append((stored["seed"], case.names, verdict.why, verdict.error))
     assert not short
@@ -67,8 +73,19 @@ def test_live_scenes(seed: int) -> None:
     case = generate(seed, small=True)
     one = truth(case, shifts=1, compiled=False)
     assert one is not None, "ill-conditioned"
-    verdict = compare(case, one, engine(case, max_steps=MOST_STEPS))
+    verdict = judged(case, one)
     assert verdict.kind == "ok", (verdict.why, verdict.error, case)
+
+
+@pytest.mark.soak
+def test_what_the_roundings_of_a_law_make_is_measured() -> None:
+    """A ball that falls from the touch on a floor, and comes back to it, by a law that says nothing of itself."""
+    stored = next(one for one in STORED if one["seed"] == 95006449)
+    case = Case.from_json(stored["case"])
+    rounded = [judged(case, from_json(case, stored["truth"]), [Rounded(one.law(), seed) for one in case.laws])
+               for seed in range(3)]  # fmt: skip
+    assert all(verdict.kind == "ok" for verdict in rounded)
+    assert any(verdict.notes for verdict in rounded)
 
 
 def test_samples_never_change_the_log() -> None:

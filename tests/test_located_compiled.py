@@ -57,7 +57,7 @@ def test_auto_changes_to_compiled_under_way(monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.parametrize("engine", ["plain", "compiled"])
 def test_solve_many_is_simulate_many_times(engine: str) -> None:
     """A map over the gap: counts, times and velocities are those of single runs, bit for bit."""
-    gaps = np.array([[0.0, gap] for gap in (0.0, 1e-6, 1e-5, 1e-4, 1e-3)])
+    gaps = np.array([SCENE.replace(gap=[0.0, gap]).gap for gap in (0.0, 1e-6, 1e-5, 1e-4, 1e-3)])
     law = LinearDashpot(5e7, 1500.0)
     scenes = Scenes(SCENE.mass, gaps, SCENE.velocity, [[law.k, 1.0, law.gamma, 0.0]] * 2, 9.81)
     many = solve_many(scenes, until=until.contact(0, 2), leave_piles=False, engine=engine)

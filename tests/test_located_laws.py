@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scenes_at_random import OwnDashpot, OwnHertz
+from solved_by_scipy import counted
 
 from granular import until
 from granular.laws import Hertz, LinearDashpot, ViscoelasticHertz, WaltonBraun
@@ -189,7 +190,7 @@ def test_a_law_that_cannot_bear_the_weight_lets_it_sink() -> None:
         def motion(t: float, y: Any, law: Yielding = law, mass: float = mass) -> Any:
             return [y[1], 9.81 - law.force(y[0], 0.0, None) / mass]
 
-        xi, eta = solve_ivp(motion, (0.0, end), [deep, speed], "DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
+        xi, eta = solve_ivp(counted(motion), (0.0, end), [deep, speed], "DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
         assert soft.gap[-1, 0] == pytest.approx(-xi, rel=1e-10)
         assert soft.velocity[-1, 1] == pytest.approx(-eta, rel=1e-9, abs=1e-10)
         assert soft.stats["error_estimate"] < 1e-13

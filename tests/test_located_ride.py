@@ -123,7 +123,9 @@ def test_a_ride_is_what_pieces_find(monkeypatch, where, kind, seed):
     assert abs(np.diff(ride.velocity - pieces.velocity, axis=1)).max() < 1e-12 * fastest
     assert abs(ride.force - pieces.force).max() < 1e-13 * pieces.force.max()
     for name in ("duration", "impulse", "force_max", "xi_max"):
-        assert abs(ride.contacts[name] - pieces.contacts[name]).max() < 2e-14 * pieces.contacts[name].max(), name
+        clock = 8.0 * np.spacing(start + 0.4) if name == "duration" else 0.0
+        off = abs(ride.contacts[name] - pieces.contacts[name]).max()
+        assert off < 2e-14 * pieces.contacts[name].max() + clock, name
     work = pieces.account()["work"]
     assert abs(ride.account()["work"] - work).max() < 2e-14 * abs(np.diff(work, axis=0)).sum()
     lost = pieces.account()["dissipated"]

@@ -167,7 +167,9 @@ def test_a_law_with_a_form_runs_by_its_form_in_every_engine():
     scene = gr.scenes.newtons_cradle(3)
     for seed in range(20):
         k, gamma = np.random.default_rng(seed).uniform(1e6, 1e7, 2) * (1.0, 1e-4)
-        runs = [run(scene, law(k, gamma), t_end=0.1, dt=2e-5, engine="plain") for law in (OwnDashpot, gr.LinearDashpot)]
+        law = gr.LinearDashpot(k, gamma)
+        k, gamma = law.k, law.gamma
+        runs = [run(scene, one, t_end=0.1, dt=2e-5, engine="plain") for one in (OwnDashpot(k, gamma), law)]
         same(*runs)
         np.testing.assert_allclose(run(scene, Swapped(k, gamma), t_end=0.1, dt=2e-5).velocity, runs[0].velocity,
                                    rtol=0.0, atol=1e-9)  # fmt: skip

@@ -26,6 +26,7 @@ def test_pairs_know_their_effective_mass_and_radius():
     assert balls.index == 1
 
 
+@pytest.mark.exact
 def test_effective_mass_of_extreme_ratios_neither_overflows_nor_cancels():
     assert Scene([1e300, 1e-300], [0.0, 0.0], [1.0], [0.0, 0.0]).pairs[0].m_eff == 1e-300
     assert Scene([1e300, 1e300], [0.0, 0.0], [1.0], [0.0, 0.0]).pairs[0].m_eff == 0.5e300

@@ -25,6 +25,7 @@ def test_every_scene_stands_by_itself_and_documents_each_parameter(make):
         assert f"\n    {name} : " in make.__doc__, f"{name} is not documented"
 
 
+@pytest.mark.exact
 def test_three_balls_is_the_paper_s_scene():
     scene = scenes.three_balls()
     assert scene.n == 3
@@ -37,6 +38,7 @@ def test_three_balls_is_the_paper_s_scene():
     assert scene.pairs[0].r_eff == 0.1
 
 
+@pytest.mark.exact
 def test_a_stack_is_dropped_or_meets_the_floor_with_a_speed():
     dropped = scenes.ball_stack(4, 0.5, height=2.0)
     thrown = scenes.ball_stack(masses=[3.0, 1.0], speed=2.0, gravity=0.0)

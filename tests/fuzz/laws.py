@@ -177,6 +177,23 @@ class Saturated:
         return self.k * xi + self.gamma * self.v * math.tanh(xi_dot / self.v)
 
 
+@dataclass(frozen=True)
+class Rounded:
+    """A law whose force is off by a unit in the last place, or not, as the last digits of its arguments draw it."""
+
+    law: Any
+    seed: int
+
+    def force(self, xi: float, xi_dot: float, pair: Pair, *xi_max: float) -> float:
+        force = self.law.force(xi, xi_dot, pair, *xi_max)
+        return math.nextafter(force, (math.inf, -math.inf, force)[hash((xi, xi_dot, self.seed)) % 3])
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__") or name in ("law", "seed", "linear"):
+            raise AttributeError(name)
+        return getattr(self.law, name)
+
+
 KINDS = {kind.__name__: kind for kind in (
     gr.LinearDashpot, gr.Hertz, gr.ViscoelasticHertz, gr.TsujiHertz, gr.PowerLaw, gr.WaltonBraun, PlainPower,
     PlainViscoelastic, TwoStiffnesses, TwoDampings, DampedPower, TwoViscosities, Stiffening, Exponential, Hysteresis,
