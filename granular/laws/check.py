@@ -23,6 +23,8 @@ RUNG = 4.0
 """Ratio of the overlaps at which a law is tried before a run."""
 TRIED = 256
 """How many different pairs are tried."""
+SLOW = 1e-6
+"""Rate in m/s at which a law is tried in a scene at rest."""
 
 
 def checked(law: Any, scene: Scene) -> SceneLaws:
@@ -71,9 +73,10 @@ def _probed(law: PairLaw, speed: float) -> float:
     """Evaluate the force up to overlaps (m) that an impact at `speed` is sure to reach, and return the last of them."""
     deepest = _size(law)
     xi, energy, dampings = 1e-10 * deepest, 0.5 * law.pair.m_eff * speed * speed, set()
+    speed = speed or SLOW
     while True:
         force, closing, parting = (finite(law, xi, rate) for rate in (0.0, speed, -speed))
-        dampings.add(math.nan if force != 0.0 else closing)
+        dampings.add(math.nan if force > 0.0 else closing)
         for rate, moving in ((speed, closing), (-speed, parting)):
             if not law.rate_dependent and abs(moving - force) > 1e-9 * abs(force):
                 raise _denied(law, xi, rate)
@@ -99,8 +102,7 @@ def _check_pure(law: PairLaw, speed: float) -> None:
     for at, first in zip(asked, before, strict=True):
         if (again := finite(law, *at)) != first:
             raise _error(law, f"two calls with the same arguments, ξ = {at[0]:.6g} m and ξ̇ = {at[1]:.6g} m/s, gave "
-                              f"{first!r} and {again!r} N; a law must be a pure function: no state, no random numbers.")  # fmt: skip
-
+                              f"{first!r} and {again!r} N; a law must be a pure function, without state or chance.")
 
 def _check_potential(law: PairLaw, said: float, xi: float) -> None:
     """Raise if the potential of a law is not the integral of its force from 0 to `xi`."""
@@ -133,8 +135,8 @@ def _check_form(law: PairLaw, k: float, p: float, gamma: float, d: float) -> Non
 
 def _without_spring(law: PairLaw, damping: float, speed: float) -> ValueError:
     """Return the error of a law whose force hangs on the rate alone: bodies would creep into each other for good."""
-    return _error(law, f"its force does not depend on the overlap, it is {damping!r} N at rate {speed:.6g} m/s and 0 at "
-                       "rest at every overlap; are the arguments (xi, xi_dot, pair)?")  # fmt: skip
+    return _error(law, f"its force does not depend on the overlap, it is {damping!r} N at rate {speed:.6g} m/s and no "
+                       "push at rest at any overlap; are the arguments (xi, xi_dot, pair)?")  # fmt: skip
 
 
 def _denied(law: PairLaw, xi: float, rate: float) -> ValueError:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from copy import deepcopy
-from time import process_time
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from granular._kernels import Toll, compiled, fitted
 from granular._records import column, copied, packed, plain
 from granular._tournament import replay, tournament
 from granular.closing import Closing
-from granular.drive import End, Pause, Row, Rows, portion
+from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks, outcome, rides
 from granular.md.located.at_rest import first_asking, gather_slowly, looked_at, seldom
@@ -40,7 +39,6 @@ from granular.md.located.records import (
     STOP,
     STOPPED,
     WANTS_CONTACT,
-    WANTS_LOOK,
     WANTS_TABLE,
     WORK,
 )
@@ -60,10 +58,6 @@ from granular.request import Request
 from granular.scene import Scene
 from granular.trajectory import CONTACT
 
-OWN_CHUNK, PLAIN_CHUNK, COMPILED_CHUNK = 8, 100, 20_000
-"""Pieces between two looks at progress and log, under laws that are functions, interpreted, compiled; at most."""
-AT_FIRST = 4000
-"""Pairs whose pieces a run may take before the first look."""
 FIRST_LOOK = 256
 """Pieces after which the run first looks whether the scene creeps to rest."""
 AGAIN = 128
@@ -124,8 +118,7 @@ class Run:
         if state is not None:
             self.s = restored(self.s, state)
         self.collocation = Collocation(laws, scene.ring) if self.s.kinds["kind"][0] == GENERAL else None
-        self.pace, self.stalled = Pace(float(self.counters["t"])), False
-        self.chunk = max(1, min(PLAIN_CHUNK, AT_FIRST // scene.n_pairs))
+        self.pace = Pace(self)
         hung = scene.pendulum > 0.0
         driven = self.s.walls is not None and not hung
         self.settles = not (scene.ring or scene.heated or hung)  # on a line where rest and rides are understood
@@ -185,7 +178,7 @@ class Run:
             return Pause.resting if limit == math.inf else Pause.reached
         if self.ride is not None and rides.rides_to(self, limit):
             return Pause.reached if limit < self.ride.until else Pause.full
-        why, counters = self.advanced(limit), self.counters
+        why, counters = self.pace.advanced(limit), self.counters
         reached = why == REACHED or (why == QUIET and limit < math.inf)
         self.now = limit if reached else float(counters["t"])
         if self.scene.driven and self.now < math.inf:
@@ -217,26 +210,7 @@ class Run:
                 return Pause.resting
         if self.creep is None and self.pays():
             self.compile()
-        return Pause.work if self.stalls() else Pause.full
-
-    def advanced(self, limit: float) -> int:
-        """Advance by a chunk of pieces, with looks at blocks that may rest or creep; return as `blocks.advance`."""
-        most = COMPILED_CHUNK if self.engine == "compiled" else PLAIN_CHUNK if self.collocation is None else OWN_CHUNK
-        begun, self.chunk = process_time(), min(most, self.chunk)
-        for _ in range(PLAIN_CHUNK):
-            why = int(self.kernels(blocks.advance)(self.s, limit, self.chunk, self.collocation))
-            if why == WANTS_LOOK:
-                why = looked_at(self.s, limit, self.kernels, self.seldom)
-            if why != WANTS_LOOK:
-                break
-        self.chunk = portion(self.chunk, process_time() - begun)
-        return MORE if why == WANTS_LOOK else why
-
-    def stalls(self) -> bool:
-        """Return whether a run under laws that are functions does not come on."""
-        left = self.request.end - self.start - self.now
-        self.stalled = self.collocation is not None and self.pace.stalls(self.collocation.trials, self.now, left, self.s)
-        return self.stalled
+        return Pause.work if self.pace.stalls() else Pause.full
 
     def rests(self, limit: float) -> bool:
         """Return whether the scene is proved to come to rest, which ends a run without limit; if it creeps, let it.
