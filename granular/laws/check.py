@@ -1,10 +1,9 @@
 """Try each law before a run: a mistake in it is a sentence, not a wrong answer.
 May be skipped: arguments, no physics.
 
-A force that is no number, that changes from call to call, that never depends on the overlap and needs a rate, a trait
-that contradicts the force, or negative damping (a harder push while bodies part than while they approach, at the same
-overlap) is refused. What pulls is legal, and so is a force that sets in late (F = k (ξ - ξ₀)): the engine takes both for
-no force.
+A force that is no number, that changes from call to call, or that hangs on the rate alone, a trait that contradicts the
+force, or negative damping (a harder push while bodies part than while they approach, at the same overlap) is refused.
+What pulls is legal, and so is a force that sets in late (F = k (ξ - ξ₀)): the engine takes both for no force.
 """
 
 from __future__ import annotations
