@@ -282,7 +282,7 @@ class Run:
             grown = f" and the energy grew {fold}" if gain > 0.5 else ""
             message = f"{limit}, the limit is {most:g}{grown}: take dt ≤ {WARN * dt / (trust or 1.0):.2g} s."
             if not 0.0 < trust < math.inf:  # the law jumps, or is flat, where it was last
-                message = f"dt = {dt:.3g} s is too long for a force that jumps like this one{grown}: take a shorter one."
+                message = f"dt = {dt:.3g} s is too long for a force that jumps{grown}: take a shorter one."
             return Status.unstable, message, trust
         if trust > WARN:
             self.doubt = f"{limit}; above {WARN} expect visible errors."
