@@ -60,7 +60,6 @@ def ended(scene, law, **how):
     try:
         run = gr.md.simulate(scene, law, **how)
     except ValueError as refusal:
-        assert str(refusal).endswith((".", "?"))
         return str(refusal)
     assert run.time[-1] <= how.get("t_end", math.inf)
     assert run.status.name == "unstable" or np.isfinite(run.gap).all()
