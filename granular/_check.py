@@ -88,11 +88,36 @@ def truth(name: str, value: Any) -> bool:
     return bool(value)
 
 
-def callback(name: str, value: Any) -> Any:
-    """Return `value` if it can be called or is None."""
+def callback(name: str, value: Any, *given: str) -> Any:
+    """Return `value` if it is None, or can be called with arguments of these names, in this order."""
     if value is not None and not callable(value):
         raise TypeError(_sentence(name, value, "a function, or None, is needed"))
-    return value
+    return value if value is None else takes(name, value, *given)
+
+
+def takes(name: str, function: Any, *given: str, fix: str = "") -> Any:
+    """Return a function of a caller's if it takes arguments of these names, in this order; raise if it cannot."""
+    import inspect
+
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):  # some builtins have none
+        return function
+    names = list(signature.parameters)
+    try:
+        signature.bind(*given)
+        fits = sorted(names) != sorted(given) or names == list(given)
+    except TypeError:
+        fits = False
+    if not fits:
+        taken = ", ".join(str(p.replace(annotation=p.empty)) for p in signature.parameters.values())
+        raise TypeError(f"{name} takes ({taken}): ({', '.join(given)}) is needed" + f"; {fix}" * bool(fix) + ".")
+    return function
+
+
+def is_own(value: Any) -> bool:
+    """Return whether a law or rule is a caller's own: nothing of this package is to be looked at again."""
+    return not type(value).__module__.startswith("granular.")
 
 
 def every(name: str, values: Array, good: NDArray[np.bool_], need: str, fix: str = "") -> None:

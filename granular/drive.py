@@ -23,6 +23,10 @@ Rows = np.ndarray[tuple[int], np.dtype[np.void]]
 """Records with names: contacts as an engine keeps them, or as the public log shows them."""
 
 
+AWHILE = 0.25
+"""Seconds of processor time between two looks at a run, about."""
+
+
 class Pause(Enum):
     """Why a run pauses; the value is the status if it ends there."""
 
@@ -110,6 +114,11 @@ class Run(Protocol):
 
     def end(self, pause: Pause, seen: float) -> End:
         """Bring the run to its end; `seen` is the time of the last sample, -inf if a row is wanted in any case."""
+
+
+def portion(done: int, spent: float) -> int:
+    """Return how much to do until the next look at a run, as so much took so many seconds of processor time."""
+    return max(1, int(done * min(2.0, AWHILE / max(spent, 1e-9))))
 
 
 def drive(run: Run) -> Trajectory:

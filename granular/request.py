@@ -53,8 +53,8 @@ def requested(
         samples=_sample_times(given["samples"], start, end),
         log=bool(given["log"]),
         max_events=_check.whole("max_events", given["max_events"]),
-        on_event=_check.callback("on_event", given["on_event"]),
-        on_progress=_check.callback("on_progress", given["on_progress"]),
+        on_event=_check.callback("on_event", given["on_event"], "row"),
+        on_progress=_check.callback("on_progress", given["on_progress"], "reached", "count"),
         max_steps=_check.whole("max_steps", max_steps, at_least=1),
     )
 

@@ -187,6 +187,8 @@ def checked(rule: Any, pairs: Sized) -> tuple[Rule, ...]:
             fix = "granular.ConstantRestitution(0.7) is one" if not isinstance(one, (int, float)) else (
                 f"write granular.ConstantRestitution({one})")
             raise TypeError(f"rule is {one!r}: a callable of (speed, pair) is needed; {fix}.")
+        if _check.is_own(one):
+            _check.takes("rule", one, "speed", "pair")
         if isinstance(one, ConstantRestitution) and isinstance(one.restitution, tuple):
             _check.per_pair("restitution", one.restitution, len(pairs))
     return rules

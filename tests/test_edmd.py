@@ -295,7 +295,7 @@ def test_callbacks_see_every_collision_and_their_errors_pass() -> None:
     reports = []
     box = Scene([math.inf, 1.0, math.inf], [0.0] * 3, [1.0, 1.0], [0.0, 1.0, 0.0])
     final(box, 1.0, max_events=20_000, log=False, on_progress=lambda *so_far: reports.append(so_far))
-    assert 3 <= len(reports) <= 6
+    assert 3 <= len(reports) <= 12  # also while it is not known how long a collision takes
     assert reports == sorted(reports)
 
 

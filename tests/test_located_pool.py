@@ -12,7 +12,7 @@ from granular._kernels import have_numba
 from granular.drive import Pause
 from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz
 from granular.laws.check import checked
-from granular.md.located import Run, at_rest, run, system
+from granular.md.located import Run, at_rest, pace, run, system
 from granular.md.located.islands import _check
 from granular.request import requested
 from granular.scene import Scene
@@ -47,8 +47,8 @@ def test_records_agree_under_random_actions(seed: int, monkeypatch: pytest.Monke
     time, taken = 0.0, 0
     _check(one.s)
     for _ in range(25):
-        monkeypatch.setattr(run, "PLAIN_CHUNK", int(rng.integers(1, 12)))
-        monkeypatch.setattr(run, "COMPILED_CHUNK", int(rng.integers(1, 12)))
+        monkeypatch.setattr(pace, "PLAIN", int(rng.integers(1, 12)))
+        monkeypatch.setattr(pace, "COMPILED", int(rng.integers(1, 12)))
         time += float(rng.choice([0.0, 1e-4, 2e-3]))
         while one.to(time, False) is Pause.full:
             _check(one.s)

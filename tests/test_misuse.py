@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+import granular as gr
 from granular import binary, cases, edmd, laws, md, rules, scenes, theory, until
 from granular.comparison import compare
 from granular.scene import Pair, Scene
@@ -234,3 +235,64 @@ def test_a_user_s_own_exception_passes_through_unwrapped():
 
     with pytest.raises(Own, match="mine"):
         hard(STACK, raising, t_end=1.0)
+
+
+class Own:
+    """A law whose methods are given."""
+
+    def __init__(self, **methods):
+        self.__dict__.update(methods)
+
+
+THREE, RULE = gr.scenes.three_balls(gap=1e-3), gr.ConstantRestitution(0.5)
+NEEDED = r"\(xi, xi_dot, pair\) is needed; with xi_max set memory = True\."
+ARITIES = {
+    "force": (lambda: gr.md.simulate(THREE, Own(force=lambda xi, xi_dot: 1.0)),
+              rf"force of law of pair 0 takes \(xi, xi_dot\): {NEEDED}"),
+    "order": (lambda: gr.compare(THREE, Own(force=lambda pair, xi, xi_dot: 1.0), t_end=1.0),
+              rf"force of law of pair 0 takes \(pair, xi, xi_dot\): {NEEDED}"),
+    "no memory": (lambda: gr.binary.restitution(Own(force=lambda xi, v, p, top: 1.0), THREE.pairs[0], 1.0),
+                  rf"force of law takes \(xi, v, p, top\): {NEEDED}"),
+    "memory": (lambda: gr.md.simulate(THREE, Own(force=lambda xi, v, p: 1.0, memory=True)),
+               r"takes \(xi, v, p\): \(xi, xi_dot, pair, xi_max\) is needed; without it leave memory out\."),
+    "trait": (lambda: gr.md.simulate(THREE, Own(force=lambda xi, v, p: xi, linear=lambda: (1.0, 0.0))),
+              r"linear of law of pair 0 takes \(\): \(pair\) is needed\."),
+    "watch": (lambda: gr.edmd.simulate(THREE, RULE, t_end=0.1, watch=Own(force=lambda xi: 1.0)),
+              rf"force of watch takes \(xi\): {NEEDED}"),
+    "rule": (lambda: gr.edmd.simulate(THREE, lambda v: 0.5, t_end=0.1),
+             r"rule takes \(v\): \(speed, pair\) is needed\."),
+    "class": (lambda: gr.edmd.simulate(THREE, gr.ConstantRestitution, t_end=0.1),
+              r"rule takes \(restitution\): \(speed, pair\) is needed\."),
+    "on_event": (lambda: gr.edmd.simulate(THREE, RULE, t_end=0.1, on_event=lambda: 0),
+                 r"on_event takes \(\): \(row\) is needed\."),
+    "keyword": (lambda: gr.md.simulate(THREE, gr.Hertz(1e7), t_end=0.1, on_event=lambda row, *, more: 0),
+                r"on_event takes \(row, more\): \(row\) is needed\."),
+    "motion": (lambda: gr.walls.Motion(lambda: 0.0), r"function takes \(\): \(t\) is needed\."),
+    "result": (lambda: gr.sweep("three-balls", {"gap": [1e-3]}, results=[lambda: 0.0]),
+               r"result takes \(\): \(case\) is needed\."),
+    "observable": (lambda: gr.compare(THREE, gr.Hertz(1e7), t_end=0.1).effective_restitution(lambda: 0.0),
+                   r"observable takes \(\): \(run\) is needed\."),
+    "pressed": (lambda: gr.scenes.rows._pressed(THREE, lambda: gr.Hertz(1e7), 1.0, 0),
+                r"law takes \(\): \(pair\) is needed\."),
+}
+
+
+@pytest.mark.parametrize("case", ARITIES)
+def test_functions_of_other_arguments(case):
+    act, sentence = ARITIES[case]
+    with pytest.raises(TypeError, match=sentence):
+        act()
+
+
+def test_what_takes_anything_or_says_nothing_of_itself_is_let_through():
+    seen = []
+    run = gr.edmd.simulate(THREE, lambda *given: 0.5, t_end=0.5, on_event=seen.append, on_progress=lambda *so_far: 0)
+    assert len(seen) == len(run.contacts) > 0
+    assert gr.md.simulate(THREE, Own(force=lambda *given: 1e7 * given[0]), t_end=0.1).status.name == "time"
+
+
+def test_mistakes_within_a_function_pass_through():
+    with pytest.raises(TypeError, match="has no len"):
+        gr.edmd.simulate(THREE, lambda speed, pair: len(3), t_end=0.5)
+    with pytest.raises(TypeError, match="has no len"):
+        gr.md.simulate(THREE, Own(force=lambda xi, xi_dot, pair: len(3)), t_end=0.5)

@@ -37,3 +37,11 @@ def test_every_verb_tells_how_far_it_is_and_how_many_things_are_done(verb):
 def test_what_is_no_function_is_refused_at_once(verb):
     with pytest.raises(TypeError, match="on_progress is 3: a function, or None, is needed"):
         VERBS[verb](3)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_function_of_other_arguments_is_refused_at_once(verb):
+    with pytest.raises(TypeError, match=r"on_progress takes \(reached\): \(reached, count\) is needed\."):
+        VERBS[verb](lambda reached: None)
+    with pytest.raises(TypeError, match=r"on_progress takes \(count, reached\): \(reached, count\) is needed\."):
+        VERBS[verb](lambda count, reached: None)

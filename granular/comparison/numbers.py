@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import certificate, edmd, measures, outcome, theory, tie_rules, timing
+from granular import _check, certificate, edmd, measures, outcome, theory, tie_rules, timing
 from granular import until as stop
 from granular.binary import at_speed
 from granular.comparison.restitution import LawRule, roots
@@ -159,6 +159,7 @@ class Compared:
         if observable is None and self.scene.heated:
             raise ValueError("observable is None: at a thermal wall a speed hangs on what was drawn last; give a "
                              "function of the run, such as a mean height.")  # fmt: skip
+        _check.callback("observable", observable, "run")
         measure = observable or self._last_separation
         target = observable(self.soft) if observable else self.pairs[-1].soft_v_rel
 

@@ -107,7 +107,7 @@ def compare(
     end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
     event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed, "collapse": collapse, "merge_below": merge_below}
     hard = edmd.simulate(scene, used, **event_driven, on_progress=on_progress)
-    twin = edmd.simulate(_nudged(scene), used, **event_driven)
+    twin = edmd.simulate(_nudged(scene), used, **event_driven, on_progress=on_progress)
     options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
     soft = md.simulate(scene, laws, **end, **options, on_progress=on_progress)
     counted = measures.counted(hard, soft)

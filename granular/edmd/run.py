@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from granular import _check
 from granular._kernels import no_compiler
 from granular._records import packed
 from granular.closing import Closing
-from granular.drive import End, Pause, Row, Rows
+from granular.drive import End, Pause, Row, Rows, portion
 from granular.edmd import blocks, collapse, outcome, sides
 from granular.edmd.collision import ROW
 from granular.edmd.physics import Physics
@@ -30,6 +31,8 @@ TAIL = 8
 """The last of so many parts of a run that ends at `max_events` tells whether it has slowed down."""
 LOOK = 4096
 """Events after which rows are handed over and progress is told."""
+AT_FIRST = 8
+"""Events before it is known how long a collision takes."""
 LIKELY = 25
 """Collisions of a pair that a run is taken to have before anything is known of it."""
 TRIAL = 2048
@@ -107,6 +110,13 @@ class Run:
         state.keep(queue.hold)
         self.queue = queue(state if state.near is None else state.copied(), self.physics)
         self.queue.state = state
+        if queue is SortedQueue:
+            self.queue.chunk = AT_FIRST  # a rule may take long
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether an interpreted run is, or may be, slow: then it tells of progress more often."""
+        return self.queue.chunk < SortedQueue.chunk
 
     def to(self, time: float, last: bool) -> Pause:
         """Advance to `time`, some thousand events towards it, or to what ends the run.
@@ -141,7 +151,7 @@ class Run:
                 collapse.begin(state, self.queue)
             elif why == BUDGET and self.events in (before, state.clock.last_event):  # or a group that is too large
                 return Pause.work
-            if self.events - seen >= LOOK:
+            if self.events - seen >= LOOK or self.is_slow:
                 return Pause.full
         return Pause.reached
 
@@ -165,13 +175,15 @@ class Run:
         if self.may_compile and pays(self._expected()):
             self._go_on_with(self._compiled())
         goal = self.tail if self.events < self.tail else state.clock.last_event
-        budget = min(self.queue.chunk, goal - self.events)
+        budget, begun = min(self.queue.chunk, goal - self.events), process_time()
         rows: list[Any] | None = [] if self.request.rows or self.watch is not None else None
         if state.near is None:
             why = self.queue.advance(min(limit, math.nextafter(state.clock.window, 0.0)), budget, rows)
         else:
             why, self.verdict = collapse.look(state, self.physics, self.queue, limit, budget, rows)
         self.events = int(state.run["events"])
+        if self.is_slow:
+            self.queue.chunk = min(SortedQueue.chunk, portion(budget, process_time() - begun))
         self._settle(rows or [])
         if len(self.pace) == 1 and self.events >= self.tail:
             self.pace.append((self.events, self.time()))

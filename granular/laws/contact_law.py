@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._check import Array
+from granular._check import Array, is_own, takes
 from granular.laws.linearity import traced
 from granular.scene import Pair
 
@@ -145,6 +145,10 @@ def _form(law: Any, pair: Pair) -> Form | None:
     return k, 1.0, gamma, 0.0
 
 
+TRAITS = {"linear": ("pair",), "power": ("pair",), "potential": ("xi", "pair")}
+"""What the traits of a law that are methods are called with."""
+
+
 def instance(name: str, law: Any, fix: str = "for hard spheres use granular.edmd") -> Any:
     """Return `law`, or raise if it is a class, or has no `force`."""
     if isinstance(law, type):
@@ -154,4 +158,11 @@ def instance(name: str, law: Any, fix: str = "for hard spheres use granular.edmd
         raise TypeError(
             f"{name} is {law!r}: an object with force(self, xi, xi_dot, pair) is needed; {fix}."
         )
+    if is_own(law):
+        remembers = bool(getattr(law, "memory", False))
+        more, fix = (("xi_max",), "without it leave memory out") if remembers else ((), "with xi_max set memory = True")
+        takes(f"force of {name}", law.force, "xi", "xi_dot", "pair", *more, fix=fix)
+        for trait, given in TRAITS.items():
+            if callable(function := getattr(law, trait, None)):
+                takes(f"{trait} of {name}", function, *given)
     return law

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from copy import deepcopy
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from granular import until as stop
 from granular._kernels import Toll, have_numba
 from granular._records import packed
 from granular.closing import Closing
-from granular.drive import End, Pause, Row, Rows
+from granular.drive import End, Pause, Row, Rows, portion
 from granular.laws.kinds import SceneLaws
 from granular.md import march as loop
 from granular.md.contact_force import NotCompilableError
@@ -58,7 +59,7 @@ class Run:
         self.crowded = False  # a ball would meet a thermal wall too often in a step
         self.take_off: tuple[int, Any] | None = None  # step and state at which the flight began that ends here
         self.note = self.doubt = ""
-        self.chunk = max(SHORTEST, CHUNK // scene.n_pairs)
+        self.chunk = max(1, CHUNK // scene.n_pairs)
         self.toll = Toll(self.stepper.fit.march, LOADING, MAKING)
         self.closing = Closing(scene, self.start, flattened=True)
 
@@ -125,7 +126,9 @@ class Run:
             raise ValueError(f"dt is {self.dt:g}: step {self.k:.3g} is more than can be counted; take a longer step, "
                              "or the method 'located'.")  # fmt: skip
         room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
-        why, k = stepper.march(self.k, int(min(self.chunk, limit - self.k)), room)
+        begun, steps = process_time(), int(min(self.chunk, limit - self.k))
+        why, k = stepper.march(self.k, steps, room)
+        self.chunk = min(max(SHORTEST, CHUNK // self.scene.n_pairs), portion(steps, process_time() - begun))
         self.take_off, self.steps, self.k = None, self.steps + k - self.k, k
         if why == loop.UNTIL and stepper.heaters:
             self._forget_later_hits()
@@ -277,7 +280,9 @@ class Run:
         if trust > most or status is Status.unstable or gain > 0.5:
             fold = f"{gain + 1.0:.3g}-fold" if gain < math.inf else "beyond all numbers"
             grown = f" and the energy grew {fold}" if gain > 0.5 else ""
-            message = f"{limit}, the limit is {most:g}{grown}: take dt ≤ {WARN * dt / trust:.2g} s."
+            message = f"{limit}, the limit is {most:g}{grown}: take dt ≤ {WARN * dt / (trust or 1.0):.2g} s."
+            if not 0.0 < trust < math.inf:  # the law jumps, or is flat, where it was last
+                message = f"dt = {dt:.3g} s is too long for a force that jumps{grown}: take a shorter one."
             return Status.unstable, message, trust
         if trust > WARN:
             self.doubt = f"{limit}; above {WARN} expect visible errors."

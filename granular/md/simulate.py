@@ -75,7 +75,8 @@ def simulate(
     log : bool
         Keep the contact log.
     max_events, max_steps : int
-        Stop with status ``max_events`` after that many contacts or steps.
+        Stop with status ``max_events`` after that many contacts or steps; also where contacts under laws that are no
+        powers creep or chatter, so that some thousand trial steps bring the run on by next to nothing.
     on_event : callable, optional
         Called with each row of the contact log, in batches, in the order in which contacts end.
     on_progress : callable, optional

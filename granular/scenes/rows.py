@@ -189,6 +189,7 @@ def _striker(mass: float, speed: float, density: float) -> tuple[float, float, f
 def _pressed(scene: Scene, law: Any, load: float, first: int) -> Scene:
     """Return `scene` with the overlaps, from the pair `first` on, at which contacts at rest bear `load`."""
     if callable(law) and not hasattr(law, "force"):
+        _check.takes("law", law, "pair")
         law = [law(pair) for pair in scene.pairs]
     laws = resolved(_check.per_pair("law", law, scene.n_pairs), scene)
     gap = -laws.column(lambda one: overlap_under(one, load))

@@ -91,7 +91,7 @@ def stability(
     """
     who = _named("methods", methods, METHODS)
     where = _named("axes", axes, tuple(AXES))
-    _check.callback("on_progress", on_progress)
+    _check.callback("on_progress", on_progress, "reached", "count")
     limit = _check.number("seconds", seconds, above=0.0)
     if not quick:
         warm_up(who, "driven" in where)

@@ -115,6 +115,8 @@ def planned(
     for ask in asked:
         if not callable(ask):
             _check.choice("result", ask, list(RESULTS))
+        else:
+            _check.takes("result", ask, "case")
     plan = Plan(subject_of(scene), dict(fixed), tuple(over), asked, dict(run))
     for name in [*over, *fixed]:
         plan.subject.way(name)  # says what is no parameter

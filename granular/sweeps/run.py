@@ -94,7 +94,7 @@ def sweep(
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise TypeError(f"executor is {executor!r}: an object with submit() is needed, such as a ProcessPoolExecutor "
                         "or client.get_executor() of dask.")
-    _check.callback("on_progress", on_progress)
+    _check.callback("on_progress", on_progress, "reached", "count")
     store.xarray_()
     varied = axes.checked(over)
     asked = (results,) if isinstance(results, str) or callable(results) else tuple(results)

@@ -87,7 +87,7 @@ def threshold(
     number = _check.whole("points", points, at_least=2, at_most=MOST)
     width = _check.number("within", within, at_least=1e-12, at_most=0.5)
     limit = _check.number("error", error, above=0.0)
-    _check.callback("on_progress", on_progress)
+    _check.callback("on_progress", on_progress, "reached", "count")
     if not isinstance(over, str):
         raise TypeError(f"over is {over!r}: the name of one parameter is needed, such as 'gap'.")
     grid = SPACINGS[spacing](low, high, number)

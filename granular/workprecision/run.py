@@ -111,7 +111,7 @@ def frontier(
     laws = checked(law, a_scene(scene)).given
     stop.checked(until, scene.n_pairs)
     chosen = METHODS if methods is None else tuple(_check.choice("methods", name, METHODS) for name in methods)
-    _check.callback("on_progress", on_progress)
+    _check.callback("on_progress", on_progress, "reached", "count")
     count = _check.whole("repeats", repeats, at_least=1)
     if reference is None:
         _refuse_rest(md.simulate(scene, laws, until=until, t_end=t_end), t_end)

@@ -66,6 +66,7 @@ class Collocation:
         self.closed = False  # whether the island under way goes all around a ring
         self.shaken: list[tuple[int, Any]] = []  # of the island under way, pairs at driven walls, and their paths
         self.square = 0.0  # Ω² of pendula
+        self.trials = 0  # steps tried, of all pieces
 
     def force(self, p: Any, xi: float, eta: float = 0.0) -> float:
         """Unclipped force in N of a pair on the branch that it is on."""
@@ -99,6 +100,7 @@ class Collocation:
         reach = min(reach, shown(self.shaken, holds, block.clock))
         while True:
             block.h = reach if block.clock == 1 else math.sqrt(reach)
+            self.trials += 1
             force, misses, rough = self._iterate(pairs)
             miss = float((misses / _own_speeds(pairs)).max())
             if (miss <= allowed and rough <= PRECISE) or not reach > shortest:

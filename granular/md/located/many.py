@@ -20,6 +20,7 @@ from granular.md.located.at_rest import looked_at, seldom
 from granular.md.located.blocks import advance, expose_all, gather, launch
 from granular.md.located.inside import look
 from granular.md.located.log import keep_unsettled
+from granular.md.located.pace import COMPILED
 from granular.md.located.plan import planned
 from granular.md.located.power_form import kind_and_q, mapped
 from granular.md.located.records import (
@@ -41,7 +42,7 @@ from granular.md.located.records import (
     WANTS_LOOK,
     WANTS_TABLE,
 )
-from granular.md.located.run import COMPILED_CHUNK, FIRST_LOOK, WHY
+from granular.md.located.run import FIRST_LOOK, WHY
 from granular.md.located.system import System, new_system, to_plain, with_room_for_a_table
 from granular.md.located.tables import make_table
 from granular.trajectory import Status
@@ -160,11 +161,11 @@ def _solved(s: System, end: Array, engine: str) -> Many:
     for name in ("t_end", "v_lower", "v_upper", "longest"):
         last[name] = math.nan
     scratch, many, i, looks = np.zeros((3, last.shape[-1])), s, 0, 0
-    given: Any = end, COMPILED_CHUNK, result, last, scratch
+    given: Any = end, COMPILED, result, last, scratch
     kernels: Any = compiled  # for types of a single run: less to compile
     if engine == "plain":
         rows, many = (result.view(np.recarray), last.view(np.recarray)), to_plain(s)
-        given, kernels = (end.tolist(), COMPILED_CHUNK, *rows, scratch.tolist()), interpreted
+        given, kernels = (end.tolist(), COMPILED, *rows, scratch.tolist()), interpreted
     while (i := kernels(solve_rows)(many, *given, i)) < len(result):
         if result["why"][i] == WANTS_LOOK:
             looks += 1

@@ -34,6 +34,9 @@ def stats(run: Any, r: Any, crept: float) -> dict[str, Any]:
 def message(run: Any, status: Status, r: Any, t: float) -> str:
     """Return the sentence of a status with its numbers."""
     sentence = f"{status.value} (t = {t:.6g} s, {r.begun} contacts, {r.steps} steps)"
+    if run.pace.stalled:
+        sentence += (f": contacts creep or chatter, {run.pace.step:.2g} s a trial step on the average; weaker damping, "
+                     "or a force without a jump at rest, is needed (granular.md.resume goes on)")  # fmt: skip
     if not (r.rests or run.bound or run.creep):
         return sentence
     if status is Status.time:

@@ -23,6 +23,7 @@ from granular.md.located.creep import LARGEST, SMOOTH, Creep, Flight, swinging
 from granular.md.located.inside import look, look_inside, seen
 from granular.md.located.ledger import FLOOR, LOST
 from granular.md.located.log import keep_unsettled
+from granular.md.located.pace import Pace
 from granular.md.located.plan import planned
 from granular.md.located.power_form import power_form
 from granular.md.located.records import (
@@ -38,7 +39,6 @@ from granular.md.located.records import (
     STOP,
     STOPPED,
     WANTS_CONTACT,
-    WANTS_LOOK,
     WANTS_TABLE,
     WORK,
 )
@@ -58,8 +58,6 @@ from granular.request import Request
 from granular.scene import Scene
 from granular.trajectory import CONTACT
 
-PLAIN_CHUNK, COMPILED_CHUNK = 100, 20_000
-"""Pieces between two looks at progress and log."""
 FIRST_LOOK = 256
 """Pieces after which the run first looks whether the scene creeps to rest."""
 AGAIN = 128
@@ -120,6 +118,7 @@ class Run:
         if state is not None:
             self.s = restored(self.s, state)
         self.collocation = Collocation(laws, scene.ring) if self.s.kinds["kind"][0] == GENERAL else None
+        self.pace = Pace(self)
         hung = scene.pendulum > 0.0
         driven = self.s.walls is not None and not hung
         self.settles = not (scene.ring or scene.heated or hung)  # on a line where rest and rides are understood
@@ -179,8 +178,7 @@ class Run:
             return Pause.resting if limit == math.inf else Pause.reached
         if self.ride is not None and rides.rides_to(self, limit):
             return Pause.reached if limit < self.ride.until else Pause.full
-        chunk = COMPILED_CHUNK if self.engine == "compiled" else PLAIN_CHUNK
-        why, counters = self.advanced(limit, chunk), self.counters
+        why, counters = self.pace.advanced(limit), self.counters
         reached = why == REACHED or (why == QUIET and limit < math.inf)
         self.now = limit if reached else float(counters["t"])
         if self.scene.driven and self.now < math.inf:
@@ -212,17 +210,7 @@ class Run:
                 return Pause.resting
         if self.creep is None and self.pays():
             self.compile()
-        return Pause.full
-
-    def advanced(self, limit: float, chunk: int) -> int:
-        """Advance by a chunk of pieces, with looks at blocks that may rest or creep; return as `blocks.advance`."""
-        for _ in range(chunk):
-            why = int(self.kernels(blocks.advance)(self.s, limit, chunk, self.collocation))
-            if why == WANTS_LOOK:
-                why = looked_at(self.s, limit, self.kernels, self.seldom)
-            if why != WANTS_LOOK:
-                return why
-        return MORE
+        return Pause.work if self.pace.stalls() else Pause.full
 
     def rests(self, limit: float) -> bool:
         """Return whether the scene is proved to come to rest, which ends a run without limit; if it creeps, let it.
