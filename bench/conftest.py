@@ -5,6 +5,4 @@ from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent.parent / "tests"))
 
-from machine import own_environment, pytest_configure, pytest_runtest_call, pytest_runtest_setup  # noqa: F401
-
-own_environment()
+from machine import pytest_configure, pytest_runtest_call, pytest_runtest_setup  # noqa: F401

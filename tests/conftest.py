@@ -1,11 +1,8 @@
 """Every test has an environment of its own; those that make machine code come first."""
 
-from machine import own_environment, pytest_configure, pytest_runtest_call, pytest_runtest_setup  # noqa: F401
-
-own_environment()
-
 import pytest
 from hypothesis import settings
+from machine import pytest_configure, pytest_runtest_call, pytest_runtest_setup  # noqa: F401
 from noise import pytest_itemcollected  # noqa: F401
 
 settings.register_profile("same", derandomize=True, deadline=None)  # the same draws everywhere, and no clock

@@ -18,7 +18,7 @@ UNSET = ("MPLBACKEND", "MPLCONFIGDIR", "MATPLOTLIBRC", "NO_COLOR", "FORCE_COLOR"
          "PYTHONWARNINGS", "PYTHONOPTIMIZE", "PYTHONIOENCODING", "NUMBA_DISABLE_JIT", "NUMBA_NUM_THREADS")  # fmt: skip
 
 
-def own_environment():
+def _own_environment():
     """Forget what a user, a server or a continuous integration may have set; before numpy is loaded."""
     os.environ.update(SET)
     for name in UNSET:
@@ -67,3 +67,6 @@ def pytest_runtest_setup(item):
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item):
     return (yield from _limited())
+
+
+_own_environment()
