@@ -85,7 +85,7 @@ def held(
     state: Mapping[str, Any], name: str, kind: str, shape: tuple[int, ...], least: float = -math.inf,
     most: float = math.inf, *, finite: bool = True, nan: bool = False,
 ) -> Any:
-    """Return an entry of a saved state if it is an array of numpy's `kind` and of `shape`, its entries within limits."""
+    """Return an entry of a saved state if it is an array of `kind` (numpy's) and `shape`, entries within limits."""
     value = np.asarray(state.get(name))
     if value.dtype.kind != kind or value.shape != shape:
         got = f"is {value.dtype} of shape {value.shape}" if name in state else "is missing"
