@@ -27,22 +27,28 @@ LATER = ("noise",)
 """What releases before it did not save."""
 
 
-def check(saved: Mapping[str, Any], physics: Physics, of_pairs: tuple[str, ...], of_bodies: tuple[str, ...]) -> None:
-    """Raise `ValueError` unless `saved` has all that a state needs, each of its kind and size and within its limits."""
-    n = physics.scene.n_pairs
+def check_numbers(saved: Mapping[str, Any], physics: Physics) -> None:
+    """Raise `ValueError` unless `saved` has all numbers of a state and its options, each of its kind and its limits."""
     for name, kind in NUMBERS.items():
         infinite = name == "merge_below" and physics.eps.max() == 0.0
         held(saved, name, kind, (), least=-math.inf if name in ANY else 0, finite=not infinite)
     held(saved, "tally", "i", (3,), least=0)
     if not isinstance(saved.get("ties"), str) or saved["ties"] not in ORDER:
         raise ValueError(f"state of trajectory has no rule for ties: one of {', '.join(ORDER)} is needed.")
+    if math.frexp(saved["window"])[0] != 0.5:
+        raise ValueError(f"window in the state of trajectory is {saved['window']!r}: a power of two is needed.")
+
+
+def check_entries(
+    saved: Mapping[str, Any], physics: Physics, of_pairs: tuple[str, ...], of_bodies: tuple[str, ...]
+) -> None:
+    """The same of the arrays of pairs and bodies, by these names, and of what is looked at closely or watched."""
+    n = physics.scene.n_pairs
     for length, names in ((n, of_pairs), (n + 1, of_bodies)):
         for name in names:
             if name in saved or name not in LATER:
                 least, most = ENTRIES.get(name, (-math.inf, math.inf))
                 held(saved, name, "i" if name in WHOLE else "f", (length,), least, most, finite=name != "last")
-    if math.frexp(saved["window"])[0] != 0.5:
-        raise ValueError(f"window in the state of trajectory is {saved['window']!r}: a power of two is needed.")
     _check_look(saved, n, physics.scene.ring)
     _check_watch(saved, n)
 

@@ -18,7 +18,7 @@ from granular.edmd.epoch import shift, span
 from granular.edmd.motion import rebase
 from granular.edmd.physics import Physics, felt_gravity, scales, shares, strongest
 from granular.edmd.records import BODY, CLOCK, DRIVEN_BODY, DRIVEN_PAIR, HUNG_BODY, HUNG_PAIR, NEAR, NEVER, PAIR, RUN
-from granular.edmd.saved import check
+from granular.edmd.saved import check_entries, check_numbers
 from granular.edmd.ties import ORDER
 
 OF_PAIRS, OF_BODIES = ("gap", "at", "pull", "hits", "last", "streak"), ("u", "falls", "noise")
@@ -27,6 +27,8 @@ SAVED = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "no
          "events", "rebases", "zooms", "zoomed", "allowance", "short")  # fmt: skip
 TALLY, LOOK = ("clamps", "merged", "lost"), ("elapsed", "looked", "ordinary", "clamped", "faint")
 """Numbers that are saved as arrays; of an older closer look, there are less."""
+SHORTER = -10
+"""Octaves by which the window of another release may be shorter than it is at the start: windows only grow."""
 
 
 @dataclass
@@ -94,10 +96,11 @@ class State:
         Velocities were taken to be exact then, and free-fall velocities were those of the epoch in scenes without walls
         too, whose frame now falls from the start on.
         """
-        state = cls.of(physics, float(held(saved, "start", "f", ())))
+        check_numbers(saved, physics)
+        state = cls.of(physics, float(saved["start"]))
         of_pairs, of_bodies = state._changing()
-        check(saved, physics, of_pairs, of_bodies)
-        least = float(state.clock.window)
+        check_entries(saved, physics, of_pairs, of_bodies)
+        least = math.ldexp(float(state.clock.window), SHORTER)
         if float(saved["window"]) < least:
             raise ValueError(f"window in the state of trajectory is {saved['window']!r}: at least {least!r} is needed.")
         for name in of_pairs:

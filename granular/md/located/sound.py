@@ -77,6 +77,9 @@ def _of_scene(s: Any, state: Mapping[str, Any]) -> bool:
         for field in fields if getattr(s, name) is not None else ():
             if not np.array_equal(state[name][field], column(getattr(s, name), field)):
                 return False
+    still = (s.bodies["inverse_mass"] == 0.0) & (s.bodies["wall"] == 0.0)
+    if not np.array_equal(state["bodies"]["v"][still], s.bodies["v"][still]):
+        return False
     pairs, pool = state["pairs"], state["pool"]
     inside = np.flatnonzero(pairs["slot"] >= 0)
     if len(inside) and pairs["slot"].max() >= len(pool):
@@ -102,6 +105,7 @@ def _within(state: Mapping[str, Any]) -> bool:
     members = pool[taken]
     limits = [
         (pairs["mode"], 0, STRUCK), (pairs["what"], 0, EDGE), (pairs["exact"], 0, 1), (pairs["row"], -1, np.inf),
+        (pairs["slot"], -1, places - 1),
         (state["log"]["pair"], -1, n - 1), (state["maps"]["table"], -1, len(state["tables"])),
         (state["maps"]["met"], 0, np.inf), (members["mode"], 0, STRUCK), (members["what"], 0, EDGE),
         (members["fired"], -1, n - 1), (members["head"], -1, n - 1), (members["piled"], 0, n),
