@@ -175,7 +175,7 @@ def _check_words(words: Mapping[str, Any], stored: Mapping[str, Any], statuses: 
                              f"{_files.plain_text(repr(value), 60)}; {CHANGED}.")  # fmt: skip
     if len(words.get("walls", (None, None))) != 2:
         raise ValueError(f"it has {len(words['walls'])} walls: a floor and a ceiling, or None, are needed.")
-    if words.get("format", 1) > 2 and words.get("digest") != _digest(words, stored):
+    if (words.get("format", 1) > 2 or "digest" in words) and words.get("digest") != _digest(words, stored):
         raise ValueError(f"its numbers do not belong together; {CHANGED}.")
 
 

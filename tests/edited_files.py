@@ -150,7 +150,7 @@ def fate(kind, name, data, file, ends):
             back = gr.Trajectory.load(file, **saved_scenes.given(kind, name))
         except (ValueError, TypeError) as error:
             return "refused on load", _sentence(error)
-        str(back.message), repr(back), back.energy(), back.first_disturbed
+        str(back.message), repr(back), back.first_disturbed
         try:
             run = engine.resume(back, t_end=end, **PLAIN[kind])
         except (ValueError, TypeError) as error:

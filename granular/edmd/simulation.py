@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from granular import _check, rules
 from granular import until as stop
 from granular.drive import drive, go_on
-from granular.edmd.physics import OPTIONS, Physics, checked
+from granular.edmd.physics import OPTIONS, Physics, check_scene, checked
 from granular.edmd.run import Run, checked_engine
 from granular.edmd.state import State
 from granular.edmd.watch import Watch
@@ -187,6 +187,7 @@ def resume(
     check_end(scene, t_end, until, max_events)
     start = float(_check.held(saved, "start", "f", ()))
     scene = fitted(scene, start, math.inf if t_end is None else _check.number("t_end", t_end))
+    check_scene(scene)
     physics = Physics(scene, rules.checked(trajectory.rule, scene.gap), {name: saved.get(name) for name in OPTIONS})
     state = State.restored(physics, saved)
     request = requested(

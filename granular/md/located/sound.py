@@ -101,7 +101,7 @@ def _within(state: Mapping[str, Any]) -> bool:
     if not (((first >= 0) & (first < n)).all() and 0 <= one["members"] <= places and np.array_equal(
             np.sort([*taken, *free]), np.arange(places)) and ((pairs["hi"] > 0) & (pairs["hi"] <= len(pairs))).all()):
         return False
-    size = pairs["hi"][first] - first
+    size, flies = pairs["hi"][first] - first, np.flatnonzero(pairs["slot"][:n] < 0)
     members = pool[taken]
     limits = [
         (pairs["mode"], 0, STRUCK), (pairs["what"], 0, EDGE), (pairs["exact"], 0, 1), (pairs["row"], -1, np.inf),
@@ -116,6 +116,7 @@ def _within(state: Mapping[str, Any]) -> bool:
     return bool(
         all(((least <= values) & (values <= most)).all() for values, least, most in limits)
         and ((place[:n] - first) % n < size).all()
+        and not (np.isinf(pairs["wait"][flies]) & (pairs["due"][flies] < np.inf)).any()  # it would miss a touch
         and np.array_equal(pairs["slot"][n:], pairs["slot"][: len(pairs) - n])
         and np.array_equal(members["number"], np.flatnonzero(pairs["slot"][:n] >= 0))
         and one["rows"] == rows and one["tables"] == len(state["tables"])
