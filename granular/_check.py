@@ -7,7 +7,7 @@ Every message gives the name, the value got, what is needed and, where there is 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -79,6 +79,25 @@ def _refuse_words(value: Any) -> None:
         entries = np.asarray(value, dtype=object).flat
         if any(isinstance(x, (str, bytes, bool, type(None))) and x != "inf" for x in entries):
             raise TypeError
+
+
+def held(
+    state: Mapping[str, Any], name: str, kind: str, shape: tuple[int, ...], least: float = -math.inf,
+    most: float = math.inf, *, finite: bool = True, nan: bool = False,
+) -> Any:
+    """Return an entry of a saved state if it is an array of `kind` (numpy's) and `shape`, entries within limits."""
+    value = np.asarray(state.get(name))
+    if value.dtype.kind != kind or value.shape != shape:
+        got = f"is {value.dtype} of shape {value.shape}" if name in state else "is missing"
+        word = {"f": "float", "i": "int", "b": "bool"}[kind]
+        raise ValueError(f"{name} in the state of trajectory {got}: {word} of shape {shape} is needed; "
+                         "it was changed after it was saved.")  # fmt: skip
+    good = (value >= least) & (value <= most) & (not finite or np.isfinite(value)) | (nan and np.isnan(value))
+    if not good.all():
+        wrong = value[~good].flat[0] if value.shape else value
+        raise ValueError(f"{name} in the state of trajectory holds {wrong}: numbers from {least:g} to {most:g} are "
+                         "needed; it was changed after it was saved.")  # fmt: skip
+    return value
 
 
 def truth(name: str, value: Any) -> bool:

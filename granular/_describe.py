@@ -1,4 +1,4 @@
-"""Force laws, collision rules, walls and scenes as JSON: class and numbers, nothing that could run code from a file.
+"""Force laws, collision rules, walls and scenes as JSON: a word and numbers, nothing that could run code from a file.
 May be skipped: files, no physics.
 """
 
@@ -10,12 +10,42 @@ from typing import Any
 
 import numpy as np
 
+from granular._files import plain_text
+
+PLACES = {
+    "law": {
+        "linear-dashpot": "granular.laws.dashpot:LinearDashpot",
+        "hertz": "granular.laws.hertz:Hertz",
+        "viscoelastic-hertz": "granular.laws.hertz:ViscoelasticHertz",
+        "tsuji-hertz": "granular.laws.hertz:TsujiHertz",
+        "power-law": "granular.laws.power:PowerLaw",
+        "walton-braun": "granular.laws.walton_braun:WaltonBraun",
+        "matched-end": "granular.laws.matched_end:MatchedEnd",
+    },
+    "rule": {
+        "constant-restitution": "granular.rules:ConstantRestitution",
+        "tabulated-restitution": "granular.rules:TabulatedRestitution",
+        "thornton-restitution": "granular.rules:ThorntonRestitution",
+        "law-restitution": "granular.binary:LawRestitution",
+    },
+    "wall": {
+        "sine": "granular.walls.sine:Sine",
+        "piecewise": "granular.walls.piecewise:Piecewise",
+        "panels": "granular.walls.panels:Panels",
+        "thermal": "granular.walls.thermal:Thermal",
+    },
+}
+"""What a file may ask for, and where it stands: nothing else is ever made from a file, no function above all."""
+WORDS = {place: word for kind in PLACES.values() for word, place in kind.items()}
+"""The words of the places, by which files called these classes until format 2."""
+
 
 def to_json(physics: Any) -> dict[str, Any]:
-    """Class and numbers of a law, rule or wall; of one's own, and of a function, only the name."""
+    """Word and numbers of a law, rule or wall; of one's own, and of a function, only the name."""
     kind = type(physics)
-    described: dict[str, Any] = {"class": f"{kind.__module__}:{kind.__qualname__}", "shown": repr(physics)}
-    if kind.__module__.startswith("granular.") and is_dataclass(kind):
+    place = f"{kind.__module__}:{kind.__qualname__}"
+    described: dict[str, Any] = {"class": WORDS.get(place, place), "shown": plain_text(repr(physics))}
+    if place in WORDS:
         described["fields"] = _numbers(physics)
     return described
 
@@ -37,14 +67,42 @@ def scene_to_json(scene: Any) -> dict[str, Any]:
     return _numbers(scene) | {"mass": ["inf" if m == np.inf else m for m in scene.mass.tolist()]}
 
 
-def from_json(value: Any) -> Any:
-    """Make the object that `to_json` described; LookupError with its text if it is not of this package."""
+def by_words(text: str) -> str:
+    """JSON text of a release that called classes by their places, as it is written now."""
+    for place, word in WORDS.items():
+        text = text.replace(f'"{place}"', f'"{word}"')
+    return text
+
+
+def from_json(what: str, value: Any) -> Any:
+    """Make the law, rule or wall (`what`) that `to_json` described.
+
+    Raises
+    ------
+    LookupError
+        With its text if it is not of this package.
+    TypeError, ValueError
+        If it is none of `PLACES`, has other fields, or values that its class refuses.
+    """
+    if not isinstance(value, dict) or not all(isinstance(value.get(key), str) for key in ("class", "shown")):
+        raise ValueError(f"{what} is described by {plain_text(repr(value), 60)}: a class and its fields are needed.")
+    word = WORDS.get(value["class"], value["class"])
+    if "fields" not in value and word not in WORDS.values():
+        raise LookupError(plain_text(value["shown"]))
+    if word not in PLACES[what]:
+        raise ValueError(f"{what} is of class {plain_text(repr(word), 60)}: one of {', '.join(PLACES[what])} is "
+                         "needed; a later granular may know more.")  # fmt: skip
+    module, name = PLACES[what][word].split(":")
+    kind, given = getattr(import_module(module), name), value.get("fields")
+    known = [f.name for f in fields(kind)]
+    if not isinstance(given, dict) or sorted(given) != sorted(known):
+        raise ValueError(f"{what} of class {word!r} has the fields {plain_text(repr(given), 60)}: "
+                         f"{', '.join(known)} are needed.")  # fmt: skip
+    return kind(**{key: _value(one) for key, one in given.items()})
+
+
+def _value(value: Any) -> Any:
+    """A number, a tuple of such, or the laws that a rule is made of."""
     if isinstance(value, list):
-        return tuple(from_json(one) for one in value)
-    if not isinstance(value, dict):
-        return value
-    module, name = value["class"].split(":")
-    if "fields" not in value or not module.startswith("granular."):
-        raise LookupError(value["shown"])
-    kind = getattr(import_module(module), name)
-    return kind(**{key: from_json(one) for key, one in value["fields"].items()})
+        return tuple(map(_value, value))
+    return from_json("law", value) if isinstance(value, dict) else value

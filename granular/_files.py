@@ -15,9 +15,19 @@ from typing import Any
 
 import numpy as np
 
-FORMAT = 2
-"""Number of the format that files are written in; those without one, of releases before it had a number, are 1."""
+FORMAT = 3
+"""Number of the format that files are written in; those without one, of releases before it had a number, are 1. Until 2
+laws, rules and walls were called by the places of their classes, since then by words."""
 STDOUT = "/dev/stdout"
+LONGEST = 500
+"""Characters of a text from a file that are shown."""
+
+
+def plain_text(text: str, most: int = LONGEST) -> str:
+    """Return a text for terminal and page: blanks for what controls or turns it, and no more than `most` characters."""
+    shown = "".join(c if c.isprintable() else " " for c in text[: most + 1])
+    return shown if len(text) <= most else shown[: most - 1] + "…"
+
 
 def write(path: str | PathLike[str], fill: Callable[[str], object]) -> None:
     """Let `fill` write a draft, then make it the file `path`; on failure nothing is left behind.
@@ -31,7 +41,7 @@ def write(path: str | PathLike[str], fill: Callable[[str], object]) -> None:
     OSError
         With the path and the reason if it cannot be written.
     """
-    given = os.path.abspath(os.fspath(path))
+    given = os.path.abspath(checked_path("output path", path))
     if os.path.isdir(given):
         raise IsADirectoryError(f"output path is {os.fspath(path)!r}: a file name is needed, this is a folder.")
     try:
@@ -41,6 +51,13 @@ def write(path: str | PathLike[str], fill: Callable[[str], object]) -> None:
             raise
         need = f"a writable place is needed ({error.strerror or error})."
         raise type(error)(f"output path is {os.fspath(path)!r}: {need}") from None
+
+
+def checked_path(name: str, path: Any) -> str:
+    """Return a path as text if it is one: a number would be an open file of the process."""
+    if not isinstance(path, (str, bytes, PathLike)):
+        raise TypeError(f"{name} is {path!r}: the name of a file is needed.")
+    return os.fsdecode(path)
 
 
 def is_stream(path: str | PathLike[str]) -> bool:
@@ -136,13 +153,18 @@ def check_picture(path: str | PathLike[str]) -> None:
         raise ValueError(f"ending of {os.fspath(path)} is {ending!r}: one of {', '.join(known)} is needed.")
 
 
+class Later(ValueError):
+    """A file that a later version has written."""
+
+
 def check_format(path: str | PathLike[str], number: Any, unknown: Iterable[str] = ()) -> None:
-    """Raise `ValueError` for a file of a later format, or with contents that this version does not know."""
+    """Raise `Later` for a file of a later format, or with contents that this version does not know."""
     name = os.fspath(path)
-    if not number <= FORMAT:
-        raise ValueError(f"format of {name} is {number}: at most {FORMAT} is needed; a later granular reads it.")
-    if listed := ", ".join(sorted(unknown)):
-        raise ValueError(f"path is {name!r}: it holds {listed}, unknown to this version; a later granular reads it.")
+    if not isinstance(number, int) or not 1 <= number <= FORMAT:
+        shown = plain_text(repr(number), 60)
+        raise Later(f"format of {name} is {shown}: at most {FORMAT} is needed; a later granular reads it.")
+    if listed := plain_text(", ".join(sorted(unknown))):
+        raise Later(f"path is {name!r}: it holds {listed}, unknown to this version; a later granular reads it.")
 
 
 def version_of(package: str) -> str | None:

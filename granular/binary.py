@@ -139,6 +139,10 @@ class LawRestitution:
 
     laws: tuple[Any, ...]
 
+    def __post_init__(self) -> None:
+        for law in self.laws:
+            instance("law", law)
+
     def __call__(self, speed: float, pair: Pair) -> float:
         """Restitution at impact speed `speed` in m/s; 0 where a contact takes all speed and does not end."""
         try:

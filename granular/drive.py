@@ -19,6 +19,8 @@ from granular.request import Request
 from granular.scene import Scene, positions, velocities
 from granular.trajectory import CONTACT, Status, Trajectory
 
+SAME = 1e-9
+"""Part of the largest gap or velocity by which a state may show another last row than was saved with it."""
 Rows = np.ndarray[tuple[int], np.dtype[np.void]]
 """Records with names: contacts as an engine keeps them, or as the public log shows them."""
 
@@ -153,6 +155,31 @@ def drive(run: Run) -> Trajectory:
         contacts=log if run.in_order else _sorted(log), status=end.status,
         message=end.message, stats=end.stats, state=end.state,
     )  # fmt: skip
+
+
+def go_on(run: Run, before: Trajectory) -> Trajectory:
+    """Take a run to its end that goes on from that of another one.
+
+    Raises
+    ------
+    ValueError
+        If its state does not show what the last row of `before` does.
+    """
+    row = run.row(run.request.start)
+    speed = row.velocity
+    if speed is None:
+        rates = np.array([row.rate])
+        speed = velocities(run.scene, rates, np.array([row.elapsed]), run.start)[0]
+    gap, velocity = before.gap[-1], before.velocity[-1]
+    if row.gap.shape != gap.shape or speed.shape != velocity.shape or not (
+            _alike(row.gap, gap) and _alike(speed, velocity)):  # fmt: skip
+        raise ValueError("state of trajectory does not show its last row: one of them was changed after the run.")
+    return drive(run)
+
+
+def _alike(one: Array, other: Array) -> bool:
+    """Whether numbers are the same but for the rounding of another release."""
+    return bool(np.abs(one - other).max() <= SAME * np.abs(other).max())
 
 
 def _follow(run: Run, time: float, last: bool, settled: list[Rows]) -> Pause:

@@ -4,27 +4,38 @@ May be skipped: files, no physics.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Collection, Mapping
 from os import PathLike
 from typing import Any
 
 import numpy as np
 
-from granular import _check, _files
+from granular import _archive, _check, _files
 from granular._describe import from_json, to_json
 from granular.scene import Scene
 from granular.scene.walls import fitted
 
-PLAIN = (bool, int, float, str, tuple)
-"""What is saved of `stats`."""
-ARRAYS = ("time", "position", "velocity", "gap", "force", "contacts", "ledger")
-SCENE = ("mass", "radius", "gap", "velocity", "gravity", "origin", "external_force", "ring", "pendulum", "rest_gap")
+PLAIN = (bool, int, float, str)
+"""What is saved of `stats`: these, and tuples of them."""
+ARRAYS = {"time": "t", "position": "tn", "velocity": "tn", "gap": "tp", "force": "tp", "contacts": "c", "ledger": "tl"}
+SCENE = {"mass": "n", "radius": "n", "gap": "p", "velocity": "n", "gravity": "", "origin": "", "external_force": "n",
+         "ring": "", "pendulum": "", "rest_gap": "p"}  # fmt: skip
+"""Arrays and their dimensions: rows t, bodies n, pairs p, contacts c, five sums of the ledger l."""
+SHAPES = ARRAYS | {f"scene.{name}": dimensions for name, dimensions in SCENE.items()}
 MAYBE = {"force", "ledger", "scene.external_force", "scene.ring", "scene.pendulum", "scene.rest_gap"}
 """Those that a run may lack."""
-WORDS = {"status", "message", "stats", "law", "rule"}
-OTHERS = {"format", "walls"}
-"""Words that a saved run may lack."""
-NEEDED = {*ARRAYS, *(f"scene.{name}" for name in SCENE)} - MAYBE
-"""What a saved run holds at least; besides that the number of its format, forces, walls and the state."""
+NEEDED = SHAPES.keys() - MAYBE | {"words"}
+"""What a saved run holds at least; besides that forces, walls and the state."""
+PHYSICS = (dict, list, type(None))
+WORDS = {"status": str, "message": str, "stats": dict, "law": PHYSICS, "rule": PHYSICS}
+OTHERS = {"format": int, "walls": list, "digest": str}
+"""Words and what they are; files of earlier formats lack the others."""
+MOST_WORDS, OF_PAIR = 100_000_000, 2_000
+"""Characters of the words of a run, and more of them per pair: a wall's path of 2¹⁸ panels is the longest text."""
+MOST_RECORDS, LARGEST = 10_000, 1 << 16
+"""Records of an array of the state beyond eight per pair, and bytes of one."""
+CHANGED = "it was changed after it was saved"
 
 
 def write(path: str | PathLike[str], run: Any) -> None:
@@ -35,18 +46,19 @@ def write(path: str | PathLike[str], run: Any) -> None:
     arrays = {name: getattr(run, name) for name in ARRAYS}
     arrays |= {f"scene.{name}": getattr(scene, name) for name in SCENE}
     has = {"scene.ring": scene.ring, "scene.pendulum": scene.pendulum > 0.0}
-    arrays = {name: value for name, value in arrays.items() if value is not None and has.get(name, True)}
+    arrays = {name: np.asarray(value) for name, value in arrays.items() if value is not None and has.get(name, True)}
     arrays |= {f"state.{name}": np.asarray(value) for name, value in run.state.items()}
     words = {
         "format": _files.FORMAT,
         "status": run.status.name,
         "message": run.message,
-        "stats": {name: value for name, value in run.stats.items() if isinstance(value, PLAIN)},
-        "law": None if run.law is None else [to_json(law) for law in run.law],
-        "rule": None if run.rule is None else [to_json(rule) for rule in run.rule],
+        "stats": {name: value for name, value in run.stats.items() if isinstance(value, (*PLAIN, tuple))},
+        "law": _described(run.law),
+        "rule": _described(run.rule),
     }
     if scene.driven or scene.heated:
         words["walls"] = [wall and to_json(wall) for wall in (scene.floor, scene.ceiling)]
+    words["digest"] = _digest(words, arrays)
 
     def fill(draft: str) -> None:
         with open(draft, "wb") as file:
@@ -55,47 +67,149 @@ def write(path: str | PathLike[str], run: Any) -> None:
     _files.write(path, fill)
 
 
-def read(path: str | PathLike[str], law: Any, rule: Any) -> dict[str, Any]:
-    """Return what `write` has written by the names of `Trajectory`, the status by its name; raise as `Trajectory.load`.
+def _described(physics: tuple[Any, ...] | None) -> Any:
+    """One law or rule if all pairs have it, or one per pair; None if the run had none."""
+    if physics is None:
+        return None
+    same = all(one is physics[0] for one in physics)
+    return to_json(physics[0]) if same else [to_json(one) for one in physics]
+
+
+def _digest(words: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:
+    """What changes if anything in a file does."""
+    import json
+    from hashlib import blake2b
+
+    said = {name: value for name, value in words.items() if name != "digest"}
+    digest = blake2b(json.dumps(said, sort_keys=True).encode(), digest_size=16)
+    for name in sorted(arrays):
+        array = arrays[name]
+        columns = [array[column] for column in array.dtype.names or ()] or [array]  # what is between them is nothing
+        digest.update(f"{name} {array.dtype.names} {array.shape}".encode())
+        for column in columns:
+            digest.update(f"{column.dtype.str} ".encode())
+            digest.update(np.ascontiguousarray(column).data)
+    return digest.hexdigest()
+
+
+def read(
+    path: str | PathLike[str], law: Any, rule: Any, statuses: Collection[str], log: np.dtype[Any]
+) -> dict[str, Any]:
+    """Return what `write` has written by the names of `Trajectory`, the status by its name, one of `statuses`; contacts
+    are records `log`. Raise as `Trajectory.load`.
     """
-    words, stored = _read(path)
+    name = _files.checked_path("path", path)
+    try:
+        with open(name, "rb") as file:
+            _check_heads(_archive.heads(file), log)
+            stored = _archive.arrays(file)
+        words = _words(str(stored.pop("words")))
+        _files.check_format(name, words.get("format", 1), words.keys() - WORDS.keys() - OTHERS.keys())
+        _check_words(words, stored, statuses)
+        _check_rows(stored, words["status"])
+        return _made(words, stored, law, rule)
+    except (_archive.Foreign, RecursionError):
+        raise ValueError(
+            f"path is {name!r}: it is not a run saved by granular, or is cut short; "
+            "a file written by Trajectory.save is needed."
+        ) from None
+    except _files.Later:
+        raise
+    except (TypeError, ValueError) as error:
+        kind = TypeError if isinstance(error, TypeError) else ValueError
+        raise kind(f"path is {name!r}: {error}") from None
+
+
+def _check_heads(heads: Mapping[str, _archive.Head], log: np.dtype[Any]) -> None:
+    """Raise unless a file holds the arrays of a run, each of its kind and of the size that the others ask for."""
+    if not heads.keys() >= NEEDED or any(len(heads[name][1]) != 1 for name in ("scene.mass", "time")):
+        raise _archive.Foreign
+    n, t = heads["scene.mass"][1][0], heads["time"][1][0]
+    size = {"n": n, "p": n - 1 + ("scene.ring" in heads), "t": t, "l": 5}
+    kinds = {"contacts": log, "scene.ring": np.dtype(bool)}
+    for name, (dtype, shape) in heads.items():
+        shown = _files.plain_text(name, 60)
+        if name == "words":
+            good = dtype.kind == "U" and shape == () and dtype.itemsize <= 4 * (MOST_WORDS + OF_PAIR * size["p"])
+        elif name.startswith("state."):  # looked at closely where the run goes on
+            good = len(shape) <= 1 and math.prod(shape) <= MOST_RECORDS + 8 * size["p"] and dtype.itemsize <= LARGEST
+        elif name in SHAPES:
+            wanted = tuple(size.get(one, shape[0] if shape else 0) for one in SHAPES[name])
+            good = dtype == kinds.get(name, np.dtype(float)) and shape == wanted
+        else:
+            raise ValueError(f"it holds {shown}, unknown to this version; a later granular reads it.")
+        if not good:
+            raise ValueError(f"{shown} is an array of shape {_files.plain_text(str(shape), 60)} and kind "
+                             f"{dtype.kind!r}, which a run of {n} bodies and {t} rows has not; {CHANGED}.")  # fmt: skip
+
+
+def _words(text: str) -> dict[str, Any]:
+    """The words of a run, each of its kind."""
+    import json
+
+    try:
+        words = json.loads(text)
+    except ValueError:
+        raise _archive.Foreign from None
+    kinds: dict[str, Any] = WORDS | OTHERS
+    if not isinstance(words, dict) or not words.keys() >= WORDS.keys():
+        raise _archive.Foreign
+    for name in kinds.keys() & words.keys():
+        if not isinstance(words[name], kinds[name]):
+            raise ValueError(f"its {name} is {_files.plain_text(repr(words[name]), 60)}; {CHANGED}.")
+    return words
+
+
+def _check_words(words: Mapping[str, Any], stored: Mapping[str, Any], statuses: Collection[str]) -> None:
+    """Raise what is wrong with words beside those for laws, rules and walls."""
+    if words["status"] not in statuses:
+        raise ValueError(f"its status is {_files.plain_text(repr(words['status']), 60)}: one of {', '.join(statuses)} "
+                         "is needed.")  # fmt: skip
+    if (words["law"] is None) is (words["rule"] is None):
+        raise ValueError(f"it has both laws and rules, or neither; {CHANGED}.")
+    for name, value in words["stats"].items():
+        several = value if isinstance(value, list) else [value]
+        pair = name != "first_disturbed" or (len(several) == 2 and not any(isinstance(one, str) for one in several))
+        if not pair or not all(isinstance(one, PLAIN) for one in several):
+            raise ValueError(f"its number {_files.plain_text(repr(name), 60)} is "
+                             f"{_files.plain_text(repr(value), 60)}; {CHANGED}.")  # fmt: skip
+    if len(words.get("walls", (None, None))) != 2:
+        raise ValueError(f"it has {len(words['walls'])} walls: a floor and a ceiling, or None, are needed.")
+    if (words.get("format", 1) > 2 or "digest" in words) and words.get("digest") != _digest(words, stored):
+        raise ValueError(f"its numbers do not belong together; {CHANGED}.")
+
+
+def _check_rows(stored: Mapping[str, Any], status: str) -> None:
+    """Raise unless times rise and rows are numbers; those of unstable runs mean nothing."""
+    time, log = stored["time"], stored["contacts"]
+    if not len(time) or not np.isfinite(time).all() or (np.diff(time) < 0.0).any():
+        raise ValueError(f"its times do not rise, or are no numbers; {CHANGED}.")
+    rows = [stored.get(name) for name in ("position", "velocity", "gap", "force")]
+    rows += [log[name] for name in ("t_begin", "duration", "v_in", "impulse")]
+    if status != "unstable" and not all(np.isfinite(one).all() for one in rows if one is not None):
+        raise ValueError(f"its rows or contacts hold what is no number; {CHANGED}.")
+    last = stored["gap"].shape[1] - 1
+    if len(log) and not 0 <= log["pair"].min() <= log["pair"].max() <= last:
+        raise ValueError(f"its contacts are of pairs {log['pair'].min()} … {log['pair'].max()}: 0 … {last} are needed.")
+
+
+def _made(words: Mapping[str, Any], stored: Mapping[str, Any], law: Any, rule: Any) -> dict[str, Any]:
+    """The parts of a run."""
     numbers = {name: _plain(stored[f"scene.{name}"]) for name in SCENE if f"scene.{name}" in stored}
-    floor, ceiling = map(from_json, words.get("walls", (None, None)))
+    floor, ceiling = (wall and from_json("wall", wall) for wall in words.get("walls", (None, None)))
     scene = Scene(**numbers, floor=floor, ceiling=ceiling)
     state = {name[6:]: _plain(value) for name, value in stored.items() if name.startswith("state.")}
     arrays: dict[str, Any] = {name: stored.get(name) for name in ARRAYS}
+    stats = words["stats"].items()
     return arrays | {
         "scene": scene,
         "law": _revived("law", words["law"], law, scene),
         "rule": _revived("rule", words["rule"], rule, scene),
         "status": words["status"],
-        "message": words["message"],
-        "stats": {name: tuple(value) if isinstance(value, list) else value for name, value in words["stats"].items()},
+        "message": _files.plain_text(words["message"]),
+        "stats": {_files.plain_text(name): tuple(value) if isinstance(value, list) else value for name, value in stats},
         "state": state if words["rule"] is not None or "creeping" in state else {},  # md was not to be gone on from
     }
-
-
-def _read(path: str | PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The words and the arrays of a file that `Trajectory.save` wrote, or a sentence."""
-    import json
-    import zlib
-    from zipfile import BadZipFile
-
-    try:
-        with open(path, "rb") as raw, np.load(raw, allow_pickle=False) as file:
-            stored = {name: file[name] for name in file.files}
-        words = json.loads(str(stored.pop("words")))
-        complete = words.keys() >= WORDS and stored.keys() >= NEEDED
-    except (KeyError, ValueError, EOFError, TypeError, AttributeError, NotImplementedError, BadZipFile, zlib.error):
-        complete = False
-    if not complete:
-        raise ValueError(
-            f"path is {str(path)!r}: it is not a run saved by granular, or is cut short; "
-            "a file written by Trajectory.save is needed."
-        )
-    others = {name for name in stored if not name.startswith("state.")} - NEEDED - MAYBE
-    _files.check_format(path, words.get("format", 1), others | words.keys() - WORDS - OTHERS)
-    return words, stored
 
 
 def _revived(name: str, stored: Any, given: Any, scene: Scene) -> tuple[Any, ...] | None:
@@ -105,7 +219,8 @@ def _revived(name: str, stored: Any, given: Any, scene: Scene) -> tuple[Any, ...
     if given is not None:
         return _check.per_pair(name, given, scene.n_pairs)
     try:
-        return tuple(from_json(one) for one in stored)
+        made = [from_json(name, one) for one in stored] if isinstance(stored, list) else from_json(name, stored)
+        return _check.per_pair(name, made, scene.n_pairs)
     except LookupError as own:
         fix = f"your own {name} is not stored; pass load(path, {name}=...)"
         raise ValueError(f"{name} in the file is {own}: {fix}.") from None

@@ -213,11 +213,16 @@ class Trajectory:
 
         Raises
         ------
-        OSError, ValueError
-            If the file cannot be read, is not a trajectory, or one of a later version; if it holds a law or rule of
-            your own and none is given.
+        OSError, TypeError, ValueError
+            If the file cannot be read, is not a trajectory, one of a later version, or one that was changed after it
+            was saved; if it holds a law or rule of your own and none is given.
+
+        Notes
+        -----
+        Nothing in a file is run: laws, rules and walls are made of a closed list, from their numbers. The message is
+        read without control characters, up to 500 characters of it.
         """
-        read = saved_run.read(path, law, rule)
+        read = saved_run.read(path, law, rule, Status.__members__, CONTACT)
         return cls(**read | {"status": Status[read["status"]]})
 
     def __repr__(self) -> str:

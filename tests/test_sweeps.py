@@ -177,6 +177,38 @@ def test_a_sweep_of_the_release_before_goes_on_and_a_later_one_is_refused(tmp_pa
         gr.sweep("three-balls", over, save=file)
 
 
+def test_a_map_whose_file_was_changed_is_refused_in_a_sentence(tmp_path):
+    file, over = tmp_path / "map.nc", {"gap": [1e-5, 1e-4], "restitution": [0.5, 0.9]}
+    data = gr.sweep("three-balls", over, save=file, results=["v_rel"]).load()
+    for other, sentence in [
+        (data.drop_vars("v_rel"), "it has no v_rel as a sweep of shape"),
+        (data.assign(v_rel=data["v_rel"].astype(str)), "it has no v_rel"),
+        (data.assign(v_rel=data["v_rel"].mean("restitution")), "it has no v_rel"),
+        (data.assign(status=data["status"] + 50), "its status is none of not_run"),
+        (data.assign_attrs(provenance="[["), r"format of .*map\.nc is None"),
+        (data.assign_attrs(provenance="[1]"), r"format of .*map\.nc is None"),
+    ]:
+        other.to_netcdf(file, engine="netcdf4")
+        with pytest.raises(ValueError, match=sentence):
+            gr.sweep("three-balls", over, save=file, results=["v_rel"])
+    with pytest.raises(TypeError, match="save is 5: the name of a file is needed"):
+        gr.sweep("three-balls", over, save=5, results=["v_rel"])
+
+
+def test_a_map_beside_a_driven_wall_of_the_release_before_goes_on(tmp_path):
+    """Its question called the wall by the place of its class."""
+    scene = gr.scenes.bouncing_ball(plate=gr.walls.Sine(1e-3, 20.0))
+    case, file = gr.Case(scene, None, gr.ConstantRestitution(0.9), t_end=0.5), tmp_path / "map.nc"
+    data = gr.sweep(case, {"velocity[1]": [0.0, 0.1]}, save=file, results=["hard_contacts"])
+    assert '"sine"' in data.attrs["question"]
+    older = data.attrs["question"].replace('"sine"', '"granular.walls.sine:Sine"')
+    data.assign_attrs(question=older).to_netcdf(file, engine="netcdf4")
+    solved = []
+    gr.sweep(case, {"velocity[1]": [0.0, 0.1]}, save=file, results=["hard_contacts"],
+             on_progress=lambda *so_far: solved.append(so_far))  # fmt: skip
+    assert not solved
+
+
 def test_boundaries_are_bisected():
     data = gr.sweep("three-balls", {"restitution": np.arange(0.5, 1.0, 0.005)}, refine="restitution", precision=1e-7)
     ends, counts = data["edge"].values, data["edge_contacts"].values[:, :, 1]

@@ -134,8 +134,12 @@ def test_files_of_a_later_version_are_refused_by_name(tmp_path, soft):
     with pytest.raises(ValueError, match=r"format of .*run\.npz is 99: at most \d+ is needed; a later granular"):
         gr.Trajectory.load(changed(tmp_path / "run.npz", {}, format=99))
     soft.save(tmp_path / "run.npz")
-    path = changed(tmp_path / "run.npz", {"scene.twist": np.zeros(4)}, watch=None)
-    with pytest.raises(ValueError, match=r"run\.npz': it holds scene\.twist, watch, unknown to this version"):
+    path = changed(tmp_path / "run.npz", {}, watch=None, twist=1)
+    with pytest.raises(ValueError, match=r"run\.npz': it holds twist, watch, unknown to this version"):
+        gr.Trajectory.load(path)
+    soft.save(tmp_path / "run.npz")
+    path = changed(tmp_path / "run.npz", {"scene.twist": np.zeros(4)})
+    with pytest.raises(ValueError, match=r"run\.npz': it holds scene\.twist, unknown to this version"):
         gr.Trajectory.load(path)
 
 

@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any
 
 from granular import _check, laws, rules, walls
-from granular.cases.named import Named
+from granular.cases.named import Named, on_running
 from granular.scene import Pair
 
 CONSTRUCTORS = ("from_restitution", "from_material", "from_acceleration")
@@ -41,8 +41,10 @@ def wall(table: Any, folder: str = "") -> Any:
         return table
     values = {"type": "Sine", **table}
     if isinstance(function := values.get("function"), str):
-        values["function"] = Named(function, folder)
-        values["function"].function  # noqa: B018  says now what cannot be found
+        values["function"] = named = Named(function, folder)
+        for tell in on_running:
+            tell(named.place)
+        named.function  # noqa: B018  says now what cannot be found
     elif isinstance(function, Mapping):
         values["function"] = wall(function)
     return _of_type(WALLS, values)

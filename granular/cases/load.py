@@ -63,6 +63,9 @@ def load(path: str | PathLike[str]) -> Case:
 
         floor = { type = "Motion", function = "motion.py:shake" }
 
+    This is the only way in which a file makes Python code run, and the reason to look into one from elsewhere first;
+    the command says on standard error which file or module it is, before it runs.
+
     Returns
     -------
     Case

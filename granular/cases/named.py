@@ -5,12 +5,15 @@ May be skipped: files and the command, no physics.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cached_property
 from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
 from typing import Any
+
+on_running: list[Callable[[str], object]] = []
+"""Who is told that a file read now names Python code, and which, before that runs."""
 
 
 class Named:
@@ -27,6 +30,12 @@ class Named:
     def __init__(self, name: str, folder: str = "") -> None:
         self.name, self.folder = name, folder
 
+    @property
+    def place(self) -> str:
+        """Path of the file, or name of the module, whose code runs when the function is looked up."""
+        place = self.name.partition(":")[0]
+        return os.path.join(self.folder, place) if place.endswith(".py") else place
+
     def __call__(self, *given: Any) -> Any:
         """Call the function; what it raises passes through, marked as its own."""
         function = self.function
@@ -42,10 +51,10 @@ class Named:
         ValueError
             If there is no such file, module or function.
         """
-        place, _, word = self.name.partition(":")
+        place, word = self.place, self.name.partition(":")[2]
         try:
             with _marked(self.name):
-                module = _of_file(os.path.join(self.folder, place)) if place.endswith(".py") else import_module(place)
+                module = _of_file(place) if place.endswith(".py") else import_module(place)
             found = getattr(module, word)
         except (AttributeError, ImportError, OSError, ValueError) as error:
             raise ValueError(f"function is {self.name!r}: it cannot be found ({error}); 'file.py:name' of a file "

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from granular._files import plain_text
 from granular._kernels import on_making
 from granular.trajectory import Status
 
@@ -47,7 +48,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise
         if "--traceback" in arguments:
             traceback.print_exc()
-        print(f"granular: {_sentence(error)}", file=sys.stderr)
+        sentence = _sentence(error)
+        print(f"granular: {plain_text(sentence, len(sentence))}", file=sys.stderr)
         return MISUSE
 
 

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import argparse
 import re
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 from typing import Any, NoReturn
 
 from granular import _check, _files, cases
 from granular.cases.case import HELD
+from granular.cases.named import on_running
 from granular.cases.options import Option, options_of
 from granular.cases.ready import is_file
 
@@ -93,7 +95,11 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
 
 def case_of(given: argparse.Namespace) -> cases.Case:
     """The case that a command line names."""
-    return cases.load(given.target) if is_file(given.target) else cases.make(given.target, **given.given)
+    if not is_file(given.target):
+        return cases.make(given.target, **given.given)
+    on_running[:] = [lambda place: print(f"granular: {given.target!r} names Python code: running {place!r}",
+                                         file=sys.stderr)]  # fmt: skip
+    return cases.load(given.target)
 
 
 def offered(function: Callable[..., Any], *names: str) -> list[Option]:

@@ -57,7 +57,7 @@ class Physics:
 
 def checked(scene: Any, rule: Any, *, collapse: Any, merge_below: float | None, **options: Any) -> Physics:
     """Return the physics of a run, or raise what is wrong with the scene, a rule or an option."""
-    _check_scene(scene)
+    check_scene(scene)
     given = rules.checked(rule, scene.gap)
     merging = _check.choice("collapse", collapse, ("stop", "merge")) == "merge"
     below = 0.01 * scales(scene)[0] if merging else 0.0
@@ -76,7 +76,8 @@ def checked(scene: Any, rule: Any, *, collapse: Any, merge_below: float | None, 
     return physics
 
 
-def _check_scene(scene: Any) -> None:
+def check_scene(scene: Any) -> None:
+    """Raise what is wrong with a scene for hard spheres."""
     a_scene(scene)
     fix = "hard spheres cannot overlap; set the gap to 0, or use granular.md"
     _check.every("gap", scene.gap, scene.gap >= 0.0, "a gap must not be negative", fix)

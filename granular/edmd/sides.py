@@ -13,7 +13,7 @@ import numpy as np
 from granular._check import Array
 from granular._records import column, plain
 from granular.edmd.account import ledger as entries
-from granular.edmd.driven import CEILING, FLOOR, FREE, SIDE, carry, place, rounding
+from granular.edmd.driven import BOTH, CEILING, FLOOR, FREE, SIDE, carry, place, rounding
 from granular.scene import Scene
 from granular.scene.walls import driven_walls
 from granular.walls.panels import PANEL
@@ -94,15 +94,17 @@ def bound(state: Any) -> list[tuple[int, int]]:
 
 
 def sound(state: Any, pairs: Any, bodies: Any) -> bool:
-    """Whether what rests hangs together, and falls by nothing: for tests."""
+    """Whether what rests hangs together and falls by nothing, and pairs are beside walls that are there."""
     rests, shut = bodies["falls"] == 0.0, pairs["shut"]
     joined = [i for i, _ in bound(state)]
     free = (shut == FREE) & (pairs["wall"] < 0)
+    driven = [which for which in (0, 1) if column(state.walls[0], "panels")[which] > 0]
     pull = state.run.gravity * np.diff(bodies["falls"]) - np.diff(bodies["push"])
     whole = [
         rests[joined].all() and rests.sum() == len(joined),
         not bodies["push"][rests].any() and not pairs["gap"][shut != FREE].any(),
         (pairs["pull"][free] == pull[free]).all(),
+        np.isin(pairs["wall"], [-1, *driven, *([BOTH] if len(driven) == 2 else [])]).all(),
     ]
     return all(whole)
 

@@ -10,10 +10,10 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from granular import _check
+from granular import _check, rules
 from granular import until as stop
-from granular.drive import drive
-from granular.edmd.physics import OPTIONS, Physics, checked
+from granular.drive import drive, go_on
+from granular.edmd.physics import OPTIONS, Physics, check_scene, checked
 from granular.edmd.run import Run, checked_engine
 from granular.edmd.state import State
 from granular.edmd.watch import Watch
@@ -177,21 +177,23 @@ def resume(
     Raises
     ------
     ValueError
-        If `trajectory` is no hard-sphere run, or ended in a collapse.
+        If `trajectory` is no hard-sphere run, or ended in a collapse; or if its state cannot be that of its last row.
     """
-    if trajectory.rule is None or "ties" not in trajectory.state:
+    if trajectory.rule is None or not trajectory.state:
         raise ValueError("trajectory is no hard-sphere run: one from granular.edmd is needed.")
     if trajectory.status is Status.collapse:
         raise ValueError("trajectory ended in a collapse: nothing follows it; run again with collapse='merge' or tc=.")
     saved, scene = trajectory.state, trajectory.scene
     check_end(scene, t_end, until, max_events)
-    scene = fitted(scene, float(saved["start"]), math.inf if t_end is None else _check.number("t_end", t_end))
-    physics = Physics(scene, trajectory.rule, {name: saved[name] for name in OPTIONS})
+    start = float(_check.held(saved, "start", "f", ()))
+    scene = fitted(scene, start, math.inf if t_end is None else _check.number("t_end", t_end))
+    check_scene(scene)
+    physics = Physics(scene, rules.checked(trajectory.rule, scene.gap), {name: saved.get(name) for name in OPTIONS})
     state = State.restored(physics, saved)
     request = requested(
         scene, state.time(state.run.now), t_end, until=until, samples=samples, log=log,
         max_events=max_events, on_event=on_event, on_progress=on_progress,
     )  # fmt: skip
     watching = None if watch is None else Watch(watch, scene, saved)
-    return drive(Run(physics, state, checked_engine(engine, physics), request, watching))
+    return go_on(Run(physics, state, checked_engine(engine, physics), request, watching), trajectory)
 

@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from granular._check import Array
+from granular._check import Array, held
 from granular._records import Record, Records, column, copied, one, packed, plain, taken
 from granular.edmd import account, hanging, sides
 from granular.edmd.epoch import shift, span
 from granular.edmd.motion import rebase
 from granular.edmd.physics import Physics, felt_gravity, scales, shares, strongest
 from granular.edmd.records import BODY, CLOCK, DRIVEN_BODY, DRIVEN_PAIR, HUNG_BODY, HUNG_PAIR, NEAR, NEVER, PAIR, RUN
+from granular.edmd.saved import check_entries, check_numbers
 from granular.edmd.ties import ORDER
 
 OF_PAIRS, OF_BODIES = ("gap", "at", "pull", "hits", "last", "streak"), ("u", "falls", "noise")
@@ -26,6 +27,8 @@ SAVED = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "no
          "events", "rebases", "zooms", "zoomed", "allowance", "short")  # fmt: skip
 TALLY, LOOK = ("clamps", "merged", "lost"), ("elapsed", "looked", "ordinary", "clamped", "faint")
 """Numbers that are saved as arrays; of an older closer look, there are less."""
+SHORTER = -10
+"""Octaves by which the window of another release may be shorter than it is at the start: windows only grow."""
 
 
 @dataclass
@@ -93,10 +96,15 @@ class State:
         Velocities were taken to be exact then, and free-fall velocities were those of the epoch in scenes without walls
         too, whose frame now falls from the start on.
         """
+        check_numbers(saved, physics)
         state = cls.of(physics, float(saved["start"]))
         of_pairs, of_bodies = state._changing()
+        check_entries(saved, physics, of_pairs, of_bodies)
+        least = math.ldexp(float(state.clock.window), SHORTER)
+        if float(saved["window"]) < least:
+            raise ValueError(f"window in the state of trajectory is {saved['window']!r}: at least {least!r} is needed.")
         for name in of_pairs:
-            state.pairs[name] = saved.get(name, state.pairs[name])
+            state.pairs[name] = saved[name]
         for name in of_bodies:
             state.bodies[name] = saved.get(name, 0.0)
         state.set(**{name: np.asarray(saved[name]).item() for name in SAVED})
@@ -106,13 +114,15 @@ class State:
             state.bodies["u"] += (physics.scene.gravity - state.run.gravity) * state.elapsed(0.0)
         if state.walls is not None:
             for name in account.SUMS:
-                state.walls[0][name] = saved.get(name, 0.0)
+                state.walls[0][name] = held(saved, name, "f", (2,)) if name in saved else 0.0
             sides.date(state)
         if "zoom_gap" in saved:
             look = {name: RUN[name].type(x).item() for name, x in zip(LOOK, saved["zoom_dial"], strict=False)}
             state.set(first=int(saved["zoom_first"]), began=float(saved["zoom_base"]), **look)
             state.near = np.zeros(len(saved["zoom_gap"]), NEAR)
             state.near["gap"], state.near["rate"] = saved["zoom_gap"], saved["zoom_rate"]
+        if not state.sound():
+            raise ValueError("state of trajectory contradicts itself or the scene; it was changed after it was saved.")
         return state
 
     @property
@@ -233,8 +243,8 @@ class State:
             return (*OF_PAIRS, "rate"), (*OF_BODIES, "sway")
         return (OF_PAIRS, OF_BODIES) if self.walls is None else ((*OF_PAIRS, "wall", "shut"), (*OF_BODIES, "push"))
 
-    def _check(self) -> None:
-        """Raise where the records cannot be those of a run: for tests."""
+    def sound(self) -> bool:
+        """Return whether the records can be those of a run."""
         run, clock, pairs, bodies = self.run, self.clock, packed(self.pairs), packed(self.bodies)
         wall, hit, last = np.isinf(bodies["mass"]), pairs["hits"] > 0, pairs["last"]
         whole = [
@@ -250,7 +260,11 @@ class State:
             not self.ring or bodies["u"][0] == bodies["u"][-1],
             math.frexp(clock.window)[0] == 0.5 and 0.0 <= clock.fall <= clock.speed,
         ]
-        assert all(whole), whole
+        return bool(all(whole))
+
+    def _check(self) -> None:
+        """Raise where the records cannot be those of a run: for tests."""
+        assert self.sound()
 
 
 def gaps(pairs: Records, u: Array, tau: float) -> Array:

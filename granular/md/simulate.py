@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from granular import _check
 from granular import until as stop
 from granular.closing import Closing
-from granular.drive import drive
+from granular.drive import drive, go_on
 from granular.laws.check import check_deepest
 from granular.laws.check import checked as checked_laws
 from granular.laws.kinds import SceneLaws
@@ -198,7 +198,8 @@ def resume(
     Raises
     ------
     ValueError
-        If `trajectory` is no run of soft spheres by method "located", or stopped before it began.
+        If `trajectory` is no run of soft spheres by method "located", or stopped before it began; or if its state
+        cannot be that of its scene, laws and last row.
     """
     state = trajectory.state
     if trajectory.law is None or "creeping" not in state:
@@ -213,11 +214,11 @@ def resume(
     )  # fmt: skip
     check_end(trajectory.scene, t_end, until, max_events, _dented(trajectory.scene, laws))
     fitted(trajectory.scene, request.start, request.end)  # says so if a path ends before
-    _check_walls(trajectory.scene, float(state["origin"]), request.end)
+    _check_walls(trajectory.scene, float(_check.held(state, "origin", "f", ())), request.end)
     _check.choice("engine", engine, ("auto", "plain", "compiled"))
     _check.choice("disturbed", disturbed, located.run.DISTURBED)
     with _in_range(laws.given[0]):
-        return drive(located.Run(trajectory.scene, laws, request, engine, math.nan, disturbed, state))
+        return go_on(located.Run(trajectory.scene, laws, request, engine, math.nan, disturbed, state), trajectory)
 
 
 @contextmanager

@@ -95,4 +95,4 @@ def _scoped(source: str) -> str:
 
 def embedded(data: Mapping[str, Any]) -> str:
     """Return JSON that may stand inside a script element."""
-    return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
+    return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")

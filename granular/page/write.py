@@ -71,7 +71,7 @@ def player_page(
         raise ValueError(f"runs are {len(runs)}: one or two trajectories are needed.")
     if other := recording.different_balls(runs[0].scene, runs[-1].scene):
         raise ValueError(f"runs are of different scenes ({other}): one trajectory is needed, or two of the same balls.")
-    called = list(names or [f"run {i + 1}" for i in range(len(runs))])
+    called = [_files.plain_text(name) for name in names or [f"run {i + 1}" for i in range(len(runs))]]
     recorded = [recording.recorded(run, name) for run, name in zip(runs, called, strict=True)]
     data: dict[str, Any] = {"title": title or " and ".join(called), "runs": recorded}
     _files.write_text(path, assemble.page(assemble.PLAYER, title or "granular: " + ", ".join(called), data=data))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular import _files
+from granular._describe import by_words
 from granular._optional import optional
 from granular.sweeps.axes import Values
 from granular.sweeps.plan import Plan
@@ -67,16 +68,43 @@ def resume(path: str | PathLike[str], plan: Plan, over: dict[str, Values]) -> tu
     ValueError
         If the file holds the answers to another question, or is of a later version.
     """
-    if not os.path.exists(path):
+    name = _files.checked_path("save", path)
+    if not os.path.exists(name):
         return {}, {}
-    with xarray_().open_dataset(path, engine="netcdf4", decode_cf=False) as stored:
-        data = stored.load()
-    _files.check_format(path, json.loads(data.attrs.get("provenance", "{}")).get("format", 1))
-    same = data.attrs.get("question") == question(plan) and all(
-        name in data and np.array_equal(data[name].values.astype(array.dtype), array) for name, array in over.items()
-    )
-    if not same:
-        raise ValueError(f"save is {os.fspath(path)!r}: it holds another sweep; give another name, or remove it.")
-    arrays = {name: data[name].values for name in ("status", *plan.results)}
-    columns = {name: array.reshape(-1, *array.shape[len(over):]) for name, array in arrays.items()}
-    return columns, {key: value for key, value in data.attrs.items() if key == "refusal"}
+    with xarray_().open_dataset(name, engine="netcdf4", decode_cf=False) as stored:
+        asked, notes = by_words(str(stored.attrs.get("question"))), stored.attrs
+        _files.check_format(name, _format(notes))
+        if asked != question(plan) or not all(_same(stored, axis, array) for axis, array in over.items()):
+            raise ValueError(f"save is {name!r}: it holds another sweep; give another name, or remove it.")
+        shape = tuple(map(len, over.values()))
+        columns = {one: _column(stored, one, shape, plan, name) for one in ("status", *plan.results)}
+        return columns, {"refusal": _files.plain_text(str(notes["refusal"]))} if "refusal" in notes else {}
+
+
+def _format(notes: Any) -> Any:
+    """Number of the format that a file says it has."""
+    try:
+        provenance = json.loads(notes.get("provenance", "{}"))
+        return provenance.get("format", 1)
+    except (TypeError, ValueError, AttributeError, RecursionError):
+        return None
+
+
+def _same(stored: Any, axis: str, array: Any) -> bool:
+    """Whether a file has the values of an axis; read only if there are as many."""
+    return axis in stored and stored[axis].shape == array.shape and np.array_equal(
+        stored[axis].values.astype(array.dtype), array)  # fmt: skip
+
+
+def _column(stored: Any, name: str, shape: tuple[int, ...], plan: Plan, path: str) -> Any:
+    """The answers of all cells; read only if they are of the kind, shape and size that a file of ours has."""
+    result = plan.results.get(name)
+    whole, deep = result is None or isinstance(result.fill, int), result is not None and result.dim != ""
+    there = stored.get(name)
+    good = there is not None and there.dtype.kind == ("i" if whole else "f") and there.nbytes <= os.path.getsize(path)
+    if not good or there.shape[: len(shape)] != shape or there.ndim != len(shape) + deep:
+        raise ValueError(f"save is {path!r}: it has no {name} as a sweep of shape {shape} has; remove it.")
+    values = there.values
+    if result is None and not np.isin(values, list(STATUS)).all():
+        raise ValueError(f"save is {path!r}: its status is none of {', '.join(STATUS.values())}; remove it.")
+    return values.reshape(-1, *values.shape[len(shape):])

@@ -12,14 +12,10 @@ import numpy as np
 
 from granular._records import column, copied, packed, raw
 from granular._tournament import tournament
-from granular.md.located.records import BODY, LEDGER, MAP, MEMBER, NO_PAUSE, PAIR, RUN, SPARE, TABLE
+from granular.md.located.records import LEDGER, NO_PAUSE, SPARE
+from granular.md.located.sound import KEPT, check
 from granular.md.located.system import System, empty_pool
 from granular.md.rows import CONTACT_ROW
-
-KEPT = {"run": RUN, "pairs": PAIR, "pool": MEMBER, "bodies": BODY, "maps": MAP, "tables": TABLE, "log": CONTACT_ROW,
-        "ledger": LEDGER}  # fmt: skip
-"""Records that a checkpoint holds: of tables and log what is used; the ledger where walls are driven."""
-
 
 SMALL = 256
 """Pairs up to which all records are copied: to choose takes longer."""
@@ -110,20 +106,24 @@ def named_alike(records: Any, dtype: np.dtype[Any]) -> Any:
 
 
 def restored(s: System, state: Mapping[str, Any]) -> System:
-    """Return the records of a scene as a checkpoint has them, with the limits of `s`, those of its start."""
+    """Return the records of a scene as a checkpoint has them, with the limits of `s`, those of its start; raise
+    `ValueError` if it cannot be one of that scene and its laws."""
+    state = {name: np.asarray(value) if name in KEPT else value for name, value in state.items()}
+    check(s, state)
     names = "run", "pairs", "pool", "bodies"
-    run, pairs, taken, bodies = (named_alike(np.asarray(state[name]), KEPT[name]) for name in names)
+    run, pairs, taken, bodies = (named_alike(state[name], KEPT[name]) for name in names)
+    pairs["row"][pairs["row"] >= len(state["log"])] = -1  # of contacts that are long over
     for name in ("until_pair", "until_nth", "separated", "log", "disturbing"):
         run[name] = s.run[name]
     for name, so_far in (("max_events", "begun"), ("max_steps", "steps")):
         run[name] = min(int(run[so_far][0]) + int(s.run[name][0]), NO_PAUSE)
     pool, log = empty_pool(len(taken) + SPARE), np.zeros(len(s.log) + len(state["log"]), CONTACT_ROW)
     pool[: len(taken)], log[: len(state["log"])] = taken, state["log"]
-    tables = np.append(np.asarray(state["tables"]), s.tables)
+    tables = np.append(state["tables"], s.tables)
     n = len(bodies) - 1
     queue = tournament(n)
     queue["due"][len(queue) // 2 :][:n] = pairs["due"][:n]
-    maps = copied(np.asarray(state["maps"]))
-    ledger = named_alike(np.asarray(state["ledger"]), LEDGER) if "ledger" in state else s.ledger
+    maps = copied(state["maps"])
+    ledger = s.ledger if s.ledger is None else named_alike(state["ledger"], LEDGER)
     return s._replace(run=run, pairs=pairs, pool=pool, bodies=bodies, queue=queue, log=log, maps=maps, tables=tables,
                       ledger=ledger)  # fmt: skip

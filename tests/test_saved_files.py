@@ -1,0 +1,275 @@
+"""What a file of a saved run may do: bring back that run, or be refused in one sentence. Nothing in it is ever run."""
+
+import dataclasses
+import json
+import math
+import os
+import tarfile
+import zipfile
+from pathlib import Path
+
+import edited_files
+import numpy as np
+import pytest
+import saved_scenes
+from saved_scenes import ALL
+
+import granular as gr
+from granular import _archive, _describe
+from granular.cli import main
+from granular.edmd import account
+from granular.page import assemble, player_page
+
+ENGINE = {"hard": {"engine": "sorted"}, "soft": {"engine": "plain"}}
+DYING = "it was changed after it was saved"
+
+
+@pytest.fixture(scope="module")
+def older(tmp_path_factory):
+    """Files of every kind as the release before the table of words wrote them."""
+    folder = tmp_path_factory.mktemp("older")
+    with tarfile.open(Path(__file__).parent / "reference" / "runs.tar.xz") as packed:
+        packed.extractall(folder, filter="data")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """The same, written now."""
+    folder = tmp_path_factory.mktemp("files")
+    for kind, name in ALL:
+        saved_scenes.cut(kind, name).save(folder / f"{kind}_{name}.npz")
+    return folder
+
+
+@pytest.mark.parametrize(("kind", "name"), ALL)
+def test_runs_of_every_kind_come_back_and_go_on_as_if_nothing_had_been(kind, name, older, files):
+    engine, scene, _, _, end, _ = saved_scenes.of(kind, name)
+    whole = saved_scenes.whole(kind, name, **ENGINE[kind])
+    for file in (older / f"run_{kind}_{name}.npz", files / f"{kind}_{name}.npz"):
+        back = gr.Trajectory.load(file, **saved_scenes.given(kind, name))
+        assert back.scene == scene or isinstance(back.scene.floor, gr.walls.Panels)
+        onward = engine.resume(back, t_end=end, **ENGINE[kind])
+        assert (onward.status, onward.message) == (whole.status, whole.message)
+        for one, other in ((onward.gap, whole.gap), (onward.velocity, whole.velocity)):
+            assert one[-1].tobytes() == other[-1].tobytes()
+
+
+def test_the_table_holds_all_that_is_public_and_nothing_that_is_a_function(files):
+    public = [getattr(module, name) for module in (gr, gr.walls) for name in module.__all__]
+    names = ["force", "__call__", "panels", "drawn"]
+    physics = [one for one in public if dataclasses.is_dataclass(one) and any(map(vars(one).__contains__, names))]
+    places = {f"{one.__module__}:{one.__qualname__}" for one in physics if one is not gr.walls.Motion}
+    assert places | {"granular.binary:LawRestitution"} == _describe.WORDS.keys()
+    moved = gr.Trajectory.load(files / "soft_motion.npz").scene.floor
+    assert isinstance(moved, gr.walls.Panels)
+    assert moved.displacement(0.1) == pytest.approx(saved_scenes.MOTION.displacement(0.1), rel=1e-13)
+
+
+def test_a_toml_file_that_names_python_says_so_before_it_runs(tmp_path, capsys):
+    (tmp_path / "mine.py").write_text("import sys\nprint('runs', file=sys.stderr)\ndef still(t):\n    return 0.0 * t\n")
+    case = tmp_path / "case.toml"
+    case.write_text("""[scene]
+mass = [inf, 1.0]
+radius = [0.0, 0.1]
+gap = [0.1]
+velocity = [0.0, 0.0]
+gravity = 9.81
+floor = { type = "Motion", function = "mine.py:still" }
+[rule]
+type = "ConstantRestitution"
+restitution = 0.9
+[run]
+t_end = 0.2
+""")
+    assert main(["run", str(case), "--engine", "edmd"]) == 0
+    said = capsys.readouterr().err.splitlines()
+    assert said[0] == f"granular: {str(case)!r} names Python code: running {str(tmp_path / 'mine.py')!r}"
+    assert said[1] == "runs"
+    gr.cases.load(case)
+    assert capsys.readouterr().err.splitlines()[-1] == "runs"
+
+
+def rewritten(files, tmp_path, name="hard_floor", *, signed=True, **changes):
+    """A file with other words (by name) or arrays (by `state__u`)."""
+    words, arrays = edited_files.stored(files / f"{name}.npz")
+    for key, value in changes.items():
+        where = words if key in words else arrays
+        where[key.replace("__", ".")] = value
+    path = tmp_path / "edited.npz"
+    path.write_bytes(edited_files.packed(words, {key: x for key, x in arrays.items() if x is not None}, signed))
+    return path
+
+
+CALLS = [
+    {"class": "granular._describe:import_module", "fields": {"name": "payload"}},
+    {"class": "granular.cli:main", "fields": {"argv": ["compare", "three-balls", "--json", "victim.json"]}},
+    {"class": "granular.walls.motion:Motion", "fields": {"function": {"class": "granular.cli:main", "fields": {}}}},
+    {"class": "granular.nosuch:foo", "fields": {}}, {"class": "noclass", "fields": {}},
+    {"class": "hertz", "fields": {"k": 1.0}},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("call", CALLS, ids=lambda call: call["class"])
+@pytest.mark.parametrize("place", ["rule", "walls"])
+def test_a_file_that_names_code_is_refused_and_nothing_runs(call, place, files, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "payload.py").write_text("open('ran', 'w').close()")
+    described = call | {"shown": ""}
+    path = rewritten(files, tmp_path, "hard_sine", **{place: described if place == "rule" else [described, None]})
+    word = {"rule": "rule", "walls": "wall"}[place]
+    with pytest.raises(ValueError, match=rf"edited.npz': {word} is of class .*: one of .* is needed; a later granular"):
+        gr.Trajectory.load(path)
+    assert sorted(os.listdir(tmp_path)) == ["edited.npz", "payload.py"]
+
+
+@pytest.mark.parametrize(("changes", "sentence"), [
+    ({"rule": {"class": "constant-restitution", "shown": "", "fields": {"restitution": 0.5, "more": 1}}},
+     "rule of class 'constant-restitution' has the fields .*: restitution are needed"),
+    ({"rule": {"class": "constant-restitution", "shown": "", "fields": {"restitution": 7.0}}}, "restitution is 7.0"),
+    ({"rule": {"class": "constant-restitution", "shown": "", "fields": {"restitution": [0.5] * 3}}}, "length of rest"),
+    ({"rule": {"class": 5, "shown": ""}}, "rule is described by .*: a class and its fields are needed"),
+    ({"rule": [{"class": "thornton-restitution", "shown": "", "fields": {"yield_speed": 1.0}}]}, "length of rule is 1"),
+    ({"status": "fine"}, "its status is 'fine': one of time, "), ({"stats": {"events": {}}}, "its number 'events' is"),
+    ({"stats": {"first_disturbed": [1.0]}}, "its number 'first_disturbed' is"), ({"rule": None}, "both laws and rules"),
+    ({"message": 5}, f"its message is 5; {DYING}"), ({"walls": [None]}, "it holds walls|it has 1 walls"),
+    ({"time": np.array([1.0, 0.0])}, "its times do not rise"),
+    ({"velocity": np.full((2, 3), np.nan)}, "what is no number"),
+    ({"position": np.zeros((3, 3, 3))}, "position is an array of shape .3, 3, 3. and kind 'f', which a run of 3"),
+    ({"gap": np.zeros((2, 2), "f4")}, "gap is an array of shape"),
+    ({"state__u": np.zeros((2, 2, 2))}, "state.u is an array of shape"),
+])  # fmt: skip
+def test_what_a_file_says_is_checked_on_load(changes, sentence, files, tmp_path):
+    path = rewritten(files, tmp_path, "hard_sine" if "walls" in changes else "hard_floor", **changes)
+    with pytest.raises((TypeError, ValueError), match=sentence):
+        gr.edmd.resume(gr.Trajectory.load(path), t_end=1.0)
+
+
+def test_a_file_that_was_changed_by_hand_is_refused(files, tmp_path):
+    words, arrays = edited_files.stored(files / "hard_floor.npz")
+    path = rewritten(files, tmp_path, signed=False, state__noise=arrays["state.noise"] + 1e-9)
+    with pytest.raises(ValueError, match=rf"its numbers do not belong together; {DYING}"):
+        gr.Trajectory.load(path)
+    words, arrays = words | {"format": 2}, {**arrays, "state.noise": arrays["state.noise"] + 1e-9}
+    path.write_bytes(edited_files.packed(words, arrays, False))
+    with pytest.raises(ValueError, match=rf"its numbers do not belong together; {DYING}"):
+        gr.Trajectory.load(path)
+
+
+def test_a_hard_run_of_balls_that_overlap_is_not_gone_on_with(files):
+    run = gr.Trajectory.load(files / "hard_floor.npz")
+    scene = run.scene.replace(gap=[-1.0, 0.2])
+    with pytest.raises(ValueError, match=r"gap\[0\] is -1.0: a gap must not be negative"):
+        gr.edmd.resume(dataclasses.replace(run, scene=scene), t_end=1.0)
+
+
+def test_sizes_are_known_before_memory_is_taken(files, tmp_path, monkeypatch):
+    """An array of 10¹² entries, one of more bytes than its head says, of objects, of another shape, and one twice."""
+    with zipfile.ZipFile(files / "hard_floor.npz") as archive:
+        whole = {info.filename: archive.read(info) for info in archive.infolist()}
+    head = whole["time.npy"]
+    for name, data in {
+        "time": head.replace(b"(2,), }             ", b"(1000000000000,), }"), "gap": whole["gap.npy"] + bytes(1 << 22),
+        "velocity": head.replace(b"<f8", b"|O8").replace(b"|O8", b"|O "), "state.u": b"", "words": head,
+    }.items():  # fmt: skip
+        with zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+            for member, bytes_ in (whole | {f"{name}.npy": data}).items():
+                archive.writestr(member, bytes_)
+        monkeypatch.setattr(_archive, "arrays", lambda file: pytest.fail("read"))
+        with pytest.raises(ValueError, match=r"edited|is not a run saved by granular|is an array of shape"):
+            gr.Trajectory.load(tmp_path / "bomb.npz")
+
+
+OLDER = {"noise", *account.SUMS}
+"""What files of some release lack."""
+HARD_NAMES = [name for name in saved_scenes.cut("hard", "sine").state if name not in OLDER]
+
+
+@pytest.mark.parametrize("name", HARD_NAMES)
+def test_a_hard_state_without_a_part_or_with_a_wrong_one_is_not_gone_on_from(name, files):
+    run = gr.Trajectory.load(files / "hard_sine.npz")
+    lacking = {key: value for key, value in run.state.items() if key != name}
+    for state in (lacking, lacking | {name: "x"}, lacking | {name: np.zeros((3, 3))}, lacking | {name: math.nan}):
+        with pytest.raises(ValueError, match=rf"{name} in the state of trajectory|no rule for ties|no hard-sphere run"):
+            gr.edmd.resume(dataclasses.replace(run, state=state), t_end=1.0)
+
+
+@pytest.mark.parametrize(("field", "value"), [
+    ("pairs.slot", 99), ("pairs.slot", -5), ("pairs.first", 7), ("pairs.hi", 9), ("pairs.kind_of", 5), ("pairs.map", 9),
+    ("pairs.wall", 3), ("pairs.mode", 9), ("pool.number", 8), ("pool.fired", 99), ("pool.head", 50), ("pool.manner", 9),
+    ("pool.clock", 0), ("pool.k", 1.0), ("maps.table", 5), ("run.members", 50), ("run.wanted", 9),
+    ("run.alone", 9), ("run.rows", 9), ("run.tables", 9), ("run.t", math.nan), ("bodies.inverse_mass", 3.0),
+    ("bodies.v", math.inf), ("pool.xi", math.nan), ("pool.eta", 1e6), ("pool.xi", 1.0),
+])  # fmt: skip
+def test_a_soft_state_whose_places_are_not_there_is_not_gone_on_from(field, value, files):
+    run = gr.Trajectory.load(files / "soft_riding.npz")
+    records, name = field.split(".")
+    edited = run.state[records].copy()
+    edited[name][run.state["pairs"]["slot"][0] if records == "pool" else -1] = value
+    with pytest.raises(ValueError, match=r"state of trajectory (contradicts|is of another|does not show its last row)"):
+        gr.md.resume(dataclasses.replace(run, state=dict(run.state) | {records: edited}), t_end=1.0, engine="plain")
+    for state in ({key: x for key, x in run.state.items() if key != records}, dict(run.state) | {records: np.zeros(3)}):
+        with pytest.raises(ValueError, match=rf"{records} in the state of trajectory is (missing|no array)"):
+            gr.md.resume(dataclasses.replace(run, state=state), t_end=1.0, engine="plain")
+
+
+def test_a_state_that_does_not_belong_to_the_last_row_or_the_laws_is_not_gone_on_from(files):
+    run = gr.Trajectory.load(files / "hard_floor.npz")
+    with pytest.raises(ValueError, match=r"state of trajectory does not show its last row"):
+        gr.edmd.resume(dataclasses.replace(run, velocity=run.velocity * 1.001), t_end=1.0)
+    soft = gr.Trajectory.load(files / "soft_contact.npz", law=saved_scenes.LOOSE)
+    with pytest.raises(ValueError, match=r"of another scene or other laws; .* or was given other laws"):
+        gr.md.resume(soft, t_end=1.0, engine="plain")
+
+
+def test_texts_of_a_file_reach_terminal_and_page_without_control_characters(files, tmp_path):
+    text = "\x1b[31mred\x9b2J\u202eevil\nline\x00</script><!--<script>" + "x" * 1000
+    back = gr.Trajectory.load(rewritten(files, tmp_path, message=text))
+    assert back.message.startswith(" [31mred 2J evil line </script>")
+    assert back.message.isprintable()
+    assert len(back.message) == 500
+    own = {"class": "thing:Own", "shown": text}
+    with pytest.raises(ValueError, match=r"rule in the file is .*31mred 2J evil line.*your own rule is not") as caught:
+        gr.Trajectory.load(rewritten(files, tmp_path, rule=own))
+    assert str(caught.value).isprintable()
+    player_page(tmp_path / "page.html", [back], [text], "<b>\x1b")
+    data = (tmp_path / "page.html").read_text().split('id="data">')[1].split("</script>")[0]
+    assert "<" not in data
+    assert json.loads(data)["runs"][0]["message"] == back.message
+    assert json.loads(assemble.embedded({"name": "</script><b>"})) == {"name": "</script><b>"}
+
+
+@pytest.mark.parametrize("path", [5, None, 1.5])
+def test_a_number_is_no_file(path):
+    with pytest.raises(TypeError, match=r"path is .*: the name of a file is needed"):
+        gr.Trajectory.load(path)
+
+
+def batch(seeds, files, tmp_path):
+    """What became of edited files, by kind of edit."""
+    fates, ends = {}, {}
+    for kind, name in {ALL[seed % len(ALL)] for seed in seeds}:
+        whole = (files / f"{kind}_{name}.npz").read_bytes()
+        edited_files.fate(kind, name, whole, tmp_path / "run.npz", ends)
+    for seed in seeds:
+        kind, name = ALL[seed % len(ALL)]
+        how, data = edited_files.edited(np.random.default_rng([8, seed]), files / f"{kind}_{name}.npz")
+        end, _ = edited_files.fate(kind, name, data, tmp_path / "run.npz", ends)
+        assert end != "another run" or how.endswith("signed"), seed
+        fates[how, end] = fates.get((how, end), 0) + 1
+    return fates
+
+
+def test_edited_files_are_refused_in_a_sentence_or_are_the_same_run(files, tmp_path):
+    quick = {("hard", name) for name in saved_scenes.HARD} | {("soft", name) for name in ("thermal", "ring", "pendula")}
+    seeds = [seed for seed in range(900) if ALL[seed % len(ALL)] in quick]
+    fates = batch(seeds[:300], files, tmp_path)
+    assert sum(fates.values()) == 300
+    assert sum(n for (_, end), n in fates.items() if end.startswith("refused")) > 200
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("first", range(0, 10_000, 500))
+def test_ten_thousand_edited_files(first, files, tmp_path):
+    batch(range(first, first + 500), files, tmp_path)
