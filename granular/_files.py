@@ -9,6 +9,7 @@ import os
 import stat
 import sys
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -63,14 +64,15 @@ def _replace(target: str, fill: Callable[[str], object]) -> None:
     folder, name = os.path.split(target)
     stem, ending = os.path.splitext(name)
     draft = os.path.join(folder, f".{stem[:100]}-{os.urandom(6).hex()}{ending}")
-    os.close(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     try:
+        os.close(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         fill(draft)
         if os.path.exists(target):
             os.chmod(draft, stat.S_IMODE(os.stat(target).st_mode))
         os.replace(draft, target)
     except BaseException:
-        os.unlink(draft)
+        with suppress(FileNotFoundError):  # not made yet, or in its place already
+            os.unlink(draft)
         raise
 
 
