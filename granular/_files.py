@@ -19,6 +19,8 @@ import numpy as np
 FORMAT = 2
 """Number of the format that files are written in; those without one, of releases before it had a number, are 1."""
 STDOUT = "/dev/stdout"
+FORMAT_BYTES = 1 << 20
+"""More than a format takes besides its numbers."""
 
 def write(path: str | PathLike[str], fill: Callable[[str], object]) -> None:
     """Let `fill` write a draft, then make it the file `path`; on failure nothing is left behind.
@@ -74,6 +76,13 @@ def _replace(target: str, fill: Callable[[str], object]) -> None:
         with suppress(FileNotFoundError):  # not made yet, or in its place already
             os.unlink(draft)
         raise
+
+
+def check_room(draft: str, size: int) -> None:
+    """Raise the system's own `OSError` if a file cannot hold so many bytes, and those of its format."""
+    with open(draft, "wb") as file:
+        for _ in range(0, size + FORMAT_BYTES, FORMAT_BYTES):
+            file.write(bytes(FORMAT_BYTES))
 
 
 def _pour(stream: str, fill: Callable[[str], object]) -> None:
@@ -136,6 +145,14 @@ def check_picture(path: str | PathLike[str]) -> None:
     known = sorted(FigureCanvasBase.get_supported_filetypes())
     if ending.lower() not in known:
         raise ValueError(f"ending of {os.fspath(path)} is {ending!r}: one of {', '.join(known)} is needed.")
+
+
+def check_ending(path: str | PathLike[str], needed: str) -> None:
+    """Raise `ValueError` unless the name of a file has the ending that tells its format; a device or a pipe needs none.
+    """
+    name = os.fspath(path) if isinstance(path, PathLike) else path
+    if not isinstance(name, str) or "\0" in name or not (name.lower().endswith(needed) or is_stream(name)):
+        raise ValueError(f"path is {name!r}: the name of a file that ends in {needed} is needed.")
 
 
 def check_format(path: str | PathLike[str], number: Any, unknown: Iterable[str] = ()) -> None:

@@ -83,7 +83,7 @@ def test_a_picture_without_a_format_is_refused_and_leaves_nothing(tmp_path, repo
 
 
 def test_what_fails_under_way_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
-    (tmp_path / "old").write_text("old")
+    (tmp_path / "old.npz").write_text("old")
 
     def half(file, **arrays):
         file.write(b"half")
@@ -91,9 +91,9 @@ def test_what_fails_under_way_leaves_the_old_file_and_nothing_else(tmp_path, mon
 
     monkeypatch.setattr(np, "savez_compressed", half)
     with pytest.raises(KeyboardInterrupt):
-        gr.edmd.simulate(SCENE, gr.ConstantRestitution(0.5)).save(tmp_path / "old")
-    assert os.listdir(tmp_path) == ["old"]
-    assert (tmp_path / "old").read_text() == "old"
+        gr.edmd.simulate(SCENE, gr.ConstantRestitution(0.5)).save(tmp_path / "old.npz")
+    assert os.listdir(tmp_path) == ["old.npz"]
+    assert (tmp_path / "old.npz").read_text() == "old"
 
 
 def test_threads_that_write_leave_the_mask_of_the_process_alone(tmp_path, report):
