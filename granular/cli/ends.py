@@ -4,7 +4,6 @@ May be skipped: the command, no physics.
 
 from __future__ import annotations
 
-import _thread
 import signal
 import sys
 from collections.abc import Iterator
@@ -31,11 +30,16 @@ def as_interrupts() -> Iterator[None]:
     Signals that somebody else sees to or ignores, as under `nohup`, stay his; in the end all are as before.
     """
     over: list[bool] = []
+    main = main_thread().ident or 0
+
+    def say_again(number: int) -> None:
+        if not over and hasattr(signal, "pthread_kill"):
+            signal.pthread_kill(main, number)  # wakes it, too
 
     def end(number: int, frame: object) -> None:
         if over:
             return
-        again = Timer(AGAIN, _thread.interrupt_main, [number])
+        again = Timer(AGAIN, say_again, [number])
         again.daemon = True
         again.start()
         if not _seen_to(sys.exception()):
