@@ -31,6 +31,8 @@ from granular.sweeps.schedule import end_with_parent
 USAGE = "SCENE|FILE.toml [options]"
 WORTH_POOL = 20_000
 """Cells from which on several processes are started."""
+MOST_WORKERS = 1024
+"""Processes that one machine is asked for."""
 MOST = 40
 """Jumps that are printed."""
 
@@ -54,7 +56,8 @@ def run(given: argparse.Namespace) -> None:
     if len(over) < len(given.over):
         raise ValueError("--over names a parameter twice: one axis per parameter is needed.")
     usual = os.cpu_count() or 1 if math.prod(map(len, over.values())) >= WORTH_POOL else 1
-    workers = usual if given.workers is None else _check.whole("workers", given.workers, at_least=1)
+    workers = usual if given.workers is None else given.workers
+    _check.whole("workers", workers, at_least=1, at_most=MOST_WORKERS)
     with processes(workers) as executor, Progress(1.0, things="cells") as progress:
         data = sweep(given.target, over, given.result or DEFAULT, save=given.save, executor=executor,
                      on_progress=progress, **given.given, **given.run)

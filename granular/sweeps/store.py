@@ -60,7 +60,7 @@ def write(data: xarray.Dataset, path: str | PathLike[str]) -> None:
     def fill(draft: str) -> None:
         try:
             data.to_netcdf(draft, engine="netcdf4")
-        except OSError:  # of a full disk netCDF says that permission is denied
+        except (OSError, RuntimeError):  # of a full disk netCDF says that permission is denied, or "HDF error"
             _files.check_room(draft, data.nbytes)
             raise
 
