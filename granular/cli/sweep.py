@@ -72,16 +72,16 @@ def processes(count: int) -> Iterator[Executor | None]:
         return
     others, before = set(active_children()), set(threading.enumerate())
     with ProcessPoolExecutor(count, initializer=_obey) as pool:
-        pool.submit(int)  # processes start before there is a second thread
-        managers = set(threading.enumerate()) - before
         try:
+            pool.submit(int)  # processes start before there is a second thread
             yield pool
         except BaseException as error:
             pool.shutdown(wait=False, cancel_futures=True)
             for process in set(active_children()) - others:
                 process.kill()
-            for thread in managers:
-                thread.join()  # at the exit of Python it would be in the midst of closing its pipes
+            for thread in set(threading.enumerate()) - before:
+                if not thread.daemon:  # the pool's, which at the exit of Python would be closing its pipes
+                    thread.join()
             if isinstance(error, BrokenProcessPool):
                 raise ChildProcessError("a process of the sweep was ended from outside, perhaps for want of memory: "
                                         "try fewer --workers; what was solved is in the file of --save.") from None
