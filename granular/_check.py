@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 LARGEST = 2**63 - 1
 """The largest whole number that arrays hold."""
+MOST = 10_000_000
+"""What one number may ask for: balls of a ready-made scene, rows of a run; with all that is kept of them some GB."""
 
 
 def number(
@@ -30,7 +32,9 @@ def number(
 ) -> float:
     """Return `value` as a float within ``(above, …)`` and ``[at_least, at_most]``; nan never passes."""
     try:
-        if isinstance(value, (bool, np.bool_, str, bytes, np.ma.MaskedArray)) or np.ndim(value) != 0:
+        if isinstance(value, (bool, str, bytes, np.ma.MaskedArray)) or np.ndim(value) != 0:
+            raise TypeError
+        if getattr(value, "dtype", None) == np.bool_:
             raise TypeError
         x = float(value)
     except OverflowError:
@@ -47,7 +51,7 @@ def whole(name: str, value: Any, *, at_least: int = 0, at_most: int = LARGEST, f
     exact = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     x = value if exact else number(name, value, fix=fix)
     if x != x // 1 or not at_least <= x <= at_most:
-        top = "" if at_most == LARGEST and x < LARGEST else f" and at most {at_most}"
+        top = "" if x <= at_most else f" and at most {at_most}"
         raise ValueError(_sentence(name, value, f"a whole number of at least {at_least}{top} is needed", fix))
     return int(x)
 
@@ -57,10 +61,12 @@ def array(name: str, value: Any, shape: tuple[int, ...] | None = None, *, fix: s
     if isinstance(value, np.ma.MaskedArray):
         raise TypeError(_sentence(name, value, "an array without a mask is needed", fix or "leave out what is masked"))
     try:
-        _refuse_words(value)
-        out = np.array(value, dtype=np.float64)
+        out = np.array(_worded(value), dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise TypeError(_sentence(name, value, "an array of numbers is needed", fix)) from None
+    except MemoryError:
+        raise ValueError(_sentence(f"shape of {name}", np.shape(value), "an array that fits into memory is needed")
+                         ) from None
     if shape is None and out.ndim != 1:
         raise ValueError(_sentence(f"shape of {name}", out.shape, "one dimension is needed", fix))
     if shape is not None and out.shape != shape:
@@ -69,16 +75,24 @@ def array(name: str, value: Any, shape: tuple[int, ...] | None = None, *, fix: s
     return out
 
 
-def _refuse_words(value: Any) -> None:
-    """Raise `TypeError` for what numpy would convert or leave out without a word: words (but "inf"), truth values and
-    None among numbers, complex numbers and dates."""
-    kind = np.asarray(value).dtype.kind
-    if kind not in "iufUSO":
+def _worded(value: Any) -> Any:
+    """Return what is to be an array; raise `TypeError` for what numpy would convert or leave out without a word: words
+    (but "inf"), truth values and None among numbers, complex numbers and dates."""
+    given = np.asarray(value)
+    kind = given.dtype.kind
+    if kind not in "iufUSO" or among_numbers(value):
         raise TypeError
     if kind in "USO":
         entries = np.asarray(value, dtype=object).flat
-        if any(isinstance(x, (str, bytes, bool, type(None))) and x != "inf" for x in entries):
+        if any(isinstance(x, (str, bytes, bool, np.bool_, type(None))) and x != "inf" for x in entries):
             raise TypeError
+        return value
+    return given
+
+
+def among_numbers(value: Any) -> bool:
+    """Whether there are truth values in a list, which numpy takes for 0 and 1 beside numbers."""
+    return isinstance(value, (list, tuple)) and not {bool, np.bool_}.isdisjoint(map(type, value))
 
 
 def held(

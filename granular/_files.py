@@ -9,6 +9,7 @@ import os
 import stat
 import sys
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,8 @@ FORMAT = 3
 """Number of the format that files are written in; those without one, of releases before it had a number, are 1. Until 2
 laws, rules and walls were called by the places of their classes, since then by words."""
 STDOUT = "/dev/stdout"
+FORMAT_BYTES = 1 << 20
+"""More than a format takes besides its numbers."""
 LONGEST = 500
 """Characters of a text from a file that are shown."""
 
@@ -27,6 +30,7 @@ def plain_text(text: str, most: int = LONGEST) -> str:
     """Return a text for terminal and page: blanks for what controls or turns it, and no more than `most` characters."""
     shown = "".join(c if c.isprintable() else " " for c in text[: most + 1])
     return shown if len(text) <= most else shown[: most - 1] + "…"
+
 
 
 def write(path: str | PathLike[str], fill: Callable[[str], object]) -> None:
@@ -80,15 +84,23 @@ def _replace(target: str, fill: Callable[[str], object]) -> None:
     folder, name = os.path.split(target)
     stem, ending = os.path.splitext(name)
     draft = os.path.join(folder, f".{stem[:100]}-{os.urandom(6).hex()}{ending}")
-    os.close(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     try:
+        os.close(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         fill(draft)
         if os.path.exists(target):
             os.chmod(draft, stat.S_IMODE(os.stat(target).st_mode))
         os.replace(draft, target)
     except BaseException:
-        os.unlink(draft)
+        with suppress(FileNotFoundError):  # not made yet, or in its place already
+            os.unlink(draft)
         raise
+
+
+def check_room(draft: str, size: int) -> None:
+    """Raise the system's own `OSError` if a file cannot hold so many bytes, and those of its format."""
+    with open(draft, "wb") as file:
+        for _ in range(0, size + FORMAT_BYTES, FORMAT_BYTES):
+            file.write(bytes(FORMAT_BYTES))
 
 
 def _pour(stream: str, fill: Callable[[str], object]) -> None:
@@ -155,6 +167,14 @@ def check_picture(path: str | PathLike[str]) -> None:
 
 class Later(ValueError):
     """A file that a later version has written."""
+
+
+def check_ending(path: str | PathLike[str], needed: str) -> None:
+    """Raise `ValueError` unless the name of a file has the ending that tells its format; a device or a pipe needs none.
+    """
+    name = os.fspath(path) if isinstance(path, PathLike) else path
+    if not isinstance(name, str) or "\0" in name or not (name.lower().endswith(needed) or is_stream(name)):
+        raise ValueError(f"path is {name!r}: the name of a file that ends in {needed} is needed.")
 
 
 def check_format(path: str | PathLike[str], number: Any, unknown: Iterable[str] = ()) -> None:

@@ -7,8 +7,11 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
+EXTRAS = {"plot": "matplotlib", "sweep": "xarray netCDF4", "peers": "mpmath"}
+"""What the extras of this package install."""
 
-def optional(module: str, by: str, install: str = "") -> Any:
+
+def optional(module: str, by: str) -> Any:
     """Return a module of a package that need not be there, or raise `ImportError` that says how to install it.
 
     Parameters
@@ -17,12 +20,11 @@ def optional(module: str, by: str, install: str = "") -> Any:
         Its name, such as "matplotlib.figure".
     by : str
         What needs it.
-    install : str
-        What to install, if not the package alone.
     """
     package = module.split(".")[0]
     try:
         return import_module(module)
     except ImportError:
-        advice = f"pip install {install or package}"
+        extra, install = next(item for item in EXTRAS.items() if package in item[1])
+        advice = f"pip install {install} (the extra {extra!r})"
         raise ImportError(f"{by} needs {package}, which is not installed: {advice}.") from None

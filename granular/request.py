@@ -46,12 +46,14 @@ def requested(
 ) -> Request:
     """Check the options that all engines share."""
     end = math.inf if t_end is None else _check.number("t_end", t_end, at_least=start, fix="t_start is the earliest")
+    if end < end - start == math.inf:
+        raise ValueError(f"t_end is {t_end!r}: a time is needed to which numbers reach from t_start = {start!r}.")
     return Request(
         start=start,
         end=end,
         until=stop.checked(given["until"], scene.n_pairs),
         samples=_sample_times(given["samples"], start, end),
-        log=bool(given["log"]),
+        log=_check.truth("log", given["log"]),
         max_events=_check.whole("max_events", given["max_events"]),
         on_event=_check.callback("on_event", given["on_event"], "row"),
         on_progress=_check.callback("on_progress", given["on_progress"], "reached", "count"),
@@ -83,7 +85,8 @@ def _sample_times(samples: int | ArrayLike | None, start: float, end: float) -> 
     if samples is None:
         return None
     if np.ndim(samples) == 0:
-        count = _check.whole("samples", samples, at_least=2, fix="give None for the first and the last row")
+        fix = "give None for the first and the last row"
+        count = _check.whole("samples", samples, at_least=2, at_most=_check.MOST, fix=fix)
         if end == math.inf:
             raise ValueError(f"samples is {count}: a number of rows needs t_end; give t_end, or the times themselves.")
         return np.linspace(start, end, count)

@@ -42,6 +42,7 @@ def write(path: str | PathLike[str], run: Any) -> None:
     """Write a run to one ``.npz`` file, whole or not at all."""
     import json
 
+    _files.check_ending(path, ".npz")
     scene = fitted(run.scene, float(run.time[0]), float(run.time[-1]))
     arrays = {name: getattr(run, name) for name in ARRAYS}
     arrays |= {f"scene.{name}": getattr(scene, name) for name in SCENE}

@@ -126,7 +126,7 @@ def test_parameters_of_many_kinds_of_scene():
     cradle = gr.compare(gr.scenes.newtons_cradle(3), gr.Hertz(1e9), until=gr.until.separated())
     scene, laws = parameters(cradle).split("\n")
     assert scene == "3 balls, m = 1 kg, touching, first impact at 1 m/s"
-    assert laws.startswith("Hertz, k = 10⁹ N/m^1.5, ε = 1, a contact alone lasts ")
+    assert laws.startswith("Hertz, k = 10⁹ N/m$^{1.5}$, ε = 1, a contact alone lasts ")
     real = gr.cases.make("real-balls", gap=0.05)
     report = gr.compare(real.scene, real.law, real.rule, until=real.until)
     assert "m = 624 g and 57.7 g" in parameters(report)

@@ -83,7 +83,7 @@ def test_a_picture_without_a_format_is_refused_and_leaves_nothing(tmp_path, repo
 
 
 def test_what_fails_under_way_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
-    (tmp_path / "old").write_text("old")
+    (tmp_path / "old.npz").write_text("old")
 
     def half(file, **arrays):
         file.write(b"half")
@@ -91,9 +91,33 @@ def test_what_fails_under_way_leaves_the_old_file_and_nothing_else(tmp_path, mon
 
     monkeypatch.setattr(np, "savez_compressed", half)
     with pytest.raises(KeyboardInterrupt):
-        gr.edmd.simulate(SCENE, gr.ConstantRestitution(0.5)).save(tmp_path / "old")
-    assert os.listdir(tmp_path) == ["old"]
-    assert (tmp_path / "old").read_text() == "old"
+        gr.edmd.simulate(SCENE, gr.ConstantRestitution(0.5)).save(tmp_path / "old.npz")
+    assert os.listdir(tmp_path) == ["old.npz"]
+    assert (tmp_path / "old.npz").read_text() == "old"
+
+
+@pytest.mark.parametrize("path", ["a.txt", "a", "", 5, None, b"a.npz", "a\0.npz"])
+def test_the_ending_tells_the_format_of_a_run(tmp_path, monkeypatch, path):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ValueError, match=r"path is .*: the name of a file that ends in \.npz is needed"):
+        gr.edmd.simulate(SCENE, gr.ConstantRestitution(0.5)).save(path)
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_full_disk_is_called_so_whatever_netcdf_says(tmp_path):
+    xarray, resource = pytest.importorskip("xarray"), pytest.importorskip("resource")
+    from granular.sweeps import store
+
+    store.write(xarray.Dataset({"a": ("x", np.zeros(3))}), tmp_path / "small.nc")
+    data, limits = xarray.Dataset({"a": ("x", np.random.default_rng(1).random(200_000))}), resource.RLIMIT_FSIZE
+    before = resource.getrlimit(limits)
+    resource.setrlimit(limits, (1_000_000, before[1]))  # as a quota does, with words of its own
+    try:
+        with pytest.raises(OSError, match=r"output path is .*: a writable place is needed \(File too large\)"):
+            store.write(data, tmp_path / "large.nc")
+    finally:
+        resource.setrlimit(limits, before)
+    assert os.listdir(tmp_path) == ["small.nc"]
 
 
 def test_threads_that_write_leave_the_mask_of_the_process_alone(tmp_path, report):

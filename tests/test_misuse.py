@@ -3,6 +3,7 @@
 import math
 import re
 from dataclasses import dataclass
+from inspect import signature
 
 import numpy as np
 import pytest
@@ -51,6 +52,13 @@ class Contradiction:
 
 
 SCENES = {
+    "truth is a mass": (
+        lambda: scene(mass=[math.inf, True, 0.5]), r"mass is \[inf, True, 0\.5\]: an array of"),
+    "numpy's truth is a mass": (
+        lambda: scene(mass=[np.True_, 1.0, 1.0]),
+        r"mass is \[.*True.*, .*: an array of numbers"),
+    "truths are masses": (lambda: scene(mass=np.array([True] * 3)), r"mass is array\(.*: an array of numbers"),
+    "truth is gravity": (lambda: scene(gravity=np.array(True)), r"gravity is array\(True\): a single number is needed"),
     "masses are words": (lambda: scene(mass=["1", "2", "3"]), r"mass is \['1', '2', '3'\]: an array of numbers"),
     "a mass is missing": (lambda: scene(mass=[1.0, None, 1.0]), r"mass is \[1\.0, None, 1\.0\]: an array of numbers"),
     "negative mass": (lambda: scene(mass=[math.inf, -2.0, 1.0]), r"mass\[1\] is -2\.0: a mass must be positive"),
@@ -157,7 +165,27 @@ LAWS = {
     "separating balls": (lambda: theory.effective_restitution(-1, 3), r"v_rel_after is -1: .*at least 0 is needed"),
 }
 
+BEYOND = np.broadcast_to(0.1, 10**13)
+"""More than any memory holds, made of one number."""
+
 RUNS = {
+    "md rows beyond memory": (lambda: soft(samples=1e12), r"samples is 1.*: .* at least 2 and at most 10000000 is"),
+    "edmd rows beyond memory": (lambda: hard(samples=10**30), r"samples is 1000.*: .* and at most 10000000 is needed"),
+    "times beyond memory": (
+        lambda: soft(samples=BEYOND),
+        r"shape of samples is \(1000.*: an array that fits into memory"),
+    "gaps beyond memory": (lambda: scene(gap=BEYOND), r"shape of gap is \(1000.*: an array that fits into memory is"),
+    "log is a word": (lambda: soft(log="no"), r"log is 'no': True or False is needed"),
+    "log is a number": (lambda: hard(log=1), r"log is 1: True or False is needed"),
+    "tolerance of a fixed step": (
+        lambda: soft(tol=1e-3, method="verlet"), r"tol is 0\.001: method 'verlet' has no tolerance; give dt"),
+    "clock beyond the floats": (
+        lambda: soft(t_start=-1e308, t_end=1e308),
+        r"t_end is 1e\+308: a time .* t_start = -1e"),
+    "steps beyond the floats": (
+        lambda: soft(t_end=1e308, dt=1e-6), r"dt is 1e-06: step inf is more than can be counted; take a longer"),
+    "flight of too many steps": (
+        lambda: soft(t_end=None, until=until.contact(0), dt=1e-60), r"dt is 1e-60: step .* is more than can be"),
     "law without force": (
         lambda: soft(STACK, Forceless()),
         r"law of pair 0 is .*Forceless.*: an object with force\(self"),
@@ -182,7 +210,7 @@ RUNS = {
         r"law is LinearDashpot.*: rates or overlaps of its contacts in this scene are beyond the range of numbers"),
     "too few laws": (lambda: soft(STACK, [SOFT]), r"length of law is 1: 2 \(the number of pairs\) is needed"),
     "unknown method": (lambda: soft(method="verlett"), r"method is 'verlett': one of .* did you mean verlet\?"),
-    "no time step": (lambda: soft(dt=0.0), r"dt is 0\.0: a finite number above 0 is needed"),
+    "no time step": (lambda: soft(dt=0.0), r"dt is 0\.0: a finite number of at least 1e-60 is"),
     "md into the past": (lambda: soft(t_end=-1.0), r"t_end is -1\.0: .*at least 0 is needed"),
     "md of a word": (lambda: soft("three-balls", SOFT), r"scene is 'three-balls': a .*Scene is needed"),
     "md until no pair": (lambda: soft(until=until.contact(7)), r"pair of until\.contact is 7: .*at most 1 is needed"),
@@ -213,6 +241,28 @@ RUNS = {
     "unknown option": (lambda: cases.make("gas", sead=1), r"'sead' is no option of gas; did you mean seed\?"),
     "option of the other engine": (lambda: cases.make("gas").simulate("edmd", dt=1), r"'dt' is no option of edmd"),
 }
+
+
+@pytest.mark.parametrize("name", [
+    name for name in scenes.__all__ if "n" in signature(getattr(scenes, name)).parameters])
+@pytest.mark.parametrize(("n", "sentence"), [
+    (10**9, "n is 1000000000: a whole number of at least . and at most 10000000 is needed"),
+    (1e12, "at most 10000000 is needed"), (10**400, "at most 10000000 is needed"), (0, "n is 0: a whole number"),
+    (-3, "n is -3: a whole number"), (2.5, "n is 2.5: a whole number"),
+    (True, "n is True: a single"), ("5", "n is '5'"),
+])
+def test_a_ready_made_scene_says_how_many_balls_it_may_have(name, n, sentence):
+    law = {"law": None} if name == "compressed_chain" else {}
+    with pytest.raises((ValueError, TypeError), match=sentence):
+        getattr(scenes, name)(n=n, **law)
+
+
+@pytest.mark.parametrize("method", ["verlet", "symplectic-euler", "rk4", "gear5"])
+@pytest.mark.parametrize("scene_", [STACK, OVERLAP])
+@pytest.mark.parametrize("end", [{"t_end": 1.0}, {"t_end": None, "until": until.separated()}])
+def test_a_step_too_short_for_numbers_is_one_sentence(method, scene_, end):
+    with pytest.raises(ValueError, match="dt is 1e-320: a finite number of at least 1e-60 is needed"):
+        soft(scene_, SOFT, method=method, dt=1e-320, **end)
 
 
 @pytest.mark.parametrize(("call", "sentence"), [

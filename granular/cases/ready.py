@@ -83,8 +83,6 @@ def crossings(count: float, periods: float, scene: Scene, law: Any) -> float | N
     return count * once if once < math.inf else None
 
 
-MOST_BALLS = 10_000_000
-"""Balls of a ready-made scene: with a contact log they need some GB of memory."""
 STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
 """Elastic Hertz contacts of steel balls of 1 kg; below ε = 1 with Tsuji's damping."""
 
@@ -145,9 +143,6 @@ def of_table(name: str, given: Mapping[str, Any]) -> Case:
 def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> Case:
     """Return the case of that name without its contacts: a scene of these parameters, and when to stop."""
     template = _named(name)
-    n = of_scene.get("n", 0)
-    if isinstance(n, (int, float)) and n > MOST_BALLS:
-        _check.whole("n", n, at_least=1, at_most=MOST_BALLS, fix="build larger scenes in Python")
     if template.pressed is not None:
         _check.known(of_scene, shaping(name), f"parameter of {name}")
     untouched = {} if template.pressed is None else {"law": None}

@@ -9,14 +9,17 @@ import sys
 import traceback
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
+from signal import SIGINT
 
 import numpy as np
 
 from granular._files import plain_text
 from granular._kernels import on_making
+from granular.cli import ends
 from granular.trajectory import Status
 
-OK, MISUSE, ABNORMAL, INTERRUPTED = 0, 2, 3, 130
+OK, MISUSE, ABNORMAL, ENDED = 0, 2, 3, 128
 MISTAKES = ValueError, TypeError, OSError, ImportError, MemoryError, ArithmeticError, RecursionError
 """What a user is told in one line; what a function of the user's own raises is too."""
 
@@ -25,11 +28,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with the arguments `argv` (default: those of the process) and return its exit code.
 
     0 done · 2 misuse, or a file that cannot be read or written · 3 the run did not come to a proper end (status
-    ``unstable`` or ``max_events``) · 130 interrupted.
+    ``unstable`` or ``max_events``) · 128 + the number of the signal that ended it, 130 for Ctrl-C.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
-        with warnings.catch_warnings():
+        with ends.as_interrupts(), warnings.catch_warnings():
             warnings.simplefilter("default")
             warnings.showwarning = _show_warning
             on_making[:] = [_say_compiling]
@@ -37,9 +40,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         if sys.stdout is not None:  # closed by the shell's >&-
             sys.stdout.flush()
         return code
-    except KeyboardInterrupt:
-        print("granular: interrupted", file=sys.stderr)
-        return INTERRUPTED
+    except KeyboardInterrupt as interrupt:
+        with suppress(OSError):  # a terminal that is closed
+            print("granular: interrupted", file=sys.stderr)
+        return ENDED + getattr(interrupt, "number", SIGINT)
     except BrokenPipeError:  # the reader of a pipe, such as `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK

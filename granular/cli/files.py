@@ -23,6 +23,7 @@ def offer(parser: argparse.ArgumentParser, **about: str) -> None:
     for name, text in about.items():
         to_stdout = "; - for standard output" if name == "json" else ""
         ending = {"plot": "png", "film": "gif", "json": "json", "save": "nc" if "netCDF" in text else "npz"}[name]
+        parser.set_defaults(**{f"{name}_as": f".{ending}"})
         parser.add_argument(f"--{name}", metavar=f"FILE.{ending}", type=_stdout if to_stdout else str,
                             help=text + to_stdout)
 
@@ -39,6 +40,8 @@ def check(given: argparse.Namespace) -> None:
     for name in written:
         _check_writable(name)
     check_apart(written, [given.target] if given.target and is_file(given.target) else [])
+    if getattr(given, "save", None) is not None:
+        _files.check_ending(given.save, given.save_as)
     if getattr(given, "plot", None) is not None:
         optional("matplotlib.backend_bases", "--plot")
         _files.check_picture(given.plot)

@@ -7,24 +7,32 @@ from __future__ import annotations
 import argparse
 import math
 import os
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import nullcontext
+import signal
+import threading
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing import active_children
 from typing import Any
 
 import numpy as np
 
 from granular import _check
 from granular.cases.options import Option
-from granular.cli import files
+from granular.cli import ends, files
 from granular.cli.parser import offered
 from granular.cli.progress import Progress
 from granular.sweeps import axis, sweep
 from granular.sweeps.results import RESULTS, STATUS
 from granular.sweeps.run import DEFAULT
+from granular.sweeps.schedule import end_with_parent
 
 USAGE = "SCENE|FILE.toml [options]"
 WORTH_POOL = 20_000
 """Cells from which on several processes are started."""
+MOST_WORKERS = 1024
+"""Processes that one machine is asked for."""
 MOST = 40
 """Jumps that are printed."""
 
@@ -48,14 +56,43 @@ def run(given: argparse.Namespace) -> None:
     if len(over) < len(given.over):
         raise ValueError("--over names a parameter twice: one axis per parameter is needed.")
     usual = os.cpu_count() or 1 if math.prod(map(len, over.values())) >= WORTH_POOL else 1
-    workers = usual if given.workers is None else _check.whole("workers", given.workers, at_least=1)
-    pool: Any = ProcessPoolExecutor(workers) if workers > 1 else nullcontext()
-    if workers > 1:
-        pool.submit(int)  # processes start before there is a second thread
-    with pool as executor, Progress(1.0, things="cells") as progress:
+    workers = usual if given.workers is None else given.workers
+    _check.whole("workers", workers, at_least=1, at_most=MOST_WORKERS)
+    with processes(workers) as executor, Progress(1.0, things="cells") as progress:
         data = sweep(given.target, over, given.result or DEFAULT, save=given.save, executor=executor,
                      on_progress=progress, **given.given, **given.run)
     print(summary(data))
+
+
+@contextmanager
+def processes(count: int) -> Iterator[Executor | None]:
+    """A pool of so many processes, none for one. They end at once if something is raised, and with this process."""
+    if count == 1:
+        yield None
+        return
+    others, before = set(active_children()), set(threading.enumerate())
+    with ProcessPoolExecutor(count, initializer=_obey) as pool:
+        try:
+            pool.submit(int)  # processes start before there is a second thread
+            yield pool
+        except BaseException as error:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in set(active_children()) - others:
+                process.kill()
+            for thread in set(threading.enumerate()) - before:
+                if not thread.daemon:  # the pool's, which at the exit of Python would be closing its pipes
+                    thread.join()
+            if isinstance(error, BrokenProcessPool):
+                raise ChildProcessError("a process of the sweep was ended from outside, perhaps for want of memory: "
+                                        "try fewer --workers; what was solved is in the file of --save.") from None
+            raise
+
+
+def _obey() -> None:
+    """Leave it to the process that started this one when to end."""
+    for one in ends.ASKING:
+        signal.signal(one, signal.SIG_IGN)
+    end_with_parent(os.getpid())
 
 
 def summary(data: Any) -> str:

@@ -74,7 +74,7 @@ def _laws(report: Compared) -> str:
 def _stiffness(report: Compared) -> str:
     """The unit of k in F = k ξ^p, if that is the law."""
     form = resolved(report.law, report.scene)[0].form
-    return "" if form is None else " N/m" if form[1] == 1.0 else f" N/m^{form[1]:g}"
+    return "" if form is None else " N/m" if form[1] == 1.0 else f" N/m$^{{{form[1]:g}}}$"
 
 
 def _constants(laws: Sequence[Any]) -> list[str]:

@@ -93,7 +93,7 @@ class Run:
         """Take the steps up to `time`, of a chunk, or to an event worth a look."""
         if self.k == 0 and self._halts_at_start():
             return Pause.until
-        limit = math.floor((time - self.start) / self.dt) if time < math.inf else math.inf
+        limit = self._steps(time - self.start)
         pause = Pause.reached if self.k >= limit else self._advance(limit)
         if self.scene.driven:
             self.closing.refuse(time if pause is Pause.reached else self.time(), self.request.end)
@@ -102,6 +102,18 @@ class Run:
         if not np.isfinite(self.stepper.balls()).all():
             return Pause.unstable
         return Pause.work if pause is Pause.full and self.steps >= self.request.max_steps else pause
+
+    def _steps(self, span: float) -> float:
+        """Number of whole steps in a time in s."""
+        steps = span / self.dt
+        if span < steps == math.inf:
+            raise self._beyond(steps)
+        return math.floor(steps) if steps < math.inf else steps
+
+    def _beyond(self, step: float) -> ValueError:
+        """What is said of a step so short that a number of steps is no exact float."""
+        return ValueError(f"dt is {self.dt:g}: step {step:.3g} is more than can be counted; take a longer step, or the "
+                          "method 'located'.")
 
     def _halts_at_start(self) -> bool:
         """Whether the very contact at which to stop is there from the start; then it does not act."""
@@ -123,8 +135,7 @@ class Run:
                 if self.k >= limit:
                     return Pause.full
         if self.k > MOST_STEPS:
-            raise ValueError(f"dt is {self.dt:g}: step {self.k:.3g} is more than can be counted; take a longer step, "
-                             "or the method 'located'.")  # fmt: skip
+            raise self._beyond(self.k)
         room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
         begun, steps = process_time(), int(min(self.chunk, limit - self.k))
         why, k = stepper.march(self.k, steps, room)
@@ -178,11 +189,13 @@ class Run:
         A flight goes on to the next touch or to the end of the run: samples do not cut it, so they change no bit.
         """
         span = self.request.end - self.start
-        last = math.floor(span / self.dt) if span < math.inf else math.inf
+        last = self._steps(span)
         touch = self.stepper.time_to_touch(self.k, span - self.k * self.dt)
         if touch == last == math.inf:
             return True
         jump = min(touch // self.dt, last - self.k) if touch < math.inf else last - self.k  # inf // dt is no number
+        if jump == math.inf:
+            raise self._beyond(jump)
         if jump > 0.0:
             self.take_off = self.k, self.stepper.taking_off()
             self.stepper.glide(self.stepper.here, self.k, jump * self.dt)

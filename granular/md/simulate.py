@@ -28,6 +28,10 @@ from granular.scene import Scene, checked
 from granular.scene.walls import fitted
 from granular.trajectory import Status, Trajectory
 
+SHORTEST = 1e-60
+"""Least `dt` in s: its fifth power, which "gear5" needs, is a number."""
+EXACT = 1e-16
+"""Default `tol`."""
 FINEST = 1e-17
 """Least `tol`: less only costs steps, since sums of floats are good to 1e-16."""
 STEPS_PER_CONTACT = 500
@@ -50,7 +54,7 @@ def simulate(
     engine: str = "auto",
     method: str | None = None,
     dt: float | None = None,
-    tol: float = 1e-16,
+    tol: float = EXACT,
     disturbed: str = "resolve",
 ) -> Trajectory:
     """Run a scene as soft spheres: m_i a_i = F_(i-1) - F_i - m_i g + f_i, with F = max(0, law) where ξ > 0, else 0.
@@ -161,9 +165,11 @@ def simulate(
         finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
         with _in_range(laws.given[0]):
             return drive(located.Run(scene, laws, request, engine, finest, disturbed))
+    if tol != EXACT:
+        raise ValueError(f"tol is {tol!r}: method {method!r} has no tolerance; give dt, or choose 'located'.")
     if disturbed != "resolve":
         raise ValueError(f"disturbed is {disturbed!r}: method {method!r} resolves every contact; choose 'located'.")
-    step = _default_step(scene, laws) if dt is None else _check.number("dt", dt, above=0.0)
+    step = _default_step(scene, laws) if dt is None else _check.number("dt", dt, at_least=SHORTEST)
     if start + step == start:
         raise ValueError(f"dt is {step!r}: at t_start = {start!r} a larger step is needed to advance the clock at all.")
     stepped = fixed.Run(scene, laws, request, method, step, engine)

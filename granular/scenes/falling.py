@@ -12,7 +12,7 @@ import numpy as np
 
 from granular import _check
 from granular.scene import Scene
-from granular.scenes.sizes import above_floor, gaps_of, geometric, mass_of, masses_of, radius_of
+from granular.scenes.sizes import above_floor, count_of, gaps_of, geometric, mass_of, masses_of, radius_of
 from granular.walls import Sine
 
 
@@ -101,7 +101,7 @@ def column(
     gravity : float
         g in m/s².
     """
-    count = _check.whole("n", n, at_least=1)
+    count = count_of(n)
     m = np.full(count, _check.number("mass", mass, above=0.0))
     v = _check.number("speed", speed, at_least=0.0, fix="downwards is built in")
     floor, *between = gaps_of(gap, count)
@@ -171,7 +171,7 @@ def vibrated_column(
     gravity : float
         g in m/s², positive where `gamma` is to count.
     """
-    count = _check.whole("n", n, at_least=1)
+    count = count_of(n)
     r = np.full(count, _check.number("radius", radius, above=0.0))
     if amplitude is None:
         plate = Sine.from_acceleration(gamma, frequency, gravity, phase)

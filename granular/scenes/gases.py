@@ -12,6 +12,7 @@ import numpy as np
 from granular import _check
 from granular._check import Array
 from granular.scene import Scene
+from granular.scenes.sizes import count_of
 from granular.walls import Thermal
 
 
@@ -44,7 +45,7 @@ def gas(
     seed : int
         Seed of the random numbers (numpy's default generator).
     """
-    alike = np.ones(_check.whole("n", n, at_least=1 if walls else 2))
+    alike = np.ones(count_of(n, 1 if walls else 2))
     random, m, r, gap = _places(alike, length, packing, mass, mass_spread, seed, spaces=1)
     thermal = math.sqrt(_check.number("temperature", temperature, at_least=0.0))
     v = thermal / np.sqrt(m) * _unit_speeds(random, speeds, len(m))
@@ -80,7 +81,7 @@ def ring_gas(
     seed : int
         Seed of the random numbers (numpy's default generator).
     """
-    alike = np.ones(_check.whole("n", n, at_least=2))
+    alike = np.ones(count_of(n, 2))
     random, m, r, gap = _places(alike, length, packing, mass, mass_spread, seed, spaces=0)
     v = _unit_speeds(random, speeds, len(m)) / np.sqrt(m)
     v -= m @ v / m.sum()
@@ -125,7 +126,7 @@ def heated_gas(
     floor = Thermal(_check.number("lower", lower, above=0.0, fix="k_B T in J"), seed)
     hot = floor.temperature
     cold = 0.5 * hot if upper is None else _check.number("upper", upper, above=0.0, fix="k_B T in J")
-    pattern = np.ones(_check.whole("n", n, at_least=1))
+    pattern = np.ones(count_of(n))
     pattern[1::2] = _check.number("dimer", dimer, above=0.0)
     random, m, r, gap = _places(pattern, length, packing, mass, 1.0, seed, spaces=1)
     if open_above:

@@ -15,7 +15,7 @@ from granular._check import Array
 from granular.laws.kinds import resolved
 from granular.laws.statics import overlap_under
 from granular.scene import Scene, in_order
-from granular.scenes.sizes import gaps_of, geometric, mass_of, radius_of
+from granular.scenes.sizes import count_of, gaps_of, geometric, mass_of, radius_of
 
 
 def newtons_cradle(
@@ -40,7 +40,7 @@ def newtons_cradle(
     density : float
         Density in kg/m³ (steel), from which the radius follows.
     """
-    count = _check.whole("n", n, at_least=2)
+    count = count_of(n, 2)
     arriving = _check.whole("moving", moving, at_least=1, at_most=count - 1, fix="at least one ball waits at rest")
     return _in_a_row(np.full(count, _check.number("mass", mass, above=0.0)), arriving, speed, gap, density)
 
@@ -74,7 +74,7 @@ def pendulum_cradle(
     gravity : float
         g in m/s², across the row: it only makes the balls swing.
     """
-    count = _check.whole("n", n, at_least=2)
+    count = count_of(n, 2)
     aside = _check.whole("moving", moving, at_least=1, at_most=count - 1, fix="at least one ball waits at rest")
     rest = gaps_of(rest_gap, count - 1, "rest_gap")
     pulled, gap = _check.number("amplitude", amplitude, at_least=0.0, fix="to the left is built in"), rest.copy()
@@ -112,7 +112,7 @@ def chain(
     density : float
         Density in kg/m³ (steel), from which the radii follow.
     """
-    m = _check.number("mass", mass, above=0.0) * geometric(_check.whole("n", n, at_least=2), mass_ratio)
+    m = _check.number("mass", mass, above=0.0) * geometric(count_of(n, 2), mass_ratio)
     m[1::2] *= _check.number("dimer", dimer, above=0.0)
     if striker is not None:
         m[0] = _check.number("striker", striker, above=0.0)
@@ -157,7 +157,7 @@ def compressed_chain(
     TypeError, ValueError
         For misuse, such as a force that no overlap gives under that law.
     """
-    count, load = _check.whole("n", n, at_least=1), _check.number("force", force, at_least=0.0, fix="it presses")
+    count, load = count_of(n), _check.number("force", force, at_least=0.0, fix="it presses")
     _check.choice("ends", ends, ("walls", "force", "forces"))
     r = np.full(count, _check.number("radius", radius, above=0.0))
     r[1::2] *= np.cbrt(_check.number("dimer", dimer, above=0.0))

@@ -25,9 +25,14 @@ def radius_of(mass: Array, density: float) -> Array:
     return np.asarray(np.cbrt(mass * 0.75 / (math.pi * _check.number("density", density, above=0.0))))
 
 
+def count_of(n: int, at_least: int = 1) -> int:
+    """Number of balls."""
+    return _check.whole("n", n, at_least=at_least, at_most=_check.MOST)
+
+
 def geometric(n: int, mass_ratio: float) -> Array:
     """Masses from 1 on, each a multiple of the one before."""
-    count = _check.whole("n", n, at_least=1)
+    count = count_of(n)
     return np.asarray(np.power(_check.number("mass_ratio", mass_ratio, above=0.0), np.arange(count, dtype=np.float64)))
 
 

@@ -28,7 +28,7 @@ def axis(text: str) -> tuple[str, Values]:
     if not equals:
         raise ValueError(f"axis is {text!r}: name=first:last:count[:log] or name=value,value,… is needed.")
     if ":" not in values:
-        return name, np.array([_value(word) for word in values.split(",")])
+        return name, _array(name, [_value(word) for word in values.split(",")])
     if values.count(":") not in (2, 3):
         raise ValueError(f"axis is {text!r}: name=first:last:count[:log] is needed, such as {name}=0.5:1:101.")
     first, last, count, *scale = values.split(":")
@@ -46,9 +46,7 @@ def checked(over: Any) -> dict[str, Values]:
     texts = [over] if isinstance(over, str) else over
     axes: dict[str, Values] = {}
     for name, values in over.items() if isinstance(over, Mapping) else map(axis, texts):
-        array = np.asarray(values)
-        if array.dtype.kind not in "biufU" or array.ndim != 1 or not len(array):
-            raise TypeError(f"values of {name} are {values!r}: a list of numbers or words is needed.")
+        array = _array(name, values)
         if name in axes:
             raise ValueError(f"{name} is given twice: one axis per parameter is needed.")
         if len(np.unique(array)) < len(array):
@@ -60,6 +58,14 @@ def checked(over: Any) -> dict[str, Values]:
     if cells > MOST:
         raise ValueError(f"over has {cells:.3g} cells: at most {MOST:.0e} fit; take fewer values, or several sweeps.")
     return axes
+
+
+def _array(name: str, values: Any) -> Values:
+    array = np.asarray(values)
+    mixed = array.dtype.kind != "b" and _check.among_numbers(values)
+    if array.dtype.kind not in "biufU" or array.ndim != 1 or not len(array) or mixed:
+        raise TypeError(f"values of {name} are {values!r}: a list of numbers or words is needed.")
+    return array
 
 
 def _value(text: str) -> Any:

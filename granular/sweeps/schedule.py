@@ -4,10 +4,13 @@ May be skipped: many runs of the same engines.
 
 from __future__ import annotations
 
+import os
+import threading
 import time
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -68,6 +71,27 @@ def solve(plan: Plan, columns: Sequence[Values]) -> Answers:
     return answers
 
 
+def _solve_for_parent(plan: Plan, columns: Sequence[Values]) -> Answers:
+    end_with_parent(os.getpid())
+    return solve(plan, columns)
+
+
+@cache
+def end_with_parent(process: int) -> None:
+    """Have this process of a pool end when the one that started it does, however that ends: it would wait for work
+    forever."""
+    from multiprocessing import parent_process
+
+    parent = parent_process()
+    if parent is not None and threading.current_thread() is threading.main_thread():
+        threading.Thread(target=_follow, args=[parent], daemon=True).start()
+
+
+def _follow(parent: Any) -> None:
+    parent.join()
+    os._exit(1)
+
+
 def _pilot(plan: Plan, columns: Sequence[Values], cells: Values) -> Generator[Batch, None, tuple[Values, float]]:
     """Solve a few cells and yield them; return the others and the seconds that a cell takes."""
     chosen = np.unique(np.linspace(0, len(cells) - 1, min(PILOT, len(cells))).astype(np.int64))
@@ -82,7 +106,7 @@ def _spread(plan: Plan, columns: Sequence[Values], parts: list[Values], executor
     futures: dict[Any, Values] = {}
     try:
         for part in parts:
-            futures[executor.submit(solve, plan, [column[part] for column in columns])] = part
+            futures[executor.submit(_solve_for_parent, plan, [column[part] for column in columns])] = part
         for future in as_completed(futures):
             yield futures[future], future.result()
     finally:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 def xarray_() -> Any:
     """Return the module xarray."""
-    return optional("xarray", "sweep", "xarray netCDF4")
+    return optional("xarray", "sweep")
 
 
 def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: dict[str, Any]) -> xarray.Dataset:
@@ -56,8 +56,16 @@ def question(plan: Plan) -> str:
 
 def write(data: xarray.Dataset, path: str | PathLike[str]) -> None:
     """Write a data set to a netCDF file, whole or not at all."""
-    optional("netCDF4", "a netCDF file", "xarray netCDF4")
-    _files.write(path, lambda draft: data.to_netcdf(draft, engine="netcdf4"))
+    optional("netCDF4", "a netCDF file")
+
+    def fill(draft: str) -> None:
+        try:
+            data.to_netcdf(draft, engine="netcdf4")
+        except (OSError, RuntimeError):  # of a full disk netCDF says that permission is denied, or "HDF error"
+            _files.check_room(draft, data.nbytes)
+            raise
+
+    _files.write(path, fill)
 
 
 def resume(path: str | PathLike[str], plan: Plan, over: dict[str, Values]) -> tuple[dict[str, Any], dict[str, str]]:
@@ -68,6 +76,7 @@ def resume(path: str | PathLike[str], plan: Plan, over: dict[str, Values]) -> tu
     ValueError
         If the file holds the answers to another question, or is of a later version.
     """
+    _files.check_ending(path, ".nc")
     name = _files.checked_path("save", path)
     if not os.path.exists(name):
         return {}, {}
