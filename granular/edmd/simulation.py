@@ -177,12 +177,14 @@ def resume(
     Raises
     ------
     ValueError
-        If `trajectory` is no hard-sphere run, or ended in a collapse.
+        If `trajectory` is no hard-sphere run, ended in a collapse, or is broken.
     """
     if trajectory.rule is None or "ties" not in trajectory.state:
         raise ValueError("trajectory is no hard-sphere run: one from granular.edmd is needed.")
     if trajectory.status is Status.collapse:
         raise ValueError("trajectory ended in a collapse: nothing follows it; run again with collapse='merge' or tc=.")
+    if trajectory.status is Status.broken:
+        raise ValueError("trajectory is broken: nothing follows it; see its message.")
     saved, scene = trajectory.state, trajectory.scene
     check_end(scene, t_end, until, max_events)
     scene = fitted(scene, float(saved["start"]), math.inf if t_end is None else _check.number("t_end", t_end))

@@ -196,7 +196,7 @@ def resume(
     Raises
     ------
     ValueError
-        If `trajectory` is no run of soft spheres by method "located", or stopped before it began.
+        If `trajectory` is no run of soft spheres by method "located", or stopped before it began, or is broken.
     """
     state = trajectory.state
     if trajectory.law is None or "creeping" not in state:
@@ -204,6 +204,8 @@ def resume(
             "trajectory cannot be gone on from: one from granular.md.simulate by method 'located' that has begun is "
             "needed; for hard spheres see granular.edmd.resume."
         )
+    if trajectory.status is Status.broken:
+        raise ValueError("trajectory is broken: nothing follows it; see its message.")
     laws = checked_laws(trajectory.law, trajectory.scene)
     request = requested(
         trajectory.scene, float(trajectory.time[-1]), t_end, until=until, samples=samples, log=log,
