@@ -3,6 +3,7 @@
 import math
 import re
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -86,7 +87,7 @@ def drawn(seed):
     rules, below = laws(rng, scene), BELOW[int(rng.integers(len(BELOW)))]
     merging = {} if isinstance(rules[0], gr.ConstantRestitution) and max(
         getattr(r, "restitution", 1.0) for r in rules) == 0.0 else {"collapse": "merge", "merge_below": below}
-    return scene, rules, {"t_end": t_end, "samples": SAMPLES, "max_events": 3_000, "engine": "sorted"} | merging
+    return scene, rules, {"t_end": t_end, "samples": SAMPLES, "max_events": 1_000, "engine": "sorted"} | merging
 
 
 def stands(scene, body, time):
@@ -189,7 +190,7 @@ def merged(scene, eps, below, most):
     v, gap = list(map(Fraction, scene.velocity)), list(map(Fraction, scene.gap))
     stuck, t, rows, last = [m == 0 for m in mass], Fraction(0), [], len(gap) - 1
     while len(rows) < most:
-        rate = [b - a for a, b in zip(v, v[1:], strict=False)]
+        rate = [b - a for a, b in pairwise(v)]
         due = [(gap[c] / -rate[c], c) for c in range(last + 1) if rate[c] < 0]
         if not due:
             break
@@ -253,7 +254,8 @@ def test_a_group_ends_before_an_elastic_ceiling(floor):
     result = gr.edmd.simulate(scene, rules, t_end=350.0, samples=9, collapse="merge", merge_below=1e-4)
     judged(scene, result)
     hit = result.of(3)
-    assert len(hit) > 9 and (hit["v_out"][:, 0] == -hit["v_in"][:, 0]).all()
+    assert len(hit) > 9
+    assert (hit["v_out"][:, 0] == -hit["v_in"][:, 0]).all()
 
 
 def test_noise_of_what_merges_again_and_again_does_not_grow():
@@ -261,15 +263,15 @@ def test_noise_of_what_merges_again_and_again_does_not_grow():
     came at a speed below it was not seen, and the box grew."""
     for seed in (38, 991):
         scene, rules, given = drawn(seed)
-        judged(scene, gr.edmd.simulate(scene, rules, **given | {"max_events": 10_000}))
+        judged(scene, gr.edmd.simulate(scene, rules, **given | {"max_events": 4_000}))
 
 
 def test_a_gas_that_cools_for_very_long_stays_in_its_box():
-    """Noise outlived the speeds by 25 decades, slow balls passed through each other, and the box grew to 193 m of 43."""
+    """Noise outlived the speeds by 25 decades: slow balls passed through each other, and 43 m grew to 193 m."""
     rng = np.random.default_rng(0)
-    scene = gr.Scene([INF, *[1.0] * 8, INF], [0.0] * 10, [1.0] * 9, [0.0, *rng.normal(size=8), 0.0])
-    times = np.r_[0.0, np.logspace(0.0, 140.0, 30)]
-    result = gr.edmd.simulate(scene, gr.ConstantRestitution(0.8), t_end=1e141, samples=times, log=False)
+    scene = gr.Scene([INF, *[1.0] * 5, INF], [0.0] * 7, [1.0] * 6, [0.0, *rng.normal(size=5), 0.0])
+    times = np.r_[0.0, np.logspace(0.0, 80.0, 30)]
+    result = gr.edmd.simulate(scene, gr.ConstantRestitution(0.6), t_end=1e81, samples=times, log=False)
     judged(scene, result)
     assert result.energy()[-1] > 0.0
 
@@ -277,7 +279,8 @@ def test_a_gas_that_cools_for_very_long_stays_in_its_box():
 def test_a_gas_that_cools_for_ever_ends_with_the_numbers_of_time():
     scene = gr.Scene([INF, 1.0, 1.0, INF], [0.0] * 4, [0.3, 0.4, 0.3], [0.0, 1.0, -0.7, 0.0])
     result = gr.edmd.simulate(scene, gr.ConstantRestitution(0.5), engine="sorted")
-    assert result.status is gr.Status.max_events and result.gap[-1].sum() == pytest.approx(1.0, rel=1e-14)
+    assert result.status is gr.Status.max_events
+    assert result.gap[-1].sum() == pytest.approx(1.0, rel=1e-14)
     assert result.message.endswith("the next one is later than 1.1e+301 s, where runs end")
     assert gr.edmd.resume(result).message == result.message
 
@@ -291,14 +294,14 @@ def moved(row, **changed):
 
 HARM = {
     "a position or a velocity is not a finite number": lambda row: moved(row, velocity=row.velocity * math.nan),
-    "gap 1 is -0.25 m": lambda row: moved(row, gap=row.gap * 0.0 + [0.0, -0.25, 0.0]),
-    r"gaps add up to 1.3\d* m instead of 1(\.0\d*)? m": lambda row: moved(row, gap=row.gap + [0.3, 0.0, 0.0]),
+    "gap 1 is -0.25 m": lambda row: moved(row, gap=row.gap * np.array([1.0, 0.0, 1.0]) - np.array([0.0, 0.25, 0.0])),
+    r"gaps add up to 1.3\d* m instead of 1(\.0\d*)? m": lambda row: moved(row, gap=row.gap + np.array([0.3, 0.0, 0.0])),
 }
 
 
 @pytest.mark.parametrize("said", HARM)
 def test_a_run_whose_last_state_cannot_be_is_broken(said, monkeypatch):
-    scene = gr.Scene([INF, 1.0, 1.0, INF], [0.1] * 4, [0.3, 0.4, 0.3], [0.0, 1.0, -0.7, 0.0])
+    scene = gr.Scene([INF, 1.0, 1.0, INF], [0.0, 0.1, 0.1, 0.0], [0.3, 0.4, 0.3], [0.0, 1.0, -0.7, 0.0])
     sound, row = gr.Status.time, gr.edmd.run.Run.row
     monkeypatch.setattr(gr.edmd.run.Run, "row", lambda self, time: HARM[said](row(self, time)))
     broken = gr.edmd.simulate(scene, gr.ConstantRestitution(0.5), t_end=1.0)
@@ -315,19 +318,22 @@ def test_a_soft_run_whose_last_state_cannot_be_is_broken(monkeypatch):
     row = gr.md.located.Run.row_after
     monkeypatch.setattr(gr.md.located.Run, "row_after", lambda *given: moved(row(*given), gap=row(*given).gap + 0.1))
     broken = gr.md.simulate(scene, gr.LinearDashpot(1e4, 10.0), until=gr.until.contact(0, 1), t_end=9.0)
-    assert broken.status is gr.Status.broken and "gaps add up to 0.7" in broken.message
+    assert broken.status is gr.Status.broken
+    assert "gaps add up to 0.7" in broken.message
     with pytest.raises(ValueError, match=r"trajectory is broken: nothing follows it"):
         gr.md.resume(broken, t_end=10.0)
 
 
 def test_what_is_judged_is_the_room_between_walls_that_move():
-    """Compressed, swinging and driven boxes pass, by all engines; one that is off by 1e-6 of its length does not."""
-    scene = gr.Scene([INF, 1.0, 1.0, INF], [0.1] * 4, [0.0, 0.0, 0.3], [0.01, 0.5, -0.2, 0.2], floor=Sine(0.01, 3.0))
+    """One whose gaps are off by 1e-6 m is none there can be, by every engine."""
+    scene = gr.Scene([INF, 1.0, 1.0, INF], [0.0, 0.1, 0.1, 0.0], [0.0, 0.0, 0.3], [0.01, 0.5, -0.2, 0.2],
+                     floor=Sine(0.01, 3.0))  # fmt: skip
     for result in (gr.edmd.simulate(scene, gr.ConstantRestitution(0.7), t_end=5.0),
                    *(gr.md.simulate(scene, gr.LinearDashpot(1e4, 5.0), t_end=5.0, **how)
                      for how in ({}, {"method": "verlet", "dt": 1e-4}))):  # fmt: skip
         given = scene, 0.0, result.time[-1:], result.gap[-1], result.position[-1], result.velocity[-1]
-        assert result.status is gr.Status.time and flaw(*given, hard=result.law is None) == ""
+        assert result.status is gr.Status.time
+        assert flaw(*given, hard=result.law is None) == ""
         off = given[3] * 1.0
         off[-1] += 1e-6
         assert flaw(*given[:3], off, *given[4:], hard=True).startswith("gaps add up to ")
