@@ -107,7 +107,8 @@ def simulate(
     Returns
     -------
     Trajectory
-        With status `time`, `until`, `quiet`, `collapse` or `max_events`. Walls that close on the balls end the run as
+        With status `time`, `until`, `quiet`, `collapse` or `max_events`; `broken` if the last state is none that
+        there can be, for every run looks. Walls that close on the balls end the run as
         a `collapse` when no space is left between them; the message says when.
 
     Raises
