@@ -32,7 +32,6 @@ def plain_text(text: str, most: int = LONGEST) -> str:
     return shown if len(text) <= most else shown[: most - 1] + "…"
 
 
-
 def write(path: str | PathLike[str], fill: Callable[[str], object]) -> None:
     """Let `fill` write a draft, then make it the file `path`; on failure nothing is left behind.
 

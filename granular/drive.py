@@ -17,6 +17,7 @@ from granular._check import Array
 from granular._records import raw
 from granular.request import Request
 from granular.scene import Scene, positions, velocities
+from granular.soundness import flaw
 from granular.trajectory import CONTACT, Status, Trajectory
 
 SAME = 1e-9
@@ -149,11 +150,15 @@ def drive(run: Run) -> Trajectory:
     columns.clear()
     if velocity is None:
         velocity, rate = velocities(run.scene, rate, elapsed, run.start), None
+    position, status, message = positions(run.scene, gap, elapsed, run.start), end.status, end.message
+    wrong = flaw(run.scene, run.start, elapsed[-1:], gap[-1], position[-1], velocity[-1], run.law is None)
+    if wrong and status is not Status.unstable:
+        status, message = Status.broken, f"{Status.broken.value}: {wrong}; {message}"
     return Trajectory(
-        scene=run.scene, law=run.law, rule=run.rule, time=time, position=positions(run.scene, gap, elapsed, run.start),
+        scene=run.scene, law=run.law, rule=run.rule, time=time, position=position,
         velocity=velocity, gap=gap, force=force, ledger=ledger,
-        contacts=log if run.in_order else _sorted(log), status=end.status,
-        message=end.message, stats=end.stats, state=end.state,
+        contacts=log if run.in_order else _sorted(log), status=status,
+        message=message, stats=end.stats, state=end.state,
     )  # fmt: skip
 
 

@@ -48,6 +48,7 @@ class Status(Enum):
     disturbed = "a contact is about to disturb another; isolated contacts are over here"
     max_events = "the limit on the amount of work was reached"
     unstable = "the time step is beyond the stability limit; the numbers mean nothing"
+    broken = "the last state is none that there can be; the numbers mean nothing"
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +234,7 @@ class Trajectory:
         )
 
 
-EARLY = (Status.collapse, Status.max_events, Status.unstable)
+EARLY = (Status.collapse, Status.max_events, Status.unstable, Status.broken)
 """Statuses of runs that did not get to their end: nothing is claimed of what they would have come to."""
 
 

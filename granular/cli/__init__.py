@@ -68,7 +68,7 @@ def _act(arguments: Sequence[str]) -> int:
     files.check(given)
     with np.errstate(all="ignore"), extreme.named(given.given | given.run):  # what is no number is refused in words
         ends = {run.status for run in given.act(given) or ()}
-    return ABNORMAL if ends & {Status.unstable, Status.max_events} else OK
+    return ABNORMAL if ends & {Status.unstable, Status.broken, Status.max_events} else OK
 
 
 def _say_compiling() -> None:

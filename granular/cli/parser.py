@@ -41,8 +41,8 @@ examples:
   granular run gas --engine edmd --samples 500 --save gas.npz && granular view gas.npz --open
 
 exit codes: 0 done; 2 misuse, or a file that cannot be read or written; 3 the run came to no proper end (status
-unstable: the time step is too long; max_events: the limit on the amount of work); 130 interrupted;
-143 ended by SIGTERM"""
+ unstable: the time step is too long; broken: the last state is none that there can be; max_events: the limit on the
+ amount of work); 130 interrupted; 143 ended by SIGTERM"""
 HIDDEN = HELD | {"engine", "log", "t_start", "watch"}
 """Options of the engines that the command line does not offer; a TOML file's [run] does."""
 

@@ -16,12 +16,12 @@ MOST = 20
 
 
 def summary(case: Case, run: Trajectory) -> str:
-    """Return how a run ended; unless it was unstable, its contacts by pair, and the state of each body at the end."""
+    """Return how a run ended; if its numbers mean anything, its contacts by pair, and each body at the end."""
     engine = "hard spheres (edmd)" if run.law is None else "soft spheres (md)"
     lines = [case.about] if case.about else []
     lines += [f"{run.scene!r}, {engine}"]
-    if run.status is Status.unstable:  # no number of such a run means anything
-        return "\n".join([*lines, f"unstable at t = {run.time[-1]:.6g} s: {run.message}"])
+    if run.status in (Status.unstable, Status.broken):  # no number of such a run means anything
+        return "\n".join([*lines, f"{run.status.name} at t = {run.time[-1]:.6g} s: {run.message}"])
     lines += [f"{run.status.name}: {run.message}",
               f"t = {run.time[-1]:.12g} s, {len(run.contacts)} contacts",
               *filter(None, [certificate.sentence(run)]), "", *_contacts(run), "", *_bodies(run)]

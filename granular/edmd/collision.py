@@ -136,11 +136,7 @@ def absorb(
     With the wall or the pile if one side belongs to it, else with their common momentum. Returns the first and the
     last pair to predict anew, and the momentum exchanged by pair `c` in kg m/s.
     """
-    b, e = c, c + 1  # the lowest and the highest body; what rests stays as it is
-    while b > 0 and bodies[b].falls > 0.0 and is_closed(pairs[b - 1], bodies[b - 1], bodies[b]):
-        b -= 1
-    while e < len(pairs) and bodies[e].falls > 0.0 and is_closed(pairs[e], bodies[e], bodies[e + 1]):
-        e += 1
+    b, e = joined(pairs, bodies, c)
     first, last = max(b - 1, 0), min(e, len(pairs) - 1)
     for k in (first, c, last):  # all others between are closed
         carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
@@ -161,6 +157,23 @@ def absorb(
     repull(run, pairs, bodies, first, last)
     run.merged += 1
     return first, last, exchanged
+
+
+@rare
+@kernel
+def joined(pairs: Records, bodies: Records, c: int) -> tuple[int, int]:
+    """Return the lowest and the highest of the bodies that are closed with one of pair `c`, which collides.
+
+    They end before a wall and what rests on it, which only a collision of its own holds: it may be elastic.
+    """
+    b, e = c, c + 1
+    while b > 0 and bodies[b].falls * bodies[b - 1].falls > 0.0 and is_closed(pairs[b - 1], bodies[b - 1], bodies[b]):
+        b -= 1
+    while e < len(pairs) and bodies[e].falls * bodies[e + 1].falls > 0.0 and is_closed(
+        pairs[e], bodies[e], bodies[e + 1]
+    ):
+        e += 1
+    return b, e
 
 
 @rare

@@ -16,6 +16,8 @@ from granular.edmd.motion import Walls
 
 LONGEST = 1000
 """Largest window of the clock, a power of 2, in s."""
+LATEST = 2.0**LONGEST
+"""Time in s after which runs end."""
 BELOW = 1.0 - 2.0**-53
 """Times this number of a power of two is the number below it."""
 

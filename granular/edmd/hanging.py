@@ -130,9 +130,9 @@ def absorb(run: Record, pairs: Records, bodies: Records, c: int, now: float, w: 
     last pair to predict anew, and the momentum exchanged by pair `c` in kg m/s.
     """
     n, b, e = len(pairs), c, c + 1
-    while b > 0 and stands(run, pairs[b - 1], now):
+    while b > 0 and bodies[b - 1].mass < math.inf and stands(run, pairs[b - 1], now):
         b -= 1
-    while e < n and stands(run, pairs[e], now):
+    while e < n and bodies[e + 1].mass < math.inf and stands(run, pairs[e], now):
         e += 1
     lower, upper = total(bodies, b, c), total(bodies, c + 1, e)
     part = 1.0 if upper == math.inf else upper / (lower + upper)

@@ -23,6 +23,8 @@ Walls: TypeAlias = Any
 NOISE = 2.0**-96
 """What a collision adds to the noise, in units of the velocities squared: 16 units in the last place of velocities, of
 which rounding takes less than 3."""
+UNCERTAIN = 2.0**-76
+"""Noise that a ball has at most, in units of the largest velocity squared."""
 REBASED = 2.0**-104
 """What re-basing under gravity adds to it, in the same units: one unit in the last place; rounding takes half of it."""
 
@@ -141,3 +143,16 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
             body = bodies[i]
             body.u -= body.falls * (run.gravity * shift)
             body.noise += body.falls * REBASED * (body.u * body.u)
+    else:
+        cut(bodies)
+
+
+@kernel
+def cut(bodies: Records) -> None:
+    """Cut the noise: what rounding has left in rates becomes less as they do, but noise, which balls have in common
+    too, does not, and would have slow balls pass through each other."""
+    fastest = 0.0
+    for i in range(len(bodies)):
+        fastest = max(fastest, abs(bodies[i].u))
+    for i in range(len(bodies)):
+        bodies[i].noise = min(bodies[i].noise, UNCERTAIN * (fastest * fastest))

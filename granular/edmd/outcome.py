@@ -9,6 +9,7 @@ from typing import Any
 
 from granular._records import column
 from granular.edmd import collapse
+from granular.edmd.epoch import LATEST
 from granular.trajectory import Status
 
 WHY = {
@@ -35,6 +36,8 @@ def message(run: Any, status: Status, s: dict[str, Any]) -> str:
         over = status is Status.time and not run.scene.driven and run.queue.soonest() == math.inf
         end = "; no collision can follow" if over else ""
         sentence = f"{status.value}: {when}{end}"
+    elif LATEST < run.state.time(run.queue.soonest()) < math.inf:
+        sentence = f"{status.value}: {when}; the next one is later than {LATEST:.2g} s, where runs end"
     else:
         sentence = f"{status.value}: max_events reached at {when}"
         if math.isfinite(run.horizon):

@@ -14,7 +14,7 @@ from granular._kernels import kernel, rare
 from granular._records import Record, Records
 from granular.edmd.account import book, borne, enter
 from granular.edmd.as_one import again, common, held, is_closed
-from granular.edmd.collision import remedied, share, streak, total
+from granular.edmd.collision import joined, remedied, share, streak, total
 from granular.edmd.driven import CEILING, FLOOR, FREE, carry, meets, presses, rate_of, velocities
 from granular.edmd.motion import NOISE, Walls, blur, collide, impulse
 from granular.edmd.parting import wake
@@ -117,11 +117,7 @@ def bind(
     run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float, walls: Walls
 ) -> tuple[int, int, float]:
     """Let pair `c`, whose rate is `w`, close: on a wall, or with the common momentum and acceleration of all."""
-    b, e = c, c + 1
-    while b > 0 and bodies[b].falls > 0.0 and is_closed(pairs[b - 1], bodies[b - 1], bodies[b]):
-        b -= 1
-    while e < len(pairs) and bodies[e].falls > 0.0 and is_closed(pairs[e], bodies[e], bodies[e + 1]):
-        e += 1
+    b, e = joined(pairs, bodies, c)
     first, last = max(b - 1, 0), min(e, len(pairs) - 1)
     for k in (first, c, last):
         carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
@@ -144,7 +140,9 @@ def bind(
         u = (bodies[c].u + (bodies[c].push - push) * now) + part * w
         exchanged = -(lower * part) * w
         enter(bodies[c], bodies[c + 1], exchanged, -0.5 * w * exchanged, walls)
-        noise = max(bodies[c].noise, bodies[c + 1].noise) + NOISE * (u * u)
+        noise = NOISE * (u * u)
+        for i in range(b, e + 1):  # the mean by mass: the largest would grow with every hit that parts them again
+            noise += bodies[i].mass / (lower + upper) * bodies[i].noise
         for i in range(b, e + 1):
             bodies[i].u, bodies[i].push = u, push
             if walls[0][0].lands:

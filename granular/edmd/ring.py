@@ -32,9 +32,8 @@ from granular.edmd.sums import add, reimpose
 from granular.edmd.zoom import bounce as bounce_on_line
 from granular.edmd.zoom import crowded as crowded_on_line
 
-COMPARABLE, UNCERTAIN = 2.0**-20, 2.0**-76
-"""Velocity of the centre of mass, in units of the largest, that is taken back; and noise, in units of its square, that
-a ball has at most."""
+COMPARABLE = 2.0**-20
+"""Velocity of the centre of mass, in units of the largest, that is taken back."""
 
 
 @kernel
@@ -124,8 +123,7 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
     """Move all gaps to time `shift`, the new zero of time.
 
     Velocities are relative to the centre of mass, and so keep their digits however much slower the balls become: what
-    rounding has given it is taken back before it is comparable to them. What rounding has left in relative velocities
-    becomes less as they do, but noise, which balls have in common too, does not: so it is cut.
+    rounding has given it is taken back before it is comparable to them.
     """
     rebase_on_line(run, pairs, bodies, shift, walls)
     reimpose(run, pairs)
@@ -138,7 +136,6 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
     for i in range(n):
         if abs(mean) > COMPARABLE * fastest:
             bodies[i].u -= mean
-        bodies[i].noise = min(bodies[i].noise, UNCERTAIN * (fastest * fastest))
     same(bodies[n], bodies[0])
 
 

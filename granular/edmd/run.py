@@ -15,6 +15,7 @@ from granular.closing import Closing
 from granular.drive import End, Pause, Row, Rows, portion
 from granular.edmd import blocks, collapse, outcome, sides
 from granular.edmd.collision import ROW
+from granular.edmd.epoch import LATEST
 from granular.edmd.physics import Physics
 from granular.edmd.records import APART, BUDGET, LATER, NEVER, SUSPECT, UNTIL
 from granular.edmd.sorted_queue import SortedQueue
@@ -145,6 +146,8 @@ class Run:
                     if self._meet_before(time):
                         continue
                     return self._reached(time, limit)
+                if state.time(due) > LATEST:
+                    return Pause.work
                 state.shift_to(due, lambda kernel: self.queue.kernel(self.queue.fit(kernel)))
                 self.queue.rebuild()
             elif why == SUSPECT:

@@ -204,8 +204,8 @@ def resume(
     Raises
     ------
     ValueError
-        If `trajectory` is no run of soft spheres by method "located", or stopped before it began; or if its state
-        cannot be that of its scene, laws and last row.
+        If `trajectory` is no run of soft spheres by method "located", stopped before it began, or is broken; or if its
+        state cannot be that of its scene, laws and last row.
     """
     state = trajectory.state
     if trajectory.law is None or "creeping" not in state:
@@ -213,6 +213,8 @@ def resume(
             "trajectory cannot be gone on from: one from granular.md.simulate by method 'located' that has begun is "
             "needed; for hard spheres see granular.edmd.resume."
         )
+    if trajectory.status is Status.broken:
+        raise ValueError("trajectory is broken: nothing follows it; see its message.")
     laws = checked_laws(trajectory.law, trajectory.scene)
     request = requested(
         trajectory.scene, float(trajectory.time[-1]), t_end, until=until, samples=samples, log=log,

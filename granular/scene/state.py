@@ -290,8 +290,8 @@ class Scene:
 
         That is a wall, whose motion begins at the time `start`, or else the centre of mass, which falls freely.
         """
-        if self._wall is not None:
-            return self.position[self._wall] + self.velocity[self._wall] * elapsed + self._moved(elapsed, start)[0]
+        if (wall := self._wall) is not None:
+            return self.position[wall] + self.velocity[wall] * elapsed + self._moved(wall, elapsed, start)[0]
         speed = self._share @ self.velocity
         if self.pendulum > 0.0:
             turn, rest = self.pendulum * elapsed, self._share @ self.at_rest
@@ -302,7 +302,7 @@ class Scene:
     def anchor_velocity(self, elapsed: Any, start: float = 0.0) -> Any:
         """Velocity of the anchor in m/s."""
         if self._wall is not None:
-            return self.velocity[self._wall] + self._moved(elapsed, start)[1]
+            return self.velocity[self._wall] + self._moved(self._wall, elapsed, start)[1]
         speed = (self._share * self.velocity).sum()
         if self.pendulum > 0.0:
             turn, off = self.pendulum * elapsed, self._share @ self.displacement
@@ -322,9 +322,9 @@ class Scene:
         start = self.origin if self._wall is None else -off[self._wall]
         return np.where(self.is_wall, 0.0, start + off)
 
-    def _moved(self, elapsed: Any, start: float) -> tuple[Any, Any]:
-        """How far the wall that is the anchor has moved in m beside its constant velocity, and how fast in m/s."""
-        motion = self.motions[self._wall == self.n - 1]
+    def _moved(self, wall: int, elapsed: Any, start: float) -> tuple[Any, Any]:
+        """How far a wall has moved in m beside its constant velocity, and how fast in m/s."""
+        motion = self.motions[wall == self.n - 1]
         if motion is None:
             return 0.0, 0.0
         end = start  # paths that last are asked no farther: the end of a run may be a rounding beyond theirs
