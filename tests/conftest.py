@@ -1,5 +1,9 @@
 """Every test has an environment of its own; those that make machine code come first."""
 
+import gc
+import importlib
+import math
+
 import pytest
 from hypothesis import settings
 from machine import pytest_configure, pytest_runtest_call, pytest_runtest_setup  # noqa: F401
@@ -9,11 +13,30 @@ settings.register_profile("same", derandomize=True, deadline=None)  # the same d
 settings.load_profile("same")
 MAKERS = ("test_edmd_actions", "test_edmd_engines", "test_located_compiled", "test_md_fixed_engines")
 """Files that have machine code made for nearly all that others need."""
+PATIENCE = {"md.located.run": {"MAKING": math.inf}, "md.located.at_rest": {"LOOKS": (20, math.inf)},
+            "md.fixed": {"MAKING": math.inf}, "edmd.tree_queue": {"VERY_LONG": math.inf},
+            "sweeps.schedule": {"MAKING": math.inf}}  # fmt: skip
+"""How long "auto" waits before it makes machine code, by modules and the names of their limits."""
 
 
 def pytest_collection_modifyitems(items):
     """Have the makers run first, all by one worker: from an empty cache, the other would make the same code again."""
     items.sort(key=lambda item: item.path.stem not in MAKERS)
+
+
+def pytest_collection_finish():
+    gc.freeze()  # thousands of tests live on: to look at them again and again took a thirtieth of the time
+
+
+@pytest.fixture(autouse=True, scope="session")
+def no_code_for_its_own_sake():
+    """Engine "auto" goes over to machine code that is there, and makes none: else it would hang on the machine's speed
+    what is made, and by how many workers at once."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, constants in PATIENCE.items():
+            for constant, value in constants.items():
+                patch.setattr(importlib.import_module(f"granular.{name}"), constant, value)
+        yield
 
 
 @pytest.fixture
