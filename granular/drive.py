@@ -92,6 +92,8 @@ class Run(Protocol):
         Time in s at which the scene stood as it says.
     law, rule : tuple or None
         As in `granular.Trajectory`.
+    adds_up : bool
+        Gaps in a box add up to it: not where contacts that begin early are set back to gap 0.
     in_order : bool
         Contacts settle in the order of the log, else in the order in which they end.
     """
@@ -101,6 +103,7 @@ class Run(Protocol):
     start: float
     law: Any
     rule: Any
+    adds_up: bool
     in_order: bool
 
     def to(self, time: float, last: bool) -> Pause:
@@ -151,7 +154,7 @@ def drive(run: Run) -> Trajectory:
     if velocity is None:
         velocity, rate = velocities(run.scene, rate, elapsed, run.start), None
     position, status, message = positions(run.scene, gap, elapsed, run.start), end.status, end.message
-    wrong = flaw(run.scene, run.start, elapsed[-1:], gap[-1], position[-1], velocity[-1], run.law is None)
+    wrong = flaw(run.scene, run.start, elapsed[-1:], gap[-1], position[-1], velocity[-1], run.law is None, run.adds_up)
     if wrong and status is not Status.unstable:
         status, message = Status.broken, f"{Status.broken.value}: {wrong}; {message}"
     return Trajectory(
@@ -176,6 +179,8 @@ def go_on(run: Run, before: Trajectory) -> Trajectory:
         rates = np.array([row.rate])
         speed = velocities(run.scene, rates, np.array([row.elapsed]), run.start)[0]
     gap, velocity = before.gap[-1], before.velocity[-1]
+    if before.time[-1] == before.time[0]:  # a row at the start shows the scene before anything acts
+        return drive(run)
     if row.gap.shape != gap.shape or speed.shape != velocity.shape or not (
             _alike(row.gap, gap) and _alike(speed, velocity)):  # fmt: skip
         raise ValueError("state of trajectory does not show its last row: one of them was changed after the run.")

@@ -16,7 +16,9 @@ HALF = 2.0**-26
 takes, and much less than what a wrong state makes of it."""
 
 
-def flaw(scene: Scene, start: float, elapsed: Array, gap: Array, position: Array, velocity: Array, hard: bool) -> str:
+def flaw(
+    scene: Scene, start: float, elapsed: Array, gap: Array, position: Array, velocity: Array, hard: bool, adds_up: bool
+) -> str:
     """Return what is wrong with a state (of gaps (n-1,) or, on a ring, (n,), positions (n,) and velocities (n,)) a time
     `elapsed` (1,) in s after the instant `start` of the scene; "" if nothing is.
 
@@ -28,7 +30,7 @@ def flaw(scene: Scene, start: float, elapsed: Array, gap: Array, position: Array
         return "a position or a velocity is not a finite number"
     if hard and gap.min() < 0.0:
         return f"gap {gap.argmin()} is {gap.min():.6g} m"
-    if not scene.ring and not (scene.is_wall[0] and scene.is_wall[-1]):
+    if not adds_up or (not scene.ring and not (scene.is_wall[0] and scene.is_wall[-1])):
         return ""
     below, above = (0.0, 0.0) if scene.ring else (_came(scene, wall, start, elapsed) for wall in (0, scene.n - 1))
     due = float(scene.gap.sum()) + (above - below)

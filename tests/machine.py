@@ -25,6 +25,10 @@ def _own_environment():
         os.environ.pop(name, None)
     if hasattr(time, "tzset"):
         time.tzset()
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in the background may ignore it
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_DFL)
 
 
 def pytest_configure(config):

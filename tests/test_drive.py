@@ -23,7 +23,7 @@ class Lines:
     def __init__(self, request, table, stop=math.inf, pause=Pause.until, in_order=False):
         self.request, self.scene, self.table, self.stop, self.pause = request, SCENE, table, stop, pause
         self.start = request.start
-        self.in_order, self.now, self.asked = in_order, request.start, []
+        self.in_order, self.adds_up, self.now, self.asked = in_order, True, request.start, []
 
     def to(self, time, last):
         self.asked.append((time, last))

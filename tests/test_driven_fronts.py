@@ -58,7 +58,8 @@ def at_random(seed):
 def trajectory(of, **more):
     """A run of two rows in which nothing happens."""
     rows = {name: np.zeros((2, n)) for name, n in (("position", of.n), ("velocity", of.n), ("gap", of.n_pairs))}
-    return Trajectory(of, None, None, np.array([0.0, 1.0]), **rows, force=None, contacts=np.zeros(0, CONTACT),
+    rule = (gr.ConstantRestitution(1.0),) * of.n_pairs
+    return Trajectory(of, None, rule, np.array([0.0, 1.0]), **rows, force=None, contacts=np.zeros(0, CONTACT),
                       status=Status.time, message="", **more)  # fmt: skip
 
 
@@ -76,10 +77,11 @@ def test_a_scene_comes_back_from_every_file(seed, tmp_path):
     as_json = json.loads(json.dumps(scene_to_json(one)))
     if any(isinstance(motion, Motion) for motion in one.motions):
         with pytest.raises(LookupError, match="shake"):
-            from_json(list(as_json.values()))
+            [from_json("wall", as_json[side]) for side in ("floor", "ceiling") if as_json[side]]
     else:
         assert cases.loads(cases.dumps(gr.Case(one, LAW))).scene == one
-        assert gr.Scene(**{name: from_json(value) for name, value in as_json.items()}) == one
+        walls = {side: as_json[side] and from_json("wall", as_json[side]) for side in ("floor", "ceiling")}
+        assert gr.Scene(**as_json | walls) == one
     ledger = np.arange(10.0).reshape(2, 5)
     trajectory(one, ledger=ledger).save(tmp_path / "run.npz")
     loaded = Trajectory.load(tmp_path / "run.npz")
@@ -127,6 +129,8 @@ def test_the_command_names_a_motion_of_ones_own_and_its_error(text, said, verb, 
     word, _, options = verb.partition(" ")
     code, _, error = granular(f"{word} case.toml {options}")
     assert code == 2
+    told, _, error = error.partition("\n")  # what Python it runs, before it runs it
+    assert "motion.py" in told
     assert error.startswith(f"granular: function motion.py:shake raised {said}")
     assert error.count("\n") == 1
 

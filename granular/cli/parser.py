@@ -91,6 +91,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         raise ValueError(f"{command} needs a scene: one of {', '.join(cases.names())}, or a TOML file.")
     given, run = ({option.name: getattr(found, option.name) for option in options if option.name in found}
                   for options in (parameters, offered))
+    on_running[:] = [_told(target)]
     return argparse.Namespace(**vars(found) | {"act": module.run, "target": target, "given": given, "run": run})
 
 
@@ -98,9 +99,19 @@ def case_of(given: argparse.Namespace) -> cases.Case:
     """The case that a command line names."""
     if not is_file(given.target):
         return cases.make(given.target, **given.given)
-    on_running[:] = [lambda place: print(f"granular: {given.target!r} names Python code: running {place!r}",
-                                         file=sys.stderr)]  # fmt: skip
     return cases.load(given.target)
+
+
+def _told(target: str | None) -> Callable[[str], None]:
+    """Return what tells, once, that a file names Python code, before that runs."""
+    places: set[str] = set()
+
+    def tell(place: str) -> None:
+        if place not in places:
+            places.add(place)
+            print(f"granular: {target!r} names Python code: running {place!r}", file=sys.stderr)
+
+    return tell
 
 
 def offered(function: Callable[..., Any], *names: str) -> list[Option]:

@@ -73,6 +73,7 @@ class Run:
     """
 
     in_order = True
+    adds_up = True
     law = None
 
     def __init__(

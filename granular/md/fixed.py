@@ -44,6 +44,7 @@ class Run:
     """One run under way, `k` steps after its start; its free flights are no `steps`."""
 
     in_order = False
+    adds_up = True
     rule = None
 
     def __init__(self, scene: Scene, laws: SceneLaws, request: Request, method: str, dt: float, engine: str) -> None:

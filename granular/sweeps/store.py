@@ -76,8 +76,8 @@ def resume(path: str | PathLike[str], plan: Plan, over: dict[str, Values]) -> tu
     ValueError
         If the file holds the answers to another question, or is of a later version.
     """
-    _files.check_ending(path, ".nc")
     name = _files.checked_path("save", path)
+    _files.check_ending(name, ".nc")
     if not os.path.exists(name):
         return {}, {}
     with xarray_().open_dataset(name, engine="netcdf4", decode_cf=False) as stored:

@@ -115,8 +115,11 @@ class Run:
         limits = {"max_events": request.max_events, "max_steps": request.max_steps, "log": 2 * int(request.rows)}
         limits["disturbing"] = DISTURBED.index(disturbed)
         self.s: Any = system_of(scene, laws, request.until, self.start, tol=tol, pause=FIRST_LOOK, **limits)
+        ignored = DISTURBED.index("ignore")
+        self.adds_up = limits["disturbing"] != ignored
         if state is not None:
             self.s = restored(self.s, state)
+            self.adds_up &= int(np.asarray(state["run"])["disturbing"][0]) != ignored
         self.collocation = Collocation(laws, scene.ring) if self.s.kinds["kind"][0] == GENERAL else None
         self.pace = Pace(self)
         hung = scene.pendulum > 0.0
