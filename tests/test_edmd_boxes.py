@@ -333,7 +333,7 @@ def test_what_is_judged_is_the_room_between_walls_that_move():
                      for how in ({}, {"method": "verlet", "dt": 1e-4}))):  # fmt: skip
         given = scene, 0.0, result.time[-1:], result.gap[-1], result.position[-1], result.velocity[-1]
         assert result.status is gr.Status.time
-        assert flaw(*given, hard=result.law is None) == ""
+        assert flaw(*given, hard=result.law is None, adds_up=True) == ""
         off = given[3] * 1.0
         off[-1] += 1e-6
-        assert flaw(*given[:3], off, *given[4:], hard=True).startswith("gaps add up to ")
+        assert flaw(*given[:3], off, *given[4:], hard=True, adds_up=True).startswith("gaps add up to ")
