@@ -280,3 +280,19 @@ def test_rows_that_touch_at_a_coarse_tolerance(law):
             assert len(run.contacts) <= len(fine.contacts)  # damped balls may drift together again, late or not at all
             assert np.abs(run.velocity[-1] - fine.velocity[-1]).max() < 1e3 * tol * scene.velocity[0]
             assert run.stats["steps"] < fine.stats["steps"]
+
+
+def test_a_run_whose_numbers_ran_out_of_range_does_not_stand_forever(monkeypatch):
+    """As a wave so weak ahead that its speeds are denormal was seen to, with another machine's powers."""
+    from granular.md.located.pace import MORE, Pace
+
+    def stands(pace, limit):
+        run = pace.run
+        c = next(c for c, pair in enumerate(run.s.pairs) if pair.slot >= 0)
+        run.s.pool[run.s.pairs[c].slot].xi = math.nan
+        return MORE
+
+    scene = gr.Scene([1.0, 1.0, 1.0], [0.1] * 3, [0.0, 0.0], [1.0, 0.0, -1.0])
+    monkeypatch.setattr(Pace, "advanced", stands)
+    with pytest.raises(ValueError, match="beyond the range of numbers"):
+        gr.md.simulate(scene, gr.Hertz(1e9), t_end=1.0, engine="plain")

@@ -8,6 +8,7 @@ one that would rest where its force jumps. What has been found is right, but the
 
 from __future__ import annotations
 
+import math
 from time import process_time
 from typing import Any
 
@@ -40,6 +41,7 @@ class Pace:
     def __init__(self, run: Any) -> None:
         self.run, self.chunk = run, max(1, min(PLAIN, AT_FIRST // run.scene.n_pairs))
         self.trials, self.time, self.step, self.stalled = 0, float(run.counters["t"]), 0.0, False
+        self.seen = -math.inf  # s, how far the run had come at the last look
 
     def advanced(self, limit: float) -> int:
         """Advance by a chunk of pieces, with looks at blocks that may rest or creep; return as `blocks.advance`."""
@@ -56,8 +58,14 @@ class Pace:
         return MORE if why == WANTS_LOOK else why
 
     def stalls(self) -> bool:
-        """Return whether a run under laws that are functions does not come on."""
+        """Return whether a run under laws that are functions does not come on.
+
+        One that stands at an instant is looked at: if its numbers ran out of range, it would stand there forever.
+        """
         run = self.run
+        if run.now == self.seen:
+            run.row_after(run.now, run.now)  # raises then
+        self.seen = run.now
         if run.collocation is None or run.collocation.trials < self.trials + TRIALS:
             return False
         swings, islands = swings_of(run.s)
