@@ -196,7 +196,7 @@ def test_pushes_of_one_overlap_share_its_fate():
 def test_an_ignored_neighbour_takes_no_isolated_contact_from_the_count():
     """The first contact overlaps no other; the neighbours of the second are set back, and count for nothing."""
     scene = gr.Scene([INF, 1.2, 0.7, 1.5], [0.0, 0.5, 0.5, 0.5], [0.045, -0.017, 0.04], [0.0, 0.0, -0.1, 0.0], 9.81)
-    run = gr.md.simulate(scene, gr.LinearDashpot(500.0), disturbed="ignore", t_end=0.4)
+    run = gr.md.simulate(scene, gr.LinearDashpot(500.0), disturbed="ignore", t_end=0.3)
     first, second = run.contacts[:2]
     assert (first["pair"], second["pair"], second["t_begin"] > first["t_end"]) == (1, 0, True)
     assert (run.stats["isolated"], run.first_disturbed[1]) == (1, 0)

@@ -42,17 +42,21 @@ def files(tmp_path_factory):
     return folder
 
 
+@pytest.mark.exact
 @pytest.mark.parametrize(("kind", "name"), ALL)
 def test_runs_of_every_kind_come_back_and_go_on_as_if_nothing_had_been(kind, name, older, files):
+    """To the bit those of today; those of another machine to what its last digits were."""
     engine, scene, _, _, end, _ = saved_scenes.of(kind, name)
     whole = saved_scenes.whole(kind, name, **ENGINE[kind])
     for file in (older / f"run_{kind}_{name}.npz", files / f"{kind}_{name}.npz"):
         back = gr.Trajectory.load(file, **saved_scenes.given(kind, name))
         assert back.scene == scene or isinstance(back.scene.floor, gr.walls.Panels)
         onward = engine.resume(back, t_end=end, **ENGINE[kind])
-        assert (onward.status, onward.message) == (whole.status, whole.message)
+        assert onward.status is whole.status
         for one, other in ((onward.gap, whole.gap), (onward.velocity, whole.velocity)):
-            assert one[-1].tobytes() == other[-1].tobytes()
+            np.testing.assert_allclose(one[-1], other[-1], rtol=1e-9, atol=1e-9 * abs(other[-1]).max())
+            assert file.parent == older or one[-1].tobytes() == other[-1].tobytes()
+        assert file.parent == older or onward.message == whole.message
 
 
 def test_the_table_holds_all_that_is_public_and_nothing_that_is_a_function(files):
