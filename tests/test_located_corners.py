@@ -289,7 +289,9 @@ def test_a_run_whose_numbers_ran_out_of_range_does_not_stand_forever(monkeypatch
     def stands(pace, limit):
         run = pace.run
         c = next(c for c, pair in enumerate(run.s.pairs) if pair.slot >= 0)
-        run.s.pool[run.s.pairs[c].slot].xi = math.nan
+        member = run.s.pool[run.s.pairs[c].slot]
+        for name in (name for name in dir(member) if isinstance(getattr(member, name), float)):
+            setattr(member, name, math.nan)
         return MORE
 
     scene = gr.Scene([1.0, 1.0, 1.0], [0.1] * 3, [0.0, 0.0], [1.0, 0.0, -1.0])
