@@ -143,8 +143,9 @@ def takes(name: str, function: Any, *given: str, fix: str = "") -> Any:
     except TypeError:
         fits = False
     if not fits:
-        taken = ", ".join(str(p.replace(annotation=p.empty)) for p in signature.parameters.values())
-        raise TypeError(f"{name} takes ({taken}): ({', '.join(given)}) is needed" + f"; {fix}" * bool(fix) + ".")
+        bare = [p.replace(annotation=p.empty) for p in signature.parameters.values()]
+        taken = signature.replace(parameters=bare, return_annotation=signature.empty)
+        raise TypeError(f"{name} takes {taken}: ({', '.join(given)}) is needed" + f"; {fix}" * bool(fix) + ".")
     return function
 
 

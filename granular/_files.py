@@ -63,6 +63,14 @@ def checked_path(name: str, path: Any) -> str:
     return os.fsdecode(path)
 
 
+def checked_source(name: str, path: Any) -> str:
+    """Return a path as text if a file can be read from there; a device or a pipe might have no end."""
+    text = checked_path(name, path)
+    if os.path.exists(text) and not (os.path.isfile(text) or os.path.isdir(text)):
+        raise ValueError(f"{name} is {text!r}: a plain file is needed, this is a device or a pipe.")
+    return text
+
+
 def is_stream(path: str | PathLike[str]) -> bool:
     """Whether `path` is there and no plain file, or names an open file of a process: to be written into as it is."""
     if os.path.exists(path) and not os.path.isfile(path):

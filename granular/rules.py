@@ -170,7 +170,7 @@ def restitution_at(rule: Rule, speed: float, pair: Pair) -> float:
     """Return ``rule(speed, pair)`` as a float, or raise the sentence that says what is wrong with it."""
     value, e = rule(speed, pair), math.nan
     with suppress(TypeError, ValueError):
-        e = float(value)
+        e = math.nan if isinstance(value, (str, bytes)) else float(value)
     if not 0.0 <= e <= 1.0:
         raise ValueError(
             f"the rule of pair {pair.index} returned {value!r} at impact speed {speed:g} m/s: "

@@ -99,7 +99,7 @@ def read(
     """Return what `write` has written by the names of `Trajectory`, the status by its name, one of `statuses`; contacts
     are records `log`. Raise as `Trajectory.load`.
     """
-    name = _files.checked_path("path", path)
+    name = _files.checked_source("path", path)
     try:
         with open(name, "rb") as file:
             _check_heads(_archive.heads(file), log)

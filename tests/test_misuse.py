@@ -316,7 +316,7 @@ ARITIES = {
     "on_event": (lambda: gr.edmd.simulate(THREE, RULE, t_end=0.1, on_event=lambda: 0),
                  r"on_event takes \(\): \(row\) is needed\."),
     "keyword": (lambda: gr.md.simulate(THREE, gr.Hertz(1e7), t_end=0.1, on_event=lambda row, *, more: 0),
-                r"on_event takes \(row, more\): \(row\) is needed\."),
+                r"on_event takes \(row, \*, more\): \(row\) is needed\."),
     "motion": (lambda: gr.walls.Motion(lambda: 0.0), r"function takes \(\): \(t\) is needed\."),
     "result": (lambda: gr.sweep("three-balls", {"gap": [1e-3]}, results=[lambda: 0.0]),
                r"result takes \(\): \(case\) is needed\."),

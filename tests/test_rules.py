@@ -6,6 +6,7 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
+import granular as gr
 from granular import rules
 from granular.rules import ConstantRestitution, TabulatedRestitution
 from granular.scene import Pair, Scene
@@ -80,3 +81,11 @@ def test_a_users_own_error_passes_unchanged() -> None:
 
     with pytest.raises(KeyError, match="mine"):
         rules.restitution_at(rule, 1.0, PAIRS[0])
+
+
+def test_a_text_is_no_coefficient():
+    scene = gr.Scene([1.0, 1.0], [0.0, 0.0], [1.0], [1.0, 0.0])
+    with pytest.raises(ValueError, match=r"the rule of pair 0 returned '0\.8' at impact speed 1 m/s"):
+        gr.edmd.simulate(scene, lambda speed, pair: "0.8")
+    with pytest.raises(TypeError, match=r"rule takes \(speed, \*, pair\): \(speed, pair\) is needed"):
+        gr.edmd.simulate(scene, lambda speed, *, pair: 0.8)

@@ -277,3 +277,25 @@ def test_edited_files_are_refused_in_a_sentence_or_are_the_same_run(files, tmp_p
 @pytest.mark.parametrize("first", range(0, 10_000, 500))
 def test_ten_thousand_edited_files(first, files, tmp_path):
     batch(range(first, first + 500), files, tmp_path)
+
+
+def test_a_device_is_no_file(tmp_path):
+    link = tmp_path / "run.npz"
+    if not os.path.exists("/dev/zero"):
+        pytest.skip("this system has no such device")
+    link.symlink_to("/dev/zero")
+    for path in ("/dev/zero", link):
+        with pytest.raises(ValueError, match="a plain file is needed, this is a device or a pipe"):
+            gr.Trajectory.load(path)
+
+
+@pytest.mark.parametrize("walls", [{"floor": gr.walls.Sine(1e-3, 5.0)}, {"ceiling": gr.walls.Thermal(1.0, 3)}])
+def test_laws_with_memory_go_on_beside_walls_whose_account_nobody_can_close(walls, tmp_path):
+    scene = gr.Scene([math.inf, 1.0, math.inf], [0.0, 0.05, 0.0], [0.05, 0.05], [0.0, -1.0, 0.0], **walls)
+    law = gr.WaltonBraun(1e5, 2e5)
+    run, whole = (gr.md.simulate(scene, law, t_end=t, engine="plain") for t in (0.2, 0.5))
+    run.save(tmp_path / "run.npz")
+    for back in (run, gr.Trajectory.load(tmp_path / "run.npz")):
+        assert len(run.contacts) > 0
+        onward = gr.md.resume(back, t_end=0.5, engine="plain")
+        assert onward.velocity[-1].tobytes() == whole.velocity[-1].tobytes()

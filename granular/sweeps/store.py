@@ -78,7 +78,7 @@ def resume(path: str | PathLike[str], plan: Plan, over: dict[str, Values]) -> tu
     """
     name = _files.checked_path("save", path)
     _files.check_ending(name, ".nc")
-    if not os.path.exists(name):
+    if not os.path.isfile(name):
         return {}, {}
     with xarray_().open_dataset(name, engine="netcdf4", decode_cf=False) as stored:
         asked, notes = by_words(str(stored.attrs.get("question"))), stored.attrs

@@ -66,6 +66,8 @@ def tau_at(block: Any, t: float, tail: float) -> float:
     dt = since(block, t, tail)
     if dt <= 0.0 or block.tau == 0.0:
         return 0.0
+    if block.h == 0.0:  # less than a float can tell
+        return float(block.tau)
     return float(min(block.tau, power(dt, 1.0 / block.clock) / block.h))
 
 
