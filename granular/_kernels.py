@@ -264,7 +264,7 @@ def _twin(function: Callable[..., Any], inline: bool, within: bool, bare: bool) 
 
 def _uncollected(make: F) -> F:
     """Have machine code made, or loaded, with the garbage collector off: numba leaves millions of objects that live on,
-    and looking at all of them again and again is a quarter of the time."""
+    and looking at all of them again and again is up to a tenth of the time."""
 
     @wraps(make)
     def made(signature: Any) -> Any:
