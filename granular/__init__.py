@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from granular import adiabatic, balls, binary, cases, edmd, md, measures, scenes, theory, walls, waves
     from granular.binary import restitution_of
     from granular.cases import Case
-    from granular.comparison import Comparison, compare
+    from granular.comparison import Answer, Comparison, compare
     from granular.stress import stability
     from granular.sweeps import sweep
     from granular.thresholds import Threshold, threshold
@@ -29,16 +29,16 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "MatchedEnd", "Pair", "PowerLaw", "Scene",
-    "Status", "TabulatedRestitution", "ThorntonRestitution", "Threshold", "Trajectory", "TsujiHertz",
+    "Answer", "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "MatchedEnd", "Pair", "PowerLaw",
+    "Scene", "Status", "TabulatedRestitution", "ThorntonRestitution", "Threshold", "Trajectory", "TsujiHertz",
     "ViscoelasticHertz", "WaltonBraun", "adiabatic", "balls", "binary", "cases", "compare", "edmd", "frontier", "md",
     "measures", "restitution_of", "scenes", "stability", "sweep", "theory", "threshold", "until", "walls", "waves",
 ]
 
 _UPPER_FLOORS = {
-    "Case": "cases", "Comparison": "comparison", "compare": "comparison", "restitution_of": "binary",
-    "frontier": "workprecision", "stability": "stress", "sweep": "sweeps", "Threshold": "thresholds",
-    "threshold": "thresholds",
+    "Answer": "comparison", "Case": "cases", "Comparison": "comparison", "compare": "comparison",
+    "restitution_of": "binary", "frontier": "workprecision", "stability": "stress", "sweep": "sweeps",
+    "Threshold": "thresholds", "threshold": "thresholds",
 }
 """Where names stand that are no modules."""
 

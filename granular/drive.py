@@ -38,6 +38,7 @@ class Pause(Enum):
     quiet = Status.quiet
     resting = Status.resting
     collapse = Status.collapse
+    bounded = Status.bounded
     disturbed = Status.disturbed
     unstable = Status.unstable
     work = Status.max_events

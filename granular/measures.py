@@ -4,7 +4,7 @@
 φ          share of the contact impulse exchanged while a neighbouring pair is active (0: every contact is binary)
 p          share of EDMD events with an event of a neighbouring pair within t_c
 Λ          mean t_c × rate of collisions of a pair: the share of time a pair spends in contact
-D          √(Σ m (Δu)² / Σ m v₀²), u the velocity with which a ball leaves its last contact, v₀ at the first contact
+D          √(Σ m (Δu)² / Σ m U²), u the velocity with which a ball leaves its last contact, U the fastest impact
 K_cm       ratio (soft / hard) of the restitution of the centre of mass, scenes with one wall at constant velocity
 =========  ===========================================================================================================
 """
@@ -21,13 +21,10 @@ import numpy as np
 from granular._check import Array
 from granular.durations import Durations
 from granular.laws.kinds import resolved
-from granular.outcome import leaving_velocities, strengths
+from granular.outcome import approach
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 from granular.walls import Sine
-
-ROUNDING = 1e-12
-"""Impacts weaker than this share of the fastest are rounding: a contact leaves some 1e-15, a thousand leave this."""
 
 ACCOUNT = {
     "start": "at the start", "floor": "work of the floor", "ceiling": "work of the ceiling", "heat": "heat of walls",
@@ -85,7 +82,7 @@ def crowding(hard: Trajectory, laws: tuple[Any, ...]) -> float:
 
 def durations(hard: Trajectory, laws: tuple[Any, ...]) -> Array:
     """Durations in s that the EDMD events would have as isolated contacts under the laws of their pairs."""
-    return Durations(laws, hard.scene)(hard.contacts["pair"], np.abs(_approach(hard)))
+    return Durations(laws, hard.scene)(hard.contacts["pair"], np.abs(approach(hard)))
 
 
 def _beside(run: Trajectory) -> Iterator[tuple[Any, Any]]:
@@ -100,15 +97,6 @@ def occupation(soft: Trajectory) -> float:
     return float(soft.contacts["duration"].sum()) / (span * soft.scene.n_pairs) if span > 0.0 else math.nan
 
 
-def distance(one: Trajectory, other: Trajectory) -> float:
-    """D between two runs of one scene: √(Σ m (Δu)² / Σ m v₀²), v₀ at the first contact of `other`."""
-    scene, balls = one.scene, ~one.scene.is_wall
-    du = (leaving_velocities(one) - leaving_velocities(other))[balls]
-    m, known = scene.mass[balls], ~np.isnan(du)
-    scale = float(m @ impact_velocities(scene, other)[balls] ** 2)
-    return math.sqrt(float(m[known] @ du[known] ** 2) / scale) if scale > 0.0 else math.nan
-
-
 def before_the_end(twin: Trajectory, hard: Trajectory) -> tuple[Trajectory, Trajectory]:
     """Both runs without what happens just at a common end time, where rounding decides what is still seen."""
     if not twin.status is hard.status is Status.time:
@@ -121,24 +109,9 @@ def _only(run: Trajectory, kept: Any) -> Trajectory:
     return replace(run, contacts=run.contacts[kept])
 
 
-def without_rounding(run: Trajectory, fastest: float) -> Trajectory:
-    """The run with only those contacts in its log whose impact is more than rounding beside one at `fastest` m/s.
-
-    Balls that an engine leaves with a relative speed of 1e-16 m/s meet again after some 1e12 s. Such contacts count
-    for nothing.
-    """
-    return _only(run, strengths(run) > ROUNDING * fastest)
-
-
-def counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]:
-    """Both runs without contacts that are rounding beside the fastest of either."""
-    fastest = fastest_approach(hard, soft)
-    return without_rounding(hard, fastest), without_rounding(soft, fastest)
-
-
 def fastest_approach(*runs: Trajectory) -> float:
     """Largest speed in m/s at which a contact of these runs begins; 0 without contacts."""
-    return max(float(_approach(run).max(initial=0.0)) for run in runs)
+    return max(float(approach(run).max(initial=0.0)) for run in runs)
 
 
 def impact_speed(run: Trajectory) -> float:
@@ -166,7 +139,7 @@ def mass_centre_restitution(run: Trajectory) -> float:
     thermal, with contacts that end, and no pendula."""
     scene, balls, log = run.scene, ~run.scene.is_wall, run.contacts
     at_wall = run.of(0 if scene.is_wall[0] else scene.n_pairs - 1)
-    lasting = run.status is Status.collapse or np.isnan(at_wall["t_end"]).any()
+    lasting = run.status in (Status.collapse, Status.bounded) or np.isnan(at_wall["t_end"]).any()
     if scene.is_wall.sum() != 1 or scene.endless or not len(log) or lasting:
         return math.nan
     m, wall = scene.mass[balls], float(scene.velocity[scene.is_wall][0])
@@ -254,11 +227,6 @@ def balance(run: Trajectory) -> dict[str, float]:
     lost = float(account["dissipated"][-1])
     return {"start": start, "floor": floor, "ceiling": ceiling, "heat": heat, "dissipated": lost, "end": end,
             "remainder": end - start - (floor + ceiling + heat - lost)}  # fmt: skip
-
-
-def _approach(run: Trajectory) -> Array:
-    """Approach speeds in m/s at the onset of contacts."""
-    return np.asarray(run.contacts["v_in"][:, 0] - run.contacts["v_in"][:, 1])
 
 
 def _distance(times: Array, others: Array) -> Array:

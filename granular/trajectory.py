@@ -44,11 +44,12 @@ class Status(Enum):
     until = "the stop condition was met"
     quiet = "no contact can follow"
     resting = "the balls rest on each other; no contact can open or begin"
-    collapse = "inelastic collapse: collisions pile up, infinitely many or down to the bound in the message"
+    collapse = "inelastic collapse: infinitely many collisions in a finite time"
     disturbed = "a contact is about to disturb another; isolated contacts are over here"
     max_events = "the limit on the amount of work was reached"
     unstable = "the time step is beyond the stability limit; the numbers mean nothing"
     broken = "the last state is none that there can be; the numbers mean nothing"
+    bounded = "collisions pile up down to the bound in the message; whether they are infinitely many is not known"
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,7 +235,7 @@ class Trajectory:
         )
 
 
-EARLY = (Status.collapse, Status.max_events, Status.unstable, Status.broken)
+EARLY = (Status.collapse, Status.bounded, Status.max_events, Status.unstable, Status.broken)
 """Statuses of runs that did not get to their end: nothing is claimed of what they would have come to."""
 
 

@@ -8,7 +8,7 @@ import pytest
 from scenes_at_random import scene as any_scene
 
 import granular as gr
-from granular import cases, measures, outcome
+from granular import cases, end_time, measures, outcome
 
 
 def compared(name, stop=None, **options):
@@ -44,6 +44,27 @@ def by_hand(report):
     return parts
 
 
+def fastest(report):
+    """The fastest approach at an onset in either run."""
+    return max(float(row["v_in"][0] - row["v_in"][1]) for run in (report.soft, report.hard) for row in run.contacts)
+
+
+def by_components(report):
+    """Error of each component by hand; balls that a contact joins belong together."""
+    met = [report.hard.count(c) + report.soft.count(c) > 0 for c in range(report.scene.n_pairs)]
+    walls, found, c = np.isinf(report.scene.mass), [], 0
+    while c < len(met):
+        if met[c]:
+            end = c + 1
+            while end < len(met) and met[end] and not walls[end]:
+                end += 1
+            found.append(range(c, end))
+            c = end
+        else:
+            c += 1
+    return found
+
+
 def random_report(seed):
     rng = np.random.default_rng(seed)
     scene = any_scene(rng, walls=(0.4, 0.0, 0.0), gravity=(0.0,), gaps=("wide", "equal"))
@@ -63,9 +84,11 @@ def reports():
 
 
 def test_error_is_the_written_formula(reports):
-    for report in reports:
-        first = report.hard.contacts["v_in"][0]
-        assert report.error == max(by_hand(report)) / (first[0] - first[1])
+    alone = [report for report in reports if len(by_components(report)) == 1]
+    assert len(alone) > 30
+    for report in alone:
+        assert report.error == max(by_hand(report)) / fastest(report)
+    assert any(len(report.reasons) > 1 for report in reports if report not in alone)
 
 
 def touching_balls(rng):
@@ -91,9 +114,13 @@ def test_impact_speed_is_that_of_the_scene_whatever_the_tie_rule(ties):
     assert seen > 40
 
 
-@pytest.mark.parametrize(("balls", "eps", "k"), [((6, 3, 0.364), 1.0, 8.87e6), ((5, 4, 1.32), 0.444, 1e7)])
+@pytest.mark.parametrize(("balls", "eps", "k", "answer"), [
+    ((6, 3, 0.364), 1.0, 8.87e6, gr.Answer.no),  # elastic: three leave under every rule, as of steel balls
+    ((5, 4, 1.32), 0.444, 1e7, gr.Answer.not_unique),
+])  # fmt: skip
 @pytest.mark.parametrize("ties", ["left", "newton", "poisson", "reflect"])
-def test_group_whose_first_pair_does_not_approach_is_judged(balls, eps, k, ties):
+def test_group_whose_first_pair_does_not_approach_is_judged(balls, eps, k, answer, ties):
+
     n, moving, speed = balls
     scene = gr.scenes.newtons_cradle(n, moving, gap=0.0, speed=speed)
     speed = scene.velocity[0]
@@ -101,7 +128,7 @@ def test_group_whose_first_pair_does_not_approach_is_judged(balls, eps, k, ties)
     report = gr.compare(scene, law, gr.ConstantRestitution(eps), until=gr.until.separated(), ties=ties)
     assert report.impact_speed == speed
     assert report.error == max(by_hand(report)) / speed > 0.2
-    assert report.verdict.startswith("Not uniquely")
+    assert report.answer is answer
 
 
 def test_every_ball_counts_whatever_the_sign(reports):
@@ -125,7 +152,7 @@ def test_powers_of_two_change_no_bit_of_the_error(reports):
 def test_yes_is_never_said_where_a_ball_or_a_pair_is_off(reports):
     verdicts = {True: 0, False: 0}
     for report in reports:
-        off = max(by_hand(report)) > 0.01 * report.impact_speed
+        off = max(by_hand(report)) > 0.01 * fastest(report)
         yes = report.verdict.startswith("Yes")
         verdicts[yes] += 1
         assert not (yes and off), report.verdict
@@ -133,12 +160,13 @@ def test_yes_is_never_said_where_a_ball_or_a_pair_is_off(reports):
 
 
 def test_ball_that_soft_spheres_leave_slower_counts():
-    assert compared("ball-stack").error == pytest.approx(3.61, abs=0.01)
+    stack = compared("ball-stack")  # off by 3.61 of the first impact, and the fastest is the last one, of the top ball
+    assert stack.error * fastest(stack) / stack.impact_speed == pytest.approx(3.61, abs=0.01)
     stack = compared("ball-stack", n=7, mass_ratio=1.0 / 3.0, gap=1e-5, height=0.459, restitution=0.95)
-    assert stack.error > 12.0
+    assert stack.error * fastest(stack) > 12.0 * stack.impact_speed
     false_yes = compared("ball-stack", gr.until.separated(), n=4, mass_ratio=0.5923, gap=0.002362, height=0.645,
-                         restitution=0.7684, stiffness=1.351e7)  # fmt: skip
-    assert false_yes.verdict.startswith("No: outcomes are off by 0.012")
+                         restitution=0.7684, stiffness=1.035e7)  # fmt: skip
+    assert false_yes.verdict.startswith("No: outcomes are off by 0.011")
 
 
 @pytest.mark.parametrize("k", [1e6, 1e7])
@@ -166,8 +194,9 @@ def test_contact_that_never_ends_is_left_out_of_the_error_but_not_of_the_verdict
     stuck = gr.compare(scene, gr.LinearDashpot(1e3, 100.0), t_end=0.02)  # held by its weight from the first contact on
     assert stuck.pairs[0].ongoing
     assert math.isnan(stuck.pairs[0].soft_v_rel)
-    assert math.isnan(stuck.error)
-    assert stuck.verdict.startswith("No: a soft contact of pair 0 has lasted")
+    out = float(np.diff(stuck.hard.contacts["v_out"][-1])[0])  # the hard ball still bounces, and so much is wrong
+    assert stuck.error * stuck.units[0] == pytest.approx(out, rel=1e-12)
+    assert stuck.answer is gr.Answer.no
 
 
 def test_contact_of_a_law_with_memory_that_is_cut_is_not_called_endless():
@@ -176,8 +205,8 @@ def test_contact_of_a_law_with_memory_that_is_cut_is_not_called_endless():
     hit = gr.compare(ball, law, t_end=0.5).soft.contacts["t_begin"][0]
     cut = gr.compare(ball, law, t_end=float(hit) + 3e-5)
     assert cut.pairs[0].ongoing
-    assert math.isnan(cut.error)
-    assert cut.verdict == "No verdict: no contact has come to its end."
+    assert cut.answer is gr.Answer.yes  # a run can be gone on with that remembers
+    assert cut.error < 1e-3
 
 
 def test_nothing_is_claimed_of_a_run_that_ended_early():
@@ -217,23 +246,30 @@ def test_touching_balls_are_named_the_same_in_every_scene(name, restitution):
     assert max(touching.tie_errors.values()) > 0.1
 
 
-@pytest.mark.parametrize("shift", [0.0, 1e-15])
-def test_balls_that_meet_at_once_do_not_contradict_themselves(shift):
-    scene = gr.Scene([1.0] * 3, [0.5] * 3, [0.25, 0.25 * (1.0 + shift)], [1.0, 0.0, -1.0])
+def test_balls_that_meet_at_once_do_not_contradict_themselves():
+    scene = gr.Scene([1.0] * 3, [0.5] * 3, [0.25, 0.25], [1.0, 0.0, -1.0])
     meet = gr.compare(scene, gr.LinearDashpot(1e7))
-    assert [(p.hard_contacts, p.soft_contacts) for p in meet.pairs] == [(2, 1), (1, 1)]
-    assert meet.verdict.startswith("Not uniquely")
+    assert meet.hard.count(0) == 2
+    assert meet.soft.velocity[-1] == pytest.approx([-1.0, 0.0, 1.0], abs=1e-9)
+    assert meet.answer is gr.Answer.yes  # in either order the outer balls go back and the inner one stays
 
 
-def test_counts_that_hang_on_the_order_alone_do_not_make_a_no():
+@pytest.mark.parametrize("error", [math.nan, 0.0101, math.inf])
+def test_no_yes_without_an_error_that_is_known_and_small(error):
+    """Whatever the numbers are, however they came about: checked where the sentence is made."""
     report = random_report(0)
-    pairs = tuple(replace(p, soft_contacts=p.hard_contacts + 1) for p in report.pairs)
-    tied = replace(report, pairs=pairs)
-    tied.__dict__.update(error=1e-3, tie_errors={}, shift_error=0.0)
-    assert ", though outcomes agree within 0.001 of the impact speed." in tied.verdict
-    assert tied.verdict.startswith("No: ")
-    tied.__dict__["unsettled_counts"] = np.full(len(pairs), True)
-    assert tied.verdict.startswith("Yes: outcomes agree within 0.001 of the impact speed, though pair")
+    count = report.components.count
+    nothing = {"other_counts": np.zeros(report.scene.n_pairs, bool), "shifts": np.zeros(count), "tie_errors": {},
+               "shift_errors": np.zeros(count), "unknown": np.zeros(report.scene.n_pairs, bool)}  # fmt: skip
+    fine = replace(report)
+    fine.__dict__.update(nothing, error=0.01, errors=np.full(count, 0.01))
+    assert fine.answer is gr.Answer.yes
+    for given in ({"errors": np.full(count, error)}, {"errors": np.zeros(count), "error": error}):
+        off = replace(report)
+        off.__dict__.update(nothing | {"error": error} | given)
+        assert off.answer is not gr.Answer.yes
+        assert not off.verdict.startswith("Yes")
+        assert all(reason.answer is not gr.Answer.yes for reason in off.reasons[:1])
 
 
 def test_scenes_without_ties_are_run_once():
@@ -290,15 +326,14 @@ def test_laws_alike_are_computed_once_and_give_what_each_gives():
         assert t == pytest.approx(gr.binary.collision(law[c], scene.pairs[c], speed).duration, rel=1e-6)
 
 
-
 def test_contacts_running_at_the_end_are_followed_in_one_run(monkeypatch):
     scene, runs = gr.scenes.newtons_cradle(20), []
-    simulate = outcome.md.simulate
-    monkeypatch.setattr(outcome.md, "simulate", lambda *given, **options: runs.append(0) or simulate(*given, **options))
+    resume = end_time.md.resume
+    monkeypatch.setattr(end_time.md, "resume", lambda *given, **options: runs.append(0) or resume(*given, **options))
     report = gr.compare(scene, gr.LinearDashpot(1e7), t_end=2e-3)
     assert sum(p.ongoing for p in report.pairs) > 2
     assert not any(math.isnan(p.soft_v_rel) for p in report.pairs if p.ongoing)
-    assert len(runs) <= 3  # the run itself, then all that is left of it, at most twice
+    assert 0 < len(runs) <= 2  # once until all have begun, once more until all are over
 
 
 def test_time_of_a_comparison_is_linear_in_the_number_of_balls():

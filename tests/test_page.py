@@ -30,7 +30,7 @@ def test_the_page_is_one_small_file_that_loads_nothing(tmp_path) -> None:
     live_page(tmp_path / "page.html")
     html = (tmp_path / "page.html").read_text(encoding="utf-8")
     words = sum(len(assemble.shipped(f"words/{language}.json").encode()) for language in assemble.LANGUAGES)
-    assert len(html.encode()) < 160_000 + words
+    assert len(html.encode()) < 165_000 + words
     assert "{{" not in html
     assert not re.search(r'(src|href)="(?!data:,)|@import|url\((?!#)|\bfetch\(|^import |^export ', html, re.MULTILINE)
     assert set(re.findall(r"https?://[^\s\"']+", html)) == {"http://www.w3.org/2000/svg"}  # a name, not an address
@@ -122,7 +122,7 @@ def test_golden_data_are_what_python_says(monkeypatch) -> None:
     assert len(cases) == 500
     for then in cases[7::50]:
         now = case(then["scene"], then["values"], then["ties"])
-        assert (now["kind"], now["said"]) == (then["kind"], then["said"])
+        assert all(now[told] == then[told] for told in ("answer", "kind", "said", "counts"))
         assert now["error"] == pytest.approx(then["error"], abs=1e-9)
         for engine in ("soft", "hard"):
             for number in ("velocity", "rise", "span"):
@@ -132,7 +132,7 @@ def test_golden_data_are_what_python_says(monkeypatch) -> None:
 def test_golden_data_hold_all_that_can_go_wrong() -> None:
     cases = json.loads((HERE / "golden.json").read_text(encoding="utf-8"))
     kinds = [one["kind"] for one in cases]
-    assert {"yes", "yes, overlap", "no verdict", "not uniquely", "counts", "off"} <= set(kinds)
+    assert {"yes", "yes, overlap", "not_unique", "forever", "counts", "off"} <= set(kinds)
     assert sum(one["error"] is not None for one in cases) > 350
     elastic = [one for one in cases if one["scene"] == "newtons-cradle" and one["values"]["eps"] == 1.0]
     assert len({one["values"]["gap"] for one in elastic if one["kind"] == "yes"}) > 5

@@ -84,7 +84,7 @@ def test_error_is_that_of_compare_and_sweep():
     swept = gr.sweep("three-balls", {"gap": [one.value for one in found.values]}, "error", restitution=0.9)["error"]
     assert [one.measure for one in found.values] == swept.values.tolist()
     assert [one.verdict == "holds" for one in found.values] == (swept.values <= 0.02).tolist()
-    assert found.sentence.startswith("The error of hard spheres is at most 0.02 of the impact speed from gap = 0.00")
+    assert found.sentence.startswith("The error of hard spheres is at most 0.02 of the fastest impact from gap = 0.00")
 
 
 def limited(gap):

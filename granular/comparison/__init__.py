@@ -5,7 +5,7 @@ May be skipped: names of the package only.
 `run`          `compare`, and `Comparison` as people have it
 `numbers`      both runs, and the numbers that tell them apart
 `restitution`  the collision rule that force laws make, and the ε that gives another outcome
-`verdict`      the answer in one line
+`answer`       the answer as a value, and the reasons of every component
 `report`       the table, and what JSON has of it
 `view`         which span of time is drawn, and the runs with enough rows
 `figure`       timelines, forces and world lines
@@ -13,7 +13,8 @@ May be skipped: names of the package only.
 =============  =====================================================================================================
 """
 
+from granular.comparison.answer import Answer, Reason
 from granular.comparison.restitution import LawRule
 from granular.comparison.run import Comparison, compare
 
-__all__ = ["Comparison", "LawRule", "compare"]
+__all__ = ["Answer", "Comparison", "LawRule", "Reason", "compare"]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from granular._check import Array
-from granular.comparison.numbers import Compared
+from granular.comparison.answer import Judged
 from granular.comparison.view import View, with_rows
 from granular.trajectory import EARLY, Trajectory
 
@@ -69,7 +69,7 @@ def pictures(view: View, seconds: float, fps: int, whole: bool) -> Pictures:
     return Pictures(acts, np.concatenate(list(parts.values())), slower)
 
 
-def has_fall(report: Compared) -> bool:
+def has_fall(report: Judged) -> bool:
     """Whether balls fall on a floor that stands still, and both runs got to their end."""
     scene = report.scene
     ended = report.hard.status not in EARLY and report.soft.status not in EARLY

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from granular.comparison.numbers import Compared
+from granular.comparison.answer import Judged
 from granular.durations import Durations
 from granular.laws.kinds import resolved
 from granular.scene import Scene
@@ -37,12 +37,12 @@ def _body(scene: Scene, body: int) -> str:
     return "wall" if not scene.gravity else "ceiling" if body else "floor"
 
 
-def parameters(report: Compared) -> str:
+def parameters(report: Judged) -> str:
     """Two lines with the parameters of a comparison: the scene, and the laws of its contacts."""
     return f"{_scene(report)}\n{_laws(report)}"
 
 
-def _scene(report: Compared) -> str:
+def _scene(report: Judged) -> str:
     scene, balls = report.scene, ~report.scene.is_wall
     inner = scene.gap[~np.logical_or(*scene.sides(scene.is_wall))]
     ratio = report.groups["mass_ratio"]
@@ -57,7 +57,7 @@ def _scene(report: Compared) -> str:
     return ", ".join([*told, *(LONG.sub(lambda found: f"{float(found[0]):.4g}", wall) for wall in walls)])
 
 
-def _laws(report: Compared) -> str:
+def _laws(report: Judged) -> str:
     """The law, its constants, ε and t_c at the speed of the first impact; from which to which pair they go."""
     kinds = list(dict.fromkeys(type(law).__name__ for law in report.law))
     told = [" and ".join(kinds)]
@@ -71,7 +71,7 @@ def _laws(report: Compared) -> str:
     return ", ".join(told)
 
 
-def _stiffness(report: Compared) -> str:
+def _stiffness(report: Judged) -> str:
     """The unit of k in F = k ξ^p, if that is the law."""
     form = resolved(report.law, report.scene)[0].form
     return "" if form is None else " N/m" if form[1] == 1.0 else f" N/m$^{{{form[1]:g}}}$"
@@ -83,7 +83,7 @@ def _constants(laws: Sequence[Any]) -> list[str]:
     return [name for name in named if name not in ("gamma", "alpha") and isinstance(getattr(laws[0], name), float)]
 
 
-def _durations(report: Compared) -> Any:
+def _durations(report: Judged) -> Any:
     """How long a contact of each pair lasts by itself, at the speed of the first impact, in s; inf without an end."""
     speed, number_of = report.impact_speed if report.impact_speed > 0.0 else 1.0, np.arange(report.scene.n_pairs)
     return Durations(report.law, report.scene)(number_of, np.full(len(number_of), speed))

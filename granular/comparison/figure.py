@@ -13,10 +13,9 @@ import numpy as np
 
 from granular import _files
 from granular._check import Array
+from granular.comparison.answer import Judged
 from granular.comparison.caption import pair_name, parameters
 from granular.comparison.closeup import Closeup, closeup, draw_closeup
-from granular.comparison.numbers import Compared
-from granular.comparison.verdict import verdict
 from granular.comparison.view import View, window, with_rows
 from granular.drawing import GREY, HARD, SOFT, canvas
 from granular.tables import PREFIXES, unit_of
@@ -35,7 +34,7 @@ FEW = 6
 SMALL: dict[str, Any] = {"fontsize": 8}
 
 
-def plot(report: Compared, path: str | PathLike[str] | None = None) -> Any:
+def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
     """Draw what both engines make of the scene; return the figure, or save it to `path`.
 
     From top to bottom: the verdict and the parameters; when the balls of each pair touch; the forces of the soft
@@ -67,16 +66,16 @@ def plot(report: Compared, path: str | PathLike[str] | None = None) -> Any:
     return _files.write_figure(path, figure, dpi=200)
 
 
-def both(report: Compared, times: Array, further: bool = False) -> dict[str, Trajectory]:
+def both(report: Judged, times: Array, further: bool = False) -> dict[str, Trajectory]:
     """Both runs with rows at those times; of hard spheres only if they do not collide too often."""
     few = len(report.hard.contacts) < 100_000
     return {engine: with_rows(report, engine, times, further) for engine in ("soft", "hard") if engine == "soft" or few}
 
 
-def head(figure: Any, report: Compared, size: float = 9.0) -> None:
+def head(figure: Any, report: Judged, size: float = 9.0) -> None:
     """The verdict as title, and below it the parameters."""
     width, height = 72.0 * figure.get_size_inches()
-    said = wrap(verdict(report), int(1.64 * width / size))
+    said = wrap(report.verdict, int(1.64 * width / size))
     small = [line for part in parameters(report).split("\n") for line in wrap(part, int(2.1 * width / size))]
     figure.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 1.0 - 1.45 * size * len(said + small) / height))
     for row, line in enumerate(said + small):

@@ -11,7 +11,7 @@ from typing import Any
 from granular import _check, _files
 from granular._optional import optional
 from granular.comparison.acts import Pictures, pictures
-from granular.comparison.numbers import Compared
+from granular.comparison.answer import Judged
 from granular.comparison.reel import Page, save
 from granular.comparison.ruler import far
 from granular.comparison.slowmotion import near
@@ -23,7 +23,7 @@ MOST_BALLS = 60
 
 
 def animate(
-    report: Compared, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True
+    report: Judged, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True
 ) -> None:
     """Write a film of both engines; of at most 60 balls.
 

@@ -4,25 +4,31 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from granular import _check, certificate, edmd, measures, outcome, theory, tie_rules, timing
+from granular import _check, certificate, edmd, end_time, measures, outcome, theory, tie_rules
 from granular import until as stop
+from granular._check import Array
 from granular.binary import at_speed
 from granular.comparison.restitution import LawRule, roots
 from granular.comparison.rises import hard_rise, soft_rise
+from granular.components import Components, components, counted, differences, rests_apart, units
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import resolved
 from granular.measures import Overlap
-from granular.outcome import SAME, PairOutcome
+from granular.outcome import PairOutcome
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.scene.state import forced
 from granular.trajectory import EARLY, Trajectory
+
+MERGED = 1e-9
+"""After a collapse, hard spheres that collide at less than this share of the fastest impact stick."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +43,6 @@ class Compared:
     hard: Trajectory
     soft: Trajectory
     twin: Trajectory
-    pairs: tuple[PairOutcome, ...]
-    followed: Trajectory
     hard_options: Mapping[str, Any]
     soft_options: Mapping[str, Any]
 
@@ -48,9 +52,49 @@ class Compared:
         return measures.impact_speed(self.counted[0])
 
     @cached_property
+    def settled(self) -> Trajectory:
+        """The hard run; one that ended in a collapse is carried on, those that collide ever more slowly stick."""
+        hard = self.hard
+        if "verdict" not in hard.stats:
+            return hard
+        slow = MERGED * measures.fastest_approach(hard)
+        options = {**self.hard_options, "collapse": "merge", "merge_below": slow}
+        with suppress(ValueError, ArithmeticError):  # a tie rule that has no answer
+            return edmd.simulate(self.scene, self.rule, **options)
+        return hard
+
+    @cached_property
     def counted(self) -> tuple[Trajectory, Trajectory]:
-        """The hard and the soft run without contacts that are rounding (`granular.measures.without_rounding`)."""
-        return measures.counted(self.hard, self.soft)
+        """The hard and the soft run without contacts that are rounding; collisions of a pair in one instant are one."""
+        return counted(outcome.at_once(self.settled), self.soft)
+
+    @cached_property
+    def levelled(self) -> tuple[Trajectory, Trajectory]:
+        """Both runs with the same contacts of every pair as far as they have them, each followed to its end."""
+        hard, soft = end_time.levelled(self.settled, self.counted[1], self.soft_options)
+        hard, soft = counted(outcome.at_once(hard), soft)
+        most = np.maximum(*map(outcome.counts, self.counted))
+        return end_time.first(hard, most), end_time.first(soft, most)
+
+    @property
+    def followed(self) -> Trajectory:
+        """The soft run without contacts that are rounding, those running or to come at its end followed to theirs."""
+        return self.levelled[1]
+
+    @cached_property
+    def pairs(self) -> tuple[PairOutcome, ...]:
+        """Contacts and separation speeds, pair by pair."""
+        return outcome.pair_outcomes(*self.levelled, self.counted[1])
+
+    @cached_property
+    def components(self) -> Components:
+        """Balls that touch each other in either run."""
+        return components(*self.levelled)
+
+    @cached_property
+    def units(self) -> Array:
+        """Largest closing speed in m/s of each component, see `granular.components.units`."""
+        return units(*self.levelled, self.components)
 
     @cached_property
     def overlaps(self) -> tuple[Overlap, ...]:
@@ -66,10 +110,10 @@ class Compared:
             "shared_impulse": measures.shared_impulse(self.soft),
             "crowding": measures.crowding(hard, self.law),
             "occupation": measures.occupation(soft),
-            "distance": math.nan if self._early else measures.distance(self.followed, hard),
-            "predictability": measures.distance(*self._shifted),
+            "distance": math.nan if self._early else self._distance(self._apart[0]),
+            "predictability": self._distance(differences(*self._shifted)[0]),
             "mass_centre_ratio": soft_cm / hard_cm if hard_cm and not self._early else math.nan,
-            "isolated_share": certificate.isolated_share(self.soft),
+            "isolated_share": certificate.isolated_share(self.levelled[1]),
             "lag": float(self.soft.time[-1] - self.hard.time[-1]),
         }
 
@@ -170,55 +214,73 @@ class Compared:
 
     def _last_separation(self, hard: Trajectory) -> float:
         """Separation speed in m/s of the last pair after its last contact that is not rounding."""
-        return float(outcome.separations(measures.counted(hard, self.soft)[0])[0][-1])
+        return float(outcome.separations(counted(hard, self.soft)[0])[0][-1])
 
     @cached_property
     def error(self) -> float:
-        """How far hard spheres are off, in speeds of the first collision: the one number that the verdict judges.
+        """How far hard spheres are off, in closing speeds: the one number that the answer judges.
 
-        error = max( max_i |u_i(soft) - u_i(hard)|, max_c |v′_c(soft) - v′_c(hard)| ) / v₁
+        error = max over components of max( max_i |u_i(soft) - u_i(hard)|, max_c |v′_c(soft) - v′_c(hard)| ) / U
 
-        over all balls i, walls left out, and all pairs c. u_i is the velocity with which ball i leaves the last of its
-        contacts that ends, the initial one without contacts; v′_c is the separation speed of pair c at the end of its
-        last contact. A soft contact still running at the end of the run is followed to its own end, a contact that is
-        rounding does not count, and what has no value, such as v′ of a contact that never ends, is left out. v₁ is
-        `impact_speed`. Free fall and the lag of soft spheres do not enter.
-
-        0 where nothing collides; nan where no contact comes to its end, and where a run did not get to its end, for
-        nothing is claimed of it.
+        over all balls i, walls left out, and pairs c of the component. u_i is the velocity with which ball i leaves the
+        last of its contacts, v′_c the separation speed of pair c at the end of its last contact, U the largest closing
+        speed of the component; see docs/concepts.md. 0 where nothing collides; nan where a run did not get to its end.
         """
-        return math.nan if self._early else self._apart(self.followed, self.counted[0])
+        return math.nan if self._early else float(self.errors.max(initial=0.0))
 
     @cached_property
-    def tie_errors(self) -> dict[str, float]:
-        """How far the answer of each other tie rule is from the hard run, as `error` says; empty without ties."""
-        return {name: self._apart(run, self.counted[0]) for name, run in self._other_answers.items()}
+    def errors(self) -> Array:
+        """The error of each component, in its unit; 0 where balls rest on each other from the start."""
+        moves = ~self.lying[self.components.of_pair]
+        off = self.components.largest(np.where(moves, self._apart[1], 0.0), self._apart[0]) / self.units
+        return np.where(self.lying[:-1], 0.0, off)
 
     @cached_property
-    def shift_error(self) -> float:
-        """How far hard spheres from gaps shifted by 1e-12 of themselves are from the hard run, as `error` says."""
-        return self._apart(*self._shifted)
+    def lying(self) -> Any:
+        """Whether hard spheres of each component rest on each other from the start, and one more for no component."""
+        hard, of = self.levelled[0], self.components.of_pair
+        moves = np.ones(self.components.count + 1, np.bool_)
+        moves[:-1] = False
+        moves[of[(outcome.counts(hard) > 0) | (hard.gap[-1] != 0.0)]] = True
+        return ~moves
 
     @cached_property
-    def unsettled_counts(self) -> Any:
-        """Whether each pair collides another number of times under another tie rule, or from shifted gaps, (n-1,)."""
-        twin, usual = (outcome.counts(run) for run in self._shifted)
-        others = [outcome.counts(run) != outcome.counts(self.counted[0]) for run in self._other_answers.values()]
-        return np.array([twin != usual, *others]).any(axis=0)
+    def tie_errors(self) -> dict[str, Array]:
+        """How far balls leave, in units of their component, under each other tie rule; empty without ties."""
+        return {name: self._leaving_apart(run) for name, run in self._other_answers.items()}
 
     @cached_property
-    def only_timing(self) -> bool:
-        """Whether counts differ only by contacts that fall on the other side of `t_end`.
+    def shift_errors(self) -> Array:
+        """How far balls leave, in units of their component, from gaps shifted by 1e-12 of themselves."""
+        return self._leaving_apart(*self._shifted)
 
-        Soft spheres lag by about t_c per collision; so contacts that began within that lag of the end do not count.
-        A lag that meets a driven wall in another phase is more than timing: velocities differ then.
-        """
-        hard, soft = self.counted
-        return timing.same_but_for_timing(soft, hard, SAME * measures.fastest_approach(hard))
+    @cached_property
+    def shifts(self) -> Array:
+        """D of hard spheres against themselves, gaps shifted by 1e-12 of themselves, of each component."""
+        mass = np.where(self.scene.is_wall, 0.0, self.scene.mass)
+        apart = differences(*self._shifted)[0]
+        return np.sqrt(self.components.total(mass * apart**2) / self.components.total(mass)) / self.units
+
+    @cached_property
+    def resting(self) -> dict[int, float]:
+        """Pairs whose last contact has no end in one of the runs, and how far in m/s the runs differ there."""
+        return dict(rests_apart(*self.levelled, self.components.weight(self.levelled[1])))
+
+    @cached_property
+    def other_counts(self) -> Any:
+        """Whether each pair has other numbers of contacts in the two runs, (n-1,), otherwise than where it rests."""
+        other = np.not_equal(*map(outcome.counts, self.levelled))
+        other[list(self.resting)] = False
+        return other
+
+    @cached_property
+    def unknown(self) -> Any:
+        """Whether the last soft contact of each pair was still running and could not be followed, (n-1,)."""
+        return end_time.unfollowed(self.levelled[1])
 
     @property
     def _early(self) -> bool:
-        return self.hard.status in EARLY or self.soft.status in EARLY
+        return self.settled.status in EARLY or self.soft.status in EARLY
 
     @property
     def _speed(self) -> float:
@@ -226,18 +288,35 @@ class Compared:
         return self.impact_speed if self.impact_speed > 0.0 else 1.0
 
     @cached_property
+    def _apart(self) -> tuple[Array, Array]:
+        """Differences in m/s of the two runs, by balls and by pairs; where a pair rests, of all its contacts."""
+        balls, pairs = differences(*self.levelled)
+        for c, apart in self.resting.items():
+            pairs[c] = apart
+        return balls, pairs
+
+    @cached_property
     def _shifted(self) -> tuple[Trajectory, Trajectory]:
         """The twin and the hard run, without contacts that are rounding or just at the end time."""
-        return measures.before_the_end(measures.counted(self.twin, self.soft)[0], self.counted[0])
+        runs = (counted(outcome.at_once(run), self.soft)[0] for run in (self.twin, self.hard))
+        return measures.before_the_end(*runs)
 
     @cached_property
     def _other_answers(self) -> dict[str, Trajectory]:
         runs = tie_rules.other_answers(self.hard, self.rule, self.hard_options)
-        return {name: measures.counted(run, self.soft)[0] for name, run in runs.items()}
+        return {name: counted(outcome.at_once(run), self.soft)[0] for name, run in runs.items()}
 
-    def _apart(self, one: Trajectory, other: Trajectory) -> float:
-        """Largest difference of two runs in impact speeds."""
-        return outcome.largest_difference(one, other) / self.impact_speed if self.impact_speed > 0.0 else 0.0
+    def _leaving_apart(self, one: Trajectory, other: Trajectory | None = None) -> Array:
+        """Largest difference of leaving velocities of two hard runs, in units of each component."""
+        apart = differences(one, other or self._shifted[1])[0]
+        return self.components.largest(np.full(self.scene.n_pairs, 0.0), apart) / self.units
+
+    def _distance(self, apart: Array) -> float:
+        """D = √(Σ m Δu² / Σ m U²) over all balls that touch one, U the unit of a ball's component."""
+        mass, of = np.where(self.scene.is_wall, 0.0, self.scene.mass), self.components.of_ball
+        unit = np.append(self.units, 0.0)[of]
+        scale = float(mass @ unit**2)
+        return math.sqrt(float(np.nansum(mass * apart**2)) / scale) if scale > 0.0 else math.nan
 
 
 def _restitution(law: PairLaw, speed: float) -> float:

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from granular import certificate, measures
-from granular.comparison.numbers import Compared
-from granular.comparison.verdict import verdict
+from granular.comparison.answer import Judged
+from granular.components import FAINT
 from granular.laws.kinds import resolved
-from granular.measures import ROUNDING
 from granular.tables import number, problem
 from granular.trajectory import Status, Trajectory
 
@@ -27,7 +26,7 @@ LIGHTEST, HEAVIEST, FASTEST = 0.15, 23_000.0, 20_000.0
 """Densities in kg/m³ and speed of sound in m/s beyond those of all solids: aerographene has 0.16 and osmium 22 590, and
 diamond 18 000. None is too soft, for then overlaps are deep."""
 MEASURES = {
-    "error": "largest error of a velocity, in impact speeds = {error:.3g}",
+    "error": "largest error of a velocity, of the fastest impact = {error:.3g}",
     "shared_impulse": "impulse shared with a neighbour      φ   = {shared_impulse:.4g}",
     "crowding": "events with a neighbour within t_c   p   = {crowding:.4g}",
     "occupation": "share of time in contact             Λ   = {occupation:.3g}",
@@ -44,21 +43,21 @@ GROUPS = {
 """How measures and groups read; those that are nan are left out."""
 
 
-def table(report: Compared) -> str:
+def table(report: Judged) -> str:
     """The report a person reads."""
     lines = [f"{report.scene!r}", *_laws(report), "", *_outcomes(report), *_account(report), "", *_why(report), ""]
     lines += _known(MEASURES, {"error": report.error} | report.measures)
     lines += ["groups: " + ", ".join(_known(GROUPS, report.groups)), *(f"warning: {w}" for w in warnings(report))]
-    return "\n".join([*lines, "", verdict(report)])
+    return "\n".join([*lines, "", report.verdict])
 
 
-def warnings(report: Compared) -> list[str]:
+def warnings(report: Judged) -> list[str]:
     """What to mind: a rule that is not that of the laws, balls that were merged, and what no solid or no
     force law would bear."""
     return [*_two_restitutions(report), *_merged(report), *_no_solid(report), *_extremes(report)]
 
 
-def _two_restitutions(report: Compared) -> Iterator[str]:
+def _two_restitutions(report: Judged) -> Iterator[str]:
     """Pairs whose hard spheres collide with another ε than their force law has."""
     hard, law = np.array(report.restitution_spec), np.array(report.law_restitution)
     differ = np.flatnonzero(np.abs(hard - law) > SAME_RESTITUTION)
@@ -66,14 +65,14 @@ def _two_restitutions(report: Compared) -> Iterator[str]:
         yield f"hard spheres of pair {c}{_and(differ)} run with ε = {hard[c]:.6g}, their force law has {law[c]:.6g}"
 
 
-def _merged(report: Compared) -> Iterator[str]:
+def _merged(report: Judged) -> Iterator[str]:
     """Hard spheres that move as one because they were told to."""
     many, below = report.hard.stats.get("merged", 0), report.hard.stats.get("merge_below", math.inf)
     if many and below < math.inf:
         yield f"{many} hard collisions at less than {below:.3g} m/s were merged: what follows depends on that speed"
 
 
-def _no_solid(report: Compared) -> Iterator[str]:
+def _no_solid(report: Judged) -> Iterator[str]:
     """A density, or else a speed of waves in a contact, 2 R √(∂F/∂ξ / m_eff), that no solid has: units are wrong."""
     scene = report.scene
     slope = resolved(report.law, scene).column(lambda law: law.impact_stiffness(report.impact_speed))
@@ -91,7 +90,7 @@ def _no_solid(report: Compared) -> Iterator[str]:
                "solid: is its stiffness in SI units?")  # fmt: skip
 
 
-def _smaller_radius(report: Compared) -> Any:
+def _smaller_radius(report: Judged) -> Any:
     """Smaller radius in m of the balls of each pair; inf if neither has one."""
     radius = report.scene.radius
     return np.minimum(*report.scene.sides(np.where(radius > 0.0, radius, math.inf)))
@@ -102,7 +101,7 @@ def _and(some: Any) -> str:
     return f" (and of {len(some) - 1} more)" if len(some) > 1 else ""
 
 
-def _extremes(report: Compared) -> Iterator[str]:
+def _extremes(report: Judged) -> Iterator[str]:
     """Deep overlaps, and speeds near the speed of sound, 2 π R / t_c; of an unstable run both mean nothing."""
     if report.soft.status is Status.unstable:
         return
@@ -121,7 +120,7 @@ def _extremes(report: Compared) -> Iterator[str]:
             yield f"pair {c} meets at {speed:.2g} of the speed of contact waves"
 
 
-def numbers(report: Compared) -> dict[str, Any]:
+def numbers(report: Judged) -> dict[str, Any]:
     """All numbers."""
     return {
         **problem(report),
@@ -137,7 +136,9 @@ def numbers(report: Compared) -> dict[str, Any]:
         **certificate.numbers(report.soft),
         "error": report.error,
         **({} if math.isnan(report.drop) else {"drop": report.drop, "rises": report.rises}),
-        "verdict": verdict(report),
+        "answer": report.answer.name,
+        "reasons": [asdict(one) | {"answer": one.answer.name} for one in report.reasons],
+        "verdict": report.verdict,
         "warnings": warnings(report),
         "hard": _run(report.hard),
         "soft": _run(report.soft),
@@ -159,7 +160,7 @@ def _run(run: Trajectory) -> dict[str, Any]:
     }
 
 
-def _laws(report: Compared) -> list[str]:
+def _laws(report: Judged) -> list[str]:
     """Each different law, or each pair's, with its own ε; then the rule of the hard spheres with its own."""
     eps, n = np.array(report.law_restitution), len(report.law)
     of_law: dict[str, list[int]] = {}
@@ -182,7 +183,7 @@ def _which(pairs: list[int], n: int) -> str:
     return f"pair {pairs[0]}" if len(pairs) == 1 else "all pairs" if len(pairs) == n else f"{len(pairs)} pairs"
 
 
-def _outcomes(report: Compared) -> Iterator[str]:
+def _outcomes(report: Judged) -> Iterator[str]:
     """Both engines side by side."""
     pairs, hard, soft = report.pairs, report.hard, report.soft
     shown = pairs if len(pairs) <= MANY else pairs[:3] + pairs[-3:]
@@ -196,7 +197,7 @@ def _outcomes(report: Compared) -> Iterator[str]:
         yield f"({len(pairs) - len(shown)} pairs in between not shown; all are in the JSON)"
     yield _line("all contacts", len(hard.contacts), len(soft.contacts))
     if any(left := _left_out(report)):
-        yield _line("left out as rounding", *left, f"  slower than {ROUNDING:g} of the fastest impact")
+        yield _line("left out as rounding", *left, f"  slower than {FAINT:g} of the fastest impact")
     yield _line("ended at t, s", f"{hard.time[-1]:.9g}", f"{soft.time[-1]:.9g}")
     yield _line("because", hard.status.name, soft.status.name)
     if not math.isnan(report.drop):
@@ -206,7 +207,7 @@ def _outcomes(report: Compared) -> Iterator[str]:
         yield _line("ε_eff / ε_spec", 1, f"{ratio:.6g}")
 
 
-def _account(report: Compared) -> Iterator[str]:
+def _account(report: Judged) -> Iterator[str]:
     """Where the energy comes from and goes to, where walls do work or heat; what cannot be told of balls there."""
     if not report.scene.fed:
         return
@@ -226,13 +227,13 @@ def _line(name: str, hard: Any, soft: Any, mark: str = "") -> str:
     return f"{name:22}{hard:>16}{soft:>16}{mark}"
 
 
-def _left_out(report: Compared) -> tuple[int, int]:
+def _left_out(report: Judged) -> tuple[int, int]:
     """How many contacts of the hard and of the soft run are rounding, and count for nothing."""
     hard, soft = report.counted
     return len(report.hard.contacts) - len(hard.contacts), len(report.soft.contacts) - len(soft.contacts)
 
 
-def _why(report: Compared) -> Iterator[str]:
+def _why(report: Judged) -> Iterator[str]:
     shared = report.overlaps
     yield from filter(None, [certificate.sentence(report.soft)])
     if not shared and report.measures["isolated_share"] < 1.0:
@@ -243,7 +244,7 @@ def _why(report: Compared) -> Iterator[str]:
         yield from _overlaps(report)
 
 
-def _overlaps(report: Compared) -> Iterator[str]:
+def _overlaps(report: Judged) -> Iterator[str]:
     """The contacts that share a span of time."""
     shared, log = report.overlaps, report.counted[1].contacts
     some = f"{len(shared)} contacts overlap" if len(shared) > 1 else "1 contact overlaps"

@@ -10,8 +10,8 @@ import numpy as np
 
 from granular._check import Array
 from granular.comparison.acts import HIGHEST, Pictures
+from granular.comparison.answer import Judged
 from granular.comparison.figure import both, head
-from granular.comparison.numbers import Compared
 from granular.comparison.reel import INK, PAPER, Page, clock_line, page
 from granular.comparison.stage import COLOURS, relative_radii
 from granular.drawing import GREY
@@ -25,7 +25,7 @@ POINTS = 9.0
 """Radius of the largest ball in points."""
 
 
-def far(report: Compared, shown: Pictures) -> Page:
+def far(report: Judged, shown: Pictures) -> Page:
     """Return the page of the acts in which balls fall and fly."""
     scene, time = report.scene, shown.of(*SAID)
     fine = np.union1d(np.linspace(time[0], time[-1], 1200), time)

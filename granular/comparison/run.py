@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from granular import edmd, md, measures, outcome
+from granular import edmd, md
 from granular import until as stop
-from granular.comparison import figure, film, report, verdict
-from granular.comparison.numbers import Compared
+from granular.comparison import figure, film, report
+from granular.comparison.answer import Judged
 from granular.comparison.restitution import rule_of
 from granular.laws.check import checked
 from granular.request import EVENTS, check_end
@@ -21,7 +21,7 @@ from granular.tables import Report
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison(Compared, Report):
+class Comparison(Judged, Report):
     """The discrepancy between hard and soft spheres for one scene; print it, `plot` it, save it with `to_json`.
 
     Attributes
@@ -36,14 +36,19 @@ class Comparison(Compared, Report):
         Contacts and separation speeds, pair by pair.
     twin : Trajectory
         EDMD from gaps shifted by 1e-12 of themselves: how far the scene can be predicted at all.
-    followed : Trajectory
-        The soft run without contacts that are rounding, those still running at its end followed to theirs.
+    levelled : (2,) tuple of Trajectory
+        Both runs without contacts that are rounding, those still running or to come at the end followed to theirs.
+    answer : Answer
+        May these collisions be treated as instantaneous?
+    reasons : tuple of Reason
+        Why, component by component, the worst first.
+    verdict : str
+        The first reason in one line.
     hard_options, soft_options : mapping
         Options of `granular.edmd.simulate` and `granular.md.simulate` with which the runs are made again, for details.
     """
 
     __str__ = report.table
-    verdict = property(verdict.verdict)
     _numbers = report.numbers
     plot = figure.plot
     animate = film.animate
@@ -110,10 +115,7 @@ def compare(
     twin = edmd.simulate(_nudged(scene), used, **event_driven, on_progress=on_progress)
     options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
     soft = md.simulate(scene, laws, **end, **options, on_progress=on_progress)
-    counted = measures.counted(hard, soft)
-    followed = outcome.followed(counted[1], options)
-    pairs = outcome.pair_outcomes(*counted, followed)
-    return Comparison(scene, laws, used, until, t_end, hard, soft, twin, pairs, followed, event_driven, options)
+    return Comparison(scene, laws, used, until, t_end, hard, soft, twin, event_driven, options)
 
 
 def _nudged(scene: Scene) -> Scene:

@@ -13,7 +13,7 @@ import numpy as np
 
 from granular import edmd, md
 from granular._check import Array
-from granular.comparison.numbers import Compared
+from granular.comparison.answer import Judged
 from granular.tables import unit_of
 from granular.trajectory import Status, Trajectory
 from granular.until import Separated
@@ -30,7 +30,7 @@ LONE = 0.01
 class View:
     """A comparison from `begin` to `end` in s, on a clock that is 0 at `zero` and goes in a unit of its own."""
 
-    report: Compared
+    report: Judged
     begin: float
     end: float
     zero: float = 0.0
@@ -72,13 +72,13 @@ class View:
         return times
 
 
-def window(report: Compared) -> View:
+def window(report: Judged) -> View:
     """The span of time worth drawing: from the first contact that counts to the end of the last, with a margin.
 
     A few late contacts of next to no impulse are left out if the others would fill less than a third of the span.
     """
     start = float(report.soft.time[0])
-    runs = report.counted[0], report.followed
+    runs = report.levelled
     if not any(len(run.contacts) for run in report.counted):
         return View(report, start, max(float(report.soft.time[-1]), start + 1.0))
     share = np.concatenate([run.contacts["impulse"] / (float(run.contacts["impulse"].sum()) or 1.0) for run in runs])
@@ -95,7 +95,7 @@ def window(report: Compared) -> View:
     return View(report, begin, end, first if first > FAR * (end - begin) else 0.0)
 
 
-def with_rows(report: Compared, engine: str, times: Array, further: bool = False) -> Trajectory:
+def with_rows(report: Judged, engine: str, times: Array, further: bool = False) -> Trajectory:
     """One of the two runs again with rows at `times` in s, sorted; beyond its end too if free flight follows, or if it
     is to go `further`."""
     hard = engine == "hard"

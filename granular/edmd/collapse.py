@@ -13,6 +13,7 @@ from granular._check import Array
 from granular._flight import time_to_contact
 from granular._records import Records, column
 from granular.edmd.physics import Physics
+from granular.edmd.proof import forever
 from granular.edmd.records import APART, BUDGET, LATER, NEAR, RESTS, SPENT, TINY, UNTIL
 from granular.edmd.sorted_queue import Log, SortedQueue
 from granular.edmd.state import State, gaps
@@ -27,19 +28,20 @@ ROUNDING = 1e-12
 ALONE = 64.0
 """Such a run is judged while nothing outside collides for so many times the wait for its own next collision."""
 PATIENCE, STEP = 64, 16_384
-"""Collisions looked at closely, in units of the square of the pairs looked at, before a run may be judged by that; and
-how many lie between two such judgements."""
+"""Collisions looked at closely, in units of the square of the pairs looked at, before a run may be judged by that (or,
+where `max_events` ends it, by the bound it has got to); and how many lie between two such judgements."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """An inelastic collapse.
+    """An inelastic collapse, or what may be one.
 
     Attributes
     ----------
     kind : str
-        *exact*: infinitely many bounces of one ball on a wall, summed; *proved*: two pairs that alternate forever;
-        *bounded*: not claimed to be infinite, but no body involved will be faster than `bound`.
+        *exact*: infinitely many bounces of one ball on a wall, summed; *proved*: two pairs that alternate forever, or
+        more whose word of collisions repeats forever; *bounded*: no collapse, for nobody knows whether it is infinite,
+        but no body involved will be faster than `bound`.
     first, last : int
         The pairs involved.
     bound : float
@@ -109,6 +111,8 @@ def look(
             else:
                 run.short = math.ldexp(run.short, -4)
                 run.allowance *= 2
+    if verdict is not None and verdict.kind == "bounded":
+        verdict = _proved(state, physics, verdict)
     finish(state, queue)
     return UNTIL if run.stop_pair == APART and queue.apart() else end, verdict
 
@@ -142,6 +146,14 @@ def bound(state: State, physics: Physics) -> Verdict | None:
     return verdict if verdict is not None and math.isfinite(verdict.bound) else None
 
 
+def left(state: State, physics: Physics) -> Verdict | None:
+    """Return the same of one that has lasted long, if nothing else is due soon: what a run may end with for good."""
+    if state.near is None or state.run.zoomed < PATIENCE * len(state.near) ** 2:
+        return None
+    verdict = bound(state, physics)
+    return verdict if verdict is not None and _is_alone(state, verdict) else None
+
+
 def _faint(state: State, physics: Physics) -> Verdict | None:
     """Return the verdict on the longest run about the suspect whose speeds will count for nothing, if there is one.
 
@@ -158,6 +170,28 @@ def _faint(state: State, physics: Physics) -> Verdict | None:
     return None
 
 
+def _proved(state: State, physics: Physics, verdict: Verdict) -> Verdict:
+    """Return the verdict *proved* on those pairs of a *bounded* one that collide forever, if they are shown to.
+
+    No pair but them may collide within the time that is left, though it has come closer by twice the bound.
+    """
+    run, near, (pairs, bodies), n = state.run, state.near, state.slices(), len(state.pairs)
+    low, high = ((k - int(run.first)) % n for k in (verdict.first, verdict.last))
+    end, pull = high + 1, column(pairs, "pull")
+    resting = (column(bodies, "falls") == 0.0) & np.isfinite(column(bodies, "mass")) & (run.gravity > 0.0)
+    if physics.rule is not None or state.walls is not None or pull[low:end].any() or resting[low : end + 1].any():
+        return verdict
+    gap, rate = column(near, "gap"), column(near, "rate")
+    found = forever(pairs[low:end], gap[low:end], rate[low:end])
+    if found is None:
+        return verdict
+    low, end = low + found.first, low + found.last + 1
+    wait = list(map(time_to_contact, gap.tolist(), (rate - 2.0 * verdict.bound).tolist(), pull.tolist()))
+    if not found.left < min([*wait[:low], *wait[end:], float(run.room - run.elapsed)]):
+        return verdict
+    return Verdict("proved", (int(run.first) + low) % n, (int(run.first) + end - 1) % n, verdict.bound)
+
+
 def _is_alone(state: State, verdict: Verdict) -> bool:
     """Return whether no pair outside a run collides before it has had time for many collisions of its own."""
     columns = column(state.near, "gap"), column(state.near, "rate"), column(state.slices()[0], "pull")
@@ -170,7 +204,7 @@ def _is_alone(state: State, verdict: Verdict) -> bool:
 def judged(state: State, physics: Physics, share: float = SLOW, collided: int | None = None) -> Verdict | None:
     """Return what can be said of the neighbours of the suspect with rates below `share` of the scale.
 
-    Proved, bounded, or nothing. `collided`, a pair of the slice, stands for the suspect if it is given.
+    Proved of two pairs, bounded, or nothing. `collided`, a pair of the slice, stands for the suspect if it is given.
     """
     run, gap, rate = state.run, column(state.near, "gap"), column(state.near, "rate")
     tiny = state.clock.speed * share

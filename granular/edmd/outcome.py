@@ -14,7 +14,7 @@ from granular.trajectory import Status
 
 WHY = {
     "exact": "body {above} comes to rest on the wall after infinitely many bounces",
-    "proved": "the two pairs collide in turn forever; rates left: {bound:.2g} m/s",
+    "proved": "the {count} pairs collide in turn forever; rates left: {bound:.2g} m/s",
     "bounded": "unless hit from outside, none of their bodies will be faster than {bound:.2g} m/s",
 }
 """What a verdict says, by its kind."""
@@ -25,10 +25,13 @@ def message(run: Any, status: Status, s: dict[str, Any]) -> str:
     verdict = run.verdict
     when = f"t = {run.time():.12g} s after {s['events']} collision{'s' * (s['events'] != 1)}"
     if verdict is not None:
-        why = WHY[verdict.kind].format(above=verdict.first + 1, bound=verdict.bound)
+        count = (verdict.last - verdict.first) % run.scene.n_pairs + 1
+        numbers = {"above": verdict.first + 1, "bound": verdict.bound, "count": "two" if count == 2 else count}
+        why = WHY[verdict.kind].format(**numbers)
         if verdict.bound == math.inf:
             why = "forces may pull them apart: how fast they will be is not known"
-        return f"inelastic collapse of {verdict} at {when} ({verdict.kind}: {why})"
+        what = "what may be an inelastic" if status is Status.bounded else "inelastic"
+        return f"{what} collapse of {verdict} at {when} ({verdict.kind}: {why})"
     walls = f"the walls close at t = {s['start'] + run.closing.after:.12g} s"
     if status is Status.collapse:
         sentence = f"{walls} and leave no way out: stopped at {when}, when no space was left"

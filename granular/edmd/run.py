@@ -138,7 +138,7 @@ class Run:
             if self.moves_on:
                 limit = state.tau(time)
             if self.verdict is not None:
-                return Pause.collapse
+                return Pause.bounded if self.verdict.kind == "bounded" else Pause.collapse
             if why == UNTIL:
                 return Pause.until
             if why == LATER:
@@ -154,7 +154,8 @@ class Run:
             elif why == SUSPECT:
                 collapse.begin(state, self.queue)
             elif why == BUDGET and self.events in (before, state.clock.last_event):  # or a group that is too large
-                return Pause.work
+                self.verdict = collapse.left(state, self.physics)
+                return Pause.work if self.verdict is None else Pause.bounded
             if self.events - seen >= LOOK or self.is_slow:
                 return Pause.full
         return Pause.reached

@@ -107,9 +107,9 @@ def simulate(
     Returns
     -------
     Trajectory
-        With status `time`, `until`, `quiet`, `collapse` or `max_events`; `broken` if the last state is none that
-        there can be, for every run looks. Walls that close on the balls end the run as
-        a `collapse` when no space is left between them; the message says when.
+        With status `time`, `until`, `quiet`, `collapse`, `bounded` or `max_events`; `broken` if the last state is none
+        that there can be, for every run looks. Walls that close on the balls end the run as a `collapse` when no space
+        is left between them; the message says when.
 
     Raises
     ------
@@ -178,13 +178,15 @@ def resume(
     Raises
     ------
     ValueError
-        If `trajectory` is no hard-sphere run, ended in a collapse, or is broken; or if its state cannot be that of its
-        last row.
+        If `trajectory` is no hard-sphere run, ended in a collapse or at a bound (but where `max_events` ended it), or
+        is broken; or if its state cannot be that of its last row.
     """
     if trajectory.rule is None or not trajectory.state:
         raise ValueError("trajectory is no hard-sphere run: one from granular.edmd is needed.")
     if trajectory.status is Status.collapse:
         raise ValueError("trajectory ended in a collapse: nothing follows it; run again with collapse='merge' or tc=.")
+    if trajectory.status is Status.bounded and "zoom_gap" not in trajectory.state:
+        raise ValueError("trajectory ended at a bound: nothing follows it; run again with collapse='merge' or tc=.")
     if trajectory.status is Status.broken:
         raise ValueError("trajectory is broken: nothing follows it; see its message.")
     saved, scene = trajectory.state, trajectory.scene

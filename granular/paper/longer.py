@@ -21,7 +21,7 @@ from granular.rules import ConstantRestitution
 from granular.sweeps import sweep
 
 MEASURES = ("error", "shared_impulse", "crowding", "occupation", "distance", "predictability", "mass_centre_ratio")
-ERROR = r"error  $\max(|\Delta u_i|,\,|\Delta v_c'|)\,/\,v_1$"
+ERROR = r"error  $\max(|\Delta u_i|,\,|\Delta v_c'|)\,/\,U$"
 """Label of `granular.Comparison.error`: largest difference of a leaving velocity u or a separation speed v′."""
 LEAST = 1e-8
 """Smaller values are drawn there."""

@@ -27,8 +27,8 @@ class Value:
     verdict : str
         "holds", "fails", or "undecided" where a run did not come to its end.
     measure : float
-        What decides: the error, in impact speeds; or the time in s up to which every contact was isolated, nan where
-        that is the whole run.
+        What decides: the error, in units of the fastest impact; or the time in s up to which every contact was
+        isolated, nan where that is the whole run.
     why : str
         The verdict's reason in words.
     """
@@ -80,6 +80,6 @@ def error(case: Case, limit: float) -> tuple[str, float, str]:
 
 CRITERIA = {
     "isolated": Criterion(isolated, "every contact", "isolated", ("isolated", "disturbed")),
-    "error": Criterion(error, "the error of hard spheres", "at most {error:g} of the impact speed",
+    "error": Criterion(error, "the error of hard spheres", "at most {error:g} of the fastest impact",
                        ("small error", "large error")),
 }

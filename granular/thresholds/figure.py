@@ -46,7 +46,7 @@ def plot(report: Threshold, path: str | PathLike[str] | None = None) -> Any:
 def _axes(axis: Any, report: Threshold) -> None:
     if report.criterion == "error":
         axis.axhline(report.limit, color="black", lw=0.6, ls="--")
-        axis.set(yscale="log", ylabel="error, in impact speeds")
+        axis.set(yscale="log", ylabel="error, of the fastest impact")
     else:
         axis.set_ylabel("first disturbed at t, s")
     axis.set(xscale=report.spacing, xlim=report.between,

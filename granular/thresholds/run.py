@@ -56,7 +56,7 @@ def threshold(
         Hard spheres hold where every contact of the soft run is isolated up to the stop condition; or where the error
         of a comparison is at most `error`.
     error : float
-        Largest error in impact speeds for the second criterion; see `granular.Comparison.error`.
+        Largest error, in units of the fastest impact, for the second criterion; see `granular.Comparison.error`.
     within : float
         Width to which every crossing is bisected, relative to its value.
     points : int

@@ -11,7 +11,7 @@ const USUAL = 1.2, ALIKE = 0.05; // factor of a contact time; heights that diffe
 export function inHeights({ finals, scene }) {
   const [hard, soft] = ["hard", "soft"].map((engine) => finals[engine].at(-1).rise / scene.drop);
   const agree = Math.abs(hard - soft) <= ALIKE * Math.max(hard, soft);
-  return { kind: agree ? "yes" : "off", verdict: { say: agree ? "heights-agree" : "heights-differ", hard, soft } };
+  return { answer: agree ? "yes" : "no", verdict: { say: agree ? "heights-agree" : "heights-differ", hard, soft } };
 }
 
 export class Spread {

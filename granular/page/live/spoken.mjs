@@ -8,9 +8,9 @@ const REST = 350; // ms without a change
 
 export class Spoken {
   load(report, isStory, covered) {
-    const { kind, verdict } = isStory ? inHeights(report) : report;
+    const { answer, verdict } = isStory ? inHeights(report) : report;
     told($(".verdict-words"), verdict.say, verdict);
-    $(".verdict").classList.toggle("yes", kind.startsWith("yes") || kind === "timing");
+    $(".verdict").classList.toggle("yes", answer === "yes");
     clearTimeout(this.waiting);
     this.waiting = setTimeout(() => text($(".announced"), covered ? "" : plain(verdict.say, verdict)), REST);
   }

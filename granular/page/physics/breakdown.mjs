@@ -1,12 +1,11 @@
 // The breakdown curve: the error, the very number the verdict goes by, over the gap. A sketch first, in an order that fills
 // evenly and without long runs; then those, and more where the number of soft contacts jumps or the curve bends. A
 // generator, so that a page can do it in slices of time, one point each.
-import { simulateHard } from "./hard.mjs";
-import { counted, isEarly, largestDifference, pairOutcome } from "./measures.mjs";
-import { simulateSoft } from "./soft.mjs";
+import { isEarly, pairOutcome } from "./measures.mjs";
+import { bothRuns } from "./outcome.mjs";
 
 export const SKETCH = 5; // points at once
-export const LEAST = 1e-4; // of the impact speed: smaller errors are drawn as this
+export const LEAST = 1e-4; // of the fastest impact: smaller errors are drawn as this
 const COARSE = 33, FINEST = 0.004, MOST = 220, SHORT = 100, LONG = 2000, EVENTS = 3000; // steps of soft, events of hard spheres
 
 export function* breakdown({ make, eps, k, gaps: [low, high], points }) {
@@ -30,11 +29,11 @@ export function* breakdown({ make, eps, k, gaps: [low, high], points }) {
 
 // `missing`: which engine did not get to its end. Contacts are those of the last pair.
 function pointAt(x, scene, eps, k, maxSteps) {
-  const soft = simulateSoft(scene, eps, k, { maxSteps });
+  const { cut, hard, soft, forever, error } = bothRuns(scene, eps, k, { maxSteps, maxEvents: EVENTS });
   if (isEarly(soft) && maxSteps < LONG) return null;
-  const hard = simulateHard(scene, eps, { maxEvents: EVENTS }), missing = isEarly(soft) ? "soft" : isEarly(hard) ? "hard" : "";
-  const [one, other] = [counted(soft, hard), counted(hard, soft)], error = missing ? NaN : largestDifference(one, other) / scene.impact;
-  return { x, error, y: Math.log10(Math.max(LEAST, error)), missing, contacts: isEarly(soft) ? NaN : pairOutcome(one, scene.gap.length - 1).contacts };
+  const missing = isEarly(soft) ? "soft" : isEarly(hard) || forever ? "hard" : "", known = missing ? NaN : error;
+  const contacts = isEarly(cut) ? NaN : pairOutcome(soft, scene.gap.length - 1).contacts;
+  return { x, error: known, y: Math.log10(Math.max(LEAST, known)), missing, contacts };
 }
 
 function insert(points, point) {

@@ -7,33 +7,50 @@ import { newtonRule, poissonRule, velocityChanges, reflectRule } from "./groups.
 import { heights, isElastic, isNoise, pairsOf } from "./scenes.mjs";
 
 const GROUPS = { newton: newtonRule, poisson: poissonRule, reflect: reflectRule };
-const TINY = 2 ** -200, SLOW = 1e-6, MERGED = 1e-4; // of the impact speed
+const TINY = 2 ** -200, FAINT = 2 ** -20, SLOW = 1e-6, MERGED = 1e-4, STUCK = 1e-9; // of the impact speed
 const DRAWN = 2000; // flights between events
+const LONGER = 10; // what has collapsed takes more events until it sticks
 export const TIES = ["left", "right", "random", "newton", "poisson", "reflect"];
 
-export function simulateHard(scene, eps, { ties = "left", seed = 0, maxEvents = 20000, record = false, follow = 0 } = {}) {
-  const run = start(scene, eps, ties, seed, record, maxEvents);
+// `sticks`: those that collide at less than so many m/s stick, so that there is no collapse.
+export function simulateHard(scene, eps, { ties = "left", seed = 0, maxEvents = 20000, record = false, sticks = 0 } = {}) {
+  const run = start(scene, eps, ties, seed, record, maxEvents, sticks);
   while (!run.status) advance(run);
-  const { contacts, flights, t: time, status } = run, velocity = run.u.map((_, i) => velocityOf(run, i));
-  if (follow > 0) carryOn(run, follow);
-  return { scene, contacts, flights, time, velocity, status, apex: run.apex };
+  const { contacts, flights, t: time, status, group } = run, velocity = run.u.map((_, i) => velocityOf(run, i));
+  return { scene, contacts, flights, time, velocity, gap: run.pairs.map((p) => p.gap), status, group, sticks, apex: run.apex, run };
 }
 
-function start(scene, eps, ties, seed, record, maxEvents) {
+function start(scene, eps, ties, seed, record, maxEvents, sticks) {
   const pairs = pairsOf(scene, eps, 1).map((p) => ({ ...p, hits: 0 }));
   const falls = scene.mass.map((m) => (m === Infinity ? 0 : 1)), { until, tEnd } = scene;
   const run = {
-    scene, elastic: isElastic(pairs), ties, seed, pairs, falls, until, tEnd, maxEvents, u: [...scene.velocity], t: 0, status: "",
-    contacts: [], flights: record ? [] : null, events: 0, follows: false, ...startApexes(scene),
+    scene, elastic: isElastic(pairs), ties, seed, pairs, falls, until, tEnd, maxEvents, sticks, u: [...scene.velocity], t: 0, status: "",
+    contacts: [], flights: record ? [] : null, events: 0, follows: false, group: [], ...startApexes(scene),
   };
   keepFlight(run);
   return run;
 }
 
+// The run with the contacts up to a later time.
+export function goOnHard(hard, end) {
+  const { run, status, contacts } = hard;
+  if (!["until", "time"].includes(status) || !(end > run.t)) return hard;
+  Object.assign(run, { until: null, tEnd: end, status: "", contacts: [], maxEvents: run.events + run.maxEvents });
+  while (!run.status) advance(run);
+  return { ...hard, contacts: [...contacts, ...run.contacts] };
+}
+
+// Hard spheres that end in a collapse are carried on from the start, those that collide ever more slowly sticking.
+export function settled(hard, eps, { ties, maxEvents }) {
+  if (hard.status !== "collapse" || ties in GROUPS) return hard;
+  const fastest = hard.contacts.reduce((most, { vIn: [lower, upper] }) => Math.max(most, lower - upper), 0);
+  return simulateHard(hard.scene, eps, { ties, maxEvents: LONGER * maxEvents, sticks: STUCK * fastest });
+}
+
 // Past the stop, until every ball has had its apex or lies on the floor, at most `most` events. Weak collisions are plastic
 // here: what has all but collapsed moves on with its momentum, or lies on the floor, until it is hit.
-function carryOn(run, most) {
-  if (run.scene.gravity === 0 || ["collapse", "endless"].includes(run.status)) return;
+export function findTops({ run, status }, most) {
+  if (run.scene.gravity === 0 || ["collapse", "endless"].includes(status)) return;
   Object.assign(run, { until: null, tEnd: Infinity, status: "", contacts: [], flights: null, maxEvents: run.events + most, follows: true });
   while (!run.status && run.apex.some(Number.isNaN)) advance(run);
 }
@@ -49,7 +66,7 @@ function advance(run) {
   }
   const p = pairs[c], w = rateAtContact(p.gap, p.rate, p.pull);
   move(run, waits[c]);
-  const isWeak = run.follows && -w < MERGED * run.scene.impact;
+  const isWeak = run.follows ? -w < MERGED * run.scene.impact : p.eps < 1 && -w < run.sticks;
   const [first, last] = isWeak || run.ties in GROUPS ? touchingGroup(run, c, w, isWeak ? -w : Infinity) : [c, c];
   const acted = first < last || isWeak ? collideGroup(run, first, last, isWeak) : collide(run, c, w);
   if (!acted) return void (run.status = "until");
@@ -136,16 +153,26 @@ function collideGroup(run, first, last, isPlastic) {
   if (last + 1 < pairs.length) pairs[last + 1].rate -= change[group.length];
   const noise = Math.max(...u.slice(first, last + 2).map(Math.abs)) * 2 ** -40;
   for (const one of group) if (Math.abs(one.rate) <= noise) one.rate = 0; // only rounding, or it collides again
-  hit.forEach((c, i) => keepContact(run, c, before[i], p[c - first]));
+  hit.forEach((c, i) => (run.follows || !isPlastic || rates[c - first] < 0) && keepContact(run, c, before[i], p[c - first]));
   return true;
 }
 
 // ---- without end, and at rest ----------------------------------------------------------------------------------------
 
 function watch(run, c, speed) {
-  if (run.follows) lieDown(run);
-  else if (speed < TINY * run.scene.impact) run.status = "collapse";
-  else if (c === 0 && speed < SLOW * run.scene.impact && run.t + restTime(run) < run.tEnd) run.status = "collapse";
+  if (run.follows || run.sticks > 0) lieDown(run);
+  else if (speed < TINY * run.scene.impact) collapse(run, slowAbout(run, c));
+  else if (c === 0 && speed < SLOW * run.scene.impact && run.t + restTime(run) < run.tEnd) collapse(run, [0]);
+}
+
+const collapse = (run, group) => Object.assign(run, { status: "collapse", group });
+
+// The pairs about pair c that have all but stopped.
+function slowAbout({ pairs, scene }, c) {
+  const isSlow = (i) => Math.abs(pairs[i]?.rate) < FAINT * scene.impact, group = [c];
+  for (let i = c - 1; isSlow(i); i--) group.unshift(i);
+  for (let i = c + 1; isSlow(i); i++) group.push(i);
+  return group;
 }
 
 // How long the ball that just bounced on the floor takes to come to rest on it, alone: 2u/(g(1-ε)); Infinity if another

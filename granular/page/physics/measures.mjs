@@ -1,64 +1,82 @@
-// What a run comes to, and how far two runs differ (granular/outcome.py, measures.py, timing.py, tie_rules.py).
+// What a run comes to, read from its contacts, and how far two runs differ (granular/outcome.py, components.py).
 import { simulateHard } from "./hard.mjs";
 import { pairsOf, ROUNDING } from "./scenes.mjs";
 
-export const SAME = 0.01; // of the impact speed
-export const SMALL = 0.1; // of a run
-const SHIFT = 1e-12;
+export const SAME = 0.01; // of the fastest impact
+const SHIFT = 1e-12, PATIENCE = 10; // of the gaps; another tie rule, in collisions of the first
 const OTHERS = ["left", "right", "poisson"]; // rules that take any restitutions
 
 export const isEarly = (run) => ["collapse", "endless", "unfinished"].includes(run.status);
-const approach = ({ vIn: [lower, upper] }) => lower - upper;
-const isOver = (contact) => !Number.isNaN(contact.end);
+export const approach = ({ vIn: [lower, upper] }) => lower - upper;
+export const isOver = (contact) => !Number.isNaN(contact.end);
+export const partingOf = ({ vOut: [lower, upper] }) => upper - lower;
+export const largest = (values) => values.reduce((most, x) => (x > most ? x : most), 0);
+export const ofPair = (run, c) => run.contacts.filter((contact) => contact.pair === c);
+export const counts = (run) => run.scene.gap.map((_, c) => ofPair(run, c).length);
+
+// How long a run lasts; balls that rest do so to its end.
+export const lasted = ({ status, time, scene: { tEnd } }) => (status === "resting" && tEnd < Infinity ? tEnd : time);
 
 // The run without contacts that are rounding beside the fastest of either run.
 export function counted(run, other) {
-  const fastest = [...run.contacts, ...other.contacts].reduce((most, c) => Math.max(most, approach(c)), 0);
+  const fastest = largest([...run.contacts, ...other.contacts].map(approach));
   const mEff = pairsOf(run.scene, 1, 1).map((p) => p.mEff), strength = (c) => Math.max(approach(c), c.impulse / mEff[c.pair]);
   const contacts = run.contacts.filter((c) => strength(c) > ROUNDING * fastest);
   return contacts.length === run.contacts.length ? run : { ...run, contacts };
 }
 
-// Number of contacts of a pair, and its separation speed at the end of the last one.
-export function pairOutcome(run, c) {
-  const log = run.contacts.filter((contact) => contact.pair === c), last = log[log.length - 1];
-  return { contacts: log.length, speed: last ? last.vOut[1] - last.vOut[0] : NaN, end: last ? last.end : NaN, last };
-}
-
-// Velocity with which each body leaves the last of its contacts that ends, the initial one without contacts.
-export function leavingVelocities({ scene, contacts }) {
-  const u = [...scene.velocity], latest = u.map(() => -Infinity);
-  for (const { pair } of contacts) u[pair] = u[pair + 1] = NaN;
-  for (const contact of contacts.filter(isOver)) {
-    for (const side of [0, 1]) {
-      const i = contact.pair + side;
-      if (contact.end >= latest[i]) [u[i], latest[i]] = [contact.vOut[side], contact.end];
+// Collisions of a pair in one instant are one, at whose end the instant is over.
+export function atOnce(run) {
+  const log = run.contacts, contacts = [];
+  for (let i = 0, j = 0; i < log.length; i = j) {
+    const after = [], seen = new Set();
+    for (; j < log.length && log[j].begin === log[i].begin; j++) [after[log[j].pair], after[log[j].pair + 1]] = log[j].vOut;
+    for (const one of log.slice(i, j)) {
+      if (!seen.has(one.pair)) contacts.push({ ...one, vOut: [after[one.pair], after[one.pair + 1]] });
+      seen.add(one.pair);
     }
   }
-  return u;
+  return { ...run, contacts };
 }
 
-// The largest difference in m/s of a leaving velocity of a ball, or of a separation speed of a pair.
-export function largestDifference(one, other) {
-  const u = leavingVelocities(one), v = leavingVelocities(other), { mass, gap } = one.scene;
-  const balls = mass.map((m, i) => (m === Infinity ? NaN : u[i] - v[i]));
-  const pairs = gap.map((_, c) => pairOutcome(one, c).speed - pairOutcome(other, c).speed);
-  return [...balls, ...pairs].reduce((most, d) => (Math.abs(d) > most ? Math.abs(d) : most), 0);
+// The first contacts of every pair, as many as `most` says.
+export function first(run, most) {
+  const seen = most.map(() => 0);
+  return { ...run, contacts: run.contacts.filter(({ pair }) => seen[pair]++ < most[pair]) };
 }
 
-// D = √(Σ m (Δu)² / Σ m v₀²) of hard spheres against themselves, from gaps shifted by 1e-12 of themselves; without what
-// happens just at an end time.
-export function predictability(hard, twin) {
-  const { scene } = hard, ends = hard.status === "time" && twin.status === "time", before = ends ? hard.time * (1 - 1e-9) : Infinity;
-  const [u, v] = [twin, hard].map((run) => leavingVelocities({ ...run, contacts: run.contacts.filter((c) => c.begin < before) }));
-  const fall = scene.gravity * (hard.contacts[0]?.begin ?? 0);
-  let off = 0, scale = 0;
-  scene.mass.forEach((m, i) => {
-    if (m === Infinity) return;
-    scale += m * (scene.velocity[i] - fall) ** 2;
-    if (!Number.isNaN(u[i] - v[i])) off += m * (u[i] - v[i]) ** 2;
+// Number of contacts of a pair, and its separation speed at the end of the last one.
+export function pairOutcome(run, c) {
+  const log = ofPair(run, c), last = log[log.length - 1];
+  return { contacts: log.length, speed: last ? partingOf(last) : NaN, end: last ? last.end : NaN, last };
+}
+
+// Velocity with which each body leaves the last of its contacts, and when: the initial one without contacts; NaN where one
+// has no end.
+function leaving({ scene, contacts }) {
+  const u = [...scene.velocity], at = u.map(() => 0), rank = ({ end }) => (Number.isNaN(end) ? Infinity : end);
+  for (const { pair, vOut, end } of [...contacts].sort((a, b) => rank(a) - rank(b) || 0)) {
+    for (const side of [0, 1]) [u[pair + side], at[pair + side]] = [vOut[side], end];
+  }
+  return { u, at };
+}
+
+export const leavingVelocities = (run) => leaving(run).u;
+
+// Differences in m/s of the leaving velocities of all balls, and of the separation speeds of all pairs. Balls are compared
+// where their contacts end, or carried in free flight to one time, whichever is less; NaN where a contact has no end. What
+// one run has alone counts in full.
+export function differences(one, other) {
+  const { mass, gap, gravity } = one.scene, a = leaving(one), b = leaving(other);
+  const balls = mass.map((m, i) => {
+    const d = a.u[i] - b.u[i];
+    return m === Infinity ? NaN : Math.min(Math.abs(d), Math.abs(d + gravity * (a.at[i] - b.at[i])));
   });
-  return Math.sqrt(off / scale);
+  const pairs = gap.map((_, c) => {
+    const [p, q] = [pairOutcome(one, c).speed, pairOutcome(other, c).speed];
+    return Math.abs(Number.isNaN(p) ? q : Number.isNaN(q) ? p : p - q);
+  });
+  return { balls, pairs };
 }
 
 export function shifted(scene) {
@@ -66,35 +84,26 @@ export function shifted(scene) {
   return { ...scene, gap: scene.gap.map((gap, c) => gap + SHIFT * (gap > 0 ? (c % 2 ? -gap : gap) : typical)) };
 }
 
+// How far hard spheres differ from themselves, from gaps shifted by 1e-12 of themselves: D = √(Σ m Δu² / Σ m U²) over all
+// balls that collide, and the largest Δu of a ball; without what happens just at an end time.
+export function ownDifference(hard, twin, unit) {
+  const ends = hard.status === "time" && twin.status === "time", before = ends ? hard.time * (1 - 1e-9) : Infinity;
+  const [one, other] = [twin, hard].map((run) => ({ ...run, contacts: run.contacts.filter((c) => c.begin < before) }));
+  const { balls } = differences(one, other), touched = new Set(hard.contacts.flatMap(({ pair }) => [pair, pair + 1]));
+  let off = 0, scale = 0;
+  hard.scene.mass.forEach((m, i) => {
+    if (m === Infinity || !touched.has(i)) return;
+    scale += m * unit * unit;
+    if (!Number.isNaN(balls[i])) off += m * balls[i] ** 2;
+  });
+  return { predictable: Math.sqrt(off / scale), shift: largest(balls) / unit };
+}
+
 // Hard runs under the other tie rules that come to an end, by rule, where balls touch or collide at once.
 export function otherAnswers(hard, eps, ties) {
-  const { scene, contacts } = hard;
-  const atOnce = contacts.some((c, i) => i > 0 && c.begin === contacts[i - 1].begin && Math.abs(c.pair - contacts[i - 1].pair) === 1);
-  if (scene.mass.length < 3 || !(atOnce || scene.gap.includes(0))) return [];
+  const { scene, contacts } = hard, maxEvents = PATIENCE * (contacts.length + scene.mass.length);
+  const met = contacts.some((c, i) => i > 0 && c.begin === contacts[i - 1].begin && Math.abs(c.pair - contacts[i - 1].pair) === 1);
+  if (scene.mass.length < 3 || !(met || scene.gap.includes(0))) return [];
   const names = OTHERS.filter((name) => name !== ties);
-  return names.map((name) => [name, simulateHard(scene, eps, { ties: name })]).filter(([, run]) => !isEarly(run));
-}
-
-export const counts = (run) => run.scene.gap.map((_, c) => pairOutcome(run, c).contacts);
-
-// Whether two runs cut at one end time differ only by contacts within the lag of soft spheres before it: one duration per
-// collision of the busiest pair, small beside the time between its contacts.
-export function sameButForTiming(soft, hard, eps, k) {
-  if (soft.status !== "time" || hard.status !== "time") return false;
-  const busiest = Math.max(...counts(soft), ...counts(hard)), isolated = pairsOf(hard.scene, eps, k).map((p) => p.duration);
-  const lasted = soft.contacts.map((c) => (c.ongoing || !isOver(c) ? soft.time : c.end) - c.begin);
-  const lag = Math.max(0, ...lasted, ...hard.contacts.map((c) => isolated[c.pair])) * (1 + busiest);
-  if (lag * busiest > SMALL * soft.time) return false;
-  const early = (run) => counts({ ...run, contacts: run.contacts.filter((c) => c.begin < soft.time - lag) });
-  const [a, b, earlyA, earlyB] = [counts(soft), counts(hard), early(soft), early(hard)];
-  const onlyLate = a.some((n, c) => n !== b[c]) && a.every((n, c) => Math.max(earlyA[c], earlyB[c]) <= Math.min(n, b[c]));
-  return onlyLate && leaveAlike(soft, hard, SAME * Math.max(...hard.contacts.map(approach)));
-}
-
-// From all contacts that both runs have, and that are over, balls leave at the same velocities.
-function leaveAlike(soft, hard, tolerance) {
-  return hard.scene.gap.every((_, c) => {
-    const [a, b] = [soft, hard].map((run) => run.contacts.filter((contact) => contact.pair === c));
-    return a.every((one, i) => !b[i] || one.ongoing || [0, 1].every((side) => !(Math.abs(one.vOut[side] - b[i].vOut[side]) > tolerance)));
-  });
+  return names.map((name) => [name, simulateHard(scene, eps, { ties: name, maxEvents })]).filter(([, run]) => !isEarly(run));
 }

@@ -1,7 +1,9 @@
 // One scene under both engines: what came out, where they part, and the answer in one line (granular/comparison).
-import { simulateHard } from "./hard.mjs";
-import { counted, isEarly, largestDifference, leavingVelocities, otherAnswers, pairOutcome, predictability, shifted } from "./measures.mjs";
-import { simulateSoft } from "./soft.mjs";
+import { errorsOf } from "./errors.mjs";
+import { findTops, settled, simulateHard } from "./hard.mjs";
+import { levelled } from "./level.mjs";
+import { atOnce, counted, differences, isEarly, isOver, largest, leavingVelocities, ofPair, otherAnswers, ownDifference, pairOutcome, shifted } from "./measures.mjs";
+import { findApexes, simulateSoft } from "./soft.mjs";
 import { verdict } from "./verdict.mjs";
 
 // Steps of the soft and events of the hard spheres, and both past the stop in search of the apexes: while a slider moves, and when it
@@ -9,31 +11,37 @@ import { verdict } from "./verdict.mjs";
 export const AT_ONCE = { maxSteps: 800, maxEvents: 1500, follow: 100 };
 export const AT_LEISURE = { maxSteps: 60000, maxEvents: 20000, follow: 20000 };
 
-// `soft` and `hard` are without contacts that are rounding; those open at the stop are followed to their ends.
+// Both runs with the contacts that count, each followed to its end, and how far they are apart. `first` is the hard run as it
+// ended; where that is a collapse, it is judged as it goes on.
+export function bothRuns(scene, eps, k, { ties = "left", record = false, maxSteps, maxEvents }) {
+  const cut = simulateSoft(scene, eps, k, { record, maxSteps }), first = simulateHard(scene, eps, { ties, record, maxEvents });
+  const whole = isEarly(cut) ? first : settled(first, eps, { ties, maxEvents }), isWhole = !isEarly(cut) && !isEarly(whole);
+  const [hard, soft] = isWhole ? levelled(whole, cut, eps, k) : [counted(atOnce(whole), cut), counted(cut, atOnce(whole))];
+  const early = isEarly(hard) || isEarly(soft), { unit, error, wrong } = errorsOf(hard, soft, eps, k);
+  const isTold = !isEarly(soft) && whole.status !== "collapse";
+  return { first, cut, hard, soft, early, unit, wrong, error: early ? NaN : error, forever: isTold ? forever(first, cut, soft) : 0 };
+}
+
+// Hard spheres that collide forever where soft ones part: after how many contacts; else 0. So much can be told before they stick.
+function forever({ status, group }, cut, soft) {
+  const last = (c) => ofPair(soft, c).at(-1), parts = status === "collapse" && group.some((c) => last(c) && isOver(last(c)));
+  return parts ? cut.contacts.filter(({ pair }) => group.includes(pair)).length : 0;
+}
+
 export function compareEngines(scene, eps, k, { ties = "left", patience = AT_LEISURE } = {}) {
-  const { maxSteps, maxEvents, follow } = patience, run = {
-    soft: simulateSoft(scene, eps, k, { record: true, maxSteps, follow }),
-    hard: simulateHard(scene, eps, { ties, record: true, maxEvents, follow }),
-  };
-  const soft = counted(run.soft, run.hard), hard = counted(run.hard, run.soft), early = isEarly(soft) || isEarly(hard);
-  const twin = early ? hard : counted(simulateHard(shifted(scene), eps, { ties }), soft);
-  const others = early ? [] : otherAnswers(hard, eps, ties).map(([name, other]) => [name, counted(other, soft)]);
-  const far = (one, other) => largestDifference(one, other) / scene.impact;
-  const report = {
-    scene, eps, k, soft, hard, twin, rule: ties, ties: others, finals: { hard: finals(hard), soft: finals(soft) },
-    pairs: scene.gap.map((_, c) => outcomeOf(soft, hard, c)), error: early ? NaN : far(soft, hard),
-    tieErrors: others.map(([name, other]) => [name, far(other, hard)]), predictable: early ? NaN : predictability(hard, twin),
-  };
+  const both = bothRuns(scene, eps, k, { ties, record: true, ...patience }), { first, cut, soft, early, unit } = both;
+  findApexes(cut, patience.follow);
+  findTops(first, patience.follow);
+  const once = (run) => counted(atOnce(run), cut), own = once(first);
+  const hard = first.status === "collapse" ? own : both.hard;
+  const others = early ? [] : otherAnswers(first, eps, ties).map(([name, run]) => [name, largest(differences(once(run), own).balls) / unit]);
+  const self = early ? { predictable: NaN, shift: NaN } : ownDifference(own, once(simulateHard(shifted(scene), eps, { ties })), unit);
+  const pairs = scene.gap.map((_, c) => ({ pair: c, soft: pairOutcome(soft, c), hard: pairOutcome(both.hard, c) }));
+  const report = { ...both, scene, eps, k, hard, pairs, rule: ties, tieErrors: others, ...self, finals: { hard: finals(hard), soft: finals(soft) } };
   return { ...report, isHasty: patience === AT_ONCE && isOpen(report), ...verdict({ ...report, patience }) };
 }
 
-const isOpen = ({ scene, soft, hard }) =>
-  soft.status === "unfinished" || hard.status === "endless" || (scene.gravity > 0 && [soft, hard].some((run) => !isEarly(run) && run.apex.some(Number.isNaN)));
-
-function outcomeOf(soft, hard, c) {
-  const [s, h] = [pairOutcome(soft, c), pairOutcome(hard, c)];
-  return { pair: c, soft: s, hard: h, ongoing: Boolean(s.last && (s.last.ongoing || Number.isNaN(s.last.end))) };
-}
+const isOpen = ({ scene, early, soft, hard }) => early || (scene.gravity > 0 && [soft, hard].some((run) => !isEarly(run) && run.apex.some(Number.isNaN)));
 
 // Per body: the velocity with which it leaves its last contact, and how high it rises; NaN where the run did not get there.
 function finals(run) {

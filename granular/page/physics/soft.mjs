@@ -8,43 +8,40 @@ import { holdPile, provedToRest } from "./rest.mjs";
 import { isElastic } from "./scenes.mjs";
 import { Series } from "./series.mjs";
 
-const PATIENCE = 20; // isolated durations
-
 export function simulateSoft(scene, eps, k, { record = false, maxSteps = 20000, follow = 0 } = {}) {
   const run = start(scene, eps, k, record, maxSteps);
   launch(run);
   while (!run.status) advance(run);
   const { status, t: time, steps, shared, impulse, series, pieces } = run, velocity = softVelocities(run);
-  const begun = [...run.contacts].sort((a, b) => a.begin - b.begin || a.pair - b.pair);
-  if (status === "until" || status === "time") followContacts(run);
-  const contacts = begun.map((contact) => ({ ...contact })); // what is carried on may end those that were given up
-  if (follow > 0) carryOn(run, follow);
-  return { scene, contacts, series, pieces, steps, shared, impulse, time, velocity, status, apex: run.apex };
+  const found = { scene, contacts: logOf(run), series, pieces, steps, shared, impulse, time, velocity, status, apex: run.apex, run };
+  if (follow > 0) findApexes(found, follow);
+  return found;
 }
 
-// Contacts still open at the stop go on to their ends, for so many of their isolated durations.
-function followContacts(run) {
-  const open = run.pairs.filter((p) => p.open && run.t - p.open.begin <= PATIENCE * p.duration);
-  for (const p of run.pairs) if (p.open) p.open.ongoing = true;
-  if (!open.length) return;
-  const ends = open.map((p) => [p.open, run.t + PATIENCE * p.duration]);
-  goOn(run);
-  while (!run.status && ends.some(([contact, latest]) => Number.isNaN(contact.end) && run.t < latest)) advance(run);
-  for (const [contact, latest] of ends) if (contact.end > latest) [contact.end, contact.vOut] = [NaN, [NaN, NaN]];
+// As they are now: what goes on may end those that are open.
+const logOf = ({ contacts }) => [...contacts].sort((a, b) => a.begin - b.begin || a.pair - b.pair).map((contact) => ({ ...contact }));
+
+// The run with the contacts up to a later time.
+export function goOnSoft(soft, end) {
+  const { run, status } = soft;
+  if (!["until", "time"].includes(status) || !(end > run.t)) return soft;
+  goOn(run, end, run.steps + run.maxSteps);
+  while (!run.status) advance(run);
+  return { ...soft, contacts: logOf(run), status: run.status === "unfinished" ? "unfinished" : status };
 }
 
 // Past the stop, until every ball has had its apex or rests, at most `budget` steps.
-function carryOn(run, budget) {
+export function findApexes({ run }, budget) {
   if (run.scene.gravity === 0 || run.status === "unfinished") return;
   run.pieces = null;
-  if (run.status !== "resting") goOn(run);
+  if (run.status !== "resting") goOn(run, Infinity, Infinity);
   const most = run.steps + budget;
   while (!run.status && run.steps < most && run.apex.some(Number.isNaN)) advance(run);
   if (run.status === "resting") run.apex.forEach((_, i) => comesToRest(run, i));
 }
 
-function goOn(run) {
-  Object.assign(run, { status: "", until: null, tEnd: Infinity, maxSteps: Infinity });
+function goOn(run, tEnd, maxSteps) {
+  Object.assign(run, { status: "", until: null, tEnd, maxSteps });
 }
 
 function start(scene, eps, k, record, maxSteps) {

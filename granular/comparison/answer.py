@@ -1,0 +1,217 @@
+"""May this scene be event-driven? The answer as a value, with its reasons: of all components the worst answer.
+
+What a component says, the first that is so:
+
+==================  ==================================================================================================
+not uniquely        a ball leaves with another velocity under another tie rule, or from gaps shifted by 1e-12
+not ball by ball    hard spheres from gaps shifted by 1e-12 of themselves part from themselves: beyond predictability
+no                  other numbers of contacts, or an error above `SAME`
+yes                 the error is at most `SAME`, and what has no value is at rest in both runs
+==================  ==================================================================================================
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+
+import numpy as np
+
+from granular.comparison.numbers import Compared
+from granular.components import FAINT
+from granular.outcome import SAME, PairOutcome
+from granular.trajectory import EARLY
+
+
+class Answer(Enum):
+    """May the collisions of a scene be treated as instantaneous? In the order in which the worst is told."""
+
+    no = "No"
+    not_unique = "Not uniquely"
+    not_ball_by_ball = "Not ball by ball"
+    undecided = "No verdict"
+    yes = "Yes"
+
+
+ORDER = tuple(Answer)
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Why a component of a scene has its answer.
+
+    Attributes
+    ----------
+    answer : Answer
+        What follows.
+    words : str
+        The reason in words, behind the answer's own.
+    balls, pairs : tuple of int
+        The bodies of the component, walls left out, and those of its pairs that the reason is about.
+    error, unit : float
+        Error of the component, in units of its largest closing speed, and that unit in m/s; nan where there is none.
+    """
+
+    answer: Answer
+    words: str
+    balls: tuple[int, ...] = ()
+    pairs: tuple[int, ...] = ()
+    error: float = math.nan
+    unit: float = math.nan
+
+    def __str__(self) -> str:
+        return f"{self.answer.value}{self.words}."
+
+
+class Judged(Compared):
+    """Both runs of a scene, judged."""
+
+    @cached_property
+    def reasons(self) -> tuple[Reason, ...]:
+        """Why, component by component: the worst first, of several that weigh the same that of the largest error."""
+        found = [*_unfinished(self)] or [_judged(self, j) for j in range(self.components.count)]
+        found.sort(key=lambda reason: (ORDER.index(reason.answer), -float(np.nan_to_num(reason.error))))
+        if not found or found[0].answer is Answer.yes:
+            found[:0] = [_yes(self, [reason.words for reason in found if reason.words])]
+        return tuple(found)
+
+    @property
+    def answer(self) -> Answer:
+        """May the collisions of this scene be treated as instantaneous?"""
+        return self.reasons[0].answer
+
+    @property
+    def verdict(self) -> str:
+        """The answer in one line, with its first reason."""
+        return str(self.reasons[0])
+
+
+def _unfinished(report: Compared) -> Iterator[Reason]:
+    """Runs that stopped before their end: which, and what stopped them."""
+    for name, run in (("soft-sphere", report.soft), ("event-driven", report.settled)):
+        if run.status in EARLY:
+            yield Reason(Answer.undecided, f": the {name} run did not get to its end; {run.status.name}: "
+                                           f"{run.message.rstrip('.')}")  # fmt: skip
+
+
+def _judged(report: Compared, j: int) -> Reason:
+    """Return what is so of component `j`."""
+    parts, error, unit = report.components, float(report.errors[j]), float(report.units[j])
+    balls, pairs = (tuple(np.flatnonzero(of == j).tolist()) for of in (parts.of_ball, parts.of_pair))
+    wrong = tuple(c for c in pairs if report.other_counts[c])
+
+    def so(answer: Answer, words: str, about: tuple[int, ...] = pairs) -> Reason:
+        return Reason(answer, words, balls, about, error, unit)
+
+    if forever := _forever(report, pairs):
+        return so(Answer.no, forever)
+    if sinking := _sinking(report, pairs):
+        return so(*sinking)
+    ties, rule = max(((float(e[j]), name) for name, e in report.tie_errors.items()), default=(0.0, ""))
+    if ties > SAME:
+        return so(Answer.not_unique,
+                  ": balls that touch or collide at once have no one hard-sphere answer; here it hangs on the tie "
+                  f"rule: {report.hard_options['ties']} and {rule} differ by {ties:.2g} of the fastest impact")
+    chaos, shift = float(report.shifts[j]), float(report.shift_errors[j])
+    touching = (report.scene.gap[list(pairs)] == 0.0).any()
+    if chaos > SAME and touching:
+        return so(Answer.not_unique,
+                  ": touching balls have no one hard-sphere answer; here it hangs on the tie rule (ties=)")  # fmt: skip
+    if chaos > SAME:
+        return so(Answer.not_ball_by_ball, f": beyond predictability (compare ensembles){_crowded(report, pairs)}")
+    if shift > SAME:
+        return so(Answer.not_unique,
+                  ": hard spheres from gaps shifted by 1e-12 of themselves, as where balls collide almost at once, "
+                  f"differ by {shift:.2g} of the fastest impact")  # fmt: skip
+    if lasting := [c for c in pairs if report.unknown[c]]:
+        return so(Answer.undecided, f": a soft contact of pair {lasting[0]} was still running at the end, and "
+                                    "cannot be followed; choose a later end, or method='located'", tuple(lasting))
+    if wrong:
+        return so(Answer.no, f": {_other_counts(report, wrong, len(pairs))}", wrong)
+    if not error <= SAME:
+        alone = ", though every contact is isolated" if report.measures["isolated_share"] == 1.0 else ""
+        driven = "; at a driven wall timing is outcome" if report.scene.driven and not _overlap(report, pairs) else ""
+        return so(Answer.no, f": outcomes are off by {error:.2g} of the fastest impact{alone}{driven}")
+    return so(Answer.yes, "")
+
+
+def _yes(report: Compared, trivially: list[str]) -> Reason:
+    """Say yes, which only a true error of at most `SAME` may: nan is none."""
+    error, isolated = report.error, report.measures["isolated_share"]
+    if not error <= SAME:
+        return Reason(Answer.undecided, ": no contact has come to its end")
+    agree = f"outcomes agree within {max(error, 1e-16):.1g} of the fastest impact"
+    if len(trivially) == report.components.count:
+        words = max(trivially, default=", trivially: nothing collides")
+    elif isolated == 1.0:
+        words = f": every contact is binary (certified), and {agree}"
+    elif report.measures["shared_impulse"] > FAINT:
+        words = f", within {error:.1g} of the fastest impact, though contacts overlap in time"
+    elif isolated < 1.0:
+        words = f": contacts that overlap in time share no impulse that counts, and {agree}"
+    else:
+        words = f": every contact is binary, and {agree}"
+    return Reason(Answer.yes, words, error=error)
+
+
+def _sinking(report: Compared, pairs: tuple[int, ...]) -> tuple[Answer, str] | None:
+    """Say what is so where hard spheres rest and do not collide, and soft ones sink under their weight."""
+    log = report.counted[1].contacts
+    log = log[np.isin(log["pair"], pairs)]
+    if not report.lying[report.components.of_pair[pairs[0]]] or not len(log):
+        return None
+    depth = float(log["xi_max"].max())
+    radius = min((float(r) for r in report.scene.radius if r > 0.0), default=math.inf)
+    if depth > SAME * radius:
+        share = depth / radius
+        return Answer.no, f": nothing collides, but soft spheres sink by {share:.2g} of a radius under their weight"
+    return Answer.yes, f", trivially: nothing collides; soft spheres overlap by {depth:.3g} m under their weight"
+
+
+def _forever(report: Compared, pairs: tuple[int, ...]) -> str:
+    """Return the words for hard spheres that collide forever where soft ones part; empty if it is not so."""
+    hard = report.hard
+    if "verdict" not in hard.stats:
+        return ""
+    first, last = hard.stats["pairs"]
+    group = [c for c in pairs if (first <= c <= last if first <= last else c >= first or c <= last)]
+    soft = report.levelled[1]
+    parted = [c for c in group if soft.count(c) and not math.isnan(float(soft.of(c)["t_end"][-1]))]
+    if not parted:
+        return ""
+    n = sum(map(report.soft.count, group))
+    return (f": hard spheres collide forever ({hard.stats['verdict']}), soft ones part after {n} "
+            f"contact{'s' * (n != 1)}")  # fmt: skip
+
+
+def _other_counts(report: Compared, wrong: tuple[int, ...], of: int) -> str:
+    """Pairs with other numbers of contacts."""
+    p = max((report.pairs[c] for c in reversed(wrong)), key=lambda p: float(np.nan_to_num(_miss(p), nan=-1.0)))
+    said = f"pair {p.pair} has {p.soft_contacts} contact{'s' * (p.soft_contacts != 1)}, not {p.hard_contacts}"
+    many = f"{len(wrong)} of {of} pairs differ in contacts; " if len(wrong) > 1 else ""
+    j = int(report.components.of_pair[p.pair])
+    if _miss(p) > SAME * report.units[j]:
+        return f"{many}{said}, and parts at {p.soft_v_rel:.4g} instead of {p.hard_v_rel:.4g} m/s"
+    error = float(report.errors[j])
+    return f"{many}{said}, and outcomes are off by {error:.2g} of the fastest impact"
+
+
+def _miss(p: PairOutcome) -> float:
+    """How far the separation speeds of a pair are apart in m/s."""
+    return abs(p.soft_v_rel - p.hard_v_rel)
+
+
+def _overlap(report: Compared, pairs: tuple[int, ...]) -> bool:
+    """Whether soft contacts of a component overlap in time."""
+    of, log = set(pairs), report.counted[1].contacts["pair"]
+    return any(int(log[o.lower]) in of for o in report.overlaps)
+
+
+def _crowded(report: Compared, pairs: tuple[int, ...]) -> str:
+    share = 100.0 * report.measures["shared_impulse"]
+    return f"; {share:.2g} % of the impulse is shared" if _overlap(report, pairs) and share > 0.0 else ""
+
+

@@ -1,0 +1,165 @@
+"""Two runs of one scene cut at one end: both go on until they have the same contacts, each followed to its end.
+
+Soft spheres lag behind hard ones by about a contact's duration per collision. So an end time may fall between the n-th
+contact of a pair in one run and in the other, or within it. That is no difference of the two: for each pair the larger
+number n of contacts by the end counts, both runs are gone on with until *its* n-th contact is over, and later ones are
+ignored. What is not there after the time by which it can be late is missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from granular import edmd, md
+from granular._check import Array
+from granular.components import components
+from granular.durations import Durations
+from granular.laws.kinds import resolved
+from granular.outcome import approach, counts, strengths
+from granular.trajectory import Status, Trajectory
+from granular.walls import ends
+
+PATIENCE = 20.0
+"""A contact still running at the end of a run is followed for so many of its isolated durations."""
+CUT = (Status.time, Status.until)
+"""Statuses of runs that can be gone on with."""
+
+
+def levelled(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> tuple[Trajectory, Trajectory]:
+    """Return both runs with the first n contacts of every pair in their logs, n the larger number at their ends.
+
+    Parameters
+    ----------
+    hard, soft : Trajectory
+        Runs of one scene, with their logs.
+    options : mapping
+        Those of `granular.md.simulate` with which the soft run was made.
+
+    Notes
+    -----
+    A contact that one run has yet to make may be late by its isolated duration, and by the way that its balls lag
+    behind, at most the fastest approach times all durations so far, both of its component, at the speed with which it
+    closes, and not by more than the run has lasted. One that begins later is missing.
+    """
+    most = np.maximum(counts(hard), counts(soft))
+    latest = _latest(hard, soft, most)
+    hard = _gone_on(hard, float(latest[0].max()), {})
+    later = _gone_on(soft, float(latest[1].max()), options)
+    until = _patience(_due(later, latest[1], most), float(soft.time[-1]))
+    if until.max() > latest[1].max():
+        later = _gone_on(soft, float(until.max()), options)
+    return _due(hard, latest[0], most), _endless(_due(later, latest[1], most), until)
+
+
+def _due(run: Trajectory, latest: Array, most: Any) -> Trajectory:
+    """Return the run with those of the first contacts of every pair that begin no later than `latest` (n-1,) says."""
+    kept = run.contacts["t_begin"] <= latest[run.contacts["pair"]]
+    return first(run if kept.all() else replace(run, contacts=run.contacts[kept]), most)
+
+
+def _patience(soft: Trajectory, cut: float) -> Array:
+    """Until when in s the contact of each pair that has no end is followed, from the cut or its onset on, (n-1,)."""
+    assert soft.law is not None
+    until = np.full(soft.scene.n_pairs, -np.inf)
+    rows = np.flatnonzero(np.isnan(soft.contacts["t_end"]))
+    log = soft.contacts[rows]
+    alone = Durations(soft.law, soft.scene)(log["pair"], strengths(soft)[rows])
+    until[log["pair"]] = np.maximum(log["t_begin"], cut) + PATIENCE * np.where(np.isfinite(alone), alone, 0.0)
+    return until
+
+
+def _endless(soft: Trajectory, until: Array) -> Trajectory:
+    """Return the run in which contacts that last longer than they are followed have no end, whatever others need."""
+    upto = until[soft.contacts["pair"]]
+    lasting = np.isfinite(upto) & (soft.contacts["t_end"] > upto)
+    if not lasting.any():
+        return soft
+    log = soft.contacts.copy()
+    log["t_end"][lasting], log["v_out"][lasting] = np.nan, np.nan
+    log["duration"][lasting] = (upto - log["t_begin"])[lasting]
+    return replace(soft, contacts=log)
+
+
+def first(run: Trajectory, most: Any) -> Trajectory:
+    """Return the run with only the first contacts of every pair in its log, as many as `most` (n-1,) says."""
+    order, edge = run.by_pair
+    nth = np.empty(len(order), np.int64)
+    nth[order] = np.arange(len(order)) - np.repeat(edge[:-1], np.diff(edge))
+    kept = nth < most[run.contacts["pair"]]
+    return run if kept.all() else replace(run, contacts=run.contacts[kept])
+
+
+def _latest(hard: Trajectory, soft: Trajectory, most: Any) -> Array:
+    """When in s the contacts that the hard, and the soft run has yet to make must have begun, (2, n-1)."""
+    assert soft.law is not None
+    alone, parts = Durations(soft.law, soft.scene), components(hard, soft)
+    isolated = np.nan_to_num(alone(hard.contacts["pair"], np.abs(approach(hard))), posinf=0.0)
+    over = np.where(np.isnan(soft.contacts["t_end"]), 0.0, soft.contacts["duration"])
+    delay, fastest = np.zeros((2, parts.count + 1))
+    for run, lasting in ((hard, isolated), (soft, over)):
+        of = parts.of_pair[run.contacts["pair"]]
+        np.add.at(delay, of, lasting)
+        np.maximum.at(fastest, of, approach(run))
+    way = (delay * fastest)[parts.of_pair]
+    latest = np.repeat([[hard.time[-1]], [soft.time[-1]]], soft.scene.n_pairs, axis=1)
+    for k, (run, other) in enumerate(((hard, soft), (soft, hard))):
+        pair = np.flatnonzero(counts(run) < most)
+        order, edge = other.by_pair
+        speed = np.abs(approach(other)[order[edge[pair + 1] - 1]]) if len(pair) else np.empty(0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            late = alone(pair, speed) + np.fmin(way[pair] / speed, soft.time[-1] - soft.time[0])
+        latest[k, pair] += np.nan_to_num(late, posinf=0.0)
+    return np.asarray(latest, float)
+
+
+def _gone_on(run: Trajectory, end: float, options: Mapping[str, Any]) -> Trajectory:
+    """Return the run with the contacts until a later time `end` in s in its log."""
+    end = min(end, ends(*run.scene.motions))
+    if run.status not in CUT or not end > run.time[-1]:
+        return run
+    if run.rule is not None:
+        later = edmd.resume(run, t_end=end)
+    elif run.state:
+        later = md.resume(run, t_end=end)
+    else:
+        return _restarted(run, end, options)
+    over = run.contacts[~np.isnan(run.contacts["t_end"])]
+    return replace(run, contacts=np.concatenate([over, later.contacts]), stats=later.stats)
+
+
+def _restarted(run: Trajectory, end: float, options: Mapping[str, Any]) -> Trajectory:
+    """Return a run of fixed steps, which cannot be resumed, with the contacts of a run from its last row."""
+    scene, now = run.scene, float(run.time[-1])
+    if scene.heated or has_memory(run):
+        return run
+    velocity = np.where(scene.is_wall, scene.velocity, run.velocity[-1])  # walls add how they are shaken
+    rest = scene.replace(gap=run.gap[-1], velocity=velocity, origin=float(run.position[-1][0]))
+    later = md.simulate(rest, run.law, t_start=now, t_end=end, **options).contacts
+    log, kept = run.contacts.copy(), np.ones(len(later), np.bool_)
+    for row in np.flatnonzero(np.isnan(log["t_end"])).tolist():
+        for i in np.flatnonzero(later["pair"] == log["pair"][row])[:1].tolist():  # the rest of the same contact
+            kept[i] = False
+            log["duration"][row] += later["duration"][i]
+            log["impulse"][row] += later["impulse"][i]
+            for name in ("t_end", "v_out"):
+                log[name][row] = later[name][i]
+    return replace(run, contacts=np.concatenate([log, later[kept]]))
+
+
+def has_memory(soft: Trajectory) -> bool:
+    """Whether a law of a soft-sphere run has memory, so that its last state does not tell how it goes on."""
+    return soft.law is not None and any(law.memory for law in resolved(soft.law, soft.scene).each)
+
+
+def unfollowed(soft: Trajectory) -> Any:
+    """Whether each pair has a last contact without end that has not lasted long enough to be called endless, (n-1,)."""
+    assert soft.law is not None
+    log, short = soft.contacts, np.zeros(soft.scene.n_pairs, np.bool_)
+    rows = np.flatnonzero(np.isnan(log["t_end"]))
+    alone = Durations(soft.law, soft.scene)(log["pair"][rows], strengths(soft)[rows])
+    short[log["pair"][rows]] = log["duration"][rows] < 0.99 * PATIENCE * np.where(np.isfinite(alone), alone, 0.0)
+    return short & (soft.status in CUT)

@@ -1,0 +1,38 @@
+// How far two runs are apart that are levelled: the unit U, the error, and what rests (granular/components.py). In the scenes
+// of the page all balls that collide are one component.
+import { approach, counts, differences, isOver, largest, ofPair, pairOutcome, partingOf, lasted } from "./measures.mjs";
+import { pairsOf } from "./scenes.mjs";
+
+const ROUNDING = 1e-13; // of velocities, in their differences
+const known = (x) => (Number.isNaN(x) ? 0 : x);
+
+export function errorsOf(hard, soft, eps, k) {
+  const { scene } = hard, met = counts(hard).map((n, c) => n + counts(soft)[c] > 0);
+  const span = lasted(soft), weight = largest(pairsOf(scene, eps, k).filter((_, c) => met[c]).map((p) => scene.gravity * Math.min(p.duration, span)));
+  const unit = unitOf([...hard.contacts, ...soft.contacts], weight), { balls, pairs } = differences(hard, soft);
+  const resting = new Map(scene.gap.flatMap((_, c) => restApart(hard, soft, c, weight)));
+  for (const [c, apart] of resting) pairs[c] = apart;
+  const [n, m] = [counts(hard), counts(soft)], wrong = scene.gap.map((_, c) => c).filter((c) => n[c] !== m[c] && !resting.has(c));
+  return { unit, error: met.includes(true) ? largest([...balls, ...pairs]) / unit : 0, wrong };
+}
+
+// The largest closing speed; of a contact that begins at rest, the speed with which it parts. At least g t_c, the speed that
+// weight gives, and more than rounding.
+function unitOf(contacts, weight) {
+  const speeds = contacts.map((c) => (approach(c) > 0 ? approach(c) : known(partingOf(c))));
+  return Math.max(weight, largest(speeds), ROUNDING * largest(contacts.flatMap((c) => c.vIn.map(Math.abs))));
+}
+
+// A pair at rest, in a soft contact without end or as hard spheres that stick: how far all its contacts are apart. Those
+// before it part alike; it begins alike in both; what one run still has from there on begins no faster, and leaves the pair
+// at rest too. Where both rest, speeds up to `weight` are those of balls that settle.
+function restApart(hard, soft, c, weight) {
+  const [h, s] = [hard, soft].map((run) => pairOutcome(run, c)), never = s.contacts > 0 && !isOver(s.last);
+  if (!never && !(Math.abs(h.speed) <= hard.sticks && h.contacts < s.contacts)) return [];
+  const [one, other] = (never ? [soft, hard] : [hard, soft]).map((run) => ofPair(run, c)), k = one.length - 1, both = Math.min(k, other.length);
+  const alike = one.slice(0, k).map((x, i) => Math.abs(partingOf(x) - (i < both ? partingOf(other[i]) : 0)));
+  const onward = other.length > k ? [Math.abs(approach(one[k]) - approach(other[k])), ...other.slice(k + 1).map((x) => approach(x) - approach(one[k]))] : one.slice(both).map(approach);
+  const apart = [...alike, ...onward, ...other.slice(-1).map((x) => Math.abs(known(partingOf(x))))];
+  const worst = largest(apart), still = other.length ? !(Math.abs(partingOf(other.at(-1))) > 0) : hard.gap[c] === 0;
+  return [[c, still && worst <= weight ? 0 : worst]];
+}

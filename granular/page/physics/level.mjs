@@ -1,0 +1,54 @@
+// Both runs of a scene, cut at one end, go on until they have the same contacts, each followed to its end. For each pair the
+// larger number n of contacts by the end counts; what is not there after the time by which it can be late is missing
+// (granular/end_time.py).
+import { goOnHard } from "./hard.mjs";
+import { approach, atOnce, counted, counts, first, isOver, largest, ofPair, lasted } from "./measures.mjs";
+import { pairsOf } from "./scenes.mjs";
+import { goOnSoft } from "./soft.mjs";
+
+const PATIENCE = 20; // isolated durations
+
+export function levelled(hard, soft, eps, k) {
+  const alone = pairsOf(hard.scene, eps, k).map((p) => p.duration), some = counted(soft, atOnce(hard));
+  const most = larger(hard, some), late = [lateness(hard, some, alone, most), lateness(some, hard, alone, most)];
+  const onward = goOnHard(hard, hard.time + largest(late[0])), later = goOnSoft(soft, soft.time + largest(late[1]));
+  const until = patience(due(later, soft.time, late[1], most), soft.time, alone), last = goOnSoft(later, largest(until));
+  const ends = [due(onward, hard.time, late[0], most), endless(due(last, soft.time, late[1], most), until)];
+  const runs = [counted(atOnce(ends[0]), ends[1]), counted(ends[1], atOnce(ends[0]))], n = larger(counted(atOnce(hard), soft), some);
+  return runs.map((run) => first(run, n));
+}
+
+function larger(one, other) {
+  const n = counts(other);
+  return counts(one).map((m, c) => Math.max(m, n[c]));
+}
+
+// By how many seconds the contacts that `run` has yet to make may be late, by pairs: an isolated duration, and the way that
+// balls lag behind, at most the fastest approach times all durations so far, at the speed with which they close.
+function lateness(run, other, alone, most) {
+  const [soft, hard] = run.series ? [run, other] : [other, run];
+  const took = soft.contacts.filter(isOver).reduce((sum, c) => sum + c.end - c.begin, 0);
+  const delay = hard.contacts.reduce((sum, c) => sum + alone[c.pair], took), way = delay * largest([...soft.contacts, ...hard.contacts].map(approach));
+  const span = lasted(soft), n = counts(run);
+  return most.map((m, c) => {
+    if (n[c] >= m) return 0;
+    const speed = Math.abs(approach(ofPair(other, c).at(-1)));
+    return alone[c] + (speed > 0 ? Math.min(way / speed, span) : span);
+  });
+}
+
+// The first contacts of every pair that begin in time.
+const due = (run, end, late, most) => first({ ...run, contacts: run.contacts.filter((c) => c.begin <= end + late[c.pair]) }, most);
+
+// Until when contacts without end are followed, by pairs.
+function patience(soft, cut, alone) {
+  const until = alone.map(() => -Infinity);
+  for (const { pair, begin } of soft.contacts.filter((c) => !isOver(c))) until[pair] = Math.max(begin, cut) + PATIENCE * alone[pair];
+  return until;
+}
+
+// Contacts that last longer than they are followed have no end.
+function endless(soft, until) {
+  const isLong = ({ pair, end }) => until[pair] > 0 && end > until[pair];
+  return { ...soft, contacts: soft.contacts.map((c) => (isLong(c) ? { ...c, end: NaN, vOut: [NaN, NaN] } : c)) };
+}

@@ -1,0 +1,326 @@
+"""A judge of its own: the answer of docs/concepts.md, written from that page alone, in plain loops.
+
+It runs the scene once more with later ends to see what happens after a cut. Nothing of the package's own judgement is
+used: no components, units, outcomes or end times of it.
+"""
+
+import math
+from collections import namedtuple
+
+import granular as gr
+
+Contact = namedtuple("Contact", "pair begin end before after impulse")
+Judgement = namedtuple("Judgement", "answer error components")
+SAME, ROUNDING, FOLLOWED = 0.01, 1e-12, 20.0
+WORST = ["no", "not_unique", "not_ball_by_ball", "undecided", "yes"]
+EARLY = {"max_events", "max_steps", "unstable", "broken"}
+
+
+class Judge:
+    """One scene, its laws and its end."""
+
+    def __init__(self, scene, laws, rule, t_end, ties="left"):
+        self.scene, self.laws, self.rule, self.t_end, self.ties = scene, laws, rule, t_end, ties
+        self.known = {}
+        self.n, self.walls = scene.n, [math.isinf(m) for m in scene.mass]
+        self.hard = self.collide(scene, t_end)
+        self.carried = self.merging(t_end)
+        self.soft = gr.md.simulate(scene, laws, t_end=t_end)
+
+    def collide(self, scene, t_end, **options):
+        return gr.edmd.simulate(scene, self.rule, t_end=t_end, **{"ties": self.ties} | options)
+
+    def merging(self, t_end):
+        """The hard run; after a collapse those that collide ever more slowly stick."""
+        if self.hard.status.name not in ("collapse", "bounded"):
+            return self.hard if t_end == self.t_end else self.collide(self.scene, t_end)
+        slow = 1e-9 * max(closing(row) for row in rows_of(self.hard))
+        return self.collide(self.scene, t_end, collapse="merge", merge_below=slow)
+
+    def bodies(self, pair):
+        return pair, (pair + 1) % self.n
+
+    def lasting(self, pair, speed):
+        """Duration of an isolated contact; 0 if it has none that ends."""
+        if (pair, speed) not in self.known:
+            try:
+                contact = gr.binary.collision(self.laws[pair], self.scene.pairs[pair], max(speed, 1e-30))
+                self.known[pair, speed] = contact.duration
+            except (ValueError, ArithmeticError):
+                self.known[pair, speed] = 0.0
+        return self.known[pair, speed]
+
+    def strength(self, row):
+        return max(closing(row), row.impulse / self.scene.pairs[row.pair].m_eff)
+
+    def instants(self, rows):
+        """Collisions of a pair in one instant are one; at its end the instant is over."""
+        final = {}
+        for row in rows:
+            for body, v in zip(self.bodies(row.pair), row.after, strict=True):
+                final[body, row.begin] = v
+        kept = {}
+        for row in rows:
+            after = tuple(final[body, row.begin] for body in self.bodies(row.pair))
+            kept.setdefault((row.pair, row.begin), row._replace(after=after))
+        return list(kept.values())
+
+    def groups(self, *logs):
+        """Component of every pair that has a contact."""
+        met = sorted({row.pair for rows in logs for row in rows})
+        of = {c: c for c in met}
+        for c in met:
+            shared = self.bodies(c)[1]
+            if (c + 1) % self.n in of and not self.walls[shared] and c + 1 <= len(self.scene.gap):
+                other = (c + 1) % self.n
+                old, new = of[other], of[c]
+                of = {k: new if v == old else v for k, v in of.items()}
+        return of
+
+    def without_rounding(self, *logs, beside=None):
+        of = self.groups(*(beside or logs))
+        fastest = {}
+        for row in (row for rows in (beside or logs) for row in rows):
+            fastest[of[row.pair]] = max(fastest.get(of[row.pair], 0.0), closing(row))
+        return [[r for r in rows if self.strength(r) > ROUNDING * fastest.get(of.get(r.pair), 0.0)] for rows in logs]
+
+    # the end
+
+    def level(self):
+        """The first n contacts of every pair in both runs, each followed to its end."""
+        hard, soft = self.without_rounding(self.instants(rows_of(self.carried)), rows_of(self.soft))
+        most = {c: max(count(hard, c), count(soft, c)) for c in range(len(self.scene.gap))}
+        of, way = self.groups(hard, soft), {}
+        for c, k in of.items():
+            mine = [[r for r in rows if of[r.pair] == k] for rows in (hard, soft)]
+            delay = sum(self.lasting(r.pair, closing(r)) for r in mine[0])
+            delay += sum(r.end - r.begin for r in mine[1] if not math.isnan(r.end))
+            way[c] = delay * max(closing(r) for rows in mine for r in rows)
+        latest_hard = self.latest(hard, soft, most, way, float(self.carried.time[-1]))
+        latest_soft = self.latest(soft, hard, most, way, float(self.soft.time[-1]))
+        hard = self.later(hard, latest_hard, most, self.carried.status.name)
+        soft = self.followed(soft, latest_soft, most)
+        hard, soft = self.without_rounding(hard, soft)
+        return hard, soft
+
+    def latest(self, rows, others, most, way, end):
+        found = {}
+        for c in most:
+            found[c] = end
+            if count(rows, c) < most[c]:
+                speed = abs(closing([r for r in others if r.pair == c][-1]))
+                span = self.soft.time[-1] - self.soft.time[0]
+                found[c] += self.lasting(c, speed) + (min(way[c] / speed, span) if speed > 0.0 else span)
+        return found
+
+    def later(self, rows, latest, most, status):
+        if status in ("time", "until") and max(latest.values()) > self.t_end:
+            rows = self.instants(rows_of(self.merging(max(latest.values()))))
+        return due(rows, latest, most)
+
+    def followed(self, rows, latest, most):
+        if self.soft.status.name not in ("time", "until"):
+            return due(rows, latest, most)
+        end = max(latest.values())
+        if end > self.t_end:
+            rows = rows_of(gr.md.simulate(self.scene, self.laws, t_end=end))
+        until = {}
+        for r in due(rows, latest, most):
+            if math.isnan(r.end):
+                until[r.pair] = max(r.begin, self.t_end) + FOLLOWED * self.lasting(r.pair, self.strength(r))
+        if until and max(until.values()) > end:
+            rows = rows_of(gr.md.simulate(self.scene, self.laws, t_end=max(until.values())))
+        never = (math.nan, math.nan)
+        return [r._replace(end=math.nan, after=never) if r.end > until.get(r.pair, math.inf) else r
+                for r in due(rows, latest, most)]  # fmt: skip
+
+    # numbers
+
+    def unit(self, pairs, hard, soft):
+        rows = [r for rows in (hard, soft) for r in rows if r.pair in pairs]
+        speeds = [closing(r) for r in rows]
+        speeds += [parting(r) for r in rows if closing(r) <= 0.0 and not math.isnan(parting(r))]
+        fastest = max(abs(v) for rows in (hard, soft) for r in rows for v in r.before)
+        return max(*speeds, self.weight(pairs), 1e-13 * fastest)
+
+    def weight(self, pairs):
+        """Largest speed that weight gives a ball in a contact."""
+        g, found = self.scene.gravity, 0.0
+        for c in pairs if g > 0.0 else ():
+            speed = g
+            for _ in range(8):
+                speed = g * self.lasting(c, speed)
+            found = max(found, min(speed, g * (self.soft.time[-1] - self.soft.time[0])))
+        return found
+
+    def leaves(self, rows, body):
+        """Velocity with which a body leaves, and when."""
+        mine = [r for r in rows if body in self.bodies(r.pair)]
+        if not mine:
+            return float(self.scene.velocity[body]), 0.0
+        last = max(mine, key=lambda r: (math.inf if math.isnan(r.end) else r.end))
+        return last.after[self.bodies(last.pair).index(body)], last.end
+
+    def ball_apart(self, one, other, body):
+        (u, t), (v, s) = self.leaves(one, body), self.leaves(other, body)
+        g = 0.0 if self.scene.pendulum else self.scene.gravity
+        return min(abs(u - v), abs((u + g * t) - (v + g * s)))  # nan stays nan
+
+    def pair_apart(self, pair, hard, soft, weight):
+        """Difference of a pair that does not rest, or of all its contacts if it does; and whether it rests."""
+        mine = [[r for r in rows if r.pair == pair] for rows in (hard, soft)]
+        ends = [parting(rows[-1]) if rows else math.nan for rows in mine]
+        endless = bool(mine[1]) and math.isnan(ends[1])
+        if endless:
+            return self.rest_apart(mine[1], mine[0], pair, weight), True
+        if ends[0] == 0.0 and len(mine[0]) < len(mine[1]):
+            return self.rest_apart(mine[0], mine[1], pair, weight), True
+        known = [x for x in ends if not math.isnan(x)]
+        return abs(known[0] - known[1]) if len(known) == 2 else abs(sum(known)), False
+
+    def rest_apart(self, rests, other, pair, weight):
+        k = len(rests) - 1
+        apart = [abs(parting(r) - parting(o)) for r, o in zip(rests[:k], other, strict=False)]
+        if len(other) > k:
+            begins = closing(rests[k])
+            apart.append(abs(begins - closing(other[k])))
+            apart += [closing(o) - begins for o in other[k + 1 :]]
+        else:
+            apart += [abs(parting(r)) for r in rests[len(other) : k]] + [closing(r) for r in rests[len(other) :]]
+        out = parting(other[-1]) if other else 0.0
+        if other and not math.isnan(out):
+            apart.append(abs(out))
+        still = (math.isnan(out) or out == 0.0) if other else self.hard.gap[-1][pair] == 0.0
+        worst = max([0.0, *apart])
+        return 0.0 if still and worst <= weight else worst
+
+    # the answer
+
+    def judge(self):
+        for run in (self.carried, self.soft):
+            if run.status.name in EARLY:
+                return Judgement("undecided", math.nan, {})
+        hard, soft = self.level()
+        of, found = self.groups(hard, soft), {}
+        self.others = self.other_rules()
+        self.twins = self.shifted()
+        for k in sorted(set(of.values())):
+            pairs = sorted(c for c in of if of[c] == k)
+            found[tuple(pairs)] = self.component(pairs, hard, soft)
+        worst = min((WORST.index(answer) for answer, _ in found.values()), default=4)
+        return Judgement(WORST[worst], max((e for _, e in found.values()), default=0.0), found)
+
+    def component(self, pairs, hard, soft):
+        balls = sorted({b for c in pairs for b in self.bodies(c) if not self.walls[b]})
+        unit, weight = self.unit(pairs, hard, soft), self.weight(pairs)
+        apart = [x for b in balls if not math.isnan(x := self.ball_apart(hard, soft, b))]
+        rests = {}
+        for c in pairs:
+            size, rests[c] = self.pair_apart(c, hard, soft, weight)
+            apart.append(size)
+        error = max([0.0, *(x for x in apart if not math.isnan(x))]) / unit
+        error = 0.0 if self.lies(pairs, hard) else error
+        return self.said(pairs, balls, hard, soft, unit, rests, error), error
+
+    def said(self, pairs, balls, hard, soft, unit, rests, error):
+        if self.forever(pairs, soft):
+            return "no"
+        if self.lies(pairs, hard):
+            sizes = [r for r in self.scene.radius if r > 0.0]
+            depth = max(float(self.soft.of(c)["xi_max"].max()) for c in pairs if self.soft.count(c))
+            return "no" if sizes and depth > SAME * min(sizes) else "yes"
+        for other in self.others:
+            if max(self.ball_apart(*other, b) for b in balls) > SAME * unit:
+                return "not_unique"
+        moved = [self.ball_apart(*self.twins, b) for b in balls]
+        moved = [0.0 if math.isnan(x) else x for x in moved]
+        mass = [float(self.scene.mass[b]) for b in balls]
+        far = math.sqrt(sum(m * x * x for m, x in zip(mass, moved, strict=True)) / (sum(mass) * unit**2))
+        if far > SAME:
+            return "not_unique" if any(self.scene.gap[c] == 0.0 for c in pairs) else "not_ball_by_ball"
+        if max(moved) > SAME * unit:
+            return "not_unique"
+        if any(count(hard, c) != count(soft, c) and not rests[c] for c in pairs) or not error <= SAME:
+            return "no"
+        return "yes"
+
+    def lies(self, pairs, hard):
+        """Whether balls rest on each other from the start."""
+        return not any(r.pair in pairs for r in hard) and all(self.hard.gap[-1][c] == 0.0 for c in pairs)
+
+    def forever(self, pairs, soft):
+        if self.hard.status.name not in ("collapse", "bounded") or "pairs" not in self.hard.stats:
+            return False
+        first, last = self.hard.stats["pairs"]
+        group = [c for c in pairs if (first <= c <= last if first <= last else c >= first or c <= last)]
+        ends = {r.pair: r.end for r in soft}
+        return any(not math.isnan(ends.get(c, math.nan)) for c in group)
+
+    def other_rules(self):
+        """Hard runs under the other tie rules, each beside the own one, where balls touch or collide at once."""
+        rows = rows_of(self.hard)
+        times = {}
+        for r in rows:
+            times.setdefault(r.begin, set()).add(r.pair)
+        at_once = any(c + 1 in pairs for pairs in times.values() for c in pairs)
+        found = []
+        if self.n < 3 or not (at_once or (self.scene.gap == 0.0).any()):
+            return found
+        for ties in {"left", "right", "poisson"} - {self.ties}:
+            try:
+                run = self.collide(self.scene, self.t_end, ties=ties, max_events=10 * (len(rows) + self.n))
+            except (ValueError, ArithmeticError):
+                continue
+            if run.status.name not in EARLY:
+                found.append(self.beside(run, self.hard))
+        return found
+
+    def beside(self, *runs):
+        logs = [self.instants(rows_of(run)) for run in runs]
+        soft = rows_of(self.soft)
+        return [self.without_rounding(rows, soft, beside=[rows, soft])[0] for rows in logs]
+
+    def shifted(self):
+        scene = self.scene
+        typical = float(scene.gap.mean()) or 1.0
+        gap = [g * (1.0 + 1e-12 * (-1) ** c) if g > 0.0 else 1e-12 * typical for c, g in enumerate(scene.gap)]
+        twin = self.collide(scene.replace(gap=gap), self.t_end)
+        one, other = self.beside(twin, self.hard)
+        if twin.status.name == self.hard.status.name == "time":
+            before = self.t_end * (1.0 - 1e-9)
+            one, other = ([r for r in rows if r.begin < before] for rows in (one, other))
+        return one, other
+
+
+def rows_of(run):
+    return [Contact(int(r["pair"]), float(r["t_begin"]), float(r["t_end"]), tuple(map(float, r["v_in"])),
+                    tuple(map(float, r["v_out"])), float(r["impulse"])) for r in run.contacts]  # fmt: skip
+
+
+def closing(row):
+    return row.before[0] - row.before[1]
+
+
+def parting(row):
+    return row.after[1] - row.after[0]
+
+
+def count(rows, pair):
+    return sum(r.pair == pair for r in rows)
+
+
+def due(rows, latest, most):
+    """The first n contacts of every pair that begin in time."""
+    kept, seen = [], {}
+    for r in rows:
+        if r.begin <= latest[r.pair]:
+            seen[r.pair] = seen.get(r.pair, 0) + 1
+            if seen[r.pair] <= most[r.pair]:
+                kept.append(r)
+    return kept
+
+
+def judged(scene, law, t_end, **options):
+    """The answer of this judge for a comparison."""
+    report = gr.compare(scene, law, t_end=t_end, **options)
+    return report, Judge(scene, report.law, report.rule, t_end, **options).judge()
