@@ -26,10 +26,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from same_bits_cases import FAMILIES, kept
+from same_bits_cases import FAMILIES as PLAIN
+from same_bits_cases import kept
+from same_bits_special import SPECIAL
 
 ROOT = Path(__file__).resolve().parent.parent
 ROUNDING = 1e-9
+FAMILIES = PLAIN | SPECIAL
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?|nan|inf")
 
 

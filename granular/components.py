@@ -50,13 +50,14 @@ class Components:
         return np.asarray(np.bincount(self.of_ball, np.nan_to_num(of_balls), self.count + 1)[:-1], float)
 
     def weight(self, soft: Trajectory) -> Array:
-        """Speed g t_c in m/s that weight gives a ball in a contact, per pair the largest of its component.
+        """Speed a t_c in m/s that weight and forces give a ball in a contact, per pair the largest of its component.
 
-        No more than it gives in the whole run.
+        a is the largest acceleration at which they close one of its gaps: g at a floor, 0 where all balls fall alike. No
+        more than it gives in the whole run.
         """
-        sagging = _sagging(soft.scene, soft.law or ())
-        most = soft.scene.gravity * float(soft.time[-1] - soft.time[0])
-        weight: Array = np.append(self.largest(np.minimum(sagging, most)), 0.0)[self.of_pair]
+        closing = np.append(self.largest(np.abs(soft.scene.pull)), 0.0)[self.of_pair]
+        most = closing * float(soft.time[-1] - soft.time[0])
+        weight: Array = np.append(self.largest(np.fmin(_sagging(soft, closing), most)), 0.0)[self.of_pair]
         return weight
 
 
@@ -82,7 +83,7 @@ def units(hard: Trajectory, soft: Trajectory, parts: Components) -> Array:
     """Largest closing speed U in m/s of each component, during contacts and at their onset, in either run.
 
     A contact that begins at rest, as of balls that touch, closes later at about the speed with which it parts. U is
-    at least what weight gives a ball while a contact lasts, g t_c, and more than rounding.
+    at least what weight gives a ball while a contact lasts, and more than rounding.
     """
     speed = parts.weight(soft)
     for run in (hard, soft):
@@ -90,18 +91,17 @@ def units(hard: Trajectory, soft: Trajectory, parts: Components) -> Array:
         parting = np.where(approach(run) > 0.0, 0.0, np.nan_to_num(log["v_out"][:, 1] - log["v_out"][:, 0]))
         np.maximum.at(speed, log["pair"], np.maximum(approach(run), parting))
     scale = max(float(np.abs(run.contacts["v_in"]).max(initial=0.0)) for run in (hard, soft))
-    return np.maximum(parts.largest(speed), ROUNDING * scale)
+    return np.maximum(parts.largest(speed), max(ROUNDING * scale, np.finfo(float).tiny))
 
 
-def _sagging(scene: Scene, laws: Any) -> Array:
-    """Speed in m/s that gravity gives a ball in the duration of a contact that begins with it, per pair."""
-    speed, pair = np.full(scene.n_pairs, scene.gravity), np.arange(scene.n_pairs)
-    if scene.gravity == 0.0:
-        return speed
-    alone = Durations(laws, scene)
-    for _ in range(8):  # g t_c(v) = v, quickly: t_c falls with v^(-1/5) of Hertz spheres, and not at all of springs
-        lasting = alone(pair, speed)
-        speed = scene.gravity * np.where(np.isfinite(lasting), lasting, 0.0)
+def _sagging(soft: Trajectory, acceleration: Array) -> Array:
+    """Speed in m/s that an acceleration gives a ball in the duration of a contact that begins with it, per pair."""
+    if not acceleration.any():
+        return acceleration
+    speed, alone = acceleration, Durations(soft.law or (), soft.scene)
+    for _ in range(8):  # a t_c(v) = v, quickly: t_c falls with v^(-1/5) of Hertz spheres, and not at all of springs
+        lasting = alone(np.arange(len(speed)), speed)
+        speed = acceleration * np.where(np.isfinite(lasting), lasting, 0.0)
     return speed
 
 
@@ -109,26 +109,38 @@ def differences(one: Trajectory, other: Trajectory) -> tuple[Array, Array]:
     """Differences in m/s of two runs: of the leaving velocity of every ball (n,), and of the separation speed of every
     pair, shape of the gaps.
 
-    A ball is compared where its last contacts end, or carried in free flight to one time, whichever is less: runs that
-    end a contact some time apart under gravity are not that far apart. nan where a contact has no end. What one run
-    has alone counts in full.
+    A ball is compared where its last contacts end, or `one`, of hard spheres, carried in free flight to where those of
+    the other end, whichever is less: runs that end a contact some time apart under gravity are not that far apart. nan
+    where a contact has no end. What one run has alone counts in full.
     """
     (u, at), (v, then) = leaving(one), leaving(other)
-    fall = one.scene.fall
-    apart = np.abs(u - v)
-    if one.scene.pendulum == 0.0:
-        apart = np.fmin(apart, np.abs((u - fall * at) - (v - fall * then)))
+    apart = np.fmin(np.abs(u - v), np.abs(_carried(one, u, at, then) - v))
     apart[one.scene.is_wall] = math.nan
     p, q = partings(one), partings(other)
     return apart, np.where(np.isnan(p), np.abs(q), np.where(np.isnan(q), np.abs(p), np.abs(p - q)))
+
+
+def _carried(hard: Trajectory, u: Array, at: Array, then: Array) -> Array:
+    """Velocities (n,) in m/s of hard spheres that leave with `u` at the times `at`, in free flight to the times `then`."""
+    scene, omega = hard.scene, hard.scene.pendulum
+    if omega == 0.0:
+        return np.asarray(u + scene.fall * (then - at))
+    y, v, now = scene.displacement.copy(), scene.velocity.copy(), np.full(scene.n, float(hard.time[0]))
+    for row in hard.contacts:
+        for body, out in zip(scene.bodies(row["pair"]), row["v_out"], strict=True):
+            turn = omega * (row["t_begin"] - now[body])
+            y[body] = y[body] * np.cos(turn) + v[body] * np.sin(turn) / omega
+            v[body], now[body] = out, row["t_begin"]
+    turn = omega * (then - at)
+    return np.asarray(u * np.cos(turn) - omega * y * np.sin(turn))
 
 
 def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[tuple[int, float]]:
     """Yield pairs that come to rest in a contact without end, and how far in m/s the two runs differ there.
 
     The contacts before it part alike; it begins alike in both; what one run still has from there on, as a ball that
-    bounces ever lower, begins no faster, and leaves the pair at rest too. Each is compared, the largest counts.
-    Where both rest, speeds up to `weight` (n-1,), which weight gives, are those of balls that settle.
+    bounces ever lower, begins no faster, and leaves the pair at rest too. Each is compared, the largest counts. Where
+    both rest, contacts that close at no more than `weight` (n-1,), which weight gives, are those of balls that settle.
     """
     never = np.isnan(partings(soft)) & (counts(soft) > 0)
     sticks = (np.abs(partings(hard)) <= hard.stats.get("merge_below", 0.0)) & (counts(hard) < counts(soft))
@@ -136,15 +148,15 @@ def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[t
         runs = [(approach(run)[run.rows(c)], np.diff(run.of(c)["v_out"]).ravel()) for run in (hard, soft)]
         (closing, parting), (others, out) = runs if sticks[c] and not never[c] else runs[::-1]
         k = len(closing) - 1  # the number of the contact without end
-        if len(others) <= k:  # the other run never got so far
-            both = len(others)
-            apart = [*np.abs(parting[:both] - out)[:k], *np.abs(parting[both:k]), *closing[both:]]
-        else:
-            apart = [*np.abs(parting[:k] - out[:k]), abs(closing[k] - others[k]), *(others[k + 1 :] - closing[k])]
-        apart += np.abs(np.nan_to_num(out[-1:])).tolist()
+        both = min(k, len(others))
+        apart = [*np.abs(parting[:both] - out[:both]), *np.maximum(np.abs(parting), closing)[both:k]]
+        apart += [abs(closing[k] - others[k]), *(others[k + 1 :] - closing[k])] if len(others) > k else [closing[k]]
+        fastest = np.zeros(max(k + 1, len(others)))
+        fastest[: k + 1] = closing
+        fastest[: len(others)] = np.maximum(fastest[: len(others)], others)
         still = not abs(out[-1]) > 0.0 if len(out) else hard.gap[-1][c] == 0.0
-        worst = float(np.max(apart, initial=0.0))
-        yield c, 0.0 if still and worst <= weight[c] else worst
+        left = float(np.abs(np.nan_to_num(out[-1:])).max(initial=0.0))
+        yield c, max(left, float(np.max(apart, where=fastest > weight[c] * still, initial=0.0)))
 
 
 def counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]:

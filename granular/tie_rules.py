@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from granular import edmd
+from granular.scene import Scene
 from granular.trajectory import EARLY, Trajectory
 
 RULES = ("left", "right", "poisson")
@@ -22,6 +23,11 @@ FEW = 1000
 """Scenes of more bodies are not tried with the last: the cost of a group grows with its square."""
 PATIENCE = 10
 """Another rule is given up after so many times the collisions of the first."""
+
+
+def touching(scene: Scene) -> Any:
+    """Whether each pair is of two balls that touch at the start, shape of the gaps."""
+    return (scene.gap == 0.0) & ~np.logical_or(*scene.sides(scene.is_wall))
 
 
 def ties(run: Trajectory) -> bool:

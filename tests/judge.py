@@ -6,10 +6,11 @@ used: no components, units, outcomes or end times of it.
 
 import math
 from collections import namedtuple
+from itertools import zip_longest
 
 import granular as gr
 
-Contact = namedtuple("Contact", "pair begin end before after impulse")
+Contact = namedtuple("Contact", "pair begin end before after impulse deepest")
 Judgement = namedtuple("Judgement", "answer error components")
 SAME, ROUNDING, FOLLOWED = 0.01, 1e-12, 20.0
 WORST = ["no", "not_unique", "not_ball_by_ball", "undecided", "yes"]
@@ -143,9 +144,15 @@ class Judge:
         fastest = max(abs(v) for rows in (hard, soft) for r in rows for v in r.before)
         return max(*speeds, self.weight(pairs), 1e-13 * fastest)
 
+    def falls(self, body):
+        """Acceleration by weight and constant forces."""
+        scene = self.scene
+        force = 0.0 if scene.external_force is None else scene.external_force[body] / scene.mass[body]
+        return 0.0 if self.walls[body] else float(force - scene.gravity)
+
     def weight(self, pairs):
         """Largest speed that weight gives a ball in a contact."""
-        g, found = self.scene.gravity, 0.0
+        g, found = max(abs(self.falls(a) - self.falls(b)) for a, b in map(self.bodies, pairs)), 0.0
         for c in pairs if g > 0.0 else ():
             speed = g
             for _ in range(8):
@@ -163,8 +170,15 @@ class Judge:
 
     def ball_apart(self, one, other, body):
         (u, t), (v, s) = self.leaves(one, body), self.leaves(other, body)
-        g = 0.0 if self.scene.pendulum else self.scene.gravity
-        return min(abs(u - v), abs((u + g * t) - (v + g * s)))  # nan stays nan
+        if not self.scene.pendulum:
+            return min(abs(u - v), abs(u + self.falls(body) * (s - t) - v))  # nan stays nan
+        omega, y, w, now = self.scene.pendulum, self.scene.displacement[body], self.scene.velocity[body], 0.0
+        for row in (r for r in one if body in self.bodies(r.pair)):
+            turn = omega * (row.begin - now)
+            y = y * math.cos(turn) + w / omega * math.sin(turn)
+            w, now = row.after[self.bodies(row.pair).index(body)], row.begin
+        turn = omega * (s - t)
+        return min(abs(u - v), abs(u * math.cos(turn) - omega * y * math.sin(turn) - v))
 
     def pair_apart(self, pair, hard, soft, weight):
         """Difference of a pair that does not rest, or of all its contacts if it does; and whether it rests."""
@@ -179,20 +193,20 @@ class Judge:
         return abs(known[0] - known[1]) if len(known) == 2 else abs(sum(known)), False
 
     def rest_apart(self, rests, other, pair, weight):
-        k = len(rests) - 1
-        apart = [abs(parting(r) - parting(o)) for r, o in zip(rests[:k], other, strict=False)]
-        if len(other) > k:
-            begins = closing(rests[k])
-            apart.append(abs(begins - closing(other[k])))
-            apart += [closing(o) - begins for o in other[k + 1 :]]
-        else:
-            apart += [abs(parting(r)) for r in rests[len(other) : k]] + [closing(r) for r in rests[len(other) :]]
+        k, apart = len(rests) - 1, []
+        for nth, (r, o) in enumerate(zip_longest(rests, other)):
+            speed = max(closing(row) for row in (r, o) if row)
+            if r is None:
+                size = closing(o) - closing(rests[k])
+            elif o is None:
+                size = max(abs(parting(r)), closing(r)) if nth < k else closing(r)
+            else:
+                size = abs(parting(r) - parting(o)) if nth < k else abs(closing(r) - closing(o))
+            apart.append((size, speed))
         out = parting(other[-1]) if other else 0.0
-        if other and not math.isnan(out):
-            apart.append(abs(out))
-        still = (math.isnan(out) or out == 0.0) if other else self.hard.gap[-1][pair] == 0.0
-        worst = max([0.0, *apart])
-        return 0.0 if still and worst <= weight else worst
+        out = 0.0 if math.isnan(out) else abs(out)
+        still = out == 0.0 if other else self.hard.gap[-1][pair] == 0.0
+        return max([out, *(size for size, speed in apart if speed > weight * still)])
 
     # the answer
 
@@ -225,10 +239,10 @@ class Judge:
     def said(self, pairs, balls, hard, soft, unit, rests, error):
         if self.forever(pairs, soft):
             return "no"
+        if any(self.sinks(c, soft, self.lies(pairs, hard), self.weight(pairs)) for c in pairs):
+            return "no"
         if self.lies(pairs, hard):
-            sizes = [r for r in self.scene.radius if r > 0.0]
-            depth = max(float(self.soft.of(c)["xi_max"].max()) for c in pairs if self.soft.count(c))
-            return "no" if sizes and depth > SAME * min(sizes) else "yes"
+            return "yes"
         for other in self.others:
             if max(self.ball_apart(*other, b) for b in balls) > SAME * unit:
                 return "not_unique"
@@ -237,12 +251,21 @@ class Judge:
         mass = [float(self.scene.mass[b]) for b in balls]
         far = math.sqrt(sum(m * x * x for m, x in zip(mass, moved, strict=True)) / (sum(mass) * unit**2))
         if far > SAME:
-            return "not_unique" if any(self.scene.gap[c] == 0.0 for c in pairs) else "not_ball_by_ball"
+            return "not_unique" if any(self.touch(c) for c in pairs) else "not_ball_by_ball"
         if max(moved) > SAME * unit:
             return "not_unique"
         if any(count(hard, c) != count(soft, c) and not rests[c] for c in pairs) or not error <= SAME:
             return "no"
         return "yes"
+
+    def sinks(self, pair, soft, lies, weight):
+        """Whether soft balls at rest sink too deep."""
+        rows = [r for r in soft if r.pair == pair and (lies or math.isnan(r.end))]
+        sizes = [r for b in self.bodies(pair) if (r := self.scene.radius[b]) > 0.0]
+        if not rows or not sizes or not self.scene.gravity:
+            return False
+        deep = max(r.deepest if closing(r) <= weight else -float(self.soft.gap[-1][pair]) for r in rows)
+        return deep > SAME * min(sizes)
 
     def lies(self, pairs, hard):
         """Whether balls rest on each other from the start."""
@@ -280,10 +303,14 @@ class Judge:
         soft = rows_of(self.soft)
         return [self.without_rounding(rows, soft, beside=[rows, soft])[0] for rows in logs]
 
+    def touch(self, pair):
+        """Whether two balls touch at the start."""
+        return self.scene.gap[pair] == 0.0 and not any(self.walls[b] for b in self.bodies(pair))
+
     def shifted(self):
         scene = self.scene
         typical = float(scene.gap.mean()) or 1.0
-        gap = [g * (1.0 + 1e-12 * (-1) ** c) if g > 0.0 else 1e-12 * typical for c, g in enumerate(scene.gap)]
+        gap = [1e-12 * typical if self.touch(c) else g * (1.0 + 1e-12 * (-1) ** c) for c, g in enumerate(scene.gap)]
         twin = self.collide(scene.replace(gap=gap), self.t_end)
         one, other = self.beside(twin, self.hard)
         if twin.status.name == self.hard.status.name == "time":
@@ -294,7 +321,7 @@ class Judge:
 
 def rows_of(run):
     return [Contact(int(r["pair"]), float(r["t_begin"]), float(r["t_end"]), tuple(map(float, r["v_in"])),
-                    tuple(map(float, r["v_out"])), float(r["impulse"])) for r in run.contacts]  # fmt: skip
+                    tuple(map(float, r["v_out"])), float(r["impulse"]), float(r["xi_max"])) for r in run.contacts]  # fmt: skip
 
 
 def closing(row):

@@ -4,6 +4,7 @@ A hang is ended by processor time, so that a slow or loaded machine is no failur
 """
 
 import faulthandler
+import math
 import os
 import signal
 import time
@@ -51,7 +52,7 @@ def _limited():
 
     before = signal.signal(signal.SIGPROF, _stop)
     soft, hard = resource.getrlimit(resource.RLIMIT_CPU)
-    most = int(time.process_time() + LIMIT + GRACE)
+    most = math.ceil(time.process_time() + LIMIT + GRACE)  # not rounded down: the test itself must end first
     if hard == resource.RLIM_INFINITY or most < hard:
         resource.setrlimit(resource.RLIMIT_CPU, (most, hard))
     signal.setitimer(signal.ITIMER_PROF, LIMIT)

@@ -20,6 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
+from granular import tie_rules
 from granular.comparison.numbers import Compared
 from granular.components import FAINT
 from granular.outcome import SAME, PairOutcome
@@ -116,10 +117,10 @@ def _judged(report: Compared, j: int) -> Reason:
                   ": balls that touch or collide at once have no one hard-sphere answer; here it hangs on the tie "
                   f"rule: {report.hard_options['ties']} and {rule} differ by {ties:.2g} of the fastest impact")
     chaos, shift = float(report.shifts[j]), float(report.shift_errors[j])
-    touching = (report.scene.gap[list(pairs)] == 0.0).any()
+    touching = tie_rules.touching(report.scene)[list(pairs)].any()
     if chaos > SAME and touching:
         return so(Answer.not_unique,
-                  ": touching balls have no one hard-sphere answer; here it hangs on the tie rule (ties=)")  # fmt: skip
+                  ": touching balls have no one hard-sphere answer; here it hangs on the option ties")  # fmt: skip
     if chaos > SAME:
         return so(Answer.not_ball_by_ball, f": beyond predictability (compare ensembles){_crowded(report, pairs)}")
     if shift > SAME:
@@ -158,17 +159,20 @@ def _yes(report: Compared, trivially: list[str]) -> Reason:
 
 
 def _sinking(report: Compared, pairs: tuple[int, ...]) -> tuple[Answer, str] | None:
-    """Say what is so where hard spheres rest and do not collide, and soft ones sink under their weight."""
-    log = report.counted[1].contacts
-    log = log[np.isin(log["pair"], pairs)]
-    if not report.lying[report.components.of_pair[pairs[0]]] or not len(log):
+    """Say what is so where soft spheres at rest sink under their weight, or hard ones rest and do not collide."""
+    lying, soft = report.lying[report.components.of_pair[pairs[0]]], report.levelled[1]
+    log = soft.contacts[np.isin(soft.contacts["pair"], pairs) & (np.isnan(soft.contacts["t_end"]) | lying)]
+    if not len(log) or report.scene.gravity == 0.0:
         return None
-    depth = float(log["xi_max"].max())
-    radius = min((float(r) for r in report.scene.radius if r > 0.0), default=math.inf)
-    if depth > SAME * radius:
-        share = depth / radius
-        return Answer.no, f": nothing collides, but soft spheres sink by {share:.2g} of a radius under their weight"
-    return Answer.yes, f", trivially: nothing collides; soft spheres overlap by {depth:.3g} m under their weight"
+    settled = log["v_in"][:, 0] - log["v_in"][:, 1] <= report.components.weight(soft)[log["pair"]]
+    depth = np.where(settled, log["xi_max"], -report.soft.gap[-1][log["pair"]])
+    radius = np.where(report.scene.radius > 0.0, report.scene.radius, math.inf)
+    share = float(np.max(depth / np.minimum(*report.scene.sides(radius))[log["pair"]]))
+    if share > SAME:
+        what = "nothing collides, but soft spheres" if lying else "where balls come to rest, soft ones"
+        return Answer.no, f": {what} sink by {share:.2g} of a radius under their weight"
+    deepest = f"soft spheres overlap by {depth.max():.3g} m under their weight"
+    return (Answer.yes, f", trivially: nothing collides; {deepest}") if lying else None
 
 
 def _forever(report: Compared, pairs: tuple[int, ...]) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import edmd, md
+from granular import edmd, md, tie_rules
 from granular import until as stop
 from granular.comparison import figure, film, report
 from granular.comparison.answer import Judged
@@ -119,8 +119,8 @@ def compare(
 
 
 def _nudged(scene: Scene) -> Scene:
-    """Gaps shifted by 1e-12 of themselves (touching pairs by 1e-12 of the mean gap), with changing sign."""
+    """Gaps shifted by 1e-12 of themselves (of touching balls by 1e-12 of the mean gap), with changing sign."""
     typical = float(scene.gap.mean()) or 1.0
     sign = np.where(np.arange(scene.n_pairs) % 2, -1.0, 1.0)
-    shift = 1e-12 * np.where(scene.gap > 0.0, scene.gap * sign, typical)
+    shift = 1e-12 * np.where(tie_rules.touching(scene), typical, scene.gap * sign)
     return scene.replace(gap=scene.gap + shift)
