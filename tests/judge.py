@@ -239,10 +239,9 @@ class Judge:
     def said(self, pairs, balls, hard, soft, unit, rests, error):
         if self.forever(pairs, soft):
             return "no"
-        if any(self.sinks(c, soft, self.lies(pairs, hard), self.weight(pairs)) for c in pairs):
-            return "no"
+        sinks = any(self.sinks(c, soft, self.lies(pairs, hard), self.weight(pairs)) for c in pairs)
         if self.lies(pairs, hard):
-            return "yes"
+            return "no" if sinks else "yes"
         for other in self.others:
             if max(self.ball_apart(*other, b) for b in balls) > SAME * unit:
                 return "not_unique"
@@ -254,7 +253,7 @@ class Judge:
             return "not_unique" if any(self.touch(c) for c in pairs) else "not_ball_by_ball"
         if max(moved) > SAME * unit:
             return "not_unique"
-        if any(count(hard, c) != count(soft, c) and not rests[c] for c in pairs) or not error <= SAME:
+        if any(count(hard, c) != count(soft, c) and not rests[c] for c in pairs) or not error <= SAME or sinks:
             return "no"
         return "yes"
 

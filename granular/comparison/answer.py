@@ -109,7 +109,8 @@ def _judged(report: Compared, j: int) -> Reason:
 
     if forever := _forever(report, pairs):
         return so(Answer.no, forever)
-    if sinking := _sinking(report, pairs):
+    sinking = _sinking(report, pairs)
+    if sinking and report.lying[j]:
         return so(*sinking)
     ties, rule = max(((float(e[j]), name) for name, e in report.tie_errors.items()), default=(0.0, ""))
     if ties > SAME:
@@ -136,7 +137,7 @@ def _judged(report: Compared, j: int) -> Reason:
         alone = ", though every contact is isolated" if report.measures["isolated_share"] == 1.0 else ""
         driven = "; at a driven wall timing is outcome" if report.scene.driven and not _overlap(report, pairs) else ""
         return so(Answer.no, f": outcomes are off by {error:.2g} of the fastest impact{alone}{driven}")
-    return so(Answer.yes, "")
+    return so(*(sinking or (Answer.yes, "")))
 
 
 def _yes(report: Compared, trivially: list[str]) -> Reason:

@@ -150,7 +150,7 @@ def answer_of(report):
 
 
 KINDS = (
-    ("collide forever", "forever"), ("No: outcomes are off", "off"), (", not ", "counts"),
+    ("collide forever", "forever"), ("radius under their weight", "sinks"), ("No: outcomes are off", "off"), (", not ", "counts"),
     ("though contacts overlap", "yes, overlap"),
 )  # fmt: skip
 
@@ -158,7 +158,7 @@ KINDS = (
 def outcome(report, engine, rises):
     """Return what the page is held against, of one engine: contacts that count, final velocities, rises, time span."""
     run, cut = report.levelled[engine == "soft"], getattr(report, engine)
-    if cut.status.name in ("collapse", "max_events", "unstable"):
+    if cut.status.name in ("collapse", "bounded", "max_events", "unstable"):
         return NOT_FIRM | {"status": "early"}
     rise, = none_for_nan(np.array([report.rises[engine == "soft"] if rises else math.nan]))
     log = run.contacts

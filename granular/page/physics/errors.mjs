@@ -13,7 +13,7 @@ export function errorsOf(hard, soft, eps, k) {
   const resting = new Map(scene.gap.flatMap((_, c) => restApart(hard, soft, c, weight)));
   for (const [c, apart] of resting) pairs[c] = apart;
   const [n, m] = [counts(hard), counts(soft)], wrong = scene.gap.map((_, c) => c).filter((c) => n[c] !== m[c] && !resting.has(c));
-  return { unit, error: met.includes(true) ? largest([...balls, ...pairs]) / unit : 0, wrong };
+  return { unit, error: met.includes(true) ? largest([...balls, ...pairs]) / unit : 0, wrong, sunk: sunkIn(soft, weight) };
 }
 
 // The largest closing speed; of a contact that begins at rest, the speed with which it parts. At least g t_c, the speed that
@@ -25,14 +25,29 @@ function unitOf(contacts, weight) {
 
 // A pair at rest, in a soft contact without end or as hard spheres that stick: how far all its contacts are apart. Those
 // before it part alike; it begins alike in both; what one run still has from there on begins no faster, and leaves the pair
-// at rest too. Where both rest, speeds up to `weight` are those of balls that settle.
+// at rest too. Where both rest, contacts that close at no more than `weight` in both are those of balls that settle.
 function restApart(hard, soft, c, weight) {
   const [h, s] = [hard, soft].map((run) => pairOutcome(run, c)), never = s.contacts > 0 && !isOver(s.last);
   if (!never && !(Math.abs(h.speed) <= hard.sticks && h.contacts < s.contacts)) return [];
-  const [one, other] = (never ? [soft, hard] : [hard, soft]).map((run) => ofPair(run, c)), k = one.length - 1, both = Math.min(k, other.length);
-  const alike = one.slice(0, k).map((x, i) => Math.abs(partingOf(x) - (i < both ? partingOf(other[i]) : 0)));
-  const onward = other.length > k ? [Math.abs(approach(one[k]) - approach(other[k])), ...other.slice(k + 1).map((x) => approach(x) - approach(one[k]))] : one.slice(both).map(approach);
-  const apart = [...alike, ...onward, ...other.slice(-1).map((x) => Math.abs(known(partingOf(x))))];
-  const worst = largest(apart), still = other.length ? !(Math.abs(partingOf(other.at(-1))) > 0) : hard.gap[c] === 0;
-  return [[c, still && worst <= weight ? 0 : worst]];
+  const [one, other] = (never ? [soft, hard] : [hard, soft]).map((run) => ofPair(run, c)), k = one.length - 1;
+  const last = other.at(-1), still = last ? !(Math.abs(partingOf(last)) > 0) : hard.gap[c] === 0;
+  const apart = Array.from({ length: Math.max(k + 1, other.length) }, (_, i) => {
+    const both = [one[i], other[i]].filter(Boolean);
+    return still && largest(both.map(approach)) <= weight ? 0 : apartAt(i, k, one, other);
+  });
+  return [[c, largest([...apart, last ? Math.abs(known(partingOf(last))) : 0])]];
+}
+
+// How far the i-th contacts are apart, the k-th of `one` without end.
+function apartAt(i, k, one, other) {
+  if (i > k) return approach(other[i]) - approach(one[k]);
+  if (i >= other.length) return i < k ? Math.max(Math.abs(partingOf(one[i])), approach(one[i])) : approach(one[i]);
+  return Math.abs(i < k ? partingOf(one[i]) - partingOf(other[i]) : approach(one[i]) - approach(other[i]));
+}
+
+// By how much of the smaller radius soft balls at rest sink under their weight.
+function sunkIn({ scene, contacts, overlap }, weight) {
+  if (scene.gravity === 0) return 0;
+  const depth = (c) => (approach(c) <= weight ? c.deepest : overlap[c.pair]), side = (i) => scene.radius[i] || Infinity;
+  return largest(contacts.filter((c) => !isOver(c)).map((c) => depth(c) / Math.min(side(c.pair), side(c.pair + 1))));
 }

@@ -17,9 +17,9 @@ export function bothRuns(scene, eps, k, { ties = "left", record = false, maxStep
   const cut = simulateSoft(scene, eps, k, { record, maxSteps }), first = simulateHard(scene, eps, { ties, record, maxEvents });
   const whole = isEarly(cut) ? first : settled(first, eps, { ties, maxEvents }), isWhole = !isEarly(cut) && !isEarly(whole);
   const [hard, soft] = isWhole ? levelled(whole, cut, eps, k) : [counted(atOnce(whole), cut), counted(cut, atOnce(whole))];
-  const early = isEarly(hard) || isEarly(soft), { unit, error, wrong } = errorsOf(hard, soft, eps, k);
+  const early = isEarly(hard) || isEarly(soft), { unit, error, wrong, sunk } = errorsOf(hard, soft, eps, k);
   const isTold = !isEarly(soft) && whole.status !== "collapse";
-  return { first, cut, hard, soft, early, unit, wrong, error: early ? NaN : error, forever: isTold ? forever(first, cut, soft) : 0 };
+  return { first, cut, hard, soft, early, unit, wrong, sunk, error: early ? NaN : error, forever: isTold ? forever(first, cut, soft) : 0 };
 }
 
 // Hard spheres that collide forever where soft ones part: after how many contacts; else 0. So much can be told before they stick.

@@ -12,8 +12,8 @@ export function simulateSoft(scene, eps, k, { record = false, maxSteps = 20000, 
   const run = start(scene, eps, k, record, maxSteps);
   launch(run);
   while (!run.status) advance(run);
-  const { status, t: time, steps, shared, impulse, series, pieces } = run, velocity = softVelocities(run);
-  const found = { scene, contacts: logOf(run), series, pieces, steps, shared, impulse, time, velocity, status, apex: run.apex, run };
+  const { status, t: time, steps, shared, impulse, series, pieces } = run, velocity = softVelocities(run), overlap = run.pairs.map((p) => p.xi);
+  const found = { scene, overlap, contacts: logOf(run), series, pieces, steps, shared, impulse, time, velocity, status, apex: run.apex, run };
   if (follow > 0) findApexes(found, follow);
   return found;
 }

@@ -5,7 +5,7 @@ import { ROUNDING } from "./scenes.mjs";
 
 const PATIENT = 10000; // steps
 const UPRIGHT = { left: "lower", right: "upper" };
-const ANSWERS = { forever: "no", counts: "no", off: "no", "yes, overlap": "yes" };
+const ANSWERS = { forever: "no", sinks: "no", counts: "no", off: "no", "yes, overlap": "yes" };
 
 export const pairName = (scene, c) => {
   if (scene.mass[0] !== Infinity) return { say: "balls", a: c + 1, b: c + 2 };
@@ -52,9 +52,10 @@ function countsDiffer({ scene, pairs, wrong, unit, error }) {
 
 const miss = (p) => (Number.isNaN(p.soft.speed - p.hard.speed) ? -1 : Math.abs(p.soft.speed - p.hard.speed));
 
-// Yes takes an error that is known, and small.
-function outcomes({ error, cut }) {
+// Yes takes an error that is known, and small, and no ball that sinks where it rests.
+function outcomes({ error, sunk, cut }) {
   if (!(error <= SAME)) return ["off", { say: "verdict-off", error: [error, "", 2] }];
+  if (sunk > SAME) return ["sinks", { say: "verdict-sinks", share: [sunk, "", 2] }];
   if (cut.shared > ROUNDING * cut.impulse) return ["yes, overlap", { say: "verdict-yes-overlap", within: within(error) }];
   return ["yes", { say: "verdict-yes", within: within(error) }];
 }

@@ -1,0 +1,86 @@
+"""The random scenes of `same_bits` that are not plain: driven and thermal walls, forces, rings and pendula."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from same_bits_cases import LIMITS, METHODS, Case, drawn, soft_laws, way
+
+ENGINES = ("plain", "compiled")
+LAWS = ("dashpot", "viscoelastic", "own Hertz")
+
+
+def shaken(rng: Any) -> Any:
+    """A scene beside walls that move as a function of time, forces on its balls, or both."""
+    from scenes_at_random import driven
+
+    scene = drawn(rng)
+    while not scene.is_wall.any():
+        scene = drawn(rng)
+    still = scene.replace(velocity=np.where(scene.is_wall, 0.0, scene.velocity))
+    return driven(rng, still)
+
+
+def heated(rng: Any) -> Any:
+    """Balls between two thermal walls of different temperatures."""
+    import granular as gr
+
+    n = int(rng.integers(1, 6))
+    walls = {"floor": gr.walls.Thermal(1.0, seed=int(rng.integers(9))), "ceiling": gr.walls.Thermal(0.3, seed=9)}
+    mass, gap = [math.inf, *rng.uniform(0.5, 2.0, n), math.inf], rng.uniform(0.01, 0.2, n + 1)
+    return gr.Scene(mass, [0.0, *[0.05] * n, 0.0], gap, [0.0, *rng.normal(size=n), 0.0], **walls)
+
+
+def round_about(rng: Any) -> Any:
+    """Balls on a ring; some touch."""
+    import granular as gr
+
+    n = int(rng.integers(2, 7))
+    gap = rng.uniform(0.01, 0.2, n) * (rng.random(n) < 0.8)
+    gap[0] = 0.1
+    return gr.Scene(rng.uniform(0.5, 2.0, n), [0.05] * n, gap, rng.normal(size=n), ring=True)
+
+
+def hung(rng: Any) -> Any:
+    """Pendula, apart, touching or with a wall."""
+    import granular as gr
+
+    n = int(rng.integers(2, 6))
+    gap = rng.uniform(0.0, 0.02, n - 1) * (rng.random(n - 1) < 0.7)
+    return gr.Scene(rng.uniform(0.5, 2.0, n), [0.05] * n, gap, 0.3 * rng.normal(size=n), pendulum=float(rng.uniform(2, 6)))
+
+
+def family(number: int, seeds: int, kinds: dict[str, Callable[[Any], Any]]) -> Iterator[Case]:
+    """Both engines and fixed steps on scenes of some kinds, interpreted and compiled."""
+    import granular as gr
+
+    for which, (kind, make) in enumerate(kinds.items()):
+        for seed in range(seeds):
+            rng = np.random.default_rng([number, which, seed])
+            scene, laws, eps = make(rng), soft_laws(rng), float(rng.choice([0.5, 0.9, 1.0]))
+            given = way(rng, scene.n_pairs) or {"t_end": 0.5}
+            for queue in ("sorted", "compiled"):
+                yield f"edmd {kind}, {queue}", seed, lambda s=scene, e=eps, o=given | {"engine": queue}: gr.edmd.simulate(
+                    s, gr.ConstantRestitution(e), **{"max_events": 300} | o)  # fmt: skip
+            law, method = laws[LAWS[seed % len(LAWS)]], METHODS[seed % len(METHODS)]
+            for engine in ENGINES:
+                options = LIMITS | given | {"engine": engine if law is not laws["own Hertz"] else "plain"}
+                yield f"located {kind}, {engine}", seed, lambda s=scene, w=law, o=options: gr.md.simulate(s, w, **o)
+                yield f"fixed {kind}, {engine}", seed, lambda s=scene, w=law, m=method, o=options: gr.md.simulate(
+                    s, w, **o | {"method": m, "dt": 1e-3})  # fmt: skip
+
+
+def driven(seeds: int) -> Iterator[Case]:
+    """Driven walls, forces, thermal walls."""
+    yield from family(7, seeds, {"driven": shaken, "thermal": heated})
+
+
+def bounded(seeds: int) -> Iterator[Case]:
+    """Rings and pendula."""
+    yield from family(8, seeds, {"ring": round_about, "pendula": hung})
+
+
+SPECIAL = {"driven": driven, "bounded": bounded}
