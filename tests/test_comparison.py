@@ -230,7 +230,7 @@ def test_no_verdict_says_nan():
     scene = gr.scenes.three_balls()
     law = [gr.LinearDashpot.from_restitution(0.7, k=1e-10, pair=p) for p in scene.pairs]
     soft = gr.compare(scene, law, until=gr.until.contact(0, 2), t_end=3.2)
-    assert soft.answer is gr.Answer.no  # hard spheres bounce, soft ones sink for ever
+    assert soft.answer is gr.Answer.no  # hard spheres bounce, soft ones sink forever
     assert math.isnan(soft.pairs[0].soft_v_rel)
     assert "nan" not in soft.verdict
 

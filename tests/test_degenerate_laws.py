@@ -40,7 +40,7 @@ class Endless(Exception):
 
 
 class Degenerate:
-    """A spring and a damping, drawn at random, that refuse to be asked for ever."""
+    """A spring and a damping, drawn at random, that refuse to be asked forever."""
 
     def __init__(self, rng):
         self.words = str(rng.choice(list(SPRINGS))), str(rng.choice(list(DAMPINGS)))

@@ -135,7 +135,7 @@ def test_a_gas_above_a_thermal_floor_is_barometric():
 
 
 def test_balls_may_collapse_between_thermal_walls_but_not_on_them():
-    """The verdict never names a pair beside such a wall; merged balls go on for ever."""
+    """The verdict never names a pair beside such a wall; merged balls go on forever."""
     scene, verdicts = gas(40, Thermal(2.0, 1), Thermal(1.0, 2)), []
     for eps in (0.3, 0.6):
         stopped = run(scene, eps, t_end=300.0)

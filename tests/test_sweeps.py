@@ -442,5 +442,6 @@ def test_a_mistake_in_a_file_or_its_numbers_names_the_place(mine):
 def test_status_codes_in_files_keep_their_meaning():
     from granular.sweeps.results import STATUS
 
-    names = ["time", "until", "quiet", "resting", "collapse", "disturbed", "max_events", "unstable", "misuse", "broken"]
+    names = ["time", "until", "quiet", "resting", "collapse", "disturbed", "max_events", "unstable", "misuse", "broken",
+             "bounded"]
     assert dict(enumerate(names)) | {-1: "not_run"} == {code: STATUS[code] for code in range(-1, len(names))}

@@ -1,4 +1,4 @@
-"""A proof that a few pairs collide for ever: the word of their collisions repeats, and nothing can break it.
+"""A proof that a few pairs collide forever: the word of their collisions repeats, and nothing can break it.
 May be skipped: rarer, infinitely many collisions.
 
 A collision of pair c maps the rates w of the pairs linearly, and a wait maps their gaps g linearly once the rates are
@@ -35,7 +35,7 @@ MARGIN, ROUNDING = 1e-6, 1e-12
 
 
 class Forever(NamedTuple):
-    """Pairs `first` … `last`, numbered in the group, collide for ever, all within `left` seconds."""
+    """Pairs `first` … `last`, numbered in the group, collide forever, all within `left` seconds."""
 
     first: int
     last: int
@@ -43,7 +43,7 @@ class Forever(NamedTuple):
 
 
 def forever(pairs: Records, gap: Array, rate: Array) -> Forever | None:
-    """Return which of a few neighbours collide for ever, if that can be proved: see the head of this file."""
+    """Return which of a few neighbours collide forever, if that can be proved: see the head of this file."""
     with localcontext() as context:
         context.prec, context.Emin, context.Emax = DIGITS, -(10**9), 10**9
         shares = np.array([[Decimal(x) for x in column(pairs, name).tolist()] for name in ("low", "high", "eps")])
@@ -156,7 +156,7 @@ def size(matrix: Array) -> Any:
 
 
 def time_left(word: list[int], shares: Any, gap: Any, rate: Any) -> float:
-    """Return a time in s within which gaps and rates at the beginning of a word spell it for ever; inf if no proof."""
+    """Return a time in s within which gaps and rates at the beginning of a word spell it forever; inf if no proof."""
     turns, whole = turned(word, shares)
     of_rates = leading(whole, rate)
     if of_rates is None or not of_rates.value < 1:

@@ -1,5 +1,5 @@
 // What a move of a slider draws a moment later, one piece at a time when nothing else is to be done: what is judged and
-// dragged is painted first. Pieces take turns, so none waits for ever while a slider moves.
+// dragged is painted first. Pieces take turns, so none waits forever while a slider moves.
 const PATIENCE = 100; // ms
 
 const idle = window.requestIdleCallback ? (work) => requestIdleCallback(work, { timeout: PATIENCE }) : (work) => setTimeout(work, 30);
