@@ -49,8 +49,8 @@ def hung(rng: Any) -> Any:
     import granular as gr
 
     n = int(rng.integers(2, 6))
-    gap = rng.uniform(0.0, 0.02, n - 1) * (rng.random(n - 1) < 0.7)
-    return gr.Scene(rng.uniform(0.5, 2.0, n), [0.05] * n, gap, 0.3 * rng.normal(size=n), pendulum=float(rng.uniform(2, 6)))
+    gap, omega = rng.uniform(0.0, 0.02, n - 1) * (rng.random(n - 1) < 0.7), float(rng.uniform(2.0, 6.0))
+    return gr.Scene(rng.uniform(0.5, 2.0, n), [0.05] * n, gap, 0.3 * rng.normal(size=n), pendulum=omega)
 
 
 def family(number: int, seeds: int, kinds: dict[str, Callable[[Any], Any]]) -> Iterator[Case]:
@@ -60,11 +60,11 @@ def family(number: int, seeds: int, kinds: dict[str, Callable[[Any], Any]]) -> I
     for which, (kind, make) in enumerate(kinds.items()):
         for seed in range(seeds):
             rng = np.random.default_rng([number, which, seed])
-            scene, laws, eps = make(rng), soft_laws(rng), float(rng.choice([0.5, 0.9, 1.0]))
+            scene, laws, rule = make(rng), soft_laws(rng), gr.ConstantRestitution(float(rng.choice([0.5, 0.9, 1.0])))
             given = way(rng, scene.n_pairs) or {"t_end": 0.5}
             for queue in ("sorted", "compiled"):
-                yield f"edmd {kind}, {queue}", seed, lambda s=scene, e=eps, o=given | {"engine": queue}: gr.edmd.simulate(
-                    s, gr.ConstantRestitution(e), **{"max_events": 300} | o)  # fmt: skip
+                options = {"max_events": 300} | given | {"engine": queue}
+                yield f"edmd {kind}, {queue}", seed, lambda s=scene, r=rule, o=options: gr.edmd.simulate(s, r, **o)
             law, method = laws[LAWS[seed % len(LAWS)]], METHODS[seed % len(METHODS)]
             for engine in ENGINES:
                 options = LIMITS | given | {"engine": engine if law is not laws["own Hertz"] else "plain"}

@@ -12,7 +12,6 @@ import numpy as np
 from granular._check import Array
 from granular.durations import Durations
 from granular.outcome import approach, counts, leaving, partings, strengths
-from granular.scene import Scene
 from granular.trajectory import Trajectory
 
 FAINT = 1e-12
@@ -52,8 +51,8 @@ class Components:
     def weight(self, soft: Trajectory) -> Array:
         """Speed a t_c in m/s that weight and forces give a ball in a contact, per pair the largest of its component.
 
-        a is the largest acceleration at which they close one of its gaps: g at a floor, 0 where all balls fall alike. No
-        more than it gives in the whole run.
+        a is the largest acceleration at which they close one of its gaps: g at a floor, 0 where all balls fall alike.
+        No more than it gives in the whole run.
         """
         closing = np.append(self.largest(np.abs(soft.scene.pull)), 0.0)[self.of_pair]
         most = closing * float(soft.time[-1] - soft.time[0])
@@ -121,7 +120,7 @@ def differences(one: Trajectory, other: Trajectory) -> tuple[Array, Array]:
 
 
 def _carried(hard: Trajectory, u: Array, at: Array, then: Array) -> Array:
-    """Velocities (n,) in m/s of hard spheres that leave with `u` at the times `at`, in free flight to the times `then`."""
+    """Velocities (n,) in m/s of hard spheres that leave with `u` at times `at`, in free flight to the times `then`."""
     scene, omega = hard.scene, hard.scene.pendulum
     if omega == 0.0:
         return np.asarray(u + scene.fall * (then - at))

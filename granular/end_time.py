@@ -16,10 +16,10 @@ import numpy as np
 
 from granular import edmd, md
 from granular._check import Array
-from granular.components import components
+from granular.components import components, counted
 from granular.durations import Durations
 from granular.laws.kinds import resolved
-from granular.outcome import approach, counts, strengths
+from granular.outcome import approach, at_once, counts, strengths
 from granular.trajectory import Status, Trajectory
 from granular.walls import ends
 
@@ -35,7 +35,7 @@ def levelled(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> 
     Parameters
     ----------
     hard, soft : Trajectory
-        Runs of one scene, with their logs.
+        Runs of one scene, with the contacts that count in their logs.
     options : mapping
         Those of `granular.md.simulate` with which the soft run was made.
 
@@ -47,11 +47,12 @@ def levelled(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> 
     """
     most = np.maximum(counts(hard), counts(soft))
     latest = _latest(hard, soft, most)
-    hard = _gone_on(hard, float(latest[0].max()), {})
+    hard = at_once(_gone_on(hard, float(latest[0].max()), {}))
     later = _gone_on(soft, float(latest[1].max()), options)
     until = _patience(_due(later, latest[1], most), float(soft.time[-1]))
     if until.max() > latest[1].max():
         later = _gone_on(soft, float(until.max()), options)
+    hard, later = counted(hard, later)
     return _due(hard, latest[0], most), _endless(_due(later, latest[1], most), until)
 
 

@@ -13,6 +13,8 @@ from granular.trajectory import Trajectory
 
 SAME = 0.01
 """Outcomes closer than this share of the fastest impact are called the same."""
+INSTANT = 1e-12
+"""Collisions closer than this share of the time since the start are in one instant: rounding decides which is first."""
 
 
 @dataclass(frozen=True)
@@ -95,20 +97,21 @@ def at_once(hard: Trajectory) -> Trajectory:
     """The run of hard spheres with the collisions of a pair in one instant as one, at whose end the instant is over.
 
     What a rule does within an instant, such as ball after ball, is no physics: a pair parts with the velocities that
-    its bodies have after all collisions of that instant.
+    its bodies have after all collisions of that instant. Collisions within `INSTANT` of the time are in one.
     """
     log = hard.contacts
     if len(log) < 2:
         return hard
     time, rows = log["t_begin"], np.arange(len(log))
+    instant = np.cumsum(np.diff(time, prepend=time[0]) > INSTANT * (time - hard.time[0]))
     after = log["v_out"].copy()
     body, k = np.column_stack(hard.scene.bodies(log["pair"])).ravel(), np.repeat(rows, 2)
-    by_body = np.lexsort((k, time[k], body))
-    ends = np.append((np.diff(body[by_body]) != 0) | (np.diff(time[k][by_body]) != 0.0), True)
+    by_body = np.lexsort((k, instant[k], body))
+    ends = np.append((np.diff(body[by_body]) != 0) | (np.diff(instant[k][by_body]) != 0), True)
     final = by_body[np.flatnonzero(ends)[np.cumsum(np.append(False, ends[:-1]))]]  # its body's last of the instant
     after.ravel()[by_body] = log["v_out"].ravel()[final]
-    order = np.lexsort((rows, time, log["pair"]))
-    again = np.append(False, (np.diff(log["pair"][order]) == 0) & (np.diff(time[order]) == 0.0))
+    order = np.lexsort((rows, instant, log["pair"]))
+    again = np.append(False, (np.diff(log["pair"][order]) == 0) & (np.diff(instant[order]) == 0))
     if not again.any() and (after == log["v_out"]).all():
         return hard
     log = log.copy()

@@ -7,15 +7,13 @@ where two rules differ no answer is the right one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from granular import edmd
 from granular.scene import Scene
-from granular.trajectory import EARLY, Trajectory
+from granular.trajectory import Trajectory
 
 RULES = ("left", "right", "poisson")
 """One collision after the other in two orders, and a touching group as a whole, in the way that takes any ε."""
@@ -38,17 +36,14 @@ def ties(run: Trajectory) -> bool:
     return bool((run.scene.gap == 0.0).any() or at_once.any())
 
 
-def other_answers(hard: Trajectory, rule: Any, options: Mapping[str, Any]) -> dict[str, Trajectory]:
-    """Runs under the other tie rules, by rule, if there are `ties`; without those that refuse the scene or end early.
+def others(hard: Trajectory, options: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield options of `granular.edmd.simulate` for each other tie rule, if a run made with `options` has `ties`.
 
-    `options` are those of `granular.edmd.simulate` with which the run `hard` was made.
+    Such a rule may refuse the scene.
     """
-    found: dict[str, Trajectory] = {}
     if hard.scene.n < 3 or not ties(hard):
-        return found
+        return
     limit = min(options["max_events"], PATIENCE * (len(hard.contacts) + hard.scene.n))
     for name in RULES[: len(RULES) if hard.scene.n <= FEW else 2]:
         if name != options["ties"]:
-            with suppress(ValueError, ArithmeticError):  # no answer, as for balls wedged between two walls
-                found[name] = edmd.simulate(hard.scene, rule, **{**options, "ties": name, "max_events": limit})
-    return {name: run for name, run in found.items() if run.status not in EARLY}
+            yield {**options, "ties": name, "max_events": limit}

@@ -9,11 +9,14 @@ from collections import namedtuple
 from itertools import zip_longest
 
 import granular as gr
+from granular.scene import speed_scale
 
 Contact = namedtuple("Contact", "pair begin end before after impulse deepest")
 Judgement = namedtuple("Judgement", "answer error components")
 SAME, ROUNDING, FOLLOWED = 0.01, 1e-12, 20.0
 WORST = ["no", "not_unique", "not_ball_by_ball", "undecided", "yes"]
+MOST = 200_000
+"""Collisions that are waited for: balls that ride on a driven floor at an ε near 1 have millions."""
 EARLY = {"max_events", "max_steps", "unstable", "broken"}
 
 
@@ -25,18 +28,18 @@ class Judge:
         self.known = {}
         self.n, self.walls = scene.n, [math.isinf(m) for m in scene.mass]
         self.hard = self.collide(scene, t_end)
-        self.carried = self.merging(t_end)
+        self.carried = self.merging(self.hard, t_end)
         self.soft = gr.md.simulate(scene, laws, t_end=t_end)
 
     def collide(self, scene, t_end, **options):
-        return gr.edmd.simulate(scene, self.rule, t_end=t_end, **{"ties": self.ties} | options)
+        return gr.edmd.simulate(scene, self.rule, t_end=t_end, **{"ties": self.ties, "max_events": MOST} | options)
 
-    def merging(self, t_end):
-        """The hard run; after a collapse those that collide ever more slowly stick."""
-        if self.hard.status.name not in ("collapse", "bounded"):
-            return self.hard if t_end == self.t_end else self.collide(self.scene, t_end)
-        slow = 1e-9 * max(closing(row) for row in rows_of(self.hard))
-        return self.collide(self.scene, t_end, collapse="merge", merge_below=slow)
+    def merging(self, run, t_end, **options):
+        """A hard run; after a collapse those that collide ever more slowly stick."""
+        if run.status.name not in ("collapse", "bounded"):
+            return run if t_end == self.t_end else self.collide(run.scene, t_end)
+        slow = 1e-9 * max(closing(row) for row in rows_of(run))
+        return self.collide(run.scene, t_end, collapse="merge", merge_below=slow, **options)
 
     def bodies(self, pair):
         return pair, (pair + 1) % self.n
@@ -45,7 +48,8 @@ class Judge:
         """Duration of an isolated contact; 0 if it has none that ends."""
         if (pair, speed) not in self.known:
             try:
-                contact = gr.binary.collision(self.laws[pair], self.scene.pairs[pair], max(speed, 1e-30))
+                slowest = max(2.0**-30 * speed_scale(self.scene), 1e-30)
+                contact = gr.binary.collision(self.laws[pair], self.scene.pairs[pair], max(speed, slowest))
                 self.known[pair, speed] = contact.duration
             except (ValueError, ArithmeticError):
                 self.known[pair, speed] = 0.0
@@ -56,14 +60,15 @@ class Judge:
 
     def instants(self, rows):
         """Collisions of a pair in one instant are one; at its end the instant is over."""
-        final = {}
+        final, kept, of, before = {}, {}, [], 0.0
         for row in rows:
+            of.append(of[-1] + (row.begin - before > ROUNDING * row.begin) if of else 0)
+            before = row.begin
             for body, v in zip(self.bodies(row.pair), row.after, strict=True):
-                final[body, row.begin] = v
-        kept = {}
-        for row in rows:
-            after = tuple(final[body, row.begin] for body in self.bodies(row.pair))
-            kept.setdefault((row.pair, row.begin), row._replace(after=after))
+                final[body, of[-1]] = v
+        for row, k in zip(rows, of, strict=True):
+            after = tuple(final[body, k] for body in self.bodies(row.pair))
+            kept.setdefault((row.pair, k), row._replace(after=after))
         return list(kept.values())
 
     def groups(self, *logs):
@@ -99,10 +104,10 @@ class Judge:
             way[c] = delay * max(closing(r) for rows in mine for r in rows)
         latest_hard = self.latest(hard, soft, most, way, float(self.carried.time[-1]))
         latest_soft = self.latest(soft, hard, most, way, float(self.soft.time[-1]))
-        hard = self.later(hard, latest_hard, most, self.carried.status.name)
+        hard = self.later(hard, latest_hard, self.carried.status.name)
         soft = self.followed(soft, latest_soft, most)
         hard, soft = self.without_rounding(hard, soft)
-        return hard, soft
+        return due(hard, latest_hard, most), due(soft, latest_soft, most)
 
     def latest(self, rows, others, most, way, end):
         found = {}
@@ -114,14 +119,14 @@ class Judge:
                 found[c] += self.lasting(c, speed) + (min(way[c] / speed, span) if speed > 0.0 else span)
         return found
 
-    def later(self, rows, latest, most, status):
+    def later(self, rows, latest, status):
         if status in ("time", "until") and max(latest.values()) > self.t_end:
-            rows = self.instants(rows_of(self.merging(max(latest.values()))))
-        return due(rows, latest, most)
+            return self.instants(rows_of(self.merging(self.hard, max(latest.values()))))
+        return rows
 
     def followed(self, rows, latest, most):
         if self.soft.status.name not in ("time", "until"):
-            return due(rows, latest, most)
+            return rows
         end = max(latest.values())
         if end > self.t_end:
             rows = rows_of(gr.md.simulate(self.scene, self.laws, t_end=end))
@@ -133,7 +138,7 @@ class Judge:
             rows = rows_of(gr.md.simulate(self.scene, self.laws, t_end=max(until.values())))
         never = (math.nan, math.nan)
         return [r._replace(end=math.nan, after=never) if r.end > until.get(r.pair, math.inf) else r
-                for r in due(rows, latest, most)]  # fmt: skip
+                for r in rows]  # fmt: skip
 
     # numbers
 
@@ -280,7 +285,7 @@ class Judge:
 
     def other_rules(self):
         """Hard runs under the other tie rules, each beside the own one, where balls touch or collide at once."""
-        rows = rows_of(self.hard)
+        rows = rows_of(self.carried)
         times = {}
         for r in rows:
             times.setdefault(r.begin, set()).add(r.pair)
@@ -289,12 +294,13 @@ class Judge:
         if self.n < 3 or not (at_once or (self.scene.gap == 0.0).any()):
             return found
         for ties in {"left", "right", "poisson"} - {self.ties}:
+            options = {"ties": ties, "max_events": min(MOST, 10 * (len(rows) + self.n))}
             try:
-                run = self.collide(self.scene, self.t_end, ties=ties, max_events=10 * (len(rows) + self.n))
+                run = self.merging(self.collide(self.scene, self.t_end, **options), self.t_end, **options)
             except (ValueError, ArithmeticError):
                 continue
             if run.status.name not in EARLY:
-                found.append(self.beside(run, self.hard))
+                found.append(self.beside(run, self.carried))
         return found
 
     def beside(self, *runs):
@@ -310,17 +316,17 @@ class Judge:
         scene = self.scene
         typical = float(scene.gap.mean()) or 1.0
         gap = [1e-12 * typical if self.touch(c) else g * (1.0 + 1e-12 * (-1) ** c) for c, g in enumerate(scene.gap)]
-        twin = self.collide(scene.replace(gap=gap), self.t_end)
-        one, other = self.beside(twin, self.hard)
-        if twin.status.name == self.hard.status.name == "time":
+        twin = self.merging(self.collide(scene.replace(gap=gap), self.t_end), self.t_end)
+        one, other = self.beside(twin, self.carried)
+        if twin.status.name == self.carried.status.name == "time":
             before = self.t_end * (1.0 - 1e-9)
             one, other = ([r for r in rows if r.begin < before] for rows in (one, other))
         return one, other
 
 
 def rows_of(run):
-    return [Contact(int(r["pair"]), float(r["t_begin"]), float(r["t_end"]), tuple(map(float, r["v_in"])),
-                    tuple(map(float, r["v_out"])), float(r["impulse"]), float(r["xi_max"])) for r in run.contacts]  # fmt: skip
+    names = "pair", "t_begin", "t_end", "v_in", "v_out", "impulse", "xi_max"
+    return [Contact(*(r[name].tolist() for name in names)) for r in run.contacts]
 
 
 def closing(row):
@@ -348,5 +354,5 @@ def due(rows, latest, most):
 
 def judged(scene, law, t_end, **options):
     """The answer of this judge for a comparison."""
-    report = gr.compare(scene, law, t_end=t_end, **options)
+    report = gr.compare(scene, law, t_end=t_end, max_events=MOST, **options)
     return report, Judge(scene, report.law, report.rule, t_end, **options).judge()

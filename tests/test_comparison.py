@@ -61,7 +61,7 @@ def test_verdict_and_certificate_agree():
     assert far.verdict.startswith("Yes: every contact is binary (certified), and")
     assert far.to_dict()["first_disturbed"] == [None, -1]
     rule = gr.compare(scene, law, gr.ConstantRestitution(0.5), until=gr.until.contact(0, 2))
-    assert rule.verdict.endswith("of the fastest impact, though every contact is isolated.")
+    assert rule.verdict.endswith("of the fastest impact, though no contacts overlap in time.")
     stepped = gr.compare(scene, law, until=gr.until.contact(0, 2), method="verlet")
     assert "certified" not in str(stepped)
     assert stepped.to_dict()["isolated"] is None

@@ -118,9 +118,10 @@ def ring():
     return gr.compare(scene, gr.LinearDashpot(100.0), t_end=0.31)
 
 
-def row(*velocity, eps=1.0, gap=0.25, k=1e7):
+def row(*velocity, eps=1.0, gap=0.25, k=1e7, more=0.0):
+    """Balls of one mass; each gap is larger by `more` than the one before."""
     n = len(velocity)
-    scene = gr.Scene([1.0] * n, [0.1] * n, [gap] * (n - 1), velocity)
+    scene = gr.Scene([1.0] * n, [0.1] * n, [gap + i * more for i in range(n - 1)], velocity)
     return gr.compare(scene, [gr.LinearDashpot.from_restitution(eps, k, pair) for pair in scene.pairs])
 
 
@@ -135,11 +136,19 @@ def gas(k):
     return gr.compare(scene, [gr.LinearDashpot.from_restitution(0.9, k, pair) for pair in scene.pairs], t_end=3.0)
 
 
+def column(t_end):
+    """Three balls that bounce on each other: hard ones from gaps shifted by 1e-12 part after some 200 contacts."""
+    scene = gr.Scene([INF, 1.0, 2.0, 0.5], [0.0, 0.05, 0.05, 0.05], [0.1, 0.2, 0.3], [0.0] * 4, gravity=9.81)
+    return gr.compare(scene, gr.LinearDashpot(1e8), t_end=t_end)
+
+
 @pytest.mark.parametrize(("scene", "answer"), [
     (rest, A.no), (two_on_a_floor, A.no), (lambda: side(300.0), A.no), (lambda: side(1e-2), A.no), (pile, A.yes),
     (lambda: pile(1e3), A.no), (ball, A.yes), (lambda: ball(t_end=5.0), A.yes), (lambda: ball(t_end=0.4515), A.yes),
     (lambda: ball(t_end=0.4516), A.yes), (shaken, A.no), (ring, A.yes),
-    (lambda: row(1.0, 0.0, -1.0), A.yes), (lambda: row(1.0, 0.0), A.yes), (lambda: row(-1.0, 1.0), A.yes),
+    (lambda: column(40.0), A.not_ball_by_ball), (lambda: column(5.0), A.no),
+    (lambda: row(1.0, 0.0, -1.0), A.yes), (lambda: row(1.0, 0.0, -1.0, more=1e-15), A.yes),
+    (lambda: row(1.0, 0.0), A.yes), (lambda: row(-1.0, 1.0), A.yes),
     (lambda: row(1.0, 0.0, 0.0, gap=1e-5, k=1e4), A.no), (lambda: gas(1e9), A.yes),
     *[((lambda ties=ties: cradle(ties)), A.not_unique) for ties in ("left", "right", "newton", "poisson")],
 ])  # fmt: skip
@@ -147,6 +156,22 @@ def test_scenes_whose_answer_is_known(scene, answer):
     report = scene()
     assert report.answer is answer, report.verdict
     assert report.verdict.startswith(answer.value)
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("resting", 23), ("piecewise", 58), ("piecewise", 93), ("resting", 86)])
+def test_what_a_soak_found(kind, seed):
+    """A run under another tie rule that collapses is carried on; one that is gone on with has instants too."""
+    assert not same(kind, seed)
+
+
+def test_what_is_said_of_balls_does_not_hang_on_others():
+    """A pair whose rule is not that of its law, alone and beside a crowded row."""
+    pair, rows = gr.Scene([1.0, 1.0], [0.1, 0.1], [0.1], [1.0, 0.0]), [1.0, 0.0, 0.0]
+    law, rule = gr.LinearDashpot(1e5), gr.ConstantRestitution(0.5)
+    both = gr.Scene([1.0] * 5, [0.1] * 5, [0.1, 1e3, 1e-5, 1e-5], [1.0, 0.0, *rows])
+    alone, beside = (gr.compare(scene, law, rule, t_end=0.3) for scene in (pair, both))
+    assert alone.verdict.endswith(", though no contacts overlap in time.")
+    assert str(alone.reasons[0]) in map(str, beside.reasons)
 
 
 def test_the_reason_names_what_differs():
@@ -226,7 +251,8 @@ def neighbours_change_nothing(seed):
     worst = min(apart, key=lambda report: list(A).index(report.answer))
     assert together.answer is worst.answer
     if A.not_ball_by_ball is not together.answer:
-        assert together.error == pytest.approx(max(report.error for report in apart), rel=1e-9, abs=1e-13)
+        rel = 1e-9 if together.settled is together.hard else 1e-6  # after a collapse, what is slower than 1e-9 sticks
+        assert together.error == pytest.approx(max(report.error for report in apart), rel=rel, abs=1e-13)
 
 
 SYMMETRIES = (units_change_nothing, mirror_changes_nothing, boost_changes_nothing, neighbours_change_nothing)

@@ -117,13 +117,14 @@ def _judged(report: Compared, j: int) -> Reason:
         return so(Answer.not_unique,
                   ": balls that touch or collide at once have no one hard-sphere answer; here it hangs on the tie "
                   f"rule: {report.hard_options['ties']} and {rule} differ by {ties:.2g} of the fastest impact")
-    chaos, shift = float(report.shifts[j]), float(report.shift_errors[j])
+    chaos, shift, overlap = float(report.shifts[j]), float(report.shift_errors[j]), _overlap(report, pairs)
     touching = tie_rules.touching(report.scene)[list(pairs)].any()
     if chaos > SAME and touching:
         return so(Answer.not_unique,
                   ": touching balls have no one hard-sphere answer; here it hangs on the option ties")  # fmt: skip
     if chaos > SAME:
-        return so(Answer.not_ball_by_ball, f": beyond predictability (compare ensembles){_crowded(report, pairs)}")
+        crowded = "; contacts overlap in time" if overlap else ""
+        return so(Answer.not_ball_by_ball, f": beyond predictability (compare ensembles){crowded}")
     if shift > SAME:
         return so(Answer.not_unique,
                   ": hard spheres from gaps shifted by 1e-12 of themselves, as where balls collide almost at once, "
@@ -134,8 +135,8 @@ def _judged(report: Compared, j: int) -> Reason:
     if wrong:
         return so(Answer.no, f": {_other_counts(report, wrong, len(pairs))}", wrong)
     if not error <= SAME:
-        alone = ", though every contact is isolated" if report.measures["isolated_share"] == 1.0 else ""
-        driven = "; at a driven wall timing is outcome" if report.scene.driven and not _overlap(report, pairs) else ""
+        alone = "" if overlap else ", though no contacts overlap in time"
+        driven = "; at a driven wall timing is outcome" if report.scene.driven and not overlap else ""
         return so(Answer.no, f": outcomes are off by {error:.2g} of the fastest impact{alone}{driven}")
     return so(*(sinking or (Answer.yes, "")))
 
@@ -213,10 +214,5 @@ def _overlap(report: Compared, pairs: tuple[int, ...]) -> bool:
     """Whether soft contacts of a component overlap in time."""
     of, log = set(pairs), report.counted[1].contacts["pair"]
     return any(int(log[o.lower]) in of for o in report.overlaps)
-
-
-def _crowded(report: Compared, pairs: tuple[int, ...]) -> str:
-    share = 100.0 * report.measures["shared_impulse"]
-    return f"; {share:.2g} % of the impulse is shared" if _overlap(report, pairs) and share > 0.0 else ""
 
 

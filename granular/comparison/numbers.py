@@ -54,14 +54,7 @@ class Compared:
     @cached_property
     def settled(self) -> Trajectory:
         """The hard run; one that ended in a collapse is carried on, those that collide ever more slowly stick."""
-        hard = self.hard
-        if "verdict" not in hard.stats:
-            return hard
-        slow = MERGED * measures.fastest_approach(hard)
-        options = {**self.hard_options, "collapse": "merge", "merge_below": slow}
-        with suppress(ValueError, ArithmeticError):  # a tie rule that has no answer
-            return edmd.simulate(self.scene, self.rule, **options)
-        return hard
+        return self._carried_on(self.hard, self.hard_options)
 
     @cached_property
     def counted(self) -> tuple[Trajectory, Trajectory]:
@@ -71,10 +64,7 @@ class Compared:
     @cached_property
     def levelled(self) -> tuple[Trajectory, Trajectory]:
         """Both runs with the same contacts of every pair as far as they have them, each followed to its end."""
-        hard, soft = end_time.levelled(self.settled, self.counted[1], self.soft_options)
-        hard, soft = counted(outcome.at_once(hard), soft)
-        most = np.maximum(*map(outcome.counts, self.counted))
-        return end_time.first(hard, most), end_time.first(soft, most)
+        return end_time.levelled(*self.counted, self.soft_options)
 
     @property
     def followed(self) -> Trajectory:
@@ -298,13 +288,28 @@ class Compared:
     @cached_property
     def _shifted(self) -> tuple[Trajectory, Trajectory]:
         """The twin and the hard run, without contacts that are rounding or just at the end time."""
-        runs = (counted(outcome.at_once(run), self.soft)[0] for run in (self.twin, self.hard))
+        twin, hard = self._carried_on(self.twin, self.hard_options), self.settled
+        runs = (counted(outcome.at_once(run), self.soft)[0] for run in (twin, hard))
         return measures.before_the_end(*runs)
 
     @cached_property
     def _other_answers(self) -> dict[str, Trajectory]:
-        runs = tie_rules.other_answers(self.hard, self.rule, self.hard_options)
-        return {name: counted(outcome.at_once(run), self.soft)[0] for name, run in runs.items()}
+        found = {}
+        for options in tie_rules.others(self.settled, self.hard_options):
+            with suppress(ValueError, ArithmeticError):  # no answer, as for balls wedged between two walls
+                run = self._carried_on(edmd.simulate(self.scene, self.rule, **options), options)
+                if run.status not in EARLY:
+                    found[options["ties"]] = counted(outcome.at_once(run), self.soft)[0]
+        return found
+
+    def _carried_on(self, run: Trajectory, options: Mapping[str, Any]) -> Trajectory:
+        """The run of hard spheres; after a collapse with those that collide ever more slowly sticking."""
+        if "verdict" not in run.stats:
+            return run
+        slow = MERGED * measures.fastest_approach(run)
+        with suppress(ValueError, ArithmeticError):  # a tie rule that has no answer
+            return edmd.simulate(run.scene, self.rule, **{**options, "collapse": "merge", "merge_below": slow})
+        return run
 
     def _leaving_apart(self, one: Trajectory, other: Trajectory | None = None) -> Array:
         """Largest difference of leaving velocities of two hard runs, in units of each component."""

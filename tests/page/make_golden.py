@@ -150,8 +150,8 @@ def answer_of(report):
 
 
 KINDS = (
-    ("collide forever", "forever"), ("radius under their weight", "sinks"), ("No: outcomes are off", "off"), (", not ", "counts"),
-    ("though contacts overlap", "yes, overlap"),
+    ("collide forever", "forever"), ("radius under their weight", "sinks"), ("No: outcomes are off", "off"),
+    (", not ", "counts"), ("though contacts overlap", "yes, overlap"),
 )  # fmt: skip
 
 
