@@ -11,16 +11,12 @@ pairs among it are shut.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import cache
-from typing import Any
 
 import numpy as np
 
 from granular._flight import rate_at_contact
-from granular._kernels import fitted, kernel, rare, replaced
+from granular._kernels import kernel, rare
 from granular._records import Record, Records
-from granular.edmd import motion
 from granular.edmd.motion import NOISE, REBASED, Walls
 from granular.edmd.motion import carry as carry_free
 from granular.edmd.motion import predicted as predicted_free
@@ -258,16 +254,3 @@ def synchronise(pairs: Records, bodies: Records, walls: Walls) -> None:
 def rounding(speed: float) -> float:
     """Return the noise (m²/s²) of velocities of that size."""
     return NOISE * speed * speed
-
-
-@cache
-def general(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the twin of a kernel for scenes with forces, driven or thermal walls; most kernels are their own."""
-    from granular.edmd import account, as_one, collision, epoch, groups, heating, parting, riding
-
-    mine = {name: globals()[name] for name in ("velocities", "carry", "rate_at", "rebase")}
-    mine |= {"rest": riding.rest, "absorb": riding.absorb, "wake": parting.wake, "release": parting.release,
-             "repull": as_one.repull, "is_closed": as_one.is_closed}  # fmt: skip
-    mine |= {name: getattr(heating, name) for name in ("event", "predicted", "touches", "group")}
-    function = replaced(function, (motion, collision, groups), mine)
-    return fitted(function, moves_on=epoch.moves_on, RESTING=-math.inf, book=account.book)

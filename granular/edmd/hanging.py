@@ -11,8 +11,6 @@ their velocity is ``u cos Ωt - sway sin Ωt``, and u and sway change at impacts
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -20,9 +18,8 @@ import numpy as np
 
 from granular._check import Array
 from granular._flight import hung, hung_after, hung_rate_at_contact
-from granular._kernels import kernel, rare, replaced
+from granular._kernels import kernel, rare
 from granular._records import Record, Records, column
-from granular.edmd import collision, motion
 from granular.edmd.collision import remedied, total
 from granular.edmd.motion import Walls, impulse
 from granular.edmd.physics import Restitution
@@ -176,13 +173,6 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
         body = bodies[i]
         cosine, sine = math.cos(body.omega * shift), math.sin(body.omega * shift)
         body.u, body.sway = body.u * cosine - body.sway * sine, body.sway * cosine + body.u * sine
-
-
-@cache
-def hangs(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the twin of a kernel for pendula; most kernels are their own."""
-    names = "velocities", "predicted", "touches", "carry", "rate_at", "event", "rebase"
-    return replaced(function, (motion, collision), {name: globals()[name] for name in names})
 
 
 def begin(pairs: Any, bodies: Any, scene: Any) -> None:

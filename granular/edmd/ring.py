@@ -8,16 +8,13 @@ pair are counted round. Velocities are relative to the centre of mass.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
 from granular._flight import gap_after
-from granular._kernels import fitted, kernel, rare, replaced
+from granular._kernels import kernel, rare
 from granular._records import Record, Records
-from granular.edmd import collision, motion, zoom
 from granular.edmd.collision import event as event_on_line
 from granular.edmd.collision import is_closed
 from granular.edmd.collision import remedied as remedied_on_line
@@ -212,11 +209,3 @@ def collide_as_one(s: State, physics: Any, fit: Fit, log: list[Any] | None) -> t
     if first == 0 or last >= n - 2:  # the largest gap is beside them
         return why, 0, n - 1
     return why, (first + k) % n, (first + k) % n + last - first
-
-
-@cache
-def closes(function: Callable[..., Any], refresh: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the twin of a kernel for rings, of a queue that predicts pairs anew by `refresh`."""
-    names = "event", "collide", "remedied", "absorb", "rebase", "bounce", "number", "guards", "crowded"
-    mine = {name: globals()[name] for name in names}
-    return fitted(replaced(function, (motion, collision, zoom), mine), refresh=refresh, group=group)

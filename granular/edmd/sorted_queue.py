@@ -11,12 +11,10 @@ from sortedcontainers import SortedList
 
 from granular._kernels import kernel
 from granular._records import Record, Records, plain, twin
-from granular.edmd import ring
+from granular.edmd import fit, ring
 from granular.edmd.collision import RESTING, ROW, SUSPICIOUS, event, rest
-from granular.edmd.driven import general
 from granular.edmd.epoch import date
 from granular.edmd.groups import collide_as_one, group
-from granular.edmd.hanging import hangs
 from granular.edmd.motion import Walls, approaching, predicted, velocities
 from granular.edmd.parting import leave
 from granular.edmd.physics import Physics, Restitution
@@ -165,11 +163,11 @@ class SortedQueue:
         state.keep(self.hold)
         self.state, self.physics = state, physics
         if state.walls is not None:
-            self.fit = general
+            self.fit = fit.general
         elif physics.scene.pendulum > 0.0:
-            self.fit = hangs
+            self.fit = fit.hangs
         elif state.ring:
-            self.predict, self.fit = self.predict_around, partial(ring.closes, refresh=self.predict_around)
+            self.predict, self.fit = self.predict_around, partial(fit.closes, refresh=self.predict_around)
         self.rebuild()
 
     def rows(self, n: int) -> Records:
