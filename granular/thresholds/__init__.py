@@ -3,11 +3,8 @@ May be skipped: many runs of the same engines.
 
 ============  ========================================================================================================
 `criteria`    what is asked of one value: is every contact isolated, or the error small?
-`scan`        a grid of values, and bisection of every change
-`result`      `Threshold`: crossings, and where hard spheres hold
-`words`       the answer in words and as a table
-`figure`      the measure over the values
-`run`         `threshold` itself
+`run`         `threshold` itself: a grid of values, and bisection of every change
+`result`      `Threshold`: crossings, and where hard spheres hold, in words and as a figure
 ============  ========================================================================================================
 """
 

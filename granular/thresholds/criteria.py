@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 from granular import certificate
 from granular.cases import Case
+from granular.comparison.answer import Answer as Judgement
+from granular.outcome import SAME
 from granular.sweeps.results import Answer
 from granular.trajectory import EARLY
 
@@ -71,10 +73,12 @@ def isolated(case: Case, limit: float) -> tuple[str, float, str]:
 
 
 def error(case: Case, limit: float) -> tuple[str, float, str]:
-    """Whether the error of hard spheres, `granular.Comparison.error`, is at most `limit`."""
+    """Whether the error of hard spheres, `granular.Comparison.error`, is at most `limit`, and nothing else is wrong."""
     report = Answer(case).report
-    if math.isnan(report.error):
+    if report.answer is Judgement.undecided:
         return UNDECIDED, math.nan, report.verdict
+    if report.error <= SAME and report.answer is not Judgement.yes:  # small, but for another reason it is no yes
+        return FAILS, report.error, report.verdict
     return HOLDS if report.error <= limit else FAILS, report.error, f"error {report.error:.3g}"
 
 

@@ -1,20 +1,31 @@
-"""`Threshold`: where the hard picture begins or ceases to hold, as a value.
+"""`Threshold`: where the hard picture begins or ceases to hold, as a value, in words, and as a figure.
 May be skipped: many runs of the same engines.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from functools import cached_property
 from itertools import groupby, pairwise
+from os import PathLike
+from textwrap import fill
 from typing import Any
 
-from granular.tables import Report
-from granular.thresholds import figure, words
-from granular.thresholds.criteria import FAILS, HOLDS, UNDECIDED, Value
+from granular import _files
+from granular.drawing import GREY, HARD, SOFT, canvas
+from granular.tables import Report, aligned
+from granular.thresholds.criteria import CRITERIA, FAILS, HOLDS, UNDECIDED, Value
 
 Interval = tuple[float, float]
+MOST = 20
+"""Crossings that are shown."""
+MARKERS: dict[str, dict[str, Any]] = {
+    HOLDS: {"color": SOFT, "marker": "o", "mfc": SOFT}, FAILS: {"color": HARD, "marker": "x"},
+    UNDECIDED: {"color": GREY, "marker": "s", "mfc": "none"},
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +86,17 @@ class Threshold(Report):
     fixed: Mapping[str, Any]
     values: tuple[Value, ...]
 
-    __str__ = words.table
-    sentence = property(words.sentence)
-    plot = figure.plot
+    def __str__(self) -> str:
+        return _table(self)
+
+    @property
+    def sentence(self) -> str:
+        """Where hard spheres hold, in one or two sentences."""
+        return _sentence(self)
+
+    def plot(self, path: str | PathLike[str] | None = None) -> Any:
+        """Draw error, or time of the first disturbance, over the values; return the figure, or save it to `path`."""
+        return _plot(self, path)
 
     @cached_property
     def crossings(self) -> tuple[Crossing, ...]:
@@ -113,3 +132,132 @@ class Threshold(Report):
             "holds": self.holds, "fails": self.fails, "undecided": self.undecided,
             "values": [asdict(one) for one in self.values],
         }  # fmt: skip
+
+
+# --- in words: nothing is said but of what was scanned
+
+
+def _table(report: Threshold) -> str:
+    """The report a person reads."""
+    low, high = report.between
+    tried = len(report.values)
+    lines = [
+        f"{report.title}",
+        f"scanned: {report.over} from {low:g} to {high:g}{_unit(report)}, {report.points} values ({report.spacing}), "
+        f"then every change bisected to {report.within:g} of its value; {tried} runs",
+        *_crossings(report), "", report.sentence,
+    ]  # fmt: skip
+    return "\n".join(lines)
+
+
+def _sentence(report: Threshold) -> str:
+    """Where hard spheres hold, in one or two sentences."""
+    if not report.undecided:
+        return _decided(report)
+    first = next(one for one in report.values if one.verdict == UNDECIDED)
+    doubt = (f"Undecided {_spans(report, report.undecided)}; at {report.over} = {first.value:.4g}{_unit(report)}: "
+             f"{first.why.rstrip('.')}.")
+    return f"{_decided(report)} {doubt}" if report.holds or report.fails else doubt
+
+
+def _decided(report: Threshold) -> str:
+    """The first sentence."""
+    low, high = report.between
+    asked, scan = CRITERIA[report.criterion], f"{report.over} from {low:g} to {high:g}{_unit(report)}"
+    how = asked.how.format(error=report.limit)
+    if not report.holds:
+        return f"Nowhere is {asked.what} {how}: {scan} was scanned."
+    said = f"{asked.what[0].upper()}{asked.what[1:]} is {how}"
+    if report.holds == (report.between,):
+        return f"{said} everywhere: {scan} was scanned."
+    reaches = report.holds[0][0] == low, report.holds[-1][1] == high
+    scanned = {(True, False): f"from {low:g}{_unit(report)} on", (False, True): f"up to {high:g}{_unit(report)}"}
+    within = scanned.get(reaches, f"from {low:g} to {high:g}{_unit(report)}")
+    return f"{said} {_spans(report, report.holds)} (scanned {within})."
+
+
+def _spans(report: Threshold, spans: tuple[Interval, ...]) -> str:
+    """Intervals in words, each rounded to its inside."""
+    words = [_span(report, *span) for span in spans]
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+
+
+def _span(report: Threshold, low: float, high: float) -> str:
+    unit, (first, last) = _unit(report), report.between
+    if low == high:
+        return f"at {report.over} = {low:.6g}{unit}"
+    if (low, high) == (first, last):
+        return f"everywhere from {report.over} = {first:g} to {last:g}{unit}"
+    below, above = _rounded(low, report.within, ROUND_CEILING), _rounded(high, report.within, ROUND_FLOOR)
+    if high == last:
+        return f"from {report.over} = {below}{unit} on"
+    return f"up to {report.over} = {above}{unit}" if low == first else f"from {report.over} = {below} to {above}{unit}"
+
+
+def _rounded(value: float, within: float, way: str) -> str:
+    """A number with as many digits as are known, and one more, rounded up or down."""
+    digits = max(3, 2 + math.ceil(-math.log10(within)))
+    return f"{float(Context(prec=digits, rounding=way).create_decimal(repr(value))):.{digits}g}"
+
+
+def _crossings(report: Threshold) -> Iterator[str]:
+    """Every crossing: between which values, which verdicts, and what is wrong on the bad side."""
+    found = report.crossings
+    if not found:
+        return
+    rows = [[f"{report.over}{f' / {report.units}' if report.units != '1' else ''}", "below", "above", "because"]]
+    digits = 3 + math.ceil(-math.log10(report.within))
+    for crossing in found[:MOST]:
+        low, high = crossing.low, crossing.high
+        rows.append([f"{low.value:.{digits}g} … {high.value:.{digits}g}", _name(report, low), _name(report, high),
+                     next((one.why for one in (low, high) if one.verdict != HOLDS), "")])  # fmt: skip
+    yield ""
+    yield aligned(rows, "<")
+    if len(found) > MOST:
+        yield f"({len(found) - MOST} more crossings not shown; all are in the JSON)"
+
+
+def _name(report: Threshold, one: Value) -> str:
+    """A verdict in the words of the criterion."""
+    good, bad = CRITERIA[report.criterion].words
+    return {HOLDS: good, FAILS: bad}.get(one.verdict, one.verdict)
+
+
+def _unit(report: Threshold) -> str:
+    return "" if report.units == "1" else f" {report.units}"
+
+
+# --- as a figure: what decides, over the values; where hard spheres hold is shaded
+
+
+def _plot(report: Threshold, path: str | PathLike[str] | None = None) -> Any:
+    """Draw error, or time of the first disturbance, over the values; return the figure, or save it to `path`."""
+    figure, ((axis,),) = canvas(5.2, 3.2)
+    for low, high in report.holds:
+        axis.axvspan(low, high, color=SOFT, alpha=0.12, lw=0)
+    for crossing in report.crossings:
+        axis.axvline(crossing.value, color="black", lw=0.7, ls=":")
+    for verdict, look in MARKERS.items():
+        shown = [one for one in report.values if one.verdict == verdict]
+        known = [one for one in shown if math.isfinite(one.measure)]
+        axis.plot([one.value for one in known], [one.measure for one in known], ls="none", ms=4, mew=0.9, **look)
+        others = [one.value for one in shown if not math.isfinite(one.measure)]
+        axis.plot(others, [0.97] * len(others), ls="none", ms=4, transform=axis.get_xaxis_transform(), **look)
+        if shown:
+            good, bad = CRITERIA[report.criterion].words
+            axis.plot([], [], ls="none", ms=4, label={HOLDS: good, FAILS: bad}.get(verdict, verdict), **look)
+    _axes(axis, report)
+    figure.suptitle(fill(report.sentence, 80), fontsize=8.5, x=0.02, ha="left")
+    return _files.write_figure(path, figure, dpi=150)
+
+
+def _axes(axis: Any, report: Threshold) -> None:
+    if report.criterion == "error":
+        axis.axhline(report.limit, color="black", lw=0.6, ls="--")
+        axis.set(yscale="log", ylabel="error, of the fastest impact")
+    else:
+        axis.set_ylabel("first disturbed at t, s")
+    axis.set(xscale=report.spacing, xlim=report.between,
+             xlabel=report.over + (f", {report.units}" if report.units != "1" else ""))  # fmt: skip
+    axis.margins(y=0.15)
+    axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
