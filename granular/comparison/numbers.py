@@ -101,7 +101,7 @@ class Compared:
             "crowding": measures.crowding(hard, self.law),
             "occupation": measures.occupation(soft),
             "distance": math.nan if self._early else self._distance(self._apart[0]),
-            "predictability": self._distance(differences(*self._shifted)[0]),
+            "predictability": math.nan if self._twin.status in EARLY else self._distance(differences(*self._shifted)[0]),
             "mass_centre_ratio": soft_cm / hard_cm if hard_cm and not self._early else math.nan,
             "isolated_share": certificate.isolated_share(self.levelled[1]),
             "lag": float(self.soft.time[-1] - self.hard.time[-1]),
@@ -286,9 +286,14 @@ class Compared:
         return balls, pairs
 
     @cached_property
+    def _twin(self) -> Trajectory:
+        return self._carried_on(self.twin, self.hard_options)
+
+    @cached_property
     def _shifted(self) -> tuple[Trajectory, Trajectory]:
         """The twin and the hard run, without contacts that are rounding or just at the end time."""
-        twin, hard = self._carried_on(self.twin, self.hard_options), self.settled
+        hard = self.settled
+        twin = hard if self._twin.status in EARLY else self._twin
         runs = (counted(outcome.at_once(run), self.soft)[0] for run in (twin, hard))
         return measures.before_the_end(*runs)
 

@@ -35,7 +35,8 @@ class Comparison(Judged, Report):
     pairs : tuple of PairOutcome
         Contacts and separation speeds, pair by pair.
     twin : Trajectory
-        EDMD from gaps shifted by 1e-12 of themselves: how far the scene can be predicted at all.
+        EDMD from gaps shifted by 1e-12 of themselves: how far the scene can be predicted at all. It ends at ten times
+        the collisions.
     levelled : (2,) tuple of Trajectory
         Both runs without contacts that are rounding, those still running or to come at the end followed to theirs.
     answer : Answer
@@ -112,7 +113,8 @@ def compare(
     end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
     event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed, "collapse": collapse, "merge_below": merge_below}
     hard = edmd.simulate(scene, used, **event_driven, on_progress=on_progress)
-    twin = edmd.simulate(_nudged(scene), used, **event_driven, on_progress=on_progress)
+    most = min(max_events, tie_rules.PATIENCE * (hard.stats["events"] + scene.n))
+    twin = edmd.simulate(_nudged(scene), used, **event_driven | {"max_events": most}, on_progress=on_progress)
     options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
     soft = md.simulate(scene, laws, **end, **options, on_progress=on_progress)
     return Comparison(scene, laws, used, until, t_end, hard, soft, twin, event_driven, options)
