@@ -16,17 +16,9 @@ import granular as gr
 MEASURES = ("error", "shared_impulse", "crowding", "occupation", "distance", "predictability", "mass_centre_ratio")
 ERROR = r"error  $\max(|\Delta u_i|,\,|\Delta v_c'|)\,/\,U$"
 """Label of `gr.Comparison.error`: largest difference of a leaving velocity u or a separation speed v′."""
-
-
-def stack(n=3, gap=1e-3):
-    """Kerwin stack: `n` balls of mass ratio 1/3, 3 m/s, without gravity."""
-    return gr.cases.make("ball-stack", n=n, mass_ratio=1.0 / 3.0, speed=3.0, gap=gap, gravity=0.0, restitution=0.95,
-                         t_end=100.0)  # fmt: skip
-
-
-def column(n=5, gap=1e-3):
-    """Column of `n` equal balls of 1 kg that falls on a floor at 1 m/s, without gravity."""
-    return gr.cases.make("column", n=n, gap=gap, speed=1.0, restitution=0.95, t_end=100.0)
+STACK = {"mass_ratio": 1.0 / 3.0, "speed": 3.0, "gravity": 0.0, "restitution": 0.95, "t_end": 100.0}
+COLUMN = {"speed": 1.0, "restitution": 0.95, "t_end": 100.0}
+"""What is held of Kerwin's stacks, and of columns of equal balls that fall on a floor; neither has gravity."""
 
 
 def cradle(gap=1e-6, exponent=1.5):
@@ -46,9 +38,9 @@ def compute(points):
     """All measures over two parameters of each scene."""
     gaps, half = np.geomspace(3e-6, 3e-2, points), max(2, points // 2)
     maps = {
-        "stack": gr.sweep(stack, {"n": [2, 3, 4, 5, 6, 7], "gap": gaps}, MEASURES),
+        "stack": gr.sweep("ball-stack", {"n": [2, 3, 4, 5, 6, 7], "gap": gaps}, MEASURES, **STACK),
         "cradle": gr.sweep(cradle, {"exponent": [1.0, 1.25, 1.5, 2.0, 2.5, 3.0], "gap": gaps * 1e-2}, MEASURES),
-        "column": gr.sweep(column, {"n": [2, 3, 5, 8, 12, 20][:half], "gap": gaps}, MEASURES),
+        "column": gr.sweep("column", {"n": [2, 3, 5, 8, 12, 20][:half], "gap": gaps}, MEASURES, **COLUMN),
         "gas": gr.sweep(gas, {"packing": np.linspace(0.05, 0.9, half), "duration": np.geomspace(1e-4, 0.3, half)},
                         MEASURES),
     }  # fmt: skip
