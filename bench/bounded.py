@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import docs_data
+import matplotlib
 import numpy as np
 
 import granular as gr
 from granular._kernels import have_numba
-from granular.drawing import COLUMN, GREY, HARD, SOFT, canvas, letter, shades, style
+from granular.drawing import COLUMN, GREY, HARD, SOFT, canvas, style
 
 FIGURE = Path(__file__).parent.parent / "docs" / "figures" / "bounded.png"
 HOT, COLD = 2.0, 1.0
@@ -23,6 +24,7 @@ FREE_FLIGHT = (HOT - COLD) / (math.sqrt(math.pi / 2.0) * (HOT**-0.5 + COLD**-0.5
 """Heat flow of hard balls of 1 kg, one for each metre."""
 LOSSES, STIFFNESSES = (0.2, 2.0, 10.0), (1e4, 1e3, 1e2)
 LIMITS = {"max_events": 10**9, "log": False}
+SHADES = [0.5, 0.25, 0.0]
 
 
 def haff(n: int, seeds: int, end: float, rows: int) -> dict[str, Any]:
@@ -107,7 +109,7 @@ def draw(data: dict[str, Any]) -> Any:
     figure, axes = canvas(2.0 * COLUMN, 1.7 * COLUMN, 2, 2)
     (cooling, heat), (swinging, floor) = axes
     cooled(cooling, data["haff"])
-    marks = zip(STIFFNESSES, "s^D", data["heat"].values(), shades("Blues_r", 5)[2:], strict=True)
+    marks = zip(STIFFNESSES, "s^D", data["heat"].values(), matplotlib.colormaps["Blues_r"](SHADES), strict=True)
     for k, mark, rows, colour in marks:
         n, mean, error = np.transpose(rows)
         heat.errorbar(n, mean, error, fmt=mark + "-", lw=0.5, ms=3, mfc="none", capsize=1.5, color=colour,
@@ -130,14 +132,14 @@ def draw(data: dict[str, Any]) -> Any:
     floor.set(yscale="log", xlabel="height, m", ylabel="probability density, 1/m", xlim=(0.0, 3.0))
     floor.legend()
     for axis, name in zip(axes.ravel(), "abcd", strict=True):
-        letter(axis, f"({name})", x=0.9)
+        axis.text(0.9, 0.97, f"({name})", transform=axis.transAxes, va="top")
     return figure
 
 
 def cooled(axis: Any, data: dict[str, Any]) -> None:
     """Energy left over time."""
     t = np.array(data["time"])
-    for loss, left_over, colour in zip(LOSSES, data["hard"], shades("Oranges_r", 5)[2:], strict=True):
+    for loss, left_over, colour in zip(LOSSES, data["hard"], matplotlib.colormaps["Oranges_r"](SHADES), strict=True):
         axis.plot(t, left_over, color=colour, label=f"hard, N(1 - ε) = {loss:g}")
     axis.plot(t[::5], data["soft"][0][::5], "s", ms=3, mfc="none", color=SOFT, label=f"soft, N(1 - ε) = {LOSSES[0]:g}")
     axis.plot(t, (1.0 + t) ** -2.0, color=GREY, lw=0.8, ls=":", label="(1 + t/τ)$^{-2}$")

@@ -14,10 +14,12 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-DATA = Path(__file__).parents[1] / "docs" / "figures" / "data"
+ROOT = Path(__file__).parents[1]
+DATA, PAPER = ROOT / "docs" / "figures" / "data", ROOT / "examples" / "paper"
 
 
 @dataclass(frozen=True)
@@ -42,10 +44,9 @@ class Entry:
 
 def paper(name: str, points: int) -> Any:
     """Data of a figure of the paper with `points` points along its longest axis."""
-    from granular.paper import FIGURES
-
-    data = FIGURES[name].compute(points)
-    return plain(data if isinstance(data, dict) else {key: array.values for key, array in data.variables.items()})
+    if str(PAPER) not in sys.path:
+        sys.path.append(str(PAPER))
+    return plain(import_module(name.replace("-", "_")).compute(points))
 
 
 def frontier(name: str) -> Any:

@@ -1,7 +1,7 @@
 """Measure every table and figure of the docs anew, one after the other: ``python bench/regenerate.py`` (about an hour).
 
-The paper's figures come from ``granular figure all``; their data is stored last. `edmd_long`, `leaving_out` and the
-like print their tables.
+The paper's figures come from the scripts in ``examples/paper``; their data is stored last. `edmd_long`, `leaving_out`
+and the like print their tables.
 """
 
 from __future__ import annotations
@@ -23,9 +23,11 @@ def main() -> None:
     for name in SCRIPTS:
         print(f"\n{name}\n{'=' * len(name)}", flush=True)
         subprocess.run([sys.executable, str(HERE / f"{name}.py")], check=True)
-    folder = HERE.parent / "docs" / "figures"
-    subprocess.run([sys.executable, "-m", "granular", "figure", "all", "-o", str(folder)], check=True)
-    papers = [name for name in docs_data.ENTRIES if name.startswith("paper-")]
+    for name in docs_data.FEW:
+        script = docs_data.PAPER / f"{name.replace('-', '_')}.py"
+        picture = docs_data.DATA.parent / f"paper-{name}.png"
+        subprocess.run([sys.executable, str(script), "-o", str(picture)], check=True)
+    papers = [f"paper-{name}" for name in docs_data.FEW]
     subprocess.run([sys.executable, str(HERE / "docs_data.py"), *papers], check=True)
 
 

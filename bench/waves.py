@@ -13,7 +13,7 @@ import docs_data
 import numpy as np
 
 import granular as gr
-from granular.drawing import COLUMN, GREY, HARD, SOFT, canvas, letter, style
+from granular.drawing import COLUMN, GREY, HARD, SOFT, canvas, style
 
 FIGURE = Path(__file__).parent.parent / "docs" / "figures" / "waves.png"
 LAW, FORCE, DIMER = gr.Hertz(9.75758e9), 20.0, 0.5
@@ -134,7 +134,7 @@ def draw(data: dict[str, Any]) -> Any:
     pulse.legend(loc="lower center")
     gr.waves.picture(struck(60, 300), beyond=True, axis=picture)
     for axis, name in zip(axes.ravel(), "abcd", strict=True):
-        letter(axis, f"({name})")
+        axis.text(0.02, 0.97, f"({name})", transform=axis.transAxes, va="top")
     return figure
 
 

@@ -33,7 +33,8 @@ html_use_index = html_domain_indices = not QUICK
 STAGE = HERE / "_examples"
 if scripts := sorted((HERE.parent / "examples").glob("*.py")):
     extensions.append("sphinx_gallery.gen_gallery")
-    gallery.stage(scripts, STAGE)
+    gallery.stage(scripts, STAGE, gallery.HEADER)
+    gallery.stage(sorted((HERE.parent / "examples" / "paper").glob("*.py")), STAGE / "paper", gallery.PAPER)
 MADE = HERE / "_made"
 pages.write(MADE)
 
@@ -48,8 +49,8 @@ def is_documentable(page: Path) -> bool:
     return True
 
 
-exclude_patterns = ["_build", "_examples", "_made", "jupyter_execute", "gallery/*.ipynb", "**/.ipynb_checkpoints"]
-exclude_patterns += ["sg_execution_times.rst", "gallery/sg_execution_times.rst"]
+exclude_patterns = ["_build", "_examples", "_made", "jupyter_execute", "gallery/**.ipynb", "**/.ipynb_checkpoints"]
+exclude_patterns += ["**/sg_execution_times.rst", "sg_execution_times.rst"]
 exclude_patterns += [f"api/{page.name}" for page in (HERE / "api").glob("*.md") if not is_documentable(page)]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_url_schemes = {"http": None, "https": None, "mailto": None, "page": {"url": "page/index.html#{{path}}"}}
@@ -74,7 +75,7 @@ toc_object_entries_show_parents = "hide"
 sphinx_gallery_conf = {
     "examples_dirs": [str(STAGE)],
     "gallery_dirs": ["gallery"],
-    "filename_pattern": r"[\\/](?!sweep_on_dask)\w+\.py$",  # needs a cluster: shown, not run
+    "filename_pattern": r"_examples[\\/](?!sweep_on_dask)\w+\.py$",  # needs a cluster: shown, not run; as the paper's
     "ignore_pattern": r"(__init__|conftest)\.py",
     "download_all_examples": False,
     "show_memory": False,

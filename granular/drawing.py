@@ -7,19 +7,17 @@ from __future__ import annotations
 from contextlib import AbstractContextManager
 from typing import Any
 
-import numpy as np
-
 from granular._optional import optional
 
 HARD, SOFT = "#c1440e", "#1f4e79"
 """Colours of hard and soft spheres, told apart also in grey print."""
-GREY, FLOOR = "#8a8a8a", "#c8963e"
+GREY = "#8a8a8a"
 COLUMN, PAGE = 3.4, 7.0
 """Widths in inches."""
 
 
 def style() -> AbstractContextManager[None]:
-    """Settings of matplotlib within which a figure of the paper is drawn and saved."""
+    """Settings of matplotlib within which a figure for print is drawn and saved."""
     context: AbstractContextManager[None] = optional("matplotlib", "plot").rc_context({
         "font.size": 8.0, "axes.labelsize": 8.5, "axes.titlesize": 8.5, "legend.fontsize": 7.0,
         "xtick.labelsize": 7.5, "ytick.labelsize": 7.5, "mathtext.fontset": "stix", "font.family": "STIXGeneral",
@@ -34,13 +32,3 @@ def canvas(width: float, height: float, rows: int = 1, columns: int = 1, **optio
     """Return a figure of this size in inches, and its axes as an array (rows, columns)."""
     figure = optional("matplotlib.figure", "plot").Figure(figsize=(width, height), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
-
-
-def letter(axis: Any, text: str, x: float = 0.02, y: float = 0.97, **how: Any) -> None:
-    """Put a letter such as (a) into the upper left corner."""
-    axis.text(x, y, text, transform=axis.transAxes, va="top", ha="left", **how)
-
-
-def shades(name: str, values: int, first: float = 1.0) -> Any:
-    """Return so many colours of a map of matplotlib, from light to dark."""
-    return optional("matplotlib", "plot").colormaps[name](np.linspace(first, 0.0, values))

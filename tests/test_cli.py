@@ -176,12 +176,6 @@ def test_a_file_of_any_name_is_a_scene(granular, tmp_path, name):
     assert granular(f"run {name} --engine edmd") == granular("run bouncing-ball --engine edmd")
 
 
-def test_a_folder_for_figures_is_made(granular, tmp_path):
-    pytest.importorskip("matplotlib")
-    assert granular("figure sketch -o new/folder")[0] == 0
-    assert (tmp_path / "new" / "folder" / "paper-sketch.png").read_bytes().startswith(b"\x89PNG")
-
-
 def test_many_balls_are_not_as_many_laws(granular, monkeypatch):
     made, call = [], build.call
     monkeypatch.setattr(build, "call", lambda ways, *given, **more: made.append(ways) or call(ways, *given, **more))

@@ -3,17 +3,21 @@
 import json
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import granular as gr
-from granular import adiabatic, paper, theory
-from granular.paper import maps, problem, sequence, setting
+from granular import adiabatic, theory
 
-xarray = pytest.importorskip("xarray")
+pytest.importorskip("xarray")
 pytest.importorskip("matplotlib")
+SCRIPTS = Path(__file__).parent.parent / "examples" / "paper"
+sys.path.append(str(SCRIPTS))
+forces, gap, sequence, setting, viscoelastic, viscoelastic_material = map(
+    import_module, ("forces", "gap", "sequence", "setting", "viscoelastic", "viscoelastic_material"))
 REFERENCE = json.loads((Path(__file__).parent / "reference" / "paper_points.json").read_text(encoding="utf-8"))
 END = gr.until.contact(pair=0, nth=2)
 
@@ -41,9 +45,9 @@ def test_every_reference_point(point):
 
 def test_figure_2_has_the_reference_forces():
     scene, samples = gr.scenes.three_balls(), REFERENCE["forces"]
-    start = setting.first_touch(scene)
-    times = start + np.array(samples["t"])
-    run = gr.md.simulate(scene, setting.dashpots(scene, problem.RESTITUTION), t_end=1.0, samples=times)
+    law = setting.dashpots(scene, forces.RESTITUTION)
+    start = gr.md.simulate(scene, law, until=END).of(0)["t_begin"][0]
+    run = gr.md.simulate(scene, law, t_end=1.0, samples=start + np.array(samples["t"]))
     for pair, name in enumerate(("F01", "F12")):
         steep = np.gradient(samples[name], samples["t"]).max()
         assert run.force[:, pair] == pytest.approx(samples[name], rel=1e-10, abs=10 * steep * np.spacing(start))
@@ -53,11 +57,11 @@ def test_figure_2_has_the_reference_forces():
 def test_figures_7_and_8_have_the_reference_points(point):
     inputs = point["inputs"]
     universal = inputs["eps"] is not None
-    law = (sequence.with_restitution(float(inputs["eps"])) if universal
-           else sequence.with_constant(float(inputs["A"])))
-    run = setting.until_second_floor_contact(sequence.viscoelastic_scene(), law)
+    law = (viscoelastic.law(float(inputs["eps"])) if universal else viscoelastic_material.law(float(inputs["A"])))
+    run = gr.md.simulate(viscoelastic.SCENE, law, until=END)
     assert run.count(1) == point["n"]
-    assert setting.intervals(run) == pytest.approx(np.array(point["contacts"]), rel=1e-9, abs=0.0)
+    touches, _ = setting.contacts(viscoelastic.SCENE, law)
+    assert touches == pytest.approx(np.array(point["contacts"]), rel=1e-9, abs=0.0)
     assert run.of(1)["v_out"][-1] == pytest.approx([point["v1"], point["v2"]], rel=0.0, abs=1e-10)
 
 
@@ -75,24 +79,24 @@ def test_dips_of_figure_5_go_below_its_axis_in_nature_and_are_drawn_so():
         low, high = (middle, high) if count == 2 else (low, middle)
         ratios += [ratio] if count == 2 else []
     assert ratios[-1] == min(ratios) == pytest.approx(2.17e-4, rel=0.01)
-    assert ratios[-1] < maps.LOWEST < 0.6 < found(high)[1]
+    assert ratios[-1] < gap.LOWEST < 0.6 < found(high)[1]
     grid = np.geomspace(1e-7, 1e-1, 40)
-    coarse = maps.over_gap(40)
-    x, y = maps.closed(grid, coarse["eps_ratio"], coarse["contacts"])
-    added = x[y < maps.LOWEST]
+    coarse = gap.compute(40)
+    x, y = gap.closed(grid, coarse["eps_ratio"], coarse["contacts"])
+    added = x[y < gap.LOWEST]
     assert ((added > grid[0]) & (added < grid[-1])).all()
     assert (added[-1] < 10.0**high * (grid[1] / grid[0])) & (added[-1] > 10.0**low / (grid[1] / grid[0]))
-    assert maps.closed([1.0, 2.0, 3.0], [0.5, 0.5, 0.5], [2, 1, 1])[0].tolist() == [1.0, 2.0, 3.0]  # nothing jumps
+    assert gap.closed([1.0, 2.0, 3.0], [0.5, 0.5, 0.5], [2, 1, 1])[0].tolist() == [1.0, 2.0, 3.0]  # nothing jumps
 
 
 def test_claim_contacts_and_spikes_over_restitution():
     grid = np.linspace(0.3, 1.0, 71)
-    found = sequence.follow(sequence.dashpots, grid)
+    numerical = sequence.numerical(sequence.touches, grid)
+    found, windows = numerical["numerical"], numerical["spikes"]
     assert len(found[-1]["contacts"]) == 3  # at ε = 1
     assert max(len(stretch["contacts"]) for stretch in found) == 7
     most = np.concatenate([stretch["parameter"] for stretch in found if len(stretch["contacts"]) == 7])
     assert [most[0], most[-1]] == pytest.approx([0.60426, 0.61245], abs=1e-5)
-    windows = sequence.spikes(found)
     for low, high, count in REFERENCE["spike_windows"]:
         near = min(windows, key=lambda window: abs(window[1] - high))
         assert near == [pytest.approx(low, abs=1e-6), pytest.approx(high, abs=1e-6), count]
@@ -133,7 +137,7 @@ def test_claim_adiabatic_solution_agrees(ratio, within):
     scene, worst, differing = gr.scenes.three_balls(radii=(0.01 * ratio, 0.01)), 0.0, 0
     for eps in np.linspace(0.3, 1.0, 29):
         law = setting.dashpots(scene, float(eps))
-        run, theirs = setting.until_second_floor_contact(scene, law), adiabatic.contacts(scene, law)
+        run, theirs = gr.md.simulate(scene, law, until=END), adiabatic.contacts(scene, law)
         differing += run.count(1) != theirs.count
         worst = max(worst, abs(run.of(1)["v_out"][-1][1] - theirs.v2) / abs(theirs.v10))
     assert worst < within
@@ -157,26 +161,21 @@ def test_stacks_follow_the_closed_formula_only_with_gaps():
         assert right or top < 0.8 * formula
 
 
-@pytest.mark.parametrize("name", paper.FIGURES)
-def test_every_figure_is_drawn_with_its_data(name, tmp_path):
-    few = {"sketch": 1, "forces": 100, "breakdown": 3, "predictors": 2, "validity": 6, "counts": 6}.get(name, 9)
-    picture, numbers = paper.make(name, tmp_path, points=few)
+@pytest.mark.parametrize("name", sorted(path.stem for path in SCRIPTS.glob("*.py") if path.stem != "setting"))
+def test_every_script_draws_its_figure_and_writes_its_numbers(name, tmp_path, monkeypatch):
+    few = {"sketch": 1, "forces": 100, "sequence": 2, "viscoelastic": 2, "viscoelastic_material": 1, "breakdown": 3,
+           "predictors": 1, "validity": 6, "counts": 6}.get(name, 9)  # fmt: skip
+    script, picture, numbers = import_module(name), tmp_path / "x.png", tmp_path / "x.json"
+    monkeypatch.setattr(sys, "argv", [name, "-o", str(picture), "--json", str(numbers), "--points", str(few)])
+    setting.main(script.compute, script.draw, 1)
     assert picture.read_bytes()[:4] == b"\x89PNG"
-    if numbers.suffix == ".json":
-        assert json.loads(numbers.read_text(encoding="utf-8"))["versions"]["granular"] == gr.__version__
-    else:
-        with xarray.open_dataset(numbers) as data:
-            assert sum(int(column.notnull().sum()) for column in data.values()) > few
+    found = json.loads(numbers.read_text(encoding="utf-8"))
+    assert found.pop("granular") == gr.__version__
+    stored = SCRIPTS.parents[1] / "docs" / "figures" / "data" / f"paper-{name.replace('_', '-')}.json"
+    assert found.keys() == json.loads(stored.read_text(encoding="utf-8")).keys()
 
 
-def test_the_command_lists_and_draws(tmp_path):
-    run = [sys.executable, "-m", "granular", "figure"]
-    drawn = subprocess.run([*run, "1", "-o", str(tmp_path)], capture_output=True, text=True, check=False)
-    assert drawn.returncode == 0
-    assert (tmp_path / "paper-sketch.png").exists()
-
-
-def test_a_figure_that_does_not_exist_is_a_sentence(granular):
-    code, _, errors = granular("figure sequense")
-    assert code == 2
-    assert "did you mean sequence?" in errors
+def test_a_script_is_run_by_its_path(tmp_path):
+    run = [sys.executable, str(SCRIPTS / "sketch.py"), "-o", "x.png"]
+    assert subprocess.run(run, cwd=tmp_path, capture_output=True, check=False).returncode == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["x.png"]

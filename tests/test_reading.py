@@ -18,7 +18,6 @@ from granular import cases
 from granular.cli import main, parser
 from granular.edmd import groups, ties
 from granular.md import integrators
-from granular.paper import figures
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "reading.md").read_text(encoding="utf-8")
@@ -105,11 +104,3 @@ def test_a_scene_is_a_function_and_a_line(monkeypatch, capsys):
     for engine in ("edmd", "md"):
         assert main(["run", "piston", "--speed", "0.2", "--restitution", "1", "--engine", engine]) == 0
         assert "-1.4" in capsys.readouterr().out
-
-
-def test_a_figure_is_a_line_with_its_two_functions(monkeypatch, tmp_path):
-    figure = pytest.importorskip("matplotlib.figure").Figure
-    mine = figures.PaperFigure("", "a try", lambda points: {"x": [0] * points}, lambda data: figure(), 3)
-    monkeypatch.setitem(figures.FIGURES, "mine", mine)
-    assert [path.name for path in figures.make("mine", tmp_path)] == ["paper-mine.png", "paper-mine.json"]
-    assert all(path.stat().st_size for path in tmp_path.iterdir())

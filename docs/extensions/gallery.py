@@ -9,19 +9,32 @@ from pathlib import Path
 from typing import Any
 
 HEADER = "Examples\n========\n\nA few lines each, with what they print and draw.\n"
+PAPER = """\
+The paper's figures
+===================
+
+What :doc:`../../paper` shows, made by one script each, ``python examples/paper/sequence.py -o x.png --json x.json``.
+"""
+FIGURES = Path(__file__).parents[1] / "figures"
 
 
-def stage(scripts: list[Path], folder: Path) -> None:
-    """Lay the examples out anew: with a header, and their first line as a title. Files that stay the same are left."""
+def stage(scripts: list[Path], folder: Path, header: str) -> None:
+    """Lay examples out anew: with a header, and their first line as a title. Files that stay the same are left.
+
+    A script whose figure is stored, ``figures/FOLDER-NAME.png``, has that for its picture.
+    """
     folder.mkdir(exist_ok=True)
-    (folder / "GALLERY_HEADER.rst").write_text(HEADER)
+    (folder / "GALLERY_HEADER.rst").write_text(header)
     for old in {path.name for path in folder.glob("*.py")} - {path.name for path in scripts}:
         (folder / old).unlink()
     for script in scripts:
         source = script.read_text(encoding="utf-8")
         if heading := re.match(r'"""(.*?)(?:"""|\n)', source):
             title = heading[1].rstrip(".")
-            source = f'"""\n{title}\n{"=" * len(title)}\n{source[heading.end(1) :]}'
+            stored = FIGURES / f"{folder.name}-{script.stem.replace('_', '-')}.png"
+            picture = f"\n.. image:: /figures/{stored.name}\n   :alt: {title}\n" if stored.exists() else ""
+            source = f'"""\n{title}\n{"=" * len(title)}\n{picture}{source[heading.end(1) :]}'
+            source += f'\n# sphinx_gallery_thumbnail_path = "figures/{stored.name}"\n' if picture else ""
         staged = folder / script.name
         if not staged.exists() or staged.read_text(encoding="utf-8") != source:
             staged.write_text(source, encoding="utf-8")
@@ -31,7 +44,9 @@ class InOrder:
     """Sort the examples as a reader would try them; what is not named comes last, by its name."""
 
     NAMES = ("three_balls", "kerwin_stack", "newtons_cradle", "cooling_gas", "your_own_law", "your_own_rule",
-             "bouncing_on_a_plate", "hertz_chain", "where_edmd_breaks", "error_against_run_time")  # fmt: skip
+             "bouncing_on_a_plate", "hertz_chain", "where_edmd_breaks", "error_against_run_time",
+             "sketch", "forces", "sequence", "counts", "gap", "radii", "viscoelastic", "viscoelastic_material",
+             "validity", "breakdown", "predictors", "material", "setting")  # fmt: skip
 
     def __init__(self, folder: str) -> None:
         """Take the folder, which does not matter."""
@@ -64,7 +79,7 @@ def describe(app: Any, tree: Any, docname: str) -> None:
     from docutils import nodes
 
     unnamed = []
-    for node in list(tree.findall()) if docname == "gallery/index" else []:
+    for node in list(tree.findall()) if re.match("gallery/(.*/)?index$", docname) else []:
         if isinstance(node, nodes.image) and not node.get("alt"):
             unnamed.append(node)
         elif isinstance(node, nodes.raw) and (title := re.search(r'thumbnail-title">([^<]+)<', node.astext())):

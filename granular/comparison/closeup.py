@@ -17,14 +17,10 @@ from granular.drawing import GREY, HARD, SOFT
 from granular.tables import unit_of
 from granular.trajectory import Trajectory
 
-MOST = 20
-"""With more pairs than these, contacts somewhere else would always be found to last."""
-MUCH = 0.6
-"""A lens that would show this share of the time axis has the same one."""
-NUMBERED = 12
-"""So many touches are numbered, and hops measured."""
-ROOM = 0.05
-"""Share of the width that two numbers stand apart at least."""
+MOST = 20  # with more pairs than these, contacts somewhere else would always be found to last
+MUCH = 0.6  # a lens that would show this share of the time axis has the same one
+NUMBERED = 12  # so many touches are numbered, and hops measured
+ROOM = 0.05  # share of the width that two numbers stand apart at least
 
 
 @dataclass(frozen=True)
@@ -49,10 +45,7 @@ class Closeup:
     @property
     def moments(self) -> Array:
         """Times in s to draw at."""
-        view, within = self.view, np.linspace(self.touches[:, 0], self.touches[:, 1], 17).ravel()
-        within = within[(within >= view.begin) & (within <= view.end)]
-        times: Array = np.union1d(np.linspace(view.begin, view.end, 800), within)
-        return times
+        return self.view.times(self.touches, 800)
 
     def path(self, run: Trajectory) -> tuple[Array, Array]:
         """Times in s within the span, and the distances in m of the pair."""
@@ -68,16 +61,6 @@ class Closeup:
             if len(inside) and gap[top := inside[gap[inside].argmax()]] > 0.0:
                 found.append((float(time[top]), float(gap[top])))
         return found
-
-    def depth(self, soft: Trajectory) -> float:
-        """Largest overlap in m."""
-        return max(0.0, -float(self.path(soft)[1].min(initial=0.0)))
-
-    def height(self, soft: Trajectory) -> float:
-        """Height in m of the highest hop; without hops, one that shows overlap or approach."""
-        start = float(self.path(soft)[1][:1].max(initial=0.0))
-        lowest = max(0.4 * self.depth(soft), 0.1 * start, 1e-15)
-        return max((hop for _, hop in self.hops(soft)), default=lowest)
 
 
 def closeup(view: View) -> Closeup | None:
@@ -110,7 +93,9 @@ def closeup(view: View) -> Closeup | None:
 def draw_closeup(axis: Any, look: Closeup, runs: Mapping[str, Trajectory]) -> None:
     """Distances over time, drawn so large that every hop can be seen; touches are numbered, hops measured."""
     view, (time, gap), hops = look.view, look.path(runs["soft"]), look.hops(runs["soft"])
-    depth, height = look.depth(runs["soft"]), look.height(runs["soft"])
+    depth = -float(gap.min(initial=0.0))
+    to_see = max(0.4 * depth, 0.1 * float(gap[:1].max(initial=0.0)), 1e-15)  # overlap or approach, without hops
+    height = max((hop for _, hop in hops), default=to_see)
     bottom = 1.2 * min(depth, 2.0 * height if hops else depth)
     unit, name = unit_of(1.3 * height, "m")
     axis.axhline(0.0, color=GREY, lw=0.6)

@@ -18,12 +18,9 @@ from granular.tables import unit_of
 from granular.trajectory import Status, Trajectory
 from granular.until import Separated
 
-FAR = 3.0
-"""A span that begins so many times its own length after t = 0 has a clock that starts with its first contact."""
-PAD = 0.015
-"""Share of the time axis that is left free at its ends, lest a mark there be cut."""
-LONE = 0.01
-"""Late contacts with up to this share of the impulse may be left out of the time axis, and are told of at its edge."""
+FAR = 3.0  # a span that begins so many times its own length after t = 0 has a clock that starts with its first contact
+PAD = 0.015  # share of the time axis that is left free at its ends, lest a mark there be cut
+LONE = 0.01  # late contacts with up to this share of the impulse may be left out, and are told of at the axis' edge
 
 
 @dataclass(frozen=True)
@@ -66,9 +63,13 @@ class View:
         """Times in s to draw at: evenly spread, and within each soft contact (of very many, evenly chosen ones)."""
         log = self.report.counted[1].contacts
         log = log[:: max(1, len(log) // 500)]
-        within = np.linspace(log["t_begin"], np.nan_to_num(log["t_end"], nan=self.end), 17).ravel()
+        return self.times(np.column_stack([log["t_begin"], np.nan_to_num(log["t_end"], nan=self.end)]), 1500)
+
+    def times(self, touches: Array, evenly: int) -> Array:
+        """So many times in s evenly spread, and some within each contact, of given onset and end."""
+        within = np.linspace(touches[:, 0], touches[:, 1], 17).ravel()
         within = within[(within >= self.begin) & (within <= self.end)]
-        times: Array = np.union1d(np.linspace(self.begin, self.end, 1500), within)
+        times: Array = np.union1d(np.linspace(self.begin, self.end, evenly), within)
         return times
 
 

@@ -1,0 +1,84 @@
+"""Where longer scenes leave event-driven simulation
+
+Stacks, cradles and columns over their gaps, and a gas over its packing and the duration of a contact.
+"""
+
+import math
+
+import matplotlib
+import numpy as np
+from matplotlib.colors import LogNorm
+from setting import HARD, PAGE, canvas, columns, letter, main
+from validity import WRONG
+
+import granular as gr
+
+MEASURES = ("error", "shared_impulse", "crowding", "occupation", "distance", "predictability", "mass_centre_ratio")
+ERROR = r"error  $\max(|\Delta u_i|,\,|\Delta v_c'|)\,/\,U$"
+"""Label of `gr.Comparison.error`: largest difference of a leaving velocity u or a separation speed v′."""
+STACK = {"mass_ratio": 1.0 / 3.0, "speed": 3.0, "gravity": 0.0, "restitution": 0.95, "t_end": 100.0}
+COLUMN = {"speed": 1.0, "restitution": 0.95, "t_end": 100.0}
+"""What is held of Kerwin's stacks, and of columns of equal balls that fall on a floor; neither has gravity."""
+
+
+def cradle(gap=1e-6, exponent=1.5):
+    """Newton's cradle of five steel balls; F = k ξ^exponent, elastic, 1e-5 m deep at 1 m/s whatever the exponent."""
+    law = gr.PowerLaw(0.25 * (exponent + 1.0) / 1e-5 ** (exponent + 1.0), exponent)
+    scene = gr.scenes.newtons_cradle(5, gap=gap)
+    return gr.Case(scene, (law,) * 4, gr.ConstantRestitution(1.0), gr.until.separated(), 100.0)
+
+
+def gas(packing=0.1, duration=0.01):
+    """Gas of 20 balls on 20 m, thermal speed 1 m/s, that cools while each crosses ten mean gaps; t_c in s, elastic."""
+    return gr.cases.make("gas", n=20, length=20.0, packing=packing, restitution=0.9,
+                         stiffness=0.5 * (math.pi / duration) ** 2, t_end=10.0 * ((1.0 - packing) * 20.0 / 21.0))
+
+
+def compute(points):
+    """All measures over two parameters of each scene."""
+    gaps, half = np.geomspace(3e-6, 3e-2, points), max(2, points // 2)
+    maps = {
+        "stack": gr.sweep("ball-stack", {"n": [2, 3, 4, 5, 6, 7], "gap": gaps}, MEASURES, **STACK),
+        "cradle": gr.sweep(cradle, {"exponent": [1.0, 1.25, 1.5, 2.0, 2.5, 3.0], "gap": gaps * 1e-2}, MEASURES),
+        "column": gr.sweep("column", {"n": [2, 3, 5, 8, 12, 20][:half], "gap": gaps}, MEASURES, **COLUMN),
+        "gas": gr.sweep(gas, {"packing": np.linspace(0.05, 0.9, half), "duration": np.geomspace(1e-4, 0.3, half)},
+                        MEASURES),
+    }  # fmt: skip
+    return {key: values for name, data in maps.items() for key, values in columns(name, data).items()}
+
+
+def draw(data):
+    """Errors of stack and cradle, bounce of the column, share of impulse that is not binary in the gas."""
+    figure, axes = canvas(PAGE, 4.6, 2, 2)
+    curves(axes[0, 0], data, "stack_n", "error", "balls")
+    curves(axes[0, 1], data, "cradle_exponent", "error", "$p$ of $F\\sim\\xi^p$")
+    for axis in axes[0]:
+        axis.set(yscale="log", ylim=(1e-4, 30.0), ylabel=ERROR)
+        axis.axhline(WRONG, color=HARD, lw=0.7, ls="--")
+        axis.annotate(f"{100 * WRONG:g} %: limit of Yes", (0.98, WRONG), (0, 2), xycoords=("axes fraction", "data"),
+                      textcoords="offset points", color=HARD, fontsize=7, ha="right")  # fmt: skip
+    curves(axes[1, 0], data, "column_n", "mass_centre_ratio", "balls")
+    axes[1, 0].set_ylabel("bounce of the whole, soft/hard")
+    shared = data["gas_shared_impulse"]
+    image = axes[1, 1].pcolormesh(data["gas_duration"], data["gas_packing"], np.maximum(shared, 1e-6),
+                                  shading="nearest", norm=LogNorm(1e-3, 1.0), cmap="cividis", rasterized=True)
+    axes[1, 1].set(xscale="log", xlabel="$t_c$ (s), at thermal speed 1 m/s and 1 ball/m", ylabel="packing")
+    axes[1, 1].set_title(" × ".join(map(str, shared.shape)) + " runs", fontsize=7, loc="right")
+    figure.colorbar(image, ax=axes[1, 1], label=r"impulse not binary, $\varphi$", extend="min")
+    for axis, tag in zip(axes.flat, "abcd", strict=True):
+        letter(axis, f"({tag})", x=0.93, color="white" if tag == "d" else "black")
+    return figure
+
+
+def curves(axis, data, name, measure, title):
+    """A measure over the gap, one line a value of the parameter called `name`."""
+    kind, values = name.partition("_")[0], data[name]
+    colours = matplotlib.colormaps["viridis"](np.linspace(0.9, 0.0, len(values)))
+    for value, row, shade in zip(values, data[f"{kind}_{measure}"], colours, strict=True):
+        axis.plot(data[f"{kind}_gap"], row, color=shade, label=f"{value:g}", marker=".", ms=2.5, lw=0.7)
+    axis.set(xscale="log", xlabel="gap  (m)")
+    axis.legend(title=title, title_fontsize=7, fontsize=6.5, ncols=2, loc="best")
+
+
+if __name__ == "__main__":
+    main(compute, draw, 24)

@@ -1,0 +1,76 @@
+"""Figure 5: ε_eff over the gap
+
+ε_eff/ε and contacts over Δh at ε = 0.9. The limit at large gaps is not 1: gravity acts during the floor contact.
+"""
+
+import numpy as np
+from counts import NAMES
+from setting import COLUMN, GREY, SOFT, canvas, letter, main
+
+import granular as gr
+
+RATIO = r"$\varepsilon_{\mathrm{eff}}/\varepsilon$"
+LOWEST, JUMP = 5e-4, 0.2
+"""Where the logarithmic axis begins; a ratio that changes by this share as a contact appears has jumped."""
+
+
+def compute(points):
+    """Over Δh in m."""
+    gap = np.geomspace(1e-7, 1e-1, points)
+    data = gr.sweep("three-balls", {"gap": gap}, ("contacts", "eps_ratio"), restitution=0.9)
+    return {"restitution": 0.9, "gap_m": gap, "eps_ratio": data["eps_ratio"].values,
+            "contacts": data["contacts"].values[:, 1]}  # fmt: skip
+
+
+def closed(x, ratio, contacts):
+    """The curve with its dips drawn on to below `LOWEST`, however coarse the grid: a point beside each jump.
+
+    Towards a gap at which the last contact vanishes it comes later and later, up to the second floor contact, and the
+    ratio falls to 2e-8 (Δh = 2.7e-6 m) … 2.2e-4 (Δh = 4.7e-4 m).
+    """
+    x, ratio, contacts = (np.asarray(values, float) for values in (x, ratio, contacts))
+    jumps = np.sign(np.diff(contacts)) * np.diff(np.log(np.maximum(ratio, 1e-300))) < -JUMP
+    at = np.flatnonzero(jumps)
+    return np.insert(x, at + 1, np.sqrt(x[at] * x[at + 1])), np.insert(ratio, at + 1, 0.5 * LOWEST)
+
+
+def draw(data):
+    """Ratio with its small values magnified, and contacts below."""
+    figure, axes = canvas(COLUMN, 4.0, 3, 1, sharex=True, height_ratios=[1.2, 1.0, 0.8])
+    gap, ratio = data["gap_m"], data["eps_ratio"]
+    inset = magnified(axes[0, 0], gap, ratio, (0.09, 0.36, 0.3, 0.44), ratio[-1])
+    inset.yaxis.tick_right()  # beside the axis on the left they would read as one
+    inset.set(xscale="log", xlim=(2e-3, 1e-1), ylim=(0.9985, 1.0015))
+    inset.set_yticks([0.999, 1.0, ratio[-1]], ["0.999", "1", f"{ratio[-1]:.6f}"])
+    axes[0, 0].set_ylim(-0.03, 1.2)
+    axes[1, 0].plot(*closed(gap, ratio, data["contacts"]), color=SOFT)
+    axes[1, 0].set(yscale="log", ylim=(LOWEST, 2.0), ylabel=RATIO)
+    steps(axes[2, 0], gap, data["contacts"])
+    axes[2, 0].set(xscale="log", xlabel=NAMES["gap"])
+    for axis, tag in zip(axes[:, 0], "abc", strict=True):
+        letter(axis, f"({tag})")
+    figure.align_ylabels(axes)
+    return figure
+
+
+def magnified(axis, x, ratio, place, level):
+    """The ratio, with 1 marked, and an inset for a part of it, with a level marked."""
+    inset = axis.inset_axes(place)
+    for one, marked in ((axis, 1.0), (inset, level)):
+        one.axhline(marked, color=GREY, lw=0.5, ls="--")
+        one.plot(x, ratio, color=SOFT)
+    axis.set_ylabel(RATIO)
+    inset.tick_params(labelsize=6)
+    return inset
+
+
+def steps(axis, x, contacts):
+    """Contacts as a staircase."""
+    most = max(contacts)
+    axis.step(x, contacts, where="mid", color=SOFT)
+    axis.set(ylabel="contacts", xlim=(x[0], x[-1]), ylim=(0.0, most + 1.5))
+    axis.set_yticks(range(0, most + 2, 2 if most < 10 else 4))
+
+
+if __name__ == "__main__":
+    main(compute, draw, 1500)

@@ -1,0 +1,85 @@
+"""Which measure predicts the error of event-driven simulation?
+
+The error over six measures of many scenes: a measure is good if the marks fall on one rising line.
+"""
+
+import math
+
+import numpy as np
+from breakdown import COLUMN, ERROR, MEASURES, STACK, cradle, gas
+from scipy.stats import spearmanr
+from setting import PAGE, canvas, letter, main
+
+import granular as gr
+
+LEAST = 1e-8
+"""Smaller values are drawn there."""
+CANDIDATES = {
+    "shared_impulse": r"impulse not binary, $\varphi$", "crowding": "crowded collisions, $p$",
+    "occupation": r"share of time in contact, $\Lambda$", "distance": "distance of velocities, $D$",
+    "mass_centre": r"bounce of the whole, $|1-K_{\mathrm{cm}}|$",
+    "restitution": r"$|1-\varepsilon_{\mathrm{eff}}/\varepsilon|$  (1 where none exists)",
+}  # fmt: skip
+MARKS = {"two balls": "o", "stack": "^", "cradle": "s", "column": "v", "gas": "x"}
+
+
+def compute(points):
+    """Error and measures of many scenes, and the rank correlation of each measure with the error."""
+    gaps, found = np.geomspace(1e-7, 1e-1, points), {}
+    kinds = {
+        "two balls": ("three-balls", {"gap": gaps, "radii[0]": [0.015, 0.04, 0.1]}, {}),
+        "stack": ("ball-stack", {"n": [3, 5], "gap": gaps}, STACK),
+        "cradle": (cradle, {"exponent": [1.0, 1.5], "gap": gaps * 1e-2}, {}),
+        "column": ("column", {"n": [3, 6], "gap": gaps}, COLUMN),
+        "gas": (gas, {"packing": [0.1, 0.5], "duration": np.geomspace(1e-5, 0.3, points)}, {}),
+    }
+    for kind, (scene, over, held) in kinds.items():
+        data = gr.sweep(scene, over, (*MEASURES, restitution), **held)
+        found[kind] = {name: data[name].values.ravel() for name in (*MEASURES, "restitution")}
+        found[kind]["mass_centre"] = np.abs(1.0 - found[kind].pop("mass_centre_ratio"))
+    return {"scenes": found, "rank_correlation": {name: correlation(found, name) for name in CANDIDATES}}
+
+
+def restitution(case):
+    """|1 - ε_eff/ε|: how far ε must be changed for hard spheres to part as the soft do; 1 where none does it."""
+    report = gr.compare(case.scene, case.law, case.rule, until=case.until, t_end=case.t_end)
+    if math.isnan(report.pairs[-1].soft_v_rel):
+        return math.nan
+    spec = report.restitution_spec[-1]
+    return min((abs(1.0 - eps / spec) for eps in report.effective_restitution(resolution=21)), default=1.0)
+
+
+def correlation(found, name):
+    """Spearman's rank correlation of a measure with the error, over all scenes that have it."""
+    x, y = (np.concatenate([columns[key] for columns in found.values()]) for key in (name, "error"))
+    known = np.isfinite(x) & np.isfinite(y)
+    return float(spearmanr(np.maximum(x[known], LEAST), np.maximum(y[known], LEAST)).statistic)
+
+
+def draw(data):
+    """Error over each measure."""
+    figure, axes = canvas(PAGE, 4.7, 2, 3, sharey=True)
+    for axis, tag, (name, title) in zip(axes.flat, "abcdef", CANDIDATES.items(), strict=True):
+        for kind, columns in data["scenes"].items():
+            x, y = (np.maximum(columns[key], LEAST) for key in (name, "error"))
+            axis.plot(x, y, MARKS[kind], ms=2.8, mew=0.6, mfc="none", label=kind)
+        axis.set(xscale="log", yscale="log", xlabel=title, ylim=(0.5 * LEAST, 30.0))
+        letter(axis, f"({tag})  rank correlation {data['rank_correlation'][name]:.2f}")
+        axis.set_xticks(*ticks(axis.get_xlim()))
+    for axis in axes[:, 0]:
+        axis.set_yticks(*ticks(axis.get_ylim()))
+        axis.set_ylabel(ERROR)
+    figure.legend(*axes.flat[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=8)
+    return figure
+
+
+def ticks(limits):
+    """Every other power of ten between limits, and their names: the least stands for all that is smaller."""
+    low, high = math.ceil(math.log10(limits[0])), math.floor(math.log10(limits[1]))
+    powers = range(low + low % 2, high + 1, 2)
+    least = round(math.log10(LEAST))
+    return [10.0**p for p in powers], [rf"$\leq 10^{{{p}}}$" if p <= least else f"$10^{{{p}}}$" for p in powers]
+
+
+if __name__ == "__main__":
+    main(compute, draw, 24)

@@ -1,0 +1,67 @@
+"""Figure 3: the sequence of contacts over ε
+
+A vertical cut is a run: bands are contacts of the two balls. Broken lines are the adiabatic theory.
+"""
+
+import numpy as np
+from forces import RESTITUTION
+from setting import COLUMN, FLOOR, GREY, HARD, SOFT, canvas, contacts, dashpots, follow, kind, main
+
+import granular as gr
+
+SCENE = gr.scenes.three_balls()
+
+
+def compute(points):
+    """Contacts of both solutions over ε, closer and closer to where their number jumps."""
+    grid = np.linspace(0.3, 1.0, points)
+
+    def adiabatic(restitution):
+        theory = gr.adiabatic.contacts(SCENE, dashpots(SCENE, restitution))
+        return theory.contacts, theory.floor_end
+
+    return {"restitution": grid, **numerical(touches, grid), "adiabatic": follow(adiabatic, grid)}
+
+
+def touches(restitution):
+    """Contacts of linear dashpots of one ε."""
+    return contacts(SCENE, dashpots(SCENE, restitution))
+
+
+def numerical(row, grid):
+    """Stretches of runs, and "spikes": [from, to, number] where the last contact comes after that of the floor."""
+    stretches = follow(row, grid)
+    kinds = [(one["parameter"], *kind((one["contacts"][..., 0], one["floor_end"][0]))) for one in stretches]
+    return {"numerical": stretches,
+            "spikes": [[float(x[0]), float(x[-1]), count] for x, count, late in kinds if count > 1 and late]}
+
+
+def draw(data, label=r"$\varepsilon$", top=1.2, unit=1.0, marked=RESTITUTION):
+    """Time over a parameter in a unit; the fat line is the run of figure 2."""
+    figure, ((axis,),) = canvas(COLUMN, 2.9)
+    for one in data["numerical"]:
+        x = one["parameter"] * unit
+        for onset, end in one["contacts"] * 1e3:
+            axis.fill_between(x, onset, end, facecolor=SOFT, alpha=0.3, lw=0)
+            axis.plot(x, np.transpose([onset, end]), color=SOFT, lw=0.5)
+        axis.plot(x, one["floor_end"] * 1e3, color=FLOOR, lw=1.4)
+    axis.fill_between([], [], facecolor=SOFT, alpha=0.3, edgecolor=SOFT, label="contacts 1–2")
+    axis.plot([], [], color=FLOOR, lw=1.4, label="end of contact 0–1")
+    theory = {"color": HARD, "lw": 0.6, "ls": (0, (4, 2))}
+    for one in data.get("adiabatic", ()):
+        axis.plot(one["parameter"], one["contacts"].reshape(-1, len(one["parameter"])).T * 1e3, **theory)
+    if "adiabatic" in data:
+        axis.plot([], [], label="adiabatic theory", **theory)
+    if marked is not None:
+        axis.axvline(marked, color=GREY, lw=2.5, alpha=0.5, zorder=0)
+        axis.annotate("figure 2", (marked, 0.03), (4, 0), xycoords=("data", "axes fraction"),
+                      textcoords="offset points", color="#555555")  # fmt: skip
+    first, last = data["numerical"][0], data["numerical"][-1]
+    axis.set(xlabel=label, ylabel="$t-t_{10}$  (ms)", ylim=(0.0, top),
+             xlim=(first["parameter"][0] * unit, last["parameter"][-1] * unit))  # fmt: skip
+    axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, columnspacing=1.0, handlelength=1.6)
+    return figure
+
+
+if __name__ == "__main__":
+    main(compute, draw, 400)

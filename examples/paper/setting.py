@@ -1,0 +1,115 @@
+"""The setting of the paper, and what its figures share
+
+What the paper leaves open is chosen here: R1 = 0.1 m, R2 = 0.01 m, k = 5e7 N/m, Δh = 1e-4 m, z1 = 0.6 m (the centre of
+the lower ball, held as R1 varies), g = 9.81 m/s² and ρ = 900 kg/m³, which makes all of its observations true. These are
+the defaults of `gr.scenes.three_balls`. Times count from the first contact of the lower ball and the floor.
+"""
+
+import argparse
+import json
+import sys
+from itertools import groupby, pairwise
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+import granular as gr
+
+END = gr.until.contact(pair=0, nth=2)
+"""Contacts of the two balls count until the lower ball meets the floor again."""
+YOUNG, POISSON = 5e7, 0.45
+"""Of viscoelastic balls, the first in Pa."""
+SOFT, HARD, FLOOR, GREY = "#1f4e79", "#c1440e", "#c8963e", "#8a8a8a"
+COLUMN, PAGE = 3.4, 7.0
+"""Widths in inches."""
+STYLE = {
+    "font.size": 8.0, "axes.labelsize": 8.5, "axes.titlesize": 8.5, "legend.fontsize": 7.0, "legend.frameon": False,
+    "xtick.labelsize": 7.5, "ytick.labelsize": 7.5, "mathtext.fontset": "stix", "font.family": "STIXGeneral",
+    "axes.linewidth": 0.6, "lines.linewidth": 0.9, "xtick.top": True, "ytick.right": True,
+    "xtick.direction": "in", "xtick.major.width": 0.6, "xtick.minor.width": 0.4,
+    "ytick.direction": "in", "ytick.major.width": 0.6, "ytick.minor.width": 0.4,
+}  # fmt: skip
+"""As in Physical Review."""
+
+
+def dashpots(scene, restitution):
+    """Linear dashpots of one ε in all contacts."""
+    return [gr.LinearDashpot.from_restitution(restitution, k=5e7, pair=pair) for pair in scene.pairs]
+
+
+def hertz(scene):
+    """Elastic contacts of all pairs, of one material."""
+    return [gr.Hertz.from_material(YOUNG, POISSON, pair) for pair in scene.pairs]
+
+
+def contacts(scene, law):
+    """Onset and end in s of every contact of the two balls (count, 2), and the end of the first floor contact."""
+    run = gr.md.simulate(scene, law, until=END)
+    floor, balls = run.of(0)[0], run.of(1)
+    start = floor["t_begin"]
+    return np.column_stack([balls["t_begin"] - start, balls["t_end"] - start]), float(floor["t_end"] - start)
+
+
+def kind(row):
+    """Number of contacts, and whether the last of them begins after the end of the floor contact."""
+    touches, floor_end = row
+    return len(touches), bool(len(touches) and touches[-1, 0] > floor_end)
+
+
+def follow(row, grid, reach=24):
+    """Stretches of one kind: parameter, contacts (count, 2, S) and floor end, up to their very ends.
+
+    Between two points of different kinds the boundary is bisected; the points of the bisection are kept.
+    """
+    known = {x: row(x) for x in grid.tolist()}
+
+    def bisect(low, high, depth):
+        if depth and kind(known[low]) != kind(known[high]):
+            middle = 0.5 * (low + high)
+            known[middle] = row(middle)
+            bisect(low, middle, depth - 1)
+            bisect(middle, high, depth - 1)
+
+    for low, high in pairwise(grid.tolist()):
+        bisect(low, high, reach)
+    alike = [list(xs) for _, xs in groupby(sorted(known), lambda x: kind(known[x]))]
+    return [{"parameter": np.array(xs), "contacts": np.stack([known[x][0] for x in xs], axis=-1),
+             "floor_end": np.array([known[x][1] for x in xs])} for xs in alike]  # fmt: skip
+
+
+def columns(name, data):
+    """The arrays of a sweep, each under its name and that of its map."""
+    return {f"{name}_{key}": array.values for key, array in data.variables.items() if key not in ("pair", "body")}
+
+
+def canvas(width, height, rows=1, columns=1, **options):
+    """Return a figure of this size in inches, and its axes as an array (rows, columns)."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def letter(axis, text, x=0.02, **how):
+    """Put a letter such as (a) into the upper left corner."""
+    axis.text(x, 0.97, text, transform=axis.transAxes, va="top", ha="left", **how)
+
+
+def main(compute, draw, points):
+    """Compute a figure with so many points along its longest axis, and write its drawing and its numbers."""
+    name = Path(sys.argv[0]).stem
+    parser = argparse.ArgumentParser()
+    parser.add_argument("-o", "--output", default=f"{name}.png", help="the drawing [%(default)s]")
+    parser.add_argument("--json", help="its numbers")
+    parser.add_argument("--points", type=int, default=points,
+                        help="along the longest axis; what is finer than these is not resolved [%(default)s]")
+    given = parser.parse_args()
+    data = compute(given.points)
+    with matplotlib.rc_context(STYLE):
+        draw(data).savefig(given.output, dpi=300)
+    if given.json:
+        text = json.dumps(data | {"granular": gr.__version__}, default=lambda array: array.tolist())
+        Path(given.json).write_text(text.replace("NaN", "null") + "\n", encoding="utf-8")
+
+
+# sphinx_gallery_thumbnail_path = "figures/paper-sketch.png"

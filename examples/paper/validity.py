@@ -1,0 +1,39 @@
+"""Where event-driven simulation is valid
+
+ε_eff/ε as maps: near 1 hard spheres say what soft ones do.
+"""
+
+import numpy as np
+from counts import UPPER, draw_maps, ratio
+from setting import HARD, columns, main
+
+import granular as gr
+
+WRONG = 0.01
+"""Where ε_eff differs from ε by more than this share, the scene may not be event-driven."""
+
+
+def compute(points):
+    """ε_eff/ε over (ε, Δh), and over (Δh, R1/R2) at ε = 0.8."""
+    gaps, radii = np.geomspace(1e-7, 1e-2, points), UPPER * np.linspace(1.0, 20.0, points)
+    over = {"gap": gaps, "restitution": np.linspace(0.1, 1.0, points)}
+    return columns("gap", gr.sweep("three-balls", over, "eps_ratio")) | columns("radii", ratio(
+        gr.sweep("three-balls", {"gap": gaps, "radii[0]": radii}, "eps_ratio", restitution=0.8)))  # fmt: skip
+
+
+def draw(data):
+    """Two maps of the ratio, with the line beyond which event-driven simulation is right to one per cent."""
+    maps = [(data[f"{name}_eps_ratio"], ("gap", data[f"{name}_gap"]), (across, data[f"{name}_{across}"]))
+            for name, across in (("gap", "restitution"), ("radii", "ratio"))]  # fmt: skip
+    title = r"$\varepsilon_{\mathrm{eff}}/\varepsilon$"
+    shown = [(np.clip(one, 0.0, 1.0), up, across) for one, up, across in maps]
+    figure, _ = draw_maps(shown, title, cmap="cividis", vmin=0.0, vmax=1.0)
+    for axis, (one, (_, y), (_, x)) in zip(figure.axes, maps, strict=False):
+        axis.contour(x, y, np.abs(one - 1.0), [WRONG], colors=[HARD], linewidths=1.0)
+    figure.axes[0].plot([], [], color=HARD, lw=1.0, label=f"{100 * WRONG:g} % from 1")
+    figure.axes[0].legend(loc="lower left", labelcolor="white")
+    return figure
+
+
+if __name__ == "__main__":
+    main(compute, draw, 200)

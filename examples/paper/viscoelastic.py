@@ -1,0 +1,36 @@
+"""Figure 7: the sequence of contacts of viscoelastic balls over ε
+
+As figure 3, with Hertz contacts that lose energy by their viscosity; both have this ε at 3 m/s.
+"""
+
+from functools import partial
+
+import numpy as np
+import sequence
+from setting import contacts, hertz, main
+
+import granular as gr
+
+SPEED = 3.0
+"""Of both balls as the lower one meets the floor, in m/s."""
+SCENE = gr.scenes.three_balls(radii=(0.1, 0.0025), height=0.1).replace(velocity=[0.0, -SPEED, -SPEED])
+"""The lower ball meets the floor at t = 0."""
+
+
+def compute(points):
+    """Contacts over an ε that both pairs have at 3 m/s; γ/k then differs from pair to pair."""
+    found = sequence.numerical(lambda eps: contacts(SCENE, law(eps)), np.linspace(0.3, 1.0, points))
+    return {"parameter": "restitution at 3 m/s", **found}
+
+
+def law(restitution):
+    """Laws of both pairs with one ε at 3 m/s."""
+    return [gr.ViscoelasticHertz.from_restitution(restitution, k=elastic.k, speed=SPEED, pair=pair)
+            for elastic, pair in zip(hertz(SCENE), SCENE.pairs, strict=True)]  # fmt: skip
+
+
+draw = partial(sequence.draw, label=r"$\varepsilon$ of both contacts, each at an impact speed of 3 m/s", top=10.0,
+               marked=None)  # fmt: skip
+
+if __name__ == "__main__":
+    main(compute, draw, 300)

@@ -1,0 +1,30 @@
+"""Figure 8: the sequence of contacts of balls of one material over its viscosity
+
+As figure 7, with one dissipative constant A for both contacts, whose ε then differ.
+"""
+
+from functools import partial
+
+import numpy as np
+import sequence
+from setting import contacts, hertz, main
+from viscoelastic import SCENE
+
+import granular as gr
+
+
+def compute(points):
+    """Contacts over the dissipative constant A in s that both pairs have."""
+    grid = np.append(0.0, np.geomspace(1e-7, 3e-5, points))
+    return {"parameter": "A in s", **sequence.numerical(lambda a: contacts(SCENE, law(a)), grid)}
+
+
+def law(a):
+    """Laws of both pairs for one material of dissipative constant `a` in s: γ = (3/2) A k."""
+    return [gr.ViscoelasticHertz(elastic.k, 1.5 * a * elastic.k) for elastic in hertz(SCENE)]
+
+
+draw = partial(sequence.draw, label=r"$A$  ($\mu$s)", top=10.0, unit=1e6, marked=None)
+
+if __name__ == "__main__":
+    main(compute, draw, 300)
