@@ -1,7 +1,7 @@
 """Forty one-line mistakes, and the test files that have to find them: ``python bench/mutants.py [NUMBER ...]``.
 
-Each is made in a copy of the package, and the test files named for it are run until the first failure; the table says
-which mutants are killed, exit code 1 if one is not. Run it before and after tests are taken out or put together: what no
+Each is made in a copy of the package, and the test files named for it run until the first failure; the table says which
+mutants are killed, exit code 1 if one is not. Run it before and after tests are taken out or put together: what no
 test kills any more has to come back.
 """
 
