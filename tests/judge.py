@@ -37,7 +37,7 @@ class Judge:
     def merging(self, run, t_end, **options):
         """A hard run; after a collapse those that collide ever more slowly stick."""
         if run.status.name not in ("collapse", "bounded"):
-            return run if t_end == self.t_end else self.collide(run.scene, t_end)
+            return run if t_end == self.t_end else self.collide(run.scene, t_end, **options)
         slow = 1e-9 * max(closing(row) for row in rows_of(run))
         return self.collide(run.scene, t_end, collapse="merge", merge_below=slow, **options)
 
@@ -121,7 +121,7 @@ class Judge:
 
     def later(self, rows, latest, status):
         if status in ("time", "until") and max(latest.values()) > self.t_end:
-            return self.instants(rows_of(self.merging(self.hard, max(latest.values()))))
+            return self.instants(rows_of(self.merging(self.hard, max(latest.values()), max_events=10 * MOST)))
         return rows
 
     def followed(self, rows, latest, most):
@@ -216,10 +216,11 @@ class Judge:
     # the answer
 
     def judge(self):
-        for run in (self.carried, self.soft):
-            if run.status.name in EARLY:
-                return Judgement("undecided", math.nan, {})
+        if self.soft.status.name in EARLY:
+            return Judgement("undecided", math.nan, {})
         hard, soft = self.level()
+        if self.carried.status.name in EARLY:
+            return Judgement("no" if self.forever(range(len(self.scene.gap)), soft) else "undecided", math.nan, {})
         of, found = self.groups(hard, soft), {}
         self.others = self.other_rules()
         self.twins = self.shifted()

@@ -60,7 +60,7 @@ def heights(lower, upper, rule="lens", gap=0.0):
     eps, k = [floor.restitution, both.restitution], [floor.stiffness, both.stiffness]
     law = [gr.LinearDashpot.from_restitution(*of) for of in zip(eps, k, scene.pairs, strict=True)]
     report = gr.compare(scene, law, gr.ConstantRestitution(eps), until=gr.until.contact(pair=0, nth=2))
-    speeds = [gr.outcome.leaving_velocities(run)[2] for run in (report.hard, report.followed)]
+    speeds = [gr.outcome.leaving_velocities(run)[2] for run in (report.hard, report.levelled[1])]
     return [v * v / (2.0 * scene.gravity) for v in speeds]
 
 

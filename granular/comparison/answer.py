@@ -13,7 +13,7 @@ yes                 the error is at most `SAME`, and what has no value is at res
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
@@ -91,8 +91,11 @@ class Judged(Compared):
 
 
 def _unfinished(report: Compared) -> Iterator[Reason]:
-    """Runs that stopped before their end: which, and what stopped them."""
-    for name, run in (("soft-sphere", report.soft), ("event-driven", report.settled)):
+    """Runs that stopped before their end: which, and what stopped them; what is so of hard spheres that never will."""
+    soft, hard = report.soft, report.settled
+    if soft.status not in EARLY and hard.status in EARLY and (so := _forever(report, range(report.scene.n_pairs))):
+        yield Reason(Answer.no, so)
+    for name, run in (("soft-sphere", soft), ("event-driven", hard)):
         if run.status in EARLY:
             yield Reason(Answer.undecided, f": the {name} run did not get to its end; {run.status.name}: "
                                            f"{run.message.rstrip('.')}")  # fmt: skip
@@ -177,7 +180,7 @@ def _sinking(report: Compared, pairs: tuple[int, ...]) -> tuple[Answer, str] | N
     return (Answer.yes, f", trivially: nothing collides; {deepest}") if lying else None
 
 
-def _forever(report: Compared, pairs: tuple[int, ...]) -> str:
+def _forever(report: Compared, pairs: Sequence[int]) -> str:
     """Return the words for hard spheres that collide forever where soft ones part; empty if it is not so."""
     hard = report.hard
     if "verdict" not in hard.stats:

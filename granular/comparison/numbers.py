@@ -66,11 +66,6 @@ class Compared:
         """Both runs with the same contacts of every pair as far as they have them, each followed to its end."""
         return end_time.levelled(*self.counted, self.soft_options)
 
-    @property
-    def followed(self) -> Trajectory:
-        """The soft run without contacts that are rounding, those running or to come at its end followed to theirs."""
-        return self.levelled[1]
-
     @cached_property
     def pairs(self) -> tuple[PairOutcome, ...]:
         """Contacts and separation speeds, pair by pair."""
@@ -314,11 +309,10 @@ class Compared:
 
     def _carried_on(self, run: Trajectory, options: Mapping[str, Any]) -> Trajectory:
         """The run of hard spheres; after a collapse with those that collide ever more slowly sticking."""
-        if "verdict" not in run.stats:
-            return run
-        slow = MERGED * measures.fastest_approach(run)
-        with suppress(ValueError, ArithmeticError):  # a tie rule that has no answer
-            return edmd.simulate(run.scene, self.rule, **{**options, "collapse": "merge", "merge_below": slow})
+        if "verdict" in run.stats:
+            merging = {**options, "collapse": "merge", "merge_below": MERGED * measures.fastest_approach(run)}
+            with suppress(ValueError, ArithmeticError):  # a tie rule that has no answer
+                return edmd.simulate(run.scene, self.rule, **merging)
         return run
 
     def _leaving_apart(self, one: Trajectory, other: Trajectory | None = None) -> Array:

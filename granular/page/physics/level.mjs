@@ -9,13 +9,11 @@ import { goOnSoft } from "./soft.mjs";
 const PATIENCE = 20; // isolated durations
 
 export function levelled(hard, soft, eps, k) {
-  const alone = pairsOf(hard.scene, eps, k).map((p) => p.duration), some = counted(soft, atOnce(hard));
-  const most = larger(hard, some), late = [lateness(hard, some, alone, most), lateness(some, hard, alone, most)];
-  const onward = goOnHard(hard, hard.time + largest(late[0])), later = goOnSoft(soft, soft.time + largest(late[1]));
+  const alone = pairsOf(hard.scene, eps, k).map((p) => p.duration), own = counted(atOnce(hard), soft), some = counted(soft, atOnce(hard));
+  const most = larger(own, some), late = [lateness(own, some, alone, most), lateness(some, own, alone, most)];
+  const onward = atOnce(goOnHard(own, hard.time + largest(late[0]))), later = goOnSoft(some, soft.time + largest(late[1]));
   const until = patience(due(later, soft.time, late[1], most), soft.time, alone), last = goOnSoft(later, largest(until));
-  const ends = [due(onward, hard.time, late[0], most), endless(due(last, soft.time, late[1], most), until)];
-  const runs = [counted(atOnce(ends[0]), ends[1]), counted(ends[1], atOnce(ends[0]))], n = larger(counted(atOnce(hard), soft), some);
-  return runs.map((run) => first(run, n));
+  return [due(counted(onward, last), hard.time, late[0], most), endless(due(counted(last, onward), soft.time, late[1], most), until)];
 }
 
 function larger(one, other) {

@@ -1,9 +1,9 @@
 // What a run comes to, read from its contacts, and how far two runs differ (granular/outcome.py, components.py).
-import { simulateHard } from "./hard.mjs";
+import { settled, simulateHard } from "./hard.mjs";
 import { pairsOf, ROUNDING } from "./scenes.mjs";
 
 export const SAME = 0.01; // of the fastest impact
-const SHIFT = 1e-12, PATIENCE = 10; // of the gaps; another tie rule, in collisions of the first
+const SHIFT = 1e-12, INSTANT = 1e-12, PATIENCE = 10; // of the gaps; of the time; another tie rule, in collisions of the first
 const OTHERS = ["left", "right", "poisson"]; // rules that take any restitutions
 
 export const isEarly = (run) => ["collapse", "endless", "unfinished"].includes(run.status);
@@ -25,12 +25,12 @@ export function counted(run, other) {
   return contacts.length === run.contacts.length ? run : { ...run, contacts };
 }
 
-// Collisions of a pair in one instant are one, at whose end the instant is over.
+// Collisions of a pair in one instant are one, at whose end the instant is over. Rounding is within it.
 export function atOnce(run) {
   const log = run.contacts, contacts = [];
   for (let i = 0, j = 0; i < log.length; i = j) {
     const after = [], seen = new Set();
-    for (; j < log.length && log[j].begin === log[i].begin; j++) [after[log[j].pair], after[log[j].pair + 1]] = log[j].vOut;
+    for (; j < log.length && log[j].begin - log[Math.max(i, j - 1)].begin <= INSTANT * log[j].begin; j++) [after[log[j].pair], after[log[j].pair + 1]] = log[j].vOut;
     for (const one of log.slice(i, j)) {
       if (!seen.has(one.pair)) contacts.push({ ...one, vOut: [after[one.pair], after[one.pair + 1]] });
       seen.add(one.pair);
@@ -105,5 +105,6 @@ export function otherAnswers(hard, eps, ties) {
   const met = contacts.some((c, i) => i > 0 && c.begin === contacts[i - 1].begin && Math.abs(c.pair - contacts[i - 1].pair) === 1);
   if (scene.mass.length < 3 || !(met || scene.gap.includes(0))) return [];
   const names = OTHERS.filter((name) => name !== ties);
-  return names.map((name) => [name, simulateHard(scene, eps, { ties: name, maxEvents })]).filter(([, run]) => !isEarly(run));
+  const run = (rule) => settled(simulateHard(scene, eps, rule), eps, rule);
+  return names.map((name) => [name, run({ ties: name, maxEvents })]).filter(([, other]) => !isEarly(other));
 }

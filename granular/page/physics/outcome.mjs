@@ -19,7 +19,7 @@ export function bothRuns(scene, eps, k, { ties = "left", record = false, maxStep
   const [hard, soft] = isWhole ? levelled(whole, cut, eps, k) : [counted(atOnce(whole), cut), counted(cut, atOnce(whole))];
   const early = isEarly(hard) || isEarly(soft), { unit, error, wrong, sunk } = errorsOf(hard, soft, eps, k);
   const isTold = !isEarly(soft) && whole.status !== "collapse";
-  return { first, cut, hard, soft, early, unit, wrong, sunk, error: early ? NaN : error, forever: isTold ? forever(first, cut, soft) : 0 };
+  return { first, whole, cut, hard, soft, early, unit, wrong, sunk, error: early ? NaN : error, forever: isTold ? forever(first, cut, soft) : 0 };
 }
 
 // Hard spheres that collide forever where soft ones part: after how many contacts; else 0. So much can be told before they stick.
@@ -29,13 +29,14 @@ function forever({ status, group }, cut, soft) {
 }
 
 export function compareEngines(scene, eps, k, { ties = "left", patience = AT_LEISURE } = {}) {
-  const both = bothRuns(scene, eps, k, { ties, record: true, ...patience }), { first, cut, soft, early, unit } = both;
+  const both = bothRuns(scene, eps, k, { ties, record: true, ...patience }), { first, whole, cut, soft, early, unit } = both;
   findApexes(cut, patience.follow);
   findTops(first, patience.follow);
-  const once = (run) => counted(atOnce(run), cut), own = once(first);
-  const hard = first.status === "collapse" ? own : both.hard;
-  const others = early ? [] : otherAnswers(first, eps, ties).map(([name, run]) => [name, largest(differences(once(run), own).balls) / unit]);
-  const self = early ? { predictable: NaN, shift: NaN } : ownDifference(own, once(simulateHard(shifted(scene), eps, { ties })), unit);
+  const once = (run) => counted(atOnce(run), cut), own = once(whole);
+  const hard = first.status === "collapse" ? once(first) : both.hard;
+  const others = early ? [] : otherAnswers(whole, eps, ties).map(([name, run]) => [name, largest(differences(once(run), own).balls) / unit]);
+  const twin = settled(simulateHard(shifted(scene), eps, { ties }), eps, { ties, maxEvents: patience.maxEvents });
+  const self = early ? { predictable: NaN, shift: NaN } : ownDifference(own, isEarly(twin) ? own : once(twin), unit);
   const pairs = scene.gap.map((_, c) => ({ pair: c, soft: pairOutcome(soft, c), hard: pairOutcome(both.hard, c) }));
   const report = { ...both, scene, eps, k, hard, pairs, rule: ties, tieErrors: others, ...self, finals: { hard: finals(hard), soft: finals(soft) } };
   return { ...report, isHasty: patience === AT_ONCE && isOpen(report), ...verdict({ ...report, patience }) };
