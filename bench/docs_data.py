@@ -17,6 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+sys.path.append(str(Path(__file__).parents[1]))  # for `bench.stability`
 DATA = Path(__file__).parents[1] / "docs" / "figures" / "data"
 
 
@@ -98,12 +99,17 @@ def errors(report: Any) -> Any:
     }
 
 
-def stability(axes: tuple[str, ...]) -> Any:
-    """Verdicts of the default methods on some cells of some axes of docs/stability.md."""
-    import granular as gr
+def stability() -> Any:
+    """Verdicts of the default methods on some cells of every axis of docs/stability.md."""
+    from bench.stability import stability
 
-    report = gr.stability(methods=("located", "edmd"), axes=axes, quick=True)
-    return [[cell.axis, cell.case, cell.method, cell.truth, cell.verdict.name] for cell in report.cells]
+    return verdicts(stability(methods=("located", "edmd"), quick=True))
+
+
+def verdicts(report: Any) -> Any:
+    """The same of a study that is done already."""
+    return [[cell.axis, cell.case, cell.method, cell.truth, cell.verdict.name]
+            for cell in report.cells if cell.method in ("located", "edmd")]  # fmt: skip
 
 
 def plain(value: Any) -> Any:
@@ -123,13 +129,8 @@ SLOW = {"viscoelastic", "viscoelastic-material", "breakdown", "predictors"}
 SCENES = ("three-balls", "three-balls-elastic", "three-balls-viscoelastic", "cradle", "column", "chain")
 ENTRIES = {f"paper-{name}": Entry(partial(paper, name, few), name not in SLOW) for name, few in FEW.items()}
 ENTRIES |= {f"frontier-{name}": Entry(partial(frontier, name), False, 0.1, 1e-12) for name in SCENES}
-EXTREMES = ("stiffness", "damping", "mass ratio", "gap", "speed", "start time", "exponent", "powers", "own laws",
-            "corners", "counts", "last row", "collapse", "driven")  # fmt: skip
-OTHERS = ("touching", "chains", "recorded", "rest", "symmetry", "exact sequence", "ties", "float edges", "long runs")
-ENTRIES |= {"stability": Entry(partial(stability, EXTREMES)),
-            "stability-others": Entry(partial(stability, OTHERS), False)}  # fmt: skip
-ENTRIES |= {"isolation": Entry(isolation), "driven": Entry(driven, absolute=1e-3), "bounded": Entry(bounded),
-            "waves": Entry(waves, absolute=1e-6), "first-minute": Entry(first_minute)}  # fmt: skip
+ENTRIES |= {"stability": Entry(stability, False), "isolation": Entry(isolation), "bounded": Entry(bounded),
+            "driven": Entry(driven, absolute=1e-3), "waves": Entry(waves, absolute=1e-6), "first-minute": Entry(first_minute)}  # fmt: skip
 TIMES_ONLY = {"edmd-scaling"}
 """Figures of run times, which differ from machine to machine."""
 

@@ -19,7 +19,7 @@ from granular.cases.named import on_running
 from granular.cases.options import Option, options_of
 from granular.cases.ready import is_file
 
-COMMANDS = ("scenes", "run", "compare", "sweep", "threshold", "figure", "frontier", "stability", "page", "view")
+COMMANDS = ("scenes", "run", "compare", "sweep", "threshold", "figure", "frontier", "page", "view")
 """A command is a module of that name. Its docstring says what it does, `USAGE` what it takes. ``arguments(parser)``
 adds its options and returns those that come from a signature; ``run(given)`` does it; runs that it returns must end."""
 ABOUT = """\
