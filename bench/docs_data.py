@@ -106,6 +106,13 @@ def stability() -> Any:
     return verdicts(stability(methods=("located", "edmd"), quick=True))
 
 
+def extremes() -> Any:
+    """The table of three balls on docs/stability.md."""
+    import granular as gr
+
+    return gr.stability("three-balls").table()
+
+
 def verdicts(report: Any) -> Any:
     """The same of a study that is done already."""
     return [[cell.axis, cell.case, cell.method, cell.truth, cell.verdict.name]
@@ -129,8 +136,9 @@ SLOW = {"viscoelastic", "viscoelastic-material", "breakdown", "predictors"}
 SCENES = ("three-balls", "three-balls-elastic", "three-balls-viscoelastic", "cradle", "column", "chain")
 ENTRIES = {f"paper-{name}": Entry(partial(paper, name, few), name not in SLOW) for name, few in FEW.items()}
 ENTRIES |= {f"frontier-{name}": Entry(partial(frontier, name), False, 0.1, 1e-12) for name in SCENES}
-ENTRIES |= {"stability": Entry(stability, False), "isolation": Entry(isolation), "bounded": Entry(bounded),
-            "driven": Entry(driven, absolute=1e-3), "waves": Entry(waves, absolute=1e-6), "first-minute": Entry(first_minute)}  # fmt: skip
+ENTRIES |= {"stability": Entry(stability, False), "stability-three-balls": Entry(extremes, False),
+            "isolation": Entry(isolation), "bounded": Entry(bounded), "driven": Entry(driven, absolute=1e-3),
+            "waves": Entry(waves, absolute=1e-6), "first-minute": Entry(first_minute)}  # fmt: skip
 TIMES_ONLY = {"edmd-scaling"}
 """Figures of run times, which differ from machine to machine."""
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from granular.binary import restitution_of
     from granular.cases import Case
     from granular.comparison import Answer, Comparison, compare
+    from granular.extremes import stability
     from granular.sweeps import sweep
     from granular.thresholds import Threshold, threshold
     from granular.workprecision import frontier
@@ -31,12 +32,12 @@ __all__ = [
     "Answer", "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "MatchedEnd", "Pair", "PowerLaw",
     "Scene", "Status", "TabulatedRestitution", "ThorntonRestitution", "Threshold", "Trajectory", "TsujiHertz",
     "ViscoelasticHertz", "WaltonBraun", "adiabatic", "balls", "binary", "cases", "compare", "edmd", "frontier", "md",
-    "measures", "restitution_of", "scenes", "sweep", "theory", "threshold", "until", "walls", "waves",
+    "measures", "restitution_of", "scenes", "stability", "sweep", "theory", "threshold", "until", "walls", "waves",
 ]
 
 _UPPER_FLOORS = {
     "Answer": "comparison", "Case": "cases", "Comparison": "comparison", "compare": "comparison",
-    "restitution_of": "binary", "frontier": "workprecision", "sweep": "sweeps",
+    "restitution_of": "binary", "frontier": "workprecision", "stability": "extremes", "sweep": "sweeps",
     "Threshold": "thresholds", "threshold": "thresholds",
 }
 """Where names stand that are no modules."""

@@ -15,6 +15,7 @@ VERBS = {
     "compare": lambda told: gr.compare(GAS, LAW, t_end=1.0, on_progress=told),
     "sweep": lambda told: gr.sweep("three-balls", {"gap": [1e-5, 1e-4]}, on_progress=told),
     "frontier": lambda told: gr.frontier(CRADLE, STEEL, **END, methods=["located"], repeats=1, on_progress=told),
+    "stability": lambda told: gr.stability(gr.Case(CRADLE, STEEL, **END), "mass", "located", on_progress=told),
 }
 
 
@@ -27,7 +28,7 @@ def test_every_verb_tells_how_far_it_is_and_how_many_things_are_done(verb):
     if verb != "compare":  # two runs, one after the other
         assert told == sorted(told)
         assert [count for _, count in told] == sorted(count for _, count in told)
-    if verb in ("sweep", "frontier"):
+    if verb in ("sweep", "frontier", "stability"):
         assert told[-1][0] == 1.0
         assert 0.0 < told[0][0] <= 1.0
 

@@ -1,7 +1,7 @@
 """Run the study of stiff and extreme cases: ``python -m bench.stability [--quick] [--json FILE] [AXIS ...]``.
 
 Prints the tables, and the cells of the default methods that are not right and not flagged. The whole of it takes some
-twenty minutes, and puts the tables into docs/stability.md.
+twenty minutes, puts the tables into docs/stability.md, and draws its figure.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import granular as gr
 from bench import docs_data
 from bench.stability import AXES, StabilityReport, stability
 from bench.stability.cell import BOTH, FIXED, Result
@@ -21,6 +22,7 @@ from granular.cli.progress import Progress
 from granular.tables import markdown
 
 PAGE = Path(__file__).parents[2] / "docs" / "stability.md"
+FIGURE = PAGE.parent / "figures" / "stability-three-balls.png"
 SECONDS = {BOTH: 20.0, FIXED: 1.0}
 """Limit of processor time of a cell in s, by methods."""
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -87,6 +89,9 @@ def main(arguments: list[str] | None = None) -> None:
                         flags=re.DOTALL)  # fmt: skip
         PAGE.write_text(filled, encoding="utf-8")
         docs_data.store("stability")
+        extreme = gr.stability("three-balls")
+        extreme.plot(FIGURE)
+        docs_data.store("stability-three-balls", extreme.table())
 
 
 if __name__ == "__main__":

@@ -278,13 +278,16 @@ def test_the_page_holds_the_tables(monkeypatch, tmp_path) -> None:
     page.write_text("# Title\n<!-- tables -->\nold\n<!-- end -->\nafter\n", "utf-8")
     monkeypatch.setattr("bench.stability.__main__.PAGE", page)
     monkeypatch.setattr("bench.stability.__main__.measured", lambda *_: stability("edmd", "ties", quick=True))
-    monkeypatch.setattr(docs_data, "store", stored.append)
+    monkeypatch.setattr("bench.stability.__main__.FIGURE", tmp_path / "figure.png")
+    monkeypatch.setattr(gr, "stability", lambda scene: gr.extremes.stability(scene, axes=(), methods="located"), False)
+    monkeypatch.setattr(docs_data, "store", lambda name, data=None: stored.append(name))
     main([])
     text = page.read_text("utf-8")
     assert text.startswith("# Title\n<!-- tables -->\n**cells**\n\n| method | cells |")
     assert text.endswith("\n<!-- end -->\nafter\n")
     assert "old" not in text
-    assert stored == ["stability"]
+    assert stored == ["stability", "stability-three-balls"]
+    assert (tmp_path / "figure.png").stat().st_size > 1_000
 
 
 @pytest.mark.soak

@@ -19,7 +19,7 @@ from granular.cases.named import on_running
 from granular.cases.options import Option, options_of
 from granular.cases.ready import is_file
 
-COMMANDS = ("scenes", "run", "compare", "sweep", "threshold", "figure", "frontier", "page", "view")
+COMMANDS = ("scenes", "run", "compare", "sweep", "threshold", "figure", "frontier", "stability", "page", "view")
 """A command is a module of that name. Its docstring says what it does, `USAGE` what it takes. ``arguments(parser)``
 adds its options and returns those that come from a signature; ``run(given)`` does it; runs that it returns must end."""
 ABOUT = """\
@@ -37,6 +37,7 @@ examples:
   granular sweep mine.toml --over gap[1]=1e-6:1e-2:41:log
   granular threshold three-balls --over gap         from which gap on hard spheres will do
   granular frontier three-balls --plot out.png      error against run time of every method
+  granular stability three-balls                    the scene made stiff, close, damped, unequal: who is right?
   granular page --open                              the teaching page, in the browser
   granular run gas --engine edmd --samples 500 --save gas.npz && granular view gas.npz --open
 
