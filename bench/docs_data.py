@@ -20,6 +20,7 @@ from typing import Any
 
 ROOT = Path(__file__).parents[1]
 DATA, PAPER = ROOT / "docs" / "figures" / "data", ROOT / "examples" / "paper"
+sys.path.append(str(ROOT))  # for `bench.stability`
 
 
 @dataclass(frozen=True)
@@ -99,12 +100,24 @@ def errors(report: Any) -> Any:
     }
 
 
-def stability(axes: tuple[str, ...]) -> Any:
-    """Verdicts of the default methods on some cells of some axes of docs/stability.md."""
+def stability() -> Any:
+    """Verdicts of the default methods on some cells of every axis of docs/stability.md."""
+    from bench.stability import stability
+
+    return verdicts(stability(methods=("located", "edmd"), quick=True))
+
+
+def extremes() -> Any:
+    """The table of three balls on docs/stability.md."""
     import granular as gr
 
-    report = gr.stability(methods=("located", "edmd"), axes=axes, quick=True)
-    return [[cell.axis, cell.case, cell.method, cell.truth, cell.verdict.name] for cell in report.cells]
+    return gr.stability("three-balls").table()
+
+
+def verdicts(report: Any) -> Any:
+    """The same of a study that is done already."""
+    return [[cell.axis, cell.case, cell.method, cell.truth, cell.verdict.name]
+            for cell in report.cells if cell.method in ("located", "edmd")]  # fmt: skip
 
 
 def plain(value: Any) -> Any:
@@ -124,12 +137,8 @@ SLOW = {"viscoelastic", "viscoelastic-material", "breakdown", "predictors"}
 SCENES = ("three-balls", "three-balls-elastic", "three-balls-viscoelastic", "cradle", "column", "chain")
 ENTRIES = {f"paper-{name}": Entry(partial(paper, name, few), name not in SLOW) for name, few in FEW.items()}
 ENTRIES |= {f"frontier-{name}": Entry(partial(frontier, name), False, 0.1, 1e-12) for name in SCENES}
-EXTREMES = ("stiffness", "damping", "mass ratio", "gap", "speed", "start time", "exponent", "powers", "own laws",
-            "corners", "counts", "last row", "collapse", "driven")  # fmt: skip
-OTHERS = ("touching", "chains", "recorded", "rest", "symmetry", "exact sequence", "ties", "float edges", "long runs")
-ENTRIES |= {"stability": Entry(partial(stability, EXTREMES)),
-            "stability-others": Entry(partial(stability, OTHERS), False)}  # fmt: skip
-ENTRIES |= {"isolation": Entry(isolation), "driven": Entry(driven, absolute=1e-3), "bounded": Entry(bounded),
+ENTRIES |= {"stability": Entry(stability, False), "stability-three-balls": Entry(extremes, False),
+            "isolation": Entry(isolation), "bounded": Entry(bounded), "driven": Entry(driven, absolute=1e-3),
             "waves": Entry(waves, absolute=1e-6), "first-minute": Entry(first_minute)}  # fmt: skip
 TIMES_ONLY = {"edmd-scaling"}
 """Figures of run times, which differ from machine to machine."""

@@ -14,7 +14,7 @@ import docs_data
 
 HERE = Path(__file__).parent
 SCRIPTS = (
-    "frontier", "stability", "edmd_scaling", "edmd_columns", "edmd_long", "leaving_out", "fixed_speed", "isolation",
+    "frontier", "edmd_scaling", "edmd_columns", "edmd_long", "leaving_out", "fixed_speed", "isolation",
     "first_minute", "driven", "bounded", "waves", "located_speed", "located_extremes", "located_orders", "map_orders",
 )  # fmt: skip
 
@@ -23,6 +23,7 @@ def main() -> None:
     for name in SCRIPTS:
         print(f"\n{name}\n{'=' * len(name)}", flush=True)
         subprocess.run([sys.executable, str(HERE / f"{name}.py")], check=True)
+    subprocess.run([sys.executable, "-m", "bench.stability"], check=True, cwd=HERE.parent)
     for name in docs_data.FEW:
         script = docs_data.PAPER / f"{name.replace('-', '_')}.py"
         picture = docs_data.DATA.parent / f"paper-{name}.png"

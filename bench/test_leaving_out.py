@@ -1,7 +1,8 @@
 """What leaving out saves: each group is a run without one thing and one with it; `leaving_out.py` prints ratios."""
 
 import pytest
-from leaving_out import PAIRS
+
+from bench.leaving_out import PAIRS
 
 
 @pytest.mark.parametrize("there", [False, True], ids=["without", "with"])

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from granular.binary import restitution_of
     from granular.cases import Case
     from granular.comparison import Answer, Comparison, compare
-    from granular.stress import stability
+    from granular.extremes import stability
     from granular.sweeps import sweep
     from granular.thresholds import Threshold, threshold
     from granular.workprecision import frontier
@@ -37,7 +37,7 @@ __all__ = [
 
 _UPPER_FLOORS = {
     "Answer": "comparison", "Case": "cases", "Comparison": "comparison", "compare": "comparison",
-    "restitution_of": "binary", "frontier": "workprecision", "stability": "stress", "sweep": "sweeps",
+    "restitution_of": "binary", "frontier": "workprecision", "stability": "extremes", "sweep": "sweeps",
     "Threshold": "thresholds", "threshold": "thresholds",
 }
 """Where names stand that are no modules."""

@@ -1,16 +1,13 @@
-"""Piles that ride on driven walls: in few steps what pieces find, to rounding; until they lift off, or are hit."""
+"""Piles that ride on driven walls, piece by piece: their account, the reference, until they lift off, or are hit."""
 
 import math
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 import pytest
 
 import granular as gr
 from granular import reference
-from granular.md.located import rides as located_rides
-from granular.md.located import run as located_run
 
 G = 9.81
 
@@ -85,13 +82,6 @@ def simulate(scene, law, start, length, **options):
     return gr.md.simulate(scene, law, t_start=start, t_end=start + length, engine="plain", **options)
 
 
-def by_pieces(monkeypatch, *args, **options):
-    """The same run, without rides."""
-    with monkeypatch.context() as patch:
-        patch.setattr(located_rides, "pile_on_wall", lambda s: None)
-        return simulate(*args, **options)
-
-
 def remainder(run):
     """Largest error of the account, as a part of Σ|ΔW|."""
     account = run.account()
@@ -99,38 +89,19 @@ def remainder(run):
     return abs(total - total[0]).max() / abs(np.diff(account["work"], axis=0)).sum()
 
 
-@pytest.fixture(autouse=True)
-def look_early(monkeypatch):
-    monkeypatch.setattr(located_run, "FIRST_LOOK", 32)
-
-
 @pytest.mark.parametrize(("where", "kind", "seed"), [
     ("floor", "dashpot", 1), ("floor", "viscoelastic", 3), ("squeezed", "mixed", 3), ("hanging", "tsuji", 3),
     *(pytest.param(*case, marks=pytest.mark.soak) for case in (
-        ("hanging", "dashpot", 2), ("squeezed", "dashpot", 2),
-        ("floor", "dashpot", 0), ("between", "dashpot", 22), ("squeezed", "viscoelastic", 2), ("floor", "own", 1),
-        ("between", "viscoelastic", 4), ("floor", "viscoelastic", 0), ("floor", "tsuji", 0),
+        ("hanging", "dashpot", 2), ("squeezed", "dashpot", 2), ("floor", "dashpot", 0), ("between", "dashpot", 22),
+        ("squeezed", "viscoelastic", 2), ("floor", "own", 1), ("between", "viscoelastic", 4),
     )),
 ])  # fmt: skip
-def test_a_ride_is_what_pieces_find(monkeypatch, where, kind, seed):
+def test_the_account_of_a_ride_closes(where, kind, seed):
     scene, law, start = piled(where, kind, seed)
-    ride, pieces = (run(scene, law, start, 0.4, samples=7) for run in (simulate, partial(by_pieces, monkeypatch)))
-    assert ride.stats["steps"] < 0.9 * pieces.stats["steps"]
-    assert remainder(ride) < max(1e-14, 1.5 * remainder(pieces))
-    assert len(ride.contacts) == len(pieces.contacts)
-    deepest, fastest = pieces.contacts["xi_max"].max(), abs(np.diff(pieces.velocity, axis=1)).max()
-    assert abs(ride.gap - pieces.gap).max() < 2e-14 * max(deepest, abs(pieces.gap).max())
-    assert abs(np.diff(ride.velocity - pieces.velocity, axis=1)).max() < 1e-12 * fastest
-    assert abs(ride.force - pieces.force).max() < 1e-13 * pieces.force.max()
-    for name in ("duration", "impulse", "force_max", "xi_max"):
-        clock = 8.0 * np.spacing(start + 0.4) if name == "duration" else 0.0
-        off = abs(ride.contacts[name] - pieces.contacts[name]).max()
-        assert off < 2e-14 * pieces.contacts[name].max() + clock, name
-    work = pieces.account()["work"]
-    assert abs(ride.account()["work"] - work).max() < 2e-14 * abs(np.diff(work, axis=0)).sum()
-    lost = pieces.account()["dissipated"]
-    assert abs(ride.account()["dissipated"] - lost).max() < 2e-14 * max(lost[-1], abs(np.diff(work, axis=0)).sum())
-    assert ride.stats["shared_impulse"] == pytest.approx(pieces.stats["shared_impulse"], rel=1e-14)
+    run = simulate(scene, law, start, 0.15, samples=7)
+    assert remainder(run) < 1e-13
+    assert (np.diff(run.account()["dissipated"]) > 0.0).all()
+    assert run.force[-1].min() > 0.0
 
 
 @pytest.mark.parametrize("kind", ["dashpot", pytest.param("viscoelastic", marks=pytest.mark.soak)])
@@ -139,22 +110,10 @@ def test_a_ride_against_the_reference(kind):
     scene, law, start = piled("squeezed", kind, 14)
     soft = simulate(scene, law, start, 0.05)
     true = reference.solve(scene, law, t_start=start, t_end=start + 0.05, digits=20)
-    assert soft.stats["steps"] < 100
     assert max(abs(float(a) - b) for a, b in zip(true.gap, soft.gap[-1], strict=True)) < 1e-14 * abs(soft.gap).max()
     work, dissipated = soft.account()["work"][-1], soft.account()["dissipated"][-1]
     for a, b in zip(true.account, (*work, 0.0, 0.0, dissipated), strict=True):
         assert float(a) == pytest.approx(b, rel=1e-12, abs=1e-14 * dissipated)
-
-
-def test_a_ride_costs_the_same_whatever_the_stiffness():
-    steps = []
-    for k in (1e6, 1e8):
-        scene = gr.scenes.vibrated_column(3, gamma=0.5, gap=0.0)
-        law = [gr.LinearDashpot.from_restitution(0.5, k, pair) for pair in scene.pairs]
-        runs = [gr.md.simulate(scene, law, t_end=t, samples=33, engine="plain", log=False) for t in (0.1, 0.4)]
-        assert max(remainder(run) for run in runs) < 1e-13
-        steps.append(runs[1].stats["steps"] - runs[0].stats["steps"])
-    assert steps[0] == steps[1] == 48  # 8 panels in each of 6 periods; by pieces some 10 000 and 100 000
 
 
 @pytest.mark.parametrize(("ratio", "part"), [(1e3, 1.2), (1e3, 1.0001), (1e4, 1.01)])
@@ -171,33 +130,38 @@ def test_a_ball_that_rides_lifts_off_to_rounding(ratio, part):
     sway = -mp.mpf(floor.amplitude) * omega**2 / (k - omega**2 + 1j * c * omega)
     gap, speed = -float(1 / k + sway.imag), float(mp.mpf(floor.amplitude) * omega - (1j * omega * sway).imag)
     run = gr.md.simulate(scene.replace(gap=[gap], velocity=[0.0, speed], floor=floor), law, t_end=2.0, engine="plain")
-    assert run.stats["steps"] < 500
     near = math.asin(1.0 / part)
     end = mp.findroot(lambda t: 1 + ((k + 1j * c * omega) * sway * mp.expj(omega * t)).imag, (near - 1e-4, near + 1e-4))
     slope = part * math.cos(float(end))  # of the force, which rounding moves
     assert abs(float(end) - run.contacts["t_end"][0]) < 1e-15 * (1.0 + 1.0 / slope)
 
 
-def test_a_ball_falls_on_one_that_rides(monkeypatch):
-    floor, load = gr.walls.Sine.from_acceleration(0.2, 5.0, phase=0.5 * math.pi), 1.2 * G * 1e-7
-    gap, mass = [-3.0 * load, -2.0 * load, 0.5], [math.inf, 1.0, 2.0, 0.5]
-    scene = gr.Scene(mass, [0.0] * 4, gap, [0.0] * 4, gravity=G, floor=floor)
-    law = [gr.LinearDashpot.from_restitution(0.5, 1e7, pair) for pair in scene.pairs]
-    ride, pieces = (run(scene, law, 0.0, 0.35) for run in (simulate, partial(by_pieces, monkeypatch)))
-    assert ride.stats["steps"] < 0.4 * pieces.stats["steps"]
-    assert np.array_equal(ride.contacts["pair"], pieces.contacts["pair"])
-    assert ride.contacts["t_begin"] == pytest.approx(pieces.contacts["t_begin"], rel=1e-14, abs=1e-15)
+def test_a_ball_falls_on_one_that_rides():
+    pytest.importorskip("mpmath")
+    floor, load = gr.walls.Sine.from_acceleration(0.2, 5.0, phase=0.5 * math.pi), 1.2 * G * 1e-5
+    scene = gr.Scene([math.inf, 1.0, 2.0, 0.5], [0.0] * 4, [-3.0 * load, -2.0 * load, 1e-3], [0.0, 0.0, 0.0, -0.5],
+                     gravity=G, floor=floor)  # fmt: skip
+    law = [gr.LinearDashpot.from_restitution(0.5, 1e5, pair) for pair in scene.pairs]
+    run, true = simulate(scene, law, 0.0, 0.02), reference.solve(scene, law, t_end=0.02, digits=20)
+    assert sorted(row.pair for row in true.contacts) == sorted(run.contacts["pair"].tolist())
+    assert len(true.contacts) > 2
+    begun = sorted(run.contacts["t_begin"].tolist())
+    assert begun == pytest.approx(sorted(float(row.t_begin) for row in true.contacts), rel=1e-13, abs=1e-15)
+    assert max(abs(float(a) - b) for a, b in zip(true.gap, run.gap[-1], strict=True)) < 1e-14 * abs(run.gap).max()
 
 
-def test_a_ride_ends_where_the_velocity_of_the_wall_jumps(monkeypatch):
+def test_a_ride_ends_where_the_velocity_of_the_wall_jumps():
+    pytest.importorskip("mpmath")
     slopes, breaks = [0.05, 0.0, 0.03], [-1.0, 0.1, 0.2, 1.0]
     floor = gr.walls.Piecewise(breaks, [slopes, [0.0, 0.055, 0.055]])
     scene = gr.Scene([math.inf, 1.0], [0.0, 0.0], [-G * 1e-6], [0.0, 0.05], gravity=G, floor=floor)
     law = gr.LinearDashpot.from_restitution(0.3, 1e6, scene.pairs[0])
-    ride, pieces = (run(scene, law, 0.0, 0.3) for run in (simulate, partial(by_pieces, monkeypatch)))
-    assert ride.stats["steps"] < 0.8 * pieces.stats["steps"]
-    assert len(ride.contacts) == len(pieces.contacts) > 1
-    assert ride.contacts["t_begin"] == pytest.approx(pieces.contacts["t_begin"], rel=1e-13, abs=1e-15)
+    run = simulate(scene, law, 0.09, 0.03)
+    true = reference.solve(scene, law, t_start=0.09, t_end=0.12, digits=20)
+    assert len(run.contacts) == len(true.contacts) > 1
+    begun = sorted(run.contacts["t_begin"].tolist())
+    assert begun == pytest.approx(sorted(float(row.t_begin) for row in true.contacts), rel=1e-13)
+    assert max(abs(float(a) - b) for a, b in zip(true.gap, run.gap[-1], strict=True)) < 1e-13 * abs(run.gap).max()
 
 
 @pytest.mark.parametrize(("where", "kind", "seed"), [("squeezed", "dashpot", 2), ("floor", "viscoelastic", 5)])
@@ -211,15 +175,6 @@ def test_samples_and_a_resumed_run_change_no_bit_of_a_ride(where, kind, seed):
         assert np.array_equal(run.gap[-1], whole.gap[-1])
         assert run.stats["steps"] == whole.stats["steps"]
         assert run.account()["dissipated"][-1] == pytest.approx(whole.account()["dissipated"][-1], rel=1e-15)
-    assert first.state["riding"]
-
-
-def test_undamped_piles_and_what_is_not_proved_go_on_as_before(monkeypatch):
-    scene, _, start = piled("floor", "dashpot", 0)
-    for law in (gr.LinearDashpot(1e5, 0.0), gr.Hertz(1e7), gr.WaltonBraun(1e5, 2e5)):
-        ride, pieces = simulate(scene, law, start, 0.05), by_pieces(monkeypatch, scene, law, start, 0.05)
-        assert np.array_equal(ride.gap, pieces.gap)
-        assert ride.stats["steps"] == pieces.stats["steps"] > 32
 
 
 def test_the_limit_of_work_holds_on_a_ride():

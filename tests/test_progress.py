@@ -15,7 +15,7 @@ VERBS = {
     "compare": lambda told: gr.compare(GAS, LAW, t_end=1.0, on_progress=told),
     "sweep": lambda told: gr.sweep("three-balls", {"gap": [1e-5, 1e-4]}, on_progress=told),
     "frontier": lambda told: gr.frontier(CRADLE, STEEL, **END, methods=["located"], repeats=1, on_progress=told),
-    "stability": lambda told: gr.stability("edmd", "ties", quick=True, on_progress=told),
+    "stability": lambda told: gr.stability(gr.Case(CRADLE, STEEL, **END), "mass", "located", on_progress=told),
 }
 
 

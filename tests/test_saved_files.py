@@ -204,7 +204,7 @@ def test_a_hard_state_without_a_part_or_with_a_wrong_one_is_not_gone_on_from(nam
     ("pairs.wall", 3), ("pairs.mode", 9), ("pool.number", 8), ("pool.fired", 99), ("pool.head", 50), ("pool.manner", 9),
     ("pool.clock", 0), ("pool.k", 1.0), ("maps.table", 5), ("run.members", 50), ("run.wanted", 9),
     ("run.alone", 9), ("run.rows", 9), ("run.tables", 9), ("run.t", math.nan), ("bodies.inverse_mass", 3.0),
-    ("bodies.v", math.inf), ("pool.xi", math.nan), ("pool.eta", 1e6), ("pool.xi", 1.0),
+    ("bodies.v", math.inf), ("pool.xi", math.nan), ("pool.e", 1e6), ("pool.x", 1.0),
 ])  # fmt: skip
 def test_a_soft_state_whose_places_are_not_there_is_not_gone_on_from(field, value, files):
     run = gr.Trajectory.load(files / "soft_riding.npz")

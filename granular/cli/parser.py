@@ -37,6 +37,7 @@ examples:
   granular sweep mine.toml --over gap[1]=1e-6:1e-2:41:log
   granular threshold three-balls --over gap         from which gap on hard spheres will do
   granular frontier three-balls --plot out.png      error against run time of every method
+  granular stability three-balls                    the scene made stiff, close, damped, unequal: who is right?
   granular page --open                              the teaching page, in the browser
   granular run gas --engine edmd --samples 500 --save gas.npz && granular view gas.npz --open
 

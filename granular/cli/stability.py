@@ -1,4 +1,4 @@
-"""`granular stability`: run stiff and extreme cases by every method: right, flagged, or silently wrong?
+"""`granular stability`: make a scene stiff, close, damped, unequal: which method is right, flagged, or wrong unseen?
 May be skipped: the command, no physics.
 """
 
@@ -6,23 +6,23 @@ from __future__ import annotations
 
 import argparse
 
-from granular.cases.options import Option, options_of
+from granular.cases.options import Option
 from granular.cli import files
+from granular.cli.parser import offered
 from granular.cli.progress import Progress
-from granular.stress import AXES, stability
+from granular.extremes import stability
 
-USAGE = "[options]"
+USAGE = "SCENE|FILE.toml [options]"
 
 
 def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-    """Add the file to write; return the options of `stability`."""
-    files.offer(parser, json="write every cell")
-    parser.epilog = f"axes (names with a space in quotes): {', '.join(AXES)}"
-    return [option for option in options_of(stability) if option.name != "on_progress"]
+    """Add the files to write; return the options of `stability`."""
+    files.offer(parser, plot="draw the table", json="write every run")
+    return offered(stability, "axes", "methods", "error")
 
 
 def run(given: argparse.Namespace) -> None:
-    """Do the study and print its tables."""
-    with Progress(1.0, things="cells") as progress:
-        report = stability(**given.run, on_progress=progress)
+    """Try everything, print the table, and write what was asked for."""
+    with Progress(1.0, things="runs") as progress:
+        report = stability(given.target, **given.given, **given.run, on_progress=progress)
     files.deliver(report, given)

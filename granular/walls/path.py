@@ -188,10 +188,3 @@ def expansion(wall: Record, panels: Records, t: float, tail: float, series: list
     if wall.periodic == 0 and k + 1 == wall.first + wall.panels:
         return math.inf
     return ((panel.right - y) - low) / wall.frequency  # type: ignore[no-any-return]
-
-
-@kernel
-def jump_ahead(wall: Record, panels: Records, t: float, tail: float) -> bool:
-    """Return whether the velocity of a wall jumps at the end of the panel on which its path goes on from t + tail."""
-    k = panel_from(wall, panels, t, tail)
-    return bool(wall.periodic == 0 and k + 1 < wall.first + wall.panels and panels[k + 1].jump != 0.0)

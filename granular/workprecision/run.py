@@ -122,7 +122,7 @@ def frontier(
     tell = on_progress or (lambda reached, count: None)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # coarse steps and wide tolerances are tried on purpose
-        level = _rounding_level(task)
+        level = rounding_level(task)
         ways = [peer(task, name) if name in PEERS else own(task, name) for name in chosen]
         tried = [method for method in ways if method is not None]
         todo = [(method, setting) for method in tried for setting in method.settings]
@@ -161,7 +161,7 @@ def _row(task: Task, method: Method, setting: float, repeats: int, level: float)
                outcome.work, outcome.unit, outcome.status)  # fmt: skip
 
 
-def _rounding_level(task: Task) -> float:
+def rounding_level(task: Task) -> float:
     """How far velocities move, in impact speeds, when gaps and velocities move by one unit in the last digit."""
     plain, *moved = (contacts_of(md.simulate(scene, task.laws, until=task.until, t_end=task.t_end))
                      for scene in _nudged(task.scene))  # fmt: skip

@@ -11,11 +11,11 @@ import numpy as np
 
 from granular._kernels import Toll, compiled, fitted
 from granular._records import column, copied, packed, plain
-from granular._tournament import replay, tournament
+from granular._tournament import play, replay, tournament
 from granular.closing import Closing
 from granular.drive import End, Pause, Row, Rows
 from granular.laws.kinds import SceneLaws
-from granular.md.located import blocks, outcome, rides
+from granular.md.located import blocks, outcome
 from granular.md.located.at_rest import first_asking, gather_slowly, looked_at, seldom
 from granular.md.located.checkpoint import Checkpoint, Untouched, restored
 from granular.md.located.collocation import Collocation
@@ -43,7 +43,6 @@ from granular.md.located.records import (
     WORK,
 )
 from granular.md.located.resting import between, lone_pile
-from granular.md.located.ride import Ride
 from granular.md.located.system import (
     system_of,
     to_compiled,
@@ -60,8 +59,6 @@ from granular.trajectory import CONTACT
 
 FIRST_LOOK = 256
 """Pieces after which the run first looks whether the scene creeps to rest."""
-AGAIN = 128
-"""Pieces beside driven walls after which the run looks again whether a pile rides."""
 LOADING, MAKING, LAUNCH = 1.0, 33.0, 2e-5
 """Seconds that it takes to load the machine code, to make it, and to launch a pair interpreted."""
 DISTURBED = ("resolve", "stop", "ignore")
@@ -107,8 +104,6 @@ class Run:
         self.bound = False
         self.creep: Creep | None = None
         self.looks = 0
-        self.ride: Ride | None = None
-        self.rode: Ride | None = None  # the last one, or what was tried
         self.start = request.start if state is None else float(state["origin"])  # s, where its own clock starts
         self.closing = Closing(scene, self.start, flattened=True)
         self.checkpoint: Checkpoint | None = None
@@ -124,7 +119,7 @@ class Run:
         self.pace = Pace(self)
         hung = scene.pendulum > 0.0
         driven = self.s.walls is not None and not hung
-        self.settles = not (scene.ring or scene.heated or hung)  # on a line where rest and rides are understood
+        self.settles = not (scene.ring or scene.heated or self.s.walls is not None)  # where rest is understood
         moves = {"DRIVEN": driven, "WORKED": self.s.ledger is not None, "HEATED": scene.heated, "HUNG": hung,
                  "RING": scene.ring}  # fmt: skip
         flags: dict[str, Any] = {name: True for name, does in moves.items() if does}
@@ -143,8 +138,8 @@ class Run:
             self.kernels(replay)(self.s.queue, 0, scene.n_pairs - 1)
             if state["creeping"]:
                 self.let_creep(math.inf)
-            elif state.get("riding", False):
-                rides.resume(self)
+            elif state.get("riding", False):  # of an earlier version: piles on driven walls had other pieces
+                self.follow_anew(request.start)
 
     @property
     def counters(self) -> Any:
@@ -179,8 +174,6 @@ class Run:
             return Pause.disturbed if self.is_disturbed else Pause.until
         if self.creep is not None:
             return Pause.resting if limit == math.inf else Pause.reached
-        if self.ride is not None and rides.rides_to(self, limit):
-            return Pause.reached if limit < self.ride.until else Pause.full
         why, counters = self.pace.advanced(limit), self.counters
         reached = why == REACHED or (why == QUIET and limit < math.inf)
         self.now = limit if reached else float(counters["t"])
@@ -204,10 +197,6 @@ class Run:
             self.bound = why == BINDING
             return WHY[why]
         if counters["steps"] >= counters["pause"]:
-            if self.s.walls is not None and self.settles:
-                counters["pause"] = counters["steps"] + AGAIN
-                rides.let_ride(self)
-                return Pause.full
             counters["pause"] *= 2
             if self.rests(limit):
                 return Pause.resting
@@ -283,8 +272,6 @@ class Run:
             self.creep.show(elapsed)
         sums = self.scratch()
         self.kernels(look)(self.s, elapsed, *rows, sums, self.collocation)
-        if self.ride is not None:
-            self.ride.show(elapsed, rows, sums)
         c = -1
         while (c := self.kernels(look_inside)(self.s, c + 1, elapsed)) < self.scene.n_pairs:
             self.kernels(planned)(self.s, self.collocation)
@@ -316,10 +303,7 @@ class Run:
         row, wanted = None, pause is not Pause.reached or seen == -math.inf
         if wanted and pause is Pause.reached:  # as a sample there, to the bit
             row = self.row(self.request.end)
-        before, untouched, riding = self.without_queue(), Untouched(self.s, end), self.ride is not None
-        if self.ride is not None:
-            self.ride.goes_to(end)
-            self.ride = None
+        before, untouched = self.without_queue(), Untouched(self.s, end)
         if self.creep is None:
             while not self.kernels(blocks.expose_all)(self.s, end, self.collocation):
                 self.s = with_more_room(self.s)
@@ -338,13 +322,22 @@ class Run:
         stats = outcome.stats(self, r, crept)
         message, self.s = outcome.message(self, status, r, self.start + end), None  # makes room for the log
         untouched.put_back()
-        state = self.checkpoint or Checkpoint(before, {"origin": self.start, "creeping": False, "riding": riding})
+        state = self.checkpoint or Checkpoint(before, {"origin": self.start, "creeping": False})
         return End(row, status, message, stats, state if self.launched else {}, running)
 
     def seldom(self, kernel: Any) -> Any:
         """Return a kernel that is called seldom: also of a compiled run interpreted, until that does not pay."""
         self.looks += 1
         return self.kernels(kernel) if isinstance(self.s.run, list) else seldom(self.fit(kernel), self.looks, compiled)
+
+    def follow_anew(self, time: float) -> None:
+        """Plan the blocks at driven walls anew, and go on to `time`."""
+        for c in np.flatnonzero(column(self.s.pairs, "wall") > 0).tolist():
+            if self.s.pairs[c]["slot"] >= 0:
+                self.kernels(play)(self.s.queue, int(self.s.pairs[c]["first"]), -math.inf)
+        self.kernels(planned)(self.s, self.collocation)
+        while self.to(time, False) is Pause.full:
+            pass
 
     def look_at_all(self) -> None:
         """Plan the blocks that wait for a look whether they creep."""

@@ -1,6 +1,4 @@
-"""Lines of balls: symmetries and invariants of Newton's equation, and what is known of chains and of equal balls.
-May be skipped: it measures ourselves.
-"""
+"""Lines of balls: symmetries and invariants of Newton's equation, and what is known of chains and of equal balls."""
 
 from __future__ import annotations
 
@@ -15,15 +13,15 @@ from typing import Any
 
 import numpy as np
 
+from bench.stability import own, truth
+from bench.stability.cell import BOTH, ELASTIC, FIXED, METHODS, SOFT, Again, Cell, at_wall, judged_by
+from bench.stability.contact import MADE
 from granular import laws as built_in
 from granular import md, scenes, until
 from granular._check import Array
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
-from granular.stress import own, truth
-from granular.stress.cell import BOTH, ELASTIC, FIXED, METHODS, SOFT, Again, Cell, at_wall, judged_by
-from granular.stress.contact import MADE
 from granular.trajectory import Trajectory
 
 LAWS = ("linear", "linear", "viscoelastic", "tsuji", "hertz", "parabola")

@@ -1,6 +1,4 @@
-"""Driven walls and forces: orbits and lift-off in closed form, the account of the energy, and falling floors.
-May be skipped: it measures ourselves.
-"""
+"""Driven walls and forces: orbits and lift-off in closed form, the account of the energy, and falling floors."""
 
 from __future__ import annotations
 
@@ -11,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from bench.stability import truth
+from bench.stability.cell import METHODS, Again, Cell, judged_by
 from granular import measures, scenes, until
 from granular.laws import Hertz, LinearDashpot
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
-from granular.stress import truth
-from granular.stress.cell import METHODS, Again, Cell, judged_by
 from granular.trajectory import Trajectory
 from granular.walls import Piecewise, Sine
 

@@ -1,6 +1,4 @@
-"""`StabilityReport`: the table, in words, in JSON and in Markdown.
-May be skipped: it measures ourselves.
-"""
+"""`StabilityReport`: the table, in words, in JSON and in Markdown."""
 
 from __future__ import annotations
 
@@ -8,8 +6,8 @@ from collections import Counter
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from granular.stress.cell import BOTH, Result, Verdict
-from granular.stress.long import Drift, StabilityLimit
+from bench.stability.cell import BOTH, Result, Verdict
+from bench.stability.long import Drift, StabilityLimit
 from granular.tables import Report, aligned, markdown, number
 
 BAD = (Verdict.wrong, Verdict.crashed, Verdict.limit)
@@ -19,7 +17,7 @@ SHOWN = 20
 
 @dataclass(frozen=True)
 class StabilityReport(Report):
-    """What `granular.stability` found.
+    """What `stability` found.
 
     Attributes
     ----------

@@ -1,6 +1,4 @@
-"""A cell of the table: what is run, what truth it is judged by, and to what tolerance.
-May be skipped: it measures ourselves.
-"""
+"""A cell of the table: what is run, what truth it is judged by, and to what tolerance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Make ``granular/stress/recorded.json`` anew: ``python bench/stability_recorded.py``; takes two minutes.
+"""Make ``recorded.json`` anew: ``python -m bench.stability.recorded``; takes two minutes.
 
 Scenes drawn for what once went wrong, solved by the independent solver of tests/fuzz in long doubles. A number's unit
 is its scale times the condition number of the scene: its change over that of gaps, velocities and masses.
@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.append(str(Path(__file__).parents[2] / "tests"))
 
 import numpy as np
 from fuzz.arithmetic import LONG
@@ -21,9 +21,9 @@ from fuzz.judge import Truth, truth
 from fuzz.laws import Spec
 from fuzz.scenes import Case
 
-from granular.stress.line import FIELDS
+from bench.stability.line import FIELDS
 
-FILE = Path(__file__).parents[1] / "granular" / "stress" / "recorded.json"
+FILE = Path(__file__).with_suffix(".json")
 DRAWS = 14
 MOST = 10
 """Contacts of a scene."""

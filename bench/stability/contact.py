@@ -1,6 +1,4 @@
-"""One contact at every extreme: its restitution is known in closed form, so every cell has an exact truth.
-May be skipped: it measures ourselves.
-"""
+"""One contact at every extreme: its restitution is known in closed form, so every cell has an exact truth."""
 
 from __future__ import annotations
 
@@ -10,13 +8,13 @@ from dataclasses import replace
 from itertools import chain, product
 from typing import Any
 
+from bench.stability import truth
+from bench.stability.cell import FIXED, METHODS, SOFT, Cell, Truth
+from bench.stability.own import Hysteresis, PlainPower, TwoDampings, TwoStiffnesses
 from granular import binary, until
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz, WaltonBraun, dashpot
 from granular.rules import ConstantRestitution
 from granular.scene import Pair, Scene
-from granular.stress import truth
-from granular.stress.cell import FIXED, METHODS, SOFT, Cell, Truth
-from granular.stress.own import Hysteresis, PlainPower, TwoDampings, TwoStiffnesses
 
 LINEAR, POWER, TABLE = 2e-14, 1e-12, 1e-9
 """Tolerances, in units of the impact speed: linear laws, powers, restitution from a table good to that."""

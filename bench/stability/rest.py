@@ -1,6 +1,4 @@
-"""How runs end: a pile that lies still goes on to the end time, to its equilibrium; others end before their samples.
-May be skipped: it measures ourselves.
-"""
+"""How runs end: a pile that lies still goes on to the end time, to its equilibrium; others end before their samples."""
 
 from __future__ import annotations
 
@@ -11,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from bench.stability.cell import BOTH, ELASTIC, Again, Cell, Truth, at_wall, judged_by
 from granular import scenes, until
 from granular._check import Array
 from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz
 from granular.scene import Scene
-from granular.stress.cell import BOTH, ELASTIC, Again, Cell, Truth, at_wall, judged_by
 from granular.trajectory import Status, Trajectory
 
 G, LONG = 9.81, 1e3

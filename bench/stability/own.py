@@ -1,6 +1,4 @@
-"""Force laws as users write them, without traits.
-May be skipped: it measures ourselves.
-"""
+"""Force laws as users write them, without traits."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
-"""The stability study: its truths, its verdicts, its tables, and what it must find."""
+"""The study of stiff and extreme cases: its truths, its verdicts, its tables, and what it must find."""
 
 from __future__ import annotations
 
-import importlib
 import json
 import math
 import time
@@ -10,21 +9,21 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import granular as gr
-from granular.cli import main
-from granular.stress import AXES, StabilityReport, contact, line, rest
-from granular.stress.cell import FIXED, METHODS, Cell, Truth, Verdict, repeat
-from granular.stress.contact import meeting
-from granular.stress.hard import rational_run
-from granular.stress.long import limits
-from granular.stress.study import deadline
-from granular.stress.study import judge as judge_any
+from bench import docs_data
+from bench.stability import AXES, StabilityReport, contact, line, rest, stability
+from bench.stability.__main__ import main
+from bench.stability.cell import FIXED, METHODS, Cell, Truth, Verdict, repeat
+from bench.stability.contact import meeting
+from bench.stability.hard import rational_run
+from bench.stability.long import limits
+from bench.stability.study import deadline
+from bench.stability.study import judge as judge_any
 from granular.trajectory import Trajectory
 
 judge = partial(judge_any, plain=True)  # a deadline must not interrupt a compiler
@@ -32,21 +31,24 @@ judge = partial(judge_any, plain=True)  # a deadline must not interrupt a compil
 
 @pytest.fixture(scope="module")
 def quick() -> StabilityReport:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("granular.stress.study.QUICK", 3)  # of 5 cells of each method on each axis
-        return gr.stability(quick=True)
+    return stability(quick=True)
 
 
 def test_quick_study_of_every_axis_and_method(quick: StabilityReport) -> None:
     assert set(quick.methods) == set(METHODS)
     assert set(AXES) <= set(quick.axes)
-    assert len(quick.cells) > 200
+    assert len(quick.cells) > 150
 
 
 def test_default_methods_are_never_silently_wrong(quick: StabilityReport) -> None:
     for method in ("located", "edmd"):
         wrong = [(c.axis, c.case, c.error) for c in quick.of(Verdict.wrong, method=method)]
         assert wrong == []
+
+
+def test_verdicts_are_those_of_the_docs(quick: StabilityReport) -> None:
+    stored = json.loads((docs_data.DATA / "stability.json").read_text("utf-8"))
+    assert sorted(docs_data.verdicts(quick)) == sorted(stored), "stale: python bench/docs_data.py stability"
 
 
 def test_every_flag_says_why(quick: StabilityReport) -> None:
@@ -72,7 +74,7 @@ def test_json_has_every_cell_and_where_it_was_made(quick: StabilityReport, tmp_p
 
 def test_running_twice_gives_the_same_errors() -> None:
     pick = {"methods": ("located", "verlet"), "axes": "stiffness", "quick": True}
-    first, second = gr.stability(**pick), gr.stability(**pick)
+    first, second = stability(**pick), stability(**pick)
     assert [cell.error for cell in first.cells] == [cell.error for cell in second.cells]
 
 
@@ -232,11 +234,11 @@ def test_every_kind_of_recorded_scene_is_there() -> None:
 
 
 @pytest.mark.soak
-def test_recorded_scenes_are_those_of_the_independent_solver(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(Path(__file__).parents[1] / "bench")
-    bench = importlib.import_module("stability_recorded")
-    for kind, one in bench.found():
-        fresh = bench.entry(kind, one)
+def test_recorded_scenes_are_those_of_the_independent_solver() -> None:
+    from bench.stability import recorded
+
+    for kind, one in recorded.found():
+        fresh = recorded.entry(kind, one)
         stored = next(e for e in line.stored() if e["gap"] == fresh["gap"] and e["velocity"] == fresh["velocity"])
         for name in ("pair", "final", *line.FIELDS):
             assert fresh[name] == pytest.approx(stored[name], rel=1e-13)
@@ -244,35 +246,55 @@ def test_recorded_scenes_are_those_of_the_independent_solver(monkeypatch: pytest
 
 def test_misuse_is_one_sentence() -> None:
     with pytest.raises(ValueError, match=r"methods is 'verlett'.*did you mean verlet\?"):
-        gr.stability(methods="verlett")
+        stability(methods="verlett")
     with pytest.raises(ValueError, match=r"axes is 'stiffnes'.*did you mean stiffness\?"):
-        gr.stability(axes=("stiffnes",))
+        stability(axes=("stiffnes",))
     with pytest.raises(ValueError, match="axes is empty"):
-        gr.stability(axes=())
+        stability(axes=())
     with pytest.raises(ValueError, match="seconds is 0"):
-        gr.stability(seconds=0)
+        stability(seconds=0)
 
 
-def test_the_command(capsys: pytest.CaptureFixture[str], tmp_path) -> None:
+def test_the_command(capsys: pytest.CaptureFixture[str], tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("bench.stability.__main__.PAGE", tmp_path / "a part of it is no page")
     path = tmp_path / "table.json"
-    given = ["stability", "--quick", "--methods", "located", "verlet", "--axes", "stiffness", "time step"]
-    assert main([*given, "--json", str(path)]) == 0
+    main(["--quick", "--json", str(path), "time step"])
     out = capsys.readouterr().out
     assert "silently wrong / all cells" in out
     assert "stability limit" in out
-    assert json.loads(path.read_text("utf-8"))["quick"] is True
+    stored = json.loads(path.read_text("utf-8"))
+    assert stored["quick"] is True
+    assert {cell["axis"] for cell in stored["cells"]} == {"time step"}
 
 
 def test_the_command_explains_misuse(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["stability", "--axes", "foo"]) == 2
-    assert "axes is 'foo'" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["foo"])
+    assert "'foo'" in capsys.readouterr().err
+
+
+def test_the_page_holds_the_tables(monkeypatch, tmp_path) -> None:
+    page, stored = tmp_path / "stability.md", []
+    page.write_text("# Title\n<!-- tables -->\nold\n<!-- end -->\nafter\n", "utf-8")
+    monkeypatch.setattr("bench.stability.__main__.PAGE", page)
+    monkeypatch.setattr("bench.stability.__main__.measured", lambda *_: stability("edmd", "ties", quick=True))
+    monkeypatch.setattr("bench.stability.__main__.FIGURE", tmp_path / "figure.png")
+    monkeypatch.setattr(gr, "stability", lambda scene: gr.extremes.stability(scene, axes=(), methods="located"), False)
+    monkeypatch.setattr(docs_data, "store", lambda name, data=None: stored.append(name))
+    main([])
+    text = page.read_text("utf-8")
+    assert text.startswith("# Title\n<!-- tables -->\n**cells**\n\n| method | cells |")
+    assert text.endswith("\n<!-- end -->\nafter\n")
+    assert "old" not in text
+    assert stored == ["stability", "stability-three-balls"]
+    assert (tmp_path / "figure.png").stat().st_size > 1_000
 
 
 @pytest.mark.soak
 def test_the_full_table() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        report = gr.stability()
+        report = stability()
     assert len(report.cells) >= 2_000
     for method in ("located", "edmd"):
         assert report.of(Verdict.wrong, Verdict.crashed, method=method) == []

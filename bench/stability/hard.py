@@ -1,6 +1,4 @@
-"""Hard spheres: exact rational runs, collapse, Zeno's ball, ties, and the edges of floating point.
-May be skipped: it measures ourselves.
-"""
+"""Hard spheres: exact rational runs, collapse, Zeno's ball, ties, and the edges of floating point."""
 
 from __future__ import annotations
 
@@ -12,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from bench.stability import truth
+from bench.stability.cell import Again, Cell, Truth, judged_by
 from granular import scenes, theory
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
-from granular.stress import truth
-from granular.stress.cell import Again, Cell, Truth, judged_by
 from granular.trajectory import Status, Trajectory
 
 

@@ -1,6 +1,4 @@
-"""Truths that need no other engine: closed forms, invariants, and symmetries of Newton's equation.
-May be skipped: it measures ourselves.
-"""
+"""Truths that need no other engine: closed forms, invariants, and symmetries of Newton's equation."""
 
 from __future__ import annotations
 
@@ -9,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from bench.stability.cell import Again, Truth, judged_by
 from granular._check import Array
 from granular.scene import Scene
-from granular.stress.cell import Again, Truth, judged_by
 from granular.trajectory import Status, Trajectory
 
 LATE = 2.0**40

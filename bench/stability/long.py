@@ -1,6 +1,4 @@
-"""Long runs and long steps: what is left of energy and reversibility after many contacts; which dt is stable.
-May be skipped: it measures ourselves.
-"""
+"""Long runs and long steps: what is left of energy and reversibility after many contacts; which dt is stable."""
 
 from __future__ import annotations
 
@@ -12,14 +10,14 @@ from itertools import product
 
 import numpy as np
 
+from bench.stability import truth
+from bench.stability.cell import BOTH, ELASTIC, FIXED, METHODS, SOFT, Again, Cell, judged_by, repeat
 from granular import md, scenes
 from granular.laws import Hertz, LinearDashpot
 from granular.laws.kinds import resolved
 from granular.md.integrators import INTEGRATORS
 from granular.md.stability import sharpest_rate
 from granular.scene import Scene
-from granular.stress import truth
-from granular.stress.cell import BOTH, ELASTIC, FIXED, METHODS, SOFT, Again, Cell, judged_by, repeat
 from granular.trajectory import Status, Trajectory
 
 

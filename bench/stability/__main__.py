@@ -1,0 +1,98 @@
+"""Run the study of stiff and extreme cases: ``python -m bench.stability [--quick] [--json FILE] [AXIS ...]``.
+
+Prints the tables, and the cells of the default methods that are not right and not flagged. The whole of it takes some
+twenty minutes, puts the tables into docs/stability.md, and draws its figure.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import granular as gr
+from bench import docs_data
+from bench.stability import AXES, StabilityReport, stability
+from bench.stability.cell import BOTH, FIXED, Result
+from bench.stability.report import BAD
+from granular import _check
+from granular.cli.progress import Progress
+from granular.tables import markdown
+
+PAGE = Path(__file__).parents[2] / "docs" / "stability.md"
+FIGURE = PAGE.parent / "figures" / "stability-three-balls.png"
+SECONDS = {BOTH: 20.0, FIXED: 1.0}
+"""Limit of processor time of a cell in s, by methods."""
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def measured(axes: tuple[str, ...] = tuple(AXES), quick: bool = False) -> StabilityReport:
+    """Run the cells of all methods on these axes."""
+    parts = []
+    for methods, seconds in SECONDS.items():
+        with Progress(1.0, things="cells") as progress:
+            parts.append(stability(methods, axes, quick=quick, seconds=seconds, on_progress=progress))
+    own, fixed = parts
+    return replace(
+        own, cells=own.cells + fixed.cells, limits=own.limits + fixed.limits, drifts=own.drifts + fixed.drifts
+    )  # fmt: skip
+
+
+def text_of(report: StabilityReport) -> str:
+    """The tables of the page, long ones folded, and what is not right and not flagged."""
+    parts = []
+    for title, rows in report.tables().items():
+        text = markdown([[readable(cell) for cell in row] for row in rows])
+        long = f"<details><summary>{title}: {len(rows) - 1} rows</summary>\n\n{text}\n\n</details>"
+        parts.append(long if len(rows) > 8 else f"**{title}**\n\n{text}")
+    left = [f"* {said_of(cell)}" for method in BOTH for cell in report.of(*BAD, method=method)]
+    if left:
+        parts += ["Of the default methods, not right and not flagged:", "\n".join(left)]
+    return "\n\n".join(parts)
+
+
+def said_of(cell: Result) -> str:
+    """A cell that is not right, in words."""
+    error = "" if math.isnan(cell.error) else f", error {cell.error:.2g}, tolerance {cell.tolerance:.2g}"
+    return f"{cell.verdict.name}, {cell.method}, {cell.axis}: {cell.case} [{cell.truth}]{error}; {cell.said}"
+
+
+def readable(cell: str) -> str:
+    """A number as people write it: 1.5·10⁻⁷."""
+    found = re.fullmatch(r"(\d\.\d)e([+-]\d+)", cell)
+    if not found:
+        return cell
+    return "0" if found[1] == "0.0" else f"{found[1]}·10{str(int(found[2])).translate(SUPERSCRIPT)}"
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Measure, print, and write what was asked for."""
+    parser = argparse.ArgumentParser(prog="python -m bench.stability", description=__doc__.partition("\n\n")[2])
+    parser.add_argument("axes", nargs="*", metavar="AXIS", help=f"one of: {', '.join(AXES)}")
+    parser.add_argument("--quick", action="store_true", help="only some short cells of each axis and method")
+    parser.add_argument("--json", metavar="FILE", help="write every cell")
+    given = parser.parse_args(arguments)
+    try:
+        _check.known(given.axes, AXES, "axis")
+    except ValueError as error:
+        parser.error(str(error))
+    whole = not (given.axes or given.quick)
+    report = measured(tuple(given.axes) or tuple(AXES), given.quick)
+    print(text_of(report) if whole else report)
+    if given.json:
+        report.to_json(given.json)
+    if whole:
+        page = PAGE.read_text(encoding="utf-8")
+        filled = re.sub(r"(<!-- tables -->\n).*?(<!-- end -->)", lambda m: f"{m[1]}{text_of(report)}\n{m[2]}", page,
+                        flags=re.DOTALL)  # fmt: skip
+        PAGE.write_text(filled, encoding="utf-8")
+        docs_data.store("stability")
+        extreme = gr.stability("three-balls")
+        extreme.plot(FIGURE)
+        docs_data.store("stability-three-balls", extreme.table())
+
+
+if __name__ == "__main__":
+    main()

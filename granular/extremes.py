@@ -1,0 +1,312 @@
+"""`stability`: one's own scene made stiff, close, damped and unequal. Which method stays right, and who says so if not?
+May be skipped: many runs of the same engines.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from granular import _check, _files
+from granular._optional import optional
+from granular.cases import Case
+from granular.drawing import HARD, PAGE, canvas
+from granular.laws.contact_law import resolve
+from granular.md.integrators import INTEGRATORS
+from granular.reference import Reference
+from granular.scene import Scene
+from granular.sweeps.answers import REFUSED
+from granular.sweeps.plan import planned
+from granular.tables import Report, aligned, number
+from granular.trajectory import EARLY, Trajectory
+from granular.workprecision.methods import Task
+from granular.workprecision.result import contacts_of, errors
+from granular.workprecision.run import rounding_level
+
+METHODS = ("located", *INTEGRATORS)
+STEPS = (8, 32, 128)
+"""Fixed steps in the shortest contact of the scene as given; the method's own choice of dt is tried as well."""
+MOST = 200_000
+"""Steps of a run at most."""
+SIGNS = {"flagged": "!", "wrong": "✗", "undecided": "?"}
+
+
+def _stiffer(case: Case, factor: float) -> Case:
+    """Stiffnesses times `factor`; γ so that each impact keeps its restitution, for laws that tell their powers."""
+    p, d = (resolve(_laws(case)[0], case.scene.pairs[0]).form or (0.0, 1.0, 0.0, 0.0))[1::2]
+    return _scaled(case, dict.fromkeys(("k", "k_load", "k_unload"), factor) | {"gamma": factor ** ((1 + d) / (1 + p))})
+
+
+def _closer(case: Case, factor: float) -> Case:
+    """Gaps between balls times `factor`; those at walls stay, for a fall from no height is none."""
+    between = [all(np.isfinite(case.scene.mass[list(case.scene.bodies(c))])) for c in range(case.scene.n_pairs)]
+    return replace(case, scene=case.scene.replace(gap=np.where(between, factor, 1.0) * case.scene.gap))
+
+
+def _damped(case: Case, factor: float) -> Case:
+    """Damping coefficients times `factor`."""
+    return _scaled(case, dict.fromkeys(("gamma", "alpha"), factor))
+
+
+def _unequal(case: Case, factor: float) -> Case:
+    """The mass of every second ball times `factor`."""
+    ball = np.isfinite(case.scene.mass)
+    mass = np.where(ball & (np.cumsum(ball) % 2 == 0), factor, 1.0) * case.scene.mass
+    return replace(case, scene=case.scene.replace(mass=mass))
+
+
+AXES: Mapping[str, tuple[Callable[[Case, float], Case], tuple[float, ...]]] = {
+    "stiffness": (_stiffer, (1e2, 1e4, 1e6, 1e8)), "gap": (_closer, (1e-3, 1e-6, 0.0)),
+    "damping": (_damped, (0.0, 0.1, 10.0, 100.0)), "mass": (_unequal, (1e-3, 1e3, 1e6)),
+}  # fmt: skip
+"""What is made extreme: how, and by which factors."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """One run of one method.
+
+    Attributes
+    ----------
+    scene : str
+        What was changed, such as "gap × 0.001"; "as given".
+    method, dt : str, float
+        Who ran it, and with which step in s; nan where the method chose by itself.
+    error : float
+        Largest error of velocities at the end of each pair's last contact, in units of the impact speed, nan if a pair
+        has none that ended; of "located" its own estimate, with rounding.
+    contacts : int
+        Contacts more than there should be; negative: fewer.
+    verdict : {"right", "flagged", "wrong", "undecided"}
+        Flagged: not right, and a status, a warning or a refusal says so. Wrong: without a word. Undecided: the judge
+        does not know the answer itself.
+    said : str
+        Status and message, warnings, or the refusal.
+    """
+
+    scene: str
+    method: str
+    dt: float
+    error: float
+    contacts: int
+    verdict: str
+    said: str
+
+    @property
+    def sign(self) -> str:
+        """Number of right digits, or the sign of the verdict."""
+        return SIGNS.get(self.verdict) or str(min(16, int(-math.log10(max(self.error, 1e-16)))))
+
+
+@dataclass(frozen=True)
+class Stability(Report):
+    """What became of a scene in the extreme, by every method and step; print it, `plot` it, save it with `to_json`.
+
+    Attributes
+    ----------
+    title : str
+        The scene.
+    error : float
+        Largest error of velocities, in units of the impact speed, that counts as right.
+    duration : float
+        Shortest contact of the scene as given, in s: what its time steps are parts of.
+    rows : tuple of Tried
+        Every run.
+    left_out : mapping
+        Scenes that were not tried, with the reason.
+    """
+
+    title: str
+    error: float
+    duration: float
+    rows: tuple[Tried, ...]
+    left_out: Mapping[str, str]
+
+    def of(self, method: str, scene: str | None = None) -> list[Tried]:
+        """The runs of a method, of one scene such as "gap × 0.001" if it is named."""
+        return [row for row in self.rows if row.method == method and scene in (None, row.scene)]
+
+    def table(self) -> list[list[str]]:
+        """A line for every scene: right digits, or the sign of the verdict, of every method at each step."""
+        methods = list(dict.fromkeys(row.method for row in self.rows))
+        return [["", *methods], *([scene, *("".join(f"{row.sign:>3}" for row in self.of(method, scene))
+                                            for method in methods)]
+                                  for scene in dict.fromkeys(row.scene for row in self.rows))]  # fmt: skip
+
+    def plot(self, path: str | PathLike[str] | None = None) -> Any:
+        """Draw the table, right digits as shades; return the figure, or save it to `path`."""
+        (_, *methods), *lines = self.table()
+        ends = np.cumsum([0, *(len(words.split()) for words in lines[0][1:])])
+        figure, ((axis,),) = canvas(PAGE, 0.95 + 0.18 * len(lines))
+        blues = optional("matplotlib", "plot").colormaps["Blues_r"](np.linspace(0.95, 0.0, 30))
+        colours = dict(zip(map(str, range(17)), blues, strict=False)) | {"!": "0.85", "✗": HARD}
+        for (y, x), sign in np.ndenumerate(np.array([" ".join(line[1:]).split() for line in lines])):
+            axis.fill_between([x, x + 1], y, y + 1, color=colours.get(sign, "white"), lw=0)
+            axis.text(x + 0.5, y + 0.55, sign, ha="center", va="center", fontsize=7.5)
+        axis.vlines(ends, 0, len(lines), color="black", lw=0.8)
+        axis.tick_params(length=0, labeltop=True, labelbottom=False, labelsize=8)
+        axis.set(xlim=(0, ends[-1]), xticks=0.5 * (ends[1:] + ends[:-1]), xticklabels=methods, ylim=(len(lines), 0),
+                 yticks=np.arange(len(lines)) + 0.5, yticklabels=[line[0] for line in lines])  # fmt: skip
+        figure.suptitle(self._about(), fontsize=7.5, x=0.01, ha="left")
+        return _files.write_figure(path, figure, dpi=150)
+
+    def _about(self) -> str:
+        return (f"{self.title}: right digits of the velocities, of the impact speed\n"
+                f"fixed steps: {', '.join(f'1/{n}' for n in STEPS)} of the shortest contact of the scene as given, "
+                f"{self.duration:.3g} s, and the method's own\n"
+                f"! flagged by a status or a warning   ✗ wrong without a word: error above {self.error:g}, or another "
+                "number of contacts\n? not known to the judge either")
+
+    def _numbers(self) -> dict[str, Any]:
+        return {**vars(self), "rows": [asdict(row) for row in self.rows]}
+
+    def __str__(self) -> str:
+        wrong = sorted((row for row in self.rows if row.verdict == "wrong"), key=lambda row: -np.nan_to_num(row.error))
+        lines = self.table() + [
+            [name, *(str(sum(row.verdict == name for row in self.of(method))) for method in self.table()[0][1:])]
+            for name in ("right", *SIGNS)
+        ]  # fmt: skip
+        told = [f"wrong without a word: {len(wrong)} of {len(self.rows)} runs"] + [
+            f"  {row.method}, {row.scene}, dt = {number(row.dt, '.2g', 'its own choice')}: error {row.error:.2g}, "
+            f"{row.contacts:+d} contacts" for row in wrong[:8]
+        ] + [f"not tried: {', '.join(name for name in self.left_out if self.left_out[name] == why)}: {why}"
+             for why in dict.fromkeys(self.left_out.values())]  # fmt: skip
+        return "\n".join([self._about(), "", aligned(lines, "<>"), "", *told])
+
+
+def stability(
+    scene: str | PathLike[str] | Callable[..., Case] | Case | Scene,
+    axes: str | Sequence[str] = tuple(AXES),
+    methods: str | Sequence[str] = METHODS,
+    *,
+    error: float = 0.01,
+    on_progress: Callable[[float, int], object] | None = None,
+    **fixed: Any,
+) -> Stability:
+    """Make one's own scene stiff, close, damped and unequal: which method is right, at which step, and who says if not?
+
+    Parameters
+    ----------
+    scene : str, path, callable, Case or Scene
+        What to ask about, as in `granular.sweep`.
+    axes : str or sequence of str
+        What is made extreme, one after the other: "stiffness" (k × 1e2 … 1e8, γ such that impacts keep their
+        restitution: k^½ of a dashpot, k^((1+d)/(p+1)) under k ξ^p + γ ξ^d ξ̇), "gap" (between balls,
+        × 1e-3, 1e-6, 0), "damping" (γ or α × 0, 0.1, 10, 100), "mass" (of every second ball, × 1e-3, 1e3, 1e6).
+    methods : str or sequence of str
+        Some of located, verlet, symplectic-euler, rk4, gear5.
+    error : float
+        Largest error of velocities, in units of the impact speed, that counts as right.
+    on_progress : callable, optional
+        ``on_progress(reached, count)`` after each run: the share of them that is done, their number.
+    **fixed
+        Parameters of the scene, as in `granular.sweep`.
+
+    Returns
+    -------
+    Stability
+        Every run: right, and to what error; or flagged, and how; or wrong without a word.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For misuse, and for a scene in which no contact ends.
+
+    Notes
+    -----
+    The judge is the run of "located" with its default `tol`. Its own error is taken to be E = max(1, c) e + r, with its
+    `error_estimate` e and the scene's condition number c = r / 2.2e-16, where r is what one unit in the last digit of
+    gaps and velocities does to the velocities. Where E is above `error`, or the judge came to no end, nothing is
+    decided.
+
+    Fixed steps are 1/8, 1/32 and 1/128 of the shortest contact of the scene *as given*, for all its extremes, as of
+    someone who makes a scene stiffer and forgets the step; and what the method chooses by itself, 1/500 of the shortest
+    expected contact. They end after 200 000 steps, flagged. Errors compare the velocities after each pair's last
+    contact, for runs do not end at the same time; where there are more or fewer contacts, these may be different ones.
+    `granular.frontier` measures errors against run time, with peers.
+
+    Examples
+    --------
+    >>> import granular as gr
+    >>> report = gr.stability("three-balls", axes="stiffness", methods=("located", "verlet"))
+    >>> report.of("located", "stiffness × 1e+08")[0].verdict
+    'right'
+    """
+    chosen, extreme = _named("methods", methods, METHODS), _named("axes", axes, tuple(AXES))
+    plan, limit = planned(scene, {}, (), fixed, {}), _check.number("error", error, above=0.0)
+    _check.callback("on_progress", on_progress, "reached", "count")
+    case = replace(given := plan.case(()), run={key: given.run[key] for key in given.run if key == "t_start"})
+    durations = _judged(case)[1].durations
+    if not durations:
+        raise ValueError(f"scene is {case.scene!r}: in this time no contact ends, and there is nothing to judge by.")
+    todo = [("as given", _closer, 1.0)] + [
+        (f"{axis} × {factor:g}", AXES[axis][0], factor) for axis in extreme for factor in AXES[axis][1]
+    ]
+    rows, left_out, steps = list[Tried](), dict[str, str](), [*(min(durations) / n for n in STEPS), math.nan]
+    for done, (name, vary, factor) in enumerate(todo, 1):
+        try:
+            one = vary(case, factor)
+            if done > 1 and one.scene == case.scene and _laws(one) == _laws(case):
+                raise ValueError("nothing of the scene or its laws changes.")
+            judged = _judged(one)
+            rows += [_tried(one, (name, method, dt), judged, limit)
+                     for method in chosen for dt in (steps if method in INTEGRATORS else steps[-1:])]  # fmt: skip
+        except REFUSED as refusal:
+            left_out[name] = str(refusal)
+        if on_progress is not None:
+            on_progress(done / len(todo), len(rows))
+    return Stability(plan.subject.title, limit, min(durations), tuple(rows), left_out)
+
+
+def _named(name: str, given: str | Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
+    """Return the chosen names, each checked."""
+    return tuple(_check.choice(name, one, known) for one in ((given,) if isinstance(given, str) else given))
+
+
+def _laws(case: Case) -> list[Any]:
+    """The force laws as they were given: one, or one per pair."""
+    return list(law) if isinstance(law := case.physics("md"), (list, tuple)) else [law]
+
+
+def _scaled(case: Case, factors: Mapping[str, float]) -> Case:
+    """Numbers of the laws times factors, by their names."""
+    laws = [replace(law, **{name: factor * getattr(law, name) for name, factor in factors.items()
+                            if hasattr(law, name)}) for law in _laws(case)]  # fmt: skip
+    return replace(case, law=laws if len(laws) > 1 else laws[0])
+
+
+def _judged(case: Case) -> tuple[Trajectory, Reference, float]:
+    """What "located" says, as a reference too, and its own error in impact speeds; inf if it came to no end."""
+    run = case.simulate("md", method="located")
+    truth = Reference(contacts_of(run), float(run.time[-1]), run.status.name, "located")
+    if run.status in EARLY or not truth.durations:
+        return run, truth, math.inf
+    level = rounding_level(Task(case.scene, tuple(run.law or ()), case.until, case.t_end, truth))
+    return run, truth, max(1.0, level / float(np.finfo(float).eps)) * run.stats["error_estimate"] + level
+
+
+def _tried(case: Case, row: tuple[str, str, float], judged: tuple[Trajectory, Reference, float],
+           limit: float) -> Tried:  # fmt: skip
+    """Run a method at a step, and hear what it says; the judge has run already."""
+    (run, truth, error), (_, method, dt), other = judged, row, False
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        if method != "located":
+            try:
+                run = case.simulate("md", method=method, max_steps=MOST, dt=None if math.isnan(dt) else dt)
+            except REFUSED as refusal:
+                return Tried(*row, math.nan, 0, "flagged", str(refusal))
+            error, _, other = errors(truth, contacts_of(run), case.scene.n_pairs)
+    warned = [str(one.message) for one in heard if one.category is RuntimeWarning]
+    verdict = (
+        "flagged" if run.status in EARLY else "undecided" if not judged[2] <= limit
+        else "right" if error <= limit and not other else "flagged" if warned else "wrong"
+    )  # fmt: skip
+    said = "; ".join([f"{run.status.name}: {run.message}", *warned])
+    return Tried(*row, error, len(run.contacts) - len(truth.contacts), verdict, said)
