@@ -66,6 +66,11 @@ class Compared:
         """Both runs with the same contacts of every pair as far as they have them, each followed to its end."""
         return end_time.levelled(*self.counted, self.soft_options)
 
+    @property
+    def followed(self) -> Trajectory:
+        """The soft run without contacts that are rounding, those running or to come at its end followed to theirs."""
+        return self.levelled[1]
+
     @cached_property
     def pairs(self) -> tuple[PairOutcome, ...]:
         """Contacts and separation speeds, pair by pair."""

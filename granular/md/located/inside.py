@@ -57,9 +57,11 @@ def exposed(s: Any, c: int) -> None:
     low, high = member.lower / member.inverse, member.upper / member.inverse
     xi -= member.xi
     eta -= member.eta
-    if run.log > 0 and pair.row >= 0:
+    if run.log > 0 and 0 <= pair.row < run.rows and s.log[pair.row].pair == c:
         row = s.log[pair.row]
         member.lower_in, member.upper_in, member.t_begin, row.pair = row.lower_in, row.upper_in, row.t_begin, -1
+    elif run.log > 0:  # its row has been handed on: a run that ends where the contact does, to the bit
+        member.begun = 0
     for side in range(2):
         body, f, share = bodies[nth(s.pairs, c + side)], nth(s.pairs, c - 1 + 2 * side), high if side else low
         if HUNG:

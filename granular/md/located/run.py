@@ -312,13 +312,16 @@ class Run:
             self.kernels(blocks.gather)(self.s, end, self.collocation)
             if column(self.s.pool, "manner").any():
                 self.seldom(gather_slowly)(self.s)
-            self.now = end
+            self.now = math.inf  # rows of contacts that go on are void now: all others are over
         else:
             impulse = self.creep.finish(end)
         crept, r = math.fsum(impulse) if len(impulse) > 1 else 0.0, plain(self.s.run)[0]
         if wanted and row is None:
             row = self.row_after(end, self.start + end)
         running = np.concatenate([*self.rows(), self.dated(outcome.still_open(self))]) if self.request.log else None
+        if running is not None:
+            late = running["t_end"] > self.start + end  # by rounding
+            running["t_end"][late], running["v_out"][late] = math.nan, math.nan
         stats = outcome.stats(self, r, crept)
         message, self.s = outcome.message(self, status, r, self.start + end), None  # makes room for the log
         untouched.put_back()
