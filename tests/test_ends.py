@@ -182,21 +182,3 @@ def test_kills_at_random_times_leave_nothing_and_lose_nothing(tmp_path, line, co
             status = xarray.load_dataset(folder / "map.nc")["status"].values
             assert np.count_nonzero(status >= 0) >= solved
             solved = np.count_nonzero(status >= 0)
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_a_run_that_ends_where_a_contact_does_logs_it_once(seed):
-    """To the bit, or one number before or after it; the run that goes on has the others."""
-    rng = np.random.default_rng(seed)
-    n, k = int(rng.integers(2, 5)), float(10.0 ** rng.uniform(4.0, 9.0))
-    velocity = np.sort(rng.uniform(-1.0, 1.0, n))[::-1]
-    scene = gr.Scene(rng.uniform(0.5, 2.0, n), [0.05] * n, 10.0 ** rng.uniform(-4.0, -1.0, n - 1), velocity)
-    laws = gr.Hertz(k), gr.LinearDashpot(k, 0.1 * k**0.5), gr.ViscoelasticHertz(k, 1e-4 * k), gr.LinearDashpot(k)
-    law = laws[seed % 4]
-    whole = gr.md.simulate(scene, law, t_end=1.0)
-    for end in whole.contacts["t_end"]:
-        for t_end in (end, np.nextafter(end, 2.0), np.nextafter(end, 0.0)):
-            part = gr.md.simulate(scene, law, t_end=float(t_end))
-            assert len(part.contacts) == part.stats["contacts"] == (whole.contacts["t_begin"] <= t_end).sum()
-            over = ~np.isnan(part.contacts["t_end"])
-            assert over.sum() + len(gr.md.resume(part, t_end=1.0).contacts) == len(whole.contacts)
