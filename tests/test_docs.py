@@ -26,6 +26,7 @@ def agree(printed: str, shown: str) -> bool:
 PAGES = [page for page, text in TEXTS.items() if "```python" in text]
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_the_python_of_a_page_runs_and_prints_what_the_page_shows(page, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)

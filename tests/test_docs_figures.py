@@ -25,6 +25,7 @@ def load(name):
 docs_data = load("docs_data")
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("name", [
     name if entry.quick else pytest.param(name, marks=pytest.mark.soak) for name, entry in docs_data.ENTRIES.items()
 ])

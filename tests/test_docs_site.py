@@ -23,6 +23,7 @@ BLOCKS = """[...document.querySelectorAll('article :is(h1, h2, h3, p, li, td, th
     })"""
 
 
+@pytest.mark.soak  # a step of .ci/run
 def test_the_site(tmp_path, subtests):
     """One build serves all: it is the dearest part."""
     site, html = built(tmp_path)
