@@ -149,13 +149,14 @@ def _yes(report: Compared, trivially: list[str]) -> Reason:
     error, isolated = report.error, report.measures["isolated_share"]
     if not error <= SAME:
         return Reason(Answer.undecided, ": no contact has come to its end")
-    agree = f"outcomes agree within {max(error, 1e-16):.1g} of the fastest impact"
+    within = f"within {error:.1g} of the fastest impact" if error >= FAINT else "to rounding"
+    agree = f"outcomes agree {within}"
     if len(trivially) == report.components.count:
         words = max(trivially, default=", trivially: nothing collides")
     elif isolated == 1.0:
         words = f": every contact is binary (certified), and {agree}"
     elif report.measures["shared_impulse"] > FAINT:
-        words = f", within {error:.1g} of the fastest impact, though contacts overlap in time"
+        words = f", {within}, though contacts overlap in time"
     elif isolated < 1.0:
         words = f": contacts that overlap in time share no impulse that counts, and {agree}"
     else:
