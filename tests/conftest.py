@@ -1,4 +1,4 @@
-"""Every test has an environment of its own; those that make machine code come first; of some, each commit runs a third."""
+"""Every test has an environment of its own; those that make machine code come first; of some a commit runs a third."""
 
 import gc
 import importlib

@@ -113,6 +113,31 @@ def shaken():
     return gr.compare(scene.replace(floor=gr.walls.Sine(1e-15, 1.0)), law, until=gr.until.contact(0, 2), t_end=1.0)
 
 
+def swing():
+    """A contact that lasts while the pendula swing on: each is carried to the end of the other."""
+    scene = gr.Scene([1.0, 1.0], [0.05, 0.05], [1e-3], [0.3, 0.0], pendulum=3.0, origin=0.1)
+    return gr.compare(scene, gr.LinearDashpot.from_restitution(0.8, 5e4, scene.pairs[0]), t_end=0.05)
+
+
+def low(gap, k, t_end=1.0, **given):
+    """A ball let go just above a floor; g t_c is a share of its impact, and m g / k one of its radius."""
+    scene = gr.Scene([INF, 1.0], [0.0, 0.05], [gap], [0.0, 0.0], **(given or {"gravity": 9.81}))
+    return gr.compare(scene, gr.LinearDashpot.from_restitution(0.8, k, scene.pairs[0]), t_end=t_end)
+
+
+def falling(gravity):
+    """Three balls that collide slowly; weight presses nothing where all fall alike."""
+    scene = gr.Scene([1.0] * 3, [0.05] * 3, [4.95734e-4, 6.345290e-5], [1e-2, 0.0, -6.426e-3], gravity=gravity)
+    law = gr.LinearDashpot.from_restitution(0.7277, 1e4, scene.pairs[0])
+    return gr.compare(scene, law, t_end=1.0)
+
+
+def riding():
+    """A ball on a plate that shakes less than gravity holds it: no tie rule has anything to say."""
+    scene = gr.Scene([INF, 1.0], [0.0, 0.2], [0.0], [0.0, 0.0], gravity=9.81, floor=gr.walls.Sine(3.924e-4, 100.0))
+    return gr.compare(scene, gr.LinearDashpot(1e4, 60.0), t_end=0.1)
+
+
 def ring():
     scene = gr.Scene([1.0, 1.0], [0.0, 0.0], [0.7, 0.3], [-0.5, 0.5], ring=True)
     return gr.compare(scene, gr.LinearDashpot(100.0), t_end=0.31)
@@ -147,6 +172,10 @@ def column(t_end):
     (lambda: pile(1e3), A.no), (ball, A.yes), (lambda: ball(t_end=5.0), A.yes), (lambda: ball(t_end=0.4515), A.yes),
     (lambda: ball(t_end=0.4516), A.yes), (shaken, A.no), (ring, A.yes),
     (lambda: column(40.0), A.not_ball_by_ball), (lambda: column(5.0), A.no),
+    (swing, A.yes), (lambda: low(1e-6, 1e3), A.no), (lambda: low(1e-6, 1e7), A.yes), (lambda: low(1e-2, 1e6), A.no),
+    (lambda: low(1e-2, 1e6, 0.25), A.no), (lambda: low(1e-2, 1e8), A.yes), (lambda: falling(0.0), A.no),
+    (lambda: falling(9.81), A.no), (riding, A.no),
+    (lambda: low(1e-6, 1e7, gravity=0.0, external_force=[0.0, -9.81]), A.yes),
     (lambda: row(1.0, 0.0, -1.0), A.yes), (lambda: row(1.0, 0.0, -1.0, more=1e-15), A.yes),
     (lambda: row(1.0, 0.0), A.yes), (lambda: row(-1.0, 1.0), A.yes),
     (lambda: row(1.0, 0.0, 0.0, gap=1e-5, k=1e4), A.no), (lambda: gas(1e9), A.yes),
