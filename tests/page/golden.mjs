@@ -19,7 +19,7 @@ function judged(report, answer, kind, said, error) {
   const faults = [], { verdict } = report, precision = report.first.status === "collapse" ? STUCK : TOLERANCE;
   if (kind !== null && `${[report.answer, report.kind]}` !== `${[answer, kind]}`) faults.push(`verdict: ${report.kind} (${JSON.stringify(verdict)}), not ${kind}`);
   else if (kind === "counts" && `${[verdict.of, verdict.n, verdict.hard]}` !== `${said}`) faults.push(`${JSON.stringify(verdict)}, not ${said}`);
-  else if (kind === "forever" && `${verdict.n}` !== `${said}`) faults.push(`${verdict.n} contacts, not ${said}`);
+  else if (kind === "forever" && said !== null && `${verdict.n}` !== `${said}`) faults.push(`${verdict.n} contacts, not ${said}`);
   if (error !== null && !(Math.abs(report.error - error) < precision * Math.max(1, error))) faults.push(`error ${report.error}, not ${error}`);
   return faults;
 }

@@ -41,11 +41,13 @@ export function goOnHard(hard, end) {
 }
 
 // Hard spheres that end in a collapse are carried on from the start, those that collide ever more slowly sticking.
-export function settled(hard, eps, { ties, maxEvents }) {
+export function settled(hard, eps, { ties, maxEvents = 20000 }) {
   if (hard.status !== "collapse" || ties in GROUPS) return hard;
   const fastest = hard.contacts.reduce((most, { vIn: [lower, upper] }) => Math.max(most, lower - upper), 0);
   return simulateHard(hard.scene, eps, { ties, maxEvents: LONGER * maxEvents, sticks: STUCK * fastest });
 }
+
+export const settledRun = (scene, eps, rule) => settled(simulateHard(scene, eps, rule), eps, rule);
 
 // Past the stop, until every ball has had its apex or lies on the floor, at most `most` events. Weak collisions are plastic
 // here: what has all but collapsed moves on with its momentum, or lies on the floor, until it is hit.

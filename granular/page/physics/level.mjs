@@ -1,28 +1,20 @@
-// Both runs of a scene, cut at one end, go on until they have the same contacts, each followed to its end. For each pair the
-// larger number n of contacts by the end counts; what is not there after the time by which it can be late is missing
-// (granular/end_time.py).
+// Both runs of a scene, cut at one end, go on until they have the same contacts (granular/end_time.py).
 import { goOnHard } from "./hard.mjs";
-import { approach, atOnce, counted, counts, first, isOver, largest, ofPair, lasted } from "./measures.mjs";
+import { approach, counts, first, inBoth, isOver, largest, ofPair, lasted } from "./measures.mjs";
 import { pairsOf } from "./scenes.mjs";
 import { goOnSoft } from "./soft.mjs";
 
 const PATIENCE = 20; // isolated durations
 
 export function levelled(hard, soft, eps, k) {
-  const alone = pairsOf(hard.scene, eps, k).map((p) => p.duration), own = counted(atOnce(hard), soft), some = counted(soft, atOnce(hard));
-  const most = larger(own, some), late = [lateness(own, some, alone, most), lateness(some, own, alone, most)];
-  const onward = atOnce(goOnHard(own, hard.time + largest(late[0]))), later = goOnSoft(some, soft.time + largest(late[1]));
-  const until = patience(due(later, soft.time, late[1], most), soft.time, alone), last = goOnSoft(later, largest(until));
-  return [due(counted(onward, last), hard.time, late[0], most), endless(due(counted(last, onward), soft.time, late[1], most), until)];
+  const alone = pairsOf(hard.scene, eps, k).map((p) => p.duration), [own, some] = inBoth(hard, soft), n = counts(some);
+  const most = counts(own).map((m, c) => Math.max(m, n[c])), late = [lateness(own, some, alone, most), lateness(some, own, alone, most)];
+  const onward = goOnHard(own, hard.time + largest(late[0])), later = goOnSoft(some, soft.time + largest(late[1]));
+  const until = patience(due(later, soft.time, late[1], most), soft.time, alone), runs = inBoth(onward, goOnSoft(later, largest(until)));
+  return [due(runs[0], hard.time, late[0], most), endless(due(runs[1], soft.time, late[1], most), until)];
 }
 
-function larger(one, other) {
-  const n = counts(other);
-  return counts(one).map((m, c) => Math.max(m, n[c]));
-}
-
-// By how many seconds the contacts that `run` has yet to make may be late, by pairs: an isolated duration, and the way that
-// balls lag behind, at most the fastest approach times all durations so far, at the speed with which they close.
+// By how many seconds the contacts that `run` has yet to make may be late, by pairs.
 function lateness(run, other, alone, most) {
   const [soft, hard] = run.series ? [run, other] : [other, run];
   const took = soft.contacts.filter(isOver).reduce((sum, c) => sum + c.end - c.begin, 0);

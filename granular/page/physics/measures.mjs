@@ -1,5 +1,5 @@
 // What a run comes to, read from its contacts, and how far two runs differ (granular/outcome.py, components.py).
-import { settled, simulateHard } from "./hard.mjs";
+import { settledRun } from "./hard.mjs";
 import { pairsOf, ROUNDING } from "./scenes.mjs";
 
 export const SAME = 0.01; // of the fastest impact
@@ -25,7 +25,7 @@ export function counted(run, other) {
   return contacts.length === run.contacts.length ? run : { ...run, contacts };
 }
 
-// Collisions of a pair in one instant are one, at whose end the instant is over. Rounding is within it.
+// Collisions of a pair in one instant are one, at whose end the instant is over.
 export function atOnce(run) {
   const log = run.contacts, contacts = [];
   for (let i = 0, j = 0; i < log.length; i = j) {
@@ -37,6 +37,12 @@ export function atOnce(run) {
     }
   }
   return { ...run, contacts };
+}
+
+// Both runs with the contacts that count.
+export function inBoth(hard, soft) {
+  const once = atOnce(hard);
+  return [counted(once, soft), counted(soft, once)];
 }
 
 // The first contacts of every pair, as many as `most` says.
@@ -105,6 +111,5 @@ export function otherAnswers(hard, eps, ties) {
   const met = contacts.some((c, i) => i > 0 && c.begin === contacts[i - 1].begin && Math.abs(c.pair - contacts[i - 1].pair) === 1);
   if (scene.mass.length < 3 || !(met || scene.gap.includes(0))) return [];
   const names = OTHERS.filter((name) => name !== ties);
-  const run = (rule) => settled(simulateHard(scene, eps, rule), eps, rule);
-  return names.map((name) => [name, run({ ties: name, maxEvents })]).filter(([, other]) => !isEarly(other));
+  return names.map((name) => [name, settledRun(scene, eps, { ties: name, maxEvents })]).filter(([, run]) => !isEarly(run));
 }

@@ -1,8 +1,8 @@
 // One scene under both engines: what came out, where they part, and the answer in one line (granular/comparison).
 import { errorsOf } from "./errors.mjs";
-import { findTops, settled, simulateHard } from "./hard.mjs";
+import { findTops, settled, settledRun, simulateHard } from "./hard.mjs";
 import { levelled } from "./level.mjs";
-import { atOnce, counted, differences, isEarly, isOver, largest, leavingVelocities, ofPair, otherAnswers, ownDifference, pairOutcome, shifted } from "./measures.mjs";
+import { differences, inBoth, isEarly, isOver, largest, leavingVelocities, ofPair, otherAnswers, ownDifference, pairOutcome, shifted } from "./measures.mjs";
 import { findApexes, simulateSoft } from "./soft.mjs";
 import { verdict } from "./verdict.mjs";
 
@@ -16,7 +16,7 @@ export const AT_LEISURE = { maxSteps: 60000, maxEvents: 20000, follow: 20000 };
 export function bothRuns(scene, eps, k, { ties = "left", record = false, maxSteps, maxEvents }) {
   const cut = simulateSoft(scene, eps, k, { record, maxSteps }), first = simulateHard(scene, eps, { ties, record, maxEvents });
   const whole = isEarly(cut) ? first : settled(first, eps, { ties, maxEvents }), isWhole = !isEarly(cut) && !isEarly(whole);
-  const [hard, soft] = isWhole ? levelled(whole, cut, eps, k) : [counted(atOnce(whole), cut), counted(cut, atOnce(whole))];
+  const [hard, soft] = isWhole ? levelled(whole, cut, eps, k) : inBoth(whole, cut);
   const early = isEarly(hard) || isEarly(soft), { unit, error, wrong, sunk } = errorsOf(hard, soft, eps, k);
   const isTold = !isEarly(soft) && whole.status !== "collapse";
   return { first, whole, cut, hard, soft, early, unit, wrong, sunk, error: early ? NaN : error, forever: isTold ? forever(first, cut, soft) : 0 };
@@ -32,10 +32,10 @@ export function compareEngines(scene, eps, k, { ties = "left", patience = AT_LEI
   const both = bothRuns(scene, eps, k, { ties, record: true, ...patience }), { first, whole, cut, soft, early, unit } = both;
   findApexes(cut, patience.follow);
   findTops(first, patience.follow);
-  const once = (run) => counted(atOnce(run), cut), own = once(whole);
+  const once = (run) => inBoth(run, cut)[0], own = once(whole);
   const hard = first.status === "collapse" ? once(first) : both.hard;
   const others = early ? [] : otherAnswers(whole, eps, ties).map(([name, run]) => [name, largest(differences(once(run), own).balls) / unit]);
-  const twin = settled(simulateHard(shifted(scene), eps, { ties }), eps, { ties, maxEvents: patience.maxEvents });
+  const twin = settledRun(shifted(scene), eps, { ties });
   const self = early ? { predictable: NaN, shift: NaN } : ownDifference(own, isEarly(twin) ? own : once(twin), unit);
   const pairs = scene.gap.map((_, c) => ({ pair: c, soft: pairOutcome(soft, c), hard: pairOutcome(both.hard, c) }));
   const report = { ...both, scene, eps, k, hard, pairs, rule: ties, tieErrors: others, ...self, finals: { hard: finals(hard), soft: finals(soft) } };
