@@ -141,8 +141,8 @@ def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[t
     bounces ever lower, begins no faster, and leaves the pair at rest too. Each is compared, the largest counts. Where
     both rest, contacts that close at no more than `weight` (n-1,), which weight gives, are those of balls that settle.
     """
-    never = np.isnan(partings(soft)) & (counts(soft) > 0)
-    sticks = (np.abs(partings(hard)) <= hard.stats.get("merge_below", 0.0)) & (counts(hard) < counts(soft))
+    never, merged = np.isnan(partings(soft)) & (counts(soft) > 0), hard.stats.get("merge_below", 0.0)
+    sticks = (np.abs(partings(hard)) <= merged) & (counts(hard) < counts(soft))
     for c in np.flatnonzero(never | sticks).tolist():
         runs = [(approach(run)[run.rows(c)], np.diff(run.of(c)["v_out"]).ravel()) for run in (hard, soft)]
         (closing, parting), (others, out) = runs if sticks[c] and not never[c] else runs[::-1]
@@ -153,7 +153,7 @@ def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[t
         fastest = np.zeros(max(k + 1, len(others)))
         fastest[: k + 1] = closing
         fastest[: len(others)] = np.maximum(fastest[: len(others)], others)
-        still = not abs(out[-1]) > 0.0 if len(out) else hard.gap[-1][c] == 0.0
+        still = not abs(out[-1]) > merged if len(out) else hard.gap[-1][c] == 0.0
         left = float(np.abs(np.nan_to_num(out[-1:])).max(initial=0.0))
         yield c, max(left, float(np.max(apart, where=fastest > weight[c] * still, initial=0.0)))
 

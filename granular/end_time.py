@@ -43,7 +43,8 @@ def levelled(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> 
     -----
     A contact that one run has yet to make may be late by its isolated duration, and by the way that its balls lag
     behind, at most the fastest approach times all durations so far, both of its component, at the speed with which it
-    closes, and not by more than the run has lasted. One that begins later is missing.
+    closes, and not by more than the run has lasted. One that begins later is missing. Hard spheres that lie on each
+    other from the start, and have not collided by the end, are not waited for.
     """
     most = np.maximum(counts(hard), counts(soft))
     latest = _latest(hard, soft, most)
@@ -114,6 +115,9 @@ def _latest(hard: Trajectory, soft: Trajectory, most: Any) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):
             late = alone(pair, speed) + np.fmin(way[pair] / speed, soft.time[-1] - soft.time[0])
         latest[k, pair] += np.nan_to_num(late, posinf=0.0)
+    began = np.full(len(most), np.inf)
+    np.minimum.at(began, soft.contacts["pair"], soft.contacts["t_begin"])
+    latest[0, (counts(hard) == 0) & (began <= soft.time[0])] = hard.time[-1]  # they lie on each other from the start
     return np.asarray(latest, float)
 
 

@@ -103,6 +103,8 @@ class Judge:
             delay += sum(r.end - r.begin for r in mine[1] if not math.isnan(r.end))
             way[c] = delay * max(closing(r) for rows in mine for r in rows)
         latest_hard = self.latest(hard, soft, most, way, float(self.carried.time[-1]))
+        end = float(self.carried.time[-1])
+        latest_hard |= {r.pair: end for r in soft if r.begin == 0.0 and not count(hard, r.pair)}
         latest_soft = self.latest(soft, hard, most, way, float(self.soft.time[-1]))
         hard = self.later(hard, latest_hard, self.carried.status.name)
         soft = self.followed(soft, latest_soft, most)
@@ -210,7 +212,7 @@ class Judge:
             apart.append((size, speed))
         out = parting(other[-1]) if other else 0.0
         out = 0.0 if math.isnan(out) else abs(out)
-        still = out == 0.0 if other else self.hard.gap[-1][pair] == 0.0
+        still = out <= self.carried.stats.get("merge_below", 0.0) if other else self.hard.gap[-1][pair] == 0.0
         return max([out, *(size for size, speed in apart if speed > weight * still)])
 
     # the answer

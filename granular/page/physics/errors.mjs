@@ -30,7 +30,7 @@ function restApart(hard, soft, c, weight) {
   const [h, s] = [hard, soft].map((run) => pairOutcome(run, c)), never = s.contacts > 0 && !isOver(s.last);
   if (!never && !(Math.abs(h.speed) <= hard.sticks && h.contacts < s.contacts)) return [];
   const [one, other] = (never ? [soft, hard] : [hard, soft]).map((run) => ofPair(run, c)), k = one.length - 1;
-  const last = other.at(-1), still = last ? !(Math.abs(partingOf(last)) > 0) : hard.gap[c] === 0;
+  const last = other.at(-1), still = last ? !(Math.abs(partingOf(last)) > hard.sticks) : hard.gap[c] === 0;
   const apart = Array.from({ length: Math.max(k + 1, other.length) }, (_, i) => {
     const both = [one[i], other[i]].filter(Boolean);
     return still && largest(both.map(approach)) <= weight ? 0 : apartAt(i, k, one, other);
