@@ -3,7 +3,6 @@
 import { approach, counts, differences, isOver, largest, ofPair, pairOutcome, partingOf, lasted } from "./measures.mjs";
 import { pairsOf } from "./scenes.mjs";
 
-const ROUNDING = 1e-13; // of velocities, in their differences
 const known = (x) => (Number.isNaN(x) ? 0 : x);
 
 export function errorsOf(hard, soft, eps, k) {
@@ -20,7 +19,7 @@ export function errorsOf(hard, soft, eps, k) {
 // weight gives, and more than rounding.
 function unitOf(contacts, weight) {
   const speeds = contacts.map((c) => (approach(c) > 0 ? approach(c) : known(partingOf(c))));
-  return Math.max(weight, largest(speeds), ROUNDING * largest(contacts.flatMap((c) => c.vIn.map(Math.abs))));
+  return Math.max(weight, largest(speeds), 1e-13 * largest(contacts.flatMap((c) => c.vIn.map(Math.abs))));
 }
 
 // A pair at rest, in a soft contact without end or as hard spheres that stick: how far all its contacts are apart. Those
@@ -29,25 +28,20 @@ function unitOf(contacts, weight) {
 function restApart(hard, soft, c, weight) {
   const [h, s] = [hard, soft].map((run) => pairOutcome(run, c)), never = s.contacts > 0 && !isOver(s.last);
   if (!never && !(Math.abs(h.speed) <= hard.sticks && h.contacts < s.contacts)) return [];
-  const [one, other] = (never ? [soft, hard] : [hard, soft]).map((run) => ofPair(run, c)), k = one.length - 1;
-  const last = other.at(-1), still = last ? !(Math.abs(partingOf(last)) > hard.sticks) : hard.gap[c] === 0;
-  const apart = Array.from({ length: Math.max(k + 1, other.length) }, (_, i) => {
-    const both = [one[i], other[i]].filter(Boolean);
-    return still && largest(both.map(approach)) <= weight ? 0 : apartAt(i, k, one, other);
+  const [one, other] = (never ? [soft, hard] : [hard, soft]).map((run) => ofPair(run, c)), k = one.length - 1, last = other.at(-1);
+  const still = last ? !(Math.abs(partingOf(last)) > hard.sticks) : hard.gap[c] === 0, rest = approach(one[k]);
+  const apart = [...Array(Math.max(k + 1, other.length))].map((_, i) => {
+    const [a, b] = [one[i], other[i]], by = i < k ? partingOf : approach;
+    if (still && largest([a, b].filter(Boolean).map(approach)) <= weight) return 0;
+    if (a && b) return Math.abs(by(a) - by(b));
+    return b ? approach(b) - rest : Math.max(Math.abs(by(a)), approach(a));
   });
   return [[c, largest([...apart, last ? Math.abs(known(partingOf(last))) : 0])]];
-}
-
-// How far the i-th contacts are apart, the k-th of `one` without end.
-function apartAt(i, k, one, other) {
-  if (i > k) return approach(other[i]) - approach(one[k]);
-  if (i >= other.length) return i < k ? Math.max(Math.abs(partingOf(one[i])), approach(one[i])) : approach(one[i]);
-  return Math.abs(i < k ? partingOf(one[i]) - partingOf(other[i]) : approach(one[i]) - approach(other[i]));
 }
 
 // By how much of the smaller radius soft balls at rest sink under their weight.
 function sunkIn({ scene, contacts, overlap }, weight) {
   if (scene.gravity === 0) return 0;
-  const depth = (c) => (approach(c) <= weight ? c.deepest : overlap[c.pair]), side = (i) => scene.radius[i] || Infinity;
-  return largest(contacts.filter((c) => !isOver(c)).map((c) => depth(c) / Math.min(side(c.pair), side(c.pair + 1))));
+  const side = (i) => scene.radius[i] || Infinity, size = ({ pair }) => Math.min(side(pair), side(pair + 1));
+  return largest(contacts.filter((c) => !isOver(c)).map((c) => (approach(c) > weight ? overlap[c.pair] : c.deepest) / size(c)));
 }

@@ -31,14 +31,12 @@ function lateness(run, other, alone, most) {
 const due = (run, end, late, most) => first({ ...run, contacts: run.contacts.filter((c) => c.begin <= end + late[c.pair]) }, most);
 
 // Until when contacts without end are followed, by pairs.
-function patience(soft, cut, alone) {
+function patience({ contacts }, cut, alone) {
   const until = alone.map(() => -Infinity);
-  for (const { pair, begin } of soft.contacts.filter((c) => !isOver(c))) until[pair] = Math.max(begin, cut) + PATIENCE * alone[pair];
+  for (const c of contacts) if (!isOver(c)) until[c.pair] = Math.max(c.begin, cut) + PATIENCE * alone[c.pair];
   return until;
 }
 
 // Contacts that last longer than they are followed have no end.
-function endless(soft, until) {
-  const isLong = ({ pair, end }) => until[pair] > 0 && end > until[pair];
-  return { ...soft, contacts: soft.contacts.map((c) => (isLong(c) ? { ...c, end: NaN, vOut: [NaN, NaN] } : c)) };
-}
+const endless = (soft, until) => ({ ...soft, contacts: soft.contacts.map((c) => (
+  until[c.pair] > 0 && c.end > until[c.pair] ? { ...c, end: NaN, vOut: [NaN, NaN] } : c)) });

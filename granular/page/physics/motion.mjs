@@ -141,8 +141,8 @@ function settle(run, h, tau) {
     const p = pairs[c];
     if (p.mode === ACTIVE) exchange(run, c, series.impulse(c, h, tau));
     if (p.mode === RESTING) continue;
-    const rate = series.at("e", c, tau), turn = p.open && p.eta > 0 && rate < 0 ? firstUpCrossing(series.e, c * WIDTH, tau, work, -1) : tau;
-    if (p.open) p.open.deepest = Math.max(p.open.deepest, p.xi, series.at("x", c, turn));
+    const rate = series.at("e", c, tau), turn = p.eta > 0 && rate < 0 ? firstUpCrossing(series.e, c * WIDTH, tau, work, -1) : tau;
+    if (p.open) p.open.deepest = Math.max(p.open.deepest, series.at("x", c, turn));
     p.xi = series.at("x", c, tau);
     p.eta = rate;
     p.exact = false;

@@ -17,14 +17,14 @@ export function bothRuns(scene, eps, k, { ties = "left", record = false, maxStep
   const cut = simulateSoft(scene, eps, k, { record, maxSteps }), first = simulateHard(scene, eps, { ties, record, maxEvents });
   const whole = isEarly(cut) ? first : settled(first, eps, { ties, maxEvents }), isWhole = !isEarly(cut) && !isEarly(whole);
   const [hard, soft] = isWhole ? levelled(whole, cut, eps, k) : inBoth(whole, cut);
-  const early = isEarly(hard) || isEarly(soft), { unit, error, wrong, sunk } = errorsOf(hard, soft, eps, k);
-  const isTold = !isEarly(soft) && whole.status !== "collapse";
-  return { first, whole, cut, hard, soft, early, unit, wrong, sunk, error: early ? NaN : error, forever: isTold ? forever(first, cut, soft) : 0 };
+  const early = isEarly(hard) || isEarly(soft), off = errorsOf(hard, soft, eps, k), error = early ? NaN : off.error;
+  const n = isEarly(soft) || whole.status === "collapse" ? 0 : forever(first, cut, soft);
+  return { first, whole, cut, hard, soft, early, ...off, error, forever: n };
 }
 
 // Hard spheres that collide forever where soft ones part: after how many contacts; else 0. So much can be told before they stick.
 function forever({ status, group }, cut, soft) {
-  const last = (c) => ofPair(soft, c).at(-1), parts = status === "collapse" && group.some((c) => last(c) && isOver(last(c)));
+  const parts = status === "collapse" && group.some((c) => ofPair(soft, c).slice(-1).some(isOver));
   return parts ? cut.contacts.filter(({ pair }) => group.includes(pair)).length : 0;
 }
 
