@@ -17,7 +17,7 @@ from granular._flight import rate_at_contact
 from granular.binary import restitution
 from granular.cases import Case
 from granular.comparison import Comparison, compare
-from granular.outcome import counts, separations
+from granular.outcome import at_once, counts, separations
 from granular.scene import Scene
 from granular.scene.state import forced
 from granular.trajectory import Status, Trajectory
@@ -147,7 +147,7 @@ RESULTS = {
                       lambda a: effective(a.v_rel[..., -1], a.impact), many="ended"),
     "eps_ratio": Result("", "1", "ε_eff/ε_spec, floor and two balls",
                         lambda a: effective(a.v_rel[..., -1], a.impact) / a.eps, many="ended"),
-    "hard_contacts": Result("pair", "1", "contacts, hard spheres", lambda a: counts(a.hard), -1),
+    "hard_contacts": Result("pair", "1", "contacts, hard spheres", lambda a: counts(at_once(a.hard)), -1),
     "hard_v_final": Result("body", "m s-1", "velocity at the end, hard", lambda a: a.hard.velocity[-1]),
     "hard_status": Result("", "1", "status of the hard run", lambda a: CODE[a.hard.status.name], NOT_RUN),
     "error": Result("", "1", "largest difference of a leaving velocity or separation speed, hard to soft, per "
