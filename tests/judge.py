@@ -319,8 +319,9 @@ class Judge:
         scene = self.scene
         typical = float(scene.gap.mean()) or 1.0
         gap = [1e-12 * typical if self.touch(c) else g * (1.0 + 1e-12 * (-1) ** c) for c, g in enumerate(scene.gap)]
-        twin = self.merging(self.collide(scene.replace(gap=gap), self.t_end), self.t_end)
-        one, other = self.beside(twin, self.carried)
+        limit = min(MOST, 10 * (self.hard.stats["events"] + self.n))
+        twin = self.merging(self.collide(scene.replace(gap=gap), self.t_end, max_events=limit), self.t_end)
+        one, other = self.beside(self.carried if twin.status.name in EARLY else twin, self.carried)
         if twin.status.name == self.carried.status.name == "time":
             before = self.t_end * (1.0 - 1e-9)
             one, other = ([r for r in rows if r.begin < before] for rows in (one, other))
