@@ -99,7 +99,7 @@ class Judge:
         of, way = self.groups(hard, soft), {}
         for c, k in of.items():
             mine = [[r for r in rows if of[r.pair] == k] for rows in (hard, soft)]
-            delay = sum(self.lasting(r.pair, float(f"{closing(r):.3g}")) for r in mine[0])
+            delay = sum(self.lasting(r.pair, float(f"{closing(r):.2g}")) for r in mine[0])
             delay += sum(r.end - r.begin for r in mine[1] if not math.isnan(r.end))
             way[c] = delay * max(closing(r) for rows in mine for r in rows)
         latest_hard = self.latest(hard, soft, most, way, float(self.carried.time[-1]))
