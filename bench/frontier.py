@@ -15,9 +15,9 @@ from pathlib import Path
 import docs_data
 
 from granular import Hertz, LinearDashpot, ViscoelasticHertz, cases, scenes, until
+from granular.frontiers import Frontier, frontier
+from granular.frontiers.report import LOOKS
 from granular.tables import duration
-from granular.workprecision import Frontier, frontier
-from granular.workprecision.figure import LOOKS
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGE = DOCS / "frontier.md"

@@ -8,9 +8,10 @@
 (1, 4)
 """
 
+import sys
 from typing import TYPE_CHECKING, Any
 
-from granular import until
+from granular import _moved, until
 from granular.laws import Hertz, LinearDashpot, MatchedEnd, PowerLaw, TsujiHertz, ViscoelasticHertz, WaltonBraun
 from granular.rules import ConstantRestitution, TabulatedRestitution, ThorntonRestitution
 from granular.scene import Pair, Scene
@@ -22,9 +23,9 @@ if TYPE_CHECKING:
     from granular.cases import Case
     from granular.comparison import Answer, Comparison, compare
     from granular.extremes import stability
+    from granular.frontiers import frontier
     from granular.sweeps import sweep
     from granular.thresholds import Threshold, threshold
-    from granular.workprecision import frontier
 
 __version__ = "0.1.0"
 
@@ -37,10 +38,12 @@ __all__ = [
 
 _UPPER_FLOORS = {
     "Answer": "comparison", "Case": "cases", "Comparison": "comparison", "compare": "comparison",
-    "restitution_of": "binary", "frontier": "workprecision", "stability": "extremes", "sweep": "sweeps",
+    "restitution_of": "binary", "frontier": "frontiers", "stability": "extremes", "sweep": "sweeps",
     "Threshold": "thresholds", "threshold": "thresholds",
 }
 """Where names stand that are no modules."""
+
+sys.meta_path.append(_moved.Moved())
 
 
 def __getattr__(name: str) -> Any:

@@ -17,6 +17,9 @@ from granular import _check, _files
 from granular._optional import optional
 from granular.cases import Case
 from granular.drawing import HARD, PAGE, canvas
+from granular.frontiers.methods import Task
+from granular.frontiers.result import contacts_of, errors
+from granular.frontiers.run import rounding_level
 from granular.laws.contact_law import resolve
 from granular.md.integrators import INTEGRATORS
 from granular.reference import Reference
@@ -25,9 +28,6 @@ from granular.sweeps.answers import REFUSED
 from granular.sweeps.plan import planned
 from granular.tables import Report, aligned, number
 from granular.trajectory import EARLY, Trajectory
-from granular.workprecision.methods import Task
-from granular.workprecision.result import contacts_of, errors
-from granular.workprecision.run import rounding_level
 
 METHODS = ("located", *INTEGRATORS)
 STEPS = (8, 32, 128)

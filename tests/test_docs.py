@@ -30,7 +30,7 @@ PAGES = [page for page, text in TEXTS.items() if "```python" in text]
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_the_python_of_a_page_runs_and_prints_what_the_page_shows(page, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("granular.workprecision.methods._engine", lambda *_: "plain")  # 35 s of compiling for one table
+    monkeypatch.setattr("granular.frontiers.methods._engine", lambda *_: "plain")  # 35 s of compiling for one table
     names: dict = {"__name__": "page"}
     for code, shown in BLOCK.findall(TEXTS[page]):
         printed = io.StringIO()

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 import granular as gr
+from granular.frontiers import methods
+from granular.frontiers.methods import Task, peer
 from granular.laws.check import checked
 from granular.outcome import at_once, counts
 from granular.reference import solve
 from granular.walls import Motion, Piecewise, Sine
-from granular.workprecision import methods
-from granular.workprecision.methods import Task
-from granular.workprecision.peers import peer
 
 pytest.importorskip("xarray")
 

@@ -10,11 +10,11 @@ import pytest
 import granular as gr
 from granular import cases, cli, reference
 from granular.cli import frontier as command
+from granular.frontiers import Frontier, Row
+from granular.frontiers.methods import Task, expected_order, own
+from granular.frontiers.result import contacts_of, errors
+from granular.frontiers.run import METHODS
 from granular.tables import duration
-from granular.workprecision import Frontier, Row
-from granular.workprecision.methods import Task, expected_order, own
-from granular.workprecision.result import contacts_of, errors
-from granular.workprecision.run import METHODS
 
 pytest.importorskip("mpmath")
 QUICK = ("located", "verlet", "edmd", "dop853+events", "dop853")
@@ -30,8 +30,8 @@ def scene_and_law(law=None):
 def coarse():
     """Fewer and coarser points than by default, so that tests are quick."""
     patch = pytest.MonkeyPatch()
-    patch.setattr("granular.workprecision.methods.POINTS", 5)
-    patch.setattr("granular.workprecision.methods.MOST_STEPS", {"compiled": 100_000, "plain": 20_000})
+    patch.setattr("granular.frontiers.methods.POINTS", 5)
+    patch.setattr("granular.frontiers.methods.MOST_STEPS", {"compiled": 100_000, "plain": 20_000})
     yield
     patch.undo()
 

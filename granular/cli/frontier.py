@@ -16,8 +16,8 @@ from granular.cases.ready import is_file
 from granular.cli import files
 from granular.cli.parser import case_of, offered
 from granular.cli.progress import Progress
+from granular.frontiers import frontier
 from granular.trajectory import Status
-from granular.workprecision import frontier
 
 USAGE = "SCENE|FILE.toml [options]"
 MOST = 16

@@ -16,6 +16,9 @@ import numpy as np
 from granular import _check, md
 from granular import until as stop
 from granular._check import Array
+from granular.frontiers import report
+from granular.frontiers.methods import PEERS, Method, Task, expected_order, own, peer
+from granular.frontiers.result import NEAR, Measured, Row, contacts_of, errors
 from granular.laws.check import checked
 from granular.md.integrators import INTEGRATORS as FIXED
 from granular.reference import Reference, solve
@@ -23,11 +26,6 @@ from granular.scene import Scene
 from granular.scene import checked as a_scene
 from granular.tables import Report, machine
 from granular.trajectory import Status, Trajectory
-from granular.workprecision import figure, table
-from granular.workprecision.methods import Method, Task, expected_order, own
-from granular.workprecision.peers import NAMES as PEERS
-from granular.workprecision.peers import peer
-from granular.workprecision.result import NEAR, Measured, Row, contacts_of, errors
 
 METHODS = ("located", *FIXED, "edmd", *PEERS)
 LONG = 0.2
@@ -56,9 +54,9 @@ class Frontier(Measured, Report):
         Where run times were measured.
     """
 
-    __str__ = table.table
-    _numbers = table.numbers
-    plot = figure.plot
+    __str__ = report.table
+    _numbers = report.numbers
+    plot = report.plot
 
 
 def frontier(

@@ -1,0 +1,31 @@
+"""Modules under the names that they had before: they are found for one release, with a warning.
+May be skipped: no physics.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from importlib import import_module
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+from typing import Any
+
+NOW = {"workprecision": "frontiers"}
+"""Where a module of `granular` has gone."""
+
+
+class Moved(MetaPathFinder, Loader):
+    """Finds the modules of `NOW` under their old names."""
+
+    def find_spec(self, name: str, path: Any = None, target: ModuleType | None = None) -> ModuleSpec | None:
+        """Know the old names; the import system asks here last."""
+        return ModuleSpec(name, self) if name.startswith("granular.") and name[9:] in NOW else None
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Put the module of today in its place."""
+        now = f"granular.{NOW[module.__name__[9:]]}"
+        warnings.warn(f"{module.__name__} is now {now}; the old name goes with the next release.",
+                      DeprecationWarning, stacklevel=2)  # fmt: skip
+        sys.modules[module.__name__] = import_module(now)
