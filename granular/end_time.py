@@ -25,6 +25,8 @@ from granular.walls import ends
 
 PATIENCE = 20.0
 """A contact still running at the end of a run is followed for so many of its isolated durations."""
+MOST = 100_000
+"""Collisions for which a hard run is gone on with, at least: beside a shaken wall they may pile up."""
 CUT = (Status.time, Status.until)
 """Statuses of runs that can be gone on with."""
 
@@ -127,7 +129,7 @@ def _gone_on(run: Trajectory, end: float, options: Mapping[str, Any]) -> Traject
     if run.status not in CUT or not end > run.time[-1]:
         return run
     if run.rule is not None:
-        later = edmd.resume(run, t_end=end)
+        later = edmd.resume(run, t_end=end, max_events=max(MOST, 10 * len(run.contacts)))
     elif run.state:
         later = md.resume(run, t_end=end)
     else:
