@@ -16,7 +16,7 @@ import numpy as np
 from edmd_peers import bare_sorted, bare_tree
 
 import granular as gr
-from granular.edmd import blocks
+from granular.edmd import compiled_queue as blocks
 
 FIGURE = Path(__file__).parent.parent / "docs" / "figures" / "edmd-scaling.png"
 ELASTIC = gr.ConstantRestitution(1.0)

@@ -9,12 +9,13 @@ from hypothesis import strategies as st
 
 from granular import edmd
 from granular._records import column
-from granular.edmd import blocks, collapse
+from granular.edmd import collapse
+from granular.edmd import compiled_queue as blocks
+from granular.edmd.compiled_queue import TreeQueue
 from granular.edmd.physics import checked
 from granular.edmd.records import LATER, NEVER
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
-from granular.edmd.tree_queue import TreeQueue
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from granular import edmd
-from granular.edmd import groups
+from granular.edmd import ties as grouped
 from granular.edmd.ties import RANDOM, mixed, rank
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
@@ -91,9 +91,9 @@ def test_no_rule_gains_energy_or_leaves_an_approach(name) -> None:
         rate = np.diff(v).tolist()
         if min(rate) >= 0.0:
             continue
-        p = groups.RULES[name](inverse_mass.tolist(), rate, e.tolist())
+        p = grouped.RULES[name](inverse_mass.tolist(), rate, e.tolist())
         assert min(p) >= -1e-13 * max(p)
-        after = v + np.array(groups.velocity_changes(inverse_mass.tolist(), p))
+        after = v + np.array(grouped.velocity_changes(inverse_mass.tolist(), p))
         assert np.diff(after).min() >= -1e-11
         assert energy(inverse_mass, after) <= energy(inverse_mass, v) * (1 + 1e-11)
         if inverse_mass.all():
@@ -107,11 +107,11 @@ def test_the_growing_set_finds_what_enumeration_finds() -> None:
     for _ in range(150):
         m = int(random.integers(1, 6))
         inverse_mass, q = np.exp(random.uniform(-2, 2, m + 1)).tolist(), random.normal(size=m).tolist()
-        got = groups.complementary(inverse_mass, q)
+        got = grouped.complementary(inverse_mass, q)
         found = []
         for active in itertools.product([False, True], repeat=m):
-            p = groups.solve(inverse_mass, [-x for x in q], active)
-            if min(p) >= -1e-12 and min(groups.after(inverse_mass, q, p)) >= -1e-12:
+            p = grouped.solve(inverse_mass, [-x for x in q], active)
+            if min(p) >= -1e-12 and min(grouped.after(inverse_mass, q, p)) >= -1e-12:
                 found.append(p)
         assert any(np.allclose(got, p, atol=1e-10) for p in found)
 
@@ -183,5 +183,5 @@ def test_no_more_events_than_asked_for_however_large_the_group(ties) -> None:
 
 def test_large_groups_of_reflections_are_quick() -> None:
     n = 300
-    impulses = groups.reflect([1.0, 5.0] * (n // 2), [-1.0] + [0.0] * (n - 2), [1.0] * (n - 1))  # 3 s when quadratic
+    impulses = grouped.reflect([1.0, 5.0] * (n // 2), [-1.0] + [0.0] * (n - 2), [1.0] * (n - 1))  # 3 s when quadratic
     assert min(impulses) > 0.0

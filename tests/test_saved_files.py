@@ -17,7 +17,7 @@ from saved_scenes import ALL
 import granular as gr
 from granular import _archive, _describe
 from granular.cli import main
-from granular.edmd import account
+from granular.edmd import wall_state
 from granular.page import assemble, player_page
 
 ENGINE = {"hard": {"engine": "sorted"}, "soft": {"engine": "plain"}}
@@ -185,7 +185,7 @@ def test_sizes_are_known_before_memory_is_taken(files, tmp_path, monkeypatch):
             gr.Trajectory.load(tmp_path / "bomb.npz")
 
 
-OLDER = {"noise", *account.SUMS}
+OLDER = {"noise", *wall_state.SUMS}
 """What files of some release lack."""
 HARD_NAMES = [name for name in saved_scenes.cut("hard", "sine").state if name not in OLDER]
 

@@ -70,7 +70,12 @@ def rate_of(pair: Record, lower: Record, upper: Record) -> float:
 
 @kernel
 def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
-    """Return the time at which a pair collides, or, if it is shut, opens; inf if it never does."""
+    """Return the time at which a pair collides, or, if it is shut, opens; inf if it never does.
+
+    That of one at rest on a thermal wall is now, if it is pressed on.
+    """
+    if pair.heat >= 0 and pair.gap == 0.0 and pair.pull > 0.0 and (upper.u - lower.u) - pair.pull * pair.at <= 0.0:
+        return pair.at  # type: ignore[no-any-return]
     if pair.shut > FREE:
         return opening(pair, walls)
     if pair.wall == BOTH:
@@ -130,7 +135,9 @@ def meets_wall(pair: Record, lower: Record, upper: Record, walls: Walls) -> floa
 @rare
 @kernel
 def touches(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> bool:
-    """Return whether the bodies of a pair touch at time `now`, without tolerance."""
+    """Return whether the bodies of a pair touch at time `now`, without tolerance; beside a thermal wall none do."""
+    if pair.heat >= 0:
+        return False
     if pair.shut > FREE:
         return True
     if pair.wall == BOTH:

@@ -10,21 +10,7 @@ from functools import cache
 from typing import Any
 
 from granular._kernels import fitted, replaced
-from granular.edmd import (
-    account,
-    as_one,
-    collision,
-    driven,
-    epoch,
-    groups,
-    hanging,
-    heating,
-    motion,
-    parting,
-    riding,
-    ring,
-    zoom,
-)  # fmt: skip
+from granular.edmd import clusters, collision, driven, driven_event, groups, hanging, motion, ring, zoom
 
 Kernel = Callable[..., Any]
 
@@ -37,11 +23,9 @@ def named(home: Any, *names: str) -> dict[str, Kernel]:
 @cache
 def general(function: Kernel) -> Kernel:
     """Return the twin of a kernel for scenes with forces, driven or thermal walls; most kernels are their own."""
-    mine = named(driven, "velocities", "carry", "rate_at", "rebase") | named(riding, "rest", "absorb")
-    mine |= named(parting, "wake", "release") | named(as_one, "repull", "is_closed")
-    mine |= named(heating, "event", "predicted", "touches", "group")
-    function = replaced(function, (motion, collision, groups), mine)
-    return fitted(function, moves_on=epoch.moves_on, RESTING=-math.inf, book=account.book)
+    mine = named(driven, "velocities", "predicted", "touches", "carry", "rate_at", "rebase")
+    mine |= named(clusters, "rest", "absorb", "wake", "release", "repull", "is_closed") | named(driven_event, "event")
+    return fitted(replaced(function, (motion, collision, groups), mine), RESTING=-math.inf)
 
 
 @cache

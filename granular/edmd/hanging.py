@@ -21,9 +21,8 @@ from granular._flight import hung, hung_after, hung_rate_at_contact
 from granular._kernels import kernel, rare
 from granular._records import Record, Records, column
 from granular.edmd.collision import remedied, total
-from granular.edmd.motion import Walls, impulse
+from granular.edmd.motion import Walls, add, impulse, reimpose
 from granular.edmd.physics import Restitution
-from granular.edmd.sums import add, reimpose
 
 OF_PAIR = [("rate", float), ("rest", float), ("omega", float)]
 """Fields of a pair: its rate (m/s) at the time `at`, its gap where both rest (m), and Ω (rad/s)."""

@@ -27,6 +27,10 @@ UNCERTAIN = 2.0**-76
 """Noise that a ball has at most, in units of the largest velocity squared."""
 REBASED = 2.0**-104
 """What re-basing under gravity adds to it, in the same units: one unit in the last place; rounding takes half of it."""
+LONGEST = 1000
+"""Largest window of the clock, a power of 2, in s."""
+LATEST = 2.0**LONGEST
+"""Time in s after which runs end."""
 
 
 @kernel
@@ -156,3 +160,37 @@ def cut(bodies: Records) -> None:
         fastest = max(fastest, abs(bodies[i].u))
     for i in range(len(bodies)):
         bodies[i].noise = min(bodies[i].noise, UNCERTAIN * (fastest * fastest))
+
+
+@kernel
+def span(length: float, speed: float, g: float) -> float:
+    """Return the window (s): the power of two near 64 times the mean time to cross a gap, less if gravity is strong.
+
+    Then it is the time in which gravity doubles the speed. A power of two keeps the bits of a scene scaled by powers
+    of two.
+    """
+    if speed == 0.0:
+        return 1.0
+    window = 64.0 * length / speed if length > 0.0 else speed / g if g > 0.0 else 1.0
+    if g > 0.0:
+        window = min(window, speed / g)
+    return math.ldexp(1.0, min(math.frexp(window)[1], LONGEST))
+
+
+@kernel
+def add(total: float, low: float, more: float) -> tuple[float, float]:
+    """Return a sum and what its rounding has left, with one more summand (Neumaier, 1974)."""
+    new = total + more
+    return new, low + ((total - new) + more if abs(total) >= abs(more) else (more - new) + total)
+
+
+@kernel
+def reimpose(run: Record, pairs: Records) -> int:
+    """Give the largest gap what rounding has taken from the sum of all, which never changes; return its pair."""
+    widest, total, low = 0, 0.0, 0.0
+    for c in range(len(pairs)):
+        total, low = add(total, low, pairs[c].gap)
+        if pairs[c].gap > pairs[widest].gap:
+            widest = c
+    pairs[widest].gap += (run.closed - total) - low
+    return widest

@@ -20,12 +20,11 @@ from granular.edmd.collision import is_closed
 from granular.edmd.collision import remedied as remedied_on_line
 from granular.edmd.groups import Fit
 from granular.edmd.groups import collide_as_one as collide_in_line
-from granular.edmd.motion import Walls, carry, touches
+from granular.edmd.motion import Walls, add, carry, reimpose, touches
 from granular.edmd.motion import collide as collide_on_line
 from granular.edmd.motion import rebase as rebase_on_line
 from granular.edmd.physics import Restitution
 from granular.edmd.state import State
-from granular.edmd.sums import add, reimpose
 from granular.edmd.zoom import bounce as bounce_on_line
 from granular.edmd.zoom import crowded as crowded_on_line
 

@@ -8,20 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check
-from granular._kernels import no_compiler
-from granular._records import packed
+from granular._records import column, packed
 from granular.closing import Closing
 from granular.drive import End, Pause, Row, Rows, portion
-from granular.edmd import blocks, collapse, outcome, sides
+from granular.edmd import collapse, compiled_queue, wall_state
 from granular.edmd.collision import ROW
-from granular.edmd.epoch import LATEST
+from granular.edmd.compiled_queue import BlockQueue, TreeQueue, pays
+from granular.edmd.motion import LATEST
 from granular.edmd.physics import Physics
 from granular.edmd.records import APART, BUDGET, LATER, NEVER, SUSPECT, UNTIL
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
 from granular.edmd.ties import GROUP, ORDER
-from granular.edmd.tree_queue import TreeQueue, pays
 from granular.edmd.watch import Watch
 from granular.request import Request
 from granular.scene import velocities
@@ -38,21 +36,12 @@ LIKELY = 25
 """Collisions of a pair that a run is taken to have before anything is known of it."""
 TRIAL = 2048
 """Work (in collisions) that tells how much more there will be until the end time."""
-ENGINES = ("auto", "sorted", "compiled")
-
-
-def checked_engine(engine: str, physics: Physics) -> str:
-    """Return how the queue is chosen, as asked for and as it can be: *auto* means that compiled is possible."""
-    name, why, missing = _check.choice("engine", engine, ENGINES), "", no_compiler()
-    if physics.rule is not None:
-        why = "every rule must be a ConstantRestitution"
-    elif ORDER[physics.options["ties"]] == GROUP:
-        why = f"ties={physics.options['ties']!r} runs interpreted only"
-    if name == "compiled" and why:
-        raise ValueError(f"engine is 'compiled': {why}; use engine='sorted' or 'auto'.")
-    if name == "compiled" and missing:
-        raise ImportError(f"engine is 'compiled': {missing}.")
-    return "sorted" if why or missing else name
+WHY = {
+    "exact": "body {above} comes to rest on the wall after infinitely many bounces",
+    "proved": "the {count} pairs collide in turn forever; rates left: {bound:.2g} m/s",
+    "bounded": "unless hit from outside, none of their bodies will be faster than {bound:.2g} m/s",
+}
+"""What a verdict says, by its kind."""
 
 
 class Run:
@@ -65,7 +54,7 @@ class Run:
     state : State
         What moves; changed in place.
     engine : str
-        As `checked_engine` says.
+        How the queue is chosen.
     request : Request
         What is asked of it.
     watch : Watch, optional
@@ -103,8 +92,8 @@ class Run:
 
     def _compiled(self) -> type[TreeQueue]:
         self.may_compile = False
-        in_blocks = self.scene.n > blocks.LARGE and self.state.walls is None and not self.scene.endless
-        return blocks.BlockQueue if in_blocks else TreeQueue
+        in_blocks = self.scene.n > compiled_queue.LARGE and self.state.walls is None and not self.scene.endless
+        return BlockQueue if in_blocks else TreeQueue
 
     def _go_on_with(self, queue: type[SortedQueue]) -> None:
         """Go on with another queue. What is looked at closely, whose gaps in the state are old, stays as it is."""
@@ -246,7 +235,7 @@ class Run:
         now = float(state.run["now"])
         velocity, gap = state.row(now)
         elapsed = float(state.elapsed(now))
-        ledger = sides.ledger(state, now) if self.scene.driven or self.scene.heated else None
+        ledger = wall_state.ledger(state, now) if self.scene.driven or self.scene.heated else None
         if state.hung:  # these are rates
             velocity = velocities(self.scene, velocity[None], np.array([elapsed]), self.start)[0]
             return Row(time, elapsed, gap, np.where(self.scene.is_wall, 0.0, velocity))
@@ -260,9 +249,72 @@ class Run:
         wanted = seen == -math.inf or (pause is not Pause.reached and stop > seen)
         status: Status = pause.value
         row, numbers = self.row(stop) if wanted else None, self.state.numbers()
-        message, stats = outcome.message(self, status, numbers), outcome.stats(self, numbers)
+        message, stats = sentence(self, status, numbers), counters(self, numbers)
         state = self.state.checkpoint(numbers) | self.physics.options
         if self.watch is not None:
             message, stats = message + self.watch.message(), stats | self.watch.stats()
             state |= self.watch.checkpoint(self.state, self.queue)
         return End(row, status, message, stats, state)
+
+
+def sentence(run: Run, status: Status, s: dict[str, Any]) -> str:
+    """Return the sentence to print; `s` are the numbers of the run."""
+    verdict = run.verdict
+    when = f"t = {run.time():.12g} s after {s['events']} collision{'s' * (s['events'] != 1)}"
+    if verdict is not None:
+        count = (verdict.last - verdict.first) % run.scene.n_pairs + 1
+        numbers = {"above": verdict.first + 1, "bound": verdict.bound, "count": "two" if count == 2 else count}
+        why = WHY[verdict.kind].format(**numbers)
+        if verdict.bound == math.inf:
+            why = "forces may pull them apart: how fast they will be is not known"
+        what = "what may be an inelastic" if status is Status.bounded else "inelastic"
+        return f"{what} collapse of {verdict} at {when} ({verdict.kind}: {why})"
+    walls = f"the walls close at t = {s['start'] + run.closing.after:.12g} s"
+    if status is Status.collapse:
+        said = f"{walls} and leave no way out: stopped at {when}, when no space was left"
+    elif status is not Status.max_events:
+        over = status is Status.time and not run.scene.driven and run.queue.soonest() == math.inf
+        end = "; no collision can follow" if over else ""
+        said = f"{status.value}: {when}{end}"
+    elif LATEST < run.state.time(run.queue.soonest()) < math.inf:
+        said = f"{status.value}: {when}; the next one is later than {LATEST:.2g} s, where runs end"
+    else:
+        said = f"{status.value}: max_events reached at {when}"
+        if math.isfinite(run.horizon):
+            said += f"; {walls}, and collisions become ever more frequent until then"
+        elif s["slow"] >= 0.0 or (run.scene.driven and s["merge_below"] == 0.0):
+            said += _slowing(run, s["events"])
+    if s["lost"] > 0:
+        rates = f"{s['lost']} relative velocit{'y' if s['lost'] == 1 else 'ies'}"
+        said += f"; {rates} fell below rounding: collisions that depend on them are uncertain"
+    return said
+
+
+def _slowing(run: Run, events: int) -> str:
+    """Return what shows that a run that was cut off was slowing down, if anything does."""
+    said = ""
+    if len(run.pace) == 2:
+        (begin, start), (tail, t) = run.pace
+        last, took = events - tail, run.time() - t
+        if took * (tail - begin) < 0.1 * last * (t - start):
+            said = (f"; the last {last} of them took only {took:.3g} s: the balls cluster and slow down, perhaps "
+                    "without end. Remedies by name: collapse='merge', tc=, elastic_below=")  # fmt: skip
+        bound = collapse.bound(run.state, run.physics)
+        if bound is not None:
+            said += f"; unless hit from outside, no body of {bound} will exceed {bound.bound:.2g} m/s"
+    return said
+
+
+def counters(run: Run, numbers: dict[str, Any]) -> dict[str, Any]:
+    """Return the counters of a run: collisions, gaps clamped at 0, re-basings of the clock, closer looks and the
+    collisions in them, rates that velocities could not hold after them, and how a collapse was decided."""
+    verdict = run.verdict
+    names = ["events", "clamps", "rebases", "zooms", "zoomed", "lost"]
+    names += ["merge_below", "merged"] if numbers["merge_below"] > 0.0 else []
+    counts: dict[str, Any] = {"engine": run.queue.name} | {name: numbers[name] for name in names}
+    if run.scene.heated:
+        given, low = (column(run.state.walls[0], name) for name in ("given", "given_low"))
+        counts["given"] = tuple((given + low).tolist())
+    if verdict is not None:
+        counts |= {"verdict": verdict.kind, "pairs": (verdict.first, verdict.last), "bound": verdict.bound}
+    return counts

@@ -12,10 +12,12 @@ from numpy.typing import ArrayLike
 
 from granular import _check, rules
 from granular import until as stop
+from granular._kernels import no_compiler
 from granular.drive import drive, go_on
 from granular.edmd.physics import OPTIONS, Physics, check_scene, checked
-from granular.edmd.run import Run, checked_engine
+from granular.edmd.run import Run
 from granular.edmd.state import State
+from granular.edmd.ties import GROUP, ORDER
 from granular.edmd.watch import Watch
 from granular.request import EVENTS, check_end, requested
 from granular.rules import Rule
@@ -23,6 +25,8 @@ from granular.scene import Scene
 from granular.scene import checked as a_scene
 from granular.scene.walls import fitted
 from granular.trajectory import Status, Trajectory
+
+ENGINES = ("auto", "sorted", "compiled")
 
 
 def simulate(
@@ -203,3 +207,16 @@ def resume(
     watching = None if watch is None else Watch(watch, scene, saved)
     return go_on(Run(physics, state, checked_engine(engine, physics), request, watching), trajectory)
 
+
+def checked_engine(engine: str, physics: Physics) -> str:
+    """Return how the queue is chosen, as asked for and as it can be: *auto* means that compiled is possible."""
+    name, why, missing = _check.choice("engine", engine, ENGINES), "", no_compiler()
+    if physics.rule is not None:
+        why = "every rule must be a ConstantRestitution"
+    elif ORDER[physics.options["ties"]] == GROUP:
+        why = f"ties={physics.options['ties']!r} runs interpreted only"
+    if name == "compiled" and why:
+        raise ValueError(f"engine is 'compiled': {why}; use engine='sorted' or 'auto'.")
+    if name == "compiled" and missing:
+        raise ImportError(f"engine is 'compiled': {missing}.")
+    return "sorted" if why or missing else name

@@ -12,15 +12,15 @@ from sortedcontainers import SortedList
 from granular._kernels import kernel
 from granular._records import Record, Records, plain, twin
 from granular.edmd import fit, ring
+from granular.edmd.clusters import leave
 from granular.edmd.collision import RESTING, ROW, SUSPICIOUS, event, rest
-from granular.edmd.epoch import date
 from granular.edmd.groups import collide_as_one, group
 from granular.edmd.motion import Walls, approaching, predicted, velocities
-from granular.edmd.parting import leave
 from granular.edmd.physics import Physics, Restitution
 from granular.edmd.records import APART, BUDGET, LATER, SUSPECT, TOUCHING, UNTIL
 from granular.edmd.state import State
 from granular.edmd.ties import GROUP, MASK, RANDOM, rank
+from granular.edmd.wall_state import advance_epoch, date_rows
 
 Log = list[Any]
 """The log: chunks of records `ROW`, as arrays or as lists of plain objects."""
@@ -42,7 +42,7 @@ def loop(
     while True:
         now, c = head(queue)
         if now > edge:
-            if not moves_on(run, pairs, bodies, rows, done, now, walls):
+            if walls is None or not advance_epoch(run, pairs, bodies, rows, done, now, walls):
                 return LATER
             refresh(run, pairs, bodies, queue, 0, len(pairs) - 1, walls)
             edge = run.edge
@@ -78,14 +78,6 @@ def loop(
         if pairs[c].streak >= SUSPICIOUS:
             run.suspect, run.rebound = c, rebound
             return SUSPECT
-
-
-@kernel
-def moves_on(
-    run: Record, pairs: Records, bodies: Records, rows: Records | None, done: int, now: float, walls: Walls
-) -> bool:
-    """Return whether the zero of times has been moved on for the event at `now`: see `epoch`. Here it never is."""
-    return False
 
 
 @kernel
@@ -216,7 +208,7 @@ class SortedQueue:
             why: int = go(run, s.pairs, s.bodies, self.queue, rule, rows, None, s.walls)
             if log is not None and rows is not None:
                 if s.clock.goal > -math.inf:
-                    self.kernel(date)(s.clock, rows, int(run["events"] - begin))
+                    self.kernel(date_rows)(s.clock, rows, int(run["events"] - begin))
                 log.append(rows[: run["events"] - begin].copy())
             if why != TOUCHING:
                 return why

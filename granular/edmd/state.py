@@ -13,12 +13,10 @@ import numpy as np
 
 from granular._check import Array, held
 from granular._records import Record, Records, column, copied, one, packed, plain, taken
-from granular.edmd import account, hanging, sides
-from granular.edmd.epoch import shift, span
-from granular.edmd.motion import rebase
+from granular.edmd import hanging, wall_state
+from granular.edmd.motion import rebase, span
 from granular.edmd.physics import Physics, felt_gravity, scales, shares, strongest
-from granular.edmd.records import BODY, CLOCK, DRIVEN_BODY, DRIVEN_PAIR, HUNG_BODY, HUNG_PAIR, NEAR, NEVER, PAIR, RUN
-from granular.edmd.saved import check_entries, check_numbers
+from granular.edmd.records import CLOCK, DRIVEN, HUNG, NEAR, NEVER, PLAIN, RUN, check_entries, check_numbers
 from granular.edmd.ties import ORDER
 
 OF_PAIRS, OF_BODIES = ("gap", "at", "pull", "hits", "last", "streak"), ("u", "falls", "noise")
@@ -54,10 +52,8 @@ class State:
     def of(cls, physics: Physics, t_start: float) -> State:
         """Return the state at the start of a run."""
         scene, options, g = physics.scene, physics.options, felt_gravity(physics.scene)
-        walls = sides.walls(physics.scene, t_start) if physics.general else None
-        of_pair, of_body = (PAIR, BODY) if walls is None else (DRIVEN_PAIR, DRIVEN_BODY)
-        if scene.pendulum > 0.0:
-            of_pair, of_body = HUNG_PAIR, HUNG_BODY
+        walls = wall_state.walls(physics.scene, t_start) if physics.general else None
+        of_pair, of_body = HUNG if scene.pendulum > 0.0 else PLAIN if walls is None else DRIVEN
         pairs, bodies = np.zeros(scene.n_pairs, of_pair), np.zeros(scene.n_pairs + 1, of_body)
         number = np.arange(len(bodies)) % scene.n
         for name, value in (("u", scene.velocity), ("falls", ~scene.is_wall), ("mass", scene.mass)):
@@ -82,7 +78,7 @@ class State:
         state.scale(speed)
         if walls is not None:
             state.walls = *walls, state.clock
-            sides.begin(state, scene)
+            wall_state.begin(state, scene)
         if scene.pendulum > 0.0:
             hanging.begin(pairs, bodies, scene)
         if scene.ring or (scene.pendulum > 0.0 and scene.is_wall[[0, -1]].all()):
@@ -113,9 +109,9 @@ class State:
         if "noise" not in saved:
             state.bodies["u"] += (physics.scene.gravity - state.run.gravity) * state.elapsed(0.0)
         if state.walls is not None:
-            for name in account.SUMS:
+            for name in wall_state.SUMS:
                 state.walls[0][name] = held(saved, name, "f", (2,)) if name in saved else 0.0
-            sides.date(state)
+            wall_state.set_epoch(state)
         if "zoom_gap" in saved:
             look = {name: RUN[name].type(x).item() for name, x in zip(LOOK, saved["zoom_dial"], strict=False)}
             state.set(first=int(saved["zoom_first"]), began=float(saved["zoom_base"]), **look)
@@ -146,7 +142,7 @@ class State:
         raw: dict[str, Any] = {name: column(self.bodies, name) for name in of_bodies}
         raw |= {name: column(self.pairs, name) for name in of_pairs} | {name: run[name] for name in SAVED}
         if self.walls is not None:
-            raw |= {name: np.array(column(self.walls[0], name)) for name in account.SUMS}
+            raw |= {name: np.array(column(self.walls[0], name)) for name in wall_state.SUMS}
         raw["tally"] = np.array([run[name] for name in TALLY])
         if self.near is not None:
             raw |= {"zoom_first": np.array(run["first"]), "zoom_base": np.array(run["began"])}
@@ -210,7 +206,7 @@ class State:
         """Move the epoch on by whole windows, so that `tau` comes to lie in the first one."""
         clock = self.clock
         if self.walls is not None:
-            compiler(shift)(self.run, self.pairs, self.bodies, tau, self.walls)
+            compiler(wall_state.shift)(self.run, self.pairs, self.bodies, tau, self.walls)
             return
         by = tau - math.fmod(tau, clock.window)
         compiler(rebase)(self.run, self.pairs, self.bodies, by, self.walls)
@@ -234,7 +230,7 @@ class State:
         if g > 0.0:
             velocity -= column(self.bodies, "falls") * (g * tau)
         if self.walls is not None:
-            sides.show(self, tau, velocity, gap)
+            wall_state.show(self, tau, velocity, gap)
         return velocity, gap
 
     def _changing(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -252,7 +248,7 @@ class State:
             (pairs["gap"] >= 0.0).all(),
             (pairs["at"] <= max(run.now, 0.0)).all(),
             self.walls is not None or (pairs["pull"] == run.gravity * np.diff(bodies["falls"])).all(),
-            self.walls is None or sides.sound(self, pairs, bodies),
+            self.walls is None or wall_state.sound(self, pairs, bodies),
             hit[np.isfinite(last)].all() and (last <= run.now).all() and pairs["hits"].sum() == run.events,
             not bodies["falls"][wall].any() and (bodies["noise"] >= 0.0).all(),
             self.walls is not None or not bodies["noise"][wall].any(),

@@ -14,13 +14,13 @@ import math
 from granular._flight import gap_after, rate_at_contact, time_to_contact
 from granular._kernels import kernel
 from granular._records import Record, Records
-from granular.edmd.account import book, enter
-from granular.edmd.as_one import held
+from granular.edmd.clusters import held
 from granular.edmd.collision import total
 from granular.edmd.motion import Walls, impulse, velocities
 from granular.edmd.physics import Restitution
 from granular.edmd.records import BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL
 from granular.edmd.ties import GROUP, rank
+from granular.edmd.wall_state import book, enter
 
 GOES_ON = -1
 

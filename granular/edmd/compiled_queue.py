@@ -1,6 +1,9 @@
-"""The compiled queue for large scenes: block after block, each small enough for the processor's cache.
+"""The compiled queue: a tournament tree over all pairs under the same event loop.
 May be skipped: faster, same results.
 
+Events, and so results, are those of `sorted_queue` bit for bit.
+
+Large scenes are run block after block, each small enough for the processor's cache.
 What happens to a ball until the end of a window depends only on balls near by: influence travels with the balls, at
 most as fast as the fastest, V. So a block of pairs is run to the end of the window alone, together with a halo on both
 sides whose gaps add up to more than 2 V times the window, and of the result only the block is kept. That is exact,
@@ -11,21 +14,95 @@ suspected collapse, a clamped gap, too many events), is thrown away and the wind
 
 from __future__ import annotations
 
+import math
+from functools import partial
+from typing import Any
+
 import numpy as np
 
-from granular._records import copied, one, packed, raw
+from granular._kernels import compiled, kernel, specialised, worth
+from granular._records import Record, Records, copied, one, packed, raw
+from granular._tournament import leaf, replay, tournament
+from granular.edmd import sorted_queue
+from granular.edmd.collision import RESTING, ROW, rest
+from granular.edmd.motion import Walls, predicted
 from granular.edmd.records import LATER, NEVER, RUN
-from granular.edmd.sorted_queue import Log
+from granular.edmd.sorted_queue import Log, SortedQueue
 from granular.edmd.state import State
-from granular.edmd.ties import RANDOM
-from granular.edmd.tree_queue import TreeQueue
+from granular.edmd.ties import LEFT, MASK, RANDOM, rank
 
+LONG, VERY_LONG = 100_000, 1_000_000
+"""Work (in collisions) after which it pays to load the machine code, and to make it if it is not on the disk."""
 LARGE = 100_000
 """Bodies from which on working in blocks pays."""
 BLOCK = 4096
 """Pairs kept of a block."""
 MARGIN = 1.25
 """Speed allowed for, in units of the largest at the start of the window."""
+
+
+@kernel
+def head(queue: Any) -> tuple[float, int]:
+    """Return the next event: its time and its pair."""
+    return queue[1].due, queue[1].key & MASK
+
+
+@kernel
+def refresh(
+    run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int, walls: Walls
+) -> None:
+    """Predict pairs `first` … `last` anew and decide the matches above them again."""
+    c = first
+    while c <= last:
+        pair = pairs[c]
+        due = predicted(pair, bodies[c], bodies[c + 1], walls)
+        leaf(queue, c).due = due
+        if run.order != LEFT:  # else its number, as the tree has it
+            leaf(queue, c).key = rank(c, run.order, run.seed, pair.hits)
+        if due == math.inf and pair.pull > RESTING:
+            low, high = rest(run, pairs, bodies, c, walls)
+            first, last = min(first, low), max(last, high)
+            c = low
+        else:
+            c += 1
+    replay(queue, first, last)
+
+
+loop = specialised(sorted_queue.loop, head=head, refresh=refresh)
+
+
+class TreeQueue(SortedQueue):
+    """A `SortedQueue` with another queue in it, compiled, on arrays of records."""
+
+    name = "compiled"
+    chunk = 65_536
+    kernel = staticmethod(partial(compiled, inline=True))
+    hold = staticmethod(packed)
+    loop, predict = staticmethod(loop), staticmethod(refresh)
+    predict_around = staticmethod(specialised(sorted_queue.refresh_around, refresh_on_line=refresh))
+
+    def rows(self, n: int) -> Records:
+        """Return room for `n` rows of the log, or for as many as are made at a time."""
+        return np.empty(min(n, TreeQueue.chunk), ROW)
+
+    def rebuild(self) -> None:
+        """Predict all pairs anew."""
+        self.queue = tournament(len(self.state.pairs)) if self.queue is None else self.queue
+        self.refresh(0, len(self.state.pairs) - 1)
+
+    def soonest(self, first: int = 0, last: int = -1) -> float:
+        """Return the time of the next event of any pair outside `first` … `last`, counted round."""
+        if last < first:
+            return float(self.queue["due"][1])
+        due = self.queue["due"][len(self.queue) // 2 :]
+        before = max(0, last + 1 - len(self.state.pairs))  # inside too, on a ring
+        return min(float(part.min(initial=math.inf)) for part in (due[before:first], due[last + 1 :]))
+
+    def _events(self) -> list[tuple[float, int]]:
+        tree: list[tuple[float, int]] = self.queue.tolist()
+        leaves, pairs = len(tree) // 2, len(self.state.pairs)
+        assert tree[1:leaves] == list(map(min, tree[2::2], tree[3::2])), "matches are not decided"
+        return tree[leaves : leaves + pairs]
 
 
 class BlockQueue(TreeQueue):
@@ -114,3 +191,8 @@ class BlockQueue(TreeQueue):
         for first, last, low, high in ends:
             assert low == 0 or gap[low + 1 : first].sum() >= reach
             assert high == len(s.pairs) or gap[last : high - 1].sum() >= reach
+
+
+def pays(work: float) -> bool:
+    """Return whether so much work, in collisions, is worth the machine code."""
+    return worth(loop, work, LONG, VERY_LONG, inline=True)

@@ -1,0 +1,216 @@
+"""What a state holds of driven walls, and of forces: how it begins, its rows, its epoch, and the account of its energy.
+May be skipped: rarer, walls that shake.
+
+One ball on a shaken plate flies for longer than a window lasts: each bounce begins a new one. So the event loop moves
+the zero of times itself, at the very times at which `State.shift_to` would.
+
+Work and heat of each wall, and what is dissipated, are added up each by itself, with the rounding of its sum carried
+along. A wall does the work J·ẋ_w in a collision with the impulse J. While a ball of mass m under a force f rests on it,
+it does that of ½mẋ_w² + (mg - f) x_w: what this has grown by since it came to rest, so that a ball that rides needs no
+events.
+"""
+
+from __future__ import annotations
+
+import math
+from copy import copy
+from typing import Any
+
+import numpy as np
+
+from granular._check import Array
+from granular._kernels import kernel, rare
+from granular._records import Record, Records, column, plain
+from granular.edmd.driven import BOTH, CEILING, FLOOR, FREE, SIDE, carry, place, rebase, rounding, synchronise
+from granular.edmd.motion import Walls, add, impulse, span
+from granular.scene import Scene
+from granular.scene.walls import driven_walls
+from granular.walls.panels import PANEL
+
+SUMS = ("work", "work_low", "lost", "lost_low", "heat", "heat_low", "given", "given_low")
+"""What is saved of an account."""
+BELOW = 1.0 - 2.0**-53
+"""Times this number of a power of two is the number below it."""
+
+
+def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
+    """Return records of both walls, `SIDE`, and of the panels of both."""
+    sides = np.zeros(2, SIDE)
+    sides["velocity"] = np.where(scene.is_wall, scene.velocity, 0.0)[[0, -1]]
+    driven = driven_walls(scene, t_start)
+    for body, one, _ in driven:
+        for name in one.dtype.names or ():
+            sides[name][0 if body == 0 else 1] = one[name][0]
+    for side, heat in zip(sides, scene.heat, strict=True):
+        if heat is not None:
+            side["temperature"], side["seed"] = heat.temperature, heat.seed
+    sides["begin"] = t_start
+    panels = [rows for _, _, rows in driven] or [np.zeros(1, PANEL)]  # kernels want one to know their kind
+    return sides, np.concatenate(panels)
+
+
+def begin(state: Any, scene: Scene) -> None:
+    """Set what forces and walls add to a new state."""
+    sides, forces, (pairs, bodies) = state.walls[0], scene.external_force, (state.pairs, state.bodies)
+    bodies["own"] = 0.0 if forces is None else forces * scene.inverse_mass
+    bodies["push"] = bodies["own"]
+    pairs["wall"], pairs["wait"], pairs["heat"] = -1, 0.0, -1
+    if forces is not None:
+        pairs["pull"] -= scene.across(bodies["own"])
+    sides["forces"] = forces is not None
+    sides["lands"] = scene.driven or (forces is not None and state.run.slow < 0.0)
+    set_epoch(state)
+    seen = plain(sides), plain(state.walls[1])
+    for which in (0, 1):
+        if sides["temperature"][which] > 0.0:
+            pairs["heat"][-which] = which
+        if sides["panels"][which]:
+            pairs["wall"][-which] = which
+            bodies["u"][-which] = place(seen, which, 0.0)[1]
+            bodies["noise"][-which] = rounding(float(sides["speed"][which]))
+
+
+def set_epoch(state: Any) -> None:
+    """Tell the walls the zero of times."""
+    for side in state.walls[0]:
+        side["epoch"], side["low"] = state.clock.epoch, state.clock.epoch_low
+
+
+def show(state: Any, tau: float, velocity: Array, gap: Array) -> None:
+    """Put into a row what forces and walls do to velocities and gaps, at `tau`."""
+    velocity += column(state.bodies, "push") * tau
+    seen = _seen(state)
+    shut, beside = column(state.pairs, "shut"), column(state.pairs, "wall")
+    gap[shut > 0] = 0.0
+    for c in np.flatnonzero((beside >= 0) & (shut == 0)).tolist():
+        pair, lower, upper = map(copy, (*plain(state.pairs[c : c + 1]), *plain(state.bodies[c : c + 2])))
+        carry(pair, lower, upper, tau, seen)
+        gap[c] = pair.gap
+    for i, which in bound(state):
+        if seen[0][which].panels:
+            velocity[i] = place(seen, which, tau)[1]
+
+
+def ledger(state: Any, tau: float) -> Array:
+    """Return work, heat and what was dissipated since the start, at `tau`, in J: see `granular.trajectory.Row`."""
+    sides, _ = seen = _seen(state)
+    done = [side.work + side.work_low for side in sides]
+    for i, which in bound(state):
+        body = plain(state.bodies[i : i + 1])[0]
+        if body.mass < math.inf:
+            x, v = place(seen, which, tau)
+            done[which] += body.mass * (0.5 * v * v + (state.run.gravity - body.own) * x)
+    heat = [side.heat + side.heat_low for side in sides]
+    return np.array([*done, *heat, sides[0].lost + sides[0].lost_low])
+
+
+def bound(state: Any) -> list[tuple[int, int]]:
+    """Return the bodies that are walls or rest on one, each with the wall: 0 the floor, 1 the ceiling."""
+    mass, shut = column(state.bodies, "mass"), column(state.pairs, "shut")
+    n, below, above = len(mass), int((shut == FLOOR).sum()), int((shut == CEILING).sum())
+    floor = [(i, 0) for i in range(below + 1)] if math.isinf(mass[0]) else []
+    return floor + ([(i, 1) for i in range(n - 1 - above, n)] if math.isinf(mass[-1]) else [])
+
+
+def sound(state: Any, pairs: Any, bodies: Any) -> bool:
+    """Whether what rests hangs together and falls by nothing, and pairs are beside walls that are there."""
+    rests, shut = bodies["falls"] == 0.0, pairs["shut"]
+    joined = [i for i, _ in bound(state)]
+    free = (shut == FREE) & (pairs["wall"] < 0)
+    driven = [which for which in (0, 1) if column(state.walls[0], "panels")[which] > 0]
+    pull = state.run.gravity * np.diff(bodies["falls"]) - np.diff(bodies["push"])
+    whole = [
+        rests[joined].all() and rests.sum() == len(joined),
+        not bodies["push"][rests].any() and not pairs["gap"][shut != FREE].any(),
+        (pairs["pull"][free] == pull[free]).all(),
+        np.isin(pairs["wall"], [-1, *driven, *([BOTH] if len(driven) == 2 else [])]).all(),
+    ]
+    return all(whole)
+
+
+def _seen(state: Any) -> tuple[Any, Any]:
+    return plain(state.walls[0]), plain(state.walls[1])
+
+
+@rare
+@kernel
+def advance_epoch(
+    run: Record, pairs: Records, bodies: Records, rows: Records | None, done: int, now: float, walls: Walls
+) -> bool:
+    """Move the zero of times on for the event at `now`, beyond the window, if it is due before the goal of the clock;
+    date the `done` rows of the log first."""
+    clock = walls[2]
+    if not now <= (clock.goal - clock.epoch) - clock.epoch_low or now == math.inf:
+        return False
+    date_rows(clock, rows, done)
+    shift(run, pairs, bodies, now, walls)
+    run.edge = min((clock.goal - clock.epoch) - clock.epoch_low, clock.window * BELOW)
+    return True
+
+
+@kernel
+def date_rows(clock: Record, rows: Records | None, done: int) -> None:
+    """Let rows of the log, up to `done`, say their time and not that since the zero of times."""
+    if rows is not None:
+        for k in range(clock.dated, done):
+            rows[k].t_begin = clock.epoch + (clock.epoch_low + rows[k].t_begin)
+    clock.dated = done
+
+
+@kernel
+def shift(run: Record, pairs: Records, bodies: Records, tau: float, walls: Walls) -> None:
+    """Move the epoch on by whole windows, so that `tau` comes to lie in the first one."""
+    clock, n, total, speed = walls[2], len(pairs), 0.0, walls[2].fall
+    by = tau - tau % clock.window
+    rebase(run, pairs, bodies, by, walls)
+    epoch = clock.epoch + by
+    back = epoch - clock.epoch
+    clock.epoch_low += (clock.epoch - (epoch - back)) + (by - back)
+    clock.epoch = epoch
+    clock.rebases += 1
+    run.now -= by
+    for which in range(2):
+        walls[0][which].epoch, walls[0][which].low = clock.epoch, clock.epoch_low
+    synchronise(pairs, bodies, walls)
+    for c in range(n):
+        total += pairs[c].gap
+        speed = max(speed, abs(bodies[c + 1].u - bodies[c].u))
+    clock.length, clock.speed = max(clock.length, total / n), speed  # what is shaken expands
+    if run.slow >= 0.0:
+        run.slow = speed * 2.0**-16
+    if speed > 0.0:
+        clock.window = max(clock.window, span(clock.length, speed, clock.strength))
+
+
+@kernel
+def book(lower: Record, upper: Record, w: float, e: float, walls: Walls) -> None:
+    """Enter a collision at rate `w` with restitution `e`; walls have the velocities of that time."""
+    exchanged = impulse(lower, upper, (1.0 + e) * w)
+    enter(lower, upper, exchanged, -0.5 * (1.0 - e) * w * exchanged, walls)
+
+
+@rare
+@kernel
+def enter(lower: Record, upper: Record, exchanged: float, lost: float, walls: Walls) -> None:
+    """Enter the work of an impulse (N s) from below, if one of the bodies is a wall or rests on it, and a loss (J)."""
+    if lower.falls == 0.0:
+        work(walls[0][0], exchanged * lower.u)
+    if upper.falls == 0.0:
+        work(walls[0][1], -exchanged * upper.u)
+    side = walls[0][0]
+    side.lost, side.lost_low = add(side.lost, side.lost_low, lost)
+
+
+@kernel
+def work(side: Record, done: float) -> None:
+    """Add work (J) to that of a wall."""
+    side.work, side.work_low = add(side.work, side.work_low, done)
+
+
+@rare
+@kernel
+def borne(run: Record, body: Record, which: int, now: float, v: float, sign: float, walls: Walls) -> None:
+    """Enter that a ball comes to rest (sign -1) on a wall, which moves at `v` (m/s), or leaves it (sign 1)."""
+    x, _ = place(walls, which, now)
+    weight = run.gravity - body.own
+    work(walls[0][which], sign * (body.mass * (0.5 * v * v + weight * x)))
