@@ -59,7 +59,7 @@ def here(path, monkeypatch, capsys):
     import matplotlib.pyplot as plt
 
     plt.switch_backend("Agg")
-    for module in ("_kernels", "edmd.run"):
+    for module in ("_kernels", "edmd.simulation"):
         monkeypatch.setattr(f"granular.{module}.no_compiler", lambda: "it would take longer than the example")
     runpy.run_path(str(path), run_name="__main__")
     plt.close("all")
