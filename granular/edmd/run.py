@@ -11,8 +11,7 @@ import numpy as np
 from granular import _check
 from granular._kernels import no_compiler
 from granular._records import packed
-from granular.closing import Closing
-from granular.drive import End, Pause, Row, Rows, portion
+from granular.drive import End, Pause, Request, Row, Rows, portion
 from granular.edmd import blocks, collapse, outcome, sides
 from granular.edmd.collision import ROW
 from granular.edmd.epoch import LATEST
@@ -23,8 +22,8 @@ from granular.edmd.state import State
 from granular.edmd.ties import GROUP, ORDER
 from granular.edmd.tree_queue import TreeQueue, pays
 from granular.edmd.watch import Watch
-from granular.request import Request
 from granular.scene import velocities
+from granular.scene.walls import Closing
 from granular.trajectory import Status
 from granular.until import Contact
 
