@@ -1,5 +1,7 @@
-"""What is asked of a run: the options that all engines share, checked once.
-May be skipped: arguments, no physics.
+"""The driver of all runs: it goes from sample to sample, keeps rows and contacts, and tells who wants to know.
+
+An engine is a `Run`: it moves a scene on in time and says why it pauses. Everything else is done here, once: options
+that all engines share are checked too (`Request`).
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import pytest
 from scenes_at_random import gas
 
 import granular as gr
-from granular import measures
+from granular import isolation, measures
 from granular.cli import main
 from granular.edmd import blocks, run
 from granular.edmd.watch import Watch

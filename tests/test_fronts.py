@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
+from granular import isolation
 
 pytest.importorskip("xarray")
 

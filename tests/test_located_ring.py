@@ -9,6 +9,7 @@ from soft_twin import distance, twin
 from solved_by_scipy import beside, drawn
 
 import granular as gr
+from granular import isolation
 from granular.drive import Pause, requested
 from granular.laws.check import checked
 from granular.md.located import Run, pace, system

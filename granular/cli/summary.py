@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from granular import measures
+from granular import isolation, measures
 from granular.cases import Case
 from granular.trajectory import Status, Trajectory
 

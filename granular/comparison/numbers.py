@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, edmd, end_time, measures, other_ties, outcome, theory
+from granular import _check, edmd, end_time, isolation, measures, other_ties, outcome, theory
 from granular import until as stop
 from granular._check import Array
 from granular.binary import at_speed

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import measures
+from granular import isolation, measures
 from granular._tables import number, problem
 from granular.comparison.answer import Judged
 from granular.components import FAINT

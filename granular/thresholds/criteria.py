@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from granular import isolation
 from granular.cases import Case
 from granular.comparison.answer import Answer as Judgement
 from granular.outcome import SAME
