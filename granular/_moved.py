@@ -12,7 +12,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
 
-NOW = {"workprecision": "frontiers"}
+NOW = {"workprecision": "frontiers", "tie_rules": "other_ties"}
 """Where a module of `granular` has gone."""
 
 

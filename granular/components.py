@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array
-from granular.durations import Durations
+from granular.isolation import Durations
 from granular.outcome import approach, counts, leaving, partings, strengths
 from granular.trajectory import Trajectory
 

@@ -17,7 +17,7 @@ import numpy as np
 from granular import edmd, md
 from granular._check import Array
 from granular.components import components, counted
-from granular.durations import Durations
+from granular.isolation import Durations
 from granular.laws.kinds import resolved
 from granular.outcome import approach, at_once, counts, strengths
 from granular.trajectory import Status, Trajectory

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from granular import _check, _files
+from granular._drawing import HARD, PAGE, canvas
 from granular._optional import optional
+from granular._tables import Report, aligned, number
 from granular.cases import Case
-from granular.drawing import HARD, PAGE, canvas
 from granular.frontiers.methods import Task
 from granular.frontiers.result import contacts_of, errors
 from granular.frontiers.run import rounding_level
@@ -26,7 +27,6 @@ from granular.reference import Reference
 from granular.scene import Scene
 from granular.sweeps.answers import REFUSED
 from granular.sweeps.plan import planned
-from granular.tables import Report, aligned, number
 from granular.trajectory import EARLY, Trajectory
 
 METHODS = ("located", *INTEGRATORS)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array
-from granular.durations import Durations
+from granular.isolation import Durations
 from granular.laws.kinds import resolved
 from granular.outcome import approach
 from granular.scene import Scene

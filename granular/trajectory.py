@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import saved_run
+from granular import _saved_run
 from granular._check import Array
 from granular.laws.kinds import resolved
 from granular.scene import Scene
@@ -200,7 +200,7 @@ class Trajectory:
         Force laws and rules of this package are stored with their numbers; your own by name only. The path of a wall
         that a function of yours moves is stored as far as the run goes.
         """
-        saved_run.write(path, self)
+        _saved_run.write(path, self)
 
     @classmethod
     def load(cls, path: str | PathLike[str], law: Any = None, rule: Any = None) -> Trajectory:
@@ -224,7 +224,7 @@ class Trajectory:
         Nothing in a file is run: laws, rules and walls are made of a closed list, from their numbers. The message is
         read without control characters, up to 500 characters of it.
         """
-        read = saved_run.read(path, law, rule, Status.__members__, CONTACT)
+        read = _saved_run.read(path, law, rule, Status.__members__, CONTACT)
         return cls(**read | {"status": Status[read["status"]]})
 
     def __repr__(self) -> str:

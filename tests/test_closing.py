@@ -7,8 +7,7 @@ import pytest
 
 import granular as gr
 from granular import reference
-from granular.closing import MARGIN, Closing
-from granular.scene.walls import fitted
+from granular.scene.walls import MARGIN, Closing, fitted
 
 LAW = gr.LinearDashpot(1e4, 1.0)
 POINTS, BALLS = [0.0, 0.0, 0.0], [0.0, 0.01, 0.0]

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.drive import End, Pause, Row, drive
-from granular.request import requested
+from granular.drive import End, Pause, Row, drive, requested
 
 HARD = np.dtype([("pair", int), ("t_begin", float), ("lower_in", float), ("upper_out", float), ("impulse", float)])
 SOFT = np.dtype([("pair", int), ("t_begin", float), ("t_end", float), ("xi_max", float), ("force_max", float)])

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 import granular as gr
 from granular._kernels import have_numba
-from granular.soundness import flaw
+from granular.scene.places import flaw
 from granular.walls import Motion, Piecewise, Sine, Thermal
 
 INF = math.inf

@@ -10,7 +10,7 @@ import pytest
 from scenes_at_random import gas
 
 import granular as gr
-from granular import durations, measures
+from granular import isolation, measures
 from granular.cli import main
 from granular.edmd import compiled_queue as blocks
 from granular.edmd import run
@@ -46,7 +46,7 @@ def alone(law, pair, speed):
 
 def brute(scene, log, laws):
     """Numbers of disturbed rows, and the first later one with its lower pair, by looking at every two rows."""
-    slowest = durations.SLOWEST * (np.ptp(scene.velocity) + math.sqrt(2.0 * scene.gravity * scene.gap.sum()))
+    slowest = isolation.SLOWEST * (np.ptp(scene.velocity) + math.sqrt(2.0 * scene.gravity * scene.gap.sum()))
     speed = np.maximum(log["v_in"][:, 0] - log["v_in"][:, 1], slowest)
     pair, time = log["pair"].tolist(), log["t_begin"].tolist()
     lasting = [alone(laws[c], scene.pairs[c], v) for c, v in zip(pair, speed.tolist(), strict=True)]
@@ -230,7 +230,7 @@ def test_durations_are_those_of_single_contacts():
     each = [make(0.01) for make in LAWS.values()]
     laws = [*each, gr.PowerLaw(1e4, 2.5), Own(1e3), gr.WaltonBraun(1e3, 2e3), gr.LinearDashpot(1e3, 1e3)]
     pair, speed = rng.integers(0, scene.n_pairs, 60), 10.0 ** rng.uniform(-1.0, 0.5, 60)
-    found = durations.Durations(laws, scene)(pair, speed)
+    found = isolation.Durations(laws, scene)(pair, speed)
     for c, v, t in zip(pair.tolist(), speed.tolist(), found.tolist(), strict=True):
         loose = {"ViscoelasticHertz": 1e-7, "Own": 1e-5}.get(type(laws[c]).__name__, 1e-13)
         assert t == pytest.approx(gr.binary.collision(laws[c], scene.pairs[c], v).duration, rel=loose)
@@ -247,7 +247,7 @@ def test_pairs_of_all_sizes_share_their_contacts(monkeypatch):
     collision = gr.binary.collision
     monkeypatch.setattr(gr.binary, "collision", lambda *given: ran.append(0) or collision(*given))
     scene = gas(1, 50, 2.0)
-    durations.Durations([gr.TsujiHertz(1e6, 0.3)] * scene.n_pairs, scene)(np.arange(51), np.ones(51))
+    isolation.Durations([gr.TsujiHertz(1e6, 0.3)] * scene.n_pairs, scene)(np.arange(51), np.ones(51))
     assert len(ran) == 1
 
 

@@ -9,12 +9,12 @@ import pytest
 
 import granular as gr
 from granular import cases, cli, reference
+from granular._tables import duration
 from granular.cli import frontier as command
 from granular.frontiers import Frontier, Row
 from granular.frontiers.methods import Task, expected_order, own
 from granular.frontiers.result import contacts_of, errors
 from granular.frontiers.run import METHODS
-from granular.tables import duration
 
 pytest.importorskip("mpmath")
 QUICK = ("located", "verlet", "edmd", "dop853+events", "dop853")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import certificate
+from granular import isolation
 
 pytest.importorskip("xarray")
 
@@ -41,7 +41,7 @@ def test_all_fronts_give_the_same_numbers(seed, granular, tmp_path):
         assert written["pairs"] == said["pairs"]
         assert written["verdict"] == said["verdict"]
         assert all(written[name] == said[name] for name in ("isolated", "contacts", "first_disturbed"))
-        assert certificate.sentence(report.soft) in granular(f"run {line}")[1]
+        assert isolation.sentence(report.soft) in granular(f"run {line}")[1]
 
     results = ["contacts", "hard_contacts", "v_rel", "t_f", "error", "isolated_share"]
     fixed = {key: value for key, value in options.items() if key != "stiffness"}

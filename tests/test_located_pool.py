@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from granular._kernels import have_numba
-from granular.drive import Pause
+from granular.drive import Pause, requested
 from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz
 from granular.laws.check import checked
 from granular.md.located import Run, at_rest, pace, run, system
 from granular.md.located.islands import _check
-from granular.request import requested
 from granular.scene import Scene
 
 LAWS = [LinearDashpot(1e4, 3.0), LinearDashpot(1e4), Hertz(1e6), ViscoelasticHertz(1e6, 50.0), TsujiHertz(1e6, 0.4)]

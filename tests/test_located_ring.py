@@ -9,13 +9,12 @@ from soft_twin import distance, twin
 from solved_by_scipy import beside, drawn
 
 import granular as gr
-from granular import certificate
-from granular.drive import Pause
+from granular import isolation
+from granular.drive import Pause, requested
 from granular.laws.check import checked
 from granular.md.located import Run, pace, system
 from granular.md.located.free_length import reimpose
 from granular.md.located.islands import _check
-from granular.request import requested
 
 LAWS = [gr.LinearDashpot(1e4, 3.0), gr.LinearDashpot(1e4), gr.Hertz(1e5), gr.ViscoelasticHertz(1e5, 50.0),
         gr.TsujiHertz(1e5, 0.4)]  # fmt: skip
@@ -189,6 +188,6 @@ def test_stops_limits_and_soft_event_driven():
         stop = gr.md.simulate(rolled(close, by), law, t_end=2.0, disturbed="stop")
         assert stop.status is gr.Status.disturbed
         assert stop.first_disturbed[1] == -by % 3
-        assert certificate.first_disturbed(stop).startswith(f"pairs {-by % 3} and {(1 - by) % 3} at t = ")
+        assert isolation.first_disturbed(stop).startswith(f"pairs {-by % 3} and {(1 - by) % 3} at t = ")
     with pytest.raises(ValueError, match="t_end is None: on a ring"):
         gr.md.simulate(scene, law)

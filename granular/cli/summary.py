@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from granular import certificate, measures
+from granular import isolation, measures
 from granular.cases import Case
 from granular.trajectory import Status, Trajectory
 
@@ -24,7 +24,7 @@ def summary(case: Case, run: Trajectory) -> str:
         return "\n".join([*lines, f"{run.status.name} at t = {run.time[-1]:.6g} s: {run.message}"])
     lines += [f"{run.status.name}: {run.message}",
               f"t = {run.time[-1]:.12g} s, {len(run.contacts)} contacts",
-              *filter(None, [certificate.sentence(run)]), "", *_contacts(run), "", *_bodies(run)]
+              *filter(None, [isolation.sentence(run)]), "", *_contacts(run), "", *_bodies(run)]
     if run.scene.fed:
         parts = measures.balance(run)
         said = (f"{words} {parts[name]:.6g}" for name, words in measures.ACCOUNT.items() if parts[name])

@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from granular import tie_rules
+from granular import other_ties
 from granular.comparison.numbers import Compared
 from granular.components import FAINT
 from granular.outcome import SAME, PairOutcome
@@ -121,7 +121,7 @@ def _judged(report: Compared, j: int) -> Reason:
                   ": balls that touch or collide at once have no one hard-sphere answer; here it hangs on the tie "
                   f"rule: {report.hard_options['ties']} and {rule} differ by {ties:.2g} of the fastest impact")
     chaos, shift, overlap = float(report.shifts[j]), float(report.shift_errors[j]), _overlap(report, pairs)
-    touching = tie_rules.touching(report.scene)[list(pairs)].any()
+    touching = other_ties.touching(report.scene)[list(pairs)].any()
     if chaos > SAME and touching:
         return so(Answer.not_unique,
                   ": touching balls have no one hard-sphere answer; here it hangs on the option ties")  # fmt: skip

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from granular._tables import PREFIXES, unit_of
 from granular.comparison.answer import Judged
-from granular.durations import Durations
+from granular.isolation import Durations
 from granular.laws.kinds import resolved
 from granular.scene import Scene
-from granular.tables import PREFIXES, unit_of
 
 LONG = re.compile(r"\d+\.\d*(?:e[-+]?\d+)?")
 """Numbers within the name of a wall."""

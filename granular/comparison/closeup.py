@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array
+from granular._drawing import GREY, HARD, SOFT
+from granular._tables import unit_of
 from granular.comparison.caption import pair_name
 from granular.comparison.view import View
-from granular.drawing import GREY, HARD, SOFT
-from granular.tables import unit_of
 from granular.trajectory import Trajectory
 
 MOST = 20  # with more pairs than these, contacts somewhere else would always be found to last

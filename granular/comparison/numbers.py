@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, certificate, edmd, end_time, measures, outcome, theory, tie_rules
+from granular import _check, edmd, end_time, isolation, measures, other_ties, outcome, theory
 from granular import until as stop
 from granular._check import Array
 from granular.binary import at_speed
@@ -103,7 +103,7 @@ class Compared:
             "distance": math.nan if self._early else self._distance(self._apart[0]),
             "predictability": self._predictability,
             "mass_centre_ratio": soft_cm / hard_cm if hard_cm and not self._early else math.nan,
-            "isolated_share": certificate.isolated_share(self.levelled[1]),
+            "isolated_share": isolation.isolated_share(self.levelled[1]),
             "lag": float(self.soft.time[-1] - self.hard.time[-1]),
         }
 
@@ -305,7 +305,7 @@ class Compared:
     @cached_property
     def _other_answers(self) -> dict[str, Trajectory]:
         found = {}
-        for options in tie_rules.others(self.settled, self.hard_options):
+        for options in other_ties.others(self.settled, self.hard_options):
             with suppress(ValueError, ArithmeticError):  # no answer, as for balls wedged between two walls
                 run = self._carried_on(edmd.simulate(self.scene, self.rule, **options), options)
                 if run.status not in EARLY:

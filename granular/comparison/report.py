@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from granular import certificate, measures
+from granular import isolation, measures
+from granular._tables import number, problem
 from granular.comparison.answer import Judged
 from granular.components import FAINT
 from granular.laws.kinds import resolved
-from granular.tables import number, problem
 from granular.trajectory import Status, Trajectory
 
 MANY = 8
@@ -133,7 +133,7 @@ def numbers(report: Judged) -> dict[str, Any]:
         "restitution_ratio": report.restitution_ratio,
         "measures": report.measures,
         "groups": report.groups,
-        **certificate.numbers(report.soft),
+        **isolation.numbers(report.soft),
         "error": report.error,
         **({} if math.isnan(report.drop) else {"drop": report.drop, "rises": report.rises}),
         "answer": report.answer.name,
@@ -235,7 +235,7 @@ def _left_out(report: Judged) -> tuple[int, int]:
 
 def _why(report: Judged) -> Iterator[str]:
     shared = report.overlaps
-    yield from filter(None, [certificate.sentence(report.soft)])
+    yield from filter(None, [isolation.sentence(report.soft)])
     if not shared and report.measures["isolated_share"] < 1.0:
         yield "Why: contacts overlap in time only where no force counts; only the finite durations differ."
     elif not shared:

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from granular import edmd, md, tie_rules
+from granular import edmd, md, other_ties
 from granular import until as stop
+from granular._tables import Report
 from granular.comparison import figure, film, report
 from granular.comparison.answer import Judged
 from granular.comparison.restitution import rule_of
+from granular.drive import EVENTS, check_end
 from granular.laws.check import checked
-from granular.request import EVENTS, check_end
 from granular.scene import Scene
 from granular.scene import checked as a_scene
-from granular.tables import Report
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +113,7 @@ def compare(
     end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
     event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed, "collapse": collapse, "merge_below": merge_below}
     hard = edmd.simulate(scene, used, **event_driven, on_progress=on_progress)
-    most = min(max_events, tie_rules.PATIENCE * (hard.stats["events"] + scene.n))
+    most = min(max_events, other_ties.PATIENCE * (hard.stats["events"] + scene.n))
     twin = edmd.simulate(_nudged(scene), used, **event_driven | {"max_events": most}, on_progress=on_progress)
     options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
     soft = md.simulate(scene, laws, **end, **options, on_progress=on_progress)
@@ -124,5 +124,5 @@ def _nudged(scene: Scene) -> Scene:
     """Gaps shifted by 1e-12 of themselves (of touching balls by 1e-12 of the mean gap), with changing sign."""
     typical = float(scene.gap.mean()) or 1.0
     sign = np.where(np.arange(scene.n_pairs) % 2, -1.0, 1.0)
-    shift = 1e-12 * np.where(tie_rules.touching(scene), typical, scene.gap * sign)
+    shift = 1e-12 * np.where(other_ties.touching(scene), typical, scene.gap * sign)
     return scene.replace(gap=scene.gap + shift)

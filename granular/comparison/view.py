@@ -13,8 +13,8 @@ import numpy as np
 
 from granular import edmd, md
 from granular._check import Array
+from granular._tables import unit_of
 from granular.comparison.answer import Judged
-from granular.tables import unit_of
 from granular.trajectory import Status, Trajectory
 from granular.until import Separated
 

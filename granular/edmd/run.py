@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from granular._records import column, packed
-from granular.closing import Closing
-from granular.drive import End, Pause, Row, Rows, portion
+from granular.drive import End, Pause, Request, Row, Rows, portion
 from granular.edmd import collapse, compiled_queue, wall_state
 from granular.edmd.collision import ROW
 from granular.edmd.compiled_queue import BlockQueue, TreeQueue, pays
@@ -21,8 +20,8 @@ from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
 from granular.edmd.ties import GROUP, ORDER
 from granular.edmd.watch import Watch
-from granular.request import Request
 from granular.scene import velocities
+from granular.scene.walls import Closing
 from granular.trajectory import Status
 from granular.until import Contact
 

@@ -59,7 +59,7 @@ class Watch:
         for one in different(laws):
             instance("watch", one, "how long a contact lasts, no collision rule can tell")
         check.checked(laws, scene)
-        from granular.durations import Durations  # from above, and only when asked for
+        from granular.isolation import Durations  # from above, and only when asked for
 
         self.duration: Callable[[Any, Array], Array] = Durations(laws, scene)
         self.last: Records = np.zeros(scene.n_pairs, LAST)

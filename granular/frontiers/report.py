@@ -13,10 +13,10 @@ from textwrap import fill
 from typing import Any
 
 from granular import _files
-from granular.drawing import canvas
+from granular._drawing import canvas
+from granular._tables import aligned, duration, number, problem
 from granular.frontiers.result import NEAR, Measured, Row
 from granular.md.integrators import INTEGRATORS
-from granular.tables import aligned, duration, number, problem
 
 GOALS = (1e-3, 1e-6, 1e-9, 1e-12)
 """Errors for which the fastest methods are named."""

@@ -16,6 +16,7 @@ import numpy as np
 from granular import _check, md
 from granular import until as stop
 from granular._check import Array
+from granular._tables import Report, machine
 from granular.frontiers import report
 from granular.frontiers.methods import PEERS, Method, Task, expected_order, own, peer
 from granular.frontiers.result import NEAR, Measured, Row, contacts_of, errors
@@ -24,7 +25,6 @@ from granular.md.integrators import INTEGRATORS as FIXED
 from granular.reference import Reference, solve
 from granular.scene import Scene
 from granular.scene import checked as a_scene
-from granular.tables import Report, machine
 from granular.trajectory import Status, Trajectory
 
 METHODS = ("located", *FIXED, "edmd", *PEERS)

@@ -16,8 +16,7 @@ import numpy as np
 from granular import until as stop
 from granular._kernels import Toll, have_numba
 from granular._records import packed
-from granular.closing import Closing
-from granular.drive import End, Pause, Row, Rows, portion
+from granular.drive import End, Pause, Request, Row, Rows, portion
 from granular.laws.kinds import SceneLaws
 from granular.md import march as loop
 from granular.md.contact_force import NotCompilableError
@@ -28,8 +27,8 @@ from granular.md.rows import COLUMNS, CONTACT_ROW
 from granular.md.stability import WARN, expected_rate, sharpest_rate
 from granular.md.stepper import Stepper
 from granular.md.window import BESIDE, COUNT, DEEPEST, PART, RAW, ROWS, SHARED, XI, V
-from granular.request import Request
 from granular.scene import Scene, positions
+from granular.scene.walls import Closing
 from granular.trajectory import Status
 
 CHUNK, SHORTEST = 1 << 15, 1 << 8

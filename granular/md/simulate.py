@@ -15,17 +15,15 @@ from numpy.typing import ArrayLike
 
 from granular import _check
 from granular import until as stop
-from granular.closing import Closing
-from granular.drive import drive, go_on
+from granular.drive import EVENTS, check_end, drive, go_on, requested
 from granular.laws.check import check_deepest
 from granular.laws.check import checked as checked_laws
 from granular.laws.kinds import SceneLaws
 from granular.md import fixed, located
 from granular.md.integrators import INTEGRATORS
 from granular.md.stability import expected_rate
-from granular.request import EVENTS, check_end, requested
 from granular.scene import Scene, checked
-from granular.scene.walls import fitted
+from granular.scene.walls import Closing, fitted
 from granular.trajectory import Status, Trajectory
 
 SHORTEST = 1e-60

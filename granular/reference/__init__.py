@@ -16,7 +16,6 @@ from typing import Any
 from granular import _check
 from granular import until as stop
 from granular._optional import optional
-from granular.closing import Closing
 from granular.laws.check import checked
 from granular.laws.contact_law import Form, PairLaw
 from granular.reference import restarted, taylor
@@ -24,7 +23,7 @@ from granular.reference.log import Reference, ReferenceContact, distance
 from granular.reference.pieces import fraction
 from granular.scene import Scene
 from granular.scene import checked as a_scene
-from granular.scene.walls import fitted
+from granular.scene.walls import Closing, fitted
 
 __all__ = ["Reference", "ReferenceContact", "solve"]
 

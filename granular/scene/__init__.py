@@ -2,7 +2,7 @@
 May be skipped: the names of the parts.
 """
 
-from granular.pair import Pair, Pairs, checked_pair
+from granular.scene.pair import Pair, Pairs, checked_pair
 from granular.scene.places import positions, speed_scale, velocities
 from granular.scene.state import Scene, checked, in_order
 

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from granular import _check
 from granular import walls as walls_module
 from granular._check import Array
-from granular.pair import Pairs
 from granular.scene.given import external_forces, line, refuse_together, rest_gaps
+from granular.scene.pair import Pairs
 
 
 @dataclass(frozen=True, eq=False)

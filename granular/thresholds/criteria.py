@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from granular import certificate
+from granular import isolation
 from granular.cases import Case
 from granular.comparison.answer import Answer as Judgement
 from granular.outcome import SAME
@@ -66,10 +66,10 @@ def isolated(case: Case, limit: float) -> tuple[str, float, str]:
     run = case.simulate("md", disturbed="stop", log=False)
     time, pair = run.first_disturbed
     if pair >= 0:
-        return FAILS, time, f"the first disturbed: {certificate.first_disturbed(run)}"
+        return FAILS, time, f"the first disturbed: {isolation.first_disturbed(run)}"
     if run.status in EARLY:
         return UNDECIDED, math.nan, f"{run.status.name}: {run.message}"
-    return HOLDS, math.nan, certificate.sentence(run) or "no contact"
+    return HOLDS, math.nan, isolation.sentence(run) or "no contact"
 
 
 def error(case: Case, limit: float) -> tuple[str, float, str]:

@@ -15,8 +15,8 @@ from textwrap import fill
 from typing import Any
 
 from granular import _files
-from granular.drawing import GREY, HARD, SOFT, canvas
-from granular.tables import Report, aligned
+from granular._drawing import GREY, HARD, SOFT, canvas
+from granular._tables import Report, aligned
 from granular.thresholds.criteria import CRITERIA, FAILS, HOLDS, UNDECIDED, Value
 
 Interval = tuple[float, float]

@@ -1,5 +1,8 @@
-"""How long many isolated contacts last: the t_c that `granular.binary.collision` gives for one, at little cost.
-May be skipped: `binary` many times over, and faster.
+"""Isolated contacts: how many of a run of soft spheres were isolated, what that certifies, and how long they last.
+May be skipped: a sentence about three numbers of a run; and `binary` many times over, at little cost.
+
+A contact is isolated if no neighbouring pair overlaps from where its balls touch to where they part (docs/concepts.md).
+Hard spheres differ from it by its delay and its displacement only. Its delay hangs on t_c, its duration:
 
 | law                                                   | duration                                       |
 |-------------------------------------------------------|------------------------------------------------|
@@ -25,6 +28,47 @@ from granular.laws import viscoelastic_restitution
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import Ints, resolved
 from granular.scene import Scene, speed_scale
+from granular.trajectory import Trajectory
+
+
+def isolated_share(run: Trajectory) -> float:
+    """Share of the contacts that were isolated; nan without contacts, and for runs that do not count them.
+
+    Those are runs of hard spheres and of fixed steps.
+    """
+    if run.law is None or "isolated" not in run.stats or not run.stats["contacts"]:
+        return math.nan
+    return float(run.stats["isolated"] / run.stats["contacts"])
+
+
+def numbers(run: Trajectory) -> dict[str, Any]:
+    """Return the numbers for JSON; None where a run does not count them."""
+    known = run.law is not None and "isolated" in run.stats
+    return {"isolated": run.stats["isolated"] if known else None, "contacts": run.stats["contacts"] if known else None,
+            "first_disturbed": run.first_disturbed if known else None}  # fmt: skip
+
+
+def sentence(run: Trajectory) -> str:
+    """Return what is certified, in words; empty if nothing is."""
+    share = isolated_share(run)
+    if math.isnan(share):
+        return ""
+    isolated, contacts = _grouped(run.stats["isolated"]), _grouped(run.stats["contacts"])
+    if share == 1.0:
+        return "certified: " + ("the only contact" if contacts == "1" else f"all {contacts} contacts") + " isolated"
+    return f"certified: {isolated} of {contacts} contacts isolated; the first disturbed: {first_disturbed(run)}"
+
+
+def first_disturbed(run: Trajectory) -> str:
+    """Return which neighbouring pairs of a run were the first that overlapped at once, and since when, in words."""
+    time, pair = run.first_disturbed
+    return f"pairs {pair} and {(pair + 1) % run.scene.n_pairs} at t = {time:.9g} s"
+
+
+def _grouped(count: int) -> str:
+    """A whole number in groups of three digits."""
+    return f"{count:_}".replace("_", " ")
+
 
 SMOOTH, COSTLY = 8, 2
 """Values known of an octave: of a formula, and of what a contact has to be run for."""
