@@ -3,9 +3,11 @@
 What a component says, the first that is so:
 
 ==================  ==================================================================================================
+no                  hard spheres collide forever where soft ones part; or nothing collides, and soft ones sink
 not uniquely        a ball leaves with another velocity under another tie rule, or from gaps shifted by 1e-12
 not ball by ball    hard spheres from gaps shifted by 1e-12 of themselves part from themselves: beyond predictability
-no                  other numbers of contacts, or an error above `SAME`
+no verdict          a soft contact was still running and cannot be followed
+no                  other numbers of contacts, an error above `SAME`, or soft balls at rest that sink
 yes                 the error is at most `SAME`, and what has no value is at rest in both runs
 ==================  ==================================================================================================
 """
