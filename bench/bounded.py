@@ -89,19 +89,19 @@ def above_floor(n: int, end: float, rows: int) -> dict[str, list[float]]:
     scene = gr.scenes.heated_gas(n, lower=HOT, gravity=4.0, packing=0.0, seed=1)
     asked = {"t_end": end, "samples": rows} | LIMITS
     runs = {"hard": gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), **asked),
-            "soft": gr.md.simulate(scene, gr.LinearDashpot(2e3), max_steps=10**9, **asked)}  # fmt: skip
+            "soft": gr.md.simulate(scene, gr.LinearDashpot(2e3), max_steps=10**9, **asked)}
     bins = np.linspace(0.0, 3.0, 25)
     return {name: (np.histogram(run.position[:, 1:], bins)[0] / (bins[1] * n * rows)).tolist()
-            for name, run in runs.items()}  # fmt: skip
+            for name, run in runs.items()}
 
 
 def compute(points: int) -> dict[str, Any]:
     """All numbers; at few points short runs."""
     if points < 10:
         return {"haff": haff(40, 1, 0.02, 3), "heat": conduction((2,), 10.0, 2), "cradle": cradle(2),
-                "floor": above_floor(2, 4.0, 5)}  # fmt: skip
+                "floor": above_floor(2, 4.0, 5)}
     return {"haff": haff(40, 40, 10.0, 101), "heat": conduction((1, 2, 4, 8, 16, 32, 64), 2.5e3, 96),
-            "cradle": cradle(60), "floor": above_floor(10, 4e3, 4001)}  # fmt: skip
+            "cradle": cradle(60), "floor": above_floor(10, 4e3, 4001)}
 
 
 def draw(data: dict[str, Any]) -> Any:
@@ -113,7 +113,7 @@ def draw(data: dict[str, Any]) -> Any:
     for k, mark, rows, colour in marks:
         n, mean, error = np.transpose(rows)
         heat.errorbar(n, mean, error, fmt=mark + "-", lw=0.5, ms=3, mfc="none", capsize=1.5, color=colour,
-                      label=f"soft spheres, k = {k:g} N/m")  # fmt: skip
+                      label=f"soft spheres, k = {k:g} N/m")
     heat.axhline(1.0, color=HARD, lw=0.8, label="hard spheres")
     heat.set(xscale="log", xlabel="balls between the walls", ylabel="heat flow, soft over hard", ylim=(0.0, 1.1))
     heat.legend(loc="lower left")

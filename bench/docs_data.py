@@ -117,7 +117,7 @@ def extremes() -> Any:
 def verdicts(report: Any) -> Any:
     """The same of a study that is done already."""
     return [[cell.axis, cell.case, cell.method, cell.truth, cell.verdict.name]
-            for cell in report.cells if cell.method in ("located", "edmd")]  # fmt: skip
+            for cell in report.cells if cell.method in ("located", "edmd")]
 
 
 def plain(value: Any) -> Any:
@@ -132,14 +132,14 @@ def plain(value: Any) -> Any:
 
 
 FEW = {"sketch": 1, "forces": 20, "sequence": 3, "counts": 4, "gap": 12, "radii": 12, "validity": 5, "material": 4,
-       "viscoelastic": 5, "viscoelastic-material": 5, "breakdown": 2, "predictors": 2}  # fmt: skip
+       "viscoelastic": 5, "viscoelastic-material": 5, "breakdown": 2, "predictors": 2}
 SLOW = {"viscoelastic", "viscoelastic-material", "breakdown", "predictors"}
 SCENES = ("three-balls", "three-balls-elastic", "three-balls-viscoelastic", "cradle", "column", "chain")
 ENTRIES = {f"paper-{name}": Entry(partial(paper, name, few), name not in SLOW) for name, few in FEW.items()}
 ENTRIES |= {f"frontier-{name}": Entry(partial(frontier, name), False, 0.1, 1e-12) for name in SCENES}
 ENTRIES |= {"stability": Entry(stability, False), "stability-three-balls": Entry(extremes, False),
             "isolation": Entry(isolation), "bounded": Entry(bounded), "driven": Entry(driven, absolute=1e-3),
-            "waves": Entry(waves, absolute=1e-6), "first-minute": Entry(first_minute)}  # fmt: skip
+            "waves": Entry(waves, absolute=1e-6), "first-minute": Entry(first_minute)}
 TIMES_ONLY = {"edmd-scaling"}
 """Figures of run times, which differ from machine to machine."""
 

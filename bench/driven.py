@@ -37,7 +37,7 @@ def runs(scene: gr.Scene, eps: float, bounces: int) -> dict[str, Any]:
     law = gr.LinearDashpot.from_restitution(eps, k=(RATIO * OMEGA) ** 2, pair=scene.pairs[0])
     end = gr.until.contact(pair=0, nth=bounces)
     return {"hard": gr.edmd.simulate(scene, gr.ConstantRestitution(eps), until=end),
-            "soft": gr.md.simulate(scene, law, until=end)}  # fmt: skip
+            "soft": gr.md.simulate(scene, law, until=end)}
 
 
 def doubling(points: int, bounces: int) -> dict[str, Any]:
@@ -68,7 +68,7 @@ def height(eps: float, periods: int) -> float:
     scene = gr.scenes.vibrated_column(N, GAMMA, FREQUENCY)
     plate = scene.floor
     run = gr.edmd.simulate(scene, gr.ConstantRestitution(eps), t_end=periods / FREQUENCY, samples=7 * periods + 1,
-                           collapse="merge", max_events=10**8, log=False)  # fmt: skip
+                           collapse="merge", max_events=10**8, log=False)
     above = run.position[len(run.time) // 4 :, 1:].mean() - 0.005 * N + plate.displacement(0.0)
     return float(above * G / (plate.amplitude * plate.omega) ** 2)
 
@@ -77,7 +77,7 @@ def compute(points: int) -> dict[str, Any]:
     """All of it; at few points short runs."""
     few = points < 10
     return {"doubling": doubling(points, 100 if few else 1000), "chaos": chaos(10 if few else 4000),
-            "column": heights(2 if few else 7, 10 if few else 1500)}  # fmt: skip
+            "column": heights(2 if few else 7, 10 if few else 1500)}
 
 
 def draw(data: dict[str, Any]) -> Any:

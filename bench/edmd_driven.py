@@ -52,7 +52,7 @@ def timed(scene: gr.Scene, eps: float) -> tuple[float, float]:
     merging = {} if eps == 1.0 else {"collapse": "merge", "merge_below": 1e-3}
     begin = time.perf_counter()
     run = gr.edmd.simulate(scene, gr.ConstantRestitution(eps), engine="compiled", t_end=1e15, max_events=EVENTS,
-                           log=False, **merging)  # fmt: skip
+                           log=False, **merging)
     took = time.perf_counter() - begin
     account = run.account()
     rest = np.ptp(account["energy"] - account["work"].sum(axis=1) + account["dissipated"])

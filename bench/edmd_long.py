@@ -51,7 +51,7 @@ def drift(name: str, scene: gr.Scene, collisions: int, t_start: float = 0.0) -> 
     rate = collisions / (time.perf_counter() - begin) * 1e-6
     length = run.gap[-1].sum() / scene.gap.sum() - 1.0
     print(f"{name:34s} {collisions:9.0e} collisions  max |dE/E| {worst:8.1e}  dL/L {length:8.1e}  ordered {ordered}  "
-          f"clamps {run.stats['clamps']}  {rate:.1f} M/s", flush=True)  # fmt: skip
+          f"clamps {run.stats['clamps']}  {rate:.1f} M/s", flush=True)
 
 
 def momentum(spread: float, collisions: int) -> None:
@@ -64,7 +64,7 @@ def momentum(spread: float, collisions: int) -> None:
     p = [math.fsum((scene.mass * u).tolist()) for u in run.velocity]
     change, ulp = p[1] - p[0], 1e12 * math.ulp(float(np.abs(run.velocity[-1, [0, -1]]).max()))
     print(f"momentum, masses e^±{spread:g}: {run.stats['events']:.0e} collisions, dP/Σm|v| {change / scale:.1e}; "
-          f"one rounding of an end ball {ulp / scale:.1e}", flush=True)  # fmt: skip
+          f"one rounding of an end ball {ulp / scale:.1e}", flush=True)
 
 
 def folded(collisions: int, t_start: float = 0.0) -> None:

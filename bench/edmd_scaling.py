@@ -137,7 +137,7 @@ def leaving_out() -> None:
         "with tc=": engine(scene, "compiled", nearly, tc=1e-6),
         "with collapse='merge'": engine(scene, "compiled", nearly, collapse="merge", merge_below=1e-9),
         f"without {walls}": engine(gas(n, walls=False), "compiled"),
-    }  # fmt: skip
+    }
     plain = {
         "everything left out": engine(scene, "sorted"), "with gravity": engine(gas(n, 0.001), "sorted"),
         "with the log": engine(scene, "sorted", log=True),
@@ -149,7 +149,7 @@ def leaving_out() -> None:
         "with a function ε(v)": engine(scene, "sorted", lambda speed, pair: 1.0),
         "with ties='poisson'": engine(scene, "sorted", ties="poisson"),
         f"without {walls}": engine(gas(n, walls=False), "sorted"),
-    }  # fmt: skip
+    }
     for queue, kinds, events in (("compiled", timers, 1e6), ("SortedList", plain, 3e4)):
         found = costs(kinds, dict.fromkeys(kinds, events), n, 7)
         least = found["everything left out"]

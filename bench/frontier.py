@@ -54,7 +54,7 @@ SCENES: dict[str, tuple[str, Callable[[], Frontier]]] = {
                lambda: frontier(scenes.newtons_cradle(5), Hertz(2e10), until=APART)),
     "column": ("Column of 10 balls, ε = 0.9", column),
     "chain": ("Chain of 20 touching Hertz balls", lambda: frontier(scenes.chain(20), Hertz(2e10), until=APART)),
-}  # fmt: skip
+}
 
 
 ALT = "Error of velocities and of contact times against run time, one line a method"
@@ -66,11 +66,11 @@ def section(name: str, title: str, report: Frontier) -> str:
     truth = report.reference
     said = (f"{title}: errors against run time; {len(truth.contacts)} contacts. Reference: {truth.solver}, good to "
             f"{power(truth.velocity_error)} of the impact speed; rounding of the scene's own numbers: "
-            f"{power(report.rounding_level)}.")  # fmt: skip
+            f"{power(report.rounding_level)}.")
     lines = [
         f"## {title}", "", ":::{figure-md}", f"![{ALT}: {title}](figures/frontier-{name}.png)", "", said, ":::", "",
         "| error below | located | fastest other | ratio |", "|---|---|---|---|",
-    ]  # fmt: skip
+    ]
     alone = tuple(method for method in report.methods if method != "located")
     for goal in GOALS:
         mine, other = report.fastest(goal, without=alone), report.fastest(goal, without=("located",))
@@ -80,7 +80,7 @@ def section(name: str, title: str, report: Frontier) -> str:
         lines.append(f"| {power(goal)} | {' | '.join(shown)} |")
     lines += ["", f"<details><summary>Orders and smallest errors of all {len(report.methods)} methods</summary>", "",
               "| method | order measured | min(p, 1+s) | textbook p | smallest error | contacts wrong |",
-              "|---|---|---|---|---|---|"]  # fmt: skip
+              "|---|---|---|---|---|---|"]
     lines += [_method_line(report, method) for method in report.methods]
     return "\n".join([*lines, "", "</details>", ""])
 

@@ -38,7 +38,7 @@ LAWS: dict[str, tuple[Any, float]] = {
     "spring": (gr.LinearDashpot(1e10), 1.0), "dashpot": (gr.LinearDashpot(1e10, 60.0), 0.999),
     "Hertz": (gr.Hertz(1e12), 1.0), "viscoelastic": (gr.ViscoelasticHertz(1e12, 1e4), 0.999),
     "Tsuji": (gr.TsujiHertz(1e12, 1e-3), 0.999),
-}  # fmt: skip
+}
 
 
 def gas(n: int, seed: int = 1, spread: bool = True) -> gr.Scene:
@@ -89,7 +89,7 @@ def dilute(most: int, rounds: int) -> None:
                 missed = "" if ratio <= goal else " MISSED"
                 verdict = f"goal {goal}{missed}" if name in GOALS else ""
                 print(f"N {n:8d} {name:13s} {'log' if log else '   '} hard {ns['hard']:6.0f} soft {ns['soft']:6.0f} ns"
-                      f"  {ratio:5.2f} {verdict}", flush=True)  # fmt: skip
+                      f"  {ratio:5.2f} {verdict}", flush=True)
 
 
 def own(most: int, rounds: int) -> None:
@@ -111,7 +111,7 @@ def share(most: int, rounds: int) -> None:
             begun = len(run.contacts)
             rate = np.nanmedian(run.contacts["duration"]) * 2.0 * begun / (scene.n_pairs * run.time[-1])
             print(f"{name} 1e{decade:<2d} t_c rate {rate:8.2e} isolated {run.stats.get('isolated', 0) / begun:6.1%}"
-                  f"  {ns:8.0f} ns", flush=True)  # fmt: skip
+                  f"  {ns:8.0f} ns", flush=True)
 
 
 def floor(most: int, rounds: int) -> None:

@@ -37,7 +37,7 @@ def compute(points: int) -> dict[str, Any]:
     gaps = np.geomspace(*GAPS, points).tolist()
     found = gr.threshold("three-balls", "gap", GAPS, points=20, restitution=RESTITUTION)
     return {"gap": gaps, "threshold": found.holds[0][0],
-            **{way: [parting(gap, way) for gap in gaps] for way in WAYS}}  # fmt: skip
+            **{way: [parting(gap, way) for gap in gaps] for way in WAYS}}
 
 
 def draw(data: dict[str, Any]) -> Any:

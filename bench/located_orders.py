@@ -37,7 +37,7 @@ def scenes(count: int) -> dict[str, Any]:
     mass = np.column_stack([np.full(count, math.inf), np.full(count, m1), m2])
     velocity = np.column_stack([np.zeros(count), -speed, -speed])
     return {"mass": mass, "gap": np.column_stack([np.zeros(count), gap]), "velocity": velocity, "law": law,
-            "gravity": pick.choice([0.0, 9.81], count)}  # fmt: skip
+            "gravity": pick.choice([0.0, 9.81], count)}
 
 
 def solve(count: int, gap_factor: float = 1.0) -> dict[str, Any]:
@@ -85,7 +85,7 @@ def main(count: int) -> None:
     print(f"counts differ between order 20 and 24: {np.sum(~same)}; between gaps 4 ulp apart: {np.sum(shaky)}")
     print(f"differ between orders where 4 ulp do not matter: {np.sum(~same & ~shaky)}")
     print(f"|Δv|/v between orders, same counts: median {np.nanmedian(moved[same]):.1e}, "
-          f"largest {np.nanmax(moved[same]):.1e}")  # fmt: skip
+          f"largest {np.nanmax(moved[same]):.1e}")
     print(f"largest |Δv| over that of 4 ulp of the gap (at least 1e-13): {np.nanmax(excess):.2f}")
 
 

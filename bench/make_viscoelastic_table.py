@@ -173,7 +173,7 @@ def main() -> None:
         "stretched_duration": table(lambda q: solution(q)[1] * mp.exp(q * q * 2 / 3)),
         "deepest": table(lambda q: top(q)[0] * mp.exp(q * q * 2 / 3)),
         "strongest": table(lambda q: top(q)[1] * mp.exp(-q * q * 2 / 3), nodes=44, least=1e-17), "series": series(),
-    }, indent=1) + "\n", "utf-8")  # fmt: skip
+    }, indent=1) + "\n", "utf-8")
 
 
 if __name__ == "__main__":

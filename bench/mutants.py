@@ -99,7 +99,7 @@ def killed(file: str, old: str, new: str, tests: str) -> str:
         files = [f"tests/{name}.py" for name in tests.split()]
         run = subprocess.run([sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", *files],
                              capture_output=True, text=True, cwd=copy, check=False,
-                             env=os.environ | {"PYTHONPATH": str(copy)})  # fmt: skip
+                             env=os.environ | {"PYTHONPATH": str(copy)})
     failed = [line for line in run.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
     return failed[0].split(" - ")[0] if failed else ""
 

@@ -93,7 +93,7 @@ def server(tree: Path) -> subprocess.Popen[str]:
     """Return a process that serves a tree."""
     paths = {"PYTHONPATH": os.pathsep.join([str(tree), str(ROOT / "bench")]), "OMP_NUM_THREADS": "1"}
     return subprocess.Popen([sys.executable, __file__, "--serve"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                            text=True, env=os.environ | paths, cwd=tree)  # fmt: skip
+                            text=True, env=os.environ | paths, cwd=tree)
 
 
 def ask(process: subprocess.Popen[str], name: str) -> float:

@@ -16,7 +16,7 @@ HERE = Path(__file__).parent
 SCRIPTS = (
     "frontier", "edmd_scaling", "edmd_columns", "edmd_long", "leaving_out", "fixed_speed", "isolation",
     "first_minute", "driven", "bounded", "waves", "located_speed", "located_extremes", "located_orders", "map_orders",
-)  # fmt: skip
+)
 
 
 def main() -> None:

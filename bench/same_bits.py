@@ -51,7 +51,7 @@ def results(only: list[str], seeds: int) -> list[tuple[str, int, dict[str, Any]]
     """Outcomes of all cases, in order."""
     warnings.simplefilter("ignore")
     return [(family, seed, {name: _plain(value) for name, value in outcome(run).items()})
-            for name in only for family, seed, run in FAMILIES[name](seeds)]  # fmt: skip
+            for name in only for family, seed, run in FAMILIES[name](seeds)]
 
 
 def _plain(value: Any) -> Any:
@@ -67,7 +67,7 @@ def in_tree(tree: Path, given: Any) -> Any:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "results"
         subprocess.run([sys.executable, __file__, "--into", str(file), "--seeds", str(given.seeds), "--only",
-                        *given.only], check=True, env=os.environ | {"PYTHONPATH": str(tree)})  # fmt: skip
+                        *given.only], check=True, env=os.environ | {"PYTHONPATH": str(tree)})
         return pickle.loads(file.read_bytes())
 
 

@@ -54,7 +54,7 @@ def way(rng: Any, pairs: int) -> dict[str, Any]:
         {"t_end": end, "until": until.contact(int(rng.integers(pairs)), int(rng.integers(1, 4)))},
         {"t_end": 3.0, "until": until.separated()}, {"t_end": 2.0, "max_events": 3}, {"t_end": end, "log": False},
         {"t_end": end + 1e3, "t_start": 1e3}, {},
-    ]  # fmt: skip
+    ]
     return ways[int(rng.integers(len(ways)))]
 
 
@@ -62,7 +62,7 @@ def kept(run: Any) -> dict[str, Any]:
     """What is compared of a trajectory."""
     return {name: getattr(run, name) for name in ("time", "position", "velocity", "gap", "force", "message")} | {
         "status": run.status.name} | {f"contacts.{name}": run.contacts[name] for name in run.contacts.dtype.names} | {
-        f"stats.{name}": value for name, value in run.stats.items()}  # fmt: skip
+        f"stats.{name}": value for name, value in run.stats.items()}
 
 
 # --- families
@@ -75,7 +75,7 @@ def edmd(seeds: int) -> Iterator[Case]:
     options: list[dict[str, Any]] = [
         {}, {"ties": "right"}, {"ties": "random", "seed": 7}, {"ties": "newton"}, {"ties": "poisson"},
         {"ties": "reflect"}, {"collapse": "merge"}, {"tc": 1e-3}, {"elastic_below": 1e-2},
-    ]  # fmt: skip
+    ]
     for option in options:
         for queue in ("sorted", "compiled"):
             if queue == "compiled" and option.get("ties") in ("newton", "poisson", "reflect"):
@@ -101,7 +101,7 @@ def edmd(seeds: int) -> Iterator[Case]:
         gas = gr.scenes.gas(n, float(n), mass_spread=4.0)
         for queue in ("auto", "compiled") if n > 1000 else ("auto", "sorted", "compiled"):
             yield f"edmd gas, {queue}", n, lambda s=gas, q=queue: gr.edmd.simulate(
-                s, eps, t_end=2.0 if s.n < 100_000 else 0.2, engine=q, samples=4)  # fmt: skip
+                s, eps, t_end=2.0 if s.n < 100_000 else 0.2, engine=q, samples=4)
 
 
 def resumed(scene: Any, rule: Any, queue: str) -> Any:
@@ -132,7 +132,7 @@ def located(seeds: int) -> Iterator[Case]:
         for number, (name, law) in enumerate(laws.items()):
             for engine in ("plain", "compiled") if number < POWERS or name == "mixed powers" else ("plain",):
                 yield f"located {name}, {engine}", seed, lambda s=scene, w=law, o=given | {"engine": engine}: (
-                    gr.md.simulate(s, w, **o))  # fmt: skip
+                    gr.md.simulate(s, w, **o))
         coarse, chosen = given | {"tol": 1e-10}, laws["viscoelastic"]
         yield "located tol", seed, lambda s=scene, w=chosen, o=coarse: gr.md.simulate(s, w, **o)
         yield "located on_event", seed, lambda s=scene, w=chosen: told(gr.md.simulate, s, w, t_end=0.3, **LIMITS)
@@ -154,9 +154,9 @@ def fixed(seeds: int) -> Iterator[Case]:
             for law in laws.values():
                 for engine in ("plain", "compiled"):
                     yield f"fixed {method}, {engine}", seed, lambda s=scene, w=law, o=given | {"engine": engine}: (
-                        gr.md.simulate(s, w, **o))  # fmt: skip
+                        gr.md.simulate(s, w, **o))
             yield f"fixed {method}, on_event", seed, lambda s=scene, w=laws["dashpot"], m=method: told(
-                gr.md.simulate, s, w, t_end=0.2, method=m, dt=1e-3, **LIMITS)  # fmt: skip
+                gr.md.simulate, s, w, t_end=0.2, method=m, dt=1e-3, **LIMITS)
     for log in (True, False):
         yield from soft_gases("fixed", {"method": "verlet", "dt": 1e-3, "log": log})
 

@@ -70,7 +70,7 @@ def family(number: int, seeds: int, kinds: dict[str, Callable[[Any], Any]]) -> I
                 options = LIMITS | given | {"engine": engine if law is not laws["own Hertz"] else "plain"}
                 yield f"located {kind}, {engine}", seed, lambda s=scene, w=law, o=options: gr.md.simulate(s, w, **o)
                 yield f"fixed {kind}, {engine}", seed, lambda s=scene, w=law, m=method, o=options: gr.md.simulate(
-                    s, w, **o | {"method": m, "dt": 1e-3})  # fmt: skip
+                    s, w, **o | {"method": m, "dt": 1e-3})
 
 
 def driven(seeds: int) -> Iterator[Case]:

@@ -17,7 +17,7 @@ ELASTIC, SPRING = gr.ConstantRestitution(1.0), gr.LinearDashpot(1e6)
 RUNS: dict[str, Callable[[gr.Scene], gr.Trajectory]] = {
     "hard": lambda scene: gr.edmd.simulate(scene, ELASTIC, max_events=1, log=False),
     "located": lambda scene: gr.md.simulate(scene, SPRING, max_events=1, log=False, engine="compiled"),
-}  # fmt: skip
+}
 
 
 def seconds(run: Callable[[gr.Scene], gr.Trajectory], n: int) -> float:

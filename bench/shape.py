@@ -41,7 +41,7 @@ def measure(tree: Path) -> dict[str, Any]:
     parsed = {name: ast.parse(text) for name, text in files.items()}
     code = {name: code_lines(text, parsed[name]) for name, text in files.items()}
     functions = [(name, node) for name, module in parsed.items() for node in ast.walk(module)
-                 if isinstance(node, Function)]  # fmt: skip
+                 if isinstance(node, Function)]
     docs = sum(len(lines) for module in parsed.values() for lines in docstrings(module))
     total = sum(text.count("\n") for text in files.values())
     faces = public_faces(tree)
@@ -126,7 +126,7 @@ def public_faces(tree: Path) -> set[str]:
 def imports(parsed: dict[str, ast.Module]) -> dict[str, set[str]]:
     """Which modules every module imports, wherever the import stands."""
     modules = {name.removesuffix(".py").removesuffix("/__init__").replace("/", "."): tree
-               for name, tree in parsed.items()}  # fmt: skip
+               for name, tree in parsed.items()}
     found: dict[str, set[str]] = {}
     for name, tree in modules.items():
         given: set[str] = set()
@@ -231,7 +231,7 @@ def hops(prepare: Callable[[], Callable[[], Any]], tree: Path) -> tuple[int, int
 def measured(tree: Path) -> dict[str, Any]:
     """`measure` in a process that imports the package of `tree`."""
     shown = subprocess.run([sys.executable, __file__, "--measure", str(tree)], check=True, capture_output=True,
-                           text=True, env=os.environ | {"PYTHONPATH": str(tree)})  # fmt: skip
+                           text=True, env=os.environ | {"PYTHONPATH": str(tree)})
     figures: dict[str, Any] = json.loads(shown.stdout)
     return figures
 

@@ -41,7 +41,7 @@ def noise(cells: int, periods: int) -> dict[str, Any]:
     kept = folded[: int(1.1 * periods), : cells // 2 + 1]
     return {"phase": (2.0 * math.pi * np.arange(cells // 2 + 1) / cells).tolist(),
             "frequency": (np.arange(len(kept)) * top / (2.0 * math.pi) / periods).tolist(),
-            "density": (kept / kept.max()).tolist()}  # fmt: skip
+            "density": (kept / kept.max()).tolist()}
 
 
 def decays(points: int, periods: int) -> dict[str, list[float]]:
@@ -99,7 +99,7 @@ def compute(points: int) -> dict[str, Any]:
     few = points < 10
     return {"noise": noise(4, 8) if few else noise(32, 128),
             "decays": decays(2 if few else 8, 24 if few else 160),
-            "solitary": solitary(20 if few else 110)}  # fmt: skip
+            "solitary": solitary(20 if few else 110)}
 
 
 def draw(data: dict[str, Any]) -> Any:
@@ -112,13 +112,13 @@ def draw(data: dict[str, Any]) -> Any:
     seen = data["noise"]
     density = np.log10(np.maximum(seen["density"], 1e-6))
     bands.pcolormesh(seen["phase"], 1e-3 * np.array(seen["frequency"]), density, cmap="Greys", shading="nearest",
-                     vmin=-3.0, vmax=0.0, rasterized=True)  # fmt: skip
+                     vmin=-3.0, vmax=0.0, rasterized=True)
     bands.plot(phase, 1e-3 * gr.waves.dispersion(phase, k, mass) / (2.0 * math.pi), color=HARD, lw=0.8)
     bands.set(xlabel="phase from cell to cell, rad", ylabel="frequency, kHz", xlim=(0.0, math.pi))
     omega = np.linspace(0.0, 1.5 * edges[-1, 1], 1000) * 2.0 * math.pi
     gaps.plot(omega / (2e3 * math.pi), gr.waves.decay(omega, k, mass), color=HARD, lw=0.8)
     gaps.plot(np.array(data["decays"]["omega"]) / (2e3 * math.pi), data["decays"]["decay"], "o", ms=3, mfc="none",
-              color=SOFT, label="runs")  # fmt: skip
+              color=SOFT, label="runs")
     for low, high in 1e-3 * edges:
         gaps.axvspan(low, high, color=GREY, alpha=0.15, lw=0)
     gaps.set(xlabel="frequency, kHz", ylabel="decay from ball to ball", ylim=(0.0, 1.05), xlim=(0.0, None))

@@ -27,7 +27,7 @@ def heads(file: IO[bytes]) -> dict[str, Head]:
     with _opened(file) as archive:
         members, size = archive.infolist(), os.fstat(file.fileno()).st_size
         sound = all(info.compress_type in (0, 8) and info.file_size <= DENSEST * info.compress_size + ROOM
-                    for info in members)  # fmt: skip
+                    for info in members)
         if not sound or sum(info.compress_size for info in members) > size:
             raise ValueError("members that overlap, or are larger than they can be")
         found = {_name(info): _head(archive, info) for info in members}

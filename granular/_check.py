@@ -105,12 +105,12 @@ def held(
         got = f"is {value.dtype} of shape {value.shape}" if name in state else "is missing"
         word = {"f": "float", "i": "int", "b": "bool"}[kind]
         raise ValueError(f"{name} in the state of trajectory {got}: {word} of shape {shape} is needed; "
-                         "it was changed after it was saved.")  # fmt: skip
+                         "it was changed after it was saved.")
     good = (value >= least) & (value <= most) & (not finite or np.isfinite(value)) | (nan and np.isnan(value))
     if not good.all():
         wrong = value[~good].flat[0] if value.shape else value
         raise ValueError(f"{name} in the state of trajectory holds {wrong}: numbers from {least:g} to {most:g} are "
-                         "needed; it was changed after it was saved.")  # fmt: skip
+                         "needed; it was changed after it was saved.")
     return value
 
 

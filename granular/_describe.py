@@ -91,13 +91,13 @@ def from_json(what: str, value: Any) -> Any:
         raise LookupError(plain_text(value["shown"]))
     if word not in PLACES[what]:
         raise ValueError(f"{what} is of class {plain_text(repr(word), 60)}: one of {', '.join(PLACES[what])} is "
-                         "needed; a later granular may know more.")  # fmt: skip
+                         "needed; a later granular may know more.")
     module, name = PLACES[what][word].split(":")
     kind, given = getattr(import_module(module), name), value.get("fields")
     known = [f.name for f in fields(kind)]
     if not isinstance(given, dict) or sorted(given) != sorted(known):
         raise ValueError(f"{what} of class {word!r} has the fields {plain_text(repr(given), 60)}: "
-                         f"{', '.join(known)} are needed.")  # fmt: skip
+                         f"{', '.join(known)} are needed.")
     return kind(**{key: _value(one) for key, one in given.items()})
 
 

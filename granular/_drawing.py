@@ -24,7 +24,7 @@ def style() -> AbstractContextManager[None]:
         "axes.linewidth": 0.6, "lines.linewidth": 0.9, "xtick.direction": "in", "ytick.direction": "in",
         "xtick.top": True, "ytick.right": True, "legend.frameon": False, "savefig.dpi": 300,
         "xtick.major.width": 0.6, "ytick.major.width": 0.6, "xtick.minor.width": 0.4, "ytick.minor.width": 0.4,
-    })  # fmt: skip
+    })
     return context
 
 

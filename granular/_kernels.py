@@ -248,7 +248,7 @@ def _twin(function: Callable[..., Any], inline: bool, within: bool, bare: bool) 
     """Return the compiled twin of a kernel; `within` one that is inlined, it is no machine code of its own; a `bare`
     one is called by kernels only."""
     called = {name: _twin(callee, inline, inline, not hasattr(callee, "__granular_entry__"))
-              for name, callee in _callees(function).items()}  # fmt: skip
+              for name, callee in _callees(function).items()}
     scope = function.__globals__ | called
     twin = types.FunctionType(
         function.__code__, scope, function.__name__, function.__defaults__, function.__closure__

@@ -27,5 +27,5 @@ class Moved(MetaPathFinder, Loader):
         """Put the module of today in its place."""
         now = f"granular.{NOW[module.__name__[9:]]}"
         warnings.warn(f"{module.__name__} is now {now}; the old name goes with the next release.",
-                      DeprecationWarning, stacklevel=2)  # fmt: skip
+                      DeprecationWarning, stacklevel=2)
         sys.modules[module.__name__] = import_module(now)

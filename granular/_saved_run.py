@@ -20,7 +20,7 @@ PLAIN = (bool, int, float, str)
 """What is saved of `stats`: these, and tuples of them."""
 ARRAYS = {"time": "t", "position": "tn", "velocity": "tn", "gap": "tp", "force": "tp", "contacts": "c", "ledger": "tl"}
 SCENE = {"mass": "n", "radius": "n", "gap": "p", "velocity": "n", "gravity": "", "origin": "", "external_force": "n",
-         "ring": "", "pendulum": "", "rest_gap": "p"}  # fmt: skip
+         "ring": "", "pendulum": "", "rest_gap": "p"}
 """Arrays and their dimensions: rows t, bodies n, pairs p, contacts c, five sums of the ledger l."""
 SHAPES = ARRAYS | {f"scene.{name}": dimensions for name, dimensions in SCENE.items()}
 MAYBE = {"force", "ledger", "scene.external_force", "scene.ring", "scene.pendulum", "scene.rest_gap"}
@@ -141,7 +141,7 @@ def _check_heads(heads: Mapping[str, _archive.Head], log: np.dtype[Any]) -> None
             raise ValueError(f"it holds {shown}, unknown to this version; a later granular reads it.")
         if not good:
             raise ValueError(f"{shown} is an array of shape {_files.plain_text(str(shape), 60)} and kind "
-                             f"{dtype.kind!r}, which a run of {n} bodies and {t} rows has not; {CHANGED}.")  # fmt: skip
+                             f"{dtype.kind!r}, which a run of {n} bodies and {t} rows has not; {CHANGED}.")
 
 
 def _words(text: str) -> dict[str, Any]:
@@ -165,7 +165,7 @@ def _check_words(words: Mapping[str, Any], stored: Mapping[str, Any], statuses: 
     """Raise what is wrong with words beside those for laws, rules and walls."""
     if words["status"] not in statuses:
         raise ValueError(f"its status is {_files.plain_text(repr(words['status']), 60)}: one of {', '.join(statuses)} "
-                         "is needed.")  # fmt: skip
+                         "is needed.")
     if (words["law"] is None) is (words["rule"] is None):
         raise ValueError(f"it has both laws and rules, or neither; {CHANGED}.")
     for name, value in words["stats"].items():
@@ -173,7 +173,7 @@ def _check_words(words: Mapping[str, Any], stored: Mapping[str, Any], statuses: 
         pair = name != "first_disturbed" or (len(several) == 2 and not any(isinstance(one, str) for one in several))
         if not pair or not all(isinstance(one, PLAIN) for one in several):
             raise ValueError(f"its number {_files.plain_text(repr(name), 60)} is "
-                             f"{_files.plain_text(repr(value), 60)}; {CHANGED}.")  # fmt: skip
+                             f"{_files.plain_text(repr(value), 60)}; {CHANGED}.")
     if len(words.get("walls", (None, None))) != 2:
         raise ValueError(f"it has {len(words['walls'])} walls: a floor and a ceiling, or None, are needed.")
     if (words.get("format", 1) > 2 or "digest" in words) and words.get("digest") != _digest(words, stored):

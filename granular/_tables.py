@@ -41,7 +41,7 @@ class Report:
 def problem(report: Any) -> dict[str, Any]:
     """Return what was solved, for JSON: the scene in full, the laws, and when to stop."""
     return {"scene": scene_to_json(report.scene), "law": [repr(law) for law in report.law],
-            "until": repr(report.until), "t_end": report.t_end}  # fmt: skip
+            "until": repr(report.until), "t_end": report.t_end}
 
 
 def machine() -> dict[str, Any]:
@@ -54,7 +54,7 @@ def machine() -> dict[str, Any]:
         "processor": named[1] if named else platform.processor() or platform.machine(), "cores": cores,
         "system": f"{platform.system()} {platform.machine()}", "python": platform.python_version(),
         **{name: _files.version_of(name) or "not installed" for name in packages},
-    }  # fmt: skip
+    }
 
 
 def aligned(rows: Rows, sides: str = ">", indent: str = "") -> str:
@@ -62,7 +62,7 @@ def aligned(rows: Rows, sides: str = ">", indent: str = "") -> str:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     sides = sides.ljust(len(widths), sides[-1])
     lines = ("  ".join(f"{word:{side}{width}}" for word, side, width in zip(row, sides, widths, strict=True))
-             for row in rows)  # fmt: skip
+             for row in rows)
     return "\n".join((indent + line).rstrip() for line in lines)
 
 

@@ -142,13 +142,13 @@ def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
         raise ValueError(f"scene is {scene!r}: a floor and two balls are needed, as in granular.scenes.three_balls().")
     if forced(scene):
         raise ValueError(f"scene is {scene!r}: a floor at constant velocity and no forces are needed; for others use "
-                         "granular.md.")  # fmt: skip
+                         "granular.md.")
     laws = []
     for one, factor in zip(checked(law, scene), (1.0, LIGHTER), strict=True):
         pair = one.pair
         if one.form is None or not one.is_linear:
             raise ValueError(f"law of pair {pair.index} is {one.law!r}: a linear law is needed, such as LinearDashpot; "
-                             "for others use granular.md.")  # fmt: skip
+                             "for others use granular.md.")
         k, _, gamma, _ = one.form
         laws.append(LinearDashpot(_check.number(f"k of pair {pair.index}", k, above=0.0) * factor,
                                   _check.number(f"gamma of pair {pair.index}", gamma, at_least=0.0) * factor))
@@ -165,7 +165,7 @@ def _first_touch(scene: Scene) -> tuple[float, Scene]:
     gap = upper + follow * t10
     if gap < 0.0:
         raise ValueError(f"gap[1] is {upper!r}, closing at {-follow!r} m/s: the lower ball must reach the floor before "
-                         "the balls meet.")  # fmt: skip
+                         "the balls meet.")
     v10 = rate_at_contact(floor, fall, scene.gravity)
     return t10, scene.replace(mass=scene.mass * [1.0, 1.0, LIGHTER], gap=[0.0, gap], velocity=[0.0, v10, v10 + follow])
 

@@ -81,7 +81,7 @@ PRESETS = (
     ("basketball", "tennis ball", 0.05), ("basketball", "table-tennis ball", 0.05), ("football", "tennis ball", 0.02),
     ("golf ball", "table-tennis ball", 2e-3), ("superball", "small superball", 5e-3),
     ("steel ball", "small steel ball", 1e-3),
-)  # fmt: skip
+)
 """Lower ball, upper ball, and a gap in m from which hard spheres are right; the demonstration begins touching."""
 
 RULES = ("lens", "series")

@@ -259,13 +259,13 @@ def _bounce(law: Any, pair: Pair, v: float) -> Collision:
         raise Stuck(f"law is {law!r}: a contact at {v!r} m/s takes all speed, does not end; weaker damping is needed.")
     if contact["force_max"] == 0.0 or contact["v_out"][1] < 0.0:
         raise ValueError(f"law is {law!r}: it does not repel at {v!r} m/s; the bodies pass through each other, and "
-                         "there is no restitution.")  # fmt: skip
+                         "there is no restitution.")
     if math.isnan(contact["t_end"]):
         raise ValueError(f"law is {law!r}: a contact at {v!r} m/s does not end; weaker damping is needed.")
     eps = float(contact["v_out"][1]) / v
     if eps > 1.0 + 1e-9:
         raise ValueError(f"law is {law!r}: a contact at {v!r} m/s gains energy, its restitution is {eps!r}; a force "
-                         "that is no larger while the bodies part than while they approach is needed.")  # fmt: skip
+                         "that is no larger while the bodies part than while they approach is needed.")
     at_end = md.simulate(scene, law, t_end=float(contact["t_end"]), log=False)
     duration, xi_max, force_max = (float(contact[name]) for name in ("duration", "xi_max", "force_max"))
     return _in_range(Collision(min(eps, 1.0), duration, xi_max, force_max, max(0.0, -float(at_end.gap[-1][0]))), v)
@@ -280,4 +280,4 @@ def _in_range(found: Collision, v: float) -> Collision:
 
 def _no_numbers(v: float) -> ValueError:
     return ValueError(f"speed is {v!r}: overlap, force or duration of the contact is beyond the range of numbers; "
-                      "usual units (SI) and a usual speed are needed.")  # fmt: skip
+                      "usual units (SI) and a usual speed are needed.")

@@ -74,9 +74,9 @@ def check_end(
     if (scene.endless or dented) and t_end is None and until is None and max_events == EVENTS:
         why = "beside a driven wall" if scene.driven else "beside a thermal wall" if scene.heated else (
             "on a ring" if scene.ring else "of pendula" if scene.pendulum > 0.0 else
-            "under gravity, and laws that lose nothing within a dent once made,")  # fmt: skip
+            "under gravity, and laws that lose nothing within a dent once made,")
         raise ValueError(f"t_end is None: {why} a run never comes to an end by itself; give t_end, until, or a "
-                         "max_events of your own.")  # fmt: skip
+                         "max_events of your own.")
 
 
 def _sample_times(samples: int | ArrayLike | None, start: float, end: float) -> Array | None:
@@ -248,7 +248,7 @@ def drive(run: Run) -> Trajectory:
         velocity=velocity, gap=gap, force=force, ledger=ledger,
         contacts=log if run.in_order else _sorted(log), status=status,
         message=message, stats=end.stats, state=end.state,
-    )  # fmt: skip
+    )
 
 
 def go_on(run: Run, before: Trajectory) -> Trajectory:
@@ -268,7 +268,7 @@ def go_on(run: Run, before: Trajectory) -> Trajectory:
     if before.time[-1] == before.time[0]:  # a row at the start shows the scene before anything acts
         return drive(run)
     if row.gap.shape != gap.shape or speed.shape != velocity.shape or not (
-            _alike(row.gap, gap) and _alike(speed, velocity)):  # fmt: skip
+            _alike(row.gap, gap) and _alike(speed, velocity)):
         raise ValueError("state of trajectory does not show its last row: one of them was changed after the run.")
     return drive(run)
 

@@ -64,7 +64,7 @@ def _unequal(case: Case, factor: float) -> Case:
 AXES: Mapping[str, tuple[Callable[[Case, float], Case], tuple[float, ...]]] = {
     "stiffness": (_stiffer, (1e2, 1e4, 1e6, 1e8)), "gap": (_closer, (1e-3, 1e-6, 0.0)),
     "damping": (_damped, (0.0, 0.1, 10.0, 100.0)), "mass": (_unequal, (1e-3, 1e3, 1e6)),
-}  # fmt: skip
+}
 """What is made extreme: how, and by which factors."""
 
 
@@ -137,7 +137,7 @@ class Stability(Report):
         methods = list(dict.fromkeys(row.method for row in self.rows))
         return [["", *methods], *([scene, *("".join(f"{row.sign:>3}" for row in self.of(method, scene))
                                             for method in methods)]
-                                  for scene in dict.fromkeys(row.scene for row in self.rows))]  # fmt: skip
+                                  for scene in dict.fromkeys(row.scene for row in self.rows))]
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
         """Draw the table, right digits as shades; return the figure, or save it to `path`."""
@@ -152,7 +152,7 @@ class Stability(Report):
         axis.vlines(ends, 0, len(lines), color="black", lw=0.8)
         axis.tick_params(length=0, labeltop=True, labelbottom=False, labelsize=8)
         axis.set(xlim=(0, ends[-1]), xticks=0.5 * (ends[1:] + ends[:-1]), xticklabels=methods, ylim=(len(lines), 0),
-                 yticks=np.arange(len(lines)) + 0.5, yticklabels=[line[0] for line in lines])  # fmt: skip
+                 yticks=np.arange(len(lines)) + 0.5, yticklabels=[line[0] for line in lines])
         figure.suptitle(self._about(), fontsize=7.5, x=0.01, ha="left")
         return _files.write_figure(path, figure, dpi=150)
 
@@ -171,12 +171,12 @@ class Stability(Report):
         lines = self.table() + [
             [name, *(str(sum(row.verdict == name for row in self.of(method))) for method in self.table()[0][1:])]
             for name in ("right", *SIGNS)
-        ]  # fmt: skip
+        ]
         told = [f"wrong without a word: {len(wrong)} of {len(self.rows)} runs"] + [
             f"  {row.method}, {row.scene}, dt = {number(row.dt, '.2g', 'its own choice')}: error {row.error:.2g}, "
             f"{row.contacts:+d} contacts" for row in wrong[:8]
         ] + [f"not tried: {', '.join(name for name in self.left_out if self.left_out[name] == why)}: {why}"
-             for why in dict.fromkeys(self.left_out.values())]  # fmt: skip
+             for why in dict.fromkeys(self.left_out.values())]
         return "\n".join([self._about(), "", aligned(lines, "<>"), "", *told])
 
 
@@ -256,7 +256,7 @@ def stability(
                 raise ValueError("nothing of the scene or its laws changes.")
             judged = _judged(one)
             rows += [_tried(one, (name, method, dt), judged, limit)
-                     for method in chosen for dt in (steps if method in INTEGRATORS else steps[-1:])]  # fmt: skip
+                     for method in chosen for dt in (steps if method in INTEGRATORS else steps[-1:])]
         except REFUSED as refusal:
             left_out[name] = str(refusal)
         if on_progress is not None:
@@ -277,7 +277,7 @@ def _laws(case: Case) -> list[Any]:
 def _scaled(case: Case, factors: Mapping[str, float]) -> Case:
     """Numbers of the laws times factors, by their names."""
     laws = [replace(law, **{name: factor * getattr(law, name) for name, factor in factors.items()
-                            if hasattr(law, name)}) for law in _laws(case)]  # fmt: skip
+                            if hasattr(law, name)}) for law in _laws(case)]
     return replace(case, law=laws if len(laws) > 1 else laws[0])
 
 
@@ -292,7 +292,7 @@ def _judged(case: Case) -> tuple[Trajectory, Reference, float]:
 
 
 def _tried(case: Case, row: tuple[str, str, float], judged: tuple[Trajectory, Reference, float],
-           limit: float) -> Tried:  # fmt: skip
+           limit: float) -> Tried:
     """Run a method at a step, and hear what it says; the judge has run already."""
     (run, truth, error), (_, method, dt), other = judged, row, False
     with warnings.catch_warnings(record=True) as heard:
@@ -307,6 +307,6 @@ def _tried(case: Case, row: tuple[str, str, float], judged: tuple[Trajectory, Re
     verdict = (
         "flagged" if run.status in EARLY else "undecided" if not judged[2] <= limit
         else "right" if error <= limit and not other else "flagged" if warned else "wrong"
-    )  # fmt: skip
+    )
     said = "; ".join([f"{run.status.name}: {run.message}", *warned])
     return Tried(*row, error, len(run.contacts) - len(truth.contacts), verdict, said)

@@ -45,7 +45,7 @@ def numbers(run: Trajectory) -> dict[str, Any]:
     """Return the numbers for JSON; None where a run does not count them."""
     known = run.law is not None and "isolated" in run.stats
     return {"isolated": run.stats["isolated"] if known else None, "contacts": run.stats["contacts"] if known else None,
-            "first_disturbed": run.first_disturbed if known else None}  # fmt: skip
+            "first_disturbed": run.first_disturbed if known else None}
 
 
 def sentence(run: Trajectory) -> str:

@@ -29,7 +29,7 @@ from granular.walls import Sine
 ACCOUNT = {
     "start": "at the start", "floor": "work of the floor", "ceiling": "work of the ceiling", "heat": "heat of walls",
     "dissipated": "dissipated", "end": "at the end", "remainder": "remainder",
-}  # fmt: skip
+}
 """The parts of a `balance` in words."""
 
 
@@ -59,7 +59,7 @@ def overlapping(run: Trajectory) -> tuple[Overlap, ...]:
         first = np.searchsorted(finish[above], begin[below], side="right")
         last = np.searchsorted(begin[above], finish[below], side="left")
         found += [Overlap(int(i), int(j), float(max(begin[i], begin[j])), float(min(finish[i], finish[j])))
-                  for i, a, b in zip(below, first, last, strict=True) for j in above[a:b]]  # fmt: skip
+                  for i, a, b in zip(below, first, last, strict=True) for j in above[a:b]]
     return tuple(sorted(found, key=lambda o: o.begin))
 
 
@@ -178,10 +178,10 @@ def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float
 def _shaking(scene: Scene, omega: Array) -> dict[str, float]:
     """Γ and ω/ω₀ of walls that are shaken harmonically; nan without."""
     walls = [(motion, own) for motion, own in zip(scene.motions, omega[[0, -1]].tolist(), strict=True)
-             if isinstance(motion, Sine)]  # fmt: skip
+             if isinstance(motion, Sine)]
     largest = max((motion.omega * motion.omega * motion.amplitude for motion, _ in walls), default=math.nan)
     return {"shaking": largest / scene.gravity if scene.gravity > 0.0 else math.nan,
-            "shaking_omega": max((motion.omega / own for motion, own in walls), default=math.nan)}  # fmt: skip
+            "shaking_omega": max((motion.omega / own for motion, own in walls), default=math.nan)}
 
 
 def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
@@ -212,7 +212,7 @@ def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
     motion, time = scene.motions[side], log["t_begin"]
     phase = motion.phases(time) if isinstance(motion, Sine) else np.full(len(log), math.nan)
     return {"time": time, "phase": phase, "wall": log["v_in"][:, side], "before": log["v_in"][:, 1 - side],
-            "after": log["v_out"][:, 1 - side]}  # fmt: skip
+            "after": log["v_out"][:, 1 - side]}
 
 
 def balance(run: Trajectory) -> dict[str, float]:
@@ -226,7 +226,7 @@ def balance(run: Trajectory) -> dict[str, float]:
     start, end = account["energy"][[0, -1]].tolist()
     lost = float(account["dissipated"][-1])
     return {"start": start, "floor": floor, "ceiling": ceiling, "heat": heat, "dissipated": lost, "end": end,
-            "remainder": end - start - (floor + ceiling + heat - lost)}  # fmt: skip
+            "remainder": end - start - (floor + ceiling + heat - lost)}
 
 
 def _distance(times: Array, others: Array) -> Array:

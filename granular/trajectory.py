@@ -175,9 +175,9 @@ class Trajectory:
         if self.ledger is None:
             work, none = self._work_at_constant_speed(), np.zeros((len(energy), 2))
             return {"energy": energy, "work": work, "heat": none,
-                    "dissipated": energy[0] - energy + work.sum(axis=1)}  # fmt: skip
+                    "dissipated": energy[0] - energy + work.sum(axis=1)}
         return {"energy": energy, "work": self.ledger[:, :2], "heat": self.ledger[:, 2:4],
-                "dissipated": self.ledger[:, 4]}  # fmt: skip
+                "dissipated": self.ledger[:, 4]}
 
     def _work_at_constant_speed(self) -> Array:
         """Work (T, 2) in J of walls that move at constant speed, by the impulses of the log."""

@@ -15,7 +15,7 @@ def nudged(scene, rng):
         return x + np.where(given, x, 0.0) * way
 
     return scene.replace(mass=np.where(scene.is_wall, np.inf, moved(np.where(scene.is_wall, 1.0, scene.mass), True)),
-                         gap=moved(scene.gap, scene.gap > 0.0), velocity=moved(scene.velocity, True))  # fmt: skip
+                         gap=moved(scene.gap, scene.gap > 0.0), velocity=moved(scene.velocity, True))
 
 
 def response(results, scene, copies=3):

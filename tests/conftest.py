@@ -19,7 +19,7 @@ MAKERS = ("test_edmd_actions", "test_edmd_engines", "test_located_compiled", "te
 """Files that have machine code made for nearly all that others need."""
 PATIENCE = {"md.located.run": {"MAKING": math.inf}, "md.located.at_rest": {"LOOKS": (20, math.inf)},
             "md.fixed": {"MAKING": math.inf}, "edmd.compiled_queue": {"VERY_LONG": math.inf},
-            "sweeps.schedule": {"MAKING": math.inf}}  # fmt: skip
+            "sweeps.schedule": {"MAKING": math.inf}}
 """How long "auto" waits before it makes machine code, by modules and the names of their limits."""
 
 
@@ -27,7 +27,7 @@ PATIENCE = {"md.located.run": {"MAKING": math.inf}, "md.located.at_rest": {"LOOK
 def turn():
     """Which third of the cases marked `thirds` this commit runs; the first without git."""
     done = subprocess.run(["git", "rev-parse", "HEAD"], cwd=Path(__file__).parent, capture_output=True, text=True,
-                          check=False)  # fmt: skip
+                          check=False)
     return int(done.stdout.strip() or "0", 16) % 3
 
 

@@ -65,6 +65,6 @@ def scenes(seed):
     force = np.where(np.isinf(mass), 0.0, rng.uniform(-2.0, 2.0, n))
     scene = gr.Scene(mass, np.where(np.isinf(mass), 0.0, 0.01), rng.uniform(0.01, 0.08, n - 1),
                      np.where(np.isinf(mass), 0.1, rng.normal(size=n)), gravity=float(rng.choice([0.0, 3.0])),
-                     external_force=force, floor=floor, ceiling=ceiling if both else None)  # fmt: skip
+                     external_force=force, floor=floor, ceiling=ceiling if both else None)
     laws = [gr.LinearDashpot(3e3, 10.0), gr.ViscoelasticHertz(3e4, 100.0), gr.Hertz(3e4)]
     return scene, [laws[int(i)] for i in rng.integers(3, size=n - 1)]

@@ -13,9 +13,9 @@ import granular as gr
 from granular import _saved_run
 
 PLAIN = {"hard": {"engine": "sorted", "max_events": 400},
-         "soft": {"engine": "plain", "max_events": 400, "max_steps": 900}}  # fmt: skip
+         "soft": {"engine": "plain", "max_events": 400, "max_steps": 900}}
 VALUES = [0, 1, -1, 2, 1e308, -1e-308, 10**400, 1.5, True, None, "", "x", "\x1b[31m\u202e", [], [1.0], {},
-          {"class": "x"}]  # fmt: skip
+          {"class": "x"}]
 NUMBERS = [np.nan, np.inf, -np.inf, 0.0, -1.0, 1e300, -1e300, 1e-300, 2**31, -(2**31), 2**62, 1, -2, 7, 1000]
 
 
@@ -121,7 +121,7 @@ def edited(rng, path):
     """The bytes of the file `path` after one to three edits, and what was done."""
     whole = path.read_bytes()
     how = rng.choice(["flip", "cut", "rebuild", "words", "array", "words signed", "array signed"],
-                     p=[0.08, 0.04, 0.08, 0.1, 0.1, 0.25, 0.35])  # fmt: skip
+                     p=[0.08, 0.04, 0.08, 0.1, 0.1, 0.25, 0.35])
     if how == "flip":
         return how, flipped(rng, whole)
     if how == "cut":
@@ -157,7 +157,7 @@ def fate(kind, name, data, file, ends):
             return "refused by resume", _sentence(error)
     same = ends.setdefault((kind, name), run) is run or (
         run.gap[-1].tobytes() == ends[kind, name].gap[-1].tobytes()
-        and run.velocity[-1].tobytes() == ends[kind, name].velocity[-1].tobytes())  # fmt: skip
+        and run.velocity[-1].tobytes() == ends[kind, name].velocity[-1].tobytes())
     return "the same run" if same else "another run", ""
 
 

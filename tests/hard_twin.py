@@ -50,7 +50,7 @@ def events(scene, eps, t_end, most, t0=0.0):
     mass, radius = [mp.mpf(m) for m in scene.mass], [mp.mpf(r) for r in scene.radius]
     x, v = [mp.mpf(q) for q in scene.position], [mp.mpf(q) for q in scene.velocity]
     walls = {i: Wall(scene, i, motion, t0) for i, motion in ((0, scene.floor), (n - 1, scene.ceiling))
-             if math.isinf(scene.mass[i])}  # fmt: skip
+             if math.isinf(scene.mass[i])}
     for c in range(n - 1):  # positions of floats, when rounded, are not those of the gaps
         x[c + 1] = x[c] + mp.mpf(scene.gap[c]) + radius[c] + radius[c + 1]
         rest[c + 1] = rest[c] + radius[c] + radius[c + 1] + mp.mpf(0.0 if omega == 0 else scene.rest_gap[c])
@@ -58,7 +58,7 @@ def events(scene, eps, t_end, most, t0=0.0):
         rest = [q + x[-1] - rest[-1] for q in rest]
     force = [0.0] * n if scene.external_force is None else scene.external_force
     fall = [mp.mpf(0) if mp.isinf(m) else mp.mpf(f) / m - mp.mpf(scene.gravity)
-            for m, f in zip(mass, force, strict=True)]  # fmt: skip
+            for m, f in zip(mass, force, strict=True)]
 
     def state(i, s):
         if i in walls:

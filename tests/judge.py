@@ -140,7 +140,7 @@ class Judge:
             rows = rows_of(gr.md.simulate(self.scene, self.laws, t_end=max(until.values())))
         never = (math.nan, math.nan)
         return [r._replace(end=math.nan, after=never) if r.end > until.get(r.pair, math.inf) else r
-                for r in rows]  # fmt: skip
+                for r in rows]
 
     # numbers
 

@@ -14,9 +14,9 @@ import pytest
 LIMIT, GRACE = 300, 30
 """Seconds of processor time of a test; and how much later the process ends that does not listen, as machine code."""
 SET = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "COLUMNS": "80",
-       "LC_ALL": "C.UTF-8", "TZ": "UTC"}  # fmt: skip
+       "LC_ALL": "C.UTF-8", "TZ": "UTC"}
 UNSET = ("MPLBACKEND", "MPLCONFIGDIR", "MATPLOTLIBRC", "NO_COLOR", "FORCE_COLOR", "LINES", "LANGUAGE",
-         "PYTHONWARNINGS", "PYTHONOPTIMIZE", "PYTHONIOENCODING", "NUMBA_DISABLE_JIT", "NUMBA_NUM_THREADS")  # fmt: skip
+         "PYTHONWARNINGS", "PYTHONOPTIMIZE", "PYTHONIOENCODING", "NUMBA_DISABLE_JIT", "NUMBA_NUM_THREADS")
 
 
 def _own_environment():

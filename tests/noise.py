@@ -87,7 +87,7 @@ def _patch():
     elif KIND == 2:
         after(gr.Scene, move_masses)
         for cls in (gr.LinearDashpot, gr.Hertz, gr.ViscoelasticHertz, gr.TsujiHertz, gr.PowerLaw, gr.WaltonBraun,
-                    gr.ConstantRestitution):  # fmt: skip
+                    gr.ConstantRestitution):
             after(cls, move_coefficients)
 
 

@@ -77,7 +77,7 @@ SOFT = {
     "tables": (CAGE, gr.Hertz(1e6), 20.0, 20.4, {}),
     "matched": (gr.Scene([1.0, 1.0, INF], [0.05, 0.05, 0.0], [0.0, -1e-4], [0.2, 0.0, 0.0]),
                 [gr.Hertz(1e6), gr.MatchedEnd(1.0, 1e4)], 0.005, 0.02, {}),
-}  # fmt: skip
+}
 ALL = [("hard", name) for name in HARD] + [("soft", name) for name in SOFT]
 
 

@@ -28,7 +28,7 @@ ALL = (*HARD, "overlapping")
 def scene(
     rng: Any, balls: tuple[int, int] = (2, 6), *, walls: tuple[float, float, float] = (0.5, 0.2, 0.0),
     gravity: tuple[float, ...] = (0.0, 9.81), gaps: Collection[str] = HARD, size: float = 1e-3, decades: float = 2.0,
-) -> gr.Scene:  # fmt: skip
+) -> gr.Scene:
     """Balls at speeds up to 1 m/s, at gaps between 2e-3 `size` and 2e3 `size` m.
 
     `balls` are the least and the most of them; `walls` the chances that there is a floor, a ceiling, and that they
@@ -78,7 +78,7 @@ def gas(seed: int, n: int, spread: float = 0.0, gravity: float = 0.0, ceiling: b
     v = rng.normal(size=n) / np.sqrt(mass)
     above = [0.0] * ceiling
     return gr.Scene([INF, *mass, *([INF] * ceiling)], np.zeros(n + 1 + ceiling), rng.uniform(0.5, 1.5, n + ceiling),
-                    [0.0, *v, *above], gravity)  # fmt: skip
+                    [0.0, *v, *above], gravity)
 
 
 def built(mass: Any, gap: Any, velocity: Any, gravity: float) -> gr.Scene:

@@ -81,7 +81,7 @@ def end_of(rng, scene, law, rule, span):
     if rng.random() < 0.3:
         return float(span * rng.uniform(0.05, 1.0))
     runs = (gr.edmd.simulate(scene, rule, t_end=span, max_events=300),
-            gr.md.simulate(scene, law, t_end=span, max_events=300))  # fmt: skip
+            gr.md.simulate(scene, law, t_end=span, max_events=300))
     soft = runs[1].contacts
     onset = np.concatenate([run.contacts["t_begin"] for run in runs])
     if not len(onset) or not len(soft):

@@ -113,7 +113,7 @@ class Motion:
         for event in events:
             event.terminal, event.direction = True, -1
         out = solve_ivp(self.counted, (t, t_end), y, "DOP853", rtol=self.rtol, atol=self.atol, events=events,
-                        args=(acting,))  # fmt: skip
+                        args=(acting,))
         if out.status < 0:
             raise GivesUp
         return float(out.t[-1]), out.y[:, -1]
@@ -125,6 +125,6 @@ def drawn(seed, **more):
     n = int(rng.integers(2, 5))
     pairs = n - 1 + bool(more.get("ring"))
     scene = gr.Scene(np.exp(rng.uniform(-1.0, 1.0, n)), np.full(n, 0.1), rng.uniform(0.0, 0.1, pairs),
-                     rng.normal(size=n), **more)  # fmt: skip
+                     rng.normal(size=n), **more)
     kinds = [gr.LinearDashpot(2e3, 8.0), gr.Hertz(2e4), gr.LinearDashpot(1e3), gr.ViscoelasticHertz(2e4, 60.0)]
     return scene, [kinds[int(i)] for i in rng.integers(4, size=pairs)]

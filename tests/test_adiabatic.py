@@ -79,7 +79,7 @@ def events(scene, law, solution):
         light, its_law = lighter(scene, law, 2.0**-60)
         floor = gr.md.simulate(light, its_law, t_end=solution.t10 + last, engine="plain").of(0)
         found += [(t - solution.t10, 0, begins) for row in floor[["t_begin", "t_end"]].tolist()[1:]
-                  for t, begins in zip(row, (True, False), strict=True)][1:]  # fmt: skip
+                  for t, begins in zip(row, (True, False), strict=True)][1:]
     return sorted((e for e in found if e[0] <= last and math.isfinite(e[0])), key=lambda e: e[0])
 
 

@@ -101,7 +101,7 @@ def test_a_recording_holds_the_whole_run(name, options, engine, granular, tmp_pa
     ("run ring-gas --gravity 1", "'--gravity' is no option of granular run ring-gas"),
     ("run heated-gas --lower=-1", "lower is -1.0: a finite number above 0 is needed; k_B T in J"),
     ("run pendulum-cradle --moving 7", "moving is 7: a whole number of at least 1 and at most 4 is needed"),
-])  # fmt: skip
+])
 def test_bad_input_is_a_sentence(line, sentence, granular):
     code, _, errors = granular(line)
     assert code == 2

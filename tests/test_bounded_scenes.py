@@ -94,7 +94,7 @@ def test_a_wall_is_where_pendula_beside_it_rest():
         (lambda: gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.5], [1.0, 1.0], pendulum=1.0),
          "beside pendula a wall must stand still"),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_is_a_sentence(make, words):
     with pytest.raises((TypeError, ValueError), match=words):
         make()
@@ -130,5 +130,5 @@ def test_a_thermal_wall_draws_the_maxwellian_of_the_flux():
     assert speeds.min() > 0.0
     assert speeds.max() < THERMAL.fastest(0.5)
     others = [THERMAL.drawn(1, 0, 0.5), gr.walls.Thermal(2.0, 8).drawn(0, 0, 0.5), THERMAL.drawn(0, 2**32, 0.5),
-              gr.walls.Thermal(2.0, 7 + 2**32).drawn(0, 0, 0.5), speeds[0]]  # fmt: skip
+              gr.walls.Thermal(2.0, 7 + 2**32).drawn(0, 0, 0.5), speeds[0]]
     assert len(set(others)) == 5

@@ -14,7 +14,7 @@ CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 FIELDS = {"abstract", "authors", "cff-version", "contact", "commit", "date-released", "doi", "identifiers", "keywords",
           "license", "license-url", "message", "preferred-citation", "references", "repository", "repository-artifact",
-          "repository-code", "title", "type", "url", "version"}  # fmt: skip
+          "repository-code", "title", "type", "url", "version"}
 
 
 def test_required_fields_are_there_and_no_unknown_ones():

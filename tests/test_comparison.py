@@ -183,7 +183,7 @@ def test_soft_ball_below_the_floor_misses_its_next_contact():
 
 
 @pytest.mark.parametrize(("scene", "k"), [(gr.scenes.three_balls(gap=1e-3), 1.0),
-                                          (gr.scenes.column(3, gap=0.1, gravity=9.81), 0.1)])  # fmt: skip
+                                          (gr.scenes.column(3, gap=0.1, gravity=9.81), 0.1)])
 def test_contact_longer_than_the_time_between_contacts_is_no(scene, k):
     assert gr.compare(scene, gr.LinearDashpot(k), t_end=1.0).answer is gr.Answer.no
 
@@ -220,7 +220,7 @@ def test_contacts_of_touching_balls_are_not_taken_for_rounding():
 @pytest.mark.parametrize(("k", "verdict"), [
     (1e6, "Yes, trivially: nothing collides; soft spheres overlap by 5.67e-05 m under their weight."),
     (1e2, "No: nothing collides, but soft spheres sink"),
-])  # fmt: skip
+])
 def test_weight_without_impact_has_its_own_verdict(k, verdict):
     stack = gr.Scene([math.inf, 1.0, 1.0, 1.0], [0.0, 0.1, 0.1, 0.1], [0.0] * 3, [0.0] * 4, gravity=9.81)
     assert gr.compare(stack, gr.LinearDashpot(k, 50.0), t_end=1.0).verdict.startswith(verdict)
@@ -246,7 +246,7 @@ def test_what_happens_just_at_the_end_time_tells_no_runs_apart():
     """Whichever of the two still sees it."""
     scene = gr.scenes.newtons_cradle(2, 1.0, 0.5, speed=0.5)
     seen, not_yet = (gr.edmd.simulate(scene.replace(gap=scene.gap * by), gr.ConstantRestitution(0.5), t_end=1.0)
-                     for by in (1.0 - 1e-12, 1.0 + 1e-12))  # fmt: skip
+                     for by in (1.0 - 1e-12, 1.0 + 1e-12))
     assert (seen.count(0), not_yet.count(0)) == (1, 0)
     for runs in ((seen, not_yet), (not_yet, seen)):
         assert np.nanmax(differences(*runs)[0]) > 0.1
@@ -424,7 +424,7 @@ def test_a_rise_is_given_up_where_a_pile_takes_too_many_steps_to_settle():
 
 
 SOLIDS = {"steel": (7850.0, 206e9, 0.3), "glass": (2500.0, 70e9, 0.22), "rubber": (1100.0, 5e6, 0.49),
-          "tungsten carbide": (15_600.0, 600e9, 0.22), "ice": (917.0, 9e9, 0.33)}  # fmt: skip
+          "tungsten carbide": (15_600.0, 600e9, 0.22), "ice": (917.0, 9e9, 0.33)}
 """Density in kg/m³, Young's modulus in Pa and Poisson's ratio."""
 
 
@@ -451,7 +451,7 @@ def test_solids_in_si_units_are_not_taken_for_others():
     ("mass", "length", "stress", "words"),
     [(1.0, 1e3, 1e-9, "density of ball 0 (and of 1 more) is"), (1.0, 1e2, 1.0, "density of ball"),
      (1e3, 1.0, 1.0, "density of ball"), (1e-3, 1e3, 1.0, "density of ball")],
-)  # fmt: skip
+)
 def test_numbers_in_other_units_are_warned_of_once(mass, length, stress, words):
     """mm with GPa; cm; grams; tonnes and mm."""
     rng = np.random.default_rng(7)
@@ -467,7 +467,7 @@ def test_a_contact_faster_than_sound_in_solids_is_warned_of():
     report = gr.compare(scene, gr.Hertz.from_material(206e9, 0.3, scene.pairs[0]), t_end=0.1)
     (line,) = (line for line in str(report).splitlines() if line.startswith("warning: "))
     assert line == ("warning: waves in the contact of pair 0 (and of 1 more) run at 5.3e+04 m/s, faster than sound in "
-                    "any solid: is its stiffness in SI units?")  # fmt: skip
+                    "any solid: is its stiffness in SI units?")
     points = gr.compare(scene.replace(radius=[0.0] * 3), gr.LinearDashpot(1e12), t_end=0.1)
     assert warnings(points) == []
     still = gr.compare(scene.replace(velocity=[0.0] * 3), gr.LinearDashpot(1e12), t_end=0.1)

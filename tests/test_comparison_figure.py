@@ -86,7 +86,7 @@ def test_the_lens_looks_where_contacts_overlap_and_not_at_the_whole_run():
 def test_the_end_of_a_hard_path_that_goes_on_to_a_collapse_is_marked():
     scene = gr.scenes.three_balls()
     report = gr.compare(scene, gr.LinearDashpot(5e7, 1e6), gr.ConstantRestitution(0.1), until=gr.until.contact(0, 2),
-                        t_end=2.0)  # fmt: skip
+                        t_end=2.0)
     assert report.hard.status is gr.Status.until
     marks = [line.get_label() for line in panel(report.plot(), "paths").lines if line.get_marker() == "x"]
     assert marks == ["end of the hard run: collapse"]
@@ -102,7 +102,7 @@ def test_the_picture_says_with_what_it_was_made(two, drawn):
     said = " ".join(text.get_text() for text in drawn.texts)
     assert two.verdict in said
     for word in ("2 balls, m = 3.77 kg and 3.77 g (1000 : 1)", "gap 100 µm", "first impact at 3.132 m/s",
-                 "g = 9.81 m/s²", "LinearDashpot, k = 5·10⁷ N/m, ε = 0.7", "lasts 801 µs and 25.3 µs"):  # fmt: skip
+                 "g = 9.81 m/s²", "LinearDashpot, k = 5·10⁷ N/m, ε = 0.7", "lasts 801 µs and 25.3 µs"):
         assert word in said
     assert [label.get_text() for label in drawn.axes[0].get_yticklabels()] == ["pair 0: floor·1", "pair 1: 1·2"]
     assert texts(panel(drawn, "paths")) == ["1, 2"]

@@ -94,7 +94,7 @@ def test_contacts_that_creep_end_by_the_limit_and_can_be_gone_on_from(monkeypatc
     run = gr.md.simulate(scene, law, **end)
     assert run.status.name == "max_events"
     assert run.message.endswith("s a trial step on the average; weaker damping, or a force without a jump at rest, is "
-                                "needed (granular.md.resume goes on)")  # fmt: skip
+                                "needed (granular.md.resume goes on)")
     on = gr.md.resume(run, t_end=0.05)
     assert run.time[-1] < on.time[-1] < 0.05
     whole = gr.md.simulate(scene, law, t_end=float(on.time[-1]))  # the net changes nothing that is found
@@ -150,7 +150,7 @@ def test_a_run_tells_how_far_it_is_however_slow_its_steps_are(monkeypatch, how):
         monkeypatch.setattr(fixed, "process_time", (lambda: float(next(clock))) if slow else lambda: 0.0)
         seen = []
         run = gr.md.simulate(scene, gr.Hertz(1e8), engine="plain", **how,
-                             on_progress=lambda reached, count, seen=seen: seen.append(reached))  # fmt: skip
+                             on_progress=lambda reached, count, seen=seen: seen.append(reached))
         assert run.status.name in ("time", "quiet")
         told[slow] = seen, run.gap[-1].tobytes(), run.stats["steps"]
     assert told[True][1] == told[False][1]

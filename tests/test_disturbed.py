@@ -112,7 +112,7 @@ def crowd(rng: Any, shells: bool) -> tuple[gr.Scene, list[Any]]:
     gap = rng.uniform(-0.01 if rng.random() < 0.5 else 0.0, 0.1, len(mass) - 1)
     k = 10.0 ** rng.uniform(2.5, 3.5, len(gap))
     laws = [Shell(stiff, rng.uniform(0.002, 0.02), rng.choice([0.0, 10.0])) if shells and rng.random() < 0.6
-            else gr.LinearDashpot(stiff, rng.choice([0.0, 10.0, 40.0])) for stiff in k]  # fmt: skip
+            else gr.LinearDashpot(stiff, rng.choice([0.0, 10.0, 40.0])) for stiff in k]
     return gr.Scene(mass, [0.0 if m == INF else 0.5 for m in mass], gap, velocity, gravity=5.0 * floor), laws
 
 

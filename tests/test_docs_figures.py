@@ -48,6 +48,6 @@ def test_what_differs_is_named():
     stored = {"a": [1.0, None, "x", True], "b": {"c": 0.0}}
     assert docs_data.differences(stored, {"a": [1.0001, None, "x", True], "b": {"c": 1e-10}}, entry) == []
     for change in ({"a": [1.01, None, "x", True]}, {"a": [1.0, 2.0, "x", True]}, {"a": [1.0, None, "y", True]},
-                   {"a": [1.0, None, "x", False]}, {"a": [1.0]}, {"b": {"d": 0.0}}, {"b": {"c": 1e-3}}):  # fmt: skip
+                   {"a": [1.0, None, "x", False]}, {"a": [1.0]}, {"b": {"d": 0.0}}, {"b": {"c": 1e-3}}):
         assert len(docs_data.differences(stored, stored | change, entry)) == 1
     assert docs_data.differences(stored, {"a": stored["a"]}, entry)

@@ -64,9 +64,9 @@ def test_every_link_into_the_page_is_a_state_it_knows():
         pytest.skip("node is not installed: the page is not asked what it knows")
     setups = (ROOT / "granular" / "page" / "physics" / "setups.mjs").as_uri()
     asked = [state(link) for _, link in links] + [{"scene": "three-balls", "epsilon": "1"}, {"scene": "none"},
-                                                  {"scene": "three-balls", "eps": "7"}]  # fmt: skip
+                                                  {"scene": "three-balls", "eps": "7"}]
     run = subprocess.run([node, "--input-type=module", "-e", ASK % (setups, json.dumps(asked))], capture_output=True,
-                         text=True, check=True)  # fmt: skip
+                         text=True, check=True)
     assert json.loads(run.stdout) == asked[-3:]
 
 
@@ -117,7 +117,7 @@ def test_what_the_key_says_beside_the_page_is_so():
     scene, tenth = report.scene, report.soft.of(1)["duration"].min() / 10.0
     cradle = gr.scenes.newtons_cradle(n=5)
     rules = {ties: gr.edmd.simulate(cradle, gr.ConstantRestitution(1.0), ties=ties).velocity[-1]
-             for ties in ("left", "right", "random", "reflect", "newton", "poisson")}  # fmt: skip
+             for ties in ("left", "right", "random", "reflect", "newton", "poisson")}
     one_out = [0.0, 0.0, 0.0, 0.0, 1.0]
     assert [ties for ties, v in rules.items() if v.round(9).tolist() != one_out] == ["newton", "poisson"]
     assert rules["newton"] == pytest.approx([-0.6, 0.4, 0.4, 0.4, 0.4])

@@ -29,7 +29,7 @@ def test_the_site(tmp_path, subtests):
     site, html = built(tmp_path)
     for claim in (nothing_is_fetched, what_is_named_is_there, the_start_page_leads_on, the_recorded_run_hops,
                   every_picture_is_described, formulas_are_mathml, long_tables_are_folded,
-                  sheets_are_printed_without_loss):  # fmt: skip
+                  sheets_are_printed_without_loss):
         with subtests.test(msg=claim.__name__):
             claim(site, html)
 
@@ -57,7 +57,7 @@ def nothing_is_fetched(site, html):
 def what_is_named_is_there(site, html):
     name = re.compile(r"<(?:img|iframe|source|a)[^>]* (?:src|srcset|href)=\"([^\"#?:]+)[\"#?]")
     missing = [(page.name, to) for page, text in html.items() for to in name.findall(text)
-               if not (page.parent / to).exists()]  # fmt: skip
+               if not (page.parent / to).exists()]
     assert not missing
 
 
@@ -79,7 +79,7 @@ def the_recorded_run_hops(site, html):
     data = re.search(r'<script[^>]*id="data">(.*?)</script>', html[site / "page" / "player.html"], re.DOTALL)[1]
     soft = json.loads(data)["runs"][1]
     time, begin, end = (np.frombuffer(base64.b64decode(text), "<f8")
-                        for text in (soft["time"], soft["contacts"]["begin"], soft["contacts"]["end"]))  # fmt: skip
+                        for text in (soft["time"], soft["contacts"]["begin"], soft["contacts"]["end"]))
     pair = np.frombuffer(base64.b64decode(soft["contacts"]["pair"]), "<i4")
     points = np.frombuffer(base64.b64decode(soft["path"]), "<f4").reshape(len(time), 3)
     apart = points[:, 2] - points[:, 1]

@@ -59,7 +59,7 @@ def run(table=None, stop=math.inf, pause=Pause.until, in_order=False, start=0.0,
         ({"samples": [0.5], "stop": 7.0, "pause": Pause.quiet}, [0.5, 7.0], "quiet"),
         ({"samples": [1.0], "stop": 0.0, "pause": Pause.work}, [0.0], "max_events"),
     ],
-)  # fmt: skip
+)
 def test_rows_are_the_samples_and_the_end(given, times, status):
     made = run(**given)
     assert (made.time.tolist(), made.status.name) == (times, status)

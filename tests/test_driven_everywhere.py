@@ -74,7 +74,7 @@ def test_a_sweep_by_name_varies_a_plate():
 @pytest.mark.parametrize("motion", [
     Sine.from_acceleration(3.0, 50.0), Piecewise([0.0, 0.1, 0.3], [[0.2, -0.1], [0.0, 0.02]]),
     Motion(lambda t: 1e-3 * math.sin(200.0 * t)),
-])  # fmt: skip
+])
 @pytest.mark.parametrize("engine", [gr.edmd, gr.md])
 def test_a_run_that_was_saved_goes_on(engine, motion, tmp_path):
     scene = gr.scenes.bouncing_ball(0.01, plate=motion)

@@ -60,7 +60,7 @@ def trajectory(of, **more):
     rows = {name: np.zeros((2, n)) for name, n in (("position", of.n), ("velocity", of.n), ("gap", of.n_pairs))}
     rule = (gr.ConstantRestitution(1.0),) * of.n_pairs
     return Trajectory(of, None, rule, np.array([0.0, 1.0]), **rows, force=None, contacts=np.zeros(0, CONTACT),
-                      status=Status.time, message="", **more)  # fmt: skip
+                      status=Status.time, message="", **more)
 
 
 # --- one scene, whoever keeps it ----------------------------------------------------------------------------------
@@ -110,7 +110,7 @@ def test_a_function_in_a_file_beside_the_case(tmp_path):
 
 def test_what_a_motion_of_ones_own_raises_passes_through():
     for run in (lambda one: gr.md.simulate(one, LAW, t_end=1.0), lambda one: gr.edmd.simulate(one, RULE, t_end=1.0),
-                lambda one: gr.md.simulate(one, LAW, t_end=1.0, dt=1e-3)):  # fmt: skip
+                lambda one: gr.md.simulate(one, LAW, t_end=1.0, dt=1e-3)):
         with pytest.raises(ZeroDivisionError, match=r"^float division by zero$"):
             run(scene(floor=Motion(lambda t: 1.0 / (t - t))))
 
@@ -120,7 +120,7 @@ def test_what_a_motion_of_ones_own_raises_passes_through():
     ("def shake(t):\n    return LOST\n", "NameError: name 'LOST'"),
     ("shake = {1.0: 2.0}.__getitem__\n", "KeyError: 6."), ("1 / 0\n", "ZeroDivisionError: division by zero"),
     ("def shake(t)\n", "SyntaxError: expected ':'"),
-])  # fmt: skip
+])
 @pytest.mark.parametrize("verb", ["run", "compare", "sweep --over gravity=1,2"])
 def test_the_command_names_a_motion_of_ones_own_and_its_error(text, said, verb, granular, tmp_path):
     (tmp_path / "motion.py").write_text(text, encoding="utf-8")
@@ -141,7 +141,7 @@ def test_a_run_of_no_length_beside_a_motion(start):
     speed = 3e-3 * math.cos(3.0 * start)
     hard = gr.edmd.simulate(one, RULE, t_start=start, t_end=start)
     for run in (hard, gr.md.simulate(one, LAW, t_start=start, t_end=start),
-                gr.md.simulate(one, LAW, t_start=start, t_end=start, dt=1e-4)):  # fmt: skip
+                gr.md.simulate(one, LAW, t_start=start, t_end=start, dt=1e-4)):
         assert run.status is gr.Status.time
         assert run.time[-1] == start
         assert run.velocity[-1, 0] == pytest.approx(speed, rel=1e-6)
@@ -152,7 +152,7 @@ def test_numbers_of_walls_and_forces_tell_scenes_apart():
     one = scene(floor=Sine(1e-3, 50.0), external_force=[0.0, 1.0, 0.0])
     others = [scene(floor=Sine(1e-3, 50.0)), scene(external_force=[0.0, 1.0, 0.0]),
               scene(floor=Sine(1e-3, 51.0), external_force=[0.0, 1.0, 0.0]),
-              scene(floor=Sine(1e-3, 50.0), external_force=[0.0, 1.0, 1.0])]  # fmt: skip
+              scene(floor=Sine(1e-3, 50.0), external_force=[0.0, 1.0, 1.0])]
     assert one == scene(floor=Sine(1e-3, 50.0), external_force=[0, 1, 0])
     assert len({one, *others}) == 5
     assert scene(external_force=[0.0, 0.0, -0.0]) == scene()
@@ -214,7 +214,7 @@ WALL = 'floor = { type = "Sine", amplitude = 1e-3, frequency = 50.0 }\nexternal_
 VARIED = [("floor.amplitude", 2e-3, {"floor": Sine(2e-3, 50.0)}),
           ("floor.phase", 1.0, {"floor": Sine(1e-3, 50.0, 1.0)}),
           ("scene.floor.frequency", 7.0, {"floor": Sine(1e-3, 7.0)}),
-          ("external_force[1]", 3.0, {"external_force": [0.0, 3.0, -2.0]})]  # fmt: skip
+          ("external_force[1]", 3.0, {"external_force": [0.0, 3.0, -2.0]})]
 
 
 @pytest.mark.parametrize(("name", "value", "changed"), VARIED)

@@ -36,7 +36,7 @@ class Acting:
     def __init__(self, seed, scene, eps, queues, **options):
         self.random, self.queues = np.random.default_rng(seed), queues
         options = {"ties": "left", "seed": 3, "collapse": "stop", "merge_below": None, "tc": 0.0, "elastic_below": 0.0
-                   } | options  # fmt: skip
+                   } | options
         self.physics = checked(scene, ConstantRestitution(eps), **options)
         self.state = State.of(self.physics, 0.0)
         self.state.set(stop_pair=NEVER, last_event=10**9)
@@ -95,7 +95,7 @@ class Acting:
     eps=st.sampled_from([1.0, 0.7]),
     extra=st.sampled_from([{}, {"ties": "right"}, {"ties": "random"}, {"ties": "poisson"}, {"collapse": "merge"}]),
     actions=st.lists(st.sampled_from(ACTIONS), min_size=4, max_size=10),
-)  # fmt: skip
+)
 @settings(max_examples=40, deadline=None)
 def test_interpreted_state_and_queue_stay_whole(seed, n, gravity, eps, extra, actions) -> None:
     acting = Acting(seed, drawn(seed, n, gravity), eps, [SortedQueue], **extra)
@@ -149,7 +149,7 @@ def test_merges_are_counted_in_blocks_too(monkeypatch) -> None:
     for large in (10**9, 100):
         monkeypatch.setattr(blocks, "LARGE", large)
         options = {"collapse": "merge", "merge_below": 0.05, "engine": "compiled", "log": False, "t_end": 30.0,
-                   "samples": 31}  # fmt: skip
+                   "samples": 31}
         stats.append(edmd.simulate(scene, ConstantRestitution(0.7), **options).stats)
     assert stats[0] == stats[1]
     assert stats[0]["merged"] > 10

@@ -154,7 +154,7 @@ def test_a_thermal_wall_is_no_part_of_a_touching_group(ties):
     """A row of touching balls falls onto it: the wall acts alone, the row as the tie rule says."""
     radius, velocity = [0.0] + [0.1] * 3 + [0.0], [0.0, -1.0, -1.0, -1.0, 0.0]
     scene = gr.Scene([INF, 1.0, 2.0, 3.0, INF], radius, [0.2, 0.0, 0.0, 0.5], velocity, 1.0, floor=Thermal(1.0, 5),
-                     ceiling=Thermal(2.0, 6))  # fmt: skip
+                     ceiling=Thermal(2.0, 6))
     result = run(scene, 0.9, t_end=20.0, ties=ties, samples=30)
     assert result.status is gr.Status.time
     assert remainder(result) < 1e-13
@@ -195,7 +195,7 @@ def hanging(seed, walls=True):
         rest[0] += gap.sum() - rest.sum()
     mass = np.where(ball > 0.0, np.exp(rng.normal(size=len(ball))), INF)
     return gr.Scene(mass, 0.05 * ball, gap, rng.normal(size=len(ball)) * ball * omega, origin=float(rng.normal()),
-                    pendulum=omega, rest_gap=rest)  # fmt: skip
+                    pendulum=omega, rest_gap=rest)
 
 
 def cradle(n, d, eps, periods=1.0, y=-1.0, **options):
@@ -291,7 +291,7 @@ def test_a_mirror_image_of_pendula_does_the_mirror_image(seed):
     scene = hanging(seed, walls=False)
     end = scene.displacement[-1]
     other = gr.Scene(scene.mass[::-1], scene.radius[::-1], scene.gap[::-1], -scene.velocity[::-1], origin=-end,
-                     pendulum=scene.pendulum, rest_gap=scene.rest_gap[::-1])  # fmt: skip
+                     pendulum=scene.pendulum, rest_gap=scene.rest_gap[::-1])
     a = run(scene, 0.9, t_end=9.0 / scene.pendulum, samples=30)
     b = run(other, 0.9, t_end=9.0 / scene.pendulum, samples=30, ties="right")
     assert len(a.contacts) == len(b.contacts)
@@ -351,7 +351,7 @@ def ring(seed, n=None, equal=False):
     n = int(rng.integers(2, 8)) if n is None else n
     mass = np.ones(n) if equal else np.exp(rng.normal(size=n))
     return gr.Scene(mass, np.full(n, 0.01), rng.exponential(size=n), rng.normal(size=n), origin=float(rng.normal()),
-                    ring=True)  # fmt: skip
+                    ring=True)
 
 
 def turned(scene, k):
@@ -455,7 +455,7 @@ def test_balls_on_a_ring_cool_without_end(seed, n, eps):
 
 
 RINGS = [(2, 0.8, {}), (5, 0.02, {}), (300, 0.3, {}), (9, 0.6, {"collapse": "merge"}), (40, 0.0, {"ties": "random"}),
-         (30, 0.8, {"tc": 0.05, "ties": "right"}), (150, 1.0, {"elastic_below": 0.1})]  # fmt: skip
+         (30, 0.8, {"tc": 0.05, "ties": "right"}), (150, 1.0, {"elastic_below": 0.1})]
 
 
 @QUEUES

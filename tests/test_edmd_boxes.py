@@ -229,10 +229,10 @@ def test_groups_end_before_walls_as_with_fractions(seed):
     gap = rng.integers(0, 3, n + 1) / 4.0
     velocity = rng.integers(-3, 4, n) * 2.0**-4
     scene = gr.Scene([INF, *[1.0, 2.0, 1.0, 3.0, 1.0][:n], INF], [0.0] * (n + 2), [*gap[:-1], gap[-1] + 0.25],
-                     [0.0, *velocity, 0.0])  # fmt: skip
+                     [0.0, *velocity, 0.0])
     eps = [float(rng.choice([1.0, 0.5])), *[e] * (n - 1), float(rng.choice([1.0, 0.5]))]
     log = gr.edmd.simulate(scene, [gr.ConstantRestitution(x) for x in eps], max_events=30, collapse="merge",
-                           merge_below=0.08, engine="sorted").contacts  # fmt: skip
+                           merge_below=0.08, engine="sorted").contacts
     rows = merged(scene, eps, 0.08, 30)
     seen = [(float(t), c, float(-w)) for t, c, w in rows]
     made = list(zip(log["t_begin"].tolist(), log["pair"].tolist(), (log["v_in"] @ [1.0, -1.0]).tolist(), strict=True))
@@ -327,10 +327,10 @@ def test_a_soft_run_whose_last_state_cannot_be_is_broken(monkeypatch):
 def test_what_is_judged_is_the_room_between_walls_that_move():
     """One whose gaps are off by 1e-6 m is none there can be, by every engine."""
     scene = gr.Scene([INF, 1.0, 1.0, INF], [0.0, 0.1, 0.1, 0.0], [0.0, 0.0, 0.3], [0.01, 0.5, -0.2, 0.2],
-                     floor=Sine(0.01, 3.0))  # fmt: skip
+                     floor=Sine(0.01, 3.0))
     for result in (gr.edmd.simulate(scene, gr.ConstantRestitution(0.7), t_end=5.0),
                    *(gr.md.simulate(scene, gr.LinearDashpot(1e4, 5.0), t_end=5.0, **how)
-                     for how in ({}, {"method": "verlet", "dt": 1e-4}))):  # fmt: skip
+                     for how in ({}, {"method": "verlet", "dt": 1e-4}))):
         given = scene, 0.0, result.time[-1:], result.gap[-1], result.position[-1], result.velocity[-1]
         assert result.status is gr.Status.time
         assert flaw(*given, hard=result.law is None, adds_up=True) == ""

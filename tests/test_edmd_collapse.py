@@ -115,7 +115,7 @@ def test_a_gas_that_slows_down_without_end_says_so() -> None:
     random = np.random.default_rng(3)
     n = 100
     scene = Scene([math.inf] + [1.0] * n + [math.inf], np.zeros(n + 2), random.uniform(0.5, 1.5, n + 1),
-                  [0.0, *random.normal(size=n), 0.0])  # fmt: skip
+                  [0.0, *random.normal(size=n), 0.0])
     end = run(scene, 0.9, max_events=30_000, log=False)
     assert end.status is Status.max_events
     assert "the balls cluster and slow down, perhaps without end. Remedies by name" in end.message
@@ -127,7 +127,7 @@ def test_a_gas_that_merely_cools_is_not_said_to_cluster(engine) -> None:
         pytest.importorskip("numba")
     random = np.random.default_rng(1)
     scene = Scene([math.inf] + [1.0] * 50 + [math.inf], np.zeros(52), random.uniform(0.5, 1.5, 51),
-                  [0.0, *random.normal(size=50), 0.0])  # fmt: skip
+                  [0.0, *random.normal(size=50), 0.0])
     end = run(scene, 0.999, max_events=20_000, log=False, engine=engine)
     assert end.status is Status.max_events
     assert end.message.endswith("after 20000 collisions")
@@ -174,7 +174,7 @@ def test_merging_brings_a_column_to_rest() -> None:
 @given(
     seed=st.integers(0, 10**6), n=st.integers(1, 12), floor=st.sampled_from([-0.5, 0.0, 0.3, 2.0]),
     gravity=st.sampled_from([0.0, 1.0]), eps=st.sampled_from([0.0, 0.3, 0.9]), below=st.sampled_from([1e-3, 0.1, 10.0]),
-)  # fmt: skip
+)
 @settings(max_examples=100, deadline=None)
 def test_merging_on_a_moving_floor(seed, n, floor, gravity, eps, below) -> None:
     """Seen from the floor it is a floor at rest: same collisions, and no energy gained."""

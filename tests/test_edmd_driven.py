@@ -25,7 +25,7 @@ def run(scene, eps=0.9, **options):
 def plate(balls, motion, gravity=1.0, gap=0.5, velocity=0.0, mass=1.0, **more):
     """Balls above a moving floor."""
     return gr.Scene([INF] + [mass] * balls, [0.0] + [0.1] * balls, [gap] * balls, [0.0] + [velocity] * balls, gravity,
-                    floor=motion, **more)  # fmt: skip
+                    floor=motion, **more)
 
 
 def shaken(gamma, omega=1.0, gravity=1.0, phase=0.0):
@@ -52,7 +52,7 @@ def same(a, b, mirrored=False):
     rows = all(np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True) for name in names)
     columns = a.contacts.dtype.names
     return rows and a.message == b.message and len(a.contacts) == len(b.contacts) and all(
-        np.array_equal(a.contacts[name], b.contacts[name], equal_nan=True) for name in columns)  # fmt: skip
+        np.array_equal(a.contacts[name], b.contacts[name], equal_nan=True) for name in columns)
 
 
 def drawn(seed, touching=0.0):
@@ -70,7 +70,7 @@ def drawn(seed, touching=0.0):
     force = rng.normal(size=bodies) * 3.0 * ball if rng.random() < 0.4 else None
     return gr.Scene(mass, 0.05 * ball, gap, rng.normal(size=bodies) * ball, float(rng.choice([0.0, 1.0, 9.81])),
                     float(rng.normal()), external_force=force, floor=sine() if floor else None,
-                    ceiling=sine() if ceiling and (not floor or rng.random() < 0.5) else None)  # fmt: skip
+                    ceiling=sine() if ceiling and (not floor or rng.random() < 0.5) else None)
 
 
 # --- against the twin
@@ -174,7 +174,7 @@ def test_piles_ride_on_ceilings_too():
         m, v = [1.0, 2.0, 0.5][:balls], [-0.3, 0.1, -0.7][:balls]
         up = gr.Scene([INF, *m], [0.0] + [0.1] * balls, [0.5] * balls, [0.0, *v], floor=motion)
         down = gr.Scene([*m[::-1], INF], [0.1] * balls + [0.0], [0.5] * balls, [-x for x in v[::-1]] + [0.0],
-                        ceiling=Sine(0.1, 1.0, 2.0 + math.pi))  # fmt: skip
+                        ceiling=Sine(0.1, 1.0, 2.0 + math.pi))
         a, b = (run(s, eps, t_end=4.0, samples=30, max_events=400) for s in (up, down))
         assert len(a.contacts) == len(b.contacts) > 0
         assert np.abs(a.contacts["t_begin"] - b.contacts["t_begin"]).max() < 1e-11
@@ -190,7 +190,7 @@ def test_a_jump_of_the_wall_hits_or_leaves_what_rides():
     assert result.contacts["v_in"][0].tolist() == [2.0, 0.0]
     assert result.velocity[1, 1] == pytest.approx(3.0 - 0.1, abs=1e-13)
     thrown = run(plate(1, Piecewise([0.0, 0.5, 3.0], [[2.0, 0.0], [0.0, 1.0]]), gap=0.0, velocity=2.0), 0.5, t_end=2.0,
-                 samples=[0.49, 0.75])  # fmt: skip
+                 samples=[0.49, 0.75])
     assert len(thrown.contacts) == 0
     assert thrown.gap[1, 0] == pytest.approx(0.25 * 2.0 - 0.5 * 0.25**2, abs=1e-14)
 
@@ -261,7 +261,7 @@ def test_floors_along_straight_lines(seed):
 def test_merging_at_an_instant_leaves_the_account_closed(seed):
     """Dozens of merges in one instant: what rounding may have left of velocities does not grow with each."""
     result = run(drawn(seed, touching=0.3), 0.5, t_end=5.0, samples=400, collapse="merge", merge_below=0.3,
-                 max_events=2000)  # fmt: skip
+                 max_events=2000)
     assert remainder(result) < 1e-12
 
 
@@ -277,7 +277,7 @@ def test_an_accelerated_floor_is_gravity():
             fixed = gr.Scene([INF] + [1.0] * balls, [0.0] + [0.1] * balls, [0.5] * balls, [0.0] * (balls + 1), 1.0)
             a = run(fixed, 0.6, t_end=3.9, samples=9, collapse="merge", merge_below=1e-9, max_events=200)
             b = run(plate(balls, motion, gravity=0.0), 0.6, t_end=3.9, samples=9, max_events=200, collapse="merge",
-                    merge_below=1e-9)  # fmt: skip
+                    merge_below=1e-9)
             n = min(len(a.contacts), len(b.contacts), 40)
             assert n >= 6
             assert (a.contacts["pair"][:n] == b.contacts["pair"][:n]).all()
@@ -308,7 +308,7 @@ def test_other_units_give_the_same_bits(seed):
     force = None if scene.external_force is None else 8.0 * scene.external_force
     other = gr.Scene(8.0 * scene.mass, 4.0 * scene.radius, 4.0 * scene.gap, 2.0 * scene.velocity, scene.gravity,
                      4.0 * scene.origin, external_force=force, floor=scaled(scene.floor),
-                     ceiling=scaled(scene.ceiling))  # fmt: skip
+                     ceiling=scaled(scene.ceiling))
     a, b = run(scene, 0.7, t_end=3.0, samples=7, max_events=300), run(other, 0.7, t_end=6.0, samples=7, max_events=300)
     assert np.array_equal(2.0 * a.contacts["t_begin"], b.contacts["t_begin"])
     assert np.array_equal(2.0 * a.velocity, b.velocity)
@@ -366,7 +366,7 @@ def test_balls_pressed_together_in_mid_air_move_as_one():
 def test_a_piston_rests_on_a_column():
     """A heavy ball under a force presses a row of light ones on a shaken floor: it leaves where the force says."""
     scene = gr.Scene([INF, 1.0, 1.0, 2.0], [0.0, 0.1, 0.1, 0.0], [0.0] * 3, [0.0] * 4, 1.0,
-                     external_force=[0.0, 0.0, 0.0, -4.0], floor=shaken(1.6, phase=-0.5 * math.pi))  # fmt: skip
+                     external_force=[0.0, 0.0, 0.0, -4.0], floor=shaken(1.6, phase=-0.5 * math.pi))
     result = run(scene, 0.5, t_end=2.0 * math.pi, collapse="merge", samples=50)
     # the whole pile is pressed on by 1 + 4/4 = 2 g, so it rides all the time
     assert len(result.contacts) == 0
@@ -382,7 +382,7 @@ def test_accounts_close_and_resumed_runs_go_on(seed):
     """Every option: energy - work + dissipated stays, gaps stay positive, cut and uncut runs have the same bits."""
     scene = drawn(100 + seed, touching=0.3)
     options = [{}, {"ties": "right"}, {"ties": "random", "seed": 7}, {"ties": "poisson"}, {"collapse": "merge"},
-               {"tc": 1e-3}, {"elastic_below": 1e-2}, {"collapse": "merge", "merge_below": 0.3}][seed % 8]  # fmt: skip
+               {"tc": 1e-3}, {"elastic_below": 1e-2}, {"collapse": "merge", "merge_below": 0.3}][seed % 8]
     for eps in (0.05, 0.5, 0.9, 1.0):
         times = np.linspace(1.0, 3.0, 5)
         whole = run(scene, eps, t_end=3.0, samples=times, max_events=400, **options)

@@ -39,7 +39,7 @@ def same_state(a, b):
     seed=st.integers(0, 10**6), eps=st.sampled_from([1.0, 0.9, 0.5, "mixed"]),
     ties=st.sampled_from(["left", "right", "random"]),
     extra=st.sampled_from([{}, {}, {"tc": 1e-2}, {"elastic_below": 0.05}, {"collapse": "merge"}]),
-)  # fmt: skip
+)
 @settings(max_examples=200, deadline=None)
 def test_both_queues_give_the_same_bits(scene, seed, eps, ties, extra) -> None:
     values = [(0.5, 0.9, 1.0)[c % 3] for c in range(scene.n - 1)] if eps == "mixed" else eps
@@ -64,7 +64,7 @@ def test_both_queues_give_the_same_bits(scene, seed, eps, ties, extra) -> None:
 def test_collapses_and_sticking_are_the_same(eps) -> None:
     for n, g in ((3, 0.0), (6, 0.0), (20, 1.0)):
         scene = Scene([math.inf] * (g > 0) + [1.0] * n, np.zeros(n + (g > 0)), np.ones(n - (g == 0)),
-                      [0.0] * (g > 0) + np.linspace(1, -1, n).tolist(), g)  # fmt: skip
+                      [0.0] * (g > 0) + np.linspace(1, -1, n).tolist(), g)
         plain, fast = (edmd.simulate(scene, ConstantRestitution(eps), engine=e) for e in ("sorted", "compiled"))
         same(plain, fast)
         assert plain.message == fast.message

@@ -158,7 +158,7 @@ def test_a_closer_look_resumed_leaves_what_it_looks_at_alone() -> None:
     gap = [
         2.0477340683386976e-10, 0.6643305693377834, 0.5375236829222858, 5.492171142254724e-10, 0.9879581136579669,
         0.16525401681033036, 0.0, 0.4642018079734307, 0.20093631583579652, 0.7088885028601144,
-    ]  # fmt: skip
+    ]
     scene = Scene(mass, np.zeros(11), gap, v, 1.0)
     whole = edmd.simulate(scene, ConstantRestitution(0.1))
     part = edmd.simulate(scene, ConstantRestitution(0.1), max_events=34)

@@ -160,7 +160,7 @@ def test_light_balls_between_heavy_ones_go_with_one_of_them_and_no_group_is_solv
     for heavy, eps in ((2.79, 0.05), (0.15, 0.44), (2.07, 0.44), (2.83, 0.2), (0.47, 0.2)):
         mass = [math.inf, *([heavy, 1.0] * 3)]
         scene = Scene(mass, [0.0] * 7, [0.0, 0.0, 0.09470754971397144, 0.04385693605078489, 0.0, 0.0],
-                      [0.0] + 6 * [-0.996629289698394], gravity=9.81)  # fmt: skip
+                      [0.0] + 6 * [-0.996629289698394], gravity=9.81)
         end = edmd.simulate(scene, ConstantRestitution(eps), t_end=1.0, ties=ties, max_events=300)
         assert len(end.contacts) <= 300
 

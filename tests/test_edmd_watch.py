@@ -260,7 +260,7 @@ def test_pairs_of_all_sizes_share_their_contacts(monkeypatch):
         (gr.Hertz, TypeError, r"^watch is the class Hertz: an instance is needed"),
         ([gr.Hertz(1e9)], ValueError, r"^length of watch is 1: 2 \(the number of pairs\) is needed; give one for all"),
     ],
-)  # fmt: skip
+)
 def test_misuse_is_a_sentence(watch, kind, sentence):
     scene = gr.scenes.three_balls()
     with pytest.raises(kind, match=sentence):

@@ -117,7 +117,7 @@ def test_impact_speed_is_that_of_the_scene_whatever_the_tie_rule(ties):
 @pytest.mark.parametrize(("balls", "eps", "k", "answer"), [
     ((6, 3, 0.364), 1.0, 8.87e6, gr.Answer.no),  # elastic: three leave under every rule, as of steel balls
     ((5, 4, 1.32), 0.444, 1e7, gr.Answer.not_unique),
-])  # fmt: skip
+])
 @pytest.mark.parametrize("ties", ["left", "newton", "poisson", "reflect"])
 def test_group_whose_first_pair_does_not_approach_is_judged(balls, eps, k, answer, ties):
 
@@ -165,7 +165,7 @@ def test_ball_that_soft_spheres_leave_slower_counts():
     stack = compared("ball-stack", n=7, mass_ratio=1.0 / 3.0, gap=1e-5, height=0.459, restitution=0.95)
     assert stack.error * fastest(stack) > 12.0 * stack.impact_speed
     false_yes = compared("ball-stack", gr.until.separated(), n=4, mass_ratio=0.5923, gap=0.002362, height=0.645,
-                         restitution=0.7684, stiffness=1.035e7)  # fmt: skip
+                         restitution=0.7684, stiffness=1.035e7)
     assert false_yes.verdict.startswith("No: outcomes are off by 0.011")
 
 
@@ -260,7 +260,7 @@ def test_no_yes_without_an_error_that_is_known_and_small(error):
     report = random_report(0)
     count = report.components.count
     nothing = {"other_counts": np.zeros(report.scene.n_pairs, bool), "shifts": np.zeros(count), "tie_errors": {},
-               "shift_errors": np.zeros(count), "unknown": np.zeros(report.scene.n_pairs, bool)}  # fmt: skip
+               "shift_errors": np.zeros(count), "unknown": np.zeros(report.scene.n_pairs, bool)}
     fine = replace(report)
     fine.__dict__.update(nothing, error=0.01, errors=np.full(count, 0.01))
     assert fine.answer is gr.Answer.yes

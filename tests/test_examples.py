@@ -49,7 +49,7 @@ def as_process(path, *_):
     """What an example prints that is run as a script; from an empty cache, each process of a pool would compile."""
     environment = os.environ | {"MPLBACKEND": "Agg", "PYTHONIOENCODING": "utf-8", "NUMBA_DISABLE_JIT": "1"}
     done = subprocess.run([sys.executable, str(path)], capture_output=True, encoding="utf-8",
-                          env=environment, check=False)  # fmt: skip
+                          env=environment, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

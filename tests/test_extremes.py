@@ -23,7 +23,7 @@ def report():
 @pytest.mark.parametrize(("law", "speed"), [
     (gr.LinearDashpot(1e4, 20.0), 1.0), (gr.ViscoelasticHertz(1e6, 1e3), 0.7), (gr.TsujiHertz(1e6, 0.3), 2.0),
     (gr.WaltonBraun(1e4, 2e4), 1.0),
-])  # fmt: skip
+])
 def test_stiffer_keeps_the_restitution(law, speed):
     varied = AXES["stiffness"][0](Case(ONE.scene, law), 1e4).law
     pair = ONE.scene.pairs[0]

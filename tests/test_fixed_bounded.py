@@ -104,7 +104,7 @@ def test_a_hit_alone_has_no_error_of_the_step(method):
     thermal = gr.walls.Thermal(2.0, 3)
     hung = gr.Scene([math.inf, 1.5], [0.0, 0.0], [0.3], [0.25, 1.0], 9.81, floor=thermal)
     between = gr.Scene([math.inf, 1.5, math.inf], [0.0] * 3, [0.3, 0.7], [0.0, 1.0, 0.0], floor=thermal,
-                       ceiling=thermal)  # fmt: skip
+                       ceiling=thermal)
     for scene in (hung, between):
         truth = reference.solve(scene, LAW, t_end=9.0, digits=20)
         one = run(scene, LAW, method, t_end=9.0, dt=0.7)
@@ -123,7 +123,7 @@ def test_orders_of_hits_beside_contacts():
     for law, wanted in ((gr.LinearDashpot(3e3, 0.0), 2.0), (LAW, 1.0)):
         truth = [float(v) for v in reference.solve(scene, law, t_end=0.15, digits=20).velocity]
         errors = [np.abs(run(scene, law, "verlet", t_end=0.15, dt=dt).velocity[-1] - truth).max()
-                  for dt in 4e-4 / 1.5 ** np.arange(6)]  # fmt: skip
+                  for dt in 4e-4 / 1.5 ** np.arange(6)]
         found = np.polyfit(np.arange(6) * -math.log(1.5), np.log(errors), 1)[0]
         assert found == pytest.approx(wanted, abs=0.5)
 

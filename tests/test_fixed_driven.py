@@ -75,7 +75,7 @@ def test_mirror_and_boost(seed):
     scene = scene.replace(gravity=0.0)
     other = gr.Scene(scene.mass[::-1], scene.radius[::-1], scene.gap[::-1], -scene.velocity[::-1],
                      external_force=-scene.external_force[::-1], floor=mirrored(scene.ceiling),
-                     ceiling=mirrored(scene.floor))  # fmt: skip
+                     ceiling=mirrored(scene.floor))
     boosted = scene.replace(velocity=scene.velocity + 2.0)
     options = {"t_end": 0.3, "dt": 2e-4, "samples": 5}
     one, two, three = run(scene, law, **options), run(other, law[::-1], **options), run(boosted, law, **options)
@@ -104,7 +104,7 @@ def test_equivalence_of_a_rising_floor_and_gravity(method, rounding):
 @pytest.mark.parametrize("method", ALL)
 def test_scaling_by_powers_of_two_keeps_the_bits(method):
     scene, law = gr.scene.Scene([math.inf, 1.0, 2.0], [0.0, 0.1, 0.1], [0.01, 0.02], [0.0, 0.3, -0.2], 3.0,
-                                floor=gr.walls.Sine(0.02, 3.0, 0.4)), gr.LinearDashpot(3e3, 9.0)  # fmt: skip
+                                floor=gr.walls.Sine(0.02, 3.0, 0.4)), gr.LinearDashpot(3e3, 9.0)
     length, time, mass = 4.0, 0.5, 2.0
     other = gr.Scene(scene.mass * mass, scene.radius * length, scene.gap * length, scene.velocity * (length / time),
                      scene.gravity * length / time**2, floor=gr.walls.Sine(0.02 * length, 3.0 / time, 0.4))
@@ -185,7 +185,7 @@ def test_compiled_and_in_windows_the_same_bits():
     mass[[0, -1]] = math.inf
     chain = gr.Scene(mass, np.where(np.isinf(mass), 0.0, 0.01), rng.choice([-1e-5, 1e-4], n - 1),
                      np.where(np.isinf(mass), 0.0, rng.normal(size=n) * 0.1), floor=gr.walls.Sine(1e-3, 30.0),
-                     ceiling=gr.walls.Sine(1e-3, 20.0, 1.0))  # fmt: skip
+                     ceiling=gr.walls.Sine(1e-3, 20.0, 1.0))
     for one, laws, options in ((scene, law, {"t_end": 0.4, "dt": 2e-4, "samples": 7}),
                                (chain, gr.LinearDashpot(1e5, 3.0), {"t_end": 3e-3, "dt": 2e-5, "samples": 3})):
         plain, compiled = (run(one, laws, engine=engine, **options) for engine in ("plain", "compiled"))
@@ -199,7 +199,7 @@ def test_the_default_step_knows_how_fast_a_wall_is():
     still = gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.0], [0.0, 0.0], 9.81)
     law = gr.Hertz(1e6)
     steps = [run(scene, law, t_end=1e-3).stats["dt"]
-             for scene in (still.replace(floor=gr.walls.Sine(a, 50.0)) for a in (1e-4, 1e-2))]  # fmt: skip
+             for scene in (still.replace(floor=gr.walls.Sine(a, 50.0)) for a in (1e-4, 1e-2))]
     assert steps[1] < 0.6 * steps[0]
 
 
@@ -221,7 +221,7 @@ def test_misuse_is_one_sentence():
 
 def test_walls_that_meet_for_a_short_time_are_noticed():
     scene = gr.Scene([math.inf, 1e-3, 1e-3, math.inf], [0.0, 1e-3, 1e-3, 0.0], [1e-3] * 3, [0.0] * 4,
-                     floor=gr.walls.Sine(2e-2, 10.0))  # fmt: skip
+                     floor=gr.walls.Sine(2e-2, 10.0))
     with pytest.raises(ValueError, match=r"the walls meet at t = 0\.00569092"):  # at t_end they are apart
         run(scene, gr.LinearDashpot(1e3, 0.1), t_end=0.1, dt=1e-5, engine="plain")
 
@@ -231,12 +231,12 @@ def test_walls_that_meet_for_a_short_time_are_noticed():
         ("verlet", 2.0), pytest.param("symplectic-euler", 1.0, marks=pytest.mark.soak), ("rk4", 2.5),
         pytest.param("gear5", 2.5, marks=pytest.mark.soak),
     ]
-)  # fmt: skip
+)
 def test_located_is_the_limit_of_small_steps(method, order):
     """Both walls driven, forces, several Hertz contacts: the distance falls as dt to the order of the method."""
     floor, ceiling = gr.walls.Sine(0.02, 3.0, 0.4), gr.walls.Sine(0.01, 5.0, 1.0)
     scene = gr.Scene([math.inf, 1.0, 0.6, math.inf], [0.0, 0.01, 0.01, 0.0], [0.02, 0.03, 0.05], [0.0, -0.5, -0.2, 0.1],
-                     9.81, external_force=[0.0, 0.7, -0.4, 0.0], floor=floor, ceiling=ceiling)  # fmt: skip
+                     9.81, external_force=[0.0, 0.7, -0.4, 0.0], floor=floor, ceiling=ceiling)
     slopes = []
     for t_end in (0.3, 0.37):
         limit = gr.md.simulate(scene, gr.Hertz(2e4), t_end=t_end, engine="plain").velocity[-1]

@@ -55,7 +55,7 @@ def judged(case: Case, one: Truth, laws: Any = None) -> Verdict:
 @pytest.mark.parametrize(("scenes", "first"), [
     *((OFTEN, first) for first in range(0, len(OFTEN), BATCH)),
     *(pytest.param(SELDOM, first, marks=pytest.mark.soak) for first in range(0, len(SELDOM), BATCH)),
-], ids=lambda value: str(value) if isinstance(value, int) else "")  # fmt: skip
+], ids=lambda value: str(value) if isinstance(value, int) else "")
 def test_stored_truths(scenes: list[dict[str, Any]], first: int) -> None:
     """The engine gives the stored numbers to 1e-12 max(1, κ), or the scene is named."""
     short = []
@@ -83,7 +83,7 @@ def test_what_the_roundings_of_a_law_make_is_measured() -> None:
     stored = next(one for one in STORED if one["seed"] == 95006449)
     case = Case.from_json(stored["case"])
     rounded = [judged(case, from_json(case, stored["truth"]), [Rounded(one.law(), seed) for one in case.laws])
-               for seed in range(3)]  # fmt: skip
+               for seed in range(3)]
     assert all(verdict.kind == "ok" for verdict in rounded)
     assert any(verdict.notes for verdict in rounded)
 
@@ -115,7 +115,7 @@ def test_driven_scenes_start_as_others_do() -> None:
     for seed in START:
         one, other = driven.generate(seed).case, generate(seed, small=True)
         assert (one.gap, one.gravity, one.laws, one.mass[1:], one.velocity[1:]) == (
-            other.gap, other.gravity, other.laws, other.mass[1:], other.velocity[1:])  # fmt: skip
+            other.gap, other.gravity, other.laws, other.mass[1:], other.velocity[1:])
 
 
 BOUNDED = [9, 308, 310, 311, 313, 315, 317, 319]

@@ -66,7 +66,7 @@ def test_soft_gases_conduct_less(k, ratio):
     """Hard and soft balls draw the same speeds, so that most of the noise is in both."""
     gases = [gas(SOFT["n"], seed) for seed in range(48)]
     hard, soft = (np.array([heat(one, touch, 2.5e3, "compiled").mean() for one in gases])
-                  for touch in (ELASTIC, gr.LinearDashpot(float(k))))  # fmt: skip
+                  for touch in (ELASTIC, gr.LinearDashpot(float(k))))
     less, error = mean((soft - hard) / EQUAL["J"])
     assert error < 0.5 * SOFT["uncertainty"]
     assert 1.0 + less == pytest.approx(ratio, abs=SOFT["uncertainty"])

@@ -212,7 +212,7 @@ def test_contact_against_thirty_digits(law, gravity, exact, digits, monkeypatch)
         ("xi_max", row["xi_max"], true.xi_max), ("force_max", row["force_max"], true.force_max),
         ("impulse", row["impulse"], v + g * true.t1 + true.v1), ("t_end", row["t_end"], onset + true.t1),
         ("gap", run.gap[-1, 0], true.v2 * dt - g * dt * dt / 2), ("velocity", run.velocity[-1, 1], true.v2 - g * dt),
-    ):  # fmt: skip
+    ):
         assert found == pytest.approx(float(expected), rel=digits, abs=0), name
 
 
@@ -411,7 +411,7 @@ def test_same_bits_interpreted_and_compiled(name):
         for options in (
             {"t_end": 0.3, "samples": 13}, {"t_end": 0.3, "log": False}, {"until": gr.until.contact(2, 3)},
             {"max_events": 17},
-        ):  # fmt: skip
+        ):
             plain, fast = (gr.md.simulate(scene, law, engine=engine, **options) for engine in ("plain", "compiled"))
             assert fast.stats["engine"] == "compiled"
             for field in ("time", "position", "velocity", "gap", "force", "contacts"):
@@ -427,7 +427,7 @@ def test_stops_and_ends_inside_contacts(seed):
     gravity = 9.81 * (seed % 2)
     wall = [INF] if gravity else [1.0]
     scene = gr.Scene([*wall, 1.0, 2.0, 0.7], np.zeros(4) if gravity else np.full(4, 0.1), rng.uniform(0.01, 0.04, 3),
-                     [0.0, *rng.normal(size=3)], gravity)  # fmt: skip
+                     [0.0, *rng.normal(size=3)], gravity)
     law = at_random.LAWS[at_random.POWERS[seed]](1e6, 0.05, 1.0)
     whole = twin(scene, law, max_events=9, engine="plain")
     done = whole.contacts[~np.isnan(whole.contacts["t_end"])]

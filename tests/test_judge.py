@@ -12,7 +12,7 @@ import granular as gr
 
 INF, A = math.inf, gr.Answer
 FEW = {"drop": 3, "floor": 3, "pendula": 4, "sine": 2, "piecewise": 5, "thermal": 4, "resting": 4, "box": 20,
-       "touching": 50}  # fmt: skip
+       "touching": 50}
 """Questions of kinds that take longer, or less long; six of each other."""
 NUMBERS = 1e-3
 """Two runs to other ends have other roundings, which a chaotic scene makes larger; answers are compared exactly."""
@@ -180,7 +180,7 @@ def column(t_end):
     (lambda: row(1.0, 0.0), A.yes), (lambda: row(-1.0, 1.0), A.yes),
     (lambda: row(1.0, 0.0, 0.0, gap=1e-5, k=1e4), A.no), (lambda: gas(1e9), A.yes),
     *[((lambda ties=ties: cradle(ties)), A.not_unique) for ties in ("left", "right", "newton", "poisson")],
-])  # fmt: skip
+])
 def test_scenes_whose_answer_is_known(scene, answer):
     report = scene()
     assert report.answer is answer, report.verdict

@@ -53,7 +53,7 @@ def some_laws(random, n):
     made = [
         lambda: gr.LinearDashpot(1e6, 3.0), lambda: gr.Hertz(1e9), lambda: gr.TsujiHertz(1e9, 0.3),
         lambda: gr.WaltonBraun(1e5, 3e5), lambda: Numbered(1e5), lambda: Steep(1e7), lambda: Changing(1e8),
-    ]  # fmt: skip
+    ]
     few = [make() for make in made]
     return [few[i] if random.random() < 0.5 else made[i]() for i in random.integers(len(made), size=n)]
 

@@ -25,7 +25,7 @@ pytest.importorskip("numba")
 LAWS: list[Any] = [
     LinearDashpot(5e7, 1500.0), LinearDashpot(5e7), Hertz(1e7), ViscoelasticHertz(1e7, 2e3), TsujiHertz(1e7, 0.4),
     PowerLaw(1e8, 4.0 / 3.0), PowerLaw(1e8, 2.0),
-]  # fmt: skip
+]
 SCENE = Scene([math.inf, 3.77, 0.00377], [0.0, 0.1, 0.01], [0.0, 1e-4], [0.0, -3.0, -3.0], 9.81)
 CHAIN = Scene([1.0] * 5, [0.1] * 5, [0.0, 0.0, 1e-5, 0.1], [1.0, 0, 0, 0, -0.5])
 

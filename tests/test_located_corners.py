@@ -13,7 +13,7 @@ SEPARATED = gr.until.separated()
 LAWS = [
     gr.LinearDashpot(1e6, 100.0), gr.Hertz(1e6), gr.ViscoelasticHertz(1e6, 1e3), gr.TsujiHertz(1e6, 0.5),
     gr.PowerLaw(1e6, 2.0),
-]  # fmt: skip
+]
 
 
 def three(gap, velocity):
@@ -267,7 +267,7 @@ def test_no_step_leaves_the_range_of_numbers(engine):
 
 
 @pytest.mark.parametrize("law", [gr.Hertz(1e6), gr.ViscoelasticHertz(1e6, 1e3), gr.PowerLaw(1e6, 2.0)],
-                         ids=lambda law: type(law).__name__)  # fmt: skip
+                         ids=lambda law: type(law).__name__)
 def test_rows_that_touch_at_a_coarse_tolerance(law):
     """What steps leave out must not wake pairs that lie still: no contacts of rounding, errors of tol."""
     rng = np.random.default_rng(29)

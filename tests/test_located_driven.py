@@ -59,7 +59,7 @@ class ReturnMap:
 
 @pytest.mark.parametrize(("restitution", "ratio", "gamma"), [
     (0.5, 1e4, 1.52678914629763), (0.5, 1e3, 1.52647852413489), (0.8, 1e3, 1.07077698948191),
-])  # fmt: skip
+])
 def test_period_doubling_of_the_soft_bouncing_ball(restitution, ratio, gamma):
     a, b = gamma * (1.0 + 1e-4), gamma * (1.0 - 1e-4)
     at_a = ReturnMap(a, restitution, ratio).past_doubling()

@@ -21,7 +21,7 @@ def some_law(rng, k, damping):
         "spring": gr.LinearDashpot(k, 0.0), "dashpot": gr.LinearDashpot(k, damping),
         "strong": gr.LinearDashpot(k, 3.0 * math.sqrt(k)), "hertz": gr.Hertz(10.0 * k),
         "viscoelastic": gr.ViscoelasticHertz(10.0 * k, 3.0 * damping), "tsuji": gr.TsujiHertz(10.0 * k, 0.4),
-    }[kind]  # fmt: skip
+    }[kind]
 
 
 def some_path(rng, start):
@@ -52,7 +52,7 @@ def some_scene(seed, *, gravity=None, forces=True):
     velocity = np.where(wall, rng.choice([0.0, 0.1]), rng.normal(size=n) * rng.choice([0.1, 1.0]))
     g = float(rng.choice([0.0, 3.0, 9.81])) if gravity is None else gravity
     scene = gr.Scene(mass, np.where(wall, 0.0, 0.05), gap, velocity, gravity=g, external_force=force, floor=floor,
-                     ceiling=ceiling)  # fmt: skip
+                     ceiling=ceiling)
     k = 10.0 ** rng.uniform(2.5, 5.0)
     damping = 2.0 * rng.uniform(0.0, 0.9) * math.sqrt(0.5 * k)
     return scene, [some_law(rng, k, damping) for _ in range(n - 1)], start
@@ -117,7 +117,7 @@ def test_a_mirror_swaps_floor_and_ceiling(seed):
 
     force = None if scene.external_force is None else -scene.external_force[::-1]
     mirror = gr.Scene(scene.mass[::-1], scene.radius[::-1], scene.gap[::-1], -scene.velocity[::-1],
-                      external_force=force, floor=turned(scene.ceiling), ceiling=turned(scene.floor))  # fmt: skip
+                      external_force=force, floor=turned(scene.ceiling), ceiling=turned(scene.floor))
     one, other = run(scene, law, start), run(mirror, law[::-1], start)
     assert abs(one.gap - other.gap[:, ::-1]).max() < 1e-11
     if one.ledger is not None:
@@ -141,7 +141,7 @@ def test_units_by_powers_of_two_change_no_bit(seed):
     force = None if scene.external_force is None else scene.external_force * (m * x / t**2)
     floor = scene.floor and gr.walls.Sine(0.03 * x, 4.0 / t, 0.5)
     other = gr.Scene(scene.mass * m, scene.radius * x, scene.gap * x, scene.velocity * (x / t),
-                     gravity=scene.gravity * x / t**2, external_force=force, floor=floor)  # fmt: skip
+                     gravity=scene.gravity * x / t**2, external_force=force, floor=floor)
     rule = gr.LinearDashpot((1000.0 + seed) * m / t**2, 12.0 * m / t)
     a, b = run(scene, law, 0.0, 0.5), run(other, rule, 0.0, 0.5 * t)
     assert (a.gap * x == b.gap).all()
@@ -167,7 +167,7 @@ def test_compiled_runs_have_the_same_bits(disturbed):
     for seed in range(6):
         scene, law, start = some_scene(seed)
         one, other = (run(scene, law, start, engine=engine, disturbed=disturbed, samples=5)
-                      for engine in ("plain", "compiled"))  # fmt: skip
+                      for engine in ("plain", "compiled"))
         assert one.gap.tobytes() == other.gap.tobytes()
         assert one.contacts.tobytes() == other.contacts.tobytes()
         if one.ledger is not None:
@@ -235,7 +235,7 @@ def beside_a_plate(seed):
     if rng.random() < 0.5:
         return gr.Scene(mass, np.zeros(n + 1), gap, velocity, gravity=g, external_force=force, floor=path), law
     return gr.Scene(mass[::-1], np.zeros(n + 1), gap[::-1], -velocity[::-1], gravity=g, external_force=-force[::-1],
-                    ceiling=path), law  # fmt: skip
+                    ceiling=path), law
 
 
 def test_what_is_certified_as_isolated_is(monkeypatch):

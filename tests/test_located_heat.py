@@ -17,7 +17,7 @@ def gas(n, seed, cold=1.0, hot=2.0):
     mass = np.concatenate([[math.inf], np.ones(n), [math.inf]])
     velocity = np.concatenate([[0.0], (hot * cold) ** 0.25 * rng.normal(size=n), [0.0]])
     return gr.Scene(mass, np.zeros(n + 2), n * rng.dirichlet(np.ones(n + 1)), velocity,
-                    floor=gr.walls.Thermal(hot, seed), ceiling=gr.walls.Thermal(cold, seed + 1))  # fmt: skip
+                    floor=gr.walls.Thermal(hot, seed), ceiling=gr.walls.Thermal(cold, seed + 1))
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -52,7 +52,7 @@ def heated(seed):
         mass[-1], velocity[-1] = math.inf, 0.0
     scene = scene.replace(mass=mass, velocity=velocity, radius=np.zeros(scene.n), floor=gr.walls.Thermal(2.0, seed),
                           ceiling=gr.walls.Thermal(1.0, seed) if both else None,
-                          gravity=0.0 if both else 2.0)  # fmt: skip
+                          gravity=0.0 if both else 2.0)
     return scene, laws
 
 

@@ -85,11 +85,11 @@ def test_mirrored_and_turned_back():
     scene = gr.Scene([1.0, 2.0, 0.7], [0.1] * 3, [0.2, 0.05], [0.4, -0.3, 0.1], pendulum=3.0, rest_gap=[0.1, 0.02])
     run = gr.md.simulate(scene, gr.Hertz(1e4), t_end=3.0)
     mirrored = scene.replace(mass=scene.mass[::-1], gap=scene.gap[::-1], rest_gap=scene.rest_gap[::-1],
-                             velocity=-scene.velocity[::-1], origin=-float(scene.displacement[-1]))  # fmt: skip
+                             velocity=-scene.velocity[::-1], origin=-float(scene.displacement[-1]))
     turned = gr.md.simulate(mirrored, gr.Hertz(1e4), t_end=3.0)
     assert turned.velocity[-1][::-1] == pytest.approx(-run.velocity[-1], abs=1e-12)
     back = scene.replace(gap=run.gap[-1], velocity=-run.velocity[-1],
-                         origin=float(run.position[-1, 0] - scene.at_rest[0]))  # fmt: skip
+                         origin=float(run.position[-1, 0] - scene.at_rest[0]))
     again = gr.md.simulate(back, gr.Hertz(1e4), t_end=3.0)
     assert len(run.contacts) >= 5
     assert again.velocity[-1] == pytest.approx(-scene.velocity, abs=1e-10)
@@ -98,7 +98,7 @@ def test_mirrored_and_turned_back():
 
 def test_between_walls_and_swinging_together():
     scene = gr.Scene([math.inf, 1.0, 2.0, math.inf], [0.0, 0.1, 0.1, 0.0], [0.1, 0.2, 0.3], [0.0, 2.0, -1.0, 0.0],
-                     pendulum=1.5, rest_gap=[0.3, 0.0, 0.3])  # fmt: skip
+                     pendulum=1.5, rest_gap=[0.3, 0.0, 0.3])
     boxed = gr.md.simulate(scene, gr.Hertz(1e4), t_end=9.0, samples=10)
     assert {0, 1, 2} == {*boxed.contacts["pair"]}
     assert boxed.energy() == pytest.approx(boxed.energy()[0], rel=1e-12)
@@ -122,7 +122,7 @@ def test_isolated_contacts_are_those_by_pieces(seed):
     n = 2 + seed % 4
     scene = gr.Scene(rng.uniform(0.5, 2.0, n), [0.1] * n, rng.uniform(0.05, 0.3, n - 1), rng.normal(size=n),
                      pendulum=float(rng.uniform(1.0, 9.0)),
-                     rest_gap=rng.uniform(0.0, 0.1, n - 1) * (seed % 2))  # fmt: skip
+                     rest_gap=rng.uniform(0.0, 0.1, n - 1) * (seed % 2))
     law = [gr.LinearDashpot(1e5, 3.0), gr.LinearDashpot(1e4), gr.Hertz(1e6)][seed % 3]
     other = twin(scene, law, t_end=1.6, samples=21)
     one = gr.md.simulate(scene, law, t_end=1.6, samples=21)

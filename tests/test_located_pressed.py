@@ -21,7 +21,7 @@ def mirrored(scene):
     """The scene upside down; gravity must be 0."""
     force = None if scene.external_force is None else -scene.external_force[::-1]
     return gr.Scene(scene.mass[::-1], scene.radius[::-1], scene.gap[::-1], 0.0 - scene.velocity[::-1], 0.0,
-                    external_force=force)  # fmt: skip
+                    external_force=force)
 
 
 def drawn(seed):
@@ -39,7 +39,7 @@ def drawn(seed):
     scene = gr.Scene(mass, [0.0] * len(mass), gap, np.where(np.isinf(mass), 0.0, v), external_force=force)
     k = float(10.0 ** rng.integers(3, 9))
     laws = [gr.LinearDashpot(k, 0.2 * math.sqrt(k)), gr.LinearDashpot(k, 2.0 * math.sqrt(k)), gr.TsujiHertz(k, 0.5),
-            gr.ViscoelasticHertz(k, k * float(10.0 ** rng.integers(-4, -1)))]  # fmt: skip
+            gr.ViscoelasticHertz(k, k * float(10.0 ** rng.integers(-4, -1)))]
     return scene, laws[int(rng.integers(4))]
 
 

@@ -32,7 +32,7 @@ def laws_of(kind, scene, k, rng):
         "tsuji": gr.TsujiHertz(1e3 * k, 1.5), "own": Stiffening(k, 0.8 * math.sqrt(0.5 * k)),
         "mixed": [gr.ViscoelasticHertz(300.0 * k, 0.6 * k) if i % 2 else gr.LinearDashpot(k, math.sqrt(0.5 * k))
                   for i in range(scene.n_pairs)],
-    }[kind]  # fmt: skip
+    }[kind]
 
 
 def piled(where, kind, seed):
@@ -95,7 +95,7 @@ def remainder(run):
         ("hanging", "dashpot", 2), ("squeezed", "dashpot", 2), ("floor", "dashpot", 0), ("between", "dashpot", 22),
         ("squeezed", "viscoelastic", 2), ("floor", "own", 1), ("between", "viscoelastic", 4),
     )),
-])  # fmt: skip
+])
 def test_the_account_of_a_ride_closes(where, kind, seed):
     scene, law, start = piled(where, kind, seed)
     run = simulate(scene, law, start, 0.15, samples=7)
@@ -122,7 +122,7 @@ def test_a_ball_that_rides_lifts_off_to_rounding(ratio, part):
     mp.dps = 40
     f = 1.0 / (2.0 * math.pi)
     scene = gr.Scene([math.inf, 1.0], [0.0, 0.0], [0.0], [0.0, 0.0], gravity=1.0,
-                     floor=gr.walls.Sine.from_acceleration(1.0, f, gravity=1.0))  # fmt: skip
+                     floor=gr.walls.Sine.from_acceleration(1.0, f, gravity=1.0))
     law = gr.LinearDashpot.from_restitution(0.5, ratio**2, scene.pairs[0])
     gamma = abs(law.k - 1.0 + 1j * law.gamma) / abs(law.k + 1j * law.gamma)
     floor = gr.walls.Sine.from_acceleration(part * gamma, f, gravity=1.0)
@@ -140,7 +140,7 @@ def test_a_ball_falls_on_one_that_rides():
     pytest.importorskip("mpmath")
     floor, load = gr.walls.Sine.from_acceleration(0.2, 5.0, phase=0.5 * math.pi), 1.2 * G * 1e-5
     scene = gr.Scene([math.inf, 1.0, 2.0, 0.5], [0.0] * 4, [-3.0 * load, -2.0 * load, 1e-3], [0.0, 0.0, 0.0, -0.5],
-                     gravity=G, floor=floor)  # fmt: skip
+                     gravity=G, floor=floor)
     law = [gr.LinearDashpot.from_restitution(0.5, 1e5, pair) for pair in scene.pairs]
     run, true = simulate(scene, law, 0.0, 0.02), reference.solve(scene, law, t_end=0.02, digits=20)
     assert sorted(row.pair for row in true.contacts) == sorted(run.contacts["pair"].tolist())
@@ -187,11 +187,11 @@ def test_the_limit_of_work_holds_on_a_ride():
 @pytest.mark.soak
 @pytest.mark.parametrize(("where", "kind", "seed"), [
     ("floor", "dashpot", 0), ("hanging", "dashpot", 13), ("squeezed", "dashpot", 2), ("squeezed", "viscoelastic", 2),
-])  # fmt: skip
+])
 def test_compiled_rides_have_the_same_bits(where, kind, seed):
     scene, law, start = piled(where, kind, seed)
     one, other = (gr.md.simulate(scene, law, t_start=start, t_end=start + 0.3, samples=9, engine=engine)
-                  for engine in ("plain", "compiled"))  # fmt: skip
+                  for engine in ("plain", "compiled"))
     assert one.contacts.tobytes() == other.contacts.tobytes()
     assert all(np.array_equal(getattr(one, name), getattr(other, name)) for name in ("gap", "velocity", "force"))
     assert all(np.array_equal(values, other.account()[name]) for name, values in one.account().items())

@@ -17,7 +17,7 @@ from granular.md.located.free_length import reimpose
 from granular.md.located.islands import _check
 
 LAWS = [gr.LinearDashpot(1e4, 3.0), gr.LinearDashpot(1e4), gr.Hertz(1e5), gr.ViscoelasticHertz(1e5, 50.0),
-        gr.TsujiHertz(1e5, 0.4)]  # fmt: skip
+        gr.TsujiHertz(1e5, 0.4)]
 PLASTIC = gr.WaltonBraun(1e4, 2e4)
 
 
@@ -148,7 +148,7 @@ def test_records_agree_and_runs_go_on(seed, monkeypatch):
     monkeypatch.setattr(pace, "PLAIN", int(rng.integers(1, 12)))
     scene, law = crowd(rng, 10), LAWS[seed % 5]
     request = requested(scene, 0.0, 5.0, max_steps=10**6, log=True, max_events=10**5, until=None, samples=None,
-                        on_event=None, on_progress=None)  # fmt: skip
+                        on_event=None, on_progress=None)
     one = Run(scene, checked(law, scene), request, "plain", 1e-16)
     for time in (0.0, 1e-3, 3e-3, 0.02, 0.05):
         _check(one.s)
@@ -164,7 +164,7 @@ def test_records_agree_and_runs_go_on(seed, monkeypatch):
 def test_the_free_length_is_given_back_what_rounding_takes():
     scene = gr.Scene([1.0, 2.0, 1.5], [0.1] * 3, [0.1, 0.4, -1e-4], [1.0, 0.0, -0.3], ring=True)
     request = requested(scene, 0.0, 5.0, max_steps=10**6, log=True, max_events=10**5, until=None, samples=None,
-                        on_event=None, on_progress=None)  # fmt: skip
+                        on_event=None, on_progress=None)
     one = Run(scene, checked(LAWS[0], scene), request, "plain", 1e-16)
     one.to(0.005, False)
     one.s.pairs[1].xi += 1e-9
@@ -177,7 +177,7 @@ def test_the_free_length_is_given_back_what_rounding_takes():
 def test_stops_limits_and_soft_event_driven():
     rng = np.random.default_rng(8)
     scene, law = crowd(rng).replace(gap=rng.uniform(0.05, 0.1, 2), mass=[1.0, 2.0], radius=[0.1] * 2,
-                                    velocity=[1.0, -0.4]), LAWS[0]  # fmt: skip
+                                    velocity=[1.0, -0.4]), LAWS[0]
     met = gr.md.simulate(scene, law, until=gr.until.contact(1, 2))
     assert (met.status, met.count(1)) == (gr.Status.until, 1)
     assert gr.md.simulate(scene, law, t_end=1e9, max_events=7).status is gr.Status.max_events

@@ -27,7 +27,7 @@ def laws(k):
         "dashpot 30": gr.LinearDashpot(k, 60.0 * root), "viscoelastic -4": gr.ViscoelasticHertz(k, 1e-4 * k),
         "viscoelastic -3": gr.ViscoelasticHertz(k, 1e-3 * k), "tsuji 2": gr.TsujiHertz(k, 2.0),
         "tsuji 60": gr.TsujiHertz(k, 60.0),
-    }  # fmt: skip
+    }
 
 
 def each(*others, few):
@@ -35,7 +35,7 @@ def each(*others, few):
     return [
         pytest.param(name, *rest, marks=[] if few(i, j) else pytest.mark.soak)
         for i, name in enumerate(laws(1.0)) for j, rest in enumerate(itertools.product(*others))
-    ]  # fmt: skip
+    ]
 
 
 @pytest.mark.parametrize(("name", "k", "scene"), each([1e9, 1e16], [ONE, TWO, PRESSED], few=lambda i, j: j == i % 6))
@@ -108,7 +108,7 @@ def test_a_still_pile_waits_for_a_ball_in_one_step():
 
 @pytest.mark.parametrize("name", [
     "viscoelastic -3", *(pytest.param(name, marks=pytest.mark.soak) for name in ("dashpot 30", "tsuji 60")),
-])  # fmt: skip
+])
 def test_creep_is_the_same_compiled(name):
     pytest.importorskip("numba")
     one, other = (gr.md.simulate(TWO, laws(1e14)[name], t_end=0.1, samples=7, engine=e) for e in ("plain", "compiled"))

@@ -33,7 +33,7 @@ def test_a_hang_is_ended_by_processor_time(tmp_path):
     (tmp_path / "test_hangs.py").write_text(TESTS)
     run = subprocess.run([sys.executable, "-m", "pytest", "-v", "-p", "no:cacheprovider", "-c", "/dev/null",
                           "--rootdir", str(tmp_path), str(tmp_path)], capture_output=True, text=True,
-                         cwd=tmp_path, check=False)  # fmt: skip
+                         cwd=tmp_path, check=False)
     assert run.returncode == -signal.SIGXCPU
     assert "test_python FAILED" in run.stdout
     assert "test_sleep PASSED" in run.stdout

@@ -37,7 +37,7 @@ def same_bits(one, other):
 
 
 @pytest.mark.parametrize("method", [pytest.param(method, marks=pytest.mark.soak if method != "verlet"
-                                                 else ()) for method in ALL])  # fmt: skip
+                                                 else ()) for method in ALL])
 def test_own_law_gives_the_bits_of_the_built_in_plain_and_compiled(method):
     scene, law = three_balls()
     own = [OwnDashpot(one.k, one.gamma) for one in law]
@@ -53,7 +53,7 @@ def test_plain_and_compiled_give_the_same_bits_for_every_law():
     laws = [
         gr.LinearDashpot(1e6, 50.0), gr.Hertz(1e9), gr.ViscoelasticHertz(1e9, 1e5), gr.TsujiHertz(1e9, 0.1),
         gr.PowerLaw(1e9, 1.75), gr.WaltonBraun(1e6, 2e6),
-    ]  # fmt: skip
+    ]
     plain, compiled = (verlet(scene, laws, t_end=0.02, dt=2e-5, engine=e) for e in ("plain", "compiled"))
     assert compiled.stats["engine"] == "compiled"
     same_bits(plain, compiled)
@@ -180,7 +180,7 @@ def test_symplectic_euler_has_order_one_where_forces_act(where):
     for dt in steps:
         scenes = [make(0.5 * dt * (j + 0.37)) for j in range(2)]
         runs = [gr.md.simulate(scene, ELASTIC[0], t_end=t_end, log=False, **how) for scene in scenes
-                for how in ({}, {"method": "symplectic-euler", "dt": dt}, {"dt": dt})]  # fmt: skip
+                for how in ({}, {"method": "symplectic-euler", "dt": dt}, {"dt": dt})]
         v = np.array([run.velocity[-1] for run in runs]).reshape(2, 3, -1)
         errors.append(np.abs(v - v[:, :1]).max(axis=(0, 2)))
     euler, verlet_ = np.array(errors).T[1:]
@@ -193,7 +193,7 @@ def test_symplectic_euler_has_order_one_where_forces_act(where):
 def test_symplectic_euler_is_verlet_from_flight_to_flight_without_other_forces(where, law):
     """And so of order 2: the half step between them shows only where something pulls."""
     runs = [gr.md.simulate(UNFELT[where](1e-5), law, t_end=0.08, method=method, dt=2e-4)
-            for method in ("symplectic-euler", "verlet")]  # fmt: skip
+            for method in ("symplectic-euler", "verlet")]
     assert len(runs[0].contacts) == len(runs[1].contacts) > 0
     assert not np.isnan(runs[0].contacts["t_end"]).any()
     assert runs[0].velocity[-1] == pytest.approx(runs[1].velocity[-1], rel=0, abs=1e-12)

@@ -68,7 +68,7 @@ def some_chain(seed):
     build = [
         lambda k: gr.Hertz(k), lambda k: gr.LinearDashpot(k, gamma), lambda k: gr.ViscoelasticHertz(k, gamma),
         lambda k: OwnDashpot(k, gamma),
-    ][seed % 4]  # fmt: skip
+    ][seed % 4]
     return scene, [build(1e6)] * (n - 1) if seed % 3 else [build(k) for k in 1e6 * np.exp(random.normal(size=n - 1))]
 
 
@@ -98,7 +98,7 @@ def drawn(seed):
         gr.LinearDashpot(k, gamma), gr.Hertz(k), gr.ViscoelasticHertz(k, gamma), gr.TsujiHertz(k, 0.3),
         gr.PowerLaw(k, 1.75), gr.PowerLaw(k, 3.0), gr.WaltonBraun(k, 2.0 * k), OwnDashpot(k, gamma), OwnPower(k),
         Swapped(k, gamma), [(gr.Hertz(k), gr.LinearDashpot(k, gamma))[c % 2] for c in range(n - 1)],
-    ]  # fmt: skip
+    ]
     t_end = float(random.uniform(0.01, 0.1))
     dt = float(10.0 ** random.uniform(-1.5, 1.0) if seed % 3 == 0 else random.uniform(0.1, 1.0)) / math.sqrt(k)
     options = {"t_end": t_end if seed % 3 else 1000.0 * dt, "dt": dt, "log": bool(random.random() < 0.7)}
@@ -110,7 +110,7 @@ def drawn(seed):
 
 @pytest.mark.filterwarnings("ignore:dt = ", "ignore:invalid value", "ignore:overflow")
 @pytest.mark.parametrize("method", ["verlet", "rk4", *(pytest.param(method, marks=pytest.mark.soak) for method in
-                                                       ("symplectic-euler", "gear5"))])  # fmt: skip
+                                                       ("symplectic-euler", "gear5"))])
 def test_engines_and_windows_give_the_same_bits(method, monkeypatch):
     """Random scenes under all laws, with and without log, samples, stop conditions; also past overflow."""
     beyond = 0
@@ -134,7 +134,7 @@ def test_engines_and_windows_give_the_same_bits(method, monkeypatch):
 @pytest.mark.parametrize(("method", "seed"), [
     pytest.param(method, seed, marks=[pytest.mark.soak] * (method in SELDOM))
     for method, seeds in LONG.items() for seed in seeds
-])  # fmt: skip
+])
 def test_long_chains_give_the_bits_of_one_window(method, seed):
     """Compiled, a chain of more than 326 pairs goes in windows; interpreted it is one."""
     scene, law = some_chain(seed)
@@ -172,4 +172,4 @@ def test_a_law_with_a_form_runs_by_its_form_in_every_engine():
         runs = [run(scene, one, t_end=0.1, dt=2e-5, engine="plain") for one in (OwnDashpot(k, gamma), law)]
         same(*runs)
         np.testing.assert_allclose(run(scene, Swapped(k, gamma), t_end=0.1, dt=2e-5).velocity, runs[0].velocity,
-                                   rtol=0.0, atol=1e-9)  # fmt: skip
+                                   rtol=0.0, atol=1e-9)

@@ -15,7 +15,7 @@ from granular._kernels import have_numba
 LAWS: list[Any] = [
     gr.LinearDashpot(1e5, 5.0), gr.Hertz(1e7), gr.ViscoelasticHertz(1e7, 1e3), gr.TsujiHertz(1e7, 0.3),
     gr.WaltonBraun(1e5, 2e5), OwnHertz(1e7),
-]  # fmt: skip
+]
 ENGINES = ["plain", "compiled"] if have_numba() else ["plain"]
 
 
@@ -105,7 +105,7 @@ def test_limits_count_from_the_cut():
     gr.edmd.simulate(gr.scenes.bouncing_ball(), gr.ConstantRestitution(0.5), t_end=0.1),
     gr.md.simulate(gr.scenes.bouncing_ball(), gr.Hertz(1e6), t_end=0.1, method="verlet"),
     gr.md.simulate(gr.Scene([1.0, 1.0], [0.1] * 2, [-0.01], [0.0, 0.0]), gr.Hertz(1e6), until=gr.until.contact(0, 1)),
-], ids=["hard", "fixed steps", "not begun"])  # fmt: skip
+], ids=["hard", "fixed steps", "not begun"])
 def test_what_cannot_be_gone_on_from_is_refused(run):
     with pytest.raises(ValueError, match=r"trajectory cannot be gone on from: one from granular\.md"):
         gr.md.resume(run, t_end=1.0)
@@ -130,7 +130,7 @@ def test_ignored_contacts_are_soft_event_driven():
     rng = np.random.default_rng(5)
     for law in (gr.LinearDashpot(1e4, 3.0), gr.Hertz(1e5), OwnHertz(1e5)):
         balls = gr.Scene([math.inf, *rng.uniform(0.5, 2, 4), math.inf], [0.0] * 6, rng.uniform(0.001, 0.02, 5),
-                         [0.0, *rng.normal(size=4), 0.0])  # fmt: skip
+                         [0.0, *rng.normal(size=4), 0.0])
         run = gr.md.simulate(balls, law, t_end=0.3, disturbed="ignore", max_events=200)
         log = run.contacts[~np.isnan(run.contacts["t_end"])]
         assert run.stats["isolated"] < len(run.contacts)

@@ -47,7 +47,7 @@ def test_a_notebook_runs_in_jupyter(tmp_path):
     notebook = nbformat.read(FOLDER / "newtons-cradle.ipynb", 4)
     shown, kinds = printed(notebook), drawn(notebook)
     nbclient.NotebookClient(notebook, timeout=None, kernel_name="python3", resources={
-        "metadata": {"path": str(tmp_path)}}).execute()  # fmt: skip
+        "metadata": {"path": str(tmp_path)}}).execute()
     assert kinds == drawn(notebook)
     as_shown("newtons-cradle", printed(notebook), shown)
 

@@ -58,7 +58,7 @@ def test_what_can_be_set_are_the_sliders_of_the_page() -> None:
     assert set(sliders) == set(opening.SCENES) - {"story"}
     for scene, limits in sliders.items():
         ours = {s.slider: [s.least, s.most, s.zero] for s in opening.SETTINGS[scene].values()
-                if not isinstance(s, opening.Kind)}  # fmt: skip
+                if not isinstance(s, opening.Kind)}
         assert ours == limits
 
 
@@ -71,7 +71,7 @@ def test_every_setting_of_every_scene_reaches_the_link() -> None:
             words, whole = setting.words or (True, False), setting.whole
             value = (str(random.choice(words)) if setting.words else bool(random.choice([True, False]))
                      if isinstance(setting, opening.Truth) else int(random.integers(setting.least, setting.most + 1))
-                     if whole else float(random.uniform(setting.least, setting.most)))  # fmt: skip
+                     if whole else float(random.uniform(setting.least, setting.most)))
             state = dict(parse_qsl(opening.link(scene, {name: value})))
             if isinstance(setting, opening.Kind):
                 assert float(state[f"t{setting.slider}"]) == gr.balls.BALLS[value].duration
@@ -247,7 +247,7 @@ def test_energy_falls_in_steps_and_only_what_is_needed_is_written() -> None:
         (gr.scenes.heated_gas(n=5), "5 balls, walls at both ends, left wall Thermal(temperature=2, seed=1), right wall "
          "Thermal(temperature=1, seed=1)"),
     ],
-)  # fmt: skip
+)
 def test_the_ends_of_a_scene_are_floor_and_ceiling_only_where_things_fall(scene, words) -> None:
     assert described.scene(scene) == words
 
@@ -360,7 +360,7 @@ def test_films_refuse_what_they_cannot_do(tmp_path, cradle, monkeypatch) -> None
 def test_a_wall_that_is_shaken_is_drawn_where_it_is():
     run = gr.md.simulate(
         gr.Scene([math.inf, 1.0], [0.0, 0.1], [5.0], [0.0, 0.0], floor=gr.walls.Sine(0.5, 1.0)), gr.LinearDashpot(1e4),
-        t_end=1.0, method="verlet", dt=1e-3, samples=201)  # fmt: skip
+        t_end=1.0, method="verlet", dt=1e-3, samples=201)
     data = recording.recorded(run, "wall")
     path, offset = (np.frombuffer(base64.b64decode(data[name]), np.float32) for name in ("path", "offset"))
     assert path.reshape(201, 2)[:, 0] + offset[0] == pytest.approx(0.5 * np.sin(2.0 * math.pi * run.time), abs=1e-6)

@@ -164,7 +164,7 @@ def test_stacks_follow_the_closed_formula_only_with_gaps():
 @pytest.mark.parametrize("name", sorted(path.stem for path in SCRIPTS.glob("*.py") if path.stem != "setting"))
 def test_every_script_draws_its_figure_and_writes_its_numbers(name, tmp_path, monkeypatch):
     few = {"sketch": 1, "forces": 100, "sequence": 2, "viscoelastic": 2, "viscoelastic_material": 1, "breakdown": 3,
-           "predictors": 1, "validity": 6, "counts": 6}.get(name, 9)  # fmt: skip
+           "predictors": 1, "validity": 6, "counts": 6}.get(name, 9)
     script, picture, numbers = import_module(name), tmp_path / "x.png", tmp_path / "x.json"
     monkeypatch.setattr(sys, "argv", [name, "-o", str(picture), "--json", str(numbers), "--points", str(few)])
     setting.main(script.compute, script.draw, 1)

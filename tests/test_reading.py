@@ -79,7 +79,7 @@ def test_a_command_is_a_module_and_its_name(monkeypatch, capsys):
     mine = SimpleNamespace(
         __doc__="`granular mine`: say how many bodies there are.", USAGE="SCENE|FILE.toml", arguments=lambda _: None,
         run=lambda given: print(parser.case_of(given).scene.n),
-    )  # fmt: skip
+    )
     monkeypatch.setitem(sys.modules, "granular.cli.mine", mine)
     monkeypatch.setattr(parser, "COMMANDS", (*parser.COMMANDS, "mine"))
     assert main(["mine", "newtons-cradle", "--n", "7"]) == 0

@@ -83,9 +83,9 @@ def test_the_soft_cradle_of_pendula():
 @pytest.mark.parametrize("origin", [0.0, 1.5])
 def test_free_pendula_with_a_wall_at_rest(origin):
     scene = gr.Scene([math.inf, 1.0, 2.0], [0.0] * 3, [0.5, 0.75], [0.0, 0.5, 0.0], pendulum=2.0, rest_gap=[0.25, 0.5],
-                     origin=origin)  # fmt: skip
+                     origin=origin)
     over = gr.Scene([2.0, 1.0, math.inf], [0.0] * 3, [0.75, 0.5], [0.0, -0.5, 0.0], pendulum=2.0, rest_gap=[0.5, 0.25],
-                    origin=origin)  # fmt: skip
+                    origin=origin)
     solved, mirrored = (reference.solve(one, gr.LinearDashpot(1e6, 0.0), t_end=0.25) for one in (scene, over))
     assert mirrored.gap == solved.gap[::-1]
     angle = 2 * MP.mpf(0.25)

@@ -147,7 +147,7 @@ def energy(scene, solved, t_end):
 ])
 def test_the_account_of_the_energy_closes_to_all_digits(law):
     scene = gr.Scene([math.inf, 1.0, 0.5], [0.0] * 3, [0.02, 0.03], [0.125, -0.5, 0.25], 9.81,
-                     external_force=[0.0, 1.0, -2.0], floor=gr.walls.Sine(0.01, 6.0, 0.5))  # fmt: skip
+                     external_force=[0.0, 1.0, -2.0], floor=gr.walls.Sine(0.01, 6.0, 0.5))
     for t_end in (0.34,):
         start, end = (reference.solve(scene, law, t_end=t, digits=20) for t in (0.0, t_end))
         floor, ceiling, _, _, lost = end.account
@@ -222,7 +222,7 @@ def doubling(gamma, restitution, ratio, x):
 
 @pytest.mark.parametrize(("restitution", "ratio", "gamma"), [
     (0.5, 1000.0, 1.52647852413489), (0.8, 1000.0, 1.07077698948191),
-])  # fmt: skip
+])
 @pytest.mark.soak
 def test_a_soft_bouncing_ball_doubles_its_period(restitution, ratio, gamma):
     start = [math.acos(math.pi * (1.0 - restitution) / (1.0 + restitution) / gamma), -math.pi]

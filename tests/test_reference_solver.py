@@ -140,7 +140,7 @@ def test_overlap_at_the_start_and_quiet_end():
 
 @pytest.mark.parametrize(("law", "eps", "rounding"), [
     (gr.TsujiHertz.from_restitution(0.9, 1e9), 0.9, 1e-15), (gr.PowerLaw(1e8, 23 / 12), 1.0, 0.0),
-])  # fmt: skip
+])
 @pytest.mark.parametrize("digits", [10, 20])
 def test_a_force_in_a_high_root_of_the_overlap_takes_few_steps(law, eps, rounding, digits):
     scene = gr.Scene([1.0, 3.0], [0.0, 0.0], [1e-4], [1.0, 0.0])

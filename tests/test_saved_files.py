@@ -111,7 +111,7 @@ CALLS = [
     {"class": "granular.walls.motion:Motion", "fields": {"function": {"class": "granular.cli:main", "fields": {}}}},
     {"class": "granular.nosuch:foo", "fields": {}}, {"class": "noclass", "fields": {}},
     {"class": "hertz", "fields": {"k": 1.0}},
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("call", CALLS, ids=lambda call: call["class"])
@@ -143,7 +143,7 @@ def test_a_file_that_names_code_is_refused_and_nothing_runs(call, place, files, 
     ({"position": np.zeros((3, 3, 3))}, "position is an array of shape .3, 3, 3. and kind 'f', which a run of 3"),
     ({"gap": np.zeros((2, 2), "f4")}, "gap is an array of shape"),
     ({"state__u": np.zeros((2, 2, 2))}, "state.u is an array of shape"),
-])  # fmt: skip
+])
 def test_what_a_file_says_is_checked_on_load(changes, sentence, files, tmp_path):
     path = rewritten(files, tmp_path, "hard_sine" if "walls" in changes else "hard_floor", **changes)
     with pytest.raises((TypeError, ValueError), match=sentence):
@@ -176,7 +176,7 @@ def test_sizes_are_known_before_memory_is_taken(files, tmp_path, monkeypatch):
     for name, data in {
         "time": head.replace(b"(2,), }             ", b"(1000000000000,), }"), "gap": whole["gap.npy"] + bytes(1 << 22),
         "velocity": head.replace(b"<f8", b"|O8").replace(b"|O8", b"|O "), "state.u": b"", "words": head,
-    }.items():  # fmt: skip
+    }.items():
         with zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive:
             for member, bytes_ in (whole | {f"{name}.npy": data}).items():
                 archive.writestr(member, bytes_)
@@ -205,7 +205,7 @@ def test_a_hard_state_without_a_part_or_with_a_wrong_one_is_not_gone_on_from(nam
     ("pool.clock", 0), ("pool.k", 1.0), ("maps.table", 5), ("run.members", 50), ("run.wanted", 9),
     ("run.alone", 9), ("run.rows", 9), ("run.tables", 9), ("run.t", math.nan), ("bodies.inverse_mass", 3.0),
     ("bodies.v", math.inf), ("pool.xi", math.nan), ("pool.e", 1e6), ("pool.x", 1.0),
-])  # fmt: skip
+])
 def test_a_soft_state_whose_places_are_not_there_is_not_gone_on_from(field, value, files):
     run = gr.Trajectory.load(files / "soft_riding.npz")
     records, name = field.split(".")

@@ -169,7 +169,7 @@ def test_a_cradle_on_strings_is_pulled_aside():
     assert not scene.velocity.any()
     assert cases.make("pendulum-cradle").t_end == pytest.approx(20.0 * math.pi * math.sqrt(1.0 / 9.81))
     assert first_impact(scenes.pendulum_cradle(amplitude=0.3, rest_gap=0.1)) == pytest.approx(
-        math.sqrt(9.81 * (0.3**2 - 0.1**2)))  # fmt: skip
+        math.sqrt(9.81 * (0.3**2 - 0.1**2)))
 
 
 @pytest.mark.parametrize(("make", "sentence"), [

@@ -37,7 +37,7 @@ def energy_left(case: Case) -> float:
     ("n=2,3", [2, 3]),
     ("walls=True,False", [True, False]),
     ("law=LinearDashpot,TsujiHertz", ["LinearDashpot", "TsujiHertz"]),
-])  # fmt: skip
+])
 def test_axes_from_text(text, values):
     name, found = axis(text)
     assert name == text.partition("=")[0]
@@ -52,7 +52,7 @@ def test_axes_from_text(text, values):
     ("newtons-cradle", ["gap=0,1e-6,1e-3"], {}),
     ("gas", ["seed=1,2"], {"n": 8, "walls": False, "length": 8.0}),
     ("bouncing-ball", ["t_end=0.1,2,20"], {}),
-])  # fmt: skip
+])
 def test_compiled_is_one_by_one_bit_for_bit(scene, over, fixed, monkeypatch):
     monkeypatch.setattr(schedule, "in_memory", lambda kernel: True)
     fast = gr.sweep(scene, over, sorted(FAST), **fixed)
@@ -91,7 +91,7 @@ def test_a_cell_is_what_compare_says():
 @pytest.mark.parametrize(("name", "over"), [
     ("ball-stack", {"gap": [1e-5, 1e-2]}), ("newtons-cradle", {"gap": [0.0, 1e-6]}), ("gas", {"t_end": [0.5, 3.0]}),
     ("three-balls", {"t_end": [0.3197, 0.32]}), ("column", {"restitution": [0.1, 0.9]}),
-])  # fmt: skip
+])
 def test_the_error_of_a_cell_is_that_of_the_comparison(name, over):
     ((parameter, values),) = over.items()
     data = gr.sweep(name, over, "error")["error"].values
@@ -205,7 +205,7 @@ def test_a_map_beside_a_driven_wall_of_the_release_before_goes_on(tmp_path):
     data.assign_attrs(question=older).to_netcdf(file, engine="netcdf4")
     solved = []
     gr.sweep(case, {"velocity[1]": [0.0, 0.1]}, save=file, results=["hard_contacts"],
-             on_progress=lambda *so_far: solved.append(so_far))  # fmt: skip
+             on_progress=lambda *so_far: solved.append(so_far))
     assert not solved
 
 
@@ -249,7 +249,7 @@ def test_a_third_count_between_two_cells_is_found():
     ({"over": "gap=1,2", "refine": "height"}, "refine is 'height'"),
     ({"over": "gap=1,2", "results": "time", "refine": "gap"}, "result to refine by"),
     ({"over": "restitution=-1,-2"}, "restitution is -1"),
-])  # fmt: skip
+])
 def test_misuse_in_one_sentence(arguments, sentence):
     with pytest.raises((TypeError, ValueError), match=re.escape(sentence)):
         gr.sweep(**({"scene": "three-balls"} | arguments))
@@ -260,7 +260,7 @@ def test_the_command(tmp_path, capsys):
 
     file = tmp_path / "map.nc"
     assert main(["sweep", "three-balls", "--over", "restitution=0.76:0.82:5", "--refine", "restitution", "--save",
-                 str(file), "--gap", "1e-4", "--workers", "1"]) == 0  # fmt: skip
+                 str(file), "--gap", "1e-4", "--workers", "1"]) == 0
     out = capsys.readouterr().out
     assert "status           until 5" in out
     assert "(1, 4) to (1, 3)" in out

@@ -42,7 +42,7 @@ def soft(scene: gr.Scene, laws: Any, method: str, **options: Any) -> gr.Trajecto
     """Soft spheres, for 0.25 s, in steps of 2^-11 s where they are fixed."""
     step = {"max_steps": 800} if method == "located" else {"dt": 2.0**-11}
     return gr.md.simulate(scene, laws, method=method, **{"t_end": 0.25, "max_events": 20, "engine": "plain"} | step
-                          | options)  # fmt: skip
+                          | options)
 
 
 def shifted(scene: gr.Scene) -> gr.Scene:
@@ -167,7 +167,7 @@ def rescaled(law: Any) -> Any:
 def units(scene: gr.Scene) -> gr.Scene:
     """The scene in other units."""
     return gr.Scene(scene.mass * MASS, scene.radius * LENGTH, scene.gap * LENGTH, scene.velocity * LENGTH / TIME,
-                    scene.gravity * LENGTH / TIME**2, scene.origin * LENGTH)  # fmt: skip
+                    scene.gravity * LENGTH / TIME**2, scene.origin * LENGTH)
 
 
 LINEAR = ("spring", "dashpot", "Walton-Braun")

@@ -150,7 +150,7 @@ def test_of_whole_numbers_only_whole_ones_are_tried():
     ({"criterion": "binary"}, "criterion"), ({"spacing": "geo"}, "spacing"), ({"points": 1}, "points"),
     ({"within": 0.0}, "within"), ({"error": 0.0}, "error"), ({"gap": 1e-4}, "both varied and fixed"),
     ({"on_progress": 3}, "on_progress"),
-])  # fmt: skip
+])
 def test_misuse_is_a_sentence(change, sentence):
     with pytest.raises((ValueError, TypeError), match=sentence) as refused:
         gr.threshold("three-balls", **change)

@@ -676,7 +676,7 @@ MISUSE = [
     (lambda: Motion(Motion(parabola).panels(0.0, 1.0)).panels(0.0, 2.0), "t_end is 2.0: .*there the path"),
     (lambda: Panels([0.0], [[1.0]]), "edges has 1 entries"),
     (lambda: Panels([0.0, 1.0], np.zeros((1, 21))), "series has 21 coefficients"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("make", "message"), MISUSE)

@@ -33,7 +33,7 @@ class Stiffening:
 
 LAWS = [steel, gr.LinearDashpot(1e7, 3.0), gr.PowerLaw(1e12, 2.0), gr.TsujiHertz(1e10, 0.3),
         lambda pair: gr.ViscoelasticHertz.from_material(193e9, 0.3, 1e-7, pair), Stiffening(1e7, 1e-6, 5.0),
-        gr.WaltonBraun(1e7, 2e7)]  # fmt: skip
+        gr.WaltonBraun(1e7, 2e7)]
 
 
 def laws_of(scene, law):
@@ -170,7 +170,7 @@ def test_a_mode_swings_with_its_frequency_in_a_run():
     laws = laws_of(scene, law)
     k, m = waves.stiffness(scene, laws), scene.mass[1:-1]
     square, shape = np.linalg.eigh((np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1))
-                                   / np.sqrt(np.outer(m, m)))  # fmt: skip
+                                   / np.sqrt(np.outer(m, m)))
     omega = waves.modes(scene, laws)
     assert omega == pytest.approx(np.sqrt(square), rel=1e-12)
     start = np.array([0.0, *(amplitude * shape[:, 2] / np.sqrt(m)), 0.0]) * math.sqrt(m[0]) * 1e-3
@@ -186,7 +186,7 @@ def test_decay_against_the_response_of_a_long_chain(seed):
     k, m = random.uniform(0.5, 2.0, (2, p))
     edges = waves.band_edges(k, m)
     gaps = [(low, high) for low, high in zip(edges[:, 1], [*edges[1:, 0], 1.5 * edges[-1, 1]], strict=True)
-            if high > 1.02 * low]  # fmt: skip
+            if high > 1.02 * low]
     low, high = gaps[int(random.integers(len(gaps)))]
     omega = random.uniform(0.8 * low + 0.2 * high, 0.2 * low + 0.8 * high)
     n = p * cells  # balls 1 … n; ball 0 is shaken, ball n + 1 held; contact j joins j and j + 1

@@ -37,7 +37,7 @@ def measured(axes: tuple[str, ...] = tuple(AXES), quick: bool = False) -> Stabil
     own, fixed = parts
     return replace(
         own, cells=own.cells + fixed.cells, limits=own.limits + fixed.limits, drifts=own.drifts + fixed.drifts
-    )  # fmt: skip
+    )
 
 
 def text_of(report: StabilityReport) -> str:
@@ -86,7 +86,7 @@ def main(arguments: list[str] | None = None) -> None:
     if whole:
         page = PAGE.read_text(encoding="utf-8")
         filled = re.sub(r"(<!-- tables -->\n).*?(<!-- end -->)", lambda m: f"{m[1]}{text_of(report)}\n{m[2]}", page,
-                        flags=re.DOTALL)  # fmt: skip
+                        flags=re.DOTALL)
         PAGE.write_text(filled, encoding="utf-8")
         docs_data.store("stability")
         extreme = gr.stability("three-balls")

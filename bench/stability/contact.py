@@ -34,7 +34,7 @@ WALL, PAIR = BOTH = (math.inf, 1.0), (1.0, 1.0)
 def meeting(
     axis: str, case: str, law: str, *, eps: float = 0.7, k: float = 1e6, speed: float = 1.0, gap: float = 1e-3,
     masses: Sequence[float] = WALL,
-) -> Cell:  # fmt: skip
+) -> Cell:
     """Return the cell of two bodies that meet once; the second flies towards the first, at rest (a wall or a ball)."""
     wall, expected = math.isinf(masses[0]), 1.0 if law == "hertz" else eps
     scene = Scene(masses, [0.0 if wall else 0.1, 0.1], [gap], [0.0, -speed])
@@ -43,7 +43,7 @@ def meeting(
         law=MADE[law](eps, k, speed, scene.pairs[0]), rule=ConstantRestitution(expected), methods=METHODS,
         tolerance={"linear": LINEAR, "viscoelastic": TABLE}.get(law, POWER),
         options={"until": until.separated(), "max_steps": 50_000},
-    )  # fmt: skip
+    )
 
 
 def possible(law: str, eps: float) -> bool:
@@ -56,7 +56,7 @@ def stiffness() -> Iterator[Cell]:
     return (
         meeting("stiffness", f"k = 1e{e}, ε = {eps:g}", law, k=10.0**e, masses=masses, eps=eps)
         for e, law, masses, eps in product(range(0, 17, 2), LAWS, BOTH, (1.0, 0.7, 0.1)) if possible(law, eps)
-    )  # fmt: skip
+    )
 
 
 def damping() -> Iterator[Cell]:
@@ -65,7 +65,7 @@ def damping() -> Iterator[Cell]:
     each = chain(
         product(small, ("linear", "tsuji"), BOTH), product((0.9, 0.5, 0.1, 0.05), ["walton-braun"], [WALL]),
         product((0.9, 0.5, 0.1, 0.01, 1e-3), ["viscoelastic"], [WALL]),
-    )  # fmt: skip
+    )
     yield from (meeting("damping", f"ε = {eps:g}", law, eps=eps, masses=masses) for eps, law, masses in each)
     yield from (damped(10.0**e, masses) for e, masses in product(range(-6, 7), BOTH))
 
@@ -82,7 +82,7 @@ def mass_ratios() -> Iterator[Cell]:
     yield from (
         meeting("mass ratio", f"1 : 1e{e}, ε = {eps:g}", law, masses=(1.0, 10.0**e), eps=eps)
         for e, law, eps in product(range(-9, 10, 2), LAWS, (1.0, 0.3)) if possible(law, eps)
-    )  # fmt: skip
+    )
     for e, law in product((-30, -9, 9, 30), LAWS):
         yield meeting("mass ratio", f"both 1e{e} kg", law, masses=(10.0**e, 10.0**e))
 
@@ -201,4 +201,4 @@ def plastic_contact(k: float, rest: float) -> Truth:
     """1 kg at 1 m/s: two quarters of oscillations; what unloading gives back is 1 - rest of the energy."""
     w, left = math.sqrt(k), math.sqrt(1.0 - rest)
     return truth.one_contact(left, 1.0, duration=0.5 * math.pi * (1.0 + left) / w, xi_max=1.0 / w, force_max=w,
-                             impulse=1.0 + left)  # fmt: skip
+                             impulse=1.0 + left)

@@ -42,7 +42,7 @@ def orbits() -> Iterator[Cell]:
         scene = Scene([math.inf, 1.0], [0.0, 0.0], [0.0], [0.0, k * math.pi * G / OMEGA], G, floor=plate)
         yield Cell("driven", f"orbit of {k} periods, ε = {eps:g}, Γ = {gamma:.4g}", scene, same_phase(phase / TURN),
                    rule=ConstantRestitution(eps), methods=("edmd",),
-                   options={"until": until.contact(0, 200)})  # fmt: skip
+                   options={"until": until.contact(0, 200)})
 
 
 @judged_by("its orbit in closed form")
@@ -61,7 +61,7 @@ def lift_offs() -> Iterator[Cell]:
         scene = Scene([math.inf, 1.0], [0.0, 0.0], [0.0], [0.0, 0.0], G, floor=plate)
         after = plate.velocity(end), plate.velocity(leaves) - G * (end - leaves)
         yield Cell("driven", f"lift-off at Γ = {gamma:g}", scene, truth.velocities(after, plate.amplitude * OMEGA),
-                   rule=ConstantRestitution(0.5), methods=("edmd",), options={"t_end": end})  # fmt: skip
+                   rule=ConstantRestitution(0.5), methods=("edmd",), options={"t_end": end})
 
 
 def falling() -> Iterator[Cell]:
@@ -74,7 +74,7 @@ def falling() -> Iterator[Cell]:
         forced = plain.replace(gravity=0.0, external_force=[0.0, -G, -0.5 * G])
         for scene, what in ((rising, "floor that rises ever faster"), (forced, "forces as heavy as gravity")):
             yield Cell("driven", f"{what}, {name}", scene, as_under_gravity(plain), law, rule, 1e-11,
-                       options={"t_end": 0.6, "samples": 13}, methods=METHODS)  # fmt: skip
+                       options={"t_end": 0.6, "samples": 13}, methods=METHODS)
 
 
 @judged_by("the same with gravity")
@@ -98,7 +98,7 @@ def accounted(case: str, scene: Scene, eps: float, slow: bool = False) -> Cell:
     """A cell that asks for the account of the energy."""
     laws: Any = tuple(LinearDashpot.from_restitution(eps, k=1e5, pair=pair) for pair in scene.pairs)
     return Cell("driven", case, scene, closed(), laws, ConstantRestitution(eps), methods=METHODS, loose=0.05,
-                options={"t_end": 0.1}, slow=slow)  # fmt: skip
+                options={"t_end": 0.1}, slow=slow)
 
 
 @judged_by("the account of the energy")

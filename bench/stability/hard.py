@@ -29,7 +29,7 @@ def exact_runs(seeds: int = 60) -> Iterator[Cell]:
         hard("exact sequence", f"{case}, ε = {eps:g}, {more}", scene, rational(eps), eps, cut=True,
              options={"max_events": 25})
         for case, more, scene, eps in chain(sticky(), lines(seeds))
-    )  # fmt: skip
+    )
 
 
 def lines(seeds: int) -> Iterator[tuple[str, str, Scene, float]]:
@@ -53,7 +53,7 @@ def sticky() -> Iterator[tuple[str, str, Scene, float]]:
          [1.0, 1e3, 1e-300, 1e-16],
          [-0.24879696929334982, 0.984756275824729, -0.5057857886655219, -0.9725729003002135, -0.8388367801340211]),
         ([2.4, 0.36, 0.55, 1.0], [1.0, 1e-4, 1.0], [0.54, 0.51, -0.59, -0.1]),
-    ):  # fmt: skip
+    ):
         yield f"{len(mass)} balls", "rates below rounding", Scene(mass, np.full(len(mass), 0.1), gap, velocity), 1e-6
 
 
@@ -85,7 +85,7 @@ def collapse() -> Iterator[Cell]:
     for height, eps in product((1e-6, 1.0, 1e3), (1e-6, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999)):
         rest = truth.comes_to_rest(theory.bouncing_ball(height, eps)[0])
         yield hard("collapse", f"ball from {height:g} m, ε = {eps:g}", scenes.bouncing_ball(height), rest, eps,
-                   tolerance=1e-10, slow=eps > 0.99)  # fmt: skip
+                   tolerance=1e-10, slow=eps > 0.99)
     triple = Scene(np.ones(3), np.zeros(3), [1.0, 1.0], [1.0, 0.0, -1.0])
     for eps in (0.05, 0.0715, 0.0717, 0.0719, 0.0722, 0.1, 0.5):
         ends = Status.collapse if eps < 7.0 - 4.0 * math.sqrt(3.0) else Status.quiet
@@ -108,7 +108,7 @@ def ties() -> Iterator[Cell]:
         yield hard("ties", f"cradle of 3, {rule}", scenes.newtons_cradle(3), truth.velocities(after), options=options)
         for (n, eps), kept in product(((5, 1.0), (5, 0.5), (50, 0.5), (50, 0.9)), (truth.momentum(), truth.LOSS)):
             yield hard("ties", f"cradle of {n}, ε = {eps:g}, {rule}", scenes.newtons_cradle(n, n // 2), kept, eps,
-                       options=options)  # fmt: skip
+                       options=options)
         for eps in (1.0, 0.5):
             yield hard("ties", f"wedged, ε = {eps:g}, {rule}", wedged, truth.LOSS, eps, options=options)
 
@@ -128,11 +128,11 @@ def edges() -> Iterator[Cell]:
         yield hard("float edges", f"g = {g:g}", scenes.bouncing_ball(1.0, gravity=g), rest, 0.5, tolerance=1e-10)
     closing = Scene([math.inf, 1.0, math.inf], [0.0, 0.1, 0.0], [1.0, 1.0], [1.0, 0.0, -1.0])
     yield hard("float edges", "walls that close", closing, ended(Status.max_events),
-               options={"t_end": 2.0, "max_events": 10_000})  # fmt: skip
+               options={"t_end": 2.0, "max_events": 10_000})
     for ratio, count in ((1e2, 31), (1e4, 314), (1e6, 3141), (1e8, 31415), (1e10, 314159), (1e12, 3141592)):
         scene = Scene([math.inf, 1.0, ratio], [0.0, 0.1, 0.1], [1.0, 1.0], [0.0, 0.0, -1.0])
         yield hard("float edges", f"collisions of 1 : {ratio:g} at a wall", scene, counted(count), slow=ratio > 1e8,
-                   options={"max_events": 10**7, "log": False})  # fmt: skip
+                   options={"max_events": 10**7, "log": False})
 
 
 def counted(n: int) -> Truth:

@@ -35,7 +35,7 @@ def symmetries(seeds: int = 40) -> Iterator[Cell]:
         scene, laws, eps = random_line(seed)
         each = [("symmetry", "mirror", truth.mirrored(), BOTH), ("symmetry", "late", truth.late(4.0), BOTH),
                 ("invariants", "energy", truth.LOSS, METHODS),
-                ("symmetry", "as located", as_located(), FIXED)]  # fmt: skip
+                ("symmetry", "as located", as_located(), FIXED)]
         if not scene.is_wall.any():
             each.append(("invariants", "momentum", truth.momentum(), METHODS))
         if isinstance(laws[0], LinearDashpot):
@@ -43,14 +43,14 @@ def symmetries(seeds: int = 40) -> Iterator[Cell]:
         for axis, what, expected, methods in each:
             case = f"line {seed}: {scene.n} bodies, {type(laws[0]).__name__}, {what}"
             yield Cell(axis, case, scene, expected, laws, ConstantRestitution(eps), 0.0 if what == "scaling" else 1e-11,
-                       options={"t_end": 4.0, "max_events": 200}, methods=methods)  # fmt: skip
+                       options={"t_end": 4.0, "max_events": 200}, methods=methods)
 
 
 def close_in_time() -> Iterator[Cell]:
     """Two impacts closer in time than a float resolves at a late start, in an order that matters."""
     scene = Scene(np.ones(3), np.full(3, 0.1), [3e-5, 1e-5], [1.0, 0.0, -1.0])
     yield Cell("start time", "two impacts 2e-5 s apart at t = 2^40 s", scene, truth.late(1.0), LinearDashpot(1e10),
-               ConstantRestitution(0.5), options={"t_end": 1.0}, methods=BOTH)  # fmt: skip
+               ConstantRestitution(0.5), options={"t_end": 1.0}, methods=BOTH)
 
 
 def random_line(seed: int) -> tuple[Scene, list[Any], float]:
@@ -76,12 +76,12 @@ def as_located(run: Trajectory, again: Again) -> float:
 def touching() -> Iterator[Cell]:
     """Three balls, hit from one or both sides, that touch to within less than rounding."""
     laws = (LinearDashpot(1e6, 10.0), Hertz(1e6), ViscoelasticHertz(1e6, 1e3), TsujiHertz(1e6, 0.5),
-            PowerLaw(1e6, 2.0), PowerLaw(1e6, 1.7))  # fmt: skip
+            PowerLaw(1e6, 2.0), PowerLaw(1e6, 1.7))
     for law, last, gap in product(laws, (0.0, -1.0), (0.0, 5e-324, 1e-200, 1e-100, 1e-60, 1e-30, 1e-18)):
         scene = Scene(np.ones(3), np.full(3, 0.1), [0.0, gap], [1.0, 0.0, last])
         case = f"gaps 0 and {gap:g}, {'one side' if last == 0.0 else 'both sides'}, {law}"
         cell = Cell("touching", case, scene, truth.momentum(), law,
-                    options={"until": until.separated(), "max_steps": 2_000})  # fmt: skip
+                    options={"until": until.separated(), "max_steps": 2_000})
         yield cell
         yield replace(cell, truth=truth.beside(scene.replace(gap=[0.0, 0.0])), tolerance=1e-11)
 
@@ -96,7 +96,7 @@ KNOWN: tuple[tuple[str, int, int, Any, tuple[float, ...], str, float], ...] = (
      (-0.17089975, -0.04920079, 0.38202721, 0.66099500, 1.17707832), "another solver, 8 digits", 2e-8),
     ("two of five touching balls arrive, Hertz", 5, 2, Hertz(1.0),
      (-0.11261497, -0.04195950, 0.21448578, 0.80036667, 1.13972203), "another solver, 8 digits", 2e-8),
-)  # fmt: skip
+)
 """Cradles: balls, how many arrive, their law; velocities in m/s computed elsewhere to more digits than are printed."""
 
 
@@ -104,15 +104,15 @@ def chains() -> Iterator[Cell]:
     """Cradles, and chains of up to 1e5 balls."""
     for case, n, arrive, law, after, words, tolerance in KNOWN:
         yield Cell("chains", case, scenes.newtons_cradle(n, arrive), truth.velocities(after, words=words), law,
-                   tolerance=tolerance, options={"until": until.separated()}, methods=SOFT)  # fmt: skip
+                   tolerance=tolerance, options={"until": until.separated()}, methods=SOFT)
     for n in (10, 100, 1_000, 10_000, 100_000):
         passed = truth.velocities(np.arange(n) == n - 1, words="equal elastic balls hand the velocity on")
         yield Cell("chains", f"{n} balls, gaps", scenes.chain(n, gap=1e-3), passed, rule=ELASTIC, slow=n > 1_000,
-                   options={"log": False, "max_events": 10 * n}, methods=("edmd",))  # fmt: skip
+                   options={"log": False, "max_events": 10 * n}, methods=("edmd",))
         for kept in (truth.energy(), truth.momentum()):
             yield Cell("chains", f"{n} touching balls, Hertz, t = 20", scenes.chain(n), kept, Hertz(1.0), methods=SOFT,
                        options={"log": False, "t_end": 20.0, "max_steps": 200_000, "samples": None},
-                       slow=n > 10)  # fmt: skip
+                       slow=n > 10)
 
 
 def counts(draws: int = 8) -> Iterator[Cell]:
@@ -135,7 +135,7 @@ def counts(draws: int = 8) -> Iterator[Cell]:
         each.append((f"each of {n} falling balls hands on all it has", scene, n, n * (np.arange(n + 1.0) == n)))
     for case, scene, many, after in each:
         yield Cell("counts", case, scene, exactly(many, after), LinearDashpot(1e14), ELASTIC,
-                   options={"max_steps": 50_000}, methods=BOTH)  # fmt: skip
+                   options={"max_steps": 50_000}, methods=BOTH)
 
 
 @judged_by("the number of contacts of balls that pass through each other")
@@ -170,7 +170,7 @@ def recorded() -> Iterator[Cell]:
         names = ", ".join(dict.fromkeys(name for name, *_ in one["laws"]))
         yield Cell("recorded", f"{one['kind']}, scene {i}: {names}", scene, outcome(one),
                    [known[name](*numbers) for name, *numbers in one["laws"]],
-                   options={"t_end": one["t_end"], "max_steps": 50_000})  # fmt: skip
+                   options={"t_end": one["t_end"], "max_steps": 50_000})
 
 
 @judged_by("an independent solver in 18 digits")

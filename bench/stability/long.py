@@ -30,14 +30,14 @@ def runs() -> Iterator[Cell]:
         options = {"max_events": n + 1, "t_end": math.sqrt(2.0 * height / 9.81) * 2.0 * n, "log": False}
         yield Cell("long runs", f"{n} bounces from {height:g} m", scenes.bouncing_ball(height), back_at(height),
                    rule=ELASTIC, tolerance=1e-13 * (1 + n), options=options, methods=("edmd",),
-                   slow=n > 10)  # fmt: skip
+                   slow=n > 10)
     for e in range(2, 7):
         yield from oscillations(10**e)
     for free, spread in product((1e2, 1e4, 1e6), (1.0, 100.0)):
         yield Cell("long runs", f"gas over {free:g} mean free times, masses 1 : {spread:g}",
                    scenes.gas(10, mass_spread=spread, packing=0.1), truth.energy() if spread > 1.0 else speeds_kept(),
                    Hertz(1e8), ELASTIC, tolerance=1e-11, methods=BOTH if free < 1e3 else ("edmd",), slow=True,
-                   options={"t_end": 4.5 * free, "log": False, "max_events": 10**8})  # fmt: skip
+                   options={"t_end": 4.5 * free, "log": False, "max_events": 10**8})
 
 
 def bounces(n: int, law: LinearDashpot | Hertz | None = None) -> Cell:
@@ -45,7 +45,7 @@ def bounces(n: int, law: LinearDashpot | Hertz | None = None) -> Cell:
     scene = Scene([math.inf, 1.0, math.inf], [0.0, 0.1, 0.0], [0.3, 0.5], [0.0, 1.0, 0.0])
     options = {"max_events": n, "t_end": 0.8 * n, "log": False, "max_steps": 10**8}
     return Cell("long runs", f"{n} bounces between walls", scene, truth.energy(), law or LinearDashpot(1e6), ELASTIC,
-                tolerance=1e-14 + 1e-15 * n, options=options, methods=METHODS)  # fmt: skip
+                tolerance=1e-14 + 1e-15 * n, options=options, methods=METHODS)
 
 
 @judged_by("back at its height after n bounces")
@@ -60,11 +60,11 @@ def oscillations(n: int) -> Iterator[Cell]:
     fast = ((LinearDashpot(1e6), math.sqrt(2e6)), (Hertz(1e8), math.sqrt(2 * 1.5e8 * math.sqrt(1e-3))))
     for (name, speed), (law, omega) in product((("closed", 1e-3), ("opening", 3.0)), fast):
         scene = Scene([math.inf, 1.0, 2.0, 1.0, math.inf], [0.0, 1.0, 1.0, 1.0, 0.0], -np.full(4, 1e-3),
-                      [0.0, speed, 0.0, -0.5 * speed, 0.0])  # fmt: skip
+                      [0.0, speed, 0.0, -0.5 * speed, 0.0])
         options = {"t_end": 2.0 * math.pi * n / omega, "log": False, "max_events": 10**8, "max_steps": 10**8}
         options |= {"dt": 0.05 / omega} if methods == ("verlet",) else {}
         yield Cell("long runs", f"{n} oscillations, contacts {name}, {type(law).__name__}", scene, truth.energy(), law,
-                   tolerance=1e-12 + 1e-15 * n, options=options, methods=methods, slow=n > 10)  # fmt: skip
+                   tolerance=1e-12 + 1e-15 * n, options=options, methods=methods, slow=n > 10)
 
 
 @judged_by("the set of speeds is kept (md: the energy)")
@@ -135,7 +135,7 @@ def limit(n: int, method: str) -> StabilityLimit:
     """Measure that of `n` balls of 1 kg, with overlaps of 1 m, shaken a little, by bisection."""
     shaken = 1e-6 * np.random.default_rng(n).uniform(-1.0, 1.0, n)
     scene = Scene([math.inf, *np.ones(n), math.inf], [0.0, *np.full(n, 10.0), 0.0], -np.ones(n + 1),
-                  [0.0, *shaken, 0.0])  # fmt: skip
+                  [0.0, *shaken, 0.0])
     stable, unstable = 0.05, 3.0
     while unstable - stable > 2e-3 * stable:
         dt = 0.5 * (stable + unstable)

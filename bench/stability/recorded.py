@@ -32,17 +32,17 @@ MOST = 10
 def found() -> Iterator[tuple[str, Case]]:
     """The scenes in which the defects were found."""
     yield "second contact inside an overlap", case([1.0] * 3, [-0.1, 0.0], [-0.2497, 0.0, -1.0],
-                                                   [Spec("TsujiHertz", (1.0, 0.5))] * 2, 5.0)  # fmt: skip
+                                                   [Spec("TsujiHertz", (1.0, 0.5))] * 2, 5.0)
     yield "own law", case([1.0] * 3, [0.4, 0.5], [0.7, -0.1, -0.7],
-                          [Spec("WaltonBraun", (1.0, 2.0)), Spec("Hertz", (1.0,))])  # fmt: skip
+                          [Spec("WaltonBraun", (1.0, 2.0)), Spec("Hertz", (1.0,))])
     yield "reloading", case([1.0] * 3, [0.9, 0.3], [0.5, 0.0, -0.5], [Spec("WaltonBraun", (1.0, 4.0))] * 2)
     yield "touched at once", case([1.0] * 4, [0.06] * 3, np.linspace(1.0, -1.0, 4).tolist(), [
-        Spec("TsujiHertz", (1.0, 0.1)), Spec("PowerLaw", (1.0, 2.0)), Spec("Hertz", (1.0,))], 30.0)  # fmt: skip
+        Spec("TsujiHertz", (1.0, 0.1)), Spec("PowerLaw", (1.0, 2.0)), Spec("Hertz", (1.0,))], 30.0)
     yield "steep law", case([1.0] * 3, [0.3] * 2, [1.0, -0.1, -0.1], [Spec("PowerLaw", (1.0, 3.3))] * 2)
 
 
 def case(mass: list[float], gap: list[float], velocity: list[float], laws: list[Spec],
-         t_end: float | None = None) -> Case:  # fmt: skip
+         t_end: float | None = None) -> Case:
     """A case without gravity."""
     return Case(tuple(mass), tuple(gap), tuple(velocity), 0.0, tuple(laws), t_end)
 
@@ -91,15 +91,15 @@ def law_of(kind: str, rng: Any) -> Spec:
             return Spec("TwoStiffnesses", (k, k * float(round(10.0 ** rng.uniform(-1.0, 1.0), 2)), 0.1))
         return Spec("TwoDampings", (k, zeta, 3.0 * zeta))
     own = [Spec("PlainHertz", (k,)), Spec("PlainPower", (k, min(p, 3.3))), Spec("PlainDashpot", (k, zeta)),
-           Spec("PlainViscoelastic", (k, zeta))]  # fmt: skip
+           Spec("PlainViscoelastic", (k, zeta))]
     built_in = [Spec("TsujiHertz", (k, zeta)), Spec("Hertz", (k,)), Spec("PowerLaw", (k, 4.0 / 3.0)),
-                Spec("LinearDashpot", (k, zeta)), Spec("WaltonBraun", (k, 2.0 * k))]  # fmt: skip
+                Spec("LinearDashpot", (k, zeta)), Spec("WaltonBraun", (k, 2.0 * k))]
     some = own if kind == "own law" else built_in[:4] if kind == "touched at once" else own + built_in
     return some[int(rng.integers(len(some)))]
 
 
 KINDS = ["second contact inside an overlap", "own law", "own laws beside built-in ones", "reloading",
-         "touched at once", "steep law", "kinked law"]  # fmt: skip
+         "touched at once", "steep law", "kinked law"]
 
 
 def wanted(kind: str, one: Truth | None) -> bool:
@@ -126,7 +126,7 @@ def entry(kind: str, one: Case) -> dict[str, Any]:
         "velocity": list(one.velocity), "laws": [[law.name, *law.numbers] for law in one.laws], "t_end": one.t_end,
         "unit": unit, "final": exact.numbers["velocity"][-1].tolist(), "pair": exact.pairs,
         **{name: exact.numbers[name].ravel().tolist() for name in FIELDS},
-    }  # fmt: skip
+    }
 
 
 def main() -> None:

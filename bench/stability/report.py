@@ -77,7 +77,7 @@ class StabilityReport(Report):
                 [row.method, row.law, f"{row.contacts}", f"{row.energy:.1e}", f"{row.reversal:.1e}"]
                 for row in self.drifts
             ],
-        }  # fmt: skip
+        }
         return {title: rows for title, rows in found.items() if len(rows) > 1}
 
     def markdown(self) -> str:
@@ -87,7 +87,7 @@ class StabilityReport(Report):
     def _numbers(self) -> dict[str, Any]:
         cells = [asdict(cell) | {"verdict": cell.verdict.name} for cell in self.cells]
         return {"quick": self.quick, "cells": cells, "limits": [asdict(row) for row in self.limits],
-                "drifts": [asdict(row) for row in self.drifts]}  # fmt: skip
+                "drifts": [asdict(row) for row in self.drifts]}
 
     def __str__(self) -> str:
         parts = [f"{title}\n{aligned(rows, indent='  ')}" for title, rows in self.tables().items()]
@@ -95,7 +95,7 @@ class StabilityReport(Report):
         own = [cell for cell in bad if cell.method in BOTH] or bad
         if own:
             lines = [f"  {c.verdict.name:8} {c.method:17} {c.axis}: {c.case} [{c.truth}] error {c.error:.2g} > "
-                     f"{c.tolerance:.2g}; {c.said}"[:240] for c in own[:SHOWN]]  # fmt: skip
+                     f"{c.tolerance:.2g}; {c.said}"[:240] for c in own[:SHOWN]]
             more = [f"  … and {len(own) - SHOWN} more (see cells, or the JSON file)"] * (len(own) > SHOWN)
             parts.append("\n".join(["not right and not flagged", *lines, *more]))
         return "\n\n".join(parts)

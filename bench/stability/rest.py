@@ -34,7 +34,7 @@ def rests() -> Iterator[Cell]:
         w = math.sqrt(k)
         end, scene = span * 2.0 / (zeta * w), at_wall([-1.5 * (G / k)], [0.0], gravity=G)
         yield still(f"one ball oscillates, ζ = {zeta:g}, k = {k:.0e}, {span:g} decay times", scene,
-                    LinearDashpot(k, 2.0 * zeta * w), oscillates(end, zeta, k), end, 1e-12)  # fmt: skip
+                    LinearDashpot(k, 2.0 * zeta * w), oscillates(end, zeta, k), end, 1e-12)
     for n, (name, (law, power)), drop in product((1, 2, 5), LAWS.items(), (0.0, 1e-4, 1e-2)):
         scene = at_wall([drop, *np.zeros(n - 1)], np.zeros(n), gravity=G)
         lie = lies(LONG, (G * np.arange(n, 0, -1.0) / law.k) ** (1.0 / power))
@@ -49,7 +49,7 @@ def rests() -> Iterator[Cell]:
 def still(case: str, scene: Scene, law: Any, expected: Truth, end: float = LONG, tolerance: float = 1e-11) -> Cell:
     """Return the cell of a scene that comes to rest before `end` in s."""
     return Cell("rest", case, scene, expected, law, tolerance=tolerance, options={"t_end": end, "samples": ROWS},
-                slow=scene.n > SHORT)  # fmt: skip
+                slow=scene.n > SHORT)
 
 
 @judged_by("damped oscillation, and momentum of the log")
@@ -105,24 +105,24 @@ def last_rows() -> Iterator[Cell]:
         each = [
             (f"before contact {nth} of a ball between walls", walls, 0.25 + 1.5 * (nth - 1), (2 * nth - 2) * lasts,
              [0.0, -1.0, 0.0], [0.0, 0.75], until.contact(0, nth)) for nth in (1, 2, 3)
-        ]  # fmt: skip
+        ]
         parted = ("two balls that part", pair, 0.25, lasts / math.sqrt(2.0), [-1.0, 1.0], [0.0], until.separated())
         hit = ("a wall that moves", moving, 1.0, 0.0, [0.5, -0.5], [0.0], until.contact(0, 1))
         for case, scene, flown, pause, velocity, gap, stop in (*each, parted, hit):
             yield Cell("last row", f"{case}, k = {k:.0e}, {rows} rows", scene,
                        ends_at(flown, pause, rows, velocity, gap), LinearDashpot(k), ELASTIC, methods=BOTH,
-                       options={"t_end": 30.0, "samples": rows, "until": stop})  # fmt: skip
+                       options={"t_end": 30.0, "samples": rows, "until": stop})
     for method, rows in product(BOTH, (2, 10)):
         end = 2.5 * math.sqrt(2.0)  # at rest above the floor in between: after one bounce of 1 m at g = 1 m/s²
         yield Cell("last row", f"bounces counted by max_events, {rows} rows, {method}",
                    scenes.bouncing_ball(1.0, gravity=1.0), in_order(rows, 10.0 * end), LinearDashpot(1e8), ELASTIC,
                    options={"t_end": 10.0 * end, "samples": rows, "max_events": 2}, methods=(method,), cut=True,
-                   )  # fmt: skip
+                   )
     touching = Scene(np.ones(4), np.full(4, 0.5), [0.1, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])
     for c, rows in product((0, 1, 2), (2, 10)):
         yield Cell("last row", f"before the touch of row {c} of a chain at rest, {rows} rows", touching,
                    ends_at(0.1, 0.0, rows, [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0]), Hertz(1.0),
-                   options={"t_end": 30.0, "samples": rows, "until": until.contact(c, 1)})  # fmt: skip
+                   options={"t_end": 30.0, "samples": rows, "until": until.contact(c, 1)})
 
 
 @judged_by("free flight up to the contact that ends the run")

@@ -190,7 +190,7 @@ def some(cells: Callable[[], Any]) -> list[tuple[Cell, Trajectory]]:
     (rest.rests, logged("impulse", 1e-9)),
     (line.counts, shifted("velocity", 1e-9)), (line.counts, twice),
     (rest.last_rows, shifted("time", 1e-9)),
-])  # fmt: skip
+])
 def test_a_small_change_of_a_run_is_found(
     cells: Callable[[], Any], change: Callable[[Trajectory], Trajectory]
 ) -> None:

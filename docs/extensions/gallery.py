@@ -46,7 +46,7 @@ class InOrder:
     NAMES = ("three_balls", "kerwin_stack", "newtons_cradle", "cooling_gas", "your_own_law", "your_own_rule",
              "bouncing_on_a_plate", "hertz_chain", "where_edmd_breaks", "error_against_run_time",
              "sketch", "forces", "sequence", "counts", "gap", "radii", "viscoelastic", "viscoelastic_material",
-             "validity", "breakdown", "predictors", "material", "setting")  # fmt: skip
+             "validity", "breakdown", "predictors", "material", "setting")
 
     def __init__(self, folder: str) -> None:
         """Take the folder, which does not matter."""

@@ -43,7 +43,7 @@ def compute(points):
         "column": gr.sweep("column", {"n": [2, 3, 5, 8, 12, 20][:half], "gap": gaps}, MEASURES, **COLUMN),
         "gas": gr.sweep(gas, {"packing": np.linspace(0.05, 0.9, half), "duration": np.geomspace(1e-4, 0.3, half)},
                         MEASURES),
-    }  # fmt: skip
+    }
     return {key: values for name, data in maps.items() for key, values in columns(name, data).items()}
 
 
@@ -56,7 +56,7 @@ def draw(data):
         axis.set(yscale="log", ylim=(1e-4, 30.0), ylabel=ERROR)
         axis.axhline(WRONG, color=HARD, lw=0.7, ls="--")
         axis.annotate(f"{100 * WRONG:g} %: limit of Yes", (0.98, WRONG), (0, 2), xycoords=("axes fraction", "data"),
-                      textcoords="offset points", color=HARD, fontsize=7, ha="right")  # fmt: skip
+                      textcoords="offset points", color=HARD, fontsize=7, ha="right")
     curves(axes[1, 0], data, "column_n", "mass_centre_ratio", "balls")
     axes[1, 0].set_ylabel("bounce of the whole, soft/hard")
     shared = data["gas_shared_impulse"]

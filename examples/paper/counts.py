@@ -33,10 +33,10 @@ def ratio(data):
 def draw(data):
     """Two maps with one scale of colours, light to dark."""
     maps = [(data[f"{name}_contacts"][..., 1], (up, data[f"{name}_{up}"]), ("restitution", data[f"{name}_restitution"]))
-            for name, up in (("gap", "gap"), ("radii", "ratio"))]  # fmt: skip
+            for name, up in (("gap", "gap"), ("radii", "ratio"))]
     most = max(int(one.max()) for one, *_ in maps)
     shades = {"cmap": ListedColormap(matplotlib.colormaps["viridis"](np.linspace(1.0, 0.0, most))),
-              "norm": BoundaryNorm(np.arange(0.5, most + 1.0), most)}  # fmt: skip
+              "norm": BoundaryNorm(np.arange(0.5, most + 1.0), most)}
     figure, bar = draw_maps(maps, "contacts of the two balls", **shades)
     bar.set_ticks(np.arange(1, most + 1, 2))
     bar.ax.minorticks_off()

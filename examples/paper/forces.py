@@ -22,7 +22,7 @@ def compute(points):
     touches, floor_end = contacts(scene, law)
     return {"restitution": RESTITUTION, "time_s": times, "F01_N": floor, "F12_N": upper,
             "contacts12_s": touches, "floor_end_s": floor_end,
-            "hard_s": {"01": hard.of(0)["t_begin"] - start, "12": hard.of(1)["t_begin"] - start}}  # fmt: skip
+            "hard_s": {"01": hard.of(0)["t_begin"] - start, "12": hard.of(1)["t_begin"] - start}}
 
 
 def draw(data):
@@ -39,12 +39,12 @@ def draw(data):
         axis.set(ylim=(0.0, 1.12 * data[name].max() / unit), ylabel=label)
         letter(axis, tag, x=0.94)
     instants = ((0, 0.0, "$t_{01}^{(b)}$"), (0, data["floor_end_s"], "$t_{01}^{(e)}$"),
-                (1, data["contacts12_s"][-1][1], "$t_{12}^{(e)}=t_f$"))  # fmt: skip
+                (1, data["contacts12_s"][-1][1], "$t_{12}^{(e)}=t_f$"))
     for row, t, name in instants:
         axes[row, 0].axvline(t * 1e3, color=GREY, lw=0.6, ls=":")
         axes[row, 0].annotate(name, (t * 1e3, 0.0), (3, 8), xycoords=("data", "axes fraction"), va="bottom",
                               textcoords="offset points",
-                              bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5})  # fmt: skip
+                              bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5})
     axes[1, 0].legend(loc="upper right", bbox_to_anchor=(0.93, 1.0))
     axes[1, 0].set(xlim=(clock[0], clock[-1]), xlabel="$t-t_{10}$  (ms)")
     figure.align_ylabels(axes)

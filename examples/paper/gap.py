@@ -19,7 +19,7 @@ def compute(points):
     gap = np.geomspace(1e-7, 1e-1, points)
     data = gr.sweep("three-balls", {"gap": gap}, ("contacts", "eps_ratio"), restitution=0.9)
     return {"restitution": 0.9, "gap_m": gap, "eps_ratio": data["eps_ratio"].values,
-            "contacts": data["contacts"].values[:, 1]}  # fmt: skip
+            "contacts": data["contacts"].values[:, 1]}
 
 
 def closed(x, ratio, contacts):

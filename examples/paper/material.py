@@ -29,7 +29,7 @@ def same_material(scene, restitution):
 
 
 CHOICES = {"same_eps": (r"same $\varepsilon$", dashpots), "same_gamma": (r"same $\gamma$", same_gamma),
-           "same_material": ("same material", same_material)}  # fmt: skip
+           "same_material": ("same material", same_material)}
 """Title of each choice, and the laws it makes for an ε of the floor contact."""
 
 

@@ -19,7 +19,7 @@ CANDIDATES = {
     "occupation": r"share of time in contact, $\Lambda$", "distance": "distance of velocities, $D$",
     "mass_centre": r"bounce of the whole, $|1-K_{\mathrm{cm}}|$",
     "restitution": r"$|1-\varepsilon_{\mathrm{eff}}/\varepsilon|$  (1 where none exists)",
-}  # fmt: skip
+}
 MARKS = {"two balls": "o", "stack": "^", "cradle": "s", "column": "v", "gas": "x"}
 
 

@@ -16,7 +16,7 @@ def compute(points):
     ratio = np.unique(np.concatenate([np.linspace(1.0, 20.0, points), np.linspace(1.0, 1.6, points // 2 + 1)]))
     data = gr.sweep("three-balls", {"radii[0]": UPPER * ratio}, ("contacts", "eps_ratio"), restitution=0.8)
     return {"restitution": 0.8, "ratio": ratio, "eps_ratio": data["eps_ratio"].values,
-            "contacts": data["contacts"].values[:, 1]}  # fmt: skip
+            "contacts": data["contacts"].values[:, 1]}
 
 
 def draw(data):
@@ -27,7 +27,7 @@ def draw(data):
     inset = magnified(axes[0, 0], ratio, value, (0.42, 0.34, 0.48, 0.56), 1.0)
     inset.plot(ratio[peak], value[peak], ".", color=SOFT, ms=4)
     inset.annotate(f"{value[peak]:.5f} at {ratio[peak]:.3f}", (ratio[peak], value[peak]), (0.44, 0.14),
-                   textcoords="axes fraction", ha="center", fontsize=6.5)  # fmt: skip
+                   textcoords="axes fraction", ha="center", fontsize=6.5)
     inset.set(xlim=(1.0, 1.6), ylim=(0.9965, 1.0032))
     axes[0, 0].set_ylim(-0.03, 1.12)
     letter(axes[0, 0], "(a)", x=0.94)

@@ -55,10 +55,10 @@ def draw(data, label=r"$\varepsilon$", top=1.2, unit=1.0, marked=RESTITUTION):
     if marked is not None:
         axis.axvline(marked, color=GREY, lw=2.5, alpha=0.5, zorder=0)
         axis.annotate("figure 2", (marked, 0.03), (4, 0), xycoords=("data", "axes fraction"),
-                      textcoords="offset points", color="#555555")  # fmt: skip
+                      textcoords="offset points", color="#555555")
     first, last = data["numerical"][0], data["numerical"][-1]
     axis.set(xlabel=label, ylabel="$t-t_{10}$  (ms)", ylim=(0.0, top),
-             xlim=(first["parameter"][0] * unit, last["parameter"][-1] * unit))  # fmt: skip
+             xlim=(first["parameter"][0] * unit, last["parameter"][-1] * unit))
     axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, columnspacing=1.0, handlelength=1.6)
     return figure
 

@@ -30,7 +30,7 @@ STYLE = {
     "axes.linewidth": 0.6, "lines.linewidth": 0.9, "xtick.top": True, "ytick.right": True,
     "xtick.direction": "in", "xtick.major.width": 0.6, "xtick.minor.width": 0.4,
     "ytick.direction": "in", "ytick.major.width": 0.6, "ytick.minor.width": 0.4,
-}  # fmt: skip
+}
 """As in Physical Review."""
 
 
@@ -76,7 +76,7 @@ def follow(row, grid, reach=24):
         bisect(low, high, reach)
     alike = [list(xs) for _, xs in groupby(sorted(known), lambda x: kind(known[x]))]
     return [{"parameter": np.array(xs), "contacts": np.stack([known[x][0] for x in xs], axis=-1),
-             "floor_end": np.array([known[x][1] for x in xs])} for xs in alike]  # fmt: skip
+             "floor_end": np.array([known[x][1] for x in xs])} for xs in alike]
 
 
 def columns(name, data):

@@ -18,13 +18,13 @@ def compute(points):
     gaps, radii = np.geomspace(1e-7, 1e-2, points), UPPER * np.linspace(1.0, 20.0, points)
     over = {"gap": gaps, "restitution": np.linspace(0.1, 1.0, points)}
     return columns("gap", gr.sweep("three-balls", over, "eps_ratio")) | columns("radii", ratio(
-        gr.sweep("three-balls", {"gap": gaps, "radii[0]": radii}, "eps_ratio", restitution=0.8)))  # fmt: skip
+        gr.sweep("three-balls", {"gap": gaps, "radii[0]": radii}, "eps_ratio", restitution=0.8)))
 
 
 def draw(data):
     """Two maps of the ratio, with the line beyond which event-driven simulation is right to one per cent."""
     maps = [(data[f"{name}_eps_ratio"], ("gap", data[f"{name}_gap"]), (across, data[f"{name}_{across}"]))
-            for name, across in (("gap", "restitution"), ("radii", "ratio"))]  # fmt: skip
+            for name, across in (("gap", "restitution"), ("radii", "ratio"))]
     title = r"$\varepsilon_{\mathrm{eff}}/\varepsilon$"
     shown = [(np.clip(one, 0.0, 1.0), up, across) for one, up, across in maps]
     figure, _ = draw_maps(shown, title, cmap="cividis", vmin=0.0, vmax=1.0)

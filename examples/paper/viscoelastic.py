@@ -26,11 +26,11 @@ def compute(points):
 def law(restitution):
     """Laws of both pairs with one ε at 3 m/s."""
     return [gr.ViscoelasticHertz.from_restitution(restitution, k=elastic.k, speed=SPEED, pair=pair)
-            for elastic, pair in zip(hertz(SCENE), SCENE.pairs, strict=True)]  # fmt: skip
+            for elastic, pair in zip(hertz(SCENE), SCENE.pairs, strict=True)]
 
 
 draw = partial(sequence.draw, label=r"$\varepsilon$ of both contacts, each at an impact speed of 3 m/s", top=10.0,
-               marked=None)  # fmt: skip
+               marked=None)
 
 if __name__ == "__main__":
     main(compute, draw, 300)

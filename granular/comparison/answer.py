@@ -100,7 +100,7 @@ def _unfinished(report: Compared) -> Iterator[Reason]:
     for name, run in (("soft-sphere", soft), ("event-driven", hard)):
         if run.status in EARLY:
             yield Reason(Answer.undecided, f": the {name} run did not get to its end; {run.status.name}: "
-                                           f"{run.message.rstrip('.')}")  # fmt: skip
+                                           f"{run.message.rstrip('.')}")
 
 
 def _judged(report: Compared, j: int) -> Reason:
@@ -126,14 +126,14 @@ def _judged(report: Compared, j: int) -> Reason:
     touching = other_ties.touching(report.scene)[list(pairs)].any()
     if chaos > SAME and touching:
         return so(Answer.not_unique,
-                  ": touching balls have no one hard-sphere answer; here it hangs on the option ties")  # fmt: skip
+                  ": touching balls have no one hard-sphere answer; here it hangs on the option ties")
     if chaos > SAME:
         crowded = "; contacts overlap in time" if overlap else ""
         return so(Answer.not_ball_by_ball, f": beyond predictability (compare ensembles){crowded}")
     if shift > SAME:
         return so(Answer.not_unique,
                   ": hard spheres from gaps shifted by 1e-12 of themselves, as where balls collide almost at once, "
-                  f"differ by {shift:.2g} of the fastest impact")  # fmt: skip
+                  f"differ by {shift:.2g} of the fastest impact")
     if lasting := [c for c in pairs if report.unknown[c]]:
         return so(Answer.undecided, f": a soft contact of pair {lasting[0]} was still running at the end, and "
                                     "cannot be followed; choose a later end, or method='located'", tuple(lasting))
@@ -196,7 +196,7 @@ def _forever(report: Compared, pairs: Sequence[int]) -> str:
         return ""
     n = sum(map(report.soft.count, group))
     return (f": hard spheres collide forever ({hard.stats['verdict']}), soft ones part after {n} "
-            f"contact{'s' * (n != 1)}")  # fmt: skip
+            f"contact{'s' * (n != 1)}")
 
 
 def _other_counts(report: Compared, wrong: tuple[int, ...], of: int) -> str:

@@ -105,7 +105,7 @@ def draw_closeup(axis: Any, look: Closeup, runs: Mapping[str, Trajectory]) -> No
         axis.plot(view.clock(t), y / unit, color=colour, ls=dash, lw=1.2)
     axis.fill_between(view.clock(time), np.minimum(gap, 0.0) / unit, color=SOFT, alpha=0.25, lw=0)
     axis.set(xlim=view.limits, ylim=(-bottom / unit, (1.45 * height + 0.2 * bottom) / unit),
-             xlabel=view.named, ylabel=f"distance of\n{pair_name(view.report.scene, look.pair)}, {name}")  # fmt: skip
+             xlabel=view.named, ylabel=f"distance of\n{pair_name(view.report.scene, look.pair)}, {name}")
     least = ROOM * (view.shown[1] - view.shown[0])
     for number, x in apart(view.clock(look.touches[:NUMBERED].mean(axis=1)), least):
         axis.annotate(str(number + 1), (x, 0.965), xycoords=("data", "axes fraction"), ha="center", va="top",

@@ -45,7 +45,7 @@ def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
     look = closeup(view)
     heights = [0.2 * min(n, 12) + 0.4, *([0.75] * n if n <= FEW else [0.2 * min(n, 12) + 1.0]), 2.4]
     figure, panels = canvas(7.0, sum(heights) + 1.4 + 2.2 * bool(look), len(heights) + bool(look),
-                            height_ratios=heights + [1.9] * bool(look))  # fmt: skip
+                            height_ratios=heights + [1.9] * bool(look))
     axes = panels[: len(heights), 0]
     head(figure, report)
     runs = both(report, view.moments if look is None else np.union1d(view.moments, look.moments))
@@ -61,7 +61,7 @@ def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
         axis.tick_params(labelbottom=axis is shared[-1])
     shared[-1].set_xlabel(view.named)
     axes[0].legend(*axes[-1].get_legend_handles_labels(), loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3,
-                   frameon=False, borderaxespad=0.2, **SMALL)  # fmt: skip
+                   frameon=False, borderaxespad=0.2, **SMALL)
     figure.align_ylabels(panels[:, 0])
     return _files.write_figure(path, figure, dpi=200)
 
@@ -119,7 +119,7 @@ def _tell_of_later(axis: Any, view: View) -> None:
     unit, name = unit_of(last, "s")
     axis.plot(np.full(len(pairs), view.shown[1]), pairs, ls="", marker=">", ms=5, color=SOFT, clip_on=False)
     axis.set_title(f"{len(later)} later contact{'s' * (len(later) > 1)}, the last at t = {last / unit:.4g} {name} ▸",
-                   fontsize=8, loc="right")  # fmt: skip
+                   fontsize=8, loc="right")
 
 
 def _forces(figure: Any, axes: Any, view: View, soft: Trajectory) -> None:
@@ -161,7 +161,7 @@ def _force_map(figure: Any, axis: Any, view: View, soft: Trajectory) -> None:
         largest.T / unit, origin="lower", aspect="auto", cmap="Blues", interpolation="nearest",
         extent=(left, right, -0.5, soft.scene.n_pairs - 0.5),
         norm=PowerNorm(0.4, 0.0, peak / unit or 1.0),  # forces of a few per cent are seen too
-    )  # fmt: skip
+    )
     figure.colorbar(image, cax=axis.inset_axes((1.012, 0.0, 0.014, 1.0)), label=f"force, {name}")
     axis.set_ylabel("pair")
 
@@ -198,4 +198,4 @@ def _name(axis: Any, view: View, places: Array, height: float) -> None:
         together = len(some) > 2 and some[-1] - some[0] == len(some) - 1
         said = f"{some[0]}–{some[-1]}" if together else ", ".join(map(str, some))
         axis.annotate(said, (view.shown[1], places[some].mean()), (10, 0),
-                      textcoords="offset points", va="center", color=SOFT, annotation_clip=False, **SMALL)  # fmt: skip
+                      textcoords="offset points", va="center", color=SOFT, annotation_clip=False, **SMALL)

@@ -38,13 +38,13 @@ SLOW = 10.0  # contacts that are slowed down less are no act of their own
 SAID = {
     "fall": "falling, as fast as life", "stop": "stop: the floor is reached",
     "flight": "flying, as fast as life", "end": "the highest point",
-}  # fmt: skip
+}
 PANELS = {"contacts": 1.0, "forces": 1.0, "paths": 1.5, "distance": 1.5}  # beside the balls, with their heights
 INK, COLOURS = "#1d1c1a", {"hard": HARD, "soft": SOFT}
 STYLE = {
     "figure.facecolor": "#fbfaf6", "axes.facecolor": "#fbfaf6", "axes.spines.top": False, "axes.spines.right": False,
     "xtick.labelsize": 8, "ytick.labelsize": 8, "axes.labelsize": 8.5, "axes.titlesize": 10.5,
-}  # fmt: skip
+}
 THICK, LEAST = 0.14, 0.16  # radius of the largest ball in lengths of the stage, and of the smallest beside it
 
 
@@ -104,7 +104,7 @@ def acts(view: View, seconds: float, fps: int, whole: bool) -> dict[str, Array]:
         "fall": np.arange(begin, view.begin, 1.0 / fps), "stop": np.full(round(FREEZE * fps), view.begin),
         "slow": contacts, "flight": np.append(np.arange(view.end + 1.0 / fps, end, 1.0 / fps), end),
         "end": np.full(round(HOLD * fps), end),
-    }  # fmt: skip
+    }
 
 
 def _apex(view: View) -> float:
@@ -156,7 +156,7 @@ def film(view: View, shown: dict[str, Array], fps: int) -> list[tuple[Page, int]
     contacts, others = touching(view, shown["slow"], fps), {name: shown[name] for name in shown if name != "slow"}
     flights, flown = flying(view.report, others) if others else contacts, count()
     return [(contacts, k) if name == "slow" else (flights, next(flown))
-            for name, times in shown.items() for k in range(len(times))]  # fmt: skip
+            for name, times in shown.items() for k in range(len(times))]
 
 
 def _page(report: Judged, mosaic: list[list[str]], **ratios: Any) -> Page:
@@ -188,7 +188,7 @@ def flying(report: Judged, shown: dict[str, Array]) -> Page:
             height = np.interp(time, run.time, heights[:, body])
             page.moving.append((axis.plot([place], [0.0], **how)[0], np.stack([0.0 * height, height], 1)))
         graph.plot(run.time, heights, color=colour, ls="--" if name == "hard" else "-", lw=1.1,
-                   label=[f"{name} spheres"] + ["_"] * (scene.n - 1))  # fmt: skip
+                   label=[f"{name} spheres"] + ["_"] * (scene.n - 1))
     drop = report.impact_speed**2 / (2.0 * scene.gravity)
     top = 1.06 * min(HIGHEST * drop, float(graph.dataLim.ymax))
     for axis in page.axes.values():
@@ -211,7 +211,7 @@ def touching(view: View, time: Array, fps: int) -> Page:
     high = [PANELS[name] for name in names]
     page = (_page(report, [["hard", "soft", name] for name in names], width_ratios=[1, 1, 3.2], height_ratios=high)
             if upright else
-            _page(report, [[name] for name in (*COLOURS, *names)], height_ratios=[1.25, 1.25, *high]))  # fmt: skip
+            _page(report, [[name] for name in (*COLOURS, *names)], height_ratios=[1.25, 1.25, *high]))
     _stage(page, report.scene, {
         name: np.asarray(points(run))[np.searchsorted(run.time, time, side="right") - 1] for name, run in runs.items()})
     panels = [page.axes[name] for name in names]
@@ -260,7 +260,7 @@ def _stage(page: Page, scene: Scene, paths: dict[str, Array]) -> None:
                 axis.add_patch(Circle((0.0, 0.0), r, facecolor=f"{colour}30", edgecolor=colour, lw=1.4)),
                 axis.text(0.0, 0.0, str(body) * (scene.n <= 12), color=colour, fontsize=8, ha="center", va="center",
                           clip_on=True),
-            ]  # fmt: skip
+            ]
             page.moving += [(artist, np.stack([0.0 * place, place][::turn], 1)) for artist in drawn]
 
 

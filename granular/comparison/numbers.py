@@ -189,10 +189,10 @@ class Compared:
         """
         if observable is None and self.scene.driven:
             raise ValueError("observable is None: at a driven wall a speed hangs on the phase, which the duration of "
-                             "soft contacts shifts; give a function of the run, such as a mean height.")  # fmt: skip
+                             "soft contacts shifts; give a function of the run, such as a mean height.")
         if observable is None and self.scene.heated:
             raise ValueError("observable is None: at a thermal wall a speed hangs on what was drawn last; give a "
-                             "function of the run, such as a mean height.")  # fmt: skip
+                             "function of the run, such as a mean height.")
         _check.callback("observable", observable, "run")
         measure = observable or self._last_separation
         target = observable(self.soft) if observable else self.pairs[-1].soft_v_rel

@@ -33,13 +33,13 @@ MEASURES = {
     "distance": "distance of leaving velocities       D   = {distance:.3g}"
                 "   (hard spheres from gaps shifted by 1e-12: {predictability:.1g})",
     "mass_centre_ratio": "restitution of the mass centre, soft / hard = {mass_centre_ratio:.4g}",
-}  # fmt: skip
+}
 GROUPS = {
     "mass_ratio": "mass ratio {mass_ratio:.4g}", "stiffness_ratio": "stiffness ratio {stiffness_ratio:.4g}",
     "gap_omega_over_speed": "Δh ω₀/v {gap_omega_over_speed:.3g}",
     "gravity_over_omega_speed": "g/(ω₀v) {gravity_over_omega_speed:.2g}",
     "shaking": "Γ {shaking:.6g}", "shaking_omega": "ω/ω₀ {shaking_omega:.3g}",
-}  # fmt: skip
+}
 """How measures and groups read; those that are nan are left out."""
 
 
@@ -83,11 +83,11 @@ def _no_solid(report: Judged) -> Iterator[str]:
     odd = np.flatnonzero(balls & ~((density >= LIGHTEST) & (density <= HEAVIEST)))
     for i in odd[:1]:
         yield (f"density of ball {i}{_and(odd)} is {density[i]:.2g} kg/m³, which no solid has: are radii in m and "
-               "masses in kg?")  # fmt: skip
+               "masses in kg?")
     fast = np.flatnonzero((waves > FASTEST) & (waves < math.inf))
     for c in fast[:1] if not len(odd) else ():
         yield (f"waves in the contact of pair {c}{_and(fast)} run at {waves[c]:.2g} m/s, faster than sound in any "
-               "solid: is its stiffness in SI units?")  # fmt: skip
+               "solid: is its stiffness in SI units?")
 
 
 def _smaller_radius(report: Judged) -> Any:
@@ -110,7 +110,7 @@ def _extremes(report: Judged) -> Iterator[str]:
     met, log = np.flatnonzero(np.diff(edge)), run.contacts[order]
     size = _smaller_radius(report)[met]
     deepest, fastest = (np.maximum.reduceat(values, edge[met])
-                        for values in (log["xi_max"], np.abs(log["v_in"][:, 0] - log["v_in"][:, 1])))  # fmt: skip
+                        for values in (log["xi_max"], np.abs(log["v_in"][:, 0] - log["v_in"][:, 1])))
     shortest = np.minimum.reduceat(log["duration"], edge[met])
     depths, speeds = deepest / size, fastest * (shortest / (2.0 * math.pi * size))
     for c, depth, speed in zip(met, depths, speeds, strict=True):
@@ -192,7 +192,7 @@ def _outcomes(report: Judged) -> Iterator[str]:
     for p in shown:
         yield _line(f"contacts of pair {p.pair}", p.hard_contacts, p.soft_contacts)
         yield _line(f"v_rel′ pair {p.pair}, m/s", number(p.hard_v_rel), number(p.soft_v_rel),
-                    "  still in contact at the stop" * p.ongoing)  # fmt: skip
+                    "  still in contact at the stop" * p.ongoing)
     if len(shown) < len(pairs):
         yield f"({len(pairs) - len(shown)} pairs in between not shown; all are in the JSON)"
     yield _line("all contacts", len(hard.contacts), len(soft.contacts))

@@ -84,7 +84,7 @@ def window(report: Judged) -> View:
         return View(report, start, max(float(report.soft.time[-1]), start + 1.0))
     share = np.concatenate([run.contacts["impulse"] / (float(run.contacts["impulse"].sum()) or 1.0) for run in runs])
     ends = np.concatenate([np.where(np.isnan(log["t_end"]), np.maximum(log["t_begin"], time), log["t_end"])
-                           for log, time in ((run.contacts, float(run.time[-1])) for run in runs)])  # fmt: skip
+                           for log, time in ((run.contacts, float(run.time[-1])) for run in runs)])
     first = float(min(run.contacts["t_begin"].min(initial=math.inf) for run in report.counted))
     last = float(ends.max())
     while len(bulk := ends[3.0 * (ends - first) < last - first]) and share[ends > bulk.max()].sum() <= LONE:

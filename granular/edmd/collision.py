@@ -32,7 +32,7 @@ ROW = np.dtype(
         ("impulse", float),
     ],
     align=True,
-)  # fmt: skip
+)
 """What is kept of a collision: pair, time in s since the epoch, velocities before and after in m/s, impulse in N s.
 
 The impulse is no function of the others: in a closer look velocities cannot hold the change, and balls that stick

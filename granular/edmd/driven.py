@@ -37,7 +37,7 @@ SIDE = np.dtype(
         ("lands", int), ("forces", int),  # of the scene: touching pairs come to rest by rounding; forces act
     ],
     align=True,
-)  # fmt: skip
+)
 """What kernels know of the floor and of the ceiling, one record each; no panels: it moves at constant speed."""
 OF_PAIR = [("wall", int), ("shut", int), ("wait", float), ("heat", int)]
 """Fields of a pair: beside which driven wall it is (0 floor, 1 ceiling, 2 both, -1 neither); 0 open, 1 or 2 closed for

@@ -27,7 +27,7 @@ from granular.walls.thermal import drawn
 def event(
     run: Record, pairs: Records, bodies: Records, c: int, now: float, rule: Restitution | None, row: Record | None,
     walls: Walls,
-) -> tuple[int, int, float]:  # fmt: skip
+) -> tuple[int, int, float]:
     """Let pair `c` collide at time `now`; return the first and the last pair to predict anew, and the rate after."""
     if pairs[c].heat >= 0:
         return heated(run, pairs, bodies, c, now, row, walls)

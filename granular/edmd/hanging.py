@@ -79,7 +79,7 @@ def kick(body: Record, change: float, now: float) -> None:
 def event(
     run: Record, pairs: Records, bodies: Records, c: int, now: float, rule: Restitution | None, row: Record | None,
     walls: Walls,
-) -> tuple[int, int, float]:  # fmt: skip
+) -> tuple[int, int, float]:
     """Let pair `c` collide at time `now`; return the first and the last pair to predict anew, and the rate after."""
     pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
     w = hung_rate_at_contact(pair.gap, pair.rate, pair.omega, pair.rest)

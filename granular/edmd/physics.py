@@ -84,19 +84,19 @@ def check_scene(scene: Any) -> None:
     mass, gravity = np.where(scene.is_wall, 1.0, scene.mass), np.array([scene.gravity])
     sizes = ("mass", mass, 0.0), ("gap", scene.gap, 0.0), ("velocity", scene.velocity, SMALLEST), (
         "gravity", gravity, SMALLEST), ("pendulum", np.array([scene.pendulum]), SMALLEST), (
-        "rest_gap", np.zeros(1) if scene.rest_gap is None else scene.rest_gap, 0.0)  # fmt: skip
+        "rest_gap", np.zeros(1) if scene.rest_gap is None else scene.rest_gap, 0.0)
     for name, values, least in sizes:
         good = (values == 0.0) | ((np.abs(values) >= least) & (np.abs(values) <= LARGEST))
         _check.every(name, values, good, f"0 or a size from {least:g} to {LARGEST:g} is needed", "use other units")
     if scene.ring and scene.external_force is not None:
         raise ValueError("ring is True: hard spheres on a ring take no external_force, which would press them together "
-                         "in mid-air; use granular.md.")  # fmt: skip
+                         "in mid-air; use granular.md.")
     if scene.ring and not scene.gap.any():
         raise ValueError("gap is 0 for all pairs: on a ring there must be room to move; give some gaps.")
     for heat, ball in zip(scene.heat, (1, scene.n - 2), strict=True):
         if heat is not None and not SMALLEST <= math.sqrt(heat.temperature / scene.mass[ball]) <= LARGEST:
             raise ValueError(f"temperature is {heat.temperature!r}, mass[{ball}] {float(scene.mass[ball])!r}: a speed "
-                             f"√(T/m) from {SMALLEST:g} to {LARGEST:g} m/s is needed; use other units.")  # fmt: skip
+                             f"√(T/m) from {SMALLEST:g} to {LARGEST:g} m/s is needed; use other units.")
     if scene.n_pairs > MASK:
         raise ValueError(f"scene has {scene.n} bodies: at most {MASK + 1} are possible.")
 
@@ -108,17 +108,17 @@ def _check_together(eps: Array, options: dict[str, Any]) -> None:
     if ties in ("newton", "reflect") and eps.min() != eps.max():
         why = "different ones can multiply the energy" if ties == "newton" else "others have no meaning"
         raise ValueError(f"ties is {ties!r}: one constant restitution for all pairs is needed ({why}); "
-                         "use ties='poisson'.")  # fmt: skip
+                         "use ties='poisson'.")
     if ORDER[ties] == GROUP and remedies:
         raise ValueError(f"ties is {ties!r}: groups solved as a whole do not go with sticking balls, "
-                         "collapse='merge', tc= or elastic_below=; use ties='left'.")  # fmt: skip
+                         "collapse='merge', tc= or elastic_below=; use ties='left'.")
     if len(remedies) > 1:
         names = " and ".join(remedies).replace("merge_below", "sticking or collapse='merge'")
         raise ValueError(f"{names} are given together: one remedy at a time is needed.")
     some = np.flatnonzero(eps == 0.0)
     if 0 < len(some) < len(eps):
         raise ValueError(f"restitution of pair {some[0]} is 0.0 but not of all pairs: 0 means balls that stick, "
-                         "for all pairs or none; use a small number, such as 0.01.")  # fmt: skip
+                         "for all pairs or none; use a small number, such as 0.01.")
 
 
 def felt_gravity(scene: Scene) -> float:

@@ -28,7 +28,7 @@ PAIR = np.dtype(
         ("eps", float),  # where rules are constant
     ],
     align=True,
-)  # fmt: skip
+)
 BODY = np.dtype(
     [
         ("u", float),  # free-fall velocity of the epoch, m/s
@@ -61,7 +61,7 @@ RUN = np.dtype(
         ("allowance", int),  # collisions without a decision; doubled after each such look
     ],
     align=True,
-)  # fmt: skip
+)
 """Numbers that kernels know."""
 CLOCK = np.dtype(
     [
@@ -74,11 +74,11 @@ CLOCK = np.dtype(
         ("last_event", int),  # events at which the run ends
         ("goal", float), ("dated", int),  # s: until when kernels move the zero of tau themselves; rows they have dated
     ]
-)  # fmt: skip
+)
 """Numbers that they do not."""
 PLAIN = PAIR, BODY
 DRIVEN, HUNG = ((np.dtype(PAIR.descr + pair, align=True), np.dtype(BODY.descr + body, align=True)) for pair, body in (
-    (OF_PAIR, OF_BODY), (hanging.OF_PAIR, hanging.OF_BODY)))  # fmt: skip
+    (OF_PAIR, OF_BODY), (hanging.OF_PAIR, hanging.OF_BODY)))
 NEVER, APART = -1, -2
 """`stop_pair` of a run that does not stop at a contact, and of one that stops when no pair approaches."""
 LATER, UNTIL, BUDGET, SUSPECT, TOUCHING, OUTSIDE, QUIET, RESTS, TINY, SPENT = range(10)
@@ -88,11 +88,11 @@ a touching group is to collide as a whole. Of a closer look, for good: something
 collapse; a ball has come to rest on a wall; rates below 2^-200 of the scale; no decision within the allowance."""
 NUMBERS = {"start": "f", "epoch": "f", "epoch_low": "f", "now": "f", "length": "f", "window": "f", "speed": "f",
            "fall": "f", "short": "f", "events": "i", "rebases": "i", "zooms": "i", "zoomed": "i", "allowance": "i",
-           "tc": "f", "elastic_below": "f", "merge_below": "f", "seed": "i"}  # fmt: skip
+           "tc": "f", "elastic_below": "f", "merge_below": "f", "seed": "i"}
 """Numbers that are saved, and their kinds; of those from `length` on none is negative."""
 ANY = ("start", "epoch", "epoch_low", "now")
 ENTRIES = {"gap": (0.0, math.inf), "hits": (0, LARGEST), "streak": (0, LARGEST), "last": (-math.inf, math.inf),
-           "wall": (-1, 2), "shut": (0, 2), "falls": (0.0, 1.0), "noise": (0.0, math.inf)}  # fmt: skip
+           "wall": (-1, 2), "shut": (0, 2), "falls": (0.0, 1.0), "noise": (0.0, math.inf)}
 """Least and largest entry of an array of pairs or bodies; others are any finite numbers."""
 WHOLE = ("hits", "streak", "wall", "shut")
 ADDED = ("noise",)

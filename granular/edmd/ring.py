@@ -43,7 +43,7 @@ def same(body: Record, other: Record) -> None:
 def event(
     run: Record, pairs: Records, bodies: Records, c: int, now: float, rule: Restitution | None, row: Record | None,
     walls: Walls,
-) -> tuple[int, int, float]:  # fmt: skip
+) -> tuple[int, int, float]:
     """Let pair `c` collide at time `now`; return the first and the last pair to predict anew, and the rate after."""
     end = len(pairs) - 1
     if c == 0:

@@ -297,7 +297,7 @@ def _slowing(run: Run, events: int) -> str:
         last, took = events - tail, run.time() - t
         if took * (tail - begin) < 0.1 * last * (t - start):
             said = (f"; the last {last} of them took only {took:.3g} s: the balls cluster and slow down, perhaps "
-                    "without end. Remedies by name: collapse='merge', tc=, elastic_below=")  # fmt: skip
+                    "without end. Remedies by name: collapse='merge', tc=, elastic_below=")
         bound = collapse.bound(run.state, run.physics)
         if bound is not None:
             said += f"; unless hit from outside, no body of {bound} will exceed {bound.bound:.2g} m/s"

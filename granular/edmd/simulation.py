@@ -150,11 +150,11 @@ def simulate(
     physics = checked(
         scene, rule, collapse=collapse, merge_below=merge_below, ties=ties, seed=seed, tc=tc,
         elastic_below=elastic_below,
-    )  # fmt: skip
+    )
     request = requested(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, on_event=on_event,
         on_progress=on_progress,
-    )  # fmt: skip
+    )
     watching = None if watch is None else Watch(watch, scene)
     return drive(Run(physics, State.of(physics, start), checked_engine(engine, physics), request, watching))
 
@@ -202,7 +202,7 @@ def resume(
     request = requested(
         scene, state.time(state.run.now), t_end, until=until, samples=samples, log=log,
         max_events=max_events, on_event=on_event, on_progress=on_progress,
-    )  # fmt: skip
+    )
     watching = None if watch is None else Watch(watch, scene, saved)
     return go_on(Run(physics, state, checked_engine(engine, physics), request, watching), trajectory)
 

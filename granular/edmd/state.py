@@ -22,7 +22,7 @@ from granular.edmd.ties import ORDER
 OF_PAIRS, OF_BODIES = ("gap", "at", "pull", "hits", "last", "streak"), ("u", "falls", "noise")
 """What changes, by the names under which it is saved."""
 SAVED = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "now",
-         "events", "rebases", "zooms", "zoomed", "allowance", "short")  # fmt: skip
+         "events", "rebases", "zooms", "zoomed", "allowance", "short")
 TALLY, LOOK = ("clamps", "merged", "lost"), ("elapsed", "looked", "ordinary", "clamped", "faint")
 """Numbers that are saved as arrays; of an older closer look, there are less."""
 SHORTER = -10
@@ -74,7 +74,7 @@ class State:
             start=t_start, epoch=t_start, goal=-math.inf, strength=strength, length=length, window=window, fall=fall,
             short=math.ldexp(window, -30), stop_pair=NEVER, suspect=-1, allowance=20_000,
             slow=-1.0 if remedied or never or physics.eps.min() == 1.0 else 0.0,  # no collapse is possible
-        )  # fmt: skip
+        )
         state.scale(speed)
         if walls is not None:
             state.walls = *walls, state.clock

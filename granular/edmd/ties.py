@@ -60,7 +60,7 @@ def newton(inverse_mass: Floats, rate: Floats, eps: Floats) -> Row:
     Only for one common ε: with different ones it can multiply the energy.
     """
     return _repeated("newton", inverse_mass, rate, lambda now, _: complementary(
-        inverse_mass, [(1.0 + e) * r for e, r in zip(eps, now, strict=True)]))  # fmt: skip
+        inverse_mass, [(1.0 + e) * r for e, r in zip(eps, now, strict=True)]))
 
 
 def poisson(inverse_mass: Floats, rate: Floats, eps: Floats) -> Row:
@@ -83,7 +83,7 @@ def reflect(inverse_mass: Floats, rate: Floats, eps: Floats) -> Row:
     """
     e = eps[0]
     elastic = _repeated("reflect", inverse_mass, rate, lambda now, approaching: solve(
-        inverse_mass, [-2.0 * r for r in now], approaching))  # fmt: skip
+        inverse_mass, [-2.0 * r for r in now], approaching))
     if e == 1.0:
         return elastic
     return [e * a + (1.0 - e) * b for a, b in zip(elastic, complementary(inverse_mass, rate), strict=True)]

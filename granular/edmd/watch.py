@@ -106,7 +106,7 @@ class Watch:
         both = f"pairs {pair} and {(pair + 1) % len(self.last)}"
         first = f", the first of {both} at t = {time:.12g} s" if self.disturbed else ""
         return (f"; watched: {self.disturbed or 'none'} of {self.seen} collisions would, as soft contacts, overlap in "
-                f"time with one of a neighbouring pair{first} (a warning, not a proof)")  # fmt: skip
+                f"time with one of a neighbouring pair{first} (a warning, not a proof)")
 
     def checkpoint(self, state: State, queue: SortedQueue) -> dict[str, Any]:
         """Return all that is needed to go on."""

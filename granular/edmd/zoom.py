@@ -29,7 +29,7 @@ GOES_ON = -1
 def zoom(
     run: Record, near: Records, pairs: Records, bodies: Records, rule: Restitution | None, rows: Records | None,
     walls: Walls,
-) -> int:  # fmt: skip
+) -> int:
     """Advance the slice; return how it ended."""
     done = 0
     while True:

@@ -97,7 +97,7 @@ def _steps(truth: Reference, most: int) -> tuple[float, ...]:
     ends = [truth.t_stop if row.t_end is None else float(row.t_end) for row in truth.contacts]
     reached = accumulate([-math.inf, *ends], max)
     closed = sum(max(0.0, end - max(float(row.t_begin), before))
-                 for row, end, before in zip(truth.contacts, ends, reached, strict=False))  # fmt: skip
+                 for row, end, before in zip(truth.contacts, ends, reached, strict=False))
     steps = [COARSEST * FINER**k for k in range(POINTS)]
     return tuple(shortest / n for n in steps if n * closed / shortest <= most)
 
@@ -134,7 +134,7 @@ def _first_power(law: PairLaw) -> float:
 SOLVERS = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}
 PEERS = (*(f"{name}+events" for name in SOLVERS), *SOLVERS)
 RTOL = {"DOP853": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-14), "LSODA": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12),
-        "Radau": (1e-4, 1e-6, 1e-8, 1e-10)}  # fmt: skip
+        "Radau": (1e-4, 1e-6, 1e-8, 1e-10)}
 MOST = 60_000
 """Evaluations after which a solver is stopped."""
 LOOKS = 8
@@ -171,7 +171,7 @@ def _without_events(task: Task, solver: str, rtol: float) -> Outcome:
     truth, newton = task.truth, Newton(task.scene, task.resolved, MOST)
     end = truth.t_stop + (0.0 if truth.status == "time" else BEYOND * max(truth.durations))
     done = solve_ivp(newton, (0.0, end), newton.start(), dense_output=True, method=solver, rtol=rtol,
-                     atol=rtol * newton.scales())  # fmt: skip
+                     atol=rtol * newton.scales())
     work = newton.evaluations
     return Outcome(lambda: _read(task, newton, done), work, "evaluations", "time" if done.success else "failed")
 
@@ -189,7 +189,7 @@ def _read(task: Task, newton: Newton, done: Any) -> tuple[ReferenceContact, ...]
     for c in range(newton.pairs):
         on = [False] + [newton.force(c, float(y[c]), float(y[newton.pairs + c])) > 0.0 for y in states]
         changes += [(_zero(task, newton, seen, c, knots[max(i - 1, 0)], knots[i]), c, on[i + 1])
-                    for i in range(len(knots)) if on[i] != on[i + 1]]  # fmt: skip
+                    for i in range(len(knots)) if on[i] != on[i + 1]]
     for t, c, begins in sorted(changes):
         v = newton.velocities(done.sol(t), t)
         lower, upper = task.scene.bodies(c)

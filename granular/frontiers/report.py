@@ -30,7 +30,7 @@ def table(report: Measured) -> str:
                  *(_row(row, report.dials[row.method]) for row in report.rows)], "<>>><><"),
         aligned([["order in", "", "measured", "min(p, 1+s)", "textbook p"], *_orders(report)], "<>"),
         aligned([["error of v below", "located", "fastest other"], *(_goal(report, goal) for goal in GOALS)], "<><"),
-    ])  # fmt: skip
+    ])
 
 
 def numbers(report: Measured) -> dict[str, Any]:
@@ -50,7 +50,7 @@ def numbers(report: Measured) -> dict[str, Any]:
         "rows": [asdict(row) | {"dial": report.dials[row.method]} for row in report.rows],
         "orders": {name: dict(zip(("textbook", "expected"), report.orders.get(name, (None, None)), strict=True))
                    | {"measured": report.order(name)} for name in report.methods},
-    }  # fmt: skip
+    }
 
 
 def laws(report: Measured) -> str:
@@ -84,7 +84,7 @@ def _row(row: Row, dial: str) -> list[str]:
         *(number(x, ".1e", "-") for x in (row.velocity_error, row.time_error)),
         "WRONG" if row.wrong_count else "right", duration(row.seconds),
         f"{row.work} {row.unit}" + (f"  ({', '.join(notes)})" if notes else ""),
-    ]  # fmt: skip
+    ]
 
 
 def _orders(report: Measured) -> Iterator[list[str]]:
@@ -123,7 +123,7 @@ FAMILIES = {
     "SciPy, restarted at events (rtol)": {f"{name}+events": _look("#3f8f5f", "-", marker, f"{label}, events")
                                           for name, (marker, label) in MARKERS.items()},
     "SciPy, no events (rtol)": {name: _look("#8a8a8a", ":", *look) for name, look in MARKERS.items()},
-}  # fmt: skip
+}
 """How each method looks: families by colour and line, members by marker."""
 LOOKS = {name: look for members in FAMILIES.values() for name, look in members.items()}
 CROSS = {"ls": "none", "marker": "x", "color": "black", "mew": 1.2, "zorder": 6}
@@ -177,7 +177,7 @@ def _legend(figure: Any, report: Measured) -> None:
         return Line2D([], [], **look | {"lw": 1.2, "ms": 9.0 if look["marker"] in "*x" else 4.5})
 
     columns = {head: [entry(look) for name, look in members.items() if name in report.methods]
-               for head, members in FAMILIES.items()}  # fmt: skip
+               for head, members in FAMILIES.items()}
     if any(row.wrong_count for row in report.rows):
         columns[""].append(entry(CROSS | {"label": "wrong number of contacts"}))
     columns = {head: entries for head, entries in columns.items() if entries}
@@ -186,7 +186,7 @@ def _legend(figure: Any, report: Measured) -> None:
         handles += [Line2D([], [], ls="none", label=head), *entries]
         handles += [Line2D([], [], ls="none", label="")] * (depth - len(entries))
     figure.legend(handles=handles, loc="outside lower center", ncols=len(columns), fontsize=7, frameon=False,
-                  handlelength=2.4, columnspacing=1.0)  # fmt: skip
+                  handlelength=2.4, columnspacing=1.0)
 
 
 def _title(report: Measured) -> str:

@@ -131,7 +131,7 @@ def frontier(
     return Frontier(
         scene, laws, until, t_end, truth, tuple(rows), {method.name: method.dial for method in tried},
         {name: expected_order(task, name) for name in chosen if name in FIXED}, level, machine(),
-    )  # fmt: skip
+    )
 
 
 def _refuse_rest(run: Trajectory, t_end: float | None) -> None:
@@ -156,13 +156,13 @@ def _row(task: Task, method: Method, setting: float, repeats: int, level: float)
         times.append(time.thread_time() - begin)
     v_error, t_error, wrong = errors(task.truth, outcome.contacts(), task.scene.n_pairs)
     return Row(method.name, setting, v_error, t_error, wrong, v_error <= NEAR * level and not wrong, min(times[1:]),
-               outcome.work, outcome.unit, outcome.status)  # fmt: skip
+               outcome.work, outcome.unit, outcome.status)
 
 
 def rounding_level(task: Task) -> float:
     """How far velocities move, in impact speeds, when gaps and velocities move by one unit in the last digit."""
     plain, *moved = (contacts_of(md.simulate(scene, task.laws, until=task.until, t_end=task.t_end))
-                     for scene in _nudged(task.scene))  # fmt: skip
+                     for scene in _nudged(task.scene))
     truth = Reference(plain, task.truth.t_stop, "", "")
     changes = (errors(truth, contacts, task.scene.n_pairs)[0] for contacts in moved)
     return max([float(np.finfo(float).eps), *(change for change in changes if not math.isnan(change))])
@@ -173,7 +173,7 @@ def _nudged(scene: Scene) -> list[Scene]:
     sign = np.where(np.arange(scene.n) % 2, -math.inf, math.inf)
     sides = ((scene.sides(way)[0], way) for way in (sign, -sign))
     return [scene, *(scene.replace(gap=_next(scene.gap, below), velocity=_next(scene.velocity, way))
-                     for below, way in sides)]  # fmt: skip
+                     for below, way in sides)]
 
 
 def _next(numbers: Array, way: Array) -> Array:

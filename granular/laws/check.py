@@ -66,7 +66,7 @@ def finite(law: PairLaw, xi: float, xi_dot: float) -> float:
 def no_number(law: PairLaw, xi: float, xi_dot: float, value: Any) -> ValueError:
     """Return the error of a force that is no finite number."""
     return _error(law, f"its force at overlap ξ = {xi:.6g} m and rate ξ̇ = {xi_dot:.6g} m/s is {value!r}; a finite "
-                       "number in N is needed.")  # fmt: skip
+                       "number in N is needed.")
 
 
 def _probed(law: PairLaw, speed: float) -> float:
@@ -119,7 +119,7 @@ def _check_potential(law: PairLaw, said: float, xi: float) -> None:
         got, doubt = quad(lambda x: law.force(x, 0.0, x), 0.0, xi, limit=200)
     if not abs(got - said) <= 1e-6 * abs(got) + 10.0 * doubt:
         raise _error(law, f"its potential at overlap {xi:.6g} m is {said!r} J but the integral of its force is {got!r} "
-                          "J; mend the trait or leave it out.")  # fmt: skip
+                          "J; mend the trait or leave it out.")
 
 
 def _check_form(law: PairLaw, k: float, p: float, gamma: float, d: float) -> None:
@@ -128,7 +128,7 @@ def _check_form(law: PairLaw, k: float, p: float, gamma: float, d: float) -> Non
         said, got = k * math.pow(xi, p) + gamma * math.pow(xi, d) * rate, law.force(xi, rate, xi)
         if not abs(got - said) <= 1e-9 * (abs(k) + abs(gamma)):
             raise _error(law, f"force({xi}, {rate}) gives {got!r} but its linear or power trait says {said!r}; mend "
-                              "the trait or leave it out.")  # fmt: skip
+                              "the trait or leave it out.")
     if k == 0.0 < gamma and d == 0.0:
         raise _without_spring(law, gamma, 1.0)
     if gamma < 0.0:
@@ -140,14 +140,14 @@ def _check_form(law: PairLaw, k: float, p: float, gamma: float, d: float) -> Non
 def _without_spring(law: PairLaw, damping: float, speed: float) -> ValueError:
     """Return the error of a law whose force hangs on the rate alone: bodies would creep into each other for good."""
     return _error(law, f"its force does not depend on the overlap, it is {damping!r} N at rate {speed:.6g} m/s and no "
-                       "push at rest at any overlap; are the arguments (xi, xi_dot, pair)?")  # fmt: skip
+                       "push at rest at any overlap; are the arguments (xi, xi_dot, pair)?")
 
 
 def _denied(law: PairLaw, xi: float, rate: float) -> ValueError:
     """Return the error of a law whose force depends on the rate although it says that it does not."""
     still, moving = law.force(xi, 0.0, xi), law.force(xi, rate, xi)
     return _error(law, f"force({xi:.6g}, 0) gives {still!r} but force({xi:.6g}, {rate:.6g}) gives {moving!r}, "
-                       "although rate_dependent is False; mend the trait or leave it out.")  # fmt: skip
+                       "although rate_dependent is False; mend the trait or leave it out.")
 
 
 def _gains(law: PairLaw, xi: float, speed: float) -> ValueError:
@@ -155,7 +155,7 @@ def _gains(law: PairLaw, xi: float, speed: float) -> ValueError:
     closing, parting = (max(0.0, law.force(xi, rate, xi)) for rate in (speed, -speed))
     return _error(law, f"at overlap ξ = {xi:.6g} m it pushes with {parting:.6g} N while the bodies part and with "
                        f"{closing:.6g} N while they approach at {speed:.6g} m/s, and so gains energy; damping that is "
-                       "not negative is needed.")  # fmt: skip
+                       "not negative is needed.")
 
 
 def _error(law: PairLaw, what: str) -> ValueError:

@@ -124,7 +124,7 @@ def resolve(law: Any, pair: Pair) -> PairLaw:
     memory, rate_dependent = (bool(getattr(law, *trait)) for trait in (("memory", False), ("rate_dependent", True)))
     form = None if memory else _form(law, pair)
     return PairLaw(law, pair, form, memory, rate_dependent, getattr(law, "exponent", None),
-                   getattr(law, "potential", None))  # fmt: skip
+                   getattr(law, "potential", None))
 
 
 @cache

@@ -69,7 +69,7 @@ def resolved(laws: Sequence[Any] | SceneLaws, scene: Scene) -> SceneLaws:
     kind, first = alike(kind, np.where(sized, pairs.m_eff, 0.0), np.where(sized, pairs.r_eff, 0.0))
     numbered = np.array([
         sized[c] and not _says(given[c], replace(pairs[c], index=UNKNOWN)) for c in first.tolist()
-    ])[kind]  # fmt: skip
+    ])[kind]
     kind, first = alike(kind, np.where(numbered, np.arange(len(given)), 0))
     return SceneLaws(given, pairs, kind, [resolve(given[c], pairs[c]) for c in first.tolist()])
 

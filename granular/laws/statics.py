@@ -69,4 +69,4 @@ def at_rest(law: PairLaw, xi: float) -> float:
 
 def _none(law: PairLaw, force: float) -> float:
     raise ValueError(f"force is {force!r}: no overlap of pair {law.pair.index} gives it under {law.law!r}; a force "
-                     "that the law can bear at rest is needed.")  # fmt: skip
+                     "that the law can bear at rest is needed.")

@@ -46,7 +46,7 @@ def walls_of(scene: Scene, start: float) -> Walls:
 def packed_walls(walls: Walls) -> Walls:
     """Return the same for compiled code."""
     return walls._replace(paths=packed(walls.paths, WALL), panels=packed(walls.panels, PANEL),
-                          bodies=np.array(walls.bodies, np.int64), drive=np.array(walls.drive))  # fmt: skip
+                          bodies=np.array(walls.bodies, np.int64), drive=np.array(walls.drive))
 
 
 @kernel

@@ -53,7 +53,7 @@ class Run:
         self.pair, self.nth = (until.pair, until.nth) if isinstance(until, stop.Contact) else (-1, 0)
         logged = request.rows or self.pair >= 0
         self.stepper = Stepper(scene, laws, self.integrator, dt, (self.pair, self.nth), logged, engine == "compiled",
-                               self.start)  # fmt: skip
+                               self.start)
         self.k = self.steps = self.flights = self.contacts = 0
         self.halted = False  # between two steps, at the onset of the contact at which to stop
         self.crowded = False  # a ball would meet a thermal wall too often in a step
@@ -87,7 +87,7 @@ class Run:
         xi, raw, v = (np.array(state[row]) for row in (XI, RAW, V))
         ledger = None if self.stepper.walls is None else self.stepper.account(booked, xi)
         return Row(time, time - self.start, -xi[1:-1], v[1 : self.scene.n + 1], force=np.fmax(0.0, raw[1:-1]),
-                   ledger=ledger)  # fmt: skip
+                   ledger=ledger)
 
     def to(self, time: float, last: bool) -> Pause:
         """Take the steps up to `time`, of a chunk, or to an event worth a look."""
@@ -289,7 +289,7 @@ class Run:
         most = self.integrator.limit
         if self.crowded:
             return status, (f"dt = {dt:.3g} s is so long that a ball meets a thermal wall more than {MOST} times in a "
-                            "step: take a shorter one."), trust  # fmt: skip
+                            "step: take a shorter one."), trust
         if trust > most or status is Status.unstable or gain > 0.5:
             fold = f"{gain + 1.0:.3g}-fold" if gain < math.inf else "beyond all numbers"
             grown = f" and the energy grew {fold}" if gain > 0.5 else ""

@@ -33,7 +33,7 @@ HEATER = np.dtype([("pair", int), ("side", int), ("temperature", float), ("seed"
 def heaters(scene: Scene) -> list[Any]:
     """Return what kernels read of the thermal walls of a scene; plain objects."""
     rows = [(side * (scene.n_pairs - 1), side, heat.temperature, heat.seed, scene.mass[-2 if side else 1])
-            for side, heat in enumerate(scene.heat) if heat is not None]  # fmt: skip
+            for side, heat in enumerate(scene.heat) if heat is not None]
     return plain(np.array(rows, HEATER))
 
 

@@ -115,7 +115,7 @@ def deepest(xi: Any) -> int:
 @kernel
 def march(
     physics: Any, here: Any, there: Any, work: Any, start: int, steps: int, room: int
-) -> tuple[int, int, bool]:  # fmt: skip
+) -> tuple[int, int, bool]:
     """Take up to `steps` steps from step number `start`, until more than `room` contacts have ended.
 
     Those that end are counted, and noted in the log if one is kept.
@@ -144,7 +144,7 @@ def march(
             if HEATED and flags & (HALT | CROWD):
                 return UNTIL if flags & HALT else CROWDED, k, turned
             if until > 0 and there[RAW][until] > 0.0 and not here[RAW][until] > 0.0 \
-                    and here[COUNT][until] + 1 == work.nth:  # fmt: skip
+                    and here[COUNT][until] + 1 == work.nth:
                 return UNTIL, k, turned
             settle(0, pairs, 0, k, physics, here, there, work)
             flags = CLOSED if there[XI][deepest(there[XI]) + 1] > 0.0 else 0

@@ -148,7 +148,7 @@ def simulate(
     request = requested(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, max_steps=max_steps,
         on_event=on_event, on_progress=on_progress,
-    )  # fmt: skip
+    )
     check_end(scene, t_end, until, max_events, _dented(scene, laws))
     scene = fitted(scene, start, request.end)
     _check_walls(scene, start, request.end)
@@ -217,7 +217,7 @@ def resume(
     request = requested(
         trajectory.scene, float(trajectory.time[-1]), t_end, until=until, samples=samples, log=log,
         max_events=max_events, max_steps=max_steps, on_event=on_event, on_progress=on_progress,
-    )  # fmt: skip
+    )
     check_end(trajectory.scene, t_end, until, max_events, _dented(trajectory.scene, laws))
     fitted(trajectory.scene, request.start, request.end)  # says so if a path ends before
     _check_walls(trajectory.scene, float(_check.held(state, "origin", "f", ())), request.end)

@@ -56,14 +56,14 @@ class Stepper:
     def __init__(
         self, scene: Scene, laws: SceneLaws, integrator: Integrator, dt: float, until: tuple[int, int], logged: bool,
         at_once: bool, start: float = 0.0,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.scene, self.laws, self.integrator, self.compiled = scene, laws, integrator, False
         p, memory, kept = scene.n_pairs, any(law.memory for law in laws.each), scene.driven or scene.heated
         self.rest: Any = None if scene.rest_gap is None else scene.rest_gap.tolist()
         form = contact_force.coefficients(laws)
         self.force = contact_force.asked if form is None else contact_force.power
         extra = (logged * window.TOUCHED, memory * window.TOP, integrator.derivatives * window.SNAP,
-                 kept * window.HEAT_LOW, (self.rest is not None) * window.OFF)  # fmt: skip
+                 kept * window.HEAT_LOW, (self.rest is not None) * window.OFF)
         state = np.zeros((1 + max(window.SHARED, *extra), p + 2))
         state[window.XI], state[V, 1:] = [-1.0, *-scene.gap, -1.0], self._around(scene.velocity)
         k, gamma, root = form or (1.0 * scene.heated, 0.0, False)
@@ -83,7 +83,7 @@ class Stepper:
         self.here, self.there, self.pull = held(state), held(state), held(scene.pull)
         asked = laws if at_once or form is not None else list(laws)
         self.physics = Physics(asked, held(given), root, dt, logged, memory, p, self.walls or 0, p * scene.ring,
-                               self.heaters or 0)  # fmt: skip
+                               self.heaters or 0)
         rows = [[0.0] * (2 if at_once else p + 2) for _ in ROWS]
         log: Any = np.zeros(max(64, 4 * p) + 4 * MOST * scene.heated if logged else 0, STEP_ROW)
         log = log if at_once else plain(log)
@@ -123,7 +123,7 @@ class Stepper:
         if self.rest is not None:
             fit["pulled"] = swung
         return Code(specialised(loop.march, **fit), specialised(loop.leap, **fit), glide, time_to_touch, swing,
-                    time_to_touch_hung)  # fmt: skip
+                    time_to_touch_hung)
 
     def _fall(self) -> Array:
         """Acceleration of every ball without contacts in m/s²."""
@@ -149,7 +149,7 @@ class Stepper:
         walls = 0 if self.walls is None else packed_walls(self.walls)
         heat = packed(self.heaters, HEATER) if self.heaters else 0
         self.physics = self.physics._replace(laws=laws, given=np.array(self.physics.given), block=self._block(),
-                                             walls=walls, heat=heat)  # fmt: skip
+                                             walls=walls, heat=heat)
         self.rest = None if self.rest is None else np.array(self.rest)
         self.here, self.there, self.pull = map(np.array, (self.here, self.there, self.pull))
         record, work = np.zeros(1, WINDOW), self.work

@@ -25,7 +25,7 @@ ROWS = (
     "top", "acc", "jerk", "snap",
     "lost", "lost_low", "work", "work_low", "heat", "heat_low", "off",
     "was_xi", "was_raw", "was_v", "k", "gamma", "w", "fall", "square", "half", "guess", "rate", "start", "sway",
-)  # fmt: skip
+)
 """Overlap, unclipped force, velocity. Over the whole run: largest overlap, largest overlap of the pair and the next one
 together, impulse exchanged while a neighbouring pair was active. If a log is kept, of the running contact: peaks and
 impulse so far; onset (step, fraction) and velocities then; number of contacts begun; whether the onset is noted of a
@@ -39,7 +39,7 @@ velocities within a step; a sum of Runge and Kutta, displacements at the start o
     XI, RAW, V, DEEPEST, BESIDE, SHARED,
     XI_MAX, FORCE_MAX, IMPULSE, STEP, PART, LOWER, UPPER, COUNT, TOUCHED, TOP, ACC, JERK, SNAP,
     LOST, LOST_LOW, WORK, WORK_LOW, HEAT, HEAT_LOW, OFF,
-) = range(26)  # fmt: skip
+) = range(26)
 """Places of the rows that a chain may have, too: all up to the last one that the run needs."""
 WAS, GIVEN = ROWS.index("was_xi"), ROWS.index("k")
 WINDOW = np.dtype([(name, float, (LENGTH,)) for name in ROWS])

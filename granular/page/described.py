@@ -36,7 +36,7 @@ def about(run: Trajectory) -> list[list[str]]:
         ["law or rule", _laws(run)], ["masses, kg", _values(scene.mass[balls])],
         ["radii, m", _values(scene.radius[balls])], ["gaps at the start, m", _values(scene.gap)],
         ["velocities at the start, m/s", _values(scene.velocity)],
-    ]  # fmt: skip
+    ]
     return told
 
 
@@ -67,7 +67,7 @@ def _laws(run: Trajectory) -> str:
         of_law.setdefault(repr(one), []).append(c)
     eps = _restitutions(run) if run.rule is None else np.full(run.scene.n_pairs, math.nan)
     shown = [_which(pairs, run.scene.n_pairs) + LONG.sub(lambda found: f"{float(found[0]):.4g}", law) + _eps(eps[pairs])
-             for law, pairs in list(of_law.items())[:MANY]]  # fmt: skip
+             for law, pairs in list(of_law.items())[:MANY]]
     more = len(of_law) - len(shown)
     return "; ".join(shown) + f"; {more} more" * (more > 0)
 

@@ -127,7 +127,7 @@ SETTINGS: dict[str, dict[str, Setting]] = {
         "speed": Setting("speed", "speed in m/s with which they arrive", 0.1, 3.0),
     },
     "bouncing-ball": {**of_ball(1, "", "the ball"), "height": HEIGHT},
-}  # fmt: skip
+}
 """What can be set in each. The limits are those of the sliders in ``physics/setups.mjs``; a test compares them."""
 SCENES = tuple(SETTINGS)
 """What the page can open with: its story, or a scene it can run itself."""

@@ -77,7 +77,7 @@ def different_balls(one: Scene, other: Scene) -> str:
     heavy = f"gravity {one.gravity:g} and {other.gravity:g} m/s²"
     forces = (np.zeros(scene.n) if scene.external_force is None else scene.external_force for scene in (one, other))
     differ = {"masses": (one.mass != other.mass).any(), "radii": (one.radius != other.radius).any(),
-              heavy: one.gravity != other.gravity, "forces": np.not_equal(*forces).any()}  # fmt: skip
+              heavy: one.gravity != other.gravity, "forces": np.not_equal(*forces).any()}
     return next((name for name, is_so in differ.items() if is_so), "")
 
 
@@ -97,7 +97,7 @@ def _account(run: Trajectory) -> list[list[str | float]]:
     """What walls do and contacts dissipate in a whole run, in words and J; nothing where no wall moves or heats."""
     parts = balance(run)
     return [[ACCOUNT[name], parts[name]] for name in ("floor", "ceiling", "heat", "dissipated", "remainder")
-            if run.scene.fed and parts[name] and math.isfinite(parts[name])]  # fmt: skip
+            if run.scene.fed and parts[name] and math.isfinite(parts[name])]
 
 
 def contacts(run: Trajectory, kept: np.ndarray[Any, np.dtype[np.int64]]) -> dict[str, Any]:
@@ -122,7 +122,7 @@ def contact_map(run: Trajectory) -> dict[str, Any]:
     log, end = run.contacts, np.nan_to_num(run.contacts["t_end"], nan=run.time[-1])
     lane = log["pair"].astype(np.int64) * lanes // run.scene.n_pairs
     first, last = (np.clip(((t - start) / span * columns).astype(np.int64), 0, columns - 1)
-                   for t in (log["t_begin"], end))  # fmt: skip
+                   for t in (log["t_begin"], end))
     change = np.zeros((columns + 1, lanes), np.int64)
     np.add.at(change, (first, lane), 1)
     np.add.at(change, (last + 1, lane), -1)
@@ -143,7 +143,7 @@ def velocity_map(run: Trajectory) -> dict[str, Any]:
     fastest = np.where(up >= -down, up, down)
     peak = float(np.abs(fastest).max(initial=0.0)) or 1.0
     return {"time": packed(run.time[rows], np.float64), "rows": len(lanes), "peak": peak, "first": int(balls[0]),
-            "last": int(balls[-1]), "values": packed(np.rint(fastest * (127.0 / peak)), np.int8)}  # fmt: skip
+            "last": int(balls[-1]), "values": packed(np.rint(fastest * (127.0 / peak)), np.int8)}
 
 
 def packed(values: Any, kind: Any = None) -> str:

@@ -36,7 +36,7 @@ def live_page(path: str | PathLike[str], scene: str = "story", values: Mapping[s
     data = {
         "words": {language: _spoken(language) for language in assemble.LANGUAGES},
         "balls": {name: asdict(ball) for name, ball in balls.BALLS.items()}, "pairs": balls.PRESETS,
-    }  # fmt: skip
+    }
     _files.write_text(path, assemble.page(assemble.LIVE, "granular: hard or soft?", start, data))
 
 

@@ -36,7 +36,7 @@ def solve(
     ------
     TooMuchWork
         After `most` evaluations.
-    """  # fmt: skip
+    """
     motion = Restarted(scene, laws, method, rtol, most, t_start)
     return Run(motion, until, t_end).solve(f"{method}, restarted at events, rtol {rtol:g}"), motion.evaluations
 

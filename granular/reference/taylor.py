@@ -147,7 +147,7 @@ class Taylor:
         away = {
             c: self.away(c) for c, a in enumerate(self.touches)
             if a.q > 1 and self.mode[c] in CLOSED and not (a.woken and self.now(c, "rate") > 0)
-        }  # fmt: skip
+        }
         if not away:
             return -1, 1
         pair = min(away, key=lambda c: away[c])

@@ -22,7 +22,7 @@ def line(mass: ArrayLike, radius: ArrayLike, gap: ArrayLike, velocity: ArrayLike
     _check.every("mass", m, m > 0.0, "a mass must be positive", "use math.inf for a wall")
     walls, ends = np.isinf(m), np.isin(np.arange(n), (0, n - 1))
     _check.every("mass", m, ~walls | ends, "only the first and the last body can be walls",
-                 "a wall in the middle makes two separate scenes")  # fmt: skip
+                 "a wall in the middle makes two separate scenes")
     if walls.all():
         raise ValueError("mass is inf for every body: at least one ball of finite mass is needed.")
     r = _check.array("radius", radius, (n,))
@@ -65,24 +65,24 @@ def refuse_together(scene: Any, walls: Any) -> None:
     hung = scene.pendulum > 0.0
     if (scene.ring or hung) and scene.gravity != 0.0:
         why = ("pendula are held by Ω² = g/l", "give gravity 0") if hung else (
-            "a ring lies level, or gravity would turn it forever", "give gravity 0, or forces")  # fmt: skip
+            "a ring lies level, or gravity would turn it forever", "give gravity 0, or forces")
         raise ValueError(_check._sentence("gravity", scene.gravity, *why))
     if hung and scene.ring:
         raise ValueError(f"pendulum is {scene.pendulum!r}: pendula cannot hang on a ring; give one of the two.")
     if hung and scene.external_force is not None:
         raise ValueError(f"pendulum is {scene.pendulum!r}: pendula take no external_force; a constant one moves their "
-                         "rest positions, so give other gaps and rest_gap.")  # fmt: skip
+                         "rest positions, so give other gaps and rest_gap.")
     if hung and (scene.driven or scene.heated or bool(scene.velocity[walls].any())):
         raise ValueError(f"pendulum is {scene.pendulum!r}: beside pendula a wall must stand still; leave out floor, "
-                         "ceiling and its velocity.")  # fmt: skip
+                         "ceiling and its velocity.")
     if hung and scene.rest_gap is not None and walls[0] and walls[-1]:
         room, rest = float(scene.gap.sum()), float(scene.rest_gap.sum())
         if abs(room - rest) > 1e-12 * float(np.abs(scene.gap).sum() + rest):
             raise ValueError(f"rest_gap adds up to {rest!r}: between two walls that do not move pendula at rest leave "
-                             f"the same room as the gaps, {room!r}; give rest_gap so.")  # fmt: skip
+                             f"the same room as the gaps, {room!r}; give rest_gap so.")
     if hung and not np.isfinite(scene.pendulum * scene.pendulum):
         raise ValueError(_check._sentence("pendulum", scene.pendulum, "a frequency whose square is finite is needed"))
     for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True):
         if heat is not None and scene.gap[c] < 0.0:
             raise ValueError(f"gap[{c}] is {float(scene.gap[c])!r}: no ball can overlap a thermal wall, which acts at "
-                             "the touch; give a gap of at least 0.")  # fmt: skip
+                             "the touch; give a gap of at least 0.")

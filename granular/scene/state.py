@@ -138,7 +138,7 @@ class Scene:
             gap = np.append(gap, around - (x[-1] - x[0]) - r[-1] - r[0])
         return cls(m, r, gap, velocity, gravity, float(x[0]) if len(x) else 0.0,
                    external_force=external_force, floor=floor, ceiling=ceiling, ring=length is not None,
-                   pendulum=pendulum, rest_gap=rest_gap)  # fmt: skip
+                   pendulum=pendulum, rest_gap=rest_gap)
 
     @cached_property
     def _key(self) -> tuple[Any, ...]:
@@ -147,7 +147,7 @@ class Scene:
         force = None if self.external_force is None else (self.external_force + 0.0).tobytes()
         hung = self.pendulum, None if self.rest_gap is None else (self.rest_gap + 0.0).tobytes()
         return (*((array + 0.0).tobytes() for array in arrays), self.gravity, self.origin, force, self.floor,
-                self.ceiling, self.ring, *hung)  # fmt: skip
+                self.ceiling, self.ring, *hung)
 
     def __eq__(self, other: object) -> bool:
         return self._key == other._key if isinstance(other, Scene) else NotImplemented

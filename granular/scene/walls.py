@@ -106,7 +106,7 @@ class Closing:
         if self.start + self.after <= time and self.after < math.inf:
             given = "None" if end == math.inf else repr(end)
             raise ValueError(f"t_end is {given}: the walls meet at t = {self.start + self.after:.12g} s; give a t_end "
-                             "before that, or walls that come less far.")  # fmt: skip
+                             "before that, or walls that come less far.")
 
     def _at(self, elapsed: float) -> tuple[float, float]:
         gap, rate = self.room - self.speed * elapsed, -self.speed

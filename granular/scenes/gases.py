@@ -136,7 +136,7 @@ def heated_gas(
         return Scene([math.inf, *m], [0.0, *r], gap, [0.0, *v], g, floor=floor)
     v = math.sqrt(math.sqrt(hot * cold)) / np.sqrt(m) * random.standard_normal(len(m))
     return Scene([math.inf, *m, math.inf], [0.0, *r, 0.0], gap, [0.0, *v, 0.0], g, floor=floor,
-                 ceiling=Thermal(cold, seed))  # fmt: skip
+                 ceiling=Thermal(cold, seed))
 
 
 def _places(

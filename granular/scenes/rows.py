@@ -82,7 +82,7 @@ def pendulum_cradle(
     square = _check.number("gravity", gravity, above=0.0) / _check.number("length", length, above=0.0)
     m = np.full(count, _check.number("mass", mass, above=0.0))
     return Scene(m, radius_of(m, density), gap, np.zeros(count), origin=0.0 - pulled, pendulum=math.sqrt(square),
-                 rest_gap=rest)  # fmt: skip
+                 rest_gap=rest)
 
 
 def chain(

@@ -24,7 +24,7 @@ from granular.trajectory import Status, Trajectory
 
 NOT_RUN, MISUSE = -1, 8
 STATUS = {NOT_RUN: "not_run", **{code + (code >= MISUSE): status.name for code, status in enumerate(Status)},
-          MISUSE: "misuse"}  # fmt: skip
+          MISUSE: "misuse"}
 """Status codes of cells, which maps in files have; ``misuse``: the cell's parameters were refused, or its run raised.
 It keeps its number: statuses that came later have those behind it."""
 CODE = {name: code for code, name in STATUS.items()}

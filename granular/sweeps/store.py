@@ -102,7 +102,7 @@ def _format(notes: Any) -> Any:
 def _same(stored: Any, axis: str, array: Any) -> bool:
     """Whether a file has the values of an axis; read only if there are as many."""
     return axis in stored and stored[axis].shape == array.shape and np.array_equal(
-        stored[axis].values.astype(array.dtype), array)  # fmt: skip
+        stored[axis].values.astype(array.dtype), array)
 
 
 def _column(stored: Any, name: str, shape: tuple[int, ...], plan: Plan, path: str) -> Any:

@@ -25,7 +25,7 @@ MOST = 20
 MARKERS: dict[str, dict[str, Any]] = {
     HOLDS: {"color": SOFT, "marker": "o", "mfc": SOFT}, FAILS: {"color": HARD, "marker": "x"},
     UNDECIDED: {"color": GREY, "marker": "s", "mfc": "none"},
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +131,7 @@ class Threshold(Report):
             "crossings": [asdict(crossing) for crossing in self.crossings],
             "holds": self.holds, "fails": self.fails, "undecided": self.undecided,
             "values": [asdict(one) for one in self.values],
-        }  # fmt: skip
+        }
 
 
 # --- in words: nothing is said but of what was scanned
@@ -146,7 +146,7 @@ def _table(report: Threshold) -> str:
         f"scanned: {report.over} from {low:g} to {high:g}{_unit(report)}, {report.points} values ({report.spacing}), "
         f"then every change bisected to {report.within:g} of its value; {tried} runs",
         *_crossings(report), "", report.sentence,
-    ]  # fmt: skip
+    ]
     return "\n".join(lines)
 
 
@@ -210,7 +210,7 @@ def _crossings(report: Threshold) -> Iterator[str]:
     for crossing in found[:MOST]:
         low, high = crossing.low, crossing.high
         rows.append([f"{low.value:.{digits}g} … {high.value:.{digits}g}", _name(report, low), _name(report, high),
-                     next((one.why for one in (low, high) if one.verdict != HOLDS), "")])  # fmt: skip
+                     next((one.why for one in (low, high) if one.verdict != HOLDS), "")])
     yield ""
     yield aligned(rows, "<")
     if len(found) > MOST:
@@ -258,6 +258,6 @@ def _axes(axis: Any, report: Threshold) -> None:
     else:
         axis.set_ylabel("first disturbed at t, s")
     axis.set(xscale=report.spacing, xlim=report.between,
-             xlabel=report.over + (f", {report.units}" if report.units != "1" else ""))  # fmt: skip
+             xlabel=report.over + (f", {report.units}" if report.units != "1" else ""))
     axis.margins(y=0.15)
     axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)

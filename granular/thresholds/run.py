@@ -100,7 +100,7 @@ def threshold(
     values = _judged(plan, asked, limit, grid.tolist(), width, on_progress)
     units, judged_by = plan.subject.attributes(over)["units"], limit if criterion == "error" else math.nan
     return Threshold(plan.subject.title, over, units, (low, high), criterion, judged_by, width, number, spacing,
-                     dict(fixed), values)  # fmt: skip
+                     dict(fixed), values)
 
 
 def _ends(between: Any, spacing: str) -> tuple[float, float]:

@@ -28,7 +28,7 @@ def checked(name: str, motion: Any, is_wall: bool) -> Any:
         return None
     if not isinstance(motion, (Sine, Piecewise, Motion, Panels, Thermal)):
         raise TypeError(_check._sentence(name, motion, "one of granular.walls is needed, such as "
-                                         "granular.walls.Sine(1e-3, 50.0)"))  # fmt: skip
+                                         "granular.walls.Sine(1e-3, 50.0)"))
     if not is_wall:
         end = "first" if name == "floor" else "last"
         raise ValueError(f"{name} is {motion!r}, but the {end} body is a ball: give it the mass math.inf.")

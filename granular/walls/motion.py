@@ -57,7 +57,7 @@ class Motion:
     def __post_init__(self) -> None:
         if not callable(self.function):
             raise TypeError(_check._sentence("function", self.function, "a function m(t) in m of a time in s is needed",
-                                             "for a harmonic motion use granular.walls.Sine"))  # fmt: skip
+                                             "for a harmonic motion use granular.walls.Sine"))
         _check.takes("function", self.function, "t")
         accuracy = _check.number("accuracy", self.accuracy, at_least=2.0**-52, at_most=1e-3)
         self.__dict__["accuracy"] = accuracy
@@ -83,7 +83,7 @@ class Motion:
             return self.function.panels(t_start, t_end)
         begin = _check.number("t_start", t_start)
         end = _check.number("t_end", t_end, at_least=begin, fix="a wall moved by a function needs the end of the run: "
-                            "give t_end")  # fmt: skip
+                            "give t_end")
         shortest = max(INSTANT, 2.0**-26 * abs(begin))
         return _fitted(self.function, self.accuracy, begin, end if end > begin else begin + shortest)
 

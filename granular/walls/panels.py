@@ -32,7 +32,7 @@ PANEL = np.dtype(
         ("degree", int), ("series", float, (TERMS,)),  # m
     ],
     align=True,
-)  # fmt: skip
+)
 WALL = np.dtype(
     [
         ("side", float),  # 1 a floor, -1 a ceiling; panels hold side·m, so towards the balls is up
@@ -44,7 +44,7 @@ WALL = np.dtype(
         ("error", float),  # m, how far the panels may be from m
     ],
     align=True,
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -78,18 +78,18 @@ class Panels:
         edges = _check.array("edges", self.edges)
         if len(edges) < 2:
             raise ValueError(f"edges has {len(edges)} entries: at least 2 are needed, where the first panel begins and "
-                             "ends.")  # fmt: skip
+                             "ends.")
         _check.every("edges", edges, np.isfinite(edges), "a finite time is needed")
         _check.every("edges", edges[1:], np.diff(edges) > 0.0, "edges must increase from entry to entry")
         columns = np.shape(self.series)[1] if np.ndim(self.series) == 2 else TERMS
         if columns > TERMS:
             raise ValueError(f"series has {columns} coefficients a panel: at most {TERMS} are needed; use shorter "
-                             "panels of a lower degree.")  # fmt: skip
+                             "panels of a lower degree.")
         series = _check.array("series", self.series, (len(edges) - 1, columns), fix="one row per panel")
         _check.every("series", series.ravel(), np.isfinite(series).ravel(), "a finite coefficient is needed")
         if self.frequency and (edges[0] != 0.0 or edges[-1] != 1.0):
             raise ValueError(f"edges go from {edges[0]:g} to {edges[-1]:g}: with a frequency, turns from 0 to 1 are "
-                             "needed.")  # fmt: skip
+                             "needed.")
         turn = self.turn if isinstance(self.turn, (list, tuple)) else ()
         if len(turn) != 2:
             raise ValueError(f"turn is {self.turn!r}: two numbers are needed, a float and what it leaves out.")
@@ -97,7 +97,7 @@ class Panels:
             edges=edges, series=series, error=_check.number("error", self.error, at_least=0.0),
             frequency=_check.number("frequency", self.frequency, at_least=0.0),
             turn=tuple(_check.number(f"turn[{i}]", part) for i, part in enumerate(turn)),
-        )  # fmt: skip
+        )
 
     @cached_property
     def _key(self) -> tuple[Any, ...]:

@@ -48,7 +48,7 @@ class Piecewise:
         if coefficients is None:
             if not (hasattr(breaks, "x") and hasattr(breaks, "c")):
                 raise TypeError(_check._sentence("coefficients", None, "an array (K+1, n), the highest power first, is "
-                                                 "needed, or a scipy.interpolate.PPoly alone"))  # fmt: skip
+                                                 "needed, or a scipy.interpolate.PPoly alone"))
             breaks, coefficients = breaks.x, breaks.c
         t = _check.array("breaks", breaks)
         if len(t) < 2:
@@ -123,4 +123,4 @@ def _check_steps(t: Array, series: Array, steps: Array, largest: Array) -> None:
     if big.any():
         i = int(big.argmax())
         raise ValueError(f"coefficients make the wall jump by {steps[i]:.3g} m at breaks[{i + 1}] = {t[i + 1]:g}: a "
-                         "continuous path is needed; raise the constant of the later piece.")  # fmt: skip
+                         "continuous path is needed; raise the constant of the later piece.")

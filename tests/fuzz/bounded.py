@@ -67,7 +67,7 @@ def _bounded(rng: Any, case: Case, kind: int) -> Driven | None:
     try:
         if kind == HEAT:
             ends = [_heat(rng, mass, speed, (flight, start, length)) if wall else None
-                    for wall in scene.is_wall[[0, -1]]]  # fmt: skip
+                    for wall in scene.is_wall[[0, -1]]]
             scene = scene.replace(floor=ends[0], ceiling=ends[1], external_force=force)
             if not scene.heated:
                 return None
@@ -89,7 +89,7 @@ def _closed(rng: Any, case: Case) -> Any:
     around = float(rng.choice([0.0, 1.0])) * float(np.mean(np.abs(case.gap))) * float(rng.exponential())
     gap, laws = case.gap[low : high - 1], case.laws[low : high - 1]
     return case.replace(mass=case.mass[low:high], velocity=case.velocity[low:high], gap=(*gap, around),
-                        laws=(*laws, laws[int(rng.integers(len(laws)))]))  # fmt: skip
+                        laws=(*laws, laws[int(rng.integers(len(laws)))]))
 
 
 def _heat(rng: Any, mass: Any, speed: float, times: tuple[float, float, float]) -> Any:
@@ -149,14 +149,14 @@ def _turned(one: Driven, speed: float) -> Driven:
     scene, laws = one.scene, one.laws
     force = None if scene.external_force is None else np.roll(scene.external_force, -1)
     turned = gr.Scene(*(np.roll(a, -1) for a in (scene.mass, scene.radius, scene.gap, scene.velocity + speed)),
-                      external_force=force, ring=True)  # fmt: skip
+                      external_force=force, ring=True)
     return Driven(one.case, turned, (*laws[1:], laws[0]), one.start, one.end)
 
 
 def _same(one: gr.Trajectory, other: gr.Trajectory) -> bool:
     """Whether two runs end in the same bits."""
     return one.velocity[-1].tobytes() == other.velocity[-1].tobytes() and one.gap[-1].tobytes() == (
-        other.gap[-1].tobytes())  # fmt: skip
+        other.gap[-1].tobytes())
 
 
 def _doubtful(one: Driven, verdict: Verdict) -> bool:

@@ -68,7 +68,7 @@ def _driven(rng: Any, case: Case) -> Driven | None:
     start = float(rng.choice([0.0, 0.37, -3.0, 12.0, 1e3])) if rng.random() < 0.7 else flight * float(rng.normal())
     length = 20.0 * flight
     ends = [_path(rng, speed, flight, start, length) if wall and rng.random() < 0.85 else None
-            for wall in scene.is_wall[[0, -1]]]  # fmt: skip
+            for wall in scene.is_wall[[0, -1]]]
     if ends == [None, None]:
         return None
     force = None
@@ -190,7 +190,7 @@ def _responses(one: Driven, run: gr.Trajectory) -> float | None:
         scene = one.scene
         balls = np.where(scene.is_wall, 1.0, mass)
         near = scene.replace(gap=scene.gap * gap, velocity=scene.velocity * velocity, mass=scene.mass * balls,
-                             rest_gap=_room(scene, scene.gap * gap))  # fmt: skip
+                             rest_gap=_room(scene, scene.gap * gap))
         other = one.run(near)
         if sorted(other.contacts["pair"]) != sorted(run.contacts["pair"]):
             return None

@@ -78,7 +78,7 @@ def to_json(one: Truth) -> dict[str, Any]:
             responses[name] = [[float(f"{x:.1e}") for x in row] for row in np.atleast_2d(beyond).tolist()]
     numbers = {name: _plain(x) for name, x in one.numbers.items()}
     return {"status": one.status, "pairs": one.pairs, "numbers": numbers, "responses": responses,
-            "condition": float(f"{one.condition:.2e}")}  # fmt: skip
+            "condition": float(f"{one.condition:.2e}")}
 
 
 def _plain(x: Any) -> Any:
@@ -169,7 +169,7 @@ def observed(case: Case, run: Solution | gr.Trajectory) -> tuple[list[int], dict
     else:
         c = run.contacts
         table = np.column_stack([c["pair"], c["t_begin"], c["t_end"], c["duration"], c["v_in"], c["v_out"],
-                                 c["xi_max"], c["force_max"], c["impulse"]])  # fmt: skip
+                                 c["xi_max"], c["force_max"], c["impulse"]])
         some = slice(None) if case.samples is not None else slice(-1, None)
         time, gap, velocity = run.time[some], run.gap[some], run.velocity[some]
     table = table[np.lexsort((table[:, 1], table[:, 0]))]
@@ -315,7 +315,7 @@ def judged_by_roundings(case: Case, one: Truth, verdict: Verdict, **options: Any
 
 
 def _resting(case: Case, one: Truth, run: gr.Trajectory, pairs: list[int], numbers: dict[str, Any],
-             verdict: Verdict) -> Verdict:  # fmt: skip
+             verdict: Verdict) -> Verdict:
     """A run that ends early at rest is right if the truth has no event after its end."""
     stop = float(run.time[-1])
     events = np.concatenate([one.numbers["t_begin"], one.numbers["t_end"]])

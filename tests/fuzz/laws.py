@@ -198,5 +198,5 @@ KINDS = {kind.__name__: kind for kind in (
     gr.LinearDashpot, gr.Hertz, gr.ViscoelasticHertz, gr.TsujiHertz, gr.PowerLaw, gr.WaltonBraun, PlainPower,
     PlainViscoelastic, TwoStiffnesses, TwoDampings, DampedPower, TwoViscosities, Stiffening, Exponential, Hysteresis,
     Saturated,
-)} | {"PlainHertz": OwnHertz, "PlainDashpot": OwnDashpot}  # fmt: skip
+)} | {"PlainHertz": OwnHertz, "PlainDashpot": OwnDashpot}
 """Every law by its name."""

@@ -29,7 +29,7 @@ LEFT_OUT = {385}
 MENDED = (
     10000283, 40000796, 40000830, 51000013, 70000059, 80000760, 80001357, 80002049, 80002880, 80003176,
     90000177, 90000656, 90002919, 90007580, 95000184, 95000976, 95001358, 95003782, 95004051, 95004723, 95006449,
-)  # fmt: skip
+)
 """Scenes in which the engine once fell short: a fast ball beside a slow contact, a force that is zero for an instant of
 a step, a pair pressed from rest beside one whose force begins, a wall that moves while a pile lies still, peaks read
 off a series beyond its reach, a stiff law that creeps to rest, a new maximum just above the old one."""

@@ -19,7 +19,7 @@ from fuzz.stretch import earliest, locate_all, prepare, try_step
 def march(
     s: Any, y: Any, t_end: Any, until: Any, separated: bool, columns: int, rows: Any, times: Any, sampled: Any,
     most: int,
-) -> Any:  # fmt: skip
+) -> Any:
     """March to `t_end` (negative: forever) or the stop; return why it ended, rows of the log, samples, steps."""
     n, k, done, steps = len(s.kind), 0, 0, 0
     new, trial = np.zeros_like(y), np.zeros_like(y)

@@ -102,7 +102,7 @@ def _start(rng: Any, most: int) -> Case:
 def _laws(rng: Any, m_eff: list[float], speed: float, k: float) -> tuple[Spec, ...]:
     built_in = ["LinearDashpot", "Hertz", "ViscoelasticHertz", "TsujiHertz", "PowerLaw", "WaltonBraun"]
     own = ["PlainHertz", "PlainPower", "PlainDashpot", "PlainViscoelastic", "DampedPower", "TwoStiffnesses",
-           "TwoDampings", "TwoViscosities", "Stiffening", "Exponential", "Hysteresis", "Saturated"]  # fmt: skip
+           "TwoDampings", "TwoViscosities", "Stiffening", "Exponential", "Hysteresis", "Saturated"]
     way = rng.random()
     if way < 0.45:
         names = [str(rng.choice(built_in))] * len(m_eff)
@@ -122,7 +122,7 @@ def _law(rng: Any, name: str, m: float, v: float, x: float) -> Spec:
     """A law whose contacts at speed v have about the depth x."""
     zeta = float(rng.choice([0.0, 1.0, 10.0 ** rng.uniform(-2.0, 0.5)], p=[0.1, 0.05, 0.85]))
     p = float(rng.choice([1.0, 1.25, 4.0 / 3.0, 1.5, 2.0, 3.0, 2.2])) if rng.random() < 0.4 else (
-        int(rng.integers(12, 37 if rng.random() < 0.6 else 193)) / 12.0)  # fmt: skip
+        int(rng.integers(12, 37 if rng.random() < 0.6 else 193)) / 12.0)
     if p > 3.0 and "Power" in name:
         x = 10.0 ** float(rng.uniform(-2.0, 0.3))
 
@@ -229,7 +229,7 @@ def _alone(rows: Any) -> list[Any]:
     return [
         row for i, row in enumerate(rows)
         if row[1] > 0.0 and all(i == k or abs(row[1] - one[1]) > 1e-9 * row[1] for k, one in enumerate(rows))
-    ]  # fmt: skip
+    ]
 
 
 def _longest(case: Case) -> float | None:

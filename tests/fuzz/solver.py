@@ -33,7 +33,7 @@ class Solution:
 def solve(
     case: Any, arithmetic: Arithmetic = DOUBLE, shift: Any = None, compiled: bool = True, most: int = 100_000,
     rows: int = ROWS,
-) -> Solution:  # fmt: skip
+) -> Solution:
     """Solve a case (see `scenes.Case`), with its gaps, velocities and masses times 1 + `shift` (three arrays)."""
     A = arithmetic
     gap, v, mass = (A.array(x) for x in (case.gap, case.velocity, case.mass))
@@ -58,7 +58,7 @@ def solve(
     s = state.System(
         np.array(kinds), law, w, fall[1:] - fall[:-1], fall, np.zeros(n, np.int64), np.zeros(n, np.int64), A.zeros(n),
         np.zeros(n, np.int64), np.zeros(n, np.int64), contact, number, A.zeros(10, 4 * n + 1),
-    )  # fmt: skip
+    )
     y = A.zeros(3 * n + n + 1)
     y[:n], y[n : 2 * n], y[3 * n :] = -gap, v[:-1] - v[1:], v
     until = np.array(case.until if isinstance(case.until, tuple) else (-1, -1))

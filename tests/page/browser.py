@@ -18,7 +18,7 @@ FLAGS = (
 )
 KEYS = {" ": ("Space", 32), "ArrowRight": ("ArrowRight", 39),
         "ArrowUp": ("ArrowUp", 38), "ArrowLeft": ("ArrowLeft", 37), "Home": ("Home", 36),
-        "End": ("End", 35), "r": ("KeyR", 82), "Tab": ("Tab", 9), "Enter": ("Enter", 13)}  # fmt: skip
+        "End": ("End", 35), "r": ("KeyR", 82), "Tab": ("Tab", 9), "Enter": ("Enter", 13)}
 
 
 def found():
@@ -38,7 +38,7 @@ class Browser:
         self.process = subprocess.Popen(
             command, close_fds=False, preexec_fn=lambda: [os.dup2(end, 3 + i) for i, end in enumerate(ends)],
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
+        )
         for end in (to_read, to_write, *ends):
             os.close(end)
         self.buffer, self.number, self.session = b"", 0, None

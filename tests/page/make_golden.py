@@ -22,7 +22,7 @@ SLIDERS = {
 GAP = (1e-7, 0.1, "log")
 COMMON = {"gap": GAP, "eps": (0.1, 1.0, "linear"), "k": (4e3, 1e9, "log")}
 BALL = {"m": (1e-3, 2.0, "log"), "r": (2e-3, 0.15, "log"), "t": (1e-5, 0.03, "log"), "e": (0.1, 1.0, "linear"),
-        "air": (0, 1, "whole")}  # fmt: skip
+        "air": (0, 1, "whole")}
 REAL = {
     "real-balls": {"gap": GAP, "height": (0.15, 2.0, "linear"), "rule": (0, 1, "whole"), "bounces": (1, 2, "whole")}
     | {f"{name}{i}": spec for i in (1, 2) for name, spec in BALL.items()},
@@ -76,7 +76,7 @@ def balls_of(v):
     return [
         gr.balls.Ball(v[f"m{i}"], v[f"r{i}"], v[f"t{i}"], v[f"e{i}"], filled=bool(v[f"air{i}"]))
         for i in "12" if f"m{i}" in v
-    ]  # fmt: skip
+    ]
 
 
 def contacts_of(name, v, n):
@@ -125,7 +125,7 @@ def case(name, v, ties, rises=True):
     same = decided and not loose and abs(report.error - twin.error) < 1e-10 * max(1.0, report.error)  # nan is not
     counts = counts_of(report) if decided and counts_of(report) == counts_of(twin) else None
     return {"scene": name, "values": v, "ties": ties, **told, "error": report.error if same else None,
-            "counts": counts, **runs}  # fmt: skip
+            "counts": counts, **runs}
 
 
 def part_at_rounding(report):
@@ -154,7 +154,7 @@ def answer_of(report):
 KINDS = (
     ("collide forever", "forever"), ("radius under their weight", "sinks"), ("No: outcomes are off", "off"),
     (", not ", "counts"), ("though contacts overlap", "yes, overlap"),
-)  # fmt: skip
+)
 
 
 def outcome(report, engine, rises):

@@ -267,7 +267,7 @@ def test_two_runs_share_one_scale_and_zoom_to_their_contacts(tab, tmp_path) -> N
     scene, times = gr.scenes.three_balls(gap=1e-4), [0.001 * i for i in range(601)]
     law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
     runs = [gr.edmd.simulate(scene, gr.ConstantRestitution(0.7), t_end=0.6, samples=times),
-            gr.md.simulate(scene, law, t_end=0.6, samples=times)]  # fmt: skip
+            gr.md.simulate(scene, law, t_end=0.6, samples=times)]
     player_page(tmp_path / "two.html", runs, ["hard", "soft"], "Two balls")
     fresh(tab, (tmp_path / "two.html").as_uri(), "drawn")
     assert text(tab, ".player-title") == "Two balls"

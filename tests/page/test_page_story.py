@@ -285,7 +285,7 @@ def test_on_a_phone_slider_and_stage_are_seen_together(page, story, state) -> No
     assert all(0 <= top < bottom <= 844 for top, bottom in (stage, slider))
     for value in (0, 300, 600, 900, 1000):
         page.run(f"{{ const s = document.querySelector('[data-name=gap]'); s.value = {value};"
-                 " s.dispatchEvent(new Event('input')); }")  # fmt: skip
+                 " s.dispatchEvent(new Event('input')); }")
         settle(page)
         assert page.run(PLACE % "[data-name=gap]") == pytest.approx(slider, abs=1.0)
 

@@ -66,7 +66,7 @@ class Untouched:
         if len(s.pairs) >= len(s.bodies):  # a ring
             self.kept = [(records, np.arange(n), _taken(records, np.arange(n))) for records, n in (
                 (s.run, 1), (s.pairs, len(s.pairs)), (s.bodies, len(s.bodies)), (s.pool, len(s.pool)), (s.log, rows),
-            )]  # fmt: skip
+            )]
             return
         clock, lasts, slot = (column(s.pairs, name) for name in ("t", "lasts", "slot"))
         inside = np.flatnonzero((lasts > 0.0) & (slot < 0) & (clock >= t * (1.0 - 1e-12)))  # or may be
@@ -78,7 +78,7 @@ class Untouched:
         self.kept = [(records, index, _taken(records, index)) for records, index in (
             (s.run, np.zeros(1, int)), (s.pairs, near), (s.bodies, np.flatnonzero(bodies)), (s.pool, slot[joined]),
             (s.log, np.arange(rows)), *([] if s.ledger is None else [(s.ledger, np.zeros(1, int))]),
-        )]  # fmt: skip
+        )]
 
     def put_back(self) -> None:
         """Let the records be as they were."""
@@ -126,4 +126,4 @@ def restored(s: System, state: Mapping[str, Any]) -> System:
     maps = copied(state["maps"])
     ledger = s.ledger if s.ledger is None else named_alike(state["ledger"], LEDGER)
     return s._replace(run=run, pairs=pairs, pool=pool, bodies=bodies, queue=queue, log=log, maps=maps, tables=tables,
-                      ledger=ledger)  # fmt: skip
+                      ledger=ledger)

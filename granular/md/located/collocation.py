@@ -346,5 +346,5 @@ def _shaking(shaken: Any, count: int, times: Array) -> Array:
     out = np.zeros((count, len(times)))
     for i, path in shaken:
         out[i] = np.polynomial.polynomial.polyval(times, [0.0, *((j + 1) * (j + 2) * path[j + 2]
-                                                                 for j in range(1, len(path) - 2))])  # fmt: skip
+                                                                 for j in range(1, len(path) - 2))])
     return out

@@ -26,7 +26,7 @@ from granular.walls.path import expansion
 
 POINTS = 16
 NODES, WEIGHTS = (tuple((0.5 * (row + shift)).tolist()) for row, shift in zip(
-    np.polynomial.legendre.leggauss(POINTS), (1.0, 0.0), strict=True))  # fmt: skip
+    np.polynomial.legendre.leggauss(POINTS), (1.0, 0.0), strict=True))
 FLOOR, CEILING, LOST = 0, 1, 4
 """Places in the ledger; heat is between them."""
 

@@ -58,7 +58,7 @@ LAST = np.dtype(
         ("t_end", float), ("v_lower", float), ("v_upper", float), ("longest", float), ("rate", float),
     ],
     align=True,
-)  # fmt: skip
+)
 """Results of a run, and of each of its pairs; see `Many`."""
 
 
@@ -121,7 +121,7 @@ def solve_many(
     scenes: Scenes, *, until: stop.Until | None = None, t_end: ArrayLike = math.inf, tol: float = 1e-16,
     max_events: int = 1_000_000, max_steps: int = 20_000_000,
     leave_piles: bool = True, engine: str = "compiled",
-) -> Many:  # fmt: skip
+) -> Many:
     """Run many scenes, each as `granular.md.simulate` would, bit for bit.
 
     Parameters

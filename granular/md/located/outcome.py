@@ -28,7 +28,7 @@ def stats(run: Any, r: Any, crept: float) -> dict[str, Any]:
         "shared_impulse": math.fsum([r.shared, r.shared_low, crept]) if run.request.log else math.nan,
         "isolated": int(r.isolated), "tables": int(r.tables),
         "first_disturbed": (run.start + float(r.disturbed), int(r.first)),
-    }  # fmt: skip
+    }
 
 
 def message(run: Any, status: Status, r: Any, t: float) -> str:
@@ -36,7 +36,7 @@ def message(run: Any, status: Status, r: Any, t: float) -> str:
     sentence = f"{status.value} (t = {t:.6g} s, {r.begun} contacts, {r.steps} steps)"
     if run.pace.stalled:
         sentence += (f": contacts creep or chatter, {run.pace.step:.2g} s a trial step on the average; weaker damping, "
-                     "or a force without a jump at rest, is needed (granular.md.resume goes on)")  # fmt: skip
+                     "or a force without a jump at rest, is needed (granular.md.resume goes on)")
     if not (r.rests or run.bound or run.creep):
         return sentence
     if status is Status.time:

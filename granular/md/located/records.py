@@ -61,7 +61,7 @@ KIND = np.dtype(
         *((name, float) for name in Shape._fields),
     ],
     align=True,
-)  # fmt: skip
+)
 """A law as the pairs of one kind have it; at last the shape of its contacts where they have one."""
 PAIR = np.dtype(
     [
@@ -81,7 +81,7 @@ PAIR = np.dtype(
         ("wall", np.int8),  # number from 1 on of the driven wall it is at; -1, -2 of a thermal floor, ceiling; else 0
     ],
     align=True,
-)  # fmt: skip
+)
 """What is kept of every pair; state and mode are those of the last flight while it is in an island. `due` is inf if it
 does not start a block."""
 
@@ -98,7 +98,7 @@ _STATE = [
     ("doubt", float), ("largest", float), ("deepest", float),  # of the force of its piece; since its balls last parted
     ("load", float), ("head", int),  # force that it bears at rest in its group, in N, and the first pair of that
     ("piled", int), ("energy", float), ("opening", float), ("barrier", float),  # of that: pairs; see `equilibrium`, J
-]  # fmt: skip
+]
 _BLOCK = [  # of the island that starts with this pair; h = 0 before it has a piece
     ("clock", int), ("linear", int), ("t", float), ("tail", float),  # q of t = (hτ)^q; its time is t + tail
     ("h", float), ("tau", float),  # scale of the piece, and its end in τ, 0 when it is used up
@@ -106,12 +106,12 @@ _BLOCK = [  # of the island that starts with this pair; h = 0 before it has a pi
     ("fired", int), ("what", int),  # the pair whose event ends it, -1 for none, and which event
     ("holds", float),  # s for which a driven wall's path goes on as it does
     ("speed", float), ("length", float), ("stride", float),  # scales of the motion; last step on the plain clock
-]  # fmt: skip
+]
 _CONTACT = [  # the contact that is going on
     ("begun", int), ("t_begin", float), ("duration", float), ("lower_in", float), ("upper_in", float),
     ("xi_max", float), ("force_max", float), ("impulse", float),
     ("push", float),  # impulse of the last piece
-]  # fmt: skip
+]
 _SERIES = [
     *((name, float, (PADDED,)) for name in ("r", "z")),
     *((name, float, (MIRROR,)) for name in ("gm", "rm", "zm")),
@@ -143,7 +143,7 @@ RUN = np.dtype(
         ("energy", float), ("barrier", float), ("rests", int), ("doubted", int),
     ],
     align=True,
-)  # fmt: skip
+)
 """Counters, limits and stop conditions of one run; places taken in the pool; of the event under way time, pairs
 lo … hi-1 that it concerns, stride of its block, and whether it waits for room; the contact that is followed alone; the
 group that is nearest to open of a scene that rests, in J, and the pair at which that was last in doubt."""
@@ -167,7 +167,7 @@ TABLE = np.dtype(
         ("seen", float, (QUANTITIES * (POINTS + CHECKS),)), ("noted", int),
     ],
     align=True,
-)  # fmt: skip
+)
 """Chebyshev coefficients of the numbers of a contact over an octave of speeds, and the contacts they are made of."""
 RESOLVE, STOP, IGNORE = range(3)
 """What is done where a contact disturbs another."""

@@ -65,7 +65,7 @@ DISTURBED = ("resolve", "stop", "ignore")
 WHY = {
     STOPPED: Pause.until, QUIET: Pause.quiet, WORK: Pause.work, REST: Pause.resting,
     BINDING: Pause.quiet,
-}  # fmt: skip
+}
 
 
 class Run:
@@ -97,7 +97,7 @@ class Run:
     ) -> None:
         if scene.pendulum > 0.0 and disturbed == "ignore":
             raise ValueError("disturbed is 'ignore': to set pendula that touch early back to gap 0 gives them another "
-                             "energy; choose 'resolve' or 'stop'.")  # fmt: skip
+                             "energy; choose 'resolve' or 'stop'.")
         self.scene, self.laws, self.law, self.request, self.engine = scene, laws, laws.given, request, engine
         self.seen = self.now = 0.0  # s, when a row was last read, and how far it has come
         self.bound = False
@@ -120,7 +120,7 @@ class Run:
         driven = self.s.walls is not None and not hung
         self.settles = not (scene.ring or scene.heated or self.s.walls is not None)  # where rest is understood
         moves = {"DRIVEN": driven, "WORKED": self.s.ledger is not None, "HEATED": scene.heated, "HUNG": hung,
-                 "RING": scene.ring}  # fmt: skip
+                 "RING": scene.ring}
         flags: dict[str, Any] = {name: True for name, does in moves.items() if does}
         self.fit: Callable[[Any], Any] = lambda kernel: fitted(kernel, **flags)
         self.kernels: Callable[[Any], Any] = self.fit
@@ -225,7 +225,7 @@ class Run:
             self.s, self.kernels = s, self.fit
             lo = s.pairs[a].first
             flights = [Flight(s.pool[s.pairs[c].slot], *between(s.pairs, s.pool, s.bodies, lo, c)[1:])
-                       for c in (a - 1, b) if lo <= c < s.pairs[lo].hi]  # fmt: skip
+                       for c in (a - 1, b) if lo <= c < s.pairs[lo].hi]
             self.creep = Creep(s.pool[s.pairs[lo].slot], members, load, flights)
 
     def progress(self) -> tuple[float, int]:

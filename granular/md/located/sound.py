@@ -28,15 +28,15 @@ from granular.md.located.records import (
 from granular.md.rows import CONTACT_ROW
 
 KEPT = {"run": RUN, "pairs": PAIR, "pool": MEMBER, "bodies": BODY, "maps": MAP, "tables": TABLE, "log": CONTACT_ROW,
-        "ledger": LEDGER}  # fmt: skip
+        "ledger": LEDGER}
 """Records that a checkpoint holds: of tables and log what is used; the ledger where walls are driven or thermal."""
 SCENES = {"run": ("omega", "length"), "pairs": ("pull", "kind_of", "map", "wall"), "bodies": ("inverse_mass", "wall"),
-          "ledger": ("temperature", "mass", "seed")}  # fmt: skip
+          "ledger": ("temperature", "mass", "seed")}
 """Fields that never change: what the scene and its laws say of them."""
 OF_LAW = ("memory", "k", "gamma", "p", "d", "s", "q", "kind")
 NUMBERS = {"run": ("t", "tail", "tol", "steps"), "pairs": ("xi", "eta", "t", "tail", "noise", "stride"),
            "bodies": ("v", "t", "tail", "fall"), "pool": ("xi", "eta", "t", "tail", "h", "tau", "x", "e", "stride"),
-           "tables": ("c", "error"), "ledger": ("total", "low")}  # fmt: skip
+           "tables": ("c", "error"), "ledger": ("total", "low")}
 """Fields of floats that are finite, in the pool those of places that are taken."""
 CHANGED = "it was changed after it was saved"
 
@@ -86,7 +86,7 @@ def _of_scene(s: Any, state: Mapping[str, Any]) -> bool:
         return False
     members, laws = pool[pairs["slot"][inside]], s.kinds[pairs["kind_of"][inside]]
     return all(np.array_equal(members[name], laws[name]) for name in OF_LAW) and bool(
-        np.array_equal(members["wall"], pairs["wall"][inside]))  # fmt: skip
+        np.array_equal(members["wall"], pairs["wall"][inside]))
 
 
 def _within(state: Mapping[str, Any]) -> bool:
@@ -112,7 +112,7 @@ def _within(state: Mapping[str, Any]) -> bool:
         (members["manner"], 0, LOOKED), (members["clock"], 1, LARGEST_Q), (one["first"], -1, n - 1),
         (one["wanted"], 0, n - 1), (one["alone"], -1, n - 1), (one["lo"], 0, len(pairs)), (one["hi"], 0, len(pairs)),
         (state["tables"]["noted"], 0, np.inf), (run["events"], 0, np.inf), (run["steps"], 0, np.inf),
-    ]  # fmt: skip
+    ]
     return bool(
         all(((least <= values) & (values <= most)).all() for values, least, most in limits)
         and ((place[:n] - first) % n < size).all()
@@ -121,7 +121,7 @@ def _within(state: Mapping[str, Any]) -> bool:
         and np.array_equal(members["number"], np.flatnonzero(pairs["slot"][:n] >= 0))
         and one["rows"] == rows and one["tables"] == len(state["tables"])
         and not (members["manner"] == ASKS).any()
-    )  # fmt: skip
+    )
 
 
 def _numbers(state: Mapping[str, Any]) -> bool:
@@ -130,4 +130,4 @@ def _numbers(state: Mapping[str, Any]) -> bool:
     taken = state["pairs"]["slot"][state["pairs"]["slot"] >= 0]
     records = {name: state[name] for name in NUMBERS if name in state} | {"pool": state["pool"][taken]}
     return all(np.isfinite(rows[field][..., :4] if name == "ledger" else rows[field]).all()
-               for name, rows in records.items() for field in NUMBERS[name])  # fmt: skip
+               for name, rows in records.items() for field in NUMBERS[name])
