@@ -1,8 +1,8 @@
 """What a scene has that not every scene has: the flags by which kernels are made to fit it.
 May be skipped: a plain scene has none.
 
-Kernels read them as global names, `if DRIVEN: …`; `fitted(kernel, **flags(scene))` of `granular._kernels` makes the twin
-in which those of the scene hold, and the compiler drops the branches of all others. Nowhere else are they declared.
+Kernels read them as global names, `if DRIVEN: …`; `fitted(kernel, **flags(scene))` of `granular._kernels` makes the
+twin in which those of the scene hold, and the compiler drops the branches of all others. They are declared here alone.
 """
 
 from __future__ import annotations
