@@ -3,34 +3,38 @@
 ``python bench/shape.py [REF]`` prints this working tree, beside the commit REF if one is named. Rows:
 
 * statements: nodes of the syntax tree that are statements, docstrings apart; code lines: without docstrings, comments
-  and blank lines; docstrings: their share of all lines.
+  and blank lines; docstrings: their share of all lines. Functions are measured without their docstrings too.
 * rings: groups of modules that import each other, imports inside functions and for types alone counted.
-* hops: distinct functions of the package that one interpreted run calls, and files they stand in: three hard balls on
-  a floor from their gaps to the collisions; two soft balls from their overlap to the contact log, under a built-in law
-  and under a law of one's own; the option ``--max-events`` of ``granular compare three-balls``.
+* on the way of …: files that the interpreted run of a scene of `walks` goes through, from the public call on.
+* loaded: statements of all files of the package that `compare` of three dashpot balls imports.
+* path: what docs/reading.md names to be read.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
-import contextlib
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 import tarfile
 import tempfile
 import tokenize
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
 from typing import Any
 
-MANY = 8
-"""Parameters that a function may have."""
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from walks import WALKS, files_on_the_way, loaded
+
+MANY, LONG = 8, 45
+"""Parameters and lines that a function may have."""
+SHORT_FILE, LONG_FILE = 60, 360
+"""Lines of files that are no room of their own, and of those that are too much for one reading."""
 ROOT = Path(__file__).resolve().parent.parent
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
@@ -46,29 +50,52 @@ def measure(tree: Path) -> dict[str, Any]:
     total = sum(text.count("\n") for text in files.values())
     faces = public_faces(tree)
     wide = {f"{name}:{node.name}": parameters(node) for name, node in functions if parameters(node) > MANY}
-    hard, soft, own, option = (hops(run, tree) for run in (hard_run, soft_run, own_law_run, command_run))
+    said = {name: statements(module) for name, module in parsed.items()}
+    length = {name: text.count("\n") for name, text in files.items()}
+    long = {f"{name}:{node.name}": lines for name, node in functions if (lines := of_body(node)) > LONG}
+    imported = sum(isinstance(node, ast.Import | ast.ImportFrom) for one in parsed.values() for node in ast.walk(one))
+    entries = [path for path in (tree / "granular").iterdir() if path.name[0] != "_" and path.suffix in ("", ".py")]
+    path = reading_path(tree)
     return {
+        "statements": sum(said.values()),
+        "  imports among them": f"{imported / sum(said.values()):.1%}",
         "files": len(files),
+        f"  below {SHORT_FILE} lines, __init__ apart": sum(
+            lines < SHORT_FILE for name, lines in length.items() if not name.endswith("__init__.py")),
+        f"  above {LONG_FILE} lines": sum(lines > LONG_FILE for lines in length.values()),
+        "rings of imports": len(rings := list(cycles(imports(parsed)))),
+        **{f"files on the way of {what}": len(files_on_the_way(prepare, tree)) for what, prepare in WALKS.items()},
+        "statements loaded by compare": sum(said[name] for name in loaded(tree)),
+        "entries of granular/ without underscore": len(entries),
+        "  rooms among them": sum(one.is_dir() for one in entries),
+        f"functions above {LONG} lines": len(long),
+        "reading path, lines": sum(length[name] for name in path),
+        "reading path, files": len(path),
         "lines": total,
-        "statements": sum(statements(module) for module in parsed.values()),
         "code lines": sum(map(len, code.values())),
         "docstrings": f"{docs / total:.0%}",
         "functions": len(functions),
         "median length of functions": median(len(span(node) & code[name]) for name, node in functions),
         f"functions with more than {MANY} parameters": len(wide),
         "  of them public": sum(name in faces for name in wide),
-        "rings of imports": len(rings := list(cycles(imports(parsed)))),
-        "functions from a gap to a hard collision": hard[0],
-        "  in files": hard[1],
-        "functions from an overlap to the log": soft[0],
-        "  in their files": soft[1],
-        "functions from an overlap to the log, own law": own[0],
-        "  in the files": own[1],
-        "functions from an option to the report": option[0],
-        "  in files of theirs": option[1],
         "wide": {name + (" (public)" if name in faces else ""): n for name, n in wide.items()},
+        "long": long,
         "rings": [" ".join(sorted(ring)) for ring in rings],
     }
+
+
+def of_body(node: Function) -> int:
+    """Lines of a function, its docstring apart."""
+    first = node.body[0]
+    docstring = isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant)
+    return len(span(node)) - (len(range(first.lineno, (first.end_lineno or 0) + 1)) if docstring else 0)
+
+
+def reading_path(tree: Path) -> list[str]:
+    """The files that docs/reading.md names to be read, where that page comes with the tree."""
+    page = tree / "docs" / "reading.md"
+    rows = re.findall(r"^\| `([a-z_/]+\.py)` \| \d+ \|", page.read_text(), re.M) if page.exists() else []
+    return [f"granular/{row}" for row in rows]
 
 
 def docstrings(module: ast.Module) -> Iterator[range]:
@@ -163,71 +190,6 @@ def reachable(graph: dict[str, set[str]], start: str) -> set[str]:
     return seen
 
 
-def hard_run() -> Any:
-    """Three balls that bounce on a floor."""
-    import granular as gr
-
-    scene = gr.Scene([float("inf"), 1.0, 0.5, 1.0], [0.0, 0.1, 0.1, 0.1], [0.1, 0.01, 0.02], [0.0] * 4, 9.81)
-    return lambda: gr.edmd.simulate(scene, gr.ConstantRestitution(0.8), t_end=0.3, engine="sorted").contacts
-
-
-def soft_run() -> Any:
-    """Two balls that bounce on a floor, under Hertz's law with damping."""
-    import granular as gr
-
-    scene = gr.Scene([float("inf"), 1.0, 0.5], [0.0, 0.1, 0.1], [0.1, 0.01], [0.0] * 3, 9.81)
-    law = gr.ViscoelasticHertz(1e6, 100.0)
-    return lambda: gr.md.simulate(scene, law, t_end=0.3, engine="plain").contacts
-
-
-def command_run() -> Any:
-    """An option of the command that both engines have."""
-    from granular.cli import main
-
-    def run() -> None:
-        with contextlib.redirect_stdout(io.StringIO()):
-            main(["compare", "three-balls", "--max-events", "100000"])
-
-    return run
-
-
-def own_law_run() -> Any:
-    """Two balls that bounce on a floor, under the law of docs/your-own-law.md."""
-    import granular as gr
-
-    @dataclass(frozen=True)
-    class Stiffening:
-        k: float
-        s: float
-        gamma: float
-
-        def force(self, xi: float, xi_dot: float, pair: Any) -> float:
-            ratio = xi / self.s
-            return self.k * xi * (1.0 + ratio * ratio) + self.gamma * xi_dot
-
-    scene = gr.Scene([float("inf"), 1.0, 0.5], [0.0, 0.1, 0.1], [0.1, 0.01], [0.0] * 3, 9.81)
-    law = Stiffening(5e7, 1e-3, 100.0)
-    return lambda: gr.md.simulate(scene, law, t_end=0.3, engine="plain").contacts
-
-
-def hops(prepare: Callable[[], Callable[[], Any]], tree: Path) -> tuple[int, int]:
-    """Distinct functions of the package that a run calls, and files they stand in."""
-    run, called, package = prepare(), set(), str(tree / "granular") + os.sep
-    run()  # imports and tables are made
-
-    def note(frame: Any, event: str, _: Any) -> None:
-        code = frame.f_code
-        if event == "call" and code.co_filename.startswith(package) and not code.co_name.startswith("<"):
-            called.add((code.co_filename, code.co_qualname))
-
-    sys.setprofile(note)
-    try:
-        run()
-    finally:
-        sys.setprofile(None)
-    return len(called), len({file for file, _ in called})
-
-
 def measured(tree: Path) -> dict[str, Any]:
     """`measure` in a process that imports the package of `tree`."""
     shown = subprocess.run([sys.executable, __file__, "--measure", str(tree)], check=True, capture_output=True,
@@ -238,7 +200,8 @@ def measured(tree: Path) -> dict[str, Any]:
 
 def of_commit(ref: str) -> dict[str, Any]:
     """`measure` of the package as it was at `ref`."""
-    packed = subprocess.run(["git", "archive", ref, "granular"], check=True, capture_output=True, cwd=ROOT).stdout
+    packed = subprocess.run(["git", "archive", ref, "granular", "docs/reading.md"], check=True, capture_output=True,
+                            cwd=ROOT).stdout
     with tempfile.TemporaryDirectory() as folder:
         with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
             archive.extractall(folder, filter="data")
@@ -248,11 +211,13 @@ def of_commit(ref: str) -> dict[str, Any]:
 def table(columns: dict[str, dict[str, Any]]) -> str:
     """The figures side by side, then what is wide and what is a ring."""
     lines = [f"{'':46}" + "".join(f"{title:>14}" for title in columns)]
-    rows = [name for name in next(iter(columns.values())) if name not in ("wide", "rings")]
+    rows = [name for name in next(iter(columns.values())) if name not in ("wide", "long", "rings")]
     lines += [f"{name:46}" + "".join(f"{column[name]!s:>14}" for column in columns.values()) for name in rows]
     for title, column in columns.items():
         lines += ["", f"{title}: functions with more than {MANY} parameters"]
         lines += [f"  {n:3} {name}" for name, n in sorted(column["wide"].items(), key=lambda item: -item[1])]
+        lines += ["", f"{title}: functions of more than {LONG} lines"]
+        lines += [f"  {n:3} {name}" for name, n in sorted(column["long"].items(), key=lambda item: -item[1])]
         lines += ["", f"{title}: rings of imports", *(f"  {ring}" for ring in column["rings"])]
     return "\n".join(lines)
 
