@@ -16,8 +16,9 @@ COMPARED = """
 import json
 import math, sys
 import granular as gr
-scene = gr.Scene([float("inf"), 0.6, 0.06], [0.0, 0.12, 0.03], [1.0, 0.01], [0.0] * 3, 9.81)
-gr.compare(scene, law=gr.LinearDashpot(1e7, 10.0))
+scene = gr.scenes.three_balls(gap=1e-4)
+law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=p) for p in scene.pairs]
+str(gr.compare(scene, law, until=gr.until.contact(pair=0, nth=2)))
 print(json.dumps([getattr(one, "__file__", None) for name, one in sys.modules.items() if name.startswith("granular")]))
 """
 
