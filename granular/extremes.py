@@ -25,8 +25,8 @@ from granular.laws.contact_law import resolve
 from granular.md.integrators import INTEGRATORS
 from granular.reference import Reference
 from granular.scene import Scene
-from granular.sweeps.answers import REFUSED
 from granular.sweeps.plan import planned
+from granular.sweeps.results import REFUSED
 from granular.trajectory import EARLY, Trajectory
 
 METHODS = ("located", *INTEGRATORS)

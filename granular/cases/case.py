@@ -1,12 +1,15 @@
-"""What a run needs, in one value.
+"""What a run needs, in one value; and the parameters of a documented function as data, so that the command line and
+its help are written once, where the function is.
 May be skipped: files and the command, no physics.
 """
 
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from importlib import import_module
 from typing import Any
 
@@ -14,6 +17,60 @@ from granular import _check
 from granular.scene import Scene
 from granular.trajectory import Trajectory
 from granular.until import Until
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """One parameter of a function.
+
+    Attributes
+    ----------
+    name, kind, about : str
+        The parameter, its annotation as written ("float", "Sequence[float] | None", …), and its description.
+    default : object
+        Its default value.
+    """
+
+    name: str
+    kind: str
+    default: Any
+    about: str
+
+
+def options_of(function: Callable[..., Any]) -> list[Option]:
+    """Return the parameters of `function` that have a default, in order, with their NumPy-style documentation."""
+    about = descriptions(function)
+    parameters = inspect.signature(function).parameters.values()
+    return [Option(p.name, str(p.annotation), p.default, about.get(p.name, ""))
+            for p in parameters if p.default is not p.empty]
+
+
+def whole(function: Callable[..., Any]) -> frozenset[str]:
+    """Return the names of the parameters of `function` that are whole numbers, by their annotations."""
+    parameters = inspect.signature(function).parameters.values()
+    return frozenset(p.name for p in parameters if p.annotation in (int, "int"))
+
+
+def descriptions(function: Callable[..., Any]) -> dict[str, str]:
+    """Return what the Parameters section of a NumPy-style docstring says of each parameter, on one line each.
+
+    A type that lists choices, such as ``{"left", "right"}``, comes first.
+    """
+    text = inspect.getdoc(function) or ""
+    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+\n|\Z)", text, re.MULTILINE | re.DOTALL)
+    entry_of_names = r"^(\w[\w, ]*) : (.*)\n((?:[ \t]+.*\n?|\n)*)"
+    found: dict[str, str] = {}
+    for names, kind, about in re.findall(entry_of_names, section[1] if section else "", re.MULTILINE):
+        choices = kind.partition("}")[0] + "}: " if kind.startswith("{") else ""
+        found |= dict.fromkeys(names.split(", "), choices + " ".join(about.split()))
+    return found
+
+
+@cache
+def summary(function: Callable[..., Any]) -> str:
+    """Return the first paragraph of a docstring on one line."""
+    return " ".join((inspect.getdoc(function) or "").split("\n\n")[0].split())
+
 
 ENGINES = ("edmd", "md")
 HELD = {"t_end", "until", "on_event", "on_progress"}

@@ -79,7 +79,7 @@ def _say_compiling() -> None:
 
 def _sentence(error: Exception) -> str:
     if hasattr(error, "raised_by"):
-        from granular.cases.named import sentence_of
+        from granular.cases.build import sentence_of
 
         return sentence_of(error)
     if isinstance(error, MemoryError):

@@ -7,7 +7,7 @@ from __future__ import annotations
 import argparse
 import warnings
 
-from granular.cases.options import Option
+from granular.cases.case import Option
 from granular.cli import files
 from granular.cli.parser import case_of, offered
 from granular.cli.progress import Progress

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from granular.cases import Case
-from granular.cases.options import Option
+from granular.cases.case import Option
 from granular.cases.ready import is_file
 from granular.cli import files
 from granular.cli.parser import case_of, offered

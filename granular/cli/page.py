@@ -7,7 +7,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from granular.cases.options import Option
+from granular.cases.case import Option
 from granular.page import live_page, opening
 
 USAGE = "[SCENE] [--NAME VALUE …] [-o FILE.html] [--open]"

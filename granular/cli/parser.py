@@ -14,9 +14,8 @@ from importlib import import_module
 from typing import Any, NoReturn
 
 from granular import _check, _files, cases
-from granular.cases.case import HELD
-from granular.cases.named import on_running
-from granular.cases.options import Option, options_of
+from granular.cases.build import on_running
+from granular.cases.case import HELD, Option, options_of
 from granular.cases.ready import is_file
 
 COMMANDS = ("scenes", "run", "compare", "sweep", "threshold", "frontier", "stability", "page", "view")

@@ -7,8 +7,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
-from granular.cases.case import ENGINES, engine_named
-from granular.cases.options import Option
+from granular.cases.case import ENGINES, Option, engine_named
 from granular.cli import files
 from granular.cli.parser import case_of, offered
 from granular.cli.progress import Progress

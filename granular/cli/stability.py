@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import argparse
 
-from granular.cases.options import Option
+from granular.cases.case import Option
 from granular.cli import files
 from granular.cli.parser import offered
 from granular.cli.progress import Progress

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from granular import _check
-from granular.cases.options import Option
+from granular.cases.case import Option
 from granular.cli import ends, files
 from granular.cli.parser import offered
 from granular.cli.progress import Progress

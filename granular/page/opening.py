@@ -12,7 +12,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from granular import _check, balls
-from granular.cases.options import Option
+from granular.cases.case import Option
 from granular.page.assemble import LANGUAGES
 
 

@@ -15,10 +15,10 @@ import numpy as np
 from granular import _check
 from granular._check import Array
 from granular.cases import Case
-from granular.cases.named import sentence_of
+from granular.cases.build import sentence_of
 from granular.scene import Scene
-from granular.sweeps.answers import REFUSED
 from granular.sweeps.plan import Plan, planned
+from granular.sweeps.results import REFUSED
 from granular.thresholds.criteria import CRITERIA, UNDECIDED, Criterion, Value
 from granular.thresholds.result import Threshold
 
