@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import _archive, _check, _files
+from granular import _check, _files
 from granular._describe import from_json, to_json
 from granular.scene import Scene
 from granular.scene.walls import fitted
@@ -102,14 +102,14 @@ def read(
     name = _files.checked_source("path", path)
     try:
         with open(name, "rb") as file:
-            _check_heads(_archive.heads(file), log)
-            stored = _archive.arrays(file)
+            _check_heads(_files.heads(file), log)
+            stored = _files.arrays(file)
         words = _words(str(stored.pop("words")))
         _files.check_format(name, words.get("format", 1), words.keys() - WORDS.keys() - OTHERS.keys())
         _check_words(words, stored, statuses)
         _check_rows(stored, words["status"])
         return _made(words, stored, law, rule)
-    except (_archive.Foreign, RecursionError):
+    except (_files.Foreign, RecursionError):
         raise ValueError(
             f"path is {name!r}: it is not a run saved by granular, or is cut short; "
             "a file written by Trajectory.save is needed."
@@ -121,10 +121,10 @@ def read(
         raise kind(f"path is {name!r}: {error}") from None
 
 
-def _check_heads(heads: Mapping[str, _archive.Head], log: np.dtype[Any]) -> None:
+def _check_heads(heads: Mapping[str, _files.Head], log: np.dtype[Any]) -> None:
     """Raise unless a file holds the arrays of a run, each of its kind and of the size that the others ask for."""
     if not heads.keys() >= NEEDED or any(len(heads[name][1]) != 1 for name in ("scene.mass", "time")):
-        raise _archive.Foreign
+        raise _files.Foreign
     n, t = heads["scene.mass"][1][0], heads["time"][1][0]
     size = {"n": n, "p": n - 1 + ("scene.ring" in heads), "t": t, "l": 5}
     kinds = {"contacts": log, "scene.ring": np.dtype(bool)}
@@ -151,10 +151,10 @@ def _words(text: str) -> dict[str, Any]:
     try:
         words = json.loads(text)
     except ValueError:
-        raise _archive.Foreign from None
+        raise _files.Foreign from None
     kinds: dict[str, Any] = WORDS | OTHERS
     if not isinstance(words, dict) or not words.keys() >= WORDS.keys():
-        raise _archive.Foreign
+        raise _files.Foreign
     for name in kinds.keys() & words.keys():
         if not isinstance(words[name], kinds[name]):
             raise ValueError(f"its {name} is {_files.plain_text(repr(words[name]), 60)}; {CHANGED}.")

@@ -14,12 +14,10 @@ from typing import Any
 import numpy as np
 
 from granular import _check, _files
-from granular._drawing import HARD, PAGE, canvas
-from granular._optional import optional
-from granular._tables import Report, aligned, number
+from granular._check import optional
+from granular._reports import HARD, PAGE, Report, aligned, canvas, number
 from granular.cases import Case
-from granular.frontiers.methods import Task
-from granular.frontiers.result import contacts_of, errors
+from granular.frontiers.methods import Task, contacts_of, errors
 from granular.frontiers.run import rounding_level
 from granular.laws.contact_law import resolve
 from granular.md.integrators import INTEGRATORS

@@ -9,7 +9,7 @@ import pytest
 
 import granular as gr
 from granular import cases, cli, reference
-from granular._tables import duration
+from granular._reports import duration
 from granular.cli import frontier as command
 from granular.frontiers import Frontier, Row
 from granular.frontiers.methods import Task, expected_order, own

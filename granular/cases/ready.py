@@ -196,8 +196,8 @@ def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None
     run : mapping, optional
         Further options of ``simulate``.
     **options
-        Parameters of the scene's function in `granular.scenes`, and `restitution`, `stiffness`, `law` of its contacts; of
-        "real-balls" `pair_rule`.
+        Parameters of the scene's function in `granular.scenes`, and `restitution`, `stiffness`, `law` of its contacts;
+        of "real-balls" `pair_rule`.
 
     Raises
     ------

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from granular import _files
-from granular._optional import optional
+from granular._check import optional
 from granular.cases.ready import is_file
 from granular.comparison.film import check_film
 

@@ -14,7 +14,7 @@ May be skipped: names of the package only.
 """
 
 from granular.comparison.answer import Answer, Reason
-from granular.comparison.restitution import LawRule
+from granular.comparison.further import LawRule
 from granular.comparison.run import Comparison, compare
 
 __all__ = ["Answer", "Comparison", "LawRule", "Reason", "compare"]

@@ -13,12 +13,9 @@ import numpy as np
 
 from granular import _files
 from granular._check import Array
-from granular._drawing import GREY, HARD, SOFT, canvas
-from granular._tables import PREFIXES, unit_of
+from granular._reports import GREY, HARD, PREFIXES, SOFT, canvas, unit_of
 from granular.comparison.answer import Judged
-from granular.comparison.caption import pair_name, parameters
-from granular.comparison.closeup import Closeup, closeup, draw_closeup
-from granular.comparison.view import View, window, with_rows
+from granular.comparison.view import Closeup, View, closeup, draw_closeup, pair_name, parameters, window, with_rows
 from granular.trajectory import EARLY, Trajectory, points
 
 THIN = 1.5

@@ -18,14 +18,11 @@ from typing import Any
 import numpy as np
 
 from granular import _check, _files
-from granular._check import Array
-from granular._drawing import GREY, HARD, SOFT
-from granular._optional import optional
-from granular._tables import duration
+from granular._check import Array, optional
+from granular._reports import GREY, HARD, SOFT, duration
 from granular.comparison.answer import Judged
-from granular.comparison.closeup import closeup, draw_closeup
 from granular.comparison.figure import FEW, NAMED, both, force_curve, head, timeline, world_lines
-from granular.comparison.view import View, window, with_rows
+from granular.comparison.view import View, closeup, draw_closeup, window, with_rows
 from granular.scene import Scene
 from granular.trajectory import EARLY, points
 

@@ -11,17 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, edmd, end_time, isolation, measures, other_ties, outcome, theory
+from granular import _check, edmd, end_time, isolation, measures, outcome, theory
 from granular import until as stop
 from granular._check import Array
 from granular.binary import at_speed
-from granular.comparison.restitution import LawRule, roots
-from granular.comparison.rises import hard_rise, soft_rise
-from granular.components import Components, components, counted, differences, rests_apart, units
+from granular.comparison.further import LawRule, hard_rise, roots, soft_rise
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import resolved
 from granular.measures import Overlap
-from granular.outcome import PairOutcome
+from granular.outcome import Components, PairOutcome, components, counted, differences, rests_apart, units
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.scene.state import forced
@@ -83,7 +81,7 @@ class Compared:
 
     @cached_property
     def units(self) -> Array:
-        """Largest closing speed in m/s of each component, see `granular.components.units`."""
+        """Largest closing speed in m/s of each component, see `granular.outcome.units`."""
         return units(*self.levelled, self.components)
 
     @cached_property
@@ -305,7 +303,7 @@ class Compared:
     @cached_property
     def _other_answers(self) -> dict[str, Trajectory]:
         found = {}
-        for options in other_ties.others(self.settled, self.hard_options):
+        for options in end_time.others(self.settled, self.hard_options):
             with suppress(ValueError, ArithmeticError):  # no answer, as for balls wedged between two walls
                 run = self._carried_on(edmd.simulate(self.scene, self.rule, **options), options)
                 if run.status not in EARLY:

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from granular import isolation, measures
-from granular._tables import number, problem
+from granular._reports import number, problem
 from granular.comparison.answer import Judged
-from granular.components import FAINT
 from granular.laws.kinds import resolved
+from granular.outcome import FAINT
 from granular.trajectory import Status, Trajectory
 
 MANY = 8

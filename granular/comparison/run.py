@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from granular import edmd, md, other_ties
+from granular import edmd, end_time, md
 from granular import until as stop
-from granular._tables import Report
+from granular._reports import Report
 from granular.comparison import figure, film, report
 from granular.comparison.answer import Judged
-from granular.comparison.restitution import rule_of
+from granular.comparison.further import rule_of
 from granular.drive import EVENTS, check_end
 from granular.laws.check import checked
 from granular.scene import Scene
@@ -113,7 +113,7 @@ def compare(
     end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
     event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed, "collapse": collapse, "merge_below": merge_below}
     hard = edmd.simulate(scene, used, **event_driven, on_progress=on_progress)
-    most = min(max_events, other_ties.PATIENCE * (hard.stats["events"] + scene.n))
+    most = min(max_events, end_time.MOST_OF_OTHERS * (hard.stats["events"] + scene.n))
     twin = edmd.simulate(_nudged(scene), used, **event_driven | {"max_events": most}, on_progress=on_progress)
     options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
     soft = md.simulate(scene, laws, **end, **options, on_progress=on_progress)
@@ -124,5 +124,5 @@ def _nudged(scene: Scene) -> Scene:
     """Gaps shifted by 1e-12 of themselves (of touching balls by 1e-12 of the mean gap), with changing sign."""
     typical = float(scene.gap.mean()) or 1.0
     sign = np.where(np.arange(scene.n_pairs) % 2, -1.0, 1.0)
-    shift = 1e-12 * np.where(other_ties.touching(scene), typical, scene.gap * sign)
+    shift = 1e-12 * np.where(end_time.touching(scene), typical, scene.gap * sign)
     return scene.replace(gap=scene.gap + shift)

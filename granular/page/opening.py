@@ -13,7 +13,9 @@ from urllib.parse import urlencode
 
 from granular import _check, balls
 from granular.cases.case import Option
-from granular.page.assemble import LANGUAGES
+
+LANGUAGES = ("en", "de", "fr", "es", "tr", "zh")
+"""Of the pages; the first is complete; what another lacks is said in it."""
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,12 @@ from typing import Any
 
 from granular import _check
 from granular import until as stop
-from granular._optional import optional
+from granular._check import optional
 from granular.laws.check import checked
 from granular.laws.contact_law import Form, PairLaw
 from granular.reference import restarted, taylor
-from granular.reference.log import Reference, ReferenceContact, distance
-from granular.reference.pieces import fraction
+from granular.reference.events import Reference, ReferenceContact, distance
+from granular.reference.series import fraction
 from granular.scene import Scene
 from granular.scene import checked as a_scene
 from granular.scene.walls import Closing, fitted

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular import _check, _files
+from granular._check import optional
 from granular._describe import by_words
 from granular._kernels import have_numba
-from granular._optional import optional
 from granular.cases import Case, ready
 from granular.sweeps.results import RESULTS, STATUS, Result
 from granular.sweeps.subject import Subject, Values, Way, put, subject_of

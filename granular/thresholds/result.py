@@ -1,11 +1,12 @@
-"""`Threshold`: where the hard picture begins or ceases to hold, as a value, in words, and as a figure.
+"""What is asked of one value of the parameter, and `Threshold`: where the hard picture begins or ceases to hold, as a
+value, in words, and as a figure.
 May be skipped: many runs of the same engines.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from functools import cached_property
@@ -14,10 +15,87 @@ from os import PathLike
 from textwrap import fill
 from typing import Any
 
-from granular import _files
-from granular._drawing import GREY, HARD, SOFT, canvas
-from granular._tables import Report, aligned
-from granular.thresholds.criteria import CRITERIA, FAILS, HOLDS, UNDECIDED, Value
+from granular import _files, isolation
+from granular._reports import GREY, HARD, SOFT, Report, aligned, canvas
+from granular.cases import Case
+from granular.comparison.answer import Answer as Judgement
+from granular.outcome import SAME
+from granular.sweeps.results import Answer
+from granular.trajectory import EARLY
+
+HOLDS, FAILS, UNDECIDED = VERDICTS = ("holds", "fails", "undecided")
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """One value of the parameter.
+
+    Attributes
+    ----------
+    value : float
+        In SI units.
+    verdict : str
+        "holds", "fails", or "undecided" where a run did not come to its end.
+    measure : float
+        What decides: the error, in units of the fastest impact; or the time in s up to which every contact was
+        isolated, nan where that is the whole run.
+    why : str
+        The verdict's reason in words.
+    """
+
+    value: float
+    verdict: str
+    measure: float
+    why: str
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """A question about a case.
+
+    Attributes
+    ----------
+    judge : callable
+        Verdict, measure and reason for a case, and a limit.
+    what, how : str
+        What is so where hard spheres hold: `what` is `how`.
+    words : (2,) strs
+        The same in a word or two, and its contrary.
+    """
+
+    judge: Callable[[Case, float], tuple[str, float, str]]
+    what: str
+    how: str
+    words: tuple[str, str]
+
+
+def isolated(case: Case, limit: float) -> tuple[str, float, str]:
+    """Whether every contact up to the end of the soft run is isolated; the run ends at the first that is not."""
+    run = case.simulate("md", disturbed="stop", log=False)
+    time, pair = run.first_disturbed
+    if pair >= 0:
+        return FAILS, time, f"the first disturbed: {isolation.first_disturbed(run)}"
+    if run.status in EARLY:
+        return UNDECIDED, math.nan, f"{run.status.name}: {run.message}"
+    return HOLDS, math.nan, isolation.sentence(run) or "no contact"
+
+
+def error(case: Case, limit: float) -> tuple[str, float, str]:
+    """Whether the error of hard spheres, `granular.Comparison.error`, is at most `limit`, and nothing else is wrong."""
+    report = Answer(case).report
+    if report.answer is Judgement.undecided:
+        return UNDECIDED, math.nan, report.verdict
+    if report.error <= SAME and report.answer is not Judgement.yes:  # small, but for another reason it is no yes
+        return FAILS, report.error, report.verdict
+    return HOLDS if report.error <= limit else FAILS, report.error, f"error {report.error:.3g}"
+
+
+CRITERIA = {
+    "isolated": Criterion(isolated, "every contact", "isolated", ("isolated", "disturbed")),
+    "error": Criterion(error, "the error of hard spheres", "at most {error:g} of the fastest impact",
+                       ("small error", "large error")),
+}
+
 
 Interval = tuple[float, float]
 MOST = 20

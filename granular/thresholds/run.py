@@ -19,8 +19,7 @@ from granular.cases.build import sentence_of
 from granular.scene import Scene
 from granular.sweeps.plan import Plan, planned
 from granular.sweeps.results import REFUSED
-from granular.thresholds.criteria import CRITERIA, UNDECIDED, Criterion, Value
-from granular.thresholds.result import Threshold
+from granular.thresholds.result import CRITERIA, UNDECIDED, Criterion, Threshold, Value
 
 SPACINGS: Mapping[str, Callable[[float, float, int], Array]] = {"log": np.geomspace, "linear": np.linspace}
 MOST = 100_000

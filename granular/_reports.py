@@ -1,5 +1,6 @@
-"""What reports share: tables for the terminal and for Markdown, numbers with units, and JSON with provenance.
-May be skipped: words and numbers of what is computed elsewhere.
+"""What reports and figures share: tables for the terminal and for Markdown, numbers with units, JSON with provenance;
+how a figure begins, its colours and its sizes, 8 pt and columns as in Physical Review.
+May be skipped: words and pictures of what is computed elsewhere.
 """
 
 from __future__ import annotations
@@ -9,11 +10,13 @@ import os
 import platform
 import re
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from granular import _files
+from granular._check import optional
 from granular._describe import scene_to_json
 
 Rows = Sequence[Sequence[str]]
@@ -89,3 +92,28 @@ def duration(seconds: float) -> str:
     """Return a time with three digits and its unit."""
     scale, name = unit_of(seconds, "s", 1.0)
     return f"{seconds / scale:.3g} {name}"
+
+
+HARD, SOFT = "#c1440e", "#1f4e79"
+"""Colours of hard and soft spheres, told apart also in grey print."""
+GREY = "#8a8a8a"
+COLUMN, PAGE = 3.4, 7.0
+"""Widths in inches."""
+
+
+def style() -> AbstractContextManager[None]:
+    """Settings of matplotlib within which a figure for print is drawn and saved."""
+    context: AbstractContextManager[None] = optional("matplotlib", "plot").rc_context({
+        "font.size": 8.0, "axes.labelsize": 8.5, "axes.titlesize": 8.5, "legend.fontsize": 7.0,
+        "xtick.labelsize": 7.5, "ytick.labelsize": 7.5, "mathtext.fontset": "stix", "font.family": "STIXGeneral",
+        "axes.linewidth": 0.6, "lines.linewidth": 0.9, "xtick.direction": "in", "ytick.direction": "in",
+        "xtick.top": True, "ytick.right": True, "legend.frameon": False, "savefig.dpi": 300,
+        "xtick.major.width": 0.6, "ytick.major.width": 0.6, "xtick.minor.width": 0.4, "ytick.minor.width": 0.4,
+    })
+    return context
+
+
+def canvas(width: float, height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Any, Any]:
+    """Return a figure of this size in inches, and its axes as an array (rows, columns)."""
+    figure = optional("matplotlib.figure", "plot").Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
