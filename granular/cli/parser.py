@@ -17,10 +17,14 @@ from granular import _check, _files, cases
 from granular.cases.build import on_running
 from granular.cases.case import HELD, Option, options_of
 from granular.cases.ready import is_file
+from granular.trajectory import Trajectory
 
-COMMANDS = ("scenes", "run", "compare", "sweep", "threshold", "frontier", "stability", "page", "view")
-"""A command is a module of that name. Its docstring says what it does, `USAGE` what it takes. ``arguments(parser)``
-adds its options and returns those that come from a signature; ``run(given)`` does it; runs that it returns must end."""
+COMMANDS = {
+    "scenes": "one_scene:Scenes", "run": "one_scene:Run", "compare": "one_scene:Compare", "sweep": "sweep:Sweep",
+    "threshold": "studies:Threshold", "frontier": "studies:Frontier", "stability": "studies:Stability",
+    "page": "pages:Page", "view": "pages:View",
+}
+"""Where each command stands: a file beside this one, and a `Command` in it."""
 ABOUT = """\
 Balls on a line as hard spheres (edmd: event-driven, instantaneous collisions) and as soft spheres (md: Newton's
 equation with a contact force). Do the two agree? All numbers are in SI units."""
@@ -47,6 +51,25 @@ HIDDEN = HELD | {"engine", "log", "t_start", "watch"}
 """Options of the engines that the command line does not offer; a TOML file's [run] does."""
 
 
+class Command:
+    """What a command is. Its own docstring says what it does, in one line."""
+
+    USAGE = "SCENE|FILE.toml [options]"
+    """What it takes."""
+    TITLE = "run"
+    """Over its options."""
+
+    @staticmethod
+    def arguments(parser: argparse.ArgumentParser) -> list[Option]:
+        """Add its options; return those that come from a signature."""
+        return []
+
+    @staticmethod
+    def run(given: argparse.Namespace) -> list[Trajectory] | None:
+        """Do it; runs that it returns must have come to a proper end."""
+        raise NotImplementedError
+
+
 class Parser(argparse.ArgumentParser):
     """Raises ValueError with one sentence in place of printing usage and leaving."""
 
@@ -71,17 +94,17 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     commands = top.add_subparsers(title="commands, each with its own --help", metavar="COMMAND", required=True)
     if command.startswith("-"):
         for name in COMMANDS:
-            commands.add_parser(name, help=_about(import_module(f"granular.cli.{name}")).rstrip("."))
+            commands.add_parser(name, help=_about(_command(name)).rstrip("."))
         top.parse_args([command])
     _check.known([command], COMMANDS, "command")
-    module = import_module(f"granular.cli.{command}")
-    of_scene = module.USAGE.startswith("SCENE")
+    chosen = _command(command)
+    of_scene = chosen.USAGE.startswith("SCENE")
     target, rest = _target(rest) if of_scene else (None, rest)
-    parser = commands.add_parser(command, **_settings(command, module, target))
+    parser = commands.add_parser(command, **_settings(command, chosen, target))
     parameters = cases.options(target) if target in cases.names() and command != "scenes" else []
     _add(parser, f"scene {target}", parameters)
-    offered = [option for option in module.arguments(parser) or [] if option.name not in {p.name for p in parameters}]
-    _add(parser, module.__dict__.get("TITLE", "run"), offered)
+    offered = [option for option in chosen.arguments(parser) if option.name not in {p.name for p in parameters}]
+    _add(parser, chosen.TITLE, offered)
     found, extra = top.parse_known_args([command, *rest])
     flags = sorted(set(re.findall(r"--[a-z][\w-]*", parser.format_help()))) if extra else []
     _check.known([word.partition("=")[0] for word in extra if word[:1] == "-"], flags, f"option of {parser.prog}")
@@ -92,7 +115,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     given, run = ({option.name: getattr(found, option.name) for option in options if option.name in found}
                   for options in (parameters, offered))
     on_running[:] = [_told(target)]
-    return argparse.Namespace(**vars(found) | {"act": module.run, "target": target, "given": given, "run": run})
+    return argparse.Namespace(**vars(found) | {"act": chosen.run, "target": target, "given": given, "run": run})
 
 
 def case_of(given: argparse.Namespace) -> cases.Case:
@@ -132,14 +155,21 @@ def _target(rest: Sequence[str]) -> tuple[str | None, list[str]]:
     return None, list(rest)
 
 
-def _about(module: Any) -> str:
-    """What a command does: its docstring behind its name."""
-    return str(module.__doc__).partition(": ")[2].partition("\n")[0]
+def _command(name: str) -> type[Command]:
+    module, _, word = COMMANDS[name].partition(":")
+    command: type[Command] = getattr(import_module(f"granular.cli.{module}"), word)
+    return command
 
 
-def _settings(command: str, module: Any, target: str | None) -> dict[str, Any]:
+def _about(command: type[Command]) -> str:
+    """What a command does, as part of a sentence."""
+    about = str(command.__doc__)
+    return about[0].lower() + about[1:]
+
+
+def _settings(command: str, chosen: type[Command], target: str | None) -> dict[str, Any]:
     """Name, usage and description of a command, and of its scene."""
-    description, usage = _about(module), module.USAGE
+    description, usage = _about(chosen), chosen.USAGE
     settings = {"prog": f"granular {command}"}
     if usage.startswith("SCENE"):
         description += " All numbers are in SI units."
