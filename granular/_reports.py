@@ -17,7 +17,6 @@ from typing import Any
 
 from granular import _files
 from granular._check import optional
-from granular._describe import scene_to_json
 
 Rows = Sequence[Sequence[str]]
 """Rows of words, the first row the heads."""
@@ -43,6 +42,8 @@ class Report:
 
 def problem(report: Any) -> dict[str, Any]:
     """Return what was solved, for JSON: the scene in full, the laws, and when to stop."""
+    from granular._describe import scene_to_json
+
     return {"scene": scene_to_json(report.scene), "law": [repr(law) for law in report.law],
             "until": repr(report.until), "t_end": report.t_end}
 

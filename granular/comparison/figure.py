@@ -32,12 +32,7 @@ SMALL: dict[str, Any] = {"fontsize": 8}
 
 
 def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
-    """Draw what both engines make of the scene; return the figure, or save it to `path`.
-
-    From top to bottom: the verdict and the parameters; when the balls of each pair touch; the forces of the soft
-    spheres; the paths of all balls; and, where contacts of neighbours overlap in time, a lens on the distance of the
-    two balls that touch most often meanwhile, on its own scale.
-    """
+    """See `Comparison.plot`."""
     view, n = window(report), report.scene.n_pairs
     look = closeup(view)
     heights = [0.2 * min(n, 12) + 0.4, *([0.75] * n if n <= FEW else [0.2 * min(n, 12) + 1.0]), 2.4]

@@ -48,25 +48,7 @@ THICK, LEAST = 0.14, 0.16  # radius of the largest ball in lengths of the stage,
 def animate(
     report: Judged, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True
 ) -> None:
-    """Write a film of both engines; of at most 60 balls.
-
-    A fall has three times, as on the teaching page: the fall as fast as life, a stop at the floor, the contacts slowed
-    down (thousands of times, as the film says), and the flight as fast as life to the highest point of the top ball,
-    against a ruler. Where nothing falls, or contacts and flights take turns, all of the film has one time, slowed down
-    or not. Balls on which no gravity acts stand in a row. A lens shows the distance of the two balls that touch most
-    often while a neighbouring contact lasts.
-
-    Parameters
-    ----------
-    path : str or path
-        A ``.gif`` file, or an ``.mp4`` file where ffmpeg is installed.
-    seconds : float
-        How long the contacts are shown, in s; fall, stop and flight come on top of it.
-    fps : int
-        Pictures per second.
-    whole : bool
-        False leaves out fall and flight: one slow motion of the contacts, as long as `seconds` says.
-    """
+    """See `Comparison.animate`."""
     ending = check_film(path)
     _check.number("seconds", seconds, above=0.0)
     _check.whole("fps", fps, at_least=1)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, edmd, end_time, isolation, measures, outcome, theory
+from granular import _check, edmd, end_time, isolation, measures, outcome
 from granular import until as stop
 from granular._check import Array
 from granular.binary import at_speed
@@ -133,6 +133,8 @@ class Compared:
         eps, v_rel = self.restitution_spec, self.pairs[-1].soft_v_rel
         if not self._is_drop or max(eps) - min(eps) > 1e-9 or not self.impact_speed > 0.0 or math.isnan(v_rel):
             return math.nan
+        from granular import theory
+
         return theory.effective_restitution(v_rel, self.impact_speed) / eps[0]
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from granular import edmd, end_time, md
 from granular import until as stop
 from granular._reports import Report
-from granular.comparison import figure, film, report
+from granular.comparison import report
 from granular.comparison.answer import Judged
 from granular.comparison.further import rule_of
 from granular.drive import EVENTS, check_end
@@ -51,8 +52,41 @@ class Comparison(Judged, Report):
 
     __str__ = report.table
     _numbers = report.numbers
-    plot = figure.plot
-    animate = film.animate
+
+    def plot(self, path: str | PathLike[str] | None = None) -> Any:
+        """Draw what both engines make of the scene; return the figure, or save it to `path`.
+
+        From top to bottom: the verdict and the parameters; when the balls of each pair touch; the forces of the soft
+        spheres; the paths of all balls; and, where contacts of neighbours overlap in time, a lens on the distance of
+        the two balls that touch most often meanwhile, on its own scale.
+        """
+        from granular.comparison import figure
+
+        return figure.plot(self, path)
+
+    def animate(self, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True) -> None:
+        """Write a film of both engines; of at most 60 balls.
+
+        A fall has three times, as on the teaching page: the fall as fast as life, a stop at the floor, the contacts
+        slowed down (thousands of times, as the film says), and the flight as fast as life to the highest point of the
+        top ball, against a ruler. Where nothing falls, or contacts and flights take turns, all of the film has one
+        time, slowed down or not. Balls on which no gravity acts stand in a row. A lens shows the distance of the two
+        balls that touch most often while a neighbouring contact lasts.
+
+        Parameters
+        ----------
+        path : str or path
+            A ``.gif`` file, or an ``.mp4`` file where ffmpeg is installed.
+        seconds : float
+            How long the contacts are shown, in s; fall, stop and flight come on top of it.
+        fps : int
+            Pictures per second.
+        whole : bool
+            False leaves out fall and flight: one slow motion of the contacts, as long as `seconds` says.
+        """
+        from granular.comparison import film
+
+        film.animate(self, path, seconds, fps, whole=whole)
 
 
 def compare(
