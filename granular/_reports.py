@@ -11,7 +11,6 @@ import platform
 import re
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,7 @@ class Report:
         plain: dict[str, Any] = _files.plain({"provenance": _files.provenance(), **self._numbers()})
         return plain
 
-    def to_json(self, path: str | PathLike[str]) -> None:
+    def to_json(self, path: str | os.PathLike[str]) -> None:
         """Write `to_dict` to a file, whole or not at all."""
         _files.write_json(path, self.to_dict())
 

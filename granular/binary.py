@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular import _check, md
-from granular._check import Array
 from granular.laws import dashpot
 from granular.laws.contact_law import PairLaw, instance, resolve
 from granular.laws.kinds import held, resolved
@@ -84,10 +83,10 @@ def restitution(law: Any, pair: Pair, speed: float) -> float: ...
 
 
 @overload
-def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | Array: ...
+def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | _check.Array: ...
 
 
-def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | Array:
+def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | _check.Array:
     """ε of an isolated contact of `pair` under `law` at impact speed `speed` in m/s; see `collision`.
 
     For an array of speeds, an array of the same shape.

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from granular import _check, _files
-from granular._check import optional
 from granular._reports import HARD, PAGE, Report, aligned, canvas, number
 from granular.cases import Case
 from granular.frontiers.methods import Task, contacts_of, errors
@@ -142,7 +141,7 @@ class Stability(Report):
         (_, *methods), *lines = self.table()
         ends = np.cumsum([0, *(len(words.split()) for words in lines[0][1:])])
         figure, ((axis,),) = canvas(PAGE, 0.95 + 0.18 * len(lines))
-        blues = optional("matplotlib", "plot").colormaps["Blues_r"](np.linspace(0.95, 0.0, 30))
+        blues = _check.optional("matplotlib", "plot").colormaps["Blues_r"](np.linspace(0.95, 0.0, 30))
         colours = dict(zip(map(str, range(17)), blues, strict=False)) | {"!": "0.85", "✗": HARD}
         for (y, x), sign in np.ndenumerate(np.array([" ".join(line[1:]).split() for line in lines])):
             axis.fill_between([x, x + 1], y, y + 1, color=colours.get(sign, "white"), lw=0)

@@ -115,7 +115,7 @@ def test_nonlinear_laws_have_a_tolerance_and_laws_with_memory_no_solver_without_
     scene, law, end = scene_and_law(lambda pair: gr.Hertz(1e9))
     truth = reference.Reference(contacts_of(gr.md.simulate(scene, law, **end)), 0.8, "until", "")
     method = own(Task(scene, tuple(law), end["until"], None, truth), "located")
-    assert (method.dial, len(method.settings)) == ("tol", 7)
+    assert (method.setting_name, len(method.settings)) == ("tol", 7)
     scene, law, end = scene_and_law(lambda pair: gr.WaltonBraun(5e7, 1e8))
     report = gr.frontier(scene, law, **end, methods=("located", "dop853"), repeats=1)
     assert report.methods == ("located",)

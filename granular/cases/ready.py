@@ -9,7 +9,6 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -261,7 +260,7 @@ def names() -> list[str]:
 
 def is_file(scene: Any) -> bool:
     """Return whether a word is no name of a case, but of a file: by its ending, or because there is one."""
-    if not isinstance(scene, (str, PathLike)) or scene in TEMPLATES:
+    if not isinstance(scene, (str, os.PathLike)) or scene in TEMPLATES:
         return False
     return os.fspath(scene).lower().endswith(".toml") or os.path.exists(scene)
 

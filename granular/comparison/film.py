@@ -111,8 +111,7 @@ class Page:
 
     def show(self, k: int) -> Any:
         """Draw the picture of number `k`, what does not move with the first of them; return its pixels."""
-        from matplotlib import artist as artists
-        from matplotlib import transforms
+        from matplotlib import artist as artists, transforms
 
         if k == 0:
             self.canvas = optional("matplotlib.backends.backend_agg", "animate").FigureCanvasAgg(self.figure)

@@ -11,9 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, edmd, end_time, isolation, measures, outcome
-from granular import until as stop
-from granular._check import Array
+from granular import _check, edmd, end_time, isolation, measures, outcome, until as stop
 from granular.binary import at_speed
 from granular.comparison.further import LawRule, hard_rise, roots, soft_rise
 from granular.laws.contact_law import PairLaw
@@ -80,7 +78,7 @@ class Compared:
         return components(*self.levelled)
 
     @cached_property
-    def units(self) -> Array:
+    def units(self) -> _check.Array:
         """Largest closing speed in m/s of each component, see `granular.outcome.units`."""
         return units(*self.levelled, self.components)
 
@@ -219,7 +217,7 @@ class Compared:
         return math.nan if self._early else float(self.errors.max(initial=0.0))
 
     @cached_property
-    def errors(self) -> Array:
+    def errors(self) -> _check.Array:
         """The error of each component, in its unit; 0 where balls rest on each other from the start."""
         moves = ~self.lying[self.components.of_pair]
         off = self.components.largest(np.where(moves, self._apart[1], 0.0), self._apart[0]) / self.units
@@ -235,17 +233,17 @@ class Compared:
         return ~moves
 
     @cached_property
-    def tie_errors(self) -> dict[str, Array]:
+    def tie_errors(self) -> dict[str, _check.Array]:
         """How far balls leave, in units of their component, under each other tie rule; empty without ties."""
         return {name: self._leaving_apart(run) for name, run in self._other_answers.items()}
 
     @cached_property
-    def shift_errors(self) -> Array:
+    def shift_errors(self) -> _check.Array:
         """How far balls leave, in units of their component, from gaps shifted by 1e-12 of themselves."""
         return self._leaving_apart(*self._shifted)
 
     @cached_property
-    def shifts(self) -> Array:
+    def shifts(self) -> _check.Array:
         """D of hard spheres against themselves, gaps shifted by 1e-12 of themselves, of each component."""
         mass = np.where(self.scene.is_wall, 0.0, self.scene.mass)
         apart = differences(*self._shifted)[0]
@@ -278,7 +276,7 @@ class Compared:
         return self.impact_speed if self.impact_speed > 0.0 else 1.0
 
     @cached_property
-    def _apart(self) -> tuple[Array, Array]:
+    def _apart(self) -> tuple[_check.Array, _check.Array]:
         """Differences in m/s of the two runs, by balls and by pairs; where a pair rests, of all its contacts."""
         balls, pairs = differences(*self.levelled)
         for c, apart in self.resting.items():
@@ -320,12 +318,12 @@ class Compared:
                 return edmd.simulate(run.scene, self.rule, **merging)
         return run
 
-    def _leaving_apart(self, one: Trajectory, other: Trajectory | None = None) -> Array:
+    def _leaving_apart(self, one: Trajectory, other: Trajectory | None = None) -> _check.Array:
         """Largest difference of leaving velocities of two hard runs, in units of each component."""
         apart = differences(one, other or self._shifted[1])[0]
         return self.components.largest(np.full(self.scene.n_pairs, 0.0), apart) / self.units
 
-    def _distance(self, apart: Array) -> float:
+    def _distance(self, apart: _check.Array) -> float:
         """D = √(Σ m Δu² / Σ m U²) over all balls that touch one, U the unit of a ball's component."""
         mass, of = np.where(self.scene.is_wall, 0.0, self.scene.mass), self.components.of_ball
         unit = np.append(self.units, 0.0)[of]

@@ -9,16 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from granular import edmd, end_time, md
-from granular import until as stop
+from granular import edmd, end_time, md, until as stop
 from granular._reports import Report
 from granular.comparison import report
 from granular.comparison.answer import Judged
 from granular.comparison.further import rule_of
 from granular.drive import EVENTS, check_end
 from granular.laws.check import checked
-from granular.scene import Scene
-from granular.scene import checked as a_scene
+from granular.scene import Scene, checked as a_scene
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import _files
-from granular import until as stop
+from granular import _files, until as stop
 from granular._reports import Report, aligned, canvas, duration, number, problem
 from granular.md.integrators import INTEGRATORS
 from granular.reference import Reference

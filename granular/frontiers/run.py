@@ -12,17 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, md
-from granular import until as stop
-from granular._check import Array
+from granular import _check, md, until as stop
 from granular._reports import machine
 from granular.frontiers.methods import PEERS, Method, Task, contacts_of, errors, expected_order, own, peer
 from granular.frontiers.result import NEAR, Frontier, Row
 from granular.laws.check import checked
 from granular.md.integrators import INTEGRATORS as FIXED
 from granular.reference import Reference, solve
-from granular.scene import Scene
-from granular.scene import checked as a_scene
+from granular.scene import Scene, checked as a_scene
 from granular.trajectory import Status, Trajectory
 
 METHODS = ("located", *FIXED, "edmd", *PEERS)
@@ -147,6 +144,6 @@ def _nudged(scene: Scene) -> list[Scene]:
                      for below, way in sides)]
 
 
-def _next(numbers: Array, way: Array) -> Array:
+def _next(numbers: _check.Array, way: _check.Array) -> _check.Array:
     """The next numbers upwards (inf) or downwards (-inf); 0 stays."""
     return np.where(numbers == 0.0, 0.0, np.nextafter(numbers, way))

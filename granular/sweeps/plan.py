@@ -10,13 +10,11 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
-from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from granular import _check, _files
-from granular._check import optional
 from granular._describe import by_words
 from granular._kernels import have_numba
 from granular.cases import Case, ready
@@ -143,7 +141,7 @@ def _result(ask: Ask) -> Result:
 
 def xarray_() -> Any:
     """Return the module xarray."""
-    return optional("xarray", "sweep")
+    return _check.optional("xarray", "sweep")
 
 
 def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: dict[str, Any]) -> xarray.Dataset:
@@ -173,9 +171,9 @@ def question(plan: Plan) -> str:
     return json.dumps(words, default=repr, sort_keys=True)
 
 
-def write(data: xarray.Dataset, path: str | PathLike[str]) -> None:
+def write(data: xarray.Dataset, path: str | os.PathLike[str]) -> None:
     """Write a data set to a netCDF file, whole or not at all."""
-    optional("netCDF4", "a netCDF file")
+    _check.optional("netCDF4", "a netCDF file")
 
     def fill(draft: str) -> None:
         try:
@@ -187,7 +185,7 @@ def write(data: xarray.Dataset, path: str | PathLike[str]) -> None:
     _files.write(path, fill)
 
 
-def resume(path: str | PathLike[str], plan: Plan, over: dict[str, Values]) -> tuple[dict[str, Any], dict[str, str]]:
+def resume(path: str | os.PathLike[str], plan: Plan, over: dict[str, Values]) -> tuple[dict[str, Any], dict[str, str]]:
     """Return the results that a file already has, and its notes; nothing if it is not there.
 
     Raises
