@@ -9,7 +9,7 @@ import math
 import os
 import platform
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from granular._check import optional
 
 Rows = Sequence[Sequence[str]]
 """Rows of words, the first row the heads."""
+LONG = re.compile(r"\d+\.\d*(?:e[-+]?\d+)?")
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 """Multiples of a unit such as the second or the metre."""
 
@@ -73,6 +74,24 @@ def markdown(rows: Rows) -> str:
     """Return a table in Markdown."""
     head, *others = ("| " + " | ".join(row) + " |" for row in rows)
     return "\n".join([head, "|" + "---|" * len(rows[0]), *others])
+
+
+def alike(laws: Iterable[Any]) -> dict[str, list[int]]:
+    """Return the pairs that have each different law or rule, by its words."""
+    found: dict[str, list[int]] = {}
+    for pair, law in enumerate(laws):
+        found.setdefault(repr(law), []).append(pair)
+    return found
+
+
+def named_pairs(pairs: Sequence[int], n: int) -> str:
+    """Return which of `n` pairs these are, in words."""
+    return f"pair {pairs[0]}" if len(pairs) == 1 else "all pairs" if len(pairs) == n else f"{len(pairs)} pairs"
+
+
+def shortened(text: str) -> str:
+    """Return a law or a wall in words with four digits of its numbers."""
+    return LONG.sub(lambda found: f"{float(found[0]):.4g}", text)
 
 
 def number(value: float, form: str = ".6g", none: str = "–") -> str:

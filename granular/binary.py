@@ -113,6 +113,14 @@ def at_speed(known: PairLaw, speed: float) -> float:
     return _integrated(known.law, known.pair, max(speed, SLOWEST)).restitution
 
 
+def at_speed_or_nan(known: PairLaw, speed: float) -> float:
+    """The same; nan if the contact does not end."""
+    try:
+        return at_speed(known, speed)
+    except (ValueError, ArithmeticError):
+        return math.nan
+
+
 def damping_ratio(known: PairLaw) -> float | None:
     """ζ of the dashpot with the law's restitution at every speed; None if ε is not known to be the same at all."""
     if known.form is None:

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from granular import _check, edmd, end_time, isolation, measures, outcome, until as stop
-from granular.binary import at_speed
+from granular.binary import at_speed_or_nan
 from granular.comparison.further import LawRule, hard_rise, roots, soft_rise
-from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import resolved
 from granular.measures import Overlap
 from granular.outcome import Components, PairOutcome, components, counted, differences, rests_apart, units
@@ -122,14 +121,14 @@ class Compared:
 
         nan where such a contact does not end.
         """
-        return tuple(resolved(self.law, self.scene).column(lambda law: _restitution(law, self._speed)).tolist())
+        return tuple(resolved(self.law, self.scene).column(lambda law: at_speed_or_nan(law, self._speed)).tolist())
 
     @cached_property
     def restitution_ratio(self) -> float:
         """ε_eff/ε_spec for floor and two balls of one ε, from the closed form of the paper; nan for other scenes, with
         a driven floor or forces too."""
         eps, v_rel = self.restitution_spec, self.pairs[-1].soft_v_rel
-        if not self._is_drop or max(eps) - min(eps) > 1e-9 or not self.impact_speed > 0.0 or math.isnan(v_rel):
+        if not is_drop(self.scene) or max(eps) - min(eps) > 1e-9 or not self.impact_speed > 0.0 or math.isnan(v_rel):
             return math.nan
         from granular import theory
 
@@ -138,15 +137,8 @@ class Compared:
     @property
     def drop(self) -> float:
         """Height in m from which two balls fall on a floor together; nan for other scenes."""
-        falls = self._is_drop and self.scene.gravity > 0.0
+        falls = is_drop(self.scene) and self.scene.gravity > 0.0
         return self.impact_speed**2 / (2.0 * self.scene.gravity) if falls else math.nan
-
-    @property
-    def _is_drop(self) -> bool:
-        """Whether two balls fall on a floor together, without driven walls or other forces."""
-        scene = self.scene
-        together = scene.n == 3 and scene.is_wall.tolist() == [True, False, False]
-        return together and scene.velocity[1] == scene.velocity[2] and not forced(scene)
 
     @cached_property
     def rises(self) -> tuple[float, float]:
@@ -331,9 +323,7 @@ class Compared:
         return math.sqrt(float(np.nansum(mass * apart**2)) / scale) if scale > 0.0 else math.nan
 
 
-def _restitution(law: PairLaw, speed: float) -> float:
-    """ε of an isolated contact; nan if it does not end."""
-    try:
-        return at_speed(law, speed)
-    except (ValueError, ArithmeticError):
-        return math.nan
+def is_drop(scene: Scene) -> bool:
+    """Whether two balls fall on a floor together, without driven walls or other forces."""
+    together = scene.n == 3 and scene.is_wall.tolist() == [True, False, False]
+    return together and scene.velocity[1] == scene.velocity[2] and not forced(scene)

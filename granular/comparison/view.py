@@ -6,7 +6,6 @@ May be skipped: pictures, no physics.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property
@@ -16,7 +15,7 @@ import numpy as np
 
 from granular import edmd, md
 from granular._check import Array
-from granular._reports import GREY, HARD, PREFIXES, SOFT, unit_of
+from granular._reports import GREY, HARD, PREFIXES, SOFT, shortened, unit_of
 from granular.comparison.answer import Judged
 from granular.isolation import Durations
 from granular.laws.kinds import resolved
@@ -24,8 +23,6 @@ from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 from granular.until import Separated
 
-LONG = re.compile(r"\d+\.\d*(?:e[-+]?\d+)?")
-"""Numbers within the name of a wall."""
 SAME = 1e-9
 """Numbers whose relative difference is less are one number."""
 EXPONENTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -61,7 +58,7 @@ def _scene(report: Judged) -> str:
     told += [f"first impact at {number(report.impact_speed)} m/s"] * (report.impact_speed > 0.0)
     told += [f"g = {number(scene.gravity)} m/s²"] * (scene.gravity > 0.0)
     walls = [repr(wall) for wall in (scene.floor, scene.ceiling) if wall is not None]
-    return ", ".join([*told, *(LONG.sub(lambda found: f"{float(found[0]):.4g}", wall) for wall in walls)])
+    return ", ".join([*told, *map(shortened, walls)])
 
 
 def _laws(report: Judged) -> str:

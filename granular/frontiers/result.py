@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from itertools import cycle
 from os import PathLike
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from granular import _files, until as stop
-from granular._reports import Report, aligned, canvas, duration, number, problem
+from granular._reports import Report, aligned, canvas, duration, number, problem, shortened
 from granular.md.integrators import INTEGRATORS
 from granular.reference import Reference
 from granular.scene import Scene
@@ -137,14 +137,43 @@ class Frontier(Report):
         return min(rows, key=lambda row: row.seconds, default=None)
 
     def __str__(self) -> str:
-        return _table(self)
+        return f"{self.scene!r}, {laws(self)}\n{_origin(self)}\n\n" + "\n\n".join([
+            aligned([["method", "setting", "error of v", "error of t", "contacts", "run time", "work"],
+                     *(_row(row, self.dials[row.method]) for row in self.rows)], "<>>><><"),
+            aligned([["order in", "", "measured", "min(p, 1+s)", "textbook p"], *_orders(self)], "<>"),
+            aligned([["error of v below", "located", "fastest other"], *(_goal(self, goal) for goal in GOALS)], "<><"),
+        ])
+
+    def _numbers(self) -> dict[str, Any]:
+        truth = self.reference
+        return {
+            "provenance": _files.provenance() | {"run_on": dict(self.machine)},
+            "seed": None,  # no random numbers are used; the scene is here in full
+            **problem(self),
+            "reference": {
+                "solver": truth.solver, "velocity_error": truth.velocity_error, "time_error": truth.time_error,
+                "impact_speed": truth.impact_speed, "status": truth.status, "t_stop": truth.t_stop,
+                "contacts": [{"pair": row.pair} | {name: _digits(getattr(row, name)) for name in OF_A_CONTACT}
+                             for row in truth.contacts],
+            },
+            "rounding_level": self.rounding_level,
+            "rows": [asdict(row) | {"dial": self.dials[row.method]} for row in self.rows],
+            "orders": {name: dict(zip(("textbook", "expected"), self.orders.get(name, (None, None)), strict=True))
+                       | {"measured": self.order(name)} for name in self.methods},
+        }
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
         """Draw errors over run time; return the figure, or save it to `path` (format by the file's ending)."""
-        return _plot(self, path)
-
-    def _numbers(self) -> dict[str, Any]:
-        return _all_numbers(self)
+        figure, ((left, right),) = canvas(7.1, 4.4, 1, 2, sharex=True, sharey=True)
+        _errors(left, self, "velocity_error", "impact speed")
+        left.set_title("velocities after the last contacts", fontsize=8.5)
+        _shade(left, NEAR * self.rounding_level, "rounding")
+        _errors(right, self, "time_error", "longest contact")
+        right.set_title("onset and end of contacts", fontsize=8.5)
+        _shade(right, self.clock_digit, "last digit of the clock")
+        _legend(figure, self)
+        figure.suptitle(_title(self), fontsize=8, x=0.01, ha="left")
+        return _files.write_figure(path, figure, dpi=130)
 
 
 GOALS = (1e-3, 1e-6, 1e-9, 1e-12)
@@ -152,47 +181,10 @@ GOALS = (1e-3, 1e-6, 1e-9, 1e-12)
 OF_A_CONTACT = ("t_begin", "t_end", "v_in", "v_out")
 
 
-def _table(report: Frontier) -> str:
-    """The report a person reads."""
-    return f"{report.scene!r}, {laws(report)}\n{_origin(report)}\n\n" + "\n\n".join([
-        aligned([["method", "setting", "error of v", "error of t", "contacts", "run time", "work"],
-                 *(_row(row, report.dials[row.method]) for row in report.rows)], "<>>><><"),
-        aligned([["order in", "", "measured", "min(p, 1+s)", "textbook p"], *_orders(report)], "<>"),
-        aligned([["error of v below", "located", "fastest other"], *(_goal(report, goal) for goal in GOALS)], "<><"),
-    ])
-
-
-def _all_numbers(report: Frontier) -> dict[str, Any]:
-    """All numbers, with the machine they were measured on."""
-    truth = report.reference
-    return {
-        "provenance": _files.provenance() | {"run_on": dict(report.machine)},
-        "seed": None,  # no random numbers are used; the scene is here in full
-        **problem(report),
-        "reference": {
-            "solver": truth.solver, "velocity_error": truth.velocity_error, "time_error": truth.time_error,
-            "impact_speed": truth.impact_speed, "status": truth.status, "t_stop": truth.t_stop,
-            "contacts": [{"pair": row.pair} | {name: _digits(getattr(row, name)) for name in OF_A_CONTACT}
-                         for row in truth.contacts],
-        },
-        "rounding_level": report.rounding_level,
-        "rows": [asdict(row) | {"dial": report.dials[row.method]} for row in report.rows],
-        "orders": {name: dict(zip(("textbook", "expected"), report.orders.get(name, (None, None)), strict=True))
-                   | {"measured": report.order(name)} for name in report.methods},
-    }
-
-
 def laws(report: Frontier) -> str:
     """The force laws in few words."""
-    shown = list(dict.fromkeys(_short(law) for law in report.law))
+    shown = list(dict.fromkeys(shortened(repr(law)) for law in report.law))
     return shown[0] if len(shown) == 1 else f"{shown[0]} … {shown[-1]}"
-
-
-def _short(law: Any) -> str:
-    """A law with four digits of its numbers."""
-    if not is_dataclass(law):
-        return repr(law)
-    return f"{type(law).__name__}({', '.join(f'{f.name}={getattr(law, f.name):.4g}' for f in fields(law))})"
 
 
 def _origin(report: Frontier) -> str:
@@ -258,20 +250,6 @@ LOOKS = {name: look for members in FAMILIES.values() for name, look in members.i
 CROSS = {"ls": "none", "marker": "x", "color": "black", "mew": 1.2, "zorder": 6}
 LEAST = 2e-17
 """Errors below are drawn here: a double has no more digits."""
-
-
-def _plot(report: Frontier, path: str | PathLike[str] | None) -> Any:
-    """Draw errors over run time."""
-    figure, ((left, right),) = canvas(7.1, 4.4, 1, 2, sharex=True, sharey=True)
-    _errors(left, report, "velocity_error", "impact speed")
-    left.set_title("velocities after the last contacts", fontsize=8.5)
-    _shade(left, NEAR * report.rounding_level, "rounding")
-    _errors(right, report, "time_error", "longest contact")
-    right.set_title("onset and end of contacts", fontsize=8.5)
-    _shade(right, report.clock_digit, "last digit of the clock")
-    _legend(figure, report)
-    figure.suptitle(_title(report), fontsize=8, x=0.01, ha="left")
-    return _files.write_figure(path, figure, dpi=130)
 
 
 def _errors(axis: Any, report: Frontier, quantity: str, unit: str) -> None:

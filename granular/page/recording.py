@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import base64
 import math
-import re
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -22,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array
-from granular.binary import at_speed
-from granular.laws.contact_law import PairLaw
+from granular._reports import alike, named_pairs, shortened
+from granular.binary import at_speed_or_nan
 from granular.laws.kinds import resolved
 from granular.measures import ACCOUNT, balance, impact_speed
 from granular.scene import Scene
@@ -232,7 +231,6 @@ def _flown(scene: Scene, x: Array, v: Array, dt: float) -> tuple[Array, Array]:
 MANY = 6
 """Up to this many values or laws are told one by one."""
 WALLS = {"floor and ceiling": "walls at both ends", "floor": "left wall", "ceiling": "right wall"}
-LONG = re.compile(r"\d+\.\d*(?:e[-+]?\d+)?")
 
 
 def about(run: Trajectory) -> list[list[str]]:
@@ -254,7 +252,7 @@ def about(run: Trajectory) -> list[list[str]]:
 
 def scene_in_words(of: Scene) -> str:
     """Return the words of a scene: its balls, what is at its ends (walls, where nothing falls), what acts."""
-    said = LONG.sub(lambda found: f"{float(found[0]):.4g}", repr(of)[len("Scene(") : -1])
+    said = shortened(repr(of)[len("Scene(") : -1])
     if of.gravity == 0.0:
         for named, words in WALLS.items():
             said = said.replace(named, words)
@@ -274,20 +272,13 @@ def _values(values: Array) -> str:
 def _laws(run: Trajectory) -> str:
     """Every different law or rule with its pairs, and the ε of soft contacts at the speed of the first impact."""
     given = run.law if run.rule is None else run.rule
-    of_law: dict[str, list[int]] = {}
-    for c, one in enumerate(given or ()):
-        of_law.setdefault(repr(one), []).append(c)
+    of_law = alike(given or ())
     eps = _restitutions(run) if run.rule is None else np.full(run.scene.n_pairs, math.nan)
-    shown = [_which(pairs, run.scene.n_pairs) + LONG.sub(lambda found: f"{float(found[0]):.4g}", law) + _eps(eps[pairs])
+    n = run.scene.n_pairs
+    shown = [f"{named_pairs(pairs, n)}: " * (len(pairs) < n) + shortened(law) + _eps(eps[pairs])
              for law, pairs in list(of_law.items())[:MANY]]
     more = len(of_law) - len(shown)
     return "; ".join(shown) + f"; {more} more" * (more > 0)
-
-
-def _which(pairs: list[int], n: int) -> str:
-    if len(pairs) == n:
-        return ""
-    return f"pair {pairs[0]}: " if len(pairs) == 1 else f"{len(pairs)} pairs: "
 
 
 def _eps(values: Array) -> str:
@@ -299,12 +290,5 @@ def _restitutions(run: Trajectory) -> Array:
     laws, speed = resolved(run.law or (), run.scene), impact_speed(run)
     if len(laws.in_pairs[1]) > MANY or not speed > 0.0:
         return np.full(run.scene.n_pairs, math.nan)
-    eps: Array = laws.column(lambda law: _restitution(law, speed))
+    eps: Array = laws.column(lambda law: at_speed_or_nan(law, speed))
     return eps
-
-
-def _restitution(law: PairLaw, speed: float) -> float:
-    try:
-        return at_speed(law, speed)
-    except (ValueError, ArithmeticError):
-        return math.nan

@@ -165,16 +165,42 @@ class Threshold(Report):
     values: tuple[Value, ...]
 
     def __str__(self) -> str:
-        return _table(self)
+        low, high = self.between
+        return "\n".join([
+            self.title,
+            f"scanned: {self.over} from {low:g} to {high:g}{_unit(self)}, {self.points} values ({self.spacing}), "
+            f"then every change bisected to {self.within:g} of its value; {len(self.values)} runs",
+            *_crossings(self), "", self.sentence,
+        ])
 
     @property
     def sentence(self) -> str:
         """Where hard spheres hold, in one or two sentences."""
-        return _sentence(self)
+        if not self.undecided:
+            return _decided(self)
+        first = next(one for one in self.values if one.verdict == UNDECIDED)
+        doubt = (f"Undecided {_spans(self, self.undecided)}; at {self.over} = {first.value:.4g}{_unit(self)}: "
+                 f"{first.why.rstrip('.')}.")
+        return f"{_decided(self)} {doubt}" if self.holds or self.fails else doubt
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
         """Draw error, or time of the first disturbance, over the values; return the figure, or save it to `path`."""
-        return _plot(self, path)
+        figure, ((axis,),) = canvas(5.2, 3.2)
+        for low, high in self.holds:
+            axis.axvspan(low, high, color=SOFT, alpha=0.12, lw=0)
+        for crossing in self.crossings:
+            axis.axvline(crossing.value, color="black", lw=0.7, ls=":")
+        for verdict, look in MARKERS.items():
+            shown = [one for one in self.values if one.verdict == verdict]
+            known = [one for one in shown if math.isfinite(one.measure)]
+            axis.plot([one.value for one in known], [one.measure for one in known], ls="none", ms=4, mew=0.9, **look)
+            others = [one.value for one in shown if not math.isfinite(one.measure)]
+            axis.plot(others, [0.97] * len(others), ls="none", ms=4, transform=axis.get_xaxis_transform(), **look)
+            if shown:
+                axis.plot([], [], ls="none", ms=4, label=_name(self, verdict), **look)
+        _axes(axis, self)
+        figure.suptitle(fill(self.sentence, 80), fontsize=8.5, x=0.02, ha="left")
+        return _files.write_figure(path, figure, dpi=150)
 
     @cached_property
     def crossings(self) -> tuple[Crossing, ...]:
@@ -213,29 +239,6 @@ class Threshold(Report):
 
 
 # --- in words: nothing is said but of what was scanned
-
-
-def _table(report: Threshold) -> str:
-    """The report a person reads."""
-    low, high = report.between
-    tried = len(report.values)
-    lines = [
-        f"{report.title}",
-        f"scanned: {report.over} from {low:g} to {high:g}{_unit(report)}, {report.points} values ({report.spacing}), "
-        f"then every change bisected to {report.within:g} of its value; {tried} runs",
-        *_crossings(report), "", report.sentence,
-    ]
-    return "\n".join(lines)
-
-
-def _sentence(report: Threshold) -> str:
-    """Where hard spheres hold, in one or two sentences."""
-    if not report.undecided:
-        return _decided(report)
-    first = next(one for one in report.values if one.verdict == UNDECIDED)
-    doubt = (f"Undecided {_spans(report, report.undecided)}; at {report.over} = {first.value:.4g}{_unit(report)}: "
-             f"{first.why.rstrip('.')}.")
-    return f"{_decided(report)} {doubt}" if report.holds or report.fails else doubt
 
 
 def _decided(report: Threshold) -> str:
@@ -287,7 +290,8 @@ def _crossings(report: Threshold) -> Iterator[str]:
     digits = 3 + math.ceil(-math.log10(report.within))
     for crossing in found[:MOST]:
         low, high = crossing.low, crossing.high
-        rows.append([f"{low.value:.{digits}g} … {high.value:.{digits}g}", _name(report, low), _name(report, high),
+        rows.append([f"{low.value:.{digits}g} … {high.value:.{digits}g}", _name(report, low.verdict),
+                     _name(report, high.verdict),
                      next((one.why for one in (low, high) if one.verdict != HOLDS), "")])
     yield ""
     yield aligned(rows, "<")
@@ -295,10 +299,10 @@ def _crossings(report: Threshold) -> Iterator[str]:
         yield f"({len(found) - MOST} more crossings not shown; all are in the JSON)"
 
 
-def _name(report: Threshold, one: Value) -> str:
+def _name(report: Threshold, verdict: str) -> str:
     """A verdict in the words of the criterion."""
     good, bad = CRITERIA[report.criterion].words
-    return {HOLDS: good, FAILS: bad}.get(one.verdict, one.verdict)
+    return {HOLDS: good, FAILS: bad}.get(verdict, verdict)
 
 
 def _unit(report: Threshold) -> str:
@@ -306,27 +310,6 @@ def _unit(report: Threshold) -> str:
 
 
 # --- as a figure: what decides, over the values; where hard spheres hold is shaded
-
-
-def _plot(report: Threshold, path: str | PathLike[str] | None = None) -> Any:
-    """Draw error, or time of the first disturbance, over the values; return the figure, or save it to `path`."""
-    figure, ((axis,),) = canvas(5.2, 3.2)
-    for low, high in report.holds:
-        axis.axvspan(low, high, color=SOFT, alpha=0.12, lw=0)
-    for crossing in report.crossings:
-        axis.axvline(crossing.value, color="black", lw=0.7, ls=":")
-    for verdict, look in MARKERS.items():
-        shown = [one for one in report.values if one.verdict == verdict]
-        known = [one for one in shown if math.isfinite(one.measure)]
-        axis.plot([one.value for one in known], [one.measure for one in known], ls="none", ms=4, mew=0.9, **look)
-        others = [one.value for one in shown if not math.isfinite(one.measure)]
-        axis.plot(others, [0.97] * len(others), ls="none", ms=4, transform=axis.get_xaxis_transform(), **look)
-        if shown:
-            good, bad = CRITERIA[report.criterion].words
-            axis.plot([], [], ls="none", ms=4, label={HOLDS: good, FAILS: bad}.get(verdict, verdict), **look)
-    _axes(axis, report)
-    figure.suptitle(fill(report.sentence, 80), fontsize=8.5, x=0.02, ha="left")
-    return _files.write_figure(path, figure, dpi=150)
 
 
 def _axes(axis: Any, report: Threshold) -> None:
