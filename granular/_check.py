@@ -20,6 +20,8 @@ LARGEST = 2**63 - 1
 """The largest whole number that arrays hold."""
 MOST = 10_000_000
 """What one number may ask for: balls of a ready-made scene, rows of a run; with all that is kept of them some GB."""
+EXTRAS = {"plot": "matplotlib", "sweep": "xarray netCDF4", "peers": "mpmath"}
+"""What the extras of this package install."""
 
 
 def number(
@@ -210,10 +212,6 @@ def _sentence(name: str, value: Any, need: str, fix: str = "") -> str:
     if len(shown) > 60:
         shown = shown[:57] + "..."
     return f"{name} is {shown}: {need}" + (f"; {fix}" if fix else "") + ("" if fix.endswith("?") else ".")
-
-
-EXTRAS = {"plot": "matplotlib", "sweep": "xarray netCDF4", "peers": "mpmath"}
-"""What the extras of this package install."""
 
 
 def optional(module: str, by: str) -> Any:

@@ -25,6 +25,10 @@ FORMAT_BYTES = 1 << 20
 """More than a format takes besides its numbers."""
 LONGEST = 500
 """Characters of a text from a file that are shown."""
+DENSEST, ROOM = 1032, 4096
+"""Bytes that one byte of a deflated member can stand for at most, and the head of a small one."""
+Head: TypeAlias = tuple[np.dtype[Any], tuple[int, ...]]
+"""Kind and shape of an array."""
 
 
 def plain_text(text: str, most: int = LONGEST) -> str:
@@ -211,12 +215,6 @@ def provenance() -> dict[str, Any]:
 
     packages = {name: version_of(name) for name in ("granular", "numpy", "scipy", "numba", "sortedcontainers")}
     return {"format": FORMAT, "versions": packages, "python": platform.python_version(), "machine": platform.machine()}
-
-
-DENSEST, ROOM = 1032, 4096
-"""Bytes that one byte of a deflated member can stand for at most, and the head of a small one."""
-Head: TypeAlias = tuple[np.dtype[Any], tuple[int, ...]]
-"""Kind and shape of an array."""
 
 
 class Foreign(ValueError):

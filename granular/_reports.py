@@ -22,6 +22,11 @@ Rows = Sequence[Sequence[str]]
 LONG = re.compile(r"\d+\.\d*(?:e[-+]?\d+)?")
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 """Multiples of a unit such as the second or the metre."""
+HARD, SOFT = "#c1440e", "#1f4e79"
+"""Colours of hard and soft spheres, told apart also in grey print."""
+GREY = "#8a8a8a"
+COLUMN, PAGE = 3.4, 7.0
+"""Widths in inches."""
 
 
 class Report:
@@ -111,13 +116,6 @@ def duration(seconds: float) -> str:
     """Return a time with three digits and its unit."""
     scale, name = unit_of(seconds, "s", 1.0)
     return f"{seconds / scale:.3g} {name}"
-
-
-HARD, SOFT = "#c1440e", "#1f4e79"
-"""Colours of hard and soft spheres, told apart also in grey print."""
-GREY = "#8a8a8a"
-COLUMN, PAGE = 3.4, 7.0
-"""Widths in inches."""
 
 
 def style() -> AbstractContextManager[None]:

@@ -33,6 +33,12 @@ MOST = 100_000
 """Collisions for which a hard run is gone on with, at least: beside a shaken wall they may pile up."""
 CUT = (Status.time, Status.until)
 """Statuses of runs that can be gone on with."""
+RULES = ("left", "right", "poisson")
+"""One collision after the other in two orders, and a touching group as a whole, in the way that takes any ε."""
+FEW = 1000
+"""Scenes of more bodies are not tried with the last: the cost of a group grows with its square."""
+MOST_OF_OTHERS = 10
+"""Another rule is given up after so many times the collisions of the first."""
 
 
 def levelled(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> tuple[Trajectory, Trajectory]:
@@ -174,14 +180,6 @@ def unfollowed(soft: Trajectory) -> Any:
     alone = Durations(soft.law, soft.scene)(log["pair"][rows], strengths(soft)[rows])
     short[log["pair"][rows]] = log["duration"][rows] < 0.99 * PATIENCE * np.where(np.isfinite(alone), alone, 0.0)
     return short & (soft.status in CUT)
-
-
-RULES = ("left", "right", "poisson")
-"""One collision after the other in two orders, and a touching group as a whole, in the way that takes any ε."""
-FEW = 1000
-"""Scenes of more bodies are not tried with the last: the cost of a group grows with its square."""
-MOST_OF_OTHERS = 10
-"""Another rule is given up after so many times the collisions of the first."""
 
 
 def touching(scene: Scene) -> Any:

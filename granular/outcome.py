@@ -20,6 +20,10 @@ SAME = 0.01
 """Outcomes closer than this share of the fastest impact are called the same."""
 INSTANT = 1e-12
 """Collisions closer than this share of the time since the start are in one instant: rounding decides which is first."""
+FAINT = 1e-12
+"""Impacts weaker than this share of the fastest are rounding: a contact leaves some 1e-15, a thousand leave this."""
+ROUNDING = 1e-13
+"""Speeds below this share of the velocities that they are differences of are rounding."""
 
 
 @dataclass(frozen=True)
@@ -135,12 +139,6 @@ def strengths(run: Trajectory) -> Array:
 def approach(run: Trajectory) -> Array:
     """Speeds in m/s at which the contacts of the log close at their onset."""
     return np.asarray(run.contacts["v_in"][:, 0] - run.contacts["v_in"][:, 1])
-
-
-FAINT = 1e-12
-"""Impacts weaker than this share of the fastest are rounding: a contact leaves some 1e-15, a thousand leave this."""
-ROUNDING = 1e-13
-"""Speeds below this share of the velocities that they are differences of are rounding."""
 
 
 @dataclass(frozen=True, eq=False)

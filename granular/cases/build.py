@@ -20,6 +20,14 @@ from granular.scene import Pair
 
 on_running: list[Callable[[str], object]] = []
 """Who is told that a file read now names Python code, and which, before that runs."""
+CONSTRUCTORS = ("from_restitution", "from_material", "from_acceleration")
+"""Other ways to make a thing than by its fields."""
+LAWS: dict[str, Any] = {name: getattr(laws, name) for name in laws.__all__}
+RULES: dict[str, Any] = {kind.__name__: kind for kind in (rules.ConstantRestitution, rules.TabulatedRestitution)}
+WALLS: dict[str, Any] = {name: getattr(walls, name) for name in walls.__all__}
+MOVING = ("floor", "ceiling", "plate")
+"""Keys of a scene that say how a wall moves."""
+Way = Callable[..., Any]
 
 
 class Named:
@@ -122,16 +130,6 @@ def _of_file(path: str) -> Any:
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
-
-
-CONSTRUCTORS = ("from_restitution", "from_material", "from_acceleration")
-"""Other ways to make a thing than by its fields."""
-LAWS: dict[str, Any] = {name: getattr(laws, name) for name in laws.__all__}
-RULES: dict[str, Any] = {kind.__name__: kind for kind in (rules.ConstantRestitution, rules.TabulatedRestitution)}
-WALLS: dict[str, Any] = {name: getattr(walls, name) for name in walls.__all__}
-MOVING = ("floor", "ceiling", "plate")
-"""Keys of a scene that say how a wall moves."""
-Way = Callable[..., Any]
 
 
 def law(table: Mapping[str, Any], pair: Pair) -> Any:

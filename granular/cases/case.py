@@ -18,6 +18,10 @@ from granular.scene import Scene
 from granular.trajectory import Trajectory
 from granular.until import Until
 
+ENGINES = ("edmd", "md")
+HELD = {"t_end", "until", "on_event", "on_progress"}
+"""Arguments of `simulate` that a `Case` holds itself, or that are no data."""
+
 
 @dataclass(frozen=True, slots=True)
 class Option:
@@ -70,11 +74,6 @@ def descriptions(function: Callable[..., Any]) -> dict[str, str]:
 def summary(function: Callable[..., Any]) -> str:
     """Return the first paragraph of a docstring on one line."""
     return " ".join((inspect.getdoc(function) or "").split("\n\n")[0].split())
-
-
-ENGINES = ("edmd", "md")
-HELD = {"t_end", "until", "on_event", "on_progress"}
-"""Arguments of `simulate` that a `Case` holds itself, or that are no data."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,9 @@ from granular.laws import Hertz, LinearDashpot
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 
+STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
+"""Elastic Hertz contacts of steel balls of 1 kg; below ε = 1 with Tsuji's damping."""
+
 
 def first_impact(scene: Scene) -> float:
     """Largest speed in m/s at which a pair would meet first if it were alone, with walls at their fastest; 0 if none
@@ -160,9 +163,6 @@ def crossings(count: float, periods: float, scene: Scene, law: Any) -> float | N
     once = waves.crossing_time(scene, law)
     return count * once if once < math.inf else None
 
-
-STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
-"""Elastic Hertz contacts of steel balls of 1 kg; below ε = 1 with Tsuji's damping."""
 
 TEMPLATES = {
     "three-balls": Template(scenes.three_balls, until.contact(pair=0, nth=2), partial(falls, 10)),

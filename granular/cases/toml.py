@@ -28,6 +28,9 @@ MOST_BYTES = 32_000_000
 """Size of a file that is read: a scene of 300 000 balls."""
 LONG_KEY = re.compile(r"""(?<![\w"'-])(?:[\w"'-]+\s*\.\s*){50}""")
 """A key of 50 parts: tomllib needs gigabytes for one of thousands."""
+STIFFNESS = ("k", "k_load")
+"""Fields of a law that its `from_restitution` takes."""
+Table = dict[str, Any]
 
 
 def load(path: str | PathLike[str]) -> Case:
@@ -185,11 +188,6 @@ def _table(value: Any) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
         raise TypeError(f"{value!r} is no table: write it in [brackets] on a line of its own, then one key per line.")
     return value
-
-
-STIFFNESS = ("k", "k_load")
-"""Fields of a law that its `from_restitution` takes."""
-Table = dict[str, Any]
 
 
 def save(case: Case, path: str | PathLike[str]) -> None:

@@ -112,10 +112,9 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         raise ValueError(f"{extra[0].strip()!r} is one argument too many; see {parser.prog} --help")
     if of_scene and command != "scenes" and target is None:
         raise ValueError(f"{command} needs a scene: one of {', '.join(cases.names())}, or a TOML file.")
-    given, run = ({option.name: getattr(found, option.name) for option in options if option.name in found}
-                  for options in (parameters, offered))
     on_running[:] = [_told(target)]
-    return argparse.Namespace(**vars(found) | {"act": chosen.run, "target": target, "given": given, "run": run})
+    return argparse.Namespace(**vars(found) | {
+        "act": chosen.run, "target": target, "given": _given(parameters, found), "run": _given(offered, found)})
 
 
 def case_of(given: argparse.Namespace) -> cases.Case:
@@ -193,31 +192,27 @@ def _add(parser: argparse.ArgumentParser, title: str, options: Iterable[Option])
 
 
 def _reading(kind: str) -> dict[str, Any]:
-    """How argparse reads a parameter with this annotation; one number stays a number where one or several may stand."""
+    """How argparse reads a parameter with this annotation."""
     if kind == "bool":
         return {"action": argparse.BooleanOptionalAction}
     if "Sequence[str]" in kind:
         return {"nargs": "+", "metavar": "WORD"}
     if "Sequence" in kind:
-        action = _OneOrMore if kind.startswith("float") else None
-        return {"type": _number, "nargs": "+", "metavar": "X", "action": action}
+        return {"type": _number, "nargs": "+", "metavar": "X"}
     if kind == "Any":
-        return {"type": _entry, "nargs": "+", "metavar": "NAME=VALUE", "action": _Table}
+        return {"type": _entry, "nargs": "+", "metavar": "NAME=VALUE"}
     if kind.startswith("int"):
         return {"type": _whole, "metavar": "N"}
     return {"type": _number, "metavar": "X"} if kind.startswith("float") else {"metavar": "WORD"}
 
 
-class _OneOrMore(argparse.Action):
-    def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option: str | None = None) -> None:
-        setattr(namespace, self.dest, values[0] if len(values) == 1 else values)
-
-
-class _Table(argparse.Action):
-    """What a TOML file has in a table, such as how a wall moves."""
-
-    def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option: str | None = None) -> None:
-        setattr(namespace, self.dest, dict(values))
+def _given(options: Iterable[Option], found: argparse.Namespace) -> dict[str, Any]:
+    """The options that are given: one number stays a number where one or several may stand; NAME=VALUE are a table,
+    as a TOML file has for how a wall moves."""
+    given = {option: getattr(found, option.name) for option in options if option.name in found}
+    return {option.name: dict(value) if option.kind == "Any" else value[0]
+            if option.kind.startswith("float") and isinstance(value, list) and len(value) == 1 else value
+            for option, value in given.items()}
 
 
 def _entry(text: str) -> tuple[str, float | str]:

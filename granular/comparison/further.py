@@ -22,6 +22,16 @@ from granular.trajectory import Status, Trajectory
 
 ROUNDING = 1e-14
 """Values below this part of the largest are zero: one that jumps just beside its root may have no other sign there."""
+MERGED = 1e-4
+"""Hard spheres that collide at less than this share of the impact speed stick together once the run has stopped."""
+LONGEST = 1000.0
+"""Falls after which a rise is given up."""
+MOST = 3000
+"""Events of each run."""
+STEPS = 10 * MOST
+"""Steps of each soft run: of a pile that settles, hours may pass before so many events."""
+Flight = tuple[float, float, float]
+Runs = Callable[[float, Array | None], Trajectory]
 
 
 class LawRule(LawRestitution):
@@ -57,18 +67,6 @@ def roots(function: Callable[[float], float], grid: Array, scale: float) -> tupl
         if abs(function(root)) < 1e-6 * (scale + abs(values[k]) + abs(values[k + 1])):
             found.append(root)
     return tuple(sorted(found))
-
-
-MERGED = 1e-4
-"""Hard spheres that collide at less than this share of the impact speed stick together once the run has stopped."""
-LONGEST = 1000.0
-"""Falls after which a rise is given up."""
-MOST = 3000
-"""Events of each run."""
-STEPS = 10 * MOST
-"""Steps of each soft run: of a pile that settles, hours may pass before so many events."""
-Flight = tuple[float, float, float]
-Runs = Callable[[float, Array | None], Trajectory]
 
 
 def soft_rise(scene: Scene, law: Any, start: float) -> float:

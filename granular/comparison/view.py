@@ -28,6 +28,13 @@ SAME = 1e-9
 EXPONENTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 OF_MASS = ((1e3, "k"), *PREFIXES)
 """Multiples of the gram."""
+FAR = 3.0  # a span that begins so many times its own length after t = 0 has a clock that starts with its first contact
+PAD = 0.015  # share of the time axis that is left free at its ends, lest a mark there be cut
+LONE = 0.01  # late contacts with up to this share of the impulse may be left out, and are told of at the axis' edge
+MOST = 20  # with more pairs than these, contacts somewhere else would always be found to last
+MUCH = 0.6  # a lens that would show this share of the time axis has the same one
+NUMBERED = 12  # so many touches are numbered, and hops measured
+ROOM = 0.05  # share of the width that two numbers stand apart at least
 
 
 def pair_name(scene: Scene, pair: int) -> str:
@@ -122,11 +129,6 @@ def number(value: float, digits: int = 4) -> str:
     return f"{times}10{str(int(power)).translate(EXPONENTS)}"
 
 
-FAR = 3.0  # a span that begins so many times its own length after t = 0 has a clock that starts with its first contact
-PAD = 0.015  # share of the time axis that is left free at its ends, lest a mark there be cut
-LONE = 0.01  # late contacts with up to this share of the impulse may be left out, and are told of at the axis' edge
-
-
 @dataclass(frozen=True)
 class View:
     """A comparison from `begin` to `end` in s, on a clock that is 0 at `zero` and goes in a unit of its own."""
@@ -213,12 +215,6 @@ def with_rows(report: Judged, engine: str, times: Array, further: bool = False) 
     if hard:
         return edmd.simulate(report.scene, report.rule, **(dict(report.hard_options) | rows | {"until": None}))
     return md.simulate(report.scene, report.law, **report.soft_options, **rows)
-
-
-MOST = 20  # with more pairs than these, contacts somewhere else would always be found to last
-MUCH = 0.6  # a lens that would show this share of the time axis has the same one
-NUMBERED = 12  # so many touches are numbered, and hops measured
-ROOM = 0.05  # share of the width that two numbers stand apart at least
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,16 @@ TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
 COARSEST, FINER, POINTS = 8, 4, 8
 """Steps in the shortest contact at first, how many times more at each next point, and number of points."""
 MOST_STEPS = {"compiled": 3_000_000, "plain": 100_000}
+SOLVERS = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}
+PEERS = (*(f"{name}+events" for name in SOLVERS), *SOLVERS)
+RTOL = {"DOP853": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-14), "LSODA": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12),
+        "Radau": (1e-4, 1e-6, 1e-8, 1e-10)}
+MOST = 60_000
+"""Evaluations after which a solver is stopped."""
+LOOKS = 8
+"""Looks for a contact in each step of a solver without events."""
+BEYOND = 0.05
+"""A solver without events goes on for this part of the longest contact, to see the last one end."""
 
 
 @dataclass(frozen=True)
@@ -127,18 +137,6 @@ def _first_power(law: PairLaw) -> float:
     if law.form is not None:
         return law.form[3] if law.form[2] else law.form[1]
     return math.nan if law.exponent is None or law.rate_dependent else float(law.exponent)
-
-
-SOLVERS = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}
-PEERS = (*(f"{name}+events" for name in SOLVERS), *SOLVERS)
-RTOL = {"DOP853": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-14), "LSODA": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12),
-        "Radau": (1e-4, 1e-6, 1e-8, 1e-10)}
-MOST = 60_000
-"""Evaluations after which a solver is stopped."""
-LOOKS = 8
-"""Looks for a contact in each step of a solver without events."""
-BEYOND = 0.05
-"""A solver without events goes on for this part of the longest contact, to see the last one end."""
 
 
 def peer(task: Task, name: str) -> Method | None:

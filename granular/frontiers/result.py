@@ -26,6 +26,13 @@ FEWEST = 3
 """Points from which an order is measured."""
 NEAR = 8.0
 """Errors up to this many times the rounding level are called rounding."""
+GOALS = (1e-3, 1e-6, 1e-9, 1e-12)
+"""Errors for which the fastest methods are named."""
+OF_A_CONTACT = ("t_begin", "t_end", "v_in", "v_out")
+MARKERS = {"dop853": ("v", "DOP853"), "lsoda": ("P", "LSODA"), "radau": ("h", "Radau")}
+CROSS = {"ls": "none", "marker": "x", "color": "black", "mew": 1.2, "zorder": 6}
+LEAST = 2e-17
+"""Errors below are drawn here: a double has no more digits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,11 +183,6 @@ class Frontier(Report):
         return _files.write_figure(path, figure, dpi=130)
 
 
-GOALS = (1e-3, 1e-6, 1e-9, 1e-12)
-"""Errors for which the fastest methods are named."""
-OF_A_CONTACT = ("t_begin", "t_end", "v_in", "v_out")
-
-
 def laws(report: Frontier) -> str:
     """The force laws in few words."""
     shown = list(dict.fromkeys(shortened(repr(law)) for law in report.law))
@@ -235,7 +237,6 @@ def _look(colour: str, line: str, marker: str, label: str, width: float = 0.9, s
     return {"color": colour, "ls": line, "marker": marker, "label": label, "lw": width, "ms": size, "mfc": inside}
 
 
-MARKERS = {"dop853": ("v", "DOP853"), "lsoda": ("P", "LSODA"), "radau": ("h", "Radau")}
 FAMILIES = {
     "": {"located": _look("#0b3c6f", "-", "*", "located (default)", 1.8, 11.0) | {"zorder": 5},
          "edmd": _look("#000000", "none", "p", "event-driven (hard spheres)", size=8.0)},
@@ -247,9 +248,6 @@ FAMILIES = {
 }
 """How each method looks: families by colour and line, members by marker."""
 LOOKS = {name: look for members in FAMILIES.values() for name, look in members.items()}
-CROSS = {"ls": "none", "marker": "x", "color": "black", "mew": 1.2, "zorder": 6}
-LEAST = 2e-17
-"""Errors below are drawn here: a double has no more digits."""
 
 
 def _errors(axis: Any, report: Frontier, quantity: str, unit: str) -> None:

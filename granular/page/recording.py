@@ -34,6 +34,13 @@ ROWS, BODIES, CONTACTS = 2000, 1024, 20_000
 """Most rows, bodies and single contacts kept."""
 MAP = (600, 250)
 """Most columns (time) and rows (pairs or balls) of the map of contacts and of that of velocities."""
+EVEN, EACH = 200, 8
+"""Parts of the whole run, and of the time from contact to contact, that curved paths are drawn with."""
+CLOSE = 1e-6
+"""By how much of the way of all bodies a row may be missed."""
+MANY = 6
+"""Up to this many values or laws are told one by one."""
+WALLS = {"floor and ceiling": "walls at both ends", "floor": "left wall", "ceiling": "right wall"}
 
 
 def recorded(run: Trajectory, name: str) -> dict[str, Any]:
@@ -161,12 +168,6 @@ def packed(values: Any, kind: Any = None) -> str:
     return base64.b64encode(np.ascontiguousarray(array, dtype=little).tobytes()).decode("ascii")
 
 
-EVEN, EACH = 200, 8
-"""Parts of the whole run, and of the time from contact to contact, that curved paths are drawn with."""
-CLOSE = 1e-6
-"""By how much of the way of all bodies a row may be missed."""
-
-
 def filled(run: Trajectory, most: int) -> Trajectory:
     """Return a hard run with more rows, `most` at most; any other run, and one with driven walls, as it is."""
     if run.rule is None or run.scene.driven:
@@ -226,11 +227,6 @@ def _flown(scene: Scene, x: Array, v: Array, dt: float) -> tuple[Array, Array]:
     y: Any = x - rest
     moved = y * math.cos(turn) + v / scene.pendulum * math.sin(turn)
     return rest + moved, v * math.cos(turn) - scene.pendulum * y * math.sin(turn)
-
-
-MANY = 6
-"""Up to this many values or laws are told one by one."""
-WALLS = {"floor and ceiling": "walls at both ends", "floor": "left wall", "ceiling": "right wall"}
 
 
 def about(run: Trajectory) -> list[list[str]]:

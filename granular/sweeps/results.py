@@ -28,6 +28,8 @@ STATUS = {NOT_RUN: "not_run", **{code + (code >= MISUSE): status.name for code, 
 """Status codes of cells, which maps in files have; ``misuse``: the cell's parameters were refused, or its run raised.
 It keeps its number: statuses that came later have those behind it."""
 CODE = {name: code for code, name in STATUS.items()}
+REFUSED = (ValueError, ArithmeticError)
+"""What a cell may raise without stopping the sweep; anything else is a mistake, of the program or the user."""
 
 
 @dataclass(frozen=True)
@@ -160,10 +162,6 @@ RESULTS = {
     "isolated_share": _measure("isolated_share", "share of soft contacts that are isolated"),
     "lag": _measure("lag", "how much later the soft run ends", "s"),
 }
-
-
-REFUSED = (ValueError, ArithmeticError)
-"""What a cell may raise without stopping the sweep; anything else is a mistake, of the program or the user."""
 
 
 class Answers:

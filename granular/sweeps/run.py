@@ -30,6 +30,8 @@ DEFAULT = ("contacts", "v_rel", "eps_ratio")
 """What is kept of every cell if nothing is said."""
 SAVE_EVERY = 30.0
 """Seconds between two writes of what is done so far."""
+Counts = Callable[[list[Values]], Values]
+"""Contact counts (S, pairs) at the rows of some columns of parameters."""
 
 
 def sweep(
@@ -173,10 +175,6 @@ class _Job:
             if other != name:
                 data[f"edge_{other}"] = "jump", column[[edge.row for edge in jumps]], data[other].attrs
         return self.written(data)
-
-
-Counts = Callable[[list[Values]], Values]
-"""Contact counts (S, pairs) at the rows of some columns of parameters."""
 
 
 class Edge(NamedTuple):

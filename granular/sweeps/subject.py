@@ -30,6 +30,12 @@ Values = np.ndarray[Any, np.dtype[Any]]
 
 MOST = 10**8
 """Cells that a sweep may have: their results must fit into memory."""
+_NAME = re.compile(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*")
+_UNIT = re.compile(r"\bin (kg/m³|m/s²|m/s|N/m|kg|m|s|J|N|Hz|rad)(?![\w/^])")
+PARTS = ("scene", "law", "rule", "run")
+"""Where a name is looked for whose first word is left out."""
+_WALLS = dict.fromkeys(build.MOVING, tuple(build.WALLS.values()))
+Way = tuple[str | int, ...]
 
 
 def axis(text: str) -> tuple[str, Values]:
@@ -90,14 +96,6 @@ def _value(text: str) -> Any:
         except ValueError:
             pass
     return {"True": True, "False": False}.get(word, word)
-
-
-_NAME = re.compile(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*")
-_UNIT = re.compile(r"\bin (kg/m³|m/s²|m/s|N/m|kg|m|s|J|N|Hz|rad)(?![\w/^])")
-PARTS = ("scene", "law", "rule", "run")
-"""Where a name is looked for whose first word is left out."""
-_WALLS = dict.fromkeys(build.MOVING, tuple(build.WALLS.values()))
-Way = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,13 @@ from granular.sweeps.results import Answer
 from granular.trajectory import EARLY
 
 HOLDS, FAILS, UNDECIDED = VERDICTS = ("holds", "fails", "undecided")
+Interval = tuple[float, float]
+MOST = 20
+"""Crossings that are shown."""
+MARKERS: dict[str, dict[str, Any]] = {
+    HOLDS: {"color": SOFT, "marker": "o", "mfc": SOFT}, FAILS: {"color": HARD, "marker": "x"},
+    UNDECIDED: {"color": GREY, "marker": "s", "mfc": "none"},
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,15 +101,6 @@ CRITERIA = {
     "isolated": Criterion(isolated, "every contact", "isolated", ("isolated", "disturbed")),
     "error": Criterion(error, "the error of hard spheres", "at most {error:g} of the fastest impact",
                        ("small error", "large error")),
-}
-
-
-Interval = tuple[float, float]
-MOST = 20
-"""Crossings that are shown."""
-MARKERS: dict[str, dict[str, Any]] = {
-    HOLDS: {"color": SOFT, "marker": "o", "mfc": SOFT}, FAILS: {"color": HARD, "marker": "x"},
-    UNDECIDED: {"color": GREY, "marker": "s", "mfc": "none"},
 }
 
 
