@@ -14,7 +14,6 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from granular import _files
 from granular._check import optional
 
 Rows = Sequence[Sequence[str]]
@@ -34,11 +33,15 @@ class Report:
 
     def to_dict(self) -> dict[str, Any]:
         """Return all numbers with provenance, ready for JSON (nan and inf become None)."""
+        from granular import _files
+
         plain: dict[str, Any] = _files.plain({"provenance": _files.provenance(), **self._numbers()})
         return plain
 
     def to_json(self, path: str | os.PathLike[str]) -> None:
         """Write `to_dict` to a file, whole or not at all."""
+        from granular import _files
+
         _files.write_json(path, self.to_dict())
 
     def _numbers(self) -> dict[str, Any]:
@@ -55,6 +58,8 @@ def problem(report: Any) -> dict[str, Any]:
 
 def machine() -> dict[str, Any]:
     """Return where run times are measured: processor, cores this process may use, system, and versions."""
+    from granular import _files
+
     packages = ("granular", "numpy", "scipy", "numba", "mpmath")
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     text = Path("/proc/cpuinfo").read_text("utf-8") if os.access("/proc/cpuinfo", os.R_OK) else ""

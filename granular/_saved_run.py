@@ -4,8 +4,10 @@ May be skipped: files, no physics.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Collection, Mapping
+from hashlib import blake2b
 from os import PathLike
 from typing import Any
 
@@ -40,8 +42,6 @@ CHANGED = "it was changed after it was saved"
 
 def write(path: str | PathLike[str], run: Any) -> None:
     """Write a run to one ``.npz`` file, whole or not at all."""
-    import json
-
     _files.check_ending(path, ".npz")
     scene = fitted(run.scene, float(run.time[0]), float(run.time[-1]))
     arrays = {name: getattr(run, name) for name in ARRAYS}
@@ -78,9 +78,6 @@ def _described(physics: tuple[Any, ...] | None) -> Any:
 
 def _digest(words: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:
     """What changes if anything in a file does."""
-    import json
-    from hashlib import blake2b
-
     said = {name: value for name, value in words.items() if name != "digest"}
     digest = blake2b(json.dumps(said, sort_keys=True).encode(), digest_size=16)
     for name in sorted(arrays):
@@ -146,8 +143,6 @@ def _check_heads(heads: Mapping[str, _files.Head], log: np.dtype[Any]) -> None:
 
 def _words(text: str) -> dict[str, Any]:
     """The words of a run, each of its kind."""
-    import json
-
     try:
         words = json.loads(text)
     except ValueError:

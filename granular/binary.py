@@ -173,6 +173,26 @@ def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule
     return LawRestitution(laws)
 
 
+class LawRule(LawRestitution):
+    """The rule that a comparison makes out of force laws: it speaks of the law where that gives no ε in [0, 1]."""
+
+    def __call__(self, speed: float, pair: Pair) -> float:
+        eps = super().__call__(speed, pair)
+        if not 0.0 <= eps <= 1.0 + 1e-9:  # rounding is the engine's business
+            law = self.laws[pair.index]
+            raise ValueError(
+                f"law of pair {pair.index} is {law!r}: its restitution at {speed:g} m/s is {eps:.6g}, so no hard-sphere"
+                " rule can be made of it; a law that repels and gives no energy is needed, or a rule of yours, rule=..."
+            )
+        return eps
+
+
+def rule_of_comparison(laws: tuple[Any, ...], scene: Scene) -> Rule:
+    """The rule that a comparison makes of the laws."""
+    rule = restitution_of(laws, scene)
+    return LawRule(laws) if isinstance(rule, LawRestitution) else rule
+
+
 def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, field: str = "gamma") -> Any:
     """Return a copy of `law` whose `field` is chosen so that an isolated contact has restitution `target`.
 

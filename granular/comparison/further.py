@@ -1,5 +1,5 @@
-"""Numbers of a comparison that further runs give: the ε with which hard spheres have another outcome, by the rule that
-force laws make; and how high the top ball rises, as granular/page/physics/apex.mjs defines it.
+"""Numbers of a comparison that further runs give: the ε with which hard spheres have another outcome; and how high the
+top ball rises, as granular/page/physics/apex.mjs defines it.
 May be skipped: rarer, and one more number of a comparison.
 
 It rises to the first apex of its free flight after it has been touched, all hits before that included, a run that stops
@@ -16,8 +16,7 @@ import numpy as np
 
 from granular import edmd, md
 from granular._check import Array
-from granular.binary import LawRestitution, restitution_of
-from granular.scene import Pair, Scene
+from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 
 ROUNDING = 1e-14
@@ -32,26 +31,6 @@ STEPS = 10 * MOST
 """Steps of each soft run: of a pile that settles, hours may pass before so many events."""
 Flight = tuple[float, float, float]
 Runs = Callable[[float, Array | None], Trajectory]
-
-
-class LawRule(LawRestitution):
-    """The rule that a comparison makes out of force laws: it speaks of the law where that gives no ε in [0, 1]."""
-
-    def __call__(self, speed: float, pair: Pair) -> float:
-        eps = super().__call__(speed, pair)
-        if not 0.0 <= eps <= 1.0 + 1e-9:  # rounding is the engine's business
-            law = self.laws[pair.index]
-            raise ValueError(
-                f"law of pair {pair.index} is {law!r}: its restitution at {speed:g} m/s is {eps:.6g}, so no hard-sphere"
-                " rule can be made of it; a law that repels and gives no energy is needed, or a rule of yours, rule=..."
-            )
-        return eps
-
-
-def rule_of(laws: tuple[Any, ...], scene: Scene) -> Any:
-    """The rule that the laws make."""
-    rule = restitution_of(laws, scene)
-    return LawRule(laws) if isinstance(rule, LawRestitution) else rule
 
 
 def roots(function: Callable[[float], float], grid: Array, scale: float) -> tuple[float, ...]:

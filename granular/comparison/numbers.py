@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from granular import _check, edmd, end_time, isolation, measures, outcome, until as stop
-from granular.binary import at_speed_or_nan
-from granular.comparison.further import LawRule, hard_rise, roots, soft_rise
+from granular.binary import LawRule, at_speed_or_nan
 from granular.laws.kinds import resolved
 from granular.measures import Overlap
 from granular.outcome import Components, PairOutcome, components, counted, differences, rests_apart, units
@@ -149,6 +148,8 @@ class Compared:
         """
         if self._early:
             return math.nan, math.nan
+        from granular.comparison.further import hard_rise, soft_rise
+
         ties = self.hard_options["ties"]
         return (hard_rise(self.hard, self.rule, ties, self.impact_speed),
                 soft_rise(self.scene, self.law, float(self.soft.time[-1])))
@@ -183,6 +184,8 @@ class Compared:
         if observable is None and self.scene.heated:
             raise ValueError("observable is None: at a thermal wall a speed hangs on what was drawn last; give a "
                              "function of the run, such as a mean height.")
+        from granular.comparison.further import roots
+
         _check.callback("observable", observable, "run")
         measure = observable or self._last_separation
         target = observable(self.soft) if observable else self.pairs[-1].soft_v_rel

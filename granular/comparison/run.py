@@ -11,9 +11,9 @@ import numpy as np
 
 from granular import edmd, end_time, md, until as stop
 from granular._reports import Report
+from granular.binary import rule_of_comparison
 from granular.comparison import report
 from granular.comparison.answer import Judged
-from granular.comparison.further import rule_of
 from granular.drive import EVENTS, check_end
 from granular.laws.check import checked
 from granular.scene import Scene, checked as a_scene
@@ -141,7 +141,7 @@ def compare(
     """
     laws = checked(law, a_scene(scene)).given
     check_end(scene, t_end, until, max_events)
-    used = rule_of(laws, scene) if rule is None else rule
+    used = rule_of_comparison(laws, scene) if rule is None else rule
     end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
     event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed, "collapse": collapse, "merge_below": merge_below}
     hard = edmd.simulate(scene, used, **event_driven, on_progress=on_progress)

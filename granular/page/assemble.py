@@ -123,15 +123,11 @@ def live_page(path: str | PathLike[str], scene: str = "story", values: Mapping[s
     """
     start = opening.link(scene, values or {})
     data = {
-        "words": {language: _spoken(language) for language in LANGUAGES},
+        "words": {language: {key: sentence for key, sentence in words(language).items() if key != BLOCKED}
+                  for language in LANGUAGES},
         "balls": {name: asdict(ball) for name, ball in balls.BALLS.items()}, "pairs": balls.PRESETS,
     }
     _files.write_text(path, page(LIVE, "granular: hard or soft?", start, data))
-
-
-def _spoken(language: str) -> dict[str, str]:
-    """Return the sentences that the script says."""
-    return {key: sentence for key, sentence in words(language).items() if key != BLOCKED}
 
 
 def player_page(

@@ -238,12 +238,11 @@ def about(run: Trajectory) -> list[list[str]]:
         Of any scene and engine.
     """
     scene, balls = run.scene, ~run.scene.is_wall
-    told = [
+    return [
         ["law or rule", _laws(run)], ["masses, kg", _values(scene.mass[balls])],
         ["radii, m", _values(scene.radius[balls])], ["gaps at the start, m", _values(scene.gap)],
         ["velocities at the start, m/s", _values(scene.velocity)],
     ]
-    return told
 
 
 def scene_in_words(of: Scene) -> str:
