@@ -77,11 +77,10 @@ def _due(run: Trajectory, latest: Array, most: Any) -> Trajectory:
 
 def _patience(soft: Trajectory, cut: float) -> Array:
     """Until when in s the contact of each pair that has no end is followed, from the cut or its onset on, (n-1,)."""
-    assert soft.law is not None
     until = np.full(soft.scene.n_pairs, -np.inf)
     rows = np.flatnonzero(np.isnan(soft.contacts["t_end"]))
     log = soft.contacts[rows]
-    alone = Durations(soft.law, soft.scene)(log["pair"], strengths(soft)[rows])
+    alone = Durations(soft.law or (), soft.scene)(log["pair"], strengths(soft)[rows])
     until[log["pair"]] = np.maximum(log["t_begin"], cut) + PATIENCE * np.where(np.isfinite(alone), alone, 0.0)
     return until
 
@@ -109,8 +108,7 @@ def first(run: Trajectory, most: Any) -> Trajectory:
 
 def _latest(hard: Trajectory, soft: Trajectory, most: Any) -> Array:
     """When in s the contacts that the hard, and the soft run has yet to make must have begun, (2, n-1)."""
-    assert soft.law is not None
-    alone, parts = Durations(soft.law, soft.scene), components(hard, soft)
+    alone, parts = Durations(soft.law or (), soft.scene), components(hard, soft)
     isolated = np.nan_to_num(alone(hard.contacts["pair"], np.abs(approach(hard))), posinf=0.0)
     over = np.where(np.isnan(soft.contacts["t_end"]), 0.0, soft.contacts["duration"])
     delay, fastest = np.zeros((2, parts.count + 1))
@@ -174,10 +172,9 @@ def has_memory(soft: Trajectory) -> bool:
 
 def unfollowed(soft: Trajectory) -> Any:
     """Whether each pair has a last contact without end that has not lasted long enough to be called endless, (n-1,)."""
-    assert soft.law is not None
     log, short = soft.contacts, np.zeros(soft.scene.n_pairs, np.bool_)
     rows = np.flatnonzero(np.isnan(log["t_end"]))
-    alone = Durations(soft.law, soft.scene)(log["pair"][rows], strengths(soft)[rows])
+    alone = Durations(soft.law or (), soft.scene)(log["pair"][rows], strengths(soft)[rows])
     short[log["pair"][rows]] = log["duration"][rows] < 0.99 * PATIENCE * np.where(np.isfinite(alone), alone, 0.0)
     return short & (soft.status in CUT)
 

@@ -6,16 +6,17 @@ A function of one's own is named: ``"motion.py:shake"`` of a file beside the tab
 
 from __future__ import annotations
 
-import inspect
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache, cached_property
 from importlib import import_module
-from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from granular import _check, laws, rules, walls
+from granular.cases.case import parameters_of
 from granular.scene import Pair
 
 on_running: list[Callable[[str], object]] = []
@@ -28,6 +29,8 @@ WALLS: dict[str, Any] = {name: getattr(walls, name) for name in walls.__all__}
 MOVING = ("floor", "ceiling", "plate")
 """Keys of a scene that say how a wall moves."""
 Way = Callable[..., Any]
+parameters = cache(parameters_of)
+"""What a way takes."""
 
 
 class Named:
@@ -124,11 +127,9 @@ def _marked(name: str) -> Iterator[None]:
 
 def _of_file(path: str) -> Any:
     """Run a Python file and return its module."""
-    spec = spec_from_file_location(os.path.splitext(os.path.basename(path))[0], path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module = ModuleType(Path(path).stem)
+    module.__file__ = path
+    exec(compile(Path(path).read_bytes(), path, "exec"), vars(module))
     return module
 
 
@@ -196,12 +197,6 @@ def call(ways: Sequence[Way], values: Mapping[str, Any], **held: Any) -> Any:
     _check.known(values, dict.fromkeys(p.name for each in keys for p in each), "key")
     sets = " or ".join("(" + ", ".join(least) + ")" for least in needed)
     raise ValueError(f"the keys given are ({', '.join(values)}): {sets} is needed.")
-
-
-@cache
-def parameters(way: Way) -> tuple[inspect.Parameter, ...]:
-    """What a function takes."""
-    return tuple(inspect.signature(way).parameters.values())
 
 
 @contextmanager

@@ -41,18 +41,21 @@ class Option:
     about: str
 
 
+def parameters_of(function: Callable[..., Any]) -> tuple[inspect.Parameter, ...]:
+    """Return what a function takes."""
+    return tuple(inspect.signature(function).parameters.values())
+
+
 def options_of(function: Callable[..., Any]) -> list[Option]:
     """Return the parameters of `function` that have a default, in order, with their NumPy-style documentation."""
     about = descriptions(function)
-    parameters = inspect.signature(function).parameters.values()
     return [Option(p.name, str(p.annotation), p.default, about.get(p.name, ""))
-            for p in parameters if p.default is not p.empty]
+            for p in parameters_of(function) if p.default is not p.empty]
 
 
 def whole(function: Callable[..., Any]) -> frozenset[str]:
     """Return the names of the parameters of `function` that are whole numbers, by their annotations."""
-    parameters = inspect.signature(function).parameters.values()
-    return frozenset(p.name for p in parameters if p.annotation in (int, "int"))
+    return frozenset(p.name for p in parameters_of(function) if p.annotation in (int, "int"))
 
 
 def descriptions(function: Callable[..., Any]) -> dict[str, str]:
@@ -150,5 +153,4 @@ def engine_named(engine: str) -> Callable[..., Trajectory]:
 
 def keyword_options(run: Callable[..., Any]) -> set[str]:
     """Names of the keyword options that a function such as `simulate` takes besides those in `HELD`."""
-    parameters = inspect.signature(run).parameters.values()
-    return {p.name for p in parameters if p.kind is p.KEYWORD_ONLY} - HELD
+    return {p.name for p in parameters_of(run) if p.kind is p.KEYWORD_ONLY} - HELD
