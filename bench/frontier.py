@@ -15,9 +15,9 @@ from pathlib import Path
 import docs_data
 
 from granular import Hertz, LinearDashpot, ViscoelasticHertz, cases, scenes, until
-from granular._tables import duration
+from granular._reports import duration
 from granular.frontiers import Frontier, frontier
-from granular.frontiers.report import LOOKS
+from granular.frontiers.result import LOOKS
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGE = DOCS / "frontier.md"

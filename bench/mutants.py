@@ -73,9 +73,9 @@ MUTANTS = [
     # what is said of two runs
     ("outcome.py", 'order = np.argsort(rank, kind="stable")', "order = np.arange(len(rank))", JUDGE),
     ("outcome.py", 'np.maximum(approach(run), log["impulse"] / m_eff)', "approach(run)", JUDGE),
-    ("components.py", "begins[1:] &= ~met[:-1]", "begins[1:] &= met[:-1]", JUDGE),
-    ("components.py", "of_ball[scene.is_wall] = count", "pass", JUDGE),
-    ("components.py", "fastest > weight[c] * still", "fastest > -1.0", JUDGE),
+    ("outcome.py", "begins[1:] &= ~met[:-1]", "begins[1:] &= met[:-1]", JUDGE),
+    ("outcome.py", "of_ball[scene.is_wall] = count", "pass", JUDGE),
+    ("outcome.py", "fastest > weight[c] * still", "fastest > -1.0", JUDGE),
     ("end_time.py", 'kept = nth < most[run.contacts["pair"]]', 'kept = nth <= most[run.contacts["pair"]]', JUDGE),
     ("end_time.py", "late = alone(pair, speed) + np.fmin(", "late = 0.0 * np.fmin(", JUDGE),
     ("comparison/answer.py", "    if not error <= SAME:\n        alone", "    if error > 0.1:\n        alone", JUDGE),

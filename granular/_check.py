@@ -1,4 +1,5 @@
-"""Argument checks: each returns the clean value or raises one sentence.
+"""Argument checks: each returns the clean value or raises one sentence; packages that only some tasks need, named where
+they are missing.
 May be skipped: arguments, no physics.
 
 Every message gives the name, the value got, what is needed and, where there is one, the usual fix.
@@ -8,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,8 @@ LARGEST = 2**63 - 1
 """The largest whole number that arrays hold."""
 MOST = 10_000_000
 """What one number may ask for: balls of a ready-made scene, rows of a run; with all that is kept of them some GB."""
+EXTRAS = {"plot": "matplotlib", "sweep": "xarray netCDF4", "peers": "mpmath"}
+"""What the extras of this package install."""
 
 
 def number(
@@ -208,3 +212,22 @@ def _sentence(name: str, value: Any, need: str, fix: str = "") -> str:
     if len(shown) > 60:
         shown = shown[:57] + "..."
     return f"{name} is {shown}: {need}" + (f"; {fix}" if fix else "") + ("" if fix.endswith("?") else ".")
+
+
+def optional(module: str, by: str) -> Any:
+    """Return a module of a package that need not be there, or raise `ImportError` that says how to install it.
+
+    Parameters
+    ----------
+    module : str
+        Its name, such as "matplotlib.figure".
+    by : str
+        What needs it.
+    """
+    package = module.split(".")[0]
+    try:
+        return import_module(module)
+    except ImportError:
+        extra, install = next(item for item in EXTRAS.items() if package in item[1])
+        advice = f"pip install {install} (the extra {extra!r})"
+        raise ImportError(f"{by} needs {package}, which is not installed: {advice}.") from None

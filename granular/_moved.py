@@ -12,7 +12,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
 
-NOW = {"workprecision": "frontiers", "tie_rules": "other_ties"}
+NOW = {"workprecision": "frontiers", "components": "outcome", "other_ties": "end_time", "tie_rules": "end_time"}
 """Where a module of `granular` has gone."""
 
 

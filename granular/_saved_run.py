@@ -4,14 +4,16 @@ May be skipped: files, no physics.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Collection, Mapping
+from hashlib import blake2b
 from os import PathLike
 from typing import Any
 
 import numpy as np
 
-from granular import _archive, _check, _files
+from granular import _check, _files
 from granular._describe import from_json, to_json
 from granular.scene import Scene
 from granular.scene.walls import fitted
@@ -40,8 +42,6 @@ CHANGED = "it was changed after it was saved"
 
 def write(path: str | PathLike[str], run: Any) -> None:
     """Write a run to one ``.npz`` file, whole or not at all."""
-    import json
-
     _files.check_ending(path, ".npz")
     scene = fitted(run.scene, float(run.time[0]), float(run.time[-1]))
     arrays = {name: getattr(run, name) for name in ARRAYS}
@@ -78,9 +78,6 @@ def _described(physics: tuple[Any, ...] | None) -> Any:
 
 def _digest(words: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:
     """What changes if anything in a file does."""
-    import json
-    from hashlib import blake2b
-
     said = {name: value for name, value in words.items() if name != "digest"}
     digest = blake2b(json.dumps(said, sort_keys=True).encode(), digest_size=16)
     for name in sorted(arrays):
@@ -102,14 +99,14 @@ def read(
     name = _files.checked_source("path", path)
     try:
         with open(name, "rb") as file:
-            _check_heads(_archive.heads(file), log)
-            stored = _archive.arrays(file)
+            _check_heads(_files.heads(file), log)
+            stored = _files.arrays(file)
         words = _words(str(stored.pop("words")))
         _files.check_format(name, words.get("format", 1), words.keys() - WORDS.keys() - OTHERS.keys())
         _check_words(words, stored, statuses)
         _check_rows(stored, words["status"])
         return _made(words, stored, law, rule)
-    except (_archive.Foreign, RecursionError):
+    except (_files.Foreign, RecursionError):
         raise ValueError(
             f"path is {name!r}: it is not a run saved by granular, or is cut short; "
             "a file written by Trajectory.save is needed."
@@ -121,10 +118,10 @@ def read(
         raise kind(f"path is {name!r}: {error}") from None
 
 
-def _check_heads(heads: Mapping[str, _archive.Head], log: np.dtype[Any]) -> None:
+def _check_heads(heads: Mapping[str, _files.Head], log: np.dtype[Any]) -> None:
     """Raise unless a file holds the arrays of a run, each of its kind and of the size that the others ask for."""
     if not heads.keys() >= NEEDED or any(len(heads[name][1]) != 1 for name in ("scene.mass", "time")):
-        raise _archive.Foreign
+        raise _files.Foreign
     n, t = heads["scene.mass"][1][0], heads["time"][1][0]
     size = {"n": n, "p": n - 1 + ("scene.ring" in heads), "t": t, "l": 5}
     kinds = {"contacts": log, "scene.ring": np.dtype(bool)}
@@ -146,15 +143,13 @@ def _check_heads(heads: Mapping[str, _archive.Head], log: np.dtype[Any]) -> None
 
 def _words(text: str) -> dict[str, Any]:
     """The words of a run, each of its kind."""
-    import json
-
     try:
         words = json.loads(text)
     except ValueError:
-        raise _archive.Foreign from None
+        raise _files.Foreign from None
     kinds: dict[str, Any] = WORDS | OTHERS
     if not isinstance(words, dict) or not words.keys() >= WORDS.keys():
-        raise _archive.Foreign
+        raise _files.Foreign
     for name in kinds.keys() & words.keys():
         if not isinstance(words[name], kinds[name]):
             raise ValueError(f"its {name} is {_files.plain_text(repr(words[name]), 60)}; {CHANGED}.")

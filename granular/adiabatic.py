@@ -22,12 +22,10 @@ from typing import Any
 import numpy as np
 
 from granular import _check, md, until
-from granular._check import Array
 from granular._flight import rate_at_contact, time_to_contact
 from granular.laws import LinearDashpot
 from granular.laws.check import checked
-from granular.scene import Scene
-from granular.scene import checked as checked_scene
+from granular.scene import Scene, checked as checked_scene
 from granular.scene.state import forced
 from granular.trajectory import Status, Trajectory
 
@@ -68,7 +66,7 @@ class AdiabaticSolution:
 
     t10: float
     v10: float
-    contacts: Array
+    contacts: _check.Array
     floor_end: float
     floor_again: float
     t_f: float

@@ -17,8 +17,7 @@ import math
 from dataclasses import dataclass
 
 from granular import _check
-from granular.laws.dashpot import damping_ratio
-from granular.laws.dashpot import duration as scaled_duration
+from granular.laws.dashpot import damping_ratio, duration as scaled_duration
 
 __all__ = ["BALLS", "PRESETS", "RULES", "Ball", "Contact", "contact", "named"]
 __dir__ = __all__.copy

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular import _check, md
-from granular._check import Array
 from granular.laws import dashpot
 from granular.laws.contact_law import PairLaw, instance, resolve
 from granular.laws.kinds import held, resolved
@@ -84,10 +83,10 @@ def restitution(law: Any, pair: Pair, speed: float) -> float: ...
 
 
 @overload
-def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | Array: ...
+def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | _check.Array: ...
 
 
-def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | Array:
+def restitution(law: Any, pair: Pair, speed: ArrayLike) -> float | _check.Array:
     """ε of an isolated contact of `pair` under `law` at impact speed `speed` in m/s; see `collision`.
 
     For an array of speeds, an array of the same shape.
@@ -112,6 +111,14 @@ def at_speed(known: PairLaw, speed: float) -> float:
         k, _, gamma, _ = known.form
         return float(viscoelastic_restitution.restitution(gamma * k**-0.6 * known.pair.m_eff**-0.4 * speed**0.2))
     return _integrated(known.law, known.pair, max(speed, SLOWEST)).restitution
+
+
+def at_speed_or_nan(known: PairLaw, speed: float) -> float:
+    """The same; nan if the contact does not end."""
+    try:
+        return at_speed(known, speed)
+    except (ValueError, ArithmeticError):
+        return math.nan
 
 
 def damping_ratio(known: PairLaw) -> float | None:
@@ -164,6 +171,26 @@ def restitution_of(law: Any | Sequence[Any], scene: Scene | None = None) -> Rule
         if None not in map(damping_ratio, known.each):
             return ConstantRestitution(known.column(lambda one: at_speed(one, 1.0)))
     return LawRestitution(laws)
+
+
+class LawRule(LawRestitution):
+    """The rule that a comparison makes out of force laws: it speaks of the law where that gives no ε in [0, 1]."""
+
+    def __call__(self, speed: float, pair: Pair) -> float:
+        eps = super().__call__(speed, pair)
+        if not 0.0 <= eps <= 1.0 + 1e-9:  # rounding is the engine's business
+            law = self.laws[pair.index]
+            raise ValueError(
+                f"law of pair {pair.index} is {law!r}: its restitution at {speed:g} m/s is {eps:.6g}, so no hard-sphere"
+                " rule can be made of it; a law that repels and gives no energy is needed, or a rule of yours, rule=..."
+            )
+        return eps
+
+
+def rule_of_comparison(laws: tuple[Any, ...], scene: Scene) -> Rule:
+    """The rule that a comparison makes of the laws."""
+    rule = restitution_of(laws, scene)
+    return LawRule(laws) if isinstance(rule, LawRestitution) else rule
 
 
 def with_restitution(law: Any, target: float, pair: Pair, speed: float = 1.0, field: str = "gamma") -> Any:

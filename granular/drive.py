@@ -15,9 +15,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular import _check
-from granular import until as stop
-from granular._check import Array
+from granular import _check, until as stop
 from granular._records import raw
 from granular.scene import Scene, positions, velocities
 from granular.scene.places import flaw
@@ -34,7 +32,7 @@ class Request:
     start: float
     end: float
     until: stop.Until | None
-    samples: Array | None
+    samples: _check.Array | None
     log: bool
     max_events: int
     on_event: Callable[[Any], object] | None
@@ -79,7 +77,7 @@ def check_end(
                          "max_events of your own.")
 
 
-def _sample_times(samples: int | ArrayLike | None, start: float, end: float) -> Array | None:
+def _sample_times(samples: int | ArrayLike | None, start: float, end: float) -> _check.Array | None:
     """Return the times of the rows in s, or None for the first and the last.
 
     Raises
@@ -138,11 +136,11 @@ class Row(NamedTuple):
 
     time: float
     elapsed: float
-    gap: Array
-    velocity: Array | None = None
-    rate: Array | None = None
-    force: Array | None = None
-    ledger: Array | None = None
+    gap: _check.Array
+    velocity: _check.Array | None = None
+    rate: _check.Array | None = None
+    force: _check.Array | None = None
+    ledger: _check.Array | None = None
 
 
 @dataclass(frozen=True)
@@ -265,15 +263,14 @@ def go_on(run: Run, before: Trajectory) -> Trajectory:
         rates = np.array([row.rate])
         speed = velocities(run.scene, rates, np.array([row.elapsed]), run.start)[0]
     gap, velocity = before.gap[-1], before.velocity[-1]
-    if before.time[-1] == before.time[0]:  # a row at the start shows the scene before anything acts
-        return drive(run)
-    if row.gap.shape != gap.shape or speed.shape != velocity.shape or not (
-            _alike(row.gap, gap) and _alike(speed, velocity)):
+    acted = before.time[-1] != before.time[0]  # a row at the start shows the scene before anything acts
+    if acted and (row.gap.shape != gap.shape or speed.shape != velocity.shape or not (
+            _alike(row.gap, gap) and _alike(speed, velocity))):
         raise ValueError("state of trajectory does not show its last row: one of them was changed after the run.")
     return drive(run)
 
 
-def _alike(one: Array, other: Array) -> bool:
+def _alike(one: _check.Array, other: _check.Array) -> bool:
     """Whether numbers are the same but for the rounding of another release."""
     return bool(np.abs(one - other).max() <= SAME * np.abs(other).max())
 

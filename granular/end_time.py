@@ -1,14 +1,18 @@
-"""Two runs of one scene cut at one end: both go on until they have the same contacts, each followed to its end.
+"""What is arbitrary in a run: where it is cut, and the rule that decides ties. Both runs of a scene go on until they
+have the same contacts, each followed to its end; and the other tie rules are tried.
 
 Soft spheres lag behind hard ones by about a contact's duration per collision. So an end time may fall between the n-th
 contact of a pair in one run and in the other, or within it. That is no difference of the two: for each pair the larger
 number n of contacts by the end counts, both runs are gone on with until *its* n-th contact is over, and later ones are
 ignored. What is not there after the time by which it can be late is missing.
+
+Newton's equation decides a collision of balls that touch, or collide at once, by its force law. Hard spheres have no
+law, so a rule has to decide, and where two rules differ no answer is the right one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -16,10 +20,10 @@ import numpy as np
 
 from granular import edmd, md
 from granular._check import Array
-from granular.components import components, counted
 from granular.isolation import Durations
 from granular.laws.kinds import resolved
-from granular.outcome import approach, at_once, counts, strengths
+from granular.outcome import approach, at_once, components, counted, counts, strengths
+from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 from granular.walls import ends
 
@@ -29,6 +33,12 @@ MOST = 100_000
 """Collisions for which a hard run is gone on with, at least: beside a shaken wall they may pile up."""
 CUT = (Status.time, Status.until)
 """Statuses of runs that can be gone on with."""
+RULES = ("left", "right", "poisson")
+"""One collision after the other in two orders, and a touching group as a whole, in the way that takes any ε."""
+FEW = 1000
+"""Scenes of more bodies are not tried with the last: the cost of a group grows with its square."""
+MOST_OF_OTHERS = 10
+"""Another rule is given up after so many times the collisions of the first."""
 
 
 def levelled(hard: Trajectory, soft: Trajectory, options: Mapping[str, Any]) -> tuple[Trajectory, Trajectory]:
@@ -67,11 +77,10 @@ def _due(run: Trajectory, latest: Array, most: Any) -> Trajectory:
 
 def _patience(soft: Trajectory, cut: float) -> Array:
     """Until when in s the contact of each pair that has no end is followed, from the cut or its onset on, (n-1,)."""
-    assert soft.law is not None
     until = np.full(soft.scene.n_pairs, -np.inf)
     rows = np.flatnonzero(np.isnan(soft.contacts["t_end"]))
     log = soft.contacts[rows]
-    alone = Durations(soft.law, soft.scene)(log["pair"], strengths(soft)[rows])
+    alone = Durations(soft.law or (), soft.scene)(log["pair"], strengths(soft)[rows])
     until[log["pair"]] = np.maximum(log["t_begin"], cut) + PATIENCE * np.where(np.isfinite(alone), alone, 0.0)
     return until
 
@@ -99,8 +108,7 @@ def first(run: Trajectory, most: Any) -> Trajectory:
 
 def _latest(hard: Trajectory, soft: Trajectory, most: Any) -> Array:
     """When in s the contacts that the hard, and the soft run has yet to make must have begun, (2, n-1)."""
-    assert soft.law is not None
-    alone, parts = Durations(soft.law, soft.scene), components(hard, soft)
+    alone, parts = Durations(soft.law or (), soft.scene), components(hard, soft)
     isolated = np.nan_to_num(alone(hard.contacts["pair"], np.abs(approach(hard))), posinf=0.0)
     over = np.where(np.isnan(soft.contacts["t_end"]), 0.0, soft.contacts["duration"])
     delay, fastest = np.zeros((2, parts.count + 1))
@@ -164,9 +172,34 @@ def has_memory(soft: Trajectory) -> bool:
 
 def unfollowed(soft: Trajectory) -> Any:
     """Whether each pair has a last contact without end that has not lasted long enough to be called endless, (n-1,)."""
-    assert soft.law is not None
     log, short = soft.contacts, np.zeros(soft.scene.n_pairs, np.bool_)
     rows = np.flatnonzero(np.isnan(log["t_end"]))
-    alone = Durations(soft.law, soft.scene)(log["pair"][rows], strengths(soft)[rows])
+    alone = Durations(soft.law or (), soft.scene)(log["pair"][rows], strengths(soft)[rows])
     short[log["pair"][rows]] = log["duration"][rows] < 0.99 * PATIENCE * np.where(np.isfinite(alone), alone, 0.0)
     return short & (soft.status in CUT)
+
+
+def touching(scene: Scene) -> Any:
+    """Whether each pair is of two balls that touch at the start, shape of the gaps."""
+    return (scene.gap == 0.0) & ~np.logical_or(*scene.sides(scene.is_wall))
+
+
+def ties(run: Trajectory) -> bool:
+    """Whether balls touch at the start, or a ball takes part in two collisions at once."""
+    pair, time = run.contacts["pair"], run.contacts["t_begin"]
+    order = np.lexsort([pair, time])
+    at_once = (np.diff(time[order]) == 0.0) & (np.abs(np.diff(pair[order])) == 1)
+    return bool((run.scene.gap == 0.0).any() or at_once.any())
+
+
+def others(hard: Trajectory, options: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield options of `granular.edmd.simulate` for each other tie rule, if a run made with `options` has `ties`.
+
+    Such a rule may refuse the scene.
+    """
+    if hard.scene.n < 3 or not ties(hard):
+        return
+    limit = min(options["max_events"], MOST_OF_OTHERS * (len(hard.contacts) + hard.scene.n))
+    for name in RULES[: len(RULES) if hard.scene.n <= FEW else 2]:
+        if name != options["ties"]:
+            yield {**options, "ties": name, "max_events": limit}

@@ -14,19 +14,16 @@ from typing import Any
 import numpy as np
 
 from granular import _check, _files
-from granular._drawing import HARD, PAGE, canvas
-from granular._optional import optional
-from granular._tables import Report, aligned, number
+from granular._reports import HARD, PAGE, Report, aligned, canvas, number
 from granular.cases import Case
-from granular.frontiers.methods import Task
-from granular.frontiers.result import contacts_of, errors
+from granular.frontiers.methods import Task, contacts_of, errors
 from granular.frontiers.run import rounding_level
 from granular.laws.contact_law import resolve
 from granular.md.integrators import INTEGRATORS
 from granular.reference import Reference
 from granular.scene import Scene
-from granular.sweeps.answers import REFUSED
 from granular.sweeps.plan import planned
+from granular.sweeps.results import REFUSED
 from granular.trajectory import EARLY, Trajectory
 
 METHODS = ("located", *INTEGRATORS)
@@ -144,7 +141,7 @@ class Stability(Report):
         (_, *methods), *lines = self.table()
         ends = np.cumsum([0, *(len(words.split()) for words in lines[0][1:])])
         figure, ((axis,),) = canvas(PAGE, 0.95 + 0.18 * len(lines))
-        blues = optional("matplotlib", "plot").colormaps["Blues_r"](np.linspace(0.95, 0.0, 30))
+        blues = _check.optional("matplotlib", "plot").colormaps["Blues_r"](np.linspace(0.95, 0.0, 30))
         colours = dict(zip(map(str, range(17)), blues, strict=False)) | {"!": "0.85", "✗": HARD}
         for (y, x), sign in np.ndenumerate(np.array([" ".join(line[1:]).split() for line in lines])):
             axis.fill_between([x, x + 1], y, y + 1, color=colours.get(sign, "white"), lw=0)

@@ -24,7 +24,6 @@ import numpy as np
 
 from granular import binary
 from granular._check import Array
-from granular.laws import viscoelastic_restitution
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import Ints, resolved
 from granular.scene import Scene, speed_scale
@@ -92,7 +91,10 @@ class Durations:
         shapes: dict[tuple[float, float], float] = {}
         columns = np.array([_powers(law, shapes) for law in each])
         self.unit, self.power, self.damping = columns.T
-        self.damped = Curve(viscoelastic_restitution.duration, SMOOTH)
+        if (self.damping > -np.inf).any():
+            from granular.laws import viscoelastic_restitution
+
+            self.damped = Curve(viscoelastic_restitution.duration, SMOOTH)
         others = np.flatnonzero(np.isnan(self.unit)).tolist()
         self.curves = {k: Curve(partial(_duration, each[k]), COSTLY) for k in others}
         self.slowest = max(SLOWEST * speed_scale(scene), 1e-75)

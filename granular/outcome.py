@@ -1,20 +1,29 @@
-"""What a run comes to, read from its contact log: how pairs part, how balls leave, and how far two runs differ."""
+"""What a run comes to, read from its contact log: how pairs part, how balls leave, and how far two runs differ.
+
+Balls that touch each other in either of two runs form a component, and each component is judged on its own.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from granular._check import Array
+from granular.isolation import Durations
 from granular.trajectory import Trajectory
 
 SAME = 0.01
 """Outcomes closer than this share of the fastest impact are called the same."""
 INSTANT = 1e-12
 """Collisions closer than this share of the time since the start are in one instant: rounding decides which is first."""
+FAINT = 1e-12
+"""Impacts weaker than this share of the fastest are rounding: a contact leaves some 1e-15, a thousand leave this."""
+ROUNDING = 1e-13
+"""Speeds below this share of the velocities that they are differences of are rounding."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +35,7 @@ class PairOutcome:
     pair : int
         Number of the pair.
     hard_contacts, soft_contacts : int
-        Number of contacts, without those that are rounding (`granular.components.without_rounding`).
+        Number of contacts, without those that are rounding (`granular.outcome.without_rounding`).
     hard_v_rel, soft_v_rel : float
         Separation speed v[c+1] - v[c] in m/s at the end of the pair's last contact; nan without contacts.
     hard_t_f, soft_t_f : float
@@ -130,3 +139,160 @@ def strengths(run: Trajectory) -> Array:
 def approach(run: Trajectory) -> Array:
     """Speeds in m/s at which the contacts of the log close at their onset."""
     return np.asarray(run.contacts["v_in"][:, 0] - run.contacts["v_in"][:, 1])
+
+
+@dataclass(frozen=True, eq=False)
+class Components:
+    """Which component pairs and balls belong to.
+
+    Attributes
+    ----------
+    count : int
+        How many there are.
+    of_pair, of_ball : (n-1,), (n,) arrays of int
+        Number of the component; `count` for pairs that never touch, for balls that touch none, and for walls.
+    """
+
+    count: int
+    of_pair: Any
+    of_ball: Any
+
+    def largest(self, of_pairs: Array, of_balls: Array | None = None) -> Array:
+        """Largest of some values of the pairs, and of the balls, of each component, (count,); nan does not count."""
+        most = np.zeros(self.count + 1)
+        np.fmax.at(most, self.of_pair, of_pairs)
+        if of_balls is not None:
+            np.fmax.at(most, self.of_ball, of_balls)
+        return most[:-1]
+
+    def total(self, of_balls: Array) -> Array:
+        """Sum of some values of the balls of each component, (count,); nan does not count."""
+        return np.asarray(np.bincount(self.of_ball, np.nan_to_num(of_balls), self.count + 1)[:-1], float)
+
+    def weight(self, soft: Trajectory) -> Array:
+        """Speed a t_c in m/s that weight and forces give a ball in a contact, per pair the largest of its component.
+
+        a is the largest acceleration at which they close one of its gaps: g at a floor, 0 where all balls fall alike.
+        No more than it gives in the whole run.
+        """
+        closing = np.append(self.largest(np.abs(soft.scene.pull)), 0.0)[self.of_pair]
+        most = closing * float(soft.time[-1] - soft.time[0])
+        weight: Array = np.append(self.largest(np.fmin(_sagging(soft, closing), most)), 0.0)[self.of_pair]
+        return weight
+
+
+def components(hard: Trajectory, soft: Trajectory) -> Components:
+    """Find the components of two runs of one scene: neighbouring pairs that have contacts belong together."""
+    scene, met = hard.scene, (counts(hard) + counts(soft)) > 0
+    begins = met.copy()
+    begins[1:] &= ~met[:-1]
+    of_pair = np.cumsum(begins) - 1
+    count = int(of_pair[-1]) + 1
+    if scene.ring and count > 1 and met[0] and met[-1]:  # they are one, around the ring
+        count -= 1
+        of_pair[of_pair == count] = 0
+    of_pair[~met] = count
+    of_ball = np.full(scene.n, count)
+    for of_body in scene.bodies(np.flatnonzero(met)):
+        of_ball[of_body] = of_pair[met]
+    of_ball[scene.is_wall] = count
+    return Components(count, of_pair, of_ball)
+
+
+def units(hard: Trajectory, soft: Trajectory, parts: Components) -> Array:
+    """Largest closing speed U in m/s of each component, during contacts and at their onset, in either run.
+
+    A contact that begins at rest, as of balls that touch, closes later at about the speed with which it parts. U is
+    at least what weight gives a ball while a contact lasts, and more than rounding.
+    """
+    speed = parts.weight(soft)
+    for run in (hard, soft):
+        log = run.contacts
+        parting = np.where(approach(run) > 0.0, 0.0, np.nan_to_num(log["v_out"][:, 1] - log["v_out"][:, 0]))
+        np.maximum.at(speed, log["pair"], np.maximum(approach(run), parting))
+    scale = max(float(np.abs(run.contacts["v_in"]).max(initial=0.0)) for run in (hard, soft))
+    return np.maximum(parts.largest(speed), max(ROUNDING * scale, np.finfo(float).tiny))
+
+
+def _sagging(soft: Trajectory, acceleration: Array) -> Array:
+    """Speed in m/s that an acceleration gives a ball in the duration of a contact that begins with it, per pair."""
+    if not acceleration.any():
+        return acceleration
+    speed, alone = acceleration, Durations(soft.law or (), soft.scene)
+    for _ in range(8):  # a t_c(v) = v, quickly: t_c falls with v^(-1/5) of Hertz spheres, and not at all of springs
+        lasting = alone(np.arange(len(speed)), speed)
+        speed = acceleration * np.where(np.isfinite(lasting), lasting, 0.0)
+    return speed
+
+
+def differences(one: Trajectory, other: Trajectory) -> tuple[Array, Array]:
+    """Differences in m/s of two runs: of the leaving velocity of every ball (n,), and of the separation speed of every
+    pair, shape of the gaps.
+
+    A ball is compared where its last contacts end, or `one`, of hard spheres, carried in free flight to where those of
+    the other end, whichever is less: runs that end a contact some time apart under gravity are not that far apart. nan
+    where a contact has no end. What one run has alone counts in full.
+    """
+    (u, at), (v, then) = leaving(one), leaving(other)
+    apart = np.fmin(np.abs(u - v), np.abs(_carried(one, u, at, then) - v))
+    apart[one.scene.is_wall] = math.nan
+    p, q = partings(one), partings(other)
+    return apart, np.where(np.isnan(p), np.abs(q), np.where(np.isnan(q), np.abs(p), np.abs(p - q)))
+
+
+def _carried(hard: Trajectory, u: Array, at: Array, then: Array) -> Array:
+    """Velocities (n,) in m/s of hard spheres that leave with `u` at times `at`, in free flight to the times `then`."""
+    scene, omega = hard.scene, hard.scene.pendulum
+    if omega == 0.0:
+        return np.asarray(u + scene.fall * (then - at))
+    y, v, now = scene.displacement.copy(), scene.velocity.copy(), np.full(scene.n, float(hard.time[0]))
+    for row in hard.contacts:
+        for body, out in zip(scene.bodies(row["pair"]), row["v_out"], strict=True):
+            turn = omega * (row["t_begin"] - now[body])
+            y[body] = y[body] * np.cos(turn) + v[body] * np.sin(turn) / omega
+            v[body], now[body] = out, row["t_begin"]
+    turn = omega * (then - at)
+    return np.asarray(u * np.cos(turn) - omega * y * np.sin(turn))
+
+
+def rests_apart(hard: Trajectory, soft: Trajectory, weight: Array) -> Iterator[tuple[int, float]]:
+    """Yield pairs that come to rest in a contact without end, and how far in m/s the two runs differ there.
+
+    The contacts before it part alike; it begins alike in both; what one run still has from there on, as a ball that
+    bounces ever lower, begins no faster, and leaves the pair at rest too. Each is compared, the largest counts. Where
+    both rest, contacts that close at no more than `weight` (n-1,), which weight gives, are those of balls that settle.
+    """
+    never, merged = np.isnan(partings(soft)) & (counts(soft) > 0), hard.stats.get("merge_below", 0.0)
+    sticks = (np.abs(partings(hard)) <= merged) & (counts(hard) < counts(soft))
+    for c in np.flatnonzero(never | sticks).tolist():
+        runs = [(approach(run)[run.rows(c)], np.diff(run.of(c)["v_out"]).ravel()) for run in (hard, soft)]
+        (closing, parting), (others, out) = runs if sticks[c] and not never[c] else runs[::-1]
+        k = len(closing) - 1  # the number of the contact without end
+        both = min(k, len(others))
+        apart = [*np.abs(parting[:both] - out[:both]), *np.maximum(np.abs(parting), closing)[both:k]]
+        apart += [abs(closing[k] - others[k]), *(others[k + 1 :] - closing[k])] if len(others) > k else [closing[k]]
+        fastest = np.zeros(max(k + 1, len(others)))
+        fastest[: k + 1] = closing
+        fastest[: len(others)] = np.maximum(fastest[: len(others)], others)
+        still = not abs(out[-1]) > merged if len(out) else hard.gap[-1][c] == 0.0
+        left = float(np.abs(np.nan_to_num(out[-1:])).max(initial=0.0))
+        yield c, max(left, float(np.max(apart, where=fastest > weight[c] * still, initial=0.0)))
+
+
+def counted(hard: Trajectory, soft: Trajectory) -> tuple[Trajectory, Trajectory]:
+    """Both runs without contacts that are rounding beside the fastest of either in their component."""
+    parts, speed = components(hard, soft), np.zeros(hard.scene.n_pairs)
+    for run in (hard, soft):
+        np.maximum.at(speed, run.contacts["pair"], approach(run))
+    fastest = np.append(parts.largest(speed), 0.0)[parts.of_pair]
+    return without_rounding(hard, fastest), without_rounding(soft, fastest)
+
+
+def without_rounding(run: Trajectory, fastest: Array) -> Trajectory:
+    """The run with only those contacts in its log that are more than rounding beside one at `fastest` (n-1,) m/s.
+
+    Balls that an engine leaves with a relative speed of 1e-16 m/s meet again after some 1e12 s. Such contacts count
+    for nothing.
+    """
+    kept = strengths(run) > FAINT * fastest[run.contacts["pair"]]
+    return run if kept.all() else replace(run, contacts=run.contacts[kept])

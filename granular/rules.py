@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from granular import _check
-from granular._check import Array
 from granular.scene import Pair, checked_pair
 
 Rule = Callable[[float, Pair], float]
@@ -79,8 +78,8 @@ class TabulatedRestitution:
         With the entry that is wrong.
     """
 
-    speed: Array
-    restitution: Array
+    speed: _check.Array
+    restitution: _check.Array
 
     def __init__(self, speed: Any, restitution: Any) -> None:
         v = _check.array("speed", speed)
@@ -160,7 +159,7 @@ class ThorntonRestitution:
         return math.sqrt(1.2 * (1.0 - r * r / 6.0) / math.sqrt(depth))
 
 
-def _unit(values: Array, fix: str = "") -> Array:
+def _unit(values: _check.Array, fix: str = "") -> _check.Array:
     """Return coefficients of restitution if all of them are such, else raise."""
     _check.every("restitution", values, (values >= 0.0) & (values <= 1.0), "a number in [0, 1] is needed", fix)
     return values

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular import _check
-from granular._check import Array
 
 __all__ = [
     "TwoBallDrop",
@@ -142,7 +141,7 @@ def effective_restitution(v_rel_after: float, impact_speed: float) -> float:
     return 2.0 * x / (1.0 + math.sqrt(1.0 + 4.0 * x))
 
 
-def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) -> Array:
+def stack_velocities(masses: ArrayLike, restitution: float | Sequence[float]) -> _check.Array:
     """Return the velocity of each ball of a stack right after the ball below (the floor) has hit it.
 
     In units of the speed at which the stack meets the floor; the last entry is the top ball's launch:
@@ -199,7 +198,7 @@ def chain_velocity(masses: ArrayLike, restitution: float = 1.0) -> float:
     return float(np.prod((1.0 + eps) / (1.0 + m[1:] / m[:-1])))
 
 
-def best_masses(first: float, last: float, n: int) -> Array:
+def best_masses(first: float, last: float, n: int) -> _check.Array:
     """Return the `n` masses from `first` to `last` in kg that make the last ball fastest: a geometric progression.
 
     True of stacks and of chains at rest, for every ε: each factor 1/(1 + m[k+1]/m[k]) is log-concave in ln m.
@@ -208,7 +207,7 @@ def best_masses(first: float, last: float, n: int) -> Array:
     b = _check.number("last", last, above=0.0)
     count = _check.whole("n", n, at_least=2)
     step = (b / a) ** (1.0 / (count - 1))
-    masses: Array = a * np.power(step, np.arange(count, dtype=np.float64))
+    masses: _check.Array = a * np.power(step, np.arange(count, dtype=np.float64))
     masses[-1] = b
     return masses
 
@@ -263,13 +262,13 @@ def most_collisions(masses: Sequence[float]) -> int:
     return round(turns) if abs(turns - round(turns)) < 1e-12 * turns else math.ceil(turns)
 
 
-def _restitutions(restitution: float | Sequence[float], n: int) -> Array:
+def _restitutions(restitution: float | Sequence[float], n: int) -> _check.Array:
     eps = _check.array("restitution", np.full(n, restitution) if np.ndim(restitution) == 0 else restitution, (n,))
     _check.every("restitution", eps, (eps >= 0.0) & (eps <= 1.0), "a restitution lies in [0, 1]")
     return eps
 
 
-def _masses(masses: ArrayLike) -> Array:
+def _masses(masses: ArrayLike) -> _check.Array:
     m = _check.array("masses", masses)
     _check.every("masses", m, np.isfinite(m) & (m > 0.0), "a mass must be positive and finite")
     if len(m) == 0:

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from granular import _saved_run
 from granular._check import Array
 from granular.laws.kinds import resolved
 from granular.scene import Scene
@@ -200,6 +199,8 @@ class Trajectory:
         Force laws and rules of this package are stored with their numbers; your own by name only. The path of a wall
         that a function of yours moves is stored as far as the run goes.
         """
+        from granular import _saved_run
+
         _saved_run.write(path, self)
 
     @classmethod
@@ -224,6 +225,8 @@ class Trajectory:
         Nothing in a file is run: laws, rules and walls are made of a closed list, from their numbers. The message is
         read without control characters, up to 500 characters of it.
         """
+        from granular import _saved_run
+
         read = _saved_run.read(path, law, rule, Status.__members__, CONTACT)
         return cls(**read | {"status": Status[read["status"]]})
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from granular import binary, cases, scenes, until
-from granular.cases.options import descriptions, options_of, summary
+from granular.cases.case import descriptions, options_of, summary
 from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz, WaltonBraun
 from granular.rules import ConstantRestitution, TabulatedRestitution
 from granular.scene import Scene

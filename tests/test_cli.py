@@ -10,7 +10,7 @@ import pytest
 import granular as gr
 from granular import Trajectory, cases, md
 from granular.cases import build
-from granular.cases.options import options_of
+from granular.cases.case import options_of
 from granular.comparison import film
 
 

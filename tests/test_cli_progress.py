@@ -7,8 +7,8 @@ import time
 import pytest
 
 from granular import cli
-from granular.cli import progress as line
-from granular.cli.progress import Progress, clock
+from granular.cli import output as line
+from granular.cli.output import Progress, clock
 
 
 class Terminal(io.StringIO):

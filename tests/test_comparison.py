@@ -11,7 +11,7 @@ import pytest
 import granular as gr
 from granular import measures
 from granular.comparison.report import warnings
-from granular.components import differences
+from granular.outcome import differences
 
 
 @pytest.fixture(scope="module")
@@ -405,7 +405,7 @@ def test_the_command_merges_too(granular):
 
 
 def test_a_root_beside_a_jump_is_found_whatever_rounding_says():
-    from granular.comparison.restitution import roots
+    from granular.comparison.further import roots
 
     grid = np.linspace(0.0, 1.0, 21)
     for rounding in (-3e-16, 0.0, 3e-16):  # at 0.95, and a jump upwards beyond

@@ -106,15 +106,15 @@ def test_the_ending_tells_the_format_of_a_run(tmp_path, monkeypatch, path):
 
 def test_a_full_disk_is_called_so_whatever_netcdf_says(tmp_path):
     xarray, resource = pytest.importorskip("xarray"), pytest.importorskip("resource")
-    from granular.sweeps import store
+    from granular.sweeps import plan
 
-    store.write(xarray.Dataset({"a": ("x", np.zeros(3))}), tmp_path / "small.nc")
+    plan.write(xarray.Dataset({"a": ("x", np.zeros(3))}), tmp_path / "small.nc")
     data, limits = xarray.Dataset({"a": ("x", np.random.default_rng(1).random(200_000))}), resource.RLIMIT_FSIZE
     before = resource.getrlimit(limits)
     resource.setrlimit(limits, (1_000_000, before[1]))  # as a quota does, with words of its own
     try:
         with pytest.raises(OSError, match=r"output path is .*: a writable place is needed \(File too large\)"):
-            store.write(data, tmp_path / "large.nc")
+            plan.write(data, tmp_path / "large.nc")
     finally:
         resource.setrlimit(limits, before)
     assert os.listdir(tmp_path) == ["small.nc"]

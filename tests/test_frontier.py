@@ -9,11 +9,10 @@ import pytest
 
 import granular as gr
 from granular import cases, cli, reference
-from granular._tables import duration
-from granular.cli import frontier as command
+from granular._reports import duration
+from granular.cli import output
 from granular.frontiers import Frontier, Row
-from granular.frontiers.methods import Task, expected_order, own
-from granular.frontiers.result import contacts_of, errors
+from granular.frontiers.methods import Task, contacts_of, errors, expected_order, own
 from granular.frontiers.run import METHODS
 
 pytest.importorskip("mpmath")
@@ -116,7 +115,7 @@ def test_nonlinear_laws_have_a_tolerance_and_laws_with_memory_no_solver_without_
     scene, law, end = scene_and_law(lambda pair: gr.Hertz(1e9))
     truth = reference.Reference(contacts_of(gr.md.simulate(scene, law, **end)), 0.8, "until", "")
     method = own(Task(scene, tuple(law), end["until"], None, truth), "located")
-    assert (method.dial, len(method.settings)) == ("tol", 7)
+    assert (method.setting_name, len(method.settings)) == ("tol", 7)
     scene, law, end = scene_and_law(lambda pair: gr.WaltonBraun(5e7, 1e8))
     report = gr.frontier(scene, law, **end, methods=("located", "dop853"), repeats=1)
     assert report.methods == ("located",)
@@ -179,8 +178,8 @@ def test_command(coarse, capsys, tmp_path):
 def test_command_measures_the_first_contacts_of_a_scene_that_only_its_time_ends(capsys, monkeypatch):
     """And ends where no contact begins or ends."""
     asked = []
-    monkeypatch.setattr(command, "frontier", lambda scene, law, **options: asked.append(options["t_end"]))
-    monkeypatch.setattr(command.files, "deliver", lambda report, given: None)
+    monkeypatch.setattr(gr, "frontier", lambda scene, law, **options: asked.append(options["t_end"]))
+    monkeypatch.setattr(output, "deliver", lambda report, given: None)
     for line in ("frontier vibrated-column", "frontier vibrated-column --t-end 0.03", "frontier three-balls"):
         assert cli.main(line.split()) == 0
     end, given, own = asked

@@ -5,6 +5,8 @@ import sys
 
 import pytest
 
+IDLE = ("_saved_run", "_describe", "_files", "cases", "comparison.figure", "comparison.film", "comparison.view",
+        "frontiers", "page", "reference", "sweeps", "thresholds", "waves")
 HEAVY = ("scipy", "numba", "matplotlib", "xarray", "pandas")
 
 
@@ -36,6 +38,15 @@ def test_edmd_run_loads_nothing_heavy():
         f"print([m for m in {HEAVY} if m in sys.modules])"
     )
     assert fresh(code) == "[]"
+
+
+def test_a_comparison_loads_neither_pictures_nor_files_nor_studies():
+    code = (
+        "import sys, granular as gr; "
+        "print(gr.compare(gr.scenes.three_balls(), gr.LinearDashpot(5e7, 100.0), until=gr.until.contact(0, 2))); "
+        f"print([m for m in {IDLE} if 'granular.' + m in sys.modules])"
+    )
+    assert fresh(code).splitlines()[-1] == "[]"
 
 
 def hidden(module, code):

@@ -14,8 +14,8 @@ import pytest
 
 import granular as gr
 from granular.cli import main
-from granular.page import assemble, described, live_page, opening, player_page, recording
-from granular.page.filled import filled
+from granular.page import assemble, live_page, opening, player_page, recording
+from granular.page.recording import filled
 
 HERE = Path(__file__).parent / "page"
 
@@ -249,7 +249,7 @@ def test_energy_falls_in_steps_and_only_what_is_needed_is_written() -> None:
     ],
 )
 def test_the_ends_of_a_scene_are_floor_and_ceiling_only_where_things_fall(scene, words) -> None:
-    assert described.scene(scene) == words
+    assert recording.scene_in_words(scene) == words
 
 
 def test_a_recorded_run_says_what_it_was_made_of() -> None:

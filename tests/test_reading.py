@@ -45,7 +45,7 @@ def test_a_file_is_on_the_path_or_says_why_it_may_be_skipped(name):
 
 def test_files_that_the_page_names_are_there():
     named = set(re.findall(r"`((?:\w+/)*\w+\.py)`", PAGE)) - PATH.keys()
-    assert named - {"cli/NAME.py"} <= FILES.keys() | {"tests/test_public_names.py"}
+    assert named <= FILES.keys() | {"tests/test_public_names.py"}
 
 
 def test_the_house_is_drawn_floor_by_floor():
@@ -75,13 +75,16 @@ def test_a_tie_rule_is_a_name_and_an_order_or_its_equations(monkeypatch):
     assert (mine.velocity == poisson.velocity).all()
 
 
-def test_a_command_is_a_module_and_its_name(monkeypatch, capsys):
-    mine = SimpleNamespace(
-        __doc__="`granular mine`: say how many bodies there are.", USAGE="SCENE|FILE.toml", arguments=lambda _: None,
-        run=lambda given: print(parser.case_of(given).scene.n),
-    )
-    monkeypatch.setitem(sys.modules, "granular.cli.mine", mine)
-    monkeypatch.setattr(parser, "COMMANDS", (*parser.COMMANDS, "mine"))
+def test_a_command_is_a_class_and_its_name(monkeypatch, capsys):
+    class Mine(parser.Command):
+        """Say how many bodies there are."""
+
+        @staticmethod
+        def run(given):
+            print(parser.case_of(given).scene.n)
+
+    monkeypatch.setitem(sys.modules, "granular.cli.mine", SimpleNamespace(Mine=Mine))
+    monkeypatch.setitem(parser.COMMANDS, "mine", "mine:Mine")
     assert main(["mine", "newtons-cradle", "--n", "7"]) == 0
     assert capsys.readouterr().out == "7\n"
     assert main(["--help"]) == 0

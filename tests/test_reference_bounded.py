@@ -9,7 +9,7 @@ import granular as gr
 from granular import reference
 from granular.laws.kinds import resolved
 from granular.reference import restarted
-from granular.reference.log import ACTIVE, DORMANT, OPEN, roused
+from granular.reference.events import ACTIVE, DORMANT, OPEN, roused
 
 pytest.importorskip("mpmath")
 MP = __import__("mpmath").MPContext()

@@ -15,8 +15,7 @@ from granular.laws import resolve
 from granular.laws.kinds import resolved
 from granular.reference import restarted, taylor
 from granular.reference.events import Run
-from granular.reference.pieces import fraction
-from granular.reference.series import Power, first_rise, first_rise_of_parabola, product_term, value
+from granular.reference.series import Power, first_rise, first_rise_of_parabola, fraction, product_term, value
 
 mpmath = pytest.importorskip("mpmath")
 NUMBERS = json.loads((Path(__file__).parent / "reference" / "chains.json").read_text())

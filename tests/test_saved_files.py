@@ -15,7 +15,7 @@ import saved_scenes
 from saved_scenes import ALL
 
 import granular as gr
-from granular import _archive, _describe
+from granular import _describe, _files
 from granular.cli import main
 from granular.edmd import wall_state
 from granular.page import assemble, player_page
@@ -180,7 +180,7 @@ def test_sizes_are_known_before_memory_is_taken(files, tmp_path, monkeypatch):
         with zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive:
             for member, bytes_ in (whole | {f"{name}.npy": data}).items():
                 archive.writestr(member, bytes_)
-        monkeypatch.setattr(_archive, "arrays", lambda file: pytest.fail("read"))
+        monkeypatch.setattr(_files, "arrays", lambda file: pytest.fail("read"))
         with pytest.raises(ValueError, match=r"edited|is not a run saved by granular|is an array of shape"):
             gr.Trajectory.load(tmp_path / "bomb.npz")
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from granular import cases, scenes
-from granular.cases.contacts import first_impact
+from granular.cases.ready import first_impact
 from granular.scene import Scene
 from granular.walls import Thermal
 

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from granular._tables import Report, aligned, duration, markdown, number, unit_of
+from granular._reports import Report, aligned, duration, markdown, number, unit_of
 
 ROWS = [["name", "error"], ["verlet", "1e-3"], ["é", ""]]
 

@@ -18,8 +18,8 @@ from bench.stability import AXES, StabilityReport, stability
 from bench.stability.cell import BOTH, FIXED, Result
 from bench.stability.report import BAD
 from granular import _check
-from granular._tables import markdown
-from granular.cli.progress import Progress
+from granular._reports import markdown
+from granular.cli.output import Progress
 
 PAGE = Path(__file__).parents[2] / "docs" / "stability.md"
 FIGURE = PAGE.parent / "figures" / "stability-three-balls.png"

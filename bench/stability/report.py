@@ -8,7 +8,7 @@ from typing import Any
 
 from bench.stability.cell import BOTH, Result, Verdict
 from bench.stability.long import Drift, StabilityLimit
-from granular._tables import Report, aligned, markdown, number
+from granular._reports import Report, aligned, markdown, number
 
 BAD = (Verdict.wrong, Verdict.crashed, Verdict.limit)
 SHOWN = 20

@@ -3,8 +3,7 @@ May be skipped: names of the package only.
 """
 
 from granular.cases.case import Case
-from granular.cases.load import load, loads
 from granular.cases.ready import about, make, names, options
-from granular.cases.save import dumps, save
+from granular.cases.toml import dumps, load, loads, save
 
 __all__ = ["Case", "about", "dumps", "load", "loads", "make", "names", "options", "save"]

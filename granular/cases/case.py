@@ -1,12 +1,15 @@
-"""What a run needs, in one value.
+"""What a run needs, in one value; and the parameters of a documented function as data, so that the command line and
+its help are written once, where the function is.
 May be skipped: files and the command, no physics.
 """
 
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from importlib import import_module
 from typing import Any
 
@@ -18,6 +21,62 @@ from granular.until import Until
 ENGINES = ("edmd", "md")
 HELD = {"t_end", "until", "on_event", "on_progress"}
 """Arguments of `simulate` that a `Case` holds itself, or that are no data."""
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """One parameter of a function.
+
+    Attributes
+    ----------
+    name, kind, about : str
+        The parameter, its annotation as written ("float", "Sequence[float] | None", …), and its description.
+    default : object
+        Its default value.
+    """
+
+    name: str
+    kind: str
+    default: Any
+    about: str
+
+
+def parameters_of(function: Callable[..., Any]) -> tuple[inspect.Parameter, ...]:
+    """Return what a function takes."""
+    return tuple(inspect.signature(function).parameters.values())
+
+
+def options_of(function: Callable[..., Any]) -> list[Option]:
+    """Return the parameters of `function` that have a default, in order, with their NumPy-style documentation."""
+    about = descriptions(function)
+    return [Option(p.name, str(p.annotation), p.default, about.get(p.name, ""))
+            for p in parameters_of(function) if p.default is not p.empty]
+
+
+def whole(function: Callable[..., Any]) -> frozenset[str]:
+    """Return the names of the parameters of `function` that are whole numbers, by their annotations."""
+    return frozenset(p.name for p in parameters_of(function) if p.annotation in (int, "int"))
+
+
+def descriptions(function: Callable[..., Any]) -> dict[str, str]:
+    """Return what the Parameters section of a NumPy-style docstring says of each parameter, on one line each.
+
+    A type that lists choices, such as ``{"left", "right"}``, comes first.
+    """
+    text = inspect.getdoc(function) or ""
+    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-+\n|\Z)", text, re.MULTILINE | re.DOTALL)
+    entry_of_names = r"^(\w[\w, ]*) : (.*)\n((?:[ \t]+.*\n?|\n)*)"
+    found: dict[str, str] = {}
+    for names, kind, about in re.findall(entry_of_names, section[1] if section else "", re.MULTILINE):
+        choices = kind.partition("}")[0] + "}: " if kind.startswith("{") else ""
+        found |= dict.fromkeys(names.split(", "), choices + " ".join(about.split()))
+    return found
+
+
+@cache
+def summary(function: Callable[..., Any]) -> str:
+    """Return the first paragraph of a docstring on one line."""
+    return " ".join((inspect.getdoc(function) or "").split("\n\n")[0].split())
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,5 +153,4 @@ def engine_named(engine: str) -> Callable[..., Trajectory]:
 
 def keyword_options(run: Callable[..., Any]) -> set[str]:
     """Names of the keyword options that a function such as `simulate` takes besides those in `HELD`."""
-    parameters = inspect.signature(run).parameters.values()
-    return {p.name for p in parameters if p.kind is p.KEYWORD_ONLY} - HELD
+    return {p.name for p in parameters_of(run) if p.kind is p.KEYWORD_ONLY} - HELD

@@ -6,18 +6,99 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from os import PathLike
 from typing import Any
 
-from granular import _check, scenes, until, walls, waves
-from granular.cases import build, contacts
-from granular.cases.case import Case
-from granular.cases.contacts import first_impact
-from granular.cases.options import Option, options_of, summary
+import numpy as np
+
+from granular import _check, balls, scenes, until, walls, waves
+from granular.cases import build
+from granular.cases.case import Case, Option, options_of, summary
+from granular.laws import Hertz, LinearDashpot
+from granular.rules import ConstantRestitution
 from granular.scene import Scene
+
+STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
+"""Elastic Hertz contacts of steel balls of 1 kg; below ε = 1 with Tsuji's damping."""
+
+
+def first_impact(scene: Scene) -> float:
+    """Largest speed in m/s at which a pair would meet first if it were alone, with walls at their fastest; 0 if none
+    meets."""
+    closing = -scene.across(scene.velocity)
+    gap = np.maximum(scene.gap, 0.0)
+    rest = 0.0 if scene.rest_gap is None else scene.rest_gap
+    square = closing * np.abs(closing) + gap * (2.0 * scene.pull + scene.pendulum**2 * (gap - 2.0 * rest))
+    speed = np.sqrt(np.maximum(0.0, square))
+    speed[0] += walls.fastest(scene.floor)
+    speed[-1] += walls.fastest(scene.ceiling)
+    return float(speed.max())
+
+
+def of_restitution(
+    scene: Scene, restitution: float | Sequence[float] = 0.7, stiffness: float = 5e7, law: str = "LinearDashpot"
+) -> tuple[tuple[Any, ...], Any]:
+    """Return force laws and the collision rule of the same restitution for all pairs of a scene.
+
+    Parameters
+    ----------
+    restitution : float or floats
+        Coefficient of restitution in (0, 1]: one for all pairs, or one per pair bottom to top.
+    stiffness : float
+        Stiffness k: in N/m, for the Hertz laws in N/m^(3/2).
+    law : str
+        LinearDashpot, Hertz (elastic: restitution 1), TsujiHertz, WaltonBraun, or ViscoelasticHertz (restitution then
+        holds at the speed of the first impact, and falls with speed).
+
+    Returns
+    -------
+    tuple of laws, rule or None
+        The rule is None where restitution depends on speed: then it is to be taken from the laws.
+    """
+    way = WAYS[_check.choice("law", law, list(WAYS))]
+    needs = {parameter.name for parameter in build.parameters(way)}
+    k = _check.number("stiffness", stiffness, above=0.0)
+    given = {"k": k, "k_load": k, "speed": first_impact(scene)}
+    values = {key: value for key, value in given.items() if key in needs}
+    eps = list(restitution) if isinstance(restitution, Sequence) else restitution
+    laws = build.each_pair(lambda e, pair: build.call([way], {"restitution": e} | values, pair=pair),
+                           _check.per_pair("restitution", eps, scene.n_pairs), scene.pairs)
+    return laws, None if "speed" in needs else ConstantRestitution(eps)
+
+
+def _elastic_hertz(restitution: float, k: float) -> Hertz:
+    """Hertz's law, which has one restitution."""
+    fix = "Hertz's law is elastic; TsujiHertz and ViscoelasticHertz are damped"
+    _check.number("restitution", restitution, at_least=1.0, at_most=1.0, fix=fix)
+    return Hertz(k)
+
+
+WAYS = {"Hertz": _elastic_hertz} | {
+    name: kind.from_restitution for name, kind in build.LAWS.items() if hasattr(kind, "from_restitution")}
+"""Laws that `of_restitution` makes, and how."""
+
+
+def of_balls(
+    scene: Scene, lower: str | balls.Ball = "basketball", upper: str | balls.Ball | None = "tennis ball",
+    pair_rule: str = "lens",
+) -> tuple[tuple[Any, ...], Any]:
+    """Return force laws and the collision rule of real balls, from what each does on a floor (`granular.balls`).
+
+    Parameters
+    ----------
+    lower, upper : str or Ball
+        The balls of the scene.
+    pair_rule : {"lens", "series"}
+        How the two press on each other.
+    """
+    _check.choice("pair_rule", pair_rule, balls.RULES)
+    floor = balls.named(lower, "lower")
+    each = [floor, floor if upper is None else balls.contact(lower, upper, pair_rule)][: scene.n_pairs]
+    laws = [LinearDashpot.from_restitution(one.restitution, one.stiffness, pair)
+            for one, pair in zip(each, scene.pairs, strict=True)]
+    return tuple(laws), ConstantRestitution([one.restitution for one in each])
 
 
 @dataclass(frozen=True)
@@ -37,7 +118,7 @@ class Template:
     pressed : callable or None
         The end time in s for a scene and its laws, if overlaps at the start hang on the laws: `make` then takes them.
     touch : callable
-        Makes the force laws and the collision rule of a scene: a function of `granular.cases.contacts`.
+        Makes the force laws and the collision rule of a scene: a function of `granular.cases.ready`.
     """
 
     make: Callable[..., Scene]
@@ -45,7 +126,7 @@ class Template:
     t_end: Callable[[Scene], float | None] = lambda scene: None
     contact: Mapping[str, Any] = field(default_factory=dict)
     pressed: Callable[[Scene, Any], float | None] | None = None
-    touch: Callable[..., tuple[tuple[Any, ...], Any]] = contacts.contact
+    touch: Callable[..., tuple[tuple[Any, ...], Any]] = of_restitution
 
 
 def falls(count: float, scene: Scene) -> float | None:
@@ -83,14 +164,11 @@ def crossings(count: float, periods: float, scene: Scene, law: Any) -> float | N
     return count * once if once < math.inf else None
 
 
-STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
-"""Elastic Hertz contacts of steel balls of 1 kg; below ε = 1 with Tsuji's damping."""
-
 TEMPLATES = {
     "three-balls": Template(scenes.three_balls, until.contact(pair=0, nth=2), partial(falls, 10)),
     "ball-stack": Template(scenes.ball_stack, until.separated(), partial(falls, 10), {"restitution": 0.9}),
     "real-balls": Template(scenes.real_balls, until.contact(pair=0, nth=2), partial(falls, 10),
-                           touch=contacts.of_balls),
+                           touch=of_balls),
     "newtons-cradle": Template(scenes.newtons_cradle, until.separated(), contact=STEEL),
     "chain": Template(scenes.chain, until.separated(), contact=STEEL),
     "column": Template(scenes.column, until.separated(), partial(falls, 20), {"restitution": 0.9}),
@@ -117,8 +195,8 @@ def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None
     run : mapping, optional
         Further options of ``simulate``.
     **options
-        Parameters of the scene's function in `granular.scenes`, and `restitution`, `stiffness`, `law` of `contact`; of
-        "real-balls" `pair_rule`.
+        Parameters of the scene's function in `granular.scenes`, and `restitution`, `stiffness`, `law` of its contacts;
+        of "real-balls" `pair_rule`.
 
     Raises
     ------
@@ -134,8 +212,8 @@ def make(name: str, *, t_end: float | None = None, run: Mapping[str, Any] | None
 
 
 def of_table(name: str, given: Mapping[str, Any]) -> Case:
-    """Return a case of what a file says of its scene; options of `contact` have tables of their own there."""
-    own = set() if _named(name).touch is contacts.contact else _touching(name)
+    """Return a case of what a file says of its scene; options of `of_restitution` have tables of their own there."""
+    own = set() if _named(name).touch is of_restitution else _touching(name)
     case = bare(name, {key: value for key, value in given.items() if key not in own - shaping(name)})
     return touching(name, case, **{key: value for key, value in given.items() if key in own})
 
@@ -172,7 +250,7 @@ def pressed(name: str, case: Case, of_scene: Mapping[str, Any]) -> Case:
 def is_whole(name: str) -> bool:
     """Return whether the scene of that name and its contacts hang on each other, by overlaps or by the kind of ball."""
     template = _named(name)
-    return template.pressed is not None or template.touch is not contacts.contact
+    return template.pressed is not None or template.touch is not of_restitution
 
 
 def names() -> list[str]:
@@ -182,7 +260,7 @@ def names() -> list[str]:
 
 def is_file(scene: Any) -> bool:
     """Return whether a word is no name of a case, but of a file: by its ending, or because there is one."""
-    if not isinstance(scene, (str, PathLike)) or scene in TEMPLATES:
+    if not isinstance(scene, (str, os.PathLike)) or scene in TEMPLATES:
         return False
     return os.fspath(scene).lower().endswith(".toml") or os.path.exists(scene)
 

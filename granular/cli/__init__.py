@@ -5,12 +5,14 @@ May be skipped: the command, no physics.
 from __future__ import annotations
 
 import os
+import re
 import sys
 import traceback
 import warnings
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from signal import SIGINT
+from typing import Any
 
 import numpy as np
 
@@ -59,16 +61,44 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _act(arguments: Sequence[str]) -> int:
     """Do what the command line says."""
-    from granular.cli import extreme, files, parser
+    from granular.cli import output, parser
 
     try:
         given = parser.parse(arguments)
     except SystemExit:  # --help and --version
         return OK
-    files.check(given)
-    with np.errstate(all="ignore"), extreme.named(given.given | given.run):  # what is no number is refused in words
+    output.check(given)
+    with np.errstate(all="ignore"), _naming(given.given | given.run):  # what is no number is refused in words
         ends = {run.status for run in given.act(given) or ()}
     return ABNORMAL if ends & {Status.unstable, Status.broken, Status.max_events} else OK
+
+
+@contextmanager
+def _naming(options: Mapping[str, Any]) -> Iterator[None]:
+    """Put the first option that is too large or too small in front of a refusal that names something else, which
+    follows from it: an end time that is infinite, a mass that is 0."""
+    try:
+        yield
+    except (ValueError, ArithmeticError) as error:
+        from granular.edmd.physics import LARGEST, SMALLEST
+
+        own = hasattr(error, "raised_by")  # by a function of the user's own
+        far = [] if own else [(name, x) for name, x in _numbers_of(options) if not SMALLEST <= abs(x) <= LARGEST]
+        if not far or any(re.search(rf"\b{name}\b", str(error)) for name, _ in far):
+            raise
+        name, value = far[0]
+        raise ValueError(f"{name} is {value!r}: 0 or a size from {SMALLEST:g} to {LARGEST:g} is needed; "
+                         f"use other units ({str(error).rstrip('.')}).") from error
+
+
+def _numbers_of(options: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
+    """The numbers among options and in their lists and tables, except for 0."""
+    for name, value in options.items():
+        inner = value.items() if isinstance(value, Mapping) else [("", value)]
+        for key, entry in inner:
+            for x in entry if isinstance(entry, (list, tuple)) else [entry]:
+                if isinstance(x, (int, float)) and not isinstance(x, bool) and x != 0:
+                    yield key or name, x
 
 
 def _say_compiling() -> None:
@@ -79,7 +109,7 @@ def _say_compiling() -> None:
 
 def _sentence(error: Exception) -> str:
     if hasattr(error, "raised_by"):
-        from granular.cases.named import sentence_of
+        from granular.cases.build import sentence_of
 
         return sentence_of(error)
     if isinstance(error, MemoryError):

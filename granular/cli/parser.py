@@ -14,14 +14,17 @@ from importlib import import_module
 from typing import Any, NoReturn
 
 from granular import _check, _files, cases
-from granular.cases.case import HELD
-from granular.cases.named import on_running
-from granular.cases.options import Option, options_of
+from granular.cases.build import on_running
+from granular.cases.case import HELD, Option, options_of
 from granular.cases.ready import is_file
+from granular.trajectory import Trajectory
 
-COMMANDS = ("scenes", "run", "compare", "sweep", "threshold", "frontier", "stability", "page", "view")
-"""A command is a module of that name. Its docstring says what it does, `USAGE` what it takes. ``arguments(parser)``
-adds its options and returns those that come from a signature; ``run(given)`` does it; runs that it returns must end."""
+COMMANDS = {
+    "scenes": "one_scene:Scenes", "run": "one_scene:Run", "compare": "one_scene:Compare", "sweep": "sweep:Sweep",
+    "threshold": "studies:Threshold", "frontier": "studies:Frontier", "stability": "studies:Stability",
+    "page": "pages:Page", "view": "pages:View",
+}
+"""Where each command stands: a file beside this one, and a `Command` in it."""
 ABOUT = """\
 Balls on a line as hard spheres (edmd: event-driven, instantaneous collisions) and as soft spheres (md: Newton's
 equation with a contact force). Do the two agree? All numbers are in SI units."""
@@ -48,6 +51,25 @@ HIDDEN = HELD | {"engine", "log", "t_start", "watch"}
 """Options of the engines that the command line does not offer; a TOML file's [run] does."""
 
 
+class Command:
+    """What a command is. Its own docstring says what it does, in one line."""
+
+    USAGE = "SCENE|FILE.toml [options]"
+    """What it takes."""
+    TITLE = "run"
+    """Over its options."""
+
+    @staticmethod
+    def arguments(parser: argparse.ArgumentParser) -> list[Option]:
+        """Add its options; return those that come from a signature."""
+        return []
+
+    @staticmethod
+    def run(given: argparse.Namespace) -> list[Trajectory] | None:
+        """Do it; runs that it returns must have come to a proper end."""
+        raise NotImplementedError
+
+
 class Parser(argparse.ArgumentParser):
     """Raises ValueError with one sentence in place of printing usage and leaving."""
 
@@ -72,17 +94,17 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     commands = top.add_subparsers(title="commands, each with its own --help", metavar="COMMAND", required=True)
     if command.startswith("-"):
         for name in COMMANDS:
-            commands.add_parser(name, help=_about(import_module(f"granular.cli.{name}")).rstrip("."))
+            commands.add_parser(name, help=_about(_command(name)).rstrip("."))
         top.parse_args([command])
     _check.known([command], COMMANDS, "command")
-    module = import_module(f"granular.cli.{command}")
-    of_scene = module.USAGE.startswith("SCENE")
+    chosen = _command(command)
+    of_scene = chosen.USAGE.startswith("SCENE")
     target, rest = _target(rest) if of_scene else (None, rest)
-    parser = commands.add_parser(command, **_settings(command, module, target))
+    parser = commands.add_parser(command, **_settings(command, chosen, target))
     parameters = cases.options(target) if target in cases.names() and command != "scenes" else []
     _add(parser, f"scene {target}", parameters)
-    offered = [option for option in module.arguments(parser) or [] if option.name not in {p.name for p in parameters}]
-    _add(parser, module.__dict__.get("TITLE", "run"), offered)
+    offered = [option for option in chosen.arguments(parser) if option.name not in {p.name for p in parameters}]
+    _add(parser, chosen.TITLE, offered)
     found, extra = top.parse_known_args([command, *rest])
     flags = sorted(set(re.findall(r"--[a-z][\w-]*", parser.format_help()))) if extra else []
     _check.known([word.partition("=")[0] for word in extra if word[:1] == "-"], flags, f"option of {parser.prog}")
@@ -90,10 +112,9 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         raise ValueError(f"{extra[0].strip()!r} is one argument too many; see {parser.prog} --help")
     if of_scene and command != "scenes" and target is None:
         raise ValueError(f"{command} needs a scene: one of {', '.join(cases.names())}, or a TOML file.")
-    given, run = ({option.name: getattr(found, option.name) for option in options if option.name in found}
-                  for options in (parameters, offered))
     on_running[:] = [_told(target)]
-    return argparse.Namespace(**vars(found) | {"act": module.run, "target": target, "given": given, "run": run})
+    return argparse.Namespace(**vars(found) | {
+        "act": chosen.run, "target": target, "given": _given(parameters, found), "run": _given(offered, found)})
 
 
 def case_of(given: argparse.Namespace) -> cases.Case:
@@ -133,14 +154,21 @@ def _target(rest: Sequence[str]) -> tuple[str | None, list[str]]:
     return None, list(rest)
 
 
-def _about(module: Any) -> str:
-    """What a command does: its docstring behind its name."""
-    return str(module.__doc__).partition(": ")[2].partition("\n")[0]
+def _command(name: str) -> type[Command]:
+    module, _, word = COMMANDS[name].partition(":")
+    command: type[Command] = getattr(import_module(f"granular.cli.{module}"), word)
+    return command
 
 
-def _settings(command: str, module: Any, target: str | None) -> dict[str, Any]:
+def _about(command: type[Command]) -> str:
+    """What a command does, as part of a sentence."""
+    about = str(command.__doc__)
+    return about[0].lower() + about[1:]
+
+
+def _settings(command: str, chosen: type[Command], target: str | None) -> dict[str, Any]:
     """Name, usage and description of a command, and of its scene."""
-    description, usage = _about(module), module.USAGE
+    description, usage = _about(chosen), chosen.USAGE
     settings = {"prog": f"granular {command}"}
     if usage.startswith("SCENE"):
         description += " All numbers are in SI units."
@@ -164,31 +192,27 @@ def _add(parser: argparse.ArgumentParser, title: str, options: Iterable[Option])
 
 
 def _reading(kind: str) -> dict[str, Any]:
-    """How argparse reads a parameter with this annotation; one number stays a number where one or several may stand."""
+    """How argparse reads a parameter with this annotation."""
     if kind == "bool":
         return {"action": argparse.BooleanOptionalAction}
     if "Sequence[str]" in kind:
         return {"nargs": "+", "metavar": "WORD"}
     if "Sequence" in kind:
-        action = _OneOrMore if kind.startswith("float") else None
-        return {"type": _number, "nargs": "+", "metavar": "X", "action": action}
+        return {"type": _number, "nargs": "+", "metavar": "X"}
     if kind == "Any":
-        return {"type": _entry, "nargs": "+", "metavar": "NAME=VALUE", "action": _Table}
+        return {"type": _entry, "nargs": "+", "metavar": "NAME=VALUE"}
     if kind.startswith("int"):
         return {"type": _whole, "metavar": "N"}
     return {"type": _number, "metavar": "X"} if kind.startswith("float") else {"metavar": "WORD"}
 
 
-class _OneOrMore(argparse.Action):
-    def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option: str | None = None) -> None:
-        setattr(namespace, self.dest, values[0] if len(values) == 1 else values)
-
-
-class _Table(argparse.Action):
-    """What a TOML file has in a table, such as how a wall moves."""
-
-    def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option: str | None = None) -> None:
-        setattr(namespace, self.dest, dict(values))
+def _given(options: Iterable[Option], found: argparse.Namespace) -> dict[str, Any]:
+    """The options that are given: one number stays a number where one or several may stand; NAME=VALUE are a table,
+    as a TOML file has for how a wall moves."""
+    given = {option: getattr(found, option.name) for option in options if option.name in found}
+    return {option.name: dict(value) if option.kind == "Any" else value[0]
+            if option.kind.startswith("float") and isinstance(value, list) and len(value) == 1 else value
+            for option, value in given.items()}
 
 
 def _entry(text: str) -> tuple[str, float | str]:

@@ -1,4 +1,4 @@
-"""`granular sweep`: solve a scene for all combinations of some parameters.
+"""The command `granular sweep`: its processes, and what came out of it in words.
 May be skipped: the command, no physics.
 """
 
@@ -19,16 +19,14 @@ from typing import Any
 import numpy as np
 
 from granular import _check
-from granular.cases.options import Option
-from granular.cli import ends, files
-from granular.cli.parser import offered
-from granular.cli.progress import Progress
+from granular.cases.case import Option
+from granular.cli import ends, output
+from granular.cli.parser import Command, offered
 from granular.sweeps import axis, sweep
 from granular.sweeps.results import RESULTS, STATUS
 from granular.sweeps.run import DEFAULT
 from granular.sweeps.schedule import end_with_parent
 
-USAGE = "SCENE|FILE.toml [options]"
 WORTH_POOL = 20_000
 """Cells from which on several processes are started."""
 MOST_WORKERS = 1024
@@ -37,31 +35,34 @@ MOST = 40
 """Jumps that are printed."""
 
 
-def arguments(parser: argparse.ArgumentParser) -> list[Option]:
-    """Add axes, results, output and processes; return the options of `sweep`."""
-    parser.add_argument("--over", action="append", metavar="NAME=FIRST:LAST:COUNT[:log]", default=[],
-                        help="vary a parameter; or NAME=VALUE,VALUE,...; may be given several times")
-    parser.add_argument("--result", action="append", choices=list(RESULTS), metavar="NAME", default=[],
-                        help=f"what to keep of every cell, may be given several times: {', '.join(RESULTS)}")
-    parser.add_argument("--workers", type=int, metavar="N", help="number of processes [one per core in large sweeps]")
-    files.offer(parser, save="write a netCDF file; if it is there, go on from it")
-    return offered(sweep, "refine", "precision")
+class Sweep(Command):
+    """Solve a scene for all combinations of some parameters."""
 
+    @staticmethod
+    def arguments(parser: argparse.ArgumentParser) -> list[Option]:
+        parser.add_argument("--over", action="append", metavar="NAME=FIRST:LAST:COUNT[:log]", default=[],
+                            help="vary a parameter; or NAME=VALUE,VALUE,...; may be given several times")
+        parser.add_argument("--result", action="append", choices=list(RESULTS), metavar="NAME", default=[],
+                            help=f"what to keep of every cell, may be given several times: {', '.join(RESULTS)}")
+        parser.add_argument("--workers", type=int, metavar="N",
+                            help="number of processes [one per core in large sweeps]")
+        output.offer(parser, save="write a netCDF file; if it is there, go on from it")
+        return offered(sweep, "refine", "precision")
 
-def run(given: argparse.Namespace) -> None:
-    """Do the sweep and print what came out of it."""
-    if not given.over:
-        raise ValueError("sweep needs --over NAME=FIRST:LAST:COUNT, such as --over restitution=0.5:1:101.")
-    over = dict(map(axis, given.over))
-    if len(over) < len(given.over):
-        raise ValueError("--over names a parameter twice: one axis per parameter is needed.")
-    usual = os.cpu_count() or 1 if math.prod(map(len, over.values())) >= WORTH_POOL else 1
-    workers = usual if given.workers is None else given.workers
-    _check.whole("workers", workers, at_least=1, at_most=MOST_WORKERS)
-    with processes(workers) as executor, Progress(1.0, things="cells") as progress:
-        data = sweep(given.target, over, given.result or DEFAULT, save=given.save, executor=executor,
-                     on_progress=progress, **given.given, **given.run)
-    print(summary(data))
+    @staticmethod
+    def run(given: argparse.Namespace) -> None:
+        if not given.over:
+            raise ValueError("sweep needs --over NAME=FIRST:LAST:COUNT, such as --over restitution=0.5:1:101.")
+        over = dict(map(axis, given.over))
+        if len(over) < len(given.over):
+            raise ValueError("--over names a parameter twice: one axis per parameter is needed.")
+        usual = os.cpu_count() or 1 if math.prod(map(len, over.values())) >= WORTH_POOL else 1
+        workers = usual if given.workers is None else given.workers
+        _check.whole("workers", workers, at_least=1, at_most=MOST_WORKERS)
+        with processes(workers) as executor, output.Progress(1.0, things="cells") as progress:
+            data = sweep(given.target, over, given.result or DEFAULT, save=given.save, executor=executor,
+                         on_progress=progress, **given.given, **given.run)
+        print(summary(data))
 
 
 @contextmanager

@@ -4,17 +4,17 @@ May be skipped: names of the package only.
 =============  =====================================================================================================
 `run`          `compare`, and `Comparison` as people have it
 `numbers`      both runs, and the numbers that tell them apart
-`restitution`  the collision rule that force laws make, and the ε that gives another outcome
+`further`      the ε that gives another outcome, and how high a ball rises: numbers that further runs give
 `answer`       the answer as a value, and the reasons of every component
 `report`       the table, and what JSON has of it
-`view`         which span of time is drawn, and the runs with enough rows
+`view`         which span of time is drawn, the runs with enough rows, a lens on one pair, and the scene in words
 `figure`       timelines, forces and world lines
 `film`         both engines side by side in slow motion
 =============  =====================================================================================================
 """
 
+from granular.binary import LawRule
 from granular.comparison.answer import Answer, Reason
-from granular.comparison.restitution import LawRule
 from granular.comparison.run import Comparison, compare
 
 __all__ = ["Answer", "Comparison", "LawRule", "Reason", "compare"]

@@ -22,10 +22,9 @@ from functools import cached_property
 
 import numpy as np
 
-from granular import other_ties
+from granular import end_time
 from granular.comparison.numbers import Compared
-from granular.components import FAINT
-from granular.outcome import SAME, PairOutcome
+from granular.outcome import FAINT, SAME, PairOutcome
 from granular.trajectory import EARLY
 
 
@@ -123,7 +122,7 @@ def _judged(report: Compared, j: int) -> Reason:
                   ": balls that touch or collide at once have no one hard-sphere answer; here it hangs on the tie "
                   f"rule: {report.hard_options['ties']} and {rule} differ by {ties:.2g} of the fastest impact")
     chaos, shift, overlap = float(report.shifts[j]), float(report.shift_errors[j]), _overlap(report, pairs)
-    touching = other_ties.touching(report.scene)[list(pairs)].any()
+    touching = end_time.touching(report.scene)[list(pairs)].any()
     if chaos > SAME and touching:
         return so(Answer.not_unique,
                   ": touching balls have no one hard-sphere answer; here it hangs on the option ties")

@@ -13,12 +13,9 @@ import numpy as np
 
 from granular import _files
 from granular._check import Array
-from granular._drawing import GREY, HARD, SOFT, canvas
-from granular._tables import PREFIXES, unit_of
+from granular._reports import GREY, HARD, PREFIXES, SOFT, canvas, unit_of
 from granular.comparison.answer import Judged
-from granular.comparison.caption import pair_name, parameters
-from granular.comparison.closeup import Closeup, closeup, draw_closeup
-from granular.comparison.view import View, window, with_rows
+from granular.comparison.view import Closeup, View, closeup, draw_closeup, pair_name, parameters, window, with_rows
 from granular.trajectory import EARLY, Trajectory, points
 
 THIN = 1.5
@@ -35,12 +32,7 @@ SMALL: dict[str, Any] = {"fontsize": 8}
 
 
 def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
-    """Draw what both engines make of the scene; return the figure, or save it to `path`.
-
-    From top to bottom: the verdict and the parameters; when the balls of each pair touch; the forces of the soft
-    spheres; the paths of all balls; and, where contacts of neighbours overlap in time, a lens on the distance of the
-    two balls that touch most often meanwhile, on its own scale.
-    """
+    """See `Comparison.plot`."""
     view, n = window(report), report.scene.n_pairs
     look = closeup(view)
     heights = [0.2 * min(n, 12) + 0.4, *([0.75] * n if n <= FEW else [0.2 * min(n, 12) + 1.0]), 2.4]

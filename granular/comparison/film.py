@@ -18,14 +18,11 @@ from typing import Any
 import numpy as np
 
 from granular import _check, _files
-from granular._check import Array
-from granular._drawing import GREY, HARD, SOFT
-from granular._optional import optional
-from granular._tables import duration
+from granular._check import Array, optional
+from granular._reports import GREY, HARD, SOFT, duration
 from granular.comparison.answer import Judged
-from granular.comparison.closeup import closeup, draw_closeup
 from granular.comparison.figure import FEW, NAMED, both, force_curve, head, timeline, world_lines
-from granular.comparison.view import View, window, with_rows
+from granular.comparison.view import View, closeup, draw_closeup, window, with_rows
 from granular.scene import Scene
 from granular.trajectory import EARLY, points
 
@@ -51,25 +48,7 @@ THICK, LEAST = 0.14, 0.16  # radius of the largest ball in lengths of the stage,
 def animate(
     report: Judged, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True
 ) -> None:
-    """Write a film of both engines; of at most 60 balls.
-
-    A fall has three times, as on the teaching page: the fall as fast as life, a stop at the floor, the contacts slowed
-    down (thousands of times, as the film says), and the flight as fast as life to the highest point of the top ball,
-    against a ruler. Where nothing falls, or contacts and flights take turns, all of the film has one time, slowed down
-    or not. Balls on which no gravity acts stand in a row. A lens shows the distance of the two balls that touch most
-    often while a neighbouring contact lasts.
-
-    Parameters
-    ----------
-    path : str or path
-        A ``.gif`` file, or an ``.mp4`` file where ffmpeg is installed.
-    seconds : float
-        How long the contacts are shown, in s; fall, stop and flight come on top of it.
-    fps : int
-        Pictures per second.
-    whole : bool
-        False leaves out fall and flight: one slow motion of the contacts, as long as `seconds` says.
-    """
+    """See `Comparison.animate`."""
     ending = check_film(path)
     _check.number("seconds", seconds, above=0.0)
     _check.whole("fps", fps, at_least=1)
@@ -132,8 +111,7 @@ class Page:
 
     def show(self, k: int) -> Any:
         """Draw the picture of number `k`, what does not move with the first of them; return its pixels."""
-        from matplotlib import artist as artists
-        from matplotlib import transforms
+        from matplotlib import artist as artists, transforms
 
         if k == 0:
             self.canvas = optional("matplotlib.backends.backend_agg", "animate").FigureCanvasAgg(self.figure)

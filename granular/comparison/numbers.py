@@ -11,17 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, edmd, end_time, isolation, measures, other_ties, outcome, theory
-from granular import until as stop
-from granular._check import Array
-from granular.binary import at_speed
-from granular.comparison.restitution import LawRule, roots
-from granular.comparison.rises import hard_rise, soft_rise
-from granular.components import Components, components, counted, differences, rests_apart, units
-from granular.laws.contact_law import PairLaw
+from granular import _check, edmd, end_time, isolation, measures, outcome, until as stop
+from granular.binary import LawRule, at_speed_or_nan
 from granular.laws.kinds import resolved
 from granular.measures import Overlap
-from granular.outcome import PairOutcome
+from granular.outcome import Components, PairOutcome, components, counted, differences, rests_apart, units
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.scene.state import forced
@@ -82,8 +76,8 @@ class Compared:
         return components(*self.levelled)
 
     @cached_property
-    def units(self) -> Array:
-        """Largest closing speed in m/s of each component, see `granular.components.units`."""
+    def units(self) -> _check.Array:
+        """Largest closing speed in m/s of each component, see `granular.outcome.units`."""
         return units(*self.levelled, self.components)
 
     @cached_property
@@ -126,29 +120,24 @@ class Compared:
 
         nan where such a contact does not end.
         """
-        return tuple(resolved(self.law, self.scene).column(lambda law: _restitution(law, self._speed)).tolist())
+        return tuple(resolved(self.law, self.scene).column(lambda law: at_speed_or_nan(law, self._speed)).tolist())
 
     @cached_property
     def restitution_ratio(self) -> float:
         """ε_eff/ε_spec for floor and two balls of one ε, from the closed form of the paper; nan for other scenes, with
         a driven floor or forces too."""
         eps, v_rel = self.restitution_spec, self.pairs[-1].soft_v_rel
-        if not self._is_drop or max(eps) - min(eps) > 1e-9 or not self.impact_speed > 0.0 or math.isnan(v_rel):
+        if not is_drop(self.scene) or max(eps) - min(eps) > 1e-9 or not self.impact_speed > 0.0 or math.isnan(v_rel):
             return math.nan
+        from granular import theory
+
         return theory.effective_restitution(v_rel, self.impact_speed) / eps[0]
 
     @property
     def drop(self) -> float:
         """Height in m from which two balls fall on a floor together; nan for other scenes."""
-        falls = self._is_drop and self.scene.gravity > 0.0
+        falls = is_drop(self.scene) and self.scene.gravity > 0.0
         return self.impact_speed**2 / (2.0 * self.scene.gravity) if falls else math.nan
-
-    @property
-    def _is_drop(self) -> bool:
-        """Whether two balls fall on a floor together, without driven walls or other forces."""
-        scene = self.scene
-        together = scene.n == 3 and scene.is_wall.tolist() == [True, False, False]
-        return together and scene.velocity[1] == scene.velocity[2] and not forced(scene)
 
     @cached_property
     def rises(self) -> tuple[float, float]:
@@ -159,6 +148,8 @@ class Compared:
         """
         if self._early:
             return math.nan, math.nan
+        from granular.comparison.further import hard_rise, soft_rise
+
         ties = self.hard_options["ties"]
         return (hard_rise(self.hard, self.rule, ties, self.impact_speed),
                 soft_rise(self.scene, self.law, float(self.soft.time[-1])))
@@ -193,6 +184,8 @@ class Compared:
         if observable is None and self.scene.heated:
             raise ValueError("observable is None: at a thermal wall a speed hangs on what was drawn last; give a "
                              "function of the run, such as a mean height.")
+        from granular.comparison.further import roots
+
         _check.callback("observable", observable, "run")
         measure = observable or self._last_separation
         target = observable(self.soft) if observable else self.pairs[-1].soft_v_rel
@@ -219,7 +212,7 @@ class Compared:
         return math.nan if self._early else float(self.errors.max(initial=0.0))
 
     @cached_property
-    def errors(self) -> Array:
+    def errors(self) -> _check.Array:
         """The error of each component, in its unit; 0 where balls rest on each other from the start."""
         moves = ~self.lying[self.components.of_pair]
         off = self.components.largest(np.where(moves, self._apart[1], 0.0), self._apart[0]) / self.units
@@ -235,17 +228,17 @@ class Compared:
         return ~moves
 
     @cached_property
-    def tie_errors(self) -> dict[str, Array]:
+    def tie_errors(self) -> dict[str, _check.Array]:
         """How far balls leave, in units of their component, under each other tie rule; empty without ties."""
         return {name: self._leaving_apart(run) for name, run in self._other_answers.items()}
 
     @cached_property
-    def shift_errors(self) -> Array:
+    def shift_errors(self) -> _check.Array:
         """How far balls leave, in units of their component, from gaps shifted by 1e-12 of themselves."""
         return self._leaving_apart(*self._shifted)
 
     @cached_property
-    def shifts(self) -> Array:
+    def shifts(self) -> _check.Array:
         """D of hard spheres against themselves, gaps shifted by 1e-12 of themselves, of each component."""
         mass = np.where(self.scene.is_wall, 0.0, self.scene.mass)
         apart = differences(*self._shifted)[0]
@@ -278,7 +271,7 @@ class Compared:
         return self.impact_speed if self.impact_speed > 0.0 else 1.0
 
     @cached_property
-    def _apart(self) -> tuple[Array, Array]:
+    def _apart(self) -> tuple[_check.Array, _check.Array]:
         """Differences in m/s of the two runs, by balls and by pairs; where a pair rests, of all its contacts."""
         balls, pairs = differences(*self.levelled)
         for c, apart in self.resting.items():
@@ -305,7 +298,7 @@ class Compared:
     @cached_property
     def _other_answers(self) -> dict[str, Trajectory]:
         found = {}
-        for options in other_ties.others(self.settled, self.hard_options):
+        for options in end_time.others(self.settled, self.hard_options):
             with suppress(ValueError, ArithmeticError):  # no answer, as for balls wedged between two walls
                 run = self._carried_on(edmd.simulate(self.scene, self.rule, **options), options)
                 if run.status not in EARLY:
@@ -320,12 +313,12 @@ class Compared:
                 return edmd.simulate(run.scene, self.rule, **merging)
         return run
 
-    def _leaving_apart(self, one: Trajectory, other: Trajectory | None = None) -> Array:
+    def _leaving_apart(self, one: Trajectory, other: Trajectory | None = None) -> _check.Array:
         """Largest difference of leaving velocities of two hard runs, in units of each component."""
         apart = differences(one, other or self._shifted[1])[0]
         return self.components.largest(np.full(self.scene.n_pairs, 0.0), apart) / self.units
 
-    def _distance(self, apart: Array) -> float:
+    def _distance(self, apart: _check.Array) -> float:
         """D = √(Σ m Δu² / Σ m U²) over all balls that touch one, U the unit of a ball's component."""
         mass, of = np.where(self.scene.is_wall, 0.0, self.scene.mass), self.components.of_ball
         unit = np.append(self.units, 0.0)[of]
@@ -333,9 +326,7 @@ class Compared:
         return math.sqrt(float(np.nansum(mass * apart**2)) / scale) if scale > 0.0 else math.nan
 
 
-def _restitution(law: PairLaw, speed: float) -> float:
-    """ε of an isolated contact; nan if it does not end."""
-    try:
-        return at_speed(law, speed)
-    except (ValueError, ArithmeticError):
-        return math.nan
+def is_drop(scene: Scene) -> bool:
+    """Whether two balls fall on a floor together, without driven walls or other forces."""
+    together = scene.n == 3 and scene.is_wall.tolist() == [True, False, False]
+    return together and scene.velocity[1] == scene.velocity[2] and not forced(scene)

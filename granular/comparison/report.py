@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from granular import isolation, measures
-from granular._tables import number, problem
+from granular._reports import alike, named_pairs, number, problem
 from granular.comparison.answer import Judged
-from granular.components import FAINT
 from granular.laws.kinds import resolved
+from granular.outcome import FAINT
 from granular.trajectory import Status, Trajectory
 
 MANY = 8
@@ -163,12 +163,10 @@ def _run(run: Trajectory) -> dict[str, Any]:
 def _laws(report: Judged) -> list[str]:
     """Each different law, or each pair's, with its own ε; then the rule of the hard spheres with its own."""
     eps, n = np.array(report.law_restitution), len(report.law)
-    of_law: dict[str, list[int]] = {}
-    for c, law in enumerate(report.law):
-        of_law.setdefault(repr(law), []).append(c)
+    of_law = alike(report.law)
     few = len(of_law) > 1 and n <= MANY
     rows = [(repr(law), [c]) for c, law in enumerate(report.law)] if few else list(of_law.items())
-    lines = [_law(_which(some, n), law, eps[some]) for law, some in rows[:MANY]]
+    lines = [_law(named_pairs(some, n), law, eps[some]) for law, some in rows[:MANY]]
     lines += [f"({len(rows) - MANY} more laws not shown)"] * (len(rows) > MANY)
     return [*lines, _law("rule", repr(report.rule), np.array(report.restitution_spec))]
 
@@ -177,10 +175,6 @@ def _law(of: str, text: str, eps: Any) -> str:
     low, high = float(eps.min()), float(eps.max())
     many = f" … {high:.6g}" if high - low > SAME_RESTITUTION else ""
     return f"{of:<9} {text if len(text) <= 80 else f'{text[:77]}…'}   ε = {low:.6g}{many}"
-
-
-def _which(pairs: list[int], n: int) -> str:
-    return f"pair {pairs[0]}" if len(pairs) == 1 else "all pairs" if len(pairs) == n else f"{len(pairs)} pairs"
 
 
 def _outcomes(report: Judged) -> Iterator[str]:

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from os import PathLike
 from typing import Any
 
 import numpy as np
 
-from granular import edmd, md, other_ties
-from granular import until as stop
-from granular._tables import Report
-from granular.comparison import figure, film, report
+from granular import edmd, end_time, md, until as stop
+from granular._reports import Report
+from granular.binary import rule_of_comparison
+from granular.comparison import report
 from granular.comparison.answer import Judged
-from granular.comparison.restitution import rule_of
 from granular.drive import EVENTS, check_end
 from granular.laws.check import checked
-from granular.scene import Scene
-from granular.scene import checked as a_scene
+from granular.scene import Scene, checked as a_scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +50,41 @@ class Comparison(Judged, Report):
 
     __str__ = report.table
     _numbers = report.numbers
-    plot = figure.plot
-    animate = film.animate
+
+    def plot(self, path: str | PathLike[str] | None = None) -> Any:
+        """Draw what both engines make of the scene; return the figure, or save it to `path`.
+
+        From top to bottom: the verdict and the parameters; when the balls of each pair touch; the forces of the soft
+        spheres; the paths of all balls; and, where contacts of neighbours overlap in time, a lens on the distance of
+        the two balls that touch most often meanwhile, on its own scale.
+        """
+        from granular.comparison import figure
+
+        return figure.plot(self, path)
+
+    def animate(self, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True) -> None:
+        """Write a film of both engines; of at most 60 balls.
+
+        A fall has three times, as on the teaching page: the fall as fast as life, a stop at the floor, the contacts
+        slowed down (thousands of times, as the film says), and the flight as fast as life to the highest point of the
+        top ball, against a ruler. Where nothing falls, or contacts and flights take turns, all of the film has one
+        time, slowed down or not. Balls on which no gravity acts stand in a row. A lens shows the distance of the two
+        balls that touch most often while a neighbouring contact lasts.
+
+        Parameters
+        ----------
+        path : str or path
+            A ``.gif`` file, or an ``.mp4`` file where ffmpeg is installed.
+        seconds : float
+            How long the contacts are shown, in s; fall, stop and flight come on top of it.
+        fps : int
+            Pictures per second.
+        whole : bool
+            False leaves out fall and flight: one slow motion of the contacts, as long as `seconds` says.
+        """
+        from granular.comparison import film
+
+        film.animate(self, path, seconds, fps, whole=whole)
 
 
 def compare(
@@ -109,11 +141,11 @@ def compare(
     """
     laws = checked(law, a_scene(scene)).given
     check_end(scene, t_end, until, max_events)
-    used = rule_of(laws, scene) if rule is None else rule
+    used = rule_of_comparison(laws, scene) if rule is None else rule
     end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
     event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed, "collapse": collapse, "merge_below": merge_below}
     hard = edmd.simulate(scene, used, **event_driven, on_progress=on_progress)
-    most = min(max_events, other_ties.PATIENCE * (hard.stats["events"] + scene.n))
+    most = min(max_events, end_time.MOST_OF_OTHERS * (hard.stats["events"] + scene.n))
     twin = edmd.simulate(_nudged(scene), used, **event_driven | {"max_events": most}, on_progress=on_progress)
     options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
     soft = md.simulate(scene, laws, **end, **options, on_progress=on_progress)
@@ -124,5 +156,5 @@ def _nudged(scene: Scene) -> Scene:
     """Gaps shifted by 1e-12 of themselves (of touching balls by 1e-12 of the mean gap), with changing sign."""
     typical = float(scene.gap.mean()) or 1.0
     sign = np.where(np.arange(scene.n_pairs) % 2, -1.0, 1.0)
-    shift = 1e-12 * np.where(other_ties.touching(scene), typical, scene.gap * sign)
+    shift = 1e-12 * np.where(end_time.touching(scene), typical, scene.gap * sign)
     return scene.replace(gap=scene.gap + shift)

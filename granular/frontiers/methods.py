@@ -1,5 +1,5 @@
 """The methods that are put to the test, each with the settings to try: those of this package, and what a user would
-write with scipy: the same equations, clipped forces, with and without events.
+write with scipy: the same equations, clipped forces, with and without events. And the error of what they give.
 May be skipped: it measures ourselves.
 """
 
@@ -14,16 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from granular import edmd, md
-from granular import until as stop
+from granular import edmd, md, until as stop
 from granular._check import Array
 from granular.binary import restitution_of
-from granular.frontiers.result import contacts_of
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws, resolved
 from granular.md.integrators import INTEGRATORS
 from granular.reference import Reference, ReferenceContact, restarted
-from granular.reference.log import Logbook
+from granular.reference.events import Logbook
 from granular.reference.restarted import Newton, TooMuchWork
 from granular.scene import Scene
 from granular.trajectory import Trajectory
@@ -32,6 +30,16 @@ TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
 COARSEST, FINER, POINTS = 8, 4, 8
 """Steps in the shortest contact at first, how many times more at each next point, and number of points."""
 MOST_STEPS = {"compiled": 3_000_000, "plain": 100_000}
+SOLVERS = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}
+PEERS = (*(f"{name}+events" for name in SOLVERS), *SOLVERS)
+RTOL = {"DOP853": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-14), "LSODA": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12),
+        "Radau": (1e-4, 1e-6, 1e-8, 1e-10)}
+MOST = 60_000
+"""Evaluations after which a solver is stopped."""
+LOOKS = 8
+"""Looks for a contact in each step of a solver without events."""
+BEYOND = 0.05
+"""A solver without events goes on for this part of the longest contact, to see the last one end."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +55,10 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Method:
-    """A way to solve the scene: `run(setting)` for each of `settings`, which are values of its `dial`."""
+    """A way to solve the scene: `run(setting)` for each of `settings`, which are values of its `setting_name`."""
 
     name: str
-    dial: str
+    setting_name: str
     settings: tuple[float, ...]
     run: Callable[[float], Outcome]
 
@@ -77,18 +85,18 @@ def own(task: Task, name: str) -> Method:
     if name == "edmd":
         rule = restitution_of(task.laws, task.scene)
         return Method(name, "", (math.nan,), lambda _: _outcome(edmd.simulate(task.scene, rule, **end), "events"))
-    dial, unit, engine = "tol", "steps", _engine(task, name)
+    setting_name, unit, engine = "tol", "steps", _engine(task, name)
     settings: tuple[float, ...] = TOLERANCES
     if name in INTEGRATORS:
-        dial, unit, settings = "dt", "evaluations", _steps(task.truth, MOST_STEPS[engine])
+        setting_name, unit, settings = "dt", "evaluations", _steps(task.truth, MOST_STEPS[engine])
     elif all(law.is_linear for law in task.resolved.each):
-        dial, settings = "", (math.nan,)
+        setting_name, settings = "", (math.nan,)
 
     def run(setting: float) -> Outcome:
-        options: dict[str, Any] = {dial: setting} if dial else {}
+        options: dict[str, Any] = {setting_name: setting} if setting_name else {}
         return _outcome(md.simulate(task.scene, task.laws, **end, method=name, engine=engine, **options), unit)
 
-    return Method(name, dial, settings, run)
+    return Method(name, setting_name, settings, run)
 
 
 def _steps(truth: Reference, most: int) -> tuple[float, ...]:
@@ -129,18 +137,6 @@ def _first_power(law: PairLaw) -> float:
     if law.form is not None:
         return law.form[3] if law.form[2] else law.form[1]
     return math.nan if law.exponent is None or law.rate_dependent else float(law.exponent)
-
-
-SOLVERS = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}
-PEERS = (*(f"{name}+events" for name in SOLVERS), *SOLVERS)
-RTOL = {"DOP853": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-14), "LSODA": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12),
-        "Radau": (1e-4, 1e-6, 1e-8, 1e-10)}
-MOST = 60_000
-"""Evaluations after which a solver is stopped."""
-LOOKS = 8
-"""Looks for a contact in each step of a solver without events."""
-BEYOND = 0.05
-"""A solver without events goes on for this part of the longest contact, to see the last one end."""
 
 
 def peer(task: Task, name: str) -> Method | None:
@@ -214,3 +210,37 @@ def _zero(task: Task, newton: Newton, state: Any, c: int, a: float, b: float) ->
     if (function(a) > 0.0) == (function(b) > 0.0):
         return a
     return float(brentq(function, a, b, xtol=1e-300, rtol=1e-15))
+
+
+def contacts_of(run: Trajectory) -> tuple[ReferenceContact, ...]:
+    """The contact log of a trajectory in the form of the reference's."""
+    rows = []
+    for row in run.contacts:
+        ended = not math.isnan(float(row["v_out"][0]))
+        v_in, v_out = ((float(v[0]), float(v[1])) for v in (row["v_in"], row["v_out"]))
+        out = (float(row["t_end"]), v_out) if ended else (None, None)
+        rows.append(ReferenceContact(int(row["pair"]), float(row["t_begin"]), v_in, *out))
+    return tuple(rows)
+
+
+def errors(truth: Reference, contacts: Sequence[ReferenceContact], pairs: int) -> tuple[float, float, bool]:
+    """Error of velocities, error of times, and whether a number of contacts is wrong; see `Row`."""
+    each = [(truth.of(c), [row for row in contacts if row.pair == c]) for c in range(pairs)]
+    velocity = float(np.max([_velocity_error(true, got) for true, got in each])) / truth.impact_speed  # nan if one is
+    if any(len(true) != len(got) for true, got in each):
+        return velocity, math.nan, True
+    time = max((_time_error(a, b) for true, got in each for a, b in zip(true, got, strict=True)), default=0.0)
+    return velocity, time / max(truth.durations, default=math.nan), False
+
+
+def _velocity_error(true: Sequence[ReferenceContact], got: Sequence[ReferenceContact]) -> float:
+    """Largest difference in m/s at the end of the last contact that ended; nan if only one of them has such."""
+    last = [next((row.v_out for row in reversed(rows) if row.v_out is not None), None) for rows in (true, got)]
+    if None in last:
+        return 0.0 if last[0] is last[1] else math.nan
+    return max(float(abs(a - b)) for a, b in zip(*last, strict=True))
+
+
+def _time_error(true: ReferenceContact, got: ReferenceContact) -> float:
+    times = ((true.t_begin, got.t_begin), (true.t_end, got.t_end))
+    return max(float(abs(a - b)) for a, b in times if a is not None and b is not None)

@@ -1,60 +1,38 @@
-"""The error of a run against the reference; rows of error and run time, and what follows from them.
+"""Rows of error and run time, what follows from them, and the report made of it: in words, and as a figure, error over
+run time, one line a method, readable in grey print.
 May be skipped: it measures ourselves.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
+from itertools import cycle
+from os import PathLike
+from textwrap import fill
 from typing import Any
 
 import numpy as np
 
-from granular import until as stop
-from granular.reference import Reference, ReferenceContact
+from granular import _files, until as stop
+from granular._reports import Report, aligned, canvas, duration, number, problem, shortened
+from granular.md.integrators import INTEGRATORS
+from granular.reference import Reference
 from granular.scene import Scene
-from granular.trajectory import Trajectory
 
 FEWEST = 3
 """Points from which an order is measured."""
 NEAR = 8.0
 """Errors up to this many times the rounding level are called rounding."""
-
-
-def contacts_of(run: Trajectory) -> tuple[ReferenceContact, ...]:
-    """The contact log of a trajectory in the form of the reference's."""
-    rows = []
-    for row in run.contacts:
-        ended = not math.isnan(float(row["v_out"][0]))
-        v_in, v_out = ((float(v[0]), float(v[1])) for v in (row["v_in"], row["v_out"]))
-        out = (float(row["t_end"]), v_out) if ended else (None, None)
-        rows.append(ReferenceContact(int(row["pair"]), float(row["t_begin"]), v_in, *out))
-    return tuple(rows)
-
-
-def errors(truth: Reference, contacts: Sequence[ReferenceContact], pairs: int) -> tuple[float, float, bool]:
-    """Error of velocities, error of times, and whether a number of contacts is wrong; see `Row`."""
-    each = [(truth.of(c), [row for row in contacts if row.pair == c]) for c in range(pairs)]
-    velocity = float(np.max([_velocity_error(true, got) for true, got in each])) / truth.impact_speed  # nan if one is
-    if any(len(true) != len(got) for true, got in each):
-        return velocity, math.nan, True
-    time = max((_time_error(a, b) for true, got in each for a, b in zip(true, got, strict=True)), default=0.0)
-    return velocity, time / max(truth.durations, default=math.nan), False
-
-
-def _velocity_error(true: Sequence[ReferenceContact], got: Sequence[ReferenceContact]) -> float:
-    """Largest difference in m/s at the end of the last contact that ended; nan if only one of them has such."""
-    last = [next((row.v_out for row in reversed(rows) if row.v_out is not None), None) for rows in (true, got)]
-    if None in last:
-        return 0.0 if last[0] is last[1] else math.nan
-    return max(float(abs(a - b)) for a, b in zip(*last, strict=True))
-
-
-def _time_error(true: ReferenceContact, got: ReferenceContact) -> float:
-    times = ((true.t_begin, got.t_begin), (true.t_end, got.t_end))
-    return max(float(abs(a - b)) for a, b in times if a is not None and b is not None)
+GOALS = (1e-3, 1e-6, 1e-9, 1e-12)
+"""Errors for which the fastest methods are named."""
+OF_A_CONTACT = ("t_begin", "t_end", "v_in", "v_out")
+MARKERS = {"dop853": ("v", "DOP853"), "lsoda": ("P", "LSODA"), "radau": ("h", "Radau")}
+CROSS = {"ls": "none", "marker": "x", "color": "black", "mew": 1.2, "zorder": 6}
+LEAST = 2e-17
+"""Errors below are drawn here: a double has no more digits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,8 +80,26 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Measured:
-    """Error against run time of many methods on one scene, and what follows from it; see `Frontier`."""
+class Frontier(Report):
+    """Error against run time; print it, `plot` it, save it with `to_json`.
+
+    Attributes
+    ----------
+    scene, law, until, t_end
+        What was solved.
+    reference : Reference
+        What is taken for true, with its own error.
+    rows : tuple of Row
+        Method by method, from coarse to fine settings.
+    dials : mapping
+        What the setting of each method is: "dt" in s, "tol", "rtol", or "".
+    orders : mapping
+        For fixed-step methods: textbook order p, and min(p, 1+s) for a force that begins like t^s.
+    rounding_level : float
+        Change of velocities when the scene's gaps and velocities change in their last digit, in impact speeds.
+    machine : mapping
+        Where run times were measured.
+    """
 
     scene: Scene
     law: tuple[Any, ...]
@@ -146,3 +142,163 @@ class Measured:
         """The row with the shortest run time of those with right contacts and an error of at most `error`."""
         rows = [row for row in self.rows if row.good and row.velocity_error <= error and row.method not in without]
         return min(rows, key=lambda row: row.seconds, default=None)
+
+    def __str__(self) -> str:
+        return f"{self.scene!r}, {laws(self)}\n{_origin(self)}\n\n" + "\n\n".join([
+            aligned([["method", "setting", "error of v", "error of t", "contacts", "run time", "work"],
+                     *(_row(row, self.dials[row.method]) for row in self.rows)], "<>>><><"),
+            aligned([["order in", "", "measured", "min(p, 1+s)", "textbook p"], *_orders(self)], "<>"),
+            aligned([["error of v below", "located", "fastest other"], *(_goal(self, goal) for goal in GOALS)], "<><"),
+        ])
+
+    def _numbers(self) -> dict[str, Any]:
+        truth = self.reference
+        return {
+            "provenance": _files.provenance() | {"run_on": dict(self.machine)},
+            "seed": None,  # no random numbers are used; the scene is here in full
+            **problem(self),
+            "reference": {
+                "solver": truth.solver, "velocity_error": truth.velocity_error, "time_error": truth.time_error,
+                "impact_speed": truth.impact_speed, "status": truth.status, "t_stop": truth.t_stop,
+                "contacts": [{"pair": row.pair} | {name: _digits(getattr(row, name)) for name in OF_A_CONTACT}
+                             for row in truth.contacts],
+            },
+            "rounding_level": self.rounding_level,
+            "rows": [asdict(row) | {"dial": self.dials[row.method]} for row in self.rows],
+            "orders": {name: dict(zip(("textbook", "expected"), self.orders.get(name, (None, None)), strict=True))
+                       | {"measured": self.order(name)} for name in self.methods},
+        }
+
+    def plot(self, path: str | PathLike[str] | None = None) -> Any:
+        """Draw errors over run time; return the figure, or save it to `path` (format by the file's ending)."""
+        figure, ((left, right),) = canvas(7.1, 4.4, 1, 2, sharex=True, sharey=True)
+        _errors(left, self, "velocity_error", "impact speed")
+        left.set_title("velocities after the last contacts", fontsize=8.5)
+        _shade(left, NEAR * self.rounding_level, "rounding")
+        _errors(right, self, "time_error", "longest contact")
+        right.set_title("onset and end of contacts", fontsize=8.5)
+        _shade(right, self.clock_digit, "last digit of the clock")
+        _legend(figure, self)
+        figure.suptitle(_title(self), fontsize=8, x=0.01, ha="left")
+        return _files.write_figure(path, figure, dpi=130)
+
+
+def laws(report: Frontier) -> str:
+    """The force laws in few words."""
+    shown = list(dict.fromkeys(shortened(repr(law)) for law in report.law))
+    return shown[0] if len(shown) == 1 else f"{shown[0]} … {shown[-1]}"
+
+
+def _origin(report: Frontier) -> str:
+    truth, on = report.reference, report.machine
+    return (
+        f"reference: {truth.solver}; its error {truth.velocity_error:.1g} of the impact speed, "
+        f"{truth.time_error:.1g} of the longest contact; {len(truth.contacts)} contacts\n"
+        f"errors below {report.rounding_level:.1g} × {NEAR:g} are rounding: the scene's numbers have no more digits\n"
+        f"run on {on.get('processor')}, {on.get('cores')} cores, Python {on.get('python')}, numpy {on.get('numpy')}, "
+        f"scipy {on.get('scipy')}, numba {on.get('numba')}"
+    )
+
+
+def _row(row: Row, dial: str) -> list[str]:
+    notes = [row.status] * (row.status in ("stopped", "failed", "unstable")) + ["rounding"] * row.rounding
+    return [
+        row.method, f"{dial} {row.setting:.1e}" if dial else "-",
+        *(number(x, ".1e", "-") for x in (row.velocity_error, row.time_error)),
+        "WRONG" if row.wrong_count else "right", duration(row.seconds),
+        f"{row.work} {row.unit}" + (f"  ({', '.join(notes)})" if notes else ""),
+    ]
+
+
+def _orders(report: Frontier) -> Iterator[list[str]]:
+    for name in report.methods:
+        textbook, expected = report.orders.get(name, (math.nan, math.nan))
+        if not math.isnan(order := report.order(name)):
+            yield [name, report.dials[name], *(number(p, ".2f", "") for p in (order, expected, textbook))]
+
+
+def _goal(report: Frontier, goal: float) -> list[str]:
+    mine = report.fastest(goal, without=tuple(m for m in report.methods if m != "located"))
+    other = report.fastest(goal, without=("located",))
+    ratio = f" ({other.seconds / mine.seconds:.2g} × as long)" if mine and other else ""
+    shown = f"{other.method}: {duration(other.seconds)}{ratio}" if other else "none of those tried"
+    return [f"{goal:.0e}", duration(mine.seconds) if mine else "none", shown]
+
+
+def _digits(value: Any) -> Any:
+    """Numbers of the reference with all their digits, as text."""
+    if isinstance(value, tuple):
+        return [_digits(v) for v in value]
+    return str(value) if hasattr(value, "_mpf_") else value
+
+
+def _look(colour: str, line: str, marker: str, label: str, width: float = 0.9, size: float = 4.2) -> dict[str, Any]:
+    inside = colour if line in ("-", "none") else "white"
+    return {"color": colour, "ls": line, "marker": marker, "label": label, "lw": width, "ms": size, "mfc": inside}
+
+
+FAMILIES = {
+    "": {"located": _look("#0b3c6f", "-", "*", "located (default)", 1.8, 11.0) | {"zorder": 5},
+         "edmd": _look("#000000", "none", "p", "event-driven (hard spheres)", size=8.0)},
+    "fixed step (dt)": {x.name: _look("#c1440e", "--", marker, x.label)
+                        for x, marker in zip(INTEGRATORS.values(), cycle("os^D"), strict=False)},
+    "SciPy, restarted at events (rtol)": {f"{name}+events": _look("#3f8f5f", "-", marker, f"{label}, events")
+                                          for name, (marker, label) in MARKERS.items()},
+    "SciPy, no events (rtol)": {name: _look("#8a8a8a", ":", *look) for name, look in MARKERS.items()},
+}
+"""How each method looks: families by colour and line, members by marker."""
+LOOKS = {name: look for members in FAMILIES.values() for name, look in members.items()}
+
+
+def _errors(axis: Any, report: Frontier, quantity: str, unit: str) -> None:
+    """One line a method; wrong contact counts are crossed out."""
+    for method in report.methods:
+        points = [(1e3 * row.seconds, max(getattr(row, quantity), LEAST), row.wrong_count) for row in report.of(method)]
+        points = [point for point in points if math.isfinite(point[1])]
+        times, errors, _ = zip(*points, strict=True) if points else ((), (), ())
+        axis.plot(times, errors, **LOOKS[method] | {"mew": 0.8})
+        for time, error, wrong in points:
+            if wrong:
+                axis.plot(time, error, ms=9, **CROSS)
+    axis.set(xscale="log", yscale="log", axisbelow=True)
+    axis.set_xlabel("run time, ms", fontsize=8)
+    axis.set_ylabel(f"error / {unit}", fontsize=8)
+    axis.grid(which="major", color="0.9", lw=0.5)
+    axis.tick_params(labelsize=7.5, which="both", labelleft=True)
+
+
+def _shade(axis: Any, top: float, name: str) -> None:
+    """Shade errors that are due to the digits of a double."""
+    axis.axhspan(LEAST / 2.0, top, color="0.93", lw=0, zorder=0)
+    axis.text(0.98, top, name, transform=axis.get_yaxis_transform(), ha="right", va="top", fontsize=7, color="0.35")
+    axis.set_ylim(bottom=LEAST / 2.0)
+
+
+def _legend(figure: Any, report: Frontier) -> None:
+    """Methods by family, and what a cross means."""
+    from matplotlib.lines import Line2D
+
+    def entry(look: dict[str, Any]) -> Any:
+        return Line2D([], [], **look | {"lw": 1.2, "ms": 9.0 if look["marker"] in "*x" else 4.5})
+
+    columns = {head: [entry(look) for name, look in members.items() if name in report.methods]
+               for head, members in FAMILIES.items()}
+    if any(row.wrong_count for row in report.rows):
+        columns[""].append(entry(CROSS | {"label": "wrong number of contacts"}))
+    columns = {head: entries for head, entries in columns.items() if entries}
+    depth, handles = max(map(len, columns.values())), []
+    for head, entries in columns.items():
+        handles += [Line2D([], [], ls="none", label=head), *entries]
+        handles += [Line2D([], [], ls="none", label="")] * (depth - len(entries))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(columns), fontsize=7, frameon=False,
+                  handlelength=2.4, columnspacing=1.0)
+
+
+def _title(report: Frontier) -> str:
+    on, truth = report.machine, report.reference
+    return (
+        f"{fill(f'{report.scene!r}; {laws(report)}', 110)}\n"
+        f"{len(truth.contacts)} contacts; reference: {truth.solver}, error {max(truth.velocity_error, 1e-99):.0e}\n"
+        f"{on.get('processor')}, one core; Python {on.get('python')}, NumPy {on.get('numpy')}, "
+        f"SciPy {on.get('scipy')}, numba {on.get('numba')}"
+    )

@@ -8,55 +8,23 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from granular import _check, md
-from granular import until as stop
-from granular._check import Array
-from granular._tables import Report, machine
-from granular.frontiers import report
-from granular.frontiers.methods import PEERS, Method, Task, expected_order, own, peer
-from granular.frontiers.result import NEAR, Measured, Row, contacts_of, errors
+from granular import _check, md, until as stop
+from granular._reports import machine
+from granular.frontiers.methods import PEERS, Method, Task, contacts_of, errors, expected_order, own, peer
+from granular.frontiers.result import NEAR, Frontier, Row
 from granular.laws.check import checked
 from granular.md.integrators import INTEGRATORS as FIXED
 from granular.reference import Reference, solve
-from granular.scene import Scene
-from granular.scene import checked as a_scene
+from granular.scene import Scene, checked as a_scene
 from granular.trajectory import Status, Trajectory
 
 METHODS = ("located", *FIXED, "edmd", *PEERS)
 LONG = 0.2
 """Seconds after which a run is not repeated any more."""
-
-
-@dataclass(frozen=True)
-class Frontier(Measured, Report):
-    """Error against run time; print it, `plot` it, save it with `to_json`.
-
-    Attributes
-    ----------
-    scene, law, until, t_end
-        What was solved.
-    reference : Reference
-        What is taken for true, with its own error.
-    rows : tuple of Row
-        Method by method, from coarse to fine settings.
-    dials : mapping
-        What the setting of each method is: "dt" in s, "tol", "rtol", or "".
-    orders : mapping
-        For fixed-step methods: textbook order p, and min(p, 1+s) for a force that begins like t^s.
-    rounding_level : float
-        Change of velocities when the scene's gaps and velocities change in their last digit, in impact speeds.
-    machine : mapping
-        Where run times were measured.
-    """
-
-    __str__ = report.table
-    _numbers = report.numbers
-    plot = report.plot
 
 
 def frontier(
@@ -129,7 +97,7 @@ def frontier(
             rows.append(_row(task, method, setting, count, level))
             tell(len(rows) / len(todo), len(rows))
     return Frontier(
-        scene, laws, until, t_end, truth, tuple(rows), {method.name: method.dial for method in tried},
+        scene, laws, until, t_end, truth, tuple(rows), {method.name: method.setting_name for method in tried},
         {name: expected_order(task, name) for name in chosen if name in FIXED}, level, machine(),
     )
 
@@ -176,6 +144,6 @@ def _nudged(scene: Scene) -> list[Scene]:
                      for below, way in sides)]
 
 
-def _next(numbers: Array, way: Array) -> Array:
+def _next(numbers: _check.Array, way: _check.Array) -> _check.Array:
     """The next numbers upwards (inf) or downwards (-inf); 0 stays."""
     return np.where(numbers == 0.0, 0.0, np.nextafter(numbers, way))

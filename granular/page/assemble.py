@@ -1,20 +1,27 @@
-"""Put a page together: one HTML file from the shipped parts, nothing to load, nothing to run but what is inside.
+"""The pages: one HTML file each from the shipped parts, nothing to load, nothing to run but what is inside.
 May be skipped: the teaching page, beside the engines.
+
+`live_page` writes the one with its own physics, `player_page` that with recorded runs.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from functools import cache
 from html import escape
 from importlib.resources import files
 from itertools import chain
+from os import PathLike
 from posixpath import dirname, normpath
 from typing import Any
 
-from granular import _files
+from granular import _files, balls
+from granular.page import opening, recording
+from granular.page.opening import LANGUAGES
+from granular.trajectory import Trajectory
 
 IMPORT = re.compile(r'^import \{[^}]*\} from "([^"]+)";\n', re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(?:const|(?:async )?function\*?|class) ([\w$]+))", re.MULTILINE)
@@ -24,8 +31,6 @@ SPACE = re.compile(r"^[ \t]+|^/\*.*\*/\n|^\n|(?<=[{:;,])[ \t]+(?=[^\n])|[ \t]+(?
 """The same of a style, and spaces at its signs."""
 LIVE = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
 PLAYER = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")
-LANGUAGES = ("en", "de", "fr", "es", "tr", "zh")
-"""The first is complete; what another lacks is said in it."""
 BLOCKED = "blocked"
 """The sentence that is there from the beginning, and is said where the script cannot say anything."""
 
@@ -96,3 +101,62 @@ def _scoped(source: str) -> str:
 def embedded(data: Mapping[str, Any]) -> str:
     """Return JSON that may stand inside a script element."""
     return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def live_page(path: str | PathLike[str], scene: str = "story", values: Mapping[str, Any] | None = None) -> None:
+    """Write the teaching page, opening with its story or one of its scenes.
+
+    Parameters
+    ----------
+    path : str or path
+        The HTML file.
+    scene : str
+        "story", "real-balls", "three-balls", "ball-stack", "newtons-cradle" or "bouncing-ball".
+    values : mapping, optional
+        What to start with, by the names and in the units of the library and the command: restitution, gap, stiffness,
+        lower="football", …; language="de". `granular.page.opening` has all of them.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For a scene or a name that is none, or a value that the page cannot show.
+    """
+    start = opening.link(scene, values or {})
+    data = {
+        "words": {language: {key: sentence for key, sentence in words(language).items() if key != BLOCKED}
+                  for language in LANGUAGES},
+        "balls": {name: asdict(ball) for name, ball in balls.BALLS.items()}, "pairs": balls.PRESETS,
+    }
+    _files.write_text(path, page(LIVE, "granular: hard or soft?", start, data))
+
+
+def player_page(
+    path: str | PathLike[str], runs: Sequence[Trajectory], names: Sequence[str] | None = None, title: str = ""
+) -> None:
+    """Write a page that plays one recorded run, or two of one scene side by side.
+
+    Parameters
+    ----------
+    path : str or path
+        The HTML file.
+    runs : one or two trajectories
+        Of any scene, engine and length, two of the same balls; long ones are thinned out, and the page says by how
+        much.
+    names : sequence of str, optional
+        What to call them.
+    title : str
+        Heading of the page; the names if empty.
+
+    Raises
+    ------
+    ValueError
+        If there are no runs or more than two, or two of different balls.
+    """
+    if not 1 <= len(runs) <= 2:
+        raise ValueError(f"runs are {len(runs)}: one or two trajectories are needed.")
+    if other := recording.different_balls(runs[0].scene, runs[-1].scene):
+        raise ValueError(f"runs are of different scenes ({other}): one trajectory is needed, or two of the same balls.")
+    called = [_files.plain_text(name) for name in names or [f"run {i + 1}" for i in range(len(runs))]]
+    recorded = [recording.recorded(run, name) for run, name in zip(runs, called, strict=True)]
+    data: dict[str, Any] = {"title": title or " and ".join(called), "runs": recorded}
+    _files.write_text(path, page(PLAYER, title or "granular: " + ", ".join(called), data=data))

@@ -12,8 +12,13 @@ from typing import Any
 from urllib.parse import urlencode
 
 from granular import _check, balls
-from granular.cases.options import Option
-from granular.page.assemble import LANGUAGES
+from granular.cases.case import Option
+
+LANGUAGES = ("en", "de", "fr", "es", "tr", "zh")
+"""Of the pages; the first is complete; what another lacks is said in it."""
+SHORT = {"m": "mass", "r": "radius", "t": "duration", "e": "restitution", "air": "filled"}
+ARRIVING = 5
+"""Balls of the cradle, where nothing is said of their number."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +90,6 @@ class Truth(Setting):
         return {self.slider: +_check.truth(name, value)}
 
 
-SHORT = {"m": "mass", "r": "radius", "t": "duration", "e": "restitution", "air": "filled"}
 EPS = Setting("eps", "ε of all contacts", 0.1, 1.0)
 GAP = Setting("gap", "distance between the surfaces of the balls in m; 0 is touching", 1e-7, 0.1, zero=True)
 K = Setting("k", "stiffness of all contacts in N/m", 4e3, 1e9)
@@ -136,8 +140,6 @@ ANYWHERE = {
     "at": Setting("at", "share of the time that has passed", 0.0, 1.0),
 }
 IN_A_SCENE = {"predict": Truth("predict", "ask for a prediction first")}
-ARRIVING = 5
-"""Balls of the cradle, where nothing is said of their number."""
 
 
 def settings(scene: str) -> dict[str, Setting]:

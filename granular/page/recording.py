@@ -2,22 +2,29 @@
 May be skipped: the teaching page, beside the engines.
 
 Rows and contacts beyond the limits are left out one in so many, never merged or smoothed; where contacts are left out a
-map counts all of them over pairs and time. Hard runs get the rows that they lack (`filled`). Numbers are kept as 32-bit
-floats, positions with the radii taken out, where equal means touching.
+map counts all of them over pairs and time. Numbers are kept as 32-bit floats, positions with the radii taken out, where
+equal means touching.
+
+Hard runs get rows that they lack (`filled`): at their contacts, and between these where paths are curved. They follow
+from the rows and the log: from a row on every body flies freely, and each contact says with which velocities its two
+bodies leave. Where that does not lead to the next row (no log, or not all of it), nothing is added.
 """
 
 from __future__ import annotations
 
 import base64
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from granular.measures import ACCOUNT, balance
-from granular.page import described
-from granular.page.filled import filled
+from granular._check import Array
+from granular._reports import alike, named_pairs, shortened
+from granular.binary import at_speed_or_nan
+from granular.laws.kinds import resolved
+from granular.measures import ACCOUNT, balance, impact_speed
 from granular.scene import Scene
 from granular.trajectory import Trajectory, points
 
@@ -27,6 +34,13 @@ ROWS, BODIES, CONTACTS = 2000, 1024, 20_000
 """Most rows, bodies and single contacts kept."""
 MAP = (600, 250)
 """Most columns (time) and rows (pairs or balls) of the map of contacts and of that of velocities."""
+EVEN, EACH = 200, 8
+"""Parts of the whole run, and of the time from contact to contact, that curved paths are drawn with."""
+CLOSE = 1e-6
+"""By how much of the way of all bodies a row may be missed."""
+MANY = 6
+"""Up to this many values or laws are told one by one."""
+WALLS = {"floor and ceiling": "walls at both ends", "floor": "left wall", "ceiling": "right wall"}
 
 
 def recorded(run: Trajectory, name: str) -> dict[str, Any]:
@@ -47,8 +61,8 @@ def recorded(run: Trajectory, name: str) -> dict[str, Any]:
     return {
         "name": name,
         "engine": "soft" if run.rule is None else "hard",
-        "scene": described.scene(run.scene),
-        "about": described.about(run),
+        "scene": scene_in_words(run.scene),
+        "about": about(run),
         "upright": run.scene.gravity > 0.0,
         "status": run.status.name,
         "message": run.message,
@@ -152,3 +166,124 @@ def packed(values: Any, kind: Any = None) -> str:
     kind = kind or (np.int32 if array.dtype.kind in "iu" else np.float32)
     little = np.dtype(kind).newbyteorder("<")
     return base64.b64encode(np.ascontiguousarray(array, dtype=little).tobytes()).decode("ascii")
+
+
+def filled(run: Trajectory, most: int) -> Trajectory:
+    """Return a hard run with more rows, `most` at most; any other run, and one with driven walls, as it is."""
+    if run.rule is None or run.scene.driven:
+        return run
+    instants = next((found for found in _instants(run) if len(found) + len(run.contacts) <= most), run.time)
+    rows = list(_rows(run, instants)) if len(instants) > len(run.time) else []
+    if not rows or rows[-1][0] < instants[-1] or not np.array_equal(rows[-1][1], run.position[-1]):
+        return run
+    time, position, velocity, gap = (np.array(column) for column in zip(*rows, strict=True))
+    return replace(run, time=time, position=position, velocity=velocity, gap=gap, ledger=None)
+
+
+def _instants(run: Trajectory) -> Iterator[Array]:
+    """Times of rows and contacts, with some between them if paths are curved; and without those between."""
+    corners = np.union1d(run.time, run.contacts["t_begin"])
+    scene = run.scene
+    if scene.gravity or scene.pendulum or scene.external_force is not None:
+        between = corners[:-1, None] + np.diff(corners)[:, None] * np.arange(EACH) / EACH
+        even = np.linspace(corners[0], corners[-1], EVEN + 1)
+        yield np.union1d(np.union1d(corners, between), even)
+        yield np.union1d(corners, even)
+    yield corners
+
+
+def _rows(run: Trajectory, instants: Array) -> Iterator[tuple[float, Array, Array, Array]]:
+    """Time, position, velocity and gap at each instant, before and after contacts; none once a row is missed."""
+    log, scene, met = run.contacts, run.scene, 0
+    near = CLOSE * float(np.ptp(run.position, axis=0).max(initial=0.0))
+    at = dict(zip(run.time.tolist(), range(len(run.time)), strict=True))
+    now, x, v, gap = instants[0], run.position[0], run.velocity[0], run.gap[0]
+    for t in instants.tolist():
+        there, v = _flown(scene, x, v, t - now)
+        now, x, gap = t, there, gap + scene.across(there - x)
+        if met < len(log) and instants[0] < log["t_begin"][met] <= t:
+            yield t, x, v, gap
+        v, touching = v.copy(), []
+        while met < len(log) and log["t_begin"][met] <= t:
+            pair = int(log["pair"][met])
+            v[list(scene.bodies(pair))] = log["v_out"][met]
+            touching.append(pair)
+            met += 1
+        if touching:
+            gap[touching] = 0.0
+        if t in at:
+            row = at[t]
+            if np.abs(x - run.position[row]).max() > near:
+                return
+            x, v, gap = run.position[row], run.velocity[row], run.gap[row]
+        yield t, x, v, gap
+
+
+def _flown(scene: Scene, x: Array, v: Array, dt: float) -> tuple[Array, Array]:
+    """Positions and velocities after a free flight."""
+    if scene.pendulum == 0.0:
+        return x + (v + 0.5 * scene.fall * dt) * dt, v + scene.fall * dt
+    rest, turn = scene.at_rest, scene.pendulum * dt
+    y: Any = x - rest
+    moved = y * math.cos(turn) + v / scene.pendulum * math.sin(turn)
+    return rest + moved, v * math.cos(turn) - scene.pendulum * y * math.sin(turn)
+
+
+def about(run: Trajectory) -> list[list[str]]:
+    """Return names and words of what a run was made of.
+
+    Parameters
+    ----------
+    run : Trajectory
+        Of any scene and engine.
+    """
+    scene, balls = run.scene, ~run.scene.is_wall
+    return [
+        ["law or rule", _laws(run)], ["masses, kg", _values(scene.mass[balls])],
+        ["radii, m", _values(scene.radius[balls])], ["gaps at the start, m", _values(scene.gap)],
+        ["velocities at the start, m/s", _values(scene.velocity)],
+    ]
+
+
+def scene_in_words(of: Scene) -> str:
+    """Return the words of a scene: its balls, what is at its ends (walls, where nothing falls), what acts."""
+    said = shortened(repr(of)[len("Scene(") : -1])
+    if of.gravity == 0.0:
+        for named, words in WALLS.items():
+            said = said.replace(named, words)
+    return said
+
+
+def _values(values: Array) -> str:
+    """Each of a few values, one for all that are equal, or from which to which they go."""
+    low, high = float(values.min()), float(values.max())
+    if high - low <= 1e-9 * abs(high):
+        return f"{low:.5g}"
+    if len(values) <= MANY:
+        return ", ".join(f"{value:.5g}" for value in values)
+    return f"{low:.5g} … {high:.5g}"
+
+
+def _laws(run: Trajectory) -> str:
+    """Every different law or rule with its pairs, and the ε of soft contacts at the speed of the first impact."""
+    given = run.law if run.rule is None else run.rule
+    of_law = alike(given or ())
+    eps = _restitutions(run) if run.rule is None else np.full(run.scene.n_pairs, math.nan)
+    n = run.scene.n_pairs
+    shown = [f"{named_pairs(pairs, n)}: " * (len(pairs) < n) + shortened(law) + _eps(eps[pairs])
+             for law, pairs in list(of_law.items())[:MANY]]
+    more = len(of_law) - len(shown)
+    return "; ".join(shown) + f"; {more} more" * (more > 0)
+
+
+def _eps(values: Array) -> str:
+    return "" if np.isnan(values).any() else f", ε = {_values(values)}"
+
+
+def _restitutions(run: Trajectory) -> Array:
+    """ε of each pair's isolated contact; nan where it does not end, or where pairs are of too many kinds."""
+    laws, speed = resolved(run.law or (), run.scene), impact_speed(run)
+    if len(laws.in_pairs[1]) > MANY or not speed > 0.0:
+        return np.full(run.scene.n_pairs, math.nan)
+    eps: Array = laws.column(lambda law: at_speed_or_nan(law, speed))
+    return eps

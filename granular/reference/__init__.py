@@ -13,16 +13,13 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from granular import _check
-from granular import until as stop
-from granular._optional import optional
+from granular import _check, until as stop
 from granular.laws.check import checked
 from granular.laws.contact_law import Form, PairLaw
 from granular.reference import restarted, taylor
-from granular.reference.log import Reference, ReferenceContact, distance
-from granular.reference.pieces import fraction
-from granular.scene import Scene
-from granular.scene import checked as a_scene
+from granular.reference.events import Reference, ReferenceContact, distance
+from granular.reference.series import fraction
+from granular.scene import Scene, checked as a_scene
 from granular.scene.walls import Closing, fitted
 
 __all__ = ["Reference", "ReferenceContact", "solve"]
@@ -82,7 +79,7 @@ def solve(
         runs = (restarted.solve(scene, laws, until, end, "DOP853", rtol, t_start=start) for rtol in TOLERANCES)
         best, other = (solved for solved, _ in runs)
     else:
-        many = optional("mpmath", "the reference").MPContext()
+        many = _check.optional("mpmath", "the reference").MPContext()
         many.dps, convert = whole + FEWER, many.mpf
         best, other = (taylor.solve(scene, forms, until, end, few, start) for few in (whole, whole - FEWER))
     v_error, t_error = distance(best, other, convert)

@@ -1,4 +1,4 @@
-"""How walls move, for the slow solvers: velocities in any number of digits, and what their power series follow from.
+"""How walls move, for the slow solvers, in any number of digits, and the next speed that each thermal wall draws.
 May be skipped: it measures ourselves.
 
 A motion is read as it is given, a sine or polynomials, without the code by which engines read it. Its velocity and the
@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, Protocol
 
-from granular.reference.series import Number, product_term
+from granular.reference.series import Number
 from granular.scene import Scene
-from granular.walls import Panels, Piecewise, Sine
+from granular.walls import Panels, Piecewise, Sine, Thermal
 
 
 class Path(Protocol):
@@ -147,16 +147,39 @@ def paths(mp: Any, scene: Scene) -> dict[int, Path]:
     return {body: path(mp, motion) for body, motion in ends if motion is not None}
 
 
-class Course:
-    """The power series of a wall's velocity, m', and of the derivatives of that, by a clock dt/dx = ρ."""
+def displacements(mp: Any, scene: Scene) -> list[Number]:
+    """Of pendula, from where they rest; none without pendula."""
+    if scene.rest_gap is None:
+        return []
+    walls, out = scene.is_wall.tolist(), [mp.mpf(scene.origin)]
+    for gap, rest in zip(scene.gap.tolist(), scene.rest_gap.tolist(), strict=True):
+        out.append(out[-1] + mp.mpf(gap) - mp.mpf(rest))
+    fixed = out[walls.index(True)] if any(walls) else mp.zero
+    return [mp.zero if wall else y - fixed for wall, y in zip(walls, out, strict=True)]
 
-    def __init__(self, mp: Any, path: Path, t: Number, ahead: int) -> None:
-        self.mp, self.last = mp, path.last
-        self.y = [[rate, *[mp.zero] * (ahead - 1)] for rate in path.rates(t)]
 
-    def extend(self, rho: list[Number], m: int) -> Number:
-        """Append coefficient `m` to each; return that of the velocity."""
-        for one, rate in zip(self.y, self.y[1:], strict=False):
-            one.append(product_term(self.mp, rho, rate, m - 1) / m)
-        self.y[-1].append(self.last * product_term(self.mp, rho, self.y[0], m - 1) / m if self.last else self.mp.zero)
-        return self.y[0][m]
+class Heat:
+    """One thermal wall.
+
+    Attributes
+    ----------
+    wall, ball : int
+        The bodies of its pair.
+    side : int
+        0 of a floor, 1 of a ceiling.
+    """
+
+    def __init__(self, scene: Scene, side: int, how: Thermal) -> None:
+        self.wall, self.ball, self.side = (scene.n - 1) * side, 1 if side == 0 else scene.n - 2, side
+        self.how, self.mass, self.hits = how, float(scene.mass[self.ball]), 0
+
+    def next_speed(self) -> float:
+        """The speed in m/s away from the wall that its next hit gives."""
+        self.hits += 1
+        return self.how.drawn(self.side, self.hits - 1, self.mass)
+
+
+def heats(scene: Scene) -> dict[int, Heat]:
+    """The thermal walls of a scene, by their pairs."""
+    ends = zip((0, 1), (0, scene.n_pairs - 1), scene.heat, strict=True)
+    return {pair: Heat(scene, side, how) for side, pair, how in ends if how is not None}

@@ -13,10 +13,8 @@ import numpy as np
 from granular import until as stop
 from granular._check import Array
 from granular.laws.kinds import SceneLaws
-from granular.reference.driven import paths
-from granular.reference.events import Run, Watch
-from granular.reference.heat import heats
-from granular.reference.log import ACTIVE, DORMANT, OPEN, Reference
+from granular.reference.driven import heats, paths
+from granular.reference.events import ACTIVE, DORMANT, OPEN, Reference, Run, Watch
 from granular.scene import Scene, speed_scale, velocities
 
 LOOKS = 20
@@ -226,7 +224,7 @@ class Restarted(Newton):
         """What rises through zero when that happens."""
         return float(watch.sign * (self.read(self.zero + t, y, watch.pair, watch.quantity) - watch.level))
 
-    def settle(self, c: int, what: str) -> None:
+    def take_note(self, c: int, what: str) -> None:
         """Take note of an event of pair c: of the overlap's zero, and of the deepest overlap of a law with memory."""
         if what in ("touch", "part") and self.mode[c] != DORMANT:
             self.y[c] = 0.0

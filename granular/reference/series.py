@@ -1,10 +1,14 @@
-"""Power series as lists of mpmath numbers, and the first root of a polynomial, certified.
+"""Power series as lists of mpmath numbers, the first root of a polynomial, certified; the series of a step: of
+overlaps, velocities, forces and walls.
 May be skipped: it measures ourselves.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
 from functools import reduce
 from typing import Any
 
@@ -16,6 +20,13 @@ def product_term(mp: Any, a: Sequence[Number], b: Sequence[Number], n: int) -> N
     """Coefficient `n` of the product of two series; each may be known to lower order (shorter) than `n`."""
     low, high = max(0, n + 1 - len(b)), min(n + 1, len(a))
     return mp.fdot(a[low:high], b[n - high + 1 : n - low + 1][::-1]) if high > low else mp.zero
+
+
+def work(mp: Any, force: list[Number], v: list[Number], rho: list[Number], x: Number) -> Number:
+    """∫ F v dt up to x, dt/dx = ρ."""
+    n = len(force)
+    power = [product_term(mp, force, v, j) for j in range(n)]
+    return value(mp, [mp.zero, *(product_term(mp, rho, power, j) / (j + 1) for j in range(n))], x)
 
 
 class Power:
@@ -125,3 +136,93 @@ def first_rise_of_parabola(mp: Any, p: Sequence[Number]) -> Number | None:
         return None
     root = mp.sqrt(square)
     return 2 * c / (-b - root) if b > 0 else (root - b) / (2 * a)
+
+
+@dataclass
+class Touch:
+    """One pair: its law F = k ξ^p + γ ξ^d ξ̇ = ξ^d φ, the root `q` of ξ in which that is analytic, and its overlap."""
+
+    k: Number
+    p: Number
+    gamma: Number
+    d: Number
+    q: int
+    xi: Number
+    exact: bool = False
+    """φ is exactly zero now: the event just dealt with."""
+    woken: bool = False
+    """It was pushed open from a touch at rest, with a high power of time: no root of ξ is regular there."""
+
+
+def touch(mp: Any, form: Sequence[float], gap: float) -> Touch:
+    """The pair of a law (k, p, γ, d) with its gap in m at the start."""
+    k, p, gamma, d = form
+    powers = [fraction(p), fraction(d) if gamma else Fraction(0)]
+    exact = [mp.mpf(power.numerator) / power.denominator for power in powers]
+    q = math.lcm(*(power.denominator for power in powers))
+    return Touch(mp.mpf(k), exact[0], mp.mpf(gamma), exact[1], q, -mp.mpf(gap))
+
+
+class Force:
+    """The series of F = ξ^d φ, φ = k ξ^(p-d) + γ ξ̇, of one pair."""
+
+    def __init__(self, mp: Any, touch: Touch, active: bool, x: list[Number], rate: list[Number]) -> None:
+        self.mp, self.a, self.active, m = mp, touch, active, 0 if touch.xi else len(x)
+        self.elastic, self.front = (Power(self.mp, x, power, m) for power in (self.a.p - self.a.d, self.a.d))
+        self.rate, self.phi, self.fronts, self.terms = rate, list[Number](), list[Number](), list[Number]()
+
+    def extend(self, n: int) -> None:
+        """Append coefficient `n`; of a clipped force, whose bracket alone goes on, to that."""
+        a = self.a
+        bracket = a.k * self.elastic.term(n) + a.gamma * self.rate[n]
+        self.phi.append(self.mp.zero if n == 0 and a.exact else bracket)
+        if n == 0 or a.d:
+            self.fronts.append(self.front.term(n))
+        if self.active:
+            self.terms.append(product_term(self.mp, self.fronts, self.phi, n))
+
+
+class Course:
+    """The power series of a wall's velocity, m', and of the derivatives of that, by a clock dt/dx = ρ."""
+
+    def __init__(self, mp: Any, rates: Sequence[Number], last: Number, ahead: int) -> None:
+        self.mp, self.last = mp, last
+        self.y = [[rate, *[mp.zero] * (ahead - 1)] for rate in rates]
+
+    def extend(self, rho: list[Number], m: int) -> Number:
+        """Append coefficient `m` to each; return that of the velocity."""
+        for one, rate in zip(self.y, self.y[1:], strict=False):
+            one.append(product_term(self.mp, rho, rate, m - 1) / m)
+        self.y[-1].append(self.last * product_term(self.mp, rho, self.y[0], m - 1) / m if self.last else self.mp.zero)
+        return self.y[0][m]
+
+
+@dataclass
+class Piece:
+    """The series of a step: ξ, v, displacements of pendula, ξ̇, time, forces, walls; u = ξ^(1/q) of the pair whose clock
+    it is."""
+
+    x: list[list[Number]]
+    v: list[list[Number]]
+    y: list[list[Number]]
+    rate: list[list[Number]]
+    t: list[Number]
+    force: dict[int, Force]
+    walls: dict[int, Course]
+    pair: int
+    q: int
+    u: list[Number]
+
+
+def fraction(x: float) -> Fraction:
+    """A law's exponent as a simple fraction.
+
+    Raises
+    ------
+    ValueError
+        If it is none with a denominator up to 12: such a force has no power series.
+    """
+    simple = Fraction(x).limit_denominator(12)
+    if float(simple) != x and abs(float(simple) - x) > 1e-15:
+        raise ValueError(f"exponent is {x!r}: a fraction with a denominator of at most 12 is needed.")
+    return simple

@@ -15,16 +15,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from fractions import Fraction
 from typing import Any
 
 from granular import until as stop
-from granular.reference.driven import Course, Path, paths
-from granular.reference.events import Run, Watch
-from granular.reference.heat import heats
-from granular.reference.log import ACTIVE, CLOSED, DORMANT, OPEN, Reference
-from granular.reference.pieces import Force, Piece, Touch, fraction
-from granular.reference.series import Number, Power, first_rise, first_rise_of_parabola, product_term, value
+from granular.reference.driven import Path, displacements, heats, paths
+from granular.reference.events import ACTIVE, CLOSED, DORMANT, OPEN, Reference, Run, Watch
+from granular.reference.series import (
+    Course,
+    Force,
+    Number,
+    Piece,
+    Power,
+    first_rise,
+    first_rise_of_parabola,
+    product_term,
+    touch,
+    value,
+    work,
+)
 
 GUARD = 8
 """Digits carried beyond those asked for."""
@@ -61,9 +69,9 @@ class Taylor:
         self.v = [mp.mpf(v) for v in scene.velocity.tolist()]
         self.ring, self.heat, self.paths, self.own = scene.ring, heats(scene), paths(mp, scene), list(self.v)
         self.joined = [scene.bodies(c) for c in range(scene.n_pairs)]
-        self.square, self.y = mp.mpf(scene.pendulum) ** 2, self.displacements(scene)
+        self.square, self.y = mp.mpf(scene.pendulum) ** 2, displacements(mp, scene)
         self.work, self.pushed = [mp.zero] * 4 if scene.worked or scene.heated else None, mp.zero
-        self.touches = [self.touch(form, gap) for form, gap in zip(forms, scene.gap.tolist(), strict=True)]
+        self.touches = [touch(mp, form, gap) for form, gap in zip(forms, scene.gap.tolist(), strict=True)]
         self.mode = [OPEN] * len(self.touches)
         self.window = max(6, *(round(a.q * (1 + a.p)) for a in self.touches))
         self.order = max(round(1.25 * digits), TERMS * self.window)
@@ -77,17 +85,6 @@ class Taylor:
     def curved(self) -> bool:
         """Whether a wall moves otherwise than at constant speed, or all are pendula."""
         return bool(self.paths or self.y)
-
-    def displacements(self, scene: Any) -> list[Number]:
-        """Of pendula, from where they rest; none without pendula."""
-        if scene.rest_gap is None:
-            return []
-        mp, walls = self.mp, scene.is_wall.tolist()
-        out = [mp.mpf(scene.origin)]
-        for gap, rest in zip(scene.gap.tolist(), scene.rest_gap.tolist(), strict=True):
-            out.append(out[-1] + mp.mpf(gap) - mp.mpf(rest))
-        fixed = out[walls.index(True)] if any(walls) else mp.zero
-        return [mp.zero if wall else y - fixed for wall, y in zip(walls, out, strict=True)]
 
     def across(self, of_bodies: Sequence[Number]) -> list[Number]:
         """Lower minus upper body of every pair: rates of overlaps from velocities."""
@@ -105,14 +102,6 @@ class Taylor:
         for b, path in self.paths.items():
             fall[b] = path.rates(self.t)[1]
         return self.across(fall)
-
-    def touch(self, form: Sequence[float], gap: float) -> Touch:
-        """The pair of a law (k, p, γ, d) with its gap in m at the start."""
-        mp, (k, p, gamma, d) = self.mp, form
-        powers = [fraction(p), fraction(d) if gamma else Fraction(0)]
-        exact = [mp.mpf(power.numerator) / power.denominator for power in powers]
-        q = math.lcm(*(power.denominator for power in powers))
-        return Touch(mp.mpf(k), exact[0], mp.mpf(gamma), exact[1], q, -mp.mpf(gap))
 
     def now(self, c: int, quantity: str) -> Number:
         """The overlap of pair c in m, its rate in m/s, or its bracket φ, which has the sign of its force."""
@@ -165,7 +154,7 @@ class Taylor:
         ahead = 1 if u[0] else q  # orders by which velocities and overlaps are ahead of forces
         here = [a.xi for a in self.touches], self.v, self.y, self.across(self.v)
         x, v, y, rate = ([[b, *[mp.zero] * (ahead - 1)] for b in start] for start in here)
-        walls = {b: Course(mp, path, self.t, ahead) for b, path in self.paths.items()}
+        walls = {b: Course(mp, path.rates(self.t), path.last, ahead) for b, path in self.paths.items()}
         piece = Piece(x, v, y, rate, [mp.zero] * ahead, {}, walls, pair, q, u)
         closed = (c for c, mode in enumerate(self.mode) if mode in CLOSED)
         piece.force = {c: Force(mp, self.touches[c], self.mode[c] == ACTIVE, x[c], rate[c]) for c in closed}
@@ -278,16 +267,10 @@ class Taylor:
         rho, last = [j * a for j, a in enumerate(piece.t)][1:], len(self.touches) - 1
         for c, force in piece.force.items():
             if force.active:
-                self.pushed += self.done(force.terms, piece.rate[c], rho, x)
+                self.pushed += work(self.mp, force.terms, piece.rate[c], rho, x)
                 for side, b in ((0, 0), (1, last + 1)):
                     if c == side * last and not self.w[b]:
-                        self.work[side] += (1 - 2 * side) * self.done(force.terms, piece.v[b], rho, x)
-
-    def done(self, force: list[Number], v: list[Number], rho: list[Number], x: Number) -> Number:
-        """∫ F v dt up to x."""
-        mp, n = self.mp, len(force)
-        power = [product_term(mp, force, v, j) for j in range(n)]
-        return value(mp, [mp.zero, *(product_term(mp, rho, power, j) / (j + 1) for j in range(n))], x)
+                        self.work[side] += (1 - 2 * side) * work(self.mp, force.terms, piece.v[b], rho, x)
 
     def elastic(self) -> Number:
         """Σ U(ξ) in J."""
@@ -351,7 +334,7 @@ class Taylor:
         self.work[2 + one.side] += one.mass * (speed - was) * (speed + was) / 2
         self.remember_speed()
 
-    def settle(self, c: int, what: str) -> None:
+    def take_note(self, c: int, what: str) -> None:
         """Take note of an event of pair c."""
         if what in ("touch", "part") and self.mode[c] != DORMANT:
             self.touches[c].xi = self.mp.zero

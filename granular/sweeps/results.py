@@ -1,4 +1,4 @@
-"""What can be asked of every cell, with its dimensions and units; and the answers, cell by cell or many at once.
+"""What can be asked of every cell, with its dimensions and units; and the answers, as they come in.
 May be skipped: many runs of the same engines.
 """
 
@@ -17,9 +17,9 @@ from granular._flight import rate_at_contact
 from granular.binary import restitution
 from granular.cases import Case
 from granular.comparison import Comparison, compare
+from granular.comparison.numbers import is_drop
 from granular.outcome import at_once, counts, separations
 from granular.scene import Scene
-from granular.scene.state import forced
 from granular.trajectory import Status, Trajectory
 
 NOT_RUN, MISUSE = -1, 8
@@ -28,6 +28,8 @@ STATUS = {NOT_RUN: "not_run", **{code + (code >= MISUSE): status.name for code, 
 """Status codes of cells, which maps in files have; ``misuse``: the cell's parameters were refused, or its run raised.
 It keeps its number: statuses that came later have those behind it."""
 CODE = {name: code for code, name in STATUS.items()}
+REFUSED = (ValueError, ArithmeticError)
+"""What a cell may raise without stopping the sweep; anything else is a mistake, of the program or the user."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +47,8 @@ class Result:
     fill : float or int
         Where there is no value; decides the type.
     many : str
-        "always" if `granular.sweeps.many` answers it too; "ended" if contacts that are still running at the end must
-        be followed first, one cell by itself.
+        "always" if a compiled call of many cells answers it too; "ended" if contacts that are still running at the end
+        must be followed first, one cell by itself.
     """
 
     dim: str
@@ -108,8 +110,7 @@ class Answer:
 
 def impact_speed(scene: Scene) -> float:
     """|v10| in m/s with which two balls dropped as one meet the floor; nan for other scenes."""
-    dropped = scene.n == 3 and scene.is_wall[0] and not scene.is_wall[2] and scene.velocity[1] == scene.velocity[2]
-    if not dropped or forced(scene):
+    if not is_drop(scene):
         return math.nan
     rate = float(scene.velocity[1] - scene.velocity[0])
     return -rate_at_contact(float(scene.gap[0]), rate, scene.gravity)
@@ -161,3 +162,42 @@ RESULTS = {
     "isolated_share": _measure("isolated_share", "share of soft contacts that are isolated"),
     "lag": _measure("lag", "how much later the soft run ends", "s"),
 }
+
+
+class Answers:
+    """An array for every result, as wide as the largest scene so far, and the first sentence of misuse.
+
+    Parameters
+    ----------
+    results : mapping
+        What is asked, by name.
+    count : int
+        Number of cells.
+    """
+
+    def __init__(self, results: Mapping[str, Result], count: int) -> None:
+        self.fill = {name: result.fill for name, result in results.items()}
+        self.columns: dict[str, Any] = {"status": np.full(count, NOT_RUN)}
+        self.columns |= {name: np.full((count, 0) if result.dim else count, result.fill)
+                         for name, result in results.items()}
+        self.refusal: tuple[int, str] | None = None
+
+    def put(self, places: Any, columns: Mapping[str, Any]) -> None:
+        """Write results of the cells at these places."""
+        for name, values in columns.items():
+            more = values.shape[1] - self.columns[name].shape[1] if values.ndim > 1 else 0
+            if more > 0:
+                wider = ((0, 0), (0, more))
+                self.columns[name] = np.pad(self.columns[name], wider, constant_values=self.fill[name])
+            self.columns[name][(places, *map(slice, values.shape[1:]))] = values
+
+    def refuse(self, place: int, sentence: str) -> None:
+        """Note why a cell has no answer."""
+        self.columns["status"][place] = MISUSE
+        self.refusal = min(self.refusal or (place, sentence), (place, sentence))
+
+    def take(self, places: Any, others: Answers) -> None:
+        """Take over the answers of the cells at these places."""
+        self.put(places, others.columns)
+        if others.refusal is not None:
+            self.refuse(int(places[others.refusal[0]]), others.refusal[1])

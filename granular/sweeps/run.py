@@ -1,15 +1,15 @@
-"""`sweep`: any parameter × any parameter × any result.
+"""`sweep`: any parameter × any parameter × any result; boundaries between contact counts, by bisection.
 May be skipped: many runs of the same engines.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,20 +17,21 @@ from numpy.typing import ArrayLike
 from granular import _check
 from granular.cases import Case
 from granular.scene import Scene
-from granular.sweeps import axes, schedule, store
-from granular.sweeps.answers import Answers
-from granular.sweeps.axes import Values
-from granular.sweeps.plan import Plan, planned
-from granular.sweeps.refine import edges
-from granular.sweeps.results import MISUSE, NOT_RUN
+from granular.sweeps import schedule
+from granular.sweeps.plan import Plan, dataset, planned, resume, write, xarray_
+from granular.sweeps.results import MISUSE, NOT_RUN, Answers
+from granular.sweeps.subject import Values, checked
 
 if TYPE_CHECKING:
     import xarray
+
 
 DEFAULT = ("contacts", "v_rel", "eps_ratio")
 """What is kept of every cell if nothing is said."""
 SAVE_EVERY = 30.0
 """Seconds between two writes of what is done so far."""
+Counts = Callable[[list[Values]], Values]
+"""Contact counts (S, pairs) at the rows of some columns of parameters."""
 
 
 def sweep(
@@ -95,8 +96,8 @@ def sweep(
         raise TypeError(f"executor is {executor!r}: an object with submit() is needed, such as a ProcessPoolExecutor "
                         "or client.get_executor() of dask.")
     _check.callback("on_progress", on_progress, "reached", "count")
-    store.xarray_()
-    varied = axes.checked(over)
+    xarray_()
+    varied = checked(over)
     asked = (results,) if isinstance(results, str) or callable(results) else tuple(results)
     plan = planned(scene, varied, asked, fixed, run or {})
     if refine is not None:
@@ -114,7 +115,7 @@ class _Job:
     def __init__(self, plan: Plan, over: dict[str, Values], columns: list[Values], save: Any) -> None:
         self.plan, self.over, self.columns, self.save = plan, over, columns, save
         self.answers = Answers(plan.results, len(columns[0]))
-        known, self.notes = store.resume(save, plan, over) if save is not None else ({}, {})
+        known, self.notes = resume(save, plan, over) if save is not None else ({}, {})
         self.answers.put(slice(None), known)
 
     def solve(self, executor: Executor | None, on_progress: Callable[[float, int], object] | None) -> None:
@@ -142,12 +143,12 @@ class _Job:
         """What is known so far."""
         refusal = self.answers.refusal
         notes = self.notes if refusal is None else {"refusal": refusal[1]}
-        return store.dataset(self.plan, self.over, self.answers.columns, notes)
+        return dataset(self.plan, self.over, self.answers.columns, notes)
 
     def written(self, data: xarray.Dataset) -> xarray.Dataset:
         """Write what is known so far, if there is a file for it."""
         if self.save is not None:
-            store.write(data, self.save)
+            write(data, self.save)
         return data
 
     def refined(self, name: str, precision: float, executor: Executor | None) -> xarray.Dataset:
@@ -174,3 +175,58 @@ class _Job:
             if other != name:
                 data[f"edge_{other}"] = "jump", column[[edge.row for edge in jumps]], data[other].attrs
         return self.written(data)
+
+
+class Edge(NamedTuple):
+    """An interval of one axis in which the contact counts jump; the others have the values of cell `row`."""
+
+    row: int
+    ends: tuple[float, float]
+    counts: tuple[list[int], list[int]]
+
+    def wide(self, precision: float) -> bool:
+        """Whether it can and must be cut further."""
+        low, high = self.ends
+        return abs(high - low) > precision * max(abs(low), abs(high)) and self.middle not in self.ends
+
+    @property
+    def middle(self) -> float:
+        """Where it is cut."""
+        return 0.5 * (self.ends[0] + self.ends[1])
+
+    def halves(self, found: list[int]) -> Iterator[Edge]:
+        """Those halves that hold a jump, if these are the counts in the middle."""
+        if found != self.counts[0]:
+            yield Edge(self.row, (self.ends[0], self.middle), (self.counts[0], found))
+        if found != self.counts[1]:
+            yield Edge(self.row, (self.middle, self.ends[1]), (found, self.counts[1]))
+
+
+def edges(axis: int, columns: Sequence[Values], grid: Values, shape: tuple[int, ...], counts: Counts,
+          precision: float) -> list[Edge]:
+    """Bisect every jump between neighbours of the grid along `axis` until it is known to a relative `precision`.
+
+    An interval whose midpoint has a third count is cut in two. A window that lies between two points of the grid, with
+    the same count on both, is not seen. Cells without any count are left out.
+    """
+    _check.number("precision", precision, at_least=1e-15, at_most=0.1)
+    cells = np.moveaxis(np.arange(len(grid)).reshape(shape), axis, -1)
+    left, right = cells[..., :-1].ravel(), cells[..., 1:].ravel()
+    jump = (grid[left] != grid[right]).any(axis=1) & (grid[left] >= 0).any(axis=1) & (grid[right] >= 0).any(axis=1)
+    along = columns[axis].astype(np.float64)
+    todo = [Edge(a, (float(along[a]), float(along[b])), (grid[a].tolist(), grid[b].tolist()))
+            for a, b in zip(left[jump].tolist(), right[jump].tolist(), strict=True)]
+    done: list[Edge] = []
+    while todo:
+        wide = [edge for edge in todo if edge.wide(precision)]
+        done += [edge for edge in todo if not edge.wide(precision)]
+        rows = [edge.row for edge in wide]
+        middle = np.array([edge.middle for edge in wide])
+        points = [middle if k == axis else column[rows] for k, column in enumerate(columns)]
+        found: Any = counts(points) if wide else []
+        todo = [half for edge, count in zip(wide, found, strict=True) for half in edge.halves(count.tolist())]
+
+    def place(edge: Edge) -> tuple[Any, ...]:
+        return *(column[edge.row] for k, column in enumerate(columns) if k != axis), edge.ends[0]
+
+    return sorted(done, key=place)

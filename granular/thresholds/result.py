@@ -1,11 +1,12 @@
-"""`Threshold`: where the hard picture begins or ceases to hold, as a value, in words, and as a figure.
+"""What is asked of one value of the parameter, and `Threshold`: where the hard picture begins or ceases to hold, as a
+value, in words, and as a figure.
 May be skipped: many runs of the same engines.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from functools import cached_property
@@ -14,17 +15,92 @@ from os import PathLike
 from textwrap import fill
 from typing import Any
 
-from granular import _files
-from granular._drawing import GREY, HARD, SOFT, canvas
-from granular._tables import Report, aligned
-from granular.thresholds.criteria import CRITERIA, FAILS, HOLDS, UNDECIDED, Value
+from granular import _files, isolation
+from granular._reports import GREY, HARD, SOFT, Report, aligned, canvas
+from granular.cases import Case
+from granular.comparison.answer import Answer as Judgement
+from granular.outcome import SAME
+from granular.sweeps.results import Answer
+from granular.trajectory import EARLY
 
+HOLDS, FAILS, UNDECIDED = VERDICTS = ("holds", "fails", "undecided")
 Interval = tuple[float, float]
 MOST = 20
 """Crossings that are shown."""
 MARKERS: dict[str, dict[str, Any]] = {
     HOLDS: {"color": SOFT, "marker": "o", "mfc": SOFT}, FAILS: {"color": HARD, "marker": "x"},
     UNDECIDED: {"color": GREY, "marker": "s", "mfc": "none"},
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """One value of the parameter.
+
+    Attributes
+    ----------
+    value : float
+        In SI units.
+    verdict : str
+        "holds", "fails", or "undecided" where a run did not come to its end.
+    measure : float
+        What decides: the error, in units of the fastest impact; or the time in s up to which every contact was
+        isolated, nan where that is the whole run.
+    why : str
+        The verdict's reason in words.
+    """
+
+    value: float
+    verdict: str
+    measure: float
+    why: str
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """A question about a case.
+
+    Attributes
+    ----------
+    judge : callable
+        Verdict, measure and reason for a case, and a limit.
+    what, how : str
+        What is so where hard spheres hold: `what` is `how`.
+    words : (2,) strs
+        The same in a word or two, and its contrary.
+    """
+
+    judge: Callable[[Case, float], tuple[str, float, str]]
+    what: str
+    how: str
+    words: tuple[str, str]
+
+
+def isolated(case: Case, limit: float) -> tuple[str, float, str]:
+    """Whether every contact up to the end of the soft run is isolated; the run ends at the first that is not."""
+    run = case.simulate("md", disturbed="stop", log=False)
+    time, pair = run.first_disturbed
+    if pair >= 0:
+        return FAILS, time, f"the first disturbed: {isolation.first_disturbed(run)}"
+    if run.status in EARLY:
+        return UNDECIDED, math.nan, f"{run.status.name}: {run.message}"
+    return HOLDS, math.nan, isolation.sentence(run) or "no contact"
+
+
+def error(case: Case, limit: float) -> tuple[str, float, str]:
+    """Whether the error of hard spheres, `granular.Comparison.error`, is at most `limit`, and nothing else is wrong."""
+    report = Answer(case).report
+    if report.answer is Judgement.undecided:
+        return UNDECIDED, math.nan, report.verdict
+    if report.error <= SAME and report.answer is not Judgement.yes:  # small, but for another reason it is no yes
+        return FAILS, report.error, report.verdict
+    return HOLDS if report.error <= limit else FAILS, report.error, f"error {report.error:.3g}"
+
+
+CRITERIA = {
+    "isolated": Criterion(isolated, "every contact", "isolated", ("isolated", "disturbed")),
+    "error": Criterion(error, "the error of hard spheres", "at most {error:g} of the fastest impact",
+                       ("small error", "large error")),
 }
 
 
@@ -87,16 +163,42 @@ class Threshold(Report):
     values: tuple[Value, ...]
 
     def __str__(self) -> str:
-        return _table(self)
+        low, high = self.between
+        return "\n".join([
+            self.title,
+            f"scanned: {self.over} from {low:g} to {high:g}{_unit(self)}, {self.points} values ({self.spacing}), "
+            f"then every change bisected to {self.within:g} of its value; {len(self.values)} runs",
+            *_crossings(self), "", self.sentence,
+        ])
 
     @property
     def sentence(self) -> str:
         """Where hard spheres hold, in one or two sentences."""
-        return _sentence(self)
+        if not self.undecided:
+            return _decided(self)
+        first = next(one for one in self.values if one.verdict == UNDECIDED)
+        doubt = (f"Undecided {_spans(self, self.undecided)}; at {self.over} = {first.value:.4g}{_unit(self)}: "
+                 f"{first.why.rstrip('.')}.")
+        return f"{_decided(self)} {doubt}" if self.holds or self.fails else doubt
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
         """Draw error, or time of the first disturbance, over the values; return the figure, or save it to `path`."""
-        return _plot(self, path)
+        figure, ((axis,),) = canvas(5.2, 3.2)
+        for low, high in self.holds:
+            axis.axvspan(low, high, color=SOFT, alpha=0.12, lw=0)
+        for crossing in self.crossings:
+            axis.axvline(crossing.value, color="black", lw=0.7, ls=":")
+        for verdict, look in MARKERS.items():
+            shown = [one for one in self.values if one.verdict == verdict]
+            known = [one for one in shown if math.isfinite(one.measure)]
+            axis.plot([one.value for one in known], [one.measure for one in known], ls="none", ms=4, mew=0.9, **look)
+            others = [one.value for one in shown if not math.isfinite(one.measure)]
+            axis.plot(others, [0.97] * len(others), ls="none", ms=4, transform=axis.get_xaxis_transform(), **look)
+            if shown:
+                axis.plot([], [], ls="none", ms=4, label=_name(self, verdict), **look)
+        _axes(axis, self)
+        figure.suptitle(fill(self.sentence, 80), fontsize=8.5, x=0.02, ha="left")
+        return _files.write_figure(path, figure, dpi=150)
 
     @cached_property
     def crossings(self) -> tuple[Crossing, ...]:
@@ -135,29 +237,6 @@ class Threshold(Report):
 
 
 # --- in words: nothing is said but of what was scanned
-
-
-def _table(report: Threshold) -> str:
-    """The report a person reads."""
-    low, high = report.between
-    tried = len(report.values)
-    lines = [
-        f"{report.title}",
-        f"scanned: {report.over} from {low:g} to {high:g}{_unit(report)}, {report.points} values ({report.spacing}), "
-        f"then every change bisected to {report.within:g} of its value; {tried} runs",
-        *_crossings(report), "", report.sentence,
-    ]
-    return "\n".join(lines)
-
-
-def _sentence(report: Threshold) -> str:
-    """Where hard spheres hold, in one or two sentences."""
-    if not report.undecided:
-        return _decided(report)
-    first = next(one for one in report.values if one.verdict == UNDECIDED)
-    doubt = (f"Undecided {_spans(report, report.undecided)}; at {report.over} = {first.value:.4g}{_unit(report)}: "
-             f"{first.why.rstrip('.')}.")
-    return f"{_decided(report)} {doubt}" if report.holds or report.fails else doubt
 
 
 def _decided(report: Threshold) -> str:
@@ -209,7 +288,8 @@ def _crossings(report: Threshold) -> Iterator[str]:
     digits = 3 + math.ceil(-math.log10(report.within))
     for crossing in found[:MOST]:
         low, high = crossing.low, crossing.high
-        rows.append([f"{low.value:.{digits}g} … {high.value:.{digits}g}", _name(report, low), _name(report, high),
+        rows.append([f"{low.value:.{digits}g} … {high.value:.{digits}g}", _name(report, low.verdict),
+                     _name(report, high.verdict),
                      next((one.why for one in (low, high) if one.verdict != HOLDS), "")])
     yield ""
     yield aligned(rows, "<")
@@ -217,10 +297,10 @@ def _crossings(report: Threshold) -> Iterator[str]:
         yield f"({len(found) - MOST} more crossings not shown; all are in the JSON)"
 
 
-def _name(report: Threshold, one: Value) -> str:
+def _name(report: Threshold, verdict: str) -> str:
     """A verdict in the words of the criterion."""
     good, bad = CRITERIA[report.criterion].words
-    return {HOLDS: good, FAILS: bad}.get(one.verdict, one.verdict)
+    return {HOLDS: good, FAILS: bad}.get(verdict, verdict)
 
 
 def _unit(report: Threshold) -> str:
@@ -228,27 +308,6 @@ def _unit(report: Threshold) -> str:
 
 
 # --- as a figure: what decides, over the values; where hard spheres hold is shaded
-
-
-def _plot(report: Threshold, path: str | PathLike[str] | None = None) -> Any:
-    """Draw error, or time of the first disturbance, over the values; return the figure, or save it to `path`."""
-    figure, ((axis,),) = canvas(5.2, 3.2)
-    for low, high in report.holds:
-        axis.axvspan(low, high, color=SOFT, alpha=0.12, lw=0)
-    for crossing in report.crossings:
-        axis.axvline(crossing.value, color="black", lw=0.7, ls=":")
-    for verdict, look in MARKERS.items():
-        shown = [one for one in report.values if one.verdict == verdict]
-        known = [one for one in shown if math.isfinite(one.measure)]
-        axis.plot([one.value for one in known], [one.measure for one in known], ls="none", ms=4, mew=0.9, **look)
-        others = [one.value for one in shown if not math.isfinite(one.measure)]
-        axis.plot(others, [0.97] * len(others), ls="none", ms=4, transform=axis.get_xaxis_transform(), **look)
-        if shown:
-            good, bad = CRITERIA[report.criterion].words
-            axis.plot([], [], ls="none", ms=4, label={HOLDS: good, FAILS: bad}.get(verdict, verdict), **look)
-    _axes(axis, report)
-    figure.suptitle(fill(report.sentence, 80), fontsize=8.5, x=0.02, ha="left")
-    return _files.write_figure(path, figure, dpi=150)
 
 
 def _axes(axis: Any, report: Threshold) -> None:

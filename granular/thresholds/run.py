@@ -13,16 +13,14 @@ from typing import Any
 import numpy as np
 
 from granular import _check
-from granular._check import Array
 from granular.cases import Case
-from granular.cases.named import sentence_of
+from granular.cases.build import sentence_of
 from granular.scene import Scene
-from granular.sweeps.answers import REFUSED
 from granular.sweeps.plan import Plan, planned
-from granular.thresholds.criteria import CRITERIA, UNDECIDED, Criterion, Value
-from granular.thresholds.result import Threshold
+from granular.sweeps.results import REFUSED
+from granular.thresholds.result import CRITERIA, UNDECIDED, Criterion, Threshold, Value
 
-SPACINGS: Mapping[str, Callable[[float, float, int], Array]] = {"log": np.geomspace, "linear": np.linspace}
+SPACINGS: Mapping[str, Callable[[float, float, int], _check.Array]] = {"log": np.geomspace, "linear": np.linspace}
 MOST = 100_000
 """Values of a scan at most."""
 LEAST = 1e-9
@@ -115,7 +113,7 @@ def _ends(between: Any, spacing: str) -> tuple[float, float]:
     return low, high
 
 
-def _wholes(over: str, grid: Array) -> Array:
+def _wholes(over: str, grid: _check.Array) -> _check.Array:
     """Return the whole numbers next to those of a grid, each once."""
     low, high = grid[[0, -1]].tolist()
     if not (low.is_integer() and high.is_integer()):

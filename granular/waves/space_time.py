@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from granular import _check, _files
-from granular._drawing import COLUMN, canvas, style
+from granular._reports import COLUMN, canvas, style
 from granular.trajectory import Trajectory
 
 SHADES = {"force": ("contact", "force, N"), "velocity": ("ball", "velocity, m/s")}

@@ -19,7 +19,7 @@ from fuzz.judge import FALLS_SHORT, SHIFT, SHIFTS, Verdict, shift
 from fuzz.scenes import Case, _between, _start
 from granular import reference
 from granular.laws.check import checked
-from granular.reference.pieces import fraction
+from granular.reference.series import fraction
 
 MOST = 7
 """Contacts of a scene."""

@@ -1,4 +1,4 @@
-// How far two runs are apart that are levelled: the unit U, the error, and what rests (granular/components.py). In the scenes
+// How far two runs are apart that are levelled: the unit U, the error, and what rests (granular/outcome.py). In the scenes
 // of the page all balls that collide are one component.
 import { approach, counts, differences, isOver, largest, ofPair, pairOutcome, partingOf, lasted } from "./measures.mjs";
 import { pairsOf } from "./scenes.mjs";

@@ -1,5 +1,6 @@
-"""What reports share: tables for the terminal and for Markdown, numbers with units, and JSON with provenance.
-May be skipped: words and numbers of what is computed elsewhere.
+"""What reports and figures share: tables for the terminal and for Markdown, numbers with units, JSON with provenance;
+how a figure begins, its colours and its sizes, 8 pt and columns as in Physical Review.
+May be skipped: words and pictures of what is computed elsewhere.
 """
 
 from __future__ import annotations
@@ -8,18 +9,23 @@ import math
 import os
 import platform
 import re
-from collections.abc import Sequence
-from os import PathLike
+from collections.abc import Iterable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from granular import _files
-from granular._describe import scene_to_json
+from granular._check import optional
 
 Rows = Sequence[Sequence[str]]
 """Rows of words, the first row the heads."""
+LONG = re.compile(r"\d+\.\d*(?:e[-+]?\d+)?")
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 """Multiples of a unit such as the second or the metre."""
+HARD, SOFT = "#c1440e", "#1f4e79"
+"""Colours of hard and soft spheres, told apart also in grey print."""
+GREY = "#8a8a8a"
+COLUMN, PAGE = 3.4, 7.0
+"""Widths in inches."""
 
 
 class Report:
@@ -27,11 +33,15 @@ class Report:
 
     def to_dict(self) -> dict[str, Any]:
         """Return all numbers with provenance, ready for JSON (nan and inf become None)."""
+        from granular import _files
+
         plain: dict[str, Any] = _files.plain({"provenance": _files.provenance(), **self._numbers()})
         return plain
 
-    def to_json(self, path: str | PathLike[str]) -> None:
+    def to_json(self, path: str | os.PathLike[str]) -> None:
         """Write `to_dict` to a file, whole or not at all."""
+        from granular import _files
+
         _files.write_json(path, self.to_dict())
 
     def _numbers(self) -> dict[str, Any]:
@@ -40,12 +50,16 @@ class Report:
 
 def problem(report: Any) -> dict[str, Any]:
     """Return what was solved, for JSON: the scene in full, the laws, and when to stop."""
+    from granular._describe import scene_to_json
+
     return {"scene": scene_to_json(report.scene), "law": [repr(law) for law in report.law],
             "until": repr(report.until), "t_end": report.t_end}
 
 
 def machine() -> dict[str, Any]:
     """Return where run times are measured: processor, cores this process may use, system, and versions."""
+    from granular import _files
+
     packages = ("granular", "numpy", "scipy", "numba", "mpmath")
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     text = Path("/proc/cpuinfo").read_text("utf-8") if os.access("/proc/cpuinfo", os.R_OK) else ""
@@ -72,6 +86,24 @@ def markdown(rows: Rows) -> str:
     return "\n".join([head, "|" + "---|" * len(rows[0]), *others])
 
 
+def alike(laws: Iterable[Any]) -> dict[str, list[int]]:
+    """Return the pairs that have each different law or rule, by its words."""
+    found: dict[str, list[int]] = {}
+    for pair, law in enumerate(laws):
+        found.setdefault(repr(law), []).append(pair)
+    return found
+
+
+def named_pairs(pairs: Sequence[int], n: int) -> str:
+    """Return which of `n` pairs these are, in words."""
+    return f"pair {pairs[0]}" if len(pairs) == 1 else "all pairs" if len(pairs) == n else f"{len(pairs)} pairs"
+
+
+def shortened(text: str) -> str:
+    """Return a law or a wall in words with four digits of its numbers."""
+    return LONG.sub(lambda found: f"{float(found[0]):.4g}", text)
+
+
 def number(value: float, form: str = ".6g", none: str = "–") -> str:
     """Return a number in words; `none` if it is nan or infinite."""
     return format(value, form) if math.isfinite(value) else none
@@ -89,3 +121,21 @@ def duration(seconds: float) -> str:
     """Return a time with three digits and its unit."""
     scale, name = unit_of(seconds, "s", 1.0)
     return f"{seconds / scale:.3g} {name}"
+
+
+def style() -> AbstractContextManager[None]:
+    """Settings of matplotlib within which a figure for print is drawn and saved."""
+    context: AbstractContextManager[None] = optional("matplotlib", "plot").rc_context({
+        "font.size": 8.0, "axes.labelsize": 8.5, "axes.titlesize": 8.5, "legend.fontsize": 7.0,
+        "xtick.labelsize": 7.5, "ytick.labelsize": 7.5, "mathtext.fontset": "stix", "font.family": "STIXGeneral",
+        "axes.linewidth": 0.6, "lines.linewidth": 0.9, "xtick.direction": "in", "ytick.direction": "in",
+        "xtick.top": True, "ytick.right": True, "legend.frameon": False, "savefig.dpi": 300,
+        "xtick.major.width": 0.6, "ytick.major.width": 0.6, "xtick.minor.width": 0.4, "ytick.minor.width": 0.4,
+    })
+    return context
+
+
+def canvas(width: float, height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Any, Any]:
+    """Return a figure of this size in inches, and its axes as an array (rows, columns)."""
+    figure = optional("matplotlib.figure", "plot").Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)

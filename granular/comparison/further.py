@@ -1,8 +1,9 @@
-"""How high the top ball rises; the definition is that of granular/page/physics/apex.mjs.
-May be skipped: one more number of a comparison.
+"""Numbers of a comparison that further runs give: the ε with which hard spheres have another outcome; and how high the
+top ball rises, as granular/page/physics/apex.mjs defines it.
+May be skipped: rarer, and one more number of a comparison.
 
-It is the first apex of the ball in free flight after it has been touched, all hits before that included, a run that
-stops earlier being carried on. A ball that comes to rest instead rises 0.
+It rises to the first apex of its free flight after it has been touched, all hits before that included, a run that stops
+earlier being carried on. A ball that comes to rest instead rises 0.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from granular._check import Array
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 
+ROUNDING = 1e-14
+"""Values below this part of the largest are zero: one that jumps just beside its root may have no other sign there."""
 MERGED = 1e-4
 """Hard spheres that collide at less than this share of the impact speed stick together once the run has stopped."""
 LONGEST = 1000.0
@@ -28,6 +31,21 @@ STEPS = 10 * MOST
 """Steps of each soft run: of a pile that settles, hours may pass before so many events."""
 Flight = tuple[float, float, float]
 Runs = Callable[[float, Array | None], Trajectory]
+
+
+def roots(function: Callable[[float], float], grid: Array, scale: float) -> tuple[float, ...]:
+    """Where a function that may jump is zero: on the grid, but for rounding, or between two of its points; a jump
+    across is left out."""
+    from scipy.optimize import brentq
+
+    values = np.array([function(x) for x in grid.tolist()])
+    values[np.abs(values) <= ROUNDING * (scale + np.nanmax(np.abs(values), initial=0.0))] = 0.0
+    found = grid[values == 0.0].tolist()
+    for k in np.flatnonzero(np.multiply(values[:-1], values[1:]) < 0.0):
+        root = float(brentq(function, grid[k], grid[k + 1], xtol=1e-14))
+        if abs(function(root)) < 1e-6 * (scale + abs(values[k]) + abs(values[k + 1])):
+            found.append(root)
+    return tuple(sorted(found))
 
 
 def soft_rise(scene: Scene, law: Any, start: float) -> float:

@@ -1,0 +1,145 @@
+"""Commands on one scene: print it, run it on one engine or on both; one trajectory in words and a few numbers.
+May be skipped: the command, no physics.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+
+import granular as gr
+from granular import cases
+from granular.cases.case import ENGINES, Option, engine_named
+from granular.cli import output
+from granular.cli.parser import Command, case_of, offered
+from granular.trajectory import Status, Trajectory
+
+MOST = 20
+"""Rows of a table at most."""
+
+
+class Scenes(Command):
+    """List the ready-made scenes, or print one as a TOML file."""
+
+    USAGE = "SCENE"
+
+    @staticmethod
+    def run(given: argparse.Namespace) -> None:
+        if given.target is not None:
+            print(cases.dumps(case_of(given)), end="")
+            return
+        width = max(map(len, cases.names()))
+        for name in cases.names():
+            print(f"{name:{width}}  {cases.about(name)}")
+        print("\ngranular compare SCENE --help lists a scene's parameters; "
+              "granular scenes SCENE prints it as a TOML file.")
+
+
+class Run(Command):
+    """Run a scene on one engine."""
+
+    @staticmethod
+    def arguments(parser: argparse.ArgumentParser) -> list[Option]:
+        about = "hard (edmd) or soft (md) spheres; default md"
+        parser.add_argument("--engine", choices=ENGINES, default="md", help=about)
+        parser.add_argument("--watch", action="store_true", help="(--engine edmd only) count collisions that would "
+                            "overlap in time with a neighbour's under the force law of the scene: a warning, not a "
+                            "proof")
+        output.offer(parser, save="write the trajectory and its contact log")
+        each = {engine: {o.name: o for o in offered(engine_named(engine))} for engine in ENGINES}
+        merged: dict[str, Option] = {}
+        for engine, other in (ENGINES, ENGINES[::-1]):
+            for name, option in each[engine].items():
+                only = "" if name in each[other] else f"(--engine {engine} only) "
+                merged[name] = replace(option, about=only + option.about)
+        return list(merged.values())
+
+    @staticmethod
+    def run(given: argparse.Namespace) -> list[Trajectory]:
+        case = case_of(given)
+        options = given.run | ({"watch": case.physics("md")} if given.watch else {})
+        with output.Progress(given.run.get("t_end", case.t_end)) as progress:
+            trajectory = case.simulate(given.engine, **options, on_progress=progress)
+        print(summary(case, trajectory))
+        if given.save is not None:
+            trajectory.save(given.save)
+        return [trajectory]
+
+
+class Compare(Command):
+    """Run a scene on both engines and say where and why they differ."""
+
+    @staticmethod
+    def arguments(parser: argparse.ArgumentParser) -> list[Option]:
+        output.offer(parser, plot="draw contacts, forces and paths of both engines, and a lens on the hops",
+                     film="film both engines: fall, contacts slowed down, flight; or .mp4",
+                     json="write every number of the report")
+        return [option for option in offered(gr.compare) if option.name != "rule"]
+
+    @staticmethod
+    def run(given: argparse.Namespace) -> list[Trajectory]:
+        case = case_of(given)
+        options = case.options(gr.compare)
+        if unused := [name for name in case.run if name not in options]:
+            warnings.warn(f"compare makes no use of {', '.join(unused)} in [run].", stacklevel=1)
+        options |= given.run
+        with output.Progress(options["t_end"]) as progress:
+            report = gr.compare(case.scene, case.physics("md"), case.rule, **options, on_progress=progress)
+        output.deliver(report, given)
+        return [report.soft, report.hard]
+
+
+def summary(case: cases.Case, run: Trajectory) -> str:
+    """Return how a run ended; if its numbers mean anything, its contacts by pair, and each body at the end."""
+    from granular import isolation, measures
+
+    engine = "hard spheres (edmd)" if run.law is None else "soft spheres (md)"
+    lines = [case.about] if case.about else []
+    lines += [f"{run.scene!r}, {engine}"]
+    if run.status in (Status.unstable, Status.broken):  # no number of such a run means anything
+        return "\n".join([*lines, f"{run.status.name} at t = {run.time[-1]:.6g} s: {run.message}"])
+    lines += [f"{run.status.name}: {run.message}",
+              f"t = {run.time[-1]:.12g} s, {len(run.contacts)} contacts",
+              *filter(None, [isolation.sentence(run)]), "", *_contacts(run), "", *_bodies(run)]
+    if run.scene.fed:
+        parts = measures.balance(run)
+        said = (f"{words} {parts[name]:.6g}" for name, words in measures.ACCOUNT.items() if parts[name])
+        return "\n".join([*lines, "", "energy, J: " + ", ".join(said)])
+    energy = run.energy()
+    if energy[0] > 0.0 and not math.isnan(energy[-1]):
+        lines += ["", f"energy left: {100.0 * energy[-1] / energy[0]:.6g} % of {energy[0]:.6g} J"]
+    return "\n".join(lines)
+
+
+def _contacts(run: Trajectory) -> Iterator[str]:
+    yield f"{'pair':>12} {'contacts':>9} {'first onset / s':>18} {'last onset / s':>18} {'max overlap / m':>16}"
+    for pair, row in _some(run.scene.n_pairs):
+        log = run.of(pair)
+        row = row or f"{'–'.join(_label(run, body) for body in run.scene.bodies(pair)):>12} {len(log):9d}"
+        if len(log) and "…" not in row:
+            deepest = 0.0 if run.law is None else float(log["xi_max"].max())
+            row += f" {log['t_begin'][0]:18.12g} {log['t_begin'][-1]:18.12g} {deepest:16.4g}"
+        yield row
+
+
+def _bodies(run: Trajectory) -> Iterator[str]:
+    yield f"{'body':>12} {'mass / kg':>12} {'position / m':>18} {'velocity / (m/s)':>20}"
+    for i, row in _some(run.scene.n):
+        mass, x, v = run.scene.mass[i], run.position[-1, i], run.velocity[-1, i]
+        yield row or f"{_label(run, i):>12} {mass:12.6g} {x:18.12g} {v:20.12g}"
+
+
+def _label(run: Trajectory, body: int) -> str:
+    return str(body) if not run.scene.is_wall[body] else "floor" if body == 0 else "ceiling"
+
+
+def _some(n: int) -> Iterator[tuple[int, str]]:
+    """The numbers of `n` pairs or bodies; of many only the first and the last, and a row for those left out."""
+    for i in range(n):
+        if i < MOST - 2 or i == n - 1 or n <= MOST:
+            yield i, ""
+        elif i == n - 2:
+            yield i, f"{'…':>12} ({n - MOST + 1} more)"
