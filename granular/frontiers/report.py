@@ -16,7 +16,7 @@ from granular import _files
 from granular._drawing import canvas
 from granular._tables import aligned, duration, number, problem
 from granular.frontiers.result import NEAR, Measured, Row
-from granular.md.integrators import INTEGRATORS
+from granular.md.fixed.integrators import INTEGRATORS
 
 GOALS = (1e-3, 1e-6, 1e-9, 1e-12)
 """Errors for which the fastest methods are named."""

@@ -21,7 +21,7 @@ from granular.frontiers import report
 from granular.frontiers.methods import PEERS, Method, Task, expected_order, own, peer
 from granular.frontiers.result import NEAR, Measured, Row, contacts_of, errors
 from granular.laws.check import checked
-from granular.md.integrators import INTEGRATORS as FIXED
+from granular.md.fixed.integrators import INTEGRATORS as FIXED
 from granular.reference import Reference, solve
 from granular.scene import Scene
 from granular.scene import checked as a_scene

@@ -20,7 +20,7 @@ from granular.laws.check import check_deepest
 from granular.laws.check import checked as checked_laws
 from granular.laws.kinds import SceneLaws
 from granular.md import fixed, located
-from granular.md.integrators import INTEGRATORS
+from granular.md.fixed.integrators import INTEGRATORS
 from granular.md.stability import expected_rate
 from granular.scene import Scene, checked
 from granular.scene.walls import Closing, fitted
