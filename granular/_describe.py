@@ -18,9 +18,9 @@ PLACES = {
         "hertz": "granular.laws.hertz:Hertz",
         "viscoelastic-hertz": "granular.laws.hertz:ViscoelasticHertz",
         "tsuji-hertz": "granular.laws.hertz:TsujiHertz",
-        "power-law": "granular.laws.power:PowerLaw",
-        "walton-braun": "granular.laws.walton_braun:WaltonBraun",
-        "matched-end": "granular.laws.matched_end:MatchedEnd",
+        "power-law": "granular.laws.springs:PowerLaw",
+        "walton-braun": "granular.laws.springs:WaltonBraun",
+        "matched-end": "granular.laws.statics:MatchedEnd",
     },
     "rule": {
         "constant-restitution": "granular.rules:ConstantRestitution",
@@ -37,7 +37,13 @@ PLACES = {
 }
 """What a file may ask for, and where it stands: nothing else is ever made from a file, no function above all."""
 WORDS = {place: word for kind in PLACES.values() for word, place in kind.items()}
-"""The words of the places, by which files called these classes until format 2."""
+"""The words of the places."""
+OLDER = WORDS | {
+    "granular.laws.power:PowerLaw": "power-law",
+    "granular.laws.walton_braun:WaltonBraun": "walton-braun",
+    "granular.laws.matched_end:MatchedEnd": "matched-end",
+}
+"""Those, and the places of releases whose files called these classes by them: until format 2."""
 
 
 def to_json(physics: Any) -> dict[str, Any]:
@@ -69,7 +75,7 @@ def scene_to_json(scene: Any) -> dict[str, Any]:
 
 def by_words(text: str) -> str:
     """JSON text of a release that called classes by their places, as it is written now."""
-    for place, word in WORDS.items():
+    for place, word in OLDER.items():
         text = text.replace(f'"{place}"', f'"{word}"')
     return text
 
@@ -86,7 +92,7 @@ def from_json(what: str, value: Any) -> Any:
     """
     if not isinstance(value, dict) or not all(isinstance(value.get(key), str) for key in ("class", "shown")):
         raise ValueError(f"{what} is described by {plain_text(repr(value), 60)}: a class and its fields are needed.")
-    word = WORDS.get(value["class"], value["class"])
+    word = OLDER.get(value["class"], value["class"])
     if "fields" not in value and word not in WORDS.values():
         raise LookupError(plain_text(value["shown"]))
     if word not in PLACES[what]:

@@ -12,7 +12,10 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
 
-NOW = {"workprecision": "frontiers", "tie_rules": "other_ties"}
+NOW = {
+    "workprecision": "frontiers", "tie_rules": "other_ties", "laws.power": "laws.springs",
+    "laws.walton_braun": "laws.springs", "laws.matched_end": "laws.statics",
+}
 """Where a module of `granular` has gone."""
 
 
