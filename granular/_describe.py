@@ -29,8 +29,8 @@ PLACES = {
         "law-restitution": "granular.binary:LawRestitution",
     },
     "wall": {
-        "sine": "granular.walls.sine:Sine",
-        "piecewise": "granular.walls.piecewise:Piecewise",
+        "sine": "granular.walls.formulas:Sine",
+        "piecewise": "granular.walls.formulas:Piecewise",
         "panels": "granular.walls.panels:Panels",
         "thermal": "granular.walls.thermal:Thermal",
     },
@@ -42,6 +42,8 @@ OLDER = WORDS | {
     "granular.laws.power:PowerLaw": "power-law",
     "granular.laws.walton_braun:WaltonBraun": "walton-braun",
     "granular.laws.matched_end:MatchedEnd": "matched-end",
+    "granular.walls.sine:Sine": "sine",
+    "granular.walls.piecewise:Piecewise": "piecewise",
 }
 """Those, and the places of releases whose files called these classes by them: until format 2."""
 

@@ -15,6 +15,7 @@ from typing import Any
 NOW = {
     "workprecision": "frontiers", "tie_rules": "other_ties", "laws.power": "laws.springs",
     "laws.walton_braun": "laws.springs", "laws.matched_end": "laws.statics",
+    "walls.sine": "walls.formulas", "walls.piecewise": "walls.formulas",
 }
 """Where a module of `granular` has gone."""
 

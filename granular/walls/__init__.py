@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from granular import _check
+from granular.walls.formulas import Piecewise, Sine
 from granular.walls.motion import Motion
 from granular.walls.panels import Panels
-from granular.walls.piecewise import Piecewise
-from granular.walls.sine import Sine
 from granular.walls.thermal import Thermal
 
 __all__ = ["Motion", "Panels", "Piecewise", "Sine", "Thermal"]

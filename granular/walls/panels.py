@@ -7,8 +7,9 @@ bounds come from Bernstein coefficients on [-1, 1], so they hold, and are tight 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,6 @@ from granular import _check
 from granular._check import Array
 from granular._records import plain
 from granular.walls import path
-from granular.walls.bounds import derived, span
 
 TERMS = 20
 """Coefficients a panel has room for."""
@@ -170,8 +170,8 @@ class Panels:
         rows["per"] = per = rate / rows["half"]
         rows["series"][:, : c.shape[1]] = c
         rows["degree"] = (np.arange(c.shape[1]) * (c != 0.0)).max(axis=1)
-        within = [(derived(c, order).T * per**order).T for order in range(5)]
-        (low, high), (slow, fast), (least, most), (fall, rise), (sink, soar) = map(span, within)
+        within = [(_derived(c, order).T * per**order).T for order in range(5)]
+        (low, high), (slow, fast), (least, most), (fall, rise), (sink, soar) = map(_span, within)
         rows["most"], rows["least"] = most, least
         rows["rise"], rows["fall"], rows["bow"] = rise.clip(min=0.0), fall.clip(max=0.0), -sink.clip(max=0.0)
         rows["bend"] = soar.clip(min=0.0)
@@ -192,7 +192,7 @@ class Panels:
         """Jumps of the velocity in m/s at left edges, without those of rounding; none at the first."""
         if self.frequency or len(self.series) == 1:
             return np.zeros(len(self.series))
-        slope = side * derived(self.series, 1) * (2.0 / np.diff(self.edges))[:, None]
+        slope = side * _derived(self.series, 1) * (2.0 / np.diff(self.edges))[:, None]
         ends, begins = slope.sum(axis=1), slope @ (-1.0) ** np.arange(slope.shape[1])
         jump = np.append(0.0, begins[1:] - ends[:-1])
         return np.where(np.abs(jump) > 1e-11 * scale, jump, 0.0)
@@ -218,3 +218,27 @@ class Panels:
         if not self.frequency:
             self.panels(time, time)
         return self.at(time)
+
+
+def _derived(series: Array, order: int) -> Array:
+    """Return the coefficients (n, ·) of a derivative to x of polynomials (n, k)."""
+    for _ in range(order):
+        series = series[:, 1:] * np.arange(1, series.shape[1]) if series.shape[1] > 1 else 0.0 * series
+    return series
+
+
+def _span(series: Array) -> tuple[Array, Array]:
+    """Return certain bounds (n,), below and above, of polynomials (n, k) on [-1, 1]: their Bernstein coefficients,
+    rounding allowed for."""
+    bernstein, slack = series @ _basis(series.shape[1] - 1), 2.0**-48 * np.abs(series).sum(axis=1)
+    return bernstein.min(axis=1) - slack, bernstein.max(axis=1) + slack
+
+
+@cache
+def _basis(n: int) -> Array:
+    """Bernstein coefficients (n+1, n+1) on [-1, 1] of 1, x, … x^n: none is above 1, so no digits are lost."""
+    rows = np.empty((n + 1, n + 1))
+    for i in range(n + 1):
+        symmetric = np.polynomial.polynomial.polyfromroots([1.0] * (n - i) + [-1.0] * i) * (-1.0) ** (n - i)
+        rows[:, i] = symmetric / [math.comb(n, j) for j in range(n + 1)]
+    return rows
