@@ -16,6 +16,7 @@ NOW = {
     "workprecision": "frontiers", "tie_rules": "other_ties", "laws.power": "laws.springs",
     "laws.walton_braun": "laws.springs", "laws.matched_end": "laws.statics",
     "walls.sine": "walls.formulas", "walls.piecewise": "walls.formulas",
+    "waves.space_time": "waves.sensors",
 }
 """Where a module of `granular` has gone."""
 

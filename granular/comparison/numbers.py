@@ -24,7 +24,7 @@ from granular.measures import Overlap
 from granular.outcome import PairOutcome
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
-from granular.scene.state import forced
+from granular.scene.flags import flags
 from granular.trajectory import EARLY, Trajectory
 
 MERGED = 1e-9
@@ -148,7 +148,7 @@ class Compared:
         """Whether two balls fall on a floor together, without driven walls or other forces."""
         scene = self.scene
         together = scene.n == 3 and scene.is_wall.tolist() == [True, False, False]
-        return together and scene.velocity[1] == scene.velocity[2] and not forced(scene)
+        return together and scene.velocity[1] == scene.velocity[2] and not flags(scene)
 
     @cached_property
     def rises(self) -> tuple[float, float]:

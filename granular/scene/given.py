@@ -37,6 +37,21 @@ def line(mass: ArrayLike, radius: ArrayLike, gap: ArrayLike, velocity: ArrayLike
     return {"mass": m, "radius": r, "gap": d, "velocity": v, "ring": closed}
 
 
+def placed(mass: ArrayLike, radius: ArrayLike, position: ArrayLike, length: float | None) -> tuple[Array, ...]:
+    """Return masses, radii, positions, checked, and the gaps between them, on a ring of a `length` the last one too."""
+    m = _check.array("mass", mass)
+    r = _check.array("radius", radius, m.shape)
+    x = _check.array("position", position, m.shape)
+    _check.every("position", x, np.isfinite(x), "a position must be finite")
+    rising = np.diff(x, prepend=-np.inf) >= 0.0
+    _check.every("position", x, rising, "positions must not decrease", "number bodies bottom to top")
+    gap = np.diff(x) - r[:-1] - r[1:]
+    if length is not None and len(x):
+        around = _check.number("length", length, at_least=float(x[-1] - x[0]), fix="all centres lie on the ring")
+        gap = np.append(gap, around - (x[-1] - x[0]) - r[-1] - r[0])
+    return m, r, x, gap
+
+
 def external_forces(value: ArrayLike | None, walls: Any) -> Array | None:
     """Return forces on balls, checked; None if all are 0."""
     if value is None:

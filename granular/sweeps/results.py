@@ -19,7 +19,7 @@ from granular.cases import Case
 from granular.comparison import Comparison, compare
 from granular.outcome import at_once, counts, separations
 from granular.scene import Scene
-from granular.scene.state import forced
+from granular.scene.flags import flags
 from granular.trajectory import Status, Trajectory
 
 NOT_RUN, MISUSE = -1, 8
@@ -109,7 +109,7 @@ class Answer:
 def impact_speed(scene: Scene) -> float:
     """|v10| in m/s with which two balls dropped as one meet the floor; nan for other scenes."""
     dropped = scene.n == 3 and scene.is_wall[0] and not scene.is_wall[2] and scene.velocity[1] == scene.velocity[2]
-    if not dropped or forced(scene):
+    if not dropped or flags(scene):
         return math.nan
     rate = float(scene.velocity[1] - scene.velocity[0])
     return -rate_at_contact(float(scene.gap[0]), rate, scene.gravity)
