@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike
 from granular import _check
 from granular import walls as walls_module
 from granular._check import Array
+from granular._describe import ByNumbers
 from granular.scene.given import external_forces, line, placed, refuse_together, rest_gaps
 from granular.scene.pair import Pairs
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class Scene(ByNumbers):
     """Balls on a line at one instant, numbered bottom to top (left to right); x grows upwards.
 
     Parameters
@@ -109,21 +110,6 @@ class Scene:
         return cls(m, r, gap, velocity, gravity, float(x[0]) if len(x) else 0.0,
                    external_force=external_force, floor=floor, ceiling=ceiling, ring=length is not None,
                    pendulum=pendulum, rest_gap=rest_gap)
-
-    @cached_property
-    def _key(self) -> tuple[Any, ...]:
-        """All numbers as one value; -0.0 is 0.0."""
-        arrays = self.mass, self.radius, self.gap, self.velocity
-        force = None if self.external_force is None else (self.external_force + 0.0).tobytes()
-        hung = self.pendulum, None if self.rest_gap is None else (self.rest_gap + 0.0).tobytes()
-        return (*((array + 0.0).tobytes() for array in arrays), self.gravity, self.origin, force, self.floor,
-                self.ceiling, self.ring, *hung)
-
-    def __eq__(self, other: object) -> bool:
-        return self._key == other._key if isinstance(other, Scene) else NotImplemented
-
-    def __hash__(self) -> int:
-        return hash(self._key)
 
     def replace(self, **changes: Any) -> Scene:
         """Return a copy with some fields changed, checked anew."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from granular import _check
 from granular._check import Array
+from granular._describe import ByNumbers
 from granular._records import plain
 from granular.walls import path
 from granular.walls.panels import TERMS, Panels
@@ -26,8 +27,26 @@ CLOSED = 1e-9
 """Steps between pieces that are rounding, in units of the largest term."""
 
 
+class _OfPanels:
+    """What motions have in common that are made of panels once and for all."""
+
+    _panels: Panels
+
+    def displacement(self, t: float) -> float:
+        """Return m(t) in m."""
+        return self._panels.displacement(t)
+
+    def velocity(self, t: float) -> float:
+        """Return m'(t) in m/s; at a break, that after it."""
+        return self._panels.velocity(t)
+
+    def acceleration(self, t: float) -> float:
+        """Return m''(t) in m/s²; at a break, that after it."""
+        return self._panels.acceleration(t)
+
+
 @dataclass(frozen=True)
-class Sine:
+class Sine(_OfPanels):
     """m(t) = A sin(2π f t + φ), m' = 2π f A cos(2π f t + φ), m'' = -(2π f)² m.
 
     Parameters
@@ -56,11 +75,13 @@ class Sine:
     phase: float = 0.0
 
     def __post_init__(self) -> None:
-        fix = "a phase of π turns the motion round"
-        self.__dict__["amplitude"] = _check.number("amplitude", self.amplitude, at_least=0.0, at_most=LARGEST, fix=fix)
-        fix = "for a wall that does not move give none"
-        self.__dict__["frequency"] = _check.number("frequency", self.frequency, above=0.0, fix=fix)
-        self.__dict__["phase"] = _check.number("phase", self.phase)
+        self.__dict__.update(
+            amplitude=_check.number("amplitude", self.amplitude, at_least=0.0, at_most=LARGEST,
+                                    fix="a phase of π turns the motion round"),
+            frequency=_check.number("frequency", self.frequency, above=0.0,
+                                    fix="for a wall that does not move give none"),
+            phase=_check.number("phase", self.phase),
+        )
         largest = self.omega * self.omega * self.amplitude
         _check.number("(2π frequency)² amplitude", largest, at_least=0.0, at_most=LARGEST)
 
@@ -87,18 +108,6 @@ class Sine:
     def omega(self) -> float:
         """2π f in rad/s."""
         return 2.0 * math.pi * self.frequency
-
-    def displacement(self, t: float) -> float:
-        """Return m(t) in m."""
-        return self._panels.displacement(t)
-
-    def velocity(self, t: float) -> float:
-        """Return m'(t) in m/s."""
-        return self._panels.velocity(t)
-
-    def acceleration(self, t: float) -> float:
-        """Return m''(t) in m/s²."""
-        return self._panels.acceleration(t)
 
     def phases(self, times: Array) -> Array:
         """Return the phases (2π f t + φ)/2π as fractions of a turn, from 0 to 1, at times in s; late ones lose no
@@ -127,7 +136,7 @@ class Sine:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Piecewise:
+class Piecewise(_OfPanels, ByNumbers):
     """m(t) = Σ_j c_ji (t - t_i)^(K-j) from break t_i to t_(i+1), as in `scipy.interpolate.PPoly`.
 
     Parameters
@@ -170,34 +179,12 @@ class Piecewise:
         self.__dict__.update(breaks=t, coefficients=c)
         _check_steps(t, *_joined(t, c))
 
-    def __eq__(self, other: object) -> bool:
-        return self._key == other._key if isinstance(other, Piecewise) else NotImplemented
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
     def __reduce__(self) -> tuple[Any, ...]:
         return Piecewise, (self.breaks, self.coefficients)
 
     def __repr__(self) -> str:
         n = self.coefficients.shape[1]
         return f"Piecewise({n} piece{'s' * (n != 1)}, {self.breaks[0]:g} … {self.breaks[-1]:g} s)"
-
-    @cached_property
-    def _key(self) -> tuple[Any, ...]:
-        return (self.breaks + 0.0).tobytes(), self.coefficients.shape, (self.coefficients + 0.0).tobytes()
-
-    def displacement(self, t: float) -> float:
-        """Return m(t) in m."""
-        return self._panels.displacement(t)
-
-    def velocity(self, t: float) -> float:
-        """Return m'(t) in m/s; at a break, that after it."""
-        return self._panels.velocity(t)
-
-    def acceleration(self, t: float) -> float:
-        """Return m''(t) in m/s²; at a break, that after it."""
-        return self._panels.acceleration(t)
 
     def panels(self, t_start: float, t_end: float) -> Panels:
         """Return what engines read, or raise `ValueError` if the path does not last from `t_start` to `t_end`, in s."""
