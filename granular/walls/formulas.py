@@ -30,7 +30,9 @@ CLOSED = 1e-9
 class _OfPanels:
     """What motions have in common that are made of panels once and for all."""
 
-    _panels: Panels
+    @property
+    def _panels(self) -> Panels:
+        raise NotImplementedError
 
     def displacement(self, t: float) -> float:
         """Return m(t) in m."""
@@ -174,8 +176,8 @@ class Piecewise(_OfPanels, ByNumbers):
         rows = np.shape(coefficients)[0] if np.ndim(coefficients) else 1
         if not 0 < rows <= TERMS:
             raise ValueError(f"coefficients has {rows} rows: 1 to {TERMS} are needed, one per power.")
-        c = _check.array("coefficients", coefficients, (rows, len(t) - 1), fix="one column per piece")
-        _check.every("coefficients", c.ravel(), np.isfinite(c).ravel(), "a finite number is needed")
+        c = _check.array("coefficients", coefficients, (rows, len(t) - 1), fix="one column per piece",
+                         finite="a finite number is needed")
         self.__dict__.update(breaks=t, coefficients=c)
         _check_steps(t, *_joined(t, c))
 

@@ -86,8 +86,8 @@ class Panels(ByNumbers):
         if columns > TERMS:
             raise ValueError(f"series has {columns} coefficients a panel: at most {TERMS} are needed; use shorter "
                              "panels of a lower degree.")
-        series = _check.array("series", self.series, (len(edges) - 1, columns), fix="one row per panel")
-        _check.every("series", series.ravel(), np.isfinite(series).ravel(), "a finite coefficient is needed")
+        series = _check.array("series", self.series, (len(edges) - 1, columns), fix="one row per panel",
+                              finite="a finite coefficient is needed")
         if self.frequency and (edges[0] != 0.0 or edges[-1] != 1.0):
             raise ValueError(f"edges go from {edges[0]:g} to {edges[-1]:g}: with a frequency, turns from 0 to 1 are "
                              "needed.")

@@ -67,11 +67,11 @@ def pulse(run: Trajectory, shares: Sequence[float] = (0.5, 0.01, 0.001), static:
     static : float
         Force in N that all contacts bear at rest; the pulse is what is above it.
     """
-    _check_rows(run, "force", "hard spheres have no forces")
+    forces = _rows(run, "force", "hard spheres have no forces")
     parts = _check.array("shares", shares)
     _check.every("shares", parts, (parts > 0.0) & (parts < 1.0), "a part between 0 and 1 is needed")
     base = _check.number("static", static, at_least=0.0)
-    seen = [_of_one(run.time, force - base, parts) for force in run.force.T]
+    seen = [_of_one(run.time, force - base, parts) for force in forces.T]
     left, _ = run.scene.sides(run.scene.position)
     place = left + run.scene.sides(run.scene.radius)[0]
     return Pulse(np.array([one[0] for one in seen]), np.array([one[1] for one in seen]),
@@ -118,8 +118,7 @@ def picture(
         Where to draw it, in place of a figure of its own.
     """
     across, bar = SHADES[_check.choice("show", show, list(SHADES))]
-    _check_rows(run, show, "of hard spheres show='velocity'")
-    values = np.asarray(getattr(run, show))
+    values = _rows(run, show, "of hard spheres show='velocity'")
     if beyond:
         values, bar = values - values[0], f"{bar}, beyond the first row"
     with style():
@@ -135,9 +134,10 @@ def picture(
         return None if figure is None else _files.write_figure(path, figure, dpi=200)
 
 
-def _check_rows(run: Any, what: str, fix: str) -> None:
-    """Raise unless a run has forces, if those are wanted, and rows enough."""
+def _rows(run: Any, what: str, fix: str) -> Array:
+    """Return forces or velocities of a run, or raise unless it has them, and rows enough."""
     if not isinstance(run, Trajectory) or (what == "force" and run.force is None):
         raise TypeError(f"run is {run!r}: a run of granular.md is needed; {fix}.")
     if len(run.time) < 5:
         raise ValueError(f"run has {len(run.time)} rows: at least 5 are needed; pass samples= to simulate.")
+    return np.asarray(getattr(run, what))

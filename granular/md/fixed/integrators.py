@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from granular._kernels import kernel
 from granular.md.fixed.contact_force import asked as force
 from granular.md.fixed.window import END, HALF, LAST, MIDDLE, WHOLE, arrive, close, steer
-from granular.scene.flags import DRIVEN, HUNG, RING
+from granular.scene.flags import DRIVEN, HUNG
 
 CHANGED, CLOSED = 1, 2
 
@@ -74,8 +74,7 @@ def move(physics: Any, lo: int, m: int, a: Any) -> int:
     if HUNG:
         for i in range(m + 1):
             a.off[i + 1] += dt * a.half[i + 1]
-    if RING and m == physics.ring:
-        close(m, a)
+    close(physics, m, a)
     return flags
 
 
@@ -139,8 +138,7 @@ def _stage(physics: Any, lo: int, m: int, reach: float, weight: float, drift: in
         rate = a.half[j + 1] - a.half[j + 2]
         a.rate[j + 1] += weight * rate
         a.raw[j + 1] = force(physics, lo, j, a.xi[j + 1] + reach * rate, a.guess[j + 1] - a.guess[j + 2], a)
-    if RING and m == physics.ring:
-        close(m, a)
+    close(physics, m, a)
 
 
 @kernel
@@ -172,8 +170,7 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
         raw = force(physics, lo, j, xi, a.v[j + 1] - a.v[j + 2], a)
         a.xi[j + 1], a.raw[j + 1] = xi, raw
         flags |= noted(j, half, xi, a.was_raw[j + 1], raw, logged, a)
-    if RING and m == physics.ring:
-        close(m, a)
+    close(physics, m, a)
     return flags
 
 
@@ -206,8 +203,7 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
     for j in range(m):
         a.was_raw[j + 1] = a.raw[j + 1]
         a.raw[j + 1] = force(physics, lo, j, a.xi[j + 1], a.v[j + 1] - a.v[j + 2], a)
-    if RING and m == physics.ring:
-        close(m, a)
+    close(physics, m, a)
     for i in range(m + 1):
         acc = pulled(i, a)
         miss = acc - a.acc[i + 1]
@@ -222,8 +218,7 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         xi = a.xi[j + 1] + 19.0 / 180.0 * dt * dt * (a.half[j + 1] - a.half[j + 2])
         a.xi[j + 1] = xi
         flags |= noted(j, half, xi, a.was_raw[j + 1], a.raw[j + 1], logged, a)
-    if RING and m == physics.ring:
-        close(m, a)
+    close(physics, m, a)
     return flags
 
 

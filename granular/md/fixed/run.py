@@ -321,9 +321,7 @@ class Run:
         x0 = scene.position[balls]
         x = positions(scene, -self.stepper.pairs(XI)[None], np.array([self.k * self.dt]), self.start)[0][balls]
         stored = (self.stepper.laws[c].energy(-float(scene.gap[c])) for c in np.flatnonzero(scene.gap < 0.0).tolist())
-        fallen = scene.gravity * max(0.0, m @ (x0 - x))
-        if scene.external_force is not None:
-            fallen = max(0.0, (m * scene.fall[balls]) @ (x - x0))
+        fallen = max(0.0, (m * scene.fall[balls]) @ (x - x0))
         if scene.pendulum > 0.0:
             fallen = 0.5 * scene.pendulum**2 * (m @ scene.displacement[balls] ** 2)
         supply = 0.5 * m @ v0**2 + sum(stored) + fallen

@@ -99,9 +99,10 @@ def around(count: int, source: Any, lo: int, ring: int, target: Any) -> None:
 
 
 @kernel
-def close(m: int, a: Any) -> None:
+def close(physics: Any, m: int, a: Any) -> None:
     """Let the ends of a window that holds all of a ring see each other."""
-    a.raw[0], a.raw[m + 1], a.xi[m + 1] = a.raw[m], a.raw[1], a.xi[1]
+    if RING and m == physics.ring:
+        a.raw[0], a.raw[m + 1], a.xi[m + 1] = a.raw[m], a.raw[1], a.xi[1]
 
 
 @kernel
