@@ -140,14 +140,10 @@ class Run:
         why, k = stepper.march(self.k, steps, room)
         self.chunk = min(max(SHORTEST, CHUNK // self.scene.n_pairs), portion(steps, process_time() - begun))
         self.take_off, self.steps, self.k = None, self.steps + k - self.k, k
-        if why == UNTIL and stepper.heaters:
-            self._forget_later_hits()
-        self.contacts += int(stepper.work.ended[0])
-        if why == UNTIL:
-            self.halted = True
+        self.crowded = why == CROWDED
+        if self._counted(halts=why == UNTIL):
             return Pause.until
-        if why == CROWDED:
-            self.crowded = True
+        if self.crowded:
             return Pause.unstable
         if self.contacts >= self.request.max_events:
             return Pause.work
@@ -157,13 +153,16 @@ class Run:
 
     def _last_part(self, end: float) -> Pause:
         """Count the hits of thermal walls in the part of a step that is left to the end."""
-        rest, work = max(0.0, end - self.time()), self.stepper.work
-        halt = self.stepper.hit_within(self.k, rest)
-        if halt:
-            self.halted = True
+        halts = self.stepper.hit_within(self.k, max(0.0, end - self.time()))
+        return Pause.until if self._counted(halts) else Pause.reached
+
+    def _counted(self, halts: bool) -> bool:
+        """Count the contacts that ended; return whether the run halts at the onset of one, before which they did."""
+        self.halted = halts
+        if halts and self.stepper.heaters:
             self._forget_later_hits()
-        self.contacts += int(work.ended[0])
-        return Pause.until if halt else Pause.reached
+        self.contacts += int(self.stepper.work.ended[0])
+        return halts
 
     def _forget_later_hits(self) -> None:
         """Take thermal walls' hits in the rest of a step that is not taken to its end out of the log."""
