@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 import granular as gr
-from granular.md import fixed
+from granular.md.fixed import run as fixed
 
 DT = 1e-3
 ROUNDS = 6

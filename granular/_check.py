@@ -60,8 +60,11 @@ def whole(name: str, value: Any, *, at_least: int = 0, at_most: int = LARGEST, f
     return int(x)
 
 
-def array(name: str, value: Any, shape: tuple[int, ...] | None = None, *, fix: str = "") -> Array:
-    """Return a read-only float64 copy of `value` with the given `shape` (any length if None)."""
+def array(
+    name: str, value: Any, shape: tuple[int, ...] | None = None, *, fix: str = "", finite: str = ""
+) -> Array:
+    """Return a read-only float64 copy of `value` with the given `shape` (any length if None); `finite` says what is
+    needed if all entries have to be."""
     if isinstance(value, np.ma.MaskedArray):
         raise TypeError(_sentence(name, value, "an array without a mask is needed", fix or "leave out what is masked"))
     try:
@@ -76,6 +79,8 @@ def array(name: str, value: Any, shape: tuple[int, ...] | None = None, *, fix: s
     if shape is not None and out.shape != shape:
         raise ValueError(_sentence(f"shape of {name}", out.shape, f"{shape} is needed", fix))
     out.flags.writeable = False
+    if finite:
+        every(name, out.ravel(), np.isfinite(out).ravel(), finite)
     return out
 
 

@@ -1,10 +1,13 @@
-"""Force laws, collision rules, walls and scenes as JSON: a word and numbers, nothing that could run code from a file.
+"""Force laws, collision rules, walls and scenes by their numbers: when they are equal, and as JSON.
 May be skipped: files, no physics.
+
+JSON holds a word and numbers, nothing that could run code from a file.
 """
 
 from __future__ import annotations
 
 from dataclasses import fields, is_dataclass
+from functools import cached_property
 from importlib import import_module
 from typing import Any
 
@@ -18,9 +21,9 @@ PLACES = {
         "hertz": "granular.laws.hertz:Hertz",
         "viscoelastic-hertz": "granular.laws.hertz:ViscoelasticHertz",
         "tsuji-hertz": "granular.laws.hertz:TsujiHertz",
-        "power-law": "granular.laws.power:PowerLaw",
-        "walton-braun": "granular.laws.walton_braun:WaltonBraun",
-        "matched-end": "granular.laws.matched_end:MatchedEnd",
+        "power-law": "granular.laws.springs:PowerLaw",
+        "walton-braun": "granular.laws.springs:WaltonBraun",
+        "matched-end": "granular.laws.statics:MatchedEnd",
     },
     "rule": {
         "constant-restitution": "granular.rules:ConstantRestitution",
@@ -29,15 +32,39 @@ PLACES = {
         "law-restitution": "granular.binary:LawRestitution",
     },
     "wall": {
-        "sine": "granular.walls.sine:Sine",
-        "piecewise": "granular.walls.piecewise:Piecewise",
+        "sine": "granular.walls.formulas:Sine",
+        "piecewise": "granular.walls.formulas:Piecewise",
         "panels": "granular.walls.panels:Panels",
         "thermal": "granular.walls.thermal:Thermal",
     },
 }
 """What a file may ask for, and where it stands: nothing else is ever made from a file, no function above all."""
 WORDS = {place: word for kind in PLACES.values() for word, place in kind.items()}
-"""The words of the places, by which files called these classes until format 2."""
+"""The words of the places."""
+OLDER = WORDS | {
+    "granular.laws.power:PowerLaw": "power-law",
+    "granular.laws.walton_braun:WaltonBraun": "walton-braun",
+    "granular.laws.matched_end:MatchedEnd": "matched-end",
+    "granular.walls.sine:Sine": "sine",
+    "granular.walls.piecewise:Piecewise": "piecewise",
+}
+"""Those, and the places of releases whose files called these classes by them: until format 2."""
+
+
+class ByNumbers:
+    """A dataclass of numbers and arrays whose objects are equal, and have the same hash, if all these are."""
+
+    @cached_property
+    def _key(self) -> tuple[Any, ...]:
+        """All of them as one value; -0.0 is 0.0."""
+        values = (getattr(self, f.name) for f in fields(self))  # type: ignore[arg-type]
+        return tuple((x.shape, (x + 0.0).tobytes()) if isinstance(x, np.ndarray) else x for x in values)
+
+    def __eq__(self, other: object) -> bool:
+        return self._key == other._key if isinstance(other, type(self)) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._key)
 
 
 def to_json(physics: Any) -> dict[str, Any]:
@@ -69,7 +96,7 @@ def scene_to_json(scene: Any) -> dict[str, Any]:
 
 def by_words(text: str) -> str:
     """JSON text of a release that called classes by their places, as it is written now."""
-    for place, word in WORDS.items():
+    for place, word in OLDER.items():
         text = text.replace(f'"{place}"', f'"{word}"')
     return text
 
@@ -86,7 +113,7 @@ def from_json(what: str, value: Any) -> Any:
     """
     if not isinstance(value, dict) or not all(isinstance(value.get(key), str) for key in ("class", "shown")):
         raise ValueError(f"{what} is described by {plain_text(repr(value), 60)}: a class and its fields are needed.")
-    word = WORDS.get(value["class"], value["class"])
+    word = OLDER.get(value["class"], value["class"])
     if "fields" not in value and word not in WORDS.values():
         raise LookupError(plain_text(value["shown"]))
     if word not in PLACES[what]:

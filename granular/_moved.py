@@ -12,7 +12,11 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
 
-NOW = {"workprecision": "frontiers", "components": "outcome", "other_ties": "end_time", "tie_rules": "end_time"}
+NOW = {
+    "workprecision": "frontiers", "components": "outcome", "other_ties": "end_time", "tie_rules": "end_time",
+    "laws.power": "laws.springs", "laws.walton_braun": "laws.springs", "laws.matched_end": "laws.statics",
+    "walls.sine": "walls.formulas", "walls.piecewise": "walls.formulas", "waves.space_time": "waves.sensors",
+}
 """Where a module of `granular` has gone."""
 
 

@@ -26,7 +26,7 @@ from granular._flight import rate_at_contact, time_to_contact
 from granular.laws import LinearDashpot
 from granular.laws.check import checked
 from granular.scene import Scene, checked as checked_scene
-from granular.scene.state import forced
+from granular.scene.flags import flags
 from granular.trajectory import Status, Trajectory
 
 __all__ = ["AdiabaticSolution", "contacts"]
@@ -138,7 +138,7 @@ def _light_laws(scene: Scene, law: Any) -> list[LinearDashpot]:
     """The linear laws of both contacts, the upper one for a ball `LIGHTER`; raise what does not fit."""
     if checked_scene(scene).n != 3 or scene.is_wall.tolist() != [True, False, False]:
         raise ValueError(f"scene is {scene!r}: a floor and two balls are needed, as in granular.scenes.three_balls().")
-    if forced(scene):
+    if flags(scene):
         raise ValueError(f"scene is {scene!r}: a floor at constant velocity and no forces are needed; for others use "
                          "granular.md.")
     laws = []

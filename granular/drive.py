@@ -107,6 +107,13 @@ SAME = 1e-9
 """Part of the largest gap or velocity by which a state may show another last row than was saved with it."""
 Rows = np.ndarray[tuple[int], np.dtype[np.void]]
 """Records with names: contacts as an engine keeps them, or as the public log shows them."""
+SIDES = {"lower_in": ("v_in", 0), "upper_in": ("v_in", 1), "lower_out": ("v_out", 0), "upper_out": ("v_out", 1)}
+"""Columns of an engine that are one of two in the public log."""
+COLUMNS = [(name, float) for name in (*SIDES, "xi_max", "force_max", "impulse")]
+"""Of soft spheres: velocities of the lower and the upper body at onset and end in m/s, peaks in m and N, impulse in
+N s."""
+CONTACT_ROW = np.dtype([("pair", int), ("t_begin", float), ("t_end", float), ("duration", float), *COLUMNS], align=True)
+"""A contact as soft spheres keep it; times in s, nan for what is still to come."""
 
 
 AWHILE = 0.25
@@ -300,9 +307,6 @@ def _sorted(log: Rows) -> Rows:
         tied = (np.diff(onset[order]) == 0.0).any()
         log = raw(log)[np.lexsort((pair, onset)) if tied else order].view(CONTACT)
     return log
-
-
-SIDES = {"lower_in": ("v_in", 0), "upper_in": ("v_in", 1), "lower_out": ("v_out", 0), "upper_out": ("v_out", 1)}
 
 
 def contacts(settled: list[Rows]) -> Rows:

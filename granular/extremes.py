@@ -19,7 +19,7 @@ from granular.cases import Case
 from granular.frontiers.methods import Task, contacts_of, errors
 from granular.frontiers.run import rounding_level
 from granular.laws.contact_law import resolve
-from granular.md.integrators import INTEGRATORS
+from granular.md.fixed.integrators import INTEGRATORS
 from granular.reference import Reference
 from granular.scene import Scene
 from granular.sweeps.plan import planned

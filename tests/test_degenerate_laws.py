@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.md import fixed
+from granular.md.fixed import run as fixed
 from granular.md.located import pace
 
 SPRINGS = {

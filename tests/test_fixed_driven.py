@@ -7,7 +7,7 @@ import pytest
 
 import granular as gr
 from granular import reference
-from granular.md.integrators import INTEGRATORS
+from granular.md.fixed.integrators import INTEGRATORS
 
 pytest.importorskip("mpmath")
 from driven_scenes import MP, riding, scenes, shaken

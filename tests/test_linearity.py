@@ -7,7 +7,7 @@ import pytest
 from own_laws import OwnDashpot
 
 import granular as gr
-from granular.laws.linearity import traced
+from granular.laws.contact_law import _traced as traced
 
 PAIR = gr.Pair(0.5, 0.01, 0)
 

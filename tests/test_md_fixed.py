@@ -9,7 +9,7 @@ import pytest
 from own_laws import OwnDashpot
 
 import granular as gr
-from granular.md.integrators import INTEGRATORS
+from granular.md.fixed.integrators import INTEGRATORS
 
 ALL = tuple(INTEGRATORS)
 verlet = partial(gr.md.simulate, method="verlet")
@@ -62,7 +62,7 @@ def test_plain_and_compiled_give_the_same_bits_for_every_law():
 @pytest.mark.parametrize("chunk", [500, 1 << 15])
 def test_auto_goes_on_compiled_in_the_middle_of_a_run(monkeypatch, chunk):
     """Also right after a chunk in which contacts ended."""
-    from granular.md import fixed
+    from granular.md.fixed import run as fixed
 
     monkeypatch.setattr(fixed.Toll, "due", lambda self: True)
     monkeypatch.setattr(fixed, "CHUNK", chunk)
@@ -91,7 +91,7 @@ def test_a_force_beyond_numbers_is_unstable(method):
 
 
 def test_a_law_that_does_not_compile_runs_plain_and_says_why(monkeypatch):
-    from granular.md import fixed
+    from granular.md.fixed import run as fixed
 
     @dataclass(frozen=True)
     class Wordy:

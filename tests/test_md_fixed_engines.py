@@ -9,8 +9,8 @@ import pytest
 from own_laws import OwnDashpot
 
 import granular as gr
-from granular.md.integrators import INTEGRATORS
-from granular.md.stepper import Stepper
+from granular.md.fixed.integrators import INTEGRATORS
+from granular.md.fixed.stepper import Stepper
 
 ALL = tuple(INTEGRATORS)
 run = partial(gr.md.simulate, method="verlet")

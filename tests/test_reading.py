@@ -17,7 +17,7 @@ import granular as gr
 from granular import cases
 from granular.cli import main, parser
 from granular.edmd import ties
-from granular.md import integrators
+from granular.md.fixed import integrators
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "reading.md").read_text(encoding="utf-8")

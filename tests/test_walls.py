@@ -20,9 +20,8 @@ from granular import _kernels
 from granular._records import one, plain
 from granular.walls import Motion, Panels, Piecewise, Sine, path
 from granular.walls.gap import NOISE, after
-from granular.walls.hits import first_hit
+from granular.walls.hits import first_hit, lift_off, pressing
 from granular.walls.path import expansion, phase, wall_at
-from granular.walls.riding import lift_off, pressing
 
 DOUBLING = json.loads((Path(__file__).parent / "reference" / "plate_period_doubling.json").read_text(encoding="utf-8"))
 G = 9.81
@@ -203,7 +202,7 @@ def nearly_riding(seed):
 def test_nothing_crawls(monkeypatch):
     asked, worst = [], 0
     monkeypatch.setattr(gr.walls.hits, "flight", counted(gr.walls.hits.flight, asked))
-    monkeypatch.setattr(gr.walls.riding, "pressed", counted(gr.walls.riding.pressed, asked))
+    monkeypatch.setattr(gr.walls.hits, "pressed", counted(gr.walls.hits.pressed, asked))
     for rng, plate, t, pull in nearly_riding(9):
         s, rate = lift_off(*plate, t, 0.0, pull, INF)
         gaps = [(0.0, 0.0), (10.0 ** rng.uniform(-20, -2), rng.normal() * 10.0 ** rng.uniform(-10, 0)), (1e-3, -1e-15)]

@@ -12,7 +12,7 @@ import numpy as np
 
 from granular import edmd, md
 from granular._kernels import have_numba
-from granular.md.integrators import INTEGRATORS
+from granular.md.fixed.integrators import INTEGRATORS
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import Trajectory

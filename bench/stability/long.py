@@ -15,7 +15,7 @@ from bench.stability.cell import BOTH, ELASTIC, FIXED, METHODS, SOFT, Again, Cel
 from granular import md, scenes
 from granular.laws import Hertz, LinearDashpot
 from granular.laws.kinds import resolved
-from granular.md.integrators import INTEGRATORS
+from granular.md.fixed.integrators import INTEGRATORS
 from granular.md.stability import sharpest_rate
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory

@@ -18,7 +18,7 @@ from granular.measures import Overlap
 from granular.outcome import Components, PairOutcome, components, counted, differences, rests_apart, units
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
-from granular.scene.state import forced
+from granular.scene.flags import flags
 from granular.trajectory import EARLY, Trajectory
 
 MERGED = 1e-9
@@ -329,4 +329,4 @@ class Compared:
 def is_drop(scene: Scene) -> bool:
     """Whether two balls fall on a floor together, without driven walls or other forces."""
     together = scene.n == 3 and scene.is_wall.tolist() == [True, False, False]
-    return together and scene.velocity[1] == scene.velocity[2] and not forced(scene)
+    return together and scene.velocity[1] == scene.velocity[2] and not flags(scene)

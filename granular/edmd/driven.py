@@ -22,10 +22,9 @@ from granular.edmd.motion import carry as carry_free
 from granular.edmd.motion import predicted as predicted_free
 from granular.edmd.motion import touches as touches_free
 from granular.walls.gap import after, state
-from granular.walls.hits import first_hit, opens
+from granular.walls.hits import first_hit, lift_off, opens
 from granular.walls.panels import WALL
 from granular.walls.path import moved
-from granular.walls.riding import lift_off
 
 SIDE = np.dtype(
     [

@@ -18,8 +18,8 @@ from granular.edmd.driven import carry, meets, velocities
 from granular.edmd.motion import NOISE, Walls, add, blur, collide, impulse
 from granular.edmd.physics import Restitution
 from granular.edmd.wall_state import book, enter
+from granular.walls.hits import pressing
 from granular.walls.path import moved
-from granular.walls.riding import pressing
 from granular.walls.thermal import drawn
 
 

@@ -19,7 +19,7 @@ from granular._check import Array
 from granular.binary import restitution_of
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import SceneLaws, resolved
-from granular.md.integrators import INTEGRATORS
+from granular.md.fixed.integrators import INTEGRATORS
 from granular.reference import Reference, ReferenceContact, restarted
 from granular.reference.events import Logbook
 from granular.reference.restarted import Newton, TooMuchWork

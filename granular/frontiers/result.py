@@ -18,7 +18,7 @@ import numpy as np
 
 from granular import _files, until as stop
 from granular._reports import Report, aligned, canvas, duration, number, problem, shortened
-from granular.md.integrators import INTEGRATORS
+from granular.md.fixed.integrators import INTEGRATORS
 from granular.reference import Reference
 from granular.scene import Scene
 

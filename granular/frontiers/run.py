@@ -17,7 +17,7 @@ from granular._reports import machine
 from granular.frontiers.methods import PEERS, Method, Task, contacts_of, errors, expected_order, own, peer
 from granular.frontiers.result import NEAR, Frontier, Row
 from granular.laws.check import checked
-from granular.md.integrators import INTEGRATORS as FIXED
+from granular.md.fixed.integrators import INTEGRATORS as FIXED
 from granular.reference import Reference, solve
 from granular.scene import Scene, checked as a_scene
 from granular.trajectory import Status, Trajectory

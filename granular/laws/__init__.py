@@ -6,8 +6,7 @@ from granular.laws.contact_law import PairLaw as PairLaw
 from granular.laws.contact_law import resolve as resolve
 from granular.laws.dashpot import LinearDashpot
 from granular.laws.hertz import Hertz, TsujiHertz, ViscoelasticHertz
-from granular.laws.matched_end import MatchedEnd
-from granular.laws.power import PowerLaw
-from granular.laws.walton_braun import WaltonBraun
+from granular.laws.springs import PowerLaw, WaltonBraun
+from granular.laws.statics import MatchedEnd
 
 __all__ = ["Hertz", "LinearDashpot", "MatchedEnd", "PowerLaw", "TsujiHertz", "ViscoelasticHertz", "WaltonBraun"]

@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array, is_own, takes
-from granular.laws.linearity import traced
 from granular.scene import Pair
 
 Form = tuple[float, float, float, float]
@@ -138,11 +137,58 @@ def _form(law: Any, pair: Pair) -> Form | None:
     if hasattr(law, "power"):
         k, p, gamma, d = map(float, law.power(pair))
         return k, p, gamma, d
-    found = law.linear(pair) if hasattr(law, "linear") else traced(law, pair)
+    found = law.linear(pair) if hasattr(law, "linear") else _traced(law, pair)
     if found is None:
         return None
     k, gamma = map(float, found)
     return k, 1.0, gamma, 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    """The expression xi·ξ + rate·ξ̇; it knows sums, and products with numbers.
+
+    A law of one's own needs no trait for the exact path of linear laws: if its `force`, run on the symbols ξ and ξ̇,
+    only adds them and multiplies them by numbers, then it *is* k ξ + γ ξ̇ for every overlap and rate. Any comparison,
+    root or power of a symbol ends the attempt: nothing is guessed from samples.
+    """
+
+    xi: float
+    rate: float
+
+    def __add__(self, other: Any) -> _Linear:
+        if isinstance(other, _Linear):
+            return _Linear(self.xi + other.xi, self.rate + other.rate)
+        return self if isinstance(other, (int, float)) and other == 0 else NotImplemented
+
+    def __mul__(self, number: Any) -> _Linear:
+        return _Linear(self.xi * number, self.rate * number) if isinstance(number, (int, float)) else NotImplemented
+
+    def __truediv__(self, number: Any) -> _Linear:
+        return _Linear(self.xi / number, self.rate / number) if isinstance(number, (int, float)) else NotImplemented
+
+    def __neg__(self) -> _Linear:
+        return _Linear(-self.xi, -self.rate)
+
+    def __sub__(self, other: _Linear | float) -> _Linear:
+        return self + -other
+
+    def __rsub__(self, other: _Linear | float) -> _Linear:
+        return -self + other
+
+    __radd__, __rmul__ = __add__, __mul__
+    __bool__ = __eq__ = __hash__ = None  # type: ignore[assignment] # a symbol is neither true nor false, nor compared
+
+
+def _traced(law: Any, pair: Pair) -> tuple[float, float] | None:
+    """Return (k, γ) if the law's `force` is proved to be k ξ + γ ξ̇ with k > 0 and γ ≥ 0, else None."""
+    try:
+        force = law.force(_Linear(1.0, 0.0), _Linear(0.0, 1.0), pair)
+    except Exception:  # not linear; if it is the user's mistake, the run itself will show it
+        return None
+    if not isinstance(force, _Linear) or not (force.xi > 0.0 and force.rate >= 0.0):
+        return None
+    return force.xi, force.rate
 
 
 TRAITS = {"linear": ("pair",), "power": ("pair",), "potential": ("xi", "pair")}

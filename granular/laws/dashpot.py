@@ -14,14 +14,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from granular import _check
 from granular.scene import Pair, checked_pair
 
 
+class _StiffAndDamped:
+    """A dataclass whose first number is a stiffness k, positive, and whose second, if any, a damping, not negative."""
+
+    k: float
+
+    def __post_init__(self) -> None:
+        _check.number("k", self.k, above=0.0)
+        for damping in fields(self)[1:]:  # type: ignore[arg-type]
+            _check.number(damping.name, getattr(self, damping.name), at_least=0.0)
+
+    @property
+    def rate_dependent(self) -> bool:
+        """Whether ξ̇ enters the force."""
+        return any(getattr(self, damping.name) != 0.0 for damping in fields(self)[1:])  # type: ignore[arg-type]
+
+
 @dataclass(frozen=True)
-class LinearDashpot:
+class LinearDashpot(_StiffAndDamped):
     """F = k ξ + γ ξ̇.
 
     Parameters
@@ -38,10 +54,6 @@ class LinearDashpot:
 
     exponent = 1.0
 
-    def __post_init__(self) -> None:
-        _check.number("k", self.k, above=0.0)
-        _check.number("gamma", self.gamma, at_least=0.0)
-
     @classmethod
     def from_restitution(cls, restitution: float, k: float, pair: Pair) -> LinearDashpot:
         """Return the law of stiffness `k` whose isolated contact in `pair` has the given restitution in (0, 1]."""
@@ -55,11 +67,6 @@ class LinearDashpot:
     def linear(self, pair: Pair) -> tuple[float, float]:
         """Stiffness in N/m and damping in kg/s: this law is linear."""
         return self.k, self.gamma
-
-    @property
-    def rate_dependent(self) -> bool:
-        """Whether ξ̇ enters the force."""
-        return self.gamma != 0.0
 
     def potential(self, xi: float, pair: Pair) -> float:
         """Elastic energy ½ k ξ² in J."""

@@ -12,14 +12,12 @@ import math
 from dataclasses import dataclass
 
 from granular import _check
-from granular.laws.dashpot import damping_ratio
+from granular.laws.dashpot import _StiffAndDamped, damping_ratio
 from granular.scene import Pair, checked_pair
 
 
-class _Spheres:
+class _Spheres(_StiffAndDamped):
     """What the contacts of spheres share: they begin with k ξ^(3/2)."""
-
-    k: float
 
     exponent = 1.5
 
@@ -39,11 +37,6 @@ class Hertz(_Spheres):
     """
 
     k: float
-
-    rate_dependent = False
-
-    def __post_init__(self) -> None:
-        _check.number("k", self.k, above=0.0)
 
     @classmethod
     def from_material(cls, young: float, poisson: float, pair: Pair) -> Hertz:
@@ -75,10 +68,6 @@ class ViscoelasticHertz(_Spheres):
     k: float
     gamma: float
 
-    def __post_init__(self) -> None:
-        _check.number("k", self.k, above=0.0)
-        _check.number("gamma", self.gamma, at_least=0.0)
-
     @classmethod
     def from_material(cls, young: float, poisson: float, dissipation: float, pair: Pair) -> ViscoelasticHertz:
         """Return the contact of two bodies of one material.
@@ -109,11 +98,6 @@ class ViscoelasticHertz(_Spheres):
         """Stiffness and exponent, damping and exponent: F = k ξ^(3/2) + γ ξ^(1/2) ξ̇."""
         return self.k, 1.5, self.gamma, 0.5
 
-    @property
-    def rate_dependent(self) -> bool:
-        """Whether ξ̇ enters the force."""
-        return self.gamma != 0.0
-
 
 @dataclass(frozen=True)
 class TsujiHertz(_Spheres):
@@ -132,10 +116,6 @@ class TsujiHertz(_Spheres):
     k: float
     alpha: float
 
-    def __post_init__(self) -> None:
-        _check.number("k", self.k, above=0.0)
-        _check.number("alpha", self.alpha, at_least=0.0)
-
     @classmethod
     def from_restitution(cls, restitution: float, k: float) -> TsujiHertz:
         """Return the law of stiffness `k` with the given restitution in (0, 1], at any speed."""
@@ -149,11 +129,6 @@ class TsujiHertz(_Spheres):
     def power(self, pair: Pair) -> tuple[float, float, float, float]:
         """Stiffness and exponent, damping and exponent: F = k ξ^(3/2) + γ ξ^(1/4) ξ̇, γ = α √(m_eff k)."""
         return self.k, 1.5, self.alpha * math.sqrt(pair.m_eff * self.k), 0.25
-
-    @property
-    def rate_dependent(self) -> bool:
-        """Whether ξ̇ enters the force."""
-        return self.alpha != 0.0
 
 
 def hertz_stiffness(young: float, poisson: float, pair: Pair) -> float:

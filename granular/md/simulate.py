@@ -15,12 +15,12 @@ from numpy.typing import ArrayLike
 
 from granular import _check
 from granular import until as stop
-from granular.drive import EVENTS, check_end, drive, go_on, requested
+from granular.drive import EVENTS, Request, check_end, drive, go_on, requested
 from granular.laws.check import check_deepest
 from granular.laws.check import checked as checked_laws
 from granular.laws.kinds import SceneLaws
 from granular.md import fixed, located
-from granular.md.integrators import INTEGRATORS
+from granular.md.fixed import INTEGRATORS
 from granular.md.stability import expected_rate
 from granular.scene import Scene, checked
 from granular.scene.walls import Closing, fitted
@@ -143,37 +143,52 @@ def simulate(
     to rounding where nothing else touches the ball ("symplectic-euler" knows no parabolas: order 1), of order 2 beside
     a contact, and 1 where a damped force jumps with the speed.
     """
-    laws = checked_laws(law, checked(scene))
-    start = _check.number("t_start", t_start)
-    request = requested(
-        scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, max_steps=max_steps,
-        on_event=on_event, on_progress=on_progress,
+    laws, start = checked_laws(law, checked(scene)), _check.number("t_start", t_start)
+    request = _requested(
+        scene, laws, start, t_end, engine, disturbed, until=until, samples=samples, log=log, max_events=max_events,
+        max_steps=max_steps, on_event=on_event, on_progress=on_progress,
     )
-    check_end(scene, t_end, until, max_events, _dented(scene, laws))
     scene = fitted(scene, start, request.end)
     _check_walls(scene, start, request.end)
-    _check.choice("engine", engine, ("auto", "plain", "compiled"))
     if method is None:
         method = "located" if dt is None else "verlet"
+    if _check.choice("method", method, ("located", *INTEGRATORS)) != "located":
+        return _stepped(scene, laws, request, method, dt, engine, tol=tol, disturbed=disturbed)
+    if dt is not None:
+        raise ValueError(f"dt is {dt!r}: method 'located' has no fixed step; choose {', '.join(INTEGRATORS)}.")
+    finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
+    with _in_range(laws.given[0]):
+        return drive(located.Run(scene, laws, request, engine, finest, disturbed))
+
+
+def _requested(
+    scene: Scene, laws: SceneLaws, start: float, t_end: float | None, engine: str, disturbed: str, **options: Any
+) -> Request:
+    """Check the options that `simulate` and `resume` share."""
+    request = requested(scene, start, t_end, **options)
+    check_end(scene, t_end, options["until"], options["max_events"], _dented(scene, laws))
+    _check.choice("engine", engine, ("auto", "plain", "compiled"))
     _check.choice("disturbed", disturbed, located.run.DISTURBED)
-    _check.choice("method", method, ("located", *INTEGRATORS))
-    if method == "located":
-        if dt is not None:
-            raise ValueError(f"dt is {dt!r}: method 'located' has no fixed step; choose {', '.join(INTEGRATORS)}.")
-        finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
-        with _in_range(laws.given[0]):
-            return drive(located.Run(scene, laws, request, engine, finest, disturbed))
+    return request
+
+
+def _stepped(
+    scene: Scene, laws: SceneLaws, request: Request, method: str, dt: float | None, engine: str, *, tol: float,
+    disturbed: str,
+) -> Trajectory:
+    """Run a scene with a fixed step, which has neither tolerance nor another way to take contacts."""
     if tol != EXACT:
         raise ValueError(f"tol is {tol!r}: method {method!r} has no tolerance; give dt, or choose 'located'.")
     if disturbed != "resolve":
         raise ValueError(f"disturbed is {disturbed!r}: method {method!r} resolves every contact; choose 'located'.")
     step = _default_step(scene, laws) if dt is None else _check.number("dt", dt, at_least=SHORTEST)
-    if start + step == start:
-        raise ValueError(f"dt is {step!r}: at t_start = {start!r} a larger step is needed to advance the clock at all.")
+    if request.start + step == request.start:
+        raise ValueError(f"dt is {step!r}: at t_start = {request.start!r} a larger step is needed to advance the clock "
+                         "at all.")
     stepped = fixed.Run(scene, laws, request, method, step, engine)
     run = drive(stepped)
     if stepped.doubt:
-        warnings.warn(stepped.doubt, RuntimeWarning, stacklevel=2)
+        warnings.warn(stepped.doubt, RuntimeWarning, stacklevel=3)
     if run.status is not Status.unstable:
         check_deepest(laws, run.contacts)
     return run
@@ -214,15 +229,12 @@ def resume(
     if trajectory.status is Status.broken:
         raise ValueError("trajectory is broken: nothing follows it; see its message.")
     laws = checked_laws(trajectory.law, trajectory.scene)
-    request = requested(
-        trajectory.scene, float(trajectory.time[-1]), t_end, until=until, samples=samples, log=log,
-        max_events=max_events, max_steps=max_steps, on_event=on_event, on_progress=on_progress,
+    request = _requested(
+        trajectory.scene, laws, float(trajectory.time[-1]), t_end, engine, disturbed, until=until, samples=samples,
+        log=log, max_events=max_events, max_steps=max_steps, on_event=on_event, on_progress=on_progress,
     )
-    check_end(trajectory.scene, t_end, until, max_events, _dented(trajectory.scene, laws))
     fitted(trajectory.scene, request.start, request.end)  # says so if a path ends before
     _check_walls(trajectory.scene, float(_check.held(state, "origin", "f", ())), request.end)
-    _check.choice("engine", engine, ("auto", "plain", "compiled"))
-    _check.choice("disturbed", disturbed, located.run.DISTURBED)
     with _in_range(laws.given[0]):
         return go_on(located.Run(trajectory.scene, laws, request, engine, math.nan, disturbed, state), trajectory)
 

@@ -3,7 +3,7 @@ May be skipped: the names of the parts.
 """
 
 from granular.scene.pair import Pair, Pairs, checked_pair
-from granular.scene.places import positions, speed_scale, velocities
-from granular.scene.state import Scene, checked, in_order
+from granular.scene.places import checked, in_order, positions, speed_scale, velocities
+from granular.scene.state import Scene
 
 __all__ = ["Pair", "Pairs", "Scene", "checked", "checked_pair", "in_order", "positions", "speed_scale", "velocities"]

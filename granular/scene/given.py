@@ -30,19 +30,31 @@ def line(mass: ArrayLike, radius: ArrayLike, gap: ArrayLike, velocity: ArrayLike
     _check.every("radius", r, ~walls | (r == 0.0), "a wall is flat and has radius 0")
     closed = _check.truth("ring", ring)
     fix = "pair n-1 joins the last ball and ball 0" if closed else "one gap per pair of neighbours"
-    d = _check.array("gap", gap, (n - 1 + closed,), fix=fix)
-    _check.every("gap", d, np.isfinite(d), "a gap must be finite")
-    v = _check.array("velocity", velocity, (n,))
-    _check.every("velocity", v, np.isfinite(v), "a velocity must be finite")
+    d = _check.array("gap", gap, (n - 1 + closed,), fix=fix, finite="a gap must be finite")
+    v = _check.array("velocity", velocity, (n,), finite="a velocity must be finite")
     return {"mass": m, "radius": r, "gap": d, "velocity": v, "ring": closed}
+
+
+def placed(mass: ArrayLike, radius: ArrayLike, position: ArrayLike, length: float | None) -> tuple[Array, ...]:
+    """Return masses, radii, positions, checked, and the gaps between them, on a ring of a `length` the last one too."""
+    m = _check.array("mass", mass)
+    r = _check.array("radius", radius, m.shape)
+    x = _check.array("position", position, m.shape, finite="a position must be finite")
+    rising = np.diff(x, prepend=-np.inf) >= 0.0
+    _check.every("position", x, rising, "positions must not decrease", "number bodies bottom to top")
+    gap = np.diff(x) - r[:-1] - r[1:]
+    if length is not None and len(x):
+        around = _check.number("length", length, at_least=float(x[-1] - x[0]), fix="all centres lie on the ring")
+        gap = np.append(gap, around - (x[-1] - x[0]) - r[-1] - r[0])
+    return m, r, x, gap
 
 
 def external_forces(value: ArrayLike | None, walls: Any) -> Array | None:
     """Return forces on balls, checked; None if all are 0."""
     if value is None:
         return None
-    f = _check.array("external_force", value, walls.shape, fix="one force per body, 0 for walls")
-    _check.every("external_force", f, np.isfinite(f), "a force must be finite")
+    f = _check.array("external_force", value, walls.shape, fix="one force per body, 0 for walls",
+                     finite="a force must be finite")
     _check.every("external_force", f, ~walls | (f == 0.0), "a wall takes no force", "let it move: floor=, ceiling=")
     return f if f.any() else None
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from granular import walls
+from granular import _check, walls
 from granular._check import Array
 from granular.scene.state import Scene, summed
 
@@ -67,6 +67,21 @@ def speed_scale(scene: Scene) -> float:
     if scene.heated:
         speed += sum(heat.fastest(m) for heat, m in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True) if heat)
     return speed + sum(map(walls.fastest, scene.motions)) if scene.driven else speed
+
+
+def in_order(scene: Scene) -> Scene:
+    """Return `scene` if no overlap is so deep that two centres have changed places; point particles may."""
+    reach = sum(scene.sides(scene.radius))
+    _check.every("gap", scene.gap, (scene.gap >= -reach * (1.0 + 1e-12)) | (reach == 0.0),
+                 "an overlap cannot be deeper than both radii together", "deeper, the centres have changed places")
+    return scene
+
+
+def checked(scene: Any) -> Scene:
+    """Return `scene` if it is one, else raise."""
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene is {scene!r}: a granular.Scene is needed, such as granular.scenes.three_balls().")
+    return scene
 
 
 HALF = 2.0**-26

@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike
 from granular import _check
 from granular import walls as walls_module
 from granular._check import Array
-from granular.scene.given import external_forces, line, refuse_together, rest_gaps
+from granular._describe import ByNumbers
+from granular.scene.given import external_forces, line, placed, refuse_together, rest_gaps
 from granular.scene.pair import Pairs
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class Scene(ByNumbers):
     """Balls on a line at one instant, numbered bottom to top (left to right); x grows upwards.
 
     Parameters
@@ -78,82 +79,37 @@ class Scene:
     rest_gap: Array | None = None
 
     def __init__(
-        self,
-        mass: ArrayLike,
-        radius: ArrayLike,
-        gap: ArrayLike,
-        velocity: ArrayLike,
-        gravity: float = 0.0,
-        origin: float = 0.0,
-        *,
-        external_force: ArrayLike | None = None,
-        floor: Any = None,
-        ceiling: Any = None,
-        ring: bool = False,
-        pendulum: float = 0.0,
-        rest_gap: ArrayLike | None = None,
+        self, mass: ArrayLike, radius: ArrayLike, gap: ArrayLike, velocity: ArrayLike, gravity: float = 0.0,
+        origin: float = 0.0, *, external_force: ArrayLike | None = None, floor: Any = None, ceiling: Any = None,
+        ring: bool = False, pendulum: float = 0.0, rest_gap: ArrayLike | None = None,
     ) -> None:
         self.__dict__.update(line(mass, radius, gap, velocity, ring))
         walls = np.isinf(self.mass)
-        g = _check.number("gravity", gravity, at_least=0.0, fix="gravity pulls down, its sign is built in")
-        x0 = _check.number("origin", origin)
-        self.__dict__.update(gravity=g, origin=x0)
-        self.__dict__["external_force"] = external_forces(external_force, walls)
-        self.__dict__["floor"] = walls_module.checked("floor", floor, bool(walls[0]))
-        self.__dict__["ceiling"] = walls_module.checked("ceiling", ceiling, bool(walls[-1]))
-        self.__dict__["pendulum"] = _check.number("pendulum", pendulum, at_least=0.0)
+        self.__dict__.update(
+            gravity=_check.number("gravity", gravity, at_least=0.0, fix="gravity pulls down, its sign is built in"),
+            origin=_check.number("origin", origin), external_force=external_forces(external_force, walls),
+            floor=walls_module.checked("floor", floor, bool(walls[0])),
+            ceiling=walls_module.checked("ceiling", ceiling, bool(walls[-1])),
+            pendulum=_check.number("pendulum", pendulum, at_least=0.0),
+        )
         self.__dict__["rest_gap"] = rest_gaps(rest_gap, self.pendulum, len(walls))
         refuse_together(self, walls)
 
     @classmethod
     def from_positions(
-        cls,
-        mass: ArrayLike,
-        radius: ArrayLike,
-        position: ArrayLike,
-        velocity: ArrayLike,
-        gravity: float = 0.0,
-        *,
-        external_force: ArrayLike | None = None,
-        floor: Any = None,
-        ceiling: Any = None,
-        length: float | None = None,
-        pendulum: float = 0.0,
-        rest_gap: ArrayLike | None = None,
+        cls, mass: ArrayLike, radius: ArrayLike, position: ArrayLike, velocity: ArrayLike, gravity: float = 0.0, *,
+        external_force: ArrayLike | None = None, floor: Any = None, ceiling: Any = None, length: float | None = None,
+        pendulum: float = 0.0, rest_gap: ArrayLike | None = None,
     ) -> Scene:
         """Make a scene from positions of centres (of surfaces for walls) in m, bottom to top.
 
         The gaps are differences of positions and carry their rounding: about 1e-16 of the largest position. A `length`
         in m closes the line to a ring of that circumference.
         """
-        m = _check.array("mass", mass)
-        r = _check.array("radius", radius, m.shape)
-        x = _check.array("position", position, m.shape)
-        _check.every("position", x, np.isfinite(x), "a position must be finite")
-        rising = np.diff(x, prepend=-np.inf) >= 0.0
-        _check.every("position", x, rising, "positions must not decrease", "number bodies bottom to top")
-        gap = np.diff(x) - r[:-1] - r[1:]
-        if length is not None and len(x):
-            around = _check.number("length", length, at_least=float(x[-1] - x[0]), fix="all centres lie on the ring")
-            gap = np.append(gap, around - (x[-1] - x[0]) - r[-1] - r[0])
+        m, r, x, gap = placed(mass, radius, position, length)
         return cls(m, r, gap, velocity, gravity, float(x[0]) if len(x) else 0.0,
                    external_force=external_force, floor=floor, ceiling=ceiling, ring=length is not None,
                    pendulum=pendulum, rest_gap=rest_gap)
-
-    @cached_property
-    def _key(self) -> tuple[Any, ...]:
-        """All numbers as one value; -0.0 is 0.0."""
-        arrays = self.mass, self.radius, self.gap, self.velocity
-        force = None if self.external_force is None else (self.external_force + 0.0).tobytes()
-        hung = self.pendulum, None if self.rest_gap is None else (self.rest_gap + 0.0).tobytes()
-        return (*((array + 0.0).tobytes() for array in arrays), self.gravity, self.origin, force, self.floor,
-                self.ceiling, self.ring, *hung)
-
-    def __eq__(self, other: object) -> bool:
-        return self._key == other._key if isinstance(other, Scene) else NotImplemented
-
-    def __hash__(self) -> int:
-        return hash(self._key)
 
     def replace(self, **changes: Any) -> Scene:
         """Return a copy with some fields changed, checked anew."""
@@ -216,13 +172,16 @@ class Scene:
     @property
     def motions(self) -> tuple[Any, Any]:
         """How the first and the last body move beside their constant velocity; None if they do not."""
-        floor, ceiling = (None if isinstance(one, walls_module.Thermal) else one for one in (self.floor, self.ceiling))
-        return floor, ceiling
+        return self._ends(thermal=False)
 
     @property
     def heat(self) -> tuple[Any, Any]:
         """The first and the last body as thermal walls; None if they are none."""
-        floor, ceiling = (one if isinstance(one, walls_module.Thermal) else None for one in (self.floor, self.ceiling))
+        return self._ends(thermal=True)
+
+    def _ends(self, thermal: bool) -> tuple[Any, Any]:
+        floor, ceiling = (one if isinstance(one, walls_module.Thermal) is thermal else None
+                          for one in (self.floor, self.ceiling))
         return floor, ceiling
 
     @cached_property
@@ -324,13 +283,7 @@ class Scene:
 
     def _moved(self, wall: int, elapsed: Any, start: float) -> tuple[Any, Any]:
         """How far a wall has moved in m beside its constant velocity, and how fast in m/s."""
-        motion = self.motions[wall == self.n - 1]
-        if motion is None:
-            return 0.0, 0.0
-        end = start  # paths that last are asked no farther: the end of a run may be a rounding beyond theirs
-        if isinstance(motion, walls_module.Motion):
-            end = math.nextafter(start + float(np.max(elapsed)), math.inf)
-        return walls_module.moved(motion.panels(start, end), start, elapsed)
+        return walls_module.moved(self.motions[wall == self.n - 1], start, elapsed)
 
     @property
     def _fall(self) -> float:
@@ -354,15 +307,15 @@ class Scene:
         return float(self.mass[~self.is_wall] @ self.velocity[~self.is_wall])
 
     def __repr__(self) -> str:
-        walls = {(True, True): ", floor and ceiling", (True, False): ", floor", (False, True): ", ceiling"}
-        ends = (bool(self.is_wall[0]), bool(self.is_wall[-1]))
+        floor, ceiling = self.is_wall[[0, -1]].tolist()
+        walls = ", floor and ceiling" if floor and ceiling else ", floor" * floor + ", ceiling" * ceiling
         balls = int((~self.is_wall).sum())
         pull = f", g = {self.gravity:g} m/s²" if self.gravity else ""
+        special = ", ring" * self.ring + ", forces" * (self.external_force is not None)
+        special += f", pendula of {self.pendulum:g} rad/s" * (self.pendulum > 0.0)
         walled = zip(("floor", "ceiling"), (self.floor, self.ceiling), strict=True)
         driven = "".join(f", {name} {wall!r}" for name, wall in walled if wall is not None)
-        force = ", ring" * self.ring + ", forces" * (self.external_force is not None)
-        force += f", pendula of {self.pendulum:g} rad/s" * (self.pendulum > 0.0)
-        return f"Scene({balls} ball{'s' * (balls != 1)}{walls.get(ends, '')}{pull}{force}{driven})"
+        return f"Scene({balls} ball{'s' * (balls != 1)}{walls}{pull}{special}{driven})"
 
 
 def summed(steps: Array) -> Array:
@@ -370,24 +323,3 @@ def summed(steps: Array) -> Array:
     out = np.zeros((*steps.shape[:-1], steps.shape[-1] + 1))
     np.cumsum(steps, axis=-1, out=out[..., 1:])
     return out
-
-
-def in_order(scene: Scene) -> Scene:
-    """Return `scene` if no overlap is so deep that two centres have changed places; point particles may."""
-    reach = sum(scene.sides(scene.radius))
-    _check.every("gap", scene.gap, (scene.gap >= -reach * (1.0 + 1e-12)) | (reach == 0.0),
-                 "an overlap cannot be deeper than both radii together", "deeper, the centres have changed places")
-    return scene
-
-
-def checked(scene: Any) -> Scene:
-    """Return `scene` if it is one, else raise."""
-    if not isinstance(scene, Scene):
-        raise TypeError(f"scene is {scene!r}: a granular.Scene is needed, such as granular.scenes.three_balls().")
-    return scene
-
-
-def forced(scene: Scene) -> bool:
-    """Whether there is more than a line, gravity and walls at constant velocity: driven or thermal walls, forces on
-    balls, a ring, pendula."""
-    return scene.endless or scene.external_force is not None

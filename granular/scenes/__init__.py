@@ -5,9 +5,8 @@ Everywhere the lowest (leftmost) body comes first, masses and radii of spheres a
 number for `gap` means the same gap in every pair between balls.
 """
 
-from granular.scenes.falling import ball_stack, bouncing_ball, column, three_balls, vibrated_column
+from granular.scenes.falling import ball_stack, bouncing_ball, column, real_balls, three_balls, vibrated_column
 from granular.scenes.gases import gas, heated_gas, ring_gas
-from granular.scenes.real import real_balls
 from granular.scenes.rows import chain, compressed_chain, newtons_cradle, pendulum_cradle
 
 __all__ = [

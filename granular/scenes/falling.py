@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from granular import _check
+from granular.balls import Ball, named
 from granular.scene import Scene
-from granular.scenes.sizes import above_floor, count_of, gaps_of, geometric, mass_of, masses_of, radius_of
+from granular.scenes.rows import above_floor, count_of, gaps_of, geometric, mass_of, masses_of, radius_of
 from granular.walls import Sine
 
 
@@ -179,3 +180,28 @@ def vibrated_column(
         plate = Sine(amplitude, frequency, phase)
     floor, *between = gaps_of(gap, count)
     return above_floor(mass_of(r, density), r, floor, between, 0.0, gravity, plate)
+
+
+def real_balls(
+    lower: str | Ball = "basketball", upper: str | Ball | None = "tennis ball", gap: float = 0.0, height: float = 1.0,
+    gravity: float = 9.81,
+) -> Scene:
+    """Two real balls, one on top of the other, dropped on a hard floor; or one alone.
+
+    What they do to each other is in `granular.balls`.
+
+    Parameters
+    ----------
+    lower, upper : str or Ball
+        Names of `granular.balls.BALLS`, or balls of one's own; without an upper one the lower falls alone.
+    gap : float
+        Distance between the surfaces of the two balls in m.
+    height : float
+        Drop height in m, from the floor to the lowest point of the lower ball.
+    gravity : float
+        g in m/s².
+    """
+    balls = [named(lower, "lower"), *([] if upper is None else [named(upper, "upper")])]
+    m, r = (np.array([getattr(ball, name) for ball in balls]) for name in ("mass", "radius"))
+    drop = _check.number("height", height, at_least=0.0)
+    return above_floor(m, r, drop, [_check.number("gap", gap)] * (len(balls) - 1), 0.0, gravity)

@@ -27,7 +27,7 @@ from granular.cases.ready import first_impact
 from granular.laws.contact_law import resolve
 from granular.md import located
 from granular.scene import Scene, velocities
-from granular.scene.state import forced
+from granular.scene.flags import flags
 from granular.sweeps.plan import Plan
 from granular.sweeps.results import REFUSED, Answer, Answers, impact_speed, specified
 from granular.sweeps.subject import Values
@@ -174,7 +174,7 @@ def _recalled(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *given
 def _start(plan: Plan, point: tuple[Any, ...]) -> Start | None:
     case = plan.start(point)
     balls = case.scene.mass.tobytes(), case.scene.radius.tobytes(), first_impact(case.scene)
-    return None if case.run or forced(case.scene) else Start(case, balls if plan.subject.ready else point)
+    return None if case.run or flags(case.scene) else Start(case, balls if plan.subject.ready else point)
 
 
 def _law(plan: Plan, point: tuple[Any, ...], start: Start) -> tuple[Any, float] | None:

@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from granular import _check
+from granular.walls.formulas import Piecewise, Sine
 from granular.walls.motion import Motion
 from granular.walls.panels import Panels
-from granular.walls.piecewise import Piecewise
-from granular.walls.sine import Sine
 from granular.walls.thermal import Thermal
 
 __all__ = ["Motion", "Panels", "Piecewise", "Sine", "Thermal"]
@@ -67,8 +66,14 @@ def path_of(motion: Any) -> Panels | None:
     return motion if motion is None or isinstance(motion, Panels) else motion._panels
 
 
-def moved(panels: Panels, start: float, elapsed: Any) -> tuple[Any, Any]:
-    """Return m(t) - m(start) in m and m'(t) in m/s at times (s) so long after `start`."""
+def moved(motion: Any, start: float, elapsed: Any) -> tuple[Any, Any]:
+    """Return m(t) - m(start) in m and m'(t) in m/s of a motion, or of none, at times (s) so long after `start`."""
+    if motion is None:
+        return 0.0, 0.0
+    end = start  # paths that last are asked no farther: the end of a run may be a rounding beyond theirs
+    if isinstance(motion, Motion):
+        end = math.nextafter(start + float(np.max(elapsed)), math.inf)
+    panels: Panels = motion.panels(start, end)
     times = np.atleast_1d(np.asarray(elapsed, dtype=float))
     origin = panels.at(start, 0.0)[0]
     both = np.array([panels.at(start, dt)[:2] for dt in times.tolist()]).reshape(-1, 2)

@@ -59,8 +59,7 @@ class Motion:
             raise TypeError(_check._sentence("function", self.function, "a function m(t) in m of a time in s is needed",
                                              "for a harmonic motion use granular.walls.Sine"))
         _check.takes("function", self.function, "t")
-        accuracy = _check.number("accuracy", self.accuracy, at_least=2.0**-52, at_most=1e-3)
-        self.__dict__["accuracy"] = accuracy
+        self.__dict__["accuracy"] = _check.number("accuracy", self.accuracy, at_least=2.0**-52, at_most=1e-3)
 
     def __repr__(self) -> str:
         function: Any = self.function

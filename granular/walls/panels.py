@@ -7,17 +7,18 @@ bounds come from Bernstein coefficients on [-1, 1], so they hold, and are tight 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
 
 from granular import _check
 from granular._check import Array
+from granular._describe import ByNumbers
 from granular._records import plain
 from granular.walls import path
-from granular.walls.bounds import derived, span
 
 TERMS = 20
 """Coefficients a panel has room for."""
@@ -48,7 +49,7 @@ WALL = np.dtype(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Panels:
+class Panels(ByNumbers):
     """A motion m(t) as polynomials on panels; what `Motion` becomes for a run, and is saved as.
 
     Parameters
@@ -85,8 +86,8 @@ class Panels:
         if columns > TERMS:
             raise ValueError(f"series has {columns} coefficients a panel: at most {TERMS} are needed; use shorter "
                              "panels of a lower degree.")
-        series = _check.array("series", self.series, (len(edges) - 1, columns), fix="one row per panel")
-        _check.every("series", series.ravel(), np.isfinite(series).ravel(), "a finite coefficient is needed")
+        series = _check.array("series", self.series, (len(edges) - 1, columns), fix="one row per panel",
+                              finite="a finite coefficient is needed")
         if self.frequency and (edges[0] != 0.0 or edges[-1] != 1.0):
             raise ValueError(f"edges go from {edges[0]:g} to {edges[-1]:g}: with a frequency, turns from 0 to 1 are "
                              "needed.")
@@ -99,17 +100,6 @@ class Panels:
             turn=tuple(_check.number(f"turn[{i}]", part) for i, part in enumerate(turn)),
         )
 
-    @cached_property
-    def _key(self) -> tuple[Any, ...]:
-        edges, series = ((array + 0.0).tobytes() for array in (self.edges, self.series))
-        return edges, self.series.shape, series, self.error, self.frequency, self.turn
-
-    def __eq__(self, other: object) -> bool:
-        return self._key == other._key if isinstance(other, Panels) else NotImplemented
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
     def __reduce__(self) -> tuple[Any, ...]:
         return Panels, (self.edges, self.series, self.error, self.frequency, self.turn)
 
@@ -117,13 +107,11 @@ class Panels:
         end = f"{self.frequency:g} Hz" if self.frequency else f"{self.edges[0]:g} … {self.edges[-1]:g} s"
         return f"Panels({len(self.series)} polynomials, {end})"
 
-    def __call__(self, t: float) -> float:
-        """Return m(t) in m."""
-        return self._at(t)[0]
-
     def displacement(self, t: float) -> float:
         """Return m(t) in m."""
         return self._at(t)[0]
+
+    __call__ = displacement
 
     def velocity(self, t: float) -> float:
         """Return m'(t) in m/s; at an edge, that of the panel which begins there."""
@@ -165,34 +153,27 @@ class Panels:
         rate = self.frequency or 1.0
         wall, rows = np.zeros(1, WALL), np.zeros(len(self.series), PANEL)
         left, right, c = self.edges[:-1], self.edges[1:], side * self.series
-        rows["left"], rows["right"], rows["centre"] = left, right, 0.5 * (left + right)
-        rows["half"] = 0.5 * (right - left)
-        rows["per"] = per = rate / rows["half"]
+        half = 0.5 * (right - left)
+        per = rate / half
+        within = [(_derived(c, order).T * per**order).T for order in range(5)]
+        (low, high), (slow, fast), (least, most), (fall, rise), (sink, soar) = map(_span, within)
         rows["series"][:, : c.shape[1]] = c
-        rows["degree"] = (np.arange(c.shape[1]) * (c != 0.0)).max(axis=1)
-        within = [(derived(c, order).T * per**order).T for order in range(5)]
-        (low, high), (slow, fast), (least, most), (fall, rise), (sink, soar) = map(span, within)
-        rows["most"], rows["least"] = most, least
-        rows["rise"], rows["fall"], rows["bow"] = rise.clip(min=0.0), fall.clip(max=0.0), -sink.clip(max=0.0)
-        rows["bend"] = soar.clip(min=0.0)
-        rows["jump"] = self._jumps(side, fast.max() - slow.min())
-        w = wall[0]
-        w["side"], w["panels"], w["periodic"] = side, len(rows), self.frequency > 0.0
-        w["density"] = len(rows) / (right[-1] - left[0])
-        w["frequency"], (w["turn"], w["turn_low"]) = rate, self.turn
+        _fill(rows, left=left, right=right, centre=0.5 * (left + right), half=half, per=per, most=most, least=least,
+              rise=rise.clip(min=0.0), fall=fall.clip(max=0.0), bend=soar.clip(min=0.0), bow=-sink.clip(max=0.0),
+              degree=(np.arange(c.shape[1]) * (c != 0.0)).max(axis=1), jump=self._jumps(side, fast.max() - slow.min()))
         begin = float(left[0]) if t_start is None else t_start
-        w["start"], w["velocity"], w["begin"], w["error"] = start, velocity, begin, self.error
-        w["reach"], w["extent"] = high.max(), max(high.max(), -low.min())
-        w["speed"], w["stiff"] = max(fast.max(), -slow.min()), max(most.max(), -least.min())
-        w["origin"] = path.moved(plain(wall)[0], plain(rows), begin, 0.0)[0]
-        w["first"] = first
+        _fill(wall, side=side, panels=len(rows), density=len(rows) / (right[-1] - left[0]),
+              periodic=self.frequency > 0.0, frequency=rate, turn=self.turn[0], turn_low=self.turn[1], start=start,
+              velocity=velocity, begin=begin, error=self.error, reach=high.max(), extent=max(high.max(), -low.min()),
+              speed=max(fast.max(), -slow.min()), stiff=max(most.max(), -least.min()))
+        _fill(wall, origin=path.moved(plain(wall)[0], plain(rows), begin, 0.0)[0], first=first)
         return wall, rows
 
     def _jumps(self, side: float, scale: float) -> Array:
         """Jumps of the velocity in m/s at left edges, without those of rounding; none at the first."""
         if self.frequency or len(self.series) == 1:
             return np.zeros(len(self.series))
-        slope = side * derived(self.series, 1) * (2.0 / np.diff(self.edges))[:, None]
+        slope = side * _derived(self.series, 1) * (2.0 / np.diff(self.edges))[:, None]
         ends, begins = slope.sum(axis=1), slope @ (-1.0) ** np.arange(slope.shape[1])
         jump = np.append(0.0, begins[1:] - ends[:-1])
         return np.where(np.abs(jump) > 1e-11 * scale, jump, 0.0)
@@ -218,3 +199,33 @@ class Panels:
         if not self.frequency:
             self.panels(time, time)
         return self.at(time)
+
+
+def _fill(records: np.ndarray[Any, Any], **columns: Any) -> None:
+    """Write columns of records by their names."""
+    for name, column in columns.items():
+        records[name] = column
+
+
+def _derived(series: Array, order: int) -> Array:
+    """Return the coefficients (n, ·) of a derivative to x of polynomials (n, k)."""
+    for _ in range(order):
+        series = series[:, 1:] * np.arange(1, series.shape[1]) if series.shape[1] > 1 else 0.0 * series
+    return series
+
+
+def _span(series: Array) -> tuple[Array, Array]:
+    """Return certain bounds (n,), below and above, of polynomials (n, k) on [-1, 1]: their Bernstein coefficients,
+    rounding allowed for."""
+    bernstein, slack = series @ _basis(series.shape[1] - 1), 2.0**-48 * np.abs(series).sum(axis=1)
+    return bernstein.min(axis=1) - slack, bernstein.max(axis=1) + slack
+
+
+@cache
+def _basis(n: int) -> Array:
+    """Bernstein coefficients (n+1, n+1) on [-1, 1] of 1, x, … x^n: none is above 1, so no digits are lost."""
+    rows = np.empty((n + 1, n + 1))
+    for i in range(n + 1):
+        symmetric = np.polynomial.polynomial.polyfromroots([1.0] * (n - i) + [-1.0] * i) * (-1.0) ** (n - i)
+        rows[:, i] = symmetric / [math.comb(n, j) for j in range(n + 1)]
+    return rows

@@ -50,8 +50,8 @@ class Thermal:
 
     def __post_init__(self) -> None:
         fix = "k_B T in J; a wall that only reflects needs none"
-        self.__dict__["temperature"] = _check.number("temperature", self.temperature, above=0.0, fix=fix)
-        self.__dict__["seed"] = _check.whole("seed", self.seed)
+        self.__dict__.update(temperature=_check.number("temperature", self.temperature, above=0.0, fix=fix),
+                             seed=_check.whole("seed", self.seed))
 
     def drawn(self, side: int, hit: int, mass: float) -> float:
         """Return the speed in m/s that the hit of number `hit`, from 0, gives a ball of `mass` in kg.

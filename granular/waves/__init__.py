@@ -12,9 +12,8 @@ from granular.waves.bands import (
     sound_speed,
     stiffness,
 )
-from granular.waves.sensors import Pulse, pulse
+from granular.waves.sensors import Pulse, picture, pulse
 from granular.waves.solitary_wave import SolitaryWave, solitary
-from granular.waves.space_time import picture
 
 __all__ = [
     "Pulse", "SolitaryWave", "band_edges", "crossing_time", "decay", "dispersion", "matched_end", "modes", "picture",

@@ -35,12 +35,10 @@ def stiffness(scene: Scene, law: Any) -> Array:
         One for all pairs, or one per pair.
     """
     laws = resolved(_check.per_pair("law", law, checked(scene).n_pairs), scene)
-    found: dict[tuple[int, float], float] = {}
     kind, each = laws.in_pairs
-    for key in zip(kind.tolist(), scene.gap.tolist(), strict=True):
-        if key not in found:
-            found[key] = stiffness_at(each[key[0]], -key[1])
-    return np.array([found[key] for key in zip(kind.tolist(), scene.gap.tolist(), strict=True)])
+    contacts = list(zip(kind.tolist(), scene.gap.tolist(), strict=True))
+    found = {(k, gap): stiffness_at(each[k], -gap) for k, gap in dict.fromkeys(contacts)}
+    return np.array([found[contact] for contact in contacts])
 
 
 def dispersion(phase: ArrayLike, stiffness: float | ArrayLike, mass: float | ArrayLike) -> Array:
@@ -83,7 +81,9 @@ def band_edges(stiffness: float | ArrayLike, mass: float | ArrayLike) -> Array:
         √(2K/m) … √(2K (1/m + 1/M)).
     """
     k, m = _cell(stiffness, mass)
-    return np.sort(dispersion([0.0, math.pi], k, m).T, axis=1) * _not_zero(len(m))
+    edges = np.sort(dispersion([0.0, math.pi], k, m).T, axis=1)
+    edges[0, 0] = 0.0  # the chain as a whole moves freely
+    return edges
 
 
 def decay(omega: float | ArrayLike, stiffness: float | ArrayLike, mass: float | ArrayLike) -> Any:
@@ -182,10 +182,3 @@ def _cell(stiffness: float | ArrayLike, mass: float | ArrayLike) -> tuple[Array,
                  "a chain that is not pressed bears no small waves")
     _check.every("mass", m, np.isfinite(m) & (m > 0.0), "a mass must be positive and finite")
     return k, m
-
-
-def _not_zero(p: int) -> Array:
-    """Ones (p, 2), but 0 for the lowest edge: the chain as a whole moves freely."""
-    edge = np.ones((p, 2))
-    edge[0, 0] = 0.0
-    return edge

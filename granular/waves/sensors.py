@@ -1,4 +1,4 @@
-"""A pulse in a run as sensors in the balls see it: when it comes, how strong and how wide.
+"""A pulse in a run as sensors in the balls see it: when it comes, how strong and how wide; and a picture of all.
 May be skipped: reads the rows of a run.
 """
 
@@ -6,13 +6,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from os import PathLike
 from typing import Any
 
 import numpy as np
 
-from granular import _check
+from granular import _check, _files
 from granular._check import Array
+from granular._reports import COLUMN, canvas, style
 from granular.trajectory import Trajectory
+
+SHADES = {"force": ("contact", "force, N"), "velocity": ("ball", "velocity, m/s")}
+"""What is shown: what counts upwards, and what the bar says."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,14 +67,11 @@ def pulse(run: Trajectory, shares: Sequence[float] = (0.5, 0.01, 0.001), static:
     static : float
         Force in N that all contacts bear at rest; the pulse is what is above it.
     """
-    if not isinstance(run, Trajectory) or run.force is None:
-        raise TypeError(f"run is {run!r}: a run of granular.md is needed; hard spheres have no forces.")
-    if len(run.time) < 5:
-        raise ValueError(f"run has {len(run.time)} rows: at least 5 are needed; pass samples= to simulate.")
+    forces = _rows(run, "force", "hard spheres have no forces")
     parts = _check.array("shares", shares)
     _check.every("shares", parts, (parts > 0.0) & (parts < 1.0), "a part between 0 and 1 is needed")
     base = _check.number("static", static, at_least=0.0)
-    seen = [_of_one(run.time, force - base, parts) for force in run.force.T]
+    seen = [_of_one(run.time, force - base, parts) for force in forces.T]
     left, _ = run.scene.sides(run.scene.position)
     place = left + run.scene.sides(run.scene.radius)[0]
     return Pulse(np.array([one[0] for one in seen]), np.array([one[1] for one in seen]),
@@ -94,3 +96,48 @@ def _of_one(time: Array, force: Array, shares: Array) -> tuple[float, float, lis
         before, after = roots[roots < top], roots[roots > top]
         widths.append(float(after.min() - before.max()) if len(before) and len(after) else np.nan)
     return float(time[i]) + top, peak, widths
+
+
+def picture(
+    run: Trajectory, show: str = "force", path: str | PathLike[str] | None = None, *, beyond: bool = False,
+    axis: Any = None,
+) -> Any:
+    """Draw force or velocity over time and place; return the figure, or save it to `path`.
+
+    Parameters
+    ----------
+    run : Trajectory
+        With rows (``samples``) that are evenly spaced; a few hundred do. Of soft spheres for forces.
+    show : {"force", "velocity"}
+        What the shades mean.
+    path : str or path, optional
+        PNG, PDF or SVG file.
+    beyond : bool
+        Show what is beyond the first row, such as the static force of a chain.
+    axis : matplotlib axis, optional
+        Where to draw it, in place of a figure of its own.
+    """
+    across, bar = SHADES[_check.choice("show", show, list(SHADES))]
+    values = _rows(run, show, "of hard spheres show='velocity'")
+    if beyond:
+        values, bar = values - values[0], f"{bar}, beyond the first row"
+    with style():
+        figure, one = None, axis
+        if axis is None:
+            figure, ((one,),) = canvas(1.3 * COLUMN, COLUMN)
+        signed = bool((values < -1e-3 * np.abs(values).max()).any())
+        most = float(np.abs(values).max()) or 1.0
+        image = one.pcolormesh(run.time, np.arange(values.shape[1]), values.T, shading="nearest", rasterized=True,
+                               cmap="RdBu_r" if signed else "magma_r", vmin=-most * signed, vmax=most)
+        one.set(xlabel="time, s", ylabel=across)
+        one.figure.colorbar(image, ax=one, label=bar)
+        return None if figure is None else _files.write_figure(path, figure, dpi=200)
+
+
+def _rows(run: Any, what: str, fix: str) -> Array:
+    """Return forces or velocities of a run, or raise unless it has them, and rows enough."""
+    if not isinstance(run, Trajectory) or (what == "force" and run.force is None):
+        raise TypeError(f"run is {run!r}: a run of granular.md is needed; {fix}.")
+    if len(run.time) < 5:
+        raise ValueError(f"run has {len(run.time)} rows: at least 5 are needed; pass samples= to simulate.")
+    return np.asarray(getattr(run, what))

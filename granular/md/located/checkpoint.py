@@ -12,10 +12,10 @@ import numpy as np
 
 from granular._records import column, copied, packed, raw
 from granular._tournament import tournament
+from granular.drive import CONTACT_ROW
 from granular.md.located.records import LEDGER, NO_PAUSE, SPARE
 from granular.md.located.sound import KEPT, check
 from granular.md.located.system import System, empty_pool
-from granular.md.rows import CONTACT_ROW
 
 SMALL = 256
 """Pairs up to which all records are copied: to choose takes longer."""

@@ -20,9 +20,8 @@ from granular._flight import gap_after, hung, hung_after, hung_rate_at_contact, 
 from granular._kernels import inlined, kernel
 from granular.md.located.records import DRIVEN, HUNG, ORDER
 from granular.walls.gap import after
-from granular.walls.hits import first_hit
+from granular.walls.hits import first_hit, pressing
 from granular.walls.path import edge_jump, expansion, to_edge, total, wall_at
-from granular.walls.riding import pressing
 
 GROWS = 4.0
 """A piece is so short that the terms of a wall's acceleration add up to no more than so many times its bound."""

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from granular._records import column, plain
-from granular.drive import Rows
+from granular.drive import CONTACT_ROW, Rows
 from granular.md.located.creep import slowest_decay
 from granular.md.located.records import ACTIVE, DORMANT
-from granular.md.rows import CONTACT_ROW
 from granular.trajectory import Status
 
 

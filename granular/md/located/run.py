@@ -12,7 +12,7 @@ import numpy as np
 from granular._kernels import Toll, compiled, fitted
 from granular._records import column, copied, packed, plain
 from granular._tournament import play, replay, tournament
-from granular.drive import End, Pause, Request, Row, Rows
+from granular.drive import CONTACT_ROW, End, Pause, Request, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks, outcome
 from granular.md.located.at_rest import first_asking, gather_slowly, looked_at, seldom
@@ -51,7 +51,6 @@ from granular.md.located.system import (
     with_room_for_a_table,
 )
 from granular.md.located.tables import answer, make_table
-from granular.md.rows import CONTACT_ROW
 from granular.scene import Scene
 from granular.scene.walls import Closing
 from granular.trajectory import CONTACT

@@ -11,6 +11,7 @@ import numpy as np
 
 from granular._check import held
 from granular._records import column
+from granular.drive import CONTACT_ROW
 from granular.md.located.records import (
     ASKS,
     BODY,
@@ -25,7 +26,6 @@ from granular.md.located.records import (
     STRUCK,
     TABLE,
 )
-from granular.md.rows import CONTACT_ROW
 
 KEPT = {"run": RUN, "pairs": PAIR, "pool": MEMBER, "bodies": BODY, "maps": MAP, "tables": TABLE, "log": CONTACT_ROW,
         "ledger": LEDGER}

@@ -14,6 +14,7 @@ from granular import until as stop
 from granular._records import packed, plain
 from granular._roots import DEEPEST, workspace
 from granular._tournament import NODE, tournament
+from granular.drive import CONTACT_ROW
 from granular.laws.kinds import SceneLaws, alike
 from granular.md.located.power_form import described, write_maps
 from granular.md.located.records import (
@@ -38,7 +39,6 @@ from granular.md.located.records import (
     TABLES,
 )
 from granular.md.located.wall_paths import Hung, compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
-from granular.md.rows import CONTACT_ROW
 from granular.scene import Scene, speed_scale
 
 System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables answer work walls ledger")

@@ -12,17 +12,11 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from granular._kernels import kernel
-from granular.md.contact_force import asked as force
-from granular.md.driven import END, HALF, LAST, MIDDLE, WHOLE, arrive, steer
-from granular.md.window import close
+from granular.md.fixed.contact_force import asked as force
+from granular.md.fixed.window import END, HALF, LAST, MIDDLE, WHOLE, arrive, close, steer
+from granular.scene.flags import DRIVEN, HUNG
 
 CHANGED, CLOSED = 1, 2
-DRIVEN = False
-"""Whether walls move along a path."""
-SWING = False
-"""Whether balls are pendula."""
-RING = False
-"""Whether the last pair joins the last ball and the first."""
 
 
 @kernel
@@ -77,11 +71,10 @@ def move(physics: Any, lo: int, m: int, a: Any) -> int:
         a.was_xi[j + 1], a.was_raw[j + 1] = a.xi[j + 1], was
         a.xi[j + 1], a.raw[j + 1] = xi, raw
         flags |= noted(j, half, xi, was, raw, logged, a)
-    if SWING:
+    if HUNG:
         for i in range(m + 1):
             a.off[i + 1] += dt * a.half[i + 1]
-    if RING and m == physics.ring:
-        close(m, a)
+    close(physics, m, a)
     return flags
 
 
@@ -135,7 +128,7 @@ def _stage(physics: Any, lo: int, m: int, reach: float, weight: float, drift: in
         acc = pulled(i, a)
         a.acc[i + 1] += weight * acc
         a.half[i + 1], a.guess[i + 1] = a.guess[i + 1], a.v[i + 1] + reach * acc
-    if SWING:
+    if HUNG:
         for i in range(m + 1):
             a.sway[i + 1] += weight * a.half[i + 1]
             a.off[i + 1] = a.start[i + 1] + reach * a.half[i + 1]
@@ -145,8 +138,7 @@ def _stage(physics: Any, lo: int, m: int, reach: float, weight: float, drift: in
         rate = a.half[j + 1] - a.half[j + 2]
         a.rate[j + 1] += weight * rate
         a.raw[j + 1] = force(physics, lo, j, a.xi[j + 1] + reach * rate, a.guess[j + 1] - a.guess[j + 2], a)
-    if RING and m == physics.ring:
-        close(m, a)
+    close(physics, m, a)
 
 
 @kernel
@@ -156,7 +148,7 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     for i in range(m + 1):
         a.was_v[i + 1] = a.guess[i + 1] = a.v[i + 1]
         a.acc[i + 1] = 0.0
-    if SWING:
+    if HUNG:
         for i in range(m + 1):
             a.start[i + 1], a.sway[i + 1] = a.off[i + 1], 0.0
     for j in range(m):
@@ -167,7 +159,7 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     for i in range(m + 1):
         v = a.v[i + 1] + sixth * (a.acc[i + 1] + pulled(i, a))
         a.half[i + 1], a.v[i + 1] = a.guess[i + 1], v
-    if SWING:
+    if HUNG:
         for i in range(m + 1):
             a.off[i + 1] = a.start[i + 1] + sixth * (a.sway[i + 1] + a.half[i + 1])
     if DRIVEN:
@@ -178,8 +170,7 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
         raw = force(physics, lo, j, xi, a.v[j + 1] - a.v[j + 2], a)
         a.xi[j + 1], a.raw[j + 1] = xi, raw
         flags |= noted(j, half, xi, a.was_raw[j + 1], raw, logged, a)
-    if RING and m == physics.ring:
-        close(m, a)
+    close(physics, m, a)
     return flags
 
 
@@ -199,7 +190,7 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         later = d3 * (a.jerk[j + 1] - a.jerk[j + 2])
         a.was_xi[j + 1] = a.xi[j + 1]
         a.xi[j + 1] += dt * rate + d2 * pull + later + d4 * (a.snap[j + 1] - a.snap[j + 2])
-    if SWING:
+    if HUNG:
         for i in range(m + 1):
             a.off[i + 1] += dt * a.v[i + 1] + d2 * a.acc[i + 1] + d3 * a.jerk[i + 1] + d4 * a.snap[i + 1]
     for i in range(m + 1):
@@ -212,8 +203,7 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
     for j in range(m):
         a.was_raw[j + 1] = a.raw[j + 1]
         a.raw[j + 1] = force(physics, lo, j, a.xi[j + 1], a.v[j + 1] - a.v[j + 2], a)
-    if RING and m == physics.ring:
-        close(m, a)
+    close(physics, m, a)
     for i in range(m + 1):
         acc = pulled(i, a)
         miss = acc - a.acc[i + 1]
@@ -221,15 +211,14 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         a.v[i + 1] += 0.375 * dt * miss
         a.jerk[i + 1] += 1.5 / dt * miss
         a.snap[i + 1] += 1.0 / (dt * dt) * miss
-    if SWING:
+    if HUNG:
         for i in range(m + 1):
             a.off[i + 1] += 19.0 / 180.0 * dt * dt * a.half[i + 1]
     for j in range(m):
         xi = a.xi[j + 1] + 19.0 / 180.0 * dt * dt * (a.half[j + 1] - a.half[j + 2])
         a.xi[j + 1] = xi
         flags |= noted(j, half, xi, a.was_raw[j + 1], a.raw[j + 1], logged, a)
-    if RING and m == physics.ring:
-        close(m, a)
+    close(physics, m, a)
     return flags
 
 

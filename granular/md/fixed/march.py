@@ -13,13 +13,13 @@ from __future__ import annotations
 from typing import Any
 
 from granular._kernels import entry, kernel
-from granular.md.driven import ahead, book
-from granular.md.heated import CROWD, HALT, HIT, MOST, heat
-from granular.md.integrators import CHANGED, CLOSED, beside
-from granular.md.integrators import half_way as begin
-from granular.md.integrators import verlet as step
-from granular.md.notes import local, settle
-from granular.md.window import COUNT, RAW, XI, load, store
+from granular.md.fixed.integrators import CHANGED, CLOSED, beside
+from granular.md.fixed.integrators import half_way as begin
+from granular.md.fixed.integrators import verlet as step
+from granular.md.fixed.notes import local, log_contacts
+from granular.md.fixed.walls import CROWD, HALT, HIT, MOST, ahead, book, heat
+from granular.md.fixed.window import COUNT, RAW, XI, load, store
+from granular.scene.flags import DRIVEN, HEATED, RING, WORKED
 
 DONE, FLIGHT, FULL, UNTIL, CROWDED = range(5)
 """Why `march` returned: steps used up, every pair open, log buffer full, stop condition, too many hits in a step."""
@@ -27,12 +27,8 @@ REACH = 24
 """Evaluations of the forces in a window before the next one has its turn."""
 EVALUATIONS = 1
 """Of the forces in a step."""
-DRIVEN = WORKED = False
-"""Whether walls move along a path; whether an account is kept, since some are driven or heat."""
-HEATED = False
-"""Whether a wall is thermal."""
-RING = False
-"""Whether the last pair joins the last ball and the first."""
+NO_PAIR = -1
+"""For the number of one."""
 
 
 @kernel
@@ -45,11 +41,13 @@ def remember(m: int, a: Any) -> None:
 
 @entry
 @kernel
-def leap(physics: Any, here: Any, there: Any, work: Any, k: int, reach: int, witness: int) -> tuple[int, int]:
-    """Take up to `reach` steps of all windows from `here` to `there`, and settle their contacts.
+def take_steps(
+    physics: Any, here: Any, there: Any, work: Any, k: int, reach: int, noting: bool, watched_pair: int
+) -> tuple[int, int]:
+    """Take up to `reach` steps of all windows from `here` to `there`, `noting` their contacts or leaving them as is.
 
-    With `witness` -2 contacts are left as they are; else a chain in one window stops when all its pairs are open, and
-    a longer one cannot go on alone if the pair `witness` opens.
+    If they are noted, a chain in one window stops when all its pairs are open, and a longer one cannot go on alone if
+    the pair `watched_pair` opens.
 
     Returns
     -------
@@ -73,7 +71,7 @@ def leap(physics: Any, here: Any, there: Any, work: Any, k: int, reach: int, wit
                 hit = heat(physics, lo, m, first, stop, k + done, work)
                 if hit & HIT:
                     begin(physics.dt, m, a)
-                if hit & (HALT | CROWD) and witness != -2:
+                if noting and hit & (HALT | CROWD):
                     return 0, 0
                 flags |= hit
             now = step(physics, lo, right, a)
@@ -83,15 +81,15 @@ def leap(physics: Any, here: Any, there: Any, work: Any, k: int, reach: int, wit
             if WORKED:
                 book(physics, lo, right, a)
             flags |= now
-            if witness != -2 and now & CHANGED:
+            if noting and now & CHANGED:
                 if physics.logged and not local(first, stop, lo, physics.ring, work.was, work.rows, work):
                     return 0, 0
-                settle(first, stop, lo, k + done, physics, work.was, work.rows, work)
+                log_contacts(first, stop, lo, k + done, physics, work.was, work.rows, work)
             done += 1
             full = physics.logged and work.ended[0] + most_rows(pairs) > len(work.log)
-            if alone and witness != -2 and (full or not now & CLOSED):
+            if alone and noting and (full or not now & CLOSED):
                 taken, flags = done, now
-            if first <= witness < stop and not a.xi[witness - lo + 1] > 0.0:  # or no number
+            if first <= watched_pair < stop and not a.xi[watched_pair - lo + 1] > 0.0:  # or no number
                 return 0, 0
         store(lo, first, stop, work, there)
     return taken, flags
@@ -138,15 +136,15 @@ def march(
         deep = deep if here[XI][deep + 1] > 0.0 else deepest(here[XI])
         before, taken, flags, walking = ended[0], 0, 0, walks > 0
         if walking or alone or here[XI][deep + 1] > 0.0:
-            witness = -2 if walking else -1 if alone else deep
-            taken, flags = leap(physics, here, there, work, k, 1 if walking else reach, witness)
+            taken, flags = take_steps(physics, here, there, work, k, 1 if walking else reach, not walking,
+                                      NO_PAIR if walking or alone else deep)
         if walking:
             if HEATED and flags & (HALT | CROWD):
                 return UNTIL if flags & HALT else CROWDED, k, turned
             if until > 0 and there[RAW][until] > 0.0 and not here[RAW][until] > 0.0 \
                     and here[COUNT][until] + 1 == work.nth:
                 return UNTIL, k, turned
-            settle(0, pairs, 0, k, physics, here, there, work)
+            log_contacts(0, pairs, 0, k, physics, here, there, work)
             flags = CLOSED if there[XI][deepest(there[XI]) + 1] > 0.0 else 0
             walks -= 1
         elif taken == 0 or ended[0] > room:

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from granular._kernels import kernel
-from granular.md.rows import COLUMNS
-from granular.md.window import COUNT, FORCE_MAX, IMPULSE, LOWER, PART, RAW, STEP, TOUCHED, UPPER, XI, XI_MAX, V
+from granular.drive import COLUMNS
+from granular.md.fixed.window import COUNT, FORCE_MAX, IMPULSE, LOWER, PART, RAW, STEP, TOUCHED, UPPER, XI, XI_MAX, V
+from granular.scene.flags import RING
 
 STEP_ROW = np.dtype(
     [("pair", int), ("step_in", int), ("part_in", float), ("step_out", int), ("part_out", float), *COLUMNS], align=True
@@ -25,8 +26,6 @@ STEP_ROW = np.dtype(
 """A row of the log: a contact; onset and end as step numbers and fractions of a step."""
 
 
-RING = False
-"""Whether the last pair joins the last ball and the first."""
 
 
 @kernel
@@ -106,7 +105,7 @@ def _end(j: int, k: int, ring: int, was: Any, now: Any, row: Any) -> None:
 
 
 @kernel
-def settle(first: int, stop: int, lo: int, k: int, physics: Any, was: Any, now: Any, work: Any) -> None:
+def log_contacts(first: int, stop: int, lo: int, k: int, physics: Any, was: Any, now: Any, work: Any) -> None:
     """Note the contacts that begin in this step, count and log those that end."""
     for c in range(first, stop):
         j = c - lo + 1
@@ -123,7 +122,7 @@ def settle(first: int, stop: int, lo: int, k: int, physics: Any, was: Any, now: 
 
 @kernel
 def local(first: int, stop: int, lo: int, ring: int, was: Any, now: Any, work: Any) -> bool:
-    """Whether a window may settle its contacts alone: no row at rest is hit or left, there is room in the log."""
+    """Whether a window may log its contacts alone: no row at rest is hit or left, there is room in the log."""
     rows = work.ended[0]
     for c in range(first, stop):
         j = c - lo + 1

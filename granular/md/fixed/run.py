@@ -16,17 +16,16 @@ import numpy as np
 from granular import until as stop
 from granular._kernels import Toll, have_numba
 from granular._records import packed
-from granular.drive import End, Pause, Request, Row, Rows, portion
+from granular.drive import COLUMNS, CONTACT_ROW, End, Pause, Request, Row, Rows, portion
 from granular.laws.kinds import SceneLaws
-from granular.md import march as loop
-from granular.md.contact_force import NotCompilableError
-from granular.md.heated import MOST
-from granular.md.integrators import INTEGRATORS
-from granular.md.notes import STEP_ROW, part_of_step
-from granular.md.rows import COLUMNS, CONTACT_ROW
+from granular.md.fixed.contact_force import NotCompilableError
+from granular.md.fixed.integrators import INTEGRATORS
+from granular.md.fixed.march import CROWDED, UNTIL
+from granular.md.fixed.notes import STEP_ROW, part_of_step
+from granular.md.fixed.stepper import Stepper
+from granular.md.fixed.walls import MOST
+from granular.md.fixed.window import BESIDE, COUNT, DEEPEST, PART, RAW, ROWS, SHARED, XI, V
 from granular.md.stability import WARN, expected_rate, sharpest_rate
-from granular.md.stepper import Stepper
-from granular.md.window import BESIDE, COUNT, DEEPEST, PART, RAW, ROWS, SHARED, XI, V
 from granular.scene import Scene, positions
 from granular.scene.walls import Closing
 from granular.trajectory import Status
@@ -141,14 +140,10 @@ class Run:
         why, k = stepper.march(self.k, steps, room)
         self.chunk = min(max(SHORTEST, CHUNK // self.scene.n_pairs), portion(steps, process_time() - begun))
         self.take_off, self.steps, self.k = None, self.steps + k - self.k, k
-        if why == loop.UNTIL and stepper.heaters:
-            self._forget_later_hits()
-        self.contacts += int(stepper.work.ended[0])
-        if why == loop.UNTIL:
-            self.halted = True
+        self.crowded = why == CROWDED
+        if self._counted(halts=why == UNTIL):
             return Pause.until
-        if why == loop.CROWDED:
-            self.crowded = True
+        if self.crowded:
             return Pause.unstable
         if self.contacts >= self.request.max_events:
             return Pause.work
@@ -158,13 +153,16 @@ class Run:
 
     def _last_part(self, end: float) -> Pause:
         """Count the hits of thermal walls in the part of a step that is left to the end."""
-        rest, work = max(0.0, end - self.time()), self.stepper.work
-        halt = self.stepper.hit_within(self.k, rest)
-        if halt:
-            self.halted = True
+        halts = self.stepper.hit_within(self.k, max(0.0, end - self.time()))
+        return Pause.until if self._counted(halts) else Pause.reached
+
+    def _counted(self, halts: bool) -> bool:
+        """Count the contacts that ended; return whether the run halts at the onset of one, before which they did."""
+        self.halted = halts
+        if halts and self.stepper.heaters:
             self._forget_later_hits()
-        self.contacts += int(work.ended[0])
-        return Pause.until if halt else Pause.reached
+        self.contacts += int(self.stepper.work.ended[0])
+        return halts
 
     def _forget_later_hits(self) -> None:
         """Take thermal walls' hits in the rest of a step that is not taken to its end out of the log."""
@@ -188,17 +186,17 @@ class Run:
 
         A flight goes on to the next touch or to the end of the run: samples do not cut it, so they change no bit.
         """
-        span = self.request.end - self.start
+        span, stepper = self.request.end - self.start, self.stepper
         last = self._steps(span)
-        touch = self.stepper.time_to_touch(self.k, span - self.k * self.dt)
+        touch = stepper.time_to_touch(self.k, span - self.k * self.dt)
         if touch == last == math.inf:
             return True
         jump = min(touch // self.dt, last - self.k) if touch < math.inf else last - self.k  # inf // dt is no number
         if jump == math.inf:
             raise self._beyond(jump)
         if jump > 0.0:
-            self.take_off = self.k, self.stepper.taking_off()
-            self.stepper.glide(self.stepper.here, self.k, jump * self.dt)
+            self.take_off = self.k, deepcopy(stepper.here)
+            stepper.glide(stepper.here, self.k, jump * self.dt)
             self.k += int(jump)
             self.flights += 1
         return False
@@ -322,9 +320,7 @@ class Run:
         x0 = scene.position[balls]
         x = positions(scene, -self.stepper.pairs(XI)[None], np.array([self.k * self.dt]), self.start)[0][balls]
         stored = (self.stepper.laws[c].energy(-float(scene.gap[c])) for c in np.flatnonzero(scene.gap < 0.0).tolist())
-        fallen = scene.gravity * max(0.0, m @ (x0 - x))
-        if scene.external_force is not None:
-            fallen = max(0.0, (m * scene.fall[balls]) @ (x - x0))
+        fallen = max(0.0, (m * scene.fall[balls]) @ (x - x0))
         if scene.pendulum > 0.0:
             fallen = 0.5 * scene.pendulum**2 * (m @ scene.displacement[balls] ** 2)
         supply = 0.5 * m @ v0**2 + sum(stored) + fallen

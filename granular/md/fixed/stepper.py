@@ -1,34 +1,33 @@
 """A scene under a fixed time step, in rows for the kernels: interpreted at first, perhaps compiled later.
 May be skipped: faster, same results.
+
+It steps while pairs are closed; while all are open, the balls fly analytically.
 """
 
 from __future__ import annotations
 
 import math
 from collections import namedtuple
-from copy import deepcopy
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from granular._check import Array
-from granular._kernels import compiled, specialised
+from granular._kernels import compiled, fitted
 from granular._records import one, packed, plain, twin
 from granular.laws.kinds import SceneLaws
-from granular.md import contact_force, window
-from granular.md import march as loop
-from granular.md.driven import clock, flown, next_touch, packed_walls, walls_of
-from granular.md.glide import glide, swing, time_to_touch, time_to_touch_hung
-from granular.md.heated import HALT, HEATER, MOST, heaters
-from granular.md.integrators import Integrator, swung
-from granular.md.notes import STEP_ROW, settle
-from granular.md.window import ROWS, WINDOW, Physics, V, Work
+from granular.md.fixed import contact_force, march, window
+from granular.md.fixed.integrators import Integrator, swung
+from granular.md.fixed.notes import STEP_ROW, log_contacts
+from granular.md.fixed.walls import HALT, HEATER, MOST, clock, flown, heaters, next_touch, packed_walls, walls_of
+from granular.md.fixed.window import ROWS, WINDOW, XI, Physics, V, Work
 from granular.scene import Scene
+from granular.scene.flags import flags
 
 SWUNG = 1e-11
 """Part of the speed up to which pendula swing as they would freely: Gear's derivatives follow a little behind."""
-Code = namedtuple("Code", "march leap glide time_to_touch swing time_to_touch_hung")
+Code = namedtuple("Code", "march take_steps glide time_to_touch swing time_to_touch_hung")
 """The kernels of a run, as they stand or compiled."""
 
 
@@ -58,78 +57,87 @@ class Stepper:
         at_once: bool, start: float = 0.0,
     ) -> None:
         self.scene, self.laws, self.integrator, self.compiled = scene, laws, integrator, False
-        p, memory, kept = scene.n_pairs, any(law.memory for law in laws.each), scene.driven or scene.heated
+        self.flags = {name: holds for name, holds in flags(scene).items() if name != "FORCED"}  # which no kernel reads
+        p, memory = scene.n_pairs, any(law.memory for law in laws.each)
         self.rest: Any = None if scene.rest_gap is None else scene.rest_gap.tolist()
         form = contact_force.coefficients(laws)
         self.force = contact_force.asked if form is None else contact_force.power
-        extra = (logged * window.TOUCHED, memory * window.TOP, integrator.derivatives * window.SNAP,
-                 kept * window.HEAT_LOW, (self.rest is not None) * window.OFF)
-        state = np.zeros((1 + max(window.SHARED, *extra), p + 2))
-        state[window.XI], state[V, 1:] = [-1.0, *-scene.gap, -1.0], self._around(scene.velocity)
-        k, gamma, root = form or (1.0 * scene.heated, 0.0, False)
-        given = np.zeros((4 + (self.rest is not None), p + 2))
-        given[0, 1:-1], given[1, 1:-1], given[2, 1:] = k, gamma, self._around(scene.inverse_mass)
-        given[3, 1:] = self._around(scene.fall)
-        if self.rest is not None:
-            state[window.OFF, 1:], given[4, 1:] = scene.displacement, np.where(scene.is_wall, 0.0, scene.pendulum**2)
         self.heaters = heaters(scene)
-        for wall in self.heaters:
-            given[:2, wall.pair + 1] = 0.0
-        self.walls = walls_of(scene, start) if kept else None
-        if self.walls is not None:
-            for body, _, v in flown(self.walls, start, 0.0, state, scene.pull, 0.0):
-                state[V, body + 1] = v
+        self.walls = walls_of(scene, start) if "WORKED" in self.flags else None
         held: Any = np.array if at_once else np.ndarray.tolist
+        state, given = self._state(start, logged, memory), self._given(form)
         self.here, self.there, self.pull = held(state), held(state), held(scene.pull)
         asked = laws if at_once or form is not None else list(laws)
-        self.physics = Physics(asked, held(given), root, dt, logged, memory, p, self.walls or 0, p * scene.ring,
-                               self.heaters or 0)
+        self.physics = Physics(asked, held(given), form is not None and form[2], dt, logged, memory, p, self.walls or 0,
+                               p * scene.ring, self.heaters or 0)
         rows = [[0.0] * (2 if at_once else p + 2) for _ in ROWS]
         log: Any = np.zeros(max(64, 4 * p) + 4 * MOST * scene.heated if logged else 0, STEP_ROW)
         log = log if at_once else plain(log)
         self.work = Work(twin(WINDOW)(*rows), rows, rows[window.WAS :], rows[window.GIVEN :], [0], log, *until)
         self.code = self._kernels(self.force)
-        self._start()
+        self._push()
         if at_once:
             self.compile()
+
+    def _state(self, start: float, logged: bool, memory: bool) -> Array:
+        """Rows of what changes, up to the last one that the run needs."""
+        scene, hung = self.scene, self.rest is not None
+        needed = {window.SHARED: True, window.TOUCHED: logged, window.TOP: memory, window.OFF: hung,
+                  window.SNAP: self.integrator.derivatives, window.HEAT_LOW: self.walls is not None}
+        state = np.zeros((1 + max(row for row, is_needed in needed.items() if is_needed), scene.n_pairs + 2))
+        state[XI], state[V, 1:] = [-1.0, *-scene.gap, -1.0], self._around(scene.velocity)
+        if hung:
+            state[window.OFF, 1:] = scene.displacement
+        if self.walls is not None:
+            for body, _, v in flown(self.walls, start, 0.0, state, scene.pull, 0.0):
+                state[V, body + 1] = v
+        return state
+
+    def _given(self, form: tuple[Any, Any, bool] | None) -> Array:
+        """Rows of what does not change; a thermal wall has no stiffness."""
+        scene = self.scene
+        given = np.zeros((1 + window.SQUARE, scene.n_pairs + 2))
+        given[window.K, 1:-1], given[window.GAMMA, 1:-1], _ = form or (1.0 * scene.heated, 0.0, False)
+        square = np.where(scene.is_wall, 0.0, scene.pendulum**2)
+        given[window.INVERSE_MASS :, 1:] = list(map(self._around, (scene.inverse_mass, scene.fall, square)))
+        for wall in self.heaters:
+            given[: window.GAMMA + 1, wall.pair + 1] = 0.0
+        return given
 
     def _around(self, of_balls: Array) -> Array:
         """What rows hold of one number of every ball: on a ring the first once more behind the last."""
         return np.append(of_balls, of_balls[:1]) if self.scene.ring else of_balls
 
-    def _start(self) -> None:
-        """Pairs that overlap push."""
+    def _push(self) -> None:
+        """Let pairs that overlap push."""
         physics, x, a = self.physics, self.here, self.work.window
-        xi, raw, v = x[window.XI], x[window.RAW], x[V]
+        xi, raw, v = x[XI], x[window.RAW], x[V]
         for c in np.flatnonzero(self.scene.gap < 0.0).tolist():
-            a.k[1], a.gamma[1] = physics.given[0][c + 1], physics.given[1][c + 1]
+            a.k[1], a.gamma[1] = physics.given[window.K][c + 1], physics.given[window.GAMMA][c + 1]
             raw[c + 1] = self.force(physics, c, 0, float(xi[c + 1]), float(v[c + 1] - v[c + 2]), a)
             if physics.logged:
-                settle(c, c + 1, 0, 0, physics, self.there, x, self.work)
+                log_contacts(c, c + 1, 0, 0, physics, self.there, x, self.work)
                 x[window.IMPULSE][c + 1] = 0.0
         if self.integrator.derivatives:
-            w = np.asarray(physics.given)[2, 1:]
             pushed = np.fmax(0.0, raw)
             if physics.ring:
                 pushed[[0, -1]] = pushed[[-2, 1]]
-            x[window.ACC][1:] = (w * (pushed[:-1] - pushed[1:]) + self._fall()).tolist()
+            pushing = np.asarray(physics.given[window.INVERSE_MASS])[1:] * (pushed[:-1] - pushed[1:])
+            x[window.ACC][1:] = (pushing + self._fall()).tolist()
 
     def _kernels(self, force: Any) -> Code:
         how = self.integrator
-        fit = {"step": how.step, "begin": how.begin, "EVALUATIONS": how.evaluations, "force": force}
-        flags = {"DRIVEN": self.scene.driven, "HEATED": self.scene.heated, "RING": self.scene.ring}
-        flags |= {"WORKED": self.walls is not None, "SWING": self.rest is not None}
-        fit |= {name: True for name, flag in flags.items() if flag}
+        fit: dict[str, Any] = {"step": how.step, "begin": how.begin, "EVALUATIONS": how.evaluations, "force": force}
         if self.rest is not None:
             fit["pulled"] = swung
-        return Code(specialised(loop.march, **fit), specialised(loop.leap, **fit), glide, time_to_touch, swing,
-                    time_to_touch_hung)
+        fit |= self.flags
+        return Code(fitted(march.march, **fit), fitted(march.take_steps, **fit), window.glide, window.time_to_touch,
+                    window.swing, window.time_to_touch_hung)
 
     def _fall(self) -> Array:
         """Acceleration of every ball without contacts in m/s²."""
-        given = np.asarray(self.physics.given)[:, 1:]
-        swing = 0.0 if self.rest is None else given[4] * np.asarray(self.here[window.OFF])[1:]
-        return np.asarray(given[3] - swing)
+        fall, square = (np.asarray(self.physics.given[row])[1:] for row in (window.FALL, window.SQUARE))
+        return fall if self.rest is None else fall - square * np.asarray(self.here[window.OFF])[1:]
 
     @cached_property
     def fit(self) -> Code:
@@ -161,7 +169,7 @@ class Stepper:
     def _block(self) -> int:
         """How many pairs a window stands for, beside its margins."""
         pairs, most = self.scene.n_pairs, window.LENGTH - 2
-        return pairs if pairs <= most else -(-pairs // -(-pairs // (most - 2 * (loop.REACH + 2))))
+        return pairs if pairs <= most else -(-pairs // -(-pairs // (most - 2 * (march.REACH + 2))))
 
     def pairs(self, row: int) -> Array:
         """One number of every pair."""
@@ -172,7 +180,7 @@ class Stepper:
         return np.asarray(self.here[row])[1 : self.scene.n + 1]
 
     def march(self, k: int, steps: int, room: int) -> tuple[int, int]:
-        """Take up to `steps` steps from step number `k`; see `granular.md.march.march`."""
+        """Take up to `steps` steps from step number `k`; see `granular.md.fixed.march.march`."""
         why, k, turned = self.code.march(self.physics, self.here, self.there, self.work, k, steps, room)
         if turned:
             self.here, self.there = self.there, self.here
@@ -199,9 +207,9 @@ class Stepper:
             self.code.swing(x, self.scene.pendulum, self.rest, dt)
             return x
         ends = [] if self.walls is None else flown(self.walls, *self.clock(k), x, self.pull, dt)
-        self.code.glide(x, self.pull, self.physics.given[3], dt)
+        self.code.glide(x, self.pull, self.physics.given[window.FALL], dt)
         for body, gap, v in ends:
-            x[window.XI][body + (body == 0)], x[V][body + 1] = -gap if gap > 0.0 else 0.0, v
+            x[XI][body + (body == 0)], x[V][body + 1] = -gap if gap > 0.0 else 0.0, v
         return x
 
     def hit_within(self, k: int, dt: float) -> bool:
@@ -209,7 +217,7 @@ class Stepper:
         return whether the one at which to stop would come. The run stays there."""
         work, part = self.work, dt / self.physics.dt
         work.ended[0] = 0
-        halt = bool(self._leap(k, dt, self.physics.logged) & HALT)
+        halt = bool(self._part_of_step(k, dt, self.physics.logged) & HALT)
         for row in work.log[: work.ended[0]]:
             row["step_in"], row["step_out"] = k, k
             row["part_in"], row["part_out"] = part * row["part_in"], part * row["part_out"]
@@ -219,24 +227,19 @@ class Stepper:
     def after(self, k: int, dt: float) -> Any:
         """The rows a time `dt` in s after step `k`, the present one; the run stays there."""
         ended = self.work.ended[0]
-        self._leap(k, dt, False)
+        self._part_of_step(k, dt, False)
         self.work.ended[0] = ended  # hits of thermal walls are counted where they are to stay
         return self.there if dt > 0.0 else self.here
 
-    def _leap(self, k: int, dt: float, logged: bool) -> int:
+    def _part_of_step(self, k: int, dt: float, logged: bool) -> int:
         """Write the rows a time `dt` in s after step `k` there; return flags."""
         if not dt > 0.0:
             return 0
-        whole = self.physics.memory or self.integrator.derivatives or self.walls is not None or self.rest is not None
-        rows, physics = slice(None if whole else V + 1), self.physics._replace(dt=dt, logged=logged)
+        physics = self.physics._replace(dt=dt, logged=logged)
         if self.walls is not None:
             time, tail = self.clock(k)
             physics = physics._replace(walls=physics.walls._replace(time=time, tail=tail))
-        return int(self.code.leap(physics, self.here[rows], self.there[rows], self.work, 0, 1, -2)[1])
-
-    def taking_off(self) -> Any:
-        """A copy of the rows that a flight needs."""
-        return deepcopy(self.here[slice(V + 1 if self.rest is None else None)])
+        return int(self.code.take_steps(physics, self.here, self.there, self.work, 0, 1, False, march.NO_PAIR)[1])
 
     def account(self, x: Any, xi: Array) -> Array:
         """What is kept of the energy in rows `x` in J where walls are driven or heat, see `granular.drive.Row`.

@@ -1,4 +1,4 @@
-"""Rows of numbers: the state of a chain, and a stretch of it while it takes some steps.
+"""Rows of numbers: the state of a chain, its free flight, and a stretch of it while it takes some steps.
 May be skipped: faster, same results.
 
 What changes in a run stands in rows as long as the chain: pair c at ``c + 1``, ball i at ``i + 1``, with an open pair
@@ -10,12 +10,15 @@ window holds the whole chain.
 
 from __future__ import annotations
 
+import math
 from collections import namedtuple
 from typing import Any
 
 import numpy as np
 
+from granular._flight import gap_after, hung, hung_after, time_to_contact
 from granular._kernels import kernel
+from granular.scene.flags import RING
 
 LENGTH = 328
 """Entries of a row of a window: all rows should fit in the first-level cache (48 kB)."""
@@ -43,16 +46,19 @@ velocities within a step; a sum of Runge and Kutta, displacements at the start o
 """Places of the rows that a chain may have, too: all up to the last one that the run needs."""
 WAS, GIVEN = ROWS.index("was_xi"), ROWS.index("k")
 WINDOW = np.dtype([(name, float, (LENGTH,)) for name in ROWS])
-RING = False
-"""Whether the last pair joins the last ball and the first."""
+HALF, WHOLE, LAST, START, MIDDLE, END = range(6)
+"""Of a wall in a step: its mean velocity in the first half, in all of it, and the one that makes the sum of
+Runge-Kutta's rates that of all of it; its velocity at the start, in the middle, at the end."""
+K, GAMMA, INVERSE_MASS, FALL, SQUARE = range(5)
+"""Places of the rows that are given, which begin at `GIVEN` in a window."""
 MOST = 1 << 40
 """More entries than any row has."""
 
 Physics = namedtuple("Physics", "laws given root dt logged memory block walls ring heat")
 """What does not change: what the kernel `force` takes for laws; rows of coefficients, inverse masses, free
 accelerations and squares of Ω, and whether √ξ is a factor of k ξ + γ ξ̇; time step; whether a log is kept, and whether
-laws have memory; pairs that a window stands for; walls that move, see `driven`, or 0; pairs of a ring, or 0; thermal
-walls, see `heated`, or 0."""
+laws have memory; pairs that a window stands for; walls that move, or 0; pairs of a ring, or 0; thermal walls, or
+0: see `walls`."""
 Work = namedtuple("Work", "window rows was given ended log pair nth")
 """The window, by name, as rows, as those of a step ago, as those that are given; how many contacts ended (1,), and
 their rows; at the onset of which contact of a pair to stop (-1: of none)."""
@@ -93,9 +99,10 @@ def around(count: int, source: Any, lo: int, ring: int, target: Any) -> None:
 
 
 @kernel
-def close(m: int, a: Any) -> None:
+def close(physics: Any, m: int, a: Any) -> None:
     """Let the ends of a window that holds all of a ring see each other."""
-    a.raw[0], a.raw[m + 1], a.xi[m + 1] = a.raw[m], a.raw[1], a.xi[1]
+    if RING and m == physics.ring:
+        a.raw[0], a.raw[m + 1], a.xi[m + 1] = a.raw[m], a.raw[1], a.xi[1]
 
 
 @kernel
@@ -105,3 +112,75 @@ def store(lo: int, first: int, stop: int, work: Any, x: Any) -> None:
     The last ball is one of the next window, which will overwrite it and its pair, or the last of all.
     """
     copy(stop - first + 1, work.rows, first - lo + 1, x, first + 1)
+
+
+@kernel
+def steer(physics: Any, lo: int, m: int, drift: int, speed: int, a: Any) -> None:
+    """Give driven walls in a window their drift in a step or stage, and the velocity that forces see at its end."""
+    walls = physics.walls
+    for i in range(len(walls.bodies)):
+        place, row = walls.bodies[i] - lo, walls.drive[0 if walls.bodies[i] == 0 else 1]
+        if 0 <= place <= m:
+            a.half[place + 1], a.guess[place + 1] = row[drift], row[speed]
+
+
+@kernel
+def arrive(physics: Any, lo: int, m: int, speed: int, a: Any) -> None:
+    """Give driven walls in a window a velocity, at the end of a step that of their path."""
+    walls = physics.walls
+    for i in range(len(walls.bodies)):
+        place, row = walls.bodies[i] - lo, walls.drive[0 if walls.bodies[i] == 0 else 1]
+        if 0 <= place <= m:
+            a.was_v[place + 1], a.v[place + 1] = row[START], row[speed]
+
+
+@kernel
+def time_to_touch(x: Any, pull: Any, low: int, high: int) -> float:
+    """Time until the first gap of the pairs from `low` to before `high` closes; inf if none ever does."""
+    first, xi, v = math.inf, x[XI], x[V]
+    for c in range(low, high):
+        rate = v[c + 2] - v[c + 1]
+        if xi[c + 1] == 0.0 and rate == 0.0 and pull[c] > 0.0:
+            return 0.0  # a soft ball placed on the floor sinks in
+        t = time_to_contact(-xi[c + 1], rate, pull[c])
+        if t < first:
+            first = t
+    return first
+
+
+@kernel
+def glide(x: Any, pull: Any, fall: Any, dt: float) -> None:
+    """Advance the rows of an open scene by `dt`; rounding never makes a gap negative."""
+    xi, raw, v = x[XI], x[RAW], x[V]
+    for c in range(len(pull)):
+        gap = gap_after(-xi[c + 1], v[c + 2] - v[c + 1], pull[c], dt)
+        xi[c + 1], raw[c + 1] = -gap if gap > 0.0 else 0.0, 0.0
+    for i in range(1, len(v)):
+        v[i] += fall[i] * dt
+    for r in range(TOP, min(len(x), SNAP + 1)):
+        for i in range(len(v)):
+            x[r][i] = fall[i] if r == ACC else 0.0
+
+
+@kernel
+def time_to_touch_hung(x: Any, omega: float, rest: Any) -> float:
+    """Time until the first gap between pendula closes; inf if none ever does."""
+    first, xi, v = math.inf, x[XI], x[V]
+    for c in range(len(rest)):
+        t = hung(-xi[c + 1], v[c + 2] - v[c + 1], omega, rest[c])
+        if t < first:
+            first = t
+    return first
+
+
+@kernel
+def swing(x: Any, omega: float, rest: Any, dt: float) -> None:
+    """Advance the rows of an open scene of pendula by `dt`."""
+    xi, raw, v, off = x[XI], x[RAW], x[V], x[OFF]
+    for c in range(len(rest)):
+        gap, _ = hung_after(-xi[c + 1], v[c + 2] - v[c + 1], omega, rest[c], dt)
+        xi[c + 1], raw[c + 1] = -gap if gap > 0.0 else 0.0, 0.0
+    for i in range(1, len(v)):
+        off[i], v[i] = hung_after(off[i], v[i], omega, 0.0, dt)
+        x[TOP][i], x[ACC][i] = 0.0, -omega * omega * off[i]
+        x[JERK][i], x[SNAP][i] = -omega * omega * v[i], -omega * omega * x[ACC][i]

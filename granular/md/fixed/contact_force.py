@@ -22,11 +22,8 @@ import numpy as np
 from granular._kernels import kernel, load_numba
 from granular.laws.kinds import SceneLaws
 from granular.scene import Pairs
+from granular.scene.flags import HEATED, RING
 
-HEATED = False
-"""Whether a wall is thermal: its pair has a 0 among its coefficients, and no force."""
-RING = False
-"""Whether pairs beyond the last are the first ones again."""
 WIDTH = 12
 LAW = np.dtype([("kind", np.int64), ("field", np.float64, (WIDTH,))])
 PAIR = np.dtype([("m_eff", np.float64), ("r_eff", np.float64), ("index", np.int64)])

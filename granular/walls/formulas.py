@@ -1,0 +1,222 @@
+"""Walls that move by a formula: a sine, or polynomials piece by piece, such as a spline through measured positions.
+May be skipped: rarer, walls that shake.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from granular import _check
+from granular._check import Array
+from granular._describe import ByNumbers
+from granular._records import plain
+from granular.walls import path
+from granular.walls.panels import TERMS, Panels
+
+LARGEST = 1e150
+"""Of amplitudes (m) and accelerations (m/s²): their products are still numbers."""
+PER_TURN = 8
+"""Panels a turn."""
+TWO_PI = 6283185307179586476925286766559005768394338798750211641949889184615632812572417997256, 10**84
+CLOSED = 1e-9
+"""Steps between pieces that are rounding, in units of the largest term."""
+
+
+class _OfPanels:
+    """What motions have in common that are made of panels once and for all."""
+
+    @property
+    def _panels(self) -> Panels:
+        raise NotImplementedError
+
+    def displacement(self, t: float) -> float:
+        """Return m(t) in m."""
+        return self._panels.displacement(t)
+
+    def velocity(self, t: float) -> float:
+        """Return m'(t) in m/s; at a break, that after it."""
+        return self._panels.velocity(t)
+
+    def acceleration(self, t: float) -> float:
+        """Return m''(t) in m/s²; at a break, that after it."""
+        return self._panels.acceleration(t)
+
+
+@dataclass(frozen=True)
+class Sine(_OfPanels):
+    """m(t) = A sin(2π f t + φ), m' = 2π f A cos(2π f t + φ), m'' = -(2π f)² m.
+
+    Parameters
+    ----------
+    amplitude : float
+        A in m, not negative.
+    frequency : float
+        f in Hz, positive: turns per second, not radians.
+    phase : float
+        φ in rad at t = 0 (not at t_start). A phase of 0 at t_start = 0 begins with a jolt, for the wall then moves at
+        2π f A at once; π/2 does not.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For what is no such number.
+
+    Notes
+    -----
+    Engines read it as eight polynomials of degree 16 a turn, wrong by less than 3e-20 A, and keep f·t as a fraction of
+    a turn in two floats: a million periods cost no digits.
+    """
+
+    amplitude: float
+    frequency: float
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.__dict__.update(
+            amplitude=_check.number("amplitude", self.amplitude, at_least=0.0, at_most=LARGEST,
+                                    fix="a phase of π turns the motion round"),
+            frequency=_check.number("frequency", self.frequency, above=0.0,
+                                    fix="for a wall that does not move give none"),
+            phase=_check.number("phase", self.phase),
+        )
+        largest = self.omega * self.omega * self.amplitude
+        _check.number("(2π frequency)² amplitude", largest, at_least=0.0, at_most=LARGEST)
+
+    @classmethod
+    def from_acceleration(cls, gamma: float, frequency: float, gravity: float = 9.81, phase: float = 0.0) -> Sine:
+        """Return the motion whose largest acceleration is Γ = A (2π f)² / g times gravity.
+
+        Parameters
+        ----------
+        gamma : float
+            Γ, not negative; balls that rest on the wall leave it above 1.
+        frequency : float
+            f in Hz, positive.
+        gravity : float
+            g in m/s², positive.
+        phase : float
+            φ in rad.
+        """
+        largest = _check.number("gamma", gamma, at_least=0.0) * _check.number("gravity", gravity, above=0.0)
+        omega = 2.0 * math.pi * _check.number("frequency", frequency, above=0.0)
+        return cls(largest / (omega * omega), frequency, phase)
+
+    @property
+    def omega(self) -> float:
+        """2π f in rad/s."""
+        return 2.0 * math.pi * self.frequency
+
+    def phases(self, times: Array) -> Array:
+        """Return the phases (2π f t + φ)/2π as fractions of a turn, from 0 to 1, at times in s; late ones lose no
+        digits."""
+        wall = plain(self._panels.records()[0])[0]
+        return np.array([path.phase(wall, t, 0.0) for t in times.tolist()])
+
+    def panels(self, t_start: float = 0.0, t_end: float = math.inf) -> Panels:
+        """Return what engines read; it holds for all times."""
+        return self._panels
+
+    @cached_property
+    def _panels(self) -> Panels:
+        from fractions import Fraction
+
+        half = math.pi / PER_TURN
+        s, c = math.sin(half), math.cos(half)  # eighths by symmetry: the sine of 15π/8 as computed is less exact
+        sine = np.array([s, c, c, s, -s, -c, -c, -s])
+        cycle = sine, np.roll(sine, -2), -sine, -np.roll(sine, -2)
+        series = [cycle[j % 4] * (self.amplitude * half**j / math.factorial(j)) for j in range(17)]
+        turn = Fraction(self.phase) / Fraction(*TWO_PI) % 1
+        high = float(turn)
+        edges = np.arange(PER_TURN + 1) / PER_TURN
+        error = self.amplitude * half**17 / math.factorial(17)
+        return Panels(edges, np.array(series).T, error, self.frequency, (high, float(turn - Fraction(high))))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Piecewise(_OfPanels, ByNumbers):
+    """m(t) = Σ_j c_ji (t - t_i)^(K-j) from break t_i to t_(i+1), as in `scipy.interpolate.PPoly`.
+
+    Parameters
+    ----------
+    breaks : (n+1,) array, or scipy.interpolate.PPoly
+        Times t_i in s, increasing; a PPoly (a CubicSpline, a PchipInterpolator) brings its coefficients with it.
+    coefficients : (K+1, n) array
+        The highest power first, in m/s^(K-j); K ≤ 19.
+
+    Raises
+    ------
+    TypeError, ValueError
+        With what is wrong; a path that jumps from piece to piece is refused: a wall cannot. Its velocity may jump: an
+        event for balls that touch the wall.
+
+    Notes
+    -----
+    A run must lie between the first and the last break. Steps of position by rounding are closed.
+    """
+
+    breaks: Array
+    coefficients: Array
+
+    def __init__(self, breaks: Any, coefficients: Any = None) -> None:
+        if coefficients is None:
+            if not (hasattr(breaks, "x") and hasattr(breaks, "c")):
+                raise TypeError(_check._sentence("coefficients", None, "an array (K+1, n), the highest power first, is "
+                                                 "needed, or a scipy.interpolate.PPoly alone"))
+            breaks, coefficients = breaks.x, breaks.c
+        t = _check.array("breaks", breaks)
+        if len(t) < 2:
+            raise ValueError(f"breaks has {len(t)} entries: at least 2 are needed, where the path begins and ends.")
+        _check.every("breaks", t, np.isfinite(t), "a finite time is needed")
+        _check.every("breaks", t[1:], np.diff(t) > 0.0, "breaks must increase from entry to entry")
+        rows = np.shape(coefficients)[0] if np.ndim(coefficients) else 1
+        if not 0 < rows <= TERMS:
+            raise ValueError(f"coefficients has {rows} rows: 1 to {TERMS} are needed, one per power.")
+        c = _check.array("coefficients", coefficients, (rows, len(t) - 1), fix="one column per piece",
+                         finite="a finite number is needed")
+        self.__dict__.update(breaks=t, coefficients=c)
+        _check_steps(t, *_joined(t, c))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Piecewise, (self.breaks, self.coefficients)
+
+    def __repr__(self) -> str:
+        n = self.coefficients.shape[1]
+        return f"Piecewise({n} piece{'s' * (n != 1)}, {self.breaks[0]:g} … {self.breaks[-1]:g} s)"
+
+    def panels(self, t_start: float, t_end: float) -> Panels:
+        """Return what engines read, or raise `ValueError` if the path does not last from `t_start` to `t_end`, in s."""
+        return self._panels.panels(t_start, t_end)
+
+    @cached_property
+    def _panels(self) -> Panels:
+        series, _, _ = _joined(self.breaks, self.coefficients)
+        return Panels(self.breaks, series)
+
+
+def _joined(t: Array, c: Array) -> tuple[Array, Array, Array]:
+    """Return the series (n, K+1) about the middles of the pieces with the steps between them closed; the steps (n-1,)
+    in m; and the largest term of each piece (n,) in m."""
+    half = 0.5 * np.diff(t)
+    scaled = (c[::-1] * half ** np.arange(len(c))[:, None]).T
+    series = scaled.copy()
+    for i in range(series.shape[1] - 1):
+        for j in range(series.shape[1] - 2, i - 1, -1):
+            series[:, j] += series[:, j + 1]
+    alternate = (-1.0) ** np.arange(series.shape[1])
+    steps = (series @ alternate)[1:] - series.sum(axis=1)[:-1]
+    largest = np.abs(scaled * 2.0 ** np.arange(series.shape[1])).max(axis=1)
+    series[1:, 0] -= np.cumsum(steps)
+    return series, steps, largest
+
+
+def _check_steps(t: Array, series: Array, steps: Array, largest: Array) -> None:
+    big = np.abs(steps) > CLOSED * max(float(largest.max()), math.ulp(0.0))
+    if big.any():
+        i = int(big.argmax())
+        raise ValueError(f"coefficients make the wall jump by {steps[i]:.3g} m at breaks[{i + 1}] = {t[i + 1]:g}: a "
+                         "continuous path is needed; raise the constant of the later piece.")
