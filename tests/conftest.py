@@ -62,6 +62,13 @@ def no_code_for_its_own_sake():
 
 
 @pytest.fixture
+def interpreted(monkeypatch):
+    """Engine "auto" stays interpreted: piles that rest are looked at interpreted, which is slow on records of machine
+    code."""
+    monkeypatch.setattr("granular._kernels.Toll.due", lambda self, ahead=0.0: False)
+
+
+@pytest.fixture
 def granular(capsys, tmp_path, monkeypatch):
     """The command in an empty folder: a line → exit code, standard output, standard error."""
     from granular import cli

@@ -181,6 +181,7 @@ def column(t_end):
     (lambda: row(1.0, 0.0, 0.0, gap=1e-5, k=1e4), A.no), (lambda: gas(1e9), A.yes),
     *[((lambda ties=ties: cradle(ties)), A.not_unique) for ties in ("left", "right", "newton", "poisson")],
 ])
+@pytest.mark.usefixtures("interpreted")
 def test_scenes_whose_answer_is_known(scene, answer):
     report = scene()
     assert report.answer is answer, report.verdict
