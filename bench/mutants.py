@@ -111,10 +111,14 @@ def killed(copy: Path, place: str, old: str, new: str, tests: str) -> str:
         shutil.copy2(ROOT / file.relative_to(copy), file)  # with its time: machine code of what is unchanged is kept
 
 
+def limited() -> None:
+    resource.setrlimit(resource.RLIMIT_CPU, (LIMIT, LIMIT))
+
+
 def first_failure(copy: Path, files: list[str]) -> str:
-    run = subprocess.run([sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", *files],
-                         env=os.environ | {"PYTHONPATH": str(copy)}, cwd=copy, capture_output=True, text=True, check=False,
-                         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (LIMIT, LIMIT)))
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", *files]
+    run = subprocess.run(command, cwd=copy, env=os.environ | {"PYTHONPATH": str(copy)}, check=False,
+                         capture_output=True, text=True, preexec_fn=limited)
     if run.returncode < 0:
         return f"by the limit, or a crash (signal {-run.returncode})"
     if run.returncode > 2:

@@ -95,8 +95,11 @@ def test_a_slow_approach_that_is_given_is_no_rounding():
     assert gr.md.simulate(scene, gr.LinearDashpot(1e6)).count(2) == 1
 
 
+SLOW = ("strong dashpot", "compiled"), ("creep", "compiled")
+
+
 @pytest.mark.parametrize(("law", "engine"), [
-    pytest.param(name, engine, marks=[pytest.mark.soak] * (engine == "compiled" and name in ("strong dashpot", "creep")))
+    pytest.param(name, engine, marks=[pytest.mark.soak] * ((name, engine) in SLOW))
     for name in DAMPED for engine in ("plain", "compiled")])
 def test_walls_move_on_while_a_pile_rests(law, engine):
     pytest.importorskip("numba")
