@@ -14,8 +14,8 @@ import docs_data
 
 HERE = Path(__file__).parent
 SCRIPTS = (
-    "frontier", "edmd_scaling", "edmd_columns", "edmd_long", "leaving_out", "fixed_speed", "isolation",
-    "first_minute", "driven", "bounded", "waves", "located_speed", "located_extremes", "located_orders", "map_orders",
+    "frontier", "edmd_scaling", "edmd_columns", "edmd_long", "leaving_out", "isolation", "first_minute", "driven",
+    "bounded", "waves",
 )
 
 

@@ -34,16 +34,17 @@ def turn():
 def pytest_collection_modifyitems(config, items):
     """Have the makers run first, all by one worker: from an empty cache, the other would make the same code again.
 
-    Of cases marked `thirds` a run of whole folders has each third one, which by commit; of files, all.
+    Of cases marked `thirds` a run of whole folders has each third one, which by commit, its soak the others; of files,
+    all.
     """
     items.sort(key=lambda item: item.path.stem not in MAKERS)
     if all(Path(name).is_dir() for name in config.args):
         count = Counter()
-        for item in list(items):
+        for item in items:
             if item.get_closest_marker("thirds"):
                 count[item.originalname] += 1
                 if (count[item.originalname] + turn()) % 3:
-                    items.remove(item)
+                    item.add_marker("soak")
 
 
 def pytest_collection_finish():
@@ -59,6 +60,13 @@ def no_code_for_its_own_sake():
             for constant, value in constants.items():
                 patch.setattr(importlib.import_module(f"granular.{name}"), constant, value)
         yield
+
+
+@pytest.fixture
+def interpreted(monkeypatch):
+    """Engine "auto" stays interpreted: piles that rest are looked at interpreted, which is slow on records of machine
+    code."""
+    monkeypatch.setattr("granular._kernels.Toll.due", lambda self, ahead=0.0: False)
 
 
 @pytest.fixture

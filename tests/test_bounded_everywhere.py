@@ -1,6 +1,5 @@
-"""Rings, thermal walls and pendula in every verb: command, library, file and sweep, saved runs, frontier, threshold."""
+"""Rings, thermal walls and pendula in every verb: saved runs, recordings, frontier, threshold (fronts: test_fronts)."""
 
-import json
 import math
 
 import numpy as np
@@ -18,25 +17,6 @@ CASES = [
 ]
 EACH = pytest.mark.parametrize(("name", "options"), CASES)
 STIFF = {"stiffness": 1e5, "law": "LinearDashpot"}
-
-
-@EACH
-def test_all_fronts_give_the_same_numbers(name, options, granular, tmp_path):
-    options = options | STIFF
-    case = gr.cases.make(name, **options)
-    report = gr.compare(case.scene, case.law, case.rule, t_end=case.t_end)
-    assert len(report.soft.contacts) > 1
-    assert "nan" not in str(report)
-    said = json.loads(json.dumps(report.to_dict()))
-    gr.cases.save(case, tmp_path / "case.toml")
-    flags = " ".join(f"--{key.replace('_', '-')} {value}" for key, value in options.items())
-    for line in (f"{name} {flags}", "case.toml"):
-        assert granular(f"compare {line} --json out.json")[0] == 0
-        written = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
-        for key in ("pairs", "verdict", "groups", "scene"):
-            assert written[key] == said[key], key
-    data = gr.sweep(tmp_path / "case.toml", {"restitution": [1.0 if case.scene.heated else 0.9]}, ["contacts", "v_rel"])
-    assert data["contacts"].shape == (1, case.scene.n_pairs)
 
 
 @EACH

@@ -10,6 +10,7 @@ import pytest
 
 import granular as gr
 from granular import measures
+from granular.comparison import rises
 from granular.comparison.report import warnings
 from granular.outcome import differences
 
@@ -221,6 +222,7 @@ def test_contacts_of_touching_balls_are_not_taken_for_rounding():
     (1e6, "Yes, trivially: nothing collides; soft spheres overlap by 5.67e-05 m under their weight."),
     (1e2, "No: nothing collides, but soft spheres sink"),
 ])
+@pytest.mark.usefixtures("interpreted")
 def test_weight_without_impact_has_its_own_verdict(k, verdict):
     stack = gr.Scene([math.inf, 1.0, 1.0, 1.0], [0.0, 0.1, 0.1, 0.1], [0.0] * 3, [0.0] * 4, gravity=9.81)
     assert gr.compare(stack, gr.LinearDashpot(k, 50.0), t_end=1.0).verdict.startswith(verdict)
@@ -413,8 +415,10 @@ def test_a_root_beside_a_jump_is_found_whatever_rounding_says():
         assert found == pytest.approx([0.95], abs=1e-12)
 
 
-def test_a_rise_is_given_up_where_a_pile_takes_too_many_steps_to_settle():
+@pytest.mark.usefixtures("interpreted")
+def test_a_rise_is_given_up_where_a_pile_takes_too_many_steps_to_settle(monkeypatch):
     """Before, the soft run was followed for minutes: steps, not contacts, are many."""
+    monkeypatch.setattr(rises, "STEPS", 3000)
     pile = gr.scenes.ball_stack(8, mass_ratio=0.122, gap=0.0216, height=0.237)
     law = [gr.LinearDashpot.from_restitution(0.642, k=2.02e7, pair=pair) for pair in pile.pairs]
     report = gr.compare(pile, law, until=gr.until.separated(), t_end=3.0)

@@ -1,66 +1,17 @@
-"""Driven scenes: command, library, file and sweep get the same numbers; saved runs go on; frontier and threshold."""
+"""Driven scenes: sweeps by name, saved runs go on, frontier and threshold (all fronts: test_fronts)."""
 
-import json
 import math
 
-import numpy as np
 import pytest
 
 import granular as gr
 from granular.frontiers import methods
 from granular.frontiers.methods import Task, peer
 from granular.laws.check import checked
-from granular.outcome import at_once, counts
 from granular.reference import solve
 from granular.walls import Motion, Piecewise, Sine
 
 pytest.importorskip("xarray")
-
-WAYS = {"located": {}, "fixed steps": {"method": "verlet", "dt": 2e-6}}
-
-
-def question(seed):
-    """Name of a scene and options of it as the command has them, at random."""
-    random = np.random.default_rng(seed)
-    gamma, frequency = float(random.uniform(0.5, 5.0)), float(random.uniform(20.0, 60.0))
-    shaken = {"gamma": gamma, "frequency": frequency}
-    if seed % 2:
-        return "vibrated-column", shaken | {"n": int(random.integers(1, 4)), "phase": float(random.uniform(0, 3))}
-    return "bouncing-ball", {"plate": {"type": "Sine", **shaken}, "height": float(random.uniform(0.005, 0.02))}
-
-
-def flag(name, value):
-    words = [f"{key}={entry}" for key, entry in value.items()] if isinstance(value, dict) else [repr(value)]
-    return f"--{name} {' '.join(words)}"
-
-
-@pytest.mark.parametrize(("seed", "way"), [(0, "located"), (1, "located"), (2, "fixed steps"), (3, "located")])
-def test_all_fronts_give_the_same_numbers(seed, way, granular, tmp_path):
-    name, options = question(seed)
-    steps = WAYS[way]
-    options |= {"restitution": 0.6, "stiffness": 1e5, "t_end": 0.1}
-    case = gr.cases.make(name, **options, run=steps)
-    report = gr.compare(case.scene, case.law, case.rule, t_end=case.t_end, **steps)
-    said = json.loads(json.dumps(report.to_dict()))
-
-    gr.cases.save(case, tmp_path / "case.toml")
-    flags = " ".join(flag(key.replace("_", "-"), value) for key, value in (options | steps).items()).replace("'", "")
-    for line in (f"{name} {flags}", "case.toml"):
-        assert granular(f"compare {line} --json out.json")[0] == 0
-        written = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
-        for key in ("pairs", "verdict", "groups", "scene"):
-            assert written[key] == said[key], key
-        assert written["hard"]["account"] == said["hard"]["account"]
-        assert written["soft"]["account"] == said["soft"]["account"]
-
-    results = ["contacts", "hard_contacts", "v_rel", "t_f", "error"]
-    for subject in (tmp_path / "case.toml", case):
-        data = gr.sweep(subject, {"floor.amplitude": [case.scene.floor.amplitude]}, results)
-        assert data["contacts"].values[0].tolist() == [pair.soft_contacts for pair in report.pairs]
-        assert data["hard_contacts"].values[0].tolist() == counts(at_once(report.hard)).tolist()
-        assert np.array_equal(data["v_rel"].values[0], [pair.soft_v_rel for pair in report.pairs], equal_nan=True)
-        assert np.array_equal(data["error"].values[0], report.error, equal_nan=True)
-        assert data["floor.amplitude"].attrs["units"] == "m"
 
 
 def test_a_sweep_by_name_varies_a_plate():

@@ -13,7 +13,7 @@ import granular as gr
 INF, A = math.inf, gr.Answer
 FEW = {"drop": 3, "floor": 3, "pendula": 4, "sine": 2, "piecewise": 5, "thermal": 4, "resting": 4, "box": 20,
        "touching": 50}
-"""Questions of kinds that take longer, or less long; six of each other."""
+"""Questions of kinds that take longer, or less long; three of each other."""
 NUMBERS = 1e-3
 """Two runs to other ends have other roundings, which a chaotic scene makes larger; answers are compared exactly."""
 
@@ -27,6 +27,7 @@ def same(kind, seed):
     return report.answer is A.undecided
 
 
+@pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_judge_of_the_page_says_the_same(kind):
     assert sum(same(kind, seed) for seed in range(FEW.get(kind, 3))) == 0
@@ -181,6 +182,7 @@ def column(t_end):
     (lambda: row(1.0, 0.0, 0.0, gap=1e-5, k=1e4), A.no), (lambda: gas(1e9), A.yes),
     *[((lambda ties=ties: cradle(ties)), A.not_unique) for ties in ("left", "right", "newton", "poisson")],
 ])
+@pytest.mark.usefixtures("interpreted")
 def test_scenes_whose_answer_is_known(scene, answer):
     report = scene()
     assert report.answer is answer, report.verdict

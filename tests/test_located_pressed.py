@@ -74,7 +74,7 @@ LAWS = {"dashpot": gr.LinearDashpot(1e5, 150.0), "strong": gr.LinearDashpot(1e5,
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_a_ceiling_is_a_floor_upside_down(law):
     below = gr.Scene([INF, 1.0, 2.0], [0] * 3, [0.01, 0.001], [0] * 3, external_force=[0, -30.0, -7.0])
-    runs = [gr.md.simulate(s, law, t_end=t) for s in (below, mirrored(below)) for t in (None, 30.0)]
+    runs = [gr.md.simulate(s, law, t_end=t, engine="plain") for s in (below, mirrored(below)) for t in (None, 30.0)]
     assert [run.status.name for run in runs] == ["resting", "time", "resting", "time"]
     assert all(run.stats["resting"] for run in runs)
     for i in (0, 1):
@@ -89,8 +89,8 @@ def test_pressed_between_walls_and_in_flight(law):
     between = gr.Scene([INF, 1.0, 1.0, INF], [0.0] * 4, gap, [0] * 4, external_force=[0, 5.0, -3.0, 0])
     free = gr.Scene([1.0, 2.0, 3.0], [0.0] * 3, [1e-3, 2e-3], [0] * 3, 9.81, external_force=[20.0, 0.0, -20.0])
     for scene in (between, free):
-        assert gr.md.simulate(scene, law).status is gr.Status.resting
-        run = gr.md.simulate(scene, law, t_end=30.0)
+        assert gr.md.simulate(scene, law, engine="plain").status is gr.Status.resting
+        run = gr.md.simulate(scene, law, t_end=30.0, engine="plain")
         force, fall = run.force[-1], scene.external_force * scene.inverse_mass
         given = np.diff(np.concatenate([[0.0], force, [0.0]])) * -scene.inverse_mass + fall  # acceleration of each ball
         balls = scene.mass < INF
@@ -119,9 +119,9 @@ def test_several_piles_and_what_flies_between_them():
     force = [0, -10.0, -10.0, 0.0, 10.0, 10.0, 0]
     gap = [1e-3, 1e-3, 0.2, 0.2, 1e-3, 1e-3]
     scene = gr.Scene([INF, 1, 1, 1, 1, 1, INF], [0.0] * 7, gap, [0] * 7, external_force=force)
-    assert gr.md.simulate(scene, law).status is gr.Status.resting
+    assert gr.md.simulate(scene, law, engine="plain").status is gr.Status.resting
     drifts = scene.replace(velocity=[0, 0, 0, 0.01, 0, 0, 0])
-    run = gr.md.simulate(drifts, law, t_end=1000.0, max_steps=20_000)
+    run = gr.md.simulate(drifts, law, t_end=1000.0, max_steps=20_000, engine="plain")
     assert run.count(2) + run.count(3) > 1
     assert not run.stats["resting"]
 

@@ -25,7 +25,7 @@ def drop(n):
 @pytest.mark.parametrize("law", DAMPED.values(), ids=DAMPED)
 @pytest.mark.parametrize("n", [1, 3])
 def test_t_end_and_samples_are_kept(law, n):
-    run = gr.md.simulate(drop(n), law, t_end=3.0, samples=31)
+    run = gr.md.simulate(drop(n), law, t_end=3.0, samples=31, engine="plain")
     np.testing.assert_array_equal(run.time, np.linspace(0.0, 3.0, 31))
     assert run.status is gr.Status.time
     for c in range(n):  # the log says what momentum the balls above pair c have been given
@@ -69,11 +69,14 @@ def test_squeezed_between_two_walls(law):
     assert gr.md.simulate(scene, law).status is gr.Status.resting
 
 
-@pytest.mark.parametrize("engine", ["plain", "compiled"])
-def test_rest_is_the_same_compiled(engine):
+@pytest.mark.parametrize(("law", "looks"), [
+    ("tsuji", math.inf), *(pytest.param(law, 0, marks=pytest.mark.soak) for law in ("tsuji", "creep"))])
+def test_rest_is_the_same_compiled(law, looks, monkeypatch):
+    """Whether blocks that may rest are looked at interpreted, or by machine code too."""
     pytest.importorskip("numba")
-    one = gr.md.simulate(drop(2), DAMPED["tsuji"], t_end=5.0, samples=7, engine="plain")
-    other = gr.md.simulate(drop(2), DAMPED["tsuji"], t_end=5.0, samples=7, engine=engine)
+    monkeypatch.setattr("granular.md.located.at_rest.LOOKS", (looks, looks))
+    one, other = (gr.md.simulate(drop(2), DAMPED[law], t_end=5.0, samples=7, engine=engine)
+                  for engine in ("plain", "compiled"))
     for name in ("time", "position", "velocity", "gap", "force", "contacts"):
         assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
 
@@ -92,10 +95,15 @@ def test_a_slow_approach_that_is_given_is_no_rounding():
     assert gr.md.simulate(scene, gr.LinearDashpot(1e6)).count(2) == 1
 
 
-@pytest.mark.parametrize("engine", ["plain", "compiled"])
-@pytest.mark.parametrize("law", DAMPED.values(), ids=DAMPED)
+SLOW = ("strong dashpot", "compiled"), ("creep", "compiled")
+
+
+@pytest.mark.parametrize(("law", "engine"), [
+    pytest.param(name, engine, marks=[pytest.mark.soak] * ((name, engine) in SLOW))
+    for name in DAMPED for engine in ("plain", "compiled")])
 def test_walls_move_on_while_a_pile_rests(law, engine):
     pytest.importorskip("numba")
+    law = DAMPED[law]
     scene = gr.Scene([math.inf, 1.0, 1.0, math.inf], [0, 0.1, 0.1, 0], [1e-3, 1e-3, 0.5], [-0.02, 0, 0, 0.01], 9.81)
     run = gr.md.simulate(scene, law, t_end=100.0, samples=11, engine=engine)
     np.testing.assert_allclose(run.velocity[:, 3], 0.01, rtol=1e-12)

@@ -36,6 +36,7 @@ def test_a_notebook_is_stored_small_and_with_its_outputs(path):
     assert "error" not in kinds
 
 
+@pytest.mark.thirds
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
@@ -52,6 +53,7 @@ def test_a_notebook_runs_in_jupyter(tmp_path):
     as_shown("newtons-cradle", printed(notebook), shown)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("name", ["tennis-ball", "what-accuracy-costs"])
 def test_the_cells_of_a_notebook_run_and_print_what_it_shows(name, monkeypatch, tmp_path):
     matplotlib = pytest.importorskip("matplotlib")

@@ -161,6 +161,7 @@ def test_stacks_follow_the_closed_formula_only_with_gaps():
         assert right or top < 0.8 * formula
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("name", sorted(path.stem for path in SCRIPTS.glob("*.py") if path.stem != "setting"))
 def test_every_script_draws_its_figure_and_writes_its_numbers(name, tmp_path, monkeypatch):
     few = {"sketch": 1, "forces": 100, "sequence": 2, "viscoelastic": 2, "viscoelastic_material": 1, "breakdown": 3,

@@ -45,7 +45,7 @@ def test_axes_from_text(text, values):
 
 
 @pytest.mark.parametrize(("scene", "over", "fixed"), [
-    ("three-balls", ["restitution=0.005:1:8", "gap=1e-7:1e-2:5:log"], {}),
+    ("three-balls", ["restitution=0.005:1:4", "gap=1e-7:1e-2:3:log"], {}),
     ("three-balls", ["radii[0]=0.009:0.2:6:log"], {"restitution": 0.8}),  # the first are ongoing at the end
     ("three-balls", ["law=LinearDashpot,TsujiHertz,ViscoelasticHertz,WaltonBraun", "restitution=0.5,1"], {}),
     ("ball-stack", ["n=2,4", "gap=0,1e-3"], {}),
@@ -53,6 +53,7 @@ def test_axes_from_text(text, values):
     ("gas", ["seed=1,2"], {"n": 8, "walls": False, "length": 8.0}),
     ("bouncing-ball", ["t_end=0.1,2,20"], {}),
 ])
+@pytest.mark.usefixtures("interpreted")
 def test_compiled_is_one_by_one_bit_for_bit(scene, over, fixed, monkeypatch):
     monkeypatch.setattr(schedule, "in_memory", lambda kernel: True)
     fast = gr.sweep(scene, over, sorted(FAST), **fixed)
@@ -110,6 +111,7 @@ def test_units_and_provenance():
     assert data["status"].attrs["flag_meanings"].split()[2] == "until"
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_failing_cells_carry_their_status():
     data = gr.sweep("three-balls", {"height": [0.05, 0.6]}, ("contacts", "hard_status"))
     assert data["status"].values.tolist() == [CODE["misuse"], CODE["until"]]
@@ -286,6 +288,7 @@ def pile_that_creeps(gamma):
     return Case(scene, gr.LinearDashpot(1e5, gamma), t_end=0.5)
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_a_pile_that_creeps_ends_as_it_does_alone(monkeypatch):
     """A run by itself goes on by the pile's modes, where steps would take millions; here with one law for all pairs."""
     monkeypatch.setattr(schedule, "in_memory", lambda kernel: True)
