@@ -91,7 +91,7 @@ def look(
     run.room = min(queue.soonest(run.first, run.first + len(near) - 1), state.clock.window) - run.began
     run.edge, run.budget = limit, budget if rows is None else len(rows)
     slices = state.slices()
-    end: int = queue.kernel(queue.fit(zoom))(run, near, *slices, physics.rule, rows, state.walls)
+    end: int = queue.use(zoom)(run, near, *slices, physics.rule, rows, state.walls)
     state.put(*slices)
     run.now = run.began + run.elapsed
     if log is not None and rows is not None:
@@ -134,7 +134,7 @@ def finish(state: State, queue: SortedQueue) -> None:
 def put_back(state: State, queue: SortedQueue) -> None:
     """Put gaps and velocities of the pairs looked at back into the state."""
     slices = state.slices()
-    queue.kernel(write_back)(state.run, state.near, *slices)
+    queue.use(write_back)(state.run, state.near, *slices)
     state.put(*slices)
 
 

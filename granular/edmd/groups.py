@@ -6,33 +6,47 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
 from granular._kernels import kernel, rare
 from granular._records import Records, twin
 from granular.edmd import hanging
-from granular.edmd.collision import ROW, release
-from granular.edmd.motion import NOISE, Walls, carry, predicted, touches, velocities
+from granular.edmd.collision import release
+from granular.edmd.motion import NOISE, carry, predicted, same, touches, velocities
 from granular.edmd.physics import Physics
-from granular.edmd.records import BUDGET, TOUCHING, UNTIL
+from granular.edmd.records import BUDGET, ROW, TOUCHING, UNTIL, Walls
 from granular.edmd.state import State
 from granular.edmd.ties import RULES, Row, gave_up, velocity_changes
 from granular.edmd.wall_state import enter
+from granular.scene.flags import FORCED, RING
 
 Fit = Callable[[Any], Any]
 """Makes kernels fit the scene."""
+Log = list[Any]
+"""The log: chunks of records `ROW`, as arrays or as lists of plain objects."""
+
+
+@rare
+@kernel
+def is_touched(pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> bool:
+    """Return whether a neighbour of pair `c` touches at time `now`. A hit on a thermal wall has none."""
+    n = len(pairs)
+    if FORCED and pairs[c].heat >= 0:
+        return False
+    for side in (c - 1, c + 1):
+        k = side % n if RING else side
+        if 0 <= k < n and touches(pairs[k], bodies[k], bodies[k + 1], now, walls):
+            return True
+    return False
 
 
 @rare
 @kernel
 def group(pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
-    """Return the first and the last pair of the group around pair `c` that touches at time `now`, without tolerance.
-
-    A hit on a thermal wall is none.
-    """
-    if walls is not None and pairs[c].heat >= 0:
-        return c, c
+    """Return the first and the last pair of the group around pair `c` that touches at time `now`, without tolerance."""
     first = last = c
     while first > 0 and touches(pairs[first - 1], bodies[first - 1], bodies[first], now, walls):
         first -= 1
@@ -41,12 +55,17 @@ def group(pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> 
     return first, last
 
 
-def collide_as_one(s: State, physics: Physics, fit: Fit, log: list[Any] | None) -> tuple[int, int, int]:
+def collide_as_one(s: State, physics: Physics, fit: Fit, log: Log | None) -> tuple[int, int, int]:
     """Let the group that touches the suspect now collide by the tie rule; return why to pause, else `TOUCHING`.
 
     Before it: the contact to stop at is among its own, or they are more than the run may still have. Returns, too, the
     first and the last pair to predict anew.
     """
+    return (_collide_around if s.ring else _collide)(s, physics, fit, log)
+
+
+def _collide(s: State, physics: Any, fit: Fit, log: Log | None) -> tuple[int, int, int]:
+    """Do so on a line."""
     run, c, now = s.run, s.run.suspect, s.run.now
     first, last = fit(group)(s.pairs, s.bodies, c, now, s.walls)
     p = _impulses(first, last, s, physics, fit)
@@ -75,6 +94,30 @@ def collide_as_one(s: State, physics: Physics, fit: Fit, log: list[Any] | None) 
     if not hit and fit(predicted)(s.pairs[c], s.bodies[c], s.bodies[c + 1], s.walls) <= now:
         raise gave_up(physics.options["ties"])
     return TOUCHING, max(first - 1, 0), min(last + 1, len(s.pairs) - 1)
+
+
+def _collide_around(s: State, physics: Physics, fit: Fit, log: Log | None) -> tuple[int, int, int]:
+    """Do so on the line that begins behind the largest gap of a ring."""
+    run, n, rows = s.run, len(s.pairs), None if log is None else list[Any]()
+    widest = int(s.row(run.now)[1].argmax())
+    k = (widest + 1) % n
+    run.clamps += fit(carry)(s.pairs[widest], s.bodies[widest], s.bodies[widest + 1], run.now, None)
+    asked = run.suspect, run.stop_pair
+    run.suspect, run.stop_pair = ((c - k) % n if c >= 0 else c for c in asked)
+    rule = physics.rule and (lambda c, speed: physics.rule((c + k) % n, speed))
+    line = replace(s, pairs=s.pairs[k:] + s.pairs[:k], bodies=s.bodies[k:n] + s.bodies[: k + 1])
+    counted: Any = SimpleNamespace(rule=rule, options=physics.options)
+    why, first, last = _collide(line, counted, fit, rows)
+    run.suspect, run.stop_pair = asked
+    same(s.bodies[n], s.bodies[0])
+    for chunk in rows or ():
+        for row in chunk:
+            row.pair = (row.pair + k) % n
+    if log is not None and rows:
+        log += rows
+    if first == 0 or last >= n - 2:  # the largest gap is beside them
+        return why, 0, n - 1
+    return why, (first + k) % n, (first + k) % n + last - first
 
 
 def _impulses(first: int, last: int, s: State, physics: Physics, fit: Fit) -> Row:

@@ -41,11 +41,6 @@ class Physics:
         known = constants(self.rules, self.scene.gap)
         return np.full(self.scene.n_pairs, math.nan) if known is None else np.array(known)
 
-    @property
-    def general(self) -> bool:
-        """Whether walls are driven or thermal, or forces act."""
-        return self.scene.driven or self.scene.heated or self.scene.external_force is not None
-
     @cached_property
     def rule(self) -> Restitution | None:
         """ε of a pair at a speed (m/s); None if all rules are constant."""

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from granular._check import LARGEST, held
-from granular.edmd import hanging
-from granular.edmd.driven import OF_BODY, OF_PAIR
 from granular.edmd.physics import Physics
 from granular.edmd.ties import ORDER
+from granular.walls.panels import WALL
 
 PAIR = np.dtype(
     [
@@ -76,9 +75,55 @@ CLOCK = np.dtype(
     ]
 )
 """Numbers that they do not."""
+ROW = np.dtype(
+    [
+        ("pair", int), ("t_begin", float),
+        ("lower_in", float), ("upper_in", float), ("lower_out", float), ("upper_out", float),
+        ("impulse", float),
+    ],
+    align=True,
+)
+"""What is kept of a collision: pair, time in s since the epoch, velocities before and after in m/s, impulse in N s.
+
+The impulse is no function of the others: in a closer look velocities cannot hold the change, and balls that stick
+together pass on more than their own."""
+SIDE = np.dtype(
+    [
+        *((name, WALL[name]) for name in WALL.names or ()),
+        ("epoch", float), ("low", float),  # s, the zero of times of the run
+        ("work", float), ("work_low", float), ("lost", float), ("lost_low", float),  # J: done by it; of all, in side 0
+        ("temperature", float), ("seed", int),  # J, of a thermal wall; else 0
+        ("heat", float), ("heat_low", float), ("given", float), ("given_low", float),  # J and N s, given to balls
+        ("lands", int), ("forces", int),  # of the scene: touching pairs come to rest by rounding; forces act
+    ],
+    align=True,
+)
+"""What kernels know of the floor and of the ceiling, one record each; no panels: it moves at constant speed."""
+Walls: TypeAlias = Any
+"""Where walls are driven or thermal, or forces act: two records `SIDE`, the panels of both, the clock. Else None."""
+FREE, FLOOR, CEILING = 0, 1, 2
+BOTH = 2
+"""`wall` of a pair between what rests on a driven floor and on a driven ceiling."""
+
+
+def more(of_pair: list[tuple[str, type]], of_body: list[tuple[str, type]]) -> tuple[np.dtype[Any], np.dtype[Any]]:
+    """Return the records of pairs and bodies with more fields."""
+    return np.dtype(PAIR.descr + of_pair, align=True), np.dtype(BODY.descr + of_body, align=True)
+
+
 PLAIN = PAIR, BODY
-DRIVEN, HUNG = ((np.dtype(PAIR.descr + pair, align=True), np.dtype(BODY.descr + body, align=True)) for pair, body in (
-    (OF_PAIR, OF_BODY), (hanging.OF_PAIR, hanging.OF_BODY)))
+OF_FORCED = more(
+    # beside which driven wall it is (0 floor, 1 ceiling, 2 both, -1 neither); 0 free, 1 or 2 stuck for as long as its
+    # bodies rest on the floor or the ceiling; the time (s) from `at` to its next hit; beside which thermal wall it is
+    [("wall", int), ("shut", int), ("wait", float), ("heat", int)],
+    [("push", float), ("own", float)],  # m/s², acceleration by forces, and by its own force if nothing holds it
+)
+OF_HUNG = more(
+    [("rate", float), ("rest", float), ("omega", float)],  # m/s, at the time `at`; m, its gap at rest; Ω in rad/s
+    # Ω times its displacement when it was time 0, had there been no collision since (m/s), and Ω
+    [("sway", float), ("omega", float)],
+)
+"""Records of pairs and of bodies: of plain scenes, of those with forces, driven or thermal walls, and of pendula."""
 NEVER, APART = -1, -2
 """`stop_pair` of a run that does not stop at a contact, and of one that stops when no pair approaches."""
 LATER, UNTIL, BUDGET, SUSPECT, TOUCHING, OUTSIDE, QUIET, RESTS, TINY, SPENT = range(10)

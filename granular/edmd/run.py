@@ -11,11 +11,10 @@ import numpy as np
 from granular._records import column, packed
 from granular.drive import End, Pause, Request, Row, Rows, portion
 from granular.edmd import collapse, compiled_queue, wall_state
-from granular.edmd.collision import ROW
 from granular.edmd.compiled_queue import BlockQueue, TreeQueue, pays
 from granular.edmd.motion import LATEST
 from granular.edmd.physics import Physics
-from granular.edmd.records import APART, BUDGET, LATER, NEVER, SUSPECT, UNTIL
+from granular.edmd.records import APART, BUDGET, LATER, NEVER, ROW, SUSPECT, UNTIL
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
 from granular.edmd.ties import GROUP, ORDER
@@ -137,7 +136,7 @@ class Run:
                     return self._reached(time, limit)
                 if state.time(due) > LATEST:
                     return Pause.work
-                state.shift_to(due, lambda kernel: self.queue.kernel(self.queue.fit(kernel)))
+                state.shift_to(due, self.queue.use)
                 self.queue.rebuild()
             elif why == SUSPECT:
                 collapse.begin(state, self.queue)

@@ -9,21 +9,19 @@ from typing import Any
 
 from sortedcontainers import SortedList
 
-from granular._kernels import kernel
+from granular._kernels import fitted, kernel
 from granular._records import Record, Records, plain, twin
-from granular.edmd import fit, ring
-from granular.edmd.clusters import leave
-from granular.edmd.collision import RESTING, ROW, SUSPICIOUS, event, rest
-from granular.edmd.groups import collide_as_one, group
-from granular.edmd.motion import Walls, approaching, predicted, velocities
+from granular.edmd.clusters import rest
+from granular.edmd.collision import SUSPICIOUS, event, leave
+from granular.edmd.groups import Log, collide_as_one, is_touched
+from granular.edmd.motion import approaching, predicted, velocities
 from granular.edmd.physics import Physics, Restitution
-from granular.edmd.records import APART, BUDGET, LATER, SUSPECT, TOUCHING, UNTIL
+from granular.edmd.records import APART, BUDGET, FREE, LATER, ROW, SUSPECT, TOUCHING, UNTIL, Walls
 from granular.edmd.state import State
 from granular.edmd.ties import GROUP, MASK, RANDOM, rank
 from granular.edmd.wall_state import advance_epoch, date_rows
+from granular.scene.flags import FORCED, RING, flags
 
-Log = list[Any]
-"""The log: chunks of records `ROW`, as arrays or as lists of plain objects."""
 NOBODY = (math.inf, MASK)
 """Last in every queue, so that none is empty."""
 
@@ -38,16 +36,16 @@ def loop(
     `rows` takes the log; `fastest`, if it is an array, the largest speed after a collision.
     """
     edge, budget, stop, together = run.edge, run.budget, run.stop_pair, run.order == GROUP
-    done, closing = 0, 0
+    done, closes = 0, 0
     while True:
         now, c = head(queue)
         if now > edge:
-            if walls is None or not advance_epoch(run, pairs, bodies, rows, done, now, walls):
+            if not FORCED or not advance_epoch(run, pairs, bodies, rows, done, now, walls):
                 return LATER
             refresh(run, pairs, bodies, queue, 0, len(pairs) - 1, walls)
             edge = run.edge
             continue
-        if walls is not None and pairs[c].shut > 0:
+        if FORCED and pairs[c].shut > FREE:
             run.now = now
             first, last = leave(run, pairs, bodies, c, now, walls)
             refresh(run, pairs, bodies, queue, first, last, walls)
@@ -60,8 +58,7 @@ def loop(
         run.now = now
         if together:
             run.suspect = c
-            first, last = group(pairs, bodies, c, now, walls)
-            if first < last:
+            if is_touched(pairs, bodies, c, now, walls):
                 return TOUCHING
         row = None if rows is None else rows[done]
         first, last, rebound = event(run, pairs, bodies, c, now, rule, row, walls)
@@ -71,9 +68,12 @@ def loop(
             below, above = velocities(bodies[c], bodies[c + 1], run.gravity, now)
             fastest[0] = max(fastest[0], abs(below), abs(above))
         refresh(run, pairs, bodies, queue, first, last, walls)
+        if RING and (first == 0 or last + 1 == len(pairs)):  # they are neighbours across the seam
+            refresh(run, pairs, bodies, queue, 0, 0, walls)
+            refresh(run, pairs, bodies, queue, len(pairs) - 1, len(pairs) - 1, walls)
         if stop == APART:
-            closing = approaching(pairs, bodies, closing, now, walls)
-            if closing < 0:
+            closes = approaching(pairs, bodies, closes, now, walls)
+            if closes < 0:
                 return UNTIL
         if pairs[c].streak >= SUSPICIOUS:
             run.suspect, run.rebound = c, rebound
@@ -106,28 +106,12 @@ def refresh(
             entry[c] = new
             if time < math.inf:
                 order.add(new)
-        if time == math.inf and pair.pull > RESTING:
+        if time == math.inf and (FORCED or pair.pull > 0.0):
             low, high = rest(run, pairs, bodies, c, walls)
             last = max(last, high)
             c = low
         else:
             c += 1
-
-
-@kernel
-def refresh_around(
-    run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int, walls: Walls
-) -> None:
-    """Predict pairs `first` … `last` of a ring anew, and what is beside them across the seam."""
-    end = len(pairs) - 1
-    refresh_on_line(run, pairs, bodies, queue, first, last, walls)
-    if first == 0 and last < end:
-        refresh_on_line(run, pairs, bodies, queue, end, end, walls)
-    elif last == end and first > 0:
-        refresh_on_line(run, pairs, bodies, queue, 0, 0, walls)
-
-
-refresh_on_line = refresh
 
 
 class SortedQueue:
@@ -146,21 +130,19 @@ class SortedQueue:
     """Events after which control comes back: so many rows of the log are made at a time."""
     kernel: Callable[[Any], Any] = staticmethod(lambda function: function)
     hold: Callable[[Records], Records] = staticmethod(plain)
-    loop, predict, predict_around = staticmethod(loop), staticmethod(refresh), staticmethod(refresh_around)
+    loop, predict = staticmethod(loop), staticmethod(refresh)
     queue: Any = None
-    fit: Callable[[Any], Any] = staticmethod(lambda function: function)
-    """Makes kernels fit the scene."""
 
     def __init__(self, state: State, physics: Physics) -> None:
         state.keep(self.hold)
         self.state, self.physics = state, physics
-        if state.walls is not None:
-            self.fit = fit.general
-        elif physics.scene.pendulum > 0.0:
-            self.fit = fit.hangs
-        elif state.ring:
-            self.predict, self.fit = self.predict_around, partial(fit.closes, refresh=self.predict_around)
+        self.fit: Callable[[Any], Any] = partial(fitted, **flags(physics.scene))
         self.rebuild()
+
+    def use(self, kernel: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a kernel as it fits the scene, compiled where this queue is."""
+        made: Callable[..., Any] = self.kernel(self.fit(kernel))
+        return made
 
     def rows(self, n: int) -> Records:
         """Return room for `n` rows of the log, or for as many as are made at a time."""
@@ -177,9 +159,9 @@ class SortedQueue:
     def refresh(self, first: int, last: int) -> None:
         """Predict pairs `first` … `last` anew, counted round."""
         s, n = self.state, len(self.state.pairs)
-        for low, high in ((first, min(last, n - 1)), (0, last - n)):
-            if low <= high:
-                self.kernel(self.fit(self.predict))(s.run, s.pairs, s.bodies, self.queue, low, high, s.walls)
+        around = [(0, max(0, last - n)), (n - 1, n - 1)] if s.ring else []
+        for low, high in [(first, min(last, n - 1)), *around]:
+            self.use(self.predict)(s.run, s.pairs, s.bodies, self.queue, low, high, s.walls)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
         """Return the time of the next event of any pair outside `first` … `last`, counted round."""
@@ -189,7 +171,7 @@ class SortedQueue:
     def apart(self) -> bool:
         """Return whether no pair approaches."""
         s = self.state
-        first: int = self.kernel(self.fit(approaching))(s.pairs, s.bodies, 0, s.run.now, s.walls)
+        first: int = self.use(approaching)(s.pairs, s.bodies, 0, s.run.now, s.walls)
         return first < 0
 
     def advance(self, edge: float, budget: int, log: Log | None) -> int:
@@ -203,17 +185,16 @@ class SortedQueue:
             begin = run["events"]
             rows = None if log is None else self.rows(enough - begin)
             run["edge"], run["budget"] = edge, enough - begin if rows is None else len(rows)
-            rule, go = self.physics.rule, self.kernel(self.fit(self.loop))
+            rule, go = self.physics.rule, self.use(self.loop)
             s.clock.dated = 0
             why: int = go(run, s.pairs, s.bodies, self.queue, rule, rows, None, s.walls)
             if log is not None and rows is not None:
                 if s.clock.goal > -math.inf:
-                    self.kernel(date_rows)(s.clock, rows, int(run["events"] - begin))
+                    self.use(date_rows)(s.clock, rows, int(run["events"] - begin))
                 log.append(rows[: run["events"] - begin].copy())
             if why != TOUCHING:
                 return why
-            together = ring.collide_as_one if s.ring else collide_as_one
-            why, first, last = together(s, self.physics, self.fit, log)
+            why, first, last = collide_as_one(s, self.physics, self.fit, log)
             self.refresh(first, last)
             if why == TOUCHING and run.stop_pair == APART and self.apart():
                 why = UNTIL

@@ -16,8 +16,9 @@ from granular._records import Record, Records, column, copied, one, packed, plai
 from granular.edmd import hanging, wall_state
 from granular.edmd.motion import rebase, span
 from granular.edmd.physics import Physics, felt_gravity, scales, shares, strongest
-from granular.edmd.records import CLOCK, DRIVEN, HUNG, NEAR, NEVER, PLAIN, RUN, check_entries, check_numbers
+from granular.edmd.records import CLOCK, NEAR, NEVER, OF_FORCED, OF_HUNG, PLAIN, RUN, check_entries, check_numbers
 from granular.edmd.ties import ORDER
+from granular.scene.flags import flags
 
 OF_PAIRS, OF_BODIES = ("gap", "at", "pull", "hits", "last", "streak"), ("u", "falls", "noise")
 """What changes, by the names under which it is saved."""
@@ -52,8 +53,9 @@ class State:
     def of(cls, physics: Physics, t_start: float) -> State:
         """Return the state at the start of a run."""
         scene, options, g = physics.scene, physics.options, felt_gravity(physics.scene)
-        walls = wall_state.walls(physics.scene, t_start) if physics.general else None
-        of_pair, of_body = HUNG if scene.pendulum > 0.0 else PLAIN if walls is None else DRIVEN
+        has = flags(scene)
+        walls = wall_state.walls(scene, t_start) if "FORCED" in has else None
+        of_pair, of_body = OF_FORCED if "FORCED" in has else OF_HUNG if "HUNG" in has else PLAIN
         pairs, bodies = np.zeros(scene.n_pairs, of_pair), np.zeros(scene.n_pairs + 1, of_body)
         number = np.arange(len(bodies)) % scene.n
         for name, value in (("u", scene.velocity), ("falls", ~scene.is_wall), ("mass", scene.mass)):

@@ -13,7 +13,6 @@ events.
 from __future__ import annotations
 
 import math
-from copy import copy
 from typing import Any
 
 import numpy as np
@@ -21,8 +20,9 @@ import numpy as np
 from granular._check import Array
 from granular._kernels import kernel, rare
 from granular._records import Record, Records, column, plain
-from granular.edmd.driven import BOTH, CEILING, FLOOR, FREE, SIDE, carry, place, rebase, rounding, synchronise
-from granular.edmd.motion import Walls, add, impulse, span
+from granular.edmd.driven import beside, place, synchronise
+from granular.edmd.motion import NOISE, add, impulse, rebase, span
+from granular.edmd.records import BOTH, CEILING, FLOOR, FREE, SIDE, Walls
 from granular.scene import Scene
 from granular.scene.walls import driven_walls
 from granular.walls.panels import PANEL
@@ -67,7 +67,8 @@ def begin(state: Any, scene: Scene) -> None:
         if sides["panels"][which]:
             pairs["wall"][-which] = which
             bodies["u"][-which] = place(seen, which, 0.0)[1]
-            bodies["noise"][-which] = rounding(float(sides["speed"][which]))
+            speed = float(sides["speed"][which])
+            bodies["noise"][-which] = NOISE * speed * speed
 
 
 def set_epoch(state: Any) -> None:
@@ -80,12 +81,10 @@ def show(state: Any, tau: float, velocity: Array, gap: Array) -> None:
     """Put into a row what forces and walls do to velocities and gaps, at `tau`."""
     velocity += column(state.bodies, "push") * tau
     seen = _seen(state)
-    shut, beside = column(state.pairs, "shut"), column(state.pairs, "wall")
+    shut, wall = column(state.pairs, "shut"), column(state.pairs, "wall")
     gap[shut > 0] = 0.0
-    for c in np.flatnonzero((beside >= 0) & (shut == 0)).tolist():
-        pair, lower, upper = map(copy, (*plain(state.pairs[c : c + 1]), *plain(state.bodies[c : c + 2])))
-        carry(pair, lower, upper, tau, seen)
-        gap[c] = pair.gap
+    for c in np.flatnonzero((wall >= 0) & (shut == 0)).tolist():
+        gap[c] = max(0.0, beside(*plain(state.pairs[c : c + 1]), *plain(state.bodies[c : c + 2]), tau, seen)[0])
     for i, which in bound(state):
         if seen[0][which].panels:
             velocity[i] = place(seen, which, tau)[1]

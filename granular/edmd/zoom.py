@@ -14,13 +14,13 @@ import math
 from granular._flight import gap_after, rate_at_contact, time_to_contact
 from granular._kernels import kernel
 from granular._records import Record, Records
-from granular.edmd.clusters import held
-from granular.edmd.collision import total
-from granular.edmd.motion import Walls, impulse, velocities
+from granular.edmd.clusters import is_held
+from granular.edmd.motion import across, impulse, total, velocities
 from granular.edmd.physics import Restitution
-from granular.edmd.records import BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL
+from granular.edmd.records import BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL, Walls
 from granular.edmd.ties import GROUP, rank
 from granular.edmd.wall_state import book, enter
+from granular.scene.flags import FORCED, RING
 
 GOES_ON = -1
 
@@ -47,7 +47,7 @@ def zoom(
             row.pair, row.t_begin = run.suspect, tau
             row.lower_in, row.upper_in = velocities(lower, upper, run.gravity, tau)
         bounce(near, pairs, bodies, j, w, e)
-        if walls is not None:
+        if FORCED:
             book(lower, upper, w, e, walls)
         if rows is not None:
             row.lower_out, row.upper_out = velocities(lower, upper, run.gravity, tau)
@@ -58,7 +58,7 @@ def zoom(
         run.looked += 1
         wait = rest_time(near, pairs, j, e) if rule is None else math.inf
         if run.elapsed + wait < min(run.room, run.edge - run.began):
-            if walls is not None:
+            if FORCED:
                 left = impulse(lower, upper, own.rate - pair.pull * wait)  # of all bounces, its weight among them
                 enter(lower, upper, left, 0.5 * upper.mass * own.rate * own.rate, walls)
             settle(near, pairs, bodies, j, wait, walls)
@@ -83,7 +83,7 @@ def obstacle(run: Record, near: Records, pairs: Records, bodies: Records, j: int
         return QUIET
     n, c = len(near), number(run, j)
     guard = guards(run, n, j)
-    if walls is not None and (pairs[j].heat >= 0 or held(bodies[j]) or held(bodies[j + 1])):
+    if FORCED and (pairs[j].heat >= 0 or is_held(bodies[j]) or is_held(bodies[j + 1])):
         guard = True
     together = run.order == GROUP and crowded(near, pairs, j, dt)
     if guard or together or not run.elapsed + dt < run.room:
@@ -114,14 +114,17 @@ def soonest(run: Record, near: Records, pairs: Records) -> tuple[int, float]:
 
 @kernel
 def number(run: Record, j: int) -> int:
-    """Return the number of pair `j` of the slice."""
-    return run.first + j  # type: ignore[no-any-return]
+    """Return the number of pair `j` of the slice, on a ring counted round."""
+    c: int = run.first + j
+    return c - run.pairs if RING and c >= run.pairs else c
 
 
 @kernel
 def guards(run: Record, n: int, j: int) -> bool:
     """Return whether pair `j` of a slice of `n` has a neighbour outside."""
     c = run.first + j
+    if RING:
+        return n < run.pairs and (j == 0 or j == n - 1)  # type: ignore[no-any-return]
     return (j == 0 and c > 0) or (j == n - 1 and c + 1 < run.pairs)
 
 
@@ -137,6 +140,9 @@ def crowded(near: Records, pairs: Records, j: int, dt: float) -> bool:
     for k in range(max(j - 1, 0), min(j + 2, len(near))):
         if k != j and gap_after(near[k].gap, near[k].rate, pairs[k].pull, dt) <= 0.0:
             return True
+    end = len(near) - 1
+    if RING and (j == 0 or j == end):
+        return gap_after(near[end - j].gap, near[end - j].rate, 0.0, dt) <= 0.0
     return False
 
 
@@ -154,7 +160,10 @@ def advance(run: Record, near: Records, pairs: Records, dt: float) -> None:
 
 @kernel
 def bounce(near: Records, pairs: Records, bodies: Records, j: int, w: float, e: float) -> None:
-    """Let pair `j` of the slice collide at rate `w`: its rate becomes exactly -ε w."""
+    """Let pair `j` of the slice collide at rate `w`: its rate becomes exactly -ε w.
+
+    The first and the last are neighbours if it is the whole ring.
+    """
     pair, jump = pairs[j], (1.0 + e) * w
     near[j].gap = 0.0
     near[j].rate = -e * w
@@ -165,6 +174,13 @@ def bounce(near: Records, pairs: Records, bodies: Records, j: int, w: float, e: 
     bodies[j].u += pair.low * jump
     bodies[j + 1].u -= pair.high * jump
     pair.hits += 1
+    end = len(near) - 1
+    if RING and j == 0:
+        near[end].rate += pair.low * jump
+    elif RING and j == end:
+        near[0].rate += pair.high * jump
+    if RING:
+        across(bodies, j)
 
 
 @kernel
@@ -199,7 +215,7 @@ def settle(near: Records, pairs: Records, bodies: Records, j: int, end: float, w
     a, r = pairs[j].pull, near[j].rate
     near[j].gap = near[j].rate = pairs[j].pull = bodies[j + 1].falls = 0.0
     bodies[j + 1].u = bodies[j].u
-    if walls is not None:
+    if FORCED:
         bodies[j + 1].push = 0.0
     if j + 1 < len(near):
         near[j + 1].rate += r
@@ -222,11 +238,9 @@ def write_back(run: Record, near: Records, pairs: Records, bodies: Records) -> N
         pairs[j].streak = 0
     if run.looked == 0:
         return
-    ring, top = run.closed > 0.0, n
-    from_below = n < run.pairs if ring else run.first > 0 or bodies[0].mass == math.inf
-    free = not from_below and (ring or (run.first + n == run.pairs and bodies[n].mass != math.inf))
-    if free and ring:
-        top = n - 1  # the last body is the first
+    from_below = n < run.pairs if RING else run.first > 0 or bodies[0].mass == math.inf
+    free = not from_below and (RING or (run.first + n == run.pairs and bodies[n].mass != math.inf))
+    top = n - 1 if free and RING else n  # the last body of a ring is the first
     before = momentum(bodies, top) if free else 0.0
     for j in range(n):
         pair = pairs[j]
