@@ -86,6 +86,8 @@ def specialised(function: F, **instead: Any) -> F:
 
 def fitted(function: F, **instead: Any) -> F:
     """Return a twin of a kernel as `specialised` does, or the kernel itself if it reads none of the names."""
+    if not instead:
+        return function
     read = _read_below(function).union(*(_read_below(value) for value in instead.values() if _is_kernel(value)))
     known = sorted((name, value) for name, value in instead.items() if name in read)
     twin: F = _specialised(function, tuple((name, value, repr(value)) for name, value in known))
