@@ -1,14 +1,14 @@
 """What moves as one: balls that stick together, rest on a wall or on each other, and part again.
 
 There are no cluster objects. A *stuck* pair has gap 0, rate 0 and no pull, all in bits; it never collides by itself
-and needs no flag. A ball that rests on a wall, directly or on a pile, has ``falls = 0`` and the velocity of the wall;
+and needs no mark. A ball that rests on a wall, directly or on a pile, is not free and has the velocity of the wall;
 the next ball then sees a floor. A hit on a cluster is an ordinary collision of the body hit; what it starts runs
 through the cluster by collisions at the same time.
 
-Forces and walls that shake know more kinds of rest, and their pairs do have a flag. A ball whose rebound is no more
+Forces and walls that shake know more kinds of rest, and their pairs do have a mark. A ball whose rebound is no more
 than rounding has come to rest: beside a driven wall it rides, with the velocity of the wall and without events, until
-nothing presses it any more. Balls that forces press together in mid-air move as one with their common `push`, until one
-of them is hit.
+nothing presses it any more. Balls that forces press together in mid-air move as one with their common acceleration,
+until one of them is hit.
 """
 
 from __future__ import annotations
@@ -30,29 +30,31 @@ from granular.walls.riding import pressing
 @kernel
 def is_stuck(pair: Record, lower: Record, upper: Record) -> bool:
     """Return whether the bodies of a pair move as one."""
-    if FORCED and (pair.shut > FREE or pair.wall >= 0):
-        return pair.shut > FREE  # type: ignore[no-any-return]
-    return pair.gap == 0.0 and pair.pull == 0.0 and upper.u == lower.u  # type: ignore[no-any-return]
+    if FORCED and (pair.stuck > FREE or pair.wall >= 0):
+        return pair.stuck > FREE  # type: ignore[no-any-return]
+    return pair.gap == 0.0 and pair.closing_acceleration == 0.0 and upper.fall_velocity == lower.fall_velocity  # type: ignore[no-any-return]
 
 
 @kernel
 def at_rest(body: Record) -> bool:
     """Return whether a ball rests on a wall, directly or on a pile."""
-    return body.falls == 0.0 and body.mass < math.inf  # type: ignore[no-any-return]
+    return body.is_free == 0.0 and body.mass < math.inf  # type: ignore[no-any-return]
 
 
 @kernel
 def is_pressed(body: Record) -> bool:
     """Return whether a ball in mid-air is pressed against others by forces."""
     if FORCED:
-        return body.falls > 0.0 and body.push != body.own  # type: ignore[no-any-return]
+        return body.is_free > 0.0 and body.force_acceleration != body.own_acceleration  # type: ignore[no-any-return]
     return False
 
 
 @kernel
-def is_held(body: Record) -> bool:
+def ball_is_stuck(body: Record) -> bool:
     """Return whether a ball rests on a wall, or is pressed against others by forces."""
-    return body.mass < math.inf and (body.falls == 0.0 or (FORCED and body.push != body.own))  # type: ignore[no-any-return]
+    if FORCED and is_pressed(body):
+        return True
+    return body.is_free == 0.0 and body.mass < math.inf  # type: ignore[no-any-return]
 
 
 @rare
@@ -85,7 +87,7 @@ def bind(
         k = k % n if RING else min(max(k, 0), n - 1)
         carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
     pairs[c].gap = 0.0
-    on_floor, on_ceiling = bodies[c].falls == 0.0, bodies[c + 1].falls == 0.0
+    on_floor, on_ceiling = bodies[c].is_free == 0.0, bodies[c + 1].is_free == 0.0
     if on_floor or on_ceiling:
         mass = total(bodies, c + 1, e) if on_floor else total(bodies, b, c)
         exchanged = -mass * w
@@ -124,7 +126,7 @@ def cluster(pairs: Records, bodies: Records, c: int) -> tuple[int, int]:
 def falls_stuck(pairs: Records, bodies: Records, c: int) -> bool:
     """Return whether the bodies of pair `c` move as one and do not rest on a wall."""
     lower, upper = bodies[c], bodies[c + 1]
-    return lower.falls * upper.falls > 0.0 and is_stuck(pairs[c], lower, upper)
+    return lower.is_free * upper.is_free > 0.0 and is_stuck(pairs[c], lower, upper)
 
 
 @rare
@@ -136,17 +138,17 @@ def come_to_rest(
     under = bodies[b] if on == FLOOR else bodies[e]
     for i in range(b, e + 1):
         body = bodies[i]
-        if FORCED and body.falls > 0.0:
-            body.push = 0.0
+        if FORCED and body.is_free > 0.0:
+            body.force_acceleration = 0.0
             if walls[0][on - 1].panels > 0:
                 body.noise = under.noise
-            borne(run, body, on - 1, now, under.u, -1.0, walls)
+            borne(run, body, on - 1, now, under.fall_velocity, -1.0, walls)
         if not FORCED or body.mass < math.inf:
-            body.u = under.u
-        body.falls = 0.0
+            body.fall_velocity = under.fall_velocity
+        body.is_free = 0.0
     if FORCED:
         for k in range(b, e):
-            pairs[k].shut, pairs[k].gap, pairs[k].at = on, 0.0, now
+            pairs[k].stuck, pairs[k].gap, pairs[k].at = on, 0.0, now
 
 
 @rare
@@ -156,22 +158,22 @@ def go_together(bodies: Records, b: int, c: int, e: int, now: float, w: float, w
     momentum exchanged."""
     lower, upper = total(bodies, b, c), total(bodies, c + 1, e)
     part = upper / (lower + upper)
-    u, exchanged = bodies[c].u + part * w, -(lower * part) * w
+    u, exchanged = bodies[c].fall_velocity + part * w, -(lower * part) * w
     if FORCED:
         push = common(bodies, b, e)
-        u = (bodies[c].u + (bodies[c].push - push) * now) + part * w
+        u = (bodies[c].fall_velocity + (bodies[c].force_acceleration - push) * now) + part * w
         enter(bodies[c], bodies[c + 1], exchanged, -0.5 * w * exchanged, walls)
         noise = NOISE * (u * u)
         for i in range(b, e + 1):  # the mean by mass: the largest would grow with every hit that parts them again
             noise += bodies[i].mass / (lower + upper) * bodies[i].noise
         for i in range(b, e + 1):
-            bodies[i].push = push
+            bodies[i].force_acceleration = push
             if walls[0][0].lands:
                 bodies[i].noise = noise
     for i in range(b, e + 1):
-        bodies[i % (len(bodies) - 1) if RING else i].u = u
+        bodies[i % (len(bodies) - 1) if RING else i].fall_velocity = u
     if RING:
-        bodies[len(bodies) - 1].u = bodies[0].u
+        bodies[len(bodies) - 1].fall_velocity = bodies[0].fall_velocity
     return exchanged  # type: ignore[no-any-return]
 
 
@@ -183,13 +185,13 @@ def share(bodies: Records, c: int, first: int, last: int, w: float) -> None:
     They are among those of pairs `first` … `last`. As their velocities it is the mean by mass, at most, so Σ m noise
     does not grow but by rounding; what rests on a wall has its velocity, without noise.
     """
-    u, noise, mass = bodies[c].u, 0.0, 0.0
+    u, noise, mass = bodies[c].fall_velocity, 0.0, 0.0
     for i in range(first, last + 2):
-        if bodies[i].u == u and bodies[i].falls > 0.0:
+        if bodies[i].fall_velocity == u and bodies[i].is_free > 0.0:
             noise += bodies[i].mass * bodies[i].noise
             mass += bodies[i].mass
     for i in range(first, last + 2):
-        if bodies[i].u == u and bodies[i].falls > 0.0:
+        if bodies[i].fall_velocity == u and bodies[i].is_free > 0.0:
             bodies[i].noise = noise / mass + NOISE * (u * u + w * w)
 
 
@@ -203,18 +205,18 @@ def will_stick(pairs: Records, bodies: Records, c: int, now: float, w: float, e:
     """
     pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
     if not FORCED or pair.wall < 0:
-        return pair.pull >= 0.0  # type: ignore[no-any-return]
-    bound, k = (lower, c + 1) if pair.wall == 0 else (upper, c - 1)
+        return pair.closing_acceleration >= 0.0  # type: ignore[no-any-return]
+    other, k = (lower, c + 1) if pair.wall == 0 else (upper, c - 1)
     alone = not (0 <= k < len(pairs) and is_stuck(pairs[k], bodies[k], bodies[k + 1]))
-    if (bound.mass == math.inf and e > 0.0 and alone) or lower.falls == upper.falls:
+    if (other.mass == math.inf and e > 0.0 and alone) or lower.is_free == upper.is_free:
         return False
     side = walls[0][pair.wall]
     t, tail = side.epoch, side.low + now
     _, _, a = moved(side, walls[1], t, tail)
-    a += pair.pull
+    a += pair.closing_acceleration
     if a <= 0.0:
         return False
-    low, _ = pressing(side, walls[1], t, tail, pair.pull, -4.0 * e * w / (a * (1.0 - e)))
+    low, _ = pressing(side, walls[1], t, tail, pair.closing_acceleration, -4.0 * e * w / (a * (1.0 - e)))
     return low >= 0.5 * a  # type: ignore[no-any-return]
 
 
@@ -231,14 +233,16 @@ def rest(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> 
         top = min(c + 1, len(pairs) - 1)
         if top > c:
             carry(pairs[top], bodies[top], bodies[top + 1], pair.at, walls)
-        upper.falls, upper.u = 0.0, lower.u
-        repull(run, pairs, bodies, c, top, walls)
+        upper.is_free, upper.fall_velocity = 0.0, lower.fall_velocity
+        set_closing(run, pairs, bodies, c, top, walls)
         return c + 1, top
-    if pair.shut > FREE or pair.gap != 0.0 or rate_of(pair, lower, upper) != 0.0:
+    if pair.stuck > FREE or pair.gap != 0.0 or rate_of(pair, lower, upper) != 0.0:
         return c + 1, c
-    if lower.falls == upper.falls == 0.0 or not (presses(pair, walls) if pair.wall >= 0 else pair.pull > 0.0):
+    a = pair.closing_acceleration
+    if lower.is_free == upper.is_free == 0.0 or not (presses(pair, walls) if pair.wall >= 0 else a > 0.0):
         return c + 1, c
-    first, last, _ = bind(run, pairs, bodies, c, pair.at, (upper.u - lower.u) - pair.pull * pair.at, walls)
+    w = (upper.fall_velocity - lower.fall_velocity) - a * pair.at
+    first, last, _ = bind(run, pairs, bodies, c, pair.at, w, walls)
     return first, last
 
 
@@ -249,26 +253,26 @@ def press_again(
 ) -> tuple[int, int]:
     """Set pulls of pairs `first` … `last`, and of what forces press on the walls; return all those pairs."""
     if FORCED and walls[0][0].forces:
-        first = 0 if pairs[0].shut == FLOOR else first
-        last = len(pairs) - 1 if pairs[len(pairs) - 1].shut == CEILING else last
-    repull(run, pairs, bodies, first, last, walls)
+        first = 0 if pairs[0].stuck == FLOOR else first
+        last = len(pairs) - 1 if pairs[len(pairs) - 1].stuck == CEILING else last
+    set_closing(run, pairs, bodies, first, last, walls)
     return first, last
 
 
 @rare
 @kernel
-def repull(run: Record, pairs: Records, bodies: Records, first: int, last: int, walls: Walls) -> None:
+def set_closing(run: Record, pairs: Records, bodies: Records, first: int, last: int, walls: Walls) -> None:
     """Set the closing accelerations of pairs `first` … `last` from which of their bodies fall; of a stuck pair, that of
     all that rests beyond it."""
     for c in range(first, last + 1):
         pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
         if FORCED:
             pull = pulled(run, pairs, bodies, c, walls)
-            if pair.shut > FREE and pull != pair.pull and pair.at < run.now:
+            if pair.stuck > FREE and pull != pair.closing_acceleration and pair.at < run.now:
                 pair.at = run.now
-            pair.pull = pull
+            pair.closing_acceleration = pull
         else:
-            pair.pull = run.gravity * (upper.falls - lower.falls)
+            pair.closing_acceleration = run.gravity * (upper.is_free - lower.is_free)
 
 
 @rare
@@ -276,28 +280,28 @@ def repull(run: Record, pairs: Records, bodies: Records, first: int, last: int, 
 def pulled(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> float:
     """Return the closing acceleration of pair `c` under forces, and find beside which driven walls it is."""
     pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
-    below = lower.falls == 0.0 and walls[0][0].panels > 0 and pair.shut != CEILING
-    above = upper.falls == 0.0 and walls[0][1].panels > 0 and pair.shut != FLOOR
+    below = lower.is_free == 0.0 and walls[0][0].panels > 0 and pair.stuck != CEILING
+    above = upper.is_free == 0.0 and walls[0][1].panels > 0 and pair.stuck != FLOOR
     pair.wall = BOTH if below and above else 0 if below else 1 if above else -1
-    if pair.shut == FLOOR:
+    if pair.stuck == FLOOR:
         top = c + 1
-        while top < len(pairs) and pairs[top].shut == FLOOR:
+        while top < len(pairs) and pairs[top].stuck == FLOOR:
             top += 1
         return run.gravity - common(bodies, c + 1, top)  # type: ignore[no-any-return]
-    if pair.shut == CEILING:
+    if pair.stuck == CEILING:
         low = c
-        while low > 0 and pairs[low - 1].shut == CEILING:
+        while low > 0 and pairs[low - 1].stuck == CEILING:
             low -= 1
         return common(bodies, low, c) - run.gravity  # type: ignore[no-any-return]
-    return run.gravity * (upper.falls - lower.falls) - (upper.push - lower.push)  # type: ignore[no-any-return]
+    return run.gravity * (upper.is_free - lower.is_free) - (upper.force_acceleration - lower.force_acceleration)  # type: ignore[no-any-return]
 
 
 @rare
 @kernel
 def common(bodies: Records, b: int, e: int) -> float:
     """Return the acceleration (m/s²) by the forces on bodies `b` … `e` together."""
-    own, more, mass = bodies[e].own, 0.0, 0.0
+    own, more, mass = bodies[e].own_acceleration, 0.0, 0.0
     for i in range(b, e + 1):
         mass += bodies[i].mass
-        more += bodies[i].mass * (bodies[i].own - own)
+        more += bodies[i].mass * (bodies[i].own_acceleration - own)
     return own + more / mass  # type: ignore[no-any-return]

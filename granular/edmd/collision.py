@@ -6,12 +6,12 @@ from granular._kernels import kernel, rare
 from granular._records import Record, Records
 from granular.edmd.clusters import (
     at_rest,
+    ball_is_stuck,
     common,
-    is_held,
     is_pressed,
     is_stuck,
     press_again,
-    repull,
+    set_closing,
     stick,
     will_stick,
 )
@@ -56,7 +56,7 @@ def event(
     if e < 1.0 and -w < run.merge_below and will_stick(pairs, bodies, c, now, w, e, walls):
         first, last, exchanged = stick(run, pairs, bodies, c, now, w, walls)
     else:
-        if (FORCED or run.gravity > 0.0 or run.merge_below > 0.0) and (is_held(lower) or is_held(upper)):
+        if (FORCED or run.gravity > 0.0 or run.merge_below > 0.0) and (ball_is_stuck(lower) or ball_is_stuck(upper)):
             first, last = wake(run, pairs, bodies, c, now, walls)
         else:
             if c > 0:
@@ -75,7 +75,7 @@ def event(
     if row is not None:
         row.lower_out, row.upper_out = velocities(lower, upper, run.gravity, now)
         row.impulse = exchanged
-    pair.hits += 1
+    pair.contacts += 1
     pair.streak = streak(run, pair.streak, lower, upper, now - pair.last, -w, e) if e < 1.0 else 0
     pair.last = now
     if RING:
@@ -109,7 +109,7 @@ def streak(run: Record, count: int, lower: Record, upper: Record, interval: floa
     """
     if run.slow < 0.0:
         return 0
-    if 0.0 < e * speed < FAINT * max(abs(lower.u), abs(upper.u)):
+    if 0.0 < e * speed < FAINT * max(abs(lower.fall_velocity), abs(upper.fall_velocity)):
         return SUSPICIOUS
     if speed < run.slow:
         return count + 3
@@ -143,12 +143,12 @@ def leave_thermal_wall(
     pair.gap, pair.at = 0.0, now
     start, end = wake(run, pairs, bodies, c, now, walls)
     ball = upper if pair.heat == 0 else lower
-    s = drawn(side.temperature, side.seed, pair.heat, pair.hits, ball.mass)
+    s = drawn(side.temperature, side.seed, pair.heat, pair.contacts, ball.mass)
     if pair.heat == 0:
-        upper.u = lower.u + (pair.pull * now + s)
+        upper.fall_velocity = lower.fall_velocity + (pair.closing_acceleration * now + s)
     else:
-        lower.u = upper.u - (pair.pull * now + s)
-    ball.noise = NOISE * (ball.u * ball.u + s * s)
+        lower.fall_velocity = upper.fall_velocity - (pair.closing_acceleration * now + s)
+    ball.noise = NOISE * (ball.fall_velocity * ball.fall_velocity + s * s)
     given = impulse(lower, upper, w - s)
     enter(lower, upper, given, 0.0, walls)
     side.heat, side.heat_low = add(side.heat, side.heat_low, 0.5 * (s + w) * given)
@@ -156,7 +156,7 @@ def leave_thermal_wall(
     if row is not None:
         row.lower_out, row.upper_out = velocities(lower, upper, g, now)
         row.impulse = given
-    pair.hits += 1
+    pair.contacts += 1
     pair.last = now
     return start, end, s
 
@@ -172,7 +172,7 @@ def wake(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls
     low, top = c, c + 1
     while low > 0 and is_pressed(bodies[low]) and is_stuck(pairs[low - 1], bodies[low - 1], bodies[low]):
         low -= 1
-    while top < len(pairs) and is_held(bodies[top]) and is_stuck(pairs[top], bodies[top], bodies[top + 1]):
+    while top < len(pairs) and ball_is_stuck(bodies[top]) and is_stuck(pairs[top], bodies[top], bodies[top + 1]):
         if FORCED and at_rest(bodies[top]) and pairs[top].wall >= 0:
             break
         top += 1
@@ -186,72 +186,72 @@ def wake(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls
 @rare
 @kernel
 def release(run: Record, pairs: Records, bodies: Records, low: int, high: int, now: float, walls: Walls) -> None:
-    """Let those of bodies `low` … `high` that are held fall by themselves again."""
+    """Let those of bodies `low` … `high` that are stuck fall by themselves again."""
     first, last = max(low - 1, 0), min(high, len(pairs) - 1)
     for i in range(low, high + 1):
         body = bodies[i]
         if FORCED:
             set_free(run, pairs, bodies, i, now, walls)
         elif at_rest(body):
-            body.falls = 1.0
-            body.u += run.gravity * now
+            body.is_free = 1.0
+            body.fall_velocity += run.gravity * now
     if FORCED:
         for k in range(first, last + 1):
             pair = pairs[k]
-            if pair.shut > FREE and (bodies[k].falls > 0.0 or bodies[k + 1].falls > 0.0):
-                pair.shut, pair.gap, pair.at = FREE, 0.0, now
-    repull(run, pairs, bodies, first, last, walls)
+            if pair.stuck > FREE and (bodies[k].is_free > 0.0 or bodies[k + 1].is_free > 0.0):
+                pair.stuck, pair.gap, pair.at = FREE, 0.0, now
+    set_closing(run, pairs, bodies, first, last, walls)
     if FORCED:
         for k in range(first, last + 1):
-            if pairs[k].shut == FREE:
+            if pairs[k].stuck == FREE:
                 follow(pairs[k], bodies[k], bodies[k + 1], walls)
 
 
 @rare
 @kernel
 def set_free(run: Record, pairs: Records, bodies: Records, i: int, now: float, walls: Walls) -> None:
-    """Let ball `i` fall by its own force, if it is held."""
+    """Let ball `i` fall by its own force, if it is stuck."""
     body = bodies[i]
     if at_rest(body):
-        which = CEILING - 1 if (i < len(pairs) and pairs[i].shut == CEILING) else FLOOR - 1
+        which = CEILING - 1 if (i < len(pairs) and pairs[i].stuck == CEILING) else FLOOR - 1
         if walls[0][which].panels > 0:
-            body.u = place(walls, which, now)[1]
-        borne(run, body, which, now, body.u, 1.0, walls)
-        body.falls = 1.0
-        accelerate(body, (run.gravity - body.own) * now, body.own, walls)
+            body.fall_velocity = place(walls, which, now)[1]
+        borne(run, body, which, now, body.fall_velocity, 1.0, walls)
+        body.is_free = 1.0
+        accelerate(body, (run.gravity - body.own_acceleration) * now, body.own_acceleration, walls)
     elif is_pressed(body):
-        accelerate(body, (body.push - body.own) * now, body.own, walls)
+        accelerate(body, (body.force_acceleration - body.own_acceleration) * now, body.own_acceleration, walls)
 
 
 @rare
 @kernel
 def accelerate(body: Record, more: float, push: float, walls: Walls) -> None:
-    """Let forces accelerate a ball by `push`: `more` is what u grows by (m/s), for its velocity stays."""
-    body.u += more
-    body.push = push
+    """Let forces accelerate a ball by `push` (m/s²): its fall velocity grows by `more` (m/s), so its velocity stays."""
+    body.fall_velocity += more
+    body.force_acceleration = push
     if walls[0][0].lands:
-        body.noise += NOISE * (body.u * body.u)
+        body.noise += NOISE * (body.fall_velocity * body.fall_velocity)
 
 
 @rare
 @kernel
 def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
-    """Let what rests on a wall beyond shut pair `c` leave it at time `now`, as one; all pairs that open now do.
+    """Let what rests on a wall beyond stuck pair `c` leave it at time `now`, as one; all pairs that open now do.
 
     Returns the first and the last pair to predict anew.
     """
-    on, low, high = pairs[c].shut, c, c
-    same = pairs[c].pull
+    on, low, high = pairs[c].stuck, c, c
+    same = pairs[c].closing_acceleration
     if on == FLOOR:
-        while low > 0 and pairs[low - 1].pull == same:
+        while low > 0 and pairs[low - 1].closing_acceleration == same:
             low -= 1
-        while high + 1 < len(pairs) and pairs[high + 1].shut == on:
+        while high + 1 < len(pairs) and pairs[high + 1].stuck == on:
             high += 1
         b, e, opens = low + 1, high + 1, low
     else:
-        while high + 1 < len(pairs) and pairs[high + 1].pull == same:
+        while high + 1 < len(pairs) and pairs[high + 1].closing_acceleration == same:
             high += 1
-        while low > 0 and pairs[low - 1].shut == on:
+        while low > 0 and pairs[low - 1].stuck == on:
             low -= 1
         b, e, opens = low, high, high
     side, push = walls[0][on - 1], common(bodies, b, e)
@@ -260,12 +260,12 @@ def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, wall
     for k in range(first, last + 1):
         carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
         if low <= k <= high:
-            pairs[k].shut, pairs[k].gap, pairs[k].at = FREE, 0.0, now
+            pairs[k].stuck, pairs[k].gap, pairs[k].at = FREE, 0.0, now
     for i in range(b, e + 1):
         body = bodies[i]
         borne(run, body, on - 1, now, v, 1.0, walls)
-        body.falls, body.u = 1.0, v
+        body.is_free, body.fall_velocity = 1.0, v
         accelerate(body, (run.gravity - push) * now, push, walls)
-    repull(run, pairs, bodies, first, last, walls)
+    set_closing(run, pairs, bodies, first, last, walls)
     follow(pairs[opens], bodies[opens], bodies[opens + 1], walls)
     return press_again(run, pairs, bodies, first, last, walls)

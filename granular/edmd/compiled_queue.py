@@ -59,8 +59,8 @@ def refresh(
         due = predicted(pair, bodies[c], bodies[c + 1], walls)
         leaf(queue, c).due = due
         if run.order != LEFT:  # else its number, as the tree has it
-            leaf(queue, c).key = rank(c, run.order, run.seed, pair.hits)
-        if due == math.inf and (FORCED or pair.pull > 0.0):
+            leaf(queue, c).key = rank(c, run.order, run.seed, pair.contacts)
+        if due == math.inf and (FORCED or pair.closing_acceleration > 0.0):
             low, high = rest(run, pairs, bodies, c, walls)
             first, last = min(first, low), max(last, high)
             c = low
@@ -145,7 +145,7 @@ class BlockQueue(TreeQueue):
             top = last + (last == len(pairs))  # the upper body of the last pair belongs to the next block
             raw(pairs)[first:last] = raw(part.pairs)[first - low : last - low]
             raw(bodies)[first:top] = raw(part.bodies)[first - low : top - low]
-            done += int(pairs["hits"][first:last].sum() - s.pairs["hits"][first:last].sum())
+            done += int(pairs["contacts"][first:last].sum() - s.pairs["contacts"][first:last].sum())
             if done > budget:
                 return False
         s.pairs, s.bodies = pairs, bodies

@@ -1,11 +1,11 @@
 """Walls that move along a path, and forces on balls: the flight of a pair beside a wall that shakes.
 May be skipped: rarer, walls that shake.
 
-The state is the same: gaps, and velocities u that change at impacts only. A body falls with ``falls·g - push``, `push`
-being the acceleration by the force on it (of those that move as one, their common one). Beside a moving wall the gap
-is followed by `granular.walls`; `u` of what is bound to that wall is its velocity at the time `at` of the pair, so that
-the rate of the gap is written as that of any other. What is bound, the wall and what rests on it, has ``falls = 0``;
-pairs among it are shut.
+The state is the same: gaps, and fall velocities that change at impacts only. A body falls with g, if it is free, less
+the `force_acceleration` by the force on it (of those that move as one, their common one). Beside a moving wall the gap
+is followed by `granular.walls`; the fall velocity of the wall, and of what is stuck to it, is that of the wall at the
+time `at` of the pair, so that the rate of the gap is written as that of any other. They are not free; pairs among them
+are stuck.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ NEVER = math.inf
 @kernel
 def rate_of(pair: Record, lower: Record, upper: Record) -> float:
     """Return the rate of a pair at its time (m/s); 0 where the bodies touch and it is but rounding."""
-    rate = (upper.u - lower.u) - pair.pull * pair.at
+    rate = (upper.fall_velocity - lower.fall_velocity) - pair.closing_acceleration * pair.at
     if pair.gap == 0.0 and rate * rate <= lower.noise + upper.noise:
         return 0.0
     return rate  # type: ignore[no-any-return]
@@ -41,19 +41,19 @@ def hit(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
     """
     if pair.wall == BOTH:
         return NEVER
-    side, rate = walls[0][pair.wall], rate_of(pair, lower, upper)
-    pair.wait = first_hit(side, walls[1], side.epoch, side.low + pair.at, pair.gap, rate, pair.pull, NEVER)
+    side, rate, a = walls[0][pair.wall], rate_of(pair, lower, upper), pair.closing_acceleration
+    pair.wait = first_hit(side, walls[1], side.epoch, side.low + pair.at, pair.gap, rate, a, NEVER)
     return pair.at + pair.wait  # type: ignore[no-any-return]
 
 
 @rare
 @kernel
 def opening(pair: Record, walls: Walls) -> float:
-    """Return the time at which a shut pair opens: nothing presses it any more, or the velocity of its wall jumps."""
+    """Return the time at which a stuck pair opens: nothing presses it any more, or the velocity of its wall jumps."""
     if pair.wall < 0:
-        return pair.at if pair.pull < 0.0 else NEVER
+        return pair.at if pair.closing_acceleration < 0.0 else NEVER
     side = walls[0][pair.wall]
-    wait, rate = lift_off(side, walls[1], side.epoch, side.low + pair.at, pair.pull, NEVER)
+    wait, rate = lift_off(side, walls[1], side.epoch, side.low + pair.at, pair.closing_acceleration, NEVER)
     time = pair.at + wait
     if rate != 0.0:
         time += 2.0**-50 * (abs(side.epoch) + abs(time))  # after the jump for certain
@@ -64,11 +64,11 @@ def opening(pair: Record, walls: Walls) -> float:
 @kernel
 def rate_at_wall(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
     """Return the rate, not positive, at which a pair beside a driven wall is about to collide."""
-    side, rate = walls[0][pair.wall], rate_of(pair, lower, upper)
+    side, rate, a = walls[0][pair.wall], rate_of(pair, lower, upper), pair.closing_acceleration
     t, tail = side.epoch, side.low + pair.at
-    _, w = after(side, walls[1], t, tail, pair.gap, rate, pair.pull, pair.wait)
+    _, w = after(side, walls[1], t, tail, pair.gap, rate, a, pair.wait)
     if w >= 0.0 and pair.wait > 0.0:  # at a jump of the wall's velocity
-        _, w = after(side, walls[1], t, tail, pair.gap, rate, pair.pull, pair.wait + 2.0**-50 * (abs(t) + abs(tail)))
+        _, w = after(side, walls[1], t, tail, pair.gap, rate, a, pair.wait + 2.0**-50 * (abs(t) + abs(tail)))
     if w >= 0.0 and pair.gap == 0.0:
         w = -rate  # a bounce too low for the time of the next one
     return min(w, 0.0)
@@ -82,17 +82,17 @@ def beside(pair: Record, lower: Record, upper: Record, now: float, walls: Walls)
         return apart(pair, walls, now)
     side, rate = walls[0][pair.wall], rate_of(pair, lower, upper)
     t, tail = side.epoch, side.low + pair.at
-    return after(side, walls[1], t, tail, pair.gap, rate, pair.pull, now - pair.at)  # type: ignore[no-any-return]
+    return after(side, walls[1], t, tail, pair.gap, rate, pair.closing_acceleration, now - pair.at)  # type: ignore[no-any-return]
 
 
 @rare
 @kernel
 def follow(pair: Record, lower: Record, upper: Record, walls: Walls) -> None:
-    """Give what is bound to a driven wall, of a pair beside it, the velocity of the wall at the time of the pair."""
+    """Give what is stuck to a driven wall, of a pair beside it, the velocity of the wall at the time of the pair."""
     if pair.wall == 0 or pair.wall == BOTH:
-        lower.u = place(walls, 0, pair.at)[1]
+        lower.fall_velocity = place(walls, 0, pair.at)[1]
     if pair.wall == 1 or pair.wall == BOTH:
-        upper.u = place(walls, 1, pair.at)[1]
+        upper.fall_velocity = place(walls, 1, pair.at)[1]
 
 
 @rare
@@ -123,7 +123,7 @@ def apart(pair: Record, walls: Walls, now: float) -> tuple[float, float]:
 def presses(pair: Record, walls: Walls) -> bool:
     """Return whether a ball that touches a driven wall, at the time of their pair, is pressed on it."""
     side = walls[0][pair.wall]
-    now = state(side, walls[1], side.epoch, side.low + pair.at, 0.0, 0.0, pair.pull)
+    now = state(side, walls[1], side.epoch, side.low + pair.at, 0.0, 0.0, pair.closing_acceleration)
     return opens(side, walls[1][now[2]], now, 0.0, 0.0) == 0.0
 
 

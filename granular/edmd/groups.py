@@ -70,7 +70,7 @@ def _collide(s: State, physics: Any, fit: Fit, log: Log | None) -> tuple[int, in
     first, last = fit(group)(s.pairs, s.bodies, c, now, s.walls)
     p = _impulses(first, last, s, physics, fit)
     hit = [k for k in range(first, last + 1) if p[k - first] > 0.0]
-    if run.stop_pair in hit and s.pairs[run.stop_pair].hits >= run.stop_hits:
+    if run.stop_pair in hit and s.pairs[run.stop_pair].contacts >= run.stop_contacts:
         return UNTIL, c, c
     if run.events + len(hit) > s.clock.last_event:
         return BUDGET, c, c
@@ -86,7 +86,7 @@ def _collide(s: State, physics: Any, fit: Fit, log: Log | None) -> tuple[int, in
             rates = (closing[1] - closing[0]) + (opening[1] - opening[0])
             enter(s.bodies[k], s.bodies[k + 1], x, -0.5 * x * rates, s.walls)
     for k in hit:
-        s.pairs[k].hits, s.pairs[k].last = s.pairs[k].hits + 1, now
+        s.pairs[k].contacts, s.pairs[k].last = s.pairs[k].contacts + 1, now
     if log is not None:
         row: Any = twin(ROW)
         log.append([row(first + i, now, *before[i : i + 2], *parted[i : i + 2], x) for i, x in enumerate(p) if x > 0.0])
@@ -129,7 +129,8 @@ def _impulses(first: int, last: int, s: State, physics: Physics, fit: Fit) -> Ro
     fit(release)(s.run, s.pairs, s.bodies, first, last + 1, s.run.now, s.walls)
     rate = [_rate(k, s) for k in range(first, last + 1)]
     eps = [s.pairs[k].eps if rule is None else rule(k, max(0.0, -r)) for k, r in enumerate(rate, first)]
-    if bodies[0].mass == math.inf == bodies[-1].mass and (ties == "reflect" or bodies[-1].u < bodies[0].u):
+    meet = bodies[-1].fall_velocity < bodies[0].fall_velocity
+    if bodies[0].mass == math.inf == bodies[-1].mass and (ties == "reflect" or meet):
         why = "walls that close on them leave no way out" if ties != "reflect" else "use ties='poisson'"
         raise ValueError(f"ties is {ties!r}: balls wedged between two walls have no such collision; {why}.")
     return RULES[ties]([1.0 / body.mass for body in bodies], rate, eps)
@@ -145,10 +146,10 @@ def _apply(first: int, last: int, p: Row, s: State) -> None:
     for c in range(first, last + 1):
         lower, upper = s.bodies[c], s.bodies[c + 1]
         s.pairs[c].gap = 0.0
-        lower.u -= p[c - first] / lower.mass
-        upper.u += p[c - first] / upper.mass
+        lower.fall_velocity -= p[c - first] / lower.mass
+        upper.fall_velocity += p[c - first] / upper.mass
     bodies = s.bodies[first : last + 2]
-    fastest = max(abs(body.u) for body in bodies)
+    fastest = max(abs(body.fall_velocity) for body in bodies)
     doubt = max(body.noise for body in bodies) + NOISE * (fastest * fastest)
     for body in bodies:
         body.noise = doubt if body.mass < math.inf else body.noise
@@ -158,9 +159,9 @@ def _apply(first: int, last: int, p: Row, s: State) -> None:
 
 
 def _rate(c: int, s: State) -> float:
-    if s.hung:
-        return s.pairs[c].rate  # type: ignore[no-any-return]
-    rate: float = (s.bodies[c + 1].u - s.bodies[c].u) - s.pairs[c].pull * s.run.now
+    pair, lower, upper = s.pairs[c], s.bodies[c], s.bodies[c + 1]
+    rate: float = pair.rate if s.hung else (
+        (upper.fall_velocity - lower.fall_velocity) - pair.closing_acceleration * s.run.now)
     return rate
 
 
@@ -172,6 +173,6 @@ def _go_together(first: int, last: int, s: State) -> None:
     """
     heaviest = max(range(first, last + 1), key=lambda i: s.bodies[i].mass)
     for i in range(heaviest, last):
-        s.bodies[i + 1].u = s.bodies[i].u + s.pairs[i].pull * s.run.now
+        s.bodies[i + 1].fall_velocity = s.bodies[i].fall_velocity + s.pairs[i].closing_acceleration * s.run.now
     for i in range(heaviest, first, -1):
-        s.bodies[i - 1].u = s.bodies[i].u - s.pairs[i - 1].pull * s.run.now
+        s.bodies[i - 1].fall_velocity = s.bodies[i].fall_velocity - s.pairs[i - 1].closing_acceleration * s.run.now

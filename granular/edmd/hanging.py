@@ -45,7 +45,7 @@ def swing_off(pairs: Records, bodies: Records, c: int, now: float, w: float, e: 
 @kernel
 def kick(body: Record, change: float, now: float) -> None:
     """Change the velocity of a body (m/s) at time `now`."""
-    body.u += change * math.cos(body.omega * now)
+    body.fall_velocity += change * math.cos(body.omega * now)
     body.sway -= change * math.sin(body.omega * now)
 
 

@@ -1,15 +1,15 @@
 """What a pair does: predict its contact, be carried along, collide. Both queues use these same expressions.
 
-Records of pair c: `gap` (m, never negative) as it was at time `at`, and of its bodies the free-fall velocities `u`
-(m/s), which change only at impacts: a body moves with ``u - g·tau`` if it falls. `pull` is gravity's closing
-acceleration of the gap (g at a floor, 0 between balls, -g at a ceiling). Times are counted from the last re-basing.
+Records of pair c: `gap` (m, never negative) as it was at time `at`, and of its bodies the `fall_velocity` u
+(m/s), which changes only at impacts: a body moves with ``u - g·tau`` if it `is_free`. Gravity gives the gap its
+`closing_acceleration` (g at a floor, 0 between balls, -g at a ceiling). Times are counted from the last re-basing.
 
-What collisions leave of a velocity is rounded. `noise` (m²/s²) is the square of what that may amount to in `u`, with a
+What collisions leave of a velocity is rounded. `noise` (m²/s²) is the square of what that may amount to in u, with a
 margin: a collision passes it on as it does velocities, and adds its own. Two balls that close more slowly than that
 are not known to close at all, and do not collide; velocities that were given are exact.
 
 What stands behind `if FORCED`, `if HUNG` or `if RING` is for scenes that are not plain (`granular.scene.flags`) and may
-be skipped: walls that shake and forces (`driven`), pendula (`hanging`), and rings. A ring of n balls is held as a line
+be skipped: walls that shake and forces (`driven`), pendula (`hanging`), and rings. A ring of n balls is a line
 of n pairs and n + 1 bodies, the last of which is the first once more: what happens to one of these two happens to the
 other, and the neighbours of a pair are counted round. Its velocities are relative to the centre of mass.
 """
@@ -45,12 +45,12 @@ def velocities(lower: Record, upper: Record, g: float, now: float) -> tuple[floa
     """Return the velocities of the bodies of a pair (m/s) at time `now`; of a driven wall, at that of its pair."""
     if HUNG:
         c, s = math.cos(lower.omega * now), math.sin(lower.omega * now)
-        return lower.u * c - lower.sway * s, upper.u * c - upper.sway * s
+        return lower.fall_velocity * c - lower.sway * s, upper.fall_velocity * c - upper.sway * s
     fallen = g * now
     if FORCED:
-        below = lower.u - (lower.falls * fallen - lower.push * now)
-        return below, upper.u - (upper.falls * fallen - upper.push * now)
-    return lower.u - lower.falls * fallen, upper.u - upper.falls * fallen
+        below = lower.fall_velocity - (lower.is_free * fallen - lower.force_acceleration * now)
+        return below, upper.fall_velocity - (upper.is_free * fallen - upper.force_acceleration * now)
+    return lower.fall_velocity - lower.is_free * fallen, upper.fall_velocity - upper.is_free * fallen
 
 
 @kernel
@@ -64,12 +64,12 @@ def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float
         if pair.gap == 0.0 and pair.rate < 0.0:
             return pair.at  # type: ignore[no-any-return]
         return pair.at + hung(pair.gap, pair.rate, pair.omega, pair.rest)  # type: ignore[no-any-return]
-    a = pair.pull
-    rate = (upper.u - lower.u) - a * pair.at
+    a = pair.closing_acceleration
+    rate = (upper.fall_velocity - lower.fall_velocity) - a * pair.at
     if FORCED:
         if pair.heat >= 0 and pair.gap == 0.0 and a > 0.0 and rate <= 0.0:
             return pair.at  # type: ignore[no-any-return]
-        if pair.shut > FREE:
+        if pair.stuck > FREE:
             return opening(pair, walls)
         if pair.wall >= 0:
             return hit(pair, lower, upper, walls)
@@ -88,7 +88,7 @@ def after(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) 
         return hung_after(pair.gap, pair.rate, pair.omega, pair.rest, now - pair.at)
     if FORCED and pair.wall >= 0:
         return beside(pair, lower, upper, now, walls)
-    a, at, rate = pair.pull, pair.at, upper.u - lower.u
+    a, at, rate = pair.closing_acceleration, pair.at, upper.fall_velocity - lower.fall_velocity
     return gap_after(pair.gap, rate - a * at, a, now - at), rate - a * now
 
 
@@ -99,7 +99,8 @@ def rate_at_touch(pair: Record, lower: Record, upper: Record, walls: Walls) -> f
         return hung_rate_at_contact(pair.gap, pair.rate, pair.omega, pair.rest)
     if FORCED and pair.wall >= 0:
         return rate_at_wall(pair, lower, upper, walls)
-    return rate_at_contact(pair.gap, (upper.u - lower.u) - pair.pull * pair.at, pair.pull)
+    a = pair.closing_acceleration
+    return rate_at_contact(pair.gap, (upper.fall_velocity - lower.fall_velocity) - a * pair.at, a)
 
 
 @kernel
@@ -108,7 +109,7 @@ def touches(pair: Record, lower: Record, upper: Record, now: float, walls: Walls
     if FORCED:
         if pair.heat >= 0:
             return False
-        if pair.shut > FREE:
+        if pair.stuck > FREE:
             return True
     if HUNG and predicted(pair, lower, upper, walls) <= now:
         return True
@@ -120,8 +121,8 @@ def carry(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) 
     """Move a pair to time `now`; return 1 if rounding made its gap negative and it was clamped at 0."""
     if FORCED or HUNG:
         return carry_led(pair, lower, upper, now, walls)
-    a, at = pair.pull, pair.at
-    d = gap_after(pair.gap, (upper.u - lower.u) - a * at, a, now - at)  # as in `after`, with one call less
+    a, at = pair.closing_acceleration, pair.at
+    d = gap_after(pair.gap, (upper.fall_velocity - lower.fall_velocity) - a * at, a, now - at)  # `after`, called less
     pair.at = now
     pair.gap = d if d > 0.0 else 0.0
     return 1 if d < 0.0 else 0
@@ -133,7 +134,7 @@ def carry_led(pair: Record, lower: Record, upper: Record, now: float, walls: Wal
 
     One that is stuck opens when it does, looked at from when it closed: a jump of its wall's velocity just now counts.
     """
-    if FORCED and pair.shut > FREE:
+    if FORCED and pair.stuck > FREE:
         return 0
     d, rate = after(pair, lower, upper, now, walls)
     pair.at = now
@@ -154,15 +155,15 @@ def collide(pair: Record, lower: Record, upper: Record, now: float, w: float, e:
     and with ε = 0 the pair moves as one in all bits. On a ring equal balls that lose nothing exchange their velocities
     to the last bit: they fly as if they passed each other.
     """
-    part = pair.pull * now - e * w
+    part = pair.closing_acceleration * now - e * w
     if RING and e == 1.0 and pair.low == 0.5:
-        lower.u, upper.u = upper.u, lower.u
+        lower.fall_velocity, upper.fall_velocity = upper.fall_velocity, lower.fall_velocity
     elif pair.low <= 0.5:
-        lower.u += pair.low * ((1.0 + e) * w)
-        upper.u = lower.u + part
+        lower.fall_velocity += pair.low * ((1.0 + e) * w)
+        upper.fall_velocity = lower.fall_velocity + part
     else:
-        upper.u -= pair.high * ((1.0 + e) * w)
-        lower.u = upper.u - part
+        upper.fall_velocity -= pair.high * ((1.0 + e) * w)
+        lower.fall_velocity = upper.fall_velocity - part
     pair.gap = 0.0
     pair.at = now
     blur(pair, lower, upper, w, e)
@@ -186,18 +187,18 @@ def blur(pair: Record, lower: Record, upper: Record, w: float, e: float) -> None
     """
     a, b = pair.low * (1.0 + e), pair.high * (1.0 + e)
     below, above = lower.noise, upper.noise
-    if a > 0.0 and not (FORCED and pair.wall >= 0 and lower.falls == 0.0):
-        x, y = lower.u, a * w
+    if a > 0.0 and not (FORCED and pair.wall >= 0 and lower.is_free == 0.0):
+        x, y = lower.fall_velocity, a * w
         lower.noise = (1.0 - a) * (1.0 - a) * below + a * a * above + NOISE * (x * x + y * y)
-    if b > 0.0 and not (FORCED and pair.wall >= 0 and upper.falls == 0.0):
-        x, y = upper.u, b * w
+    if b > 0.0 and not (FORCED and pair.wall >= 0 and upper.is_free == 0.0):
+        x, y = upper.fall_velocity, b * w
         upper.noise = b * b * below + (1.0 - b) * (1.0 - b) * above + NOISE * (x * x + y * y)
 
 
 @kernel
 def rate_at(pair: Record, lower: Record, upper: Record, now: float, walls: Walls) -> float:
     """Return the rate of a pair (m/s) at time `now`."""
-    if FORCED and pair.shut > FREE:
+    if FORCED and pair.stuck > FREE:
         return 0.0
     return after(pair, lower, upper, now, walls)[1]
 
@@ -210,7 +211,7 @@ def approaching(pairs: Records, bodies: Records, first: int, now: float, walls: 
         c = first + k if first + k < n else first + k - n
         pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
         rate = rate_at(pair, lower, upper, now, walls)
-        if rate < 0.0 and (pair.pull != 0.0 or rate * rate >= lower.noise + upper.noise):
+        if rate < 0.0 and (pair.closing_acceleration != 0.0 or rate * rate >= lower.noise + upper.noise):
             return c
     return -1
 
@@ -221,25 +222,25 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
     for c in range(len(pairs)):
         pair = pairs[c]
         run.clamps += carry(pair, bodies[c], bodies[c + 1], shift, walls)
-        pair.at = pair.at - shift if FORCED and pair.shut > FREE else 0.0
+        pair.at = pair.at - shift if FORCED and pair.stuck > FREE else 0.0
         pair.last -= shift
     if FORCED or HUNG or run.gravity != 0.0:
         for i in range(len(bodies)):
             body = bodies[i]
             if HUNG:
-                cosine, sine = math.cos(body.omega * shift), math.sin(body.omega * shift)
-                body.u, body.sway = body.u * cosine - body.sway * sine, body.sway * cosine + body.u * sine
+                u, cosine, sine = body.fall_velocity, math.cos(body.omega * shift), math.sin(body.omega * shift)
+                body.fall_velocity, body.sway = u * cosine - body.sway * sine, body.sway * cosine + u * sine
             elif FORCED:
-                fallen = body.falls * (run.gravity * shift) - body.push * shift
-                body.u -= fallen
+                fallen = body.is_free * (run.gravity * shift) - body.force_acceleration * shift
+                body.fall_velocity -= fallen
                 if fallen != 0.0:
-                    body.noise += REBASED * (body.u * body.u)
+                    body.noise += REBASED * (body.fall_velocity * body.fall_velocity)
             else:
-                body.u -= body.falls * (run.gravity * shift)
-                body.noise += body.falls * REBASED * (body.u * body.u)
+                body.fall_velocity -= body.is_free * (run.gravity * shift)
+                body.noise += body.is_free * REBASED * (body.fall_velocity * body.fall_velocity)
     else:
         cut(bodies)
-    if (HUNG or RING) and run.closed > 0.0:
+    if (HUNG or RING) and run.gap_sum > 0.0:
         reimpose(run, pairs)
     if RING:
         centre(bodies)
@@ -251,7 +252,7 @@ def cut(bodies: Records) -> None:
     too, does not, and would have slow balls pass through each other."""
     fastest = 0.0
     for i in range(len(bodies)):
-        fastest = max(fastest, abs(bodies[i].u))
+        fastest = max(fastest, abs(bodies[i].fall_velocity))
     for i in range(len(bodies)):
         bodies[i].noise = min(bodies[i].noise, UNCERTAIN * (fastest * fastest))
 
@@ -287,7 +288,7 @@ def reimpose(run: Record, pairs: Records) -> None:
         total, low = add(total, low, pairs[c].gap)
         if pairs[c].gap > pairs[widest].gap:
             widest = c
-    pairs[widest].gap += (run.closed - total) - low
+    pairs[widest].gap += (run.gap_sum - total) - low
     if HUNG:
         total, low = 0.0, 0.0
         for c in range(len(pairs)):
@@ -303,26 +304,26 @@ def centre(bodies: Records) -> None:
     """
     n, momentum, low, mass, fastest = len(bodies) - 1, 0.0, 0.0, 0.0, 0.0
     for i in range(n):
-        momentum, low = add(momentum, low, bodies[i].mass * bodies[i].u)
+        momentum, low = add(momentum, low, bodies[i].mass * bodies[i].fall_velocity)
         mass += bodies[i].mass
-        fastest = max(fastest, abs(bodies[i].u))
+        fastest = max(fastest, abs(bodies[i].fall_velocity))
     mean = (momentum + low) / mass
     for i in range(n):
         if abs(mean) > COMPARABLE * fastest:
-            bodies[i].u -= mean
+            bodies[i].fall_velocity -= mean
     same(bodies[n], bodies[0])
 
 
 @kernel
 def same(body: Record, other: Record) -> None:
     """Let a body be what the other is: both are the ball at the seam of a ring."""
-    body.u = other.u
+    body.fall_velocity = other.fall_velocity
     body.noise = other.noise
 
 
 @kernel
 def across(bodies: Records, c: int) -> None:
-    """Let what has happened to the ball at the seam of a ring, in pair `c`, happen to both that it is held as."""
+    """Let what has happened to the ball at the seam of a ring, in pair `c`, happen to both bodies that it is."""
     n = len(bodies) - 1
     if c == 0:
         same(bodies[n], bodies[0])

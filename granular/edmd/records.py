@@ -20,8 +20,8 @@ from granular.walls.panels import WALL
 PAIR = np.dtype(
     [
         ("gap", float), ("at", float),  # m, at that time in s since the epoch
-        ("pull", float),  # gravity's closing acceleration, m/s²
-        ("hits", int), ("last", float),  # collisions so far, and the time of the last one not looked at closely in s
+        ("closing_acceleration", float),  # by gravity, m/s²
+        ("contacts", int), ("last", float),  # collisions so far, and the time of the last not looked at closely in s
         ("streak", int),  # how often a collision in a row looked like a collapse
         ("low", float), ("high", float),  # shares of the lower and the upper body in a change of the rate
         ("eps", float),  # where rules are constant
@@ -30,9 +30,9 @@ PAIR = np.dtype(
 )
 BODY = np.dtype(
     [
-        ("u", float),  # free-fall velocity of the epoch, m/s
-        ("falls", float),  # 1 falls; 0 a wall, or a ball that rests on a wall
-        ("noise", float),  # (m/s)², square of what rounding may have left in u
+        ("fall_velocity", float),  # free-fall velocity of the epoch, m/s
+        ("is_free", float),  # 1 falls; 0 a wall, or a ball that rests on a wall
+        ("noise", float),  # (m/s)², square of what rounding may have left in its fall velocity
         ("mass", float),
     ],
     align=True,
@@ -45,9 +45,9 @@ RUN = np.dtype(
         ("order", int), ("seed", int),  # of ties
         ("now", float), ("events", int), ("zoomed", int),  # tau of the last event; collisions, those in closer looks
         ("clamps", int), ("merged", int),  # gaps set to 0, collisions merged
-        ("closed", float),  # m, the sum of the gaps where it never changes, else 0
+        ("gap_sum", float),  # m, the sum of the gaps where it never changes, else 0
         ("edge", float), ("budget", int),  # until when to go now, and for how many events at most
-        ("stop_pair", int), ("stop_hits", int),  # pause before this pair, which has collided so often, collides again
+        ("stop_pair", int), ("stop_contacts", int),  # pause before this pair, which has collided so often, does again
         ("slow", float), ("short", float),  # what looks like a collapse, m/s (< 0: nothing does) and s
         ("suspect", int), ("rebound", float),  # the pair that collided last, in a closer look too; its rate after, m/s
         # a closer look
@@ -115,8 +115,9 @@ PLAIN = PAIR, BODY
 OF_FORCED = more(
     # beside which driven wall it is (0 floor, 1 ceiling, 2 both, -1 neither); 0 free, 1 or 2 stuck for as long as its
     # bodies rest on the floor or the ceiling; the time (s) from `at` to its next hit; beside which thermal wall it is
-    [("wall", int), ("shut", int), ("wait", float), ("heat", int)],
-    [("push", float), ("own", float)],  # m/s², acceleration by forces, and by its own force if nothing holds it
+    [("wall", int), ("stuck", int), ("wait", float), ("heat", int)],
+    # m/s², by forces, and by its own force if nothing holds it
+    [("force_acceleration", float), ("own_acceleration", float)],
 )
 OF_HUNG = more(
     [("rate", float), ("rest", float), ("omega", float)],  # m/s, at the time `at`; m, its gap at rest; Ω in rad/s
@@ -136,12 +137,15 @@ NUMBERS = {"start": "f", "epoch": "f", "epoch_low": "f", "now": "f", "length": "
            "tc": "f", "elastic_below": "f", "merge_below": "f", "seed": "i"}
 """Numbers that are saved, and their kinds; of those from `length` on none is negative."""
 ANY = ("start", "epoch", "epoch_low", "now")
-ENTRIES = {"gap": (0.0, math.inf), "hits": (0, LARGEST), "streak": (0, LARGEST), "last": (-math.inf, math.inf),
-           "wall": (-1, 2), "shut": (0, 2), "falls": (0.0, 1.0), "noise": (0.0, math.inf)}
+ENTRIES = {"gap": (0.0, math.inf), "contacts": (0, LARGEST), "streak": (0, LARGEST), "last": (-math.inf, math.inf),
+           "wall": (-1, 2), "stuck": (0, 2), "is_free": (0.0, 1.0), "noise": (0.0, math.inf)}
 """Least and largest entry of an array of pairs or bodies; others are any finite numbers."""
-WHOLE = ("hits", "streak", "wall", "shut")
+WHOLE = ("contacts", "streak", "wall", "stuck")
 ADDED = ("noise",)
 """What releases before it did not save."""
+RENAMED = {"u": "fall_velocity", "falls": "is_free", "pull": "closing_acceleration", "push": "force_acceleration",
+           "hits": "contacts", "shut": "stuck"}
+"""What releases before called what is saved."""
 
 
 def check_numbers(saved: Mapping[str, Any], physics: Physics) -> None:

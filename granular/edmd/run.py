@@ -71,7 +71,7 @@ class Run:
         pair, hits = NEVER if request.until is None else APART, 0
         if isinstance(request.until, Contact):
             pair, hits = request.until.pair, request.until.nth - 1
-        state.set(stop_pair=pair, stop_hits=hits, last_event=state.run.events + request.max_events)
+        state.set(stop_pair=pair, stop_contacts=hits, last_event=state.run.events + request.max_events)
         self.events = int(state.run["events"])
         self.began = self.time(), self._work()
         self.may_compile = engine == "auto"

@@ -45,12 +45,12 @@ def loop(
             refresh(run, pairs, bodies, queue, 0, len(pairs) - 1, walls)
             edge = run.edge
             continue
-        if FORCED and pairs[c].shut > FREE:
+        if FORCED and pairs[c].stuck > FREE:
             run.now = now
             first, last = leave(run, pairs, bodies, c, now, walls)
             refresh(run, pairs, bodies, queue, first, last, walls)
             continue
-        if c == stop and pairs[c].hits >= run.stop_hits:
+        if c == stop and pairs[c].contacts >= run.stop_contacts:
             run.now = now
             return UNTIL
         if done >= budget:
@@ -99,14 +99,14 @@ def refresh(
     while c <= last:
         old, pair = entry[c], pairs[c]
         time = predicted(pair, bodies[c], bodies[c + 1], walls)
-        new = (time, rank(c, RANDOM, run.seed, pair.hits) if run.order == RANDOM else old[1])
+        new = (time, rank(c, RANDOM, run.seed, pair.contacts) if run.order == RANDOM else old[1])
         if new != old:
             if old[0] < math.inf:
                 order.remove(old)
             entry[c] = new
             if time < math.inf:
                 order.add(new)
-        if time == math.inf and (FORCED or pair.pull > 0.0):
+        if time == math.inf and (FORCED or pair.closing_acceleration > 0.0):
             low, high = rest(run, pairs, bodies, c, walls)
             last = max(last, high)
             c = low
@@ -152,7 +152,7 @@ class SortedQueue:
     def rebuild(self) -> None:
         """Predict all pairs anew."""
         run = self.state.run
-        entry = [(math.inf, rank(c, run.order, run.seed, pair.hits)) for c, pair in enumerate(self.state.pairs)]
+        entry = [(math.inf, rank(c, run.order, run.seed, pair.contacts)) for c, pair in enumerate(self.state.pairs)]
         self.queue = SortedList([NOBODY]), entry
         self.refresh(0, len(entry) - 1)
 
@@ -214,5 +214,5 @@ class SortedQueue:
         walls = None if walls is None else (plain(walls[0]), plain(walls[1]), walls[2])
         for c, (time, key) in enumerate(self._events()):
             due = self.fit(predicted)(pairs[c], bodies[c], bodies[c + 1], walls)
-            assert key == rank(c, run.order, run.seed, pairs[c].hits), c
+            assert key == rank(c, run.order, run.seed, pairs[c].contacts), c
             assert math.isclose(time, due, rel_tol=1e-9, abs_tol=1e-12), (c, time, due)

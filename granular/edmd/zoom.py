@@ -14,7 +14,7 @@ import math
 from granular._flight import gap_after, rate_at_contact, time_to_contact
 from granular._kernels import kernel
 from granular._records import Record, Records
-from granular.edmd.clusters import is_held
+from granular.edmd.clusters import ball_is_stuck
 from granular.edmd.motion import across, impulse, total, velocities
 from granular.edmd.physics import Restitution
 from granular.edmd.records import BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL, Walls
@@ -38,7 +38,7 @@ def zoom(
         if why != GOES_ON or done == run.budget:
             return BUDGET if why == GOES_ON else why
         own, pair, lower, upper = near[j], pairs[j], bodies[j], bodies[j + 1]
-        w = rate_at_contact(own.gap, own.rate, pair.pull)
+        w = rate_at_contact(own.gap, own.rate, pair.closing_acceleration)
         e = pair.eps if rule is None else rule(number(run, j), -w)
         advance(run, near, pairs, dt)
         run.suspect = number(run, j)
@@ -59,12 +59,13 @@ def zoom(
         wait = rest_time(near, pairs, j, e) if rule is None else math.inf
         if run.elapsed + wait < min(run.room, run.edge - run.began):
             if FORCED:
-                left = impulse(lower, upper, own.rate - pair.pull * wait)  # of all bounces, its weight among them
+                # of all bounces, its weight among them
+                left = impulse(lower, upper, own.rate - pair.closing_acceleration * wait)
                 enter(lower, upper, left, 0.5 * upper.mass * own.rate * own.rate, walls)
             settle(near, pairs, bodies, j, wait, walls)
             run.elapsed += wait
             return RESTS
-        if own.rate == 0.0 and pair.pull > 0.0:
+        if own.rate == 0.0 and pair.closing_acceleration > 0.0:
             return QUIET
         if e < 1.0 and -w < math.ldexp(run.slow, -184):
             return TINY
@@ -83,7 +84,7 @@ def obstacle(run: Record, near: Records, pairs: Records, bodies: Records, j: int
         return QUIET
     n, c = len(near), number(run, j)
     guard = guards(run, n, j)
-    if FORCED and (pairs[j].heat >= 0 or is_held(bodies[j]) or is_held(bodies[j + 1])):
+    if FORCED and (pairs[j].heat >= 0 or ball_is_stuck(bodies[j]) or ball_is_stuck(bodies[j + 1])):
         guard = True
     together = run.order == GROUP and crowded(near, pairs, j, dt)
     if guard or together or not run.elapsed + dt < run.room:
@@ -92,7 +93,7 @@ def obstacle(run: Record, near: Records, pairs: Records, bodies: Records, j: int
         return SPENT
     if run.elapsed + dt > run.edge - run.began:
         return LATER
-    if c == run.stop_pair and pairs[j].hits >= run.stop_hits:
+    if c == run.stop_pair and pairs[j].contacts >= run.stop_contacts:
         run.elapsed += dt
         return UNTIL
     return GOES_ON
@@ -104,9 +105,9 @@ def soonest(run: Record, near: Records, pairs: Records) -> tuple[int, float]:
     best, when = 0, math.inf
     for j in range(len(near)):
         own, pair = near[j], pairs[j]
-        if own.rate >= 0.0 and pair.pull <= 0.0:
+        if own.rate >= 0.0 and pair.closing_acceleration <= 0.0:
             continue
-        dt = time_to_contact(own.gap, own.rate, pair.pull)
+        dt = time_to_contact(own.gap, own.rate, pair.closing_acceleration)
         if dt < when or (dt == when < math.inf and order(run, pairs, j) < order(run, pairs, best)):
             best, when = j, dt
     return best, when
@@ -131,14 +132,14 @@ def guards(run: Record, n: int, j: int) -> bool:
 @kernel
 def order(run: Record, pairs: Records, j: int) -> int:
     """Return the rank of pair `j` of the slice."""
-    return rank(number(run, j), run.order, run.seed, pairs[j].hits)
+    return rank(number(run, j), run.order, run.seed, pairs[j].contacts)
 
 
 @kernel
 def crowded(near: Records, pairs: Records, j: int, dt: float) -> bool:
     """Return whether a neighbour of pair `j` touches after `dt`."""
     for k in range(max(j - 1, 0), min(j + 2, len(near))):
-        if k != j and gap_after(near[k].gap, near[k].rate, pairs[k].pull, dt) <= 0.0:
+        if k != j and gap_after(near[k].gap, near[k].rate, pairs[k].closing_acceleration, dt) <= 0.0:
             return True
     end = len(near) - 1
     if RING and (j == 0 or j == end):
@@ -150,7 +151,7 @@ def crowded(near: Records, pairs: Records, j: int, dt: float) -> bool:
 def advance(run: Record, near: Records, pairs: Records, dt: float) -> None:
     """Move all gaps and rates on by `dt`; count the gaps clamped at 0."""
     for j in range(len(near)):
-        own, a = near[j], pairs[j].pull
+        own, a = near[j], pairs[j].closing_acceleration
         gap = gap_after(own.gap, own.rate, a, dt)
         run.clamped += gap < 0.0
         own.gap = gap if gap > 0.0 else 0.0
@@ -171,9 +172,9 @@ def bounce(near: Records, pairs: Records, bodies: Records, j: int, w: float, e: 
         near[j - 1].rate += pair.low * jump
     if j + 1 < len(near):
         near[j + 1].rate += pair.high * jump
-    bodies[j].u += pair.low * jump
-    bodies[j + 1].u -= pair.high * jump
-    pair.hits += 1
+    bodies[j].fall_velocity += pair.low * jump
+    bodies[j + 1].fall_velocity -= pair.high * jump
+    pair.contacts += 1
     end = len(near) - 1
     if RING and j == 0:
         near[end].rate += pair.low * jump
@@ -191,16 +192,16 @@ def rest_time(near: Records, pairs: Records, j: int, e: float) -> float:
     before, and its neighbour stays above the top of the first arc, which that does if it is so at both ends of the
     time, since it moves on a straight line or falls.
     """
-    a, r = pairs[j].pull, near[j].rate
+    a, r = pairs[j].closing_acceleration, near[j].rate
     if not (a > 0.0 and pairs[j].low == 0.0 and e < 1.0):
         return math.inf
     end: float = 2.0 * r / (a * (1.0 - e))
     for i in range(len(near)):
-        if i != j and i != j + 1 and time_to_contact(near[i].gap, near[i].rate, pairs[i].pull) <= end:
+        if i != j and i != j + 1 and time_to_contact(near[i].gap, near[i].rate, pairs[i].closing_acceleration) <= end:
             return math.inf
     if j + 1 < len(near):
         above, arc = near[j + 1], r * r / (2.0 * a)
-        path = gap_after(above.gap, above.rate + r, pairs[j + 1].pull + a, end)
+        path = gap_after(above.gap, above.rate + r, pairs[j + 1].closing_acceleration + a, end)
         if above.gap <= arc or path <= arc:
             return math.inf
     return end
@@ -212,18 +213,18 @@ def settle(near: Records, pairs: Records, bodies: Records, j: int, end: float, w
 
     Measured from the wall, the path of its neighbour knows nothing of the bounces.
     """
-    a, r = pairs[j].pull, near[j].rate
-    near[j].gap = near[j].rate = pairs[j].pull = bodies[j + 1].falls = 0.0
-    bodies[j + 1].u = bodies[j].u
+    a, r = pairs[j].closing_acceleration, near[j].rate
+    near[j].gap = near[j].rate = pairs[j].closing_acceleration = bodies[j + 1].is_free = 0.0
+    bodies[j + 1].fall_velocity = bodies[j].fall_velocity
     if FORCED:
-        bodies[j + 1].push = 0.0
+        bodies[j + 1].force_acceleration = 0.0
     if j + 1 < len(near):
         near[j + 1].rate += r
-        pairs[j + 1].pull += a
+        pairs[j + 1].closing_acceleration += a
     for i in range(len(near)):
         if i != j:
-            near[i].gap = gap_after(near[i].gap, near[i].rate, pairs[i].pull, end)
-            near[i].rate -= pairs[i].pull * end
+            near[i].gap = gap_after(near[i].gap, near[i].rate, pairs[i].closing_acceleration, end)
+            near[i].rate -= pairs[i].closing_acceleration * end
 
 
 @kernel
@@ -246,18 +247,18 @@ def write_back(run: Record, near: Records, pairs: Records, bodies: Records) -> N
         pair = pairs[j]
         pair.gap, pair.at = near[j].gap, tau
         if from_below and bodies[j + 1].mass != math.inf:
-            bodies[j + 1].u = bodies[j].u + (near[j].rate + pair.pull * tau)
+            bodies[j + 1].fall_velocity = bodies[j].fall_velocity + (near[j].rate + pair.closing_acceleration * tau)
             bodies[j + 1].noise = 0.0
     if not from_below:
         for j in range(n - 1, -1, -1):
-            bodies[j].u = bodies[j + 1].u - (near[j].rate + pairs[j].pull * tau)
+            bodies[j].fall_velocity = bodies[j + 1].fall_velocity - (near[j].rate + pairs[j].closing_acceleration * tau)
             bodies[j].noise = 0.0
     if free:
         shift = (before - momentum(bodies, top)) / total(bodies, 0, top)
         for i in range(top + 1):
-            bodies[i].u += shift
+            bodies[i].fall_velocity += shift
     if top < n:
-        bodies[n].u, bodies[n].noise = bodies[0].u, bodies[0].noise
+        bodies[n].fall_velocity, bodies[n].noise = bodies[0].fall_velocity, bodies[0].noise
 
 
 @kernel
@@ -265,5 +266,5 @@ def momentum(bodies: Records, top: int) -> float:
     """Return Σ m u over the bodies of the slice, up to `top`."""
     p = 0.0
     for i in range(top + 1):
-        p += bodies[i].mass * bodies[i].u
+        p += bodies[i].mass * bodies[i].fall_velocity
     return p
