@@ -174,7 +174,7 @@ def go_together(bodies: Records, b: int, c: int, e: int, now: float, w: float, w
         bodies[i % (len(bodies) - 1) if RING else i].fall_velocity = u
     if RING:
         bodies[len(bodies) - 1].fall_velocity = bodies[0].fall_velocity
-    return exchanged  # type: ignore[no-any-return]
+    return exchanged
 
 
 @rare

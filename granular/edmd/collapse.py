@@ -14,8 +14,8 @@ from granular._flight import time_to_contact
 from granular._records import Records, column
 from granular.edmd.physics import Physics
 from granular.edmd.proof import forever
-from granular.edmd.records import APART, BUDGET, LATER, NEAR, RESTS, SPENT, TINY, UNTIL
-from granular.edmd.sorted_queue import Log, SortedQueue
+from granular.edmd.records import APART, BUDGET, LATER, NEAR, RESTS, SPENT, TINY, UNTIL, Log
+from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State, gaps
 from granular.edmd.zoom import write_back, zoom
 

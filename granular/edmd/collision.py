@@ -69,9 +69,7 @@ def event(
             swing_off(pairs, bodies, c, now, w, e)
         else:
             collide(pair, lower, upper, now, w, e)
-        exchanged = impulse(lower, upper, (1.0 + e) * w)
-        if FORCED:
-            book(lower, upper, w, e, walls)
+        exchanged = book(lower, upper, w, e, walls) if FORCED else impulse(lower, upper, (1.0 + e) * w)
     if row is not None:
         row.lower_out, row.upper_out = velocities(lower, upper, run.gravity, now)
         row.impulse = exchanged

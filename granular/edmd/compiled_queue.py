@@ -23,13 +23,12 @@ import numpy as np
 from granular._kernels import compiled, kernel, specialised, worth
 from granular._records import Record, Records, copied, one, packed, raw
 from granular._tournament import leaf, replay, tournament
-from granular.edmd import sorted_queue
 from granular.edmd.clusters import rest
 from granular.edmd.motion import predicted
-from granular.edmd.records import LATER, NEVER, ROW, RUN, Walls
-from granular.edmd.sorted_queue import Log, SortedQueue
+from granular.edmd.physics import LEFT, MASK, RANDOM, rank
+from granular.edmd.records import LATER, NEVER, ROW, RUN, Log, Walls
+from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
-from granular.edmd.ties import LEFT, MASK, RANDOM, rank
 from granular.scene.flags import FORCED
 
 LONG, VERY_LONG = 100_000, 1_000_000
@@ -69,7 +68,7 @@ def refresh(
     replay(queue, first, last)
 
 
-loop = specialised(sorted_queue.loop, head=head, refresh=refresh)
+loop = specialised(SortedQueue.loop, head=head, refresh=refresh)
 
 
 class TreeQueue(SortedQueue):

@@ -82,7 +82,7 @@ def beside(pair: Record, lower: Record, upper: Record, now: float, walls: Walls)
         return apart(pair, walls, now)
     side, rate = walls[0][pair.wall], rate_of(pair, lower, upper)
     t, tail = side.epoch, side.low + pair.at
-    return after(side, walls[1], t, tail, pair.gap, rate, pair.closing_acceleration, now - pair.at)  # type: ignore[no-any-return]
+    return after(side, walls[1], t, tail, pair.gap, rate, pair.closing_acceleration, now - pair.at)
 
 
 @rare

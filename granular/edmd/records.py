@@ -13,8 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from granular._check import LARGEST, held
-from granular.edmd.physics import Physics
-from granular.edmd.ties import ORDER
+from granular.edmd.physics import ORDER, Physics
 from granular.walls.panels import WALL
 
 PAIR = np.dtype(
@@ -87,6 +86,8 @@ ROW = np.dtype(
 
 The impulse is no function of the others: in a closer look velocities cannot hold the change, and balls that stick
 together pass on more than their own."""
+Log: TypeAlias = list[Any]
+"""The log: chunks of records `ROW`, as arrays or as lists of plain objects."""
 SIDE = np.dtype(
     [
         *((name, WALL[name]) for name in WALL.names or ()),

@@ -13,11 +13,10 @@ from granular.drive import End, Pause, Request, Row, Rows, portion
 from granular.edmd import collapse, compiled_queue, wall_state
 from granular.edmd.compiled_queue import BlockQueue, TreeQueue, pays
 from granular.edmd.motion import LATEST
-from granular.edmd.physics import Physics
+from granular.edmd.physics import GROUP, ORDER, Physics
 from granular.edmd.records import APART, BUDGET, LATER, NEVER, ROW, SUSPECT, UNTIL
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
-from granular.edmd.ties import GROUP, ORDER
 from granular.edmd.watch import Watch
 from granular.scene import velocities
 from granular.scene.walls import Closing

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 from sortedcontainers import SortedList
@@ -13,12 +12,11 @@ from granular._kernels import fitted, kernel
 from granular._records import Record, Records, plain, twin
 from granular.edmd.clusters import rest
 from granular.edmd.collision import SUSPICIOUS, event, leave
-from granular.edmd.groups import Log, collide_as_one, is_touched
 from granular.edmd.motion import approaching, predicted, velocities
-from granular.edmd.physics import Physics, Restitution
-from granular.edmd.records import APART, BUDGET, FREE, LATER, ROW, SUSPECT, TOUCHING, UNTIL, Walls
+from granular.edmd.physics import GROUP, MASK, RANDOM, Physics, Restitution, rank
+from granular.edmd.records import APART, BUDGET, FREE, LATER, ROW, SUSPECT, TOUCHING, UNTIL, Log, Walls
 from granular.edmd.state import State
-from granular.edmd.ties import GROUP, MASK, RANDOM, rank
+from granular.edmd.ties import collide_as_one, is_touched
 from granular.edmd.wall_state import advance_epoch, date_rows
 from granular.scene.flags import FORCED, RING, flags
 
@@ -56,10 +54,9 @@ def loop(
         if done >= budget:
             return BUDGET
         run.now = now
-        if together:
+        if together and is_touched(pairs, bodies, c, now, walls):
             run.suspect = c
-            if is_touched(pairs, bodies, c, now, walls):
-                return TOUCHING
+            return TOUCHING
         row = None if rows is None else rows[done]
         first, last, rebound = event(run, pairs, bodies, c, now, rule, row, walls)
         run.events += 1
@@ -68,9 +65,8 @@ def loop(
             below, above = velocities(bodies[c], bodies[c + 1], run.gravity, now)
             fastest[0] = max(fastest[0], abs(below), abs(above))
         refresh(run, pairs, bodies, queue, first, last, walls)
-        if RING and (first == 0 or last + 1 == len(pairs)):  # they are neighbours across the seam
-            refresh(run, pairs, bodies, queue, 0, 0, walls)
-            refresh(run, pairs, bodies, queue, len(pairs) - 1, len(pairs) - 1, walls)
+        if RING:
+            refresh_across(run, pairs, bodies, queue, first, last, walls)
         if stop == APART:
             closes = approaching(pairs, bodies, closes, now, walls)
             if closes < 0:
@@ -114,6 +110,17 @@ def refresh(
             c += 1
 
 
+@kernel
+def refresh_across(
+    run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int, walls: Walls
+) -> None:
+    """Predict the pairs at the seam of a ring anew, if one of them is among pairs `first` … `last`."""
+    end = len(pairs) - 1
+    if first == 0 or last == end:
+        refresh(run, pairs, bodies, queue, 0, 0, walls)
+        refresh(run, pairs, bodies, queue, end, end, walls)
+
+
 class SortedQueue:
     """Advance a `State` event by event.
 
@@ -136,7 +143,8 @@ class SortedQueue:
     def __init__(self, state: State, physics: Physics) -> None:
         state.keep(self.hold)
         self.state, self.physics = state, physics
-        self.fit: Callable[[Any], Any] = partial(fitted, **flags(physics.scene))
+        has = flags(physics.scene)
+        self.fit: Callable[[Any], Any] = lambda kernel: fitted(kernel, **has)
         self.rebuild()
 
     def use(self, kernel: Callable[..., Any]) -> Callable[..., Any]:

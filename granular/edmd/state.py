@@ -15,7 +15,7 @@ from granular._check import Array, held
 from granular._records import Record, Records, column, copied, one, packed, plain, taken
 from granular.edmd import hanging, wall_state
 from granular.edmd.motion import rebase, span
-from granular.edmd.physics import Physics, felt_gravity, scales, shares, strongest
+from granular.edmd.physics import ORDER, Physics, felt_gravity, scales, shares, strongest
 from granular.edmd.records import (
     CLOCK,
     NEAR,
@@ -28,7 +28,6 @@ from granular.edmd.records import (
     check_entries,
     check_numbers,
 )
-from granular.edmd.ties import ORDER
 from granular.scene.flags import flags
 
 OF_PAIRS = ("gap", "at", "closing_acceleration", "contacts", "last", "streak")

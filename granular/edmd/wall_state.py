@@ -84,7 +84,8 @@ def show(state: Any, tau: float, velocity: Array, gap: Array) -> None:
     stuck, wall = column(state.pairs, "stuck"), column(state.pairs, "wall")
     gap[stuck > 0] = 0.0
     for c in np.flatnonzero((wall >= 0) & (stuck == 0)).tolist():
-        gap[c] = max(0.0, beside(*plain(state.pairs[c : c + 1]), *plain(state.bodies[c : c + 2]), tau, seen)[0])
+        (pair,), (lower, upper) = plain(state.pairs[c : c + 1]), plain(state.bodies[c : c + 2])
+        gap[c] = max(0.0, beside(pair, lower, upper, tau, seen)[0])
     for i, which in at_walls(state):
         if seen[0][which].panels:
             velocity[i] = place(seen, which, tau)[1]
@@ -182,10 +183,11 @@ def shift(run: Record, pairs: Records, bodies: Records, tau: float, walls: Walls
 
 
 @kernel
-def book(lower: Record, upper: Record, w: float, e: float, walls: Walls) -> None:
-    """Enter a collision at rate `w` with restitution `e`; walls have the velocities of that time."""
+def book(lower: Record, upper: Record, w: float, e: float, walls: Walls) -> float:
+    """Enter a collision at rate `w` with restitution `e`, at which walls have their velocities; return its impulse."""
     exchanged = impulse(lower, upper, (1.0 + e) * w)
     enter(lower, upper, exchanged, -0.5 * (1.0 - e) * w * exchanged, walls)
+    return exchanged
 
 
 @rare

@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 
 from granular import _check
-from granular._check import Array
 from granular._kernels import kernel
 from granular._records import Records, column, packed
 from granular.edmd.sorted_queue import SortedQueue
@@ -60,7 +59,7 @@ class Watch:
         check.checked(laws, scene)
         from granular.isolation import Durations  # from above, and only when asked for
 
-        self.duration: Callable[[Any, Array], Array] = Durations(laws, scene)
+        self.duration: Callable[[Any, _check.Array], _check.Array] = Durations(laws, scene)
         self.last: Records = np.zeros(scene.n_pairs, LAST)
         self.last["began"] = -math.inf
         self.instants = [c for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True) if heat is not None]
@@ -72,7 +71,7 @@ class Watch:
             self.seen, self.disturbed, pair = map(int, saved["watch_counts"])
             self.first = float(saved["watch_time"]), pair
 
-    def take(self, rows: Any, tau: Array, state: State, queue: SortedQueue) -> None:
+    def take(self, rows: Any, tau: _check.Array, state: State, queue: SortedQueue) -> None:
         """Look at collisions, the next ones in order; `tau` are their times since the epoch."""
         self._to_epoch(state, queue)
         pair, lasting = rows["pair"], self.duration(rows["pair"], rows["lower_in"] - rows["upper_in"])

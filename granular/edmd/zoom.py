@@ -16,9 +16,8 @@ from granular._kernels import kernel
 from granular._records import Record, Records
 from granular.edmd.clusters import ball_is_stuck
 from granular.edmd.motion import across, impulse, total, velocities
-from granular.edmd.physics import Restitution
+from granular.edmd.physics import GROUP, Restitution, rank
 from granular.edmd.records import BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL, Walls
-from granular.edmd.ties import GROUP, rank
 from granular.edmd.wall_state import book, enter
 from granular.scene.flags import FORCED, RING
 
@@ -125,7 +124,7 @@ def guards(run: Record, n: int, j: int) -> bool:
     """Return whether pair `j` of a slice of `n` has a neighbour outside."""
     c = run.first + j
     if RING:
-        return n < run.pairs and (j == 0 or j == n - 1)  # type: ignore[no-any-return]
+        return n < run.pairs and (j == 0 or j == n - 1)
     return (j == 0 and c > 0) or (j == n - 1 and c + 1 < run.pairs)
 
 
