@@ -6,8 +6,8 @@ plain engine; `compiled` returns its numba twin, in which every kernel it calls 
 `math.sqrt`, `math.pow`, `exp`, `log` and the like are used (no ``**``, `hypot`, `sum`, no fast-math), so both give
 the same bits.
 
-A kernel is made to fit what a scene has by `specialised`: the same source with other constants, or with other kernels
-called by the same names.
+A kernel is made to fit what a scene has by `fitted` and `specialised`: the same source with other constants, such as
+the flags of `granular.scene.flags`, or with other kernels called by the same names.
 """
 
 from __future__ import annotations
@@ -86,15 +86,12 @@ def specialised(function: F, **instead: Any) -> F:
 
 def fitted(function: F, **instead: Any) -> F:
     """Return a twin of a kernel as `specialised` does, or the kernel itself if it reads none of the names."""
-    twin: F = _specialised(function, tuple((name, value, repr(value)) for name, value in sorted(instead.items())))
+    if not instead:
+        return function
+    read = _read_below(function).union(*(_read_below(value) for value in instead.values() if _is_kernel(value)))
+    known = sorted((name, value) for name, value in instead.items() if name in read)
+    twin: F = _specialised(function, tuple((name, value, repr(value)) for name, value in known))
     return twin
-
-
-def replaced(function: F, homes: tuple[Any, ...], instead: dict[str, Any]) -> F:
-    """Return what stands for a kernel where others replace some of those of the modules `homes`, by their names: itself
-    one of them, or a twin as of `fitted`."""
-    known = {next(getattr(home, name) for home in homes if hasattr(home, name)): twin for name, twin in instead.items()}
-    return known[function] if function in known else fitted(function, **instead)
 
 
 @cache
@@ -293,6 +290,12 @@ def _is_kernel(value: Any) -> bool:
 def _globals_read(code: types.CodeType) -> tuple[str, ...]:
     """Return the names of the globals that a function's code reads, each once; to read it takes .5 ms."""
     return tuple(dict.fromkeys(i.argval for i in dis.get_instructions(code) if i.opname == "LOAD_GLOBAL"))
+
+
+@cache
+def _read_below(function: Callable[..., Any]) -> frozenset[str]:
+    """Return the names of the globals that a kernel and all kernels it calls read."""
+    return frozenset(_globals_read(function.__code__)).union(*map(_read_below, _callees(function).values()))
 
 
 @cache

@@ -51,8 +51,8 @@ class Acting:
         if s.run.events != before + 1:
             return False
         c = int(column([rows for rows in log if len(rows)][-1], "pair")[-1])
-        u, pair = column(s.bodies, "u"), s.pairs[c]
-        s.set(suspect=c, rebound=float(u[c + 1] - u[c] - pair["pull"] * s.run.now))
+        u, pair = column(s.bodies, "fall_velocity"), s.pairs[c]
+        s.set(suspect=c, rebound=float(u[c + 1] - u[c] - pair["closing_acceleration"] * s.run.now))
         return True
 
     def do(self, action):
@@ -120,7 +120,7 @@ def test_compiled_queues_stay_whole(monkeypatch) -> None:
     assert any(swept)
 
 
-@pytest.mark.parametrize("damage", ["gap", "due", "pull", "hits"])
+@pytest.mark.parametrize("damage", ["gap", "due", "closing_acceleration", "contacts"])
 def test_damage_is_seen(damage) -> None:
     """Each of the checks can fail."""
     acting = Acting(1, drawn(1, 12, 1.0), 0.9, [SortedQueue])
@@ -131,7 +131,7 @@ def test_damage_is_seen(damage) -> None:
         time, c = min(entry)
         entry[c] = (time + 1.0, c)
     else:
-        setattr(pair, damage, -1.0 if damage != "hits" else pair.hits + 1)
+        setattr(pair, damage, -1.0 if damage != "contacts" else pair.contacts + 1)
     with pytest.raises(AssertionError):
         acting.check()
 

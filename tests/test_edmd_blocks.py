@@ -43,7 +43,7 @@ def test_a_limit_on_the_events_is_exact_in_blocks(monkeypatch) -> None:
     monkeypatch.setattr(blocks, "LARGE", 100)
     options = {"engine": "compiled", "log": False, "max_events": 30_001}
     end = edmd.simulate(gas(2000, 2000, 1.0), ConstantRestitution(1.0), **options)
-    assert end.stats["events"] == end.state["hits"].sum() == 30_001
+    assert end.stats["events"] == end.state["contacts"].sum() == 30_001
 
 
 def test_ties_at_random_are_drawn_for_the_pairs_of_the_scene_not_of_a_block(monkeypatch) -> None:

@@ -16,7 +16,7 @@ import pytest
 import granular as gr
 from granular import cases
 from granular.cli import main, parser
-from granular.edmd import ties
+from granular.edmd import physics, ties
 from granular.md.fixed import integrators
 
 ROOT = Path(__file__).parent.parent
@@ -68,7 +68,7 @@ def test_an_integrator_is_a_row_of_a_table(monkeypatch):
 
 
 def test_a_tie_rule_is_a_name_and_an_order_or_its_equations(monkeypatch):
-    monkeypatch.setitem(ties.ORDER, "mine", ties.GROUP)
+    monkeypatch.setitem(physics.ORDER, "mine", physics.GROUP)
     monkeypatch.setitem(ties.RULES, "mine", ties.poisson)
     scene, rule = gr.scenes.newtons_cradle(3, gap=0.0), gr.ConstantRestitution(1.0)
     mine, poisson = (gr.edmd.simulate(scene, rule, ties=name, t_end=1.0) for name in ("mine", "poisson"))

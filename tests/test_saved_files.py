@@ -142,7 +142,7 @@ def test_a_file_that_names_code_is_refused_and_nothing_runs(call, place, files, 
     ({"velocity": np.full((2, 3), np.nan)}, "what is no number"),
     ({"position": np.zeros((3, 3, 3))}, "position is an array of shape .3, 3, 3. and kind 'f', which a run of 3"),
     ({"gap": np.zeros((2, 2), "f4")}, "gap is an array of shape"),
-    ({"state__u": np.zeros((2, 2, 2))}, "state.u is an array of shape"),
+    ({"state__fall_velocity": np.zeros((2, 2, 2))}, "state.fall_velocity is an array of shape"),
 ])
 def test_what_a_file_says_is_checked_on_load(changes, sentence, files, tmp_path):
     path = rewritten(files, tmp_path, "hard_sine" if "walls" in changes else "hard_floor", **changes)
@@ -175,7 +175,7 @@ def test_sizes_are_known_before_memory_is_taken(files, tmp_path, monkeypatch):
     head = whole["time.npy"]
     for name, data in {
         "time": head.replace(b"(2,), }             ", b"(1000000000000,), }"), "gap": whole["gap.npy"] + bytes(1 << 22),
-        "velocity": head.replace(b"<f8", b"|O8").replace(b"|O8", b"|O "), "state.u": b"", "words": head,
+        "velocity": head.replace(b"<f8", b"|O8").replace(b"|O8", b"|O "), "state.fall_velocity": b"", "words": head,
     }.items():
         with zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive:
             for member, bytes_ in (whole | {f"{name}.npy": data}).items():

@@ -1,9 +1,15 @@
-"""What moves as one beside driven walls and under forces: it comes to rest on a wall or on each other, and parts again.
-May be skipped: rarer, walls that shake.
+"""What moves as one: balls that stick together, or rest on a wall or on each other.
+May be skipped: rarer, balls that stay together.
 
-The kernels of `collision` once more, for more kinds of rest. A ball whose rebound is no more than rounding has come to
-rest: beside a driven wall it rides, with the velocity of the wall and without events, until nothing presses it any
-more. Balls that forces press together in mid-air move as one with their common `push`, until one of them is hit.
+There are no cluster objects. A *stuck* pair has gap 0, rate 0 and no pull, all in bits; it never collides by itself
+and needs no mark. A ball that rests on a wall, directly or on a pile, is not free and has the velocity of the wall;
+the next ball then sees a floor. A hit on a cluster is an ordinary collision of the body hit; what it starts runs
+through the cluster by collisions at the same time.
+
+Forces and walls that shake know more kinds of rest, and their pairs do have a mark. A ball whose rebound is no more
+than rounding has come to rest: beside a driven wall it rides, with the velocity of the wall and without events, until
+nothing presses it any more. Balls that forces press together in mid-air move as one with their common acceleration,
+until one of them is hit.
 """
 
 from __future__ import annotations
@@ -12,89 +18,62 @@ import math
 
 from granular._kernels import kernel, rare
 from granular._records import Record, Records
-from granular.edmd.collision import at_rest, joined, total
-from granular.edmd.driven import BOTH, CEILING, FLOOR, FREE, carry, follow, place, presses, rate_of
-from granular.edmd.motion import NOISE, Walls
+from granular.edmd.driven import presses, rate_of
+from granular.edmd.hanging import swing_together
+from granular.edmd.motion import NOISE, carry, total
+from granular.edmd.records import BOTH, CEILING, FLOOR, FREE, Walls
 from granular.edmd.wall_state import borne, enter
+from granular.scene.flags import FORCED, HUNG, RING
+from granular.walls.hits import pressing
+from granular.walls.path import moved
 
 
 @kernel
-def is_closed(pair: Record, lower: Record, upper: Record) -> bool:
+def is_stuck(pair: Record, lower: Record, upper: Record) -> bool:
     """Return whether the bodies of a pair move as one."""
-    return pair.shut > FREE or (pair.gap == 0.0 and pair.pull == 0.0 and upper.u == lower.u and pair.wall < 0)  # type: ignore[no-any-return]
+    if FORCED and (pair.stuck > FREE or pair.wall >= 0):
+        return pair.stuck > FREE  # type: ignore[no-any-return]
+    return pair.gap == 0.0 and pair.closing_acceleration == 0.0 and upper.fall_velocity == lower.fall_velocity  # type: ignore[no-any-return]
 
 
 @kernel
-def held(body: Record) -> bool:
-    """Return whether a ball rests on a wall, or is pressed against others by forces."""
-    return at_rest(body) or body.push != body.own
+def at_rest(body: Record) -> bool:
+    """Return whether a ball rests on a wall, directly or on a pile."""
+    return body.is_free == 0.0 and body.mass < math.inf  # type: ignore[no-any-return]
 
 
 @kernel
-def pressed(body: Record) -> bool:
+def is_pressed(body: Record) -> bool:
     """Return whether a ball in mid-air is pressed against others by forces."""
-    return body.falls > 0.0 and body.push != body.own  # type: ignore[no-any-return]
+    if FORCED:
+        return body.is_free > 0.0 and body.force_acceleration != body.own_acceleration  # type: ignore[no-any-return]
+    return False
+
+
+@kernel
+def ball_is_stuck(body: Record) -> bool:
+    """Return whether a ball rests on a wall, or is pressed against others by forces."""
+    if FORCED and is_pressed(body):
+        return True
+    return body.is_free == 0.0 and body.mass < math.inf  # type: ignore[no-any-return]
 
 
 @rare
 @kernel
-def common(bodies: Records, b: int, e: int) -> float:
-    """Return the acceleration (m/s²) by the forces on bodies `b` … `e` together."""
-    own, more, mass = bodies[e].own, 0.0, 0.0
-    for i in range(b, e + 1):
-        mass += bodies[i].mass
-        more += bodies[i].mass * (bodies[i].own - own)
-    return own + more / mass  # type: ignore[no-any-return]
-
-
-@rare
-@kernel
-def again(run: Record, pairs: Records, bodies: Records, first: int, last: int, walls: Walls) -> tuple[int, int]:
-    """Set pulls of pairs `first` … `last`, and of what forces press on the walls; return all those pairs."""
-    if walls[0][0].forces:
-        first = 0 if pairs[0].shut == FLOOR else first
-        last = len(pairs) - 1 if pairs[len(pairs) - 1].shut == CEILING else last
-    repull(run, pairs, bodies, first, last, walls)
-    return first, last
-
-
-@rare
-@kernel
-def repull(run: Record, pairs: Records, bodies: Records, first: int, last: int, walls: Walls) -> None:
-    """Set the closing accelerations of pairs `first` … `last`; of a shut pair, that of all that rests beyond it."""
-    for c in range(first, last + 1):
-        pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
-        below = lower.falls == 0.0 and walls[0][0].panels > 0 and pair.shut != CEILING
-        above = upper.falls == 0.0 and walls[0][1].panels > 0 and pair.shut != FLOOR
-        pair.wall = BOTH if below and above else 0 if below else 1 if above else -1
-        before = pair.pull
-        if pair.shut == FLOOR:
-            top = c + 1
-            while top < len(pairs) and pairs[top].shut == FLOOR:
-                top += 1
-            pair.pull = run.gravity - common(bodies, c + 1, top)
-        elif pair.shut == CEILING:
-            low = c
-            while low > 0 and pairs[low - 1].shut == CEILING:
-                low -= 1
-            pair.pull = common(bodies, low, c) - run.gravity
-        else:
-            pair.pull = run.gravity * (upper.falls - lower.falls) - (upper.push - lower.push)
-        if pair.shut > FREE and pair.pull != before and pair.at < run.now:
-            pair.at = run.now
-
-
-@rare
-@kernel
-def absorb(
+def stick(
     run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float, walls: Walls
 ) -> tuple[int, int, float]:
-    """Let the bodies of pair `c`, which close at rate `w`, and all that is closed with them, move as one from now on.
+    """Let the bodies of pair `c`, which close at rate `w`, and all that is stuck to them, move as one from now on.
 
     Returns the first and the last pair to predict anew, and the momentum exchanged by pair `c` in kg m/s.
     """
     run.merged += 1
-    return bind(run, pairs, bodies, c, now, w, walls)
+    if HUNG:
+        return swing_together(run, pairs, bodies, c, now, w, walls)
+    first, last, exchanged = bind(run, pairs, bodies, c, now, w, walls)
+    if not (FORCED and walls[0][0].lands):  # else they have their common noise already
+        share(bodies, c, first, last, w)
+    return first, last, exchanged
 
 
 @rare
@@ -102,167 +81,228 @@ def absorb(
 def bind(
     run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float, walls: Walls
 ) -> tuple[int, int, float]:
-    """Let pair `c`, whose rate is `w`, close: on a wall, or with the common momentum and acceleration of all."""
-    b, e = joined(pairs, bodies, c)
-    first, last = max(b - 1, 0), min(e, len(pairs) - 1)
-    for k in (first, c, last):
+    """Let pair `c`, whose rate is `w`, stick: to a wall or the pile on it, else with the common momentum of all."""
+    n = len(pairs)
+    b, e = cluster(pairs, bodies, c)
+    for k in (b - 1, c, e):  # all others between are stuck
+        k = k % n if RING else min(max(k, 0), n - 1)
         carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
     pairs[c].gap = 0.0
-    under, over = bodies[c].falls == 0.0, bodies[c + 1].falls == 0.0
-    if under:
-        mass = total(bodies, c + 1, e)
+    on_floor, on_ceiling = bodies[c].is_free == 0.0, bodies[c + 1].is_free == 0.0
+    if on_floor or on_ceiling:
+        mass = total(bodies, c + 1, e) if on_floor else total(bodies, b, c)
         exchanged = -mass * w
-        if not over:
+        if FORCED and not (on_floor and on_ceiling):
             enter(bodies[c], bodies[c + 1], exchanged, 0.5 * mass * w * w, walls)
-        settle(run, pairs, bodies, c, e, now, FLOOR, walls)
-    elif over:
-        mass = total(bodies, b, c)
-        exchanged = -mass * w
-        enter(bodies[c], bodies[c + 1], exchanged, 0.5 * mass * w * w, walls)
-        settle(run, pairs, bodies, b, c + 1, now, CEILING, walls)
+        if on_floor:
+            come_to_rest(run, pairs, bodies, c, e, now, FLOOR, walls)
+        else:
+            come_to_rest(run, pairs, bodies, b, c + 1, now, CEILING, walls)
     else:
-        lower, upper, push = total(bodies, b, c), total(bodies, c + 1, e), common(bodies, b, e)
-        part = upper / (lower + upper)
-        u = (bodies[c].u + (bodies[c].push - push) * now) + part * w
-        exchanged = -(lower * part) * w
+        exchanged = go_together(bodies, b, c, e, now, w, walls)
+    first, last = max(b - 1, 0), min(e, n - 1)
+    if RING and (b < 0 or e > n):
+        first, last = 0, n - 1
+    first, last = press_again(run, pairs, bodies, first, last, walls)
+    return first, last, exchanged
+
+
+@rare
+@kernel
+def cluster(pairs: Records, bodies: Records, c: int) -> tuple[int, int]:
+    """Return the lowest and the highest of the bodies that are stuck to one of pair `c`, which collides.
+
+    They end before a wall and what rests on it, which only a collision of its own holds: it may be elastic. On a ring,
+    where there is room somewhere, they are counted on beyond the seam.
+    """
+    n, b, e = len(pairs), c, c + 1
+    while (RING or b > 0) and falls_stuck(pairs, bodies, (b - 1) % n):
+        b -= 1
+    while (RING or e < n) and falls_stuck(pairs, bodies, e % n):
+        e += 1
+    return b, e
+
+
+@kernel
+def falls_stuck(pairs: Records, bodies: Records, c: int) -> bool:
+    """Return whether the bodies of pair `c` move as one and do not rest on a wall."""
+    lower, upper = bodies[c], bodies[c + 1]
+    return lower.is_free * upper.is_free > 0.0 and is_stuck(pairs[c], lower, upper)
+
+
+@rare
+@kernel
+def come_to_rest(
+    run: Record, pairs: Records, bodies: Records, b: int, e: int, now: float, on: int, walls: Walls
+) -> None:
+    """Let bodies `b` … `e`, of which the first (on the floor) or the last (on the ceiling) is at rest, rest with it."""
+    under = bodies[b] if on == FLOOR else bodies[e]
+    for i in range(b, e + 1):
+        body = bodies[i]
+        if FORCED and body.is_free > 0.0:
+            body.force_acceleration = 0.0
+            if walls[0][on - 1].panels > 0:
+                body.noise = under.noise
+            borne(run, body, on - 1, now, under.fall_velocity, -1.0, walls)
+        if not FORCED or body.mass < math.inf:
+            body.fall_velocity = under.fall_velocity
+        body.is_free = 0.0
+    if FORCED:
+        for k in range(b, e):
+            pairs[k].stuck, pairs[k].gap, pairs[k].at = on, 0.0, now
+
+
+@rare
+@kernel
+def go_together(bodies: Records, b: int, c: int, e: int, now: float, w: float, walls: Walls) -> float:
+    """Give bodies `b` … `e` in mid-air, which stick by pair `c`, their common velocity and acceleration; return the
+    momentum exchanged."""
+    lower, upper = total(bodies, b, c), total(bodies, c + 1, e)
+    part = upper / (lower + upper)
+    u, exchanged = bodies[c].fall_velocity + part * w, -(lower * part) * w
+    if FORCED:
+        push = common(bodies, b, e)
+        u = (bodies[c].fall_velocity + (bodies[c].force_acceleration - push) * now) + part * w
         enter(bodies[c], bodies[c + 1], exchanged, -0.5 * w * exchanged, walls)
         noise = NOISE * (u * u)
         for i in range(b, e + 1):  # the mean by mass: the largest would grow with every hit that parts them again
             noise += bodies[i].mass / (lower + upper) * bodies[i].noise
         for i in range(b, e + 1):
-            bodies[i].u, bodies[i].push = u, push
+            bodies[i].force_acceleration = push
             if walls[0][0].lands:
                 bodies[i].noise = noise
-    return (*again(run, pairs, bodies, first, last, walls), exchanged)
+    for i in range(b, e + 1):
+        bodies[i % (len(bodies) - 1) if RING else i].fall_velocity = u
+    if RING:
+        bodies[len(bodies) - 1].fall_velocity = bodies[0].fall_velocity
+    return exchanged
 
 
 @rare
 @kernel
-def settle(run: Record, pairs: Records, bodies: Records, b: int, e: int, now: float, on: int, walls: Walls) -> None:
-    """Let bodies `b` … `e`, of which the first (on the floor) or the last (on the ceiling) is bound, rest on it."""
-    bound = bodies[b] if on == FLOOR else bodies[e]
-    for i in range(b, e + 1):
-        body = bodies[i]
-        if body.falls > 0.0:
-            body.falls, body.push, body.u = 0.0, 0.0, bound.u
-            if walls[0][on - 1].panels > 0:
-                body.noise = bound.noise
-            borne(run, body, on - 1, now, bound.u, -1.0, walls)
-        elif body.mass < math.inf:
-            body.u = bound.u
-    for k in range(b, e):
-        pairs[k].shut, pairs[k].gap, pairs[k].at = on, 0.0, now
+def share(bodies: Records, c: int, first: int, last: int, w: float) -> None:
+    """Give all bodies that now move as one with pair `c`, which stuck at rate `w`, their common noise.
+
+    They are among those of pairs `first` … `last`. As their velocities it is the mean by mass, at most, so Σ m noise
+    does not grow but by rounding; what rests on a wall has its velocity, without noise.
+    """
+    u, noise, mass = bodies[c].fall_velocity, 0.0, 0.0
+    for i in range(first, last + 2):
+        if bodies[i].fall_velocity == u and bodies[i].is_free > 0.0:
+            noise += bodies[i].mass * bodies[i].noise
+            mass += bodies[i].mass
+    for i in range(first, last + 2):
+        if bodies[i].fall_velocity == u and bodies[i].is_free > 0.0:
+            bodies[i].noise = noise / mass + NOISE * (u * u + w * w)
+
+
+@rare
+@kernel
+def will_stick(pairs: Records, bodies: Records, c: int, now: float, w: float, e: float, walls: Walls) -> bool:
+    """Return whether pair `c`, which collides weakly, at rate `w`, is to move as one: a ceiling cannot carry.
+
+    A single ball bounces on a driven wall to its end. What moves as one with others, or hits a ball that rides, stays
+    if it is certain to be pressed on for as long as its bounces last, 2u/(a(1 - ε)).
+    """
+    pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
+    if not FORCED or pair.wall < 0:
+        return pair.closing_acceleration >= 0.0  # type: ignore[no-any-return]
+    other, k = (lower, c + 1) if pair.wall == 0 else (upper, c - 1)
+    alone = not (0 <= k < len(pairs) and is_stuck(pairs[k], bodies[k], bodies[k + 1]))
+    if (other.mass == math.inf and e > 0.0 and alone) or lower.is_free == upper.is_free:
+        return False
+    side = walls[0][pair.wall]
+    t, tail = side.epoch, side.low + now
+    _, _, a = moved(side, walls[1], t, tail)
+    a += pair.closing_acceleration
+    if a <= 0.0:
+        return False
+    low, _ = pressing(side, walls[1], t, tail, pair.closing_acceleration, -4.0 * e * w / (a * (1.0 - e)))
+    return low >= 0.5 * a  # type: ignore[no-any-return]
 
 
 @rare
 @kernel
 def rest(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> tuple[int, int]:
-    """Let pair `c`, which never collides again, close if its bodies touch, are at rest and are pressed together.
+    """Let pair `c`, which never collides again, stick if its bodies touch, are at rest and are pressed together.
 
-    Returns the first and the last pair to predict anew, at least the next one.
+    Without forces and driven walls: let the upper body of a pulled pair, which has gap and rate 0, rest on the wall, or
+    on the pile on it. Returns the first and the last pair to predict anew, at least the next one.
     """
     pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
-    if pair.shut > FREE or pair.gap != 0.0 or rate_of(pair, lower, upper) != 0.0:
+    if not FORCED:
+        top = min(c + 1, len(pairs) - 1)
+        if top > c:
+            carry(pairs[top], bodies[top], bodies[top + 1], pair.at, walls)
+        upper.is_free, upper.fall_velocity = 0.0, lower.fall_velocity
+        set_closing(run, pairs, bodies, c, top, walls)
+        return c + 1, top
+    if pair.stuck > FREE or pair.gap != 0.0 or rate_of(pair, lower, upper) != 0.0:
         return c + 1, c
-    if lower.falls == upper.falls == 0.0 or not (presses(pair, walls) if pair.wall >= 0 else pair.pull > 0.0):
+    a = pair.closing_acceleration
+    if lower.is_free == upper.is_free == 0.0 or not (presses(pair, walls) if pair.wall >= 0 else a > 0.0):
         return c + 1, c
-    first, last, _ = bind(run, pairs, bodies, c, pair.at, (upper.u - lower.u) - pair.pull * pair.at, walls)
+    w = (upper.fall_velocity - lower.fall_velocity) - a * pair.at
+    first, last, _ = bind(run, pairs, bodies, c, pair.at, w, walls)
     return first, last
 
 
 @rare
 @kernel
-def wake(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
-    """Let the bodies of pair `c`, which is hit, fall by themselves, and those that rested upon them or are pressed
-    against them.
-
-    Returns the first and the last pair to predict anew.
-    """
-    low, top = c, c + 1
-    while low > 0 and pressed(bodies[low]) and is_closed(pairs[low - 1], bodies[low - 1], bodies[low]):
-        low -= 1
-    while top < len(pairs) and (pressed(bodies[top]) or (at_rest(bodies[top]) and pairs[top].wall < 0)) and is_closed(
-        pairs[top], bodies[top], bodies[top + 1]
-    ):
-        top += 1
-    first, last = max(low - 1, 0), min(top, len(pairs) - 1)
-    for k in range(first, last + 1):
-        carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
-    release(run, pairs, bodies, low, top, now, walls)
-    return again(run, pairs, bodies, first, last, walls)
+def press_again(
+    run: Record, pairs: Records, bodies: Records, first: int, last: int, walls: Walls
+) -> tuple[int, int]:
+    """Set pulls of pairs `first` … `last`, and of what forces press on the walls; return all those pairs."""
+    if FORCED and walls[0][0].forces:
+        first = 0 if pairs[0].stuck == FLOOR else first
+        last = len(pairs) - 1 if pairs[len(pairs) - 1].stuck == CEILING else last
+    set_closing(run, pairs, bodies, first, last, walls)
+    return first, last
 
 
 @rare
 @kernel
-def release(
-    run: Record, pairs: Records, bodies: Records, low: int, high: int, now: float, walls: Walls
-) -> None:
-    """Let bodies `low` … `high` fall by themselves again."""
-    first, last = max(low - 1, 0), min(high, len(pairs) - 1)
-    for i in range(low, high + 1):
-        body = bodies[i]
-        if at_rest(body):
-            which = CEILING - 1 if (i < len(pairs) and pairs[i].shut == CEILING) else FLOOR - 1
-            if walls[0][which].panels > 0:
-                body.u = place(walls, which, now)[1]
-            borne(run, body, which, now, body.u, 1.0, walls)
-            body.falls = 1.0
-            free(body, (run.gravity - body.own) * now, body.own, walls)
-        elif pressed(body):
-            free(body, (body.push - body.own) * now, body.own, walls)
-    for k in range(first, last + 1):
-        pair = pairs[k]
-        if pair.shut > FREE and (bodies[k].falls > 0.0 or bodies[k + 1].falls > 0.0):
-            pair.shut, pair.gap, pair.at = FREE, 0.0, now
-    repull(run, pairs, bodies, first, last, walls)
-    for k in range(first, last + 1):
-        if pairs[k].shut == FREE:
-            follow(pairs[k], bodies[k], bodies[k + 1], walls)
+def set_closing(run: Record, pairs: Records, bodies: Records, first: int, last: int, walls: Walls) -> None:
+    """Set the closing accelerations of pairs `first` … `last` from which of their bodies fall; of a stuck pair, that of
+    all that rests beyond it."""
+    for c in range(first, last + 1):
+        pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
+        if FORCED:
+            pull = pulled(run, pairs, bodies, c, walls)
+            if pair.stuck > FREE and pull != pair.closing_acceleration and pair.at < run.now:
+                pair.at = run.now
+            pair.closing_acceleration = pull
+        else:
+            pair.closing_acceleration = run.gravity * (upper.is_free - lower.is_free)
 
 
 @rare
 @kernel
-def free(body: Record, more: float, push: float, walls: Walls) -> None:
-    """Let a ball fall by itself: `more` is what its velocity u grows by (m/s), for its velocity stays."""
-    body.u += more
-    body.push = push
-    if walls[0][0].lands:
-        body.noise += NOISE * (body.u * body.u)
-
-
-@rare
-@kernel
-def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
-    """Let what rests on a wall beyond shut pair `c` leave it at time `now`, as one; all pairs that open now do.
-
-    Returns the first and the last pair to predict anew.
-    """
-    on, low, high = pairs[c].shut, c, c
-    same = pairs[c].pull
-    if on == FLOOR:
-        while low > 0 and pairs[low - 1].pull == same:
+def pulled(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> float:
+    """Return the closing acceleration of pair `c` under forces, and find beside which driven walls it is."""
+    pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
+    below = lower.is_free == 0.0 and walls[0][0].panels > 0 and pair.stuck != CEILING
+    above = upper.is_free == 0.0 and walls[0][1].panels > 0 and pair.stuck != FLOOR
+    pair.wall = BOTH if below and above else 0 if below else 1 if above else -1
+    if pair.stuck == FLOOR:
+        top = c + 1
+        while top < len(pairs) and pairs[top].stuck == FLOOR:
+            top += 1
+        return run.gravity - common(bodies, c + 1, top)  # type: ignore[no-any-return]
+    if pair.stuck == CEILING:
+        low = c
+        while low > 0 and pairs[low - 1].stuck == CEILING:
             low -= 1
-        while high + 1 < len(pairs) and pairs[high + 1].shut == on:
-            high += 1
-        b, e, opens = low + 1, high + 1, low
-    else:
-        while high + 1 < len(pairs) and pairs[high + 1].pull == same:
-            high += 1
-        while low > 0 and pairs[low - 1].shut == on:
-            low -= 1
-        b, e, opens = low, high, high
-    side, push = walls[0][on - 1], common(bodies, b, e)
-    v = place(walls, on - 1, now - 2.0**-49 * (abs(side.epoch) + abs(now)))[1]  # before a jump of its velocity
-    first, last = max(low - 1, 0), min(high + 1, len(pairs) - 1)
-    for k in range(first, last + 1):
-        carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
-        if low <= k <= high:
-            pairs[k].shut, pairs[k].gap, pairs[k].at = FREE, 0.0, now
+        return common(bodies, low, c) - run.gravity  # type: ignore[no-any-return]
+    return run.gravity * (upper.is_free - lower.is_free) - (upper.force_acceleration - lower.force_acceleration)  # type: ignore[no-any-return]
+
+
+@rare
+@kernel
+def common(bodies: Records, b: int, e: int) -> float:
+    """Return the acceleration (m/s²) by the forces on bodies `b` … `e` together."""
+    own, more, mass = bodies[e].own_acceleration, 0.0, 0.0
     for i in range(b, e + 1):
-        body = bodies[i]
-        borne(run, body, on - 1, now, v, 1.0, walls)
-        body.falls, body.u = 1.0, v
-        free(body, (run.gravity - push) * now, push, walls)
-    repull(run, pairs, bodies, first, last, walls)
-    follow(pairs[opens], bodies[opens], bodies[opens + 1], walls)
-    return again(run, pairs, bodies, first, last, walls)
+        mass += bodies[i].mass
+        more += bodies[i].mass * (bodies[i].own_acceleration - own)
+    return own + more / mass  # type: ignore[no-any-return]

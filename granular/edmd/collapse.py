@@ -14,8 +14,8 @@ from granular._flight import time_to_contact
 from granular._records import Records, column
 from granular.edmd.physics import Physics
 from granular.edmd.proof import forever
-from granular.edmd.records import APART, BUDGET, LATER, NEAR, RESTS, SPENT, TINY, UNTIL
-from granular.edmd.sorted_queue import Log, SortedQueue
+from granular.edmd.records import APART, BUDGET, LATER, NEAR, RESTS, SPENT, TINY, UNTIL, Log
+from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State, gaps
 from granular.edmd.zoom import write_back, zoom
 
@@ -73,7 +73,8 @@ def begin(state: State, queue: SortedQueue) -> None:
         run.allowance = STEP
     state.near = near = np.zeros(end - first, NEAR)
     pairs, bodies = state.slices()
-    u, noise, pull, at = column(bodies, "u"), column(bodies, "noise"), column(pairs, "pull"), column(pairs, "at")
+    u, noise = column(bodies, "fall_velocity"), column(bodies, "noise")
+    pull, at = column(pairs, "closing_acceleration"), column(pairs, "at")
     rate = (np.diff(u) - pull * at) - pull * (run.now - at)
     rounding = (pull == 0.0) & (rate < 0.0) & (rate * rate < noise[:-1] + noise[1:])
     near["gap"], near["rate"] = gaps(pairs, u, run.now), np.where(rounding, 0.0, rate)
@@ -91,7 +92,7 @@ def look(
     run.room = min(queue.soonest(run.first, run.first + len(near) - 1), state.clock.window) - run.began
     run.edge, run.budget = limit, budget if rows is None else len(rows)
     slices = state.slices()
-    end: int = queue.kernel(queue.fit(zoom))(run, near, *slices, physics.rule, rows, state.walls)
+    end: int = queue.use(zoom)(run, near, *slices, physics.rule, rows, state.walls)
     state.put(*slices)
     run.now = run.began + run.elapsed
     if log is not None and rows is not None:
@@ -124,7 +125,7 @@ def finish(state: State, queue: SortedQueue) -> None:
     assert near is not None
     if run.looked > 0:
         (pairs, bodies), rate = state.slices(), column(near, "rate")
-        held = np.diff(column(bodies, "u")) - column(pairs, "pull") * column(pairs, "at")
+        held = np.diff(column(bodies, "fall_velocity")) - column(pairs, "closing_acceleration") * column(pairs, "at")
         state.clock.lost += int((np.abs(held - rate) > 0.5 * np.abs(rate)).sum())
         queue.refresh(run.first, run.first + len(near) - 1)
     run.clamps += run.clamped
@@ -134,7 +135,7 @@ def finish(state: State, queue: SortedQueue) -> None:
 def put_back(state: State, queue: SortedQueue) -> None:
     """Put gaps and velocities of the pairs looked at back into the state."""
     slices = state.slices()
-    queue.kernel(write_back)(state.run, state.near, *slices)
+    queue.use(write_back)(state.run, state.near, *slices)
     state.put(*slices)
 
 
@@ -177,8 +178,8 @@ def _proved(state: State, physics: Physics, verdict: Verdict) -> Verdict:
     """
     run, near, (pairs, bodies), n = state.run, state.near, state.slices(), len(state.pairs)
     low, high = ((k - int(run.first)) % n for k in (verdict.first, verdict.last))
-    end, pull = high + 1, column(pairs, "pull")
-    resting = (column(bodies, "falls") == 0.0) & np.isfinite(column(bodies, "mass")) & (run.gravity > 0.0)
+    end, pull = high + 1, column(pairs, "closing_acceleration")
+    resting = (column(bodies, "is_free") == 0.0) & np.isfinite(column(bodies, "mass")) & (run.gravity > 0.0)
     if physics.rule is not None or state.walls is not None or pull[low:end].any() or resting[low : end + 1].any():
         return verdict
     gap, rate = column(near, "gap"), column(near, "rate")
@@ -194,7 +195,7 @@ def _proved(state: State, physics: Physics, verdict: Verdict) -> Verdict:
 
 def _is_alone(state: State, verdict: Verdict) -> bool:
     """Return whether no pair outside a run collides before it has had time for many collisions of its own."""
-    columns = column(state.near, "gap"), column(state.near, "rate"), column(state.slices()[0], "pull")
+    columns = column(state.near, "gap"), column(state.near, "rate"), column(state.slices()[0], "closing_acceleration")
     wait = list(map(time_to_contact, *(x.tolist() for x in columns)))
     first, last = ((k - state.run.first) % len(state.pairs) for k in (verdict.first, verdict.last))
     end = last + 1
@@ -218,7 +219,7 @@ def judged(state: State, physics: Physics, share: float = SLOW, collided: int | 
         high += 1
     (pairs, bodies), end = state.slices(), high + 1
     pairs, bodies = pairs[low:end], bodies[low : end + 1]
-    pulled = bool((column(pairs, "pull")[[0, -1]] > 0.0).any())
+    pulled = bool((column(pairs, "closing_acceleration")[[0, -1]] > 0.0).any())
     if low == high and not pulled:
         return None  # two free bodies collide once
     kind, speed = "bounded", largest_speed(bodies, gap[low:end], rate[low:end], run.gravity)
@@ -257,7 +258,8 @@ def largest_speed_under_forces(bodies: Records, gap: Array, rate: Array, gravity
     """
     mass = np.array(column(bodies, "mass"))
     ball = np.isfinite(mass)
-    fall, velocity = np.where(ball, gravity, 0.0) - column(bodies, "push"), np.concatenate([[0.0], np.cumsum(rate)])
+    fall = np.where(ball, gravity, 0.0) - column(bodies, "force_acceleration")
+    velocity = np.concatenate([[0.0], np.cumsum(rate)])
     mass[~ball] = 0.0
     if ball.all():
         velocity -= (mass @ velocity) / mass.sum()

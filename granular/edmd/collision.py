@@ -1,42 +1,33 @@
-"""One collision: everything that happens to the bodies, for both queues; and balls that stay together after it.
-
-There are no cluster objects. A *closed* pair has gap 0, rate 0 and no pull, all in bits; it never collides by itself
-and needs no flag. A ball that rests on a wall, directly or on a pile, has ``falls = 0`` and the velocity of the wall;
-the next ball then sees a floor. A hit on a cluster is an ordinary collision of the body hit; what it starts runs
-through the cluster by collisions at the same time.
-"""
+"""One collision: everything that happens to the bodies, for both queues; and what falls by itself again after it."""
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-
-from granular._flight import rate_at_contact
 from granular._kernels import kernel, rare
 from granular._records import Record, Records
-from granular.edmd.motion import NOISE, Walls, blur, carry, collide, impulse, velocities
+from granular.edmd.clusters import (
+    at_rest,
+    ball_is_stuck,
+    common,
+    is_pressed,
+    is_stuck,
+    press_again,
+    set_closing,
+    stick,
+    will_stick,
+)
+from granular.edmd.driven import follow, place
+from granular.edmd.hanging import swing_off
+from granular.edmd.motion import NOISE, across, add, carry, collide, impulse, rate_at_touch, velocities
 from granular.edmd.physics import Restitution
+from granular.edmd.records import CEILING, FLOOR, FREE, Walls
+from granular.edmd.wall_state import book, borne, enter
+from granular.scene.flags import FORCED, HUNG, RING
+from granular.walls.thermal import drawn
 
 SUSPICIOUS = 8
 """Streak that calls for a closer look."""
-RESTING = 0.0
-"""A pair pulled more than this (m/s²) that is never to collide rests."""
 FAINT = 2.0**-26
 """Rate, in units of the velocities it is the difference of, that calls for one at once: half its digits are gone."""
-
-ROW = np.dtype(
-    [
-        ("pair", int), ("t_begin", float),
-        ("lower_in", float), ("upper_in", float), ("lower_out", float), ("upper_out", float),
-        ("impulse", float),
-    ],
-    align=True,
-)
-"""What is kept of a collision: pair, time in s since the epoch, velocities before and after in m/s, impulse in N s.
-
-The impulse is no function of the others: in a closer look velocities cannot hold the change, and balls that stick
-together pass on more than their own."""
 
 
 @kernel
@@ -46,42 +37,48 @@ def event(
 ) -> tuple[int, int, float]:
     """Let pair `c` collide at time `now`; return the first and the last pair to predict anew, and the rate after.
 
-    `row`, if there is one, takes what is kept of it. A weak impact merges, but a ceiling cannot carry.
+    `row`, if there is one, takes what is kept of it.
     """
-    pair, lower, upper, g = pairs[c], bodies[c], bodies[c + 1], run.gravity
-    w = rate_at_contact(pair.gap, (upper.u - lower.u) - pair.pull * pair.at, pair.pull)
+    if FORCED and pairs[c].heat >= 0:
+        return leave_thermal_wall(run, pairs, bodies, c, now, row, walls)
+    pair, lower, upper, first, last = pairs[c], bodies[c], bodies[c + 1], c, c
+    if RING and (c == 0 or c + 1 == len(pairs)):
+        run.clamps += carry_seam(pairs, bodies, c, now, walls)
+    w = rate_at_touch(pair, lower, upper, walls)
     e = pair.eps if rule is None else rule(c, -w)
     if run.tc > 0.0 or run.elastic_below > 0.0:
         e = remedied(run, pairs, c, -w, e, now)
+    if FORCED and pair.wall >= 0:
+        carry(pair, lower, upper, now, walls)  # its wall has the velocity of this time
     if row is not None:
         row.pair, row.t_begin = c, now
-        row.lower_in, row.upper_in = velocities(lower, upper, g, now)
-    weak, exchanged = e < 1.0 and -w < run.merge_below and pair.pull >= 0.0, 0.0
-    if weak:
-        start, end, exchanged = absorb(run, pairs, bodies, c, now, w, walls)
-    elif (g > 0.0 or run.merge_below > 0.0) and (at_rest(lower) or at_rest(upper)):
-        start, end = wake(run, pairs, bodies, c, now, walls)
-        collide(pair, lower, upper, now, w, e)
+        row.lower_in, row.upper_in = velocities(lower, upper, run.gravity, now)
+    if e < 1.0 and -w < run.merge_below and will_stick(pairs, bodies, c, now, w, e, walls):
+        first, last, exchanged = stick(run, pairs, bodies, c, now, w, walls)
     else:
-        start = end = c
-        if c > 0:
-            start = c - 1
-            run.clamps += carry(pairs[start], bodies[start], lower, now, walls)
-        if c + 1 < len(pairs):
-            end = c + 1
-            run.clamps += carry(pairs[end], upper, bodies[end + 1], now, walls)
-        collide(pair, lower, upper, now, w, e)
+        if (FORCED or run.gravity > 0.0 or run.merge_below > 0.0) and (ball_is_stuck(lower) or ball_is_stuck(upper)):
+            first, last = wake(run, pairs, bodies, c, now, walls)
+        else:
+            if c > 0:
+                first = c - 1
+                run.clamps += carry(pairs[first], bodies[first], lower, now, walls)
+            if c + 1 < len(pairs):
+                last = c + 1
+                run.clamps += carry(pairs[last], upper, bodies[last + 1], now, walls)
+        if HUNG:
+            swing_off(pairs, bodies, c, now, w, e)
+        else:
+            collide(pair, lower, upper, now, w, e)
+        exchanged = book(lower, upper, w, e, walls) if FORCED else impulse(lower, upper, (1.0 + e) * w)
     if row is not None:
-        row.lower_out, row.upper_out = velocities(lower, upper, g, now)
-        row.impulse = exchanged if weak else impulse(lower, upper, (1.0 + e) * w)
-    if weak:
-        share(bodies, c, start, end, w)
-    else:
-        blur(pair, lower, upper, w, e)
-    pair.hits += 1
+        row.lower_out, row.upper_out = velocities(lower, upper, run.gravity, now)
+        row.impulse = exchanged
+    pair.contacts += 1
     pair.streak = streak(run, pair.streak, lower, upper, now - pair.last, -w, e) if e < 1.0 else 0
     pair.last = now
-    return start, end, -e * w
+    if RING:
+        across(bodies, c)
+    return first, last, -e * w
 
 
 @kernel
@@ -96,6 +93,9 @@ def remedied(run: Record, pairs: Records, c: int, speed: float, e: float, now: f
     for k in range(max(c - 1, 0), min(c + 2, len(pairs))):
         if now - pairs[k].last < run.tc:
             return 1.0
+    end = len(pairs) - 1
+    if RING and (c == 0 or c == end) and now - pairs[end - c].last < run.tc:
+        return 1.0
     return e
 
 
@@ -107,7 +107,7 @@ def streak(run: Record, count: int, lower: Record, upper: Record, interval: floa
     """
     if run.slow < 0.0:
         return 0
-    if 0.0 < e * speed < FAINT * max(abs(lower.u), abs(upper.u)):
+    if 0.0 < e * speed < FAINT * max(abs(lower.fall_velocity), abs(upper.fall_velocity)):
         return SUSPICIOUS
     if speed < run.slow:
         return count + 3
@@ -115,143 +115,155 @@ def streak(run: Record, count: int, lower: Record, upper: Record, interval: floa
 
 
 @kernel
-def is_closed(pair: Record, lower: Record, upper: Record) -> bool:
-    """Return whether the bodies of a pair move as one."""
-    return pair.gap == 0.0 and pair.pull == 0.0 and upper.u == lower.u  # type: ignore[no-any-return]
-
-
-@kernel
-def at_rest(body: Record) -> bool:
-    """Return whether a ball rests on a wall, directly or on a pile."""
-    return body.falls == 0.0 and body.mass < math.inf  # type: ignore[no-any-return]
+def carry_seam(pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> int:
+    """Move the neighbour of pair `c` across the seam of a ring to time `now`; return 1 if its gap was clamped at 0."""
+    k = len(pairs) - 1 - c
+    return carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
 
 
 @rare
 @kernel
-def absorb(
-    run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float, walls: Walls
+def leave_thermal_wall(
+    run: Record, pairs: Records, bodies: Records, c: int, now: float, row: Record | None, walls: Walls
 ) -> tuple[int, int, float]:
-    """Let the bodies of pair `c`, which close at rate `w`, and all that is closed with them, move as one from now on.
+    """Let the ball of pair `c` leave the thermal wall it hits at time `now`; return what `event` does.
 
-    With the wall or the pile if one side belongs to it, else with their common momentum. Returns the first and the
-    last pair to predict anew, and the momentum exchanged by pair `c` in kg m/s.
+    It is never part of a touching group or of a closer look, and never merges: one that stands on such a wall, pressed
+    on it, is hit at once. What is drawn hangs on how often this pair has hit before, so every queue, and a run that
+    goes on, draws the same. With w the rate before and s the speed drawn, the wall gives the impulse
+    m(s - w), the work of that at its own velocity, and the heat ½m(s² - w²).
     """
-    b, e = joined(pairs, bodies, c)
-    first, last = max(b - 1, 0), min(e, len(pairs) - 1)
-    for k in (first, c, last):  # all others between are closed
-        carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
-    pairs[c].gap = 0.0
-    lower = math.inf if bodies[c].falls == 0.0 else total(bodies, b, c)
-    upper = math.inf if bodies[c + 1].falls == 0.0 else total(bodies, c + 1, e)
-    if lower == math.inf:
-        common, exchanged = bodies[c].u, -upper * w
-    elif upper == math.inf:
-        common, exchanged = bodies[c + 1].u, -lower * w
+    pair, lower, upper, g = pairs[c], bodies[c], bodies[c + 1], run.gravity
+    side, w = walls[0][pair.heat], rate_at_touch(pair, lower, upper, walls)
+    if row is not None:
+        row.pair, row.t_begin = c, now
+        row.lower_in, row.upper_in = velocities(lower, upper, g, now)
+    pair.gap, pair.at = 0.0, now
+    start, end = wake(run, pairs, bodies, c, now, walls)
+    ball = upper if pair.heat == 0 else lower
+    s = drawn(side.temperature, side.seed, pair.heat, pair.contacts, ball.mass)
+    if pair.heat == 0:
+        upper.fall_velocity = lower.fall_velocity + (pair.closing_acceleration * now + s)
     else:
-        part = upper / (lower + upper)
-        common, exchanged = bodies[c].u + part * w, -(lower * part) * w
-    for i in range(b, e + 1):
-        bodies[i].u = common
-        if lower == math.inf or upper == math.inf:
-            bodies[i].falls = 0.0
-    repull(run, pairs, bodies, first, last)
-    run.merged += 1
-    return first, last, exchanged
-
-
-@rare
-@kernel
-def joined(pairs: Records, bodies: Records, c: int) -> tuple[int, int]:
-    """Return the lowest and the highest of the bodies that are closed with one of pair `c`, which collides.
-
-    They end before a wall and what rests on it, which only a collision of its own holds: it may be elastic.
-    """
-    b, e = c, c + 1
-    while b > 0 and bodies[b].falls * bodies[b - 1].falls > 0.0 and is_closed(pairs[b - 1], bodies[b - 1], bodies[b]):
-        b -= 1
-    while e < len(pairs) and bodies[e].falls * bodies[e + 1].falls > 0.0 and is_closed(
-        pairs[e], bodies[e], bodies[e + 1]
-    ):
-        e += 1
-    return b, e
-
-
-@rare
-@kernel
-def share(bodies: Records, c: int, first: int, last: int, w: float) -> None:
-    """Give all bodies that now move as one with pair `c`, which closed at rate `w`, their common noise.
-
-    They are among those of pairs `first` … `last`. As their velocities it is the mean by mass, at most, so Σ m noise
-    does not grow but by rounding; what rests on a wall has its velocity, without noise.
-    """
-    u, noise, mass = bodies[c].u, 0.0, 0.0
-    for i in range(first, last + 2):
-        if bodies[i].u == u and bodies[i].falls > 0.0:
-            noise += bodies[i].mass * bodies[i].noise
-            mass += bodies[i].mass
-    for i in range(first, last + 2):
-        if bodies[i].u == u and bodies[i].falls > 0.0:
-            bodies[i].noise = noise / mass + NOISE * (u * u + w * w)
+        lower.fall_velocity = upper.fall_velocity - (pair.closing_acceleration * now + s)
+    ball.noise = NOISE * (ball.fall_velocity * ball.fall_velocity + s * s)
+    given = impulse(lower, upper, w - s)
+    enter(lower, upper, given, 0.0, walls)
+    side.heat, side.heat_low = add(side.heat, side.heat_low, 0.5 * (s + w) * given)
+    side.given, side.given_low = add(side.given, side.given_low, given)
+    if row is not None:
+        row.lower_out, row.upper_out = velocities(lower, upper, g, now)
+        row.impulse = given
+    pair.contacts += 1
+    pair.last = now
+    return start, end, s
 
 
 @rare
 @kernel
 def wake(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
-    """Let the bodies of pair `c`, which is hit, and those that rested upon them, fall again.
+    """Let the bodies of pair `c`, which is hit, fall by themselves, and those that rested upon them or are pressed
+    against them.
 
     Returns the first and the last pair to predict anew.
     """
-    top = c + 1
-    while top < len(pairs) and at_rest(bodies[top]) and is_closed(pairs[top], bodies[top], bodies[top + 1]):
+    low, top = c, c + 1
+    while low > 0 and is_pressed(bodies[low]) and is_stuck(pairs[low - 1], bodies[low - 1], bodies[low]):
+        low -= 1
+    while top < len(pairs) and ball_is_stuck(bodies[top]) and is_stuck(pairs[top], bodies[top], bodies[top + 1]):
+        if FORCED and at_rest(bodies[top]) and pairs[top].wall >= 0:
+            break
         top += 1
-    first, last = max(c - 1, 0), min(top, len(pairs) - 1)
+    first, last = max(low - 1, 0), min(top, len(pairs) - 1)
     for k in range(first, last + 1):
         carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
-    release(run, pairs, bodies, c, top, now, walls)
-    return first, last
+    release(run, pairs, bodies, low, top, now, walls)
+    return press_again(run, pairs, bodies, first, last, walls)
 
 
 @rare
 @kernel
-def release(
-    run: Record, pairs: Records, bodies: Records, low: int, high: int, now: float, walls: Walls
-) -> None:
-    """Let those of bodies `low` … `high` that are at rest fall again."""
+def release(run: Record, pairs: Records, bodies: Records, low: int, high: int, now: float, walls: Walls) -> None:
+    """Let those of bodies `low` … `high` that are stuck fall by themselves again."""
+    first, last = max(low - 1, 0), min(high, len(pairs) - 1)
     for i in range(low, high + 1):
-        if at_rest(bodies[i]):
-            bodies[i].falls = 1.0
-            bodies[i].u += run.gravity * now
-    repull(run, pairs, bodies, max(low - 1, 0), min(high, len(pairs) - 1))
-
-
-@kernel
-def total(bodies: Records, b: int, e: int) -> float:
-    """Return the mass of bodies `b` … `e`."""
-    mass = 0.0
-    for i in range(b, e + 1):
-        mass += bodies[i].mass
-    return mass
+        body = bodies[i]
+        if FORCED:
+            set_free(run, pairs, bodies, i, now, walls)
+        elif at_rest(body):
+            body.is_free = 1.0
+            body.fall_velocity += run.gravity * now
+    if FORCED:
+        for k in range(first, last + 1):
+            pair = pairs[k]
+            if pair.stuck > FREE and (bodies[k].is_free > 0.0 or bodies[k + 1].is_free > 0.0):
+                pair.stuck, pair.gap, pair.at = FREE, 0.0, now
+    set_closing(run, pairs, bodies, first, last, walls)
+    if FORCED:
+        for k in range(first, last + 1):
+            if pairs[k].stuck == FREE:
+                follow(pairs[k], bodies[k], bodies[k + 1], walls)
 
 
 @rare
 @kernel
-def rest(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> tuple[int, int]:
-    """Let the upper body of pair `c` rest on the wall, or on the pile on it.
+def set_free(run: Record, pairs: Records, bodies: Records, i: int, now: float, walls: Walls) -> None:
+    """Let ball `i` fall by its own force, if it is stuck."""
+    body = bodies[i]
+    if at_rest(body):
+        which = CEILING - 1 if (i < len(pairs) and pairs[i].stuck == CEILING) else FLOOR - 1
+        if walls[0][which].panels > 0:
+            body.fall_velocity = place(walls, which, now)[1]
+        borne(run, body, which, now, body.fall_velocity, 1.0, walls)
+        body.is_free = 1.0
+        accelerate(body, (run.gravity - body.own_acceleration) * now, body.own_acceleration, walls)
+    elif is_pressed(body):
+        accelerate(body, (body.force_acceleration - body.own_acceleration) * now, body.own_acceleration, walls)
 
-    For a pulled pair that never collides again: it has gap and rate 0. Returns the first and the last pair to predict
-    anew, at least the next one.
-    """
-    top = min(c + 1, len(pairs) - 1)
-    if top > c:
-        carry(pairs[top], bodies[top], bodies[top + 1], pairs[c].at, walls)
-    bodies[c + 1].falls = 0.0
-    bodies[c + 1].u = bodies[c].u
-    repull(run, pairs, bodies, c, top)
-    return c + 1, top
 
-
+@rare
 @kernel
-def repull(run: Record, pairs: Records, bodies: Records, first: int, last: int) -> None:
-    """Set gravity's closing acceleration of pairs `first` … `last` from which of their bodies fall."""
-    for c in range(first, last + 1):
-        pairs[c].pull = run.gravity * (bodies[c + 1].falls - bodies[c].falls)
+def accelerate(body: Record, more: float, push: float, walls: Walls) -> None:
+    """Let forces accelerate a ball by `push` (m/s²): its fall velocity grows by `more` (m/s), so its velocity stays."""
+    body.fall_velocity += more
+    body.force_acceleration = push
+    if walls[0][0].lands:
+        body.noise += NOISE * (body.fall_velocity * body.fall_velocity)
+
+
+@rare
+@kernel
+def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, walls: Walls) -> tuple[int, int]:
+    """Let what rests on a wall beyond stuck pair `c` leave it at time `now`, as one; all pairs that open now do.
+
+    Returns the first and the last pair to predict anew.
+    """
+    on, low, high = pairs[c].stuck, c, c
+    same = pairs[c].closing_acceleration
+    if on == FLOOR:
+        while low > 0 and pairs[low - 1].closing_acceleration == same:
+            low -= 1
+        while high + 1 < len(pairs) and pairs[high + 1].stuck == on:
+            high += 1
+        b, e, opens = low + 1, high + 1, low
+    else:
+        while high + 1 < len(pairs) and pairs[high + 1].closing_acceleration == same:
+            high += 1
+        while low > 0 and pairs[low - 1].stuck == on:
+            low -= 1
+        b, e, opens = low, high, high
+    side, push = walls[0][on - 1], common(bodies, b, e)
+    v = place(walls, on - 1, now - 2.0**-49 * (abs(side.epoch) + abs(now)))[1]  # before a jump of its velocity
+    first, last = max(low - 1, 0), min(high + 1, len(pairs) - 1)
+    for k in range(first, last + 1):
+        carry(pairs[k], bodies[k], bodies[k + 1], now, walls)
+        if low <= k <= high:
+            pairs[k].stuck, pairs[k].gap, pairs[k].at = FREE, 0.0, now
+    for i in range(b, e + 1):
+        body = bodies[i]
+        borne(run, body, on - 1, now, v, 1.0, walls)
+        body.is_free, body.fall_velocity = 1.0, v
+        accelerate(body, (run.gravity - push) * now, push, walls)
+    set_closing(run, pairs, bodies, first, last, walls)
+    follow(pairs[opens], bodies[opens], bodies[opens + 1], walls)
+    return press_again(run, pairs, bodies, first, last, walls)

@@ -23,13 +23,13 @@ import numpy as np
 from granular._kernels import compiled, kernel, specialised, worth
 from granular._records import Record, Records, copied, one, packed, raw
 from granular._tournament import leaf, replay, tournament
-from granular.edmd import sorted_queue
-from granular.edmd.collision import RESTING, ROW, rest
-from granular.edmd.motion import Walls, predicted
-from granular.edmd.records import LATER, NEVER, RUN
-from granular.edmd.sorted_queue import Log, SortedQueue
+from granular.edmd.clusters import rest
+from granular.edmd.motion import predicted
+from granular.edmd.physics import LEFT, MASK, RANDOM, rank
+from granular.edmd.records import LATER, NEVER, ROW, RUN, Log, Walls
+from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
-from granular.edmd.ties import LEFT, MASK, RANDOM, rank
+from granular.scene.flags import FORCED
 
 LONG, VERY_LONG = 100_000, 1_000_000
 """Work (in collisions) after which it pays to load the machine code, and to make it if it is not on the disk."""
@@ -58,8 +58,8 @@ def refresh(
         due = predicted(pair, bodies[c], bodies[c + 1], walls)
         leaf(queue, c).due = due
         if run.order != LEFT:  # else its number, as the tree has it
-            leaf(queue, c).key = rank(c, run.order, run.seed, pair.hits)
-        if due == math.inf and pair.pull > RESTING:
+            leaf(queue, c).key = rank(c, run.order, run.seed, pair.contacts)
+        if due == math.inf and (FORCED or pair.closing_acceleration > 0.0):
             low, high = rest(run, pairs, bodies, c, walls)
             first, last = min(first, low), max(last, high)
             c = low
@@ -68,7 +68,7 @@ def refresh(
     replay(queue, first, last)
 
 
-loop = specialised(sorted_queue.loop, head=head, refresh=refresh)
+loop = specialised(SortedQueue.loop, head=head, refresh=refresh)
 
 
 class TreeQueue(SortedQueue):
@@ -79,7 +79,6 @@ class TreeQueue(SortedQueue):
     kernel = staticmethod(partial(compiled, inline=True))
     hold = staticmethod(packed)
     loop, predict = staticmethod(loop), staticmethod(refresh)
-    predict_around = staticmethod(specialised(sorted_queue.refresh_around, refresh_on_line=refresh))
 
     def rows(self, n: int) -> Records:
         """Return room for `n` rows of the log, or for as many as are made at a time."""
@@ -145,7 +144,7 @@ class BlockQueue(TreeQueue):
             top = last + (last == len(pairs))  # the upper body of the last pair belongs to the next block
             raw(pairs)[first:last] = raw(part.pairs)[first - low : last - low]
             raw(bodies)[first:top] = raw(part.bodies)[first - low : top - low]
-            done += int(pairs["hits"][first:last].sum() - s.pairs["hits"][first:last].sum())
+            done += int(pairs["contacts"][first:last].sum() - s.pairs["contacts"][first:last].sum())
             if done > budget:
                 return False
         s.pairs, s.bodies = pairs, bodies

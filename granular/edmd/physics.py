@@ -11,13 +11,17 @@ from typing import Any
 import numpy as np
 
 from granular import _check, rules, walls
-from granular._check import Array
-from granular.edmd.ties import GROUP, MASK, ORDER
+from granular._kernels import kernel
 from granular.rules import Rule, constants, restitution_at
-from granular.scene import Scene
-from granular.scene import checked as a_scene
+from granular.scene import Scene, checked as a_scene
 
 Restitution = Callable[[int, float], float]
+LEFT, RIGHT, RANDOM, GROUP = range(4)
+ORDER = {"left": LEFT, "right": RIGHT, "random": RANDOM, "newton": GROUP, "poisson": GROUP, "reflect": GROUP}
+"""What acts first of collisions at one instant. The last three solve a touching group as a whole, see
+`granular.edmd.ties`; groups apart act from the left."""
+MASK = (1 << 24) - 1
+"""Mask of the pair in a rank; scenes have at most that many pairs."""
 OPTIONS = ("ties", "seed", "merge_below", "tc", "elastic_below")
 """Options that change the physics: a saved run holds them by these names."""
 TURN, SHARE = 4.0, 0.25
@@ -36,15 +40,10 @@ class Physics:
     options: dict[str, Any]
 
     @cached_property
-    def eps(self) -> Array:
+    def eps(self) -> _check.Array:
         """Restitution per pair; nan if not all rules are constant, and `rule` has to be asked."""
         known = constants(self.rules, self.scene.gap)
         return np.full(self.scene.n_pairs, math.nan) if known is None else np.array(known)
-
-    @property
-    def general(self) -> bool:
-        """Whether walls are driven or thermal, or forces act."""
-        return self.scene.driven or self.scene.heated or self.scene.external_force is not None
 
     @cached_property
     def rule(self) -> Restitution | None:
@@ -53,6 +52,29 @@ class Physics:
             return None
         given, pairs = self.rules, tuple(self.scene.pairs)
         return lambda c, speed: restitution_at(given[c], speed, pairs[c])
+
+
+@kernel
+def rank(c: int, order: int, seed: int, contacts: int) -> int:
+    """Return the rank of pair `c`, which has collided `contacts` times: queues are ordered by ``(time, rank)``.
+
+    The lower 24 bits of a rank are the number of its pair, so a rank says whose it is; the upper bits order pairs at
+    equal times, and only then: from the left, from the right, or at random by a hash of the seed, the pair and how
+    often it has collided (Han & Gilmore's sequential treatment, reproducible).
+    """
+    if order in (LEFT, GROUP):
+        return c
+    if order == RIGHT:
+        return ((MASK - c) << 24) | c
+    return (mixed(mixed(mixed(seed & 0x7FFFFFFF) ^ c) ^ (contacts & 0x7FFFFFFF)) << 24) | c
+
+
+@kernel
+def mixed(x: int) -> int:
+    """Return 31 well-mixed bits of `x`; no product exceeds 63 bits, so that compiled and plain agree."""
+    x = ((x ^ (x >> 16)) * 0x45D9F3B) & 0x7FFFFFFF
+    x = ((x ^ (x >> 15)) * 0x2C1B3C6D) & 0x7FFFFFFF
+    return x ^ (x >> 16)
 
 
 def checked(scene: Any, rule: Any, *, collapse: Any, merge_below: float | None, **options: Any) -> Physics:
@@ -101,7 +123,7 @@ def check_scene(scene: Any) -> None:
         raise ValueError(f"scene has {scene.n} bodies: at most {MASK + 1} are possible.")
 
 
-def _check_together(eps: Array, options: dict[str, Any]) -> None:
+def _check_together(eps: _check.Array, options: dict[str, Any]) -> None:
     """Raise what is wrong with options, and rules of restitution `eps`, that are good each for itself."""
     ties = options["ties"]
     remedies = [name for name in ("merge_below", "tc", "elastic_below") if options[name] > 0.0]
@@ -153,7 +175,7 @@ def strongest(scene: Scene) -> float:
     return float(np.abs(scene.external_force * scene.inverse_mass - np.where(scene.is_wall, 0.0, g)).max())
 
 
-def shares(scene: Scene) -> tuple[Array, Array]:
+def shares(scene: Scene) -> tuple[_check.Array, _check.Array]:
     """Return m_eff/m_lower and m_eff/m_upper of each pair: shares of its bodies in a change of its relative velocity.
 
     The smaller is computed, the other is 1 minus it.

@@ -8,21 +8,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from granular._check import LARGEST, held
-from granular.edmd import hanging
-from granular.edmd.driven import OF_BODY, OF_PAIR
-from granular.edmd.physics import Physics
-from granular.edmd.ties import ORDER
+from granular.edmd.physics import ORDER, Physics
+from granular.walls.panels import WALL
 
 PAIR = np.dtype(
     [
         ("gap", float), ("at", float),  # m, at that time in s since the epoch
-        ("pull", float),  # gravity's closing acceleration, m/s²
-        ("hits", int), ("last", float),  # collisions so far, and the time of the last one not looked at closely in s
+        ("closing_acceleration", float),  # by gravity, m/s²
+        ("contacts", int), ("last", float),  # collisions so far, and the time of the last not looked at closely in s
         ("streak", int),  # how often a collision in a row looked like a collapse
         ("low", float), ("high", float),  # shares of the lower and the upper body in a change of the rate
         ("eps", float),  # where rules are constant
@@ -31,9 +29,9 @@ PAIR = np.dtype(
 )
 BODY = np.dtype(
     [
-        ("u", float),  # free-fall velocity of the epoch, m/s
-        ("falls", float),  # 1 falls; 0 a wall, or a ball that rests on a wall
-        ("noise", float),  # (m/s)², square of what rounding may have left in u
+        ("fall_velocity", float),  # free-fall velocity of the epoch, m/s
+        ("is_free", float),  # 1 falls; 0 a wall, or a ball that rests on a wall
+        ("noise", float),  # (m/s)², square of what rounding may have left in its fall velocity
         ("mass", float),
     ],
     align=True,
@@ -46,9 +44,9 @@ RUN = np.dtype(
         ("order", int), ("seed", int),  # of ties
         ("now", float), ("events", int), ("zoomed", int),  # tau of the last event; collisions, those in closer looks
         ("clamps", int), ("merged", int),  # gaps set to 0, collisions merged
-        ("closed", float),  # m, the sum of the gaps where it never changes, else 0
+        ("gap_sum", float),  # m, the sum of the gaps where it never changes, else 0
         ("edge", float), ("budget", int),  # until when to go now, and for how many events at most
-        ("stop_pair", int), ("stop_hits", int),  # pause before this pair, which has collided so often, collides again
+        ("stop_pair", int), ("stop_contacts", int),  # pause before this pair, which has collided so often, does again
         ("slow", float), ("short", float),  # what looks like a collapse, m/s (< 0: nothing does) and s
         ("suspect", int), ("rebound", float),  # the pair that collided last, in a closer look too; its rate after, m/s
         # a closer look
@@ -76,9 +74,58 @@ CLOCK = np.dtype(
     ]
 )
 """Numbers that they do not."""
+ROW = np.dtype(
+    [
+        ("pair", int), ("t_begin", float),
+        ("lower_in", float), ("upper_in", float), ("lower_out", float), ("upper_out", float),
+        ("impulse", float),
+    ],
+    align=True,
+)
+"""What is kept of a collision: pair, time in s since the epoch, velocities before and after in m/s, impulse in N s.
+
+The impulse is no function of the others: in a closer look velocities cannot hold the change, and balls that stick
+together pass on more than their own."""
+Log: TypeAlias = list[Any]
+"""The log: chunks of records `ROW`, as arrays or as lists of plain objects."""
+SIDE = np.dtype(
+    [
+        *((name, WALL[name]) for name in WALL.names or ()),
+        ("epoch", float), ("low", float),  # s, the zero of times of the run
+        ("work", float), ("work_low", float), ("lost", float), ("lost_low", float),  # J: done by it; of all, in side 0
+        ("temperature", float), ("seed", int),  # J, of a thermal wall; else 0
+        ("heat", float), ("heat_low", float), ("given", float), ("given_low", float),  # J and N s, given to balls
+        ("lands", int), ("forces", int),  # of the scene: touching pairs come to rest by rounding; forces act
+    ],
+    align=True,
+)
+"""What kernels know of the floor and of the ceiling, one record each; no panels: it moves at constant speed."""
+Walls: TypeAlias = Any
+"""Where walls are driven or thermal, or forces act: two records `SIDE`, the panels of both, the clock. Else None."""
+FREE, FLOOR, CEILING = 0, 1, 2
+BOTH = 2
+"""`wall` of a pair between what rests on a driven floor and on a driven ceiling."""
+
+
+def more(of_pair: list[tuple[str, type]], of_body: list[tuple[str, type]]) -> tuple[np.dtype[Any], np.dtype[Any]]:
+    """Return the records of pairs and bodies with more fields."""
+    return np.dtype(PAIR.descr + of_pair, align=True), np.dtype(BODY.descr + of_body, align=True)
+
+
 PLAIN = PAIR, BODY
-DRIVEN, HUNG = ((np.dtype(PAIR.descr + pair, align=True), np.dtype(BODY.descr + body, align=True)) for pair, body in (
-    (OF_PAIR, OF_BODY), (hanging.OF_PAIR, hanging.OF_BODY)))
+OF_FORCED = more(
+    # beside which driven wall it is (0 floor, 1 ceiling, 2 both, -1 neither); 0 free, 1 or 2 stuck for as long as its
+    # bodies rest on the floor or the ceiling; the time (s) from `at` to its next hit; beside which thermal wall it is
+    [("wall", int), ("stuck", int), ("wait", float), ("heat", int)],
+    # m/s², by forces, and by its own force if nothing holds it
+    [("force_acceleration", float), ("own_acceleration", float)],
+)
+OF_HUNG = more(
+    [("rate", float), ("rest", float), ("omega", float)],  # m/s, at the time `at`; m, its gap at rest; Ω in rad/s
+    # Ω times its displacement when it was time 0, had there been no collision since (m/s), and Ω
+    [("sway", float), ("omega", float)],
+)
+"""Records of pairs and of bodies: of plain scenes, of those with forces, driven or thermal walls, and of pendula."""
 NEVER, APART = -1, -2
 """`stop_pair` of a run that does not stop at a contact, and of one that stops when no pair approaches."""
 LATER, UNTIL, BUDGET, SUSPECT, TOUCHING, OUTSIDE, QUIET, RESTS, TINY, SPENT = range(10)
@@ -91,12 +138,15 @@ NUMBERS = {"start": "f", "epoch": "f", "epoch_low": "f", "now": "f", "length": "
            "tc": "f", "elastic_below": "f", "merge_below": "f", "seed": "i"}
 """Numbers that are saved, and their kinds; of those from `length` on none is negative."""
 ANY = ("start", "epoch", "epoch_low", "now")
-ENTRIES = {"gap": (0.0, math.inf), "hits": (0, LARGEST), "streak": (0, LARGEST), "last": (-math.inf, math.inf),
-           "wall": (-1, 2), "shut": (0, 2), "falls": (0.0, 1.0), "noise": (0.0, math.inf)}
+ENTRIES = {"gap": (0.0, math.inf), "contacts": (0, LARGEST), "streak": (0, LARGEST), "last": (-math.inf, math.inf),
+           "wall": (-1, 2), "stuck": (0, 2), "is_free": (0.0, 1.0), "noise": (0.0, math.inf)}
 """Least and largest entry of an array of pairs or bodies; others are any finite numbers."""
-WHOLE = ("hits", "streak", "wall", "shut")
+WHOLE = ("contacts", "streak", "wall", "stuck")
 ADDED = ("noise",)
 """What releases before it did not save."""
+RENAMED = {"u": "fall_velocity", "falls": "is_free", "pull": "closing_acceleration", "push": "force_acceleration",
+           "hits": "contacts", "shut": "stuck"}
+"""What releases before called what is saved."""
 
 
 def check_numbers(saved: Mapping[str, Any], physics: Physics) -> None:

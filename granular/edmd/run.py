@@ -11,14 +11,12 @@ import numpy as np
 from granular._records import column, packed
 from granular.drive import End, Pause, Request, Row, Rows, portion
 from granular.edmd import collapse, compiled_queue, wall_state
-from granular.edmd.collision import ROW
 from granular.edmd.compiled_queue import BlockQueue, TreeQueue, pays
 from granular.edmd.motion import LATEST
-from granular.edmd.physics import Physics
-from granular.edmd.records import APART, BUDGET, LATER, NEVER, SUSPECT, UNTIL
+from granular.edmd.physics import GROUP, ORDER, Physics
+from granular.edmd.records import APART, BUDGET, LATER, NEVER, ROW, SUSPECT, UNTIL
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
-from granular.edmd.ties import GROUP, ORDER
 from granular.edmd.watch import Watch
 from granular.scene import velocities
 from granular.scene.walls import Closing
@@ -72,7 +70,7 @@ class Run:
         pair, hits = NEVER if request.until is None else APART, 0
         if isinstance(request.until, Contact):
             pair, hits = request.until.pair, request.until.nth - 1
-        state.set(stop_pair=pair, stop_hits=hits, last_event=state.run.events + request.max_events)
+        state.set(stop_pair=pair, stop_contacts=hits, last_event=state.run.events + request.max_events)
         self.events = int(state.run["events"])
         self.began = self.time(), self._work()
         self.may_compile = engine == "auto"
@@ -137,7 +135,7 @@ class Run:
                     return self._reached(time, limit)
                 if state.time(due) > LATEST:
                     return Pause.work
-                state.shift_to(due, lambda kernel: self.queue.kernel(self.queue.fit(kernel)))
+                state.shift_to(due, self.queue.use)
                 self.queue.rebuild()
             elif why == SUSPECT:
                 collapse.begin(state, self.queue)

@@ -10,18 +10,15 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from granular import _check, rules
-from granular import until as stop
+from granular import _check, rules, until as stop
 from granular._kernels import no_compiler
 from granular.drive import EVENTS, check_end, drive, go_on, requested
-from granular.edmd.physics import OPTIONS, Physics, check_scene, checked
+from granular.edmd.physics import GROUP, OPTIONS, ORDER, Physics, check_scene, checked
 from granular.edmd.run import Run
 from granular.edmd.state import State
-from granular.edmd.ties import GROUP, ORDER
 from granular.edmd.watch import Watch
 from granular.rules import Rule
-from granular.scene import Scene
-from granular.scene import checked as a_scene
+from granular.scene import Scene, checked as a_scene
 from granular.scene.walls import fitted
 from granular.trajectory import Status, Trajectory
 

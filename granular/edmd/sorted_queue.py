@@ -4,26 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 from sortedcontainers import SortedList
 
-from granular._kernels import kernel
+from granular._kernels import fitted, kernel
 from granular._records import Record, Records, plain, twin
-from granular.edmd import fit, ring
-from granular.edmd.clusters import leave
-from granular.edmd.collision import RESTING, ROW, SUSPICIOUS, event, rest
-from granular.edmd.groups import collide_as_one, group
-from granular.edmd.motion import Walls, approaching, predicted, velocities
-from granular.edmd.physics import Physics, Restitution
-from granular.edmd.records import APART, BUDGET, LATER, SUSPECT, TOUCHING, UNTIL
+from granular.edmd.clusters import rest
+from granular.edmd.collision import SUSPICIOUS, event, leave
+from granular.edmd.motion import approaching, predicted, velocities
+from granular.edmd.physics import GROUP, MASK, RANDOM, Physics, Restitution, rank
+from granular.edmd.records import APART, BUDGET, FREE, LATER, ROW, SUSPECT, TOUCHING, UNTIL, Log, Walls
 from granular.edmd.state import State
-from granular.edmd.ties import GROUP, MASK, RANDOM, rank
+from granular.edmd.ties import collide_as_one, is_touched
 from granular.edmd.wall_state import advance_epoch, date_rows
+from granular.scene.flags import FORCED, RING, flags
 
-Log = list[Any]
-"""The log: chunks of records `ROW`, as arrays or as lists of plain objects."""
 NOBODY = (math.inf, MASK)
 """Last in every queue, so that none is empty."""
 
@@ -38,31 +34,29 @@ def loop(
     `rows` takes the log; `fastest`, if it is an array, the largest speed after a collision.
     """
     edge, budget, stop, together = run.edge, run.budget, run.stop_pair, run.order == GROUP
-    done, closing = 0, 0
+    done, closes = 0, 0
     while True:
         now, c = head(queue)
         if now > edge:
-            if walls is None or not advance_epoch(run, pairs, bodies, rows, done, now, walls):
+            if not FORCED or not advance_epoch(run, pairs, bodies, rows, done, now, walls):
                 return LATER
             refresh(run, pairs, bodies, queue, 0, len(pairs) - 1, walls)
             edge = run.edge
             continue
-        if walls is not None and pairs[c].shut > 0:
+        if FORCED and pairs[c].stuck > FREE:
             run.now = now
             first, last = leave(run, pairs, bodies, c, now, walls)
             refresh(run, pairs, bodies, queue, first, last, walls)
             continue
-        if c == stop and pairs[c].hits >= run.stop_hits:
+        if c == stop and pairs[c].contacts >= run.stop_contacts:
             run.now = now
             return UNTIL
         if done >= budget:
             return BUDGET
         run.now = now
-        if together:
+        if together and is_touched(pairs, bodies, c, now, walls):
             run.suspect = c
-            first, last = group(pairs, bodies, c, now, walls)
-            if first < last:
-                return TOUCHING
+            return TOUCHING
         row = None if rows is None else rows[done]
         first, last, rebound = event(run, pairs, bodies, c, now, rule, row, walls)
         run.events += 1
@@ -71,9 +65,11 @@ def loop(
             below, above = velocities(bodies[c], bodies[c + 1], run.gravity, now)
             fastest[0] = max(fastest[0], abs(below), abs(above))
         refresh(run, pairs, bodies, queue, first, last, walls)
+        if RING:
+            refresh_across(run, pairs, bodies, queue, first, last, walls)
         if stop == APART:
-            closing = approaching(pairs, bodies, closing, now, walls)
-            if closing < 0:
+            closes = approaching(pairs, bodies, closes, now, walls)
+            if closes < 0:
                 return UNTIL
         if pairs[c].streak >= SUSPICIOUS:
             run.suspect, run.rebound = c, rebound
@@ -99,14 +95,14 @@ def refresh(
     while c <= last:
         old, pair = entry[c], pairs[c]
         time = predicted(pair, bodies[c], bodies[c + 1], walls)
-        new = (time, rank(c, RANDOM, run.seed, pair.hits) if run.order == RANDOM else old[1])
+        new = (time, rank(c, RANDOM, run.seed, pair.contacts) if run.order == RANDOM else old[1])
         if new != old:
             if old[0] < math.inf:
                 order.remove(old)
             entry[c] = new
             if time < math.inf:
                 order.add(new)
-        if time == math.inf and pair.pull > RESTING:
+        if time == math.inf and (FORCED or pair.closing_acceleration > 0.0):
             low, high = rest(run, pairs, bodies, c, walls)
             last = max(last, high)
             c = low
@@ -115,19 +111,14 @@ def refresh(
 
 
 @kernel
-def refresh_around(
+def refresh_across(
     run: Record, pairs: Records, bodies: Records, queue: Any, first: int, last: int, walls: Walls
 ) -> None:
-    """Predict pairs `first` … `last` of a ring anew, and what is beside them across the seam."""
+    """Predict the pairs at the seam of a ring anew, if one of them is among pairs `first` … `last`."""
     end = len(pairs) - 1
-    refresh_on_line(run, pairs, bodies, queue, first, last, walls)
-    if first == 0 and last < end:
-        refresh_on_line(run, pairs, bodies, queue, end, end, walls)
-    elif last == end and first > 0:
-        refresh_on_line(run, pairs, bodies, queue, 0, 0, walls)
-
-
-refresh_on_line = refresh
+    if first == 0 or last == end:
+        refresh(run, pairs, bodies, queue, 0, 0, walls)
+        refresh(run, pairs, bodies, queue, end, end, walls)
 
 
 class SortedQueue:
@@ -146,21 +137,20 @@ class SortedQueue:
     """Events after which control comes back: so many rows of the log are made at a time."""
     kernel: Callable[[Any], Any] = staticmethod(lambda function: function)
     hold: Callable[[Records], Records] = staticmethod(plain)
-    loop, predict, predict_around = staticmethod(loop), staticmethod(refresh), staticmethod(refresh_around)
+    loop, predict = staticmethod(loop), staticmethod(refresh)
     queue: Any = None
-    fit: Callable[[Any], Any] = staticmethod(lambda function: function)
-    """Makes kernels fit the scene."""
 
     def __init__(self, state: State, physics: Physics) -> None:
         state.keep(self.hold)
         self.state, self.physics = state, physics
-        if state.walls is not None:
-            self.fit = fit.general
-        elif physics.scene.pendulum > 0.0:
-            self.fit = fit.hangs
-        elif state.ring:
-            self.predict, self.fit = self.predict_around, partial(fit.closes, refresh=self.predict_around)
+        has = flags(physics.scene)
+        self.fit: Callable[[Any], Any] = lambda kernel: fitted(kernel, **has)
         self.rebuild()
+
+    def use(self, kernel: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a kernel as it fits the scene, compiled where this queue is."""
+        made: Callable[..., Any] = self.kernel(self.fit(kernel))
+        return made
 
     def rows(self, n: int) -> Records:
         """Return room for `n` rows of the log, or for as many as are made at a time."""
@@ -170,16 +160,16 @@ class SortedQueue:
     def rebuild(self) -> None:
         """Predict all pairs anew."""
         run = self.state.run
-        entry = [(math.inf, rank(c, run.order, run.seed, pair.hits)) for c, pair in enumerate(self.state.pairs)]
+        entry = [(math.inf, rank(c, run.order, run.seed, pair.contacts)) for c, pair in enumerate(self.state.pairs)]
         self.queue = SortedList([NOBODY]), entry
         self.refresh(0, len(entry) - 1)
 
     def refresh(self, first: int, last: int) -> None:
         """Predict pairs `first` … `last` anew, counted round."""
         s, n = self.state, len(self.state.pairs)
-        for low, high in ((first, min(last, n - 1)), (0, last - n)):
-            if low <= high:
-                self.kernel(self.fit(self.predict))(s.run, s.pairs, s.bodies, self.queue, low, high, s.walls)
+        around = [(0, max(0, last - n)), (n - 1, n - 1)] if s.ring else []
+        for low, high in [(first, min(last, n - 1)), *around]:
+            self.use(self.predict)(s.run, s.pairs, s.bodies, self.queue, low, high, s.walls)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
         """Return the time of the next event of any pair outside `first` … `last`, counted round."""
@@ -189,7 +179,7 @@ class SortedQueue:
     def apart(self) -> bool:
         """Return whether no pair approaches."""
         s = self.state
-        first: int = self.kernel(self.fit(approaching))(s.pairs, s.bodies, 0, s.run.now, s.walls)
+        first: int = self.use(approaching)(s.pairs, s.bodies, 0, s.run.now, s.walls)
         return first < 0
 
     def advance(self, edge: float, budget: int, log: Log | None) -> int:
@@ -203,17 +193,16 @@ class SortedQueue:
             begin = run["events"]
             rows = None if log is None else self.rows(enough - begin)
             run["edge"], run["budget"] = edge, enough - begin if rows is None else len(rows)
-            rule, go = self.physics.rule, self.kernel(self.fit(self.loop))
+            rule, go = self.physics.rule, self.use(self.loop)
             s.clock.dated = 0
             why: int = go(run, s.pairs, s.bodies, self.queue, rule, rows, None, s.walls)
             if log is not None and rows is not None:
                 if s.clock.goal > -math.inf:
-                    self.kernel(date_rows)(s.clock, rows, int(run["events"] - begin))
+                    self.use(date_rows)(s.clock, rows, int(run["events"] - begin))
                 log.append(rows[: run["events"] - begin].copy())
             if why != TOUCHING:
                 return why
-            together = ring.collide_as_one if s.ring else collide_as_one
-            why, first, last = together(s, self.physics, self.fit, log)
+            why, first, last = collide_as_one(s, self.physics, self.fit, log)
             self.refresh(first, last)
             if why == TOUCHING and run.stop_pair == APART and self.apart():
                 why = UNTIL
@@ -233,5 +222,5 @@ class SortedQueue:
         walls = None if walls is None else (plain(walls[0]), plain(walls[1]), walls[2])
         for c, (time, key) in enumerate(self._events()):
             due = self.fit(predicted)(pairs[c], bodies[c], bodies[c + 1], walls)
-            assert key == rank(c, run.order, run.seed, pairs[c].hits), c
+            assert key == rank(c, run.order, run.seed, pairs[c].contacts), c
             assert math.isclose(time, due, rel_tol=1e-9, abs_tol=1e-12), (c, time, due)

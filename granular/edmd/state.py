@@ -15,11 +15,23 @@ from granular._check import Array, held
 from granular._records import Record, Records, column, copied, one, packed, plain, taken
 from granular.edmd import hanging, wall_state
 from granular.edmd.motion import rebase, span
-from granular.edmd.physics import Physics, felt_gravity, scales, shares, strongest
-from granular.edmd.records import CLOCK, DRIVEN, HUNG, NEAR, NEVER, PLAIN, RUN, check_entries, check_numbers
-from granular.edmd.ties import ORDER
+from granular.edmd.physics import ORDER, Physics, felt_gravity, scales, shares, strongest
+from granular.edmd.records import (
+    CLOCK,
+    NEAR,
+    NEVER,
+    OF_FORCED,
+    OF_HUNG,
+    PLAIN,
+    RENAMED,
+    RUN,
+    check_entries,
+    check_numbers,
+)
+from granular.scene.flags import flags
 
-OF_PAIRS, OF_BODIES = ("gap", "at", "pull", "hits", "last", "streak"), ("u", "falls", "noise")
+OF_PAIRS = ("gap", "at", "closing_acceleration", "contacts", "last", "streak")
+OF_BODIES = ("fall_velocity", "is_free", "noise")
 """What changes, by the names under which it is saved."""
 SAVED = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "now",
          "events", "rebases", "zooms", "zoomed", "allowance", "short")
@@ -52,16 +64,17 @@ class State:
     def of(cls, physics: Physics, t_start: float) -> State:
         """Return the state at the start of a run."""
         scene, options, g = physics.scene, physics.options, felt_gravity(physics.scene)
-        walls = wall_state.walls(physics.scene, t_start) if physics.general else None
-        of_pair, of_body = HUNG if scene.pendulum > 0.0 else PLAIN if walls is None else DRIVEN
+        has = flags(scene)
+        walls = wall_state.walls(scene, t_start) if "FORCED" in has else None
+        of_pair, of_body = OF_FORCED if "FORCED" in has else OF_HUNG if "HUNG" in has else PLAIN
         pairs, bodies = np.zeros(scene.n_pairs, of_pair), np.zeros(scene.n_pairs + 1, of_body)
         number = np.arange(len(bodies)) % scene.n
-        for name, value in (("u", scene.velocity), ("falls", ~scene.is_wall), ("mass", scene.mass)):
+        for name, value in (("fall_velocity", scene.velocity), ("is_free", ~scene.is_wall), ("mass", scene.mass)):
             bodies[name] = value[number]
         if scene.ring:
-            bodies["u"] -= scene.anchor_velocity(0.0)
+            bodies["fall_velocity"] -= scene.anchor_velocity(0.0)
         pairs["gap"], pairs["eps"], pairs["last"] = scene.gap, physics.eps, -math.inf
-        pairs["pull"] = g * np.diff(bodies["falls"])
+        pairs["closing_acceleration"] = g * np.diff(bodies["is_free"])
         pairs["low"], pairs["high"] = shares(scene)
         speed, fall, length = scales(scene)
         strength, remedied = strongest(scene), any(options[x] > 0.0 for x in ("tc", "elastic_below", "merge_below"))
@@ -82,7 +95,7 @@ class State:
         if scene.pendulum > 0.0:
             hanging.begin(pairs, bodies, scene)
         if scene.ring or (scene.pendulum > 0.0 and scene.is_wall[[0, -1]].all()):
-            state.run.closed = math.fsum(scene.gap.tolist())
+            state.run.gap_sum = math.fsum(scene.gap.tolist())
         return state
 
     @classmethod
@@ -92,6 +105,7 @@ class State:
         Velocities were taken to be exact then, and free-fall velocities were those of the epoch in scenes without walls
         too, whose frame now falls from the start on.
         """
+        saved = {RENAMED.get(name, name): value for name, value in saved.items()}
         check_numbers(saved, physics)
         state = cls.of(physics, float(saved["start"]))
         of_pairs, of_bodies = state._changing()
@@ -107,7 +121,7 @@ class State:
         state.set(**dict(zip(TALLY, saved["tally"].tolist(), strict=True)))
         state.scale(state.clock.speed)
         if "noise" not in saved:
-            state.bodies["u"] += (physics.scene.gravity - state.run.gravity) * state.elapsed(0.0)
+            state.bodies["fall_velocity"] += (physics.scene.gravity - state.run.gravity) * state.elapsed(0.0)
         if state.walls is not None:
             for name in wall_state.SUMS:
                 state.walls[0][name] = held(saved, name, "f", (2,)) if name in saved else 0.0
@@ -182,7 +196,7 @@ class State:
             self.pairs[np.arange(first, first + len(pairs)) % n] = pairs
             self.bodies[np.arange(first, first + len(bodies)) % n] = bodies
         (ball,), (twin,) = self.bodies[:1], self.bodies[n:]
-        twin["u"], twin["noise"] = ball["u"], ball["noise"]
+        twin["fall_velocity"], twin["noise"] = ball["fall_velocity"], ball["noise"]
 
     def scale(self, speed: float) -> None:
         """Set the scale of speeds (m/s), and with it, where one may come, what looks like part of a collapse."""
@@ -216,7 +230,7 @@ class State:
         clock.epoch = total
         clock.rebases += 1
         self.run["now"] -= by
-        self.scale(max(float(np.abs(np.diff(column(self.bodies, "u"))).max()), clock.fall))
+        self.scale(max(float(np.abs(np.diff(column(self.bodies, "fall_velocity"))).max()), clock.fall))
         if clock.speed > 0.0:
             clock.window = max(clock.window, span(clock.length, clock.speed, clock.strength))
 
@@ -224,11 +238,11 @@ class State:
         """Return velocities in m/s (of pendula, rates), and gaps in m, never negative, at `tau`; nothing moves."""
         if self.hung:
             return hanging.row(self.pairs, tau)
-        g, velocity = float(self.run["gravity"]), np.array(column(self.bodies, "u"))
+        g, velocity = float(self.run["gravity"]), np.array(column(self.bodies, "fall_velocity"))
         gap = gaps(self.pairs, velocity, tau)
         velocity = velocity[:-1] if self.ring else velocity
         if g > 0.0:
-            velocity -= column(self.bodies, "falls") * (g * tau)
+            velocity -= column(self.bodies, "is_free") * (g * tau)
         if self.walls is not None:
             wall_state.show(self, tau, velocity, gap)
         return velocity, gap
@@ -237,24 +251,26 @@ class State:
         """Return the names of what changes, of pairs and of bodies."""
         if self.hung:
             return (*OF_PAIRS, "rate"), (*OF_BODIES, "sway")
-        return (OF_PAIRS, OF_BODIES) if self.walls is None else ((*OF_PAIRS, "wall", "shut"), (*OF_BODIES, "push"))
+        if self.walls is not None:
+            return (*OF_PAIRS, "wall", "stuck"), (*OF_BODIES, "force_acceleration")
+        return OF_PAIRS, OF_BODIES
 
     def sound(self) -> bool:
         """Return whether the records can be those of a run."""
         run, clock, pairs, bodies = self.run, self.clock, packed(self.pairs), packed(self.bodies)
-        wall, hit, last = np.isinf(bodies["mass"]), pairs["hits"] > 0, pairs["last"]
+        wall, hit, last = np.isinf(bodies["mass"]), pairs["contacts"] > 0, pairs["last"]
         whole = [
             len(bodies) == len(pairs) + 1 == run.pairs + 1,
             (pairs["gap"] >= 0.0).all(),
             (pairs["at"] <= max(run.now, 0.0)).all(),
-            self.walls is not None or (pairs["pull"] == run.gravity * np.diff(bodies["falls"])).all(),
+            self.walls is not None or (pairs["closing_acceleration"] == run.gravity * np.diff(bodies["is_free"])).all(),
             self.walls is None or wall_state.sound(self, pairs, bodies),
-            hit[np.isfinite(last)].all() and (last <= run.now).all() and pairs["hits"].sum() == run.events,
-            not bodies["falls"][wall].any() and (bodies["noise"] >= 0.0).all(),
+            hit[np.isfinite(last)].all() and (last <= run.now).all() and pairs["contacts"].sum() == run.events,
+            not bodies["is_free"][wall].any() and (bodies["noise"] >= 0.0).all(),
             self.walls is not None or not bodies["noise"][wall].any(),
             not self.ring or self.near is not None  # whose gaps are elsewhere while a cascade is looked at closely
-            or abs(float(self.row(max(run.now, 0.0))[1].sum()) - run.closed) <= 1e-12 * run.closed,
-            not self.ring or bodies["u"][0] == bodies["u"][-1],
+            or abs(float(self.row(max(run.now, 0.0))[1].sum()) - run.gap_sum) <= 1e-12 * run.gap_sum,
+            not self.ring or bodies["fall_velocity"][0] == bodies["fall_velocity"][-1],
             math.frexp(clock.window)[0] == 0.5 and 0.0 <= clock.fall <= clock.speed,
         ]
         return bool(all(whole))
@@ -265,8 +281,8 @@ class State:
 
 
 def gaps(pairs: Records, u: Array, tau: float) -> Array:
-    """Return the gaps in m, never negative, at `tau` between bodies of free-fall velocities `u`."""
-    pull, at = column(pairs, "pull"), column(pairs, "at")
+    """Return the gaps in m, never negative, at `tau` between bodies of fall velocities `u`."""
+    pull, at = column(pairs, "closing_acceleration"), column(pairs, "at")
     rate, dt = np.diff(u) - pull * at, tau - at
     gap: Array = column(pairs, "gap") + dt * (rate - 0.5 * pull * dt)
     return gap.clip(0.0)

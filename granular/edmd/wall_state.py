@@ -13,7 +13,6 @@ events.
 from __future__ import annotations
 
 import math
-from copy import copy
 from typing import Any
 
 import numpy as np
@@ -21,8 +20,9 @@ import numpy as np
 from granular._check import Array
 from granular._kernels import kernel, rare
 from granular._records import Record, Records, column, plain
-from granular.edmd.driven import BOTH, CEILING, FLOOR, FREE, SIDE, carry, place, rebase, rounding, synchronise
-from granular.edmd.motion import Walls, add, impulse, span
+from granular.edmd.driven import beside, place, synchronise
+from granular.edmd.motion import NOISE, add, impulse, rebase, span
+from granular.edmd.records import BOTH, CEILING, FLOOR, FREE, SIDE, Walls
 from granular.scene import Scene
 from granular.scene.walls import driven_walls
 from granular.walls.panels import PANEL
@@ -52,11 +52,11 @@ def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
 def begin(state: Any, scene: Scene) -> None:
     """Set what forces and walls add to a new state."""
     sides, forces, (pairs, bodies) = state.walls[0], scene.external_force, (state.pairs, state.bodies)
-    bodies["own"] = 0.0 if forces is None else forces * scene.inverse_mass
-    bodies["push"] = bodies["own"]
+    bodies["own_acceleration"] = 0.0 if forces is None else forces * scene.inverse_mass
+    bodies["force_acceleration"] = bodies["own_acceleration"]
     pairs["wall"], pairs["wait"], pairs["heat"] = -1, 0.0, -1
     if forces is not None:
-        pairs["pull"] -= scene.across(bodies["own"])
+        pairs["closing_acceleration"] -= scene.across(bodies["own_acceleration"])
     sides["forces"] = forces is not None
     sides["lands"] = scene.driven or (forces is not None and state.run.slow < 0.0)
     set_epoch(state)
@@ -66,8 +66,9 @@ def begin(state: Any, scene: Scene) -> None:
             pairs["heat"][-which] = which
         if sides["panels"][which]:
             pairs["wall"][-which] = which
-            bodies["u"][-which] = place(seen, which, 0.0)[1]
-            bodies["noise"][-which] = rounding(float(sides["speed"][which]))
+            bodies["fall_velocity"][-which] = place(seen, which, 0.0)[1]
+            speed = float(sides["speed"][which])
+            bodies["noise"][-which] = NOISE * speed * speed
 
 
 def set_epoch(state: Any) -> None:
@@ -78,15 +79,14 @@ def set_epoch(state: Any) -> None:
 
 def show(state: Any, tau: float, velocity: Array, gap: Array) -> None:
     """Put into a row what forces and walls do to velocities and gaps, at `tau`."""
-    velocity += column(state.bodies, "push") * tau
+    velocity += column(state.bodies, "force_acceleration") * tau
     seen = _seen(state)
-    shut, beside = column(state.pairs, "shut"), column(state.pairs, "wall")
-    gap[shut > 0] = 0.0
-    for c in np.flatnonzero((beside >= 0) & (shut == 0)).tolist():
-        pair, lower, upper = map(copy, (*plain(state.pairs[c : c + 1]), *plain(state.bodies[c : c + 2])))
-        carry(pair, lower, upper, tau, seen)
-        gap[c] = pair.gap
-    for i, which in bound(state):
+    stuck, wall = column(state.pairs, "stuck"), column(state.pairs, "wall")
+    gap[stuck > 0] = 0.0
+    for c in np.flatnonzero((wall >= 0) & (stuck == 0)).tolist():
+        (pair,), (lower, upper) = plain(state.pairs[c : c + 1]), plain(state.bodies[c : c + 2])
+        gap[c] = max(0.0, beside(pair, lower, upper, tau, seen)[0])
+    for i, which in at_walls(state):
         if seen[0][which].panels:
             velocity[i] = place(seen, which, tau)[1]
 
@@ -95,34 +95,34 @@ def ledger(state: Any, tau: float) -> Array:
     """Return work, heat and what was dissipated since the start, at `tau`, in J: see `granular.trajectory.Row`."""
     sides, _ = seen = _seen(state)
     done = [side.work + side.work_low for side in sides]
-    for i, which in bound(state):
+    for i, which in at_walls(state):
         body = plain(state.bodies[i : i + 1])[0]
         if body.mass < math.inf:
             x, v = place(seen, which, tau)
-            done[which] += body.mass * (0.5 * v * v + (state.run.gravity - body.own) * x)
+            done[which] += body.mass * (0.5 * v * v + (state.run.gravity - body.own_acceleration) * x)
     heat = [side.heat + side.heat_low for side in sides]
     return np.array([*done, *heat, sides[0].lost + sides[0].lost_low])
 
 
-def bound(state: Any) -> list[tuple[int, int]]:
+def at_walls(state: Any) -> list[tuple[int, int]]:
     """Return the bodies that are walls or rest on one, each with the wall: 0 the floor, 1 the ceiling."""
-    mass, shut = column(state.bodies, "mass"), column(state.pairs, "shut")
-    n, below, above = len(mass), int((shut == FLOOR).sum()), int((shut == CEILING).sum())
+    mass, stuck = column(state.bodies, "mass"), column(state.pairs, "stuck")
+    n, below, above = len(mass), int((stuck == FLOOR).sum()), int((stuck == CEILING).sum())
     floor = [(i, 0) for i in range(below + 1)] if math.isinf(mass[0]) else []
     return floor + ([(i, 1) for i in range(n - 1 - above, n)] if math.isinf(mass[-1]) else [])
 
 
 def sound(state: Any, pairs: Any, bodies: Any) -> bool:
     """Whether what rests hangs together and falls by nothing, and pairs are beside walls that are there."""
-    rests, shut = bodies["falls"] == 0.0, pairs["shut"]
-    joined = [i for i, _ in bound(state)]
-    free = (shut == FREE) & (pairs["wall"] < 0)
+    rests, stuck = bodies["is_free"] == 0.0, pairs["stuck"]
+    there = [i for i, _ in at_walls(state)]
+    free = (stuck == FREE) & (pairs["wall"] < 0)
     driven = [which for which in (0, 1) if column(state.walls[0], "panels")[which] > 0]
-    pull = state.run.gravity * np.diff(bodies["falls"]) - np.diff(bodies["push"])
+    pull = state.run.gravity * np.diff(bodies["is_free"]) - np.diff(bodies["force_acceleration"])
     whole = [
-        rests[joined].all() and rests.sum() == len(joined),
-        not bodies["push"][rests].any() and not pairs["gap"][shut != FREE].any(),
-        (pairs["pull"][free] == pull[free]).all(),
+        rests[there].all() and rests.sum() == len(there),
+        not bodies["force_acceleration"][rests].any() and not pairs["gap"][stuck != FREE].any(),
+        (pairs["closing_acceleration"][free] == pull[free]).all(),
         np.isin(pairs["wall"], [-1, *driven, *([BOTH] if len(driven) == 2 else [])]).all(),
     ]
     return all(whole)
@@ -174,7 +174,7 @@ def shift(run: Record, pairs: Records, bodies: Records, tau: float, walls: Walls
     synchronise(pairs, bodies, walls)
     for c in range(n):
         total += pairs[c].gap
-        speed = max(speed, abs(bodies[c + 1].u - bodies[c].u))
+        speed = max(speed, abs(bodies[c + 1].fall_velocity - bodies[c].fall_velocity))
     clock.length, clock.speed = max(clock.length, total / n), speed  # what is shaken expands
     if run.slow >= 0.0:
         run.slow = speed * 2.0**-16
@@ -183,20 +183,21 @@ def shift(run: Record, pairs: Records, bodies: Records, tau: float, walls: Walls
 
 
 @kernel
-def book(lower: Record, upper: Record, w: float, e: float, walls: Walls) -> None:
-    """Enter a collision at rate `w` with restitution `e`; walls have the velocities of that time."""
+def book(lower: Record, upper: Record, w: float, e: float, walls: Walls) -> float:
+    """Enter a collision at rate `w` with restitution `e`, at which walls have their velocities; return its impulse."""
     exchanged = impulse(lower, upper, (1.0 + e) * w)
     enter(lower, upper, exchanged, -0.5 * (1.0 - e) * w * exchanged, walls)
+    return exchanged
 
 
 @rare
 @kernel
 def enter(lower: Record, upper: Record, exchanged: float, lost: float, walls: Walls) -> None:
     """Enter the work of an impulse (N s) from below, if one of the bodies is a wall or rests on it, and a loss (J)."""
-    if lower.falls == 0.0:
-        work(walls[0][0], exchanged * lower.u)
-    if upper.falls == 0.0:
-        work(walls[0][1], -exchanged * upper.u)
+    if lower.is_free == 0.0:
+        work(walls[0][0], exchanged * lower.fall_velocity)
+    if upper.is_free == 0.0:
+        work(walls[0][1], -exchanged * upper.fall_velocity)
     side = walls[0][0]
     side.lost, side.lost_low = add(side.lost, side.lost_low, lost)
 
@@ -212,5 +213,5 @@ def work(side: Record, done: float) -> None:
 def borne(run: Record, body: Record, which: int, now: float, v: float, sign: float, walls: Walls) -> None:
     """Enter that a ball comes to rest (sign -1) on a wall, which moves at `v` (m/s), or leaves it (sign 1)."""
     x, _ = place(walls, which, now)
-    weight = run.gravity - body.own
+    weight = run.gravity - body.own_acceleration
     work(walls[0][which], sign * (body.mass * (0.5 * v * v + weight * x)))

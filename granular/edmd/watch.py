@@ -19,8 +19,7 @@ from typing import Any
 import numpy as np
 
 from granular import _check
-from granular._check import Array
-from granular._kernels import fitted, kernel
+from granular._kernels import kernel
 from granular._records import Records, column, packed
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
@@ -28,9 +27,8 @@ from granular.laws import check
 from granular.laws.contact_law import instance
 from granular.rules import different
 from granular.scene import Scene
+from granular.scene.flags import RING
 
-LOWEST = 0
-"""The neighbour of pair 0 below it; -1 on a ring, counted round."""
 LAST = np.dtype([("began", float), ("lasting", float), ("disturbed", int)], align=True)
 """The last contact of a pair: when it began, s since the epoch, how long it lasts, s, and whether it is disturbed (1).
 """
@@ -61,7 +59,7 @@ class Watch:
         check.checked(laws, scene)
         from granular.isolation import Durations  # from above, and only when asked for
 
-        self.duration: Callable[[Any, Array], Array] = Durations(laws, scene)
+        self.duration: Callable[[Any, _check.Array], _check.Array] = Durations(laws, scene)
         self.last: Records = np.zeros(scene.n_pairs, LAST)
         self.last["began"] = -math.inf
         self.instants = [c for c, heat in zip((0, scene.n_pairs - 1), scene.heat, strict=True) if heat is not None]
@@ -73,7 +71,7 @@ class Watch:
             self.seen, self.disturbed, pair = map(int, saved["watch_counts"])
             self.first = float(saved["watch_time"]), pair
 
-    def take(self, rows: Any, tau: Array, state: State, queue: SortedQueue) -> None:
+    def take(self, rows: Any, tau: _check.Array, state: State, queue: SortedQueue) -> None:
         """Look at collisions, the next ones in order; `tau` are their times since the epoch."""
         self._to_epoch(state, queue)
         pair, lasting = rows["pair"], self.duration(rows["pair"], rows["lower_in"] - rows["upper_in"])
@@ -81,7 +79,7 @@ class Watch:
         columns: list[Any] = [pair, tau, lasting]
         if isinstance(self.last, list):
             columns = [x.tolist() for x in columns]
-        more, row, lower = queue.kernel(fitted(disturb, LOWEST=-1) if state.ring else disturb)(self.last, *columns)
+        more, row, lower = queue.use(disturb)(self.last, *columns)
         self.seen += len(rows)
         self.disturbed += more
         if row >= 0 and self.first[1] < 0:
@@ -93,7 +91,7 @@ class Watch:
         epoch, low = state.clock.epoch, state.clock.epoch_low
         shift = (epoch - self.epoch[0]) + (low - self.epoch[1])
         if shift != 0.0:
-            queue.kernel(earlier)(self.last, shift)
+            queue.use(earlier)(self.last, shift)
             self.epoch = epoch, low
 
     def stats(self) -> dict[str, Any]:
@@ -136,7 +134,7 @@ def disturb(last: Records, pair: Any, began: Any, lasting: Any) -> tuple[int, in
         c, t = pair[j], began[j]
         mine = last[c]
         mine.began, mine.lasting, mine.disturbed = t, lasting[j], 0
-        for side in range(max(c - 1, LOWEST), min(c + 2, n - LOWEST)):
+        for side in range(c - 1 if RING else max(c - 1, 0), c + 2 if RING else min(c + 2, n)):
             k = (side + n) % n
             other = last[k]
             if k != c and t - other.began <= other.lasting:

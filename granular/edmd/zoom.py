@@ -14,13 +14,12 @@ import math
 from granular._flight import gap_after, rate_at_contact, time_to_contact
 from granular._kernels import kernel
 from granular._records import Record, Records
-from granular.edmd.clusters import held
-from granular.edmd.collision import total
-from granular.edmd.motion import Walls, impulse, velocities
-from granular.edmd.physics import Restitution
-from granular.edmd.records import BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL
-from granular.edmd.ties import GROUP, rank
+from granular.edmd.clusters import ball_is_stuck
+from granular.edmd.motion import across, impulse, total, velocities
+from granular.edmd.physics import GROUP, Restitution, rank
+from granular.edmd.records import BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL, Walls
 from granular.edmd.wall_state import book, enter
+from granular.scene.flags import FORCED, RING
 
 GOES_ON = -1
 
@@ -38,7 +37,7 @@ def zoom(
         if why != GOES_ON or done == run.budget:
             return BUDGET if why == GOES_ON else why
         own, pair, lower, upper = near[j], pairs[j], bodies[j], bodies[j + 1]
-        w = rate_at_contact(own.gap, own.rate, pair.pull)
+        w = rate_at_contact(own.gap, own.rate, pair.closing_acceleration)
         e = pair.eps if rule is None else rule(number(run, j), -w)
         advance(run, near, pairs, dt)
         run.suspect = number(run, j)
@@ -47,7 +46,7 @@ def zoom(
             row.pair, row.t_begin = run.suspect, tau
             row.lower_in, row.upper_in = velocities(lower, upper, run.gravity, tau)
         bounce(near, pairs, bodies, j, w, e)
-        if walls is not None:
+        if FORCED:
             book(lower, upper, w, e, walls)
         if rows is not None:
             row.lower_out, row.upper_out = velocities(lower, upper, run.gravity, tau)
@@ -58,13 +57,14 @@ def zoom(
         run.looked += 1
         wait = rest_time(near, pairs, j, e) if rule is None else math.inf
         if run.elapsed + wait < min(run.room, run.edge - run.began):
-            if walls is not None:
-                left = impulse(lower, upper, own.rate - pair.pull * wait)  # of all bounces, its weight among them
+            if FORCED:
+                # of all bounces, its weight among them
+                left = impulse(lower, upper, own.rate - pair.closing_acceleration * wait)
                 enter(lower, upper, left, 0.5 * upper.mass * own.rate * own.rate, walls)
             settle(near, pairs, bodies, j, wait, walls)
             run.elapsed += wait
             return RESTS
-        if own.rate == 0.0 and pair.pull > 0.0:
+        if own.rate == 0.0 and pair.closing_acceleration > 0.0:
             return QUIET
         if e < 1.0 and -w < math.ldexp(run.slow, -184):
             return TINY
@@ -83,7 +83,7 @@ def obstacle(run: Record, near: Records, pairs: Records, bodies: Records, j: int
         return QUIET
     n, c = len(near), number(run, j)
     guard = guards(run, n, j)
-    if walls is not None and (pairs[j].heat >= 0 or held(bodies[j]) or held(bodies[j + 1])):
+    if FORCED and (pairs[j].heat >= 0 or ball_is_stuck(bodies[j]) or ball_is_stuck(bodies[j + 1])):
         guard = True
     together = run.order == GROUP and crowded(near, pairs, j, dt)
     if guard or together or not run.elapsed + dt < run.room:
@@ -92,7 +92,7 @@ def obstacle(run: Record, near: Records, pairs: Records, bodies: Records, j: int
         return SPENT
     if run.elapsed + dt > run.edge - run.began:
         return LATER
-    if c == run.stop_pair and pairs[j].hits >= run.stop_hits:
+    if c == run.stop_pair and pairs[j].contacts >= run.stop_contacts:
         run.elapsed += dt
         return UNTIL
     return GOES_ON
@@ -104,9 +104,9 @@ def soonest(run: Record, near: Records, pairs: Records) -> tuple[int, float]:
     best, when = 0, math.inf
     for j in range(len(near)):
         own, pair = near[j], pairs[j]
-        if own.rate >= 0.0 and pair.pull <= 0.0:
+        if own.rate >= 0.0 and pair.closing_acceleration <= 0.0:
             continue
-        dt = time_to_contact(own.gap, own.rate, pair.pull)
+        dt = time_to_contact(own.gap, own.rate, pair.closing_acceleration)
         if dt < when or (dt == when < math.inf and order(run, pairs, j) < order(run, pairs, best)):
             best, when = j, dt
     return best, when
@@ -114,29 +114,35 @@ def soonest(run: Record, near: Records, pairs: Records) -> tuple[int, float]:
 
 @kernel
 def number(run: Record, j: int) -> int:
-    """Return the number of pair `j` of the slice."""
-    return run.first + j  # type: ignore[no-any-return]
+    """Return the number of pair `j` of the slice, on a ring counted round."""
+    c: int = run.first + j
+    return c - run.pairs if RING and c >= run.pairs else c
 
 
 @kernel
 def guards(run: Record, n: int, j: int) -> bool:
     """Return whether pair `j` of a slice of `n` has a neighbour outside."""
     c = run.first + j
+    if RING:
+        return n < run.pairs and (j == 0 or j == n - 1)
     return (j == 0 and c > 0) or (j == n - 1 and c + 1 < run.pairs)
 
 
 @kernel
 def order(run: Record, pairs: Records, j: int) -> int:
     """Return the rank of pair `j` of the slice."""
-    return rank(number(run, j), run.order, run.seed, pairs[j].hits)
+    return rank(number(run, j), run.order, run.seed, pairs[j].contacts)
 
 
 @kernel
 def crowded(near: Records, pairs: Records, j: int, dt: float) -> bool:
     """Return whether a neighbour of pair `j` touches after `dt`."""
     for k in range(max(j - 1, 0), min(j + 2, len(near))):
-        if k != j and gap_after(near[k].gap, near[k].rate, pairs[k].pull, dt) <= 0.0:
+        if k != j and gap_after(near[k].gap, near[k].rate, pairs[k].closing_acceleration, dt) <= 0.0:
             return True
+    end = len(near) - 1
+    if RING and (j == 0 or j == end):
+        return gap_after(near[end - j].gap, near[end - j].rate, 0.0, dt) <= 0.0
     return False
 
 
@@ -144,7 +150,7 @@ def crowded(near: Records, pairs: Records, j: int, dt: float) -> bool:
 def advance(run: Record, near: Records, pairs: Records, dt: float) -> None:
     """Move all gaps and rates on by `dt`; count the gaps clamped at 0."""
     for j in range(len(near)):
-        own, a = near[j], pairs[j].pull
+        own, a = near[j], pairs[j].closing_acceleration
         gap = gap_after(own.gap, own.rate, a, dt)
         run.clamped += gap < 0.0
         own.gap = gap if gap > 0.0 else 0.0
@@ -154,7 +160,10 @@ def advance(run: Record, near: Records, pairs: Records, dt: float) -> None:
 
 @kernel
 def bounce(near: Records, pairs: Records, bodies: Records, j: int, w: float, e: float) -> None:
-    """Let pair `j` of the slice collide at rate `w`: its rate becomes exactly -ε w."""
+    """Let pair `j` of the slice collide at rate `w`: its rate becomes exactly -ε w.
+
+    The first and the last are neighbours if it is the whole ring.
+    """
     pair, jump = pairs[j], (1.0 + e) * w
     near[j].gap = 0.0
     near[j].rate = -e * w
@@ -162,9 +171,16 @@ def bounce(near: Records, pairs: Records, bodies: Records, j: int, w: float, e: 
         near[j - 1].rate += pair.low * jump
     if j + 1 < len(near):
         near[j + 1].rate += pair.high * jump
-    bodies[j].u += pair.low * jump
-    bodies[j + 1].u -= pair.high * jump
-    pair.hits += 1
+    bodies[j].fall_velocity += pair.low * jump
+    bodies[j + 1].fall_velocity -= pair.high * jump
+    pair.contacts += 1
+    end = len(near) - 1
+    if RING and j == 0:
+        near[end].rate += pair.low * jump
+    elif RING and j == end:
+        near[0].rate += pair.high * jump
+    if RING:
+        across(bodies, j)
 
 
 @kernel
@@ -175,16 +191,16 @@ def rest_time(near: Records, pairs: Records, j: int, e: float) -> float:
     before, and its neighbour stays above the top of the first arc, which that does if it is so at both ends of the
     time, since it moves on a straight line or falls.
     """
-    a, r = pairs[j].pull, near[j].rate
+    a, r = pairs[j].closing_acceleration, near[j].rate
     if not (a > 0.0 and pairs[j].low == 0.0 and e < 1.0):
         return math.inf
     end: float = 2.0 * r / (a * (1.0 - e))
     for i in range(len(near)):
-        if i != j and i != j + 1 and time_to_contact(near[i].gap, near[i].rate, pairs[i].pull) <= end:
+        if i != j and i != j + 1 and time_to_contact(near[i].gap, near[i].rate, pairs[i].closing_acceleration) <= end:
             return math.inf
     if j + 1 < len(near):
         above, arc = near[j + 1], r * r / (2.0 * a)
-        path = gap_after(above.gap, above.rate + r, pairs[j + 1].pull + a, end)
+        path = gap_after(above.gap, above.rate + r, pairs[j + 1].closing_acceleration + a, end)
         if above.gap <= arc or path <= arc:
             return math.inf
     return end
@@ -196,18 +212,18 @@ def settle(near: Records, pairs: Records, bodies: Records, j: int, end: float, w
 
     Measured from the wall, the path of its neighbour knows nothing of the bounces.
     """
-    a, r = pairs[j].pull, near[j].rate
-    near[j].gap = near[j].rate = pairs[j].pull = bodies[j + 1].falls = 0.0
-    bodies[j + 1].u = bodies[j].u
-    if walls is not None:
-        bodies[j + 1].push = 0.0
+    a, r = pairs[j].closing_acceleration, near[j].rate
+    near[j].gap = near[j].rate = pairs[j].closing_acceleration = bodies[j + 1].is_free = 0.0
+    bodies[j + 1].fall_velocity = bodies[j].fall_velocity
+    if FORCED:
+        bodies[j + 1].force_acceleration = 0.0
     if j + 1 < len(near):
         near[j + 1].rate += r
-        pairs[j + 1].pull += a
+        pairs[j + 1].closing_acceleration += a
     for i in range(len(near)):
         if i != j:
-            near[i].gap = gap_after(near[i].gap, near[i].rate, pairs[i].pull, end)
-            near[i].rate -= pairs[i].pull * end
+            near[i].gap = gap_after(near[i].gap, near[i].rate, pairs[i].closing_acceleration, end)
+            near[i].rate -= pairs[i].closing_acceleration * end
 
 
 @kernel
@@ -222,28 +238,26 @@ def write_back(run: Record, near: Records, pairs: Records, bodies: Records) -> N
         pairs[j].streak = 0
     if run.looked == 0:
         return
-    ring, top = run.closed > 0.0, n
-    from_below = n < run.pairs if ring else run.first > 0 or bodies[0].mass == math.inf
-    free = not from_below and (ring or (run.first + n == run.pairs and bodies[n].mass != math.inf))
-    if free and ring:
-        top = n - 1  # the last body is the first
+    from_below = n < run.pairs if RING else run.first > 0 or bodies[0].mass == math.inf
+    free = not from_below and (RING or (run.first + n == run.pairs and bodies[n].mass != math.inf))
+    top = n - 1 if free and RING else n  # the last body of a ring is the first
     before = momentum(bodies, top) if free else 0.0
     for j in range(n):
         pair = pairs[j]
         pair.gap, pair.at = near[j].gap, tau
         if from_below and bodies[j + 1].mass != math.inf:
-            bodies[j + 1].u = bodies[j].u + (near[j].rate + pair.pull * tau)
+            bodies[j + 1].fall_velocity = bodies[j].fall_velocity + (near[j].rate + pair.closing_acceleration * tau)
             bodies[j + 1].noise = 0.0
     if not from_below:
         for j in range(n - 1, -1, -1):
-            bodies[j].u = bodies[j + 1].u - (near[j].rate + pairs[j].pull * tau)
+            bodies[j].fall_velocity = bodies[j + 1].fall_velocity - (near[j].rate + pairs[j].closing_acceleration * tau)
             bodies[j].noise = 0.0
     if free:
         shift = (before - momentum(bodies, top)) / total(bodies, 0, top)
         for i in range(top + 1):
-            bodies[i].u += shift
+            bodies[i].fall_velocity += shift
     if top < n:
-        bodies[n].u, bodies[n].noise = bodies[0].u, bodies[0].noise
+        bodies[n].fall_velocity, bodies[n].noise = bodies[0].fall_velocity, bodies[0].noise
 
 
 @kernel
@@ -251,5 +265,5 @@ def momentum(bodies: Records, top: int) -> float:
     """Return Σ m u over the bodies of the slice, up to `top`."""
     p = 0.0
     for i in range(top + 1):
-        p += bodies[i].mass * bodies[i].u
+        p += bodies[i].mass * bodies[i].fall_velocity
     return p

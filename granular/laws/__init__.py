@@ -2,8 +2,7 @@
 May be skipped: names of the package only.
 """
 
-from granular.laws.contact_law import PairLaw as PairLaw
-from granular.laws.contact_law import resolve as resolve
+from granular.laws.contact_law import PairLaw as PairLaw, resolve as resolve
 from granular.laws.dashpot import LinearDashpot
 from granular.laws.hertz import Hertz, TsujiHertz, ViscoelasticHertz
 from granular.laws.springs import PowerLaw, WaltonBraun

@@ -13,11 +13,9 @@ from typing import Any
 from numpy.linalg import LinAlgError
 from numpy.typing import ArrayLike
 
-from granular import _check
-from granular import until as stop
+from granular import _check, until as stop
 from granular.drive import EVENTS, Request, check_end, drive, go_on, requested
-from granular.laws.check import check_deepest
-from granular.laws.check import checked as checked_laws
+from granular.laws.check import check_deepest, checked as checked_laws
 from granular.laws.kinds import SceneLaws
 from granular.md import fixed, located
 from granular.md.fixed import INTEGRATORS

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular import _check
-from granular import walls as walls_module
+from granular import _check, walls as walls_module
 from granular._check import Array
 from granular._describe import ByNumbers
 from granular.scene.given import external_forces, line, placed, refuse_together, rest_gaps

@@ -13,9 +13,7 @@ from __future__ import annotations
 from typing import Any
 
 from granular._kernels import entry, kernel
-from granular.md.fixed.integrators import CHANGED, CLOSED, beside
-from granular.md.fixed.integrators import half_way as begin
-from granular.md.fixed.integrators import verlet as step
+from granular.md.fixed.integrators import CHANGED, CLOSED, beside, half_way as begin, verlet as step
 from granular.md.fixed.notes import local, log_contacts
 from granular.md.fixed.walls import CROWD, HALT, HIT, MOST, ahead, book, heat
 from granular.md.fixed.window import COUNT, RAW, XI, load, store

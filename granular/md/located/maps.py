@@ -23,8 +23,7 @@ import math
 from typing import Any
 
 from granular._kernels import kernel
-from granular.laws.viscoelastic_restitution import duration, restitution
-from granular.laws.viscoelastic_restitution import peaks as tops
+from granular.laws.viscoelastic_restitution import duration, peaks as tops, restitution
 from granular.md.located.records import DASHPOT, SIMILAR, VISCOELASTIC
 
 WEIGHTLESS = 10.0

@@ -1,7 +1,7 @@
 // Simultaneous collisions of a touching group, solved as a whole: Newton, Poisson and generalised reflections.
 //
 // From inverse masses of the bodies and rates of the touching pairs (< 0 approaching) to the impulses p ≥ 0. The Delassus
-// matrix is tridiagonal and an M-matrix, so the set of active pairs only grows. Twin of granular/edmd/groups.py.
+// matrix is tridiagonal and an M-matrix, so the set of active pairs only grows. Twin of granular/edmd/ties.py.
 
 const noise = (rate) => Math.max(...rate.map(Math.abs)) * 2 ** -46;
 const plus = (a, b) => a.map((x, i) => x + b[i]);
