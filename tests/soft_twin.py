@@ -13,7 +13,7 @@ import numpy as np
 import granular as gr
 from granular._kernels import kernel, specialised
 from granular.md.located import blocks
-from granular.md.located.isolated import OTHERWISE
+from granular.md.located.one_contact.meet import OTHERWISE
 
 
 @kernel

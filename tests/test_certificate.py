@@ -19,9 +19,10 @@ from soft_twin import twin
 import granular as gr
 from granular._flight import rate_at_contact
 from granular.laws.check import checked
-from granular.md.located import blocks, tables
-from granular.md.located.collocation import Collocation
-from granular.md.located.isolated import MET
+from granular.md.located import blocks, plan
+from granular.md.located.one_contact import tables
+from granular.md.located.one_contact.meet import MET
+from granular.md.located.own_law import Collocation
 from granular.md.located.plan import planned
 from granular.md.located.records import GENERAL, NO_PAUSE, SLOWEST
 from granular.md.located.system import system_of, to_plain
@@ -139,7 +140,7 @@ def take_table(s: Any, laws: Any, made: dict[Any, Any]) -> None:
     pair = s.pairs[c]
     octave = math.frexp(-rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull))[1]
     if (c, octave) not in made:
-        tables.make_table(s, laws, lambda kernel: kernel)
+        plan.make_table(s, laws, lambda kernel: kernel)
         made[c, octave] = s.tables[place], s.maps[pair.map].table[octave - SLOWEST]
     else:
         table, found = made[c, octave]

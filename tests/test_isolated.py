@@ -13,8 +13,9 @@ import scenes_at_random as at_random
 from soft_twin import distance, in_other_units, nudged, twin
 
 import granular as gr
-from granular.md.located import blocks, tables
-from granular.md.located.isolated import MET
+from granular.md.located import blocks
+from granular.md.located.one_contact import tables
+from granular.md.located.one_contact.meet import MET
 
 mpmath = pytest.importorskip("mpmath")
 MP = mpmath.MPContext()

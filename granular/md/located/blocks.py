@@ -15,43 +15,39 @@ from typing import Any
 
 from granular._kernels import entry, kernel
 from granular._tournament import play
-from granular.md.located.around import count_of
 from granular.md.located.contacts import act, activate, meddle, strike
-from granular.md.located.driven import carry_walls, foresee_walls, rate_at
-from granular.md.located.free_length import reimpose
-from granular.md.located.inside import exposed, relive
-from granular.md.located.islands import absorb, bring, regroup, take_in
-from granular.md.located.isolated import MET, OTHERWISE, TABLE, ULP, meet
-from granular.md.located.jolts import ENDS, SAME, is_clipped, pass_edge
+from granular.md.located.islands import absorb, bring, regroup, reimpose, take_in
+from granular.md.located.jumps import ENDS, SAME, is_clipped, pass_edge
 from granular.md.located.ledger import enter_flight
-from granular.md.located.near_rest import may_rest
-from granular.md.located.pieces import arrive, in_contact, piece_time
-from granular.md.located.plan import planned, settle_series
-from granular.md.located.pool import join
+from granular.md.located.one_contact.inside import exposed, relive
+from granular.md.located.one_contact.meet import MET, OTHERWISE, TABLE, meet
+from granular.md.located.pieces import ULP, arrive, in_contact, piece_time
+from granular.md.located.plan import planned, settle, settle_series
 from granular.md.located.records import (
     ABSORB,
     ACTIVE,
     CRAMPED,
-    DRIVEN,
+    CREEPS,
     EDGE,
-    HEATED,
-    HUNG,
+    LIES,
     MORE,
     MOVES,
     QUIET,
     REACHED,
     RESIDUAL,
     REST,
-    RING,
     SPARE,
     STOPPED,
     WANTS_CONTACT,
     WANTS_LOOK,
     WANTS_TABLE,
     WORK,
-    WORKED,
 )
-from granular.md.located.settle import settle
+from granular.md.located.rest.overdamped import expand_slowly
+from granular.md.located.rest.proof import lie, may_rest
+from granular.md.located.system import count_of, join
+from granular.md.located.walls import carry_walls, foresee_walls, rate_at
+from granular.scene.flags import DRIVEN, HEATED, HUNG, RING, WORKED
 
 
 @entry
@@ -217,3 +213,19 @@ def gather(s: Any, t: float, laws: Any) -> None:
             if pair.due < math.inf and pool[pair.slot].h > 0.0 and pool[pair.slot].manner == MOVES:
                 reach = foresee_walls(s.walls, pairs, pool, c) if DRIVEN else math.inf
                 settle_series(run, pairs, pool, c, laws, s.walls, reach)
+
+
+@kernel
+def gather_slowly(s: Any) -> None:
+    """Give all blocks that lie still or creep their series from where they are, at the end of the run."""
+    run, pairs, pool = s.run[0], s.pairs, s.pool
+    for c in range(len(pairs)):
+        pair = pairs[c]
+        if pair.first == c and pair.slot >= 0 and pair.due < math.inf and pool[pair.slot].h > 0.0:
+            block = pool[pair.slot]
+            if block.manner == LIES:
+                lie(pairs, pool, s.bodies, c)
+            elif block.manner == CREEPS and not expand_slowly(pairs, pool, s.bodies, c):
+                block.manner = MOVES
+                settle_series(run, pairs, pool, c, None, s.walls, math.inf)
+

@@ -1,4 +1,6 @@
-"""Islands formed anew at an event: which blocks it concerns, where they end now, and who flies on alone."""
+"""Islands formed anew at an event: which blocks it concerns, where they end now, and who flies on alone. And the free
+length of a ring: its gaps add up to it forever, except for rounding.
+"""
 
 from __future__ import annotations
 
@@ -6,32 +8,22 @@ import math
 from typing import Any
 
 from granular._kernels import inlined, kernel
-from granular._tournament import leaf, play
-from granular.md.located.around import count_of, is_closed, lengthen, neighbours, nth
-from granular.md.located.driven import carry_walls
-from granular.md.located.inside import exposed, relive
-from granular.md.located.jolts import throw_back
+from granular._tournament import play
+from granular.md.located.contacts import AWAITED, NONE, SOME, engage, pushes
+from granular.md.located.jumps import throw_back
 from granular.md.located.ledger import enter_flight
-from granular.md.located.pieces import fly, glide, in_contact, predict, since, tau_at
-from granular.md.located.plan import planned
-from granular.md.located.pool import join, leave
-from granular.md.located.records import (
-    ABSORB,
-    ACTIVE,
-    DORMANT,
-    DRIVEN,
-    HEATED,
-    MORE,
-    MOVES,
-    OPEN,
-    RING,
-    SPARE,
-    STOPPED,
-    WORKED,
-)
-from granular.md.located.settle import settle
-from granular.md.located.system import to_plain
-from granular.md.located.touching import AWAITED, NONE, SOME, engage, pushes
+from granular.md.located.one_contact.inside import exposed, relive
+from granular.md.located.pieces import fly, glide, in_contact, predict, since, tau_at, value
+from granular.md.located.plan import planned, settle
+from granular.md.located.records import ABSORB, MORE, MOVES, OPEN, SPARE, STOPPED
+from granular.md.located.system import count_of, is_closed, join, leave, lengthen, neighbours, nth
+from granular.md.located.walls import carry_walls, flown
+from granular.scene.flags import DRIVEN, HEATED, RING, WORKED
+
+EVERY = 1 << 16
+"""Pieces and contacts after which the sum of the gaps is looked at,"""
+PER_PAIR = 16
+"""or so many times the pairs, so that it costs nothing."""
 
 
 @kernel
@@ -161,33 +153,32 @@ def form(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
             play(queue, c, math.inf)
 
 
-def _check(s: Any) -> None:
-    """Raise `AssertionError` if blocks, pool, queue and clocks contradict each other between two calls of `advance`."""
-    s = to_plain(s)
-    members, pool, n = s.run[0].members, s.pool, len(s.bodies) - 1
-    pairs, shadows = s.pairs[:n], s.pairs[n:]
-    starts = [c for c in range(n) if pairs[c].first == c]
-    taken, spare = [p.slot for p in pairs if p.slot >= 0], [place.spare for place in pool[members:]]
-    ends = [pairs[c].hi % n for c in starts]
-    assert ends == [*starts[1:], min(starts, default=n)], "each pair is in one block"
-    assert starts, "each pair is in one block"
-    assert all(p.slot == pair.slot for p, pair in zip(shadows, pairs, strict=False)), "a shadow has its pair's place"
-    assert len(taken) == members, "as many places are taken as is said"
-    assert sorted(taken + spare) == list(range(len(pool))), "every place is taken once or spare once"
-    for c, pair in enumerate(pairs):
-        member = pool[pair.slot] if pair.slot >= 0 else None
-        start, size = pairs[pair.first], pairs[pair.first].hi - pair.first
-        place = (c - pair.first) % n
-        assert place < size, "a pair is within its block"
-        assert leaf(s.queue, c).due == pair.due, "the queue knows when a block is due"
-        assert pair.due == math.inf or pair is start, "a block is due once"
-        if member is None:
-            assert size == 1, "a pair in free flight is a block of its own"
-            assert pair.due >= pair.t, "nothing is due in the past"
+@kernel
+def reimpose(s: Any) -> None:
+    """Give the widest gap in free flight what rounding has taken from the sum of all.
+
+    The asymptotes of contacts solved at once have the same sum as the gaps themselves.
+    """
+    run, pairs, pool, n = s.run[0], s.pairs, s.pool, count_of(s.pairs)
+    at_start = run.look == 0
+    run.look = run.steps + max(EVERY, PER_PAIR * n)
+    if at_start:
+        return
+    widest, most, total, low = -1, 0.0, 0.0, 0.0
+    for c in range(n):
+        pair = pairs[c]
+        if pair.slot >= 0:
+            gap = -value(pool[pair.slot].x, tau_at(pool[pairs[pair.first].slot], run.t, run.tail))
         else:
-            assert member.number == c, "a place knows its pair"
-            assert not member.begun or member.mode in (ACTIVE, DORMANT), "a contact has a force"
-            assert pair.due >= pool[start.slot].t, "nothing is due in the past"
-            below, above = (c > 0, c + 1 < n) if not shadows else (size < n, size < n)
-            borders = below and pair is start and pushes(member), above and place + 1 == size and pushes(member)
-            assert s.run[0].waits or not any(borders), "islands end where pairs fly"
+            gap = -flown(s.walls, pair, since(pair, run.t, run.tail))[0]
+            if pair.mode == OPEN and pair.lasts <= 0.0 and gap > most:
+                most, widest = gap, c
+        new = total + gap  # in two floats (Neumaier 1974)
+        low += (total - new) + gap if abs(total) >= abs(gap) else (gap - new) + total
+        total = new
+    if widest >= 0:
+        pair = pairs[widest]
+        pair.xi += (total - run.length) + low
+        predict(pair, s.kinds[pair.kind_of], s.walls)
+        play(s.queue, widest, pair.due)
+

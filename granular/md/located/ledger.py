@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 
 from granular._kernels import kernel
-from granular.md.located.driven import absolute
 from granular.md.located.pieces import elapsed, integral, power, value
-from granular.md.located.records import ACTIVE, DRIVEN, ELASTIC, RESIDUAL
+from granular.md.located.records import ACTIVE, ELASTIC, RESIDUAL
+from granular.md.located.walls import absolute
+from granular.scene.flags import DRIVEN
 from granular.walls.path import expansion
 
 POINTS = 16
@@ -224,3 +225,4 @@ def work_of_driven(walls: Any, member: Any, block: Any, tau: float) -> float:
         v += wall.side * wall.velocity
         total += WEIGHTS[i] * value(member.f, tau * NODES[i]) * v * elapsed(NODES[i], block.clock, 1.0) / NODES[i]
     return scale * total
+

@@ -7,14 +7,11 @@ from __future__ import annotations
 from typing import Any
 
 from granular._kernels import entry, kernel
-from granular.md.located.around import is_closed, nth
 from granular.md.located.pendula import swung
 from granular.md.located.pieces import elapsed, integral, peaks, since
-from granular.md.located.records import (
-    ACTIVE,
-    DORMANT,
-    HUNG,
-)
+from granular.md.located.records import ACTIVE, DORMANT
+from granular.md.located.system import is_closed, nth
+from granular.scene.flags import HUNG
 
 
 @kernel
@@ -103,3 +100,4 @@ def copy_row(row: Any, to: Any) -> None:
     to.pair, to.t_begin, to.t_end, to.duration = row.pair, row.t_begin, row.t_end, row.duration
     to.lower_in, to.upper_in, to.lower_out, to.upper_out = row.lower_in, row.upper_in, row.lower_out, row.upper_out
     to.xi_max, to.force_max, to.impulse = row.xi_max, row.force_max, row.impulse
+

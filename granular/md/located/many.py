@@ -16,12 +16,11 @@ from granular import until as stop
 from granular._check import Array
 from granular._kernels import compiled, interpreted, kernel
 from granular._tournament import play
-from granular.md.located.at_rest import looked_at, seldom
 from granular.md.located.blocks import advance, expose_all, gather, launch
-from granular.md.located.inside import look
 from granular.md.located.log import keep_unsettled
-from granular.md.located.pace import COMPILED
-from granular.md.located.plan import planned
+from granular.md.located.one_contact.inside import look
+from granular.md.located.pace import COMPILED, looked_at, seldom
+from granular.md.located.plan import make_table, planned
 from granular.md.located.power_form import kind_and_q, mapped
 from granular.md.located.records import (
     ACTIVE,
@@ -44,7 +43,6 @@ from granular.md.located.records import (
 )
 from granular.md.located.run import FIRST_LOOK, WHY
 from granular.md.located.system import System, new_system, to_plain, with_room_for_a_table
-from granular.md.located.tables import make_table
 from granular.trajectory import Status
 
 CODES = {why: list(Status).index(pause.value) for why, pause in WHY.items()} | {REACHED: 0, MORE: -1}
@@ -277,3 +275,4 @@ def harvest(s: Any, last: Any, t: float) -> None:
             if not pair.longest >= row.duration:
                 pair.longest = row.duration
     keep_unsettled(s, t)
+

@@ -72,3 +72,4 @@ def kicks(member: Any, block: Any, omega: float, tau: float, dt: float) -> tuple
         kick += push * math.cos(turn)
         fall += push * math.sin(turn)
     return scale * kick, scale * omega * fall
+

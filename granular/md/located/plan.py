@@ -1,4 +1,4 @@
-"""What an island does at the start of a piece: the next piece is computed, and where it ends.
+"""An island from piece to piece: the next one is computed, and where it ends; then the island is advanced to that end.
 
 `laws` is None when every law is a power form; else it is the `Collocation` that knows them, and the run is interpreted.
 """
@@ -6,17 +6,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 from granular._kernels import entry, inlined, kernel
 from granular._tournament import play
-from granular.md.located.alone import goes_on, has_piece
-from granular.md.located.contacts import confirm
-from granular.md.located.driven import foresee_walls
-from granular.md.located.events import locate
-from granular.md.located.near_rest import may_creep
-from granular.md.located.pieces import piece_time, power
-from granular.md.located.records import ASKS, DRIVEN, EDGE, HUNG, LONG, LOOKED, MOVES, NOTHING, RING
+from granular.md.located.contacts import confirm, judge
+from granular.md.located.ledger import enter_piece
+from granular.md.located.log import follow
+from granular.md.located.one_contact.inside import goes_on, has_piece
+from granular.md.located.one_contact.tables import ITSELF, ask, fit, note
+from granular.md.located.pendula import swing
+from granular.md.located.pieces import ULP, locate, piece_time, power, since, tick, value
+from granular.md.located.records import ASKS, CHECKS, EDGE, GENERAL, LONG, LOOKED, MOVES, NOTHING, POINTS
+from granular.md.located.rest.proof import may_creep
 from granular.md.located.series import expand, expand_linear, expand_two
 from granular.md.located.step_size import (
     REACH,
@@ -29,7 +32,9 @@ from granular.md.located.step_size import (
     scale,
     trusted,
 )
-from granular.md.located.touching import judge
+from granular.md.located.system import is_closed, nth
+from granular.md.located.walls import beside_edge, foresee_walls, speed_at
+from granular.scene.flags import DRIVEN, HUNG, RING, WORKED
 
 
 @entry
@@ -131,3 +136,103 @@ def settle_series(run: Any, pairs: Any, pool: Any, lo: int, laws: Any, walls: An
             expand(pairs, pool, lo, hi, block.h, block.clock, walls)
         if not judge(pairs, pool, lo, hi):
             break
+
+
+@kernel
+def settle(
+    run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau: float, dt: float, s: Any, laws: Any
+) -> None:
+    """Advance the island that starts with pair `lo` to τ, a time `dt` into its piece."""
+    hi, block = pairs[lo].hi, pool[pairs[lo].slot]
+    if tau <= 0.0:
+        return
+    follow(run, pairs, pool, work, lo, tau)
+    if WORKED:
+        enter_piece(s.ledger, s.walls, laws, s, lo, tau)
+    if HUNG:
+        swing(run, pairs, pool, bodies, lo, tau, dt)
+    else:
+        push(pairs, pool, bodies, lo, dt)
+    for c in range(lo, hi):
+        member = pool[pairs[c].slot]
+        member.xi, member.eta, member.exact = value(member.x, tau), value(member.e, tau), 0
+        member.x[0], member.e[0] = member.xi, member.eta
+    for c in range(lo, hi):
+        pool[pairs[c].slot].noise += rounding(run.tol, pairs, pool, c, lo)
+    tick(block, dt)
+    if DRIVEN and block.what == EDGE and tau == block.tau:
+        tick(block, beside_edge(s.walls, pairs[lo], block))
+        tick(block, beside_edge(s.walls, pairs[hi - 1], block))
+    if RING:
+        if is_closed(pairs, lo, hi):
+            hold_walls(pairs, pool, lo, hi, 0.0)
+    elif bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0 and block.what != EDGE:
+        lower, upper = bodies[lo].v, bodies[hi].v
+        if DRIVEN:
+            lower = speed_at(s.walls, pairs[lo], bodies[lo], block)
+            upper = speed_at(s.walls, pairs[hi - 1], bodies[hi], block)
+        hold_walls(pairs, pool, lo, hi, lower - upper)
+    block.tau = 0.0  # the piece is used up
+
+
+@kernel
+def rounding(tol: float, pairs: Any, pool: Any, c: int, lo: int) -> float:
+    """Return what a step may leave in the rate of pair `c`: rounding of rates, or what a nonlinear step leaves out."""
+    member = pool[pairs[c].slot]
+    if pool[pairs[lo].slot].linear == 0:
+        return float(max(tol, ULP if member.kind != GENERAL else 8.0 * ULP) * member.own_speed)
+    largest = abs(member.eta)
+    hi = pairs[lo].hi
+    if is_closed(pairs, lo, hi) and (c == lo or c + 1 == hi):
+        largest = max(largest, abs(pool[pairs[hi - 1 if c == lo else lo].slot].eta))
+    for i in range(max(lo, c - 1), min(c + 2, hi)):
+        largest = max(largest, abs(pool[pairs[i].slot].eta))
+    return float(ULP * largest)
+
+
+@kernel
+def hold_walls(pairs: Any, pool: Any, lo: int, hi: int, closing: float) -> None:
+    """Let the rates between two walls, or around a ring, sum up to that of the walls, or 0: roundings would wander, and
+    squeeze or free them."""
+    excess, fastest = -closing, pool[pairs[lo].slot]
+    for c in range(lo, hi):
+        member = pool[pairs[c].slot]
+        excess += member.eta
+        if abs(member.eta) > abs(fastest.eta):
+            fastest = member
+    fastest.eta, fastest.e[0] = fastest.eta - excess, fastest.eta - excess
+
+
+@kernel
+def push(pairs: Any, pool: Any, bodies: Any, lo: int, dt: float) -> None:
+    """Advance the velocities of the bodies of an island by `dt`: free fall, and the impulses on the way.
+
+    What no force acts on falls as before: in thousands of steps its roundings would add up.
+    """
+    block, hi, below, last = pool[pairs[lo].slot], pairs[lo].hi, 0.0, pairs[lo].hi + 1
+    if is_closed(pairs, lo, hi):
+        below, last = pool[pairs[hi - 1].slot].push, hi
+    for c in range(lo, last):
+        body, above = bodies[nth(pairs, c)], pool[pairs[c].slot].push if c < hi else 0.0
+        if below != 0.0 or above != 0.0:
+            body.v += body.inverse_mass * (below - above) - body.fall * (since(body, block.t, block.tail) + dt)
+            body.t, body.tail = block.t, block.tail
+            tick(body, dt)
+        below = above
+
+
+def make_table(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
+    """Make the table that is wanted, for which there is room; the run goes on as if nothing had been."""
+    for j in range(POINTS + CHECKS):
+        kernels(ask)(s, j, laws)
+        kernels(planned)(s, laws)
+        if not kernels(note)(s, j):
+            break
+    kernels(fit)(s)
+
+
+def answer(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
+    """Follow the contact that is asked for, alone."""
+    kernels(ask)(s, ITSELF, laws)
+    kernels(planned)(s, laws)
+    kernels(note)(s, ITSELF)

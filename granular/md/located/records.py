@@ -11,58 +11,47 @@ from __future__ import annotations
 
 import numpy as np
 
-from granular.md.located.similar import Shape
-
 ORDER = 20
 """Order of the power series of a step."""
 ROW = ORDER + 1
 PADDED = ORDER + 8 - ORDER % 8
 MIRROR = ORDER + PADDED
 """Lengths of rows: of series; of factors of products, whole blocks of eight; of factors written backwards."""
-
 OPEN, ACTIVE, RESIDUAL, DORMANT, STRUCK = range(5)
 """Modes of a pair: ξ ≤ 0; F > 0; ξ > 0 with F clipped at 0; touching at rest, with a force still below rounding; at a
 thermal wall that is about to throw the ball back."""
-
 LINEAR, ELASTIC, DAMPED, GENERAL = range(4)
 """Kinds of law: kξ + γη; kξ^p; ξ^d (kξ^s + γη); any other, as a function."""
-
 NO_MAP, DASHPOT, SIMILAR, VISCOELASTIC = range(4)
 """How an isolated contact is known at its onset: see `maps`."""
-
 MOVES, LIES, CREEPS, ASKS, LOOKED = range(5)
 """Manners in which a block is followed: by its equation of motion; lying still; creeping, see `overdamped`; not yet,
 for it is to be looked at whether it creeps; by its equation of motion, after that look."""
 LONG = 2.0**300
 """Scale in s of the piece of a pile that is still: longer than any run."""
-
 NOTHING, BEGIN, END, PART, TURN, RELOAD, EDGE = range(7)
-"""Events of a pair, see `events`."""
-
+"""Events of a pair, see `pieces`."""
 REACHED, MORE, STOPPED, QUIET, WORK, REST, BINDING, CRAMPED, WANTS_TABLE, WANTS_CONTACT, WANTS_LOOK, ABSORB = range(12)
 """Why `advance` returned: time limit, pause or log full, stop condition, nothing can follow, work limit,
 every ball rests for good, every ball is bound in contact forever, no room in the pool, a table of
 contacts, a contact alone, or a look at a block that may rest or creep is wanted first. ABSORB is for `regroup`."""
-
 LARGEST_Q = 4
 STEEPEST = 16.0
 """Largest q of the clock t = (hτ)^q, and largest q·p of a power law, that a start series of order 20 can show."""
-
 SPARE = 1
 """Places in the pool kept free, for a look inside a contact."""
 ROOM = 32
 """Places in the pool of a run, beyond those taken from the start."""
-
 KIND = np.dtype(
     [
         ("kind", int), ("q", int), ("memory", int),  # ξ^(1/q) is what the force is analytic in
         ("k", float), ("gamma", float), ("p", float), ("d", float), ("s", float),
         ("elastic", int), ("map", int),  # the map of its isolated contacts without pull
-        *((name, float) for name in Shape._fields),
+        *((name, float) for name in ("force_ends", "parts", "restitution", "deepest", "strongest")),
     ],
     align=True,
 )
-"""A law as the pairs of one kind have it; at last the shape of its contacts where they have one."""
+"""A law as the pairs of one kind have it; at last the `Shape` of its contacts where they have one: see `power_form`."""
 PAIR = np.dtype(
     [
         ("xi", float), ("eta", float),  # overlap (negative: gap), m, and its rate, m/s
@@ -72,7 +61,7 @@ PAIR = np.dtype(
         ("noise", float),  # what the rounding of steps may have left in the rate so far, m/s
         ("wake", float),  # overlap at which it became active when it was last dormant
         ("stride", float),  # last step of its block on the plain clock
-        ("lasts", float), ("speed", float),  # of a contact solved at once: see `isolated`
+        ("lasts", float), ("speed", float),  # of a contact solved at once: see `one_contact.meet`
         ("first", np.int32), ("hi", np.int32),  # first pair of the block it is in; end of the block that it starts
         ("slot", np.int32), ("kind_of", np.int32),  # its places in the pool, -1 in free flight, and among the kinds
         ("row", np.int32),  # of its last contact solved at once, in the log buffer
@@ -84,7 +73,6 @@ PAIR = np.dtype(
 )
 """What is kept of every pair; state and mode are those of the last flight while it is in an island. `due` is inf if it
 does not start a block."""
-
 _LAW = [("lower", float), ("upper", float), ("inverse", float), ("pull", float), ("wall", int), *KIND.descr[:8]]
 """Inverse masses, 1/kg, and their sum; pull (that of a driven wall in it, as it is now), wall and law as above."""
 _STATE = [
@@ -118,7 +106,6 @@ _SERIES = [
     *((name, float, (ROW,)) for name in ("x", "e", "f", "g")),
 ]
 """Coefficients in τ of overlap, rate, force, bracket φ; of the powers r = ξ^d and z = ξ^s; mirrors of φ, r and z."""
-
 MEMBER = np.dtype([*_SERIES, *_LAW, *_STATE, *_BLOCK, *_CONTACT, ("spare", int)], align=True)
 """A pair in an island. `spare` of record i of the pool is the i-th place, of which the first ones are taken."""
 BODY = np.dtype([(name, float) for name in ("inverse_mass", "fall", "v", "t", "tail", "wall")], align=True)
@@ -134,7 +121,7 @@ RUN = np.dtype(
         ("shared", float), ("shared_low", float),  # impulse in N s exchanged while a neighbouring pair was active
         ("isolated", int), ("first", int), ("disturbed", float), ("tables", int), ("disturbing", int),
         ("wanted", int), ("answered", int),  # pair whose contact is asked for alone, and whether it has been answered
-        ("alone", int), ("pieces", int), ("left", float), ("passed", float), ("at", float),  # see `alone.follow_alone`
+        ("alone", int), ("pieces", int), ("left", float), ("passed", float), ("at", float),  # see `inside.follow_alone`
         ("over", float), ("parting", float),
         ("before_due", float), ("before_steps", int), ("before_error", float), ("before_log", int),  # to be put back
         ("speed", float),  # at which it is followed
@@ -147,7 +134,6 @@ RUN = np.dtype(
 """Counters, limits and stop conditions of one run; places taken in the pool; of the event under way time, pairs
 lo … hi-1 that it concerns, stride of its block, and whether it waits for room; the contact that is followed alone; the
 group that is nearest to open of a scene that rests, in J, and the pair at which that was last in doubt."""
-
 LEDGER = np.dtype(
     [*((name, float, (5,)) for name in ("total", "low", "piece", "alone")),
      *((name, float, (2,)) for name in ("work", "lost", "temperature", "mass")),
@@ -155,8 +141,7 @@ LEDGER = np.dtype(
 )
 """What walls have done and contacts have lost, in J, in two floats; in a piece; in a contact that is followed alone; in
 the last contacts at driven walls that were solved at once. See `ledger`. Of thermal floor and ceiling temperature in J,
-mass of the ball at it in kg, seed, and hits so far. See `heat`."""
-
+mass of the ball at it in kg, seed, and hits so far. See `jumps`."""
 SLOWEST, OCTAVES, POINTS, CHECKS, QUANTITIES = -40, 64, 20, 4, 6
 """Of tables: binary exponent of the slowest speeds in m/s, octaves, points in each, points to check, numbers kept."""
 MAP = np.dtype([("table", np.int32, (OCTAVES,)), ("met", np.int32, (OCTAVES,))], align=True)
@@ -175,17 +160,8 @@ MOST_MAPS = 64
 """Pairs that differ from each other, up to which contacts may have tables."""
 TABLES = 8
 """Tables for which there is room at first."""
-
-DRIVEN: bool = False
-WORKED: bool = False
-HEATED: bool = False
-HUNG: bool = False
-RING: bool = False
-"""Whether walls are driven, a ledger is kept, walls are thermal, balls are pendula or on a ring: kernels of such scenes
-are specialised."""
-
 NO_PAUSE = np.iinfo(np.int64).max
 """`pause` of a run that need not stop on its way to be looked at."""
-
 LOG_ROWS, MOST_ROWS = 256, 4096
 """Rows of the log buffer: twice as many as pairs, but within these limits."""
+

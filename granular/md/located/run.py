@@ -14,16 +14,14 @@ from granular._records import column, copied, packed, plain
 from granular._tournament import play, replay, tournament
 from granular.drive import End, Pause, Request, Row, Rows
 from granular.laws.kinds import SceneLaws
-from granular.md.located import blocks, outcome
-from granular.md.located.at_rest import first_asking, gather_slowly, looked_at, seldom
+from granular.md.located import blocks
 from granular.md.located.checkpoint import Checkpoint, Untouched, restored
-from granular.md.located.collocation import Collocation
-from granular.md.located.creep import LARGEST, SMOOTH, Creep, Flight, swinging
-from granular.md.located.inside import look, look_inside, seen
 from granular.md.located.ledger import FLOOR, LOST
 from granular.md.located.log import keep_unsettled
-from granular.md.located.pace import Pace
-from granular.md.located.plan import planned
+from granular.md.located.one_contact.inside import look, look_inside, seen
+from granular.md.located.own_law import Collocation
+from granular.md.located.pace import Pace, looked_at, message_of, seldom, stats_of, still_open
+from granular.md.located.plan import answer, make_table, planned
 from granular.md.located.power_form import power_form
 from granular.md.located.records import (
     ASKS,
@@ -41,7 +39,9 @@ from granular.md.located.records import (
     WANTS_TABLE,
     WORK,
 )
-from granular.md.located.resting import between, lone_pile
+from granular.md.located.rest.creep import LARGEST, SMOOTH, Creep, Flight, lone_pile, swinging
+from granular.md.located.rest.overdamped import first_asking
+from granular.md.located.rest.proof import between
 from granular.md.located.system import (
     system_of,
     to_compiled,
@@ -50,9 +50,9 @@ from granular.md.located.system import (
     with_more_room,
     with_room_for_a_table,
 )
-from granular.md.located.tables import answer, make_table
 from granular.md.rows import CONTACT_ROW
 from granular.scene import Scene
+from granular.scene.flags import flags
 from granular.scene.walls import Closing
 from granular.trajectory import CONTACT
 
@@ -116,13 +116,11 @@ class Run:
             self.adds_up &= int(np.asarray(state["run"])["disturbing"][0]) != ignored
         self.collocation = Collocation(laws, scene.ring) if self.s.kinds["kind"][0] == GENERAL else None
         self.pace = Pace(self)
-        hung = scene.pendulum > 0.0
-        driven = self.s.walls is not None and not hung
         self.settles = not (scene.ring or scene.heated or self.s.walls is not None)  # where rest is understood
-        moves = {"DRIVEN": driven, "WORKED": self.s.ledger is not None, "HEATED": scene.heated, "HUNG": hung,
-                 "RING": scene.ring}
-        flags: dict[str, Any] = {name: True for name, does in moves.items() if does}
-        self.fit: Callable[[Any], Any] = lambda kernel: fitted(kernel, **flags)
+        special = flags(scene)
+        if self.s.walls is None:  # none that is driven ever moves
+            special.pop("DRIVEN", None)
+        self.fit: Callable[[Any], Any] = lambda kernel: fitted(kernel, **special)
         self.kernels: Callable[[Any], Any] = self.fit
         self.toll = Toll(self.fit(blocks.advance), LOADING, MAKING)
         if engine == "compiled" or self.pays(LAUNCH * scene.n_pairs):
@@ -310,19 +308,19 @@ class Run:
             self.s = self.without_queue()
             self.kernels(blocks.gather)(self.s, end, self.collocation)
             if column(self.s.pool, "manner").any():
-                self.seldom(gather_slowly)(self.s)
+                self.seldom(blocks.gather_slowly)(self.s)
             self.now = math.inf  # rows of contacts that go on are void now: all others are over
         else:
             impulse = self.creep.finish(end)
         crept, r = math.fsum(impulse) if len(impulse) > 1 else 0.0, plain(self.s.run)[0]
         if wanted and row is None:
             row = self.row_after(end, self.start + end)
-        running = np.concatenate([*self.rows(), self.dated(outcome.still_open(self))]) if self.request.log else None
+        running = np.concatenate([*self.rows(), self.dated(still_open(self))]) if self.request.log else None
         if running is not None:
             late = running["t_end"] > self.start + end  # by rounding
             running["t_end"][late], running["v_out"][late] = math.nan, math.nan
-        stats = outcome.stats(self, r, crept)
-        message, self.s = outcome.message(self, status, r, self.start + end), None  # makes room for the log
+        stats = stats_of(self, r, crept)
+        message, self.s = message_of(self, status, r, self.start + end), None  # makes room for the log
         untouched.put_back()
         state = self.checkpoint or Checkpoint(before, {"origin": self.start, "creeping": False})
         return End(row, status, message, stats, state if self.launched else {}, running)

@@ -18,23 +18,11 @@ import math
 from typing import Any
 
 from granular._kernels import kernel, specialised
-from granular.md.located.around import is_closed
-from granular.md.located.driven import drive
 from granular.md.located.pieces import elapsed, power
-from granular.md.located.records import (
-    ACTIVE,
-    DORMANT,
-    DRIVEN,
-    ELASTIC,
-    HUNG,
-    LINEAR,
-    MIRROR,
-    OPEN,
-    ORDER,
-    PADDED,
-    RESIDUAL,
-    RING,
-)
+from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, PADDED, RESIDUAL
+from granular.md.located.system import is_closed
+from granular.md.located.walls import drive
+from granular.scene.flags import DRIVEN, HUNG, RING
 
 
 @kernel
@@ -234,3 +222,4 @@ def power_term(x: Any, out: Any, alpha: float, n: int, offset: int) -> None:
     for j in range(1, order + 1):
         total += (weight * j - order) * x[offset + j] * out[n - j]
     out[n] = total / (order * x[offset])
+

@@ -1,5 +1,9 @@
-"""All records of a run as one `System`: made from a scene, in both forms, and with more room.
+"""All records of a run as one `System`: made from a scene, in both forms, and with more room; places of pairs in it.
 May be skipped: how a run is held, no physics.
+
+On a ring of n balls pair n-1 joins ball n-1 and ball 0. An island lo … hi-1 may go on beyond pair n-1, to hi = lo + n:
+so there are n more records of pairs, of which nothing but the place in the pool is kept, that of pair c - n. An island
+of all pairs is closed: its first and its last pair share a ball. On a line nothing of this is asked, nor compiled.
 """
 
 from __future__ import annotations
@@ -11,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from granular import until as stop
+from granular._kernels import kernel
 from granular._records import packed, plain
 from granular._roots import DEEPEST, workspace
 from granular._tournament import NODE, tournament
@@ -28,6 +33,7 @@ from granular.md.located.records import (
     MOST_MAPS,
     MOST_ROWS,
     NO_MAP,
+    OPEN,
     ORDER,
     PAIR,
     ROOM,
@@ -37,9 +43,10 @@ from granular.md.located.records import (
     TABLE,
     TABLES,
 )
-from granular.md.located.wall_paths import Hung, compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
+from granular.md.located.walls import Hung, compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
 from granular.md.rows import CONTACT_ROW
 from granular.scene import Scene, speed_scale
+from granular.scene.flags import RING
 
 System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables answer work walls ledger")
 """All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder; `Walls`
@@ -196,3 +203,87 @@ def _share_tables(s: System, laws: SceneLaws, scene: Scene) -> None:
         number, first = alike(laws.kind[lacking], scene.pairs.m_eff[lacking], scene.pull[lacking])
         if len(first) <= MOST_MAPS:
             s.pairs["map"][lacking] = number
+
+
+@kernel
+def join(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> None:
+    """Give pair `c`, which has been in free flight, its place in the pool."""
+    pair, law = pairs[c], kinds[pairs[c].kind_of]
+    pair.slot = pool[run.members].spare
+    run.members += 1
+    if RING:
+        pairs[c + count_of(pairs)].slot = pair.slot
+    member = pool[pair.slot]
+    if pair.mode == OPEN:
+        pair.alone = 0
+    member.lower, member.upper = bodies[c].inverse_mass, bodies[c + 1].inverse_mass
+    member.inverse, member.pull, member.wall = member.lower + member.upper, pair.pull, pair.wall
+    member.kind, member.q, member.memory = law.kind, law.q, law.memory
+    member.k, member.gamma, member.p, member.d, member.s = law.k, law.gamma, law.p, law.d, law.s
+    member.xi, member.eta, member.mode, member.noise = pair.xi, pair.eta, pair.mode, pair.noise
+    member.exact, member.wake, member.top, member.loading = pair.exact, pair.wake, 0.0, 1
+    member.t, member.tail, member.stride, member.fired, member.what = pair.t, pair.tail, pair.stride, c, pair.what
+    member.clock, member.h, member.tau, member.speed, member.begun = 1, 0.0, 0.0, 0.0, 0
+    member.number, member.doubt, member.largest, member.deepest, member.sway = c, 0.0, 0.0, 0.0, 0.0
+    member.head, member.manner = -1, 0
+    member.x[0], member.e[0], member.f[0] = pair.xi, pair.eta, 0.0
+
+
+@kernel
+def leave(run: Any, pairs: Any, pool: Any, c: int) -> None:
+    """Give back the place of pair `c` in the pool."""
+    run.members -= 1
+    pool[run.members].spare, pairs[c].slot = pairs[c].slot, -1
+    if RING:
+        pairs[c + count_of(pairs)].slot = -1
+
+
+@kernel
+def count_of(pairs: Any) -> int:
+    """Return the number of pairs."""
+    return len(pairs) // 2 if RING else len(pairs)
+
+
+@kernel
+def nth(pairs: Any, c: int) -> int:
+    """Return the number of a pair, or of a body, that may have been counted beyond the last one, or before 0."""
+    return c % (len(pairs) // 2) if RING else c
+
+
+@kernel
+def is_closed(pairs: Any, lo: int, hi: int) -> bool:
+    """Return whether the island lo … hi-1 goes all around a ring."""
+    return RING and 2 * (hi - lo) == len(pairs)
+
+
+@kernel
+def beside(pairs: Any, c: int) -> tuple[int, int]:
+    """Return the numbers of the pairs below and above; -1, and the number of pairs, where there is none.
+
+    On a ring of two balls the other pair is that above.
+    """
+    if RING:
+        n = len(pairs) // 2
+        return (c - 1) % n if n > 2 else -1, (c + 1) % n
+    return c - 1, c + 1
+
+
+@kernel
+def neighbours(run: Any, pairs: Any) -> tuple[int, int]:
+    """Return the pairs below and above the island under way on a ring; if it goes all around, none, as on a line."""
+    if is_closed(pairs, run.lo, run.hi):
+        return -1, len(pairs)
+    return nth(pairs, run.lo - 1), nth(pairs, run.hi)
+
+
+@kernel
+def lengthen(run: Any, pairs: Any, lo: int) -> None:
+    """Lengthen the island under way on a ring by the block that starts with pair `lo`, above it or below."""
+    size = pairs[lo].hi - lo
+    if lo == nth(pairs, run.hi):
+        run.hi += size
+        return
+    run.lo -= size
+    if run.lo < 0:
+        run.lo, run.hi = run.lo + count_of(pairs), run.hi + count_of(pairs)
+

@@ -21,8 +21,17 @@ from typing import Any
 from granular._flight import hung_after
 from granular._kernels import inlined, kernel
 from granular._tournament import leaf, replay
-from granular.md.located.around import beside, count_of, nth
-from granular.md.located.driven import (
+from granular.md.located.contacts import is_awaited
+from granular.md.located.jumps import count_hit, speed_away
+from granular.md.located.ledger import enter_at_once, keep_alone
+from granular.md.located.log import velocity_now
+from granular.md.located.one_contact.maps import encounter, of_pendula, peaks, peaks_of_pendula
+from granular.md.located.one_contact.tables import WANTED, table_of, tabled, tabled_peaks
+from granular.md.located.pendula import impulse_of_pendula, shift, swung
+from granular.md.located.pieces import DRIFT, ULP, predict, since, tick
+from granular.md.located.records import BEGIN, IGNORE, OPEN
+from granular.md.located.system import beside, count_of, nth
+from granular.md.located.walls import (
     carry_walls,
     convexity,
     flight_at_wall,
@@ -33,17 +42,8 @@ from granular.md.located.driven import (
     touching_rate,
     wall_after,
 )
-from granular.md.located.heat import count_hit, speed_away
-from granular.md.located.ledger import enter_at_once, keep_alone
-from granular.md.located.log import velocity_now
-from granular.md.located.maps import encounter, of_pendula, peaks, peaks_of_pendula
-from granular.md.located.pendula import impulse_of_pendula, shift, swung
-from granular.md.located.pieces import DRIFT, predict, since, tick
-from granular.md.located.records import BEGIN, DRIVEN, HEATED, HUNG, IGNORE, OPEN, RING, WORKED
-from granular.md.located.tables import WANTED, table_of, tabled, tabled_peaks
-from granular.md.located.touching import is_awaited
+from granular.scene.flags import DRIVEN, HEATED, HUNG, RING, WORKED
 
-ULP = 2.0**-52
 BRIEF = 0.5
 """Part of 1/Ω that a contact beyond a flank of pendula may still last."""
 CLOSED, PIECES, ALONE, HOT = -3, -4, -5, -6
@@ -300,3 +300,4 @@ def deflect(s: Any, f: int, pair: Any, gap: float, rate: float, busy: float) -> 
         tick(flank, busy)
     predict(flank, s.kinds[flank.kind_of], s.walls)
     leaf(s.queue, f).due = flank.due
+

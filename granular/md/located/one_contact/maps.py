@@ -10,7 +10,7 @@ m (v + G t2 + v2).
 |-------------------------------------|-----|
 | dashpot F = kξ + γη, G = 0          | ω t1 = 2 f(ζ), v1 = v2 = ε v, t2 = t1 + γ/k |
 | dashpot, G ≠ 0, ζ < 1               | Newton's method from there; not where gravity nearly balances (v ω < 10 G) |
-| powers, elastic or d = (p-1)/2, G = 0 | constants of the law (`similar`) |
+| powers, elastic or d = (p-1)/2, G = 0 | constants of the law (`power_form`) |
 | viscoelastic, p = 3/2, d = 1/2, G = 0 | table of b = γ k^-0.6 m^-0.4 v^0.2; t2 = t1 + γ/k |
 
 Other laws and states have none: t1 is nan. Between pendula that hang apart by d, ξ̈ = -Ω² (ξ + d) - F/m, a dashpot has
@@ -222,3 +222,4 @@ def peaks_under_pull(law: Any, omega: float, zeta: float, pull: float, v: float,
         t = max(0.0, t - (eta + relax * push) / bend)
     xi, eta, push = swing(omega, zeta, pull, v, t)
     return deep, max(law.gamma * v, law.k * xi + law.gamma * eta)
+

@@ -10,16 +10,14 @@ may bend unseen; if not, such contacts go on being solved by pieces.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 from granular._kernels import kernel
-from granular.md.located.alone import enter, follow_alone
-from granular.md.located.driven import touching_rate
+from granular.md.located.one_contact.inside import enter, follow_alone
 from granular.md.located.pieces import tick
-from granular.md.located.plan import planned
-from granular.md.located.pool import leave
 from granular.md.located.records import CHECKS, OCTAVES, OPEN, POINTS, QUANTITIES, SLOWEST
+from granular.md.located.system import leave
+from granular.md.located.walls import touching_rate
 
 WARM = 32
 """Contacts of an octave after which its table is made: it costs about as many."""
@@ -43,23 +41,6 @@ def table_of(s: Any, c: int, v: float) -> int:
         known.met[i] += 1
         return REFUSED
     return WANTED
-
-
-def make_table(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
-    """Make the table that is wanted, for which there is room; the run goes on as if nothing had been."""
-    for j in range(POINTS + CHECKS):
-        kernels(ask)(s, j, laws)
-        kernels(planned)(s, laws)
-        if not kernels(note)(s, j):
-            break
-    kernels(fit)(s)
-
-
-def answer(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
-    """Follow the contact that is asked for, alone."""
-    kernels(ask)(s, ITSELF, laws)
-    kernels(planned)(s, laws)
-    kernels(note)(s, ITSELF)
 
 
 @kernel
@@ -170,3 +151,4 @@ def tabled_peaks(table: Any, v: float) -> tuple[float, float]:
     """Return the largest overlap and the largest force of a contact at speed `v`."""
     z = 4.0 * math.frexp(v)[0] - 3.0
     return polynomial(table, 4, z) * v, polynomial(table, 5, z) * v
+
