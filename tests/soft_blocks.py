@@ -36,7 +36,7 @@ def check_blocks(s: Any) -> None:
             assert pair.due >= pair.t, "nothing is due in the past"
         else:
             assert member.number == c, "a place knows its pair"
-            assert not member.begun or member.mode in (ACTIVE, DORMANT), "a contact has a force"
+            assert not member.going_on or member.mode in (ACTIVE, DORMANT), "a contact has a force"
             assert pair.due >= pool[start.slot].t, "nothing is due in the past"
             below, above = (c > 0, c + 1 < n) if not shadows else (size < n, size < n)
             borders = below and pair is start and pushes(member), above and place + 1 == size and pushes(member)

@@ -40,10 +40,17 @@ SCENES = {"run": ("omega", "length"), "pairs": ("pull", "kind_of", "map", "wall"
           "ledger": ("temperature", "mass", "seed")}
 """Fields that never change: what the scene and its laws say of them."""
 OF_LAW = ("memory", "k", "gamma", "p", "d", "s", "q", "kind")
-NUMBERS = {"run": ("t", "tail", "tol", "steps"), "pairs": ("xi", "eta", "t", "tail", "noise", "stride"),
-           "bodies": ("v", "t", "tail", "fall"), "pool": ("xi", "eta", "t", "tail", "h", "tau", "x", "e", "stride"),
+NUMBERS = {"run": ("t", "tail", "tol", "steps"), "pairs": ("xi", "eta", "t", "tail", "noise", "last_step"),
+           "bodies": ("v", "t", "tail", "fall"), "pool": ("xi", "eta", "t", "tail", "h", "tau", "x", "e", "last_step"),
            "tables": ("c", "error"), "ledger": ("total", "low")}
 """Fields of floats that are finite, in the pool those of places that are taken."""
+FORMERLY = {
+    "run": {"alone": "solo", "begun": "contacts", "stride": "last_step"},
+    "pairs": {"alone": "isolated", "count": "contacts", "what": "event", "stride": "last_step"},
+    "pool": {"top": "xi_peak", "what": "event", "stride": "last_step", "begun": "going_on"},
+    "ledger": {"alone": "solo", "hits": "contacts"},
+}
+"""What fields were called in files of earlier versions, and what they are called now."""
 CHANGED = "it was changed after it was saved"
 SMALL = 256
 """Pairs up to which all records are copied: to choose takes longer."""
@@ -112,13 +119,13 @@ def _within(state: Mapping[str, Any]) -> bool:
     size, flies = pairs["hi"][first] - first, np.flatnonzero(pairs["slot"][:n] < 0)
     members = pool[taken]
     limits = [
-        (pairs["mode"], 0, STRUCK), (pairs["what"], 0, EDGE), (pairs["exact"], 0, 1), (pairs["row"], -1, np.inf),
+        (pairs["mode"], 0, STRUCK), (pairs["event"], 0, EDGE), (pairs["exact"], 0, 1), (pairs["row"], -1, np.inf),
         (pairs["slot"], -1, places - 1),
         (state["log"]["pair"], -1, n - 1), (state["maps"]["table"], -1, len(state["tables"])),
-        (state["maps"]["met"], 0, np.inf), (members["mode"], 0, STRUCK), (members["what"], 0, EDGE),
+        (state["maps"]["met"], 0, np.inf), (members["mode"], 0, STRUCK), (members["event"], 0, EDGE),
         (members["fired"], -1, n - 1), (members["head"], -1, n - 1), (members["piled"], 0, n),
         (members["manner"], 0, LOOKED), (members["clock"], 1, LARGEST_Q), (one["first"], -1, n - 1),
-        (one["wanted"], 0, n - 1), (one["alone"], -1, n - 1), (one["lo"], 0, len(pairs)), (one["hi"], 0, len(pairs)),
+        (one["wanted"], 0, n - 1), (one["solo"], -1, n - 1), (one["lo"], 0, len(pairs)), (one["hi"], 0, len(pairs)),
         (state["tables"]["noted"], 0, np.inf), (run["events"], 0, np.inf), (run["steps"], 0, np.inf),
     ]
     return bool(
@@ -214,6 +221,20 @@ def _taken(records: Any, index: Any) -> Any:
     return deepcopy([records[i] for i in index.tolist()]) if isinstance(records, list) else raw(records)[index]
 
 
+def named_today(name: str, records: Any) -> Any:
+    """Return records of a checkpoint, maybe of an earlier version, under the names that their fields have today."""
+    if records.ndim != 1 or records.dtype.names is None or records.dtype == KEPT[name]:
+        return records
+    now = {FORMERLY.get(name, {}).get(field, field): field for field in records.dtype.names}
+    out = np.zeros(len(records), [*((field, records.dtype[old]) for field, old in now.items()), ("new", np.int8)])
+    for field, old in now.items():
+        out[field] = records[old]
+    if name == "pairs" and "ahead" not in now and "lasts" in now:  # it was negative where only the clock lies ahead
+        out.dtype.names = [*now, "ahead"]
+        out["ahead"], out["lasts"] = out["lasts"] != 0.0, np.maximum(out["lasts"], 0.0)
+    return out
+
+
 def named_alike(records: Any, dtype: np.dtype[Any]) -> Any:
     """Return a copy of records with the fields of `dtype`: those that an earlier version did not have are 0, what it
     had besides is dropped."""
@@ -228,14 +249,14 @@ def named_alike(records: Any, dtype: np.dtype[Any]) -> Any:
 def restored(s: System, state: Mapping[str, Any]) -> System:
     """Return the records of a scene as a checkpoint has them, with the limits of `s`, those of its start; raise
     `ValueError` if it cannot be one of that scene and its laws."""
-    state = {name: np.asarray(value) if name in KEPT else value for name, value in state.items()}
+    state = {name: named_today(name, np.asarray(value)) if name in KEPT else value for name, value in state.items()}
     check(s, state)
     names = "run", "pairs", "pool", "bodies"
     run, pairs, taken, bodies = (named_alike(state[name], KEPT[name]) for name in names)
     pairs["row"][pairs["row"] >= len(state["log"])] = -1  # of contacts that are long over
     for name in ("until_pair", "until_nth", "separated", "log", "disturbing"):
         run[name] = s.run[name]
-    for name, so_far in (("max_events", "begun"), ("max_steps", "steps")):
+    for name, so_far in (("max_events", "contacts"), ("max_steps", "steps")):
         run[name] = min(int(run[so_far][0]) + int(s.run[name][0]), NO_PAUSE)
     pool, log = empty_pool(len(taken) + SPARE), np.zeros(len(s.log) + len(state["log"]), CONTACT_ROW)
     pool[: len(taken)], log[: len(state["log"])] = taken, state["log"]

@@ -55,35 +55,37 @@ INTEGRATE, INTEGRATE_TO_LOOKS = _integrals(_X), _integrals(2.0 * BETWEEN - 1.0)
 """Integrals from 0 to each node, and to each look, of what is given at the nodes."""
 
 
-def next_event_of_law(pair: Any, pushes: Sign, idles: Sign, doubt: float, span: float, work: Any) -> tuple[float, int]:
+def next_event_of_law(
+    pair: Any, pushes: Sign, idles: Sign, doubt: float, span: float, scratch: Any
+) -> tuple[float, int]:
     """Return the τ of the first event of a pair that overlaps within [0, span], inf without, and which it is.
 
     `idles` says whether the force is 0 at a τ and all about; `doubt` in N is that of g.
     """
-    parts = first_up_crossing(pair.x, span, work, -1.0)
+    parts = first_up_crossing(pair.x, span, scratch, -1.0)
     until = min(parts, span)
     if pair.mode != ACTIVE:
-        again = regains(pair, pushes, doubt, until, work)
+        again = regains(pair, pushes, doubt, until, scratch)
         return (again, BEGIN) if again < math.inf else (parts, PART)
-    end = loses(pair, pushes, doubt, until, parts < math.inf, work)
+    end = loses(pair, pushes, doubt, until, parts < math.inf, scratch)
     if end == math.inf:
-        end = pauses(pair, pushes, idles, until, work)
+        end = pauses(pair, pushes, idles, until, scratch)
     branch, until = math.inf, min(end, until)
     if pair.memory and pair.loading:
-        branch = first_up_crossing(pair.e, until, work, -1.0)
+        branch = first_up_crossing(pair.e, until, scratch, -1.0)
     elif pair.memory:
-        branch = shifted(pair.x, -pair.top, until, work, 1.0)
+        branch = shifted(pair.x, -pair.xi_peak, until, scratch, 1.0)
     if branch < math.inf:
         return branch, TURN if pair.loading else RELOAD
     return (end, END) if end < math.inf else (parts, PART)
 
 
-def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, work: Any) -> float:
+def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, scratch: Any) -> float:
     """Return the first τ up to `span` where the law no longer pushes; inf if it always does.
 
     Just before the pair `parts` its force is smaller than any doubt; there the law is tried at ever smaller distances.
     """
-    before, found = 0.0, shifted(pair.g, doubt, span, work, -1.0)
+    before, found = 0.0, shifted(pair.g, doubt, span, scratch, -1.0)
     if not parts and (found == math.inf or pushes(found)):
         found = span  # a force that is zero from some overlap on never crosses zero
     if found < math.inf and not pushes(found):
@@ -97,9 +99,9 @@ def loses(pair: Any, pushes: Sign, doubt: float, span: float, parts: bool, work:
     return math.inf
 
 
-def pauses(pair: Any, pushes: Sign, idles: Sign, span: float, work: Any) -> float:
+def pauses(pair: Any, pushes: Sign, idles: Sign, span: float, scratch: Any) -> float:
     """Return the first τ up to `span` where the law idles for an instant: tried where the overlap is least."""
-    least = first_up_crossing(pair.e, span, work) if pair.e[0] < 0.0 else math.inf
+    least = first_up_crossing(pair.e, span, scratch) if pair.e[0] < 0.0 else math.inf
     return bisected(pushes, *last_push(pushes, least)) if least < math.inf and idles(least) else math.inf
 
 
@@ -115,13 +117,13 @@ def last_push(pushes: Sign, tau: float) -> tuple[float, float]:
     return 0.0, 0.0
 
 
-def regains(pair: Any, pushes: Sign, doubt: float, span: float, work: Any) -> float:
+def regains(pair: Any, pushes: Sign, doubt: float, span: float, scratch: Any) -> float:
     """Return the first τ up to `span` where a clipped law pushes again, beyond rounding; inf if it does not.
 
     The law is tried at places spread up to where the interpolant says that it pushes; after a kink that may be too
     early, so beyond it too.
     """
-    found = shifted(pair.g, -doubt, span, work, 1.0)
+    found = shifted(pair.g, -doubt, span, scratch, 1.0)
     if found == math.inf and not pushes(span, True):
         return math.inf
     found, clipped = min(found, span), math.inf

@@ -39,26 +39,26 @@ NONE, SOME, AWAITED = range(3)
 @kernel
 def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws: Any) -> bool:
     """Let the event happen that ends the piece of `block`; false if it meets the stop condition instead."""
-    c, what = block.fired, block.what
+    c, what = block.fired, block.event
     pair = pool[pairs[c].slot]
     if what == BEGIN:
         return begin(run, pairs, pool, bodies, c, block.speed, laws)
     run.events += 1
     if what == TURN:
-        pair.loading, pair.top, pair.eta = 0, pair.xi, min(0.0, pair.eta)
+        pair.loading, pair.xi_peak, pair.eta = 0, pair.xi, min(0.0, pair.eta)
     elif what == RELOAD:
-        pair.loading, pair.xi = 1, pair.top
+        pair.loading, pair.xi = 1, pair.xi_peak
     elif (what == PART or pair.xi <= GRAZE * pair.own_length) and stays(pair, block.speed):
         pair.mode, pair.xi = DORMANT, 0.0
         halt(pairs, pool, bodies, c)
     else:
-        if pair.begun == 1:
+        if pair.going_on == 1:
             end_contact(run, pairs, pool, bodies, log, c)
         if what == END:
             pair.mode, pair.exact = RESIDUAL, 1
         else:
             pair.xi = pair.xi if pair.mode == DORMANT else 0.0
-            pair.mode, pair.exact, pair.top, pair.loading, pairs[c].alone = OPEN, 0, 0.0, 1, 0
+            pair.mode, pair.exact, pair.xi_peak, pair.loading, pairs[c].isolated = OPEN, 0, 0.0, 1, 0
     return True
 
 
@@ -87,7 +87,7 @@ def begin(run: Any, pairs: Any, pool: Any, bodies: Any, c: int, speed: float, la
 def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
     """Begin the contact of pair `c`; false if the run is to stop just before."""
     pair = pool[pairs[c].slot]
-    if pair.begun == 1:  # only slept for a moment
+    if pair.going_on == 1:  # only slept for a moment
         pair.mode = ACTIVE
         return True
     if is_awaited(run, pairs, c):
@@ -97,10 +97,10 @@ def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
     if pair.mode != DORMANT:  # else it has been under way since it was touched
         begin_contact(run, pairs, pool, bodies, c)
     pair.exact = 1 if pair.mode == RESIDUAL and not ((DRIVEN or HEATED) and has_jumped(pair)) else 0
-    pair.mode, pair.begun = ACTIVE, 1
-    pairs[c].count += 1
+    pair.mode, pair.going_on = ACTIVE, 1
+    pairs[c].contacts += 1
     run.events += 1
-    run.begun += 1
+    run.contacts += 1
     return True
 
 
@@ -121,9 +121,9 @@ def strike(run: Any, pairs: Any, pool: Any, c: int) -> bool:
     if is_awaited(run, pairs, c) or not meddle(run, pairs, pool, c, 1):
         return False
     pair.mode = STRUCK
-    pairs[c].count += 1
+    pairs[c].contacts += 1
     run.events += 1
-    run.begun += 1
+    run.contacts += 1
     return True
 
 
@@ -139,17 +139,17 @@ def meddle(run: Any, pairs: Any, pool: Any, c: int, more: int) -> bool:
     for f in (below, above):
         if 0 <= f < count_of(pairs) and overlaps(pairs[f], pool, run):
             alone = False
-            run.isolated -= max(0, pairs[f].alone)
-            pairs[f].alone = -1
+            run.isolated -= max(0, pairs[f].isolated)
+            pairs[f].isolated = -1
             if run.first < 0:
                 run.first, run.disturbed = f if f == below else c, run.t
     if not alone and run.disturbing == STOP:
         return False
     if not alone:
-        run.isolated -= max(0, pairs[c].alone)
-        pairs[c].alone = -1
-    elif pairs[c].alone >= 0:
-        pairs[c].alone += more
+        run.isolated -= max(0, pairs[c].isolated)
+        pairs[c].isolated = -1
+    elif pairs[c].isolated >= 0:
+        pairs[c].isolated += more
         run.isolated += more
     return True
 
@@ -296,5 +296,5 @@ def halt(pairs: Any, pool: Any, bodies: Any, c: int) -> None:
 @kernel
 def is_awaited(run: Any, pairs: Any, c: int) -> bool:
     """Return whether the run is to stop just before the next contact of pair `c`."""
-    return bool(c == run.until_pair and pairs[c].count + 1 == run.until_nth)
+    return bool(c == run.until_pair and pairs[c].contacts + 1 == run.until_nth)
 

@@ -11,11 +11,11 @@ from granular._kernels import inlined, kernel
 from granular._tournament import play
 from granular.md.located.contacts import AWAITED, NONE, SOME, engage, pushes
 from granular.md.located.jumps import throw_back
-from granular.md.located.ledger import enter_flight
+from granular.md.located.ledger import book_flight
 from granular.md.located.one_contact.inside import exposed, relive
 from granular.md.located.pieces import fly, glide, in_contact, predict, since, tau_at, value
-from granular.md.located.plan import planned, settle
-from granular.md.located.records import ABSORB, MORE, MOVES, OPEN, SPARE, STOPPED
+from granular.md.located.plan import advance_island, follow_contact
+from granular.md.located.records import EXTEND, MORE, MOVES, OPEN, SPARE, STOPPED, TO_PLAN
 from granular.md.located.system import count_of, is_closed, join, leave, lengthen, neighbours, nth
 from granular.md.located.walls import carry_walls, flown
 from granular.scene.flags import DRIVEN, HEATED, RING, WORKED
@@ -40,12 +40,12 @@ def regroup(s: Any, laws: Any) -> int:
             below, above = neighbours(run, pairs)
         if below >= 0 and (pushes(pool[pairs[run.lo].slot]) or in_contact(pairs[below], run.t, run.tail)):
             run.wanted = pairs[below].first
-            return ABSORB
+            return EXTEND
         if above < len(pairs) and (
             pushes(pool[pairs[run.hi - 1].slot]) or in_contact(pairs[above], run.t, run.tail)
         ):
             run.wanted = above
-            return ABSORB
+            return EXTEND
         found = engage(run, pairs, pool, bodies)
         if HEATED and found == NONE:
             found = throw_back(s, laws)
@@ -57,12 +57,12 @@ def regroup(s: Any, laws: Any) -> int:
     a = run.lo
     for c in range(run.lo + 1, run.hi + 1):
         if c == run.hi or not (pushes(pool[pairs[c - 1].slot]) or pushes(pool[pairs[c].slot])):
-            form(run, pairs, pool, s.queue, a, c)
+            form_block(run, pairs, pool, s.queue, a, c)
             lone, a = c == a + 1, nth(pairs, a)
             if lone and not pushes(pool[pairs[a].slot]):
                 take_off(run, pairs, pool, s.kinds, a, s.walls)
             else:
-                pairs[a].due = -math.inf
+                pairs[a].due = TO_PLAN
             play(s.queue, a, pairs[a].due)
             a = c
     return MORE
@@ -74,7 +74,7 @@ def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int, walls: Any) ->
     pair, member = pairs[c], pool[pairs[c].slot]
     pair.xi = 0.0 if member.mode == OPEN and member.xi > 0.0 else member.xi
     pair.eta, pair.mode, pair.noise = member.eta, member.mode, member.noise
-    pair.exact, pair.wake, pair.t, pair.tail, pair.stride = member.exact, member.wake, run.t, run.tail, run.stride
+    pair.exact, pair.wake, pair.t, pair.tail, pair.last_step = member.exact, member.wake, run.t, run.tail, run.last_step
     leave(run, pairs, pool, c)
     predict(pair, kinds[pair.kind_of], walls)
 
@@ -91,29 +91,35 @@ def cut(run: Any, pairs: Any, pool: Any) -> None:
 
 @inlined
 @kernel
-def absorb(s: Any, lo: int, laws: Any) -> bool:
+def extend_event(s: Any, lo: int, laws: Any) -> bool:
     """Let the event under way concern the block that starts with pair `lo` too; false if there is no room for it."""
     run, pairs = s.run[0], s.pairs
     if pairs[lo].slot < 0 and run.members + SPARE >= len(s.pool):
         return False
     if in_contact(pairs[lo], run.t, run.tail):
         relive(s, lo, run.t, run.tail)
-        planned(s, laws)
+        follow_contact(s, laws)
         exposed(s, lo)
     else:
         bring(s, lo, run.t, run.tail, laws)
-    take_in(s, lo)
+    extend_by(s, lo)
     return True
 
 
 @kernel
-def take_in(s: Any, lo: int) -> None:
+def enlist(s: Any, c: int) -> None:
+    """Give pair `c` its place in the pool; a driven wall at it has the velocity and the pull of now."""
+    join(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, c)
+    if DRIVEN:
+        carry_walls(s.walls, s)
+
+
+@kernel
+def extend_by(s: Any, lo: int) -> None:
     """Let the event under way concern the block that starts with pair `lo` too, which has come to its time."""
     run, pairs = s.run[0], s.pairs
     if pairs[lo].slot < 0:
-        join(run, pairs, s.pool, s.kinds, s.bodies, lo)
-        if DRIVEN:
-            carry_walls(s.walls, s)
+        enlist(s, lo)
     if RING:
         lengthen(run, pairs, lo)
     else:
@@ -126,28 +132,28 @@ def bring(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
     """Advance the block that starts with pair `lo` to the time t + tail, at most the end of its piece."""
     pair = s.pairs[lo]
     xi = pair.xi
-    if pair.slot < 0 and pair.lasts != 0.0:  # its clock may lie ahead
+    if pair.slot < 0 and pair.ahead == 1:
         fly(pair, since(pair, t, tail), s.walls)
     elif pair.slot < 0:
         glide(pair, since(pair, t, tail), s.walls)
         if WORKED:
-            enter_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, xi)
+            book_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, xi)
     else:  # at once there, except for what a single float cannot say
         block = s.pool[pair.slot]
         dt = since(block, t, tail)
-        settle(s.run[0], s.pairs, s.pool, s.bodies, s.work, lo, tau_at(block, t, tail), dt, s, laws)
+        advance_island(s.run[0], s.pairs, s.pool, s.bodies, s.scratch, lo, tau_at(block, t, tail), dt, s, laws)
 
 
 @kernel
-def form(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
+def form_block(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
     """Make pairs lo … hi-1 a block at the time of the event under way."""
     if RING and lo >= count_of(pairs):
         lo, hi = lo - count_of(pairs), hi - count_of(pairs)
     block, pairs[lo].hi = pool[pairs[lo].slot], hi
-    block.t, block.tail, block.stride, block.manner = run.t, run.tail, run.stride, MOVES
+    block.t, block.tail, block.last_step, block.manner = run.t, run.tail, run.last_step, MOVES
     for i in range(lo, hi):
         c = nth(pairs, i)
-        pairs[c].first, pairs[c].lasts = lo, 0.0
+        pairs[c].first, pairs[c].lasts, pairs[c].ahead = lo, 0.0, 0
         if c != lo and pairs[c].due < math.inf:
             pairs[c].due = math.inf
             play(queue, c, math.inf)
@@ -171,7 +177,7 @@ def reimpose(s: Any) -> None:
             gap = -value(pool[pair.slot].x, tau_at(pool[pairs[pair.first].slot], run.t, run.tail))
         else:
             gap = -flown(s.walls, pair, since(pair, run.t, run.tail))[0]
-            if pair.mode == OPEN and pair.lasts <= 0.0 and gap > most:
+            if pair.mode == OPEN and pair.lasts == 0.0 and gap > most:
                 most, widest = gap, c
         new = total + gap  # in two floats (Neumaier 1974)
         low += (total - new) + gap if abs(total) >= abs(gap) else (gap - new) + total

@@ -33,14 +33,14 @@ SAME, CHANGED, ENDS = range(3)
 def speed_away(ledger: Any, wall: int) -> float:
     """Return the speed in m/s with which the next ball leaves a thermal wall, -1 the floor, -2 the ceiling."""
     book, side = ledger[0], -1 - wall
-    return drawn(book.temperature[side], book.seed[side], side, book.hits[side], book.mass[side])
+    return drawn(book.temperature[side], book.seed[side], side, book.contacts[side], book.mass[side])
 
 
 @kernel
 def count_hit(s: Any, c: int, v: float, v2: float) -> None:
     """Enter a hit of the thermal wall of pair `c` into the ledger; the next one draws another number."""
     book, side = s.ledger[0], -1 - s.pairs[c].wall
-    book.hits[side] += 1
+    book.contacts[side] += 1
     mass, wall = book.mass[side], s.bodies[c + side]
     add(book, HEAT + side, 0.5 * mass * (v2 - v) * (v2 + v))
     if wall.v != 0.0:
@@ -56,7 +56,7 @@ def thrown(s: Any, c: int) -> float:
     v, v2 = member.eta, speed_away(s.ledger, s.pairs[c].wall)
     before = velocity_now(ball, run)
     ball.v, ball.t, ball.tail = (wall.v - v2 if side else wall.v + v2), run.t, run.tail
-    member.xi, member.eta, member.mode, member.exact, s.pairs[c].alone = 0.0, -v2, OPEN, 0, 0
+    member.xi, member.eta, member.mode, member.exact, s.pairs[c].isolated = 0.0, -v2, OPEN, 0, 0
     if run.log > 0:
         row = s.log[run.rows]
         run.rows += 1
@@ -95,7 +95,7 @@ def jolt(s: Any, c: int, jump: float, laws: Any) -> bool:
     member.exact = 0
     if member.mode == ACTIVE and is_clipped(member, laws):
         run.events += 1
-        if member.begun == 1:
+        if member.going_on == 1:
             end_contact(run, pairs, s.pool, bodies, s.log, c)
         member.mode = RESIDUAL
     elif member.mode == RESIDUAL and not is_clipped(member, laws):
@@ -103,11 +103,11 @@ def jolt(s: Any, c: int, jump: float, laws: Any) -> bool:
             return False
         member.exact = 0
     elif member.mode == DORMANT and jump < 0.0:
-        if member.begun == 1:
+        if member.going_on == 1:
             end_contact(run, pairs, s.pool, bodies, s.log, c)
-        member.mode, pairs[c].alone = OPEN, 0
+        member.mode, pairs[c].isolated = OPEN, 0
     elif member.mode == DORMANT:
-        member.mode = ACTIVE if member.begun == 1 else OPEN
+        member.mode = ACTIVE if member.going_on == 1 else OPEN
     return True
 
 

@@ -23,7 +23,7 @@ def begin_contact(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> None:
 
 
 @kernel
-def follow(run: Any, pairs: Any, pool: Any, work: Any, lo: int, tau: float) -> None:
+def follow(run: Any, pairs: Any, pool: Any, scratch: Any, lo: int, tau: float) -> None:
     """Add the stretch [0, τ] of the piece of the island that starts with `lo` to its contacts."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     h, q = block.h, block.clock
@@ -40,7 +40,7 @@ def follow(run: Any, pairs: Any, pool: Any, work: Any, lo: int, tau: float) -> N
             ):
                 add_shared(run, pair.push)
             if run.log == 2:
-                peaks(pair, tau, work)
+                peaks(pair, tau, scratch)
         if pair.mode == ACTIVE or pair.mode == DORMANT:
             pair.duration += dt
 
@@ -58,7 +58,7 @@ def add_shared(run: Any, impulse: float) -> None:
 def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) -> None:
     """Write the log row of the contact of pair `c` that ends now."""
     pair = pool[pairs[c].slot]
-    pair.begun = 0
+    pair.going_on = 0
     if run.log == 0:
         return
     row = log[run.rows]

@@ -83,7 +83,7 @@ class Collocation:
     def force(self, p: Any, xi: float, eta: float = 0.0) -> float:
         """Unclipped force in N of a pair on the branch that it is on."""
         try:
-            return on_branch(self.laws[p.number], xi, eta, p.top, p.loading)
+            return on_branch(self.laws[p.number], xi, eta, p.xi_peak, p.loading)
         except OverflowError:  # the trial step is too long
             return math.inf
 
@@ -103,8 +103,8 @@ class Collocation:
         block = pairs[0]
         block.clock = 2 if any(p.mode == ACTIVE and p.xi == 0.0 and p.q > 1 for p in pairs) else 1
         reach = 0.2 * block.length / block.speed if block.speed > 0.0 else 1.0
-        if block.stride > 0.0 and block.clock == 1:
-            reach = block.stride
+        if block.last_step > 0.0 and block.clock == 1:
+            reach = block.last_step
         allowed, shortest = max(tol, SMALLEST), HOPELESS * reach
         self._check(pairs, [0.0])
         if not (self.shaken or self.square) and lie_still(pairs, self.force, self.closed):
@@ -123,14 +123,14 @@ class Collocation:
                 self._check(pairs, ((block.h * NODES) ** block.clock).tolist())
             reach *= 0.5
         growth = (allowed / miss) ** (1.0 / POINTS) if miss > 0.0 else 2.0
-        block.stride = reach * min(2.0, 0.9 * growth)
+        block.last_step = reach * min(2.0, 0.9 * growth)
         self._write(pairs, force, reach)
         return float(misses.max()) / block.speed if block.speed > 0.0 else 0.0
 
-    def next_event(self, p: Any, span: float, work: Any) -> tuple[float, int]:
+    def next_event(self, p: Any, span: float, scratch: Any) -> tuple[float, int]:
         """Return the τ of the first event of a pair that overlaps within [0, span], inf without, and which it is."""
         asked = partial(self._pushes, p, 1e-3 * (p.deepest or p.own_length))
-        return next_event_of_law(p, asked, partial(self._idles, p), p.doubt, span, work)
+        return next_event_of_law(p, asked, partial(self._idles, p), p.doubt, span, scratch)
 
     def dissipated(self, p: Any, block: Any, tau: float) -> float:
         """Return the energy in J that a contact loses in [0, τ] of its piece; nan with memory."""
@@ -312,7 +312,7 @@ def lie_still(pairs: list[Any], at_rest: AtRest, closed: bool) -> bool:
     arrivals = [time_to_contact(max(0.0, -p.xi), -p.eta, a) for p, a in zip(pairs, push, strict=True) if p.mode == OPEN]
     if 0.0 in arrivals:  # the run has stopped where a ball arrives
         return False
-    block.clock, block.h, block.stride = 1, min([LONG, *(2.0 * t for t in arrivals)]), 0.0
+    block.clock, block.h, block.last_step = 1, min([LONG, *(2.0 * t for t in arrivals)]), 0.0
     for p, f, a in zip(pairs, force, push, strict=True):
         if p.mode == ACTIVE or abs(p.eta) <= ROUNDING * block.speed:
             p.eta = 0.0

@@ -20,7 +20,7 @@ from granular._kernels import worth
 from granular._records import column, plain
 from granular.drive import Rows, portion
 from granular.md.located import blocks
-from granular.md.located.plan import planned
+from granular.md.located.plan import plan_all_due
 from granular.md.located.records import ACTIVE, BINDING, DORMANT, MORE, OPEN, REST, STOPPED, WANTS_LOOK
 from granular.md.located.rest.creep import slowest_decay
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS
@@ -104,7 +104,7 @@ def looked_at(s: Any, limit: float, kernels: Any, seldom: Any) -> int:
     found = seldom(look_at)(s, limit)
     if found != NOT_YET:
         return REST if found == RESTS else BINDING
-    return WANTS_LOOK if kernels(planned)(s, None) else STOPPED
+    return WANTS_LOOK if kernels(plan_all_due)(s, None) else STOPPED
 
 
 def seldom(kernel: Any, looks: int, kernels: Any) -> Any:
@@ -119,7 +119,7 @@ def stats_of(run: Any, r: Any, crept: float) -> dict[str, Any]:
     """Return the amount of work; `r` are the counters, `crept` the impulse in N s that was shared while creeping."""
     return {
         "engine": "compiled" if run.engine == "compiled" else "plain",
-        "steps": int(r.steps), "events": int(r.events), "contacts": int(r.begun),
+        "steps": int(r.steps), "events": int(r.events), "contacts": int(r.contacts),
         "error_estimate": float(r.error), "resting": bool(r.rests) or run.creep is not None,
         "shared_impulse": math.fsum([r.shared, r.shared_low, crept]) if run.request.log else math.nan,
         "isolated": int(r.isolated), "tables": int(r.tables),
@@ -129,7 +129,7 @@ def stats_of(run: Any, r: Any, crept: float) -> dict[str, Any]:
 
 def message_of(run: Any, status: Status, r: Any, t: float) -> str:
     """Return the sentence of a status with its numbers."""
-    sentence = f"{status.value} (t = {t:.6g} s, {r.begun} contacts, {r.steps} steps)"
+    sentence = f"{status.value} (t = {t:.6g} s, {r.contacts} contacts, {r.steps} steps)"
     if run.pace.stalled:
         sentence += (f": contacts creep or chatter, {run.pace.step:.2g} s a trial step on the average; weaker damping, "
                      "or a force without a jump at rest, is needed (granular.md.resume goes on)")
@@ -158,7 +158,7 @@ def members(run: Any) -> list[Any]:
 
 def still_open(run: Any) -> Rows:
     """Return the contacts that go on at the end."""
-    going = [p for p in members(run) if p.begun] if column(run.s.pool, "begun").any() else []
+    going = [p for p in members(run) if p.going_on] if column(run.s.pool, "going_on").any() else []
     rows = np.zeros(len(going), CONTACT_ROW)
     rows["t_end"] = rows["lower_out"] = rows["upper_out"] = math.nan
     rows["pair"] = [p.number for p in going]

@@ -92,7 +92,7 @@ def elapsed(h: float, q: int, tau: float) -> float:
 @kernel
 def piece_time(block: Any) -> float:
     """Return how long the piece of a block takes; at an EDGE to the last digit."""
-    if DRIVEN and block.what == EDGE:
+    if DRIVEN and block.event == EDGE:
         return float(block.holds)
     return elapsed(block.h, block.clock, block.tau)
 
@@ -158,7 +158,7 @@ def direction(x: Any) -> float:
 
 
 @kernel
-def peaks(pair: Any, tau: float, work: Any) -> None:
+def peaks(pair: Any, tau: float, scratch: Any) -> None:
     """Raise the largest overlap and force to those of the piece; its g is scratch, for φ has done its duty.
 
     A force that does not depend on the rate is largest where the overlap is, and the law says it better than a series
@@ -167,7 +167,7 @@ def peaks(pair: Any, tau: float, work: Any) -> None:
     """
     for j in range(ORDER + 1):
         pair.g[j] = pair.e[j]
-    deepest = highest(pair.x, pair.g, tau, work)
+    deepest = highest(pair.x, pair.g, tau, scratch)
     pair.xi_max = max(pair.xi_max, deepest)
     xi = max(0.0, deepest)
     if pair.kind == ELASTIC:
@@ -176,7 +176,7 @@ def peaks(pair: Any, tau: float, work: Any) -> None:
     pair.g[ORDER] = 0.0
     for j in range(ORDER):
         pair.g[j] = (j + 1) * pair.f[j + 1]
-    force = highest(pair.f, pair.g, tau, work)
+    force = highest(pair.f, pair.g, tau, scratch)
     if pair.kind == DAMPED:
         rate = max(abs(pair.e[0]), abs(value(pair.e, tau)))
         force = min(force, 2.0 * (pair.k * power(xi, pair.p) + pair.gamma * power(xi, pair.d) * rate))
@@ -184,12 +184,12 @@ def peaks(pair: Any, tau: float, work: Any) -> None:
 
 
 @kernel
-def highest(row: Any, rate: Any, tau: float, work: Any) -> float:
+def highest(row: Any, rate: Any, tau: float, scratch: Any) -> float:
     """Return the largest value of a row on [0, τ]; `rate`, of the sign of its slope, is used up."""
     at, best = 0.0, max(float(row[0]), value(row, tau))
     way = -1.0 if rate[0] > 0.0 else 1.0
     for _ in range(ORDER):
-        step = first_up_crossing(rate, tau - at, work, way)
+        step = first_up_crossing(rate, tau - at, scratch, way)
         if not at + step < tau:
             break
         at += step
@@ -221,7 +221,7 @@ def predict(pair: Any, law: Any, walls: Any) -> None:
     if HUNG and pair.pull == 0.0 and 0.0 < pair.eta <= DRIFT * pair.noise and pair.xi == 0.0:
         pair.eta = 0.0
     if HUNG or (DRIVEN and pair.wall > 0):
-        pair.wait, pair.what = next_touch(walls, pair), BEGIN
+        pair.wait, pair.event = next_touch(walls, pair), BEGIN
         pair.due = pair.t + (pair.wait + pair.tail)
         return
     if pair.mode == OPEN and pair.pull == 0.0 and 0.0 < pair.eta <= DRIFT * pair.noise:
@@ -232,7 +232,7 @@ def predict(pair: Any, law: Any, walls: Any) -> None:
         again = force_returns(pair, law) if law.s == 1.0 else math.inf
         if again < wait:
             wait, what = again, BEGIN
-    pair.wait, pair.what = wait, what
+    pair.wait, pair.event = wait, what
     pair.due = pair.t + (wait + pair.tail)
 
 
@@ -271,25 +271,25 @@ def arrive(pair: Any, walls: Any) -> None:
 
 
 @kernel
-def locate(pairs: Any, pool: Any, lo: int, hi: int, span: float, work: Any, laws: Any) -> None:
+def locate(pairs: Any, pool: Any, lo: int, hi: int, span: float, scratch: Any, laws: Any) -> None:
     """Find the event that ends the piece of block lo … hi-1 on τ in [0, span]; it ends at `span` if there is none."""
     block = pool[pairs[lo].slot]
-    block.tau, block.fired, block.what = span, -1, NOTHING
+    block.tau, block.fired, block.event = span, -1, NOTHING
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
-        tau, what = next_event(pair, block.tau, work, laws)
+        tau, what = next_event(pair, block.tau, scratch, laws)
         if tau <= block.tau:
-            block.tau, block.fired, block.what = tau, nth(pairs, c), what
+            block.tau, block.fired, block.event = tau, nth(pairs, c), what
             if tau == 0.0:
                 return
         if laws is None:
-            tau, what = rebound(pair, block.tau, work)
+            tau, what = rebound(pair, block.tau, scratch)
             if tau < block.tau:
-                block.tau, block.fired, block.what = tau, nth(pairs, c) if what == PART else -1, what
+                block.tau, block.fired, block.event = tau, nth(pairs, c) if what == PART else -1, what
 
 
 @kernel
-def rebound(pair: Any, span: float, work: Any) -> tuple[float, int]:
+def rebound(pair: Any, span: float, scratch: Any) -> tuple[float, int]:
     """Return the τ at which a pair that all but parts turns round, or parts by rounding; inf if it does neither.
 
     There its series has to end: a ball that falls from a touch at rest comes back to it with ξ = g (t - t0)²/2, and
@@ -297,7 +297,7 @@ def rebound(pair: Any, span: float, work: Any) -> tuple[float, int]:
     """
     if pair.mode != ACTIVE or pair.kind == LINEAR or not (pair.e[0] < 0.0 < value(pair.e, span)):
         return math.inf, NOTHING
-    tau = first_up_crossing(pair.e, span, work)
+    tau = first_up_crossing(pair.e, span, scratch)
     least = value(pair.x, min(tau, span))
     if least <= GRAZE * pair.own_length:
         return tau, PART
@@ -305,35 +305,35 @@ def rebound(pair: Any, span: float, work: Any) -> tuple[float, int]:
 
 
 @kernel
-def next_event(pair: Any, span: float, work: Any, laws: Any) -> tuple[float, int]:
+def next_event(pair: Any, span: float, scratch: Any, laws: Any) -> tuple[float, int]:
     """Return the τ of the first event of a pair within [0, span], inf without, and which it is."""
     row, doubt, wake = pair.g, 0.0, 0.0
     if pair.mode == OPEN:
-        return first_up_crossing(pair.x, span, work), BEGIN
+        return first_up_crossing(pair.x, span, scratch), BEGIN
     if pair.mode == DORMANT:  # pressed enough to wake, or parted; linear ones never sleep
         if pair.kind == LINEAR:
             return math.inf, NOTHING
         row, doubt, wake = pair.x, DOUBT * pair.wake, pair.wake
     elif laws is not None:
-        return laws.next_event(pair, span, work)  # type: ignore[no-any-return]
+        return laws.next_event(pair, span, scratch)  # type: ignore[no-any-return]
     elif pair.mode == ACTIVE:
         asleep = DOUBT * pair.wake if pair.xi <= pair.wake and pair.kind == LINEAR else 0.0
         if pair.kind == ELASTIC or (pair.kind == LINEAR and pair.gamma == 0.0):
-            return shifted(pair.x, asleep, span, work, -1.0), PART
+            return shifted(pair.x, asleep, span, scratch, -1.0), PART
         if pair.kind == LINEAR:
-            return shifted(pair.f, pair.k * asleep, span, work, -1.0), END
-        return shifted(pair.g, 0.0, span, work, -1.0), END
-    parts = shifted(pair.x, doubt, span, work, -1.0)
-    again = shifted(row, -wake, min(parts, span), work, 1.0)
+            return shifted(pair.f, pair.k * asleep, span, scratch, -1.0), END
+        return shifted(pair.g, 0.0, span, scratch, -1.0), END
+    parts = shifted(pair.x, doubt, span, scratch, -1.0)
+    again = shifted(row, -wake, min(parts, span), scratch, 1.0)
     return (again, BEGIN) if again < math.inf else (parts, PART)
 
 
 @kernel
-def shifted(row: Any, by: float, span: float, work: Any, way: float) -> float:
+def shifted(row: Any, by: float, span: float, scratch: Any, way: float) -> float:
     """Return the first τ where a row, shifted by so much, goes up through zero (`way` 1) or down (-1); inf without."""
     first = row[0]
     row[0] = first + by
-    tau: float = first_up_crossing(row, span, work, way)
+    tau: float = first_up_crossing(row, span, scratch, way)
     row[0] = first
     return tau
 

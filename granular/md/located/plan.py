@@ -9,16 +9,16 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from granular._kernels import entry, inlined, kernel
+from granular._kernels import entry, kernel
 from granular._tournament import play
 from granular.md.located.contacts import confirm, judge
-from granular.md.located.ledger import enter_piece
+from granular.md.located.ledger import book_piece
 from granular.md.located.log import follow
 from granular.md.located.one_contact.inside import goes_on, has_piece
 from granular.md.located.one_contact.tables import ITSELF, ask, fit, note
 from granular.md.located.pendula import swing
 from granular.md.located.pieces import ULP, locate, piece_time, power, since, tick, value
-from granular.md.located.records import ASKS, CHECKS, EDGE, GENERAL, LONG, LOOKED, MOVES, NOTHING, POINTS
+from granular.md.located.records import ASKS, CHECKS, EDGE, GENERAL, LONG, LOOKED, MOVES, NOTHING, POINTS, TO_PLAN
 from granular.md.located.rest.proof import may_creep
 from granular.md.located.series import expand, expand_linear, expand_two
 from granular.md.located.step_size import (
@@ -39,29 +39,30 @@ from granular.scene.flags import DRIVEN, HUNG, RING, WORKED
 
 @entry
 @kernel
-def planned(s: Any, laws: Any) -> bool:
-    """Plan all that waits for it, once in the code: a contact followed alone, piece after piece, or blocks formed anew,
-    due at -inf; false if the run is to stop at once."""
-    run, pairs, stays = s.run[0], s.pairs, True
-    while True:
-        if run.alone >= 0 and not has_piece(s, laws):
-            run.alone = -1
-        lo = run.alone
-        if lo < 0:
-            if s.queue[1].due > -math.inf:
-                return stays
-            lo = s.queue[1].key
-        goes = plan(run, pairs, s.pool, s.bodies, s.work, lo, laws, s.walls)
-        if run.alone < 0:
-            stays = stays and goes
-            play(s.queue, lo, pairs[lo].due)
-        elif not goes_on(s, laws):
-            run.alone = -1
+def plan_all_due(s: Any, laws: Any) -> bool:
+    """Plan all blocks formed anew; false if the run is to stop at once."""
+    stays = True
+    while s.queue[1].due == TO_PLAN:
+        lo = s.queue[1].key
+        stays = plan(s.run[0], s.pairs, s.pool, s.bodies, s.scratch, lo, laws, s.walls) and stays
+        play(s.queue, lo, s.pairs[lo].due)
+    return stays
 
 
-@inlined
+@entry
 @kernel
-def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws: Any, walls: Any) -> bool:
+def follow_contact(s: Any, laws: Any) -> None:
+    """Follow the contact of one pair alone, piece after piece, as `inside.ask_to_follow` has asked."""
+    run = s.run[0]
+    while has_piece(s, laws):
+        plan(run, s.pairs, s.pool, s.bodies, s.scratch, run.solo, laws, s.walls)
+        if not goes_on(s, laws):
+            break
+    run.solo = -1
+
+
+@kernel
+def plan(run: Any, pairs: Any, pool: Any, bodies: Any, scratch: Any, lo: int, laws: Any, walls: Any) -> bool:
     """Compute the next piece of the island that starts with `lo`, and its end; false if the run is to stop at once."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     worst, span = -math.inf, 1.0
@@ -69,7 +70,7 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
         block.manner = MOVES
     else:
         run.steps += 1
-        if not (HUNG or RING) and laws is None and run.alone < 0 and may_creep(pairs, pool, bodies, lo):
+        if not (HUNG or RING) and laws is None and run.solo < 0 and may_creep(pairs, pool, bodies, lo):
             wait(pairs, pool, lo)
             return True
     reach = foresee_walls(walls, pairs, pool, lo) if DRIVEN else math.inf
@@ -85,24 +86,24 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
         block.h = scale(pairs, pool, lo, hi)
         if DRIVEN:
             block.h = min(block.h, power(reach, 1.0 / block.clock))
-    settle_series(run, pairs, pool, lo, laws, walls, reach)
+    series_of_piece(run, pairs, pool, lo, laws, walls, reach)
     if block.linear == 0 and laws is None:
         worst = growth(pairs, pool, lo, hi, run.tol)
         span = trusted(worst, run.tol)
         if block.clock == 1:
-            block.stride = block.h * span
+            block.last_step = block.h * span
     last = math.inf
     if DRIVEN and reach < math.inf:
         last = power(reach, 1.0 / block.clock) / block.h
         span = min(span, last)
     if not confirm(run, pairs, pool, bodies, lo, hi):
-        block.fired, block.what, block.tau = -1, NOTHING, 0.0  # to be planned anew, if it goes on
+        block.fired, block.event, block.tau = -1, NOTHING, 0.0  # to be planned anew, if it goes on
         pairs[lo].due = block.t + block.tail
         return False
-    locate(pairs, pool, lo, hi, span, work, laws)
+    locate(pairs, pool, lo, hi, span, scratch, laws)
     run.error += left_out(worst, block.tau)
-    if DRIVEN and block.tau == last and block.fired < 0 and block.what == NOTHING and reach == block.holds:
-        block.what = EDGE
+    if DRIVEN and block.tau == last and block.fired < 0 and block.event == NOTHING and reach == block.holds:
+        block.event = EDGE
     pairs[lo].due = block.t + (piece_time(block) + block.tail)
     if block.h >= LONG:  # it lies still
         pairs[lo].due = math.inf
@@ -113,7 +114,7 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
 def wait(pairs: Any, pool: Any, lo: int) -> None:
     """Let a block be due at once, without a piece: it is to be looked at whether it creeps."""
     block = pool[pairs[lo].slot]
-    block.manner, block.fired, block.what, block.tau = ASKS, -1, NOTHING, 0.0
+    block.manner, block.fired, block.event, block.tau = ASKS, -1, NOTHING, 0.0
     pairs[lo].due = block.t + block.tail
     for c in range(lo, pairs[lo].hi):
         member = pool[pairs[c].slot]
@@ -121,7 +122,7 @@ def wait(pairs: Any, pool: Any, lo: int) -> None:
 
 
 @kernel
-def settle_series(run: Any, pairs: Any, pool: Any, lo: int, laws: Any, walls: Any, reach: float) -> None:
+def series_of_piece(run: Any, pairs: Any, pool: Any, lo: int, laws: Any, walls: Any, reach: float) -> None:
     """Compute the series; where pairs touch at rest, until it agrees with who is taken to push. `reach` and the paths
     of driven walls are those of `foresee_walls`."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
@@ -139,16 +140,16 @@ def settle_series(run: Any, pairs: Any, pool: Any, lo: int, laws: Any, walls: An
 
 
 @kernel
-def settle(
-    run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, tau: float, dt: float, s: Any, laws: Any
+def advance_island(
+    run: Any, pairs: Any, pool: Any, bodies: Any, scratch: Any, lo: int, tau: float, dt: float, s: Any, laws: Any
 ) -> None:
     """Advance the island that starts with pair `lo` to τ, a time `dt` into its piece."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     if tau <= 0.0:
         return
-    follow(run, pairs, pool, work, lo, tau)
+    follow(run, pairs, pool, scratch, lo, tau)
     if WORKED:
-        enter_piece(s.ledger, s.walls, laws, s, lo, tau)
+        book_piece(s.ledger, s.walls, laws, s, lo, tau)
     if HUNG:
         swing(run, pairs, pool, bodies, lo, tau, dt)
     else:
@@ -160,13 +161,13 @@ def settle(
     for c in range(lo, hi):
         pool[pairs[c].slot].noise += rounding(run.tol, pairs, pool, c, lo)
     tick(block, dt)
-    if DRIVEN and block.what == EDGE and tau == block.tau:
+    if DRIVEN and block.event == EDGE and tau == block.tau:
         tick(block, beside_edge(s.walls, pairs[lo], block))
         tick(block, beside_edge(s.walls, pairs[hi - 1], block))
     if RING:
         if is_closed(pairs, lo, hi):
             hold_walls(pairs, pool, lo, hi, 0.0)
-    elif bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0 and block.what != EDGE:
+    elif bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0 and block.event != EDGE:
         lower, upper = bodies[lo].v, bodies[hi].v
         if DRIVEN:
             lower = speed_at(s.walls, pairs[lo], bodies[lo], block)
@@ -225,7 +226,7 @@ def make_table(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
     """Make the table that is wanted, for which there is room; the run goes on as if nothing had been."""
     for j in range(POINTS + CHECKS):
         kernels(ask)(s, j, laws)
-        kernels(planned)(s, laws)
+        kernels(follow_contact)(s, laws)
         if not kernels(note)(s, j):
             break
     kernels(fit)(s)
@@ -234,5 +235,5 @@ def make_table(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
 def answer(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
     """Follow the contact that is asked for, alone."""
     kernels(ask)(s, ITSELF, laws)
-    kernels(planned)(s, laws)
+    kernels(follow_contact)(s, laws)
     kernels(note)(s, ITSELF)

@@ -30,7 +30,7 @@ from granular.md.located.records import (
     LARGEST_Q,
     LINEAR,
     NO_MAP,
-    SIMILAR,
+    SELF_SIMILAR,
     STEEPEST,
     VISCOELASTIC,
 )
@@ -54,11 +54,11 @@ def mapped(kinds: Any, m_eff: Array) -> None:
     shapes = np.full((*k.shape, len(Shape._fields)), np.nan)
     for one in np.unique(p[~linear]):
         free, alike = (p == one) & (gamma == 0.0), (p == one) & (gamma > 0.0) & (d == 0.5 * (p - 1.0))
-        shapes[free] = np.transpose(elastic(one))
+        shapes[free] = np.transpose(elastic_shape(one))
         if alike.any():
             zeta = gamma[alike] / np.sqrt(2.0 * (one + 1.0) * k[alike] * m_eff[alike])
-            shapes[alike] = np.transpose(damped(one, zeta))
-    kinds["map"][shapes[..., 0] > 0.0] = SIMILAR
+            shapes[alike] = np.transpose(damped_shape(one, zeta))
+    kinds["map"][shapes[..., 0] > 0.0] = SELF_SIMILAR
     for name, values in zip(Shape._fields, np.moveaxis(shapes, -1, 0), strict=True):
         kinds[name] = values
 
@@ -67,7 +67,7 @@ def write_maps(kinds: Any, laws: SceneLaws, scene: Scene) -> None:
     """Note the maps of all kinds of laws that have one; a damping ratio must be the same in all pairs of a kind."""
     mapped(kinds, np.array([law.pair.m_eff for law in laws.each]))
     kinds["map"][kinds["kind"] == GENERAL] = NO_MAP
-    damped = (kinds["map"] == SIMILAR) & (kinds["gamma"] > 0.0)
+    damped = (kinds["map"] == SELF_SIMILAR) & (kinds["gamma"] > 0.0)
     if damped.any():
         lightest, heaviest = np.full(len(kinds), np.inf), np.zeros(len(kinds))
         np.minimum.at(lightest, laws.kind, scene.pairs.m_eff)
@@ -165,7 +165,7 @@ class Shape(NamedTuple):
     strongest: Array
 
 
-def elastic(p: float) -> Shape:
+def elastic_shape(p: float) -> Shape:
     """Return the elastic contact of exponent `p`."""
     part = 1.0 / (p + 1.0)
     deepest = math.pow(0.5 * (p + 1.0), part)
@@ -173,7 +173,7 @@ def elastic(p: float) -> Shape:
     return Shape(*(np.array([x]) for x in (arc, arc, 1.0, deepest, math.pow(deepest, p))))
 
 
-def damped(p: float, zeta: Array) -> Shape:
+def damped_shape(p: float, zeta: Array) -> Shape:
     """Return contacts of exponent `p` and damping ratios `zeta` > 0; no numbers where it has no half period, ζ ≥ 1."""
     zeta = np.where((zeta < 1.0) & (p <= STEEP), zeta, np.nan)[:, None]
     beta, root, omega = (p - 1.0) / (p + 1.0), np.sqrt((1.0 - zeta) * (1.0 + zeta)), math.sqrt(0.5 * (p + 1.0))

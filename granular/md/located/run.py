@@ -21,7 +21,7 @@ from granular.md.located.log import keep_unsettled
 from granular.md.located.one_contact.inside import look, look_inside, seen
 from granular.md.located.own_law import Collocation
 from granular.md.located.pace import Pace, looked_at, message_of, seldom, stats_of, still_open
-from granular.md.located.plan import answer, make_table, planned
+from granular.md.located.plan import answer, follow_contact, make_table, plan_all_due
 from granular.md.located.power_form import power_form
 from granular.md.located.records import (
     ASKS,
@@ -35,9 +35,10 @@ from granular.md.located.records import (
     REST,
     STOP,
     STOPPED,
+    TO_PLAN,
     WANTS_CONTACT,
     WANTS_TABLE,
-    WORK,
+    WORK_LIMIT,
 )
 from granular.md.located.rest.creep import LARGEST, SMOOTH, Creep, Flight, lone_pile, swinging
 from granular.md.located.rest.overdamped import first_asking
@@ -63,7 +64,7 @@ LOADING, MAKING, LAUNCH = 1.0, 33.0, 2e-5
 DISTURBED = ("resolve", "stop", "ignore")
 """What may be done where a contact disturbs another."""
 WHY = {
-    STOPPED: Pause.until, QUIET: Pause.quiet, WORK: Pause.work, REST: Pause.resting,
+    STOPPED: Pause.until, QUIET: Pause.quiet, WORK_LIMIT: Pause.work, REST: Pause.resting,
     BINDING: Pause.quiet,
 }
 
@@ -129,7 +130,7 @@ class Run:
             self.s = to_plain(self.s)
         if state is None:
             launched = self.kernels(blocks.launch)(self.s, self.collocation)
-            self.launched = launched and self.kernels(planned)(self.s, self.collocation)
+            self.launched = launched and self.kernels(plan_all_due)(self.s, self.collocation)
         else:
             self.launched = True
             self.kernels(replay)(self.s.queue, 0, scene.n_pairs - 1)
@@ -228,7 +229,7 @@ class Run:
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of contacts so far."""
-        return self.start + float(self.counters["t"]), int(self.counters["begun"])
+        return self.start + float(self.counters["t"]), int(self.counters["contacts"])
 
     def rows(self) -> list[Rows]:
         """Take the contacts that are over, and that nothing can change any more, out of the buffer."""
@@ -271,7 +272,7 @@ class Run:
         self.kernels(look)(self.s, elapsed, *rows, sums, self.collocation)
         c = -1
         while (c := self.kernels(look_inside)(self.s, c + 1, elapsed)) < self.scene.n_pairs:
-            self.kernels(planned)(self.s, self.collocation)
+            self.kernels(follow_contact)(self.s, self.collocation)
             self.kernels(seen)(self.s, c, *rows, sums)
         made = np.asarray(rows)
         if not np.isfinite(made[:2]).all():  # interpreted, it would have raised on the way
@@ -334,8 +335,8 @@ class Run:
         """Plan the blocks at driven walls anew, and go on to `time`."""
         for c in np.flatnonzero(column(self.s.pairs, "wall") > 0).tolist():
             if self.s.pairs[c]["slot"] >= 0:
-                self.kernels(play)(self.s.queue, int(self.s.pairs[c]["first"]), -math.inf)
-        self.kernels(planned)(self.s, self.collocation)
+                self.kernels(play)(self.s.queue, int(self.s.pairs[c]["first"]), TO_PLAN)
+        self.kernels(plan_all_due)(self.s, self.collocation)
         while self.to(time, False) is Pause.full:
             pass
 

@@ -166,8 +166,8 @@ def scale(pairs: Any, pool: Any, lo: int, hi: int) -> float:
     h = power(0.2 * block.length / block.speed, 1.0 / block.clock) if block.speed > 0.0 else 1.0
     if block.clock > 1:
         return h
-    if block.stride > 0.0:
-        h = block.stride
+    if block.last_step > 0.0:
+        h = block.last_step
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         if pair.xi > 0.0 and is_curved(pair):

@@ -48,7 +48,7 @@ from granular.md.rows import CONTACT_ROW
 from granular.scene import Scene, speed_scale
 from granular.scene.flags import RING
 
-System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables answer work walls ledger")
+System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables answer scratch walls ledger")
 """All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder; `Walls`
 that are driven, or how balls are `Hung`, and the record of a ledger, None without."""
 
@@ -64,7 +64,7 @@ def to_compiled(s: System) -> System:
     """Return the run for compiled code: same numbers, same bits."""
     records = map(packed, s[:9], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
     ledger = None if s.ledger is None else packed(s.ledger, LEDGER)
-    return System._make([*records, np.array(s.answer), np.array(s.work), compiled_walls(s.walls), ledger])
+    return System._make([*records, np.array(s.answer), np.array(s.scratch), compiled_walls(s.walls), ledger])
 
 
 def readable(s: System) -> System:
@@ -100,11 +100,11 @@ def new_system(
     pairs["first"], pairs["hi"] = np.arange(n), np.arange(1, n + 1)
     stops = (until.pair, until.nth) if isinstance(until, stop.Contact) else (-1, 0)
     limits |= {"until_pair": stops[0], "until_nth": stops[1], "separated": isinstance(until, stop.Separated)}
-    limits |= {"first": -1, "disturbed": math.nan, "alone": -1}
+    limits |= {"first": -1, "disturbed": math.nan, "solo": -1}
     for name, value in limits.items():
         run[name] = value
     log = np.zeros(min(max(LOG_ROWS, 2 * n), MOST_ROWS), CONTACT_ROW)
-    work = np.zeros((DEEPEST + 1, ORDER + 2))
+    scratch = np.zeros((DEEPEST + 1, ORDER + 2))
     has = np.take_along_axis(kinds["map"], pairs["kind_of"].astype(int), -1) if gap.ndim > 1 else kinds["map"][kind_of]
     pairs["map"] = -1
     lacks = (has == NO_MAP) | ((pairs["pull"] != 0.0) & (has != DASHPOT))
@@ -112,7 +112,7 @@ def new_system(
         pairs["map"] = np.where(lacks & (pairs["wall"] == 0), np.arange(n), -1)
     known = np.zeros(min(n, MOST_MAPS), MAP), np.zeros(TABLES, TABLE), np.zeros(6)
     pool = empty_pool(min(room, n) + SPARE)
-    return System(run, pairs, pool, kinds, bodies, tournament(n), log, *known, work, walls, ledger)
+    return System(run, pairs, pool, kinds, bodies, tournament(n), log, *known, scratch, walls, ledger)
 
 
 def empty_pool(room: int) -> np.ndarray[Any, Any]:
@@ -215,15 +215,16 @@ def join(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> No
         pairs[c + count_of(pairs)].slot = pair.slot
     member = pool[pair.slot]
     if pair.mode == OPEN:
-        pair.alone = 0
+        pair.isolated = 0
     member.lower, member.upper = bodies[c].inverse_mass, bodies[c + 1].inverse_mass
     member.inverse, member.pull, member.wall = member.lower + member.upper, pair.pull, pair.wall
     member.kind, member.q, member.memory = law.kind, law.q, law.memory
     member.k, member.gamma, member.p, member.d, member.s = law.k, law.gamma, law.p, law.d, law.s
     member.xi, member.eta, member.mode, member.noise = pair.xi, pair.eta, pair.mode, pair.noise
-    member.exact, member.wake, member.top, member.loading = pair.exact, pair.wake, 0.0, 1
-    member.t, member.tail, member.stride, member.fired, member.what = pair.t, pair.tail, pair.stride, c, pair.what
-    member.clock, member.h, member.tau, member.speed, member.begun = 1, 0.0, 0.0, 0.0, 0
+    member.exact, member.wake, member.xi_peak, member.loading = pair.exact, pair.wake, 0.0, 1
+    member.t, member.tail, member.last_step = pair.t, pair.tail, pair.last_step
+    member.fired, member.event = c, pair.event
+    member.clock, member.h, member.tau, member.speed, member.going_on = 1, 0.0, 0.0, 0.0, 0
     member.number, member.doubt, member.largest, member.deepest, member.sway = c, 0.0, 0.0, 0.0, 0.0
     member.head, member.manner = -1, 0
     member.x[0], member.e[0], member.f[0] = pair.xi, pair.eta, 0.0

@@ -15,11 +15,11 @@ from granular._flight import time_to_contact
 from granular._kernels import entry, kernel
 from granular.md.located.contacts import pushes
 from granular.md.located.ledger import (
-    begin_alone,
-    enter_alone,
-    enter_at_once,
-    enter_exposed,
-    enter_run_off,
+    begin_solo,
+    book_at_once,
+    book_exposed,
+    book_run_off,
+    book_solo,
     look_at_flight,
     look_at_once,
     look_at_piece,
@@ -38,20 +38,20 @@ MOST_PIECES = 2000
 
 
 @kernel
-def enter(s: Any, c: int, v: float) -> Any:
+def take_up(s: Any, c: int, v: float) -> Any:
     """Take a place in the pool for pair `c`, a block of its own whose balls have just touched at speed `v`."""
     pair = s.pairs[c]
-    alone = pair.alone
+    alone = pair.isolated
     join(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, c)
-    member, pair.alone = s.pool[pair.slot], alone
-    member.xi, member.eta, member.mode, member.exact, member.begun = 0.0, v, ACTIVE, 0, 1
+    member, pair.isolated = s.pool[pair.slot], alone
+    member.xi, member.eta, member.mode, member.exact, member.going_on = 0.0, v, ACTIVE, 0, 1
     member.t, member.tail = pair.t, pair.tail
     member.duration, member.impulse, member.force_max, member.xi_max = 0.0, 0.0, 0.0, 0.0
     return member
 
 
 @kernel
-def follow_alone(s: Any, c: int, left: float) -> None:
+def ask_to_follow(s: Any, c: int, left: float) -> None:
     """Ask that a contact that has just begun be taken on for a time `left`, or until its balls part.
 
     `planned` does it, and leaves in the record of the run when its force was over (nan: it was not), the rate at which
@@ -59,16 +59,16 @@ def follow_alone(s: Any, c: int, left: float) -> None:
     what has no end is not, nor what the force comes back to, which is another contact.
     """
     run = s.run[0]
-    run.alone, run.pieces, run.left, run.passed, run.at = c, 0, left, 0.0, 0.0
+    run.solo, run.pieces, run.left, run.passed, run.at = c, 0, left, 0.0, 0.0
     run.over, run.parting = math.nan, math.nan
     if WORKED:
-        begin_alone(s.ledger)
+        begin_solo(s.ledger)
 
 
 @kernel
 def has_piece(s: Any, laws: Any) -> bool:
     """Return whether the contact that is followed alone has a next piece; what runs off flies on as far as it may."""
-    run, member = s.run[0], s.pool[s.pairs[s.run[0].alone].slot]
+    run, member = s.run[0], s.pool[s.pairs[s.run[0].solo].slot]
     if not (run.left > run.passed or run.pieces < 0) or run.pieces == MOST_PIECES or member.mode == OPEN:
         return False
     run.pieces += 1
@@ -79,12 +79,12 @@ def has_piece(s: Any, laws: Any) -> bool:
         fly(member, run.left - run.passed, s.walls)
         run.passed = run.left
         if WORKED:
-            enter_run_off(s.ledger, member, laws, xi, member.xi)
+            book_run_off(s.ledger, member, laws, xi, member.xi)
     elif member.s != 1.0 or not force_returns(member, member) < wait:
         fly(member, wait, s.walls)
         member.xi, member.mode = 0.0, OPEN
         if WORKED:
-            enter_run_off(s.ledger, member, laws, xi, 0.0)
+            book_run_off(s.ledger, member, laws, xi, 0.0)
         run.passed += wait
     return False
 
@@ -92,7 +92,7 @@ def has_piece(s: Any, laws: Any) -> bool:
 @kernel
 def goes_on(s: Any, laws: Any) -> bool:
     """Take the contact that is followed alone over its piece; false if that was the last one."""
-    run, c = s.run[0], s.run[0].alone
+    run, c = s.run[0], s.run[0].solo
     member = s.pool[s.pairs[c].slot]
     tau = member.tau
     dt = piece_time(member)
@@ -100,25 +100,25 @@ def goes_on(s: Any, laws: Any) -> bool:
         dt = max(0.0, run.left - run.passed)
         tau = min(tau, power(dt, 1.0 / member.clock) / member.h)
     if WORKED:
-        enter_alone(s.ledger, s.walls, laws, s, c, tau)
+        book_solo(s.ledger, s.walls, laws, s, c, tau)
     if run.log > 0:
-        follow(run, s.pairs, s.pool, s.work, c, tau)
+        follow(run, s.pairs, s.pool, s.scratch, c, tau)
     member.xi, member.eta, member.exact, member.tau = value(member.x, tau), value(member.e, tau), 0, 0.0
     tick(member, dt)
     run.passed += dt
     if not run.passed < run.left:
         run.at = tau
         return False
-    if DRIVEN and member.what == EDGE and member.wall > 0:
+    if DRIVEN and member.event == EDGE and member.wall > 0:
         tick(member, beside_edge(s.walls, member, member))
         jump, slip = jump_at(s.walls, member, member.t, member.tail)
         member.eta += slip
         if jump != 0.0:
             jolted(run, member, laws)
     if member.fired == c:
-        if member.what == BEGIN:
+        if member.event == BEGIN:
             return False
-        if member.mode == ACTIVE and (member.what == END or member.what == PART):
+        if member.mode == ACTIVE and (member.event == END or member.event == PART):
             run.over, run.parting = run.passed, -member.eta
         happen(member)
     return True
@@ -141,12 +141,12 @@ def jolted(run: Any, member: Any, laws: Any) -> None:
 @kernel
 def happen(member: Any) -> None:
     """Let the event happen that ends the piece of a contact alone."""
-    if member.what == END:
+    if member.event == END:
         member.mode, member.exact = RESIDUAL, 1
-    elif member.what == TURN:
-        member.loading, member.top, member.eta = 0, member.xi, min(0.0, member.eta)
-    elif member.what == RELOAD:
-        member.loading, member.xi = 1, member.top
+    elif member.event == TURN:
+        member.loading, member.xi_peak, member.eta = 0, member.xi, min(0.0, member.eta)
+    elif member.event == RELOAD:
+        member.loading, member.xi = 1, member.xi_peak
     else:
         member.mode, member.xi, member.exact = OPEN, 0.0, 0
 
@@ -159,10 +159,10 @@ def relive(s: Any, c: int, t: float, tail: float) -> None:
     """
     pair = s.pairs[c]
     left = pair.lasts + since(pair, t, tail)
-    member = enter(s, c, pair.speed)
+    member = take_up(s, c, pair.speed)
     tick(member, -pair.lasts)
     member.t_begin = member.t
-    follow_alone(s, c, left)
+    ask_to_follow(s, c, left)
 
 
 @kernel
@@ -171,11 +171,11 @@ def exposed(s: Any, c: int) -> None:
     run, pair, bodies, member = s.run[0], s.pairs[c], s.bodies, s.pool[s.pairs[c].slot]
     back = since(pair, run.t, run.tail)
     if WORKED:
-        enter_at_once(s.ledger, s, c, -1.0)
-        enter_exposed(s.ledger)
+        book_at_once(s.ledger, s, c, -1.0)
+        book_exposed(s.ledger)
     xi, eta = flown(s.walls, pair, back)
     if member.mode != ACTIVE:  # in its run-off, it is what its asymptote says
-        member.xi, member.eta, member.begun = xi if member.mode == RESIDUAL else min(0.0, xi), eta, 0
+        member.xi, member.eta, member.going_on = xi if member.mode == RESIDUAL else min(0.0, xi), eta, 0
         member.h, member.tau, member.x[0], member.e[0], member.f[0] = 0.0, 0.0, member.xi, eta, 0.0
         return
     low, high = member.lower / member.inverse, member.upper / member.inverse
@@ -185,7 +185,7 @@ def exposed(s: Any, c: int) -> None:
         row = s.log[pair.row]
         member.lower_in, member.upper_in, member.t_begin, row.pair = row.lower_in, row.upper_in, row.t_begin, -1
     elif run.log > 0:  # its row has been handed on: a run that ends where the contact does, to the bit
-        member.begun = 0
+        member.going_on = 0
     for side in range(2):
         body, f, share = bodies[nth(s.pairs, c + side)], nth(s.pairs, c - 1 + 2 * side), high if side else low
         if HUNG:
@@ -223,7 +223,7 @@ def look(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) 
         pair = s.pairs[c]
         if pair.slot < 0:
             dt = since(pair, t, 0.0)
-            dt = max(0.0, dt) if pair.lasts == 0.0 else dt
+            dt = dt if pair.ahead == 1 else max(0.0, dt)
             deep, fast = flown(s.walls, pair, dt)
             xi[c], eta[c], force[c] = deep, fast, 0.0
             if WORKED:

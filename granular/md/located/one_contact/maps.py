@@ -25,7 +25,7 @@ from typing import Any
 from granular._kernels import kernel
 from granular.laws.viscoelastic_restitution import duration, restitution
 from granular.laws.viscoelastic_restitution import peaks as tops
-from granular.md.located.records import DASHPOT, SIMILAR, VISCOELASTIC
+from granular.md.located.records import DASHPOT, SELF_SIMILAR, VISCOELASTIC
 
 WEIGHTLESS = 10.0
 """A dashpot's contact under a pull G has a map if v ω exceeds this many times G: below, balls come to rest."""
@@ -46,7 +46,7 @@ def encounter(law: Any, inverse: float, pull: float, v: float) -> tuple[float, f
         return under_pull(law, inverse, pull, v)
     if pull != 0.0:
         return REFUSED
-    if law.map == SIMILAR:
+    if law.map == SELF_SIMILAR:
         unit, v1 = reach(law, inverse, v) / v, law.restitution * v
         return law.force_ends * unit, law.parts * unit, v1, v1
     if law.map == VISCOELASTIC:
@@ -165,7 +165,7 @@ def swing(omega: float, zeta: float, pull: float, v: float, t: float) -> tuple[f
 @kernel
 def peaks(law: Any, inverse: float, pull: float, v: float, t1: float, v1: float) -> tuple[float, float]:
     """Return the largest overlap and the largest force of a contact that `encounter` knows."""
-    if law.map == SIMILAR:
+    if law.map == SELF_SIMILAR:
         length = reach(law, inverse, v)
         return law.deepest * length, law.strongest * v * v / (inverse * length)
     if law.map == VISCOELASTIC:

@@ -8,9 +8,9 @@ ceiling, by forces or by a driven wall, is convex by at most P: from a to b in a
 (√a + √b)² > P L²/2; this is not asked if the pair at its far end is in contact too, for then a is not known.
 
 What the pair and its flanks keep from then on are their asymptotes: the motion after the contact, with a clock that may
-lie ahead. `lasts` tells: positive, it is the length of the contact that ends (ξ = 0) at the pair's clock; negative, the
-clock may lie ahead because a neighbour is in contact. With ξ and η inside the contact, and ξ_v and η_v of the pair's
-asymptote, a flank is smaller by share·(ξ_v - ξ) than its own asymptote says.
+lie `ahead`: for the pair by how long its contact `lasts`, at the end of which ξ = 0, for a flank by the contact of its
+neighbour. With ξ and η inside the contact, and ξ_v and η_v of the pair's asymptote, a flank is smaller by
+share·(ξ_v - ξ) than its own asymptote says.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from granular._kernels import inlined, kernel
 from granular._tournament import leaf, replay
 from granular.md.located.contacts import is_awaited
 from granular.md.located.jumps import count_hit, speed_away
-from granular.md.located.ledger import enter_at_once, keep_alone
+from granular.md.located.ledger import book_at_once, keep_solo
 from granular.md.located.log import velocity_now
 from granular.md.located.one_contact.maps import encounter, of_pendula, peaks, peaks_of_pendula
 from granular.md.located.one_contact.tables import WANTED, table_of, tabled, tabled_peaks
 from granular.md.located.pendula import impulse_of_pendula, shift, swung
 from granular.md.located.pieces import DRIFT, ULP, predict, since, tick
-from granular.md.located.records import BEGIN, IGNORE, OPEN
+from granular.md.located.records import BEGIN, BY_PIECES, DONE, IGNORE, OPEN, WANTS_CONTACT, WANTS_TABLE
 from granular.md.located.system import beside, count_of, nth
 from granular.md.located.walls import (
     carry_walls,
@@ -46,91 +46,137 @@ from granular.scene.flags import DRIVEN, HEATED, HUNG, RING, WORKED
 
 BRIEF = 0.5
 """Part of 1/Ω that a contact beyond a flank of pendula may still last."""
-CLOSED, PIECES, ALONE, HOT = -3, -4, -5, -6
-"""Where a contact is known from, if not from a table: a closed form, or pieces that were followed to its end; HOT is a
-thermal wall, which takes no time."""
-MET, OTHERWISE, TABLE, ASKED = range(4)
-"""What `meet` comes to; a table is wanted first, or a contact alone: see `tables`."""
+CLOSED, FOLLOWED, TO_FOLLOW, THERMAL = -3, -4, -5, -6
+"""Where a contact is known from, if not from a table: a closed form, or pieces that were followed to its end, or first
+are to be; THERMAL is a wall that throws back, which takes no time."""
 
 
 @kernel
-def meet(s: Any, c: int) -> int:
-    """Let the contact of pair `c`, which is due, happen at once if it is known and certain to be isolated.
+def happen_at_once(s: Any, c: int) -> int:
+    """Let the contact of pair `c`, which is due, happen at once if it is known and certain to be isolated: DONE.
 
-    Returns whether it did: MET, OTHERWISE, or what is wanted first.
+    Else return BY_PIECES, or what is wanted first: WANTS_TABLE, WANTS_CONTACT.
     """
-    run, pairs, bodies, pair = s.run[0], s.pairs, s.bodies, s.pairs[c]
-    if pair.mode != OPEN or pair.what != BEGIN or is_awaited(run, pairs, c):
-        return OTHERWISE
-    if DRIVEN and pair.wall > 0 and run.disturbing != IGNORE:
-        return OTHERWISE
-    v, n = touching_rate(s.walls, pair, pair.wait), count_of(pairs)
+    run, pairs, pair = s.run[0], s.pairs, s.pairs[c]
+    v = touching_rate(s.walls, pair, pair.wait) if may_happen_at_once(run, pairs, c) else 0.0
     if not v > DRIFT * pair.noise:
-        return OTHERWISE
-    t1, t2, v1, v2, place = foresee(s, c, v)
-    if not t1 > 0.0 and place != HOT:
+        return BY_PIECES
+    t1, t2, v1, v2, source = contact_map(s, c, v)
+    if not t1 > 0.0 and source != THERMAL:
         run.wanted = c
-        return TABLE if place == WANTED else ASKED if place == ALONE else OTHERWISE
-    inverse, over = bodies[c].inverse_mass + bodies[c + 1].inverse_mass, pair.wait + t2
+        return WANTS_TABLE if source == WANTED else WANTS_CONTACT if source == TO_FOLLOW else BY_PIECES
+    over = pair.wait + t2
     way, kick = course(s.walls, pair, v, t2)
-    way /= inverse
+    way /= s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass
     lower_v, upper_v = parted(s, c, pair, over, kick + v2, v2)
-    below = above = math.inf
-    sure_below = sure_above = True
-    rate_below = rate_above = busy_below = busy_above = 0.0
     lower, upper = beside(pairs, c)
-    if lower >= 0:
-        rate_below = lower_v - coasting(s, nth(pairs, c - 1), pair, over)
-        busy_below = still_busy(pairs[nth(pairs, c - 2)], pair, over) if RING or c > 1 else 0.0
-        less = bodies[c].inverse_mass * way
-        below, sure_below = clearance(s.walls, pairs[lower], pair, t2, less, rate_below, busy_below)
-    if upper < n:
-        rate_above = coasting(s, nth(pairs, c + 2), pair, over) - upper_v
-        busy_above = still_busy(pairs[nth(pairs, c + 2)], pair, over) if RING or c + 2 < n else 0.0
-        less = bodies[c + 1].inverse_mass * way
-        if RING and n == 2:
-            rate_above, busy_above, less = lower_v - upper_v, 0.0, inverse * way
-        above, sure_above = clearance(s.walls, pairs[upper], pair, t2, less, rate_above, busy_above)
+    below, sure_below, rate_below, busy_below = flank_below(s, c, t2, way, lower_v)
+    above, sure_above, rate_above, busy_above = flank_above(s, c, t2, way, lower_v, upper_v)
     isolated = below > 0.0 and above > 0.0 and sure_below and sure_above
     if not isolated and (run.disturbing != IGNORE or min(below, above) == -math.inf):
-        return OTHERWISE
+        return BY_PIECES
     if HUNG and max(busy_below, busy_above) * run.omega > BRIEF:
-        return OTHERWISE
-    if place >= 0:
-        run.error += s.tables[place].error
+        return BY_PIECES
+    if source >= 0:
+        run.error += s.tables[source].error
+    begin_at_once(s, c, v, t1, v1, source)
+    count(run, pair, isolated, c if below > 0.0 and sure_below else lower, t2)
+    part_at_once(s, c, v, t2, v2, way, source)
+    free(s.bodies[c], pair, lower_v)
+    free(s.bodies[nth(pairs, c + 1)], pair, upper_v)
+    if lower >= 0:
+        deflect(s, lower, pair, below, rate_below, busy_below)
+    if upper < count_of(pairs):
+        deflect(s, upper, pair, above, rate_above, busy_above)
+    queue_anew(s, lower, c, upper)
+    return DONE
+
+
+@kernel
+def may_happen_at_once(run: Any, pairs: Any, c: int) -> bool:
+    """Return whether what is due of pair `c` is the onset of a contact, and one that the run need not look at."""
+    pair = pairs[c]
+    if pair.mode != OPEN or pair.event != BEGIN or is_awaited(run, pairs, c):
+        return False
+    return not (DRIVEN and pair.wall > 0 and run.disturbing != IGNORE)
+
+
+@kernel
+def flank_below(s: Any, c: int, t2: float, way: float, lower_v: float) -> tuple[float, bool, float, float]:
+    """Return of the flank below pair `c`, as `clearance` does, its gap when all is over and whether it is certain; the
+    rate at which it grows then, and how long the contact beyond it goes on. Without a flank it is always wide enough.
+
+    Each unit of impulse takes the lower ball a `way` down, and it leaves at `lower_v`.
+    """
+    pairs, pair, lower = s.pairs, s.pairs[c], beside(s.pairs, c)[0]
+    if lower < 0:
+        return math.inf, True, 0.0, 0.0
+    over = pair.wait + t2
+    rate = lower_v - coasting(s, nth(pairs, c - 1), pair, over)
+    busy = still_busy(pairs[nth(pairs, c - 2)], pair, over) if RING or c > 1 else 0.0
+    less = s.bodies[c].inverse_mass * way
+    gap, sure = clearance(s.walls, pairs[lower], pair, t2, less, rate, busy)
+    return gap, sure, rate, busy
+
+
+@kernel
+def flank_above(
+    s: Any, c: int, t2: float, way: float, lower_v: float, upper_v: float
+) -> tuple[float, bool, float, float]:
+    """Return the same of the flank above; on a ring of two balls that is between both of them."""
+    pairs, bodies, pair, n, upper = s.pairs, s.bodies, s.pairs[c], count_of(s.pairs), beside(s.pairs, c)[1]
+    if upper >= n:
+        return math.inf, True, 0.0, 0.0
+    over = pair.wait + t2
+    rate = coasting(s, nth(pairs, c + 2), pair, over) - upper_v
+    busy = still_busy(pairs[nth(pairs, c + 2)], pair, over) if RING or c + 2 < n else 0.0
+    less = bodies[c + 1].inverse_mass * way
+    if RING and n == 2:
+        rate, busy, less = lower_v - upper_v, 0.0, (bodies[c].inverse_mass + bodies[c + 1].inverse_mass) * way
+    gap, sure = clearance(s.walls, pairs[upper], pair, t2, less, rate, busy)
+    return gap, sure, rate, busy
+
+
+@kernel
+def begin_at_once(s: Any, c: int, v: float, t1: float, v1: float, source: int) -> None:
+    """Let it be the time at which pair `c` touches, and write its contact into the log."""
+    run, pair = s.run[0], s.pairs[c]
     tick(pair, pair.wait)
     run.t, run.tail = pair.t, pair.tail
     if run.log > 0:
         if DRIVEN:
             carry_walls(s.walls, s)
-        write_row(s, c, v, t1, v1, place)
-    count(run, pair, isolated, c if below > 0.0 and sure_below else lower, t2)
+        write_row(s, c, v, t1, v1, source)
+
+
+@kernel
+def part_at_once(s: Any, c: int, v: float, t2: float, v2: float, way: float, source: int) -> None:
+    """Give pair `c` its asymptote, from the end of its contact on, and its bodies the displacement if they hang."""
+    pair, bodies = s.pairs[c], s.bodies
     tick(pair, t2)
-    pair.xi, pair.eta, pair.lasts, pair.speed, pair.exact = 0.0, -v2, t2, v, 0
+    pair.xi, pair.eta, pair.lasts, pair.ahead, pair.speed, pair.exact = 0.0, -v2, t2, 1 if t2 > 0.0 else 0, v, 0
     pair.noise += ULP * v
-    if HEATED and place == HOT:
+    if HEATED and source == THERMAL:
         count_hit(s, c, v, v2)
     elif WORKED:
-        keep_alone(s.ledger, s, c)
-        enter_at_once(s.ledger, s, c, 1.0)
+        keep_solo(s.ledger, s, c)
+        book_at_once(s.ledger, s, c, 1.0)
     predict(pair, s.kinds[pair.kind_of], s.walls)
     leaf(s.queue, c).due = pair.due
     if HUNG:
-        shift(run, bodies[c], pair, -bodies[c].inverse_mass * way)
-        shift(run, bodies[c + 1], pair, bodies[c + 1].inverse_mass * way)
-    free(bodies[c], pair, lower_v)
-    free(bodies[nth(pairs, c + 1)], pair, upper_v)
-    if lower >= 0:
-        deflect(s, lower, pair, below, rate_below, busy_below)
-    if upper < n:
-        deflect(s, upper, pair, above, rate_above, busy_above)
+        shift(s.run[0], bodies[c], pair, -bodies[c].inverse_mass * way)
+        shift(s.run[0], bodies[c + 1], pair, bodies[c + 1].inverse_mass * way)
+
+
+@kernel
+def queue_anew(s: Any, lower: int, c: int, upper: int) -> None:
+    """Let the queue know when pair `c` and its flanks are due now."""
     if RING and upper - lower != 2:
         replay(s.queue, c, c)
         replay(s.queue, upper, upper)
         replay(s.queue, max(0, lower), max(0, lower))
     else:
-        replay(s.queue, max(0, c - 1), min(c + 1, n - 1))
-    return MET
+        replay(s.queue, max(0, c - 1), min(c + 1, count_of(s.pairs) - 1))
 
 
 @inlined
@@ -163,15 +209,14 @@ def parted(s: Any, c: int, pair: Any, over: float, kick: float, v2: float) -> tu
 
 
 @kernel
-def foresee(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
-    """Return (t1, t2, v1, v2) of the contact of pair `c` at speed `v`, t1 nan if it is not known, and where from.
-
-    That is the place of a table, or CLOSED for a closed form, PIECES; WANTED for a table to be made, ALONE to be asked.
+def contact_map(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
+    """Return (t1, t2, v1, v2) of the contact of pair `c` at speed `v`, t1 nan if it is not known, and where from:
+    the place of a table, CLOSED, FOLLOWED, THERMAL; WANTED for a table to be made, TO_FOLLOW to be asked.
     """
     pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
     if HEATED and pair.wall < 0:
         v2 = speed_away(s.ledger, pair.wall)
-        return 0.0, 0.0, v2, v2, HOT
+        return 0.0, 0.0, v2, v2, THERMAL
     t1 = t2 = v1 = v2 = math.nan
     if HUNG:
         inverse = s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass
@@ -180,15 +225,15 @@ def foresee(s: Any, c: int, v: float) -> tuple[float, float, float, float, int]:
         t1, t2, v1, v2 = encounter(law, s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, pair.pull, v)
     if t1 > 0.0:
         return t1, t2, v1, v2, CLOSED
-    place = table_of(s, c, v) if pair.map >= 0 else CLOSED
-    if place >= 0:
-        t1, t2, v1, v2 = tabled(s.tables[place], law.elastic, v)
-    elif place != WANTED and s.run[0].disturbing == IGNORE:
-        place = PIECES if s.run[0].answered else ALONE
+    source = table_of(s, c, v) if pair.map >= 0 else CLOSED
+    if source >= 0:
+        t1, t2, v1, v2 = tabled(s.tables[source], law.elastic, v)
+    elif source != WANTED and s.run[0].disturbing == IGNORE:
+        source = FOLLOWED if s.run[0].answered else TO_FOLLOW
         s.run[0].answered = 0
-        if place == PIECES:
+        if source == FOLLOWED:
             t1, t2, v1, v2 = s.answer[0], s.answer[1], s.answer[2], s.answer[3]
-    return t1, t2, v1, v2, place
+    return t1, t2, v1, v2, source
 
 
 @kernel
@@ -214,7 +259,7 @@ def clearance(
 
 
 @kernel
-def write_row(s: Any, c: int, v: float, t1: float, v1: float, place: int) -> None:
+def write_row(s: Any, c: int, v: float, t1: float, v1: float, source: int) -> None:
     """Write the log row of the contact of pair `c` at its onset; it is void if the contact is taken up by an island."""
     run, pair, one, two = s.run[0], s.pairs[c], s.bodies[c], s.bodies[nth(s.pairs, c + 1)]
     row, pair.row = s.log[run.rows], run.rows
@@ -232,7 +277,7 @@ def write_row(s: Any, c: int, v: float, t1: float, v1: float, place: int) -> Non
         kick = (course(s.walls, pair, v, t1)[1] + v1) / inverse
         row.lower_out = swung(one, run.omega, since(one, run.t, run.tail) + t1)[0] - one.inverse_mass * kick
         row.upper_out = swung(two, run.omega, since(two, run.t, run.tail) + t1)[0] + two.inverse_mass * kick
-    if HEATED and place == HOT:
+    if HEATED and source == THERMAL:
         row.force_max = math.nan
         if pair.wall == -1:
             row.upper_out = row.lower_in + v1
@@ -240,22 +285,22 @@ def write_row(s: Any, c: int, v: float, t1: float, v1: float, place: int) -> Non
             row.lower_out = row.upper_in - v1
     elif HUNG and run.log == 2:
         row.xi_max, row.force_max = peaks_of_pendula(s.kinds[pair.kind_of], inverse, s.walls.square, pair.pull, v, t1)
-    elif run.log == 2 and place == CLOSED:
+    elif run.log == 2 and source == CLOSED:
         row.xi_max, row.force_max = peaks(s.kinds[pair.kind_of], inverse, pair.pull, v, t1, v1)
-    elif run.log == 2 and place == PIECES:
+    elif run.log == 2 and source == FOLLOWED:
         row.xi_max, row.force_max = s.answer[4], s.answer[5]
     elif run.log == 2:
-        row.xi_max, row.force_max = tabled_peaks(s.tables[place], v)
+        row.xi_max, row.force_max = tabled_peaks(s.tables[source], v)
 
 
 @kernel
 def count(run: Any, pair: Any, isolated: bool, first: int, t2: float) -> None:
     """Count a contact that is solved at once, now; if it is not isolated, a neighbour is due when it is over."""
-    pair.count += 1
+    pair.contacts += 1
     run.steps += 1
     run.events += 1
-    run.begun += 1
-    pair.alone = 1 if isolated else -1
+    run.contacts += 1
+    pair.isolated = 1 if isolated else -1
     if isolated:
         run.isolated += 1
     elif run.first < 0:
@@ -294,7 +339,7 @@ def deflect(s: Any, f: int, pair: Any, gap: float, rate: float, busy: float) -> 
     flank.t, flank.tail = pair.t, pair.tail
     flank.eta = rate_later(s.walls, flank, gap, -rate, busy)
     flank.xi = -max(0.0, gap)
-    flank.lasts, flank.exact = -1.0, 0
+    flank.lasts, flank.ahead, flank.exact = 0.0, 1, 0
     flank.noise += ULP * pair.speed
     if busy > 0.0:
         tick(flank, busy)

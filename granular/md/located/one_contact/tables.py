@@ -13,7 +13,7 @@ import math
 from typing import Any
 
 from granular._kernels import kernel
-from granular.md.located.one_contact.inside import enter, follow_alone
+from granular.md.located.one_contact.inside import ask_to_follow, take_up
 from granular.md.located.pieces import tick
 from granular.md.located.records import CHECKS, OCTAVES, OPEN, POINTS, QUANTITIES, SLOWEST
 from granular.md.located.system import leave
@@ -53,9 +53,9 @@ def ask(s: Any, j: int, laws: Any) -> None:
         v = math.ldexp(0.75 + 0.25 * place_of(j), math.frexp(v)[1])
     run.before_due, run.before_steps, run.before_error, run.before_log = pair.due, run.steps, run.error, run.log
     run.speed, run.log, run.error = v, 2, 0.0
-    member = enter(s, c, v)
+    member = take_up(s, c, v)
     tick(member, pair.wait)
-    follow_alone(s, c, math.inf if laws is None or laws.pushes_at_touch(member) else 0.0)
+    ask_to_follow(s, c, math.inf if laws is None or laws.pushes_at_touch(member) else 0.0)
 
 
 @kernel

@@ -22,9 +22,9 @@ from typing import Any
 from granular._kernels import kernel
 from granular._tournament import play
 from granular.md.located.pieces import locate, piece_time, power, write_flight
-from granular.md.located.records import ACTIVE, ASKS, CREEPS, LIES, LONG, LOOKED, ORDER, RESIDUAL
+from granular.md.located.records import ACTIVE, ASKS, CREEPS, LIES, LONG, LOOKED, ORDER, RESIDUAL, TO_PLAN
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS, end_of_group, find_equilibrium
-from granular.md.located.rest.proof import STIFF, between, drags, flies, lie, settles, verdict, whole_verdict
+from granular.md.located.rest.proof import STIFF, between, come_to_rest, drags, flies, lie, verdict, whole_verdict
 from granular.md.located.series import bracket, power_term
 from granular.md.located.step_size import growth, left_out, trusted
 
@@ -247,11 +247,11 @@ def look_at(s: Any, limit: float) -> int:
             if whole != NOT_YET and limit == math.inf:
                 return whole
         if proved == RESTS and block.manner != LIES:
-            settles(pairs, pool, bodies, lo)
+            come_to_rest(pairs, pool, bodies, lo)
         run.steps += 1
     if block.manner != LIES:
         block.manner = CREEPS if expand_slowly(pairs, pool, bodies, lo) else LOOKED
-    pairs[lo].due = -math.inf
+    pairs[lo].due = TO_PLAN
     if block.manner != LOOKED:
         write_piece(s, lo)
     play(s.queue, lo, pairs[lo].due)
@@ -269,7 +269,7 @@ def write_piece(s: Any, lo: int) -> None:
     else:
         worst = growth(pairs, pool, lo, hi, run.tol)
         span = trusted(worst, run.tol)
-    locate(pairs, pool, lo, hi, span, s.work, None)
+    locate(pairs, pool, lo, hi, span, s.scratch, None)
     run.error += left_out(worst, block.tau)
     pairs[lo].due = block.t + (piece_time(block) + block.tail)
     if block.h >= LONG:

@@ -251,7 +251,7 @@ def hull(pairs: Any, pool: Any, bodies: Any, block: Any, c: int, way: int) -> tu
 
 
 @kernel
-def settles(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
+def come_to_rest(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
     """Return whether the groups of a block are so near to their equilibrium that the difference is rounding; if so, put
     them there: they lie still."""
     if not is_still(pairs, pool, lo):
