@@ -15,19 +15,20 @@ from typing import Any
 
 from granular._kernels import entry, kernel
 from granular._tournament import play
-from granular.md.located.checkpoint import CHANGED
 from granular.md.located.contacts import act, activate, meddle, strike
 from granular.md.located.islands import bring, enlist, extend_by, extend_event, regroup, reimpose
-from granular.md.located.jumps import ENDS, SAME, is_clipped, pass_edge
+from granular.md.located.jumps import CHANGED, ENDS, SAME, is_clipped, pass_edge
 from granular.md.located.ledger import book_flight
 from granular.md.located.one_contact.inside import exposed, relive
-from granular.md.located.one_contact.meet import BY_PIECES, DONE, happen_at_once
+from granular.md.located.one_contact.meet import happen_at_once
 from granular.md.located.pieces import ULP, arrive, in_contact, piece_time
 from granular.md.located.plan import advance_island, follow_contact, plan_all_due, series_of_piece
 from granular.md.located.records import (
     ACTIVE,
+    BY_PIECES,
     CRAMPED,
     CREEPS,
+    DONE,
     EDGE,
     EXTEND,
     LIES,
@@ -147,7 +148,7 @@ def take_next(s: Any, limit: float, laws: Any) -> int:
         if why != BY_PIECES:
             return why
         xi = pair.xi
-        arrive(pair, s.walls)
+        arrive(pair, s.field)
         if WORKED:
             book_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, xi)
         join(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, lo)
@@ -162,9 +163,9 @@ def end_piece(s: Any, lo: int, limit: float, laws: Any) -> int:
     advance_island(run, pairs, pool, bodies, s.scratch, lo, block.tau, piece_time(block), s, laws)
     run.t, run.tail, run.last_step, run.lo, run.hi = block.t, block.tail, block.last_step, lo, pairs[lo].hi
     if DRIVEN:
-        carry_walls(s.walls, s)
+        carry_walls(s.field, s)
         if block.event == EDGE:
-            passed = pass_edge(s.walls, s, laws)
+            passed = pass_edge(s.field, s, laws)
             if passed == ENDS:
                 return STOPPED
     if block.fired >= 0:
@@ -184,7 +185,7 @@ def all_recede(s: Any) -> bool:
     t = last_end(s)
     for c in range(count_of(s.pairs)):
         pair = s.pairs[c]
-        if pair.slot >= 0 or pair.xi > 0.0 or rate_at(s.walls, pair, t) > 0.0:
+        if pair.slot >= 0 or pair.xi > 0.0 or rate_at(s.field, pair, t) > 0.0:
             return False
     return True
 
@@ -231,8 +232,8 @@ def gather(s: Any, t: float, laws: Any) -> None:
         if pair.first == c and pair.slot >= 0:
             bring(s, c, t, 0.0, laws)
             if pair.due < math.inf and pool[pair.slot].h > 0.0 and pool[pair.slot].manner == MOVES:
-                reach = foresee_walls(s.walls, pairs, pool, c) if DRIVEN else math.inf
-                series_of_piece(run, pairs, pool, c, laws, s.walls, reach)
+                reach = foresee_walls(s.field, pairs, pool, c) if DRIVEN else math.inf
+                series_of_piece(run, pairs, pool, c, laws, s.field, reach)
 
 
 @kernel
@@ -247,5 +248,5 @@ def gather_slowly(s: Any) -> None:
                 lie(pairs, pool, s.bodies, c)
             elif block.manner == CREEPS and not expand_slowly(pairs, pool, s.bodies, c):
                 block.manner = MOVES
-                series_of_piece(run, pairs, pool, c, None, s.walls, math.inf)
+                series_of_piece(run, pairs, pool, c, None, s.field, math.inf)
 

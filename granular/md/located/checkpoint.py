@@ -51,7 +51,7 @@ FORMERLY = {
     "ledger": {"alone": "solo", "hits": "contacts"},
 }
 """What fields were called in files of earlier versions, and what they are called now."""
-CHANGED = "it was changed after it was saved"
+EDITED = "it was changed after it was saved"
 SMALL = 256
 """Pairs up to which all records are copied: to choose takes longer."""
 
@@ -70,11 +70,11 @@ def check(s: Any, state: Mapping[str, Any]) -> None:
         records = np.asarray(state.get(name))
         if not _like(records, dtype) or len(records) != sizes.get(name, len(records)):
             got = "is no array of such records as" if name in state else "is missing, which"
-            raise ValueError(f"{name} in the state of trajectory {got} a run of its scene has; {CHANGED}.")
+            raise ValueError(f"{name} in the state of trajectory {got} a run of its scene has; {EDITED}.")
     if not _of_scene(s, state):
-        raise ValueError(f"state of trajectory is of another scene or other laws; {CHANGED}, or was given other laws.")
+        raise ValueError(f"state of trajectory is of another scene or other laws; {EDITED}, or was given other laws.")
     if not _within(state) or not _numbers(state):
-        raise ValueError(f"state of trajectory contradicts itself; {CHANGED}.")
+        raise ValueError(f"state of trajectory contradicts itself; {EDITED}.")
 
 
 def _like(records: Any, dtype: np.dtype[Any]) -> bool:

@@ -60,7 +60,7 @@ def regroup(s: Any, laws: Any) -> int:
             form_block(run, pairs, pool, s.queue, a, c)
             lone, a = c == a + 1, nth(pairs, a)
             if lone and not pushes(pool[pairs[a].slot]):
-                take_off(run, pairs, pool, s.kinds, a, s.walls)
+                take_off(run, pairs, pool, s.kinds, a, s.field)
             else:
                 pairs[a].due = TO_PLAN
             play(s.queue, a, pairs[a].due)
@@ -69,14 +69,14 @@ def regroup(s: Any, laws: Any) -> int:
 
 
 @kernel
-def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int, walls: Any) -> None:
+def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int, field: Any) -> None:
     """Let pair `c`, a block of its own, fly on from the time of the event under way, and take back its place."""
     pair, member = pairs[c], pool[pairs[c].slot]
     pair.xi = 0.0 if member.mode == OPEN and member.xi > 0.0 else member.xi
     pair.eta, pair.mode, pair.noise = member.eta, member.mode, member.noise
     pair.exact, pair.wake, pair.t, pair.tail, pair.last_step = member.exact, member.wake, run.t, run.tail, run.last_step
     leave(run, pairs, pool, c)
-    predict(pair, kinds[pair.kind_of], walls)
+    predict(pair, kinds[pair.kind_of], field)
 
 
 @kernel
@@ -111,7 +111,7 @@ def enlist(s: Any, c: int) -> None:
     """Give pair `c` its place in the pool; a driven wall at it has the velocity and the pull of now."""
     join(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, c)
     if DRIVEN:
-        carry_walls(s.walls, s)
+        carry_walls(s.field, s)
 
 
 @kernel
@@ -133,9 +133,9 @@ def bring(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
     pair = s.pairs[lo]
     xi = pair.xi
     if pair.slot < 0 and pair.ahead == 1:
-        fly(pair, since(pair, t, tail), s.walls)
+        fly(pair, since(pair, t, tail), s.field)
     elif pair.slot < 0:
-        glide(pair, since(pair, t, tail), s.walls)
+        glide(pair, since(pair, t, tail), s.field)
         if WORKED:
             book_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, xi)
     else:  # at once there, except for what a single float cannot say
@@ -176,7 +176,7 @@ def reimpose(s: Any) -> None:
         if pair.slot >= 0:
             gap = -value(pool[pair.slot].x, tau_at(pool[pairs[pair.first].slot], run.t, run.tail))
         else:
-            gap = -flown(s.walls, pair, since(pair, run.t, run.tail))[0]
+            gap = -flown(s.field, pair, since(pair, run.t, run.tail))[0]
             if pair.mode == OPEN and pair.lasts == 0.0 and gap > most:
                 most, widest = gap, c
         new = total + gap  # in two floats (Neumaier 1974)
@@ -185,6 +185,6 @@ def reimpose(s: Any) -> None:
     if widest >= 0:
         pair = pairs[widest]
         pair.xi += (total - run.length) + low
-        predict(pair, s.kinds[pair.kind_of], s.walls)
+        predict(pair, s.kinds[pair.kind_of], s.field)
         play(s.queue, widest, pair.due)
 

@@ -89,15 +89,15 @@ class Collocation:
 
     @np.errstate(over="ignore", invalid="ignore")  # trial steps may be far too long
     def fill(
-        self, records: list[Any], pool: list[Any], lo: int, tol: float, walls: Any = None, holds: float = math.inf
+        self, records: list[Any], pool: list[Any], lo: int, tol: float, field: Any = None, holds: float = math.inf
     ) -> float:
         """Compute the piece of an island on τ in [0, 1], set its h and clock; return its truncation error.
 
         It is no longer than `holds`, for which the paths of driven walls go on as they do.
         """
-        self.square = getattr(walls, "square", 0.0)
+        self.square = getattr(field, "square", 0.0)
         island = enumerate(records[lo : records[lo].hi])
-        self.shaken = [(i, walls.path[p.wall - 1]) for i, p in island if p.wall > 0]
+        self.shaken = [(i, field.path[p.wall - 1]) for i, p in island if p.wall > 0]
         pairs = [pool[p.slot] for p in records[lo : records[lo].hi]]
         self.closed = self.ring and len(pairs) == len(self.laws)
         block = pairs[0]

@@ -212,7 +212,7 @@ def write_flight(pair: Any, h: float, push: float, force: float) -> None:
 
 
 @kernel
-def predict(pair: Any, law: Any, walls: Any) -> None:
+def predict(pair: Any, law: Any, field: Any) -> None:
     """Plan the flight of a free pair, a block of its own, to its next event.
 
     Contacts leave rates of rounding where the exact ones are zero: balls that stay together would meet again after
@@ -221,7 +221,7 @@ def predict(pair: Any, law: Any, walls: Any) -> None:
     if HUNG and pair.pull == 0.0 and 0.0 < pair.eta <= DRIFT * pair.noise and pair.xi == 0.0:
         pair.eta = 0.0
     if HUNG or (DRIVEN and pair.wall > 0):
-        pair.wait, pair.event = next_touch(walls, pair), BEGIN
+        pair.wait, pair.event = next_touch(field, pair), BEGIN
         pair.due = pair.t + (pair.wait + pair.tail)
         return
     if pair.mode == OPEN and pair.pull == 0.0 and 0.0 < pair.eta <= DRIFT * pair.noise:
@@ -245,29 +245,29 @@ def force_returns(pair: Any, law: Any) -> float:
 
 
 @kernel
-def glide(pair: Any, dt: float, walls: Any) -> None:
+def glide(pair: Any, dt: float, field: Any) -> None:
     """Advance a free pair by `dt`, if that is positive."""
     if dt > 0.0:
-        fly(pair, dt, walls)
+        fly(pair, dt, field)
 
 
 @kernel
-def fly(pair: Any, dt: float, walls: Any) -> None:
+def fly(pair: Any, dt: float, field: Any) -> None:
     """Advance a free pair by `dt`; to go back is to trace its asymptote."""
-    pair.xi, pair.eta = flown(walls, pair, dt)
+    pair.xi, pair.eta = flown(field, pair, dt)
     pair.exact = 0
     tick(pair, dt)
 
 
 @kernel
-def arrive(pair: Any, walls: Any) -> None:
+def arrive(pair: Any, field: Any) -> None:
     """Advance a free pair to its event: exactly there, with the rate it has from the state, not from the time."""
     if pair.mode == OPEN:
-        pair.eta = touching_rate(walls, pair, pair.wait)
+        pair.eta = touching_rate(field, pair, pair.wait)
         pair.xi = 0.0
         tick(pair, pair.wait)
     else:
-        glide(pair, pair.wait, walls)
+        glide(pair, pair.wait, field)
 
 
 @kernel

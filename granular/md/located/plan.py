@@ -44,7 +44,7 @@ def plan_all_due(s: Any, laws: Any) -> bool:
     stays = True
     while s.queue[1].due == TO_PLAN:
         lo = s.queue[1].key
-        stays = plan(s.run[0], s.pairs, s.pool, s.bodies, s.scratch, lo, laws, s.walls) and stays
+        stays = plan(s.run[0], s.pairs, s.pool, s.bodies, s.scratch, lo, laws, s.field) and stays
         play(s.queue, lo, s.pairs[lo].due)
     return stays
 
@@ -55,14 +55,14 @@ def follow_contact(s: Any, laws: Any) -> None:
     """Follow the contact of one pair alone, piece after piece, as `inside.ask_to_follow` has asked."""
     run = s.run[0]
     while has_piece(s, laws):
-        plan(run, s.pairs, s.pool, s.bodies, s.scratch, run.solo, laws, s.walls)
+        plan(run, s.pairs, s.pool, s.bodies, s.scratch, run.solo, laws, s.field)
         if not goes_on(s, laws):
             break
     run.solo = -1
 
 
 @kernel
-def plan(run: Any, pairs: Any, pool: Any, bodies: Any, scratch: Any, lo: int, laws: Any, walls: Any) -> bool:
+def plan(run: Any, pairs: Any, pool: Any, bodies: Any, scratch: Any, lo: int, laws: Any, field: Any) -> bool:
     """Compute the next piece of the island that starts with `lo`, and its end; false if the run is to stop at once."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     worst, span = -math.inf, 1.0
@@ -73,8 +73,8 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, scratch: Any, lo: int, la
         if not (HUNG or RING) and laws is None and run.solo < 0 and may_creep(pairs, pool, bodies, lo):
             wait(pairs, pool, lo)
             return True
-    reach = foresee_walls(walls, pairs, pool, lo) if DRIVEN else math.inf
-    fastest = fastest_rate(pairs, pool, lo, hi, walls.square if HUNG else 0.0)
+    reach = foresee_walls(field, pairs, pool, lo) if DRIVEN else math.inf
+    fastest = fastest_rate(pairs, pool, lo, hi, field.square if HUNG else 0.0)
     block.linear, block.clock = 1 if fastest >= 0.0 else 0, 1
     if block.linear == 1:
         if DRIVEN and fastest == 0.0 and reach == math.inf:
@@ -86,7 +86,7 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, scratch: Any, lo: int, la
         block.h = scale(pairs, pool, lo, hi)
         if DRIVEN:
             block.h = min(block.h, power(reach, 1.0 / block.clock))
-    series_of_piece(run, pairs, pool, lo, laws, walls, reach)
+    series_of_piece(run, pairs, pool, lo, laws, field, reach)
     if block.linear == 0 and laws is None:
         worst = growth(pairs, pool, lo, hi, run.tol)
         span = trusted(worst, run.tol)
@@ -122,19 +122,19 @@ def wait(pairs: Any, pool: Any, lo: int) -> None:
 
 
 @kernel
-def series_of_piece(run: Any, pairs: Any, pool: Any, lo: int, laws: Any, walls: Any, reach: float) -> None:
+def series_of_piece(run: Any, pairs: Any, pool: Any, lo: int, laws: Any, field: Any, reach: float) -> None:
     """Compute the series; where pairs touch at rest, until it agrees with who is taken to push. `reach` and the paths
     of driven walls are those of `foresee_walls`."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     for _ in range(2 * (hi - lo) + 2):
         if laws is not None:
-            run.error += laws.fill(pairs, pool, lo, run.tol, walls, reach)
+            run.error += laws.fill(pairs, pool, lo, run.tol, field, reach)
         elif block.linear == 1 and hi == lo + 2 and reach == math.inf and not (HUNG or RING):
             expand_two(block, pool[pairs[lo + 1].slot], block.h)
         elif block.linear == 1:
-            expand_linear(pairs, pool, lo, hi, block.h, 1, walls)
+            expand_linear(pairs, pool, lo, hi, block.h, 1, field)
         else:
-            expand(pairs, pool, lo, hi, block.h, block.clock, walls)
+            expand(pairs, pool, lo, hi, block.h, block.clock, field)
         if not judge(pairs, pool, lo, hi):
             break
 
@@ -149,7 +149,7 @@ def advance_island(
         return
     follow(run, pairs, pool, scratch, lo, tau)
     if WORKED:
-        book_piece(s.ledger, s.walls, laws, s, lo, tau)
+        book_piece(s.ledger, s.field, laws, s, lo, tau)
     if HUNG:
         swing(run, pairs, pool, bodies, lo, tau, dt)
     else:
@@ -162,16 +162,16 @@ def advance_island(
         pool[pairs[c].slot].noise += rounding(run.tol, pairs, pool, c, lo)
     tick(block, dt)
     if DRIVEN and block.event == EDGE and tau == block.tau:
-        tick(block, beside_edge(s.walls, pairs[lo], block))
-        tick(block, beside_edge(s.walls, pairs[hi - 1], block))
+        tick(block, beside_edge(s.field, pairs[lo], block))
+        tick(block, beside_edge(s.field, pairs[hi - 1], block))
     if RING:
         if is_closed(pairs, lo, hi):
             hold_walls(pairs, pool, lo, hi, 0.0)
     elif bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0 and block.event != EDGE:
         lower, upper = bodies[lo].v, bodies[hi].v
         if DRIVEN:
-            lower = speed_at(s.walls, pairs[lo], bodies[lo], block)
-            upper = speed_at(s.walls, pairs[hi - 1], bodies[hi], block)
+            lower = speed_at(s.field, pairs[lo], bodies[lo], block)
+            upper = speed_at(s.field, pairs[hi - 1], bodies[hi], block)
         hold_walls(pairs, pool, lo, hi, lower - upper)
     block.tau = 0.0  # the piece is used up
 

@@ -48,15 +48,15 @@ from granular.md.rows import CONTACT_ROW
 from granular.scene import Scene, speed_scale
 from granular.scene.flags import RING
 
-System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables answer scratch walls ledger")
-"""All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder; `Walls`
-that are driven, or how balls are `Hung`, and the record of a ledger, None without."""
+System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables answer scratch field ledger")
+"""All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder; the
+`field` of flights: `Walls` that are driven, or how balls are `Hung`, and the record of a ledger, None without."""
 
 
 def to_plain(s: System) -> System:
     """Return the run for interpreted code."""
     ledger = None if s.ledger is None else plain(s.ledger)
-    rest = list(s.answer), workspace(ORDER), plain_walls(s.walls), ledger
+    rest = list(s.answer), workspace(ORDER), plain_walls(s.field), ledger
     return System._make([*map(plain, s[:9]), *rest])
 
 
@@ -64,7 +64,7 @@ def to_compiled(s: System) -> System:
     """Return the run for compiled code: same numbers, same bits."""
     records = map(packed, s[:9], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
     ledger = None if s.ledger is None else packed(s.ledger, LEDGER)
-    return System._make([*records, np.array(s.answer), np.array(s.scratch), compiled_walls(s.walls), ledger])
+    return System._make([*records, np.array(s.answer), np.array(s.scratch), compiled_walls(s.field), ledger])
 
 
 def readable(s: System) -> System:
@@ -192,7 +192,7 @@ def _hung(s: System, scene: Scene) -> System:
     assert scene.rest_gap is not None
     s.bodies["fall"] = square * scene.displacement
     s.pairs["pull"], s.pairs["map"], s.run["omega"] = -square * scene.rest_gap, -1, scene.pendulum
-    return s._replace(walls=Hung(scene.pendulum, square))
+    return s._replace(field=Hung(scene.pendulum, square))
 
 
 def _share_tables(s: System, laws: SceneLaws, scene: Scene) -> None:

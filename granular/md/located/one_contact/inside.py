@@ -76,12 +76,12 @@ def has_piece(s: Any, laws: Any) -> bool:
         return True
     wait, xi = time_to_contact(member.xi, member.eta, -member.pull), member.xi
     if run.passed + wait > run.left:
-        fly(member, run.left - run.passed, s.walls)
+        fly(member, run.left - run.passed, s.field)
         run.passed = run.left
         if WORKED:
             book_run_off(s.ledger, member, laws, xi, member.xi)
     elif member.s != 1.0 or not force_returns(member, member) < wait:
-        fly(member, wait, s.walls)
+        fly(member, wait, s.field)
         member.xi, member.mode = 0.0, OPEN
         if WORKED:
             book_run_off(s.ledger, member, laws, xi, 0.0)
@@ -100,7 +100,7 @@ def goes_on(s: Any, laws: Any) -> bool:
         dt = max(0.0, run.left - run.passed)
         tau = min(tau, power(dt, 1.0 / member.clock) / member.h)
     if WORKED:
-        book_solo(s.ledger, s.walls, laws, s, c, tau)
+        book_solo(s.ledger, s.field, laws, s, c, tau)
     if run.log > 0:
         follow(run, s.pairs, s.pool, s.scratch, c, tau)
     member.xi, member.eta, member.exact, member.tau = value(member.x, tau), value(member.e, tau), 0, 0.0
@@ -110,8 +110,8 @@ def goes_on(s: Any, laws: Any) -> bool:
         run.at = tau
         return False
     if DRIVEN and member.event == EDGE and member.wall > 0:
-        tick(member, beside_edge(s.walls, member, member))
-        jump, slip = jump_at(s.walls, member, member.t, member.tail)
+        tick(member, beside_edge(s.field, member, member))
+        jump, slip = jump_at(s.field, member, member.t, member.tail)
         member.eta += slip
         if jump != 0.0:
             jolted(run, member, laws)
@@ -173,7 +173,7 @@ def exposed(s: Any, c: int) -> None:
     if WORKED:
         book_at_once(s.ledger, s, c, -1.0)
         book_exposed(s.ledger)
-    xi, eta = flown(s.walls, pair, back)
+    xi, eta = flown(s.field, pair, back)
     if member.mode != ACTIVE:  # in its run-off, it is what its asymptote says
         member.xi, member.eta, member.going_on = xi if member.mode == RESIDUAL else min(0.0, xi), eta, 0
         member.h, member.tau, member.x[0], member.e[0], member.f[0] = 0.0, 0.0, member.xi, eta, 0.0
@@ -191,7 +191,7 @@ def exposed(s: Any, c: int) -> None:
         if HUNG:
             body.v, body.fall = swung(body, run.omega, since(body, run.t, run.tail))
             body.v += (share if side else -share) * eta
-            body.fall += s.walls.square * (share if side else -share) * xi
+            body.fall += s.field.square * (share if side else -share) * xi
         else:
             body.v += -body.fall * since(body, run.t, run.tail) + (share if side else -share) * eta
         body.t, body.tail = run.t, run.tail
@@ -207,7 +207,7 @@ def straighten(s: Any, f: int, xi: float, eta: float) -> None:
         s.pool[flank.slot].xi += xi
         s.pool[flank.slot].eta += eta
         return
-    fly(flank, since(flank, run.t, run.tail), s.walls)
+    fly(flank, since(flank, run.t, run.tail), s.field)
     flank.xi += xi
     flank.eta += eta
 
@@ -224,7 +224,7 @@ def look(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) 
         if pair.slot < 0:
             dt = since(pair, t, 0.0)
             dt = dt if pair.ahead == 1 else max(0.0, dt)
-            deep, fast = flown(s.walls, pair, dt)
+            deep, fast = flown(s.field, pair, dt)
             xi[c], eta[c], force[c] = deep, fast, 0.0
             if WORKED:
                 look_at_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, deep, sums)
@@ -232,7 +232,7 @@ def look(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) 
             member = s.pool[pair.slot]
             tau = tau_at(s.pool[s.pairs[pair.first].slot], t, 0.0)
             if WORKED and pair.first == c:
-                look_at_piece(s.ledger, s.walls, laws, s, c, tau, sums)
+                look_at_piece(s.ledger, s.field, laws, s, c, tau, sums)
             xi[c], eta[c] = value(member.x, tau), value(member.e, tau)
             force[c] = max(0.0, value(member.f, tau)) if member.mode == ACTIVE else 0.0
 

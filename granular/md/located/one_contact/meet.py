@@ -58,7 +58,7 @@ def happen_at_once(s: Any, c: int) -> int:
     Else return BY_PIECES, or what is wanted first: WANTS_TABLE, WANTS_CONTACT.
     """
     run, pairs, pair = s.run[0], s.pairs, s.pairs[c]
-    v = touching_rate(s.walls, pair, pair.wait) if may_happen_at_once(run, pairs, c) else 0.0
+    v = touching_rate(s.field, pair, pair.wait) if may_happen_at_once(run, pairs, c) else 0.0
     if not v > DRIFT * pair.noise:
         return BY_PIECES
     t1, t2, v1, v2, source = contact_map(s, c, v)
@@ -66,7 +66,7 @@ def happen_at_once(s: Any, c: int) -> int:
         run.wanted = c
         return WANTS_TABLE if source == WANTED else WANTS_CONTACT if source == TO_FOLLOW else BY_PIECES
     over = pair.wait + t2
-    way, kick = course(s.walls, pair, v, t2)
+    way, kick = course(s.field, pair, v, t2)
     way /= s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass
     lower_v, upper_v = parted(s, c, pair, over, kick + v2, v2)
     lower, upper = beside(pairs, c)
@@ -115,7 +115,7 @@ def flank_below(s: Any, c: int, t2: float, way: float, lower_v: float) -> tuple[
     rate = lower_v - coasting(s, nth(pairs, c - 1), pair, over)
     busy = still_busy(pairs[nth(pairs, c - 2)], pair, over) if RING or c > 1 else 0.0
     less = s.bodies[c].inverse_mass * way
-    gap, sure = clearance(s.walls, pairs[lower], pair, t2, less, rate, busy)
+    gap, sure = clearance(s.field, pairs[lower], pair, t2, less, rate, busy)
     return gap, sure, rate, busy
 
 
@@ -133,7 +133,7 @@ def flank_above(
     less = bodies[c + 1].inverse_mass * way
     if RING and n == 2:
         rate, busy, less = lower_v - upper_v, 0.0, (bodies[c].inverse_mass + bodies[c + 1].inverse_mass) * way
-    gap, sure = clearance(s.walls, pairs[upper], pair, t2, less, rate, busy)
+    gap, sure = clearance(s.field, pairs[upper], pair, t2, less, rate, busy)
     return gap, sure, rate, busy
 
 
@@ -145,7 +145,7 @@ def begin_at_once(s: Any, c: int, v: float, t1: float, v1: float, source: int) -
     run.t, run.tail = pair.t, pair.tail
     if run.log > 0:
         if DRIVEN:
-            carry_walls(s.walls, s)
+            carry_walls(s.field, s)
         write_row(s, c, v, t1, v1, source)
 
 
@@ -161,7 +161,7 @@ def part_at_once(s: Any, c: int, v: float, t2: float, v2: float, way: float, sou
     elif WORKED:
         keep_solo(s.ledger, s, c)
         book_at_once(s.ledger, s, c, 1.0)
-    predict(pair, s.kinds[pair.kind_of], s.walls)
+    predict(pair, s.kinds[pair.kind_of], s.field)
     leaf(s.queue, c).due = pair.due
     if HUNG:
         shift(s.run[0], bodies[c], pair, -bodies[c].inverse_mass * way)
@@ -181,13 +181,13 @@ def queue_anew(s: Any, lower: int, c: int, upper: int) -> None:
 
 @inlined
 @kernel
-def course(walls: Any, pair: Any, v: float, t2: float) -> tuple[float, float]:
+def course(field: Any, pair: Any, v: float, t2: float) -> tuple[float, float]:
     """Return by how much the overlap of `pair`, which touches after its `wait` at speed `v`, would grow in a time `t2`
     without a force, and at which rate it would grow then."""
     if DRIVEN and pair.wall > 0:
-        return flight_at_wall(walls, pair, pair.wait, 0.0, -v, t2)
+        return flight_at_wall(field, pair, pair.wait, 0.0, -v, t2)
     if HUNG:
-        gap, rate = hung_after(0.0, -v, walls.omega, rest_gap(walls, pair), t2)
+        gap, rate = hung_after(0.0, -v, field.omega, rest_gap(field, pair), t2)
         return -gap, -rate
     return t2 * (v + 0.5 * pair.pull * t2), v + pair.pull * t2
 
@@ -220,7 +220,7 @@ def contact_map(s: Any, c: int, v: float) -> tuple[float, float, float, float, i
     t1 = t2 = v1 = v2 = math.nan
     if HUNG:
         inverse = s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass
-        t1, t2, v1, v2 = of_pendula(law, inverse, s.walls.square, pair.pull, v)
+        t1, t2, v1, v2 = of_pendula(law, inverse, s.field.square, pair.pull, v)
     elif not DRIVEN or pair.wall == 0:
         t1, t2, v1, v2 = encounter(law, s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, pair.pull, v)
     if t1 > 0.0:
@@ -238,7 +238,7 @@ def contact_map(s: Any, c: int, v: float) -> tuple[float, float, float, float, i
 
 @kernel
 def clearance(
-    walls: Any, flank: Any, pair: Any, t2: float, less: float, rate: float, busy: float
+    field: Any, flank: Any, pair: Any, t2: float, less: float, rate: float, busy: float
 ) -> tuple[float, bool]:
     """Return the gap of a flank when all contacts beside it are over, and whether it is certain to stay open if > 0.
 
@@ -248,12 +248,12 @@ def clearance(
     start = since(flank, pair.t, pair.tail) + pair.wait
     if flank.slot >= 0 or flank.mode != OPEN or (flank.lasts > 0.0 and start < 0.0):
         return -math.inf, False
-    gap = -flown(walls, flank, start + t2)[0] - less
+    gap = -flown(field, flank, start + t2)[0] - less
     if busy > 0.0:
-        gap = gap_later(walls, flank, start + t2, gap, rate, busy)
-    bulge = convexity(walls, flank, start, t2 + busy)
+        gap = gap_later(field, flank, start + t2, gap, rate, busy)
+    bulge = convexity(field, flank, start, t2 + busy)
     if bulge > 0.0 and gap > 0.0:
-        root = math.sqrt(max(0.0, -flown(walls, flank, start)[0])) + math.sqrt(gap)
+        root = math.sqrt(max(0.0, -flown(field, flank, start)[0])) + math.sqrt(gap)
         return gap, bool(busy == 0.0 and root * root > 0.5 * bulge * t2 * t2)
     return gap, True
 
@@ -274,7 +274,7 @@ def write_row(s: Any, c: int, v: float, t1: float, v1: float, source: int) -> No
     row.upper_out = row.upper_in - two.fall * t1 + two.inverse_mass * impulse
     row.impulse, row.xi_max, row.force_max = impulse, 0.0, 0.0
     if HUNG:
-        kick = (course(s.walls, pair, v, t1)[1] + v1) / inverse
+        kick = (course(s.field, pair, v, t1)[1] + v1) / inverse
         row.lower_out = swung(one, run.omega, since(one, run.t, run.tail) + t1)[0] - one.inverse_mass * kick
         row.upper_out = swung(two, run.omega, since(two, run.t, run.tail) + t1)[0] + two.inverse_mass * kick
     if HEATED and source == THERMAL:
@@ -284,7 +284,7 @@ def write_row(s: Any, c: int, v: float, t1: float, v1: float, source: int) -> No
         else:
             row.lower_out = row.upper_in - v1
     elif HUNG and run.log == 2:
-        row.xi_max, row.force_max = peaks_of_pendula(s.kinds[pair.kind_of], inverse, s.walls.square, pair.pull, v, t1)
+        row.xi_max, row.force_max = peaks_of_pendula(s.kinds[pair.kind_of], inverse, s.field.square, pair.pull, v, t1)
     elif run.log == 2 and source == CLOSED:
         row.xi_max, row.force_max = peaks(s.kinds[pair.kind_of], inverse, pair.pull, v, t1, v1)
     elif run.log == 2 and source == FOLLOWED:
@@ -312,7 +312,7 @@ def coasting(s: Any, b: int, pair: Any, dt: float) -> float:
     """Return the velocity that body `b` would have a time `dt` after the clock of `pair` without contacts."""
     body = s.bodies[nth(s.pairs, b)]
     if DRIVEN and body.wall > 0.0:
-        return wall_after(s.walls, body, pair, dt)
+        return wall_after(s.field, body, pair, dt)
     if HUNG:
         return swung(body, s.run[0].omega, since(body, pair.t, pair.tail) + dt)[0]
     v: float = body.v - body.fall * (since(body, pair.t, pair.tail) + dt)
@@ -337,12 +337,12 @@ def deflect(s: Any, f: int, pair: Any, gap: float, rate: float, busy: float) -> 
     """Give flank `f` its asymptote, from the end of all contacts beside it; `pair` has its own already."""
     flank = s.pairs[f]
     flank.t, flank.tail = pair.t, pair.tail
-    flank.eta = rate_later(s.walls, flank, gap, -rate, busy)
+    flank.eta = rate_later(s.field, flank, gap, -rate, busy)
     flank.xi = -max(0.0, gap)
     flank.lasts, flank.ahead, flank.exact = 0.0, 1, 0
     flank.noise += ULP * pair.speed
     if busy > 0.0:
         tick(flank, busy)
-    predict(flank, s.kinds[flank.kind_of], s.walls)
+    predict(flank, s.kinds[flank.kind_of], s.field)
     leaf(s.queue, f).due = flank.due
 

@@ -48,7 +48,7 @@ def ask(s: Any, j: int, laws: Any) -> None:
     """Ask that the contact that is wanted be followed alone, at point j of the octave of its speed, or at ITSELF."""
     run, c = s.run[0], s.run[0].wanted
     pair = s.pairs[c]
-    v = touching_rate(s.walls, pair, pair.wait)
+    v = touching_rate(s.field, pair, pair.wait)
     if j != ITSELF:
         v = math.ldexp(0.75 + 0.25 * place_of(j), math.frexp(v)[1])
     run.before_due, run.before_steps, run.before_error, run.before_log = pair.due, run.steps, run.error, run.log

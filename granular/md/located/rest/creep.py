@@ -20,7 +20,7 @@ import numpy as np
 from granular._check import Array
 from granular.md.located.records import LINEAR, OPEN
 from granular.md.located.rest.equilibrium import end_of_group, find_loads
-from granular.md.located.rest.proof import closes
+from granular.md.located.rest.proof import between, closes
 
 LARGEST = 100
 """Pairs beyond which the proof is not tried: it costs their number cubed."""
@@ -157,6 +157,20 @@ def exponential_minus_one(a: Array, dt: float) -> Array:
         out = 2.0 * out + out @ out
     change: Array = out * size / size[:, None]
     return change
+
+
+def creeping_from(s: Any, most: float) -> Creep | None:
+    """Return the motion from now on of a scene that creeps to rest, its forces swinging by less than the part `most`;
+    None of any other."""
+    a, b = lone_pile(s)
+    members = [s.pool[s.pairs[c].slot] for c in range(a, b)]
+    load = np.array([p.load for p in members])
+    if not swinging(members, load) < most:
+        return None
+    lo = s.pairs[a].first
+    flights = [Flight(s.pool[s.pairs[c].slot], *between(s.pairs, s.pool, s.bodies, lo, c)[1:])
+               for c in (a - 1, b) if lo <= c < s.pairs[lo].hi]
+    return Creep(s.pool[s.pairs[lo].slot], members, load, flights)
 
 
 def lone_pile(s: Any) -> tuple[int, int]:
