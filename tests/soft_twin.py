@@ -13,22 +13,22 @@ import numpy as np
 import granular as gr
 from granular._kernels import kernel, specialised
 from granular.md.located import blocks
-from granular.md.located.isolated import OTHERWISE
+from granular.md.located.records import BY_PIECES
 
 
 @kernel
 def never(s: Any, c: int) -> int:
     """No contact is isolated."""
-    return OTHERWISE
+    return BY_PIECES
 
 
-BY_PIECES = specialised(blocks.advance, meet=never)
+WITHOUT = specialised(blocks.advance, happen_at_once=never)
 
 
 @contextlib.contextmanager
 def pieces() -> Iterator[None]:
     """Let all contacts be solved by pieces."""
-    was, blocks.advance = blocks.advance, BY_PIECES
+    was, blocks.advance = blocks.advance, WITHOUT
     try:
         yield
     finally:

@@ -19,11 +19,11 @@ from soft_twin import twin
 import granular as gr
 from granular._flight import rate_at_contact
 from granular.laws.check import checked
-from granular.md.located import blocks, tables
-from granular.md.located.collocation import Collocation
-from granular.md.located.isolated import MET
-from granular.md.located.plan import planned
-from granular.md.located.records import GENERAL, NO_PAUSE, SLOWEST
+from granular.md.located import blocks, plan
+from granular.md.located.one_contact import tables
+from granular.md.located.own_law import Collocation
+from granular.md.located.plan import plan_all_due
+from granular.md.located.records import DONE, GENERAL, NO_PAUSE, SLOWEST
 from granular.md.located.system import system_of, to_plain
 
 INF = math.inf
@@ -113,11 +113,11 @@ def end(scene: gr.Scene, law: Any, row: Any) -> float:
 def certified(scene: gr.Scene, law: Any, contacts: int, made: dict[Any, Any], monkeypatch: Any) -> bool:
     """Whether the first contacts are solved at once; the run is taken no further."""
     met: list[int] = []
-    known, laws = blocks.meet, checked(law, scene)
+    known, laws = blocks.happen_at_once, checked(law, scene)
 
     def watching(s: Any, c: int) -> int:
         came = known(s, c)
-        if came == MET:
+        if came == DONE:
             met.append(c)
         return came
 
@@ -125,9 +125,9 @@ def certified(scene: gr.Scene, law: Any, contacts: int, made: dict[Any, Any], mo
     s = to_plain(system_of(scene, laws, None, **limits))
     asked = Collocation(laws) if s.kinds[0].kind == GENERAL else None
     with monkeypatch.context() as patch:
-        patch.setattr(blocks, "meet", watching)
+        patch.setattr(blocks, "happen_at_once", watching)
         blocks.launch(s, asked)
-        planned(s, asked)
+        plan_all_due(s, asked)
         while blocks.advance(s, 1.0, contacts - len(met), asked) == blocks.WANTS_TABLE:
             take_table(s, asked, made)
     return sorted(met) == list(range(0, 2 * contacts, 2))
@@ -139,7 +139,7 @@ def take_table(s: Any, laws: Any, made: dict[Any, Any]) -> None:
     pair = s.pairs[c]
     octave = math.frexp(-rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull))[1]
     if (c, octave) not in made:
-        tables.make_table(s, laws, lambda kernel: kernel)
+        plan.make_table(s, laws, lambda kernel: kernel)
         made[c, octave] = s.tables[place], s.maps[pair.map].table[octave - SLOWEST]
     else:
         table, found = made[c, octave]

@@ -14,7 +14,7 @@ from own_laws import Holed, Shell
 from soft_twin import twin
 
 import granular as gr
-from granular.md.located import tables
+from granular.md.located.one_contact import tables
 
 INF = math.inf
 

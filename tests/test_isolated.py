@@ -13,8 +13,9 @@ import scenes_at_random as at_random
 from soft_twin import distance, in_other_units, nudged, twin
 
 import granular as gr
-from granular.md.located import blocks, tables
-from granular.md.located.isolated import MET
+from granular.md.located import blocks
+from granular.md.located.one_contact import tables
+from granular.md.located.records import DONE
 
 mpmath = pytest.importorskip("mpmath")
 MP = mpmath.MPContext()
@@ -513,19 +514,19 @@ def energy_of(count: int, law: Any, seed: int, drift: float) -> None:
 
 
 class Certified:
-    """Watches which contacts `meet` certifies."""
+    """Watches which contacts `happen_at_once` certifies."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.met: list[int] = []
-        meet = blocks.meet
+        meet = blocks.happen_at_once
 
         def watching(s: Any, c: int) -> int:
             came = meet(s, c)
-            if came == MET:
+            if came == DONE:
                 self.met.append(c)
             return came
 
-        monkeypatch.setattr(blocks, "meet", watching)
+        monkeypatch.setattr(blocks, "happen_at_once", watching)
 
 
 def grazing(rng: Any, margin: float) -> tuple[gr.Scene, Any, Any]:

@@ -75,7 +75,7 @@ def test_solve_many_is_simulate_many_times(engine: str) -> None:
 
 def test_cells_that_want_more_tables_than_there_is_room_for_get_more(monkeypatch: pytest.MonkeyPatch) -> None:
     """A ball that bounces through the octaves of speed, each with a table; single runs make room, to the same bits."""
-    monkeypatch.setattr(sys.modules["granular.md.located.tables"], "WARM", 1)
+    monkeypatch.setattr(sys.modules["granular.md.located.one_contact.tables"], "WARM", 1)
     monkeypatch.setattr(sys.modules["granular.md.located.system"], "TABLES", 2)
     ball, k = Scene([math.inf, 1.0], [0.0, 0.1], [0.5], [0.0, 0.0], 9.81), 1e9
     ends, gamma = [0.4, 0.78], 0.8 * k**0.6

@@ -9,7 +9,8 @@ import pytest
 import granular as gr
 from granular import reference
 from granular._kernels import fitted, kernel
-from granular.md.located import isolated, run as located_run
+from granular.md.located import run as located_run
+from granular.md.located.records import BY_PIECES
 
 LAWS = ("spring", "dashpot", "strong", "hertz", "viscoelastic", "tsuji")
 
@@ -210,7 +211,7 @@ def test_own_laws_follow_driven_walls(seed):
 @kernel
 def never(s, c):
     """No contact is solved at once."""
-    return isolated.OTHERWISE
+    return BY_PIECES
 
 
 def beside_a_plate(seed):
@@ -243,7 +244,7 @@ def test_what_is_certified_as_isolated_is(monkeypatch):
         scene, law = beside_a_plate(seed)
         runs = [run(scene, law, 0.0, 0.01, max_steps=2000, max_events=40)]
         with monkeypatch.context() as patch:
-            patch.setattr(located_run, "fitted", lambda kernel, **flags: fitted(kernel, **flags, meet=never))
+            patch.setattr(located_run, "fitted", lambda kernel, **flags: fitted(kernel, **flags, happen_at_once=never))
             runs.append(run(scene, law, 0.0, 0.01, max_steps=2000, max_events=40))
         if any(r.status is not gr.Status.time for r in runs):
             continue

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from soft_blocks import check_blocks
 
 from granular._kernels import have_numba
 from granular.drive import Pause, requested
 from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz
 from granular.laws.check import checked
-from granular.md.located import Run, at_rest, pace, run, system
-from granular.md.located.islands import _check
+from granular.md.located import Run, pace, run, system
 from granular.scene import Scene
 
 LAWS = [LinearDashpot(1e4, 3.0), LinearDashpot(1e4), Hertz(1e6), ViscoelasticHertz(1e6, 50.0), TsujiHertz(1e6, 0.4)]
@@ -39,23 +39,23 @@ def test_records_agree_under_random_actions(seed: int, monkeypatch: pytest.Monke
     """Chunks of any length, a pool that grows, rows read, contacts taken, a change to machine code under way."""
     rng = np.random.default_rng([12, seed])
     monkeypatch.setattr(system, "ROOM", int(rng.choice([1, 4, 64])))
-    monkeypatch.setattr(at_rest, "worth", lambda *_: False)
+    monkeypatch.setattr(pace, "worth", lambda *_: False)
     monkeypatch.setattr(run.Toll, "due", lambda self, ahead=0.0: False)
     scene, law = crowd(rng), LAWS[seed % len(LAWS)]
     one, whole = started(scene, law, "auto"), started(scene, law, "plain")
     time, taken = 0.0, 0
-    _check(one.s)
+    check_blocks(one.s)
     for _ in range(25):
         monkeypatch.setattr(pace, "PLAIN", int(rng.integers(1, 12)))
         monkeypatch.setattr(pace, "COMPILED", int(rng.integers(1, 12)))
         time += float(rng.choice([0.0, 1e-4, 2e-3]))
         while one.to(time, False) is Pause.full:
-            _check(one.s)
+            check_blocks(one.s)
         taken += sum(map(len, one.rows()))
-        _check(one.s)
+        check_blocks(one.s)
         if seed < 2 and one.engine == "auto" and rng.random() < 0.1 and have_numba():
             one.compile()
-            _check(one.s)
+            check_blocks(one.s)
     while whole.to(time, False) is Pause.full:
         pass
     for here, there in zip(one.row(time)[2:], whole.row(time)[2:], strict=True):
@@ -84,4 +84,4 @@ def broken(name: str, value: Any) -> Any:
 def test_contradictions_are_seen(name: str, value: Any, sentence: str) -> None:
     """Each of them by its own sentence."""
     with pytest.raises(AssertionError, match=sentence):
-        _check(broken(name, value))
+        check_blocks(broken(name, value))

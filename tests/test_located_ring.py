@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import solved_by_scipy
+from soft_blocks import check_blocks
 from soft_twin import distance, twin
 from solved_by_scipy import beside, drawn
 
@@ -13,8 +14,7 @@ from granular import isolation
 from granular.drive import Pause, requested
 from granular.laws.check import checked
 from granular.md.located import Run, pace, system
-from granular.md.located.free_length import reimpose
-from granular.md.located.islands import _check
+from granular.md.located.islands import reimpose
 
 LAWS = [gr.LinearDashpot(1e4, 3.0), gr.LinearDashpot(1e4), gr.Hertz(1e5), gr.ViscoelasticHertz(1e5, 50.0),
         gr.TsujiHertz(1e5, 0.4)]
@@ -151,9 +151,9 @@ def test_records_agree_and_runs_go_on(seed, monkeypatch):
                         on_event=None, on_progress=None)
     one = Run(scene, checked(law, scene), request, "plain", 1e-16)
     for time in (0.0, 1e-3, 3e-3, 0.02, 0.05):
-        _check(one.s)
+        check_blocks(one.s)
         while one.to(time, False) is Pause.full:
-            _check(one.s)
+            check_blocks(one.s)
             one.rows()
     whole = gr.md.simulate(scene, law, t_end=0.05)
     rest = gr.md.resume(gr.md.simulate(scene, law, t_end=0.0211), t_end=0.05)
@@ -171,7 +171,7 @@ def test_the_free_length_is_given_back_what_rounding_takes():
     assert one.row(0.005).gap.sum() - 0.4999 == pytest.approx(-1e-9, abs=1e-15)
     one.fit(reimpose)(one.s)
     assert one.row(0.005).gap.sum() == pytest.approx(0.4999, abs=1e-15)
-    _check(one.s)
+    check_blocks(one.s)
 
 
 def test_stops_limits_and_soft_event_driven():

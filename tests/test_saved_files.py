@@ -203,7 +203,7 @@ def test_a_hard_state_without_a_part_or_with_a_wrong_one_is_not_gone_on_from(nam
     ("pairs.slot", 99), ("pairs.slot", -5), ("pairs.first", 7), ("pairs.hi", 9), ("pairs.kind_of", 5), ("pairs.map", 9),
     ("pairs.wall", 3), ("pairs.mode", 9), ("pool.number", 8), ("pool.fired", 99), ("pool.head", 50), ("pool.manner", 9),
     ("pool.clock", 0), ("pool.k", 1.0), ("maps.table", 5), ("run.members", 50), ("run.wanted", 9),
-    ("run.alone", 9), ("run.rows", 9), ("run.tables", 9), ("run.t", math.nan), ("bodies.inverse_mass", 3.0),
+    ("run.solo", 9), ("run.rows", 9), ("run.tables", 9), ("run.t", math.nan), ("bodies.inverse_mass", 3.0),
     ("bodies.v", math.inf), ("pool.xi", math.nan), ("pool.e", 1e6), ("pool.x", 1.0),
 ])
 def test_a_soft_state_whose_places_are_not_there_is_not_gone_on_from(field, value, files):

@@ -15,43 +15,40 @@ from typing import Any
 
 from granular._kernels import entry, kernel
 from granular._tournament import play
-from granular.md.located.around import count_of
 from granular.md.located.contacts import act, activate, meddle, strike
-from granular.md.located.driven import carry_walls, foresee_walls, rate_at
-from granular.md.located.free_length import reimpose
-from granular.md.located.inside import exposed, relive
-from granular.md.located.islands import absorb, bring, regroup, take_in
-from granular.md.located.isolated import MET, OTHERWISE, TABLE, ULP, meet
-from granular.md.located.jolts import ENDS, SAME, is_clipped, pass_edge
-from granular.md.located.ledger import enter_flight
-from granular.md.located.near_rest import may_rest
-from granular.md.located.pieces import arrive, in_contact, piece_time
-from granular.md.located.plan import planned, settle_series
-from granular.md.located.pool import join
+from granular.md.located.islands import bring, enlist, extend_by, extend_event, regroup, reimpose
+from granular.md.located.jumps import CHANGED, ENDS, SAME, is_clipped, pass_edge
+from granular.md.located.ledger import book_flight
+from granular.md.located.one_contact.inside import exposed, relive
+from granular.md.located.one_contact.meet import happen_at_once
+from granular.md.located.pieces import ULP, arrive, in_contact, piece_time
+from granular.md.located.plan import advance_island, follow_contact, plan_all_due, series_of_piece
 from granular.md.located.records import (
-    ABSORB,
     ACTIVE,
+    BY_PIECES,
     CRAMPED,
-    DRIVEN,
+    CREEPS,
+    DONE,
     EDGE,
-    HEATED,
-    HUNG,
+    EXTEND,
+    LIES,
     MORE,
     MOVES,
     QUIET,
     REACHED,
     RESIDUAL,
     REST,
-    RING,
     SPARE,
     STOPPED,
-    WANTS_CONTACT,
+    TO_PLAN,
     WANTS_LOOK,
-    WANTS_TABLE,
-    WORK,
-    WORKED,
+    WORK_LIMIT,
 )
-from granular.md.located.settle import settle
+from granular.md.located.rest.overdamped import expand_slowly
+from granular.md.located.rest.proof import lie, may_rest
+from granular.md.located.system import count_of, join
+from granular.md.located.walls import carry_walls, foresee_walls, rate_at
+from granular.scene.flags import DRIVEN, HEATED, HUNG, RING, WORKED
 
 
 @entry
@@ -63,9 +60,7 @@ def launch(s: Any, laws: Any) -> bool:
         pair = pairs[c]
         rests = HEATED and pair.wall < 0 and pair.eta == 0.0 and pair.pull > 0.0
         if pair.xi > 0.0 or (pair.xi == 0.0 and (pair.eta > 0.0 or rests)):
-            join(run, pairs, pool, s.kinds, s.bodies, c)
-            if DRIVEN:
-                carry_walls(s.walls, s)
+            enlist(s, c)
             if HEATED and pair.wall < 0:
                 if not strike(run, pairs, pool, c):
                     return False
@@ -78,13 +73,11 @@ def launch(s: Any, laws: Any) -> bool:
     for c in range(n):
         if pairs[c].first == c:
             if pairs[c].slot < 0:
-                join(run, pairs, pool, s.kinds, s.bodies, c)
-                if DRIVEN:
-                    carry_walls(s.walls, s)
-            run.lo, run.hi, run.stride = c, pairs[c].hi, pool[pairs[c].slot].stride
+                enlist(s, c)
+            run.lo, run.hi, run.last_step = c, pairs[c].hi, pool[pairs[c].slot].last_step
             why = regroup(s, laws)
-            while why == ABSORB:
-                take_in(s, run.wanted)
+            while why == EXTEND:
+                extend_by(s, run.wanted)
                 why = regroup(s, laws)
             if why == STOPPED:
                 return False
@@ -94,72 +87,96 @@ def launch(s: Any, laws: Any) -> bool:
 @entry
 @kernel
 def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
-    """Work off what is due up to time `limit`, at most `chunk` pieces."""
-    run, pairs, pool, bodies, queue, work = s.run[0], s.pairs, s.pool, s.bodies, s.queue, s.work
+    """Let what is due up to time `limit` happen, at most `chunk` events and pieces; return why it ended."""
+    run = s.run[0]
     for _ in range(chunk):
         if run.waits == 0:
-            if RING and run.steps >= run.look:
-                reimpose(s)
-            lo = queue[1].key
-            if run.separated == 1 and run.begun > 0 and all_recede(s) and last_end(s) <= limit:
-                run.t, run.tail = last_end(s), 0.0
-                return STOPPED
-            if queue[1].due == math.inf and run.members > 0:  # islands lie still
-                run.rests = 1
-            if queue[1].due > limit:
-                return REACHED
-            if queue[1].due == math.inf:
-                run.t = last_end(s)
-                return REST if run.rests == 1 else QUIET
-            if run.begun >= run.max_events or run.steps >= run.max_steps:
-                return WORK
-            if run.rows + 2 > len(s.log) or run.steps >= run.pause:
-                return MORE
-            if pairs[lo].slot < 0:
-                if run.members + SPARE >= len(pool):
-                    return CRAMPED
-                met = meet(s, lo)
-                if met == MET:
-                    continue
-                if met != OTHERWISE:
-                    return WANTS_TABLE if met == TABLE else WANTS_CONTACT
-                xi = pairs[lo].xi
-                arrive(pairs[lo], s.walls)
-                if WORKED:
-                    enter_flight(s.ledger, s.kinds[pairs[lo].kind_of], laws, pairs[lo], xi)
-                join(run, pairs, pool, s.kinds, bodies, lo)
-            block = pool[pairs[lo].slot]
-            settle(run, pairs, pool, bodies, work, lo, block.tau, piece_time(block), s, laws)
-            run.t, run.tail, run.stride, run.lo, run.hi = block.t, block.tail, block.stride, lo, pairs[lo].hi
-            passed = SAME
-            if DRIVEN:
-                carry_walls(s.walls, s)
-                if block.what == EDGE:
-                    passed = pass_edge(s.walls, s, laws)
-                    if passed == ENDS:
-                        return STOPPED
-            if block.fired < 0 and passed == SAME:
-                if not (HUNG or RING) and laws is None and may_rest(run, pairs, pool, bodies, lo, limit):
-                    return WANTS_LOOK
-                pairs[lo].due = -math.inf
-                play(queue, lo, pairs[lo].due)
-                if not planned(s, laws):
-                    return STOPPED
+            why = reason_to_return(s, limit)
+            if why == DONE:
+                why = take_next(s, limit, laws)
+            if why == DONE:
                 continue
-            if block.fired >= 0 and not act(run, pairs, pool, bodies, s.log, block, laws):
-                return STOPPED
+            if why != EXTEND:
+                return why
         run.waits = 0
-        why = ABSORB
-        while why == ABSORB:
-            why = regroup(s, laws)
-            if why == ABSORB and not absorb(s, run.wanted, laws):
+        why = regroup(s, laws)
+        while why == EXTEND:
+            if not extend_event(s, run.wanted, laws):
                 run.waits = 1
                 return CRAMPED
-        if not planned(s, laws):
+            why = regroup(s, laws)
+        if not plan_all_due(s, laws):
             return STOPPED
         if why != MORE:
             return why
     return MORE
+
+
+@kernel
+def reason_to_return(s: Any, limit: float) -> int:
+    """Return why the run is to return before the event that is due next; DONE if it is not."""
+    run, queue = s.run[0], s.queue
+    if RING and run.steps >= run.look:
+        reimpose(s)
+    if run.separated == 1 and run.contacts > 0 and all_recede(s) and last_end(s) <= limit:
+        run.t, run.tail = last_end(s), 0.0
+        return STOPPED
+    if queue[1].due == math.inf and run.members > 0:  # islands lie still
+        run.rests = 1
+    if queue[1].due > limit:
+        return REACHED
+    if queue[1].due == math.inf:
+        run.t = last_end(s)
+        return REST if run.rests == 1 else QUIET
+    if run.contacts >= run.max_events or run.steps >= run.max_steps:
+        return WORK_LIMIT
+    if run.rows + 2 > len(s.log) or run.steps >= run.pause:
+        return MORE
+    if s.pairs[queue[1].key].slot < 0 and run.members + SPARE >= len(s.pool):
+        return CRAMPED
+    return DONE
+
+
+@kernel
+def take_next(s: Any, limit: float, laws: Any) -> int:
+    """Let happen what is due next: the contact of a pair in free flight at once if that can be, else the event that
+    ends a piece. Return DONE, ABSORB if blocks are to be formed anew, or why the run is to return."""
+    lo = s.queue[1].key
+    pair = s.pairs[lo]
+    if pair.slot < 0:
+        why = happen_at_once(s, lo)
+        if why != BY_PIECES:
+            return why
+        xi = pair.xi
+        arrive(pair, s.field)
+        if WORKED:
+            book_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, xi)
+        join(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, lo)
+    return end_piece(s, lo, limit, laws)
+
+
+@kernel
+def end_piece(s: Any, lo: int, limit: float, laws: Any) -> int:
+    """Advance the island that starts with pair `lo` to the end of its piece, and let the event there happen."""
+    run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
+    block, passed = pool[pairs[lo].slot], SAME
+    advance_island(run, pairs, pool, bodies, s.scratch, lo, block.tau, piece_time(block), s, laws)
+    run.t, run.tail, run.last_step, run.lo, run.hi = block.t, block.tail, block.last_step, lo, pairs[lo].hi
+    if DRIVEN:
+        carry_walls(s.field, s)
+        if block.event == EDGE:
+            passed = pass_edge(s.field, s, laws)
+            if passed == ENDS:
+                return STOPPED
+    if block.fired >= 0:
+        return EXTEND if act(run, pairs, pool, bodies, s.log, block, laws) else STOPPED
+    if passed == CHANGED:
+        return EXTEND
+    if not (HUNG or RING) and laws is None and may_rest(run, pairs, pool, bodies, lo, limit):
+        return WANTS_LOOK
+    pairs[lo].due = TO_PLAN
+    play(s.queue, lo, pairs[lo].due)
+    return DONE if plan_all_due(s, laws) else STOPPED
 
 
 @kernel
@@ -168,7 +185,7 @@ def all_recede(s: Any) -> bool:
     t = last_end(s)
     for c in range(count_of(s.pairs)):
         pair = s.pairs[c]
-        if pair.slot >= 0 or pair.xi > 0.0 or rate_at(s.walls, pair, t) > 0.0:
+        if pair.slot >= 0 or pair.xi > 0.0 or rate_at(s.field, pair, t) > 0.0:
             return False
     return True
 
@@ -196,11 +213,11 @@ def expose_all(s: Any, t: float, laws: Any) -> bool:
             if run.members + SPARE >= len(pool):
                 return False
             relive(s, c, t, 0.0)
-            planned(s, laws)
+            follow_contact(s, laws)
             exposed(s, c)
             if pool[pairs[c].slot].mode == ACTIVE:
-                play(s.queue, c, -math.inf)
-                planned(s, laws)
+                play(s.queue, c, TO_PLAN)
+                plan_all_due(s, laws)
     return True
 
 
@@ -215,5 +232,21 @@ def gather(s: Any, t: float, laws: Any) -> None:
         if pair.first == c and pair.slot >= 0:
             bring(s, c, t, 0.0, laws)
             if pair.due < math.inf and pool[pair.slot].h > 0.0 and pool[pair.slot].manner == MOVES:
-                reach = foresee_walls(s.walls, pairs, pool, c) if DRIVEN else math.inf
-                settle_series(run, pairs, pool, c, laws, s.walls, reach)
+                reach = foresee_walls(s.field, pairs, pool, c) if DRIVEN else math.inf
+                series_of_piece(run, pairs, pool, c, laws, s.field, reach)
+
+
+@kernel
+def gather_slowly(s: Any) -> None:
+    """Give all blocks that lie still or creep their series from where they are, at the end of the run."""
+    run, pairs, pool = s.run[0], s.pairs, s.pool
+    for c in range(len(pairs)):
+        pair = pairs[c]
+        if pair.first == c and pair.slot >= 0 and pair.due < math.inf and pool[pair.slot].h > 0.0:
+            block = pool[pair.slot]
+            if block.manner == LIES:
+                lie(pairs, pool, s.bodies, c)
+            elif block.manner == CREEPS and not expand_slowly(pairs, pool, s.bodies, c):
+                block.manner = MOVES
+                series_of_piece(run, pairs, pool, c, None, s.field, math.inf)
+

@@ -1,21 +1,23 @@
-"""The life of a contact: how its pair changes mode at an event."""
+"""The life of a contact: how its pair changes mode at an event: touch, end of the force, new push, parting.
+
+Of pairs that touch at rest, or part with no more energy than rounding, it is judged which stay, and which of them
+forces press.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from granular._kernels import kernel
-from granular.md.located.around import beside, count_of, nth
-from granular.md.located.events import GRAZE
 from granular.md.located.log import begin_contact, end_contact
-from granular.md.located.pieces import direction, power, since
+from granular.md.located.pieces import DRIFT, GRAZE, direction, power, since
 from granular.md.located.records import (
     ACTIVE,
     BEGIN,
     DORMANT,
-    DRIVEN,
     END,
-    HEATED,
+    GENERAL,
     LINEAR,
     OPEN,
     PART,
@@ -25,35 +27,38 @@ from granular.md.located.records import (
     STRUCK,
     TURN,
 )
-from granular.md.located.touching import drifts, halt, is_awaited, stays, turns
+from granular.md.located.system import beside, count_of, is_closed, nth
+from granular.scene.flags import DRIVEN, HEATED, HUNG, RING
 
 ALL_BUT_ZERO = 1e-9
 """Part of its elastic force up to which the force of a contact that goes on is as located, 0."""
+NONE, SOME, AWAITED = range(3)
+"""What `engage` has found: no pair that touches at rest, some, or the contact at which the run is to stop."""
 
 
 @kernel
 def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws: Any) -> bool:
     """Let the event happen that ends the piece of `block`; false if it meets the stop condition instead."""
-    c, what = block.fired, block.what
+    c, what = block.fired, block.event
     pair = pool[pairs[c].slot]
     if what == BEGIN:
         return begin(run, pairs, pool, bodies, c, block.speed, laws)
     run.events += 1
     if what == TURN:
-        pair.loading, pair.top, pair.eta = 0, pair.xi, min(0.0, pair.eta)
+        pair.loading, pair.xi_peak, pair.eta = 0, pair.xi, min(0.0, pair.eta)
     elif what == RELOAD:
-        pair.loading, pair.xi = 1, pair.top
+        pair.loading, pair.xi = 1, pair.xi_peak
     elif (what == PART or pair.xi <= GRAZE * pair.own_length) and stays(pair, block.speed):
         pair.mode, pair.xi = DORMANT, 0.0
         halt(pairs, pool, bodies, c)
     else:
-        if pair.begun == 1:
+        if pair.going_on == 1:
             end_contact(run, pairs, pool, bodies, log, c)
         if what == END:
             pair.mode, pair.exact = RESIDUAL, 1
         else:
             pair.xi = pair.xi if pair.mode == DORMANT else 0.0
-            pair.mode, pair.exact, pair.top, pair.loading, pairs[c].alone = OPEN, 0, 0.0, 1, 0
+            pair.mode, pair.exact, pair.xi_peak, pair.loading, pairs[c].isolated = OPEN, 0, 0.0, 1, 0
     return True
 
 
@@ -82,7 +87,7 @@ def begin(run: Any, pairs: Any, pool: Any, bodies: Any, c: int, speed: float, la
 def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
     """Begin the contact of pair `c`; false if the run is to stop just before."""
     pair = pool[pairs[c].slot]
-    if pair.begun == 1:  # only slept for a moment
+    if pair.going_on == 1:  # only slept for a moment
         pair.mode = ACTIVE
         return True
     if is_awaited(run, pairs, c):
@@ -92,10 +97,10 @@ def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
     if pair.mode != DORMANT:  # else it has been under way since it was touched
         begin_contact(run, pairs, pool, bodies, c)
     pair.exact = 1 if pair.mode == RESIDUAL and not ((DRIVEN or HEATED) and has_jumped(pair)) else 0
-    pair.mode, pair.begun = ACTIVE, 1
-    pairs[c].count += 1
+    pair.mode, pair.going_on = ACTIVE, 1
+    pairs[c].contacts += 1
     run.events += 1
-    run.begun += 1
+    run.contacts += 1
     return True
 
 
@@ -116,9 +121,9 @@ def strike(run: Any, pairs: Any, pool: Any, c: int) -> bool:
     if is_awaited(run, pairs, c) or not meddle(run, pairs, pool, c, 1):
         return False
     pair.mode = STRUCK
-    pairs[c].count += 1
+    pairs[c].contacts += 1
     run.events += 1
-    run.begun += 1
+    run.contacts += 1
     return True
 
 
@@ -134,17 +139,17 @@ def meddle(run: Any, pairs: Any, pool: Any, c: int, more: int) -> bool:
     for f in (below, above):
         if 0 <= f < count_of(pairs) and overlaps(pairs[f], pool, run):
             alone = False
-            run.isolated -= max(0, pairs[f].alone)
-            pairs[f].alone = -1
+            run.isolated -= max(0, pairs[f].isolated)
+            pairs[f].isolated = -1
             if run.first < 0:
                 run.first, run.disturbed = f if f == below else c, run.t
     if not alone and run.disturbing == STOP:
         return False
     if not alone:
-        run.isolated -= max(0, pairs[c].alone)
-        pairs[c].alone = -1
-    elif pairs[c].alone >= 0:
-        pairs[c].alone += more
+        run.isolated -= max(0, pairs[c].isolated)
+        pairs[c].isolated = -1
+    elif pairs[c].isolated >= 0:
+        pairs[c].isolated += more
         run.isolated += more
     return True
 
@@ -170,3 +175,126 @@ def confirm(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, hi: int) -> b
         ):
             return False
     return True
+
+
+@kernel
+def pushes(pair: Any) -> bool:
+    """Return whether the pair needs a power series: for its force, or to see its force return.
+
+    Else it is ballistic in closed form: open, clipped with φ = kξ + γη, or sure to part. In free flight φ = k ξ^s + γη
+    is convex for s ≥ 1 and a pull that is not negative; clipped now, and again when ξ = 0 is reached, it is clipped in
+    between. At a driven wall, and with pendula, nothing is so simple.
+    """
+    if HUNG or (DRIVEN and pair.wall > 0) or (HEATED and pair.wall < 0):
+        return bool(pair.mode != OPEN)
+    if pair.mode != RESIDUAL or pair.s == 1.0:
+        return bool(pair.mode == ACTIVE or pair.mode == DORMANT)
+    parts = pair.s > 1.0 and pair.pull >= 0.0 and pair.eta < 0.0
+    return bool(not (parts and pair.eta * pair.eta > 2.0 * pair.pull * pair.xi))
+
+
+@kernel
+def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
+    """Make pairs dormant that touch at rest beside a force or under their own weight; return whether there were any.
+
+    Forces only push, so that such a contact is sure to begin at once, if no gravity pulls the pair apart.
+    """
+    found, lo, hi = NONE, run.lo, run.hi
+    closed = is_closed(pairs, lo, hi)
+    for sweep in range(2):
+        for i in range(hi - lo):
+            c = lo + i if sweep == 0 else hi - 1 - i
+            pair = pool[pairs[c].slot]
+            if HEATED and pair.wall < 0:
+                continue
+            if (pair.mode == OPEN and pair.xi == 0.0 and pair.eta == 0.0) and (
+                pair.pull > 0.0
+                or (DRIVEN and pair.pull == 0.0 and pair.wall > 0)
+                or ((c > lo or closed) and pushes(pool[pairs[nth(pairs, c - 1)].slot]))
+                or ((c + 1 < hi or closed) and pushes(pool[pairs[nth(pairs, c + 1)].slot]))
+            ):
+                c = nth(pairs, c)
+                if is_awaited(run, pairs, c) and pair.pull >= 0.0:
+                    return AWAITED
+                begin_contact(run, pairs, pool, bodies, c)
+                pair.mode, found = DORMANT, SOME
+    return found
+
+
+@kernel
+def judge(pairs: Any, pool: Any, lo: int, hi: int) -> bool:
+    """Open pairs that the computed series pulls apart from rest, close those it presses; return whether any changed."""
+    changed = False
+    for c in range(lo, hi):
+        pair = pool[pairs[c].slot]
+        if HEATED and pair.wall < 0:
+            continue
+        if pair.kind != GENERAL and pair.xi == 0.0 and pair.eta == 0.0 and (pair.mode == DORMANT or pair.mode == OPEN):
+            way = direction(pair.x)
+            if way != 0.0 and (way > 0.0) == (pair.mode == OPEN):
+                pair.mode = DORMANT if pair.mode == OPEN else OPEN
+                changed = True
+    return changed
+
+
+@kernel
+def stays(pair: Any, speed: float) -> bool:
+    """Return whether a pair that parts comes up to where it touches with no more energy than rounding.
+
+    So does a ball that gravity holds, and a law that is a function, has touched at rest and woken, by its rounding.
+    """
+    if pair.mode != ACTIVE:
+        return False
+    if pair.kind == GENERAL and pair.wake > 0.0 and drifts(pair):
+        return True
+    held = pair.kind != LINEAR and pair.pull > 0.0
+    return bool(held and pair.eta * pair.eta <= DRIFT * pair.noise * max(speed, speed_of_weight(pair)))
+
+
+@kernel
+def turns(pairs: Any, pool: Any, c: int, speed: float) -> bool:
+    """Return whether balls that gravity parts come up to where they touch with no more energy than rounding.
+
+    Alone in their flight they have no island that could feel it.
+    """
+    pair, lo = pool[pairs[c].slot], pairs[c].first
+    hi = pairs[lo].hi
+    for i in range(lo, hi):
+        speed = max(speed, speed_of_weight(pool[pairs[i].slot]))
+    return bool(pair.pull < 0.0 and hi - lo > 1 and pair.eta * pair.eta <= DRIFT * pair.noise * speed)
+
+
+@kernel
+def drifts(pair: Any) -> bool:
+    """Return whether the rate of a pair is no more than the noise it may hold."""
+    return bool(abs(pair.eta) <= DRIFT * pair.noise)
+
+
+@kernel
+def speed_of_weight(pair: Any) -> float:
+    """Return the speed in m/s that gravity gives the balls of a pair over the overlap at which their force balances."""
+    pull = abs(pair.pull)
+    return math.sqrt(2.0 * pull * power(pull / (pair.k * pair.inverse), 1.0 / pair.p))
+
+
+@kernel
+def halt(pairs: Any, pool: Any, bodies: Any, c: int) -> None:
+    """Take its rate from pair `c` of a block, by an impulse between its balls that their other neighbours feel too."""
+    pair, lo, hi = pool[pairs[c].slot], pairs[c].first, pairs[pairs[c].first].hi
+    impulse, closed = pair.eta / pair.inverse, is_closed(pairs, lo, hi)
+    pair.eta = 0.0
+    bodies[c].v -= pair.lower * impulse
+    bodies[nth(pairs, c + 1)].v += pair.upper * impulse
+    if RING and c < lo:
+        c += count_of(pairs)
+    if c > lo or closed:
+        pool[pairs[nth(pairs, c - 1)].slot].eta += pair.lower * impulse
+    if c + 1 < hi or closed:
+        pool[pairs[nth(pairs, c + 1)].slot].eta += pair.upper * impulse
+
+
+@kernel
+def is_awaited(run: Any, pairs: Any, c: int) -> bool:
+    """Return whether the run is to stop just before the next contact of pair `c`."""
+    return bool(c == run.until_pair and pairs[c].contacts + 1 == run.until_nth)
+

@@ -1,4 +1,6 @@
-"""Islands formed anew at an event: which blocks it concerns, where they end now, and who flies on alone."""
+"""Islands formed anew at an event: which blocks it concerns, where they end now, and who flies on alone. And the free
+length of a ring: its gaps add up to it forever, except for rounding.
+"""
 
 from __future__ import annotations
 
@@ -6,32 +8,22 @@ import math
 from typing import Any
 
 from granular._kernels import inlined, kernel
-from granular._tournament import leaf, play
-from granular.md.located.around import count_of, is_closed, lengthen, neighbours, nth
-from granular.md.located.driven import carry_walls
-from granular.md.located.inside import exposed, relive
-from granular.md.located.jolts import throw_back
-from granular.md.located.ledger import enter_flight
-from granular.md.located.pieces import fly, glide, in_contact, predict, since, tau_at
-from granular.md.located.plan import planned
-from granular.md.located.pool import join, leave
-from granular.md.located.records import (
-    ABSORB,
-    ACTIVE,
-    DORMANT,
-    DRIVEN,
-    HEATED,
-    MORE,
-    MOVES,
-    OPEN,
-    RING,
-    SPARE,
-    STOPPED,
-    WORKED,
-)
-from granular.md.located.settle import settle
-from granular.md.located.system import to_plain
-from granular.md.located.touching import AWAITED, NONE, SOME, engage, pushes
+from granular._tournament import play
+from granular.md.located.contacts import AWAITED, NONE, SOME, engage, pushes
+from granular.md.located.jumps import throw_back
+from granular.md.located.ledger import book_flight
+from granular.md.located.one_contact.inside import exposed, relive
+from granular.md.located.pieces import fly, glide, in_contact, predict, since, tau_at, value
+from granular.md.located.plan import advance_island, follow_contact
+from granular.md.located.records import EXTEND, MORE, MOVES, OPEN, SPARE, STOPPED, TO_PLAN
+from granular.md.located.system import count_of, is_closed, join, leave, lengthen, neighbours, nth
+from granular.md.located.walls import carry_walls, flown
+from granular.scene.flags import DRIVEN, HEATED, RING, WORKED
+
+EVERY = 1 << 16
+"""Pieces and contacts after which the sum of the gaps is looked at,"""
+PER_PAIR = 16
+"""or so many times the pairs, so that it costs nothing."""
 
 
 @kernel
@@ -48,12 +40,12 @@ def regroup(s: Any, laws: Any) -> int:
             below, above = neighbours(run, pairs)
         if below >= 0 and (pushes(pool[pairs[run.lo].slot]) or in_contact(pairs[below], run.t, run.tail)):
             run.wanted = pairs[below].first
-            return ABSORB
+            return EXTEND
         if above < len(pairs) and (
             pushes(pool[pairs[run.hi - 1].slot]) or in_contact(pairs[above], run.t, run.tail)
         ):
             run.wanted = above
-            return ABSORB
+            return EXTEND
         found = engage(run, pairs, pool, bodies)
         if HEATED and found == NONE:
             found = throw_back(s, laws)
@@ -65,26 +57,26 @@ def regroup(s: Any, laws: Any) -> int:
     a = run.lo
     for c in range(run.lo + 1, run.hi + 1):
         if c == run.hi or not (pushes(pool[pairs[c - 1].slot]) or pushes(pool[pairs[c].slot])):
-            form(run, pairs, pool, s.queue, a, c)
+            form_block(run, pairs, pool, s.queue, a, c)
             lone, a = c == a + 1, nth(pairs, a)
             if lone and not pushes(pool[pairs[a].slot]):
-                take_off(run, pairs, pool, s.kinds, a, s.walls)
+                take_off(run, pairs, pool, s.kinds, a, s.field)
             else:
-                pairs[a].due = -math.inf
+                pairs[a].due = TO_PLAN
             play(s.queue, a, pairs[a].due)
             a = c
     return MORE
 
 
 @kernel
-def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int, walls: Any) -> None:
+def take_off(run: Any, pairs: Any, pool: Any, kinds: Any, c: int, field: Any) -> None:
     """Let pair `c`, a block of its own, fly on from the time of the event under way, and take back its place."""
     pair, member = pairs[c], pool[pairs[c].slot]
     pair.xi = 0.0 if member.mode == OPEN and member.xi > 0.0 else member.xi
     pair.eta, pair.mode, pair.noise = member.eta, member.mode, member.noise
-    pair.exact, pair.wake, pair.t, pair.tail, pair.stride = member.exact, member.wake, run.t, run.tail, run.stride
+    pair.exact, pair.wake, pair.t, pair.tail, pair.last_step = member.exact, member.wake, run.t, run.tail, run.last_step
     leave(run, pairs, pool, c)
-    predict(pair, kinds[pair.kind_of], walls)
+    predict(pair, kinds[pair.kind_of], field)
 
 
 @kernel
@@ -99,29 +91,35 @@ def cut(run: Any, pairs: Any, pool: Any) -> None:
 
 @inlined
 @kernel
-def absorb(s: Any, lo: int, laws: Any) -> bool:
+def extend_event(s: Any, lo: int, laws: Any) -> bool:
     """Let the event under way concern the block that starts with pair `lo` too; false if there is no room for it."""
     run, pairs = s.run[0], s.pairs
     if pairs[lo].slot < 0 and run.members + SPARE >= len(s.pool):
         return False
     if in_contact(pairs[lo], run.t, run.tail):
         relive(s, lo, run.t, run.tail)
-        planned(s, laws)
+        follow_contact(s, laws)
         exposed(s, lo)
     else:
         bring(s, lo, run.t, run.tail, laws)
-    take_in(s, lo)
+    extend_by(s, lo)
     return True
 
 
 @kernel
-def take_in(s: Any, lo: int) -> None:
+def enlist(s: Any, c: int) -> None:
+    """Give pair `c` its place in the pool; a driven wall at it has the velocity and the pull of now."""
+    join(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, c)
+    if DRIVEN:
+        carry_walls(s.field, s)
+
+
+@kernel
+def extend_by(s: Any, lo: int) -> None:
     """Let the event under way concern the block that starts with pair `lo` too, which has come to its time."""
     run, pairs = s.run[0], s.pairs
     if pairs[lo].slot < 0:
-        join(run, pairs, s.pool, s.kinds, s.bodies, lo)
-        if DRIVEN:
-            carry_walls(s.walls, s)
+        enlist(s, lo)
     if RING:
         lengthen(run, pairs, lo)
     else:
@@ -134,60 +132,59 @@ def bring(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
     """Advance the block that starts with pair `lo` to the time t + tail, at most the end of its piece."""
     pair = s.pairs[lo]
     xi = pair.xi
-    if pair.slot < 0 and pair.lasts != 0.0:  # its clock may lie ahead
-        fly(pair, since(pair, t, tail), s.walls)
+    if pair.slot < 0 and pair.ahead == 1:
+        fly(pair, since(pair, t, tail), s.field)
     elif pair.slot < 0:
-        glide(pair, since(pair, t, tail), s.walls)
+        glide(pair, since(pair, t, tail), s.field)
         if WORKED:
-            enter_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, xi)
+            book_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, xi)
     else:  # at once there, except for what a single float cannot say
         block = s.pool[pair.slot]
         dt = since(block, t, tail)
-        settle(s.run[0], s.pairs, s.pool, s.bodies, s.work, lo, tau_at(block, t, tail), dt, s, laws)
+        advance_island(s.run[0], s.pairs, s.pool, s.bodies, s.scratch, lo, tau_at(block, t, tail), dt, s, laws)
 
 
 @kernel
-def form(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
+def form_block(run: Any, pairs: Any, pool: Any, queue: Any, lo: int, hi: int) -> None:
     """Make pairs lo … hi-1 a block at the time of the event under way."""
     if RING and lo >= count_of(pairs):
         lo, hi = lo - count_of(pairs), hi - count_of(pairs)
     block, pairs[lo].hi = pool[pairs[lo].slot], hi
-    block.t, block.tail, block.stride, block.manner = run.t, run.tail, run.stride, MOVES
+    block.t, block.tail, block.last_step, block.manner = run.t, run.tail, run.last_step, MOVES
     for i in range(lo, hi):
         c = nth(pairs, i)
-        pairs[c].first, pairs[c].lasts = lo, 0.0
+        pairs[c].first, pairs[c].lasts, pairs[c].ahead = lo, 0.0, 0
         if c != lo and pairs[c].due < math.inf:
             pairs[c].due = math.inf
             play(queue, c, math.inf)
 
 
-def _check(s: Any) -> None:
-    """Raise `AssertionError` if blocks, pool, queue and clocks contradict each other between two calls of `advance`."""
-    s = to_plain(s)
-    members, pool, n = s.run[0].members, s.pool, len(s.bodies) - 1
-    pairs, shadows = s.pairs[:n], s.pairs[n:]
-    starts = [c for c in range(n) if pairs[c].first == c]
-    taken, spare = [p.slot for p in pairs if p.slot >= 0], [place.spare for place in pool[members:]]
-    ends = [pairs[c].hi % n for c in starts]
-    assert ends == [*starts[1:], min(starts, default=n)], "each pair is in one block"
-    assert starts, "each pair is in one block"
-    assert all(p.slot == pair.slot for p, pair in zip(shadows, pairs, strict=False)), "a shadow has its pair's place"
-    assert len(taken) == members, "as many places are taken as is said"
-    assert sorted(taken + spare) == list(range(len(pool))), "every place is taken once or spare once"
-    for c, pair in enumerate(pairs):
-        member = pool[pair.slot] if pair.slot >= 0 else None
-        start, size = pairs[pair.first], pairs[pair.first].hi - pair.first
-        place = (c - pair.first) % n
-        assert place < size, "a pair is within its block"
-        assert leaf(s.queue, c).due == pair.due, "the queue knows when a block is due"
-        assert pair.due == math.inf or pair is start, "a block is due once"
-        if member is None:
-            assert size == 1, "a pair in free flight is a block of its own"
-            assert pair.due >= pair.t, "nothing is due in the past"
+@kernel
+def reimpose(s: Any) -> None:
+    """Give the widest gap in free flight what rounding has taken from the sum of all.
+
+    The asymptotes of contacts solved at once have the same sum as the gaps themselves.
+    """
+    run, pairs, pool, n = s.run[0], s.pairs, s.pool, count_of(s.pairs)
+    at_start = run.look == 0
+    run.look = run.steps + max(EVERY, PER_PAIR * n)
+    if at_start:
+        return
+    widest, most, total, low = -1, 0.0, 0.0, 0.0
+    for c in range(n):
+        pair = pairs[c]
+        if pair.slot >= 0:
+            gap = -value(pool[pair.slot].x, tau_at(pool[pairs[pair.first].slot], run.t, run.tail))
         else:
-            assert member.number == c, "a place knows its pair"
-            assert not member.begun or member.mode in (ACTIVE, DORMANT), "a contact has a force"
-            assert pair.due >= pool[start.slot].t, "nothing is due in the past"
-            below, above = (c > 0, c + 1 < n) if not shadows else (size < n, size < n)
-            borders = below and pair is start and pushes(member), above and place + 1 == size and pushes(member)
-            assert s.run[0].waits or not any(borders), "islands end where pairs fly"
+            gap = -flown(s.field, pair, since(pair, run.t, run.tail))[0]
+            if pair.mode == OPEN and pair.lasts == 0.0 and gap > most:
+                most, widest = gap, c
+        new = total + gap  # in two floats (Neumaier 1974)
+        low += (total - new) + gap if abs(total) >= abs(gap) else (gap - new) + total
+        total = new
+    if widest >= 0:
+        pair = pairs[widest]
+        pair.xi += (total - run.length) + low
+        predict(pair, s.kinds[pair.kind_of], s.field)
+        play(s.queue, widest, pair.due)
+

@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 
 from granular._kernels import kernel
-from granular.md.located.driven import absolute
 from granular.md.located.pieces import elapsed, integral, power, value
-from granular.md.located.records import ACTIVE, DRIVEN, ELASTIC, RESIDUAL
+from granular.md.located.records import ACTIVE, ELASTIC, RESIDUAL
+from granular.md.located.walls import absolute
+from granular.scene.flags import DRIVEN
 from granular.walls.path import expansion
 
 POINTS = 16
@@ -32,7 +33,7 @@ FLOOR, CEILING, LOST = 0, 1, 4
 
 
 @kernel
-def tally(walls: Any, laws: Any, s: Any, c: int, block: Any, tau: float, sums: Any) -> None:
+def tally_pair(walls: Any, laws: Any, s: Any, c: int, block: Any, tau: float, sums: Any) -> None:
     """Add what pair `c` does in [0, τ] of the piece of its `block` to `sums`."""
     member, last = s.pool[s.pairs[c].slot], len(s.pairs)
     if member.mode == ACTIVE or member.mode == RESIDUAL:
@@ -44,13 +45,13 @@ def tally(walls: Any, laws: Any, s: Any, c: int, block: Any, tau: float, sums: A
 
 
 @kernel
-def enter_piece(ledger: Any, walls: Any, laws: Any, s: Any, lo: int, tau: float) -> None:
+def book_piece(ledger: Any, walls: Any, laws: Any, s: Any, lo: int, tau: float) -> None:
     """Add the stretch [0, τ] of the piece of the island that starts with `lo`."""
     book = ledger[0]
     for i in range(len(book.total)):
         book.piece[i] = 0.0
     for c in range(lo, s.pairs[lo].hi):
-        tally(walls, laws, s, c, s.pool[s.pairs[lo].slot], tau, book.piece)
+        tally_pair(walls, laws, s, c, s.pool[s.pairs[lo].slot], tau, book.piece)
     for i in range(len(book.total)):
         add(book, i, book.piece[i])
 
@@ -59,24 +60,24 @@ def enter_piece(ledger: Any, walls: Any, laws: Any, s: Any, lo: int, tau: float)
 def look_at_piece(ledger: Any, walls: Any, laws: Any, s: Any, lo: int, tau: float, seen: Any) -> None:
     """Add the stretch [0, τ] of the piece of an island to what is `seen`, and leave the books as they are."""
     for c in range(lo, s.pairs[lo].hi):
-        tally(walls, laws, s, c, s.pool[s.pairs[lo].slot], tau, seen)
+        tally_pair(walls, laws, s, c, s.pool[s.pairs[lo].slot], tau, seen)
 
 
 @kernel
-def enter_alone(ledger: Any, walls: Any, laws: Any, s: Any, c: int, tau: float) -> None:
+def book_solo(ledger: Any, walls: Any, laws: Any, s: Any, c: int, tau: float) -> None:
     """Add the stretch [0, τ] of the piece of a contact that is followed alone to what it comes to by itself."""
-    tally(walls, laws, s, c, s.pool[s.pairs[c].slot], tau, ledger[0].alone)
+    tally_pair(walls, laws, s, c, s.pool[s.pairs[c].slot], tau, ledger[0].solo)
 
 
 @kernel
-def begin_alone(ledger: Any) -> None:
+def begin_solo(ledger: Any) -> None:
     """Begin to add up a contact that is followed alone."""
-    for i in range(len(ledger[0].alone)):
-        ledger[0].alone[i] = 0.0
+    for i in range(len(ledger[0].solo)):
+        ledger[0].solo[i] = 0.0
 
 
 @kernel
-def enter_at_once(ledger: Any, s: Any, c: int, sign: float) -> None:
+def book_at_once(ledger: Any, s: Any, c: int, sign: float) -> None:
     """Add the contact of pair `c` that was solved at once, or take it back (`sign` -1)."""
     for i in (FLOOR, CEILING, LOST):
         add(ledger[0], i, sign * at_once(ledger, s, c, i))
@@ -86,7 +87,7 @@ def enter_at_once(ledger: Any, s: Any, c: int, sign: float) -> None:
 def look_at_once(ledger: Any, s: Any, c: int, sums: Any) -> None:
     """Put into `sums` what the contact of pair `c` has come to so far, followed alone, in place of what it will."""
     for i in (FLOOR, CEILING, LOST):
-        sums[i] += ledger[0].alone[i] - at_once(ledger, s, c, i)
+        sums[i] += ledger[0].solo[i] - at_once(ledger, s, c, i)
 
 
 @kernel
@@ -109,11 +110,11 @@ def at_once(ledger: Any, s: Any, c: int, i: int) -> float:
 
 
 @kernel
-def keep_alone(ledger: Any, s: Any, c: int) -> None:
+def keep_solo(ledger: Any, s: Any, c: int) -> None:
     """Note what the contact of pair `c`, at a driven wall, comes to, which has just been followed alone."""
     if s.pairs[c].wall > 0:
         side, book = (0 if s.bodies[c].inverse_mass == 0.0 else 1), ledger[0]
-        book.work[side], book.lost[side] = book.alone[side], book.alone[LOST]
+        book.work[side], book.lost[side] = book.solo[side], book.solo[LOST]
 
 
 @kernel
@@ -124,23 +125,23 @@ def read(ledger: Any, sums: Any) -> None:
 
 
 @kernel
-def enter_exposed(ledger: Any) -> None:
+def book_exposed(ledger: Any) -> None:
     """Add what a contact that has been followed alone has come to: it goes on as a member of an island."""
-    for i in range(len(ledger[0].alone)):
-        add(ledger[0], i, ledger[0].alone[i])
+    for i in range(len(ledger[0].solo)):
+        add(ledger[0], i, ledger[0].solo[i])
 
 
 @kernel
-def enter_flight(ledger: Any, law: Any, laws: Any, pair: Any, xi: float) -> None:
+def book_flight(ledger: Any, law: Any, laws: Any, pair: Any, xi: float) -> None:
     """Add the elastic energy that a clipped pair has lost in flight, since its overlap was `xi`."""
     if pair.mode == RESIDUAL:
         add(ledger[0], LOST, run_off(law, laws, pair, xi, pair.xi))
 
 
 @kernel
-def enter_run_off(ledger: Any, member: Any, laws: Any, first: float, last: float) -> None:
+def book_run_off(ledger: Any, member: Any, laws: Any, first: float, last: float) -> None:
     """Add the elastic energy that a contact followed alone loses in its run-off."""
-    ledger[0].alone[LOST] += run_off(member, laws, member, first, last)
+    ledger[0].solo[LOST] += run_off(member, laws, member, first, last)
 
 
 @kernel
@@ -224,3 +225,4 @@ def work_of_driven(walls: Any, member: Any, block: Any, tau: float) -> float:
         v += wall.side * wall.velocity
         total += WEIGHTS[i] * value(member.f, tau * NODES[i]) * v * elapsed(NODES[i], block.clock, 1.0) / NODES[i]
     return scale * total
+

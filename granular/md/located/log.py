@@ -7,14 +7,11 @@ from __future__ import annotations
 from typing import Any
 
 from granular._kernels import entry, kernel
-from granular.md.located.around import is_closed, nth
 from granular.md.located.pendula import swung
 from granular.md.located.pieces import elapsed, integral, peaks, since
-from granular.md.located.records import (
-    ACTIVE,
-    DORMANT,
-    HUNG,
-)
+from granular.md.located.records import ACTIVE, DORMANT
+from granular.md.located.system import is_closed, nth
+from granular.scene.flags import HUNG
 
 
 @kernel
@@ -26,7 +23,7 @@ def begin_contact(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> None:
 
 
 @kernel
-def follow(run: Any, pairs: Any, pool: Any, work: Any, lo: int, tau: float) -> None:
+def follow(run: Any, pairs: Any, pool: Any, scratch: Any, lo: int, tau: float) -> None:
     """Add the stretch [0, τ] of the piece of the island that starts with `lo` to its contacts."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     h, q = block.h, block.clock
@@ -43,7 +40,7 @@ def follow(run: Any, pairs: Any, pool: Any, work: Any, lo: int, tau: float) -> N
             ):
                 add_shared(run, pair.push)
             if run.log == 2:
-                peaks(pair, tau, work)
+                peaks(pair, tau, scratch)
         if pair.mode == ACTIVE or pair.mode == DORMANT:
             pair.duration += dt
 
@@ -61,7 +58,7 @@ def add_shared(run: Any, impulse: float) -> None:
 def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) -> None:
     """Write the log row of the contact of pair `c` that ends now."""
     pair = pool[pairs[c].slot]
-    pair.begun = 0
+    pair.going_on = 0
     if run.log == 0:
         return
     row = log[run.rows]
@@ -103,3 +100,4 @@ def copy_row(row: Any, to: Any) -> None:
     to.pair, to.t_begin, to.t_end, to.duration = row.pair, row.t_begin, row.t_end, row.duration
     to.lower_in, to.upper_in, to.lower_out, to.upper_out = row.lower_in, row.upper_in, row.lower_out, row.upper_out
     to.xi_max, to.force_max, to.impulse = row.xi_max, row.force_max, row.impulse
+

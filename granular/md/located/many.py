@@ -16,12 +16,11 @@ from granular import until as stop
 from granular._check import Array
 from granular._kernels import compiled, interpreted, kernel
 from granular._tournament import play
-from granular.md.located.at_rest import looked_at, seldom
 from granular.md.located.blocks import advance, expose_all, gather, launch
-from granular.md.located.inside import look
 from granular.md.located.log import keep_unsettled
-from granular.md.located.pace import COMPILED
-from granular.md.located.plan import planned
+from granular.md.located.one_contact.inside import look
+from granular.md.located.pace import COMPILED, looked_at, seldom
+from granular.md.located.plan import make_table, plan_all_due
 from granular.md.located.power_form import kind_and_q, mapped
 from granular.md.located.records import (
     ACTIVE,
@@ -44,7 +43,6 @@ from granular.md.located.records import (
 )
 from granular.md.located.run import FIRST_LOOK, WHY
 from granular.md.located.system import System, new_system, to_plain, with_room_for_a_table
-from granular.md.located.tables import make_table
 from granular.trajectory import Status
 
 CODES = {why: list(Status).index(pause.value) for why, pause in WHY.items()} | {REACHED: 0, MORE: -1}
@@ -160,12 +158,12 @@ def _solved(s: System, end: Array, engine: str) -> Many:
     result["why"] = MORE
     for name in ("t_end", "v_lower", "v_upper", "longest"):
         last[name] = math.nan
-    scratch, many, i, looks = np.zeros((3, last.shape[-1])), s, 0, 0
-    given: Any = end, COMPILED, result, last, scratch
+    seen, many, i, looks = np.zeros((3, last.shape[-1])), s, 0, 0
+    given: Any = end, COMPILED, result, last, seen
     kernels: Any = compiled  # for types of a single run: less to compile
     if engine == "plain":
         rows, many = (result.view(np.recarray), last.view(np.recarray)), to_plain(s)
-        given, kernels = (end.tolist(), COMPILED, *rows, scratch.tolist()), interpreted
+        given, kernels = (end.tolist(), COMPILED, *rows, seen.tolist()), interpreted
     while (i := kernels(solve_rows)(many, *given, i)) < len(result):
         if result["why"][i] == WANTS_LOOK:
             looks += 1
@@ -200,11 +198,11 @@ def _kinds(law: Array, m_eff: Array) -> Any:
 def scene_of(many: Any, i: int) -> Any:
     """Return the records of scene i, which shares pool, queue and log with the others."""
     own = many.run[i], many.pairs[i], many.pool, many.kinds[i], many.bodies[i]
-    return System(*own, many.queue, many.log, many.maps, many.tables, many.answer, many.work, None, None)
+    return System(*own, many.queue, many.log, many.maps, many.tables, many.answer, many.scratch, None, None)
 
 
 @kernel
-def solve_rows(many: Any, t_end: Any, chunk: int, result: Any, last: Any, scratch: Any, first: int) -> int:
+def solve_rows(many: Any, t_end: Any, chunk: int, result: Any, last: Any, seen: Any, first: int) -> int:
     """Solve scenes from `first` to the end, one after the other; return at which one a table is wanted first: then it
     is to be called again from there on."""
     for i in range(first, len(t_end)):
@@ -217,21 +215,21 @@ def solve_rows(many: Any, t_end: Any, chunk: int, result: Any, last: Any, scratc
                     many.maps[c].table[octave], many.maps[c].met[octave] = 0, 0
             for c in range(len(s.pairs)):
                 play(many.queue, c, math.inf)
-        solve(s, t_end[i], chunk, result[i], last[i], scratch)
+        solve(s, t_end[i], chunk, result[i], last[i], seen)
         if result[i].why in (WANTS_TABLE, WANTS_LOOK):
             return i
     return len(t_end)
 
 
 @kernel
-def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, scratch: Any) -> None:
+def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, seen: Any) -> None:
     """Solve one scene, until a table or a look is wanted; not if a law of it is none that a power series follows."""
     run, n = s.run[0], len(s.pairs)
     if result.why == MORE:
         for c in range(n):
             if s.kinds[c].kind == GENERAL:
                 return
-        if not (launch(s, None) and planned(s, None)):
+        if not (launch(s, None) and plan_all_due(s, None)):
             result.why = STOPPED
         harvest(s, last, 0.0)
     why = result.why if result.why in (STOPPED, REST, BINDING) else MORE
@@ -248,11 +246,11 @@ def solve(s: Any, t_end: float, chunk: int, result: Any, last: Any, scratch: Any
     expose_all(s, result.time, None)
     gather(s, result.time, None)
     harvest(s, last, result.time)
-    look(s, result.time, scratch[0], scratch[1], scratch[2], None, None)
+    look(s, result.time, seen[0], seen[1], seen[2], None, None)
     for c in range(n):
         pair = s.pairs[c]
-        last[c].counts, last[c].rate = pair.count, -scratch[1][c]
-        last[c].ongoing = pair.slot >= 0 and s.pool[pair.slot].begun == 1
+        last[c].counts, last[c].rate = pair.contacts, -seen[1][c]
+        last[c].ongoing = pair.slot >= 0 and s.pool[pair.slot].going_on == 1
         if pair.first == c and pair.slot >= 0 and s.pool[pair.slot].manner in (CREEPS, ASKS):
             result.why = CRAMPED  # left to a run by itself
 
@@ -277,3 +275,4 @@ def harvest(s: Any, last: Any, t: float) -> None:
             if not pair.longest >= row.duration:
                 pair.longest = row.duration
     keep_unsettled(s, t)
+

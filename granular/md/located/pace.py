@@ -1,5 +1,6 @@
-"""How far a run goes between two looks at it, and whether it comes on: the net under contacts that creep or chatter.
-May be skipped: limits, no physics.
+"""How far a run goes between two looks at it, whether it comes on, and the words and numbers at its end; `run` is one
+of `located.run`.
+May be skipped: limits and words, no physics.
 
 Steps of laws that are functions are found by trial, and none is longer than the sharpest rate of the law allows. A
 contact takes some tens of trials. One that is damped a thousand times too strongly creeps, and takes millions; so does
@@ -9,13 +10,24 @@ one that would rest where its force jumps. What has been found is right, but the
 from __future__ import annotations
 
 import math
+from itertools import groupby
 from time import process_time
 from typing import Any
 
-from granular.drive import portion
+import numpy as np
+
+from granular._kernels import worth
+from granular._records import column, plain
+from granular.drive import Rows, portion
 from granular.md.located import blocks
-from granular.md.located.at_rest import looked_at
-from granular.md.located.records import MORE, OPEN, WANTS_LOOK
+from granular.md.located.plan import plan_all_due
+from granular.md.located.records import ACTIVE, BINDING, DORMANT, MORE, OPEN, REST, STOPPED, WANTS_LOOK
+from granular.md.located.rest.creep import slowest_decay
+from granular.md.located.rest.equilibrium import NOT_YET, RESTS
+from granular.md.located.rest.overdamped import look_at
+from granular.md.located.system import readable
+from granular.md.rows import CONTACT_ROW
+from granular.trajectory import Status
 
 OWN, PLAIN, COMPILED = 8, 100, 20_000
 """Pieces between two looks at progress and log, at most: under laws that are functions, interpreted, compiled."""
@@ -25,6 +37,8 @@ TRIALS = 4000
 """Trial steps of every island after which it is asked whether a run comes on."""
 LEAST = 0.01
 """Part of the time left by which it then has come on, unless it has by the time of a contact."""
+LOOKS = 20, 1500
+"""Looks at blocks that may rest or creep, of some milliseconds each, after which machine code pays for them too."""
 
 
 class Pace:
@@ -82,3 +96,73 @@ def swings_of(s: Any) -> tuple[float, int]:
     touching = [(pair.first, s.pool[pair.slot]) for pair in s.pairs if pair.slot >= 0]
     touching = [(first, p) for first, p in touching if p.mode != OPEN and p.own_speed > 0.0]
     return min((p.own_length / p.own_speed for _, p in touching), default=0.0), len({first for first, _ in touching})
+
+
+def looked_at(s: Any, limit: float, kernels: Any, seldom: Any) -> int:
+    """Look at the block under way, by `kernels` and by those that are called `seldom`; return why a run up to time
+    `limit` ends, or WANTS_LOOK if it goes on."""
+    found = seldom(look_at)(s, limit)
+    if found != NOT_YET:
+        return REST if found == RESTS else BINDING
+    return WANTS_LOOK if kernels(plan_all_due)(s, None) else STOPPED
+
+
+def seldom(kernel: Any, looks: int, kernels: Any) -> Any:
+    """Return a kernel of a compiled run that is called seldom: interpreted, until after so many `looks` machine code,
+    which `kernels` makes, pays."""
+    if worth(kernel, looks, *LOOKS):
+        return kernels(kernel)
+    return lambda s, *more: kernel(readable(s), *more)
+
+
+def stats_of(run: Any, r: Any, crept: float) -> dict[str, Any]:
+    """Return the amount of work; `r` are the counters, `crept` the impulse in N s that was shared while creeping."""
+    return {
+        "engine": "compiled" if run.engine == "compiled" else "plain",
+        "steps": int(r.steps), "events": int(r.events), "contacts": int(r.contacts),
+        "error_estimate": float(r.error), "resting": bool(r.rests) or run.creep is not None,
+        "shared_impulse": math.fsum([r.shared, r.shared_low, crept]) if run.request.log else math.nan,
+        "isolated": int(r.isolated), "tables": int(r.tables),
+        "first_disturbed": (run.start + float(r.disturbed), int(r.first)),
+    }
+
+
+def message_of(run: Any, status: Status, r: Any, t: float) -> str:
+    """Return the sentence of a status with its numbers."""
+    sentence = f"{status.value} (t = {t:.6g} s, {r.contacts} contacts, {r.steps} steps)"
+    if run.pace.stalled:
+        sentence += (f": contacts creep or chatter, {run.pace.step:.2g} s a trial step on the average; weaker damping, "
+                     "or a force without a jump at rest, is needed (granular.md.resume goes on)")
+    if not (r.rests or run.bound or run.creep):
+        return sentence
+    if status is Status.time:
+        sentence += "; the balls rest on each other"
+    if run.collocation is not None or not (run.creep or r.barrier):
+        return f"{sentence}: every force balances to rounding"
+    piled = [p for p in members(run) if p.mode == ACTIVE or p.mode == DORMANT]
+    groups = [[p for _, p in group] for _, group in groupby(enumerate(piled), lambda at: at[1].number - at[0])]
+    decay = max(slowest_decay(group, group[0].lower == 0.0 == group[-1].upper) for group in groups)
+    why = "about the equilibrium, no sum of decaying modes takes a contact force to zero"
+    if run.creep is None:
+        energies = f"{r.energy:.3g} J, is less than the {r.barrier:.3g} J that"
+        why = f"the energy about the equilibrium, {energies} the first contact needs to open"
+    return f"{sentence}: {why}; the slowest motion decays in {decay:.3g} s"
+
+
+def members(run: Any) -> list[Any]:
+    """Return the records of pairs in islands as plain objects, from the bottom up."""
+    slot = column(run.s.pairs, "slot")[: run.scene.n_pairs]
+    slots = slot[slot >= 0].tolist()
+    return [run.s.pool[i] for i in slots] if isinstance(run.s.pool, list) else plain(run.s.pool[slots])
+
+
+def still_open(run: Any) -> Rows:
+    """Return the contacts that go on at the end."""
+    going = [p for p in members(run) if p.going_on] if column(run.s.pool, "going_on").any() else []
+    rows = np.zeros(len(going), CONTACT_ROW)
+    rows["t_end"] = rows["lower_out"] = rows["upper_out"] = math.nan
+    rows["pair"] = [p.number for p in going]
+    for name in ("t_begin", "duration", "lower_in", "upper_in", "xi_max", "force_max", "impulse"):
+        rows[name] = [getattr(p, name) for p in going]
+    return rows
+

@@ -41,7 +41,7 @@ def impulse_of_pendula(s: Any, c: int, v: float, t1: float, v1: float) -> float:
     η̇ = -Ω² (ξ + d) - (kξ + γη)/m, integrated, with kξ = -γη at its end."""
     pair, law = s.pairs[c], s.kinds[s.pairs[c].kind_of]
     inverse, left = s.bodies[c].inverse_mass + s.bodies[c + 1].inverse_mass, law.gamma * (law.gamma * v1 / law.k)
-    area = (v + v1 + pair.pull * t1 - left * inverse) / (law.k * inverse + s.walls.square)
+    area = (v + v1 + pair.pull * t1 - left * inverse) / (law.k * inverse + s.field.square)
     return float(law.k * area + left)
 
 
@@ -72,3 +72,4 @@ def kicks(member: Any, block: Any, omega: float, tau: float, dt: float) -> tuple
         kick += push * math.cos(turn)
         fall += push * math.sin(turn)
     return scale * kick, scale * omega * fall
+

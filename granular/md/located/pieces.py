@@ -1,6 +1,19 @@
-"""Pieces of motion between two events: polynomials in τ for islands, free flight in closed form for all other pairs.
+"""Pieces of motion between two events, polynomials in τ for islands, free flight in closed form for all other pairs;
+and which event comes first within a piece, located as the first root of a polynomial.
 
 The clock of a block is its absolute time, in two floats; a step maps τ to the time t = (hτ)^q.
+
+| mode     | event                                  | goes through zero |
+|----------|----------------------------------------|-------------------|
+| open     | BEGIN, the balls touch                 | ξ upwards         |
+| active   | END, the force falls to zero           | φ downwards       |
+|          | PART (elastic), the balls part         | ξ downwards       |
+| residual | BEGIN, the force rises again           | φ upwards         |
+|          | PART, the balls part                   | ξ downwards       |
+| active, with memory | TURN, unloading begins | ξ̇ downwards |
+|          | RELOAD, the old maximum is passed      | ξ - top upwards   |
+| dormant  | BEGIN, the force is no longer rounding | ξ - wake upwards  |
+|          | PART, the balls part                   | ξ downwards       |
 """
 
 from __future__ import annotations
@@ -11,12 +24,36 @@ from typing import Any
 from granular._flight import time_to_contact
 from granular._kernels import kernel
 from granular._roots import first_up_crossing
-from granular.md.located.driven import flown, next_touch, touching_rate
-from granular.md.located.records import BEGIN, DAMPED, DRIVEN, EDGE, ELASTIC, HUNG, OPEN, ORDER, PART, RESIDUAL
+from granular.md.located.records import (
+    ACTIVE,
+    BEGIN,
+    DAMPED,
+    DORMANT,
+    EDGE,
+    ELASTIC,
+    END,
+    LINEAR,
+    NOTHING,
+    OPEN,
+    ORDER,
+    PART,
+    RESIDUAL,
+)
+from granular.md.located.system import nth
+from granular.md.located.walls import flown, next_touch, touching_rate
+from granular.scene.flags import DRIVEN, HUNG
 
 DRIFT = 4.0
 """Balls that close at less than this many times the noise of their rate are taken to drift along side by side."""
 INVERSE = (0.0, *(1.0 / n for n in range(1, ORDER + 5)))
+ULP = 2.0**-52
+DOUBT = 1e4
+"""A pair at rest is taken to part at so many times the overlap at which it wakes: the first forces beside it, far below
+rounding, may err to either side."""
+ALL_BUT = 0.1
+"""Part of its overlap at which a pair that turns round had all but parted."""
+GRAZE = 1e-15
+"""Part of the typical overlap at which it has parted, except for rounding."""
 
 
 @kernel
@@ -55,7 +92,7 @@ def elapsed(h: float, q: int, tau: float) -> float:
 @kernel
 def piece_time(block: Any) -> float:
     """Return how long the piece of a block takes; at an EDGE to the last digit."""
-    if DRIVEN and block.what == EDGE:
+    if DRIVEN and block.event == EDGE:
         return float(block.holds)
     return elapsed(block.h, block.clock, block.tau)
 
@@ -121,7 +158,7 @@ def direction(x: Any) -> float:
 
 
 @kernel
-def peaks(pair: Any, tau: float, work: Any) -> None:
+def peaks(pair: Any, tau: float, scratch: Any) -> None:
     """Raise the largest overlap and force to those of the piece; its g is scratch, for φ has done its duty.
 
     A force that does not depend on the rate is largest where the overlap is, and the law says it better than a series
@@ -130,7 +167,7 @@ def peaks(pair: Any, tau: float, work: Any) -> None:
     """
     for j in range(ORDER + 1):
         pair.g[j] = pair.e[j]
-    deepest = highest(pair.x, pair.g, tau, work)
+    deepest = highest(pair.x, pair.g, tau, scratch)
     pair.xi_max = max(pair.xi_max, deepest)
     xi = max(0.0, deepest)
     if pair.kind == ELASTIC:
@@ -139,7 +176,7 @@ def peaks(pair: Any, tau: float, work: Any) -> None:
     pair.g[ORDER] = 0.0
     for j in range(ORDER):
         pair.g[j] = (j + 1) * pair.f[j + 1]
-    force = highest(pair.f, pair.g, tau, work)
+    force = highest(pair.f, pair.g, tau, scratch)
     if pair.kind == DAMPED:
         rate = max(abs(pair.e[0]), abs(value(pair.e, tau)))
         force = min(force, 2.0 * (pair.k * power(xi, pair.p) + pair.gamma * power(xi, pair.d) * rate))
@@ -147,12 +184,12 @@ def peaks(pair: Any, tau: float, work: Any) -> None:
 
 
 @kernel
-def highest(row: Any, rate: Any, tau: float, work: Any) -> float:
+def highest(row: Any, rate: Any, tau: float, scratch: Any) -> float:
     """Return the largest value of a row on [0, τ]; `rate`, of the sign of its slope, is used up."""
     at, best = 0.0, max(float(row[0]), value(row, tau))
     way = -1.0 if rate[0] > 0.0 else 1.0
     for _ in range(ORDER):
-        step = first_up_crossing(rate, tau - at, work, way)
+        step = first_up_crossing(rate, tau - at, scratch, way)
         if not at + step < tau:
             break
         at += step
@@ -175,7 +212,7 @@ def write_flight(pair: Any, h: float, push: float, force: float) -> None:
 
 
 @kernel
-def predict(pair: Any, law: Any, walls: Any) -> None:
+def predict(pair: Any, law: Any, field: Any) -> None:
     """Plan the flight of a free pair, a block of its own, to its next event.
 
     Contacts leave rates of rounding where the exact ones are zero: balls that stay together would meet again after
@@ -184,7 +221,7 @@ def predict(pair: Any, law: Any, walls: Any) -> None:
     if HUNG and pair.pull == 0.0 and 0.0 < pair.eta <= DRIFT * pair.noise and pair.xi == 0.0:
         pair.eta = 0.0
     if HUNG or (DRIVEN and pair.wall > 0):
-        pair.wait, pair.what = next_touch(walls, pair), BEGIN
+        pair.wait, pair.event = next_touch(field, pair), BEGIN
         pair.due = pair.t + (pair.wait + pair.tail)
         return
     if pair.mode == OPEN and pair.pull == 0.0 and 0.0 < pair.eta <= DRIFT * pair.noise:
@@ -195,7 +232,7 @@ def predict(pair: Any, law: Any, walls: Any) -> None:
         again = force_returns(pair, law) if law.s == 1.0 else math.inf
         if again < wait:
             wait, what = again, BEGIN
-    pair.wait, pair.what = wait, what
+    pair.wait, pair.event = wait, what
     pair.due = pair.t + (wait + pair.tail)
 
 
@@ -208,26 +245,95 @@ def force_returns(pair: Any, law: Any) -> float:
 
 
 @kernel
-def glide(pair: Any, dt: float, walls: Any) -> None:
+def glide(pair: Any, dt: float, field: Any) -> None:
     """Advance a free pair by `dt`, if that is positive."""
     if dt > 0.0:
-        fly(pair, dt, walls)
+        fly(pair, dt, field)
 
 
 @kernel
-def fly(pair: Any, dt: float, walls: Any) -> None:
+def fly(pair: Any, dt: float, field: Any) -> None:
     """Advance a free pair by `dt`; to go back is to trace its asymptote."""
-    pair.xi, pair.eta = flown(walls, pair, dt)
+    pair.xi, pair.eta = flown(field, pair, dt)
     pair.exact = 0
     tick(pair, dt)
 
 
 @kernel
-def arrive(pair: Any, walls: Any) -> None:
+def arrive(pair: Any, field: Any) -> None:
     """Advance a free pair to its event: exactly there, with the rate it has from the state, not from the time."""
     if pair.mode == OPEN:
-        pair.eta = touching_rate(walls, pair, pair.wait)
+        pair.eta = touching_rate(field, pair, pair.wait)
         pair.xi = 0.0
         tick(pair, pair.wait)
     else:
-        glide(pair, pair.wait, walls)
+        glide(pair, pair.wait, field)
+
+
+@kernel
+def locate(pairs: Any, pool: Any, lo: int, hi: int, span: float, scratch: Any, laws: Any) -> None:
+    """Find the event that ends the piece of block lo … hi-1 on τ in [0, span]; it ends at `span` if there is none."""
+    block = pool[pairs[lo].slot]
+    block.tau, block.fired, block.event = span, -1, NOTHING
+    for c in range(lo, hi):
+        pair = pool[pairs[c].slot]
+        tau, what = next_event(pair, block.tau, scratch, laws)
+        if tau <= block.tau:
+            block.tau, block.fired, block.event = tau, nth(pairs, c), what
+            if tau == 0.0:
+                return
+        if laws is None:
+            tau, what = rebound(pair, block.tau, scratch)
+            if tau < block.tau:
+                block.tau, block.fired, block.event = tau, nth(pairs, c) if what == PART else -1, what
+
+
+@kernel
+def rebound(pair: Any, span: float, scratch: Any) -> tuple[float, int]:
+    """Return the τ at which a pair that all but parts turns round, or parts by rounding; inf if it does neither.
+
+    There its series has to end: a ball that falls from a touch at rest comes back to it with ξ = g (t - t0)²/2, and
+    ξ^1.5 ∝ |t - t0|³ goes on as (t - t0)³, with no sign of it in the coefficients.
+    """
+    if pair.mode != ACTIVE or pair.kind == LINEAR or not (pair.e[0] < 0.0 < value(pair.e, span)):
+        return math.inf, NOTHING
+    tau = first_up_crossing(pair.e, span, scratch)
+    least = value(pair.x, min(tau, span))
+    if least <= GRAZE * pair.own_length:
+        return tau, PART
+    return (tau, NOTHING) if least < ALL_BUT * pair.x[0] else (math.inf, NOTHING)
+
+
+@kernel
+def next_event(pair: Any, span: float, scratch: Any, laws: Any) -> tuple[float, int]:
+    """Return the τ of the first event of a pair within [0, span], inf without, and which it is."""
+    row, doubt, wake = pair.g, 0.0, 0.0
+    if pair.mode == OPEN:
+        return first_up_crossing(pair.x, span, scratch), BEGIN
+    if pair.mode == DORMANT:  # pressed enough to wake, or parted; linear ones never sleep
+        if pair.kind == LINEAR:
+            return math.inf, NOTHING
+        row, doubt, wake = pair.x, DOUBT * pair.wake, pair.wake
+    elif laws is not None:
+        return laws.next_event(pair, span, scratch)  # type: ignore[no-any-return]
+    elif pair.mode == ACTIVE:
+        asleep = DOUBT * pair.wake if pair.xi <= pair.wake and pair.kind == LINEAR else 0.0
+        if pair.kind == ELASTIC or (pair.kind == LINEAR and pair.gamma == 0.0):
+            return shifted(pair.x, asleep, span, scratch, -1.0), PART
+        if pair.kind == LINEAR:
+            return shifted(pair.f, pair.k * asleep, span, scratch, -1.0), END
+        return shifted(pair.g, 0.0, span, scratch, -1.0), END
+    parts = shifted(pair.x, doubt, span, scratch, -1.0)
+    again = shifted(row, -wake, min(parts, span), scratch, 1.0)
+    return (again, BEGIN) if again < math.inf else (parts, PART)
+
+
+@kernel
+def shifted(row: Any, by: float, span: float, scratch: Any, way: float) -> float:
+    """Return the first τ where a row, shifted by so much, goes up through zero (`way` 1) or down (-1); inf without."""
+    first = row[0]
+    row[0] = first + by
+    tau: float = first_up_crossing(row, span, scratch, way)
+    row[0] = first
+    return tau
+

@@ -1,4 +1,4 @@
-"""What an island does at the start of a piece: the next piece is computed, and where it ends.
+"""An island from piece to piece: the next one is computed, and where it ends; then the island is advanced to that end.
 
 `laws` is None when every law is a power form; else it is the `Collocation` that knows them, and the run is interpreted.
 """
@@ -6,17 +6,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
-from granular._kernels import entry, inlined, kernel
+from granular._kernels import entry, kernel
 from granular._tournament import play
-from granular.md.located.alone import goes_on, has_piece
-from granular.md.located.contacts import confirm
-from granular.md.located.driven import foresee_walls
-from granular.md.located.events import locate
-from granular.md.located.near_rest import may_creep
-from granular.md.located.pieces import piece_time, power
-from granular.md.located.records import ASKS, DRIVEN, EDGE, HUNG, LONG, LOOKED, MOVES, NOTHING, RING
+from granular.md.located.contacts import confirm, judge
+from granular.md.located.ledger import book_piece
+from granular.md.located.log import follow
+from granular.md.located.one_contact.inside import goes_on, has_piece
+from granular.md.located.one_contact.tables import ITSELF, ask, fit, note
+from granular.md.located.pendula import swing
+from granular.md.located.pieces import ULP, locate, piece_time, power, since, tick, value
+from granular.md.located.records import ASKS, CHECKS, EDGE, GENERAL, LONG, LOOKED, MOVES, NOTHING, POINTS, TO_PLAN
+from granular.md.located.rest.proof import may_creep
 from granular.md.located.series import expand, expand_linear, expand_two
 from granular.md.located.step_size import (
     REACH,
@@ -29,34 +32,37 @@ from granular.md.located.step_size import (
     scale,
     trusted,
 )
-from granular.md.located.touching import judge
+from granular.md.located.system import is_closed, nth
+from granular.md.located.walls import beside_edge, foresee_walls, speed_at
+from granular.scene.flags import DRIVEN, HUNG, RING, WORKED
 
 
 @entry
 @kernel
-def planned(s: Any, laws: Any) -> bool:
-    """Plan all that waits for it, once in the code: a contact followed alone, piece after piece, or blocks formed anew,
-    due at -inf; false if the run is to stop at once."""
-    run, pairs, stays = s.run[0], s.pairs, True
-    while True:
-        if run.alone >= 0 and not has_piece(s, laws):
-            run.alone = -1
-        lo = run.alone
-        if lo < 0:
-            if s.queue[1].due > -math.inf:
-                return stays
-            lo = s.queue[1].key
-        goes = plan(run, pairs, s.pool, s.bodies, s.work, lo, laws, s.walls)
-        if run.alone < 0:
-            stays = stays and goes
-            play(s.queue, lo, pairs[lo].due)
-        elif not goes_on(s, laws):
-            run.alone = -1
+def plan_all_due(s: Any, laws: Any) -> bool:
+    """Plan all blocks formed anew; false if the run is to stop at once."""
+    stays = True
+    while s.queue[1].due == TO_PLAN:
+        lo = s.queue[1].key
+        stays = plan(s.run[0], s.pairs, s.pool, s.bodies, s.scratch, lo, laws, s.field) and stays
+        play(s.queue, lo, s.pairs[lo].due)
+    return stays
 
 
-@inlined
+@entry
 @kernel
-def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws: Any, walls: Any) -> bool:
+def follow_contact(s: Any, laws: Any) -> None:
+    """Follow the contact of one pair alone, piece after piece, as `inside.ask_to_follow` has asked."""
+    run = s.run[0]
+    while has_piece(s, laws):
+        plan(run, s.pairs, s.pool, s.bodies, s.scratch, run.solo, laws, s.field)
+        if not goes_on(s, laws):
+            break
+    run.solo = -1
+
+
+@kernel
+def plan(run: Any, pairs: Any, pool: Any, bodies: Any, scratch: Any, lo: int, laws: Any, field: Any) -> bool:
     """Compute the next piece of the island that starts with `lo`, and its end; false if the run is to stop at once."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     worst, span = -math.inf, 1.0
@@ -64,11 +70,11 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
         block.manner = MOVES
     else:
         run.steps += 1
-        if not (HUNG or RING) and laws is None and run.alone < 0 and may_creep(pairs, pool, bodies, lo):
+        if not (HUNG or RING) and laws is None and run.solo < 0 and may_creep(pairs, pool, bodies, lo):
             wait(pairs, pool, lo)
             return True
-    reach = foresee_walls(walls, pairs, pool, lo) if DRIVEN else math.inf
-    fastest = fastest_rate(pairs, pool, lo, hi, walls.square if HUNG else 0.0)
+    reach = foresee_walls(field, pairs, pool, lo) if DRIVEN else math.inf
+    fastest = fastest_rate(pairs, pool, lo, hi, field.square if HUNG else 0.0)
     block.linear, block.clock = 1 if fastest >= 0.0 else 0, 1
     if block.linear == 1:
         if DRIVEN and fastest == 0.0 and reach == math.inf:
@@ -80,24 +86,24 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
         block.h = scale(pairs, pool, lo, hi)
         if DRIVEN:
             block.h = min(block.h, power(reach, 1.0 / block.clock))
-    settle_series(run, pairs, pool, lo, laws, walls, reach)
+    series_of_piece(run, pairs, pool, lo, laws, field, reach)
     if block.linear == 0 and laws is None:
         worst = growth(pairs, pool, lo, hi, run.tol)
         span = trusted(worst, run.tol)
         if block.clock == 1:
-            block.stride = block.h * span
+            block.last_step = block.h * span
     last = math.inf
     if DRIVEN and reach < math.inf:
         last = power(reach, 1.0 / block.clock) / block.h
         span = min(span, last)
     if not confirm(run, pairs, pool, bodies, lo, hi):
-        block.fired, block.what, block.tau = -1, NOTHING, 0.0  # to be planned anew, if it goes on
+        block.fired, block.event, block.tau = -1, NOTHING, 0.0  # to be planned anew, if it goes on
         pairs[lo].due = block.t + block.tail
         return False
-    locate(pairs, pool, lo, hi, span, work, laws)
+    locate(pairs, pool, lo, hi, span, scratch, laws)
     run.error += left_out(worst, block.tau)
-    if DRIVEN and block.tau == last and block.fired < 0 and block.what == NOTHING and reach == block.holds:
-        block.what = EDGE
+    if DRIVEN and block.tau == last and block.fired < 0 and block.event == NOTHING and reach == block.holds:
+        block.event = EDGE
     pairs[lo].due = block.t + (piece_time(block) + block.tail)
     if block.h >= LONG:  # it lies still
         pairs[lo].due = math.inf
@@ -108,7 +114,7 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, work: Any, lo: int, laws:
 def wait(pairs: Any, pool: Any, lo: int) -> None:
     """Let a block be due at once, without a piece: it is to be looked at whether it creeps."""
     block = pool[pairs[lo].slot]
-    block.manner, block.fired, block.what, block.tau = ASKS, -1, NOTHING, 0.0
+    block.manner, block.fired, block.event, block.tau = ASKS, -1, NOTHING, 0.0
     pairs[lo].due = block.t + block.tail
     for c in range(lo, pairs[lo].hi):
         member = pool[pairs[c].slot]
@@ -116,18 +122,118 @@ def wait(pairs: Any, pool: Any, lo: int) -> None:
 
 
 @kernel
-def settle_series(run: Any, pairs: Any, pool: Any, lo: int, laws: Any, walls: Any, reach: float) -> None:
+def series_of_piece(run: Any, pairs: Any, pool: Any, lo: int, laws: Any, field: Any, reach: float) -> None:
     """Compute the series; where pairs touch at rest, until it agrees with who is taken to push. `reach` and the paths
     of driven walls are those of `foresee_walls`."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     for _ in range(2 * (hi - lo) + 2):
         if laws is not None:
-            run.error += laws.fill(pairs, pool, lo, run.tol, walls, reach)
+            run.error += laws.fill(pairs, pool, lo, run.tol, field, reach)
         elif block.linear == 1 and hi == lo + 2 and reach == math.inf and not (HUNG or RING):
             expand_two(block, pool[pairs[lo + 1].slot], block.h)
         elif block.linear == 1:
-            expand_linear(pairs, pool, lo, hi, block.h, 1, walls)
+            expand_linear(pairs, pool, lo, hi, block.h, 1, field)
         else:
-            expand(pairs, pool, lo, hi, block.h, block.clock, walls)
+            expand(pairs, pool, lo, hi, block.h, block.clock, field)
         if not judge(pairs, pool, lo, hi):
             break
+
+
+@kernel
+def advance_island(
+    run: Any, pairs: Any, pool: Any, bodies: Any, scratch: Any, lo: int, tau: float, dt: float, s: Any, laws: Any
+) -> None:
+    """Advance the island that starts with pair `lo` to τ, a time `dt` into its piece."""
+    hi, block = pairs[lo].hi, pool[pairs[lo].slot]
+    if tau <= 0.0:
+        return
+    follow(run, pairs, pool, scratch, lo, tau)
+    if WORKED:
+        book_piece(s.ledger, s.field, laws, s, lo, tau)
+    if HUNG:
+        swing(run, pairs, pool, bodies, lo, tau, dt)
+    else:
+        push(pairs, pool, bodies, lo, dt)
+    for c in range(lo, hi):
+        member = pool[pairs[c].slot]
+        member.xi, member.eta, member.exact = value(member.x, tau), value(member.e, tau), 0
+        member.x[0], member.e[0] = member.xi, member.eta
+    for c in range(lo, hi):
+        pool[pairs[c].slot].noise += rounding(run.tol, pairs, pool, c, lo)
+    tick(block, dt)
+    if DRIVEN and block.event == EDGE and tau == block.tau:
+        tick(block, beside_edge(s.field, pairs[lo], block))
+        tick(block, beside_edge(s.field, pairs[hi - 1], block))
+    if RING:
+        if is_closed(pairs, lo, hi):
+            hold_walls(pairs, pool, lo, hi, 0.0)
+    elif bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0 and block.event != EDGE:
+        lower, upper = bodies[lo].v, bodies[hi].v
+        if DRIVEN:
+            lower = speed_at(s.field, pairs[lo], bodies[lo], block)
+            upper = speed_at(s.field, pairs[hi - 1], bodies[hi], block)
+        hold_walls(pairs, pool, lo, hi, lower - upper)
+    block.tau = 0.0  # the piece is used up
+
+
+@kernel
+def rounding(tol: float, pairs: Any, pool: Any, c: int, lo: int) -> float:
+    """Return what a step may leave in the rate of pair `c`: rounding of rates, or what a nonlinear step leaves out."""
+    member = pool[pairs[c].slot]
+    if pool[pairs[lo].slot].linear == 0:
+        return float(max(tol, ULP if member.kind != GENERAL else 8.0 * ULP) * member.own_speed)
+    largest = abs(member.eta)
+    hi = pairs[lo].hi
+    if is_closed(pairs, lo, hi) and (c == lo or c + 1 == hi):
+        largest = max(largest, abs(pool[pairs[hi - 1 if c == lo else lo].slot].eta))
+    for i in range(max(lo, c - 1), min(c + 2, hi)):
+        largest = max(largest, abs(pool[pairs[i].slot].eta))
+    return float(ULP * largest)
+
+
+@kernel
+def hold_walls(pairs: Any, pool: Any, lo: int, hi: int, closing: float) -> None:
+    """Let the rates between two walls, or around a ring, sum up to that of the walls, or 0: roundings would wander, and
+    squeeze or free them."""
+    excess, fastest = -closing, pool[pairs[lo].slot]
+    for c in range(lo, hi):
+        member = pool[pairs[c].slot]
+        excess += member.eta
+        if abs(member.eta) > abs(fastest.eta):
+            fastest = member
+    fastest.eta, fastest.e[0] = fastest.eta - excess, fastest.eta - excess
+
+
+@kernel
+def push(pairs: Any, pool: Any, bodies: Any, lo: int, dt: float) -> None:
+    """Advance the velocities of the bodies of an island by `dt`: free fall, and the impulses on the way.
+
+    What no force acts on falls as before: in thousands of steps its roundings would add up.
+    """
+    block, hi, below, last = pool[pairs[lo].slot], pairs[lo].hi, 0.0, pairs[lo].hi + 1
+    if is_closed(pairs, lo, hi):
+        below, last = pool[pairs[hi - 1].slot].push, hi
+    for c in range(lo, last):
+        body, above = bodies[nth(pairs, c)], pool[pairs[c].slot].push if c < hi else 0.0
+        if below != 0.0 or above != 0.0:
+            body.v += body.inverse_mass * (below - above) - body.fall * (since(body, block.t, block.tail) + dt)
+            body.t, body.tail = block.t, block.tail
+            tick(body, dt)
+        below = above
+
+
+def make_table(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
+    """Make the table that is wanted, for which there is room; the run goes on as if nothing had been."""
+    for j in range(POINTS + CHECKS):
+        kernels(ask)(s, j, laws)
+        kernels(follow_contact)(s, laws)
+        if not kernels(note)(s, j):
+            break
+    kernels(fit)(s)
+
+
+def answer(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
+    """Follow the contact that is asked for, alone."""
+    kernels(ask)(s, ITSELF, laws)
+    kernels(follow_contact)(s, laws)
+    kernels(note)(s, ITSELF)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any
 
@@ -14,22 +14,21 @@ from granular._records import column, copied, packed, plain
 from granular._tournament import play, replay, tournament
 from granular.drive import CONTACT_ROW, End, Pause, Request, Row, Rows
 from granular.laws.kinds import SceneLaws
-from granular.md.located import blocks, outcome
-from granular.md.located.at_rest import first_asking, gather_slowly, looked_at, seldom
+from granular.md.located import blocks
 from granular.md.located.checkpoint import Checkpoint, Untouched, restored
-from granular.md.located.collocation import Collocation
-from granular.md.located.creep import LARGEST, SMOOTH, Creep, Flight, swinging
-from granular.md.located.inside import look, look_inside, seen
 from granular.md.located.ledger import FLOOR, LOST
 from granular.md.located.log import keep_unsettled
-from granular.md.located.pace import Pace
-from granular.md.located.plan import planned
+from granular.md.located.one_contact.inside import look, look_inside, seen
+from granular.md.located.own_law import Collocation
+from granular.md.located.pace import Pace, looked_at, message_of, seldom, stats_of, still_open
+from granular.md.located.plan import answer, follow_contact, make_table, plan_all_due
 from granular.md.located.power_form import power_form
 from granular.md.located.records import (
     ASKS,
     BINDING,
     CRAMPED,
     GENERAL,
+    IGNORE,
     MORE,
     MOST_ROWS,
     QUIET,
@@ -37,11 +36,13 @@ from granular.md.located.records import (
     REST,
     STOP,
     STOPPED,
+    TO_PLAN,
     WANTS_CONTACT,
     WANTS_TABLE,
-    WORK,
+    WORK_LIMIT,
 )
-from granular.md.located.resting import between, lone_pile
+from granular.md.located.rest.creep import LARGEST, SMOOTH, Creep, creeping_from
+from granular.md.located.rest.overdamped import first_asking
 from granular.md.located.system import (
     system_of,
     to_compiled,
@@ -50,8 +51,8 @@ from granular.md.located.system import (
     with_more_room,
     with_room_for_a_table,
 )
-from granular.md.located.tables import answer, make_table
 from granular.scene import Scene
+from granular.scene.flags import flags
 from granular.scene.walls import Closing
 from granular.trajectory import CONTACT
 
@@ -60,9 +61,9 @@ FIRST_LOOK = 256
 LOADING, MAKING, LAUNCH = 1.0, 33.0, 2e-5
 """Seconds that it takes to load the machine code, to make it, and to launch a pair interpreted."""
 DISTURBED = ("resolve", "stop", "ignore")
-"""What may be done where a contact disturbs another."""
+"""What may be done where a contact disturbs another, in the order of RESOLVE, STOP, IGNORE."""
 WHY = {
-    STOPPED: Pause.until, QUIET: Pause.quiet, WORK: Pause.work, REST: Pause.resting,
+    STOPPED: Pause.until, QUIET: Pause.quiet, WORK_LIMIT: Pause.work, REST: Pause.resting,
     BINDING: Pause.quiet,
 }
 
@@ -98,46 +99,57 @@ class Run:
             raise ValueError("disturbed is 'ignore': to set pendula that touch early back to gap 0 gives them another "
                              "energy; choose 'resolve' or 'stop'.")
         self.scene, self.laws, self.law, self.request, self.engine = scene, laws, laws.given, request, engine
-        self.seen = self.now = 0.0  # s, when a row was last read, and how far it has come
-        self.bound = False
-        self.creep: Creep | None = None
-        self.looks = 0
         self.start = request.start if state is None else float(state["origin"])  # s, where its own clock starts
         self.closing = Closing(scene, self.start, flattened=True)
+        self.seen = self.now = 0.0  # s, when a row was last read, and how far it has come
+        self.bound, self.looks = False, 0
+        self.creep: Creep | None = None
         self.checkpoint: Checkpoint | None = None
         limits = {"max_events": request.max_events, "max_steps": request.max_steps, "log": 2 * int(request.rows)}
-        limits["disturbing"] = DISTURBED.index(disturbed)
-        self.s: Any = system_of(scene, laws, request.until, self.start, tol=tol, pause=FIRST_LOOK, **limits)
-        ignored = DISTURBED.index("ignore")
-        self.adds_up = limits["disturbing"] != ignored
+        ways = [DISTURBED.index(disturbed)]
+        s = system_of(scene, laws, request.until, self.start, tol=tol, pause=FIRST_LOOK, disturbing=ways[0], **limits)
+        self.collocation = Collocation(laws, scene.ring) if s.kinds["kind"][0] == GENERAL else None
         if state is not None:
-            self.s = restored(self.s, state)
-            self.adds_up &= int(np.asarray(state["run"])["disturbing"][0]) != ignored
-        self.collocation = Collocation(laws, scene.ring) if self.s.kinds["kind"][0] == GENERAL else None
-        self.pace = Pace(self)
-        hung = scene.pendulum > 0.0
-        driven = self.s.walls is not None and not hung
-        self.settles = not (scene.ring or scene.heated or self.s.walls is not None)  # where rest is understood
-        moves = {"DRIVEN": driven, "WORKED": self.s.ledger is not None, "HEATED": scene.heated, "HUNG": hung,
-                 "RING": scene.ring}
-        flags: dict[str, Any] = {name: True for name, does in moves.items() if does}
-        self.fit: Callable[[Any], Any] = lambda kernel: fitted(kernel, **flags)
-        self.kernels: Callable[[Any], Any] = self.fit
-        self.toll = Toll(self.fit(blocks.advance), LOADING, MAKING)
+            s = restored(s, state)
+            ways.append(int(np.asarray(state["run"])["disturbing"][0]))
+        self.s: Any = s
+        self.adds_up = IGNORE not in ways
+        self.pace, self.toll = Pace(self), Toll(self.fit(blocks.advance), LOADING, MAKING)
         if engine == "compiled" or self.pays(LAUNCH * scene.n_pairs):
             self.compile()
         else:
-            self.s = to_plain(self.s)
-        if state is None:
-            launched = self.kernels(blocks.launch)(self.s, self.collocation)
-            self.launched = launched and self.kernels(planned)(self.s, self.collocation)
-        else:
-            self.launched = True
-            self.kernels(replay)(self.s.queue, 0, scene.n_pairs - 1)
-            if state["creeping"]:
-                self.let_creep(math.inf)
-            elif state.get("riding", False):  # of an earlier version: piles on driven walls had other pieces
-                self.follow_anew(request.start)
+            self.s = to_plain(s)
+        self.launched = self.launch() if state is None else self.go_on(state)
+
+    def launch(self) -> bool:
+        """Form the first islands and plan them; false if the run is to stop at once."""
+        formed = self.kernels(blocks.launch)(self.s, self.collocation)
+        return bool(formed and self.kernels(plan_all_due)(self.s, self.collocation))
+
+    def go_on(self, state: Mapping[str, Any]) -> bool:
+        """Go on from the records of a checkpoint; true."""
+        self.kernels(replay)(self.s.queue, 0, self.scene.n_pairs - 1)
+        if state["creeping"]:
+            self.let_creep(math.inf)
+        elif state.get("riding", False):  # of an earlier version: piles on driven walls had other pieces
+            self.follow_anew(self.request.start)
+        return True
+
+    def fit(self, kernel: Any) -> Any:
+        """Return the kernel as it is for what the scene has."""
+        special = flags(self.scene)
+        if self.s.field is None:  # no driven wall ever moves
+            special.pop("DRIVEN", None)
+        return fitted(kernel, **special)
+
+    def kernels(self, kernel: Any) -> Any:
+        """Return the kernel for records as they are now, compiled or as it stands."""
+        return self.fit(kernel) if self.is_plain else compiled(self.fit(kernel))
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the records are those of interpreted code."""
+        return isinstance(self.s.run, list)
 
     @property
     def counters(self) -> Any:
@@ -148,6 +160,12 @@ class Run:
     def is_disturbed(self) -> bool:
         """Whether the run has stopped before the first contact that disturbs another."""
         return bool(self.counters["disturbing"] == STOP and self.counters["first"] >= 0)
+
+    @property
+    def settles(self) -> bool:
+        """Whether there is a wall to rest on, and the scene is one whose rest is understood."""
+        scene = self.scene
+        return bool(scene.is_wall.any()) and not (scene.ring or scene.heated or self.s.field is not None)
 
     def pays(self, ahead: float = 0.0) -> bool:
         """Return whether to go on compiled, with so many seconds of work ahead that are known of."""
@@ -163,7 +181,6 @@ class Run:
                 "engine 'auto' or 'plain' runs it."
             )
         self.s, self.engine = to_compiled(self.s), "compiled"
-        self.kernels = lambda kernel: compiled(self.fit(kernel))
 
     def to(self, time: float, last: bool) -> Pause:
         """Go on to `time`, or a chunk of pieces towards it."""
@@ -207,7 +224,7 @@ class Run:
 
         Looked at after 256, 512, 1024 … pieces. What creeps needs no kernels any more.
         """
-        if self.scene.n_pairs > LARGEST or not (self.settles and self.scene.is_wall.any()):
+        if self.scene.n_pairs > LARGEST or not self.settles:
             return False
         self.let_creep(math.inf if limit == math.inf else SMOOTH)
         return limit == math.inf and self.creep is not None
@@ -216,20 +233,14 @@ class Run:
         """Go on by modes if the scene creeps to rest, its forces swinging by less than the part `most`."""
         self.look_at_all()
         s = to_plain(self.s)
-        a, b = lone_pile(s)
-        members = [s.pool[s.pairs[c].slot] for c in range(a, b)]
-        load = np.array([p.load for p in members])
-        if swinging(members, load) < most:
+        creep = creeping_from(s, most)
+        if creep is not None:
             self.checkpoint = Checkpoint(deepcopy(s), {"origin": self.start, "creeping": True})
-            self.s, self.kernels = s, self.fit
-            lo = s.pairs[a].first
-            flights = [Flight(s.pool[s.pairs[c].slot], *between(s.pairs, s.pool, s.bodies, lo, c)[1:])
-                       for c in (a - 1, b) if lo <= c < s.pairs[lo].hi]
-            self.creep = Creep(s.pool[s.pairs[lo].slot], members, load, flights)
+            self.s, self.creep = s, creep
 
     def progress(self) -> tuple[float, int]:
         """Return time in s and number of contacts so far."""
-        return self.start + float(self.counters["t"]), int(self.counters["begun"])
+        return self.start + float(self.counters["t"]), int(self.counters["contacts"])
 
     def rows(self) -> list[Rows]:
         """Take the contacts that are over, and that nothing can change any more, out of the buffer."""
@@ -265,14 +276,16 @@ class Run:
     def row_after(self, elapsed: float, time: float) -> Row:
         """Return the scene a time after the start, which is called `time`."""
         made: Any = np.zeros((3, self.scene.n_pairs))
-        rows = made.tolist() if isinstance(self.s.run, list) else made
+        rows = made.tolist() if self.is_plain else made
         if self.creep is not None:
             self.creep.show(elapsed)
-        sums = self.scratch()
+        sums: Any = None
+        if self.s.ledger is not None:
+            sums = [0.0] * 5 if self.is_plain else np.zeros(5)
         self.kernels(look)(self.s, elapsed, *rows, sums, self.collocation)
         c = -1
         while (c := self.kernels(look_inside)(self.s, c + 1, elapsed)) < self.scene.n_pairs:
-            self.kernels(planned)(self.s, self.collocation)
+            self.kernels(follow_contact)(self.s, self.collocation)
             self.kernels(seen)(self.s, c, *rows, sums)
         made = np.asarray(rows)
         if not np.isfinite(made[:2]).all():  # interpreted, it would have raised on the way
@@ -283,12 +296,6 @@ class Run:
         if ledger is not None and self.creep is not None:
             ledger[[FLOOR, LOST]] += self.creep.books(elapsed, float(self.scene.velocity[0]))
         return Row(time, elapsed, made[0], rate=made[1], force=made[2], ledger=ledger)
-
-    def scratch(self) -> Any:
-        """Return room for the sums of the ledger; None without one."""
-        if self.s.ledger is None:
-            return None
-        return [0.0] * 5 if isinstance(self.s.run, list) else np.zeros(5)
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended, and bring every pair to where it has come."""
@@ -309,19 +316,19 @@ class Run:
             self.s = self.without_queue()
             self.kernels(blocks.gather)(self.s, end, self.collocation)
             if column(self.s.pool, "manner").any():
-                self.seldom(gather_slowly)(self.s)
+                self.seldom(blocks.gather_slowly)(self.s)
             self.now = math.inf  # rows of contacts that go on are void now: all others are over
         else:
             impulse = self.creep.finish(end)
         crept, r = math.fsum(impulse) if len(impulse) > 1 else 0.0, plain(self.s.run)[0]
         if wanted and row is None:
             row = self.row_after(end, self.start + end)
-        running = np.concatenate([*self.rows(), self.dated(outcome.still_open(self))]) if self.request.log else None
+        running = np.concatenate([*self.rows(), self.dated(still_open(self))]) if self.request.log else None
         if running is not None:
             late = running["t_end"] > self.start + end  # by rounding
             running["t_end"][late], running["v_out"][late] = math.nan, math.nan
-        stats = outcome.stats(self, r, crept)
-        message, self.s = outcome.message(self, status, r, self.start + end), None  # makes room for the log
+        stats = stats_of(self, r, crept)
+        message, self.s = message_of(self, status, r, self.start + end), None  # makes room for the log
         untouched.put_back()
         state = self.checkpoint or Checkpoint(before, {"origin": self.start, "creeping": False})
         return End(row, status, message, stats, state if self.launched else {}, running)
@@ -329,14 +336,14 @@ class Run:
     def seldom(self, kernel: Any) -> Any:
         """Return a kernel that is called seldom: also of a compiled run interpreted, until that does not pay."""
         self.looks += 1
-        return self.kernels(kernel) if isinstance(self.s.run, list) else seldom(self.fit(kernel), self.looks, compiled)
+        return self.kernels(kernel) if self.is_plain else seldom(self.fit(kernel), self.looks, compiled)
 
     def follow_anew(self, time: float) -> None:
         """Plan the blocks at driven walls anew, and go on to `time`."""
         for c in np.flatnonzero(column(self.s.pairs, "wall") > 0).tolist():
             if self.s.pairs[c]["slot"] >= 0:
-                self.kernels(play)(self.s.queue, int(self.s.pairs[c]["first"]), -math.inf)
-        self.kernels(planned)(self.s, self.collocation)
+                self.kernels(play)(self.s.queue, int(self.s.pairs[c]["first"]), TO_PLAN)
+        self.kernels(plan_all_due)(self.s, self.collocation)
         while self.to(time, False) is Pause.full:
             pass
 
@@ -347,5 +354,5 @@ class Run:
 
     def without_queue(self) -> Any:
         """Return the records of a run in which nothing is due any more: of a million balls the queue is large."""
-        return self.s._replace(queue=plain(tournament(1)) if isinstance(self.s.run, list) else tournament(1))
+        return self.s._replace(queue=plain(tournament(1)) if self.is_plain else tournament(1))
 

@@ -18,32 +18,20 @@ import math
 from typing import Any
 
 from granular._kernels import kernel, specialised
-from granular.md.located.around import is_closed
-from granular.md.located.driven import drive
 from granular.md.located.pieces import elapsed, power
-from granular.md.located.records import (
-    ACTIVE,
-    DORMANT,
-    DRIVEN,
-    ELASTIC,
-    HUNG,
-    LINEAR,
-    MIRROR,
-    OPEN,
-    ORDER,
-    PADDED,
-    RESIDUAL,
-    RING,
-)
+from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, PADDED, RESIDUAL
+from granular.md.located.system import is_closed
+from granular.md.located.walls import drive
+from granular.scene.flags import DRIVEN, HUNG, RING
 
 
 @kernel
-def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, walls: Any) -> None:
+def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any) -> None:
     """Fill the rows x, e, f of pairs lo … hi-1 from their state, and g, the bracket φ, of those not open."""
     for c in range(lo, hi):
         prepare(pool[pairs[c].slot], q)
     if DRIVEN:
-        drive(walls, pairs, lo, hi, h, q)
+        drive(field, pairs, lo, hi, h, q)
     scale, top = q * elapsed(h, q, 1.0), hi + 1 if is_closed(pairs, lo, hi) else hi
     for n in range(ORDER - q + 1):
         step, below = scale / (n + q), 0.0
@@ -63,9 +51,9 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, walls: Any
             if n == 0:
                 push += pair.pull
             if DRIVEN and pair.wall > 0:
-                push += walls.push[pair.wall - 1][n]
+                push += field.push[pair.wall - 1][n]
             if HUNG:
-                push -= walls.square * pair.x[n]
+                push -= field.square * pair.x[n]
             pair.e[n + q] = step * push
             pair, below = after, force
     for c in range(lo, hi):
@@ -234,3 +222,4 @@ def power_term(x: Any, out: Any, alpha: float, n: int, offset: int) -> None:
     for j in range(1, order + 1):
         total += (weight * j - order) * x[offset + j] * out[n - j]
     out[n] = total / (order * x[offset])
+

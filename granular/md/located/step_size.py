@@ -19,10 +19,11 @@ from typing import Any
 
 from granular._flight import time_to_contact
 from granular._kernels import kernel
-from granular.md.located.around import is_closed
 from granular.md.located.pieces import DRIFT, elapsed, force_returns, power
-from granular.md.located.records import ACTIVE, DAMPED, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, RING, STEEPEST
+from granular.md.located.records import ACTIVE, DAMPED, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, STEEPEST
 from granular.md.located.series import works
+from granular.md.located.system import is_closed
+from granular.scene.flags import RING
 
 REACH = (math.factorial(ORDER + 1) * 1e-17) ** (1.0 / (ORDER + 1))
 FURTHEST = 8.0
@@ -165,8 +166,8 @@ def scale(pairs: Any, pool: Any, lo: int, hi: int) -> float:
     h = power(0.2 * block.length / block.speed, 1.0 / block.clock) if block.speed > 0.0 else 1.0
     if block.clock > 1:
         return h
-    if block.stride > 0.0:
-        h = block.stride
+    if block.last_step > 0.0:
+        h = block.last_step
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         if pair.xi > 0.0 and is_curved(pair):
@@ -251,3 +252,4 @@ def left_out(worst: float, tau: float) -> float:
     """Return what the piece leaves out up to τ, as a part of its speed."""
     ratio = tau * math.exp(worst)
     return elapsed(ratio, ORDER + 1, 1.0) / max(0.5, 1.0 - ratio)
+

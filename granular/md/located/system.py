@@ -1,5 +1,9 @@
-"""All records of a run as one `System`: made from a scene, in both forms, and with more room.
+"""All records of a run as one `System`: made from a scene, in both forms, and with more room; places of pairs in it.
 May be skipped: how a run is held, no physics.
+
+On a ring of n balls pair n-1 joins ball n-1 and ball 0. An island lo … hi-1 may go on beyond pair n-1, to hi = lo + n:
+so there are n more records of pairs, of which nothing but the place in the pool is kept, that of pair c - n. An island
+of all pairs is closed: its first and its last pair share a ball. On a line nothing of this is asked, nor compiled.
 """
 
 from __future__ import annotations
@@ -11,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from granular import until as stop
+from granular._kernels import kernel
 from granular._records import packed, plain
 from granular._roots import DEEPEST, workspace
 from granular._tournament import NODE, tournament
@@ -29,6 +34,7 @@ from granular.md.located.records import (
     MOST_MAPS,
     MOST_ROWS,
     NO_MAP,
+    OPEN,
     ORDER,
     PAIR,
     ROOM,
@@ -38,18 +44,19 @@ from granular.md.located.records import (
     TABLE,
     TABLES,
 )
-from granular.md.located.wall_paths import Hung, compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
+from granular.md.located.walls import Hung, compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
 from granular.scene import Scene, speed_scale
+from granular.scene.flags import RING
 
-System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables answer work walls ledger")
-"""All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder; `Walls`
-that are driven, or how balls are `Hung`, and the record of a ledger, None without."""
+System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables answer scratch field ledger")
+"""All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder; the
+`field` of flights: `Walls` that are driven, or how balls are `Hung`, and the record of a ledger, None without."""
 
 
 def to_plain(s: System) -> System:
     """Return the run for interpreted code."""
     ledger = None if s.ledger is None else plain(s.ledger)
-    rest = list(s.answer), workspace(ORDER), plain_walls(s.walls), ledger
+    rest = list(s.answer), workspace(ORDER), plain_walls(s.field), ledger
     return System._make([*map(plain, s[:9]), *rest])
 
 
@@ -57,7 +64,7 @@ def to_compiled(s: System) -> System:
     """Return the run for compiled code: same numbers, same bits."""
     records = map(packed, s[:9], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
     ledger = None if s.ledger is None else packed(s.ledger, LEDGER)
-    return System._make([*records, np.array(s.answer), np.array(s.work), compiled_walls(s.walls), ledger])
+    return System._make([*records, np.array(s.answer), np.array(s.scratch), compiled_walls(s.field), ledger])
 
 
 def readable(s: System) -> System:
@@ -93,11 +100,11 @@ def new_system(
     pairs["first"], pairs["hi"] = np.arange(n), np.arange(1, n + 1)
     stops = (until.pair, until.nth) if isinstance(until, stop.Contact) else (-1, 0)
     limits |= {"until_pair": stops[0], "until_nth": stops[1], "separated": isinstance(until, stop.Separated)}
-    limits |= {"first": -1, "disturbed": math.nan, "alone": -1}
+    limits |= {"first": -1, "disturbed": math.nan, "solo": -1}
     for name, value in limits.items():
         run[name] = value
     log = np.zeros(min(max(LOG_ROWS, 2 * n), MOST_ROWS), CONTACT_ROW)
-    work = np.zeros((DEEPEST + 1, ORDER + 2))
+    scratch = np.zeros((DEEPEST + 1, ORDER + 2))
     has = np.take_along_axis(kinds["map"], pairs["kind_of"].astype(int), -1) if gap.ndim > 1 else kinds["map"][kind_of]
     pairs["map"] = -1
     lacks = (has == NO_MAP) | ((pairs["pull"] != 0.0) & (has != DASHPOT))
@@ -105,7 +112,7 @@ def new_system(
         pairs["map"] = np.where(lacks & (pairs["wall"] == 0), np.arange(n), -1)
     known = np.zeros(min(n, MOST_MAPS), MAP), np.zeros(TABLES, TABLE), np.zeros(6)
     pool = empty_pool(min(room, n) + SPARE)
-    return System(run, pairs, pool, kinds, bodies, tournament(n), log, *known, work, walls, ledger)
+    return System(run, pairs, pool, kinds, bodies, tournament(n), log, *known, scratch, walls, ledger)
 
 
 def empty_pool(room: int) -> np.ndarray[Any, Any]:
@@ -185,7 +192,7 @@ def _hung(s: System, scene: Scene) -> System:
     assert scene.rest_gap is not None
     s.bodies["fall"] = square * scene.displacement
     s.pairs["pull"], s.pairs["map"], s.run["omega"] = -square * scene.rest_gap, -1, scene.pendulum
-    return s._replace(walls=Hung(scene.pendulum, square))
+    return s._replace(field=Hung(scene.pendulum, square))
 
 
 def _share_tables(s: System, laws: SceneLaws, scene: Scene) -> None:
@@ -196,3 +203,88 @@ def _share_tables(s: System, laws: SceneLaws, scene: Scene) -> None:
         number, first = alike(laws.kind[lacking], scene.pairs.m_eff[lacking], scene.pull[lacking])
         if len(first) <= MOST_MAPS:
             s.pairs["map"][lacking] = number
+
+
+@kernel
+def join(run: Any, pairs: Any, pool: Any, kinds: Any, bodies: Any, c: int) -> None:
+    """Give pair `c`, which has been in free flight, its place in the pool."""
+    pair, law = pairs[c], kinds[pairs[c].kind_of]
+    pair.slot = pool[run.members].spare
+    run.members += 1
+    if RING:
+        pairs[c + count_of(pairs)].slot = pair.slot
+    member = pool[pair.slot]
+    if pair.mode == OPEN:
+        pair.isolated = 0
+    member.lower, member.upper = bodies[c].inverse_mass, bodies[c + 1].inverse_mass
+    member.inverse, member.pull, member.wall = member.lower + member.upper, pair.pull, pair.wall
+    member.kind, member.q, member.memory = law.kind, law.q, law.memory
+    member.k, member.gamma, member.p, member.d, member.s = law.k, law.gamma, law.p, law.d, law.s
+    member.xi, member.eta, member.mode, member.noise = pair.xi, pair.eta, pair.mode, pair.noise
+    member.exact, member.wake, member.xi_peak, member.loading = pair.exact, pair.wake, 0.0, 1
+    member.t, member.tail, member.last_step = pair.t, pair.tail, pair.last_step
+    member.fired, member.event = c, pair.event
+    member.clock, member.h, member.tau, member.speed, member.going_on = 1, 0.0, 0.0, 0.0, 0
+    member.number, member.doubt, member.largest, member.deepest, member.sway = c, 0.0, 0.0, 0.0, 0.0
+    member.head, member.manner = -1, 0
+    member.x[0], member.e[0], member.f[0] = pair.xi, pair.eta, 0.0
+
+
+@kernel
+def leave(run: Any, pairs: Any, pool: Any, c: int) -> None:
+    """Give back the place of pair `c` in the pool."""
+    run.members -= 1
+    pool[run.members].spare, pairs[c].slot = pairs[c].slot, -1
+    if RING:
+        pairs[c + count_of(pairs)].slot = -1
+
+
+@kernel
+def count_of(pairs: Any) -> int:
+    """Return the number of pairs."""
+    return len(pairs) // 2 if RING else len(pairs)
+
+
+@kernel
+def nth(pairs: Any, c: int) -> int:
+    """Return the number of a pair, or of a body, that may have been counted beyond the last one, or before 0."""
+    return c % (len(pairs) // 2) if RING else c
+
+
+@kernel
+def is_closed(pairs: Any, lo: int, hi: int) -> bool:
+    """Return whether the island lo … hi-1 goes all around a ring."""
+    return RING and 2 * (hi - lo) == len(pairs)
+
+
+@kernel
+def beside(pairs: Any, c: int) -> tuple[int, int]:
+    """Return the numbers of the pairs below and above; -1, and the number of pairs, where there is none.
+
+    On a ring of two balls the other pair is that above.
+    """
+    if RING:
+        n = len(pairs) // 2
+        return (c - 1) % n if n > 2 else -1, (c + 1) % n
+    return c - 1, c + 1
+
+
+@kernel
+def neighbours(run: Any, pairs: Any) -> tuple[int, int]:
+    """Return the pairs below and above the island under way on a ring; if it goes all around, none, as on a line."""
+    if is_closed(pairs, run.lo, run.hi):
+        return -1, len(pairs)
+    return nth(pairs, run.lo - 1), nth(pairs, run.hi)
+
+
+@kernel
+def lengthen(run: Any, pairs: Any, lo: int) -> None:
+    """Lengthen the island under way on a ring by the block that starts with pair `lo`, above it or below."""
+    size = pairs[lo].hi - lo
+    if lo == nth(pairs, run.hi):
+        run.hi += size
+        return
+    run.lo -= size
+    if run.lo < 0:
+        run.lo, run.hi = run.lo + count_of(pairs), run.hi + count_of(pairs)
+

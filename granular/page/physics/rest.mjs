@@ -1,5 +1,5 @@
 // A pile of balls rests for good when the energy about its static equilibrium is below what its first contact needs to
-// open, F°²/(2 (k + γ²/m_eff)): that energy never grows, so nothing can happen any more. See granular/md/located/resting.py.
+// open, F°²/(2 (k + γ²/m_eff)): that energy never grows, so nothing can happen any more. See granular/md/located/rest/proof.py.
 //
 // A pile below balls that still fly is held in its equilibrium as soon as it moves no more than by rounding, so that it
 // needs no steps, and wakes up when it is hit.

@@ -1,4 +1,4 @@
-"""Driven walls: the flight of the pair at one, and its motion as one more series in the pieces of islands.
+"""Driven walls as a run holds them: the flight of the pair at one, and its motion as one more series in pieces.
 May be skipped: rarer, walls that shake.
 
 A pair at a driven wall closes with pull + m'', m the wall's motion towards the balls. In flight it follows the wall's
@@ -14,17 +14,73 @@ in which DRIVEN is false, so that nothing of this is asked, nor compiled.
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 from typing import Any
 
+import numpy as np
+
+from granular._check import Array
 from granular._flight import gap_after, hung, hung_after, hung_rate_at_contact, rate_at_contact
 from granular._kernels import inlined, kernel
-from granular.md.located.records import DRIVEN, HUNG, ORDER
+from granular._records import packed, plain
+from granular.md.located.records import ORDER
+from granular.scene import Scene
+from granular.scene.flags import DRIVEN, HUNG
+from granular.scene.walls import driven_walls
+from granular.walls import path
 from granular.walls.gap import after
 from granular.walls.hits import first_hit, pressing
+from granular.walls.panels import PANEL, TERMS, WALL
 from granular.walls.path import edge_jump, expansion, to_edge, total, wall_at
 
+Walls = namedtuple("Walls", "start wall panels path push")
+"""Time in s at which the run's own clock is 0; records `WALL` of the driven walls and `PANEL` of all their panels; for
+each wall scratch: the power series of side·m in m in the time, and that of its acceleration in τ."""
+Hung = namedtuple("Hung", "omega square")
+"""Ω in 1/s of pendula, and Ω²: what flights need to know of them, as of walls."""
 GROWS = 4.0
 """A piece is so short that the terms of a wall's acceleration add up to no more than so many times its bound."""
+
+
+def walls_of(scene: Scene, start: float, terms: int) -> Walls | None:
+    """Return the driven walls of a scene whose instant is the time `start` in s, for series of so many `terms`; None if
+    none of them ever moves."""
+    driven = driven_walls(scene, start, still=False)
+    if not driven:
+        return None
+    _, walls, panels = zip(*driven, strict=True)
+    scratch = np.zeros((len(walls), TERMS)), np.zeros((len(walls), terms))
+    return Walls(start, np.concatenate(walls), np.concatenate(panels), *scratch)
+
+
+def numbers_at_ends(walls: Walls) -> tuple[int, int]:
+    """Return the numbers from 1 on of the driven walls at the two ends of a scene, 0 without."""
+    sides = [float(wall["side"]) for wall in walls.wall]
+    return (1 if sides[0] > 0.0 else 0), (len(sides) if sides[-1] < 0.0 else 0)
+
+
+def with_walls(walls: Walls, velocity: Array) -> Array:
+    """Return the velocities (n,) in m/s of a scene's bodies with those of its driven walls at the start."""
+    velocity = np.array(velocity)
+    wall, panels = plain(walls.wall), plain(walls.panels)
+    for one in wall:
+        velocity[0 if one.side > 0.0 else -1] = path.wall_at(one, panels, walls.start, 0.0)[1]
+    return velocity
+
+
+def plain_walls(walls: Any) -> Any:
+    """Return driven walls for interpreted code."""
+    if not isinstance(walls, Walls) or isinstance(walls.wall, list):
+        return walls
+    return Walls(walls.start, plain(walls.wall), plain(walls.panels), walls.path.tolist(), walls.push.tolist())
+
+
+def compiled_walls(walls: Any) -> Any:
+    """Return driven walls for compiled code."""
+    if not isinstance(walls, Walls):
+        return walls
+    scratch = np.array(walls.path), np.array(walls.push)
+    return Walls(walls.start, packed(walls.wall, WALL), packed(walls.panels, PANEL), *scratch)
 
 
 @kernel
@@ -35,28 +91,28 @@ def absolute(walls: Any, t: float, tail: float) -> tuple[float, float]:
 
 
 @kernel
-def flown(walls: Any, pair: Any, dt: float) -> tuple[float, float]:
+def flown(field: Any, pair: Any, dt: float) -> tuple[float, float]:
     """Return overlap and rate of a free pair a time `dt` after its clock; before it, those of its asymptote."""
     if DRIVEN and pair.wall > 0:
-        return flight_at_wall(walls, pair, 0.0, -pair.xi, -pair.eta, dt)
+        return flight_at_wall(field, pair, 0.0, -pair.xi, -pair.eta, dt)
     if HUNG:
-        gap, rate = hung_after(-pair.xi, -pair.eta, walls.omega, rest_gap(walls, pair), dt)
+        gap, rate = hung_after(-pair.xi, -pair.eta, field.omega, rest_gap(field, pair), dt)
         return -gap, -rate
     return -gap_after(-pair.xi, -pair.eta, pair.pull, dt), pair.eta + pair.pull * dt
 
 
 @kernel
-def rest_gap(walls: Any, pair: Any) -> float:
+def rest_gap(field: Any, pair: Any) -> float:
     """Return how far apart the balls of a pair of pendula hang at rest."""
-    return float(-pair.pull / walls.square)
+    return float(-pair.pull / field.square)
 
 
 @inlined
 @kernel
-def rate_at(walls: Any, pair: Any, t: float) -> float:
+def rate_at(field: Any, pair: Any, t: float) -> float:
     """Return the rate of the overlap of a free pair at time t."""
     if HUNG or (DRIVEN and pair.wall > 0):
-        return float(flown(walls, pair, (t - pair.t) - pair.tail)[1])
+        return float(flown(field, pair, (t - pair.t) - pair.tail)[1])
     return float(pair.eta + pair.pull * (t - pair.t))
 
 
@@ -70,34 +126,34 @@ def flight_at_wall(walls: Any, pair: Any, ahead: float, gap: float, rate: float,
 
 
 @kernel
-def touching_rate(walls: Any, pair: Any, wait: float) -> float:
+def touching_rate(field: Any, pair: Any, wait: float) -> float:
     """Return the rate of the overlap of an open pair that touches a time `wait` after its clock."""
     if DRIVEN and pair.wall > 0:
-        return flown(walls, pair, wait)[1]
+        return flown(field, pair, wait)[1]
     if HUNG:
-        return -hung_rate_at_contact(max(0.0, -pair.xi), -pair.eta, walls.omega, rest_gap(walls, pair))
+        return -hung_rate_at_contact(max(0.0, -pair.xi), -pair.eta, field.omega, rest_gap(field, pair))
     return -rate_at_contact(max(0.0, -pair.xi), -pair.eta, pair.pull)
 
 
 @kernel
-def next_touch(walls: Any, pair: Any) -> float:
+def next_touch(field: Any, pair: Any) -> float:
     """Return the time after its clock at which an open pair at a driven wall, or of pendula, touches; inf if it never
     does."""
     if HUNG:
-        return hung(max(0.0, -pair.xi), -pair.eta, walls.omega, rest_gap(walls, pair))
-    t, tail = absolute(walls, pair.t, pair.tail)
+        return hung(max(0.0, -pair.xi), -pair.eta, field.omega, rest_gap(field, pair))
+    t, tail = absolute(field, pair.t, pair.tail)
     gap = max(0.0, -pair.xi)
-    return first_hit(walls.wall[pair.wall - 1], walls.panels, t, tail, gap, -pair.eta, pair.pull, math.inf)
+    return first_hit(field.wall[pair.wall - 1], field.panels, t, tail, gap, -pair.eta, pair.pull, math.inf)
 
 
 @inlined
 @kernel
-def convexity(walls: Any, pair: Any, ahead: float, span: float) -> float:
+def convexity(field: Any, pair: Any, ahead: float, span: float) -> float:
     """Return the largest acceleration at which the gap of a pair in flight opens, within `span` from `ahead` after its
     clock on; 0 if it is concave."""
     if DRIVEN and pair.wall > 0:
-        t, tail = absolute(walls, pair.t, pair.tail + ahead)
-        least, _ = pressing(walls.wall[pair.wall - 1], walls.panels, t, tail, pair.pull, span)
+        t, tail = absolute(field, pair.t, pair.tail + ahead)
+        least, _ = pressing(field.wall[pair.wall - 1], field.panels, t, tail, pair.pull, span)
         return max(0.0, -least)
     return float(max(0.0, -pair.pull))
 
@@ -116,25 +172,25 @@ def carry_walls(walls: Any, s: Any) -> None:
 
 @inlined
 @kernel
-def gap_later(walls: Any, pair: Any, ahead: float, gap: float, rate: float, dt: float) -> float:
+def gap_later(field: Any, pair: Any, ahead: float, gap: float, rate: float, dt: float) -> float:
     """Return the gap after a flight of `dt` from a gap and its rate a time `ahead` after the clock of a pair."""
     if DRIVEN and pair.wall > 0:
-        return -flight_at_wall(walls, pair, ahead, gap, rate, dt)[0]
+        return -flight_at_wall(field, pair, ahead, gap, rate, dt)[0]
     if HUNG:
-        return hung_after(gap, rate, walls.omega, rest_gap(walls, pair), dt)[0]
+        return hung_after(gap, rate, field.omega, rest_gap(field, pair), dt)[0]
     return gap_after(gap, rate, pair.pull, dt)
 
 
 @inlined
 @kernel
-def rate_later(walls: Any, pair: Any, gap: float, eta: float, dt: float) -> float:
+def rate_later(field: Any, pair: Any, gap: float, eta: float, dt: float) -> float:
     """Return the rate of a pair's overlap, now `eta` at its clock, after a flight of `dt` to some `gap`."""
     if HUNG and dt > 0.0:
-        cosine, sine = math.cos(walls.omega * dt), math.sin(walls.omega * dt)
-        off = (gap - rest_gap(walls, pair) + eta / walls.omega * sine) / cosine  # from the gap at rest, now
-        return float(eta * cosine + walls.omega * off * sine)
+        cosine, sine = math.cos(field.omega * dt), math.sin(field.omega * dt)
+        off = (gap - rest_gap(field, pair) + eta / field.omega * sine) / cosine  # from the gap at rest, now
+        return float(eta * cosine + field.omega * off * sine)
     if DRIVEN and pair.wall > 0 and dt > 0.0:
-        return flight_at_wall(walls, pair, 0.0, 0.0, -eta, dt)[1]
+        return flight_at_wall(field, pair, 0.0, 0.0, -eta, dt)[1]
     return float(pair.pull * dt + eta)
 
 
@@ -233,3 +289,4 @@ def jump_at(walls: Any, pair: Any, t: float, tail: float) -> tuple[float, float]
     wall = walls.wall[pair.wall - 1]
     high, low = absolute(walls, t, tail)
     return edge_jump(wall, walls.panels, high, low)
+

@@ -244,3 +244,4 @@ def hurdle(pair: Any) -> float:
         slope = pair.k * power(xi, pair.p) - pair.load + stiff * stiff * pair.s * power(xi, 2.0 * pair.s - 1.0)
         low, high = (xi, high) if slope < 0.0 else (low, xi)
     return float(excess(pair, high) + 0.5 * stiff * stiff * power(low, 2.0 * pair.s))
+

@@ -10,16 +10,14 @@ may bend unseen; if not, such contacts go on being solved by pieces.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 from granular._kernels import kernel
-from granular.md.located.alone import enter, follow_alone
-from granular.md.located.driven import touching_rate
+from granular.md.located.one_contact.inside import ask_to_follow, take_up
 from granular.md.located.pieces import tick
-from granular.md.located.plan import planned
-from granular.md.located.pool import leave
 from granular.md.located.records import CHECKS, OCTAVES, OPEN, POINTS, QUANTITIES, SLOWEST
+from granular.md.located.system import leave
+from granular.md.located.walls import touching_rate
 
 WARM = 32
 """Contacts of an octave after which its table is made: it costs about as many."""
@@ -45,36 +43,19 @@ def table_of(s: Any, c: int, v: float) -> int:
     return WANTED
 
 
-def make_table(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
-    """Make the table that is wanted, for which there is room; the run goes on as if nothing had been."""
-    for j in range(POINTS + CHECKS):
-        kernels(ask)(s, j, laws)
-        kernels(planned)(s, laws)
-        if not kernels(note)(s, j):
-            break
-    kernels(fit)(s)
-
-
-def answer(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
-    """Follow the contact that is asked for, alone."""
-    kernels(ask)(s, ITSELF, laws)
-    kernels(planned)(s, laws)
-    kernels(note)(s, ITSELF)
-
-
 @kernel
 def ask(s: Any, j: int, laws: Any) -> None:
     """Ask that the contact that is wanted be followed alone, at point j of the octave of its speed, or at ITSELF."""
     run, c = s.run[0], s.run[0].wanted
     pair = s.pairs[c]
-    v = touching_rate(s.walls, pair, pair.wait)
+    v = touching_rate(s.field, pair, pair.wait)
     if j != ITSELF:
         v = math.ldexp(0.75 + 0.25 * place_of(j), math.frexp(v)[1])
     run.before_due, run.before_steps, run.before_error, run.before_log = pair.due, run.steps, run.error, run.log
     run.speed, run.log, run.error = v, 2, 0.0
-    member = enter(s, c, v)
+    member = take_up(s, c, v)
     tick(member, pair.wait)
-    follow_alone(s, c, math.inf if laws is None or laws.pushes_at_touch(member) else 0.0)
+    ask_to_follow(s, c, math.inf if laws is None or laws.pushes_at_touch(member) else 0.0)
 
 
 @kernel
@@ -170,3 +151,4 @@ def tabled_peaks(table: Any, v: float) -> tuple[float, float]:
     """Return the largest overlap and the largest force of a contact at speed `v`."""
     z = 4.0 * math.frexp(v)[0] - 3.0
     return polynomial(table, 4, z) * v, polynomial(table, 5, z) * v
+

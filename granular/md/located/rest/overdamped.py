@@ -9,6 +9,9 @@ creep alone is regular: the forces are loads and inertia, F = F° + Σ m a over 
 
 is an equation of first order, whose series has steps as long as the creep, and its rates give the next forces. Each
 round is better by the ratio of both times.
+
+`look_at` says what a block does that may be at rest: whether that is proved, and its piece where it lies still or
+creeps. The event loop stops for it (`WANTS_LOOK`), so that what is here is compiled only where it is wanted.
 """
 
 from __future__ import annotations
@@ -17,12 +20,13 @@ import math
 from typing import Any
 
 from granular._kernels import kernel
-from granular.md.located.equilibrium import end_of_group, find_equilibrium
-from granular.md.located.near_rest import STIFF, drags, flies
-from granular.md.located.pieces import power, write_flight
-from granular.md.located.records import ACTIVE, ORDER, RESIDUAL
-from granular.md.located.resting import between
+from granular._tournament import play
+from granular.md.located.pieces import locate, piece_time, power, write_flight
+from granular.md.located.records import ACTIVE, ASKS, CREEPS, LIES, LONG, LOOKED, ORDER, RESIDUAL, TO_PLAN
+from granular.md.located.rest.equilibrium import NOT_YET, RESTS, end_of_group, find_equilibrium
+from granular.md.located.rest.proof import STIFF, between, come_to_rest, drags, flies, lie, verdict, whole_verdict
 from granular.md.located.series import bracket, power_term
+from granular.md.located.step_size import growth, left_out, trusted
 
 NEAR = 0.1
 """Part of its load and elastic force by which the force of a pair may differ from its load: else it is still slowed
@@ -226,3 +230,59 @@ def subtract(pairs: Any, pool: Any, bodies: Any, pair: Any, c: int, way: int) ->
             pair.e[n] -= share * beyond.e[n]
             if n > 0:
                 pair.x[n] -= share * beyond.x[n]
+
+
+@kernel
+def look_at(s: Any, limit: float) -> int:
+    """Return what is proved of the scene if that ends a run up to time `limit`: RESTS, BOUND; else NOT_YET.
+
+    It is about the block under way. Its next piece is written, or it is to be planned.
+    """
+    run, pairs, pool, bodies, lo = s.run[0], s.pairs, s.pool, s.bodies, s.run[0].lo
+    block = pool[pairs[lo].slot]
+    if block.manner != ASKS:
+        proved = RESTS if run.rests == 1 else verdict(pairs, pool, bodies, lo)
+        if proved != NOT_YET and run.rests == 0:
+            whole = whole_verdict(run, pairs, pool, bodies)
+            if whole != NOT_YET and limit == math.inf:
+                return whole
+        if proved == RESTS and block.manner != LIES:
+            come_to_rest(pairs, pool, bodies, lo)
+        run.steps += 1
+    if block.manner != LIES:
+        block.manner = CREEPS if expand_slowly(pairs, pool, bodies, lo) else LOOKED
+    pairs[lo].due = TO_PLAN
+    if block.manner != LOOKED:
+        write_piece(s, lo)
+    play(s.queue, lo, pairs[lo].due)
+    return NOT_YET
+
+
+@kernel
+def write_piece(s: Any, lo: int) -> None:
+    """Write the piece of a block that lies still, or has been found to creep, and where it ends."""
+    run, pairs, pool, worst, span = s.run[0], s.pairs, s.pool, -math.inf, 1.0
+    hi, block = pairs[lo].hi, pool[pairs[lo].slot]
+    block.linear, block.clock = 1 if block.manner == LIES else 0, 1
+    if block.manner == LIES:
+        lie(pairs, pool, s.bodies, lo)
+    else:
+        worst = growth(pairs, pool, lo, hi, run.tol)
+        span = trusted(worst, run.tol)
+    locate(pairs, pool, lo, hi, span, s.scratch, None)
+    run.error += left_out(worst, block.tau)
+    pairs[lo].due = block.t + (piece_time(block) + block.tail)
+    if block.h >= LONG:
+        pairs[lo].due = math.inf
+
+
+@kernel
+def first_asking(s: Any) -> bool:
+    """Let the first block that asks whether it creeps be the one under way; false if none does."""
+    for c in range(len(s.pairs)):
+        pair = s.pairs[c]
+        if pair.first == c and pair.slot >= 0 and s.pool[pair.slot].manner == ASKS:
+            s.run[0].lo = c
+            return True
+    return False
+

@@ -18,7 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from granular._check import Array
-from granular.md.located.records import LINEAR
+from granular.md.located.records import LINEAR, OPEN
+from granular.md.located.rest.equilibrium import end_of_group, find_loads
+from granular.md.located.rest.proof import between, closes
 
 LARGEST = 100
 """Pairs beyond which the proof is not tried: it costs their number cubed."""
@@ -155,3 +157,35 @@ def exponential_minus_one(a: Array, dt: float) -> Array:
         out = 2.0 * out + out @ out
     change: Array = out * size / size[:, None]
     return change
+
+
+def creeping_from(s: Any, most: float) -> Creep | None:
+    """Return the motion from now on of a scene that creeps to rest, its forces swinging by less than the part `most`;
+    None of any other."""
+    a, b = lone_pile(s)
+    members = [s.pool[s.pairs[c].slot] for c in range(a, b)]
+    load = np.array([p.load for p in members])
+    if not swinging(members, load) < most:
+        return None
+    lo = s.pairs[a].first
+    flights = [Flight(s.pool[s.pairs[c].slot], *between(s.pairs, s.pool, s.bodies, lo, c)[1:])
+               for c in (a - 1, b) if lo <= c < s.pairs[lo].hi]
+    return Creep(s.pool[s.pairs[lo].slot], members, load, flights)
+
+
+def lone_pile(s: Any) -> tuple[int, int]:
+    """Return first pair and end of the one group of a scene, a pile at a wall, and note its loads; (0, 0) if there is
+    none, a pair bears nothing at rest, or a gap may close."""
+    run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
+    pressed = [c for c, p in enumerate(pairs) if p.slot >= 0 and pool[p.slot].mode != OPEN]
+    if not pressed:
+        return 0, 0
+    a, b = pressed[0], end_of_group(pairs, pool, pressed[0])
+    at_one_wall = (bodies[a].inverse_mass == 0.0) != (bodies[b].inverse_mass == 0.0)
+    if b - a < len(pressed) or not at_one_wall or pairs[0].wall != 0 or pairs[-1].wall != 0:
+        return 0, 0
+    if not find_loads(pairs, pool, bodies, a, b) or min(pool[pairs[c].slot].load for c in pressed) <= 0.0:
+        return 0, 0
+    starts = (c for c, p in enumerate(pairs) if p.first == c)
+    return (0, 0) if any(closes(run, pairs, pool, bodies, c) for c in starts) else (a, b)
+

@@ -10,7 +10,7 @@ m (v + G t2 + v2).
 |-------------------------------------|-----|
 | dashpot F = kξ + γη, G = 0          | ω t1 = 2 f(ζ), v1 = v2 = ε v, t2 = t1 + γ/k |
 | dashpot, G ≠ 0, ζ < 1               | Newton's method from there; not where gravity nearly balances (v ω < 10 G) |
-| powers, elastic or d = (p-1)/2, G = 0 | constants of the law (`similar`) |
+| powers, elastic or d = (p-1)/2, G = 0 | constants of the law (`power_form`) |
 | viscoelastic, p = 3/2, d = 1/2, G = 0 | table of b = γ k^-0.6 m^-0.4 v^0.2; t2 = t1 + γ/k |
 
 Other laws and states have none: t1 is nan. Between pendula that hang apart by d, ξ̈ = -Ω² (ξ + d) - F/m, a dashpot has
@@ -24,7 +24,7 @@ from typing import Any
 
 from granular._kernels import kernel
 from granular.laws.viscoelastic_restitution import duration, peaks as tops, restitution
-from granular.md.located.records import DASHPOT, SIMILAR, VISCOELASTIC
+from granular.md.located.records import DASHPOT, SELF_SIMILAR, VISCOELASTIC
 
 WEIGHTLESS = 10.0
 """A dashpot's contact under a pull G has a map if v ω exceeds this many times G: below, balls come to rest."""
@@ -45,7 +45,7 @@ def encounter(law: Any, inverse: float, pull: float, v: float) -> tuple[float, f
         return under_pull(law, inverse, pull, v)
     if pull != 0.0:
         return REFUSED
-    if law.map == SIMILAR:
+    if law.map == SELF_SIMILAR:
         unit, v1 = reach(law, inverse, v) / v, law.restitution * v
         return law.force_ends * unit, law.parts * unit, v1, v1
     if law.map == VISCOELASTIC:
@@ -164,7 +164,7 @@ def swing(omega: float, zeta: float, pull: float, v: float, t: float) -> tuple[f
 @kernel
 def peaks(law: Any, inverse: float, pull: float, v: float, t1: float, v1: float) -> tuple[float, float]:
     """Return the largest overlap and the largest force of a contact that `encounter` knows."""
-    if law.map == SIMILAR:
+    if law.map == SELF_SIMILAR:
         length = reach(law, inverse, v)
         return law.deepest * length, law.strongest * v * v / (inverse * length)
     if law.map == VISCOELASTIC:
@@ -221,3 +221,4 @@ def peaks_under_pull(law: Any, omega: float, zeta: float, pull: float, v: float,
         t = max(0.0, t - (eta + relax * push) / bend)
     xi, eta, push = swing(omega, zeta, pull, v, t)
     return deep, max(law.gamma * v, law.k * xi + law.gamma * eta)
+

@@ -1,33 +1,141 @@
 """When a scene rests for good: no contact can ever open, and none can begin.
 May be skipped: rarer, piles that come to rest.
 
+What the event loop asks first, `may_rest` and `may_creep`, is cheap, and never in vain: a block of which they say no is
+none that could be proved to rest, or to creep. The proofs are needed seldom, and are compiled only then.
+
 Every ball is in a group whose contacts never open (`equilibrium`), or flies, and no gap ever closes. A group reaches
 at most to where its balls would lie if its overlaps were 0, as seen from its wall or its mass centre. That moves at
 constant acceleration, as a flying ball does, so that the gap between two such hulls is a parabola.
 
-A group that has come to its equilibrium, except for rounding, is put there and lies still, until a ball arrives. Of a
-law that is a function it can only be seen that every force balances to rounding, at rest, and grows with the overlap.
+A group that has come to its equilibrium, except for rounding, is put there and lies still, until a ball arrives.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 from granular._flight import time_to_contact
 from granular._kernels import kernel
-from granular.md.located.equilibrium import NOT_YET, RESTS, bound, end_of_group, find_loads, overlap_under
-from granular.md.located.near_rest import STILL, is_still
-from granular.md.located.pieces import in_contact, since, write_flight
-from granular.md.located.records import ACTIVE, LIES, LONG, OPEN
+from granular.md.located.pieces import in_contact, power, since, write_flight
+from granular.md.located.records import ACTIVE, ELASTIC, GENERAL, LIES, LONG, MOVES, OPEN, RESIDUAL
+from granular.md.located.rest.equilibrium import (
+    NOT_YET,
+    RESTS,
+    bound,
+    end_of_group,
+    is_known,
+    kinetic,
+    overlap_under,
+    weight,
+)
 
-AtRest = Callable[[Any, float], float]
-"""Force in N of a pair at an overlap in m."""
-TANGENT = 1e-6
-"""Part of an overlap over which its stiffness is taken."""
-ROUNDING = 1e-11
-"""Part of the accelerations of a pair, and of its block's speed, up to which their sum, and its rate, is rounding."""
+STILL = 1e-14
+"""Part of the static overlaps, and of their natural rates, up to which a pile that rests is taken to be still."""
+STIFF = 12.0
+"""Ratio of the times of creep and of fast decay from which on the former is worth it, and sure to converge."""
+
+
+@kernel
+def may_rest(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, limit: float) -> bool:
+    """Return whether a block whose piece is over without an event is to be looked at, for a run up to time `limit`."""
+    if pool[pairs[lo].slot].manner != MOVES:
+        return True
+    if run.rests == 1:
+        return is_still(pairs, pool, lo)
+    c, active, known, damped = lo, False, True, True
+    while c < pairs[lo].hi:
+        pair, b = pool[pairs[c].slot], end_of_group(pairs, pool, c)
+        if b == c and pair.mode != OPEN:
+            return False
+        if b > c:
+            if not kinetic(pairs, pool, bodies, c, b) < ceiling(pairs, pool, bodies, c, b):
+                return False
+            active, known = True, known and is_known(pairs, pool, c, b)
+            for i in range(c, b):
+                damped = damped and pool[pairs[i].slot].gamma > 0.0
+        c = max(b, c + 1)
+    if not active or pairs[0].wall != 0 or pairs[len(pairs) - 1].wall != 0:
+        return False
+    first = pairs[pairs[run.doubted].first]
+    if not known or ((damped or limit == math.inf) and not (first.slot < 0 and first.due < math.inf)):
+        return True
+    return bool(damped and is_still(pairs, pool, lo))
+
+
+@kernel
+def ceiling(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
+    """Return an energy in J that a group that can be proved to rest does not have: what is noted of it, or more."""
+    if is_known(pairs, pool, a, b):
+        return float(pool[pairs[a].slot].opening)
+    if bodies[a].inverse_mass == 0.0 and bodies[b].inverse_mass == 0.0:
+        return math.inf
+    load, least, falls = abs(weight(bodies[a])), math.inf, False
+    for c in range(a, b):
+        load += abs(weight(bodies[c + 1]))
+        falls = falls or pairs[c].pull > 0.0
+    for c in range(a, b if falls else a):
+        least = min(least, highest_hurdle(pool[pairs[c].slot], 1.001 * load))
+    return least if falls else 0.0
+
+
+@kernel
+def highest_hurdle(pair: Any, load: float) -> float:
+    """Return an energy in J that is not below that with which a pair opens that bears at most a load."""
+    if pair.kind == GENERAL or not pair.k > 0.0:
+        return 0.0
+    rest, exponent, most = overlap_under(pair, load), 2.0 * pair.s - 1.0, 0.0
+    if pair.kind != ELASTIC and pair.gamma > 0.0 and pair.pull > 0.0 and exponent > 0.0:
+        ratio = pair.gamma / pair.k
+        turn = power(ratio * ratio * pair.pull / pair.s, 1.0 / exponent)
+        most = pair.k * power(turn, pair.p) * turn + pair.pull * turn / (pair.s * pair.inverse)
+    return float(max(load * rest, most))
+
+
+@kernel
+def is_still(pairs: Any, pool: Any, lo: int) -> bool:
+    """Return whether the groups of a block are at the equilibrium that is noted of them, except for rounding."""
+    for c in range(lo, pairs[lo].hi):
+        pair = pool[pairs[c].slot]
+        if pair.mode == ACTIVE:
+            rest = overlap_under(pair, pair.load)
+            rate = math.sqrt(pair.k * pair.p * power(rest, pair.p) / rest * pair.inverse)
+            if abs(pair.xi - rest) > STILL * rest or abs(pair.eta) > STILL * rest * rate:
+                return False
+        elif not pair.xi < 0.0:
+            return False
+    return True
+
+
+@kernel
+def may_creep(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
+    """Return whether every pair of a block flies or is strongly damped, and something may press them together."""
+    hi, active = pairs[lo].hi, False
+    pressed = bodies[lo].inverse_mass == 0.0 and bodies[hi].inverse_mass == 0.0
+    for c in range(lo, hi):
+        pair = pool[pairs[c].slot]
+        active, pressed = active or pair.mode == ACTIVE, pressed or pair.pull > 0.0
+        if pairs[c].wall != 0 or not (drags(pair) if pair.mode == ACTIVE else flies(pair)):
+            return False
+    return bool(active and pressed)
+
+
+@kernel
+def drags(pair: Any) -> bool:
+    """Return whether a pair that bears no load is damped strongly enough; under one it takes more."""
+    if pair.kind == GENERAL or not (pair.gamma > 0.0 and pair.xi > 0.0):
+        return False
+    depth, exponent = 1.0, pair.d + 1.0 - pair.s
+    if exponent != 0.0:
+        depth = power(pair.xi, exponent)
+    return bool(pair.gamma * pair.gamma * pair.inverse * depth > STIFF * pair.k)
+
+
+@kernel
+def flies(pair: Any) -> bool:
+    """Return whether a pair has no force, and needs no power of its overlap to see it return."""
+    return bool(pair.mode == OPEN or (pair.mode == RESIDUAL and pair.s == 1.0))
 
 
 @kernel
@@ -143,7 +251,7 @@ def hull(pairs: Any, pool: Any, bodies: Any, block: Any, c: int, way: int) -> tu
 
 
 @kernel
-def settles(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
+def come_to_rest(pairs: Any, pool: Any, bodies: Any, lo: int) -> bool:
     """Return whether the groups of a block are so near to their equilibrium that the difference is rounding; if so, put
     them there: they lie still."""
     if not is_still(pairs, pool, lo):
@@ -175,61 +283,3 @@ def lie(pairs: Any, pool: Any, bodies: Any, lo: int) -> None:
         else:
             write_flight(pair, block.h, between(pairs, pool, bodies, lo, c)[2], 0.0)
 
-
-def lone_pile(s: Any) -> tuple[int, int]:
-    """Return first pair and end of the one group of a scene, a pile at a wall, and note its loads; (0, 0) if there is
-    none, a pair bears nothing at rest, or a gap may close."""
-    run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
-    pressed = [c for c, p in enumerate(pairs) if p.slot >= 0 and pool[p.slot].mode != OPEN]
-    if not pressed:
-        return 0, 0
-    a, b = pressed[0], end_of_group(pairs, pool, pressed[0])
-    at_one_wall = (bodies[a].inverse_mass == 0.0) != (bodies[b].inverse_mass == 0.0)
-    if b - a < len(pressed) or not at_one_wall or pairs[0].wall != 0 or pairs[-1].wall != 0:
-        return 0, 0
-    if not find_loads(pairs, pool, bodies, a, b) or min(pool[pairs[c].slot].load for c in pressed) <= 0.0:
-        return 0, 0
-    starts = (c for c, p in enumerate(pairs) if p.first == c)
-    return (0, 0) if any(closes(run, pairs, pool, bodies, c) for c in starts) else (a, b)
-
-
-def lie_still(pairs: list[Any], at_rest: AtRest, closed: bool) -> bool:
-    """Write the piece of a block that lies still, and return whether it does; `closed` if it is a ring."""
-    block = pairs[0]
-    if any(p.mode not in (OPEN, ACTIVE) or (p.mode == ACTIVE and not abs(p.eta) <= STILL * block.speed) for p in pairs):
-        return False
-    force = [at_rest(p, p.xi) if p.mode == ACTIVE else 0.0 for p in pairs]
-    push = accelerations(pairs, force, closed)
-    deeper = {i: at_rest(p, p.xi * (1.0 + TANGENT)) for i, p in enumerate(pairs) if p.mode == ACTIVE}
-    if not deeper or not all(balances(pairs[i], push[i], force[i], more) for i, more in deeper.items()):
-        return False
-    arrivals = [time_to_contact(max(0.0, -p.xi), -p.eta, a) for p, a in zip(pairs, push, strict=True) if p.mode == OPEN]
-    if 0.0 in arrivals:  # the run has stopped where a ball arrives
-        return False
-    block.clock, block.h, block.stride = 1, min([LONG, *(2.0 * t for t in arrivals)]), 0.0
-    for p, f, a in zip(pairs, force, push, strict=True):
-        if p.mode == ACTIVE or abs(p.eta) <= ROUNDING * block.speed:
-            p.eta = 0.0
-        write_flight(p, block.h, a if p.mode == OPEN else 0.0, f)
-    return True
-
-
-def accelerations(pairs: list[Any], force: list[float], closed: bool) -> list[float]:
-    """Closing accelerations in m/s² of all pairs, 0 where those of open ones are rounding."""
-    first, last = (force[-1], force[0]) if closed else (0.0, 0.0)
-    out = []
-    for p, below, own, above in zip(pairs, [first, *force[:-1]], force, [*force[1:], last], strict=True):
-        parts = (p.pull, p.lower * below, -p.inverse * own, p.upper * above)
-        total = math.fsum(parts)
-        rounding = p.mode == OPEN and abs(total) <= ROUNDING * max(map(abs, parts))
-        out.append(0.0 if rounding else total)
-    return out
-
-
-def balances(pair: Any, push: float, force: float, more: float) -> bool:
-    """Return whether a pair is at rest where its force balances, given the force a little deeper."""
-    stiffness = (more - force) / (TANGENT * pair.xi)
-    square = stiffness * pair.inverse
-    if not (force > 0.0 and stiffness > 0.0):
-        return False
-    return bool(abs(push) <= STILL * pair.xi * square and abs(pair.eta) <= STILL * pair.xi * math.sqrt(square))
