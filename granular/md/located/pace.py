@@ -18,7 +18,7 @@ import numpy as np
 
 from granular._kernels import worth
 from granular._records import column, plain
-from granular.drive import Rows, portion
+from granular.drive import CONTACT_ROW, Rows, portion
 from granular.md.located import blocks
 from granular.md.located.plan import plan_all_due
 from granular.md.located.records import ACTIVE, BINDING, DORMANT, MORE, OPEN, REST, STOPPED, WANTS_LOOK
@@ -26,7 +26,6 @@ from granular.md.located.rest.creep import slowest_decay
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS
 from granular.md.located.rest.overdamped import look_at
 from granular.md.located.system import readable
-from granular.md.rows import CONTACT_ROW
 from granular.trajectory import Status
 
 OWN, PLAIN, COMPILED = 8, 100, 20_000
