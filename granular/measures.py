@@ -18,13 +18,13 @@ from typing import Any
 
 import numpy as np
 
+from granular import walls
 from granular._check import Array
 from granular.isolation import Durations
 from granular.laws.kinds import resolved
 from granular.outcome import approach
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
-from granular.walls import Sine
 
 ACCOUNT = {
     "start": "at the start", "floor": "work of the floor", "ceiling": "work of the ceiling", "heat": "heat of walls",
@@ -177,11 +177,11 @@ def groups(scene: Scene, laws: tuple[Any, ...], speed: float) -> dict[str, float
 
 def _shaking(scene: Scene, omega: Array) -> dict[str, float]:
     """Γ and ω/ω₀ of walls that are shaken harmonically; nan without."""
-    walls = [(motion, own) for motion, own in zip(scene.motions, omega[[0, -1]].tolist(), strict=True)
-             if isinstance(motion, Sine)]
-    largest = max((motion.omega * motion.omega * motion.amplitude for motion, _ in walls), default=math.nan)
+    shaken = [(motion, own) for motion, own in zip(scene.motions, omega[[0, -1]].tolist(), strict=True)
+              if motion is not None and isinstance(motion, walls.Sine)]
+    largest = max((motion.omega * motion.omega * motion.amplitude for motion, _ in shaken), default=math.nan)
     return {"shaking": largest / scene.gravity if scene.gravity > 0.0 else math.nan,
-            "shaking_omega": max((motion.omega / own for motion, own in walls), default=math.nan)}
+            "shaking_omega": max((motion.omega / own for motion, own in shaken), default=math.nan)}
 
 
 def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
@@ -210,7 +210,7 @@ def section(run: Trajectory, pair: int = 0) -> dict[str, Array]:
     if not (0 <= pair < scene.n_pairs and scene.is_wall[scene.bodies(pair)[side]]):
         raise ValueError(f"pair is {pair!r}: the pair of a wall is needed, 0 or {scene.n_pairs - 1}.")
     motion, time = scene.motions[side], log["t_begin"]
-    phase = motion.phases(time) if isinstance(motion, Sine) else np.full(len(log), math.nan)
+    phase = motion.phases(time) if isinstance(motion, walls.Sine) else np.full(len(log), math.nan)
     return {"time": time, "phase": phase, "wall": log["v_in"][:, side], "before": log["v_in"][:, 1 - side],
             "after": log["v_out"][:, 1 - side]}
 

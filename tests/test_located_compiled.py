@@ -13,7 +13,7 @@ import pytest
 from granular import until
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz
 from granular.md import simulate as run
-from granular.md.located import Scenes, solve_many
+from granular.md.located.many import Scenes, solve_many
 from granular.md.located.records import PAIR
 from granular.scene import Scene
 from granular.scenes import gas

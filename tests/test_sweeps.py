@@ -11,7 +11,7 @@ import pytest
 
 import granular as gr
 from granular.cases import Case, make
-from granular.md import located
+from granular.md.located import many as located
 from granular.sweeps import axis, schedule
 from granular.sweeps.results import CODE, RESULTS
 

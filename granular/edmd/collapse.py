@@ -13,7 +13,6 @@ from granular._check import Array
 from granular._flight import time_to_contact
 from granular._records import Records, column
 from granular.edmd.physics import Physics
-from granular.edmd.proof import forever
 from granular.edmd.records import APART, BUDGET, LATER, NEAR, RESTS, SPENT, TINY, UNTIL, Log
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State, gaps
@@ -182,6 +181,8 @@ def _proved(state: State, physics: Physics, verdict: Verdict) -> Verdict:
     resting = (column(bodies, "is_free") == 0.0) & np.isfinite(column(bodies, "mass")) & (run.gravity > 0.0)
     if physics.rule is not None or state.walls is not None or pull[low:end].any() or resting[low : end + 1].any():
         return verdict
+    from granular.edmd.proof import forever  # seldom needed
+
     gap, rate = column(near, "gap"), column(near, "rate")
     found = forever(pairs[low:end], gap[low:end], rate[low:end])
     if found is None:

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._kernels import compiled, kernel, specialised, worth
+from granular._kernels import compiled, kernel, specialised
 from granular._records import Record, Records, copied, one, packed, raw
 from granular._tournament import leaf, replay, tournament
 from granular.edmd.clusters import rest
@@ -31,8 +31,6 @@ from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
 from granular.scene.flags import FORCED
 
-LONG, VERY_LONG = 100_000, 1_000_000
-"""Work (in collisions) after which it pays to load the machine code, and to make it if it is not on the disk."""
 LARGE = 100_000
 """Bodies from which on working in blocks pays."""
 BLOCK = 4096
@@ -190,8 +188,3 @@ class BlockQueue(TreeQueue):
         for first, last, low, high in ends:
             assert low == 0 or gap[low + 1 : first].sum() >= reach
             assert high == len(s.pairs) or gap[last : high - 1].sum() >= reach
-
-
-def pays(work: float) -> bool:
-    """Return whether so much work, in collisions, is worth the machine code."""
-    return worth(loop, work, LONG, VERY_LONG, inline=True)

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import math
 from time import process_time
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from granular._kernels import worth
 from granular._records import column, packed
 from granular.drive import End, Pause, Request, Row, Rows, portion
-from granular.edmd import collapse, compiled_queue, wall_state
-from granular.edmd.compiled_queue import BlockQueue, TreeQueue, pays
+from granular.edmd import wall_state
 from granular.edmd.motion import LATEST
 from granular.edmd.physics import GROUP, ORDER, Physics
 from granular.edmd.records import APART, BUDGET, LATER, NEVER, ROW, SUSPECT, UNTIL
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
-from granular.edmd.watch import Watch
 from granular.scene import velocities
 from granular.scene.walls import Closing
 from granular.trajectory import Status
 from granular.until import Contact
+
+if TYPE_CHECKING:
+    from granular.edmd import collapse
+    from granular.edmd.watch import Watch
 
 TAIL = 8
 """The last of so many parts of a run that ends at `max_events` tells whether it has slowed down."""
@@ -29,6 +32,8 @@ LOOK = 4096
 """Events after which rows are handed over and progress is told."""
 AT_FIRST = 8
 """Events before it is known how long a collision takes."""
+LONG, VERY_LONG = 100_000, 1_000_000
+"""Work (in collisions) after which it pays to load the machine code, and to make it if it is not on the disk."""
 LIKELY = 25
 """Collisions of a pair that a run is taken to have before anything is known of it."""
 TRIAL = 2048
@@ -74,7 +79,8 @@ class Run:
         self.events = int(state.run["events"])
         self.began = self.time(), self._work()
         self.may_compile = engine == "auto"
-        fast = engine == "compiled" or (self.may_compile and pays(min(LIKELY * self.scene.n_pairs, request.max_events)))
+        likely = min(LIKELY * self.scene.n_pairs, request.max_events)
+        fast = engine == "compiled" or (self.may_compile and self.pays(likely))
         self._go_on_with(self._compiled() if fast else SortedQueue)
         self.tail = state.clock.last_event - request.max_events // TAIL
         self.pace = [(self.events, self.time())]  # at the beginning and where the tail begins
@@ -87,10 +93,20 @@ class Run:
         single = ORDER[physics.options["ties"]] != GROUP and not self.scene.is_wall[[0, -1]].all()
         self.moves_on = self.scene.driven and single and watch is None  # kernels move the zero of times themselves
 
-    def _compiled(self) -> type[TreeQueue]:
+    def pays(self, work: float) -> bool:
+        """Return whether so much work, in collisions, is worth machine code; what would make it is loaded only then."""
+        if work < LONG:
+            return False
+        from granular.edmd.compiled_queue import loop
+
+        return worth(loop, work, LONG, VERY_LONG, inline=True)
+
+    def _compiled(self) -> type[SortedQueue]:
+        from granular.edmd import compiled_queue
+
         self.may_compile = False
         in_blocks = self.scene.n > compiled_queue.LARGE and self.state.walls is None and not self.scene.endless
-        return BlockQueue if in_blocks else TreeQueue
+        return compiled_queue.BlockQueue if in_blocks else compiled_queue.TreeQueue
 
     def _go_on_with(self, queue: type[SortedQueue]) -> None:
         """Go on with another queue. What is looked at closely, whose gaps in the state are old, stays as it is."""
@@ -138,13 +154,20 @@ class Run:
                 state.shift_to(due, self.queue.use)
                 self.queue.rebuild()
             elif why == SUSPECT:
-                collapse.begin(state, self.queue)
+                self._closer.begin(state, self.queue)
             elif why == BUDGET and self.events in (before, state.clock.last_event):  # or a group that is too large
-                self.verdict = collapse.left(state, self.physics)
+                self.verdict = self._closer.left(state, self.physics)
                 return Pause.work if self.verdict is None else Pause.bounded
             if self.events - seen >= LOOK or self.is_slow:
                 return Pause.full
         return Pause.reached
+
+    @property
+    def _closer(self) -> Any:
+        """What looks closely at a possible collapse; loaded where one is suspected."""
+        from granular.edmd import collapse
+
+        return collapse
 
     def _meet_before(self, time: float) -> bool:
         """Return whether driven walls are now found to meet before `time`, as they were not yet."""
@@ -163,7 +186,7 @@ class Run:
     def _advance(self, limit: float) -> int:
         """Go on towards tau = `limit` for a while, with the faster queue if that pays now; return why it pauses."""
         state = self.state
-        if self.may_compile and pays(self._expected()):
+        if self.may_compile and self.pays(self._expected()):
             self._go_on_with(self._compiled())
         goal = self.tail if self.events < self.tail else state.clock.last_event
         budget, begun = min(self.queue.chunk, goal - self.events), process_time()
@@ -171,7 +194,7 @@ class Run:
         if state.near is None:
             why = self.queue.advance(min(limit, math.nextafter(state.clock.window, 0.0)), budget, rows)
         else:
-            why, self.verdict = collapse.look(state, self.physics, self.queue, limit, budget, rows)
+            why, self.verdict = self._closer.look(state, self.physics, self.queue, limit, budget, rows)
         self.events = int(state.run["events"])
         if self.is_slow:
             self.queue.chunk = min(SortedQueue.chunk, portion(budget, process_time() - begun))
@@ -228,7 +251,7 @@ class Run:
         state = self.state
         if state.near is not None and state.run.looked > 0:
             state = state.copied()
-            collapse.put_back(state, self.queue)
+            self._closer.put_back(state, self.queue)
         now = float(state.run["now"])
         velocity, gap = state.row(now)
         elapsed = float(state.elapsed(now))
@@ -296,7 +319,7 @@ def _slowing(run: Run, events: int) -> str:
         if took * (tail - begin) < 0.1 * last * (t - start):
             said = (f"; the last {last} of them took only {took:.3g} s: the balls cluster and slow down, perhaps "
                     "without end. Remedies by name: collapse='merge', tc=, elastic_below=")
-        bound = collapse.bound(run.state, run.physics)
+        bound = run._closer.bound(run.state, run.physics)
         if bound is not None:
             said += f"; unless hit from outside, no body of {bound} will exceed {bound.bound:.2g} m/s"
     return said

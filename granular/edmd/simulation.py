@@ -5,8 +5,8 @@ May be skipped: options and their checks, no physics.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
@@ -16,11 +16,13 @@ from granular.drive import EVENTS, check_end, drive, go_on, requested
 from granular.edmd.physics import GROUP, OPTIONS, ORDER, Physics, check_scene, checked
 from granular.edmd.run import Run
 from granular.edmd.state import State
-from granular.edmd.watch import Watch
 from granular.rules import Rule
 from granular.scene import Scene, checked as a_scene
 from granular.scene.walls import fitted
 from granular.trajectory import Status, Trajectory
+
+if TYPE_CHECKING:
+    from granular.edmd.watch import Watch
 
 ENGINES = ("auto", "sorted", "compiled")
 
@@ -152,7 +154,7 @@ def simulate(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, on_event=on_event,
         on_progress=on_progress,
     )
-    watching = None if watch is None else Watch(watch, scene)
+    watching = None if watch is None else _watch(watch, scene)
     return drive(Run(physics, State.of(physics, start), checked_engine(engine, physics), request, watching))
 
 
@@ -200,8 +202,15 @@ def resume(
         scene, state.time(state.run.now), t_end, until=until, samples=samples, log=log,
         max_events=max_events, on_event=on_event, on_progress=on_progress,
     )
-    watching = None if watch is None else Watch(watch, scene, saved)
+    watching = None if watch is None else _watch(watch, scene, saved)
     return go_on(Run(physics, state, checked_engine(engine, physics), request, watching), trajectory)
+
+
+def _watch(law: Any, scene: Scene, saved: Mapping[str, Any] | None = None) -> Watch:
+    """Return what looks on for contacts of a law that would disturb each other; loaded where somebody asks for it."""
+    from granular.edmd.watch import Watch
+
+    return Watch(law, scene, saved)
 
 
 def checked_engine(engine: str, physics: Physics) -> str:

@@ -17,9 +17,7 @@ from granular import _check, until as stop
 from granular.drive import EVENTS, Request, check_end, drive, go_on, requested
 from granular.laws.check import check_deepest, checked as checked_laws
 from granular.laws.kinds import SceneLaws
-from granular.md import fixed, located
-from granular.md.fixed import INTEGRATORS
-from granular.md.stability import expected_rate
+from granular.md import located
 from granular.scene import Scene, checked
 from granular.scene.walls import Closing, fitted
 from granular.trajectory import Status, Trajectory
@@ -150,10 +148,8 @@ def simulate(
     _check_walls(scene, start, request.end)
     if method is None:
         method = "located" if dt is None else "verlet"
-    if _check.choice("method", method, ("located", *INTEGRATORS)) != "located":
+    if method != "located" or dt is not None:
         return _stepped(scene, laws, request, method, dt, engine, tol=tol, disturbed=disturbed)
-    if dt is not None:
-        raise ValueError(f"dt is {dt!r}: method 'located' has no fixed step; choose {', '.join(INTEGRATORS)}.")
     finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
     with _in_range(laws.given[0]):
         return drive(located.Run(scene, laws, request, engine, finest, disturbed))
@@ -175,6 +171,10 @@ def _stepped(
     disturbed: str,
 ) -> Trajectory:
     """Run a scene with a fixed step, which has neither tolerance nor another way to take contacts."""
+    from granular.md import fixed
+
+    if _check.choice("method", method, ("located", *fixed.INTEGRATORS)) == "located":
+        raise ValueError(f"dt is {dt!r}: method 'located' has no fixed step; choose {', '.join(fixed.INTEGRATORS)}.")
     if tol != EXACT:
         raise ValueError(f"tol is {tol!r}: method {method!r} has no tolerance; give dt, or choose 'located'.")
     if disturbed != "resolve":
@@ -269,6 +269,8 @@ def _dented(scene: Scene, laws: SceneLaws) -> bool:
 
 
 def _default_step(scene: Scene, laws: SceneLaws) -> float:
+    from granular.md.stability import expected_rate
+
     try:
         rate = expected_rate(scene, laws)
     except ArithmeticError:  # of a law, at an overlap far beyond those it is made for

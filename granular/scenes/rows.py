@@ -13,7 +13,6 @@ import numpy as np
 from granular import _check
 from granular._check import Array
 from granular.laws.kinds import resolved
-from granular.laws.statics import overlap_under
 from granular.scene import Scene, in_order
 
 
@@ -190,6 +189,8 @@ def _pressed(scene: Scene, law: Any, load: float, first: int) -> Scene:
     if callable(law) and not hasattr(law, "force"):
         _check.takes("law", law, "pair")
         law = [law(pair) for pair in scene.pairs]
+    from granular.laws.statics import overlap_under
+
     laws = resolved(_check.per_pair("law", law, scene.n_pairs), scene)
     gap = -laws.column(lambda one: overlap_under(one, load))
     gap[:first] = 0.0

@@ -25,7 +25,7 @@ from granular.cases import Case
 from granular.cases.build import sentence_of
 from granular.cases.ready import first_impact
 from granular.laws.contact_law import resolve
-from granular.md import located
+from granular.md.located import many
 from granular.scene import Scene, velocities
 from granular.scene.flags import flags
 from granular.sweeps.plan import Plan
@@ -50,9 +50,9 @@ def batches(plan: Plan, columns: Sequence[Values], cells: Values, executor: Exec
     What a cell gives depends on nothing but its parameters, so neither cuts nor executor change a bit.
     """
     # without machine code in memory first one by one, with the same bits: no wait for a compiler
-    way = replace(plan, at_once=plan.at_once and in_memory(located.solve_rows))
+    way = replace(plan, at_once=plan.at_once and in_memory(many.solve_rows))
     rest, each = yield from _pilot(way, columns, cells)
-    if way.at_once is not plan.at_once and worth(located.solve_rows, each * len(rest), LOADING, MAKING):
+    if way.at_once is not plan.at_once and worth(many.solve_rows, each * len(rest), LOADING, MAKING):
         way = plan
         rest, each = yield from _pilot(way, columns, rest)
     seconds = min(max(each * len(rest) / SHARE, SHORTEST), LONGEST)
@@ -194,7 +194,7 @@ def _fill(plan: Plan, rows: Values, starts: Sequence[Start], laws: Sequence[Any]
         np.array([getattr(scene, name) for scene in scenes])[which] for name in ("mass", "gap", "velocity", "gravity"))
     ends = np.array([math.inf if start.case.t_end is None else start.case.t_end for start in begin])[which]
     forms, eps = (np.array(column)[law_of] for column in zip(*law, strict=True))
-    found = located.solve_many(located.Scenes(mass, gap, velocity, forms, gravity),
+    found = many.solve_many(many.Scenes(mass, gap, velocity, forms, gravity),
                                until=starts[0].case.until, t_end=ends)
     soft = SimpleNamespace(
         contacts=found.counts, v_rel=np.where(found.ongoing, math.nan, found.v_upper - found.v_lower),

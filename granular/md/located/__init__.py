@@ -1,10 +1,9 @@
 """Event-located soft spheres: a step is a polynomial, an event is its first root.
 May be skipped: names of the package only.
 
-`Run` follows one scene, `solve_many` a map of small ones in a single compiled call.
+`Run` follows one scene, `many.solve_many` a map of small ones in a single compiled call.
 """
 
-from granular.md.located.many import Many, Scenes, solve_many, solve_rows
 from granular.md.located.run import Run
 
-__all__ = ["Many", "Run", "Scenes", "solve_many", "solve_rows"]
+__all__ = ["Run"]

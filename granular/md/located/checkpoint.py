@@ -230,7 +230,7 @@ def named_today(name: str, records: Any) -> Any:
     for field, old in now.items():
         out[field] = records[old]
     if name == "pairs" and "ahead" not in now and "lasts" in now:  # it was negative where only the clock lies ahead
-        out.dtype.names = [*now, "ahead"]
+        out.dtype.names = (*now, "ahead")
         out["ahead"], out["lasts"] = out["lasts"] != 0.0, np.maximum(out["lasts"], 0.0)
     return out
 

@@ -22,7 +22,6 @@ from granular.drive import CONTACT_ROW, Rows, portion
 from granular.md.located import blocks
 from granular.md.located.plan import plan_all_due
 from granular.md.located.records import ACTIVE, BINDING, DORMANT, MORE, OPEN, REST, STOPPED, WANTS_LOOK
-from granular.md.located.rest.creep import slowest_decay
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS
 from granular.md.located.rest.overdamped import look_at
 from granular.md.located.system import readable
@@ -138,6 +137,8 @@ def message_of(run: Any, status: Status, r: Any, t: float) -> str:
         sentence += "; the balls rest on each other"
     if run.collocation is not None or not (run.creep or r.barrier):
         return f"{sentence}: every force balances to rounding"
+    from granular.md.located.rest.creep import slowest_decay
+
     piled = [p for p in members(run) if p.mode == ACTIVE or p.mode == DORMANT]
     groups = [[p for _, p in group] for _, group in groupby(enumerate(piled), lambda at: at[1].number - at[0])]
     decay = max(slowest_decay(group, group[0].lower == 0.0 == group[-1].upper) for group in groups)

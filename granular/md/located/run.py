@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from copy import deepcopy
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from granular.md.located.checkpoint import Checkpoint, Untouched, restored
 from granular.md.located.ledger import FLOOR, LOST
 from granular.md.located.log import keep_unsettled
 from granular.md.located.one_contact.inside import look, look_inside, seen
-from granular.md.located.own_law import Collocation
 from granular.md.located.pace import Pace, looked_at, message_of, seldom, stats_of, still_open
 from granular.md.located.plan import answer, follow_contact, make_table, plan_all_due
 from granular.md.located.power_form import power_form
@@ -41,7 +40,6 @@ from granular.md.located.records import (
     WANTS_TABLE,
     WORK_LIMIT,
 )
-from granular.md.located.rest.creep import LARGEST, SMOOTH, Creep, creeping_from
 from granular.md.located.rest.overdamped import first_asking
 from granular.md.located.system import (
     system_of,
@@ -55,6 +53,9 @@ from granular.scene import Scene
 from granular.scene.flags import flags
 from granular.scene.walls import Closing
 from granular.trajectory import CONTACT
+
+if TYPE_CHECKING:
+    from granular.md.located.rest.creep import Creep
 
 FIRST_LOOK = 256
 """Pieces after which the run first looks whether the scene creeps to rest."""
@@ -108,7 +109,7 @@ class Run:
         limits = {"max_events": request.max_events, "max_steps": request.max_steps, "log": 2 * int(request.rows)}
         ways = [DISTURBED.index(disturbed)]
         s = system_of(scene, laws, request.until, self.start, tol=tol, pause=FIRST_LOOK, disturbing=ways[0], **limits)
-        self.collocation = Collocation(laws, scene.ring) if s.kinds["kind"][0] == GENERAL else None
+        self.collocation = None if s.kinds["kind"][0] != GENERAL else self.collocated()
         if state is not None:
             s = restored(s, state)
             ways.append(int(np.asarray(state["run"])["disturbing"][0]))
@@ -120,6 +121,12 @@ class Run:
         else:
             self.s = to_plain(s)
         self.launched = self.launch() if state is None else self.go_on(state)
+
+    def collocated(self) -> Any:
+        """Return what solves laws that are no powers, which others never load."""
+        from granular.md.located.own_law import Collocation
+
+        return Collocation(self.laws, self.scene.ring)
 
     def launch(self) -> bool:
         """Form the first islands and plan them; false if the run is to stop at once."""
@@ -224,13 +231,19 @@ class Run:
 
         Looked at after 256, 512, 1024 … pieces. What creeps needs no kernels any more.
         """
-        if self.scene.n_pairs > LARGEST or not self.settles:
+        if not self.settles:
+            return False
+        from granular.md.located.rest.creep import LARGEST, SMOOTH
+
+        if self.scene.n_pairs > LARGEST:
             return False
         self.let_creep(math.inf if limit == math.inf else SMOOTH)
         return limit == math.inf and self.creep is not None
 
     def let_creep(self, most: float) -> None:
         """Go on by modes if the scene creeps to rest, its forces swinging by less than the part `most`."""
+        from granular.md.located.rest.creep import creeping_from
+
         self.look_at_all()
         s = to_plain(self.s)
         creep = creeping_from(s, most)
