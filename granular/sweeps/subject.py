@@ -178,8 +178,8 @@ def subject_of(given: Any) -> Subject:
     name = _check.choice("scene", case, cases.names())
     options = cases.options(name)
     about = {option.name: option.about for option in options} | {"t_end": ""} | _about([], **_WALLS)
-    alone = "" if ready.is_whole(name) else name  # a scene that cells of different laws may share
-    return Subject(name, _lists(options), partial(_call, partial(cases.make, name)), about, name, alone,
+    shared = "" if ready.is_whole(name) else name  # a scene that cells of different laws may share
+    return Subject(name, _lists(options), partial(_call, partial(cases.make, name)), about, name, shared,
                    whole(ready.TEMPLATES[name].make))
 
 
