@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import Any
 
 NOW = {"workprecision": "frontiers", "components": "outcome", "other_ties": "end_time", "tie_rules": "end_time"}
-"""Where a module of `granular` has gone."""
+"""Where a module of `granular` has gone; one within a room is named with a dot, such as "laws.hertz"."""
 
 
 class Moved(MetaPathFinder, Loader):

@@ -332,6 +332,6 @@ def is_drop(scene: Scene) -> bool:
     return together and scene.velocity[1] == scene.velocity[2] and not forced(scene)
 
 
-def smaller_radius(scene: Scene) -> _check.Array:
+def smaller_radius(scene: Scene) -> Any:
     """Smaller radius in m of the balls of each pair; inf if neither has one."""
     return np.minimum(*scene.sides(np.where(scene.radius > 0.0, scene.radius, math.inf)))
