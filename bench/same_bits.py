@@ -26,7 +26,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from same_bits_cases import FAMILIES as PLAIN, kept
+from same_bits_cases import FAMILIES as PLAIN
+from same_bits_cases import kept
 from same_bits_special import SPECIAL
 
 ROOT = Path(__file__).resolve().parent.parent

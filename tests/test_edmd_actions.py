@@ -4,11 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from granular import edmd
 from granular._records import column
-from granular.edmd import collapse, compiled_queue as blocks
+from granular.edmd import collapse
+from granular.edmd import compiled_queue as blocks
 from granular.edmd.compiled_queue import TreeQueue
 from granular.edmd.physics import checked
 from granular.edmd.records import LATER, NEVER

@@ -8,7 +8,8 @@ import pytest
 from scenes_at_random import gas
 
 from granular import edmd
-from granular.edmd import compiled_queue as blocks, run as runs
+from granular.edmd import compiled_queue as blocks
+from granular.edmd import run as runs
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 

@@ -4,14 +4,16 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scenes_at_random import scene
 
 from granular import edmd
 from granular.edmd import collapse as collapses
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
-from granular.scenes import column as scene_column, newtons_cradle
+from granular.scenes import column as scene_column
+from granular.scenes import newtons_cradle
 from granular.trajectory import Status
 from granular.until import separated
 

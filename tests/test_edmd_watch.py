@@ -12,7 +12,8 @@ from scenes_at_random import gas
 import granular as gr
 from granular import isolation, measures
 from granular.cli import main
-from granular.edmd import compiled_queue as blocks, run
+from granular.edmd import compiled_queue as blocks
+from granular.edmd import run
 from granular.edmd.watch import Watch
 
 ELASTIC = gr.ConstantRestitution(1.0)

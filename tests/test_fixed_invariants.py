@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings, strategies as st
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 from scenes_at_random import ALL, ELASTIC, INF, LAWS, built, masses, seeds, soft_scenes
 
 import granular as gr

@@ -9,7 +9,8 @@ import pytest
 import granular as gr
 from granular import reference
 from granular._kernels import fitted, kernel
-from granular.md.located import isolated, run as located_run
+from granular.md.located import isolated
+from granular.md.located import run as located_run
 
 LAWS = ("spring", "dashpot", "strong", "hertz", "viscoelastic", "tsuji")
 

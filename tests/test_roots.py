@@ -10,7 +10,8 @@ from typing import TypeAlias
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from granular._kernels import compiled, have_numba
 from granular._roots import NEVER, first_up_crossing, workspace

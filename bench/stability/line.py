@@ -16,7 +16,8 @@ import numpy as np
 from bench.stability import own, truth
 from bench.stability.cell import BOTH, ELASTIC, FIXED, METHODS, SOFT, Again, Cell, at_wall, judged_by
 from bench.stability.contact import MADE
-from granular import laws as built_in, md, scenes, until
+from granular import laws as built_in
+from granular import md, scenes, until
 from granular._check import Array
 from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz
 from granular.rules import ConstantRestitution

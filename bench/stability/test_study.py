@@ -22,7 +22,8 @@ from bench.stability.cell import FIXED, METHODS, Cell, Truth, Verdict, repeat
 from bench.stability.contact import meeting
 from bench.stability.hard import rational_run
 from bench.stability.long import limits
-from bench.stability.study import deadline, judge as judge_any
+from bench.stability.study import deadline
+from bench.stability.study import judge as judge_any
 from granular.trajectory import Trajectory
 
 judge = partial(judge_any, plain=True)  # a deadline must not interrupt a compiler
