@@ -160,8 +160,7 @@ class _Job:
             found.put([], {"contacts": self.answers.columns["contacts"][:0]})  # as wide
             for places, part in schedule.batches(plan, columns, np.arange(len(columns[0])), executor):
                 found.take(places, part)
-            contacts: Values = found.columns["contacts"]
-            return contacts
+            return np.asarray(found.columns["contacts"])
 
         jumps = edges(axis, self.columns, self.answers.columns["contacts"], shape, counts, precision)
         data = self.dataset()
