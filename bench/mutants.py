@@ -83,7 +83,7 @@ MUTANTS = [
      "s.pool[s.pairs[c].slot].pull = s.pairs[c].pull", SHAKEN),
     # what is said of two runs
     ("outcome.py", 'order = np.argsort(rank, kind="stable")', "order = np.arange(len(rank))", JUDGE),
-    ("outcome.py", 'np.maximum(approach(run), log["impulse"] / m_eff)', "approach(run)", JUDGE),
+    ("outcome.py", 'log["impulse"] / run.scene.pairs.m_eff[log["pair"]]', "approach(run)", JUDGE),
     ("outcome.py", "begins[1:] &= ~met[:-1]", "begins[1:] &= met[:-1]", JUDGE),
     ("outcome.py", "of_ball[scene.is_wall] = count", "pass", JUDGE),
     ("outcome.py", "fastest > weight[c] * still", "fastest > -1.0", JUDGE),

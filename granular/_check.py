@@ -36,9 +36,8 @@ def number(
 ) -> float:
     """Return `value` as a float within ``(above, …)`` and ``[at_least, at_most]``; nan never passes."""
     try:
-        if isinstance(value, (bool, str, bytes, np.ma.MaskedArray)) or np.ndim(value) != 0:
-            raise TypeError
-        if getattr(value, "dtype", None) == np.bool_:
+        wrong = isinstance(value, (bool, str, bytes, np.ma.MaskedArray)) or np.ndim(value) != 0
+        if wrong or getattr(value, "dtype", None) == np.bool_:
             raise TypeError
         x = float(value)
     except OverflowError:
@@ -74,10 +73,9 @@ def array(
     except MemoryError:
         raise ValueError(_sentence(f"shape of {name}", np.shape(value), "an array that fits into memory is needed")
                          ) from None
-    if shape is None and out.ndim != 1:
-        raise ValueError(_sentence(f"shape of {name}", out.shape, "one dimension is needed", fix))
-    if shape is not None and out.shape != shape:
-        raise ValueError(_sentence(f"shape of {name}", out.shape, f"{shape} is needed", fix))
+    if out.ndim != 1 if shape is None else out.shape != shape:
+        need = "one dimension is needed" if shape is None else f"{shape} is needed"
+        raise ValueError(_sentence(f"shape of {name}", out.shape, need, fix))
     out.flags.writeable = False
     if finite:
         every(name, out.ravel(), np.isfinite(out).ravel(), finite)

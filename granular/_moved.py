@@ -17,7 +17,7 @@ NOW = {
     "laws.power": "laws.springs", "laws.walton_braun": "laws.springs", "laws.matched_end": "laws.statics",
     "walls.sine": "walls.formulas", "walls.piecewise": "walls.formulas", "waves.space_time": "waves.sensors",
 }
-"""Where a module of `granular` has gone."""
+"""Where a module of `granular` has gone; one within a room is named with a dot, such as "laws.power"."""
 
 
 class Moved(MetaPathFinder, Loader):

@@ -35,8 +35,7 @@ class Report:
         """Return all numbers with provenance, ready for JSON (nan and inf become None)."""
         from granular import _files
 
-        plain: dict[str, Any] = _files.plain({"provenance": _files.provenance(), **self._numbers()})
-        return plain
+        return dict(_files.plain({"provenance": _files.provenance(), **self._numbers()}))
 
     def to_json(self, path: str | os.PathLike[str]) -> None:
         """Write `to_dict` to a file, whole or not at all."""

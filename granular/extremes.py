@@ -21,9 +21,9 @@ from granular.frontiers.run import rounding_level
 from granular.laws.contact_law import resolve
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.reference import Reference
-from granular.scene import Scene
 from granular.sweeps.plan import planned
 from granular.sweeps.results import REFUSED
+from granular.sweeps.subject import SceneLike
 from granular.trajectory import EARLY, Trajectory
 
 METHODS = ("located", *INTEGRATORS)
@@ -178,7 +178,7 @@ class Stability(Report):
 
 
 def stability(
-    scene: str | PathLike[str] | Callable[..., Case] | Case | Scene,
+    scene: SceneLike,
     axes: str | Sequence[str] = tuple(AXES),
     methods: str | Sequence[str] = METHODS,
     *,

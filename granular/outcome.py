@@ -131,9 +131,7 @@ def at_once(hard: Trajectory) -> Trajectory:
 def strengths(run: Trajectory) -> Array:
     """How hard each contact of the log is, in m/s: by approach, and by impulse / m_eff, as touching balls have none."""
     log = run.contacts
-    m_eff = run.scene.pairs.m_eff[log["pair"]]
-    strength: Array = np.maximum(approach(run), log["impulse"] / m_eff)
-    return strength
+    return np.asarray(np.maximum(approach(run), log["impulse"] / run.scene.pairs.m_eff[log["pair"]]))
 
 
 def approach(run: Trajectory) -> Array:
@@ -177,8 +175,7 @@ class Components:
         """
         closing = np.append(self.largest(np.abs(soft.scene.pull)), 0.0)[self.of_pair]
         most = closing * float(soft.time[-1] - soft.time[0])
-        weight: Array = np.append(self.largest(np.fmin(_sagging(soft, closing), most)), 0.0)[self.of_pair]
-        return weight
+        return np.asarray(np.append(self.largest(np.fmin(_sagging(soft, closing), most)), 0.0)[self.of_pair])
 
 
 def components(hard: Trajectory, soft: Trajectory) -> Components:

@@ -133,8 +133,7 @@ class Trajectory:
     def momentum(self) -> Array:
         """Total momentum of the balls (walls excluded) in kg m/s, shape (T,)."""
         balls = ~self.scene.is_wall
-        momentum: Array = self.velocity[:, balls] @ self.scene.mass[balls]
-        return momentum
+        return np.asarray(self.velocity[:, balls] @ self.scene.mass[balls])
 
     def energy(self) -> Array:
         """Energy in J, shape (T,): Σ ½ m v² + Σ m g x - Σ f x + Σ ½ m Ω² y² + Σ U(ξ) over balls and overlaps.

@@ -12,8 +12,7 @@ from granular import cases, cli, reference
 from granular._reports import duration
 from granular.cli import output
 from granular.frontiers import Frontier, Row
-from granular.frontiers.methods import Task, contacts_of, errors, expected_order, own
-from granular.frontiers.run import METHODS
+from granular.frontiers.methods import METHODS, Task, contacts_of, errors, expected_order, own
 
 pytest.importorskip("mpmath")
 QUICK = ("located", "verlet", "edmd", "dop853+events", "dop853")

@@ -207,12 +207,15 @@ def _reading(kind: str) -> dict[str, Any]:
 
 
 def _given(options: Iterable[Option], found: argparse.Namespace) -> dict[str, Any]:
-    """The options that are given: one number stays a number where one or several may stand; NAME=VALUE are a table,
-    as a TOML file has for how a wall moves."""
-    given = {option: getattr(found, option.name) for option in options if option.name in found}
-    return {option.name: dict(value) if option.kind == "Any" else value[0]
-            if option.kind.startswith("float") and isinstance(value, list) and len(value) == 1 else value
-            for option, value in given.items()}
+    """The options that are given."""
+    return {one.name: _meant(one.kind, getattr(found, one.name)) for one in options if one.name in found}
+
+
+def _meant(kind: str, value: Any) -> Any:
+    """One number where one or several may stand; a table, as a TOML file has for how a wall moves, of NAME=VALUE."""
+    if kind == "Any":
+        return dict(value)
+    return value[0] if kind.startswith("float") and isinstance(value, list) and len(value) == 1 else value
 
 
 def _entry(text: str) -> tuple[str, float | str]:

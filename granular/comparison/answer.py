@@ -23,7 +23,7 @@ from functools import cached_property
 import numpy as np
 
 from granular import end_time
-from granular.comparison.numbers import Compared
+from granular.comparison.numbers import Compared, smaller_radius
 from granular.outcome import FAINT, SAME, PairOutcome
 from granular.trajectory import EARLY
 
@@ -173,8 +173,7 @@ def _sinking(report: Compared, pairs: tuple[int, ...]) -> tuple[Answer, str] | N
         return None
     settled = log["v_in"][:, 0] - log["v_in"][:, 1] <= report.components.weight(soft)[log["pair"]]
     depth = np.where(settled, log["xi_max"], -report.soft.gap[-1][log["pair"]])
-    radius = np.where(report.scene.radius > 0.0, report.scene.radius, math.inf)
-    share = float(np.max(depth / np.minimum(*report.scene.sides(radius))[log["pair"]]))
+    share = float(np.max(depth / smaller_radius(report.scene)[log["pair"]]))
     if share > SAME:
         what = "nothing collides, but soft spheres" if lying else "where balls come to rest, soft ones"
         return Answer.no, f": {what} sink by {share:.2g} of a radius under their weight"

@@ -330,3 +330,8 @@ def is_drop(scene: Scene) -> bool:
     """Whether two balls fall on a floor together, without driven walls or other forces."""
     together = scene.n == 3 and scene.is_wall.tolist() == [True, False, False]
     return together and scene.velocity[1] == scene.velocity[2] and not flags(scene)
+
+
+def smaller_radius(scene: Scene) -> Any:
+    """Smaller radius in m of the balls of each pair; inf if neither has one."""
+    return np.minimum(*scene.sides(np.where(scene.radius > 0.0, scene.radius, math.inf)))

@@ -14,6 +14,7 @@ import numpy as np
 from granular import isolation, measures
 from granular._reports import alike, named_pairs, number, problem
 from granular.comparison.answer import Judged
+from granular.comparison.numbers import smaller_radius
 from granular.laws.kinds import resolved
 from granular.outcome import FAINT
 from granular.trajectory import Status, Trajectory
@@ -78,7 +79,7 @@ def _no_solid(report: Judged) -> Iterator[str]:
     slope = resolved(report.law, scene).column(lambda law: law.impact_stiffness(report.impact_speed))
     with np.errstate(all="ignore"):
         density = scene.mass / (4.0 / 3.0 * math.pi * scene.radius**3)
-        waves = 2.0 * _smaller_radius(report) * np.sqrt(slope / scene.pairs.m_eff)
+        waves = 2.0 * smaller_radius(scene) * np.sqrt(slope / scene.pairs.m_eff)
     balls = ~scene.is_wall & (scene.radius > 0.0)
     odd = np.flatnonzero(balls & ~((density >= LIGHTEST) & (density <= HEAVIEST)))
     for i in odd[:1]:
@@ -88,12 +89,6 @@ def _no_solid(report: Judged) -> Iterator[str]:
     for c in fast[:1] if not len(odd) else ():
         yield (f"waves in the contact of pair {c}{_and(fast)} run at {waves[c]:.2g} m/s, faster than sound in any "
                "solid: is its stiffness in SI units?")
-
-
-def _smaller_radius(report: Judged) -> Any:
-    """Smaller radius in m of the balls of each pair; inf if neither has one."""
-    radius = report.scene.radius
-    return np.minimum(*report.scene.sides(np.where(radius > 0.0, radius, math.inf)))
 
 
 def _and(some: Any) -> str:
@@ -108,7 +103,7 @@ def _extremes(report: Judged) -> Iterator[str]:
     run = report.counted[1]
     order, edge = run.by_pair
     met, log = np.flatnonzero(np.diff(edge)), run.contacts[order]
-    size = _smaller_radius(report)[met]
+    size = smaller_radius(report.scene)[met]
     deepest, fastest = (np.maximum.reduceat(values, edge[met])
                         for values in (log["xi_max"], np.abs(log["v_in"][:, 0] - log["v_in"][:, 1])))
     shortest = np.minimum.reduceat(log["duration"], edge[met])

@@ -175,8 +175,7 @@ class View:
         """So many times in s evenly spread, and some within each contact, of given onset and end."""
         within = np.linspace(touches[:, 0], touches[:, 1], 17).ravel()
         within = within[(within >= self.begin) & (within <= self.end)]
-        times: Array = np.union1d(np.linspace(self.begin, self.end, evenly), within)
-        return times
+        return np.asarray(np.union1d(np.linspace(self.begin, self.end, evenly), within))
 
 
 def window(report: Judged) -> View:

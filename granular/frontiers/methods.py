@@ -22,7 +22,6 @@ from granular.laws.kinds import SceneLaws, resolved
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.reference import Reference, ReferenceContact, restarted
 from granular.reference.events import Logbook
-from granular.reference.restarted import Newton, TooMuchWork
 from granular.scene import Scene
 from granular.trajectory import Trajectory
 
@@ -32,6 +31,7 @@ COARSEST, FINER, POINTS = 8, 4, 8
 MOST_STEPS = {"compiled": 3_000_000, "plain": 100_000}
 SOLVERS = {"dop853": "DOP853", "lsoda": "LSODA", "radau": "Radau"}
 PEERS = (*(f"{name}+events" for name in SOLVERS), *SOLVERS)
+METHODS = ("located", *INTEGRATORS, "edmd", *PEERS)
 RTOL = {"DOP853": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-14), "LSODA": (1e-4, 1e-6, 1e-8, 1e-10, 1e-12),
         "Radau": (1e-4, 1e-6, 1e-8, 1e-10)}
 MOST = 60_000
@@ -125,6 +125,11 @@ def _outcome(run: Trajectory, unit: str) -> Outcome:
     return Outcome(lambda: contacts_of(run), int(work), unit, run.status.name)
 
 
+def expected_orders(task: Task, names: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """The orders of the fixed-step methods among these."""
+    return {name: expected_order(task, name) for name in names if name in INTEGRATORS}
+
+
 def expected_order(task: Task, name: str) -> tuple[float, float]:
     """Textbook order p of a fixed-step method, and min(p, 1+s), s the power of time with which forces begin."""
     least = np.min([_first_power(law) for law in task.resolved.each])  # nan if one is
@@ -150,7 +155,7 @@ def peer(task: Task, name: str) -> Method | None:
     def run(rtol: float) -> Outcome:
         try:
             return way(task, solver, rtol)
-        except TooMuchWork:
+        except restarted.TooMuchWork:
             return Outcome(tuple, MOST, "evaluations", "stopped")
 
     return Method(name, "rtol", RTOL[solver], run)
@@ -164,7 +169,7 @@ def _with_events(task: Task, solver: str, rtol: float) -> Outcome:
 def _without_events(task: Task, solver: str, rtol: float) -> Outcome:
     from scipy.integrate import solve_ivp
 
-    truth, newton = task.truth, Newton(task.scene, task.resolved, MOST)
+    truth, newton = task.truth, restarted.Newton(task.scene, task.resolved, MOST)
     end = truth.t_stop + (0.0 if truth.status == "time" else BEYOND * max(truth.durations))
     done = solve_ivp(newton, (0.0, end), newton.start(), dense_output=True, method=solver, rtol=rtol,
                      atol=rtol * newton.scales())
@@ -172,7 +177,7 @@ def _without_events(task: Task, solver: str, rtol: float) -> Outcome:
     return Outcome(lambda: _read(task, newton, done), work, "evaluations", "time" if done.success else "failed")
 
 
-def _read(task: Task, newton: Newton, done: Any) -> tuple[ReferenceContact, ...]:
+def _read(task: Task, newton: restarted.Newton, done: Any) -> tuple[ReferenceContact, ...]:
     """Contacts from a continuous solution: changes of the clipped force between looks, then its zeros."""
     knots = np.unique(np.linspace(done.t[:-1], done.t[1:], LOOKS + 1))
     log, changes = Logbook(task.until), []
@@ -197,7 +202,7 @@ def _read(task: Task, newton: Newton, done: Any) -> tuple[ReferenceContact, ...]
     return log.contacts()
 
 
-def _zero(task: Task, newton: Newton, state: Any, c: int, a: float, b: float) -> float:
+def _zero(task: Task, newton: restarted.Newton, state: Any, c: int, a: float, b: float) -> float:
     """When the force of pair c begins or ends between times `a` and `b`."""
     from scipy.optimize import brentq
 

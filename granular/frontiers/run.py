@@ -14,15 +14,13 @@ import numpy as np
 
 from granular import _check, md, until as stop
 from granular._reports import machine
-from granular.frontiers.methods import PEERS, Method, Task, contacts_of, errors, expected_order, own, peer
+from granular.frontiers.methods import METHODS, PEERS, Method, Task, contacts_of, errors, expected_orders, own, peer
 from granular.frontiers.result import NEAR, Frontier, Row
 from granular.laws.check import checked
-from granular.md.fixed.integrators import INTEGRATORS as FIXED
 from granular.reference import Reference, solve
 from granular.scene import Scene, checked as a_scene
 from granular.trajectory import Status, Trajectory
 
-METHODS = ("located", *FIXED, "edmd", *PEERS)
 LONG = 0.2
 """Seconds after which a run is not repeated any more."""
 
@@ -98,7 +96,7 @@ def frontier(
             tell(len(rows) / len(todo), len(rows))
     return Frontier(
         scene, laws, until, t_end, truth, tuple(rows), {method.name: method.setting_name for method in tried},
-        {name: expected_order(task, name) for name in chosen if name in FIXED}, level, machine(),
+        expected_orders(task, chosen), level, machine(),
     )
 
 

@@ -72,8 +72,7 @@ def shipped(name: str) -> str:
 @cache
 def words(language: str) -> dict[str, str]:
     """Return all sentences of the pages by key, in one language."""
-    table: dict[str, str] = json.loads(shipped(f"words/{language}.json"))
-    return table
+    return dict(json.loads(shipped(f"words/{language}.json")))
 
 
 @cache

@@ -285,5 +285,4 @@ def _restitutions(run: Trajectory) -> Array:
     laws, speed = resolved(run.law or (), run.scene), impact_speed(run)
     if len(laws.in_pairs[1]) > MANY or not speed > 0.0:
         return np.full(run.scene.n_pairs, math.nan)
-    eps: Array = laws.column(lambda law: at_speed_or_nan(law, speed))
-    return eps
+    return np.asarray(laws.column(lambda law: at_speed_or_nan(law, speed)))

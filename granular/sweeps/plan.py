@@ -19,7 +19,7 @@ from granular._describe import by_words
 from granular._kernels import have_numba
 from granular.cases import Case, ready
 from granular.sweeps.results import RESULTS, STATUS, Result
-from granular.sweeps.subject import Subject, Values, Way, put, subject_of
+from granular.sweeps.subject import SceneLike, Subject, Values, Way, put, subject_of
 
 if TYPE_CHECKING:
     import xarray
@@ -116,7 +116,8 @@ class Plan:
 
 
 def planned(
-    scene: Any, over: Mapping[str, Values], asked: tuple[Ask, ...], fixed: Mapping[str, Any], run: Mapping[str, Any],
+    scene: SceneLike, over: Mapping[str, Values], asked: tuple[Ask, ...], fixed: Mapping[str, Any],
+    run: Mapping[str, Any],
 ) -> Plan:
     """Return the plan, or raise for what no cell could do."""
     for ask in asked:

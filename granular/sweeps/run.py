@@ -16,11 +16,10 @@ from numpy.typing import ArrayLike
 
 from granular import _check
 from granular.cases import Case
-from granular.scene import Scene
 from granular.sweeps import schedule
 from granular.sweeps.plan import Plan, dataset, planned, resume, write, xarray_
 from granular.sweeps.results import MISUSE, NOT_RUN, Answers
-from granular.sweeps.subject import Values, checked
+from granular.sweeps.subject import SceneLike, Values, checked
 
 if TYPE_CHECKING:
     import xarray
@@ -35,7 +34,7 @@ Counts = Callable[[list[Values]], Values]
 
 
 def sweep(
-    scene: str | PathLike[str] | Callable[..., Case] | Case | Scene,
+    scene: SceneLike,
     over: Mapping[str, ArrayLike] | Iterable[str] | str,
     results: str | Callable[[Case], float] | Iterable[str | Callable[[Case], float]] = DEFAULT,
     *,
@@ -161,8 +160,7 @@ class _Job:
             found.put([], {"contacts": self.answers.columns["contacts"][:0]})  # as wide
             for places, part in schedule.batches(plan, columns, np.arange(len(columns[0])), executor):
                 found.take(places, part)
-            contacts: Values = found.columns["contacts"]
-            return contacts
+            return np.asarray(found.columns["contacts"])
 
         jumps = edges(axis, self.columns, self.answers.columns["contacts"], shape, counts, precision)
         data = self.dataset()

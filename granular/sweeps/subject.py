@@ -14,6 +14,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,8 @@ PARTS = ("scene", "law", "rule", "run")
 """Where a name is looked for whose first word is left out."""
 _WALLS = dict.fromkeys(build.MOVING, tuple(build.WALLS.values()))
 Way = tuple[str | int, ...]
+SceneLike = str | PathLike[str] | Callable[..., Case] | Case | Scene
+"""What may be swept."""
 
 
 def axis(text: str) -> tuple[str, Values]:
@@ -161,7 +164,7 @@ class Subject:
         return {"units": units, "long_name": name.replace("_", " "), "comment": about.partition(". ")[0]}
 
 
-def subject_of(given: Any) -> Subject:
+def subject_of(given: SceneLike) -> Subject:
     """Return what is swept, or raise if it is nothing of the kind."""
     case = Case(given, None) if isinstance(given, Scene) else given
     if isinstance(case, Case):
@@ -178,8 +181,8 @@ def subject_of(given: Any) -> Subject:
     name = _check.choice("scene", case, cases.names())
     options = cases.options(name)
     about = {option.name: option.about for option in options} | {"t_end": ""} | _about([], **_WALLS)
-    alone = "" if ready.is_whole(name) else name  # a scene that cells of different laws may share
-    return Subject(name, _lists(options), partial(_call, partial(cases.make, name)), about, name, alone,
+    shared = "" if ready.is_whole(name) else name  # a scene that cells of different laws may share
+    return Subject(name, _lists(options), partial(_call, partial(cases.make, name)), about, name, shared,
                    whole(ready.TEMPLATES[name].make))
 
 

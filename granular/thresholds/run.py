@@ -7,17 +7,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
-from os import PathLike
 from typing import Any
 
 import numpy as np
 
 from granular import _check
-from granular.cases import Case
 from granular.cases.build import sentence_of
-from granular.scene import Scene
 from granular.sweeps.plan import Plan, planned
 from granular.sweeps.results import REFUSED
+from granular.sweeps.subject import SceneLike
 from granular.thresholds.result import CRITERIA, UNDECIDED, Criterion, Threshold, Value
 
 SPACINGS: Mapping[str, Callable[[float, float, int], _check.Array]] = {"log": np.geomspace, "linear": np.linspace}
@@ -28,7 +26,7 @@ LEAST = 1e-9
 
 
 def threshold(
-    scene: str | PathLike[str] | Callable[..., Case] | Case | Scene,
+    scene: SceneLike,
     over: str = "gap",
     between: Sequence[float] = (1e-6, 1e-2),
     criterion: str = "isolated",
