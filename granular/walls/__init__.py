@@ -19,6 +19,7 @@ from granular.walls.panels import Panels
 from granular.walls.thermal import Thermal
 
 __all__ = ["Motion", "Panels", "Piecewise", "Sine", "Thermal"]
+__dir__ = __all__.copy
 
 
 def checked(name: str, motion: Any, is_wall: bool) -> Any:
@@ -79,7 +80,3 @@ def moved(motion: Any, start: float, elapsed: Any) -> tuple[Any, Any]:
     both = np.array([panels.at(start, dt)[:2] for dt in times.tolist()]).reshape(-1, 2)
     x, v = both[:, 0] - origin, both[:, 1]
     return (x, v) if np.ndim(elapsed) else (float(x[0]), float(v[0]))
-
-
-def __dir__() -> list[str]:
-    return __all__
