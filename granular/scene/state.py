@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 
 from granular import _check
 from granular import walls as walls_module
-from granular._check import Array
-from granular._describe import ByNumbers
+from granular._check import Array, ByNumbers
 from granular.scene.given import external_forces, line, placed, refuse_together, rest_gaps
 from granular.scene.pair import Pairs
 
