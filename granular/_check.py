@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import fields
+from functools import cached_property
 from importlib import import_module
 from typing import Any
 
@@ -22,6 +24,22 @@ MOST = 10_000_000
 """What one number may ask for: balls of a ready-made scene, rows of a run; with all that is kept of them some GB."""
 EXTRAS = {"plot": "matplotlib", "sweep": "xarray netCDF4", "peers": "mpmath"}
 """What the extras of this package install."""
+
+
+class ByNumbers:
+    """A dataclass of numbers and arrays whose objects are equal, and have the same hash, if all these are."""
+
+    @cached_property
+    def _key(self) -> tuple[Any, ...]:
+        """All of them as one value; -0.0 is 0.0."""
+        values = (getattr(self, f.name) for f in fields(self))  # type: ignore[arg-type]
+        return tuple((x.shape, (x + 0.0).tobytes()) if isinstance(x, np.ndarray) else x for x in values)
+
+    def __eq__(self, other: object) -> bool:
+        return self._key == other._key if isinstance(other, type(self)) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._key)
 
 
 def number(

@@ -1,13 +1,10 @@
-"""Force laws, collision rules, walls and scenes by their numbers: when they are equal, and as JSON.
+"""Force laws, collision rules, walls and scenes as JSON: a word and numbers, nothing that could run code from a file.
 May be skipped: files, no physics.
-
-JSON holds a word and numbers, nothing that could run code from a file.
 """
 
 from __future__ import annotations
 
 from dataclasses import fields, is_dataclass
-from functools import cached_property
 from importlib import import_module
 from typing import Any
 
@@ -49,22 +46,6 @@ OLDER = WORDS | {
     "granular.walls.piecewise:Piecewise": "piecewise",
 }
 """Those, and the places of releases whose files called these classes by them: until format 2."""
-
-
-class ByNumbers:
-    """A dataclass of numbers and arrays whose objects are equal, and have the same hash, if all these are."""
-
-    @cached_property
-    def _key(self) -> tuple[Any, ...]:
-        """All of them as one value; -0.0 is 0.0."""
-        values = (getattr(self, f.name) for f in fields(self))  # type: ignore[arg-type]
-        return tuple((x.shape, (x + 0.0).tobytes()) if isinstance(x, np.ndarray) else x for x in values)
-
-    def __eq__(self, other: object) -> bool:
-        return self._key == other._key if isinstance(other, type(self)) else NotImplemented
-
-    def __hash__(self) -> int:
-        return hash(self._key)
 
 
 def to_json(physics: Any) -> dict[str, Any]:

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular import _check, walls as walls_module
-from granular._check import Array
-from granular._describe import ByNumbers
+from granular._check import Array, ByNumbers
 from granular.scene.given import external_forces, line, placed, refuse_together, rest_gaps
 from granular.scene.pair import Pairs
 

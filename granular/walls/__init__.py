@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from granular.walls.thermal import Thermal
 
 __all__ = ["Motion", "Panels", "Piecewise", "Sine", "Thermal"]
+__dir__ = __all__.copy
 _HOMES = {"Motion": "motion", "Panels": "panels", "Piecewise": "formulas", "Sine": "formulas", "Thermal": "thermal"}
 
 
@@ -96,7 +97,3 @@ def moved(motion: Any, start: float, elapsed: Any) -> tuple[Any, Any]:
     both = np.array([panels.at(start, dt)[:2] for dt in times.tolist()]).reshape(-1, 2)
     x, v = both[:, 0] - origin, both[:, 1]
     return (x, v) if np.ndim(elapsed) else (float(x[0]), float(v[0]))
-
-
-def __dir__() -> list[str]:
-    return __all__

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from granular import _check
-from granular._check import Array
-from granular._describe import ByNumbers
+from granular._check import Array, ByNumbers
 from granular._records import plain
 from granular.walls import path
 

@@ -7,7 +7,6 @@ In the end it says honestly how far the step could be trusted.
 from __future__ import annotations
 
 import math
-from copy import deepcopy
 from time import process_time
 from typing import Any
 
@@ -24,7 +23,7 @@ from granular.md.fixed.march import CROWDED, UNTIL
 from granular.md.fixed.notes import STEP_ROW, part_of_step
 from granular.md.fixed.stepper import Stepper
 from granular.md.fixed.walls import MOST
-from granular.md.fixed.window import BESIDE, COUNT, DEEPEST, PART, RAW, ROWS, SHARED, XI, V
+from granular.md.fixed.window import BESIDE, COUNT, DEEPEST, PART, RAW, ROWS, SHARED, XI, V, copied
 from granular.md.stability import WARN, expected_rate, sharpest_rate
 from granular.scene import Scene, positions
 from granular.scene.walls import Closing
@@ -79,7 +78,7 @@ class Run:
         if self.take_off is not None and time < self.time():
             k, flying = self.take_off
         ahead = max(0.0, time - (self.start + k * self.dt))  # k dt may be a rounding beyond
-        state = self.stepper.after(k, ahead) if flying is None else self.stepper.glide(deepcopy(flying), k, ahead)
+        state = self.stepper.after(k, ahead) if flying is None else self.stepper.glide(copied(flying), k, ahead)
         return self._row(time, state, state if flying is None else self.stepper.here)
 
     def _row(self, time: float, state: Any, booked: Any) -> Row:
@@ -195,7 +194,7 @@ class Run:
         if jump == math.inf:
             raise self._beyond(jump)
         if jump > 0.0:
-            self.take_off = self.k, deepcopy(stepper.here)
+            self.take_off = self.k, copied(stepper.here)
             stepper.glide(stepper.here, self.k, jump * self.dt)
             self.k += int(jump)
             self.flights += 1

@@ -134,6 +134,11 @@ def arrive(physics: Any, lo: int, m: int, speed: int, a: Any) -> None:
             a.was_v[place + 1], a.v[place + 1] = row[START], row[speed]
 
 
+def copied(x: Any) -> Any:
+    """A copy of rows."""
+    return x.copy() if isinstance(x, np.ndarray) else [row.copy() for row in x]
+
+
 @kernel
 def time_to_touch(x: Any, pull: Any, low: int, high: int) -> float:
     """Time until the first gap of the pairs from `low` to before `high` closes; inf if none ever does."""
