@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parent.parent
 LIMIT = 120
 """Seconds of processor time of the tests of one mistake."""
 HARD, TIES, LOOK = "test_edmd test_edmd_invariants", "test_edmd_ties", "test_edmd_collapse"
-SOFT, ALONE, REST = "test_located_reference test_located_twin", "test_isolated", "test_located_rest"
+SOFT, ALONE, REST = "test_located_reference", "test_isolated", "test_located_rest"
 WALL, SHAKEN = "test_walls", "test_edmd_driven test_located_driven"
 JUDGE = "test_error test_judge test_comparison"
 MUTANTS = [

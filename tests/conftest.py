@@ -15,7 +15,7 @@ from noise import pytest_itemcollected  # noqa: F401
 
 settings.register_profile("same", derandomize=True, deadline=None)  # the same draws everywhere, and no clock
 settings.load_profile("same")
-MAKERS = ("test_edmd_actions", "test_edmd_engines", "test_located_compiled", "test_md_fixed_engines")
+MAKERS = "test_edmd_actions", "test_edmd_blocks", "test_edmd_engines", "test_located_compiled", "test_md_fixed_engines"
 """Files that have machine code made for nearly all that others need."""
 PATIENCE = {"md.located.run": {"MAKING": math.inf}, "md.located.pace": {"LOOKS": (20, math.inf)},
             "md.fixed.run": {"MAKING": math.inf}, "edmd.run": {"VERY_LONG": math.inf},

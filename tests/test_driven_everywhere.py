@@ -1,4 +1,4 @@
-"""Driven scenes: sweeps by name, saved runs go on, frontier and threshold (all fronts: test_fronts)."""
+"""Driven scenes: sweeps by name, what a saved path allows, frontier and threshold (all fronts: test_fronts)."""
 
 import math
 
@@ -9,7 +9,7 @@ from granular.frontiers import methods
 from granular.frontiers.methods import Task, peer
 from granular.laws.check import checked
 from granular.reference import solve
-from granular.walls import Motion, Piecewise, Sine
+from granular.walls import Motion, Sine
 
 pytest.importorskip("xarray")
 
@@ -22,29 +22,17 @@ def test_a_sweep_by_name_varies_a_plate():
         assert found.tolist() == case.simulate("edmd").velocity[-1].tolist()
 
 
-@pytest.mark.parametrize("motion", [
-    Sine.from_acceleration(3.0, 50.0), Piecewise([0.0, 0.1, 0.3], [[0.2, -0.1], [0.0, 0.02]]),
-    Motion(lambda t: 1e-3 * math.sin(200.0 * t)),
-])
 @pytest.mark.parametrize("engine", [gr.edmd, gr.md])
-def test_a_run_that_was_saved_goes_on(engine, motion, tmp_path):
-    scene = gr.scenes.bouncing_ball(0.01, plate=motion)
+def test_a_saved_run_goes_on_as_far_as_its_path_was_kept(engine, tmp_path):
+    scene = gr.scenes.bouncing_ball(0.01, plate=Motion(lambda t: 1e-3 * math.sin(200.0 * t)))
     touch = gr.ConstantRestitution(0.7) if engine is gr.edmd else gr.LinearDashpot(1e5, 5.0)
-    whole = engine.simulate(scene, touch, t_end=0.3)
     part = engine.simulate(scene, touch, t_end=0.15)
     part.save(tmp_path / "part.npz")
     loaded = gr.Trajectory.load(tmp_path / "part.npz")
     assert loaded.scene == part.scene
     assert loaded.account()["work"].tolist() == part.account()["work"].tolist()
-    if isinstance(motion, Motion):  # the path was kept as far as the run went
-        with pytest.raises(ValueError, match=r"t_end is 0.3: .*at most 0.15 is needed; there the path"):
-            engine.resume(loaded, t_end=0.3)
-        return
-    rest = engine.resume(loaded, t_end=0.3)
-    assert rest.velocity[-1].tolist() == whole.velocity[-1].tolist()
-    assert rest.gap[-1].tolist() == whole.gap[-1].tolist()
-    assert rest.position[-1] == pytest.approx(whole.position[-1], abs=1e-15)
-    assert rest.account()["work"][-1].tolist() == whole.account()["work"][-1].tolist()
+    with pytest.raises(ValueError, match=r"t_end is 0.3: .*at most 0.15 is needed; there the path"):
+        engine.resume(loaded, t_end=0.3)
 
 
 def test_from_which_shaking_on():

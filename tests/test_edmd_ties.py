@@ -31,6 +31,14 @@ def test_a_touching_cradle_all_at_once(ties) -> None:
     assert end.energy()[-1] == pytest.approx(end.energy()[0], rel=1e-15)
 
 
+@pytest.mark.parametrize("eps", [(0.5, 0.8), (0.3, 0.3)])
+def test_poisson_gives_back_a_part_of_what_compressed_each_pair(eps) -> None:
+    """All three go on at 1/3; then the pairs get their shares of 2/3 and 1/3."""
+    end = edmd.simulate(CRADLE, ConstantRestitution(list(eps)), ties="poisson", max_events=2)
+    lower, upper = eps[0] * 2 / 3, eps[1] / 3
+    np.testing.assert_allclose(end.velocity[-1], [1 / 3 - lower, 1 / 3 + lower - upper, 1 / 3 + upper], atol=1e-15)
+
+
 def test_left_and_right_differ_where_it_matters() -> None:
     scene = Scene([1.0, 3.0, 1.0], [0.0] * 3, [1.0, 1.0], [1.0, 0.0, -2.0 + 1.0])
     left, right = (edmd.simulate(scene, ConstantRestitution(1.0), ties=ties) for ties in ("left", "right"))

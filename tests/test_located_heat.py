@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from solved_by_scipy import beside, drawn
 
 import granular as gr
 
@@ -40,27 +39,6 @@ def test_hits_draw_in_order_and_the_account_closes(law):
         assert rows["impulse"] == pytest.approx(abs(rows["v_out"] - rows["v_in"])[:, 1 - side], abs=1e-12)
         assert len(rows) > 1
     assert (run.gap[:, [0, -1]] >= 0.0).all()
-
-
-def heated(seed):
-    """A random row beside one or two thermal walls, and its laws."""
-    scene, laws = drawn(seed)
-    laws = [gr.LinearDashpot(100.0, 1.0) if seed % 2 else law for law in laws]
-    mass, velocity, both = np.array(scene.mass), np.array(scene.velocity), seed % 3 and scene.n > 2
-    mass[0], velocity[0] = math.inf, 0.0
-    if both:
-        mass[-1], velocity[-1] = math.inf, 0.0
-    scene = scene.replace(mass=mass, velocity=velocity, radius=np.zeros(scene.n), floor=gr.walls.Thermal(2.0, seed),
-                          ceiling=gr.walls.Thermal(1.0, seed) if both else None,
-                          gravity=0.0 if both else 2.0)
-    return scene, laws
-
-
-def test_random_rows_at_thermal_walls_by_another_integrator():
-    seeds = [2, 4, 5, 7, 17, 20]
-    for seed in seeds:
-        assert (gr.md.simulate(*heated(seed), t_end=0.6).contacts["duration"] == 0.0).any()
-    assert sum(beside(*heated(seed), 0.6) for seed in seeds) >= 4
 
 
 @pytest.mark.parametrize("law", LAWS[1:3])

@@ -1,11 +1,10 @@
-"""Soft pendula by located events: the cradle's numbers, random rows by another integrator, symmetries, resumed runs."""
+"""Soft pendula by located events: the cradle's numbers, symmetries, resumed runs."""
 
 import math
 
 import numpy as np
 import pytest
 from soft_twin import distance, twin
-from solved_by_scipy import beside, drawn
 
 import granular as gr
 from granular._flight import hung, hung_after, hung_rate_at_contact
@@ -44,24 +43,6 @@ def test_the_next_contact_of_pendula_is_the_first_root():
         assert hung_after(gap, rate, omega, d, t)[0] == pytest.approx(0.0, abs=4e-15 * float(swing))
         at_once = -omega * mp.sqrt(u * u - a * g)
         assert hung_rate_at_contact(gap, rate, omega, d) == pytest.approx(float(at_once), rel=1e-14, abs=1e-25)
-
-
-def row(seed):
-    """A random row of pendula and its laws, every third one beside a floor."""
-    scene, laws = drawn(seed, pendulum=2.0 + seed / 3.0, origin=0.1)
-    scene = scene.replace(rest_gap=np.random.default_rng(seed).uniform(0.0, 0.05, scene.n_pairs))
-    if seed % 3 == 0:
-        mass, radius, velocity = np.array(scene.mass), np.array(scene.radius), np.array(scene.velocity)
-        mass[0], radius[0], velocity[0] = math.inf, 0.0, 0.0
-        scene = scene.replace(mass=mass, radius=radius, velocity=velocity)
-    return scene, laws
-
-
-def test_random_rows_of_pendula_by_another_integrator():
-    seeds = [5, 6, 9]
-    for seed in seeds:
-        assert len(gr.md.simulate(*row(seed), t_end=1.5).contacts) > 1
-    assert sum(beside(*row(seed), 1.5) for seed in seeds) >= 2
 
 
 @pytest.mark.parametrize("law", [DASHPOT, gr.Hertz(1e5), gr.TsujiHertz(1e6, 0.3), gr.WaltonBraun(1e4, 2e4)])

@@ -1,9 +1,10 @@
-"""The located engine against solutions found twice independently: two-ball scenes, viscoelastic ones, chains."""
+"""The located engine against solutions found twice independently, and random scenes beside the reference solver."""
 
 from __future__ import annotations
 
 import json
 import math
+import random
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import pytest
 from granular import until
 from granular.laws import LinearDashpot, ViscoelasticHertz
 from granular.md import simulate as run
+from granular.reference import solve
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 
@@ -108,3 +110,34 @@ def test_chains(one: dict[str, Any]) -> None:
         assert found["t_begin"] == pytest.approx([c[0] for c in contacts], abs=1e-12 * one["t_final"])
         ends = np.where(np.isnan(found["t_end"]), one["t_final"], found["t_end"])
         assert ends == pytest.approx([c[1] for c in contacts], abs=1e-12 * one["t_final"])
+
+
+def random_scene(seed: int) -> tuple[Scene, tuple[LinearDashpot, ...]]:
+    """Two balls over a floor: radii, gap, speed, stiffness and restitution over wide ranges."""
+    pick = random.Random(seed)
+    r1, r2 = 0.1, 0.1 / 10 ** pick.uniform(-0.5, 1.5)
+    m1, m2 = (4.0 / 3.0 * math.pi * r**3 * 900.0 for r in (r1, r2))
+    speed, k = 10 ** pick.uniform(-1.0, 1.0), 10 ** pick.uniform(5.0, 9.0)
+    contact = math.pi * math.sqrt(m1 / k)
+    scene = Scene([math.inf, m1, m2], [0.0, r1, r2], [0.0, speed * contact * 10 ** pick.uniform(-3.0, 0.5)],
+                  [0.0, -speed, -speed], pick.choice([0.0, 9.81]))
+    eps = 1.0 if pick.random() < 0.2 else pick.uniform(0.3, 1.0)
+    return scene, tuple(LinearDashpot.from_restitution(eps, k * pick.choice([1.0, 0.3, 4.0]), p) for p in scene.pairs)
+
+
+@pytest.mark.parametrize("seed", [
+    1, *range(3, 10), *(pytest.param(seed, marks=pytest.mark.soak) for seed in range(100, 600))])
+def test_random_scenes(seed: int) -> None:
+    """The same contacts, at the same times, with the same velocities."""
+    pytest.importorskip("mpmath")
+    scene, laws = random_scene(seed)
+    soft = run(scene, laws, until=until.contact(0, 2), engine="plain")
+    truth = solve(scene, list(laws), until=until.contact(0, 2), t_end=3.0 * float(soft.time[-1]))
+    expected = [row for row in truth.contacts if row.t_end is not None]
+    found = soft.contacts[~np.isnan(soft.contacts["t_end"])]
+    assert [row.pair for row in expected] == found["pair"].tolist()
+    speed, duration = abs(float(scene.velocity[1])), math.pi * math.sqrt(float(scene.mass[1]) / laws[0].k)
+    ill = 1e-12 if len(expected) <= 8 else 1e-11  # many contacts of a light ball multiply every rounding
+    for name, unit in (("t_begin", duration), ("t_end", duration), ("v_out", speed)):
+        assert found[name] == pytest.approx(np.array([getattr(row, name) for row in expected], float), abs=ill * unit,
+                                            rel=0)

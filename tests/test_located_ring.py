@@ -1,13 +1,11 @@
-"""Soft spheres on a ring by located events: closed forms, modes, another integrator, symmetries, islands all around."""
+"""Soft spheres on a ring by located events: closed forms, modes, symmetries, islands all around."""
 
 import math
 
 import numpy as np
 import pytest
-import solved_by_scipy
 from soft_blocks import check_blocks
 from soft_twin import distance, twin
-from solved_by_scipy import beside, drawn
 
 import granular as gr
 from granular import isolation
@@ -59,25 +57,6 @@ def test_modes_of_a_ring_under_pressure_come_back(j):
     back = gr.md.simulate(scene, gr.LinearDashpot(100.0), t_end=2.0 * math.pi / omega)
     assert back.gap[-1] == pytest.approx(scene.gap, abs=1e-17)
     assert back.velocity[-1] == pytest.approx(scene.velocity, abs=1e-15)
-
-
-def pushed(seed):
-    """A random ring and its laws, every second one under forces."""
-    scene, laws = drawn(seed, ring=True)
-    force = np.random.default_rng(seed).normal(size=4) if seed % 2 else np.zeros(4)
-    return scene.replace(external_force=force[: scene.n], origin=0.3), laws
-
-
-def test_random_rings_by_another_integrator():
-    seeds = [1, 3, 4, 6, 11, 14]
-    for seed in seeds:
-        assert len(gr.md.simulate(*pushed(seed), t_end=0.6).contacts) > 1
-    assert sum(beside(*pushed(seed), 0.6) for seed in seeds) >= 4
-
-
-def test_the_other_integrator_gives_up_rather_than_go_on_for_ever(monkeypatch):
-    monkeypatch.setattr(solved_by_scipy, "MOST", 300)
-    assert not beside(*pushed(1), 0.6)
 
 
 @pytest.mark.parametrize("seed", range(6))
