@@ -58,7 +58,6 @@ def ball_is_stuck(body: Record) -> bool:
     return body.is_free == 0.0 and body.mass < math.inf  # type: ignore[no-any-return]
 
 
-@rare
 @kernel
 def stick(
     run: Record, pairs: Records, bodies: Records, c: int, now: float, w: float, walls: Walls
@@ -107,7 +106,6 @@ def bind(
     return first, last, exchanged
 
 
-@rare
 @kernel
 def cluster(pairs: Records, bodies: Records, c: int) -> tuple[int, int]:
     """Return the lowest and the highest of the bodies that are stuck to one of pair `c`, which collides.
@@ -130,7 +128,6 @@ def falls_stuck(pairs: Records, bodies: Records, c: int) -> bool:
     return lower.is_free * upper.is_free > 0.0 and is_stuck(pairs[c], lower, upper)
 
 
-@rare
 @kernel
 def come_to_rest(
     run: Record, pairs: Records, bodies: Records, b: int, e: int, now: float, on: int, walls: Walls
@@ -152,7 +149,6 @@ def come_to_rest(
             pairs[k].stuck, pairs[k].gap, pairs[k].at = on, 0.0, now
 
 
-@rare
 @kernel
 def go_together(bodies: Records, b: int, c: int, e: int, now: float, w: float, walls: Walls) -> float:
     """Give bodies `b` … `e` in mid-air, which stick by pair `c`, their common velocity and acceleration; return the
@@ -196,17 +192,23 @@ def share(bodies: Records, c: int, first: int, last: int, w: float) -> None:
             bodies[i].noise = noise / mass + NOISE * (u * u + w * w)
 
 
-@rare
 @kernel
 def will_stick(pairs: Records, bodies: Records, c: int, now: float, w: float, e: float, walls: Walls) -> bool:
-    """Return whether pair `c`, which collides weakly, at rate `w`, is to move as one: a ceiling cannot carry.
+    """Return whether pair `c`, which collides weakly, at rate `w`, is to move as one: a ceiling cannot carry."""
+    if FORCED and pairs[c].wall >= 0:
+        return will_ride(pairs, bodies, c, now, w, e, walls)
+    return pairs[c].closing_acceleration >= 0.0  # type: ignore[no-any-return]
+
+
+@rare
+@kernel
+def will_ride(pairs: Records, bodies: Records, c: int, now: float, w: float, e: float, walls: Walls) -> bool:
+    """Return whether pair `c`, which collides weakly beside a driven wall, is to move as one.
 
     A single ball bounces on a driven wall to its end. What moves as one with others, or hits a ball that rides, stays
     if it is certain to be pressed on for as long as its bounces last, 2u/(a(1 - ε)).
     """
     pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
-    if not FORCED or pair.wall < 0:
-        return pair.closing_acceleration >= 0.0  # type: ignore[no-any-return]
     other, k = (lower, c + 1) if pair.wall == 0 else (upper, c - 1)
     alone = not (0 <= k < len(pairs) and is_stuck(pairs[k], bodies[k], bodies[k + 1]))
     if (other.mass == math.inf and e > 0.0 and alone) or lower.is_free == upper.is_free:
@@ -247,7 +249,6 @@ def rest(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> 
     return first, last
 
 
-@rare
 @kernel
 def press_again(
     run: Record, pairs: Records, bodies: Records, first: int, last: int, walls: Walls
@@ -260,7 +261,6 @@ def press_again(
     return first, last
 
 
-@rare
 @kernel
 def set_closing(run: Record, pairs: Records, bodies: Records, first: int, last: int, walls: Walls) -> None:
     """Set the closing accelerations of pairs `first` … `last` from which of their bodies fall; of a stuck pair, that of

@@ -72,10 +72,10 @@ class Run:
     ) -> None:
         self.physics, self.state, self.request, self.watch = physics, state, request, watch
         self.scene, self.rule, self.start = physics.scene, physics.rules, float(state.clock.start)
-        pair, hits = NEVER if request.until is None else APART, 0
+        pair, contacts = NEVER if request.until is None else APART, 0
         if isinstance(request.until, Contact):
-            pair, hits = request.until.pair, request.until.nth - 1
-        state.set(stop_pair=pair, stop_contacts=hits, last_event=state.run.events + request.max_events)
+            pair, contacts = request.until.pair, request.until.nth - 1
+        state.set(stop_pair=pair, stop_contacts=contacts, last_event=state.run.events + request.max_events)
         self.events = int(state.run["events"])
         self.began = self.time(), self._work()
         self.may_compile = engine == "auto"
