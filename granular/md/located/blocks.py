@@ -18,7 +18,7 @@ from granular._tournament import play
 from granular.md.located.contacts import act, activate, meddle, strike
 from granular.md.located.islands import bring, enlist, extend_by, extend_event, regroup, reimpose
 from granular.md.located.jumps import CHANGED, ENDS, SAME, is_clipped, pass_edge
-from granular.md.located.ledger import book_flight
+from granular.md.located.ledger import LOST, add, run_off
 from granular.md.located.one_contact.inside import exposed, relive
 from granular.md.located.one_contact.meet import happen_at_once
 from granular.md.located.pieces import ULP, arrive, in_contact, piece_time
@@ -150,7 +150,7 @@ def take_next(s: Any, limit: float, laws: Any) -> int:
         xi = pair.xi
         arrive(pair, s.field)
         if WORKED:
-            book_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, xi)
+            add(s.ledger[0], LOST, run_off(s.kinds[pair.kind_of], laws, pair, xi, pair.xi))
         join(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, lo)
     return end_piece(s, lo, limit, laws)
 

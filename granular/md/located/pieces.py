@@ -42,6 +42,7 @@ from granular.md.located.records import (
 from granular.md.located.system import nth
 from granular.md.located.walls import flown, next_touch, touching_rate
 from granular.scene.flags import DRIVEN, HUNG
+from granular.walls.path import total
 
 DRIFT = 4.0
 """Balls that close at less than this many times the noise of their rate are taken to drift along side by side."""
@@ -59,11 +60,7 @@ GRAZE = 1e-15
 @kernel
 def tick(block: Any, dt: float) -> None:
     """Advance a clock by `dt`; t + tail keeps what one float would lose, so that no gap suffers from late times."""
-    dt += block.tail
-    t = block.t + dt
-    part = t - block.t
-    block.tail = (block.t - (t - part)) + (dt - part)
-    block.t = t
+    block.t, block.tail = total(block.t, dt + block.tail)
 
 
 @kernel

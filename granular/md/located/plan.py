@@ -149,7 +149,7 @@ def advance_island(
         return
     follow(run, pairs, pool, scratch, lo, tau)
     if WORKED:
-        book_piece(s.ledger, s.field, laws, s, lo, tau)
+        book_piece(s, laws, lo, tau)
     if HUNG:
         swing(run, pairs, pool, bodies, lo, tau, dt)
     else:

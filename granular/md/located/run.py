@@ -120,21 +120,22 @@ class Run:
             self.compile()
         else:
             self.s = to_plain(s)
-        self.launched = self.launch() if state is None else self.go_on(state)
+        self.launched = state is not None or self.launch()
+        if state is not None:
+            self.go_on(state)
 
     def launch(self) -> bool:
         """Form the first islands and plan them; false if the run is to stop at once."""
         formed = self.kernels(blocks.launch)(self.s, self.collocation)
         return bool(formed and self.kernels(plan_all_due)(self.s, self.collocation))
 
-    def go_on(self, state: Mapping[str, Any]) -> bool:
-        """Go on from the records of a checkpoint; true."""
+    def go_on(self, state: Mapping[str, Any]) -> None:
+        """Go on from the records of a checkpoint."""
         self.kernels(replay)(self.s.queue, 0, self.scene.n_pairs - 1)
         if state["creeping"]:
             self.let_creep(math.inf)
         elif state.get("riding", False):  # of an earlier version: piles on driven walls had other pieces
             self.follow_anew(self.request.start)
-        return True
 
     def fit(self, kernel: Any) -> Any:
         """Return the kernel as it is for what the scene has."""
