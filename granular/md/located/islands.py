@@ -141,7 +141,7 @@ def bring(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
     else:  # at once there, except for what a single float cannot say
         block = s.pool[pair.slot]
         dt = since(block, t, tail)
-        advance_island(s.run[0], s.pairs, s.pool, s.bodies, s.scratch, lo, tau_at(block, t, tail), dt, s, laws)
+        advance_island(s, lo, tau_at(block, t, tail), dt, laws)
 
 
 @kernel

@@ -32,7 +32,7 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any
         prepare(pool[pairs[c].slot], q)
     if DRIVEN:
         drive(field, pairs, lo, hi, h, q)
-    scale, top = q * elapsed(h, q, 1.0), hi + 1 if is_closed(pairs, lo, hi) else hi
+    scale, last = q * elapsed(h, q, 1.0), hi + 1 if is_closed(pairs, lo, hi) else hi
     for n in range(ORDER - q + 1):
         step, below = scale / (n + q), 0.0
         for c in range(lo, hi):
@@ -41,12 +41,12 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any
             if pair.mode != OPEN:
                 force_term(pair, n, q)
         pair = pool[pairs[lo].slot]
-        if RING and top > hi:
+        if RING and last > hi:
             below = pool[pairs[hi - 1].slot].f[n]
         for c in range(lo, hi):
-            after = pool[pairs[c + 1].slot] if c + 1 < top else pair
+            after = pool[pairs[c + 1].slot] if c + 1 < last else pair
             force = pair.f[n]
-            above = after.f[n] if c + 1 < top else 0.0
+            above = after.f[n] if c + 1 < last else 0.0
             push = pair.lower * below - pair.inverse * force + pair.upper * above
             if n == 0:
                 push += pair.pull
