@@ -2,8 +2,7 @@
 May be skipped: one contact again, by pieces.
 
 So one solved at once is looked into, or goes on as a member of an event that may disturb it: `relive` asks for that,
-and then `exposed` or `seen` take what they need. `plan.planned` computes piece after piece, for every piece is planned
-in one place.
+`plan.follow_contact` takes it there piece after piece, and then `exposed` or `seen` take what they need.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from typing import Any
 
 from granular._flight import time_to_contact
 from granular._kernels import entry, kernel
-from granular.md.located.contacts import pushes
+from granular.md.located.contacts import change_branch, pushes
 from granular.md.located.ledger import LOST, begin, book, book_at_once, look_at_once, read, run_off, tally, tally_island
 from granular.md.located.log import follow
 from granular.md.located.pendula import swung
@@ -44,9 +43,9 @@ def take_up(s: Any, c: int, v: float) -> Any:
 def ask_to_follow(s: Any, c: int, left: float) -> None:
     """Ask that a contact that has just begun be taken on for a time `left`, or until its balls part.
 
-    `planned` does it, and leaves in the record of the run when its force was over (nan: it was not), the rate at which
-    the balls were parting then, the time that has passed, and the place τ on the last piece. Balls that part are OPEN;
-    what has no end is not, nor what the force comes back to, which is another contact.
+    `plan.follow_contact` does it, and leaves in the record of the run when its force was over (nan: it was not), the
+    rate at which the balls were parting then, the time that has passed, and the place τ on the last piece. Balls that
+    part are OPEN; what has no end is not, nor what the force comes back to, which is another contact.
     """
     run = s.run[0]
     run.solo, run.pieces, run.left, run.passed, run.at = c, 0, left, 0.0, 0.0
@@ -133,10 +132,8 @@ def happen(member: Any) -> None:
     """Let the event happen that ends the piece of a contact alone."""
     if member.event == END:
         member.mode, member.exact = RESIDUAL, 1
-    elif member.event == TURN:
-        member.loading, member.xi_peak, member.eta = 0, member.xi, min(0.0, member.eta)
-    elif member.event == RELOAD:
-        member.loading, member.xi = 1, member.xi_peak
+    elif member.event == TURN or member.event == RELOAD:
+        change_branch(member, member.event)
     else:
         member.mode, member.xi, member.exact = OPEN, 0.0, 0
 
