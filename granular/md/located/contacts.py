@@ -44,7 +44,7 @@ def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws
     if what == BEGIN:
         return begin(run, pairs, pool, bodies, c, block.speed, laws)
     run.events += 1
-    if what == TURN or what == RELOAD:
+    if what in (TURN, RELOAD):
         change_branch(pair, what)
     elif (what == PART or pair.xi <= GRAZE * pair.own_length) and stays(pair, block.speed):
         pair.mode, pair.xi = DORMANT, 0.0

@@ -75,18 +75,7 @@ def plan(s: Any, lo: int, laws: Any) -> bool:
             wait(pairs, pool, lo)
             return True
     reach = foresee_walls(field, pairs, pool, lo) if DRIVEN else math.inf
-    fastest = fastest_rate(pairs, pool, lo, hi, field.square if HUNG else 0.0)
-    block.linear, block.clock = 1 if fastest >= 0.0 else 0, 1
-    if block.linear == 1:
-        if DRIVEN and fastest == 0.0 and reach == math.inf:
-            reach = run_off_time(pairs, pool, lo, hi)
-        block.h = REACH / fastest if fastest * reach > REACH else reach
-    else:
-        measure(pairs, pool, lo, hi)
-        block.clock = choose_clock(pairs, pool, lo, hi, run.tol)
-        block.h = scale(pairs, pool, lo, hi)
-        if DRIVEN:
-            block.h = min(block.h, power(reach, 1.0 / block.clock))
+    reach = choose_scale(s, lo, reach)
     series_of_piece(s, lo, laws, reach)
     if block.linear == 0 and laws is None:
         worst = growth(pairs, pool, lo, hi, run.tol)
@@ -109,6 +98,27 @@ def plan(s: Any, lo: int, laws: Any) -> bool:
     if block.h >= LONG:  # it lies still
         pairs[lo].due = math.inf
     return True
+
+
+@kernel
+def choose_scale(s: Any, lo: int, reach: float) -> float:
+    """Choose the clock and the scale h of the next piece of an island; return for how long it may go on, up to `reach`
+    or, where nothing says, until what runs off is over."""
+    run, pairs, pool, field = s.run[0], s.pairs, s.pool, s.field
+    hi, block = pairs[lo].hi, pool[pairs[lo].slot]
+    fastest = fastest_rate(pairs, pool, lo, hi, field.square if HUNG else 0.0)
+    block.linear, block.clock = 1 if fastest >= 0.0 else 0, 1
+    if block.linear == 1:
+        if DRIVEN and fastest == 0.0 and reach == math.inf:
+            reach = run_off_time(pairs, pool, lo, hi)
+        block.h = REACH / fastest if fastest * reach > REACH else reach
+    else:
+        measure(pairs, pool, lo, hi)
+        block.clock = choose_clock(pairs, pool, lo, hi, run.tol)
+        block.h = scale(pairs, pool, lo, hi)
+        if DRIVEN:
+            block.h = min(block.h, power(reach, 1.0 / block.clock))
+    return reach
 
 
 @kernel

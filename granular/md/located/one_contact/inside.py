@@ -132,7 +132,7 @@ def happen(member: Any) -> None:
     """Let the event happen that ends the piece of a contact alone."""
     if member.event == END:
         member.mode, member.exact = RESIDUAL, 1
-    elif member.event == TURN or member.event == RELOAD:
+    elif member.event in (TURN, RELOAD):
         change_branch(member, member.event)
     else:
         member.mode, member.xi, member.exact = OPEN, 0.0, 0
