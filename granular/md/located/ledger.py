@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 
 from granular._kernels import kernel
-from granular.md.located.pieces import elapsed, integral, power, value
+from granular.md.located.pieces import elapsed, integral, power, two_sum, value
 from granular.md.located.records import ACTIVE, ELASTIC, RESIDUAL
 from granular.md.located.walls import absolute
 from granular.scene.flags import DRIVEN
-from granular.walls.path import expansion, total
+from granular.walls.path import expansion
 
 POINTS = 16
 NODES, WEIGHTS = (tuple((0.5 * (row + shift)).tolist()) for row, shift in zip(
@@ -134,7 +134,7 @@ def run_off(law: Any, laws: Any, pair: Any, first: float, last: float) -> float:
 @kernel
 def add(ledger: Any, i: int, x: float) -> None:
     """Add to a sum in two floats."""
-    ledger.total[i], rest = total(ledger.total[i], x)
+    ledger.total[i], rest = two_sum(ledger.total[i], x)
     ledger.low[i] += rest
 
 

@@ -8,11 +8,10 @@ from typing import Any
 
 from granular._kernels import entry, kernel
 from granular.md.located.pendula import swung
-from granular.md.located.pieces import elapsed, integral, peaks, since
+from granular.md.located.pieces import elapsed, integral, peaks, since, two_sum
 from granular.md.located.records import ACTIVE, DORMANT
 from granular.md.located.system import is_closed, nth
 from granular.scene.flags import HUNG
-from granular.walls.path import total
 
 
 @kernel
@@ -39,7 +38,7 @@ def follow(run: Any, pairs: Any, pool: Any, scratch: Any, lo: int, tau: float) -
             if ((c > lo or closed) and pool[pairs[nth(pairs, c - 1)].slot].mode == ACTIVE) or (
                 (c + 1 < hi or closed) and pool[pairs[nth(pairs, c + 1)].slot].mode == ACTIVE
             ):
-                run.shared, rest = total(run.shared, pair.push)
+                run.shared, rest = two_sum(run.shared, pair.push)
                 run.shared_low += rest
             if run.log == 2:
                 peaks(pair, tau, scratch)

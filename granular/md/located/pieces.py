@@ -11,7 +11,7 @@ The clock of a block is its absolute time, in two floats; a step maps τ to the 
 | residual | BEGIN, the force rises again           | φ upwards         |
 |          | PART, the balls part                   | ξ downwards       |
 | active, with memory | TURN, unloading begins | ξ̇ downwards |
-|          | RELOAD, the old maximum is passed      | ξ - top upwards   |
+|          | RELOAD, the old maximum is passed      | ξ - ξ_peak upwards |
 | dormant  | BEGIN, the force is no longer rounding | ξ - wake upwards  |
 |          | PART, the balls part                   | ξ downwards       |
 """
@@ -42,7 +42,6 @@ from granular.md.located.records import (
 from granular.md.located.system import nth
 from granular.md.located.walls import flown, next_touch, touching_rate
 from granular.scene.flags import DRIVEN, HUNG
-from granular.walls.path import total
 
 DRIFT = 4.0
 """Balls that close at less than this many times the noise of their rate are taken to drift along side by side."""
@@ -58,9 +57,17 @@ GRAZE = 1e-15
 
 
 @kernel
+def two_sum(a: float, b: float) -> tuple[float, float]:
+    """Return a + b in two floats (Knuth)."""
+    total = a + b
+    part = total - a
+    return total, (a - (total - part)) + (b - part)
+
+
+@kernel
 def tick(block: Any, dt: float) -> None:
     """Advance a clock by `dt`; t + tail keeps what one float would lose, so that no gap suffers from late times."""
-    block.t, block.tail = total(block.t, dt + block.tail)
+    block.t, block.tail = two_sum(block.t, dt + block.tail)
 
 
 @kernel

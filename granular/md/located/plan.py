@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 from granular._kernels import entry, kernel
@@ -229,7 +228,7 @@ def push(pairs: Any, pool: Any, bodies: Any, lo: int, dt: float) -> None:
         below = above
 
 
-def make_table(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
+def make_table(s: Any, laws: Any, kernels: Any) -> None:
     """Make the table that is wanted, for which there is room; the run goes on as if nothing had been."""
     for j in range(POINTS + CHECKS):
         kernels(ask)(s, j, laws)
@@ -239,7 +238,7 @@ def make_table(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
     kernels(fit)(s)
 
 
-def answer(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
+def answer(s: Any, laws: Any, kernels: Any) -> None:
     """Follow the contact that is asked for, alone."""
     kernels(ask)(s, ITSELF, laws)
     kernels(follow_contact)(s, laws)
