@@ -18,7 +18,7 @@ from granular._tournament import play
 from granular.md.located.contacts import act, activate, meddle, strike
 from granular.md.located.islands import bring, enlist, extend_by, extend_event, regroup, reimpose
 from granular.md.located.jumps import CHANGED, ENDS, SAME, is_clipped, pass_edge
-from granular.md.located.ledger import book_flight
+from granular.md.located.ledger import LOST, add, run_off
 from granular.md.located.one_contact.inside import exposed, relive
 from granular.md.located.one_contact.meet import happen_at_once
 from granular.md.located.pieces import ULP, arrive, in_contact, piece_time
@@ -150,7 +150,7 @@ def take_next(s: Any, limit: float, laws: Any) -> int:
         xi = pair.xi
         arrive(pair, s.field)
         if WORKED:
-            book_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, xi)
+            add(s.ledger[0], LOST, run_off(s.kinds[pair.kind_of], laws, pair, xi, pair.xi))
         join(s.run[0], s.pairs, s.pool, s.kinds, s.bodies, lo)
     return end_piece(s, lo, limit, laws)
 
@@ -160,7 +160,7 @@ def end_piece(s: Any, lo: int, limit: float, laws: Any) -> int:
     """Advance the island that starts with pair `lo` to the end of its piece, and let the event there happen."""
     run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     block, passed = pool[pairs[lo].slot], SAME
-    advance_island(run, pairs, pool, bodies, s.scratch, lo, block.tau, piece_time(block), s, laws)
+    advance_island(s, lo, block.tau, piece_time(block), laws)
     run.t, run.tail, run.last_step, run.lo, run.hi = block.t, block.tail, block.last_step, lo, pairs[lo].hi
     if DRIVEN:
         carry_walls(s.field, s)
@@ -233,13 +233,13 @@ def gather(s: Any, t: float, laws: Any) -> None:
             bring(s, c, t, 0.0, laws)
             if pair.due < math.inf and pool[pair.slot].h > 0.0 and pool[pair.slot].manner == MOVES:
                 reach = foresee_walls(s.field, pairs, pool, c) if DRIVEN else math.inf
-                series_of_piece(run, pairs, pool, c, laws, s.field, reach)
+                series_of_piece(s, c, laws, reach)
 
 
 @kernel
 def gather_slowly(s: Any) -> None:
     """Give all blocks that lie still or creep their series from where they are, at the end of the run."""
-    run, pairs, pool = s.run[0], s.pairs, s.pool
+    pairs, pool = s.pairs, s.pool
     for c in range(len(pairs)):
         pair = pairs[c]
         if pair.first == c and pair.slot >= 0 and pair.due < math.inf and pool[pair.slot].h > 0.0:
@@ -248,5 +248,5 @@ def gather_slowly(s: Any) -> None:
                 lie(pairs, pool, s.bodies, c)
             elif block.manner == CREEPS and not expand_slowly(pairs, pool, s.bodies, c):
                 block.manner = MOVES
-                series_of_piece(run, pairs, pool, c, None, s.field, math.inf)
+                series_of_piece(s, c, None, math.inf)
 

@@ -226,12 +226,13 @@ def named_today(name: str, records: Any) -> Any:
     if records.ndim != 1 or records.dtype.names is None or records.dtype == KEPT[name]:
         return records
     now = {FORMERLY.get(name, {}).get(field, field): field for field in records.dtype.names}
-    out = np.zeros(len(records), [*((field, records.dtype[old]) for field, old in now.items()), ("new", np.int8)])
+    fields = [(field, records.dtype[old]) for field, old in now.items()]
+    had_signs = name == "pairs" and "lasts" in now and "ahead" not in now  # negative: only the clock lay ahead
+    out = np.zeros(len(records), [*fields, ("ahead", np.dtype(np.int8))] if had_signs else fields)
     for field, old in now.items():
         out[field] = records[old]
-    if name == "pairs" and "ahead" not in now and "lasts" in now:  # it was negative where only the clock lies ahead
-        out.dtype.names = (*now, "ahead")
-        out["ahead"], out["lasts"] = out["lasts"] != 0.0, np.maximum(out["lasts"], 0.0)
+    if had_signs:
+        out["ahead"], out["lasts"] = records["lasts"] != 0.0, np.maximum(records["lasts"], 0.0)
     return out
 
 

@@ -153,12 +153,12 @@ def _errors(pairs: list[Any], force: Array, off: Array, noise: Array) -> tuple[A
 
     `off` is by how much the interpolants err between the nodes; up to `noise` it is rounding.
     """
-    tail = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1)
-    tail, off = np.where(tail > noise, tail, 0.0), np.where(off > noise[:, None], off, 0.0)
+    last_terms = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1)
+    last_terms, off = np.where(last_terms > noise, last_terms, 0.0), np.where(off > noise[:, None], off, 0.0)
     stops = [v * v / (p.inverse * amplitude(p, v * v)) for p, v in zip(pairs, _own_speeds(pairs), strict=True)]
     strength = np.maximum(np.array(stops), abs(force).max(axis=1))
-    rough = np.maximum(tail, off.max(axis=1)) * np.array([p.mode == ACTIVE for p in pairs]) / strength
-    return np.maximum(tail / POINTS, (off * NEAR).max(axis=1)), float(rough.max())
+    rough = np.maximum(last_terms, off.max(axis=1)) * np.array([p.mode == ACTIVE for p in pairs]) / strength
+    return np.maximum(last_terms / POINTS, (off * NEAR).max(axis=1)), float(rough.max())
 
 
 def _beside(force: Array, closed: bool) -> Array:

@@ -44,10 +44,8 @@ def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws
     if what == BEGIN:
         return begin(run, pairs, pool, bodies, c, block.speed, laws)
     run.events += 1
-    if what == TURN:
-        pair.loading, pair.xi_peak, pair.eta = 0, pair.xi, min(0.0, pair.eta)
-    elif what == RELOAD:
-        pair.loading, pair.xi = 1, pair.xi_peak
+    if what in (TURN, RELOAD):
+        change_branch(pair, what)
     elif (what == PART or pair.xi <= GRAZE * pair.own_length) and stays(pair, block.speed):
         pair.mode, pair.xi = DORMANT, 0.0
         halt(pairs, pool, bodies, c)
@@ -60,6 +58,15 @@ def act(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, block: Any, laws
             pair.xi = pair.xi if pair.mode == DORMANT else 0.0
             pair.mode, pair.exact, pair.xi_peak, pair.loading, pairs[c].isolated = OPEN, 0, 0.0, 1, 0
     return True
+
+
+@kernel
+def change_branch(pair: Any, event: int) -> None:
+    """Let a law with memory unload from here on (TURN), or load again."""
+    if event == TURN:
+        pair.loading, pair.xi_peak, pair.eta = 0, pair.xi, min(0.0, pair.eta)
+    else:
+        pair.loading, pair.xi = 1, pair.xi_peak
 
 
 @kernel

@@ -11,7 +11,7 @@ from granular._kernels import inlined, kernel
 from granular._tournament import play
 from granular.md.located.contacts import AWAITED, NONE, SOME, engage, pushes
 from granular.md.located.jumps import throw_back
-from granular.md.located.ledger import book_flight
+from granular.md.located.ledger import LOST, add, run_off
 from granular.md.located.one_contact.inside import exposed, relive
 from granular.md.located.pieces import fly, glide, in_contact, predict, since, tau_at, value
 from granular.md.located.plan import advance_island, follow_contact
@@ -137,11 +137,11 @@ def bring(s: Any, lo: int, t: float, tail: float, laws: Any) -> None:
     elif pair.slot < 0:
         glide(pair, since(pair, t, tail), s.field)
         if WORKED:
-            book_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, xi)
+            add(s.ledger[0], LOST, run_off(s.kinds[pair.kind_of], laws, pair, xi, pair.xi))
     else:  # at once there, except for what a single float cannot say
         block = s.pool[pair.slot]
         dt = since(block, t, tail)
-        advance_island(s.run[0], s.pairs, s.pool, s.bodies, s.scratch, lo, tau_at(block, t, tail), dt, s, laws)
+        advance_island(s, lo, tau_at(block, t, tail), dt, laws)
 
 
 @kernel

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from granular._kernels import kernel
-from granular.md.located.pieces import elapsed, integral, power, value
+from granular.md.located.pieces import elapsed, integral, power, two_sum, value
 from granular.md.located.records import ACTIVE, ELASTIC, RESIDUAL
 from granular.md.located.walls import absolute
 from granular.scene.flags import DRIVEN
@@ -33,47 +33,44 @@ FLOOR, CEILING, LOST = 0, 1, 4
 
 
 @kernel
-def tally_pair(walls: Any, laws: Any, s: Any, c: int, block: Any, tau: float, sums: Any) -> None:
+def tally(s: Any, laws: Any, c: int, block: Any, tau: float, sums: Any) -> None:
     """Add what pair `c` does in [0, τ] of the piece of its `block` to `sums`."""
     member, last = s.pool[s.pairs[c].slot], len(s.pairs)
     if member.mode == ACTIVE or member.mode == RESIDUAL:
         sums[LOST] += dissipated(member, block, tau, laws)
         if c == 0 and s.bodies[0].inverse_mass == 0.0:
-            sums[FLOOR] += work(walls, member, block, s.bodies[0].v, tau)
+            sums[FLOOR] += work(s.field, member, block, s.bodies[0].v, tau)
         if c + 1 == last and s.bodies[last].inverse_mass == 0.0:
-            sums[CEILING] += work(walls, member, block, -s.bodies[last].v, tau)
+            sums[CEILING] += work(s.field, member, block, -s.bodies[last].v, tau)
 
 
 @kernel
-def book_piece(ledger: Any, walls: Any, laws: Any, s: Any, lo: int, tau: float) -> None:
-    """Add the stretch [0, τ] of the piece of the island that starts with `lo`."""
-    book = ledger[0]
-    for i in range(len(book.total)):
-        book.piece[i] = 0.0
+def tally_island(s: Any, laws: Any, lo: int, tau: float, sums: Any) -> None:
+    """Add the stretch [0, τ] of the piece of the island that starts with `lo` to `sums`."""
     for c in range(lo, s.pairs[lo].hi):
-        tally_pair(walls, laws, s, c, s.pool[s.pairs[lo].slot], tau, book.piece)
-    for i in range(len(book.total)):
-        add(book, i, book.piece[i])
+        tally(s, laws, c, s.pool[s.pairs[lo].slot], tau, sums)
 
 
 @kernel
-def look_at_piece(ledger: Any, walls: Any, laws: Any, s: Any, lo: int, tau: float, seen: Any) -> None:
-    """Add the stretch [0, τ] of the piece of an island to what is `seen`, and leave the books as they are."""
-    for c in range(lo, s.pairs[lo].hi):
-        tally_pair(walls, laws, s, c, s.pool[s.pairs[lo].slot], tau, seen)
+def book_piece(s: Any, laws: Any, lo: int, tau: float) -> None:
+    """Enter the stretch [0, τ] of the piece of an island into the ledger."""
+    begin(s.ledger[0].piece)
+    tally_island(s, laws, lo, tau, s.ledger[0].piece)
+    book(s.ledger[0], s.ledger[0].piece)
 
 
 @kernel
-def book_solo(ledger: Any, walls: Any, laws: Any, s: Any, c: int, tau: float) -> None:
-    """Add the stretch [0, τ] of the piece of a contact that is followed alone to what it comes to by itself."""
-    tally_pair(walls, laws, s, c, s.pool[s.pairs[c].slot], tau, ledger[0].solo)
+def begin(sums: Any) -> None:
+    """Begin to add up."""
+    for i in range(len(sums)):
+        sums[i] = 0.0
 
 
 @kernel
-def begin_solo(ledger: Any) -> None:
-    """Begin to add up a contact that is followed alone."""
-    for i in range(len(ledger[0].solo)):
-        ledger[0].solo[i] = 0.0
+def book(ledger: Any, sums: Any) -> None:
+    """Enter sums into the ledger."""
+    for i in range(len(sums)):
+        add(ledger, i, sums[i])
 
 
 @kernel
@@ -125,47 +122,20 @@ def read(ledger: Any, sums: Any) -> None:
 
 
 @kernel
-def book_exposed(ledger: Any) -> None:
-    """Add what a contact that has been followed alone has come to: it goes on as a member of an island."""
-    for i in range(len(ledger[0].solo)):
-        add(ledger[0], i, ledger[0].solo[i])
-
-
-@kernel
-def book_flight(ledger: Any, law: Any, laws: Any, pair: Any, xi: float) -> None:
-    """Add the elastic energy that a clipped pair has lost in flight, since its overlap was `xi`."""
-    if pair.mode == RESIDUAL:
-        add(ledger[0], LOST, run_off(law, laws, pair, xi, pair.xi))
-
-
-@kernel
-def book_run_off(ledger: Any, member: Any, laws: Any, first: float, last: float) -> None:
-    """Add the elastic energy that a contact followed alone loses in its run-off."""
-    ledger[0].solo[LOST] += run_off(member, laws, member, first, last)
-
-
-@kernel
-def look_at_flight(ledger: Any, law: Any, laws: Any, pair: Any, xi: float, seen: Any) -> None:
-    """Add the elastic energy that a clipped pair loses in flight, until its overlap is `xi`, to what is `seen`."""
-    if pair.mode == RESIDUAL:
-        seen[LOST] += run_off(law, laws, pair, pair.xi, xi)
-
-
-@kernel
 def run_off(law: Any, laws: Any, pair: Any, first: float, last: float) -> float:
-    """Return the elastic energy that a pair loses without a force from one overlap to another."""
+    """Return the elastic energy that a clipped pair loses on its way from one overlap to another; 0 of others."""
+    if pair.mode != RESIDUAL:
+        return 0.0
     if laws is not None:
         return laws.lost(pair, first, last)  # type: ignore[no-any-return]
     return stored(law, first) - stored(law, last)
 
 
 @kernel
-def add(book: Any, i: int, x: float) -> None:
+def add(ledger: Any, i: int, x: float) -> None:
     """Add to a sum in two floats."""
-    total = book.total[i] + x
-    part = total - book.total[i]
-    book.low[i] += (book.total[i] - (total - part)) + (x - part)
-    book.total[i] = total
+    ledger.total[i], rest = two_sum(ledger.total[i], x)
+    ledger.low[i] += rest
 
 
 @kernel

@@ -8,7 +8,7 @@ from typing import Any
 
 from granular._kernels import entry, kernel
 from granular.md.located.pendula import swung
-from granular.md.located.pieces import elapsed, integral, peaks, since
+from granular.md.located.pieces import elapsed, integral, peaks, since, two_sum
 from granular.md.located.records import ACTIVE, DORMANT
 from granular.md.located.system import is_closed, nth
 from granular.scene.flags import HUNG
@@ -38,20 +38,12 @@ def follow(run: Any, pairs: Any, pool: Any, scratch: Any, lo: int, tau: float) -
             if ((c > lo or closed) and pool[pairs[nth(pairs, c - 1)].slot].mode == ACTIVE) or (
                 (c + 1 < hi or closed) and pool[pairs[nth(pairs, c + 1)].slot].mode == ACTIVE
             ):
-                add_shared(run, pair.push)
+                run.shared, rest = two_sum(run.shared, pair.push)
+                run.shared_low += rest
             if run.log == 2:
                 peaks(pair, tau, scratch)
         if pair.mode == ACTIVE or pair.mode == DORMANT:
             pair.duration += dt
-
-
-@kernel
-def add_shared(run: Any, impulse: float) -> None:
-    """Add to a sum in two floats."""
-    total = run.shared + impulse
-    part = total - run.shared
-    run.shared_low += (run.shared - (total - part)) + (impulse - part)
-    run.shared = total
 
 
 @kernel

@@ -255,8 +255,8 @@ class Collocation:
 
         Forces that jump within a short step become straight lines, not to overshoot.
         """
-        tail, peaks = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1), abs(force).max(axis=1)
-        doubts = np.maximum(HYSTERESIS * peaks, 8.0 * tail)
+        last_terms, peaks = abs(force @ TO_LEGENDRE[-2:].T).max(axis=1), abs(force).max(axis=1)
+        doubts = np.maximum(HYSTERESIS * peaks, 8.0 * last_terms)
         rows = np.pad((force @ TO_LEGENDRE.T) @ TO_POWERS, ((0, 0), (0, ORDER + 1 - POINTS)))
         for p, row, doubt, peak in zip(pairs, rows.tolist(), doubts.tolist(), peaks.tolist(), strict=True):
             p.largest = 0.0 if p.mode == OPEN else max(p.largest, peak)

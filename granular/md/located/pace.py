@@ -16,14 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from granular._kernels import worth
+from granular._kernels import compiled, worth
 from granular._records import column, plain
 from granular.drive import CONTACT_ROW, Rows, portion
 from granular.md.located import blocks
 from granular.md.located.plan import plan_all_due
-from granular.md.located.records import ACTIVE, BINDING, DORMANT, MORE, OPEN, REST, STOPPED, WANTS_LOOK
+from granular.md.located.records import ACTIVE, ASKS, BINDING, DORMANT, MORE, OPEN, REST, STOPPED, WANTS_LOOK
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS
-from granular.md.located.rest.overdamped import look_at
+from granular.md.located.rest.overdamped import first_asking, look_at
 from granular.md.located.system import readable
 from granular.trajectory import Status
 
@@ -54,6 +54,7 @@ class Pace:
         self.run, self.chunk = run, max(1, min(PLAIN, AT_FIRST // run.scene.n_pairs))
         self.trials, self.time, self.step, self.stalled = 0, float(run.counters["t"]), 0.0, False
         self.seen = -math.inf  # s, how far the run had come at the last look
+        self.looks = 0
 
     def advanced(self, limit: float) -> int:
         """Advance by a chunk of pieces, with looks at blocks that may rest or creep; return as `blocks.advance`."""
@@ -63,11 +64,23 @@ class Pace:
         for _ in range(PLAIN):
             why = int(run.kernels(blocks.advance)(run.s, limit, self.chunk, run.collocation))
             if why == WANTS_LOOK:
-                why = looked_at(run.s, limit, run.kernels, run.seldom)
+                why = looked_at(run.s, limit, run.kernels, self.seldom)
             if why != WANTS_LOOK:
                 break
         self.chunk = portion(self.chunk, process_time() - begun)
         return MORE if why == WANTS_LOOK else why
+
+    def look_at_all(self) -> None:
+        """Plan the blocks that wait for a look whether they creep."""
+        run = self.run
+        while (column(run.s.pool, "manner") == ASKS).any() and run.kernels(first_asking)(run.s):
+            looked_at(run.s, 0.0, run.kernels, self.seldom)
+
+    def seldom(self, kernel: Any) -> Any:
+        """Return a kernel that is called seldom: also of a compiled run interpreted, until that does not pay."""
+        self.looks += 1
+        run = self.run
+        return run.kernels(kernel) if run.is_plain else seldom(run.fit(kernel), self.looks, compiled)
 
     def stalls(self) -> bool:
         """Return whether a run under laws that are functions does not come on.

@@ -11,7 +11,7 @@ The clock of a block is its absolute time, in two floats; a step maps τ to the 
 | residual | BEGIN, the force rises again           | φ upwards         |
 |          | PART, the balls part                   | ξ downwards       |
 | active, with memory | TURN, unloading begins | ξ̇ downwards |
-|          | RELOAD, the old maximum is passed      | ξ - top upwards   |
+|          | RELOAD, the old maximum is passed      | ξ - ξ_peak upwards |
 | dormant  | BEGIN, the force is no longer rounding | ξ - wake upwards  |
 |          | PART, the balls part                   | ξ downwards       |
 """
@@ -57,13 +57,17 @@ GRAZE = 1e-15
 
 
 @kernel
+def two_sum(a: float, b: float) -> tuple[float, float]:
+    """Return a + b in two floats (Knuth)."""
+    total = a + b
+    part = total - a
+    return total, (a - (total - part)) + (b - part)
+
+
+@kernel
 def tick(block: Any, dt: float) -> None:
     """Advance a clock by `dt`; t + tail keeps what one float would lose, so that no gap suffers from late times."""
-    dt += block.tail
-    t = block.t + dt
-    part = t - block.t
-    block.tail = (block.t - (t - part)) + (dt - part)
-    block.t = t
+    block.t, block.tail = two_sum(block.t, dt + block.tail)
 
 
 @kernel

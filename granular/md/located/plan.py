@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 from granular._kernels import entry, kernel
@@ -20,7 +19,7 @@ from granular.md.located.pendula import swing
 from granular.md.located.pieces import ULP, locate, piece_time, power, since, tick, value
 from granular.md.located.records import ASKS, CHECKS, EDGE, GENERAL, LONG, LOOKED, MOVES, NOTHING, POINTS, TO_PLAN
 from granular.md.located.rest.proof import may_creep
-from granular.md.located.series import expand, expand_linear, expand_two
+from granular.md.located.series import expand
 from granular.md.located.step_size import (
     REACH,
     choose_clock,
@@ -44,7 +43,7 @@ def plan_all_due(s: Any, laws: Any) -> bool:
     stays = True
     while s.queue[1].due == TO_PLAN:
         lo = s.queue[1].key
-        stays = plan(s.run[0], s.pairs, s.pool, s.bodies, s.scratch, lo, laws, s.field) and stays
+        stays = plan(s, lo, laws) and stays
         play(s.queue, lo, s.pairs[lo].due)
     return stays
 
@@ -55,15 +54,16 @@ def follow_contact(s: Any, laws: Any) -> None:
     """Follow the contact of one pair alone, piece after piece, as `inside.ask_to_follow` has asked."""
     run = s.run[0]
     while has_piece(s, laws):
-        plan(run, s.pairs, s.pool, s.bodies, s.scratch, run.solo, laws, s.field)
+        plan(s, run.solo, laws)
         if not goes_on(s, laws):
             break
     run.solo = -1
 
 
 @kernel
-def plan(run: Any, pairs: Any, pool: Any, bodies: Any, scratch: Any, lo: int, laws: Any, field: Any) -> bool:
+def plan(s: Any, lo: int, laws: Any) -> bool:
     """Compute the next piece of the island that starts with `lo`, and its end; false if the run is to stop at once."""
+    run, pairs, pool, bodies, field = s.run[0], s.pairs, s.pool, s.bodies, s.field
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     worst, span = -math.inf, 1.0
     if block.manner == LOOKED:  # and it does not creep
@@ -74,19 +74,8 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, scratch: Any, lo: int, la
             wait(pairs, pool, lo)
             return True
     reach = foresee_walls(field, pairs, pool, lo) if DRIVEN else math.inf
-    fastest = fastest_rate(pairs, pool, lo, hi, field.square if HUNG else 0.0)
-    block.linear, block.clock = 1 if fastest >= 0.0 else 0, 1
-    if block.linear == 1:
-        if DRIVEN and fastest == 0.0 and reach == math.inf:
-            reach = run_off_time(pairs, pool, lo, hi)
-        block.h = REACH / fastest if fastest * reach > REACH else reach
-    else:
-        measure(pairs, pool, lo, hi)
-        block.clock = choose_clock(pairs, pool, lo, hi, run.tol)
-        block.h = scale(pairs, pool, lo, hi)
-        if DRIVEN:
-            block.h = min(block.h, power(reach, 1.0 / block.clock))
-    series_of_piece(run, pairs, pool, lo, laws, field, reach)
+    reach = choose_scale(s, lo, reach)
+    series_of_piece(s, lo, laws, reach)
     if block.linear == 0 and laws is None:
         worst = growth(pairs, pool, lo, hi, run.tol)
         span = trusted(worst, run.tol)
@@ -100,7 +89,7 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, scratch: Any, lo: int, la
         block.fired, block.event, block.tau = -1, NOTHING, 0.0  # to be planned anew, if it goes on
         pairs[lo].due = block.t + block.tail
         return False
-    locate(pairs, pool, lo, hi, span, scratch, laws)
+    locate(pairs, pool, lo, hi, span, s.scratch, laws)
     run.error += left_out(worst, block.tau)
     if DRIVEN and block.tau == last and block.fired < 0 and block.event == NOTHING and reach == block.holds:
         block.event = EDGE
@@ -108,6 +97,27 @@ def plan(run: Any, pairs: Any, pool: Any, bodies: Any, scratch: Any, lo: int, la
     if block.h >= LONG:  # it lies still
         pairs[lo].due = math.inf
     return True
+
+
+@kernel
+def choose_scale(s: Any, lo: int, reach: float) -> float:
+    """Choose the clock and the scale h of the next piece of an island; return for how long it may go on, up to `reach`
+    or, where nothing says, until what runs off is over."""
+    run, pairs, pool, field = s.run[0], s.pairs, s.pool, s.field
+    hi, block = pairs[lo].hi, pool[pairs[lo].slot]
+    fastest = fastest_rate(pairs, pool, lo, hi, field.square if HUNG else 0.0)
+    block.linear, block.clock = 1 if fastest >= 0.0 else 0, 1
+    if block.linear == 1:
+        if DRIVEN and fastest == 0.0 and reach == math.inf:
+            reach = run_off_time(pairs, pool, lo, hi)
+        block.h = REACH / fastest if fastest * reach > REACH else reach
+    else:
+        measure(pairs, pool, lo, hi)
+        block.clock = choose_clock(pairs, pool, lo, hi, run.tol)
+        block.h = scale(pairs, pool, lo, hi)
+        if DRIVEN:
+            block.h = min(block.h, power(reach, 1.0 / block.clock))
+    return reach
 
 
 @kernel
@@ -122,17 +132,14 @@ def wait(pairs: Any, pool: Any, lo: int) -> None:
 
 
 @kernel
-def series_of_piece(run: Any, pairs: Any, pool: Any, lo: int, laws: Any, field: Any, reach: float) -> None:
+def series_of_piece(s: Any, lo: int, laws: Any, reach: float) -> None:
     """Compute the series; where pairs touch at rest, until it agrees with who is taken to push. `reach` and the paths
     of driven walls are those of `foresee_walls`."""
+    pairs, pool, field = s.pairs, s.pool, s.field
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     for _ in range(2 * (hi - lo) + 2):
         if laws is not None:
-            run.error += laws.fill(pairs, pool, lo, run.tol, field, reach)
-        elif block.linear == 1 and hi == lo + 2 and reach == math.inf and not (HUNG or RING):
-            expand_two(block, pool[pairs[lo + 1].slot], block.h)
-        elif block.linear == 1:
-            expand_linear(pairs, pool, lo, hi, block.h, 1, field)
+            s.run[0].error += laws.fill(pairs, pool, lo, s.run[0].tol, field, reach)
         else:
             expand(pairs, pool, lo, hi, block.h, block.clock, field)
         if not judge(pairs, pool, lo, hi):
@@ -140,16 +147,15 @@ def series_of_piece(run: Any, pairs: Any, pool: Any, lo: int, laws: Any, field: 
 
 
 @kernel
-def advance_island(
-    run: Any, pairs: Any, pool: Any, bodies: Any, scratch: Any, lo: int, tau: float, dt: float, s: Any, laws: Any
-) -> None:
+def advance_island(s: Any, lo: int, tau: float, dt: float, laws: Any) -> None:
     """Advance the island that starts with pair `lo` to τ, a time `dt` into its piece."""
+    run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     if tau <= 0.0:
         return
-    follow(run, pairs, pool, scratch, lo, tau)
+    follow(run, pairs, pool, s.scratch, lo, tau)
     if WORKED:
-        book_piece(s.ledger, s.field, laws, s, lo, tau)
+        book_piece(s, laws, lo, tau)
     if HUNG:
         swing(run, pairs, pool, bodies, lo, tau, dt)
     else:
@@ -222,7 +228,7 @@ def push(pairs: Any, pool: Any, bodies: Any, lo: int, dt: float) -> None:
         below = above
 
 
-def make_table(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
+def make_table(s: Any, laws: Any, kernels: Any) -> None:
     """Make the table that is wanted, for which there is room; the run goes on as if nothing had been."""
     for j in range(POINTS + CHECKS):
         kernels(ask)(s, j, laws)
@@ -232,7 +238,7 @@ def make_table(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
     kernels(fit)(s)
 
 
-def answer(s: Any, laws: Any, kernels: Callable[[Any], Any]) -> None:
+def answer(s: Any, laws: Any, kernels: Any) -> None:
     """Follow the contact that is asked for, alone."""
     kernels(ask)(s, ITSELF, laws)
     kernels(follow_contact)(s, laws)

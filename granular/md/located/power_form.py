@@ -227,6 +227,6 @@ def _largest(force: Callable[[Any], Any], high: Array) -> Array:
         a, b = low + 0.382 * (high - low), low + 0.618 * (high - low)
         rises = force(a) < force(b)
         low, high = np.where(rises, a, low), np.where(rises, high, b)
-    top: Array = force(0.5 * (low + high))
-    return top
+    largest: Array = force(0.5 * (low + high))
+    return largest
 

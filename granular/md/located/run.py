@@ -19,11 +19,10 @@ from granular.md.located.checkpoint import Checkpoint, Untouched, restored
 from granular.md.located.ledger import FLOOR, LOST
 from granular.md.located.log import keep_unsettled
 from granular.md.located.one_contact.inside import look, look_inside, seen
-from granular.md.located.pace import Pace, looked_at, message_of, seldom, stats_of, still_open
+from granular.md.located.pace import Pace, message_of, stats_of, still_open
 from granular.md.located.plan import answer, follow_contact, make_table, plan_all_due
 from granular.md.located.power_form import power_form
 from granular.md.located.records import (
-    ASKS,
     BINDING,
     CRAMPED,
     GENERAL,
@@ -40,7 +39,6 @@ from granular.md.located.records import (
     WANTS_TABLE,
     WORK_LIMIT,
 )
-from granular.md.located.rest.overdamped import first_asking
 from granular.md.located.system import (
     system_of,
     to_compiled,
@@ -103,7 +101,7 @@ class Run:
         self.start = request.start if state is None else float(state["origin"])  # s, where its own clock starts
         self.closing = Closing(scene, self.start, flattened=True)
         self.seen = self.now = 0.0  # s, when a row was last read, and how far it has come
-        self.bound, self.looks = False, 0
+        self.bound = False
         self.creep: Creep | None = None
         self.checkpoint: Checkpoint | None = None
         limits = {"max_events": request.max_events, "max_steps": request.max_steps, "log": 2 * int(request.rows)}
@@ -120,7 +118,9 @@ class Run:
             self.compile()
         else:
             self.s = to_plain(s)
-        self.launched = self.launch() if state is None else self.go_on(state)
+        self.launched = state is not None or self.launch()
+        if state is not None:
+            self.go_on(state)
 
     def collocated(self) -> Any:
         """Return what solves laws that are no powers, which others never load."""
@@ -133,14 +133,13 @@ class Run:
         formed = self.kernels(blocks.launch)(self.s, self.collocation)
         return bool(formed and self.kernels(plan_all_due)(self.s, self.collocation))
 
-    def go_on(self, state: Mapping[str, Any]) -> bool:
-        """Go on from the records of a checkpoint; true."""
+    def go_on(self, state: Mapping[str, Any]) -> None:
+        """Go on from the records of a checkpoint."""
         self.kernels(replay)(self.s.queue, 0, self.scene.n_pairs - 1)
         if state["creeping"]:
             self.let_creep(math.inf)
         elif state.get("riding", False):  # of an earlier version: piles on driven walls had other pieces
             self.follow_anew(self.request.start)
-        return True
 
     def fit(self, kernel: Any) -> Any:
         """Return the kernel as it is for what the scene has."""
@@ -244,7 +243,7 @@ class Run:
         """Go on by modes if the scene creeps to rest, its forces swinging by less than the part `most`."""
         from granular.md.located.rest.creep import creeping_from
 
-        self.look_at_all()
+        self.pace.look_at_all()
         s = to_plain(self.s)
         creep = creeping_from(s, most)
         if creep is not None:
@@ -317,7 +316,7 @@ class Run:
             self.toll.lap()
         begun = float(self.counters["t"]) if self.creep is None else self.creep.start
         end = self.request.end - self.start if pause is Pause.reached else max(begun, self.seen)
-        self.look_at_all()
+        self.pace.look_at_all()
         row, wanted = None, pause is not Pause.reached or seen == -math.inf
         if wanted and pause is Pause.reached:  # as a sample there, to the bit
             row = self.row(self.request.end)
@@ -325,11 +324,11 @@ class Run:
         if self.creep is None:
             while not self.kernels(blocks.expose_all)(self.s, end, self.collocation):
                 self.s = with_more_room(self.s)
-            self.look_at_all()
+            self.pace.look_at_all()
             self.s = self.without_queue()
             self.kernels(blocks.gather)(self.s, end, self.collocation)
             if column(self.s.pool, "manner").any():
-                self.seldom(blocks.gather_slowly)(self.s)
+                self.pace.seldom(blocks.gather_slowly)(self.s)
             self.now = math.inf  # rows of contacts that go on are void now: all others are over
         else:
             impulse = self.creep.finish(end)
@@ -346,11 +345,6 @@ class Run:
         state = self.checkpoint or Checkpoint(before, {"origin": self.start, "creeping": False})
         return End(row, status, message, stats, state if self.launched else {}, running)
 
-    def seldom(self, kernel: Any) -> Any:
-        """Return a kernel that is called seldom: also of a compiled run interpreted, until that does not pay."""
-        self.looks += 1
-        return self.kernels(kernel) if self.is_plain else seldom(self.fit(kernel), self.looks, compiled)
-
     def follow_anew(self, time: float) -> None:
         """Plan the blocks at driven walls anew, and go on to `time`."""
         for c in np.flatnonzero(column(self.s.pairs, "wall") > 0).tolist():
@@ -359,11 +353,6 @@ class Run:
         self.kernels(plan_all_due)(self.s, self.collocation)
         while self.to(time, False) is Pause.full:
             pass
-
-    def look_at_all(self) -> None:
-        """Plan the blocks that wait for a look whether they creep."""
-        while (column(self.s.pool, "manner") == ASKS).any() and self.kernels(first_asking)(self.s):
-            looked_at(self.s, 0.0, self.kernels, self.seldom)
 
     def without_queue(self) -> Any:
         """Return the records of a run in which nothing is due any more: of a million balls the queue is large."""

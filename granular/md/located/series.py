@@ -17,9 +17,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import kernel, specialised
+from granular._kernels import kernel
 from granular.md.located.pieces import elapsed, power
-from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, PADDED, RESIDUAL
+from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, PADDED
 from granular.md.located.system import is_closed
 from granular.md.located.walls import drive
 from granular.scene.flags import DRIVEN, HUNG, RING
@@ -32,7 +32,7 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any
         prepare(pool[pairs[c].slot], q)
     if DRIVEN:
         drive(field, pairs, lo, hi, h, q)
-    scale, top = q * elapsed(h, q, 1.0), hi + 1 if is_closed(pairs, lo, hi) else hi
+    scale, last = q * elapsed(h, q, 1.0), hi + 1 if is_closed(pairs, lo, hi) else hi
     for n in range(ORDER - q + 1):
         step, below = scale / (n + q), 0.0
         for c in range(lo, hi):
@@ -41,12 +41,12 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any
             if pair.mode != OPEN:
                 force_term(pair, n, q)
         pair = pool[pairs[lo].slot]
-        if RING and top > hi:
+        if RING and last > hi:
             below = pool[pairs[hi - 1].slot].f[n]
         for c in range(lo, hi):
-            after = pool[pairs[c + 1].slot] if c + 1 < top else pair
+            after = pool[pairs[c + 1].slot] if c + 1 < last else pair
             force = pair.f[n]
-            above = after.f[n] if c + 1 < top else 0.0
+            above = after.f[n] if c + 1 < last else 0.0
             push = pair.lower * below - pair.inverse * force + pair.upper * above
             if n == 0:
                 push += pair.pull
@@ -142,45 +142,9 @@ def complete(pair: Any, q: int) -> None:
 
 
 @kernel
-def linear_start(pair: Any, q: int) -> None:
-    """Write the lowest orders, and no force where there is none."""
-    pair.x[0], pair.e[0] = pair.xi, pair.eta
-    if pair.mode == OPEN:
-        for n in range(ORDER + 1):
-            pair.f[n] = 0.0
-
-
-expand_linear = specialised(expand, force_term=linear_term, prepare=linear_start)
-"""`expand` where all laws at work are linear."""
-
-
-@kernel
 def works(pair: Any) -> float:
     """Return 1 if the pair exerts a force, else 0."""
     return 1.0 if pair.mode == ACTIVE or pair.mode == DORMANT else 0.0
-
-
-@kernel
-def expand_two(a: Any, b: Any, h: float) -> None:
-    """Two pairs under linear laws, the most frequent case: the same sums, kept in registers."""
-    xa, ea, xb, eb = a.xi, a.eta, b.xi, b.eta
-    ka, ga, kb, gb = works(a) * a.k, works(a) * a.gamma, works(b) * b.k, works(b) * b.gamma
-    push_a, push_b, between, across = a.pull, b.pull, a.upper, b.lower
-    own_a, own_b = a.inverse, b.inverse
-    x1, e1, f1, x2, e2, f2 = a.x, a.e, a.f, b.x, b.e, b.f
-    for n in range(ORDER + 1):
-        fa, fb = ka * xa + ga * ea, kb * xb + gb * eb
-        if n == 0:
-            fa, fb = (0.0 if a.exact else fa), (0.0 if b.exact else fb)
-        x1[n], e1[n], f1[n], x2[n], e2[n], f2[n] = xa, ea, fa, xb, eb, fb
-        step = h / (n + 1)
-        xa, xb = step * ea, step * eb
-        ea, eb = step * (between * fb - own_a * fa + push_a), step * (across * fa - own_b * fb + push_b)
-        push_a, push_b = 0.0, 0.0
-    for pair in (a, b):
-        if pair.mode == RESIDUAL:
-            for n in range(ORDER + 1):
-                pair.g[n] = bracket(pair, pair.x[n], n)
 
 
 @kernel

@@ -195,12 +195,6 @@ def rate_later(field: Any, pair: Any, gap: float, eta: float, dt: float) -> floa
 
 
 @kernel
-def wall_after(walls: Any, body: Any, pair: Any, dt: float) -> float:
-    """Return the velocity of a driven wall a time `dt` after the clock of `pair`."""
-    return velocity_of_wall(walls, int(body.wall) - 1, pair.t, pair.tail + dt)[0]
-
-
-@kernel
 def speed_at(walls: Any, pair: Any, body: Any, block: Any) -> float:
     """Return the velocity of a wall, `body`, at the clock of a block, `pair` being the pair at it."""
     if DRIVEN and pair.wall > 0:

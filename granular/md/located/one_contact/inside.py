@@ -2,8 +2,7 @@
 May be skipped: one contact again, by pieces.
 
 So one solved at once is looked into, or goes on as a member of an event that may disturb it: `relive` asks for that,
-and then `exposed` or `seen` take what they need. `plan.planned` computes piece after piece, for every piece is planned
-in one place.
+`plan.follow_contact` takes it there piece after piece, and then `exposed` or `seen` take what they need.
 """
 
 from __future__ import annotations
@@ -13,18 +12,8 @@ from typing import Any
 
 from granular._flight import time_to_contact
 from granular._kernels import entry, kernel
-from granular.md.located.contacts import pushes
-from granular.md.located.ledger import (
-    begin_solo,
-    book_at_once,
-    book_exposed,
-    book_run_off,
-    book_solo,
-    look_at_flight,
-    look_at_once,
-    look_at_piece,
-    read,
-)
+from granular.md.located.contacts import change_branch, pushes
+from granular.md.located.ledger import LOST, begin, book, book_at_once, look_at_once, read, run_off, tally, tally_island
 from granular.md.located.log import follow
 from granular.md.located.pendula import swung
 from granular.md.located.pieces import fly, force_returns, in_contact, piece_time, power, since, tau_at, tick, value
@@ -54,15 +43,15 @@ def take_up(s: Any, c: int, v: float) -> Any:
 def ask_to_follow(s: Any, c: int, left: float) -> None:
     """Ask that a contact that has just begun be taken on for a time `left`, or until its balls part.
 
-    `planned` does it, and leaves in the record of the run when its force was over (nan: it was not), the rate at which
-    the balls were parting then, the time that has passed, and the place τ on the last piece. Balls that part are OPEN;
-    what has no end is not, nor what the force comes back to, which is another contact.
+    `plan.follow_contact` does it, and leaves in the record of the run when its force was over (nan: it was not), the
+    rate at which the balls were parting then, the time that has passed, and the place τ on the last piece. Balls that
+    part are OPEN; what has no end is not, nor what the force comes back to, which is another contact.
     """
     run = s.run[0]
     run.solo, run.pieces, run.left, run.passed, run.at = c, 0, left, 0.0, 0.0
     run.over, run.parting = math.nan, math.nan
     if WORKED:
-        begin_solo(s.ledger)
+        begin(s.ledger[0].solo)
 
 
 @kernel
@@ -79,12 +68,12 @@ def has_piece(s: Any, laws: Any) -> bool:
         fly(member, run.left - run.passed, s.field)
         run.passed = run.left
         if WORKED:
-            book_run_off(s.ledger, member, laws, xi, member.xi)
+            s.ledger[0].solo[LOST] += run_off(member, laws, member, xi, member.xi)
     elif member.s != 1.0 or not force_returns(member, member) < wait:
         fly(member, wait, s.field)
-        member.xi, member.mode = 0.0, OPEN
         if WORKED:
-            book_run_off(s.ledger, member, laws, xi, 0.0)
+            s.ledger[0].solo[LOST] += run_off(member, laws, member, xi, 0.0)
+        member.xi, member.mode = 0.0, OPEN
         run.passed += wait
     return False
 
@@ -100,7 +89,7 @@ def goes_on(s: Any, laws: Any) -> bool:
         dt = max(0.0, run.left - run.passed)
         tau = min(tau, power(dt, 1.0 / member.clock) / member.h)
     if WORKED:
-        book_solo(s.ledger, s.field, laws, s, c, tau)
+        tally(s, laws, c, member, tau, s.ledger[0].solo)
     if run.log > 0:
         follow(run, s.pairs, s.pool, s.scratch, c, tau)
     member.xi, member.eta, member.exact, member.tau = value(member.x, tau), value(member.e, tau), 0, 0.0
@@ -143,10 +132,8 @@ def happen(member: Any) -> None:
     """Let the event happen that ends the piece of a contact alone."""
     if member.event == END:
         member.mode, member.exact = RESIDUAL, 1
-    elif member.event == TURN:
-        member.loading, member.xi_peak, member.eta = 0, member.xi, min(0.0, member.eta)
-    elif member.event == RELOAD:
-        member.loading, member.xi = 1, member.xi_peak
+    elif member.event in (TURN, RELOAD):
+        change_branch(member, member.event)
     else:
         member.mode, member.xi, member.exact = OPEN, 0.0, 0
 
@@ -172,7 +159,7 @@ def exposed(s: Any, c: int) -> None:
     back = since(pair, run.t, run.tail)
     if WORKED:
         book_at_once(s.ledger, s, c, -1.0)
-        book_exposed(s.ledger)
+        book(s.ledger[0], s.ledger[0].solo)
     xi, eta = flown(s.field, pair, back)
     if member.mode != ACTIVE:  # in its run-off, it is what its asymptote says
         member.xi, member.eta, member.going_on = xi if member.mode == RESIDUAL else min(0.0, xi), eta, 0
@@ -227,12 +214,12 @@ def look(s: Any, t: float, xi: Any, eta: Any, force: Any, sums: Any, laws: Any) 
             deep, fast = flown(s.field, pair, dt)
             xi[c], eta[c], force[c] = deep, fast, 0.0
             if WORKED:
-                look_at_flight(s.ledger, s.kinds[pair.kind_of], laws, pair, deep, sums)
+                sums[LOST] += run_off(s.kinds[pair.kind_of], laws, pair, pair.xi, deep)
         else:
             member = s.pool[pair.slot]
             tau = tau_at(s.pool[s.pairs[pair.first].slot], t, 0.0)
             if WORKED and pair.first == c:
-                look_at_piece(s.ledger, s.field, laws, s, c, tau, sums)
+                tally_island(s, laws, c, tau, sums)
             xi[c], eta[c] = value(member.x, tau), value(member.e, tau)
             force[c] = max(0.0, value(member.f, tau)) if member.mode == ACTIVE else 0.0
 

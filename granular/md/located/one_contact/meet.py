@@ -40,7 +40,7 @@ from granular.md.located.walls import (
     rate_later,
     rest_gap,
     touching_rate,
-    wall_after,
+    velocity_of_wall,
 )
 from granular.scene.flags import DRIVEN, HEATED, HUNG, RING, WORKED
 
@@ -312,7 +312,7 @@ def coasting(s: Any, b: int, pair: Any, dt: float) -> float:
     """Return the velocity that body `b` would have a time `dt` after the clock of `pair` without contacts."""
     body = s.bodies[nth(s.pairs, b)]
     if DRIVEN and body.wall > 0.0:
-        return wall_after(s.field, body, pair, dt)
+        return velocity_of_wall(s.field, int(body.wall) - 1, pair.t, pair.tail + dt)[0]
     if HUNG:
         return swung(body, s.run[0].omega, since(body, pair.t, pair.tail) + dt)[0]
     v: float = body.v - body.fall * (since(body, pair.t, pair.tail) + dt)
