@@ -158,7 +158,7 @@ def scales(scene: Scene) -> tuple[float, float, float]:
         return max(speed, fall), fall, SHARE * room
     length = float(np.mean(scene.gap)) or float(np.mean(scene.radius))
     fall = math.sqrt(2.0 * strongest(scene) * length)
-    for path in map(walls.path_of, scene.motions):
+    for path in map(walls.path_of, filter(None, scene.motions)):
         fall = fall if path is None else max(fall, path.speed)
     for heat, mass in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True):
         fall = fall if heat is None else max(fall, math.sqrt(heat.temperature / mass))
