@@ -15,6 +15,7 @@ from typing import Any
 NOW = {
     "workprecision": "frontiers", "components": "outcome", "other_ties": "end_time", "tie_rules": "end_time",
     "laws.power": "laws.springs", "laws.walton_braun": "laws.springs", "laws.matched_end": "laws.statics",
+    "laws.check": "laws.kinds",
     "walls.sine": "walls.formulas", "walls.piecewise": "walls.formulas", "waves.space_time": "waves.sensors",
 }
 """Where a module of `granular` has gone; one within a room is named with a dot, such as "laws.power"."""

@@ -16,7 +16,7 @@ import numpy as np
 from granular import _check, _files
 from granular._describe import from_json, to_json
 from granular.scene import Scene
-from granular.scene.walls import fitted
+from granular.scene.places import fitted
 
 PLAIN = (bool, int, float, str)
 """What is saved of `stats`: these, and tuples of them."""

@@ -24,7 +24,7 @@ import numpy as np
 from granular import _check, md, until
 from granular._flight import rate_at_contact, time_to_contact
 from granular.laws import LinearDashpot
-from granular.laws.check import checked
+from granular.laws.kinds import checked
 from granular.scene import Scene, checked as checked_scene
 from granular.scene.flags import flags
 from granular.trajectory import Status, Trajectory

@@ -18,7 +18,7 @@ from soft_twin import twin
 
 import granular as gr
 from granular._flight import rate_at_contact
-from granular.laws.check import checked
+from granular.laws.kinds import checked
 from granular.md.located import blocks, plan
 from granular.md.located.one_contact import tables
 from granular.md.located.own_law import Collocation

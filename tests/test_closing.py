@@ -7,7 +7,7 @@ import pytest
 
 import granular as gr
 from granular import reference
-from granular.scene.walls import MARGIN, Closing, fitted
+from granular.scene.places import MARGIN, Closing, fitted
 
 LAW = gr.LinearDashpot(1e4, 1.0)
 POINTS, BALLS = [0.0, 0.0, 0.0], [0.0, 0.01, 0.0]

@@ -7,7 +7,7 @@ import pytest
 import granular as gr
 from granular.frontiers import methods
 from granular.frontiers.methods import Task, peer
-from granular.laws.check import checked
+from granular.laws.kinds import checked
 from granular.reference import solve
 from granular.walls import Motion, Sine
 

@@ -12,7 +12,7 @@ import granular as gr
 from granular import cases
 from granular._describe import from_json, scene_to_json
 from granular.laws import LinearDashpot
-from granular.scene.walls import fitted
+from granular.scene.places import fitted
 from granular.sweeps.plan import planned
 from granular.trajectory import CONTACT, Status, Trajectory
 from granular.walls import Motion, Panels, Piecewise, Sine

@@ -10,7 +10,7 @@ from hypothesis import given, strategies as st
 
 import granular as gr
 from granular.laws import dashpot, resolve
-from granular.laws.check import checked
+from granular.laws.kinds import checked
 
 MAPPING = json.loads((Path(__file__).parent / "reference/restitution_mapping.json").read_text())
 PAIR = gr.Pair(m_eff=0.3, r_eff=0.02, index=0)

@@ -12,7 +12,7 @@ from soft_blocks import check_blocks
 from granular._kernels import have_numba
 from granular.drive import Pause, requested
 from granular.laws import Hertz, LinearDashpot, TsujiHertz, ViscoelasticHertz
-from granular.laws.check import checked
+from granular.laws.kinds import checked
 from granular.md.located import Run, pace, run, system
 from granular.scene import Scene
 

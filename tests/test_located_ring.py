@@ -10,7 +10,7 @@ from soft_twin import distance, twin
 import granular as gr
 from granular import isolation
 from granular.drive import Pause, requested
-from granular.laws.check import checked
+from granular.laws.kinds import checked
 from granular.md.located import Run, pace, system
 from granular.md.located.islands import reimpose
 

@@ -15,7 +15,7 @@ from granular.binary import rule_of_comparison
 from granular.comparison import report
 from granular.comparison.answer import Judged
 from granular.drive import EVENTS, check_end
-from granular.laws.check import checked
+from granular.laws.kinds import checked
 from granular.scene import Scene, checked as a_scene
 
 

@@ -18,7 +18,7 @@ from granular.edmd.records import APART, BUDGET, LATER, NEVER, ROW, SUSPECT, UNT
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
 from granular.scene import velocities
-from granular.scene.walls import Closing
+from granular.scene.places import Closing
 from granular.trajectory import Status
 from granular.until import Contact
 

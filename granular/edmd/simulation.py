@@ -18,7 +18,7 @@ from granular.edmd.run import Run
 from granular.edmd.state import State
 from granular.rules import Rule
 from granular.scene import Scene, checked as a_scene
-from granular.scene.walls import fitted
+from granular.scene.places import fitted
 from granular.trajectory import Status, Trajectory
 
 if TYPE_CHECKING:

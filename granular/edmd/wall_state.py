@@ -24,7 +24,7 @@ from granular.edmd.driven import beside, place, synchronise
 from granular.edmd.motion import NOISE, add, impulse, rebase, span
 from granular.edmd.records import BOTH, CEILING, FLOOR, FREE, SIDE, Walls
 from granular.scene import Scene
-from granular.scene.walls import driven_walls
+from granular.scene.places import driven_walls
 from granular.walls.panels import PANEL
 
 SUMS = ("work", "work_low", "lost", "lost_low", "heat", "heat_low", "given", "given_low")

@@ -23,7 +23,7 @@ from granular._kernels import kernel
 from granular._records import Records, column, packed
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
-from granular.laws import check
+from granular.laws import kinds
 from granular.laws.contact_law import instance
 from granular.rules import different
 from granular.scene import Scene
@@ -56,7 +56,7 @@ class Watch:
         laws = _check.per_pair("watch", law, scene.n_pairs)
         for one in different(laws):
             instance("watch", one, "how long a contact lasts, no collision rule can tell")
-        check.checked(laws, scene)
+        kinds.checked(laws, scene)
         from granular.isolation import Durations  # from above, and only when asked for
 
         self.duration: Callable[[Any, _check.Array], _check.Array] = Durations(laws, scene)

@@ -16,7 +16,7 @@ from granular import _check, md, until as stop
 from granular._reports import machine
 from granular.frontiers.methods import METHODS, PEERS, Method, Task, contacts_of, errors, expected_orders, own, peer
 from granular.frontiers.result import NEAR, Frontier, Row
-from granular.laws.check import checked
+from granular.laws.kinds import checked
 from granular.reference import Reference, solve
 from granular.scene import Scene, checked as a_scene
 from granular.trajectory import Status, Trajectory

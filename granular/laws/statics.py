@@ -8,8 +8,8 @@ import math
 from dataclasses import dataclass
 
 from granular import _check
-from granular.laws.check import finite
 from granular.laws.contact_law import PairLaw
+from granular.laws.kinds import finite
 from granular.scene import Pair
 
 __all__ = ["MatchedEnd"]

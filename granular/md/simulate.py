@@ -15,11 +15,10 @@ from numpy.typing import ArrayLike
 
 from granular import _check, until as stop
 from granular.drive import EVENTS, Request, check_end, drive, go_on, requested
-from granular.laws.check import check_deepest, checked as checked_laws
-from granular.laws.kinds import SceneLaws
+from granular.laws.kinds import SceneLaws, check_deepest, checked as checked_laws
 from granular.md import located
 from granular.scene import Scene, checked
-from granular.scene.walls import Closing, fitted
+from granular.scene.places import Closing, fitted
 from granular.trajectory import Status, Trajectory
 
 SHORTEST = 1e-60

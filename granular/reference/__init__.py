@@ -14,13 +14,13 @@ from dataclasses import replace
 from typing import Any
 
 from granular import _check, until as stop
-from granular.laws.check import checked
 from granular.laws.contact_law import Form, PairLaw
+from granular.laws.kinds import checked
 from granular.reference import restarted, taylor
 from granular.reference.events import Reference, ReferenceContact, distance
 from granular.reference.series import fraction
 from granular.scene import Scene, checked as a_scene
-from granular.scene.walls import Closing, fitted
+from granular.scene.places import Closing, fitted
 
 __all__ = ["Reference", "ReferenceContact", "solve"]
 

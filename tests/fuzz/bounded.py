@@ -17,7 +17,7 @@ import granular as gr
 from fuzz.driven import Driven, _ended, _path, _quick, _rates, grazes, judge
 from fuzz.judge import Verdict
 from fuzz.scenes import Case, _start
-from granular.laws.check import checked
+from granular.laws.kinds import checked
 
 RING, HEAT, HUNG = range(3)
 

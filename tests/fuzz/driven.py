@@ -18,7 +18,7 @@ import granular as gr
 from fuzz.judge import FALLS_SHORT, SHIFT, SHIFTS, Verdict, shift
 from fuzz.scenes import Case, _between, _start
 from granular import reference
-from granular.laws.check import checked
+from granular.laws.kinds import checked
 from granular.reference.series import fraction
 
 MOST = 7

@@ -26,7 +26,7 @@ from granular.md.fixed.walls import MOST
 from granular.md.fixed.window import BESIDE, COUNT, DEEPEST, PART, RAW, ROWS, SHARED, XI, V, copied
 from granular.md.stability import WARN, expected_rate, sharpest_rate
 from granular.scene import Scene, positions
-from granular.scene.walls import Closing
+from granular.scene.places import Closing
 from granular.trajectory import Status
 
 CHUNK, SHORTEST = 1 << 15, 1 << 8

@@ -28,7 +28,7 @@ from granular.md.fixed.contact_force import asked as force
 from granular.md.fixed.integrators import pulled
 from granular.md.fixed.window import END, HALF, LAST, MIDDLE, START, WHOLE
 from granular.scene import Scene
-from granular.scene.walls import driven_walls
+from granular.scene.places import driven_walls
 from granular.walls.gap import after
 from granular.walls.hits import first_hit
 from granular.walls.panels import PANEL, WALL

@@ -20,9 +20,8 @@ import numpy as np
 
 from granular._check import Array
 from granular._flight import time_to_contact
-from granular.laws.check import no_number
 from granular.laws.contact_law import PairLaw
-from granular.laws.kinds import SceneLaws
+from granular.laws.kinds import SceneLaws, no_number
 from granular.md.located.collocation import (
     INTEGRATE,
     INTEGRATE_TO_LOOKS,

@@ -49,7 +49,7 @@ from granular.md.located.system import (
 )
 from granular.scene import Scene
 from granular.scene.flags import flags
-from granular.scene.walls import Closing
+from granular.scene.places import Closing
 from granular.trajectory import CONTACT
 
 if TYPE_CHECKING:

@@ -26,7 +26,7 @@ from granular._records import packed, plain
 from granular.md.located.records import ORDER
 from granular.scene import Scene
 from granular.scene.flags import DRIVEN, HUNG
-from granular.scene.walls import driven_walls
+from granular.scene.places import driven_walls
 from granular.walls import path
 from granular.walls.gap import after
 from granular.walls.hits import first_hit, pressing
