@@ -24,6 +24,8 @@ from granular._check import Array, is_own, per_pair
 from granular.laws.contact_law import PairLaw, instance, resolve
 from granular.scene import Pairs, Scene, speed_scale
 
+__all__ = ["check_deepest", "checked", "finite", "no_number"]
+
 Ints = np.ndarray[tuple[int], np.dtype[np.int64]]
 Kinds = np.ndarray[tuple[int], np.dtype[np.int32]]
 
