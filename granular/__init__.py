@@ -1,4 +1,5 @@
 """Balls on a line as hard spheres and as soft spheres: may these collisions be treated as instantaneous?
+May be skipped: the public names, and where they stand.
 
 >>> import granular as gr
 >>> scene = gr.scenes.three_balls()

@@ -1,4 +1,6 @@
-"""Stop conditions, understood by both engines: ``simulate(..., until=until.contact(pair=0, nth=2))``."""
+"""Stop conditions, understood by both engines: ``simulate(..., until=until.contact(pair=0, nth=2))``.
+May be skipped: two small records.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Both runs of a scene, and the numbers that tell them apart."""
+"""Both runs of a scene, and the numbers that tell them apart.
+May be skipped: numbers, to be looked up.
+"""
 
 from __future__ import annotations
 

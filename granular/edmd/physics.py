@@ -1,4 +1,6 @@
-"""What does not change during a run: the scene, its rules, and how ties, collapse and weak impacts are treated."""
+"""What does not change during a run: the scene, its rules, and how ties, collapse and weak impacts are treated.
+May be skipped: options, and which exclude each other.
+"""
 
 from __future__ import annotations
 

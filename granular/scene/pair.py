@@ -1,4 +1,6 @@
-"""Two neighbours for good: what a force law or a collision rule may know of them."""
+"""Two neighbours for good: what a force law or a collision rule may know of them.
+May be skipped: a record of two neighbours.
+"""
 
 from __future__ import annotations
 
