@@ -23,7 +23,7 @@ from granular.md.located import blocks, plan
 from granular.md.located.one_contact import tables
 from granular.md.located.own_law import Collocation
 from granular.md.located.plan import plan_all_due
-from granular.md.located.records import DONE, GENERAL, NO_PAUSE, SLOWEST
+from granular.md.located.records import DONE, GENERAL, NO_PAUSE, SLOWEST, WANTS_TABLE
 from granular.md.located.system import system_of, to_plain
 
 INF = math.inf
@@ -123,12 +123,12 @@ def certified(scene: gr.Scene, law: Any, contacts: int, made: dict[Any, Any], mo
 
     limits = {"tol": 1e-16, "pause": NO_PAUSE, "max_events": contacts, "max_steps": 1000, "log": 0}
     s = to_plain(system_of(scene, laws, None, **limits))
-    asked = Collocation(laws) if s.kinds[0].kind == GENERAL else None
+    asked = Collocation(laws, scene.ring) if s.kinds[0].kind == GENERAL else None
     with monkeypatch.context() as patch:
         patch.setattr(blocks, "happen_at_once", watching)
         blocks.launch(s, asked)
         plan_all_due(s, asked)
-        while blocks.advance(s, 1.0, contacts - len(met), asked) == blocks.WANTS_TABLE:
+        while blocks.advance(s, 1.0, contacts - len(met), asked) == WANTS_TABLE:
             take_table(s, asked, made)
     return sorted(met) == list(range(0, 2 * contacts, 2))
 
