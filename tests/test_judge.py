@@ -27,7 +27,6 @@ def same(kind, seed):
     return report.answer is A.undecided
 
 
-@pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_judge_of_the_page_says_the_same(kind):
     assert sum(same(kind, seed) for seed in range(FEW.get(kind, 3))) == 0
