@@ -84,6 +84,8 @@ def test_all_fronts_give_the_same_numbers(seed, granular, tmp_path):
         assert np.array_equal(data["error"].values[0], report.error, equal_nan=True)
         if not steps:
             assert data["isolated_share"].values[0] == report.measures["isolated_share"]
+            own = report.soft.stats["isolated"] / report.soft.stats["contacts"]
+            assert not all(within) or data["isolated_share"].values[0] == own
 
 
 RESULTS = ["contacts", "hard_contacts", "v_rel", "t_f", "error", "isolated_share"]
