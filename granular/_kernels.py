@@ -12,6 +12,7 @@ the flags of `granular.scene.flags`, or with other kernels called by the same na
 
 from __future__ import annotations
 
+import ast
 import dis
 import gc
 import os
@@ -20,6 +21,7 @@ import types
 from collections.abc import Callable
 from functools import cache, wraps
 from importlib.util import find_spec
+from inspect import getsourcelines
 from time import process_time
 from typing import Any, TypeVar
 from zlib import crc32
@@ -244,12 +246,11 @@ def compiled(function: Callable[..., Any], inline: bool = False) -> Callable[...
 def _twin(function: Callable[..., Any], inline: bool, within: bool, bare: bool) -> Callable[..., Any]:
     """Return the compiled twin of a kernel; `within` one that is inlined, it is no machine code of its own; a `bare`
     one is called by kernels only."""
+    code = _without_dead_branches(function)
     called = {name: _twin(callee, inline, inline, not hasattr(callee, "__granular_entry__"))
-              for name, callee in _callees(function).items()}
+              for name, callee in _callees(function).items() if name in code.co_names}
     scope = function.__globals__ | called
-    twin = types.FunctionType(
-        function.__code__, scope, function.__name__, function.__defaults__, function.__closure__
-    )
+    twin = types.FunctionType(code, scope, function.__name__, function.__defaults__, function.__closure__)
     twin.__module__ = function.__module__
     twin.__qualname__ = f"{function.__qualname__}_{_checksum(function):08x}{'i' * inline}{'b' * bare}"
     inside = (within and not getattr(function, "__granular_rare__", False)) or hasattr(function, "__granular_inlined__")
@@ -257,6 +258,24 @@ def _twin(function: Callable[..., Any], inline: bool, within: bool, bare: bool) 
     result: Any = load_numba().njit(**MANNER, **how)(twin)
     result.compile = _uncollected(result.compile)
     return result  # type: ignore[no-any-return]
+
+
+def _without_dead_branches(function: Callable[..., Any]) -> types.CodeType:
+    """Return the code of a kernel as if the truth values that it reads stood there: Python drops what never happens,
+    before numba inlines and types it."""
+    code, scope = function.__code__, function.__globals__
+    known = {name: ast.Constant(scope[name]) for name in _globals_read(code) if isinstance(scope.get(name), bool)}
+    if not known:
+        return code
+
+    class Known(ast.NodeTransformer):
+        def visit_Name(self, node: ast.Name) -> ast.expr:
+            return ast.copy_location(known[node.id], node) if node.id in known else node
+
+    lines, first = getsourcelines(code)
+    tree = ast.increment_lineno(Known().visit(ast.parse("".join(lines))), first - 1)
+    inner = compile(tree, code.co_filename, "exec", dont_inherit=True).co_consts
+    return next(one for one in inner if isinstance(one, types.CodeType) and one.co_name == code.co_name)
 
 
 def _uncollected(make: F) -> F:

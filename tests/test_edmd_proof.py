@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.edmd import collapse, proof
+from granular.edmd import proof
 from granular.edmd.collapse import alternates
 
 FREE, BESIDE = False, True
@@ -170,9 +170,9 @@ def test_all_collisions_take_the_time_that_is_left() -> None:
 
 def test_no_proof_is_tried_where_it_does_not_hold(monkeypatch) -> None:
     """With gravity, rules of speed, or a slow sequence that somebody outside reaches first."""
-    monkeypatch.setattr(collapse, "forever", lambda *_: proof.Forever(0, 1, math.inf))
+    monkeypatch.setattr(proof, "forever", lambda *_: proof.Forever(0, 1, math.inf))
     assert run(cluster(5), 0.9 * threshold(5, FREE)).status is gr.Status.bounded
-    monkeypatch.setattr(collapse, "forever", lambda *_: 1 / 0)
+    monkeypatch.setattr(proof, "forever", lambda *_: 1 / 0)
     assert gr.edmd.simulate(cluster(4), lambda v, pair: 0.1).status is gr.Status.bounded
     column = gr.Scene([math.inf, 1.0, 1.0, 1.0], [0.0] * 4, [0.5, 0.3, 0.4], [0.0] * 4, gravity=1.0)
     assert run(column, 0.5).status in (gr.Status.collapse, gr.Status.bounded)

@@ -80,7 +80,7 @@ class Run:
         self.began = self.time(), self._work()
         self.may_compile = engine == "auto"
         likely = min(LIKELY * self.scene.n_pairs, request.max_events)
-        fast = engine == "compiled" or (self.may_compile and self.pays(likely))
+        fast = engine == "compiled" or (self.may_compile and pays(likely))
         self._go_on_with(self._compiled() if fast else SortedQueue)
         self.tail = state.clock.last_event - request.max_events // TAIL
         self.pace = [(self.events, self.time())]  # at the beginning and where the tail begins
@@ -92,14 +92,6 @@ class Run:
         self.horizon = self.closing.horizon  # s: no room for balls later
         single = ORDER[physics.options["ties"]] != GROUP and not self.scene.is_wall[[0, -1]].all()
         self.moves_on = self.scene.driven and single and watch is None  # kernels move the zero of times themselves
-
-    def pays(self, work: float) -> bool:
-        """Return whether so much work, in collisions, is worth machine code; what would make it is loaded only then."""
-        if work < LONG:
-            return False
-        from granular.edmd.compiled_queue import loop
-
-        return worth(loop, work, LONG, VERY_LONG, inline=True)
 
     def _compiled(self) -> type[SortedQueue]:
         from granular.edmd import compiled_queue
@@ -186,7 +178,7 @@ class Run:
     def _advance(self, limit: float) -> int:
         """Go on towards tau = `limit` for a while, with the faster queue if that pays now; return why it pauses."""
         state = self.state
-        if self.may_compile and self.pays(self._expected()):
+        if self.may_compile and pays(self._expected()):
             self._go_on_with(self._compiled())
         goal = self.tail if self.events < self.tail else state.clock.last_event
         budget, begun = min(self.queue.chunk, goal - self.events), process_time()
@@ -275,6 +267,15 @@ class Run:
             message, stats = message + self.watch.message(), stats | self.watch.stats()
             state |= self.watch.checkpoint(self.state, self.queue)
         return End(row, status, message, stats, state)
+
+
+def pays(work: float) -> bool:
+    """Return whether so much work, in collisions, is worth machine code; what would make it is loaded only then."""
+    if work < LONG:
+        return False
+    from granular.edmd.compiled_queue import loop
+
+    return worth(loop, work, LONG, VERY_LONG, inline=True)
 
 
 def sentence(run: Run, status: Status, s: dict[str, Any]) -> str:
