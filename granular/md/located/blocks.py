@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import entry, kernel
+from granular._kernels import entry, inlined, kernel
 from granular._tournament import play
 from granular.md.located.contacts import act, activate, meddle, strike
 from granular.md.located.islands import bring, enlist, extend_by, extend_event, regroup, reimpose
@@ -112,6 +112,7 @@ def advance(s: Any, limit: float, chunk: int, laws: Any) -> int:
     return MORE
 
 
+@inlined
 @kernel
 def reason_to_return(s: Any, limit: float) -> int:
     """Return why the run is to return before the event that is due next; DONE if it is not."""
@@ -137,6 +138,7 @@ def reason_to_return(s: Any, limit: float) -> int:
     return DONE
 
 
+@inlined
 @kernel
 def take_next(s: Any, limit: float, laws: Any) -> int:
     """Let happen what is due next: the contact of a pair in free flight at once if that can be, else the event that
@@ -155,6 +157,7 @@ def take_next(s: Any, limit: float, laws: Any) -> int:
     return end_piece(s, lo, limit, laws)
 
 
+@inlined
 @kernel
 def end_piece(s: Any, lo: int, limit: float, laws: Any) -> int:
     """Advance the island that starts with pair `lo` to the end of its piece, and let the event there happen."""

@@ -92,6 +92,7 @@ def happen_at_once(s: Any, c: int) -> int:
     return DONE
 
 
+@inlined
 @kernel
 def may_happen_at_once(run: Any, pairs: Any, c: int) -> bool:
     """Return whether what is due of pair `c` is the onset of a contact, and one that the run need not look at."""
@@ -101,6 +102,7 @@ def may_happen_at_once(run: Any, pairs: Any, c: int) -> bool:
     return not (DRIVEN and pair.wall > 0 and run.disturbing != IGNORE)
 
 
+@inlined
 @kernel
 def flank_below(s: Any, c: int, t2: float, way: float, lower_v: float) -> tuple[float, bool, float, float]:
     """Return of the flank below pair `c`, as `clearance` does, its gap when all is over and whether it is certain; the
@@ -119,6 +121,7 @@ def flank_below(s: Any, c: int, t2: float, way: float, lower_v: float) -> tuple[
     return gap, sure, rate, busy
 
 
+@inlined
 @kernel
 def flank_above(
     s: Any, c: int, t2: float, way: float, lower_v: float, upper_v: float
@@ -137,6 +140,7 @@ def flank_above(
     return gap, sure, rate, busy
 
 
+@inlined
 @kernel
 def begin_at_once(s: Any, c: int, v: float, t1: float, v1: float, source: int) -> None:
     """Let it be the time at which pair `c` touches, and write its contact into the log."""
@@ -149,6 +153,7 @@ def begin_at_once(s: Any, c: int, v: float, t1: float, v1: float, source: int) -
         write_row(s, c, v, t1, v1, source)
 
 
+@inlined
 @kernel
 def part_at_once(s: Any, c: int, v: float, t2: float, v2: float, way: float, source: int) -> None:
     """Give pair `c` its asymptote, from the end of its contact on, and its bodies the displacement if they hang."""
@@ -168,6 +173,7 @@ def part_at_once(s: Any, c: int, v: float, t2: float, v2: float, way: float, sou
         shift(s.run[0], bodies[c + 1], pair, bodies[c + 1].inverse_mass * way)
 
 
+@inlined
 @kernel
 def queue_anew(s: Any, lower: int, c: int, upper: int) -> None:
     """Let the queue know when pair `c` and its flanks are due now."""
