@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import entry, kernel
+from granular._kernels import entry, inlined, kernel
 from granular._tournament import play
 from granular.md.located.contacts import confirm, judge
 from granular.md.located.ledger import book_piece
@@ -60,6 +60,7 @@ def follow_contact(s: Any, laws: Any) -> None:
     run.solo = -1
 
 
+@inlined
 @kernel
 def plan(s: Any, lo: int, laws: Any) -> bool:
     """Compute the next piece of the island that starts with `lo`, and its end; false if the run is to stop at once."""
