@@ -7,7 +7,7 @@ plain engine; `compiled` returns its numba twin, in which every kernel it calls 
 the same bits.
 
 A kernel is made to fit what a scene has by `fitted` and `specialised`: the same source with other constants, such as
-the flags of `granular.scene.flags`, or with other kernels called by the same names.
+the flags of `granular._kernels`, or with other kernels called by the same names.
 """
 
 from __future__ import annotations
@@ -28,6 +28,18 @@ from zlib import crc32
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+DRIVEN: bool = False
+"""A wall moves."""
+HEATED: bool = False
+"""A wall is thermal: balls leave it with a speed drawn at its temperature."""
+WORKED: bool = False
+"""A wall moves or is thermal: it does work on the balls, or heats them, and an account of energy is kept."""
+FORCED: bool = False
+"""As `WORKED`, or constant forces act on balls: not all of them fall alike."""
+HUNG: bool = False
+"""Balls are pendula."""
+RING: bool = False
+"""Balls stand on a ring; the last one touches the first."""
 on_making: list[Callable[[], object]] = []
 """Who wants to know, once, that machine code is about to be made, which takes a while."""
 MANNER = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
@@ -58,6 +70,14 @@ def entry(function: F) -> F:
     what Python needs to call them, in a sixth less of the time."""
     function.__granular_entry__ = True  # type: ignore[attr-defined]
     return function
+
+
+def flags(scene: Any) -> dict[str, bool]:
+    """Return the flags that hold for a scene, each `True`."""
+    worked = scene.driven or scene.heated
+    given = {"DRIVEN": scene.driven, "HEATED": scene.heated, "WORKED": worked, "HUNG": scene.pendulum > 0.0,
+             "FORCED": worked or scene.external_force is not None, "RING": scene.ring}
+    return {name: True for name, holds in given.items() if holds}
 
 
 def specialised(function: F, **instead: Any) -> F:

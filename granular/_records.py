@@ -1,11 +1,17 @@
-"""State for two speeds: numpy records for compiled code, plain objects with the same fields for interpreted code.
+"""State for two speeds: numpy records for compiled code, plain objects with the same fields for interpreted code;
+and who is due next: a tournament tree of such records.
 May be skipped: faster, same results.
 
 Kernels read ``pairs[c].gap`` from either, so one source serves both, with the same bits.
+
+Node i of a tree holds what wins between nodes 2i and 2i + 1, its time and its key; node 1 holds what is due first. The
+leaves are the second half of the tree, in the order of their owners. The earlier time wins; of equal times, the lower
+key.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from copy import copy
 from dataclasses import make_dataclass
@@ -15,10 +21,15 @@ from typing import Any
 
 import numpy as np
 
+from granular._kernels import kernel
+
 Records = Any
 """An array of records (compiled), or a list of plain objects (interpreted)."""
 Record = Any
 """One of them."""
+NODE = np.dtype([("due", float), ("key", int)], align=True)
+LAST = 1 << 62
+"""Key of the empty leaves, behind all others."""
 
 
 def plain(records: Records) -> list[Any]:
@@ -85,3 +96,47 @@ def twin(dtype: np.dtype[Any]) -> Callable[..., Any]:
     assert dtype.names is not None
     namespace = {"dtype": dtype, "__getitem__": object.__getattribute__, "__setitem__": object.__setattr__}
     return make_dataclass("Record", dtype.names, namespace=namespace, eq=False, slots=True)
+
+
+
+def tournament(n: int) -> np.ndarray[Any, Any]:
+    """Return the tree of `n` owners with their numbers as keys, none of which is ever due."""
+    leaves = 1 << max(0, n - 1).bit_length()
+    tree = np.empty(2 * leaves, NODE)
+    tree["due"], tree["key"] = math.inf, LAST
+    tree["key"][leaves : leaves + n] = np.arange(n)
+    return tree
+
+
+@kernel
+def leaf(tree: Records, owner: int) -> Record:
+    """Return the leaf of an owner; a change of it counts once `replay` is called."""
+    return tree[len(tree) // 2 + owner]
+
+
+@kernel
+def play(tree: Records, owner: int, due: float) -> None:
+    """Let an owner be due at another time, O(log n)."""
+    leaf(tree, owner).due = due
+    replay(tree, owner, owner)
+
+
+@kernel
+def replay(tree: Records, first: int, last: int) -> None:
+    """Play the matches above the leaves of owners `first` … `last` again, O(log n) if they are few."""
+    low, high = (len(tree) // 2 + first) >> 1, (len(tree) // 2 + last) >> 1
+    while low < high:
+        for node in range(low, high + 1):
+            winner, rival = tree[2 * node], tree[2 * node + 1]
+            if rival.due < winner.due or (rival.due == winner.due and rival.key < winner.key):
+                winner = rival
+            tree[node].due, tree[node].key = winner.due, winner.key
+        low, high = low >> 1, high >> 1
+    node = 2 * low
+    due, key = tree[node].due, tree[node].key
+    while node > 1:
+        rival = tree[node ^ 1]
+        if rival.due < due or (rival.due == due and rival.key < key):
+            due, key = rival.due, rival.key
+        node >>= 1
+        tree[node].due, tree[node].key = due, key

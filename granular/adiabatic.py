@@ -23,10 +23,10 @@ import numpy as np
 
 from granular import _check, md, until
 from granular._flight import rate_at_contact, time_to_contact
+from granular._kernels import flags
 from granular.laws import LinearDashpot
 from granular.laws.kinds import checked
 from granular.scene import Scene, checked as checked_scene
-from granular.scene.flags import flags
 from granular.trajectory import Status, Trajectory
 
 __all__ = ["AdiabaticSolution", "contacts"]

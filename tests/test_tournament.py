@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from granular._kernels import compiled
-from granular._records import column, copied, one, packed, plain
-from granular._tournament import LAST, NODE, leaf, play, replay, tournament
+from granular._records import LAST, NODE, column, copied, leaf, one, packed, plain, play, replay, tournament
 
 FIELDS = np.dtype([("x", float), ("hits", int), ("series", float, (3,))], align=True)
 

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from granular import _check, edmd, end_time, isolation, measures, outcome, until as stop
+from granular._kernels import flags
 from granular.binary import LawRule, at_speed_or_nan
 from granular.laws.kinds import resolved
 from granular.measures import Overlap
 from granular.outcome import Components, PairOutcome, components, counted, differences, rests_apart, units
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
-from granular.scene.flags import flags
 from granular.trajectory import EARLY, Trajectory
 
 MERGED = 1e-9

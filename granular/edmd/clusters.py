@@ -16,14 +16,13 @@ from __future__ import annotations
 
 import math
 
-from granular._kernels import kernel, rare
+from granular._kernels import FORCED, HUNG, RING, kernel, rare
 from granular._records import Record, Records
 from granular.edmd.driven import presses, rate_of
 from granular.edmd.hanging import swing_together
 from granular.edmd.motion import NOISE, carry, total
 from granular.edmd.records import BOTH, CEILING, FLOOR, FREE, Walls
 from granular.edmd.wall_state import borne, enter
-from granular.scene.flags import FORCED, HUNG, RING
 from granular.walls.hits import pressing
 from granular.walls.path import moved
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from granular._kernels import kernel, rare
+from granular._kernels import FORCED, HUNG, RING, kernel, rare
 from granular._records import Record, Records
 from granular.edmd.clusters import (
     at_rest,
@@ -21,7 +21,6 @@ from granular.edmd.motion import NOISE, across, add, carry, collide, impulse, ra
 from granular.edmd.physics import Restitution
 from granular.edmd.records import CEILING, FLOOR, FREE, Walls
 from granular.edmd.wall_state import book, borne, enter
-from granular.scene.flags import FORCED, HUNG, RING
 from granular.walls.thermal import drawn
 
 SUSPICIOUS = 8

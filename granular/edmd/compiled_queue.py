@@ -20,16 +20,14 @@ from typing import Any
 
 import numpy as np
 
-from granular._kernels import compiled, kernel, specialised
-from granular._records import Record, Records, copied, one, packed, raw
-from granular._tournament import leaf, replay, tournament
+from granular._kernels import FORCED, compiled, kernel, specialised
+from granular._records import Record, Records, copied, leaf, one, packed, raw, replay, tournament
 from granular.edmd.clusters import rest
 from granular.edmd.motion import predicted
 from granular.edmd.physics import LEFT, MASK, RANDOM, rank
 from granular.edmd.records import LATER, NEVER, ROW, RUN, Log, Walls
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
-from granular.scene.flags import FORCED
 
 LARGE = 100_000
 """Bodies from which on working in blocks pays."""

@@ -8,7 +8,7 @@ What collisions leave of a velocity is rounded. `noise` (m²/s²) is the square 
 margin: a collision passes it on as it does velocities, and adds its own. Two balls that close more slowly than that
 are not known to close at all, and do not collide; velocities that were given are exact.
 
-What stands behind `if FORCED`, `if HUNG` or `if RING` is for scenes that are not plain (`granular.scene.flags`) and may
+What stands behind `if FORCED`, `if HUNG` or `if RING` is for scenes that are not plain (`granular._kernels`) and may
 be skipped: walls that shake and forces (`driven`), pendula (`hanging`), and rings. A ring of n balls is a line
 of n pairs and n + 1 bodies, the last of which is the first once more: what happens to one of these two happens to the
 other, and the neighbours of a pair are counted round. Its velocities are relative to the centre of mass.
@@ -19,11 +19,10 @@ from __future__ import annotations
 import math
 
 from granular._flight import gap_after, hung, hung_after, hung_rate_at_contact, rate_at_contact, time_to_contact
-from granular._kernels import kernel
+from granular._kernels import FORCED, HUNG, RING, kernel
 from granular._records import Record, Records
 from granular.edmd.driven import beside, follow, hit, opening, rate_at_wall, rate_of
 from granular.edmd.records import FREE, Walls
-from granular.scene.flags import FORCED, HUNG, RING
 
 NOISE = 2.0**-96
 """What a collision adds to the noise, in units of the velocities squared: 16 units in the last place of velocities, of

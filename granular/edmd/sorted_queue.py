@@ -8,7 +8,7 @@ from typing import Any
 
 from sortedcontainers import SortedList
 
-from granular._kernels import fitted, kernel
+from granular._kernels import FORCED, RING, fitted, flags, kernel
 from granular._records import Record, Records, plain, twin
 from granular.edmd.clusters import rest
 from granular.edmd.collision import SUSPICIOUS, event, leave
@@ -18,7 +18,6 @@ from granular.edmd.records import APART, BUDGET, FREE, LATER, ROW, SUSPECT, TOUC
 from granular.edmd.state import State
 from granular.edmd.ties import collide_as_one, is_touched
 from granular.edmd.wall_state import advance_epoch, date_rows
-from granular.scene.flags import FORCED, RING, flags
 
 NOBODY = (math.inf, MASK)
 """Last in every queue, so that none is empty."""

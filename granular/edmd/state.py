@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array, held
+from granular._kernels import flags
 from granular._records import Record, Records, column, copied, one, packed, plain, taken
 from granular.edmd import hanging, wall_state
 from granular.edmd.motion import rebase, span
@@ -28,7 +29,6 @@ from granular.edmd.records import (
     check_entries,
     check_numbers,
 )
-from granular.scene.flags import flags
 
 OF_PAIRS = ("gap", "at", "closing_acceleration", "contacts", "last", "streak")
 OF_BODIES = ("fall_velocity", "is_free", "noise")

@@ -21,7 +21,7 @@ from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
-from granular._kernels import kernel, rare
+from granular._kernels import FORCED, RING, kernel, rare
 from granular._records import Records, twin
 from granular.edmd import hanging
 from granular.edmd.collision import release
@@ -30,7 +30,6 @@ from granular.edmd.physics import Physics
 from granular.edmd.records import BUDGET, ROW, TOUCHING, UNTIL, Log, Walls
 from granular.edmd.state import State
 from granular.edmd.wall_state import enter
-from granular.scene.flags import FORCED, RING
 
 Row = list[float]
 Floats = Sequence[float]

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from granular import _check
-from granular._kernels import kernel
+from granular._kernels import RING, kernel
 from granular._records import Records, column, packed
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
@@ -27,7 +27,6 @@ from granular.laws import kinds
 from granular.laws.contact_law import instance
 from granular.rules import different
 from granular.scene import Scene
-from granular.scene.flags import RING
 
 LAST = np.dtype([("began", float), ("lasting", float), ("disturbed", int)], align=True)
 """The last contact of a pair: when it began, s since the epoch, how long it lasts, s, and whether it is disturbed (1).

@@ -12,14 +12,13 @@ from __future__ import annotations
 import math
 
 from granular._flight import gap_after, rate_at_contact, time_to_contact
-from granular._kernels import kernel
+from granular._kernels import FORCED, RING, kernel
 from granular._records import Record, Records
 from granular.edmd.clusters import ball_is_stuck
 from granular.edmd.motion import across, impulse, total, velocities
 from granular.edmd.physics import GROUP, Restitution, rank
 from granular.edmd.records import BUDGET, LATER, OUTSIDE, QUIET, RESTS, SPENT, TINY, UNTIL, Walls
 from granular.edmd.wall_state import book, enter
-from granular.scene.flags import FORCED, RING
 
 GOES_ON = -1
 

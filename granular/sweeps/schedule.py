@@ -20,14 +20,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from granular._check import Array, per_pair
-from granular._kernels import in_memory, worth
+from granular._kernels import flags, in_memory, worth
 from granular.cases import Case
 from granular.cases.build import sentence_of
 from granular.cases.ready import first_impact
 from granular.laws.contact_law import resolve
 from granular.md.located import many
 from granular.scene import Scene, velocities
-from granular.scene.flags import flags
 from granular.sweeps.plan import Plan
 from granular.sweeps.results import REFUSED, Answer, Answers, impact_speed, specified
 from granular.sweeps.subject import Values

@@ -19,10 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from granular._kernels import kernel, load_numba
+from granular._kernels import HEATED, RING, kernel, load_numba
 from granular.laws.kinds import SceneLaws
 from granular.scene import Pairs
-from granular.scene.flags import HEATED, RING
 
 WIDTH = 12
 LAW = np.dtype([("kind", np.int64), ("field", np.float64, (WIDTH,))])

@@ -11,10 +11,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from granular._kernels import kernel
+from granular._kernels import DRIVEN, HUNG, kernel
 from granular.md.fixed.contact_force import asked as force
 from granular.md.fixed.window import END, HALF, LAST, MIDDLE, WHOLE, arrive, close, steer
-from granular.scene.flags import DRIVEN, HUNG
 
 CHANGED, CLOSED = 1, 2
 

@@ -12,12 +12,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular._kernels import entry, kernel
+from granular._kernels import DRIVEN, HEATED, RING, WORKED, entry, kernel
 from granular.md.fixed.integrators import CHANGED, CLOSED, beside, half_way as begin, verlet as step
 from granular.md.fixed.notes import local, log_contacts
 from granular.md.fixed.walls import CROWD, HALT, HIT, MOST, ahead, book, heat
 from granular.md.fixed.window import COUNT, RAW, XI, load, store
-from granular.scene.flags import DRIVEN, HEATED, RING, WORKED
 
 DONE, FLIGHT, FULL, UNTIL, CROWDED = range(5)
 """Why `march` returned: steps used up, every pair open, log buffer full, stop condition, too many hits in a step."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array
-from granular._kernels import compiled, fitted
+from granular._kernels import compiled, fitted, flags
 from granular._records import one, packed, plain, twin
 from granular.laws.kinds import SceneLaws
 from granular.md.fixed import contact_force, march, window
@@ -23,7 +23,6 @@ from granular.md.fixed.notes import STEP_ROW, log_contacts
 from granular.md.fixed.walls import HALT, HEATER, MOST, clock, flown, heaters, next_touch, packed_walls, walls_of
 from granular.md.fixed.window import ROWS, WINDOW, XI, Physics, V, Work
 from granular.scene import Scene
-from granular.scene.flags import flags
 
 SWUNG = 1e-11
 """Part of the speed up to which pendula swing as they would freely: Gear's derivatives follow a little behind."""

@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 from granular._flight import gap_after, hung, hung_after, time_to_contact
-from granular._kernels import kernel
-from granular.scene.flags import RING
+from granular._kernels import RING, kernel
 
 LENGTH = 328
 """Entries of a row of a window: all rows should fit in the first-level cache (48 kB)."""

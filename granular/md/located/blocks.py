@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import entry, inlined, kernel
-from granular._tournament import play
+from granular._kernels import DRIVEN, HEATED, HUNG, RING, WORKED, entry, inlined, kernel
+from granular._records import play
 from granular.md.located.contacts import act, activate, meddle, strike
 from granular.md.located.islands import bring, enlist, extend_by, extend_event, regroup, reimpose
 from granular.md.located.jumps import CHANGED, ENDS, SAME, is_clipped, pass_edge
@@ -48,7 +48,6 @@ from granular.md.located.rest.overdamped import expand_slowly
 from granular.md.located.rest.proof import lie, may_rest
 from granular.md.located.system import count_of, join
 from granular.md.located.walls import carry_walls, foresee_walls, rate_at
-from granular.scene.flags import DRIVEN, HEATED, HUNG, RING, WORKED
 
 
 @entry

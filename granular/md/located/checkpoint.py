@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from granular._check import held
-from granular._records import column, copied, packed, raw
-from granular._tournament import tournament
+from granular._records import column, copied, packed, raw, tournament
 from granular.drive import CONTACT_ROW
 from granular.md.located.records import (
     ASKS,

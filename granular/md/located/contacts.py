@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import kernel
+from granular._kernels import DRIVEN, HEATED, HUNG, RING, kernel
 from granular.md.located.log import begin_contact, end_contact
 from granular.md.located.pieces import DRIFT, GRAZE, direction, power, since
 from granular.md.located.records import (
@@ -29,7 +29,6 @@ from granular.md.located.records import (
     TURN,
 )
 from granular.md.located.system import beside, count_of, is_closed, nth
-from granular.scene.flags import DRIVEN, HEATED, HUNG, RING
 
 ALL_BUT_ZERO = 1e-9
 """Part of its elastic force up to which the force of a contact that goes on is as located, 0."""

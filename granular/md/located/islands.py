@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import inlined, kernel
-from granular._tournament import play
+from granular._kernels import DRIVEN, HEATED, RING, WORKED, inlined, kernel
+from granular._records import play
 from granular.md.located.contacts import AWAITED, NONE, SOME, engage, pushes
 from granular.md.located.jumps import throw_back
 from granular.md.located.ledger import LOST, add, run_off
@@ -19,7 +19,6 @@ from granular.md.located.plan import advance_island, follow_contact
 from granular.md.located.records import EXTEND, MORE, MOVES, OPEN, SPARE, STOPPED, TO_PLAN
 from granular.md.located.system import count_of, is_closed, join, leave, lengthen, neighbours, nth
 from granular.md.located.walls import carry_walls, flown
-from granular.scene.flags import DRIVEN, HEATED, RING, WORKED
 
 EVERY = 1 << 16
 """Pieces and contacts after which the sum of the gaps is looked at,"""

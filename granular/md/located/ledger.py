@@ -18,11 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from granular._kernels import kernel
+from granular._kernels import DRIVEN, kernel
 from granular.md.located.pieces import elapsed, integral, power, two_sum, value
 from granular.md.located.records import ACTIVE, ELASTIC, RESIDUAL
 from granular.md.located.walls import absolute
-from granular.scene.flags import DRIVEN
 from granular.walls.path import expansion
 
 POINTS = 16

@@ -6,12 +6,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular._kernels import entry, kernel
+from granular._kernels import HUNG, entry, kernel
 from granular.md.located.pendula import swung
 from granular.md.located.pieces import elapsed, integral, peaks, since, two_sum
 from granular.md.located.records import ACTIVE, DORMANT
 from granular.md.located.system import is_closed, nth
-from granular.scene.flags import HUNG
 
 
 @kernel

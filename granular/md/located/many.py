@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from granular import until as stop
 from granular._check import Array
 from granular._kernels import compiled, interpreted, kernel
-from granular._tournament import play
+from granular._records import play
 from granular.md.located.blocks import advance, expose_all, gather, launch
 from granular.md.located.log import keep_unsettled
 from granular.md.located.one_contact.inside import look

@@ -22,7 +22,7 @@ import math
 from typing import Any
 
 from granular._flight import time_to_contact
-from granular._kernels import kernel
+from granular._kernels import DRIVEN, HUNG, kernel
 from granular._roots import first_up_crossing
 from granular.md.located.records import (
     ACTIVE,
@@ -41,7 +41,6 @@ from granular.md.located.records import (
 )
 from granular.md.located.system import nth
 from granular.md.located.walls import flown, next_touch, touching_rate
-from granular.scene.flags import DRIVEN, HUNG
 
 DRIFT = 4.0
 """Balls that close at less than this many times the noise of their rate are taken to drift along side by side."""

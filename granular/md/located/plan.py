@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import entry, inlined, kernel
-from granular._tournament import play
+from granular._kernels import DRIVEN, HUNG, RING, WORKED, entry, inlined, kernel
+from granular._records import play
 from granular.md.located.contacts import confirm, judge
 from granular.md.located.ledger import book_piece
 from granular.md.located.log import follow
@@ -33,7 +33,6 @@ from granular.md.located.step_size import (
 )
 from granular.md.located.system import is_closed, nth
 from granular.md.located.walls import beside_edge, foresee_walls, speed_at
-from granular.scene.flags import DRIVEN, HUNG, RING, WORKED
 
 
 @entry

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular._kernels import Toll, compiled, fitted
-from granular._records import column, copied, packed, plain
-from granular._tournament import play, replay, tournament
+from granular._kernels import Toll, compiled, fitted, flags
+from granular._records import column, copied, packed, plain, play, replay, tournament
 from granular.drive import CONTACT_ROW, End, Pause, Request, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks
@@ -48,7 +47,6 @@ from granular.md.located.system import (
     with_room_for_a_table,
 )
 from granular.scene import Scene
-from granular.scene.flags import flags
 from granular.scene.places import Closing
 from granular.trajectory import CONTACT
 

@@ -17,12 +17,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular._kernels import kernel
+from granular._kernels import DRIVEN, HUNG, RING, kernel
 from granular.md.located.pieces import elapsed, power
 from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, PADDED
 from granular.md.located.system import is_closed
 from granular.md.located.walls import drive
-from granular.scene.flags import DRIVEN, HUNG, RING
 
 
 @kernel

@@ -18,12 +18,11 @@ import math
 from typing import Any
 
 from granular._flight import time_to_contact
-from granular._kernels import kernel
+from granular._kernels import RING, kernel
 from granular.md.located.pieces import DRIFT, elapsed, force_returns, power
 from granular.md.located.records import ACTIVE, DAMPED, DORMANT, GENERAL, LINEAR, OPEN, ORDER, RESIDUAL, STEEPEST
 from granular.md.located.series import works
 from granular.md.located.system import is_closed
-from granular.scene.flags import RING
 
 REACH = (math.factorial(ORDER + 1) * 1e-17) ** (1.0 / (ORDER + 1))
 FURTHEST = 8.0

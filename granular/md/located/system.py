@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 
 from granular import until as stop
-from granular._kernels import kernel
-from granular._records import packed, plain
+from granular._kernels import RING, kernel
+from granular._records import NODE, packed, plain, tournament
 from granular._roots import DEEPEST, workspace
-from granular._tournament import NODE, tournament
 from granular.drive import CONTACT_ROW
 from granular.laws.kinds import SceneLaws, alike
 from granular.md.located.power_form import described, write_maps
@@ -46,7 +45,6 @@ from granular.md.located.records import (
 )
 from granular.md.located.walls import Hung, compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
 from granular.scene import Scene, speed_scale
-from granular.scene.flags import RING
 
 System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables answer scratch field ledger")
 """All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder; the

@@ -21,11 +21,10 @@ import numpy as np
 
 from granular._check import Array
 from granular._flight import gap_after, hung, hung_after, hung_rate_at_contact, rate_at_contact
-from granular._kernels import inlined, kernel
+from granular._kernels import DRIVEN, HUNG, inlined, kernel
 from granular._records import packed, plain
 from granular.md.located.records import ORDER
 from granular.scene import Scene
-from granular.scene.flags import DRIVEN, HUNG
 from granular.scene.places import driven_walls
 from granular.walls import path
 from granular.walls.gap import after

@@ -11,7 +11,7 @@ import math
 from typing import Any
 
 from granular._flight import time_to_contact
-from granular._kernels import entry, kernel
+from granular._kernels import DRIVEN, HUNG, WORKED, entry, kernel
 from granular.md.located.contacts import change_branch, pushes
 from granular.md.located.ledger import LOST, begin, book, book_at_once, look_at_once, read, run_off, tally, tally_island
 from granular.md.located.log import follow
@@ -20,7 +20,6 @@ from granular.md.located.pieces import fly, force_returns, in_contact, piece_tim
 from granular.md.located.records import ACTIVE, BEGIN, EDGE, END, OPEN, PART, RELOAD, RESIDUAL, TURN
 from granular.md.located.system import count_of, join, leave, nth
 from granular.md.located.walls import beside_edge, flown, jump_at
-from granular.scene.flags import DRIVEN, HUNG, WORKED
 
 MOST_PIECES = 2000
 """Pieces after which a contact is taken to go on forever."""

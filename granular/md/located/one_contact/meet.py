@@ -19,8 +19,8 @@ import math
 from typing import Any
 
 from granular._flight import hung_after
-from granular._kernels import inlined, kernel
-from granular._tournament import leaf, replay
+from granular._kernels import DRIVEN, HEATED, HUNG, RING, WORKED, inlined, kernel
+from granular._records import leaf, replay
 from granular.md.located.contacts import is_awaited
 from granular.md.located.jumps import count_hit, speed_away
 from granular.md.located.ledger import book_at_once, keep_solo
@@ -42,7 +42,6 @@ from granular.md.located.walls import (
     touching_rate,
     velocity_of_wall,
 )
-from granular.scene.flags import DRIVEN, HEATED, HUNG, RING, WORKED
 
 BRIEF = 0.5
 """Part of 1/Ω that a contact beyond a flank of pendula may still last."""
