@@ -127,6 +127,7 @@ def falls_stuck(pairs: Records, bodies: Records, c: int) -> bool:
     return lower.is_free * upper.is_free > 0.0 and is_stuck(pairs[c], lower, upper)
 
 
+@rare
 @kernel
 def come_to_rest(
     run: Record, pairs: Records, bodies: Records, b: int, e: int, now: float, on: int, walls: Walls
