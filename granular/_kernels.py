@@ -268,7 +268,7 @@ def _twin(function: Callable[..., Any], inline: bool, within: bool, bare: bool) 
     one is called by kernels only."""
     code = _without_dead_branches(function)
     called = {name: _twin(callee, inline, inline, not hasattr(callee, "__granular_entry__"))
-              for name, callee in _callees(function).items() if name in code.co_names}
+              for name, callee in _callees(function).items() if name in _globals_read(code)}
     scope = function.__globals__ | called
     twin = types.FunctionType(code, scope, function.__name__, function.__defaults__, function.__closure__)
     twin.__module__ = function.__module__
@@ -282,20 +282,30 @@ def _twin(function: Callable[..., Any], inline: bool, within: bool, bare: bool) 
 
 def _without_dead_branches(function: Callable[..., Any]) -> types.CodeType:
     """Return the code of a kernel as if the truth values that it reads stood there: Python drops what never happens,
-    before numba inlines and types it."""
+    before numba inlines and types it. Where the source is not there, or was edited meanwhile, it stays as it is."""
     code, scope = function.__code__, function.__globals__
     known = {name: ast.Constant(scope[name]) for name in _globals_read(code) if isinstance(scope.get(name), bool)}
-    if not known:
-        return code
 
     class Known(ast.NodeTransformer):
         def visit_Name(self, node: ast.Name) -> ast.expr:
             return ast.copy_location(known[node.id], node) if node.id in known else node
 
-    lines, first = getsourcelines(code)
-    tree = ast.increment_lineno(Known().visit(ast.parse("".join(lines))), first - 1)
-    inner = compile(tree, code.co_filename, "exec", dont_inherit=True).co_consts
-    return next(one for one in inner if isinstance(one, types.CodeType) and one.co_name == code.co_name)
+    if not known:
+        return code
+    try:
+        lines, first = getsourcelines(code)
+        tree = ast.increment_lineno(ast.parse("".join(lines)), first - 1)
+        read = _code_in(tree, code)
+        as_loaded = read.co_code == code.co_code and read.co_names == code.co_names
+        return _code_in(Known().visit(tree), code) if as_loaded and read.co_consts[1:] == code.co_consts[1:] else code
+    except (OSError, SyntaxError, StopIteration):
+        return code
+
+
+def _code_in(tree: ast.Module, code: types.CodeType) -> types.CodeType:
+    """Return the code of the function of the name of `code` that a piece of source defines."""
+    made = compile(tree, code.co_filename, "exec", dont_inherit=True).co_consts
+    return next(one for one in made if isinstance(one, types.CodeType) and one.co_name == code.co_name)
 
 
 def _uncollected(make: F) -> F:

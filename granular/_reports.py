@@ -85,7 +85,7 @@ def markdown(rows: Rows) -> str:
     return "\n".join([head, "|" + "---|" * len(rows[0]), *others])
 
 
-def alike(laws: Iterable[Any]) -> dict[str, list[int]]:
+def pairs_by_law(laws: Iterable[Any]) -> dict[str, list[int]]:
     """Return the pairs that have each different law or rule, by its words."""
     found: dict[str, list[int]] = {}
     for pair, law in enumerate(laws):

@@ -1,5 +1,6 @@
 """Kernels made to fit: twins with other constants and other kernels, interpreted and compiled."""
 
+import inspect
 import random
 import subprocess
 import sys
@@ -7,7 +8,9 @@ import types
 
 import pytest
 
+from granular import _kernels
 from granular._kernels import compiled, entry, have_numba, kernel, specialised
+from granular.edmd import motion
 
 SCALE, SHIFT = 2.0, 1
 
@@ -154,3 +157,24 @@ assert not hasattr(sys.modules["numba"], "config")
 assert have_numba()
 """
     subprocess.run([sys.executable, "-c", program, str(tmp_path)], check=True)
+
+
+def test_what_never_happens_is_left_out_of_machine_code():
+    plain, forced = motion.predicted, _kernels.fitted(motion.predicted, FORCED=True)
+    left = [set(_kernels._globals_read(_kernels._without_dead_branches(one))) for one in (plain, forced)]
+    assert left[1] - left[0] >= {"opening", "next_wall_hit"}
+    assert not (left[0] | left[1]) & {"FORCED", "HUNG", "hung"}
+
+
+@pytest.mark.parametrize("source", ["edited", "missing"])
+def test_code_stays_as_it_was_loaded_where_its_source_is_no_longer_that(source, monkeypatch):
+    forced = _kernels.fitted(motion.predicted, FORCED=True)
+    lines, first = inspect.getsourcelines(forced.__code__)
+
+    def read(code):
+        if source == "missing":
+            raise OSError
+        return [line.replace("rate < 0.0", "rate < 9.0") for line in lines], first
+
+    monkeypatch.setattr(_kernels, "getsourcelines", read)
+    assert _kernels._without_dead_branches(forced) is forced.__code__

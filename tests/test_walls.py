@@ -20,7 +20,7 @@ from granular import _kernels
 from granular._records import one, plain
 from granular.walls import Motion, Panels, Piecewise, Sine, path
 from granular.walls.gap import NOISE, after
-from granular.walls.hits import first_hit, lift_off, pressing
+from granular.walls.hits import first_hit, lift_off, pressing_bounds
 from granular.walls.path import expansion, phase, wall_at
 
 DOUBLING = json.loads((Path(__file__).parent / "reference" / "plate_period_doubling.json").read_text(encoding="utf-8"))
@@ -338,7 +338,7 @@ def test_bounds_of_what_presses_are_certain_and_narrow():
     for rng, wall, side, t, tail, pull in scenes(40, 3):
         plate = records(wall, side)
         for span in 10.0 ** rng.uniform(-6, 0.5, 4) / wall.frequency:
-            low, high = pressing(*plate, t, tail, pull, float(span))
+            low, high = pressing_bounds(*plate, t, tail, pull, float(span))
             seen = [pull + path.moved(*plate, t, tail + float(s))[2] for s in np.linspace(0, span, 50)]
             largest, angle = wall.amplitude * wall.omega**2, min(wall.omega * span, 1.0)
             rounding = largest * wall.omega * math.ulp(tail + span)  # of the times asked for
@@ -572,7 +572,7 @@ def test_a_motion_with_a_fast_part_has_panels_where_it_is():
 @pytest.mark.skipif(not _kernels.have_numba(), reason="numba is not installed")
 def test_plain_and_compiled_give_the_same_bits():
     t, cubic = spline()
-    fast = {f: _kernels.compiled(f) for f in (wall_at, after, first_hit, lift_off, pressing, expansion, phase)}
+    fast = {f: _kernels.compiled(f) for f in (wall_at, after, first_hit, lift_off, pressing_bounds, expansion, phase)}
     for rng, sine, side, now, tail, pull in scenes(40, 8):
         for wall, time in ((sine, now), (Piecewise(cubic), float(rng.uniform(t[0], t[-1])))):
             w, p = wall.panels(time, time).records(side)
@@ -585,7 +585,7 @@ def test_plain_and_compiled_give_the_same_bits():
             assert fast[after](*quick, time, later, gap, rate, pull, s) == after(*slow, time, later, gap, rate, pull, s)
             assert fast[wall_at](*quick, time, later) == wall_at(*slow, time, later)
             assert fast[lift_off](*quick, time, later, pull, 1e3) == lift_off(*slow, time, later, pull, 1e3)
-            assert fast[pressing](*quick, time, later, pull, s) == pressing(*slow, time, later, pull, s)
+            assert fast[pressing_bounds](*quick, time, later, pull, s) == pressing_bounds(*slow, time, later, pull, s)
             series, other = [0.0] * 20, np.zeros(20)
             assert fast[expansion](*quick, time, later, other) == expansion(*slow, time, later, series)
             assert series == other.tolist()

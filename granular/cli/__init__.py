@@ -61,12 +61,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _act(arguments: Sequence[str]) -> int:
     """Do what the command line says."""
+    from granular.cases.build import on_running
     from granular.cli import output, parser
 
     try:
         given = parser.parse(arguments)
     except SystemExit:  # --help and --version
         return OK
+    on_running[:] = [parser.teller(given.target)]
     output.check(given)
     with np.errstate(all="ignore"), _naming(given.given | given.run):  # what is no number is refused in words
         ends = {run.status for run in given.act(given) or ()}

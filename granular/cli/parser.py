@@ -14,7 +14,6 @@ from importlib import import_module
 from typing import Any, NoReturn
 
 from granular import _check, _files, cases
-from granular.cases.build import on_running
 from granular.cases.case import HELD, Option, options_of
 from granular.cases.ready import is_file
 from granular.trajectory import Trajectory
@@ -112,7 +111,6 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         raise ValueError(f"{extra[0].strip()!r} is one argument too many; see {parser.prog} --help")
     if of_scene and command != "scenes" and target is None:
         raise ValueError(f"{command} needs a scene: one of {', '.join(cases.names())}, or a TOML file.")
-    on_running[:] = [_told(target)]
     return argparse.Namespace(**vars(found) | {
         "act": chosen.run, "target": target, "given": _given(parameters, found), "run": _given(offered, found)})
 
@@ -124,8 +122,8 @@ def case_of(given: argparse.Namespace) -> cases.Case:
     return cases.load(given.target)
 
 
-def _told(target: str | None) -> Callable[[str], None]:
-    """Return what tells, once, that a file names Python code, before that runs."""
+def teller(target: str | None) -> Callable[[str], None]:
+    """Return what tells, once for each place of it, that a scene names Python code, before that runs."""
     places: set[str] = set()
 
     def tell(place: str) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from granular import isolation, measures
-from granular._reports import alike, named_pairs, number, problem
+from granular._reports import named_pairs, number, pairs_by_law, problem
 from granular.comparison.answer import Judged
 from granular.comparison.numbers import smaller_radius
 from granular.laws.kinds import resolved
@@ -158,7 +158,7 @@ def _run(run: Trajectory) -> dict[str, Any]:
 def _laws(report: Judged) -> list[str]:
     """Each different law, or each pair's, with its own ε; then the rule of the hard spheres with its own."""
     eps, n = np.array(report.law_restitution), len(report.law)
-    of_law = alike(report.law)
+    of_law = pairs_by_law(report.law)
     few = len(of_law) > 1 and n <= MANY
     rows = [(repr(law), [c]) for c, law in enumerate(report.law)] if few else list(of_law.items())
     lines = [_law(named_pairs(some, n), law, eps[some]) for law, some in rows[:MANY]]

@@ -23,7 +23,7 @@ from granular.edmd.hanging import swing_together
 from granular.edmd.motion import NOISE, carry, total
 from granular.edmd.records import BOTH, CEILING, FLOOR, FREE, Walls
 from granular.edmd.wall_state import borne, enter
-from granular.walls.hits import pressing
+from granular.walls.hits import pressing_bounds
 from granular.walls.path import moved
 
 
@@ -219,7 +219,7 @@ def will_ride(pairs: Records, bodies: Records, c: int, now: float, w: float, e: 
     a += pair.closing_acceleration
     if a <= 0.0:
         return False
-    low, _ = pressing(side, walls[1], t, tail, pair.closing_acceleration, -4.0 * e * w / (a * (1.0 - e)))
+    low, _ = pressing_bounds(side, walls[1], t, tail, pair.closing_acceleration, -4.0 * e * w / (a * (1.0 - e)))
     return low >= 0.5 * a  # type: ignore[no-any-return]
 
 

@@ -15,7 +15,7 @@ from granular.edmd.clusters import (
     stick,
     will_stick,
 )
-from granular.edmd.driven import follow, place
+from granular.edmd.driven import place, take_wall_velocity
 from granular.edmd.hanging import swing_off
 from granular.edmd.motion import NOISE, across, add, carry, collide, impulse, rate_at_touch, velocities
 from granular.edmd.physics import Restitution
@@ -201,7 +201,7 @@ def release(run: Record, pairs: Records, bodies: Records, low: int, high: int, n
     if FORCED:
         for k in range(first, last + 1):
             if pairs[k].stuck == FREE:
-                follow(pairs[k], bodies[k], bodies[k + 1], walls)
+                take_wall_velocity(pairs[k], bodies[k], bodies[k + 1], walls)
 
 
 @rare
@@ -264,5 +264,5 @@ def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, wall
         body.is_free, body.fall_velocity = 1.0, v
         accelerate(body, (run.gravity - push) * now, push, walls)
     set_closing(run, pairs, bodies, first, last, walls)
-    follow(pairs[opens], bodies[opens], bodies[opens + 1], walls)
+    take_wall_velocity(pairs[opens], bodies[opens], bodies[opens + 1], walls)
     return press_again(run, pairs, bodies, first, last, walls)

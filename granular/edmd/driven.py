@@ -14,7 +14,7 @@ import math
 
 from granular._kernels import kernel, rare
 from granular._records import Record, Records
-from granular.edmd.records import BOTH, Walls
+from granular.edmd.records import AT_CEILING, AT_FLOOR, BOTH, Walls
 from granular.walls.gap import after, state
 from granular.walls.hits import first_hit, lift_off, opens
 from granular.walls.path import moved
@@ -33,8 +33,8 @@ def rate_of(pair: Record, lower: Record, upper: Record) -> float:
 
 @rare
 @kernel
-def hit(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
-    """Return the time at which a pair beside a driven wall collides, inf if it never does.
+def next_wall_hit(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
+    """Return the time at which a pair beside a driven wall collides, inf if it never does; note it as `wait`.
 
     Between two of them the bodies meet when there is no room left: then the run is over.
     """
@@ -86,11 +86,11 @@ def beside(pair: Record, lower: Record, upper: Record, now: float, walls: Walls)
 
 @rare
 @kernel
-def follow(pair: Record, lower: Record, upper: Record, walls: Walls) -> None:
+def take_wall_velocity(pair: Record, lower: Record, upper: Record, walls: Walls) -> None:
     """Give what is stuck to a driven wall, of a pair beside it, the velocity of the wall at the time of the pair."""
-    if pair.wall == 0 or pair.wall == BOTH:
+    if pair.wall == AT_FLOOR or pair.wall == BOTH:
         lower.fall_velocity = place(walls, 0, pair.at)[1]
-    if pair.wall == 1 or pair.wall == BOTH:
+    if pair.wall == AT_CEILING or pair.wall == BOTH:
         upper.fall_velocity = place(walls, 1, pair.at)[1]
 
 
@@ -130,4 +130,4 @@ def presses(pair: Record, walls: Walls) -> bool:
 def synchronise(pairs: Records, bodies: Records, walls: Walls) -> None:
     """Give the driven walls their velocities, for another zero of times."""
     for c in range(len(pairs)):
-        follow(pairs[c], bodies[c], bodies[c + 1], walls)
+        take_wall_velocity(pairs[c], bodies[c], bodies[c + 1], walls)

@@ -21,7 +21,7 @@ import math
 from granular._flight import gap_after, hung, hung_after, hung_rate_at_contact, rate_at_contact, time_to_contact
 from granular._kernels import FORCED, HUNG, RING, kernel
 from granular._records import Record, Records
-from granular.edmd.driven import beside, follow, hit, opening, rate_at_wall, rate_of
+from granular.edmd.driven import beside, next_wall_hit, opening, rate_at_wall, rate_of, take_wall_velocity
 from granular.edmd.records import FREE, Walls
 
 NOISE = 2.0**-96
@@ -71,7 +71,7 @@ def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float
         if pair.stuck > FREE:
             return opening(pair, walls)
         if pair.wall >= 0:
-            return hit(pair, lower, upper, walls)
+            return next_wall_hit(pair, lower, upper, walls)
         if walls[0][0].lands and a != 0.0 and pair.gap == 0.0 and rate_of(pair, lower, upper) == 0.0:
             return math.inf
     if a == 0.0:
@@ -141,7 +141,7 @@ def carry_led(pair: Record, lower: Record, upper: Record, now: float, walls: Wal
     if HUNG:
         pair.rate = rate
     if FORCED and pair.wall >= 0:
-        follow(pair, lower, upper, walls)
+        take_wall_velocity(pair, lower, upper, walls)
     return 1 if d < 0.0 else 0
 
 

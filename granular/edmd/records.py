@@ -103,8 +103,8 @@ SIDE = np.dtype(
 Walls: TypeAlias = Any
 """Where walls are driven or thermal, or forces act: two records `SIDE`, the panels of both, the clock. Else None."""
 FREE, FLOOR, CEILING = 0, 1, 2
-BOTH = 2
-"""`wall` of a pair between what rests on a driven floor and on a driven ceiling."""
+AT_FLOOR, AT_CEILING, BOTH = range(3)
+"""`wall` of a pair beside a driven floor, a driven ceiling, or between what rests on both; -1 of any other."""
 
 
 def more(of_pair: list[tuple[str, type]], of_body: list[tuple[str, type]]) -> tuple[np.dtype[Any], np.dtype[Any]]:

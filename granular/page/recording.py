@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array
-from granular._reports import alike, named_pairs, shortened
+from granular._reports import named_pairs, pairs_by_law, shortened
 from granular.binary import at_speed_or_nan
 from granular.laws.kinds import resolved
 from granular.measures import ACCOUNT, balance, impact_speed
@@ -267,7 +267,7 @@ def _values(values: Array) -> str:
 def _laws(run: Trajectory) -> str:
     """Every different law or rule with its pairs, and the ε of soft contacts at the speed of the first impact."""
     given = run.law if run.rule is None else run.rule
-    of_law = alike(given or ())
+    of_law = pairs_by_law(given or ())
     eps = _restitutions(run) if run.rule is None else np.full(run.scene.n_pairs, math.nan)
     n = run.scene.n_pairs
     shown = [f"{named_pairs(pairs, n)}: " * (len(pairs) < n) + shortened(law) + _eps(eps[pairs])

@@ -96,7 +96,7 @@ def lasts(wall: Record, panels: Records, now: State, k: int, turns: float) -> fl
 
 @rare
 @kernel
-def later(wall: Record, panels: Records, now: State, s: float) -> tuple[int, float]:
+def panel_later(wall: Record, panels: Records, now: State, s: float) -> tuple[int, float]:
     """Return the panel a time s after `now`, and how many turns later it is."""
     y, turns = now[0] + wall.frequency * s, 0.0
     if wall.periodic:
@@ -146,6 +146,6 @@ def after(
     if s > end and short(wall, panels, now, end) and panels[now[2]].per * s <= 4.0:  # a longer s would lose digits
         now = hop(wall, panels, now, end)
         s -= end
-    k, turns = later(wall, panels, now, s)
+    k, turns = panel_later(wall, panels, now, s)
     f, df, _, _ = flight(wall, panels, now, k, turns, s)
     return f, df

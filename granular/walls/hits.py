@@ -18,7 +18,7 @@ import math
 from granular._flight import time_to_contact
 from granular._kernels import kernel, rare
 from granular._records import Record, Records
-from granular.walls.gap import NOISE, State, coordinate, faint, flight, hop, lasts, later, short, state
+from granular.walls.gap import NOISE, State, coordinate, faint, flight, hop, lasts, panel_later, short, state
 from granular.walls.path import pressed
 
 NEVER = math.inf
@@ -90,7 +90,7 @@ def onward(wall: Record, panels: Records, now: State, k: int, turns: float, s: f
     ends there. The one before was k."""
     end = lasts(wall, panels, now, k, turns)
     if s > end:
-        k, turns = later(wall, panels, now, s)
+        k, turns = panel_later(wall, panels, now, s)
         end = lasts(wall, panels, now, k, turns)
     if s < end:
         return k, turns
@@ -261,7 +261,7 @@ def falls_on_panel(
 
 @rare
 @kernel
-def pressing(
+def pressing_bounds(
     wall: Record, panels: Records, t: float, tail: float, pull: float, span: float
 ) -> tuple[float, float]:
     """Return certain bounds, below and above, of pull + m'' (m/s²) from now, t + tail, to `span` (s) later.

@@ -19,8 +19,8 @@ CHANGED, CLOSED = 1, 2
 
 
 @kernel
-def pulled(i: int, a: Any) -> float:
-    """a_i = (F_{i-1} - F_i) / m_i - g; walls (1/m = 0, no fall) keep their speed."""
+def ball_acceleration(i: int, a: Any) -> float:
+    """Acceleration of ball i in m/s², a_i = (F_{i-1} - F_i) / m_i - g; walls (1/m = 0, no fall) keep their speed."""
     below = a.raw[i] if a.raw[i] > 0.0 else 0.0
     above = a.raw[i + 1] if a.raw[i + 1] > 0.0 else 0.0
     acceleration: float = a.w[i + 1] * (below - above) + a.fall[i + 1]
@@ -28,8 +28,8 @@ def pulled(i: int, a: Any) -> float:
 
 
 @kernel
-def swung(i: int, a: Any) -> float:
-    """The same of pendula: a_i = (F_{i-1} - F_i) / m_i - Ω² y_i."""
+def pendulum_acceleration(i: int, a: Any) -> float:
+    """Acceleration of pendulum i in m/s², in place of `ball_acceleration`: a_i = (F_{i-1} - F_i) / m_i - Ω² y_i."""
     below = a.raw[i] if a.raw[i] > 0.0 else 0.0
     above = a.raw[i + 1] if a.raw[i + 1] > 0.0 else 0.0
     acceleration: float = a.w[i + 1] * (below - above) - a.square[i + 1] * a.off[i + 1]
@@ -86,7 +86,7 @@ def idle(dt: float, m: int, a: Any) -> None:
 def half_way(dt: float, m: int, a: Any) -> None:
     """Begin the first of several Verlet steps."""
     for i in range(m + 1):
-        acc = pulled(i, a)
+        acc = ball_acceleration(i, a)
         a.half[i + 1], a.guess[i + 1] = a.v[i + 1] + 0.5 * dt * acc, a.v[i + 1] + dt * acc
 
 
@@ -97,7 +97,7 @@ def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
         steer(physics, lo, m, WHOLE, END, a)
     flags, dt, half = move(physics, lo, m, a), physics.dt, 0.5 * physics.dt
     for i in range(m + 1):
-        acc = pulled(i, a)
+        acc = ball_acceleration(i, a)
         v = a.half[i + 1] + half * acc
         a.was_v[i + 1], a.v[i + 1] = a.v[i + 1], v
         a.guess[i + 1], a.half[i + 1] = v + dt * acc, v + half * acc
@@ -111,7 +111,7 @@ def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
     """Symplectic (semi-implicit) Euler: kick with the old force, then drift with the new velocity."""
     dt = physics.dt
     for i in range(m + 1):
-        v = a.v[i + 1] + dt * pulled(i, a)
+        v = a.v[i + 1] + dt * ball_acceleration(i, a)
         a.was_v[i + 1], a.v[i + 1] = a.v[i + 1], v
         a.half[i + 1] = a.guess[i + 1] = v
     if DRIVEN:
@@ -124,7 +124,7 @@ def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
 def _stage(physics: Any, lo: int, m: int, reach: float, weight: float, drift: int, speed: int, a: Any) -> None:
     """Add the derivatives of a stage of Runge-Kutta, and go on from the start to the next one, `reach` in s away."""
     for i in range(m + 1):
-        acc = pulled(i, a)
+        acc = ball_acceleration(i, a)
         a.acc[i + 1] += weight * acc
         a.half[i + 1], a.guess[i + 1] = a.guess[i + 1], a.v[i + 1] + reach * acc
     if HUNG:
@@ -156,7 +156,7 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     _stage(physics, lo, m, half, 2.0, HALF, MIDDLE, a)
     _stage(physics, lo, m, dt, 2.0, WHOLE, END, a)
     for i in range(m + 1):
-        v = a.v[i + 1] + sixth * (a.acc[i + 1] + pulled(i, a))
+        v = a.v[i + 1] + sixth * (a.acc[i + 1] + ball_acceleration(i, a))
         a.half[i + 1], a.v[i + 1] = a.guess[i + 1], v
     if HUNG:
         for i in range(m + 1):
@@ -204,7 +204,7 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         a.raw[j + 1] = force(physics, lo, j, a.xi[j + 1], a.v[j + 1] - a.v[j + 2], a)
     close(physics, m, a)
     for i in range(m + 1):
-        acc = pulled(i, a)
+        acc = ball_acceleration(i, a)
         miss = acc - a.acc[i + 1]
         a.half[i + 1], a.acc[i + 1] = miss, acc
         a.v[i + 1] += 0.375 * dt * miss

@@ -23,7 +23,8 @@ DONE, FLIGHT, FULL, UNTIL, CROWDED = range(5)
 REACH = 24
 """Evaluations of the forces in a window before the next one has its turn."""
 EVALUATIONS = 1
-"""Of the forces in a step."""
+"""Of the forces in a step. It, `step` and `begin` are those of Verlet here: `Stepper` has kernels made in which they
+are those of its own integrator."""
 NO_PAIR = -1
 """For the number of one."""
 
@@ -57,7 +58,7 @@ def take_steps(
         lo, hi, alone = max(0, first - margin), min(pairs, stop + margin), stop - first == pairs
         if RING and not alone:
             lo, hi = first - margin, stop + margin
-        m, done = hi - lo, 0
+        m, done = hi - lo, 0  # pairs first … stop-1 are kept, lo … hi-1 are stepped
         load(lo, m, physics, here, work)
         begin(physics.dt, m, a)
         while done < taken:
@@ -65,27 +66,27 @@ def take_steps(
             if DRIVEN and (lo == 0 or hi == pairs):
                 ahead(physics, k + done)
             if HEATED and (lo == 0 or hi == pairs):
-                hit = heat(physics, lo, m, first, stop, k + done, work)
-                if hit & HIT:
+                wall_flags = heat(physics, lo, m, first, stop, k + done, work)
+                if wall_flags & HIT:
                     begin(physics.dt, m, a)
-                if noting and hit & (HALT | CROWD):
+                if noting and wall_flags & (HALT | CROWD):
                     return 0, 0
-                flags |= hit
-            now = step(physics, lo, right, a)
+                flags |= wall_flags
+            step_flags = step(physics, lo, right, a)
             beside(right, 0.5 * physics.dt, a)
             if physics.memory:
                 remember(right, a)
             if WORKED:
                 book(physics, lo, right, a)
-            flags |= now
-            if noting and now & CHANGED:
+            flags |= step_flags
+            if noting and step_flags & CHANGED:
                 if physics.logged and not local(first, stop, lo, physics.ring, work.was, work.rows, work):
                     return 0, 0
                 log_contacts(first, stop, lo, k + done, physics, work.was, work.rows, work)
             done += 1
             full = physics.logged and work.ended[0] + most_rows(pairs) > len(work.log)
-            if alone and noting and (full or not now & CLOSED):
-                taken, flags = done, now
+            if alone and noting and (full or not step_flags & CLOSED):
+                taken, flags = done, step_flags
             if first <= watched_pair < stop and not a.xi[watched_pair - lo + 1] > 0.0:  # or no number
                 return 0, 0
         store(lo, first, stop, work, there)

@@ -141,7 +141,7 @@ def reason_to_return(s: Any, limit: float) -> int:
 @kernel
 def take_next(s: Any, limit: float, laws: Any) -> int:
     """Let happen what is due next: the contact of a pair in free flight at once if that can be, else the event that
-    ends a piece. Return DONE, ABSORB if blocks are to be formed anew, or why the run is to return."""
+    ends a piece. Return DONE, EXTEND if blocks are to be formed anew, or why the run is to return."""
     lo = s.queue[1].key
     pair = s.pairs[lo]
     if pair.slot < 0:

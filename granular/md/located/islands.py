@@ -30,7 +30,7 @@ PER_PAIR = 16
 def regroup(s: Any, laws: Any) -> int:
     """Form the blocks anew that the event under way concerns, to be planned.
 
-    Return MORE, STOPPED, or ABSORB: a block, `wanted`, is to be absorbed first, and then it is to be called again.
+    Return MORE, STOPPED, or EXTEND: a block, `wanted`, is to be absorbed first, and then it is to be called again.
     """
     run, pairs, pool, bodies = s.run[0], s.pairs, s.pool, s.bodies
     found = SOME

@@ -28,7 +28,7 @@ from granular.scene import Scene
 from granular.scene.places import driven_walls
 from granular.walls import path
 from granular.walls.gap import after
-from granular.walls.hits import first_hit, pressing
+from granular.walls.hits import first_hit, pressing_bounds
 from granular.walls.panels import PANEL, TERMS, WALL
 from granular.walls.path import edge_jump, expansion, to_edge, total, wall_at
 
@@ -152,7 +152,7 @@ def convexity(field: Any, pair: Any, ahead: float, span: float) -> float:
     clock on; 0 if it is concave."""
     if DRIVEN and pair.wall > 0:
         t, tail = absolute(field, pair.t, pair.tail + ahead)
-        least, _ = pressing(field.wall[pair.wall - 1], field.panels, t, tail, pair.pull, span)
+        least, _ = pressing_bounds(field.wall[pair.wall - 1], field.panels, t, tail, pair.pull, span)
         return max(0.0, -least)
     return float(max(0.0, -pair.pull))
 

@@ -23,6 +23,8 @@ WARM = 32
 """Contacts of an octave after which its table is made: it costs about as many."""
 HOLDS = 1e-14
 """Error up to which a table holds, as a part of each number, beyond the tolerance of the pieces."""
+TIMES = 2
+"""So many of the numbers kept are times; the others are kept in units of the speed."""
 REFUSED, WANTED = -1, -2
 ITSELF = -1
 """In place of the number of a point: at its own speed."""
@@ -62,23 +64,31 @@ def ask(s: Any, j: int, laws: Any) -> None:
 def note(s: Any, j: int) -> bool:
     """Note the contact that has been followed alone; false if it did not come to an end. ITSELF is the answer."""
     run, v = s.run[0], s.run[0].speed
-    pair, member = s.pairs[run.wanted], s.pool[s.pairs[run.wanted].slot]
+    member = s.pool[s.pairs[run.wanted].slot]
     ends = member.mode == OPEN and member.eta < 0.0
     numbers = run.over if ends else math.nan, run.passed, run.parting, -member.eta, member.xi_max, member.force_max
-    leave(run, s.pairs, s.pool, run.wanted)
-    worst = run.error
-    pair.due, run.steps, run.error, run.log = run.before_due, run.before_steps, run.before_error, run.before_log
+    error = put_back(s)
     if j == ITSELF:
         for q in range(QUANTITIES):
             s.answer[q] = numbers[q]
         run.answered = 1
         return True
     table, at = s.tables[run.tables], POINTS + CHECKS
-    table.error = max(worst, table.error) if j > 0 else worst
+    table.error = max(error, table.error) if j > 0 else error
     for q in range(QUANTITIES):
-        table.seen[q * at + j] = numbers[q] / (v if q > 1 else 1.0)
+        table.seen[q * at + j] = numbers[q] / (1.0 if q < TIMES else v)
     table.noted = j + 1 if ends else 0
     return bool(run.over > 0.0 and ends)
+
+
+@kernel
+def put_back(s: Any) -> float:
+    """Let the run be as it was before a contact was followed alone; return the error of the pieces of that contact."""
+    run, pair = s.run[0], s.pairs[s.run[0].wanted]
+    leave(run, s.pairs, s.pool, run.wanted)
+    error: float = run.error
+    pair.due, run.steps, run.error, run.log = run.before_due, run.before_steps, run.before_error, run.before_log
+    return error
 
 
 @kernel
