@@ -717,3 +717,16 @@ def test_a_function_with_too_many_turns_is_refused(monkeypatch):
     monkeypatch.setattr("granular.walls.motion.MOST", 100)
     with pytest.raises(ValueError, match=r"takes more than 100 polynomials, .* up to t = 0\.0\d*: a motion"):
         Motion(lambda t: math.sin(2e4 * t)).panels(0.0, 1.0)
+
+
+@pytest.mark.parametrize(("series", "frequency", "said"), [
+    ([[0.0, 1e-3], [0.0, -1e-3]], 20.0, r"velocity jumps by .* m/s where panel 0 begins: a path with a frequency"),
+    ([[0.0, 1e-3], [0.5, -1e-3]], 0.0, r"series jumps by 0.5 m where panel 1 begins"),
+    ([[0.0, 1e-3], [2e-3, 1e-3]], 20.0, r"series jumps by -0.004 m where panel 0 begins"),
+])
+def test_panels_that_do_not_join_are_refused(series, frequency, said):
+    """A corner of a periodic path was left out without a word."""
+    with pytest.raises(ValueError, match=said):
+        gr.walls.Panels([0.0, 0.75, 1.0], series, frequency=frequency)
+    corner = gr.walls.Panels([0.0, 0.75, 1.0], [[0.0, 1e-3], [0.0, -1e-3]])
+    assert corner.velocity(0.9) < 0.0 < corner.velocity(0.1)

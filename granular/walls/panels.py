@@ -99,6 +99,29 @@ class Panels(ByNumbers):
             turn=tuple(_check.number(f"turn[{i}]", part) for i, part in enumerate(turn)),
         )
 
+        self._check_joints()
+
+    def _check_joints(self) -> None:
+        """Raise `ValueError` where the path jumps, or where one that repeats itself has a corner."""
+        steps, largest = self._steps(0), float(np.abs(self.series).max())
+        i = int(np.argmax(np.abs(steps)))
+        if abs(steps[i]) > 1e-9 * largest + 2.0 * self.error:
+            raise ValueError(f"series jumps by {steps[i]:g} m where panel {i} begins: a wall has to be somewhere all "
+                             "the time; begin each panel where the one before ends.")
+        kinks, fastest = self._steps(1), float(np.abs(_derived(self.series, 1)).max())
+        i = int(np.argmax(np.abs(kinks)))
+        if self.frequency and abs(kinks[i]) > 1e-9 * fastest / float(np.diff(self.edges).min()):
+            raise ValueError(f"velocity jumps by {kinks[i] * self.frequency:g} m/s where panel {i} begins: a path with "
+                             "a frequency has no corners; round them, or write the turns out, without a frequency.")
+
+    def _steps(self, order: int) -> Array:
+        """By how much a derivative to the edges' unit jumps where each panel begins; 0 at the first of a path that does
+        not repeat itself."""
+        c = (_derived(self.series, order).T * (2.0 / np.diff(self.edges)) ** order).T
+        steps: Array = c @ (-1.0) ** np.arange(c.shape[1]) - np.roll(c.sum(axis=1), 1)
+        steps[0] = steps[0] if self.frequency else 0.0
+        return steps
+
     def __reduce__(self) -> tuple[Any, ...]:
         return Panels, (self.edges, self.series, self.error, self.frequency, self.turn)
 
@@ -172,9 +195,7 @@ class Panels(ByNumbers):
         """Jumps of the velocity in m/s at left edges, without those of rounding; none at the first."""
         if self.frequency or len(self.series) == 1:
             return np.zeros(len(self.series))
-        slope = side * _derived(self.series, 1) * (2.0 / np.diff(self.edges))[:, None]
-        ends, begins = slope.sum(axis=1), slope @ (-1.0) ** np.arange(slope.shape[1])
-        jump = np.append(0.0, begins[1:] - ends[:-1])
+        jump = side * self._steps(1)
         return np.where(np.abs(jump) > 1e-11 * scale, jump, 0.0)
 
     @cached_property
