@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from contextlib import suppress
 from importlib import import_module
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
@@ -15,10 +16,18 @@ from typing import Any
 NOW = {
     "workprecision": "frontiers", "components": "outcome", "other_ties": "end_time", "tie_rules": "end_time",
     "laws.power": "laws.springs", "laws.walton_braun": "laws.springs", "laws.matched_end": "laws.statics",
-    "laws.check": "laws.kinds",
+    "laws.check": "laws.kinds", "thresholds.criteria": "thresholds.result", "comparison.restitution": "binary",
     "walls.sine": "walls.formulas", "walls.piecewise": "walls.formulas", "waves.space_time": "waves.sensors",
 }
 """Where a module of `granular` has gone; one within a room is named with a dot, such as "laws.power"."""
+
+
+def submodule(room: str, name: str) -> Any:
+    """Return a module of a room as the attribute that it was when rooms loaded all that they hold."""
+    if not name.startswith("_"):
+        with suppress(ModuleNotFoundError):
+            return import_module(f"granular.{room}.{name}")
+    raise AttributeError(f"module 'granular.{room}' has no attribute {name!r}")
 
 
 class Moved(MetaPathFinder, Loader):

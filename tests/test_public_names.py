@@ -7,6 +7,7 @@ import dataclasses
 import inspect
 import json
 import re
+import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -86,6 +87,13 @@ def test_a_module_that_has_moved_is_found_under_its_old_name(old, now, monkeypat
         found = import_module(f"granular.{old}")
     assert found is import_module(f"granular.{now}")
     assert found.__spec__.name == found.__name__ == f"granular.{now}"
+
+
+def test_a_module_is_an_attribute_of_its_room_as_it_was():
+    code = ("import granular as gr, warnings; warnings.simplefilter('ignore'); assert gr.walls.panels.Panels; "
+            "assert gr.walls.sine.Sine is gr.walls.Sine; assert gr.laws.power.PowerLaw is gr.PowerLaw; "
+            "assert gr.waves.space_time.picture; assert not hasattr(gr.laws, 'nothing')")
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 if __name__ == "__main__":

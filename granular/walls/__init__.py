@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular import _check
+from granular._moved import submodule
 
 if TYPE_CHECKING:
     from granular.walls.formulas import Piecewise, Sine
@@ -29,7 +30,7 @@ _HOMES = {"Motion": "motion", "Panels": "panels", "Piecewise": "formulas", "Sine
 def __getattr__(name: str) -> Any:
     """Load a kind of wall when it is first asked for: most scenes have none."""
     if name not in _HOMES:
-        raise AttributeError(f"module 'granular.walls' has no attribute {name!r}")
+        return submodule("walls", name)
     return getattr(import_module(f"granular.walls.{_HOMES[name]}"), name)
 
 
