@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 import pickle
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -719,14 +720,40 @@ def test_a_function_with_too_many_turns_is_refused(monkeypatch):
         Motion(lambda t: math.sin(2e4 * t)).panels(0.0, 1.0)
 
 
-@pytest.mark.parametrize(("series", "frequency", "said"), [
-    ([[0.0, 1e-3], [0.0, -1e-3]], 20.0, r"velocity jumps by .* m/s where panel 0 begins: a path with a frequency"),
-    ([[0.0, 1e-3], [0.5, -1e-3]], 0.0, r"series jumps by 0.5 m where panel 1 begins"),
-    ([[0.0, 1e-3], [2e-3, 1e-3]], 20.0, r"series jumps by -0.004 m where panel 0 begins"),
-])
-def test_panels_that_do_not_join_are_refused(series, frequency, said):
-    """A corner of a periodic path was left out without a word."""
-    with pytest.raises(ValueError, match=said):
-        gr.walls.Panels([0.0, 0.75, 1.0], series, frequency=frequency)
-    corner = gr.walls.Panels([0.0, 0.75, 1.0], [[0.0, 1e-3], [0.0, -1e-3]])
-    assert corner.velocity(0.9) < 0.0 < corner.velocity(0.1)
+def some_panels(random, n, frequency):
+    """Edges of n panels, and their ends: places in m and slopes in m per unit of the edges, (2, n) to the left, right."""
+    widths = 10.0 ** random.uniform(-2.0, 0.0, n)
+    edges = np.append(0.0, np.cumsum(widths) / widths.sum())
+    edges[-1] = 1.0
+    ends = 10.0 ** random.uniform(-6.0, 3.0) * random.normal(size=(2, n + 1))
+    if frequency:
+        ends[:, -1] = ends[:, 0]
+    return edges, ends[:, :-1].copy(), ends[:, 1:].copy()
+
+
+def cubics(edges, left, right):
+    """The cubics with those ends."""
+    (a, b), (p, q) = (left[0], right[0]), 0.5 * np.diff(edges) * np.array([left[1], right[1]])
+    return np.array([2 * (a + b) + p - q, 3 * (b - a) - p - q, q - p, a - b + p + q]).T / 4
+
+
+@pytest.mark.parametrize("frequency", [0.0, 20.0])
+@pytest.mark.parametrize("order", [0, 1])
+def test_random_panels_that_do_not_join_are_refused(order, frequency):
+    """A corner of a periodic path was left out without a word; a path that does not repeat itself may have some, and
+    ends where it likes."""
+    for seed in range(100):
+        random = np.random.default_rng([order, seed])
+        n = int(random.integers(1, 8))
+        edges, left, right = some_panels(random, n, frequency)
+        panels = Panels(edges, cubics(edges, left, right), frequency=frequency)
+        turns = np.array([panels.displacement(t) for t in edges[:-1] / (frequency or 1.0)])
+        assert turns == pytest.approx(left[0], rel=1e-12, abs=1e-12 * abs(right[0]).max())
+        k = int(random.integers(n))
+        left[order, k] += (by := random.choice([-1.0, 1.0]) * abs(left).max() * 10.0 ** random.uniform(-4.0, 2.0))
+        if (k == 0 or order == 1) and not frequency:
+            assert Panels(edges, cubics(edges, left, right)).velocity(edges[k]) == pytest.approx(left[1, k], rel=1e-12)
+            continue
+        said = ("series jumps by {:g} m", "velocity jumps by {:g} m/s")[order].format(by * (frequency or 1.0) ** order)
+        with pytest.raises(ValueError, match=rf"^{re.escape(said)} where panel {k} begins: .*[^\n]\.$"):
+            Panels(edges, cubics(edges, left, right), frequency=frequency)
