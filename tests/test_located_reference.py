@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import math
 import random
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from condition import response
 
 from granular import until
 from granular.laws import LinearDashpot, ViscoelasticHertz
@@ -128,16 +130,22 @@ def random_scene(seed: int) -> tuple[Scene, tuple[LinearDashpot, ...]]:
 @pytest.mark.parametrize("seed", [
     1, *range(3, 10), *(pytest.param(seed, marks=pytest.mark.soak) for seed in range(100, 600))])
 def test_random_scenes(seed: int) -> None:
-    """The same contacts, at the same times, with the same velocities."""
+    """The same contacts, at the same times, with the same velocities, as far as the scene's condition lets them be."""
     pytest.importorskip("mpmath")
     scene, laws = random_scene(seed)
-    soft = run(scene, laws, until=until.contact(0, 2), engine="plain")
-    truth = solve(scene, list(laws), until=until.contact(0, 2), t_end=3.0 * float(soft.time[-1]))
-    expected = [row for row in truth.contacts if row.t_end is not None]
-    found = soft.contacts[~np.isnan(soft.contacts["t_end"])]
-    assert [row.pair for row in expected] == found["pair"].tolist()
     speed, duration = abs(float(scene.velocity[1])), math.pi * math.sqrt(float(scene.mass[1]) / laws[0].k)
-    ill = 1e-12 if len(expected) <= 8 else 1e-11  # many contacts of a light ball multiply every rounding
-    for name, unit in (("t_begin", duration), ("t_end", duration), ("v_out", speed)):
-        assert found[name] == pytest.approx(np.array([getattr(row, name) for row in expected], float), abs=ill * unit,
-                                            rel=0)
+    simulated = partial(run, law=laws, until=until.contact(0, 2), engine="plain")
+
+    def numbers(rows: Any) -> Any:
+        rows = rows[~np.isnan(rows["t_end"])]
+        return np.column_stack([rows["t_begin"] / duration, rows["t_end"] / duration, rows["v_out"] / speed])
+
+    soft = simulated(scene)
+    truth = solve(scene, list(laws), until=until.contact(0, 2), t_end=3.0 * float(soft.time[-1]))
+    over = [row for row in truth.contacts if row.t_end is not None]
+    expected = np.zeros(len(over), soft.contacts.dtype)
+    for name in ("pair", "t_begin", "t_end", "v_out"):
+        expected[name] = np.array([getattr(row, name) for row in over], float)
+    assert expected["pair"].tolist() == soft.contacts["pair"][~np.isnan(soft.contacts["t_end"])].tolist()
+    moved = np.maximum.accumulate(response(lambda one: numbers(simulated(one).contacts), scene).max(axis=1))
+    assert (np.abs(numbers(soft.contacts) - numbers(expected)).max(axis=1) < 4e-15 * (1.0 + moved)).all()
