@@ -53,6 +53,7 @@ def test_points_that_stand_beyond_each_other_from_the_start_are_a_compressed_cha
     assert gr.md.simulate(scene, LAW, t_end=0.3).status is gr.Status.time
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(60))
 def test_the_look_is_certified(seed):
     """Never later than a sample shows the walls beyond each other, and never while they are apart."""

@@ -51,6 +51,7 @@ def test_the_lens_shows_the_four_hops_on_their_own_scale(two, drawn):
     assert lens.get_xlim() == panel(drawn, "paths").get_xlim()
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(5))
 def test_every_hop_is_on_the_axis_and_of_the_right_height(seed):
     random = np.random.default_rng([16, seed])

@@ -304,6 +304,7 @@ def test_the_ready_made_column_gets_its_verdict() -> None:
     assert "unless hit from outside, no body of pairs 0 to " in undecided.message
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("n", [10, 20, 50, 100])
 def test_ready_made_columns_end_within_the_default_limits_as_what_they_are(n) -> None:
     pytest.importorskip("numba")

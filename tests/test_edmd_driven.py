@@ -106,6 +106,7 @@ def test_a_stable_bounce_keeps_fifteen_digits():
 # --- the bouncing ball
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("case", DOUBLING, ids=str)
 def test_period_doubling_where_the_exact_formula_says(case):
     """Γ = √(G_k² + [2(1+ε²)/(1+ε)²]²): a thousandth and more below it the orbit is stable, above it doubles."""
@@ -377,6 +378,7 @@ def test_a_piston_rests_on_a_column():
 # --- queues, resumed runs, accounts
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(24))
 def test_accounts_close_and_resumed_runs_go_on(seed):
     """Every option: energy - work + dissipated stays, gaps stay positive, cut and uncut runs have the same bits."""

@@ -39,7 +39,7 @@ def same_state(a, b):
     ties=st.sampled_from(["left", "right", "random"]),
     extra=st.sampled_from([{}, {}, {"tc": 1e-2}, {"elastic_below": 0.05}, {"collapse": "merge"}]),
 )
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_both_queues_give_the_same_bits(scene, seed, eps, ties, extra) -> None:
     values = [(0.5, 0.9, 1.0)[c % 3] for c in range(scene.n - 1)] if eps == "mixed" else eps
     rule, options = ConstantRestitution(values), {"ties": ties, "seed": seed, "max_events": 400, **extra}

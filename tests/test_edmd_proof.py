@@ -55,6 +55,7 @@ def judged(scene, eps, most, digits):
     return log
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("n", "share"), [(3, 0.99), (4, 0.9), (4, 0.99), (5, 0.97), (5, 0.99), (6, 0.99), (7, 0.97)])
 def test_free_balls_below_their_threshold_collapse_for_certain(n, share) -> None:
     for seed in range(2):

@@ -40,6 +40,7 @@ def rules_of(name, scene):
     return [ConstantRestitution(RULES["mixed"][c % 3]) for c in range(scene.n - 1)]
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("gravity", [0.0, 1.0])
 @pytest.mark.parametrize("name", ["elastic", "mixed", "table"])
 @pytest.mark.parametrize("seed", range(4))

@@ -85,6 +85,7 @@ SCENES = {
 }
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.soak)])
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("name", SCENES)
@@ -210,7 +211,7 @@ def test_a_closer_look_at_a_collapse_is_watched_too():
 def test_no_two_first_contacts_of_soft_spheres_overlap_unwarned():
     """Forces only push, so the soft ball between two others is never ahead of the hard one: warnings come too often."""
     rng, seen = np.random.default_rng(4), []
-    for law in [make(0.1) for make in LAWS.values()] * 15:
+    for law in [make(0.1) for make in LAWS.values()] * 8:
         mass, late = np.exp(rng.uniform(-1.0, 1.0, 3)), rng.uniform(0.0, 0.15)
         scene = gr.Scene(mass, [0.0] * 3, [0.0, 1.0], [1.0, 0.0, rng.uniform(-1.0, 0.5)])
         after = gr.edmd.simulate(scene, gr.restitution_of(law), max_events=1).contacts["v_out"][0]
@@ -228,7 +229,7 @@ def test_durations_are_those_of_single_contacts():
     scene = gas(0, 7, 1.0, gravity=1.0)
     each = [make(0.01) for make in LAWS.values()]
     laws = [*each, gr.PowerLaw(1e4, 2.5), Own(1e3), gr.WaltonBraun(1e3, 2e3), gr.LinearDashpot(1e3, 1e3)]
-    pair, speed = rng.integers(0, scene.n_pairs, 60), 10.0 ** rng.uniform(-1.0, 0.5, 60)
+    pair, speed = rng.integers(0, scene.n_pairs, 30), 10.0 ** rng.uniform(-1.0, 0.5, 30)
     found = isolation.Durations(laws, scene)(pair, speed)
     for c, v, t in zip(pair.tolist(), speed.tolist(), found.tolist(), strict=True):
         loose = {"ViscoelasticHertz": 1e-7, "Own": 1e-5}.get(type(laws[c]).__name__, 1e-13)

@@ -292,6 +292,7 @@ def test_restitution_of_law_and_rule_are_told_apart():
     assert "their force law" not in str(compared("three-balls"))
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("name", [name for name in cases.names() if name != "compressed-chain"])  # overlaps: not hard
 def test_no_line_of_a_report_is_nan(name):
     assert "nan" not in str(compared(name))

@@ -61,6 +61,7 @@ def unbalanced(one):
     return float(np.abs(balance - balance[0]).max())
 
 
+@pytest.mark.thirds
 @EACH
 @pytest.mark.parametrize(("seed", "method"), [(0, "verlet"), (2, "rk4"), (3, "gear5")])
 def test_random_scenes_agree_with_the_reference(make, seed, method):
@@ -148,6 +149,7 @@ def test_momentum_and_room_of_a_ring():
     assert one.gap.sum(axis=1) == pytest.approx(scene.gap.sum(), abs=1e-13)
 
 
+@pytest.mark.thirds
 @EACH
 @pytest.mark.parametrize("seed", range(3))
 def test_windows_give_the_same_bits(make, seed, monkeypatch):

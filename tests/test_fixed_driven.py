@@ -45,6 +45,7 @@ def test_orders_beside_a_driven_wall(method):
     assert found == pytest.approx(ORDERS[method], abs=0.2)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.soak) for seed in (3, 4))])
 def test_random_scenes_agree_with_the_reference(seed):
     scene, law = scenes(seed)
@@ -226,6 +227,7 @@ def test_walls_that_meet_for_a_short_time_are_noticed():
         run(scene, gr.LinearDashpot(1e3, 0.1), t_end=0.1, dt=1e-5, engine="plain")
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(
     ("method", "order"), [
         ("verlet", 2.0), pytest.param("symplectic-euler", 1.0, marks=pytest.mark.soak), ("rk4", 2.5),

@@ -63,7 +63,7 @@ def test_verlet_runs_back(scene: gr.Scene, name: str) -> None:
 
 
 @pytest.mark.parametrize(("method", "waves"), [("verlet", 4.0), ("symplectic-euler", 2.0)])
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(SQUEEZED, st.sampled_from(("spring", "Hertz")))
 def test_symplectic_methods_keep_energy_for_good(method: str, waves: float, scene: gr.Scene, name: str) -> None:
     """It waves, the less the shorter the step, and does not drift."""

@@ -1,6 +1,6 @@
 """Fuzz of soft scenes: the engine beside an independent solver, on stored truths, on live scenes, and (soak) on many.
 
-    pytest tests/test_fuzz.py                             71 stored truths and 10 live scenes
+    pytest tests/test_fuzz.py                             71 stored truths and 10 live scenes, of which a commit runs a third
     pytest -m soak -k stored_truths                       the other 250
     FUZZ_SCENES=20000 FUZZ_PROGRESS=fuzz.jsonl pytest -m soak tests/test_fuzz.py     resumes where it was stopped
 
@@ -31,10 +31,9 @@ from granular.laws.dashpot import duration, restitution
 STORED = json.loads((Path(__file__).parent / "fuzz" / "truths.json").read_text())
 LIVE = range(1_000_000, 1_000_010)
 FOUND = 20
-"""The first so many stored scenes once were wrong; of the others, drawn at random, every sixth is run each time."""
+"""The first so many stored scenes once were wrong; of the others, drawn at random, every sixth is run often."""
 OFTEN = STORED[:FOUND] + STORED[FOUND::6]
 SELDOM = [one for k, one in enumerate(STORED[FOUND:]) if k % 6]
-BATCH = 25
 MOST_STEPS = 5000
 """The independent solver needs at most 250 for a stored scene."""
 
@@ -52,14 +51,15 @@ def judged(case: Case, one: Truth, laws: Any = None) -> Verdict:
     return judged_by_roundings(case, one, verdict, max_steps=MOST_STEPS)
 
 
-@pytest.mark.parametrize(("scenes", "first"), [
-    *((OFTEN, first) for first in range(0, len(OFTEN), BATCH)),
-    *(pytest.param(SELDOM, first, marks=pytest.mark.soak) for first in range(0, len(SELDOM), BATCH)),
-], ids=lambda value: str(value) if isinstance(value, int) else "")
-def test_stored_truths(scenes: list[dict[str, Any]], first: int) -> None:
+@pytest.mark.thirds
+@pytest.mark.parametrize("scenes", [
+    *(pytest.param(OFTEN[k::3], id=str(k)) for k in range(3)),
+    *(pytest.param(SELDOM[k::10], marks=pytest.mark.soak, id=f"seldom {k}") for k in range(10)),
+])
+def test_stored_truths(scenes: list[dict[str, Any]]) -> None:
     """The engine gives the stored numbers to 1e-12 max(1, κ), or the scene is named."""
     short = []
-    for stored in scenes[first : first + BATCH]:
+    for stored in scenes:
         case = Case.from_json(stored["case"])
         verdict = judged(case, from_json(case, stored["truth"]))
         if verdict.kind != "ok":
@@ -67,6 +67,7 @@ def test_stored_truths(scenes: list[dict[str, Any]], first: int) -> None:
     assert not short
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", LIVE)
 def test_live_scenes(seed: int) -> None:
     """A new scene, solved on the spot by the independent solver, interpreted."""
@@ -102,6 +103,7 @@ QUICK, START = [0, 1, 3, 4, 10, 18], [5, 6, 12]
 """Seeds of driven scenes that the reference solves in half a second; and of those that start as others do."""
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", QUICK)
 def test_driven_scenes_beside_the_reference(seed: int) -> None:
     """Walls of every kind, soon and late, forces: 20 digits judge every speed, and the account."""
@@ -122,6 +124,7 @@ BOUNDED = [9, 308, 310, 311, 313, 315, 317, 319, 321, 324, 330]
 """Seeds of rings, thermal walls and pendula that take a fifth of a second."""
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", BOUNDED)
 def test_bounded_scenes_beside_the_reference(seed: int) -> None:
     """Rings, thermal walls, pendula: 20 digits judge every speed and the account; samples and a stop change no bit."""

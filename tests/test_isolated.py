@@ -192,6 +192,7 @@ def cases() -> list[Any]:
     return out
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("law", "gravity", "exact", "digits"), cases(), ids=lambda x: getattr(x, "__name__", str(x)))
 def test_contact_against_thirty_digits(law, gravity, exact, digits, monkeypatch):
     """Duration, speeds, impulse, peaks, and where the ball is when all is over: delay and displacement."""
@@ -225,6 +226,7 @@ LAWS = [*at_random.LAWS]
 SLOW = ("own Hertz", "softening", "own dashpot", "own with memory")
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("name", [pytest.param(x, marks=[pytest.mark.soak] * (x in SLOW)) for x in LAWS])
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 def test_contact_against_pieces(name, gravity, monkeypatch):
@@ -361,6 +363,7 @@ def agree(seed: int, scene: gr.Scene, laws: Any, shifts: int = 8, **options: Any
     return off / own
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", [*range(12), *(pytest.param(seed, marks=pytest.mark.soak) for seed in range(12, 25))])
 def test_scene_at_random_against_pieces(seed):
     """Counts, which of them are isolated, velocities; powers for the most part, for the others take long."""
@@ -421,6 +424,7 @@ def test_same_bits_interpreted_and_compiled(name):
             assert plain.message == fast.message
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(6))
 def test_stops_and_ends_inside_contacts(seed):
     """A time in the middle of one, the nth onset, all parted, so many events: what goes on has its peaks so far."""

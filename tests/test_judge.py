@@ -27,6 +27,7 @@ def same(kind, seed):
     return report.answer is A.undecided
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_judge_of_the_page_says_the_same(kind):
     assert sum(same(kind, seed) for seed in range(FEW.get(kind, 3))) == 0
@@ -188,6 +189,7 @@ def test_scenes_whose_answer_is_known(scene, answer):
     assert report.verdict.startswith(answer.value)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("kind", "seed"), [("resting", 23), ("piecewise", 58), ("piecewise", 93), ("resting", 86)])
 def test_what_a_soak_found(kind, seed):
     """A run under another tie rule that collapses is carried on; one that is gone on with has instants too."""

@@ -117,6 +117,7 @@ def test_elastic_columns_lose_height(n: int, linear: float, hertz: float) -> Non
     assert column_restitution(n, Hertz(1.0)) == pytest.approx(hertz, abs=1e-6)
 
 
+@pytest.mark.thirds
 def test_long_chains() -> None:
     """E2 (linear, N to 200) and E2b (Hertz, where N = 30 has reached the limit to 1e-5)."""
     for n, last in ((20, 0.805639), (50, 0.708872), (100, 0.63879), (200, 0.573331)):

@@ -114,6 +114,7 @@ MORE = [pytest.param(n / 12, "auto", marks=pytest.mark.soak) for n in np.random.
 POWERS = [(p, "compiled") for p in (1.25, 1.5, 7 / 3, 3.0, 4.5, 11.0, 13.0, 16.0)] + [(1.5, "plain"), (11.0, "plain")]
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("p", "engine"), [*POWERS, *TWELFTHS, *MORE, (1.5, "own"), (8 / 3, "own"), (12.5, "own")])
 def test_a_ball_dropped_from_a_touch_comes_back_to_it(p, engine):
     """m g ξ = k ξ^(p+1)/(p+1) at the turn, every time; ξ is zero for an instant in between, which ends no contact."""

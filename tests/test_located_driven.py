@@ -57,6 +57,7 @@ class ReturnMap:
         return float(np.linalg.det(self.jacobian(self.orbit()) + np.eye(2)))
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("restitution", "ratio", "gamma"), [
     (0.5, 1e4, 1.52678914629763), (0.5, 1e3, 1.52647852413489), (0.8, 1e3, 1.07077698948191),
 ])
@@ -175,6 +176,7 @@ def test_until_and_limits_beside_a_driven_wall():
     assert gr.md.simulate(away, law, until=gr.until.contact(0, 5)).status is gr.Status.quiet
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", [0, 3, 5, 6, 8])
 def test_samples_change_no_bit_of_the_last_row(seed):
     """The ledger and the forces too, in the middle of contacts."""

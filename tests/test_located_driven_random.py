@@ -68,6 +68,7 @@ def distance(one, other):
     return max(abs(one.gap - other.gap).max(), abs(rates[0] - rates[1]).max()) / max(1.0, abs(rates[0]).max())
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(24))
 def test_the_account_closes(seed):
     scene, law, start = some_scene(seed)
@@ -112,6 +113,7 @@ def test_a_mirror_swaps_floor_and_ceiling(seed):
         assert one.ledger[-1, [0, 1, 4]] == pytest.approx(other.ledger[-1, [1, 0, 4]], rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(6))
 def test_nobody_knows_how_fast_all_move(seed):
     scene, law, start = some_scene(seed)
@@ -136,6 +138,7 @@ def test_units_by_powers_of_two_change_no_bit(seed):
     assert (np.diff(a.velocity) * (x / t) == np.diff(b.velocity)).all()
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(8))
 def test_a_resumed_run_is_the_run(seed):
     scene, law, start = some_scene(seed)
@@ -228,7 +231,7 @@ def beside_a_plate(seed):
 
 def test_what_is_certified_as_isolated_is(monkeypatch):
     alone = 0
-    for seed in range(40):
+    for seed in range(20):
         scene, law = beside_a_plate(seed)
         runs = [run(scene, law, 0.0, 0.01, max_steps=2000, max_events=40)]
         with monkeypatch.context() as patch:
@@ -239,7 +242,7 @@ def test_what_is_certified_as_isolated_is(monkeypatch):
         alone += runs[0].stats["isolated"]
         assert runs[0].stats["isolated"] == runs[1].stats["isolated"]
         assert abs(runs[0].velocity[-1] - runs[1].velocity[-1]).max() < 1e-10 * max(1.0, abs(scene.velocity).max())
-    assert alone > 25
+    assert alone > 10
 
 
 @pytest.mark.parametrize("rate", [0.0, 1.0, 2.0])

@@ -49,6 +49,7 @@ def speed(scene: Scene, run: Trajectory) -> float:
     return float(max(abs(scene.velocity).max(), abs(run.velocity[-1]).max(), 1e-3))
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", SEEDS)
 def test_options_change_no_bit_of_the_log(seed: int) -> None:
     """Samples, also at events, are kept and change nothing; nor do `on_event`, `on_progress`, `log`."""

@@ -16,7 +16,7 @@ from granular.md import simulate as run
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 
-QUICK = settings(max_examples=25, deadline=None)
+QUICK = settings(max_examples=15, deadline=None)
 KINDS = ("spring", "dashpot", "Hertz", "viscoelastic", "Tsuji")
 SMALL: dict[str, Any] = {"balls": (2, 4), "walls": (0.5, 0.0, 0.0)}
 
@@ -73,7 +73,7 @@ def test_elastic_energy_is_constant() -> None:
 def test_energy_of_piles_that_come_back_to_a_touch() -> None:
     """Laws of any steepness, balls at rest and at a touch, many returns: the energy of all samples, positions too."""
     rng, steps = np.random.default_rng(3), 0
-    for _ in range(150):
+    for _ in range(80):
         p, g, n = float(rng.choice([1.5, 2.5, *range(2, 17)])), rng.choice([9.81, 1e-3]), rng.integers(1, 4)
         mass = np.array([math.inf, *rng.choice([1.0, 0.5, 2.0, 0.01], n)])
         gap = np.array([rng.choice([0.0, 0.0, 1e-3]), *rng.choice([0.0, 0.1, 0.1], n - 1)])
@@ -88,7 +88,7 @@ def test_energy_of_piles_that_come_back_to_a_touch() -> None:
         spread, largest = np.ptp(lifted + stored + moving), max(moving.max(), stored.max(), abs(lifted).max())
         assert spread <= 5e-13 * largest + 1e-15 * g * mass[1:].sum() * scene.position.max()
         steps += soft.stats["steps"]
-    assert steps > 20_000
+    assert steps > 10_000
 
 
 def test_unequal_islands_do_not_disturb_each_other() -> None:

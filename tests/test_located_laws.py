@@ -132,6 +132,7 @@ def test_rest_is_not_claimed_while_a_ball_may_arrive() -> None:
     assert soft.of(1)["t_begin"][0] == pytest.approx(math.sqrt(2 * 0.5 / 9.81), rel=1e-3)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("zeta", [5.0, 50.0, 1e3, 1e5])
 @pytest.mark.parametrize("engine", ["plain", "compiled"])
 def test_a_strongly_damped_pile_creeps_to_rest(zeta: float, engine: str) -> None:

@@ -43,6 +43,7 @@ def drawn(seed):
     return scene, laws[int(rng.integers(4))]
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", SEEDS)
 def test_rest_has_no_up_and_down(seed):
     scene, law = drawn(seed)
@@ -56,6 +57,7 @@ def test_rest_has_no_up_and_down(seed):
         assert up.contacts["t_end"].tobytes() == down.contacts["t_end"].tobytes()
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("seed", SEEDS)
 def test_nothing_follows_rest(seed):
     """A run that is said to rest has no contact that begins or ends later."""

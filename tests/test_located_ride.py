@@ -116,6 +116,7 @@ def test_a_ride_against_the_reference(kind):
         assert float(a) == pytest.approx(b, rel=1e-12, abs=1e-14 * dissipated)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("ratio", "part"), [(1e3, 1.2), (1e3, 1.0001), (1e4, 1.01)])
 def test_a_ball_that_rides_lifts_off_to_rounding(ratio, part):
     mp = pytest.importorskip("mpmath").MPContext()

@@ -400,6 +400,7 @@ def row_that_is_hit(n, way, gap):
     return gr.md.simulate(scene, gr.Hertz(1e6), t_end=0.12)
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("method", ALL)
 @pytest.mark.parametrize(("way", "gap"), [(1, 0.0), (-1, 3.3e-3), (1, -1e-3), (-1, 0.0)])
 def test_a_touching_row_begins_when_it_is_hit(method, way, gap):

@@ -131,6 +131,7 @@ def test_engines_and_windows_give_the_same_bits(method, monkeypatch):
     assert beyond > 0
 
 
+@pytest.mark.thirds
 @pytest.mark.filterwarnings("ignore:dt = ")
 @pytest.mark.parametrize(("method", "seed"), [
     pytest.param(method, seed, marks=[pytest.mark.soak] * (method in SELDOM))

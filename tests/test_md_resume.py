@@ -38,6 +38,7 @@ def check_same(whole: gr.Trajectory, one: gr.Trajectory, two: gr.Trajectory) -> 
     assert log[np.lexsort((log["pair"], log["t_begin"]))].tobytes() == whole.contacts.tobytes()
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
 @pytest.mark.parametrize("engine", ENGINES)
 def test_two_halves_are_the_whole(law, engine, tmp_path):
@@ -131,7 +132,7 @@ def test_ignored_contacts_are_soft_event_driven():
     for law in (gr.LinearDashpot(1e4, 3.0), gr.Hertz(1e5), OwnHertz(1e5)):
         balls = gr.Scene([math.inf, *rng.uniform(0.5, 2, 4), math.inf], [0.0] * 6, rng.uniform(0.001, 0.02, 5),
                          [0.0, *rng.normal(size=4), 0.0])
-        run = gr.md.simulate(balls, law, t_end=0.3, disturbed="ignore", max_events=200)
+        run = gr.md.simulate(balls, law, t_end=0.3, disturbed="ignore", max_events=100)
         log = run.contacts[~np.isnan(run.contacts["t_end"])]
         assert run.stats["isolated"] < len(run.contacts)
         for row in log:

@@ -68,6 +68,7 @@ def on_a_wall(mass, speed):
     return gr.Scene([math.inf, mass], [0.0, 0.5], [0.1], [0.0, -speed])
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("tol", [1e-16, 1e-13])
 @pytest.mark.parametrize("speed", np.linspace(0.3, 3.0, 8))
 def test_a_late_force_is_felt_from_its_first_moment(speed, tol):

@@ -45,6 +45,7 @@ def final_velocities(scene, solved, t):
     return [v for v, wall in zip(final, scene.is_wall, strict=True) if not wall]
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("case", NUMBERS["chains"], ids=lambda case: case["id"])
 def test_chains_agree_with_two_other_solvers(case):
     scene, law, end = chain_of(case)

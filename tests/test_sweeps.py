@@ -89,6 +89,7 @@ def test_a_cell_is_what_compare_says():
     assert float(cell["error"]) == report.error
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize(("name", "over"), [
     ("ball-stack", {"gap": [1e-5, 1e-2]}), ("newtons-cradle", {"gap": [0.0, 1e-6]}), ("gas", {"t_end": [0.5, 3.0]}),
     ("three-balls", {"t_end": [0.3197, 0.32]}), ("column", {"restitution": [0.1, 0.9]}),

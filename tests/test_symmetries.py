@@ -97,6 +97,7 @@ def test_hard_spheres_from_a_moving_train(scene: gr.Scene) -> None:
     assert np.allclose(train.position[-1] - run.position[-1], -1.5, atol=1e-9)
 
 
+@pytest.mark.thirds
 @SOFT
 @quick(7)
 @given(soft_scenes(STEADY, walls=MOVING, gaps=ALL, **SMALL))
@@ -134,6 +135,7 @@ def test_hard_spheres_in_a_mirror(scene: gr.Scene) -> None:
     same(run, -image.velocity[-1][::-1], image, range(scene.n_pairs)[::-1])
 
 
+@pytest.mark.thirds
 @SOFT
 @quick(7)
 @given(soft_scenes(STEADY, walls=MOVING, gravity=(0.0,), gaps=ALL, **SMALL))

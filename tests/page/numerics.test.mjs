@@ -4,7 +4,8 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { check, undecided } from "./golden.mjs";
 
-const cases = JSON.parse(readFileSync(new URL("golden.json", import.meta.url), "utf8"));
+const all = JSON.parse(readFileSync(new URL("golden.json", import.meta.url), "utf8"));
+const cases = all.filter((_, k) => k % 3 === Number(process.env.THIRD ?? k % 3)); // of three, or all
 
 for (const scene of new Set(cases.map((c) => c.scene))) {
   test(`${scene} as the Python engines run it`, () => {
@@ -14,7 +15,7 @@ for (const scene of new Set(cases.map((c) => c.scene))) {
 
 test("rises are decided except for a few balls thrown very high", () => {
   const known = cases.flatMap(({ soft, hard }) => [soft.rise, hard.rise]).filter((rise) => rise !== null);
-  assert.ok(known.length > 400 && undecided.length < 0.02 * known.length, `${undecided.length} of ${known.length}`);
+  assert.ok(known.length > 0.8 * cases.length && undecided.length < 0.02 * known.length, `${undecided.length} of ${known.length}`);
 });
 
 test("a contact that is given up stays so, though the search for rises comes to its end", () => {
