@@ -35,13 +35,6 @@ def test_both_engines_and_fixed_steps_tell_of_the_same_hits(name, options):
         assert not hits["duration"].any()
 
 
-@EACH
-def test_up_to_which_stiffness_contacts_are_isolated(name, options):
-    found = gr.threshold(name, "stiffness", (1e2, 1e8), points=4, within=0.5, **options | {"law": "LinearDashpot"})
-    for value in found.values:
-        assert value.verdict in ("holds", "fails", "isolated")
-
-
 @pytest.mark.parametrize(("name", "options"), [
     pytest.param(*case, marks=pytest.mark.soak) for case in (CASES[0], CASES[2], CASES[3])])
 def test_the_frontier_knows_the_scene(name, options):

@@ -68,7 +68,8 @@ def grazing(rng: Any, name: str, way: str) -> Grazed | None:
     if way == "moving walls":
         mass[0 if rng.random() < 0.5 else 2] = INF
     pairs = gr.Scene(mass, np.zeros(n), gap, v, 0.0).pairs
-    law = at_random.LAWS[name](10.0 ** rng.uniform(4.0, 8.0), float(rng.choice([0.02, 0.2])), pairs[contact].m_eff)
+    zeta = float(rng.choice([0.0, 0.02, 0.2, 2.0]))
+    law = at_random.LAWS[name](10.0 ** rng.uniform(4.0, 8.0), zeta, pairs[contact].m_eff)
     closing = v[contact] - v[contact + 1]
     if closing < 0.05 or (way == "two contacts" and v[2] - v[3] < 0.05):
         return None

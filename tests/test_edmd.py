@@ -309,13 +309,6 @@ def test_a_callable_and_a_table_of_a_constant_give_the_bits_of_the_constant() ->
     assert edmd.simulate(scene, [ConstantRestitution(0.75)] * 4).contacts.tobytes() == log
 
 
-def test_walls_may_move() -> None:
-    scene = Scene([math.inf, 1.0], [0.0, 0.0], [1.0], [1.0, 0.0])
-    run = final(scene, 1.0, t_end=3.0)
-    assert run.velocity[-1].tolist() == [1.0, 2.0]
-    assert run.position[-1].tolist() == [3.0, 5.0]
-
-
 @pytest.mark.parametrize(("eps", "end"), [(1e-6, 525.8736796815914), (1e-12, None), (1e-100, None)])
 def test_rates_far_below_the_velocities_are_not_lost(eps, end) -> None:
     """Two pairs collide in turn forever, their rates shrinking by ε each time; their velocities are equal soon."""

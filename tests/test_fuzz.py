@@ -1,10 +1,8 @@
 """Fuzz of soft scenes: the engine beside an independent solver, on stored truths, on live scenes, and (soak) on many.
 
-    pytest tests/test_fuzz.py                             71 stored truths and 10 live scenes, of which a commit runs a third
+    pytest tests/test_fuzz.py                             71 stored truths and 10 live scenes; of all, a third
     pytest -m soak -k stored_truths                       the other 250
     FUZZ_SCENES=20000 FUZZ_PROGRESS=fuzz.jsonl pytest -m soak tests/test_fuzz.py     resumes where it was stopped
-
-`python tests/fuzz/run.py --seeds 0:1000` prints what falls short.
 """
 
 from __future__ import annotations

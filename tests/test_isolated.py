@@ -13,9 +13,7 @@ import scenes_at_random as at_random
 from soft_twin import distance, in_other_units, nudged, twin
 
 import granular as gr
-from granular.md.located import blocks
 from granular.md.located.one_contact import tables
-from granular.md.located.records import DONE
 
 mpmath = pytest.importorskip("mpmath")
 MP = mpmath.MPContext()
@@ -463,41 +461,10 @@ def test_no_more_contacts_than_asked_for_begin(most):
     assert run.time[-1] == run.contacts["t_begin"].max()
 
 
-@pytest.mark.parametrize("name", at_random.ELASTIC[:3])
-def test_isolated_contacts_are_those_that_no_row_of_a_neighbour_overlaps(name):
-    """By brute force from the log; the first that is disturbed by hand, too."""
-    scene = at_random.gas(3, 12, 0.5)
-    run = gr.md.simulate(scene, at_random.LAWS[name](3e2, 0.0, 1.0), t_end=12.0, engine="plain")
-    rows = [row for row in run.contacts if not math.isnan(row["t_end"])]
-    free = sum(
-        not any(
-            abs(int(row["pair"]) - int(other["pair"])) == 1
-            and row["t_begin"] < (other["t_end"] if other["t_end"] == other["t_end"] else INF)
-            and other["t_begin"] < row["t_end"]
-            for other in run.contacts
-        )
-        for row in rows
-    )
-    running = len(run.contacts) - len(rows)
-    assert 0.1 * len(rows) < free < 0.95 * len(rows)
-    assert free <= run.stats["isolated"] <= free + running
-
-
 @pytest.mark.parametrize("seed", [5, 6])
 def test_energy_does_not_drift(seed):
     """Roundings of shares of impulse that add up were 1e-14 here, 6e-13 in a million contacts."""
     energy_of(20_000, gr.LinearDashpot(1e8), seed, 4e-15)
-
-
-def test_momentum_is_kept():
-    """Of balls without walls."""
-    rng = np.random.default_rng(3)
-    mass, v = rng.uniform(0.1, 3.0, 30), np.sort(rng.normal(size=30))[::-1]
-    scene = gr.Scene(mass, np.full(30, 0.1), rng.uniform(0.1, 0.2, 29), v)
-    for law in (gr.LinearDashpot(1e6, 50.0), gr.Hertz(1e7)):
-        run = gr.md.simulate(scene, law, engine="plain", t_end=30.0)
-        assert run.stats["isolated"] > 50
-        assert run.velocity[-1] @ mass == pytest.approx(v @ mass, rel=0, abs=1e-14 * (abs(v) @ mass))
 
 
 @pytest.mark.soak
@@ -512,94 +479,6 @@ def energy_of(count: int, law: Any, seed: int, drift: float) -> None:
     assert run.stats["contacts"] == count
     energy = run.energy()
     assert abs(energy[-1] / energy[0] - 1.0) <= drift
-
-
-# ---- the certificate
-
-
-class Certified:
-    """Watches which contacts `happen_at_once` certifies."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.met: list[int] = []
-        meet = blocks.happen_at_once
-
-        def watching(s: Any, c: int) -> int:
-            came = meet(s, c)
-            if came == DONE:
-                self.met.append(c)
-            return came
-
-        monkeypatch.setattr(blocks, "happen_at_once", watching)
-
-
-def grazing(rng: Any, margin: float) -> tuple[gr.Scene, Any, Any]:
-    """A ball that comes to a contact of dashpots so that its gap at the end is `margin` of the approach v t2.
-
-    Returns the gap at the end in many digits, for the scene as it is in floats, as a part of v t2.
-    """
-    zeta, k = float(rng.choice([0.0, 0.05, 0.4, 2.0])), 10.0 ** rng.uniform(3.0, 8.0)
-    mass = 10.0 ** rng.uniform(-1.0, 1.0, 3)
-    m = 1.0 / (1.0 / mass[0] + 1.0 / mass[1])
-    law = gr.LinearDashpot(k, 2.0 * zeta * math.sqrt(k * m))
-    gap, v0, v1 = 10.0 ** rng.uniform(-6.0, -2.0), float(rng.uniform(0.1, 2.0)), float(rng.uniform(-2.0, 0.0))
-    fast = v0 - v1
-    with MP.workdps(40):
-        masses = [MP.mpf(float(x)) for x in mass]
-        reduced = 1 / (1 / masses[0] + 1 / masses[1])
-        v = MP.mpf(v0) - MP.mpf(v1)
-        relax, omega = MP.mpf(law.gamma) / MP.mpf(k), MP.sqrt(MP.mpf(k) / reduced)
-        zeta = relax * omega / 2
-        root = MP.sqrt(abs(1 - zeta * zeta))
-        half = (MP.atan2(root, zeta) if zeta < 1 else MP.asinh(root)) / root
-        t2, eps = 2 * half / omega + relax, MP.exp(-2 * zeta * half)
-        onset = MP.mpf(gap) / v
-        # upper ball of the pair: place it would have, less what the contact took
-        kick = (1 + eps) * v * reduced / masses[1]
-        out = MP.mpf(v1) + kick
-        way = MP.mpf(v1) * (onset + t2) + reduced / masses[1] * v * t2
-        third = float(out - fast * MP.mpf(rng.uniform(0.01, 3.0)))
-        flank = float(margin * v * t2 + way - MP.mpf(third) * (onset + t2))
-        left = (MP.mpf(flank) + MP.mpf(third) * (onset + t2) - way) / (v * t2)
-    scale = (abs(v1) + abs(third)) * float(onset + t2) + abs(flank)
-    scene = gr.Scene(mass, [0.1] * 3, [gap, flank], [v0, v1, third]) if flank > 0.0 else None
-    return scene, law, (float(left), 2.0**-52 * scale / float(v * t2))
-
-
-def grazed(rng: Any, monkeypatch: Any, count: int) -> tuple[int, int, int]:
-    """Return how many contacts were certified, and how many wrongly, or were not though they could."""
-    certified, missed, false = 0, 0, 0
-    for _ in range(count):
-        margin = 10.0 ** rng.uniform(-15.5, -6.0) * rng.choice([-1.0, 1.0])
-        scene, law, (left, rounding) = grazing(rng, margin)
-        if scene is None:
-            continue
-        with monkeypatch.context() as patch:
-            watch = Certified(patch)
-            gr.md.simulate(scene, law, max_events=1, engine="plain", log=False)
-        met = bool(watch.met and watch.met[0] == 0)
-        certified += met
-        missed += met and left < -4.0 * rounding
-        false += not met and left > max(1e-9, 4.0 * rounding)
-    return certified, missed, false
-
-
-def test_a_neighbour_that_grazes_the_end_of_a_contact(monkeypatch):
-    """Margins of 1e-15 … 1e-6 on both sides of the end: none is missed, none is a false alarm above 1e-9."""
-    count = 300
-    certified, missed, false = grazed(np.random.default_rng(7), monkeypatch, count)
-    assert 0.3 * count < certified < 0.7 * count
-    assert missed == 0
-    assert false == 0
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize("batch", range(100))
-def test_neighbours_that_graze_the_end_of_a_contact(batch, monkeypatch):
-    """1e5 of them."""
-    _, missed, false = grazed(np.random.default_rng([7, batch]), monkeypatch, 1000)
-    assert missed == 0
-    assert false == 0
 
 
 def test_critically_damped_balls_bounce_on_a_floor_whatever_rounding_makes_of_the_ratio():

@@ -6,7 +6,6 @@ from functools import cache, partial
 
 import numpy as np
 import pytest
-from own_laws import OwnDashpot
 
 import granular as gr
 from granular.md.fixed.integrators import INTEGRATORS
@@ -34,18 +33,6 @@ def same_bits(one, other):
     for name in ("time", "position", "velocity", "gap", "force"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     assert one.contacts.tobytes() == other.contacts.tobytes()
-
-
-@pytest.mark.parametrize("method", [pytest.param(method, marks=pytest.mark.soak if method != "verlet"
-                                                 else ()) for method in ALL])
-def test_own_law_gives_the_bits_of_the_built_in_plain_and_compiled(method):
-    scene, law = three_balls()
-    own = [OwnDashpot(one.k, one.gamma) for one in law]
-    options = {"until": gr.until.contact(0, 2), "method": method, "dt": 2e-7}
-    runs = [verlet(scene, x, engine=engine, **options) for x in (law, own) for engine in ("plain", "compiled")]
-    assert runs[0].count(1) == 4
-    for run in runs[1:]:
-        same_bits(runs[0], run)
 
 
 def test_plain_and_compiled_give_the_same_bits_for_every_law():
@@ -273,18 +260,6 @@ def test_stability_limit_inside_a_chain():
     assert np.abs(below.velocity[-1]).max() < 0.1
 
 
-def test_samples_do_not_change_the_trajectory():
-    scene, law = three_balls()
-    options = {"until": gr.until.contact(0, 2), "dt": 1e-7}
-    bare = verlet(scene, law, **options)
-    times = np.linspace(0.3191, 0.3202, 57)
-    rich = verlet(scene, law, samples=times, **options)
-    assert rich.contacts.tobytes() == bare.contacts.tobytes()
-    np.testing.assert_array_equal(rich.time[:-1], times)
-    np.testing.assert_array_equal(rich.velocity[-1], bare.velocity[-1])
-    assert rich.force.max() > 3e4
-
-
 @pytest.mark.parametrize("n", [36, 50, 88, 127])
 def test_samples_do_not_change_the_step_on_which_a_flight_ends(n):
     """Balls that touch on a step: a second look at the flight rounded to the step after."""
@@ -326,24 +301,6 @@ def test_momentum_and_impulse():
     np.testing.assert_allclose(run.momentum(), scene.momentum(), rtol=1e-13)
     first = run.of(0)[0]
     assert first["impulse"] == pytest.approx(scene.mass[0] * (first["v_in"][0] - first["v_out"][0]), rel=1e-5)
-
-
-def test_mirror():
-    scene = gr.Scene([1.0, 2.0, 0.5], [0.1] * 3, [0.3, 0.2], [1.0, 0.25, -0.5])
-    other = gr.Scene(scene.mass[::-1], [0.1] * 3, scene.gap[::-1], -scene.velocity[::-1])
-    law = gr.LinearDashpot(1e4, 10.0)
-    one, two = (verlet(x, law, t_end=1.0, dt=2.0**-12) for x in (scene, other))
-    np.testing.assert_allclose(one.velocity[-1], -two.velocity[-1][::-1], rtol=1e-12)
-
-
-def test_scaling_by_powers_of_two_keeps_the_bits():
-    scene = gr.Scene([math.inf, 1.0, 0.5], [0.0, 0.1, 0.1], [0.25, 0.1], [0.0, -1.0, -0.5], gravity=8.0)
-    faster = scene.replace(velocity=scene.velocity * 4.0, gravity=8.0 * 16.0)  # time / 4
-    law = gr.LinearDashpot(1e4, 10.0)
-    one = verlet(scene, law, t_end=1.0, dt=2.0**-12)
-    two = verlet(faster, gr.LinearDashpot(16e4, 40.0), t_end=0.25, dt=2.0**-14)
-    np.testing.assert_array_equal(4.0 * one.velocity, two.velocity)
-    np.testing.assert_array_equal(one.gap, two.gap)
 
 
 def test_contacts_and_steps_are_limited():

@@ -174,5 +174,5 @@ def test_a_law_with_a_form_runs_by_its_form_in_every_engine():
         laws = law, OwnDashpot(law.k, law.gamma), Swapped(law.k, law.gamma)
         by_form, own, swapped = (simulated(scene, one) for one in laws)
         same(own, by_form)
-        moved = response(lambda one, simulated=partial(simulated, law=law): simulated(one).velocity, scene)
+        moved = response(lambda one, law=law, simulated=simulated: simulated(one, law).velocity, scene)
         assert (np.abs(swapped.velocity - own.velocity) <= 2.0**-51 * (1.0 + moved)).all()

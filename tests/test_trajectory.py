@@ -45,26 +45,6 @@ def test_arrays_are_read_only(soft):
         soft.velocity[0, 0] = 1.0
 
 
-def test_counts_and_rows(soft):
-    assert soft.count(0) == len(soft.of(0)) == 1
-
-
-@pytest.mark.parametrize("engine", ["md", "edmd"])
-def test_saved_and_loaded_is_the_same(engine, tmp_path):
-    scene = gr.scenes.three_balls()
-    law = [gr.LinearDashpot.from_restitution(0.7, 5e7, pair) for pair in scene.pairs]
-    end = gr.until.contact(0, 2)
-    physics = law if engine == "md" else gr.restitution_of(law)
-    run = getattr(gr, engine).simulate(scene, physics, until=end)
-    run.save(tmp_path / "run.npz")
-    back = gr.Trajectory.load(tmp_path / "run.npz")
-    assert (back.status, back.message, back.law, back.rule) == (run.status, run.message, run.law, run.rule)
-    for name in ("time", "position", "velocity", "gap", "contacts"):
-        assert getattr(back, name).tobytes() == getattr(run, name).tobytes()
-    assert set(back.state) == set(run.state)
-    np.testing.assert_array_equal(back.energy(), run.energy())
-
-
 def test_own_law_must_be_given_again(tmp_path):
     run = gr.md.simulate(gr.scenes.newtons_cradle(3), OwnSpring(1e6), t_end=1e-4)
     run.save(tmp_path / "run.npz")

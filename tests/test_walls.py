@@ -721,7 +721,7 @@ def test_a_function_with_too_many_turns_is_refused(monkeypatch):
 
 
 def some_panels(random, n, frequency):
-    """Edges of n panels, and their ends: places in m and slopes in m per unit of the edges, (2, n) to the left, right."""
+    """Edges of n panels, and their ends, left and right: places in m and slopes in m per unit of the edges, (2, n)."""
     widths = 10.0 ** random.uniform(-2.0, 0.0, n)
     edges = np.append(0.0, np.cumsum(widths) / widths.sum())
     edges[-1] = 1.0
