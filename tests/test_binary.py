@@ -23,18 +23,6 @@ def test_dashpot_restitution(zeta, eps):
     assert binary.restitution(law, UNIT, 3.0) == pytest.approx(eps, rel=1e-12)
 
 
-@pytest.mark.parametrize(("zeta", "t_c"), [(0.1, 2.9560753247), (0.5, 2.4183991523), (1.5, 1.7216357639)])
-def test_dashpot_duration(zeta, t_c):
-    contact = binary.collision(gr.LinearDashpot(4.0, 4.0 * zeta), UNIT, 3.0)
-    assert 2.0 * contact.duration == pytest.approx(t_c, abs=1e-10)
-
-
-@pytest.mark.parametrize(("eps", "zeta"), [(0.9, "z(.9)"), (0.7, "z(.7)"), (0.5, "z(.5)")])
-def test_clamped_damping_of_given_restitution(eps, zeta):
-    law = gr.LinearDashpot.from_restitution(eps, 1.0, UNIT)
-    assert 0.5 * law.gamma == pytest.approx(ROWS["C1b"]["numbers"][zeta], rel=1e-12)
-
-
 def test_hertz_closed_form():
     contact, numbers = binary.collision(gr.Hertz(1.0), UNIT, 1.0), ROWS["C2"]["numbers"]
     assert contact.duration == pytest.approx(numbers["tc_pref"], rel=1e-12)

@@ -241,16 +241,6 @@ def test_a_run_that_ends_otherwise_than_at_its_end_time_keeps_its_end() -> None:
     assert edmd.resume(part, samples=times, until=until.contact(0)).time.tolist() == [*times, 1.0]
 
 
-def test_samples_do_not_change_the_run() -> None:
-    random = np.random.default_rng(5)
-    scene = Scene([math.inf] + [1.0] * 20, np.zeros(21), random.uniform(0.1, 1.0, 20), np.zeros(21), gravity=1.0)
-    plain = edmd.simulate(scene, ConstantRestitution(0.8), t_end=3.0)
-    sampled = edmd.simulate(scene, ConstantRestitution(0.8), t_end=3.0, samples=1000)
-    assert plain.contacts.tobytes() == sampled.contacts.tobytes()
-    assert (np.diff(sampled.position, axis=1) >= 0.0).all()
-    assert plain.velocity[-1].tobytes() == sampled.velocity[-1].tobytes()
-
-
 def test_separated_stops_after_the_last_push() -> None:
     run = edmd.simulate(stack([1.0, 0.1]), ConstantRestitution(1.0), until=until.separated())
     assert run.status is Status.until

@@ -43,6 +43,21 @@ def same(a, b):
     assert a.message == b.message
 
 
+def goes_on(scene, eps, engine, tmp_path, asked, **options):
+    """A run, and the rest of it from a file of its first half; raise where they, or the queues, differ by a bit."""
+    whole = run(scene, eps, **options, **asked)
+    if engine != "sorted":
+        same(whole, run(scene, eps, **options, **asked, engine=engine))
+    run(scene, eps, **options, max_events=len(whole.contacts) // 2).save(tmp_path / "half.npz")
+    half = gr.Trajectory.load(tmp_path / "half.npz")
+    left = asked["max_events"] - len(half.contacts)
+    rest = gr.edmd.resume(half, t_end=asked["t_end"], max_events=left, engine=engine)
+    assert rest.contacts.tobytes() == whole.contacts[len(half.contacts) :].tobytes()
+    for name in ("velocity", "gap", *["ledger"] * (whole.ledger is not None)):
+        assert getattr(rest, name)[-1].tobytes() == getattr(whole, name)[-1].tobytes(), name
+    return whole, rest
+
+
 def follows_the_twin(scene, eps, result, most):
     """Raise where a run does not make the collisions of the twin, in its order, at its times and speeds."""
     with mp.workdps(30):
@@ -85,16 +100,8 @@ def test_beside_thermal_walls_every_hit_of_the_twin_is_found(seed):
 @QUEUES
 @pytest.mark.parametrize("seed", range(6))
 def test_beside_thermal_walls_every_queue_and_a_run_that_goes_on_are_the_same(seed, engine, tmp_path):
-    scene, options = heated(seed), {"t_end": 30.0, "max_events": 2000, "samples": 7, "collapse": "merge"}
-    whole = run(scene, 0.7, **options)
-    if engine != "sorted":
-        same(whole, run(scene, 0.7, **options, engine=engine))
-    run(scene, 0.7, collapse="merge", max_events=len(whole.contacts) // 2).save(tmp_path / "half.npz")
-    half = gr.Trajectory.load(tmp_path / "half.npz")
-    rest = gr.edmd.resume(half, t_end=30.0, max_events=2000 - len(half.contacts), engine=engine)
-    assert rest.contacts.tobytes() == whole.contacts[len(half.contacts) :].tobytes()
-    assert rest.velocity[-1].tobytes() == whole.velocity[-1].tobytes()
-    assert rest.ledger[-1].tobytes() == whole.ledger[-1].tobytes()
+    asked = {"t_end": 30.0, "max_events": 2000, "samples": 7}
+    whole, rest = goes_on(heated(seed), 0.7, engine, tmp_path, asked, collapse="merge")
     assert rest.stats["given"] == whole.stats["given"]
 
 
@@ -232,15 +239,7 @@ def test_of_pendula_every_queue_and_a_run_that_goes_on_are_the_same(seed, engine
     scene, eps = hanging(seed), [0.7, 1.0][seed % 2]
     options = {"collapse": ["stop", "merge"][seed // 2 % 2], "ties": ["left", "random", "right"][seed // 2]}
     asked = {"t_end": 80.0 / scene.pendulum, "max_events": 1500, "samples": 7}
-    whole = run(scene, eps, **options, **asked)
-    if engine != "sorted":
-        same(whole, run(scene, eps, **options, **asked, engine=engine))
-    run(scene, eps, **options, max_events=len(whole.contacts) // 2).save(tmp_path / "half.npz")
-    half = gr.Trajectory.load(tmp_path / "half.npz")
-    rest = gr.edmd.resume(half, t_end=asked["t_end"], max_events=1500 - len(half.contacts), engine=engine)
-    assert rest.contacts.tobytes() == whole.contacts[len(half.contacts) :].tobytes()
-    assert rest.velocity[-1].tobytes() == whole.velocity[-1].tobytes()
-    assert rest.gap[-1].tobytes() == whole.gap[-1].tobytes()
+    goes_on(scene, eps, engine, tmp_path, asked, **options)
 
 
 def test_a_cradle_of_five_after_one_period():
@@ -461,16 +460,8 @@ RINGS = [(2, 0.8, {}), (5, 0.02, {}), (300, 0.3, {}), (9, 0.6, {"collapse": "mer
 @QUEUES
 @pytest.mark.parametrize(("n", "eps", "options"), RINGS)
 def test_on_a_ring_every_queue_and_a_run_that_goes_on_are_the_same(n, eps, options, engine, tmp_path):
-    scene, asked = ring(n, n), {"t_end": 40.0, "max_events": 2500, "samples": 5}
-    whole = run(scene, eps, **asked, **options)
-    if engine != "sorted":
-        same(whole, run(scene, eps, **asked, **options, engine=engine))
-    run(scene, eps, max_events=len(whole.contacts) // 2, **options).save(tmp_path / "half.npz")
-    half = gr.Trajectory.load(tmp_path / "half.npz")
-    rest = gr.edmd.resume(half, t_end=40.0, max_events=2500 - len(half.contacts), engine=engine)
-    assert rest.contacts.tobytes() == whole.contacts[len(half.contacts) :].tobytes()
-    assert rest.velocity[-1].tobytes() == whole.velocity[-1].tobytes()
-    assert rest.gap[-1].tobytes() == whole.gap[-1].tobytes()
+    asked = {"t_end": 40.0, "max_events": 2500, "samples": 5}
+    whole, rest = goes_on(ring(n, n), eps, engine, tmp_path, asked, **options)
     assert rest.message.partition(" after")[0] == whole.message.partition(" after")[0]
 
 

@@ -100,13 +100,6 @@ def test_without_numba_the_reference_runs_and_compiled_says_what_to_install(monk
         edmd.simulate(scene, ConstantRestitution(1.0), engine="compiled")
 
 
-def test_the_engine_loads_neither_scipy_nor_numba() -> None:
-    heavy = "'numba', 'scipy', 'matplotlib', 'xarray'"
-    code = f"import sys, granular.edmd; print([m for m in ({heavy}) if m in sys.modules])"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.strip() == "[]"
-
-
 def test_numba_told_not_to_compile_is_as_if_it_were_not_there() -> None:
     code = (
         "import granular as gr\n"

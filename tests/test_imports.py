@@ -17,7 +17,8 @@ def fresh(code):
     return run.stdout.strip()
 
 
-@pytest.mark.parametrize("module", ["granular", "granular.edmd", "granular.md", "granular.comparison", "granular.cli"])
+@pytest.mark.parametrize("module", ["granular", "granular.edmd", "granular.md", "granular.comparison", "granular.cli",
+                                    "granular.walls"])
 def test_import_is_light(module):
     assert fresh(f"import sys, {module}; print([m for m in {HEAVY} if m in sys.modules])") == "[]"
 

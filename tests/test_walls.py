@@ -5,8 +5,6 @@ import json
 import math
 import pickle
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import mpmath as mp
@@ -696,22 +694,6 @@ def test_smooth_functions_are_fitted_over_any_span(end, height):
     for t in np.linspace(0.0, end, 23).tolist():
         exact = mp.mpf(height) + mp.mpf(1e-3) * mp.sin(200 * mp.mpf(t))
         assert abs(panels.displacement(t) - exact) <= 2 * panels.error + 2.0**-53 * height
-
-
-def test_a_users_own_exception_passes():
-    with pytest.raises(ZeroDivisionError):
-        Motion(lambda t: 1.0 / 0.0).panels(0.0, 1.0)
-
-
-def test_walls_are_part_of_the_public_face():
-    assert gr.walls.Sine is Sine
-    assert {"Sine", "Piecewise", "Motion"} <= set(gr.walls.__all__)
-
-
-def test_walls_load_nothing_heavy():
-    code = "import sys, granular.walls; print([m for m in ('scipy', 'numba', 'fractions') if m in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
 
 
 def test_a_function_with_too_many_turns_is_refused(monkeypatch):
