@@ -190,21 +190,6 @@ def test_error_is_of_first_order_in_the_mass_ratio(eps, factor):
 
 # --- what the paper leaves out ---
 
-@pytest.mark.parametrize("zeta", [(0.1, 0.1), (1.0, 1.0), (0.1, 1.0), (1.0, 0.1), (3.0, 0.2), (0.2, 3.0), (4.0, 4.0)])
-def test_every_damping(zeta):
-    scene = drop()
-    law = [gr.LinearDashpot(5e7, 2.0 * z * math.sqrt(5e7 * m)) for z, m in zip(zeta, scene.mass[1:], strict=True)]
-    assert check_against_limit(scene, law).count >= 1
-
-
-@pytest.mark.parametrize("gap", [0.0, 1e-12, 1e-6])
-@pytest.mark.parametrize("eps", [1.0, 0.5, 0.1])
-def test_balls_that_touch_or_nearly_do(gap, eps):
-    scene = drop(gap=gap)
-    solution = check_against_limit(scene, dashpots(scene, eps))
-    assert solution.contacts[0, 0] == 0.0 if gap == 0.0 else solution.contacts[0, 0] > 0.0
-
-
 def overlap_at(scene, law, solution, t):
     """Overlaps of both pairs at a time after the first touch, by the exact engine with a ball of hardly any weight."""
     light, its_law = lighter(scene, law, 2.0**-60)
@@ -287,7 +272,7 @@ def test_upper_ball_far_away_has_no_contact():
 def test_random_scenes_equal_the_limit():
     rng = np.random.default_rng(83)
     seen = set()
-    for _ in range(15):
+    for _ in range(30):
         scene = drop(10 ** rng.uniform(0.0, 1.5), rng.choice([0.0, 10 ** rng.uniform(-8, -3)]), 0.32)
         scene = scene.replace(gap=scene.gap - [scene.gap[0], 0.0], gravity=10 ** rng.uniform(-1, 2.5),
                               velocity=np.array([0.0, -1.0, -1.0]) * 10 ** rng.uniform(-2, 1))

@@ -86,16 +86,6 @@ def test_effective_restitution_by_root_is_the_closed_form(report):
     assert report.effective_restitution(lambda run: float(run.count(1))) == ()  # EDMD has one contact for any ε
 
 
-def test_far_apart_is_binary():
-    scene = gr.scenes.three_balls(gap=1e-2)
-    law = [gr.LinearDashpot.from_restitution(0.9, k=5e7, pair=p) for p in scene.pairs]
-    far = gr.compare(scene, law, until=gr.until.contact(0, 2))
-    assert far.overlaps == ()
-    assert far.measures["shared_impulse"] == 0.0
-    assert far.restitution_ratio == pytest.approx(1.000926, abs=2e-3)
-    assert far.verdict.startswith("Yes: every contact is binary")
-
-
 def test_touching_cradle_has_no_unique_hard_sphere_answer():
     scene = gr.scenes.newtons_cradle(3)
     cradle = gr.compare(scene, gr.Hertz(1e9))
@@ -278,11 +268,6 @@ def test_contact_of_hard_spheres_alone_is_not_called_nothing():
     away = gr.md.simulate(scene.replace(velocity=scene.velocity[::-1]), gr.Hertz(1e8), t_end=1.0)
     alone = replace(hit, soft=away)
     assert alone.verdict.startswith("No: pair 0 has 0 contacts, not 1")
-
-
-def test_what_is_no_scene_is_refused_as_md_does():
-    with pytest.raises(TypeError, match=r"scene is None: a granular\.Scene is needed, such as"):
-        gr.compare(None, gr.Hertz(1e8))
 
 
 @dataclass(frozen=True)

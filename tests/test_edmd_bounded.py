@@ -465,7 +465,6 @@ def test_on_a_ring_every_queue_and_a_run_that_goes_on_are_the_same(n, eps, optio
     assert rest.message.partition(" after")[0] == whole.message.partition(" after")[0]
 
 
-@pytest.mark.thirds
 @pytest.mark.parametrize(("n", "eps", "options"), [(5, 0.02, {}), *RINGS[2:4], (40, 0.0, {}), *RINGS[5:]])
 def test_where_the_numbers_of_a_ring_begin_does_not_matter(n, eps, options):
     """Nor does a common velocity: the same collisions, a verdict on the same balls."""

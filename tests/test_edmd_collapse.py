@@ -30,16 +30,6 @@ def run(scene, eps, **options):
     return edmd.simulate(scene, ConstantRestitution(eps), **options)
 
 
-@pytest.mark.parametrize("eps", [0.05, 0.0715, 0.0717])
-def test_three_balls_below_the_threshold_collapse_for_certain(eps) -> None:
-    end = run(cluster(3), eps)
-    assert end.status is Status.collapse
-    assert end.stats["verdict"] == "proved"
-    assert end.stats["pairs"] == (0, 1)
-    assert end.stats["bound"] < 1e-59
-    assert "pairs 0 to 1" in end.message
-
-
 @pytest.mark.parametrize(("eps", "collisions"), [(0.0719, 89), (0.0722, 45), (0.1, 6)])
 def test_three_balls_above_the_threshold_part_after_finitely_many(eps, collisions) -> None:
     end = run(cluster(3), eps)

@@ -125,13 +125,6 @@ def test_period_doubling_where_the_exact_formula_says(case):
         assert (np.ptp(late) > 1e-3) == (period == 2)
 
 
-def test_one_period_at_half_restitution():
-    """ε = .5, Γ = 1.525: the hard ball has period 1 (the soft one, of ω0/ω = 100, 2)."""
-    phase = math.acos(math.pi / 3.0 / 1.525)
-    log = run(plate(1, shaken(1.525, phase=phase), gap=0.0, velocity=math.pi), 0.5, t_end=1e6, max_events=3000).contacts
-    assert np.ptp(np.diff(log["t_begin"][-100:])) < 1e-6
-
-
 # --- riding
 
 

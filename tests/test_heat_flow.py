@@ -37,12 +37,6 @@ def gas(n, seed=1, **options):
 ELASTIC = gr.ConstantRestitution(1.0)
 
 
-def test_the_flow_of_free_flight_is_the_formula():
-    hot, cold, m = (EQUAL[name] for name in ("T1", "T2", "m"))
-    exact = EQUAL["density"] * (hot - cold) / (math.sqrt(math.pi * m / 2.0) * (hot**-0.5 + cold**-0.5))
-    assert exact == pytest.approx(EQUAL["J"], rel=1e-15)
-
-
 @pytest.mark.parametrize("n", [pytest.param(n, marks=COMPILED) for n in EQUAL["n"]])
 def test_equal_masses_conduct_like_free_flight(n):
     flow, error = mean(heat(gas(n), ELASTIC, 4e5 if n < 100 else 1e5))

@@ -264,15 +264,13 @@ class Bent:
         return self.k * xi + (20.0 * self.k * (xi - self.x) if xi > self.x else 0.0)
 
 
-@pytest.mark.parametrize("bend", [0.9995])
-def test_a_law_that_bends_has_no_table_where_it_does(bend, monkeypatch):
+def test_a_law_that_bends_has_no_table_where_it_does(monkeypatch):
     """Not even beyond the last point of an octave of speeds."""
     monkeypatch.setattr(tables, "WARM", 1)
-    law = Bent(1e6, bend / math.sqrt(2e6))
-    for part in (0.9,):
-        scene = gr.Scene([1.0, 1.0], [0.1, 0.1], [1e-3], [bend + part * (1.0 - bend), 0.0])
-        new, old = (run(scene, law, engine="plain").contacts for run in (gr.md.simulate, twin))
-        assert new["duration"] == pytest.approx(old["duration"], rel=1e-14)
+    law = Bent(1e6, 0.9995 / math.sqrt(2e6))
+    scene = gr.Scene([1.0, 1.0], [0.1, 0.1], [1e-3], [0.99995, 0.0])
+    new, old = (run(scene, law, engine="plain").contacts for run in (gr.md.simulate, twin))
+    assert new["duration"] == pytest.approx(old["duration"], rel=1e-14)
 
 
 @dataclass(frozen=True)
@@ -399,29 +397,6 @@ def test_own_laws_at_random_against_pieces(seed):
     agree(seed, scene, laws, engine="plain", t_end=20.0, max_events=20, max_steps=2000)
 
 
-@pytest.mark.parametrize("name", at_random.POWERS)
-def test_same_bits_interpreted_and_compiled(name):
-    """Samples, logs, stops; tables, too, of laws that gravity leaves without a map."""
-    pytest.importorskip("numba")
-    rng = np.random.default_rng(at_random.POWERS.index(name))
-    for gravity in (0.0, 9.81):
-        n = 4
-        mass = [INF, *rng.uniform(0.5, 2.0, n), INF]
-        gap, v = rng.uniform(0.01, 0.05, n + 1), [0.0, *rng.normal(size=n), 0.1]
-        scene = gr.Scene(mass, np.zeros(n + 2), gap, v, gravity)
-        law = at_random.LAWS[name](1e7, 0.01, 1.0)
-        for options in (
-            {"t_end": 0.3, "samples": 13}, {"t_end": 0.3, "log": False}, {"until": gr.until.contact(2, 3)},
-            {"max_events": 17},
-        ):
-            plain, fast = (gr.md.simulate(scene, law, engine=engine, **options) for engine in ("plain", "compiled"))
-            assert fast.stats["engine"] == "compiled"
-            for field in ("time", "position", "velocity", "gap", "force", "contacts"):
-                assert getattr(plain, field).tobytes() == getattr(fast, field).tobytes(), (field, options)
-            assert repr({**plain.stats, "engine": ""}) == repr({**fast.stats, "engine": ""})
-            assert plain.message == fast.message
-
-
 @pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(6))
 def test_stops_and_ends_inside_contacts(seed):
@@ -451,14 +426,6 @@ def test_stops_and_ends_inside_contacts(seed):
         assert new.velocity[-1] == pytest.approx(old.velocity[-1], rel=0, abs=1e-11)
         assert new.gap[-1] == pytest.approx(old.gap[-1], rel=0, abs=1e-13)
         assert new.force[-1] == pytest.approx(old.force[-1], rel=0, abs=1e-9 * scale)
-
-
-@pytest.mark.parametrize("most", [1, 2, 5])
-def test_no_more_contacts_than_asked_for_begin(most):
-    scene = gr.Scene([INF, 1.0, 2.0, INF], np.zeros(4), [0.01] * 3, [0.0, 1.0, -1.0, 0.0])
-    run = gr.md.simulate(scene, gr.Hertz(1e6), max_events=most, engine="plain")
-    assert run.stats["contacts"] == len(run.contacts) == most
-    assert run.time[-1] == run.contacts["t_begin"].max()
 
 
 @pytest.mark.parametrize("seed", [5, 6])

@@ -42,12 +42,6 @@ def test_damping_and_restitution_are_inverse(eps):
     assert dashpot.restitution(zeta) == pytest.approx(eps, rel=1e-15 * (1.0 + 4.0 * condition))
 
 
-def test_attractive_end_is_another_law():
-    zeta = dashpot.damping_ratio(0.5)
-    naive = math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta * zeta))
-    assert naive < 0.5 - 0.05
-
-
 @pytest.mark.parametrize("law", LAWS[:5], ids=lambda law: type(law).__name__)
 def test_potential_is_the_integral_of_the_elastic_force(law):
     xi = 3e-4

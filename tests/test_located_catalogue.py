@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from granular import until
-from granular.laws import Hertz, LinearDashpot, PowerLaw, TsujiHertz, ViscoelasticHertz, WaltonBraun
+from granular.laws import Hertz, LinearDashpot, PowerLaw, ViscoelasticHertz
 from granular.laws.dashpot import duration, restitution
 from granular.md import simulate as run
 from granular.scene import Scene
@@ -69,23 +69,6 @@ def test_elastic_powers(n: float) -> None:
 def test_viscoelastic_restitution(delta: float, expected: float) -> None:
     """C3: ε(δ), δ = γ k^(-3/5) v^(1/5)."""
     assert epsilon(collide(ViscoelasticHertz(1.0, delta))) == pytest.approx(expected, abs=1e-10)
-
-
-@pytest.mark.parametrize("zeta", [0.05, 0.3, 0.7, 1.5])
-def test_tsuji_is_the_dashpot(zeta: float) -> None:
-    """Tsuji's law has the restitution of the dashpot with ζ = α/√5, at any speed."""
-    law = TsujiHertz(1.0, zeta * math.sqrt(5.0))
-    for speed in (1.0, 1e-3):
-        soft = collide(law, PAIR.replace(velocity=[speed, 0.0]))
-        assert epsilon(soft) / speed == pytest.approx(restitution(zeta), abs=2e-14)
-
-
-@pytest.mark.parametrize("ratio", [1.0001, 1.5, 4.0, 100.0])
-def test_walton_braun(ratio: float) -> None:
-    """C6: ε = √(k1/k2), t_c = (π/2)(√(m/k1) + √(m/k2)); the switch between branches is an event."""
-    soft = collide(WaltonBraun(1.0, ratio))
-    assert epsilon(soft) == pytest.approx(1.0 / math.sqrt(ratio), abs=1e-13)
-    assert soft.contacts["duration"][0] == pytest.approx(0.5 * math.pi * (1.0 + 1.0 / math.sqrt(ratio)), rel=1e-12)
 
 
 def test_linear_cradles() -> None:

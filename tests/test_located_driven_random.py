@@ -68,7 +68,6 @@ def distance(one, other):
     return max(abs(one.gap - other.gap).max(), abs(rates[0] - rates[1]).max()) / max(1.0, abs(rates[0]).max())
 
 
-@pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(24))
 def test_the_account_closes(seed):
     scene, law, start = some_scene(seed)
@@ -113,7 +112,6 @@ def test_a_mirror_swaps_floor_and_ceiling(seed):
         assert one.ledger[-1, [0, 1, 4]] == pytest.approx(other.ledger[-1, [1, 0, 4]], rel=1e-9, abs=1e-12)
 
 
-@pytest.mark.thirds
 @pytest.mark.parametrize("seed", range(6))
 def test_nobody_knows_how_fast_all_move(seed):
     scene, law, start = some_scene(seed)

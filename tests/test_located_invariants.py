@@ -44,18 +44,6 @@ def test_momentum_and_energy(given_scene: tuple[Scene, tuple[Any, ...]]) -> None
     assert over["duration"] == pytest.approx(over["t_end"] - over["t_begin"], rel=1e-12, abs=1e-15)
 
 
-def test_elastic_energy_is_constant() -> None:
-    """1e-14 in the elastic two-ball scene; a few ulp per contact through hundreds of them."""
-    balls = Scene([math.inf, 3.77, 0.00377], [0.0, 0.1, 0.01], [0.0, 1e-4], [0.0, -3.0, -3.0], 9.81)
-    soft = go(balls, (LinearDashpot(5e7),) * 2, t_end=0.01)
-    assert len(soft.contacts) == 4
-    assert soft.energy()[-1] == pytest.approx(soft.energy()[0], rel=1e-14)
-    scene = Scene([math.inf, 1.0, 0.3, 0.1, math.inf], [0, 0.1, 0.1, 0.1, 0], [0.01] * 4, [0, -1.0, 0.5, 2.0, 0])
-    soft = go(scene, (LinearDashpot(1e5),) * 4, t_end=2.0, max_events=10_000, max_steps=100_000)
-    assert len(soft.contacts) > 250
-    assert soft.energy()[-1] == pytest.approx(soft.energy()[0], rel=5e-15 * len(soft.contacts))
-
-
 def test_energy_of_piles_that_come_back_to_a_touch() -> None:
     """Laws of any steepness, balls at rest and at a touch, many returns: the energy of all samples, positions too."""
     rng, steps = np.random.default_rng(3), 0

@@ -52,23 +52,6 @@ def test_a_law_without_traits_gives_the_same_motion(known: Any, mine: Any) -> No
         assert other.contacts[name] == pytest.approx(one.contacts[name], abs=1e-11 * scale, rel=0), name
 
 
-def test_touching_chain_of_a_law_without_traits() -> None:
-    """Pairs that touch at rest wake one after the other."""
-    scene = Scene([1.0] * 5, [0.1] * 5, [0.0] * 4, [1.0, 0, 0, 0, 0])
-    one = run(scene, (Hertz(1e6),) * 4, until=until.separated(), engine="plain")
-    other = run(scene, (OwnHertz(1e6),) * 4, until=until.separated(), engine="plain")
-    assert other.velocity[-1] == pytest.approx(one.velocity[-1], abs=1e-12)
-
-
-def test_laws_with_memory_lose_energy_and_stay_in_order() -> None:
-    """Walton-Braun between floor and balls: loading, unloading, reloading."""
-    soft = run(three_balls(), (WaltonBraun(5e7, 8e7),) * 2, until=until.contact(0, 2), engine="plain")
-    assert soft.status is Status.until
-    assert soft.count(1) >= 2
-    kinetic = [(row["v_out"][1] - row["v_out"][0]) / (row["v_in"][0] - row["v_in"][1]) for row in soft.of(1)]
-    assert all(ratio > 0.0 for ratio in kinetic)
-
-
 @pytest.mark.parametrize("eps", [0.03, 0.01, 1e-3])
 def test_a_very_stiff_unloading_is_no_more_work(eps: float) -> None:
     """Its force carries the rounding of the overlap times k_unload, which smaller steps cannot mend."""
@@ -77,24 +60,6 @@ def test_a_very_stiff_unloading_is_no_more_work(eps: float) -> None:
     v = soft.velocity[-1]
     assert v[1] - v[0] == pytest.approx(eps, abs=1e-15 / eps)
     assert soft.stats["steps"] < 200
-
-
-def test_different_laws_in_one_scene() -> None:
-    """A linear, a Hertz and a damped pair share one island; momentum is kept."""
-    scene = Scene([1.0, 2.0, 0.5, 1.0], [0.1] * 4, [1e-3, 0.0, 1e-4], [1.0, 0.0, 0.0, -1.0])
-    laws = (LinearDashpot(1e5, 10.0), Hertz(1e7), ViscoelasticHertz(1e7, 1e3))
-    soft = run(scene, laws, until=until.separated(), engine="plain")
-    assert soft.status is Status.until
-    assert abs(soft.momentum()[-1] - soft.momentum()[0]) < 1e-14
-    finer = run(scene, laws, until=until.separated(), engine="plain", tol=1e-17)
-    assert soft.velocity[-1] == pytest.approx(finer.velocity[-1], abs=1e-13)
-
-
-def test_engine_compiled_refuses_general_laws() -> None:
-    """With a sentence that names the law."""
-    pytest.importorskip("numba")
-    with pytest.raises(TypeError, match="MyViscoelastic"):
-        run(three_balls(), (MyViscoelastic(1e7, 0.0),) * 2, engine="compiled")
 
 
 def test_exceptions_of_the_law_pass_through() -> None:
@@ -124,14 +89,6 @@ def test_a_ball_comes_to_rest_on_the_floor(law: Any, rests: bool) -> None:
     assert "equilibrium" in soft.message
 
 
-def test_rest_is_not_claimed_while_a_ball_may_arrive() -> None:
-    """The lower ball lies still long before the upper one comes down on it."""
-    scene = Scene([math.inf, 1.0, 1.0], [0.0, 0.1, 0.1], [1e-5, 0.5], [0.0, 0.0, 0.0], 9.81)
-    soft = run(scene, (LinearDashpot(1e6, 500.0),) * 2, engine="plain", max_steps=50_000)
-    assert soft.status is Status.resting
-    assert soft.of(1)["t_begin"][0] == pytest.approx(math.sqrt(2 * 0.5 / 9.81), rel=1e-3)
-
-
 @pytest.mark.thirds
 @pytest.mark.parametrize("zeta", [5.0, 50.0, 1e3, 1e5])
 @pytest.mark.parametrize("engine", ["plain", "compiled"])
@@ -144,13 +101,6 @@ def test_a_strongly_damped_pile_creeps_to_rest(zeta: float, engine: str) -> None
     soft = run(scene, laws, until=until.contact(0, 2), engine=engine, max_steps=2000)
     assert soft.status is Status.resting
     assert "equilibrium" in soft.message
-
-
-def test_pile_between_walls_rests_by_its_squeeze() -> None:
-    """Floor and ceiling press two balls together, without gravity."""
-    scene = Scene([math.inf, 1.0, 2.0, math.inf], [0, 0.1, 0.1, 0], [-1e-3, -2e-3, -1e-4], [0.0] * 4)
-    soft = run(scene, (LinearDashpot(1e5, 300.0),) * 3, engine="plain", max_steps=20_000)
-    assert soft.status is Status.resting
 
 
 def test_a_start_inside_an_overlap() -> None:

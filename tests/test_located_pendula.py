@@ -89,14 +89,6 @@ def test_between_walls_and_swinging_together():
     assert together.status is gr.Status.time
 
 
-def test_resumed_bit_for_bit_in_the_middle_of_a_contact():
-    whole = gr.md.simulate(CRADLE, DASHPOT, t_end=8.0, samples=[0.0, 8.0])
-    first = gr.md.simulate(CRADLE, DASHPOT, t_end=float(whole.contacts["t_begin"][5] + 1e-4))
-    rest = gr.md.resume(first, t_end=8.0)
-    assert rest.velocity[-1].tobytes() == whole.velocity[-1].tobytes()
-    assert rest.gap[-1].tobytes() == whole.gap[-1].tobytes()
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_isolated_contacts_are_those_by_pieces(seed):
     rng = np.random.default_rng([6, seed])

@@ -98,7 +98,6 @@ def test_a_slow_approach_that_is_given_is_no_rounding():
 SLOW = ("strong dashpot", "compiled"), ("creep", "compiled")
 
 
-@pytest.mark.thirds
 @pytest.mark.parametrize(("law", "engine"), [
     pytest.param(name, engine, marks=[pytest.mark.soak] * ((name, engine) in SLOW))
     for name in DAMPED for engine in ("plain", "compiled")])

@@ -235,6 +235,7 @@ RUNS = {
     "unknown remedy": (lambda: hard(collapse="stopp"), r"collapse is 'stopp': "),
     "unknown engine": (lambda: hard(engine="fast"), r"engine is 'fast': one of "),
     "overlap in compare": (lambda: compare(OVERLAP, SOFT, t_end=1.0), r"gap\[0\] is -0\.01: "),
+    "compare of no scene": (lambda: compare(None, SOFT), r"scene is None: a granular\.Scene is needed, such as"),
     "compare without force": (lambda: compare(STACK, Forceless(), t_end=1.0), r"law of pair 0 is .*Forceless"),
     "compare into the past": (lambda: compare(STACK, SOFT, t_end=-1.0), r"t_end is -1\.0: "),
     "unknown case": (lambda: cases.make("three-bals"), r"scene is 'three-bals': .*did you mean three-balls\?"),

@@ -14,8 +14,6 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from scipy.integrate import solve_ivp
-from solved_by_scipy import counted
 
 import granular as gr
 from granular._kernels import compiled, have_numba
@@ -61,26 +59,6 @@ def test_damping_is_as_right_as_its_argument(row: dict[str, Any]) -> None:
     step = max(1e-6 * b, 1e-300)
     condition = eps / abs(restitution(b + step) - restitution(b - step)) * 2 * step / b  # d ln b / d ln eps
     assert damping(eps) == pytest.approx(b, rel=2e-16 * condition + 1e-14, abs=0.0)
-
-
-def test_quoted_values() -> None:
-    for row in KNOWN["quoted"]:
-        assert restitution(row["b"]) == pytest.approx(row["eps"], rel=0.0, abs=1e-10)
-
-
-@pytest.mark.parametrize("b", [0.0, 0.1, 1.0, 10.0])
-def test_plain_integration_of_the_equation(b: float) -> None:
-    def acceleration(t: float, state: Any) -> list[float]:
-        y, rate = max(state[0], 0.0), state[1]
-        return [rate, -(y**1.5) - b * math.sqrt(y) * rate]
-
-    def bracket(t: float, state: Any) -> float:
-        return float(state[0] + b * state[1]) if t > 0.1 else 1.0
-
-    bracket.terminal = True  # type: ignore[attr-defined]
-    run = solve_ivp(counted(acceleration), (0.0, 10.0), [0.0, 1.0], "DOP853", events=bracket, rtol=1e-12, atol=1e-14)
-    assert restitution(b) == pytest.approx(-run.y_events[0][0][1], rel=1e-8)
-    assert duration(b) == pytest.approx(run.t_events[0][0], rel=1e-8)
 
 
 def test_the_generator_still_makes_these_numbers(generator: ModuleType) -> None:

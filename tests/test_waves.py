@@ -265,22 +265,6 @@ def test_the_wave_solves_its_integrated_equation(p):
         assert wave.speed * wave.velocity(x) == pytest.approx(0.5 * weight @ wave.overlap(x + s) ** p, abs=1e-13)
 
 
-@pytest.mark.parametrize("p", [1.1, 1.5, 2.0])
-def test_the_wave_solves_newton_s_equation(p):
-    """c² φ'' and the derivative of the velocity, by differences of order 6 and 4, against the forces."""
-    wave, h = waves.SolitaryWave(p), 2e-3
-    x = np.linspace(-2.0, 2.0, 41)
-    assert wave.overlap(0.0) == pytest.approx(1.0, abs=1e-14)
-    second = sum(c * wave.overlap(x + j * h) for j, c in
-                 zip(range(-3, 4), np.array([2, -27, 270, -490, 270, -27, 2]) / 180.0, strict=True)) / h**2
-    assert wave.speed**2 * second == pytest.approx(
-        wave.force(x - 1.0) - 2.0 * wave.force(x) + wave.force(x + 1.0), abs=1e-9)
-    slope = (8.0 * (wave.velocity(x + h) - wave.velocity(x - h)) - wave.velocity(x + 2 * h) + wave.velocity(x - 2 * h)
-             ) / (12.0 * h)
-    assert -wave.speed * slope == pytest.approx(wave.force(x) - wave.force(x + 1.0), abs=1e-9)
-    assert wave.force(x) == pytest.approx(wave.overlap(x) ** p, abs=1e-13)
-
-
 def speeds(scene, law, v):
     """Balls per second, and the largest overlap."""
     wave, pair = waves.SolitaryWave(resolve(law, scene.pairs[0]).form[1]), scene.pairs[0]
