@@ -34,8 +34,8 @@ def turn():
 def pytest_collection_modifyitems(config, items):
     """Have the makers run first, all by one worker: from an empty cache, the other would make the same code again.
 
-    Of cases marked `thirds` a run of whole folders has each third one, which by commit, its soak the others; of files,
-    all.
+    Of cases marked `thirds` a run of whole folders has each third one, which by commit and, for single ones, by name,
+    its soak the others; of files, all.
     """
     items.sort(key=lambda item: item.path.stem not in MAKERS)
     if all(Path(name).is_dir() for name in config.args):
