@@ -176,6 +176,7 @@ class Stiffening:
         return self.k * xi + self.k3 * xi**3 + self.gamma * xi_dot
 
 
+@pytest.mark.thirds
 def test_stiff_own_laws_come_to_rest_in_few_steps():
     """A ball hits where k3 ξ³ counts and creeps to m g = k ξ, overdamped; steps shrank with its speed, to 20 000."""
     rng = np.random.default_rng(3)

@@ -191,6 +191,7 @@ OLDER = {"noise", *wall_state.SUMS}
 HARD_NAMES = [name for name in saved_scenes.cut("hard", "sine").state if name not in OLDER]
 
 
+@pytest.mark.thirds
 @pytest.mark.parametrize("name", HARD_NAMES)
 def test_a_hard_state_without_a_part_or_with_a_wrong_one_is_not_gone_on_from(name, files):
     run = gr.Trajectory.load(files / "hard_sine.npz")
