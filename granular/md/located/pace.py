@@ -169,13 +169,14 @@ def members(run: Any) -> list[Any]:
     return [run.s.pool[i] for i in slots] if isinstance(run.s.pool, list) else plain(run.s.pool[slots])
 
 
-def still_open(run: Any) -> Rows:
-    """Return the contacts that go on at the end."""
+def still_open(run: Any) -> list[Rows]:
+    """Return the contacts that go on at the end, if there are any."""
     going = [p for p in members(run) if p.going_on] if column(run.s.pool, "going_on").any() else []
+    if not going:
+        return []
     rows = np.zeros(len(going), CONTACT_ROW)
     rows["t_end"] = rows["lower_out"] = rows["upper_out"] = math.nan
     rows["pair"] = [p.number for p in going]
     for name in ("t_begin", "duration", "lower_in", "upper_in", "xi_max", "force_max", "impulse"):
         rows[name] = [getattr(p, name) for p in going]
-    return rows
-
+    return [rows]
