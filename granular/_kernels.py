@@ -42,7 +42,7 @@ RING: bool = False
 """Balls stand on a ring; the last one touches the first."""
 on_making: list[Callable[[], object]] = []
 """Who wants to know, once, that machine code is about to be made, which takes a while."""
-MANNER = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+MANNER = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True, "nogil": True}
 """How numba compiles: 1/0 is inf, references to arrays are not counted (which would take half of the time), and nobody
 calls from C."""
 
