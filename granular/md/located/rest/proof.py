@@ -97,7 +97,7 @@ def stored(pair: Any, load: float) -> float:
         return 0.0
     p = pair.p + 1.0
     deeper = pair.k / p * (power(pair.xi, p) - power(rest, p)) - load * (pair.xi - rest)
-    return max(0.0, 0.999 * deeper)
+    return float(max(0.0, 0.999 * deeper))
 
 
 @kernel
