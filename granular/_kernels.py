@@ -170,7 +170,7 @@ def in_memory(function: Callable[..., Any], inline: bool = False) -> bool:
     """Return whether machine code of a kernel is loaded already, so that going over to it costs nothing."""
     if "numba" not in sys.modules or not have_numba():
         return False
-    return bool(_twin(function, inline, False, False).signatures)  # type: ignore[attr-defined]
+    return bool(_twin(function, inline, False, False).overloads)  # type: ignore[attr-defined]
 
 
 @cache

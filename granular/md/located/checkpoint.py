@@ -185,9 +185,8 @@ class Untouched:
         slot, self.kept = column(s.pairs, "slot"), list[tuple[Any, Any, Any]]()
         rows = int(s.run[0]["rows"])
         if not SMALL < len(s.pairs) < len(s.bodies):
-            same = ((name, getattr(s, name)) for name in ("run", "pairs", "bodies", "pool", "ledger"))
-            copies = {name: copied(records) for name, records in same if records is not None}
-            self.before = s._replace(log=copied(s.log[:rows]), **copies)
+            run, pairs, bodies, pool, log = map(_kept, (s.run, s.pairs, s.bodies, s.pool, s.log[:rows]))
+            self.before = s._replace(run=run, pairs=pairs, bodies=bodies, pool=pool, log=log, ledger=_kept(s.ledger))
             return
         near, bodies = _concerned(s, t)
         changed = [(s.run, slice(None)), (s.pairs, near), (s.bodies, bodies), (s.pool, slot[slot >= 0]),
@@ -204,6 +203,13 @@ class Untouched:
                     records[i] = value
             else:
                 raw(records)[index] = values
+
+
+def _kept(records: Any) -> Any:
+    """Return a copy of records that nobody is to change; None stays."""
+    if isinstance(records, np.ndarray) and records.size:
+        return np.frombuffer(records.tobytes(), records.dtype)
+    return None if records is None else copied(records)
 
 
 def _concerned(s: System, t: float) -> tuple[Any, Any]:

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from granular._check import Array
+from granular._records import copied
 from granular.laws.contact_law import Form, PairLaw
 from granular.laws.kinds import SceneLaws
 from granular.md.located.records import (
@@ -67,7 +68,7 @@ def mapped(kinds: Any, m_eff: Array) -> None:
 def kinds_of(laws: SceneLaws, scene: Scene) -> Any:
     """Return the laws of a scene as records of `KIND`; they are kept with laws that all have power forms."""
     if "kinds" in laws.notes:
-        return laws.notes["kinds"].copy()
+        return copied(laws.notes["kinds"])
     speed, pull = speed_scale(scene), scene.gravity
     if scene.external_force is not None:
         pull = float(np.abs(scene.pull).max())
@@ -80,7 +81,7 @@ def kinds_of(laws: SceneLaws, scene: Scene) -> Any:
     if (kinds["kind"] == GENERAL).any():  # one law beyond powers, and every law is evaluated as it stands
         kinds["kind"], kinds["s"] = GENERAL, 0.0
     else:
-        laws.notes["kinds"] = kinds.copy()
+        laws.notes["kinds"] = copied(kinds)
     return kinds
 
 

@@ -252,19 +252,20 @@ class Run:
 
     def rows(self) -> list[Rows]:
         """Take the contacts that are over, and that nothing can change any more, out of the buffer."""
-        taken = int(self.counters["rows"])
+        counters = self.counters
+        taken = int(counters["rows"])
         if taken == 0:
             return []
         log = self.s.log[:taken]
         rows = packed(log, CONTACT_ROW) if isinstance(log, list) else copied(log)
         over = (rows["pair"] >= 0) & (rows["t_end"] <= self.now)
         if over.all():
-            self.counters["rows"] = 0
+            counters["rows"] = 0
         else:
             self.kernels(keep_unsettled)(self.s, self.now)
             rows = rows[over]
         room = len(self.s.log)
-        if 2 * self.counters["rows"] > room or taken + 2 > room < MOST_ROWS:
+        if 2 * counters["rows"] > room or taken + 2 > room < MOST_ROWS:
             self.s = with_longer_log(self.s)
         if self.request.on_event is not None:
             rows = rows[np.argsort(rows["t_end"], kind="stable")]
@@ -283,7 +284,8 @@ class Run:
 
     def row_after(self, elapsed: float, time: float) -> Row:
         """Return the scene a time after the start, which is called `time`."""
-        made: Any = np.zeros((3, self.scene.n_pairs))
+        n = self.scene.n_pairs
+        made: Any = np.zeros((3, n))
         rows = made.tolist() if self.is_plain else made
         if self.creep is not None:
             self.creep.show(elapsed)
@@ -292,7 +294,7 @@ class Run:
             sums = [0.0] * 5 if self.is_plain else np.zeros(5)
         self.kernels(look)(self.s, elapsed, *rows, sums, self.collocation)
         c = -1
-        while (c := self.kernels(look_inside)(self.s, c + 1, elapsed)) < self.scene.n_pairs:
+        while (c := self.kernels(look_inside)(self.s, c + 1, elapsed)) < n:
             self.kernels(follow_contact)(self.s, self.collocation)
             self.kernels(seen)(self.s, c, *rows, sums)
         made = np.asarray(rows)

@@ -19,7 +19,7 @@ from typing import Any
 
 from granular._kernels import DRIVEN, HUNG, RING, kernel
 from granular.md.located.pieces import elapsed, power
-from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, PADDED
+from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, PADDED, RESIDUAL
 from granular.md.located.system import is_closed
 from granular.md.located.walls import drive
 
@@ -132,6 +132,30 @@ def complete(pair: Any, q: int) -> None:
 def works(pair: Any) -> float:
     """Return 1 if the pair exerts a force, else 0."""
     return 1.0 if pair.mode == ACTIVE or pair.mode == DORMANT else 0.0
+
+
+@kernel
+def expand_two(a: Any, b: Any, h: float) -> None:
+    """Fill the rows of two pairs under linear laws on the plain clock, the most frequent block, as `expand` does: the
+    same sums, without going to and fro between the pairs, which halves the time of an interpreted run's series."""
+    xa, ea, xb, eb = a.xi, a.eta, b.xi, b.eta
+    ka, ga, kb, gb = works(a) * a.k, works(a) * a.gamma, works(b) * b.k, works(b) * b.gamma
+    own_a, between, across, own_b = a.inverse, a.upper, b.lower, b.inverse
+    x1, e1, f1, x2, e2, f2 = a.x, a.e, a.f, b.x, b.e, b.f
+    push_a, push_b = a.pull, b.pull
+    for n in range(ORDER + 1):
+        fa, fb = ka * xa + ga * ea, kb * xb + gb * eb
+        if n == 0:
+            fa, fb = (0.0 if a.exact else fa), (0.0 if b.exact else fb)
+        x1[n], e1[n], f1[n], x2[n], e2[n], f2[n] = xa, ea, fa, xb, eb, fb
+        step = h / (n + 1)
+        xa, xb = step * ea, step * eb
+        ea, eb = step * (between * fb - own_a * fa + push_a), step * (across * fa - own_b * fb + push_b)
+        push_a, push_b = 0.0, 0.0
+    for pair in (a, b):
+        if pair.mode == RESIDUAL:
+            for n in range(ORDER + 1):
+                pair.g[n] = 0.0 if n == 0 and pair.exact else pair.k * pair.x[n] + pair.gamma * pair.e[n]
 
 
 @kernel

@@ -60,6 +60,8 @@ def to_plain(s: System) -> System:
 
 def to_compiled(s: System) -> System:
     """Return the run for compiled code: same numbers, same bits."""
+    if isinstance(s.run, np.ndarray):
+        return s
     records = map(packed, s[:9], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
     ledger = None if s.ledger is None else packed(s.ledger, LEDGER)
     return System._make([*records, np.array(s.answer), np.array(s.scratch), compiled_walls(s.field), ledger])
