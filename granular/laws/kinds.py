@@ -85,7 +85,7 @@ def resolved(laws: Sequence[Any] | SceneLaws, scene: Scene) -> SceneLaws:
     if isinstance(laws, SceneLaws):
         return laws
     given, pairs = tuple(laws), scene.pairs
-    if len(given) > FEW or any(map(is_own, given)):
+    if len(given) > FEW or any(map(is_own, {type(law): law for law in given}.values())):
         return _asked(given, pairs)
     return _remembered(given, pairs.m_eff.tobytes(), pairs.r_eff.tobytes())
 
