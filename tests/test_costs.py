@@ -1,4 +1,4 @@
-"""What a run costs beside its kernels, in counts, which no load of a machine disturbs: calls of this package's functions,
+"""What a run costs beside its kernels, in counts, which no load of a machine disturbs: calls of functions of this package,
 laws asked, looks whether something rests."""
 
 import sys
