@@ -11,6 +11,7 @@ import stat
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from os import PathLike
 from pathlib import Path
 from typing import IO, Any, TypeAlias
@@ -199,6 +200,7 @@ def check_format(path: str | PathLike[str], number: Any, unknown: Iterable[str] 
         raise Later(f"path is {name!r}: it holds {listed}, unknown to this version; a later granular reads it.")
 
 
+@cache
 def version_of(package: str) -> str | None:
     """Version of an installed package."""
     from importlib.metadata import PackageNotFoundError, version

@@ -42,7 +42,7 @@ RING: bool = False
 """Balls stand on a ring; the last one touches the first."""
 on_making: list[Callable[[], object]] = []
 """Who wants to know, once, that machine code is about to be made, which takes a while."""
-MANNER = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+MANNER = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True, "nogil": True}
 """How numba compiles: 1/0 is inf, references to arrays are not counted (which would take half of the time), and nobody
 calls from C."""
 
@@ -170,7 +170,7 @@ def in_memory(function: Callable[..., Any], inline: bool = False) -> bool:
     """Return whether machine code of a kernel is loaded already, so that going over to it costs nothing."""
     if "numba" not in sys.modules or not have_numba():
         return False
-    return bool(_twin(function, inline, False, False).signatures)  # type: ignore[attr-defined]
+    return bool(_twin(function, inline, False, False).overloads)  # type: ignore[attr-defined]
 
 
 @cache

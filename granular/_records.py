@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from copy import copy
 from dataclasses import make_dataclass
 from functools import cache
+from itertools import starmap
 from operator import attrgetter
 from typing import Any
 
@@ -30,6 +30,8 @@ Record = Any
 NODE = np.dtype([("due", float), ("key", int)], align=True)
 LAST = 1 << 62
 """Key of the empty leaves, behind all others."""
+FEW = 64
+"""Records that are made plain one by one; more, field by field."""
 
 
 def plain(records: Records) -> list[Any]:
@@ -38,22 +40,27 @@ def plain(records: Records) -> list[Any]:
         return records
     if records.ndim > 1:
         return list(map(plain, records))
-    return list(map(twin(records.dtype), *(records[name].tolist() for name in records.dtype.names)))
+    make = twin(records.dtype)
+    if len(records) < FEW and not make.has_rows:
+        return list(starmap(make, records.tolist()))
+    return list(map(make, *(records[name].tolist() for name in records.dtype.names)))
 
 
 def packed(objects: Records, dtype: np.dtype[Any] | None = None) -> np.ndarray[Any, Any]:
     """Return plain objects as an array of records (of `dtype`, if they do not say it); an array stays."""
     if isinstance(objects, np.ndarray):
         return objects
-    records = np.empty(len(objects), objects[0].dtype if dtype is None else dtype)
-    for name in records.dtype.names if len(records) else ():
-        records[name] = list(map(attrgetter(name), objects))
-    return records
+    if dtype is None:
+        dtype = type(objects[0]).dtype
+    return np.array(list(map(_fields_of(dtype), objects)), dtype)
 
 
 def copied(records: Records) -> Records:
-    """Return a copy of records of either kind."""
-    return raw(records).copy().view(records.dtype) if isinstance(records, np.ndarray) else list(map(copy, records))
+    """Return a copy of records of either kind, with all that they hold."""
+    if isinstance(records, np.ndarray):
+        return raw(records).copy().view(records.dtype)
+    held = map(_fields_of(type(records[0]).dtype), records) if records else ()
+    return [type(records[0])(*(x[:] if isinstance(x, list) else x for x in values)) for values in held]
 
 
 def taken(records: Records, numbers: Any) -> Records:
@@ -91,10 +98,17 @@ def column(records: Records, name: str) -> np.ndarray[Any, Any]:
 
 
 @cache
-def twin(dtype: np.dtype[Any]) -> Callable[..., Any]:
+def _fields_of(dtype: np.dtype[Any]) -> Callable[[Any], tuple[Any, ...]]:
+    """Return what reads all fields of a plain object."""
+    return attrgetter(*(dtype.names or ()))
+
+
+@cache
+def twin(dtype: np.dtype[Any]) -> Any:
     """Return the class of plain objects with the fields of `dtype`."""
     assert dtype.names is not None
-    namespace = {"dtype": dtype, "__getitem__": object.__getattribute__, "__setitem__": object.__setattr__}
+    namespace = {"dtype": dtype, "has_rows": any(dtype[name].shape for name in dtype.names),
+                 "__getitem__": object.__getattribute__, "__setitem__": object.__setattr__}
     return make_dataclass("Record", dtype.names, namespace=namespace, eq=False, slots=True)
 
 

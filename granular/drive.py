@@ -301,6 +301,8 @@ def _follow(run: Run, time: float, last: bool, settled: list[Rows]) -> Pause:
 
 def _sorted(log: Rows) -> Rows:
     """Return contacts in the order of their onset, of several in one instant in that of their pairs."""
+    if len(log) < 2:
+        return log
     onset, pair = np.ascontiguousarray(log["t_begin"]), np.ascontiguousarray(log["pair"])
     if not ((onset[1:] > onset[:-1]) | ((onset[1:] == onset[:-1]) & (pair[1:] > pair[:-1]))).all():
         order = np.argsort(onset, kind="stable")  # they nearly are, which this sort makes use of
@@ -314,6 +316,8 @@ def contacts(settled: list[Rows]) -> Rows:
 
     What has no end of its own is an instant, of infinite force.
     """
+    if len(settled) == 1 and settled[0].dtype == CONTACT:
+        return settled[0]
     log = np.zeros(sum(map(len, settled)), CONTACT)
     stop = 0
     for rows in settled:

@@ -17,7 +17,7 @@ settings.register_profile("same", derandomize=True, deadline=None)  # the same d
 settings.load_profile("same")
 MAKERS = "test_edmd_actions", "test_edmd_blocks", "test_edmd_engines", "test_located_compiled", "test_md_fixed_engines"
 """Files that have machine code made for nearly all that others need."""
-PATIENCE = {"md.located.run": {"MAKING": math.inf}, "md.located.pace": {"LOOKS": (20, math.inf)},
+PATIENCE = {"md.located.run": {"MAKING": math.inf}, "md.located.pace": {"MAKING_LOOK": math.inf},
             "md.fixed.run": {"MAKING": math.inf}, "edmd.run": {"VERY_LONG": math.inf},
             "sweeps.schedule": {"MAKING": math.inf}}
 """How long "auto" waits before it makes machine code, by modules and the names of their limits."""

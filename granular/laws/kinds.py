@@ -14,7 +14,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import count
 from typing import Any
 
@@ -42,10 +42,15 @@ class SceneLaws:
     each : list of PairLaw
         The laws that say different things of themselves, each in the first pair of its kind: a form, memory, traits.
         What follows from them may differ with the sizes of a pair, see `in_pairs`.
+    sound : bool
+        Whether what they say of themselves is known to be true, whatever the speed; see `checked`.
+    notes : dict
+        What engines know of them, by names of their own: what hangs on laws and sizes alone.
     """
 
     def __init__(self, given: tuple[Any, ...], pairs: Pairs, kind: Kinds, each: list[PairLaw]) -> None:
         self.given, self.kind, self.each, self._pairs = given, kind, each, pairs
+        self.sound, self.notes = False, dict[str, Any]()
 
     def __len__(self) -> int:
         return len(self.given)
@@ -68,11 +73,33 @@ class SceneLaws:
         return np.array([value(law) for law in each])[kind]
 
 
+FEW, REMEMBERED = 64, 64
+"""Pairs of scenes whose laws are remembered, and how many scenes' are."""
+
+
 def resolved(laws: Sequence[Any] | SceneLaws, scene: Scene) -> SceneLaws:
-    """Ask the laws of a scene, one per pair, what they are; once where they do not ask for their pair."""
+    """Ask the laws of a scene, one per pair, what they are; once where they do not ask for their pair.
+
+    What laws of this package are in small scenes is remembered: the next scene of the same laws and sizes asks none.
+    """
     if isinstance(laws, SceneLaws):
         return laws
     given, pairs = tuple(laws), scene.pairs
+    if len(given) > FEW or any(map(is_own, {type(law): law for law in given}.values())):
+        return _asked(given, pairs)
+    return _remembered(given, pairs.m_eff.tobytes(), pairs.r_eff.tobytes())
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _remembered(given: tuple[Any, ...], m_eff: bytes, r_eff: bytes) -> SceneLaws:
+    laws = _asked(given, Pairs(np.frombuffer(m_eff), np.frombuffer(r_eff)))
+    laws.sound = all(one.form is not None for one in laws.each)
+    if laws.sound:
+        _check_said(laws)
+    return laws
+
+
+def _asked(given: tuple[Any, ...], pairs: Pairs) -> SceneLaws:
     kind, first = alike(_kinds_of(given))
     sized = np.array([not _says(given[c], UNKNOWN, formless=False) for c in first.tolist()])[kind]
     kind, first = alike(kind, np.where(sized, pairs.m_eff, 0.0), np.where(sized, pairs.r_eff, 0.0))
@@ -148,18 +175,29 @@ SLOW = 1e-6
 
 def checked(law: Any, scene: Scene) -> SceneLaws:
     """Return the laws of all pairs, or raise: each must give finite numbers, and traits that agree with its force."""
-    laws, speed = resolved(per_pair("law", law, scene.n_pairs), scene), speed_scale(scene)
+    laws = resolved(per_pair("law", law, scene.n_pairs), scene)
+    if laws.sound:
+        return laws
+    speed = speed_scale(scene)
     for one in laws.each[:TRIED]:
         if is_own(one.law):
             _check_pure(one, speed)
-    for one in laws.each:
+    _check_said(laws)
+    for one in laws.each[:TRIED]:
+        if one.form is None:
+            xi = _probed(one, speed)
+            if one.potential is not None and not one.memory:
+                _check_potential(one, float(one.potential(xi, one.pair)), xi)
+    return laws
+
+
+def _check_said(laws: SceneLaws) -> None:
+    """Raise if what laws with a form say does not agree with their forces."""
+    for number, one in enumerate(laws.each):
         if one.form is not None:
             _check_form(one, *one.form)
-    for one in laws.each[:TRIED]:
-        xi = _probed(one, speed) if one.form is None else 0.5
-        if one.potential is not None and not one.memory:
-            _check_potential(one, float(one.potential(xi, one.pair)), xi)
-    return laws
+            if one.potential is not None and number < TRIED:
+                _check_potential(one, float(one.potential(0.5, one.pair)), 0.5)
 
 
 def check_deepest(laws: SceneLaws, contacts: Any) -> None:

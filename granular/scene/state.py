@@ -248,7 +248,7 @@ class Scene(ByNumbers):
         That is a wall, whose motion begins at the time `start`, or else the centre of mass, which falls freely.
         """
         if (wall := self._wall) is not None:
-            return self.position[wall] + self.velocity[wall] * elapsed + self._moved(wall, elapsed, start)[0]
+            return self._stands + self.velocity[wall] * elapsed + self._moved(wall, elapsed, start)[0]
         speed = self._share @ self.velocity
         if self.pendulum > 0.0:
             turn, rest = self.pendulum * elapsed, self._share @ self.at_rest
@@ -294,6 +294,11 @@ class Scene(ByNumbers):
     def _wall(self) -> int | None:
         """The wall that is the anchor; None without walls."""
         return int(self.is_wall.argmax()) if self.is_wall.any() else None
+
+    @cached_property
+    def _stands(self) -> float:
+        """Position in m of the wall that is the anchor."""
+        return float(self.position[self._wall])
 
     @cached_property
     def _share(self) -> Array:

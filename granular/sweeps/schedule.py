@@ -105,9 +105,9 @@ def _pilot(plan: Plan, columns: Sequence[Values], cells: Values) -> Generator[Ba
     chosen = np.unique(np.linspace(0, len(cells) - 1, min(PILOT, len(cells))).astype(np.int64))
     start = 0.0
     for part in filter(len, (chosen[:1], chosen[1:])):  # the first loads and compiles what is needed
-        start = time.perf_counter()
+        start = time.process_time()
         yield cells[part], solve(plan, [column[cells[part]] for column in columns])
-    return np.delete(cells, chosen), (time.perf_counter() - start) / max(1, len(chosen) - 1)
+    return np.delete(cells, chosen), (time.process_time() - start) / max(1, len(chosen) - 1)
 
 
 def _spread(plan: Plan, columns: Sequence[Values], parts: list[Values], executor: Executor) -> Iterator[Batch]:

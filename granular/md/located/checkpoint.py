@@ -6,7 +6,6 @@ May be skipped: how a run is saved and resumed, no physics.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -179,45 +178,56 @@ class Checkpoint(Mapping[str, Any]):
 
 
 class Untouched:
-    """Records of islands, and of contacts solved at once, put back as they were after the end of a run is looked at."""
+    """Records of a run as they are before its end is looked at; of a large one, what that changes is put back."""
 
     def __init__(self, s: System, t: float) -> None:
-        """Keep what the end of a run, at time `t`, changes; of a small one all."""
-        self.kept: list[tuple[Any, Any, Any]]
+        """Keep what the end of a run, at time `t`, changes; of a small one, or on a ring, all."""
+        slot, self.kept = column(s.pairs, "slot"), list[tuple[Any, Any, Any]]()
         rows = int(s.run[0]["rows"])
-        if isinstance(s.run, np.ndarray) and len(s.pairs) <= SMALL:
-            everything = [s.run, s.pairs, s.bodies, s.pool, s.log[:rows], *([] if s.ledger is None else [s.ledger])]
-            self.kept = [(records, slice(None), raw(records).copy()) for records in everything]
+        if not SMALL < len(s.pairs) < len(s.bodies):
+            run, pairs, bodies, pool, log = map(_kept, (s.run, s.pairs, s.bodies, s.pool, s.log[:rows]))
+            self.before = s._replace(run=run, pairs=pairs, bodies=bodies, pool=pool, log=log, ledger=_kept(s.ledger))
             return
-        if len(s.pairs) >= len(s.bodies):  # a ring
-            self.kept = [(records, np.arange(n), _taken(records, np.arange(n))) for records, n in (
-                (s.run, 1), (s.pairs, len(s.pairs)), (s.bodies, len(s.bodies)), (s.pool, len(s.pool)), (s.log, rows),
-            )]
-            return
-        clock, lasts, slot = (column(s.pairs, name) for name in ("t", "lasts", "slot"))
-        inside = np.flatnonzero((lasts > 0.0) & (slot < 0) & (clock >= t * (1.0 - 1e-12)))  # or may be
-        joined = np.flatnonzero(slot >= 0)
-        pairs, bodies = np.zeros(len(slot) + 2, bool), np.zeros(len(slot) + 1, bool)  # one more pair on either side
-        pairs[joined + 1] = pairs[inside] = pairs[inside + 1] = pairs[inside + 2] = True
-        near = np.flatnonzero(pairs[1:-1])
-        bodies[near] = bodies[near + 1] = True
-        self.kept = [(records, index, _taken(records, index)) for records, index in (
-            (s.run, np.zeros(1, int)), (s.pairs, near), (s.bodies, np.flatnonzero(bodies)), (s.pool, slot[joined]),
-            (s.log, np.arange(rows)), *([] if s.ledger is None else [(s.ledger, np.zeros(1, int))]),
-        )]
+        near, bodies = _concerned(s, t)
+        changed = [(s.run, slice(None)), (s.pairs, near), (s.bodies, bodies), (s.pool, slot[slot >= 0]),
+                   (s.log, slice(rows)), *([] if s.ledger is None else [(s.ledger, slice(None))])]
+        self.before = s._replace(queue=copied(s.queue[:1]))
+        self.kept = [(records, index, _taken(records, index)) for records, index in changed]
 
     def put_back(self) -> None:
         """Let the records be as they were."""
         for records, index, values in self.kept:
             if isinstance(records, list):
-                for i, value in zip(index.tolist(), values, strict=True):
+                numbers = range(len(records))[index] if isinstance(index, slice) else index.tolist()
+                for i, value in zip(numbers, values, strict=True):
                     records[i] = value
             else:
                 raw(records)[index] = values
 
 
+def _kept(records: Any) -> Any:
+    """Return a copy of records that nobody is to change; None stays."""
+    if isinstance(records, np.ndarray) and records.size:
+        return np.frombuffer(records.tobytes(), records.dtype)
+    return None if records is None else copied(records)
+
+
+def _concerned(s: System, t: float) -> tuple[Any, Any]:
+    """Return the pairs, and their bodies, that the end of a run at time `t` changes."""
+    clock, lasts, slot = (column(s.pairs, name) for name in ("t", "lasts", "slot"))
+    inside = np.flatnonzero((lasts > 0.0) & (slot < 0) & (clock >= t * (1.0 - 1e-12)))  # or may be
+    joined = np.flatnonzero(slot >= 0)
+    pairs, bodies = np.zeros(len(slot) + 2, bool), np.zeros(len(slot) + 1, bool)  # one more pair on either side
+    pairs[joined + 1] = pairs[inside] = pairs[inside + 1] = pairs[inside + 2] = True
+    near = np.flatnonzero(pairs[1:-1])
+    bodies[near] = bodies[near + 1] = True
+    return near, np.flatnonzero(bodies)
+
+
 def _taken(records: Any, index: Any) -> Any:
-    return deepcopy([records[i] for i in index.tolist()]) if isinstance(records, list) else raw(records)[index]
+    if isinstance(records, np.ndarray):
+        return raw(records)[index].copy()
+    return copied(records[index] if isinstance(index, slice) else [records[i] for i in index.tolist()])
 
 
 def named_today(name: str, records: Any) -> Any:

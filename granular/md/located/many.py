@@ -158,7 +158,7 @@ def _solved(s: System, end: Array, engine: str) -> Many:
     result["why"] = MORE
     for name in ("t_end", "v_lower", "v_upper", "longest"):
         last[name] = math.nan
-    seen, many, i, looks = np.zeros((3, last.shape[-1])), s, 0, 0
+    seen, many, i = np.zeros((3, last.shape[-1])), s, 0
     given: Any = end, COMPILED, result, last, seen
     kernels: Any = compiled  # for types of a single run: less to compile
     if engine == "plain":
@@ -166,8 +166,7 @@ def _solved(s: System, end: Array, engine: str) -> Many:
         given, kernels = (end.tolist(), COMPILED, *rows, seen.tolist()), interpreted
     while (i := kernels(solve_rows)(many, *given, i)) < len(result):
         if result["why"][i] == WANTS_LOOK:
-            looks += 1
-            rare: Any = kernels if kernels is interpreted else partial(seldom, looks=looks, kernels=kernels)
+            rare: Any = kernels if kernels is interpreted else partial(seldom, kernels=kernels)
             result["why"][i] = looked_at(scene_of(many, i), float(end[i]), kernels, rare)
             continue
         many = with_room_for_a_table(many, i)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from granular._kernels import compiled, worth
+from granular._kernels import Toll, compiled
 from granular._records import column, plain
 from granular.drive import CONTACT_ROW, Rows, portion
 from granular.md.located import blocks
@@ -35,8 +35,8 @@ TRIALS = 4000
 """Trial steps of every island after which it is asked whether a run comes on."""
 LEAST = 0.01
 """Part of the time left by which it then has come on, unless it has by the time of a contact."""
-LOOKS = 20, 1500
-"""Looks at blocks that may rest or creep, of some milliseconds each, after which machine code pays for them too."""
+LOADING_LOOK, MAKING_LOOK = 0.3, 20.0
+"""Seconds that it takes to load machine code that looks at blocks that may rest or creep, and to make it."""
 
 
 class Pace:
@@ -54,7 +54,6 @@ class Pace:
         self.run, self.chunk = run, max(1, min(PLAIN, AT_FIRST // run.scene.n_pairs))
         self.trials, self.time, self.step, self.stalled = 0, float(run.counters["t"]), 0.0, False
         self.seen = -math.inf  # s, how far the run had come at the last look
-        self.looks = 0
 
     def advanced(self, limit: float) -> int:
         """Advance by a chunk of pieces, with looks at blocks that may rest or creep; return as `blocks.advance`."""
@@ -78,9 +77,8 @@ class Pace:
 
     def seldom(self, kernel: Any) -> Any:
         """Return a kernel that is called seldom: also of a compiled run interpreted, until that does not pay."""
-        self.looks += 1
         run = self.run
-        return run.kernels(kernel) if run.is_plain else seldom(run.fit(kernel), self.looks, compiled)
+        return run.kernels(kernel) if run.is_plain else seldom(run.fit(kernel), compiled)
 
     def stalls(self) -> bool:
         """Return whether a run under laws that are functions does not come on.
@@ -118,12 +116,19 @@ def looked_at(s: Any, limit: float, kernels: Any, seldom: Any) -> int:
     return WANTS_LOOK if kernels(plan_all_due)(s, None) else STOPPED
 
 
-def seldom(kernel: Any, looks: int, kernels: Any) -> Any:
-    """Return a kernel of a compiled run that is called seldom: interpreted, until after so many `looks` machine code,
-    which `kernels` makes, pays."""
-    if worth(kernel, looks, *LOOKS):
+def seldom(kernel: Any, kernels: Any) -> Any:
+    """Return a kernel of a compiled run that is called seldom: interpreted, until this process has spent as long on it
+    as machine code takes, which `kernels` makes."""
+    toll = Toll(kernel, LOADING_LOOK, MAKING_LOOK)
+    if toll.due():
         return kernels(kernel)
-    return lambda s, *more: kernel(readable(s), *more)
+
+    def look(s: Any, *more: Any) -> Any:
+        found = kernel(readable(s), *more)
+        toll.lap()
+        return found
+
+    return look
 
 
 def stats_of(run: Any, r: Any, crept: float) -> dict[str, Any]:
@@ -169,13 +174,14 @@ def members(run: Any) -> list[Any]:
     return [run.s.pool[i] for i in slots] if isinstance(run.s.pool, list) else plain(run.s.pool[slots])
 
 
-def still_open(run: Any) -> Rows:
-    """Return the contacts that go on at the end."""
+def still_open(run: Any) -> list[Rows]:
+    """Return the contacts that go on at the end, if there are any."""
     going = [p for p in members(run) if p.going_on] if column(run.s.pool, "going_on").any() else []
+    if not going:
+        return []
     rows = np.zeros(len(going), CONTACT_ROW)
     rows["t_end"] = rows["lower_out"] = rows["upper_out"] = math.nan
     rows["pair"] = [p.number for p in going]
     for name in ("t_begin", "duration", "lower_in", "upper_in", "xi_max", "force_max", "impulse"):
         rows[name] = [getattr(p, name) for p in going]
-    return rows
-
+    return [rows]

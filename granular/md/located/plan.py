@@ -19,7 +19,7 @@ from granular.md.located.pendula import swing
 from granular.md.located.pieces import ULP, locate, piece_time, power, since, tick, value
 from granular.md.located.records import ASKS, CHECKS, EDGE, GENERAL, LONG, LOOKED, MOVES, NOTHING, POINTS, TO_PLAN
 from granular.md.located.rest.proof import may_creep
-from granular.md.located.series import expand
+from granular.md.located.series import expand, expand_two
 from granular.md.located.step_size import (
     REACH,
     choose_clock,
@@ -140,6 +140,8 @@ def series_of_piece(s: Any, lo: int, laws: Any, reach: float) -> None:
     for _ in range(2 * (hi - lo) + 2):
         if laws is not None:
             s.run[0].error += laws.fill(pairs, pool, lo, s.run[0].tol, field, reach)
+        elif block.linear == 1 and hi == lo + 2 and reach == math.inf and not (HUNG or RING):
+            expand_two(block, pool[pairs[lo + 1].slot], block.h)
         else:
             expand(pairs, pool, lo, hi, block.h, block.clock, field)
         if not judge(pairs, pool, lo, hi):

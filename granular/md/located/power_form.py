@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from granular._check import Array
+from granular._records import copied
 from granular.laws.contact_law import Form, PairLaw
 from granular.laws.kinds import SceneLaws
 from granular.md.located.records import (
@@ -27,6 +28,7 @@ from granular.md.located.records import (
     DASHPOT,
     ELASTIC,
     GENERAL,
+    KIND,
     LARGEST_Q,
     LINEAR,
     NO_MAP,
@@ -34,7 +36,7 @@ from granular.md.located.records import (
     STEEPEST,
     VISCOELASTIC,
 )
-from granular.scene import Scene
+from granular.scene import Scene, speed_scale
 
 NODES = 40
 """Points of the quadratures: their errors are rounding."""
@@ -61,6 +63,26 @@ def mapped(kinds: Any, m_eff: Array) -> None:
     kinds["map"][shapes[..., 0] > 0.0] = SELF_SIMILAR
     for name, values in zip(Shape._fields, np.moveaxis(shapes, -1, 0), strict=True):
         kinds[name] = values
+
+
+def kinds_of(laws: SceneLaws, scene: Scene) -> Any:
+    """Return the laws of a scene as records of `KIND`; they are kept with laws that all have power forms."""
+    if "kinds" in laws.notes:
+        return copied(laws.notes["kinds"])
+    speed, pull = speed_scale(scene), scene.gravity
+    if scene.external_force is not None:
+        pull = float(np.abs(scene.pull).max())
+    kinds = np.zeros(len(laws.each), KIND)
+    rows = zip(*(described(law, speed, pull) for law in laws.each), strict=True)
+    for name, values in zip(KIND.names or (), rows, strict=False):
+        kinds[name] = values
+    kinds["elastic"] = [not (law.rate_dependent or law.memory) for law in laws.each]
+    write_maps(kinds, laws, scene)
+    if (kinds["kind"] == GENERAL).any():  # one law beyond powers, and every law is evaluated as it stands
+        kinds["kind"], kinds["s"] = GENERAL, 0.0
+    else:
+        laws.notes["kinds"] = copied(kinds)
+    return kinds
 
 
 def write_maps(kinds: Any, laws: SceneLaws, scene: Scene) -> None:

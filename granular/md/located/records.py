@@ -164,13 +164,14 @@ RESOLVE, STOP, IGNORE = range(3)
 """What is done where a contact disturbs another."""
 MOST_MAPS = 64
 """Pairs that differ from each other, up to which contacts may have tables."""
-TABLES = 8
+TABLES = 1
 """Tables for which there is room at first."""
 TO_PLAN = -math.inf
 """`due` of a block that has been formed anew: its piece is to be planned first of all."""
 
 NO_PAUSE = np.iinfo(np.int64).max
 """`pause` of a run that need not stop on its way to be looked at."""
-LOG_ROWS, MOST_ROWS = 256, 4096
-"""Rows of the log buffer: twice as many as pairs, but within these limits."""
+LOG_ROWS, ROWS_OF_MANY, MOST_ROWS = 16, 256, 4096
+"""Rows of the log buffer at first: twice as many as pairs, but within these limits; of many scenes at least so many,
+for theirs does not grow."""
 

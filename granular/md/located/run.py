@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular._kernels import Toll, compiled, fitted, flags
-from granular._records import column, copied, packed, plain, play, replay, tournament
+from granular._records import column, copied, packed, plain, play, replay
 from granular.drive import CONTACT_ROW, End, Pause, Request, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks
@@ -59,10 +59,7 @@ LOADING, MAKING, LAUNCH = 1.0, 33.0, 2e-5
 """Seconds that it takes to load the machine code, to make it, and to launch a pair interpreted."""
 DISTURBED = ("resolve", "stop", "ignore")
 """What may be done where a contact disturbs another, in the order of RESOLVE, STOP, IGNORE."""
-WHY = {
-    STOPPED: Pause.until, QUIET: Pause.quiet, WORK_LIMIT: Pause.work, REST: Pause.resting,
-    BINDING: Pause.quiet,
-}
+WHY = {STOPPED: Pause.until, QUIET: Pause.quiet, WORK_LIMIT: Pause.work, REST: Pause.resting, BINDING: Pause.quiet}
 
 
 class Run:
@@ -97,7 +94,7 @@ class Run:
                              "energy; choose 'resolve' or 'stop'.")
         self.scene, self.laws, self.law, self.request, self.engine = scene, laws, laws.given, request, engine
         self.start = request.start if state is None else float(state["origin"])  # s, where its own clock starts
-        self.closing = Closing(scene, self.start, flattened=True)
+        self.closing = Closing(scene, self.start, flattened=True) if scene.driven else None
         self.seen = self.now = 0.0  # s, when a row was last read, and how far it has come
         self.bound = False
         self.creep: Creep | None = None
@@ -110,6 +107,9 @@ class Run:
             s = restored(s, state)
             ways.append(int(np.asarray(state["run"])["disturbing"][0]))
         self.s: Any = s
+        self.special = flags(scene)
+        if s.field is None:  # no driven wall ever moves
+            self.special.pop("DRIVEN", None)
         self.adds_up = IGNORE not in ways
         self.pace, self.toll = Pace(self), Toll(self.fit(blocks.advance), LOADING, MAKING)
         if engine == "compiled" or self.pays(LAUNCH * scene.n_pairs):
@@ -141,14 +141,12 @@ class Run:
 
     def fit(self, kernel: Any) -> Any:
         """Return the kernel as it is for what the scene has."""
-        special = flags(self.scene)
-        if self.s.field is None:  # no driven wall ever moves
-            special.pop("DRIVEN", None)
-        return fitted(kernel, **special)
+        return fitted(kernel, **self.special) if self.special else kernel
 
     def kernels(self, kernel: Any) -> Any:
         """Return the kernel for records as they are now, compiled or as it stands."""
-        return self.fit(kernel) if self.is_plain else compiled(self.fit(kernel))
+        fit = fitted(kernel, **self.special) if self.special else kernel
+        return fit if isinstance(self.s.run, list) else compiled(fit)
 
     @property
     def is_plain(self) -> bool:
@@ -196,7 +194,7 @@ class Run:
         why, counters = self.pace.advanced(limit), self.counters
         reached = why == REACHED or (why == QUIET and limit < math.inf)
         self.now = limit if reached else float(counters["t"])
-        if self.scene.driven and self.now < math.inf:
+        if self.closing is not None and self.now < math.inf:
             self.closing.refuse(self.start + self.now, self.request.end)
         if why == WANTS_TABLE:
             self.s = with_room_for_a_table(self.s)
@@ -254,19 +252,20 @@ class Run:
 
     def rows(self) -> list[Rows]:
         """Take the contacts that are over, and that nothing can change any more, out of the buffer."""
-        taken = int(self.counters["rows"])
+        counters = self.counters
+        taken = int(counters["rows"])
         if taken == 0:
             return []
         log = self.s.log[:taken]
         rows = packed(log, CONTACT_ROW) if isinstance(log, list) else copied(log)
         over = (rows["pair"] >= 0) & (rows["t_end"] <= self.now)
         if over.all():
-            self.counters["rows"] = 0
+            counters["rows"] = 0
         else:
             self.kernels(keep_unsettled)(self.s, self.now)
             rows = rows[over]
         room = len(self.s.log)
-        if 2 * self.counters["rows"] > room or (self.engine == "compiled" and taken + 2 > room < MOST_ROWS):
+        if 2 * counters["rows"] > room or taken + 2 > room < MOST_ROWS:
             self.s = with_longer_log(self.s)
         if self.request.on_event is not None:
             rows = rows[np.argsort(rows["t_end"], kind="stable")]
@@ -285,7 +284,8 @@ class Run:
 
     def row_after(self, elapsed: float, time: float) -> Row:
         """Return the scene a time after the start, which is called `time`."""
-        made: Any = np.zeros((3, self.scene.n_pairs))
+        n = self.scene.n_pairs
+        made: Any = np.zeros((3, n))
         rows = made.tolist() if self.is_plain else made
         if self.creep is not None:
             self.creep.show(elapsed)
@@ -294,7 +294,7 @@ class Run:
             sums = [0.0] * 5 if self.is_plain else np.zeros(5)
         self.kernels(look)(self.s, elapsed, *rows, sums, self.collocation)
         c = -1
-        while (c := self.kernels(look_inside)(self.s, c + 1, elapsed)) < self.scene.n_pairs:
+        while (c := self.kernels(look_inside)(self.s, c + 1, elapsed)) < n:
             self.kernels(follow_contact)(self.s, self.collocation)
             self.kernels(seen)(self.s, c, *rows, sums)
         made = np.asarray(rows)
@@ -318,12 +318,12 @@ class Run:
         row, wanted = None, pause is not Pause.reached or seen == -math.inf
         if wanted and pause is Pause.reached:  # as a sample there, to the bit
             row = self.row(self.request.end)
-        before, untouched = self.without_queue(), Untouched(self.s, end)
+        untouched = Untouched(self.s, end)
         if self.creep is None:
             while not self.kernels(blocks.expose_all)(self.s, end, self.collocation):
                 self.s = with_more_room(self.s)
             self.pace.look_at_all()
-            self.s = self.without_queue()
+            self.s = self.s._replace(queue=copied(self.s.queue[:1]))  # nothing is due now: of many balls it is large
             self.kernels(blocks.gather)(self.s, end, self.collocation)
             if column(self.s.pool, "manner").any():
                 self.pace.seldom(blocks.gather_slowly)(self.s)
@@ -333,15 +333,22 @@ class Run:
         crept, r = math.fsum(impulse) if len(impulse) > 1 else 0.0, plain(self.s.run)[0]
         if wanted and row is None:
             row = self.row_after(end, self.start + end)
-        running = np.concatenate([*self.rows(), self.dated(still_open(self))]) if self.request.log else None
-        if running is not None:
-            late = running["t_end"] > self.start + end  # by rounding
-            running["t_end"][late], running["v_out"][late] = math.nan, math.nan
+        running = self.rest_of_log(end) if self.request.log else None
         stats = stats_of(self, r, crept)
         message, self.s = message_of(self, status, r, self.start + end), None  # makes room for the log
         untouched.put_back()
-        state = self.checkpoint or Checkpoint(before, {"origin": self.start, "creeping": False})
+        state = self.checkpoint or Checkpoint(untouched.before, {"origin": self.start, "creeping": False})
         return End(row, status, message, stats, state if self.launched else {}, running)
+
+    def rest_of_log(self, end: float) -> Rows | None:
+        """Return the contacts not yet handed over, those that go on at the end without one; None if there are none."""
+        left = [*self.rows(), *(self.dated(rows) for rows in still_open(self))]
+        if not left:
+            return None
+        rows = np.concatenate(left)
+        late = rows["t_end"] > self.start + end  # by rounding
+        rows["t_end"][late], rows["v_out"][late] = math.nan, math.nan
+        return rows
 
     def follow_anew(self, time: float) -> None:
         """Plan the blocks at driven walls anew, and go on to `time`."""
@@ -351,8 +358,3 @@ class Run:
         self.kernels(plan_all_due)(self.s, self.collocation)
         while self.to(time, False) is Pause.full:
             pass
-
-    def without_queue(self) -> Any:
-        """Return the records of a run in which nothing is due any more: of a million balls the queue is large."""
-        return self.s._replace(queue=plain(tournament(1)) if self.is_plain else tournament(1))
-

@@ -19,7 +19,7 @@ from typing import Any
 
 from granular._kernels import DRIVEN, HUNG, RING, kernel
 from granular.md.located.pieces import elapsed, power
-from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, PADDED
+from granular.md.located.records import ACTIVE, DORMANT, ELASTIC, LINEAR, MIRROR, OPEN, ORDER, PADDED, RESIDUAL
 from granular.md.located.system import is_closed
 from granular.md.located.walls import drive
 
@@ -37,7 +37,12 @@ def expand(pairs: Any, pool: Any, lo: int, hi: int, h: float, q: int, field: Any
         for c in range(lo, hi):
             pair = pool[pairs[c].slot]
             pair.x[n + q] = step * pair.e[n]
-            if pair.mode != OPEN:
+            if pair.mode == OPEN:
+                continue
+            if pair.kind == LINEAR:  # no call: of two linear pairs, the most frequent block, it is most of the work
+                phi = 0.0 if n == 0 and pair.exact else pair.k * pair.x[n] + pair.gamma * pair.e[n]
+                pair.g[n], pair.f[n] = phi, (1.0 if pair.mode == ACTIVE or pair.mode == DORMANT else 0.0) * phi
+            else:
                 force_term(pair, n, q)
         pair = pool[pairs[lo].slot]
         if RING and last > hi:
@@ -79,10 +84,8 @@ def prepare(pair: Any, q: int) -> None:
 
 @kernel
 def force_term(pair: Any, n: int, q: int) -> None:
-    """Add order n of the force (and of φ) of a pair that is not open; x is known to order n+q, e to order n."""
-    if pair.kind == LINEAR:
-        linear_term(pair, n, q)
-        return
+    """Add order n of the force (and of φ = kξ^s + γη) under a law that is not linear, of a pair that is not open; x is
+    known to order n+q, e to order n. At the event that found φ to be 0, it is exactly so."""
     if pair.mode == DORMANT:
         return
     if pair.x[0] <= 0.0 and pair.e[0] < 0.0:  # opens now, together with another pair
@@ -107,26 +110,10 @@ def force_term(pair: Any, n: int, q: int) -> None:
     elif pair.s != 1.0:
         power_term(pair.x, pair.z, pair.s, n, offset)
         bent = pair.z[n]
-    phi = bracket(pair, bent, n)
+    phi = 0.0 if n == 0 and pair.exact else pair.k * bent + pair.gamma * pair.e[n]
     pair.g[n], pair.gm[ORDER - n] = phi, phi
     if pair.mode == ACTIVE:
         pair.f[n] = product_term(pair.r, pair.gm, n)
-
-
-@kernel
-def bracket(pair: Any, bent: float, n: int) -> float:
-    """Return order n of φ = kξ^s + γη, given that of ξ^s; exactly 0 at the event that found it so."""
-    if n == 0 and pair.exact:
-        return 0.0
-    phi: float = pair.k * bent + pair.gamma * pair.e[n]
-    return phi
-
-
-@kernel
-def linear_term(pair: Any, n: int, q: int) -> None:
-    """Add order n of φ = kξ + γη, and of the force."""
-    pair.g[n] = bracket(pair, pair.x[n], n)
-    pair.f[n] = works(pair) * pair.g[n]
 
 
 @kernel
@@ -134,16 +121,41 @@ def complete(pair: Any, q: int) -> None:
     """Take the event function φ = kξ + γη to full order; it needs no neighbours."""
     if pair.mode == OPEN or pair.s != 1.0 or (pair.mode == DORMANT and pair.kind != LINEAR):
         return
+    force = works(pair)
     for n in range(ORDER - q + 1, ORDER + 1):
-        pair.g[n] = bracket(pair, pair.x[n], n)
+        pair.g[n] = pair.k * pair.x[n] + pair.gamma * pair.e[n]
         if pair.kind == LINEAR:
-            pair.f[n] = works(pair) * pair.g[n]
+            pair.f[n] = force * pair.g[n]
 
 
 @kernel
 def works(pair: Any) -> float:
     """Return 1 if the pair exerts a force, else 0."""
     return 1.0 if pair.mode == ACTIVE or pair.mode == DORMANT else 0.0
+
+
+@kernel
+def expand_two(a: Any, b: Any, h: float) -> None:
+    """Fill the rows of two pairs under linear laws on the plain clock, the most frequent block, as `expand` does: the
+    same sums, without going to and fro between the pairs, which halves the time of an interpreted run's series."""
+    xa, ea, xb, eb = a.xi, a.eta, b.xi, b.eta
+    ka, ga, kb, gb = works(a) * a.k, works(a) * a.gamma, works(b) * b.k, works(b) * b.gamma
+    own_a, between, across, own_b = a.inverse, a.upper, b.lower, b.inverse
+    x1, e1, f1, x2, e2, f2 = a.x, a.e, a.f, b.x, b.e, b.f
+    push_a, push_b = a.pull, b.pull
+    for n in range(ORDER + 1):
+        fa, fb = ka * xa + ga * ea, kb * xb + gb * eb
+        if n == 0:
+            fa, fb = (0.0 if a.exact else fa), (0.0 if b.exact else fb)
+        x1[n], e1[n], f1[n], x2[n], e2[n], f2[n] = xa, ea, fa, xb, eb, fb
+        step = h / (n + 1)
+        xa, xb = step * ea, step * eb
+        ea, eb = step * (between * fb - own_a * fa + push_a), step * (across * fa - own_b * fb + push_b)
+        push_a, push_b = 0.0, 0.0
+    for pair in (a, b):
+        if pair.mode == RESIDUAL:
+            for n in range(ORDER + 1):
+                pair.g[n] = 0.0 if n == 0 and pair.exact else pair.k * pair.x[n] + pair.gamma * pair.e[n]
 
 
 @kernel

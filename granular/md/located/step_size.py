@@ -46,18 +46,21 @@ def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int, square: float) -> floa
     a, b, k0, g0, closed = square, 0.0, 0.0, 0.0, is_closed(pairs, lo, hi)
     if RING and closed:
         last = pool[pairs[hi - 1].slot]
-        k0, g0 = works(last) * last.k, works(last) * last.gamma
+        pushes = works(last)
+        k0, g0 = pushes * last.k, pushes * last.gamma
     for c in range(lo, hi):
         pair, k1, g1 = pool[pairs[c].slot], 0.0, 0.0
         if pair.mode != OPEN and pair.kind != LINEAR:
             return -1.0
         if c + 1 < hi or closed:
             above = pool[pairs[c + 1].slot]
-            k1, g1 = works(above) * above.k, works(above) * above.gamma
-        if works(pair) > 0.0:
+            pushes = works(above)
+            k1, g1 = pushes * above.k, pushes * above.gamma
+        pushes = works(pair)
+        if pushes > 0.0:
             a = max(a, pair.lower * k0 + pair.inverse * pair.k + pair.upper * k1 + square)
             b = max(b, pair.lower * g0 + pair.inverse * pair.gamma + pair.upper * g1)
-        k0, g0 = works(pair) * pair.k, works(pair) * pair.gamma
+        k0, g0 = pushes * pair.k, pushes * pair.gamma
     return 0.5 * (b + math.sqrt(b * b + 4.0 * a))
 
 

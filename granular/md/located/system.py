@@ -20,11 +20,10 @@ from granular._records import NODE, packed, plain, tournament
 from granular._roots import DEEPEST, workspace
 from granular.drive import CONTACT_ROW
 from granular.laws.kinds import SceneLaws, alike
-from granular.md.located.power_form import described, write_maps
+from granular.md.located.power_form import kinds_of
 from granular.md.located.records import (
     BODY,
     DASHPOT,
-    GENERAL,
     KIND,
     LEDGER,
     LOG_ROWS,
@@ -38,13 +37,14 @@ from granular.md.located.records import (
     PAIR,
     ROOM,
     ROW,
+    ROWS_OF_MANY,
     RUN,
     SPARE,
     TABLE,
     TABLES,
 )
 from granular.md.located.walls import Hung, compiled_walls, numbers_at_ends, plain_walls, walls_of, with_walls
-from granular.scene import Scene, speed_scale
+from granular.scene import Scene
 
 System = namedtuple("System", "run pairs pool kinds bodies queue log maps tables answer scratch field ledger")
 """All of a run: records (`run` has one), tournament tree of blocks, log buffer, scratch of the root finder; the
@@ -60,6 +60,8 @@ def to_plain(s: System) -> System:
 
 def to_compiled(s: System) -> System:
     """Return the run for compiled code: same numbers, same bits."""
+    if isinstance(s.run, np.ndarray):
+        return s
     records = map(packed, s[:9], (RUN, PAIR, MEMBER, KIND, BODY, NODE, CONTACT_ROW, MAP, TABLE))
     ledger = None if s.ledger is None else packed(s.ledger, LEDGER)
     return System._make([*records, np.array(s.answer), np.array(s.scratch), compiled_walls(s.field), ledger])
@@ -89,7 +91,8 @@ def new_system(
     if lift is not None:
         fall = fall - lift
     bodies["fall"] = fall
-    pairs["xi"], pairs["eta"], pairs["pull"] = -gap, -np.diff(velocity), np.diff(fall)
+    pairs["xi"], pairs["pull"] = -gap, fall[..., 1:] - fall[..., :-1]
+    pairs["eta"] = -(velocity[..., 1:] - velocity[..., :-1])
     if walls is not None:
         bodies["wall"][[0, -1]] = floor, ceiling = numbers_at_ends(walls)
         pairs["wall"][0] += floor
@@ -101,12 +104,12 @@ def new_system(
     limits |= {"first": -1, "disturbed": math.nan, "solo": -1}
     for name, value in limits.items():
         run[name] = value
-    log = np.zeros(min(max(LOG_ROWS, 2 * n), MOST_ROWS), CONTACT_ROW)
+    log = np.zeros(min(max(LOG_ROWS if gap.ndim == 1 else ROWS_OF_MANY, 2 * n), MOST_ROWS), CONTACT_ROW)
     scratch = np.zeros((DEEPEST + 1, ORDER + 2))
     has = np.take_along_axis(kinds["map"], pairs["kind_of"].astype(int), -1) if gap.ndim > 1 else kinds["map"][kind_of]
     pairs["map"] = -1
-    lacks = (has == NO_MAP) | ((pairs["pull"] != 0.0) & (has != DASHPOT))
-    if n <= MOST_MAPS:  # every pair may have tables of its own; of many, those that are alike share them: `system_of`
+    if n <= MOST_MAPS and (has != DASHPOT).any():  # every pair may have tables of its own; else, see `_share_tables`
+        lacks = (has == NO_MAP) | ((pairs["pull"] != 0.0) & (has != DASHPOT))
         pairs["map"] = np.where(lacks & (pairs["wall"] == 0), np.arange(n), -1)
     known = np.zeros(min(n, MOST_MAPS), MAP), np.zeros(TABLES, TABLE), np.zeros(6)
     pool = empty_pool(min(room, n) + SPARE)
@@ -143,20 +146,11 @@ def with_longer_log(s: System) -> System:
 
 def system_of(scene: Scene, laws: SceneLaws, until: stop.Until | None, start: float = 0.0, **limits: Any) -> System:
     """Return the records of a scene at the start of its run, the time `start` in s."""
-    if not np.isfinite(sum(scene.sides(scene.inverse_mass))).all():
+    if not 2.0 * float(scene.inverse_mass.max()) < math.inf:
         raise OverflowError("the inverse of a mass")
-    speed = speed_scale(scene)
-    kinds = np.zeros(len(laws.each), KIND)
-    pull = scene.gravity if scene.external_force is None else float(np.abs(scene.pull).max())
-    rows = zip(*(described(law, speed, pull) for law in laws.each), strict=True)
-    for name, values in zip(KIND.names or (), rows, strict=False):
-        kinds[name] = values
-    kinds["elastic"] = [not (law.rate_dependent or law.memory) for law in laws.each]
-    write_maps(kinds, laws, scene)
-    if (kinds["kind"] == GENERAL).any():  # one law beyond powers, and every law is evaluated as it stands
-        kinds["kind"], kinds["s"] = GENERAL, 0.0
+    kinds = kinds_of(laws, scene)
     room = 3 * int(np.count_nonzero(scene.gap <= 0.0)) + ROOM  # so many pairs may join islands at once, and some later
-    walls, lift = walls_of(scene, start, ROW), None
+    walls, lift = walls_of(scene, start, ROW) if scene.driven else None, None
     if scene.external_force is not None:
         lift = scene.external_force * scene.inverse_mass
     columns: tuple[Any, ...] = scene.inverse_mass, scene.velocity, scene.gap, scene.gravity

@@ -25,7 +25,7 @@ from granular.md.located.pieces import locate, piece_time, power, write_flight
 from granular.md.located.records import ACTIVE, ASKS, CREEPS, LIES, LONG, LOOKED, ORDER, RESIDUAL, TO_PLAN
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS, end_of_group, find_equilibrium
 from granular.md.located.rest.proof import STIFF, between, come_to_rest, drags, flies, lie, verdict, whole_verdict
-from granular.md.located.series import bracket, power_term
+from granular.md.located.series import power_term
 from granular.md.located.step_size import growth, left_out, trusted
 
 NEAR = 0.1
@@ -202,7 +202,7 @@ def fly_beside(pairs: Any, pool: Any, bodies: Any, lo: int, c: int, h: float) ->
         subtract(pairs, pool, bodies, pair, c, way)
     pair.eta = pair.e[0]
     for n in range(ORDER + 1 if pair.mode == RESIDUAL else 0):
-        pair.g[n] = bracket(pair, pair.x[n], n)
+        pair.g[n] = 0.0 if n == 0 and pair.exact else pair.k * pair.x[n] + pair.gamma * pair.e[n]
     pair.own_speed = max(abs(pair.eta), abs(pair.e[1]))
     pair.own_length = h * pair.own_speed
 

@@ -50,7 +50,7 @@ def may_rest(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, limit: float
         if b == c and pair.mode != OPEN:
             return False
         if b > c:
-            if not kinetic(pairs, pool, bodies, c, b) < ceiling(pairs, pool, bodies, c, b):
+            if has_too_much(pairs, pool, bodies, c, b):
                 return False
             active, known = True, known and is_known(pairs, pool, c, b)
             for i in range(c, b):
@@ -65,19 +65,39 @@ def may_rest(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, limit: float
 
 
 @kernel
-def ceiling(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
-    """Return an energy in J that a group that can be proved to rest does not have: what is noted of it, or more."""
+def has_too_much(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
+    """Return whether a group has more energy than one that can be proved to rest, as far as a bound of it tells.
+
+    About its equilibrium a group has Σ D(ξ_c, r_c), with D(ξ, r) = U(ξ) - U(r) - U'(r) (ξ - r) and r_c its overlaps at
+    rest: the more, the smaller these are, and they are not larger than under all of its weight.
+    """
+    energy = kinetic(pairs, pool, bodies, a, b)
     if is_known(pairs, pool, a, b):
-        return float(pool[pairs[a].slot].opening)
+        return not energy < pool[pairs[a].slot].opening
     if bodies[a].inverse_mass == 0.0 and bodies[b].inverse_mass == 0.0:
-        return math.inf
+        return not energy < math.inf
     load, least, falls = abs(weight(bodies[a])), math.inf, False
     for c in range(a, b):
         load += abs(weight(bodies[c + 1]))
         falls = falls or pairs[c].pull > 0.0
     for c in range(a, b if falls else a):
-        least = min(least, highest_hurdle(pool[pairs[c].slot], 1.001 * load))
-    return least if falls else 0.0
+        pair = pool[pairs[c].slot]
+        least = min(least, highest_hurdle(pair, 1.001 * load))
+        energy += stored(pair, 1.001 * load)
+    return not energy < (least if falls else 0.0)
+
+
+@kernel
+def stored(pair: Any, load: float) -> float:
+    """Return an energy in J that is not above D(ξ, r), see `has_too_much`, of a pair that bears at most a load."""
+    if pair.kind == GENERAL or not pair.k > 0.0:
+        return 0.0
+    rest = overlap_under(pair, load)
+    if not pair.xi > 1.001 * rest:
+        return 0.0
+    p = pair.p + 1.0
+    deeper = pair.k / p * (power(pair.xi, p) - power(rest, p)) - load * (pair.xi - rest)
+    return float(max(0.0, 0.999 * deeper))
 
 
 @kernel
