@@ -6,15 +6,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular import _check
-from granular.balls import Ball, named
+from granular import _check, walls
 from granular.scene import Scene
 from granular.scenes.rows import above_floor, count_of, gaps_of, geometric, mass_of, masses_of, radius_of
-from granular.walls import Sine
+
+if TYPE_CHECKING:
+    from granular.balls import Ball
 
 
 def three_balls(
@@ -175,9 +176,9 @@ def vibrated_column(
     count = count_of(n)
     r = np.full(count, _check.number("radius", radius, above=0.0))
     if amplitude is None:
-        plate = Sine.from_acceleration(gamma, frequency, gravity, phase)
+        plate = walls.Sine.from_acceleration(gamma, frequency, gravity, phase)
     else:
-        plate = Sine(amplitude, frequency, phase)
+        plate = walls.Sine(amplitude, frequency, phase)
     floor, *between = gaps_of(gap, count)
     return above_floor(mass_of(r, density), r, floor, between, 0.0, gravity, plate)
 
@@ -201,6 +202,8 @@ def real_balls(
     gravity : float
         g in m/s².
     """
+    from granular.balls import named
+
     balls = [named(lower, "lower"), *([] if upper is None else [named(upper, "upper")])]
     m, r = (np.array([getattr(ball, name) for ball in balls]) for name in ("mass", "radius"))
     drop = _check.number("height", height, at_least=0.0)

@@ -8,13 +8,13 @@ the scene put it, and moves at its own velocity + m'(t_start).
 from __future__ import annotations
 
 import math
-from importlib import import_module
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from granular import _check
-from granular._moved import submodule
+from granular._moved import attribute
 
 if TYPE_CHECKING:
     from granular.walls.formulas import Piecewise, Sine
@@ -25,13 +25,8 @@ if TYPE_CHECKING:
 __all__ = ["Motion", "Panels", "Piecewise", "Sine", "Thermal"]
 __dir__ = __all__.copy
 _HOMES = {"Motion": "motion", "Panels": "panels", "Piecewise": "formulas", "Sine": "formulas", "Thermal": "thermal"}
-
-
-def __getattr__(name: str) -> Any:
-    """Load a kind of wall when it is first asked for: most scenes have none."""
-    if name not in _HOMES:
-        return submodule("walls", name)
-    return getattr(import_module(f"granular.walls.{_HOMES[name]}"), name)
+"""Most scenes have no such wall: its kind is loaded when it is first asked for."""
+__getattr__ = partial(attribute, "walls", _HOMES)
 
 
 def _is(motion: Any, *kinds: str) -> bool:
