@@ -108,6 +108,14 @@ def number(value: float, form: str = ".6g", none: str = "–") -> str:
     return format(value, form) if math.isfinite(value) else none
 
 
+def rounded(value: float, digits: int, *, up: bool) -> str:
+    """Return a number in so many digits that is no smaller, or if not `up` no larger: a bound stays one."""
+    from decimal import ROUND_CEILING, ROUND_FLOOR, Context
+
+    context = Context(prec=digits, rounding=ROUND_CEILING if up else ROUND_FLOOR)
+    return f"{float(context.create_decimal(repr(value))):.{digits}g}"
+
+
 def unit_of(
     value: float, si: str, least: float = 2.0, prefixes: Sequence[tuple[float, str]] = PREFIXES
 ) -> tuple[float, str]:

@@ -191,13 +191,13 @@ def edges(axis: int, columns: Sequence[Values], grid: Values, shape: tuple[int, 
     _check.number("precision", precision, at_least=1e-15, at_most=0.1)
     cells = np.moveaxis(np.arange(len(grid)).reshape(shape), axis, -1)
     both = np.stack([cells[..., :-1].ravel(), cells[..., 1:].ravel()], axis=1)
-    jump = (grid[both[:, 0]] != grid[both[:, 1]]).any(axis=1)
-    both = both[jump & (grid[both] >= 0).any(axis=2).all(axis=1)]
+    known: Any = (grid >= 0).any(axis=1)
+    both = both[(grid[both[:, 0]] != grid[both[:, 1]]).any(axis=1) & known[both].all(axis=1)]
     row, ends, found = both[:, 0], columns[axis].astype(np.float64)[both], grid[both]
     while True:
         middle = 0.5 * (ends[:, 0] + ends[:, 1])
         wide = np.abs(ends[:, 1] - ends[:, 0]) > precision * np.abs(ends).max(axis=1)
-        wide &= (middle[:, None] != ends).all(axis=1)
+        wide &= (middle != ends[:, 0]) & (middle != ends[:, 1])
         if not wide.any():
             break
         there = counts([middle[wide] if k == axis else column[row[wide]] for k, column in enumerate(columns)])

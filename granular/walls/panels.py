@@ -47,8 +47,28 @@ WALL = np.dtype(
 )
 
 
+class OnPanels:
+    """What motions have in common that are made of panels once and for all."""
+
+    @property
+    def _panels(self) -> Panels:
+        raise NotImplementedError
+
+    def displacement(self, t: float) -> float:
+        """Return m(t) in m."""
+        return self._panels._at(t)[0]
+
+    def velocity(self, t: float) -> float:
+        """Return m'(t) in m/s; at a break, that after it."""
+        return self._panels._at(t)[1]
+
+    def acceleration(self, t: float) -> float:
+        """Return m''(t) in m/s²; at a break, that after it."""
+        return self._panels._at(t)[2]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Panels(ByNumbers):
+class Panels(OnPanels, ByNumbers):
     """A motion m(t) as polynomials on panels; what `Motion` becomes for a run, and is saved as.
 
     Parameters
@@ -75,12 +95,7 @@ class Panels(ByNumbers):
     turn: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        edges = _check.array("edges", self.edges)
-        if len(edges) < 2:
-            raise ValueError(f"edges has {len(edges)} entries: at least 2 are needed, where the first panel begins and "
-                             "ends.")
-        _check.every("edges", edges, np.isfinite(edges), "a finite time is needed")
-        _check.every("edges", edges[1:], np.diff(edges) > 0.0, "edges must increase from entry to entry")
+        edges = _check.rising("edges", self.edges, "a finite time is needed")
         columns = np.shape(self.series)[1] if np.ndim(self.series) == 2 else TERMS
         if columns > TERMS:
             raise ValueError(f"series has {columns} coefficients a panel: at most {TERMS} are needed; use shorter "
@@ -129,19 +144,11 @@ class Panels(ByNumbers):
         end = f"{self.frequency:g} Hz" if self.frequency else f"{self.edges[0]:g} … {self.edges[-1]:g} s"
         return f"Panels({len(self.series)} polynomials, {end})"
 
-    def displacement(self, t: float) -> float:
-        """Return m(t) in m."""
-        return self._at(t)[0]
+    @property
+    def _panels(self) -> Panels:
+        return self
 
-    __call__ = displacement
-
-    def velocity(self, t: float) -> float:
-        """Return m'(t) in m/s; at an edge, that of the panel which begins there."""
-        return self._at(t)[1]
-
-    def acceleration(self, t: float) -> float:
-        """Return m''(t) in m/s²; at an edge, that of the panel which begins there."""
-        return self._at(t)[2]
+    __call__ = OnPanels.displacement
 
     def panels(self, t_start: float, t_end: float) -> Panels:
         """Return itself, or raise `ValueError` if the path does not last from `t_start` to `t_end`, in s."""

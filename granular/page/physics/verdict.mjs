@@ -60,4 +60,10 @@ function outcomes({ error, sunk, cut }) {
   return ["yes", { say: "verdict-yes", within: within(error) }];
 }
 
-const within = (error) => (error < 1e-12 ? { say: "within-rounding" } : { say: "within", error: [error, "", 1] });
+// The next number of one digit that is no smaller: the error is never larger than is said.
+export function roundedUp(x) {
+  const [digit, exponent] = x.toExponential(0).split("e");
+  return Number(`${Number(digit) + (Number(`${digit}e${exponent}`) < x)}e${exponent}`);
+}
+
+const within = (error) => (error < 1e-12 ? { say: "within-rounding" } : { say: "within", error: [roundedUp(error), "", 1] });
