@@ -15,7 +15,7 @@ from granular import _check
 from granular._check import Array, ByNumbers
 from granular._records import plain
 from granular.walls import path
-from granular.walls.panels import TERMS, OnPanels, Panels
+from granular.walls.panels import TERMS, Panels, _OnPanels
 
 LARGEST = 1e150
 """Of amplitudes (m) and accelerations (m/s²): their products are still numbers."""
@@ -27,7 +27,7 @@ CLOSED = 1e-9
 
 
 @dataclass(frozen=True)
-class Sine(OnPanels):
+class Sine(_OnPanels):
     """m(t) = A sin(2π f t + φ), m' = 2π f A cos(2π f t + φ), m'' = -(2π f)² m.
 
     Parameters
@@ -117,7 +117,7 @@ class Sine(OnPanels):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Piecewise(OnPanels, ByNumbers):
+class Piecewise(_OnPanels, ByNumbers):
     """m(t) = Σ_j c_ji (t - t_i)^(K-j) from break t_i to t_(i+1), as in `scipy.interpolate.PPoly`.
 
     Parameters

@@ -47,7 +47,7 @@ WALL = np.dtype(
 )
 
 
-class OnPanels:
+class _OnPanels:
     """What motions have in common that are made of panels once and for all."""
 
     @property
@@ -68,7 +68,7 @@ class OnPanels:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Panels(OnPanels, ByNumbers):
+class Panels(_OnPanels, ByNumbers):
     """A motion m(t) as polynomials on panels; what `Motion` becomes for a run, and is saved as.
 
     Parameters
@@ -148,7 +148,7 @@ class Panels(OnPanels, ByNumbers):
     def _panels(self) -> Panels:
         return self
 
-    __call__ = OnPanels.displacement
+    __call__ = _OnPanels.displacement
 
     def panels(self, t_start: float, t_end: float) -> Panels:
         """Return itself, or raise `ValueError` if the path does not last from `t_start` to `t_end`, in s."""
