@@ -251,8 +251,7 @@ def _span(series: Array) -> tuple[Array, Array]:
 @cache
 def _basis(n: int) -> Array:
     """Bernstein coefficients (n+1, n+1) on [-1, 1] of 1, x, … x^n: none is above 1, so no digits are lost."""
-    rows = np.empty((n + 1, n + 1))
-    for i in range(n + 1):
-        symmetric = np.polynomial.polynomial.polyfromroots([1.0] * (n - i) + [-1.0] * i) * (-1.0) ** (n - i)
-        rows[:, i] = symmetric / [math.comb(n, j) for j in range(n + 1)]
-    return rows
+    factors = np.array([math.comb(n, j) for j in range(n + 1)])
+    columns = [np.polynomial.polynomial.polyfromroots([1.0] * (n - i) + [-1.0] * i) * (-1.0) ** (n - i) / factors
+               for i in range(n + 1)]
+    return np.ascontiguousarray(np.transpose(columns))
