@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,10 @@ from granular._kernels import have_numba
 from granular.cases import Case, ready
 from granular.sweeps.results import RESULTS, STATUS, Result
 from granular.sweeps.subject import SceneLike, Subject, Values, Way, put, subject_of
+
+if TYPE_CHECKING:
+    import xarray
+
 
 Ask = str | Callable[[Case], float]
 
@@ -141,7 +145,7 @@ def xarray_() -> Any:
     return _check.optional("xarray", "sweep")
 
 
-def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: dict[str, Any]) -> Any:
+def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: dict[str, Any]) -> xarray.Dataset:
     """Return the data set: one dimension per axis, then pair or body; units and provenance as attributes."""
     shape = tuple(map(len, over.values()))
     coordinates: dict[str, Any] = {name: (name, array, plan.subject.attributes(name)) for name, array in over.items()}
@@ -157,7 +161,8 @@ def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: 
             coordinates[result.dim] = result.dim, np.arange(array.shape[1]), {"comment": "counted from the bottom"}
     about = {"title": f"granular sweep of {plan.subject.title}", "question": question(plan),
              "provenance": json.dumps(_files.provenance())}
-    return xarray_().Dataset(variables, coordinates, about | notes)
+    data: xarray.Dataset = xarray_().Dataset(variables, coordinates, about | notes)
+    return data
 
 
 def question(plan: Plan) -> str:
@@ -167,7 +172,7 @@ def question(plan: Plan) -> str:
     return json.dumps(words, default=repr, sort_keys=True)
 
 
-def write(data: Any, path: str | os.PathLike[str]) -> None:
+def write(data: xarray.Dataset, path: str | os.PathLike[str]) -> None:
     """Write a data set to a netCDF file, whole or not at all."""
     _check.optional("netCDF4", "a netCDF file")
 
