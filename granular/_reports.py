@@ -1,4 +1,4 @@
-"""What reports and figures share: tables for the terminal and for Markdown, numbers with units, JSON with provenance;
+"""What reports and figures share: tables for the terminal, numbers with units, JSON with provenance;
 how a figure begins, its colours and its sizes, 8 pt and columns as in Physical Review.
 May be skipped: words and pictures of what is computed elsewhere.
 """
@@ -77,12 +77,6 @@ def aligned(rows: Rows, sides: str = ">", indent: str = "") -> str:
     lines = ("  ".join(f"{word:{side}{width}}" for word, side, width in zip(row, sides, widths, strict=True))
              for row in rows)
     return "\n".join((indent + line).rstrip() for line in lines)
-
-
-def markdown(rows: Rows) -> str:
-    """Return a table in Markdown."""
-    head, *others = ("| " + " | ".join(row) + " |" for row in rows)
-    return "\n".join([head, "|" + "---|" * len(rows[0]), *others])
 
 
 def pairs_by_law(laws: Iterable[Any]) -> dict[str, list[int]]:

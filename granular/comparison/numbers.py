@@ -97,7 +97,8 @@ class Compared:
             "crowding": measures.crowding(hard, self.law),
             "occupation": measures.occupation(soft),
             "distance": math.nan if self._early else self._distance(self._apart[0]),
-            "predictability": self._predictability,
+            "predictability": math.nan if self._twin.status in EARLY else self._distance(
+                differences(*self._shifted)[0]),
             "mass_centre_ratio": soft_cm / hard_cm if hard_cm and not self._early else math.nan,
             "isolated_share": isolation.isolated_share(self.levelled[1]),
             "lag": float(self.soft.time[-1] - self.hard.time[-1]),
@@ -277,11 +278,6 @@ class Compared:
         for c, apart in self.resting.items():
             pairs[c] = apart
         return balls, pairs
-
-    @property
-    def _predictability(self) -> float:
-        """D of hard spheres against themselves; nan where the twin did not get to its end."""
-        return math.nan if self._twin.status in EARLY else self._distance(differences(*self._shifted)[0])
 
     @cached_property
     def _twin(self) -> Trajectory:

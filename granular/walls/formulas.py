@@ -15,7 +15,8 @@ from granular import _check
 from granular._check import Array, ByNumbers
 from granular._records import plain
 from granular.walls import path
-from granular.walls.panels import TERMS, Panels, _OnPanels
+from granular.walls.panels import Panels, _OnPanels
+from granular.walls.path import TERMS
 
 LARGEST = 1e150
 """Of amplitudes (m) and accelerations (m/s²): their products are still numbers."""
