@@ -1,5 +1,5 @@
-"""What is loaded when it is first asked for; and modules under the names that they had before: they are found for one
-release, with a warning. May be skipped: no physics.
+"""What is loaded when it is first asked for; modules under the names that they had before, found for one release.
+May be skipped: no physics.
 """
 
 from __future__ import annotations

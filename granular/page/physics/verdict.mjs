@@ -60,10 +60,6 @@ function outcomes({ error, sunk, cut }) {
   return ["yes", { say: "verdict-yes", within: within(error) }];
 }
 
-// The next number of one digit that is no smaller: the error is never larger than is said.
-export function roundedUp(x) {
-  const [digit, exponent] = x.toExponential(0).split("e");
-  return Number(`${Number(digit) + (Number(`${digit}e${exponent}`) < x)}e${exponent}`);
-}
-
-const within = (error) => (error < 1e-12 ? { say: "within-rounding" } : { say: "within", error: [roundedUp(error), "", 1] });
+// Up to one digit: the error is never larger than is said.
+const within = (error, unit = 10 ** Math.floor(Math.log10(error))) =>
+  (error < 1e-12 ? { say: "within-rounding" } : { say: "within", error: [Math.ceil(error / unit) * unit, "", 1] });
