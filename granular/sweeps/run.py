@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from os import PathLike
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -162,31 +162,28 @@ class _Job:
                 found.take(places, part)
             return np.asarray(found.columns["contacts"])
 
-        jumps = edges(axis, self.columns, self.answers.columns["contacts"], shape, counts, precision)
+        row, ends, sides = edges(axis, self.columns, self.answers.columns["contacts"], shape, counts, precision)
         data = self.dataset()
         about = {"units": data[name].attrs["units"], "long_name": f"interval of {name} in which a count jumps"}
-        data["edge"] = ("jump", "side"), jumps.ends, about
-        data["edge_contacts"] = ("jump", "side", "pair"), jumps.counts.astype(np.int64), data["contacts"].attrs
+        data["edge"] = ("jump", "side"), ends, about
+        data["edge_contacts"] = ("jump", "side", "pair"), sides.astype(np.int64), data["contacts"].attrs
         for other, column in zip(self.over, self.columns, strict=True):
             if other != name:
-                data[f"edge_{other}"] = "jump", column[jumps.row], data[other].attrs
+                data[f"edge_{other}"] = "jump", column[row], data[other].attrs
         return self.written(data)
 
 
-class Jumps(NamedTuple):
-    """Intervals of one axis in which the contact counts jump; the others have the values of the cells `row`."""
-
-    row: Values
-    ends: Values
-    counts: Values
-
-
 def edges(axis: int, columns: Sequence[Values], grid: Values, shape: tuple[int, ...], counts: Counts,
-          precision: float) -> Jumps:
+          precision: float) -> tuple[Values, Values, Values]:
     """Bisect every jump between neighbours of the grid along `axis` until it is known to a relative `precision`.
 
     An interval whose midpoint has a third count is cut in two. A window that lies between two points of the grid, with
     the same count on both, is not seen. Cells without any count are left out.
+
+    Returns
+    -------
+    row, ends, counts : arrays (j,), (j, 2), (j, 2, pairs)
+        Of each jump a cell that has its values of the other parameters, the interval of this one, and the counts there.
     """
     _check.number("precision", precision, at_least=1e-15, at_most=0.1)
     cells = np.moveaxis(np.arange(len(grid)).reshape(shape), axis, -1)
@@ -210,4 +207,4 @@ def edges(axis: int, columns: Sequence[Values], grid: Values, shape: tuple[int, 
         row, ends, found = map(np.concatenate, zip(*halves, strict=True))
     others = [column[row] for k, column in enumerate(columns) if k != axis]
     order = np.lexsort([ends[:, 0], *others[::-1]])
-    return Jumps(row[order], ends[order], found[order])
+    return row[order], ends[order], found[order]
