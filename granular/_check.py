@@ -100,6 +100,17 @@ def array(
     return out
 
 
+def rising(name: str, value: Any, need: str, *, at_least: float = -math.inf) -> Array:
+    """Return numbers as an array if there are at least two, finite and each larger than the one before; `need` says
+    what each must be."""
+    out = array(name, value)
+    if len(out) < 2:
+        raise ValueError(f"{name} has {len(out)} entries: at least 2 are needed.")
+    every(name, out, np.isfinite(out) & (out >= at_least), need)
+    every(name, out[1:], np.diff(out) > 0.0, f"{name} must increase from entry to entry")
+    return out
+
+
 def _worded(value: Any) -> Any:
     """Return what is to be an array; raise `TypeError` for what numpy would convert or leave out without a word: words
     (but "inf"), truth values and None among numbers, complex numbers and dates."""

@@ -1,4 +1,4 @@
-"""Modules under the names that they had before: they are found for one release, with a warning.
+"""What is loaded when it is first asked for; modules under the names that they had before, found for one release.
 May be skipped: no physics.
 """
 
@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Mapping
 from contextlib import suppress
 from importlib import import_module
 from importlib.abc import Loader, MetaPathFinder
@@ -22,8 +23,11 @@ NOW = {
 """Where a module of `granular` has gone; one within a room is named with a dot, such as "laws.power"."""
 
 
-def submodule(room: str, name: str) -> Any:
-    """Return a module of a room as the attribute that it was when rooms loaded all that they hold."""
+def attribute(room: str, homes: Mapping[str, str], name: str) -> Any:
+    """Return a name of a room from the module there that is its home; or a module, as the attribute that it was when
+    rooms loaded all that they hold."""
+    if name in homes:
+        return getattr(import_module(f"granular.{room}.{homes[name]}"), name)
     if not name.startswith("_"):
         with suppress(ModuleNotFoundError):
             return import_module(f"granular.{room}.{name}")

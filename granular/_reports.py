@@ -1,4 +1,4 @@
-"""What reports and figures share: tables for the terminal and for Markdown, numbers with units, JSON with provenance;
+"""What reports and figures share: tables for the terminal, numbers with units, JSON with provenance;
 how a figure begins, its colours and its sizes, 8 pt and columns as in Physical Review.
 May be skipped: words and pictures of what is computed elsewhere.
 """
@@ -79,12 +79,6 @@ def aligned(rows: Rows, sides: str = ">", indent: str = "") -> str:
     return "\n".join((indent + line).rstrip() for line in lines)
 
 
-def markdown(rows: Rows) -> str:
-    """Return a table in Markdown."""
-    head, *others = ("| " + " | ".join(row) + " |" for row in rows)
-    return "\n".join([head, "|" + "---|" * len(rows[0]), *others])
-
-
 def pairs_by_law(laws: Iterable[Any]) -> dict[str, list[int]]:
     """Return the pairs that have each different law or rule, by its words."""
     found: dict[str, list[int]] = {}
@@ -106,6 +100,14 @@ def shortened(text: str) -> str:
 def number(value: float, form: str = ".6g", none: str = "–") -> str:
     """Return a number in words; `none` if it is nan or infinite."""
     return format(value, form) if math.isfinite(value) else none
+
+
+def rounded(value: float, digits: int, *, up: bool) -> str:
+    """Return a number in so many digits that is no smaller, or if not `up` no larger: a bound stays one."""
+    from decimal import ROUND_CEILING, ROUND_FLOOR, Context
+
+    context = Context(prec=digits, rounding=ROUND_CEILING if up else ROUND_FLOOR)
+    return f"{float(context.create_decimal(repr(value))):.{digits}g}"
 
 
 def unit_of(

@@ -79,11 +79,17 @@ def _due(run: Trajectory, latest: Array, most: Any) -> Trajectory:
 def _patience(soft: Trajectory, cut: float) -> Array:
     """Until when in s the contact of each pair that has no end is followed, from the cut or its onset on, (n-1,)."""
     until = np.full(soft.scene.n_pairs, -np.inf)
-    rows = np.flatnonzero(np.isnan(soft.contacts["t_end"]))
-    log = soft.contacts[rows]
-    alone = Durations(soft.law or (), soft.scene)(log["pair"], strengths(soft)[rows])
-    until[log["pair"]] = np.maximum(log["t_begin"], cut) + PATIENCE * np.where(np.isfinite(alone), alone, 0.0)
+    running, patience = _running(soft)
+    until[running["pair"]] = np.maximum(running["t_begin"], cut) + patience
     return until
+
+
+def _running(soft: Trajectory) -> tuple[Any, Array]:
+    """The contacts that have no end, and for how long in s each is followed."""
+    endless = np.isnan(soft.contacts["t_end"])
+    running = soft.contacts[endless]
+    alone = Durations(soft.law or (), soft.scene)(running["pair"], strengths(soft)[endless])
+    return running, PATIENCE * np.where(np.isfinite(alone), alone, 0.0)
 
 
 def _endless(soft: Trajectory, until: Array) -> Trajectory:
@@ -108,8 +114,31 @@ def first(run: Trajectory, most: Any) -> Trajectory:
 
 
 def _latest(hard: Trajectory, soft: Trajectory, most: Any) -> Array:
-    """When in s the contacts that the hard, and the soft run has yet to make must have begun, (2, n-1)."""
-    alone, parts = Durations(soft.law or (), soft.scene), components(hard, soft)
+    """When in s the contacts that the hard, and the soft run has yet to make must have begun, (2, n-1).
+
+    A pair that has fewer contacts than in the other run may be late by the duration of a contact, and by the time in
+    which it goes as far as it may be behind, at the speed of the contact that it lacks.
+    """
+    alone = Durations(soft.law or (), soft.scene)
+    behind = _behind(hard, soft, alone)
+    latest = np.repeat([[hard.time[-1]], [soft.time[-1]]], soft.scene.n_pairs, axis=1)
+    for k, (run, other) in enumerate(((hard, soft), (soft, hard))):
+        pair = np.flatnonzero(counts(run) < most)
+        if len(pair):
+            order, edge = other.by_pair
+            speed = np.abs(approach(other)[order[edge[pair + 1] - 1]])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                late = alone(pair, speed) + np.fmin(behind[pair] / speed, soft.time[-1] - soft.time[0])
+            latest[k, pair] += np.nan_to_num(late, posinf=0.0)
+    lying = np.zeros(len(most), np.bool_)
+    lying[soft.contacts["pair"][soft.contacts["t_begin"] <= soft.time[0]]] = True
+    latest[0, (counts(hard) == 0) & lying] = hard.time[-1]  # they lie on each other from the start
+    return np.asarray(latest, float)
+
+
+def _behind(hard: Trajectory, soft: Trajectory, alone: Durations) -> Array:
+    """How far in m balls may be behind, (n-1,): the time that all contacts of a component take, at its fastest."""
+    parts = components(hard, soft)
     isolated = np.nan_to_num(alone(hard.contacts["pair"], np.abs(approach(hard))), posinf=0.0)
     over = np.where(np.isnan(soft.contacts["t_end"]), 0.0, soft.contacts["duration"])
     delay, fastest = np.zeros((2, parts.count + 1))
@@ -117,19 +146,7 @@ def _latest(hard: Trajectory, soft: Trajectory, most: Any) -> Array:
         of = parts.of_pair[run.contacts["pair"]]
         np.add.at(delay, of, lasting)
         np.maximum.at(fastest, of, approach(run))
-    way = (delay * fastest)[parts.of_pair]
-    latest = np.repeat([[hard.time[-1]], [soft.time[-1]]], soft.scene.n_pairs, axis=1)
-    for k, (run, other) in enumerate(((hard, soft), (soft, hard))):
-        pair = np.flatnonzero(counts(run) < most)
-        order, edge = other.by_pair
-        speed = np.abs(approach(other)[order[edge[pair + 1] - 1]]) if len(pair) else np.empty(0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            late = alone(pair, speed) + np.fmin(way[pair] / speed, soft.time[-1] - soft.time[0])
-        latest[k, pair] += np.nan_to_num(late, posinf=0.0)
-    began = np.full(len(most), np.inf)
-    np.minimum.at(began, soft.contacts["pair"], soft.contacts["t_begin"])
-    latest[0, (counts(hard) == 0) & (began <= soft.time[0])] = hard.time[-1]  # they lie on each other from the start
-    return np.asarray(latest, float)
+    return np.asarray((delay * fastest)[parts.of_pair])
 
 
 def _gone_on(run: Trajectory, end: float, options: Mapping[str, Any]) -> Trajectory:
@@ -173,10 +190,8 @@ def has_memory(soft: Trajectory) -> bool:
 
 def unfollowed(soft: Trajectory) -> Any:
     """Whether each pair has a last contact without end that has not lasted long enough to be called endless, (n-1,)."""
-    log, short = soft.contacts, np.zeros(soft.scene.n_pairs, np.bool_)
-    rows = np.flatnonzero(np.isnan(log["t_end"]))
-    alone = Durations(soft.law or (), soft.scene)(log["pair"][rows], strengths(soft)[rows])
-    short[log["pair"][rows]] = log["duration"][rows] < 0.99 * PATIENCE * np.where(np.isfinite(alone), alone, 0.0)
+    short, (running, patience) = np.zeros(soft.scene.n_pairs, np.bool_), _running(soft)
+    short[running["pair"]] = running["duration"] < 0.99 * patience
     return short & (soft.status in CUT)
 
 

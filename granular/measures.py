@@ -102,11 +102,8 @@ def before_the_end(twin: Trajectory, hard: Trajectory) -> tuple[Trajectory, Traj
     if not twin.status is hard.status is Status.time:
         return twin, hard
     before = hard.time[-1] - 1e-9 * (hard.time[-1] - hard.time[0])
-    return _only(twin, twin.contacts["t_begin"] < before), _only(hard, hard.contacts["t_begin"] < before)
-
-
-def _only(run: Trajectory, kept: Any) -> Trajectory:
-    return replace(run, contacts=run.contacts[kept])
+    twin, hard = (replace(run, contacts=run.contacts[run.contacts["t_begin"] < before]) for run in (twin, hard))
+    return twin, hard
 
 
 def fastest_approach(*runs: Trajectory) -> float:

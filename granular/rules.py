@@ -83,11 +83,7 @@ class TabulatedRestitution:
     restitution: _check.Array
 
     def __init__(self, speed: Any, restitution: Any) -> None:
-        v = _check.array("speed", speed)
-        if len(v) < 2:
-            raise ValueError(f"speed has {len(v)} entries: at least 2 are needed; for one use ConstantRestitution.")
-        _check.every("speed", v, np.isfinite(v) & (v >= 0.0), "a speed must be finite and not negative")
-        _check.every("speed", v[1:], np.diff(v) > 0.0, "speeds must increase from entry to entry")
+        v = _check.rising("speed", speed, "a speed must be finite and not negative", at_least=0.0)
         e = _unit(_check.array("restitution", restitution, v.shape, fix="one per speed"))
         self.__dict__.update(speed=v, restitution=e, _rows=(v.tolist(), e.tolist()))
 

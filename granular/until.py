@@ -9,10 +9,7 @@ from dataclasses import dataclass
 from granular import _check
 
 __all__ = ["Contact", "Separated", "contact", "separated"]
-
-
-def __dir__() -> list[str]:
-    return __all__
+__dir__ = __all__.copy
 
 
 @dataclass(frozen=True, slots=True)

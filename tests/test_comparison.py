@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -84,6 +85,15 @@ def test_effective_restitution_by_root_is_the_closed_form(report):
     (eps,) = report.effective_restitution()
     assert eps == pytest.approx(0.7 * report.restitution_ratio, rel=1e-9)
     assert report.effective_restitution(lambda run: float(run.count(1))) == ()  # EDMD has one contact for any ε
+
+
+@pytest.mark.parametrize("gap", [5e-3, 1e-2, 2e-2, 5e-2])
+def test_outcomes_agree_within_one_digit_that_is_no_smaller_than_the_error(gap):
+    scene = gr.scenes.three_balls(gap=gap)
+    law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=p) for p in scene.pairs]
+    report = gr.compare(scene, law, until=gr.until.contact(0, 2))
+    said = re.search(r"within (\d*\.?0*[1-9]) of", report.verdict)[1]
+    assert report.error <= float(said) < 2.0 * report.error
 
 
 def test_touching_cradle_has_no_unique_hard_sphere_answer():

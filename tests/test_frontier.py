@@ -12,7 +12,7 @@ from granular import cases, cli, reference
 from granular._reports import duration
 from granular.cli import output
 from granular.frontiers import Frontier, Row
-from granular.frontiers.methods import METHODS, Task, contacts_of, errors, expected_order, own
+from granular.frontiers.methods import METHODS, Task, contacts_of, errors, expected_orders, own
 
 pytest.importorskip("mpmath")
 QUICK = ("located", "verlet", "edmd", "dop853+events", "dop853")
@@ -101,7 +101,7 @@ def test_contacts_of_another_number_are_wrong_and_missing_ones_leave_no_error():
 def test_expected_orders_follow_from_how_forces_begin():
     def orders(law, name):
         scene, laws, end = scene_and_law(lambda pair: law)
-        return expected_order(Task(scene, tuple(laws), end["until"], None, None), name)
+        return expected_orders(Task(scene, tuple(laws), end["until"], None, None), [name])[name]
 
     assert orders(gr.LinearDashpot(5e7), "rk4") == (4.0, 2.0)
     assert orders(gr.Hertz(1e9), "rk4") == (4.0, 2.5)

@@ -171,7 +171,7 @@ def test_first_rise_of_a_polynomial_with_known_roots(roots):
     if len(roots) % 2 == 0:
         p, rising = [-a for a in p], list(roots[::2])
     assert abs(first_rise(MP, p, MP.mpf(1)) - MP.mpf(rising[0])) < 1e-30
-    assert abs(value(MP, p, MP.mpf(rising[0]))) < 1e-38
+    assert abs(value(p, MP.mpf(rising[0]))) < 1e-38
 
 
 def test_no_rise_where_there_is_none():

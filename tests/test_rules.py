@@ -46,7 +46,7 @@ def test_rules_are_frozen_and_constants_compare() -> None:
         (lambda: ConstantRestitution(math.nan), "restitution is nan"),
         (lambda: ConstantRestitution([0.5, 2.0]), r"restitution\[1\] is 2.0: a number in \[0, 1\] is needed"),
         (lambda: TabulatedRestitution([1.0], [0.5]), "speed has 1 entries: at least 2 are needed"),
-        (lambda: TabulatedRestitution([1.0, 1.0], [0.5, 0.5]), r"speed\[0\] is 1.0: speeds must increase"),
+        (lambda: TabulatedRestitution([1.0, 1.0], [0.5, 0.5]), r"speed\[0\] is 1.0: speed must increase"),
         (lambda: TabulatedRestitution([-1.0, 1.0], [0.5, 0.5]), r"speed\[0\] is -1.0: a speed must be finite"),
         (lambda: TabulatedRestitution([0.0, 1.0], [0.5, 1.5]), r"restitution\[1\] is 1.5"),
         (lambda: TabulatedRestitution([0.0, 1.0], [0.5]), "shape of restitution"),

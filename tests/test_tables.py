@@ -6,7 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from granular._reports import Report, aligned, duration, markdown, number, unit_of
+from bench.stability.report import markdown
+from granular._reports import Report, aligned, duration, number, unit_of
 
 ROWS = [["name", "error"], ["verlet", "1e-3"], ["é", ""]]
 

@@ -16,9 +16,8 @@ import granular as gr
 from bench import docs_data
 from bench.stability import AXES, StabilityReport, stability
 from bench.stability.cell import BOTH, FIXED, Result
-from bench.stability.report import BAD
+from bench.stability.report import BAD, markdown
 from granular import _check
-from granular._reports import markdown
 from granular.cli.output import Progress
 
 PAGE = Path(__file__).parents[2] / "docs" / "stability.md"

@@ -8,11 +8,17 @@ from typing import Any
 
 from bench.stability.cell import BOTH, Result, Verdict
 from bench.stability.long import Drift, StabilityLimit
-from granular._reports import Report, aligned, markdown, number
+from granular._reports import Report, Rows, aligned, number
 
 BAD = (Verdict.wrong, Verdict.crashed, Verdict.limit)
 SHOWN = 20
 """Bad cells that the printed report lists."""
+
+
+def markdown(rows: Rows) -> str:
+    """Return a table in Markdown."""
+    head, *others = ("| " + " | ".join(row) + " |" for row in rows)
+    return "\n".join([head, "|" + "---|" * len(rows[0]), *others])
 
 
 @dataclass(frozen=True)

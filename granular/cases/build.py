@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
@@ -33,6 +34,7 @@ parameters = cache(parameters_of)
 """What a way takes."""
 
 
+@dataclass(frozen=True, repr=False)
 class Named:
     """A function by its name; it travels to other processes, and is looked up when it is first called.
 
@@ -44,8 +46,8 @@ class Named:
         Where the file is, if `name` says no more.
     """
 
-    def __init__(self, name: str, folder: str = "") -> None:
-        self.name, self.folder = name, folder
+    name: str
+    folder: str = ""
 
     @property
     def place(self) -> str:
@@ -79,12 +81,6 @@ class Named:
         if not callable(found):
             raise ValueError(f"function is {self.name!r}: a function m(t) is needed, and that is {found!r}.")
         return found
-
-    def __eq__(self, other: object) -> bool:
-        return (self.name, self.folder) == (other.name, other.folder) if isinstance(other, Named) else NotImplemented
-
-    def __hash__(self) -> int:
-        return hash((self.name, self.folder))
 
     def __repr__(self) -> str:
         return self.name

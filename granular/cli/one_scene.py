@@ -1,4 +1,5 @@
-"""Commands on one scene: print it, run it on one engine or on both; one trajectory in words and a few numbers.
+"""Commands on one scene: print it, run it on one engine or on both; from where on hard spheres will do, at what price
+methods are right, and who is right where it becomes extreme; one trajectory in words and a few numbers.
 May be skipped: the command, no physics.
 """
 
@@ -6,19 +7,26 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
+
+import numpy as np
 
 import granular as gr
 from granular import cases
 from granular.cases.case import ENGINES, Option, engine_named
+from granular.cases.ready import is_file
 from granular.cli import output
 from granular.cli.parser import Command, case_of, offered
 from granular.trajectory import Status, Trajectory
 
 MOST = 20
 """Rows of a table at most."""
+MOST_CONTACTS = 16
+"""Contacts of a ready-made scene that only its time would end: the slow solvers take seconds for each, interpreted."""
 
 
 class Scenes(Command):
@@ -90,6 +98,72 @@ class Compare(Command):
             report = gr.compare(case.scene, case.physics("md"), case.rule, **options, on_progress=progress)
         output.deliver(report, given)
         return [report.soft, report.hard]
+
+
+class Threshold(Command):
+    """Find from which gap, stiffness, … on a scene may be event-driven."""
+
+    @staticmethod
+    def arguments(parser: argparse.ArgumentParser) -> list[Option]:
+        output.offer(parser, plot="draw what decides over the values", json="write every value with its verdict")
+        return offered(gr.threshold, "over", "between", "criterion", "error", "within", "points", "spacing")
+
+    @staticmethod
+    def run(given: argparse.Namespace) -> None:
+        with output.Progress(None, things="values") as progress:
+            report = gr.threshold(given.target, **given.given, **given.run, on_progress=progress)
+        output.deliver(report, given)
+
+
+class Frontier(Command):
+    """Measure the error of every method against its run time, on one scene."""
+
+    @staticmethod
+    def arguments(parser: argparse.ArgumentParser) -> list[Option]:
+        output.offer(parser, plot="draw error over run time",
+                     json="write every number, with the machine and all versions")
+        return offered(gr.frontier, "methods", "repeats")
+
+    @staticmethod
+    def run(given: argparse.Namespace) -> None:
+        case = case_of(given)
+        if case.until is None and "t_end" not in given.run and not is_file(given.target):
+            case = shortened(case)
+        options: dict[str, Any] = case.options(gr.frontier) | given.run
+        with output.Progress(1.0, things="settings") as progress:
+            report = gr.frontier(case.scene, case.physics("md"), **options, on_progress=progress)
+        output.deliver(report, given)
+
+
+class Stability(Command):
+    """Make a scene stiff, close, damped, unequal: which method is right, flagged, or wrong unseen?"""
+
+    @staticmethod
+    def arguments(parser: argparse.ArgumentParser) -> list[Option]:
+        output.offer(parser, plot="draw the table", json="write every run")
+        return offered(gr.stability, "axes", "methods", "error")
+
+    @staticmethod
+    def run(given: argparse.Namespace) -> None:
+        with output.Progress(1.0, things="runs") as progress:
+            report = gr.stability(given.target, **given.given, **given.run, on_progress=progress)
+        output.deliver(report, given)
+
+
+def shortened(case: cases.Case) -> cases.Case:
+    """Return a case that ends after its first contacts, if it has more than can be measured within a minute, and
+    any of them ends: where for the longest time none of the later ones begins or ends."""
+    first = case.simulate("md", max_events=MOST_CONTACTS)
+    if first.status is not Status.max_events:
+        return case
+    if np.isnan(first.contacts["t_end"]).all():
+        return case
+    times = np.sort(np.concatenate([first.contacts["t_begin"], first.contacts["t_end"]]))
+    times = times[~np.isnan(times)][MOST_CONTACTS:]
+    i = int(np.diff(times).argmax())
+    end = float(0.5 * (times[i] + times[i + 1]))
+    print(f"granular: up to t = {end:.6g} s; give --t-end for another end", file=sys.stderr)
+    return replace(case, t_end=end)
 
 
 def summary(case: cases.Case, run: Trajectory) -> str:

@@ -20,7 +20,7 @@ from granular.trajectory import Trajectory
 
 COMMANDS = {
     "scenes": "one_scene:Scenes", "run": "one_scene:Run", "compare": "one_scene:Compare", "sweep": "sweep:Sweep",
-    "threshold": "studies:Threshold", "frontier": "studies:Frontier", "stability": "studies:Stability",
+    "threshold": "one_scene:Threshold", "frontier": "one_scene:Frontier", "stability": "one_scene:Stability",
     "page": "pages:Page", "view": "pages:View",
 }
 """Where each command stands: a file beside this one, and a `Command` in it."""
@@ -191,17 +191,16 @@ def _add(parser: argparse.ArgumentParser, title: str, options: Iterable[Option])
 
 def _reading(kind: str) -> dict[str, Any]:
     """How argparse reads a parameter with this annotation."""
-    if kind == "bool":
-        return {"action": argparse.BooleanOptionalAction}
-    if "Sequence[str]" in kind:
-        return {"nargs": "+", "metavar": "WORD"}
-    if "Sequence" in kind:
-        return {"type": _number, "nargs": "+", "metavar": "X"}
-    if kind == "Any":
-        return {"type": _entry, "nargs": "+", "metavar": "NAME=VALUE"}
-    if kind.startswith("int"):
-        return {"type": _whole, "metavar": "N"}
-    return {"type": _number, "metavar": "X"} if kind.startswith("float") else {"metavar": "WORD"}
+    ways: dict[str, dict[str, Any]] = {
+        "bool$": {"action": argparse.BooleanOptionalAction},
+        ".*Sequence\\[str\\]": {"nargs": "+", "metavar": "WORD"},
+        ".*Sequence": {"type": _number, "nargs": "+", "metavar": "X"},
+        "Any$": {"type": _entry, "nargs": "+", "metavar": "NAME=VALUE"},
+        "int": {"type": _whole, "metavar": "N"},
+        "float": {"type": _number, "metavar": "X"},
+        "": {"metavar": "WORD"},
+    }
+    return next(how for start, how in ways.items() if re.match(start, kind))
 
 
 def _given(options: Iterable[Option], found: argparse.Namespace) -> dict[str, Any]:

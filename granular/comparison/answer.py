@@ -23,6 +23,7 @@ from functools import cached_property
 import numpy as np
 
 from granular import end_time
+from granular._reports import rounded
 from granular.comparison.numbers import Compared, smaller_radius
 from granular.outcome import FAINT, SAME, PairOutcome
 from granular.trajectory import EARLY
@@ -150,7 +151,7 @@ def _yes(report: Compared, trivially: list[str]) -> Reason:
     error, isolated = report.error, report.measures["isolated_share"]
     if not error <= SAME:
         return Reason(Answer.undecided, ": no contact has come to its end")
-    within = f"within {error:.1g} of the fastest impact" if error >= FAINT else "to rounding"
+    within = f"within {rounded(error, 1, up=True)} of the fastest impact" if error >= FAINT else "to rounding"
     agree = f"outcomes agree {within}"
     if len(trivially) == report.components.count:
         words = max(trivially, default=", trivially: nothing collides")

@@ -97,7 +97,8 @@ class Compared:
             "crowding": measures.crowding(hard, self.law),
             "occupation": measures.occupation(soft),
             "distance": math.nan if self._early else self._distance(self._apart[0]),
-            "predictability": self._predictability,
+            "predictability": math.nan if self._twin.status in EARLY else self._distance(
+                differences(*self._shifted)[0]),
             "mass_centre_ratio": soft_cm / hard_cm if hard_cm and not self._early else math.nan,
             "isolated_share": isolation.isolated_share(self.levelled[1]),
             "lag": float(self.soft.time[-1] - self.hard.time[-1]),
@@ -129,11 +130,9 @@ class Compared:
         """ε_eff/ε_spec for floor and two balls of one ε, from the closed form of the paper; nan for other scenes, with
         a driven floor or forces too."""
         eps, v_rel = self.restitution_spec, self.pairs[-1].soft_v_rel
-        if not is_drop(self.scene) or max(eps) - min(eps) > 1e-9 or not self.impact_speed > 0.0 or math.isnan(v_rel):
+        if not is_drop(self.scene) or max(eps) - min(eps) > 1e-9 or not self.impact_speed > 0.0:
             return math.nan
-        from granular import theory
-
-        return theory.effective_restitution(v_rel, self.impact_speed) / eps[0]
+        return float(effective(v_rel, self.impact_speed)) / eps[0]
 
     @property
     def drop(self) -> float:
@@ -280,11 +279,6 @@ class Compared:
             pairs[c] = apart
         return balls, pairs
 
-    @property
-    def _predictability(self) -> float:
-        """D of hard spheres against themselves; nan where the twin did not get to its end."""
-        return math.nan if self._twin.status in EARLY else self._distance(differences(*self._shifted)[0])
-
     @cached_property
     def _twin(self) -> Trajectory:
         return self._carried_on(self.twin, self.hard_options)
@@ -332,6 +326,12 @@ def is_drop(scene: Scene) -> bool:
     """Whether two balls fall on a floor together, without driven walls or other forces."""
     together = scene.n == 3 and scene.is_wall.tolist() == [True, False, False]
     return together and scene.velocity[1] == scene.velocity[2] and not flags(scene)
+
+
+def effective(v_rel: Any, impact: Any) -> Any:
+    """ε_eff = (√(1 + 4x) - 1)/2, x = v_r′/|v10|, of arrays; nan where the balls still approach."""
+    x = np.where(v_rel >= 0.0, v_rel, math.nan) / impact
+    return 2.0 * x / (1.0 + np.sqrt(1.0 + 4.0 * x))
 
 
 def smaller_radius(scene: Scene) -> Any:

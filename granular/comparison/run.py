@@ -14,7 +14,7 @@ from granular._reports import Report
 from granular.binary import rule_of_comparison
 from granular.comparison import report
 from granular.comparison.answer import Judged
-from granular.drive import EVENTS, check_end
+from granular.drive import EVENTS
 from granular.laws.kinds import checked
 from granular.scene import Scene, checked as a_scene
 
@@ -140,7 +140,6 @@ def compare(
     Comparison
     """
     laws = checked(law, a_scene(scene)).given
-    check_end(scene, t_end, until, max_events)
     used = rule_of_comparison(laws, scene) if rule is None else rule
     end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
     event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed, "collapse": collapse, "merge_below": merge_below}

@@ -25,7 +25,7 @@ from granular.edmd.motion import NOISE, add, impulse, rebase, span
 from granular.edmd.records import BOTH, CEILING, FLOOR, FREE, SIDE, Walls
 from granular.scene import Scene
 from granular.scene.places import driven_walls
-from granular.walls.panels import PANEL
+from granular.walls.path import PANEL
 
 SUMS = ("work", "work_low", "lost", "lost_low", "heat", "heat_low", "given", "given_low")
 """What is saved of an account."""

@@ -126,15 +126,11 @@ def _outcome(run: Trajectory, unit: str) -> Outcome:
 
 
 def expected_orders(task: Task, names: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """The orders of the fixed-step methods among these."""
-    return {name: expected_order(task, name) for name in names if name in INTEGRATORS}
-
-
-def expected_order(task: Task, name: str) -> tuple[float, float]:
-    """Textbook order p of a fixed-step method, and min(p, 1+s), s the power of time with which forces begin."""
-    least = np.min([_first_power(law) for law in task.resolved.each])  # nan if one is
-    order = INTEGRATORS[name].order
-    return order, float(np.minimum(order, 1.0 + least))
+    """Textbook order p of the fixed-step methods among these, and min(p, 1+s), s the power of time with which forces
+    begin."""
+    least = float(np.min([_first_power(law) for law in task.resolved.each]))  # nan if one is
+    orders = {name: INTEGRATORS[name].order for name in names if name in INTEGRATORS}
+    return {name: (order, float(np.minimum(order, 1.0 + least))) for name, order in orders.items()}
 
 
 def _first_power(law: PairLaw) -> float:

@@ -4,7 +4,7 @@ May be skipped: names of the package only.
 
 from functools import partial
 
-from granular._moved import submodule
+from granular._moved import attribute
 from granular.laws.contact_law import PairLaw as PairLaw, resolve as resolve
 from granular.laws.dashpot import LinearDashpot
 from granular.laws.hertz import Hertz, TsujiHertz, ViscoelasticHertz
@@ -12,4 +12,4 @@ from granular.laws.springs import PowerLaw, WaltonBraun
 from granular.laws.statics import MatchedEnd
 
 __all__ = ["Hertz", "LinearDashpot", "MatchedEnd", "PowerLaw", "TsujiHertz", "ViscoelasticHertz", "WaltonBraun"]
-__getattr__ = partial(submodule, "laws")
+__getattr__ = partial(attribute, "laws", {})

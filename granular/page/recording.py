@@ -102,9 +102,8 @@ def evenly(n: int, most: int) -> np.ndarray[Any, np.dtype[np.int64]]:
 
 def part(run: Trajectory, rows: np.ndarray[Any, np.dtype[np.int64]]) -> Trajectory:
     """Return the run with only some of its rows."""
-    arrays: dict[str, Any] = {name: getattr(run, name)[rows] for name in ("time", "position", "velocity", "gap")}
-    arrays |= {name: getattr(run, name)[rows] for name in ("force", "ledger") if getattr(run, name) is not None}
-    return replace(run, **arrays)
+    names = ("time", "position", "velocity", "gap", "force", "ledger")
+    return replace(run, **{name: getattr(run, name)[rows] for name in names if getattr(run, name) is not None})
 
 
 def _account(run: Trajectory) -> list[list[str | float]]:

@@ -11,15 +11,15 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any
 
-from granular.reference.series import Number
+from granular.reference.series import Number, value
 from granular.scene import Scene
 from granular.walls import Panels, Piecewise, Sine, Thermal
 
 
-class Path(Protocol):
-    """How a wall moves beside its constant velocity.
+class Harmonic:
+    """A sine beside a wall's constant velocity: exact at any time.
 
     Attributes
     ----------
@@ -29,25 +29,6 @@ class Path(Protocol):
         What its speed in m/s does not exceed.
     """
 
-    last: Number
-    fastest: Number
-
-    def moved(self, t: Number) -> Number:
-        """Displacement m(t) in m, but for a constant."""
-
-    def rates(self, t: Number) -> list[Number]:
-        """Velocity, acceleration, …: at least these two, at a break those after it."""
-
-    def above(self, t: Number, side: int) -> Number:
-        """How far in m it goes at most beyond where it is at time `t`, upwards (`side` 1) or downwards (-1)."""
-
-    def until(self, t: Number) -> Number:
-        """Time in s up to which what follows from `rates(t)` holds, or a period later."""
-
-
-class Harmonic:
-    """A sine: exact at any time."""
-
     def __init__(self, mp: Any, motion: Sine) -> None:
         self.mp, number = mp, getattr(mp, "mpf", float)
         self.frequency, self.phase, self.amplitude = map(number, (motion.frequency, motion.phase, motion.amplitude))
@@ -55,32 +36,36 @@ class Harmonic:
         self.last, self.fastest = -self.omega * self.omega, self.amplitude * self.omega
 
     def moved(self, t: Number) -> Number:
+        """Displacement m(t) in m, but for a constant."""
         return self.amplitude * self.mp.sin(self.omega * t + self.phase)
 
     def rates(self, t: Number) -> list[Number]:
+        """Velocity, acceleration, …: at least these two, at a break those after it."""
         mp, angle = self.mp, self.omega * t + self.phase
         return [self.amplitude * self.omega * mp.cos(angle), self.amplitude * self.last * mp.sin(angle)]
 
     def above(self, t: Number, side: int) -> Number:
+        """How far in m it goes at most beyond where it is at time `t`, upwards (`side` 1) or downwards (-1)."""
         return self.amplitude - side * self.moved(t)
 
     def until(self, t: Number) -> Number:
+        """Time in s up to which what follows from `rates(t)` holds, or a period later."""
         return t + 1 / self.frequency
 
 
 class Pieces:
-    """Polynomials in (t - centre) on pieces between edges in s."""
+    """Polynomials in (t - centre) on pieces between edges in s; what it tells is as of `Harmonic`."""
 
     last: Number = 0
 
     def __init__(self, mp: Any, edges: Sequence[Number], centres: Sequence[Number], series: list[list[Number]]) -> None:
         self.mp, self.edges, self.centres = mp, list(edges), centres
         for k in range(1, len(series)):  # small steps are rounding
-            before, after = (_value(series[i], edges[k] - centres[i]) for i in (k - 1, k))
+            before, after = (value(series[i], edges[k] - centres[i]) for i in (k - 1, k))
             series[k][0] += before - after
         self.derived = [_derivatives(c) for c in series]
         far = [max(b - c, c - a) for a, b, c in zip(edges, edges[1:], centres, strict=False)]
-        self.fastest = max(_value(list(map(abs, p[1])), x) for p, x in zip(self.derived, far, strict=True))
+        self.fastest = max(value(list(map(abs, p[1])), x) for p, x in zip(self.derived, far, strict=True))
 
     def _at(self, t: Number) -> tuple[int, Number]:
         k = min(max(bisect_right(self.edges, t) - 1, 0), len(self.derived) - 1)
@@ -88,11 +73,11 @@ class Pieces:
 
     def moved(self, t: Number) -> Number:
         k, x = self._at(t)
-        return _value(self.derived[k][0], x)
+        return value(self.derived[k][0], x)
 
     def rates(self, t: Number) -> list[Number]:
         k, x = self._at(t)
-        return [_value(p, x) for p in self.derived[k][1:]]
+        return [value(p, x) for p in self.derived[k][1:]]
 
     def above(self, t: Number, side: int) -> Number:
         return self.mp.inf
@@ -110,11 +95,8 @@ def _derivatives(c: list[Number]) -> list[list[Number]]:
     return out
 
 
-def _value(p: list[Number], x: Number) -> Number:
-    total = 0 * x
-    for a in reversed(p):
-        total = total * x + a
-    return total
+Path = Harmonic | Pieces
+"""How a wall moves beside its constant velocity."""
 
 
 def path(mp: Any, motion: Any) -> Path:

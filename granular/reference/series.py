@@ -26,7 +26,7 @@ def work(mp: Any, force: list[Number], v: list[Number], rho: list[Number], x: Nu
     """∫ F v dt up to x, dt/dx = ρ."""
     n = len(force)
     power = [product_term(mp, force, v, j) for j in range(n)]
-    return value(mp, [mp.zero, *(product_term(mp, rho, power, j) / (j + 1) for j in range(n))], x)
+    return value([mp.zero, *(product_term(mp, rho, power, j) / (j + 1) for j in range(n))], x)
 
 
 class Power:
@@ -61,9 +61,9 @@ class Power:
         return self.f[-1]
 
 
-def value(mp: Any, p: Sequence[Number], x: Number) -> Number:
+def value(p: Sequence[Number], x: Number) -> Number:
     """The polynomial Σ p_j x^j."""
-    return reduce(lambda total, a: total * x + a, reversed(p), mp.zero)
+    return reduce(lambda total, a: total * x + a, reversed(p), 0 * x)
 
 
 def first_rise(mp: Any, p: Sequence[Number], end: Number) -> Number | None:
@@ -79,26 +79,26 @@ def first_rise(mp: Any, p: Sequence[Number], end: Number) -> Number | None:
     p = p[lead:]
     if p[0] > 0:
         return mp.zero
-    if p[0] + value(mp, [mp.zero, *(max(a, mp.zero) for a in p[1:])], end) < 0:
+    if p[0] + value([mp.zero, *(max(a, mp.zero) for a in p[1:])], end) < 0:
         return None
     slope = [j * a for j, a in enumerate(p)][1:]
     bends = [abs(j * a) for j, a in enumerate(slope)][1:]
-    tiny = mp.eps * value(mp, [abs(a) for a in p], end)
+    tiny = mp.eps * value([abs(a) for a in p], end)
     stack = [(mp.zero, end)]
     while stack:
         a, b = stack.pop()
         c, r = (a + b) / 2, (b - a) / 2
-        at, rate, bend = value(mp, p, c), value(mp, slope, c), value(mp, bends, b)
+        at, rate, bend = value(p, c), value(slope, c), value(bends, b)
         rest = bend * r * r / 2
         if at + abs(rate) * r + rest < 0:
             continue
         if rate > bend * r:
-            if value(mp, p, a) >= 0:
+            if value(p, a) >= 0:
                 return a
-            if value(mp, p, b) >= 0:
-                return _newton(mp, lambda x: value(mp, p, x), lambda x: value(mp, slope, x), a, b)
+            if value(p, b) >= 0:
+                return _newton(mp, lambda x: value(p, x), lambda x: value(slope, x), a, b)
         elif -rate > bend * r or at - abs(rate) * r - rest > 0:
-            if value(mp, p, a) >= 0:
+            if value(p, a) >= 0:
                 return a
         elif rest > tiny:
             stack += [(c, b), (a, c)]

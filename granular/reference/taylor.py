@@ -253,13 +253,12 @@ class Taylor:
         """Advance to x of the piece."""
         if x == 0:
             return
-        mp = self.mp
         if self.work is not None:
             self.book(piece, x)
         for a, series in zip(self.touches, piece.x, strict=True):
-            a.xi, a.exact = value(mp, series, x), False
-        self.v, self.y = ([value(mp, series, x) for series in each] for each in (piece.v, piece.y))
-        self.t += value(mp, piece.t, x)
+            a.xi, a.exact = value(series, x), False
+        self.v, self.y = ([value(series, x) for series in each] for each in (piece.v, piece.y))
+        self.t += value(piece.t, x)
 
     def book(self, piece: Piece, x: Number) -> None:
         """Add what forces do up to x of the piece: on overlaps, and for the walls."""

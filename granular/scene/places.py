@@ -108,15 +108,11 @@ def flaw(
         return f"gap {gap.argmin()} is {gap.min():.6g} m"
     if not adds_up or (not scene.ring and not (scene.is_wall[0] and scene.is_wall[-1])):
         return ""
-    below, above = (0.0, 0.0) if scene.ring else (_came(scene, wall, start, elapsed) for wall in (0, scene.n - 1))
+    below, above = (0.0, 0.0) if scene.ring else (
+        float((scene.velocity[wall] * elapsed + scene._moved(wall, elapsed, start)[0])[0]) for wall in (0, scene.n - 1))
     due = float(scene.gap.sum()) + (above - below)
     size = float(np.abs(scene.gap).sum() + 2.0 * scene.radius.sum()) + abs(below) + abs(above)
     return "" if abs(room - due) <= HALF * size else f"gaps add up to {room:.12g} m instead of {due:.12g} m"
-
-
-def _came(scene: Scene, wall: int, start: float, elapsed: Array) -> float:
-    """Return how far a wall has come, in m."""
-    return float((scene.velocity[wall] * elapsed + scene._moved(wall, elapsed, start)[0])[0])
 
 
 def fitted(scene: Scene, t_start: float, t_end: float) -> Scene:
@@ -166,6 +162,8 @@ class Closing:
         s from the start until they meet; inf if they never do, or not as far as was looked.
     horizon : float
         Time in s at which hard balls have to end, for there is no room; inf like `after`.
+    looked : float
+        s from the start up to which it is known that driven walls do not meet; inf if they never do.
     """
 
     def __init__(self, scene: Scene, start: float, *, flattened: bool = False) -> None:
@@ -173,21 +171,26 @@ class Closing:
         self.room = float(scene.gap.sum()) + (2.0 * float(scene.radius.sum()) if flattened else 0.0)
         self.speed = float(scene.velocity[0] - scene.velocity[-1])
         enclosed = bool(scene.is_wall[[0, -1]].all()) and self.room >= 0.0
-        if enclosed and not scene.driven and self.speed > 0.0:
+        if enclosed and scene.driven:
+            self._read(driven_walls(scene, start))
+        elif enclosed and self.speed > 0.0:
             self.after = self.room / self.speed
         self.horizon = start + (1.0 - MARGIN) * self.after
-        if not (enclosed and scene.driven):
-            return
-        _, walls, panels = zip(*driven_walls(scene, start), strict=True)
+
+    def _read(self, driven: list[tuple[int, Any, Any]]) -> None:
+        """Keep what is to be known of driven walls: their paths, the bound of their acceleration, when their velocities
+        jump, and up to when they are too far apart to meet."""
+        _, walls, panels = zip(*driven, strict=True)
+        self.walls, self.panels = plain(np.concatenate(walls)), plain(np.concatenate(panels))
         self.most = float(sum(wall["stiff"][0] for wall in walls))
         jumps = np.unique(np.concatenate([rows["left"][rows["jump"] != 0.0] for rows in panels]))
-        self.jumps = (jumps - start) + 2.0**-50 * (abs(start) + np.abs(jumps))  # s from the start, after them for sure
-        self.walls, self.panels = plain(np.concatenate(walls)), plain(np.concatenate(panels))
-        reach = 2.0 * float(sum(wall["extent"][0] for wall in walls))
-        if self.room <= reach:
+        # in s from the start, after them for sure
+        self.jumps = (jumps - self.start) + 2.0**-50 * (abs(self.start) + np.abs(jumps))
+        apart = self.room - 2.0 * float(sum(wall["extent"][0] for wall in walls))
+        if apart <= 0.0:
             self.looked = 0.0
         elif self.speed > 0.0:
-            self.looked = (self.room - reach) / self.speed
+            self.looked = apart / self.speed
 
     def look(self, time: float) -> float:
         """Return `horizon`, having looked as far as `time` in s: step by step, never over it."""
@@ -212,6 +215,7 @@ class Closing:
                              "before that, or walls that come less far.")
 
     def _at(self, elapsed: float) -> tuple[float, float]:
+        """Room in m between driven walls a time `elapsed` in s after the start, and its rate in m/s."""
         gap, rate = self.room - self.speed * elapsed, -self.speed
         for wall in self.walls:
             m, v, _ = moved(wall, self.panels, self.start, elapsed)

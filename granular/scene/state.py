@@ -178,7 +178,7 @@ class Scene(ByNumbers):
         return self._ends(thermal=True)
 
     def _ends(self, thermal: bool) -> tuple[Any, Any]:
-        floor, ceiling = (one if one and isinstance(one, walls_module.Thermal) is thermal else None
+        floor, ceiling = (one if one and walls_module.of_kind(one, "Thermal") is thermal else None
                           for one in (self.floor, self.ceiling))
         return floor, ceiling
 

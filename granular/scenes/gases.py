@@ -12,7 +12,7 @@ import numpy as np
 from granular import _check
 from granular._check import Array
 from granular.scene import Scene
-from granular.scenes.rows import count_of
+from granular.scenes.falling import count_of
 from granular.walls import Thermal
 
 

@@ -17,7 +17,7 @@ from granular._flight import rate_at_contact
 from granular.binary import restitution
 from granular.cases import Case
 from granular.comparison import Comparison, compare
-from granular.comparison.numbers import is_drop
+from granular.comparison.numbers import effective, is_drop
 from granular.outcome import at_once, counts, separations
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
@@ -114,12 +114,6 @@ def impact_speed(scene: Scene) -> float:
         return math.nan
     rate = float(scene.velocity[1] - scene.velocity[0])
     return -rate_at_contact(float(scene.gap[0]), rate, scene.gravity)
-
-
-def effective(v_rel: Any, impact: Any) -> Any:
-    """ε_eff = (√(1 + 4x) - 1)/2, x = v_r′/|v10|, of arrays; nan where the balls still approach."""
-    x = np.where(v_rel >= 0.0, v_rel, math.nan) / impact
-    return 2.0 * x / (1.0 + np.sqrt(1.0 + 4.0 * x))
 
 
 def specified(scene: Scene, laws: Any) -> float:

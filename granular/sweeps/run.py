@@ -5,11 +5,11 @@ May be skipped: many runs of the same engines.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from os import PathLike
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -162,69 +162,49 @@ class _Job:
                 found.take(places, part)
             return np.asarray(found.columns["contacts"])
 
-        jumps = edges(axis, self.columns, self.answers.columns["contacts"], shape, counts, precision)
+        row, ends, sides = edges(axis, self.columns, self.answers.columns["contacts"], shape, counts, precision)
         data = self.dataset()
-        ends = np.array([edge.ends for edge in jumps]).reshape(-1, 2)
         about = {"units": data[name].attrs["units"], "long_name": f"interval of {name} in which a count jumps"}
         data["edge"] = ("jump", "side"), ends, about
-        sides = np.array([edge.counts for edge in jumps], np.int64).reshape(-1, 2, data.sizes["pair"])
-        data["edge_contacts"] = ("jump", "side", "pair"), sides, data["contacts"].attrs
+        data["edge_contacts"] = ("jump", "side", "pair"), sides.astype(np.int64), data["contacts"].attrs
         for other, column in zip(self.over, self.columns, strict=True):
             if other != name:
-                data[f"edge_{other}"] = "jump", column[[edge.row for edge in jumps]], data[other].attrs
+                data[f"edge_{other}"] = "jump", column[row], data[other].attrs
         return self.written(data)
 
 
-class Edge(NamedTuple):
-    """An interval of one axis in which the contact counts jump; the others have the values of cell `row`."""
-
-    row: int
-    ends: tuple[float, float]
-    counts: tuple[list[int], list[int]]
-
-    def wide(self, precision: float) -> bool:
-        """Whether it can and must be cut further."""
-        low, high = self.ends
-        return abs(high - low) > precision * max(abs(low), abs(high)) and self.middle not in self.ends
-
-    @property
-    def middle(self) -> float:
-        """Where it is cut."""
-        return 0.5 * (self.ends[0] + self.ends[1])
-
-    def halves(self, found: list[int]) -> Iterator[Edge]:
-        """Those halves that hold a jump, if these are the counts in the middle."""
-        if found != self.counts[0]:
-            yield Edge(self.row, (self.ends[0], self.middle), (self.counts[0], found))
-        if found != self.counts[1]:
-            yield Edge(self.row, (self.middle, self.ends[1]), (found, self.counts[1]))
-
-
 def edges(axis: int, columns: Sequence[Values], grid: Values, shape: tuple[int, ...], counts: Counts,
-          precision: float) -> list[Edge]:
+          precision: float) -> tuple[Values, Values, Values]:
     """Bisect every jump between neighbours of the grid along `axis` until it is known to a relative `precision`.
 
     An interval whose midpoint has a third count is cut in two. A window that lies between two points of the grid, with
     the same count on both, is not seen. Cells without any count are left out.
+
+    Returns
+    -------
+    row, ends, counts : arrays (j,), (j, 2), (j, 2, pairs)
+        Of each jump a cell that has its values of the other parameters, the interval of this one, and the counts there.
     """
     _check.number("precision", precision, at_least=1e-15, at_most=0.1)
     cells = np.moveaxis(np.arange(len(grid)).reshape(shape), axis, -1)
-    left, right = cells[..., :-1].ravel(), cells[..., 1:].ravel()
-    jump = (grid[left] != grid[right]).any(axis=1) & (grid[left] >= 0).any(axis=1) & (grid[right] >= 0).any(axis=1)
-    along = columns[axis].astype(np.float64)
-    todo = [Edge(a, (float(along[a]), float(along[b])), (grid[a].tolist(), grid[b].tolist()))
-            for a, b in zip(left[jump].tolist(), right[jump].tolist(), strict=True)]
-    done: list[Edge] = []
-    while todo:
-        wide = [edge for edge in todo if edge.wide(precision)]
-        done += [edge for edge in todo if not edge.wide(precision)]
-        rows = [edge.row for edge in wide]
-        middle = np.array([edge.middle for edge in wide])
-        points = [middle if k == axis else column[rows] for k, column in enumerate(columns)]
-        found: Any = counts(points) if wide else []
-        todo = [half for edge, count in zip(wide, found, strict=True) for half in edge.halves(count.tolist())]
-
-    def place(edge: Edge) -> tuple[Any, ...]:
-        return *(column[edge.row] for k, column in enumerate(columns) if k != axis), edge.ends[0]
-
-    return sorted(done, key=place)
+    both = np.stack([cells[..., :-1].ravel(), cells[..., 1:].ravel()], axis=1)
+    known: Any = (grid >= 0).any(axis=1)
+    both = both[(grid[both[:, 0]] != grid[both[:, 1]]).any(axis=1) & known[both].all(axis=1)]
+    row, ends, found = both[:, 0], columns[axis].astype(np.float64)[both], grid[both]
+    while True:
+        middle = 0.5 * (ends[:, 0] + ends[:, 1])
+        wide = np.abs(ends[:, 1] - ends[:, 0]) > precision * np.abs(ends).max(axis=1)
+        wide &= (middle != ends[:, 0]) & (middle != ends[:, 1])
+        if not wide.any():
+            break
+        there = counts([middle[wide] if k == axis else column[row[wide]] for k, column in enumerate(columns)])
+        halves = [(row[~wide], ends[~wide], found[~wide])]
+        for side in (0, 1):  # those halves that hold a jump
+            end, count = ends[wide].copy(), found[wide].copy()
+            end[:, 1 - side], count[:, 1 - side] = middle[wide], there
+            holds = (count[:, 0] != count[:, 1]).any(axis=1)
+            halves.append((row[wide][holds], end[holds], count[holds]))
+        row, ends, found = map(np.concatenate, zip(*halves, strict=True))
+    others = [column[row] for k, column in enumerate(columns) if k != axis]
+    order = np.lexsort([ends[:, 0], *others[::-1]])
+    return row[order], ends[order], found[order]

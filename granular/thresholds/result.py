@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
-from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from functools import cached_property
 from itertools import groupby, pairwise
 from os import PathLike
@@ -16,7 +15,7 @@ from textwrap import fill
 from typing import Any
 
 from granular import _files, isolation
-from granular._reports import GREY, HARD, SOFT, Report, aligned, canvas
+from granular._reports import GREY, HARD, SOFT, Report, aligned, canvas, rounded
 from granular.cases import Case
 from granular.comparison.answer import Answer as Judgement
 from granular.outcome import SAME
@@ -267,16 +266,11 @@ def _span(report: Threshold, low: float, high: float) -> str:
         return f"at {report.over} = {low:.6g}{unit}"
     if (low, high) == (first, last):
         return f"everywhere from {report.over} = {first:g} to {last:g}{unit}"
-    below, above = _rounded(low, report.within, ROUND_CEILING), _rounded(high, report.within, ROUND_FLOOR)
+    digits = max(3, 2 + math.ceil(-math.log10(report.within)))  # as many as are known, and one more
+    below, above = rounded(low, digits, up=True), rounded(high, digits, up=False)
     if high == last:
         return f"from {report.over} = {below}{unit} on"
     return f"up to {report.over} = {above}{unit}" if low == first else f"from {report.over} = {below} to {above}{unit}"
-
-
-def _rounded(value: float, within: float, way: str) -> str:
-    """A number with as many digits as are known, and one more, rounded up or down."""
-    digits = max(3, 2 + math.ceil(-math.log10(within)))
-    return f"{float(Context(prec=digits, rounding=way).create_decimal(repr(value))):.{digits}g}"
 
 
 def _crossings(report: Threshold) -> Iterator[str]:

@@ -8,13 +8,13 @@ the scene put it, and moves at its own velocity + m'(t_start).
 from __future__ import annotations
 
 import math
-from importlib import import_module
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from granular import _check
-from granular._moved import submodule
+from granular._moved import attribute
 
 if TYPE_CHECKING:
     from granular.walls.formulas import Piecewise, Sine
@@ -25,25 +25,20 @@ if TYPE_CHECKING:
 __all__ = ["Motion", "Panels", "Piecewise", "Sine", "Thermal"]
 __dir__ = __all__.copy
 _HOMES = {"Motion": "motion", "Panels": "panels", "Piecewise": "formulas", "Sine": "formulas", "Thermal": "thermal"}
+"""Most scenes have no such wall: its kind is loaded when it is first asked for."""
+__getattr__ = partial(attribute, "walls", _HOMES)
 
 
-def __getattr__(name: str) -> Any:
-    """Load a kind of wall when it is first asked for: most scenes have none."""
-    if name not in _HOMES:
-        return submodule("walls", name)
-    return getattr(import_module(f"granular.walls.{_HOMES[name]}"), name)
-
-
-def _is(motion: Any, *kinds: str) -> bool:
-    """Return whether a wall is of one of these kinds; none is loaded for a wall that is nothing special."""
-    return motion is not None and isinstance(motion, tuple(map(__getattr__, kinds)))
+def of_kind(motion: Any, *kinds: str) -> bool:
+    """Return whether a wall is of one of these kinds, by their names: none has to be loaded for that."""
+    return any(kind.__module__.startswith(__name__) and kind.__name__ in kinds for kind in type(motion).__mro__)
 
 
 def checked(name: str, motion: Any, is_wall: bool) -> Any:
     """Return how a wall behaves, or None, if it is one of these and its body is a wall."""
     if motion is None:
         return None
-    if not _is(motion, *__all__):
+    if not of_kind(motion, *__all__):
         raise TypeError(_check._sentence(name, motion, "one of granular.walls is needed, such as "
                                          "granular.walls.Sine(1e-3, 50.0)"))
     if not is_wall:
@@ -61,27 +56,27 @@ def fitted(motion: Any, t_start: float, t_end: float) -> Any:
         If it does not last from `t_start` to `t_end` (s), or cannot be fitted.
     """
     panels = None if motion is None else motion.panels(t_start, t_end)
-    return panels if _is(motion, "Motion") else motion
+    return panels if of_kind(motion, "Motion") else motion
 
 
 def ends(*motions: Any) -> float:
     """Return the time in s at which the first of these paths ends: inf of a `Sine`, and of a `Motion`, whose function
     says how far it goes."""
     paths = [getattr(motion, "function", motion) for motion in motions]
-    last = [path.breaks[-1] for path in paths if _is(path, "Piecewise")]
-    last += [path.edges[-1] for path in paths if _is(path, "Panels") and not path.frequency]
+    last = [path.breaks[-1] for path in paths if of_kind(path, "Piecewise")]
+    last += [path.edges[-1] for path in paths if of_kind(path, "Panels") and not path.frequency]
     return float(min(last, default=math.inf))
 
 
 def fastest(motion: Any) -> float:
     """Return a bound of |m'| in m/s; 0 of a wall at constant velocity, and of a `Motion`, of which runs have panels."""
     panels = getattr(motion, "_panels", getattr(motion, "function", motion))
-    return float(panels.speed) if _is(panels, "Panels") else 0.0
+    return float(panels.speed) if of_kind(panels, "Panels") else 0.0
 
 
 def path_of(motion: Any) -> Panels | None:
     """Return the panels of a motion that is `fitted`; None of a wall that has none."""
-    path: Panels | None = motion if motion is None or _is(motion, "Panels") else motion._panels
+    path: Panels | None = motion if motion is None or of_kind(motion, "Panels") else motion._panels
     return path
 
 
@@ -90,7 +85,7 @@ def moved(motion: Any, start: float, elapsed: Any) -> tuple[Any, Any]:
     if motion is None:
         return 0.0, 0.0
     end = start  # paths that last are asked no farther: the end of a run may be a rounding beyond theirs
-    if _is(motion, "Motion"):
+    if of_kind(motion, "Motion"):
         end = math.nextafter(start + float(np.max(elapsed)), math.inf)
     panels: Panels = motion.panels(start, end)
     times = np.atleast_1d(np.asarray(elapsed, dtype=float))

@@ -15,7 +15,8 @@ from granular import _check
 from granular._check import Array, ByNumbers
 from granular._records import plain
 from granular.walls import path
-from granular.walls.panels import TERMS, Panels
+from granular.walls.panels import Panels, _OnPanels
+from granular.walls.path import TERMS
 
 LARGEST = 1e150
 """Of amplitudes (m) and accelerations (m/s²): their products are still numbers."""
@@ -26,28 +27,8 @@ CLOSED = 1e-9
 """Steps between pieces that are rounding, in units of the largest term."""
 
 
-class _OfPanels:
-    """What motions have in common that are made of panels once and for all."""
-
-    @property
-    def _panels(self) -> Panels:
-        raise NotImplementedError
-
-    def displacement(self, t: float) -> float:
-        """Return m(t) in m."""
-        return self._panels.displacement(t)
-
-    def velocity(self, t: float) -> float:
-        """Return m'(t) in m/s; at a break, that after it."""
-        return self._panels.velocity(t)
-
-    def acceleration(self, t: float) -> float:
-        """Return m''(t) in m/s²; at a break, that after it."""
-        return self._panels.acceleration(t)
-
-
 @dataclass(frozen=True)
-class Sine(_OfPanels):
+class Sine(_OnPanels):
     """m(t) = A sin(2π f t + φ), m' = 2π f A cos(2π f t + φ), m'' = -(2π f)² m.
 
     Parameters
@@ -137,7 +118,7 @@ class Sine(_OfPanels):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Piecewise(_OfPanels, ByNumbers):
+class Piecewise(_OnPanels, ByNumbers):
     """m(t) = Σ_j c_ji (t - t_i)^(K-j) from break t_i to t_(i+1), as in `scipy.interpolate.PPoly`.
 
     Parameters
@@ -167,11 +148,7 @@ class Piecewise(_OfPanels, ByNumbers):
                 raise TypeError(_check._sentence("coefficients", None, "an array (K+1, n), the highest power first, is "
                                                  "needed, or a scipy.interpolate.PPoly alone"))
             breaks, coefficients = breaks.x, breaks.c
-        t = _check.array("breaks", breaks)
-        if len(t) < 2:
-            raise ValueError(f"breaks has {len(t)} entries: at least 2 are needed, where the path begins and ends.")
-        _check.every("breaks", t, np.isfinite(t), "a finite time is needed")
-        _check.every("breaks", t[1:], np.diff(t) > 0.0, "breaks must increase from entry to entry")
+        t = _check.rising("breaks", breaks, "a finite time is needed")
         rows = np.shape(coefficients)[0] if np.ndim(coefficients) else 1
         if not 0 < rows <= TERMS:
             raise ValueError(f"coefficients has {rows} rows: 1 to {TERMS} are needed, one per power.")

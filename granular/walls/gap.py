@@ -9,7 +9,7 @@ divided differences, exact to the last digits of the smallest bounce; later from
 from __future__ import annotations
 
 import math
-from typing import Any, TypeAlias
+from collections import namedtuple
 
 from granular._kernels import kernel, rare
 from granular._records import Record, Records
@@ -17,11 +17,11 @@ from granular.walls.path import panel_at, product, reduced, value
 
 NOISE = 4.0 * 2.0**-53
 """Rounding of a gap, in units of the terms it is added from."""
-State: TypeAlias = Any
-"""A gap to follow: (reduced time, its low part, panel, x there, gap, rate, pull, height, drift, closing, blur).
+State = namedtuple("State", "time low panel x gap rate pull height drift closing blur")
+"""A gap to follow, from a reduced `time` with its `low` part on, which is at `x` of `panel`.
 
-Height (m) and rate (m/s) of the ball above the wall at rest are `height` and `drift`; closing is pull + m''; blur is
-what rounding may have moved the time by (s).
+Height (m) and rate (m/s) of the ball above the wall at rest are `height` and `drift`; `closing` is pull + m''; `blur`
+is what rounding may have moved the time by (s).
 """
 
 
@@ -33,7 +33,7 @@ def state(wall: Record, panels: Records, t: float, tail: float, gap: float, rate
     k = panel_at(wall, panels, y)
     x = (((y - panels[k].left) - panels[k].half) + low) / panels[k].half
     m, v, a = value(panels[k], x)
-    return y, low, k, x, gap, rate, pull, gap + m, rate + v, pull + a, 2.0**-51 * (abs(t) + abs(tail))
+    return State(y, low, k, x, gap, rate, pull, gap + m, rate + v, pull + a, 2.0**-51 * (abs(t) + abs(tail)))
 
 
 @rare
@@ -45,11 +45,11 @@ def flight(
 
     That time is on panel k, as many `turns` later as said.
     """
-    _, _, home, x0, gap, rate, pull, height, drift, a, _ = now
-    panel = panels[k]
-    if k == home and turns == 0.0:
+    panel, pull = panels[k], now.pull
+    if k == now.panel and turns == 0.0:
+        gap, rate, x0 = now.gap, now.rate, now.x
         if s == 0.0:
-            return gap, rate, a, NOISE * abs(gap)
+            return gap, rate, now.closing, NOISE * abs(gap)
         dx = panel.per * s
         x, v0, d0, v, d, dd, d2, d3 = x0 + dx, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for j in range(panel.degree, -1, -1):  # divided differences: d2 of (x0, x0, x), d3 of (x0, x0, x, x)
@@ -65,16 +65,25 @@ def flight(
         size = abs(gap) + s * (abs(rate) + 0.5 * (abs(pull) + wall.stiff) * s)
         return f, df, pull + panel.per * panel.per * (2.0 * dd), NOISE * size
     m, v, a = value(panel, coordinate(wall, panel, now, turns, s))
-    f = height + s * (drift - 0.5 * pull * s) - m
-    size = abs(height) + wall.extent + s * (wall.speed + abs(drift) + 0.5 * abs(pull) * s)
-    return f, drift - pull * s - v, pull + a, NOISE * size + wall.error
+    height, drift, noise = above(wall, now, s)
+    return height - m, drift - v, pull + a, noise
+
+
+@rare
+@kernel
+def above(wall: Record, now: State, s: float) -> tuple[float, float, float]:
+    """Return height (m) and rate (m/s) of the ball above the wall at rest a time s after `now`, and the noise of a gap
+    that is the difference to the wall's path."""
+    drift, pull = now.drift, now.pull
+    size = abs(now.height) + wall.extent + s * (wall.speed + abs(drift) + 0.5 * abs(pull) * s)
+    return now.height + s * (drift - 0.5 * pull * s), drift - pull * s, NOISE * size + wall.error
 
 
 @rare
 @kernel
 def faint(wall: Record, now: State, s: float) -> float:
     """Return what a rate (m/s) a time s after `now` may owe to rounding."""
-    return NOISE * (abs(now[5]) + (abs(now[6]) + wall.stiff) * s)  # type: ignore[no-any-return]
+    return NOISE * (abs(now.rate) + (abs(now.pull) + wall.stiff) * s)  # type: ignore[no-any-return]
 
 
 @rare
@@ -84,21 +93,30 @@ def coordinate(wall: Record, panel: Record, now: State, turns: float, s: float) 
     p, p_low = s, 0.0
     if wall.periodic:
         p, p_low = product(wall.frequency, s)
-    return (((p - turns) + ((now[0] - panel.left) - panel.half)) + (now[1] + p_low)) / panel.half  # type: ignore[no-any-return]
+    return (((p - turns) + ((now.time - panel.left) - panel.half)) + (now.low + p_low)) / panel.half  # type: ignore[no-any-return]
 
 
 @rare
 @kernel
 def lasts(wall: Record, panels: Records, now: State, k: int, turns: float) -> float:
     """Return the time after `now` at which panel k, so many turns later, ends."""
-    return ((panels[k].right - now[0]) - now[1] + turns) / wall.frequency  # type: ignore[no-any-return]
+    return ((panels[k].right - now.time) - now.low + turns) / wall.frequency  # type: ignore[no-any-return]
+
+
+@rare
+@kernel
+def next_panel(wall: Record, k: int, turns: float) -> tuple[int, float]:
+    """Return the panel after k, and its turns: the first one of a turn follows the last."""
+    if k + 1 < wall.first + wall.panels:
+        return k + 1, turns
+    return wall.first, turns + 1.0
 
 
 @rare
 @kernel
 def panel_later(wall: Record, panels: Records, now: State, s: float) -> tuple[int, float]:
     """Return the panel a time s after `now`, and how many turns later it is."""
-    y, turns = now[0] + wall.frequency * s, 0.0
+    y, turns = now.time + wall.frequency * s, 0.0
     if wall.periodic:
         turns = float(math.floor(y))
     return panel_at(wall, panels, y - turns), turns
@@ -109,26 +127,22 @@ def panel_later(wall: Record, panels: Records, now: State, s: float) -> tuple[in
 def hop(wall: Record, panels: Records, now: State, s: float) -> State:
     """Return the state a time s after `now`, where its panel ends and the next one begins: with all digits of a bounce
     that is small beside the wall's motion."""
-    k = now[2]
-    _, _, _, _, gap, rate, pull, height, drift, _, blur = now
-    f, df, _, noise = flight(wall, panels, now, k, 0.0, s)
+    f, df, _, noise = flight(wall, panels, now, now.panel, 0.0, s)
     f = f if abs(f) > noise else 0.0
     df = df if abs(df) > faint(wall, now, s) else 0.0
-    if gap == 0.0 and rate == 0.0 and s <= 4.0 * blur:  # a ball that was lifted off just now
+    if now.gap == 0.0 and now.rate == 0.0 and s <= 4.0 * now.blur:  # a ball that was lifted off just now
         f = df = 0.0
-    k += 1
-    if k == wall.first + wall.panels:
-        k = wall.first
-    height += s * (drift - 0.5 * pull * s)
-    a = pull + value(panels[k], -1.0)[2]
-    return panels[k].left, 0.0, k, -1.0, f, df - panels[k].jump, pull, height, drift - pull * s, a, blur
+    k, _ = next_panel(wall, now.panel, 0.0)
+    height, drift, _ = above(wall, now, s)
+    a = now.pull + value(panels[k], -1.0)[2]
+    return State(panels[k].left, 0.0, k, -1.0, f, df - panels[k].jump, now.pull, height, drift, a, now.blur)
 
 
 @rare
 @kernel
 def short(wall: Record, panels: Records, now: State, s: float) -> bool:
     """Return whether a time s to the end of its panel is so short that the gap is better followed from there."""
-    k = now[2]
+    k = now.panel
     return panels[k].per * s <= 1.0 and (wall.periodic == 1 or k + 1 < wall.first + wall.panels)  # type: ignore[no-any-return]
 
 
@@ -142,8 +156,8 @@ def after(
     Parameters are those of `first_hit`. Rounding may make a closing gap negative, so callers clamp at 0.
     """
     now = state(wall, panels, t, tail, gap, rate, pull)
-    end = max(0.0, lasts(wall, panels, now, now[2], 0.0))
-    if s > end and short(wall, panels, now, end) and panels[now[2]].per * s <= 4.0:  # a longer s would lose digits
+    end = max(0.0, lasts(wall, panels, now, now.panel, 0.0))
+    if s > end and short(wall, panels, now, end) and panels[now.panel].per * s <= 4.0:  # a longer s would lose digits
         now = hop(wall, panels, now, end)
         s -= end
     k, turns = panel_later(wall, panels, now, s)

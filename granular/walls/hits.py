@@ -18,7 +18,20 @@ import math
 from granular._flight import time_to_contact
 from granular._kernels import kernel, rare
 from granular._records import Record, Records
-from granular.walls.gap import NOISE, State, coordinate, faint, flight, hop, lasts, panel_later, short, state
+from granular.walls.gap import (
+    NOISE,
+    State,
+    above,
+    coordinate,
+    faint,
+    flight,
+    hop,
+    lasts,
+    next_panel,
+    panel_later,
+    short,
+    state,
+)
 from granular.walls.path import pressed
 
 NEVER = math.inf
@@ -57,7 +70,7 @@ def first_hit(
     noise of the gap, 4 2⁻⁵³ of its terms: none is missed, and what is hit early is hit within twice the noise.
     """
     now, passed = state(wall, panels, t, tail, gap, rate, pull), 0.0
-    k, turns, s = now[2], 0.0, 0.0
+    k, turns, s = now.panel, 0.0, 0.0
     if gap == 0.0 and rate == 0.0 and opens(wall, panels[k], now, 0.0, 0.0) == 0.0:
         return NEVER
     while passed + s <= within:
@@ -67,11 +80,11 @@ def first_hit(
             return passed + s if passed + s <= within else NEVER
         if s == NEVER:
             return NEVER
-        if k == now[2] and turns == 0.0 and short(wall, panels, now, s):
+        if k == now.panel and turns == 0.0 and short(wall, panels, now, s):
             end = max(0.0, end)
             now = hop(wall, panels, now, end)
             passed += end
-            s, k = max(0.0, s - end), now[2]
+            s, k = max(0.0, s - end), now.panel
         s += out_of_reach(wall, now, s)
         if s == NEVER:
             return NEVER
@@ -94,24 +107,19 @@ def onward(wall: Record, panels: Records, now: State, k: int, turns: float, s: f
         end = lasts(wall, panels, now, k, turns)
     if s < end:
         return k, turns
-    if k + 1 < wall.first + wall.panels:
-        return k + 1, turns
-    return (wall.first, turns + 1.0) if wall.periodic else (-1, turns)
+    k, later = next_panel(wall, k, turns)
+    return (k, later) if later == turns or wall.periodic else (-1, turns)
 
 
 @rare
 @kernel
 def out_of_reach(wall: Record, now: State, s: float) -> float:
     """Return how long, from a time s after `now`, the ball is certain to be where the wall never comes."""
-    pull, height, drift = now[6], now[7], now[8]
-    size = abs(height) + wall.extent + s * (wall.speed + abs(drift) + 0.5 * abs(pull) * s)
-    above = height + s * (drift - 0.5 * pull * s) - wall.reach - (wall.error + NOISE * size)
-    rate = drift - pull * s
-    if rate == 0.0 and pull == 0.0 and wall.speed == 0.0:
+    height, rate, noise = above(wall, now, s)
+    if rate == 0.0 and now.pull == 0.0 and wall.speed == 0.0:
         return NEVER
-    if above <= 0.0:
-        return 0.0
-    return time_to_contact(above, rate, pull) * (1.0 - 2.0**-50)
+    room = height - wall.reach - noise
+    return 0.0 if room <= 0.0 else time_to_contact(room, rate, now.pull) * (1.0 - 2.0**-50)
 
 
 @rare
@@ -121,7 +129,7 @@ def hit_on_panel(
 ) -> tuple[float, bool]:
     """Return the time after `now` at which the gap closes, and True; if not on panel k, False, and a time, `end` or
     later, before which it does not."""
-    panel, pull = panels[k], now[6]
+    panel, pull = panels[k], now.pull
     slack = NOISE * (abs(pull) + wall.stiff)
     while s < end:
         f, df, a, noise = flight(wall, panels, now, k, turns, s)
@@ -168,8 +176,8 @@ def opens(wall: Record, panel: Record, now: State, turns: float, s: float) -> fl
     """Return how long a gap that is not closing, at a time s after `now`, stays open on this panel because it is pulled
     open: from acceleration, its rate and the bound of its second rate. So balls leave that are lifted off. 0 if it is
     not pulled open."""
-    a, j = pressed(panel, now[6], coordinate(wall, panel, now, turns, s))
-    if a > NOISE * (abs(now[6]) + wall.stiff) + max(0.0, -j) * now[10]:
+    a, j = pressed(panel, now.pull, coordinate(wall, panel, now, turns, s))
+    if a > NOISE * (abs(now.pull) + wall.stiff) + max(0.0, -j) * now.blur:
         return 0.0
     a = min(a, 0.0)
     root = math.sqrt(j * j - 3.0 * a * panel.bend)
@@ -217,7 +225,7 @@ def lift_off(
     Dips of pull + m'' below 0 by no more than rounding, 4 2⁻⁵³ (|pull| + max |m''|), lift nothing.
     """
     now = state(wall, panels, t, tail, 0.0, 0.0, pull)
-    k, turns, s = now[2], 0.0, 0.0
+    k, turns, s = now.panel, 0.0, 0.0
     for _ in range(wall.panels + 1):
         end = lasts(wall, panels, now, k, turns)
         if pull + panels[k].least < 0.0:
@@ -225,10 +233,7 @@ def lift_off(
             if found < NEVER:
                 return (found, 0.0) if found <= within else (NEVER, 0.0)
         s = max(s, end)
-        k += 1
-        if k == wall.first + wall.panels:
-            k = wall.first
-            turns += 1.0
+        k, turns = next_panel(wall, k, turns)
         if s > within or (turns > 0.0 and wall.periodic == 0):
             return NEVER, 0.0
         if panels[k].jump != 0.0:
@@ -245,9 +250,9 @@ def falls_on_panel(
 
     Steps from below: with a bound of its second rate it stays above a parabola.
     """
-    panel, noise = panels[k], NOISE * (abs(now[6]) + wall.stiff)
+    panel, noise = panels[k], NOISE * (abs(now.pull) + wall.stiff)
     while s < end:
-        a, j = pressed(panel, now[6], coordinate(wall, panel, now, turns, s))
+        a, j = pressed(panel, now.pull, coordinate(wall, panel, now, turns, s))
         if a <= -noise:
             return s
         if a <= 0.0 and j < 0.0 and j * j >= 4.0 * max(panel.bow, panel.bend) * noise:
@@ -272,7 +277,7 @@ def pressing_bounds(
     """
     now = state(wall, panels, t, tail, 0.0, 0.0, pull)
     least, most = NEVER, -NEVER
-    k, turns, s = now[2], 0.0, 0.0
+    k, turns, s = now.panel, 0.0, 0.0
     for _ in range(wall.panels + 1):
         end = lasts(wall, panels, now, k, turns)
         last = end >= span or (wall.periodic == 0 and k + 1 == wall.first + wall.panels)
@@ -281,10 +286,7 @@ def pressing_bounds(
         if last:
             return least, most
         s = max(s, end)
-        k += 1
-        if k == wall.first + wall.panels:
-            k = wall.first
-            turns += 1.0
+        k, turns = next_panel(wall, k, turns)
     return least, most
 
 
@@ -295,7 +297,7 @@ def bounds(
 ) -> tuple[float, float]:
     """Return bounds of pull + m'' on a panel between two times after `now`: those of the panel, or, if narrower, what
     the values at both and the bounds of the rate allow between them."""
-    pull, length = now[6], max(0.0, until - s)
+    pull, length = now.pull, max(0.0, until - s)
     noise = NOISE * (abs(pull) + wall.stiff)
     a, _ = pressed(panel, pull, coordinate(wall, panel, now, turns, s))
     b, _ = pressed(panel, pull, coordinate(wall, panel, now, turns, s + length))

@@ -15,7 +15,8 @@ import numpy as np
 
 from granular import _check
 from granular._check import Array
-from granular.walls.panels import TERMS, Panels
+from granular.walls.panels import Panels
+from granular.walls.path import TERMS
 
 NODES = 24
 """Values asked for on a panel; the series kept has at most `TERMS` terms, the others must have died out."""

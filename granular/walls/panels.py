@@ -18,37 +18,31 @@ from granular import _check
 from granular._check import Array, ByNumbers
 from granular._records import plain
 from granular.walls import path
+from granular.walls.path import PANEL, TERMS, WALL
 
-TERMS = 20
-"""Coefficients a panel has room for."""
-PANEL = np.dtype(
-    [
-        ("left", float), ("right", float), ("centre", float), ("half", float),  # edges, middle, half width: s or turns
-        ("per", float),  # dx/dt, 1/s
-        ("jump", float),  # m/s by which the velocity jumps at the left edge
-        ("most", float), ("least", float),  # bounds of the acceleration, m/s²
-        ("rise", float), ("fall", float),  # bounds of its rate, m/s³: ≥ 0, ≤ 0
-        ("bend", float), ("bow", float),  # bounds of its second rate, and of minus that, m/s⁴: ≥ 0
-        ("degree", int), ("series", float, (TERMS,)),  # m
-    ],
-    align=True,
-)
-WALL = np.dtype(
-    [
-        ("side", float),  # 1 a floor, -1 a ceiling; panels hold side·m, so towards the balls is up
-        ("first", int), ("panels", int), ("density", float),  # panels per s or turn, on average
-        ("periodic", int),  # then its velocity is continuous too
-        ("frequency", float), ("turn", float), ("turn_low", float),  # turns per s (1 if not periodic); at t = 0
-        ("start", float), ("velocity", float), ("begin", float), ("origin", float),  # m, m/s, s; side·m at the start
-        ("reach", float), ("extent", float), ("speed", float), ("stiff", float),  # bounds of side·m, |m|, |m'|, |m''|
-        ("error", float),  # m, how far the panels may be from m
-    ],
-    align=True,
-)
+
+class _OnPanels:
+    """What motions have in common that are made of panels once and for all."""
+
+    @property
+    def _panels(self) -> Panels:
+        raise NotImplementedError
+
+    def displacement(self, t: float) -> float:
+        """Return m(t) in m."""
+        return self._panels._at(t)[0]
+
+    def velocity(self, t: float) -> float:
+        """Return m'(t) in m/s; at a break, that after it."""
+        return self._panels._at(t)[1]
+
+    def acceleration(self, t: float) -> float:
+        """Return m''(t) in m/s²; at a break, that after it."""
+        return self._panels._at(t)[2]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Panels(ByNumbers):
+class Panels(_OnPanels, ByNumbers):
     """A motion m(t) as polynomials on panels; what `Motion` becomes for a run, and is saved as.
 
     Parameters
@@ -75,12 +69,7 @@ class Panels(ByNumbers):
     turn: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        edges = _check.array("edges", self.edges)
-        if len(edges) < 2:
-            raise ValueError(f"edges has {len(edges)} entries: at least 2 are needed, where the first panel begins and "
-                             "ends.")
-        _check.every("edges", edges, np.isfinite(edges), "a finite time is needed")
-        _check.every("edges", edges[1:], np.diff(edges) > 0.0, "edges must increase from entry to entry")
+        edges = _check.rising("edges", self.edges, "a finite time is needed")
         columns = np.shape(self.series)[1] if np.ndim(self.series) == 2 else TERMS
         if columns > TERMS:
             raise ValueError(f"series has {columns} coefficients a panel: at most {TERMS} are needed; use shorter "
@@ -129,19 +118,11 @@ class Panels(ByNumbers):
         end = f"{self.frequency:g} Hz" if self.frequency else f"{self.edges[0]:g} … {self.edges[-1]:g} s"
         return f"Panels({len(self.series)} polynomials, {end})"
 
-    def displacement(self, t: float) -> float:
-        """Return m(t) in m."""
-        return self._at(t)[0]
+    @property
+    def _panels(self) -> Panels:
+        return self
 
-    __call__ = displacement
-
-    def velocity(self, t: float) -> float:
-        """Return m'(t) in m/s; at an edge, that of the panel which begins there."""
-        return self._at(t)[1]
-
-    def acceleration(self, t: float) -> float:
-        """Return m''(t) in m/s²; at an edge, that of the panel which begins there."""
-        return self._at(t)[2]
+    __call__ = _OnPanels.displacement
 
     def panels(self, t_start: float, t_end: float) -> Panels:
         """Return itself, or raise `ValueError` if the path does not last from `t_start` to `t_end`, in s."""
@@ -244,8 +225,7 @@ def _span(series: Array) -> tuple[Array, Array]:
 @cache
 def _basis(n: int) -> Array:
     """Bernstein coefficients (n+1, n+1) on [-1, 1] of 1, x, … x^n: none is above 1, so no digits are lost."""
-    rows = np.empty((n + 1, n + 1))
-    for i in range(n + 1):
-        symmetric = np.polynomial.polynomial.polyfromroots([1.0] * (n - i) + [-1.0] * i) * (-1.0) ** (n - i)
-        rows[:, i] = symmetric / [math.comb(n, j) for j in range(n + 1)]
-    return rows
+    factors = np.array([math.comb(n, j) for j in range(n + 1)])
+    columns = [np.polynomial.polynomial.polyfromroots([1.0] * (n - i) + [-1.0] * i) * (-1.0) ** (n - i) / factors
+               for i in range(n + 1)]
+    return np.ascontiguousarray(np.transpose(columns))

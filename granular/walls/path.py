@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from granular._kernels import kernel, rare
 from granular._records import Record, Records
 
@@ -17,6 +19,32 @@ EDGE = 2.0**-96
 """Times so near to an edge, as a part of them, are at it: beyond what two floats say."""
 SMOOTH = 2.0**-46
 """Turns so near to an edge are at it: the path of a periodic wall has no corners."""
+TERMS = 20
+"""Coefficients a panel has room for."""
+PANEL = np.dtype(
+    [
+        ("left", float), ("right", float), ("centre", float), ("half", float),  # edges, middle, half width: s or turns
+        ("per", float),  # dx/dt, 1/s
+        ("jump", float),  # m/s by which the velocity jumps at the left edge
+        ("most", float), ("least", float),  # bounds of the acceleration, m/s²
+        ("rise", float), ("fall", float),  # bounds of its rate, m/s³: ≥ 0, ≤ 0
+        ("bend", float), ("bow", float),  # bounds of its second rate, and of minus that, m/s⁴: ≥ 0
+        ("degree", int), ("series", float, (TERMS,)),  # m
+    ],
+    align=True,
+)
+WALL = np.dtype(
+    [
+        ("side", float),  # 1 a floor, -1 a ceiling; panels hold side·m, so towards the balls is up
+        ("first", int), ("panels", int), ("density", float),  # panels per s or turn, on average
+        ("periodic", int),  # then its velocity is continuous too
+        ("frequency", float), ("turn", float), ("turn_low", float),  # turns per s (1 if not periodic); at t = 0
+        ("start", float), ("velocity", float), ("begin", float), ("origin", float),  # m, m/s, s; side·m at the start
+        ("reach", float), ("extent", float), ("speed", float), ("stiff", float),  # bounds of side·m, |m|, |m'|, |m''|
+        ("error", float),  # m, how far the panels may be from m
+    ],
+    align=True,
+)
 
 
 @rare

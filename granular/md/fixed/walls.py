@@ -31,8 +31,7 @@ from granular.scene import Scene
 from granular.scene.places import driven_walls
 from granular.walls.gap import after
 from granular.walls.hits import first_hit
-from granular.walls.panels import PANEL, WALL
-from granular.walls.path import moved, product, total
+from granular.walls.path import PANEL, WALL, moved, product, total
 from granular.walls.thermal import drawn
 
 Walls = namedtuple("Walls", "paths panels bodies last time tail drive")

@@ -29,8 +29,7 @@ from granular.scene.places import driven_walls
 from granular.walls import path
 from granular.walls.gap import after
 from granular.walls.hits import first_hit, pressing_bounds
-from granular.walls.panels import PANEL, TERMS, WALL
-from granular.walls.path import edge_jump, expansion, to_edge, total, wall_at
+from granular.walls.path import PANEL, TERMS, WALL, edge_jump, expansion, to_edge, total, wall_at
 
 Walls = namedtuple("Walls", "start wall panels path push")
 """Time in s at which the run's own clock is 0; records `WALL` of the driven walls and `PANEL` of all their panels; for

@@ -1,10 +1,9 @@
 // Real balls: from what each does on a floor to what two do to each other. Twin of granular/balls.py.
 import { dampingRatio, duration } from "./dashpot.mjs";
 
-export const LENS = 0;
-export const SERIES = 1;
+const LENS = 0; // of the rules; the other is in series
 
-export const stiffnessOf = (mass, time, eps) => mass * (duration(dampingRatio(eps)) / time) ** 2;
+const stiffnessOf = (mass, time, eps) => mass * (duration(dampingRatio(eps)) / time) ** 2;
 
 // Stiffness and restitution of the floor contact and of the contact of the two balls.
 export function contactsOf({ m1, r1, t1, e1, air1, m2, r2, t2, e2, air2, rule }) {

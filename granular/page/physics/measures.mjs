@@ -26,7 +26,7 @@ export function counted(run, other) {
 }
 
 // Collisions of a pair in one instant are one, at whose end the instant is over.
-export function atOnce(run) {
+function atOnce(run) {
   const log = run.contacts, contacts = [];
   for (let i = 0, j = 0; i < log.length; i = j) {
     const after = [], seen = new Set();

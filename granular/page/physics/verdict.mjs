@@ -60,4 +60,6 @@ function outcomes({ error, sunk, cut }) {
   return ["yes", { say: "verdict-yes", within: within(error) }];
 }
 
-const within = (error) => (error < 1e-12 ? { say: "within-rounding" } : { say: "within", error: [error, "", 1] });
+// Up to one digit: the error is never larger than is said.
+const within = (error, unit = 10 ** Math.floor(Math.log10(error))) =>
+  (error < 1e-12 ? { say: "within-rounding" } : { say: "within", error: [Math.ceil(error / unit) * unit, "", 1] });
