@@ -13,7 +13,6 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from granular import _moved, until
-from granular.laws import Hertz, LinearDashpot, MatchedEnd, PowerLaw, TsujiHertz, ViscoelasticHertz, WaltonBraun
 from granular.rules import ConstantRestitution, TabulatedRestitution, ThorntonRestitution
 from granular.scene import Pair, Scene
 from granular.trajectory import Status, Trajectory
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
     from granular.comparison import Answer, Comparison, compare
     from granular.extremes import stability
     from granular.frontiers import frontier
+    from granular.laws import Hertz, LinearDashpot, MatchedEnd, PowerLaw, TsujiHertz, ViscoelasticHertz, WaltonBraun
     from granular.sweeps import sweep
     from granular.thresholds import Threshold, threshold
 
@@ -37,21 +37,23 @@ __all__ = [
     "measures", "restitution_of", "scenes", "stability", "sweep", "theory", "threshold", "until", "walls", "waves",
 ]
 
-_UPPER_FLOORS = {
+_HOMES = {
     "Answer": "comparison", "Case": "cases", "Comparison": "comparison", "compare": "comparison",
     "restitution_of": "binary", "frontier": "frontiers", "stability": "extremes", "sweep": "sweeps",
-    "Threshold": "thresholds", "threshold": "thresholds",
+    "Threshold": "thresholds", "threshold": "thresholds", "Hertz": "laws", "LinearDashpot": "laws",
+    "MatchedEnd": "laws", "PowerLaw": "laws", "TsujiHertz": "laws", "ViscoelasticHertz": "laws", "WaltonBraun": "laws",
 }
 """Where names stand that are no modules."""
 
+__dir__ = __all__.copy
 sys.meta_path.append(_moved.Moved())
 
 
 def __getattr__(name: str) -> Any:
-    """Load engines and upper floors when they are first asked for: a run of one engine does not need the rest."""
+    """Load engines, laws and upper floors when they are first asked for: a run of one engine does not need the rest."""
     from importlib import import_module
 
     if name not in __all__:
         raise AttributeError(f"module 'granular' has no attribute {name!r}")
-    module = import_module(f"granular.{_UPPER_FLOORS.get(name, name)}")
-    return getattr(module, name) if name in _UPPER_FLOORS else module
+    module = import_module(f"granular.{_HOMES.get(name, name)}")
+    return getattr(module, name) if name in _HOMES else module

@@ -3,13 +3,22 @@ May be skipped: names of the package only.
 """
 
 from functools import partial
+from typing import TYPE_CHECKING
 
 from granular._moved import attribute
 from granular.laws.contact_law import PairLaw as PairLaw, resolve as resolve
-from granular.laws.dashpot import LinearDashpot
-from granular.laws.hertz import Hertz, TsujiHertz, ViscoelasticHertz
-from granular.laws.springs import PowerLaw, WaltonBraun
-from granular.laws.statics import MatchedEnd
+
+if TYPE_CHECKING:
+    from granular.laws.dashpot import LinearDashpot
+    from granular.laws.hertz import Hertz, TsujiHertz, ViscoelasticHertz
+    from granular.laws.springs import PowerLaw, WaltonBraun
+    from granular.laws.statics import MatchedEnd
 
 __all__ = ["Hertz", "LinearDashpot", "MatchedEnd", "PowerLaw", "TsujiHertz", "ViscoelasticHertz", "WaltonBraun"]
-__getattr__ = partial(attribute, "laws", {})
+__dir__ = __all__.copy
+_HOMES = {
+    "Hertz": "hertz", "LinearDashpot": "dashpot", "MatchedEnd": "statics", "PowerLaw": "springs", "TsujiHertz": "hertz",
+    "ViscoelasticHertz": "hertz", "WaltonBraun": "springs",
+}
+"""Laws, which are loaded when they are first asked for."""
+__getattr__ = partial(attribute, "laws", _HOMES)
