@@ -1,5 +1,5 @@
-"""What a run costs beside its kernels, in counts, which no load of a machine disturbs: calls of the package, laws asked,
-looks whether something rests."""
+"""What a run costs beside its kernels, in counts, which no load of a machine disturbs: calls, laws asked, looks whether
+something rests."""
 
 import sys
 from collections import Counter

@@ -162,7 +162,7 @@ def recorded() -> Iterator[Cell]:
 
     The plain laws are laws as users write them.
     """
-    known = vars(built_in) | vars(own)
+    known = {name: getattr(built_in, name) for name in built_in.__all__} | vars(own)
     for i, one in enumerate(stored()):
         mass = [math.inf if m is None else m for m in one["mass"]]
         scene = Scene(mass, [0.0 if m == math.inf else 0.5 for m in mass], one["gap"], one["velocity"])
