@@ -26,11 +26,16 @@ STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
 
 def first_impact(scene: Scene) -> float:
     """Largest speed in m/s at which a pair would meet first if it were alone, with walls at their fastest; 0 if none
-    meets."""
+    meets.
+
+    v² = v_0² + 2 a gap under the pull a, of pendula v² = v_0² + Ω² ((gap - rest)² - rest²).
+    """
     closing = -scene.across(scene.velocity)
     gap = np.maximum(scene.gap, 0.0)
     rest = 0.0 if scene.rest_gap is None else scene.rest_gap
-    square = closing * np.abs(closing) + gap * (2.0 * scene.pull + scene.pendulum**2 * (gap - 2.0 * rest))
+    returns = (scene.pull > 0.0) | (scene.pendulum > 0.0)  # a pair that parts comes back as fast
+    from_flight = np.where(returns, closing**2, closing * np.abs(closing))
+    square = from_flight + gap * (2.0 * scene.pull + scene.pendulum**2 * (gap - 2.0 * rest))
     speed = np.sqrt(np.maximum(0.0, square))
     speed[0] += walls.fastest(scene.floor)
     speed[-1] += walls.fastest(scene.ceiling)

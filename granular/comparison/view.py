@@ -271,9 +271,9 @@ def closeup(view: View) -> Closeup | None:
     looked_at = between[log["pair"]] & np.isin(spell, spell[shared])
     if not looked_at.any():
         return None
-    places, found = np.unique(np.array([-spell, log["pair"]])[:, looked_at], axis=1, return_counts=True)
-    minus_spell, pair = max(zip(found.tolist(), places[1].tolist(), places[0].tolist(), strict=True))[:0:-1]
-    inside = spell == -minus_spell
+    (spells, pairs), count = np.unique(np.array([spell, log["pair"]])[:, looked_at], axis=1, return_counts=True)
+    best = np.lexsort((-spells, pairs, count))[-1]  # most touches; of equals the upper pair, in its first spell
+    pair, inside = int(pairs[best]), spell == spells[best]
     mine = inside & (log["pair"] == pair)
     touches = np.column_stack([onset, until])[mine]
     first, last = float(onset[inside].min()), float(min(until[inside].max(), end))

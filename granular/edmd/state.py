@@ -26,6 +26,7 @@ from granular.edmd.records import (
     PLAIN,
     RENAMED,
     RUN,
+    Walls,
     check_entries,
     check_numbers,
 )
@@ -90,7 +91,7 @@ class State:
         )
         state.scale(speed)
         if walls is not None:
-            state.walls = *walls, state.clock
+            state.walls = Walls(*walls, state.clock)
             wall_state.begin(state, scene)
         if scene.pendulum > 0.0:
             hanging.begin(pairs, bodies, scene)
@@ -124,7 +125,7 @@ class State:
             state.bodies["fall_velocity"] += (physics.scene.gravity - state.run.gravity) * state.elapsed(0.0)
         if state.walls is not None:
             for name in wall_state.SUMS:
-                state.walls[0][name] = held(saved, name, "f", (2,)) if name in saved else 0.0
+                state.walls.sides[name] = held(saved, name, "f", (2,)) if name in saved else 0.0
             wall_state.set_epoch(state)
         if "zoom_gap" in saved:
             look = {name: RUN[name].type(x).item() for name, x in zip(LOOK, saved["zoom_dial"], strict=False)}
@@ -156,7 +157,7 @@ class State:
         raw: dict[str, Any] = {name: column(self.bodies, name) for name in of_bodies}
         raw |= {name: column(self.pairs, name) for name in of_pairs} | {name: run[name] for name in SAVED}
         if self.walls is not None:
-            raw |= {name: np.array(column(self.walls[0], name)) for name in wall_state.SUMS}
+            raw |= {name: np.array(column(self.walls.sides, name)) for name in wall_state.SUMS}
         raw["tally"] = np.array([run[name] for name in TALLY])
         if self.near is not None:
             raw |= {"zoom_first": np.array(run["first"]), "zoom_base": np.array(run["began"])}
@@ -171,11 +172,11 @@ class State:
         if isinstance(self.pairs, np.ndarray) and not isinstance(self.run, np.record):
             self.run, self.clock = one(packed([self.run], RUN)), one(packed([self.clock], CLOCK))
         if self.walls is not None:
-            self.walls = how(self.walls[0]), how(self.walls[1]), self.clock
+            self.walls = Walls(how(self.walls.sides), how(self.walls.panels), self.clock)
 
     def copied(self) -> State:
         """Return a state whose bodies and pairs can be changed without changing these."""
-        walls = self.walls if self.walls is None else (copied(self.walls[0]), *self.walls[1:])
+        walls = self.walls if self.walls is None else self.walls._replace(sides=copied(self.walls.sides))
         return replace(self, pairs=copied(self.pairs), bodies=copied(self.bodies), walls=walls)
 
     def slices(self) -> tuple[Records, Records]:

@@ -9,7 +9,7 @@ divided differences, exact to the last digits of the smallest bounce; later from
 from __future__ import annotations
 
 import math
-from typing import Any, TypeAlias
+from typing import NamedTuple
 
 from granular._kernels import kernel, rare
 from granular._records import Record, Records
@@ -17,12 +17,26 @@ from granular.walls.path import panel_at, product, reduced, value
 
 NOISE = 4.0 * 2.0**-53
 """Rounding of a gap, in units of the terms it is added from."""
-State: TypeAlias = Any
-"""A gap to follow: (reduced time, its low part, panel, x there, gap, rate, pull, height, drift, closing, blur).
 
-Height (m) and rate (m/s) of the ball above the wall at rest are `height` and `drift`; closing is pull + m''; blur is
-what rounding may have moved the time by (s).
-"""
+
+class State(NamedTuple):
+    """A gap to follow, and where on its path the wall is.
+
+    Height (m) and rate (m/s) of the ball above the wall at rest are `height` and `drift`; `closing` is pull + m'';
+    `blur` is what rounding may have moved the time by (s).
+    """
+
+    time: float  # reduced, with its low part
+    low: float
+    panel: int
+    x: float  # on that panel, from -1 to 1
+    gap: float
+    rate: float
+    pull: float
+    height: float
+    drift: float
+    closing: float
+    blur: float
 
 
 @rare
@@ -33,7 +47,7 @@ def state(wall: Record, panels: Records, t: float, tail: float, gap: float, rate
     k = panel_at(wall, panels, y)
     x = (((y - panels[k].left) - panels[k].half) + low) / panels[k].half
     m, v, a = value(panels[k], x)
-    return y, low, k, x, gap, rate, pull, gap + m, rate + v, pull + a, 2.0**-51 * (abs(t) + abs(tail))
+    return State(y, low, k, x, gap, rate, pull, gap + m, rate + v, pull + a, 2.0**-51 * (abs(t) + abs(tail)))
 
 
 @rare
@@ -74,7 +88,7 @@ def flight(
 @kernel
 def faint(wall: Record, now: State, s: float) -> float:
     """Return what a rate (m/s) a time s after `now` may owe to rounding."""
-    return NOISE * (abs(now[5]) + (abs(now[6]) + wall.stiff) * s)  # type: ignore[no-any-return]
+    return NOISE * (abs(now.rate) + (abs(now.pull) + wall.stiff) * s)  # type: ignore[no-any-return]
 
 
 @rare
@@ -84,21 +98,21 @@ def coordinate(wall: Record, panel: Record, now: State, turns: float, s: float) 
     p, p_low = s, 0.0
     if wall.periodic:
         p, p_low = product(wall.frequency, s)
-    return (((p - turns) + ((now[0] - panel.left) - panel.half)) + (now[1] + p_low)) / panel.half  # type: ignore[no-any-return]
+    return (((p - turns) + ((now.time - panel.left) - panel.half)) + (now.low + p_low)) / panel.half  # type: ignore[no-any-return]
 
 
 @rare
 @kernel
 def lasts(wall: Record, panels: Records, now: State, k: int, turns: float) -> float:
     """Return the time after `now` at which panel k, so many turns later, ends."""
-    return ((panels[k].right - now[0]) - now[1] + turns) / wall.frequency  # type: ignore[no-any-return]
+    return ((panels[k].right - now.time) - now.low + turns) / wall.frequency  # type: ignore[no-any-return]
 
 
 @rare
 @kernel
 def panel_later(wall: Record, panels: Records, now: State, s: float) -> tuple[int, float]:
     """Return the panel a time s after `now`, and how many turns later it is."""
-    y, turns = now[0] + wall.frequency * s, 0.0
+    y, turns = now.time + wall.frequency * s, 0.0
     if wall.periodic:
         turns = float(math.floor(y))
     return panel_at(wall, panels, y - turns), turns
@@ -109,7 +123,7 @@ def panel_later(wall: Record, panels: Records, now: State, s: float) -> tuple[in
 def hop(wall: Record, panels: Records, now: State, s: float) -> State:
     """Return the state a time s after `now`, where its panel ends and the next one begins: with all digits of a bounce
     that is small beside the wall's motion."""
-    k = now[2]
+    k = now.panel
     _, _, _, _, gap, rate, pull, height, drift, _, blur = now
     f, df, _, noise = flight(wall, panels, now, k, 0.0, s)
     f = f if abs(f) > noise else 0.0
@@ -121,14 +135,15 @@ def hop(wall: Record, panels: Records, now: State, s: float) -> State:
         k = wall.first
     height += s * (drift - 0.5 * pull * s)
     a = pull + value(panels[k], -1.0)[2]
-    return panels[k].left, 0.0, k, -1.0, f, df - panels[k].jump, pull, height, drift - pull * s, a, blur
+    rate = df - panels[k].jump
+    return State(panels[k].left, 0.0, k, -1.0, f, rate, pull, height, drift - pull * s, a, blur)
 
 
 @rare
 @kernel
 def short(wall: Record, panels: Records, now: State, s: float) -> bool:
     """Return whether a time s to the end of its panel is so short that the gap is better followed from there."""
-    k = now[2]
+    k = now.panel
     return panels[k].per * s <= 1.0 and (wall.periodic == 1 or k + 1 < wall.first + wall.panels)  # type: ignore[no-any-return]
 
 
@@ -142,8 +157,8 @@ def after(
     Parameters are those of `first_hit`. Rounding may make a closing gap negative, so callers clamp at 0.
     """
     now = state(wall, panels, t, tail, gap, rate, pull)
-    end = max(0.0, lasts(wall, panels, now, now[2], 0.0))
-    if s > end and short(wall, panels, now, end) and panels[now[2]].per * s <= 4.0:  # a longer s would lose digits
+    end = max(0.0, lasts(wall, panels, now, now.panel, 0.0))
+    if s > end and short(wall, panels, now, end) and panels[now.panel].per * s <= 4.0:  # a longer s would lose digits
         now = hop(wall, panels, now, end)
         s -= end
     k, turns = panel_later(wall, panels, now, s)

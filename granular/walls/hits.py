@@ -57,7 +57,7 @@ def first_hit(
     noise of the gap, 4 2⁻⁵³ of its terms: none is missed, and what is hit early is hit within twice the noise.
     """
     now, passed = state(wall, panels, t, tail, gap, rate, pull), 0.0
-    k, turns, s = now[2], 0.0, 0.0
+    k, turns, s = now.panel, 0.0, 0.0
     if gap == 0.0 and rate == 0.0 and opens(wall, panels[k], now, 0.0, 0.0) == 0.0:
         return NEVER
     while passed + s <= within:
@@ -67,11 +67,11 @@ def first_hit(
             return passed + s if passed + s <= within else NEVER
         if s == NEVER:
             return NEVER
-        if k == now[2] and turns == 0.0 and short(wall, panels, now, s):
+        if k == now.panel and turns == 0.0 and short(wall, panels, now, s):
             end = max(0.0, end)
             now = hop(wall, panels, now, end)
             passed += end
-            s, k = max(0.0, s - end), now[2]
+            s, k = max(0.0, s - end), now.panel
         s += out_of_reach(wall, now, s)
         if s == NEVER:
             return NEVER
@@ -103,7 +103,7 @@ def onward(wall: Record, panels: Records, now: State, k: int, turns: float, s: f
 @kernel
 def out_of_reach(wall: Record, now: State, s: float) -> float:
     """Return how long, from a time s after `now`, the ball is certain to be where the wall never comes."""
-    pull, height, drift = now[6], now[7], now[8]
+    pull, height, drift = now.pull, now.height, now.drift
     size = abs(height) + wall.extent + s * (wall.speed + abs(drift) + 0.5 * abs(pull) * s)
     above = height + s * (drift - 0.5 * pull * s) - wall.reach - (wall.error + NOISE * size)
     rate = drift - pull * s
@@ -121,7 +121,7 @@ def hit_on_panel(
 ) -> tuple[float, bool]:
     """Return the time after `now` at which the gap closes, and True; if not on panel k, False, and a time, `end` or
     later, before which it does not."""
-    panel, pull = panels[k], now[6]
+    panel, pull = panels[k], now.pull
     slack = NOISE * (abs(pull) + wall.stiff)
     while s < end:
         f, df, a, noise = flight(wall, panels, now, k, turns, s)
@@ -168,8 +168,8 @@ def opens(wall: Record, panel: Record, now: State, turns: float, s: float) -> fl
     """Return how long a gap that is not closing, at a time s after `now`, stays open on this panel because it is pulled
     open: from acceleration, its rate and the bound of its second rate. So balls leave that are lifted off. 0 if it is
     not pulled open."""
-    a, j = pressed(panel, now[6], coordinate(wall, panel, now, turns, s))
-    if a > NOISE * (abs(now[6]) + wall.stiff) + max(0.0, -j) * now[10]:
+    a, j = pressed(panel, now.pull, coordinate(wall, panel, now, turns, s))
+    if a > NOISE * (abs(now.pull) + wall.stiff) + max(0.0, -j) * now.blur:
         return 0.0
     a = min(a, 0.0)
     root = math.sqrt(j * j - 3.0 * a * panel.bend)
@@ -217,7 +217,7 @@ def lift_off(
     Dips of pull + m'' below 0 by no more than rounding, 4 2⁻⁵³ (|pull| + max |m''|), lift nothing.
     """
     now = state(wall, panels, t, tail, 0.0, 0.0, pull)
-    k, turns, s = now[2], 0.0, 0.0
+    k, turns, s = now.panel, 0.0, 0.0
     for _ in range(wall.panels + 1):
         end = lasts(wall, panels, now, k, turns)
         if pull + panels[k].least < 0.0:
@@ -245,9 +245,9 @@ def falls_on_panel(
 
     Steps from below: with a bound of its second rate it stays above a parabola.
     """
-    panel, noise = panels[k], NOISE * (abs(now[6]) + wall.stiff)
+    panel, noise = panels[k], NOISE * (abs(now.pull) + wall.stiff)
     while s < end:
-        a, j = pressed(panel, now[6], coordinate(wall, panel, now, turns, s))
+        a, j = pressed(panel, now.pull, coordinate(wall, panel, now, turns, s))
         if a <= -noise:
             return s
         if a <= 0.0 and j < 0.0 and j * j >= 4.0 * max(panel.bow, panel.bend) * noise:
@@ -272,7 +272,7 @@ def pressing_bounds(
     """
     now = state(wall, panels, t, tail, 0.0, 0.0, pull)
     least, most = NEVER, -NEVER
-    k, turns, s = now[2], 0.0, 0.0
+    k, turns, s = now.panel, 0.0, 0.0
     for _ in range(wall.panels + 1):
         end = lasts(wall, panels, now, k, turns)
         last = end >= span or (wall.periodic == 0 and k + 1 == wall.first + wall.panels)
@@ -295,7 +295,7 @@ def bounds(
 ) -> tuple[float, float]:
     """Return bounds of pull + m'' on a panel between two times after `now`: those of the panel, or, if narrower, what
     the values at both and the bounds of the rate allow between them."""
-    pull, length = now[6], max(0.0, until - s)
+    pull, length = now.pull, max(0.0, until - s)
     noise = NOISE * (abs(pull) + wall.stiff)
     a, _ = pressed(panel, pull, coordinate(wall, panel, now, turns, s))
     b, _ = pressed(panel, pull, coordinate(wall, panel, now, turns, s + length))

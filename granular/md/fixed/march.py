@@ -14,7 +14,7 @@ from typing import Any
 
 from granular._kernels import DRIVEN, HEATED, RING, WORKED, entry, kernel
 from granular.md.fixed.integrators import CHANGED, CLOSED, beside, half_way as begin, verlet as step
-from granular.md.fixed.notes import local, log_contacts
+from granular.md.fixed.notes import log_contacts, may_log_alone
 from granular.md.fixed.walls import CROWD, HALT, HIT, MOST, ahead, book, heat
 from granular.md.fixed.window import COUNT, RAW, XI, load, store
 
@@ -80,7 +80,7 @@ def take_steps(
                 book(physics, lo, right, a)
             flags |= step_flags
             if noting and step_flags & CHANGED:
-                if physics.logged and not local(first, stop, lo, physics.ring, work.was, work.rows, work):
+                if physics.logged and not may_log_alone(first, stop, lo, physics.ring, work.was, work.rows, work):
                     return 0, 0
                 log_contacts(first, stop, lo, k + done, physics, work.was, work.rows, work)
             done += 1
@@ -124,7 +124,7 @@ def march(
     turned : bool
         Whether the state at step k is `there`. After `UNTIL` the other one is that at step k + 1.
     """
-    pairs, k, turned, walks, until, deep = len(here[XI]) - 2, start, False, 0, work.pair + 1, deepest(here[XI])
+    pairs, k, turned, single_steps, until, deep = len(here[XI]) - 2, start, False, 0, work.pair + 1, deepest(here[XI])
     alone, ended = pairs <= physics.block, work.ended
     ended[0] = 0
     while k < start + steps:
@@ -132,7 +132,7 @@ def march(
             return FULL, k, turned
         reach = min(4 * REACH if alone else REACH // EVALUATIONS, start + steps - k)
         deep = deep if here[XI][deep + 1] > 0.0 else deepest(here[XI])
-        before, taken, flags, walking = ended[0], 0, 0, walks > 0
+        before, taken, flags, walking = ended[0], 0, 0, single_steps > 0
         if walking or alone or here[XI][deep + 1] > 0.0:
             taken, flags = take_steps(physics, here, there, work, k, 1 if walking else reach, not walking,
                                       NO_PAIR if walking or alone else deep)
@@ -144,9 +144,9 @@ def march(
                 return UNTIL, k, turned
             log_contacts(0, pairs, 0, k, physics, here, there, work)
             flags = CLOSED if there[XI][deepest(there[XI]) + 1] > 0.0 else 0
-            walks -= 1
+            single_steps -= 1
         elif taken == 0 or ended[0] > room:
-            ended[0], walks, deep = before, reach, deepest(here[XI])
+            ended[0], single_steps, deep = before, reach, deepest(here[XI])
             continue
         here, there, turned, k = there, here, not turned, k + taken
         if not flags & CLOSED:

@@ -37,6 +37,7 @@ from granular.md.located.records import (
     QUIET,
     REACHED,
     REST,
+    ROWS,
     STOPPED,
     WANTS_LOOK,
     WANTS_TABLE,
@@ -142,7 +143,8 @@ def solve_many(
     (count,) = np.broadcast_shapes(*(column.shape[:-1] for column in columns), (1,))
     columns = [np.broadcast_to(column, (count, column.shape[-1])) for column in columns]
     pause = FIRST_LOOK if leave_piles else NO_PAUSE
-    limits: dict[str, Any] = {"tol": tol, "max_events": max_events, "max_steps": max_steps, "log": 1, "pause": pause}
+    limits: dict[str, Any] = {"tol": tol, "max_events": max_events, "max_steps": max_steps, "log_level": ROWS,
+                              "pause": pause}
     parts = []
     for first in range(0, max(1, count), AT_ONCE):
         *part, kinds, end = (column[first : first + AT_ONCE].copy() for column in columns)

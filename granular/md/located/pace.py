@@ -23,7 +23,7 @@ from granular.md.located import blocks
 from granular.md.located.plan import plan_all_due
 from granular.md.located.records import ACTIVE, ASKS, BINDING, DORMANT, MORE, OPEN, REST, STOPPED, WANTS_LOOK
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS
-from granular.md.located.rest.overdamped import first_asking, look_at
+from granular.md.located.rest.overdamped import look_at, turn_to_asking
 from granular.md.located.system import readable
 from granular.trajectory import Status
 
@@ -73,7 +73,7 @@ class Pace:
     def look_at_all(self) -> None:
         """Plan the blocks that wait for a look whether they creep."""
         run = self.run
-        while (column(run.s.pool, "manner") == ASKS).any() and run.kernels(first_asking)(run.s):
+        while (column(run.s.pool, "manner") == ASKS).any() and run.kernels(turn_to_asking)(run.s):
             looked_at(run.s, 0.0, run.kernels, self.seldom)
 
     def seldom(self, kernel: Any) -> Any:

@@ -28,6 +28,8 @@ from granular.md.located.records import (
     IGNORE,
     MORE,
     MOST_ROWS,
+    NO_LOG,
+    PEAKS,
     QUIET,
     REACHED,
     REST,
@@ -102,7 +104,8 @@ class Run:
         self.bound = False
         self.creep: Creep | None = None
         self.checkpoint: Checkpoint | None = None
-        limits = {"max_events": request.max_events, "max_steps": request.max_steps, "log": 2 * int(request.rows)}
+        limits = {"max_events": request.max_events, "max_steps": request.max_steps,
+                  "log_level": PEAKS if request.rows else NO_LOG}
         ways = [DISTURBED.index(disturbed)]
         s = system_of(scene, laws, request.until, self.start, tol=tol, pause=FIRST_LOOK, disturbing=ways[0], **limits)
         self.collocation = None if s.kinds["kind"][0] != GENERAL else self.collocated()

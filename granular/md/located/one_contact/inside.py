@@ -17,7 +17,19 @@ from granular.md.located.ledger import LOST, begin, book, book_at_once, look_at_
 from granular.md.located.log import follow
 from granular.md.located.pendula import swung
 from granular.md.located.pieces import fly, force_returns, in_contact, piece_time, power, since, tau_at, tick, value
-from granular.md.located.records import ACTIVE, BEGIN, EDGE, END, OPEN, PART, RELOAD, RESIDUAL, TURN
+from granular.md.located.records import (
+    ACTIVE,
+    AT_LEAST_ONE,
+    BEGIN,
+    EDGE,
+    END,
+    NO_LOG,
+    OPEN,
+    PART,
+    RELOAD,
+    RESIDUAL,
+    TURN,
+)
 from granular.md.located.system import count_of, join, leave, nth
 from granular.md.located.walls import beside_edge, flown, jump_at
 
@@ -57,7 +69,7 @@ def ask_to_follow(s: Any, c: int, left: float) -> None:
 def has_piece(s: Any, laws: Any) -> bool:
     """Return whether the contact that is followed alone has a next piece; what runs off flies on as far as it may."""
     run, member = s.run[0], s.pool[s.pairs[s.run[0].solo].slot]
-    if not (run.left > run.passed or run.pieces < 0) or run.pieces == MOST_PIECES or member.mode == OPEN:
+    if not (run.left > run.passed or run.pieces == AT_LEAST_ONE) or run.pieces == MOST_PIECES or member.mode == OPEN:
         return False
     run.pieces += 1
     if member.mode != RESIDUAL or pushes(member):
@@ -89,7 +101,7 @@ def goes_on(s: Any, laws: Any) -> bool:
         tau = min(tau, power(dt, 1.0 / member.clock) / member.h)
     if WORKED:
         tally(s, laws, c, member, tau, s.ledger[0].solo)
-    if run.log > 0:
+    if run.log_level != NO_LOG:
         follow(run, s.pairs, s.pool, s.scratch, c, tau)
     member.xi, member.eta, member.exact, member.tau = value(member.x, tau), value(member.e, tau), 0, 0.0
     tick(member, dt)
@@ -167,10 +179,10 @@ def exposed(s: Any, c: int) -> None:
     low, high = member.lower / member.inverse, member.upper / member.inverse
     xi -= member.xi
     eta -= member.eta
-    if run.log > 0 and 0 <= pair.row < run.rows and s.log[pair.row].pair == c:
+    if run.log_level != NO_LOG and 0 <= pair.row < run.rows and s.log[pair.row].pair == c:
         row = s.log[pair.row]
         member.lower_in, member.upper_in, member.t_begin, row.pair = row.lower_in, row.upper_in, row.t_begin, -1
-    elif run.log > 0:  # its row has been handed on: a run that ends where the contact does, to the bit
+    elif run.log_level != NO_LOG:  # its row has been handed on: a run that ends where the contact does, to the bit
         member.going_on = 0
     for side in range(2):
         body, f, share = bodies[nth(s.pairs, c + side)], nth(s.pairs, c - 1 + 2 * side), high if side else low
@@ -233,7 +245,7 @@ def look_inside(s: Any, c: int, t: float) -> int:
     if c < n:
         run.before_due, run.before_steps, run.before_error = s.pairs[c].due, run.steps, run.error
         relive(s, c, t, 0.0)
-        run.pieces = -1  # one at least: at its very onset too
+        run.pieces = AT_LEAST_ONE
     return c
 
 

@@ -50,7 +50,7 @@ def may_rest(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, limit: float
         if b == c and pair.mode != OPEN:
             return False
         if b > c:
-            if not kinetic(pairs, pool, bodies, c, b) < ceiling(pairs, pool, bodies, c, b):
+            if not kinetic(pairs, pool, bodies, c, b) < energy_limit(pairs, pool, bodies, c, b):
                 return False
             active, known = True, known and is_known(pairs, pool, c, b)
             for i in range(c, b):
@@ -65,7 +65,7 @@ def may_rest(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, limit: float
 
 
 @kernel
-def ceiling(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
+def energy_limit(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> float:
     """Return an energy in J that a group that can be proved to rest does not have: what is noted of it, or more."""
     if is_known(pairs, pool, a, b):
         return float(pool[pairs[a].slot].opening)
