@@ -24,7 +24,7 @@ STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
 """Elastic Hertz contacts of steel balls of 1 kg; below ε = 1 with Tsuji's damping."""
 
 
-def first_impact(scene: Scene) -> float:
+def first_impact_speed(scene: Scene) -> float:
     """Largest speed in m/s at which a pair would meet first if it were alone, with walls at their fastest; 0 if none
     meets.
 
@@ -65,7 +65,7 @@ def of_restitution(
     way = WAYS[_check.choice("law", law, list(WAYS))]
     needs = {parameter.name for parameter in build.parameters(way)}
     k = _check.number("stiffness", stiffness, above=0.0)
-    given = {"k": k, "k_load": k, "speed": first_impact(scene)}
+    given = {"k": k, "k_load": k, "speed": first_impact_speed(scene)}
     values = {key: value for key, value in given.items() if key in needs}
     eps = list(restitution) if isinstance(restitution, Sequence) else restitution
     laws = build.each_pair(lambda e, pair: build.call([way], {"restitution": e} | values, pair=pair),
@@ -136,7 +136,7 @@ class Template:
 
 def falls(count: float, scene: Scene) -> float | None:
     """End time of `count` falls: the time s/g in which gravity gives the speed s of the first impact on the floor."""
-    return (count * first_impact(scene) / scene.gravity or None) if scene.gravity else None
+    return (count * first_impact_speed(scene) / scene.gravity or None) if scene.gravity else None
 
 
 def flights(count: float, scene: Scene) -> float | None:

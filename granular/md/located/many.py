@@ -19,7 +19,7 @@ from granular._records import play
 from granular.md.located.blocks import advance, expose_all, gather, launch
 from granular.md.located.log import keep_unsettled
 from granular.md.located.one_contact.inside import look
-from granular.md.located.pace import COMPILED, looked_at, seldom
+from granular.md.located.pace import COMPILED, WHY, looked_at, seldom
 from granular.md.located.plan import make_table, plan_all_due
 from granular.md.located.power_form import kind_and_q, mapped
 from granular.md.located.records import (
@@ -42,7 +42,7 @@ from granular.md.located.records import (
     WANTS_LOOK,
     WANTS_TABLE,
 )
-from granular.md.located.run import FIRST_LOOK, WHY
+from granular.md.located.run import FIRST_LOOK
 from granular.md.located.system import System, new_system, to_plain, with_room_for_a_table
 from granular.trajectory import Status
 

@@ -18,10 +18,22 @@ import numpy as np
 
 from granular._kernels import compiled, worth
 from granular._records import column, plain
-from granular.drive import CONTACT_ROW, Rows, portion
+from granular.drive import CONTACT_ROW, Pause, Rows, portion
 from granular.md.located import blocks
 from granular.md.located.plan import plan_all_due
-from granular.md.located.records import ACTIVE, ASKS, BINDING, DORMANT, MORE, OPEN, REST, STOPPED, WANTS_LOOK
+from granular.md.located.records import (
+    ACTIVE,
+    ASKS,
+    BINDING,
+    DORMANT,
+    MORE,
+    OPEN,
+    QUIET,
+    REST,
+    STOPPED,
+    WANTS_LOOK,
+    WORK_LIMIT,
+)
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS
 from granular.md.located.rest.overdamped import look_at, turn_to_asking
 from granular.md.located.system import readable
@@ -35,6 +47,11 @@ TRIALS = 4000
 """Trial steps of every island after which it is asked whether a run comes on."""
 LEAST = 0.01
 """Part of the time left by which it then has come on, unless it has by the time of a contact."""
+WHY = {
+    STOPPED: Pause.until, QUIET: Pause.quiet, WORK_LIMIT: Pause.work, REST: Pause.resting,
+    BINDING: Pause.quiet,
+}
+"""Why a run pauses, by what `blocks.advance` returns."""
 LOOKS = 20, 1500
 """Looks at blocks that may rest or creep, of some milliseconds each, after which machine code pays for them too."""
 
