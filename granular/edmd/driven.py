@@ -89,9 +89,9 @@ def beside(pair: Record, lower: Record, upper: Record, now: float, walls: Walls)
 def take_wall_velocity(pair: Record, lower: Record, upper: Record, walls: Walls) -> None:
     """Give what is stuck to a driven wall, of a pair beside it, the velocity of the wall at the time of the pair."""
     if pair.wall == AT_FLOOR or pair.wall == BOTH:
-        lower.fall_velocity = place(walls, 0, pair.at)[1]
+        _, lower.fall_velocity = place(walls, 0, pair.at)
     if pair.wall == AT_CEILING or pair.wall == BOTH:
-        upper.fall_velocity = place(walls, 1, pair.at)[1]
+        _, upper.fall_velocity = place(walls, 1, pair.at)
 
 
 @rare

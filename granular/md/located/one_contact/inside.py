@@ -2,7 +2,7 @@
 May be skipped: one contact again, by pieces.
 
 So one solved at once is looked into, or goes on as a member of an event that may disturb it: `relive` asks for that,
-`plan.follow_contact` takes it there piece after piece, and then `exposed` or `seen` take what they need.
+`plan.follow_contact` takes it there piece after piece, and then `expose` or `seen` take what they need.
 """
 
 from __future__ import annotations
@@ -164,9 +164,9 @@ def relive(s: Any, c: int, t: float, tail: float) -> None:
 
 
 @kernel
-def exposed(s: Any, c: int) -> None:
+def expose(s: Any, c: int) -> None:
     """Let pair `c`, which has been relived, be a member of the event under way, for something may disturb it."""
-    run, pair, bodies, member = s.run[0], s.pairs[c], s.bodies, s.pool[s.pairs[c].slot]
+    run, pair, member = s.run[0], s.pairs[c], s.pool[s.pairs[c].slot]
     back = since(pair, run.t, run.tail)
     if WORKED:
         book_at_once(s.ledger, s, c, -1.0)
@@ -176,14 +176,29 @@ def exposed(s: Any, c: int) -> None:
         member.xi, member.eta, member.going_on = xi if member.mode == RESIDUAL else min(0.0, xi), eta, 0
         member.h, member.tau, member.x[0], member.e[0], member.f[0] = 0.0, 0.0, member.xi, eta, 0.0
         return
-    low, high = member.lower / member.inverse, member.upper / member.inverse
-    xi -= member.xi
+    xi -= member.xi  # what the asymptote is ahead of the contact
     eta -= member.eta
+    take_back_row(s, c, member)
+    move_beside(s, c, xi, eta)
+
+
+@kernel
+def take_back_row(s: Any, c: int, member: Any) -> None:
+    """Let pair `c` go on with what its row of the log says, and void that row."""
+    run, pair = s.run[0], s.pairs[c]
     if run.log_level != NO_LOG and 0 <= pair.row < run.rows and s.log[pair.row].pair == c:
         row = s.log[pair.row]
         member.lower_in, member.upper_in, member.t_begin, row.pair = row.lower_in, row.upper_in, row.t_begin, -1
     elif run.log_level != NO_LOG:  # its row has been handed on: a run that ends where the contact does, to the bit
         member.going_on = 0
+
+
+@kernel
+def move_beside(s: Any, c: int, xi: float, eta: float) -> None:
+    """Bring the balls and flanks of pair `c` to the time of the event under way: they follow the asymptote, which is
+    ahead of the contact by `xi` and `eta`."""
+    run, bodies, member = s.run[0], s.bodies, s.pool[s.pairs[c].slot]
+    low, high = member.lower / member.inverse, member.upper / member.inverse
     for side in range(2):
         body, f, share = bodies[nth(s.pairs, c + side)], nth(s.pairs, c - 1 + 2 * side), high if side else low
         if HUNG:
