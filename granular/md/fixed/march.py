@@ -13,6 +13,8 @@ from __future__ import annotations
 from typing import Any
 
 from granular._kernels import DRIVEN, HEATED, RING, WORKED, entry, kernel
+
+# `begin`, `step` and EVALUATIONS are those of Verlet here; in the kernels of `Stepper`, those of its own integrator
 from granular.md.fixed.integrators import CHANGED, CLOSED, beside, half_way as begin, verlet as step
 from granular.md.fixed.notes import log_contacts, may_log_alone
 from granular.md.fixed.walls import CROWD, HALT, HIT, MOST, ahead, book, heat
@@ -23,8 +25,7 @@ DONE, FLIGHT, FULL, UNTIL, CROWDED = range(5)
 REACH = 24
 """Evaluations of the forces in a window before the next one has its turn."""
 EVALUATIONS = 1
-"""Of the forces in a step. It, `step` and `begin` are those of Verlet here: `Stepper` has kernels made in which they
-are those of its own integrator."""
+"""Of the forces in a step."""
 NO_PAIR = -1
 """For the number of one."""
 
@@ -130,6 +131,7 @@ def march(
     while k < start + steps:
         if ended[0] > room or (physics.logged and ended[0] + most_rows(pairs) > len(work.log)):
             return FULL, k, turned
+        # nobody waits for a lone window
         reach = min(4 * REACH if alone else REACH // EVALUATIONS, start + steps - k)
         deep = deep if here[XI][deep + 1] > 0.0 else deepest(here[XI])
         before, taken, flags, walking = ended[0], 0, 0, single_steps > 0
@@ -146,6 +148,7 @@ def march(
             flags = CLOSED if there[XI][deepest(there[XI]) + 1] > 0.0 else 0
             single_steps -= 1
         elif taken == 0 or ended[0] > room:
+            # forget these steps; take them one by one
             ended[0], single_steps, deep = before, reach, deepest(here[XI])
             continue
         here, there, turned, k = there, here, not turned, k + taken
