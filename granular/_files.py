@@ -81,13 +81,13 @@ def is_stream(path: str | PathLike[str]) -> bool:
     """Whether `path` is there and no plain file, or names an open file of a process: to be written into as it is."""
     if os.path.exists(path) and not os.path.isfile(path):
         return True
-    step = os.path.abspath(os.fspath(path))
-    for _ in range(40):  # as many links as the system follows
-        folder = os.path.realpath(os.path.dirname(step))
-        step = os.path.join(folder, os.path.basename(step))
-        if folder.startswith("/proc/") or not os.path.islink(step):
+    name = os.path.abspath(os.fspath(path))
+    for _ in range(40):  # as many links as the system follows; realpath at once would lose that one is in /proc
+        folder = os.path.realpath(os.path.dirname(name))
+        name = os.path.join(folder, os.path.basename(name))
+        if folder.startswith("/proc/") or not os.path.islink(name):
             return folder.startswith("/proc/")
-        step = os.path.join(folder, os.readlink(step))
+        name = os.path.join(folder, os.readlink(name))
     return False
 
 

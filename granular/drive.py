@@ -68,7 +68,8 @@ def requested(
 def check_end(
     scene: Scene, t_end: float | None, until: stop.Until | None, max_events: int, dented: bool = False
 ) -> None:
-    """Raise if nothing says when a run is over whose balls may meet forever; `dented` if each bounces in its dent."""
+    """Raise if nothing says when a run is over whose balls may meet forever; `dented` if no pair loses energy but by a
+    deeper dent."""
     if (scene.endless or dented) and t_end is None and until is None and max_events == EVENTS:
         why = "beside a driven wall" if scene.driven else "beside a thermal wall" if scene.heated else (
             "on a ring" if scene.ring else "of pendula" if scene.pendulum > 0.0 else

@@ -122,7 +122,7 @@ def certified(scene: gr.Scene, law: Any, contacts: int, made: dict[Any, Any], mo
             met.append(c)
         return came
 
-    limits = {"tol": 1e-16, "pause": NO_PAUSE, "max_events": contacts, "max_steps": 1000, "log": 0}
+    limits = {"tol": 1e-16, "pause": NO_PAUSE, "max_events": contacts, "max_steps": 1000, "log_level": 0}
     s = to_plain(system_of(scene, laws, None, **limits))
     asked = Collocation(laws, scene.ring) if s.kinds[0].kind == GENERAL else None
     with monkeypatch.context() as patch:

@@ -99,6 +99,15 @@ def test_counts_what_looking_at_every_two_rows_finds(name, law, seed, monkeypatc
     assert same(watched(hard), brute(scene, hard.contacts, laws))
 
 
+def test_the_check_for_tests_leaves_what_it_looks_at():
+    watch = Watch(gr.Hertz(1e7), gr.scenes.heated_gas(3))
+    watch.last["began"] = 0.5
+    watch.last["lasting"][1:-1] = 0.1  # and none at thermal walls
+    before = watch.last.copy()
+    watch._check()
+    assert (watch.last == before).all()
+
+
 def test_the_scenes_above_are_watched_with_and_without_result():
     found = []
     for name, make in SCENES.items():

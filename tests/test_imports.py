@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
-IDLE = ("_saved_run", "_describe", "_files", "cases", "comparison.figure", "comparison.film", "comparison.view",
-        "frontiers", "page", "reference", "sweeps", "thresholds", "waves")
+IDLE = ("_saved_run", "_describe", "_files", "cases", "comparison.captions", "comparison.figure", "comparison.film",
+        "comparison.view", "frontiers", "page", "reference", "sweeps", "thresholds", "waves")
 HEAVY = ("scipy", "numba", "matplotlib", "xarray", "pandas")
 
 

@@ -6,8 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from granular import cases, scenes
-from granular.cases.ready import first_impact
+from granular import cases, edmd, scenes
+from granular.binary import restitution
+from granular.cases.ready import first_impact_speed
+from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.walls import Thermal
 
@@ -168,8 +170,35 @@ def test_a_cradle_on_strings_is_pulled_aside():
     assert scene.gap == pytest.approx([0.0, 0.11, 0.02])
     assert not scene.velocity.any()
     assert cases.make("pendulum-cradle").t_end == pytest.approx(20.0 * math.pi * math.sqrt(1.0 / 9.81))
-    assert first_impact(scenes.pendulum_cradle(amplitude=0.3, rest_gap=0.1)) == pytest.approx(
+    assert first_impact_speed(scenes.pendulum_cradle(amplitude=0.3, rest_gap=0.1)) == pytest.approx(
         math.sqrt(9.81 * (0.3**2 - 0.1**2)))
+
+
+LONE_PAIRS = {  # made of mass, gap, velocity, and how far apart pendula hang
+    "above a floor": lambda m, gap, v, rest: Scene([math.inf, m], [0.0, 0.1], [gap], [0.0, v], gravity=9.81),
+    "below a ceiling": lambda m, gap, v, rest: Scene([m, math.inf], [0.1, 0.0], [gap], [v, 0.0], gravity=9.81),
+    "without gravity": lambda m, gap, v, rest: Scene([m, 1.0], [0.1, 0.1], [gap], [v, 0.0]),
+    "pendula": lambda m, gap, v, rest: Scene(
+        [m, 1.0], [0.1, 0.1], [gap], [v, 0.0], origin=-1.0, pendulum=2.0, rest_gap=[rest]),
+}
+
+
+@pytest.mark.parametrize("make", LONE_PAIRS.values(), ids=LONE_PAIRS)
+def test_a_first_impact_is_as_fast_as_that_of_a_pair_alone_also_of_one_that_parts_before(make):
+    rng, met = np.random.default_rng(5), 0
+    for _ in range(100):
+        scene = make(rng.uniform(0.5, 2.0), rng.uniform(0.01, 1.0), rng.uniform(-5.0, 5.0), rng.uniform(0.0, 2.0))
+        log = edmd.simulate(scene, ConstantRestitution(0.7), t_end=1e4, max_events=1).contacts
+        fast = float(log["v_in"][0, 0] - log["v_in"][0, 1]) if len(log) else 0.0
+        met += len(log)
+        assert first_impact_speed(scene) == pytest.approx(fast, rel=1e-9)
+    assert met > 5
+
+
+def test_a_viscoelastic_ball_thrown_up_has_its_restitution_where_it_lands():
+    scene = Scene([math.inf, 1.0], [0.0, 0.1], [1.0], [0.0, 5.0], gravity=9.81)
+    (law,), _ = cases.ready.of_restitution(scene, 0.7, law="ViscoelasticHertz")
+    assert restitution(law, scene.pairs[0], math.sqrt(25.0 + 2.0 * 9.81)) == pytest.approx(0.7, rel=1e-6)
 
 
 @pytest.mark.parametrize(("make", "sentence"), [

@@ -24,13 +24,18 @@ STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
 """Elastic Hertz contacts of steel balls of 1 kg; below ε = 1 with Tsuji's damping."""
 
 
-def first_impact(scene: Scene) -> float:
+def first_impact_speed(scene: Scene) -> float:
     """Largest speed in m/s at which a pair would meet first if it were alone, with walls at their fastest; 0 if none
-    meets."""
+    meets.
+
+    v² = v_0² + 2 a gap under the pull a, of pendula v² = v_0² + Ω² ((gap - rest)² - rest²).
+    """
     closing = -scene.across(scene.velocity)
     gap = np.maximum(scene.gap, 0.0)
     rest = 0.0 if scene.rest_gap is None else scene.rest_gap
-    square = closing * np.abs(closing) + gap * (2.0 * scene.pull + scene.pendulum**2 * (gap - 2.0 * rest))
+    returns = (scene.pull > 0.0) | (scene.pendulum > 0.0)  # a pair that parts comes back as fast
+    from_flight = np.where(returns, closing**2, closing * np.abs(closing))
+    square = from_flight + gap * (2.0 * scene.pull + scene.pendulum**2 * (gap - 2.0 * rest))
     speed = np.sqrt(np.maximum(0.0, square))
     speed[0] += walls.fastest(scene.floor)
     speed[-1] += walls.fastest(scene.ceiling)
@@ -60,7 +65,7 @@ def of_restitution(
     way = WAYS[_check.choice("law", law, list(WAYS))]
     needs = {parameter.name for parameter in build.parameters(way)}
     k = _check.number("stiffness", stiffness, above=0.0)
-    given = {"k": k, "k_load": k, "speed": first_impact(scene)}
+    given = {"k": k, "k_load": k, "speed": first_impact_speed(scene)}
     values = {key: value for key, value in given.items() if key in needs}
     eps = list(restitution) if isinstance(restitution, Sequence) else restitution
     laws = build.each_pair(lambda e, pair: build.call([way], {"restitution": e} | values, pair=pair),
@@ -131,7 +136,7 @@ class Template:
 
 def falls(count: float, scene: Scene) -> float | None:
     """End time of `count` falls: the time s/g in which gravity gives the speed s of the first impact on the floor."""
-    return (count * first_impact(scene) / scene.gravity or None) if scene.gravity else None
+    return (count * first_impact_speed(scene) / scene.gravity or None) if scene.gravity else None
 
 
 def flights(count: float, scene: Scene) -> float | None:

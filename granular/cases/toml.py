@@ -129,10 +129,10 @@ def of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
     with place("[scene]"):
         given = build.walled(_table(tables["scene"]), folder)
         base = _base(given)
-    law, rule = _physics(tables, base)
+    laws, rule = _physics(tables, base)
     if "name" in given:
         with place("[scene]"):
-            base = ready.pressed(given.pop("name"), replace(base, law=law), given)
+            base = ready.pressed(given.pop("name"), replace(base, law=laws), given)
     with place("[run]"):
         run = dict(_table(tables.get("run", {})))
         t_end = _check.number("t_end", run.pop("t_end")) if "t_end" in run else base.t_end
@@ -141,7 +141,7 @@ def of_tables(tables: Mapping[str, Any], folder: str = "") -> Case:
     about = tables.get("about", base.about)
     if not isinstance(about, str):
         raise TypeError(f"about is {about!r}: a text in quotes is needed.")
-    return Case(base.scene, law, rule, stop, t_end, run, about)
+    return Case(base.scene, laws, rule, stop, t_end, run, about)
 
 
 def _base(table: Mapping[str, Any]) -> Case:
@@ -154,7 +154,7 @@ def _base(table: Mapping[str, Any]) -> Case:
 
 def _physics(tables: Mapping[str, Any], base: Case) -> tuple[Any, Any]:
     """Laws and rule: of their own tables, one per pair or one for all, or those of the ready-made case."""
-    law, rule, scene = base.law, base.rule, base.scene
+    laws, rule, scene = base.law, base.rule, base.scene
     if "law" in tables:
         each = isinstance(tables["law"], list)
 
@@ -163,15 +163,15 @@ def _physics(tables: Mapping[str, Any], base: Case) -> tuple[Any, Any]:
                 return build.law(_table(table), pair)
 
         of_pairs = _check.per_pair("[[law]]", tables["law"], scene.n_pairs)
-        law, rule = build.each_pair(made, of_pairs, scene.pairs), build.rule_of(of_pairs)
+        laws, rule = build.each_pair(made, of_pairs, scene.pairs), build.rule_of(of_pairs)
     if "rule" in tables:
         given = tables["rule"]
         with place("[rule]"):
             rules = [build.rule(_table(one)) for one in (given if isinstance(given, list) else [given])]
             rule = _check.per_pair("[[rule]]", rules, scene.n_pairs) if isinstance(given, list) else rules[0]
-    if law is None and rule is None:
+    if laws is None and rule is None:
         raise ValueError("table [law] is missing: give a force law, or at least a [rule] for hard spheres.")
-    return law, rule
+    return laws, rule
 
 
 def _until(value: Any) -> until.Until:
@@ -208,8 +208,8 @@ def dumps(case: Case) -> str:
     """Return the TOML text of a case."""
     tables: dict[str, Table | list[Table]] = {"scene": _scene(case.scene)}
     tables |= _by_restitution(case) or _each("law", case.law, LAWS) | _each("rule", case.rule, RULES)
-    until = None if case.until is None else asdict(case.until) or "separated"
-    tables["run"] = {"until": until, "t_end": case.t_end, **case.run}
+    stop = None if case.until is None else asdict(case.until) or "separated"
+    tables["run"] = {"until": stop, "t_end": case.t_end, **case.run}
     lines = [f"about = {_value(case.about)}", ""] if case.about else []
     for name, table in tables.items():
         for one in table if isinstance(table, list) else [table]:

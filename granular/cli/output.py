@@ -24,11 +24,14 @@ PATIENCE, INTERVAL = 2.0, 0.5
 CLEAR = "\r\x1b[K"
 
 
-def offer(parser: argparse.ArgumentParser, **about: str) -> None:
+ENDINGS = {"plot": "png", "film": "gif", "json": "json"}
+
+
+def offer(parser: argparse.ArgumentParser, save_as: str = "npz", **about: str) -> None:
     """Add the options --plot, --film, --json and --save, as far as they are described."""
     for name, text in about.items():
         to_stdout = "; - for standard output" if name == "json" else ""
-        ending = {"plot": "png", "film": "gif", "json": "json", "save": "nc" if "netCDF" in text else "npz"}[name]
+        ending = save_as if name == "save" else ENDINGS[name]
         parser.set_defaults(**{f"{name}_as": f".{ending}"})
         parser.add_argument(f"--{name}", metavar=f"FILE.{ending}", type=_stdout if to_stdout else str,
                             help=text + to_stdout)

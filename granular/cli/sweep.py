@@ -46,7 +46,7 @@ class Sweep(Command):
                             help=f"what to keep of every cell, may be given several times: {', '.join(RESULTS)}")
         parser.add_argument("--workers", type=int, metavar="N",
                             help="number of processes [one per core in large sweeps]")
-        output.offer(parser, save="write a netCDF file; if it is there, go on from it")
+        output.offer(parser, save_as="nc", save="write a netCDF file; if it is there, go on from it")
         return offered(sweep, "refine", "precision")
 
     @staticmethod

@@ -15,7 +15,8 @@ from granular import _files
 from granular._check import Array
 from granular._reports import GREY, HARD, PREFIXES, SOFT, canvas, unit_of
 from granular.comparison.answer import Judged
-from granular.comparison.view import Closeup, View, closeup, draw_closeup, pair_name, parameters, window, with_rows
+from granular.comparison.captions import pair_name, parameters
+from granular.comparison.view import Closeup, View, closeup, draw_closeup, window, with_rows
 from granular.trajectory import EARLY, Trajectory, points
 
 THIN = 1.5

@@ -1,13 +1,13 @@
 """What is drawn of a comparison: which span of time, both runs again with enough rows, a lens on one pair, the
-distance of its balls on its own scale while contacts overlap in time; and what the picture says of its scene in words.
+distance of its balls on its own scale while contacts overlap in time.
 May be skipped: pictures, no physics.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -15,19 +15,12 @@ import numpy as np
 
 from granular import edmd, md
 from granular._check import Array
-from granular._reports import GREY, HARD, PREFIXES, SOFT, shortened, unit_of
+from granular._reports import GREY, HARD, SOFT, unit_of
 from granular.comparison.answer import Judged
-from granular.isolation import Durations
-from granular.laws.kinds import resolved
-from granular.scene import Scene
+from granular.comparison.captions import pair_name
 from granular.trajectory import Status, Trajectory
 from granular.until import Separated
 
-SAME = 1e-9
-"""Numbers whose relative difference is less are one number."""
-EXPONENTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-OF_MASS = ((1e3, "k"), *PREFIXES)
-"""Multiples of the gram."""
 FAR = 3.0  # a span that begins so many times its own length after t = 0 has a clock that starts with its first contact
 PAD = 0.015  # share of the time axis that is left free at its ends, lest a mark there be cut
 LONE = 0.01  # late contacts with up to this share of the impulse may be left out, and are told of at the axis' edge
@@ -35,98 +28,6 @@ MOST = 20  # with more pairs than these, contacts somewhere else would always be
 MUCH = 0.6  # a lens that would show this share of the time axis has the same one
 NUMBERED = 12  # so many touches are numbered, and hops measured
 ROOM = 0.05  # share of the width that two numbers stand apart at least
-
-
-def pair_name(scene: Scene, pair: int) -> str:
-    """The two bodies of a pair, such as 1·2, or floor·1; their numbers are those of the library."""
-    return "·".join(_body(scene, int(body)) for body in scene.bodies(pair))
-
-
-def _body(scene: Scene, body: int) -> str:
-    if not scene.is_wall[body]:
-        return str(body)
-    return "wall" if not scene.gravity else "ceiling" if body else "floor"
-
-
-def parameters(report: Judged) -> str:
-    """Two lines with the parameters of a comparison: the scene, and the laws of its contacts."""
-    return f"{_scene(report)}\n{_laws(report)}"
-
-
-def _scene(report: Judged) -> str:
-    scene, balls = report.scene, ~report.scene.is_wall
-    inner = scene.gap[~np.logical_or(*scene.sides(scene.is_wall))]
-    ratio = report.groups["mass_ratio"]
-    told = [f"{balls.sum()} balls" if balls.sum() > 1 else "1 ball"]
-    told += ["on a ring"] * scene.ring + [f"pendula of Ω = {number(scene.pendulum)} rad/s"] * (scene.pendulum > 0.0)
-    unequal = f" ({number(ratio)} : 1)" if ratio > 1.0 + SAME else ""
-    told.append(f"m = {_span(1e3 * scene.mass[balls], 'g', OF_MASS)}{unequal}")
-    told += [f"gap {_span(inner, 'm')}" if inner.any() else "touching"] * bool(len(inner))
-    told += [f"first impact at {number(report.impact_speed)} m/s"] * (report.impact_speed > 0.0)
-    told += [f"g = {number(scene.gravity)} m/s²"] * (scene.gravity > 0.0)
-    walls = [repr(wall) for wall in (scene.floor, scene.ceiling) if wall is not None]
-    return ", ".join([*told, *map(shortened, walls)])
-
-
-def _laws(report: Judged) -> str:
-    """The law, its constants, ε and t_c at the speed of the first impact; from which to which pair they go."""
-    kinds = list(dict.fromkeys(type(law).__name__ for law in report.law))
-    told = [" and ".join(kinds)]
-    for name in _constants(report.law) if len(kinds) == 1 else ():
-        unit = _stiffness(report) if name == "k" else ""
-        told.append(f"{name} = {_span(np.array([getattr(law, name) for law in report.law]))}{unit}")
-    soft, hard = (np.array(eps) for eps in (report.law_restitution, report.restitution_spec))
-    told.append(f"ε = {_span(soft)}" + f" (hard spheres {_span(hard)})" * bool((np.abs(soft - hard) > 1e-6).any()))
-    lasts = _durations(report)
-    told += [f"a contact alone lasts {_span(lasts, 's', digits=3)}"] * bool(np.isfinite(lasts).any())
-    return ", ".join(told)
-
-
-def _stiffness(report: Judged) -> str:
-    """The unit of k in F = k ξ^p, if that is the law."""
-    form = resolved(report.law, report.scene)[0].form
-    return "" if form is None else " N/m" if form[1] == 1.0 else f" N/m$^{{{form[1]:g}}}$"
-
-
-def _constants(laws: Sequence[Any]) -> list[str]:
-    """Constants of a law that say how hard a ball is: the damping is told by ε."""
-    named = [field.name for field in fields(laws[0])] if is_dataclass(laws[0]) else []
-    return [name for name in named if name not in ("gamma", "alpha") and isinstance(getattr(laws[0], name), float)]
-
-
-def _durations(report: Judged) -> Any:
-    """How long a contact of each pair lasts by itself, at the speed of the first impact, in s; inf without an end."""
-    speed, number_of = report.impact_speed if report.impact_speed > 0.0 else 1.0, np.arange(report.scene.n_pairs)
-    return Durations(report.law, report.scene)(number_of, np.full(len(number_of), speed))
-
-
-def _span(values: Any, unit: str = "", prefixes: Any = PREFIXES, digits: int = 4) -> str:
-    """One number, or from which to which they go, with a unit."""
-    known = values[np.isfinite(values)]
-    if not len(known):
-        return "–"
-    low, high = float(known.min()), float(known.max())
-    if high - low <= SAME * abs(high):
-        return _one(high, unit, prefixes, digits)
-    between = " and " if len(values) == 2 else " … "
-    ends = (float(known[0]), float(known[-1])) if len(values) == 2 else (low, high)
-    return between.join(_one(value, unit, prefixes, digits) for value in ends)
-
-
-def _one(value: float, unit: str, prefixes: Any, digits: int) -> str:
-    if not unit or value == 0.0:
-        return f"{number(value, digits)} {unit}".strip()
-    scale, name = unit_of(abs(value), unit, 1.0, prefixes)
-    return f"{number(value / scale, digits)} {name}"
-
-
-def number(value: float, digits: int = 4) -> str:
-    """A number with so many digits, its power of ten as one writes it by hand."""
-    factor, _, power = f"{value:.{digits}g}".partition("e")
-    if not power:
-        return factor
-    times = "" if factor == "1" else f"{factor}·"
-    return f"{times}10{str(int(power)).translate(EXPONENTS)}"
 
 
 @dataclass(frozen=True)
@@ -271,9 +172,9 @@ def closeup(view: View) -> Closeup | None:
     looked_at = between[log["pair"]] & np.isin(spell, spell[shared])
     if not looked_at.any():
         return None
-    places, found = np.unique(np.array([-spell, log["pair"]])[:, looked_at], axis=1, return_counts=True)
-    minus_spell, pair = max(zip(found.tolist(), places[1].tolist(), places[0].tolist(), strict=True))[:0:-1]
-    inside = spell == -minus_spell
+    (spells, pairs), count = np.unique(np.array([spell, log["pair"]])[:, looked_at], axis=1, return_counts=True)
+    best = np.lexsort((-spells, pairs, count))[-1]  # most touches; of equals the upper pair, in its first spell
+    pair, inside = int(pairs[best]), spell == spells[best]
     mine = inside & (log["pair"] == pair)
     touches = np.column_stack([onset, until])[mine]
     first, last = float(onset[inside].min()), float(min(until[inside].max(), end))
@@ -300,19 +201,19 @@ def draw_closeup(axis: Any, look: Closeup, runs: Mapping[str, Trajectory]) -> No
     axis.set(xlim=view.limits, ylim=(-bottom / unit, (1.45 * height + 0.2 * bottom) / unit),
              xlabel=view.named, ylabel=f"distance of\n{pair_name(view.report.scene, look.pair)}, {name}")
     least = ROOM * (view.shown[1] - view.shown[0])
-    for number, x in apart(view.clock(look.touches[:NUMBERED].mean(axis=1)), least):
-        axis.annotate(str(number + 1), (x, 0.965), xycoords=("data", "axes fraction"), ha="center", va="top",
+    for i, x in apart(view.clock(look.touches[:NUMBERED].mean(axis=1)), least):
+        axis.annotate(str(i + 1), (x, 0.965), xycoords=("data", "axes fraction"), ha="center", va="top",
                       color=SOFT, fontsize=8, bbox={"boxstyle": "circle,pad=0.2", "fc": "white", "ec": SOFT, "lw": 0.6})
-    for number, x in apart(view.clock(np.array([t for t, _ in hops[:NUMBERED]])), 1.8 * least):
-        size, of = unit_of(hops[number][1], "m", 1.0)
-        axis.annotate(f"{float(f'{hops[number][1] / size:.2g}'):g} {of}", (x, hops[number][1] / unit), (0, 2),
+    for i, x in apart(view.clock(np.array([t for t, _ in hops[:NUMBERED]])), 1.8 * least):
+        size, of = unit_of(hops[i][1], "m", 1.0)
+        axis.annotate(f"{float(f'{hops[i][1] / size:.2g}'):g} {of}", (x, hops[i][1] / unit), (0, 2),
                       textcoords="offset points", ha="center", va="bottom", color=SOFT, fontsize=8)
 
 
 def apart(places: Array, least: float) -> list[tuple[int, float]]:
     """Those places, with their numbers, that are at least so far from the last one kept."""
     kept: list[tuple[int, float]] = []
-    for number, place in enumerate(np.asarray(places).tolist()):
+    for i, place in enumerate(np.asarray(places).tolist()):
         if not kept or place - kept[-1][1] >= least:
-            kept.append((number, place))
+            kept.append((i, place))
     return kept

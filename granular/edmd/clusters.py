@@ -69,7 +69,7 @@ def stick(
     if HUNG:
         return swing_together(run, pairs, bodies, c, now, w, walls)
     first, last, exchanged = bind(run, pairs, bodies, c, now, w, walls)
-    if not (FORCED and walls[0][0].lands):  # else they have their common noise already
+    if not (FORCED and walls.sides[0].lands):  # else they have their common noise already
         share(bodies, c, first, last, w)
     return first, last, exchanged
 
@@ -138,7 +138,7 @@ def come_to_rest(
         body = bodies[i]
         if FORCED and body.is_free > 0.0:
             body.force_acceleration = 0.0
-            if walls[0][on - 1].panels > 0:
+            if walls.sides[on - 1].panels > 0:
                 body.noise = under.noise
             borne(run, body, on - 1, now, under.fall_velocity, -1.0, walls)
         if not FORCED or body.mass < math.inf:
@@ -165,7 +165,7 @@ def go_together(bodies: Records, b: int, c: int, e: int, now: float, w: float, w
             noise += bodies[i].mass / (lower + upper) * bodies[i].noise
         for i in range(b, e + 1):
             bodies[i].force_acceleration = push
-            if walls[0][0].lands:
+            if walls.sides[0].lands:
                 bodies[i].noise = noise
     for i in range(b, e + 1):
         bodies[i % (len(bodies) - 1) if RING else i].fall_velocity = u
@@ -213,13 +213,13 @@ def will_ride(pairs: Records, bodies: Records, c: int, now: float, w: float, e: 
     alone = not (0 <= k < len(pairs) and is_stuck(pairs[k], bodies[k], bodies[k + 1]))
     if (other.mass == math.inf and e > 0.0 and alone) or lower.is_free == upper.is_free:
         return False
-    side = walls[0][pair.wall]
+    side = walls.sides[pair.wall]
     t, tail = side.epoch, side.low + now
-    _, _, a = moved(side, walls[1], t, tail)
+    _, _, a = moved(side, walls.panels, t, tail)
     a += pair.closing_acceleration
     if a <= 0.0:
         return False
-    low, _ = pressing_bounds(side, walls[1], t, tail, pair.closing_acceleration, -4.0 * e * w / (a * (1.0 - e)))
+    low, _ = pressing_bounds(side, walls.panels, t, tail, pair.closing_acceleration, -4.0 * e * w / (a * (1.0 - e)))
     return low >= 0.5 * a  # type: ignore[no-any-return]
 
 
@@ -254,7 +254,7 @@ def press_again(
     run: Record, pairs: Records, bodies: Records, first: int, last: int, walls: Walls
 ) -> tuple[int, int]:
     """Set pulls of pairs `first` … `last`, and of what forces press on the walls; return all those pairs."""
-    if FORCED and walls[0][0].forces:
+    if FORCED and walls.sides[0].forces:
         first = 0 if pairs[0].stuck == FLOOR else first
         last = len(pairs) - 1 if pairs[len(pairs) - 1].stuck == CEILING else last
     set_closing(run, pairs, bodies, first, last, walls)
@@ -281,8 +281,8 @@ def set_closing(run: Record, pairs: Records, bodies: Records, first: int, last: 
 def pulled(run: Record, pairs: Records, bodies: Records, c: int, walls: Walls) -> float:
     """Return the closing acceleration of pair `c` under forces, and find beside which driven walls it is."""
     pair, lower, upper = pairs[c], bodies[c], bodies[c + 1]
-    below = lower.is_free == 0.0 and walls[0][0].panels > 0 and pair.stuck != CEILING
-    above = upper.is_free == 0.0 and walls[0][1].panels > 0 and pair.stuck != FLOOR
+    below = lower.is_free == 0.0 and walls.sides[0].panels > 0 and pair.stuck != CEILING
+    above = upper.is_free == 0.0 and walls.sides[1].panels > 0 and pair.stuck != FLOOR
     pair.wall = BOTH if below and above else 0 if below else 1 if above else -1
     if pair.stuck == FLOOR:
         top = c + 1

@@ -133,7 +133,7 @@ def leave_thermal_wall(
     m(s - w), the work of that at its own velocity, and the heat ½m(s² - w²).
     """
     pair, lower, upper, g = pairs[c], bodies[c], bodies[c + 1], run.gravity
-    side, w = walls[0][pair.heat], rate_at_touch(pair, lower, upper, walls)
+    side, w = walls.sides[pair.heat], rate_at_touch(pair, lower, upper, walls)
     if row is not None:
         row.pair, row.t_begin = c, now
         row.lower_in, row.upper_in = velocities(lower, upper, g, now)
@@ -211,7 +211,7 @@ def set_free(run: Record, pairs: Records, bodies: Records, i: int, now: float, w
     body = bodies[i]
     if at_rest(body):
         which = CEILING - 1 if (i < len(pairs) and pairs[i].stuck == CEILING) else FLOOR - 1
-        if walls[0][which].panels > 0:
+        if walls.sides[which].panels > 0:
             body.fall_velocity = place(walls, which, now)[1]
         borne(run, body, which, now, body.fall_velocity, 1.0, walls)
         body.is_free = 1.0
@@ -226,7 +226,7 @@ def accelerate(body: Record, more: float, push: float, walls: Walls) -> None:
     """Let forces accelerate a ball by `push` (m/s²): its fall velocity grows by `more` (m/s), so its velocity stays."""
     body.fall_velocity += more
     body.force_acceleration = push
-    if walls[0][0].lands:
+    if walls.sides[0].lands:
         body.noise += NOISE * (body.fall_velocity * body.fall_velocity)
 
 
@@ -251,7 +251,7 @@ def leave(run: Record, pairs: Records, bodies: Records, c: int, now: float, wall
         while low > 0 and pairs[low - 1].stuck == on:
             low -= 1
         b, e, opens = low, high, high
-    side, push = walls[0][on - 1], common(bodies, b, e)
+    side, push = walls.sides[on - 1], common(bodies, b, e)
     v = place(walls, on - 1, now - 2.0**-49 * (abs(side.epoch) + abs(now)))[1]  # before a jump of its velocity
     first, last = max(low - 1, 0), min(high + 1, len(pairs) - 1)
     for k in range(first, last + 1):

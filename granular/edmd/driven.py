@@ -40,8 +40,8 @@ def next_wall_hit(pair: Record, lower: Record, upper: Record, walls: Walls) -> f
     """
     if pair.wall == BOTH:
         return NEVER
-    side, rate, a = walls[0][pair.wall], rate_of(pair, lower, upper), pair.closing_acceleration
-    pair.wait = first_hit(side, walls[1], side.epoch, side.low + pair.at, pair.gap, rate, a, NEVER)
+    side, rate, a = walls.sides[pair.wall], rate_of(pair, lower, upper), pair.closing_acceleration
+    pair.wait = first_hit(side, walls.panels, side.epoch, side.low + pair.at, pair.gap, rate, a, NEVER)
     return pair.at + pair.wait  # type: ignore[no-any-return]
 
 
@@ -51,8 +51,8 @@ def opening(pair: Record, walls: Walls) -> float:
     """Return the time at which a stuck pair opens: nothing presses it any more, or the velocity of its wall jumps."""
     if pair.wall < 0:
         return pair.at if pair.closing_acceleration < 0.0 else NEVER
-    side = walls[0][pair.wall]
-    wait, rate = lift_off(side, walls[1], side.epoch, side.low + pair.at, pair.closing_acceleration, NEVER)
+    side = walls.sides[pair.wall]
+    wait, rate = lift_off(side, walls.panels, side.epoch, side.low + pair.at, pair.closing_acceleration, NEVER)
     time = pair.at + wait
     if rate != 0.0:
         time += 2.0**-50 * (abs(side.epoch) + abs(time))  # after the jump for certain
@@ -63,11 +63,11 @@ def opening(pair: Record, walls: Walls) -> float:
 @kernel
 def rate_at_wall(pair: Record, lower: Record, upper: Record, walls: Walls) -> float:
     """Return the rate, not positive, at which a pair beside a driven wall is about to collide."""
-    side, rate, a = walls[0][pair.wall], rate_of(pair, lower, upper), pair.closing_acceleration
+    side, rate, a = walls.sides[pair.wall], rate_of(pair, lower, upper), pair.closing_acceleration
     t, tail = side.epoch, side.low + pair.at
-    _, w = after(side, walls[1], t, tail, pair.gap, rate, a, pair.wait)
+    _, w = after(side, walls.panels, t, tail, pair.gap, rate, a, pair.wait)
     if w >= 0.0 and pair.wait > 0.0:  # at a jump of the wall's velocity
-        _, w = after(side, walls[1], t, tail, pair.gap, rate, a, pair.wait + 2.0**-50 * (abs(t) + abs(tail)))
+        _, w = after(side, walls.panels, t, tail, pair.gap, rate, a, pair.wait + 2.0**-50 * (abs(t) + abs(tail)))
     if w >= 0.0 and pair.gap == 0.0:
         w = -rate  # a bounce too low for the time of the next one
     return min(w, 0.0)
@@ -79,9 +79,9 @@ def beside(pair: Record, lower: Record, upper: Record, now: float, walls: Walls)
     """Return gap (m) and rate (m/s) of a pair beside a driven wall at time `now`."""
     if pair.wall == BOTH:
         return apart(pair, walls, now)
-    side, rate = walls[0][pair.wall], rate_of(pair, lower, upper)
+    side, rate = walls.sides[pair.wall], rate_of(pair, lower, upper)
     t, tail = side.epoch, side.low + pair.at
-    return after(side, walls[1], t, tail, pair.gap, rate, pair.closing_acceleration, now - pair.at)
+    return after(side, walls.panels, t, tail, pair.gap, rate, pair.closing_acceleration, now - pair.at)
 
 
 @rare
@@ -89,19 +89,19 @@ def beside(pair: Record, lower: Record, upper: Record, now: float, walls: Walls)
 def take_wall_velocity(pair: Record, lower: Record, upper: Record, walls: Walls) -> None:
     """Give what is stuck to a driven wall, of a pair beside it, the velocity of the wall at the time of the pair."""
     if pair.wall == AT_FLOOR or pair.wall == BOTH:
-        lower.fall_velocity = place(walls, 0, pair.at)[1]
+        _, lower.fall_velocity = place(walls, 0, pair.at)
     if pair.wall == AT_CEILING or pair.wall == BOTH:
-        upper.fall_velocity = place(walls, 1, pair.at)[1]
+        _, upper.fall_velocity = place(walls, 1, pair.at)
 
 
 @rare
 @kernel
 def place(walls: Walls, which: int, now: float) -> tuple[float, float]:
     """Return how far a wall has moved since the start (m), and its velocity (m/s)."""
-    side = walls[0][which]
+    side = walls.sides[which]
     x, v = side.velocity * ((side.epoch - side.begin) + (side.low + now)), side.velocity
     if side.panels > 0:
-        m, dm, _ = moved(side, walls[1], side.epoch, side.low + now)
+        m, dm, _ = moved(side, walls.panels, side.epoch, side.low + now)
         x += side.side * (m - side.origin)
         v += side.side * dm
     return x, v
@@ -121,9 +121,9 @@ def apart(pair: Record, walls: Walls, now: float) -> tuple[float, float]:
 @kernel
 def presses(pair: Record, walls: Walls) -> bool:
     """Return whether a ball that touches a driven wall, at the time of their pair, is pressed on it."""
-    side = walls[0][pair.wall]
-    now = state(side, walls[1], side.epoch, side.low + pair.at, 0.0, 0.0, pair.closing_acceleration)
-    return opens(side, walls[1][now[2]], now, 0.0, 0.0) == 0.0
+    side = walls.sides[pair.wall]
+    now = state(side, walls.panels, side.epoch, side.low + pair.at, 0.0, 0.0, pair.closing_acceleration)
+    return opens(side, walls.panels[now.panel], now, 0.0, 0.0) == 0.0
 
 
 @kernel

@@ -72,7 +72,7 @@ def predicted(pair: Record, lower: Record, upper: Record, walls: Walls) -> float
             return opening(pair, walls)
         if pair.wall >= 0:
             return next_wall_hit(pair, lower, upper, walls)
-        if walls[0][0].lands and a != 0.0 and pair.gap == 0.0 and rate_of(pair, lower, upper) == 0.0:
+        if walls.sides[0].lands and a != 0.0 and pair.gap == 0.0 and rate_of(pair, lower, upper) == 0.0:
             return math.inf
     if a == 0.0:
         known = rate < 0.0 and rate * rate >= lower.noise + upper.noise

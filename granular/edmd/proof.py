@@ -169,19 +169,23 @@ def time_left(word: list[int], shares: Any, gap: Any, rate: Any) -> float:
     if of_gaps is None or not of_gaps.value < of_rates.value:
         return math.inf
     (slow, delta), (near, zeta) = of_rates.off(rate), of_gaps.off(gap)
+    # bound of G(v+δ) - G(v)
     drift = drifted(word, turns.astype(float), rates.astype(float), gaps.astype(float), of_rates.most * delta)
     bound = float(abs(of_gaps.left).sum()) + of_gaps.most  # on all powers of G(v) / μ
-    ever = bound * drift[-1] / float(of_gaps.value) * (of_rates.total / of_rates.most)  # what δ does, word by word
+    # Σ over words of the relative change: Π(1+a_n) ≤ exp Σ a_n, hence expm1 below
+    ever = bound * drift[-1] / float(of_gaps.value) * (of_rates.total / of_rates.most)
     if not ever < 1.0:
         return math.inf
     off = of_gaps.most * zeta + bound * math.expm1(ever) * (1.0 + zeta)
     after = (gaps @ of_gaps.right).astype(float)
+    # ζ carried through, δ, rounding
     doubt = size(gaps.astype(float)) * off + drift * (1.0 + off) + ROUNDING * np.abs(after).max(axis=1)
     after[np.arange(len(word)), word] = math.inf
     if not (after.min(axis=1) > doubt).all():
         return math.inf
     before = [of_gaps.right, *(gaps[:-1] @ of_gaps.right)]
     once = sum(-g[c] / w[c] for g, w, c in zip(before, rates, word, strict=True)) * near / slow
+    # geometric series in μ/λ, doubled for the cone
     return 2.0 * float(once / (1 - of_gaps.value / of_rates.value))
 
 
@@ -213,12 +217,14 @@ def drifted(word: list[int], turns: Array, rates: Array, gaps: Array, delta: flo
     closing, off, largest = -rates[np.arange(count), word], size(turns) * delta, np.abs(rates).max(axis=1)
     if not (off < 0.5 * closing).all():
         return np.full(count, math.inf)
-    change = off * (closing + largest) / (closing * (closing - off))
-    sizes, ahead, drift = [1.0, *size(gaps)], np.zeros((0, k, k)), [0.0]
+    # w/w_c with w off by δ changes by (δ w_c - w δ_c)/(w_c (w_c + δ_c)): at most this
+    of_wait = off * (closing + largest) / (closing * (closing - off))
+    # F_i … F_(j+1) for every j so far
+    sizes, products, drift = [1.0, *size(gaps)], np.zeros((0, k, k)), [0.0]
     for i, c in enumerate(word):
-        ahead = ahead + (rates[i] / closing[i])[:, None] * ahead[:, c, None, :]
-        ahead[:, c] = 0.0
-        ahead = np.concatenate([ahead, np.eye(k)[None]])
-        weight = change[: i + 1] * (np.array(sizes[: i + 1]) + np.array(drift))
-        drift.append(float(size(ahead) @ weight))
+        products = products + (rates[i] / closing[i])[:, None] * products[:, c, None, :]
+        products[:, c] = 0.0
+        products = np.concatenate([products, np.eye(k)[None]])
+        weight = of_wait[: i + 1] * (np.array(sizes[: i + 1]) + np.array(drift))
+        drift.append(float(size(products) @ weight))
     return np.array(drift[1:])

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -100,8 +100,16 @@ SIDE = np.dtype(
     align=True,
 )
 """What kernels know of the floor and of the ceiling, one record each; no panels: it moves at constant speed."""
-Walls: TypeAlias = Any
-"""Where walls are driven or thermal, or forces act: two records `SIDE`, the panels of both, the clock. Else None."""
+
+
+class Walls(NamedTuple):
+    """Where walls are driven or thermal, or forces act, what kernels know of them; else there is None."""
+
+    sides: Any  # two records `SIDE`, of the floor and of the ceiling
+    panels: Any  # of the paths of both
+    clock: Any  # the record of the run
+
+
 FREE, FLOOR, CEILING = 0, 1, 2
 AT_FLOOR, AT_CEILING, BOTH = range(3)
 """`wall` of a pair beside a driven floor, a driven ceiling, or between what rests on both; -1 of any other."""

@@ -334,7 +334,7 @@ def counters(run: Run, numbers: dict[str, Any]) -> dict[str, Any]:
     names += ["merge_below", "merged"] if numbers["merge_below"] > 0.0 else []
     counts: dict[str, Any] = {"engine": run.queue.name} | {name: numbers[name] for name in names}
     if run.scene.heated:
-        given, low = (column(run.state.walls[0], name) for name in ("given", "given_low"))
+        given, low = (column(run.state.walls.sides, name) for name in ("given", "given_low"))
         counts["given"] = tuple((given + low).tolist())
     if verdict is not None:
         counts |= {"verdict": verdict.kind, "pairs": (verdict.first, verdict.last), "bound": verdict.bound}

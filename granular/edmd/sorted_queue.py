@@ -218,7 +218,7 @@ class SortedQueue:
         """Raise where the queue is out of order, or an event not that of its pair except for rounding: for tests."""
         run, pairs, bodies = self.state.run, plain(self.state.pairs), plain(self.state.bodies)
         walls = self.state.walls
-        walls = None if walls is None else (plain(walls[0]), plain(walls[1]), walls[2])
+        walls = None if walls is None else Walls(plain(walls.sides), plain(walls.panels), walls.clock)
         for c, (time, key) in enumerate(self._events()):
             due = self.fit(predicted)(pairs[c], bodies[c], bodies[c + 1], walls)
             assert key == rank(c, run.order, run.seed, pairs[c].contacts), c

@@ -26,9 +26,11 @@ from granular.edmd.records import (
     PLAIN,
     RENAMED,
     RUN,
+    Walls,
     check_entries,
     check_numbers,
 )
+from granular.scene import Scene
 
 OF_PAIRS = ("gap", "at", "closing_acceleration", "contacts", "last", "streak")
 OF_BODIES = ("fall_velocity", "is_free", "noise")
@@ -39,6 +41,15 @@ TALLY, LOOK = ("clamps", "merged", "lost"), ("elapsed", "looked", "ordinary", "c
 """Numbers that are saved as arrays; of an older closer look, there are less."""
 SHORTER = -10
 """Octaves by which the window of another release may be shorter than it is at the start: windows only grow."""
+
+FIRST_ALLOWANCE = 20_000
+"""Collisions of a closer look without a decision, before it is taken to be in vain for the first time."""
+NO_SUSPECT = -1
+"""For the number of the pair that collided last, before any has."""
+NOTHING_SLOW = -1.0
+"""For the speed in m/s below which a collision looks like part of a collapse, where none is possible."""
+SHORT_BITS = -30
+"""Octaves by which a time that looks like part of a collapse is shorter than the window at the start."""
 
 
 @dataclass
@@ -77,25 +88,22 @@ class State:
         pairs["closing_acceleration"] = g * np.diff(bodies["is_free"])
         pairs["low"], pairs["high"] = shares(scene)
         speed, fall, length = scales(scene)
-        strength, remedied = strongest(scene), any(options[x] > 0.0 for x in ("tc", "elastic_below", "merge_below"))
-        never = scene.driven or scene.pendulum > 0.0
+        strength, remedies = strongest(scene), ("tc", "elastic_below", "merge_below")
+        no_collapse = scene.driven or scene.pendulum > 0.0 or physics.eps.min() == 1.0 or any(
+            options[x] > 0.0 for x in remedies)
         window = span(length, speed, strength)
         state = cls(plain(np.zeros(1, RUN))[0], plain(np.zeros(1, CLOCK))[0], pairs, bodies, None, scene.ring, walls)
         state.set(
             pairs=len(pairs), gravity=g, tc=options["tc"], elastic_below=options["elastic_below"],
             merge_below=options["merge_below"], order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
             start=t_start, epoch=t_start, goal=-math.inf, strength=strength, length=length, window=window, fall=fall,
-            short=math.ldexp(window, -30), stop_pair=NEVER, suspect=-1, allowance=20_000,
-            slow=-1.0 if remedied or never or physics.eps.min() == 1.0 else 0.0,  # no collapse is possible
+            short=math.ldexp(window, SHORT_BITS), stop_pair=NEVER, suspect=NO_SUSPECT, allowance=FIRST_ALLOWANCE,
+            slow=NOTHING_SLOW if no_collapse else 0.0,
         )
         state.scale(speed)
         if walls is not None:
-            state.walls = *walls, state.clock
-            wall_state.begin(state, scene)
-        if scene.pendulum > 0.0:
-            hanging.begin(pairs, bodies, scene)
-        if scene.ring or (scene.pendulum > 0.0 and scene.is_wall[[0, -1]].all()):
-            state.run.gap_sum = math.fsum(scene.gap.tolist())
+            state.walls = Walls(*walls, state.clock)
+        _begin(state, scene)
         return state
 
     @classmethod
@@ -124,7 +132,7 @@ class State:
             state.bodies["fall_velocity"] += (physics.scene.gravity - state.run.gravity) * state.elapsed(0.0)
         if state.walls is not None:
             for name in wall_state.SUMS:
-                state.walls[0][name] = held(saved, name, "f", (2,)) if name in saved else 0.0
+                state.walls.sides[name] = held(saved, name, "f", (2,)) if name in saved else 0.0
             wall_state.set_epoch(state)
         if "zoom_gap" in saved:
             look = {name: RUN[name].type(x).item() for name, x in zip(LOOK, saved["zoom_dial"], strict=False)}
@@ -156,7 +164,7 @@ class State:
         raw: dict[str, Any] = {name: column(self.bodies, name) for name in of_bodies}
         raw |= {name: column(self.pairs, name) for name in of_pairs} | {name: run[name] for name in SAVED}
         if self.walls is not None:
-            raw |= {name: np.array(column(self.walls[0], name)) for name in wall_state.SUMS}
+            raw |= {name: np.array(column(self.walls.sides, name)) for name in wall_state.SUMS}
         raw["tally"] = np.array([run[name] for name in TALLY])
         if self.near is not None:
             raw |= {"zoom_first": np.array(run["first"]), "zoom_base": np.array(run["began"])}
@@ -171,11 +179,11 @@ class State:
         if isinstance(self.pairs, np.ndarray) and not isinstance(self.run, np.record):
             self.run, self.clock = one(packed([self.run], RUN)), one(packed([self.clock], CLOCK))
         if self.walls is not None:
-            self.walls = how(self.walls[0]), how(self.walls[1]), self.clock
+            self.walls = Walls(how(self.walls.sides), how(self.walls.panels), self.clock)
 
     def copied(self) -> State:
         """Return a state whose bodies and pairs can be changed without changing these."""
-        walls = self.walls if self.walls is None else (copied(self.walls[0]), *self.walls[1:])
+        walls = self.walls if self.walls is None else self.walls._replace(sides=copied(self.walls.sides))
         return replace(self, pairs=copied(self.pairs), bodies=copied(self.bodies), walls=walls)
 
     def slices(self) -> tuple[Records, Records]:
@@ -286,3 +294,13 @@ def gaps(pairs: Records, u: Array, tau: float) -> Array:
     rate, dt = np.diff(u) - pull * at, tau - at
     gap: Array = column(pairs, "gap") + dt * (rate - 0.5 * pull * dt)
     return gap.clip(0.0)
+
+
+def _begin(state: State, scene: Scene) -> None:
+    """Set what walls, forces, pendula and rings add to a new state."""
+    if state.walls is not None:
+        wall_state.begin(state, scene)
+    if scene.pendulum > 0.0:
+        hanging.begin(state.pairs, state.bodies, scene)
+    if scene.ring or (scene.pendulum > 0.0 and scene.is_wall[[0, -1]].all()):
+        state.run.gap_sum = math.fsum(scene.gap.tolist())

@@ -108,19 +108,23 @@ def _collide(s: State, physics: Any, fit: Fit, log: Log | None) -> tuple[int, in
 
 
 def _collide_around(s: State, physics: Physics, fit: Fit, log: Log | None) -> tuple[int, int, int]:
-    """Do so on the line that begins behind the largest gap of a ring."""
+    """Number pairs anew from behind the largest gap, collide on that line, and number back.
+
+    The run's record is shared: its pair numbers are changed meanwhile.
+    """
     run, n, rows = s.run, len(s.pairs), None if log is None else list[Any]()
-    widest = int(s.row(run.now)[1].argmax())
+    _, gap = s.row(run.now)
+    widest = int(gap.argmax())
     k = (widest + 1) % n
     run.clamps += fit(carry)(s.pairs[widest], s.bodies[widest], s.bodies[widest + 1], run.now, None)
-    asked = run.suspect, run.stop_pair
-    run.suspect, run.stop_pair = ((c - k) % n if c >= 0 else c for c in asked)
+    numbers_here = run.suspect, run.stop_pair
+    run.suspect, run.stop_pair = ((c - k) % n if c >= 0 else c for c in numbers_here)
     ask: Any = physics.rule
-    rule = ask and (lambda c, speed: ask((c + k) % n, speed))
+    rule = None if ask is None else lambda c, speed: ask((c + k) % n, speed)
     line = replace(s, pairs=s.pairs[k:] + s.pairs[:k], bodies=s.bodies[k:n] + s.bodies[: k + 1])
-    counted: Any = SimpleNamespace(rule=rule, options=physics.options)
-    why, first, last = _collide(line, counted, fit, rows)
-    run.suspect, run.stop_pair = asked
+    renumbered: Any = SimpleNamespace(rule=rule, options=physics.options)
+    why, first, last = _collide(line, renumbered, fit, rows)
+    run.suspect, run.stop_pair = numbers_here
     same(s.bodies[n], s.bodies[0])
     for chunk in rows or ():
         for row in chunk:

@@ -51,7 +51,7 @@ def walls(scene: Scene, t_start: float) -> tuple[Any, Any]:
 
 def begin(state: Any, scene: Scene) -> None:
     """Set what forces and walls add to a new state."""
-    sides, forces, (pairs, bodies) = state.walls[0], scene.external_force, (state.pairs, state.bodies)
+    sides, forces, (pairs, bodies) = state.walls.sides, scene.external_force, (state.pairs, state.bodies)
     bodies["own_acceleration"] = 0.0 if forces is None else forces * scene.inverse_mass
     bodies["force_acceleration"] = bodies["own_acceleration"]
     pairs["wall"], pairs["wait"], pairs["heat"] = -1, 0.0, -1
@@ -60,7 +60,7 @@ def begin(state: Any, scene: Scene) -> None:
     sides["forces"] = forces is not None
     sides["lands"] = scene.driven or (forces is not None and state.run.slow < 0.0)
     set_epoch(state)
-    seen = plain(sides), plain(state.walls[1])
+    seen = _seen(state)
     for which in (0, 1):
         if sides["temperature"][which] > 0.0:
             pairs["heat"][-which] = which
@@ -73,7 +73,7 @@ def begin(state: Any, scene: Scene) -> None:
 
 def set_epoch(state: Any) -> None:
     """Tell the walls the zero of times."""
-    for side in state.walls[0]:
+    for side in state.walls.sides:
         side["epoch"], side["low"] = state.clock.epoch, state.clock.epoch_low
 
 
@@ -87,13 +87,14 @@ def show(state: Any, tau: float, velocity: Array, gap: Array) -> None:
         (pair,), (lower, upper) = plain(state.pairs[c : c + 1]), plain(state.bodies[c : c + 2])
         gap[c] = max(0.0, beside(pair, lower, upper, tau, seen)[0])
     for i, which in at_walls(state):
-        if seen[0][which].panels:
+        if seen.sides[which].panels:
             velocity[i] = place(seen, which, tau)[1]
 
 
 def ledger(state: Any, tau: float) -> Array:
     """Return work, heat and what was dissipated since the start, at `tau`, in J: see `granular.trajectory.Row`."""
-    sides, _ = seen = _seen(state)
+    seen = _seen(state)
+    sides = seen.sides
     done = [side.work + side.work_low for side in sides]
     for i, which in at_walls(state):
         body = plain(state.bodies[i : i + 1])[0]
@@ -117,7 +118,7 @@ def sound(state: Any, pairs: Any, bodies: Any) -> bool:
     rests, stuck = bodies["is_free"] == 0.0, pairs["stuck"]
     there = [i for i, _ in at_walls(state)]
     free = (stuck == FREE) & (pairs["wall"] < 0)
-    driven = [which for which in (0, 1) if column(state.walls[0], "panels")[which] > 0]
+    driven = [which for which in (0, 1) if column(state.walls.sides, "panels")[which] > 0]
     pull = state.run.gravity * np.diff(bodies["is_free"]) - np.diff(bodies["force_acceleration"])
     whole = [
         rests[there].all() and rests.sum() == len(there),
@@ -128,8 +129,8 @@ def sound(state: Any, pairs: Any, bodies: Any) -> bool:
     return all(whole)
 
 
-def _seen(state: Any) -> tuple[Any, Any]:
-    return plain(state.walls[0]), plain(state.walls[1])
+def _seen(state: Any) -> Walls:
+    return Walls(plain(state.walls.sides), plain(state.walls.panels), state.clock)
 
 
 @rare
@@ -138,9 +139,10 @@ def advance_epoch(
     run: Record, pairs: Records, bodies: Records, rows: Records | None, done: int, now: float, walls: Walls
 ) -> bool:
     """Move the zero of times on for the event at `now`, beyond the window, if it is due before the goal of the clock;
-    date the `done` rows of the log first."""
-    clock = walls[2]
-    if not now <= (clock.goal - clock.epoch) - clock.epoch_low or now == math.inf:
+    date the `done` rows of the log first. Return whether it was moved."""
+    clock = walls.clock
+    goal = (clock.goal - clock.epoch) - clock.epoch_low  # since the epoch
+    if not now <= goal or now == math.inf:
         return False
     date_rows(clock, rows, done)
     shift(run, pairs, bodies, now, walls)
@@ -160,7 +162,7 @@ def date_rows(clock: Record, rows: Records | None, done: int) -> None:
 @kernel
 def shift(run: Record, pairs: Records, bodies: Records, tau: float, walls: Walls) -> None:
     """Move the epoch on by whole windows, so that `tau` comes to lie in the first one."""
-    clock, n, total, speed = walls[2], len(pairs), 0.0, walls[2].fall
+    clock, n, total, speed = walls.clock, len(pairs), 0.0, walls.clock.fall
     by = tau - tau % clock.window
     rebase(run, pairs, bodies, by, walls)
     epoch = clock.epoch + by
@@ -170,7 +172,7 @@ def shift(run: Record, pairs: Records, bodies: Records, tau: float, walls: Walls
     clock.rebases += 1
     run.now -= by
     for which in range(2):
-        walls[0][which].epoch, walls[0][which].low = clock.epoch, clock.epoch_low
+        walls.sides[which].epoch, walls.sides[which].low = clock.epoch, clock.epoch_low
     synchronise(pairs, bodies, walls)
     for c in range(n):
         total += pairs[c].gap
@@ -195,10 +197,10 @@ def book(lower: Record, upper: Record, w: float, e: float, walls: Walls) -> floa
 def enter(lower: Record, upper: Record, exchanged: float, lost: float, walls: Walls) -> None:
     """Enter the work of an impulse (N s) from below, if one of the bodies is a wall or rests on it, and a loss (J)."""
     if lower.is_free == 0.0:
-        work(walls[0][0], exchanged * lower.fall_velocity)
+        work(walls.sides[0], exchanged * lower.fall_velocity)
     if upper.is_free == 0.0:
-        work(walls[0][1], -exchanged * upper.fall_velocity)
-    side = walls[0][0]
+        work(walls.sides[1], -exchanged * upper.fall_velocity)
+    side = walls.sides[0]
     side.lost, side.lost_low = add(side.lost, side.lost_low, lost)
 
 
@@ -214,4 +216,4 @@ def borne(run: Record, body: Record, which: int, now: float, v: float, sign: flo
     """Enter that a ball comes to rest (sign -1) on a wall, which moves at `v` (m/s), or leaves it (sign 1)."""
     x, _ = place(walls, which, now)
     weight = run.gravity - body.own_acceleration
-    work(walls[0][which], sign * (body.mass * (0.5 * v * v + weight * x)))
+    work(walls.sides[which], sign * (body.mass * (0.5 * v * v + weight * x)))

@@ -113,7 +113,7 @@ class Watch:
 
     def _check(self) -> None:
         """Raise where what is known of the last contacts cannot be: for tests."""
-        last = packed(self.last, LAST)
+        last = packed(self.last, LAST).copy()
         begun = np.isfinite(last["began"])
         last["lasting"][self.instants] += 1.0 * begun[self.instants]
         assert (last["lasting"][begun] > 0.0).all()

@@ -121,8 +121,9 @@ def _row(task: Task, method: Method, setting: float, repeats: int, level: float)
         method.run(setting)
         times.append(time.thread_time() - begin)
     v_error, t_error, wrong = errors(task.truth, outcome.contacts(), task.scene.n_pairs)
-    return Row(method.name, setting, v_error, t_error, wrong, v_error <= NEAR * level and not wrong, min(times[1:]),
-               outcome.work, outcome.unit, outcome.status)
+    return Row(method=method.name, setting=setting, velocity_error=v_error, time_error=t_error, wrong_count=wrong,
+               rounding=v_error <= NEAR * level and not wrong, seconds=min(times[1:]), work=outcome.work,
+               unit=outcome.unit, status=outcome.status)
 
 
 def rounding_level(task: Task) -> float:

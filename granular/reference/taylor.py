@@ -131,9 +131,10 @@ class Taylor:
         """A damped force falls to zero while there is still overlap; an elastic one ends with it."""
         return [Watch(c, "release", "bracket", -1) if self.touches[c].gamma else Watch(c, "part", "overlap", -1)]
 
-    def clock(self) -> tuple[int, int]:
-        """The pair whose overlap is nearest to zero, and q of those that are about as near; -1 and 1 without any."""
-        away = {
+    def clock_pair(self) -> tuple[int, int]:
+        """The pair c on whose clock dt = u^(q-1) dx the next step runs, since its overlap is nearest to zero, and the q
+        that makes all about as near regular; −1 and 1: the plain clock."""
+        away = {  # one just woken that still closes is regular already
             c: self.away(c) for c, a in enumerate(self.touches)
             if a.q > 1 and self.mode[c] in CLOSED and not (a.woken and self.now(c, "rate") > 0)
         }
@@ -149,7 +150,7 @@ class Taylor:
 
     def expand(self) -> Piece:
         """The series of the current state."""
-        mp, (pair, q) = self.mp, self.clock()
+        mp, (pair, q) = self.mp, self.clock_pair()
         u = [mp.root(self.touches[pair].xi, q) if pair >= 0 else mp.one]
         ahead = 1 if u[0] else q  # orders by which velocities and overlaps are ahead of forces
         here = [a.xi for a in self.touches], self.v, self.y, self.across(self.v)

@@ -23,7 +23,7 @@ from granular._check import Array, per_pair
 from granular._kernels import flags, in_memory, worth
 from granular.cases import Case
 from granular.cases.build import sentence_of
-from granular.cases.ready import first_impact
+from granular.cases.ready import first_impact_speed
 from granular.laws.contact_law import resolve
 from granular.md.located import many
 from granular.scene import Scene, velocities
@@ -172,7 +172,7 @@ def _recalled(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *given
 
 def _start(plan: Plan, point: tuple[Any, ...]) -> Start | None:
     case = plan.start(point)
-    balls = case.scene.mass.tobytes(), case.scene.radius.tobytes(), first_impact(case.scene)
+    balls = case.scene.mass.tobytes(), case.scene.radius.tobytes(), first_impact_speed(case.scene)
     return None if case.run or flags(case.scene) else Start(case, balls if plan.subject.ready else point)
 
 

@@ -29,7 +29,10 @@ def ball_acceleration(i: int, a: Any) -> float:
 
 @kernel
 def pendulum_acceleration(i: int, a: Any) -> float:
-    """Acceleration of pendulum i in m/s², in place of `ball_acceleration`: a_i = (F_{i-1} - F_i) / m_i - Ω² y_i."""
+    """Acceleration of pendulum i in m/s², in place of `ball_acceleration`: a_i = (F_{i-1} - F_i) / m_i - Ω² y_i.
+
+    `Stepper._kernels` puts it there. Columns of the window: `a.off` is y in m, `a.square` Ω² in 1/s².
+    """
     below = a.raw[i] if a.raw[i] > 0.0 else 0.0
     above = a.raw[i + 1] if a.raw[i + 1] > 0.0 else 0.0
     acceleration: float = a.w[i + 1] * (below - above) - a.square[i + 1] * a.off[i + 1]

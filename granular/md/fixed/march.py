@@ -13,8 +13,10 @@ from __future__ import annotations
 from typing import Any
 
 from granular._kernels import DRIVEN, HEATED, RING, WORKED, entry, kernel
+
+# `begin`, `step` and EVALUATIONS are those of Verlet here; in the kernels of `Stepper`, those of its own integrator
 from granular.md.fixed.integrators import CHANGED, CLOSED, beside, half_way as begin, verlet as step
-from granular.md.fixed.notes import local, log_contacts
+from granular.md.fixed.notes import log_contacts, may_log_alone
 from granular.md.fixed.walls import CROWD, HALT, HIT, MOST, ahead, book, heat
 from granular.md.fixed.window import COUNT, RAW, XI, load, store
 
@@ -23,8 +25,7 @@ DONE, FLIGHT, FULL, UNTIL, CROWDED = range(5)
 REACH = 24
 """Evaluations of the forces in a window before the next one has its turn."""
 EVALUATIONS = 1
-"""Of the forces in a step. It, `step` and `begin` are those of Verlet here: `Stepper` has kernels made in which they
-are those of its own integrator."""
+"""Of the forces in a step."""
 NO_PAIR = -1
 """For the number of one."""
 
@@ -80,7 +81,7 @@ def take_steps(
                 book(physics, lo, right, a)
             flags |= step_flags
             if noting and step_flags & CHANGED:
-                if physics.logged and not local(first, stop, lo, physics.ring, work.was, work.rows, work):
+                if physics.logged and not may_log_alone(first, stop, lo, physics.ring, work.was, work.rows, work):
                     return 0, 0
                 log_contacts(first, stop, lo, k + done, physics, work.was, work.rows, work)
             done += 1
@@ -124,15 +125,16 @@ def march(
     turned : bool
         Whether the state at step k is `there`. After `UNTIL` the other one is that at step k + 1.
     """
-    pairs, k, turned, walks, until, deep = len(here[XI]) - 2, start, False, 0, work.pair + 1, deepest(here[XI])
+    pairs, k, turned, single_steps, until, deep = len(here[XI]) - 2, start, False, 0, work.pair + 1, deepest(here[XI])
     alone, ended = pairs <= physics.block, work.ended
     ended[0] = 0
     while k < start + steps:
         if ended[0] > room or (physics.logged and ended[0] + most_rows(pairs) > len(work.log)):
             return FULL, k, turned
+        # nobody waits for a lone window
         reach = min(4 * REACH if alone else REACH // EVALUATIONS, start + steps - k)
         deep = deep if here[XI][deep + 1] > 0.0 else deepest(here[XI])
-        before, taken, flags, walking = ended[0], 0, 0, walks > 0
+        before, taken, flags, walking = ended[0], 0, 0, single_steps > 0
         if walking or alone or here[XI][deep + 1] > 0.0:
             taken, flags = take_steps(physics, here, there, work, k, 1 if walking else reach, not walking,
                                       NO_PAIR if walking or alone else deep)
@@ -144,9 +146,10 @@ def march(
                 return UNTIL, k, turned
             log_contacts(0, pairs, 0, k, physics, here, there, work)
             flags = CLOSED if there[XI][deepest(there[XI]) + 1] > 0.0 else 0
-            walks -= 1
+            single_steps -= 1
         elif taken == 0 or ended[0] > room:
-            ended[0], walks, deep = before, reach, deepest(here[XI])
+            # forget these steps; take them one by one
+            ended[0], single_steps, deep = before, reach, deepest(here[XI])
             continue
         here, there, turned, k = there, here, not turned, k + taken
         if not flags & CLOSED:

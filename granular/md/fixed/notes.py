@@ -120,8 +120,9 @@ def log_contacts(first: int, stop: int, lo: int, k: int, physics: Any, was: Any,
 
 
 @kernel
-def local(first: int, stop: int, lo: int, ring: int, was: Any, now: Any, work: Any) -> bool:
-    """Whether a window may log its contacts alone: no row at rest is hit or left, there is room in the log."""
+def may_log_alone(first: int, stop: int, lo: int, ring: int, was: Any, now: Any, work: Any) -> bool:
+    """Whether a window may log its contacts alone: no row at rest is hit or left, the contact to stop at does not
+    begin, there is room in the log."""
     rows = work.ended[0]
     for c in range(first, stop):
         j = c - lo + 1

@@ -93,21 +93,24 @@ def on_path(walls: Any, i: int, k: float, dt: float) -> tuple[float, float, floa
 
 @kernel
 def book(physics: Any, lo: int, m: int, a: Any) -> None:
-    """Add to the account of a window of `m` pairs what a step has done."""
-    dt, elastic = physics.dt, 0.0 if physics.memory else 1.0
+    """Add ∫ (F − F_el) ξ̇ dt to `lost` of each pair and ∫ F x_w′ dt to `work` of each end, by Simpson's rule.
+
+    Under laws with memory, whose F_el is unknown, ∫ F ξ̇ dt is added to `lost` (reported as nan while they push).
+    """
+    dt, has_elastic_part = physics.dt, 0.0 if physics.memory else 1.0
     for j in range(m):
-        f0, f, f1, x, u0, u, u1 = pushes(physics, lo, j, a)
-        f0 -= elastic * force(physics, lo, j, a.was_xi[j + 1], 0.0, a)
-        f -= elastic * force(physics, lo, j, x, 0.0, a)
-        f1 -= elastic * force(physics, lo, j, a.xi[j + 1], 0.0, a)
-        a.lost[j + 1], low = total(a.lost[j + 1], (f0 * u0 + 4.0 * f * u + f1 * u1) * (dt / 6.0))
+        f0, f_mid, f1, x, u0, u_mid, u1 = pushes(physics, lo, j, a)
+        f0 -= has_elastic_part * force(physics, lo, j, a.was_xi[j + 1], 0.0, a)
+        f_mid -= has_elastic_part * force(physics, lo, j, x, 0.0, a)
+        f1 -= has_elastic_part * force(physics, lo, j, a.xi[j + 1], 0.0, a)
+        a.lost[j + 1], low = total(a.lost[j + 1], (f0 * u0 + 4.0 * f_mid * u_mid + f1 * u1) * (dt / 6.0))
         a.lost_low[j + 1] += low
     for end in range(2):
         place, row = (0, 0) if end == 0 else (m - 1, m)
-        if lo + row == end * physics.walls.last:
-            f0, f, f1, _, _, _, _ = pushes(physics, lo, place, a)
+        if lo + row == end * physics.walls.last:  # this window reaches that end
+            f0, f_mid, f1, _, _, _, _ = pushes(physics, lo, place, a)
             wall, sixth = physics.walls.drive[end], (1.0 - 2.0 * end) * dt / 6.0
-            done = (f0 * wall[START] + 4.0 * f * wall[MIDDLE] + f1 * wall[END]) * sixth
+            done = (f0 * wall[START] + 4.0 * f_mid * wall[MIDDLE] + f1 * wall[END]) * sixth
             a.work[row + 1], low = total(a.work[row + 1], done)
             a.work_low[row + 1] += low
 

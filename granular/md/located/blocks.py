@@ -15,11 +15,11 @@ from typing import Any
 
 from granular._kernels import DRIVEN, HEATED, HUNG, RING, WORKED, entry, inlined, kernel
 from granular._records import play
-from granular.md.located.contacts import act, activate, meddle, strike
+from granular.md.located.contacts import TOUCH_ONLY, act, activate, meddle, strike
 from granular.md.located.islands import bring, enlist, extend_by, extend_event, regroup, reimpose
 from granular.md.located.jumps import CHANGED, ENDS, SAME, is_clipped, pass_edge
 from granular.md.located.ledger import LOST, add, run_off
-from granular.md.located.one_contact.inside import exposed, relive
+from granular.md.located.one_contact.inside import expose, relive
 from granular.md.located.one_contact.meet import happen_at_once
 from granular.md.located.pieces import ULP, arrive, in_contact, piece_time
 from granular.md.located.plan import advance_island, follow_contact, plan_all_due, series_of_piece
@@ -65,7 +65,7 @@ def launch(s: Any, laws: Any) -> bool:
                     return False
             elif is_clipped(pool[pair.slot], laws):
                 pool[pair.slot].mode = RESIDUAL
-                if not meddle(run, pairs, pool, c, 0):
+                if not meddle(run, pairs, pool, c, TOUCH_ONLY):
                     return False
             elif not activate(run, pairs, pool, s.bodies, c):
                 return False
@@ -216,7 +216,7 @@ def expose_all(s: Any, t: float, laws: Any) -> bool:
                 return False
             relive(s, c, t, 0.0)
             follow_contact(s, laws)
-            exposed(s, c)
+            expose(s, c)
             if pool[pairs[c].slot].mode == ACTIVE:
                 play(s.queue, c, TO_PLAN)
                 plan_all_due(s, laws)

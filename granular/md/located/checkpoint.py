@@ -43,7 +43,7 @@ NUMBERS = {"run": ("t", "tail", "tol", "steps"), "pairs": ("xi", "eta", "t", "ta
            "tables": ("c", "error"), "ledger": ("total", "low")}
 """Fields of floats that are finite, in the pool those of places that are taken."""
 FORMERLY = {
-    "run": {"alone": "solo", "begun": "contacts", "stride": "last_step"},
+    "run": {"alone": "solo", "begun": "contacts", "stride": "last_step", "log": "log_level"},
     "pairs": {"alone": "isolated", "count": "contacts", "what": "event", "stride": "last_step"},
     "pool": {"top": "xi_peak", "what": "event", "stride": "last_step", "begun": "going_on"},
     "ledger": {"alone": "solo", "hits": "contacts"},
@@ -264,7 +264,7 @@ def restored(s: System, state: Mapping[str, Any]) -> System:
     names = "run", "pairs", "pool", "bodies"
     run, pairs, taken, bodies = (named_alike(state[name], KEPT[name]) for name in names)
     pairs["row"][pairs["row"] >= len(state["log"])] = -1  # of contacts that are long over
-    for name in ("until_pair", "until_nth", "separated", "log", "disturbing"):
+    for name in ("until_pair", "until_nth", "separated", "log_level", "disturbing"):
         run[name] = s.run[name]
     for name, so_far in (("max_events", "contacts"), ("max_steps", "steps")):
         run[name] = min(int(run[so_far][0]) + int(s.run[name][0]), NO_PAUSE)

@@ -34,6 +34,8 @@ ALL_BUT_ZERO = 1e-9
 """Part of its elastic force up to which the force of a contact that goes on is as located, 0."""
 NONE, SOME, AWAITED = range(3)
 """What `engage` has found: no pair that touches at rest, some, or the contact at which the run is to stop."""
+TOUCH_ONLY, CONTACT = 0, 1
+"""How many contacts `meddle` is told of: an overlap without a push, or one that pushes."""
 
 
 @kernel
@@ -86,7 +88,7 @@ def begin(run: Any, pairs: Any, pool: Any, bodies: Any, c: int, speed: float, la
         if laws is not None:
             pair.mode = OPEN if laws.pushes_at_touch(pair) else RESIDUAL
             if pair.mode == RESIDUAL:  # an overlap without a push
-                return meddle(run, pairs, pool, c, 0)
+                return meddle(run, pairs, pool, c, TOUCH_ONLY)
     return activate(run, pairs, pool, bodies, c)
 
 
@@ -99,10 +101,11 @@ def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
         return True
     if is_awaited(run, pairs, c):
         return False
-    if not meddle(run, pairs, pool, c, 1):
+    if not meddle(run, pairs, pool, c, CONTACT):
         return False
     if pair.mode != DORMANT:  # else it has been under way since it was touched
         begin_contact(run, pairs, pool, bodies, c)
+    # RESIDUAL: its force was just found to be 0, unless its wall jumped
     pair.exact = 1 if pair.mode == RESIDUAL and not ((DRIVEN or HEATED) and has_jumped(pair)) else 0
     pair.mode, pair.going_on = ACTIVE, 1
     pairs[c].contacts += 1
@@ -125,7 +128,7 @@ def strike(run: Any, pairs: Any, pool: Any, c: int) -> bool:
     pair.xi = 0.0
     if pair.eta < 0.0:
         return True
-    if is_awaited(run, pairs, c) or not meddle(run, pairs, pool, c, 1):
+    if is_awaited(run, pairs, c) or not meddle(run, pairs, pool, c, CONTACT):
         return False
     pair.mode = STRUCK
     pairs[c].contacts += 1

@@ -13,7 +13,7 @@ from granular._records import play
 from granular.md.located.contacts import AWAITED, NONE, SOME, engage, pushes
 from granular.md.located.jumps import throw_back
 from granular.md.located.ledger import LOST, add, run_off
-from granular.md.located.one_contact.inside import exposed, relive
+from granular.md.located.one_contact.inside import expose, relive
 from granular.md.located.pieces import fly, glide, in_contact, predict, since, tau_at, value
 from granular.md.located.plan import advance_island, follow_contact
 from granular.md.located.records import EXTEND, MORE, MOVES, OPEN, SPARE, STOPPED, TO_PLAN
@@ -99,7 +99,7 @@ def extend_event(s: Any, lo: int, laws: Any) -> bool:
     if in_contact(pairs[lo], run.t, run.tail):
         relive(s, lo, run.t, run.tail)
         follow_contact(s, laws)
-        exposed(s, lo)
+        expose(s, lo)
     else:
         bring(s, lo, run.t, run.tail, laws)
     extend_by(s, lo)

@@ -19,7 +19,7 @@ from granular.md.located.contacts import AWAITED, NONE, SOME, activate, pushes
 from granular.md.located.ledger import CEILING, FLOOR, add
 from granular.md.located.log import end_contact, velocity_now
 from granular.md.located.pieces import ULP, power
-from granular.md.located.records import ACTIVE, DORMANT, OPEN, RESIDUAL, STRUCK
+from granular.md.located.records import ACTIVE, DORMANT, NO_LOG, OPEN, RESIDUAL, STRUCK
 from granular.md.located.walls import jump_at
 from granular.walls.thermal import drawn
 
@@ -57,7 +57,7 @@ def thrown(s: Any, c: int) -> float:
     before = velocity_now(ball, run)
     ball.v, ball.t, ball.tail = (wall.v - v2 if side else wall.v + v2), run.t, run.tail
     member.xi, member.eta, member.mode, member.exact, s.pairs[c].isolated = 0.0, -v2, OPEN, 0, 0
-    if run.log > 0:
+    if run.log_level != NO_LOG:
         row = s.log[run.rows]
         run.rows += 1
         row.pair, row.t_begin, row.t_end, row.duration = c, run.t, run.t, 0.0

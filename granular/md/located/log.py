@@ -9,7 +9,7 @@ from typing import Any
 from granular._kernels import HUNG, entry, kernel
 from granular.md.located.pendula import swung
 from granular.md.located.pieces import elapsed, integral, peaks, since, two_sum
-from granular.md.located.records import ACTIVE, DORMANT
+from granular.md.located.records import ACTIVE, DORMANT, NO_LOG, PEAKS
 from granular.md.located.system import is_closed, nth
 
 
@@ -30,7 +30,7 @@ def follow(run: Any, pairs: Any, pool: Any, scratch: Any, lo: int, tau: float) -
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         pair.push = scale * integral(pair.f, q, tau) if pair.mode == ACTIVE else 0.0
-        if run.log == 0:
+        if run.log_level == NO_LOG:
             continue
         if pair.mode == ACTIVE:
             pair.impulse += pair.push
@@ -39,7 +39,7 @@ def follow(run: Any, pairs: Any, pool: Any, scratch: Any, lo: int, tau: float) -
             ):
                 run.shared, rest = two_sum(run.shared, pair.push)
                 run.shared_low += rest
-            if run.log == 2:
+            if run.log_level == PEAKS:
                 peaks(pair, tau, scratch)
         if pair.mode == ACTIVE or pair.mode == DORMANT:
             pair.duration += dt
@@ -50,7 +50,7 @@ def end_contact(run: Any, pairs: Any, pool: Any, bodies: Any, log: Any, c: int) 
     """Write the log row of the contact of pair `c` that ends now."""
     pair = pool[pairs[c].slot]
     pair.going_on = 0
-    if run.log == 0:
+    if run.log_level == NO_LOG:
         return
     row = log[run.rows]
     run.rows += 1

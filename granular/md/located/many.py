@@ -19,7 +19,7 @@ from granular._records import play
 from granular.md.located.blocks import advance, expose_all, gather, launch
 from granular.md.located.log import keep_unsettled
 from granular.md.located.one_contact.inside import look
-from granular.md.located.pace import COMPILED, looked_at, seldom
+from granular.md.located.pace import COMPILED, WHY, looked_at, seldom
 from granular.md.located.plan import make_table, plan_all_due
 from granular.md.located.power_form import kind_and_q, mapped
 from granular.md.located.records import (
@@ -37,11 +37,12 @@ from granular.md.located.records import (
     QUIET,
     REACHED,
     REST,
+    ROWS,
     STOPPED,
     WANTS_LOOK,
     WANTS_TABLE,
 )
-from granular.md.located.run import FIRST_LOOK, WHY
+from granular.md.located.run import FIRST_LOOK
 from granular.md.located.system import System, new_system, to_plain, with_room_for_a_table
 from granular.trajectory import Status
 
@@ -142,7 +143,8 @@ def solve_many(
     (count,) = np.broadcast_shapes(*(column.shape[:-1] for column in columns), (1,))
     columns = [np.broadcast_to(column, (count, column.shape[-1])) for column in columns]
     pause = FIRST_LOOK if leave_piles else NO_PAUSE
-    limits: dict[str, Any] = {"tol": tol, "max_events": max_events, "max_steps": max_steps, "log": 1, "pause": pause}
+    limits: dict[str, Any] = {"tol": tol, "max_events": max_events, "max_steps": max_steps, "log_level": ROWS,
+                              "pause": pause}
     parts = []
     for first in range(0, max(1, count), AT_ONCE):
         *part, kinds, end = (column[first : first + AT_ONCE].copy() for column in columns)

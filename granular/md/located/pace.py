@@ -18,12 +18,24 @@ import numpy as np
 
 from granular._kernels import Toll, compiled
 from granular._records import column, plain
-from granular.drive import CONTACT_ROW, Rows, portion
+from granular.drive import CONTACT_ROW, Pause, Rows, portion
 from granular.md.located import blocks
 from granular.md.located.plan import plan_all_due
-from granular.md.located.records import ACTIVE, ASKS, BINDING, DORMANT, MORE, OPEN, REST, STOPPED, WANTS_LOOK
+from granular.md.located.records import (
+    ACTIVE,
+    ASKS,
+    BINDING,
+    DORMANT,
+    MORE,
+    OPEN,
+    QUIET,
+    REST,
+    STOPPED,
+    WANTS_LOOK,
+    WORK_LIMIT,
+)
 from granular.md.located.rest.equilibrium import NOT_YET, RESTS
-from granular.md.located.rest.overdamped import first_asking, look_at
+from granular.md.located.rest.overdamped import look_at, turn_to_asking
 from granular.md.located.system import readable
 from granular.trajectory import Status
 
@@ -35,6 +47,8 @@ TRIALS = 4000
 """Trial steps of every island after which it is asked whether a run comes on."""
 LEAST = 0.01
 """Part of the time left by which it then has come on, unless it has by the time of a contact."""
+WHY = {STOPPED: Pause.until, QUIET: Pause.quiet, WORK_LIMIT: Pause.work, REST: Pause.resting, BINDING: Pause.quiet}
+"""Why a run pauses, by what `blocks.advance` returns."""
 LOADING_LOOK, MAKING_LOOK = 0.3, 20.0
 """Seconds that it takes to load machine code that looks at blocks that may rest or creep, and to make it."""
 
@@ -72,7 +86,7 @@ class Pace:
     def look_at_all(self) -> None:
         """Plan the blocks that wait for a look whether they creep."""
         run = self.run
-        while (column(run.s.pool, "manner") == ASKS).any() and run.kernels(first_asking)(run.s):
+        while (column(run.s.pool, "manner") == ASKS).any() and run.kernels(turn_to_asking)(run.s):
             looked_at(run.s, 0.0, run.kernels, self.seldom)
 
     def seldom(self, kernel: Any) -> Any:

@@ -123,7 +123,7 @@ RUN = np.dtype(
         ("t", float), ("tail", float), ("lo", int), ("hi", int), ("last_step", float), ("waits", int),
         ("events", int), ("steps", int), ("max_events", int), ("max_steps", int), ("pause", int), ("error", float),
         ("until_pair", int), ("until_nth", int), ("separated", int),
-        ("log", int), ("rows", int), ("contacts", int),
+        ("log_level", int), ("rows", int), ("contacts", int),
         ("shared", float), ("shared_low", float),  # impulse in N s exchanged while a neighbouring pair was active
         ("isolated", int), ("first", int), ("disturbed", float), ("tables", int), ("disturbing", int),
         ("wanted", int), ("answered", int),  # pair whose contact is asked for alone, and whether it has been answered
@@ -160,6 +160,10 @@ TABLE = np.dtype(
     align=True,
 )
 """Chebyshev coefficients of the numbers of a contact over an octave of speeds, and the contacts they are made of."""
+NO_LOG, ROWS, PEAKS = range(3)
+"""`log_level`: no contacts are noted; rows without, and with, largest overlap and force."""
+AT_LEAST_ONE = -1
+"""`pieces`, at first, of a contact that takes one piece even if no time is left: it is looked at at its onset."""
 RESOLVE, STOP, IGNORE = range(3)
 """What is done where a contact disturbs another."""
 MOST_MAPS = 64

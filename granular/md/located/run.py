@@ -18,7 +18,7 @@ from granular.md.located.checkpoint import Checkpoint, Untouched, restored
 from granular.md.located.ledger import FLOOR, LOST
 from granular.md.located.log import keep_unsettled
 from granular.md.located.one_contact.inside import look, look_inside, seen
-from granular.md.located.pace import Pace, message_of, stats_of, still_open
+from granular.md.located.pace import WHY, Pace, message_of, stats_of, still_open
 from granular.md.located.plan import answer, follow_contact, make_table, plan_all_due
 from granular.md.located.power_form import power_form
 from granular.md.located.records import (
@@ -28,15 +28,15 @@ from granular.md.located.records import (
     IGNORE,
     MORE,
     MOST_ROWS,
+    NO_LOG,
+    PEAKS,
     QUIET,
     REACHED,
-    REST,
     STOP,
     STOPPED,
     TO_PLAN,
     WANTS_CONTACT,
     WANTS_TABLE,
-    WORK_LIMIT,
 )
 from granular.md.located.system import (
     system_of,
@@ -59,7 +59,6 @@ LOADING, MAKING, LAUNCH = 1.0, 33.0, 2e-5
 """Seconds that it takes to load the machine code, to make it, and to launch a pair interpreted."""
 DISTURBED = ("resolve", "stop", "ignore")
 """What may be done where a contact disturbs another, in the order of RESOLVE, STOP, IGNORE."""
-WHY = {STOPPED: Pause.until, QUIET: Pause.quiet, WORK_LIMIT: Pause.work, REST: Pause.resting, BINDING: Pause.quiet}
 
 
 class Run:
@@ -99,7 +98,8 @@ class Run:
         self.bound = False
         self.creep: Creep | None = None
         self.checkpoint: Checkpoint | None = None
-        limits = {"max_events": request.max_events, "max_steps": request.max_steps, "log": 2 * int(request.rows)}
+        limits = {"max_events": request.max_events, "max_steps": request.max_steps,
+                  "log_level": PEAKS if request.rows else NO_LOG}
         ways = [DISTURBED.index(disturbed)]
         s = system_of(scene, laws, request.until, self.start, tol=tol, pause=FIRST_LOOK, disturbing=ways[0], **limits)
         self.collocation = None if s.kinds["kind"][0] != GENERAL else self.collocated()

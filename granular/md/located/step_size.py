@@ -43,25 +43,27 @@ to so many times the tolerance: below it, its overlap is what steps leave out.""
 def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int, square: float) -> float:
     """Return λ in 1/s, a bound of all rates of the touching pairs; -1 if other than linear laws are at work. `square`
     is Ω² of pendula, else 0."""
-    a, b, k0, g0, closed = square, 0.0, 0.0, 0.0, is_closed(pairs, lo, hi)
+    stiffness, damping = square, 0.0  # largest absolute row sums of M⁻¹K and M⁻¹C so far
+    k_below, g_below, closed = 0.0, 0.0, is_closed(pairs, lo, hi)
     if RING and closed:
         last = pool[pairs[hi - 1].slot]
         pushes = works(last)
-        k0, g0 = pushes * last.k, pushes * last.gamma
+        k_below, g_below = pushes * last.k, pushes * last.gamma
     for c in range(lo, hi):
-        pair, k1, g1 = pool[pairs[c].slot], 0.0, 0.0
+        pair, k_above, g_above = pool[pairs[c].slot], 0.0, 0.0
         if pair.mode != OPEN and pair.kind != LINEAR:
             return -1.0
         if c + 1 < hi or closed:
             above = pool[pairs[c + 1].slot]
             pushes = works(above)
-            k1, g1 = pushes * above.k, pushes * above.gamma
+            k_above, g_above = pushes * above.k, pushes * above.gamma
         pushes = works(pair)
         if pushes > 0.0:
-            a = max(a, pair.lower * k0 + pair.inverse * pair.k + pair.upper * k1 + square)
-            b = max(b, pair.lower * g0 + pair.inverse * pair.gamma + pair.upper * g1)
-        k0, g0 = pushes * pair.k, pushes * pair.gamma
-    return 0.5 * (b + math.sqrt(b * b + 4.0 * a))
+            row = pair.lower * k_below + pair.inverse * pair.k + pair.upper * k_above + square
+            stiffness = max(stiffness, row)
+            damping = max(damping, pair.lower * g_below + pair.inverse * pair.gamma + pair.upper * g_above)
+        k_below, g_below = pushes * pair.k, pushes * pair.gamma
+    return 0.5 * (damping + math.sqrt(damping * damping + 4.0 * stiffness))
 
 
 @kernel

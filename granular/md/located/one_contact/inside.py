@@ -2,7 +2,7 @@
 May be skipped: one contact again, by pieces.
 
 So one solved at once is looked into, or goes on as a member of an event that may disturb it: `relive` asks for that,
-`plan.follow_contact` takes it there piece after piece, and then `exposed` or `seen` take what they need.
+`plan.follow_contact` takes it there piece after piece, and then `expose` or `seen` take what they need.
 """
 
 from __future__ import annotations
@@ -17,7 +17,19 @@ from granular.md.located.ledger import LOST, begin, book, book_at_once, look_at_
 from granular.md.located.log import follow
 from granular.md.located.pendula import swung
 from granular.md.located.pieces import fly, force_returns, in_contact, piece_time, power, since, tau_at, tick, value
-from granular.md.located.records import ACTIVE, BEGIN, EDGE, END, OPEN, PART, RELOAD, RESIDUAL, TURN
+from granular.md.located.records import (
+    ACTIVE,
+    AT_LEAST_ONE,
+    BEGIN,
+    EDGE,
+    END,
+    NO_LOG,
+    OPEN,
+    PART,
+    RELOAD,
+    RESIDUAL,
+    TURN,
+)
 from granular.md.located.system import count_of, join, leave, nth
 from granular.md.located.walls import beside_edge, flown, jump_at
 
@@ -57,7 +69,7 @@ def ask_to_follow(s: Any, c: int, left: float) -> None:
 def has_piece(s: Any, laws: Any) -> bool:
     """Return whether the contact that is followed alone has a next piece; what runs off flies on as far as it may."""
     run, member = s.run[0], s.pool[s.pairs[s.run[0].solo].slot]
-    if not (run.left > run.passed or run.pieces < 0) or run.pieces == MOST_PIECES or member.mode == OPEN:
+    if not (run.left > run.passed or run.pieces == AT_LEAST_ONE) or run.pieces == MOST_PIECES or member.mode == OPEN:
         return False
     run.pieces += 1
     if member.mode != RESIDUAL or pushes(member):
@@ -89,7 +101,7 @@ def goes_on(s: Any, laws: Any) -> bool:
         tau = min(tau, power(dt, 1.0 / member.clock) / member.h)
     if WORKED:
         tally(s, laws, c, member, tau, s.ledger[0].solo)
-    if run.log > 0:
+    if run.log_level != NO_LOG:
         follow(run, s.pairs, s.pool, s.scratch, c, tau)
     member.xi, member.eta, member.exact, member.tau = value(member.x, tau), value(member.e, tau), 0, 0.0
     tick(member, dt)
@@ -152,9 +164,9 @@ def relive(s: Any, c: int, t: float, tail: float) -> None:
 
 
 @kernel
-def exposed(s: Any, c: int) -> None:
+def expose(s: Any, c: int) -> None:
     """Let pair `c`, which has been relived, be a member of the event under way, for something may disturb it."""
-    run, pair, bodies, member = s.run[0], s.pairs[c], s.bodies, s.pool[s.pairs[c].slot]
+    run, pair, member = s.run[0], s.pairs[c], s.pool[s.pairs[c].slot]
     back = since(pair, run.t, run.tail)
     if WORKED:
         book_at_once(s.ledger, s, c, -1.0)
@@ -164,14 +176,29 @@ def exposed(s: Any, c: int) -> None:
         member.xi, member.eta, member.going_on = xi if member.mode == RESIDUAL else min(0.0, xi), eta, 0
         member.h, member.tau, member.x[0], member.e[0], member.f[0] = 0.0, 0.0, member.xi, eta, 0.0
         return
-    low, high = member.lower / member.inverse, member.upper / member.inverse
-    xi -= member.xi
+    xi -= member.xi  # what the asymptote is ahead of the contact
     eta -= member.eta
-    if run.log > 0 and 0 <= pair.row < run.rows and s.log[pair.row].pair == c:
+    take_back_row(s, c, member)
+    move_beside(s, c, xi, eta)
+
+
+@kernel
+def take_back_row(s: Any, c: int, member: Any) -> None:
+    """Let pair `c` go on with what its row of the log says, and void that row."""
+    run, pair = s.run[0], s.pairs[c]
+    if run.log_level != NO_LOG and 0 <= pair.row < run.rows and s.log[pair.row].pair == c:
         row = s.log[pair.row]
         member.lower_in, member.upper_in, member.t_begin, row.pair = row.lower_in, row.upper_in, row.t_begin, -1
-    elif run.log > 0:  # its row has been handed on: a run that ends where the contact does, to the bit
+    elif run.log_level != NO_LOG:  # its row has been handed on: a run that ends where the contact does, to the bit
         member.going_on = 0
+
+
+@kernel
+def move_beside(s: Any, c: int, xi: float, eta: float) -> None:
+    """Bring the balls and flanks of pair `c` to the time of the event under way: they follow the asymptote, which is
+    ahead of the contact by `xi` and `eta`."""
+    run, bodies, member = s.run[0], s.bodies, s.pool[s.pairs[c].slot]
+    low, high = member.lower / member.inverse, member.upper / member.inverse
     for side in range(2):
         body, f, share = bodies[nth(s.pairs, c + side)], nth(s.pairs, c - 1 + 2 * side), high if side else low
         if HUNG:
@@ -233,7 +260,7 @@ def look_inside(s: Any, c: int, t: float) -> int:
     if c < n:
         run.before_due, run.before_steps, run.before_error = s.pairs[c].due, run.steps, run.error
         relive(s, c, t, 0.0)
-        run.pieces = -1  # one at least: at its very onset too
+        run.pieces = AT_LEAST_ONE
     return c
 
 

@@ -29,7 +29,7 @@ from granular.md.located.one_contact.maps import encounter, of_pendula, peaks, p
 from granular.md.located.one_contact.tables import WANTED, table_of, tabled, tabled_peaks
 from granular.md.located.pendula import impulse_of_pendula, shift, swung
 from granular.md.located.pieces import DRIFT, ULP, predict, since, tick
-from granular.md.located.records import BEGIN, BY_PIECES, DONE, IGNORE, OPEN, WANTS_CONTACT, WANTS_TABLE
+from granular.md.located.records import BEGIN, BY_PIECES, DONE, IGNORE, NO_LOG, OPEN, PEAKS, WANTS_CONTACT, WANTS_TABLE
 from granular.md.located.system import beside, count_of, nth
 from granular.md.located.walls import (
     carry_walls,
@@ -146,7 +146,7 @@ def begin_at_once(s: Any, c: int, v: float, t1: float, v1: float, source: int) -
     run, pair = s.run[0], s.pairs[c]
     tick(pair, pair.wait)
     run.t, run.tail = pair.t, pair.tail
-    if run.log > 0:
+    if run.log_level != NO_LOG:
         if DRIVEN:
             carry_walls(s.field, s)
         write_row(s, c, v, t1, v1, source)
@@ -288,14 +288,16 @@ def write_row(s: Any, c: int, v: float, t1: float, v1: float, source: int) -> No
             row.upper_out = row.lower_in + v1
         else:
             row.lower_out = row.upper_in - v1
-    elif HUNG and run.log == 2:
-        row.xi_max, row.force_max = peaks_of_pendula(s.kinds[pair.kind_of], inverse, s.field.square, pair.pull, v, t1)
-    elif run.log == 2 and source == CLOSED:
-        row.xi_max, row.force_max = peaks(s.kinds[pair.kind_of], inverse, pair.pull, v, t1, v1)
-    elif run.log == 2 and source == FOLLOWED:
-        row.xi_max, row.force_max = s.answer[4], s.answer[5]
-    elif run.log == 2:
-        row.xi_max, row.force_max = tabled_peaks(s.tables[source], v)
+    elif run.log_level == PEAKS:
+        law = s.kinds[pair.kind_of]
+        if HUNG:
+            row.xi_max, row.force_max = peaks_of_pendula(law, inverse, s.field.square, pair.pull, v, t1)
+        elif source == CLOSED:
+            row.xi_max, row.force_max = peaks(law, inverse, pair.pull, v, t1, v1)
+        elif source == FOLLOWED:
+            row.xi_max, row.force_max = s.answer[4], s.answer[5]
+        else:
+            row.xi_max, row.force_max = tabled_peaks(s.tables[source], v)
 
 
 @kernel

@@ -15,7 +15,7 @@ from typing import Any
 from granular._kernels import kernel
 from granular.md.located.one_contact.inside import ask_to_follow, take_up
 from granular.md.located.pieces import tick
-from granular.md.located.records import CHECKS, OCTAVES, OPEN, POINTS, QUANTITIES, SLOWEST
+from granular.md.located.records import CHECKS, OCTAVES, OPEN, PEAKS, POINTS, QUANTITIES, SLOWEST
 from granular.md.located.system import leave
 from granular.md.located.walls import touching_rate
 
@@ -53,8 +53,8 @@ def ask(s: Any, j: int, laws: Any) -> None:
     v = touching_rate(s.field, pair, pair.wait)
     if j != ITSELF:
         v = math.ldexp(0.75 + 0.25 * place_of(j), math.frexp(v)[1])
-    run.before_due, run.before_steps, run.before_error, run.before_log = pair.due, run.steps, run.error, run.log
-    run.speed, run.log, run.error = v, 2, 0.0
+    run.before_due, run.before_steps, run.before_error, run.before_log = pair.due, run.steps, run.error, run.log_level
+    run.speed, run.log_level, run.error = v, PEAKS, 0.0
     member = take_up(s, c, v)
     tick(member, pair.wait)
     ask_to_follow(s, c, math.inf if laws is None or laws.pushes_at_touch(member) else 0.0)
@@ -67,7 +67,8 @@ def note(s: Any, j: int) -> bool:
     member = s.pool[s.pairs[run.wanted].slot]
     ends = member.mode == OPEN and member.eta < 0.0
     numbers = run.over if ends else math.nan, run.passed, run.parting, -member.eta, member.xi_max, member.force_max
-    error = put_back(s)
+    error: float = run.error
+    put_back(s)
     if j == ITSELF:
         for q in range(QUANTITIES):
             s.answer[q] = numbers[q]
@@ -82,13 +83,11 @@ def note(s: Any, j: int) -> bool:
 
 
 @kernel
-def put_back(s: Any) -> float:
-    """Let the run be as it was before a contact was followed alone; return the error of the pieces of that contact."""
+def put_back(s: Any) -> None:
+    """Let the run be as it was before a contact was followed alone."""
     run, pair = s.run[0], s.pairs[s.run[0].wanted]
     leave(run, s.pairs, s.pool, run.wanted)
-    error: float = run.error
-    pair.due, run.steps, run.error, run.log = run.before_due, run.before_steps, run.before_error, run.before_log
-    return error
+    pair.due, run.steps, run.error, run.log_level = run.before_due, run.before_steps, run.before_error, run.before_log
 
 
 @kernel

@@ -108,7 +108,7 @@ def find_loads(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
         return False
     floor, ceiling, load = bodies[a].inverse_mass == 0.0, bodies[b].inverse_mass == 0.0, 0.0
     if not (floor or ceiling):
-        return press(pairs, pool, bodies, a, b)
+        return find_loads_in_flight(pairs, pool, bodies, a, b)
     if floor and ceiling and bodies[a].v != bodies[b].v:
         return False
     for c in range(b - 1, a - 1, -1):
@@ -129,7 +129,7 @@ def weight(body: Any) -> float:
 
 
 @kernel
-def press(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
+def find_loads_in_flight(pairs: Any, pool: Any, bodies: Any, a: int, b: int) -> bool:
     """Note the loads of a group in flight: what its balls above a pair would lose on those below, F = m_eff Δ(fall).
 
     Falls count from that of its lowest ball on: exactly none where gravity alone pulls.

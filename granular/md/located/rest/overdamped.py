@@ -277,7 +277,7 @@ def write_piece(s: Any, lo: int) -> None:
 
 
 @kernel
-def first_asking(s: Any) -> bool:
+def turn_to_asking(s: Any) -> bool:
     """Let the first block that asks whether it creeps be the one under way; false if none does."""
     for c in range(len(s.pairs)):
         pair = s.pairs[c]

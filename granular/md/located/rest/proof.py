@@ -41,26 +41,28 @@ STIFF = 12.0
 def may_rest(run: Any, pairs: Any, pool: Any, bodies: Any, lo: int, limit: float) -> bool:
     """Return whether a block whose piece is over without an event is to be looked at, for a run up to time `limit`."""
     if pool[pairs[lo].slot].manner != MOVES:
-        return True
+        return True  # already lying or creeping
     if run.rests == 1:
-        return is_still(pairs, pool, lo)
+        return is_still(pairs, pool, lo)  # proved before
     c, active, known, damped = lo, False, True, True
     while c < pairs[lo].hi:
         pair, b = pool[pairs[c].slot], end_of_group(pairs, pool, c)
         if b == c and pair.mode != OPEN:
-            return False
+            return False  # touches without a force
         if b > c:
             if has_too_much(pairs, pool, bodies, c, b):
-                return False
+                return False  # too much energy
             active, known = True, known and is_known(pairs, pool, c, b)
             for i in range(c, b):
                 damped = damped and pool[pairs[i].slot].gamma > 0.0
         c = max(b, c + 1)
     if not active or pairs[0].wall != 0 or pairs[len(pairs) - 1].wall != 0:
-        return False
-    first = pairs[pairs[run.doubted].first]
-    if not known or ((damped or limit == math.inf) and not (first.slot < 0 and first.due < math.inf)):
+        return False  # nothing presses, or a wall moves
+    doubted_block = pairs[pairs[run.doubted].first]
+    has_event_due = doubted_block.slot < 0 and doubted_block.due < math.inf
+    if not known or ((damped or limit == math.inf) and not has_event_due):
         return True
+    # undamped, in a run that ends, or another block in doubt still has an event due
     return bool(damped and is_still(pairs, pool, lo))
 
 

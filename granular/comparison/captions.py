@@ -1,0 +1,115 @@
+"""What a picture says of the scene of a comparison in words: pairs, parameters, numbers with their units.
+May be skipped: words, no physics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from granular._reports import PREFIXES, shortened, unit_of
+from granular.comparison.answer import Judged
+from granular.isolation import Durations
+from granular.laws.kinds import resolved
+from granular.scene import Scene
+
+SAME = 1e-9
+"""Numbers whose relative difference is less are one number."""
+EXPONENTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+OF_MASS = ((1e3, "k"), *PREFIXES)
+"""Multiples of the gram."""
+
+
+def pair_name(scene: Scene, pair: int) -> str:
+    """The two bodies of a pair, such as 1·2, or floor·1; their numbers are those of the library."""
+    return "·".join(_body(scene, int(body)) for body in scene.bodies(pair))
+
+
+def _body(scene: Scene, body: int) -> str:
+    if not scene.is_wall[body]:
+        return str(body)
+    return "wall" if not scene.gravity else "ceiling" if body else "floor"
+
+
+def parameters(report: Judged) -> str:
+    """Two lines with the parameters of a comparison: the scene, and the laws of its contacts."""
+    return f"{_scene(report)}\n{_laws(report)}"
+
+
+def _scene(report: Judged) -> str:
+    scene, balls = report.scene, ~report.scene.is_wall
+    inner = scene.gap[~np.logical_or(*scene.sides(scene.is_wall))]
+    ratio = report.groups["mass_ratio"]
+    told = [f"{balls.sum()} balls" if balls.sum() > 1 else "1 ball"]
+    told += ["on a ring"] * scene.ring + [f"pendula of Ω = {number(scene.pendulum)} rad/s"] * (scene.pendulum > 0.0)
+    unequal = f" ({number(ratio)} : 1)" if ratio > 1.0 + SAME else ""
+    told.append(f"m = {_span(1e3 * scene.mass[balls], 'g', OF_MASS)}{unequal}")
+    told += [f"gap {_span(inner, 'm')}" if inner.any() else "touching"] * bool(len(inner))
+    told += [f"first impact at {number(report.impact_speed)} m/s"] * (report.impact_speed > 0.0)
+    told += [f"g = {number(scene.gravity)} m/s²"] * (scene.gravity > 0.0)
+    walls = [repr(wall) for wall in (scene.floor, scene.ceiling) if wall is not None]
+    return ", ".join([*told, *map(shortened, walls)])
+
+
+def _laws(report: Judged) -> str:
+    """The law, its constants, ε and t_c at the speed of the first impact; from which to which pair they go."""
+    kinds = list(dict.fromkeys(type(law).__name__ for law in report.law))
+    told = [" and ".join(kinds)]
+    for name in _constants(report.law) if len(kinds) == 1 else ():
+        unit = _stiffness(report) if name == "k" else ""
+        told.append(f"{name} = {_span(np.array([getattr(law, name) for law in report.law]))}{unit}")
+    soft, hard = (np.array(eps) for eps in (report.law_restitution, report.restitution_spec))
+    told.append(f"ε = {_span(soft)}" + f" (hard spheres {_span(hard)})" * bool((np.abs(soft - hard) > 1e-6).any()))
+    lasts = _durations(report)
+    told += [f"a contact alone lasts {_span(lasts, 's', digits=3)}"] * bool(np.isfinite(lasts).any())
+    return ", ".join(told)
+
+
+def _stiffness(report: Judged) -> str:
+    """The unit of k in F = k ξ^p, if that is the law."""
+    form = resolved(report.law, report.scene)[0].form
+    return "" if form is None else " N/m" if form[1] == 1.0 else f" N/m$^{{{form[1]:g}}}$"
+
+
+def _constants(laws: Sequence[Any]) -> list[str]:
+    """Constants of a law that say how hard a ball is: the damping is told by ε."""
+    named = [field.name for field in fields(laws[0])] if is_dataclass(laws[0]) else []
+    return [name for name in named if name not in ("gamma", "alpha") and isinstance(getattr(laws[0], name), float)]
+
+
+def _durations(report: Judged) -> Any:
+    """How long a contact of each pair lasts by itself, at the speed of the first impact, in s; inf without an end."""
+    speed, number_of = report.impact_speed if report.impact_speed > 0.0 else 1.0, np.arange(report.scene.n_pairs)
+    return Durations(report.law, report.scene)(number_of, np.full(len(number_of), speed))
+
+
+def _span(values: Any, unit: str = "", prefixes: Any = PREFIXES, digits: int = 4) -> str:
+    """One number, or from which to which they go, with a unit."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return "–"
+    low, high = float(known.min()), float(known.max())
+    if high - low <= SAME * abs(high):
+        return _one(high, unit, prefixes, digits)
+    between = " and " if len(values) == 2 else " … "
+    ends = (float(known[0]), float(known[-1])) if len(values) == 2 else (low, high)
+    return between.join(_one(value, unit, prefixes, digits) for value in ends)
+
+
+def _one(value: float, unit: str, prefixes: Any, digits: int) -> str:
+    if not unit or value == 0.0:
+        return f"{number(value, digits)} {unit}".strip()
+    scale, name = unit_of(abs(value), unit, 1.0, prefixes)
+    return f"{number(value / scale, digits)} {name}"
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number with so many digits, its power of ten as one writes it by hand."""
+    factor, _, power = f"{value:.{digits}g}".partition("e")
+    if not power:
+        return factor
+    times = "" if factor == "1" else f"{factor}·"
+    return f"{times}10{str(int(power)).translate(EXPONENTS)}"
