@@ -14,7 +14,7 @@ from granular._records import column, copied, packed, plain, play, replay
 from granular.drive import CONTACT_ROW, End, Pause, Request, Row, Rows
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks
-from granular.md.located.checkpoint import Checkpoint, Untouched, restored
+from granular.md.located.checkpoint import Checkpoint, Untouched
 from granular.md.located.ledger import FLOOR, LOST
 from granular.md.located.log import keep_unsettled
 from granular.md.located.one_contact.inside import look, look_inside, seen
@@ -98,12 +98,13 @@ class Run:
         self.bound = False
         self.creep: Creep | None = None
         self.checkpoint: Checkpoint | None = None
-        limits = {"max_events": request.max_events, "max_steps": request.max_steps,
-                  "log_level": PEAKS if request.rows else NO_LOG}
-        ways = [DISTURBED.index(disturbed)]
-        s = system_of(scene, laws, request.until, self.start, tol=tol, pause=FIRST_LOOK, disturbing=ways[0], **limits)
+        limits = {"max_events": request.max_events, "max_steps": request.max_steps, "pause": FIRST_LOOK}
+        ways, level = [DISTURBED.index(disturbed)], PEAKS if request.rows else NO_LOG
+        s = system_of(scene, laws, request.until, self.start, tol=tol, disturbing=ways[0], log_level=level, **limits)
         self.collocation = None if s.kinds["kind"][0] != GENERAL else self.collocated()
         if state is not None:
+            from granular.md.located.restore import restored
+
             s = restored(s, state)
             ways.append(int(np.asarray(state["run"])["disturbing"][0]))
         self.s: Any = s

@@ -1,0 +1,178 @@
+"""A run from a checkpoint, maybe of a file: whether its records can be the ones of a scene, asked before kernels, which
+check nothing, go on with them; and names that fields had in earlier versions.
+May be skipped: how a run is resumed, no physics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from granular._check import held
+from granular._records import column, copied, tournament
+from granular.drive import CONTACT_ROW
+from granular.md.located.checkpoint import KEPT
+from granular.md.located.records import ASKS, EDGE, LARGEST_Q, LEDGER, LOOKED, NO_PAUSE, SPARE, STRUCK
+from granular.md.located.system import System, empty_pool
+
+SCENES = {"run": ("omega", "length"), "pairs": ("pull", "kind_of", "map", "wall"), "bodies": ("inverse_mass", "wall"),
+          "ledger": ("temperature", "mass", "seed")}
+"""Fields that never change: what the scene and its laws say of them."""
+OF_LAW = ("memory", "k", "gamma", "p", "d", "s", "q", "kind")
+NUMBERS = {"run": ("t", "tail", "tol", "steps"), "pairs": ("xi", "eta", "t", "tail", "noise", "last_step"),
+           "bodies": ("v", "t", "tail", "fall"), "pool": ("xi", "eta", "t", "tail", "h", "tau", "x", "e", "last_step"),
+           "tables": ("c", "error"), "ledger": ("total", "low")}
+"""Fields of floats that are finite, in the pool those of places that are taken."""
+FORMERLY = {
+    "run": {"alone": "solo", "begun": "contacts", "stride": "last_step", "log": "log_level"},
+    "pairs": {"alone": "isolated", "count": "contacts", "what": "event", "stride": "last_step"},
+    "pool": {"top": "xi_peak", "what": "event", "stride": "last_step", "begun": "going_on"},
+    "ledger": {"alone": "solo", "hits": "contacts"},
+}
+"""What fields were called in files of earlier versions, and what they are called now."""
+EDITED = "it was changed after it was saved"
+
+
+def check(s: Any, state: Mapping[str, Any]) -> None:
+    """Raise `ValueError` unless a checkpoint holds records like those of `s`, a run at its start, and places in them
+    that exist."""
+    held(state, "origin", "f", ())
+    for name in ("creeping", "riding"):
+        if name in state or name == "creeping":
+            held(state, name, "b", ())
+    sizes = {name: len(getattr(s, name)) for name in ("run", "pairs", "bodies", "maps")}
+    for name, dtype in KEPT.items():
+        if name == "ledger" and s.ledger is None:
+            continue
+        records = np.asarray(state.get(name))
+        if not _like(records, dtype) or len(records) != sizes.get(name, len(records)):
+            got = "is no array of such records as" if name in state else "is missing, which"
+            raise ValueError(f"{name} in the state of trajectory {got} a run of its scene has; {EDITED}.")
+    if not _of_scene(s, state):
+        raise ValueError(f"state of trajectory is of another scene or other laws; {EDITED}, or was given other laws.")
+    if not _within(state) or not _numbers(state):
+        raise ValueError(f"state of trajectory contradicts itself; {EDITED}.")
+
+
+def _like(records: Any, dtype: np.dtype[Any]) -> bool:
+    """Whether records have the fields of `dtype`, each of its kind and shape."""
+    fields: Any = records.dtype.fields
+    return records.ndim == 1 and fields is not None and all(
+        name in fields and (fields[name][0].base.kind, fields[name][0].shape) == (here.base.kind, here.shape)
+        for name, (here, *_) in (dtype.fields or {}).items()
+    )
+
+
+def _of_scene(s: Any, state: Mapping[str, Any]) -> bool:
+    """Whether what never changes is as at the start, and islands have the laws of their pairs."""
+    for name, fields in SCENES.items():
+        for field in fields if getattr(s, name) is not None else ():
+            if not np.array_equal(state[name][field], column(getattr(s, name), field)):
+                return False
+    still = (s.bodies["inverse_mass"] == 0.0) & (s.bodies["wall"] == 0.0)
+    if not np.array_equal(state["bodies"]["v"][still], s.bodies["v"][still]):
+        return False
+    pairs, pool = state["pairs"], state["pool"]
+    inside = np.flatnonzero(pairs["slot"] >= 0)
+    if len(inside) and pairs["slot"].max() >= len(pool):
+        return False
+    members, laws = pool[pairs["slot"][inside]], s.kinds[pairs["kind_of"][inside]]
+    return all(np.array_equal(members[name], laws[name]) for name in OF_LAW) and bool(
+        np.array_equal(members["wall"], pairs["wall"][inside]))
+
+
+def _within(state: Mapping[str, Any]) -> bool:
+    """Whether all places, numbers of pairs and words for modes and events are such."""
+    run, pairs, pool, bodies = (state[name] for name in ("run", "pairs", "pool", "bodies"))
+    n, rows, places = len(bodies) - 1, len(state["log"]), len(pool)
+    place = np.arange(len(pairs)) % n
+    first = pairs["first"][:n]
+    spare, taken = pool["spare"], pairs["slot"][:n][pairs["slot"][:n] >= 0]
+    one = run[0]
+    free = spare[max(int(one["members"]), 0) :]
+    if not (((first >= 0) & (first < n)).all() and 0 <= one["members"] <= places and np.array_equal(
+            np.sort([*taken, *free]), np.arange(places)) and ((pairs["hi"] > 0) & (pairs["hi"] <= len(pairs))).all()):
+        return False
+    size, flies = pairs["hi"][first] - first, np.flatnonzero(pairs["slot"][:n] < 0)
+    members = pool[taken]
+    limits = [
+        (pairs["mode"], 0, STRUCK), (pairs["event"], 0, EDGE), (pairs["exact"], 0, 1), (pairs["row"], -1, np.inf),
+        (pairs["slot"], -1, places - 1),
+        (state["log"]["pair"], -1, n - 1), (state["maps"]["table"], -1, len(state["tables"])),
+        (state["maps"]["met"], 0, np.inf), (members["mode"], 0, STRUCK), (members["event"], 0, EDGE),
+        (members["fired"], -1, n - 1), (members["head"], -1, n - 1), (members["piled"], 0, n),
+        (members["manner"], 0, LOOKED), (members["clock"], 1, LARGEST_Q), (one["first"], -1, n - 1),
+        (one["wanted"], 0, n - 1), (one["solo"], -1, n - 1), (one["lo"], 0, len(pairs)), (one["hi"], 0, len(pairs)),
+        (state["tables"]["noted"], 0, np.inf), (run["events"], 0, np.inf), (run["steps"], 0, np.inf),
+    ]
+    return bool(
+        all(((least <= values) & (values <= most)).all() for values, least, most in limits)
+        and ((place[:n] - first) % n < size).all()
+        and not (np.isinf(pairs["wait"][flies]) & (pairs["due"][flies] < np.inf)).any()  # it would miss a touch
+        and np.array_equal(pairs["slot"][n:], pairs["slot"][: len(pairs) - n])
+        and np.array_equal(members["number"], np.flatnonzero(pairs["slot"][:n] >= 0))
+        and one["rows"] == rows and one["tables"] == len(state["tables"])
+        and not (members["manner"] == ASKS).any()
+    )
+
+
+def _numbers(state: Mapping[str, Any]) -> bool:
+    """Whether what is reckoned with is finite; not what was dissipated, the last of five, which nobody knows of laws
+    with memory."""
+    taken = state["pairs"]["slot"][state["pairs"]["slot"] >= 0]
+    records = {name: state[name] for name in NUMBERS if name in state} | {"pool": state["pool"][taken]}
+    return all(np.isfinite(rows[field][..., :4] if name == "ledger" else rows[field]).all()
+               for name, rows in records.items() for field in NUMBERS[name])
+
+
+def named_today(name: str, records: Any) -> Any:
+    """Return records of a checkpoint, maybe of an earlier version, under the names that their fields have today."""
+    if records.ndim != 1 or records.dtype.names is None or records.dtype == KEPT[name]:
+        return records
+    now = {FORMERLY.get(name, {}).get(field, field): field for field in records.dtype.names}
+    fields = [(field, records.dtype[old]) for field, old in now.items()]
+    had_signs = name == "pairs" and "lasts" in now and "ahead" not in now  # negative: only the clock lay ahead
+    out = np.zeros(len(records), [*fields, ("ahead", np.dtype(np.int8))] if had_signs else fields)
+    for field, old in now.items():
+        out[field] = records[old]
+    if had_signs:
+        out["ahead"], out["lasts"] = records["lasts"] != 0.0, np.maximum(records["lasts"], 0.0)
+    return out
+
+
+def named_alike(records: Any, dtype: np.dtype[Any]) -> Any:
+    """Return a copy of records with the fields of `dtype`: those that an earlier version did not have are 0, what it
+    had besides is dropped."""
+    if records.dtype == dtype:
+        return copied(records)
+    out = np.zeros(len(records), dtype)
+    for name in set(records.dtype.names) & set(dtype.names or ()):
+        out[name] = records[name]
+    return out
+
+
+def restored(s: System, state: Mapping[str, Any]) -> System:
+    """Return the records of a scene as a checkpoint has them, with the limits of `s`, those of its start; raise
+    `ValueError` if it cannot be one of that scene and its laws."""
+    state = {name: named_today(name, np.asarray(value)) if name in KEPT else value for name, value in state.items()}
+    check(s, state)
+    names = "run", "pairs", "pool", "bodies"
+    run, pairs, taken, bodies = (named_alike(state[name], KEPT[name]) for name in names)
+    pairs["row"][pairs["row"] >= len(state["log"])] = -1  # of contacts that are long over
+    for name in ("until_pair", "until_nth", "separated", "log_level", "disturbing"):
+        run[name] = s.run[name]
+    for name, so_far in (("max_events", "contacts"), ("max_steps", "steps")):
+        run[name] = min(int(run[so_far][0]) + int(s.run[name][0]), NO_PAUSE)
+    pool, log = empty_pool(len(taken) + SPARE), np.zeros(len(s.log) + len(state["log"]), CONTACT_ROW)
+    pool[: len(taken)], log[: len(state["log"])] = taken, state["log"]
+    tables = np.append(state["tables"], s.tables)
+    n = len(bodies) - 1
+    queue = tournament(n)
+    queue["due"][len(queue) // 2 :][:n] = pairs["due"][:n]
+    maps = copied(state["maps"])
+    ledger = s.ledger if s.ledger is None else named_alike(state["ledger"], LEDGER)
+    return s._replace(run=run, pairs=pairs, pool=pool, bodies=bodies, queue=queue, log=log, maps=maps, tables=tables,
+                      ledger=ledger)
+
