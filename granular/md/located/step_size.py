@@ -56,8 +56,7 @@ def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int, square: float) -> floa
             above = pool[pairs[c + 1].slot]
             k_above, g_above = works(above) * above.k, works(above) * above.gamma
         if works(pair) > 0.0:
-            row = pair.lower * k_below + pair.inverse * pair.k + pair.upper * k_above + square
-            stiffness = max(stiffness, row)
+            stiffness = max(stiffness, pair.lower * k_below + pair.inverse * pair.k + pair.upper * k_above + square)
             damping = max(damping, pair.lower * g_below + pair.inverse * pair.gamma + pair.upper * g_above)
         k_below, g_below = works(pair) * pair.k, works(pair) * pair.gamma
     return 0.5 * (damping + math.sqrt(damping * damping + 4.0 * stiffness))
