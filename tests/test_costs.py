@@ -3,6 +3,7 @@ something rests."""
 
 import sys
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -81,3 +82,21 @@ def test_nobody_looks_whether_a_scene_in_motion_rests(p, d, tol, monkeypatch):
     result = many.solve_many(scenes, until=END, tol=tol, engine="plain")
     assert not looks
     assert (result.counts >= 1).all()
+
+
+def test_threads_at_once_give_the_same_bits():
+    """Machine code runs without the interpreter's lock, and laws of scenes alike are shared."""
+    pytest.importorskip("numba")
+
+    def run(seed):
+        rng = np.random.default_rng(seed % 4)
+        scene = gr.Scene([np.inf, *rng.uniform(0.1, 1.0, 12)], [0.0] * 13, rng.uniform(0.0, 1e-3, 12),
+                         [0.0, *rng.normal(size=12)], 9.81)
+        law = gr.TsujiHertz(1e7, 0.1) if seed % 2 else gr.LinearDashpot(1e6, 10.0)
+        soft = gr.md.simulate(scene, law, t_end=0.02, samples=50, engine="compiled")
+        hard = gr.edmd.simulate(scene, gr.ConstantRestitution(0.9), t_end=0.02, samples=50, engine="compiled")
+        return soft.gap.tobytes() + soft.contacts.tobytes() + hard.gap.tobytes()
+
+    alone = [run(seed) for seed in range(4)]
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(run, range(24))) == alone * 6
