@@ -13,6 +13,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +46,45 @@ def row(n: int) -> gr.Scene:
     return gr.Scene([1.0] * n, [0.05] * n, [0.0] * (n - 1), [1.0] + [0.0] * (n - 1))
 
 
+def again(work: Work, times: int = 30) -> Work:
+    """A short work, so many times."""
+    return lambda: [work() for _ in range(times)]
+
+
+def sweeps_at_once() -> None:
+    """Have sweeps solve many cells in one compiled call at once, whatever machine code has to be made."""
+    for name in ("granular.sweeps.schedule", "granular.sweeps.batch"):
+        with suppress(ImportError):
+            schedule: Any = import_module(name)
+            for limit in ("LOADING", "MAKING"):
+                if hasattr(schedule, limit):
+                    setattr(schedule, limit, 0.0)
+
+
+def calls() -> dict[str, Work]:
+    """The base scene, 30 times a go, and maps of it, 900 cells a go."""
+    sweeps_at_once()
+    scene, end = gr.scenes.three_balls(gap=1e-4), gr.until.contact(0, 2)
+    law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
+    rule = gr.ConstantRestitution(0.7)
+    over = {"restitution": np.linspace(0.5, 1.0, 30), "gap": np.geomspace(1e-5, 1e-3, 30)}
+    few = {name: values[::6] for name, values in over.items()}
+    soft, hard = gr.md.simulate, gr.edmd.simulate
+    return {
+        "30 calls, located, compiled": again(lambda: soft(scene, law, until=end, engine="compiled")),
+        "30 calls, located, new scenes": again(lambda: soft(
+            gr.scenes.three_balls(gap=1e-4), law, until=end, engine="compiled")),
+        "30 calls, located, interpreted": again(lambda: soft(scene, law, until=end, engine="plain")),
+        "30 calls, hard, sorted": again(lambda: hard(scene, rule, until=end, engine="sorted")),
+        "30 calls, hard, compiled": again(lambda: hard(scene, rule, until=end, engine="compiled")),
+        "30 calls, compare": again(lambda: gr.compare(scene, law, until=end)),
+        "map of 900, dashpot": lambda: gr.sweep("three-balls", over, "eps_ratio"),
+        "map of 900, viscoelastic": lambda: gr.sweep("three-balls", over, "eps_ratio", law="ViscoelasticHertz"),
+        "map of 900, Tsuji": lambda: gr.sweep("three-balls", over, "eps_ratio", law="TsujiHertz"),
+        "map of 25, error": lambda: gr.sweep("three-balls", few, "error"),
+    }
+
+
 def works() -> dict[str, Work]:
     """What is timed, by name."""
     hard, soft = gr.edmd.simulate, gr.md.simulate
@@ -53,7 +94,7 @@ def works() -> dict[str, Work]:
     fast: dict[str, Any] = {"engine": "compiled"}
     over = {"restitution": np.linspace(0.5, 1.0, 30), "gap": np.geomspace(1e-5, 1e-3, 30)}
     steps: dict[str, Any] = {"method": "verlet", "dt": 1e-6, "t_end": 2e-3, "engine": "compiled"}
-    return {
+    return calls() | {
         "hard, 10 balls, interpreted": lambda: hard(few, elastic, max_events=1000, engine="sorted"),
         "hard, 1 000 balls": lambda: hard(many, elastic, max_events=50_000, log=False, **fast),
         "hard, 1 000 balls, log": lambda: hard(many, elastic, max_events=50_000, **fast),
