@@ -19,57 +19,76 @@ CHANGED, CLOSED = 1, 2
 
 
 @kernel
-def ball_acceleration(i: int, a: Any) -> float:
+def of_ball(i: int, below: float, above: float, a: Any) -> float:
     """Acceleration of ball i in m/s², a_i = (F_{i-1} - F_i) / m_i - g; walls (1/m = 0, no fall) keep their speed."""
-    below = a.raw[i] if a.raw[i] > 0.0 else 0.0
-    above = a.raw[i + 1] if a.raw[i + 1] > 0.0 else 0.0
-    acceleration: float = a.w[i + 1] * (below - above) + a.fall[i + 1]
+    push = (below if below > 0.0 else 0.0) - (above if above > 0.0 else 0.0)
+    acceleration: float = a.w[i + 1] * push + a.fall[i + 1]
     return acceleration
 
 
 @kernel
-def pendulum_acceleration(i: int, a: Any) -> float:
-    """Acceleration of pendulum i in m/s², in place of `ball_acceleration`: a_i = (F_{i-1} - F_i) / m_i - Ω² y_i."""
-    below = a.raw[i] if a.raw[i] > 0.0 else 0.0
-    above = a.raw[i + 1] if a.raw[i + 1] > 0.0 else 0.0
-    acceleration: float = a.w[i + 1] * (below - above) - a.square[i + 1] * a.off[i + 1]
+def of_pendulum(i: int, below: float, above: float, a: Any) -> float:
+    """Acceleration of pendulum i in m/s², in place of `of_ball`: a_i = (F_{i-1} - F_i) / m_i - Ω² y_i."""
+    push = (below if below > 0.0 else 0.0) - (above if above > 0.0 else 0.0)
+    acceleration: float = a.w[i + 1] * push - a.square[i + 1] * a.off[i + 1]
     return acceleration
 
 
 @kernel
-def noted(j: int, half: float, xi: float, was: float, raw: float, logged: bool, a: Any) -> int:
-    """Note peaks and impulse of pair `j` after a step, without a branch; return flags."""
-    before, after = was if was > 0.0 else 0.0, raw if raw > 0.0 else 0.0
+def noted(j: int, a: Any) -> int:
+    """Note the largest overlap of pair `j` after a step, without a branch; return flags."""
+    xi, closed = a.xi[j + 1], 1 if a.xi[j + 1] > 0.0 else 0
     a.deepest[j + 1] = xi if xi > a.deepest[j + 1] else a.deepest[j + 1]
-    if logged:
+    turned = (1 if a.was_raw[j + 1] > 0.0 else 0) ^ (1 if a.raw[j + 1] > 0.0 else 0)
+    return turned | (closed ^ (1 if a.was_xi[j + 1] > 0.0 else 0)) | 2 * closed
+
+
+@kernel
+def peaks(m: int, half: float, a: Any) -> None:
+    """Note peaks and impulse of the running contacts."""
+    for j in range(m):
+        xi, before = a.xi[j + 1], a.was_raw[j + 1] if a.was_raw[j + 1] > 0.0 else 0.0
+        after = a.raw[j + 1] if a.raw[j + 1] > 0.0 else 0.0
         a.xi_max[j + 1] = xi if xi > a.xi_max[j + 1] else a.xi_max[j + 1]
         a.force_max[j + 1] = after if after > a.force_max[j + 1] else a.force_max[j + 1]
         a.impulse[j + 1] += half * (before + after)
-    return ((1 if before > 0.0 else 0) ^ (1 if after > 0.0 else 0)) | (2 if xi > 0.0 else 0)
 
 
 @kernel
-def beside(m: int, half: float, a: Any) -> None:
-    """Note overlaps of two neighbours together, and the impulse exchanged beside an active neighbour."""
+def neighbours(m: int, a: Any) -> None:
+    """Note which pairs push beside one that pushes, and which are closed together with the next one."""
+    for j in range(m):
+        next_to = a.raw[j] if a.raw[j] > a.raw[j + 2] else a.raw[j + 2]
+        both = a.xi[j + 1] if a.xi[j + 1] < a.xi[j + 2] else a.xi[j + 2]
+        a.pushed[j + 1] = next_to
+        a.beside[j + 1] = both if both > a.beside[j + 1] else a.beside[j + 1]
+
+
+@kernel
+def share(m: int, half: float, a: Any) -> None:
+    """Note the impulse exchanged beside a neighbour that pushes."""
     for j in range(m):
         before = a.was_raw[j + 1] if a.was_raw[j + 1] > 0.0 else 0.0
         after = a.raw[j + 1] if a.raw[j + 1] > 0.0 else 0.0
-        next_to = a.raw[j] if a.raw[j] > a.raw[j + 2] else a.raw[j + 2]
-        both = a.xi[j + 1] if a.xi[j + 1] < a.xi[j + 2] else a.xi[j + 2]
-        a.beside[j + 1] = both if both > a.beside[j + 1] else a.beside[j + 1]
-        a.shared[j + 1] += half * (before + after) if next_to > 0.0 else 0.0
+        a.shared[j + 1] += half * (before + after) if a.pushed[j + 1] > 0.0 else 0.0
+
+
+@kernel
+def drift(physics: Any, lo: int, j: int, a: Any) -> int:
+    """Move pair `j` by the velocities `half` and evaluate the force there, which sees the velocities `guess`."""
+    xi, was = a.xi[j + 1] + physics.dt * (a.half[j + 1] - a.half[j + 2]), a.raw[j + 1]
+    raw = force(physics, lo, j, xi, a.guess[j + 1] - a.guess[j + 2], a)
+    a.was_xi[j + 1], a.was_raw[j + 1] = a.xi[j + 1], was
+    a.xi[j + 1], a.raw[j + 1] = xi, raw
+    return noted(j, a)
 
 
 @kernel
 def move(physics: Any, lo: int, m: int, a: Any) -> int:
     """Drift by the velocities `half` and evaluate the forces there, which see the velocities `guess`."""
-    flags, dt, half, logged = 0, physics.dt, 0.5 * physics.dt, physics.logged
+    flags, dt = 0, physics.dt
     for j in range(m):
-        xi = a.xi[j + 1] + dt * (a.half[j + 1] - a.half[j + 2])
-        was, raw = a.raw[j + 1], force(physics, lo, j, xi, a.guess[j + 1] - a.guess[j + 2], a)
-        a.was_xi[j + 1], a.was_raw[j + 1] = a.xi[j + 1], was
-        a.xi[j + 1], a.raw[j + 1] = xi, raw
-        flags |= noted(j, half, xi, was, raw, logged, a)
+        flags |= drift(physics, lo, j, a)
     if HUNG:
         for i in range(m + 1):
             a.off[i + 1] += dt * a.half[i + 1]
@@ -86,8 +105,19 @@ def idle(dt: float, m: int, a: Any) -> None:
 def half_way(dt: float, m: int, a: Any) -> None:
     """Begin the first of several Verlet steps."""
     for i in range(m + 1):
-        acc = ball_acceleration(i, a)
+        acc = of_ball(i, a.raw[i], a.raw[i + 1], a)
         a.half[i + 1], a.guess[i + 1] = a.v[i + 1] + 0.5 * dt * acc, a.v[i + 1] + dt * acc
+
+
+@kernel
+def kick(i: int, dt: float, below: float, above: float, a: Any) -> None:
+    """End a Verlet step of ball i between two forces, and begin the next."""
+    if HUNG:
+        a.off[i + 1] += dt * a.half[i + 1]
+    acc, half = of_ball(i, below, above, a), 0.5 * dt
+    v = a.half[i + 1] + half * acc
+    a.was_v[i + 1], a.v[i + 1] = a.v[i + 1], v
+    a.guess[i + 1], a.half[i + 1] = v + dt * acc, v + half * acc
 
 
 @kernel
@@ -95,12 +125,16 @@ def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
     """Velocity Verlet; a rate-dependent force sees the predicted velocity v + a·dt. It begins the next step, too."""
     if DRIVEN:
         steer(physics, lo, m, WHOLE, END, a)
-    flags, dt, half = move(physics, lo, m, a), physics.dt, 0.5 * physics.dt
-    for i in range(m + 1):
-        acc = ball_acceleration(i, a)
-        v = a.half[i + 1] + half * acc
-        a.was_v[i + 1], a.v[i + 1] = a.v[i + 1], v
-        a.guess[i + 1], a.half[i + 1] = v + dt * acc, v + half * acc
+    dt = physics.dt
+    flags, below = drift(physics, lo, 0, a), a.raw[1]
+    for j in range(1, m):
+        flags |= drift(physics, lo, j, a)
+        above = a.raw[j + 1]
+        kick(j, dt, below, above, a)
+        below = above
+    close(physics, m, a)
+    kick(0, dt, a.raw[0], a.raw[1], a)
+    kick(m, dt, a.raw[m], a.raw[m + 1], a)
     if DRIVEN:
         arrive(physics, lo, m, END, a)
     return flags
@@ -111,7 +145,7 @@ def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
     """Symplectic (semi-implicit) Euler: kick with the old force, then drift with the new velocity."""
     dt = physics.dt
     for i in range(m + 1):
-        v = a.v[i + 1] + dt * ball_acceleration(i, a)
+        v = a.v[i + 1] + dt * of_ball(i, a.raw[i], a.raw[i + 1], a)
         a.was_v[i + 1], a.v[i + 1] = a.v[i + 1], v
         a.half[i + 1] = a.guess[i + 1] = v
     if DRIVEN:
@@ -124,7 +158,7 @@ def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
 def _stage(physics: Any, lo: int, m: int, reach: float, weight: float, drift: int, speed: int, a: Any) -> None:
     """Add the derivatives of a stage of Runge-Kutta, and go on from the start to the next one, `reach` in s away."""
     for i in range(m + 1):
-        acc = ball_acceleration(i, a)
+        acc = of_ball(i, a.raw[i], a.raw[i + 1], a)
         a.acc[i + 1] += weight * acc
         a.half[i + 1], a.guess[i + 1] = a.guess[i + 1], a.v[i + 1] + reach * acc
     if HUNG:
@@ -143,7 +177,7 @@ def _stage(physics: Any, lo: int, m: int, reach: float, weight: float, drift: in
 @kernel
 def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     """Classical Runge-Kutta of order 4."""
-    flags, dt, half, sixth, logged = 0, physics.dt, 0.5 * physics.dt, physics.dt / 6.0, physics.logged
+    flags, dt, half, sixth = 0, physics.dt, 0.5 * physics.dt, physics.dt / 6.0
     for i in range(m + 1):
         a.was_v[i + 1] = a.guess[i + 1] = a.v[i + 1]
         a.acc[i + 1] = 0.0
@@ -156,7 +190,7 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     _stage(physics, lo, m, half, 2.0, HALF, MIDDLE, a)
     _stage(physics, lo, m, dt, 2.0, WHOLE, END, a)
     for i in range(m + 1):
-        v = a.v[i + 1] + sixth * (a.acc[i + 1] + ball_acceleration(i, a))
+        v = a.v[i + 1] + sixth * (a.acc[i + 1] + of_ball(i, a.raw[i], a.raw[i + 1], a))
         a.half[i + 1], a.v[i + 1] = a.guess[i + 1], v
     if HUNG:
         for i in range(m + 1):
@@ -168,7 +202,7 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
         xi = a.xi[j + 1] + sixth * (a.rate[j + 1] + (a.half[j + 1] - a.half[j + 2]))
         raw = force(physics, lo, j, xi, a.v[j + 1] - a.v[j + 2], a)
         a.xi[j + 1], a.raw[j + 1] = xi, raw
-        flags |= noted(j, half, xi, a.was_raw[j + 1], raw, logged, a)
+        flags |= noted(j, a)
     close(physics, m, a)
     return flags
 
@@ -180,7 +214,7 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
     The values are ξ, v, a and the next two derivatives of v (`jerk`, `snap`). These two begin at 0: a run that starts
     in contact converges with order 2, as one does after an onset.
     """
-    flags, dt, half, logged = 0, physics.dt, 0.5 * physics.dt, physics.logged
+    flags, dt = 0, physics.dt
     d2, d3, d4 = dt * dt / 2.0, dt * dt * dt / 6.0, dt * dt * dt * dt / 24.0
     if DRIVEN:
         arrive(physics, lo, m, WHOLE, a)
@@ -204,7 +238,7 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         a.raw[j + 1] = force(physics, lo, j, a.xi[j + 1], a.v[j + 1] - a.v[j + 2], a)
     close(physics, m, a)
     for i in range(m + 1):
-        acc = ball_acceleration(i, a)
+        acc = of_ball(i, a.raw[i], a.raw[i + 1], a)
         miss = acc - a.acc[i + 1]
         a.half[i + 1], a.acc[i + 1] = miss, acc
         a.v[i + 1] += 0.375 * dt * miss
@@ -216,7 +250,7 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
     for j in range(m):
         xi = a.xi[j + 1] + 19.0 / 180.0 * dt * dt * (a.half[j + 1] - a.half[j + 2])
         a.xi[j + 1] = xi
-        flags |= noted(j, half, xi, a.was_raw[j + 1], a.raw[j + 1], logged, a)
+        flags |= noted(j, a)
     close(physics, m, a)
     return flags
 

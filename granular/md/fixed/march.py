@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import Any
 
 from granular._kernels import DRIVEN, HEATED, RING, WORKED, entry, kernel
-from granular.md.fixed.integrators import CHANGED, CLOSED, beside, half_way as begin, verlet as step
+from granular.md.fixed.integrators import CHANGED, CLOSED, half_way as begin, neighbours, peaks, share, verlet as step
 from granular.md.fixed.notes import local, log_contacts
 from granular.md.fixed.walls import CROWD, HALT, HIT, MOST, ahead, book, heat
 from granular.md.fixed.window import COUNT, RAW, XI, load, store
@@ -58,7 +58,7 @@ def take_steps(
         lo, hi, alone = max(0, first - margin), min(pairs, stop + margin), stop - first == pairs
         if RING and not alone:
             lo, hi = first - margin, stop + margin
-        m, done = hi - lo, 0  # pairs first … stop-1 are kept, lo … hi-1 are stepped
+        m, done, wall_flags = hi - lo, 0, 0  # pairs first … stop-1 are kept, lo … hi-1 are stepped
         load(lo, m, physics, here, work)
         begin(physics.dt, m, a)
         while done < taken:
@@ -73,7 +73,11 @@ def take_steps(
                     return 0, 0
                 flags |= wall_flags
             step_flags = step(physics, lo, right, a)
-            beside(right, 0.5 * physics.dt, a)
+            if done == 0 or step_flags & CHANGED or wall_flags & HIT:
+                neighbours(right, a)
+            share(right, 0.5 * physics.dt, a)
+            if physics.logged:
+                peaks(right, 0.5 * physics.dt, a)
             if physics.memory:
                 remember(right, a)
             if WORKED:

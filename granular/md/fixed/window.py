@@ -26,7 +26,7 @@ ROWS = (
     "xi_max", "force_max", "impulse", "step", "part", "lower", "upper", "count", "touched",
     "top", "acc", "jerk", "snap",
     "lost", "lost_low", "work", "work_low", "heat", "heat_low", "off",
-    "was_xi", "was_raw", "was_v", "k", "gamma", "w", "fall", "square", "half", "guess", "rate", "start", "sway",
+    "was_xi", "was_raw", "was_v", "k", "gamma", "w", "fall", "square", "half", "guess", "pushed", "rate", "start", "sway",
 )
 """Overlap, unclipped force, velocity. Over the whole run: largest overlap, largest overlap of the pair and the next one
 together, impulse exchanged while a neighbouring pair was active. If a log is kept, of the running contact: peaks and
