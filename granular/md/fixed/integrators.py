@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from granular._kernels import DRIVEN, HUNG, kernel
+from granular._kernels import DRIVEN, HUNG, WORKED, kernel
 from granular.md.fixed.contact_force import asked as force
-from granular.md.fixed.window import END, HALF, LAST, MIDDLE, WHOLE, arrive, close, steer
+from granular.md.fixed.window import END, HALF, LAST, LOGGED, MIDDLE, WHOLE, arrive, close, steer
 
 CHANGED, CLOSED = 1, 2
 
@@ -35,23 +35,16 @@ def of_pendulum(i: int, below: float, above: float, a: Any) -> float:
 
 
 @kernel
-def noted(j: int, a: Any) -> int:
-    """Note the largest overlap of pair `j` after a step, without a branch; return flags."""
-    xi, closed = a.xi[j + 1], 1 if a.xi[j + 1] > 0.0 else 0
+def noted(j: int, half: float, was_xi: float, xi: float, was: float, raw: float, a: Any) -> int:
+    """Note the largest overlap of pair `j` after a step, peaks and impulse for a log, without a branch; return flags."""
     a.deepest[j + 1] = xi if xi > a.deepest[j + 1] else a.deepest[j + 1]
-    turned = (1 if a.was_raw[j + 1] > 0.0 else 0) ^ (1 if a.raw[j + 1] > 0.0 else 0)
-    return turned | (closed ^ (1 if a.was_xi[j + 1] > 0.0 else 0)) | 2 * closed
-
-
-@kernel
-def peaks(m: int, half: float, a: Any) -> None:
-    """Note peaks and impulse of the running contacts."""
-    for j in range(m):
-        xi, before = a.xi[j + 1], a.was_raw[j + 1] if a.was_raw[j + 1] > 0.0 else 0.0
-        after = a.raw[j + 1] if a.raw[j + 1] > 0.0 else 0.0
+    if LOGGED:
+        before, after = was if was > 0.0 else 0.0, raw if raw > 0.0 else 0.0
         a.xi_max[j + 1] = xi if xi > a.xi_max[j + 1] else a.xi_max[j + 1]
         a.force_max[j + 1] = after if after > a.force_max[j + 1] else a.force_max[j + 1]
         a.impulse[j + 1] += half * (before + after)
+    opened, closed = 1 if was_xi > 0.0 else 0, 1 if xi > 0.0 else 0
+    return (opened ^ closed) | ((1 if was > 0.0 else 0) ^ (1 if raw > 0.0 else 0)) | 2 * closed
 
 
 @kernel
@@ -76,11 +69,13 @@ def share(m: int, half: float, a: Any) -> None:
 @kernel
 def drift(physics: Any, lo: int, j: int, a: Any) -> int:
     """Move pair `j` by the velocities `half` and evaluate the force there, which sees the velocities `guess`."""
-    xi, was = a.xi[j + 1] + physics.dt * (a.half[j + 1] - a.half[j + 2]), a.raw[j + 1]
+    was_xi, was = a.xi[j + 1], a.raw[j + 1]
+    xi = was_xi + physics.dt * (a.half[j + 1] - a.half[j + 2])
     raw = force(physics, lo, j, xi, a.guess[j + 1] - a.guess[j + 2], a)
-    a.was_xi[j + 1], a.was_raw[j + 1] = a.xi[j + 1], was
-    a.xi[j + 1], a.raw[j + 1] = xi, raw
-    return noted(j, a)
+    if LOGGED or WORKED:
+        a.was_xi[j + 1] = was_xi
+    a.was_raw[j + 1], a.xi[j + 1], a.raw[j + 1] = was, xi, raw
+    return noted(j, 0.5 * physics.dt, was_xi, xi, was, raw, a)
 
 
 @kernel
@@ -116,7 +111,9 @@ def kick(i: int, dt: float, below: float, above: float, a: Any) -> None:
         a.off[i + 1] += dt * a.half[i + 1]
     acc, half = of_ball(i, below, above, a), 0.5 * dt
     v = a.half[i + 1] + half * acc
-    a.was_v[i + 1], a.v[i + 1] = a.v[i + 1], v
+    if LOGGED or WORKED:
+        a.was_v[i + 1] = a.v[i + 1]
+    a.v[i + 1] = v
     a.guess[i + 1], a.half[i + 1] = v + dt * acc, v + half * acc
 
 
@@ -201,8 +198,8 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     for j in range(m):
         xi = a.xi[j + 1] + sixth * (a.rate[j + 1] + (a.half[j + 1] - a.half[j + 2]))
         raw = force(physics, lo, j, xi, a.v[j + 1] - a.v[j + 2], a)
+        flags |= noted(j, half, a.xi[j + 1], xi, a.was_raw[j + 1], raw, a)
         a.xi[j + 1], a.raw[j + 1] = xi, raw
-        flags |= noted(j, a)
     close(physics, m, a)
     return flags
 
@@ -214,7 +211,7 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
     The values are ξ, v, a and the next two derivatives of v (`jerk`, `snap`). These two begin at 0: a run that starts
     in contact converges with order 2, as one does after an onset.
     """
-    flags, dt = 0, physics.dt
+    flags, dt, half = 0, physics.dt, 0.5 * physics.dt
     d2, d3, d4 = dt * dt / 2.0, dt * dt * dt / 6.0, dt * dt * dt * dt / 24.0
     if DRIVEN:
         arrive(physics, lo, m, WHOLE, a)
@@ -250,7 +247,7 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
     for j in range(m):
         xi = a.xi[j + 1] + 19.0 / 180.0 * dt * dt * (a.half[j + 1] - a.half[j + 2])
         a.xi[j + 1] = xi
-        flags |= noted(j, a)
+        flags |= noted(j, half, a.was_xi[j + 1], xi, a.was_raw[j + 1], a.raw[j + 1], a)
     close(physics, m, a)
     return flags
 

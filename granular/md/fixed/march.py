@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import Any
 
 from granular._kernels import DRIVEN, HEATED, RING, WORKED, entry, kernel
-from granular.md.fixed.integrators import CHANGED, CLOSED, half_way as begin, neighbours, peaks, share, verlet as step
+from granular.md.fixed.integrators import CHANGED, CLOSED, half_way as begin, neighbours, share, verlet as step
 from granular.md.fixed.notes import local, log_contacts
 from granular.md.fixed.walls import CROWD, HALT, HIT, MOST, ahead, book, heat
 from granular.md.fixed.window import COUNT, RAW, XI, load, store
@@ -76,8 +76,6 @@ def take_steps(
             if done == 0 or step_flags & CHANGED or wall_flags & HIT:
                 neighbours(right, a)
             share(right, 0.5 * physics.dt, a)
-            if physics.logged:
-                peaks(right, 0.5 * physics.dt, a)
             if physics.memory:
                 remember(right, a)
             if WORKED:

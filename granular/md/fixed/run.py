@@ -318,7 +318,8 @@ class Run:
         m, v0, v = scene.mass[balls], scene.velocity[balls], self.stepper.balls()[balls]
         x0 = scene.position[balls]
         x = positions(scene, -self.stepper.pairs(XI)[None], np.array([self.k * self.dt]), self.start)[0][balls]
-        stored = (self.stepper.laws[c].energy(-float(scene.gap[c])) for c in np.flatnonzero(scene.gap < 0.0).tolist())
+        kind, each = self.stepper.laws.in_pairs
+        stored = (each[kind[c]].energy(-float(scene.gap[c])) for c in np.flatnonzero(scene.gap < 0.0).tolist())
         fallen = max(0.0, (m * scene.fall[balls]) @ (x - x0))
         if scene.pendulum > 0.0:
             fallen = 0.5 * scene.pendulum**2 * (m @ scene.displacement[balls] ** 2)

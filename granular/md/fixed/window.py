@@ -43,6 +43,8 @@ velocities within a step; a sum of Runge and Kutta, displacements at the start o
     LOST, LOST_LOW, WORK, WORK_LOW, HEAT, HEAT_LOW, OFF,
 ) = range(26)
 """Places of the rows that a chain may have, too: all up to the last one that the run needs."""
+LOGGED: bool = False
+"""A log is kept: kernels note peaks, and the state a step ago. `Stepper` has kernels made in which it says so."""
 WAS, GIVEN = ROWS.index("was_xi"), ROWS.index("k")
 WINDOW = np.dtype([(name, float, (LENGTH,)) for name in ROWS])
 HALF, WHOLE, LAST, START, MIDDLE, END = range(6)
