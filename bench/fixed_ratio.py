@@ -130,7 +130,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--balls", type=int, nargs="+", default=[100, 1_000, 10_000, 100_000])
     given = parser.parse_args()
-    print("law, balls: bare ns a ball and step | no log ÷ bare | log ÷ no log | µs a ball beside the steps, no log, log")
+    print("law, balls: bare ns a ball and step | no log ÷ bare | log ÷ no log | µs a ball beside the steps")
     broken = False
     for law in LAWS:
         for n in given.balls:

@@ -54,11 +54,11 @@ def _slopes(laws: SceneLaws, overlap: Array) -> Array:
     """Stiffness in N/m and damping in kg/s of all pairs at their overlaps, shape (2, n-1); 0 of pairs not closed."""
     slope, closed = np.zeros((2, len(overlap))), np.flatnonzero(overlap > 0.0)
     if len(closed):
-        of_pair, each_law = laws.in_pairs
+        of_pair, each = laws.in_pairs
         kind, first = alike(of_pair[closed], overlap[closed])
-        asked = closed[first]
-        each = [_tangent(each_law[k], xi) for k, xi in zip(of_pair[asked].tolist(), overlap[asked].tolist(), strict=True)]
-        slope[:, closed] = np.array(each).T[:, kind]
+        asked = zip(of_pair[closed[first]].tolist(), overlap[closed[first]].tolist(), strict=True)
+        tangents = [_tangent(each[k], xi) for k, xi in asked]
+        slope[:, closed] = np.array(tangents).T[:, kind]
     return slope
 
 

@@ -3,7 +3,7 @@
 The state is the overlap ξ of each pair and the velocity v of each body; ``overlap rate = v[c] - v[c+1]``. Every step
 leaves in `raw` the (unclipped) contact forces that belong to the new state, which the next step reuses: Verlet, Euler
 and Gear evaluate each force once a step, Runge-Kutta four times. A step ends with the notes of `noted`, and returns the
-flags `CHANGED` (a force comes or goes) and `CLOSED` (there is an overlap).
+flags `CHANGED` (a force or an overlap comes or goes) and `CLOSED` (there is an overlap).
 """
 
 from __future__ import annotations
@@ -19,24 +19,22 @@ CHANGED, CLOSED = 1, 2
 
 
 @kernel
-def of_ball(i: int, below: float, above: float, a: Any) -> float:
+def ball_acceleration(i: int, below: float, above: float, a: Any) -> Any:
     """Acceleration of ball i in m/s², a_i = (F_{i-1} - F_i) / m_i - g; walls (1/m = 0, no fall) keep their speed."""
     push = (below if below > 0.0 else 0.0) - (above if above > 0.0 else 0.0)
-    acceleration: float = a.w[i + 1] * push + a.fall[i + 1]
-    return acceleration
+    return a.w[i + 1] * push + a.fall[i + 1]
 
 
 @kernel
-def of_pendulum(i: int, below: float, above: float, a: Any) -> float:
-    """Acceleration of pendulum i in m/s², in place of `of_ball`: a_i = (F_{i-1} - F_i) / m_i - Ω² y_i."""
+def pendulum_acceleration(i: int, below: float, above: float, a: Any) -> Any:
+    """Acceleration of pendulum i in m/s², in place of `ball_acceleration`: a_i = (F_{i-1} - F_i) / m_i - Ω² y_i."""
     push = (below if below > 0.0 else 0.0) - (above if above > 0.0 else 0.0)
-    acceleration: float = a.w[i + 1] * push - a.square[i + 1] * a.off[i + 1]
-    return acceleration
+    return a.w[i + 1] * push - a.square[i + 1] * a.off[i + 1]
 
 
 @kernel
 def noted(j: int, half: float, was_xi: float, xi: float, was: float, raw: float, a: Any) -> int:
-    """Note the largest overlap of pair `j` after a step, peaks and impulse for a log, without a branch; return flags."""
+    """Note the largest overlap of pair `j` after a step, for a log also peaks and impulse; return flags."""
     a.deepest[j + 1] = xi if xi > a.deepest[j + 1] else a.deepest[j + 1]
     if LOGGED:
         before, after = was if was > 0.0 else 0.0, raw if raw > 0.0 else 0.0
@@ -49,11 +47,11 @@ def noted(j: int, half: float, was_xi: float, xi: float, was: float, raw: float,
 
 @kernel
 def neighbours(m: int, a: Any) -> None:
-    """Note which pairs push beside one that pushes, and which are closed together with the next one."""
+    """Note which pairs have a neighbour that pushes, and which are closed together with the next one: asked only where
+    that may have changed."""
     for j in range(m):
-        next_to = a.raw[j] if a.raw[j] > a.raw[j + 2] else a.raw[j + 2]
         both = a.xi[j + 1] if a.xi[j + 1] < a.xi[j + 2] else a.xi[j + 2]
-        a.pushed[j + 1] = next_to
+        a.pushed[j + 1] = a.raw[j] if a.raw[j] > a.raw[j + 2] else a.raw[j + 2]
         a.beside[j + 1] = both if both > a.beside[j + 1] else a.beside[j + 1]
 
 
@@ -67,7 +65,7 @@ def share(m: int, half: float, a: Any) -> None:
 
 
 @kernel
-def drift(physics: Any, lo: int, j: int, a: Any) -> int:
+def move_pair(physics: Any, lo: int, j: int, a: Any) -> int:
     """Move pair `j` by the velocities `half` and evaluate the force there, which sees the velocities `guess`."""
     was_xi, was = a.xi[j + 1], a.raw[j + 1]
     xi = was_xi + physics.dt * (a.half[j + 1] - a.half[j + 2])
@@ -83,7 +81,7 @@ def move(physics: Any, lo: int, m: int, a: Any) -> int:
     """Drift by the velocities `half` and evaluate the forces there, which see the velocities `guess`."""
     flags, dt = 0, physics.dt
     for j in range(m):
-        flags |= drift(physics, lo, j, a)
+        flags |= move_pair(physics, lo, j, a)
     if HUNG:
         for i in range(m + 1):
             a.off[i + 1] += dt * a.half[i + 1]
@@ -100,7 +98,7 @@ def idle(dt: float, m: int, a: Any) -> None:
 def half_way(dt: float, m: int, a: Any) -> None:
     """Begin the first of several Verlet steps."""
     for i in range(m + 1):
-        acc = of_ball(i, a.raw[i], a.raw[i + 1], a)
+        acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
         a.half[i + 1], a.guess[i + 1] = a.v[i + 1] + 0.5 * dt * acc, a.v[i + 1] + dt * acc
 
 
@@ -109,7 +107,7 @@ def kick(i: int, dt: float, below: float, above: float, a: Any) -> None:
     """End a Verlet step of ball i between two forces, and begin the next."""
     if HUNG:
         a.off[i + 1] += dt * a.half[i + 1]
-    acc, half = of_ball(i, below, above, a), 0.5 * dt
+    acc, half = ball_acceleration(i, below, above, a), 0.5 * dt
     v = a.half[i + 1] + half * acc
     if LOGGED or WORKED:
         a.was_v[i + 1] = a.v[i + 1]
@@ -119,16 +117,18 @@ def kick(i: int, dt: float, below: float, above: float, a: Any) -> None:
 
 @kernel
 def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
-    """Velocity Verlet; a rate-dependent force sees the predicted velocity v + a·dt. It begins the next step, too."""
+    """Velocity Verlet; a rate-dependent force sees the predicted velocity v + a·dt. It begins the next step, too.
+
+    One loop: ball j is between pairs that have both moved. Its outer balls wait for the pair beyond the end of a ring.
+    """
     if DRIVEN:
         steer(physics, lo, m, WHOLE, END, a)
     dt = physics.dt
-    flags, below = drift(physics, lo, 0, a), a.raw[1]
+    flags, below = move_pair(physics, lo, 0, a), a.raw[1]
     for j in range(1, m):
-        flags |= drift(physics, lo, j, a)
-        above = a.raw[j + 1]
-        kick(j, dt, below, above, a)
-        below = above
+        flags |= move_pair(physics, lo, j, a)
+        kick(j, dt, below, a.raw[j + 1], a)
+        below = a.raw[j + 1]
     close(physics, m, a)
     kick(0, dt, a.raw[0], a.raw[1], a)
     kick(m, dt, a.raw[m], a.raw[m + 1], a)
@@ -142,9 +142,10 @@ def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
     """Symplectic (semi-implicit) Euler: kick with the old force, then drift with the new velocity."""
     dt = physics.dt
     for i in range(m + 1):
-        v = a.v[i + 1] + dt * of_ball(i, a.raw[i], a.raw[i + 1], a)
-        a.was_v[i + 1], a.v[i + 1] = a.v[i + 1], v
-        a.half[i + 1] = a.guess[i + 1] = v
+        v = a.v[i + 1] + dt * ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
+        if LOGGED or WORKED:
+            a.was_v[i + 1] = a.v[i + 1]
+        a.v[i + 1] = a.half[i + 1] = a.guess[i + 1] = v
     if DRIVEN:
         arrive(physics, lo, m, END, a)
         steer(physics, lo, m, WHOLE, END, a)
@@ -155,7 +156,7 @@ def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
 def _stage(physics: Any, lo: int, m: int, reach: float, weight: float, drift: int, speed: int, a: Any) -> None:
     """Add the derivatives of a stage of Runge-Kutta, and go on from the start to the next one, `reach` in s away."""
     for i in range(m + 1):
-        acc = of_ball(i, a.raw[i], a.raw[i + 1], a)
+        acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
         a.acc[i + 1] += weight * acc
         a.half[i + 1], a.guess[i + 1] = a.guess[i + 1], a.v[i + 1] + reach * acc
     if HUNG:
@@ -187,7 +188,7 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     _stage(physics, lo, m, half, 2.0, HALF, MIDDLE, a)
     _stage(physics, lo, m, dt, 2.0, WHOLE, END, a)
     for i in range(m + 1):
-        v = a.v[i + 1] + sixth * (a.acc[i + 1] + of_ball(i, a.raw[i], a.raw[i + 1], a))
+        v = a.v[i + 1] + sixth * (a.acc[i + 1] + ball_acceleration(i, a.raw[i], a.raw[i + 1], a))
         a.half[i + 1], a.v[i + 1] = a.guess[i + 1], v
     if HUNG:
         for i in range(m + 1):
@@ -235,7 +236,7 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         a.raw[j + 1] = force(physics, lo, j, a.xi[j + 1], a.v[j + 1] - a.v[j + 2], a)
     close(physics, m, a)
     for i in range(m + 1):
-        acc = of_ball(i, a.raw[i], a.raw[i + 1], a)
+        acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
         miss = acc - a.acc[i + 1]
         a.half[i + 1], a.acc[i + 1] = miss, acc
         a.v[i + 1] += 0.375 * dt * miss

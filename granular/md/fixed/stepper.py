@@ -18,7 +18,7 @@ from granular._kernels import compiled, fitted, flags
 from granular._records import one, packed, plain, twin
 from granular.laws.kinds import SceneLaws
 from granular.md.fixed import contact_force, march, window
-from granular.md.fixed.integrators import Integrator, of_pendulum
+from granular.md.fixed.integrators import Integrator, pendulum_acceleration
 from granular.md.fixed.notes import STEP_ROW, log_contacts
 from granular.md.fixed.walls import HALT, HEATER, MOST, clock, flown, heaters, next_touch, packed_walls, walls_of
 from granular.md.fixed.window import ROWS, WINDOW, XI, Physics, V, Work
@@ -128,7 +128,7 @@ class Stepper:
         how = self.integrator
         fit: dict[str, Any] = {"step": how.step, "begin": how.begin, "EVALUATIONS": how.evaluations, "force": force}
         if self.rest is not None:
-            fit["of_ball"] = of_pendulum
+            fit["ball_acceleration"] = pendulum_acceleration
         fit |= self.flags | {"LOGGED": self.physics.logged}
         return Code(fitted(march.march, **fit), fitted(march.take_steps, **fit), window.glide, window.time_to_touch,
                     window.swing, window.time_to_touch_hung)

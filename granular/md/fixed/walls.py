@@ -25,7 +25,7 @@ from granular._flight import rate_at_contact, time_to_contact
 from granular._kernels import kernel
 from granular._records import packed, plain
 from granular.md.fixed.contact_force import asked as force
-from granular.md.fixed.integrators import of_ball
+from granular.md.fixed.integrators import ball_acceleration
 from granular.md.fixed.window import END, HALF, LAST, MIDDLE, START, WHOLE
 from granular.scene import Scene
 from granular.scene.places import driven_walls
@@ -203,7 +203,7 @@ def heat(physics: Any, lo: int, m: int, first: int, stop: int, k: int, work: Any
 def _flight(side: int, j: int, s: float, a: Any) -> tuple[float, float, float]:
     """Return a thermal wall's gap, its rate and its closing acceleration at a time s into a step."""
     i = j + 1 if side == 0 else j
-    acc = of_ball(i, a.raw[i], a.raw[i + 1], a)
+    acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
     gap, rate, pull = -a.xi[j + 1], a.v[j + 2] - a.v[j + 1], -acc if side == 0 else acc
     gap += s * (rate - 0.5 * pull * s)
     return gap if gap > 0.0 else 0.0, rate - pull * s, pull
