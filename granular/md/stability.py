@@ -56,8 +56,7 @@ def _slopes(laws: SceneLaws, overlap: Array) -> Array:
     if len(closed):
         of_pair, each = laws.in_pairs
         kind, first = alike(of_pair[closed], overlap[closed])
-        asked = zip(of_pair[closed[first]].tolist(), overlap[closed[first]].tolist(), strict=True)
-        tangents = [_tangent(each[k], xi) for k, xi in asked]
+        tangents = [_tangent(each[of_pair[c]], float(overlap[c])) for c in closed[first].tolist()]
         slope[:, closed] = np.array(tangents).T[:, kind]
     return slope
 

@@ -77,19 +77,6 @@ def move_pair(physics: Any, lo: int, j: int, a: Any) -> int:
 
 
 @kernel
-def move(physics: Any, lo: int, m: int, a: Any) -> int:
-    """Drift by the velocities `half` and evaluate the forces there, which see the velocities `guess`."""
-    flags, dt = 0, physics.dt
-    for j in range(m):
-        flags |= move_pair(physics, lo, j, a)
-    if HUNG:
-        for i in range(m + 1):
-            a.off[i + 1] += dt * a.half[i + 1]
-    close(physics, m, a)
-    return flags
-
-
-@kernel
 def idle(dt: float, m: int, a: Any) -> None:
     """Nothing is to be made ready."""
 
@@ -127,8 +114,9 @@ def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
     flags, below = move_pair(physics, lo, 0, a), a.raw[1]
     for j in range(1, m):
         flags |= move_pair(physics, lo, j, a)
-        kick(j, dt, below, a.raw[j + 1], a)
-        below = a.raw[j + 1]
+        above = a.raw[j + 1]
+        kick(j, dt, below, above, a)
+        below = above  # in hand, not read again: so compilers turn the loop into vector code
     close(physics, m, a)
     kick(0, dt, a.raw[0], a.raw[1], a)
     kick(m, dt, a.raw[m], a.raw[m + 1], a)
@@ -140,7 +128,7 @@ def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
 @kernel
 def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
     """Symplectic (semi-implicit) Euler: kick with the old force, then drift with the new velocity."""
-    dt = physics.dt
+    flags, dt = 0, physics.dt
     for i in range(m + 1):
         v = a.v[i + 1] + dt * ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
         if LOGGED or WORKED:
@@ -149,7 +137,13 @@ def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
     if DRIVEN:
         arrive(physics, lo, m, END, a)
         steer(physics, lo, m, WHOLE, END, a)
-    return move(physics, lo, m, a)
+    for j in range(m):
+        flags |= move_pair(physics, lo, j, a)
+    if HUNG:
+        for i in range(m + 1):
+            a.off[i + 1] += dt * a.half[i + 1]
+    close(physics, m, a)
+    return flags
 
 
 @kernel
