@@ -202,10 +202,13 @@ def _check_said(laws: SceneLaws) -> None:
 
 def check_deepest(laws: SceneLaws, contacts: Any) -> None:
     """Raise if a force is no number at the largest overlap in a contact log: fixed steps take that for no force."""
-    deepest = np.zeros(len(laws))
+    deepest, (kind, each) = np.zeros(len(laws)), laws.in_pairs
     np.maximum.at(deepest, contacts["pair"], contacts["xi_max"])
     for c in np.flatnonzero(deepest > 0.0).tolist():
-        finite(laws[c], float(deepest[c]), 0.0)
+        try:
+            finite(each[kind[c]], float(deepest[c]), 0.0)
+        except ValueError:
+            finite(laws[c], float(deepest[c]), 0.0)  # the same, said of this very pair
 
 
 def finite(law: PairLaw, xi: float, xi_dot: float) -> float:

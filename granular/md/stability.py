@@ -54,9 +54,10 @@ def _slopes(laws: SceneLaws, overlap: Array) -> Array:
     """Stiffness in N/m and damping in kg/s of all pairs at their overlaps, shape (2, n-1); 0 of pairs not closed."""
     slope, closed = np.zeros((2, len(overlap))), np.flatnonzero(overlap > 0.0)
     if len(closed):
-        kind, first = alike(laws.in_pairs[0][closed], overlap[closed])
-        each = [_tangent(laws[c], float(overlap[c])) for c in closed[first].tolist()]
-        slope[:, closed] = np.array(each).T[:, kind]
+        of_pair, each = laws.in_pairs
+        kind, first = alike(of_pair[closed], overlap[closed])
+        tangents = [_tangent(each[of_pair[c]], float(overlap[c])) for c in closed[first].tolist()]
+        slope[:, closed] = np.array(tangents).T[:, kind]
     return slope
 
 

@@ -3,7 +3,7 @@
 The state is the overlap ξ of each pair and the velocity v of each body; ``overlap rate = v[c] - v[c+1]``. Every step
 leaves in `raw` the (unclipped) contact forces that belong to the new state, which the next step reuses: Verlet, Euler
 and Gear evaluate each force once a step, Runge-Kutta four times. A step ends with the notes of `noted`, and returns the
-flags `CHANGED` (a force comes or goes) and `CLOSED` (there is an overlap).
+flags `CHANGED` (a force or an overlap comes or goes) and `CLOSED` (there is an overlap).
 """
 
 from __future__ import annotations
@@ -11,73 +11,72 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from granular._kernels import DRIVEN, HUNG, kernel
+from granular._kernels import DRIVEN, HUNG, WORKED, kernel
 from granular.md.fixed.contact_force import asked as force
-from granular.md.fixed.window import END, HALF, LAST, MIDDLE, WHOLE, arrive, close, steer
+from granular.md.fixed.window import END, HALF, LAST, LOGGED, MIDDLE, WHOLE, arrive, close, steer
 
 CHANGED, CLOSED = 1, 2
 
 
 @kernel
-def ball_acceleration(i: int, a: Any) -> float:
+def ball_acceleration(i: int, below: float, above: float, a: Any) -> Any:
     """Acceleration of ball i in m/s², a_i = (F_{i-1} - F_i) / m_i - g; walls (1/m = 0, no fall) keep their speed."""
-    below = a.raw[i] if a.raw[i] > 0.0 else 0.0
-    above = a.raw[i + 1] if a.raw[i + 1] > 0.0 else 0.0
-    acceleration: float = a.w[i + 1] * (below - above) + a.fall[i + 1]
-    return acceleration
+    push = (below if below > 0.0 else 0.0) - (above if above > 0.0 else 0.0)
+    return a.w[i + 1] * push + a.fall[i + 1]
 
 
 @kernel
-def pendulum_acceleration(i: int, a: Any) -> float:
+def pendulum_acceleration(i: int, below: float, above: float, a: Any) -> Any:
     """Acceleration of pendulum i in m/s², in place of `ball_acceleration`: a_i = (F_{i-1} - F_i) / m_i - Ω² y_i.
 
     `Stepper._kernels` puts it there. Columns of the window: `a.off` is y in m, `a.square` Ω² in 1/s².
     """
-    below = a.raw[i] if a.raw[i] > 0.0 else 0.0
-    above = a.raw[i + 1] if a.raw[i + 1] > 0.0 else 0.0
-    acceleration: float = a.w[i + 1] * (below - above) - a.square[i + 1] * a.off[i + 1]
-    return acceleration
+    push = (below if below > 0.0 else 0.0) - (above if above > 0.0 else 0.0)
+    return a.w[i + 1] * push - a.square[i + 1] * a.off[i + 1]
 
 
 @kernel
-def noted(j: int, half: float, xi: float, was: float, raw: float, logged: bool, a: Any) -> int:
-    """Note peaks and impulse of pair `j` after a step, without a branch; return flags."""
-    before, after = was if was > 0.0 else 0.0, raw if raw > 0.0 else 0.0
+def noted(j: int, half: float, was_xi: float, xi: float, was: float, raw: float, a: Any) -> int:
+    """Note the largest overlap of pair `j` after a step, for a log also peaks and impulse; return flags."""
     a.deepest[j + 1] = xi if xi > a.deepest[j + 1] else a.deepest[j + 1]
-    if logged:
+    if LOGGED:
+        before, after = was if was > 0.0 else 0.0, raw if raw > 0.0 else 0.0
         a.xi_max[j + 1] = xi if xi > a.xi_max[j + 1] else a.xi_max[j + 1]
         a.force_max[j + 1] = after if after > a.force_max[j + 1] else a.force_max[j + 1]
         a.impulse[j + 1] += half * (before + after)
-    return ((1 if before > 0.0 else 0) ^ (1 if after > 0.0 else 0)) | (2 if xi > 0.0 else 0)
+    opened, closed = 1 if was_xi > 0.0 else 0, 1 if xi > 0.0 else 0
+    return (opened ^ closed) | ((1 if was > 0.0 else 0) ^ (1 if raw > 0.0 else 0)) | 2 * closed
 
 
 @kernel
-def beside(m: int, half: float, a: Any) -> None:
-    """Note overlaps of two neighbours together, and the impulse exchanged beside an active neighbour."""
+def neighbours(m: int, a: Any) -> None:
+    """Note which pairs have a neighbour that pushes, and which are closed together with the next one: asked only where
+    that may have changed."""
+    for j in range(m):
+        both = a.xi[j + 1] if a.xi[j + 1] < a.xi[j + 2] else a.xi[j + 2]
+        a.pushed[j + 1] = a.raw[j] if a.raw[j] > a.raw[j + 2] else a.raw[j + 2]
+        a.beside[j + 1] = both if both > a.beside[j + 1] else a.beside[j + 1]
+
+
+@kernel
+def share(m: int, half: float, a: Any) -> None:
+    """Note the impulse exchanged beside a neighbour that pushes."""
     for j in range(m):
         before = a.was_raw[j + 1] if a.was_raw[j + 1] > 0.0 else 0.0
         after = a.raw[j + 1] if a.raw[j + 1] > 0.0 else 0.0
-        next_to = a.raw[j] if a.raw[j] > a.raw[j + 2] else a.raw[j + 2]
-        both = a.xi[j + 1] if a.xi[j + 1] < a.xi[j + 2] else a.xi[j + 2]
-        a.beside[j + 1] = both if both > a.beside[j + 1] else a.beside[j + 1]
-        a.shared[j + 1] += half * (before + after) if next_to > 0.0 else 0.0
+        a.shared[j + 1] += half * (before + after) if a.pushed[j + 1] > 0.0 else 0.0
 
 
 @kernel
-def move(physics: Any, lo: int, m: int, a: Any) -> int:
-    """Drift by the velocities `half` and evaluate the forces there, which see the velocities `guess`."""
-    flags, dt, half, logged = 0, physics.dt, 0.5 * physics.dt, physics.logged
-    for j in range(m):
-        xi = a.xi[j + 1] + dt * (a.half[j + 1] - a.half[j + 2])
-        was, raw = a.raw[j + 1], force(physics, lo, j, xi, a.guess[j + 1] - a.guess[j + 2], a)
-        a.was_xi[j + 1], a.was_raw[j + 1] = a.xi[j + 1], was
-        a.xi[j + 1], a.raw[j + 1] = xi, raw
-        flags |= noted(j, half, xi, was, raw, logged, a)
-    if HUNG:
-        for i in range(m + 1):
-            a.off[i + 1] += dt * a.half[i + 1]
-    close(physics, m, a)
-    return flags
+def move_pair(physics: Any, lo: int, j: int, a: Any) -> int:
+    """Move pair `j` by the velocities `half` and evaluate the force there, which sees the velocities `guess`."""
+    was_xi, was = a.xi[j + 1], a.raw[j + 1]
+    xi = was_xi + physics.dt * (a.half[j + 1] - a.half[j + 2])
+    raw = force(physics, lo, j, xi, a.guess[j + 1] - a.guess[j + 2], a)
+    if LOGGED or WORKED:
+        a.was_xi[j + 1] = was_xi
+    a.was_raw[j + 1], a.xi[j + 1], a.raw[j + 1] = was, xi, raw
+    return noted(j, 0.5 * physics.dt, was_xi, xi, was, raw, a)
 
 
 @kernel
@@ -89,21 +88,41 @@ def idle(dt: float, m: int, a: Any) -> None:
 def half_way(dt: float, m: int, a: Any) -> None:
     """Begin the first of several Verlet steps."""
     for i in range(m + 1):
-        acc = ball_acceleration(i, a)
+        acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
         a.half[i + 1], a.guess[i + 1] = a.v[i + 1] + 0.5 * dt * acc, a.v[i + 1] + dt * acc
 
 
 @kernel
+def kick(i: int, dt: float, below: float, above: float, a: Any) -> None:
+    """End a Verlet step of ball i between two forces, and begin the next."""
+    if HUNG:
+        a.off[i + 1] += dt * a.half[i + 1]
+    acc, half = ball_acceleration(i, below, above, a), 0.5 * dt
+    v = a.half[i + 1] + half * acc
+    if LOGGED or WORKED:
+        a.was_v[i + 1] = a.v[i + 1]
+    a.v[i + 1] = v
+    a.guess[i + 1], a.half[i + 1] = v + dt * acc, v + half * acc
+
+
+@kernel
 def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
-    """Velocity Verlet; a rate-dependent force sees the predicted velocity v + a·dt. It begins the next step, too."""
+    """Velocity Verlet; a rate-dependent force sees the predicted velocity v + a·dt. It begins the next step, too.
+
+    One loop: ball j is between pairs that have both moved. Its outer balls wait for the pair beyond the end of a ring.
+    """
     if DRIVEN:
         steer(physics, lo, m, WHOLE, END, a)
-    flags, dt, half = move(physics, lo, m, a), physics.dt, 0.5 * physics.dt
-    for i in range(m + 1):
-        acc = ball_acceleration(i, a)
-        v = a.half[i + 1] + half * acc
-        a.was_v[i + 1], a.v[i + 1] = a.v[i + 1], v
-        a.guess[i + 1], a.half[i + 1] = v + dt * acc, v + half * acc
+    dt = physics.dt
+    flags, below = move_pair(physics, lo, 0, a), a.raw[1]
+    for j in range(1, m):
+        flags |= move_pair(physics, lo, j, a)
+        above = a.raw[j + 1]
+        kick(j, dt, below, above, a)
+        below = above  # in hand, not read again: so compilers turn the loop into vector code
+    close(physics, m, a)
+    kick(0, dt, a.raw[0], a.raw[1], a)
+    kick(m, dt, a.raw[m], a.raw[m + 1], a)
     if DRIVEN:
         arrive(physics, lo, m, END, a)
     return flags
@@ -112,22 +131,29 @@ def verlet(physics: Any, lo: int, m: int, a: Any) -> int:
 @kernel
 def symplectic_euler(physics: Any, lo: int, m: int, a: Any) -> int:
     """Symplectic (semi-implicit) Euler: kick with the old force, then drift with the new velocity."""
-    dt = physics.dt
+    flags, dt = 0, physics.dt
     for i in range(m + 1):
-        v = a.v[i + 1] + dt * ball_acceleration(i, a)
-        a.was_v[i + 1], a.v[i + 1] = a.v[i + 1], v
-        a.half[i + 1] = a.guess[i + 1] = v
+        v = a.v[i + 1] + dt * ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
+        if LOGGED or WORKED:
+            a.was_v[i + 1] = a.v[i + 1]
+        a.v[i + 1] = a.half[i + 1] = a.guess[i + 1] = v
     if DRIVEN:
         arrive(physics, lo, m, END, a)
         steer(physics, lo, m, WHOLE, END, a)
-    return move(physics, lo, m, a)
+    for j in range(m):
+        flags |= move_pair(physics, lo, j, a)
+    if HUNG:
+        for i in range(m + 1):
+            a.off[i + 1] += dt * a.half[i + 1]
+    close(physics, m, a)
+    return flags
 
 
 @kernel
 def _stage(physics: Any, lo: int, m: int, reach: float, weight: float, drift: int, speed: int, a: Any) -> None:
     """Add the derivatives of a stage of Runge-Kutta, and go on from the start to the next one, `reach` in s away."""
     for i in range(m + 1):
-        acc = ball_acceleration(i, a)
+        acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
         a.acc[i + 1] += weight * acc
         a.half[i + 1], a.guess[i + 1] = a.guess[i + 1], a.v[i + 1] + reach * acc
     if HUNG:
@@ -146,7 +172,7 @@ def _stage(physics: Any, lo: int, m: int, reach: float, weight: float, drift: in
 @kernel
 def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     """Classical Runge-Kutta of order 4."""
-    flags, dt, half, sixth, logged = 0, physics.dt, 0.5 * physics.dt, physics.dt / 6.0, physics.logged
+    flags, dt, half, sixth = 0, physics.dt, 0.5 * physics.dt, physics.dt / 6.0
     for i in range(m + 1):
         a.was_v[i + 1] = a.guess[i + 1] = a.v[i + 1]
         a.acc[i + 1] = 0.0
@@ -159,7 +185,7 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     _stage(physics, lo, m, half, 2.0, HALF, MIDDLE, a)
     _stage(physics, lo, m, dt, 2.0, WHOLE, END, a)
     for i in range(m + 1):
-        v = a.v[i + 1] + sixth * (a.acc[i + 1] + ball_acceleration(i, a))
+        v = a.v[i + 1] + sixth * (a.acc[i + 1] + ball_acceleration(i, a.raw[i], a.raw[i + 1], a))
         a.half[i + 1], a.v[i + 1] = a.guess[i + 1], v
     if HUNG:
         for i in range(m + 1):
@@ -170,8 +196,8 @@ def rk4(physics: Any, lo: int, m: int, a: Any) -> int:
     for j in range(m):
         xi = a.xi[j + 1] + sixth * (a.rate[j + 1] + (a.half[j + 1] - a.half[j + 2]))
         raw = force(physics, lo, j, xi, a.v[j + 1] - a.v[j + 2], a)
+        flags |= noted(j, half, a.xi[j + 1], xi, a.was_raw[j + 1], raw, a)
         a.xi[j + 1], a.raw[j + 1] = xi, raw
-        flags |= noted(j, half, xi, a.was_raw[j + 1], raw, logged, a)
     close(physics, m, a)
     return flags
 
@@ -183,7 +209,7 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
     The values are ξ, v, a and the next two derivatives of v (`jerk`, `snap`). These two begin at 0: a run that starts
     in contact converges with order 2, as one does after an onset.
     """
-    flags, dt, half, logged = 0, physics.dt, 0.5 * physics.dt, physics.logged
+    flags, dt, half = 0, physics.dt, 0.5 * physics.dt
     d2, d3, d4 = dt * dt / 2.0, dt * dt * dt / 6.0, dt * dt * dt * dt / 24.0
     if DRIVEN:
         arrive(physics, lo, m, WHOLE, a)
@@ -207,7 +233,7 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
         a.raw[j + 1] = force(physics, lo, j, a.xi[j + 1], a.v[j + 1] - a.v[j + 2], a)
     close(physics, m, a)
     for i in range(m + 1):
-        acc = ball_acceleration(i, a)
+        acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
         miss = acc - a.acc[i + 1]
         a.half[i + 1], a.acc[i + 1] = miss, acc
         a.v[i + 1] += 0.375 * dt * miss
@@ -219,7 +245,7 @@ def gear5(physics: Any, lo: int, m: int, a: Any) -> int:
     for j in range(m):
         xi = a.xi[j + 1] + 19.0 / 180.0 * dt * dt * (a.half[j + 1] - a.half[j + 2])
         a.xi[j + 1] = xi
-        flags |= noted(j, half, xi, a.was_raw[j + 1], a.raw[j + 1], logged, a)
+        flags |= noted(j, half, a.was_xi[j + 1], xi, a.was_raw[j + 1], a.raw[j + 1], a)
     close(physics, m, a)
     return flags
 

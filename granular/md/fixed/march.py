@@ -15,7 +15,7 @@ from typing import Any
 from granular._kernels import DRIVEN, HEATED, RING, WORKED, entry, kernel
 
 # `begin`, `step` and EVALUATIONS are those of Verlet here; in the kernels of `Stepper`, those of its own integrator
-from granular.md.fixed.integrators import CHANGED, CLOSED, beside, half_way as begin, verlet as step
+from granular.md.fixed.integrators import CHANGED, CLOSED, half_way as begin, neighbours, share, verlet as step
 from granular.md.fixed.notes import log_contacts, may_log_alone
 from granular.md.fixed.walls import CROWD, HALT, HIT, MOST, ahead, book, heat
 from granular.md.fixed.window import COUNT, RAW, XI, load, store
@@ -59,7 +59,7 @@ def take_steps(
         lo, hi, alone = max(0, first - margin), min(pairs, stop + margin), stop - first == pairs
         if RING and not alone:
             lo, hi = first - margin, stop + margin
-        m, done = hi - lo, 0  # pairs first … stop-1 are kept, lo … hi-1 are stepped
+        m, done, wall_flags = hi - lo, 0, 0  # pairs first … stop-1 are kept, lo … hi-1 are stepped
         load(lo, m, physics, here, work)
         begin(physics.dt, m, a)
         while done < taken:
@@ -74,7 +74,9 @@ def take_steps(
                     return 0, 0
                 flags |= wall_flags
             step_flags = step(physics, lo, right, a)
-            beside(right, 0.5 * physics.dt, a)
+            if done == 0 or step_flags & CHANGED or wall_flags & HIT:
+                neighbours(right, a)
+            share(right, 0.5 * physics.dt, a)
             if physics.memory:
                 remember(right, a)
             if WORKED:

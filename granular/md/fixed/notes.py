@@ -25,8 +25,6 @@ STEP_ROW = np.dtype(
 """A row of the log: a contact; onset and end as step numbers and fractions of a step."""
 
 
-
-
 @kernel
 def place(i: int, ring: int) -> int:
     """The place of a pair that is counted beyond an end of a ring."""
@@ -34,18 +32,16 @@ def place(i: int, ring: int) -> int:
 
 
 @kernel
-def part_of_step(j: int, apart: float, was: Any, now: Any) -> float:
+def part_of_step(j: int, apart: float, was: Any, now: Any) -> Any:
     """Fraction of the step at which a contact began or ended; `apart` is the overlap on the side without it."""
     row = XI if apart <= 0.0 else RAW
-    part: float = was[row][j] / (was[row][j] - now[row][j])
-    return part
+    return was[row][j] / (was[row][j] - now[row][j])
 
 
 @kernel
-def between(i: int, part: float, was: Any, now: Any) -> float:
+def between(i: int, part: float, was: Any, now: Any) -> Any:
     """Velocity within the step."""
-    v: float = was[V][i] + part * (now[V][i] - was[V][i])
-    return v
+    return was[V][i] + part * (now[V][i] - was[V][i])
 
 
 @kernel

@@ -29,8 +29,8 @@ from granular.scene import Scene, positions
 from granular.scene.places import Closing
 from granular.trajectory import Status
 
-CHUNK, SHORTEST = 1 << 15, 1 << 8
-"""Steps of a pair between two looks at the clock (progress, switch to compiled code), and steps at least."""
+CHUNK = 1 << 15
+"""Steps of a pair up to the first look at the clock (progress, switch to compiled code)."""
 LOADING, MAKING = 0.7, 8.0
 """Seconds that it takes to load the machine code, and to make it."""
 MOST_STEPS = 1 << 53
@@ -135,9 +135,9 @@ class Run:
         if self.k > MOST_STEPS:
             raise self._beyond(self.k)
         room = int(min(self.request.max_events - self.contacts - 1, 1 << 60))
-        begun, steps = process_time(), int(min(self.chunk, limit - self.k))
+        begun, steps = process_time(), int(min(self.chunk, limit - self.k, self.request.max_steps - self.steps))
         why, k = stepper.march(self.k, steps, room)
-        self.chunk = min(max(SHORTEST, CHUNK // self.scene.n_pairs), portion(steps, process_time() - begun))
+        self.chunk = portion(steps, process_time() - begun)
         self.take_off, self.steps, self.k = None, self.steps + k - self.k, k
         self.crowded = why == CROWDED
         if self._counted(halts=why == UNTIL):
@@ -318,7 +318,8 @@ class Run:
         m, v0, v = scene.mass[balls], scene.velocity[balls], self.stepper.balls()[balls]
         x0 = scene.position[balls]
         x = positions(scene, -self.stepper.pairs(XI)[None], np.array([self.k * self.dt]), self.start)[0][balls]
-        stored = (self.stepper.laws[c].energy(-float(scene.gap[c])) for c in np.flatnonzero(scene.gap < 0.0).tolist())
+        kind, each = self.stepper.laws.in_pairs
+        stored = (each[kind[c]].energy(-float(scene.gap[c])) for c in np.flatnonzero(scene.gap < 0.0).tolist())
         fallen = max(0.0, (m * scene.fall[balls]) @ (x - x0))
         if scene.pendulum > 0.0:
             fallen = 0.5 * scene.pendulum**2 * (m @ scene.displacement[balls] ** 2)

@@ -129,7 +129,7 @@ class Stepper:
         fit: dict[str, Any] = {"step": how.step, "begin": how.begin, "EVALUATIONS": how.evaluations, "force": force}
         if self.rest is not None:
             fit["ball_acceleration"] = pendulum_acceleration
-        fit |= self.flags
+        fit |= self.flags | {"LOGGED": self.physics.logged}
         return Code(fitted(march.march, **fit), fitted(march.take_steps, **fit), window.glide, window.time_to_touch,
                     window.swing, window.time_to_touch_hung)
 

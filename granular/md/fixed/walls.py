@@ -204,7 +204,8 @@ def heat(physics: Any, lo: int, m: int, first: int, stop: int, k: int, work: Any
 @kernel
 def _flight(side: int, j: int, s: float, a: Any) -> tuple[float, float, float]:
     """Return a thermal wall's gap, its rate and its closing acceleration at a time s into a step."""
-    acc = ball_acceleration(j + 1, a) if side == 0 else ball_acceleration(j, a)
+    i = j + 1 if side == 0 else j
+    acc = ball_acceleration(i, a.raw[i], a.raw[i + 1], a)
     gap, rate, pull = -a.xi[j + 1], a.v[j + 2] - a.v[j + 1], -acc if side == 0 else acc
     gap += s * (rate - 0.5 * pull * s)
     return gap if gap > 0.0 else 0.0, rate - pull * s, pull

@@ -26,9 +26,10 @@ ROWS = (
     "xi_max", "force_max", "impulse", "step", "part", "lower", "upper", "count", "touched",
     "top", "acc", "jerk", "snap",
     "lost", "lost_low", "work", "work_low", "heat", "heat_low", "off",
-    "was_xi", "was_raw", "was_v", "k", "gamma", "w", "fall", "square", "half", "guess", "rate", "start", "sway",
+    "was_xi", "was_raw", "was_v", "k", "gamma", "w", "fall", "square",
+    "half", "guess", "pushed", "rate", "start", "sway",
 )
-"""Overlap, unclipped force, velocity. Over the whole run: largest overlap, largest overlap of the pair and the next one
+"""Overlap, unclipped force, velocity. Over the whole run: largest overlap, an overlap of the pair and the next one
 together, impulse exchanged while a neighbouring pair was active. If a log is kept, of the running contact: peaks and
 impulse so far; onset (step, fraction) and velocities then; number of contacts begun; whether the onset is noted of a
 contact still without force. For laws with memory: largest overlap of the running contact. For Gear's method:
@@ -36,13 +37,16 @@ acceleration and higher derivatives of the velocity. Where walls are driven or h
 work and the heat of the wall that is its lower body, or of a ceiling, in two floats each. Of pendula: displacements.
 
 In windows only: the state a step ago; the law's coefficients, inverse masses, free accelerations, squares of Ω;
-velocities within a step; a sum of Runge and Kutta, displacements at the start of their step, and the sum for these."""
+velocities within a step; the greater of the forces beside a pair; a sum of Runge and Kutta, displacements at the start
+of their step, and the sum for these."""
 (
     XI, RAW, V, DEEPEST, BESIDE, SHARED,
     XI_MAX, FORCE_MAX, IMPULSE, STEP, PART, LOWER, UPPER, COUNT, TOUCHED, TOP, ACC, JERK, SNAP,
     LOST, LOST_LOW, WORK, WORK_LOW, HEAT, HEAT_LOW, OFF,
 ) = range(26)
 """Places of the rows that a chain may have, too: all up to the last one that the run needs."""
+LOGGED: bool = False
+"""A log is kept: kernels note peaks, and the state a step ago. `Stepper` has kernels made in which it says so."""
 WAS, GIVEN = ROWS.index("was_xi"), ROWS.index("k")
 WINDOW = np.dtype([(name, float, (LENGTH,)) for name in ROWS])
 HALF, WHOLE, LAST, START, MIDDLE, END = range(6)

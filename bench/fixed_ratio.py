@@ -1,0 +1,148 @@
+"""Fixed steps beside a bare loop: ``python bench/fixed_ratio.py``; exit code 1 if the package "beats" its bare loop.
+
+A chain of equal balls, so compressed between two walls that every contact stays closed, under velocity Verlet: a loop
+written by hand that does nothing else, and the package without and with a log, in turns in one process. The times of a
+step are differences of a long and a short run, in processor time, the least of several rounds; what a run costs beside
+its steps stands apart. Both must end in the same state. A package faster than its bare loop by more than a tenth says
+that one of the two does not do its work: the bench is broken then.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+import granular as gr
+
+DT, K, GAMMA = 1e-3, {"Hertz": 1e4, "dashpot": 100.0}, 0.1
+LAWS: dict[str, Any] = {"Hertz": gr.Hertz(K["Hertz"]), "dashpot": gr.LinearDashpot(K["dashpot"], GAMMA)}
+SHORT, LONG = 20_000_000, 60_000_000
+"""Ball-steps of the two runs."""
+CACHED = 1_000
+"""Balls of which the bare loop goes through the cache at its best: its time for so many counts for longer chains."""
+BROKEN = 0.9
+"""Ratio to the bare loop below which the bench is."""
+
+
+def chain(n: int) -> gr.Scene:
+    """Return a chain of small random velocities, compressed between two walls."""
+    v = np.random.default_rng(1).uniform(-1e-3, 1e-3, n)
+    mass, radius, v[0], v[-1] = np.full(n, 1.0), np.full(n, 0.5), 0.0, 0.0
+    mass[[0, -1]], radius[[0, -1]] = math.inf, 0.0
+    return gr.Scene(mass, radius, np.full(n - 1, -1e-3), v)
+
+
+@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def hertz(steps: int, xi: Any, v: Any, f: Any, half: Any, _: Any) -> None:
+    """Verlet of equal Hertz balls of 1 kg and nothing else: no log, no counts, no bounds of validity."""
+    n, k = len(v), 1e4
+    for c in range(n - 1):
+        f[c] = math.sqrt(xi[c]) * (k * xi[c])
+    for i in range(1, n - 1):
+        half[i] = v[i] + 0.5 * DT * (f[i - 1] - f[i])
+    for _step in range(steps):
+        for c in range(n - 1):
+            xi[c] += DT * (half[c] - half[c + 1])
+            x = xi[c] if xi[c] > 0.0 else 0.0
+            f[c] = math.sqrt(x) * (k * x)
+        for c in range(n - 2):
+            acc = f[c] - f[c + 1]
+            v[c + 1] = half[c + 1] + 0.5 * DT * acc
+            half[c + 1] = v[c + 1] + 0.5 * DT * acc
+
+
+@njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def dashpot(steps: int, xi: Any, v: Any, f: Any, half: Any, guess: Any) -> None:
+    """The same with a dashpot, which sees predicted velocities."""
+    n, k, gamma = len(v), 100.0, 0.1
+    for c in range(n - 1):
+        f[c] = max(0.0, k * xi[c] + gamma * (v[c] - v[c + 1]))
+    for i in range(1, n - 1):
+        acc = f[i - 1] - f[i]
+        half[i], guess[i] = v[i] + 0.5 * DT * acc, v[i] + DT * acc
+    for _step in range(steps):
+        for c in range(n - 1):
+            xi[c] += DT * (half[c] - half[c + 1])
+            raw = k * xi[c] + gamma * (guess[c] - guess[c + 1])
+            f[c] = raw if xi[c] > 0.0 and raw > 0.0 else 0.0
+        for c in range(n - 2):
+            acc = f[c] - f[c + 1]
+            v[c + 1] = half[c + 1] + 0.5 * DT * acc
+            guess[c + 1], half[c + 1] = v[c + 1] + DT * acc, v[c + 1] + 0.5 * DT * acc
+
+
+def by_hand(n: int, steps: int, law: str) -> tuple[Any, Any]:
+    """Return overlaps and velocities after some steps of the bare loop."""
+    xi, v = np.full(n - 1, 1e-3), chain(n).velocity.copy()
+    (hertz if law == "Hertz" else dashpot)(steps, xi, v, np.zeros(n - 1), np.zeros(n), np.zeros(n))
+    return xi, v
+
+
+def by_package(n: int, steps: int, law: str, log: bool) -> tuple[Any, Any]:
+    """Return the same of the package."""
+    run = gr.md.simulate(chain(n), LAWS[law], method="verlet", dt=DT, t_end=steps * DT, log=log, engine="compiled")
+    return -run.gap[-1], run.velocity[-1]
+
+
+def seconds(work: Callable[..., Any], *given: Any) -> float:
+    """Processor time of one call."""
+    begun = time.process_time()
+    work(*given)
+    return time.process_time() - begun
+
+
+def measured(n: int, law: str, rounds: int) -> dict[str, tuple[float, float]]:
+    """Nanoseconds a ball and step, and microseconds a ball beside the steps; of the loop by hand and of the package."""
+    ways: dict[str, tuple[Any, ...]] = {"bare": (by_hand,), "no log": (by_package, False), "log": (by_package, True)}
+    least = {way: [math.inf, math.inf] for way in ways}
+    sizes = {way: min(n, CACHED) if way == "bare" else n for way in ways}
+    for _ in range(rounds):
+        for way, (work, *more) in ways.items():
+            for i, total in enumerate((SHORT, LONG)):
+                took = seconds(work, sizes[way], total // sizes[way], law, *more)
+                least[way][i] = min(least[way][i], took)
+    out = {}
+    for way, (short, long) in least.items():
+        few, many = (total // sizes[way] for total in (SHORT, LONG))
+        step = (long - short) / (many - few)
+        out[way] = 1e9 * step / sizes[way], 1e6 * (short - few * step) / sizes[way]
+    return out
+
+
+def check(n: int, law: str) -> None:
+    """Raise if both do not end in the same state."""
+    there = by_hand(n, 200, law)
+    for log in (False, True):
+        for name, one, other in zip(("overlap", "velocity"), by_package(n, 200, law, log), there, strict=True):
+            np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-12 * np.abs(other).max(), err_msg=name)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--balls", type=int, nargs="+", default=[100, 1_000, 10_000, 100_000])
+    given = parser.parse_args()
+    print("law, balls: bare ns a ball and step | no log ÷ bare | log ÷ no log | µs a ball beside the steps")
+    broken = False
+    for law in LAWS:
+        for n in given.balls:
+            check(n, law)
+            found = measured(n, law, given.rounds)
+            (bare, _), (quiet, one), (logged, other) = (found[way] for way in ("bare", "no log", "log"))
+            broken |= min(quiet, logged) < BROKEN * bare
+            print(f"{law:8} {n:7}: {bare:6.3f} | {quiet / bare:5.2f} | {logged / quiet:5.2f} | {one:6.2f} {other:6.2f}",
+                  flush=True)
+    if broken:
+        sys.exit("The package beats its bare loop by more than a tenth: this bench is broken.")
+
+
+if __name__ == "__main__":
+    main()
