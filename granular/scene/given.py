@@ -72,6 +72,8 @@ def rest_gaps(value: ArrayLike | None, pendulum: float, n: int) -> Array | None:
 
 def refuse_together(scene: Any, walls: Any) -> None:
     """Raise for what cannot go together."""
+    if not (scene.ring or scene.pendulum > 0.0 or scene.heated):
+        return
     if scene.ring and walls.any():
         raise ValueError(f"mass[{int(walls.argmax())}] is inf: a ring has no walls; leave out the wall, or ring.")
     hung = scene.pendulum > 0.0
