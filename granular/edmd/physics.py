@@ -105,24 +105,31 @@ def check_scene(scene: Any) -> None:
     a_scene(scene)
     fix = "hard spheres cannot overlap; set the gap to 0, or use granular.md"
     _check.every("gap", scene.gap, scene.gap >= 0.0, "a gap must not be negative", fix)
-    mass, gravity = np.where(scene.is_wall, 1.0, scene.mass), np.array([scene.gravity])
-    sizes = ("mass", mass, 0.0), ("gap", scene.gap, 0.0), ("velocity", scene.velocity, SMALLEST), (
-        "gravity", gravity, SMALLEST), ("pendulum", np.array([scene.pendulum]), SMALLEST), (
-        "rest_gap", np.zeros(1) if scene.rest_gap is None else scene.rest_gap, 0.0)
-    for name, values, least in sizes:
-        good = (values == 0.0) | ((np.abs(values) >= least) & (np.abs(values) <= LARGEST))
-        _check.every(name, values, good, f"0 or a size from {least:g} to {LARGEST:g} is needed", "use other units")
+    _check_sizes("mass", scene.mass, (scene.mass <= LARGEST) | scene.is_wall)
+    _check_sizes("gap", scene.gap, scene.gap <= LARGEST)
+    size = np.abs(scene.velocity)
+    _check_sizes("velocity", scene.velocity, ((size >= SMALLEST) & (size <= LARGEST)) | (size == 0.0), SMALLEST)
+    for name, one in (("gravity", scene.gravity), ("pendulum", scene.pendulum)):
+        if not (one == 0.0 or SMALLEST <= one <= LARGEST):
+            _check_sizes(name, np.array([one]), np.zeros(1, bool), SMALLEST)
+    if scene.rest_gap is not None:
+        _check_sizes("rest_gap", scene.rest_gap, scene.rest_gap <= LARGEST)
     if scene.ring and scene.external_force is not None:
         raise ValueError("ring is True: hard spheres on a ring take no external_force, which would press them together "
                          "in mid-air; use granular.md.")
     if scene.ring and not scene.gap.any():
         raise ValueError("gap is 0 for all pairs: on a ring there must be room to move; give some gaps.")
-    for heat, ball in zip(scene.heat, (1, scene.n - 2), strict=True):
+    for heat, ball in zip(scene.heat, (1, scene.n - 2), strict=True) if scene.heated else ():
         if heat is not None and not SMALLEST <= math.sqrt(heat.temperature / scene.mass[ball]) <= LARGEST:
             raise ValueError(f"temperature is {heat.temperature!r}, mass[{ball}] {float(scene.mass[ball])!r}: a speed "
                              f"√(T/m) from {SMALLEST:g} to {LARGEST:g} m/s is needed; use other units.")
     if scene.n_pairs > MASK:
         raise ValueError(f"scene has {scene.n} bodies: at most {MASK + 1} are possible.")
+
+
+def _check_sizes(name: str, values: _check.Array, good: Any, least: float = 0.0) -> None:
+    """Raise for the first entry that is not `good`: their squares or ratios would be no numbers."""
+    _check.every(name, values, good, f"0 or a size from {least:g} to {LARGEST:g} is needed", "use other units")
 
 
 def _check_together(eps: _check.Array, options: dict[str, Any]) -> None:
@@ -147,7 +154,7 @@ def _check_together(eps: _check.Array, options: dict[str, Any]) -> None:
 
 def felt_gravity(scene: Scene) -> float:
     """Return gravity (m/s²) in the frame of a run: without a wall that frame falls too, and velocities keep digits."""
-    return scene.gravity if scene.is_wall.any() else 0.0
+    return scene.gravity if scene.is_wall[0] or scene.is_wall[-1] else 0.0
 
 
 def scales(scene: Scene) -> tuple[float, float, float]:
@@ -160,9 +167,9 @@ def scales(scene: Scene) -> tuple[float, float, float]:
         return max(speed, fall), fall, SHARE * room
     length = float(np.mean(scene.gap)) or float(np.mean(scene.radius))
     fall = math.sqrt(2.0 * strongest(scene) * length)
-    for path in map(walls.path_of, filter(None, scene.motions)):
+    for path in map(walls.path_of, filter(None, scene.motions)) if scene.driven else ():
         fall = fall if path is None else max(fall, path.speed)
-    for heat, mass in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True):
+    for heat, mass in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True) if scene.heated else ():
         fall = fall if heat is None else max(fall, math.sqrt(heat.temperature / mass))
     return max(speed, fall), fall, length
 

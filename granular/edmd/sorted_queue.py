@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
+from itertools import repeat
 from typing import Any
 
 from sortedcontainers import SortedList
@@ -142,8 +144,8 @@ class SortedQueue:
     def __init__(self, state: State, physics: Physics) -> None:
         state.keep(self.hold)
         self.state, self.physics = state, physics
-        has = flags(physics.scene)
-        self.fit: Callable[[Any], Any] = lambda kernel: fitted(kernel, **has)
+        self.fit: Callable[[Any], Any] = partial(fitted, **flags(physics.scene))
+        self.go, self.foresee = self.use(self.loop), self.use(self.predict)
         self.rebuild()
 
     def use(self, kernel: Callable[..., Any]) -> Callable[..., Any]:
@@ -154,7 +156,7 @@ class SortedQueue:
     def rows(self, n: int) -> Records:
         """Return room for `n` rows of the log, or for as many as are made at a time."""
         row: Any = twin(ROW)
-        return [object.__new__(row) for _ in range(min(n, self.chunk))]
+        return list(map(object.__new__, repeat(row, min(n, self.chunk))))
 
     def rebuild(self) -> None:
         """Predict all pairs anew."""
@@ -168,7 +170,7 @@ class SortedQueue:
         s, n = self.state, len(self.state.pairs)
         around = [(0, max(0, last - n)), (n - 1, n - 1)] if s.ring else []
         for low, high in [(first, min(last, n - 1)), *around]:
-            self.use(self.predict)(s.run, s.pairs, s.bodies, self.queue, low, high, s.walls)
+            self.foresee(s.run, s.pairs, s.bodies, self.queue, low, high, s.walls)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
         """Return the time of the next event of any pair outside `first` … `last`, counted round."""
@@ -192,9 +194,8 @@ class SortedQueue:
             begin = run["events"]
             rows = None if log is None else self.rows(enough - begin)
             run["edge"], run["budget"] = edge, enough - begin if rows is None else len(rows)
-            rule, go = self.physics.rule, self.use(self.loop)
             s.clock.dated = 0
-            why: int = go(run, s.pairs, s.bodies, self.queue, rule, rows, None, s.walls)
+            why: int = self.go(run, s.pairs, s.bodies, self.queue, self.physics.rule, rows, None, s.walls)
             if log is not None and rows is not None:
                 if s.clock.goal > -math.inf:
                     self.use(date_rows)(s.clock, rows, int(run["events"] - begin))

@@ -7,13 +7,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from granular._check import Array, held
 from granular._kernels import flags
-from granular._records import Record, Records, column, copied, one, packed, plain, taken
+from granular._records import Record, Records, column, copied, one, packed, taken, twin
 from granular.edmd import hanging, wall_state
 from granular.edmd.motion import rebase, span
 from granular.edmd.physics import ORDER, Physics, felt_gravity, scales, shares, strongest
@@ -57,6 +58,8 @@ class State:
     near: Records | None = None
     ring: bool = False
     """Whether the last body is the first once more."""
+    hung: bool = False
+    """Whether the balls are pendula."""
     walls: Any = None
     """Of the floor and the ceiling, where forces act or walls are driven: records `SIDE`, their panels; the clock."""
 
@@ -68,19 +71,19 @@ class State:
         walls = wall_state.walls(scene, t_start) if "FORCED" in has else None
         of_pair, of_body = OF_FORCED if "FORCED" in has else OF_HUNG if "HUNG" in has else PLAIN
         pairs, bodies = np.zeros(scene.n_pairs, of_pair), np.zeros(scene.n_pairs + 1, of_body)
-        number = np.arange(len(bodies)) % scene.n
         for name, value in (("fall_velocity", scene.velocity), ("is_free", ~scene.is_wall), ("mass", scene.mass)):
-            bodies[name] = value[number]
+            bodies[name][: scene.n] = value
         if scene.ring:
+            bodies[-1] = bodies[0]
             bodies["fall_velocity"] -= scene.anchor_velocity(0.0)
         pairs["gap"], pairs["eps"], pairs["last"] = scene.gap, physics.eps, -math.inf
         pairs["closing_acceleration"] = g * np.diff(bodies["is_free"])
         pairs["low"], pairs["high"] = shares(scene)
         speed, fall, length = scales(scene)
-        strength, remedied = strongest(scene), any(options[x] > 0.0 for x in ("tc", "elastic_below", "merge_below"))
+        strength, remedied = strongest(scene), options["tc"] + options["elastic_below"] + options["merge_below"] > 0.0
         never = scene.driven or scene.pendulum > 0.0
         window = span(length, speed, strength)
-        state = cls(plain(np.zeros(1, RUN))[0], plain(np.zeros(1, CLOCK))[0], pairs, bodies, None, scene.ring, walls)
+        state = cls(_blank(RUN), _blank(CLOCK), pairs, bodies, None, scene.ring, "HUNG" in has, walls)
         state.set(
             pairs=len(pairs), gravity=g, tc=options["tc"], elastic_below=options["elastic_below"],
             merge_below=options["merge_below"], order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
@@ -135,11 +138,6 @@ class State:
             raise ValueError("state of trajectory contradicts itself or the scene; it was changed after it was saved.")
         return state
 
-    @property
-    def hung(self) -> bool:
-        """Whether the balls are pendula."""
-        return hasattr(self.pairs[0], "rate") if isinstance(self.pairs, list) else "rate" in self.pairs.dtype.fields
-
     def set(self, **numbers: Any) -> None:
         """Set numbers of the run."""
         for name, value in numbers.items():
@@ -147,14 +145,16 @@ class State:
 
     def numbers(self) -> dict[str, Any]:
         """Return the numbers of the run by name."""
-        both: list[Any] = [x if isinstance(x, np.record) else packed([x])[0] for x in (self.run, self.clock)]
-        return {name: value for x in both for name, value in zip(x.dtype.names, x.tolist(), strict=True)}
+        names: Any = RUN.names, CLOCK.names
+        run, clock = _array(self.run, RUN).item(), _array(self.clock, CLOCK).item()
+        return dict(zip(names[0], run, strict=True)) | dict(zip(names[1], clock, strict=True))
 
     def checkpoint(self, run: dict[str, Any]) -> dict[str, Any]:
         """Return everything, of which `run` are the `numbers`, for `Trajectory.state`; nothing of it is copied."""
         of_pairs, of_bodies = self._changing()
-        raw: dict[str, Any] = {name: column(self.bodies, name) for name in of_bodies}
-        raw |= {name: column(self.pairs, name) for name in of_pairs} | {name: run[name] for name in SAVED}
+        pairs, bodies = packed(self.pairs), packed(self.bodies)
+        raw: dict[str, Any] = {name: bodies[name] for name in of_bodies}
+        raw |= {name: pairs[name] for name in of_pairs} | {name: run[name] for name in SAVED}
         if self.walls is not None:
             raw |= {name: np.array(column(self.walls[0], name)) for name in wall_state.SUMS}
         raw["tally"] = np.array([run[name] for name in TALLY])
@@ -169,7 +169,7 @@ class State:
         self.pairs, self.bodies = how(self.pairs), how(self.bodies)
         self.near = self.near if self.near is None else how(self.near)
         if isinstance(self.pairs, np.ndarray) and not isinstance(self.run, np.record):
-            self.run, self.clock = one(packed([self.run], RUN)), one(packed([self.clock], CLOCK))
+            self.run, self.clock = one(_array(self.run, RUN)), one(_array(self.clock, CLOCK))
         if self.walls is not None:
             self.walls = how(self.walls[0]), how(self.walls[1]), self.clock
 
@@ -282,7 +282,24 @@ class State:
 
 def gaps(pairs: Records, u: Array, tau: float) -> Array:
     """Return the gaps in m, never negative, at `tau` between bodies of fall velocities `u`."""
-    pull, at = column(pairs, "closing_acceleration"), column(pairs, "at")
-    rate, dt = np.diff(u) - pull * at, tau - at
-    gap: Array = column(pairs, "gap") + dt * (rate - 0.5 * pull * dt)
-    return gap.clip(0.0)
+    begun, pull, at = columns(pairs, "gap", "closing_acceleration", "at")
+    rate, dt = u[1:] - u[:-1] - pull * at, tau - at
+    gap: Array = begun + dt * (rate - 0.5 * pull * dt)
+    return np.maximum(gap, 0.0, out=gap)
+
+
+def columns(records: Records, *names: str) -> Any:
+    """Return several fields of all records, numbers that are no whole ones: of an array views, else copies."""
+    if isinstance(records, np.ndarray):
+        return [records[name] for name in names]
+    return np.array(list(map(attrgetter(*names), records))).T
+
+
+def _blank(kind: np.dtype[Any]) -> Record:
+    """Return a plain object with the fields of `kind`, all 0."""
+    return twin(kind)(*np.zeros((), kind).item())
+
+
+def _array(record: Record, kind: np.dtype[Any]) -> np.ndarray[Any, Any]:
+    """Return a single record as an array of one."""
+    return np.array([attrgetter(*kind.names or ())(record)], kind)
