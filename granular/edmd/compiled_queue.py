@@ -151,7 +151,7 @@ class BlockQueue(TreeQueue):
     def _run(self, low: int, high: int, edge: float, speed: float) -> State | None:
         """Run pairs `low` … `high` - 1 alone; return what becomes of them, None if that may not be kept."""
         s, fastest = self.state, np.zeros(1)
-        part = State(one(packed([s.run], RUN)), s.clock, copied(s.pairs[low:high]), copied(s.bodies[low : high + 1]))
+        part = State(one(np.array([s.run], RUN)), s.clock, copied(s.pairs[low:high]), copied(s.bodies[low : high + 1]))
         part.run.edge, part.run.budget = edge, 1 << 40
         tree = TreeQueue(part, self.physics).queue
         pause = self.kernel(self.loop)(part.run, part.pairs, part.bodies, tree, None, None, fastest, None)

@@ -146,9 +146,8 @@ def _check_together(eps: _check.Array, options: dict[str, Any]) -> None:
     if len(remedies) > 1:
         names = " and ".join(remedies).replace("merge_below", "sticking or collapse='merge'")
         raise ValueError(f"{names} are given together: one remedy at a time is needed.")
-    some = np.flatnonzero(eps == 0.0)
-    if 0 < len(some) < len(eps):
-        raise ValueError(f"restitution of pair {some[0]} is 0.0 but not of all pairs: 0 means balls that stick, "
+    if eps.min() == 0.0 < eps.max():
+        raise ValueError(f"restitution of pair {np.flatnonzero(eps == 0.0)[0]} is 0.0 but not of all pairs: 0 means balls that stick, "
                          "for all pairs or none; use a small number, such as 0.01.")
 
 

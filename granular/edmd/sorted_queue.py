@@ -161,7 +161,11 @@ class SortedQueue:
     def rebuild(self) -> None:
         """Predict all pairs anew."""
         run = self.state.run
-        entry = [(math.inf, rank(c, run.order, run.seed, pair.contacts)) for c, pair in enumerate(self.state.pairs)]
+        if self.queue is None:
+            ranks = [rank(c, run.order, run.seed, pair.contacts) for c, pair in enumerate(self.state.pairs)]
+        else:
+            ranks = [key for _, key in self.queue[1]]
+        entry = [(math.inf, key) for key in ranks]
         self.queue = SortedList([NOBODY]), entry
         self.refresh(0, len(entry) - 1)
 

@@ -36,6 +36,8 @@ OF_BODIES = ("fall_velocity", "is_free", "noise")
 """What changes, by the names under which it is saved."""
 SAVED = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "now",
          "events", "rebases", "zooms", "zoomed", "allowance", "short")
+NAMES = (*(RUN.names or ()), *(CLOCK.names or ()))
+"""Names of all numbers of a run."""
 TALLY, LOOK = ("clamps", "merged", "lost"), ("elapsed", "looked", "ordinary", "clamped", "faint")
 """Numbers that are saved as arrays; of an older closer look, there are less."""
 SHORTER = -10
@@ -145,9 +147,8 @@ class State:
 
     def numbers(self) -> dict[str, Any]:
         """Return the numbers of the run by name."""
-        names: Any = RUN.names, CLOCK.names
-        run, clock = _array(self.run, RUN).item(), _array(self.clock, CLOCK).item()
-        return dict(zip(names[0], run, strict=True)) | dict(zip(names[1], clock, strict=True))
+        run, clock = _record(self.run, RUN).item(), _record(self.clock, CLOCK).item()
+        return dict(zip(NAMES, run + clock, strict=True))
 
     def checkpoint(self, run: dict[str, Any]) -> dict[str, Any]:
         """Return everything, of which `run` are the `numbers`, for `Trajectory.state`; nothing of it is copied."""
@@ -169,8 +170,9 @@ class State:
         self.pairs, self.bodies = how(self.pairs), how(self.bodies)
         self.near = self.near if self.near is None else how(self.near)
         if isinstance(self.pairs, np.ndarray) and not isinstance(self.run, np.record):
-            self.run, self.clock = one(_array(self.run, RUN)), one(_array(self.clock, CLOCK))
+            self.run = _record(self.run, RUN)
         if self.walls is not None:
+            self.clock = _record(self.clock, CLOCK) if isinstance(self.run, np.record) else self.clock
             self.walls = how(self.walls[0]), how(self.walls[1]), self.clock
 
     def copied(self) -> State:
@@ -230,7 +232,8 @@ class State:
         clock.epoch = total
         clock.rebases += 1
         self.run["now"] -= by
-        self.scale(max(float(np.abs(np.diff(column(self.bodies, "fall_velocity"))).max()), clock.fall))
+        u = column(self.bodies, "fall_velocity")
+        self.scale(max(float(np.abs(u[1:] - u[:-1]).max()), clock.fall))
         if clock.speed > 0.0:
             clock.window = max(clock.window, span(clock.length, clock.speed, clock.strength))
 
@@ -300,6 +303,8 @@ def _blank(kind: np.dtype[Any]) -> Record:
     return twin(kind)(*np.zeros((), kind).item())
 
 
-def _array(record: Record, kind: np.dtype[Any]) -> np.ndarray[Any, Any]:
-    """Return a single record as an array of one."""
-    return np.array([attrgetter(*kind.names or ())(record)], kind)
+def _record(record: Record, kind: np.dtype[Any]) -> Any:
+    """Return a single record for compiled code."""
+    if isinstance(record, np.record):
+        return record
+    return one(np.array([attrgetter(*kind.names or ())(record)], kind))
