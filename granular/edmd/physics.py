@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from granular import _check, rules, walls
-from granular._kernels import kernel
+from granular._kernels import flags, kernel
 from granular.rules import Rule, constants, restitution_at
 from granular.scene import Scene, checked as a_scene
 
@@ -31,6 +31,7 @@ TURN, SHARE = 4.0, 0.25
 longer than on a line of this share of their gaps: what rounding leaves in that sum acts at every bounce."""
 SMALLEST, LARGEST = 1e-75, 1e75
 """Smallest speed and largest number in a scene: their squares, products and ratios are numbers."""
+SIZE = f"0 or a size from 0 to {LARGEST:g} is needed"
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +41,11 @@ class Physics:
     scene: Scene
     rules: tuple[Rule, ...]
     options: dict[str, Any]
+
+    @cached_property
+    def has(self) -> tuple[str, ...]:
+        """Flags of kernels that hold for the scene."""
+        return tuple(flags(self.scene))
 
     @cached_property
     def eps(self) -> _check.Array:
@@ -105,15 +111,16 @@ def check_scene(scene: Any) -> None:
     a_scene(scene)
     fix = "hard spheres cannot overlap; set the gap to 0, or use granular.md"
     _check.every("gap", scene.gap, scene.gap >= 0.0, "a gap must not be negative", fix)
-    _check_sizes("mass", scene.mass, (scene.mass <= LARGEST) | scene.is_wall)
-    _check_sizes("gap", scene.gap, scene.gap <= LARGEST)
-    size = np.abs(scene.velocity)
-    _check_sizes("velocity", scene.velocity, ((size >= SMALLEST) & (size <= LARGEST)) | (size == 0.0), SMALLEST)
+    size, fix = np.abs(scene.velocity), "use other units"
+    need = f"0 or a size from {SMALLEST:g} to {LARGEST:g} is needed"
+    _check.every("mass", scene.mass, (scene.mass <= LARGEST) | scene.is_wall, SIZE, fix)
+    _check.every("gap", scene.gap, scene.gap <= LARGEST, SIZE, fix)
+    _check.every("velocity", scene.velocity, (size == 0.0) | ((size >= SMALLEST) & (size <= LARGEST)), need, fix)
     for name, one in (("gravity", scene.gravity), ("pendulum", scene.pendulum)):
         if not (one == 0.0 or SMALLEST <= one <= LARGEST):
-            _check_sizes(name, np.array([one]), np.zeros(1, bool), SMALLEST)
+            _check.every(name, np.array([one]), np.zeros(1, bool), need, fix)
     if scene.rest_gap is not None:
-        _check_sizes("rest_gap", scene.rest_gap, scene.rest_gap <= LARGEST)
+        _check.every("rest_gap", scene.rest_gap, scene.rest_gap <= LARGEST, SIZE, fix)
     if scene.ring and scene.external_force is not None:
         raise ValueError("ring is True: hard spheres on a ring take no external_force, which would press them together "
                          "in mid-air; use granular.md.")
@@ -127,27 +134,23 @@ def check_scene(scene: Any) -> None:
         raise ValueError(f"scene has {scene.n} bodies: at most {MASK + 1} are possible.")
 
 
-def _check_sizes(name: str, values: _check.Array, good: Any, least: float = 0.0) -> None:
-    """Raise for the first entry that is not `good`: their squares or ratios would be no numbers."""
-    _check.every(name, values, good, f"0 or a size from {least:g} to {LARGEST:g} is needed", "use other units")
-
-
 def _check_together(eps: _check.Array, options: dict[str, Any]) -> None:
     """Raise what is wrong with options, and rules of restitution `eps`, that are good each for itself."""
     ties = options["ties"]
-    remedies = [name for name in ("merge_below", "tc", "elastic_below") if options[name] > 0.0]
+    merges, lasts, spares = options["merge_below"] > 0.0, options["tc"] > 0.0, options["elastic_below"] > 0.0
     if ties in ("newton", "reflect") and eps.min() != eps.max():
         why = "different ones can multiply the energy" if ties == "newton" else "others have no meaning"
         raise ValueError(f"ties is {ties!r}: one constant restitution for all pairs is needed ({why}); "
                          "use ties='poisson'.")
-    if ORDER[ties] == GROUP and remedies:
+    if ORDER[ties] == GROUP and (merges or lasts or spares):
         raise ValueError(f"ties is {ties!r}: groups solved as a whole do not go with sticking balls, "
                          "collapse='merge', tc= or elastic_below=; use ties='left'.")
-    if len(remedies) > 1:
-        names = " and ".join(remedies).replace("merge_below", "sticking or collapse='merge'")
+    if merges + lasts + spares > 1:
+        given = {"sticking or collapse='merge'": merges, "tc": lasts, "elastic_below": spares}
+        names = " and ".join(name for name, is_given in given.items() if is_given)
         raise ValueError(f"{names} are given together: one remedy at a time is needed.")
     if eps.min() == 0.0 < eps.max():
-        raise ValueError(f"restitution of pair {np.flatnonzero(eps == 0.0)[0]} is 0.0 but not of all pairs: 0 means balls that stick, "
+        raise ValueError(f"restitution of pair {eps.argmin()} is 0.0 but not of all pairs: 0 means balls that stick, "
                          "for all pairs or none; use a small number, such as 0.01.")
 
 

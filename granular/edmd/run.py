@@ -79,8 +79,8 @@ class Run:
         self.events = int(state.run["events"])
         self.began = begin, _ = self.time(), self._work()
         self.may_compile = engine == "auto"
-        likely = min(LIKELY * self.scene.n_pairs, request.max_events)
-        fast = engine == "compiled" or (self.may_compile and pays(likely))
+        n = len(self.scene.gap)  # to set up a ball takes as long as a collision
+        fast = engine == "compiled" or (self.may_compile and pays(n + min(LIKELY * n, request.max_events)))
         self._go_on_with(self._compiled() if fast else SortedQueue)
         self.tail = state.clock.last_event - request.max_events // TAIL
         self.pace = [(self.events, begin)]  # at the beginning and where the tail begins
@@ -110,11 +110,6 @@ class Run:
         self.queue.state = state
         if queue is SortedQueue:
             self.queue.chunk = AT_FIRST  # a rule may take long
-
-    @property
-    def is_slow(self) -> bool:
-        """Whether an interpreted run is, or may be, slow: then it tells of progress more often."""
-        return self.queue.chunk < SortedQueue.chunk
 
     def to(self, time: float, last: bool) -> Pause:
         """Advance to `time`, some thousand events towards it, or to what ends the run.
@@ -152,7 +147,7 @@ class Run:
             elif why == BUDGET and self.events in (before, state.clock.last_event):  # or a group that is too large
                 self.verdict = self._closer.left(state, self.physics)
                 return Pause.work if self.verdict is None else Pause.bounded
-            if self.events - seen >= LOOK or self.is_slow:
+            if self.events - seen >= LOOK or self.queue.chunk < SortedQueue.chunk:
                 return Pause.full
         return Pause.reached
 
@@ -183,16 +178,16 @@ class Run:
         if self.may_compile and pays(self._expected()):
             self._go_on_with(self._compiled())
         goal = self.tail if self.events < self.tail else state.clock.last_event
-        budget, begun = min(self.queue.chunk, goal - self.events), process_time()
+        budget, begun, before = min(self.queue.chunk, goal - self.events), process_time(), self.events
         rows: list[Any] | None = [] if self.keeps_rows else None
         if state.near is None:
             why = self.queue.advance(min(limit, math.nextafter(state.clock.window, 0.0)), budget, rows)
         else:
             why, self.verdict = self._closer.look(state, self.physics, self.queue, limit, budget, rows)
         self.events = int(state.run["events"])
-        if self.is_slow:
+        if self.queue.chunk < SortedQueue.chunk:  # an interpreted run that is, or may be, slow tells of progress more
             self.queue.chunk = min(SortedQueue.chunk, portion(budget, process_time() - begun))
-        if rows:
+        if rows and self.events > before:
             self._settle(rows)
         if len(self.pace) == 1 and self.events >= self.tail:
             self.pace.append((self.events, self.time()))

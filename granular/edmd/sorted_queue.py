@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from itertools import repeat
 from typing import Any
 
 from sortedcontainers import SortedList
 
-from granular._kernels import FORCED, RING, fitted, flags, kernel
+from granular._kernels import FORCED, RING, fitted, interpreted, kernel
 from granular._records import Record, Records, plain, twin
 from granular.edmd.clusters import rest
 from granular.edmd.collision import SUSPICIOUS, event, leave
@@ -122,6 +122,13 @@ def refresh_across(
         refresh(run, pairs, bodies, queue, end, end, walls)
 
 
+@cache
+def made(how: Callable[[Any], Any], has: tuple[str, ...], kernel: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a kernel as it fits a scene that has this, interpreted or compiled."""
+    fit: Callable[..., Any] = how(fitted(kernel, **dict.fromkeys(has, True)))
+    return fit
+
+
 class SortedQueue:
     """Advance a `State` event by event.
 
@@ -136,7 +143,7 @@ class SortedQueue:
     name = "sorted"
     chunk = 256
     """Events after which control comes back: so many rows of the log are made at a time."""
-    kernel: Callable[[Any], Any] = staticmethod(lambda function: function)
+    kernel: Callable[[Any], Any] = staticmethod(interpreted)
     hold: Callable[[Records], Records] = staticmethod(plain)
     loop, predict = staticmethod(loop), staticmethod(refresh)
     queue: Any = None
@@ -144,14 +151,10 @@ class SortedQueue:
     def __init__(self, state: State, physics: Physics) -> None:
         state.keep(self.hold)
         self.state, self.physics = state, physics
-        self.fit: Callable[[Any], Any] = partial(fitted, **flags(physics.scene))
+        self.fit: Callable[[Any], Any] = partial(made, interpreted, physics.has)
+        self.use: Callable[[Any], Any] = partial(made, self.kernel, physics.has)
         self.go, self.foresee = self.use(self.loop), self.use(self.predict)
         self.rebuild()
-
-    def use(self, kernel: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a kernel as it fits the scene, compiled where this queue is."""
-        made: Callable[..., Any] = self.kernel(self.fit(kernel))
-        return made
 
     def rows(self, n: int) -> Records:
         """Return room for `n` rows of the log, or for as many as are made at a time."""
@@ -162,10 +165,9 @@ class SortedQueue:
         """Predict all pairs anew."""
         run = self.state.run
         if self.queue is None:
-            ranks = [rank(c, run.order, run.seed, pair.contacts) for c, pair in enumerate(self.state.pairs)]
+            entry = [(math.inf, rank(c, run.order, run.seed, pair.contacts)) for c, pair in enumerate(self.state.pairs)]
         else:
-            ranks = [key for _, key in self.queue[1]]
-        entry = [(math.inf, key) for key in ranks]
+            entry = [(math.inf, key) for _, key in self.queue[1]]
         self.queue = SortedList([NOBODY]), entry
         self.refresh(0, len(entry) - 1)
 
@@ -179,6 +181,8 @@ class SortedQueue:
     def soonest(self, first: int = 0, last: int = -1) -> float:
         """Return the time of the next event of any pair outside `first` … `last`, counted round."""
         order, n = self.queue[0], len(self.state.pairs)
+        if last < first:
+            return float(order[0][0])
         return float(next(time for time, key in order if not first <= (key & MASK) <= last and (key & MASK) > last - n))
 
     def apart(self) -> bool:

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from granular._check import Array, held
-from granular._kernels import flags
 from granular._records import Record, Records, column, copied, one, packed, taken, twin
 from granular.edmd import hanging, wall_state
 from granular.edmd.motion import rebase, span
@@ -37,7 +36,8 @@ OF_BODIES = ("fall_velocity", "is_free", "noise")
 SAVED = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "now",
          "events", "rebases", "zooms", "zoomed", "allowance", "short")
 NAMES = (*(RUN.names or ()), *(CLOCK.names or ()))
-"""Names of all numbers of a run."""
+OF_RUN, OF_CLOCK = attrgetter(*(RUN.names or ())), attrgetter(*(CLOCK.names or ()))
+"""Names of all numbers of a run, and what takes them from plain records."""
 TALLY, LOOK = ("clamps", "merged", "lost"), ("elapsed", "looked", "ordinary", "clamped", "faint")
 """Numbers that are saved as arrays; of an older closer look, there are less."""
 SHORTER = -10
@@ -69,17 +69,17 @@ class State:
     def of(cls, physics: Physics, t_start: float) -> State:
         """Return the state at the start of a run."""
         scene, options, g = physics.scene, physics.options, felt_gravity(physics.scene)
-        has = flags(scene)
+        has, n = physics.has, len(scene.mass)
         walls = wall_state.walls(scene, t_start) if "FORCED" in has else None
         of_pair, of_body = OF_FORCED if "FORCED" in has else OF_HUNG if "HUNG" in has else PLAIN
-        pairs, bodies = np.zeros(scene.n_pairs, of_pair), np.zeros(scene.n_pairs + 1, of_body)
+        pairs, bodies = np.zeros(len(scene.gap), of_pair), np.zeros(len(scene.gap) + 1, of_body)
         for name, value in (("fall_velocity", scene.velocity), ("is_free", ~scene.is_wall), ("mass", scene.mass)):
-            bodies[name][: scene.n] = value
+            bodies[name][:n] = value
         if scene.ring:
             bodies[-1] = bodies[0]
             bodies["fall_velocity"] -= scene.anchor_velocity(0.0)
         pairs["gap"], pairs["eps"], pairs["last"] = scene.gap, physics.eps, -math.inf
-        pairs["closing_acceleration"] = g * np.diff(bodies["is_free"])
+        pairs["closing_acceleration"] = g * (bodies["is_free"][1:] - bodies["is_free"][:-1])
         pairs["low"], pairs["high"] = shares(scene)
         speed, fall, length = scales(scene)
         strength, remedied = strongest(scene), options["tc"] + options["elastic_below"] + options["merge_below"] > 0.0
@@ -147,8 +147,9 @@ class State:
 
     def numbers(self) -> dict[str, Any]:
         """Return the numbers of the run by name."""
-        run, clock = _record(self.run, RUN).item(), _record(self.clock, CLOCK).item()
-        return dict(zip(NAMES, run + clock, strict=True))
+        run: Any = self.run if isinstance(self.run, np.record) else np.array(OF_RUN(self.run), RUN)
+        clock: Any = self.clock if isinstance(self.clock, np.record) else np.array(OF_CLOCK(self.clock), CLOCK)
+        return dict(zip(NAMES, run.item() + clock.item(), strict=True))
 
     def checkpoint(self, run: dict[str, Any]) -> dict[str, Any]:
         """Return everything, of which `run` are the `numbers`, for `Trajectory.state`; nothing of it is copied."""
@@ -170,9 +171,10 @@ class State:
         self.pairs, self.bodies = how(self.pairs), how(self.bodies)
         self.near = self.near if self.near is None else how(self.near)
         if isinstance(self.pairs, np.ndarray) and not isinstance(self.run, np.record):
-            self.run = _record(self.run, RUN)
+            self.run = one(np.array([OF_RUN(self.run)], RUN))
+            if self.walls is not None:  # who moves the clock too
+                self.clock = one(np.array([OF_CLOCK(self.clock)], CLOCK))
         if self.walls is not None:
-            self.clock = _record(self.clock, CLOCK) if isinstance(self.run, np.record) else self.clock
             self.walls = how(self.walls[0]), how(self.walls[1]), self.clock
 
     def copied(self) -> State:
@@ -301,10 +303,3 @@ def columns(records: Records, *names: str) -> Any:
 def _blank(kind: np.dtype[Any]) -> Record:
     """Return a plain object with the fields of `kind`, all 0."""
     return twin(kind)(*np.zeros((), kind).item())
-
-
-def _record(record: Record, kind: np.dtype[Any]) -> Any:
-    """Return a single record for compiled code."""
-    if isinstance(record, np.record):
-        return record
-    return one(np.array([attrgetter(*kind.names or ())(record)], kind))
