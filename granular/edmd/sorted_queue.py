@@ -161,6 +161,10 @@ class SortedQueue:
         row: Any = twin(ROW)
         return list(map(object.__new__, repeat(row, min(n, self.chunk))))
 
+    def kept(self, rows: Records) -> Records:
+        """Return rows of the log as they are kept: without the room behind them."""
+        return rows
+
     def rebuild(self) -> None:
         """Predict all pairs anew."""
         run = self.state.run
@@ -207,7 +211,7 @@ class SortedQueue:
             if log is not None and rows is not None:
                 if s.clock.goal > -math.inf:
                     self.use(date_rows)(s.clock, rows, int(run["events"] - begin))
-                log.append(rows[: run["events"] - begin].copy())
+                log.append(self.kept(rows[: run["events"] - begin]))
             if why != TOUCHING:
                 return why
             why, first, last = collide_as_one(s, self.physics, self.fit, log)
