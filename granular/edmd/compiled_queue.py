@@ -34,6 +34,8 @@ LARGE = 100_000
 """Bodies from which on working in blocks pays."""
 BLOCK = 4096
 """Pairs kept of a block."""
+ROOM = 1024
+"""Less room for rows of the log is not begun with."""
 MARGIN = 1.25
 """Speed allowed for, in units of the largest at the start of the window."""
 
@@ -73,17 +75,21 @@ class TreeQueue(SortedQueue):
 
     name = "compiled"
     chunk = 65_536
+    room = np.empty(0, ROW)
     kernel = staticmethod(partial(compiled, inline=True))
     hold = staticmethod(packed)
     loop, predict = staticmethod(loop), staticmethod(refresh)
 
     def rows(self, n: int) -> Records:
-        """Return room for `n` rows of the log, or for as many as are made at a time."""
-        return np.empty(min(n, TreeQueue.chunk), ROW)
+        """Return room for `n` rows of the log, or for as many as there still are of those made at a time."""
+        if len(self.room) < min(n, ROOM):
+            self.room = np.empty(TreeQueue.chunk, ROW)
+        return self.room[:n]
 
     def kept(self, rows: Records) -> Records:
-        """Return rows of the log as they are kept: without the room behind them."""
-        return copied(rows)
+        """Return rows of the log, which are kept where they were written; the next ones come behind them."""
+        self.room = self.room[len(rows) :]
+        return rows
 
     def rebuild(self) -> None:
         """Predict all pairs anew."""
