@@ -173,7 +173,7 @@ class BlockQueue(TreeQueue):
             done += int(pairs["contacts"][first:last].sum() - s.pairs["contacts"][first:last].sum())
             if done > budget:
                 return False
-        if log is not None:
+        if log is not None and written:
             rows = in_order(written)
             if rows is None:
                 return False
@@ -196,8 +196,8 @@ class BlockQueue(TreeQueue):
             pause = BUDGET
             while pause == BUDGET:
                 pause = queue.advance(edge, TreeQueue.chunk, log)
-                speeds = np.abs(log[-1]["lower_out"]), np.abs(log[-1]["upper_out"])
-                fastest[0] = max(fastest[0], *(float(one.max(initial=0.0)) for one in speeds))
+            for rows in log:
+                fastest[0] = max(fastest[0], np.abs(rows["lower_out"]).max(), np.abs(rows["upper_out"]).max())
         same = (part.run.clamps, part.run.merged) == (s.run.clamps, s.run.merged)
         return part if pause == LATER and same and fastest[0] <= speed else None
 

@@ -105,9 +105,12 @@ class Run:
     def _go_on_with(self, queue: type[SortedQueue]) -> None:
         """Go on with another queue. What is looked at closely, whose gaps in the state are old, stays as it is."""
         state = self.state
-        state.keep(queue.hold)
-        self.queue = queue(state if state.near is None else state.copied(), self.physics)
-        self.queue.state = state
+        if state.near is None:
+            self.queue = queue(state, self.physics)
+        else:
+            state.keep(queue.hold)
+            self.queue = queue(state.copied(), self.physics)
+            self.queue.state = state
         if queue is SortedQueue:
             self.queue.chunk = AT_FIRST  # a rule may take long
 

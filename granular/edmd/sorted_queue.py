@@ -208,7 +208,7 @@ class SortedQueue:
             run["edge"], run["budget"] = edge, enough - begin if rows is None else len(rows)
             s.clock.dated = 0
             why: int = self.go(run, s.pairs, s.bodies, self.queue, self.physics.rule, rows, None, s.walls)
-            if log is not None and rows is not None:
+            if log is not None and rows is not None and run["events"] > begin:
                 if s.clock.goal > -math.inf:
                     self.use(date_rows)(s.clock, rows, int(run["events"] - begin))
                 log.append(self.kept(rows[: run["events"] - begin]))

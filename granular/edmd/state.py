@@ -243,11 +243,10 @@ class State:
         """Return velocities in m/s (of pendula, rates), and gaps in m, never negative, at `tau`; nothing moves."""
         if self.hung:
             return hanging.row(self.pairs, tau)
-        g, velocity = float(self.run["gravity"]), np.array(column(self.bodies, "fall_velocity"))
-        gap = gaps(self.pairs, velocity, tau)
-        velocity = velocity[:-1] if self.ring else velocity
+        g, (u, is_free) = float(self.run["gravity"]), columns(self.bodies, "fall_velocity", "is_free")
+        gap, velocity = gaps(self.pairs, u, tau), np.array(u[:-1] if self.ring else u)
         if g > 0.0:
-            velocity -= column(self.bodies, "is_free") * (g * tau)
+            velocity -= is_free * (g * tau)
         if self.walls is not None:
             wall_state.show(self, tau, velocity, gap)
         return velocity, gap
@@ -296,7 +295,7 @@ def gaps(pairs: Records, u: Array, tau: float) -> Array:
 def columns(records: Records, *names: str) -> Any:
     """Return several fields of all records, numbers that are no whole ones: of an array views, else copies."""
     if isinstance(records, np.ndarray):
-        return [records[name] for name in names]
+        return list(map(records.__getitem__, names))
     return np.array(list(map(attrgetter(*names), records))).T
 
 
