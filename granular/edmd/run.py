@@ -188,7 +188,7 @@ class Run:
         else:
             why, self.verdict = self._closer.look(state, self.physics, self.queue, limit, budget, rows)
         self.events = int(state.run["events"])
-        if why == BUDGET and self.queue.chunk < SortedQueue.chunk:  # a slow one tells of progress more often
+        if self.events > before and self.queue.chunk < SortedQueue.chunk:  # a slow one tells of progress more often
             self.queue.chunk = min(SortedQueue.chunk, portion(budget, process_time() - begun))
         if rows and self.events > before:
             self._settle(rows)
