@@ -19,7 +19,8 @@ pytest.importorskip("numba")
     ("spread", "gravity", "eps"),
     [(0.0, 0.0, 1.0), (2.0, 0.0, 1.0), (2.0, 0.01, 0.99), (0.0, 1.0, 1.0), (0.0, 0.0, 0.7)],
 )
-def test_blocks_give_the_bits_of_one(monkeypatch, spread, gravity, eps) -> None:
+@pytest.mark.parametrize("log", [False, True])
+def test_blocks_give_the_bits_of_one(monkeypatch, spread, gravity, eps, log) -> None:
     swept = []
     sweep = blocks.BlockQueue._sweep
     monkeypatch.setattr(blocks.BlockQueue, "_sweep", lambda self, *a: swept.append(sweep(self, *a)) or swept[-1])
@@ -28,14 +29,30 @@ def test_blocks_give_the_bits_of_one(monkeypatch, spread, gravity, eps) -> None:
     for large in (10**9, 100):
         monkeypatch.setattr(blocks, "LARGE", large)
         times = {"t_end": 20.0, "samples": [0.0, 3.3, 3.4, 20.0], "max_events": 10**9}
-        runs.append(edmd.simulate(scene, ConstantRestitution(eps), engine="compiled", log=False, **times))
+        runs.append(edmd.simulate(scene, ConstantRestitution(eps), engine="compiled", log=log, **times))
     one, many = runs
+    assert one.contacts.tobytes() == many.contacts.tobytes()
+    assert len(one.contacts) == log * one.stats["events"]
     assert len(swept) >= 3
     if spread == 0.0 and eps > 0.9:
         assert any(swept)
     assert one.stats == many.stats
     for key, value in one.state.items():
         assert np.array_equal(value, many.state[key], equal_nan=not isinstance(value, str)), key
+
+
+def test_blocks_with_rows_of_the_same_time_are_run_as_one(monkeypatch) -> None:
+    """Balls on a lattice at whole speeds: which of two collisions in one instant is first, no block knows."""
+    monkeypatch.setattr(blocks, "BLOCK", 256)
+    random, n = np.random.default_rng(5), 2000
+    scene = Scene(np.ones(n), np.zeros(n), np.ones(n - 1), random.integers(-2, 3, n))
+    logs = []
+    for large in (10**9, 100):
+        monkeypatch.setattr(blocks, "LARGE", large)
+        run = edmd.simulate(scene, ConstantRestitution(1.0), engine="compiled", t_end=4.0, max_events=10**9)
+        logs.append(run.contacts)
+    assert logs[0].tobytes() == logs[1].tobytes()
+    assert len(logs[0]) > 1000
 
 
 def test_a_limit_on_the_events_is_exact_in_blocks(monkeypatch) -> None:
