@@ -9,6 +9,7 @@ from scenes_at_random import gas
 
 from granular import edmd
 from granular.edmd import compiled_queue as blocks, run as runs
+from granular.edmd.records import ROW
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 
@@ -41,18 +42,18 @@ def test_blocks_give_the_bits_of_one(monkeypatch, spread, gravity, eps, log) -> 
         assert np.array_equal(value, many.state[key], equal_nan=not isinstance(value, str)), key
 
 
-def test_blocks_with_rows_of_the_same_time_are_run_as_one(monkeypatch) -> None:
-    """Balls on a lattice at whole speeds: which of two collisions in one instant is first, no block knows."""
-    monkeypatch.setattr(blocks, "BLOCK", 256)
-    random, n = np.random.default_rng(5), 2000
-    scene = Scene(np.ones(n), np.zeros(n), np.ones(n - 1), random.integers(-2, 3, n))
-    logs = []
-    for large in (10**9, 100):
-        monkeypatch.setattr(blocks, "LARGE", large)
-        run = edmd.simulate(scene, ConstantRestitution(1.0), engine="compiled", t_end=4.0, max_events=10**9)
-        logs.append(run.contacts)
-    assert logs[0].tobytes() == logs[1].tobytes()
-    assert len(logs[0]) > 1000
+def test_rows_of_blocks_come_in_the_order_of_their_times() -> None:
+    """Of equal ones within a block in its own; which of two blocks is first in one instant, no block knows."""
+    def rows(*given):
+        made = np.zeros(len(given), ROW)
+        made["pair"], made["t_begin"] = zip(*given, strict=True)
+        return made
+
+    below = rows((1, 0.5), (0, 0.5), (1, 2.0))
+    both = blocks.in_order([below, rows((7, 0.25), (8, 1.0))])
+    assert both["pair"].tolist() == [7, 1, 0, 8, 1]
+    assert both["t_begin"].tolist() == [0.25, 0.5, 0.5, 1.0, 2.0]
+    assert blocks.in_order([below, rows((7, 0.25), (8, 0.5))]) is None
 
 
 def test_a_limit_on_the_events_is_exact_in_blocks(monkeypatch) -> None:
