@@ -117,6 +117,8 @@ CONTACT_ROW = np.dtype([("pair", int), ("t_begin", float), ("t_end", float), ("d
 """A contact as soft spheres keep it; times in s, nan for what is still to come."""
 
 
+PART = 2048
+"""Contacts written at a time, column by column: so many stay near the processor."""
 AWHILE = 0.25
 """Seconds of processor time between two looks at a run, about."""
 
@@ -321,7 +323,7 @@ def contacts(settled: list[Rows]) -> Rows:
         return settled[0]
     log = np.zeros(sum(map(len, settled)), CONTACT)
     stop = 0
-    for rows in settled:
+    for rows in (some[k : k + PART] for some in settled for k in range(0, len(some), PART)):
         part, stop = log[stop : stop + len(rows)], stop + len(rows)
         if rows.dtype == CONTACT:
             raw(part)[:] = raw(rows)

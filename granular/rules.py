@@ -199,10 +199,13 @@ def different(rules: Sequence[Rule]) -> list[Rule]:
 
 def constants(rules: Sequence[Rule], pairs: Sized) -> list[float] | None:
     """Return ε per pair if every rule is constant, else None."""
-    kinds = different(rules)
-    if not all(isinstance(rule, ConstantRestitution) for rule in kinds):
+    first, *others = different(rules)
+    if not isinstance(first, ConstantRestitution):
         return None
-    given = [rule.restitution for rule in (rules if len(kinds) > 1 else kinds)]  # type: ignore[attr-defined]
-    if len(kinds) == 1:
-        return [given[0]] * len(pairs) if isinstance(given[0], float) else list(given[0])
+    if not others:
+        e = first.restitution
+        return [e] * len(pairs) if isinstance(e, float) else list(e)
+    if not all(isinstance(rule, ConstantRestitution) for rule in others):
+        return None
+    given = [rule.restitution for rule in rules]  # type: ignore[attr-defined]
     return [e if isinstance(e, float) else e[c] for c, e in enumerate(given)]

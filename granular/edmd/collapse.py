@@ -95,7 +95,7 @@ def look(
     state.put(*slices)
     run.now = run.began + run.elapsed
     if log is not None and rows is not None:
-        log.append(rows[: run.events - seen])
+        log.append(queue.kept(rows[: run.events - seen]))
     if end in (LATER, UNTIL, BUDGET):
         return end, None
     verdict = Verdict("exact", int(run.suspect), int(run.suspect), 0.0) if end == RESTS else None

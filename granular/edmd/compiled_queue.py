@@ -9,7 +9,8 @@ most as fast as the fastest, V. So a block of pairs is run to the end of the win
 sides whose gaps add up to more than 2 V times the window, and of the result only the block is kept. That is exact,
 down to the bits, if no ball was faster than V. V is assumed with a margin (light balls may gain speed) and checked
 after each sweep; a sweep that was too fast, or in which anything happened that needs the order of the whole scene (a
-suspected collapse, a clamped gap, too many events), is thrown away and the window is run as one.
+suspected collapse, a clamped gap, too many events), is thrown away and the window is run as one. The rows that blocks
+write are put into the order of their times; where two blocks have rows of the same time, the window is run as one too.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from granular._records import Record, Records, copied, leaf, one, packed, raw, r
 from granular.edmd.clusters import rest
 from granular.edmd.motion import predicted
 from granular.edmd.physics import LEFT, MASK, RANDOM, rank
-from granular.edmd.records import LATER, NEVER, ROW, RUN, Log, Walls
+from granular.edmd.records import BUDGET, LATER, NEVER, ROW, RUN, Log, Walls
 from granular.edmd.sorted_queue import SortedQueue
 from granular.edmd.state import State
 
@@ -33,6 +34,8 @@ LARGE = 100_000
 """Bodies from which on working in blocks pays."""
 BLOCK = 4096
 """Pairs kept of a block."""
+ROOM = 1024
+"""Less room for rows of the log is not begun with."""
 MARGIN = 1.25
 """Speed allowed for, in units of the largest at the start of the window."""
 
@@ -72,13 +75,21 @@ class TreeQueue(SortedQueue):
 
     name = "compiled"
     chunk = 65_536
+    room = np.empty(0, ROW)
     kernel = staticmethod(partial(compiled, inline=True))
     hold = staticmethod(packed)
     loop, predict = staticmethod(loop), staticmethod(refresh)
 
     def rows(self, n: int) -> Records:
-        """Return room for `n` rows of the log, or for as many as are made at a time."""
-        return np.empty(min(n, TreeQueue.chunk), ROW)
+        """Return room for `n` rows of the log, or for as many as there still are of those made at a time."""
+        if len(self.room) < min(n, ROOM):
+            self.room = np.empty(TreeQueue.chunk, ROW)
+        return self.room[:n]
+
+    def kept(self, rows: Records) -> Records:
+        """Return rows of the log, which are kept where they were written; the next ones come behind them."""
+        self.room = self.room[len(rows) :]
+        return rows
 
     def rebuild(self) -> None:
         """Predict all pairs anew."""
@@ -100,6 +111,19 @@ class TreeQueue(SortedQueue):
         return tree[leaves : leaves + pairs]
 
 
+def in_order(written: list[Any]) -> Any:
+    """Return the rows of blocks, part by part, in the order of their times, of equal ones within a part in its own;
+    None if parts have rows of the same time."""
+    time = np.concatenate([rows["t_begin"] for rows in written])
+    order = np.argsort(time, kind="stable")
+    time = time[order]
+    same = np.flatnonzero(time[1:] == time[:-1])
+    part = np.repeat(np.arange(len(written)), list(map(len, written)))
+    if (part[order[same]] != part[order[same + 1]]).any():
+        return None
+    return np.concatenate(list(map(raw, written)))[order].view(ROW)
+
+
 class BlockQueue(TreeQueue):
     """A `TreeQueue` that advances whole windows in blocks where nobody looks at single events."""
 
@@ -114,47 +138,66 @@ class BlockQueue(TreeQueue):
     def advance(self, edge: float, budget: int, log: Log | None) -> int:
         """Let events up to and including time `edge` act, at most `budget` of them, appending them to `log`."""
         run = self.state.run
-        alone = log is None and run.stop_pair == NEVER and run.order != RANDOM  # nobody looks at single ones
+        alone = run.stop_pair == NEVER and run.order != RANDOM  # nobody looks at single ones
         if alone and edge > self.as_one and self.soonest() <= edge:
-            swept = self._sweep(edge, budget)
+            swept = self._sweep(edge, budget, log)
             self.rebuild()
             if not swept:
                 self.as_one = edge
         return super().advance(edge, min(budget, TreeQueue.chunk), log)
 
-    def _sweep(self, edge: float, budget: int) -> bool:
-        """Run all blocks to time `edge`; return whether that was exact, with the state unchanged if not.
+    def _sweep(self, edge: float, budget: int, log: Log | None) -> bool:
+        """Run all blocks to time `edge`; return whether that was exact, with state and log unchanged if not.
 
         The tree is given up, for there are two states for a while.
         """
-        s, done = self.state, 0
+        s, done, written = self.state, 0, list[Any]()
         speed, ends = self._blocks(edge)
         if not ends:
             return False
         del self.queue
         pairs, bodies = np.empty_like(s.pairs), np.empty_like(s.bodies)
         for first, last, low, high in ends:
-            part = self._run(low, high, edge, speed)
+            room = None if log is None else list[Any]()
+            part = self._run(low, high, edge, speed, room)
             if part is None:
                 return False
+            if room is not None:
+                for rows in room:
+                    rows["pair"] += low
+                    inside = (rows["pair"] >= first) & (rows["pair"] < last)
+                    written.append(raw(rows)[inside].view(ROW))
             top = last + (last == len(pairs))  # the upper body of the last pair belongs to the next block
             raw(pairs)[first:last] = raw(part.pairs)[first - low : last - low]
             raw(bodies)[first:top] = raw(part.bodies)[first - low : top - low]
             done += int(pairs["contacts"][first:last].sum() - s.pairs["contacts"][first:last].sum())
             if done > budget:
                 return False
+        if log is not None and written:
+            rows = in_order(written)
+            if rows is None:
+                return False
+            log.append(rows)
         s.pairs, s.bodies = pairs, bodies
         s.run.events += done
         s.run.now = max(s.run.now, float(pairs["last"].max()))
         return True
 
-    def _run(self, low: int, high: int, edge: float, speed: float) -> State | None:
-        """Run pairs `low` … `high` - 1 alone; return what becomes of them, None if that may not be kept."""
+    def _run(self, low: int, high: int, edge: float, speed: float, log: Log | None = None) -> State | None:
+        """Run pairs `low` … `high` - 1 alone; return what becomes of them, None if that may not be kept. Rows are
+        appended to `log`."""
         s, fastest = self.state, np.zeros(1)
-        part = State(one(packed([s.run], RUN)), s.clock, copied(s.pairs[low:high]), copied(s.bodies[low : high + 1]))
+        part = State(one(np.array([s.run], RUN)), s.clock, copied(s.pairs[low:high]), copied(s.bodies[low : high + 1]))
         part.run.edge, part.run.budget = edge, 1 << 40
-        tree = TreeQueue(part, self.physics).queue
-        pause = self.kernel(self.loop)(part.run, part.pairs, part.bodies, tree, None, None, fastest, None)
+        queue = TreeQueue(part, self.physics)
+        if log is None:
+            pause = queue.go(part.run, part.pairs, part.bodies, queue.queue, None, None, fastest, None)
+        else:
+            pause = BUDGET
+            while pause == BUDGET:
+                pause = queue.advance(edge, TreeQueue.chunk, log)
+            for rows in log:
+                fastest[0] = max(fastest[0], np.abs(rows["lower_out"]).max(), np.abs(rows["upper_out"]).max())
         same = (part.run.clamps, part.run.merged) == (s.run.clamps, s.run.merged)
         return part if pause == LATER and same and fastest[0] <= speed else None
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from granular import _check, rules, walls
-from granular._kernels import kernel
+from granular._kernels import flags, kernel
 from granular.rules import Rule, constants, restitution_at
 from granular.scene import Scene, checked as a_scene
 
@@ -31,6 +31,7 @@ TURN, SHARE = 4.0, 0.25
 longer than on a line of this share of their gaps: what rounding leaves in that sum acts at every bounce."""
 SMALLEST, LARGEST = 1e-75, 1e75
 """Smallest speed and largest number in a scene: their squares, products and ratios are numbers."""
+SIZE = f"0 or a size from 0 to {LARGEST:g} is needed"
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +41,11 @@ class Physics:
     scene: Scene
     rules: tuple[Rule, ...]
     options: dict[str, Any]
+
+    @cached_property
+    def has(self) -> tuple[str, ...]:
+        """Flags of kernels that hold for the scene."""
+        return tuple(flags(self.scene))
 
     @cached_property
     def eps(self) -> _check.Array:
@@ -105,19 +111,22 @@ def check_scene(scene: Any) -> None:
     a_scene(scene)
     fix = "hard spheres cannot overlap; set the gap to 0, or use granular.md"
     _check.every("gap", scene.gap, scene.gap >= 0.0, "a gap must not be negative", fix)
-    mass, gravity = np.where(scene.is_wall, 1.0, scene.mass), np.array([scene.gravity])
-    sizes = ("mass", mass, 0.0), ("gap", scene.gap, 0.0), ("velocity", scene.velocity, SMALLEST), (
-        "gravity", gravity, SMALLEST), ("pendulum", np.array([scene.pendulum]), SMALLEST), (
-        "rest_gap", np.zeros(1) if scene.rest_gap is None else scene.rest_gap, 0.0)
-    for name, values, least in sizes:
-        good = (values == 0.0) | ((np.abs(values) >= least) & (np.abs(values) <= LARGEST))
-        _check.every(name, values, good, f"0 or a size from {least:g} to {LARGEST:g} is needed", "use other units")
+    size, fix = np.abs(scene.velocity), "use other units"
+    need = f"0 or a size from {SMALLEST:g} to {LARGEST:g} is needed"
+    _check.every("mass", scene.mass, (scene.mass <= LARGEST) | scene.is_wall, SIZE, fix)
+    _check.every("gap", scene.gap, scene.gap <= LARGEST, SIZE, fix)
+    _check.every("velocity", scene.velocity, (size == 0.0) | ((size >= SMALLEST) & (size <= LARGEST)), need, fix)
+    for name, one in (("gravity", scene.gravity), ("pendulum", scene.pendulum)):
+        if not (one == 0.0 or SMALLEST <= one <= LARGEST):
+            _check.every(name, np.array([one]), np.zeros(1, bool), need, fix)
+    if scene.rest_gap is not None:
+        _check.every("rest_gap", scene.rest_gap, scene.rest_gap <= LARGEST, SIZE, fix)
     if scene.ring and scene.external_force is not None:
         raise ValueError("ring is True: hard spheres on a ring take no external_force, which would press them together "
                          "in mid-air; use granular.md.")
     if scene.ring and not scene.gap.any():
         raise ValueError("gap is 0 for all pairs: on a ring there must be room to move; give some gaps.")
-    for heat, ball in zip(scene.heat, (1, scene.n - 2), strict=True):
+    for heat, ball in zip(scene.heat, (1, scene.n - 2), strict=True) if scene.heated else ():
         if heat is not None and not SMALLEST <= math.sqrt(heat.temperature / scene.mass[ball]) <= LARGEST:
             raise ValueError(f"temperature is {heat.temperature!r}, mass[{ball}] {float(scene.mass[ball])!r}: a speed "
                              f"√(T/m) from {SMALLEST:g} to {LARGEST:g} m/s is needed; use other units.")
@@ -128,26 +137,26 @@ def check_scene(scene: Any) -> None:
 def _check_together(eps: _check.Array, options: dict[str, Any]) -> None:
     """Raise what is wrong with options, and rules of restitution `eps`, that are good each for itself."""
     ties = options["ties"]
-    remedies = [name for name in ("merge_below", "tc", "elastic_below") if options[name] > 0.0]
+    merges, lasts, spares = options["merge_below"] > 0.0, options["tc"] > 0.0, options["elastic_below"] > 0.0
     if ties in ("newton", "reflect") and eps.min() != eps.max():
         why = "different ones can multiply the energy" if ties == "newton" else "others have no meaning"
         raise ValueError(f"ties is {ties!r}: one constant restitution for all pairs is needed ({why}); "
                          "use ties='poisson'.")
-    if ORDER[ties] == GROUP and remedies:
+    if ORDER[ties] == GROUP and (merges or lasts or spares):
         raise ValueError(f"ties is {ties!r}: groups solved as a whole do not go with sticking balls, "
                          "collapse='merge', tc= or elastic_below=; use ties='left'.")
-    if len(remedies) > 1:
-        names = " and ".join(remedies).replace("merge_below", "sticking or collapse='merge'")
+    if merges + lasts + spares > 1:
+        given = {"sticking or collapse='merge'": merges, "tc": lasts, "elastic_below": spares}
+        names = " and ".join(name for name, is_given in given.items() if is_given)
         raise ValueError(f"{names} are given together: one remedy at a time is needed.")
-    some = np.flatnonzero(eps == 0.0)
-    if 0 < len(some) < len(eps):
-        raise ValueError(f"restitution of pair {some[0]} is 0.0 but not of all pairs: 0 means balls that stick, "
+    if eps.min() == 0.0 < eps.max():
+        raise ValueError(f"restitution of pair {eps.argmin()} is 0.0 but not of all pairs: 0 means balls that stick, "
                          "for all pairs or none; use a small number, such as 0.01.")
 
 
 def felt_gravity(scene: Scene) -> float:
     """Return gravity (m/s²) in the frame of a run: without a wall that frame falls too, and velocities keep digits."""
-    return scene.gravity if scene.is_wall.any() else 0.0
+    return scene.gravity if scene.is_wall[0] or scene.is_wall[-1] else 0.0
 
 
 def scales(scene: Scene) -> tuple[float, float, float]:
@@ -160,9 +169,9 @@ def scales(scene: Scene) -> tuple[float, float, float]:
         return max(speed, fall), fall, SHARE * room
     length = float(np.mean(scene.gap)) or float(np.mean(scene.radius))
     fall = math.sqrt(2.0 * strongest(scene) * length)
-    for path in map(walls.path_of, filter(None, scene.motions)):
+    for path in map(walls.path_of, filter(None, scene.motions)) if scene.driven else ():
         fall = fall if path is None else max(fall, path.speed)
-    for heat, mass in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True):
+    for heat, mass in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True) if scene.heated else ():
         fall = fall if heat is None else max(fall, math.sqrt(heat.temperature / mass))
     return max(speed, fall), fall, length
 

@@ -77,20 +77,22 @@ class Run:
             pair, contacts = request.until.pair, request.until.nth - 1
         state.set(stop_pair=pair, stop_contacts=contacts, last_event=state.run.events + request.max_events)
         self.events = int(state.run["events"])
-        self.began = self.time(), self._work()
+        self.began = begin, _ = self.time(), self._work()
         self.may_compile = engine == "auto"
-        likely = min(LIKELY * self.scene.n_pairs, request.max_events)
-        fast = engine == "compiled" or (self.may_compile and pays(likely))
+        n = len(self.scene.gap)  # to set up a ball takes as long as a collision
+        fast = engine == "compiled" or (self.may_compile and pays(n + min(LIKELY * n, request.max_events)))
         self._go_on_with(self._compiled() if fast else SortedQueue)
         self.tail = state.clock.last_event - request.max_events // TAIL
-        self.pace = [(self.events, self.time())]  # at the beginning and where the tail begins
+        self.pace = [(self.events, begin)]  # at the beginning and where the tail begins
         self.verdict: collapse.Verdict | None = None
         self.settled: list[Rows] = []
         self.fall = self.scene.gravity - float(state.run.gravity)  # m/s², with which the frame of the run falls
         self.drift = float(self.scene.anchor_velocity(0.0)) if state.ring else 0.0  # m/s, of the frame on a ring
-        self.closing = Closing(self.scene, self.start)
-        self.horizon = self.closing.horizon  # s: no room for balls later
-        single = ORDER[physics.options["ties"]] != GROUP and not self.scene.is_wall[[0, -1]].all()
+        enclosed = bool(self.scene.is_wall[0] and self.scene.is_wall[-1])
+        self.closing = Closing(self.scene, self.start) if enclosed else None
+        self.horizon = math.inf if self.closing is None else self.closing.horizon  # s: no room for balls later
+        single = ORDER[physics.options["ties"]] != GROUP and not enclosed
+        self.keeps_rows = request.rows or watch is not None
         self.moves_on = self.scene.driven and single and watch is None  # kernels move the zero of times themselves
 
     def _compiled(self) -> type[SortedQueue]:
@@ -103,16 +105,14 @@ class Run:
     def _go_on_with(self, queue: type[SortedQueue]) -> None:
         """Go on with another queue. What is looked at closely, whose gaps in the state are old, stays as it is."""
         state = self.state
-        state.keep(queue.hold)
-        self.queue = queue(state if state.near is None else state.copied(), self.physics)
-        self.queue.state = state
+        if state.near is None:
+            self.queue = queue(state, self.physics)
+        else:
+            state.keep(queue.hold)
+            self.queue = queue(state.copied(), self.physics)
+            self.queue.state = state
         if queue is SortedQueue:
             self.queue.chunk = AT_FIRST  # a rule may take long
-
-    @property
-    def is_slow(self) -> bool:
-        """Whether an interpreted run is, or may be, slow: then it tells of progress more often."""
-        return self.queue.chunk < SortedQueue.chunk
 
     def to(self, time: float, last: bool) -> Pause:
         """Advance to `time`, some thousand events towards it, or to what ends the run.
@@ -121,10 +121,10 @@ class Run:
         """
         state, seen = self.state, self.events
         while last or time > self.request.start:
-            if self.scene.driven:
+            if self.scene.driven and self.closing is not None:
                 self.horizon = self.closing.look(min(time, float(state.time(state.clock.window))))
             limit, before = state.tau(min(time, self.horizon)), self.events
-            if time >= self.horizon and limit <= state.run.now:
+            if time >= self.horizon and limit <= state.run["now"]:
                 return Pause.collapse
             if self.moves_on:
                 state.clock.goal = time
@@ -150,7 +150,7 @@ class Run:
             elif why == BUDGET and self.events in (before, state.clock.last_event):  # or a group that is too large
                 self.verdict = self._closer.left(state, self.physics)
                 return Pause.work if self.verdict is None else Pause.bounded
-            if self.events - seen >= LOOK or self.is_slow:
+            if self.events - seen >= LOOK or self.queue.chunk < SortedQueue.chunk:
                 return Pause.full
         return Pause.reached
 
@@ -164,7 +164,7 @@ class Run:
     def _meet_before(self, time: float) -> bool:
         """Return whether driven walls are now found to meet before `time`, as they were not yet."""
         known = self.horizon
-        if self.scene.driven and time < known:
+        if self.scene.driven and self.closing is not None and time < known:
             self.horizon = self.closing.look(min(time, self.request.end))
         return self.horizon < known
 
@@ -181,16 +181,17 @@ class Run:
         if self.may_compile and pays(self._expected()):
             self._go_on_with(self._compiled())
         goal = self.tail if self.events < self.tail else state.clock.last_event
-        budget, begun = min(self.queue.chunk, goal - self.events), process_time()
-        rows: list[Any] | None = [] if self.request.rows or self.watch is not None else None
+        budget, begun, before = min(self.queue.chunk, goal - self.events), process_time(), self.events
+        rows: list[Any] | None = [] if self.keeps_rows else None
         if state.near is None:
             why = self.queue.advance(min(limit, math.nextafter(state.clock.window, 0.0)), budget, rows)
         else:
             why, self.verdict = self._closer.look(state, self.physics, self.queue, limit, budget, rows)
         self.events = int(state.run["events"])
-        if self.is_slow:
+        if self.events > before and self.queue.chunk < SortedQueue.chunk:  # a slow one tells of progress more often
             self.queue.chunk = min(SortedQueue.chunk, portion(budget, process_time() - begun))
-        self._settle(rows or [])
+        if rows and self.events > before:
+            self._settle(rows)
         if len(self.pace) == 1 and self.events >= self.tail:
             self.pace.append((self.events, self.time()))
         return why
@@ -204,7 +205,7 @@ class Run:
 
     def _work(self) -> int:
         """Return the work done so far in collisions; one looked at closely costs as much as eight."""
-        return int(self.state.run.events + 7 * self.state.run.zoomed)
+        return int(self.state.run["events"] + 7 * self.state.run["zoomed"])
 
     def _settle(self, written: list[Any]) -> None:
         """Take rows that were written since the last re-basing; the frame of the run may fall."""
@@ -241,7 +242,7 @@ class Run:
     def row(self, time: float) -> Row:
         """Return the scene now."""
         state = self.state
-        if state.near is not None and state.run.looked > 0:
+        if state.near is not None and state.run["looked"] > 0:
             state = state.copied()
             self._closer.put_back(state, self.queue)
         now = float(state.run["now"])
@@ -290,7 +291,7 @@ def sentence(run: Run, status: Status, s: dict[str, Any]) -> str:
             why = "forces may pull them apart: how fast they will be is not known"
         what = "what may be an inelastic" if status is Status.bounded else "inelastic"
         return f"{what} collapse of {verdict} at {when} ({verdict.kind}: {why})"
-    walls = f"the walls close at t = {s['start'] + run.closing.after:.12g} s"
+    walls = "" if run.closing is None else f"the walls close at t = {s['start'] + run.closing.after:.12g} s"
     if status is Status.collapse:
         said = f"{walls} and leave no way out: stopped at {when}, when no space was left"
     elif status is not Status.max_events:

@@ -215,6 +215,8 @@ def _watch(law: Any, scene: Scene, saved: Mapping[str, Any] | None = None) -> Wa
 
 def checked_engine(engine: str, physics: Physics) -> str:
     """Return how the queue is chosen, as asked for and as it can be: *auto* means that compiled is possible."""
+    if engine == "sorted":
+        return engine
     name, why, missing = _check.choice("engine", engine, ENGINES), "", no_compiler()
     if physics.rule is not None:
         why = "every rule must be a ConstantRestitution"

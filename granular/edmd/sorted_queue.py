@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache, partial
+from itertools import repeat
 from typing import Any
 
 from sortedcontainers import SortedList
 
-from granular._kernels import FORCED, RING, fitted, flags, kernel
+from granular._kernels import FORCED, RING, fitted, interpreted, kernel
 from granular._records import Record, Records, plain, twin
 from granular.edmd.clusters import rest
 from granular.edmd.collision import SUSPICIOUS, event, leave
@@ -120,6 +122,13 @@ def refresh_across(
         refresh(run, pairs, bodies, queue, end, end, walls)
 
 
+@cache
+def made(how: Callable[[Any], Any], has: tuple[str, ...], kernel: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a kernel as it fits a scene that has this, interpreted or compiled."""
+    fit: Callable[..., Any] = how(fitted(kernel, **dict.fromkeys(has, True)))
+    return fit
+
+
 class SortedQueue:
     """Advance a `State` event by event.
 
@@ -134,7 +143,7 @@ class SortedQueue:
     name = "sorted"
     chunk = 256
     """Events after which control comes back: so many rows of the log are made at a time."""
-    kernel: Callable[[Any], Any] = staticmethod(lambda function: function)
+    kernel: Callable[[Any], Any] = staticmethod(interpreted)
     hold: Callable[[Records], Records] = staticmethod(plain)
     loop, predict = staticmethod(loop), staticmethod(refresh)
     queue: Any = None
@@ -142,24 +151,27 @@ class SortedQueue:
     def __init__(self, state: State, physics: Physics) -> None:
         state.keep(self.hold)
         self.state, self.physics = state, physics
-        has = flags(physics.scene)
-        self.fit: Callable[[Any], Any] = lambda kernel: fitted(kernel, **has)
+        self.fit: Callable[[Any], Any] = partial(made, interpreted, physics.has)
+        self.use: Callable[[Any], Any] = partial(made, self.kernel, physics.has)
+        self.go, self.foresee = self.use(self.loop), self.use(self.predict)
         self.rebuild()
-
-    def use(self, kernel: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a kernel as it fits the scene, compiled where this queue is."""
-        made: Callable[..., Any] = self.kernel(self.fit(kernel))
-        return made
 
     def rows(self, n: int) -> Records:
         """Return room for `n` rows of the log, or for as many as are made at a time."""
         row: Any = twin(ROW)
-        return [object.__new__(row) for _ in range(min(n, self.chunk))]
+        return list(map(object.__new__, repeat(row, min(n, self.chunk))))
+
+    def kept(self, rows: Records) -> Records:
+        """Return rows of the log as they are kept: without the room behind them."""
+        return rows
 
     def rebuild(self) -> None:
         """Predict all pairs anew."""
         run = self.state.run
-        entry = [(math.inf, rank(c, run.order, run.seed, pair.contacts)) for c, pair in enumerate(self.state.pairs)]
+        if self.queue is None:
+            entry = [(math.inf, rank(c, run.order, run.seed, pair.contacts)) for c, pair in enumerate(self.state.pairs)]
+        else:
+            entry = [(math.inf, key) for _, key in self.queue[1]]
         self.queue = SortedList([NOBODY]), entry
         self.refresh(0, len(entry) - 1)
 
@@ -168,11 +180,13 @@ class SortedQueue:
         s, n = self.state, len(self.state.pairs)
         around = [(0, max(0, last - n)), (n - 1, n - 1)] if s.ring else []
         for low, high in [(first, min(last, n - 1)), *around]:
-            self.use(self.predict)(s.run, s.pairs, s.bodies, self.queue, low, high, s.walls)
+            self.foresee(s.run, s.pairs, s.bodies, self.queue, low, high, s.walls)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
         """Return the time of the next event of any pair outside `first` … `last`, counted round."""
         order, n = self.queue[0], len(self.state.pairs)
+        if last < first:
+            return float(order[0][0])
         return float(next(time for time, key in order if not first <= (key & MASK) <= last and (key & MASK) > last - n))
 
     def apart(self) -> bool:
@@ -192,13 +206,12 @@ class SortedQueue:
             begin = run["events"]
             rows = None if log is None else self.rows(enough - begin)
             run["edge"], run["budget"] = edge, enough - begin if rows is None else len(rows)
-            rule, go = self.physics.rule, self.use(self.loop)
             s.clock.dated = 0
-            why: int = go(run, s.pairs, s.bodies, self.queue, rule, rows, None, s.walls)
-            if log is not None and rows is not None:
+            why: int = self.go(run, s.pairs, s.bodies, self.queue, self.physics.rule, rows, None, s.walls)
+            if log is not None and rows is not None and run["events"] > begin:
                 if s.clock.goal > -math.inf:
                     self.use(date_rows)(s.clock, rows, int(run["events"] - begin))
-                log.append(rows[: run["events"] - begin].copy())
+                log.append(self.kept(rows[: run["events"] - begin]))
             if why != TOUCHING:
                 return why
             why, first, last = collide_as_one(s, self.physics, self.fit, log)

@@ -7,13 +7,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from granular._check import Array, held
-from granular._kernels import flags
-from granular._records import Record, Records, column, copied, one, packed, plain, taken
+from granular._records import Record, Records, column, copied, one, packed, taken, twin
 from granular.edmd import hanging, wall_state
 from granular.edmd.motion import rebase, span
 from granular.edmd.physics import ORDER, Physics, felt_gravity, scales, shares, strongest
@@ -37,6 +37,9 @@ OF_BODIES = ("fall_velocity", "is_free", "noise")
 """What changes, by the names under which it is saved."""
 SAVED = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "now",
          "events", "rebases", "zooms", "zoomed", "allowance", "short")
+NAMES = (*(RUN.names or ()), *(CLOCK.names or ()))
+OF_RUN, OF_CLOCK = attrgetter(*(RUN.names or ())), attrgetter(*(CLOCK.names or ()))
+"""Names of all numbers of a run, and what takes them from plain records."""
 TALLY, LOOK = ("clamps", "merged", "lost"), ("elapsed", "looked", "ordinary", "clamped", "faint")
 """Numbers that are saved as arrays; of an older closer look, there are less."""
 SHORTER = -10
@@ -68,6 +71,8 @@ class State:
     near: Records | None = None
     ring: bool = False
     """Whether the last body is the first once more."""
+    hung: bool = False
+    """Whether the balls are pendula."""
     walls: Any = None
     """Of the floor and the ceiling, where forces act or walls are driven: records `SIDE`, their panels; the clock."""
 
@@ -75,24 +80,24 @@ class State:
     def of(cls, physics: Physics, t_start: float) -> State:
         """Return the state at the start of a run."""
         scene, options, g = physics.scene, physics.options, felt_gravity(physics.scene)
-        has = flags(scene)
+        has, n = physics.has, len(scene.mass)
         walls = wall_state.walls(scene, t_start) if "FORCED" in has else None
         of_pair, of_body = OF_FORCED if "FORCED" in has else OF_HUNG if "HUNG" in has else PLAIN
-        pairs, bodies = np.zeros(scene.n_pairs, of_pair), np.zeros(scene.n_pairs + 1, of_body)
-        number = np.arange(len(bodies)) % scene.n
+        pairs, bodies = np.zeros(len(scene.gap), of_pair), np.zeros(len(scene.gap) + 1, of_body)
         for name, value in (("fall_velocity", scene.velocity), ("is_free", ~scene.is_wall), ("mass", scene.mass)):
-            bodies[name] = value[number]
+            bodies[name][:n] = value
         if scene.ring:
+            bodies[-1] = bodies[0]
             bodies["fall_velocity"] -= scene.anchor_velocity(0.0)
         pairs["gap"], pairs["eps"], pairs["last"] = scene.gap, physics.eps, -math.inf
-        pairs["closing_acceleration"] = g * np.diff(bodies["is_free"])
+        pairs["closing_acceleration"] = g * (bodies["is_free"][1:] - bodies["is_free"][:-1])
         pairs["low"], pairs["high"] = shares(scene)
         speed, fall, length = scales(scene)
         strength, remedies = strongest(scene), ("tc", "elastic_below", "merge_below")
         no_collapse = scene.driven or scene.pendulum > 0.0 or physics.eps.min() == 1.0 or any(
             options[x] > 0.0 for x in remedies)
         window = span(length, speed, strength)
-        state = cls(plain(np.zeros(1, RUN))[0], plain(np.zeros(1, CLOCK))[0], pairs, bodies, None, scene.ring, walls)
+        state = cls(_blank(RUN), _blank(CLOCK), pairs, bodies, None, scene.ring, "HUNG" in has, walls)
         state.set(
             pairs=len(pairs), gravity=g, tc=options["tc"], elastic_below=options["elastic_below"],
             merge_below=options["merge_below"], order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
@@ -143,11 +148,6 @@ class State:
             raise ValueError("state of trajectory contradicts itself or the scene; it was changed after it was saved.")
         return state
 
-    @property
-    def hung(self) -> bool:
-        """Whether the balls are pendula."""
-        return hasattr(self.pairs[0], "rate") if isinstance(self.pairs, list) else "rate" in self.pairs.dtype.fields
-
     def set(self, **numbers: Any) -> None:
         """Set numbers of the run."""
         for name, value in numbers.items():
@@ -155,14 +155,16 @@ class State:
 
     def numbers(self) -> dict[str, Any]:
         """Return the numbers of the run by name."""
-        both: list[Any] = [x if isinstance(x, np.record) else packed([x])[0] for x in (self.run, self.clock)]
-        return {name: value for x in both for name, value in zip(x.dtype.names, x.tolist(), strict=True)}
+        run: Any = self.run if isinstance(self.run, np.record) else np.array(OF_RUN(self.run), RUN)
+        clock: Any = self.clock if isinstance(self.clock, np.record) else np.array(OF_CLOCK(self.clock), CLOCK)
+        return dict(zip(NAMES, run.item() + clock.item(), strict=True))
 
     def checkpoint(self, run: dict[str, Any]) -> dict[str, Any]:
         """Return everything, of which `run` are the `numbers`, for `Trajectory.state`; nothing of it is copied."""
         of_pairs, of_bodies = self._changing()
-        raw: dict[str, Any] = {name: column(self.bodies, name) for name in of_bodies}
-        raw |= {name: column(self.pairs, name) for name in of_pairs} | {name: run[name] for name in SAVED}
+        pairs, bodies = packed(self.pairs), packed(self.bodies)
+        raw: dict[str, Any] = {name: bodies[name] for name in of_bodies}
+        raw |= {name: pairs[name] for name in of_pairs} | {name: run[name] for name in SAVED}
         if self.walls is not None:
             raw |= {name: np.array(column(self.walls.sides, name)) for name in wall_state.SUMS}
         raw["tally"] = np.array([run[name] for name in TALLY])
@@ -177,7 +179,9 @@ class State:
         self.pairs, self.bodies = how(self.pairs), how(self.bodies)
         self.near = self.near if self.near is None else how(self.near)
         if isinstance(self.pairs, np.ndarray) and not isinstance(self.run, np.record):
-            self.run, self.clock = one(packed([self.run], RUN)), one(packed([self.clock], CLOCK))
+            self.run = one(np.array([OF_RUN(self.run)], RUN))
+            if self.walls is not None:  # who moves the clock too
+                self.clock = one(np.array([OF_CLOCK(self.clock)], CLOCK))
         if self.walls is not None:
             self.walls = Walls(how(self.walls.sides), how(self.walls.panels), self.clock)
 
@@ -238,7 +242,8 @@ class State:
         clock.epoch = total
         clock.rebases += 1
         self.run["now"] -= by
-        self.scale(max(float(np.abs(np.diff(column(self.bodies, "fall_velocity"))).max()), clock.fall))
+        u = column(self.bodies, "fall_velocity")
+        self.scale(max(float(np.abs(u[1:] - u[:-1]).max()), clock.fall))
         if clock.speed > 0.0:
             clock.window = max(clock.window, span(clock.length, clock.speed, clock.strength))
 
@@ -246,11 +251,10 @@ class State:
         """Return velocities in m/s (of pendula, rates), and gaps in m, never negative, at `tau`; nothing moves."""
         if self.hung:
             return hanging.row(self.pairs, tau)
-        g, velocity = float(self.run["gravity"]), np.array(column(self.bodies, "fall_velocity"))
-        gap = gaps(self.pairs, velocity, tau)
-        velocity = velocity[:-1] if self.ring else velocity
+        g, (u, is_free) = float(self.run["gravity"]), columns(self.bodies, "fall_velocity", "is_free")
+        gap, velocity = gaps(self.pairs, u, tau), np.array(u[:-1] if self.ring else u)
         if g > 0.0:
-            velocity -= column(self.bodies, "is_free") * (g * tau)
+            velocity -= is_free * (g * tau)
         if self.walls is not None:
             wall_state.show(self, tau, velocity, gap)
         return velocity, gap
@@ -290,10 +294,10 @@ class State:
 
 def gaps(pairs: Records, u: Array, tau: float) -> Array:
     """Return the gaps in m, never negative, at `tau` between bodies of fall velocities `u`."""
-    pull, at = column(pairs, "closing_acceleration"), column(pairs, "at")
-    rate, dt = np.diff(u) - pull * at, tau - at
-    gap: Array = column(pairs, "gap") + dt * (rate - 0.5 * pull * dt)
-    return gap.clip(0.0)
+    begun, pull, at = columns(pairs, "gap", "closing_acceleration", "at")
+    rate, dt = u[1:] - u[:-1] - pull * at, tau - at
+    gap: Array = begun + dt * (rate - 0.5 * pull * dt)
+    return np.maximum(gap, 0.0, out=gap)
 
 
 def _begin(state: State, scene: Scene) -> None:
@@ -304,3 +308,15 @@ def _begin(state: State, scene: Scene) -> None:
         hanging.begin(state.pairs, state.bodies, scene)
     if scene.ring or (scene.pendulum > 0.0 and scene.is_wall[[0, -1]].all()):
         state.run.gap_sum = math.fsum(scene.gap.tolist())
+
+
+def columns(records: Records, *names: str) -> Any:
+    """Return several fields of all records, numbers that are no whole ones: of an array views, else copies."""
+    if isinstance(records, np.ndarray):
+        return list(map(records.__getitem__, names))
+    return np.array(list(map(attrgetter(*names), records))).T
+
+
+def _blank(kind: np.dtype[Any]) -> Record:
+    """Return a plain object with the fields of `kind`, all 0."""
+    return twin(kind)(*np.zeros((), kind).item())

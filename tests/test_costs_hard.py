@@ -1,0 +1,76 @@
+"""What a hard run of few balls costs, in counts that no load disturbs: this package's own calls, rows made, columns
+written."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.edmd import run as runs
+from granular.edmd.sorted_queue import SortedQueue
+
+THREE, END = gr.scenes.three_balls(gap=1e-4), gr.until.contact(pair=0, nth=2)
+
+
+def simulated(engine: str) -> gr.Trajectory:
+    return gr.edmd.simulate(THREE, gr.ConstantRestitution(0.7), until=END, engine=engine)
+
+
+def calls(engine: str) -> Counter[tuple[str, str]]:
+    """Calls of functions of this package in a run, the third of its kind, by file and name."""
+    found: Counter[tuple[str, str]] = Counter()
+
+    def count(frame, event, _) -> None:
+        path = frame.f_code.co_filename.replace("\\", "/")
+        if event == "call" and "/granular/" in path and "/tests/" not in path:
+            found[path.rpartition("/granular/")[2], frame.f_code.co_name] += 1
+
+    simulated(engine), simulated(engine)
+    before = sys.getprofile()
+    sys.setprofile(count)
+    try:
+        simulated(engine)
+    finally:
+        sys.setprofile(before)
+    return found
+
+
+@pytest.mark.parametrize(("engine", "most"), [("sorted", 251), ("compiled", 175)])
+def test_a_run_of_two_collisions_calls_little_of_this_package(engine, most) -> None:
+    if engine == "compiled":
+        pytest.importorskip("numba")
+    found = calls(engine)
+    assert 50 < found.total() <= most, found.most_common(20)
+
+
+def test_what_a_scene_has_not_is_not_asked_for(monkeypatch) -> None:
+    """No walls that move, no pendula; kernels are fitted once for all runs of a kind; few rows are made for few."""
+    found, rows, made = calls("sorted"), SortedQueue.rows, []
+    assert found["_kernels.py", "fitted"] == 0
+    assert not {name for _, name in found} & {"heat", "ledger", "walls", "swing_off", "no_compiler"}
+    monkeypatch.setattr(SortedQueue, "rows", lambda self, n: made.append(rows(self, n)) or made[-1])
+    assert len(simulated("sorted").contacts) == 2
+    assert sum(map(len, made)) <= 32
+
+
+def test_auto_counts_the_balls_that_are_set_up(monkeypatch) -> None:
+    """However few collisions are asked for."""
+    asked = []
+    monkeypatch.setattr(runs, "pays", lambda work: asked.append(work) or False)
+    scene = gr.Scene(np.ones(300), np.zeros(300), np.ones(299), np.zeros(300))
+    gr.edmd.simulate(scene, gr.ConstantRestitution(1.0), max_events=1)
+    assert asked[0] == 300
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_file_has_only_the_columns_of_a_hard_log_that_do_not_follow_from_others(compressed, tmp_path) -> None:
+    run, path = simulated("sorted"), tmp_path / "run.npz"
+    run.save(path, compressed=compressed)
+    with np.load(path) as stored:
+        logged = {name: stored[name].nbytes for name in stored.files if name.startswith("contacts")}
+    assert sum(logged.values()) == 52 * len(run.contacts) > 0
+    assert gr.Trajectory.load(path).contacts.tobytes() == run.contacts.tobytes()
