@@ -290,9 +290,7 @@ class Run:
         rows = made.tolist() if self.is_plain else made
         if self.creep is not None:
             self.creep.show(elapsed)
-        sums: Any = None
-        if self.s.ledger is not None:
-            sums = [0.0] * 5 if self.is_plain else np.zeros(5)
+        sums: Any = None if self.s.ledger is None else [0.0] * 5 if self.is_plain else np.zeros(5)
         self.kernels(look)(self.s, elapsed, *rows, sums, self.collocation)
         c = -1
         while (c := self.kernels(look_inside)(self.s, c + 1, elapsed)) < n:
