@@ -210,7 +210,7 @@ def engage(run: Any, pairs: Any, pool: Any, bodies: Any) -> int:
     Forces only push, so that such a contact is sure to begin at once, if no gravity pulls the pair apart.
     """
     found, lo, hi = NONE, run.lo, run.hi
-    closed = is_closed(pairs, lo, hi)
+    closed = RING and is_closed(pairs, lo, hi)
     for sweep in range(2):
         for i in range(hi - lo):
             c = lo + i if sweep == 0 else hi - 1 - i

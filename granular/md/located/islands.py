@@ -52,7 +52,7 @@ def regroup(s: Any, laws: Any) -> int:
     if found == AWAITED:
         run.waits = 1
         return STOPPED
-    if is_closed(pairs, run.lo, run.hi):
+    if RING and is_closed(pairs, run.lo, run.hi):
         cut(run, pairs, pool)
     a = run.lo
     for c in range(run.lo + 1, run.hi + 1):

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular._kernels import HUNG, entry, kernel
+from granular._kernels import HUNG, RING, entry, kernel
 from granular.md.located.pendula import swung
 from granular.md.located.pieces import elapsed, integral, peaks, since, two_sum
 from granular.md.located.records import ACTIVE, DORMANT, NO_LOG, PEAKS
@@ -26,7 +26,7 @@ def follow(run: Any, pairs: Any, pool: Any, scratch: Any, lo: int, tau: float) -
     """Add the stretch [0, τ] of the piece of the island that starts with `lo` to its contacts."""
     hi, block = pairs[lo].hi, pool[pairs[lo].slot]
     h, q = block.h, block.clock
-    dt, scale, closed = elapsed(h, q, tau), elapsed(h, q, 1.0), is_closed(pairs, lo, hi)
+    dt, scale, closed = elapsed(h, q, tau), elapsed(h, q, 1.0), RING and is_closed(pairs, lo, hi)
     for c in range(lo, hi):
         pair = pool[pairs[c].slot]
         pair.push = scale * integral(pair.f, q, tau) if pair.mode == ACTIVE else 0.0

@@ -192,7 +192,7 @@ def rounding(tol: float, pairs: Any, pool: Any, c: int, lo: int) -> float:
         return float(max(tol, ULP if member.kind != GENERAL else 8.0 * ULP) * member.own_speed)
     largest = abs(member.eta)
     hi = pairs[lo].hi
-    if is_closed(pairs, lo, hi) and (c == lo or c + 1 == hi):
+    if RING and is_closed(pairs, lo, hi) and (c == lo or c + 1 == hi):
         largest = max(largest, abs(pool[pairs[hi - 1 if c == lo else lo].slot].eta))
     for i in range(max(lo, c - 1), min(c + 2, hi)):
         largest = max(largest, abs(pool[pairs[i].slot].eta))
@@ -219,7 +219,7 @@ def push(pairs: Any, pool: Any, bodies: Any, lo: int, dt: float) -> None:
     What no force acts on falls as before: in thousands of steps its roundings would add up.
     """
     block, hi, below, last = pool[pairs[lo].slot], pairs[lo].hi, 0.0, pairs[lo].hi + 1
-    if is_closed(pairs, lo, hi):
+    if RING and is_closed(pairs, lo, hi):
         below, last = pool[pairs[hi - 1].slot].push, hi
     for c in range(lo, last):
         body, above = bodies[nth(pairs, c)], pool[pairs[c].slot].push if c < hi else 0.0

@@ -139,7 +139,8 @@ def expand_two(a: Any, b: Any, h: float) -> None:
     """Fill the rows of two pairs under linear laws on the plain clock, the most frequent block, as `expand` does: the
     same sums, without going to and fro between the pairs, which halves the time of an interpreted run's series."""
     xa, ea, xb, eb = a.xi, a.eta, b.xi, b.eta
-    ka, ga, kb, gb = works(a) * a.k, works(a) * a.gamma, works(b) * b.k, works(b) * b.gamma
+    of_a, of_b = works(a), works(b)
+    ka, ga, kb, gb = of_a * a.k, of_a * a.gamma, of_b * b.k, of_b * b.gamma
     own_a, between, across, own_b = a.inverse, a.upper, b.lower, b.inverse
     x1, e1, f1, x2, e2, f2 = a.x, a.e, a.f, b.x, b.e, b.f
     push_a, push_b = a.pull, b.pull

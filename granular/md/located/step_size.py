@@ -44,7 +44,7 @@ def fastest_rate(pairs: Any, pool: Any, lo: int, hi: int, square: float) -> floa
     """Return λ in 1/s, a bound of all rates of the touching pairs; -1 if other than linear laws are at work. `square`
     is Ω² of pendula, else 0."""
     stiffness, damping = square, 0.0  # largest absolute row sums of M⁻¹K and M⁻¹C so far
-    k_below, g_below, closed = 0.0, 0.0, is_closed(pairs, lo, hi)
+    k_below, g_below, closed = 0.0, 0.0, RING and is_closed(pairs, lo, hi)
     if RING and closed:
         last = pool[pairs[hi - 1].slot]
         pushes = works(last)
