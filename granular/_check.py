@@ -53,6 +53,8 @@ def number(
     fix: str = "",
 ) -> float:
     """Return `value` as a float within ``(above, …)`` and ``[at_least, at_most]``; nan never passes."""
+    if type(value) is float and above < value and at_least <= value <= at_most and math.isfinite(value):
+        return value
     try:
         wrong = isinstance(value, (bool, str, bytes, np.ma.MaskedArray)) or np.ndim(value) != 0
         if wrong or getattr(value, "dtype", None) == np.bool_:
@@ -85,7 +87,8 @@ def array(
     if isinstance(value, np.ma.MaskedArray):
         raise TypeError(_sentence(name, value, "an array without a mask is needed", fix or "leave out what is masked"))
     try:
-        out = np.array(_worded(value), dtype=np.float64)
+        plain = type(value) is np.ndarray and value.dtype == np.float64
+        out = value.copy() if plain else np.array(_worded(value), dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise TypeError(_sentence(name, value, "an array of numbers is needed", fix)) from None
     except MemoryError:
@@ -95,7 +98,7 @@ def array(
         need = "one dimension is needed" if shape is None else f"{shape} is needed"
         raise ValueError(_sentence(f"shape of {name}", out.shape, need, fix))
     out.flags.writeable = False
-    if finite:
+    if finite and not np.isfinite(out).all():
         every(name, out.ravel(), np.isfinite(out).ravel(), finite)
     return out
 

@@ -20,13 +20,15 @@ def line(mass: ArrayLike, radius: ArrayLike, gap: ArrayLike, velocity: ArrayLike
     if n < 2:
         raise ValueError(f"mass has {n} entries: at least 2 bodies are needed; a floor counts as one (mass inf).")
     _check.every("mass", m, m > 0.0, "a mass must be positive", "use math.inf for a wall")
-    walls, ends = np.isinf(m), np.isin(np.arange(n), (0, n - 1))
-    _check.every("mass", m, ~walls | ends, "only the first and the last body can be walls",
-                 "a wall in the middle makes two separate scenes")
+    walls = np.isinf(m)
+    _check.every("mass", m, m > 0.0, "a mass must be positive", "use math.inf for a wall")
+    if walls[1:-1].any():
+        _check.every("mass", m, ~walls | (np.arange(n) % (n - 1) == 0), "only the first and the last body can be walls",
+                     "a wall in the middle makes two separate scenes")
     if walls.all():
         raise ValueError("mass is inf for every body: at least one ball of finite mass is needed.")
     r = _check.array("radius", radius, (n,))
-    _check.every("radius", r, np.isfinite(r) & (r >= 0.0), "a radius must be finite and not negative")
+    _check.every("radius", r, (r >= 0.0) & (r < np.inf), "a radius must be finite and not negative")
     _check.every("radius", r, ~walls | (r == 0.0), "a wall is flat and has radius 0")
     closed = _check.truth("ring", ring)
     fix = "pair n-1 joins the last ball and ball 0" if closed else "one gap per pair of neighbours"
