@@ -281,7 +281,7 @@ class Scene(ByNumbers):
 
     def _moved(self, wall: int, elapsed: Any, start: float) -> tuple[Any, Any]:
         """How far a wall has moved in m beside its constant velocity, and how fast in m/s."""
-        return walls_module.moved(self.motions[wall == self.n - 1], start, elapsed)
+        return walls_module.moved(self.motions[wall == self.n - 1], start, elapsed) if self.driven else (0.0, 0.0)
 
     @property
     def _fall(self) -> float:
