@@ -131,7 +131,7 @@ def leading(matrix: Any, like: Any) -> Leading | None:
     sizes = -np.sort(-np.abs(np.linalg.eigvals(matrix.astype(float))))
     if not sizes[1] < (1.0 - MARGIN) * sizes[0]:
         return None
-    power = matrix / abs(matrix).max()
+    power = matrix / abs(matrix).max()  # its 2³⁰th power is right times left, all else has died out
     for _ in range(30):
         power = power @ power
         power = power / abs(power).max()
@@ -147,6 +147,7 @@ def leading(matrix: Any, like: Any) -> Leading | None:
         norms.append(size(power))
     if not (value > 0 and norms[-1] <= 0.5):
         return None
+    # the last is at most ½: so many more add at most half of that sum, then a quarter, …
     return Leading(value, right, left, max(norms), 2.0 * sum(norms))
 
 

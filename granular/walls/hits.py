@@ -255,6 +255,8 @@ def falls_on_panel(
         a, j = pressed(panel, now.pull, coordinate(wall, panel, now, turns, s))
         if a <= -noise:
             return s
+        # certain to fall: though its second rate be `bend`, its least, a - j²/(2 bend), is below -noise; it fell
+        # through 0 where its tangent does
         if a <= 0.0 and j < 0.0 and j * j >= 4.0 * max(panel.bow, panel.bend) * noise:
             return max(0.0, s + a / -j)
         step = time_to_contact(a + noise, j, panel.bow)

@@ -15,7 +15,7 @@ from typing import Any
 
 from granular._kernels import DRIVEN, HEATED, HUNG, RING, WORKED, entry, inlined, kernel
 from granular._records import play
-from granular.md.located.contacts import TOUCH_ONLY, act, activate, meddle, strike
+from granular.md.located.contacts import TOUCH_ONLY, act, activate, count_isolated, strike
 from granular.md.located.islands import bring, enlist, extend_by, extend_event, regroup, reimpose
 from granular.md.located.jumps import CHANGED, ENDS, SAME, is_clipped, pass_edge
 from granular.md.located.ledger import LOST, add, run_off
@@ -65,7 +65,7 @@ def launch(s: Any, laws: Any) -> bool:
                     return False
             elif is_clipped(pool[pair.slot], laws):
                 pool[pair.slot].mode = RESIDUAL
-                if not meddle(run, pairs, pool, c, TOUCH_ONLY):
+                if not count_isolated(run, pairs, pool, c, TOUCH_ONLY):
                     return False
             elif not activate(run, pairs, pool, s.bodies, c):
                 return False

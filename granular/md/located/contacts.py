@@ -35,7 +35,9 @@ ALL_BUT_ZERO = 1e-9
 NONE, SOME, AWAITED = range(3)
 """What `engage` has found: no pair that touches at rest, some, or the contact at which the run is to stop."""
 TOUCH_ONLY, CONTACT = 0, 1
-"""How many contacts `meddle` is told of: an overlap without a push, or one that pushes."""
+"""How many contacts `count_isolated` is told of: an overlap without a push, or one that pushes."""
+DISTURBED = -1
+"""For the number of isolated contacts of a pair, from when one was not until the pair is open."""
 
 
 @kernel
@@ -88,7 +90,7 @@ def begin(run: Any, pairs: Any, pool: Any, bodies: Any, c: int, speed: float, la
         if laws is not None:
             pair.mode = OPEN if laws.pushes_at_touch(pair) else RESIDUAL
             if pair.mode == RESIDUAL:  # an overlap without a push
-                return meddle(run, pairs, pool, c, TOUCH_ONLY)
+                return count_isolated(run, pairs, pool, c, TOUCH_ONLY)
     return activate(run, pairs, pool, bodies, c)
 
 
@@ -101,7 +103,7 @@ def activate(run: Any, pairs: Any, pool: Any, bodies: Any, c: int) -> bool:
         return True
     if is_awaited(run, pairs, c):
         return False
-    if not meddle(run, pairs, pool, c, CONTACT):
+    if not count_isolated(run, pairs, pool, c, CONTACT):
         return False
     if pair.mode != DORMANT:  # else it has been under way since it was touched
         begin_contact(run, pairs, pool, bodies, c)
@@ -128,7 +130,7 @@ def strike(run: Any, pairs: Any, pool: Any, c: int) -> bool:
     pair.xi = 0.0
     if pair.eta < 0.0:
         return True
-    if is_awaited(run, pairs, c) or not meddle(run, pairs, pool, c, CONTACT):
+    if is_awaited(run, pairs, c) or not count_isolated(run, pairs, pool, c, CONTACT):
         return False
     pair.mode = STRUCK
     pairs[c].contacts += 1
@@ -138,7 +140,7 @@ def strike(run: Any, pairs: Any, pool: Any, c: int) -> bool:
 
 
 @kernel
-def meddle(run: Any, pairs: Any, pool: Any, c: int, more: int) -> bool:
+def count_isolated(run: Any, pairs: Any, pool: Any, c: int, more: int) -> bool:
     """Count `more` contacts of pair `c`, whose overlap or push begins, as isolated, unless a neighbour overlaps: then
     none is, neither of its overlap nor of the neighbour's.
 
@@ -150,15 +152,16 @@ def meddle(run: Any, pairs: Any, pool: Any, c: int, more: int) -> bool:
         if 0 <= f < count_of(pairs) and overlaps(pairs[f], pool, run):
             alone = False
             run.isolated -= max(0, pairs[f].isolated)
-            pairs[f].isolated = -1
+            pairs[f].isolated = DISTURBED
             if run.first < 0:
-                run.first, run.disturbed = f if f == below else c, run.t
+                run.first = f if f == below else c  # the lower of the two pairs
+                run.disturbed = run.t
     if not alone and run.disturbing == STOP:
         return False
     if not alone:
         run.isolated -= max(0, pairs[c].isolated)
-        pairs[c].isolated = -1
-    elif pairs[c].isolated >= 0:
+        pairs[c].isolated = DISTURBED
+    elif pairs[c].isolated != DISTURBED:
         pairs[c].isolated += more
         run.isolated += more
     return True

@@ -70,7 +70,7 @@ PAIR = np.dtype(
         ("first", np.int32), ("hi", np.int32),  # first pair of the block it is in; end of the block that it starts
         ("slot", np.int32), ("kind_of", np.int32),  # its places in the pool, -1 in free flight, and among the kinds
         ("row", np.int32),  # of its last contact solved at once, in the log buffer
-        ("contacts", np.int32), ("isolated", np.int16),  # so far; those since it was open that no other disturbed
+        ("contacts", np.int32), ("isolated", np.int16),  # so far; undisturbed ones since it was open, or `DISTURBED`
         ("map", np.int8), ("mode", np.int8), ("exact", np.int8), ("event", np.int8),  # map: place of its tables, or -1
         ("ahead", np.int8),  # its clock may lie ahead, at the end of a contact of it or of a neighbour
         ("wall", np.int8),  # number from 1 on of the driven wall it is at; -1, -2 of a thermal floor, ceiling; else 0

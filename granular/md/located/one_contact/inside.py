@@ -168,12 +168,13 @@ def expose(s: Any, c: int) -> None:
     """Let pair `c`, which has been relived, be a member of the event under way, for something may disturb it."""
     run, pair, member = s.run[0], s.pairs[c], s.pool[s.pairs[c].slot]
     back = since(pair, run.t, run.tail)
-    if WORKED:
+    if WORKED:  # what it would have come to is taken back, what it has come to so far is entered
         book_at_once(s.ledger, s, c, -1.0)
         book(s.ledger[0], s.ledger[0].solo)
     xi, eta = flown(s.field, pair, back)
     if member.mode != ACTIVE:  # in its run-off, it is what its asymptote says
-        member.xi, member.eta, member.going_on = xi if member.mode == RESIDUAL else min(0.0, xi), eta, 0
+        member.xi = xi if member.mode == RESIDUAL else min(0.0, xi)
+        member.eta, member.going_on = eta, 0
         member.h, member.tau, member.x[0], member.e[0], member.f[0] = 0.0, 0.0, member.xi, eta, 0.0
         return
     xi -= member.xi  # what the asymptote is ahead of the contact

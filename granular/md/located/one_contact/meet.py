@@ -21,7 +21,7 @@ from typing import Any
 from granular._flight import hung_after
 from granular._kernels import DRIVEN, HEATED, HUNG, RING, WORKED, inlined, kernel
 from granular._records import leaf, replay
-from granular.md.located.contacts import is_awaited
+from granular.md.located.contacts import DISTURBED, is_awaited
 from granular.md.located.jumps import count_hit, speed_away
 from granular.md.located.ledger import book_at_once, keep_solo
 from granular.md.located.log import velocity_now
@@ -307,7 +307,7 @@ def count(run: Any, pair: Any, isolated: bool, first: int, t2: float) -> None:
     run.steps += 1
     run.events += 1
     run.contacts += 1
-    pair.isolated = 1 if isolated else -1
+    pair.isolated = 1 if isolated else DISTURBED
     if isolated:
         run.isolated += 1
     elif run.first < 0:
