@@ -8,6 +8,7 @@ Every message gives the name, the value got, what is needed and, where there is 
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import fields
 from functools import cached_property
@@ -190,7 +191,9 @@ def takes(name: str, function: Any, *given: str, fix: str = "") -> Any:
 
 def is_own(value: Any) -> bool:
     """Return whether a law or rule is a caller's own: nothing of this package is to be looked at again."""
-    return not type(value).__module__.startswith("granular.")
+    cls = type(value)
+    home = sys.modules.get(cls.__module__) if cls.__module__.startswith("granular.") else None
+    return getattr(home, cls.__name__, None) is not cls
 
 
 def every(name: str, values: Array, good: NDArray[np.bool_], need: str, fix: str = "") -> None:

@@ -70,7 +70,7 @@ def write(path: str | PathLike[str], run: Any, compressed: bool = False) -> None
 
     def fill(draft: str) -> None:
         with open(draft, "wb") as file:
-            (np.savez_compressed if compressed else np.savez)(file, words=np.array(json.dumps(words)), **arrays)
+            (np.savez_compressed if compressed else np.savez)(file, words=np.array(_said(words)), **arrays)
 
     _files.write(path, fill)
 
@@ -83,14 +83,19 @@ def _described(physics: tuple[Any, ...] | None) -> Any:
     return to_json(physics[0]) if same else [to_json(one) for one in physics]
 
 
+def _said(words: Mapping[str, Any]) -> str:
+    """Return words as text; numbers of other types, such as numpy's, are floats."""
+    return json.dumps(words, sort_keys=True, default=float)
+
+
 def _digest(words: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:
     """What changes if anything in a file does."""
     said = {name: value for name, value in words.items() if name != "digest"}
-    digest = blake2b(json.dumps(said, sort_keys=True).encode(), digest_size=16)
+    digest = blake2b(_said(said).encode(), digest_size=16)
     for name in sorted(arrays):
         array = arrays[name]
         if name in OF_HARD:  # long: as zip does, six times as fast
-            digest.update(f"{name} {array.shape} {array.dtype.str} {crc32(array.data)}".encode())
+            digest.update(f"{name} {array.shape} {array.dtype.str} {crc32(np.ascontiguousarray(array).data)}".encode())
             continue
         columns = [array[column] for column in array.dtype.names or ()] or [array]  # what is between them is nothing
         digest.update(f"{name} {array.dtype.names} {array.shape}".encode())

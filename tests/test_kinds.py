@@ -4,7 +4,9 @@ import ast
 import math
 import pickle
 import tracemalloc
+from contextlib import suppress
 from dataclasses import dataclass, fields
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +14,7 @@ import pytest
 
 import granular as gr
 from granular import measures
-from granular.laws import resolve
+from granular.laws import kinds as of_laws, resolve
 from granular.laws.contact_law import PairLaw
 from granular.laws.kinds import alike, resolved
 from granular.scene import Pair, Scene, positions, velocities
@@ -296,3 +298,42 @@ def test_a_large_hard_gas_keeps_few_bytes_a_ball():
         tracemalloc.stop()
     assert run.status is gr.Status.max_events
     assert kept <= 250.0 * n
+
+
+KINDS = (float, int, np.float32, np.float64, np.int64, Fraction)
+
+
+@pytest.mark.parametrize("make", [gr.LinearDashpot, gr.Hertz, gr.WaltonBraun, gr.ViscoelasticHertz])
+def test_what_is_remembered_of_laws_is_of_these_very_numbers(make):
+    """Laws that are equal, of other types of numbers or signs of zero, give what they give alone, in any order."""
+    scene, rng = gr.scenes.three_balls(gap=1e-4), np.random.default_rng(5)
+    numbers = (2**24,) if make is gr.Hertz else (2**24, 2**25) if make is gr.WaltonBraun else (2**24, 2**9)
+
+    def result(law):
+        try:
+            run = gr.md.simulate(scene, law, t_end=0.4, engine="plain")
+        except (TypeError, ValueError) as error:
+            return str(error)
+        return repr(run.law), run.gap.tobytes(), run.contacts.tobytes()
+
+    laws = []
+    for kind in KINDS:
+        with suppress(TypeError, ValueError):  # a number that no law takes
+            laws.append(make(*map(kind, numbers)))
+    alone = []
+    for law in laws:
+        of_laws._remembered.cache_clear()
+        alone.append(result(law))
+    for i in rng.integers(0, len(laws), 40).tolist():
+        assert result(laws[i]) == alone[i]
+
+
+def test_zeros_of_both_signs_and_laws_with_a_trait_of_their_own_are_told_apart():
+    scene = gr.scenes.three_balls()
+    for gamma in (0.0, -0.0, 0.0):
+        assert repr(of_laws.checked(gr.LinearDashpot(5e6, gamma), scene).given[0].gamma) == repr(gamma)
+    odd = gr.LinearDashpot(5e6, 0.0)
+    object.__setattr__(odd, "linear", lambda pair: (6e6, 0.0))
+    of_laws.checked(gr.LinearDashpot(5e6, 0.0), scene)
+    with pytest.raises(ValueError, match="trait says"):
+        of_laws.checked(odd, scene)

@@ -14,8 +14,9 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import count
+from struct import pack, unpack
 from typing import Any
 
 import numpy as np
@@ -61,11 +62,14 @@ class SceneLaws:
     def __iter__(self) -> Iterator[PairLaw]:
         return (replace(self.each[k], pair=pair) for k, pair in zip(self.kind.tolist(), self._pairs, strict=True))
 
-    @cached_property
+    @property
     def in_pairs(self) -> tuple[Kinds, list[PairLaw]]:
         """Which of some laws a pair has, and these laws: one for every law in pairs of equal sizes."""
-        kind, first = alike(self.kind, self._pairs.m_eff, self._pairs.r_eff)
-        return kind, [self[c] for c in first.tolist()]
+        if "in_pairs" not in self.notes:
+            kind, first = alike(self.kind, self._pairs.m_eff, self._pairs.r_eff)
+            self.notes["in_pairs"] = kind, [self[c] for c in first.tolist()]
+        found: tuple[Kinds, list[PairLaw]] = self.notes["in_pairs"]
+        return found
 
     def column(self, value: Callable[[PairLaw], Any]) -> Any:
         """An array with the value of its law for every pair."""
@@ -80,19 +84,34 @@ FEW, REMEMBERED = 64, 64
 def resolved(laws: Sequence[Any] | SceneLaws, scene: Scene) -> SceneLaws:
     """Ask the laws of a scene, one per pair, what they are; once where they do not ask for their pair.
 
-    What laws of this package are in small scenes is remembered: the next scene of the same laws and sizes asks none.
+    What laws of this package are in small scenes is remembered: the next scene of the same laws, to the bit, and sizes
+    asks none.
     """
     if isinstance(laws, SceneLaws):
         return laws
     given, pairs = tuple(laws), scene.pairs
-    if len(given) > FEW or any(map(is_own, {type(law): law for law in given}.values())):
+    each = {id(law): law for law in given}
+    floats = {number: _floats_of(law) for number, law in each.items()}
+    if len(given) > FEW or None in floats.values():
         return _asked(given, pairs)
-    return _remembered(given, pairs.m_eff.tobytes(), pairs.r_eff.tobytes())
+    known = _remembered(tuple(map(floats.__getitem__, map(id, given))), pairs.m_eff.tobytes(), pairs.r_eff.tobytes())
+    found = SceneLaws(given, pairs, known.kind, known.each)
+    found.sound, found.notes = known.sound, known.notes
+    return found
+
+
+def _floats_of(law: Any) -> tuple[type, tuple[str, ...], bytes] | None:
+    """Return the class of a law of this package, and all that it holds, to the bit, if that is nothing but floats."""
+    holds = getattr(law, "__dict__", {"": None})
+    if is_own(law) or not {float}.issuperset(map(type, holds.values())):
+        return None
+    return type(law), tuple(holds), pack(f"{len(holds)}d", *holds.values())
 
 
 @lru_cache(maxsize=REMEMBERED)
-def _remembered(given: tuple[Any, ...], m_eff: bytes, r_eff: bytes) -> SceneLaws:
-    laws = _asked(given, Pairs(np.frombuffer(m_eff), np.frombuffer(r_eff)))
+def _remembered(floats: tuple[tuple[type, tuple[str, ...], bytes], ...], m_eff: bytes, r_eff: bytes) -> SceneLaws:
+    given = {one: one[0](**dict(zip(one[1], unpack(f"{len(one[1])}d", one[2]), strict=True))) for one in set(floats)}
+    laws = _asked(tuple(given[one] for one in floats), Pairs(np.frombuffer(m_eff), np.frombuffer(r_eff)))
     laws.sound = all(one.form is not None for one in laws.each)
     if laws.sound:
         _check_said(laws)

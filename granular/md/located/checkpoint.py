@@ -41,14 +41,12 @@ class Checkpoint(Mapping[str, Any]):
         return dict, (self._made(),)
 
     def _made(self) -> dict[str, Any]:
-        if self._s is not None:
-            used = {"tables": int(column(self._s.run, "tables")[0]), "log": int(column(self._s.run, "rows")[0])}
-            for name, dtype in KEPT.items():
-                records = getattr(self._s, name)
-                if records is None:
-                    continue
-                self._arrays[name] = packed(records[: used.get(name, len(records))], dtype)
-            self._s = None
+        if (s := self._s) is not None:  # another thread may make the same
+            used = {"tables": int(column(s.run, "tables")[0]), "log": int(column(s.run, "rows")[0])}
+            kept = {name: getattr(s, name) for name in KEPT}
+            made = {name: packed(records[: used.get(name, len(records))], KEPT[name])
+                    for name, records in kept.items() if records is not None}
+            self._arrays, self._s = self._arrays | made, None
         return self._arrays
 
 
