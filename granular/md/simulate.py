@@ -205,8 +205,8 @@ def resume(
     engine: str = "auto",
     disturbed: str = "resolve",
 ) -> Trajectory:
-    """Go on from the end of a run of `simulate` by method "located", in the middle of contacts too, bit for bit; from one
-    that `until` ended, to rounding.
+    """Go on from the end of a run of `simulate` by method "located", in the middle of contacts too, bit for bit, or, if
+    `until` ended it, to rounding.
 
     Laws and tolerance are those of `trajectory`. The contact log begins anew, with the contacts that were under way
     whole (if both runs have logs); contacts of a pair are counted from the beginning (``until.contact(0, 7)`` is still
