@@ -6,7 +6,6 @@ import pickle
 import tracemalloc
 from contextlib import suppress
 from dataclasses import dataclass, fields
-from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -300,18 +299,18 @@ def test_a_large_hard_gas_keeps_few_bytes_a_ball():
     assert kept <= 250.0 * n
 
 
-KINDS = (float, int, np.float32, np.float64, np.int64, Fraction)
+KINDS = float, int, np.float32, np.float64, np.int64
 
 
 @pytest.mark.parametrize("make", [gr.LinearDashpot, gr.Hertz, gr.WaltonBraun, gr.ViscoelasticHertz])
 def test_what_is_remembered_of_laws_is_of_these_very_numbers(make):
     """Laws that are equal, of other types of numbers or signs of zero, give what they give alone, in any order."""
-    scene, rng = gr.scenes.three_balls(gap=1e-4), np.random.default_rng(5)
+    scene, rng = Scene([1.0] * 3, [0.01] * 3, [1e-6, 1e-5], [1.0, 0.0, 0.0]), np.random.default_rng(5)
     numbers = (2**24,) if make is gr.Hertz else (2**24, 2**25) if make is gr.WaltonBraun else (2**24, 2**9)
 
     def result(law):
         try:
-            run = gr.md.simulate(scene, law, t_end=0.3196, engine="plain")
+            run = gr.md.simulate(scene, law, t_end=2e-4, max_steps=60, engine="plain")
         except (TypeError, ValueError) as error:
             return str(error)
         return repr(run.law), run.gap.tobytes(), run.contacts.tobytes()
