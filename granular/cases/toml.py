@@ -106,7 +106,7 @@ def tables_of(path: str | PathLike[str]) -> dict[str, Any]:
     try:
         return _parsed(content.decode("utf-8-sig").replace("\r\n", "\n"))
     except UnicodeDecodeError:
-        raise ValueError("is no text in UTF-8, as TOML must be.") from None
+        raise ValueError("is no text in UTF-8, as TOML must be; recorded runs are played by granular view.") from None
 
 
 def _parsed(text: str) -> dict[str, Any]:

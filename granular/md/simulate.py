@@ -75,7 +75,8 @@ def simulate(
         Stop with status ``max_events`` after that many contacts or steps; also where contacts under laws that are no
         powers creep or chatter, so that some thousand trial steps bring the run on by next to nothing.
     on_event : callable, optional
-        Called with each row of the contact log, in batches, in the order in which contacts end.
+        Called with each row of the contact log, in batches, in the order in which contacts end; of fixed steps, those
+        that end within one step in any order.
     on_progress : callable, optional
         ``on_progress(reached, count)`` now and then: the time reached in s, and the number of contacts so far.
     engine : {"auto", "plain", "compiled"}
