@@ -72,5 +72,5 @@ def _careful(judged: Callable[[int], Verdict], seed: int) -> Verdict:
 
 def _write(progress: Path, lines: list[Any]) -> None:
     draft = progress.with_suffix(".part")
-    draft.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    draft.write_text("".join(json.dumps(line, default=float) + "\n" for line in lines))
     os.replace(draft, progress)
