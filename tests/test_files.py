@@ -138,3 +138,15 @@ def test_a_run_comes_back_from_a_file_with_an_equal_scene(tmp_path):
     back = gr.Trajectory.load(tmp_path / "run.npz")
     assert back.scene == run.scene
     assert np.array_equal(back.position, run.position)
+
+
+def test_arrays_in_any_order_and_numbers_of_any_type_are_saved_and_loaded(tmp_path):
+    scene, path = gr.scenes.three_balls(), tmp_path / "run.npz"
+    hard = gr.edmd.simulate(scene, gr.ConstantRestitution(0.7), t_end=1.0)
+    hard.save(path)
+    with np.load(path) as file:
+        arrays = {name: np.asfortranarray(array) if array.ndim > 1 else array for name, array in file.items()}
+    np.savez(path, **arrays)
+    assert gr.Trajectory.load(path).contacts.tobytes() == hard.contacts.tobytes()
+    gr.md.simulate(scene, gr.LinearDashpot(np.int64(12_500_000), np.float32(2.0)), t_end=0.1, engine="plain").save(path)
+    assert gr.Trajectory.load(path).law[0] == gr.LinearDashpot(1.25e7, 2.0)
