@@ -240,7 +240,8 @@ def drive(run: Run) -> Trajectory:
         kept.append(end.row)
     if end.running is not None:
         settled.append(end.running)
-    log = contacts(settled if request.log else [])
+    rows = settled if request.log else []
+    log = rows[0] if len(rows) == 1 and rows[0].dtype == CONTACT else contacts(rows)
     columns: list[Any] = [None if column[0] is None else np.array(column) for column in zip(*kept, strict=True)]
     kept.clear()  # rows of a million balls are large
     time, elapsed, gap, velocity, rate, force, ledger = columns
@@ -319,8 +320,6 @@ def contacts(settled: list[Rows]) -> Rows:
 
     What has no end of its own is an instant, of infinite force.
     """
-    if len(settled) == 1 and settled[0].dtype == CONTACT:
-        return settled[0]
     log = np.zeros(sum(map(len, settled)), CONTACT)
     stop = 0
     for rows in (some[k : k + PART] for some in settled for k in range(0, len(some), PART)):

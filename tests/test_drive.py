@@ -95,3 +95,14 @@ def test_hard_contacts_are_instants_and_stay_in_their_order():
     assert made["v_in"].tolist() == [[1.0, 0.0], [4.0, 0.0]]
     assert made["v_out"].tolist() == [[0.0, 2.0], [0.0, 5.0]]
     assert (made["duration"].tolist(), made["impulse"].tolist()) == ([0.0, 0.0], [3.0, 6.0])
+
+
+@pytest.mark.parametrize("options", [{"engine": "plain"}, {"method": "verlet", "dt": 1e-5, "engine": "plain"}])
+def test_who_writes_into_a_row_does_not_write_into_the_log(options):
+    def spoil(row):
+        row["duration"] = -1.0
+
+    scene, law = gr.scenes.three_balls(), gr.LinearDashpot(1e6)
+    one, other = (gr.md.simulate(scene, law, t_end=0.35, on_event=told, **options) for told in (None, spoil))
+    assert len(one.contacts) > 1
+    assert one.contacts.tobytes() == other.contacts.tobytes()

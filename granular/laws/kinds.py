@@ -90,9 +90,9 @@ def resolved(laws: Sequence[Any] | SceneLaws, scene: Scene) -> SceneLaws:
     if isinstance(laws, SceneLaws):
         return laws
     given, pairs = tuple(laws), scene.pairs
-    each = {id(law): law for law in given}
+    each = {id(law): law for law in given} if len(given) <= FEW else {0: None}
     floats = {number: _floats_of(law) for number, law in each.items()}
-    if len(given) > FEW or None in floats.values():
+    if None in floats.values():
         return _asked(given, pairs)
     known = _remembered(tuple(map(floats.__getitem__, map(id, given))), pairs.m_eff.tobytes(), pairs.r_eff.tobytes())
     found = SceneLaws(given, pairs, known.kind, known.each)
