@@ -78,22 +78,14 @@ def section(name: str, title: str, report: Frontier) -> str:
         shown = [duration(mine.seconds) if mine else "–"]
         shown += [f"{called(other.method)}, {duration(other.seconds)}" if other else "none reaches it", ratio]
         lines.append(f"| {power(goal)} | {' | '.join(shown)} |")
-    lines += ["", f"<details><summary>Orders and smallest errors of all {len(report.methods)} methods</summary>", "",
-              "| method | order measured | min(p, 1+s) | textbook p | smallest error | contacts wrong |",
-              "|---|---|---|---|---|---|"]
-    lines += [_method_line(report, method) for method in report.methods]
-    return "\n".join([*lines, "", "</details>", ""])
+    orders = "; ".join(_order(report, method) for method in report.orders if math.isfinite(report.order(method)))
+    least = min(row.velocity_error for row in report.of("located") if row.good)
+    lines += ["", f"Order in dt as measured, and min(p, 1+s): {orders}. Smallest error of the located method: {power(least)}."]
+    return "\n".join([*lines, ""])
 
 
-def _method_line(report: Frontier, method: str) -> str:
-    rows = report.of(method)
-    textbook, expected = report.orders.get(method, (math.nan, math.nan))
-    order = [f"{x:.2f}" if math.isfinite(x) else "–" for x in (report.order(method), expected, textbook)]
-    if order[0] != "–":
-        order[0] += f" in {report.dials[method]}"
-    least = min((row.velocity_error for row in rows if row.good), default=math.nan)
-    wrong = sum(row.wrong_count for row in rows)
-    return f"| {called(method)} | {' | '.join(order)} | {power(least)} | {wrong} of {len(rows)} |"
+def _order(report: Frontier, method: str) -> str:
+    return f"{called(method)} {report.order(method):.2f} ({report.orders[method][1]:.2f})"
 
 
 def called(method: str) -> str:
