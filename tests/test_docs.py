@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+import granular as gr
+
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
 TEXTS = {page: page.read_text(encoding="utf-8") for page in [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]}
@@ -38,6 +40,27 @@ def test_the_python_of_a_page_runs_and_prints_what_the_page_shows(page, monkeypa
             exec(compile(code, page.name, "exec"), names)
         if shown:
             assert agree(printed.getvalue(), shown), f"{page.name} shows\n{shown}\nbut prints\n{printed.getvalue()}"
+
+
+def test_the_index_of_questions_has_thirty_and_its_commands_run(monkeypatch, tmp_path, capsys):
+    from granular.cli import main
+
+    text = TEXTS[DOCS / "how-do-i.md"]
+    asked, lines = text.count("**… "), re.findall(r"^granular (.*)$", text, re.MULTILINE)
+    assert asked == 30
+    assert len(re.findall(r"^```(?:python|sh)$", text, re.MULTILINE)) == asked + 1, "an import, and an answer to each"
+    assert len(lines) == 4
+    for needed in ("matplotlib", "mpmath"):
+        pytest.importorskip(needed)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("granular.frontiers.methods._engine", lambda *_: "plain")
+    scene = gr.scenes.bouncing_ball()
+    gr.md.simulate(scene, gr.LinearDashpot(1e6, 10.0), t_end=0.5).save("soft.npz")
+    gr.cases.save(gr.cases.make("three-balls", gap=1e-2), "mine.toml")
+    for line in lines:
+        assert main(shlex.split(line)) == 0, line
+    assert "located" in capsys.readouterr().out
+    assert {"page.html", "soft.html"} <= {path.name for path in tmp_path.iterdir()}
 
 
 def commands():
