@@ -80,7 +80,8 @@ def section(name: str, title: str, report: Frontier) -> str:
         lines.append(f"| {power(goal)} | {' | '.join(shown)} |")
     orders = "; ".join(_order(report, method) for method in report.orders if math.isfinite(report.order(method)))
     least = min(row.velocity_error for row in report.of("located") if row.good)
-    lines += ["", f"Order in dt as measured, and min(p, 1+s): {orders}. Smallest error of the located method: {power(least)}."]
+    lines += ["", f"Order in dt as measured, and min(p, 1+s): {orders}. Smallest error of the located method: "
+              f"{power(least)}."]
     return "\n".join([*lines, ""])
 
 
