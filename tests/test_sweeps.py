@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import threading
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
@@ -282,6 +283,49 @@ def test_labels_are_short_and_pairs_have_numbers():
     assert data["restitution"].attrs["long_name"] == "restitution"
     assert data["restitution"].attrs["comment"].startswith("Coefficient of restitution in (0, 1]")
     assert data["pair"].values.tolist() == [0, 1]
+
+
+@pytest.mark.parametrize(("workers", "threads"), [(1, 0), (2, 2), (3, 3)])
+def test_any_number_of_threads_gives_the_same_bits(workers, threads, monkeypatch):
+    """Compiled calls run in threads, all that is Python in this one; where little is left, there are none."""
+    names, known = set(), located.solve_many
+
+    def solve_many(many, **end):
+        names.add(threading.current_thread().name)
+        return known(many, **end)
+
+    over = ["restitution=0.5:1:10", "gap=1e-7:1e-2:10:log"]
+    here = gr.sweep("three-balls", over, sorted(FAST), workers=1)
+    monkeypatch.setattr(located, "solve_many", solve_many)
+    monkeypatch.setattr(schedule, "in_memory", lambda kernel: True)
+    monkeypatch.setattr(schedule, "WORTH", 0.0)
+    assert here.identical(gr.sweep("three-balls", over, sorted(FAST), workers=workers))
+    assert len(names - {"MainThread"}) <= threads
+    assert (len(names) > 1) == (threads > 0)
+    names.clear()
+    monkeypatch.setattr(schedule, "WORTH", math.inf)
+    gr.sweep("three-balls", over, "contacts", workers=workers)
+    assert names == {"MainThread"}
+
+
+def test_an_interrupted_sweep_in_threads_leaves_none_and_keeps_what_is_done(monkeypatch, tmp_path):
+    monkeypatch.setattr(schedule, "WORTH", 0.0)
+    monkeypatch.setattr(schedule, "in_memory", lambda kernel: True)
+
+    def interrupt(reached, count):
+        if count > 16:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        gr.sweep("three-balls", "gap=1e-7:1e-2:200:log", "contacts", workers=2, on_progress=interrupt,
+                 save=tmp_path / "map.nc")
+    assert not [thread for thread in threading.enumerate() if "ThreadPool" in thread.name]
+    assert 16 < int((xr.load_dataset(tmp_path / "map.nc")["status"] >= 0).sum()) < 200
+
+
+def test_threads_are_a_whole_number():
+    with pytest.raises(ValueError, match="workers is 0"):
+        gr.sweep("three-balls", "gap=1e-4,1e-3", workers=0)
 
 
 def pile_that_creeps(gamma):

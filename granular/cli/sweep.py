@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from granular import _check
+from granular._reports import cores
 from granular.cases.case import Option
 from granular.cli import ends, output
 from granular.cli.parser import Command, offered
@@ -56,12 +57,12 @@ class Sweep(Command):
         over = dict(map(axis, given.over))
         if len(over) < len(given.over):
             raise ValueError("--over names a parameter twice: one axis per parameter is needed.")
-        usual = os.cpu_count() or 1 if math.prod(map(len, over.values())) >= WORTH_POOL else 1
+        usual = cores() if math.prod(map(len, over.values())) >= WORTH_POOL else 1
         workers = usual if given.workers is None else given.workers
         _check.whole("workers", workers, at_least=1, at_most=MOST_WORKERS)
         with processes(workers) as executor, output.Progress(1.0, things="cells") as progress:
             data = sweep(given.target, over, given.result or DEFAULT, save=given.save, executor=executor,
-                         on_progress=progress, **given.given, **given.run)
+                         workers=given.workers, on_progress=progress, **given.given, **given.run)
         print(summary(data))
 
 

@@ -96,12 +96,10 @@ class Plan:
             return start.physics("md")
         return ready.touching(self.subject.ready, start, **self._sides(self.parameters(values))[1]).law
 
-    def parted(self, values: Sequence[Any]) -> tuple[Any, Any]:
-        """Part the values of a cell: what tells where and for how long it runs, and how its balls touch."""
-        if not self.subject.ready:
-            return values, ()
-        shapes, others = self._sides(dict(zip(self.names, values, strict=True)))
-        return tuple(shapes.values()), tuple(others.values())
+    @cached_property
+    def shaping(self) -> tuple[bool, ...]:
+        """Which parameters that vary tell where and for how long a cell runs; the others how its balls touch."""
+        return tuple(not self.subject.ready or name.partition("[")[0] in self.shapes for name in self.names)
 
     def _sides(self, parameters: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
         sides: tuple[dict[str, Any], dict[str, Any]] = {}, {}

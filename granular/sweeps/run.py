@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular import _check
+from granular._reports import cores
 from granular.cases import Case
 from granular.sweeps import schedule
 from granular.sweeps.plan import Plan, dataset, planned, resume, write, xarray_
@@ -31,6 +32,8 @@ SAVE_EVERY = 30.0
 """Seconds between two writes of what is done so far."""
 Counts = Callable[[list[Values]], Values]
 """Contact counts (S, pairs) at the rows of some columns of parameters."""
+Where = tuple[Executor | None, int]
+"""An executor, and the number of threads without."""
 
 
 def sweep(
@@ -43,6 +46,7 @@ def sweep(
     precision: float = 1e-6,
     save: str | PathLike[str] | None = None,
     executor: Executor | None = None,
+    workers: int | None = None,
     on_progress: Callable[[float, int], object] | None = None,
     **fixed: Any,
 ) -> xarray.Dataset:
@@ -74,6 +78,9 @@ def sweep(
     executor : concurrent.futures.Executor, optional
         Where to run: a ``ProcessPoolExecutor``, ``client.get_executor()`` of dask, an ``MPIPoolExecutor``; default
         this process. The result is the same, bit for bit.
+    workers : int, optional
+        Threads of this process, without an executor, for cells that run compiled in one call per batch; default: one
+        per core that it may use, where that pays. Cells that run one by one take processes to be faster.
     on_progress : callable, optional
         ``on_progress(reached, count)`` now and then: the share of this call's cells that is solved, and the number of
         all cells that are, those of a file included.
@@ -94,6 +101,7 @@ def sweep(
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise TypeError(f"executor is {executor!r}: an object with submit() is needed, such as a ProcessPoolExecutor "
                         "or client.get_executor() of dask.")
+    threads = cores() if workers is None else _check.whole("workers", workers, at_least=1)
     _check.callback("on_progress", on_progress, "reached", "count")
     xarray_()
     varied = checked(over)
@@ -104,8 +112,9 @@ def sweep(
         _check.choice("result to refine by", "contacts", list(plan.results))
     grid = np.meshgrid(*varied.values(), indexing="ij")
     job = _Job(plan, varied, [values.ravel() for values in grid], save)
-    job.solve(executor, on_progress)
-    return job.dataset() if refine is None else job.refined(refine, precision, executor)
+    where = executor, threads
+    job.solve(where, on_progress)
+    return job.dataset() if refine is None else job.refined(refine, precision, where)
 
 
 class _Job:
@@ -117,7 +126,7 @@ class _Job:
         known, self.notes = resume(save, plan, over) if save is not None else ({}, {})
         self.answers.put(slice(None), known)
 
-    def solve(self, executor: Executor | None, on_progress: Callable[[float, int], object] | None) -> None:
+    def solve(self, where: Where, on_progress: Callable[[float, int], object] | None) -> None:
         """Solve what is not solved yet; keep what is done, however it ends."""
         missing = np.flatnonzero(self.answers.columns["status"] == NOT_RUN)
         if not len(missing):
@@ -125,7 +134,7 @@ class _Job:
         known = done = len(self.columns[0]) - len(missing)
         saved = time.monotonic()
         try:
-            for places, found in schedule.batches(self.plan, self.columns, missing, executor):
+            for places, found in schedule.batches(self.plan, self.columns, missing, *where):
                 self.answers.take(places, found)
                 done += len(places)
                 if on_progress is not None:
@@ -150,7 +159,7 @@ class _Job:
             write(data, self.save)
         return data
 
-    def refined(self, name: str, precision: float, executor: Executor | None) -> xarray.Dataset:
+    def refined(self, name: str, precision: float, where: Where) -> xarray.Dataset:
         """Add the jumps of the contact counts along one parameter."""
         plan = replace(self.plan, asked=("contacts",))
         axis, shape = list(self.over).index(name), tuple(map(len, self.over.values()))
@@ -158,7 +167,7 @@ class _Job:
         def counts(columns: list[Values]) -> Values:
             found = Answers(plan.results, len(columns[0]))
             found.put([], {"contacts": self.answers.columns["contacts"][:0]})  # as wide
-            for places, part in schedule.batches(plan, columns, np.arange(len(columns[0])), executor):
+            for places, part in schedule.batches(plan, columns, np.arange(len(columns[0])), *where):
                 found.take(places, part)
             return np.asarray(found.columns["contacts"])
 

@@ -9,11 +9,12 @@ import math
 import os
 import threading
 import time
-from collections import defaultdict
-from collections.abc import Callable, Generator, Hashable, Iterator, Sequence
-from concurrent.futures import Executor, as_completed
+from collections import deque
+from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from dataclasses import replace
 from functools import cache, lru_cache
+from itertools import islice
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -39,14 +40,19 @@ SHORTEST, LONGEST = 0.25, 2.0
 """Seconds that a batch should take: some milliseconds of scheduling are then below 5 %, and progress is seen."""
 SHARE = 64
 """A sweep is cut into at least that many batches if they are not shorter than that."""
+WORTH = 0.1
+"""Seconds of compiled calls from which on there are several threads of them."""
 
 Batch = tuple[Values, Answers]
 
 
-def batches(plan: Plan, columns: Sequence[Values], cells: Values, executor: Executor | None) -> Iterator[Batch]:
+def batches(
+    plan: Plan, columns: Sequence[Values], cells: Values, executor: Executor | None, workers: int,
+) -> Iterator[Batch]:
     """Solve `cells`, rows of `columns`, and yield them batch by batch as they are done, with their places.
 
-    What a cell gives depends on nothing but its parameters, so neither cuts nor executor change a bit.
+    What a cell gives depends on nothing but its parameters, so neither cuts nor executor change a bit. Without an
+    executor cells in compiled calls run in so many threads, `workers`, if that pays.
     """
     # without machine code in memory first one by one, with the same bits: no wait for a compiler
     way = replace(plan, at_once=plan.at_once and in_memory(many.solve_rows))
@@ -54,11 +60,13 @@ def batches(plan: Plan, columns: Sequence[Values], cells: Values, executor: Exec
     if way.at_once is not plan.at_once and worth(many.solve_rows, each * len(rest), LOADING, MAKING):
         way = plan
         rest, each = yield from _pilot(way, columns, rest)
-    seconds = min(max(each * len(rest) / SHARE, SHORTEST), LONGEST)
+    seconds = min(max(each * len(rest) / SHARE, SHORTEST), LONGEST, each * len(rest) / (2 * workers))
     size = max(1, round(seconds / max(each, 1e-9)))
     parts = [rest[i : i + size] for i in range(0, len(rest), size)]
     if executor is not None:
         yield from _spread(way, columns, parts, executor)
+    elif way.at_once and workers > 1 and each * len(rest) > WORTH:
+        yield from _threaded(way, columns, parts, workers)
     else:
         for part in parts:
             yield part, solve(way, [column[part] for column in columns])
@@ -66,14 +74,21 @@ def batches(plan: Plan, columns: Sequence[Values], cells: Values, executor: Exec
 
 def solve(plan: Plan, columns: Sequence[Values]) -> Answers:
     """Solve the cells whose parameters are rows of `columns`: many at once where that is open, else one by one."""
-    points = list(zip(*(column.tolist() for column in columns), strict=True))
-    answers = Answers(plan.results, len(points))
-    for i in solve_at_once(plan, points, answers) if plan.at_once else range(len(points)):
+    bundles = bundled(plan, columns)
+    return _finished(plan, columns, zip(bundles, map(Bundle.solved, bundles), strict=True))
+
+
+def _finished(plan: Plan, columns: Sequence[Values], solved: Iterable[tuple[Bundle, many.Many]]) -> Answers:
+    """Return the answers of cells of which some have been solved at once, and the others, one by one."""
+    answers, left = Answers(plan.results, len(columns[0])), np.ones(len(columns[0]), bool)
+    for bundle, found in solved:
+        left[_write(plan, bundle, found, answers)] = False
+    for i in np.flatnonzero(left).tolist():
         try:
-            answer = Answer(plan.case(points[i]))
-            found = {name: np.reshape(result.of(answer), (1, -1) if result.dim else 1)
+            answer = Answer(plan.case(_point(columns, i)))
+            values = {name: np.reshape(result.of(answer), (1, -1) if result.dim else 1)
                      for name, result in plan.results.items()}
-            answers.put([i], found | {"status": np.array([answer.status(plan.results)])})
+            answers.put([i], values | {"status": np.array([answer.status(plan.results)])})
         except REFUSED as error:
             answers.refuse(i, sentence_of(error))
     return answers
@@ -122,6 +137,27 @@ def _spread(plan: Plan, columns: Sequence[Values], parts: list[Values], executor
             future.cancel()
 
 
+def _threaded(plan: Plan, columns: Sequence[Values], parts: list[Values], workers: int) -> Iterator[Batch]:
+    """Solve parts, which this thread prepares and finishes, in compiled calls in other threads, which run nothing else:
+    it can be interrupted, and they end within one call."""
+    todo, ahead = iter(parts), deque[Any]()
+    pool = ThreadPoolExecutor(workers)
+
+    def begin(part: Values) -> Any:
+        here = [column[part] for column in columns]
+        return part, here, [(one, pool.submit(one.solved)) for one in bundled(plan, here)]
+
+    try:
+        ahead.extend(map(begin, islice(todo, workers + 1)))
+        while ahead:
+            part, here, solved = ahead.popleft()
+            found = [(one, future.result()) for one, future in solved]
+            ahead.extend(map(begin, islice(todo, 1)))
+            yield part, _finished(plan, here, found)
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
 class Start(NamedTuple):
     """What many cells share: a scene with its end, and what its laws depend on: masses, radii, first impact speed."""
 
@@ -129,23 +165,42 @@ class Start(NamedTuple):
     balls: Hashable
 
 
-def solve_at_once(plan: Plan, points: Sequence[tuple[Any, ...]], answers: Answers) -> list[int]:
-    """Solve the cells at these points as far as possible; return those that are left.
+class Bundle(NamedTuple):
+    """Cells of one size and one stop condition, in one compiled call: their places, their different scenes and which
+    each has, ε_spec, and what is to be solved."""
 
-    Left are what is refused, has options of its own, driven walls, forces, or laws that are no powers, creeping piles,
-    and contacts that are running at the end and must be followed.
+    places: Values
+    scenes: list[Scene]
+    which: Values
+    eps: Array
+    begin: many.Scenes
+    until: Any
+    ends: Array
+
+    def solved(self) -> many.Many:
+        """Solve them: machine code, without the interpreter's lock."""
+        return many.solve_many(self.begin, until=self.until, t_end=self.ends)
+
+
+def bundled(plan: Plan, columns: Sequence[Values]) -> list[Bundle]:
+    """Prepare cells that many at once can solve; scenes and laws are made once, however many cells share them.
+
+    Left are what is refused, has options of its own, driven walls, forces, or laws that are no powers.
     """
+    if not plan.at_once:
+        return []
     memory = _memory(plan.key) if plan.subject.ready else {}
-    prepared = [_prepared(plan, point, memory) for point in points]
-    alike: dict[Any, list[int]] = defaultdict(list)
-    for i, (start, law) in enumerate(prepared):
-        if law is not None:
-            alike[start.case.scene.n, start.case.until].append(i)
-    left = set(range(len(points)))
-    for places in alike.values():
-        starts, laws = zip(*(prepared[i] for i in places), strict=True)
-        left -= set(_fill(plan, np.array(places), starts, laws, answers))
-    return sorted(left)
+    shapes, others = ([column for column, shape in zip(columns, plan.shaping, strict=True) if shape is side]
+                      for side in (True, False))
+    first, which = _distinct(shapes, len(columns[0]))
+    starts = [_recalled(memory, _point(shapes, i), _start, plan, _point(columns, i)) for i in first]
+    first, law_of = _distinct([_numbered(start and start.balls for start in starts)[which], *others], len(which))
+    laws = [start and _recalled(memory, (start.balls, _point(others, i)), _law, plan, _point(columns, i), start)
+            for i in first for start in (starts[which[i]],)]
+    alike = _numbered(start and (start.case.scene.n, start.case.until) for start in starts)[which]
+    alike[np.array([law is None for law in laws])[law_of]] = -1
+    return [_bundle(np.flatnonzero(alike == kind), starts, which, laws, law_of)
+            for kind in np.unique(alike[alike >= 0])]
 
 
 @lru_cache(maxsize=4)
@@ -154,14 +209,26 @@ def _memory(key: bytes) -> dict[Any, Any]:
     return {}
 
 
-def _prepared(plan: Plan, point: tuple[Any, ...], memory: dict[Any, Any]) -> tuple[Any, Any]:
-    """Start and law of one cell, each made once, however many cells share it; None where they are refused."""
-    shape, others = plan.parted(point)
-    start = _recalled(memory, shape, _start, plan, point)
-    return start, start and _recalled(memory, (start.balls, others), _law, plan, point, start)
+def _distinct(columns: Sequence[Values], count: int) -> tuple[list[int], Values]:
+    """Return where the different rows of some columns are first, and which of them each row is."""
+    which = np.zeros(count, np.int64)
+    for column in columns:
+        values, code = np.unique(column, return_inverse=True)
+        which = np.unique(which * len(values) + code, return_inverse=True)[1]
+    return np.unique(which, return_index=True)[1].tolist(), which
+
+
+def _numbered(keys: Iterable[Any]) -> Values:
+    number: dict[Any, int] = {}
+    return np.array([number.setdefault(key, len(number)) for key in keys])
+
+
+def _point(columns: Sequence[Values], i: int) -> tuple[Any, ...]:
+    return tuple(column[i].item() for column in columns)
 
 
 def _recalled(memory: dict[Any, Any], key: Any, make: Callable[..., Any], *given: Any) -> Any:
+    """Start or law, made once; None where it is refused."""
     if key not in memory:
         try:
             memory[key] = make(*given)
@@ -184,36 +251,34 @@ def _law(plan: Plan, point: tuple[Any, ...], start: Start) -> tuple[Any, float] 
     return None if None in forms else (forms, specified(scene, laws))
 
 
-def _fill(plan: Plan, rows: Values, starts: Sequence[Start], laws: Sequence[Any], answers: Answers) -> list[int]:
-    """Solve cells of one size and one stop condition; return those that are done."""
-    begin, which = _distinct(starts)
-    law, law_of = _distinct(laws)
-    scenes = [start.case.scene for start in begin]
+def _bundle(places: Values, starts: Sequence[Start], which: Values, laws: Sequence[Any], law_of: Values) -> Bundle:
+    used, which = np.unique(which[places], return_inverse=True)
+    cases = [starts[i].case for i in used]
+    scenes = [case.scene for case in cases]
     mass, gap, velocity, gravity = (
         np.array([getattr(scene, name) for scene in scenes])[which] for name in ("mass", "gap", "velocity", "gravity"))
-    ends = np.array([math.inf if start.case.t_end is None else start.case.t_end for start in begin])[which]
-    forms, eps = (np.array(column)[law_of] for column in zip(*law, strict=True))
-    found = many.solve_many(many.Scenes(mass, gap, velocity, forms, gravity),
-                               until=starts[0].case.until, t_end=ends)
+    ends = np.array([math.inf if case.t_end is None else case.t_end for case in cases])[which]
+    used, law_of = np.unique(law_of[places], return_inverse=True)
+    forms, eps = (np.array(column)[law_of] for column in zip(*(laws[i] for i in used), strict=True))
+    return Bundle(places, scenes, which, eps, many.Scenes(mass, gap, velocity, forms, gravity), cases[0].until, ends)
+
+
+def _write(plan: Plan, bundle: Bundle, found: many.Many, answers: Answers) -> Values:
+    """Write the answers of cells that are done, and return the places of these; left are creeping piles, and contacts
+    that are running at the end and must be followed."""
     soft = SimpleNamespace(
         contacts=found.counts, v_rel=np.where(found.ongoing, math.nan, found.v_upper - found.v_lower),
         t_f=np.where(found.ongoing, math.nan, found.t_end), longest=found.longest, time=found.time,
-        v_final=_final_velocities(scenes, which, found.rate, found.time),
-        impact=np.array(list(map(impact_speed, scenes)))[which], eps=eps)  # read as `granular.sweeps.results.Answer`
+        v_final=_final_velocities(bundle.scenes, bundle.which, found.rate, found.time),
+        impact=np.array(list(map(impact_speed, bundle.scenes)))[bundle.which],
+        eps=bundle.eps)  # read as `granular.sweeps.results.Answer`
     done: Any = found.status >= 0
     if any(result.many == "ended" for result in plan.results.values()):
         done &= ~found.ongoing.any(axis=1)
-    answers.put(rows[done], {"status": found.status[done]}
+    places: Values = bundle.places[done]
+    answers.put(places, {"status": found.status[done]}
                 | {name: result.of(soft)[done] for name, result in plan.results.items()})
-    solved: list[int] = rows[done].tolist()
-    return solved
-
-
-def _distinct(things: Sequence[Any]) -> tuple[list[Any], Values]:
-    """Return what is different, and which of them each is."""
-    number = {key: i for i, key in enumerate(dict.fromkeys(map(id, things)))}
-    which = np.array([number[id(thing)] for thing in things])
-    return list({id(thing): thing for thing in things}.values()), which
+    return places
 
 
 def _final_velocities(scenes: Sequence[Scene], which: Values, rate: Array, time: Array) -> Array:
