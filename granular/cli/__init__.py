@@ -29,7 +29,8 @@ MISTAKES = ValueError, TypeError, OSError, ImportError, MemoryError, ArithmeticE
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with the arguments `argv` (default: those of the process) and return its exit code.
 
-    0 done · 2 misuse, or a file that cannot be read or written · 3 the run did not come to a proper end (status
+    0 done · 1 a number of another code is wrong or missing · 2 misuse, or a file that cannot be read or written · 3 the
+    run did not come to a proper end (status
     ``unstable`` or ``max_events``) · 128 + the number of the signal that ended it, 130 for Ctrl-C.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
@@ -71,7 +72,10 @@ def _act(arguments: Sequence[str]) -> int:
     on_running[:] = [parser.teller(given.target)]
     output.check(given)
     with np.errstate(all="ignore"), _naming(given.given | given.run):  # what is no number is refused in words
-        ends = {run.status for run in given.act(given) or ()}
+        runs = given.act(given)
+    if isinstance(runs, int):
+        return runs
+    ends = {run.status for run in runs or ()}
     return ABNORMAL if ends & {Status.unstable, Status.broken, Status.max_events} else OK
 
 

@@ -21,7 +21,7 @@ from granular.trajectory import Trajectory
 COMMANDS = {
     "scenes": "one_scene:Scenes", "run": "one_scene:Run", "compare": "one_scene:Compare", "sweep": "sweep:Sweep",
     "threshold": "one_scene:Threshold", "frontier": "one_scene:Frontier", "stability": "one_scene:Stability",
-    "page": "pages:Page", "view": "pages:View",
+    "page": "pages:Page", "view": "pages:View", "verify": "verify:Verify",
 }
 """Where each command stands: a file beside this one, and a `Command` in it."""
 ABOUT = """\
@@ -42,10 +42,11 @@ examples:
   granular stability three-balls                    the scene made stiff, close, damped, unequal: who is right?
   granular page --open                              the teaching page, in the browser
   granular run gas --engine edmd --samples 500 --save gas.npz && granular view gas.npz --open
+  granular verify touching-cradle --check mine.csv  whether another code's numbers are right
 
-exit codes: 0 done; 2 misuse, or a file that cannot be read or written; 3 the run came to no proper end (status
- unstable: the time step is too long; broken: the last state is none that there can be; max_events: the limit on the
- amount of work); 130 interrupted; 143 ended by SIGTERM"""
+exit codes: 0 done; 1 verify found a number wrong or missing; 2 misuse, or a file that cannot be read or written;
+ 3 the run came to no proper end (status unstable: the time step is too long; broken: the last state is none that there
+ can be; max_events: the limit on the amount of work); 130 interrupted; 143 ended by SIGTERM"""
 HIDDEN = HELD | {"engine", "log", "t_start", "watch"}
 """Options of the engines that the command line does not offer; a TOML file's [run] does."""
 
@@ -64,8 +65,8 @@ class Command:
         return []
 
     @staticmethod
-    def run(given: argparse.Namespace) -> list[Trajectory] | None:
-        """Do it; runs that it returns must have come to a proper end."""
+    def run(given: argparse.Namespace) -> list[Trajectory] | int | None:
+        """Do it; runs that it returns must have come to a proper end; a number is the exit code."""
         raise NotImplementedError
 
 

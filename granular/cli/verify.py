@@ -1,0 +1,81 @@
+"""The command `verify`: reference answers for other people's codes, and whether theirs are right.
+May be skipped: the command, no physics.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+
+from granular import _files
+from granular.cases.case import Option
+from granular.cli.parser import Command
+from granular.reference import verification
+
+WORDS = "right", "ill-conditioned", "wrong", "missing"
+OK, NOT_RIGHT = 0, 1
+"""Exit codes."""
+SHOWN = 12
+"""Answers, or numbers that are not right, printed at most."""
+
+
+class Verify(Command):
+    """Reference answers for other codes: list the cases, show or write one, check somebody's numbers."""
+
+    USAGE = "[CASE] [-o FILE.csv|FILE.json] [--check THEIRS.csv [--tolerance NUMBER]]"
+
+    @staticmethod
+    def arguments(parser: argparse.ArgumentParser) -> list[Option]:
+        parser.add_argument("case", nargs="?", metavar="CASE", help=f"one of {', '.join(verification.names())}")
+        parser.add_argument("-o", "--output", metavar="FILE", help="write it: .csv (answers), .json (everything)")
+        parser.add_argument("--check", metavar="FILE.csv", help="a table as that of -o, its values replaced by theirs")
+        parser.add_argument("--tolerance", type=float, metavar="NUMBER",
+                            help="relative difference that counts as right [every digit that is written]")
+        return []
+
+    @staticmethod
+    def run(given: argparse.Namespace) -> int:
+        if given.case is None:
+            if given.output or given.check:
+                raise ValueError(f"{'--check' if given.check else '-o'} needs a case: one of "
+                                 f"{', '.join(verification.names())}.")
+            width = max(map(len, verification.names()))
+            for name in verification.names():
+                print(f"{name:{width}}  {verification.case(name)['about']}")
+            print("\ngranular verify CASE -o FILE.csv writes one; --check FILE.csv says whether yours is right.")
+        elif given.check:
+            return _checked(given)
+        elif given.output:
+            verification.write(given.case, given.output)
+            print(f"{given.output}: {len(verification.answers(given.case))} answers of {given.case}")
+        else:
+            _show(given.case)
+        return OK
+
+
+def _show(name: str) -> None:
+    told, rows = verification.case(name), verification.answers(name)
+    print(f"{told['about']}\n{told['source']}\n")
+    print(*(f"- {line}" for line in verification.kit()["conventions"]), sep="\n")
+    print(f"\n{'value':>24} unit  condition  quantity")
+    for one in rows[:SHOWN]:
+        print(f"{one.value:>24} {one.unit:5} {one.condition:<9g}  {one.run}: {one.quantity}")
+    if len(rows) > SHOWN:
+        print(f"… {len(rows) - SHOWN} more; granular verify {name} -o FILE.json writes all, and the set-up.")
+
+
+def _checked(given: argparse.Namespace) -> int:
+    """Say what somebody's numbers are worth; return `NOT_RIGHT` if one of them is wrong or missing."""
+    found = verification.check(given.case, given.check, given.tolerance)
+    count = Counter(one.word for one in found)
+    bad = [one for one in found if one.word in ("wrong", "missing")]
+    many = ", ".join(f"{count[word]} {word}" for word in WORDS if count[word])
+    first = next((one for one in bad if one.word == "wrong"), None)
+    print(f"{given.case}: of {len(found)} answers {many}.")
+    if first is not None:
+        print(f"First wrong: {first.answer.run}: {first.answer.quantity}: {_files.plain_text(first.theirs)} instead of "
+              f"{first.answer.value} {first.answer.unit}, off by {first.off:.1e} of it.")
+    for one in [one for one in found if one.word != "right"][:SHOWN]:
+        off = "" if one.word == "missing" else f" by {one.off:.1e}"
+        print(f"  {one.word}{off}: {one.answer.run}: {one.answer.quantity}")
+    return NOT_RIGHT if bad else OK

@@ -1,0 +1,187 @@
+"""Reference answers for other people's codes: set-ups with units and conventions, answers with digits and condition.
+May be skipped: it measures others.
+
+``bench/make_verification.py`` made the file beside this one with the solver of 34 digits.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from decimal import Decimal, InvalidOperation
+from functools import cache
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from granular import _check, _files
+
+COLUMNS = ("run", "quantity", "value", "unit", "digits", "condition")
+ENDINGS = (".csv", ".json")
+COARSE = 1e-3
+"""Largest relative difference that may be right, however few digits are written."""
+ROUNDING = 16 * 2.0**-52
+"""Relative size of a dozen roundings of the inputs: what a condition number multiplies."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One number that a code should give.
+
+    Attributes
+    ----------
+    run, quantity : str
+        Which run of the case, and what of it.
+    value : str
+        Decimal digits, all right.
+    unit : str
+        Its SI unit; "1" for a pure number.
+    digits : int
+        How many digits were proved: the rest is not told.
+    condition : float
+        κ = Σ |∂ln value / ∂ln input|: rounding the inputs to 1e-16 moves the value by about κ · 1e-16 of it.
+    """
+
+    run: str
+    quantity: str
+    value: str
+    unit: str
+    digits: int
+    condition: float
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What somebody's number is worth: "right", "ill-conditioned", "wrong" or "missing".
+
+    Attributes
+    ----------
+    answer : Answer
+        What it should be.
+    theirs : str
+        What was given, as written.
+    word : str
+        "right": to every digit written, or within the tolerance; "ill-conditioned": off by what rounded inputs explain.
+    off : float
+        |theirs - ours| / |ours|; nan if missing.
+    """
+
+    answer: Answer
+    theirs: str
+    word: str
+    off: float
+
+
+@cache
+def kit() -> dict[str, Any]:
+    """Return all cases and conventions as they are stored."""
+    stored: dict[str, Any] = json.loads(Path(__file__).with_suffix(".json").read_text("utf-8"))
+    return stored
+
+
+def names() -> list[str]:
+    """Return the names of the cases."""
+    return list(kit()["cases"])
+
+
+def case(name: str) -> dict[str, Any]:
+    """Return a case: what it is about, its source, and its runs, each with a set-up and answers."""
+    found: dict[str, Any] = kit()["cases"][_check.choice("case", name, names())]
+    return found
+
+
+def answers(name: str) -> list[Answer]:
+    """Return all answers of a case, in the order in which things happen."""
+    return [Answer(run, **row) for run, told in case(name)["runs"].items() for row in told["answers"]]
+
+
+def write(name: str, path: str | PathLike[str]) -> None:
+    """Write a case: a .json file with everything in it, or a .csv table of its answers under comments that tell it."""
+    told, ending = case(name), Path(path).suffix.lower()
+    if ending not in ENDINGS:
+        raise ValueError(f"path is {str(path)!r}: a name that ends in {' or '.join(ENDINGS)} is needed.")
+    if ending == ".json":
+        return _files.write_json(path, {"case": name, "conventions": kit()["conventions"], **told})
+    text = io.StringIO()
+    for line in (f"case: {name}. {told['about']}", f"source: {told['source']}", *kit()["conventions"],
+                 *(f"{run}: {json.dumps(one['set-up'])}" for run, one in told["runs"].items())):
+        print("#", line, file=text)
+    table = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    table.writeheader()
+    table.writerows(map(asdict, answers(name)))
+    _files.write_text(path, text.getvalue())
+
+
+def check(name: str, path: str | PathLike[str], tolerance: float | None = None) -> list[Verdict]:
+    """Compare somebody's numbers with the answers of a case.
+
+    Parameters
+    ----------
+    name : str
+        Of the case.
+    path : path
+        A .csv file with columns ``run``, ``quantity`` and ``value``, others do not matter: that of `write`, with values
+        replaced. Lines that begin with # are skipped.
+    tolerance : float, optional
+        Relative difference that counts as right, for codes with a time step; else every digit that is written, up to
+        one unit of the last, must be right, and at least three.
+
+    Returns
+    -------
+    list of Verdict
+        One for each answer, in their order.
+
+    Raises
+    ------
+    ValueError
+        If the file has other columns, rows that no answer has, a row twice, or what is no number.
+    """
+    most = None if tolerance is None else _check.number("tolerance", tolerance, at_least=0.0)
+    wanted = {(one.run, one.quantity): one for one in answers(name)}
+    given = {}
+    for line, run, quantity, value in _read(path):
+        if (run, quantity) not in wanted:
+            raise ValueError(f"line {line} of {str(path)!r} is {run!r}, {quantity!r}: case {name} has no such answer.")
+        if (run, quantity) in given:
+            raise ValueError(f"line {line} of {str(path)!r} is {run!r}, {quantity!r} for the second time.")
+        given[run, quantity] = value
+    return [_judged(one, given.get(key), most) for key, one in wanted.items()]
+
+
+def _read(path: str | PathLike[str]) -> Iterator[tuple[int, str, str, str]]:
+    """Number of the line, run, quantity and value of every row of a table."""
+    text = Path(_files.checked_source("path", path)).read_text("utf-8-sig")
+    lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
+    table = csv.DictReader(line for _, line in lines)
+    missing = [column for column in COLUMNS[:3] if column not in (table.fieldnames or ())]
+    if missing:
+        raise ValueError(f"{str(path)!r} has no column {missing[0]!r}: {', '.join(COLUMNS[:3])} are needed; "
+                         "granular verify CASE -o FILE.csv writes them.")
+    for (number, _), row in zip(lines[1:], table, strict=False):
+        value = (row["value"] or "").strip()
+        if value:
+            try:
+                if not Decimal(value).is_finite():
+                    raise InvalidOperation
+            except InvalidOperation:
+                raise ValueError(f"value in line {number} of {str(path)!r} is {value!r}: a finite number is needed, or "
+                                 "nothing.") from None
+            yield number, row["run"] or "", row["quantity"] or "", value
+
+
+def _judged(answer: Answer, theirs: str | None, tolerance: float | None) -> Verdict:
+    if theirs is None:
+        return Verdict(answer, "", "missing", math.nan)
+    ours, number = Decimal(answer.value), Decimal(theirs)
+    miss = abs(number - ours)
+    off = float(miss / abs(ours))
+    exponent = number.as_tuple().exponent
+    unit = Decimal(1).scaleb(exponent if isinstance(exponent, int) else 0)  # of the last digit written
+    least = Decimal(1).scaleb(ours.adjusted() - answer.digits + 1)
+    right = off <= COARSE and miss <= max(unit, least) if tolerance is None else off <= tolerance
+    word = "right" if right else "ill-conditioned" if off <= ROUNDING * answer.condition else "wrong"
+    return Verdict(answer, theirs, word, off)
