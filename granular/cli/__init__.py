@@ -30,8 +30,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with the arguments `argv` (default: those of the process) and return its exit code.
 
     0 done · 1 a number of another code is wrong or missing · 2 misuse, or a file that cannot be read or written · 3 the
-    run did not come to a proper end (status
-    ``unstable`` or ``max_events``) · 128 + the number of the signal that ended it, 130 for Ctrl-C.
+    run did not come to a proper end (status ``unstable`` or ``max_events``) · 128 + the number of the signal that ended
+    it, 130 for Ctrl-C.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
