@@ -322,16 +322,18 @@ def contacts(settled: list[Rows]) -> Rows:
     """
     log = np.zeros(sum(map(len, settled)), CONTACT)
     stop = 0
-    for rows in (some[k : k + PART] for some in settled for k in range(0, len(some), PART)):
-        part, stop = log[stop : stop + len(rows)], stop + len(rows)
-        if rows.dtype == CONTACT:
-            raw(part)[:] = raw(rows)
-            continue
-        names = rows.dtype.names or ()
-        if "t_end" not in names:
-            part["t_end"], part["force_max"] = rows["t_begin"], np.nan
-        for name in names:
-            column, side = SIDES.get(name, (name, None))
-            target = part[column] if side is None else part[column][:, side]
-            target[:] = rows[name]
+    for some in settled:
+        for k in range(0, len(some), PART):
+            rows = some[k : k + PART]
+            part, stop = log[stop : stop + len(rows)], stop + len(rows)
+            if rows.dtype == CONTACT:
+                raw(part)[:] = raw(rows)
+                continue
+            names = rows.dtype.names or ()
+            if "t_end" not in names:
+                part["t_end"], part["force_max"] = rows["t_begin"], np.nan
+            for name in names:
+                column, side = SIDES.get(name, (name, None))
+                target = part[column] if side is None else part[column][:, side]
+                target[:] = rows[name]
     return log
