@@ -318,11 +318,12 @@ def _sorted(log: Rows) -> Rows:
 def contacts(settled: list[Rows]) -> Rows:
     """Return contacts, with the columns that an engine keeps, as the public log.
 
-    What has no end of its own is an instant, of infinite force.
+    What has no end of its own is an instant, of infinite force. `settled` is used up: what is written needs no memory.
     """
     log = np.zeros(sum(map(len, settled)), CONTACT)
     stop = 0
-    for some in settled:
+    while settled:
+        some = settled.pop(0)
         for k in range(0, len(some), PART):
             rows = some[k : k + PART]
             part, stop = log[stop : stop + len(rows)], stop + len(rows)

@@ -93,8 +93,7 @@ class Run:
         self.closing = Closing(self.scene, self.start) if enclosed else None
         self.horizon = math.inf if self.closing is None else self.closing.horizon  # s: no room for balls later
         single = ORDER[physics.options["ties"]] != GROUP and not enclosed
-        self.logs = request.rows
-        self.keeps_rows = self.logs or watch is not None
+        self.keeps_rows = request.rows or watch is not None
         self.moves_on = self.scene.driven and single and watch is None  # kernels move the zero of times themselves
 
     def _compiled(self) -> type[SortedQueue]:
@@ -214,13 +213,13 @@ class Run:
         for chunk in filter(len, written):
             rows = packed(chunk, ROW)
             if self.moves_on:
-                self.settled.extend([rows] if self.logs else [])
+                self.settled.extend([rows] if self.request.rows else [])
                 continue
             tau = rows["t_begin"].copy()
             rows["t_begin"] = self.state.time(tau)
             if self.watch is not None:
                 self.watch.take(rows, tau, self.state, self.queue)
-            if not self.logs:
+            if not self.request.rows:
                 continue
             if self.fall > 0.0 or self.drift != 0.0:
                 fallen = self.fall * self.state.elapsed(tau) - self.drift

@@ -107,8 +107,7 @@ class State:
         )
         clock = _begun(CLOCK, start=t_start, epoch=t_start, goal=-math.inf, strength=strength, length=length,
                        window=window, speed=speed, fall=fall)
-        walls = None if walls is None else Walls(*walls, clock)
-        state = cls(run, clock, pairs, bodies, None, scene.ring, "HUNG" in has, walls)
+        state = cls(run, clock, pairs, bodies, None, scene.ring, "HUNG" in has, walls and Walls(*walls, clock))
         _begin(state, scene)
         return state
 
