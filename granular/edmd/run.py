@@ -129,7 +129,8 @@ class Run:
                 return Pause.collapse
             if self.moves_on:
                 state.clock.goal = time
-            why = self._advance(limit)
+            # between two samples perhaps nothing is due
+            why = self._advance(limit) if last or state.near is not None or limit >= self.queue.soonest() else LATER
             if self.moves_on:
                 limit = state.tau(time)
             if self.verdict is not None:
