@@ -318,20 +318,23 @@ def _sorted(log: Rows) -> Rows:
 def contacts(settled: list[Rows]) -> Rows:
     """Return contacts, with the columns that an engine keeps, as the public log.
 
-    What has no end of its own is an instant, of infinite force.
+    What has no end of its own is an instant, of infinite force. `settled` is used up: what is written needs no memory.
     """
     log = np.zeros(sum(map(len, settled)), CONTACT)
     stop = 0
-    for rows in (some[k : k + PART] for some in settled for k in range(0, len(some), PART)):
-        part, stop = log[stop : stop + len(rows)], stop + len(rows)
-        if rows.dtype == CONTACT:
-            raw(part)[:] = raw(rows)
-            continue
-        names = rows.dtype.names or ()
-        if "t_end" not in names:
-            part["t_end"], part["force_max"] = rows["t_begin"], np.nan
-        for name in names:
-            column, side = SIDES.get(name, (name, None))
-            target = part[column] if side is None else part[column][:, side]
-            target[:] = rows[name]
+    while settled:
+        some = settled.pop(0)
+        for k in range(0, len(some), PART):
+            rows = some[k : k + PART]
+            part, stop = log[stop : stop + len(rows)], stop + len(rows)
+            if rows.dtype == CONTACT:
+                raw(part)[:] = raw(rows)
+                continue
+            names = rows.dtype.names or ()
+            if "t_end" not in names:
+                part["t_end"], part["force_max"] = rows["t_begin"], np.nan
+            for name in names:
+                column, side = SIDES.get(name, (name, None))
+                target = part[column] if side is None else part[column][:, side]
+                target[:] = rows[name]
     return log

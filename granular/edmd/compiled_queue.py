@@ -91,10 +91,9 @@ class TreeQueue(SortedQueue):
         self.room = self.room[len(rows) :]
         return rows
 
-    def rebuild(self) -> None:
-        """Predict all pairs anew."""
-        self.queue = tournament(len(self.state.pairs)) if self.queue is None else self.queue
-        self.refresh(0, len(self.state.pairs) - 1)
+    def begin(self, n: int) -> None:
+        """Begin with a tree in which nothing is due."""
+        self.queue = tournament(n)
 
     def soonest(self, first: int = 0, last: int = -1) -> float:
         """Return the time of the next event of any pair outside `first` … `last`, counted round."""
@@ -141,6 +140,7 @@ class BlockQueue(TreeQueue):
         alone = run.stop_pair == NEVER and run.order != RANDOM  # nobody looks at single ones
         if alone and edge > self.as_one and self.soonest() <= edge:
             swept = self._sweep(edge, budget, log)
+            self.begin(len(self.state.pairs))
             self.rebuild()
             if not swept:
                 self.as_one = edge

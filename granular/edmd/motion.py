@@ -216,8 +216,8 @@ def approaching(pairs: Records, bodies: Records, first: int, now: float, walls: 
 
 
 @kernel
-def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Walls) -> None:
-    """Move all gaps to time `shift`, the new zero of time."""
+def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Walls) -> float:
+    """Move all gaps to time `shift`, the new zero of time; return the largest rate without what gravity adds (m/s)."""
     for c in range(len(pairs)):
         pair = pairs[c]
         run.clamps += carry(pair, bodies[c], bodies[c + 1], shift, walls)
@@ -243,6 +243,10 @@ def rebase(run: Record, pairs: Records, bodies: Records, shift: float, walls: Wa
         reimpose(run, pairs)
     if RING:
         centre(bodies)
+    speed = 0.0
+    for c in range(len(pairs)):
+        speed = max(speed, abs(bodies[c + 1].fall_velocity - bodies[c].fall_velocity))
+    return speed
 
 
 @kernel

@@ -15,7 +15,7 @@ import numpy as np
 from granular import _check, rules, walls
 from granular._kernels import flags, kernel
 from granular.rules import Rule, constants, restitution_at
-from granular.scene import Scene, checked as a_scene
+from granular.scene import Scene
 
 Restitution = Callable[[int, float], float]
 LEFT, RIGHT, RANDOM, GROUP = range(4)
@@ -85,7 +85,7 @@ def mixed(x: int) -> int:
     return x ^ (x >> 16)
 
 
-def checked(scene: Any, rule: Any, *, collapse: Any, merge_below: float | None, **options: Any) -> Physics:
+def checked(scene: Scene, rule: Any, *, collapse: Any, merge_below: float | None, **options: Any) -> Physics:
     """Return the physics of a run, or raise what is wrong with the scene, a rule or an option."""
     check_scene(scene)
     given = rules.checked(rule, scene.gap)
@@ -106,9 +106,8 @@ def checked(scene: Any, rule: Any, *, collapse: Any, merge_below: float | None, 
     return physics
 
 
-def check_scene(scene: Any) -> None:
+def check_scene(scene: Scene) -> None:
     """Raise what is wrong with a scene for hard spheres."""
-    a_scene(scene)
     fix = "hard spheres cannot overlap; set the gap to 0, or use granular.md"
     _check.every("gap", scene.gap, scene.gap >= 0.0, "a gap must not be negative", fix)
     size, fix = np.abs(scene.velocity), "use other units"
@@ -159,31 +158,25 @@ def felt_gravity(scene: Scene) -> float:
     return scene.gravity if scene.is_wall[0] or scene.is_wall[-1] else 0.0
 
 
-def scales(scene: Scene) -> tuple[float, float, float]:
-    """Return the speed scale (m/s), the speed of falling through the mean gap, and the mean gap (m) of a scene."""
+def scales(scene: Scene) -> tuple[float, float, float, float]:
+    """Return the speed scale (m/s), the speed of falling through the mean gap, the mean gap (m) of a scene, and the
+    largest acceleration (m/s²) of a ball in the frame of a run."""
     speed = float(np.abs(scene.across(scene.velocity)).max())
     if scene.pendulum > 0.0:
         rest: Any = scene.rest_gap
         fall = scene.pendulum * float(np.abs(scene.gap - rest).max())
         room = float(np.mean(scene.gap)) if scene.is_wall[[0, -1]].all() else 0.0  # else their clock goes by Ω alone
-        return max(speed, fall), fall, SHARE * room
-    length = float(np.mean(scene.gap)) or float(np.mean(scene.radius))
-    fall = math.sqrt(2.0 * strongest(scene) * length)
+        return max(speed, fall), fall, SHARE * room, scene.pendulum / TURN * max(speed, fall)
+    length, strength = float(np.mean(scene.gap)) or float(np.mean(scene.radius)), felt_gravity(scene)
+    if scene.external_force is not None:
+        still = np.where(scene.is_wall, 0.0, strength)
+        strength = float(np.abs(scene.external_force * scene.inverse_mass - still).max())
+    fall = math.sqrt(2.0 * strength * length)
     for path in map(walls.path_of, filter(None, scene.motions)) if scene.driven else ():
         fall = fall if path is None else max(fall, path.speed)
     for heat, mass in zip(scene.heat, scene.mass[[1, -2]].tolist(), strict=True) if scene.heated else ():
         fall = fall if heat is None else max(fall, math.sqrt(heat.temperature / mass))
-    return max(speed, fall), fall, length
-
-
-def strongest(scene: Scene) -> float:
-    """Return the largest acceleration (m/s²) of a ball in the frame of a run."""
-    g = felt_gravity(scene)
-    if scene.pendulum > 0.0:
-        return scene.pendulum / TURN * scales(scene)[0]
-    if scene.external_force is None:
-        return g
-    return float(np.abs(scene.external_force * scene.inverse_mass - np.where(scene.is_wall, 0.0, g)).max())
+    return max(speed, fall), fall, length, strength
 
 
 def shares(scene: Scene) -> tuple[_check.Array, _check.Array]:

@@ -75,15 +75,16 @@ class Run:
         pair, contacts = NEVER if request.until is None else APART, 0
         if isinstance(request.until, Contact):
             pair, contacts = request.until.pair, request.until.nth - 1
-        state.set(stop_pair=pair, stop_contacts=contacts, last_event=state.run.events + request.max_events)
-        self.events = int(state.run["events"])
-        self.began = begin, _ = self.time(), self._work()
+        state.run.stop_pair, state.run.stop_contacts = pair, contacts
+        self.events = int(state.run.events)
+        state.clock.last_event = self.events + request.max_events
+        self.began = request.start, self._work()
         self.may_compile = engine == "auto"
         n = len(self.scene.gap)  # to set up a ball takes as long as a collision
         fast = engine == "compiled" or (self.may_compile and pays(n + min(LIKELY * n, request.max_events)))
         self._go_on_with(self._compiled() if fast else SortedQueue)
         self.tail = state.clock.last_event - request.max_events // TAIL
-        self.pace = [(self.events, begin)]  # at the beginning and where the tail begins
+        self.pace = [(self.events, request.start)]  # at the beginning and where the tail begins
         self.verdict: collapse.Verdict | None = None
         self.settled: list[Rows] = []
         self.fall = self.scene.gravity - float(state.run.gravity)  # m/s², with which the frame of the run falls
@@ -128,7 +129,8 @@ class Run:
                 return Pause.collapse
             if self.moves_on:
                 state.clock.goal = time
-            why = self._advance(limit)
+            # between two samples perhaps nothing is due
+            why = self._advance(limit) if last or state.near is not None or limit >= self.queue.soonest() else LATER
             if self.moves_on:
                 limit = state.tau(time)
             if self.verdict is not None:
@@ -141,7 +143,7 @@ class Run:
                     if self._meet_before(time):
                         continue
                     return self._reached(time, limit)
-                if state.time(due) > LATEST:
+                if state.clock.epoch + due > LATEST:
                     return Pause.work
                 state.shift_to(due, self.queue.use)
                 self.queue.rebuild()
@@ -150,7 +152,7 @@ class Run:
             elif why == BUDGET and self.events in (before, state.clock.last_event):  # or a group that is too large
                 self.verdict = self._closer.left(state, self.physics)
                 return Pause.work if self.verdict is None else Pause.bounded
-            if self.events - seen >= LOOK or self.queue.chunk < SortedQueue.chunk:
+            if self.events - seen >= (self.queue.chunk if self.queue.chunk < SortedQueue.chunk else LOOK):
                 return Pause.full
         return Pause.reached
 
@@ -242,6 +244,8 @@ class Run:
     def row(self, time: float) -> Row:
         """Return the scene now."""
         state = self.state
+        if time == self.start and self.events == 0 and state.walls is None and not state.hung:
+            return Row(time, 0.0, self.scene.gap, self.scene.velocity)
         if state.near is not None and state.run["looked"] > 0:
             state = state.copied()
             self._closer.put_back(state, self.queue)
@@ -252,17 +256,15 @@ class Run:
         if state.hung:  # these are rates
             velocity = velocities(self.scene, velocity[None], np.array([elapsed]), self.start)[0]
             return Row(time, elapsed, gap, np.where(self.scene.is_wall, 0.0, velocity))
-        if state.ring and time == self.start and state.run["events"] == 0:
-            return Row(time, elapsed, gap, self.scene.velocity)
         return Row(time, elapsed, gap, velocity - (self.fall * elapsed - self.drift), ledger=ledger)
 
     def end(self, pause: Pause, seen: float) -> End:
         """Return how the run ended, with all that is needed to go on."""
-        stop = self.request.end if pause is Pause.reached else self.time()
+        now, status = self.time(), pause.value
+        stop = self.request.end if pause is Pause.reached else now
         wanted = seen == -math.inf or (pause is not Pause.reached and stop > seen)
-        status: Status = pause.value
         row, numbers = self.row(stop) if wanted else None, self.state.numbers()
-        message, stats = sentence(self, status, numbers), counters(self, numbers)
+        message, stats = sentence(self, status, numbers, now), counters(self, numbers)
         state = self.state.checkpoint(numbers) | self.physics.options
         if self.watch is not None:
             message, stats = message + self.watch.message(), stats | self.watch.stats()
@@ -279,10 +281,10 @@ def pays(work: float) -> bool:
     return worth(loop, work, LONG, VERY_LONG, inline=True)
 
 
-def sentence(run: Run, status: Status, s: dict[str, Any]) -> str:
-    """Return the sentence to print; `s` are the numbers of the run."""
+def sentence(run: Run, status: Status, s: dict[str, Any], now: float) -> str:
+    """Return the sentence to print at the time `now` in s; `s` are the numbers of the run."""
     verdict = run.verdict
-    when = f"t = {run.time():.12g} s after {s['events']} collision{'s' * (s['events'] != 1)}"
+    when = f"t = {now:.12g} s after {s['events']} collision{'s' * (s['events'] != 1)}"
     if verdict is not None:
         count = (verdict.last - verdict.first) % run.scene.n_pairs + 1
         numbers = {"above": verdict.first + 1, "bound": verdict.bound, "count": "two" if count == 2 else count}
@@ -333,7 +335,7 @@ def counters(run: Run, numbers: dict[str, Any]) -> dict[str, Any]:
     verdict = run.verdict
     names = ["events", "clamps", "rebases", "zooms", "zoomed", "lost"]
     names += ["merge_below", "merged"] if numbers["merge_below"] > 0.0 else []
-    counts: dict[str, Any] = {"engine": run.queue.name} | {name: numbers[name] for name in names}
+    counts: dict[str, Any] = {"engine": run.queue.name} | dict(zip(names, map(numbers.__getitem__, names), strict=True))
     if run.scene.heated:
         given, low = (column(run.state.walls.sides, name) for name in ("given", "given_low"))
         counts["given"] = tuple((given + low).tolist())

@@ -146,7 +146,7 @@ class SortedQueue:
     kernel: Callable[[Any], Any] = staticmethod(interpreted)
     hold: Callable[[Records], Records] = staticmethod(plain)
     loop, predict = staticmethod(loop), staticmethod(refresh)
-    queue: Any = None
+    queue: Any
 
     def __init__(self, state: State, physics: Physics) -> None:
         state.keep(self.hold)
@@ -154,6 +154,7 @@ class SortedQueue:
         self.fit: Callable[[Any], Any] = partial(made, interpreted, physics.has)
         self.use: Callable[[Any], Any] = partial(made, self.kernel, physics.has)
         self.go, self.foresee = self.use(self.loop), self.use(self.predict)
+        self.begin(len(state.pairs))
         self.rebuild()
 
     def rows(self, n: int) -> Records:
@@ -165,15 +166,16 @@ class SortedQueue:
         """Return rows of the log as they are kept: without the room behind them."""
         return rows
 
+    def begin(self, n: int) -> None:
+        """Begin with a queue in which nothing is due."""
+        run = self.state.run
+        entry = [(math.inf, rank(c, run.order, run.seed, self.state.pairs[c].contacts)) for c in range(n)]
+        self.queue = SortedList([NOBODY]), entry
+
     def rebuild(self) -> None:
         """Predict all pairs anew."""
-        run = self.state.run
-        if self.queue is None:
-            entry = [(math.inf, rank(c, run.order, run.seed, pair.contacts)) for c, pair in enumerate(self.state.pairs)]
-        else:
-            entry = [(math.inf, key) for _, key in self.queue[1]]
-        self.queue = SortedList([NOBODY]), entry
-        self.refresh(0, len(entry) - 1)
+        s = self.state
+        self.foresee(s.run, s.pairs, s.bodies, self.queue, 0, len(s.pairs) - 1, s.walls)
 
     def refresh(self, first: int, last: int) -> None:
         """Predict pairs `first` … `last` anew, counted round."""

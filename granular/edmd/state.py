@@ -16,7 +16,7 @@ from granular._check import Array, held
 from granular._records import Record, Records, column, copied, one, packed, taken, twin
 from granular.edmd import hanging, wall_state
 from granular.edmd.motion import rebase, span
-from granular.edmd.physics import ORDER, Physics, felt_gravity, scales, shares, strongest
+from granular.edmd.physics import ORDER, Physics, felt_gravity, scales, shares
 from granular.edmd.records import (
     CLOCK,
     NEAR,
@@ -38,6 +38,7 @@ OF_BODIES = ("fall_velocity", "is_free", "noise")
 SAVED = ("start", "epoch", "epoch_low", "length", "window", "speed", "fall", "now",
          "events", "rebases", "zooms", "zoomed", "allowance", "short")
 NAMES = (*(RUN.names or ()), *(CLOCK.names or ()))
+NOUGHT = {kind: dict(zip(kind.names or (), np.zeros((), kind).item(), strict=True)) for kind in (RUN, CLOCK)}
 OF_RUN, OF_CLOCK = attrgetter(*(RUN.names or ())), attrgetter(*(CLOCK.names or ()))
 """Names of all numbers of a run, and what takes them from plain records."""
 TALLY, LOOK = ("clamps", "merged", "lost"), ("elapsed", "looked", "ordinary", "clamped", "faint")
@@ -51,8 +52,9 @@ NO_SUSPECT = -1
 """For the number of the pair that collided last, before any has."""
 NOTHING_SLOW = -1.0
 """For the speed in m/s below which a collision looks like part of a collapse, where none is possible."""
-SHORT_BITS = -30
-"""Octaves by which a time that looks like part of a collapse is shorter than the window at the start."""
+SHORT_BITS, SLOW_BITS = -30, -16
+"""Octaves by which a time that looks like part of a collapse is shorter than the window at the start, and by which a
+speed that does is below the scale of speeds."""
 
 
 @dataclass
@@ -92,22 +94,20 @@ class State:
         pairs["gap"], pairs["eps"], pairs["last"] = scene.gap, physics.eps, -math.inf
         pairs["closing_acceleration"] = g * (bodies["is_free"][1:] - bodies["is_free"][:-1])
         pairs["low"], pairs["high"] = shares(scene)
-        speed, fall, length = scales(scene)
-        strength, remedies = strongest(scene), ("tc", "elastic_below", "merge_below")
-        no_collapse = scene.driven or scene.pendulum > 0.0 or physics.eps.min() == 1.0 or any(
-            options[x] > 0.0 for x in remedies)
+        speed, fall, length, strength = scales(scene)
+        tc, elastic_below, merge_below = options["tc"], options["elastic_below"], options["merge_below"]
+        no_collapse = scene.driven or scene.pendulum > 0.0 or max(tc, elastic_below, merge_below) > 0.0 or (
+            physics.eps.min() == 1.0)
         window = span(length, speed, strength)
-        state = cls(_blank(RUN), _blank(CLOCK), pairs, bodies, None, scene.ring, "HUNG" in has, walls)
-        state.set(
-            pairs=len(pairs), gravity=g, tc=options["tc"], elastic_below=options["elastic_below"],
-            merge_below=options["merge_below"], order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF,
-            start=t_start, epoch=t_start, goal=-math.inf, strength=strength, length=length, window=window, fall=fall,
-            short=math.ldexp(window, SHORT_BITS), stop_pair=NEVER, suspect=NO_SUSPECT, allowance=FIRST_ALLOWANCE,
-            slow=NOTHING_SLOW if no_collapse else 0.0,
+        run = _begun(
+            RUN, pairs=len(pairs), gravity=g, tc=tc, elastic_below=elastic_below, merge_below=merge_below,
+            order=ORDER[options["ties"]], seed=options["seed"] & 0x7FFFFFFF, short=math.ldexp(window, SHORT_BITS),
+            stop_pair=NEVER, suspect=NO_SUSPECT, allowance=FIRST_ALLOWANCE,
+            slow=NOTHING_SLOW if no_collapse else math.ldexp(speed, SLOW_BITS),
         )
-        state.scale(speed)
-        if walls is not None:
-            state.walls = Walls(*walls, state.clock)
+        clock = _begun(CLOCK, start=t_start, epoch=t_start, goal=-math.inf, strength=strength, length=length,
+                       window=window, speed=speed, fall=fall)
+        state = cls(run, clock, pairs, bodies, None, scene.ring, "HUNG" in has, walls and Walls(*walls, clock))
         _begin(state, scene)
         return state
 
@@ -155,19 +155,20 @@ class State:
 
     def numbers(self) -> dict[str, Any]:
         """Return the numbers of the run by name."""
-        run: Any = self.run if isinstance(self.run, np.record) else np.array(OF_RUN(self.run), RUN)
-        clock: Any = self.clock if isinstance(self.clock, np.record) else np.array(OF_CLOCK(self.clock), CLOCK)
-        return dict(zip(NAMES, run.item() + clock.item(), strict=True))
+        run: Any = self.run.item() if isinstance(self.run, np.record) else OF_RUN(self.run)
+        clock: Any = self.clock.item() if isinstance(self.clock, np.record) else OF_CLOCK(self.clock)
+        return dict(zip(NAMES, run + clock, strict=True))
 
     def checkpoint(self, run: dict[str, Any]) -> dict[str, Any]:
         """Return everything, of which `run` are the `numbers`, for `Trajectory.state`; nothing of it is copied."""
         of_pairs, of_bodies = self._changing()
         pairs, bodies = packed(self.pairs), packed(self.bodies)
-        raw: dict[str, Any] = {name: bodies[name] for name in of_bodies}
-        raw |= {name: pairs[name] for name in of_pairs} | {name: run[name] for name in SAVED}
+        raw: dict[str, Any] = dict(zip(of_bodies, map(bodies.__getitem__, of_bodies), strict=True))
+        raw |= zip(of_pairs, map(pairs.__getitem__, of_pairs), strict=True)
+        raw |= zip(SAVED, map(run.__getitem__, SAVED), strict=True)
         if self.walls is not None:
             raw |= {name: np.array(column(self.walls.sides, name)) for name in wall_state.SUMS}
-        raw["tally"] = np.array([run[name] for name in TALLY])
+        raw["tally"] = np.array(list(map(run.__getitem__, TALLY)))
         if self.near is not None:
             raw |= {"zoom_first": np.array(run["first"]), "zoom_base": np.array(run["began"])}
             raw["zoom_dial"] = np.array([run[name] for name in LOOK], dtype=np.float64)
@@ -214,7 +215,7 @@ class State:
         """Set the scale of speeds (m/s), and with it, where one may come, what looks like part of a collapse."""
         self.clock.speed = speed
         if self.run["slow"] >= 0.0:
-            self.run["slow"] = math.ldexp(speed, -16)
+            self.run["slow"] = math.ldexp(speed, SLOW_BITS)
 
     def time(self, tau: Any) -> Any:
         """Return the time in s that is `tau` after the epoch."""
@@ -235,15 +236,14 @@ class State:
             compiler(wall_state.shift)(self.run, self.pairs, self.bodies, tau, self.walls)
             return
         by = tau - math.fmod(tau, clock.window)
-        compiler(rebase)(self.run, self.pairs, self.bodies, by, self.walls)
+        speed = compiler(rebase)(self.run, self.pairs, self.bodies, by, self.walls)
         total = clock.epoch + by
         back = total - clock.epoch
         clock.epoch_low += (clock.epoch - (total - back)) + (by - back)
         clock.epoch = total
         clock.rebases += 1
         self.run["now"] -= by
-        u = column(self.bodies, "fall_velocity")
-        self.scale(max(float(np.abs(u[1:] - u[:-1]).max()), clock.fall))
+        self.scale(max(speed, clock.fall))
         if clock.speed > 0.0:
             clock.window = max(clock.window, span(clock.length, clock.speed, clock.strength))
 
@@ -317,6 +317,6 @@ def columns(records: Records, *names: str) -> Any:
     return np.array(list(map(attrgetter(*names), records))).T
 
 
-def _blank(kind: np.dtype[Any]) -> Record:
-    """Return a plain object with the fields of `kind`, all 0."""
-    return twin(kind)(*np.zeros((), kind).item())
+def _begun(kind: np.dtype[Any], **numbers: Any) -> Record:
+    """Return a plain object with the fields of `kind`: these numbers, all others 0."""
+    return twin(kind)(**(NOUGHT[kind] | numbers))
