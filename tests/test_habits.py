@@ -42,7 +42,8 @@ def test_html_of_scene_and_run_has_a_row_for_every_body(report):
 
 def test_html_is_escaped():
     shown = _reports.html("<b>", [["a&b"]], "</pre><script>")
-    assert "&lt;b&gt;" in shown and "a&amp;b" in shown
+    assert "&lt;b&gt;" in shown
+    assert "a&amp;b" in shown
     assert "<script" not in shown
 
 

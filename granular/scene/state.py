@@ -320,7 +320,7 @@ class Scene(ByNumbers):
         return html(str(self), self._table)
 
     @property
-    def _table(self) -> list[list[str]]:
+    def _table(self) -> Any:
         """What each body is, and the gap above it; of many bodies the first and the last."""
         from granular._reports import abridged
 
