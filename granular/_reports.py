@@ -100,8 +100,8 @@ def html(head: str, rows: Rows = (), more: str = "", picture: str = "") -> str:
     """Return what a notebook shows: a line, a table or text, and a picture, in the colours of what is around them."""
     from html import escape
 
-    lines = "".join("<tr>" + "".join(f"<td style='text-align:right;padding:0 .6em'>{escape(word)}</td>" for word in row) + "</tr>"
-                    for row in rows)
+    cell = "<td style='text-align:right;padding:0 .6em'>"
+    lines = "".join("<tr>" + "".join(f"{cell}{escape(word)}</td>" for word in row) + "</tr>" for row in rows)
     text = f"<details><summary>the report</summary><pre>{escape(more)}</pre></details>" * bool(more)
     return f"<div><b>{escape(head)}</b>" + f"<table>{lines}</table>" * bool(rows) + text + picture + "</div>"
 
