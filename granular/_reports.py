@@ -46,6 +46,17 @@ class Report:
     def _numbers(self) -> dict[str, Any]:
         raise NotImplementedError
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}: {self._headline}"
+
+    def _repr_html_(self) -> str:
+        return html(self._headline, more=str(self), picture=_picture(self))
+
+    @property
+    def _headline(self) -> str:
+        """What was found, in one line."""
+        return str(self).partition("\n")[0]
+
 
 def problem(report: Any) -> dict[str, Any]:
     """Return what was solved, for JSON: the scene in full, the laws, and when to stop."""
@@ -81,6 +92,35 @@ def aligned(rows: Rows, sides: str = ">", indent: str = "") -> str:
     lines = ("  ".join(f"{word:{side}{width}}" for word, side, width in zip(row, sides, widths, strict=True))
              for row in rows)
     return "\n".join((indent + line).rstrip() for line in lines)
+
+
+def abridged(rows: Rows, most: int = 12) -> Rows:
+    """Return the rows of a table, of many the first and the last."""
+    half = most // 2
+    return rows if len(rows) <= most else [*rows[:half], ["…"] * len(rows[0]), *rows[-half:]]
+
+
+def html(head: str, rows: Rows = (), more: str = "", picture: str = "") -> str:
+    """Return what a notebook shows: a line, a table or text, and a picture, in the colours of what is around them."""
+    from html import escape
+
+    cell = "<td style='text-align:right;padding:0 .6em'>"
+    lines = "".join("<tr>" + "".join(f"{cell}{escape(word)}</td>" for word in row) + "</tr>" for row in rows)
+    text = f"<details><summary>the report</summary><pre>{escape(more)}</pre></details>" * bool(more)
+    return f"<div><b>{escape(head)}</b>" + f"<table>{lines}</table>" * bool(rows) + text + picture + "</div>"
+
+
+def _picture(report: Any) -> str:
+    """Return the figure of a report for a notebook; nothing where matplotlib is not installed."""
+    import io
+    from base64 import b64encode
+    from importlib.util import find_spec
+
+    if find_spec("matplotlib") is None:
+        return ""
+    drawn = io.BytesIO()
+    report.plot().savefig(drawn, format="png", dpi=90)
+    return f"<img alt='' style='max-width:100%' src='data:image/png;base64,{b64encode(drawn.getvalue()).decode()}'>"
 
 
 def pairs_by_law(laws: Iterable[Any]) -> dict[str, list[int]]:

@@ -101,7 +101,7 @@ class Tried:
         return SIGNS.get(self.verdict) or str(min(16, int(-math.log10(max(self.error, 1e-16)))))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Stability(Report):
     """What became of a scene in the extreme, by every method and step; print it, `plot` it, save it with `to_json`.
 
@@ -241,7 +241,7 @@ def stability(
     case = replace(given := plan.case(()), run={key: given.run[key] for key in given.run if key == "t_start"})
     durations = _judged(case)[1].durations
     if not durations:
-        raise ValueError(f"scene is {case.scene!r}: in this time no contact ends, and there is nothing to judge by.")
+        raise ValueError(f"scene is {case.scene}: in this time no contact ends, and there is nothing to judge by.")
     todo = [("as given", _closer, 1.0)] + [
         (f"{axis} × {factor:g}", AXES[axis][0], factor) for axis in extreme for factor in AXES[axis][1]
     ]

@@ -27,6 +27,12 @@ from granular.outcome import approach
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 
+__all__ = [
+    "Overlap", "balance", "before_the_end", "crowding", "durations", "fastest_approach", "groups", "impact_speed",
+    "impact_velocities", "mass_centre_restitution", "occupation", "overlapping", "section", "shared_impulse",
+]
+__dir__ = __all__.copy
+
 ACCOUNT = {
     "start": "at the start", "floor": "work of the floor", "ceiling": "work of the ceiling", "heat": "heat of walls",
     "dissipated": "dissipated", "end": "at the end", "remainder": "remainder",

@@ -232,10 +232,17 @@ class Trajectory:
         read = _saved_run.read(path, law, rule, Status.__members__, CONTACT)
         return cls(**read | {"status": Status[read["status"]]})
 
+    def _repr_html_(self) -> str:
+        from granular._reports import abridged, html
+
+        end = zip(self.position[-1].tolist(), self.velocity[-1].tolist(), strict=True)
+        rows = [[str(i), f"{x:.6g}", f"{v:.6g}"] for i, (x, v) in enumerate(end)]
+        return html(repr(self), [["body", "position / m", "velocity / (m/s)"], *abridged(rows)])
+
     def __repr__(self) -> str:
         engine = "md" if self.rule is None else "edmd"
         return (
-            f"Trajectory({engine}, {self.scene!r}, t = {self.time[0]:g} … {self.time[-1]:.6g} s, "
+            f"Trajectory({engine}, {self.scene}, t = {self.time[0]:g} … {self.time[-1]:.6g} s, "
             f"{len(self.contacts)} contacts, {self.status.name}: {self.message})"
         )
 

@@ -159,7 +159,7 @@ def test_numbers_of_walls_and_forces_tell_scenes_apart():
     line = {"breaks": [0.0, 1.0], "coefficients": [[1.0], [0.0]]}
     assert Piecewise(**line) == Piecewise([-0.0, 1.0], [[1.0], [-0.0]])
     assert hash(Piecewise(**line)) == hash(Piecewise([-0.0, 1.0], [[1.0], [-0.0]]))
-    assert repr(scene(floor=Piecewise(**line), external_force=[0, 1, 0])) == (
+    assert str(scene(floor=Piecewise(**line), external_force=[0, 1, 0])) == (
         "Scene(2 balls, floor, g = 9.81 m/s², forces, floor Piecewise(1 piece, 0 … 1 s))")
 
 

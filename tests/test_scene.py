@@ -73,8 +73,8 @@ def test_a_scene_keeps_its_own_copy():
 def test_momentum_and_name_leave_out_the_walls():
     scene = floor_and_two(velocity=[3.0, -1.0, 2.0])
     assert scene.momentum() == 0.0
-    assert repr(scene) == "Scene(2 balls, floor, g = 9.81 m/s²)"
-    assert repr(Scene([1.0, INF], [0.0, 0.0], [1.0], [0.0, 0.0])) == "Scene(1 ball, ceiling)"
+    assert str(scene) == "Scene(2 balls, floor, g = 9.81 m/s²)"
+    assert str(Scene([1.0, INF], [0.0, 0.0], [1.0], [0.0, 0.0])) == "Scene(1 ball, ceiling)"
 
 
 @pytest.mark.parametrize(("changes", "sentence"), [
@@ -121,3 +121,10 @@ def test_scenes_with_the_same_numbers_are_equal():
 
 def test_point_particles_may_have_changed_places():
     assert scenes.gas(3, packing=0.0).replace(gap=[-1.0] * 4).gap[0] == -1.0
+
+
+def test_a_scene_is_shown_as_a_table_in_its_own_order_and_long_ones_are_abridged():
+    rows = [line.split() for line in repr(floor_and_two(velocity=[0.0, -1.0, 2.5])).splitlines()[2:]]
+    assert [(row[0], row[-1]) for row in rows] == [("0", "0"), ("1", "-1"), ("2", "2.5")]
+    many = repr(Scene(np.ones(1000), np.zeros(1000), np.zeros(999), np.zeros(1000)))
+    assert [line.split()[0] for line in many.splitlines()[2:]] == [*"012345", "…", *map(str, range(994, 1000))]

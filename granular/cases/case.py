@@ -79,7 +79,7 @@ def summary(function: Callable[..., Any]) -> str:
     return " ".join((inspect.getdoc(function) or "").split("\n\n")[0].split())
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Case:
     """A scene, how its balls touch, and when to stop: the same question to both engines.
 
@@ -107,6 +107,9 @@ class Case:
     t_end: float | None = None
     run: Mapping[str, Any] = field(default_factory=dict)
     about: str = ""
+
+    def __repr__(self) -> str:
+        return f"Case({self.about or self.scene})"
 
     def simulate(self, engine: str, **changes: Any) -> Trajectory:
         """Run the case on one engine.

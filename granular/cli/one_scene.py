@@ -172,7 +172,7 @@ def summary(case: cases.Case, run: Trajectory) -> str:
 
     engine = "hard spheres (edmd)" if run.law is None else "soft spheres (md)"
     lines = [case.about] if case.about else []
-    lines += [f"{run.scene!r}, {engine}"]
+    lines += [f"{run.scene}, {engine}"]
     if run.status in (Status.unstable, Status.broken):  # no number of such a run means anything
         return "\n".join([*lines, f"{run.status.name} at t = {run.time[-1]:.6g} s: {run.message}"])
     lines += [f"{run.status.name}: {run.message}",

@@ -46,7 +46,7 @@ GROUPS = {
 
 def table(report: Judged) -> str:
     """The report a person reads."""
-    lines = [f"{report.scene!r}", *_laws(report), "", *_outcomes(report), *_account(report), "", *_why(report), ""]
+    lines = [str(report.scene), *_laws(report), "", *_outcomes(report), *_account(report), "", *_why(report), ""]
     lines += _known(MEASURES, {"error": report.error} | report.measures)
     lines += ["groups: " + ", ".join(_known(GROUPS, report.groups)), *(f"warning: {w}" for w in warnings(report))]
     return "\n".join([*lines, "", report.verdict])

@@ -19,7 +19,7 @@ from granular.laws.kinds import checked
 from granular.scene import Scene, checked as a_scene
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Judged, Report):
     """The discrepancy between hard and soft spheres for one scene; print it, `plot` it, save it with `to_json`.
 
@@ -49,6 +49,7 @@ class Comparison(Judged, Report):
     """
 
     __str__ = report.table
+    __repr__, _headline = Report.__repr__, Judged.verdict
     _numbers = report.numbers
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:

@@ -79,7 +79,7 @@ class Row:
         return not self.wrong_count and math.isfinite(self.velocity_error)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Frontier(Report):
     """Error against run time; print it, `plot` it, save it with `to_json`.
 
@@ -144,7 +144,7 @@ class Frontier(Report):
         return min(rows, key=lambda row: row.seconds, default=None)
 
     def __str__(self) -> str:
-        return f"{self.scene!r}, {laws(self)}\n{_origin(self)}\n\n" + "\n\n".join([
+        return f"{self.scene}, {laws(self)}\n{_origin(self)}\n\n" + "\n\n".join([
             aligned([["method", "setting", "error of v", "error of t", "contacts", "run time", "work"],
                      *(_row(row, self.dials[row.method]) for row in self.rows)], "<>>><><"),
             aligned([["order in", "", "measured", "min(p, 1+s)", "textbook p"], *_orders(self)], "<>"),
@@ -297,7 +297,7 @@ def _legend(figure: Any, report: Frontier) -> None:
 def _title(report: Frontier) -> str:
     on, truth = report.machine, report.reference
     return (
-        f"{fill(f'{report.scene!r}; {laws(report)}', 110)}\n"
+        f"{fill(f'{report.scene}; {laws(report)}', 110)}\n"
         f"{len(truth.contacts)} contacts; reference: {truth.solver}, error {max(truth.velocity_error, 1e-99):.0e}\n"
         f"{on.get('processor')}, one core; Python {on.get('python')}, NumPy {on.get('numpy')}, "
         f"SciPy {on.get('scipy')}, numba {on.get('numba')}"

@@ -110,7 +110,7 @@ def _refuse_rest(run: Trajectory, t_end: float | None) -> None:
 
 
 def _nothing(scene: Scene) -> str:
-    return f"scene is {scene!r}: in this time no contact ends, and there is nothing to compare."
+    return f"scene is {scene}: in this time no contact ends, and there is nothing to compare."
 
 
 def _row(task: Task, method: Method, setting: float, repeats: int, level: float) -> Row:

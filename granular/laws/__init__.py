@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from granular._moved import attribute
-from granular.laws.contact_law import PairLaw as PairLaw, resolve as resolve
+from granular.laws.contact_law import ForceLaw, LawWithMemory, PairLaw as PairLaw, resolve as resolve
 
 if TYPE_CHECKING:
     from granular.laws.dashpot import LinearDashpot
@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     from granular.laws.springs import PowerLaw, WaltonBraun
     from granular.laws.statics import MatchedEnd
 
-__all__ = ["Hertz", "LinearDashpot", "MatchedEnd", "PowerLaw", "TsujiHertz", "ViscoelasticHertz", "WaltonBraun"]
+__all__ = [
+    "ForceLaw", "Hertz", "LawWithMemory", "LinearDashpot", "MatchedEnd", "PowerLaw", "TsujiHertz", "ViscoelasticHertz",
+    "WaltonBraun",
+]
 __dir__ = __all__.copy
 _HOMES = {
     "Hertz": "hertz", "LinearDashpot": "dashpot", "MatchedEnd": "statics", "PowerLaw": "springs", "TsujiHertz": "hertz",

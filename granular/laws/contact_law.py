@@ -16,7 +16,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -212,3 +212,19 @@ def instance(name: str, law: Any, fix: str = "for hard spheres use granular.edmd
             if callable(function := getattr(law, trait, None)):
                 takes(f"{trait} of {name}", function, *given)
     return law
+
+
+class ForceLaw(Protocol):
+    """A force law of one's own, as an editor or mypy checks it; see `docs/your-own-law.md`."""
+
+    def force(self, xi: float, xi_dot: float, pair: Any, /) -> float:
+        """Force in N at an overlap `xi` in m that grows by `xi_dot` in m/s, ≥ 0 for repulsion."""
+
+
+class LawWithMemory(Protocol):
+    """A force law that also knows the largest overlap so far; its `memory` is True."""
+
+    memory: bool
+
+    def force(self, xi: float, xi_dot: float, pair: Any, xi_max: float, /) -> float:
+        """Force in N, with the largest overlap `xi_max` in m of this contact so far."""

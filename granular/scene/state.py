@@ -310,6 +310,26 @@ class Scene(ByNumbers):
         return float(self.mass[~self.is_wall] @ self.velocity[~self.is_wall])
 
     def __repr__(self) -> str:
+        from granular._reports import aligned
+
+        return f"{self}\n{aligned(self._table, indent='  ')}"
+
+    def _repr_html_(self) -> str:
+        from granular._reports import html
+
+        return html(str(self), self._table)
+
+    @property
+    def _table(self) -> Any:
+        """What each body is, and the gap above it; of many bodies the first and the last."""
+        from granular._reports import abridged
+
+        gaps = [f"{gap:.6g}" for gap in self.gap.tolist()] + [""] * (self.n - self.n_pairs)
+        each = zip(self.mass.tolist(), self.radius.tolist(), gaps, self.velocity.tolist(), strict=True)
+        rows = [[str(i), f"{m:.6g}", f"{r:.6g}", gap, f"{v:.6g}"] for i, (m, r, gap, v) in enumerate(each)]
+        return [["body", "mass / kg", "radius / m", "gap above / m", "velocity / (m/s)"], *abridged(rows)]
+
+    def __str__(self) -> str:
         floor, ceiling = self.is_wall[[0, -1]].tolist()
         walls = ", floor and ceiling" if floor and ceiling else ", floor" * floor + ", ceiling" * ceiling
         balls = int((~self.is_wall).sum())

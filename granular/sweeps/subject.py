@@ -171,7 +171,7 @@ def subject_of(given: SceneLike) -> Subject:
         text = vars(case) | {"scene": scene_to_json(case.scene)}
         about = _about([Scene], law=map(type, _entries(case.law)), rule=map(type, _entries(case.rule)),
                        **_WALLS)
-        return Subject(case.about or repr(case.scene), case, replace, about, text)
+        return Subject(case.about or str(case.scene), case, replace, about, text)
     if callable(case):
         title = getattr(case, "__qualname__", repr(case))
         return Subject(title, _lists(options_of(case)), partial(_call, case), descriptions(case), title,

@@ -122,7 +122,7 @@ class Crossing:
         return 0.5 * self.low.value + 0.5 * self.high.value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Threshold(Report):
     """Where a scene may be event-driven along one parameter; print it, `plot` it, save it with `to_json`.
 
@@ -179,6 +179,10 @@ class Threshold(Report):
         doubt = (f"Undecided {_spans(self, self.undecided)}; at {self.over} = {first.value:.4g}{_unit(self)}: "
                  f"{first.why.rstrip('.')}.")
         return f"{_decided(self)} {doubt}" if self.holds or self.fails else doubt
+
+    @property
+    def _headline(self) -> str:
+        return self.sentence
 
     def plot(self, path: str | PathLike[str] | None = None) -> Any:
         """Draw error, or time of the first disturbance, over the values; return the figure, or save it to `path`."""

@@ -166,7 +166,7 @@ def matched_end(scene: Scene, law: Any) -> list[Any]:
     """
     laws = resolved(_check.per_pair("law", law, checked(scene).n_pairs), scene)
     if not scene.is_wall[-1] or scene.n_pairs < 2 or not (scene.gap[-2:] < 0.0).all():
-        raise ValueError(f"scene is {scene!r}: a chain at rest that is pressed against a wall as its last body is "
+        raise ValueError(f"scene is {scene}: a chain at rest that is pressed against a wall as its last body is "
                          "needed.")
     last = laws[scene.n_pairs - 1]
     load = last.force(-float(scene.gap[-1]), 0.0, -float(scene.gap[-1]))
