@@ -218,7 +218,8 @@ def provenance() -> dict[str, Any]:
     import platform
 
     packages = {name: version_of(name) for name in ("numpy", "scipy", "numba", "sortedcontainers")}
-    return {"format": FORMAT, "versions": {"granular": VERSION, **packages}, "python": platform.python_version(), "machine": platform.machine()}
+    versions = {"granular": VERSION, **packages}
+    return {"format": FORMAT, "versions": versions, "python": platform.python_version(), "machine": platform.machine()}
 
 
 class Foreign(ValueError):

@@ -68,7 +68,7 @@ def numba() -> str:
     try:
         kept: str = _kernels.load_numba().njit(cache=True)(_flight.gap_after).stats.cache_path
     except RuntimeError:
-        return "made anew by every process, for numba can write nowhere; set NUMBA_CACHE_DIR to a folder that it may use"
+        return "made anew by every process: numba can write nowhere; set NUMBA_CACHE_DIR to a folder that it can"
     return f"kept in {kept}, which can be written"
 
 
