@@ -51,7 +51,7 @@ def test_info_says_what_is_missing_and_who_else_is_there(granular, monkeypatch):
 
 def test_the_command_says_that_another_package_lies_over_it(granular, monkeypatch):
     monkeypatch.delattr(gr, "__version__")
-    monkeypatch.setattr(info, "packages_distributions", lambda: {})
+    monkeypatch.setattr(info, "packages_distributions", dict)
     code, _, err = granular("scenes")
     assert (code, err) == (2, f"granular: {info.overwritten()}\n")
     assert "another package was installed over it, or uninstalled; uninstall it and install" in err
