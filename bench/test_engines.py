@@ -1,4 +1,4 @@
-"""Speed of the engines (run with: pytest bench --benchmark-enable -n 0). Sizes are geometric; compare within one run.
+"""Speed of the engines (run with: pytest bench --benchmark-only). Sizes are geometric; compare within one run.
 
 One benchmark is one run: events/s, solves/s and ball-steps/s follow from `extra_info`.
 """

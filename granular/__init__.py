@@ -13,6 +13,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from granular import _moved, until
+from granular._about import VERSION
 from granular.rules import ConstantRestitution, TabulatedRestitution, ThorntonRestitution
 from granular.scene import Pair, Scene
 from granular.trajectory import Status, Trajectory
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from granular.sweeps import sweep
     from granular.thresholds import Threshold, threshold
 
-__version__ = "0.1.0"
+__version__ = VERSION
 
 __all__ = [
     "Answer", "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "MatchedEnd", "Pair", "PowerLaw",

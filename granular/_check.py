@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from granular._about import EXTRAS, install
+
 Array = NDArray[np.float64]
 LARGEST = 2**63 - 1
 """The largest whole number that arrays hold."""
 MOST = 10_000_000
 """What one number may ask for: balls of a ready-made scene, rows of a run; with all that is kept of them some GB."""
-EXTRAS = {"plot": "matplotlib", "sweep": "xarray netCDF4", "peers": "mpmath"}
-"""What the extras of this package install."""
 
 
 class ByNumbers:
@@ -266,6 +266,5 @@ def optional(module: str, by: str) -> Any:
     try:
         return import_module(module)
     except ImportError:
-        extra, install = next(item for item in EXTRAS.items() if package in item[1])
-        advice = f"pip install {install} (the extra {extra!r})"
-        raise ImportError(f"{by} needs {package}, which is not installed: {advice}.") from None
+        extra = next((name for name, packages in EXTRAS.items() if package in packages.split()), "plot")
+        raise ImportError(f"{by} needs {package}, which is not installed: {install(extra)}.") from None

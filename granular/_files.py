@@ -18,6 +18,8 @@ from typing import IO, Any, TypeAlias
 
 import numpy as np
 
+from granular._about import VERSION
+
 FORMAT = 3
 """Number of the format that files are written in; those without one, of releases before it had a number, are 1. Until 2
 laws, rules and walls were called by the places of their classes, since then by words."""
@@ -215,8 +217,9 @@ def provenance() -> dict[str, Any]:
     """Format of the file, versions and platform, so that a number can be traced."""
     import platform
 
-    packages = {name: version_of(name) for name in ("granular", "numpy", "scipy", "numba", "sortedcontainers")}
-    return {"format": FORMAT, "versions": packages, "python": platform.python_version(), "machine": platform.machine()}
+    packages = {name: version_of(name) for name in ("numpy", "scipy", "numba", "sortedcontainers")}
+    versions = {"granular": VERSION, **packages}
+    return {"format": FORMAT, "versions": versions, "python": platform.python_version(), "machine": platform.machine()}
 
 
 class Foreign(ValueError):

@@ -26,6 +26,8 @@ from time import process_time
 from typing import Any, TypeVar
 from zlib import crc32
 
+from granular._about import install
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 DRIVEN: bool = False
@@ -141,7 +143,7 @@ def have_numba() -> bool:
 def no_compiler() -> str:
     """Return why kernels cannot be compiled, or nothing."""
     if sys.modules.get("numba", True) is None or not _is_installed("numba"):
-        return "numba is not installed: pip install numba (the extra 'fast')"
+        return f"numba is not installed: {install('fast')}"
     if "numba" in sys.modules:
         import numba  # waits for another thread that is loading it
 

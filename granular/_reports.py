@@ -14,6 +14,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
+from granular._about import VERSION
 from granular._check import optional
 
 Rows = Sequence[Sequence[str]]
@@ -75,13 +76,13 @@ def machine() -> dict[str, Any]:
     """Return where run times are measured: processor, cores this process may use, system, and versions."""
     from granular import _files
 
-    packages = ("granular", "numpy", "scipy", "numba", "mpmath")
+    packages = ("numpy", "scipy", "numba", "mpmath")
     text = Path("/proc/cpuinfo").read_text("utf-8") if os.access("/proc/cpuinfo", os.R_OK) else ""
     named = re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE)
     return {
         "processor": named[1] if named else platform.processor() or platform.machine(), "cores": cores(),
         "system": f"{platform.system()} {platform.machine()}", "python": platform.python_version(),
-        **{name: _files.version_of(name) or "not installed" for name in packages},
+        "granular": VERSION, **{name: _files.version_of(name) or "not installed" for name in packages},
     }
 
 

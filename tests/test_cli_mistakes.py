@@ -83,8 +83,8 @@ def test_a_mistake_is_one_line_and_exit_code_2(granular, line, sentence):
 def test_a_plot_without_matplotlib_says_how_to_get_it(granular, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.backend_bases", None)
     assert granular("compare gas --plot out.png")[::2] == (
-        2, "granular: --plot needs matplotlib, which is not installed: pip install matplotlib (the extra "
-           "'plot').\n")
+        2, "granular: --plot needs matplotlib, which is not installed: pip install "
+           "'granular-collisions[plot]'.\n")
 
 
 def test_an_output_that_cannot_be_written_is_found_before_the_run(granular, monkeypatch):

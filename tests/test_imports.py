@@ -63,7 +63,7 @@ def test_without_numba_runs_go_on_plain():
     )
     engine, advice = hidden("numba", code).splitlines()
     assert engine == "plain"
-    assert "pip install numba" in advice
+    assert "pip install 'granular-collisions[fast]'" in advice
 
 
 def test_without_matplotlib_plot_says_what_to_install():
@@ -72,7 +72,7 @@ def test_without_matplotlib_plot_says_what_to_install():
         "try: report.plot('x.png')\n"
         "except ImportError as error: print(error)"
     )
-    assert "pip install matplotlib" in hidden("matplotlib", code)
+    assert "pip install 'granular-collisions[plot]'" in hidden("matplotlib", code)
 
 
 def test_unknown_names_are_refused():

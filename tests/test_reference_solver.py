@@ -198,5 +198,5 @@ def test_misuse_is_one_sentence(monkeypatch):
     with pytest.raises(ValueError, match="t_end is missing: after 3 steps"):
         reference.solve(scene, law)
     monkeypatch.setitem(sys.modules, "mpmath", None)
-    with pytest.raises(ImportError, match=r"pip install mpmath"):
+    with pytest.raises(ImportError, match=r"pip install 'granular-collisions\[peers\]'"):
         reference.solve(scene, law)

@@ -51,7 +51,11 @@ def test_runs_of_every_kind_come_back_and_go_on_as_if_nothing_had_been(kind, nam
     whole = saved_scenes.whole(kind, name, **ENGINE[kind])
     for file in (older / f"run_{kind}_{name}.npz", files / f"{kind}_{name}.npz"):
         back = gr.Trajectory.load(file, **saved_scenes.given(kind, name))
-        assert back.scene == scene or isinstance(back.scene.floor, gr.walls.Panels)
+        if file.parent == older and not isinstance(back.scene.floor, gr.walls.Panels):
+            assert scene.replace(mass=back.scene.mass) == back.scene
+            np.testing.assert_allclose(back.scene.mass, scene.mass, rtol=1e-15)  # by another machine's power
+        else:
+            assert back.scene == scene or isinstance(back.scene.floor, gr.walls.Panels)
         onward = engine.resume(back, t_end=end, **ENGINE[kind])
         assert onward.status is whole.status
         for one, other in ((onward.gap, whole.gap), (onward.velocity, whole.velocity)):

@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+import granular
+from granular._about import VERSION
 from granular._files import plain_text
 from granular._kernels import on_making
 from granular.cli import ends
@@ -62,6 +64,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _act(arguments: Sequence[str]) -> int:
     """Do what the command line says."""
+    if getattr(granular, "__version__", None) != VERSION and list(arguments[:1]) != ["info"]:
+        from granular.cli.info import overwritten
+
+        raise ImportError(overwritten())
     from granular.cases.build import on_running
     from granular.cli import output, parser
 

@@ -13,7 +13,8 @@ from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 from typing import Any, NoReturn
 
-from granular import _check, _files, cases
+from granular import _check, cases
+from granular._about import VERSION
 from granular.cases.case import HELD, Option, options_of
 from granular.cases.ready import is_file
 from granular.trajectory import Trajectory
@@ -21,7 +22,7 @@ from granular.trajectory import Trajectory
 COMMANDS = {
     "scenes": "one_scene:Scenes", "run": "one_scene:Run", "compare": "one_scene:Compare", "sweep": "sweep:Sweep",
     "threshold": "one_scene:Threshold", "frontier": "one_scene:Frontier", "stability": "one_scene:Stability",
-    "page": "pages:Page", "view": "pages:View", "verify": "verify:Verify",
+    "page": "pages:Page", "view": "pages:View", "verify": "verify:Verify", "info": "info:Info",
 }
 """Where each command stands: a file beside this one, and a `Command` in it."""
 ABOUT = """\
@@ -43,6 +44,7 @@ examples:
   granular page --open                              the teaching page, in the browser
   granular run gas --engine edmd --samples 500 --save gas.npz && granular view gas.npz --open
   granular verify touching-cradle --check mine.csv  whether another code's numbers are right
+  granular info                                     what is installed, to look for a fault or to report one
 
 exit codes: 0 done; 1 verify found a number wrong or missing; 2 misuse, or a file that cannot be read or written;
  3 the run came to no proper end (status unstable: the time step is too long; broken: the last state is none that there
@@ -89,8 +91,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     # a negative number such as -1e-4 would be taken for an option, but not behind a space
     command, *rest = [f" {word}" if re.match(r"-[\d.]", word) else word for word in arguments] or ["--help"]
     top = Parser(prog="granular", description=ABOUT, epilog=EXAMPLES)
-    version = _files.version_of("granular") or "(not installed)"
-    top.add_argument("--version", action="version", version=f"granular {version}")
+    top.add_argument("--version", action="version", version=f"granular {VERSION}")
     commands = top.add_subparsers(title="commands, each with its own --help", metavar="COMMAND", required=True)
     if command.startswith("-"):
         for name in COMMANDS:

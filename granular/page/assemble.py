@@ -19,6 +19,7 @@ from posixpath import dirname, normpath
 from typing import Any
 
 from granular import _files, balls
+from granular._about import VERSION
 from granular.page import opening, recording
 from granular.page.opening import LANGUAGES
 from granular.trajectory import Trajectory
@@ -52,7 +53,7 @@ def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str,
     slots = {
         "title": escape(title),
         "start": escape(start),
-        "version": _files.version_of("granular") or "",
+        "version": VERSION,
         "style": SPACE.sub("", "".join(shipped(name) for name in parts[2:])),
         "blocked": "\n".join(f'<p lang="{words(one)["tag"]}">{escape(words(one)[BLOCKED])}</p>' for one in LANGUAGES),
         "transport": shipped("shell/transport.html"),

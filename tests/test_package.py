@@ -1,0 +1,69 @@
+"""What is installed bears a name that is free, and the command says what is installed and what lies over it."""
+
+import json
+import re
+import tomllib
+from pathlib import Path
+
+import granular as gr
+from granular._about import EXTRAS, NAME, install
+from granular.cli import info
+from granular.page.assemble import LIVE, PLAYER, _needed
+
+ROOT = Path(__file__).parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+OTHER = {"granular": ["granular", NAME]}
+
+
+def test_the_name_is_not_that_of_the_other_granular():
+    assert NAME == PROJECT["name"] != "granular"
+    named = {re.match(r"[\w.-]+", line)[0] for lines in PROJECT["optional-dependencies"].values() for line in lines}
+    assert NAME in named
+    assert "granular" not in named
+
+
+def test_extras_are_those_of_the_package():
+    declared = PROJECT["optional-dependencies"]
+    for extra, packages in EXTRAS.items():
+        assert packages.split() == [line.partition(">=")[0] for line in declared[extra]]
+
+
+def test_every_file_of_the_package_is_read_by_it():
+    """None is there for tests only."""
+    page = ROOT / "granular" / "page"
+    files = {str(file.relative_to(page)) for file in page.rglob("*.*") if file.suffix in (".mjs", ".css", ".html")}
+    read = {name for parts in (LIVE, PLAYER) for name in (*_needed(parts[1]), parts[0], *parts[2:])}
+    assert files == read | {"shell/shell.html", "shell/transport.html"}
+
+
+def test_info_says_what_is_missing_and_who_else_is_there(granular, monkeypatch):
+    monkeypatch.setattr(info, "packages_distributions", lambda: OTHER)
+    versions = {"granular": "0.24.2", "mpmath": None}
+    monkeypatch.setattr("granular._files.version_of", lambda name: versions.get(name, "1.0"))
+    code, out, _ = granular("info --json found.json")
+    assert code == 0
+    assert out.startswith(f"{NAME} {gr.__version__}, in {info.FOLDER}\n")
+    assert f"extra peers  mpmath missing: {install('peers')}\n" in out
+    assert out.endswith(f"granular 0.24.2 installs a package granular too: {info.REMEDY}\n")
+    found = json.loads(Path("found.json").read_text(encoding="utf-8"))
+    assert (found["others"], found["extras"]["peers"]) == (["granular 0.24.2"], {"mpmath": None})
+
+
+def test_the_command_says_that_another_package_lies_over_it(granular, monkeypatch):
+    monkeypatch.delattr(gr, "__version__")
+    monkeypatch.setattr(info, "packages_distributions", dict)
+    code, _, err = granular("scenes")
+    assert (code, err) == (2, f"granular: {info.overwritten()}\n")
+    assert "another package was installed over it, or uninstalled; uninstall it and install" in err
+    assert granular("info")[0] == 0
+
+
+def test_info_says_where_machine_code_is_kept_or_that_it_is_not(monkeypatch):
+    assert (info.numba().startswith("kept in ")) == info._kernels.have_numba()
+
+    def nowhere():
+        raise RuntimeError("no locator available")
+
+    monkeypatch.setattr("granular._kernels.no_compiler", str)
+    monkeypatch.setattr("granular._kernels.load_numba", nowhere)
+    assert "set NUMBA_CACHE_DIR" in info.numba()
