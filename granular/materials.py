@@ -6,6 +6,9 @@ May be skipped: data, to be looked up.
 >>> law = gr.TsujiHertz.from_material(*gr.materials.steel, restitution=0.9, pair=pair)
 >>> unlike = gr.Hertz.from_material(*gr.materials.both("steel", "glass"), pair=pair)      # lower, upper
 
+In files ``material = "steel"``, or ``["steel", "glass"]``, stands in [law] for ``young`` and ``poisson``; the command
+takes ``--material steel --law TsujiHertz`` in place of a stiffness.
+
 **The numbers are those of a kind, not of your ball.** Source of the ranges: the tables of moduli, Poisson's ratios and
 densities of J. M. Gere, *Mechanics of Materials* (appendix H), each number one inside its range, that of the commonest
 sort. E of metals is good to a few per cent, of glass to a fifth; of nylon and rubber it also depends on rate,

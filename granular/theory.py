@@ -22,7 +22,6 @@ from granular import _check
 from granular.laws import dashpot
 
 __all__ = [
-    "CONVENTIONS",
     "TwoBallDrop",
     "best_chain",
     "best_masses",
@@ -273,7 +272,7 @@ def obtained(convention: str, restitution: float, *, clipped: bool) -> float:
     Parameters
     ----------
     convention : str
-        One of `CONVENTIONS`: how the code makes damping of the number, as its document or source says.
+        One of those below: how the code makes damping of the number, as its document or source says.
     restitution : float
         The ε asked for, in (0, 1].
     clipped : bool

@@ -36,7 +36,8 @@ def damping(convention, e):
         "lethe": lambda: 2.0 * math.sqrt(5.0 / 6.0) * log * math.sqrt(tangent * MASS),
         "liggghts/hertz": lambda: 2.0 * math.sqrt(5.0 / 6.0) * log * math.sqrt(tangent * MASS),
         "mfix/hertz": lambda: 2.0 * math.sqrt(MASS * secant) * log,
-        "yade/hertz-mindlin": lambda: 2.0 * math.sqrt(MASS * tangent) * np.sqrt(1.0 / (1 - (1 + e)**2 * np.exp(fit)) - 1),
+        "yade/hertz-mindlin": lambda: 2.0 * math.sqrt(MASS * tangent) * np.sqrt(
+            1.0 / (1.0 - (1.0 + e) ** 2 * np.exp(fit)) - 1.0),
     }[convention]()
 
 

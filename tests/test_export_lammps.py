@@ -1,6 +1,6 @@
 """Decks of LAMMPS: what they say, what they refuse, and that LAMMPS gives our answer with them, at its order.
 
-Its numbers are stored; ``python tests/test_export_lammps.py`` runs it again, where ``lmp`` is on the path, and writes them.
+Its numbers are stored: ``python tests/test_export_lammps.py`` has ``lmp``, if it is on the path, make them again.
 """
 
 import json
@@ -181,7 +181,7 @@ def test_a_deck_is_plain_and_is_written_whole(tmp_path):
 SPRING = gr.LinearDashpot(1e5)
 HANGS = gr.Scene([1.0, 1.0], [0.1, 0.1], [0.0], [1.0, 0.0], pendulum=1.0)
 REFUSED = {
-    "ring": (gr.Scene([1.0, 1.0], [0.1, 0.1], [0.1, 0.1], [1.0, 0.0], ring=True), SPRING, {}, "scene has a ring: a deck"),
+    "ring": (TWO.replace(gap=[0.1, 0.1], ring=True), SPRING, {}, "scene has a ring: a deck of LAMMPS holds balls"),
     "pendula": (HANGS, SPRING, {}, "scene has pendula"),
     "force": (TWO.replace(external_force=[1.0, 0.0]), SPRING, {}, "scene has external_force"),
     "shaken": (FALL.replace(floor=gr.walls.Sine(1e-3, 50.0)), SPRING, {}, "scene has a wall that is shaken"),
@@ -195,6 +195,7 @@ REFUSED = {
     "rule": (TWO, gr.ConstantRestitution(0.5), {}, r"an object with force\(self, xi, xi_dot, pair\) is needed"),
     "count": (TWO, [SPRING, SPRING], {}, r"length of law is 2: 1 \(the number of pairs\)"),
     "dt": (TWO, SPRING, {"dt": 0.0}, r"dt is 0\.0: .*above 0 is needed"),
+    "steps": (TWO, SPRING, {"dt": 1e-320}, r"t_end / dt is inf: a finite number at most 1e\+15 is needed"),
     "t_end": (TWO, SPRING, {"t_end": -1.0}, r"t_end is -1\.0: .*above 0 is needed"),
 }
 

@@ -138,6 +138,8 @@ def law(table: Mapping[str, Any], pair: Pair) -> Any:
     if "material" in given:
         if clash := {"young", "poisson"} & given.keys():
             raise ValueError(f"keys material and {min(clash)} are both given: one of the two ways is needed.")
+        of_material = [name for name, kind in LAWS.items() if hasattr(kind, "from_material")]
+        _check.choice("type of a law of a material", given.get("type"), of_material)
         one = given.pop("material")
         given["young"], given["poisson"] = (
             materials.both(*_check.per_pair("material", one, 2)) if isinstance(one, list) else materials.named(one))

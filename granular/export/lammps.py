@@ -49,7 +49,7 @@ def lammps(
     path : path, optional
         A file to write the deck to, whole or not at all.
     t_end : float
-        End time in s.
+        End time in s, to half a step.
     dt : float
         Time step in s; a hundredth of the shortest contact gives about two digits.
 
@@ -69,7 +69,8 @@ def lammps(
     laws = [resolve(instance("law", one), pair)
             for one, pair in zip(_check.per_pair("law", law, scene.n_pairs), scene.pairs, strict=True)]
     step = _check.number("dt", dt, above=0.0)
-    steps = _check.whole("t_end / dt", math.ceil(_check.number("t_end", t_end, above=0.0) / step), at_least=1)
+    end = _check.number("t_end", t_end, above=0.0)
+    steps = max(1, round(_check.number("t_end / dt", end / step, at_most=1e15)))
     text = "\n".join([HEAD, f"variable dt index {step!r}", f"variable steps index {steps}",
                       *_bodies(scene), *_contacts(scene, laws), *_run(scene), ""])
     if path is not None:
