@@ -141,8 +141,10 @@ def law(table: Mapping[str, Any], pair: Pair) -> Any:
         of_material = [name for name, kind in LAWS.items() if hasattr(kind, "from_material")]
         _check.choice("type of a law of a material", given.get("type"), of_material)
         one = given.pop("material")
-        given["young"], given["poisson"] = (
-            materials.both(*_check.per_pair("material", one, 2)) if isinstance(one, list) else materials.named(one))
+        names = one if isinstance(one, list) else [one, one]
+        if len(names) != 2:
+            raise ValueError(f"material has {len(names)} entries: one, or two (lower, upper), are needed.")
+        given["young"], given["poisson"] = materials.both(*names)
     return _of_type(LAWS, given, pair=pair)
 
 

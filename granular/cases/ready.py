@@ -248,6 +248,8 @@ def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> 
 def touching(name: str, case: Case, **of_contact: Any) -> Case:
     """Return a bare case of that name with its contacts, with options of how it touches."""
     template = _named(name)
+    if {"material", "stiffness"} <= of_contact.keys():
+        raise ValueError("material and stiffness are both given: one of the two is needed.")
     law, rule = template.touch(case.scene, **(dict(template.contact) | of_contact))
     return replace(case, law=law, rule=rule)
 
