@@ -24,7 +24,7 @@ def test_every_scene_stands_by_itself_and_documents_each_parameter(make):
     assert isinstance(scene, Scene)
     assert (scene.gap >= 0.0).all()
     for name in inspect.signature(make).parameters:
-        assert f"\n    {name} : " in make.__doc__, f"{name} is not documented"
+        assert f"\n{name} : " in inspect.getdoc(make), f"{name} is not documented"
 
 
 @pytest.mark.exact
