@@ -5,11 +5,14 @@ import re
 import tomllib
 from pathlib import Path
 
+import pytest
+
 import granular as gr
 from granular._about import EXTRAS, NAME, install
 from granular.cli import info
 from granular.page.assemble import LIVE, PLAYER, _needed
 
+pytestmark = pytest.mark.core
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 OTHER = {"granular": ["granular", NAME]}

@@ -13,6 +13,7 @@ from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.walls import Thermal
 
+pytestmark = pytest.mark.core
 READY = [scenes.three_balls, scenes.ball_stack, scenes.newtons_cradle, scenes.chain, scenes.column, scenes.gas,
          scenes.bouncing_ball, scenes.vibrated_column, scenes.compressed_chain, scenes.ring_gas, scenes.heated_gas,
          scenes.pendulum_cradle]
