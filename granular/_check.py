@@ -23,7 +23,7 @@ LARGEST = 2**63 - 1
 """The largest whole number that arrays hold."""
 MOST = 10_000_000
 """What one number may ask for: balls of a ready-made scene, rows of a run; with all that is kept of them some GB."""
-EXTRAS = {"plot": "matplotlib", "sweep": "xarray netCDF4", "peers": "mpmath"}
+EXTRAS = {"plot": "matplotlib", "sweep": "xarray netCDF4 pandas", "peers": "mpmath"}
 """What the extras of this package install."""
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, NamedTuple, Protocol
 
@@ -32,7 +32,7 @@ class Request:
     start: float
     end: float
     until: stop.Until | None
-    samples: _check.Array | None
+    samples: _check.Array | int | str | None
     log: bool
     max_events: int
     on_event: Callable[[Any], object] | None
@@ -78,23 +78,23 @@ def check_end(
                          "max_events of your own.")
 
 
-def _sample_times(samples: int | ArrayLike | None, start: float, end: float) -> _check.Array | None:
-    """Return the times of the rows in s, or None for the first and the last.
+def _sample_times(samples: Any, start: float, end: float) -> _check.Array | int | str | None:
+    """Return the times of the rows in s, or None for the first and the last; what only the run itself can tell, rows
+    about its contacts or a number of them without an end, as it is.
 
     Raises
     ------
     TypeError, ValueError
-        If there is no time, or one outside [start, end], or one before its predecessor; if a number of rows is asked
-        for without an end.
+        If there is no time, or one outside [start, end], or one before its predecessor.
     """
     if samples is None:
         return None
+    if isinstance(samples, str):
+        return _check.choice("samples", samples, ("contacts",))
     if np.ndim(samples) == 0:
         fix = "give None for the first and the last row"
         count = _check.whole("samples", samples, at_least=2, at_most=_check.MOST, fix=fix)
-        if end == math.inf:
-            raise ValueError(f"samples is {count}: a number of rows needs t_end; give t_end, or the times themselves.")
-        return np.linspace(start, end, count)
+        return count if end == math.inf else np.linspace(start, end, count)
     times = _check.array("samples", samples)
     if len(times) == 0:
         raise ValueError("samples is empty: at least one time is needed; give None for the first and the last row.")
@@ -102,6 +102,35 @@ def _sample_times(samples: int | ArrayLike | None, start: float, end: float) -> 
     _check.every("samples", times, inside, f"a time from {start:g} to {end:g} s is needed")
     _check.every("samples", times[1:], np.diff(times) >= 0.0, "times must not decrease", "sort them")
     return times
+
+
+AROUND = np.arange(-2, 11) / 8
+"""Where rows about a contact are, in units of its duration from its onset."""
+
+
+def in_time(solve: Callable[[Request], Trajectory], request: Request) -> Trajectory:
+    """Solve what is requested; where only the run can tell the times of its rows, it is solved twice.
+
+    Nobody is told of the first time. Rows change no bit of a run, so the second one is the same.
+    """
+    asked = request.samples
+    if asked is None or isinstance(asked, np.ndarray):
+        return solve(request)
+    first = solve(replace(request, samples=None, log=True, on_event=None, on_progress=None))
+    start, end = first.time[[0, -1]].tolist()
+    times = np.linspace(start, end, asked) if isinstance(asked, int) else _about(first.contacts, start, end)
+    return solve(replace(request, samples=times))
+
+
+def _about(log: Rows, start: float, end: float) -> _check.Array:
+    """Times in s about each contact, its onset and end among them; before an instant the last number before it."""
+    if len(log) * len(AROUND) > _check.MOST:
+        raise ValueError(f"samples is 'contacts': {len(log)} contacts would give more than {_check.MOST} rows; give a "
+                         "number of rows, or a t_end or until that stops earlier.")
+    begin, over = log["t_begin"], np.where(np.isnan(log["t_end"]), end, log["t_end"])
+    spread = (begin[:, None] + (over - begin)[:, None] * AROUND).ravel()
+    times = np.concatenate([[start, end], begin, over, spread, np.nextafter(begin[begin == over], -math.inf)])
+    return np.unique(times.clip(start, end))
 
 
 SAME = 1e-9
@@ -225,7 +254,7 @@ def drive(run: Run) -> Trajectory:
     """Take a run to its end."""
     request = run.request
     settled: list[Rows] = []
-    samples = [] if request.samples is None else request.samples.tolist()
+    samples = request.samples.tolist() if isinstance(request.samples, np.ndarray) else []
     kept = [run.row(request.start)] if request.samples is None else []
     pause = Pause.reached
     for time in samples:
