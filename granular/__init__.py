@@ -28,13 +28,16 @@ if TYPE_CHECKING:
     from granular.sweeps import sweep
     from granular.thresholds import Threshold, threshold
 
+load = Trajectory.load
+
 __version__ = "0.1.0"
 
 __all__ = [
     "Answer", "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "MatchedEnd", "Pair", "PowerLaw",
     "Scene", "Status", "TabulatedRestitution", "ThorntonRestitution", "Threshold", "Trajectory", "TsujiHertz",
-    "ViscoelasticHertz", "WaltonBraun", "adiabatic", "balls", "binary", "cases", "compare", "edmd", "frontier", "md",
-    "measures", "restitution_of", "scenes", "stability", "sweep", "theory", "threshold", "until", "walls", "waves",
+    "ViscoelasticHertz", "WaltonBraun", "adiabatic", "balls", "binary", "cases", "compare", "edmd", "frontier", "load",
+    "md", "measures", "restitution_of", "scenes", "stability", "sweep", "theory", "threshold", "until", "walls",
+    "waves",
 ]
 
 _HOMES = {

@@ -13,7 +13,6 @@ from enum import Enum
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from granular import _check, until as stop
 from granular._records import raw

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from granular import _check, rules, until as stop
 from granular._kernels import no_compiler
-from granular.drive import EVENTS, check_end, drive, go_on, requested, in_time
+from granular.drive import EVENTS, Request, check_end, drive, go_on, in_time, requested
 from granular.edmd.physics import GROUP, OPTIONS, ORDER, Physics, check_scene, checked
 from granular.edmd.run import Run
 from granular.edmd.state import State

@@ -50,7 +50,9 @@ def save(path: str | PathLike[str], run: Any, compressed: bool = False) -> None:
 def _netcdf(path: str | PathLike[str], run: Any, compressed: bool) -> None:
     """Tables for everybody, and in the variable `checkpoint` what a run needs besides to go on: scene, law, state."""
     words, arrays = _saved_run.packed(run)
-    rest, stream, data = {k: v for k, v in arrays.items() if k not in _saved_run.TABLES}, io.BytesIO(), dataset(run)
+    stream, data = io.BytesIO(), dataset(run)
+    own = _saved_run.TABLES - ({"contacts"} if run.rule is not None else set())  # empty: tells hard spheres
+    rest = {name: array for name, array in arrays.items() if name not in own}
     np.savez(stream, words=np.array(_saved_run.said(words)), **rest)
     data["checkpoint"] = "byte", np.frombuffer(stream.getvalue(), np.uint8), {"long_name": "read by granular.load"}
     how = {name: {"_FillValue": None} | ({"zlib": True} if compressed and data[name].size else {})

@@ -14,7 +14,7 @@ from numpy.linalg import LinAlgError
 from numpy.typing import ArrayLike
 
 from granular import _check, until as stop
-from granular.drive import EVENTS, Request, check_end, drive, go_on, requested, in_time
+from granular.drive import EVENTS, Request, check_end, drive, go_on, in_time, requested
 from granular.laws.kinds import SceneLaws, check_deepest, checked as checked_laws
 from granular.md import located
 from granular.scene import Scene, checked
