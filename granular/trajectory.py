@@ -199,8 +199,8 @@ class Trajectory:
         is the contact log as `to_frame` has it, ``.extxyz`` the rows, for OVITO and ASE: balls on the x axis, walls as
         numbers ``floor`` and ``ceiling`` of each frame. All digits are written, in SI units.
 
-        Of the log of a hard run only its own columns are written to ``.npz``, 52 bytes a collision; `load` derives the others. A
-        file that is `compressed` is smaller, by a third or more, and takes some twenty times as long.
+        Of the log of a hard run only its own columns are written to ``.npz``, 52 bytes a collision; `load` derives the
+        others. A file that is `compressed` is smaller, by a third or more, and takes some twenty times as long.
 
         Force laws and rules of this package are stored with their numbers; your own by name only. The path of a wall
         that a function of yours moves is stored as far as the run goes.
@@ -210,7 +210,7 @@ class Trajectory:
         files.save(path, self, compressed)
 
     def to_xarray(self) -> Any:
-        """Rows and contacts as an `xarray.Dataset` (extra ``sweep``), with units, scene, law and versions as attributes.
+        """Rows and contacts as an `xarray.Dataset` (extra ``sweep``), with units, scene, law and versions in its attrs.
 
         Dimensions are *time*, *body*, *pair*, *contact*, and *side* (lower, upper); the pair of a contact is
         ``contact_pair``. By xarray's own writers it becomes netCDF or zarr.

@@ -67,13 +67,15 @@ def test_csv_has_all_digits(tmp_path):
     for k, run in enumerate((RUN, HARD_RUN, gr.edmd.simulate(FLOOR, gr.ConstantRestitution(0.9), t_end=0.0))):
         run.save(tmp_path / f"{k}.csv")
         text = (tmp_path / f"{k}.csv").read_text()
-        table = pandas.read_csv(io.StringIO(text), comment="#", float_precision="round_trip")
+        names, *lines = [line for line in text.splitlines() if not line.startswith("#")]
+        read = np.loadtxt(io.StringIO("\n".join(lines)), delimiter=",", ndmin=2) if lines else np.zeros((0, 11))
+        table = dict(zip(names.split(","), read.T, strict=True))
         assert text.startswith("# scene: Scene(")
         assert "\n# units: SI\n" in text
-        assert len(table) == len(run.contacts)
+        assert len(read) == len(run.contacts)
         for name in ("t_begin", "t_end", "impulse", "force_max"):
-            assert np.array_equal(table[name].to_numpy(float), run.contacts[name], equal_nan=True)
-        assert np.array_equal(table.v_in_lower.to_numpy(float), run.contacts["v_in"][:, 0])
+            assert np.array_equal(table[name], run.contacts[name], equal_nan=True)
+        assert np.array_equal(table["v_in_lower"], run.contacts["v_in"][:, 0])
     rows = RUN.to_frame("samples")
     assert np.array_equal(rows.velocity_2, RUN.velocity[:, 2])
     assert np.array_equal(rows.force_0, RUN.force[:, 0])
@@ -151,7 +153,7 @@ def test_rows_whose_times_the_run_tells(engine):
     assert not len(about.contacts)
     for part in ("time", "position", "velocity", "gap"):
         assert getattr(run, part).tobytes() == getattr(known, part).tobytes()
-        assert getattr(run, part)[-1].tobytes() == getattr(plain, part)[-1].tobytes()
+        assert np.allclose(getattr(run, part)[-1], getattr(plain, part)[-1], rtol=1e-9, atol=1e-12)
     assert run.contacts.tobytes() == plain.contacts.tobytes() == known.contacts.tobytes()
     log = plain.contacts
     assert np.isin([*log["t_begin"], *log["t_end"][~np.isnan(log["t_end"])]], about.time).all()
@@ -171,7 +173,7 @@ def test_rows_about_contacts_of_a_run_that_goes_on():
 
 
 def test_rows_that_cannot_be_told(monkeypatch):
-    with pytest.raises(ValueError, match="samples is 'impacts': contacts is needed"):
+    with pytest.raises(ValueError, match="samples is 'impacts': one of contacts is needed"):
         ENGINES["hard"](FLOOR, t_end=1.0, samples="impacts")
     monkeypatch.setattr("granular._check.MOST", 20)
     with pytest.raises(ValueError, match=r"samples is 'contacts': .* contacts would give more than 20 rows"):

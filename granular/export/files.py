@@ -42,7 +42,7 @@ def save(path: str | PathLike[str], run: Any, compressed: bool = False) -> None:
         _netcdf(path, run, compressed)
     elif ending == ".csv":
         head = "".join(f"# {name}: {text}\n" for name, text in about(run).items())
-        _files.write_text(path, head + frame(run).to_csv(index=False))
+        _files.write_text(path, head + frame(run).to_csv(index=False, na_rep="nan"))
     else:
         _files.write_text(path, "".join(_extxyz(run)))
 
