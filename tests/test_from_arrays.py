@@ -89,7 +89,7 @@ def test_walls_have_no_difference_and_the_first_that_is_large_is_named():
 
 
 def test_runs_that_cannot_be_compared():
-    with pytest.raises(TypeError, match="run is list: a granular.Trajectory is needed"):
+    with pytest.raises(TypeError, match=r"run is list: a granular.Trajectory is needed"):
         REPORT.against([1])
     run = gr.edmd.simulate(FLOOR, gr.ConstantRestitution(0.9), t_end=0.1)
     with pytest.raises(ValueError, match=r"run is of another scene: its mass is \[inf  1.  2.\]; \[1.  2.  0.5\] is"):

@@ -64,7 +64,7 @@ def against(report: Judged, run: Trajectory) -> Against:
                              f"{np.array2string(ours, threshold=6)} is needed.")
     start = float(report.soft.time[0])
     if run.time[0] < start:
-        raise ValueError(f"time[0] of run is {run.time[0]!r}: times from the start of the scene, {start:g} s, on are "
+        raise ValueError(f"time[0] of run is {float(run.time[0])!r}: times from the start of the scene, {start:g} s, on are "
                          "needed; shift its clock.")
     of_ball = report.components.of_ball
     unit = np.append(report.units, report.units.max(initial=0.0) or report.impact_speed)[of_ball]
