@@ -20,7 +20,6 @@ RULE = ConstantRestitution(0.5)
         ({"t_end": math.nan}, "t_end is nan"),
         ({"t_end": math.inf}, "t_end is inf"),
         ({"t_start": math.inf}, "t_start is inf"),
-        ({"samples": 5}, "samples is 5: a number of rows needs t_end"),
         ({"samples": 1, "t_end": 1.0}, "samples is 1: a whole number of at least 2"),
         ({"samples": [0.5, 2.0], "t_end": 1.0}, r"samples\[1\] is 2.0: a time from 0 to 1 s is needed"),
         ({"samples": [0.5, 0.2], "t_end": 1.0}, r"samples\[0\] is 0.2: times must not decrease"),

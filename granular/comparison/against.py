@@ -62,9 +62,9 @@ def against(report: Judged, run: Trajectory) -> Against:
         if ours.shape != theirs.shape or not np.allclose(ours, theirs, rtol=1e-9):
             raise ValueError(f"run is of another scene: its {name} is {np.array2string(theirs, threshold=6)}; "
                              f"{np.array2string(ours, threshold=6)} is needed.")
-    start = float(report.soft.time[0])
-    if run.time[0] < start:
-        raise ValueError(f"time[0] of run is {float(run.time[0])!r}: times from the start of the scene, {start:g} s, on are "
+    start, first = float(report.soft.time[0]), float(run.time[0])
+    if first < start:
+        raise ValueError(f"time[0] of run is {first!r}: times from the start of the scene, {start:g} s, on are "
                          "needed; shift its clock.")
     of_ball = report.components.of_ball
     unit = np.append(report.units, report.units.max(initial=0.0) or report.impact_speed)[of_ball]
