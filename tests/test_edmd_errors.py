@@ -51,7 +51,6 @@ def test_options_that_do_not_fit(options, sentence) -> None:
         (SCENE, 0.5, {}, "rule is 0.5: a callable"),
         (SCENE, RULE, {"until": 3.0}, "until is 3.0: a condition from granular.until is needed"),
         (SCENE, RULE, {"t_end": "late"}, "t_end is 'late': a single number is needed"),
-        (SCENE, RULE, {"samples": "all", "t_end": 1.0}, "samples is 'all': one of contacts is needed"),
         (SCENE, RULE, {"samples": ["a"], "t_end": 1.0}, "samples is"),
         (SCENE, RULE, {"tc": None}, "tc is None"),
     ],

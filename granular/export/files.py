@@ -22,7 +22,7 @@ NEEDS = {".npz": (), ".nc": ("xarray", "netCDF4"), ".csv": ("pandas",), ".extxyz
 
 def ending_of(path: str | PathLike[str]) -> str:
     """Return the ending of a path, in small letters, if it is one that is written, and what writes it is installed."""
-    name = os.fspath(path)
+    name = os.fspath(path) if isinstance(path, PathLike) else path
     ending = os.path.splitext(str(name))[1].lower()
     if isinstance(name, str) and _files.is_stream(name):
         return ".npz"
@@ -35,7 +35,7 @@ def ending_of(path: str | PathLike[str]) -> str:
 
 def save(path: str | PathLike[str], run: Any, compressed: bool = False) -> None:
     """Write a run in the format of the path's ending, whole or not at all."""
-    ending = ending_of(_files.checked_path("output path", path))
+    ending = ending_of(path)
     if ending == ".npz":
         _saved_run.write(path, run, compressed)
     elif ending == ".nc":
