@@ -1,10 +1,10 @@
-"""A log of contacts that is written while the run goes on: a plain ``.npy`` file, whole after every block.
+"""A file of contacts, written as the run goes on.
 May be skipped: where records go.
 
-The head of the file says how many rows there are, in digits with room to grow (format 1.0 of numpy); it is written anew
-after each block of rows. So whatever ends the process, what the head counts is there, and `numpy.load` reads it, mapped
-into memory if one likes. (HDF5 would do that too in its mode for one writer, but cannot be opened to go on after a kill
-without a repair.)
+It is a plain ``.npy``, whole after every block: its head says how many rows there are, in digits with room to grow
+(format 1.0 of numpy), and is written anew after each block. So whatever ends the process, what the head counts is
+there, and `numpy.load` reads it, mapped into memory if one likes. (HDF5 would do that too in its mode for one writer,
+but cannot be opened to go on after a kill without a repair.)
 """
 
 from __future__ import annotations
@@ -18,9 +18,8 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.lib import format as npy
 
+from granular._contact_log import Rows, contacts
 from granular._files import check_ending, checked_path, is_stream
-
-Rows = np.ndarray[tuple[int], np.dtype[np.void]]
 
 
 class LogFile:
@@ -103,7 +102,5 @@ def mapped(path: str) -> Rows:
 
 def batches(rows: Rows, size: int) -> Iterator[Rows]:
     """Return rows as in the public log, so many at a time."""
-    from granular.drive import contacts
-
     for k in range(0, len(rows), size):
         yield contacts([np.array(rows[k : k + size])])

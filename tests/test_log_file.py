@@ -25,6 +25,7 @@ RUNS = {
     "isolated": lambda **given: gr.md.simulate(GAS, SOFT, t_end=0.5, **given),
     "one open": lambda **given: gr.md.simulate(DROP, SOFT, t_end=0.32, **given),
     "fixed steps": lambda **given: gr.md.simulate(DROP, SOFT, t_end=0.5, method="verlet", dt=1e-5, **given),
+    "rows about contacts": lambda **given: gr.edmd.simulate(GAS, LOSSY, t_end=3.0, samples="contacts", **given),
     "none": lambda **given: gr.md.simulate(DROP, SOFT, t_end=0.01, **given),
 }
 

@@ -57,7 +57,8 @@ class Run(Command):
                             "overlap in time with a neighbour's under the force law of the scene: a warning, not a "
                             "proof")
         parser.add_argument("--log", metavar="FILE.npy", help="write contacts there as the run goes on")
-        output.offer(parser, save="write the trajectory and its contact log")
+        output.offer(parser, save="write the trajectory and its contact log; by its ending also .nc (netCDF), .csv "
+                                  "(contacts) or .extxyz (OVITO)")
         each = {engine: {o.name: o for o in offered(engine_named(engine))} for engine in ENGINES}
         merged: dict[str, Option] = {}
         for engine, other in (ENGINES, ENGINES[::-1]):

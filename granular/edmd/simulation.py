@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from granular import _check, rules, until as stop
 from granular._kernels import no_compiler
-from granular.drive import EVENTS, check_end, drive, go_on, requested
+from granular.drive import EVENTS, Request, check_end, drive, go_on, in_time, requested
 from granular.edmd.physics import GROUP, OPTIONS, ORDER, Physics, check_scene, checked
 from granular.edmd.run import Run
 from granular.edmd.state import State
@@ -35,7 +35,7 @@ def simulate(
     t_end: float | None = None,
     until: stop.Until | None = None,
     t_start: float = 0.0,
-    samples: int | ArrayLike | None = None,
+    samples: int | str | ArrayLike | None = None,
     log: bool | str | PathLike[str] = True,
     max_events: int = EVENTS,
     on_event: Callable[[Any], object] | None = None,
@@ -66,9 +66,11 @@ def simulate(
         From `granular.until`; whichever comes first, this or `t_end`.
     t_start : float
         Time of the initial state in s.
-    samples : None, int or array
+    samples : None, int, "contacts" or array
         Rows to keep: None for the first and the last, an int for that many spread evenly from `t_start` to `t_end`,
-        an array for those times (s, increasing). Rows are right-continuous: a collision at that time has acted
+        an array for those times (s, increasing); "contacts" for a few about every contact, its onset and end among
+        them, here just before and at each collision. For these, and a number of rows without `t_end`, the run is
+        solved twice. Rows are right-continuous: a collision at that time has acted
         (the row at `t_start` is the initial state). A run that ends otherwise than at `t_end` has one more row, at
         its end.
     log : bool or path
@@ -157,8 +159,13 @@ def simulate(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, on_event=on_event,
         on_progress=on_progress,
     )
-    watching = None if watch is None else _watch(watch, scene)
-    return drive(Run(physics, State.of(physics, start), checked_engine(engine, physics), request, watching))
+    queue = checked_engine(engine, physics)
+
+    def solve(asked: Request) -> Trajectory:
+        watching = None if watch is None else _watch(watch, scene)
+        return drive(Run(physics, State.of(physics, start), queue, asked, watching))
+
+    return in_time(solve, request)
 
 
 def resume(
@@ -166,7 +173,7 @@ def resume(
     *,
     t_end: float | None = None,
     until: stop.Until | None = None,
-    samples: int | ArrayLike | None = None,
+    samples: int | str | ArrayLike | None = None,
     log: bool | str | PathLike[str] = True,
     max_events: int = EVENTS,
     on_event: Callable[[Any], object] | None = None,
@@ -205,8 +212,13 @@ def resume(
         scene, state.time(state.run.now), t_end, until=until, samples=samples, log=log,
         max_events=max_events, on_event=on_event, on_progress=on_progress,
     )
-    watching = None if watch is None else _watch(watch, scene, saved)
-    return go_on(Run(physics, state, checked_engine(engine, physics), request, watching), trajectory)
+    queue = checked_engine(engine, physics)
+
+    def solve(asked: Request) -> Trajectory:
+        watching = None if watch is None else _watch(watch, scene, saved)
+        return go_on(Run(physics, State.restored(physics, saved), queue, asked, watching), trajectory)
+
+    return in_time(solve, request)
 
 
 def _watch(law: Any, scene: Scene, saved: Mapping[str, Any] | None = None) -> Watch:
