@@ -10,12 +10,14 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from os import PathLike
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from granular import _check, until as stop
+from granular._log_file import LogFile
 from granular._records import raw
 from granular.scene import Scene, positions, velocities
 from granular.scene.places import flaw
@@ -34,6 +36,7 @@ class Request:
     until: stop.Until | None
     samples: _check.Array | None
     log: bool
+    stream: str | PathLike[str] | None
     max_events: int
     on_event: Callable[[Any], object] | None
     on_progress: Callable[[float, int], object] | None
@@ -52,12 +55,15 @@ def requested(
     end = math.inf if t_end is None else _check.number("t_end", t_end, at_least=start, fix="t_start is the earliest")
     if end < end - start == math.inf:
         raise ValueError(f"t_end is {t_end!r}: a time is needed to which numbers reach from t_start = {start!r}.")
+    log = given["log"]
+    stream = log if isinstance(log, (str, PathLike)) else None
     return Request(
         start=start,
         end=end,
         until=stop.checked(given["until"], scene.n_pairs),
         samples=_sample_times(given["samples"], start, end),
-        log=_check.truth("log", given["log"]),
+        log=stream is not None or _check.truth("log", log),
+        stream=stream,
         max_events=_check.whole("max_events", given["max_events"]),
         on_event=_check.callback("on_event", given["on_event"], "row"),
         on_progress=_check.callback("on_progress", given["on_progress"], "reached", "count"),
@@ -223,25 +229,33 @@ def portion(done: int, spent: float) -> int:
 
 def drive(run: Run) -> Trajectory:
     """Take a run to its end."""
+    if run.request.stream is None:
+        return _driven(run, [])
+    with LogFile(run.request.stream, CONTACT_ROW) as stream:
+        return _driven(run, stream)
+
+
+def _driven(run: Run, log: list[Rows] | LogFile) -> Trajectory:
+    """Take a run to its end, with its contacts in a list or in a file."""
     request = run.request
-    settled: list[Rows] = []
     samples = [] if request.samples is None else request.samples.tolist()
     kept = [run.row(request.start)] if request.samples is None else []
     pause = Pause.reached
     for time in samples:
-        pause = _follow(run, time, False, settled)
+        pause = _follow(run, time, False, log)
         if pause is not Pause.reached:
             break
         kept.append(run.row(time))
     else:
-        pause = _follow(run, request.end, True, settled)
+        pause = _follow(run, request.end, True, log)
     end = run.end(pause, kept[-1].time if samples and kept else -math.inf)
     if end.row is not None:
         kept.append(end.row)
-    if end.running is not None:
-        settled.append(end.running)
-    rows = settled if request.log else []
-    log = rows[0] if len(rows) == 1 and rows[0].dtype == CONTACT else contacts(rows)
+    if end.running is not None and request.log:
+        log.extend([end.running])
+    stats = end.stats if isinstance(log, list) else {**end.stats, "log": log.path}
+    rows = log if isinstance(log, list) else []
+    table = rows[0] if len(rows) == 1 and rows[0].dtype == CONTACT else contacts(rows)
     columns: list[Any] = [None if column[0] is None else np.array(column) for column in zip(*kept, strict=True)]
     kept.clear()  # rows of a million balls are large
     time, elapsed, gap, velocity, rate, force, ledger = columns
@@ -255,8 +269,8 @@ def drive(run: Run) -> Trajectory:
     return Trajectory(
         scene=run.scene, law=run.law, rule=run.rule, time=time, position=position,
         velocity=velocity, gap=gap, force=force, ledger=ledger,
-        contacts=log if run.in_order else _sorted(log), status=status,
-        message=message, stats=end.stats, state=end.state,
+        contacts=table if run.in_order else _sorted(table), status=status,
+        message=message, stats=stats, state=end.state,
     )
 
 
@@ -286,14 +300,14 @@ def _alike(one: _check.Array, other: _check.Array) -> bool:
     return bool(np.abs(one - other).max() <= SAME * np.abs(other).max())
 
 
-def _follow(run: Run, time: float, last: bool, settled: list[Rows]) -> Pause:
+def _follow(run: Run, time: float, last: bool, log: list[Rows] | LogFile) -> Pause:
     """Go on to `time`; take contacts as they settle and hand them on, tell of progress; return why that is the end."""
     request = run.request
     while True:
         pause = run.to(time, last)
         rows = run.rows()
         if request.log:
-            settled += rows
+            log.extend(rows)
         if request.on_event is not None:
             for row in contacts(rows):
                 request.on_event(row)

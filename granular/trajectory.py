@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from granular import _check
 from granular._check import Array
 from granular.laws.kinds import resolved
 from granular.scene import Scene
@@ -70,7 +71,7 @@ class Trajectory:
     force : (T, n-1) array or None
         Contact forces in N, ≥ 0 for repulsion (md only).
     contacts : structured array
-        The contact log, see `granular.trajectory.CONTACT`; empty if ``log=False``.
+        The contact log, see `granular.trajectory.CONTACT`; empty if ``log=False`` or a file.
     status, message : Status, str
         Why the run ended, and the sentence with its numbers.
     stats : dict
@@ -121,6 +122,23 @@ class Trajectory:
     def count(self, pair: int) -> int:
         """Number of contacts of `pair` that began."""
         return len(self.rows(pair))
+
+    def contact_batches(self, size: int = 100_000) -> Iterator[np.ndarray[tuple[int], np.dtype[np.void]]]:
+        """Go through the contact log, as in `contacts`, so many rows at a time; also where it is a file.
+
+        Rows of a file (``log="run.npy"``) come in the order in which contacts end, each read when its turn comes.
+
+        Raises
+        ------
+        OSError, ValueError
+            If the file is not there any more, or is no log.
+        """
+        from granular import _log_file
+
+        count = _check.whole("size", size, at_least=1)
+        path = self.stats.get("log")
+        rows = self.contacts if path is None else _log_file.mapped(path)
+        return _log_file.batches(rows, count)
 
     @property
     def first_disturbed(self) -> tuple[float, int]:

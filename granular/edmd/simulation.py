@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
@@ -35,7 +36,7 @@ def simulate(
     until: stop.Until | None = None,
     t_start: float = 0.0,
     samples: int | ArrayLike | None = None,
-    log: bool = True,
+    log: bool | str | PathLike[str] = True,
     max_events: int = EVENTS,
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
@@ -70,8 +71,10 @@ def simulate(
         an array for those times (s, increasing). Rows are right-continuous: a collision at that time has acted
         (the row at `t_start` is the initial state). A run that ends otherwise than at `t_end` has one more row, at
         its end.
-    log : bool
-        Whether to keep one row per collision in ``contacts``.
+    log : bool or path
+        Whether to keep one row per contact in ``contacts``. Or a file ``"run.npy"``, not there yet, into which rows
+        are written block by block while the run goes on: it needs no memory for them, and whatever ends the process,
+        blocks written are readable; ``contacts`` stays empty, `Trajectory.contact_batches` reads them.
     max_events : int
         Collisions at most; reaching it is the status `max_events`.
     on_event : callable, optional
@@ -164,7 +167,7 @@ def resume(
     t_end: float | None = None,
     until: stop.Until | None = None,
     samples: int | ArrayLike | None = None,
-    log: bool = True,
+    log: bool | str | PathLike[str] = True,
     max_events: int = EVENTS,
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,

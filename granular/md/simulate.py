@@ -8,6 +8,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from os import PathLike
 from typing import Any
 
 from numpy.linalg import LinAlgError
@@ -39,7 +40,7 @@ def simulate(
     until: stop.Until | None = None,
     t_start: float = 0.0,
     samples: int | ArrayLike | None = None,
-    log: bool = True,
+    log: bool | str | PathLike[str] = True,
     max_events: int = EVENTS,
     max_steps: int = 20_000_000,
     on_event: Callable[[Any], object] | None = None,
@@ -69,8 +70,10 @@ def simulate(
     samples : None, int or array
         Rows to keep: first and last, that many spread from `t_start` to `t_end`, or at these times in s. A run that
         ends before the last of them keeps its end as the last row.
-    log : bool
-        Keep the contact log.
+    log : bool or path
+        Whether to keep one row per contact in ``contacts``. Or a file ``"run.npy"``, not there yet, into which rows
+        are written block by block while the run goes on: it needs no memory for them, and whatever ends the process,
+        blocks written are readable; ``contacts`` stays empty, `Trajectory.contact_batches` reads them.
     max_events, max_steps : int
         Stop with status ``max_events`` after that many contacts or steps; also where contacts under laws that are no
         powers creep or chatter, so that some thousand trial steps bring the run on by next to nothing.
@@ -198,7 +201,7 @@ def resume(
     t_end: float | None = None,
     until: stop.Until | None = None,
     samples: int | ArrayLike | None = None,
-    log: bool = True,
+    log: bool | str | PathLike[str] = True,
     max_events: int = EVENTS,
     max_steps: int = 20_000_000,
     on_event: Callable[[Any], object] | None = None,
