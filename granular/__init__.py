@@ -43,14 +43,16 @@ if TYPE_CHECKING:
     from granular.sweeps import sweep
     from granular.thresholds import Threshold, threshold
 
+load = Trajectory.load
+
 __version__ = VERSION
 
 __all__ = [
     "Answer", "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "MatchedEnd", "Pair", "PowerLaw",
     "Scene", "Status", "TabulatedRestitution", "ThorntonRestitution", "Threshold", "Trajectory", "TsujiHertz",
     "ViscoelasticHertz", "WaltonBraun", "adiabatic", "balls", "binary", "cases", "compare", "edmd", "export",
-    "frontier", "materials", "md", "measures", "restitution_of", "scenes", "stability", "sweep", "theory", "threshold",
-    "until", "walls", "waves",
+    "frontier", "load", "materials", "md", "measures", "restitution_of", "scenes", "stability", "sweep", "theory",
+    "threshold", "until", "walls", "waves",
 ]
 
 _HOMES = {
