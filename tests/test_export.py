@@ -9,6 +9,7 @@ import pytest
 from saved_scenes import FLOOR, HARD, LINE, RING, SOFT
 
 import granular as gr
+from granular.cli import main
 
 xarray, pandas = pytest.importorskip("xarray"), pytest.importorskip("pandas")
 
@@ -179,3 +180,12 @@ def test_rows_that_cannot_be_told(monkeypatch):
     monkeypatch.setattr("granular._check.MOST", 20)
     with pytest.raises(ValueError, match=r"samples is 'contacts': .* contacts would give more than 20 rows"):
         ENGINES["hard"](FLOOR, t_end=1.0, samples="contacts")
+
+
+def test_the_command_keeps_rows_about_contacts(tmp_path, capsys) -> None:
+    path = tmp_path / "run.npz"
+    assert main(["run", "three-balls", "--samples", "contacts", "--save", str(path)]) == 0
+    assert main(["run", "three-balls", "--samples", "words"]) == 2
+    assert "samples is 'words'" in capsys.readouterr().err
+    run = gr.load(path)
+    assert set(run.contacts["t_begin"]) <= set(run.time)

@@ -29,7 +29,7 @@ def about(run: Any) -> dict[str, str]:
     laws = run.law or run.rule or ("none: numbers from elsewhere",)
     shown = [repr(one) for one in (laws[:1] if len(set(map(repr, laws))) == 1 else laws)]
     command = " ".join([os.path.basename(sys.argv[0]), *sys.argv[1:]])
-    said = {"scene": repr(run.scene), "rule" if run.rule else "law": "; ".join(shown), "status": run.status.name,
+    said = {"scene": str(run.scene), "rule" if run.rule else "law": "; ".join(shown), "status": run.status.name,
             "message": run.message, "units": "SI", "versions": json.dumps(_files.provenance()["versions"]),
             "command": command}
     return {name: _files.plain_text(text) for name, text in said.items()}
