@@ -12,7 +12,6 @@ from granular.laws import Hertz
 from granular.scene import Scene
 from granular.scenes import three_balls
 
-pytestmark = pytest.mark.core
 STACK = three_balls(gap=1e-3)
 PAIR = STACK.pairs[1]
 

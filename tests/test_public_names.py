@@ -19,7 +19,6 @@ from granular import _moved
 from granular.sweeps.results import RESULTS
 from granular.trajectory import CONTACT
 
-pytestmark = pytest.mark.core
 STORED = Path(__file__).parent / "reference" / "public_names.json"
 API = Path(__file__).parents[1] / "docs" / "api"
 
