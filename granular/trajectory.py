@@ -192,6 +192,29 @@ class Trajectory:
             work[:, side] = np.where(known, (1.0 - 2.0 * side) * speed * sums[over], math.nan)
         return work
 
+    def plot(self, path: str | PathLike[str] | None = None) -> Any:
+        """Draw the paths of the balls over time, radii taken out, with all contacts marked; return the figure, or save
+        it to `path`. Contacts that fill a small part of the run only are drawn once more by themselves.
+
+        Parameters
+        ----------
+        path : str or path, optional
+            A file whose ending matplotlib knows, such as ``.png``.
+
+        Raises
+        ------
+        ModuleNotFoundError, OSError, ValueError
+            If matplotlib is not installed; if the file cannot be written, or has no ending that matplotlib knows.
+
+        Notes
+        -----
+        Between rows and contacts accelerations are taken as constant, which is so for hard spheres under constant
+        forces; pendula, long contacts and runs without a log need ``samples=500`` or the like.
+        """
+        from granular import _figures
+
+        return _figures.plot(self, path)
+
     def save(self, path: str | PathLike[str], *, compressed: bool = False) -> None:
         """Write everything to one ``.npz`` file, whole or not at all; `load` reads it back.
 

@@ -19,9 +19,11 @@ import numpy as np
 
 from granular import _check, _files
 from granular._check import Array, optional
+from granular._figures import NAMED, head
 from granular._reports import GREY, HARD, SOFT, duration
 from granular.comparison.answer import Judged
-from granular.comparison.figure import FEW, NAMED, both, force_curve, head, timeline, world_lines
+from granular.comparison.captions import parameters
+from granular.comparison.figure import FEW, both, draw_runs, force_curve, timeline
 from granular.comparison.view import View, closeup, draw_closeup, window, with_rows
 from granular.scene import Scene
 from granular.trajectory import EARLY, points
@@ -141,7 +143,7 @@ def _page(report: Judged, mosaic: list[list[str]], **ratios: Any) -> Page:
     """Return a page with nothing but its words and empty axes."""
     with optional("matplotlib", "animate").rc_context(STYLE):
         figure = optional("matplotlib.figure", "animate").Figure((9.6, 5.4), 100, layout="constrained")
-        head(figure, report, 10.0)
+        head(figure, report.verdict, parameters(report), 10.0)
         page = Page(figure, figure.subplot_mosaic(mosaic, **ratios))
     for name, colour in COLOURS.items():
         page.axes[name].set_title(f"{name} spheres", color=colour)
@@ -197,7 +199,7 @@ def touching(view: View, time: Array, fps: int) -> Page:
     for force in np.transpose(np.asarray(runs["soft"].force)):
         force_curve(panels[1], view.clock(runs["soft"].time), force / (force.max() or 1.0))
     panels[1].set(ylim=(0.0, 1.05), ylabel="force /\nits peak")
-    world_lines(panels[2], view, runs)
+    draw_runs(panels[2], view, runs)
     if look is not None:
         draw_closeup(panels[3], look, runs)
     for axis in panels:
