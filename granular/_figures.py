@@ -25,10 +25,12 @@ PAD, MARGIN = 0.015, 0.06
 """Shares of the time axis: left free at its ends, lest a mark there be cut, and shown before and after the contacts."""
 SHORT = 0.2
 """Contacts that take no more than this share of a run are drawn once more by themselves."""
+ROWS, BRIEF = 100, 0.01
+"""Rows that tell the paths in a span, and the share of it that contacts may last where there are fewer."""
 NAMED = 12
 """Up to this many pairs or balls have their names in the picture."""
-MOST = 2000
-"""Of more contacts than these some only are marked, evenly chosen."""
+MANY, MOST = 500, 2000
+"""More contacts than these have small marks; of more some only are marked, evenly chosen."""
 INK, COLOURS = "#1d1c1a", {"hard": HARD, "soft": SOFT}
 SMALL: dict[str, Any] = {"fontsize": 8}
 
@@ -98,13 +100,26 @@ def engine(run: Any) -> str:
 def spans_of(run: Any) -> list[Span]:
     """All of a run, and the span of its contacts if that is a small part of it."""
     begin, end, touches = float(run.time[0]), float(run.time[-1]), _touches(run)
-    whole = Span(begin, end if end > begin else begin + 1.0, 0.0)
-    if not len(touches):
-        return [whole]
-    first, last = float(touches.min()), float(touches.max())
+    first, last = float(touches.min(initial=end)), float(touches.max(initial=begin))
+    late = len(touches) > 0 and first > FAR * (end - begin)
+    whole = Span(begin, end if end > begin else begin + 1.0, first if late else 0.0)
     margin = MARGIN * (last - first)
     near = Span(max(first - margin, begin), min(last + margin, end), first)
-    return [whole, near] if 0.0 < near.end - near.begin < SHORT * (end - begin) else [whole]
+    small = 0.0 < near.end - near.begin < SHORT * (end - begin)
+    spans = [span for span in [whole, near][: 1 + small] if _known(run, span, touches)]
+    if not spans:
+        raise ValueError(f"run has {len(run.time)} rows: its paths need more; simulate with "
+                         f"samples=np.linspace({begin:.6g}, {end:.6g}, 1000).")
+    return spans
+
+
+def _known(run: Any, span: Span, touches: Array) -> bool:
+    """Whether rows tell the paths, or else a log of short contacts, with constant accelerations between them."""
+    even = not run.scene.driven and run.scene.pendulum == 0.0
+    logged = len(touches) > 0 or run.stats.get("contacts", run.stats.get("events", 0)) == 0
+    lasts = float((touches[:, 1] - touches[:, 0]).max(initial=0.0))
+    rows = np.count_nonzero((run.time >= span.begin) & (run.time <= span.end))
+    return bool(rows >= ROWS or (even and logged and lasts < BRIEF * (span.end - span.begin)))
 
 
 def _touches(run: Any) -> Array:
@@ -133,9 +148,6 @@ def paths(run: Any, times: Array) -> Array:
     for i in range(n):
         mine = order[edge[i] : edge[i + 1]]
         found[:, i] = _path(time[mine], velocity[mine], mine >= 4 * len(log), rows[:, i], times)
-    for wall in np.flatnonzero(scene.is_wall).tolist() if scene.driven else ():
-        at, start = times - run.time[0], float(run.time[0])
-        found[:, wall] = rows[0, wall] + scene.velocity[wall] * at + scene._moved(wall, at, start)[0]
     return found
 
 
@@ -157,8 +169,8 @@ def draw_paths(axis: Any, run: Any, span: Span) -> None:
     times, onset = span.times(touches[seen], 1500), touches[seen, 0].clip(span.begin)
     unit = world_lines(axis, span, run.scene, {name: (times, paths(run, times))})
     met = paths(run, onset)[range(len(seen)), run.contacts["pair"][seen]]
-    axis.plot(span.clock(onset), met / unit, ".", ms=4, color=INK, zorder=3,
-              label="a contact begins" + f" (one of {every} shown)" * (every > 1))
+    axis.plot(span.clock(onset), met / unit, ".", ms=4 if len(seen) < MANY else 2, color=INK, zorder=3,
+              label="a contact begins" + f" (one of {every} shown)" * (every > 1) if len(seen) else "_")
     axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.2, **SMALL)
 
 
@@ -171,7 +183,7 @@ def world_lines(axis: Any, span: Span, scene: Scene, of: Mapping[str, tuple[Arra
     unit, name = unit_of(max(float(high - low), 1e-300), "m")
     for label, (t, y) in of.items():
         dash = {"soft": "-", "hard": "--"}[label] if len(of) > 1 else "-"
-        lines = axis.plot(span.clock(t), y / unit, color=COLOURS[label], ls=dash, lw=1.0)
+        lines = axis.plot(span.clock(t), y / unit, color=COLOURS[label], ls=dash, lw=min(1.0, 0.3 + 20.0 / scene.n))
         lines[0].set_label(f"{label} spheres")
     room = 0.5 * (high - low)  # for hard balls; faster ones may leave the picture
     bottom = max(min(float(y.min()) for y in shown.values()), low - room)

@@ -204,16 +204,39 @@ class Trajectory:
         Raises
         ------
         ModuleNotFoundError, OSError, ValueError
-            If matplotlib is not installed; if the file cannot be written, or has no ending that matplotlib knows.
+            If matplotlib is not installed; if the file cannot be written, or has no ending that matplotlib knows;
+            if the run has too few rows for its paths.
 
         Notes
         -----
-        Between rows and contacts accelerations are taken as constant, which is so for hard spheres under constant
-        forces; pendula, long contacts and runs without a log need ``samples=500`` or the like.
+        Paths of hard spheres are exact under constant forces: they follow from the contact log. Long contacts, pendula,
+        shaken walls and runs without a log need rows, ``samples=np.linspace(0.0, end, 1000)`` or the like.
         """
         from granular import _figures
 
         return _figures.plot(self, path)
+
+    def animate(self, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25) -> None:
+        """Write a film of the run, of its contacts if they are a small part of it; of at most 60 balls.
+
+        Parameters
+        ----------
+        path : str or path
+            A file that ends in ``.gif``, or in ``.mp4``, which needs ffmpeg.
+        seconds : float, optional
+            How long the film is in s, positive.
+        fps : int, optional
+            Pictures per second.
+
+        Raises
+        ------
+        ModuleNotFoundError, OSError, ValueError
+            If matplotlib is not installed, or the file cannot be written; for too many balls, another ending, or
+            a run with too few rows, see `plot`.
+        """
+        from granular import _films
+
+        _films.animate(self, path, seconds, fps)
 
     def save(self, path: str | PathLike[str], *, compressed: bool = False) -> None:
         """Write everything to one ``.npz`` file, whole or not at all; `load` reads it back.
