@@ -35,6 +35,11 @@ def test_html_shows_verdict_and_table_and_a_picture_where_it_can_be_drawn(report
     assert "<script" not in plain
 
 
+def test_a_notebook_shows_a_figure_that_pyplot_does_not_know(report):
+    pytest.importorskip("matplotlib")
+    assert report.plot()._repr_png_().startswith(b"\x89PNG")
+
+
 def test_html_of_scene_and_run_has_a_row_for_every_body(report):
     for shown in (SCENE._repr_html_(), report.soft._repr_html_()):
         assert shown.count("<tr>") == 1 + SCENE.n
