@@ -1,0 +1,77 @@
+"""Machine code made once, before anybody has to wait for it: for images, classes, test servers.
+May be skipped: the command, no physics.
+
+A kernel is compiled once for each set of flags that a scene has (`granular._kernels.flags`): the scenes here have all
+sets of them that ready-made scenes have.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from functools import partial
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from granular import _check, cases
+from granular._kernels import flags, load_numba
+from granular.cases.case import Option
+from granular.cli import info
+from granular.cli.parser import Command
+from granular.md.located import many
+
+SCENES = ("three-balls", "vibrated-column", "heated-gas", "ring-gas", "pendulum-cradle")
+"""Plain; with a driven wall; thermal walls; on a ring; pendula."""
+CONTACTS = 12
+"""Enough for all that a run calls: it needs a contact, and an end."""
+ENGINES: dict[str, tuple[str, dict[str, Any]]] = {
+    "hard": ("edmd", {"log": True}), "hard, no log": ("edmd", {"log": False}), "soft": ("md", {"samples": 50}),
+    "fixed steps": ("md", {"method": "verlet", "log": True}),
+    "fixed steps, no log": ("md", {"method": "verlet", "log": False})}
+"""Engines and options that have machine code of their own."""
+
+
+class Warm(Command):
+    """Make the machine code of all runs and maps, so that nobody waits for it later; or that of some scenes."""
+
+    USAGE = "[SCENE ...]"
+
+    @staticmethod
+    def arguments(parser: argparse.ArgumentParser) -> list[Option]:
+        parser.add_argument("scenes", nargs="*", metavar="SCENE",
+                            help=f"code for scenes such as {', '.join(SCENES)} [all of them]")
+        return []
+
+    @staticmethod
+    def run(given: argparse.Namespace) -> None:
+        for name in given.scenes:
+            _check.choice("scene", name, SCENES)
+        folder = info.kept()
+        for name in given.scenes or SCENES:
+            for kind, make in ways(cases.make(name)).items():
+                seconds, made = making(make)
+                said = f"{seconds:.1f} s" if made else "there already"
+                print(f"{name:16} {kind:20} {said}", flush=True)
+        print(f"kept in {folder}")
+
+
+def ways(case: cases.Case) -> dict[str, Callable[[], object]]:
+    """Return what calls all kernels that runs of a scene need, and maps if they are open to it, by what they are."""
+    found: dict[str, Callable[[], object]] = {
+        kind: partial(case.simulate, engine, engine="compiled", max_events=CONTACTS, **options)
+        for kind, (engine, options) in ENGINES.items()}
+    scene = case.scene
+    if flags(scene):
+        return found
+    cells = many.Scenes(scene.mass, scene.gap, scene.velocity, np.array([[1e6, 1.0, 1.0, 0.0]]), scene.gravity)
+    return found | {"maps": partial(many.solve_many, cells, max_events=CONTACTS)}
+
+
+def making(make: Callable[[], object]) -> tuple[float, int]:
+    """Return the processor time in s that a call takes, and how many kernels were compiled for it."""
+    begun = process_time()
+    with load_numba().core.event.install_recorder("numba:compile") as recorder:
+        make()
+    return process_time() - begun, len(recorder.buffer)
