@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from time import process_time
 from typing import Any
@@ -21,16 +22,19 @@ from granular.cases.case import Option
 from granular.cli import info
 from granular.cli.parser import Command
 from granular.md.located import many
+from granular.rules import ConstantRestitution
 
 SCENES = ("three-balls", "vibrated-column", "heated-gas", "ring-gas", "pendulum-cradle")
 """Plain; with a driven wall; thermal walls; on a ring; pendula."""
-CONTACTS = 12
-"""Enough for all that a run calls: it needs a contact, and an end."""
-ENGINES: dict[str, tuple[str, dict[str, Any]]] = {
-    "hard": ("edmd", {"log": True}), "hard, no log": ("edmd", {"log": False}), "soft": ("md", {"samples": 50}),
-    "fixed steps": ("md", {"method": "verlet", "log": True}),
+WAYS: dict[str, tuple[str, dict[str, Any]]] = {
+    "hard": ("edmd", {}),
+    "hard, no log": ("edmd", {"log": False}),
+    "soft": ("md", {"samples": 50}),
+    "fixed steps": ("md", {"method": "verlet"}),
     "fixed steps, no log": ("md", {"method": "verlet", "log": False})}
-"""Engines and options that have machine code of their own."""
+"""What has machine code of its own: an engine, and options. Hard balls collapse."""
+END = {"t_end": 5.0, "until": None, "max_events": 1000}
+"""Enough for a run to call all that it may."""
 
 
 class Warm(Command):
@@ -59,14 +63,14 @@ class Warm(Command):
 
 def ways(case: cases.Case) -> dict[str, Callable[[], object]]:
     """Return what calls all kernels that runs of a scene need, and maps if they are open to it, by what they are."""
-    found: dict[str, Callable[[], object]] = {
-        kind: partial(case.simulate, engine, engine="compiled", max_events=CONTACTS, **options)
-        for kind, (engine, options) in ENGINES.items()}
-    scene = case.scene
-    if flags(scene):
-        return found
-    cells = many.Scenes(scene.mass, scene.gap, scene.velocity, np.array([[1e6, 1.0, 1.0, 0.0]]), scene.gravity)
-    return found | {"maps": partial(many.solve_many, cells, max_events=CONTACTS)}
+    scene, found = case.scene, dict[str, Callable[[], object]]()
+    for kind, (engine, options) in WAYS.items():
+        one = replace(case, rule=ConstantRestitution(0.1), run={"engine": "compiled"} | options)
+        found[kind] = partial(one.simulate, engine, **END)
+    if not flags(scene):
+        cells = many.Scenes(scene.mass, scene.gap, scene.velocity, np.array([[1e6, 1.0, 1.0, 0.0]]), scene.gravity)
+        found["maps"] = partial(many.solve_many, cells, t_end=END["t_end"])
+    return found
 
 
 def making(make: Callable[[], object]) -> tuple[float, int]:
