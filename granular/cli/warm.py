@@ -9,12 +9,9 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from time import process_time
 from typing import Any
-
-import numpy as np
 
 from granular import _check, cases
 from granular._kernels import flags, load_numba
@@ -33,7 +30,7 @@ WAYS: dict[str, tuple[str, dict[str, Any]]] = {
     "fixed steps": ("md", {"method": "verlet"}),
     "fixed steps, no log": ("md", {"method": "verlet", "log": False})}
 """What has machine code of its own: an engine, and options. Hard balls collapse."""
-END = {"t_end": 5.0, "until": None, "max_events": 1000}
+END: dict[str, Any] = {"t_end": 5.0, "until": None, "max_events": 1000}
 """Enough for a run to call all that it may."""
 
 
@@ -50,32 +47,26 @@ class Warm(Command):
 
     @staticmethod
     def run(given: argparse.Namespace) -> None:
-        for name in given.scenes:
-            _check.choice("scene", name, SCENES)
-        folder = info.kept()
+        _check.known(given.scenes, SCENES, "scene that code is made for")
+        print(f"machine code is kept in {info.kept()}")
         for name in given.scenes or SCENES:
             for kind, make in ways(cases.make(name)).items():
-                seconds, made = making(make)
-                said = f"{seconds:.1f} s" if made else "there already"
-                print(f"{name:16} {kind:20} {said}", flush=True)
-        print(f"kept in {folder}")
+                print(f"{name:16} {kind:20} {made(make)}", flush=True)
 
 
 def ways(case: cases.Case) -> dict[str, Callable[[], object]]:
     """Return what calls all kernels that runs of a scene need, and maps if they are open to it, by what they are."""
-    scene, found = case.scene, dict[str, Callable[[], object]]()
-    for kind, (engine, options) in WAYS.items():
-        one = replace(case, rule=ConstantRestitution(0.1), run={"engine": "compiled"} | options)
-        found[kind] = partial(one.simulate, engine, **END)
-    if not flags(scene):
-        cells = many.Scenes(scene.mass, scene.gap, scene.velocity, np.array([[1e6, 1.0, 1.0, 0.0]]), scene.gravity)
-        found["maps"] = partial(many.solve_many, cells, t_end=END["t_end"])
-    return found
+    scene, rule = case.scene, ConstantRestitution(0.1)
+    runs: dict[str, Callable[[], object]] = {
+        kind: partial(cases.Case(scene, case.law, rule, run={"engine": "compiled"} | options).simulate, engine, **END)
+        for kind, (engine, options) in WAYS.items()}
+    cells = many.Scenes(scene.mass, scene.gap, scene.velocity, [[1e6, 1.0, 1.0, 0.0]], scene.gravity)
+    return runs if flags(scene) else runs | {"maps": partial(many.solve_many, cells, t_end=END["t_end"])}
 
 
-def making(make: Callable[[], object]) -> tuple[float, int]:
-    """Return the processor time in s that a call takes, and how many kernels were compiled for it."""
+def made(make: Callable[[], object]) -> str:
+    """Return the processor time that a call takes for which kernels are compiled; or that they were there already."""
     begun = process_time()
     with load_numba().core.event.install_recorder("numba:compile") as recorder:
         make()
-    return process_time() - begun, len(recorder.buffer)
+    return f"{process_time() - begun:.1f} s" if recorder.buffer else "there already"
