@@ -77,7 +77,7 @@ def test_what_is_run_calls_what_other_runs_may():
 def test_warm_refuses_where_there_is_no_compiler_or_nowhere_to_keep_code(granular, monkeypatch):
     code, _, err = granular("warm gas")
     assert (code, err.count("\n")) == (2, 1)
-    assert err.startswith("granular: 'gas' is no scene that code is made for; ")
+    assert err.startswith("granular: 'gas' is no scene that code is made for: heated-gas, ")
 
     def nowhere():
         raise RuntimeError("no locator available")
