@@ -85,6 +85,7 @@ class Compare(Command):
         output.offer(parser, plot="draw contacts, forces and paths of both engines, and a lens on the hops",
                      film="film both engines: fall, contacts slowed down, flight; or .mp4",
                      json="write every number of the report")
+        parser.add_argument("-v", "--verbose", action="store_true", help="print all that there is to read")
         return [option for option in offered(gr.compare) if option.name != "rule"]
 
     @staticmethod

@@ -72,7 +72,8 @@ def check_apart(written: Sequence[str], read: Sequence[str]) -> None:
 
 def deliver(report: Any, given: argparse.Namespace) -> None:
     """Print a report, on stderr if stdout is to have nothing but JSON; draw and write it where that is asked."""
-    print(report, file=sys.stderr if given.json == _files.STDOUT else sys.stdout)
+    text = report.details() if getattr(given, "verbose", False) else report
+    print(text, file=sys.stderr if given.json == _files.STDOUT else sys.stdout)
     if getattr(given, "plot", None) is not None:
         report.plot(given.plot)
     if getattr(given, "film", None) is not None:

@@ -48,7 +48,8 @@ class Comparison(Judged, Report):
         Options of `granular.edmd.simulate` and `granular.md.simulate` with which the runs are made again, for details.
     """
 
-    __str__ = report.table
+    __str__ = report.text
+    details = _whole = report.details
     __repr__, _headline = Report.__repr__, Judged.verdict
     _numbers = report.numbers
 
