@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, NamedTuple, Protocol
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular import _check, until as stop
+from granular._progress import Told, shown
 from granular._records import raw
 from granular.scene import Scene, positions, velocities
 from granular.scene.places import flaw
@@ -36,7 +38,7 @@ class Request:
     log: bool
     max_events: int
     on_event: Callable[[Any], object] | None
-    on_progress: Callable[[float, int], object] | None
+    told: AbstractContextManager[Told | None]
     max_steps: int
 
     @property
@@ -46,7 +48,8 @@ class Request:
 
 
 def requested(
-    scene: Scene, start: float, t_end: float | None, *, max_steps: int = _check.LARGEST, **given: Any
+    scene: Scene, start: float, t_end: float | None, *, max_steps: int = _check.LARGEST, progress: bool = False,
+    **given: Any,
 ) -> Request:
     """Check the options that all engines share."""
     end = math.inf if t_end is None else _check.number("t_end", t_end, at_least=start, fix="t_start is the earliest")
@@ -60,7 +63,7 @@ def requested(
         log=_check.truth("log", given["log"]),
         max_events=_check.whole("max_events", given["max_events"]),
         on_event=_check.callback("on_event", given["on_event"], "row"),
-        on_progress=_check.callback("on_progress", given["on_progress"], "reached", "count"),
+        told=shown(progress, given["on_progress"], end=end, start=start),
         max_steps=_check.whole("max_steps", max_steps, at_least=1),
     )
 
@@ -228,13 +231,14 @@ def drive(run: Run) -> Trajectory:
     samples = [] if request.samples is None else request.samples.tolist()
     kept = [run.row(request.start)] if request.samples is None else []
     pause = Pause.reached
-    for time in samples:
-        pause = _follow(run, time, False, settled)
-        if pause is not Pause.reached:
-            break
-        kept.append(run.row(time))
-    else:
-        pause = _follow(run, request.end, True, settled)
+    with request.told as tell:
+        for time in samples:
+            pause = _follow(run, time, False, settled, tell)
+            if pause is not Pause.reached:
+                break
+            kept.append(run.row(time))
+        else:
+            pause = _follow(run, request.end, True, settled, tell)
     end = run.end(pause, kept[-1].time if samples and kept else -math.inf)
     if end.row is not None:
         kept.append(end.row)
@@ -286,7 +290,7 @@ def _alike(one: _check.Array, other: _check.Array) -> bool:
     return bool(np.abs(one - other).max() <= SAME * np.abs(other).max())
 
 
-def _follow(run: Run, time: float, last: bool, settled: list[Rows]) -> Pause:
+def _follow(run: Run, time: float, last: bool, settled: list[Rows], tell: Told | None) -> Pause:
     """Go on to `time`; take contacts as they settle and hand them on, tell of progress; return why that is the end."""
     request = run.request
     while True:
@@ -297,8 +301,8 @@ def _follow(run: Run, time: float, last: bool, settled: list[Rows]) -> Pause:
         if request.on_event is not None:
             for row in contacts(rows):
                 request.on_event(row)
-        if request.on_progress is not None:
-            request.on_progress(*run.progress())
+        if tell is not None:
+            tell(*run.progress())
         if pause is not Pause.full:
             return pause
 
