@@ -52,7 +52,11 @@ class Report:
         return f"{type(self).__name__}: {self._headline}"
 
     def _repr_html_(self) -> str:
-        return html(self._headline, more=str(self), picture=_picture(self))
+        return html(self._headline, more=self._whole(), picture=_picture(self))
+
+    def _whole(self) -> str:
+        """All that there is to read."""
+        return str(self)
 
     @property
     def _headline(self) -> str:

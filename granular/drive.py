@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from os import PathLike
@@ -17,6 +18,7 @@ import numpy as np
 
 from granular import _check, until as stop
 from granular._contact_log import CONTACT, CONTACT_ROW, Rows, contacts, in_order
+from granular._progress import Told, shown
 from granular.scene import Scene, positions, velocities
 from granular.scene.places import flaw
 from granular.trajectory import Status, Trajectory
@@ -40,7 +42,7 @@ class Request:
     stream: str | PathLike[str] | None
     max_events: int
     on_event: Callable[[Any], object] | None
-    on_progress: Callable[[float, int], object] | None
+    told: AbstractContextManager[Told | None]
     max_steps: int
 
     @property
@@ -50,7 +52,8 @@ class Request:
 
 
 def requested(
-    scene: Scene, start: float, t_end: float | None, *, max_steps: int = _check.LARGEST, **given: Any
+    scene: Scene, start: float, t_end: float | None, *, max_steps: int = _check.LARGEST, progress: bool = False,
+    **given: Any,
 ) -> Request:
     """Check the options that all engines share."""
     end = math.inf if t_end is None else _check.number("t_end", t_end, at_least=start, fix="t_start is the earliest")
@@ -67,7 +70,7 @@ def requested(
         stream=stream,
         max_events=_check.whole("max_events", given["max_events"]),
         on_event=_check.callback("on_event", given["on_event"], "row"),
-        on_progress=_check.callback("on_progress", given["on_progress"], "reached", "count"),
+        told=shown(progress, given["on_progress"], end=end, start=start),
         max_steps=_check.whole("max_steps", max_steps, at_least=1),
     )
 
@@ -123,7 +126,7 @@ def in_time(solve: Callable[[Request], Trajectory], request: Request) -> Traject
     asked = request.samples
     if asked is None or isinstance(asked, np.ndarray):
         return solve(request)
-    first = solve(replace(request, samples=None, log=True, stream=None, on_event=None, on_progress=None))
+    first = solve(replace(request, samples=None, log=True, stream=None, on_event=None, told=nullcontext()))
     start, end = first.time[[0, -1]].tolist()
     times = np.linspace(start, end, asked) if isinstance(asked, int) else _about(first.contacts, start, end)
     return solve(replace(request, samples=times))
@@ -260,13 +263,14 @@ def _driven(run: Run, log: list[Rows] | LogFile) -> Trajectory:
     samples = request.samples.tolist() if isinstance(request.samples, np.ndarray) else []
     kept = [run.row(request.start)] if request.samples is None else []
     pause = Pause.reached
-    for time in samples:
-        pause = _follow(run, time, False, log)
-        if pause is not Pause.reached:
-            break
-        kept.append(run.row(time))
-    else:
-        pause = _follow(run, request.end, True, log)
+    with request.told as tell:
+        for time in samples:
+            pause = _follow(run, time, False, log, tell)
+            if pause is not Pause.reached:
+                break
+            kept.append(run.row(time))
+        else:
+            pause = _follow(run, request.end, True, log, tell)
     end = run.end(pause, kept[-1].time if samples and kept else -math.inf)
     if end.row is not None:
         kept.append(end.row)
@@ -319,7 +323,7 @@ def _alike(one: _check.Array, other: _check.Array) -> bool:
     return bool(np.abs(one - other).max() <= SAME * np.abs(other).max())
 
 
-def _follow(run: Run, time: float, last: bool, log: list[Rows] | LogFile) -> Pause:
+def _follow(run: Run, time: float, last: bool, log: list[Rows] | LogFile, tell: Told | None) -> Pause:
     """Go on to `time`; take contacts as they settle and hand them on, tell of progress; return why that is the end."""
     request = run.request
     while True:
@@ -330,7 +334,7 @@ def _follow(run: Run, time: float, last: bool, log: list[Rows] | LogFile) -> Pau
         if request.on_event is not None:
             for row in contacts(rows):
                 request.on_event(row)
-        if request.on_progress is not None:
-            request.on_progress(*run.progress())
+        if tell is not None:
+            tell(*run.progress())
         if pause is not Pause.full:
             return pause

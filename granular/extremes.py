@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from granular import _check, _files
+from granular._progress import shown
 from granular._reports import HARD, PAGE, Report, aligned, canvas, number
 from granular.cases import Case
 from granular.frontiers.methods import Task, contacts_of, errors
@@ -184,6 +185,7 @@ def stability(
     *,
     error: float = 0.01,
     on_progress: Callable[[float, int], object] | None = None,
+    progress: bool = False,
     **fixed: Any,
 ) -> Stability:
     """Make one's own scene stiff, close, damped and unequal: which method is right, at which step, and who says if not?
@@ -202,6 +204,8 @@ def stability(
         Largest error of velocities, in units of the impact speed, that counts as right.
     on_progress : callable, optional
         ``on_progress(reached, count)`` after each run: the share of them that is done, their number.
+    progress : bool
+        Show how far it is, from 2 s on: on standard error, as a bar where tqdm is installed.
     **fixed
         Parameters of the scene, as in `granular.sweep`.
 
@@ -237,27 +241,27 @@ def stability(
     """
     chosen, extreme = _named("methods", methods, METHODS), _named("axes", axes, tuple(AXES))
     plan, limit = planned(scene, {}, (), fixed, {}), _check.number("error", error, above=0.0)
-    _check.callback("on_progress", on_progress, "reached", "count")
     case = replace(given := plan.case(()), run={key: given.run[key] for key in given.run if key == "t_start"})
-    durations = _judged(case)[1].durations
-    if not durations:
-        raise ValueError(f"scene is {case.scene}: in this time no contact ends, and there is nothing to judge by.")
-    todo = [("as given", _closer, 1.0)] + [
-        (f"{axis} × {factor:g}", AXES[axis][0], factor) for axis in extreme for factor in AXES[axis][1]
-    ]
-    rows, left_out, steps = list[Tried](), dict[str, str](), [*(min(durations) / n for n in STEPS), math.nan]
-    for done, (name, vary, factor) in enumerate(todo, 1):
-        try:
-            one = vary(case, factor)
-            if done > 1 and one.scene == case.scene and _laws(one) == _laws(case):
-                raise ValueError("nothing of the scene or its laws changes.")
-            judged = _judged(one)
-            rows += [_tried(one, (name, method, dt), judged, limit)
-                     for method in chosen for dt in (steps if method in INTEGRATORS else steps[-1:])]
-        except REFUSED as refusal:
-            left_out[name] = str(refusal)
-        if on_progress is not None:
-            on_progress(done / len(todo), len(rows))
+    with shown(progress, on_progress, "runs") as tell:
+        durations = _judged(case)[1].durations
+        if not durations:
+            raise ValueError(f"scene is {case.scene}: in this time no contact ends, and there is nothing to judge by.")
+        todo = [("as given", _closer, 1.0)] + [
+            (f"{axis} × {factor:g}", AXES[axis][0], factor) for axis in extreme for factor in AXES[axis][1]
+        ]
+        rows, left_out, steps = list[Tried](), dict[str, str](), [*(min(durations) / n for n in STEPS), math.nan]
+        for done, (name, vary, factor) in enumerate(todo, 1):
+            try:
+                one = vary(case, factor)
+                if done > 1 and one.scene == case.scene and _laws(one) == _laws(case):
+                    raise ValueError("nothing of the scene or its laws changes.")
+                judged = _judged(one)
+                rows += [_tried(one, (name, method, dt), judged, limit)
+                         for method in chosen for dt in (steps if method in INTEGRATORS else steps[-1:])]
+            except REFUSED as refusal:
+                left_out[name] = str(refusal)
+            if tell is not None:
+                tell(done / len(todo), len(rows))
     return Stability(plan.subject.title, limit, min(durations), tuple(rows), left_out)
 
 

@@ -8,6 +8,7 @@ from collections import Counter
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from threading import TIMEOUT_MAX
 
 import pytest
 from machine import pytest_configure, pytest_runtest_call, pytest_runtest_setup  # noqa: F401
@@ -22,8 +23,9 @@ MAKERS = "test_edmd_actions", "test_edmd_blocks", "test_edmd_engines", "test_loc
 """Files that have machine code made for nearly all that others need."""
 PATIENCE = {"md.located.run": {"MAKING": math.inf}, "md.located.pace": {"MAKING_LOOK": math.inf},
             "md.fixed.run": {"MAKING": math.inf}, "edmd.run": {"VERY_LONG": math.inf},
-            "sweeps.schedule": {"MAKING": math.inf}}
-"""How long "auto" waits before it makes machine code, by modules and the names of their limits."""
+            "sweeps.schedule": {"MAKING": math.inf}, "_progress": {"PATIENCE": TIMEOUT_MAX}}
+"""How long "auto" waits before it makes machine code, and progress before it is shown, by modules and the names of
+their limits."""
 
 
 @cache

@@ -115,8 +115,17 @@ def test_compare_says_where_the_engines_part(granular, tmp_path):
     rows = {" ".join(line.split()[:4]).rstrip(","): line.split()[-2:] for line in out.splitlines() if line.strip()}
     assert rows["contacts of pair 1"] == ["1", "4"]
     assert [float(x) for x in rows["v_rel′ pair 1, m/s"]] == pytest.approx([3.7272, 0.17728], rel=1e-3)
-    assert out.splitlines()[-1].startswith("No: ")
+    assert out.startswith("No: ")
     assert json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+
+
+def test_compare_prints_all_that_there_is_with_v(granular):
+    whole = granular("compare three-balls -v")[1]
+    case = cases.make("three-balls")
+    report = gr.compare(case.scene, case.law, case.rule, until=case.until)
+    assert whole == granular("compare --verbose three-balls")[1] == f"{report.details()}\n"
+    assert granular("compare three-balls")[1] == f"{report}\n"
+    assert whole.count(" share ") == 4
 
 
 def test_compare_reads_a_file_and_its_run_options(granular, tmp_path):
@@ -124,7 +133,7 @@ def test_compare_reads_a_file_and_its_run_options(granular, tmp_path):
     (tmp_path / "mine.toml").write_text(text + 'method = "rk4"\nsamples = 3\n', encoding="utf-8")
     code, out, _ = granular("compare mine.toml")
     assert code == 0
-    assert out.splitlines()[-1].startswith("No: ")
+    assert out.startswith("No: ")
 
 
 def test_compare_of_an_unstable_run_is_exit_code_3(granular):

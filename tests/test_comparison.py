@@ -48,7 +48,7 @@ def test_report_certifies_isolated_contacts(report):
     first = report.overlaps[0]
     assert report.soft.first_disturbed == (log["t_begin"][first.upper], 0)
     when = f"pairs 0 and 1 at t = {first.begin:.9g} s"
-    assert f"certified: 0 of 5 contacts isolated; the first disturbed: {when}" in str(report)
+    assert f"certified: 0 of 5 contacts isolated; the first disturbed: {when}" in report.details()
     said = report.to_dict()
     assert (said["isolated"], said["contacts"]) == (0, 5)
     assert said["first_disturbed"] == [first.begin, 0]
@@ -59,13 +59,13 @@ def test_verdict_and_certificate_agree():
     scene = gr.scenes.three_balls(gap=1e-2)
     law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=p) for p in scene.pairs]
     far = gr.compare(scene, law, until=gr.until.contact(0, 2))
-    assert "certified: all 2 contacts isolated" in str(far)
+    assert "certified: all 2 contacts isolated" in far.details()
     assert far.verdict.startswith("Yes: every contact is binary (certified), and")
     assert far.to_dict()["first_disturbed"] == [None, -1]
     rule = gr.compare(scene, law, gr.ConstantRestitution(0.5), until=gr.until.contact(0, 2))
     assert rule.verdict.endswith("of the fastest impact, though no contacts overlap in time.")
     stepped = gr.compare(scene, law, until=gr.until.contact(0, 2), method="verlet")
-    assert "certified" not in str(stepped)
+    assert "certified" not in stepped.details()
     assert stepped.to_dict()["isolated"] is None
     assert math.isnan(stepped.measures["isolated_share"])
 
@@ -130,11 +130,48 @@ def test_measures_of_a_scene_without_contacts():
 
 
 def test_table_reads_well(report):
-    text = str(report)
+    text = report.details()
     for line in ("hard spheres    soft spheres", "contacts of pair 1                   1               4",
                  "Why: 4 contacts overlap in time", "φ   = 0.14"):
         assert line in text
     assert max(map(len, text.splitlines())) <= 120
+    assert text.splitlines()[0] == str(report).splitlines()[0] == report.verdict
+
+
+@pytest.mark.parametrize("name", ["three-balls", "newtons-cradle", "ball-stack", "bouncing-ball", "heated-gas"])
+def test_what_one_needs_is_within_twenty_lines(name):
+    report = gr.cases.make(name, **({"n": 8, "t_end": 0.5} if name == "heated-gas" else {}))
+    report = gr.compare(report.scene, report.physics("md"), until=report.until, t_end=report.t_end)
+    first, *lines, last = str(report).splitlines()
+    assert first == report.verdict
+    assert last.endswith("report.details().")
+    assert len(lines) <= 18
+    own = [line for line in lines if line not in report.details().splitlines()]
+    assert all(line.startswith(("Scene(", "(")) for line in own)
+
+
+def test_warnings_are_one_line_of_what_one_needs():
+    scene, end = gr.scenes.three_balls(density=9e6), gr.until.contact(0, 2)
+    report = gr.compare(scene, gr.LinearDashpot(5e7, 100.0), gr.ConstantRestitution(0.5), until=end)
+    first, *more = warnings(report)
+    assert more
+    assert f"\nwarning: {first} (and {len(more)} more)\n" in str(report)
+    assert len(str(report).splitlines()) <= 20
+    assert report.details().splitlines()[-len(more) - 1 :] == [f"warning: {one}" for one in (first, *more)]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_pairs_that_are_shown_differ_most(seed):
+    rng = np.random.default_rng(seed)
+    scene = gr.Scene([1.0] * 7, [0.1] * 7, rng.uniform(0.0, 1e-3, 6), rng.normal(0.0, 1.0, 7))
+    report = gr.compare(scene, gr.LinearDashpot.from_restitution(0.8, k=1e6, pair=scene.pairs[0]))
+    shown = {int(pair) for pair in re.findall(r"^contacts of pair (\d+)", str(report), re.MULTILINE)}
+    assert "(4 more pairs, which differ less)" in str(report)
+    other = {p.pair for p in report.pairs if p.soft_contacts != p.hard_contacts}
+    assert len(shown & other) == min(2, len(other))
+    for group in (other, set(range(6)) - other):
+        far = {p.pair: abs(p.soft_v_rel - p.hard_v_rel) for p in report.pairs if p.pair in group}
+        assert all(far[c] >= far[d] for c in group & shown for d in group - shown if far[d] == far[d])
 
 
 def test_json_is_whole_and_strict(report, tmp_path):
@@ -392,7 +429,7 @@ def test_hard_spheres_that_collapse_may_be_merged():
     assert merged.hard.status is gr.Status.time
     assert (merged.hard.velocity == alone.velocity).all()
     assert "hard collisions at less than 0.001 m/s were merged" in str(merged)
-    assert "merged" not in str(plain)
+    assert "merged" not in plain.details()
     with pytest.raises(ValueError, match=r"merge_below is 0\.001: it needs collapse='merge'"):
         gr.compare(row, law, t_end=2.0, merge_below=1e-3)
 
@@ -467,6 +504,7 @@ def test_a_contact_faster_than_sound_in_solids_is_warned_of():
     scene = gr.Scene([32.9] * 3, [1.0] * 3, [0.1] * 2, [100.0, 0.0, 0.0])
     report = gr.compare(scene, gr.Hertz.from_material(206e9, 0.3, scene.pairs[0]), t_end=0.1)
     (line,) = (line for line in str(report).splitlines() if line.startswith("warning: "))
+    assert line in report.details()
     assert line == ("warning: waves in the contact of pair 0 (and of 1 more) run at 5.3e+04 m/s, faster than sound in "
                     "any solid: is its stiffness in SI units?")
     points = gr.compare(scene.replace(radius=[0.0] * 3), gr.LinearDashpot(1e12), t_end=0.1)

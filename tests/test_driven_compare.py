@@ -89,7 +89,7 @@ def steady():
 
 
 def test_the_report_has_an_account_that_is_closed(steady):
-    said = str(steady)
+    said = steady.details()
     assert "work of the floor" in said
     assert "ceiling" not in said
     assert "beside a driven wall timing is outcome" in said
@@ -103,7 +103,7 @@ def test_the_report_has_an_account_that_is_closed(steady):
 def test_groups_of_a_shaken_plate(steady):
     assert steady.groups["shaking"] == pytest.approx(1.3, rel=1e-14)
     assert steady.groups["shaking_omega"] == pytest.approx(1e-4, rel=1e-9)
-    assert "Γ 1.3, ω/ω₀ 0.0001" in str(steady)
+    assert "Γ 1.3, ω/ω₀ 0.0001" in steady.details()
 
 
 def test_where_both_agree_they_are_said_to(steady):

@@ -30,7 +30,7 @@ def test_html_shows_verdict_and_table_and_a_picture_where_it_can_be_drawn(report
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     plain = report._repr_html_()
     assert html.escape(report.verdict) in plain
-    assert html.escape(str(report)) in plain
+    assert html.escape(report.details()) in plain
     assert "<img" not in plain
     assert "<script" not in plain
 

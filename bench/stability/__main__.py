@@ -18,7 +18,7 @@ from bench.stability import AXES, StabilityReport, stability
 from bench.stability.cell import BOTH, FIXED, Result
 from bench.stability.report import BAD, markdown
 from granular import _check
-from granular.cli.output import Progress
+from granular._progress import Progress
 
 PAGE = Path(__file__).parents[2] / "docs" / "stability.md"
 FIGURE = PAGE.parent / "figures" / "stability-three-balls.png"

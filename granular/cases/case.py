@@ -19,7 +19,7 @@ from granular.trajectory import Trajectory
 from granular.until import Until
 
 ENGINES = ("edmd", "md")
-HELD = {"t_end", "until", "on_event", "on_progress"}
+HELD = {"t_end", "until", "on_event", "on_progress", "progress"}
 """Arguments of `simulate` that a `Case` holds itself, or that are no data."""
 
 

@@ -72,8 +72,7 @@ class Run(Command):
         case = case_of(given)
         options = given.run | ({"watch": case.physics("md")} if given.watch else {})
         options |= {"log": given.log} if given.log else {}
-        with output.Progress(given.run.get("t_end", case.t_end)) as progress:
-            trajectory = case.simulate(given.engine, **options, on_progress=progress)
+        trajectory = case.simulate(given.engine, **options, progress=True)
         print(summary(case, trajectory))
         if given.save is not None:
             trajectory.save(given.save)
@@ -88,6 +87,7 @@ class Compare(Command):
         output.offer(parser, plot="draw contacts, forces and paths of both engines, and a lens on the hops",
                      film="film both engines: fall, contacts slowed down, flight; or .mp4",
                      json="write every number of the report")
+        parser.add_argument("-v", "--verbose", action="store_true", help="print all that there is to read")
         return [option for option in offered(gr.compare) if option.name != "rule"]
 
     @staticmethod
@@ -97,8 +97,7 @@ class Compare(Command):
         if unused := [name for name in case.run if name not in options]:
             warnings.warn(f"compare makes no use of {', '.join(unused)} in [run].", stacklevel=1)
         options |= given.run
-        with output.Progress(options["t_end"]) as progress:
-            report = gr.compare(case.scene, case.physics("md"), case.rule, **options, on_progress=progress)
+        report = gr.compare(case.scene, case.physics("md"), case.rule, **options, progress=True)
         output.deliver(report, given)
         return [report.soft, report.hard]
 
@@ -113,9 +112,7 @@ class Threshold(Command):
 
     @staticmethod
     def run(given: argparse.Namespace) -> None:
-        with output.Progress(None, things="values") as progress:
-            report = gr.threshold(given.target, **given.given, **given.run, on_progress=progress)
-        output.deliver(report, given)
+        output.deliver(gr.threshold(given.target, **given.given, **given.run, progress=True), given)
 
 
 class Frontier(Command):
@@ -133,9 +130,7 @@ class Frontier(Command):
         if case.until is None and "t_end" not in given.run and not is_file(given.target):
             case = shortened(case)
         options: dict[str, Any] = case.options(gr.frontier) | given.run
-        with output.Progress(1.0, things="settings") as progress:
-            report = gr.frontier(case.scene, case.physics("md"), **options, on_progress=progress)
-        output.deliver(report, given)
+        output.deliver(gr.frontier(case.scene, case.physics("md"), **options, progress=True), given)
 
 
 class Stability(Command):
@@ -148,9 +143,7 @@ class Stability(Command):
 
     @staticmethod
     def run(given: argparse.Namespace) -> None:
-        with output.Progress(1.0, things="runs") as progress:
-            report = gr.stability(given.target, **given.given, **given.run, on_progress=progress)
-        output.deliver(report, given)
+        output.deliver(gr.stability(given.target, **given.given, **given.run, progress=True), given)
 
 
 def shortened(case: cases.Case) -> cases.Case:

@@ -60,9 +60,9 @@ class Sweep(Command):
         usual = cores() if math.prod(map(len, over.values())) >= WORTH_POOL else 1
         workers = usual if given.workers is None else given.workers
         _check.whole("workers", workers, at_least=1, at_most=MOST_WORKERS)
-        with processes(workers) as executor, output.Progress(1.0, things="cells") as progress:
+        with processes(workers) as executor:
             data = sweep(given.target, over, given.result or DEFAULT, save=given.save, executor=executor,
-                         workers=given.workers, on_progress=progress, **given.given, **given.run)
+                         workers=given.workers, progress=True, **given.given, **given.run)
         print(summary(data))
 
 

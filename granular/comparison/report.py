@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 
 from granular import isolation, measures
-from granular._reports import named_pairs, number, pairs_by_law, problem
+from granular._reports import named_pairs, number, pairs_by_law, problem, shortened
 from granular.comparison.answer import Judged
 from granular.comparison.numbers import smaller_radius
 from granular.laws.kinds import resolved
-from granular.outcome import FAINT
+from granular.outcome import FAINT, PairOutcome
 from granular.trajectory import Status, Trajectory
 
-MANY = 8
-"""Up to this many laws or pairs are shown one by one."""
+FEW, MANY = 2, 8
+"""Up to this many pairs are shown one by one, and in the whole report as many pairs or laws."""
 SAME_RESTITUTION = 1e-9
 """Values of ε closer than this are the same."""
 LIGHTEST, HEAVIEST, FASTEST = 0.15, 23_000.0, 20_000.0
@@ -42,14 +42,25 @@ GROUPS = {
     "shaking": "Γ {shaking:.6g}", "shaking_omega": "ω/ω₀ {shaking_omega:.3g}",
 }
 """How measures and groups read; those that are nan are left out."""
+MORE = "More (laws, overlaps, φ, p, Λ, D) with -v, in Python with report.details()."
 
 
-def table(report: Judged) -> str:
-    """The report a person reads."""
-    lines = [str(report.scene), *_laws(report), "", *_outcomes(report), *_account(report), "", *_why(report), ""]
-    lines += _known(MEASURES, {"error": report.error} | report.measures)
+def text(report: Judged) -> str:
+    """What one needs, within 20 lines: the verdict, why it is so, and where both engines differ most."""
+    first, *more = warnings(report) or [""]
+    scene = f"{shortened(str(report.scene))}, {_eps(report.restitution_spec)}"
+    lines = [report.verdict, *list(_why(report))[:2], "", scene, "", *_outcomes(report, FEW)]
+    lines += _known(MEASURES, {"error": report.error})
+    lines += [f"warning: {first}" + f" (and {len(more)} more)" * bool(more)] * bool(first)
+    return "\n".join([*lines, MORE])
+
+
+def details(report: Judged) -> str:
+    """All that there is to read: `str` has what one needs of it."""
+    lines = [report.verdict, *_why(report), "", str(report.scene), *_laws(report), "", *_outcomes(report, MANY)]
+    lines += [*_account(report), "", *_known(MEASURES, {"error": report.error} | report.measures)]
     lines += ["groups: " + ", ".join(_known(GROUPS, report.groups)), *(f"warning: {w}" for w in warnings(report))]
-    return "\n".join([*lines, "", report.verdict])
+    return "\n".join(lines)
 
 
 def warnings(report: Judged) -> list[str]:
@@ -167,33 +178,42 @@ def _laws(report: Judged) -> list[str]:
 
 
 def _law(of: str, text: str, eps: Any) -> str:
-    low, high = float(eps.min()), float(eps.max())
+    return f"{of:<9} {text if len(text) <= 80 else f'{text[:77]}…'}   {_eps(eps)}"
+
+
+def _eps(of: Any) -> str:
+    low, high = float(min(of)), float(max(of))
     many = f" … {high:.6g}" if high - low > SAME_RESTITUTION else ""
-    return f"{of:<9} {text if len(text) <= 80 else f'{text[:77]}…'}   ε = {low:.6g}{many}"
+    return f"ε = {low:.6g}{many}"
 
 
-def _outcomes(report: Judged) -> Iterator[str]:
-    """Both engines side by side."""
-    pairs, hard, soft = report.pairs, report.hard, report.soft
-    shown = pairs if len(pairs) <= MANY else pairs[:3] + pairs[-3:]
+def _outcomes(report: Judged, most: int) -> Iterator[str]:
+    """Both engines side by side; of the pairs as many as differ `most`."""
+    hard, soft = report.hard, report.soft
+    shown = sorted(sorted(report.pairs, key=_alike)[:most], key=lambda p: p.pair)
     yield _line("", "hard spheres", "soft spheres")
     yield _line("", "(event-driven)", "(Newton)")
     for p in shown:
         yield _line(f"contacts of pair {p.pair}", p.hard_contacts, p.soft_contacts)
         yield _line(f"v_rel′ pair {p.pair}, m/s", number(p.hard_v_rel), number(p.soft_v_rel),
                     "  still in contact at the stop" * p.ongoing)
-    if len(shown) < len(pairs):
-        yield f"({len(pairs) - len(shown)} pairs in between not shown; all are in the JSON)"
-    yield _line("all contacts", len(hard.contacts), len(soft.contacts))
+    if hidden := len(report.pairs) - len(shown):
+        yield f"({hidden} more pair{'s' * (hidden > 1)}, which differ{'s' * (hidden == 1)} less)"
+    yield _line("all contacts", len(report.settled.contacts), len(soft.contacts))
     if any(left := _left_out(report)):
         yield _line("left out as rounding", *left, f"  slower than {FAINT:g} of the fastest impact")
-    yield _line("ended at t, s", f"{hard.time[-1]:.9g}", f"{soft.time[-1]:.9g}")
-    yield _line("because", hard.status.name, soft.status.name)
+    because = ", ".join(dict.fromkeys((hard.status.name, soft.status.name)))
+    yield _line("ended at t, s", f"{hard.time[-1]:.9g}", f"{soft.time[-1]:.9g}", f"  {because}")
     if not math.isnan(report.drop):
         in_drops = [number(rise / report.drop) for rise in report.rises]
         yield _line("rise of ball 2, drops", in_drops[0], in_drops[1], f"  of {report.drop:.4g} m")
     if not math.isnan(ratio := report.restitution_ratio):
         yield _line("ε_eff / ε_spec", 1, f"{ratio:.6g}")
+
+
+def _alike(p: PairOutcome) -> tuple[bool, float]:
+    """A key by which the pairs come first that differ most."""
+    return p.hard_contacts == p.soft_contacts, -float(np.nan_to_num(abs(p.soft_v_rel - p.hard_v_rel), nan=-1.0))
 
 
 def _account(report: Judged) -> Iterator[str]:
@@ -219,18 +239,19 @@ def _line(name: str, hard: Any, soft: Any, mark: str = "") -> str:
 def _left_out(report: Judged) -> tuple[int, int]:
     """How many contacts of the hard and of the soft run are rounding, and count for nothing."""
     hard, soft = report.counted
-    return len(report.hard.contacts) - len(hard.contacts), len(report.soft.contacts) - len(soft.contacts)
+    return len(report.settled.contacts) - len(hard.contacts), len(report.soft.contacts) - len(soft.contacts)
 
 
 def _why(report: Judged) -> Iterator[str]:
+    """What makes the engines differ; then up to where the soft contacts are certified to be isolated."""
     shared = report.overlaps
-    yield from filter(None, [isolation.sentence(report.soft)])
     if not shared and report.measures["isolated_share"] < 1.0:
         yield "Why: contacts overlap in time only where no force counts; only the finite durations differ."
     elif not shared:
         yield "Why: no two contacts of neighbouring pairs overlap in time; only the finite durations differ."
     else:
         yield from _overlaps(report)
+    yield from filter(None, [isolation.sentence(report.soft)])
 
 
 def _overlaps(report: Judged) -> Iterator[str]:
@@ -248,4 +269,4 @@ def _overlaps(report: Judged) -> Iterator[str]:
 
 def _known(texts: dict[str, str], values: dict[str, float]) -> list[str]:
     """The texts whose values are known."""
-    return [text.format(**values) for name, text in texts.items() if not math.isnan(values[name])]
+    return [text.format(**values) for name, text in texts.items() if not math.isnan(values.get(name, math.nan))]

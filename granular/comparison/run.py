@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from os import PathLike
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular import edmd, end_time, md, until as stop
+from granular._progress import shown
 from granular._reports import Report
 from granular.binary import rule_of_comparison
 from granular.comparison import report
@@ -52,7 +54,8 @@ class Comparison(Judged, Report):
         Options of `granular.edmd.simulate` and `granular.md.simulate` with which the runs are made again, for details.
     """
 
-    __str__ = report.table
+    __str__ = report.text
+    details = _whole = report.details
     __repr__, _headline = Report.__repr__, Judged.verdict
     _numbers = report.numbers
 
@@ -130,6 +133,7 @@ def compare(
     dt: float | None = None,
     engine: str = "auto",
     on_progress: Callable[[float, int], object] | None = None,
+    progress: bool = False,
 ) -> Comparison:
     """Run one scene as hard and as soft spheres and report where and why they part ways.
 
@@ -161,6 +165,8 @@ def compare(
         "auto", "plain" or "compiled", of the soft spheres.
     on_progress : callable, optional
         ``on_progress(reached, count)`` of both engines, one after the other: time in s, and contacts so far.
+    progress : bool
+        Show how far it is, from 2 s on: on standard error, as a bar where tqdm is installed.
 
     Returns
     -------
@@ -170,11 +176,12 @@ def compare(
     used = rule_of_comparison(laws, scene) if rule is None else rule
     end: dict[str, Any] = {"until": until, "t_end": t_end, "max_events": max_events}
     event_driven: dict[str, Any] = end | {"ties": ties, "seed": seed, "collapse": collapse, "merge_below": merge_below}
-    hard = edmd.simulate(scene, used, **event_driven, on_progress=on_progress)
-    most = min(max_events, end_time.MOST_OF_OTHERS * (hard.stats["events"] + scene.n))
-    twin = edmd.simulate(_nudged(scene), used, **event_driven | {"max_events": most}, on_progress=on_progress)
     options: dict[str, Any] = {"method": method, "dt": dt, "engine": engine}
-    soft = md.simulate(scene, laws, **end, **options, on_progress=on_progress)
+    with shown(progress, on_progress, end=math.inf if t_end is None else t_end) as tell:
+        hard = edmd.simulate(scene, used, **event_driven, on_progress=tell)
+        most = min(max_events, end_time.MOST_OF_OTHERS * (hard.stats["events"] + scene.n))
+        twin = edmd.simulate(_nudged(scene), used, **event_driven | {"max_events": most}, on_progress=tell)
+        soft = md.simulate(scene, laws, **end, **options, on_progress=tell)
     return Comparison(scene, laws, used, until, t_end, hard, soft, twin, event_driven, options)
 
 

@@ -40,6 +40,7 @@ def simulate(
     max_events: int = EVENTS,
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
+    progress: bool = False,
     engine: str = "auto",
     ties: str = "left",
     seed: int = 0,
@@ -83,6 +84,8 @@ def simulate(
         ``on_event(row)`` after each collision, with its row of the log.
     on_progress : callable, optional
         ``on_progress(t, events)`` now and then.
+    progress : bool
+        Show how far it is, from 2 s on: on standard error, as a bar where tqdm is installed.
     engine : str
         "sorted" (the reference), "compiled" (numba; the same results bit for bit; constant restitution and sequential
         ties only), or "auto": begins with the reference and goes over to compiled as soon as the collisions made,
@@ -157,7 +160,7 @@ def simulate(
     )
     request = requested(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, on_event=on_event,
-        on_progress=on_progress,
+        on_progress=on_progress, progress=progress,
     )
     queue = checked_engine(engine, physics)
 
@@ -178,6 +181,7 @@ def resume(
     max_events: int = EVENTS,
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
+    progress: bool = False,
     engine: str = "auto",
     watch: Any = None,
 ) -> Trajectory:
@@ -210,7 +214,7 @@ def resume(
     state = State.restored(physics, saved)
     request = requested(
         scene, state.time(state.run.now), t_end, until=until, samples=samples, log=log,
-        max_events=max_events, on_event=on_event, on_progress=on_progress,
+        max_events=max_events, on_event=on_event, on_progress=on_progress, progress=progress,
     )
     queue = checked_engine(engine, physics)
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from granular import _check, md, until as stop
+from granular._progress import shown
 from granular._reports import machine
 from granular.frontiers.methods import METHODS, PEERS, Method, Task, contacts_of, errors, expected_orders, own, peer
 from granular.frontiers.result import NEAR, Frontier, Row
@@ -35,6 +36,7 @@ def frontier(
     repeats: int = 3,
     reference: Reference | None = None,
     on_progress: Callable[[float, int], object] | None = None,
+    progress: bool = False,
 ) -> Frontier:
     """Measure error against run time of every method on one scene.
 
@@ -56,6 +58,8 @@ def frontier(
 
     on_progress : callable, optional
         ``on_progress(reached, count)`` after each setting of a method: the share of them that is done, their number.
+    progress : bool
+        Show how far it is, from 2 s on: on standard error, as a bar where tqdm is installed.
 
     Returns
     -------
@@ -75,25 +79,25 @@ def frontier(
     laws = checked(law, a_scene(scene)).given
     stop.checked(until, scene.n_pairs)
     chosen = METHODS if methods is None else tuple(_check.choice("methods", name, METHODS) for name in methods)
-    _check.callback("on_progress", on_progress, "reached", "count")
     count = _check.whole("repeats", repeats, at_least=1)
-    if reference is None:
-        _refuse_rest(md.simulate(scene, laws, until=until, t_end=t_end), t_end)
-    truth = reference or solve(scene, laws, until=until, t_end=t_end)
-    if not truth.durations:
-        raise ValueError(_nothing(scene))
-    task = Task(scene, laws, until, t_end, truth)
-    tell = on_progress or (lambda reached, count: None)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # coarse steps and wide tolerances are tried on purpose
-        level = rounding_level(task)
-        ways = [peer(task, name) if name in PEERS else own(task, name) for name in chosen]
-        tried = [method for method in ways if method is not None]
-        todo = [(method, setting) for method in tried for setting in method.settings]
-        rows: list[Row] = []
-        for method, setting in todo:
-            rows.append(_row(task, method, setting, count, level))
-            tell(len(rows) / len(todo), len(rows))
+    with shown(progress, on_progress, "settings") as tell:
+        if reference is None:
+            _refuse_rest(md.simulate(scene, laws, until=until, t_end=t_end), t_end)
+        truth = reference or solve(scene, laws, until=until, t_end=t_end)
+        if not truth.durations:
+            raise ValueError(_nothing(scene))
+        task = Task(scene, laws, until, t_end, truth)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # coarse steps and wide tolerances are tried on purpose
+            level = rounding_level(task)
+            ways = [peer(task, name) if name in PEERS else own(task, name) for name in chosen]
+            tried = [method for method in ways if method is not None]
+            todo = [(method, setting) for method in tried for setting in method.settings]
+            rows: list[Row] = []
+            for method, setting in todo:
+                rows.append(_row(task, method, setting, count, level))
+                if tell is not None:
+                    tell(len(rows) / len(todo), len(rows))
     return Frontier(
         scene, laws, until, t_end, truth, tuple(rows), {method.name: method.setting_name for method in tried},
         expected_orders(task, chosen), level, machine(),

@@ -45,6 +45,7 @@ def simulate(
     max_steps: int = 20_000_000,
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
+    progress: bool = False,
     engine: str = "auto",
     method: str | None = None,
     dt: float | None = None,
@@ -84,6 +85,8 @@ def simulate(
         that end within one step in any order.
     on_progress : callable, optional
         ``on_progress(reached, count)`` now and then: the time reached in s, and the number of contacts so far.
+    progress : bool
+        Show how far it is, from 2 s on: on standard error, as a bar where tqdm is installed.
     engine : {"auto", "plain", "compiled"}
         Interpreted or compiled by numba (extra ``fast``); the same bits. "auto" starts interpreted and goes on
         compiled once that is worth it and the law compiles; the reason is in `stats` if it does not.
@@ -147,7 +150,7 @@ def simulate(
     laws, start = checked_laws(law, checked(scene)), _check.number("t_start", t_start)
     request = _requested(
         scene, laws, start, t_end, engine, disturbed, until=until, samples=samples, log=log, max_events=max_events,
-        max_steps=max_steps, on_event=on_event, on_progress=on_progress,
+        max_steps=max_steps, on_event=on_event, on_progress=on_progress, progress=progress,
     )
     scene = fitted(scene, start, request.end)
     _check_walls(scene, start, request.end)
@@ -213,6 +216,7 @@ def resume(
     max_steps: int = 20_000_000,
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
+    progress: bool = False,
     engine: str = "auto",
     disturbed: str = "resolve",
 ) -> Trajectory:
@@ -241,6 +245,7 @@ def resume(
     request = _requested(
         trajectory.scene, laws, float(trajectory.time[-1]), t_end, engine, disturbed, until=until, samples=samples,
         log=log, max_events=max_events, max_steps=max_steps, on_event=on_event, on_progress=on_progress,
+        progress=progress,
     )
     fitted(trajectory.scene, request.start, request.end)  # says so if a path ends before
     _check_walls(trajectory.scene, float(_check.held(state, "origin", "f", ())), request.end)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular import _check
+from granular._progress import Told, shown
 from granular._reports import cores
 from granular.cases import Case
 from granular.sweeps import schedule
@@ -48,6 +49,7 @@ def sweep(
     executor: Executor | None = None,
     workers: int | None = None,
     on_progress: Callable[[float, int], object] | None = None,
+    progress: bool = False,
     **fixed: Any,
 ) -> xarray.Dataset:
     """Solve a scene for every combination of some parameters.
@@ -84,6 +86,8 @@ def sweep(
     on_progress : callable, optional
         ``on_progress(reached, count)`` now and then: the share of this call's cells that is solved, and the number of
         all cells that are, those of a file included.
+    progress : bool
+        Show how far it is, from 2 s on: on standard error, as a bar where tqdm is installed.
     **fixed
         Parameters that all cells share.
 
@@ -102,7 +106,6 @@ def sweep(
         raise TypeError(f"executor is {executor!r}: an object with submit() is needed, such as a ProcessPoolExecutor "
                         "or client.get_executor() of dask.")
     threads = cores() if workers is None else _check.whole("workers", workers, at_least=1)
-    _check.callback("on_progress", on_progress, "reached", "count")
     xarray_()
     varied = checked(over)
     asked = (results,) if isinstance(results, str) or callable(results) else tuple(results)
@@ -113,8 +116,11 @@ def sweep(
     grid = np.meshgrid(*varied.values(), indexing="ij")
     job = _Job(plan, varied, [values.ravel() for values in grid], save)
     where = executor, threads
-    job.solve(where, on_progress)
-    return job.dataset() if refine is None else job.refined(refine, precision, where)
+    if executor is not None and progress:
+        executor.submit(int)  # its processes start before there is a second thread
+    with shown(progress, on_progress, "cells") as tell:
+        job.solve(where, tell)
+        return job.dataset() if refine is None else job.refined(refine, precision, where)
 
 
 class _Job:
@@ -126,7 +132,7 @@ class _Job:
         known, self.notes = resume(save, plan, over) if save is not None else ({}, {})
         self.answers.put(slice(None), known)
 
-    def solve(self, where: Where, on_progress: Callable[[float, int], object] | None) -> None:
+    def solve(self, where: Where, tell: Told | None) -> None:
         """Solve what is not solved yet; keep what is done, however it ends."""
         missing = np.flatnonzero(self.answers.columns["status"] == NOT_RUN)
         if not len(missing):
@@ -137,8 +143,8 @@ class _Job:
             for places, found in schedule.batches(self.plan, self.columns, missing, *where):
                 self.answers.take(places, found)
                 done += len(places)
-                if on_progress is not None:
-                    on_progress((done - known) / len(missing), done)
+                if tell is not None:
+                    tell((done - known) / len(missing), done)
                 if time.monotonic() > saved + SAVE_EVERY:
                     self.written(self.dataset())
                     saved = time.monotonic()

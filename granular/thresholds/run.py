@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from granular import _check
+from granular._progress import Told, shown
 from granular.cases.build import sentence_of
 from granular.sweeps.plan import Plan, planned
 from granular.sweeps.results import REFUSED
@@ -37,6 +38,7 @@ def threshold(
     spacing: str = "log",
     run: Mapping[str, Any] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
+    progress: bool = False,
     **fixed: Any,
 ) -> Threshold:
     """Find where along one parameter a scene may be event-driven: scan it, then bisect every change.
@@ -66,6 +68,8 @@ def threshold(
     on_progress : callable, optional
         ``on_progress(reached, count)`` now and then: the share of the work that is done, as far as that is known, and
         the number of values tried.
+    progress : bool
+        Show how far it is, from 2 s on: on standard error, as a bar where tqdm is installed.
     **fixed
         Other parameters, as in `granular.sweep`.
 
@@ -85,7 +89,6 @@ def threshold(
     number = _check.whole("points", points, at_least=2, at_most=MOST)
     width = _check.number("within", within, at_least=1e-12, at_most=0.5)
     limit = _check.number("error", error, above=0.0)
-    _check.callback("on_progress", on_progress, "reached", "count")
     if not isinstance(over, str):
         raise TypeError(f"over is {over!r}: the name of one parameter is needed, such as 'gap'.")
     grid = SPACINGS[spacing](low, high, number)
@@ -93,7 +96,8 @@ def threshold(
     plan = planned(scene, {over: grid}, (), fixed, run or {})
     if plan.subject.is_whole(over):
         grid = _wholes(over, grid)
-    values = _judged(plan, asked, limit, grid.tolist(), width, on_progress)
+    with shown(progress, on_progress, "values", math.inf) as tell:
+        values = _judged(plan, asked, limit, grid.tolist(), width, tell)
     units, judged_by = plan.subject.attributes(over)["units"], limit if criterion == "error" else math.nan
     return Threshold(plan.subject.title, over, units, (low, high), criterion, judged_by, width, number, spacing,
                      dict(fixed), values)
@@ -121,7 +125,7 @@ def _wholes(over: str, grid: _check.Array) -> _check.Array:
 
 def _judged(
     plan: Plan, asked: Criterion, limit: float, grid: list[float], within: float,
-    on_progress: Callable[[float, int], object] | None,
+    tell: Told | None,
 ) -> tuple[Value, ...]:
     """Every value that was tried, ascending."""
     refused: list[str] = []
@@ -139,8 +143,8 @@ def _judged(
         found.append(one)
         if len(found) == len(refused) == len(grid):
             raise ValueError(refused[0])
-        if on_progress is not None:
-            on_progress(min(1.0, len(found) / len(grid)), len(found))
+        if tell is not None:
+            tell(min(1.0, len(found) / len(grid)), len(found))
     return tuple(sorted(found, key=lambda one: one.value))
 
 
