@@ -45,7 +45,7 @@ def assert_same_scene(a: Scene, b: Scene) -> None:
 
 
 KINDS = ("float", "int", "bool", "str", "Sequence[float]", "float | None", "Sequence[float] | None",
-         "float | Sequence[float]", "str | Ball", "str | Ball | None", "Any")
+         "float | Sequence[float]", "str | None", "str | Ball", "str | Ball | None", "Any")
 """What the command line can read."""
 
 

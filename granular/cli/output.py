@@ -15,6 +15,7 @@ from typing import Any
 from granular import _files
 from granular._check import optional
 from granular.cases.ready import is_file
+from granular.export import files
 
 ENDINGS = {"plot": "png", "film": "gif", "json": "json"}
 
@@ -42,7 +43,10 @@ def check(given: argparse.Namespace) -> None:
         _check_writable(name)
     check_apart(written, [given.target] if given.target and is_file(given.target) else [])
     if getattr(given, "save", None) is not None:
-        _files.check_ending(given.save, given.save_as)
+        if given.save_as == ".npz":
+            files.ending_of(given.save)
+        else:
+            _files.check_ending(given.save, given.save_as)
     if getattr(given, "plot", None) is not None:
         optional("matplotlib.backend_bases", "--plot")
         _files.check_picture(given.plot)

@@ -198,6 +198,7 @@ def _reading(kind: str) -> dict[str, Any]:
         ".*Sequence\\[str\\]": {"nargs": "+", "metavar": "WORD"},
         ".*Sequence": {"type": _number, "nargs": "+", "metavar": "X"},
         "Any$": {"type": _entry, "nargs": "+", "metavar": "NAME=VALUE"},
+        "int \\| str": {"type": lambda text: text if text.isalpha() else _whole(text), "metavar": "N|WORD"},
         "int": {"type": _whole, "metavar": "N"},
         "float": {"type": _number, "metavar": "X"},
         "": {"metavar": "WORD"},
