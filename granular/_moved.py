@@ -18,6 +18,7 @@ NOW = {
     "workprecision": "frontiers", "components": "outcome", "other_ties": "end_time", "tie_rules": "end_time",
     "laws.power": "laws.springs", "laws.walton_braun": "laws.springs", "laws.matched_end": "laws.statics",
     "laws.check": "laws.kinds", "thresholds.criteria": "thresholds.result", "comparison.restitution": "binary",
+    "md.stability": "md.time_step",
     "walls.sine": "walls.formulas", "walls.piecewise": "walls.formulas", "waves.space_time": "waves.sensors",
 }
 """Where a module of `granular` has gone; one within a room is named with a dot, such as "laws.power"."""

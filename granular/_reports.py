@@ -11,6 +11,7 @@ import platform
 import re
 from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -117,15 +118,21 @@ def html(head: str, rows: Rows = (), more: str = "", picture: str = "") -> str:
 
 def _picture(report: Any) -> str:
     """Return the figure of a report for a notebook; nothing where matplotlib is not installed."""
-    import io
     from base64 import b64encode
     from importlib.util import find_spec
 
     if find_spec("matplotlib") is None:
         return ""
+    return f"<img alt='' style='max-width:100%' src='data:image/png;base64,{b64encode(_png(report.plot())).decode()}'>"
+
+
+def _png(figure: Any) -> bytes:
+    """Return a figure as a notebook shows it."""
+    import io
+
     drawn = io.BytesIO()
-    report.plot().savefig(drawn, format="png", dpi=90)
-    return f"<img alt='' style='max-width:100%' src='data:image/png;base64,{b64encode(drawn.getvalue()).decode()}'>"
+    figure.savefig(drawn, format="png", dpi=90)
+    return drawn.getvalue()
 
 
 def pairs_by_law(laws: Iterable[Any]) -> dict[str, list[int]]:
@@ -186,6 +193,7 @@ def style() -> AbstractContextManager[None]:
 
 
 def canvas(width: float, height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Any, Any]:
-    """Return a figure of this size in inches, and its axes as an array (rows, columns)."""
+    """Return a figure of this size in inches, which a notebook shows, and its axes as an array (rows, columns)."""
     figure = optional("matplotlib.figure", "plot").Figure(figsize=(width, height), layout="constrained")
+    figure._repr_png_ = partial(_png, figure)
     return figure, figure.subplots(rows, columns, squeeze=False, **options)

@@ -193,6 +193,52 @@ class Trajectory:
             work[:, side] = np.where(known, (1.0 - 2.0 * side) * speed * sums[over], math.nan)
         return work
 
+    def plot(self, path: str | PathLike[str] | None = None) -> Any:
+        """Draw the paths of the balls over time, radii taken out, with all contacts marked; return the figure, or save
+        it to `path`. Contacts that fill a small part of the run only are drawn once more by themselves.
+
+        Parameters
+        ----------
+        path : str or path, optional
+            A file whose ending matplotlib knows, such as ``.png``.
+
+        Raises
+        ------
+        ModuleNotFoundError, OSError, ValueError
+            If matplotlib is not installed; if the file cannot be written, or has no ending that matplotlib knows;
+            if the run has too few rows for its paths.
+
+        Notes
+        -----
+        Paths of hard spheres are exact under constant forces: they follow from the contact log. Long contacts, pendula,
+        shaken walls and runs without a log need rows, ``samples=np.linspace(0.0, end, 1000)`` or the like.
+        """
+        from granular import _figures
+
+        return _figures.plot(self, path)
+
+    def animate(self, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25) -> None:
+        """Write a film of the run, of its contacts if they are a small part of it; of at most 60 balls.
+
+        Parameters
+        ----------
+        path : str or path
+            A file that ends in ``.gif``, or in ``.mp4``, which needs ffmpeg.
+        seconds : float, optional
+            How long the film is in s, positive.
+        fps : int, optional
+            Pictures per second.
+
+        Raises
+        ------
+        ModuleNotFoundError, OSError, ValueError
+            If matplotlib is not installed, or the file cannot be written; for too many balls, another ending, or
+            a run with too few rows, see `plot`.
+        """
+        from granular import _films
+
+        _films.animate(self, path, seconds, fps)
+
     def save(self, path: str | PathLike[str], *, compressed: bool = False) -> None:
         """Write the run to one file in the format of its ending, whole or not at all.
 

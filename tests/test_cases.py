@@ -14,6 +14,7 @@ from granular.rules import ConstantRestitution, TabulatedRestitution
 from granular.scene import Scene
 from granular.trajectory import Status
 
+pytestmark = pytest.mark.core
 OWN = """
 [scene]
 mass = [inf, 4.0, "inf"]

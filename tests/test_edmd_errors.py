@@ -9,6 +9,7 @@ from granular import edmd, until
 from granular.rules import ConstantRestitution
 from granular.scene import Scene
 
+pytestmark = pytest.mark.core
 SCENE = Scene([math.inf, 1.0, 2.0], [0.0, 0.1, 0.1], [1.0, 0.5], [0.0, 0.0, -1.0], gravity=9.81)
 RULE = ConstantRestitution(0.5)
 

@@ -2,6 +2,7 @@
 
 import html
 import inspect
+import pkgutil
 
 import pytest
 
@@ -34,6 +35,11 @@ def test_html_shows_verdict_and_table_and_a_picture_where_it_can_be_drawn(report
     assert "<script" not in plain
 
 
+def test_a_notebook_shows_a_figure_that_pyplot_does_not_know(report):
+    pytest.importorskip("matplotlib")
+    assert report.plot()._repr_png_().startswith(b"\x89PNG")
+
+
 def test_html_of_scene_and_run_has_a_row_for_every_body(report):
     for shown in (SCENE._repr_html_(), report.soft._repr_html_()):
         assert shown.count("<tr>") == 1 + SCENE.n
@@ -57,3 +63,13 @@ def test_protocols_ask_for_arguments_by_position_only():
         parameters = inspect.signature(protocol.force).parameters.values()
         assert [p.kind for p in parameters] == [inspect.Parameter.POSITIONAL_ONLY] * count
     assert gr.laws.LawWithMemory.__annotations__ == {"memory": "bool"}
+
+
+def test_no_module_beside_a_public_function_bears_its_name():
+    """`granular.md.simulate` is a function: a module of that name would be hidden by it, or hide it."""
+    functions = {name for name in gr.__all__ if inspect.isfunction(getattr(gr, name))}
+    rooms = [gr, *(module for name in gr.__all__ if inspect.ismodule(module := getattr(gr, name)))]
+    for room in rooms:
+        public = {name for name in dir(room) if inspect.isfunction(getattr(room, name))} | functions
+        modules = {found.name for found in pkgutil.iter_modules(getattr(room, "__path__", []))}
+        assert not modules & public, room.__name__

@@ -5,8 +5,9 @@ import sys
 
 import pytest
 
-IDLE = ("_saved_run", "_describe", "_files", "cases", "comparison.captions", "comparison.figure", "comparison.film",
-        "comparison.view", "frontiers", "page", "reference", "sweeps", "thresholds", "waves")
+IDLE = ("_saved_run", "_describe", "_figures", "_files", "_films", "cases", "comparison.captions",
+        "comparison.figure", "comparison.film", "comparison.view", "frontiers", "page", "reference", "sweeps",
+        "thresholds", "waves")
 HEAVY = ("scipy", "numba", "matplotlib", "xarray", "pandas")
 
 

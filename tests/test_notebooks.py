@@ -21,8 +21,9 @@ def printed(notebook) -> list[str]:
     ]
 
 
-def test_there_are_three():
-    assert [path.stem for path in NOTEBOOKS] == ["newtons-cradle", "tennis-ball", "what-accuracy-costs"]
+def test_there_are_four():
+    stems = ["first-session", "newtons-cradle", "tennis-ball", "what-accuracy-costs"]
+    assert [path.stem for path in NOTEBOOKS] == stems
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -34,6 +35,14 @@ def test_a_notebook_is_stored_small_and_with_its_outputs(path):
     kinds = [out.output_type for cell in notebook.cells for out in cell.get("outputs", [])]
     assert "display_data" in kinds
     assert "error" not in kinds
+
+
+def test_the_first_session_shows_its_tables_and_figures():
+    notebook = nbformat.read(FOLDER / "first-session.ipynb", 4)
+    results = [out.data for cell in notebook.cells for out in cell.get("outputs", [])
+               if out.output_type == "execute_result"]
+    assert ["text/html" if "text/html" in data else "image/png" if "image/png" in data else "" for data in results] == [
+        "text/html", "image/png", "text/html", "text/html"]  # scene, run.plot(), run, report
 
 
 @pytest.mark.thirds
@@ -54,7 +63,7 @@ def test_a_notebook_runs_in_jupyter(tmp_path):
 
 
 @pytest.mark.thirds
-@pytest.mark.parametrize("name", ["tennis-ball", "what-accuracy-costs"])
+@pytest.mark.parametrize("name", ["first-session", "tennis-ball", "what-accuracy-costs"])
 def test_the_cells_of_a_notebook_run_and_print_what_it_shows(name, monkeypatch, tmp_path):
     matplotlib = pytest.importorskip("matplotlib")
     import matplotlib.pyplot as plt

@@ -127,7 +127,8 @@ def test_cases_and_results_of_ones_own():
     data = gr.sweep(drop, {"restitution": [0.5, 1.0]}, ["contacts", energy_left], gap=1e-3)
     assert data["contacts"].values[:, 1].tolist() == [1, 1]
     assert data["energy_left"].values[0] < data["energy_left"].values[1] == pytest.approx(1.0, abs=1e-12)
-    assert data["energy_left"].attrs["long_name"] == "Energy at the end over energy at the start."
+    about = {"units": "", "long_name": "energy left", "comment": "Energy at the end over energy at the start."}
+    assert data["energy_left"].attrs == about
     same = gr.sweep(drop, {"restitution": [0.5, 1.0]}, sorted(FAST), gap=1e-3)
     named = gr.sweep("three-balls", {"restitution": [0.5, 1.0]}, sorted(FAST), gap=1e-3)
     assert all(np.array_equal(same[name].values, named[name].values, equal_nan=True) for name in same)

@@ -16,7 +16,7 @@ from granular import md, scenes
 from granular.laws import Hertz, LinearDashpot
 from granular.laws.kinds import resolved
 from granular.md.fixed.integrators import INTEGRATORS
-from granular.md.stability import sharpest_rate
+from granular.md.time_step import sharpest_rate
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 

@@ -52,7 +52,7 @@ def check(given: argparse.Namespace) -> None:
         _files.check_picture(given.plot)
     if getattr(given, "film", None) is not None:
         optional("matplotlib.animation", "--film")
-        from granular.comparison.film import check_film
+        from granular._films import check_film
 
         check_film(given.film)
 

@@ -6,13 +6,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from os import PathLike
-from textwrap import wrap
 from typing import Any
 
 import numpy as np
 
 from granular import _files
 from granular._check import Array
+from granular._figures import NAMED, SMALL, head, world_lines
 from granular._reports import GREY, HARD, PREFIXES, SOFT, canvas, unit_of
 from granular.comparison.answer import Judged
 from granular.comparison.captions import pair_name, parameters
@@ -25,11 +25,8 @@ OF_FORCE = ((1e6, "M"), (1e3, "k"), *PREFIXES[:3])
 """Multiples of the newton."""
 COLUMNS = 300
 """Number of spans of time in a force map; each shows the largest force in it, so that no contact is lost."""
-NAMED = 12
-"""Up to this many pairs or balls have their names in the picture."""
 FEW = 6
 """Up to this many pairs forces are drawn as curves, beyond as a map over pairs and time."""
-SMALL: dict[str, Any] = {"fontsize": 8}
 
 
 def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
@@ -40,11 +37,11 @@ def plot(report: Judged, path: str | PathLike[str] | None = None) -> Any:
     figure, panels = canvas(7.0, sum(heights) + 1.4 + 2.2 * bool(look), len(heights) + bool(look),
                             height_ratios=heights + [1.9] * bool(look))
     axes = panels[: len(heights), 0]
-    head(figure, report)
+    head(figure, report.verdict, parameters(report))
     runs = both(report, view.moments if look is None else np.union1d(view.moments, look.moments))
     timeline(axes[0], view)
     _forces(figure, axes[1:-1], view, runs["soft"])
-    world_lines(axes[-1], view, runs)
+    draw_runs(axes[-1], view, runs)
     if look is not None:
         draw_closeup(panels[-1, 0], look, runs)
         mark(axes[0], view, look)
@@ -63,17 +60,6 @@ def both(report: Judged, times: Array, further: bool = False) -> dict[str, Traje
     """Both runs with rows at those times; of hard spheres only if they do not collide too often."""
     few = len(report.hard.contacts) < 100_000
     return {engine: with_rows(report, engine, times, further) for engine in ("soft", "hard") if engine == "soft" or few}
-
-
-def head(figure: Any, report: Judged, size: float = 9.0) -> None:
-    """The verdict as title, and below it the parameters."""
-    width, height = 72.0 * figure.get_size_inches()
-    said = wrap(report.verdict, int(1.64 * width / size))
-    small = [line for part in parameters(report).split("\n") for line in wrap(part, int(2.1 * width / size))]
-    figure.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 1.0 - 1.45 * size * len(said + small) / height))
-    for row, line in enumerate(said + small):
-        how = {"weight": "bold", "fontsize": size} if row < len(said) else {"color": "#555555", "fontsize": 0.88 * size}
-        figure.text(0.015, 1.0 - (0.6 + 1.4 * row) * size / height, line, va="top", ha="left", **how)
 
 
 def mark(axis: Any, view: View, look: Closeup) -> None:
@@ -159,36 +145,12 @@ def _force_map(figure: Any, axis: Any, view: View, soft: Trajectory) -> None:
     axis.set_ylabel("pair")
 
 
-def world_lines(axis: Any, view: View, runs: Mapping[str, Trajectory]) -> None:
-    """Positions with the radii taken out, so that lines meet where balls touch and cross where they overlap."""
-    of = {label: (view.clock(run.time), np.asarray(points(run))) for label, run in runs.items()}
-    shown = {label: y[(t >= view.shown[0]) & (t <= view.shown[1])] for label, (t, y) in of.items()}
-    low, high = shown["soft"].min(), shown["soft"].max()
-    unit, name = unit_of(max(float(high - low), 1e-300), "m")
-    for label, (t, y) in of.items():
-        colour, dash = {"soft": (SOFT, "-"), "hard": (HARD, "--")}[label]
-        lines = axis.plot(t, y / unit, color=colour, ls=dash, lw=1.0)
-        lines[0].set_label(f"{label} spheres")
-        why = next((run.status.name for run in (view.report.hard, runs[label]) if run.status in EARLY), "")
-        if label == "hard" and why and t[-1] < view.shown[1]:
-            axis.plot(t[[-1] * y.shape[1]], y[-1] / unit, "x", color=HARD, ms=5, label=f"end of the hard run: {why}")
-    room = 0.5 * (high - low)  # for hard balls; faster ones may leave the picture
-    bottom = max(min(float(y.min()) for y in shown.values()), low - room)
-    top = min(max(float(y.max()) for y in shown.values()), high + room)
-    pad = 0.04 * (top - bottom) or 1.0
-    if view.report.scene.n <= NAMED:
-        _name(axis, view, shown["soft"][-1] / unit, (top - bottom) / unit)
-    axis.set(ylim=((bottom - pad) / unit, (top + pad) / unit), ylabel=f"paths, radii\ntaken out, {name}")
-
-
-def _name(axis: Any, view: View, places: Array, height: float) -> None:
-    """Number the balls where their paths end, those together that are close to each other."""
-    order, scene = np.argsort(places, kind="stable"), view.report.scene
-    balls = [int(body) for body in order if not scene.is_wall[body]]
-    starts = [i for i in range(len(balls)) if i == 0 or places[balls[i]] - places[balls[i - 1]] > 0.05 * height]
-    for begin, end in zip(starts, [*starts[1:], len(balls)], strict=True):
-        some = sorted(balls[begin:end])
-        together = len(some) > 2 and some[-1] - some[0] == len(some) - 1
-        said = f"{some[0]}–{some[-1]}" if together else ", ".join(map(str, some))
-        axis.annotate(said, (view.shown[1], places[some].mean()), (10, 0),
-                      textcoords="offset points", va="center", color=SOFT, annotation_clip=False, **SMALL)
+def draw_runs(axis: Any, view: View, runs: Mapping[str, Trajectory]) -> None:
+    """Paths of both runs; a cross where the hard one ended early."""
+    of = {label: (run.time, np.asarray(points(run))) for label, run in runs.items()}
+    unit = world_lines(axis, view, view.report.scene, of)
+    for t, y in (of["hard"],) if "hard" in of else ():
+        why = next((run.status.name for run in (view.report.hard, runs["hard"]) if run.status in EARLY), "")
+        if why and t[-1] < view.end:
+            axis.plot(np.full(y.shape[1], view.clock(t[-1])), y[-1] / unit, "x", color=HARD, ms=5,
+                      label=f"end of the hard run: {why}")

@@ -15,14 +15,13 @@ import numpy as np
 
 from granular import edmd, md
 from granular._check import Array
+from granular._figures import FAR, MARGIN, Span
 from granular._reports import GREY, HARD, SOFT, unit_of
 from granular.comparison.answer import Judged
 from granular.comparison.captions import pair_name
 from granular.trajectory import Status, Trajectory
 from granular.until import Separated
 
-FAR = 3.0  # a span that begins so many times its own length after t = 0 has a clock that starts with its first contact
-PAD = 0.015  # share of the time axis that is left free at its ends, lest a mark there be cut
 LONE = 0.01  # late contacts with up to this share of the impulse may be left out, and are told of at the axis' edge
 MOST = 20  # with more pairs than these, contacts somewhere else would always be found to last
 MUCH = 0.6  # a lens that would show this share of the time axis has the same one
@@ -31,39 +30,10 @@ ROOM = 0.05  # share of the width that two numbers stand apart at least
 
 
 @dataclass(frozen=True)
-class View:
-    """A comparison from `begin` to `end` in s, on a clock that is 0 at `zero` and goes in a unit of its own."""
+class View(Span):
+    """A comparison over a span of time."""
 
     report: Judged
-    begin: float
-    end: float
-    zero: float = 0.0
-
-    @cached_property
-    def unit(self) -> tuple[float, str]:
-        """The clock's unit in s, and its name."""
-        return unit_of(self.end - self.begin, "s")
-
-    @property
-    def shown(self) -> tuple[float, float]:
-        """What the clock shows at the begin and at the end."""
-        return float(self.clock(self.begin)), float(self.clock(self.end))
-
-    @property
-    def limits(self) -> tuple[float, float]:
-        """Limits of the time axis, some room left at its ends."""
-        left, right = self.shown
-        return left - PAD * (right - left), right + PAD * (right - left)
-
-    def clock(self, time: Any) -> Any:
-        """What the clock shows at times in s."""
-        return (time - self.zero) / self.unit[0]
-
-    @property
-    def named(self) -> str:
-        """The clock in words, for the axis."""
-        since = f"time since the first contact at t = {self.zero:.6g} s" if self.zero else "time"
-        return f"{since}, {self.unit[1]}"
 
     @cached_property
     def moments(self) -> Array:
@@ -71,12 +41,6 @@ class View:
         log = self.report.counted[1].contacts
         log = log[:: max(1, len(log) // 500)]
         return self.times(np.column_stack([log["t_begin"], np.nan_to_num(log["t_end"], nan=self.end)]), 1500)
-
-    def times(self, touches: Array, evenly: int) -> Array:
-        """So many times in s evenly spread, and some within each contact, of given onset and end."""
-        within = np.linspace(touches[:, 0], touches[:, 1], 17).ravel()
-        within = within[(within >= self.begin) & (within <= self.end)]
-        return np.asarray(np.union1d(np.linspace(self.begin, self.end, evenly), within))
 
 
 def window(report: Judged) -> View:
@@ -87,7 +51,7 @@ def window(report: Judged) -> View:
     start = float(report.soft.time[0])
     runs = report.levelled
     if not any(len(run.contacts) for run in report.counted):
-        return View(report, start, max(float(report.soft.time[-1]), start + 1.0))
+        return View(start, max(float(report.soft.time[-1]), start + 1.0), 0.0, report)
     share = np.concatenate([run.contacts["impulse"] / (float(run.contacts["impulse"].sum()) or 1.0) for run in runs])
     ends = np.concatenate([np.where(np.isnan(log["t_end"]), np.maximum(log["t_begin"], time), log["t_end"])
                            for log, time in ((run.contacts, float(run.time[-1])) for run in runs)])
@@ -95,11 +59,11 @@ def window(report: Judged) -> View:
     last = float(ends.max())
     while len(bulk := ends[3.0 * (ends - first) < last - first]) and share[ends > bulk.max()].sum() <= LONE:
         last = float(bulk.max())
-    margin = 0.06 * (last - first) or 1e-3 * abs(first) or 1.0
+    margin = MARGIN * (last - first) or 1e-3 * abs(first) or 1.0
     begin, end = max(first - margin, start), last + margin
     if report.hard.status is report.soft.status is Status.time:
         end = min(end, max(last, float(report.soft.time[-1])))
-    return View(report, begin, end, first if first > FAR * (end - begin) else 0.0)
+    return View(begin, end, first if first > FAR * (end - begin) else 0.0, report)
 
 
 def with_rows(report: Judged, engine: str, times: Array, further: bool = False) -> Trajectory:
@@ -180,8 +144,8 @@ def closeup(view: View) -> Closeup | None:
     first, last = float(onset[inside].min()), float(min(until[inside].max(), end))
     if last - first > MUCH * (end - view.begin):
         return Closeup(pair, view, touches)
-    margin = 0.06 * (last - first)
-    return Closeup(pair, View(report, max(first - margin, view.begin), min(last + margin, end), first), touches)
+    margin = MARGIN * (last - first)
+    return Closeup(pair, View(max(first - margin, view.begin), min(last + margin, end), first, report), touches)
 
 
 def draw_closeup(axis: Any, look: Closeup, runs: Mapping[str, Trajectory]) -> None:

@@ -2,6 +2,6 @@
 May be skipped: names of the package only.
 """
 
-from granular.md.simulate import resume, simulate
+from granular.md.simulation import resume, simulate
 
 __all__ = ["resume", "simulate"]

@@ -147,14 +147,14 @@ def dataset(plan: Plan, over: dict[str, Values], values: dict[str, Any], notes: 
     """Return the data set: one dimension per axis, then pair or body; units and provenance as attributes."""
     shape = tuple(map(len, over.values()))
     coordinates: dict[str, Any] = {name: (name, array, plan.subject.attributes(name)) for name, array in over.items()}
-    status = {"long_name": "how the run of the cell ended", "flag_values": list(STATUS),
+    status = {"long_name": "status", "comment": "how the run of the cell ended", "flag_values": list(STATUS),
               "flag_meanings": " ".join(STATUS.values())}
     variables = {"status": (tuple(over), values["status"].astype(np.int8).reshape(shape), status)}
     for name, result in plan.results.items():
         array = values[name].astype(np.int32) if values[name].dtype.kind == "i" else values[name]
         dims = (*over, result.dim) if result.dim else tuple(over)
         variables[name] = (dims, array.reshape(*shape, *array.shape[1:]),
-                           {"units": result.units, "long_name": result.about})
+                           {"units": result.units, "long_name": name.replace("_", " "), "comment": result.about})
         if result.dim:
             coordinates[result.dim] = result.dim, np.arange(array.shape[1]), {"comment": "counted from the bottom"}
     about = {"title": f"granular sweep of {plan.subject.title}", "question": question(plan),

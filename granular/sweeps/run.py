@@ -179,7 +179,7 @@ class _Job:
 
         row, ends, sides = edges(axis, self.columns, self.answers.columns["contacts"], shape, counts, precision)
         data = self.dataset()
-        about = {"units": data[name].attrs["units"], "long_name": f"interval of {name} in which a count jumps"}
+        about = data[name].attrs | {"comment": f"interval of {name} in which a count jumps"}
         data["edge"] = ("jump", "side"), ends, about
         data["edge_contacts"] = ("jump", "side", "pair"), sides.astype(np.int64), data["contacts"].attrs
         for other, column in zip(self.over, self.columns, strict=True):

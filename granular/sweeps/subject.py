@@ -32,7 +32,7 @@ Values = np.ndarray[Any, np.dtype[Any]]
 MOST = 10**8
 """Cells that a sweep may have: their results must fit into memory."""
 _NAME = re.compile(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*")
-_UNIT = re.compile(r"\bin (kg/m³|m/s²|m/s|N/m|kg|m|s|J|N|Hz|rad)(?![\w/^])")
+_UNIT = re.compile(r"\bin (kg/m³|m/s²|m/s|N/m\^\(3/2\)|N/m|kg|m|s|J|N|Hz|rad)(?![\w/^])")
 PARTS = ("scene", "law", "rule", "run")
 """Where a name is looked for whose first word is left out."""
 _WALLS = dict.fromkeys(build.MOVING, tuple(build.WALLS.values()))
@@ -160,7 +160,7 @@ class Subject:
         words = [step for step in self.way(name) if isinstance(step, str) and step not in ("scene", "run")]
         about = self.about.get(".".join(words), "")
         unit = _UNIT.search(about)
-        units = unit[1] if unit else "s" if words[-1] == "t_end" else "1"
+        units = unit[1].replace("^(3/2)", "³ᐟ²") if unit else "s" if words[-1] == "t_end" else "1"
         return {"units": units, "long_name": name.replace("_", " "), "comment": about.partition(". ")[0]}
 
 

@@ -25,7 +25,7 @@ from granular.md.fixed.notes import STEP_ROW, part_of_step
 from granular.md.fixed.stepper import Stepper
 from granular.md.fixed.walls import MOST
 from granular.md.fixed.window import BESIDE, COUNT, DEEPEST, PART, RAW, ROWS, SHARED, XI, V, copied
-from granular.md.stability import WARN, expected_rate, sharpest_rate
+from granular.md.time_step import WARN, expected_rate, sharpest_rate
 from granular.scene import Scene, positions
 from granular.scene.places import Closing
 from granular.trajectory import Status

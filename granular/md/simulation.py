@@ -286,7 +286,7 @@ def _dented(scene: Scene, laws: SceneLaws) -> bool:
 
 
 def _default_step(scene: Scene, laws: SceneLaws) -> float:
-    from granular.md.stability import expected_rate
+    from granular.md.time_step import expected_rate
 
     try:
         rate = expected_rate(scene, laws)

@@ -1,0 +1,221 @@
+"""What figures of runs share: a span of time, its clock, paths between the rows of a run, words; the figure of one run.
+May be skipped: pictures, no physics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+
+from granular import _files
+from granular._check import Array
+from granular._reports import HARD, SOFT, canvas, unit_of
+from granular.scene import Scene
+from granular.scene.places import points
+
+FAR = 3.0
+"""A span that begins so many times its own length after t = 0 has a clock that starts with its first contact."""
+PAD, MARGIN = 0.015, 0.06
+"""Shares of the time axis: left free at its ends, lest a mark there be cut, and shown before and after the contacts."""
+SHORT = 0.2
+"""Contacts that take no more than this share of a run are drawn once more by themselves."""
+ROWS, BRIEF = 100, 0.01
+"""Rows that tell the paths in a span, and the share of it that contacts may last where there are fewer."""
+NAMED = 12
+"""Up to this many pairs or balls have their names in the picture."""
+MANY, MOST = 500, 2000
+"""More contacts than these have small marks; of more some only are marked, evenly chosen."""
+INK, COLOURS = "#1d1c1a", {"hard": HARD, "soft": SOFT}
+SMALL: dict[str, Any] = {"fontsize": 8}
+
+
+@dataclass(frozen=True)
+class Span:
+    """From `begin` to `end` in s, on a clock that is 0 at `zero` and goes in a unit of its own."""
+
+    begin: float
+    end: float
+    zero: float
+
+    @cached_property
+    def unit(self) -> tuple[float, str]:
+        """The clock's unit in s, and its name."""
+        return unit_of(self.end - self.begin, "s")
+
+    @property
+    def shown(self) -> tuple[float, float]:
+        """What the clock shows at the begin and at the end."""
+        return float(self.clock(self.begin)), float(self.clock(self.end))
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Limits of the time axis, some room left at its ends."""
+        left, right = self.shown
+        return left - PAD * (right - left), right + PAD * (right - left)
+
+    def clock(self, time: Any) -> Any:
+        """What the clock shows at times in s."""
+        return (time - self.zero) / self.unit[0]
+
+    @property
+    def named(self) -> str:
+        """The clock in words, for the axis."""
+        since = f"time since the first contact at t = {self.zero:.6g} s" if self.zero else "time"
+        return f"{since}, {self.unit[1]}"
+
+    def times(self, touches: Array, evenly: int) -> Array:
+        """So many times in s evenly spread, and some within each contact, of given onset and end."""
+        within = np.linspace(touches[:, 0], touches[:, 1], 17).ravel()
+        within = within[(within >= self.begin) & (within <= self.end)]
+        return np.asarray(np.union1d(np.linspace(self.begin, self.end, evenly), within))
+
+
+def plot(run: Any, path: str | PathLike[str] | None = None) -> Any:
+    """See `Trajectory.plot`."""
+    spans = spans_of(run)
+    figure, panels = canvas(7.0, 0.9 + 2.6 * len(spans), len(spans))
+    head(figure, *words(run))
+    for axis, span in zip(panels[:, 0], spans, strict=True):
+        draw_paths(axis, run, span)
+        axis.set_xlabel(span.named)
+    return _files.write_figure(path, figure, dpi=200)
+
+
+def words(run: Any) -> tuple[str, str]:
+    """What a run is, and how it ended."""
+    return f"{engine(run)} spheres, {len(run.contacts)} contacts: {run.message}", str(run.scene)
+
+
+def engine(run: Any) -> str:
+    """Which spheres a run has."""
+    return "hard" if run.law is None else "soft"
+
+
+def spans_of(run: Any) -> list[Span]:
+    """All of a run, and the span of its contacts if that is a small part of it."""
+    begin, end, touches = float(run.time[0]), float(run.time[-1]), _touches(run)
+    first, last = float(touches.min(initial=end)), float(touches.max(initial=begin))
+    late = len(touches) > 0 and first > FAR * (end - begin)
+    whole = Span(begin, end if end > begin else begin + 1.0, first if late else 0.0)
+    margin = MARGIN * (last - first)
+    near = Span(max(first - margin, begin), min(last + margin, end), first)
+    small = 0.0 < near.end - near.begin < SHORT * (end - begin)
+    spans = [span for span in [whole, near][: 1 + small] if _known(run, span, touches)]
+    if not spans:
+        raise ValueError(f"run has {len(run.time)} rows: its paths need more; simulate with "
+                         f"samples=np.linspace({begin:.6g}, {end:.6g}, 1000).")
+    return spans
+
+
+def _known(run: Any, span: Span, touches: Array) -> bool:
+    """Whether rows tell the paths, or else a log of short contacts, with constant accelerations between them."""
+    even = not run.scene.driven and run.scene.pendulum == 0.0
+    logged = len(touches) > 0 or run.stats.get("contacts", run.stats.get("events", 0)) == 0
+    lasts = float((touches[:, 1] - touches[:, 0]).max(initial=0.0))
+    rows = np.count_nonzero((run.time >= span.begin) & (run.time <= span.end))
+    return bool(rows >= ROWS or (even and logged and lasts < BRIEF * (span.end - span.begin)))
+
+
+def _touches(run: Any) -> Array:
+    """Onsets and ends of contacts in s (count, 2); those that still last end with the run."""
+    log = run.contacts
+    return np.column_stack([log["t_begin"], np.nan_to_num(log["t_end"], nan=float(run.time[-1]))])
+
+
+def paths(run: Any, times: Array) -> Array:
+    """Positions (len(times), n) in m with the radii taken out at times in s within a run.
+
+    Accelerations are taken as constant between one row or end of a contact and the next, which hard spheres in uniform
+    gravity have.
+    """
+    scene, log, rows = run.scene, run.contacts, points(run.scene, run.gap, run.position)
+    n, count = scene.n, len(run.time)
+    body = np.stack([log["pair"], (log["pair"] + 1) % n], 1)
+    ends = np.stack([log["t_begin"], log["t_end"]], 1)
+    body = np.concatenate([np.repeat(body, 2, axis=1).ravel(), np.tile(np.arange(n), count)])
+    time = np.concatenate([np.tile(ends, 2).ravel(), np.repeat(run.time, n)])
+    velocity = np.concatenate([np.stack([log["v_in"], log["v_out"]], 2).ravel(), run.velocity.ravel()])
+    known = np.flatnonzero(np.isfinite(time + velocity))
+    order = known[np.lexsort((time[known], body[known]))]
+    edge = np.searchsorted(body[order], np.arange(n + 1))
+    found = np.empty((len(times), n))
+    for i in range(n):
+        mine = order[edge[i] : edge[i + 1]]
+        found[:, i] = _path(time[mine], velocity[mine], mine >= 4 * len(log), rows[:, i], times)
+    return found
+
+
+def _path(knots: Array, velocity: Array, is_row: Any, rows: Array, times: Array) -> Array:
+    """Positions in m of one body at `times`, from its velocities in m/s at `knots` in s, those of rows in m."""
+    step, change = np.diff(knots, append=knots[-1]), np.diff(velocity, append=velocity[-1])
+    place = np.append(0.0, np.cumsum((velocity + 0.5 * change) * step)[:-1])
+    place += np.interp(knots, knots[is_row], rows - place[is_row])
+    k = np.maximum(np.searchsorted(knots, times, side="right") - 1, 0)
+    share = np.divide(times - knots[k], step[k], out=np.zeros(len(times)), where=step[k] > 0.0)
+    return place[k] + share * (np.diff(place, append=place[-1])[k] - 0.5 * (1.0 - share) * (change * step)[k])
+
+
+def draw_paths(axis: Any, run: Any, span: Span) -> None:
+    """Paths of one run, and a mark where a contact begins."""
+    touches, name = _touches(run), engine(run)
+    every = 1 + len(touches) // MOST
+    seen = np.flatnonzero((touches[:, 1] >= span.begin) & (touches[:, 0] <= span.end))[::every]
+    times, onset = span.times(touches[seen], 1500), touches[seen, 0].clip(span.begin)
+    unit = world_lines(axis, span, run.scene, {name: (times, paths(run, times))})
+    met = paths(run, onset)[range(len(seen)), run.contacts["pair"][seen]]
+    axis.plot(span.clock(onset), met / unit, ".", ms=4 if len(seen) < MANY else 2, color=INK, zorder=3,
+              label="a contact begins" + f" (one of {every} shown)" * (every > 1) if len(seen) else "_")
+    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.2, **SMALL)
+
+
+def world_lines(axis: Any, span: Span, scene: Scene, of: Mapping[str, tuple[Array, Array]]) -> float:
+    """Times in s and positions in m with the radii taken out, of soft and hard spheres, so that lines meet where balls
+    touch and cross where they overlap; return the unit of the axis in m."""
+    shown = {label: y[(t >= span.begin) & (t <= span.end)] for label, (t, y) in of.items()}
+    first = next(iter(shown.values()))
+    low, high = first.min(), first.max()
+    unit, name = unit_of(max(float(high - low), 1e-300), "m")
+    for label, (t, y) in of.items():
+        dash = {"soft": "-", "hard": "--"}[label] if len(of) > 1 else "-"
+        lines = axis.plot(span.clock(t), y / unit, color=COLOURS[label], ls=dash, lw=min(1.0, 0.3 + 20.0 / scene.n))
+        lines[0].set_label(f"{label} spheres")
+    room = 0.5 * (high - low)  # for hard balls; faster ones may leave the picture
+    bottom = max(min(float(y.min()) for y in shown.values()), low - room)
+    top = min(max(float(y.max()) for y in shown.values()), high + room)
+    pad = 0.04 * (top - bottom) or 1.0
+    if scene.n <= NAMED:
+        name_balls(axis, span, scene, first[-1] / unit, (top - bottom) / unit, COLOURS[next(iter(of))])
+    axis.set(xlim=span.limits, ylabel=f"paths, radii\ntaken out, {name}",
+             ylim=((bottom - pad) / unit, (top + pad) / unit))
+    return unit
+
+
+def name_balls(axis: Any, span: Span, scene: Scene, places: Array, height: float, colour: str = SOFT) -> None:
+    """Number the balls where their paths end, those together that are close to each other."""
+    order = np.argsort(places, kind="stable")
+    balls = [int(body) for body in order if not scene.is_wall[body]]
+    starts = [i for i in range(len(balls)) if i == 0 or places[balls[i]] - places[balls[i - 1]] > 0.05 * height]
+    for begin, end in zip(starts, [*starts[1:], len(balls)], strict=True):
+        some = sorted(balls[begin:end])
+        together = len(some) > 2 and some[-1] - some[0] == len(some) - 1
+        said = f"{some[0]}–{some[-1]}" if together else ", ".join(map(str, some))
+        axis.annotate(said, (span.shown[1], places[some].mean()), (10, 0),
+                      textcoords="offset points", va="center", color=colour, annotation_clip=False, **SMALL)
+
+
+def head(figure: Any, said: str, more: str, size: float = 9.0) -> None:
+    """A sentence as title, and below it smaller lines."""
+    width, height = 72.0 * figure.get_size_inches()
+    titles = wrap(said, int(1.64 * width / size))
+    small = [line for part in more.split("\n") for line in wrap(part, int(2.1 * width / size))]
+    figure.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 1.0 - 1.45 * size * len(titles + small) / height))
+    for row, line in enumerate(titles + small):
+        how = ({"weight": "bold", "fontsize": size} if row < len(titles)
+               else {"color": "#555555", "fontsize": 0.88 * size})
+        figure.text(0.015, 1.0 - (0.6 + 1.4 * row) * size / height, line, va="top", ha="left", **how)

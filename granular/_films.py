@@ -1,0 +1,177 @@
+"""What films share: pages on which a few artists move, a stage for balls, files; and the film of one run.
+May be skipped: pictures, no physics.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from subprocess import CalledProcessError
+from typing import Any
+
+import numpy as np
+
+from granular import _check, _files
+from granular._check import Array, optional
+from granular._figures import COLOURS, INK, Span, draw_paths, engine, head, paths, spans_of, words
+from granular._reports import duration
+from granular.scene import Scene
+
+ENDINGS = (".gif", ".mp4")
+MOST_BALLS = 60  # beyond that many nothing could be told apart
+STYLE = {
+    "figure.facecolor": "#fbfaf6", "axes.facecolor": "#fbfaf6", "axes.spines.top": False, "axes.spines.right": False,
+    "xtick.labelsize": 8, "ytick.labelsize": 8, "axes.labelsize": 8.5, "axes.titlesize": 10.5,
+}
+THICK, LEAST = 0.14, 0.16  # radius of the largest ball in lengths of the stage, and of the smallest beside it
+
+
+def animate(run: Any, path: str | PathLike[str], seconds: float, fps: int) -> None:
+    """See `Trajectory.animate`."""
+    check(path, run.scene, seconds, fps)
+    span, name = spans_of(run)[-1], engine(run)
+    time = np.linspace(span.begin, span.end, max(2, round(seconds * fps)))
+    page = (blank(*words(run), [[name, "paths"]], width_ratios=[1, 5]) if run.scene.gravity > 0.0 else
+            blank(*words(run), [[name], ["paths"]], height_ratios=[1, 3]))
+    stage(page, run.scene, {name: paths(run, time)})
+    axis = page.axes["paths"]
+    draw_paths(axis, run, span)
+    axis.set_xlabel(span.named)
+    page.tell([axis], span.clock(time), paces(span, time, fps))
+    save(path, [(page, k) for k in range(len(time))], fps)
+
+
+def check(path: str | PathLike[str], scene: Scene, seconds: float, fps: int) -> None:
+    """Raise `ValueError` for a film that cannot be drawn or written."""
+    ending = check_film(path)
+    _check.number("seconds", seconds, above=0.0)
+    _check.whole("fps", fps, at_least=1)
+    if scene.n > MOST_BALLS:
+        raise ValueError(f"scene has {scene.n} bodies: at most {MOST_BALLS} can be told apart in a film; "
+                         "`granular view` plays larger runs.")
+    if ending == ".mp4" and not optional("matplotlib.animation", "animate").writers.is_available("ffmpeg"):
+        raise ValueError("ending is '.mp4': ffmpeg is needed and not installed; .gif works without it.")
+
+
+def check_film(path: str | PathLike[str]) -> str:
+    """Return the ending of a film; raise `ValueError` unless it is one that can be written."""
+    return _check.choice(f"ending of {Path(path).name}", Path(path).suffix.lower(), ENDINGS)
+
+
+@dataclass(eq=False)
+class Page:
+    """A figure, what moves on it, each with its path in the coordinates it is drawn in, and its title's words."""
+
+    figure: Any
+    axes: dict[str, Any]
+    moving: list[tuple[Any, Array]] = field(default_factory=list)
+
+    def tell(self, axes: list[Any], clock: Array, words: list[str]) -> None:
+        """Draw lines where the time is, and a title that changes above the first: there is room for the longest."""
+        self.words, path = words, np.stack([clock, 0.0 * clock], 1)
+        self.moving += [(axis.axvline(0.0, color=INK, lw=1.0, gid="clock"), path) for axis in axes]
+        self.moving.append((axes[0].set_title(max(words, key=len), loc="left", color=INK), 0.0 * path))
+
+    def show(self, k: int) -> Any:
+        """Draw the picture of number `k`, what does not move with the first of them; return its pixels."""
+        from matplotlib import artist as artists, transforms
+
+        if k == 0:
+            self.canvas = optional("matplotlib.backends.backend_agg", "animate").FigureCanvasAgg(self.figure)
+            for artist, _ in self.moving:
+                artist.set_animated(True)
+            self.canvas.draw()
+            self.figure.set_layout_engine("none")
+            self.background = self.canvas.copy_from_bbox(self.figure.bbox)
+            self.places = [artists.Artist.get_transform(one) for one, _ in self.moving]  # of a circle, size left out
+        self.canvas.restore_region(self.background)
+        self.moving[-1][0].set_text(self.words[k])
+        for (artist, path), place in zip(self.moving, self.places, strict=True):
+            artist.set_transform(transforms.Affine2D().translate(*path[k]) + place)
+            artist.axes.draw_artist(artist)
+        return self.canvas.buffer_rgba()
+
+
+def blank(said: str, more: str, mosaic: list[list[str]], **ratios: Any) -> Page:
+    """Return a page with nothing but its words and empty axes."""
+    with optional("matplotlib", "animate").rc_context(STYLE):
+        figure = optional("matplotlib.figure", "animate").Figure((9.6, 5.4), 100, layout="constrained")
+        head(figure, said, more, 10.0)
+        page = Page(figure, figure.subplot_mosaic(mosaic, **ratios))
+    for name in page.axes.keys() & COLOURS.keys():
+        page.axes[name].set_title(f"{name} spheres", color=COLOURS[name])
+    return page
+
+
+def paces(span: Span, time: Array, fps: int) -> list[str]:
+    """Return how fast a film goes that shows these times (s) of a span, and which one each picture shows."""
+    slower, since = len(time) / fps / (span.end - span.begin), "t₁ + " if span.zero else ""
+    factor, way = max((slower, "slower"), (1.0 / slower, "faster"))
+    pace = f"{float(f'{factor:.2g}'):,g} × {way}".replace(",", " ") if factor > 1.05 else "as fast as life"
+    return [f"{pace},  t = {since}{duration(t - span.zero)}" for t in time]
+
+
+def stage(page: Page, scene: Scene, of: dict[str, Array]) -> None:
+    """Draw the balls of each engine, whose places (count, n) in m are given with the radii taken out.
+
+    What the first one does fits on the stage; others may leave it.
+    """
+    from matplotlib.patches import Circle
+
+    upright, first, radius = scene.gravity > 0.0, next(iter(of.values())), radii(scene)
+    length, turn = (1.0, 1) if upright else (3.6, -1)
+    radius *= min(THICK, 0.28 * length / max(float(radius.sum()), 1e-9))
+    low, high = float(first.min()), float(first.max())
+    top = min(max(float(places.max()) for places in of.values()), high + 0.35 * (high - low))
+    room = length - 0.06 - 2.0 * float(radius.sum())
+    sinks = np.maximum(0.0, -scene.across(first).min(axis=0))
+    sinks /= 0.6 * np.minimum(*scene.sides(np.where(radius > 0.0, radius, np.inf)))
+    scale = min(room / max(top - low, 1e-300), 1.0 / max(float(sinks.max()), 1e-300))
+    free = 0.0 if upright else 0.5 * (room - (high - low) * scale)
+    for name, places in of.items():
+        axis, colour = page.axes[name], COLOURS[name]
+        axis.set(**dict(zip(("xlim", "ylim")[::turn], ((-0.16, 0.16), (-0.03, length)), strict=True)), aspect="equal")
+        axis.set_axis_off()
+        along = free + np.cumsum(2.0 * radius) - radius + (places - low) * scale
+        for body, (wall, r, place) in enumerate(zip(scene.is_wall, radius, along.T, strict=True)):
+            drawn = axis.plot(*([-THICK, THICK], [0.0, 0.0])[::turn], color=INK, lw=2) if wall else [
+                axis.add_patch(Circle((0.0, 0.0), r, facecolor=f"{colour}30", edgecolor=colour, lw=1.4)),
+                axis.text(0.0, 0.0, str(body) * (scene.n <= 12), color=colour, fontsize=8, ha="center", va="center",
+                          clip_on=True),
+            ]
+            page.moving += [(artist, np.stack([0.0 * place, place][::turn], 1)) for artist in drawn]
+
+
+def radii(scene: Scene) -> Array:
+    """Radii by which balls are drawn, of the largest one: square roots, none very small; those of points are alike."""
+    drawn = np.maximum(LEAST, np.sqrt(scene.radius / (float(scene.radius.max()) or 1.0)))
+    return np.where(scene.is_wall, 0.0, drawn)
+
+
+def save(path: str | PathLike[str], pictures: list[tuple[Page, int]], fps: int) -> None:
+    """Write a film, whole or not at all."""
+    write = _save_gif if check_film(path) == ".gif" else _save_mp4
+    _files.write(path, lambda draft: write(pictures, draft, fps))
+
+
+def _save_gif(pictures: list[tuple[Page, int]], draft: str, fps: int) -> None:
+    """Write these pictures of pages with the same 64 colours in all: a quarter of the size, in half the time."""
+    image = optional("PIL.Image", "animate")
+    drawn = [image.fromarray(np.asarray(page.show(k))).convert("RGB") for page, k in pictures]
+    colours = drawn[len(drawn) // 2].quantize(64)
+    first, *others = (picture.quantize(palette=colours, dither=0) for picture in drawn)
+    first.save(draft, save_all=True, append_images=others, duration=int(1000 / fps), loop=0)
+
+
+def _save_mp4(pictures: list[tuple[Page, int]], draft: str, fps: int) -> None:
+    """Write these pictures of pages, one after the other."""
+    figure, drawn = pictures[0][0].figure, (page.show(k) for page, k in pictures)
+    figure.savefig = lambda file, **_: file.write(next(drawn))  # what a writer asks for each picture
+    writer = optional("matplotlib.animation", "animate").FFMpegWriter(fps)
+    try:
+        with writer.saving(figure, draft, figure.dpi):
+            for _ in pictures:
+                writer.grab_frame()
+    except CalledProcessError as error:
+        raise OSError(f"ffmpeg could not write the film: {error.stderr or error}") from None
