@@ -24,7 +24,7 @@ on_running: list[Callable[[str], object]] = []
 """Who is told that a file read now names Python code, and which, before that runs."""
 CONSTRUCTORS = ("from_restitution", "from_material", "from_acceleration")
 """Other ways to make a thing than by its fields."""
-LAWS: dict[str, Any] = {name: kind for name in laws.__all__ if is_dataclass(kind := getattr(laws, name))}
+LAWS: dict[str, Any] = {name: getattr(laws, name) for name in laws.__all__ if is_dataclass(getattr(laws, name))}
 RULES: dict[str, Any] = {kind.__name__: kind for kind in (rules.ConstantRestitution, rules.TabulatedRestitution)}
 WALLS: dict[str, Any] = {name: getattr(walls, name) for name in walls.__all__}
 MOVING = ("floor", "ceiling", "plate")
