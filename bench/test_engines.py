@@ -17,7 +17,7 @@ SELDOM = ("symplectic-euler", "gear5")
 @pytest.fixture(autouse=True)
 def code_that_is_seldom_needed(request):
     """What is not timed makes no machine code of its own."""
-    timed, given = request.config.getoption("benchmark_enable"), getattr(request.node, "callspec", None)
+    timed, given = request.config.getoption("benchmark_only"), getattr(request.node, "callspec", None)
     if not timed and given and given.params.get("method") in SELDOM and given.params["engine"] == "compiled":
         pytest.skip("its machine code is made where it is timed, and in the soak")
 

@@ -19,7 +19,21 @@ from granular.scene import Pair, Scene
 from granular.trajectory import Status, Trajectory
 
 if TYPE_CHECKING:
-    from granular import adiabatic, balls, binary, cases, edmd, md, measures, scenes, theory, walls, waves
+    from granular import (
+        adiabatic,
+        balls,
+        binary,
+        cases,
+        edmd,
+        export,
+        materials,
+        md,
+        measures,
+        scenes,
+        theory,
+        walls,
+        waves,
+    )
     from granular.binary import restitution_of
     from granular.cases import Case
     from granular.comparison import Answer, Comparison, compare
@@ -29,13 +43,16 @@ if TYPE_CHECKING:
     from granular.sweeps import sweep
     from granular.thresholds import Threshold, threshold
 
+load = Trajectory.load
+
 __version__ = VERSION
 
 __all__ = [
     "Answer", "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "MatchedEnd", "Pair", "PowerLaw",
     "Scene", "Status", "TabulatedRestitution", "ThorntonRestitution", "Threshold", "Trajectory", "TsujiHertz",
-    "ViscoelasticHertz", "WaltonBraun", "adiabatic", "balls", "binary", "cases", "compare", "edmd", "frontier", "md",
-    "measures", "restitution_of", "scenes", "stability", "sweep", "theory", "threshold", "until", "walls", "waves",
+    "ViscoelasticHertz", "WaltonBraun", "adiabatic", "balls", "binary", "cases", "compare", "edmd", "export",
+    "frontier", "load", "materials", "md", "measures", "restitution_of", "scenes", "stability", "sweep", "theory",
+    "threshold", "until", "walls", "waves",
 ]
 
 _HOMES = {

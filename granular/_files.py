@@ -229,7 +229,7 @@ class Foreign(ValueError):
 def heads(file: IO[bytes]) -> dict[str, Head]:
     """Return the heads of all arrays of an open file by name; none is of objects, none larger than its head says."""
     with _opened(file) as archive:
-        members, size = archive.infolist(), os.fstat(file.fileno()).st_size
+        members, size = archive.infolist(), file.seek(0, os.SEEK_END)
         sound = all(info.compress_type in (0, 8) and info.file_size <= DENSEST * info.compress_size + ROOM
                     for info in members)
         if not sound or sum(info.compress_size for info in members) > size:

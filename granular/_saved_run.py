@@ -6,8 +6,10 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Collection, Mapping
 from hashlib import blake2b
+from io import BytesIO
 from os import PathLike
 from typing import Any
 from zlib import crc32
@@ -31,6 +33,8 @@ MAYBE = {"force", "ledger", "scene.external_force", "scene.ring", "scene.pendulu
 OF_HARD = {"contacts.pair": np.int32, "contacts.t_begin": float, "contacts.v_in": float, "contacts.v_out": float,
            "contacts.impulse": float}
 """What a hard log says by itself, column by column; the rest follows: a collision is an instant, of infinite force."""
+TABLES = {"time", "position", "velocity", "gap", "force", "ledger", "contacts", *OF_HARD}
+"""Those that a netCDF file has as variables of its own."""
 NEEDED = SHAPES.keys() - MAYBE | {"words"}
 """What a saved run holds at least; besides that forces, walls and the state."""
 PHYSICS = (dict, list, type(None))
@@ -47,6 +51,20 @@ CHANGED = "it was changed after it was saved"
 def write(path: str | PathLike[str], run: Any, compressed: bool = False) -> None:
     """Write a run to one ``.npz`` file, whole or not at all."""
     _files.check_ending(path, ".npz")
+    words, arrays = packed(run)
+
+    def fill(draft: str) -> None:
+        with open(draft, "wb") as file:
+            (np.savez_compressed if compressed else np.savez)(file, words=np.array(said(words)), **arrays)
+
+    _files.write(path, fill)
+
+
+def packed(run: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The words of a run, and its arrays by name."""
+    if run.law is None and run.rule is None:
+        raise ValueError("run has neither laws nor rules: numbers of another program are saved as .csv, .extxyz, or by "
+                         "to_xarray().")
     scene = fitted(run.scene, float(run.time[0]), float(run.time[-1]))
     arrays = {name: getattr(run, name) for name in ARRAYS}
     arrays |= {f"scene.{name}": getattr(scene, name) for name in SCENE}
@@ -67,12 +85,7 @@ def write(path: str | PathLike[str], run: Any, compressed: bool = False) -> None
     if scene.driven or scene.heated:
         words["walls"] = [wall and to_json(wall) for wall in (scene.floor, scene.ceiling)]
     words["digest"] = _digest(words, arrays)
-
-    def fill(draft: str) -> None:
-        with open(draft, "wb") as file:
-            (np.savez_compressed if compressed else np.savez)(file, words=np.array(_said(words)), **arrays)
-
-    _files.write(path, fill)
+    return words, arrays
 
 
 def _described(physics: tuple[Any, ...] | None) -> Any:
@@ -83,15 +96,15 @@ def _described(physics: tuple[Any, ...] | None) -> Any:
     return to_json(physics[0]) if same else [to_json(one) for one in physics]
 
 
-def _said(words: Mapping[str, Any]) -> str:
+def said(words: Mapping[str, Any]) -> str:
     """Return words as text; numbers of other types, such as numpy's, are floats."""
     return json.dumps(words, sort_keys=True, default=float)
 
 
 def _digest(words: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:
     """What changes if anything in a file does."""
-    said = {name: value for name, value in words.items() if name != "digest"}
-    digest = blake2b(_said(said).encode(), digest_size=16)
+    rest = {name: value for name, value in words.items() if name != "digest"}
+    digest = blake2b(said(rest).encode(), digest_size=16)
     for name in sorted(arrays):
         array = arrays[name]
         if name in OF_HARD:  # long: as zip does, six times as fast
@@ -114,8 +127,11 @@ def read(
     name = _files.checked_source("path", path)
     try:
         with open(name, "rb") as file:
-            _check_heads(_files.heads(file), log)
-            stored = _files.arrays(file)
+            if name.lower().endswith(".nc"):
+                stored = _of_netcdf(name, log)
+            else:
+                _check_heads(_files.heads(file), log)
+                stored = _files.arrays(file)
         words = _words(str(stored.pop("words")))
         _files.check_format(name, words.get("format", 1), words.keys() - WORDS.keys() - OTHERS.keys())
         _check_words(words, stored, statuses)
@@ -133,6 +149,37 @@ def read(
     except (TypeError, ValueError) as error:
         kind = TypeError if isinstance(error, TypeError) else ValueError
         raise kind(f"path is {name!r}: {error}") from None
+
+
+def _of_netcdf(name: str, log: np.dtype[Any]) -> dict[str, Any]:
+    """The arrays that the tables of a netCDF file and its checkpoint hold, as an ``.npz`` file would have them."""
+    xarray = _check.optional("xarray", "a file that ends in .nc")
+    _check.optional("netCDF4", "a file that ends in .nc")
+    try:
+        data = xarray.open_dataset(name, engine="netcdf4", decode_cf=False)
+    except (OSError, ValueError, RuntimeError):
+        raise _files.Foreign from None
+    with data:
+        most = _files.DENSEST * os.path.getsize(name) + _files.ROOM
+        if data.nbytes > most or any(data[one].dtype.kind not in "fiu" for one in data.variables if one != "side"):
+            raise _files.Foreign
+        table = {key: data[key].values for key in data.variables if key not in ("side", "mass", "radius")}
+    try:
+        file = BytesIO(table.pop("checkpoint").tobytes())
+        _files.heads(file)  # looks at what is there before any of it is read
+        stored = _files.arrays(file)
+        columns = {key: table.pop("contact_pair" if key == "pair" else key) for key in log.names or ()}
+        stored = table | stored
+        if "contacts" in stored:  # of hard spheres, without rows
+            stored |= {key: columns[key[9:]].astype(kind) for key, kind in OF_HARD.items()}
+        else:
+            stored["contacts"] = np.zeros(len(columns["pair"]), log)
+            for key, values in columns.items():
+                stored["contacts"][key] = values
+    except (KeyError, ValueError):
+        raise _files.Foreign from None
+    _check_heads({key: (value.dtype, value.shape) for key, value in stored.items()}, log)
+    return stored
 
 
 def _check_heads(heads: Mapping[str, _files.Head], log: np.dtype[Any]) -> None:

@@ -8,18 +8,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Any, NamedTuple, Protocol
+from os import PathLike
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from granular import _check, until as stop
-from granular._records import raw
+from granular._contact_log import CONTACT, CONTACT_ROW, Rows, contacts, in_order
 from granular.scene import Scene, positions, velocities
 from granular.scene.places import flaw
-from granular.trajectory import CONTACT, Status, Trajectory
+from granular.trajectory import Status, Trajectory
+
+if TYPE_CHECKING:
+    from granular._log_file import LogFile
 
 EVENTS = 1_000_000
 """Contacts after which a run ends if nothing else is said."""
@@ -32,8 +35,9 @@ class Request:
     start: float
     end: float
     until: stop.Until | None
-    samples: _check.Array | None
+    samples: _check.Array | int | str | None
     log: bool
+    stream: str | PathLike[str] | None
     max_events: int
     on_event: Callable[[Any], object] | None
     on_progress: Callable[[float, int], object] | None
@@ -52,12 +56,15 @@ def requested(
     end = math.inf if t_end is None else _check.number("t_end", t_end, at_least=start, fix="t_start is the earliest")
     if end < end - start == math.inf:
         raise ValueError(f"t_end is {t_end!r}: a time is needed to which numbers reach from t_start = {start!r}.")
+    log = given["log"]
+    stream = log if isinstance(log, (str, PathLike)) else None
     return Request(
         start=start,
         end=end,
         until=stop.checked(given["until"], scene.n_pairs),
         samples=_sample_times(given["samples"], start, end),
-        log=_check.truth("log", given["log"]),
+        log=stream is not None or _check.truth("log", log),
+        stream=stream,
         max_events=_check.whole("max_events", given["max_events"]),
         on_event=_check.callback("on_event", given["on_event"], "row"),
         on_progress=_check.callback("on_progress", given["on_progress"], "reached", "count"),
@@ -78,23 +85,23 @@ def check_end(
                          "max_events of your own.")
 
 
-def _sample_times(samples: int | ArrayLike | None, start: float, end: float) -> _check.Array | None:
-    """Return the times of the rows in s, or None for the first and the last.
+def _sample_times(samples: Any, start: float, end: float) -> _check.Array | int | str | None:
+    """Return the times of the rows in s, or None for the first and the last; what only the run itself can tell, rows
+    about its contacts or a number of them without an end, as it is.
 
     Raises
     ------
     TypeError, ValueError
-        If there is no time, or one outside [start, end], or one before its predecessor; if a number of rows is asked
-        for without an end.
+        If there is no time, or one outside [start, end], or one before its predecessor.
     """
     if samples is None:
         return None
+    if isinstance(samples, str):
+        return _check.choice("samples", samples, ("contacts",))
     if np.ndim(samples) == 0:
         fix = "give None for the first and the last row"
         count = _check.whole("samples", samples, at_least=2, at_most=_check.MOST, fix=fix)
-        if end == math.inf:
-            raise ValueError(f"samples is {count}: a number of rows needs t_end; give t_end, or the times themselves.")
-        return np.linspace(start, end, count)
+        return count if end == math.inf else np.linspace(start, end, count)
     times = _check.array("samples", samples)
     if len(times) == 0:
         raise ValueError("samples is empty: at least one time is needed; give None for the first and the last row.")
@@ -104,21 +111,37 @@ def _sample_times(samples: int | ArrayLike | None, start: float, end: float) -> 
     return times
 
 
+AROUND = np.arange(-2, 11) / 8
+"""Where rows about a contact are, in units of its duration from its onset."""
+
+
+def in_time(solve: Callable[[Request], Trajectory], request: Request) -> Trajectory:
+    """Solve what is requested; where only the run can tell the times of its rows, it is solved twice.
+
+    Nobody is told of the first time. Rows change no bit of a run, so the second one is the same.
+    """
+    asked = request.samples
+    if asked is None or isinstance(asked, np.ndarray):
+        return solve(request)
+    first = solve(replace(request, samples=None, log=True, stream=None, on_event=None, on_progress=None))
+    start, end = first.time[[0, -1]].tolist()
+    times = np.linspace(start, end, asked) if isinstance(asked, int) else _about(first.contacts, start, end)
+    return solve(replace(request, samples=times))
+
+
+def _about(log: Rows, start: float, end: float) -> _check.Array:
+    """Times in s about each contact, its onset and end among them; before an instant the last number before it."""
+    if len(log) * len(AROUND) > _check.MOST:
+        raise ValueError(f"samples is 'contacts': {len(log)} contacts would give more than {_check.MOST} rows; give a "
+                         "number of rows, or a t_end or until that stops earlier.")
+    begin, over = log["t_begin"], np.where(np.isnan(log["t_end"]), end, log["t_end"])
+    spread = (begin[:, None] + (over - begin)[:, None] * AROUND).ravel()
+    times = np.concatenate([[start, end], begin, over, spread, np.nextafter(begin[begin == over], -math.inf)])
+    return np.unique(times.clip(start, end))
+
+
 SAME = 1e-9
 """Part of the largest gap or velocity by which a state may show another last row than was saved with it."""
-Rows = np.ndarray[tuple[int], np.dtype[np.void]]
-"""Records with names: contacts as an engine keeps them, or as the public log shows them."""
-SIDES = {"lower_in": ("v_in", 0), "upper_in": ("v_in", 1), "lower_out": ("v_out", 0), "upper_out": ("v_out", 1)}
-"""Columns of an engine that are one of two in the public log."""
-COLUMNS = [(name, float) for name in (*SIDES, "xi_max", "force_max", "impulse")]
-"""Of soft spheres: velocities of the lower and the upper body at onset and end in m/s, peaks in m and N, impulse in
-N s."""
-CONTACT_ROW = np.dtype([("pair", int), ("t_begin", float), ("t_end", float), ("duration", float), *COLUMNS], align=True)
-"""A contact as soft spheres keep it; times in s, nan for what is still to come."""
-
-
-PART = 2048
-"""Contacts written at a time, column by column: so many stay near the processor."""
 AWHILE = 0.25
 """Seconds of processor time between two looks at a run, about."""
 
@@ -223,25 +246,35 @@ def portion(done: int, spent: float) -> int:
 
 def drive(run: Run) -> Trajectory:
     """Take a run to its end."""
+    if run.request.stream is None:
+        return _driven(run, [])
+    from granular._log_file import LogFile
+
+    with LogFile(run.request.stream, CONTACT_ROW) as stream:
+        return _driven(run, stream)
+
+
+def _driven(run: Run, log: list[Rows] | LogFile) -> Trajectory:
+    """Take a run to its end, with its contacts in a list or in a file."""
     request = run.request
-    settled: list[Rows] = []
-    samples = [] if request.samples is None else request.samples.tolist()
+    samples = request.samples.tolist() if isinstance(request.samples, np.ndarray) else []
     kept = [run.row(request.start)] if request.samples is None else []
     pause = Pause.reached
     for time in samples:
-        pause = _follow(run, time, False, settled)
+        pause = _follow(run, time, False, log)
         if pause is not Pause.reached:
             break
         kept.append(run.row(time))
     else:
-        pause = _follow(run, request.end, True, settled)
+        pause = _follow(run, request.end, True, log)
     end = run.end(pause, kept[-1].time if samples and kept else -math.inf)
     if end.row is not None:
         kept.append(end.row)
-    if end.running is not None:
-        settled.append(end.running)
-    rows = settled if request.log else []
-    log = rows[0] if len(rows) == 1 and rows[0].dtype == CONTACT else contacts(rows)
+    if end.running is not None and request.log:
+        log.extend([end.running])
+    stats = end.stats if isinstance(log, list) else {**end.stats, "log": log.path}
+    rows = log if isinstance(log, list) else []
+    table = rows[0] if len(rows) == 1 and rows[0].dtype == CONTACT else contacts(rows)
     columns: list[Any] = [None if column[0] is None else np.array(column) for column in zip(*kept, strict=True)]
     kept.clear()  # rows of a million balls are large
     time, elapsed, gap, velocity, rate, force, ledger = columns
@@ -255,8 +288,8 @@ def drive(run: Run) -> Trajectory:
     return Trajectory(
         scene=run.scene, law=run.law, rule=run.rule, time=time, position=position,
         velocity=velocity, gap=gap, force=force, ledger=ledger,
-        contacts=log if run.in_order else _sorted(log), status=status,
-        message=message, stats=end.stats, state=end.state,
+        contacts=table if run.in_order else in_order(table), status=status,
+        message=message, stats=stats, state=end.state,
     )
 
 
@@ -286,14 +319,14 @@ def _alike(one: _check.Array, other: _check.Array) -> bool:
     return bool(np.abs(one - other).max() <= SAME * np.abs(other).max())
 
 
-def _follow(run: Run, time: float, last: bool, settled: list[Rows]) -> Pause:
+def _follow(run: Run, time: float, last: bool, log: list[Rows] | LogFile) -> Pause:
     """Go on to `time`; take contacts as they settle and hand them on, tell of progress; return why that is the end."""
     request = run.request
     while True:
         pause = run.to(time, last)
         rows = run.rows()
         if request.log:
-            settled += rows
+            log.extend(rows)
         if request.on_event is not None:
             for row in contacts(rows):
                 request.on_event(row)
@@ -301,40 +334,3 @@ def _follow(run: Run, time: float, last: bool, settled: list[Rows]) -> Pause:
             request.on_progress(*run.progress())
         if pause is not Pause.full:
             return pause
-
-
-def _sorted(log: Rows) -> Rows:
-    """Return contacts in the order of their onset, of several in one instant in that of their pairs."""
-    if len(log) < 2:
-        return log
-    onset, pair = np.ascontiguousarray(log["t_begin"]), np.ascontiguousarray(log["pair"])
-    if not ((onset[1:] > onset[:-1]) | ((onset[1:] == onset[:-1]) & (pair[1:] > pair[:-1]))).all():
-        order = np.argsort(onset, kind="stable")  # they nearly are, which this sort makes use of
-        tied = (np.diff(onset[order]) == 0.0).any()
-        log = raw(log)[np.lexsort((pair, onset)) if tied else order].view(CONTACT)
-    return log
-
-
-def contacts(settled: list[Rows]) -> Rows:
-    """Return contacts, with the columns that an engine keeps, as the public log.
-
-    What has no end of its own is an instant, of infinite force. `settled` is used up: what is written needs no memory.
-    """
-    log = np.zeros(sum(map(len, settled)), CONTACT)
-    stop = 0
-    while settled:
-        some = settled.pop(0)
-        for k in range(0, len(some), PART):
-            rows = some[k : k + PART]
-            part, stop = log[stop : stop + len(rows)], stop + len(rows)
-            if rows.dtype == CONTACT:
-                raw(part)[:] = raw(rows)
-                continue
-            names = rows.dtype.names or ()
-            if "t_end" not in names:
-                part["t_end"], part["force_max"] = rows["t_begin"], np.nan
-            for name in names:
-                column, side = SIDES.get(name, (name, None))
-                target = part[column] if side is None else part[column][:, side]
-                target[:] = rows[name]
-    return log

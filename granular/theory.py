@@ -5,18 +5,21 @@ The *independent-collision model* (ICM) of Müller & Pöschel (PRE 83, 041304, 2
 one bounces first and then meets the upper one, and no two collisions overlap in time. Then stacks, tapered chains and
 the bouncing ball in the same spirit. Velocities are positive upwards. Every form is free of cancellation except
 where its value itself goes through zero.
+
+`obtained` is about soft spheres: the ε that DEM codes give when they are asked for one.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from granular import _check
+from granular.laws import dashpot
 
 __all__ = [
     "TwoBallDrop",
@@ -26,6 +29,7 @@ __all__ = [
     "chain_velocity",
     "effective_restitution",
     "most_collisions",
+    "obtained",
     "rise",
     "stack_limit",
     "stack_velocities",
@@ -260,6 +264,74 @@ def most_collisions(masses: Sequence[float]) -> int:
     m1, m2, m3 = _masses(_check.array("masses", masses, (3,))).tolist()
     turns = math.pi / math.atan(math.sqrt(m2 / m1 * ((m1 + m2 + m3) / m3)))
     return round(turns) if abs(turns - round(turns)) < 1e-12 * turns else math.ceil(turns)
+
+
+def obtained(convention: str, restitution: float, *, clipped: bool) -> float:
+    """Return the ε that a contact has when a DEM code is asked for one: what codes do with the number differs.
+
+    Parameters
+    ----------
+    convention : str
+        One of those below: how the code makes damping of the number, as its document or source says.
+    restitution : float
+        The ε asked for, in (0, 1].
+    clipped : bool
+        Whether forces are cut off where they would pull (``limit_damping`` of LAMMPS, ``limitForce`` of LIGGGHTS), or
+        contacts pull until the overlap is gone.
+
+    Returns
+    -------
+    float
+        Of an isolated contact, at any speed: ε = exp(-2 ζ f(ζ)) if clipped (`granular.laws.dashpot`), else
+        exp(-πζ/√(1-ζ²)), 0 from ζ = 1 on. Damping α √(m_eff k) ξ^¼ ξ̇ beside k ξ^(3/2) has ζ = α/√5.
+
+    Notes
+    -----
+    With ℓ(e) = |ln e|/√(π² + ln² e), p Marshall's polynomial and h Thornton's (the manual and the source of each):
+
+    * lammps/tsuji, released until July 2026: α = p(e) = 1.2728 - 4.2783 e + 11.087 e² - 22.348 e³ + 27.467 e⁴
+      - 18.022 e⁵ + 4.8218 e⁶; lammps/tsuji-2026: α = √2 p(e);
+    * lammps/coeff_restitution, for hooke and hertz: ζ = ℓ(e), from η = -2 √(5/6) ln e/√(π² + ln² e) √((3/2) k m) and
+      √(4 m k/(1 + (π/ln e)²)); lethe and liggghts/hertz the same, from 2 √(5/6) ℓ √(S m), S = 2 E* √(R ξ);
+    * mfix/hertz: η = 2 √(m k) ℓ(e) ξ^¼, so that ζ = 2 ℓ/√5;
+    * yade/hertz-mindlin, since merge request 919: c = 2 β √(m S), β² = 1/(1 - (1 + e)² exp h(e)) - 1, so that
+      ζ = √(6/5) β (Thornton, Cummins & Cleary, Powder Technol. 233, 30 (2013), eqs. B6 and B7).
+
+    The α that gives exactly ε under clipped forces is √5 ζ(ε): `TsujiHertz.from_restitution`.
+    """
+    zeta = CONVENTIONS[_check.choice("convention", convention, list(CONVENTIONS))](
+        _check.number("restitution", restitution, above=0.0, at_most=1.0))
+    return dashpot.restitution(zeta) if _check.truth("clipped", clipped) else dashpot.restitution_pulling(zeta)
+
+
+def _of_logarithm(eps: float) -> float:
+    """ζ that gives ε if contacts may pull."""
+    return abs(math.log(eps)) / math.hypot(math.pi, math.log(eps))
+
+
+def _marshall(eps: float) -> float:
+    """ζ = α/√5 of Marshall's polynomial."""
+    return _polynomial(eps, 1.2728, -4.2783, 11.087, -22.348, 27.467, -18.022, 4.8218) / math.sqrt(5.0)
+
+
+def _thornton(eps: float) -> float:
+    """ζ = √(6/5) β of Thornton's fit; β = 0 at ε = 1, where the fit has .0045."""
+    h = _polynomial(eps, 0.0, -6.918798, -16.41105, 146.8049, -796.4559, 2928.711, -7206.864, 11494.29, -11342.18,
+                    6276.757, -1489.915)
+    return math.sqrt(1.2 / (1.0 - (1.0 + eps) ** 2 * math.exp(h)) - 1.2) if eps < 1.0 else 0.0
+
+
+def _polynomial(x: float, *coefficients: float) -> float:
+    """Σ c_i x^i, the constant first."""
+    return float(np.polynomial.polynomial.polyval(x, coefficients))
+
+
+CONVENTIONS: dict[str, Callable[[float], float]] = {
+    "lammps/tsuji": _marshall, "lammps/tsuji-2026": lambda eps: math.sqrt(2.0) * _marshall(eps),
+    "lammps/coeff_restitution": _of_logarithm, "lethe": _of_logarithm, "liggghts/hertz": _of_logarithm,
+    "mfix/hertz": lambda eps: 2.0 / math.sqrt(5.0) * _of_logarithm(eps), "yade/hertz-mindlin": _thornton,
+}
+"""Damping ratio ζ by the ε asked for, see `obtained`."""
 
 
 def _restitutions(restitution: float | Sequence[float], n: int) -> _check.Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
@@ -12,28 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from granular import _check
 from granular._check import Array
+from granular._contact_log import CONTACT as CONTACT
 from granular.laws.kinds import resolved
 from granular.scene import Scene
 from granular.scene.places import points as scene_points
-
-CONTACT = np.dtype(
-    [
-        ("pair", np.int64),
-        ("t_begin", np.float64),
-        ("t_end", np.float64),
-        ("duration", np.float64),
-        ("v_in", np.float64, (2,)),
-        ("v_out", np.float64, (2,)),
-        ("xi_max", np.float64),
-        ("force_max", np.float64),
-        ("impulse", np.float64),
-    ]
-)
-"""One row per contact, sorted by `t_begin`. SI units: pair number; onset and end in s (equal in EDMD); duration in s,
-accumulated from the onset so that late times cost no digits; velocities of the lower and the upper body in m/s before
-and after; largest overlap in m; largest force in N (nan in EDMD, where it is infinite); impulse in N s. A contact still
-open when the run ends has `t_end` and `v_out` nan, and its duration, peaks and impulse so far."""
 
 
 class Status(Enum):
@@ -70,7 +54,7 @@ class Trajectory:
     force : (T, n-1) array or None
         Contact forces in N, ≥ 0 for repulsion (md only).
     contacts : structured array
-        The contact log, see `granular.trajectory.CONTACT`; empty if ``log=False``.
+        The contact log, see `granular.trajectory.CONTACT`; empty if ``log=False`` or a file.
     status, message : Status, str
         Why the run ended, and the sentence with its numbers.
     stats : dict
@@ -121,6 +105,23 @@ class Trajectory:
     def count(self, pair: int) -> int:
         """Number of contacts of `pair` that began."""
         return len(self.rows(pair))
+
+    def contact_batches(self, size: int = 100_000) -> Iterator[np.ndarray[tuple[int], np.dtype[np.void]]]:
+        """Go through the contact log, as in `contacts`, so many rows at a time; also where it is a file.
+
+        Rows of a file (``log="run.npy"``) come in the order in which contacts end, each read when its turn comes.
+
+        Raises
+        ------
+        OSError, ValueError
+            If the file is not there any more, or is no log.
+        """
+        from granular._log_file import batches, mapped
+
+        count = _check.whole("size", size, at_least=1)
+        path = self.stats.get("log")
+        rows = self.contacts if path is None else mapped(path)
+        return batches(rows, count)
 
     @property
     def first_disturbed(self) -> tuple[float, int]:
@@ -239,17 +240,74 @@ class Trajectory:
         _films.animate(self, path, seconds, fps)
 
     def save(self, path: str | PathLike[str], *, compressed: bool = False) -> None:
-        """Write everything to one ``.npz`` file, whole or not at all; `load` reads it back.
+        """Write the run to one file in the format of its ending, whole or not at all.
 
-        Of the log of a hard run only its own columns are written, 52 bytes a collision; `load` derives the others. A
-        file that is `compressed` is smaller, by a third or more, and takes some twenty times as long.
+        ``.npz`` and ``.nc`` (netCDF, extra ``sweep``) hold everything: `load` reads them back, bit for bit. ``.csv``
+        is the contact log as `to_frame` has it, ``.extxyz`` the rows, for OVITO and ASE: balls on the x axis, walls as
+        numbers ``floor`` and ``ceiling`` of each frame. All digits are written, in SI units.
+
+        Of the log of a hard run only its own columns are written to ``.npz``, 52 bytes a collision; `load` derives the
+        others. A file that is `compressed` is smaller, by a third or more, and takes some twenty times as long.
 
         Force laws and rules of this package are stored with their numbers; your own by name only. The path of a wall
         that a function of yours moves is stored as far as the run goes.
         """
-        from granular import _saved_run
+        from granular.export import files
 
-        _saved_run.write(path, self, compressed)
+        files.save(path, self, compressed)
+
+    def to_xarray(self) -> Any:
+        """Rows and contacts as an `xarray.Dataset` (extra ``sweep``), with units, scene, law and versions in its attrs.
+
+        Dimensions are *time*, *body*, *pair*, *contact*, and *side* (lower, upper); the pair of a contact is
+        ``contact_pair``. By xarray's own writers it becomes netCDF or zarr.
+        """
+        from granular.export import table
+
+        return table.dataset(self)
+
+    def to_frame(self, what: str = "contacts") -> Any:
+        """The contacts, or the samples, as a `pandas.DataFrame` (extra ``sweep``) of flat columns, in SI units.
+
+        Of contacts *pair*, *t_begin*, *t_end*, *duration*, *v_in_lower*, *v_in_upper*, …; of samples *time*,
+        *position_0*, …, *velocity_0*, …, *gap_0*, … and, of soft spheres, *force_0*, ….
+        """
+        from granular.export import table
+
+        return table.frame(self, what)
+
+    @classmethod
+    def from_arrays(
+        cls, scene: Scene, time: Any, *, position: Any = None, gap: Any = None, velocity: Any
+    ) -> Trajectory:
+        """Make a run of what another program has computed, to be drawn, written, or held against both engines.
+
+        Parameters
+        ----------
+        scene : Scene
+            What it started from.
+        time : (T,) array
+            In s, not decreasing.
+        position, velocity : (T, n) arrays
+            Of all bodies, walls too, from the bottom up, in m and m/s; instead of positions the
+        gap : (T, n-1) array, (T, n) on a ring
+            between surfaces in m.
+
+        Raises
+        ------
+        TypeError, ValueError
+            With a sentence, if shapes do not fit, times decrease, or a number is not finite.
+
+        Notes
+        -----
+        It has rows only: no law, no rule, no forces, no state, and an empty log, for when contacts began and ended is
+        not known from rows; its energy is without that of overlaps.
+        """
+        from granular.export import table
+
+        parts = table.of_arrays(scene, time, position, gap, velocity)
+        return cls(**parts, law=None, rule=None, force=None, contacts=np.zeros(0, CONTACT), status=Status.time,
+                   message="numbers from elsewhere: rows only, no contact log", stats={"contacts": math.nan})
 
     @classmethod
     def load(cls, path: str | PathLike[str], law: Any = None, rule: Any = None) -> Trajectory:
@@ -258,7 +316,7 @@ class Trajectory:
         Parameters
         ----------
         path : str or path
-            The ``.npz`` file.
+            The ``.npz`` or ``.nc`` file.
         law, rule : optional
             In place of the stored ones; needed where they were your own.
 
@@ -286,7 +344,7 @@ class Trajectory:
         return html(repr(self), [["body", "position / m", "velocity / (m/s)"], *abridged(rows)])
 
     def __repr__(self) -> str:
-        engine = "md" if self.rule is None else "edmd"
+        engine = "edmd" if self.rule is not None else "md" if self.law is not None else "from elsewhere"
         return (
             f"Trajectory({engine}, {self.scene}, t = {self.time[0]:g} … {self.time[-1]:.6g} s, "
             f"{len(self.contacts)} contacts, {self.status.name}: {self.message})"

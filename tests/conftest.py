@@ -5,16 +5,19 @@ import importlib
 import math
 import subprocess
 from collections import Counter
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
 from machine import pytest_configure, pytest_runtest_call, pytest_runtest_setup  # noqa: F401
 from noise import pytest_itemcollected  # noqa: F401
 
-settings.register_profile("same", derandomize=True, deadline=None)  # the same draws everywhere, and no clock
-settings.load_profile("same")
+with suppress(ImportError):  # files marked `core` do without
+    from hypothesis import settings
+
+    settings.register_profile("same", derandomize=True, deadline=None)  # the same draws everywhere, and no clock
+    settings.load_profile("same")
 MAKERS = "test_edmd_actions", "test_edmd_blocks", "test_edmd_engines", "test_located_compiled", "test_md_fixed_engines"
 """Files that have machine code made for nearly all that others need."""
 PATIENCE = {"md.located.run": {"MAKING": math.inf}, "md.located.pace": {"MAKING_LOOK": math.inf},

@@ -12,6 +12,7 @@ import pytest
 import granular as gr
 from granular import binary
 
+pytestmark = pytest.mark.core
 ROWS = json.loads((Path(__file__).parent / "reference/catalogue.json").read_text())["rows"]
 UNIT = gr.Pair(m_eff=1.0, r_eff=1.0, index=0)
 

@@ -14,6 +14,7 @@ from granular.rules import ConstantRestitution, TabulatedRestitution
 from granular.scene import Scene
 from granular.trajectory import Status
 
+pytestmark = pytest.mark.core
 OWN = """
 [scene]
 mass = [inf, 4.0, "inf"]
@@ -45,7 +46,7 @@ def assert_same_scene(a: Scene, b: Scene) -> None:
 
 
 KINDS = ("float", "int", "bool", "str", "Sequence[float]", "float | None", "Sequence[float] | None",
-         "float | Sequence[float]", "str | Ball", "str | Ball | None", "Any")
+         "float | Sequence[float]", "str | None", "str | Ball", "str | Ball | None", "Any")
 """What the command line can read."""
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.drive import contacts
+from granular._contact_log import contacts
 from granular.edmd import run as runs
 from granular.edmd.records import ROW
 from granular.edmd.sorted_queue import SortedQueue

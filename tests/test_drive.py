@@ -8,6 +8,7 @@ import pytest
 import granular as gr
 from granular.drive import End, Pause, Row, drive, requested
 
+pytestmark = pytest.mark.core
 HARD = np.dtype([("pair", int), ("t_begin", float), ("lower_in", float), ("upper_out", float), ("impulse", float)])
 SOFT = np.dtype([("pair", int), ("t_begin", float), ("t_end", float), ("xi_max", float), ("force_max", float)])
 SCENE = gr.Scene([1.0, 2.0, 1.0], [0.0] * 3, [1.0, 1.0], [0.0] * 3)

@@ -13,6 +13,7 @@ from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.trajectory import Status
 
+pytestmark = pytest.mark.core
 CRADLE = Scene([1.0] * 3, [0.0] * 3, [1.0, 0.0], [1.0, 0.0, 0.0])
 
 

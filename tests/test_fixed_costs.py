@@ -13,6 +13,7 @@ from granular.md.fixed import run as fixed
 from granular.md.fixed.integrators import INTEGRATORS
 from granular.md.fixed.stepper import Stepper
 
+pytestmark = pytest.mark.core
 verlet = partial(gr.md.simulate, method="verlet", dt=1e-4, engine="plain")
 
 

@@ -7,6 +7,7 @@ import pytest
 
 import granular as gr
 
+pytestmark = pytest.mark.core
 LAWS = [gr.LinearDashpot(1e3), gr.LinearDashpot(30.0, 0.3), gr.Hertz(1e3), gr.ViscoelasticHertz(1e3, 10.0)]
 
 

@@ -20,6 +20,7 @@ from granular.reference import solve
 from granular.scene import Scene
 from granular.trajectory import Status, Trajectory
 
+pytestmark = pytest.mark.core
 SETS = json.loads((Path(__file__).parent / "reference" / "reference_soft.json").read_text())
 
 

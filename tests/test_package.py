@@ -5,11 +5,14 @@ import re
 import tomllib
 from pathlib import Path
 
+import pytest
+
 import granular as gr
 from granular._about import EXTRAS, NAME, install
 from granular.cli import info
 from granular.page.assemble import LIVE, PLAYER, _needed
 
+pytestmark = pytest.mark.core
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 OTHER = {"granular": ["granular", NAME]}
@@ -67,3 +70,22 @@ def test_info_says_where_machine_code_is_kept_or_that_it_is_not(monkeypatch):
     monkeypatch.setattr("granular._kernels.no_compiler", str)
     monkeypatch.setattr("granular._kernels.load_numba", nowhere)
     assert "set NUMBA_CACHE_DIR" in info.numba()
+
+
+def test_what_contributing_names_is_there():
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"[\w.-]+/[\w./-]*\w", text)) | set(re.findall(r"\]\(([^)#]+)", text))
+    assert {"README.md", ".ci/run", "bench/paired.py", "docs/reading.md"} <= named
+    assert [name for name in named if not (ROOT / name).is_file()] == []
+
+
+def test_a_change_is_one_whole_line():
+    head, *changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").split("\n- ")
+    assert f"\n## {PROJECT['version']} — " in head
+    for line in changes:
+        line = line.partition("\n\n")[0].strip()
+        assert "\n" not in line
+        assert len("- " + line) <= 120
+        assert line.endswith(".")
+        assert line.count("(") == line.count(")")
+        assert line.count("`") % 2 == 0

@@ -116,6 +116,16 @@ def test_claim_more_contacts_with_growing_ratio():
     assert ratio["contacts"].values[-1, 1] == 9
 
 
+    dashed = gr.sweep("three-balls", {"radii[0]": [0.074, 0.08, 0.1, 0.15, 0.2]}, "contacts", restitution=0.5)
+    assert dashed["contacts"].values[:, 1].tolist() == [5, 4, 4, 4, 4]  # refuted in general
+
+
+def test_effective_restitution_over_the_gap():
+    data = gr.sweep("three-balls", {"gap": [5e-6, 2e-4, 5e-2]}, ("contacts", "eps_ratio"), restitution=0.9)
+    assert data["contacts"].values[:, 1].tolist() == [6, 2, 1]
+    assert data["eps_ratio"].values == pytest.approx([0.003199, 0.351862, 1.000926], rel=0.0, abs=5e-7)
+
+
 def test_claim_limit_at_large_gap_is_above_one():
     limit = float(cell("eps_ratio", gap=0.05, restitution=0.9)["eps_ratio"])
     assert limit == pytest.approx(1.0009257655540613, abs=1e-12)
@@ -144,6 +154,14 @@ def test_claim_adiabatic_solution_agrees(ratio, within):
     assert differing == (0 if ratio == 10.0 else 1)
 
 
+def test_adiabatic_solution_of_figure_2():
+    scene = gr.scenes.three_balls()
+    law = setting.dashpots(scene, 0.7)
+    run, theirs = gr.md.simulate(scene, law, until=END), adiabatic.contacts(scene, law)
+    assert theirs.count == run.count(1) == 4
+    assert theirs.v2 == pytest.approx(run.of(1)["v_out"][-1][1], rel=0.0, abs=1e-3 * abs(theirs.v10))
+
+
 def test_independent_collisions_give_one_form_of_v_rel():
     for mass_ratio, gap, gravity in ((0.0, 1e-4, 9.81), (0.3, 1e-2, 1.0), (2.0, 0.0, 20.0)):
         drop = theory.two_ball_drop(mass_ratio, 0.7, 0.5, gap, gravity)
@@ -159,6 +177,15 @@ def test_stacks_follow_the_closed_formula_only_with_gaps():
         top = gr.md.simulate(scene, law, until=gr.until.separated()).velocity[-1][-1]
         assert (abs(top / formula - 1.0) < 1e-9) == right
         assert right or top < 0.8 * formula
+
+
+@pytest.mark.parametrize(("ratio", "eps", "holds"), [(0.05, 1.0, True), (0.3, 0.5, True), (0.9, 0.9, True),
+                                                     (1.0, 0.9, False)])
+def test_hard_stacks_follow_the_closed_formula_where_each_ball_is_lighter(ratio, eps, holds):
+    stack = gr.scenes.ball_stack(5, ratio, speed=1.0, gap=1e-9, gravity=0.0)
+    run = gr.edmd.simulate(stack, gr.ConstantRestitution(eps), until=gr.until.separated())
+    off = abs(run.velocity[-1, -1] - theory.stack_velocities(stack.mass[1:], eps)[-1])
+    assert off < 1e-12 if holds else off > 0.06
 
 
 @pytest.mark.thirds

@@ -11,6 +11,7 @@ from granular import rules
 from granular.rules import ConstantRestitution, TabulatedRestitution
 from granular.scene import Pair, Scene
 
+pytestmark = pytest.mark.core
 PAIRS = Scene([math.inf, 1.0, 2.0], [0.0, 0.1, 0.1], [1.0, 1.0], [0.0, 0.0, 0.0]).pairs
 
 

@@ -9,6 +9,7 @@ import pytest
 from granular import scenes
 from granular.scene import Pair, Scene, positions
 
+pytestmark = pytest.mark.core
 INF = math.inf
 
 

@@ -13,6 +13,7 @@ from granular.rules import ConstantRestitution
 from granular.scene import Scene
 from granular.walls import Thermal
 
+pytestmark = pytest.mark.core
 READY = [scenes.three_balls, scenes.ball_stack, scenes.newtons_cradle, scenes.chain, scenes.column, scenes.gas,
          scenes.bouncing_ball, scenes.vibrated_column, scenes.compressed_chain, scenes.ring_gas, scenes.heated_gas,
          scenes.pendulum_cradle]
@@ -24,7 +25,7 @@ def test_every_scene_stands_by_itself_and_documents_each_parameter(make):
     assert isinstance(scene, Scene)
     assert (scene.gap >= 0.0).all()
     for name in inspect.signature(make).parameters:
-        assert f"\n    {name} : " in make.__doc__, f"{name} is not documented"
+        assert f"\n{name} : " in inspect.getdoc(make), f"{name} is not documented"
 
 
 @pytest.mark.exact

@@ -11,6 +11,8 @@ import pytest
 import granular as gr
 from granular.trajectory import points
 
+pytestmark = pytest.mark.core
+
 
 @dataclass(frozen=True)
 class OwnSpring:

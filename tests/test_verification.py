@@ -14,6 +14,7 @@ from bench import make_verification as maker
 from granular.cli import main
 from granular.reference import verification
 
+pytestmark = pytest.mark.core
 LAWS = {"LinearDashpot": gr.LinearDashpot, "Hertz": gr.Hertz}
 RUNS = [(name, run) for name, (_, _, runs) in maker.CASES.items() for run in runs]
 WAVE = "solitary-wave"

@@ -9,14 +9,14 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from granular import _check, laws, rules, walls
+from granular import _check, laws, materials, rules, walls
 from granular.cases.case import parameters_of
 from granular.scene import Pair
 
@@ -24,7 +24,7 @@ on_running: list[Callable[[str], object]] = []
 """Who is told that a file read now names Python code, and which, before that runs."""
 CONSTRUCTORS = ("from_restitution", "from_material", "from_acceleration")
 """Other ways to make a thing than by its fields."""
-LAWS: dict[str, Any] = {name: getattr(laws, name) for name in laws.__all__}
+LAWS: dict[str, Any] = {name: law for name in laws.__all__ if is_dataclass(law := getattr(laws, name))}
 RULES: dict[str, Any] = {kind.__name__: kind for kind in (rules.ConstantRestitution, rules.TabulatedRestitution)}
 WALLS: dict[str, Any] = {name: getattr(walls, name) for name in walls.__all__}
 MOVING = ("floor", "ceiling", "plate")
@@ -130,8 +130,22 @@ def _of_file(path: str) -> Any:
 
 
 def law(table: Mapping[str, Any], pair: Pair) -> Any:
-    """Make a force law: ``type`` and its coefficients, or what its `from_restitution` or `from_material` takes."""
-    return _of_type(LAWS, table, pair=pair)
+    """Make a force law: ``type`` and its coefficients, or what its `from_restitution` or `from_material` takes.
+
+    ``material``, a name of `granular.materials` or two (lower, upper), stands for ``young`` and ``poisson``.
+    """
+    given = dict(table)
+    if "material" in given:
+        if clash := {"young", "poisson"} & given.keys():
+            raise ValueError(f"keys material and {min(clash)} are both given: one of the two ways is needed.")
+        of_material = [name for name, kind in LAWS.items() if hasattr(kind, "from_material")]
+        _check.choice("type of a law of a material", given.get("type"), of_material)
+        one = given.pop("material")
+        names = one if isinstance(one, list) else [one, one]
+        if len(names) != 2:
+            raise ValueError(f"material has {len(names)} entries: one, or two (lower, upper), are needed.")
+        given["young"], given["poisson"] = materials.both(*names)
+    return _of_type(LAWS, given, pair=pair)
 
 
 def rule(table: Mapping[str, Any]) -> Any:

@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from granular import _check, balls, scenes, until, walls, waves
+from granular import _check, balls, materials, scenes, until, walls, waves
 from granular.cases import build
 from granular.cases.case import Case, Option, options_of, summary
 from granular.laws import Hertz, LinearDashpot
+from granular.laws.hertz import hertz_stiffness
 from granular.rules import ConstantRestitution
-from granular.scene import Scene
+from granular.scene import Pair, Scene
 
 STEEL = {"restitution": 1.0, "stiffness": 2e10, "law": "TsujiHertz"}
 """Elastic Hertz contacts of steel balls of 1 kg; below ε = 1 with Tsuji's damping."""
@@ -43,7 +44,8 @@ def first_impact_speed(scene: Scene) -> float:
 
 
 def of_restitution(
-    scene: Scene, restitution: float | Sequence[float] = 0.7, stiffness: float = 5e7, law: str = "LinearDashpot"
+    scene: Scene, restitution: float | Sequence[float] = 0.7, stiffness: float = 5e7, law: str = "LinearDashpot",
+    material: str | None = None,
 ) -> tuple[tuple[Any, ...], Any]:
     """Return force laws and the collision rule of the same restitution for all pairs of a scene.
 
@@ -56,20 +58,27 @@ def of_restitution(
     law : str
         LinearDashpot, Hertz (elastic: restitution 1), TsujiHertz, WaltonBraun, or ViscoelasticHertz (restitution then
         holds at the speed of the first impact, and falls with speed).
+    material : str, optional
+        What balls and walls are made of, a name of `granular.materials`: in place of stiffness, for the Hertz laws.
 
     Returns
     -------
     tuple of laws, rule or None
         The rule is None where restitution depends on speed: then it is to be taken from the laws.
     """
-    way = WAYS[_check.choice("law", law, list(WAYS))]
+    known = list(WAYS) if material is None else [name for name in WAYS if "Hertz" in name]
+    way = WAYS[_check.choice("law" if material is None else "law of a material", law, known)]
     needs = {parameter.name for parameter in build.parameters(way)}
-    k = _check.number("stiffness", stiffness, above=0.0)
-    given = {"k": k, "k_load": k, "speed": first_impact_speed(scene)}
-    values = {key: value for key, value in given.items() if key in needs}
+    k, speed = _check.number("stiffness", stiffness, above=0.0), first_impact_speed(scene)
     eps = list(restitution) if isinstance(restitution, Sequence) else restitution
-    laws = build.each_pair(lambda e, pair: build.call([way], {"restitution": e} | values, pair=pair),
-                           _check.per_pair("restitution", eps, scene.n_pairs), scene.pairs)
+    of = None if material is None else materials.named(material)
+
+    def made(e: float, pair: Pair) -> Any:
+        stiff = k if of is None else hertz_stiffness(of.young, of.poisson, pair)
+        values = {"restitution": e, "k": stiff, "k_load": stiff, "speed": speed}
+        return build.call([way], {key: value for key, value in values.items() if key in needs}, pair=pair)
+
+    laws = build.each_pair(made, _check.per_pair("restitution", eps, scene.n_pairs), scene.pairs)
     return laws, None if "speed" in needs else ConstantRestitution(eps)
 
 
@@ -239,6 +248,8 @@ def bare(name: str, of_scene: Mapping[str, Any], t_end: float | None = None) -> 
 def touching(name: str, case: Case, **of_contact: Any) -> Case:
     """Return a bare case of that name with its contacts, with options of how it touches."""
     template = _named(name)
+    if {"material", "stiffness"} <= of_contact.keys():
+        raise ValueError("material and stiffness are both given: one of the two is needed.")
     law, rule = template.touch(case.scene, **(dict(template.contact) | of_contact))
     return replace(case, law=law, rule=rule)
 

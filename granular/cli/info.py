@@ -63,13 +63,21 @@ class Info(Command):
 
 def numba() -> str:
     """Return where numba keeps machine code, in its own words; or why there is none."""
-    if why := _kernels.no_compiler():
-        return why
     try:
-        kept: str = _kernels.load_numba().njit(cache=True)(_flight.gap_after).stats.cache_path
+        return f"kept in {kept()}, which can be written"
+    except (ImportError, OSError) as why:
+        return str(why)
+
+
+def kept() -> str:
+    """Return the folder in which numba keeps machine code; raise if there is no compiler, or no such folder."""
+    if why := _kernels.no_compiler():
+        raise ImportError(why)
+    try:
+        return str(_kernels.load_numba().njit(cache=True)(_flight.gap_after).stats.cache_path)
     except RuntimeError:
-        return "made anew by every process: numba can write nowhere; set NUMBA_CACHE_DIR to a folder that it can"
-    return f"kept in {kept}, which can be written"
+        raise OSError("nothing is kept, every process compiles anew: numba can write nowhere; "
+                      "set NUMBA_CACHE_DIR to a folder that it can") from None
 
 
 def others() -> list[str]:

@@ -56,7 +56,9 @@ class Run(Command):
         parser.add_argument("--watch", action="store_true", help="(--engine edmd only) count collisions that would "
                             "overlap in time with a neighbour's under the force law of the scene: a warning, not a "
                             "proof")
-        output.offer(parser, save="write the trajectory and its contact log")
+        parser.add_argument("--log", metavar="FILE.npy", help="write contacts there as the run goes on")
+        output.offer(parser, save="write the trajectory and its contact log; by its ending also .nc (netCDF), .csv "
+                                  "(contacts) or .extxyz (OVITO)")
         each = {engine: {o.name: o for o in offered(engine_named(engine))} for engine in ENGINES}
         merged: dict[str, Option] = {}
         for engine, other in (ENGINES, ENGINES[::-1]):
@@ -69,6 +71,7 @@ class Run(Command):
     def run(given: argparse.Namespace) -> list[Trajectory]:
         case = case_of(given)
         options = given.run | ({"watch": case.physics("md")} if given.watch else {})
+        options |= {"log": given.log} if given.log else {}
         with output.Progress(given.run.get("t_end", case.t_end)) as progress:
             trajectory = case.simulate(given.engine, **options, on_progress=progress)
         print(summary(case, trajectory))

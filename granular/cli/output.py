@@ -18,6 +18,7 @@ from typing import Any, TextIO
 from granular import _files
 from granular._check import optional
 from granular.cases.ready import is_file
+from granular.export import files
 
 PATIENCE, INTERVAL = 2.0, 0.5
 """Seconds before the first line, and between two."""
@@ -50,7 +51,10 @@ def check(given: argparse.Namespace) -> None:
         _check_writable(name)
     check_apart(written, [given.target] if given.target and is_file(given.target) else [])
     if getattr(given, "save", None) is not None:
-        _files.check_ending(given.save, given.save_as)
+        if given.save_as == ".npz":
+            files.ending_of(given.save)
+        else:
+            _files.check_ending(given.save, given.save_as)
     if getattr(given, "plot", None) is not None:
         optional("matplotlib.backend_bases", "--plot")
         _files.check_picture(given.plot)

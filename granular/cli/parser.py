@@ -22,7 +22,8 @@ from granular.trajectory import Trajectory
 COMMANDS = {
     "scenes": "one_scene:Scenes", "run": "one_scene:Run", "compare": "one_scene:Compare", "sweep": "sweep:Sweep",
     "threshold": "one_scene:Threshold", "frontier": "one_scene:Frontier", "stability": "one_scene:Stability",
-    "page": "pages:Page", "view": "pages:View", "verify": "verify:Verify", "info": "info:Info",
+    "page": "pages:Page", "view": "pages:View", "verify": "verify:Verify", "warm": "warm:Warm",
+    "info": "info:Info",
 }
 """Where each command stands: a file beside this one, and a `Command` in it."""
 ABOUT = """\
@@ -44,6 +45,7 @@ examples:
   granular page --open                              the teaching page, in the browser
   granular run gas --engine edmd --samples 500 --save gas.npz && granular view gas.npz --open
   granular verify touching-cradle --check mine.csv  whether another code's numbers are right
+  granular warm                                     compile everything once, for an image, a class, a test server
   granular info                                     what is installed, to look for a fault or to report one
 
 exit codes: 0 done; 1 verify found a number wrong or missing; 2 misuse, or a file that cannot be read or written;
@@ -198,6 +200,7 @@ def _reading(kind: str) -> dict[str, Any]:
         ".*Sequence\\[str\\]": {"nargs": "+", "metavar": "WORD"},
         ".*Sequence": {"type": _number, "nargs": "+", "metavar": "X"},
         "Any$": {"type": _entry, "nargs": "+", "metavar": "NAME=VALUE"},
+        "int \\| str": {"type": lambda text: text if text.isalpha() else _whole(text), "metavar": "N|WORD"},
         "int": {"type": _whole, "metavar": "N"},
         "float": {"type": _number, "metavar": "X"},
         "": {"metavar": "WORD"},

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,10 @@ from granular.comparison.answer import Judged
 from granular.drive import EVENTS
 from granular.laws.kinds import checked
 from granular.scene import Scene, checked as a_scene
+from granular.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from granular.comparison.against import Against
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -62,6 +66,28 @@ class Comparison(Judged, Report):
         from granular.comparison import figure
 
         return figure.plot(self, path)
+
+    def against(self, run: Trajectory) -> Against:
+        """Hold the rows of a run of another program against both engines, solved anew at exactly its times.
+
+        Parameters
+        ----------
+        run : Trajectory
+            Of the same scene, such as `granular.Trajectory.from_arrays` makes.
+
+        Returns
+        -------
+        Against
+            Differences of velocities ball by ball, in the units of this report; its `str` is a small table.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it is no trajectory, of another scene, or begins before it.
+        """
+        from granular.comparison.against import against
+
+        return against(self, run)
 
     def animate(self, path: str | PathLike[str], seconds: float = 7.0, fps: int = 25, *, whole: bool = True) -> None:
         """Write a film of both engines; of at most 60 balls.

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from granular._contact_log import Rows
 from granular._kernels import worth
 from granular._records import column, packed
-from granular.drive import End, Pause, Request, Row, Rows, portion
+from granular.drive import End, Pause, Request, Row, portion
 from granular.edmd import wall_state
 from granular.edmd.motion import LATEST
 from granular.edmd.physics import GROUP, ORDER, Physics

@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
 from granular import _check, rules, until as stop
 from granular._kernels import no_compiler
-from granular.drive import EVENTS, check_end, drive, go_on, requested
+from granular.drive import EVENTS, Request, check_end, drive, go_on, in_time, requested
 from granular.edmd.physics import GROUP, OPTIONS, ORDER, Physics, check_scene, checked
 from granular.edmd.run import Run
 from granular.edmd.state import State
@@ -34,8 +35,8 @@ def simulate(
     t_end: float | None = None,
     until: stop.Until | None = None,
     t_start: float = 0.0,
-    samples: int | ArrayLike | None = None,
-    log: bool = True,
+    samples: int | str | ArrayLike | None = None,
+    log: bool | str | PathLike[str] = True,
     max_events: int = EVENTS,
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
@@ -65,13 +66,17 @@ def simulate(
         From `granular.until`; whichever comes first, this or `t_end`.
     t_start : float
         Time of the initial state in s.
-    samples : None, int or array
+    samples : None, int, "contacts" or array
         Rows to keep: None for the first and the last, an int for that many spread evenly from `t_start` to `t_end`,
-        an array for those times (s, increasing). Rows are right-continuous: a collision at that time has acted
+        an array for those times (s, increasing); "contacts" for a few about every contact, its onset and end among
+        them, here just before and at each collision. For these, and a number of rows without `t_end`, the run is
+        solved twice. Rows are right-continuous: a collision at that time has acted
         (the row at `t_start` is the initial state). A run that ends otherwise than at `t_end` has one more row, at
         its end.
-    log : bool
-        Whether to keep one row per collision in ``contacts``.
+    log : bool or path
+        Whether to keep one row per contact in ``contacts``. Or a file ``"run.npy"``, not there yet, into which rows
+        are written block by block while the run goes on: it needs no memory for them, and whatever ends the process,
+        blocks written are readable; ``contacts`` stays empty, `Trajectory.contact_batches` reads them.
     max_events : int
         Collisions at most; reaching it is the status `max_events`.
     on_event : callable, optional
@@ -154,8 +159,13 @@ def simulate(
         scene, start, t_end, until=until, samples=samples, log=log, max_events=max_events, on_event=on_event,
         on_progress=on_progress,
     )
-    watching = None if watch is None else _watch(watch, scene)
-    return drive(Run(physics, State.of(physics, start), checked_engine(engine, physics), request, watching))
+    queue = checked_engine(engine, physics)
+
+    def solve(asked: Request) -> Trajectory:
+        watching = None if watch is None else _watch(watch, scene)
+        return drive(Run(physics, State.of(physics, start), queue, asked, watching))
+
+    return in_time(solve, request)
 
 
 def resume(
@@ -163,8 +173,8 @@ def resume(
     *,
     t_end: float | None = None,
     until: stop.Until | None = None,
-    samples: int | ArrayLike | None = None,
-    log: bool = True,
+    samples: int | str | ArrayLike | None = None,
+    log: bool | str | PathLike[str] = True,
     max_events: int = EVENTS,
     on_event: Callable[[Any], object] | None = None,
     on_progress: Callable[[float, int], object] | None = None,
@@ -202,8 +212,13 @@ def resume(
         scene, state.time(state.run.now), t_end, until=until, samples=samples, log=log,
         max_events=max_events, on_event=on_event, on_progress=on_progress,
     )
-    watching = None if watch is None else _watch(watch, scene, saved)
-    return go_on(Run(physics, state, checked_engine(engine, physics), request, watching), trajectory)
+    queue = checked_engine(engine, physics)
+
+    def solve(asked: Request) -> Trajectory:
+        watching = None if watch is None else _watch(watch, scene, saved)
+        return go_on(Run(physics, State.restored(physics, saved), queue, asked, watching), trajectory)
+
+    return in_time(solve, request)
 
 
 def _watch(law: Any, scene: Scene, saved: Mapping[str, Any] | None = None) -> Watch:

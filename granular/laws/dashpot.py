@@ -78,6 +78,12 @@ def restitution(zeta: float) -> float:
     return math.exp(-2.0 * zeta * _half_duration(_check.number("zeta", zeta, at_least=0.0)))
 
 
+def restitution_pulling(zeta: float) -> float:
+    """exp(-πζ/√(1-ζ²)) of a dashpot that is *not* clipped and pulls until the overlap is gone; 0 from ζ = 1 on."""
+    damping = _check.number("zeta", zeta, at_least=0.0)
+    return math.exp(-math.pi * damping / math.sqrt(1.0 - damping * damping)) if damping < 1.0 else 0.0
+
+
 def duration(zeta: float) -> float:
     """ω₀ t_c = 2 f(ζ) of the clipped dashpot for a damping ratio ζ ≥ 0."""
     return 2.0 * _half_duration(_check.number("zeta", zeta, at_least=0.0))

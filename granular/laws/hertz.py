@@ -10,11 +10,17 @@ dashpot** (`LinearDashpot`) is neither.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from granular import _check
 from granular.laws.dashpot import _StiffAndDamped, damping_ratio
 from granular.scene import Pair, checked_pair
+
+Each = float | Sequence[float]
+"""A number for both bodies of a pair, or (lower, upper)."""
 
 
 class _Spheres(_StiffAndDamped):
@@ -40,8 +46,14 @@ class Hertz(_Spheres):
     k: float
 
     @classmethod
-    def from_material(cls, young: float, poisson: float, pair: Pair) -> Hertz:
-        """Return the contact of two bodies of one material: Young's modulus in Pa and Poisson's ratio."""
+    def from_material(cls, young: Each, poisson: Each, pair: Pair) -> Hertz:
+        """Return the contact of two bodies of known material, see `hertz_stiffness`.
+
+        Parameters
+        ----------
+        young, poisson : float or (lower, upper)
+            Young's modulus in Pa, Poisson's ratio; two numbers for bodies of two materials.
+        """
         return cls(hertz_stiffness(young, poisson, pair))
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
@@ -70,17 +82,35 @@ class ViscoelasticHertz(_Spheres):
     gamma: float
 
     @classmethod
-    def from_material(cls, young: float, poisson: float, dissipation: float, pair: Pair) -> ViscoelasticHertz:
-        """Return the contact of two bodies of one material.
+    def from_material(
+        cls, young: Each, poisson: Each, dissipation: float | None = None, pair: Pair | None = None, *,
+        restitution: float | None = None, speed: float | None = None,
+    ) -> ViscoelasticHertz:
+        """Return the contact of two bodies of known material, damped in one of two ways.
 
         Parameters
         ----------
-        young, poisson : float
-            Young's modulus in Pa, Poisson's ratio.
+        young, poisson : float or (lower, upper)
+            Young's modulus in Pa, Poisson's ratio; two numbers for bodies of two materials, see `hertz_stiffness`.
         dissipation : float
             Dissipative constant A in s: F = k (ξ^(3/2) + (3/2) A √ξ ξ̇).
+        pair : Pair
+            Supplies m_eff and r_eff.
+        restitution, speed : float
+            In place of `dissipation`: ε in (0, 1] at an impact speed in m/s. It is larger for slower impacts.
+
+        Raises
+        ------
+        ValueError
+            Unless there is either `dissipation`, or `restitution` and `speed`.
         """
         k = hertz_stiffness(young, poisson, pair)
+        ways = dissipation is not None, restitution is not None, speed is not None
+        if ways == (False, True, True):
+            return cls.from_restitution(restitution, speed, k, pair)  # type: ignore[arg-type]
+        if ways != (True, False, False):
+            raise ValueError(f"dissipation is {dissipation!r}, restitution is {restitution!r} and speed is {speed!r}: "
+                             "either dissipation, or restitution with the speed at which it holds, is needed.")
         return cls(k, 1.5 * _check.number("dissipation", dissipation, at_least=0.0) * k)
 
     @classmethod
@@ -119,8 +149,21 @@ class TsujiHertz(_Spheres):
 
     @classmethod
     def from_restitution(cls, restitution: float, k: float) -> TsujiHertz:
-        """Return the law of stiffness `k` with the given restitution in (0, 1], at any speed."""
+        """Return the law of stiffness `k` with the given restitution in (0, 1], at any speed: α = √5 ζ(ε)."""
         return cls(k, math.sqrt(5.0) * damping_ratio(restitution))
+
+    @classmethod
+    def from_material(cls, young: Each, poisson: Each, restitution: float, pair: Pair) -> TsujiHertz:
+        """Return the contact of two bodies of known material with the given restitution in (0, 1], at any speed.
+
+        Parameters
+        ----------
+        young, poisson : float or (lower, upper)
+            Young's modulus in Pa, Poisson's ratio; two numbers for bodies of two materials, see `hertz_stiffness`.
+        restitution : float
+            ε in (0, 1].
+        """
+        return cls.from_restitution(restitution, hertz_stiffness(young, poisson, pair))
 
     def force(self, xi: float, xi_dot: float, pair: Pair) -> float:
         """Force in N at overlap `xi` in m and overlap rate `xi_dot` in m/s, before the engine clips it at 0."""
@@ -132,20 +175,31 @@ class TsujiHertz(_Spheres):
         return self.k, 1.5, self.alpha * math.sqrt(pair.m_eff * self.k), 0.25
 
 
-def hertz_stiffness(young: float, poisson: float, pair: Pair) -> float:
-    """(2/3) Y √r_eff / (1 - ν²) in N/m^(3/2): the contact of two bodies of one material.
+def hertz_stiffness(young: Each, poisson: Each, pair: Pair | None) -> float:
+    """(4/3) E* √r_eff in N/m^(3/2) with 1/E* = Σ (1 - ν²)/Y: the contact of two bodies.
 
     Parameters
     ----------
-    young : float
-        Young's modulus Y in Pa, positive.
-    poisson : float
+    young : float or (lower, upper)
+        Young's modulus Y in Pa, positive; two numbers for bodies of two materials.
+    poisson : float or (lower, upper)
         Poisson's ratio ν in [0, 0.5].
     pair : Pair
         Supplies r_eff in m, which must be finite and positive.
     """
-    modulus = _check.number("young", young, above=0.0)
-    nu = _check.number("poisson", poisson, at_least=0.0, at_most=0.5)
-    r_eff = _check.number(f"r_eff of pair {checked_pair(pair).index}", pair.r_eff, above=0.0,
-                          fix="point particles have no curvature")
-    return 2.0 / 3.0 * modulus * math.sqrt(r_eff) / (1.0 - nu * nu)
+    modulus, nu = _of_both("young", young, above=0.0), _of_both("poisson", poisson, at_least=0.0, at_most=0.5)
+    at = checked_pair(pair)
+    r_eff = _check.number(f"r_eff of pair {at.index}", at.r_eff, above=0.0, fix="point particles have no curvature")
+    lower, upper = zip(modulus, nu, strict=True)
+    if lower == upper:
+        return 2.0 / 3.0 * lower[0] * math.sqrt(r_eff) / (1.0 - lower[1] * lower[1])
+    softness = sum((1.0 - each[1] * each[1]) / each[0] for each in (lower, upper))
+    return 4.0 / 3.0 * math.sqrt(r_eff) / softness
+
+
+def _of_both(name: str, value: Each, **limits: float) -> list[float]:
+    """What is said of both bodies of a pair, or of each."""
+    if np.ndim(value) == 0:
+        return [_check.number(name, value, **limits)] * 2  # type: ignore[arg-type]
+    both = _check.array(name, value, (2,), fix="one for both bodies, or (lower, upper)")
+    return [_check.number(f"{name}[{i}]", one, **limits) for i, one in enumerate(both.tolist())]  # type: ignore[arg-type]

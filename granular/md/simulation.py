@@ -8,13 +8,14 @@ import math
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from os import PathLike
 from typing import Any
 
 from numpy.linalg import LinAlgError
 from numpy.typing import ArrayLike
 
 from granular import _check, until as stop
-from granular.drive import EVENTS, Request, check_end, drive, go_on, requested
+from granular.drive import EVENTS, Request, check_end, drive, go_on, in_time, requested
 from granular.laws.kinds import SceneLaws, check_deepest, checked as checked_laws
 from granular.md import located
 from granular.scene import Scene, checked
@@ -38,8 +39,8 @@ def simulate(
     t_end: float | None = None,
     until: stop.Until | None = None,
     t_start: float = 0.0,
-    samples: int | ArrayLike | None = None,
-    log: bool = True,
+    samples: int | str | ArrayLike | None = None,
+    log: bool | str | PathLike[str] = True,
     max_events: int = EVENTS,
     max_steps: int = 20_000_000,
     on_event: Callable[[Any], object] | None = None,
@@ -66,11 +67,15 @@ def simulate(
         Walls that move towards each other need a `t_end` before they meet.
     t_start : float
         Time in s of the scene's instant.
-    samples : None, int or array
-        Rows to keep: first and last, that many spread from `t_start` to `t_end`, or at these times in s. A run that
+    samples : None, int, "contacts" or array
+        Rows to keep: first and last, that many spread from `t_start` to `t_end`, or at these times in s; "contacts" for
+        some before, during and after every contact, its onset and end among them. For these, and a number of rows
+        without `t_end`, the run is solved twice. A run that
         ends before the last of them keeps its end as the last row.
-    log : bool
-        Keep the contact log.
+    log : bool or path
+        Whether to keep one row per contact in ``contacts``. Or a file ``"run.npy"``, not there yet, into which rows
+        are written block by block while the run goes on: it needs no memory for them, and whatever ends the process,
+        blocks written are readable; ``contacts`` stays empty, `Trajectory.contact_batches` reads them.
     max_events, max_steps : int
         Stop with status ``max_events`` after that many contacts or steps; also where contacts under laws that are no
         powers creep or chatter, so that some thousand trial steps bring the run on by next to nothing.
@@ -152,7 +157,7 @@ def simulate(
         return _stepped(scene, laws, request, method, dt, engine, tol=tol, disturbed=disturbed)
     finest = _check.number("tol", tol, at_least=FINEST, at_most=1e-3)
     with _in_range(laws.given[0]):
-        return drive(located.Run(scene, laws, request, engine, finest, disturbed))
+        return in_time(lambda asked: drive(located.Run(scene, laws, asked, engine, finest, disturbed)), request)
 
 
 def _requested(
@@ -183,10 +188,15 @@ def _stepped(
     if request.start + step == request.start:
         raise ValueError(f"dt is {step!r}: at t_start = {request.start!r} a larger step is needed to advance the clock "
                          "at all.")
-    stepped = fixed.Run(scene, laws, request, method, step, engine)
-    run = drive(stepped)
-    if stepped.doubt:
-        warnings.warn(stepped.doubt, RuntimeWarning, stacklevel=3)
+    made: list[Any] = []
+
+    def solve(asked: Request) -> Trajectory:
+        made.append(fixed.Run(scene, laws, asked, method, step, engine))
+        return drive(made[-1])
+
+    run = in_time(solve, request)
+    if made[-1].doubt:
+        warnings.warn(made[-1].doubt, RuntimeWarning, stacklevel=3)
     if run.status is not Status.unstable:
         check_deepest(laws, run.contacts)
     return run
@@ -197,8 +207,8 @@ def resume(
     *,
     t_end: float | None = None,
     until: stop.Until | None = None,
-    samples: int | ArrayLike | None = None,
-    log: bool = True,
+    samples: int | str | ArrayLike | None = None,
+    log: bool | str | PathLike[str] = True,
     max_events: int = EVENTS,
     max_steps: int = 20_000_000,
     on_event: Callable[[Any], object] | None = None,
@@ -235,7 +245,8 @@ def resume(
     fitted(trajectory.scene, request.start, request.end)  # says so if a path ends before
     _check_walls(trajectory.scene, float(_check.held(state, "origin", "f", ())), request.end)
     with _in_range(laws.given[0]):
-        return go_on(located.Run(trajectory.scene, laws, request, engine, math.nan, disturbed, state), trajectory)
+        return in_time(lambda asked: go_on(
+            located.Run(trajectory.scene, laws, asked, engine, math.nan, disturbed, state), trajectory), request)
 
 
 @contextmanager

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from granular import until as stop
+from granular._contact_log import COLUMNS, CONTACT_ROW, Rows
 from granular._kernels import Toll, have_numba
 from granular._records import packed
-from granular.drive import COLUMNS, CONTACT_ROW, End, Pause, Request, Row, Rows, portion
+from granular.drive import End, Pause, Request, Row, portion
 from granular.laws.kinds import SceneLaws
 from granular.md.fixed.contact_force import NotCompilableError
 from granular.md.fixed.integrators import INTEGRATORS

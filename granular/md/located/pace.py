@@ -16,9 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from granular._contact_log import CONTACT_ROW, Rows
 from granular._kernels import Toll, compiled
 from granular._records import column, plain
-from granular.drive import CONTACT_ROW, Pause, Rows, portion
+from granular.drive import Pause, portion
 from granular.md.located import blocks
 from granular.md.located.plan import plan_all_due
 from granular.md.located.records import (

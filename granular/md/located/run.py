@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from granular._contact_log import CONTACT_ROW, Rows
 from granular._kernels import Toll, compiled, fitted, flags
 from granular._records import column, copied, packed, plain, play, replay
-from granular.drive import CONTACT_ROW, End, Pause, Request, Row, Rows
+from granular.drive import End, Pause, Request, Row
 from granular.laws.kinds import SceneLaws
 from granular.md.located import blocks
 from granular.md.located.checkpoint import Checkpoint, Untouched

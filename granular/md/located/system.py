@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from granular import until as stop
+from granular._contact_log import CONTACT_ROW
 from granular._kernels import RING, kernel
 from granular._records import NODE, packed, plain, tournament
 from granular._roots import DEEPEST, workspace
-from granular.drive import CONTACT_ROW
 from granular.laws.kinds import SceneLaws, alike
 from granular.md.located.power_form import kinds_of
 from granular.md.located.records import (

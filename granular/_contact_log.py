@@ -1,0 +1,76 @@
+"""The log of contacts: its columns, in public and as engines keep them.
+May be skipped: where records go.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from granular._records import raw
+
+CONTACT = np.dtype(
+    [
+        ("pair", np.int64),
+        ("t_begin", np.float64),
+        ("t_end", np.float64),
+        ("duration", np.float64),
+        ("v_in", np.float64, (2,)),
+        ("v_out", np.float64, (2,)),
+        ("xi_max", np.float64),
+        ("force_max", np.float64),
+        ("impulse", np.float64),
+    ]
+)
+"""One row per contact, sorted by `t_begin`. SI units: pair number; onset and end in s (equal in EDMD); duration in s,
+accumulated from the onset so that late times cost no digits; velocities of the lower and the upper body in m/s before
+and after; largest overlap in m; largest force in N (nan in EDMD, where it is infinite); impulse in N s. A contact still
+open when the run ends has `t_end` and `v_out` nan, and its duration, peaks and impulse so far."""
+
+Rows = np.ndarray[tuple[int], np.dtype[np.void]]
+"""Records with names: contacts as an engine keeps them, or as the public log shows them."""
+SIDES = {"lower_in": ("v_in", 0), "upper_in": ("v_in", 1), "lower_out": ("v_out", 0), "upper_out": ("v_out", 1)}
+"""Columns of an engine that are one of two in the public log."""
+COLUMNS = [(name, float) for name in (*SIDES, "xi_max", "force_max", "impulse")]
+"""Of soft spheres: velocities of the lower and the upper body at onset and end in m/s, peaks in m and N, impulse in
+N s."""
+CONTACT_ROW = np.dtype([("pair", int), ("t_begin", float), ("t_end", float), ("duration", float), *COLUMNS], align=True)
+"""A contact as soft spheres keep it; times in s, nan for what is still to come."""
+PART = 2048
+"""Contacts written at a time, column by column: so many stay near the processor."""
+
+
+def contacts(settled: list[Rows]) -> Rows:
+    """Return contacts, with the columns that an engine keeps, as the public log.
+
+    What has no end of its own is an instant, of infinite force. `settled` is used up: what is written needs no memory.
+    """
+    log = np.zeros(sum(map(len, settled)), CONTACT)
+    stop = 0
+    while settled:
+        some = settled.pop(0)
+        for k in range(0, len(some), PART):
+            rows = some[k : k + PART]
+            part, stop = log[stop : stop + len(rows)], stop + len(rows)
+            if rows.dtype == CONTACT:
+                raw(part)[:] = raw(rows)
+                continue
+            names = rows.dtype.names or ()
+            if "t_end" not in names:
+                part["t_end"], part["force_max"] = rows["t_begin"], np.nan
+            for name in names:
+                column, side = SIDES.get(name, (name, None))
+                target = part[column] if side is None else part[column][:, side]
+                target[:] = rows[name]
+    return log
+
+
+def in_order(log: Rows) -> Rows:
+    """Return contacts in the order of their onset, of several in one instant in that of their pairs."""
+    if len(log) < 2:
+        return log
+    onset, pair = np.ascontiguousarray(log["t_begin"]), np.ascontiguousarray(log["pair"])
+    if not ((onset[1:] > onset[:-1]) | ((onset[1:] == onset[:-1]) & (pair[1:] > pair[:-1]))).all():
+        order = np.argsort(onset, kind="stable")  # they nearly are, which this sort makes use of
+        tied = (np.diff(onset[order]) == 0.0).any()
+        log = raw(log)[np.lexsort((pair, onset)) if tied else order].view(CONTACT)
+    return log

@@ -1,0 +1,79 @@
+"""How far a run of another program is from both engines, ball by ball.
+May be skipped: differences of rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from granular._check import Array
+from granular.comparison.answer import Judged
+from granular.comparison.view import with_rows
+from granular.outcome import SAME
+from granular.trajectory import Trajectory
+
+MANY = 12
+"""Balls that are shown one by one: of more, those farthest from soft spheres."""
+
+
+@dataclass(frozen=True, eq=False)
+class Against:
+    """Velocities of a third run less those of both engines at the same times.
+
+    Attributes
+    ----------
+    time : (T,) array
+        In s, of the third run.
+    unit : (n,) array
+        In m/s: the largest closing speed of each ball's component, as in the report; of balls that touch none, the
+        largest of all.
+    hard, soft : (T, n) arrays
+        Differences in these units, theirs less ours; nan for walls, and behind the end of a run that stopped early.
+    """
+
+    time: Array
+    unit: Array
+    hard: Array
+    soft: Array
+
+    def __str__(self) -> str:
+        rows = [part for one in (self.hard, self.soft) for part in (np.abs(one[-1]), np.fmax.reduce(np.abs(one)))]
+        balls = np.flatnonzero(np.isfinite(rows[3]) | np.isfinite(rows[1]))
+        shown = np.sort(balls[np.argsort(-np.nan_to_num(rows[3][balls]), kind="stable")][:MANY])
+        lines = ["velocities less those of    hard spheres             soft spheres",
+                 f"{'':22}{'last row':>11}{'largest':>11}{'last row':>14}{'largest':>11}   beyond 0.01 from"]
+        for i in shown.tolist():
+            off = np.flatnonzero(np.abs(self.soft[:, i]) > SAME)
+            since = f"t = {self.time[off[0]]:.9g} s" if len(off) else "never"
+            a, b, c, d = (f"{row[i]:.3g}" for row in rows)
+            lines.append(f"ball {i:<4}of {self.unit[i]:8.3g} m/s{a:>10}{b:>11}{c:>14}{d:>11}   {since}")
+        return "\n".join([*lines, *[f"({len(balls) - len(shown)} balls that are nearer not shown)"]
+                          * (len(shown) < len(balls))])
+
+
+def against(report: Judged, run: Trajectory) -> Against:
+    """See `Comparison.against`."""
+    if not isinstance(run, Trajectory):
+        raise TypeError(f"run is {type(run).__name__}: a granular.Trajectory is needed; from_arrays makes one.")
+    for name in ("mass", "radius"):
+        ours, theirs = getattr(report.scene, name), getattr(run.scene, name)
+        if ours.shape != theirs.shape or not np.allclose(ours, theirs, rtol=1e-9):
+            raise ValueError(f"run is of another scene: its {name} is {np.array2string(theirs, threshold=6)}; "
+                             f"{np.array2string(ours, threshold=6)} is needed.")
+    start, first = float(report.soft.time[0]), float(run.time[0])
+    if first < start:
+        raise ValueError(f"time[0] of run is {first!r}: times from the start of the scene, {start:g} s, on are "
+                         "needed; shift its clock.")
+    of_ball = report.components.of_ball
+    unit = np.append(report.units, report.units.max(initial=0.0) or report.impact_speed)[of_ball]
+    apart = [_apart(run, with_rows(report, engine, run.time, further=True), unit) for engine in ("hard", "soft")]
+    return Against(run.time, unit, *apart)
+
+
+def _apart(theirs: Trajectory, ours: Trajectory, unit: Array) -> Array:
+    """Differences of velocities at the times of a third run."""
+    row = np.searchsorted(ours.time, theirs.time).clip(max=len(ours.time) - 1)
+    known = (ours.time[row] == theirs.time)[:, None] & ~ours.scene.is_wall
+    return np.where(known, (theirs.velocity - ours.velocity[row]) / unit, np.nan)

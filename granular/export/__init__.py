@@ -1,0 +1,7 @@
+"""Scenes and runs for other programs.
+May be skipped: names of the package only.
+"""
+
+from granular.export.lammps import lammps
+
+__all__ = ["lammps"]

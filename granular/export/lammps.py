@@ -1,0 +1,148 @@
+"""A scene and its force laws as an input deck of LAMMPS.
+May be skipped: another program's language, no physics.
+
+Written after the manual of LAMMPS (pair_style granular, fix wall/gran) and tried with its release of 22 July 2025.
+"""
+
+from __future__ import annotations
+
+import math
+from os import PathLike
+from typing import Any
+
+from granular import _check
+from granular._files import write_text
+from granular.laws.contact_law import PairLaw, instance, resolve
+from granular.laws.dashpot import restitution_pulling
+from granular.scene import Scene
+
+HEAD = """\
+# Written by granular. SI units; the line of balls is the x axis, upwards is +x. No friction.
+# Run: lmp -in THIS_FILE, with -var dt 1e-8 -var steps 1000000 for other numbers than the two below.
+#
+# Where the conventions of the two programs differ, and what was done about it:
+#   clipping   granular never lets a contact pull: limit_damping, for pairs and walls. Without it balls part slower.
+#   k          hooke takes k in N/m as it is; hertz takes k/sqrt(R_eff) in Pa.
+#   damping    velocity takes gamma in kg/s as it is; viscoelastic takes gamma/(sqrt(R_eff) m_eff) in 1/(m s);
+#              coeff_restitution takes exp(-pi zeta/sqrt(1 - zeta^2)), the restitution of contacts that may pull. That
+#              zeta = alpha/sqrt(5) is the one of the restitution wanted, for contacts that are clipped.
+#   mass       m_eff = m_i m_j/(m_i + m_j), at a wall the ball's own; R_eff likewise: the same in both programs.
+#   state      LAMMPS keeps positions, granular keeps gaps; it takes fixed steps, with velocities half a step old in its
+#              forces, granular finds the onset and the end of every contact. The difference vanishes with dt.
+"""
+
+
+def lammps(
+    scene: Scene, law: Any, path: str | PathLike[str] | None = None, *, t_end: float = 1.0, dt: float = 1e-7
+) -> str:
+    """Return an input deck with which LAMMPS runs the scene, with the same forces, clipped as ours.
+
+    Number, x and v_x of every ball at some hundred times go into ``balls.txt`` of the folder in which it is run, at the
+    end into ``last.txt``.
+
+    Parameters
+    ----------
+    scene : Scene
+        Balls of positive radius; walls that stand still; gravity.
+    law : force law, or one per pair
+        F = k ξ + γ ξ̇, or k ξ^(3/2) with no damping, γ √ξ ξ̇, or α √(m_eff k) ξ^¼ ξ̇ with α < √5: of whatever class.
+    path : path, optional
+        A file to write the deck to, whole or not at all.
+    t_end : float
+        End time in s, to half a step.
+    dt : float
+        Time step in s; a hundredth of the shortest contact gives about two digits.
+
+    Raises
+    ------
+    ValueError
+        For what such a deck cannot hold: a ring, pendula, external forces, walls that move or heat, point particles,
+        other laws.
+    OSError
+        If the file cannot be written.
+
+    Notes
+    -----
+    Every ball is a type of its own, so that each pair can have its own law.
+    """
+    _check_scene(scene)
+    laws = [resolve(instance("law", one), pair)
+            for one, pair in zip(_check.per_pair("law", law, scene.n_pairs), scene.pairs, strict=True)]
+    step = _check.number("dt", dt, above=0.0)
+    end = _check.number("t_end", t_end, above=0.0)
+    steps = max(1, round(_check.number("t_end / dt", end / step, at_most=1e15)))
+    text = "\n".join([HEAD, f"variable dt index {step!r}", f"variable steps index {steps}",
+                      *_bodies(scene), *_contacts(scene, laws), *_run(scene), ""])
+    if path is not None:
+        write_text(path, text)
+    return text
+
+
+def _check_scene(scene: Scene) -> None:
+    """Raise for what a deck cannot hold."""
+    walls = scene.is_wall
+    there = {
+        "a ring": scene.ring, "pendula": scene.pendulum > 0.0, "external_force": scene.external_force is not None,
+        "a wall that is shaken": scene.driven, "a thermal wall": scene.heated,
+        "a wall that moves": (scene.velocity[walls] != 0.0).any(),
+        "a ball of radius 0": (scene.radius[~walls] == 0.0).any(),
+    }
+    for what in there:
+        if there[what]:
+            raise ValueError(f"scene has {what}: a deck of LAMMPS holds balls of positive radius, walls at rest and "
+                             "gravity.")
+
+
+def _bodies(scene: Scene) -> list[str]:
+    """The box, and the balls."""
+    x, radius, largest = scene.position.tolist(), scene.radius.tolist(), float(scene.radius.max())
+    low, high = x[0] - radius[0], x[-1] + radius[-1]
+    balls = (~scene.is_wall).nonzero()[0].tolist()
+    lines = ["units si", "atom_style sphere", "boundary s f f", "newton off", "comm_modify vel yes",
+             f"neighbor {largest!r} nsq", "neigh_modify every 1 delay 0 check yes",
+             f"region box block {low - largest!r} {high + largest!r}" + 2 * f" {-4.0 * largest!r} {4.0 * largest!r}",
+             f"create_box {len(balls)} box"]
+    for number, i in enumerate(balls, 1):
+        lines += [f"create_atoms {number} single {x[i]!r} 0.0 0.0",
+                  f"set atom {number} diameter {2.0 * radius[i]!r} mass {scene.mass.item(i)!r} "
+                  f"vx {scene.velocity.item(i)!r}"]
+    return lines
+
+
+def _contacts(scene: Scene, laws: list[PairLaw]) -> list[str]:
+    """The forces of all pairs; what is said of balls that are no neighbours never acts."""
+    x, floor = scene.position.tolist(), int(scene.is_wall[0])
+    words = [f"{_words(one)} tangential linear_nohistory 0.0 0.0 limit_damping" for one in laws]
+    lines = ["pair_style granular", f"pair_coeff * * {words[0]}"]
+    for c, said in enumerate(words):
+        if scene.is_wall[c : c + 2].any():
+            plane = f"{x[0]!r} NULL" if scene.is_wall[c] else f"NULL {x[-1]!r}"
+            lines.append(f"fix wall{c} all wall/gran granular {said} xplane {plane}")
+        else:
+            lines.append(f"pair_coeff {c + 1 - floor} {c + 2 - floor} {said}")
+    return lines
+
+
+def _words(law: PairLaw) -> str:
+    """A force law in the words of LAMMPS."""
+    k, p, gamma, d = law.form or (0.0, 0.0, 0.0, 0.0)
+    root, m_eff = math.sqrt(law.pair.r_eff), law.pair.m_eff
+    if p == 1.0 and d == 0.0:
+        return f"hooke {k!r} {gamma!r} damping velocity"
+    if p == 1.5 and gamma == 0.0:
+        return f"hertz {k / root!r} 0.0 damping velocity"
+    if p == 1.5 and d == 0.5:
+        return f"hertz {k / root!r} {gamma / (root * m_eff)!r} damping viscoelastic"
+    if p == 1.5 and d == 0.25 and (asked := restitution_pulling(gamma / math.sqrt(5.0 * m_eff * k))):
+        return f"hertz {k / root!r} {asked!r} damping coeff_restitution"
+    raise ValueError(f"law of pair {law.pair.index} is {law.law!r}: LAMMPS has no such law; k ξ + γ ξ̇ is needed, or "
+                     "k ξ^(3/2) with no damping, γ √ξ ξ̇ or α √(m_eff k) ξ^¼ ξ̇, α < √5.")
+
+
+def _run(scene: Scene) -> list[str]:
+    """Gravity, integration, what is written."""
+    columns, digits = "id x vx", "sort id format float %.17g"
+    return [*([f"fix pull all gravity {scene.gravity!r} vector -1 0 0"] if scene.gravity else []),
+            "fix move all nve/sphere", "timestep ${dt}", "variable every equal ceil(v_steps/100)",
+            f"dump rows all custom ${{every}} balls.txt {columns}", f"dump_modify rows {digits}", "run ${steps}",
+            f"write_dump all custom last.txt {columns} modify {digits}"]

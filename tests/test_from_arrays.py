@@ -1,0 +1,122 @@
+"""Numbers of another program: taken in, and held against both engines; the page that shows how."""
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from saved_scenes import FLOOR, LINE, RING
+
+import granular as gr
+
+PAGE = Path(__file__).parents[1] / "docs/other-codes.md"
+
+
+@pytest.mark.parametrize("scene", [FLOOR, LINE, RING])
+@pytest.mark.parametrize("by", ["position", "gap"])
+def test_rows_come_back(scene, by):
+    run = gr.edmd.simulate(scene, gr.ConstantRestitution(0.9), t_end=0.1, samples=7)
+    other = gr.Trajectory.from_arrays(scene, run.time, **{by: getattr(run, by)}, velocity=run.velocity)
+    assert np.allclose(other.gap, run.gap, rtol=0.0, atol=1e-14)
+    assert np.array_equal(other.velocity, run.velocity)
+    shift = other.position - run.position  # gaps do not say where a free line is
+    assert np.allclose(shift, shift[:, :1], atol=1e-14)
+    assert by == "gap" or not shift.any()
+    assert repr(other).startswith("Trajectory(from elsewhere, ")
+    assert other.count(0) == 0
+    assert other.force is None
+
+
+ROWS = {"time": [0.0, 1.0], "position": np.zeros((2, 3)), "velocity": np.zeros((2, 3))}
+WRONG = [
+    ({"time": [1.0, 0.5]}, r"time\[1\] is 0.5: finite times in s that do not decrease are needed; sort the rows"),
+    ({"time": [0.0, math.nan]}, r"time\[1\] is nan: finite times"),
+    ({"time": []}, r"time is empty: finite times"),
+    ({"velocity": np.zeros((3, 2))}, r"velocity has the shape \(3, 2\): \(2, 3\) is needed, a row for each time"),
+    ({"position": [[0, 0, 0], [0, math.inf, 0]]}, r"position\[1, 1\] is inf: finite numbers are needed"),
+    ({"velocity": "fast"}, "velocity is str: a table of numbers of shape"),
+    ({"gap": np.zeros((2, 2))}, "position and gap are both given: one of them is needed"),
+    ({"position": None}, "position and gap are not given: one of them is needed"),
+    ({"position": None, "gap": np.zeros((2, 3))}, r"gap has the shape \(2, 3\): \(2, 2\) is needed"),
+    ({"scene": 3}, "scene is 3: a granular.Scene is needed"),
+]
+
+
+@pytest.mark.parametrize(("given", "sentence"), WRONG)
+def test_wrong_rows_are_refused(given, sentence):
+    with pytest.raises((TypeError, ValueError), match=sentence):
+        gr.Trajectory.from_arrays(**{"scene": LINE} | ROWS | given)
+
+
+LAW = gr.LinearDashpot(1e5, 30.0)
+REPORT = gr.compare(LINE, LAW)
+
+
+def verlet(samples, **given):
+    run = gr.md.simulate(LINE, LAW, dt=1e-6, t_end=samples[-1], samples=samples, **given)
+    return gr.Trajectory.from_arrays(LINE, run.time, position=run.position, velocity=run.velocity)
+
+
+def test_each_engine_is_no_way_off_itself_and_verlet_a_little():
+    times = np.linspace(0.0, 0.03, 40)
+    ours = {"soft": gr.md.simulate(LINE, LAW, t_end=0.03, samples=times),
+            "hard": gr.edmd.simulate(LINE, REPORT.rule, t_end=0.03, samples=times)}
+    for engine, run in ours.items():
+        assert not getattr(REPORT.against(run), engine).any()
+        assert getattr(REPORT.against(run), {"soft": "hard", "hard": "soft"}[engine]).any()
+    apart = REPORT.against(verlet(times))
+    expected = (verlet(times).velocity - ours["soft"].velocity) / float(REPORT.units[0])
+    assert np.array_equal(apart.soft, expected)
+    assert 0.0 < np.abs(apart.soft).max() < 1e-2
+    assert re.search(r"^ball 0 .* never$", str(apart), re.M)
+
+
+def test_walls_have_no_difference_and_the_first_that_is_large_is_named():
+    law = gr.LinearDashpot(1e5, 30.0)
+    report = gr.compare(FLOOR, law, t_end=0.3)
+    times = np.linspace(0.0, 0.3, 11)
+    ours = gr.md.simulate(FLOOR, law, t_end=0.3, samples=times)
+    velocity = ours.velocity.copy()
+    velocity[4:, 2] += 0.02 * report.units[0]
+    apart = report.against(gr.Trajectory.from_arrays(FLOOR, times, gap=ours.gap, velocity=velocity))
+    assert np.isnan(apart.soft[:, 0]).all()
+    assert np.allclose(apart.soft[4:, 2], 0.02)
+    lines = str(apart).splitlines()
+    assert lines[2].startswith("ball 1 ")
+    assert lines[2].endswith("never")
+    assert lines[3].endswith(f"t = {times[4]:.9g} s")
+
+
+def test_runs_that_cannot_be_compared():
+    with pytest.raises(TypeError, match=r"run is list: a granular.Trajectory is needed"):
+        REPORT.against([1])
+    run = gr.edmd.simulate(FLOOR, gr.ConstantRestitution(0.9), t_end=0.1)
+    with pytest.raises(ValueError, match=r"run is of another scene: its mass is \[inf  1.  2.\]; \[1.  2.  0.5\] is"):
+        REPORT.against(run)
+    with pytest.raises(ValueError, match=r"time\[0\] of run is -1.0: times from the start of the scene, 0 s"):
+        REPORT.against(gr.Trajectory.from_arrays(LINE, [-1.0, 0.0], gap=np.zeros((2, 2)), velocity=np.zeros((2, 3))))
+    with pytest.raises(ValueError, match="run has neither laws nor rules"):
+        gr.Trajectory.from_arrays(LINE, **ROWS).save("never.npz")
+
+
+def test_the_page_from_a_dump_to_the_answer(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    code = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.S)
+    assert len([line for line in code[0].splitlines() if line.strip()]) <= 15
+    lines = re.search(r"```text\n(ITEM.*?)```", PAGE.read_text(), re.S)[1].splitlines()[:8]
+    scene = gr.Scene([0.6, 0.06, 0.6], [0.1] * 3, [1e-3, 1e-4], [1.0, 0.0, 0.0])
+    law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=p) for p in scene.pairs]
+    run = gr.md.simulate(scene, law, t_end=0.004, samples=41, dt=1e-7)
+    with open("dump.txt", "w") as file:
+        for k, (x, v) in enumerate(zip(run.position, run.velocity, strict=True)):
+            print(*lines[:1], k * 1000, *lines[2:], sep="\n", file=file)
+            print("ITEM: ATOMS id x vx", file=file)
+            for i in (2, 0, 1):
+                print(i + 1, x[i], v[i], file=file)
+    names = {}
+    for block in code:
+        exec(block, names)
+    assert "ball 2" in capsys.readouterr().out
+    assert float(np.abs(names["apart"].soft).max()) < 1e-2
+    assert len(gr.load("run.nc").time) > 20
