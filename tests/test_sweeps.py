@@ -284,6 +284,9 @@ def test_labels_are_short_and_pairs_have_numbers():
     assert data["restitution"].attrs["long_name"] == "restitution"
     assert data["restitution"].attrs["comment"].startswith("Coefficient of restitution in (0, 1]")
     assert data["pair"].values.tolist() == [0, 1]
+    case = gr.Case(gr.scenes.newtons_cradle(3), gr.Hertz(1e9), until=gr.until.separated())
+    data = gr.sweep(case, {"law.k": [1e9, 2e9]}, "shared_impulse")
+    assert (data["law.k"].attrs["units"], data["shared_impulse"].attrs["long_name"]) == ("N/m³ᐟ²", "shared impulse")
 
 
 @pytest.mark.parametrize(("workers", "threads"), [(1, 0), (2, 2), (3, 3)])
