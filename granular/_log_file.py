@@ -19,7 +19,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from granular._contact_log import Rows, contacts
-from granular._files import check_ending, checked_path, is_stream
+from granular._files import checked_path, is_stream
 
 
 class LogFile:
@@ -40,7 +40,8 @@ class LogFile:
 
     def __init__(self, path: str | PathLike[str], kind: np.dtype[Any]) -> None:
         self.path, self.kind, self.count = os.path.abspath(checked_path("log", path)), kind, 0
-        check_ending(self.path, ".npy")
+        if not self.path.lower().endswith(".npy"):
+            raise ValueError(f"log is {os.fspath(path)!r}: True, False or the name of a file that ends in .npy is needed.")
         if is_stream(self.path) or os.path.lexists(self.path):
             raise FileExistsError(f"log is {os.fspath(path)!r}: it is there already; give another name, or remove it.")
         self.file: BinaryIO | None = None

@@ -175,7 +175,7 @@ RUNS = {
         lambda: soft(samples=BEYOND),
         r"shape of samples is \(1000.*: an array that fits into memory"),
     "gaps beyond memory": (lambda: scene(gap=BEYOND), r"shape of gap is \(1000.*: an array that fits into memory is"),
-    "log is a word": (lambda: soft(log="no"), r"log is 'no': True or False is needed"),
+    "log is a word": (lambda: soft(log="no"), r"log is 'no': True, False or the name of a file that ends in \.npy"),
     "log is a number": (lambda: hard(log=1), r"log is 1: True or False is needed"),
     "tolerance of a fixed step": (
         lambda: soft(tol=1e-3, method="verlet"), r"tol is 0\.001: method 'verlet' has no tolerance; give dt"),

@@ -246,7 +246,7 @@ def about(run: Trajectory) -> list[list[str]]:
 
 def scene_in_words(of: Scene) -> str:
     """Return the words of a scene: its balls, what is at its ends (walls, where nothing falls), what acts."""
-    said = shortened(repr(of)[len("Scene(") : -1])
+    said = shortened(str(of)[len("Scene(") : -1])
     if of.gravity == 0.0:
         for named, words in WALLS.items():
             said = said.replace(named, words)
