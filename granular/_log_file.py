@@ -41,7 +41,8 @@ class LogFile:
     def __init__(self, path: str | PathLike[str], kind: np.dtype[Any]) -> None:
         self.path, self.kind, self.count = os.path.abspath(checked_path("log", path)), kind, 0
         if not self.path.lower().endswith(".npy"):
-            raise ValueError(f"log is {os.fspath(path)!r}: True, False or the name of a file that ends in .npy is needed.")
+            raise ValueError(f"log is {os.fspath(path)!r}: True, False or the name of a file that ends in .npy is "
+                             "needed.")
         if is_stream(self.path) or os.path.lexists(self.path):
             raise FileExistsError(f"log is {os.fspath(path)!r}: it is there already; give another name, or remove it.")
         self.file: BinaryIO | None = None
