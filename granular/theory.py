@@ -318,7 +318,7 @@ def _thornton(eps: float) -> float:
     """ζ = √(6/5) β of Thornton's fit; β = 0 at ε = 1, where the fit has .0045."""
     h = _polynomial(eps, 0.0, -6.918798, -16.41105, 146.8049, -796.4559, 2928.711, -7206.864, 11494.29, -11342.18,
                     6276.757, -1489.915)
-    return math.sqrt(1.2 / (1.0 - (1.0 + eps) ** 2 * math.exp(h)) - 1.2) if eps < 1.0 else 0.0
+    return math.sqrt(1.2) / math.sqrt(math.expm1(-h - 2.0 * math.log1p(eps))) if eps < 1.0 else 0.0
 
 
 def _polynomial(x: float, *coefficients: float) -> float:

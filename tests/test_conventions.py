@@ -101,6 +101,12 @@ def test_contacts_that_pull_and_are_damped_too_much_never_part():
     assert all(obtained(name, 1.0, clipped=c) > 0.999 for name in CONVENTIONS for c in (False, True))
 
 
+@pytest.mark.parametrize("e", [5e-324, 1e-300, 1e-17])
+def test_every_restitution_above_zero_has_an_answer(e):
+    assert all(0.0 <= obtained(name, e, clipped=c) < 1.0 for name in CONVENTIONS for c in (False, True))
+    assert obtained("yade/hertz-mindlin", 1e-9, clipped=True) == pytest.approx(1.0248e-9, rel=1e-4)
+
+
 @pytest.mark.parametrize(("given", "sentence"), [
     (("lammps/tsui", 0.5, True), r"convention is 'lammps/tsui': one of lammps/tsuji, .* did you mean lammps/tsuji\?"),
     (("lethe", 0.0, True), r"restitution is 0\.0: a finite number above 0 and at most 1 is needed"),

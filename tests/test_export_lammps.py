@@ -181,6 +181,7 @@ def test_a_deck_is_plain_and_is_written_whole(tmp_path):
 SPRING = gr.LinearDashpot(1e5)
 HANGS = gr.Scene([1.0, 1.0], [0.1, 0.1], [0.0], [1.0, 0.0], pendulum=1.0)
 REFUSED = {
+    "no scene": ("three-balls", SPRING, {}, "scene is .three-balls.: a granular.Scene is needed"),
     "ring": (TWO.replace(gap=[0.1, 0.1], ring=True), SPRING, {}, "scene has a ring: a deck of LAMMPS holds balls"),
     "pendula": (HANGS, SPRING, {}, "scene has pendula"),
     "force": (TWO.replace(external_force=[1.0, 0.0]), SPRING, {}, "scene has external_force"),

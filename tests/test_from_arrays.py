@@ -35,6 +35,7 @@ WRONG = [
     ({"time": []}, r"time is empty: finite times"),
     ({"velocity": np.zeros((3, 2))}, r"velocity has the shape \(3, 2\): \(2, 3\) is needed, a row for each time"),
     ({"position": [[0, 0, 0], [0, math.inf, 0]]}, r"position\[1, 1\] is inf: finite numbers are needed"),
+    ({"velocity": 1j * np.zeros((2, 3))}, "velocity is ndarray: a table of numbers of shape"),
     ({"velocity": "fast"}, "velocity is str: a table of numbers of shape"),
     ({"gap": np.zeros((2, 2))}, "position and gap are both given: one of them is needed"),
     ({"position": None}, "position and gap are not given: one of them is needed"),

@@ -140,10 +140,13 @@ ROW = '"after 1 ms","velocity of ball 1",0.0266\n'
     (HEAD + ROW + ROW, "for the second time"),
     ("# words\n" + HEAD + ROW.replace("0.0266", "fast"), r"value in line 3 of .* is 'fast': a finite number is needed"),
     (HEAD + ROW.replace("0.0266", "nan"), "is 'nan': a finite number"),
+    (HEAD + ROW.replace("0.0266", "1e999999999999999"), "is '1e999999999999999': a finite number"),
+    (HEAD + ROW.replace("0.0266", "1e-999999999999999"), "is '1e-999999999999999': a finite number"),
+    ((HEAD + ROW).encode("utf-16"), "theirs.csv' is no text in UTF-8: a .csv file in it is needed"),
 ])
 def test_tables_that_are_none(text, sentence, tmp_path) -> None:
     path = tmp_path / "theirs.csv"
-    path.write_text(text, "utf-8")
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(ValueError, match=sentence):
         verification.check("squeezed-balls", path)
 

@@ -14,7 +14,7 @@ from granular import _check
 from granular._files import write_text
 from granular.laws.contact_law import PairLaw, instance, resolve
 from granular.laws.dashpot import restitution_pulling
-from granular.scene import Scene
+from granular.scene import Scene, checked
 
 HEAD = """\
 # Written by granular. SI units; the line of balls is the x axis, upwards is +x. No friction.
@@ -65,7 +65,7 @@ def lammps(
     -----
     Every ball is a type of its own, so that each pair can have its own law.
     """
-    _check_scene(scene)
+    _check_scene(checked(scene))
     laws = [resolve(instance("law", one), pair)
             for one, pair in zip(_check.per_pair("law", law, scene.n_pairs), scene.pairs, strict=True)]
     step = _check.number("dt", dt, above=0.0)

@@ -96,6 +96,8 @@ def of_arrays(scene: Scene, time: Any, position: Any, gap: Any, velocity: Any) -
 def _rows(name: str, values: Any, shape: tuple[int, int]) -> Any:
     """A table of numbers of that shape, copied."""
     try:
+        if np.iscomplexobj(np.asarray(values)):
+            raise TypeError
         rows = np.array(values, dtype=float)
     except (TypeError, ValueError):
         raise TypeError(f"{name} is {type(values).__name__}: a table of numbers of shape {shape} is needed.") from None

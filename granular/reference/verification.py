@@ -24,6 +24,8 @@ COLUMNS = ("run", "quantity", "value", "unit", "digits", "condition")
 ENDINGS = (".csv", ".json")
 COARSE = 1e-3
 """Largest relative difference that may be right, however few digits are written."""
+FARTHEST = 400
+"""Largest power of ten that is a number here: no code writes another, and decimal arithmetic ends far beyond."""
 ROUNDING = 16 * 2.0**-52
 """Relative size of a dozen roundings of the inputs: what a condition number multiplies."""
 
@@ -154,7 +156,10 @@ def check(name: str, path: str | PathLike[str], tolerance: float | None = None) 
 
 def _read(path: str | PathLike[str]) -> Iterator[tuple[int, str, str, str]]:
     """Number of the line, run, quantity and value of every row of a table."""
-    text = Path(_files.checked_source("path", path)).read_text("utf-8-sig")
+    try:
+        text = Path(_files.checked_source("path", path)).read_text("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ValueError(f"{str(path)!r} is no text in UTF-8: a .csv file in it is needed.") from None
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
     table = csv.DictReader(line for _, line in lines)
     missing = [column for column in COLUMNS[:3] if column not in (table.fieldnames or ())]
@@ -165,7 +170,7 @@ def _read(path: str | PathLike[str]) -> Iterator[tuple[int, str, str, str]]:
         value = (row["value"] or "").strip()
         if value:
             try:
-                if not Decimal(value).is_finite():
+                if not (Decimal(value).is_finite() and abs(Decimal(value).adjusted()) <= FARTHEST):
                     raise InvalidOperation
             except InvalidOperation:
                 raise ValueError(f"value in line {number} of {str(path)!r} is {value!r}: a finite number is needed, or "
