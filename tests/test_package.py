@@ -58,7 +58,9 @@ def test_the_command_says_that_another_package_lies_over_it(granular, monkeypatc
     code, _, err = granular("scenes")
     assert (code, err) == (2, f"granular: {info.overwritten()}\n")
     assert "another package was installed over it, or uninstalled; uninstall it and install" in err
-    assert granular("info")[0] == 0
+    code, out, err = granular("info")
+    assert (code, err) == (2, f"granular: {info.overwritten()}\n")
+    assert out.startswith(NAME)
 
 
 def test_info_says_where_machine_code_is_kept_or_that_it_is_not(monkeypatch):

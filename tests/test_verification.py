@@ -135,6 +135,7 @@ ROW = '"after 1 ms","velocity of ball 1",0.0266\n'
 
 
 @pytest.mark.parametrize(("text", "sentence"), [
+    ("a" * 200_000, "has a line of more than 10000 characters"),
     ("a,b\n1,2\n", "has no column 'run': run, quantity, value are needed"),
     (HEAD + "x,y,1\n", "is 'x', 'y': case squeezed-balls has no such answer"),
     (HEAD + ROW + ROW, "for the second time"),

@@ -11,6 +11,7 @@ from importlib.metadata import packages_distributions
 from pathlib import Path
 from typing import Any
 
+import granular
 from granular import _files, _flight, _kernels
 from granular._about import EXTRAS, NAME, VERSION, install
 from granular._reports import Report
@@ -59,6 +60,8 @@ class Info(Command):
     def run(given: argparse.Namespace) -> None:
         extras = {extra: {name: _files.version_of(name) for name in names.split()} for extra, names in EXTRAS.items()}
         output.deliver(Installation(str(FOLDER), numba(), extras, others()), given)
+        if getattr(granular, "__version__", None) != VERSION:
+            raise ImportError(overwritten())
 
 
 def numba() -> str:

@@ -112,7 +112,7 @@ def damping(restitution: float) -> float:
     4e-15, at b = 7e10.
     """
     eps = _check.number("restitution", restitution, above=0.0, at_most=1.0)
-    loss = -math.log(eps)
+    loss = 0.0 - math.log(eps)  # no -0
     if loss > LOSS_END:
         return math.pow(TURNING / eps, 0.6)
     before, miss_before, log_b1 = 0.0, loss, 0.6 * loss  # secant method for K ln(1 + b) = loss; K < 5/3

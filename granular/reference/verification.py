@@ -22,6 +22,8 @@ from granular import _check, _files
 
 COLUMNS = ("run", "quantity", "value", "unit", "digits", "condition")
 ENDINGS = (".csv", ".json")
+LONGEST = 10_000
+"""Characters in a line of a table at most."""
 COARSE = 1e-3
 """Largest relative difference that may be right, however few digits are written."""
 FARTHEST = 400
@@ -161,6 +163,8 @@ def _read(path: str | PathLike[str]) -> Iterator[tuple[int, str, str, str]]:
     except UnicodeDecodeError:
         raise ValueError(f"{str(path)!r} is no text in UTF-8: a .csv file in it is needed.") from None
     lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
+    if any(len(line) > LONGEST for _, line in lines):
+        raise ValueError(f"{str(path)!r} has a line of more than {LONGEST} characters: a table of answers is needed.")
     table = csv.DictReader(line for _, line in lines)
     missing = [column for column in COLUMNS[:3] if column not in (table.fieldnames or ())]
     if missing:
