@@ -123,7 +123,9 @@ def _picture(report: Any) -> str:
 
     if find_spec("matplotlib") is None:
         return ""
-    return f"<img alt='' style='max-width:100%' src='data:image/png;base64,{b64encode(_png(report.plot())).decode()}'>"
+    data = b64encode(_png(report.plot())).decode()
+    return f'<img alt="Hard and soft spheres compared, one panel below the other" style="max-width:100%" ' \
+           f'src="data:image/png;base64,{data}">'
 
 
 def _png(figure: Any) -> bytes:

@@ -26,7 +26,7 @@ def test_a_report_is_its_verdict_and_a_case_its_name(report):
 
 def test_html_shows_verdict_and_table_and_a_picture_where_it_can_be_drawn(report, monkeypatch):
     pytest.importorskip("matplotlib")
-    assert "src='data:image/png;base64,iVBOR" in report._repr_html_()
+    assert 'src="data:image/png;base64,iVBOR' in report._repr_html_()
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     plain = report._repr_html_()
     assert html.escape(report.verdict) in plain
