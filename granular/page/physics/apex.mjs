@@ -2,10 +2,11 @@
 //
 // A run that stops earlier is carried on, hard and soft alike. The height a ball has in mind when the run stops is no
 // outcome: the ball below may be about to hit it again. A ball that comes to rest instead rises 0; one for which it cannot
-// be told within the patience of the engine has NaN. Heights have the radii taken out, and overlaps count as 0.
+// be told within the patience of the engine has NaN. Heights have the radii taken out, and overlaps count as 0. `apexAt` is
+// when it is there.
 
 export const startApexes = (scene) => ({
-  apex: scene.mass.map((m) => (m === Infinity ? 0 : NaN)), touched: scene.mass.map(() => false),
+  apex: scene.mass.map((m) => (m === Infinity ? 0 : NaN)), apexAt: scene.mass.map(() => NaN), touched: scene.mass.map(() => false),
 });
 
 // Pair c touches; the lowest has touched so often. In a scene that asks for later bounces the first do not count.
@@ -19,10 +20,12 @@ export function noteApexes(run, dt, velocityOf, heightsNow, isFree = () => true)
   for (let i = 1; i < run.apex.length; i++) {
     if (!run.touched[i] || !Number.isNaN(run.apex[i]) || !isFree(i)) continue;
     const v = velocityOf(i);
-    if (v > 0 && v <= gravity * dt) run.apex[i] = Math.max(0, heightsNow()[i] + (v * v) / (2 * gravity));
+    if (!(v > 0 && v <= gravity * dt)) continue;
+    run.apex[i] = Math.max(0, heightsNow()[i] + (v * v) / (2 * gravity));
+    run.apexAt[i] = run.t + v / gravity;
   }
 }
 
 export function comesToRest(run, i) {
-  if (Number.isNaN(run.apex[i])) run.apex[i] = 0;
+  if (Number.isNaN(run.apex[i])) [run.apex[i], run.apexAt[i]] = [0, run.t];
 }

@@ -8,7 +8,7 @@ import { heights, isElastic, isNoise, pairsOf } from "./scenes.mjs";
 
 const GROUPS = { newton: newtonRule, poisson: poissonRule, reflect: reflectRule };
 const TINY = 2 ** -200, FAINT = 2 ** -20, SLOW = 1e-6, MERGED = 1e-4, STUCK = 1e-9; // of the impact speed
-const DRAWN = 2000; // flights between events
+const DRAWN = 20000; // flights between events
 const LONGER = 10; // what has collapsed takes more events until it sticks
 export const TIES = ["left", "right", "random", "newton", "poisson", "reflect"];
 
@@ -53,7 +53,7 @@ export const settledRun = (scene, eps, rule) => settled(simulateHard(scene, eps,
 // here: what has all but collapsed moves on with its momentum, or lies on the floor, until it is hit.
 export function findTops({ run, status }, most) {
   if (run.scene.gravity === 0 || ["collapse", "endless"].includes(status)) return;
-  Object.assign(run, { until: null, tEnd: Infinity, status: "", contacts: [], flights: null, maxEvents: run.events + most, follows: true });
+  Object.assign(run, { until: null, tEnd: Infinity, status: "", contacts: [], maxEvents: run.events + most, follows: true });
   while (!run.status && run.apex.some(Number.isNaN)) advance(run);
 }
 
@@ -72,9 +72,9 @@ function advance(run) {
   const [first, last] = isWeak || run.ties in GROUPS ? touchingGroup(run, c, w, isWeak ? -w : Infinity) : [c, c];
   const acted = first < last || isWeak ? collideGroup(run, first, last, isWeak) : collide(run, c, w);
   if (!acted) return void (run.status = "until");
-  keepFlight(run);
   if (run.until === "separated" && pairs.every((one) => one.rate >= 0 || isNoise(run, one.rate))) run.status = "until";
   else if (!run.elastic) watch(run, c, first < last ? Infinity : -w);
+  keepFlight(run);
 }
 
 function soonest(run, waits) {
@@ -210,7 +210,7 @@ function share({ pairs, falls, scene: { gravity } }) {
   pairs.forEach((p, c) => (p.pull = gravity * (falls[c + 1] - falls[c])));
 }
 
-// For drawing: gaps and rates right after each event, valid until the next.
+// For drawing: gaps, rates and what changes them, right after each event, valid until the next.
 function keepFlight(run) {
-  if (run.flights?.length < DRAWN) run.flights.push({ t: run.t, gap: run.pairs.map((p) => p.gap), rate: run.pairs.map((p) => p.rate) });
+  if (run.flights?.length < DRAWN) run.flights.push({ t: run.t, gap: run.pairs.map((p) => p.gap), rate: run.pairs.map((p) => p.rate), pull: run.pairs.map((p) => p.pull) });
 }

@@ -33,7 +33,6 @@ export function goOnSoft(soft, end) {
 // Past the stop, until every ball has had its apex or rests, at most `budget` steps.
 export function findApexes({ run }, budget) {
   if (run.scene.gravity === 0 || run.status === "unfinished") return;
-  run.pieces = null;
   if (run.status !== "resting") goOn(run, Infinity, Infinity);
   const most = run.steps + budget;
   while (!run.status && run.steps < most && run.apex.some(Number.isNaN)) advance(run);

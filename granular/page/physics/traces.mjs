@@ -30,20 +30,17 @@ export function softForce(run, c, t) {
 
 export const softForces = (run, t) => run.scene.gap.map((_, c) => softForce(run, c, t));
 
-export function hardGaps({ scene, flights }, t) {
+export function hardGaps({ flights }, t) {
   const flight = lastBefore(flights, t), dt = Math.max(0, t - flight.t);
-  return flight.gap.map((gap, c) => {
-    const pull = scene.gravity * ((scene.mass[c + 1] === Infinity ? 0 : 1) - (scene.mass[c] === Infinity ? 0 : 1));
-    return Math.max(0, gapAfter(gap, flight.rate[c], pull, dt));
-  });
+  return flight.gap.map((gap, c) => Math.max(0, gapAfter(gap, flight.rate[c], flight.pull[c], dt)));
 }
 
 export const softHeights = (run, t) => heights(run.scene, softGaps(run, t), t);
 export const hardHeights = (run, t) => heights(run.scene, hardGaps(run, t), t);
 
-export function largestForce({ series, pieces }) {
+export function largestForce({ series, pieces, time }) {
   let most = 1e-300;
-  for (const piece of pieces) for (let c = 0; c < series.m; c++) most = Math.max(most, series.firstForce(piece, c));
+  for (const piece of pieces) for (let c = 0; c < series.m && piece.t <= time; c++) most = Math.max(most, series.firstForce(piece, c));
   return most;
 }
 
