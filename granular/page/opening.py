@@ -111,7 +111,7 @@ def of_ball(i: int, before: str, called: str) -> dict[str, Setting]:
 
 
 SETTINGS: dict[str, dict[str, Setting]] = {
-    "story": {"screen": Setting("screen", "screen of the story", 1, 6, whole=True)},
+    "story": {"screen": Setting("screen", "screen of the story; 0 is the drop", 0, 6, whole=True)},
     "real-balls": {
         **of_ball(1, "lower_", "the lower ball"), **of_ball(2, "upper_", "the upper ball"), "gap": GAP,
         "height": HEIGHT, "pair_rule": Choice("rule", "how two balls press on each other", words=balls.RULES),
@@ -160,7 +160,7 @@ def link(scene: str, values: Mapping[str, Any]) -> str:
     begin: dict[str, Any] = {} if scene == "story" else {"scene": scene}
     _check.known(values, known, f"setting of the page's {scene}", TypeError)
     if scene == "story" and "at" in values:
-        begin = {"screen": 1}
+        begin = {"screen": 0}
     given = [name for name in known if name in values]
     kinds_first = sorted(given, key=lambda name: not isinstance(known[name], Kind))  # numbers of a ball may differ
     for name in kinds_first:

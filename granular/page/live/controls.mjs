@@ -68,7 +68,8 @@ export class Controls {
 // A preset is a word of its own, or the names of two balls.
 function called(label) {
   if (has(`preset-${label}`)) return say(`preset-${label}`);
-  return label.split("+").map((name) => say(`ball-${name.replaceAll(" ", "-")}`)).join(" + ");
+  const names = label.split("+").map((name) => say(`ball-${name.replaceAll(" ", "-")}`)).join(" + ");
+  return names.charAt(0).toLocaleUpperCase(languageNow()) + names.slice(1);
 }
 
 export const inWords = ({ symbol, label, unit, zero, min, max }, x) =>

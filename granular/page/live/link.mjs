@@ -1,6 +1,6 @@
 // The state of the page in its link: #scene=three-balls&gap=0.0001&… , #screen=3&… , and back.
 import { cleaned, FIRST, refused, SETUPS } from "../physics/setups.mjs";
-import { LAB, startOf } from "./story.mjs";
+import { LAB, OPENING, startOf } from "./story.mjs";
 import { inWords } from "./controls.mjs";
 import { told } from "./words.mjs";
 
@@ -8,11 +8,11 @@ const QUIET = 250; // ms without a change before the link follows: browsers limi
 
 export function read(hash) {
   const given = Object.fromEntries(new URLSearchParams(hash.replace(/^#/, ""))), asked = Number(given.screen);
-  const isEmpty = Object.keys(given).every((key) => key === "lang"), screen = isEmpty ? 1 : asked >= 1 && asked < LAB ? Math.floor(asked) : LAB;
+  const isEmpty = Object.keys(given).every((key) => key === "lang"), screen = isEmpty ? OPENING : given.screen && asked >= OPENING && asked < LAB ? Math.floor(asked) : LAB;
   const begin = screen < LAB ? startOf(screen) : { name: Object.hasOwn(SETUPS, given.scene ?? "") ? given.scene : FIRST, values: {} };
   const { name } = begin, all = { ...begin.values, ...given }, isUnknown = screen === LAB && given.scene !== undefined && name !== given.scene;
   const notes = [...(isUnknown ? [{ say: "no-scene", name: given.scene }] : []), ...refused(name, given).map(refusal)];
-  return { screen, name, values: cleaned(name, all), told: notes, at: Math.min(1, Math.max(0, Number(given.at) || 0)), predict: given.predict === "1", lang: given.lang };
+  return { screen, name, values: cleaned(name, all), told: notes, at: given.at === undefined ? null : Math.min(1, Math.max(0, Number(given.at) || 0)), predict: given.predict === "1", lang: given.lang };
 }
 
 const refusal = ({ slider, asked, shown }) => {
@@ -22,7 +22,8 @@ const refusal = ({ slider, asked, shown }) => {
 
 export function written({ screen, name, values, at, predict, lang }) {
   const place = screen < LAB ? { screen } : { scene: name };
-  const pairs = { ...place, ...values, ...(at > 0 ? { at: Number(at.toFixed(3)) } : {}), ...(predict ? { predict: 1 } : {}), ...(lang ? { lang } : {}) };
+  const start = screen < LAB ? cleaned(name, startOf(screen).values) : {}, own = Object.fromEntries(Object.entries(values).filter(([key, x]) => x !== start[key]));
+  const pairs = { ...place, ...own, ...(at === null ? {} : { at: Number(at.toFixed(3)) }), ...(predict ? { predict: 1 } : {}), ...(lang ? { lang } : {}) };
   return `#${new URLSearchParams(pairs)}`;
 }
 

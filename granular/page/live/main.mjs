@@ -10,7 +10,7 @@ import { Picture } from "./picture.mjs";
 import { Predict } from "./predict.mjs";
 import { whenResized } from "./resize.mjs";
 import { Spoken } from "./spoken.mjs";
-import { LAB, screenOf, startOf, Story } from "./story.mjs";
+import { GUESS, LAB, OPENING, screenOf, startOf, Story } from "./story.mjs";
 import { Tongue } from "./tongue.mjs";
 import { languageNow, say, speak } from "./words.mjs";
 
@@ -26,6 +26,7 @@ class Page {
     this.predict.set(this.isAsking);
     this.listen();
     this.run(true);
+    this.rest();
   }
 
   makeParts() {
@@ -33,13 +34,12 @@ class Page {
     this.story = new Story((screen) => this.turnTo(screen));
     this.controls = new Controls({ changed: (values) => this.change(values), chosen: (name) => this.choose(name) });
     this.spoken = new Spoken();
+    this.predict = new Predict({ guessed: () => this.guess(), reveal: () => this.reveal(), switched: () => this.run() });
     this.picture = new Picture({
       balls: data.balls, picked: (gap) => this.change({ gap: Number(gap.toPrecision(3)) }), guessed: (guess) => this.predict.take(guess),
-      stopped: () => follow(() => this.current()), isCovered: () => this.predict.covered,
+      stopped: () => follow(() => this.current()), ended: () => this.predict.ended(), predict: this.predict,
     });
     this.clock = this.picture.clock;
-    this.predict = new Predict({ ruler: this.picture.ruler, reveal: () => this.picture.reveal(), switched: () => this.clock.restart() });
-    this.clock.share = this.state.at;
   }
 
   get isAsking() {
@@ -49,12 +49,23 @@ class Page {
   listen() {
     $(".csv").addEventListener("click", () => save("contacts.csv", "text/csv", contactsCsv(this.report)));
     $(".link-button").addEventListener("click", () => copyLink($(".link-button"), this.current()));
-    $(".film-button").addEventListener("click", () => this.picture.reveal());
     $(".print-button").addEventListener("click", () => print());
     whenResized(() => this.redraw());
     window.addEventListener("hashchange", () => this.arrive());
     window.addEventListener("popstate", () => this.arrive());
     explainTerms();
+  }
+
+  // The stage alone is another while a guess is dragged.
+  guess() {
+    if (!this.report) return;
+    this.picture.loadStage();
+    this.clock.go(this.clock.share);
+  }
+
+  reveal() {
+    this.run();
+    this.picture.reveal();
   }
 
   translate(lang) {
@@ -73,16 +84,16 @@ class Page {
     const { eps, gap, k } = this.state.values;
     this.state.values = name === this.state.name ? this.state.values : cleaned(name, { eps, gap, k });
     Object.assign(this.state, { name, told: [] });
-    this.clock.restart();
-    this.runSoon();
+    this.run();
+    this.rest();
   }
 
   turnTo(screen) {
     const { name, values } = screen < LAB ? startOf(screen) : this.state;
-    Object.assign(this.state, { screen, name, values: cleaned(name, values), told: [], at: 0, predict: false });
+    Object.assign(this.state, { screen, name, values: cleaned(name, values), told: [], at: null, predict: false });
     this.predict.set(this.isAsking);
-    this.clock.share = 0;
     this.run();
+    this.rest();
     write(this.current(), true);
   }
 
@@ -91,8 +102,16 @@ class Page {
     this.state = read(location.hash);
     if (this.state.lang) speak(this.state.lang);
     this.predict.set(this.isAsking);
-    this.clock.share = this.state.at;
     this.run();
+    this.rest();
+  }
+
+  // Where the film waits: at the moment of a link; at the touch, seen from near; from far where a guess is asked. The opening
+  // plays by itself.
+  rest() {
+    this.clock.pause();
+    this.clock.go(this.state.at ?? (this.isAsking ? 0 : this.picture.film.poise));
+    if (this.state.screen === OPENING) this.clock.play();
   }
 
   runSoon() {
@@ -131,9 +150,9 @@ class Page {
   }
 
   draw(isMove) {
+    this.predict.load(this.report, SETUPS[this.state.name]);
     this.picture.load(this.report, this.state, isMove);
     this.controls.markGap(this.picture.safe);
-    this.predict.load(this.report, SETUPS[this.state.name]);
   }
 
   redraw() {
@@ -142,7 +161,8 @@ class Page {
   }
 
   current() {
-    return { ...this.state, at: this.clock?.share ?? 0, predict: this.state.screen === LAB && this.predict.on };
+    const { share, film } = this.clock, isResting = Math.abs(share - film.poise) < 1e-6 || this.state.screen <= GUESS;
+    return { ...this.state, at: isResting ? null : share, predict: this.state.screen === LAB && this.predict.on };
   }
 }
 

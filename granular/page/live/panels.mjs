@@ -54,13 +54,16 @@ function figures({ scene, hard, soft, pairs, finals }, setup) {
     [`figure-${setup.measured}`, number(hard), number(soft), undecided(finals, last, scene) || (scene.gravity ? say("figure-drop", { drop: [scene.drop, "m"] }) : say("figure-arrival", { v: [scene.impact, "m/s"] }))],
   ];
   if (scene.gravity) {
-    const [hardly, softly] = ENGINES.map((engine) => finals[engine][last].velocity / scene.impact);
+    const [hardly, softly] = ENGINES.map((engine) => thrown(finals[engine][last], scene) / scene.impact);
     const leaving = say("figure-impact", { hard: hardly, soft: softly, v: [scene.impact, "m/s"] });
     parts.push(["figure-rises", ...ENGINES.map((engine) => quantity(finals[engine][last].rise, "m")), leaving]);
   }
   parts.push(["figure-shared", ...[0, shared].map((n) => say("percent", { n })), say("figure-binary")]);
   showFigures($(".figures"), parts);
 }
+
+// The speed that takes a ball as high as it rises: that of another moment would contradict it.
+const thrown = ({ rise }, { gravity }) => Math.sqrt(2 * gravity * rise);
 
 // Which engines do not tell where ball i gets to.
 const undecided = (finals, i, { gravity }) =>
@@ -133,9 +136,9 @@ function tieRules({ scene, eps, hard, finals, tieErrors }) {
 
 function finalsTable({ scene, finals }) {
   const first = scene.gravity ? 1 : 0;
-  const results = (i) => ENGINES.flatMap((e) => [digits(finals[e][i].velocity, 5), ...(first ? [digits(finals[e][i].rise, 4)] : [])]);
+  const results = (i) => ENGINES.flatMap((e) => (first ? [digits(thrown(finals[e][i], scene), 5), digits(finals[e][i].rise, 4)] : [digits(finals[e][i].velocity, 5)]));
   const rows = scene.mass.map((m, i) => ["", say("ball", { n: i + 1 - first }), digits(m, 3), digits(2e3 * scene.radius[i], 3), ...results(i)]);
-  const heads = ENGINES.flatMap((e) => [say("head-speed", { engine: { say: e } }), ...(first ? [say("head-rise", { engine: { say: e } })] : [])]);
+  const heads = ENGINES.flatMap((e) => [`${first ? "√(2gh)" : "v′"} ${say(e)}, m/s`, ...(first ? [say("head-rise", { engine: { say: e } })] : [])]);
   fillTable($(".finals"), ["", say("head-mass"), say("head-diameter"), ...heads], rows.slice(first));
 }
 

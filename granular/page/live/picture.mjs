@@ -1,58 +1,74 @@
-// All that is drawn of one report: stage, reason, numbers, charts, curve and film, with the clock that moves them.
+// All that is drawn of one report: stage and film, reason, numbers, charts and curve, with the clock that moves them.
 import { Chart } from "../shell/axes.mjs";
-import { Clock } from "../shell/clock.mjs";
-import { $, set } from "../shell/dom.mjs";
-import { reasonOf, safeGap } from "../physics/reason.mjs";
+import { $ } from "../shell/dom.mjs";
+import { filmOf, SLOW } from "../physics/film.mjs";
+import { reachOf, reasonOf, safeGap } from "../physics/reason.mjs";
 import { SETUPS } from "../physics/setups.mjs";
 import { samplesOf, spanOf } from "../physics/traces.mjs";
 import { Because } from "./because.mjs";
 import { TimeCharts } from "./charts.mjs";
 import { Curve } from "./curve.mjs";
 import { Distance } from "./distance.mjs";
-import { Film } from "./film.mjs";
+import { FilmClock } from "./filmclock.mjs";
 import { Later } from "./later.mjs";
 import { Panels } from "./panels.mjs";
 import { printsWell } from "./print.mjs";
-import { Ruler } from "./ruler.mjs";
 import { Spread } from "./real.mjs";
 import { Stage } from "./stage.mjs";
+import { LAB, OPENING, screenOf } from "./story.mjs";
 import { watchedPair } from "./watched.mjs";
-import { say } from "./words.mjs";
+import { plain, say } from "./words.mjs";
+
+const FARTHEST = 0.1; // m that a ball can be held above another by hand
 
 export class Picture {
-  // `picked`: a gap; `guessed`: a height; `stopped`: at another time; `isCovered`: nothing may be given away.
-  constructor({ balls, picked, guessed, stopped, isCovered }) {
-    this.stopped = stopped;
+  // `picked`: a gap; `guessed`: a height; `stopped`: at another time; `ended`: the film; `predict`: what is covered and guessed.
+  constructor({ balls, picked, guessed, stopped, ended, predict }) {
+    Object.assign(this, { stopped, predict, slow: SLOW });
     this.later = new Later();
-    this.stage = new Stage($(".stage"));
+    this.stage = new Stage($(".stage"), { taken: (kind, value) => (kind === "gap" ? picked : guessed)(value), poised: () => this.clock.poise() });
     this.because = new Because();
     this.panels = new Panels();
     this.spread = new Spread(balls);
     this.charts = new TimeCharts();
     this.distance = new Distance();
     this.curve = new Curve(picked);
-    this.ruler = new Ruler($(".far-view"), { guessed });
-    this.clock = new Clock(document, { show: (t) => this.show(t), stops: () => this.stops(), locked: isCovered, say });
-    this.film = new Film({ ruler: this.ruler, clock: this.clock });
+    this.clock = new FilmClock(document, { show: (now) => this.show(now), stops: () => this.stops(), locked: () => predict.covered, paced: (seconds) => this.pace(seconds), ended, say });
     printsWell(this);
   }
 
   // At first and while a slider moves, what is judged and dragged is drawn at once, the rest a moment later; what is hidden
   // not at all.
-  load(report, { name, values }, isMove = false) {
-    const span = spanOf(report.soft, report.hard), samples = samplesOf(report, span), watched = watchedPair(report, span);
-    this.report = report;
-    this.safe = safeGap(report);
-    this.stage.load(report, span, samples, watched);
-    const inTime = this.inTime(report, span, samples, watched);
+  load(report, state, isMove = false) {
+    const { name, values, screen } = state, span = spanOf(report.soft, report.hard), samples = samplesOf(report, span), watched = watchedPair(report, span);
+    Object.assign(this, { report, state, samples, watched, safe: safeGap(report) });
+    this.film = filmOf(report, this.slow);
+    this.loadStage();
     this.because.load(report, reasonOf(report));
-    const panels = this.panels.load(report, SETUPS[name]);
-    this.film.load(report, span, document.body.classList.contains("hard-only") ? ["hard"] : ["hard", "soft"]);
-    set($(".film-button"), { disabled: !this.film.isPossible });
-    this.clock.setSpan(span);
+    const inTime = this.inTime(report, span, samples, watched), panels = this.panels.load(report, SETUPS[name]);
+    this.clock.load(this.film);
+    this.clock.loops = screen === OPENING;
     this.later.plan({ ...panels, curve: () => this.curve.load(name, values, this.safe), ...inTime });
     if (!isMove) this.later.flush();
     this.spread.load(name, values);
+  }
+
+  loadStage() {
+    this.stage.load(this.report, this.film, this.look());
+  }
+
+  // What the screen wants to be seen on the stage.
+  look() {
+    const { report, predict, state, safe } = this, { scene, finals } = report, { screen, name, values } = state, inLab = screen === LAB, opens = screen === OPENING;
+    const { kinds } = scene, names = kinds.map((kind, i) => (kind ? plain(`ball-${kind}`) : String(i))), asks = predict.covered;
+    const rises = ["hard", "soft"].filter((engine) => !screenOf(screen).engine || screenOf(screen).engine === engine).flatMap((engine) => finals[engine].map((f) => f.rise)).filter(Number.isFinite);
+    const isStill = matchMedia("(prefers-reduced-motion: reduce)").matches, most = Math.max(scene.drop, 1.05 * (predict.guess ?? 0) * scene.drop, 1.08 * Math.max(0, ...rises));
+    const grips = (screenOf(screen).grip || (inLab && SETUPS[name].sliders.some((slider) => slider.name === "gap"))) && !asks && scene.gap.length > 1;
+    const handle = asks ? { kind: "guess", value: predict.guess, most: SETUPS[name].most } : grips ? { kind: "gap", value: values.gap, most: FARTHEST, safe } : { kind: "" };
+    return {
+      asks, opens, kinds, names, handle, samples: this.samples, watched: inLab && !asks ? this.watched : null, guess: predict.guess, gauge: !predict.on && screen > 3,
+      most: asks ? SETUPS[name].most * scene.drop : opens && !isStill ? 1.5 * scene.drop : most, reach: reachOf(report), ghost: grips ? safe : 0,
+    };
   }
 
   // What is to be drawn later of charts over time, by name, if they are on the screen.
@@ -62,25 +78,37 @@ export class Picture {
     return { distance: () => this.distance.load(report, watched, axis), ...charts, heads: () => this.showHeads(this.clock.time) };
   }
 
-  show(t) {
-    this.stage.show(t);
-    this.showHeads(t);
+  show(now) {
+    if (!this.film) return;
+    this.stage.show(this.film.at(now));
+    this.showHeads(now);
     if (!this.clock?.playing) this.stopped();
   }
 
-  showHeads(t) {
+  showHeads(now) {
+    const t = this.film.clock("soft", this.film.at(now).time);
     this.charts.show(t);
     this.distance.show(t);
   }
 
+  // When contacts begin and end, since the touch.
   stops() {
-    return [...this.report.hard.contacts, ...this.report.soft.contacts].flatMap((c) => [c.begin, c.end]).filter(Number.isFinite);
+    return ["hard", "soft"].flatMap((engine) => this.report[engine].contacts.flatMap((c) => [c.begin, c.end]).filter(Number.isFinite).map((t) => t - this.film.clock(engine, 0)));
+  }
+
+  // Other seconds for the contacts: the film is another, the time shown the same.
+  pace(seconds) {
+    const { time } = this.film.at(this.clock.time);
+    this.slow = seconds;
+    this.film = filmOf(this.report, seconds);
+    this.loadStage();
+    this.clock.share = this.film.when(time) / this.film.length;
+    this.clock.load(this.film);
   }
 
   reveal() {
     this.clock.restart();
-    if (this.film.isPossible) this.film.play();
-    else this.clock.play();
+    this.clock.play();
     $(".stage-box").scrollIntoView({ block: "nearest" });
   }
 

@@ -1,18 +1,21 @@
-// Predict first: results stay covered until a guess is made; then the run plays and the guess is held against it.
-import { $, set, text } from "../shell/dom.mjs";
+// Predict first: results stay covered until a guess is made; then the film runs, its end tells the answer, and asks why.
+import { $, h, set, text } from "../shell/dom.mjs";
 import { digits } from "../shell/format.mjs";
 import { plain, told } from "./words.mjs";
 
+const CAUSES = ["weight", "losses", "overlap"];
+
 export class Predict {
-  constructor({ ruler, reveal, switched }) {
-    Object.assign(this, { ruler, reveal, on: false, answered: null });
+  // `guessed`: another guess; `reveal`: the film is to run; `switched`: predicting is chosen, or no longer.
+  constructor({ guessed, reveal, switched }) {
+    Object.assign(this, { guessed, reveal, on: false, guess: null, answered: null, isTold: false });
     this.form = $(".predict");
-    this.guess = $(".guess");
+    this.bar = $(".guess");
     $(".predict-button").addEventListener("click", () => {
       this.set(!this.on);
       switched();
     });
-    this.guess.addEventListener("input", () => this.take(this.guess.value / 100));
+    this.bar.addEventListener("input", () => this.take(this.bar.value / 100));
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
       this.answer();
@@ -20,9 +23,7 @@ export class Predict {
   }
 
   set(on) {
-    this.on = on;
-    this.ruler.guess = null;
-    this.answered = null;
+    Object.assign(this, { on, guess: null, answered: null, isTold: false, why: null });
     this.cover(on);
     set($(".predict-button"), { "aria-pressed": String(on) });
   }
@@ -33,41 +34,65 @@ export class Predict {
     const falls = report.scene.gravity > 0;
     told($(".question"), falls ? "ask-height" : "ask-speed");
     $(".guess-row").hidden = falls;
-    this.guess.max = 100 * setup.most;
-    if (this.on && !this.answered) this.cover(true);
-    else this.tell();
+    this.bar.max = 100 * setup.most;
+    this.cover(this.on && !this.answered);
   }
 
   cover(covered) {
     this.covered = covered;
     this.form.hidden = !covered;
-    document.body.classList.toggle("covered", covered);
-    const asks = covered && this.report?.scene.gravity > 0;
-    $(".theatre").classList.toggle("far", Boolean(asks));
-    if (asks) this.ruler.layout({ scene: this.report.scene, most: this.setup.most, lanes: [], asks: true });
-    if (covered) this.take(this.ruler.guess);
+    document.body.classList.toggle("covered", this.on && !this.isTold);
+    this.showGuess();
     this.tell();
   }
 
   // Nothing is chosen beforehand: there is no answer before there is a guess.
   take(guess) {
-    this.ruler.guess = guess;
-    $(".run").disabled = guess === null;
-    const shown = guess === null ? "–" : digits(guess, 3);
+    this.guess = guess;
+    this.showGuess();
+    this.guessed();
+  }
+
+  showGuess() {
+    const shown = this.guess === null ? "–" : digits(this.guess, 3);
+    $(".run").disabled = this.guess === null;
     text($(".guess-value"), shown);
-    set(this.guess, { "aria-valuetext": shown });
+    set(this.bar, { "aria-valuetext": shown });
   }
 
   answer() {
-    const [hard, soft] = [this.report.hard, this.report.soft].map(this.setup.measure), guess = this.ruler.guess;
+    const [hard, soft] = [this.report.hard, this.report.soft].map(this.setup.measure), { guess } = this;
     this.answered = { guess, hard, soft, nearer: { say: Math.abs(guess - hard) < Math.abs(guess - soft) ? "hard-spheres" : "soft-spheres" } };
     this.cover(false);
     this.reveal();
   }
 
+  // The film has come to its end: now the answer may be told.
+  ended() {
+    if (!this.answered || this.isTold) return;
+    this.isTold = true;
+    this.cover(false);
+  }
+
   tell() {
-    if (!this.answered) return told($(".told"), "");
+    $(".why").hidden = true;
+    if (!this.isTold) return told($(".told"), this.answered ? "watch" : "");
     const { hard, soft } = this.answered, agree = Math.abs(hard - soft) < 0.02 * Math.max(1, hard);
     told($(".told"), agree ? "told-agree" : "told", { ...this.answered, unit: plain(`unit-${this.setup.measured}`) });
+    if (!agree && this.report.scene.gravity) this.ask();
+  }
+
+  // Why do they differ? Three causes to choose from, each with its answer.
+  ask() {
+    const answer = h("p", { class: "why-answer", role: "status" });
+    const buttons = CAUSES.map((cause) => h("button", { type: "button", "data-cause": cause, "aria-pressed": String(this.why === cause), onclick: () => choose(cause) }, plain(`why-${cause}`)));
+    const choose = (cause) => {
+      this.why = cause;
+      buttons.forEach((button, i) => set(button, { "aria-pressed": String(CAUSES[i] === cause) }));
+      told(answer, `because-${cause}`);
+    };
+    $(".why").replaceChildren(h("p", { class: "question" }, plain("why")), h("div", { class: "presets" }, ...buttons), answer);
+    $(".why").hidden = false;
+    if (this.why) choose(this.why);
   }
 }

@@ -1,4 +1,4 @@
-// The verdict in one line: in heights in the story, as `granular compare` judges in the laboratory. While a slider moves it
+// The verdict in one line, as `granular compare` judges: in heights in the story. While a slider moves it
 // changes at once for the eye, but is announced only when it rests.
 import { $, text } from "../shell/dom.mjs";
 import { inHeights } from "./real.mjs";

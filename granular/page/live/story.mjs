@@ -1,28 +1,32 @@
-// Six screens over the same engines, from one bouncing ball to the real demonstration; the last is the laboratory.
+// The drop, six screens over the same engines from a guess to the real demonstration, and the laboratory.
 import { $, h, set, text } from "../shell/dom.mjs";
 import { SETUPS } from "../physics/setups.mjs";
 import { has, plain, told } from "./words.mjs";
 
+export const OPENING = 0;
+export const GUESS = 1;
 export const LAB = 7;
-const STACK = "basketball+tennis ball", SINGLE = ["basketball", "tennis ball", "table-tennis ball", "golf ball", "superball", "steel ball"];
+const STACK = "basketball+tennis ball", PINGPONG = "basketball+table-tennis ball", NEAR = { gap: 1e-3 };
+const SINGLE = ["basketball", "tennis ball", "table-tennis ball", "golf ball", "superball", "steel ball"];
 const TEXTBOOK = { m1: 2, m2: 1e-3, e1: 1, e2: 1, gap: 1e-3 };
 
-// What each screen begins with; `only`: its sliders, `presets`: its buttons.
+// What each screen begins with; `only`: its sliders, `presets`: its buttons, `grip`: whether the upper ball sets the gap.
 const SCREENS = [
+  { scene: "real-balls", values: NEAR, only: [], presets: () => ({}), engine: "soft" },
+  { scene: "real-balls", values: NEAR, only: [], presets: () => ({}), predict: true },
   { scene: "bouncing-ball", only: [], presets: () => pick("bouncing-ball", SINGLE) },
-  { scene: "real-balls", values: TEXTBOOK, only: [], presets: () => ({ textbook: TEXTBOOK, masses: { e1: 1, e2: 1, gap: 1e-3 }, losses: { gap: 1e-3 } }), hardOnly: true },
-  { scene: "real-balls", values: { gap: 1e-3 }, only: [], presets: () => ({}), predict: true },
-  { scene: "real-balls", values: { gap: 1e-3 }, only: [], presets: () => ({}) },
-  { scene: "real-balls", values: { gap: 1e-3 }, only: ["gap"], presets: () => ({}) },
-  { scene: "real-balls", only: ["gap", "rule", "bounces"], presets: () => SETUPS["real-balls"].presets },
+  { scene: "real-balls", values: TEXTBOOK, only: [], presets: () => ({ textbook: TEXTBOOK, masses: { e1: 1, e2: 1, gap: 1e-3 }, losses: NEAR }), engine: "hard" },
+  { scene: "real-balls", values: NEAR, only: [], presets: () => ({}) },
+  { scene: "real-balls", values: NEAR, only: [], presets: () => ({}), grip: true },
+  { scene: "real-balls", from: PINGPONG, only: ["rule", "bounces"], presets: () => SETUPS["real-balls"].presets, grip: true },
 ];
 
 const pick = (scene, names) => Object.fromEntries(names.map((name) => [name, SETUPS[scene].presets[name]]));
 
-export const screenOf = (number) => SCREENS[number - 1] ?? {};
+export const screenOf = (number) => SCREENS[number] ?? {};
 export const startOf = (number) => {
-  const { scene, values } = screenOf(number);
-  return { name: scene, values: { ...(SETUPS[scene].presets[STACK] ?? Object.values(SETUPS[scene].presets)[0]), ...values } };
+  const { scene, values, from = STACK } = screenOf(number), { presets } = SETUPS[scene];
+  return { name: scene, values: { ...(presets[from] ?? Object.values(presets)[0]), ...values } };
 };
 
 export class Story {
@@ -36,25 +40,26 @@ export class Story {
 
   turn(way) {
     this.go(this.screen + way);
-    $(".steps").scrollIntoView({ block: "start" });
+    scrollTo(0, 0);
   }
 
   load(screen) {
     this.screen = screen;
     document.body.dataset.screen = screen;
-    document.body.classList.toggle("hard-only", Boolean(screenOf(screen).hardOnly));
+    for (const engine of ["hard", "soft"]) document.body.classList.toggle(`${engine}-only`, screenOf(screen).engine === engine);
     for (const section of document.querySelectorAll("[data-on]")) section.classList.toggle("off", !section.dataset.on.split(" ").includes(String(screen)));
     this.steps.forEach((button, i) => {
-      text(button, i + 1 === LAB ? plain("lab-short") : String(i + 1));
-      set(button, { "aria-current": i + 1 === screen ? "step" : null, "aria-label": plain(`s${i + 1}-title`) });
+      const isLab = i + 1 === LAB, name = plain(`s${i + 1}-title`);
+      text(button, isLab ? plain("lab-short") : String(i + 1));
+      set(button, { "aria-current": i + 1 === screen ? "step" : null, "aria-label": isLab ? `${plain("lab-short")}: ${name}` : `${i + 1}: ${name}` });
     });
     told($(".story-title"), `s${screen}-title`);
     const keys = ["a", "b", "c"].map((part) => `s${screen}-${part}`).filter(has);
     const paragraphs = keys.map((key) => h("p", {}));
     $(".story-text").replaceChildren(...paragraphs);
     keys.forEach((key, i) => told(paragraphs[i], key));
-    $(".story-back").hidden = screen === 1;
+    $(".story-back").hidden = screen <= GUESS;
     $(".story-next").hidden = screen === LAB;
-    told($(".story-next"), screen === LAB - 1 ? "to-lab" : "next");
+    told($(".story-next"), { [OPENING]: "your-turn", [LAB - 1]: "to-lab" }[screen] ?? "next");
   }
 }

@@ -1,21 +1,43 @@
-// The two times that decide: how long a contact lasts, and how soon after its onset the next ball is met.
+// The reason: how much of the push from below happens while the ball above is already pressing.
 //
-// Of all pairs that one is told whose neighbour above (to the right) is met soonest beside its duration. A gap of v t_c
-// makes sure that it comes later; a smaller one is often enough.
+// It explains and does not decide; the error decides. Of all pairs that one is told of whose push overlaps most with that of
+// the pair above it. A gap of v t_c makes sure that none do; a smaller one is often enough.
 import { pairsOf } from "./scenes.mjs";
+import { softForce } from "./traces.mjs";
 
-export function reasonOf({ scene, eps, k, soft }) {
-  const found = pairsOf(scene, eps, k).slice(0, -1).flatMap(({ duration }, pair) => {
-    const begin = onset(soft, pair, -Infinity), met = onset(soft, pair + 1, begin ?? Infinity);
-    return met === undefined ? [] : [{ pair, lasts: duration, arrives: met - begin, isEarly: met - begin < duration }];
+const SAMPLES = 80;
+
+// Contacts from the bounce on that is asked for.
+export function reasonOf({ scene, soft }) {
+  const from = soft.contacts.filter((c) => c.pair === 0)[(scene.bounces ?? 1) - 1]?.begin ?? 0;
+  const found = scene.gap.slice(1).flatMap((_, pair) => {
+    const push = soft.contacts.find((c) => c.pair === pair && c.begin >= from), next = push && soft.contacts.filter((c) => c.pair === pair + 1 && endOf(soft, c) >= push.begin);
+    return next?.length ? [{ pair, arrives: next[0].begin - push.begin, ...sharedPush(soft, push, next) }] : [];
   });
-  return found.reduce((most, one) => (!most || one.arrives / one.lasts < most.arrives / most.lasts ? one : most), null);
+  return found.reduce((most, one) => (!most || one.share > most.share ? one : most), null);
 }
 
-const onset = (run, pair, from) => run.contacts.find((one) => one.pair === pair && one.begin >= from)?.begin;
+const endOf = (soft, { end }) => (Number.isNaN(end) ? soft.time : end);
+
+// The push in time, [[s since its onset, N]], and the share of its impulse while one of `next` lasts.
+function sharedPush(soft, push, next) {
+  const end = endOf(soft, push), step = (end - push.begin) / SAMPLES, curve = [];
+  let all = 0, both = 0;
+  for (let i = 0; i < SAMPLES; i++) {
+    const t = push.begin + (i + 0.5) * step, force = softForce(soft, push.pair, t);
+    curve.push([t - push.begin, force]);
+    all += force;
+    if (next.some((c) => c.begin <= t && t <= endOf(soft, c))) both += force;
+  }
+  const parts = next.map((c) => [Math.max(0, c.begin - push.begin), Math.min(end, endOf(soft, c)) - push.begin]).filter(([a, b]) => b > a);
+  return { lasts: end - push.begin, curve, parts, share: all > 0 ? both / all : 0 };
+}
 
 // The gap beyond which two contacts never overlap: Δh = v t_c of the longest contact that is not the last.
-export function safeGap({ scene, eps, k }) {
-  const durations = pairsOf(scene, eps, k).slice(0, -1).map((p) => p.duration);
-  return durations.length ? scene.impact * Math.max(...durations) : NaN;
+export const safeGap = ({ scene, eps, k }) => (scene.gap.length > 1 ? reachOf({ scene, eps, k }) : NaN);
+
+// How far a ball falls while that lasts.
+export function reachOf({ scene, eps, k }) {
+  const durations = pairsOf(scene, eps, k).map((p) => p.duration);
+  return scene.impact * Math.max(...durations.slice(0, Math.max(1, durations.length - 1)));
 }

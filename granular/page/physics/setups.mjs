@@ -74,7 +74,7 @@ export const FIRST = "three-balls"; // what a link without a scene means
 export const ballValues = ({ mass, radius, duration, restitution, filled }, i) =>
   ({ [`m${i}`]: mass, [`r${i}`]: radius, [`t${i}`]: duration, [`e${i}`]: restitution, [`air${i}`]: Number(filled) });
 
-const GAPS = []; // from which on hard spheres are right, by balls
+const GAPS = [], KINDS = []; // from which gap on hard spheres are right, by balls; radii, by names
 
 export function enoughFor(values) {
   return GAPS.find(([both]) => Object.keys(both).every((key) => both[key] === values[key]))?.[1] ?? NaN;
@@ -86,6 +86,7 @@ export function offer({ balls, pairs }) {
     SETUPS["real-balls"].presets[`${lower}+${upper}`] = { ...both, gap: 0, height: 1, rule: 0, bounces: 1 };
     GAPS.push([both, gap]);
   }
+  for (const name in balls) KINDS.push([balls[name].radius, name]);
   for (const name in balls) SETUPS["bouncing-ball"].presets[name] = { ...ballValues(balls[name], 1), height: 1 };
 }
 
@@ -111,5 +112,9 @@ export function cleaned(name, given) {
   return values;
 }
 
-export const sceneOf = (name, values) => SETUPS[name].make(values);
+// With what its balls are, where they are real ones: told by their radii.
+export function sceneOf(name, values) {
+  const scene = SETUPS[name].make(values);
+  return { ...scene, kinds: scene.radius.map((r) => KINDS.find(([radius]) => Math.abs(r - radius) < 1e-6 * radius)?.[1].replaceAll(" ", "-")) };
+}
 export const contactsIn = (name, values) => SETUPS[name].contacts(values);

@@ -7,7 +7,10 @@ const PATIENT = 10000; // steps
 const UPRIGHT = { left: "lower", right: "upper" };
 const ANSWERS = { forever: "no", sinks: "no", counts: "no", off: "no", "yes, overlap": "yes" };
 
+// Two balls are told by their numbers, real ones by what they are.
 export const pairName = (scene, c) => {
+  const [a, b] = [c, c + 1].map((i) => scene.kinds?.[i]);
+  if (b && (a || c === 0)) return { say: "pair-of", a: { say: a ? `ball-${a}` : "floor" }, b: { say: `ball-${b}` } };
   if (scene.mass[0] !== Infinity) return { say: "balls", a: c + 1, b: c + 2 };
   return c === 0 ? { say: "floor-ball" } : { say: "balls", a: c, b: c + 1 };
 };

@@ -43,11 +43,15 @@ export class Clock {
 
   go(share) {
     this.share = this.locked() ? 0 : Math.min(1, Math.max(0, share));
-    const now = quantity(this.time - this.span[0], "s", 4), whole = quantity(this.span[1] - this.span[0], "s", 3);
     this.bar.value = Math.round(this.share * this.bar.max);
+    this.tell();
+    this.show(this.time);
+  }
+
+  tell() {
+    const now = quantity(this.time - this.span[0], "s", 4), whole = quantity(this.span[1] - this.span[0], "s", 3);
     set(this.bar, { "aria-valuetext": this.say("time-of", { now, whole }) });
     text(this.readout, now);
-    this.show(this.time);
   }
 
   play() {
@@ -63,8 +67,12 @@ export class Clock {
     if (!this.playing) return;
     this.go(this.share + Math.max(0, now - this.last) / 1000 / this.duration);
     this.last = now;
-    if (this.share >= 1) this.pause();
+    if (this.share >= 1) this.end();
     else requestAnimationFrame((next) => this.frame(next));
+  }
+
+  end() {
+    this.pause();
   }
 
   pause() {

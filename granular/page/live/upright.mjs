@@ -1,0 +1,159 @@
+// One engine's balls above their floor, as the camera sees them: a ruler from far, gaps and pressed balls from near.
+import { markup, set, svg, text } from "../shell/dom.mjs";
+import { digits } from "../shell/format.mjs";
+import { ticks } from "../shell/axes.mjs";
+import { bulge, Camera } from "./camera.mjs";
+import { face } from "./drawn.mjs";
+import { Lens } from "./lens.mjs";
+import { plain } from "./words.mjs";
+
+const LEFT = 44, GAUGE = 26; // pixels
+
+export class Upright {
+  constructor(engine, host) {
+    Object.assign(this, { engine, svg: host, lens: new Lens(engine) });
+    const part = (name, tag = "g") => (this[name] = svg(tag, { class: name }));
+    this.layers = ["ruler", "tops", "ghosts", "shadow", "balls", "base", "marks", "gauge", "grip", "title", "note"].map((name) => part(name, { shadow: "ellipse", base: "line", title: "text", note: "text" }[name]));
+    set(this.title, { x: 10, y: 22, class: "stage-name" });
+  }
+
+  // `look`: what the screen wants to be seen: kinds and names of the balls, greatest height, ghosts, gauge.
+  layout(report, film, look, [w, tall]) {
+    const { scene } = report;
+    Object.assign(this, { scene, film, look, w, tall, top: scene.mass.length - 1, x: w * (look.asks || look.opens ? 0.5 : 0.42) });
+    this.camera = new Camera({ scene, wide: w, tall, most: look.most, reach: look.reach });
+    const shape = JSON.stringify([look.kinds, scene.radius, w, tall]);
+    if (shape !== this.shape) this.build();
+    this.shape = shape;
+    if (this.svg.firstChild !== this.ruler) this.svg.replaceChildren(...this.layers, this.lens.element);
+    set(this.lens.element, { display: look.watched ? null : "none" });
+    this.drawRuler();
+    this.drawGauge(report.finals[this.engine]);
+    this.name(report[this.engine].contacts.length);
+    if (look.watched) this.layLens();
+  }
+
+  build() {
+    const { w, tall, engine, camera } = this, floor = camera.down(0);
+    set(this.svg, { viewBox: `0 0 ${w} ${tall}` });
+    set(this.base, { x1: 8, x2: w - 8, y1: floor, y2: floor, class: "floor" });
+    this.each = this.look.kinds.map((kind, i) => (i === 0 ? null : ballOf(kind, `${engine}-${i}`)));
+    this.balls.replaceChildren(...this.each.slice(1).map((ball) => ball.element));
+    this.lines = this.each.slice(1).map(() => svg("line", { class: "mark" }));
+    this.marks.replaceChildren(...this.lines);
+  }
+
+  name(count) {
+    const { look, engine } = this;
+    text(this.title, look.asks || look.opens ? "" : plain(`${engine}-spheres`));
+    this.each.forEach((ball, i) => ball && text(ball.label, look.names[i]));
+    set(this.svg, { "aria-label": plain("stage-said", { engine: { say: `${engine}-spheres` }, n: count }) });
+  }
+
+  // In drop heights, counted from where the top ball stands when all stand on one another.
+  drawRuler() {
+    const { camera, scene, w, top } = this, { drop } = scene, rest = camera.place(scene.radius.map(() => 0))[top].zero, [scale] = camera.scales(0);
+    this.ruler.innerHTML = ticks([0, camera.most / drop], 5).map((v) => {
+      const y = camera.down(rest + v * drop * scale).toFixed(1);
+      return markup("line", { x1: LEFT, x2: w - 8, y1: y, y2: y, class: v === 1 ? "drop-line" : "ruler-line" }) + markup("text", { x: LEFT - 6, y: Number(y) + 4, "text-anchor": "end", class: "ruler-tick" }, digits(v, 3));
+    }).join("") + markup("text", { x: w - 10, y: 20, "text-anchor": "end", class: "ruler-tick" }, plain("in-drops"));
+  }
+
+  // How high the top ball will fly, beside the contact that decides it.
+  drawGauge(finals) {
+    const { camera, scene, w, tall, look } = this, rise = finals[this.top].rise / scene.drop, most = look.most / scene.drop;
+    if (!look.gauge || !(rise >= 0)) return void (this.gauge.innerHTML = "");
+    const y = (v) => camera.down((v / most) * (tall - 90)).toFixed(1), x = w - GAUGE - 6, floor = y(0);
+    const bar = markup("rect", { x, width: GAUGE - 8, y: y(rise), height: Math.max(1, floor - y(rise)), class: `gauge-bar ${this.engine}-bar` });
+    const one = markup("line", { x1: x - 4, x2: x + GAUGE - 4, y1: y(1), y2: y(1), class: "drop-line" });
+    this.gauge.innerHTML = bar + one + markup("text", { x: w - 8, y: y(rise) - 6, "text-anchor": "end", class: `gauge-value ${this.engine}` }, digits(rise, 3));
+  }
+
+  show(frame, press) {
+    const { camera, film, engine } = this, heights = film.heights(engine, frame.time), balls = camera.place(heights, frame.zoom);
+    balls.forEach((ball, i) => i && this.put(this.each[i], ball));
+    this.placed = balls;
+    const [first] = balls.slice(1), height = Math.max(0, first.low), fade = Math.max(0, 1 - height / (0.8 * this.tall));
+    set(this.shadow, { cx: this.x, cy: camera.down(-3), rx: (first.r * (0.75 + 0.5 * fade)).toFixed(1), ry: Math.max(2, 0.09 * first.r).toFixed(1), opacity: fade.toFixed(2), fill: "url(#ground)" });
+    const far = Math.max(0, 1 - 3 * frame.zoom), near = Math.max(0, 3 * frame.zoom - 2);
+    for (const part of [this.ruler, this.tops]) set(part, { opacity: far.toFixed(2) });
+    set(this.gauge, { opacity: near.toFixed(2) });
+    this.drawTops(balls, frame);
+    this.drawMarks(balls, press, near);
+    this.drawGhosts(balls, frame);
+    this.tellScale(frame.zoom);
+    if (this.look.watched) this.showLens(heights, balls, near);
+  }
+
+  put({ element, cut, body, label }, ball) {
+    const { r, low, below, above } = ball, wide = r * bulge(ball);
+    set(element, { transform: `translate(${this.x.toFixed(1)} ${this.camera.down(low + r).toFixed(2)})` });
+    set(body, { transform: `scale(${wide.toFixed(2)} ${r.toFixed(2)})` });
+    set(cut, { x: -wide - 3, width: 2 * wide + 6, y: (above ? above - r : -r - 3).toFixed(2), height: (2 * r - below - above + (above ? 0 : 3) + (below ? 0 : 3)).toFixed(2) });
+    const isInside = r > 44;
+    set(label, isInside ? { x: 0, "text-anchor": "middle" } : { x: (r + 8).toFixed(1), "text-anchor": "start" });
+  }
+
+  // From where a ball stands to its highest point, with the number.
+  drawTops(balls, { time, zoom }) {
+    const { film, engine, camera, scene, look } = this, step = Math.min(30, (this.x - LEFT - 24) / this.top);
+    const up = balls.map((_, i) => i > 0 && zoom < 0.3 && !look.asks && film.isUp(engine, i, time)), key = up.join();
+    if (key === this.upNow && zoom > 0 === this.wasNear) return;
+    Object.assign(this, { upNow: key, wasNear: zoom > 0 });
+    this.tops.innerHTML = balls.map(({ low, zero, r }, i) => {
+      if (!up[i]) return "";
+      const x = (this.x - Math.max(r, 12) - 8 - step * (this.top - i)).toFixed(1), [y1, y2] = [zero, Math.max(zero, low)].map((z) => camera.down(z).toFixed(1));
+      const line = markup("path", { d: `M${x} ${y1}V${y2}m-5 0h10M${x - 5} ${y1}h10`, class: "top-line" });
+      const rise = Math.max(0, film.lanes[engine].held[i]) / scene.drop;
+      return line + (look.opens ? "" : markup("text", { x, y: y2 - 6, "text-anchor": "middle", class: `top-value ${engine}` }, digits(rise, 3)));
+    }).join("");
+  }
+
+  drawMarks(balls, press, near) {
+    this.lines.forEach((line, c) => {
+      const half = Math.min(6 + 20 * press[c], 1.2 * Math.max(balls[c].r, balls[c + 1].r)), y = this.camera.down(balls[c + 1].low + balls[c + 1].below).toFixed(2);
+      set(line, { x1: this.x - half, x2: this.x + half, y1: y, y2: y, opacity: (near * press[c]).toFixed(2) });
+    });
+  }
+
+  // Where the ball would have to be held, and where it is guessed to fly.
+  drawGhosts(balls, { zoom, time }) {
+    const { look, camera, top } = this, { ghost, guess, asks } = look, { r, zero } = balls[top], parts = [];
+    const poised = Math.abs(time) < 1e-9 && zoom > 0.99;
+    if (ghost > 0 && poised) parts.push(this.ghostBall(zero + ghost * camera.scales(1)[0], r, plain("gap-mark", { gap: [ghost, "m", 2] })));
+    const at = guess ?? (asks ? 1 : null);
+    if (at !== null && zoom < 0.3) parts.push(this.ghostBall(zero + at * this.scene.drop * camera.scales(0)[0], asks ? Math.max(12, r) : r, guess === null ? plain("drag-me") : plain("your-guess", { guess })));
+    const written = parts.join("");
+    if (this.ghosts.written !== written) this.ghosts.innerHTML = this.ghosts.written = written;
+  }
+
+  ghostBall(low, r, words) {
+    const y = this.camera.down(low + r), edge = this.camera.down(low);
+    return markup("circle", { cx: this.x, cy: y.toFixed(1), r: r.toFixed(1), class: "ghost" }) + markup("line", { x1: LEFT, x2: this.w - 8, y1: edge.toFixed(1), y2: edge.toFixed(1), class: "ghost-line" })
+      + markup("text", { x: this.w - GAUGE - 14, y: (edge - 6).toFixed(1), "text-anchor": "end", class: "guess-text" }, words.replace("_", ""));
+  }
+
+  tellScale(zoom) {
+    const { camera, look } = this, [key, n] = zoom > 0.5 ? ["paths-larger", camera.times] : ["balls-larger", camera.larger];
+    set(this.note, { x: 10, y: this.tall - 8, class: "ruler-tick" });
+    text(this.note, n > 1.05 && !look.opens ? plain(key, { times: [n, "", 2] }) : "");
+  }
+
+  layLens() {
+    const r = Math.min(46, 0.16 * this.w);
+    this.lens.layout({ cx: this.w - r - 12, cy: Math.max(r + 46, 0.24 * this.tall), r, upright: true, range: this.look.watched.range, natural: this.camera.scales(1)[1] });
+  }
+
+  showLens(heights, balls, near) {
+    const c = this.look.watched.pair, touch = this.camera.down(balls[c + 1].low);
+    set(this.lens.element, { opacity: near.toFixed(2) });
+    this.lens.show(heights[c + 1] - heights[c], [this.x, touch.toFixed(1)]);
+  }
+}
+
+function ballOf(kind, id) {
+  const cut = svg("rect"), body = svg("g", { class: "face" }), label = svg("text", { class: "ball-name", dy: "0.36em" });
+  body.innerHTML = face(kind);
+  const element = svg("g", { class: "ball" }, svg("clipPath", { id: `cut-${id}` }, cut), svg("g", { "clip-path": `url(#cut-${id})` }, body), label);
+  return { element, cut, body, label };
+}
