@@ -3,16 +3,16 @@
 // From far the scale shows the whole flight, and balls are drawn larger than that where they would be specks (`larger`). From
 // near it shows the balls as large as they fit; where contacts are brief, paths and overlaps are drawn larger than the balls
 // (`times`). Radii keep their ratios in both; none is less than LEAST pixels.
-const LEAST = 2, SMALL = 7, LARGE = 30, FLOOR = 30, TOP = 40; // pixels
+const LEAST = 2, SMALL = 10, LARGE = 36, FLOOR = 30, TOP = 40; // pixels
 const ROUND = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000];
 
 export class Camera {
-  // `most`: the greatest height in m; `reach`: how far a ball falls while the longest contact lasts.
-  constructor({ scene, wide, tall, most, reach }) {
+  // `most`: the greatest height in m; `reach`: how far a ball falls while the longest contact lasts; `size` of specks.
+  constructor({ scene, wide, tall, most, reach, size = 1 }) {
     const radii = scene.radius, largest = Math.max(...radii), smallest = Math.min(...radii.filter(Boolean)), pile = 2 * sum(radii);
     const room = tall - FLOOR - TOP, share = (0.45 * largest) / reach, times = ROUND.findLast((n) => n <= share) ?? 1;
     const near = Math.min(room / (pile + 2.2 * times * reach), (0.3 * wide) / largest);
-    const unit = Math.min(SMALL / smallest, LARGE / largest, (0.4 * room) / pile), far = (room - unit * pile) / most, isTrue = far > unit;
+    const unit = Math.min((size * SMALL) / smallest, (size * LARGE) / largest, (0.4 * room) / pile), far = (room - unit * pile) / most, isTrue = far > unit;
     const scale = isTrue ? room / (most + pile) : far;
     Object.assign(this, { radii, wide, tall, times, larger: isTrue ? 1 : unit / scale, most });
     this.ends = [[scale, isTrue ? scale : unit], [near * times, near]];

@@ -56,7 +56,7 @@ const lensSize = (w, tall) => Math.min(0.26 * tall, 0.11 * w);
 
 function ballOf(r, i) {
   const body = svg("g", { transform: `scale(${r})`, class: "face" }), label = svg("text", { class: "ball-name", "text-anchor": "middle", y: -r - 7 });
-  body.innerHTML = face("steel ball");
+  body.innerHTML = face("steel-ball");
   text(label, String(i + 1));
   return svg("g", { class: "ball" }, body, label);
 }

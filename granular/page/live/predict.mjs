@@ -41,6 +41,7 @@ export class Predict {
   cover(covered) {
     this.covered = covered;
     this.form.hidden = !covered;
+    document.body.classList.toggle("asked", covered);
     document.body.classList.toggle("covered", this.on && !this.isTold);
     this.showGuess();
     this.tell();

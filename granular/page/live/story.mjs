@@ -6,6 +6,7 @@ import { has, plain, told } from "./words.mjs";
 export const OPENING = 0;
 export const GUESS = 1;
 export const LAB = 7;
+const CLOSE = 1e-6; // m: all but touching
 const STACK = "basketball+tennis ball", PINGPONG = "basketball+table-tennis ball", NEAR = { gap: 1e-3 };
 const SINGLE = ["basketball", "tennis ball", "table-tennis ball", "golf ball", "superball", "steel ball"];
 const TEXTBOOK = { m1: 2, m2: 1e-3, e1: 1, e2: 1, gap: 1e-3 };
@@ -18,9 +19,10 @@ const SCREENS = [
   { scene: "real-balls", values: TEXTBOOK, only: [], presets: () => ({ textbook: TEXTBOOK, masses: { e1: 1, e2: 1, gap: 1e-3 }, losses: NEAR }), engine: "hard" },
   { scene: "real-balls", values: NEAR, only: [], presets: () => ({}) },
   { scene: "real-balls", values: NEAR, only: [], presets: () => ({}), grip: true },
-  { scene: "real-balls", from: PINGPONG, only: ["rule", "bounces"], presets: () => SETUPS["real-balls"].presets, grip: true },
+  { scene: "real-balls", from: PINGPONG, values: { gap: CLOSE }, only: ["rule", "bounces"], presets: () => close(SETUPS["real-balls"].presets), grip: true },
 ];
 
+const close = (presets) => Object.fromEntries(Object.entries(presets).map(([name, values]) => [name, { ...values, gap: CLOSE }]));
 const pick = (scene, names) => Object.fromEntries(names.map((name) => [name, SETUPS[scene].presets[name]]));
 
 export const screenOf = (number) => SCREENS[number] ?? {};

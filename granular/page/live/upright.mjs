@@ -21,7 +21,7 @@ export class Upright {
   layout(report, film, look, [w, tall]) {
     const { scene } = report;
     Object.assign(this, { scene, film, look, w, tall, top: scene.mass.length - 1, x: w * (look.asks || look.opens ? 0.5 : 0.42) });
-    this.camera = new Camera({ scene, wide: w, tall, most: look.most, reach: look.reach });
+    this.camera = new Camera({ scene, wide: w, tall, most: look.most, reach: look.reach, size: look.opens ? 1.6 : 1 });
     const shape = JSON.stringify([look.kinds, scene.radius, w, tall]);
     if (shape !== this.shape) this.build();
     this.shape = shape;
@@ -91,7 +91,8 @@ export class Upright {
     set(body, { transform: `scale(${wide.toFixed(2)} ${r.toFixed(2)})` });
     set(cut, { x: -wide - 3, width: 2 * wide + 6, y: (above ? above - r : -r - 3).toFixed(2), height: (2 * r - below - above + (above ? 0 : 3) + (below ? 0 : 3)).toFixed(2) });
     const isInside = r > 44;
-    set(label, isInside ? { x: 0, "text-anchor": "middle" } : { x: (r + 8).toFixed(1), "text-anchor": "start" });
+    set(label, { visibility: this.w < 260 && r > 14 && !isInside ? "hidden" : "visible" });
+    set(label, isInside ? { x: 0, "text-anchor": "middle", class: "ball-name inside" } : { x: (r + 8).toFixed(1), "text-anchor": "start", class: "ball-name" });
   }
 
   // From where a ball stands to its highest point, with the number.
@@ -100,10 +101,10 @@ export class Upright {
     const up = balls.map((_, i) => i > 0 && zoom < 0.3 && !look.asks && film.isUp(engine, i, time)), key = up.join();
     if (key === this.upNow && zoom > 0 === this.wasNear) return;
     Object.assign(this, { upNow: key, wasNear: zoom > 0 });
-    this.tops.innerHTML = balls.map(({ low, zero, r }, i) => {
+    this.tops.innerHTML = balls.map(({ low, zero }, i) => {
       if (!up[i]) return "";
-      const x = (this.x - Math.max(r, 12) - 8 - step * (this.top - i)).toFixed(1), [y1, y2] = [zero, Math.max(zero, low)].map((z) => camera.down(z).toFixed(1));
-      const line = markup("path", { d: `M${x} ${y1}V${y2}m-5 0h10M${x - 5} ${y1}h10`, class: "top-line" });
+      const x = (this.x - Math.max(...balls.map((one) => one.r)) - 10 - step * (this.top - i)).toFixed(1), [y1, y2] = [zero, Math.max(zero, low)].map((z) => camera.down(z).toFixed(1));
+      const line = markup("path", { d: `M${x} ${y1}V${y2}m-5 0h${i === this.top ? 40 : 10}M${x - 5} ${y1}h10`, class: "top-line" });
       const rise = Math.max(0, film.lanes[engine].held[i]) / scene.drop;
       return line + (look.opens ? "" : markup("text", { x, y: y2 - 6, "text-anchor": "middle", class: `top-value ${engine}` }, digits(rise, 3)));
     }).join("");
@@ -130,7 +131,7 @@ export class Upright {
   ghostBall(low, r, words) {
     const y = this.camera.down(low + r), edge = this.camera.down(low);
     return markup("circle", { cx: this.x, cy: y.toFixed(1), r: r.toFixed(1), class: "ghost" }) + markup("line", { x1: LEFT, x2: this.w - 8, y1: edge.toFixed(1), y2: edge.toFixed(1), class: "ghost-line" })
-      + markup("text", { x: this.w - GAUGE - 14, y: (edge - 6).toFixed(1), "text-anchor": "end", class: "guess-text" }, words.replace("_", ""));
+      + markup("text", { x: this.x, y: (y - r - 7).toFixed(1), "text-anchor": "middle", class: "guess-text" }, words.replace("_", ""));
   }
 
   tellScale(zoom) {
