@@ -28,6 +28,11 @@ IMPORT = re.compile(r'^import \{[^}]*\} from "([^"]+)";\n', re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(?:const|(?:async )?function\*?|class) ([\w$]+))", re.MULTILINE)
 MARGIN = re.compile(r"^[ \t]*//.*\n|^[ \t]+|^\n|[ \t]+// [^\"'`\n]*$", re.MULTILINE)
 """Comments, indents and blank lines: a page goes without."""
+KEPT = (r'"(?:[^"\\\n]|\\.)*"', r"'(?:[^'\\\n]|\\.)*'", r"`(?:[^`\\]|\\.)*`",
+        r"/(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n *])(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n])*/[gimuy]*(?=[).,;])")
+"""Texts and patterns of a script, in which spaces count; templates are not nested."""
+AIR = re.compile(rf"({'|'.join(KEPT)})|\s*([=,;:?{{}}()\[\]<>*&|!]+)\s*|(?<=[\w)\]]) ([+-]) (?=[\w(\[])")
+"""Spaces at the signs of a script."""
 SPACE = re.compile(r"^[ \t]+|^/\*.*\*/\n|^\n|(?<=[{:;,])[ \t]+(?=[^\n])|[ \t]+(?=[{}])|;?[ \t]*(?=\})", re.MULTILINE)
 """The same of a style, and spaces at its signs."""
 LIVE = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
@@ -94,7 +99,8 @@ def _needed(name: str) -> Iterator[str]:
 
 def _scoped(source: str) -> str:
     names = ", ".join(EXPORT.findall(source))
-    body = MARGIN.sub("", EXPORT.sub("", IMPORT.sub("", source))).replace("</script", "<\\/script")
+    plain = MARGIN.sub("", EXPORT.sub("", IMPORT.sub("", source)))
+    body = AIR.sub(lambda found: found[1] or found[2] or found[3], plain).replace("</script", "<\\/script")
     return f"const {{ {names} }} = (() => {{\n{body}return {{ {names} }};\n}})();" if names else body
 
 

@@ -26,7 +26,7 @@ export class Because {
   draw({ curve, parts, lasts, arrives, share }) {
     const most = Math.max(lasts, arrives), peak = Math.max(...curve.map(([, f]) => f)) || 1;
     const x = (t) => ((t / most) * WIDE).toFixed(1), y = (f) => (LOW - (f / peak) * (LOW - 4)).toFixed(1);
-    const area = (points, from, to) => `M${x(from)} ${LOW}${points.map(([t, f]) => `L${x(t)} ${y(f)}`).join("")}L${x(to)} ${LOW}z`;
+    const line = (points) => points.map(([t, f]) => `L${x(t)} ${y(f)}`).join(""), area = (points, from, to) => `M${x(from)} ${LOW}${line(points)}L${x(to)} ${LOW}z`;
     const shaded = parts.map(([a, b]) => markup("path", { class: "push-both", d: area(curve.filter(([t]) => t >= a && t <= b), a, b) }));
     const base = markup("line", { x1: 0, x2: WIDE, y1: LOW, y2: LOW, class: "zero-line" });
     this.chart.innerHTML = markup("path", { class: "push-all", d: area(curve, 0, lasts) }) + shaded.join("") + base + markup("path", { class: "push-arrives", d: `M${x(arrives)} ${LOW + 3}V2` });

@@ -66,7 +66,7 @@ export class Picture {
     const grips = (screenOf(screen).grip || (inLab && SETUPS[name].sliders.some((slider) => slider.name === "gap"))) && !asks && scene.gap.length > 1;
     const handle = asks ? { kind: "guess", value: predict.guess, most: SETUPS[name].most } : grips ? { kind: "gap", value: values.gap, most: FARTHEST, safe } : { kind: "" };
     return {
-      asks, opens, kinds, names, handle, samples: this.samples, watched: inLab && !asks ? this.watched : null, guess: predict.guess, gauge: !predict.on && screen > 3,
+      asks, opens, kinds, names, handle, samples: this.samples, watched: inLab && !asks ? this.watched : null, guess: predict.guess, gauge: !predict.on && screen > 3 && !inLab,
       most: asks ? SETUPS[name].most * scene.drop : opens && !isStill ? 1.5 * scene.drop : most, reach: reachOf(report), ghost: grips ? safe : 0,
     };
   }

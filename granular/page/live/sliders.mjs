@@ -15,7 +15,7 @@ export function slider(spec, changed) {
   forgetsSwipes(input);
   const tick = h("span", { class: "slider-mark", hidden: true }), note = h("span", { class: "slider-note" });
   const track = h("div", { class: "slider-track" }, input, tick, note);
-  const element = h("div", { class: "slider" }, h("label", { for: id }, h("i", {}, ...marked(symbol)), ` ${plain(`label-${label}`)}`), value, track);
+  const element = h("div", { class: "slider" }, h("label", { for: id }, h("i", {}, ...marked(symbol)), " ", plain(`label-${label}`)), value, track);
   const show = (values) => {
     const x = values[name], shown = spec.zero && x === 0 ? plain("touching") : quantity(x, unit);
     if (document.activeElement !== input || fromShare(spec, input.value / STEPS) !== x) input.value = whole ? x : Math.round(toShare(spec, x) * STEPS);
@@ -48,7 +48,7 @@ function forgetsSwipes(input) {
 export function choice({ name, label, options, min }, changed) {
   const buttons = options.map((option, i) => {
     const input = h("input", { type: "radio", name: `choice-${name}`, value: i, onchange: () => changed(i + min) });
-    return { input, element: h("label", {}, input, ` ${plain(`option-${option}`)}`) };
+    return { input, element: h("label", {}, input, " ", plain(`option-${option}`)) };
   });
   const element = h("fieldset", { class: "choice", "data-name": name }, h("legend", {}, plain(`label-${label}`)), ...buttons.map((b) => b.element));
   const show = (values) => buttons.forEach(({ input }, i) => (input.checked = values[name] === i + min));

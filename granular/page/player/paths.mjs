@@ -52,7 +52,7 @@ export function drawPositions(picture, run, runs, span) {
   picture.leftAxis("m", "position, radii taken out");
   const stride = draw(picture, run, positions);
   picture.keep();
-  return `where lines meet, balls touch${stride > 1 ? `; one line in ${stride} is drawn` : ""}${few(run, span)}`;
+  return `where lines meet, balls touch${stride > 1 ? "; one line in " + stride + " is drawn" : ""}${few(run, span)}`;
 }
 
 // On a scale of its own: what happens between the first and the last contact of the pair, so that hops can be seen.
