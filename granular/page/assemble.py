@@ -128,9 +128,9 @@ def live_page(path: str | PathLike[str], scene: str = "story", values: Mapping[s
         For a scene or a name that is none, or a value that the page cannot show.
     """
     start = opening.link(scene, values or {})
+    keys = [key for key in words(LANGUAGES[0]) if key != BLOCKED]
     data = {
-        "words": {language: {key: sentence for key, sentence in words(language).items() if key != BLOCKED}
-                  for language in LANGUAGES},
+        "keys": keys, "sentences": {language: [words(language).get(key) for key in keys] for language in LANGUAGES},
         "balls": {name: asdict(ball) for name, ball in balls.BALLS.items()}, "pairs": balls.PRESETS,
     }
     _files.write_text(path, page(LIVE, "granular: hard or soft?", start, data))

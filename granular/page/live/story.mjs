@@ -48,6 +48,8 @@ export class Story {
   load(screen) {
     this.screen = screen;
     document.body.dataset.screen = screen;
+    document.body.classList.toggle("tale", screen < LAB);
+    document.body.classList.toggle("drop", screen === OPENING);
     for (const engine of ["hard", "soft"]) document.body.classList.toggle(`${engine}-only`, screenOf(screen).engine === engine);
     for (const section of document.querySelectorAll("[data-on]")) section.classList.toggle("off", !section.dataset.on.split(" ").includes(String(screen)));
     this.steps.forEach((button, i) => {

@@ -5,7 +5,8 @@
 import { $, h, marked, set, text } from "../shell/dom.mjs";
 import { digits, quantity, writeDecimalsWith } from "../shell/format.mjs";
 
-const { words } = JSON.parse($("#data").textContent);
+const { keys, sentences } = JSON.parse($("#data").textContent);
+const words = Object.fromEntries(Object.entries(sentences).map(([one, said]) => [one, Object.fromEntries(keys.map((key, i) => [key, said[i]]).filter(([, sentence]) => sentence !== null))]));
 export const LANGUAGES = Object.keys(words);
 let language = "", plural = null;
 
