@@ -1,6 +1,9 @@
 // One golden case: what disagrees between the page and the Python engines, in words; empty if nothing.
+import { Camera } from "../../granular/page/live/camera.mjs";
+import { filmOf } from "../../granular/page/physics/film.mjs";
 import { isEarly, leavingVelocities } from "../../granular/page/physics/measures.mjs";
 import { AT_LEISURE, compareEngines } from "../../granular/page/physics/outcome.mjs";
+import { reachOf } from "../../granular/page/physics/reason.mjs";
 import { contactsIn, sceneOf } from "../../granular/page/physics/setups.mjs";
 
 const TOLERANCE = 1e-9, STUCK = 1e-6; // hard spheres that have all but collapsed stick in another order
@@ -12,7 +15,21 @@ export function check({ scene: name, values, ties, answer, kind, said, error, co
   const scene = sceneOf(name, values), { eps, k } = contactsIn(name, values), patience = { ...AT_LEISURE, follow }, report = compareEngines(scene, eps, k, { ties, patience });
   const runs = [["soft", soft], ["hard", hard]].flatMap(([engine, golden]) => compare(engine, report[engine], golden, scene));
   const found = `${report.pairs.map((p) => [p.soft.contacts, p.hard.contacts])}`, other = counts && found !== `${counts}` ? [`counts ${found}, not ${counts}`] : [];
-  return [...runs, ...other, ...judged(report, answer, kind, said, error)];
+  return [...runs, ...other, ...judged(report, answer, kind, said, error), ...(follow > 0 ? endsWrong(report) : [])];
+}
+
+// What the last picture of the film shows otherwise than the rises say: heights are read off it in pixels, from where a ball
+// stands to its lowest point.
+export function endsWrong(report) {
+  const film = filmOf(report), { scene } = report, { time } = film.at(film.length);
+  if (!film.isFilm) return [];
+  const most = Math.max(scene.drop, ...["hard", "soft"].flatMap((engine) => report.finals[engine].map((f) => f.rise)).filter(Number.isFinite));
+  const camera = new Camera({ scene, wide: 320, tall: 480, most, reach: reachOf(report) }), [scale] = camera.scales(0);
+  return ["hard", "soft"].flatMap((engine) => camera.place(film.heights(engine, time), 0).flatMap(({ low, zero }, i) => {
+    const { rise } = report.finals[engine][i], shown = Math.max(0, low - zero) / scale;
+    const isRight = i === 0 || Number.isNaN(rise) || (film.isUp(engine, i, time) && Math.abs(shown - rise) < 1e-9 * Math.max(1, rise));
+    return isRight ? [] : [`${engine}: the film ends with ball ${i} at ${shown}, it rises ${rise}`];
+  }));
 }
 
 function judged(report, answer, kind, said, error) {

@@ -89,10 +89,10 @@ export class Upright {
     const { r, low, below, above } = ball, wide = r * bulge(ball);
     set(element, { transform: `translate(${this.x.toFixed(1)} ${this.camera.down(low + r).toFixed(2)})` });
     set(body, { transform: `scale(${wide.toFixed(2)} ${r.toFixed(2)})` });
-    set(cut, { x: -wide - 3, width: 2 * wide + 6, y: (above ? above - r : -r - 3).toFixed(2), height: (2 * r - below - above + (above ? 0 : 3) + (below ? 0 : 3)).toFixed(2) });
+    set(cut, { x: -wide - 3, width: 2 * wide + 6, y: (above ? above - r : -r - 3).toFixed(2), height: Math.max(0, 2 * r - below - above + (above ? 0 : 3) + (below ? 0 : 3)).toFixed(2) });
     const isInside = r > 44;
     set(label, { visibility: this.w < 260 && r > 14 && !isInside ? "hidden" : "visible" });
-    set(label, isInside ? { x: 0, "text-anchor": "middle", class: "ball-name inside" } : { x: (r + 8).toFixed(1), "text-anchor": "start", class: "ball-name" });
+    set(label, isInside ? { x: 0, "text-anchor": "middle" } : { x: (r + 8).toFixed(1), "text-anchor": "start" });
   }
 
   // From where a ball stands to its highest point, with the number.
