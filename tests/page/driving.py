@@ -31,7 +31,7 @@ def go(tab, url):
         fresh(tab, url)
     else:
         language = "" if "lang=" in state else "&lang=en"
-        tab.run(ARRIVED.replace("STATE", f"{state or 'screen=1'}{language}&visit={next(VISITS)}"))
+        tab.run(ARRIVED.replace("STATE", f"{state or 'screen=0'}{language}&visit={next(VISITS)}"))
 
 
 def settle(tab):
@@ -64,3 +64,10 @@ def slide(tab, name, value):
 
 def turn(tab, screen):
     tab.run(f"document.querySelector('.steps [data-screen=\"{screen}\"]').click()")
+
+
+def last_picture(tab):
+    """Bring the film to its end and return the heights at its ticks, bottom to top: hard, soft."""
+    tab.run("{ const b = document.querySelector('.time-bar'); b.value = 2000; b.dispatchEvent(new Event('input')); }")
+    ticks = "[...document.querySelectorAll('.stage .%s .top-value')].map((tick) => Number(tick.textContent))"
+    return [tab.run(ticks % engine) for engine in ("hard", "soft")]

@@ -17,6 +17,7 @@ export class Handle {
     host.addEventListener("pointerdown", (event) => this.begin(event));
     host.addEventListener("pointermove", (event) => this.held && event.buttons & 1 && this.move(event));
     for (const end of ["pointerup", "pointercancel"]) host.addEventListener(end, () => (this.held = null));
+    this.grip.addEventListener("touchstart", (event) => event.preventDefault(), { passive: false }); // parts of an SVG have no touch-action
     this.grip.addEventListener("keydown", (event) => this.key(event));
   }
 

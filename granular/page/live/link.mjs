@@ -6,14 +6,17 @@ import { told } from "./words.mjs";
 
 const QUIET = 250; // ms without a change before the link follows: browsers limit how often it may change
 
-export function read(hash) {
-  const given = Object.fromEntries(new URLSearchParams(hash.replace(/^#/, ""))), asked = Number(given.screen);
+// A link with nothing but a language opens what the file was made for, `start`.
+export function read(hash, start = "") {
+  const own = parsed(hash), given = { ...(Object.keys(own).every((key) => key === "lang") ? parsed(start) : {}), ...own }, asked = Number(given.screen);
   const isEmpty = Object.keys(given).every((key) => key === "lang"), screen = isEmpty ? OPENING : given.screen && asked >= OPENING && asked < LAB ? Math.floor(asked) : LAB;
   const begin = screen < LAB ? startOf(screen) : { name: Object.hasOwn(SETUPS, given.scene ?? "") ? given.scene : FIRST, values: {} };
   const { name } = begin, all = { ...begin.values, ...given }, isUnknown = screen === LAB && given.scene !== undefined && name !== given.scene;
   const notes = [...(isUnknown ? [{ say: "no-scene", name: given.scene }] : []), ...refused(name, given).map(refusal)];
   return { screen, name, values: cleaned(name, all), told: notes, at: given.at === undefined ? null : Math.min(1, Math.max(0, Number(given.at) || 0)), predict: given.predict === "1", lang: given.lang };
 }
+
+const parsed = (hash) => Object.fromEntries(new URLSearchParams(hash.replace(/^#/, "")));
 
 const refusal = ({ slider, asked, shown }) => {
   const { symbol, range, shown: instead } = inWords(slider, shown);

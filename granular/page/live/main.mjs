@@ -20,7 +20,7 @@ const data = JSON.parse($("#data").textContent);
 class Page {
   constructor() {
     offer(data);
-    this.state = read(location.hash || document.body.dataset.start || "");
+    this.state = read(location.hash, document.body.dataset.start);
     speak(this.state.lang);
     this.makeParts();
     this.predict.set(this.isAsking);
@@ -99,7 +99,7 @@ class Page {
 
   arrive() {
     if (location.hash === written(this.current())) return;
-    this.state = read(location.hash);
+    this.state = read(location.hash, document.body.dataset.start);
     if (this.state.lang) speak(this.state.lang);
     this.predict.set(this.isAsking);
     this.run();

@@ -19,12 +19,12 @@ import { LAB, OPENING, screenOf } from "./story.mjs";
 import { watchedPair } from "./watched.mjs";
 import { plain, say } from "./words.mjs";
 
-const FARTHEST = 0.1; // m that a ball can be held above another by hand
+const FARTHEST = 0.1, LEISURE = 9; // m that a ball can be held above another by hand; s for the contacts in the laboratory
 
 export class Picture {
   // `picked`: a gap; `guessed`: a height; `stopped`: at another time; `ended`: the film; `predict`: what is covered and guessed.
   constructor({ balls, picked, guessed, stopped, ended, predict }) {
-    Object.assign(this, { stopped, predict, slow: SLOW });
+    Object.assign(this, { stopped, predict, slow: null });
     this.later = new Later();
     this.stage = new Stage($(".stage"), { taken: (kind, value) => (kind === "gap" ? picked : guessed)(value), poised: () => this.clock.poise() });
     this.because = new Because();
@@ -42,7 +42,7 @@ export class Picture {
   load(report, state, isMove = false) {
     const { name, values, screen } = state, span = spanOf(report.soft, report.hard), samples = samplesOf(report, span), watched = watchedPair(report, span);
     Object.assign(this, { report, state, samples, watched, safe: safeGap(report) });
-    this.film = filmOf(report, this.slow);
+    this.film = filmOf(report, this.slow ?? (screen === LAB ? LEISURE : SLOW));
     this.loadStage();
     this.because.load(report, reasonOf(report));
     const inTime = this.inTime(report, span, samples, watched), panels = this.panels.load(report, SETUPS[name]);

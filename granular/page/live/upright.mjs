@@ -20,7 +20,7 @@ export class Upright {
   // `look`: what the screen wants to be seen: kinds and names of the balls, greatest height, ghosts, gauge.
   layout(report, film, look, [w, tall]) {
     const { scene } = report;
-    Object.assign(this, { scene, film, look, w, tall, top: scene.mass.length - 1, x: w * (look.asks || look.opens ? 0.5 : 0.42) });
+    Object.assign(this, { scene, film, look, w, tall, top: scene.mass.length - 1, upNow: null, x: w * (look.asks || look.opens ? 0.5 : 0.42) });
     this.camera = new Camera({ scene, wide: w, tall, most: look.most, reach: look.reach, size: look.opens ? 1.6 : 1 });
     const shape = JSON.stringify([look.kinds, scene.radius, w, tall]);
     if (shape !== this.shape) this.build();
