@@ -29,7 +29,8 @@ def test_the_paper_is_what_the_laboratory_opens_with(page, live) -> None:
 def test_golden_data_in_the_browser(tab, tmp_path) -> None:
     check = assemble.EXPORT.sub("", assemble.IMPORT.sub("", (HERE / "golden.mjs").read_text(encoding="utf-8")))
     cases = (HERE / "golden.json").read_text(encoding="utf-8")
-    script = assemble.bundle("physics/outcome.mjs", "physics/setups.mjs", "physics/film.mjs", "live/camera.mjs", "physics/reason.mjs") + check + f"const cases = {cases};\n"
+    needed = "physics/outcome.mjs", "physics/setups.mjs", "physics/film.mjs", "live/camera.mjs", "physics/reason.mjs"
+    script = assemble.bundle(*needed) + check + f"const cases = {cases};\n"
     script += "const some = cases.filter((_, i) => i % 5 === 0); window.tried = some.length;"  # all of them: by node
     script += "window.faults = some.flatMap((c) => check(c, 100));"
     (tmp_path / "golden.html").write_text(f'<script type="module">{script}</script>', encoding="utf-8")
@@ -142,7 +143,9 @@ def test_inside_an_iframe_it_stays_what_it_is(blank, live, tmp_path, way, sandbo
     assert blank.run("document.querySelector('p').textContent") == "The host's page"
 
 
-MOVED = "document.querySelector('.soft .grip').dispatchEvent(new KeyboardEvent('keydown', { key: 'Home', bubbles: true }))"
+MOVED = """
+document.querySelector('.soft .grip').dispatchEvent(new KeyboardEvent('keydown', { key: 'Home', bubbles: true }))
+"""
 
 
 SAVED = """
