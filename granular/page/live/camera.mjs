@@ -12,7 +12,7 @@ export class Camera {
     const radii = scene.radius, largest = Math.max(...radii), smallest = Math.min(...radii.filter(Boolean)), pile = 2 * sum(radii);
     const room = tall - FLOOR - TOP, share = (0.45 * largest) / reach, times = ROUND.findLast((n) => n <= share) ?? 1;
     const near = Math.min(room / (pile + 2.2 * times * reach), (0.3 * wide) / largest);
-    const unit = Math.min((size * SMALL) / smallest, (size * LARGE) / largest, (0.4 * room) / pile), far = (room - unit * pile) / most, isTrue = far > unit;
+    const unit = Math.min((size * SMALL) / smallest, (size * LARGE) / largest, (0.3 * room) / pile), far = (room - unit * pile) / most, isTrue = far > unit;
     const scale = isTrue ? room / (most + pile) : far;
     Object.assign(this, { radii, wide, tall, times, larger: isTrue ? 1 : unit / scale, most });
     this.ends = [[scale, isTrue ? scale : unit], [near * times, near]];
