@@ -2,6 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Camera } from "../../granular/page/live/camera.mjs";
+import { dots, guessesIn } from "../../granular/page/live/classroom.mjs";
 import { filmOf } from "../../granular/page/physics/film.mjs";
 import { endsWrong } from "./golden.mjs";
 import { compareEngines } from "../../granular/page/physics/outcome.mjs";
@@ -48,4 +49,10 @@ test("balls that press on each other share an overlap so that both have one patc
   const patch = ({ r }, cut) => Math.sqrt(2 * r * cut), [scale] = camera.scales(1);
   assert.ok(Math.abs(lower.below - 0.004 * scale) < 1e-9 && Math.abs(lower.above + upper.below - 0.005 * scale) < 1e-9);
   assert.ok(Math.abs(patch(lower, lower.above) / patch(upper, upper.below) - 1) < 1e-9);
+});
+
+test("the guesses of a class are read from numbers or from links", () => {
+  assert.deepEqual(guessesIn("3, 4.5 and 2,5; 99"), [3, 4.5, 2.5]);
+  assert.deepEqual(guessesIn("page.html#screen=1&guess=3.5 http://x/#screen=1&gap=0.001&guess=9"), [3.5, 9]);
+  assert.deepEqual(dots([3.1, 9, 2.9]), [[3, 0], [3, 1], [9, 0]]);
 });

@@ -1,6 +1,7 @@
 // The state of the page in its link: #scene=three-balls&gap=0.0001&… , #screen=3&… , and back.
 import { cleaned, FIRST, refused, SETUPS } from "../physics/setups.mjs";
-import { LAB, OPENING, startOf } from "./story.mjs";
+import { guessesIn } from "./classroom.mjs";
+import { GUESS, LAB, OPENING, startOf } from "./story.mjs";
 import { inWords } from "./controls.mjs";
 import { told } from "./words.mjs";
 
@@ -13,7 +14,7 @@ export function read(hash, start = "") {
   const begin = screen < LAB ? startOf(screen) : { name: Object.hasOwn(SETUPS, given.scene ?? "") ? given.scene : FIRST, values: {} };
   const { name } = begin, all = { ...begin.values, ...given }, isUnknown = screen === LAB && given.scene !== undefined && name !== given.scene;
   const notes = [...(isUnknown ? [{ say: "no-scene", name: given.scene }] : []), ...refused(name, given).map(refusal)];
-  return { screen, name, values: cleaned(name, all), told: notes, at: given.at === undefined ? null : Math.min(1, Math.max(0, Number(given.at) || 0)), predict: given.predict === "1", lang: given.lang };
+  return { screen, name, values: cleaned(name, all), told: notes, at: given.at === undefined ? null : Math.min(1, Math.max(0, Number(given.at) || 0)), predict: given.predict === "1", lang: given.lang, guesses: guessesIn(given.guesses ?? ""), guess: given.guess };
 }
 
 const parsed = (hash) => Object.fromEntries(new URLSearchParams(hash.replace(/^#/, "")));
@@ -23,10 +24,11 @@ const refusal = ({ slider, asked, shown }) => {
   return { say: "refused", symbol, asked: asked || "–", range, shown: instead };
 };
 
-export function written({ screen, name, values, at, predict, lang }) {
+// `guess` is a pupil's own, `guesses` those of a class.
+export function written({ screen, name, values, at, predict, lang, guesses = [], guess }) {
   const place = screen < LAB ? { screen } : { scene: name };
   const start = screen < LAB ? cleaned(name, startOf(screen).values) : {}, own = Object.fromEntries(Object.entries(values).filter(([key, x]) => x !== start[key]));
-  const pairs = { ...place, ...own, ...(at === null ? {} : { at: Number(at.toFixed(3)) }), ...(predict ? { predict: 1 } : {}), ...(lang ? { lang } : {}) };
+  const pairs = { ...place, ...own, ...(at === null ? {} : { at: Number(at.toFixed(3)) }), ...(predict ? { predict: 1 } : {}), ...(guess >= 0 && screen === GUESS ? { guess } : {}), ...(guesses.length ? { guesses: guesses.join(" ") } : {}), ...(lang ? { lang } : {}) };
   return `#${new URLSearchParams(pairs)}`;
 }
 

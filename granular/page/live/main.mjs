@@ -2,6 +2,7 @@
 import { $, save, text } from "../shell/dom.mjs";
 import { AT_LEISURE, AT_ONCE, compareEngines } from "../physics/outcome.mjs";
 import { cleaned, contactsIn, offer, sceneOf, SETUPS } from "../physics/setups.mjs";
+import { Classroom } from "./classroom.mjs";
 import { Controls } from "./controls.mjs";
 import { explainTerms } from "./glossary.mjs";
 import { copyLink, follow, read, write, written } from "./link.mjs";
@@ -34,6 +35,7 @@ class Page {
     this.story = new Story((screen) => this.turnTo(screen));
     this.controls = new Controls({ changed: (values) => this.change(values), chosen: (name) => this.choose(name) });
     this.spoken = new Spoken();
+    this.classroom = new Classroom((guesses) => this.collect(guesses));
     this.predict = new Predict({ guessed: () => this.guess(), reveal: () => this.reveal(), switched: () => this.run() });
     this.picture = new Picture({
       balls: data.balls, picked: (gap) => this.change({ gap: Number(gap.toPrecision(3)) }), guessed: (guess) => this.predict.take(guess),
@@ -61,6 +63,13 @@ class Page {
     if (!this.report) return;
     this.picture.loadStage();
     this.clock.go(this.clock.share);
+  }
+
+  // On the teacher's screen.
+  collect(guesses) {
+    this.state.guesses = guesses;
+    this.guess();
+    follow(() => this.current());
   }
 
   reveal() {
@@ -125,6 +134,7 @@ class Page {
     const { screen, name, values } = this.state, { only, presets } = screenOf(screen);
     const isOther = this.told !== `${screen} ${languageNow()}`;
     if (isOther) this.arrange(screen);
+    this.classroom.load(this.state.guesses);
     this.controls.load(name, values, { only, presets: presets?.() });
     if (isOther) this.picture.measure();
     text($(".notice"), this.state.told.map((one) => say(one.say, one)).join(" "));
@@ -162,7 +172,7 @@ class Page {
 
   current() {
     const { share, film } = this.clock, isResting = Math.abs(share - film.poise) < 1e-6 || this.state.screen <= GUESS;
-    return { ...this.state, at: isResting ? null : share, predict: this.state.screen === LAB && this.predict.on };
+    return { ...this.state, guess: this.predict.guess ?? NaN, at: isResting ? null : share, predict: this.state.screen === LAB && this.predict.on };
   }
 }
 

@@ -3,6 +3,7 @@ import { markup, set, svg, text } from "../shell/dom.mjs";
 import { digits } from "../shell/format.mjs";
 import { ticks } from "../shell/axes.mjs";
 import { bulge, Camera } from "./camera.mjs";
+import { dots } from "./classroom.mjs";
 import { face } from "./drawn.mjs";
 import { Lens } from "./lens.mjs";
 import { plain } from "./words.mjs";
@@ -124,6 +125,7 @@ export class Upright {
     if (ghost > 0 && poised) parts.push(this.ghostBall(zero + ghost * camera.scales(1)[0], r, plain("gap-mark", { gap: [ghost, "m", 2] })));
     const at = guess ?? (asks ? 1 : null);
     if (at !== null && zoom < 0.3) parts.push(this.ghostBall(zero + at * this.scene.drop * camera.scales(0)[0], asks ? Math.max(12, r) : r, guess === null ? plain("drag-me") : plain("your-guess", { guess })));
+    if (zoom < 0.3) parts.push(...dots(look.guesses).map(([height, place]) => markup("circle", { cx: this.w - 16 - 13 * place, cy: (camera.down(zero + height * this.scene.drop * camera.scales(0)[0])).toFixed(1), r: 5, class: "dot" })));
     const written = parts.join("");
     if (this.ghosts.written !== written) this.ghosts.innerHTML = this.ghosts.written = written;
   }
