@@ -31,9 +31,9 @@ MARGIN = re.compile(r"^[ \t]*//.*\n|^[ \t]+|^\n|[ \t]+// [^\"'`\n]*$", re.MULTIL
 KEPT = (r'"(?:[^"\\\n]|\\.)*"', r"'(?:[^'\\\n]|\\.)*'", r"`(?:[^`\\]|\\.)*`",
         r"/(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n *])(?:\[(?:[^\]\\\n]|\\.)*\]|\\.|[^/\\\n])*/[gimuy]*(?=[).,;])")
 """Texts and patterns of a script, in which spaces count; templates are not nested."""
-AIR = re.compile(rf"({'|'.join(KEPT)})|\s*([=,;:?{{}}()\[\]<>*&|!]+)\s*|(?<=[\w)\]]) ([+-]) (?=[\w(\[])")
+AIR = re.compile(rf"({'|'.join(KEPT)})|\s*([=,;:?{{}}()\[\]<>*&|!]+)\s*|(?<=[\w)\]]) ([-+/]) (?=[\w(\[])")
 """Spaces at the signs of a script."""
-SPACE = re.compile(r"^[ \t]+|^/\*.*\*/\n|^\n|(?<=[{:;,])[ \t]+(?=[^\n])|[ \t]+(?=[{}])|;?[ \t]*(?=\})", re.MULTILINE)
+SPACE = re.compile(r"^[ \t]+|^/\*.*\*/\n|\n|(?<=[{:;,])[ \t]+(?=[^\n])|[ \t]+(?=[{}])|;?[ \t]*(?=\})", re.MULTILINE)
 """The same of a style, and spaces at its signs."""
 LIVE = ("live/live.html", "live/main.mjs", "shell/page.css", "live/live.css")
 PLAYER = ("player/player.html", "player/main.mjs", "shell/page.css", "player/player.css")
@@ -61,12 +61,12 @@ def page(parts: tuple[str, ...], title: str, start: str = "", data: Mapping[str,
         "version": VERSION,
         "style": SPACE.sub("", "".join(shipped(name) for name in parts[2:])),
         "blocked": "\n".join(f'<p lang="{words(one)["tag"]}">{escape(words(one)[BLOCKED])}</p>' for one in LANGUAGES),
-        "transport": shipped("shell/transport.html"),
         "data": "" if data is None else f'<script type="application/json" id="data">{embedded(data)}</script>',
         "script": bundle(parts[1]),
     }
     html = shipped("shell/shell.html").replace("<body>", '<body data-start="{{start}}">')
-    return re.sub(r"\{\{(\w+)\}\}", lambda slot: slots[slot[1]], html.replace("{{body}}", shipped(parts[0])))
+    body = shipped(parts[0]).replace("{{transport}}", shipped("shell/transport.html"))
+    return re.sub(r"\{\{(\w+)\}\}", lambda slot: slots[slot[1]], html.replace("{{body}}", re.sub(r"\n\s+", "\n", body)))
 
 
 @cache
@@ -85,7 +85,7 @@ def words(language: str) -> dict[str, str]:
 def bundle(*mains: str) -> str:
     """Return one script: the modules `mains` after all they import, each once and in a scope of its own.
 
-    A module becomes ``const { its, exports } = (() => { … })();``, so only exported names must differ.
+    A module becomes ``const {its,exports}=(()=>{…})();``, so only exported names must differ.
     """
     return "\n".join(_scoped(shipped(name)) for name in dict.fromkeys(chain.from_iterable(map(_needed, mains))))
 
@@ -98,10 +98,10 @@ def _needed(name: str) -> Iterator[str]:
 
 
 def _scoped(source: str) -> str:
-    names = ", ".join(EXPORT.findall(source))
+    names = ",".join(EXPORT.findall(source))
     plain = MARGIN.sub("", EXPORT.sub("", IMPORT.sub("", source)))
     body = AIR.sub(lambda found: found[1] or found[2] or found[3], plain).replace("</script", "<\\/script")
-    return f"const {{ {names} }} = (() => {{\n{body}return {{ {names} }};\n}})();" if names else body
+    return f"const {{{names}}}=(()=>{{{body}return{{{names}}}}})();" if names else body
 
 
 def embedded(data: Mapping[str, Any]) -> str:
