@@ -93,6 +93,13 @@ def test_modules_are_bundled_each_once_after_what_they_need() -> None:
     assert script.index("function firstUpCrossing(") < script.index("function simulateSoft(")
 
 
+def test_no_template_of_a_script_is_inside_another() -> None:
+    """What is inside one is taken for code, and loses its spaces."""
+    for module in Path(assemble.__file__).parent.rglob("*.mjs"):
+        templates = re.findall(assemble.KEPT[2], module.read_text(encoding="utf-8"))
+        assert all(one.count("${") <= one.count("}") for one in templates), module.name
+
+
 def test_every_name_a_module_imports_reaches_the_bundle() -> None:
     folder = Path(assemble.__file__).parent
     imports = re.compile(r'^import \{([^}]*)\} from "([^"]+)"', re.MULTILINE)

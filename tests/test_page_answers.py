@@ -1,12 +1,18 @@
 """The page gives the library's answer: scenes and settings of its sliders at random, both ends of them too."""
 
 import json
+import os
 import shutil
 import subprocess
+from dataclasses import asdict
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+import granular as gr
+import granular.page
 
 HERE = Path(__file__).parent / "page"
 ENDS = {"k": (4e3, 1e9), "eps": (0.1, 1.0), "gap": (0.0, 1e-7, 0.1), "t1": (1e-5, 0.03), "t2": (1e-5, 0.03)}
@@ -39,3 +45,37 @@ def test_the_page_answers_as_the_library_does(count, monkeypatch, tmp_path) -> N
     assert [(cases[i], faults) for i, faults in json.loads(run.stdout)] == []
     told = [sum(one[key] is not None for one in cases) for key in ("answer", "error", "counts")]
     assert min(told) > 0.75 * count, told
+
+
+RISES = """
+const folder = "PHYSICS", { compareEngines } = await import(`${folder}/outcome.mjs`);
+const { ballValues, contactsIn, sceneOf } = await import(`${folder}/setups.mjs`);
+const rises = ([lower, upper], bounces) => {
+  const values = { ...ballValues(lower, 1), ...ballValues(upper, 2), gap: 1e-3, height: 1, rule: 0, bounces };
+  const { eps, k } = contactsIn("real-balls", values), scene = sceneOf("real-balls", values);
+  const { finals } = compareEngines(scene, eps, k);
+  return [finals.hard[2].rise, finals.soft[2].rise];
+};
+console.log(JSON.stringify(JSON.parse(process.env.PAIRS).map((pair) => [1, 2].map((bounces) => rises(pair, bounces)))));
+"""
+
+
+@pytest.mark.parametrize("count", [2, pytest.param(121, marks=pytest.mark.soak)])
+def test_real_balls_rise_as_the_library_says_at_either_bounce(count) -> None:
+    """The film of the page ends at these heights: tests/page/film.test.mjs."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("node is not installed: the rises of the page are not compared here")
+    pairs = list(product(gr.balls.BALLS.values(), repeat=2))[:: 121 // count][:count]
+    told = os.environ | {"PAIRS": json.dumps([[asdict(ball) for ball in pair] for pair in pairs])}
+    script = RISES.replace("PHYSICS", (Path(granular.page.__file__).parent / "physics").as_uri())
+    command = [node, "--input-type=module", "-e", script]
+    run = subprocess.run(command, capture_output=True, text=True, check=True, env=told)
+    for (lower, upper), page in zip(pairs, json.loads(run.stdout), strict=True):
+        between = gr.balls.contact(lower, upper, gr.balls.RULES[0])
+        scene, eps = gr.scenes.real_balls(lower, upper, gap=1e-3, height=1.0), [lower.restitution, between.restitution]
+        stiff = zip(eps, [lower.stiffness, between.stiffness], scene.pairs, strict=True)
+        law = [gr.LinearDashpot.from_restitution(*of) for of in stiff]
+        rule = gr.ConstantRestitution(eps)
+        report = gr.compare(scene, law, rule, until=gr.until.contact(pair=0, nth=3), t_end=4.5)
+        assert page == [pytest.approx(report.rises(bounce), rel=1e-6, abs=1e-6) for bounce in (1, 2)]
