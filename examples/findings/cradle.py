@@ -1,6 +1,6 @@
 """How small a gap makes the cradle a textbook
 
-Five steel balls of one inch hang side by side, one comes at 0.15 m/s. The textbook has the last one leave alone, just as
+Five steel balls of one inch hang side by side, one comes at 0.15 m/s. The textbook has the last one leave alone, as
 fast. How far apart must the balls hang?
 
 :Published: Rows of touching balls break up at the first impact, and come to swing in step (Herrmann & Schmälzle, Am. J.

@@ -1,7 +1,7 @@
 """The domino front: no artefact of instantaneous collisions
 
-A cold gas of masses m, μ, m, μ, … at equal gaps d is kicked at its end at speed v. As a rule the front slows down like a
-blast; at magic ratios it runs on for ever, three balls moving at a time. Also if collisions take a time t_c?
+A cold gas of masses m, μ, m, μ, … at equal gaps d is kicked at its end at speed v. As a rule the front slows down like
+a blast; at magic ratios it runs on for ever, three balls moving at a time. Also if collisions take a time t_c?
 
 :Published: At m/μ = M_k only one triplet moves, and the front keeps the mean speed v; else x ~ t^δ, δ < 1 (Holovatch,
     Kozitsky, Pilorz & Holovatch, Phys. Rev. E 112, L052101 (2025), and arXiv:2605.16125). Such triplets hand on all of

@@ -1,6 +1,6 @@
 """Tapered chains: are hard spheres accurate?
 
-Twenty steel balls that touch, each smaller than the one before by a part q of its radius. The first comes at 1 m/s: what
+Twenty steel balls touch, each smaller than the one before by a part q of its radius. The first comes at 1 m/s: which
 part of its energy does the last one leave with?
 
 :Published: Such chains spread an impulse (Nakagawa, Agui, Wu & Extramiana, Granular Matter 4, 167 (2003)). A theory of
@@ -31,7 +31,7 @@ def chain(q, gap):
 
 
 def hard(q):
-    """Part of the energy that the last hard ball leaves with, and the number of its collisions."""
+    """Part of the energy that the last hard ball leaves with."""
     run = gr.edmd.simulate(chain(q, 1e-3), gr.ConstantRestitution(1.0), until=gr.until.separated())
     return run.scene.mass[-1] * run.velocity[-1][-1] ** 2
 
