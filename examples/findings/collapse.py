@@ -21,8 +21,7 @@ import numpy as np
 
 import granular as gr
 
-KINDS = {"collapse": ("#c1440e", "collapse, proved"), "bounded": ("#d9d4cc", "not decided"),
-         "quiet": ("#1f4e79", "finitely many")}
+KINDS = {"collapse": ("#c1440e", "collapse"), "bounded": ("#d9d4cc", "not known"), "quiet": ("#1f4e79", "all balls part")}
 
 
 def critical(n):
@@ -32,15 +31,15 @@ def critical(n):
 
 def balls(n, seed):
     """Points at random places, which all approach their neighbours."""
-    random = np.random.default_rng([seed, n])
-    return gr.Scene([1.0] * n, [0.0] * n, random.uniform(0.5, 1.5, n - 1), np.sort(random.normal(size=n))[::-1])
+    draw = np.random.default_rng([seed, n])
+    return gr.Scene([1.0] * n, [0.0] * n, draw.uniform(0.5, 1.5, n - 1), np.sort(draw.normal(size=n))[::-1])
 
 
 def end(n, beyond, seed, engine=gr.edmd):
     """How they end at ε = (1 + beyond) ε_N, and after how many collisions or, of soft balls, contacts."""
     scene, eps = balls(n, seed), critical(n) * (1.0 + beyond)
-    law = [gr.LinearDashpot.from_restitution(eps, 1e6, pair) for pair in scene.pairs]
-    run = engine.simulate(scene, law if engine is gr.md else gr.ConstantRestitution(eps))
+    soft = [gr.LinearDashpot.from_restitution(eps, 1e6, pair) for pair in scene.pairs]
+    run = engine.simulate(scene, soft if engine is gr.md else gr.ConstantRestitution(eps))
     return run.status.name, len(run.contacts)
 
 
@@ -62,8 +61,8 @@ if __name__ == "__main__":
                 axes[0].plot(place + 0.18 * (turn - 1.5), n, "s", color=KINDS[name][0], ms=9)
     for colour, name in KINDS.values():
         axes[0].plot([], [], "s", color=colour, ms=9, label=name)
-    axes[0].axvline(2.5, color="black", lw=1.0, ls="--")
     axes[0].set(xticks=range(6), xticklabels=[f"{100.0 * x:+g}" for x in steps], ylim=(2.5, 8.5), ylabel="balls")
+    axes[0].axvline(2.5, color="black", lw=1.0, ls="--")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
     above = np.geomspace(3e-3, 0.3, 15)
     for n, colour in ((8, "#c8963e"), (4, "#6f9fc8"), (3, "#1f4e79")):
@@ -72,5 +71,5 @@ if __name__ == "__main__":
     axes[1].loglog(100.0 * above, of_three(above), color="#1f4e79", label="2π/θ")
     axes[1].set(xticks=(1, 10), xticklabels=(1, 10), ylabel="collisions until all part")
     axes[1].legend()
-    plt.setp(axes, xlabel="ε above the formula, %")
+    figure.supxlabel("ε above the formula, %", fontsize=14)
     figure.savefig("collapse.png")
