@@ -21,7 +21,7 @@ import numpy as np
 
 import granular as gr
 
-KINDS = {"collapse": ("#c1440e", "collapse"), "bounded": ("#d9d4cc", "not known"), "quiet": ("#1f4e79", "all balls part")}
+KINDS = {"collapse": ("#c1440e", "collapse"), "bounded": ("#d9d4cc", "not known"), "quiet": ("#1f4e79", "all part")}
 
 
 def critical(n):
