@@ -8,9 +8,9 @@ energy is left when all have parted?
     elastic if one of its balls has collided less than t_c before (Luding & McNamara, Granular Matter 1, 113 (1998)).
 :Hard spheres: 0.108 of the energy, whatever the gap.
 :TC model: 0.98 below 1.9 v t_c: one collision of all dissipates. Whatever t_c it is given, this curve is only shifted.
-:Newton: 0.930 as s₀ → 0, 0.64 at 0.3 v t_c, 0.19 at 1, 0.108 from 2.2 on, where every contact is isolated.
+:Newton: 0.930 as s₀ → 0, 0.64 at 0.3 v t_c, 0.19 at 1, 0.108 from 2 on; from 2.4 every contact is isolated.
 :New: TC is the better one up to 0.39 v t_c only, plain hard spheres beyond, also with gaps at random; no t_c is right.
-:Read: the abstract of the paper of 1998; that of 1994 is quoted from memory.
+:Read: The abstract of the paper of 1998. That of 1994 is quoted from memory.
 """
 
 import matplotlib.pyplot as plt
