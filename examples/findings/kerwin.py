@@ -58,7 +58,7 @@ if __name__ == "__main__":
     print("                best m    its share   at 0.1925   8 balls")
     for name, (share, colour) in ways.items():
         mass, rows = best(share), [share(*np.geomspace(1.0, LAST, n)) for n in range(2, 9)]
-        print(f"{name:14} {mass:8.4f} {share(1.0, mass, LAST):11.4f} {rows[1]:11.4f} {rows[-1]:10.4f}")
+        print(f"{name:14} {mass:8.3f} {share(1.0, mass, LAST):11.4f} {rows[1]:11.4f} {rows[-1]:10.4f}")
         axes[0].semilogx(GRID, [share(1.0, m, LAST) for m in GRID], color=colour)
         axes[0].plot(mass, share(1.0, mass, LAST), "o", color=colour, ms=10)
         axes[1].plot(range(2, 9), rows, "o-", color=colour, label=name)
