@@ -8,10 +8,14 @@ May be skipped: many runs of the same engines.
 `plan`         what is asked of every cell, as a value that travels to other processes; the data set, and its file
 `schedule`     batches, on this process or on any ``concurrent.futures.Executor``; many cells in one compiled call
 `run`          `sweep` itself; boundaries between contact counts, by bisection
+`slopes`       the derivative of results by one parameter: differences of runs with the same order of events
+`sensitivity`  derivatives by all parameters, condition numbers, what is uncertain; `sensitivity_result` has the table
 =============  =====================================================================================================
 """
 
 from granular.sweeps.run import sweep
+from granular.sweeps.sensitivity import sensitivity
+from granular.sweeps.sensitivity_result import Sensitivity
 from granular.sweeps.subject import axis
 
-__all__ = ["axis", "sweep"]
+__all__ = ["Sensitivity", "axis", "sensitivity", "sweep"]
