@@ -28,7 +28,8 @@ from granular.trajectory import EARLY
 
 TRUSTED = 1e-6
 """Error of a derivative, as a share of all that the outcome answers to, up to which it is given."""
-ORDER = "order"
+ORDER, JOINED = "order", ("breaks", "coefficients")
+"""The result that stands for the order of events; numbers of a wall's path that must fit each other."""
 
 
 def sensitivity(
@@ -52,7 +53,7 @@ def sensitivity(
         Outcomes: those of `granular.sweep` that are no whole numbers; ``"v_rel"`` of all pairs, ``"v_rel[1]"`` of one.
     over : names of parameters, optional
         As in `granular.sweep`. Default: every number of the scene, and of its laws or rule if the outcomes need them;
-        of those that are 0 gaps and velocities only.
+        of those that are 0 gaps and velocities only, and none of a wall's path that is `Piecewise`, whose must join.
     uncertainty : float or mapping, optional
         Standard uncertainties of parameters, independent of each other, in their units or relative:
         ``{"restitution": 0.01, "gap": "5%"}``; one number is relative, of every parameter.
@@ -148,7 +149,7 @@ def _parameters(plan: Plan, over: str | Sequence[str] | None, uncertain: Any, an
         ran = vars(answer)
         idle = {"rule": not {"hard", "report"} & ran.keys(), "law": answer.case.rule and not {"soft", "report"} & ran.keys()}
         names = [name for name, p in known.items() if not idle.get(re.split(r"[.\[]", name)[0])
-                 and (p != 0.0 or name.startswith(("gap", "velocity")))]
+                 and (p != 0.0 or name.startswith(("gap", "velocity"))) and not any(map(name.__contains__, JOINED))]
     names += list(uncertain) if isinstance(uncertain, Mapping) else []
     if not names:
         raise ValueError(f"over is empty: at least one parameter is needed, such as {next(iter(known), 'gap')}.")
@@ -174,13 +175,14 @@ def _uncertain(given: Any, parameters: Mapping[str, float]) -> dict[str, float]:
     each = given if isinstance(given, Mapping) else {} if given is None else dict.fromkeys(parameters, given)
     found = {}
     for name, one in each.items():
-        text = isinstance(one, str) and one.strip().endswith("%")
-        scale = 0.01 * abs(parameters[name]) if text else 1.0 if each is given else abs(parameters[name])
+        text = one.strip() if isinstance(one, str) else ""
         try:
-            value = float(one.strip()[:-1]) if text else one
+            value = float(text.rstrip("%")) * (0.01 if text.endswith("%") else 1.0) if text else one
         except ValueError:
             value = one
-        found[name] = scale * _check.number(f"uncertainty of {name}", value, at_least=0.0, fix="or a share, as '1%'")
+        relative = each is not given or text.endswith("%")
+        doubt = _check.number(f"uncertainty of {name}", value, at_least=0.0, fix="of 1 % it is '1%'")
+        found[name] = doubt * (abs(parameters[name]) if relative else 1.0)
     return found
 
 

@@ -74,11 +74,11 @@ class Sensitivity(Report):
 
     @cached_property
     def border(self) -> dict[str, tuple[float, float]]:
-        """Nearest values of each parameter, below and above, at which the order of contacts changes; known to 1e-4 of
-        their distance, nan where there is none within half of the parameter or the end of what is allowed.
+        """Values of each parameter, below and above, at which a pair has a contact more or less, so that outcomes may
+        jump; known to 1e-6 of the parameter. nan where there is none as far as half of it below, once more above.
 
-        It takes some 50 runs for each parameter when it is first asked for. A scan goes outwards in steps that grow by
-        factors of four: what lies between two of them may be overlooked.
+        Some 50 runs for each parameter, when it is first asked for. A scan goes outwards in steps that grow by factors
+        of four: what lies between two of them may be overlooked.
         """
         return {start.name: borders(self._plan, start) for start in self._starts}
 
@@ -119,6 +119,9 @@ class Sensitivity(Report):
             for name in filter(low.__contains__, names):
                 yield (f"Within {p} = {self.parameters[p]:.6g} ± {u:.3g} the order of contacts changes: {name} is "
                        f"{number(low[name])} below, {number(high[name])} above.")
+        for p, ends in vars(self).get("border", {}).items():
+            if not all(map(math.isnan, ends)):
+                yield f"A contact more or less: {p} = {number(ends[0], none='none')} below, {number(ends[1], none='none')} above."
         yield from (f"Not given by {p}: {why}." for p, why in self.why.items())
         yield from self.notes
 

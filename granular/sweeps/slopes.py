@@ -24,8 +24,8 @@ FINE = 1e-10
 """Errors below this share of an outcome, per relative change of the parameter, are small enough."""
 NOWHERE = -2
 """Order of a run that came to no proper end, or was refused."""
-NARROW = 1e-4
-"""Relative width to which the distance of a border is known."""
+NARROW = 1e-6
+"""Share of the parameter, or of its unit, to which a border is known."""
 REFUSED, BAD = {MISUSE}, {CODE[status.name] for status in EARLY}
 Point = tuple[Array, int]
 Ask = Callable[[float], Point]
@@ -138,25 +138,29 @@ def extrapolated(slopes: Sequence[Array], base: float) -> Array:
 
 
 def borders(plan: Plan, start: Start) -> tuple[float, float]:
-    """The nearest values below and above at which the order of events changes; nan where none was found."""
-    def edge(side: float) -> float:
-        inside = 0.0
-        for h in start.unit * 4.0 ** np.arange(-12, 1):
-            order = point(plan, start.name, start.value + side * h)[1]
-            if order == NOWHERE:
-                break
-            if order != start.order:
-                return start.value + side * _bisected(lambda x: point(plan, start.name, start.value + side * x)[1]
-                                                      == start.order, inside, float(h))
-            inside = float(h)
-        return math.nan
+    """The values below and above at which the number of contacts of a pair changes; nan where none was found."""
+    hard = [name.startswith("hard_") for name in plan.results if name != "order"]
+    asked = ("contacts",) * (not all(hard)) + ("hard_contacts",) * any(hard)
+    counting = replace(plan, asked=asked, names=(start.name,))
 
-    return edge(-1.0), edge(1.0)
+    def counts(value: float) -> Any:
+        found = solve(counting, [np.array([value])]).columns
+        refused = int(found["status"][0]) in REFUSED | BAD
+        return None if refused else [found[name].tolist() for name in asked]
+
+    here = counts(start.value)
+    return tuple(_edge(lambda h: counts(start.value + side * h), here, start, side) for side in (-1.0, 1.0))
 
 
-def _bisected(same: Callable[[float], bool], inside: float, outside: float) -> float:
-    """Where it ceases to be the same."""
-    while outside - inside > NARROW * outside:
+def _edge(counts: Callable[[float], Any], here: Any, start: Start, side: float) -> float:
+    """Scan outwards in steps that grow by factors of four, and bisect the first change."""
+    inside, outside = 0.0, math.nan
+    for h in (start.unit * 4.0 ** np.arange(-8, 1)).tolist():
+        if counts(h) != here:
+            outside = h
+            break
+        inside = h
+    while outside - inside > NARROW * start.unit:
         middle = 0.5 * (inside + outside)
-        inside, outside = (middle, outside) if same(middle) else (inside, middle)
-    return outside
+        inside, outside = (middle, outside) if counts(middle) == here else (inside, middle)
+    return math.nan if math.isnan(outside) or counts(outside) is None else start.value + side * outside
