@@ -48,11 +48,11 @@ load = Trajectory.load
 __version__ = VERSION
 
 __all__ = [
-    "Answer", "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "MatchedEnd", "Pair", "PowerLaw",
-    "Scene", "Sensitivity", "Status", "TabulatedRestitution", "ThorntonRestitution", "Threshold", "Trajectory", "TsujiHertz",
-    "ViscoelasticHertz", "WaltonBraun", "adiabatic", "balls", "binary", "cases", "compare", "edmd", "export",
-    "frontier", "load", "materials", "md", "measures", "restitution_of", "scenes", "sensitivity", "stability", "sweep", "theory",
-    "threshold", "until", "walls", "waves",
+    "Answer", "Case", "Comparison", "ConstantRestitution", "Hertz", "LinearDashpot", "MatchedEnd", "Pair",
+    "PowerLaw", "Scene", "Sensitivity", "Status", "TabulatedRestitution", "ThorntonRestitution", "Threshold",
+    "Trajectory", "TsujiHertz", "ViscoelasticHertz", "WaltonBraun", "adiabatic", "balls", "binary", "cases",
+    "compare", "edmd", "export", "frontier", "load", "materials", "md", "measures", "restitution_of", "scenes",
+    "sensitivity", "stability", "sweep", "theory", "threshold", "until", "walls", "waves",
 ]
 
 _HOMES = {

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from zlib import crc32
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 

@@ -22,8 +22,8 @@ from granular.trajectory import Trajectory
 COMMANDS = {
     "scenes": "one_scene:Scenes", "run": "one_scene:Run", "compare": "one_scene:Compare", "sweep": "sweep:Sweep",
     "threshold": "one_scene:Threshold", "frontier": "one_scene:Frontier", "stability": "one_scene:Stability",
-    "sensitivity": "sweep:Sensitivity", "page": "pages:Page", "view": "pages:View", "verify": "verify:Verify", "warm": "warm:Warm",
-    "info": "info:Info",
+    "sensitivity": "sweep:Sensitivity", "page": "pages:Page", "view": "pages:View", "verify": "verify:Verify",
+    "warm": "warm:Warm", "info": "info:Info",
 }
 """Where each command stands: a file beside this one, and a `Command` in it."""
 ABOUT = """\

@@ -73,13 +73,14 @@ class Sensitivity(Command):
     def arguments(parser: argparse.ArgumentParser) -> list[Option]:
         known = [name for name, result in RESULTS.items() if not isinstance(result.fill, int)]
         parser.add_argument("--result", action="append", metavar="NAME", default=[],
-                            help=f"an outcome, may be given several times, [v_rel]; v_rel[1] is one of: {', '.join(known)}")
+                            help=f"an outcome [v_rel], or one number of it, as v_rel[1]; may be given several times: "
+                                 f"{', '.join(known)}")
         parser.add_argument("--over", action="append", metavar="NAME",
                             help="a parameter, may be given several times [every number of the scene]")
         parser.add_argument("--uncertainty", nargs="+", metavar="NAME=VALUE", default=[],
-                            help="standard uncertainties of parameters, as gap=1e-5 or gap=5%%; 1%% is of every parameter")
+                            help="standard uncertainties, as gap=1e-5 or gap=5%%; 1%% is of every parameter")
         parser.add_argument("--border", action="store_true",
-                            help="find where contacts come in another order, below and above every parameter")
+                            help="find from where on, below and above each parameter, there is a contact more or less")
         parser.add_argument("--workers", type=int, metavar="N", default=1, help="number of processes [1]")
         output.offer(parser, json="write every number")
         return offered(sensitivity, "t_end")

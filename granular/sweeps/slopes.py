@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -45,8 +45,8 @@ class Start(NamedTuple):
 
 
 class Slope(NamedTuple):
-    """The derivative (m,) by one parameter, its error, nan and inf where it is not given; why it is not; the outcomes at
-    either end of what is uncertain, nan where there are none, and whether the order changes there."""
+    """The derivative (m,) by one parameter and its error, nan where there is none; why; the outcomes (2, m) at either
+    end of what is uncertain, nan where there are none, and whether the order changes there."""
 
     value: Array
     error: Array
@@ -105,7 +105,7 @@ def differences(ask: Ask, start: Start, sides: Sequence[float], order: int) -> t
     Steps are halved further as long as that pays. nan where there is none.
     """
     central, best = len(sides) == 2, np.full((2, len(start.here)), math.nan)
-    count, base, slopes, last = (3, 4.0, [], best[0]) if central else (5, 2.0, [], best[0])
+    (count, base), last, slopes = (3, 4.0) if central else (5, 2.0), best[0], list[Array]()
     for k in range(FIRST, LAST):
         h = start.unit * 2.0**-k
         near = [ask(start.value + side * h) for side in sides]
@@ -149,18 +149,19 @@ def borders(plan: Plan, start: Start) -> tuple[float, float]:
         return None if refused else [found[name].tolist() for name in asked]
 
     here = counts(start.value)
-    return tuple(_edge(lambda h: counts(start.value + side * h), here, start, side) for side in (-1.0, 1.0))
+    return _edge(counts, here, start, -start.unit), _edge(counts, here, start, start.unit)
 
 
-def _edge(counts: Callable[[float], Any], here: Any, start: Start, side: float) -> float:
+def _edge(counts: Callable[[float], Any], here: Any, start: Start, unit: float) -> float:
     """Scan outwards in steps that grow by factors of four, and bisect the first change."""
     inside, outside = 0.0, math.nan
-    for h in (start.unit * 4.0 ** np.arange(-8, 1)).tolist():
-        if counts(h) != here:
-            outside = h
+    for part in (4.0 ** np.arange(-8, 1)).tolist():
+        if counts(start.value + part * unit) != here:
+            outside = part
             break
-        inside = h
-    while outside - inside > NARROW * start.unit:
+        inside = part
+    while outside - inside > NARROW:
         middle = 0.5 * (inside + outside)
-        inside, outside = (middle, outside) if counts(middle) == here else (inside, middle)
-    return math.nan if math.isnan(outside) or counts(outside) is None else start.value + side * outside
+        inside, outside = (middle, outside) if counts(start.value + middle * unit) == here else (inside, middle)
+    edge = start.value + outside * unit
+    return math.nan if math.isnan(edge) or counts(edge) is None else edge

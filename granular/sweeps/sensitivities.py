@@ -16,12 +16,11 @@ import numpy as np
 from granular import _check
 from granular._check import Array
 from granular._progress import shown
-from granular.cases import Case
 from granular.outcome import SAME, approach, components
+from granular.sweeps.gradients import Sensitivity
 from granular.sweeps.plan import Ask, Plan, planned
 from granular.sweeps.results import CODE, Answer
 from granular.sweeps.schedule import checked
-from granular.sweeps.sensitivity_result import Sensitivity
 from granular.sweeps.slopes import Slope, Start, slope
 from granular.sweeps.subject import SceneLike, numbers_in
 from granular.trajectory import EARLY
