@@ -120,8 +120,8 @@ class Sensitivity(Report):
                 yield (f"Within {p} = {self.parameters[p]:.6g} ± {u:.3g} the order of contacts changes: {name} is "
                        f"{number(low[name])} below, {number(high[name])} above.")
         for p, ends in vars(self).get("border", {}).items():
-            low, high = (number(end, none="nowhere") for end in ends)
-            yield f"There is a contact more or less from {p} = {low} downwards, from {high} upwards."
+            words = [number(end, none="nowhere") for end in ends]
+            yield f"There is a contact more or less from {p} = {words[0]} downwards, from {words[1]} upwards."
         yield from (f"Not given by {p}: {why}." for p, why in self.why.items())
         yield from self.notes
 

@@ -8,13 +8,14 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from granular._check import Array
 from granular.sweeps.plan import Plan
 from granular.sweeps.results import CODE, MISUSE
+from granular.sweeps.run import edges
 from granular.sweeps.schedule import end_with_parent, solve
 from granular.trajectory import EARLY
 
@@ -24,16 +25,23 @@ FINE = 1e-10
 """Errors below this share of an outcome, per relative change of the parameter, are small enough."""
 NOWHERE = -2
 """Order of a run that came to no proper end, or was refused."""
-NARROW = 1e-6
-"""Share of the parameter, or of its unit, to which a border is known."""
-REFUSED, BAD = {MISUSE}, {CODE[status.name] for status in EARLY}
+NOISE = 2.0 * float(np.finfo(float).eps)
+"""Rounding of an outcome, in its size."""
+PRECISION = 1e-6
+"""Share of the parameter to which a border is known."""
+BAD = {MISUSE, *(CODE[status.name] for status in EARLY)}
+REACH = 4.0 ** np.arange(-8, 1)
+"""Where the scan for borders looks, in units of a parameter."""
 Point = tuple[Array, int]
 Ask = Callable[[float], Point]
+Slope = tuple[Array, Array, str, Array | None]
+"""The derivative (m,) by one parameter and its error, nan where there is none; why; the outcomes (2, m) at either end
+of what is uncertain, None where no contact changes its turn up to there."""
 
 
 class Start(NamedTuple):
-    """A parameter, its value, what its steps are parts of, how uncertain it is; the outcomes there (m,),
-    sizes that they are measured by, and the order of events."""
+    """A parameter, its value, what its steps are parts of, how uncertain it is; the outcomes there (m,), the sizes that
+    they are measured by, and the order of events."""
 
     name: str
     value: float
@@ -44,58 +52,31 @@ class Start(NamedTuple):
     order: int
 
 
-class Slope(NamedTuple):
-    """The derivative (m,) by one parameter and its error, nan where there is none; why; the outcomes (2, m) at either
-    end of what is uncertain, nan where there are none, and whether the order changes there."""
-
-    value: Array
-    error: Array
-    why: str
-    ends: Array
-    changes: bool
-
-
-def point(plan: Plan, name: str, value: float) -> Point:
-    """Outcomes (m,) with one parameter changed, and the order of events."""
-    found = solve(replace(plan, names=(name,)), [np.array([value])]).columns
-    good = int(found["status"][0]) not in REFUSED | BAD
-    values = [np.ravel(found[result]) for result in plan.results if result != "order"]
-    return np.concatenate(values).astype(float), int(found["order"][0]) if good else NOWHERE
-
-
 def slope(plan: Plan, start: Start) -> Slope:
     """Find the derivative of all outcomes by one parameter; this may be done in another process."""
     end_with_parent(os.getpid())
+    one, none = replace(plan, names=(start.name,)), np.full_like(start.here, math.nan)
 
     def ask(value: float) -> Point:
-        return point(plan, start.name, value)
+        found = solve(one, [np.array([value])]).columns
+        if int(found["status"][0]) in BAD:
+            return none, NOWHERE
+        *values, order = (np.ravel(found[result]) for result in plan.results)
+        return np.concatenate(values).astype(float), int(order[0])
 
-    ends = [ask(start.value + side * start.doubt) for side in (-1.0, 1.0)] if start.doubt else []
-    changes = any(order != start.order for _, order in ends)
-    none = np.full_like(start.here, math.nan)
-    both = np.array([none if order == NOWHERE else values for values, order in ends] or [none, none])
-    one_way = start.value == 0.0 and start.name.startswith("gap")
-    value, error = (none, none) if one_way else differences(ask, start, (1.0, -1.0), start.order)
-    if np.isfinite(error).any():
-        return Slope(value, error, "", both, changes)
-    return Slope(*_one_sided(ask, start, (1.0,) if one_way else (1.0, -1.0)), both, changes)
-
-
-def _one_sided(ask: Ask, start: Start, sides: Sequence[float]) -> tuple[Array, Array, str]:
-    """The derivative on the side where there is one; on both, if they agree."""
-    none, found = np.full_like(start.here, math.nan), []
-    for side in sides:
-        order = ask(start.value + side * start.unit * 2.0**-LAST)[1]
-        if order != NOWHERE:
-            found.append(differences(ask, start, (side,), order))
-    if not found:
-        return none, none, "scenes beside it are refused, or come to no proper end"
-    (value, error), (other, doubt) = found[0], found[-1]
-    if not all(np.isfinite(one[1]).any() for one in found):
-        return none, none, "the order of contacts changes right there"
-    if np.nanmax(np.abs(value - other) - 10.0 * (error + doubt), initial=0.0) > 0.0:
-        return none, none, "the order of contacts changes right there, and the derivative is another on either side"
-    return value, error, ""
+    ends = [ask(start.value + side * start.doubt) for side in (-1.0, 1.0) if start.doubt]
+    crossed = np.array([values for values, _ in ends]) if {order for _, order in ends} - {start.order} else None
+    beside = [ask(start.value + side * start.unit * 2.0**-LAST)[1] for side in (-1.0, 1.0)]
+    sides: tuple[float, ...] = (-1.0, 1.0)
+    if beside[0] == NOWHERE or (start.value == 0.0 and start.name.startswith("gap")):
+        sides, beside[0] = (1.0,), beside[1]
+    elif beside[1] == NOWHERE:
+        sides, beside[1] = (-1.0,), beside[0]
+    if NOWHERE in beside:
+        return none, none, "scenes beside it are refused, or come to no proper end", crossed
+    if beside[0] != beside[1]:
+        return none, none, "the order of contacts is another just below and just above it", crossed
+    return *differences(ask, start, sides, beside[0]), "", crossed
 
 
 def differences(ask: Ask, start: Start, sides: Sequence[float], order: int) -> tuple[Array, Array]:
@@ -106,21 +87,17 @@ def differences(ask: Ask, start: Start, sides: Sequence[float], order: int) -> t
     """
     central, best = len(sides) == 2, np.full((2, len(start.here)), math.nan)
     (count, base), last, slopes = (3, 4.0) if central else (5, 2.0), best[0], list[Array]()
-    for k in range(FIRST, LAST):
-        h = start.unit * 2.0**-k
+    for h in (start.unit * 0.5 ** np.arange(FIRST, LAST)).tolist():
         near = [ask(start.value + side * h) for side in sides]
         if any(one != order for _, one in near):
-            if k == FIRST and any(ask(start.value + side * start.unit * 2.0**-LAST)[1] != order for side in sides):
-                break
             slopes, last = [], np.full_like(last, math.nan)
             continue
-        other = near[1][0] if central else start.here
-        slopes = [*slopes, (near[0][0] - other) / (sides[0] * h * len(sides))][-count:]
+        first = near[0][0] if central else start.here
+        slopes = [*slopes, (near[-1][0] - first) / (sides[-1] * h * len(sides))][-count:]
         if len(slopes) < count:
             continue
         now = extrapolated(slopes, base)
-        rounding = 2.0 * np.finfo(float).eps * start.size / h
-        error, last = np.abs(now - last) + rounding, now
+        error, last = np.abs(now - last) + NOISE * start.size / h, now
         better = ~(error >= best[1]) & ~np.isnan(error)
         best = np.where(better, [now, error], best)
         if np.isfinite(best[1]).any() and not (better & (error * start.unit > FINE * start.size)).any():
@@ -139,29 +116,13 @@ def extrapolated(slopes: Sequence[Array], base: float) -> Array:
 
 def borders(plan: Plan, start: Start) -> tuple[float, float]:
     """The values below and above at which the number of contacts of a pair changes; nan where none was found."""
-    hard = [name.startswith("hard_") for name in plan.results if name != "order"]
-    asked = ("contacts",) * (not all(hard)) + ("hard_contacts",) * any(hard)
-    counting = replace(plan, asked=asked, names=(start.name,))
+    kind = "hard_contacts" if all(name.startswith("hard_") for name in [*plan.results][:-1]) else "contacts"
+    counting = replace(plan, asked=(kind,), names=(start.name,))
 
-    def counts(value: float) -> Any:
-        found = solve(counting, [np.array([value])]).columns
-        refused = int(found["status"][0]) in REFUSED | BAD
-        return None if refused else [found[name].tolist() for name in asked]
+    def counts(columns: Sequence[Array]) -> Array:
+        return np.asarray(solve(counting, columns).columns[kind])
 
-    here = counts(start.value)
-    return _edge(counts, here, start, -start.unit), _edge(counts, here, start, start.unit)
-
-
-def _edge(counts: Callable[[float], Any], here: Any, start: Start, unit: float) -> float:
-    """Scan outwards in steps that grow by factors of four, and bisect the first change."""
-    inside, outside = 0.0, math.nan
-    for part in (4.0 ** np.arange(-8, 1)).tolist():
-        if counts(start.value + part * unit) != here:
-            outside = part
-            break
-        inside = part
-    while outside - inside > NARROW:
-        middle = 0.5 * (inside + outside)
-        inside, outside = (middle, outside) if counts(start.value + middle * unit) == here else (inside, middle)
-    edge = start.value + outside * unit
-    return math.nan if math.isnan(edge) or counts(edge) is None else edge
+    grid = np.unique(start.value + start.unit * np.concatenate([-REACH, [0.0], REACH]))
+    _, ends, _ = edges(0, [grid], counts([grid]), grid.shape, counts, PRECISION)
+    return (max(ends[ends[:, 1] <= start.value, 0].tolist(), default=math.nan),
+            min(ends[ends[:, 0] >= start.value, 1].tolist(), default=math.nan))
