@@ -117,7 +117,7 @@ class Sensitivity(Report):
         slopes = [[f"∂/∂ ln {p}" if at > 0.0 else f"∂/∂ {p}", f"at {at:.6g}",
                    *(number(self._by(p)[one]) for one in names)] for p, at in self.parameters.items()]
         rows = [["", "", *names], *table, *abridged(slopes, ROWS)]
-        return "\n".join([self._headline, "", aligned(rows, "<<>"), *self._remarks(names)])
+        return "\n".join([self._headline, "", aligned(rows, "<<>"[: 2 + len(names)]), *self._remarks(names)])
 
     def _remarks(self, names: list[str]) -> Iterator[str]:
         """What the table does not have."""

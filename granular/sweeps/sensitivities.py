@@ -81,8 +81,8 @@ def sensitivity(
     and further where that makes the error smaller, which is the difference of two estimates. A gap of 0 has its
     derivative to larger gaps; a parameter beside which scenes are refused, to the other side.
 
-    Beside thermal walls the draws are held fixed. Runs by fixed time steps are no smooth functions: their derivatives
-    are mostly not given.
+    Beside thermal walls the draws are held fixed. Of runs by a fixed time step these are the derivatives of what the
+    method gives, as far as that is smooth.
 
     Examples
     --------

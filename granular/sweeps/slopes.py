@@ -122,7 +122,13 @@ def borders(plan: Plan, start: Start) -> tuple[float, float]:
     def counts(columns: Sequence[Array]) -> Array:
         return np.asarray(solve(counting, columns).columns[kind])
 
-    grid = np.unique(start.value + start.unit * np.concatenate([-REACH, [0.0], REACH]))
-    _, ends, _ = edges(0, [grid], counts([grid]), grid.shape, counts, PRECISION)
-    return (max(ends[ends[:, 1] <= start.value, 0].tolist(), default=math.nan),
-            min(ends[ends[:, 0] >= start.value, 1].tolist(), default=math.nan))
+    grid = start.value + start.unit * np.concatenate([-REACH[::-1], [0.0], REACH])
+    found = counts([grid])
+    change = np.flatnonzero((found[1:] != found[:-1]).any(axis=1))
+
+    def nearest(k: int) -> tuple[float, float]:
+        _, ends, _ = edges(0, [grid[k : k + 2]], found[k : k + 2], (2,), counts, PRECISION)
+        return (ends[0, 1], ends[-1, 0]) if len(ends) else (math.nan, math.nan)
+
+    below, above = change[change < len(REACH)][-1:].tolist(), change[change >= len(REACH)][:1].tolist()
+    return nearest(below[0])[1] if below else math.nan, nearest(above[0])[0] if above else math.nan
