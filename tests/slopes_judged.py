@@ -1,6 +1,6 @@
 """Derivatives of outcomes at random scenes by solvers of many digits, and what `gr.sensitivity` says of them.
 
-Soft spheres are judged by `granular.reference`, hard ones by a solver of a page: central differences at 2⁻²⁴ of the
+Soft spheres are judged by `granular.reference`, hard ones by a solver of a page: central differences at 2⁻³⁰ of the
 parameter. What the solvers have in common with the package is the scene as given, no more.
 """
 
@@ -17,10 +17,11 @@ from scenes_to_judge import KINDS, end_of, laws_of, scene_of
 import granular as gr
 from granular.laws.contact_law import resolve
 from granular.reference import taylor
-from granular.scene.places import fitted
+from granular.scene.places import fitted, speed_scale
 from granular.sweeps.plan import planned
 
-STEP, DIGITS, MOST = 2.0**-24, 20, 6
+STEP, DIGITS, MOST = 2.0**-30, 20, 6
+mp.mp.dps = 40
 TRUTHS = Path(__file__).parent / "reference" / "slopes.jsonl"
 
 
@@ -76,21 +77,35 @@ def hard_speeds(case):
         v[hit], v[hit + 1] = v[hit] + kick * light[hit], v[hit + 1] - kick * light[hit + 1]
 
 
+def form_of(law, c, scene):
+    """(k, p, γ, d) of a law of pair c, without the rounding of γ that Tsuji's law has."""
+    if isinstance(law, OwnDashpot):
+        return law.k, 1.0, law.gamma, 0.0
+    k, p, gamma, d = resolve(law, scene.pairs[c]).form
+    if isinstance(law, gr.TsujiHertz):
+        mobility = sum(0 if math.isinf(scene.mass[i]) else 1 / mp.mpf(float(scene.mass[i])) for i in scene.bodies(c))
+        gamma = mp.mpf(law.alpha) * mp.sqrt(mp.mpf(law.k) / mobility)
+    return k, p, gamma, d
+
+
 def soft_speeds(case):
     """Velocities of soft spheres at the end, and the order of their contacts."""
     laws = case.law if isinstance(case.law, (list, tuple)) else [case.law] * case.scene.n_pairs
-    pairs = zip(laws, case.scene.pairs, strict=True)
-    forms = [(law.k, 1.0, law.gamma, 0.0) if isinstance(law, OwnDashpot) else resolve(law, pair).form
-             for law, pair in pairs]
+    forms = [form_of(law, c, case.scene) for c, law in enumerate(laws)]
     found = taylor.solve(fitted(case.scene, 0.0, case.t_end), forms, None, case.t_end, DIGITS)
     events = sorted((t, row.pair) for row in found.contacts for t in (row.t_begin, row.t_end) if t is not None)
     return list(found.velocity), [pair for _, pair in events]
 
 
+def natural(value, scene):
+    """What a parameter changes by; only velocities are asked for where they are 0."""
+    return abs(value) or speed_scale(scene) or 1.0
+
+
 def reference(case, hard, name, value):
     """The derivative of all velocities by a parameter; None if the order of contacts changes that near."""
     plan = planned(case, {name: [value]}, (), {}, {})
-    h = STEP * (2.0 ** math.floor(math.log2(abs(value))) if value else 1.0)
+    h = STEP * 2.0 ** math.floor(math.log2(natural(value, case.scene)))
     (above, one), (below, other) = (
         (hard_speeds if hard else soft_speeds)(plan.case((value + side * h,))) for side in (1.0, -1.0))
     if one != other:
@@ -121,7 +136,7 @@ def judged(row):
     found = gr.sensitivity(case, result, name)
     p, size = found.parameters[name], found._starts[0].size
     slope = p if p > 0.0 else 1.0
-    scale = (abs(p) or 1.0) / slope / size
+    scale = natural(p, case.scene) / slope / size
     error = np.abs(found.gradient[result][name] - np.array(row["truth"]) * slope) * scale
     condition = np.array([x or math.nan for x in row["condition"]])
     rows = np.stack([error, found.error[result][name] * scale, np.fmax(1.0, condition)], axis=1)

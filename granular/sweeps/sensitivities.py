@@ -24,7 +24,7 @@ from granular.sweeps.results import Answer
 from granular.sweeps.slopes import Slope, Start, slope
 from granular.sweeps.subject import SceneLike, numbers_in
 
-TRUSTED = 1e-6
+TRUSTED = 1e-8
 """Error of a derivative, as a share of all that the outcome answers to, up to which it is given."""
 FREE, JOINED = ("gap", "velocity"), ("breaks", "coefficients")
 """Numbers that are parameters also where they are 0; those of a wall's path that must fit each other."""
