@@ -499,7 +499,7 @@ def test_one_gap_for_all_pairs_of_balls_of_a_file(mine):
     one, all_ = (gr.sweep(mine, f"{name}=1e-4,2e-4", "v_final")["v_final"].values for name in ("gap[1]", "gap"))
     assert one.tobytes() == all_.tobytes()
     with pytest.raises(ValueError, match=r"gap is one parameter for all pairs of balls, and there are none: name one"):
-        gr.sweep(gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.5], [0.0, 0.0], 9.81), "gap=1,2", law=gr.Hertz(1e6), t_end=1.0)
+        gr.sweep(gr.Scene([math.inf, 1.0], [0.0, 0.1], [0.5], [0.0, -1.0]), "gap=1,2", law=gr.Hertz(1e6))
 
 
 def test_a_threshold_over_one_gap_is_that_of_the_ready_made_scene():
@@ -513,14 +513,14 @@ LIKE = [
     (lambda e, k, pair: gr.LinearDashpot.from_restitution(e, k, pair), True),
     (lambda e, k, pair: gr.TsujiHertz.from_restitution(e, k), True),
     (lambda e, k, pair: gr.WaltonBraun.from_restitution(e, k), False),
-    (lambda e, k, pair: gr.ViscoelasticHertz.from_restitution(e, 3.0, k, pair), False),
+    (lambda e, k, pair: gr.ViscoelasticHertz.from_restitution(e, 2.0, k, pair), False),
 ]
 
 
 @pytest.mark.parametrize(("make", "ruled"), LIKE)
 def test_one_restitution_for_all_laws_and_the_rule_of_a_case(make, ruled):
     """The laws keep their stiffness, whatever else is varied or fixed, in whichever order."""
-    scene = gr.Scene([1.0, 2.0, 3.0], [0.01] * 3, [0.1, 0.2], [2.0, 0.0, -1.0])  # the first impact is one of 3 m/s
+    scene = gr.Scene([1.0, 2.0, 3.0], [0.01] * 3, [0.1, 0.2], [2.0, 0.0, -1.0])  # the first impact is one of 2 m/s
     rule = gr.ConstantRestitution(0.5) if ruled else None
     case = gr.Case(scene, [make(0.5, 1e5, p) for p in scene.pairs], rule, t_end=1.0)
     by_hand = [make(0.9, 1e5, p) for p in scene.pairs]
@@ -541,7 +541,7 @@ def test_what_has_no_restitution_of_its_own_is_one_sentence_and_a_rule_alone_may
     ruled = gr.Case(scene, gr.Hertz(1e6), gr.ConstantRestitution(0.5), t_end=1.0)
     last = gr.sweep(ruled, "restitution=0.9", "hard_v_final")["hard_v_final"].values[0]
     assert last[1] - last[0] == pytest.approx(1.8)
-    for rule, sentence in ((None, "restitution is no parameter of Hertz(k=1000000.0): vary numbers of its own, such as"),
+    for rule, sentence in ((None, "restitution is no parameter of Hertz(k=1000000.0): vary numbers of its own"),
                            (lambda speed, pair: 0.5, "'restitution' is no parameter of <function")):
         with pytest.raises(TypeError, match=re.escape(sentence)):
             gr.sweep(gr.Case(scene, gr.Hertz(1e6), rule, t_end=1.0), "restitution=0.9", "v_final")
