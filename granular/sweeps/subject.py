@@ -4,9 +4,9 @@ May be skipped: many runs of the same engines.
 
 A name is a path, such as ``gap``, ``radii[0]``, ``law.k`` (of all pairs), ``law[0].k``, ``floor.amplitude``,
 ``external_force[1]``, ``run.dt``. The parameters of a file are the numbers in its tables, those of a `Case` its fields,
-and there the first word may be left out: ``mass[1]`` is ``scene.mass[1]``, ``k`` is ``law.k``. Of one's own scene ``gap``
-is that of all pairs of balls, and ``restitution`` of a `Case` that of all its laws, which keep their stiffness, and of its
-rule.
+and there the first word may be left out: ``mass[1]`` is ``scene.mass[1]``, ``k`` is ``law.k``. Of one's own
+scene ``gap`` is that of all pairs of balls, and ``restitution`` of a `Case` that of all its laws, which keep their
+stiffness, and of its rule.
 """
 
 from __future__ import annotations
@@ -243,13 +243,13 @@ def _of_balls(holder: Any, gap: Any) -> Any:
     wall = np.isinf(np.asarray(given["mass"], float))
     of_balls = ~(wall | np.roll(wall, -1))[: len(given["gap"])]
     if not of_balls.any():
-        raise ValueError("gap is one parameter for all pairs of balls, and there are none: name one entry, such as gap[0].")
+        raise ValueError("gap is one parameter for all pairs of balls, and there are none: name one entry, as gap[0].")
     return np.where(of_balls, gap, given["gap"]).tolist()
 
 
 def _with_restitution(case: Case, restitution: float) -> Case:
-    """The case with this restitution of all its laws, which keep their stiffness, and of its rule if there is one; of the
-    rule alone if a law is not made by its restitution."""
+    """The case with this restitution of all its laws, which keep their stiffness, and of its rule if there is one; of
+    the rule alone if a law is not made by its restitution."""
     laws, pairs = _check.per_pair("law", case.law, case.scene.n_pairs), case.scene.pairs
     rule = None if case.rule is None else put(case.rule, RESTITUTION, restitution)
     other = next((law for law in laws if not hasattr(law, "from_restitution")), None)
