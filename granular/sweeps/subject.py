@@ -259,7 +259,7 @@ def _with_restitution(case: Case, restitution: float) -> Case:
         partial(_like, {"restitution": restitution, "speed": ready.first_impact_speed(case.scene)}), laws, pairs))
 
 
-def _like(given: Mapping[str, Any], law: Any, pair: Any) -> Any:
+def _like(given: dict[str, float], law: Any, pair: Any) -> Any:
     """A law as stiff as this one, made by its restitution."""
     make = law.from_restitution
     values = {name: value for name, value in (_numbers(law) | given).items()
