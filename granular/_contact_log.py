@@ -99,11 +99,11 @@ def given_by_walls(run: Any) -> Array:
     if not (floor and ceiling):
         given[:, int(ceiling)] = below[:, -1] * (floor or ceiling)
         return given
-    hard = run.law is None  # of hard balls the log lacks the weight of what rests: none does on a ceiling, as a rule
+    hard = run.law is None  # the log lacks what passes hard balls that stick: with gravity none does to a ceiling
     at = np.full(len(below), scene.n_pairs - 1) if hard else run.gap.argmax(axis=1)
     for c in np.unique(at).tolist():
         given[at == c, 0] = (below[:, c] + _passed(run, c))[at == c]
-    if hard and (scene.external_force is not None or scene.motions[1] is not None):
+    if hard and (scene.gravity == 0.0 or scene.external_force is not None or scene.motions[1] is not None):
         size = np.abs(gained).sum(axis=1).max() + np.abs(given).max()
         given[np.abs(given[:, 0] - _passed(run, 0)) > ROUNDING * size] = np.nan
     given[:, 1] = below[:, -1] - given[:, 0]

@@ -173,7 +173,7 @@ class Trajectory:
             In N s: *momentum* (T, 2) that these walls have given the balls since the first row, ∫ F dt, upwards
             positive. It is what the balls beyond the wall, up to the widest gap, have gained, without gravity and
             forces, and what the log says has passed that gap: nothing beyond the last ball. So nan only between two
-            walls, at rows at which every pair is in contact, without a log, and of hard balls that may have rested on a
+            walls, at rows at which every pair is in contact, without a log, and of hard balls that may have stuck to a
             ceiling; of pendula at rows within a contact at that wall.
         """
         energy, momentum = self.energy(), given_by_walls(self)
