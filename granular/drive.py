@@ -121,8 +121,8 @@ AROUND = np.arange(-2, 11) / 8
 def in_time(solve: Callable[[Request], Trajectory], request: Request) -> Trajectory:
     """Solve what is requested; where only the run can tell the times of its rows, it is solved twice.
 
-    Nobody is told of the first time. Rows change no bit of a run, so the second one is the same. Its last row is that of
-    its end: a sample at that instant would show what is still to act there, or the same once more.
+    Nobody is told of the first time. Rows change no bit of a run, so the second one is the same. Its last row is that
+    of its end: a sample at that instant would show what is still to act there, or the same once more.
     """
     asked = request.samples
     if asked is None or isinstance(asked, np.ndarray):
