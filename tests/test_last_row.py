@@ -90,7 +90,8 @@ ENDINGS = {
     "until": lambda **rows: gr.md.simulate(PILE, DAMPED, until=gr.until.contact(0, 2), engine="plain", **rows),
     "disturbed": lambda **rows: gr.md.simulate(PILE, DAMPED, disturbed="stop", engine="plain", **rows),
     "quiet": lambda **rows: gr.md.simulate(THREE, gr.Hertz(1e6), engine="plain", **rows),
-    "fixed": lambda **rows: gr.md.simulate(PILE, DAMPED, max_events=2, engine="plain", dt=5e-4, method="verlet", **rows),
+    "fixed": lambda **rows: gr.md.simulate(
+        PILE, DAMPED, max_events=2, engine="plain", dt=5e-4, method="verlet", **rows),
     "hard max_events": lambda **rows: gr.edmd.simulate(PILE, gr.ConstantRestitution(0.6), max_events=5, **rows),
     "hard until": lambda **rows: gr.edmd.simulate(
         PILE, gr.ConstantRestitution(0.6), until=gr.until.contact(0, 2), **rows),
