@@ -58,7 +58,7 @@ class Motion:
     def _first(self, c: int) -> str:
         """The mode of a pair at the start."""
         touches = self.xi[c].is_zero()
-        if not touches and self.xi[c] < 0 or touches and self.eta[c] < 0:
+        if (not touches and self.xi[c] < 0) or (touches and self.eta[c] < 0):
             return OPEN
         if touches and self.eta[c] > 0:
             self._begins(c)
@@ -140,7 +140,12 @@ class Motion:
         reach, ratio = h.upper(), (mu * h).upper()
         rest = arb(0) if mu.is_zero() else size * reach**terms / (1 - ratio / terms)
         first, what = h, None
-        for c, kind, function, weight in self._functions(y, omega):
+        functions = self._functions(y, omega)
+        for c, kind, _, _ in functions:
+            if kind == "closes":  # now
+                self._change(c, kind)
+                return False
+        for c, kind, function, weight in functions:
             root = first_root(function, weight * rest * ratio, first.upper(), ratio)
             if root is not None:
                 if what is not None and root.overlaps(first):
@@ -216,8 +221,6 @@ def first_root(function: list[Any], rest: Any, h: Any, ratio: Any) -> Any:
     """
     from flint import arb
 
-    if not function:  # it is now
-        return arb(0)
     zeros = next((i for i, one in enumerate(function) if not one.is_zero()), None)
     if zeros is None:
         raise Undecided("a function without a sign")

@@ -127,13 +127,15 @@ def test_it_is_nan_where_nobody_knows():
     pressed = gr.Scene([np.inf, 1.0, np.inf], [0.0] * 3, [-0.1, -0.1], [0.0, 1.0, 0.0])
     run = gr.md.simulate(pressed, gr.LinearDashpot(100.0), t_end=0.2, samples=5)
     given = run.account()["momentum"]
-    assert not given[0].any() and np.isnan(given[1:-1]).all()
+    assert not given[0].any()
+    assert np.isnan(given[1:-1]).all()
     assert given[-1] == pytest.approx(run.contacts["impulse"] * [1.0, -1.0])
     assert given[-1].sum() == pytest.approx(run.momentum()[-1] - 1.0)
     lifted = gr.Scene([np.inf, 1.0, np.inf], [0.0] * 3, [0.5, 0.5], [0.0, 0.0, 0.0], external_force=[0.0, 3.0, 0.0])
     run = gr.edmd.simulate(lifted, gr.ConstantRestitution(0.5), t_end=4.0, samples=9, collapse="merge")
     given = run.account()["momentum"]
-    assert np.isnan(given[-1]).all() and np.isfinite(given[:2]).all()
+    assert np.isnan(given[-1]).all()
+    assert np.isfinite(given[:2]).all()
     alone = gr.edmd.simulate(gr.Scene(lifted.mass[1:], [0.0] * 2, [0.5], [0.0, 0.0], external_force=[3.0, 0.0]),
                              gr.ConstantRestitution(0.5), t_end=4.0, samples=9, collapse="merge")
     np.testing.assert_allclose(alone.account()["momentum"][:, 1], alone.momentum() - 3.0 * alone.time, atol=1e-13)
