@@ -93,8 +93,8 @@ def given_by_walls(run: Any) -> Array:
         for side in [0] * floor + [1] * ceiling:
             given[:, side] = (1.0 - 2.0 * side) * _passed(run, -side % scene.n_pairs)
         return given
-    gained = run.velocity - run.velocity[0] - scene.fall * (run.time - run.time[0])[:, None]
-    gained *= np.where(scene.is_wall, 0.0, scene.mass)
+    gained = np.where(scene.is_wall, 0.0, scene.mass) * (
+        run.velocity - run.velocity[0] - scene.fall * (run.time - run.time[0])[:, None])
     below = np.cumsum(gained, axis=1)
     if not (floor and ceiling):
         given[:, int(ceiling)] = below[:, -1] * (floor or ceiling)
@@ -117,7 +117,8 @@ def _passed(run: Any, pair: int) -> Array:
     sums = np.concatenate([[0.0], np.cumsum(rows["impulse"][np.argsort(end, kind="stable")])])
     over, begun = np.searchsorted(np.sort(end), time, "right"), np.searchsorted(np.sort(rows["t_begin"]), time)
     logged = len(run.contacts) > 0 or run.stats.get("contacts", run.stats.get("events", 0)) == 0
-    passed = np.where((over >= begun) & logged, sums[over], np.nan)
+    passed: Array = np.where((over >= begun) & logged, sums[over], np.nan)
     sped = np.abs((run.velocity[0] - run.scene.velocity)[~run.scene.is_wall]).max()
-    acted = sped > ROUNDING * np.abs(run.velocity).max()  # else the first row shows what was before any contact
-    return np.asarray(passed - passed[0] if acted else passed)
+    if sped > ROUNDING * np.abs(run.velocity).max():  # else the first row shows what was before any contact
+        passed -= passed[0]
+    return passed

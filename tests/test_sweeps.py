@@ -536,6 +536,17 @@ def test_one_restitution_for_all_laws_and_the_rule_of_a_case(make, ruled):
             assert gr.sweep(case, over, "v_final", **fixed)["v_final"].values.tobytes() == stiff
 
 
+def test_what_all_pairs_share_is_the_number_that_a_case_has():
+    from granular.sweeps.subject import shared
+
+    scene = gr.Scene([math.inf, 1.0, 2.0, 3.0], [0.0] * 4, [0.5, 0.1, 0.1], [0.0, 2.0, 0.0, -1.0])
+    case = gr.Case(scene, [gr.LinearDashpot.from_restitution(0.9, 1e5, p) for p in scene.pairs])
+    assert shared(case) == {"gap": 0.1, "restitution": pytest.approx(0.9, rel=1e-13)}
+    uneven = gr.Case(scene.replace(gap=[0.1, 0.1, 0.2]), [gr.LinearDashpot(1e5, 30.0)] * 3)
+    assert shared(uneven) == {}
+    assert shared(gr.Case(scene, gr.Hertz(1e6))) == {"gap": 0.1}
+
+
 def test_what_has_no_restitution_of_its_own_is_one_sentence_and_a_rule_alone_may_have_one():
     scene = gr.Scene([1.0, 2.0], [0.01] * 2, [0.1], [2.0, 0.0])
     ruled = gr.Case(scene, gr.Hertz(1e6), gr.ConstantRestitution(0.5), t_end=1.0)

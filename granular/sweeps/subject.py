@@ -24,6 +24,7 @@ import numpy as np
 
 from granular import _check, cases, md
 from granular._describe import scene_to_json
+from granular.binary import restitution
 from granular.cases import Case, build, ready
 from granular.cases.case import descriptions, options_of, parameters_of, whole
 from granular.cases.toml import of_tables, tables_of
@@ -240,31 +241,46 @@ def _of_balls(holder: Any, gap: Any) -> Any:
     given = _numbers(holder)
     if not {"mass", "gap"} <= given.keys():
         return gap
-    wall = np.isinf(np.asarray(given["mass"], float))
-    of_balls = ~(wall | np.roll(wall, -1))[: len(given["gap"])]
+    of_balls = _between_balls(given["mass"], given["gap"])
     if not of_balls.any():
         raise ValueError("gap is one parameter for all pairs of balls, and there are none: name one entry, as gap[0].")
     return np.where(of_balls, gap, given["gap"]).tolist()
 
 
-def _with_restitution(case: Case, restitution: float) -> Case:
+def _between_balls(mass: Any, gap: Any) -> Any:
+    """Which pairs are of two balls."""
+    wall = np.isinf(np.asarray(mass, float))
+    return ~(wall | np.roll(wall, -1))[: len(gap)]
+
+
+def shared(case: Case) -> dict[str, float]:
+    """Return `gap` and `restitution` of one's own case, each if all pairs of balls, or all laws, have the same."""
+    scene, speed = case.scene, ready.first_impact_speed(case.scene) or 1.0
+    gap, laws = scene.gap[_between_balls(scene.mass, scene.gap)], _check.per_pair("law", case.law, scene.n_pairs)
+    found = {"gap": float(gap[0])} if len(gap) and np.ptp(gap) == 0.0 else {}
+    if all(hasattr(law, "from_restitution") for law in laws):
+        eps = [restitution(law, pair, speed) for law, pair in zip(laws, scene.pairs, strict=True)]
+        found |= {"restitution": eps[0]} if max(eps) - min(eps) <= 1e-12 else {}
+    return found
+
+
+def _with_restitution(case: Case, eps: float) -> Case:
     """The case with this restitution of all its laws, which keep their stiffness, and of its rule if there is one; of
     the rule alone if a law is not made by its restitution."""
     laws, pairs = _check.per_pair("law", case.law, case.scene.n_pairs), case.scene.pairs
-    rule = None if case.rule is None else put(case.rule, RESTITUTION, restitution)
+    rule = None if case.rule is None else put(case.rule, RESTITUTION, eps)
     other = next((law for law in laws if not hasattr(law, "from_restitution")), None)
     if other is not None and rule is None:
         raise TypeError(f"restitution is no parameter of {other!r}: vary numbers of its own, such as law.k.")
     return replace(case, rule=rule, law=case.law if other is not None else build.each_pair(
-        partial(_like, {"restitution": restitution, "speed": ready.first_impact_speed(case.scene)}), laws, pairs))
+        partial(_like, {"restitution": eps, "speed": ready.first_impact_speed(case.scene)}), laws, pairs))
 
 
 def _like(given: dict[str, float], law: Any, pair: Any) -> Any:
     """A law as stiff as this one, made by its restitution."""
-    make = law.from_restitution
-    values = {name: value for name, value in (_numbers(law) | given).items()
-              if name in {one.name for one in parameters_of(make)}}
-    return build.call([make], values, pair=pair)
+    known = {one.name for one in parameters_of(law.from_restitution)}
+    values = {name: value for name, value in (_numbers(law) | given).items() if name in known}
+    return build.call([law.from_restitution], values, pair=pair)
 
 
 def _entry(holder: Any, name: str) -> Any:
