@@ -62,8 +62,7 @@ class Against:
 
 def _last(apart: Array) -> Array:
     """Sizes of the last differences that are known, ball by ball: of a run that stopped early of an earlier row."""
-    known = np.isfinite(apart)
-    row = len(apart) - 1 - known[::-1].argmax(axis=0)
+    row = len(apart) - 1 - np.isfinite(apart)[::-1].argmax(axis=0)
     return np.asarray(np.abs(np.take_along_axis(apart, row[None], axis=0)[0]))
 
 
