@@ -121,7 +121,8 @@ AROUND = np.arange(-2, 11) / 8
 def in_time(solve: Callable[[Request], Trajectory], request: Request) -> Trajectory:
     """Solve what is requested; where only the run can tell the times of its rows, it is solved twice.
 
-    Nobody is told of the first time. Rows change no bit of a run, so the second one is the same.
+    Nobody is told of the first time. Rows change no bit of a run, so the second one is the same. Its last row is that
+    of its end: a sample at that instant would show what is still to act there, or the same once more.
     """
     asked = request.samples
     if asked is None or isinstance(asked, np.ndarray):
@@ -129,7 +130,7 @@ def in_time(solve: Callable[[Request], Trajectory], request: Request) -> Traject
     first = solve(replace(request, samples=None, log=True, stream=None, on_event=None, told=nullcontext()))
     start, end = first.time[[0, -1]].tolist()
     times = np.linspace(start, end, asked) if isinstance(asked, int) else _about(first.contacts, start, end)
-    return solve(replace(request, samples=times))
+    return solve(replace(request, samples=times if first.status is Status.time or start == end else times[:-1]))
 
 
 def _about(log: Rows, start: float, end: float) -> _check.Array:

@@ -234,7 +234,7 @@ class Run:
 
         if self.scene.n_pairs > LARGEST:
             return False
-        self.let_creep(math.inf if limit == math.inf else SMOOTH)
+        self.let_creep(math.inf if self.request.end == math.inf else SMOOTH)
         return limit == math.inf and self.creep is not None
 
     def let_creep(self, most: float) -> None:
@@ -315,7 +315,7 @@ class Run:
         begun = float(self.counters["t"]) if self.creep is None else self.creep.start
         end = self.request.end - self.start if pause is Pause.reached else max(begun, self.seen)
         self.pace.look_at_all()
-        row, wanted = None, pause is not Pause.reached or seen == -math.inf
+        row, wanted = None, seen == -math.inf or (pause is not Pause.reached and self.start + end > seen)
         if wanted and pause is Pause.reached:  # as a sample there, to the bit
             row = self.row(self.request.end)
         untouched = Untouched(self.s, end)
