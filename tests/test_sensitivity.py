@@ -175,8 +175,8 @@ def test_mistakes_are_one_sentence_each():
         ({"results": "v_rel[7]"}, ValueError, "result is 'v_rel[7]': one of v_rel[0], v_rel[1], v_rel is needed"),
         ({"results": "speed"}, ValueError, "result is 'speed'"),
         ({"over": []}, ValueError, "over is empty: at least one parameter is needed, such as "),
-        ({"over": "radii"}, ValueError, "radii has 2 values that can be changed a little: one is needed; give it one, or "
-         "name another, such as radii[0], radii[1], gap."),
+        ({"over": "radii"}, ValueError, "radii has 2 values that can be changed a little: one is needed; give it one, "
+         "or name another, such as radii[0], radii[1], gap."),
         ({"over": "law"}, ValueError, "law has no values that can be changed a little: one is needed"),
         ({"over": "restitusion"}, TypeError, "'restitusion' is no parameter of three-balls"),
         ({"uncertainty": {"gap": "much"}}, TypeError, "uncertainty of gap is 'much': a single number is needed; "
@@ -192,8 +192,8 @@ def test_mistakes_are_one_sentence_each():
 
 def test_the_command(granular, tmp_path):
     code, out, err = granular("sensitivity three-balls --result v_rel[1] --over restitution --uncertainty 1% --border")
-    assert code == 0 and err == ""
-    assert "spread" in out and "0.00471612" in out and "from 0.798159 upwards" in out
+    assert (code, err) == (0, "")
+    assert all(part in out for part in ("spread", "0.00471612", "from 0.798159 upwards"))
     assert granular(f"sensitivity three-balls --over gap --uncertainty gap=5% --json {tmp_path}/out.json")[0] == 0
     assert json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["uncertainty"] == {"gap": 0.05 * 1e-4}
     assert "results has 'contacts'" in granular("sensitivity three-balls --result contacts")[2]
@@ -218,15 +218,15 @@ def judged(some):
 
 
 def test_random_scenes_against_many_digits():
-    count, missing, low = judged([row for row in ROWS if row["truth"]][::15])
+    count, missing, low = judged([row for row in ROWS if row["truth"]][::16])
     assert count > 15
-    assert missing <= 0.1 * count and low <= 0.1 * count
+    assert max(missing, low) <= 0.1 * count
 
 
 @pytest.mark.soak
 def test_all_random_scenes_against_many_digits():
     count, missing, low = judged([row for row in ROWS if row["truth"]])
-    assert missing <= 0.05 * count and low <= 0.05 * count
+    assert max(missing, low) <= 0.05 * count
 
 
 @pytest.mark.soak
