@@ -235,3 +235,14 @@ def test_the_truths_are_what_the_solvers_say(batch):
     for row in ROWS[batch::20]:
         anew = slopes_judged.truth_of(row["kind"], row["seed"])
         np.testing.assert_allclose(anew["truth"], row["truth"], rtol=1e-9, atol=1e-9)
+
+
+def test_what_all_pairs_share_is_one_parameter_of_a_scene_of_ones_own_too():
+    scene = gr.scenes.three_balls(gap=1e-3)
+    law = [gr.LinearDashpot.from_restitution(0.7, k=5e7, pair=pair) for pair in scene.pairs]
+    own = gr.Case(scene, law, until=gr.until.contact(0, 2))
+    both = [gr.sensitivity(case, "v_rel[1]", over=["restitution", "gap"], **more)
+            for case, more in ((own, {}), ("three-balls", {"gap": 1e-3, "restitution": 0.7}))]
+    here, there = (found.gradient["v_rel[1]"] for found in both)
+    assert here == pytest.approx(there, rel=1e-9)
+    assert here["restitution"] > 1.0

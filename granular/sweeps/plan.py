@@ -79,7 +79,7 @@ class Plan:
 
     def parameters(self, values: Sequence[Any]) -> Any:
         """The root of the cell with these `values` of the parameters that vary."""
-        changes = [*zip(self.ways, values, strict=True), *filter(_late, self._shared)]
+        changes = [*filter(_late, self._shared), *zip(self.ways, values, strict=True)]
         return reduce(lambda root, change: put(root, *change), sorted(changes, key=_late), self.root)
 
     def case(self, values: Sequence[Any]) -> Case:

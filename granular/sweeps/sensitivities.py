@@ -16,13 +16,14 @@ import numpy as np
 from granular import _check
 from granular._check import Array
 from granular._progress import shown
+from granular.cases import Case
 from granular.outcome import SAME, approach, components
 from granular.sweeps import schedule
 from granular.sweeps.gradients import Sensitivity
 from granular.sweeps.plan import Ask, Plan, planned
 from granular.sweeps.results import Answer
 from granular.sweeps.slopes import Slope, Start, slope
-from granular.sweeps.subject import SceneLike, numbers_in
+from granular.sweeps.subject import SceneLike, numbers_in, shared
 
 TRUSTED = 1e-8
 """Error of a derivative, as a share of all that the outcome answers to, up to which it is given."""
@@ -149,6 +150,8 @@ def _parameters(plan: Plan, over: str | Sequence[str] | None, uncertain: Any, an
     names += list(uncertain) if isinstance(uncertain, Mapping) else []
     values = {name: {p for one, p in known.items() if name.removeprefix("scene.") in (one, re.sub(r"\[\d+\]", "", one))}
               for name in names}
+    if isinstance(plan.root, Case) and not values.keys().isdisjoint(("gap", "restitution")):
+        values |= {name: {p} for name, p in shared(answer.case).items() if name in values}
     for name in [name for name, found in values.items() if len(found) != 1]:
         plan.subject.way(name)
         raise ValueError(f"{name} has {len(values[name]) or 'no'} values that can be changed a little: one is needed; "

@@ -259,7 +259,7 @@ def _between_balls(mass: Any, gap: Any) -> Any:
 def shared(case: Case) -> dict[str, float]:
     """Return `gap` and `restitution` of one's own case, each if all pairs of balls, or all laws, have the same."""
     scene, speed = case.scene, ready.first_impact_speed(case.scene) or 1.0
-    gap, laws = scene.gap[_between_balls(scene.mass, scene.gap)], _check.per_pair("law", case.law, scene.n_pairs)
+    gap, laws = scene.gap[_between_balls(scene.mass, scene.gap)], [*_check.per_pair("law", case.law, scene.n_pairs)]
     found = {"gap": float(gap[0])} if len(gap) and np.ptp(gap) == 0.0 else {}
     if all(hasattr(law, "from_restitution") for law in laws):
         eps = [restitution(law, pair, speed) for law, pair in zip(laws, scene.pairs, strict=True)]
